@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+# lenticule_fuzz(NAME SOURCES ... DEPENDS ...)
+#   One libFuzzer target NAME_fuzz. Its seeds are tests/fuzz/corpus/NAME/*. Without libFuzzer the
+#   same source is built with a plain main() that runs the seeds once, as an ordinary test.
+set_property(GLOBAL PROPERTY LENTICULE_FUZZ_NAMES "")
+
+function(lenticule_fuzz name)
+  cmake_parse_arguments(FUZZ "" "" "SOURCES;DEPENDS" ${ARGN})
+  set(corpus ${PROJECT_SOURCE_DIR}/tests/fuzz/corpus/${name})
+  set_property(GLOBAL APPEND PROPERTY LENTICULE_FUZZ_NAMES ${name})
+  add_executable(${name}_fuzz ${FUZZ_SOURCES})
+  target_link_libraries(${name}_fuzz PRIVATE lenticule_options ${FUZZ_DEPENDS})
+  if(LENTICULE_BUILD_FUZZ)
+    target_link_options(${name}_fuzz PRIVATE -fsanitize=fuzzer)
+  else()
+    target_sources(${name}_fuzz PRIVATE ${PROJECT_SOURCE_DIR}/tests/fuzz/replay_main.cpp)
+    add_test(NAME fuzz.replay.${name} COMMAND ${name}_fuzz ${corpus})
+    set_tests_properties(fuzz.replay.${name} PROPERTIES LABELS fuzz TIMEOUT 120)
+  endif()
+endfunction()

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+# What every target is compiled with: the language, the warnings, the sanitizers.
+set(CMAKE_CXX_STANDARD 20)
+set(CMAKE_CXX_STANDARD_REQUIRED ON)
+set(CMAKE_CXX_EXTENSIONS OFF)
+set(CMAKE_C_STANDARD 11)
+set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+
+if(NOT CMAKE_BUILD_TYPE)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+
+# ccache is used where it is installed and nobody chose another launcher.
+find_program(LENTICULE_CCACHE ccache)
+if(LENTICULE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${LENTICULE_CCACHE})
+  set(CMAKE_C_COMPILER_LAUNCHER ${LENTICULE_CCACHE})
+endif()
+
+add_library(lenticule_options INTERFACE)
+target_include_directories(lenticule_options INTERFACE ${PROJECT_SOURCE_DIR})
+target_compile_features(lenticule_options INTERFACE cxx_std_20)
+# No contraction: a*b+c rounds twice on every machine, so that pictures and maps are the same bytes
+# whichever instruction set the run-time dispatch chose. errno of libm is never read here.
+target_compile_options(lenticule_options INTERFACE -ffp-contract=off -fno-math-errno)
+target_compile_definitions(lenticule_options INTERFACE LENTICULE_VERSION="${PROJECT_VERSION}")
+
+target_compile_options(lenticule_options INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Wimplicit-fallthrough -Wconversion
+  -Wno-sign-conversion $<$<COMPILE_LANGUAGE:CXX>:-Wold-style-cast>
+  $<$<BOOL:${LENTICULE_WERROR}>:-Werror>)
+
+if(LENTICULE_SANITIZE)
+  target_compile_options(lenticule_options INTERFACE
+    -fsanitize=${LENTICULE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_link_options(lenticule_options INTERFACE -fsanitize=${LENTICULE_SANITIZE})
+endif()
+if(LENTICULE_BUILD_FUZZ)
+  target_compile_options(lenticule_options INTERFACE -fsanitize=fuzzer-no-link)
+endif()

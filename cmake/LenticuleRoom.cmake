@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+# lenticule_room(NAME SOURCES ... [DEPENDS ...] [PRIVATE_DEPENDS ...])
+#   One folder = one static library lenticule_NAME (alias lenticule::NAME).
+function(lenticule_room name)
+  cmake_parse_arguments(ROOM "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  add_library(lenticule_${name} STATIC ${ROOM_SOURCES})
+  add_library(lenticule::${name} ALIAS lenticule_${name})
+  target_link_libraries(lenticule_${name}
+    PUBLIC lenticule_options ${ROOM_DEPENDS}
+    PRIVATE ${ROOM_PRIVATE_DEPENDS})
+endfunction()
+
+# lenticule_isa_variants(NAME KERNEL.cpp)
+#   Compiles one kernel source once per instruction set into the room NAME. The source puts its
+#   functions into `namespace LENTICULE_ISA_NAMESPACE` (isa_baseline, isa_avx2, isa_avx512) and must
+#   include nothing that defines non-inline or inline functions shared with other files, so that no
+#   AVX-512 copy of a shared inline function can be picked by the linker.
+#   optics/cpu.h chooses among the variants at run time.
+function(lenticule_isa_variants name kernel)
+  set(variants baseline)
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    list(APPEND variants avx2 avx512)
+  endif()
+  set(flags_baseline "")
+  set(flags_avx2 -mavx2 -mbmi2)
+  set(flags_avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512)
+  get_filename_component(stem ${kernel} NAME_WE)
+  foreach(variant IN LISTS variants)
+    set(object lenticule_${name}_${stem}_${variant})
+    add_library(${object} OBJECT ${kernel})
+    target_link_libraries(${object} PRIVATE lenticule_options)
+    target_compile_options(${object} PRIVATE -O3 ${flags_${variant}})
+    target_compile_definitions(${object} PRIVATE LENTICULE_ISA_NAMESPACE=isa_${variant})
+    target_sources(lenticule_${name} PRIVATE $<TARGET_OBJECTS:${object}>)
+  endforeach()
+endfunction()
+
+# lenticule_test(NAME KIND SOURCES ... DEPENDS ...)
+#   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label.
+function(lenticule_test name kind)
+  cmake_parse_arguments(TEST "" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
+  if(NOT TEST_TIMEOUT)
+    set(TEST_TIMEOUT 300)
+  endif()
+  add_executable(${name} ${TEST_SOURCES})
+  target_link_libraries(${name} PRIVATE lenticule_options ${TEST_DEPENDS} GTest::gmock_main)
+  target_compile_definitions(${name} PRIVATE
+    LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  gtest_discover_tests(${name}
+    DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+    PROPERTIES LABELS ${kind} TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
+endfunction()

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// A woven frame: the exact pixels of one panel, one micro-image per lens.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace lenticule::frames {
+
+enum class PixelFormat : uint32_t {
+  Rgb8 = 1,   ///< R, G, B bytes
+  Rgb10 = 2,  ///< little-endian 32-bit words x2 r10 g10 b10; designed for, refused by the player so far
+};
+
+[[nodiscard]] constexpr size_t bytes_per_pixel(PixelFormat format) {
+  return format == PixelFormat::Rgb8 ? 3 : 4;
+}
+
+struct FrameGeometry {
+  int width = 0;
+  int height = 0;
+  PixelFormat format = PixelFormat::Rgb8;
+
+  [[nodiscard]] size_t row_bytes() const {
+    return static_cast<size_t>(width) * bytes_per_pixel(format);
+  }
+  [[nodiscard]] size_t frame_bytes() const { return row_bytes() * static_cast<size_t>(height); }
+  friend bool operator==(const FrameGeometry&, const FrameGeometry&) = default;
+};
+
+/// Borrowed pixels, rows packed from the top (stride = row_bytes()).
+struct FrameView {
+  FrameGeometry geometry;
+  std::span<const uint8_t> bytes;
+
+  [[nodiscard]] const uint8_t* row(int j) const {
+    return bytes.data() + static_cast<size_t>(j) * geometry.row_bytes();
+  }
+};
+
+/// Owned pixels, black at first.
+class WovenFrame {
+ public:
+  WovenFrame() = default;
+  explicit WovenFrame(FrameGeometry geometry)
+      : geometry_(geometry), bytes_(geometry.frame_bytes()) {}
+
+  [[nodiscard]] const FrameGeometry& geometry() const { return geometry_; }
+  [[nodiscard]] int width() const { return geometry_.width; }
+  [[nodiscard]] int height() const { return geometry_.height; }
+  [[nodiscard]] std::span<uint8_t> bytes() { return bytes_; }
+  [[nodiscard]] std::span<const uint8_t> bytes() const { return bytes_; }
+  [[nodiscard]] uint8_t* row(int j) {
+    return bytes_.data() + static_cast<size_t>(j) * geometry_.row_bytes();
+  }
+  [[nodiscard]] const uint8_t* row(int j) const {
+    return bytes_.data() + static_cast<size_t>(j) * geometry_.row_bytes();
+  }
+  [[nodiscard]] FrameView view() const { return {geometry_, bytes_}; }
+  friend bool operator==(const WovenFrame&, const WovenFrame&) = default;
+
+ private:
+  FrameGeometry geometry_;
+  std::vector<uint8_t> bytes_;
+};
+
+}  // namespace lenticule::frames

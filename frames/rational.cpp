@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/rational.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <numeric>
+#include <optional>
+
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr int64_t kMaxRate = 10000;
+constexpr int64_t kMaxSecondsPerFrame = 3600;
+constexpr int kMaxDecimals = 6;
+
+std::optional<int64_t> parse_integer(std::string_view text) {
+  int64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+[[noreturn]] void reject(std::string_view text) {
+  throw Error(ErrorKind::Usage, fmt::format("rate '{}': not a positive rate", text),
+              "write 60, 59.94, 12.5 or 24000/1001");
+}
+
+/// The nominal integer rate whose 1000/1001 sibling people write with two or three decimals.
+std::optional<int64_t> broadcast_rate(std::string_view text) {
+  struct Name {
+    std::string_view text;
+    int64_t nominal;
+  };
+  static constexpr Name kNames[] = {{"23.976", 24}, {"23.98", 24}, {"29.97", 30},  {"47.952", 48},
+                                    {"47.95", 48},  {"59.94", 60}, {"119.88", 120}};
+  for (const Name& name : kNames)
+    if (text == name.text) return name.nominal;
+  return std::nullopt;
+}
+
+}  // namespace
+
+Rate make_rate(int64_t numerator, int64_t denominator) {
+  const bool positive = numerator > 0 && denominator > 0;
+  if (!positive || numerator / kMaxRate > denominator ||
+      denominator / kMaxSecondsPerFrame > numerator)
+    throw Error(ErrorKind::Usage, fmt::format("rate {}/{}: out of range", numerator, denominator),
+                "a rate lies between one frame an hour and 10000 frames a second");
+  const int64_t divisor = std::gcd(numerator, denominator);
+  return {numerator / divisor, denominator / divisor};
+}
+
+Rate parse_rate(std::string_view text) {
+  if (const auto nominal = broadcast_rate(text)) return make_rate(*nominal * 1000, 1001);
+
+  if (const size_t slash = text.find('/'); slash != std::string_view::npos) {
+    const auto numerator = parse_integer(text.substr(0, slash));
+    const auto denominator = parse_integer(text.substr(slash + 1));
+    if (!numerator || !denominator) reject(text);
+    return make_rate(*numerator, *denominator);
+  }
+
+  const size_t point = text.find('.');
+  const std::string_view decimals =
+      point == std::string_view::npos ? std::string_view() : text.substr(point + 1);
+  std::string digits(text.substr(0, point));
+  digits += decimals;
+  const bool plain = !digits.empty() && digits.size() <= 12 &&
+                     digits.find_first_not_of("0123456789") == std::string::npos;
+  if (!plain || decimals.size() > kMaxDecimals) reject(text);
+  int64_t denominator = 1;
+  for (size_t i = 0; i < decimals.size(); ++i) denominator *= 10;
+  return make_rate(*parse_integer(digits), denominator);
+}
+
+std::string to_string(Rate rate) {
+  return rate.denominator == 1 ? fmt::format("{}", rate.numerator)
+                               : fmt::format("{}/{}", rate.numerator, rate.denominator);
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/error.h"
+
+#include <cstdio>
+#include <cstdlib>
+
+namespace lenticule {
+
+void check_failed(const char* file, int line, const char* condition) noexcept {
+  std::fprintf(stderr, "%s:%d: this must hold and does not: %s\n", file, line, condition);
+  std::abort();
+}
+
+}  // namespace lenticule

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// The LCD: how many pixels, how large, and where inside a pixel its three subpixels sit.
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "optics/units.h"
+#include "optics/vec.h"
+
+namespace lenticule::optics {
+
+/// Centre of a subpixel inside its pixel, in pixels; (0, 0) is the pixel's top-left corner.
+struct SubpixelOffset {
+  double x_px = 0.5;
+  double y_px = 0.5;
+  friend bool operator==(const SubpixelOffset&, const SubpixelOffset&) = default;
+};
+
+/// Offsets of R, G, B in one pixel.
+using PixelCell = std::array<SubpixelOffset, 3>;
+
+/// A table of cells that repeats over the panel: 1x1 for stripes, a few pixels for "cell" panels.
+class SubpixelLayout {
+ public:
+  /// RGB stripes from left to right, the common LCD.
+  SubpixelLayout();
+  static SubpixelLayout rgb();
+  static SubpixelLayout bgr();
+  /// Stripes from top to bottom (a panel turned on its side).
+  static SubpixelLayout vrgb();
+  static SubpixelLayout vbgr();
+  /// cells[row * columns + column]; the cell of pixel (i, j) is (i mod columns, j mod rows), j down.
+  /// Throws Error(Input) unless 1 <= columns, rows <= 64 and every offset is finite and in [-2, 2].
+  static SubpixelLayout cells(int columns, int rows, std::vector<PixelCell> cells);
+  /// "rgb", "bgr", "vrgb" or "vbgr"; throws Error(Input) otherwise.
+  static SubpixelLayout named(const std::string& name);
+
+  [[nodiscard]] const SubpixelOffset& offset(int i, int j, int channel) const {
+    return cells_[static_cast<size_t>((j % rows_) * columns_ + i % columns_)]
+                 [static_cast<size_t>(channel)];
+  }
+  [[nodiscard]] int columns() const { return columns_; }
+  [[nodiscard]] int rows() const { return rows_; }
+  [[nodiscard]] const std::vector<PixelCell>& table() const { return cells_; }
+  /// One of the four names, or "cells".
+  [[nodiscard]] const std::string& name() const { return name_; }
+  friend bool operator==(const SubpixelLayout&, const SubpixelLayout&) = default;
+
+ private:
+  std::string name_;
+  int columns_ = 1;
+  int rows_ = 1;
+  std::vector<PixelCell> cells_;
+};
+
+/// Pixel (i, j): i right, j down. Panel frame: millimetres, x right, y up, z toward the viewer,
+/// origin at the panel centre on the plane of the lens apices.
+struct Panel {
+  int width_px = 0;
+  int height_px = 0;
+  Millimetres pixel_width{0};   ///< a_x
+  Millimetres pixel_height{0};  ///< a_y
+  SubpixelLayout layout;
+
+  /// Panel point, in pixels (X, Y), of the centre of subpixel `channel` of pixel (i, j).
+  [[nodiscard]] Vec2 subpixel_centre_px(int i, int j, int channel) const {
+    const SubpixelOffset& o = layout.offset(i, j, channel);
+    return {i + o.x_px, j + o.y_px};
+  }
+  [[nodiscard]] double x_mm(double x_px) const { return pixel_width.value * (x_px - width_px / 2.0); }
+  [[nodiscard]] double y_mm(double y_px) const {
+    return pixel_height.value * (height_px / 2.0 - y_px);
+  }
+  [[nodiscard]] double x_px(double x_mm) const { return x_mm / pixel_width.value + width_px / 2.0; }
+  [[nodiscard]] double y_px(double y_mm) const {
+    return height_px / 2.0 - y_mm / pixel_height.value;
+  }
+  friend bool operator==(const Panel&, const Panel&) = default;
+};
+
+}  // namespace lenticule::optics

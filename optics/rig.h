@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// A rig: one panel, the lens sheet on it, and where its viewers are expected. Plain data; the
+// formulas are in optics/model.h, the file format in optics/rig_file.h.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "optics/panel.h"
+#include "optics/units.h"
+
+namespace lenticule::optics {
+
+/// Where the sheet deviates from a perfect grating: a grid of lens-coordinate residuals over the
+/// whole panel (first column at the left edge, last at the right; rows from the top down), smooth
+/// between its knots (bicubic Catmull-Rom, linear extrapolation at the border). Empty = none.
+struct ResidualMap {
+  int columns = 0;
+  int rows = 0;
+  std::vector<double> lenses;  ///< rows * columns values, row by row
+
+  [[nodiscard]] bool empty() const { return lenses.empty(); }
+  friend bool operator==(const ResidualMap&, const ResidualMap&) = default;
+};
+
+/// What calibration finds. There is no viewing distance in it.
+struct LensSheet {
+  Subpixels pitch{0};            ///< P: lens pitch along a pixel row
+  double slant = 0.0;            ///< m: an apex line moves LEFT by m pixels per row down
+  Lenses offset{0};              ///< phi0: lens coordinate at the panel centre
+  Millimetres gap{0};            ///< g: reduced gap, sum of t_i / n_i
+  double refraction_shape = 1.0; ///< nu = D3 / D1; 1/n^2 for one slab, 1 for air
+  std::array<Subpixels, 3> channel_offset{};  ///< dx_c relative to G
+  ResidualMap residual;                       ///< dL
+  /// The lens spot: how a lens blurs its micro-image for an eye. Gaussian sigma in lenses.
+  Lenses spot_sigma{0.04};
+  friend bool operator==(const LensSheet&, const LensSheet&) = default;
+};
+
+/// The design eye line y = height, z = distance: it belongs to the installation, not to the sheet.
+struct ViewingLine {
+  Millimetres height{0};                                            ///< Ey
+  Millimetres distance{std::numeric_limits<double>::infinity()};    ///< Z; infinite = parallel lobes
+  friend bool operator==(const ViewingLine&, const ViewingLine&) = default;
+};
+
+/// Which physical panel this rig belongs to. Empty members match anything.
+struct PanelIdentity {
+  std::string manufacturer;  ///< three letters
+  std::optional<uint32_t> product;
+  std::string serial;
+  std::string edid_sha256;  ///< of the 128-byte base block, hexadecimal
+
+  [[nodiscard]] bool empty() const {
+    return manufacturer.empty() && !product && serial.empty() && edid_sha256.empty();
+  }
+  friend bool operator==(const PanelIdentity&, const PanelIdentity&) = default;
+};
+
+struct Rig {
+  std::string name;
+  Panel panel;
+  LensSheet sheet;
+  ViewingLine viewing;
+  PanelIdentity identity;
+  /// Where the numbers come from (key, text), in file order: date, tool, camera, source, ...
+  std::vector<std::pair<std::string, std::string>> provenance;
+
+  friend bool operator==(const Rig&, const Rig&) = default;
+};
+
+/// Limits that every rig from outside is held to (validate_rig).
+inline constexpr int kMaxPanelPixels = 32768;    ///< per side
+inline constexpr double kMinPitchSubpixels = 1.5;
+inline constexpr double kMaxPitchSubpixels = 3000.0;
+inline constexpr double kMaxSlant = 4.0;
+
+/// Throws Error(Input) naming the first member that is non-finite, absurd or contradictory;
+/// `context` (a file name) starts the message.
+void validate_rig(const Rig& rig, const std::string& context);
+
+/// 16 hexadecimal digits over everything that changes pixels (panel, sheet, viewing line; not name,
+/// identity or provenance). Equal rigs have equal fingerprints on every machine.
+[[nodiscard]] std::string fingerprint(const Rig& rig);
+
+}  // namespace lenticule::optics

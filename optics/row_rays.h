@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rays of many subpixels of a pixel row at once: the same map as OpticalModel::ray, in SIMD.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "optics/cpu.h"
+#include "optics/model.h"
+
+namespace lenticule::optics {
+
+/// Structure of arrays over subpixels; element s - 3 * i_begin is subpixel s = 3 i + channel.
+struct RowRays {
+  std::vector<double> lens_x_mm;
+  std::vector<double> lens_y_mm;
+  std::vector<double> tan_x;
+  std::vector<double> tan_y;
+  std::vector<int32_t> lens;
+  std::vector<double> place;
+
+  [[nodiscard]] size_t size() const { return lens_x_mm.size(); }
+  void resize(size_t subpixels);
+};
+
+/// Evaluates rows of one rig. Immutable after construction; evaluate() is safe from any thread and
+/// does not allocate once `out` has its size.
+class RowRayEvaluator {
+ public:
+  explicit RowRayEvaluator(const OpticalModel& model, Isa isa = best_isa());
+  ~RowRayEvaluator();
+  RowRayEvaluator(RowRayEvaluator&&) noexcept;
+  RowRayEvaluator& operator=(RowRayEvaluator&&) noexcept;
+
+  /// Rays of pixels [i_begin, i_end) of row j, all three channels. Every instruction set gives the
+  /// same bits. Against OpticalModel::ray the phase error is below 1e-9 lens (tested).
+  void evaluate(int j, int i_begin, int i_end, RowRays& out) const;
+
+  [[nodiscard]] const OpticalModel& model() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace lenticule::optics

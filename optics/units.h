@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Thin strong types for the quantities that get mixed up: a length on the glass, a length in
+// subpixels, a count of lenses, an angle. They cost nothing and only convert explicitly.
+#pragma once
+
+#include <compare>
+#include <numbers>
+
+namespace lenticule {
+
+template <class Tag>
+struct Quantity {
+  double value = 0.0;
+
+  constexpr Quantity() = default;
+  constexpr explicit Quantity(double v) : value(v) {}
+
+  friend constexpr Quantity operator+(Quantity a, Quantity b) { return Quantity(a.value + b.value); }
+  friend constexpr Quantity operator-(Quantity a, Quantity b) { return Quantity(a.value - b.value); }
+  friend constexpr Quantity operator-(Quantity a) { return Quantity(-a.value); }
+  friend constexpr Quantity operator*(Quantity a, double s) { return Quantity(a.value * s); }
+  friend constexpr Quantity operator*(double s, Quantity a) { return Quantity(a.value * s); }
+  friend constexpr Quantity operator/(Quantity a, double s) { return Quantity(a.value / s); }
+  friend constexpr double operator/(Quantity a, Quantity b) { return a.value / b.value; }
+  friend constexpr auto operator<=>(Quantity, Quantity) = default;
+};
+
+using Millimetres = Quantity<struct MillimetresTag>;
+/// Thirds of a pixel along a pixel row, whatever the subpixel layout.
+using Subpixels = Quantity<struct SubpixelsTag>;
+/// One lens = one period of the sheet.
+using Lenses = Quantity<struct LensesTag>;
+using Radians = Quantity<struct RadiansTag>;
+
+constexpr Radians radians_from_degrees(double degrees) {
+  return Radians(degrees * std::numbers::pi / 180.0);
+}
+constexpr double degrees_from_radians(Radians angle) {
+  return angle.value * 180.0 / std::numbers::pi;
+}
+
+namespace literals {
+constexpr Millimetres operator""_mm(long double v) { return Millimetres(static_cast<double>(v)); }
+constexpr Millimetres operator""_mm(unsigned long long v) {
+  return Millimetres(static_cast<double>(v));
+}
+constexpr Subpixels operator""_subpx(long double v) { return Subpixels(static_cast<double>(v)); }
+constexpr Lenses operator""_lenses(long double v) { return Lenses(static_cast<double>(v)); }
+}  // namespace literals
+
+}  // namespace lenticule

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule render
+#include "player/command.h"
+
+namespace lenticule::player {
+
+Run declare_render(CLI::App& app) {
+  (void)app;
+  return []() -> ExitCode { throw Error(ErrorKind::Failed, "not built yet"); };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/command.h"
+
+#include <fmt/format.h>
+
+namespace lenticule::player {
+
+// One file per command; each defines its function.
+Run declare_render(CLI::App& app);
+Run declare_play(CLI::App& app);
+Run declare_weave(CLI::App& app);
+Run declare_eye(CLI::App& app);
+Run declare_compare(CLI::App& app);
+Run declare_rig(CLI::App& app);
+Run declare_scene(CLI::App& app);
+Run declare_bench(CLI::App& app);
+Run declare_completion(CLI::App& app);
+
+const std::vector<Command>& commands() {
+  static const std::vector<Command> table = {
+      {"render", "render a scene to woven frames, into files or a player's ring",
+       "lenticule render teapot.nff --rig kiosk-27-4k.toml --frames 0:24 -o 'out/%05d.png'",
+       declare_render},
+      {"play", "play woven frames on a display at its own clock",
+       "lenticule play 'out/%05d.png' --rig kiosk-27-4k.toml --display virtual --loop forever",
+       declare_play},
+      {"weave", "weave a quilt or a set of views into one woven frame",
+       "lenticule weave views_qs8x6a0.75.png --rig kiosk-27-4k.toml -o woven.png", declare_weave},
+      {"eye", "show what an eye at one place sees on a woven frame",
+       "lenticule eye woven.png --rig kiosk-27-4k.toml --eye -32,0,700 -o left.png", declare_eye},
+      {"compare", "measure how far one picture is from another",
+       "lenticule compare reference.png test.png --rig kiosk-27-4k.toml --json", declare_compare},
+      {"rig", "show, check, import and export rig files",
+       "lenticule rig import visual.json -o portrait.toml", declare_rig},
+      {"scene", "write one of the built-in scenes", "lenticule scene teapot -o teapot.nff",
+       declare_scene},
+      {"bench", "run a benchmark of this build on this machine", "lenticule bench exact",
+       declare_bench},
+      {"completion", "print a shell completion script",
+       "lenticule completion bash > /etc/bash_completion.d/lenticule", declare_completion},
+  };
+  return table;
+}
+
+void print_json(const nlohmann::json& value) { fmt::print("{}\n", value.dump(2)); }
+
+}  // namespace lenticule::player

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// The render methods: how a scene becomes a woven frame.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "frames/frame.h"
+#include "optics/model.h"
+#include "render/scene.h"
+#include "render/stage.h"
+
+namespace lenticule::render {
+
+struct RenderOptions {
+  int threads = 0;    ///< 0 = all cores
+  int samples = 1;    ///< per subpixel, inside its angular footprint; 1 = the centre
+  int max_depth = 5;  ///< of reflections and refractions
+  /// Asked between tiles; true ends the frame early (RenderStatistics::completed is false then).
+  std::function<bool()> cancelled;
+};
+
+/// What one frame cost. Times are wall seconds.
+struct RenderStatistics {
+  bool completed = true;
+  uint64_t subpixels = 0;
+  uint64_t primary_rays = 0;
+  uint64_t shadow_rays = 0;
+  uint64_t secondary_rays = 0;
+  uint64_t invalid_rays = 0;  ///< not finite, so not shown to Embree
+  double seconds = 0.0;
+};
+
+class Method {
+ public:
+  virtual ~Method() = default;
+  /// Renders one frame; the frame has the rig's panel size. Same input, same bytes, whatever the
+  /// number of threads. Not to be called from two threads at once.
+  virtual RenderStatistics render(const Scene& scene, const Stage& stage,
+                                  frames::WovenFrame& frame) = 0;
+};
+
+/// "full" so far; throws Error(Usage) with the list of names otherwise. The model must outlive it.
+[[nodiscard]] std::unique_ptr<Method> make_method(const std::string& name,
+                                                  const optics::OpticalModel& model,
+                                                  const RenderOptions& options);
+[[nodiscard]] const std::vector<std::string>& method_names();
+
+}  // namespace lenticule::render

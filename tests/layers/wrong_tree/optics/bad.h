@@ -1,0 +1,2 @@
+// A wrong arrow, for the test of the check.
+#include "display/display.h"
