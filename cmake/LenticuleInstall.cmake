@@ -1,1 +1,27 @@
-include_guard()
+# SPDX-License-Identifier: Apache-2.0
+# What `cmake --install` puts in place: the program, its manual and completion scripts (made by the
+# program itself), the sample rigs, the documentation. include/ installs the C API.
+install(TARGETS lenticule_program RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+
+set(generated ${PROJECT_BINARY_DIR}/generated)
+set(generated_files lenticule.1 lenticule.bash _lenticule lenticule.fish)
+list(TRANSFORM generated_files PREPEND ${generated}/)
+add_custom_command(OUTPUT ${generated_files}
+  COMMAND ${CMAKE_COMMAND} -E make_directory ${generated}
+  COMMAND lenticule_program man > ${generated}/lenticule.1
+  COMMAND lenticule_program completion bash > ${generated}/lenticule.bash
+  COMMAND lenticule_program completion zsh > ${generated}/_lenticule
+  COMMAND lenticule_program completion fish > ${generated}/lenticule.fish
+  DEPENDS lenticule_program VERBATIM
+  COMMENT "Writing the manual page and the completion scripts")
+add_custom_target(lenticule_manual ALL DEPENDS ${generated_files})
+
+install(FILES ${generated}/lenticule.1 DESTINATION ${CMAKE_INSTALL_MANDIR}/man1)
+install(FILES ${generated}/lenticule.bash RENAME lenticule
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+install(FILES ${generated}/_lenticule DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions)
+install(FILES ${generated}/lenticule.fish
+  DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
+install(DIRECTORY scenes/rigs DESTINATION ${CMAKE_INSTALL_DATADIR}/lenticule)
+install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md")
+install(FILES README.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})

@@ -10,8 +10,9 @@
 namespace lenticule::frames {
 
 enum class PixelFormat : uint32_t {
-  Rgb8 = 1,   ///< R, G, B bytes
-  Rgb10 = 2,  ///< little-endian 32-bit words x2 r10 g10 b10; designed for, refused by the player so far
+  Rgb8 = 1,  ///< R, G, B bytes
+  Rgb10 =
+      2,  ///< little-endian 32-bit words x2 r10 g10 b10; designed for, refused by the player so far
 };
 
 [[nodiscard]] constexpr size_t bytes_per_pixel(PixelFormat format) {

@@ -40,8 +40,8 @@ class Error : public std::runtime_error {
 }  // namespace lenticule
 
 /// States an invariant of our own code; on in release builds. Never for input.
-#define LENTICULE_CHECK(condition)                                               \
-  do {                                                                           \
-    if (!(condition)) [[unlikely]]                                               \
-      ::lenticule::check_failed(__FILE__, __LINE__, #condition);                 \
+#define LENTICULE_CHECK(condition)                               \
+  do {                                                           \
+    if (!(condition)) [[unlikely]]                               \
+      ::lenticule::check_failed(__FILE__, __LINE__, #condition); \
   } while (false)

@@ -15,8 +15,12 @@ struct Quantity {
   constexpr Quantity() = default;
   constexpr explicit Quantity(double v) : value(v) {}
 
-  friend constexpr Quantity operator+(Quantity a, Quantity b) { return Quantity(a.value + b.value); }
-  friend constexpr Quantity operator-(Quantity a, Quantity b) { return Quantity(a.value - b.value); }
+  friend constexpr Quantity operator+(Quantity a, Quantity b) {
+    return Quantity(a.value + b.value);
+  }
+  friend constexpr Quantity operator-(Quantity a, Quantity b) {
+    return Quantity(a.value - b.value);
+  }
   friend constexpr Quantity operator-(Quantity a) { return Quantity(-a.value); }
   friend constexpr Quantity operator*(Quantity a, double s) { return Quantity(a.value * s); }
   friend constexpr Quantity operator*(double s, Quantity a) { return Quantity(a.value * s); }
@@ -40,12 +44,18 @@ constexpr double degrees_from_radians(Radians angle) {
 }
 
 namespace literals {
-constexpr Millimetres operator""_mm(long double v) { return Millimetres(static_cast<double>(v)); }
+constexpr Millimetres operator""_mm(long double v) {
+  return Millimetres(static_cast<double>(v));
+}
 constexpr Millimetres operator""_mm(unsigned long long v) {
   return Millimetres(static_cast<double>(v));
 }
-constexpr Subpixels operator""_subpx(long double v) { return Subpixels(static_cast<double>(v)); }
-constexpr Lenses operator""_lenses(long double v) { return Lenses(static_cast<double>(v)); }
+constexpr Subpixels operator""_subpx(long double v) {
+  return Subpixels(static_cast<double>(v));
+}
+constexpr Lenses operator""_lenses(long double v) {
+  return Lenses(static_cast<double>(v));
+}
 }  // namespace literals
 
 }  // namespace lenticule

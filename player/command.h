@@ -16,8 +16,8 @@ namespace lenticule::player {
 /// wrong; main() prints it and maps its kind to the exit code.
 using Run = std::function<ExitCode()>;
 
-/// Declares a command's flags on `app` (a fresh subcommand) and returns what to run. Options live in
-/// a shared_ptr that the returned function captures.
+/// Declares a command's flags on `app` (a fresh subcommand) and returns what to run. Options live
+/// in a shared_ptr that the returned function captures.
 using Declare = Run (*)(CLI::App& app);
 
 struct Command {
@@ -30,8 +30,8 @@ struct Command {
 /// Every command, in the order in which --help lists them.
 [[nodiscard]] const std::vector<Command>& commands();
 
-/// Prints results to standard output. The JSON is built first; the text is made from it, so that the
-/// two cannot disagree.
+/// Prints results to standard output. The JSON is built first; the text is made from it, so that
+/// the two cannot disagree.
 void print_json(const nlohmann::json& value);
 
 }  // namespace lenticule::player

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/command.h"
-
 #include <fmt/format.h>
+
+#include "player/command.h"
 
 namespace lenticule::player {
 
@@ -15,6 +15,7 @@ Run declare_rig(CLI::App& app);
 Run declare_scene(CLI::App& app);
 Run declare_bench(CLI::App& app);
 Run declare_completion(CLI::App& app);
+Run declare_man(CLI::App& app);
 
 const std::vector<Command>& commands() {
   static const std::vector<Command> table = {
@@ -38,10 +39,13 @@ const std::vector<Command>& commands() {
        declare_bench},
       {"completion", "print a shell completion script",
        "lenticule completion bash > /etc/bash_completion.d/lenticule", declare_completion},
+      {"man", "print the manual page", "lenticule man | man -l -", declare_man},
   };
   return table;
 }
 
-void print_json(const nlohmann::json& value) { fmt::print("{}\n", value.dump(2)); }
+void print_json(const nlohmann::json& value) {
+  fmt::print("{}\n", value.dump(2));
+}
 
 }  // namespace lenticule::player

@@ -33,9 +33,13 @@ void install_interrupt_handlers() {
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-int interrupt_signal() noexcept { return g_signal.load(std::memory_order_relaxed); }
+int interrupt_signal() noexcept {
+  return g_signal.load(std::memory_order_relaxed);
+}
 
-int interrupt_fd() noexcept { return g_pipe[0]; }
+int interrupt_fd() noexcept {
+  return g_pipe[0];
+}
 
 ExitCode interrupt_exit_code() noexcept {
   switch (interrupt_signal()) {

@@ -11,7 +11,9 @@ void install_interrupt_handlers();
 
 /// 0, or the signal that asked us to stop.
 [[nodiscard]] int interrupt_signal() noexcept;
-[[nodiscard]] inline bool interrupted() noexcept { return interrupt_signal() != 0; }
+[[nodiscard]] inline bool interrupted() noexcept {
+  return interrupt_signal() != 0;
+}
 
 /// A descriptor that becomes readable when interrupted, for poll loops.
 [[nodiscard]] int interrupt_fd() noexcept;

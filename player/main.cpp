@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program: finds the command, runs it, and turns what went wrong into one line and an exit code.
+// The program: finds the command, runs it, and turns what went wrong into one line and an exit
+// code.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -20,7 +21,8 @@ ExitCode run_reporting_errors(const Run& run) {
   try {
     const ExitCode code = run();
     // A result that did not reach the disk or the pipe is not a result.
-    if (std::fflush(stdout) != 0) throw Error(lenticule::ErrorKind::Failed, "standard output: cannot write");
+    if (std::fflush(stdout) != 0)
+      throw Error(lenticule::ErrorKind::Failed, "standard output: cannot write");
     return code;
   } catch (const Error& error) {
     fmt::print(stderr, "lenticule: {}\n", error.what());
@@ -57,8 +59,9 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-    fmt::print(stderr, "lenticule: {}\n  see lenticule {} --help\n", error.what(),
-               app.get_subcommands().empty() ? "" : app.get_subcommands().front()->get_name());
+    const auto chosen = app.get_subcommands();
+    fmt::print(stderr, "lenticule: {}\n  see lenticule {}--help\n", error.what(),
+               chosen.empty() ? "" : chosen.front()->get_name() + " ");
     return kUsage;
   }
   return run_reporting_errors(runs.at(app.get_subcommands().front()));

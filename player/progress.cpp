@@ -49,8 +49,8 @@ void Progress::update(uint64_t done, const std::string& note) {
   done_ = done;
   note_ = note;
   const auto now = Clock::now();
-  const bool due = now - last_draw_ >= (terminal_ ? Clock::duration(kTerminalInterval)
-                                                  : Clock::duration(kLogInterval));
+  const bool due = now - last_draw_ >=
+                   (terminal_ ? Clock::duration(kTerminalInterval) : Clock::duration(kLogInterval));
   if (!due) return;
   last_draw_ = now;
   draw(false);
