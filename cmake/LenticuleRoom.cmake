@@ -35,10 +35,16 @@ function(lenticule_isa_variants name kernel)
   endforeach()
 endfunction()
 
-# lenticule_test(NAME KIND SOURCES ... DEPENDS ...)
-#   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label.
+# lenticule_test(NAME KIND [THREADED] [TIMEOUT SECONDS] SOURCES ... DEPENDS ...)
+#   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label. THREADED ones
+#   are run under the thread sanitizer too.
 function(lenticule_test name kind)
-  cmake_parse_arguments(TEST "" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(TEST "THREADED" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
+  set(labels ${kind})
+  if(TEST_THREADED)
+    list(APPEND labels threaded)
+    set_property(GLOBAL APPEND PROPERTY LENTICULE_THREADED_TESTS ${name})
+  endif()
   if(NOT TEST_TIMEOUT)
     set(TEST_TIMEOUT 300)
   endif()
@@ -48,5 +54,5 @@ function(lenticule_test name kind)
     LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
   gtest_discover_tests(${name}
     DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS ${kind} TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
+    PROPERTIES LABELS "${labels}" TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
 endfunction()

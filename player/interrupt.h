@@ -6,7 +6,8 @@
 
 namespace lenticule::player {
 
-/// Installs the handlers for SIGINT and SIGTERM for the whole process and ignores SIGPIPE. Once.
+/// Installs the handlers for SIGINT and SIGTERM for the whole process and ignores SIGPIPE and
+/// SIGXFSZ, whose causes are reported as failed writes. Once.
 void install_interrupt_handlers();
 
 /// 0, or the signal that asked us to stop.

@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whatever a file or an argument says: one or two clear lines, the documented exit code, no crash,
+// nothing half-written left behind.
+#include <sys/mount.h>
+
+#include <algorithm>
+
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+constexpr const char* kTinyRig = R"(format = 1
+name = "tiny"
+[panel]
+width_px = 48
+height_px = 32
+pixel_width_mm = 0.2
+pixel_height_mm = 0.2
+layout = "rgb"
+[sheet]
+pitch_subpx = 7.5
+slant = 0.2
+offset_lenses = 0.1
+gap_mm = 1.0
+refraction_shape = 0.45
+[viewing]
+distance_mm = 600.0
+height_mm = 0.0
+)";
+
+constexpr const char* kTinyScene = R"(b 0.1 0.2 0.3
+v
+from 0 0 5
+at 0 0 0
+up 0 1 0
+angle 40
+hither 0.1
+resolution 64 64
+l 3 4 5
+f 0.9 0.5 0.3 0.8 0.2 10 0 1
+s 0 0 0 1
+)";
+
+class BadInput : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    write("rig.toml", kTinyRig);
+    write("scene.nff", kTinyScene);
+  }
+
+  /// The rig with one text replaced by another.
+  void write_rig(const std::string& from, const std::string& to) const {
+    std::string text = kTinyRig;
+    const size_t at = text.find(from);
+    ASSERT_NE(at, std::string::npos) << from;
+    text.replace(at, from.size(), to);
+    write("bad.toml", text);
+  }
+
+  [[nodiscard]] ProcessResult render(const std::string& scene, const std::string& rig,
+                                     const std::string& out,
+                                     const ProcessLimits& limits = {}) const {
+    return run({"render", scene, "--rig", rig, "--method", "full", "-o", out}, limits);
+  }
+
+  /// One error of one or two lines that names `object`, with the given exit code.
+  static void expect_clear_error(const ProcessResult& result, int exit_code,
+                                 const std::string& object) {
+    EXPECT_EQ(result.exit_code, exit_code) << result.err;
+    EXPECT_EQ(result.signal, 0) << result.err;
+    EXPECT_FALSE(result.timed_out);
+    const size_t start = result.err.find("lenticule: ");
+    ASSERT_NE(start, std::string::npos) << result.err;
+    const std::string message = result.err.substr(start);
+    EXPECT_LE(std::count(message.begin(), message.end(), '\n'), 2) << message;
+    EXPECT_NE(message.find(object), std::string::npos) << message;
+  }
+};
+
+TEST_F(BadInput, TheUnspoiledInputsRender) {
+  const ProcessResult result = render(path("scene.nff"), path("rig.toml"), path("out.png"));
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_TRUE(std::filesystem::exists(path("out.png")));
+}
+
+TEST_F(BadInput, MissingFiles) {
+  expect_clear_error(render(path("none.nff"), path("rig.toml"), path("o.png")), 4, "none.nff");
+  expect_clear_error(render(path("scene.nff"), path("none.toml"), path("o.png")), 4, "none.toml");
+  expect_clear_error(run({"play", path("none-%03d.png"), "--rig", path("rig.toml")}), 4, "none-");
+  expect_clear_error(run({"eye", path("none.png"), "--rig", path("rig.toml"), "--eye", "0,0,600",
+                          "-o", path("o.png")}),
+                     4, "none.png");
+  expect_clear_error(run({"compare", path("none.png"), path("none.png")}), 4, "none.png");
+  expect_clear_error(run({"rig", "check", path("none.toml")}), 4, "none.toml");
+  EXPECT_EQ(listing(), (std::vector<std::string>{"rig.toml", "scene.nff"}));
+}
+
+TEST_F(BadInput, RigPitchThatIsZeroNegativeOrNotANumber) {
+  for (const char* pitch : {"0.0", "-7.5", "nan", "inf", "1e300", "1e-300"}) {
+    write_rig("pitch_subpx = 7.5", std::string("pitch_subpx = ") + pitch);
+    expect_clear_error(render(path("scene.nff"), path("bad.toml"), path("o.png")), 4,
+                       "pitch_subpx");
+  }
+}
+
+TEST_F(BadInput, RigErrorsNameFileAndLine) {
+  write_rig("pitch_subpx = 7.5", "pich_subpx = 7.5");
+  const ProcessResult result = run({"rig", "check", path("bad.toml")});
+  expect_clear_error(result, 4, "bad.toml:9:");
+  EXPECT_NE(result.err.find("pitch_subpx"), std::string::npos) << "no nearest key: " << result.err;
+}
+
+TEST_F(BadInput, AbsurdPanels) {
+  for (const char* width : {"0", "-48", "1000000000", "99999999999999999999", "48.5"}) {
+    write_rig("width_px = 48", std::string("width_px = ") + width);
+    expect_clear_error(render(path("scene.nff"), path("bad.toml"), path("o.png")), 4, "bad.toml");
+  }
+}
+
+TEST_F(BadInput, RigsThatAreNoRigs) {
+  for (const std::string& text : {std::string(), std::string("["), std::string(100000, '['),
+                                  std::string("\0\xff\xfe", 3), std::string("format = 99\n")}) {
+    write("bad.toml", text);
+    expect_clear_error(run({"rig", "check", path("bad.toml")}), 4, "bad.toml");
+  }
+}
+
+TEST_F(BadInput, PicturesCutShort) {
+  ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("whole.png")).exit_code, 0);
+  std::ifstream in(path("whole.png"), std::ios::binary);
+  const std::string whole{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  for (const size_t keep :
+       {size_t{0}, size_t{7}, size_t{40}, whole.size() / 2, whole.size() - 20}) {
+    write("cut-001.png", whole.substr(0, keep));
+    expect_clear_error(run({"eye", path("cut-001.png"), "--rig", path("rig.toml"), "--eye",
+                            "0,0,600", "-o", path("o.png")}),
+                       4, "cut-001.png");
+    expect_clear_error(
+        run({"play", path("cut-%03d.png"), "--rig", path("rig.toml"), "--display", "virtual"}), 4,
+        "cut-001.png");
+  }
+  EXPECT_FALSE(std::filesystem::exists(path("o.png")));
+}
+
+TEST_F(BadInput, AFrameForAnotherPanel) {
+  ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("f-001.png")).exit_code, 0);
+  write_rig("width_px = 48", "width_px = 60");
+  expect_clear_error(run({"play", path("f-%03d.png"), "--rig", path("bad.toml")}), 4, "48");
+  expect_clear_error(run({"eye", path("f-001.png"), "--rig", path("bad.toml"), "--eye", "0,0,600",
+                          "-o", path("o.png")}),
+                     4, "48");
+}
+
+TEST_F(BadInput, ScenesWithNumbersThatAreNone) {
+  std::string text = kTinyScene;
+  text.replace(text.find("s 0 0 0 1"), 9, "s nan 0 0 1");
+  write("nan.nff", text);
+  expect_clear_error(render(path("nan.nff"), path("rig.toml"), path("o.png")), 4, "nan.nff:11");
+  write("nan.obj", "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n");
+  expect_clear_error(render(path("nan.obj"), path("rig.toml"), path("o.png")), 4, "nan.obj");
+}
+
+TEST_F(BadInput, EmptyScenes) {
+  std::string text = kTinyScene;
+  text.resize(text.find("s 0 0 0 1"));
+  write("empty.nff", text);
+  expect_clear_error(render(path("empty.nff"), path("rig.toml"), path("o.png")), 4, "empty.nff");
+  write("empty.obj", "# nothing\n");
+  expect_clear_error(render(path("empty.obj"), path("rig.toml"), path("o.png")), 4, "empty.obj");
+  write("unknown.xyz", "what is this");
+  expect_clear_error(render(path("unknown.xyz"), path("rig.toml"), path("o.png")), 4,
+                     "unknown.xyz");
+  write("words.nff", "hello\n");
+  expect_clear_error(render(path("words.nff"), path("rig.toml"), path("o.png")), 4, "words.nff:1");
+}
+
+TEST_F(BadInput, ScenesOfAnySizeRender) {
+  for (const char* scale : {"1e-6", "1e6"}) {
+    write("sized.obj", std::string("v 0 0 0\nv ") + scale + " 0 0\nv 0 " + scale + " 0\nf 1 2 3\n");
+    const ProcessResult result = render(path("sized.obj"), path("rig.toml"), path("sized.png"));
+    EXPECT_EQ(result.exit_code, 0) << scale << result.err;
+  }
+}
+
+TEST_F(BadInput, OutputThatCannotBeWritten) {
+  expect_clear_error(render(path("scene.nff"), path("rig.toml"), path("no/such/folder/o.png")), 1,
+                     "no/such/folder");
+  expect_clear_error(render(path("scene.nff"), path("rig.toml"), path("scene.nff/o.png")), 1,
+                     "scene.nff");
+  expect_clear_error(render(path("scene.nff"), path("rig.toml"), "/proc/o.png"), 1, "/proc");
+  expect_clear_error(render(path("scene.nff"), path("rig.toml"), path("o.unknown")), 2,
+                     "o.unknown");
+  expect_clear_error(run({"render", path("scene.nff"), "--rig", path("rig.toml"), "--frames", "0:3",
+                          "-o", path("same.png")}),
+                     2, "same.png");
+}
+
+TEST_F(BadInput, AFullDiskLeavesNothingHalfWritten) {
+  const auto before = listing();
+  const ProcessLimits full{.largest_file_bytes = 256};
+  expect_clear_error(render(path("scene.nff"), path("rig.toml"), path("o.png"), full), 1, "o.png");
+  expect_clear_error(run({"scene", "teapot", "-o", path("o.nff")}, full), 1, "o.nff");
+  expect_clear_error(
+      run({"rig", "export", path("rig.toml"), "--format", "lkg", "-o", path("o.json")},
+          {.largest_file_bytes = 16}),
+      1, "o.json");
+  EXPECT_EQ(listing(), before);
+}
+
+TEST_F(BadInput, ARealFullFileSystem) {
+  std::filesystem::create_directories(path("small"));
+  if (mount("tmpfs", path("small").c_str(), "tmpfs", 0, "size=4k") != 0)
+    GTEST_SKIP() << "may not mount a file system here";
+  const ProcessResult result = render(path("scene.nff"), path("rig.toml"), path("small/o.tif"));
+  const bool empty = std::filesystem::is_empty(path("small"));
+  umount(path("small").c_str());
+  expect_clear_error(result, 1, "o.tif");
+  EXPECT_TRUE(empty);
+}
+
+TEST_F(BadInput, ArgumentsThatMakeNoSense) {
+  const auto usage = [&](std::vector<std::string> extra) {
+    std::vector<std::string> all = {"render", path("scene.nff"), "--rig", path("rig.toml"),
+                                    "-o",     path("o.png")};
+    all.insert(all.end(), extra.begin(), extra.end());
+    const ProcessResult result = run(all);
+    EXPECT_EQ(result.exit_code, 2) << extra.front() << " " << extra.back() << ": " << result.err;
+    EXPECT_FALSE(std::filesystem::exists(path("o.png")));
+  };
+  usage({"--method", "magic"});
+  usage({"--frames", "5:2"});
+  usage({"--frames", "-3:2"});
+  usage({"--frames", "zero"});
+  usage({"--samples", "0"});
+  usage({"--threads", "-1"});
+  usage({"--mm-per-unit", "0"});
+  usage({"--depth-scale", "nan"});
+  expect_clear_error(
+      run({"play", path("o-%03d.png"), "--rig", path("rig.toml"), "--display", "virtual:0x0@60"}),
+      2, "virtual");
+  expect_clear_error(run({"play", path("o-%03d.png"), "--rig", path("rig.toml"), "--fps", "-1"}), 2,
+                     "-1");
+}
+
+TEST_F(BadInput, ADisplayThatIsNotThereIsADeviceError) {
+  ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("f-001.png")).exit_code, 0);
+  expect_clear_error(
+      run({"play", path("f-%03d.png"), "--rig", path("rig.toml"), "--display", "kms"}), 3, "kms");
+  expect_clear_error(run({"render", path("scene.nff"), "--rig", path("rig.toml"), "-o",
+                          "ring:" + path("nobody.sock")}),
+                     3, "nobody.sock");
+}
+
+}  // namespace
+}  // namespace lenticule::test

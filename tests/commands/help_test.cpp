@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every command explains itself.
+#include <sstream>
+
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+std::vector<std::string> command_names_from_help() {
+  std::istringstream help(run({"--help"}).out);
+  std::vector<std::string> names;
+  bool listing = false;
+  for (std::string line; std::getline(help, line);) {
+    if (line.rfind("Subcommands:", 0) == 0) {
+      listing = true;
+      continue;
+    }
+    if (!listing || line.size() < 3 || line.rfind("  ", 0) != 0 || line[2] == ' ') continue;
+    names.push_back(line.substr(2, line.find(' ', 2) - 2));
+  }
+  return names;
+}
+
+TEST(Help, ListsTheCommandsOfTheContract) {
+  const auto names = command_names_from_help();
+  for (const char* name : {"render", "play", "weave", "eye", "compare", "rig", "scene", "bench"})
+    EXPECT_NE(std::find(names.begin(), names.end(), name), names.end()) << name;
+}
+
+TEST(Help, OfEveryCommandEndsWithAnExampleAndExitsWithZero) {
+  for (const std::string& name : command_names_from_help()) {
+    const ProcessResult result = run({name, "--help"});
+    EXPECT_EQ(result.exit_code, 0) << name;
+    EXPECT_NE(result.out.find("Example:\n  lenticule " + name), std::string::npos) << result.out;
+    EXPECT_TRUE(result.err.empty()) << result.err;
+  }
+}
+
+TEST(Help, EveryCommandThatPrintsKnowsJson) {
+  for (const char* name : {"render", "play", "weave", "eye", "compare", "bench"})
+    EXPECT_NE(run({name, "--help"}).out.find("--json"), std::string::npos) << name;
+}
+
+TEST(Help, AnUnknownFlagOrCommandIsAUsageErrorOnStandardError) {
+  for (const auto& arguments :
+       {std::vector<std::string>{"fly"}, {"render", "--fast"}, {}, {"rig", "polish"}}) {
+    const ProcessResult result = run(arguments);
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_TRUE(result.out.empty()) << result.out;
+    EXPECT_NE(result.err.find("--help"), std::string::npos) << result.err;
+  }
+}
+
+TEST(Help, ManualNamesEveryCommand) {
+  const std::string manual = run({"man"}).out;
+  for (const std::string& name : command_names_from_help())
+    EXPECT_NE(manual.find(".SS " + name), std::string::npos) << name;
+}
+
+TEST(Help, AFullStandardOutputIsAFailureNotASuccess) {
+  const ProcessResult result =
+      run_process({"/bin/sh", "-c", std::string(LENTICULE_PROGRAM) + " man > /dev/full"});
+  EXPECT_EQ(result.exit_code, 1) << result.err;
+}
+
+}  // namespace
+}  // namespace lenticule::test

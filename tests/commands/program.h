@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// How the command tests call the program, and a folder to work in.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "tests/support/process.h"
+
+namespace lenticule::test {
+
+inline std::vector<std::string> program(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), LENTICULE_PROGRAM);
+  return arguments;
+}
+
+inline ProcessResult run(std::vector<std::string> arguments, const ProcessLimits& limits = {}) {
+  return run_process(program(std::move(arguments)), limits);
+}
+
+/// A file of the source tree.
+inline std::string source_file(const std::string& name) {
+  return std::string(LENTICULE_SOURCE_DIR) + "/" + name;
+}
+
+/// A temporary folder per test, removed at its end.
+class CommandTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* info = testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = std::filesystem::temp_directory_path() /
+              ("lenticule-" + std::string(info->name()) + "-" + std::to_string(getpid()));
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  [[nodiscard]] std::string path(const std::string& name) const {
+    return (folder_ / name).string();
+  }
+
+  void write(const std::string& name, const std::string& text) const {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+  }
+
+  /// Names of everything in the folder, sorted.
+  [[nodiscard]] std::vector<std::string> listing() const {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))
+      names.push_back(std::filesystem::relative(entry.path(), folder_).string());
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+
+  std::filesystem::path folder_;
+};
+
+}  // namespace lenticule::test

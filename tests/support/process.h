@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs a program to its end and keeps what it said.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace lenticule::test {
+
+struct ProcessLimits {
+  std::chrono::seconds timeout{120};
+  /// No file may grow beyond this: writes fail as on a full disk.
+  std::optional<uint64_t> largest_file_bytes;
+  /// Sent once after `interrupt_after`, when set.
+  int interrupt_signal = 0;
+  std::chrono::milliseconds interrupt_after{0};
+};
+
+struct ProcessResult {
+  int exit_code = -1;  ///< -1 when a signal ended it or it timed out
+  int signal = 0;
+  bool timed_out = false;
+  std::string out;
+  std::string err;
+};
+
+/// arguments[0] is the program. Output is read to the end; a program that outlives the timeout is
+/// killed.
+[[nodiscard]] ProcessResult run_process(const std::vector<std::string>& arguments,
+                                        const ProcessLimits& limits = {});
+
+/// A program that keeps running beside the test; killed when this goes out of scope.
+class BackgroundProcess {
+ public:
+  explicit BackgroundProcess(const std::vector<std::string>& arguments);
+  ~BackgroundProcess();
+  BackgroundProcess(const BackgroundProcess&) = delete;
+  BackgroundProcess& operator=(const BackgroundProcess&) = delete;
+
+  void signal(int number) const;
+  /// The result once it has ended, waiting at most `timeout`.
+  [[nodiscard]] ProcessResult wait(std::chrono::seconds timeout);
+
+ private:
+  pid_t pid_ = -1;
+  int out_ = -1;
+  int err_ = -1;
+};
+
+}  // namespace lenticule::test
