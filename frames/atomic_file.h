@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole files or none: written under a temporary name in the same folder, synced, renamed.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <vector>
+
+namespace lenticule::frames {
+
+/// Replaces `file` with `bytes`; readers see the old file or the whole new one. A symbolic link
+/// keeps pointing at the file it names. Throws Error(Failed) naming file and cause; nothing is left
+/// behind then. Safe from any thread.
+void write_file_atomically(const std::filesystem::path& file, std::span<const uint8_t> bytes);
+
+/// The whole file. Throws Error(Input) naming file and cause: missing, not a regular file (never
+/// waits for a pipe), larger than `limit_bytes`.
+[[nodiscard]] std::vector<uint8_t> read_whole_file(const std::filesystem::path& file,
+                                                   uint64_t limit_bytes);
+
+}  // namespace lenticule::frames

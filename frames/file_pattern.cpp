@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+// Numbered file names: "dir/%05d.png".
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <optional>
+#include <system_error>
+
+#include "frames/image_io.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr int kMaxDigits = 18;
+
+[[noreturn]] void reject(const std::string& pattern, const char* cause) {
+  throw Error(ErrorKind::Usage, fmt::format("pattern '{}': {}", pattern, cause),
+              "write one %d or %05d in the file's name, for example out/%05d.png");
+}
+
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
+
+/// The length of "%d" or "%0Nd" at the start of `text` and its N (0 without), if it is one.
+struct Conversion {
+  size_t length = 0;
+  int digits = 0;
+};
+std::optional<Conversion> parse_conversion(std::string_view text) {
+  size_t end = 1;
+  if (end < text.size() && text[end] == '0') ++end;
+  const size_t digits_begin = end;
+  while (end < text.size() && is_digit(text[end])) ++end;
+  if (end >= text.size() || text[end] != 'd' || end - digits_begin > 2) return std::nullopt;
+  // Without the zero the padding would be blanks; "%0d" pads nothing.
+  if (end > digits_begin && text[1] != '0') return std::nullopt;
+  int digits = 0;
+  std::from_chars(text.data() + digits_begin, text.data() + end, digits);
+  return Conversion{end + 1, digits};
+}
+
+}  // namespace
+
+FilePattern::FilePattern(std::string pattern) : pattern_(std::move(pattern)) {
+  const size_t percent = pattern_.find('%');
+  if (percent == std::string::npos) reject(pattern_, "no %d");
+  const auto conversion = parse_conversion(std::string_view(pattern_).substr(percent));
+  if (!conversion) reject(pattern_, "neither %d nor %0Nd");
+  if (conversion->digits > kMaxDigits) reject(pattern_, "too many digits");
+  prefix_ = pattern_.substr(0, percent);
+  suffix_ = pattern_.substr(percent + conversion->length);
+  digits_ = conversion->digits;
+  if (suffix_.find('%') != std::string::npos) reject(pattern_, "more than one %");
+  if (suffix_.find('/') != std::string::npos)
+    reject(pattern_, "the number is not in the file name");
+}
+
+std::filesystem::path FilePattern::path(uint64_t number) const {
+  return fmt::format("{}{:0{}}{}", prefix_, number, digits_, suffix_);
+}
+
+bool FilePattern::looks_like_pattern(std::string_view text) {
+  return text.find('%') != std::string_view::npos;
+}
+
+std::vector<uint64_t> FilePattern::existing() const {
+  const std::filesystem::path prefix(prefix_);
+  const std::filesystem::path folder = prefix.has_parent_path() ? prefix.parent_path() : ".";
+  const std::string stem = prefix.filename().string();
+
+  std::vector<uint64_t> numbers;
+  std::error_code error;
+  for (std::filesystem::directory_iterator it(folder, error), end; !error && it != end;
+       it.increment(error)) {
+    const std::string name = it->path().filename().string();
+    if (name.size() <= stem.size() + suffix_.size() || !name.starts_with(stem)) continue;
+    uint64_t number = 0;
+    const char* const digits_end = name.data() + name.size() - suffix_.size();
+    const auto parsed = std::from_chars(name.data() + stem.size(), digits_end, number);
+    if (parsed.ec != std::errc() || parsed.ptr != digits_end) continue;
+    // "7.png" is not what "%05d.png" writes.
+    if (path(number).filename().string() == name) numbers.push_back(number);
+  }
+  std::sort(numbers.begin(), numbers.end());
+  return numbers;
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/image_format.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+namespace lenticule::frames {
+namespace {
+
+using Bytes = std::span<const uint8_t>;
+
+bool starts_with(Bytes bytes, std::string_view mark) {
+  return bytes.size() >= mark.size() &&
+         std::equal(mark.begin(), mark.end(), bytes.begin(),
+                    [](char a, uint8_t b) { return static_cast<uint8_t>(a) == b; });
+}
+
+bool is_pnm(Bytes bytes) {
+  return bytes.size() >= 3 && bytes[0] == 'P' && bytes[1] >= '1' && bytes[1] <= '6' &&
+         (bytes[2] == ' ' || bytes[2] == '\n' || bytes[2] == '\r' || bytes[2] == '\t');
+}
+
+uint32_t big_endian_32(Bytes bytes) {
+  return uint32_t{bytes[0]} << 24 | uint32_t{bytes[1]} << 16 | uint32_t{bytes[2]} << 8 | bytes[3];
+}
+
+/// Walks the chunks (length, type, data, check sum) to the end of IEND.
+bool png_reaches_end(Bytes bytes) {
+  constexpr size_t kSignature = 8;
+  constexpr size_t kChunkOverhead = 12;
+  size_t at = kSignature;
+  while (at <= bytes.size() && bytes.size() - at >= kChunkOverhead) {
+    const size_t length = big_endian_32(bytes.subspan(at));
+    if (length > bytes.size() - at - kChunkOverhead) return false;
+    if (starts_with(bytes.subspan(at + 4), "IEND")) return true;
+    at += kChunkOverhead + length;
+  }
+  return false;
+}
+
+/// Walks the marker segments; coded data runs to the next marker that is neither a stuffed zero nor
+/// a restart.
+bool jpeg_reaches_end(Bytes bytes) {
+  constexpr uint8_t kStartOfScan = 0xDA, kEndOfImage = 0xD9, kStartOfImage = 0xD8, kTemporary = 1;
+  const auto is_restart = [](uint8_t marker) { return marker >= 0xD0 && marker <= 0xD7; };
+  bool coded = false;
+  size_t at = 0;
+  while (at + 1 < bytes.size()) {
+    const uint8_t marker = bytes[at + 1];
+    if (bytes[at] != 0xFF || marker == 0xFF || (coded && (marker == 0 || is_restart(marker)))) {
+      ++at;  // coded data, or fill before a marker
+      continue;
+    }
+    if (marker == kEndOfImage) return true;
+    at += 2;
+    coded = false;
+    if (marker == kStartOfImage || marker == kTemporary || is_restart(marker)) continue;
+    if (at + 1 >= bytes.size()) return false;
+    at += std::max<size_t>(2, size_t{bytes[at]} << 8 | bytes[at + 1]);
+    coded = marker == kStartOfScan;
+  }
+  return false;
+}
+
+struct Name {
+  std::string_view extension;
+  ImageFormat format;
+};
+constexpr std::array<Name, 14> kNames = {{{".png", ImageFormat::Png},
+                                          {".jpg", ImageFormat::Jpeg},
+                                          {".jpeg", ImageFormat::Jpeg},
+                                          {".tif", ImageFormat::Tiff},
+                                          {".tiff", ImageFormat::Tiff},
+                                          {".exr", ImageFormat::Exr},
+                                          {".ppm", ImageFormat::Pnm},
+                                          {".pgm", ImageFormat::Pnm},
+                                          {".pbm", ImageFormat::Pnm},
+                                          {".pnm", ImageFormat::Pnm},
+                                          {".bmp", ImageFormat::Bmp},
+                                          {".tga", ImageFormat::Targa},
+                                          {".hdr", ImageFormat::Hdr},
+                                          {".pic", ImageFormat::Hdr}}};
+
+}  // namespace
+
+ImageFormat format_of_extension(std::string_view extension) {
+  std::string lower(extension);
+  for (char& c : lower)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  for (const Name& name : kNames)
+    if (lower == name.extension) return name.format;
+  return ImageFormat::Unknown;
+}
+
+ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name) {
+  using namespace std::string_view_literals;
+  if (starts_with(bytes, "\x89PNG\r\n\x1a\n"sv)) return ImageFormat::Png;
+  if (starts_with(bytes, "\xFF\xD8\xFF"sv)) return ImageFormat::Jpeg;
+  if (starts_with(bytes, "II*\0"sv) || starts_with(bytes, "MM\0*"sv) ||
+      starts_with(bytes, "II+\0"sv) || starts_with(bytes, "MM\0+"sv))
+    return ImageFormat::Tiff;
+  if (starts_with(bytes, "\x76\x2F\x31\x01"sv)) return ImageFormat::Exr;
+  if (starts_with(bytes, "#?"sv)) return ImageFormat::Hdr;
+  if (starts_with(bytes, "BM"sv)) return ImageFormat::Bmp;
+  if (is_pnm(bytes)) return ImageFormat::Pnm;
+  const size_t dot = name.rfind('.');
+  const bool targa =
+      dot != std::string_view::npos && format_of_extension(name.substr(dot)) == ImageFormat::Targa;
+  return targa ? ImageFormat::Targa : ImageFormat::Unknown;
+}
+
+const char* plugin_name(ImageFormat format) {
+  switch (format) {
+    case ImageFormat::Png:
+      return "png";
+    case ImageFormat::Jpeg:
+      return "jpeg";
+    case ImageFormat::Tiff:
+      return "tiff";
+    case ImageFormat::Exr:
+      return "openexr";
+    case ImageFormat::Pnm:
+      return "pnm";
+    case ImageFormat::Bmp:
+      return "bmp";
+    case ImageFormat::Targa:
+      return "targa";
+    case ImageFormat::Hdr:
+      return "hdr";
+    case ImageFormat::Unknown:
+      break;
+  }
+  return "";
+}
+
+bool reaches_end_mark(ImageFormat format, std::span<const uint8_t> bytes) {
+  if (format == ImageFormat::Png) return png_reaches_end(bytes);
+  if (format == ImageFormat::Jpeg) return jpeg_reaches_end(bytes);
+  return true;
+}
+
+}  // namespace lenticule::frames

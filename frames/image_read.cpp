@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decoding pictures with OpenImageIO, with everything that would change a code value turned off.
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "frames/atomic_file.h"
+#include "frames/image_format.h"
+#include "frames/image_io.h"
+#include "frames/oiio_setup.h"
+#include "frames/srgb.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr uint64_t kMaxFileBytes = uint64_t{2} << 30;
+constexpr int kMaxReadChannels = 4;
+
+/// What a decoded sample is, after the decoder's own widening of odd bit depths.
+enum class Sample { U8, U16, F32 };
+
+/// Rows [y, y + rows) with `channels` interleaved samples a pixel.
+struct Band {
+  int y = 0;
+  int rows = 0;
+  int channels = 0;
+  Sample sample = Sample::U8;
+  const uint8_t* data = nullptr;
+
+  /// Which channel holds red, green or blue: one or two channels are grey (and alpha).
+  [[nodiscard]] int colour_channel(int c) const { return channels >= 3 ? c : 0; }
+};
+
+class PictureReader {
+ public:
+  /// Opens the picture and holds its header against the limits. `bytes` must outlive the reader.
+  PictureReader(std::span<const uint8_t> bytes, std::string name, uint64_t max_pixels)
+      : name_(std::move(name)), memory_(bytes.data(), bytes.size()) {
+    set_up_oiio();
+    format_ = detect_format(bytes, name_);
+    if (format_ == ImageFormat::Unknown) fail(bytes.empty() ? "empty file" : "not a known picture");
+    open();
+    check_header(bytes.size(), max_pixels);
+    if (!reaches_end_mark(format_, bytes)) fail("truncated");
+  }
+
+  [[nodiscard]] int width() const { return spec().width; }
+  [[nodiscard]] int height() const { return spec().height; }
+  /// Index of alpha among a band's channels, or -1.
+  [[nodiscard]] int alpha_channel() const {
+    return spec().alpha_channel < channels_read() ? spec().alpha_channel : -1;
+  }
+
+  /// Decodes from the top in bands; the first comes before the caller allocates its result, so
+  /// that a header that lies costs little.
+  template <class Sink>
+  void read(Sink&& sink) {
+    constexpr int kScanlinesPerBand = 64;
+    const int rows_per_band = spec().tile_width > 0 ? spec().tile_height : kScanlinesPerBand;
+    const size_t row_bytes =
+        static_cast<size_t>(width()) * static_cast<size_t>(channels_read()) * sample_type().size();
+    std::vector<uint8_t> buffer(row_bytes * static_cast<size_t>(std::min(rows_per_band, height())));
+    for (int y = 0; y < height(); y += rows_per_band) {
+      const int rows = std::min(rows_per_band, height() - y);
+      if (!decode(y, rows, buffer.data())) fail_decoding();
+      sink(Band{y, rows, channels_read(), sample_, buffer.data()});
+    }
+  }
+
+  [[noreturn]] void fail(const std::string& cause) const {
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", name_, cause));
+  }
+
+ private:
+  [[nodiscard]] const OIIO::ImageSpec& spec() const { return input_->spec(); }
+  [[nodiscard]] int channels_read() const { return std::min(spec().nchannels, kMaxReadChannels); }
+  [[nodiscard]] OIIO::TypeDesc sample_type() const {
+    if (sample_ == Sample::U8) return OIIO::TypeDesc::UINT8;
+    return sample_ == Sample::U16 ? OIIO::TypeDesc::UINT16 : OIIO::TypeDesc::FLOAT;
+  }
+
+  void open() {
+    OIIO::ImageSpec config;
+    config.attribute("oiio:UnassociatedAlpha", 1);  // never multiply alpha into the code values
+    input_ = OIIO::ImageInput::create(plugin_name(format_));
+    if (!input_) fail(fmt::format("this OpenImageIO reads no {}", plugin_name(format_)));
+    input_->threads(1);
+    OIIO::ImageSpec ignored;
+    input_->set_ioproxy(&memory_);
+    if (!input_->open(name_, ignored, config)) fail_decoding();
+  }
+
+  void check_header(uint64_t file_bytes, uint64_t max_pixels) {
+    const OIIO::ImageSpec& s = spec();
+    if (s.width < 1 || s.height < 1 || s.depth > 1 || s.nchannels < 1 || s.deep)
+      fail("not a flat picture with pixels");
+    if (s.width > kMaxImageSide || s.height > kMaxImageSide)
+      fail(fmt::format("{} x {} pixels, at most {} on a side", s.width, s.height, kMaxImageSide));
+    const uint64_t pixels = static_cast<uint64_t>(s.width) * static_cast<uint64_t>(s.height);
+    if (pixels > max_pixels)
+      fail(fmt::format("{} x {} pixels, at most {} million", s.width, s.height, max_pixels >> 20));
+    if (s.tile_width > kMaxImageSide || s.tile_height > kMaxImageSide ||
+        s.tile_bytes() > (size_t{1} << 28))
+      fail("absurd tiles");
+    // Deflate shrinks at most 1032-fold: fewer bytes cannot hold the picture.
+    constexpr uint64_t kMaxDeflateRatio = 1032;
+    if (format_ == ImageFormat::Png && file_bytes * kMaxDeflateRatio < pixels / 8)
+      fail("truncated");
+    const auto sample = sample_of(s);
+    if (!sample) fail("neither integers of 8 or 16 bits nor floats");
+    sample_ = *sample;
+  }
+
+  static std::optional<Sample> sample_of(const OIIO::ImageSpec& s) {
+    const auto is_float = [](OIIO::TypeDesc type) {
+      return type == OIIO::TypeDesc::HALF || type == OIIO::TypeDesc::FLOAT ||
+             type == OIIO::TypeDesc::DOUBLE;
+    };
+    if (is_float(s.format)) return Sample::F32;
+    if (!s.channelformats.empty()) return std::nullopt;
+    if (s.format == OIIO::TypeDesc::UINT8) return Sample::U8;
+    if (s.format == OIIO::TypeDesc::UINT16) return Sample::U16;
+    return std::nullopt;
+  }
+
+  bool decode(int y, int rows, uint8_t* out) {
+    const int x0 = spec().x;
+    const int y0 = spec().y + y;
+    const int channels = channels_read();
+    if (spec().tile_width > 0)
+      return input_->read_tiles(0, 0, x0, x0 + width(), y0, y0 + rows, spec().z, spec().z + 1, 0,
+                                channels, sample_type(), out);
+    return input_->read_scanlines(0, 0, y0, y0 + rows, spec().z, 0, channels, sample_type(), out);
+  }
+
+  [[noreturn]] void fail_decoding() const {
+    std::string cause = input_->geterror();
+    std::replace(cause.begin(), cause.end(), '\n', ' ');
+    while (!cause.empty() && cause.back() == ' ') cause.pop_back();
+    if (cause.empty()) cause = "no reason given";
+    fail("truncated or damaged: " + cause);
+  }
+
+  std::string name_;
+  OIIO::Filesystem::IOMemReader memory_;
+  ImageFormat format_ = ImageFormat::Unknown;
+  Sample sample_ = Sample::U8;
+  std::unique_ptr<OIIO::ImageInput> input_;  // after memory_: it reads from it until destroyed
+};
+
+/// Calls `convert` on each pixel's samples, typed; Out is the number of results per pixel.
+template <class Source, class Target, class Convert>
+void convert_band(const Band& band, int width, Target* out, int per_pixel, Convert convert) {
+  const auto* in = reinterpret_cast<const Source*>(band.data);
+  const size_t pixels = static_cast<size_t>(width) * static_cast<size_t>(band.rows);
+  for (size_t p = 0; p < pixels; ++p, in += band.channels, out += per_pixel) convert(in, out);
+}
+
+/// 65535 = 257 * 255, and 257 is odd: no value lies half way between two codes.
+uint8_t code_from_16_bits(uint16_t v) {
+  return static_cast<uint8_t>((v + 128) / 257);
+}
+
+void codes_from_band(const Band& band, int width, uint8_t* out) {
+  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
+  const auto with = [=](auto code) {
+    return [=](const auto* in, uint8_t* rgb) {
+      rgb[0] = code(in[r]);
+      rgb[1] = code(in[g]);
+      rgb[2] = code(in[b]);
+    };
+  };
+  switch (band.sample) {
+    case Sample::U8:
+      return convert_band<uint8_t>(band, width, out, 3, with([](uint8_t v) { return v; }));
+    case Sample::U16:
+      return convert_band<uint16_t>(band, width, out, 3, with(code_from_16_bits));
+    case Sample::F32:
+      return convert_band<float>(band, width, out, 3,
+                                 with([](float v) { return code_from_linear(v); }));
+  }
+}
+
+void light_from_band(const Band& band, int width, int alpha, float* out) {
+  const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
+  const auto with = [=](auto light, auto coverage) {
+    return [=](const auto* in, float* rgba) {
+      rgba[0] = light(in[r]);
+      rgba[1] = light(in[g]);
+      rgba[2] = light(in[b]);
+      rgba[3] = alpha >= 0 ? coverage(in[alpha]) : 1.0f;
+    };
+  };
+  switch (band.sample) {
+    case Sample::U8: {
+      const auto light = [&table = linear_of_codes()](uint8_t v) {
+        return static_cast<float>(table[v]);
+      };
+      return convert_band<uint8_t>(band, width, out, 4,
+                                   with(light, [](uint8_t v) { return float(v) / 255.0f; }));
+    }
+    case Sample::U16: {
+      const auto light = [](uint16_t v) {
+        return static_cast<float>(linear_from_srgb(v / 65535.0));
+      };
+      return convert_band<uint16_t>(band, width, out, 4,
+                                    with(light, [](uint16_t v) { return float(v) / 65535.0f; }));
+    }
+    case Sample::F32: {
+      const auto same = [](float v) { return v; };
+      return convert_band<float>(band, width, out, 4, with(same, same));
+    }
+  }
+}
+
+/// `prepare` gets the geometry once the first band is decoded and returns the frame to fill.
+template <class Prepare>
+void read_codes(PictureReader& reader, Prepare&& prepare) {
+  WovenFrame* frame = nullptr;
+  reader.read([&](const Band& band) {
+    if (!frame) frame = prepare(FrameGeometry{reader.width(), reader.height()});
+    codes_from_band(band, reader.width(), frame->row(band.y));
+  });
+}
+
+FloatImage read_light(std::span<const uint8_t> bytes, const std::string& name) {
+  PictureReader reader(bytes, name, kMaxTexturePixels);
+  FloatImage image{reader.width(), reader.height(), {}};
+  const size_t row = static_cast<size_t>(image.width) * 4;
+  reader.read([&](const Band& band) {
+    if (image.rgba.empty()) image.rgba.resize(row * static_cast<size_t>(image.height));
+    light_from_band(band, image.width, reader.alpha_channel(),
+                    image.rgba.data() + row * static_cast<size_t>(band.y));
+  });
+  return image;
+}
+
+}  // namespace
+
+WovenFrame read_woven(const std::filesystem::path& file) {
+  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxFileBytes);
+  PictureReader reader(bytes, file.string(), kMaxImagePixels);
+  WovenFrame frame;
+  read_codes(reader, [&](const FrameGeometry& geometry) {
+    frame = WovenFrame(geometry);
+    return &frame;
+  });
+  return frame;
+}
+
+void read_woven_into(const std::filesystem::path& file, WovenFrame& frame) {
+  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxFileBytes);
+  PictureReader reader(bytes, file.string(), kMaxImagePixels);
+  if (FrameGeometry{reader.width(), reader.height()} != frame.geometry())
+    reader.fail(fmt::format("{} x {} pixels where {} x {} are expected", reader.width(),
+                            reader.height(), frame.width(), frame.height()));
+  read_codes(reader, [&](const FrameGeometry&) { return &frame; });
+}
+
+FrameGeometry probe_image(const std::filesystem::path& file) {
+  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxFileBytes);
+  const PictureReader reader(bytes, file.string(), kMaxImagePixels);
+  return {reader.width(), reader.height()};
+}
+
+FloatImage read_texture(const std::filesystem::path& file) {
+  return read_light(read_whole_file(file, kMaxFileBytes), file.string());
+}
+
+FloatImage read_texture(std::span<const uint8_t> encoded, const std::string& name) {
+  return read_light(encoded, name);
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/srgb.h"
+
+#include <cmath>
+
+namespace lenticule::frames {
+
+double linear_from_srgb(double encoded) {
+  return encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4);
+}
+
+double srgb_from_linear(double linear) {
+  return linear <= 0.0031308 ? linear * 12.92 : 1.055 * std::pow(linear, 1.0 / 2.4) - 0.055;
+}
+
+const std::array<double, 256>& linear_of_codes() {
+  static const std::array<double, 256> table = [] {
+    std::array<double, 256> light{};
+    for (size_t code = 0; code < light.size(); ++code)
+      light[code] = linear_from_srgb(static_cast<double>(code) / 255.0);
+    return light;
+  }();
+  return table;
+}
+
+uint8_t code_from_linear(double linear) {
+  if (!(linear > 0.0)) return 0;
+  if (linear >= 1.0) return 255;
+  return static_cast<uint8_t>(std::lround(255.0 * srgb_from_linear(linear)));
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// The sRGB transfer curve between 8-bit code values and linear light in [0, 1].
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace lenticule::frames {
+
+/// Linear light of an encoded value; both in [0, 1].
+[[nodiscard]] double linear_from_srgb(double encoded);
+/// Encoded value of linear light; both in [0, 1].
+[[nodiscard]] double srgb_from_linear(double linear);
+
+/// Linear light of each of the 256 code values.
+[[nodiscard]] const std::array<double, 256>& linear_of_codes();
+
+/// The code value nearest to the encoded light; light outside [0, 1] is clipped, NaN is black.
+[[nodiscard]] uint8_t code_from_linear(double linear);
+
+}  // namespace lenticule::frames
