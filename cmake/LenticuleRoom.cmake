@@ -40,9 +40,9 @@ endfunction()
 #   are run under the thread sanitizer too.
 function(lenticule_test name kind)
   cmake_parse_arguments(TEST "THREADED" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
-  set(labels ${kind})
+  set(label ${kind})
   if(TEST_THREADED)
-    list(APPEND labels threaded)
+    set(label ${kind}-threaded)  # ctest -L matches parts: this one is both
     set_property(GLOBAL APPEND PROPERTY LENTICULE_THREADED_TESTS ${name})
   endif()
   if(NOT TEST_TIMEOUT)
@@ -54,5 +54,5 @@ function(lenticule_test name kind)
     LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
   gtest_discover_tests(${name}
     DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${labels}" TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
+    PROPERTIES LABELS ${label} TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
 endfunction()
