@@ -9,6 +9,7 @@
 #include <atomic>
 #include <cerrno>
 #include <system_error>
+#include <utility>
 
 #include "optics/error.h"
 
@@ -72,13 +73,15 @@ std::filesystem::path temporary_beside(const std::filesystem::path& target) {
 
 /// Where a chain of symbolic links ends; the link itself must survive the rename.
 std::filesystem::path resolve_target(const std::filesystem::path& file) {
-  std::error_code error;
+  std::error_code absent;  // a file that is not there yet is no error
   std::filesystem::path target = file;
-  if (std::filesystem::is_symlink(file, error))
+  if (std::filesystem::is_symlink(file, absent)) {
+    std::error_code error;
     target = std::filesystem::weakly_canonical(file, error);
-  if (error) fail_write(file, error.value());
+    if (error) fail_write(file, error.value());
+  }
 
-  const auto status = std::filesystem::status(target, error);
+  const auto status = std::filesystem::status(target, absent);
   if (std::filesystem::is_directory(status)) fail_write(file, EISDIR);
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Failed,

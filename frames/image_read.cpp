@@ -37,6 +37,26 @@ struct Band {
   [[nodiscard]] int colour_channel(int c) const { return channels >= 3 ? c : 0; }
 };
 
+/// Remembers whether anybody asked for bytes past the end: libtiff, reading through a proxy, takes
+/// what the buffer held before for them.
+class PictureMemory final : public OIIO::Filesystem::IOMemReader {
+ public:
+  using IOMemReader::IOMemReader;
+
+  size_t read(void* out, size_t size) override { return note(IOMemReader::read(out, size), size); }
+  size_t pread(void* out, size_t size, int64_t offset) override {
+    return note(IOMemReader::pread(out, size, offset), size);
+  }
+  [[nodiscard]] bool ran_out() const { return ran_out_; }
+
+ private:
+  size_t note(size_t got, size_t wanted) {
+    ran_out_ = ran_out_ || got < wanted;
+    return got;
+  }
+  bool ran_out_ = false;
+};
+
 class PictureReader {
  public:
   /// Opens the picture and holds its header against the limits. `bytes` must outlive the reader.
@@ -45,9 +65,10 @@ class PictureReader {
     set_up_oiio();
     format_ = detect_format(bytes, name_);
     if (format_ == ImageFormat::Unknown) fail(bytes.empty() ? "empty file" : "not a known picture");
+    // Before any decoder: libpng would talk about it on standard error.
+    if (!reaches_end_mark(format_, bytes)) fail("truncated");
     open();
     check_header(bytes.size(), max_pixels);
-    if (!reaches_end_mark(format_, bytes)) fail("truncated");
   }
 
   [[nodiscard]] int width() const { return spec().width; }
@@ -69,6 +90,7 @@ class PictureReader {
     for (int y = 0; y < height(); y += rows_per_band) {
       const int rows = std::min(rows_per_band, height() - y);
       if (!decode(y, rows, buffer.data())) fail_decoding();
+      if (format_ == ImageFormat::Tiff && memory_.ran_out()) fail("truncated");
       sink(Band{y, rows, channels_read(), sample_, buffer.data()});
     }
   }
@@ -148,7 +170,7 @@ class PictureReader {
   }
 
   std::string name_;
-  OIIO::Filesystem::IOMemReader memory_;
+  PictureMemory memory_;
   ImageFormat format_ = ImageFormat::Unknown;
   Sample sample_ = Sample::U8;
   std::unique_ptr<OIIO::ImageInput> input_;  // after memory_: it reads from it until destroyed

@@ -28,6 +28,11 @@ std::optional<int64_t> parse_integer(std::string_view text) {
               "write 60, 59.94, 12.5 or 24000/1001");
 }
 
+/// a > factor * b for positive numbers, without the product, which may overflow.
+bool exceeds(int64_t a, int64_t factor, int64_t b) {
+  return a / factor > b || (a / factor == b && a % factor != 0);
+}
+
 /// The nominal integer rate whose 1000/1001 sibling people write with two or three decimals.
 std::optional<int64_t> broadcast_rate(std::string_view text) {
   struct Name {
@@ -45,8 +50,8 @@ std::optional<int64_t> broadcast_rate(std::string_view text) {
 
 Rate make_rate(int64_t numerator, int64_t denominator) {
   const bool positive = numerator > 0 && denominator > 0;
-  if (!positive || numerator / kMaxRate > denominator ||
-      denominator / kMaxSecondsPerFrame > numerator)
+  if (!positive || exceeds(numerator, kMaxRate, denominator) ||
+      exceeds(denominator, kMaxSecondsPerFrame, numerator))
     throw Error(ErrorKind::Usage, fmt::format("rate {}/{}: out of range", numerator, denominator),
                 "a rate lies between one frame an hour and 10000 frames a second");
   const int64_t divisor = std::gcd(numerator, denominator);

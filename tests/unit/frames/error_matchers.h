@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs something that must throw lenticule::Error and gives the error back.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include "optics/error.h"
+
+namespace lenticule::test {
+
+template <class Action>
+Error error_of(Action&& action) {
+  try {
+    action();
+  } catch (const Error& error) {
+    EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+    return error;
+  }
+  ADD_FAILURE() << "nothing was thrown";
+  return Error(ErrorKind::Quality, "nothing was thrown");
+}
+
+}  // namespace lenticule::test

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures come in as the exact code values in the file, whole, or not at all.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "error_matchers.h"
+#include "frames/image_io.h"
+#include "frames/srgb.h"
+#include "png_maker.h"
+#include "scratch_folder.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::error_of;
+using test::PngColour;
+using test::PngMaker;
+using test::ScratchFolder;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class ImageRead : public ::testing::Test {
+ protected:
+  WovenFrame read(const std::vector<uint8_t>& bytes, const std::string& name = "picture.png") {
+    test::write_bytes(folder_ / name, bytes);
+    return read_woven(folder_ / name);
+  }
+  std::vector<uint8_t> codes(const std::vector<uint8_t>& bytes) {
+    const WovenFrame frame = read(bytes);
+    return {frame.bytes().begin(), frame.bytes().end()};
+  }
+
+  ScratchFolder folder_;
+};
+
+WovenFrame noise_frame(int width, int height) {
+  WovenFrame frame({.width = width, .height = height});
+  uint32_t state = 12345;
+  for (uint8_t& byte : frame.bytes()) {
+    state = state * 1664525u + 1013904223u;
+    byte = static_cast<uint8_t>(state >> 24);
+  }
+  return frame;
+}
+
+TEST_F(ImageRead, GreyIsRepeated) {
+  EXPECT_THAT(codes(PngMaker(2, 1, 8, PngColour::Grey).rows({0, 7, 200}).finish()),
+              ElementsAre(7, 7, 7, 200, 200, 200));
+}
+
+TEST_F(ImageRead, AlphaIsDroppedAndNotMultipliedIn) {
+  EXPECT_THAT(
+      codes(PngMaker(2, 1, 8, PngColour::Rgba).rows({0, 10, 20, 30, 0, 40, 50, 60, 128}).finish()),
+      ElementsAre(10, 20, 30, 40, 50, 60));
+  EXPECT_THAT(codes(PngMaker(2, 1, 8, PngColour::GreyAlpha).rows({0, 9, 0, 99, 1}).finish()),
+              ElementsAre(9, 9, 9, 99, 99, 99));
+}
+
+TEST_F(ImageRead, PaletteIsLookedUp) {
+  EXPECT_THAT(codes(PngMaker(3, 1, 8, PngColour::Palette)
+                        .chunk("PLTE", {1, 2, 3, 101, 102, 103})
+                        .rows({0, 1, 0, 1})
+                        .finish()),
+              ElementsAre(101, 102, 103, 1, 2, 3, 101, 102, 103));
+}
+
+TEST_F(ImageRead, TransparentPaletteKeepsItsColours) {
+  EXPECT_THAT(codes(PngMaker(2, 1, 8, PngColour::Palette)
+                        .chunk("PLTE", {1, 2, 3, 101, 102, 103})
+                        .chunk("tRNS", {0, 128})
+                        .rows({0, 1, 0})
+                        .finish()),
+              ElementsAre(101, 102, 103, 1, 2, 3));
+}
+
+TEST_F(ImageRead, OneBitGreyIsBlackAndWhite) {
+  EXPECT_THAT(codes(PngMaker(2, 1, 1, PngColour::Grey).rows({0, 0x40}).finish()),
+              ElementsAre(0, 0, 0, 255, 255, 255));
+}
+
+TEST_F(ImageRead, SixteenBitsRoundToTheNearestCode) {
+  // 257 * code is exact; up to 128 more still belongs to it.
+  EXPECT_THAT(codes(PngMaker(5, 1, 16, PngColour::Grey)
+                        .rows({0, 0, 0, 0, 128, 0, 129, 0xFF, 0x7F, 0xFF, 0xFF})
+                        .finish()),
+              ElementsAre(0, 0, 0, 0, 0, 0, 1, 1, 1, 255, 255, 255, 255, 255, 255));
+}
+
+TEST_F(ImageRead, ColourChunksDoNotChangeCodes) {
+  const std::vector<uint8_t> row = {0, 10, 20, 30, 200, 210, 220};
+  EXPECT_THAT(codes(PngMaker(2, 1, 8, PngColour::Rgb)
+                        .chunk("gAMA", {0, 1, 0x86, 0xA0})  // 1.0
+                        .chunk("sBIT", {5, 6, 5})
+                        .chunk("bKGD", {0, 9, 0, 9, 0, 9})
+                        .rows(row)
+                        .finish()),
+              ElementsAre(10, 20, 30, 200, 210, 220));
+  EXPECT_THAT(codes(PngMaker(2, 1, 8, PngColour::Rgb).chunk("sRGB", {0}).rows(row).finish()),
+              ElementsAre(10, 20, 30, 200, 210, 220));
+}
+
+TEST_F(ImageRead, PngCutAnywhereIsAnError) {
+  const auto file = PngMaker(3, 2, 8, PngColour::Rgb)
+                        .rows({0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9})
+                        .finish();
+  ASSERT_EQ(read(file).row(1)[8], 9);
+  for (size_t size = 0; size < file.size(); ++size) {
+    SCOPED_TRACE(size);
+    const Error error = error_of([&] {
+      read({file.begin(), file.begin() + std::ptrdiff_t(size)});
+    });
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    EXPECT_THAT(error.what(), HasSubstr("picture.png: "));
+  }
+}
+
+TEST_F(ImageRead, PngWithFewerRowsThanItsHeaderSaysIsAnError) {
+  const auto file = PngMaker(3, 2, 8, PngColour::Rgb).rows({0, 1, 2, 3, 4, 5, 6, 7, 8, 9}).finish();
+  EXPECT_EQ(error_of([&] { read(file); }).kind(), ErrorKind::Input);
+}
+
+TEST_F(ImageRead, PngWithAFlippedBitIsAnErrorOrUnchanged) {
+  const auto good = PngMaker(2, 1, 8, PngColour::Rgb).rows({0, 10, 20, 30, 200, 210, 220}).finish();
+  const auto expected = codes(good);
+  for (size_t bit = 0; bit < good.size() * 8; ++bit) {
+    auto file = good;
+    file[bit / 8] = static_cast<uint8_t>(file[bit / 8] ^ (1u << (bit % 8)));
+    try {
+      EXPECT_EQ(codes(file), expected) << "bit " << bit;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Input);
+    }
+  }
+}
+
+class ImageCut : public ImageRead, public ::testing::WithParamInterface<const char*> {};
+
+TEST_P(ImageCut, AnywhereIsAnError) {
+  const auto whole = folder_ / (std::string("whole") + GetParam());
+  write_woven(noise_frame(5, 4).view(), whole);
+  const auto file = test::read_bytes(whole);
+  ASSERT_EQ(read(file, whole.filename().string()).width(), 5);
+  for (size_t size = 0; size < file.size(); ++size) {
+    SCOPED_TRACE(size);
+    try {
+      // A format may end in bytes that say nothing; then the pixels must be right.
+      const auto frame = read({file.begin(), file.begin() + std::ptrdiff_t(size)},
+                              std::string("cut") + GetParam());
+      EXPECT_EQ(frame, noise_frame(5, 4));
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Input);
+    }
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Formats, ImageCut, ::testing::Values(".png", ".tif", ".exr", ".ppm"));
+
+TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {
+  // The smallest baseline JPEG: 8 x 8 grey, one block of DC 0.
+  std::vector<uint8_t> file = {0xFF, 0xD8, 0xFF, 0xDB, 0, 67, 0};
+  file.insert(file.end(), 64, 1);
+  const std::vector<uint8_t> rest = {
+      0xFF, 0xC0, 0, 11, 8,    0,    8,    0, 8, 1, 1, 0x11, 0, 0xFF, 0xC4, 0,    20,   0x00,
+      1,    0,    0, 0,  0,    0,    0,    0, 0, 0, 0, 0,    0, 0,    0,    0,    0,    0,
+      0xFF, 0xC4, 0, 20, 0x10, 1,    0,    0, 0, 0, 0, 0,    0, 0,    0,    0,    0,    0,
+      0,    0,    0, 0,  0,    0xFF, 0xDA, 0, 8, 1, 1, 0,    0, 63,   0,    0x3F, 0xFF, 0xD9};
+  file.insert(file.end(), rest.begin(), rest.end());
+  EXPECT_EQ(read(file, "grey.jpg").row(7)[0], 128);
+  for (size_t size = 0; size < file.size(); ++size) {
+    SCOPED_TRACE(size);
+    EXPECT_EQ(error_of([&] {
+                read({file.begin(), file.begin() + std::ptrdiff_t(size)}, "grey.jpg");
+              }).kind(),
+              ErrorKind::Input);
+  }
+}
+
+TEST_F(ImageRead, TooManyPixelsAreRefusedByTheHeader) {
+  // Headers alone: nothing could be decoded, so nothing was tried.
+  const auto refuse = [&](uint32_t width, uint32_t height) {
+    const auto file = PngMaker(width, height, 8, PngColour::Rgb).rows({0, 0, 0, 0}).finish();
+    return std::string(error_of([&] { read(file); }).what());
+  };
+  EXPECT_THAT(refuse(32769, 1), HasSubstr("at most 32768 on a side"));
+  EXPECT_THAT(refuse(1, 32769), HasSubstr("at most 32768 on a side"));
+  EXPECT_THAT(refuse(32768, 32768), HasSubstr("at most 256 million"));
+  EXPECT_THAT(refuse(16384, 16384), HasSubstr("truncated"));
+  EXPECT_THAT(refuse(0xFFFFFFFF, 0xFFFFFFFF), HasSubstr("picture.png"));
+  EXPECT_THAT(refuse(0, 1), HasSubstr("picture.png"));
+}
+
+TEST_F(ImageRead, FilesThatAreNoPictures) {
+  EXPECT_THAT(error_of([&] { (void)read_woven(folder_ / "none.png"); }).what(),
+              HasSubstr("none.png: cannot read: No such file"));
+  EXPECT_THAT(error_of([&] { (void)read_woven(folder_.path()); }).what(), HasSubstr("directory"));
+  EXPECT_THAT(error_of([&] { (void)read_woven("/dev/zero"); }).what(),
+              HasSubstr("not a regular file"));
+  EXPECT_THAT(error_of([&] { read({}); }).what(), HasSubstr("empty file"));
+  EXPECT_THAT(error_of([&] {
+                read({'h', 'e', 'l', 'l', 'o'});
+              }).what(),
+              HasSubstr("not a known picture"));
+}
+
+TEST_F(ImageRead, TheBytesDecideAndNotTheExtension) {
+  const auto file = PngMaker(1, 1, 8, PngColour::Rgb).rows({0, 1, 2, 3}).finish();
+  EXPECT_EQ(read(file, "picture.jpg").row(0)[2], 3);
+}
+
+TEST_F(ImageRead, ProbeTellsTheSize) {
+  test::write_bytes(folder_ / "p.png",
+                    PngMaker(3, 1, 8, PngColour::Grey).rows({0, 1, 2, 3}).finish());
+  EXPECT_EQ(probe_image(folder_ / "p.png"), (FrameGeometry{.width = 3, .height = 1}));
+}
+
+TEST_F(ImageRead, IntoAFrameOfTheSameSizeOnly) {
+  test::write_bytes(folder_ / "p.png",
+                    PngMaker(3, 1, 8, PngColour::Grey).rows({0, 1, 2, 3}).finish());
+  WovenFrame right({.width = 3, .height = 1});
+  const uint8_t* const pixels = right.row(0);
+  read_woven_into(folder_ / "p.png", right);
+  EXPECT_EQ(right.row(0), pixels);
+  EXPECT_EQ(right.row(0)[8], 3);
+  WovenFrame wrong({.width = 1, .height = 3});
+  const Error error = error_of([&] { read_woven_into(folder_ / "p.png", wrong); });
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.what(), HasSubstr("3 x 1 pixels where 1 x 3 are expected"));
+}
+
+TEST_F(ImageRead, TextureIsLinearLightWithAlphaApart) {
+  const FloatImage image = read_texture(
+      PngMaker(1, 2, 8, PngColour::Rgba).rows({0, 255, 128, 0, 51, 0, 0, 0, 0, 255}).finish(),
+      "embedded");
+  ASSERT_EQ(image.width, 1);
+  ASSERT_EQ(image.height, 2);
+  EXPECT_FLOAT_EQ(image.rgba[0], 1.0f);
+  EXPECT_NEAR(image.rgba[1], 0.215861f, 1e-6);
+  EXPECT_FLOAT_EQ(image.rgba[2], 0.0f);
+  EXPECT_FLOAT_EQ(image.rgba[3], 0.2f);
+  EXPECT_FLOAT_EQ(image.rgba[7], 1.0f);
+}
+
+TEST_F(ImageRead, TextureOf16BitsKeepsThem) {
+  const FloatImage image =
+      read_texture(PngMaker(1, 1, 16, PngColour::Grey).rows({0, 0x80, 0x01}).finish(), "embedded");
+  EXPECT_NEAR(image.rgba[0], linear_from_srgb(0x8001 / 65535.0), 1e-7);
+  EXPECT_EQ(image.rgba[3], 1.0f);
+}
+
+TEST_F(ImageRead, DamagedTextureNamesItself) {
+  const std::vector<uint8_t> nonsense = {1, 2, 3};
+  EXPECT_THAT(error_of([&] { (void)read_texture(nonsense, "scene.gltf: image 3"); }).what(),
+              HasSubstr("scene.gltf: image 3"));
+}
+
+}  // namespace
+}  // namespace lenticule::frames
