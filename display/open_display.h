@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opens the display that a person named. The only place that knows which kinds there are.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "display/clock.h"
+#include "display/display.h"
+#include "display/scanout_recorder.h"
+
+namespace lenticule::display {
+
+struct DisplayRequest {
+  /// "virtual", "virtual:3840x2160@59.94", "virtual:3840x2160@60,jitter_us=500"
+  std::string spec = "virtual";
+  /// What will be shown; a display of another size is refused.
+  frames::FrameGeometry panel;
+  /// For virtual displays: real time when null.
+  std::shared_ptr<Clock> clock;
+  /// For virtual displays: null = no recording.
+  std::shared_ptr<ScanoutRecorder> recorder;
+  int buffers = 3;
+};
+
+/// Throws Error(Usage) for a spec that makes no sense, Error(Input) when its size is not the
+/// panel's, Error(Device) when there is no such display.
+[[nodiscard]] std::unique_ptr<Display> open_display(const DisplayRequest& request);
+
+/// The parts of "virtual[:WxH[@HZ]][,jitter_us=N][,seed=N]".
+struct VirtualSpec {
+  int width = 0;  ///< 0 = the panel's
+  int height = 0;
+  frames::Rate refresh{60, 1};
+  int64_t jitter_us = 0;
+  uint64_t seed = 1;
+  friend bool operator==(const VirtualSpec&, const VirtualSpec&) = default;
+};
+/// Throws Error(Usage).
+[[nodiscard]] VirtualSpec parse_virtual_spec(std::string_view spec);
+
+}  // namespace lenticule::display

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Proof of what was on the glass: recorders are given the scan-out memory itself, not what somebody
+// meant to show.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "frames/frame.h"
+
+namespace lenticule::display {
+
+/// Scan-out memory lent for the length of a call.
+struct ScanoutView {
+  const uint32_t* pixels = nullptr;  ///< XRGB8888
+  size_t stride = 0;                 ///< words from row to row
+  frames::FrameGeometry geometry;
+
+  [[nodiscard]] const uint32_t* row(int j) const {
+    return pixels + static_cast<size_t>(j) * stride;
+  }
+};
+
+struct ShownFrame {
+  uint64_t sequence = 0;  ///< vblank since which it is on the glass
+  uint64_t id = 0;
+  /// Frames shown since the last record() that came too fast to be recorded.
+  uint64_t skipped_before = 0;
+};
+
+/// One thread at a time.
+class ScanoutRecorder {
+ public:
+  virtual ~ScanoutRecorder() = default;
+  /// Never fails here: the first failure is kept for finish(), later frames are ignored.
+  virtual void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept = 0;
+  /// Completes the recording. Throws Error(Failed) if any of it did not reach the disk. Without it,
+  /// an unfinished file is removed.
+  virtual void finish() = 0;
+};
+
+/// "checksums:FILE": one line "SEQUENCE ID XXH64" per shown frame, over the RGB bytes.
+/// "png:DIR": DIR/00000042.png per shown frame, named by its id.
+/// Throws Error(Usage) for other text and Error(Failed) when the place cannot be written.
+[[nodiscard]] std::shared_ptr<ScanoutRecorder> open_recorder(std::string_view spec);
+
+}  // namespace lenticule::display

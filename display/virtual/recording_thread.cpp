@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/virtual/recording_thread.h"
+
+#include <utility>
+
+namespace lenticule::display {
+
+RecordingThread::RecordingThread(std::shared_ptr<ScanoutRecorder> recorder)
+    : recorder_(std::move(recorder)), thread_([this] { run(); }) {}
+
+RecordingThread::~RecordingThread() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  changed_.notify_one();
+  thread_.join();
+}
+
+void RecordingThread::offer(ShownFrame shown, VirtualBuffer* buffer) noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    if (count_ == kCapacity) {
+      ++skipped_;
+      return;
+    }
+    shown.skipped_before = std::exchange(skipped_, 0);
+    buffer->begin_recording();
+    jobs_[(first_ + count_) % kCapacity] = {shown, buffer};
+    ++count_;
+  }
+  changed_.notify_one();
+}
+
+void RecordingThread::run() noexcept {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    changed_.wait(lock, [this] { return count_ > 0 || ending_; });
+    if (count_ == 0) return;
+    const Job job = jobs_[first_];
+    lock.unlock();
+    recorder_->record(job.shown, job.buffer->view());
+    job.buffer->end_recording();
+    lock.lock();
+    // The job counts until it is done: kCapacity bounds the buffers taken from the display.
+    first_ = (first_ + 1) % kCapacity;
+    --count_;
+  }
+}
+
+}  // namespace lenticule::display

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// One scan-out buffer in ordinary memory, and who has it at the moment.
+#pragma once
+
+#include <atomic>
+#include <cstdlib>
+#include <memory>
+
+#include "display/display.h"
+#include "display/scanout_recorder.h"
+
+namespace lenticule::display {
+
+enum class BufferState { Free, Acquired, Pending, OnGlass };
+
+/// Acquired by the filling thread; all other transitions are the presenter's. A buffer that is
+/// being recorded is not free even when its state says so.
+class VirtualBuffer final : public ScanoutBuffer {
+ public:
+  /// Black, and every page touched, so that no page fault meets a deadline.
+  explicit VirtualBuffer(frames::FrameGeometry geometry);
+
+  void fill(const frames::FrameView& frame) noexcept override;
+
+  /// Free -> Acquired; false if it is not free.
+  [[nodiscard]] bool try_acquire() noexcept;
+  void set_state(BufferState state) noexcept { state_.store(state, std::memory_order_release); }
+  [[nodiscard]] BufferState state() const noexcept {
+    return state_.load(std::memory_order_acquire);
+  }
+
+  void begin_recording() noexcept { recording_.store(true, std::memory_order_relaxed); }
+  void end_recording() noexcept { recording_.store(false, std::memory_order_release); }
+  [[nodiscard]] ScanoutView view() const noexcept { return {words_.get(), stride_, geometry_}; }
+
+  /// Bytes of one buffer of this size.
+  [[nodiscard]] static size_t bytes(frames::FrameGeometry geometry) noexcept;
+
+ private:
+  struct FreeMemory {
+    void operator()(uint32_t* words) const noexcept { std::free(words); }
+  };
+
+  frames::FrameGeometry geometry_;
+  size_t stride_;
+  std::unique_ptr<uint32_t, FreeMemory> words_;
+  std::atomic<BufferState> state_{BufferState::Free};
+  std::atomic<bool> recording_{false};
+};
+
+}  // namespace lenticule::display

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/virtual/virtual_display.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "display/vblank_timeline.h"
+#include "display/virtual/recording_thread.h"
+#include "display/virtual/virtual_buffer.h"
+#include "optics/error.h"
+
+namespace lenticule::display {
+namespace {
+
+constexpr int kMinBuffers = 2;
+constexpr int kMaxBuffers = 16;
+constexpr int kMaxPixels = 32768;  // per side
+
+/// MemAvailable in bytes; 0 if the kernel does not say.
+uint64_t available_memory() {
+  std::ifstream file("/proc/meminfo");
+  for (std::string line; std::getline(file, line);)
+    if (unsigned long long kibibytes = 0;
+        std::sscanf(line.c_str(), "MemAvailable: %llu kB", &kibibytes) == 1)
+      return kibibytes * 1024;
+  return 0;
+}
+
+void check_options(const VirtualDisplayOptions& options) {
+  const auto& geometry = options.geometry;
+  const auto sane = [](int side) { return side >= 1 && side <= kMaxPixels; };
+  if (!sane(geometry.width) || !sane(geometry.height))
+    throw Error(ErrorKind::Usage,
+                fmt::format("virtual display {}x{}: no such size", geometry.width, geometry.height),
+                fmt::format("each side has 1 to {} pixels", kMaxPixels));
+  if (geometry.format != frames::PixelFormat::Rgb8)
+    throw Error(ErrorKind::Usage, "virtual display: only 8-bit RGB frames can be shown");
+  if (options.buffers < kMinBuffers || options.buffers > kMaxBuffers)
+    throw Error(ErrorKind::Usage,
+                fmt::format("virtual display: {} scan-out buffers", options.buffers),
+                fmt::format("use {} to {}", kMinBuffers, kMaxBuffers));
+}
+
+void check_memory(const VirtualDisplayOptions& options, int buffers) {
+  const uint64_t wanted = VirtualBuffer::bytes(options.geometry) * static_cast<uint64_t>(buffers);
+  const uint64_t available = available_memory();
+  if (available > 0 && wanted > available / 2)
+    throw Error(ErrorKind::Failed,
+                fmt::format("virtual display: {} buffers need {} MiB, more than half of the {} MiB "
+                            "that are free",
+                            buffers, wanted >> 20, available >> 20),
+                "use a smaller panel or fewer buffers");
+}
+
+class VirtualDisplay final : public Display {
+ public:
+  explicit VirtualDisplay(const VirtualDisplayOptions& options)
+      : clock_(options.clock ? options.clock : make_monotonic_clock()),
+        timeline_(clock_->now(), options.refresh),
+        faults_(options.faults ? options.faults : std::make_shared<VirtualFaults>()),
+        recorder_(options.recorder) {
+    mode_ = {.geometry = options.geometry,
+             .refresh = options.refresh,
+             .name = fmt::format("virtual {}x{}@{}", options.geometry.width,
+                                 options.geometry.height, frames::to_string(options.refresh)),
+             .hardware_clock = false};
+    const bool recording_thread = recorder_ && clock_->real_time();
+    const int buffers =
+        options.buffers + (recording_thread ? static_cast<int>(RecordingThread::kCapacity) : 0);
+    check_memory(options, buffers);
+    for (int i = 0; i < buffers; ++i)
+      buffers_.push_back(std::make_unique<VirtualBuffer>(options.geometry));
+    if (recording_thread) recording_ = std::make_unique<RecordingThread>(recorder_);
+  }
+
+  [[nodiscard]] const DisplayMode& mode() const override { return mode_; }
+
+  [[nodiscard]] ScanoutBuffer* acquire() override {
+    for (const auto& buffer : buffers_)
+      if (buffer->try_acquire()) return buffer.get();
+    return nullptr;
+  }
+
+  void discard(ScanoutBuffer* buffer) override { owned(buffer)->set_state(BufferState::Free); }
+
+  [[nodiscard]] SubmitStatus submit(ScanoutBuffer* buffer, uint64_t id) noexcept override {
+    if (unplugged_) return SubmitStatus::Lost;
+    const Nanoseconds time = now();
+    if (pending_ && pending_->fate == EventFate::Drop && pending_->vblank_time <= time) land_flip();
+    if (pending_) return SubmitStatus::Busy;
+
+    VirtualBuffer* const mine = owned(buffer);
+    mine->set_state(BufferState::Pending);
+    const uint64_t sequence = timeline_.sequence_at(time) + 1;
+    const Nanoseconds vblank_time = timeline_.time_of(sequence);
+    pending_ = Flip{.buffer = mine,
+                    .id = id,
+                    .sequence = sequence,
+                    .vblank_time = vblank_time,
+                    .event_time = vblank_time + faults_->event_delay(sequence),
+                    .fate = faults_->fate(sequence)};
+    return SubmitStatus::Accepted;
+  }
+
+  [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept override {
+    if (unplugged_) return false;
+    const uint64_t wanted = std::max(sequence + 1, timeline_.sequence_at(now()));
+    const Nanoseconds vblank_time = timeline_.time_of(wanted);
+    tick_ = Tick{.sequence = wanted,
+                 .vblank_time = vblank_time,
+                 .event_time = vblank_time + faults_->event_delay(wanted),
+                 .fate = faults_->fate(wanted)};
+    return true;
+  }
+
+  [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override {
+    if (repeat_) return *std::exchange(repeat_, std::nullopt);
+    if (unplugged_) return {.kind = EventKind::Lost};
+
+    const std::optional<Nanoseconds> flip = event_time(pending_);
+    const std::optional<Nanoseconds> tick = event_time(tick_);
+    const Nanoseconds next =
+        std::min(flip.value_or(Nanoseconds::max()), tick.value_or(Nanoseconds::max()));
+    if (now() < next) (void)clock_->wait_until(std::min(deadline, next), wake_fd);
+    if (now() < next) return {.kind = EventKind::Timeout};
+    return flip && *flip == next ? deliver_flip() : deliver_tick();
+  }
+
+  [[nodiscard]] Nanoseconds now() const noexcept override { return clock_->now(); }
+
+ private:
+  struct Flip {
+    VirtualBuffer* buffer = nullptr;
+    uint64_t id = 0;
+    uint64_t sequence = 0;
+    Nanoseconds vblank_time{0};
+    Nanoseconds event_time{0};
+    EventFate fate = EventFate::Deliver;
+  };
+  struct Tick {
+    uint64_t sequence = 0;
+    Nanoseconds vblank_time{0};
+    Nanoseconds event_time{0};
+    EventFate fate = EventFate::Deliver;
+  };
+
+  template <typename Event>
+  static std::optional<Nanoseconds> event_time(const std::optional<Event>& event) noexcept {
+    if (!event || event->fate == EventFate::Drop) return std::nullopt;
+    return event->event_time;
+  }
+
+  static VirtualBuffer* owned(ScanoutBuffer* buffer) noexcept {
+    auto* const mine = static_cast<VirtualBuffer*>(buffer);
+    LENTICULE_CHECK(mine != nullptr && mine->state() == BufferState::Acquired);
+    return mine;
+  }
+
+  /// The pending buffer is on the glass, the one before it is free.
+  void land_flip() noexcept {
+    VirtualBuffer* const buffer = pending_->buffer;
+    buffer->set_state(BufferState::OnGlass);
+    record({.sequence = pending_->sequence, .id = pending_->id}, buffer);
+    if (on_glass_ != nullptr) on_glass_->set_state(BufferState::Free);
+    on_glass_ = buffer;
+    pending_.reset();
+  }
+
+  void record(const ShownFrame& shown, VirtualBuffer* buffer) noexcept {
+    if (recording_)
+      recording_->offer(shown, buffer);
+    else if (recorder_)
+      recorder_->record(shown, buffer->view());
+  }
+
+  DisplayEvent deliver_flip() noexcept {
+    const DisplayEvent event{.kind = EventKind::Flip,
+                             .id = pending_->id,
+                             .sequence = pending_->sequence,
+                             .time = pending_->vblank_time};
+    const EventFate fate = pending_->fate;
+    if (fate != EventFate::Unplug) land_flip();
+    return settle(event, fate);
+  }
+
+  DisplayEvent deliver_tick() noexcept {
+    const DisplayEvent event{
+        .kind = EventKind::Vblank, .sequence = tick_->sequence, .time = tick_->vblank_time};
+    const EventFate fate = tick_->fate;
+    tick_.reset();
+    return settle(event, fate);
+  }
+
+  DisplayEvent settle(const DisplayEvent& event, EventFate fate) noexcept {
+    if (fate == EventFate::Duplicate) repeat_ = event;
+    if (fate != EventFate::Unplug) return event;
+    unplugged_ = true;
+    return {.kind = EventKind::Lost};
+  }
+
+  DisplayMode mode_;
+  std::shared_ptr<Clock> clock_;
+  VblankTimeline timeline_;
+  std::shared_ptr<VirtualFaults> faults_;
+  std::shared_ptr<ScanoutRecorder> recorder_;
+  std::vector<std::unique_ptr<VirtualBuffer>> buffers_;
+
+  // Presenter thread only.
+  VirtualBuffer* on_glass_ = nullptr;
+  std::optional<Flip> pending_;
+  std::optional<Tick> tick_;
+  std::optional<DisplayEvent> repeat_;
+  bool unplugged_ = false;
+
+  std::unique_ptr<RecordingThread> recording_;  ///< last: ends before the buffers do
+};
+
+}  // namespace
+
+std::unique_ptr<Display> open_virtual_display(const VirtualDisplayOptions& options) {
+  check_options(options);
+  return std::make_unique<VirtualDisplay>(options);
+}
+
+}  // namespace lenticule::display
