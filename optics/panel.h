@@ -31,8 +31,9 @@ class SubpixelLayout {
   /// Stripes from top to bottom (a panel turned on its side).
   static SubpixelLayout vrgb();
   static SubpixelLayout vbgr();
-  /// cells[row * columns + column]; the cell of pixel (i, j) is (i mod columns, j mod rows), j down.
-  /// Throws Error(Input) unless 1 <= columns, rows <= 64 and every offset is finite and in [-2, 2].
+  /// cells[row * columns + column]; the cell of pixel (i, j) is (i mod columns, j mod rows), j
+  /// down. Throws Error(Input) unless 1 <= columns, rows <= 64 and every offset is finite and in
+  /// [-2, 2].
   static SubpixelLayout cells(int columns, int rows, std::vector<PixelCell> cells);
   /// "rgb", "bgr", "vrgb" or "vbgr"; throws Error(Input) otherwise.
   static SubpixelLayout named(const std::string& name);
@@ -49,6 +50,8 @@ class SubpixelLayout {
   friend bool operator==(const SubpixelLayout&, const SubpixelLayout&) = default;
 
  private:
+  SubpixelLayout(std::string name, int columns, int rows, std::vector<PixelCell> cells);
+
   std::string name_;
   int columns_ = 1;
   int rows_ = 1;
@@ -69,7 +72,9 @@ struct Panel {
     const SubpixelOffset& o = layout.offset(i, j, channel);
     return {i + o.x_px, j + o.y_px};
   }
-  [[nodiscard]] double x_mm(double x_px) const { return pixel_width.value * (x_px - width_px / 2.0); }
+  [[nodiscard]] double x_mm(double x_px) const {
+    return pixel_width.value * (x_px - width_px / 2.0);
+  }
   [[nodiscard]] double y_mm(double y_px) const {
     return pixel_height.value * (height_px / 2.0 - y_px);
   }

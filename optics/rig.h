@@ -30,11 +30,11 @@ struct ResidualMap {
 
 /// What calibration finds. There is no viewing distance in it.
 struct LensSheet {
-  Subpixels pitch{0};            ///< P: lens pitch along a pixel row
-  double slant = 0.0;            ///< m: an apex line moves LEFT by m pixels per row down
-  Lenses offset{0};              ///< phi0: lens coordinate at the panel centre
-  Millimetres gap{0};            ///< g: reduced gap, sum of t_i / n_i
-  double refraction_shape = 1.0; ///< nu = D3 / D1; 1/n^2 for one slab, 1 for air
+  Subpixels pitch{0};             ///< P: lens pitch along a pixel row
+  double slant = 0.0;             ///< m: an apex line moves LEFT by m pixels per row down
+  Lenses offset{0};               ///< phi0: lens coordinate at the panel centre
+  Millimetres gap{0};             ///< g: reduced gap, sum of t_i / n_i
+  double refraction_shape = 1.0;  ///< nu = D3 / D1; 1/n^2 for one slab, 1 for air
   std::array<Subpixels, 3> channel_offset{};  ///< dx_c relative to G
   ResidualMap residual;                       ///< dL
   /// The lens spot: how a lens blurs its micro-image for an eye. Gaussian sigma in lenses.
@@ -44,8 +44,8 @@ struct LensSheet {
 
 /// The design eye line y = height, z = distance: it belongs to the installation, not to the sheet.
 struct ViewingLine {
-  Millimetres height{0};                                            ///< Ey
-  Millimetres distance{std::numeric_limits<double>::infinity()};    ///< Z; infinite = parallel lobes
+  Millimetres height{0};                                          ///< Ey
+  Millimetres distance{std::numeric_limits<double>::infinity()};  ///< Z; infinite = parallel lobes
   friend bool operator==(const ViewingLine&, const ViewingLine&) = default;
 };
 
@@ -75,13 +75,28 @@ struct Rig {
 };
 
 /// Limits that every rig from outside is held to (validate_rig).
-inline constexpr int kMaxPanelPixels = 32768;    ///< per side
+inline constexpr int kMaxPanelPixels = 32768;  ///< per side
 inline constexpr double kMinPitchSubpixels = 1.5;
 inline constexpr double kMaxPitchSubpixels = 3000.0;
 inline constexpr double kMaxSlant = 4.0;
 
-/// Throws Error(Input) naming the first member that is non-finite, absurd or contradictory;
-/// `context` (a file name) starts the message.
+inline constexpr int kMaxResidualKnots = 256;  ///< per side
+/// A residual map may change the local pitch by this part of the pitch at most.
+inline constexpr double kMaxResidualSlope = 0.1;
+
+/// What is wrong with a rig: the key of the rig file it would be under ("sheet.pitch_subpx"), and
+/// what to do about it.
+struct RigProblem {
+  std::string key;
+  std::string cause;
+  std::string remedy;
+};
+
+/// The first member that is non-finite, absurd or contradictory, if any. A rig without a problem
+/// has a finite ray for every subpixel.
+[[nodiscard]] std::optional<RigProblem> find_problem(const Rig& rig);
+
+/// Throws Error(Input) "context: key: cause" if there is a problem; `context` is a file name.
 void validate_rig(const Rig& rig, const std::string& context);
 
 /// 16 hexadecimal digits over everything that changes pixels (panel, sheet, viewing line; not name,

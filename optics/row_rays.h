@@ -29,6 +29,7 @@ struct RowRays {
 /// does not allocate once `out` has its size.
 class RowRayEvaluator {
  public:
+  /// Throws Error(Usage) for an instruction set that this machine cannot run.
   explicit RowRayEvaluator(const OpticalModel& model, Isa isa = best_isa());
   ~RowRayEvaluator();
   RowRayEvaluator(RowRayEvaluator&&) noexcept;
@@ -39,6 +40,23 @@ class RowRayEvaluator {
   void evaluate(int j, int i_begin, int i_end, RowRays& out) const;
 
   [[nodiscard]] const OpticalModel& model() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// The same for OpticalModel::phase and one eye: Phi_E of every subpixel of a row.
+class RowPhaseEvaluator {
+ public:
+  /// eye.z_mm > 0. Throws Error(Usage) for an instruction set that this machine cannot run.
+  RowPhaseEvaluator(const OpticalModel& model, const Eye& eye, Isa isa = best_isa());
+  ~RowPhaseEvaluator();
+  RowPhaseEvaluator(RowPhaseEvaluator&&) noexcept;
+  RowPhaseEvaluator& operator=(RowPhaseEvaluator&&) noexcept;
+
+  /// Element s - 3 * i_begin of `phase` is Phi_E of subpixel s = 3 i + channel of row j.
+  void evaluate(int j, int i_begin, int i_end, std::vector<double>& phase) const;
 
  private:
   struct Impl;

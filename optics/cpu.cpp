@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/cpu.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <string>
+
+#include "optics/error.h"
+
+namespace lenticule {
+namespace {
+
+Isa best_of_machine() {
+  if (isa_supported(Isa::Avx512)) return Isa::Avx512;
+  if (isa_supported(Isa::Avx2)) return Isa::Avx2;
+  return Isa::Baseline;
+}
+
+Isa named_isa(const std::string& name) {
+  for (const Isa isa : {Isa::Baseline, Isa::Avx2, Isa::Avx512}) {
+    if (name == isa_name(isa)) return isa;
+  }
+  throw Error(ErrorKind::Usage, "LENTICULE_ISA: no instruction set '" + name + "'",
+              "use baseline, avx2 or avx512");
+}
+
+}  // namespace
+
+bool isa_supported(Isa isa) {
+#if defined(__x86_64__)
+  // These ask the operating system too (XGETBV), not only the processor.
+  switch (isa) {
+    case Isa::Baseline:
+      return true;
+    case Isa::Avx2:
+      return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2");
+    case Isa::Avx512:
+      return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+             __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512vl");
+  }
+  return false;
+#else
+  return isa == Isa::Baseline;
+#endif
+}
+
+Isa best_isa() {
+  const char* wish = std::getenv("LENTICULE_ISA");
+  if (wish == nullptr || *wish == '\0') return best_of_machine();
+  return std::min(named_isa(wish), best_of_machine());
+}
+
+const char* isa_name(Isa isa) {
+  switch (isa) {
+    case Isa::Baseline:
+      return "baseline";
+    case Isa::Avx2:
+      return "avx2";
+    case Isa::Avx512:
+      return "avx512";
+  }
+  return "unknown";
+}
+
+}  // namespace lenticule

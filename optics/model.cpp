@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+// The optical model, one subpixel at a time, each equation solved until it no longer changes.
+//
+// Lengths along z are in units of the eye's distance here: with t = (E - Q) / Ez the tangents of
+// the direction from a panel point to the eye, gamma = g / Ez and s = sqrt(1 + (1 - nu) |r /
+// Ez|^2), the law of the sheet becomes Delta = g t / (s + gamma). An eye at infinity is gamma = 0,
+// t given.
+#include "optics/model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "optics/residual_spline.h"
+
+namespace lenticule::optics {
+namespace {
+
+// Newton's steps at least square the error; these are never used up by a valid rig.
+constexpr int kMaxNewtonSteps = 60;
+constexpr double kConverged = 1e-15;
+
+/// How a panel point sees an eye.
+struct Sight {
+  double tan_x;
+  double tan_y;
+  double gamma;
+};
+
+Sight sight(Vec2 point_mm, const Eye& eye, double gap_mm) {
+  if (std::isinf(eye.z_mm)) return {eye.x, eye.y, 0.0};
+  return {(eye.x - point_mm.x) / eye.z_mm, (eye.y - point_mm.y) / eye.z_mm, gap_mm / eye.z_mm};
+}
+
+/// s for a given panel point: s^2 = 1 + kappa |t|^2 (s / (s + gamma))^2.
+double obliquity(const Sight& to_eye, double kappa) {
+  const double a = kappa * (to_eye.tan_x * to_eye.tan_x + to_eye.tan_y * to_eye.tan_y);
+  const double gamma = to_eye.gamma;
+  double s = std::sqrt(1.0 + a / ((1.0 + gamma) * (1.0 + gamma)));
+  for (int i = 0; i < kMaxNewtonSteps; ++i) {
+    const double d = 1.0 / (s + gamma), h = s * d;
+    const double step = (s * s - 1.0 - a * h * h) / (2.0 * (s - a * h * gamma * d * d));
+    s -= step;
+    if (!(std::abs(step) > kConverged * s)) break;
+  }
+  return s;
+}
+
+/// A subpixel looking for the place on the viewing line that sees it through its lens. Shifts are
+/// Delta / g.
+struct Search {
+  double tan_y;
+  double gamma;
+  double kappa;
+  double slope;          ///< tan of the slant angle on the glass
+  double lens_per_gap;   ///< p_h / g
+  double shift_at_rest;  ///< x shift onto the lens's axis, were there no y shift and no residual
+};
+struct ServedEye {
+  double shift;  ///< Delta_x / g
+  double s;
+};
+
+/// Solves lambda(L) = lens together with the law of the sheet,
+///   F(s) = s^2 (1 - kappa shift^2) - 1 - kappa (t_y s / (s + gamma))^2 = 0.
+/// Each step takes the residual map as linear around the present L and makes a Newton step of F.
+template <class Residual>
+ServedEye find_served_eye(const Search& q, double s, const Residual& residual) {
+  double shift = q.shift_at_rest + q.slope * q.tan_y / (s + q.gamma);
+  const double eye_tan_y = q.tan_y * s / (s + q.gamma);
+  s = std::sqrt((1.0 + q.kappa * eye_tan_y * eye_tan_y) / (1.0 - q.kappa * shift * shift));
+  for (int i = 0; i < kMaxNewtonSteps; ++i) {
+    const double d = 1.0 / (s + q.gamma), h = s * d;
+    const ResidualSpline::Value bend = residual(shift, q.tan_y * d);
+    const double stretch = 1.0 + q.lens_per_gap * bend.per_px_x;
+    const double before = shift;
+    shift = (q.shift_at_rest + q.slope * q.tan_y * d -
+             q.lens_per_gap * (bend.lenses - bend.per_px_x * before)) /
+            stretch;
+    const double shift_per_s = -q.slope * q.tan_y * d * d / stretch;
+    const double room = 1.0 - q.kappa * shift * shift;
+    const double ky = q.kappa * q.tan_y * q.tan_y * h;
+    const double f = s * s * room - 1.0 - ky * h;
+    const double df =
+        2.0 * (s * room - q.kappa * s * s * shift * shift_per_s - ky * q.gamma * d * d);
+    const double step = f / df;
+    s -= step;
+    if (!(std::abs(step) + std::abs(shift - before) > kConverged)) break;
+  }
+  return {shift, s};
+}
+
+}  // namespace
+
+struct OpticalModel::Prepared {
+  explicit Prepared(const Rig& source)
+      : rig(source),
+        residual(source.sheet.residual, source.panel.width_px, source.panel.height_px) {}
+
+  Rig rig;
+  ResidualSpline residual;
+};
+
+LensPlace split_phase(double phase) {
+  const double shifted = phase + kBorderTolerance;
+  double lens = std::floor(shifted);
+  if (shifted - lens >= 0.5) lens += 1.0;
+  return {static_cast<int64_t>(lens), std::max(phase - lens, -0.5)};
+}
+
+OpticalModel::OpticalModel(const Rig& rig) {
+  validate_rig(rig, rig.name.empty() ? "rig" : rig.name);
+  prepared_ = std::make_shared<const Prepared>(rig);
+  const double distance = rig.viewing.distance.value;
+  design_eye_ = {0.0, std::isinf(distance) ? 0.0 : rig.viewing.height.value, distance};
+}
+
+const Rig& OpticalModel::rig() const {
+  return prepared_->rig;
+}
+
+const ResidualSpline& OpticalModel::residual() const {
+  return prepared_->residual;
+}
+
+double OpticalModel::lens_coordinate(double x_px, double y_px, int channel) const {
+  const Panel& panel = rig().panel;
+  const LensSheet& sheet = rig().sheet;
+  const double x = x_px + sheet.channel_offset[static_cast<size_t>(channel)].value / 3.0;
+  const double from_centre =
+      (x - panel.width_px / 2.0) + sheet.slant * (y_px - panel.height_px / 2.0);
+  return 3.0 * from_centre / sheet.pitch.value + sheet.offset.value + residual().at(x, y_px).lenses;
+}
+
+Vec2 OpticalModel::refraction_shift_mm(Vec2 lens_point_mm, const Eye& eye) const {
+  const LensSheet& sheet = rig().sheet;
+  const Sight r = sight(lens_point_mm, eye, sheet.gap.value);
+  const double kappa = 1.0 - sheet.refraction_shape;
+  const double scale =
+      sheet.gap.value / std::sqrt(1.0 + kappa * (r.tan_x * r.tan_x + r.tan_y * r.tan_y));
+  return {r.tan_x * scale, r.tan_y * scale};
+}
+
+Vec2 OpticalModel::lens_point_mm(Vec2 panel_point_mm, const Eye& eye) const {
+  const LensSheet& sheet = rig().sheet;
+  const Sight to_eye = sight(panel_point_mm, eye, sheet.gap.value);
+  const double scale =
+      sheet.gap.value / (obliquity(to_eye, 1.0 - sheet.refraction_shape) + to_eye.gamma);
+  return panel_point_mm + Vec2{to_eye.tan_x, to_eye.tan_y} * scale;
+}
+
+double OpticalModel::phase(double x_px, double y_px, int channel, const Eye& eye) const {
+  const Panel& panel = rig().panel;
+  const Vec2 q{panel.x_mm(x_px), panel.y_mm(y_px)};
+  const Vec2 delta = lens_point_mm(q, eye) - q;
+  return lens_coordinate(x_px + delta.x / panel.pixel_width.value,
+                         y_px - delta.y / panel.pixel_height.value, channel);
+}
+
+SubpixelRay OpticalModel::ray(int i, int j, int channel) const {
+  const Panel& panel = rig().panel;
+  const LensSheet& sheet = rig().sheet;
+  const double gap = sheet.gap.value, kappa = 1.0 - sheet.refraction_shape;
+  const Vec2 at_px = panel.subpixel_centre_px(i, j, channel);
+  const Vec2 at_mm{panel.x_mm(at_px.x), panel.y_mm(at_px.y)};
+  const Sight to_centre = sight(at_mm, design_eye_, gap);
+  const LensPlace served = split_phase(phase(at_px.x, at_px.y, channel, design_eye_));
+
+  const double channel_px = sheet.channel_offset[static_cast<size_t>(channel)].value / 3.0;
+  const double gap_px_x = gap / panel.pixel_width.value;
+  const double gap_px_y = gap / panel.pixel_height.value;
+  const auto residual = [&](double shift_x, double shift_y) {
+    ResidualSpline::Value value = prepared_->residual.at(at_px.x + channel_px + shift_x * gap_px_x,
+                                                         at_px.y - shift_y * gap_px_y);
+    value.per_px_x *= gap_px_x;  // per unit of shift
+    return value;
+  };
+  const double from_centre = (at_px.x + channel_px - panel.width_px / 2.0) +
+                             sheet.slant * (at_px.y - panel.height_px / 2.0);
+  const double ideal_phase = 3.0 * from_centre / sheet.pitch.value + sheet.offset.value;
+  const double lens_per_gap = pitch_mm() / gap;
+  const ServedEye eye = find_served_eye(
+      {.tan_y = to_centre.tan_y,
+       .gamma = to_centre.gamma,
+       .kappa = kappa,
+       .slope = sheet.slant * panel.pixel_width.value / panel.pixel_height.value,
+       .lens_per_gap = lens_per_gap,
+       .shift_at_rest = lens_per_gap * (static_cast<double>(served.lens) - ideal_phase)},
+      obliquity(to_centre, kappa), residual);
+
+  const double paraxial_tan_y = to_centre.tan_y / (1.0 + to_centre.gamma);
+  return {.lens_x_mm = at_mm.x + gap * eye.shift,
+          .lens_y_mm = at_mm.y + gap * paraxial_tan_y,
+          .tan_x = eye.shift * eye.s,
+          .tan_y = paraxial_tan_y,
+          .lens = served.lens,
+          .place = served.place};
+}
+
+double OpticalModel::pitch_mm() const {
+  return rig().sheet.pitch.value * rig().panel.pixel_width.value / 3.0;
+}
+
+double OpticalModel::lobe_width_mm(double z_mm) const {
+  return pitch_mm() * z_mm / rig().sheet.gap.value;
+}
+
+double OpticalModel::depth_of_field_mm() const {
+  return rig().sheet.gap.value * rig().sheet.pitch.value;
+}
+
+}  // namespace lenticule::optics

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// A residual map ready to be evaluated: one bicubic polynomial per cell of its grid.
+#pragma once
+
+#include <vector>
+
+#include "optics/rig.h"
+
+namespace lenticule::optics {
+
+/// Bicubic Catmull-Rom through the knots of a ResidualMap. The knots beyond the border continue the
+/// last two in a straight line, so that the map goes on linearly outside the panel and is smooth
+/// (C1) everywhere. Immutable.
+class ResidualSpline {
+ public:
+  struct Value {
+    double lenses = 0.0;
+    double per_px_x = 0.0;  ///< derivative to the right, lenses per pixel
+  };
+
+  ResidualSpline() = default;
+  ResidualSpline(const ResidualMap& map, int width_px, int height_px);
+
+  [[nodiscard]] bool empty() const { return coefficients_.empty(); }
+  /// At panel point (X, Y) in pixels, on or off the panel.
+  [[nodiscard]] Value at(double x_px, double y_px) const;
+
+  // For evaluation many points at a time: cell (c, r) covers the grid coordinates [c, c+1) x
+  // [r, r+1), c = X knots_per_px_x; c runs from -1 to columns - 1. The 16 coefficients of a cell
+  // are those of t^q u^p at index 4 p + q, with t, u the coordinates inside the cell.
+  [[nodiscard]] const double* coefficients() const { return coefficients_.data(); }
+  [[nodiscard]] int columns() const { return columns_; }
+  [[nodiscard]] int rows() const { return rows_; }
+  [[nodiscard]] double knots_per_px_x() const { return knots_per_px_x_; }
+  [[nodiscard]] double knots_per_px_y() const { return knots_per_px_y_; }
+
+ private:
+  int columns_ = 0;
+  int rows_ = 0;
+  double knots_per_px_x_ = 0.0;
+  double knots_per_px_y_ = 0.0;
+  std::vector<double> coefficients_;
+};
+
+}  // namespace lenticule::optics

@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: Apache-2.0
+// What every rig from outside is held to, and its fingerprint.
+#include "optics/rig.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <string_view>
+
+#include "optics/error.h"
+
+namespace lenticule::optics {
+namespace {
+
+using Problem = std::optional<RigProblem>;
+
+constexpr double kMaxPixelMm = 100.0;
+constexpr double kMaxGapMm = 1000.0;
+constexpr double kMaxDistanceMm = 1e6;
+constexpr double kMaxOffsetLenses = 1e6;
+constexpr double kMaxChannelOffsetSubpixels = 30.0;
+constexpr double kMaxResidualLenses = 1000.0;
+constexpr size_t kMaxTextBytes = 4096;
+constexpr size_t kMaxProvenanceEntries = 256;
+
+/// A problem unless low <= value <= high; a NaN is outside.
+Problem outside(const std::string& key, double value, double low, double high) {
+  if (value >= low && value <= high) return {};
+  return RigProblem{key, fmt::format("{} is not within {} to {}", value, low, high), {}};
+}
+
+Problem not_positive(const std::string& key, double value, double high) {
+  if (value > 0.0 && value <= high) return {};
+  return RigProblem{key, fmt::format("{} is not greater than 0 and at most {}", value, high), {}};
+}
+
+template <class... Checks>
+Problem first_of(const Checks&... checks) {
+  Problem found;
+  (void)((found = checks()).has_value() || ...);
+  return found;
+}
+
+Problem panel_problem(const Panel& panel) {
+  return first_of(
+      [&] { return outside("panel.width_px", panel.width_px, 1, kMaxPanelPixels); },
+      [&] { return outside("panel.height_px", panel.height_px, 1, kMaxPanelPixels); },
+      [&] { return not_positive("panel.pixel_width_mm", panel.pixel_width.value, kMaxPixelMm); },
+      [&] { return not_positive("panel.pixel_height_mm", panel.pixel_height.value, kMaxPixelMm); });
+}
+
+Problem residual_problem(const ResidualMap& map, const Panel& panel, double pitch_px) {
+  if (map.columns == 0 && map.rows == 0 && map.empty()) return {};
+  if (Problem p = outside("sheet.residual.columns", map.columns, 1, kMaxResidualKnots)) return p;
+  if (Problem p = outside("sheet.residual.rows", map.rows, 1, kMaxResidualKnots)) return p;
+  const size_t columns = static_cast<size_t>(map.columns), rows = static_cast<size_t>(map.rows);
+  if (map.lenses.size() != columns * rows) {
+    return RigProblem{
+        "sheet.residual.lenses",
+        fmt::format("{} values where columns * rows = {}", map.lenses.size(), columns * rows),
+        {}};
+  }
+  // Lenses between two knots, across and down: what a change of one lens there means for the pitch.
+  const double step_x = panel.width_px / pitch_px / static_cast<double>(std::max(columns - 1, 1ul));
+  const double step_y = panel.height_px / pitch_px / static_cast<double>(std::max(rows - 1, 1ul));
+  for (size_t i = 0; i < map.lenses.size(); ++i) {
+    const double here = map.lenses[i];
+    if (Problem p = outside("sheet.residual.lenses", here, -kMaxResidualLenses, kMaxResidualLenses))
+      return p;
+    const double left = i % columns > 0 ? map.lenses[i - 1] : here;
+    const double above = i >= columns ? map.lenses[i - columns] : here;
+    if (std::abs(here - left) > kMaxResidualSlope * step_x ||
+        std::abs(here - above) > kMaxResidualSlope * step_y) {
+      return RigProblem{"sheet.residual.lenses",
+                        fmt::format("value {} changes the local pitch by more than {} %", i + 1,
+                                    100 * kMaxResidualSlope),
+                        "a residual map describes small deviations; correct pitch_subpx and slant"};
+    }
+  }
+  return {};
+}
+
+Problem sheet_problem(const LensSheet& sheet, const Panel& panel) {
+  const auto channels = [&]() -> Problem {
+    for (const Subpixels offset : sheet.channel_offset) {
+      if (Problem p = outside("sheet.channel_offset_subpx", offset.value,
+                              -kMaxChannelOffsetSubpixels, kMaxChannelOffsetSubpixels))
+        return p;
+    }
+    return {};
+  };
+  return first_of(
+      [&] {
+        return outside("sheet.pitch_subpx", sheet.pitch.value, kMinPitchSubpixels,
+                       kMaxPitchSubpixels);
+      },
+      [&] { return outside("sheet.slant", sheet.slant, -kMaxSlant, kMaxSlant); },
+      [&] {
+        return outside("sheet.offset_lenses", sheet.offset.value, -kMaxOffsetLenses,
+                       kMaxOffsetLenses);
+      },
+      [&] { return not_positive("sheet.gap_mm", sheet.gap.value, kMaxGapMm); },
+      [&] { return outside("sheet.refraction_shape", sheet.refraction_shape, 0.0, 1.0); },
+      [&] { return outside("sheet.spot_sigma_lenses", sheet.spot_sigma.value, 0.0, 10.0); },
+      channels, [&] { return residual_problem(sheet.residual, panel, sheet.pitch.value / 3.0); });
+}
+
+Problem viewing_problem(const ViewingLine& viewing, const LensSheet& sheet) {
+  if (Problem p =
+          outside("viewing.height_mm", viewing.height.value, -kMaxDistanceMm, kMaxDistanceMm))
+    return p;
+  const double z = viewing.distance.value;
+  if (std::isinf(z) && z > 0) return {};
+  if (Problem p = not_positive("viewing.distance_mm", z, kMaxDistanceMm)) {
+    p->remedy = "write inf for parallel viewing zones";
+    return p;
+  }
+  if (z < sheet.gap.value) {
+    return RigProblem{"viewing.distance_mm", "nearer than the sheet is thick", {}};
+  }
+  return {};
+}
+
+/// Light inside the sheet cannot be steeper than the critical angle, and a subpixel must find an
+/// eye for its lens: the horizontal shift grows with the eye's x. Both are checked where they are
+/// hardest, at the panel's edges with a viewer half a lobe aside.
+Problem geometry_problem(const Rig& rig) {
+  const Panel& panel = rig.panel;
+  const LensSheet& sheet = rig.sheet;
+  const double kappa = 1.0 - sheet.refraction_shape;
+  const double inverse_z =
+      std::isinf(rig.viewing.distance.value) ? 0.0 : 1.0 / rig.viewing.distance.value;
+  const double edge_x = 0.5 * panel.width_px * panel.pixel_width.value * inverse_z;
+  const double edge_y =
+      (0.5 * panel.height_px * panel.pixel_height.value + std::abs(rig.viewing.height.value)) *
+      inverse_z;
+  const double half_lens = sheet.pitch.value * panel.pixel_width.value / 6.0 / sheet.gap.value;
+  const double steepest = edge_x / std::sqrt(1.0 + kappa * edge_x * edge_x) + half_lens;
+  const double room = 1.0 - kappa * steepest * steepest;
+  if (!(room >= 0.1)) {
+    return RigProblem{"sheet.gap_mm",
+                      "so thin for this pitch that a lens would have to send light beyond the "
+                      "critical angle",
+                      "check gap_mm, pitch_subpx and the pixel size"};
+  }
+  const double slope = std::abs(sheet.slant) * panel.pixel_width.value / panel.pixel_height.value;
+  if (!(slope * edge_y * kappa * steepest / room <= 0.5) || !(steepest <= 1e3) ||
+      !(edge_y <= 1e3)) {
+    return RigProblem{"viewing.distance_mm", "too near for a panel of this size and slant", {}};
+  }
+  return {};
+}
+
+bool is_continuation(unsigned char byte) {
+  return (byte & 0xC0) == 0x80;
+}
+
+/// Length of the UTF-8 sequence at the start of `text`, 0 if there is none (overlong forms,
+/// surrogates and control characters but tab and newline included).
+size_t utf8_length(std::string_view text) {
+  const auto at = [&](size_t i) {
+    return i < text.size() ? static_cast<unsigned char>(text[i]) : static_cast<unsigned char>(0);
+  };
+  const unsigned char lead = at(0);
+  if (lead < 0x80) return (lead >= 0x20 && lead != 0x7F) || lead == '\t' || lead == '\n' ? 1 : 0;
+  size_t length = 0;
+  if (lead >= 0xC2 && lead <= 0xDF) length = 2;
+  if (lead >= 0xE0 && lead <= 0xEF) length = 3;
+  if (lead >= 0xF0 && lead <= 0xF4) length = 4;
+  for (size_t i = 1; i < length; ++i) {
+    if (!is_continuation(at(i))) return 0;
+  }
+  const unsigned char second = at(1);
+  if ((lead == 0xE0 && second < 0xA0) || (lead == 0xED && second > 0x9F) ||
+      (lead == 0xF0 && second < 0x90) || (lead == 0xF4 && second > 0x8F)) {
+    return 0;
+  }
+  return length;
+}
+
+Problem text_problem(const std::string& key, std::string_view text) {
+  if (text.size() > kMaxTextBytes) return RigProblem{key, "longer than 4096 bytes", {}};
+  while (!text.empty()) {
+    const size_t length = utf8_length(text);
+    if (length == 0) return RigProblem{key, "not printable UTF-8 text", {}};
+    text.remove_prefix(length);
+  }
+  return {};
+}
+
+Problem texts_problem(const Rig& rig) {
+  const PanelIdentity& id = rig.identity;
+  const Problem found =
+      first_of([&] { return text_problem("name", rig.name); },
+               [&] { return text_problem("identity.manufacturer", id.manufacturer); },
+               [&] { return text_problem("identity.serial", id.serial); },
+               [&] { return text_problem("identity.edid_sha256", id.edid_sha256); });
+  if (found) return found;
+  if (rig.provenance.size() > kMaxProvenanceEntries) {
+    return RigProblem{"provenance", "more than 256 entries", {}};
+  }
+  for (size_t i = 0; i < rig.provenance.size(); ++i) {
+    const auto& [key, text] = rig.provenance[i];
+    if (Problem p = text_problem("provenance", key)) return p;
+    if (Problem p = text_problem("provenance", text)) return p;
+    const auto same = [&key = key](const auto& entry) { return entry.first == key; };
+    const auto begin = rig.provenance.begin();
+    if (std::any_of(begin, begin + static_cast<ptrdiff_t>(i), same)) {
+      return RigProblem{"provenance", "key '" + key + "' appears twice", {}};
+    }
+  }
+  return {};
+}
+
+/// 64-bit FNV-1a over canonical little-endian bytes.
+class Hash {
+ public:
+  void add(uint64_t word) {
+    for (int shift = 0; shift < 64; shift += 8) {
+      state_ = (state_ ^ ((word >> shift) & 0xFF)) * 0x100000001B3u;
+    }
+  }
+  void add(int value) { add(static_cast<uint64_t>(static_cast<int64_t>(value))); }
+  void add(double value) { add(std::bit_cast<uint64_t>(value == 0.0 ? 0.0 : value)); }
+  [[nodiscard]] uint64_t value() const { return state_; }
+
+ private:
+  uint64_t state_ = 0xCBF29CE484222325u;
+};
+
+void add_panel(Hash& hash, const Panel& panel) {
+  hash.add(panel.width_px);
+  hash.add(panel.height_px);
+  hash.add(panel.pixel_width.value);
+  hash.add(panel.pixel_height.value);
+  hash.add(panel.layout.columns());
+  hash.add(panel.layout.rows());
+  for (const PixelCell& cell : panel.layout.table()) {
+    for (const SubpixelOffset& offset : cell) {
+      hash.add(offset.x_px);
+      hash.add(offset.y_px);
+    }
+  }
+}
+
+void add_sheet(Hash& hash, const LensSheet& sheet) {
+  hash.add(sheet.pitch.value);
+  hash.add(sheet.slant);
+  hash.add(sheet.offset.value);
+  hash.add(sheet.gap.value);
+  hash.add(sheet.refraction_shape);
+  for (const Subpixels offset : sheet.channel_offset) hash.add(offset.value);
+  hash.add(sheet.residual.columns);
+  hash.add(sheet.residual.rows);
+  for (const double lenses : sheet.residual.lenses) hash.add(lenses);
+  hash.add(sheet.spot_sigma.value);
+}
+
+}  // namespace
+
+std::optional<RigProblem> find_problem(const Rig& rig) {
+  return first_of([&] { return panel_problem(rig.panel); },
+                  [&] { return sheet_problem(rig.sheet, rig.panel); },
+                  [&] { return viewing_problem(rig.viewing, rig.sheet); },
+                  [&] { return geometry_problem(rig); }, [&] { return texts_problem(rig); });
+}
+
+void validate_rig(const Rig& rig, const std::string& context) {
+  if (const Problem p = find_problem(rig)) {
+    throw Error(ErrorKind::Input, context + ": " + p->key + ": " + p->cause, p->remedy);
+  }
+}
+
+std::string fingerprint(const Rig& rig) {
+  Hash hash;
+  add_panel(hash, rig.panel);
+  add_sheet(hash, rig.sheet);
+  hash.add(rig.viewing.height.value);
+  hash.add(rig.viewing.distance.value);
+  return fmt::format("{:016x}", hash.value());
+}
+
+}  // namespace lenticule::optics
