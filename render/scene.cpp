@@ -1,1 +1,274 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "render/scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "optics/error.h"
+#include "render/committed_scene.h"
+#include "render/lighting.h"
+#include "render/user_geometry.h"
+
+namespace lenticule::render {
+namespace {
+
+/// Scene units; beyond, single precision says nothing and Embree would drop the primitive silently.
+constexpr double kFarthest = 1e15;
+
+/// Moves one description into the scene frame, checking every number on the way.
+class Committer {
+ public:
+  Committer(const SceneDescription& description, const Stage& stage, Scene::Impl& scene)
+      : description_(description), stage_(stage), scene_(scene) {}
+
+  void commit(const Surroundings& surroundings) {
+    set_frame();
+    add_materials();
+    for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
+    for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
+    for (const Cone& cone : description_.cones) add_cone(cone);
+    if (surroundings.ground) add_ground(surroundings);
+    add_lights();
+    scene_.ambient = ambient_light(description_);
+    if (!is_finite(scene_.ambient)) refuse("ambient light", "is not finite");
+    scene_.backdrop = make_backdrop(description_, stage_, surroundings);
+    scene_.colour_managed = description_.colour_managed;
+    scene_.textures = description_.textures;
+    build();
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& object, const std::string& cause) const {
+    throw Error(ErrorKind::Input, fmt::format("{}: {} {}", description_.source, object, cause));
+  }
+
+  void set_frame() {
+    const Affine& world_from_panel = stage_.world_from_panel;
+    const double world_per_mm = length(world_from_panel.column_x);
+    const double volume = world_from_panel.determinant();
+    if (!(world_per_mm > 0.0) || !std::isfinite(1.0 / world_per_mm) || !std::isfinite(volume) ||
+        volume == 0.0 || !is_finite(world_from_panel.origin))
+      refuse("stage", "has no usable size");
+    units_per_world_ = 1.0 / world_per_mm;
+    centre_ = world_from_panel.origin;
+    scene_.units_per_world = units_per_world_;
+    scene_.scene_from_panel = {world_from_panel.column_x * units_per_world_,
+                               world_from_panel.column_y * units_per_world_,
+                               world_from_panel.column_z * units_per_world_,
+                               {}};
+    const Affine panel_from_scene = scene_.scene_from_panel.inverse();
+    depth_ = {panel_from_scene.column_x.z, panel_from_scene.column_y.z,
+              panel_from_scene.column_z.z};
+  }
+
+  Vec3 scene_point(Vec3 world, const char* what, const std::string& name) const {
+    const Vec3 p = (world - centre_) * units_per_world_;
+    if (!is_finite(world))
+      refuse(fmt::format("{} '{}'", what, name), "has a position that is not finite");
+    if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) < kFarthest))
+      refuse(fmt::format("{} '{}'", what, name), "lies too far from the stage");
+    return p;
+  }
+
+  double scene_length(double world, const char* what) const {
+    const double l = world * units_per_world_;
+    if (!(world >= 0.0) || !(l < kFarthest)) refuse(what, fmt::format("has a radius of {}", world));
+    return l;
+  }
+
+  void see(Vec3 point, double reach = 0.0) {
+    nearest_ = std::max(nearest_, dot(depth_, point) + reach);
+  }
+
+  int material_index(int index, const std::string& object) const {
+    const auto count = static_cast<int>(scene_.materials.size());
+    if (index < 0 || index >= count)
+      refuse(object, fmt::format("has no material number {}", index));
+    return index;
+  }
+
+  void add_materials() {
+    scene_.materials = description_.materials;
+    if (scene_.materials.empty()) scene_.materials.emplace_back();
+    const auto textures = static_cast<int>(description_.textures.size());
+    for (const Material& m : scene_.materials) {
+      const std::string object = fmt::format("material '{}'", m.name);
+      if (m.texture >= textures ||
+          (m.texture >= 0 && !usable(description_.textures[m.texture].get())))
+        refuse(object, "names a texture that is not there");
+      const double scalars[] = {m.diffuse, m.specular, m.shine, m.transmittance};
+      const bool finite = is_finite(m.colour) && is_finite(m.emission) &&
+                          std::all_of(std::begin(scalars), std::end(scalars),
+                                      [](double v) { return std::isfinite(v); });
+      if (!finite) refuse(object, "has a value that is not finite");
+      if (!(m.refraction_index > 0.0) || !std::isfinite(m.refraction_index))
+        refuse(object, fmt::format("has a refraction index of {}", m.refraction_index));
+    }
+  }
+
+  static bool usable(const Texture* texture) {
+    return texture && texture->width > 0 && texture->height > 0 &&
+           texture->rgba.size() == 4 * static_cast<size_t>(texture->width) * texture->height;
+  }
+
+  void add_mesh(const TriangleMesh& mesh) {
+    LENTICULE_CHECK(mesh.node < 0);
+    const std::string object = fmt::format("mesh '{}'", mesh.name);
+    if (mesh.triangles.empty()) return;
+    if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size())
+      refuse(object, "has another number of normals than of vertices");
+    if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.positions.size())
+      refuse(object, "has another number of texture coordinates than of vertices");
+    if (mesh.triangles.size() > std::numeric_limits<uint32_t>::max() / 4)
+      refuse(object, "has too many triangles");
+    for (const auto& triangle : mesh.triangles)
+      for (const uint32_t vertex : triangle)
+        if (vertex >= mesh.positions.size())
+          refuse(object, fmt::format("has no vertex {}", vertex));
+
+    MeshShape shape;
+    shape.material = material_index(mesh.material, object);
+    shape.triangles = mesh.triangles;
+    shape.uvs = mesh.uvs;
+    shape.positions.reserve(mesh.positions.size() + 1);
+    for (const Vec3& position : mesh.positions) {
+      const Vec3 p = scene_point(position, "mesh", mesh.name);
+      see(p);
+      shape.positions.emplace_back(p);
+    }
+    shape.positions.emplace_back();
+    shape.normals.reserve(mesh.normals.size());
+    for (const Vec3& normal : mesh.normals) {
+      if (!is_finite(normal)) refuse(object, "has a normal that is not finite");
+      shape.normals.emplace_back(normal);
+    }
+    scene_.meshes.push_back(std::move(shape));
+  }
+
+  void add_sphere(const Sphere& sphere) {
+    const SphereShape shape{.centre = scene_point(sphere.centre, "sphere", "centre"),
+                            .radius = scene_length(sphere.radius, "sphere"),
+                            .inward = sphere.inward,
+                            .material = material_index(sphere.material, "sphere")};
+    see(shape.centre, shape.radius * length(depth_));
+    scene_.spheres.push_back(shape);
+  }
+
+  void add_cone(const Cone& cone) {
+    const Vec3 base = scene_point(cone.base, "cone", "base");
+    const Vec3 apex = scene_point(cone.apex, "cone", "apex");
+    const double base_radius = scene_length(cone.base_radius, "cone");
+    const double apex_radius = scene_length(cone.apex_radius, "cone");
+    const double height = length(apex - base);
+    if (!(height > 0.0)) refuse("cone", "has no height");
+    const ConeShape shape{.base = base,
+                          .axis = (apex - base) / height,
+                          .height = height,
+                          .base_radius = base_radius,
+                          .slope = (apex_radius - base_radius) / height,
+                          .inward = cone.inward,
+                          .material = material_index(cone.material, "cone")};
+    // How far a disc of radius 1 across the axis reaches toward the viewer.
+    const double tilt = length(depth_ - shape.axis * dot(depth_, shape.axis));
+    see(base, base_radius * tilt);
+    see(apex, apex_radius * tilt);
+    scene_.cones.push_back(shape);
+  }
+
+  void add_ground(const Surroundings& surroundings) {
+    if (!is_finite(surroundings.ground_colour)) refuse("ground", "has a colour that is not finite");
+    const Bounds bounds = scene_bounds(description_);
+    if (bounds.empty()) return;
+    scene_.materials.push_back({.name = "ground", .colour = surroundings.ground_colour});
+    add_mesh(ground_plane(bounds, world_up(stage_), static_cast<int>(scene_.materials.size()) - 1));
+  }
+
+  void add_lights() {
+    for (const Light& light : description_.lights) {
+      LENTICULE_CHECK(light.node < 0);
+      const bool placed = light.kind != Light::Kind::Directional;
+      const bool aimed = light.kind != Light::Kind::Point;
+      if (!is_finite(light.colour) || (aimed && !is_finite(light.direction)))
+        refuse("light", "has a value that is not finite");
+      const Vec3 direction = normalized(light.direction);
+      if (aimed && direction == Vec3{}) refuse("light", "has no direction");
+      scene_.lights.push_back(
+          {.kind = light.kind,
+           .position = placed ? scene_point(light.position, "light", "position") : Vec3{},
+           .direction = direction,
+           .colour = light.colour,
+           .falls_off = light.falls_off,
+           .cos_inner = light.cos_inner,
+           .cos_outer = light.cos_outer});
+    }
+    if (description_.lights.empty()) scene_.lights.push_back(default_light());
+  }
+
+  SceneLight default_light() const {
+    const Vec3 into_glass = scene_.scene_from_panel.vector({0.4, -0.6, -1.0});
+    return {.kind = Light::Kind::Directional,
+            .direction = normalized(into_glass),
+            .colour = Vec3{1, 1, 1} * kDefaultLightIntensity};
+  }
+
+  void build() {
+    scene_.near_mm = std::isfinite(nearest_) ? nearest_ : 0.0;
+    const RTCDevice device = scene_.device.get();
+    scene_.embree.reset(rtcNewScene(device));
+    scene_.device.check(description_.source);
+    // Robust: no ray slips between two triangles of a closed surface. Regular lattices of rays on
+    // regular meshes do hit edges and vertices.
+    rtcSetSceneFlags(scene_.embree.get(), RTC_SCENE_FLAG_ROBUST);
+    for (size_t i = 0; i < scene_.meshes.size(); ++i)
+      attach(mesh_geometry(scene_.meshes[i]), {GeometryEntry::Kind::Mesh, i});
+    if (!scene_.spheres.empty())
+      attach(make_sphere_geometry(device, scene_.spheres), {GeometryEntry::Kind::Spheres});
+    if (!scene_.cones.empty())
+      attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones});
+    rtcCommitScene(scene_.embree.get());
+    scene_.device.check(description_.source);
+  }
+
+  EmbreeGeometry mesh_geometry(const MeshShape& mesh) const {
+    EmbreeGeometry geometry(rtcNewGeometry(scene_.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
+    if (!geometry) return geometry;
+    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                               mesh.positions.data(), 0, sizeof(Vec3f), mesh.positions.size() - 1);
+    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                               mesh.triangles.data(), 0, sizeof(mesh.triangles[0]),
+                               mesh.triangles.size());
+    rtcSetGeometryMask(geometry.get(), ~0U);
+    rtcCommitGeometry(geometry.get());
+    return geometry;
+  }
+
+  void attach(EmbreeGeometry geometry, GeometryEntry entry) {
+    scene_.device.check(description_.source);
+    LENTICULE_CHECK(geometry != nullptr);
+    rtcAttachGeometryByID(scene_.embree.get(), geometry.get(),
+                          static_cast<unsigned>(scene_.geometries.size()));
+    scene_.geometries.push_back(entry);
+  }
+
+  const SceneDescription& description_;
+  const Stage& stage_;
+  Scene::Impl& scene_;
+  Vec3 centre_;
+  double units_per_world_ = 1.0;
+  Vec3 depth_;  ///< panel z of a scene point is its product with this
+  double nearest_ = -std::numeric_limits<double>::infinity();
+};
+
+}  // namespace
+
+Scene::Scene(const SceneDescription& description, const Stage& stage,
+             const Surroundings& surroundings, int threads)
+    : impl_(std::make_unique<Impl>(threads)) {
+  Committer(description, stage, *impl_).commit(surroundings);
+}
+
+Scene::~Scene() = default;
+
+}  // namespace lenticule::render

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <string>
 
 #include "render/scene_description.h"
 #include "render/stage.h"
@@ -11,10 +13,10 @@ namespace lenticule::render {
 
 /// Optional surroundings that a file need not have.
 struct Surroundings {
-  std::optional<Vec3> background;        ///< replaces the scene's
-  bool sky = false;                      ///< vertical gradient instead of a flat background
-  std::string environment_file;          ///< latitude-longitude picture, empty = none
-  bool ground = false;                   ///< a plane under the scene
+  std::optional<Vec3> background;  ///< replaces the scene's
+  bool sky = false;                ///< vertical gradient instead of a flat background
+  std::string environment_file;    ///< latitude-longitude picture, empty = none
+  bool ground = false;             ///< a plane under the scene
   Vec3 ground_colour{0.5, 0.5, 0.5};
 };
 
@@ -22,12 +24,17 @@ struct Surroundings {
 /// so that far-away scenes keep their precision.
 class Scene {
  public:
-  Scene(const SceneDescription& description, const Stage& stage, const Surroundings& surroundings);
+  /// `threads` build the acceleration structures, 0 = all cores; the picture does not depend on it.
+  /// Throws Error(Input) "source: object: cause" for numbers that are not finite, sizes that are
+  /// not positive, indices out of range and surroundings that cannot be read; Error(Failed) for
+  /// Embree's.
+  Scene(const SceneDescription& description, const Stage& stage, const Surroundings& surroundings,
+        int threads = 0);
   ~Scene();
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;
 
-  struct Impl;
+  struct Impl;  ///< render/committed_scene.h
   [[nodiscard]] const Impl& impl() const { return *impl_; }
 
  private:

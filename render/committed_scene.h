@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a render::Scene holds once committed: Embree's structures, and everything that shading
+// needs, in the scene frame.
+//
+// The scene frame is the world moved so that the stage's centre is the origin and scaled so that
+// one unit is about a millimetre on the glass. There single precision resolves a fraction of a
+// subpixel however far from the world's origin the scene lies, and however large its units are.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "render/embree.h"
+#include "render/quadrics.h"
+#include "render/scene.h"
+#include "render/surroundings.h"
+
+namespace lenticule::render {
+
+/// Buffers that Embree reads in place.
+struct MeshShape {
+  std::vector<Vec3f> positions;  ///< one more than there are vertices: Embree reads 16 bytes each
+  std::vector<std::array<uint32_t, 3>> triangles;
+  std::vector<Vec3f> normals;             ///< per vertex, or empty
+  std::vector<std::array<float, 2>> uvs;  ///< per vertex, or empty
+  int material = 0;
+};
+
+/// A light in the scene frame.
+struct SceneLight {
+  Light::Kind kind = Light::Kind::Point;
+  Vec3 position{};
+  Vec3 direction{};  ///< unit, the way the light travels
+  Vec3 colour{};
+  bool falls_off = false;
+  double cos_inner = 1.0;
+  double cos_outer = 0.0;
+};
+
+/// Which list a geometry number of Embree's belongs to.
+struct GeometryEntry {
+  enum class Kind { Mesh, Spheres, Cones } kind = Kind::Mesh;
+  size_t mesh = 0;
+};
+
+struct Scene::Impl {
+  explicit Impl(int threads) : device(threads) {}
+
+  // Released last: the scene and its geometries belong to the device and read the shapes.
+  EmbreeDevice device;
+  std::vector<MeshShape> meshes;
+  std::vector<SphereShape> spheres;
+  std::vector<ConeShape> cones;
+  std::vector<GeometryEntry> geometries;  ///< by Embree's geometry number
+  EmbreeScene embree;
+
+  std::vector<Material> materials;
+  std::vector<std::shared_ptr<const Texture>> textures;
+  std::vector<SceneLight> lights;
+  Vec3 ambient;
+  Backdrop backdrop;
+  bool colour_managed = true;
+
+  Affine scene_from_panel;       ///< from millimetres in the panel frame; its origin is zero
+  double units_per_world = 1.0;  ///< scene units per world unit
+  double near_mm = 0.0;          ///< panel z of the nearest point of any surface
+};
+
+}  // namespace lenticule::render

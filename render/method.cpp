@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/method.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "optics/error.h"
+#include "render/method_full.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr int kMostSamples = 1024;
+constexpr int kMostDepth = 64;
+constexpr int kMostThreads = 1024;
+
+void check_range(const char* what, int value, int low, int high) {
+  if (value < low || value > high)
+    throw Error(ErrorKind::Usage, fmt::format("{} {}: not in {} ... {}", what, value, low, high));
+}
+
+}  // namespace
+
+const std::vector<std::string>& method_names() {
+  static const std::vector<std::string> names = {"full"};
+  return names;
+}
+
+std::unique_ptr<Method> make_method(const std::string& name, const optics::OpticalModel& model,
+                                    const RenderOptions& options) {
+  check_range("samples", options.samples, 1, kMostSamples);
+  check_range("max depth", options.max_depth, 0, kMostDepth);
+  check_range("threads", options.threads, 0, kMostThreads);
+  if (name == "full") return make_method_full(model, options);
+  throw Error(ErrorKind::Usage, fmt::format("method '{}': unknown", name),
+              fmt::format("this build has: {}", fmt::join(method_names(), ", ")));
+}
+
+}  // namespace lenticule::render

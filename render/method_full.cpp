@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/method_full.h"
+
+#include <oneapi/tbb/enumerable_thread_specific.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <chrono>
+
+#include "frames/srgb.h"
+#include "optics/error.h"
+#include "render/denormals.h"
+#include "render/primary_rays.h"
+#include "render/wavefront.h"
+
+namespace lenticule::render {
+namespace {
+
+uint8_t straight_code(double light) {
+  if (!(light > 0.0)) return 0;
+  return light >= 1.0 ? 255 : static_cast<uint8_t>(light * 255.0 + 0.5);
+}
+
+class FullMethod final : public Method {
+ public:
+  FullMethod(const optics::OpticalModel& model, const RenderOptions& options)
+      : options_(options),
+        plan_(model.rig()),
+        primary_(model, plan_),
+        width_(model.rig().panel.width_px),
+        height_(model.rig().panel.height_px),
+        arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {
+    for (const SubpixelPlace place : footprint_samples(options.samples))
+      samples_.emplace_back(model, place);
+  }
+
+  RenderStatistics render(const Scene& scene, const Stage&, frames::WovenFrame& frame) override {
+    const frames::FrameGeometry& geometry = frame.geometry();
+    LENTICULE_CHECK(geometry.width == width_ && geometry.height == height_ &&
+                    geometry.format == frames::PixelFormat::Rgb8);
+    const auto start = std::chrono::steady_clock::now();
+    std::atomic<bool> cancelled{false};
+    tbb::enumerable_thread_specific<Worker> workers;
+    arena_.execute([&] {
+      tbb::parallel_for(0, plan_.count(), [&](int index) {
+        if (cancelled.load(std::memory_order_relaxed)) return;
+        if (options_.cancelled && options_.cancelled()) {
+          cancelled.store(true, std::memory_order_relaxed);
+          return;
+        }
+        render_tile(scene.impl(), plan_.tile(index), workers.local(), frame);
+      });
+    });
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+
+    RayCounts counts;
+    for (const Worker& worker : workers) counts += worker.counts;
+    return {.completed = !cancelled.load(),
+            .subpixels = 3 * static_cast<uint64_t>(width_) * static_cast<uint64_t>(height_),
+            .primary_rays = counts.primary,
+            .shadow_rays = counts.shadow,
+            .secondary_rays = counts.secondary,
+            .invalid_rays = counts.invalid,
+            .seconds = elapsed.count()};
+  }
+
+ private:
+  struct Worker {
+    PrimaryRays::Workspace workspace;
+    std::vector<PathRay> rays;
+    std::vector<double> light;
+    Wavefront wavefront;
+    RayCounts counts;
+  };
+
+  void render_tile(const Scene::Impl& scene, const Tile& tile, Worker& worker,
+                   frames::WovenFrame& frame) const {
+    const FlushDenormals flush;
+    worker.light.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, 0.0);
+    const double weight = 1.0 / static_cast<double>(samples_.size());
+    for (const Footprint& sample : samples_) {
+      primary_.generate(scene, tile, sample, weight, worker.workspace, worker.rays);
+      worker.wavefront.trace(scene, options_.max_depth, worker.rays, worker.light, worker.counts);
+    }
+    write_tile(scene, tile, worker.light, frame);
+  }
+
+  void write_tile(const Scene::Impl& scene, const Tile& tile, const std::vector<double>& light,
+                  frames::WovenFrame& frame) const {
+    const auto code = scene.colour_managed ? frames::code_from_linear : straight_code;
+    for (int row = 0; row < tile.rows; ++row) {
+      uint8_t* out = frame.row(tile.row_begin + row);
+      const double* in = light.data() + static_cast<size_t>(row) * tile.columns;
+      for (int column = 0; column < tile.columns; ++column) {
+        // Subpixel 3 i + channel is byte 3 i + channel of the row.
+        const int s = plan_.subpixel(tile, column, row);
+        if (s >= 0 && s < plan_.row_subpixels()) out[s] = code(in[column]);
+      }
+    }
+  }
+
+  RenderOptions options_;
+  TilePlan plan_;
+  PrimaryRays primary_;
+  std::vector<Footprint> samples_;
+  int width_;
+  int height_;
+  tbb::task_arena arena_;
+};
+
+}  // namespace
+
+std::unique_ptr<Method> make_method_full(const optics::OpticalModel& model,
+                                         const RenderOptions& options) {
+  return std::make_unique<FullMethod>(model, options);
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rays of a tile's subpixels, one per subpixel and sample, in the scene frame.
+#pragma once
+
+#include <vector>
+
+#include "optics/row_rays.h"
+#include "render/committed_scene.h"
+#include "render/footprint.h"
+#include "render/ray_stream.h"
+#include "render/tile.h"
+
+namespace lenticule::render {
+
+/// Content nearer to the eye than this part of the viewing distance in front of the glass is left
+/// out: all rays meet at the viewing line, and what stands there has no size.
+inline constexpr double kNearestContent = 0.99;
+
+class PrimaryRays {
+ public:
+  /// Both must outlive it.
+  PrimaryRays(const optics::OpticalModel& model, const TilePlan& plan);
+
+  /// Scratch of one thread.
+  struct Workspace {
+    optics::RowRays row;
+  };
+
+  /// Fills `rays` packet by packet: sixteen rows of the tile's first column, of its second, and so
+  /// on; a ray's target is row * columns + column. Lanes outside the panel are inactive.
+  void generate(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint,
+                double weight, Workspace& workspace, std::vector<PathRay>& rays) const;
+
+ private:
+  [[nodiscard]] double start_mm(const Scene::Impl& scene) const;
+
+  const TilePlan& plan_;
+  optics::RowRayEvaluator evaluator_;
+  double distance_mm_;
+};
+
+}  // namespace lenticule::render

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// The point where a ray met the scene, as shading sees it.
+#pragma once
+
+#include "render/committed_scene.h"
+#include "render/ray_stream.h"
+
+namespace lenticule::render {
+
+struct Surface {
+  Vec3 point;
+  Vec3 geometric_normal;      ///< unit, on the side the ray came from
+  Vec3 shading_normal;        ///< unit, interpolated where the mesh has normals, on the same side
+  bool outer_side = true;     ///< the ray came from outside: it would enter the object
+  double spawn_offset = 0.0;  ///< how far off the surface new rays start, along the normal
+  const Material* material = nullptr;
+  double colour = 1.0;  ///< the material's and its texture's, in the ray's channel
+};
+
+/// Embree says which primitive was met; where, is computed here in double precision from the ray
+/// and the primitive itself, so that the point lies on the surface as exactly as numbers allow.
+[[nodiscard]] Surface surface_at(const Scene::Impl& scene, const PathRay& ray, const Hit& hit);
+
+}  // namespace lenticule::render

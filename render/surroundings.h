@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a ray meets that meets nothing: a flat colour, a sky, or a picture of the surroundings; and
+// the ground plane.
+#pragma once
+
+#include <memory>
+
+#include "render/scene.h"
+
+namespace lenticule::render {
+
+/// The light that comes from infinitely far away.
+struct Backdrop {
+  Vec3 colour;
+  Vec3 up{0, 1, 0};      ///< unit, a world axis
+  Vec3 ahead{0, 0, -1};  ///< unit, the world direction at the middle of the environment picture
+  bool sky = false;
+  std::shared_ptr<const Texture> environment;
+};
+
+/// Throws Error(Input) for an environment file that cannot be read.
+[[nodiscard]] Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
+                                     const Surroundings& surroundings);
+
+/// One colour channel of what comes from `direction` (unit, away from the eye).
+[[nodiscard]] double backdrop_light(const Backdrop& backdrop, Vec3 direction, int channel);
+
+/// The world axis nearest to the panel's up, so that "down" stays down in files whose z is up.
+[[nodiscard]] Vec3 world_up(const Stage& stage);
+
+/// A large square under the scene's bounds, facing up, in world coordinates.
+[[nodiscard]] TriangleMesh ground_plane(const Bounds& bounds, Vec3 up, int material);
+
+}  // namespace lenticule::render

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/tile.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lenticule::render {
+namespace {
+
+bool subpixels_are_side_by_side(const optics::SubpixelLayout& layout) {
+  return layout.name() == "rgb" || layout.name() == "bgr";
+}
+
+int ceiling_quotient(int a, int b) {
+  return (a + b - 1) / b;
+}
+
+}  // namespace
+
+TilePlan::TilePlan(const optics::Rig& rig)
+    : width_(rig.panel.width_px),
+      height_(rig.panel.height_px),
+      // Where the three subpixels of a pixel are not thirds of a row, columns move by whole pixels.
+      step_(subpixels_are_side_by_side(rig.panel.layout) ? 1 : 3) {
+  shift_per_row_ = 3.0 * rig.sheet.slant / step_;
+  const int drift = shift(kRows - 1);
+  first_column_ = std::min(0, drift);
+  bands_ = ceiling_quotient(height_, kRows);
+  per_band_ = ceiling_quotient(row_subpixels() + std::abs(drift), kColumns);
+}
+
+int TilePlan::shift(int row) const {
+  return step_ * static_cast<int>(std::lround(shift_per_row_ * row));
+}
+
+Tile TilePlan::tile(int index) const {
+  const int row_begin = index / per_band_ * kRows;
+  return {.row_begin = row_begin,
+          .rows = std::min(kRows, height_ - row_begin),
+          .column_begin = first_column_ + index % per_band_ * kColumns,
+          .columns = kColumns};
+}
+
+}  // namespace lenticule::render

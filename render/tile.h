@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a frame is cut into pieces of work.
+#pragma once
+
+#include "optics/rig.h"
+
+namespace lenticule::render {
+
+/// A band of rows and a range of sheared columns. A column of a tile runs down one elemental image:
+/// it follows the slanted lens from row to row, so that its rays share lens and view.
+struct Tile {
+  int row_begin = 0;
+  int rows = 0;
+  int column_begin = 0;  ///< sheared: subpixel of the tile's first row
+  int columns = 0;
+};
+
+class TilePlan {
+ public:
+  static constexpr int kRows = 16;     ///< one packet
+  static constexpr int kColumns = 96;  ///< subpixels
+
+  explicit TilePlan(const optics::Rig& rig);
+
+  [[nodiscard]] int count() const { return bands_ * per_band_; }
+  [[nodiscard]] Tile tile(int index) const;
+
+  /// How many subpixels to the left a column has moved `row` rows below the tile's first.
+  [[nodiscard]] int shift(int row) const;
+  /// The subpixel (3 i + channel) of a tile's column in one of its rows; outside
+  /// [0, row_subpixels()) where the shear leaves the panel.
+  [[nodiscard]] int subpixel(const Tile& tile, int column, int row) const {
+    return tile.column_begin + column - shift(row);
+  }
+  [[nodiscard]] int row_subpixels() const { return 3 * width_; }
+
+ private:
+  int width_;
+  int height_;
+  double shift_per_row_;  ///< in steps
+  int step_;              ///< subpixels that columns move by
+  int first_column_;
+  int bands_;
+  int per_band_;
+};
+
+}  // namespace lenticule::render

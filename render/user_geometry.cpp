@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/user_geometry.h"
+
+#include <cmath>
+#include <limits>
+
+namespace lenticule::render {
+namespace {
+
+struct Box {
+  Vec3 low;
+  Vec3 high;
+};
+
+Box box_of(const SphereShape& sphere) {
+  const Vec3 reach{sphere.radius, sphere.radius, sphere.radius};
+  return {sphere.centre - reach, sphere.centre + reach};
+}
+
+Box box_of(const ConeShape& cone) {
+  const Vec3 apex = cone.base + cone.axis * cone.height;
+  const Vec3 at_base = disc_extent(cone.axis, cone.base_radius);
+  const Vec3 at_apex = disc_extent(cone.axis, cone.base_radius + cone.slope * cone.height);
+  const auto least = [](Vec3 a, Vec3 b) {
+    return Vec3{std::fmin(a.x, b.x), std::fmin(a.y, b.y), std::fmin(a.z, b.z)};
+  };
+  return {least(cone.base - at_base, apex - at_apex),
+          -least(-(cone.base + at_base), -(apex + at_apex))};
+}
+
+/// The next float below, a few roundings generous: a box that is too small loses hits.
+float rounded_down(double v) {
+  constexpr float kBelow = -std::numeric_limits<float>::infinity();
+  return std::nextafter(std::nextafter(static_cast<float>(v), kBelow), kBelow);
+}
+float rounded_up(double v) {
+  return -rounded_down(-v);
+}
+
+template <class Shape>
+const Shape& shape_of(void* user_data, unsigned primitive) {
+  return (*static_cast<const std::vector<Shape>*>(user_data))[primitive];
+}
+
+template <class Shape>
+void bounds(const RTCBoundsFunctionArguments* arguments) {
+  const Box box = box_of(shape_of<Shape>(arguments->geometryUserPtr, arguments->primID));
+  RTCBounds& out = *arguments->bounds_o;
+  out.lower_x = rounded_down(box.low.x);
+  out.lower_y = rounded_down(box.low.y);
+  out.lower_z = rounded_down(box.low.z);
+  out.upper_x = rounded_up(box.high.x);
+  out.upper_y = rounded_up(box.high.y);
+  out.upper_z = rounded_up(box.high.z);
+}
+
+/// Distance to the shape along ray i of a packet, or the ray's own end.
+template <class Shape>
+double distance(const Shape& shape, RTCRayN* ray, unsigned n, unsigned i) {
+  const Vec3 origin{RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)};
+  const Vec3 direction{RTCRayN_dir_x(ray, n, i), RTCRayN_dir_y(ray, n, i),
+                       RTCRayN_dir_z(ray, n, i)};
+  return first_root(meet(shape, origin, direction), RTCRayN_tnear(ray, n, i),
+                    RTCRayN_tfar(ray, n, i));
+}
+
+template <class Shape>
+void intersect(const RTCIntersectFunctionNArguments* arguments) {
+  const Shape& shape = shape_of<Shape>(arguments->geometryUserPtr, arguments->primID);
+  const unsigned n = arguments->N;
+  RTCRayN* ray = RTCRayHitN_RayN(arguments->rayhit, n);
+  RTCHitN* hit = RTCRayHitN_HitN(arguments->rayhit, n);
+  for (unsigned i = 0; i < n; ++i) {
+    if (arguments->valid[i] == 0) continue;
+    const auto t = static_cast<float>(distance(shape, ray, n, i));
+    // Rounded to the ray's precision it may no longer be in front of what is known.
+    const bool met = t < RTCRayN_tfar(ray, n, i);
+#if LENTICULE_EMBREE_MAJOR >= 4
+    arguments->valid[i] = met ? -1 : 0;
+#endif
+    if (!met) continue;
+    RTCRayN_tfar(ray, n, i) = t;
+    RTCHitN_geomID(hit, n, i) = arguments->geomID;
+    RTCHitN_primID(hit, n, i) = arguments->primID;
+    RTCHitN_instID(hit, n, i, 0) = RTC_INVALID_GEOMETRY_ID;
+  }
+}
+
+template <class Shape>
+void occlude(const RTCOccludedFunctionNArguments* arguments) {
+  const Shape& shape = shape_of<Shape>(arguments->geometryUserPtr, arguments->primID);
+  const unsigned n = arguments->N;
+  for (unsigned i = 0; i < n; ++i) {
+    if (arguments->valid[i] == 0) continue;
+    const bool met = distance(shape, arguments->ray, n, i) < RTCRayN_tfar(arguments->ray, n, i);
+#if LENTICULE_EMBREE_MAJOR >= 4
+    arguments->valid[i] = met ? -1 : 0;
+#endif
+    if (met) RTCRayN_tfar(arguments->ray, n, i) = -std::numeric_limits<float>::infinity();
+  }
+}
+
+template <class Shape>
+EmbreeGeometry make_geometry(RTCDevice device, const std::vector<Shape>& shapes) {
+  EmbreeGeometry geometry(rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER));
+  if (!geometry) return geometry;
+  rtcSetGeometryUserPrimitiveCount(geometry.get(), static_cast<unsigned>(shapes.size()));
+  // Embree's pointer is not const, but the callbacks only read.
+  rtcSetGeometryUserData(geometry.get(), const_cast<std::vector<Shape>*>(&shapes));
+  rtcSetGeometryBoundsFunction(
+      geometry.get(), [](const RTCBoundsFunctionArguments* a) { bounds<Shape>(a); }, nullptr);
+  rtcSetGeometryIntersectFunction(
+      geometry.get(), [](const RTCIntersectFunctionNArguments* a) { intersect<Shape>(a); });
+  rtcSetGeometryOccludedFunction(geometry.get(),
+                                 [](const RTCOccludedFunctionNArguments* a) { occlude<Shape>(a); });
+  rtcSetGeometryMask(geometry.get(), ~0U);
+  rtcCommitGeometry(geometry.get());
+  return geometry;
+}
+
+}  // namespace
+
+EmbreeGeometry make_sphere_geometry(RTCDevice device, const std::vector<SphereShape>& spheres) {
+  return make_geometry(device, spheres);
+}
+
+EmbreeGeometry make_cone_geometry(RTCDevice device, const std::vector<ConeShape>& cones) {
+  return make_geometry(device, cones);
+}
+
+}  // namespace lenticule::render

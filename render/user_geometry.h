@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// Spheres and cones as Embree user geometry: exact outlines, no tessellation.
+#pragma once
+
+#include <vector>
+
+#include "render/embree.h"
+#include "render/quadrics.h"
+
+namespace lenticule::render {
+
+/// Committed geometries, ready to be attached. The lists must stay where they are while Embree uses
+/// them.
+[[nodiscard]] EmbreeGeometry make_sphere_geometry(RTCDevice device,
+                                                  const std::vector<SphereShape>& spheres);
+[[nodiscard]] EmbreeGeometry make_cone_geometry(RTCDevice device,
+                                                const std::vector<ConeShape>& cones);
+
+}  // namespace lenticule::render
