@@ -13,8 +13,8 @@ namespace lenticule::render {
 /// What a user may say; what is left out is chosen so that the scene's centre lies on the glass and
 /// its depth fits the budget.
 struct StageOptions {
-  std::optional<Vec3> centre;          ///< world point that lies at the panel's centre on the glass
-  std::optional<double> mm_per_unit;   ///< size on the glass
+  std::optional<Vec3> centre;         ///< world point that lies at the panel's centre on the glass
+  std::optional<double> mm_per_unit;  ///< size on the glass
   /// Depth scale relative to mm_per_unit: 1 = undistorted, 0.5 = half as deep. Left out: 1, or less
   /// where the scene would leave the depth budget.
   std::optional<double> depth_scale;
@@ -31,9 +31,12 @@ struct Stage {
   Affine world_from_panel;
   double mm_per_unit = 1.0;
   double depth_scale = 1.0;
-  double near_mm = 0.0;  ///< scene bounds in the panel frame: z of the nearest and farthest point
-  double far_mm = 0.0;
-  double depth_of_field_mm = 0.0;  ///< of the rig
+  /// z in the panel frame of the nearest thing to be shown: the front of the scene's bounds, but
+  /// never in front of the plane where its camera starts to see (a room's wall behind the camera is
+  /// not shown). Rays start here.
+  double near_mm = 0.0;
+  double far_mm = 0.0;             ///< z of the back of the scene's bounds
+  double depth_of_field_mm = 0.0;  ///< of the rig; infinite for a sheet without a gap
 };
 
 /// World-space bounds of everything that can be seen (infinite planes excepted).
@@ -47,8 +50,14 @@ struct Bounds {
 
 /// Orientation comes from the scene's first camera if it has one (its view direction goes into the
 /// glass, its up is up), else the world's y is up and its z toward the viewer. With a camera, the
-/// point it looks at lies on the glass and its picture fills the panel as its field of view says.
-/// Throws Error(Input) for a scene with nothing in it.
+/// point it looks at lies on the glass and the square that its vertical field of view spans there
+/// fills the panel's shorter side. Without one, the bounds are centred on the glass and fitted.
+///
+/// The depth budget is held by what the camera sees up to three times the distance of the point it
+/// looks at (a ground that runs to the horizon does not flatten the scene), without a camera by
+/// everything; nothing comes nearer than half the way to the eye. Nodes are taken at time 0.
+/// Throws Error(Input) for a scene with nothing in it or without an extent, Error(Usage) for
+/// options that make no sense.
 [[nodiscard]] Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& model,
                                const StageOptions& options = {});
 

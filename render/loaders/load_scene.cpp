@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// Chooses the loader for a file.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+
+#include "optics/error.h"
+#include "render/loaders/nff.h"
+#include "render/scene_description.h"
+
+namespace lenticule::render {
+namespace {
+
+std::string lower_case_extension(const std::filesystem::path& file) {
+  std::string extension = file.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+}  // namespace
+
+SceneDescription load_scene(const std::filesystem::path& file) {
+  const std::string extension = lower_case_extension(file);
+  if (extension == ".nff") return load_nff(file);
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: unknown kind of scene '{}'", file.string(), extension),
+              "known are .nff, .gltf, .glb, .obj, .ply, .stl and the other formats of assimp");
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// The Neutral File Format: the line-based scenes of the classic ray-tracing test databases.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "render/scene_description.h"
+
+namespace lenticule::render {
+
+/// Reads every kind of line: v, b, l, f, s, c, p, pp and '#'. Throws Error(Input)
+/// "source:line: reason" for the first thing that is wrong. Linear in the text, but for concave
+/// polygons (see triangulate).
+[[nodiscard]] SceneDescription parse_nff(std::string_view text, const std::string& source);
+
+[[nodiscard]] SceneDescription load_nff(const std::filesystem::path& file);
+
+}  // namespace lenticule::render

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/loaders/text_reader.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+
+#include "optics/error.h"
+#include "render/loaders/limits.h"
+
+namespace lenticule::render {
+namespace {
+
+bool is_space(char c) {
+  return c == ' ' || (c >= '\t' && c <= '\r');
+}
+
+/// The number that all of `word` spells, or nothing. Independent of the locale.
+std::optional<double> parse_number(std::string_view word) {
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  double value = 0.0;
+  const char* end = word.data() + word.size();
+  const auto [stop, error] = std::from_chars(word.data(), end, value);
+  if (error != std::errc() || stop != end || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+}  // namespace
+
+std::string quoted(std::string_view word) {
+  constexpr size_t kShown = 32;
+  std::string out = "'";
+  for (const char c : word.substr(0, kShown)) out += c > ' ' && c < 127 ? c : '?';
+  return out + (word.size() > kShown ? "...'" : "'");
+}
+
+TextReader::TextReader(std::string_view text, std::string source)
+    : text_(text), source_(std::move(source)) {}
+
+void TextReader::skip_space() {
+  while (position_ < text_.size()) {
+    const char c = text_[position_];
+    if (c == '#') {
+      position_ = std::min(text_.find('\n', position_), text_.size());
+      continue;
+    }
+    if (!is_space(c)) return;
+    if (c == '\n') ++scan_line_;
+    ++position_;
+  }
+}
+
+std::optional<std::string_view> TextReader::word() {
+  skip_space();
+  if (position_ == text_.size()) return std::nullopt;
+  const size_t begin = position_;
+  while (position_ < text_.size() && !is_space(text_[position_]) && text_[position_] != '#')
+    ++position_;
+  line_ = scan_line_;
+  return text_.substr(begin, position_ - begin);
+}
+
+double TextReader::number(const char* what) {
+  const auto text = word();
+  if (!text) fail(fmt::format("the file ends before {}", what));
+  const auto value = parse_number(*text);
+  if (!value) fail(fmt::format("{} must be a finite number, not {}", what, quoted(*text)));
+  return *value;
+}
+
+double TextReader::number_in(const char* what, double low, double high) {
+  const double value = number(what);
+  if (value < low || value > high)
+    fail(fmt::format("{} must lie in {:g}..{:g}, not {:g}", what, low, high, value));
+  return value;
+}
+
+int TextReader::integer_in(const char* what, int low, int high) {
+  const double value = number_in(what, low, high);
+  if (value != std::floor(value)) fail(fmt::format("{} must be a whole number", what));
+  return static_cast<int>(value);
+}
+
+Vec3 TextReader::point(const char* what) {
+  const double x = number_in(what, -kMaxCoordinate, kMaxCoordinate);
+  const double y = number_in(what, -kMaxCoordinate, kMaxCoordinate);
+  const double z = number_in(what, -kMaxCoordinate, kMaxCoordinate);
+  return {x, y, z};
+}
+
+Vec3 TextReader::colour(const char* what) {
+  constexpr double kBrightest = 1e6;
+  const double r = number_in(what, 0.0, kBrightest);
+  const double g = number_in(what, 0.0, kBrightest);
+  const double b = number_in(what, 0.0, kBrightest);
+  return {r, g, b};
+}
+
+bool TextReader::number_follows() {
+  skip_space();
+  if (position_ == text_.size()) return false;
+  const char c = text_[position_];
+  return (c >= '0' && c <= '9') || c == '.' || c == '-' || c == '+';
+}
+
+bool TextReader::more_on_line() {
+  skip_space();
+  return position_ < text_.size() && scan_line_ == line_;
+}
+
+void TextReader::fail(const std::string& reason) const {
+  fail_at(line_, reason);
+}
+
+void TextReader::fail_at(int line, const std::string& reason) const {
+  throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", source_, line, reason));
+}
+
+}  // namespace lenticule::render
