@@ -15,9 +15,9 @@
 namespace lenticule::frames {
 
 struct RendererHello {
-  std::string name = "lenticule";   ///< for the player's log
-  std::string rig_fingerprint;      ///< empty = not checked by us, refused by a player that has one
-  std::optional<Rate> rate;         ///< content rate
+  std::string name = "lenticule";  ///< for the player's log
+  std::string rig_fingerprint;     ///< empty = not checked by us, refused by a player that has one
+  std::optional<Rate> rate;        ///< content rate
   std::optional<uint64_t> frame_count;
 };
 

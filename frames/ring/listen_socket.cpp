@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/ring/listen_socket.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <thread>
+
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr int kBacklog = 8;
+constexpr int kLockTries = 200;
+constexpr auto kLockPause = std::chrono::milliseconds(10);
+
+[[noreturn]] void fail(const std::filesystem::path& path, const char* what) {
+  const int error = errno;
+  const char* hint = error == ENOENT ? "create the folder first" : "";
+  throw Error(ErrorKind::Failed, path.string() + ": " + what + ": " + std::strerror(error), hint);
+}
+
+/// Two players that start at once must not both find a dead socket and replace each other's: who
+/// looks at the file holds its folder's lock meanwhile.
+UniqueFd lock_folder(const std::filesystem::path& path) {
+  const auto folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
+  UniqueFd fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (!fd) fail(path, "cannot open its folder");
+  for (int i = 0; i < kLockTries; ++i) {
+    if (::flock(fd.get(), LOCK_EX | LOCK_NB) == 0) return fd;
+    std::this_thread::sleep_for(kLockPause);
+  }
+  throw Error(ErrorKind::Device, path.string() + ": another program keeps its folder locked");
+}
+
+enum class Occupant { None, Dead, Alive, NotASocket };
+
+Occupant occupant_of(const std::filesystem::path& path, const UnixAddress& address) {
+  struct stat status;
+  if (::lstat(path.c_str(), &status) != 0) {
+    if (errno == ENOENT) return Occupant::None;
+    fail(path, "cannot look at the file");
+  }
+  if (!S_ISSOCK(status.st_mode)) return Occupant::NotASocket;
+  UniqueFd probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!probe) fail(path, "cannot create a socket");
+  if (::connect(probe.get(), address.get(), address.bytes) == 0) return Occupant::Alive;
+  return errno == ECONNREFUSED ? Occupant::Dead : Occupant::Alive;
+}
+
+void clear_the_way(const std::filesystem::path& path, const UnixAddress& address) {
+  switch (occupant_of(path, address)) {
+    case Occupant::None:
+      return;
+    case Occupant::Dead:
+      if (::unlink(path.c_str()) != 0) fail(path, "cannot replace the socket of a dead player");
+      return;
+    case Occupant::Alive:
+      throw Error(ErrorKind::Device, path.string() + ": already in use by another player",
+                  "stop that player, or use another socket");
+    case Occupant::NotASocket:
+      throw Error(ErrorKind::Usage, path.string() + ": exists and is not a socket",
+                  "use another name");
+  }
+}
+
+}  // namespace
+
+ListenSocket::ListenSocket(std::filesystem::path path) : path_(std::move(path)) {
+  const UnixAddress address = unix_address(path_);
+  const UniqueFd lock = lock_folder(path_);
+  clear_the_way(path_, address);
+  fd_ = UniqueFd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  if (!fd_) fail(path_, "cannot create a socket");
+  // The file takes the mode that the socket has before bind(), less the umask: never wider.
+  if (::fchmod(fd_.get(), S_IRUSR | S_IWUSR) != 0) fail(path_, "cannot restrict the socket");
+  if (::bind(fd_.get(), address.get(), address.bytes) != 0) fail(path_, "cannot create the socket");
+  struct stat status;
+  if (::stat(path_.c_str(), &status) == 0) {
+    device_ = status.st_dev;
+    inode_ = status.st_ino;
+  }
+  if (::listen(fd_.get(), kBacklog) != 0) fail(path_, "cannot listen");
+}
+
+ListenSocket::~ListenSocket() {
+  struct stat status;
+  const bool ours =
+      ::lstat(path_.c_str(), &status) == 0 && status.st_dev == device_ && status.st_ino == inode_;
+  if (ours) ::unlink(path_.c_str());
+}
+
+UniqueFd ListenSocket::accept() const noexcept {
+  for (;;) {
+    UniqueFd peer(::accept4(fd_.get(), nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK));
+    if (peer || (errno != EINTR && errno != ECONNABORTED)) return peer;
+  }
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// The Unix socket that a player listens on: a file with mode 0600 that goes away with the player.
+#pragma once
+
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+
+#include <filesystem>
+
+#include "frames/ring/unique_fd.h"
+
+namespace lenticule::frames {
+
+class ListenSocket {
+ public:
+  /// Replaces the file of a player that is gone. Throws Error(Device) when a live one listens
+  /// there, Error(Usage) when the path is too long or something else lies there, Error(Failed)
+  /// otherwise.
+  explicit ListenSocket(std::filesystem::path path);
+  ~ListenSocket();
+  ListenSocket(const ListenSocket&) = delete;
+  ListenSocket& operator=(const ListenSocket&) = delete;
+
+  [[nodiscard]] int fd() const { return fd_.get(); }
+  /// The next connection that waits; empty if none does. Never blocks.
+  [[nodiscard]] UniqueFd accept() const noexcept;
+
+ private:
+  std::filesystem::path path_;
+  UniqueFd fd_;
+  dev_t device_ = 0;
+  ino_t inode_ = 0;
+};
+
+struct UnixAddress {
+  sockaddr_un address = {};
+  socklen_t bytes = 0;
+
+  [[nodiscard]] const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&address); }
+};
+
+/// Throws Error(Usage) for an empty path or one longer than the kernel takes (107 bytes).
+[[nodiscard]] UnixAddress unix_address(const std::filesystem::path& path);
+
+}  // namespace lenticule::frames

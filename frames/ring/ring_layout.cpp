@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/ring/ring_layout.h"
+
+#include <cstring>
+
+namespace lenticule::frames {
+namespace {
+
+constexpr size_t round_up(size_t bytes, size_t unit) {
+  return (bytes + unit - 1) / unit * unit;
+}
+
+/// The constant part of the header, for one copy out of memory that others can write.
+struct HeaderFields {
+  char magic[8];
+  uint32_t abi_version, endian_tag, slots, format, width, height;
+  uint64_t row_bytes, frame_bytes, table_offset, entry_bytes, slots_offset, slot_stride,
+      memory_bytes;
+};
+static_assert(sizeof(HeaderFields) == offsetof(RingHeader, memory_bytes) + sizeof(uint64_t));
+
+HeaderFields fields_of(const RingLayout& layout) {
+  HeaderFields fields = {
+      .magic = {},
+      .abi_version = kRingAbiVersion,
+      .endian_tag = kEndianTag,
+      .slots = static_cast<uint32_t>(layout.slots),
+      .format = static_cast<uint32_t>(layout.geometry.format),
+      .width = static_cast<uint32_t>(layout.geometry.width),
+      .height = static_cast<uint32_t>(layout.geometry.height),
+      .row_bytes = layout.geometry.row_bytes(),
+      .frame_bytes = layout.geometry.frame_bytes(),
+      .table_offset = layout.table_offset,
+      .entry_bytes = sizeof(SlotEntry),
+      .slots_offset = layout.slots_offset,
+      .slot_stride = layout.slot_stride,
+      .memory_bytes = layout.memory_bytes,
+  };
+  std::memcpy(fields.magic, kRingMagic, sizeof fields.magic);
+  return fields;
+}
+
+bool is_known_format(uint32_t format) {
+  return format == static_cast<uint32_t>(PixelFormat::Rgb8) ||
+         format == static_cast<uint32_t>(PixelFormat::Rgb10);
+}
+
+}  // namespace
+
+RingLayout plan_layout(const FrameGeometry& geometry, int slots) {
+  const size_t frame_bytes = geometry.frame_bytes();
+  const size_t unit = frame_bytes >= kHugePageBytes ? kHugePageBytes : kPageBytes;
+  const size_t table_bytes = static_cast<size_t>(slots) * sizeof(SlotEntry);
+  RingLayout layout = {.geometry = geometry, .slots = slots};
+  layout.table_offset = kHeaderBytes;
+  layout.slots_offset = round_up(layout.table_offset + table_bytes, unit);
+  layout.slot_stride = round_up(frame_bytes, unit);
+  layout.memory_bytes = layout.slot_offset(slots);
+  return layout;
+}
+
+const char* geometry_problem(const FrameGeometry& geometry, int64_t slots) {
+  if (!is_known_format(static_cast<uint32_t>(geometry.format))) return "unknown pixel format";
+  if (geometry.width < 1 || geometry.width > kMaxFrameSide) return "width outside 1 ... 32768";
+  if (geometry.height < 1 || geometry.height > kMaxFrameSide) return "height outside 1 ... 32768";
+  if (slots < kMinSlots || slots > kMaxSlots) return "number of slots outside 3 ... 4096";
+  return nullptr;
+}
+
+void write_header(const RingLayout& layout, RingHeader& header) {
+  const HeaderFields fields = fields_of(layout);
+  std::memcpy(static_cast<void*>(&header), &fields, sizeof fields);
+}
+
+const char* read_header(const RingHeader& header, size_t available_bytes, RingLayout& layout) {
+  HeaderFields fields;
+  std::memcpy(&fields, &header, sizeof fields);
+  if (std::memcmp(fields.magic, kRingMagic, sizeof fields.magic) != 0) return "not a ring";
+  if (fields.endian_tag != kEndianTag) return "written in another byte order";
+  if (fields.abi_version != kRingAbiVersion) return "another version of the ring";
+  if (fields.width > kMaxFrameSide) return "width outside 1 ... 32768";
+  if (fields.height > kMaxFrameSide) return "height outside 1 ... 32768";
+  const FrameGeometry geometry = {.width = static_cast<int>(fields.width),
+                                  .height = static_cast<int>(fields.height),
+                                  .format = static_cast<PixelFormat>(fields.format)};
+  if (const char* problem = geometry_problem(geometry, fields.slots)) return problem;
+  const RingLayout planned = plan_layout(geometry, static_cast<int>(fields.slots));
+  const HeaderFields expected = fields_of(planned);
+  if (std::memcmp(&fields, &expected, sizeof fields) != 0) return "offsets or sizes do not agree";
+  if (planned.memory_bytes > available_bytes) return "memory smaller than the header says";
+  layout = planned;
+  return nullptr;
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,353 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/ring/ring_player.h"
+
+#include <poll.h>
+#include <sys/epoll.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <vector>
+
+#include "frames/ring/listen_socket.h"
+#include "frames/ring/ring_memory.h"
+#include "frames/ring/ring_protocol.h"
+#include "frames/ring/slot_ledger.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+// What one service() does at most, so that no flood of connections or messages can hold it up.
+constexpr size_t kMaxHandshakes = 4;
+constexpr int kMaxAccepts = 8;
+constexpr int kMaxMessages = 32;
+/// A renderer needs one slot to write while another is on the glass.
+constexpr int kMinUsableSlots = 2;
+
+UniqueFd open_pidfd(pid_t pid) {
+  return UniqueFd(static_cast<int>(::syscall(SYS_pidfd_open, pid, 0)));
+}
+
+bool is_dead(const UniqueFd& pidfd) {
+  pollfd query = {.fd = pidfd.get(), .events = POLLIN, .revents = 0};
+  return ::poll(&query, 1, 0) > 0;
+}
+
+/// The process that connected, as the kernel remembers it.
+std::optional<ucred> credentials(const UniqueFd& socket) {
+  ucred peer = {};
+  socklen_t size = sizeof peer;
+  if (::getsockopt(socket.get(), SOL_SOCKET, SO_PEERCRED, &peer, &size) != 0) return std::nullopt;
+  return peer;
+}
+
+/// The connected renderer.
+struct Tenant {
+  UniqueFd socket;
+  UniqueFd published;  ///< eventfd; only ever armed edge-triggered and never read, because the
+                       ///< other side can make reads of a shared description block
+  UniqueFd process;    ///< pidfd
+};
+
+/// A renderer whose connection is over while it may still be writing.
+struct Departed {
+  Epoch epoch;
+  UniqueFd process;
+};
+
+/// How a connection stands after a message, and why it is over.
+enum class Standing { Connected, SaidGoodbye, Lost };
+
+struct Refusal {
+  RefuseReason reason;
+  std::string text;
+};
+
+RingLayout checked_layout(const RingOptions& options) {
+  if (const char* problem = geometry_problem(options.geometry, options.slots))
+    throw Error(ErrorKind::Usage, std::string("ring: ") + problem);
+  if (options.geometry.format != PixelFormat::Rgb8)
+    throw Error(ErrorKind::Usage, "ring: only 8-bit RGB frames can be played so far");
+  return plan_layout(options.geometry, options.slots);
+}
+
+class Player final : public RingPlayer {
+ public:
+  explicit Player(const RingOptions& options)
+      : options_(options),
+        memory_(checked_layout(options), options.prefault),
+        ledger_(memory_.table(), options.keep_for_loop ? LoopKeeping::On : LoopKeeping::Off),
+        listener_(options.socket),
+        events_(::epoll_create1(EPOLL_CLOEXEC)) {
+    memory_.header().epoch.store(ledger_.epoch(), std::memory_order_relaxed);
+    if (!events_ || !watch(listener_.fd(), EPOLLIN))
+      throw Error(ErrorKind::Failed,
+                  std::string("ring: cannot wait for renderers: ") + std::strerror(errno));
+    handshakes_.reserve(kMaxHandshakes + 1);
+    departed_.reserve(static_cast<size_t>(options.slots));
+  }
+
+  [[nodiscard]] FrameGeometry geometry() const override { return memory_.layout().geometry; }
+  [[nodiscard]] std::optional<Rate> rate() const override { return hello_.rate; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return hello_.frame_count; }
+  [[nodiscard]] PullStatus pull(LentFrame& out) override;
+  void release(uint64_t token) override;
+  [[nodiscard]] int max_lent() const override { return ledger_.max_lent(); }
+  [[nodiscard]] uint64_t ready_count() const override { return ledger_.ready_count(); }
+  [[nodiscard]] bool saturated() const override { return ledger_.saturated(); }
+  [[nodiscard]] bool rewind() override { return ledger_.rewind(); }
+  [[nodiscard]] int wake_fd() const override { return events_.get(); }
+  void service() override;
+  [[nodiscard]] std::string failure() const override { return {}; }
+  [[nodiscard]] RingStatistics statistics() const override;
+
+ private:
+  [[nodiscard]] bool watch(int fd, uint32_t events) const noexcept;
+  void clear_wake() const noexcept;
+  void welcome();
+  void answer_handshakes();
+  [[nodiscard]] bool answer(UniqueFd& socket);
+  void answer_hello(UniqueFd socket, const Packet& packet);
+  [[nodiscard]] std::optional<Refusal> reason_to_refuse(const UniqueFd& socket,
+                                                        const Packet& packet,
+                                                        RendererHello& hello) const;
+  [[nodiscard]] std::optional<Refusal> let_in(UniqueFd& socket, RendererHello hello);
+  void serve_tenant();
+  [[nodiscard]] Standing obey(const Packet& packet);
+  void send_away_if_misbehaved();
+  void end_tenancy(Standing why);
+  void recover_departed();
+  void say_freed() const noexcept;
+
+  const RingOptions options_;
+  RingMemory memory_;
+  SlotLedger ledger_;
+  ListenSocket listener_;
+  UniqueFd events_;
+  std::vector<UniqueFd> handshakes_;  ///< connected, nothing said yet; oldest first
+  std::optional<Tenant> tenant_;
+  std::vector<Departed> departed_;
+  RendererHello hello_{.name = {}, .rig_fingerprint = {}, .rate = {}, .frame_count = {}};
+  uint64_t renderers_ = 0;
+  uint64_t refused_ = 0;
+  uint64_t deaths_ = 0;
+};
+
+bool Player::watch(int fd, uint32_t events) const noexcept {
+  epoll_event event = {};
+  event.events = events;
+  event.data.fd = fd;
+  return ::epoll_ctl(events_.get(), EPOLL_CTL_ADD, fd, &event) == 0;
+}
+
+// --- frames ------------------------------------------------------------------------------------
+
+PullStatus Player::pull(LentFrame& out) {
+  SlotLedger::Frame frame;
+  const PullStatus status = ledger_.pull(frame);
+  send_away_if_misbehaved();
+  if (status == PullStatus::Ready)
+    out = {.frame = memory_.frame(frame.slot),
+           .number = frame.number,
+           .token = static_cast<uint64_t>(frame.slot)};
+  return status;
+}
+
+void Player::release(uint64_t token) {
+  LENTICULE_CHECK(token < static_cast<uint64_t>(options_.slots));
+  if (ledger_.release(static_cast<int>(token))) say_freed();
+  send_away_if_misbehaved();
+}
+
+/// Over the socket and not an eventfd, which the renderer could make us block on. A queue that is
+/// full of wake-ups wakes, too.
+void Player::say_freed() const noexcept {
+  if (tenant_) (void)send_message(tenant_->socket.get(), make_wake(MessageKind::Freed));
+}
+
+// --- housekeeping ------------------------------------------------------------------------------
+
+/// Everything is looked at in every call: a handful of system calls that never wait, and no state
+/// that could miss an event. The tenant comes first, so that its end is known to those who knock.
+void Player::service() {
+  clear_wake();
+  recover_departed();
+  serve_tenant();
+  welcome();
+  answer_handshakes();
+  ledger_.take_published();
+  send_away_if_misbehaved();
+}
+
+void Player::clear_wake() const noexcept {
+  std::array<epoll_event, 16> events;
+  (void)::epoll_wait(events_.get(), events.data(), static_cast<int>(events.size()), 0);
+}
+
+void Player::recover_departed() {
+  std::erase_if(departed_, [this](const Departed& renderer) {
+    if (!is_dead(renderer.process)) return false;
+    ledger_.recover(renderer.epoch);
+    say_freed();
+    return true;
+  });
+}
+
+void Player::welcome() {
+  for (int i = 0; i < kMaxAccepts; ++i) {
+    UniqueFd socket = listener_.accept();
+    if (!socket) return;
+    if (!watch(socket.get(), EPOLLIN)) continue;
+    handshakes_.push_back(std::move(socket));
+    // Whoever connects and says nothing makes room for the next one.
+    if (handshakes_.size() > kMaxHandshakes) handshakes_.erase(handshakes_.begin());
+  }
+}
+
+void Player::answer_handshakes() {
+  std::erase_if(handshakes_, [this](UniqueFd& socket) { return answer(socket); });
+}
+
+/// True when the handshake is over, one way or the other.
+bool Player::answer(UniqueFd& socket) {
+  Packet packet;
+  switch (receive_packet(socket.get(), packet, PassedFds::Ignore)) {
+    case Transfer::WouldBlock:
+      return false;
+    case Transfer::Closed:
+      return true;
+    case Transfer::Done:
+      answer_hello(std::move(socket), packet);
+      return true;
+  }
+  return true;
+}
+
+void Player::answer_hello(UniqueFd socket, const Packet& packet) {
+  RendererHello hello;
+  std::optional<Refusal> refusal = reason_to_refuse(socket, packet, hello);
+  if (!refusal) refusal = let_in(socket, std::move(hello));
+  if (!refusal) return;
+  ++refused_;
+  (void)send_message(socket.get(), make_refuse(refusal->reason, refusal->text));
+}
+
+std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Packet& packet,
+                                                RendererHello& hello) const {
+  const auto peer = credentials(socket);
+  if (!peer || (peer->uid != ::geteuid() && peer->uid != 0))
+    return Refusal{RefuseReason::Forbidden, "the player belongs to another user"};
+  MessagePrefix prefix;
+  if (packet.size >= sizeof prefix) {
+    std::memcpy(&prefix, packet.buffer.data(), sizeof prefix);
+    if (prefix.magic == kMessageMagic && prefix.version != kProtocolVersion)
+      return Refusal{RefuseReason::OtherVersion,
+                     "the player speaks version " + std::to_string(kProtocolVersion) +
+                         " of the ring's protocol, the renderer version " +
+                         std::to_string(prefix.version)};
+  }
+  if (const char* problem = read_hello(packet.bytes(), hello))
+    return Refusal{RefuseReason::BadHello, std::string("bad hello: ") + problem};
+  if (!options_.rig_fingerprint.empty() && hello.rig_fingerprint != options_.rig_fingerprint)
+    return Refusal{
+        RefuseReason::OtherRig,
+        "the player's rig is " + options_.rig_fingerprint + ", the renderer's is " +
+            (hello.rig_fingerprint.empty() ? std::string("not stated") : hello.rig_fingerprint)};
+  if (tenant_) return Refusal{RefuseReason::Busy, "busy: '" + hello_.name + "' is connected"};
+  if (options_.slots - ledger_.shut() < kMinUsableSlots)
+    return Refusal{RefuseReason::Busy, "busy: disconnected renderers that have not ended hold " +
+                                           std::to_string(ledger_.shut()) + " of " +
+                                           std::to_string(options_.slots) + " slots"};
+  return std::nullopt;
+}
+
+std::optional<Refusal> Player::let_in(UniqueFd& socket, RendererHello hello) {
+  const auto peer = credentials(socket);
+  Tenant tenant;
+  if (peer) tenant.process = open_pidfd(peer->pid);
+  tenant.published = UniqueFd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+  if (!tenant.process || !tenant.published || !watch(tenant.process.get(), EPOLLIN) ||
+      !watch(tenant.published.get(), EPOLLIN | EPOLLET))
+    return Refusal{RefuseReason::Forbidden,
+                   std::string("the player cannot watch the process: ") + std::strerror(errno)};
+  const std::array<int, 2> fds = {memory_.fd(), tenant.published.get()};
+  const AcceptMessage accept = make_accept(memory_.layout().memory_bytes, ledger_.epoch());
+  if (send_message(socket.get(), accept, fds) != Transfer::Done)
+    return Refusal{RefuseReason::Busy, "busy: the answer could not be sent"};
+  tenant.socket = std::move(socket);
+  tenant_ = std::move(tenant);
+  hello_ = std::move(hello);
+  ++renderers_;
+  ledger_.begin_tenancy(hello_.frame_count);
+  return std::nullopt;
+}
+
+void Player::serve_tenant() {
+  if (!tenant_) return;
+  // Asked before the messages are read: what a process that is dead now had sent is there to read.
+  const bool dead = is_dead(tenant_->process);
+  for (int i = 0; i < kMaxMessages; ++i) {
+    Packet packet;
+    const Transfer transfer = receive_packet(tenant_->socket.get(), packet, PassedFds::Ignore);
+    if (transfer == Transfer::WouldBlock && !dead) return;
+    const Standing standing = transfer == Transfer::Done ? obey(packet) : Standing::Lost;
+    if (standing != Standing::Connected) return end_tenancy(standing);
+  }
+}
+
+Standing Player::obey(const Packet& packet) {
+  MessagePrefix prefix;
+  uint64_t published = 0;
+  if (read_prefix(packet.bytes(), prefix) == nullptr && prefix.kind == MessageKind::Wanted) {
+    ledger_.slot_wanted();
+    say_freed();  // a slot may have become free before the question came; the renderer looks again
+    return ledger_.misbehaved() ? Standing::Lost : Standing::Connected;
+  }
+  if (read_goodbye(packet.bytes(), published) != nullptr) return Standing::Lost;
+  ledger_.finish_sequence(published);
+  return Standing::SaidGoodbye;
+}
+
+void Player::send_away_if_misbehaved() {
+  if (ledger_.misbehaved()) end_tenancy(Standing::Lost);
+}
+
+void Player::end_tenancy(Standing why) {
+  if (why == Standing::Lost) ++deaths_;
+  // In this order: once the process is known to be dead, its last word in the table is final.
+  const bool dead = is_dead(tenant_->process);
+  const Epoch epoch = ledger_.epoch();
+  const int shut = ledger_.end_tenancy(dead ? TenantFate::Dead : TenantFate::MayLive);
+  if (shut > 0) departed_.push_back({.epoch = epoch, .process = std::move(tenant_->process)});
+  tenant_.reset();
+  memory_.header().epoch.store(ledger_.epoch(), std::memory_order_relaxed);
+}
+
+RingStatistics Player::statistics() const {
+  return {.renderers = renderers_,
+          .renderers_refused = refused_,
+          .renderer_deaths = deaths_,
+          .frames_accepted = ledger_.accepted(),
+          .slots_recovered = ledger_.recovered(),
+          .violations = ledger_.violations(),
+          .slots = options_.slots,
+          .slots_shut = ledger_.shut(),
+          .renderer_connected = tenant_.has_value(),
+          .renderer_name = hello_.name,
+          .heartbeat = memory_.header().heartbeat.load(std::memory_order_relaxed),
+          .loop_obstacle = ledger_.loop_obstacle()};
+}
+
+}  // namespace
+
+std::unique_ptr<RingPlayer> RingPlayer::open(const RingOptions& options) {
+  return std::make_unique<Player>(options);
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/ring/ring_protocol.h"
+
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <numeric>
+
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr int64_t kMaxHertz = 10000;
+constexpr int64_t kMaxSecondsPerFrame = 3600;
+constexpr int64_t kMaxRateTerm = int64_t{1} << 40;  // products below stay within 64 bits
+
+template <typename Message>
+Message make(MessageKind kind) {
+  Message message;
+  message.prefix.kind = kind;
+  message.prefix.bytes = sizeof(Message);
+  return message;
+}
+
+/// Control characters would let a peer write into our log or terminal.
+bool is_printable(std::string_view text) {
+  return std::all_of(text.begin(), text.end(), [](char c) {
+    const auto code = static_cast<unsigned char>(c);
+    return code >= 0x20 && code != 0x7f;
+  });
+}
+
+template <size_t N>
+void write_text(const std::string& text, const char* what, char (&field)[N]) {
+  if (text.size() >= N || !is_printable(text))
+    throw Error(ErrorKind::Usage, std::string("ring: ") + what + " is too long or not plain text",
+                "use fewer than " + std::to_string(N) + " printable bytes");
+  std::memcpy(field, text.data(), text.size());
+}
+
+/// The text of a field that must end with a zero inside it.
+template <size_t N>
+std::optional<std::string> read_text(const char (&field)[N]) {
+  const char* end = std::find(field, field + N, '\0');
+  if (end == field + N || !is_printable({field, end})) return std::nullopt;
+  return std::string(field, end);
+}
+
+bool is_sensible_rate(int64_t numerator, int64_t denominator) {
+  if (numerator <= 0 || denominator <= 0) return false;
+  if (numerator > kMaxRateTerm || denominator > kMaxRateTerm) return false;
+  return numerator <= kMaxHertz * denominator && denominator <= kMaxSecondsPerFrame * numerator;
+}
+
+template <typename Message>
+const char* read_message(std::span<const uint8_t> bytes, MessageKind kind, Message& message) {
+  MessagePrefix prefix;
+  if (const char* problem = read_prefix(bytes, prefix)) return problem;
+  if (prefix.kind != kind) return "another message was expected";
+  if (bytes.size() != sizeof message) return "wrong length";
+  std::memcpy(static_cast<void*>(&message), bytes.data(), sizeof message);
+  return nullptr;
+}
+
+}  // namespace
+
+HelloMessage make_hello(const RendererHello& hello) {
+  auto message = make<HelloMessage>(MessageKind::Hello);
+  write_text(hello.name, "the renderer's name", message.name);
+  write_text(hello.rig_fingerprint, "the rig's fingerprint", message.rig_fingerprint);
+  if (hello.rate) {
+    if (!is_sensible_rate(hello.rate->numerator, hello.rate->denominator))
+      throw Error(ErrorKind::Usage, "ring: the frame rate makes no sense",
+                  "use 1/3600 ... 10000 frames per second");
+    message.rate_numerator = hello.rate->numerator;
+    message.rate_denominator = hello.rate->denominator;
+  }
+  message.has_frame_count = hello.frame_count.has_value() ? 1 : 0;
+  message.frame_count = hello.frame_count.value_or(0);
+  return message;
+}
+
+RefuseMessage make_refuse(RefuseReason reason, std::string_view text) {
+  auto message = make<RefuseMessage>(MessageKind::Refuse);
+  message.reason = reason;
+  std::memcpy(message.text, text.data(), std::min(text.size(), sizeof message.text - 1));
+  return message;
+}
+
+AcceptMessage make_accept(uint64_t memory_bytes, Epoch epoch) {
+  auto message = make<AcceptMessage>(MessageKind::Accept);
+  message.memory_bytes = memory_bytes;
+  message.epoch = epoch;
+  return message;
+}
+
+WakeMessage make_wake(MessageKind kind) {
+  return make<WakeMessage>(kind);
+}
+
+GoodbyeMessage make_goodbye(uint64_t published) {
+  auto message = make<GoodbyeMessage>(MessageKind::Goodbye);
+  message.published = published;
+  return message;
+}
+
+const char* read_prefix(std::span<const uint8_t> bytes, MessagePrefix& prefix) {
+  if (bytes.size() < sizeof prefix) return "too short";
+  std::memcpy(&prefix, bytes.data(), sizeof prefix);
+  if (prefix.magic != kMessageMagic) return "not a ring message";
+  if (prefix.version != kProtocolVersion) return "another protocol version";
+  if (prefix.bytes != bytes.size()) return "wrong length";
+  return nullptr;
+}
+
+const char* read_hello(std::span<const uint8_t> bytes, RendererHello& hello) {
+  HelloMessage message;
+  if (const char* problem = read_message(bytes, MessageKind::Hello, message)) return problem;
+  const auto name = read_text(message.name);
+  const auto fingerprint = read_text(message.rig_fingerprint);
+  if (!name) return "the name is not plain text";
+  if (!fingerprint) return "the rig's fingerprint is not plain text";
+  if (message.has_frame_count > 1 || message.reserved != 0) return "a reserved field is in use";
+
+  RendererHello checked = {
+      .name = *name, .rig_fingerprint = *fingerprint, .rate = {}, .frame_count = {}};
+  if (message.rate_numerator != 0 || message.rate_denominator != 0) {
+    if (!is_sensible_rate(message.rate_numerator, message.rate_denominator))
+      return "the frame rate makes no sense";
+    const int64_t divisor = std::gcd(message.rate_numerator, message.rate_denominator);
+    checked.rate = Rate{message.rate_numerator / divisor, message.rate_denominator / divisor};
+  }
+  if (message.has_frame_count == 1) checked.frame_count = message.frame_count;
+  hello = std::move(checked);
+  return nullptr;
+}
+
+const char* read_accept(std::span<const uint8_t> bytes, AcceptMessage& accept) {
+  AcceptMessage message;
+  if (const char* problem = read_message(bytes, MessageKind::Accept, message)) return problem;
+  if (message.epoch == 0 || message.epoch > kMaxEpoch) return "the epoch is out of range";
+  if (message.reserved != 0) return "a reserved field is in use";
+  accept = message;
+  return nullptr;
+}
+
+const char* read_refuse(std::span<const uint8_t> bytes, RefuseReason& reason, std::string& text) {
+  // A player of another version refuses in its own version: this message alone keeps its form.
+  RefuseMessage message;
+  if (bytes.size() != sizeof message) return "wrong length";
+  std::memcpy(static_cast<void*>(&message), bytes.data(), sizeof message);
+  if (message.prefix.magic != kMessageMagic || message.prefix.kind != MessageKind::Refuse)
+    return "another message was expected";
+  if (message.reason < RefuseReason::Busy || message.reason > RefuseReason::OtherRig)
+    return "unknown reason";
+  const auto checked = read_text(message.text);
+  if (!checked) return "the reason is not plain text";
+  reason = message.reason;
+  text = *checked;
+  return nullptr;
+}
+
+const char* read_goodbye(std::span<const uint8_t> bytes, uint64_t& published) {
+  GoodbyeMessage message;
+  if (const char* problem = read_message(bytes, MessageKind::Goodbye, message)) return problem;
+  published = message.published;
+  return nullptr;
+}
+
+Transfer send_bytes(int socket, std::span<const uint8_t> bytes, std::span<const int> fds) noexcept {
+  iovec part = {const_cast<uint8_t*>(bytes.data()), bytes.size()};
+  msghdr message = {};
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  alignas(cmsghdr) char control[CMSG_SPACE(2 * sizeof(int))] = {};
+  if (!fds.empty()) {
+    message.msg_control = control;
+    message.msg_controllen = CMSG_SPACE(fds.size_bytes());
+    cmsghdr* rights = CMSG_FIRSTHDR(&message);
+    rights->cmsg_level = SOL_SOCKET;
+    rights->cmsg_type = SCM_RIGHTS;
+    rights->cmsg_len = CMSG_LEN(fds.size_bytes());
+    std::memcpy(CMSG_DATA(rights), fds.data(), fds.size_bytes());
+  }
+  for (;;) {
+    if (::sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0) return Transfer::Done;
+    if (errno == EINTR) continue;
+    return errno == EAGAIN || errno == ENOBUFS ? Transfer::WouldBlock : Transfer::Closed;
+  }
+}
+
+namespace {
+
+/// Owns every descriptor that came along, also those beyond what we expect.
+void take_fds(msghdr& message, std::array<UniqueFd, 2>& fds) noexcept {
+  size_t taken = 0;
+  for (cmsghdr* part = CMSG_FIRSTHDR(&message); part; part = CMSG_NXTHDR(&message, part)) {
+    if (part->cmsg_level != SOL_SOCKET || part->cmsg_type != SCM_RIGHTS) continue;
+    const size_t count = (part->cmsg_len - CMSG_LEN(0)) / sizeof(int);
+    for (size_t i = 0; i < count; ++i) {
+      int fd = -1;
+      std::memcpy(&fd, CMSG_DATA(part) + i * sizeof fd, sizeof fd);
+      UniqueFd owned(fd);
+      if (taken < fds.size()) fds[taken++] = std::move(owned);
+    }
+  }
+}
+
+}  // namespace
+
+Transfer receive_packet(int socket, Packet& packet, PassedFds passed) noexcept {
+  iovec part = {packet.buffer.data(), packet.buffer.size()};
+  alignas(cmsghdr) char control[CMSG_SPACE(2 * sizeof(int))];
+  // A peer that closes with unread messages in its queue turns our next read into one ECONNRESET,
+  // in front of what it had sent. Its last words still count, so read on until there is nothing.
+  for (int resets = 0; resets < 2;) {
+    msghdr message = {};
+    message.msg_iov = &part;
+    message.msg_iovlen = 1;
+    message.msg_control = passed == PassedFds::Take ? control : nullptr;
+    message.msg_controllen = passed == PassedFds::Take ? sizeof control : 0;
+    const ssize_t received = ::recvmsg(socket, &message, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+    if (received >= 0) {
+      packet.size = static_cast<size_t>(received);
+      packet.fds = {};
+      if (passed == PassedFds::Take) take_fds(message, packet.fds);
+      return received == 0 ? Transfer::Closed : Transfer::Done;
+    }
+    if (errno == EAGAIN) return Transfer::WouldBlock;
+    if (errno != EINTR) ++resets;
+  }
+  return Transfer::Closed;
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/ring/ring_renderer.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <new>
+#include <thread>
+
+#include "frames/ring/listen_socket.h"
+#include "frames/ring/mapping.h"
+#include "frames/ring/ring_layout.h"
+#include "frames/ring/ring_protocol.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+
+constexpr milliseconds kRetryPause{20};
+/// How long one wait for a wake-up lasts at most; the table is looked at after each.
+constexpr milliseconds kMaxNap{100};
+constexpr milliseconds kGoodbyePatience{1000};
+
+/// A moment that stays representable for timeouts like milliseconds::max().
+Clock::time_point deadline_after(milliseconds timeout) {
+  constexpr milliseconds kForever = std::chrono::hours(24 * 365);
+  return Clock::now() + std::clamp(timeout, milliseconds(0), kForever);
+}
+
+milliseconds time_left(Clock::time_point deadline) {
+  const auto left = std::chrono::ceil<milliseconds>(deadline - Clock::now());
+  return std::max(left, milliseconds(0));
+}
+
+void wait_for(int fd, short events, milliseconds timeout) {
+  pollfd query = {.fd = fd, .events = events, .revents = 0};
+  (void)::poll(&query, 1, static_cast<int>(timeout.count()));
+}
+
+/// What the player let us have.
+struct Admission {
+  UniqueFd socket;
+  UniqueFd memory;
+  UniqueFd published;
+  AcceptMessage accept;
+};
+
+/// Why one attempt did not succeed but another may.
+struct Obstacle {
+  std::string cause;
+  std::string hint;
+};
+
+[[noreturn]] void throw_refusal(const std::string& path, RefuseReason reason,
+                                const std::string& text) {
+  const ErrorKind kind = reason == RefuseReason::Forbidden ? ErrorKind::Device : ErrorKind::Input;
+  const char* hint = reason == RefuseReason::OtherRig
+                         ? "render with the rig file that the player was started with"
+                         : "";
+  throw Error(kind, path + ": the player refused: " + text, hint);
+}
+
+[[noreturn]] void throw_nonsense(const std::string& path, const char* problem) {
+  throw Error(ErrorKind::Input, path + ": the other end is no ring player: " + problem);
+}
+
+class Attempt {
+ public:
+  Attempt(const std::filesystem::path& path, Clock::time_point deadline)
+      : path_(path.string()), address_(unix_address(path)), deadline_(deadline) {}
+
+  /// Connects and says hello. An Obstacle goes away by itself, perhaps; the rest is thrown.
+  [[nodiscard]] std::optional<Admission> run(const HelloMessage& hello, Obstacle& obstacle) {
+    UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    if (!socket) throw Error(ErrorKind::Failed, path_ + ": " + std::strerror(errno));
+    if (::connect(socket.get(), address_.get(), address_.bytes) != 0) {
+      if (errno == EACCES || errno == EPERM || errno == EPROTOTYPE || errno == ENOTSOCK)
+        throw Error(ErrorKind::Device, path_ + ": " + std::strerror(errno),
+                    "use the socket of a player that the same user started");
+      if (errno == EAGAIN) return std::nullopt;  // too many renderers wait already
+      obstacle = {"no player listens there", "start the player first: lenticule play ring:SOCKET"};
+      return std::nullopt;
+    }
+    if (send_message(socket.get(), hello) != Transfer::Done) return std::nullopt;
+    return read_answer(std::move(socket), obstacle);
+  }
+
+ private:
+  [[nodiscard]] std::optional<Admission> read_answer(UniqueFd socket, Obstacle& obstacle) {
+    obstacle = {"the player does not answer", "see what the player does"};
+    wait_for(socket.get(), POLLIN, time_left(deadline_));
+    Packet packet;
+    if (receive_packet(socket.get(), packet, PassedFds::Take) != Transfer::Done)
+      return std::nullopt;
+    RefuseReason reason{};
+    std::string text;
+    if (read_refuse(packet.bytes(), reason, text) == nullptr) {
+      if (reason != RefuseReason::Busy) throw_refusal(path_, reason, text);
+      obstacle = {"the player is " + text, "stop the other renderer, or wait for it"};
+      return std::nullopt;
+    }
+    Admission admission;
+    if (const char* problem = read_accept(packet.bytes(), admission.accept))
+      throw_nonsense(path_, problem);
+    if (!packet.fds[0] || !packet.fds[1]) throw_nonsense(path_, "it passed no memory");
+    admission.socket = std::move(socket);
+    admission.memory = std::move(packet.fds[0]);
+    admission.published = std::move(packet.fds[1]);
+    return admission;
+  }
+
+  std::string path_;
+  UnixAddress address_;
+  Clock::time_point deadline_;
+};
+
+Admission be_admitted(const std::filesystem::path& path, const HelloMessage& hello,
+                      milliseconds timeout) {
+  const Clock::time_point deadline = deadline_after(timeout);
+  Attempt attempt(path, deadline);
+  for (;;) {
+    Obstacle obstacle = {"the player does not answer", {}};
+    if (auto admission = attempt.run(hello, obstacle)) return std::move(*admission);
+    if (Clock::now() >= deadline)
+      throw Error(ErrorKind::Device, path.string() + ": " + obstacle.cause, obstacle.hint);
+    std::this_thread::sleep_for(std::min(kRetryPause, time_left(deadline)));
+  }
+}
+
+/// The whole memory, mapped only after it is known that nobody can shrink it under us.
+Mapping map_memory(const std::string& path, const Admission& admission, RingLayout& layout) {
+  struct stat status;
+  const int fd = admission.memory.get();
+  const uint64_t promised = admission.accept.memory_bytes;
+  if (::fstat(fd, &status) != 0 || status.st_size < 0 ||
+      static_cast<uint64_t>(status.st_size) != promised || promised < kHeaderBytes)
+    throw_nonsense(path, "the memory has another size than promised");
+  const int seals = ::fcntl(fd, F_GET_SEALS);
+  if (seals < 0 || (seals & F_SEAL_SHRINK) == 0) throw_nonsense(path, "the memory is not sealed");
+  {
+    const Mapping header(fd, 0, kHeaderBytes, PROT_READ);
+    if (!header) throw Error(ErrorKind::Failed, path + ": cannot map the ring");
+    const auto* fields = std::launder(reinterpret_cast<const RingHeader*>(header.bytes().data()));
+    if (const char* problem = read_header(*fields, promised, layout)) throw_nonsense(path, problem);
+  }
+  Mapping memory(fd, 0, layout.memory_bytes, PROT_READ | PROT_WRITE);
+  if (!memory)
+    throw Error(ErrorKind::Failed, path + ": cannot map the ring: " + std::strerror(errno));
+  ::madvise(memory.bytes().data(), memory.bytes().size(), MADV_HUGEPAGE);  // where allowed
+  return memory;
+}
+
+class Renderer final : public RingRenderer {
+ public:
+  Renderer(const std::string& path, Admission admission)
+      : socket_(std::move(admission.socket)),
+        published_event_(std::move(admission.published)),
+        epoch_(admission.accept.epoch),
+        memory_(map_memory(path, admission, layout_)) {
+    table_ = {reinterpret_cast<SlotEntry*>(memory_.bytes().data() + layout_.table_offset),
+              static_cast<size_t>(layout_.slots)};
+  }
+  ~Renderer() override { Renderer::abandon(); }
+
+  [[nodiscard]] FrameGeometry geometry() const override { return layout_.geometry; }
+  [[nodiscard]] int slots() const override { return layout_.slots; }
+  [[nodiscard]] RingStatus acquire(uint64_t number, milliseconds timeout,
+                                   std::span<uint8_t>& pixels) override;
+  [[nodiscard]] RingStatus publish() override;
+  void abandon() override;
+  void finish() override;
+
+ private:
+  [[nodiscard]] bool take_slot() noexcept;
+  void read_messages() noexcept;
+  void beat() noexcept;
+  void ask_for_slot() noexcept;
+
+  RingLayout layout_;
+  UniqueFd socket_;
+  UniqueFd published_event_;
+  Epoch epoch_;
+  Mapping memory_;
+  std::span<SlotEntry> table_;
+  std::optional<int> held_;  ///< the slot being written
+  uint64_t number_ = 0;      ///< of the frame in it
+  uint64_t published_ = 0;
+  int cursor_ =
+      0;  ///< the slot after the last one taken: going round keeps the player's search short
+  bool asked_ = false;
+  bool gone_ = false;
+};
+
+RingStatus Renderer::acquire(uint64_t number, milliseconds timeout, std::span<uint8_t>& pixels) {
+  LENTICULE_CHECK(!held_);
+  const Clock::time_point deadline = deadline_after(timeout);
+  for (;;) {
+    read_messages();
+    if (gone_) return RingStatus::Gone;
+    beat();
+    if (take_slot()) break;
+    const milliseconds left = time_left(deadline);
+    if (left == milliseconds(0)) return RingStatus::TimedOut;
+    ask_for_slot();
+    wait_for(socket_.get(), POLLIN, std::min(left, kMaxNap));
+  }
+  number_ = number;
+  pixels = memory_.bytes().subspan(layout_.slot_offset(*held_), layout_.geometry.frame_bytes());
+  return RingStatus::Ok;
+}
+
+bool Renderer::take_slot() noexcept {
+  for (int i = 0; i < layout_.slots; ++i) {
+    const int slot = (cursor_ + i) % layout_.slots;
+    if (!take_free_slot(table_[slot], epoch_)) continue;
+    held_ = slot;
+    cursor_ = (slot + 1) % layout_.slots;
+    asked_ = false;
+    return true;
+  }
+  return false;
+}
+
+/// Wake-ups carry nothing to remember; what counts is that the player is still there.
+void Renderer::read_messages() noexcept {
+  Packet packet;
+  Transfer transfer = Transfer::Done;
+  while (transfer == Transfer::Done && !gone_)
+    transfer = receive_packet(socket_.get(), packet, PassedFds::Ignore);
+  if (transfer == Transfer::Closed) gone_ = true;
+}
+
+void Renderer::beat() noexcept {
+  auto* header = std::launder(reinterpret_cast<RingHeader*>(memory_.bytes().data()));
+  header->heartbeat.fetch_add(1, std::memory_order_relaxed);
+}
+
+/// Once per slot: the player answers as soon as one is free.
+void Renderer::ask_for_slot() noexcept {
+  if (asked_) return;
+  asked_ = send_message(socket_.get(), make_wake(MessageKind::Wanted)) == Transfer::Done;
+}
+
+RingStatus Renderer::publish() {
+  LENTICULE_CHECK(held_);
+  const bool ours = publish_slot(table_[*held_], epoch_, number_, published_);
+  held_.reset();
+  if (!ours) gone_ = true;  // the player has withdrawn the slot: it gave us up
+  read_messages();
+  if (gone_) return RingStatus::Gone;
+  ++published_;
+  const uint64_t one = 1;
+  (void)!::write(published_event_.get(), &one, sizeof one);  // a full counter wakes, too
+  beat();
+  return RingStatus::Ok;
+}
+
+void Renderer::abandon() {
+  if (held_) abandon_slot(table_[*held_], epoch_);
+  held_.reset();
+}
+
+void Renderer::finish() {
+  abandon();
+  const Clock::time_point deadline = deadline_after(kGoodbyePatience);
+  while (!gone_ && send_message(socket_.get(), make_goodbye(published_)) == Transfer::WouldBlock) {
+    if (Clock::now() >= deadline) break;
+    wait_for(socket_.get(), POLLOUT, time_left(deadline));
+  }
+  gone_ = true;
+  socket_.reset();
+}
+
+}  // namespace
+
+std::unique_ptr<RingRenderer> RingRenderer::connect(const std::filesystem::path& socket,
+                                                    const RendererHello& hello,
+                                                    milliseconds timeout) {
+  return std::make_unique<Renderer>(socket.string(),
+                                    be_admitted(socket, make_hello(hello), timeout));
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+// The player's private books about the slots. What the shared table says is read once, checked
+// against these books, and never overrules them.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "frames/frame_source.h"
+#include "frames/ring/slot_entry.h"
+
+namespace lenticule::frames {
+
+enum class LoopKeeping {
+  Off,  ///< a shown slot is free again
+  On,   ///< slots keep their frames as long as the sequence fits the ring
+};
+
+/// What is known about a renderer whose connection is over.
+enum class TenantFate {
+  Dead,     ///< its process is gone, nobody writes any more
+  MayLive,  ///< it may still be writing into the slot that it had taken
+};
+
+/// Knows slots, sequences and epochs; knows nothing of sockets, files and processes. One thread.
+/// Allocates at construction only.
+class SlotLedger {
+ public:
+  struct Frame {
+    int slot = 0;
+    uint64_t number = 0;
+  };
+
+  /// Offers every slot of `table`, which outlives the ledger.
+  SlotLedger(std::span<SlotEntry> table, LoopKeeping keeping);
+
+  // Renderers come and go.
+  /// The epoch of the connected renderer, or of the next one.
+  [[nodiscard]] Epoch epoch() const { return epoch_; }
+  void begin_tenancy(std::optional<uint64_t> frame_count) noexcept;
+  /// Takes over what the renderer had published, then withdraws its slots. Returns the number of
+  /// slots that stay shut until recover(), because the renderer may still be writing there.
+  int end_tenancy(TenantFate fate) noexcept;
+  /// The renderer of that epoch is dead: its shut slots are offered again.
+  void recover(Epoch epoch) noexcept;
+  /// The renderer says that its `published` frames complete the sequence.
+  void finish_sequence(uint64_t published) noexcept;
+  /// The renderer waits for a slot: a ring that is full of kept frames gives up keeping them.
+  void slot_wanted() noexcept;
+  /// Takes over what was published since the last call.
+  void take_published() noexcept;
+  /// The connected renderer broke the protocol and must be sent away.
+  [[nodiscard]] bool misbehaved() const { return misbehaved_; }
+
+  // Frames go out and come back; see FrameSource.
+  [[nodiscard]] PullStatus pull(Frame& out) noexcept;
+  /// True if the slot is free for the renderer again.
+  bool release(int slot) noexcept;
+  [[nodiscard]] bool rewind() noexcept;
+  [[nodiscard]] uint64_t ready_count() const { return ready_.size(); }
+  [[nodiscard]] bool saturated() const { return finished_ || offered_ == 0; }
+  [[nodiscard]] int max_lent() const { return static_cast<int>(slots_.size()) - 1; }
+
+  // Figures.
+  [[nodiscard]] uint64_t accepted() const { return accepted_; }
+  [[nodiscard]] uint64_t recovered() const { return recovered_; }
+  [[nodiscard]] uint64_t violations() const { return violations_; }
+  [[nodiscard]] int shut() const { return shut_; }
+  [[nodiscard]] int lent() const { return lent_; }
+  /// Why rewind() cannot replay the present sequence; empty while it can (or may yet).
+  [[nodiscard]] std::string loop_obstacle() const;
+
+ private:
+  enum class Owner : uint8_t {
+    Renderer,  ///< offered: free, being written, or published and not yet taken over
+    Player,    ///< taken over: its frame is ours until it is offered again
+    Nobody,    ///< shut: an earlier renderer may still be writing
+  };
+  struct Slot {
+    Owner owner = Owner::Renderer;
+    bool queued = false;  ///< waits in ready_
+    bool kept = false;    ///< stays for rewind()
+    int lent = 0;         ///< a rewound frame can be lent again while it is still on the glass
+    uint32_t word = 0;    ///< what we left in the table
+    Epoch epoch = 0;      ///< of the renderer that it was offered to
+    uint64_t number = 0;
+    uint64_t sequence = 0;
+  };
+  /// First in, first out, of slots; never holds one twice.
+  class Queue {
+   public:
+    explicit Queue(size_t capacity) : slots_(capacity) {}
+    [[nodiscard]] bool empty() const { return size_ == 0; }
+    [[nodiscard]] size_t size() const { return size_; }
+    [[nodiscard]] int front() const { return slots_[head_]; }
+    void push(int slot) { slots_[(head_ + size_++) % slots_.size()] = slot; }
+    void pop() {
+      head_ = (head_ + 1) % slots_.size();
+      --size_;
+    }
+
+   private:
+    std::vector<int> slots_;
+    size_t head_ = 0;
+    size_t size_ = 0;
+  };
+  enum class Search { Found, NothingNew, LaterOnly, Broken };
+  enum class LoopState { Off, Keeping, TooLong };
+
+  void violated() noexcept;
+  [[nodiscard]] Search find_next_published(int& found) noexcept;
+  [[nodiscard]] bool take_next() noexcept;
+  void take_over(int slot) noexcept;
+  void withdraw(int slot, Epoch old_epoch, TenantFate fate) noexcept;
+  void offer(int slot) noexcept;
+  bool offer_if_idle(int slot) noexcept;
+  void set_word(int slot, SlotState state) noexcept;
+  void begin_sequence() noexcept;
+  void stop_keeping(LoopState reason) noexcept;
+  void lend(Frame& out) noexcept;
+
+  std::span<SlotEntry> table_;
+  LoopKeeping keeping_;
+  std::vector<Slot> slots_;
+  Queue ready_;
+  std::vector<int> kept_;  ///< the present sequence in order
+
+  Epoch epoch_ = 1;
+  bool tenanted_ = false;
+  bool misbehaved_ = false;
+  uint64_t next_order_ = 0;
+  std::optional<uint64_t> last_number_;
+  int cursor_ = 0;  ///< honest renderers go round the ring: the next slot to look at
+
+  uint64_t receiving_ = 0;  ///< number of the sequence that renderers deliver
+  uint64_t pulling_ = 0;    ///< number of the sequence that pull() hands out
+  bool finished_ = false;   ///< receiving_ is complete
+  bool end_reported_ = false;
+  LoopState loop_;
+
+  int offered_ = 0;
+  int shut_ = 0;
+  int lent_ = 0;
+  uint64_t accepted_ = 0;
+  uint64_t recovered_ = 0;
+  uint64_t violations_ = 0;
+};
+
+}  // namespace lenticule::frames
