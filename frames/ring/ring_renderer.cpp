@@ -129,9 +129,9 @@ Admission be_admitted(const std::filesystem::path& path, const HelloMessage& hel
   for (;;) {
     Obstacle obstacle = {"the player does not answer", {}};
     if (auto admission = attempt.run(hello, obstacle)) return std::move(*admission);
+    std::this_thread::sleep_for(std::min(kRetryPause, time_left(deadline)));
     if (Clock::now() >= deadline)
       throw Error(ErrorKind::Device, path.string() + ": " + obstacle.cause, obstacle.hint);
-    std::this_thread::sleep_for(std::min(kRetryPause, time_left(deadline)));
   }
 }
 

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sequences that are kept in the ring for a gapless loop.
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "tests/support/ring_peer.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::connect_to;
+using test::push_frame;
+using test::small_ring;
+using test::SocketFolder;
+using test::stamped_id;
+
+class RingLoop : public testing::Test {
+ protected:
+  RingLoop() {
+    RingOptions options = small_ring(folder_.socket());
+    options.keep_for_loop = true;
+    player_ = RingPlayer::open(options);
+  }
+  std::unique_ptr<RingRenderer> connect(std::optional<uint64_t> frame_count = {}) {
+    return connect_to(
+        *player_, folder_.socket(),
+        {.name = "loop", .rig_fingerprint = {}, .rate = {}, .frame_count = frame_count});
+  }
+  void deliver(uint64_t frames) {
+    const auto renderer = connect();
+    for (uint64_t k = 0; k < frames; ++k) ASSERT_EQ(push_frame(*renderer, k, k), RingStatus::Ok);
+    renderer->finish();
+    player_->service();
+  }
+  /// Pulls and releases until End; the ids in order.
+  std::vector<uint64_t> play_through() {
+    std::vector<uint64_t> ids;
+    LentFrame frame;
+    while (player_->pull(frame) == PullStatus::Ready) {
+      ids.push_back(stamped_id(frame.frame.bytes).value_or(~uint64_t{0}));
+      player_->release(frame.token);
+    }
+    return ids;
+  }
+
+  SocketFolder folder_;
+  std::unique_ptr<RingPlayer> player_;
+};
+
+using Ids = std::vector<uint64_t>;
+
+TEST_F(RingLoop, ReplaysASequenceThatFitsAfterItsRendererLeft) {
+  deliver(3);
+  for (int turn = 0; turn < 5; ++turn) {
+    EXPECT_EQ(play_through(), (Ids{0, 1, 2}));
+    LentFrame frame;
+    EXPECT_EQ(player_->pull(frame), PullStatus::End);
+    ASSERT_TRUE(player_->rewind());
+  }
+}
+
+TEST_F(RingLoop, ReplaysASequenceThatFillsTheRingExactly) {
+  deliver(4);
+  EXPECT_EQ(play_through(), (Ids{0, 1, 2, 3}));
+  EXPECT_EQ(player_->statistics().loop_obstacle, "");
+  ASSERT_TRUE(player_->rewind());
+  EXPECT_EQ(play_through(), (Ids{0, 1, 2, 3}));
+}
+
+TEST_F(RingLoop, RewindsWhileTheLastFramesAreStillLent) {
+  deliver(2);
+  LentFrame first, second, again;
+  ASSERT_EQ(player_->pull(first), PullStatus::Ready);
+  ASSERT_EQ(player_->pull(second), PullStatus::Ready);
+  ASSERT_EQ(player_->pull(again), PullStatus::End);
+  ASSERT_TRUE(player_->rewind());
+  ASSERT_EQ(player_->pull(again), PullStatus::Ready);
+  EXPECT_EQ(again.number, 0u);
+  player_->release(first.token);
+  EXPECT_EQ(stamped_id(again.frame.bytes), 0u);
+  player_->release(second.token);
+  player_->release(again.token);
+  EXPECT_EQ(player_->statistics().violations, 0u);
+}
+
+TEST_F(RingLoop, DoesNotRewindBeforeTheEnd) {
+  deliver(2);
+  EXPECT_FALSE(player_->rewind());
+  LentFrame frame;
+  ASSERT_EQ(player_->pull(frame), PullStatus::Ready);
+  EXPECT_FALSE(player_->rewind());
+}
+
+TEST_F(RingLoop, RecyclesOnceTheRendererAsksForMoreSlotsThanThereAre) {
+  const auto renderer = connect();
+  std::thread writer([&] {
+    for (uint64_t k = 0; k < 20; ++k)
+      if (push_frame(*renderer, k, k, std::chrono::seconds(20)) != RingStatus::Ok) return;
+    renderer->finish();
+  });
+  Ids ids;
+  const bool ended = test::service_until(*player_, [&] {
+    LentFrame frame;
+    PullStatus status = PullStatus::NotYet;
+    while ((status = player_->pull(frame)) == PullStatus::Ready) {
+      ids.push_back(stamped_id(frame.frame.bytes).value_or(~uint64_t{0}));
+      player_->release(frame.token);
+    }
+    return status == PullStatus::End;
+  });
+  writer.join();
+  ASSERT_TRUE(ended);
+  EXPECT_EQ(ids.size(), 20u);
+  EXPECT_FALSE(player_->rewind());
+  EXPECT_NE(player_->statistics().loop_obstacle.find("more frames than"), std::string::npos);
+}
+
+TEST_F(RingLoop, RecyclesFromTheStartWhenTheStatedCountDoesNotFit) {
+  const auto renderer = connect(5);
+  EXPECT_NE(player_->statistics().loop_obstacle, "");
+  ASSERT_EQ(push_frame(*renderer, 0, 0), RingStatus::Ok);
+  EXPECT_EQ(play_through(), (Ids{0}));
+  for (uint64_t k = 1; k < 5; ++k) ASSERT_EQ(push_frame(*renderer, k, k), RingStatus::Ok);
+  renderer->finish();
+  player_->service();
+  EXPECT_EQ(play_through(), (Ids{1, 2, 3, 4}));
+  EXPECT_FALSE(player_->rewind());
+}
+
+TEST_F(RingLoop, ANewRendererReplacesTheKeptSequence) {
+  deliver(4);
+  EXPECT_EQ(play_through(), (Ids{0, 1, 2, 3}));
+  LentFrame on_glass;
+  ASSERT_TRUE(player_->rewind());
+  ASSERT_EQ(player_->pull(on_glass), PullStatus::Ready);
+  const auto renderer = connect();
+  EXPECT_EQ(play_through(), (Ids{1, 2, 3})) << "the turn that has begun is played to its end";
+  EXPECT_FALSE(player_->rewind());
+  for (uint64_t k = 0; k < 3; ++k) ASSERT_EQ(push_frame(*renderer, k, 50 + k), RingStatus::Ok);
+  renderer->finish();
+  EXPECT_EQ(stamped_id(on_glass.frame.bytes), 0u);
+  player_->release(on_glass.token);
+  player_->service();
+  EXPECT_EQ(play_through(), (Ids{50, 51, 52}));
+  EXPECT_TRUE(player_->rewind());
+}
+
+TEST_F(RingLoop, KeepsASequenceThatTwoRenderersDelivered) {
+  {
+    const auto renderer = connect();
+    ASSERT_EQ(push_frame(*renderer, 0, 0), RingStatus::Ok);
+  }
+  const auto renderer = connect();
+  ASSERT_EQ(push_frame(*renderer, 1, 1), RingStatus::Ok);
+  renderer->finish();
+  player_->service();
+  EXPECT_EQ(play_through(), (Ids{0, 1}));
+  ASSERT_TRUE(player_->rewind());
+  EXPECT_EQ(play_through(), (Ids{0, 1}));
+}
+
+}  // namespace
+}  // namespace lenticule::frames
