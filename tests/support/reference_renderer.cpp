@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/support/reference_renderer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+namespace lenticule::testing {
+namespace {
+
+using render::Cone;
+using render::Light;
+using render::Material;
+using render::SceneDescription;
+using render::Sphere;
+using render::Texture;
+using render::TriangleMesh;
+
+constexpr double kFar = std::numeric_limits<double>::infinity();
+
+struct Line {
+  Vec3 from;
+  Vec3 way;  // unit
+};
+
+/// Names one primitive, so that a flat one is not met again by a ray that starts on it.
+struct Primitive {
+  const void* list = nullptr;
+  size_t index = 0;
+  friend bool operator==(const Primitive&, const Primitive&) = default;
+};
+
+struct Meeting {
+  double t = kFar;
+  Vec3 outward{};       // geometric normal on the outer side
+  Vec3 interpolated{};  // or zero
+  const Material* material = nullptr;
+  Vec3 colour{};
+  Primitive flat{};  // set for triangles only
+};
+
+Vec3 mix(Vec3 a, Vec3 b, Vec3 c, double wa, double wb, double wc) {
+  return a * wa + b * wb + c * wc;
+}
+
+Vec3 texel(const Texture& texture, long x, long y) {
+  const auto place = [](long i, long size, bool repeat) {
+    if (repeat) return ((i % size) + size) % size;
+    return std::min(std::max(i, 0L), size - 1);
+  };
+  const long column = place(x, texture.width, texture.repeat_u);
+  const long row = place(y, texture.height, texture.repeat_v);
+  const float* rgba = &texture.rgba[static_cast<size_t>(row * texture.width + column) * 4];
+  return {rgba[0], rgba[1], rgba[2]};
+}
+
+Vec3 bilinear(const Texture& texture, double u, double v) {
+  if (!texture.repeat_u) u = std::min(std::max(u, 0.0), 1.0);
+  if (!texture.repeat_v) v = std::min(std::max(v, 0.0), 1.0);
+  const double x = u * texture.width - 0.5;
+  const double y = v * texture.height - 0.5;
+  const long left = std::lround(std::floor(x));
+  const long top = std::lround(std::floor(y));
+  const double fx = x - std::floor(x);
+  const double fy = y - std::floor(y);
+  return texel(texture, left, top) * ((1 - fx) * (1 - fy)) +
+         texel(texture, left + 1, top) * (fx * (1 - fy)) +
+         texel(texture, left, top + 1) * ((1 - fx) * fy) +
+         texel(texture, left + 1, top + 1) * (fx * fy);
+}
+
+/// Signed areas of the three corner triangles in the triangle's own plane.
+void meet_triangle(const SceneDescription& scene, const TriangleMesh& mesh, size_t index,
+                   const Line& line, double t_min, Meeting& nearest) {
+  const auto [ia, ib, ic] = mesh.triangles[index];
+  const Vec3 a = mesh.positions[ia];
+  const Vec3 b = mesh.positions[ib];
+  const Vec3 c = mesh.positions[ic];
+  const Vec3 normal = cross(b - a, c - a);
+  const double facing = dot(normal, line.way);
+  if (facing == 0.0) return;
+  const double t = dot(normal, a - line.from) / facing;
+  if (!(t > t_min) || !(t < nearest.t)) return;
+  const Vec3 p = line.from + line.way * t;
+  const double area = dot(normal, normal);
+  const double wa = dot(cross(b - p, c - p), normal) / area;
+  const double wb = dot(cross(c - p, a - p), normal) / area;
+  const double wc = dot(cross(a - p, b - p), normal) / area;
+  if (wa < 0.0 || wb < 0.0 || wc < 0.0) return;
+  nearest = {.t = t, .outward = normalized(normal)};
+  nearest.material = &scene.materials[static_cast<size_t>(mesh.material)];
+  nearest.colour = nearest.material->colour;
+  nearest.flat = {&mesh, index};
+  if (!mesh.normals.empty())
+    nearest.interpolated =
+        normalized(mix(mesh.normals[ia], mesh.normals[ib], mesh.normals[ic], wa, wb, wc));
+  if (nearest.material->texture >= 0 && !mesh.uvs.empty()) {
+    const auto at = [&](size_t k) {
+      return wa * mesh.uvs[ia][k] + wb * mesh.uvs[ib][k] + wc * mesh.uvs[ic][k];
+    };
+    const Texture& texture = *scene.textures[static_cast<size_t>(nearest.material->texture)];
+    nearest.colour = nearest.colour * bilinear(texture, at(0), at(1));
+  }
+}
+
+/// By the closest approach of the line to the centre.
+void meet_sphere(const SceneDescription& scene, const Sphere& sphere, const Line& line,
+                 double t_min, Meeting& nearest) {
+  const double middle = dot(sphere.centre - line.from, line.way);
+  const Vec3 closest = line.from + line.way * middle - sphere.centre;
+  const double half_chord_squared = sphere.radius * sphere.radius - dot(closest, closest);
+  if (half_chord_squared < 0.0) return;
+  const double half_chord = std::sqrt(half_chord_squared);
+  for (const double t : {middle - half_chord, middle + half_chord}) {
+    if (!(t > t_min) || !(t < nearest.t)) continue;
+    const Vec3 outward = normalized(line.from + line.way * t - sphere.centre);
+    nearest = {.t = t, .outward = sphere.inward ? -outward : outward};
+    nearest.material = &scene.materials[static_cast<size_t>(sphere.material)];
+    nearest.colour = nearest.material->colour;
+  }
+}
+
+/// In coordinates whose z runs from base to apex: x^2 + y^2 = (r0 + k z)^2.
+void meet_cone(const SceneDescription& scene, const Cone& cone, const Line& line, double t_min,
+               Meeting& nearest) {
+  const double height = length(cone.apex - cone.base);
+  const Vec3 z = normalized(cone.apex - cone.base);
+  const Vec3 x = normalized(cross(std::abs(z.x) < 0.6 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}, z));
+  const Vec3 y = cross(z, x);
+  const Vec3 o = line.from - cone.base;
+  const Vec3 p{dot(o, x), dot(o, y), dot(o, z)};
+  const Vec3 d{dot(line.way, x), dot(line.way, y), dot(line.way, z)};
+  const double k = (cone.apex_radius - cone.base_radius) / height;
+  const double r = cone.base_radius + k * p.z;
+  const double a = d.x * d.x + d.y * d.y - k * k * d.z * d.z;
+  const double b = 2 * (p.x * d.x + p.y * d.y - k * r * d.z);
+  const double c = p.x * p.x + p.y * p.y - r * r;
+  if (a == 0.0 || b * b - 4 * a * c < 0.0) return;
+  const double root = std::sqrt(b * b - 4 * a * c);
+  for (const double t : {(-b - root) / (2 * a), (-b + root) / (2 * a)}) {
+    const Vec3 q = p + d * t;
+    if (!(t > t_min) || !(t < nearest.t) || q.z < 0.0 || q.z > height) continue;
+    const double radius = cone.base_radius + k * q.z;
+    const Vec3 outward = normalized(x * q.x + y * q.y - z * (k * radius));
+    nearest = {.t = t, .outward = cone.inward ? -outward : outward};
+    nearest.material = &scene.materials[static_cast<size_t>(cone.material)];
+    nearest.colour = nearest.material->colour;
+  }
+}
+
+Meeting meet_all(const SceneDescription& scene, const Line& line, double t_min, Primitive except) {
+  Meeting nearest;
+  for (const TriangleMesh& mesh : scene.meshes)
+    for (size_t k = 0; k < mesh.triangles.size(); ++k)
+      if (!(Primitive{&mesh, k} == except)) meet_triangle(scene, mesh, k, line, t_min, nearest);
+  for (const Sphere& sphere : scene.spheres) meet_sphere(scene, sphere, line, t_min, nearest);
+  for (const Cone& cone : scene.cones) meet_cone(scene, cone, line, t_min, nearest);
+  return nearest;
+}
+
+double power_of_lights(const SceneDescription& scene) {
+  const double n = scene.lights.empty() ? 1.0 : static_cast<double>(scene.lights.size());
+  return std::sqrt(n) / (2.0 * n);
+}
+
+Vec3 ambient_of(const SceneDescription& scene) {
+  if (scene.ambient) return *scene.ambient;
+  const double a = scene.colour_managed ? 0.12 : power_of_lights(scene);
+  return {a, a, a};
+}
+
+class Tracer {
+ public:
+  Tracer(const SceneDescription& scene, int max_depth, double world_per_mm)
+      : scene_(scene), max_depth_(max_depth), least_step_(1e-9 * world_per_mm) {}
+
+  Vec3 trace(const Line& line, double t_min, int depth, Primitive from) const {
+    const Meeting at = meet_all(scene_, line, t_min, from);
+    if (at.t == kFar) return scene_.background;
+    const Vec3 point = line.from + line.way * at.t;
+    const bool outside = dot(at.outward, line.way) <= 0.0;
+    const Vec3 facing = outside ? at.outward : -at.outward;
+    Vec3 smooth = at.interpolated == Vec3{} ? facing : at.interpolated;
+    if (dot(smooth, facing) < 0.0) smooth = -smooth;
+
+    const Material& material = *at.material;
+    const Vec3 tint = material.tinted_specular ? at.colour : Vec3{1, 1, 1};
+    Vec3 light = material.emission + ambient_of(scene_) * at.colour * material.diffuse;
+    for (const Light& lamp : scene_.lights)
+      light += from_lamp(lamp, point, facing, smooth, line.way, material, at, tint);
+    if (depth == max_depth_) return light;
+
+    Vec3 mirror_weight = tint * material.specular;
+    Vec3 through_weight = at.colour * material.transmittance;
+    if (material.transmittance > 0.0) {
+      const auto bent = bend(line.way, facing, smooth, material.refraction_index, outside);
+      if (bent)
+        light += through_weight * trace({point, *bent}, least_step_, depth + 1, at.flat);
+      else
+        mirror_weight += through_weight;
+    }
+    if (mirror_weight == Vec3{}) return light;
+    Vec3 mirrored = line.way - smooth * (2 * dot(line.way, smooth));
+    if (dot(mirrored, facing) <= 0.0) mirrored = line.way - facing * (2 * dot(line.way, facing));
+    return light +
+           mirror_weight * trace({point, normalized(mirrored)}, least_step_, depth + 1, at.flat);
+  }
+
+ private:
+  Vec3 from_lamp(const Light& lamp, Vec3 point, Vec3 facing, Vec3 smooth, Vec3 view,
+                 const Material& material, const Meeting& at, Vec3 tint) const {
+    const bool sun = lamp.kind == Light::Kind::Directional;
+    const Vec3 way = sun ? -normalized(lamp.direction) : normalized(lamp.position - point);
+    const double distance = sun ? kFar : length(lamp.position - point);
+    if (dot(way, smooth) <= 0.0 || dot(way, facing) <= 0.0) return {};
+    if (meet_all(scene_, {point, way}, least_step_, at.flat).t < distance) return {};
+    Vec3 arriving = lamp.colour;
+    if (lamp.kind == Light::Kind::Spot) {
+      const double cosine = dot(-way, normalized(lamp.direction));
+      const double s = std::min(
+          1.0, std::max(0.0, (cosine - lamp.cos_outer) / (lamp.cos_inner - lamp.cos_outer)));
+      arriving = arriving * (s * s);
+    }
+    if (lamp.falls_off) arriving = arriving / (distance * distance);
+    const Vec3 bounced = smooth * (2 * dot(way, smooth)) - way;
+    const double highlight =
+        dot(bounced, -view) > 0.0 ? std::pow(dot(bounced, -view), material.shine) : 0.0;
+    return arriving * (at.colour * (material.diffuse * dot(way, smooth)) +
+                       tint * (material.specular * highlight));
+  }
+
+  static std::optional<Vec3> snell(Vec3 way, Vec3 normal, double ratio) {
+    const double cosine = -dot(way, normal);
+    const Vec3 along = (way + normal * cosine) * ratio;
+    if (dot(along, along) > 1.0) return std::nullopt;
+    return normalized(along - normal * std::sqrt(1.0 - dot(along, along)));
+  }
+
+  static std::optional<Vec3> bend(Vec3 way, Vec3 facing, Vec3 smooth, double index, bool outside) {
+    const double ratio = outside ? 1.0 / index : index;
+    if (dot(way, smooth) < 0.0) {
+      const auto bent = snell(way, smooth, ratio);
+      if (!bent || dot(*bent, facing) < 0.0) return bent;
+    }
+    return snell(way, facing, ratio);
+  }
+
+  const SceneDescription& scene_;
+  int max_depth_;
+  double least_step_;
+};
+
+double encoded(double light, bool colour_managed) {
+  const double clipped = std::min(std::max(light, 0.0), 1.0);
+  if (!colour_managed) return 255.0 * clipped;
+  return 255.0 *
+         (clipped <= 0.0031308 ? 12.92 * clipped : 1.055 * std::pow(clipped, 1 / 2.4) - 0.055);
+}
+
+}  // namespace
+
+double reference_subpixel(const SceneDescription& scene, const render::Stage& stage,
+                          const optics::OpticalModel& model, int i, int j, int channel,
+                          const ReferenceOptions& options) {
+  const optics::SubpixelRay ray = model.ray(i, j, channel);
+  const Affine& world_from_panel = stage.world_from_panel;
+  const Vec3 lens{ray.lens_x_mm + options.move_x_mm, ray.lens_y_mm + options.move_y_mm, 0.0};
+  const Vec3 into_glass = world_from_panel.vector(
+      {-(ray.tan_x + options.move_tan), -(ray.tan_y + options.move_tan), -1.0});
+  // The line is followed from just before the eye, through the lens, into the glass.
+  const double from_eye = 0.99 * model.rig().viewing.distance.value * length(into_glass);
+  const Tracer tracer(scene, options.max_depth, length(world_from_panel.column_x));
+  const Vec3 colour =
+      tracer.trace({world_from_panel.point(lens), normalized(into_glass)}, -from_eye, 0, {});
+  const double light = channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
+  return encoded(light, scene.colour_managed);
+}
+
+}  // namespace lenticule::testing
