@@ -76,10 +76,9 @@ class Section {
     fail(node, fmt::format("'{}' is not a number", full_name(key)));
   }
 
-  /// A whole number that an int holds; the sensible range is the validator's affair.
+  /// A whole number of a size that somebody may have meant; the validator knows the exact limits.
   [[nodiscard]] int whole(std::string_view key) const {
-    return static_cast<int>(
-        whole_within(key, std::numeric_limits<int>::min(), std::numeric_limits<int>::max()));
+    return static_cast<int>(whole_within(key, -1'000'000, 1'000'000));
   }
 
   [[nodiscard]] int64_t whole_within(std::string_view key, int64_t low, int64_t high) const {

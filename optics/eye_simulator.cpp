@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+// For each place on the lens sheet: which lens is there, where on the panel that lens makes the eye
+// look, and what the subpixels around that place add up to.
+#include "optics/eye_simulator.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "optics/error.h"
+#include "optics/row_rays.h"
+
+namespace lenticule::optics {
+namespace {
+
+double linear_of_srgb(double v) {
+  return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4);
+}
+double srgb_of_linear(double v) {
+  return v <= 0.0031308 ? v * 12.92 : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
+}
+
+/// The sRGB transfer both ways. 2^16 steps of linear light are 20 per code where codes are closest,
+/// so every code survives the round trip.
+class Transfer {
+ public:
+  Transfer() {
+    for (size_t code = 0; code < linear_.size(); ++code) {
+      linear_[code] = static_cast<float>(linear_of_srgb(static_cast<double>(code) / 255.0));
+    }
+    for (size_t step = 0; step < code_.size(); ++step) {
+      const double linear = static_cast<double>(step) / static_cast<double>(code_.size() - 1);
+      code_[step] = static_cast<uint8_t>(std::lround(255.0 * srgb_of_linear(linear)));
+    }
+  }
+  [[nodiscard]] float linear(uint8_t code) const { return linear_[code]; }
+  [[nodiscard]] uint8_t code(double linear) const {
+    const double step = std::clamp(linear, 0.0, 1.0) * (static_cast<double>(code_.size()) - 1.0);
+    return code_[static_cast<size_t>(step + 0.5)];
+  }
+
+ private:
+  std::array<float, 256> linear_{};
+  std::vector<uint8_t> code_ = std::vector<uint8_t>(1u << 16);
+};
+
+/// Phases of the few panel rows that one row of the picture looks at.
+class PhaseRows {
+ public:
+  PhaseRows(const OpticalModel& model, const Eye& eye)
+      : width_px_(model.rig().panel.width_px), evaluator_(model, eye) {}
+
+  const std::vector<double>& row(int j) {
+    Kept& kept = kept_[static_cast<size_t>(j) % kept_.size()];
+    if (kept.row != j) {
+      evaluator_.evaluate(j, 0, width_px_, kept.phase);
+      kept.row = j;
+    }
+    return kept.phase;
+  }
+
+ private:
+  struct Kept {
+    int row = -1;
+    std::vector<double> phase;
+  };
+  int width_px_;
+  RowPhaseEvaluator evaluator_;
+  std::array<Kept, 8> kept_;
+};
+
+/// Columns to either side in which a subpixel may be the nearest or still carry weight.
+int window_columns(const OpticalModel& model, double sigma) {
+  const bool is_table = model.rig().panel.layout.name() == "cells";
+  const double reach_px = 4.0 * sigma * model.rig().sheet.pitch.value / 3.0;
+  return 1 + (is_table ? 4 : 0) + static_cast<int>(std::ceil(reach_px));
+}
+
+/// Linear light of one channel that a lens shows: the subpixels of one row around `column`, by how
+/// far their phase is from the lens.
+class LensSpot {
+ public:
+  LensSpot(const OpticalModel& model, double sigma, const Transfer& transfer)
+      : window_(window_columns(model, sigma)),
+        inverse_variance_(sigma > 0.0 ? 0.5 / (sigma * sigma) : std::numeric_limits<double>::max()),
+        transfer_(transfer) {}
+
+  [[nodiscard]] double light(const uint8_t* pixels, const std::vector<double>& phase, int column,
+                             int channel, double lens) const {
+    const int width = static_cast<int>(phase.size() / 3);
+    const int begin = std::max(0, column - window_), end = std::min(width, column + window_ + 1);
+    double nearest = std::numeric_limits<double>::infinity();
+    for (int i = begin; i < end; ++i)
+      nearest = std::min(nearest, square_distance(phase, i, channel, lens));
+    double sum = 0.0, weights = 0.0;
+    for (int i = begin; i < end; ++i) {
+      // Relative to the nearest subpixel: even one far out in the tail is all that there is to see.
+      const double exponent =
+          (square_distance(phase, i, channel, lens) - nearest) * inverse_variance_;
+      if (!(exponent < 16.0)) continue;
+      const double weight = std::exp(-exponent);
+      sum += weight * static_cast<double>(transfer_.linear(pixels[3 * i + channel]));
+      weights += weight;
+    }
+    return weights > 0.0 ? sum / weights : 0.0;
+  }
+
+ private:
+  static double square_distance(const std::vector<double>& phase, int i, int channel, double lens) {
+    const double d = phase[static_cast<size_t>(3 * i + channel)] - lens;
+    return d * d;
+  }
+
+  int window_;
+  double inverse_variance_;
+  const Transfer& transfer_;
+};
+
+/// The lens above a point of the sheet, and the panel pixel at which it makes the eye look.
+struct Look {
+  double lens;
+  int column;
+  int row;
+  bool on_panel;
+};
+
+Look look_through(const OpticalModel& model, const Eye& eye, double x_px, double y_px) {
+  constexpr int kGreen = 1;  // the other channels' offsets are relative to it
+  const Panel& panel = model.rig().panel;
+  const LensPlace place = split_phase(model.lens_coordinate(x_px, y_px, kGreen));
+  const double apex_px = x_px - place.place * model.rig().sheet.pitch.value / 3.0;
+  const Vec2 apex{panel.x_mm(apex_px), panel.y_mm(y_px)};
+  const Vec2 seen = apex - model.refraction_shift_mm(apex, eye);
+  const double column = std::floor(panel.x_px(seen.x)), row = std::floor(panel.y_px(seen.y));
+  if (!(column >= 0 && column < panel.width_px && row >= 0 && row < panel.height_px)) {
+    return {0.0, 0, 0, false};
+  }
+  return {static_cast<double>(place.lens), static_cast<int>(column), static_cast<int>(row), true};
+}
+
+void check_eye(const Eye& eye) {
+  const bool in_front = eye.z_mm > 0.0;  // infinity is; a NaN is not
+  if (in_front && std::isfinite(eye.x) && std::isfinite(eye.y)) return;
+  throw Error(
+      ErrorKind::Input,
+      fmt::format("eye at {}, {}, {} mm: not in front of the panel", eye.x, eye.y, eye.z_mm),
+      "z is the distance from the glass and greater than 0");
+}
+
+void check_frame(const Panel& panel, const RgbView& woven) {
+  if (woven.width != panel.width_px || woven.height != panel.height_px) {
+    throw Error(ErrorKind::Input,
+                fmt::format("woven frame: {}x{} pixels, but the rig's panel has {}x{}", woven.width,
+                            woven.height, panel.width_px, panel.height_px),
+                "a woven frame only suits the rig that it was made for");
+  }
+  LENTICULE_CHECK(woven.pixels != nullptr &&
+                  woven.stride_bytes >= 3 * static_cast<size_t>(woven.width));
+}
+
+int output_side(int wished, int panel_side) {
+  if (wished < 0 || wished > kMaxPanelPixels) {
+    throw Error(ErrorKind::Usage, fmt::format("eye picture: a side of {} pixels", wished),
+                fmt::format("use 1 to {}, or 0 for half the panel", kMaxPanelPixels));
+  }
+  return wished > 0 ? wished : (panel_side + 1) / 2;
+}
+
+}  // namespace
+
+RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye,
+                        const EyeOptions& options) {
+  const Rig& rig = model.rig();
+  const Panel& panel = rig.panel;
+  check_frame(panel, woven);
+  check_eye(eye);
+  const double sigma =
+      options.spot_sigma_lenses >= 0.0 ? options.spot_sigma_lenses : rig.sheet.spot_sigma.value;
+  const Transfer transfer;
+  const LensSpot spot(model, std::min(sigma, 1.0), transfer);
+  PhaseRows phases(model, eye);
+
+  RgbPicture picture{.width = output_side(options.width, panel.width_px),
+                     .height = output_side(options.height, panel.height_px),
+                     .pixels = {}};
+  picture.pixels.resize(3 * static_cast<size_t>(picture.width) *
+                        static_cast<size_t>(picture.height));
+  uint8_t* out = picture.pixels.data();
+  for (int v = 0; v < picture.height; ++v) {
+    const double y_px = (v + 0.5) * panel.height_px / picture.height;
+    for (int u = 0; u < picture.width; ++u, out += 3) {
+      const double x_px = (u + 0.5) * panel.width_px / picture.width;
+      const Look look = look_through(model, eye, x_px, y_px);
+      if (!look.on_panel) continue;  // past the edge of the panel: black
+      const uint8_t* pixels = woven.pixels + static_cast<size_t>(look.row) * woven.stride_bytes;
+      const std::vector<double>& phase = phases.row(look.row);
+      for (int c = 0; c < 3; ++c) {
+        out[c] = transfer.code(spot.light(pixels, phase, look.column, c, look.lens));
+      }
+    }
+  }
+  return picture;
+}
+
+int seen_column(const OpticalModel& model, int64_t lens, int j, int channel, const Eye& eye) {
+  const Panel& panel = model.rig().panel;
+  const double wanted = static_cast<double>(lens);
+  const double px_per_lens = model.rig().sheet.pitch.value / 3.0;
+  // Phase grows along the row almost exactly by one lens per pitch, so this closes in quickly.
+  double x_px = panel.width_px / 2.0;
+  for (int step = 0; step < 40; ++step) {
+    const double missing = wanted - model.phase(x_px, j + 0.5, channel, eye);
+    x_px += missing * px_per_lens;
+    if (std::abs(missing) < 1e-9) break;
+  }
+  if (!(x_px >= 0.0 && x_px < panel.width_px)) return -1;
+
+  const int around = static_cast<int>(x_px), window = window_columns(model, 0.0) + 1;
+  int best = -1;
+  double best_distance = std::numeric_limits<double>::infinity();
+  for (int i = std::max(0, around - window); i < std::min(panel.width_px, around + window + 1);
+       ++i) {
+    const Vec2 q = panel.subpixel_centre_px(i, j, channel);
+    const double distance = std::abs(model.phase(q.x, q.y, channel, eye) - wanted);
+    if (distance < best_distance) {
+      best = i;
+      best_distance = distance;
+    }
+  }
+  return best;
+}
+
+}  // namespace lenticule::optics
