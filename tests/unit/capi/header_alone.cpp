@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule.h must compile as the first and only include of a C++ program, too.
+#include <lenticule.h>
+
+lenticule_status header_alone_cxx(lenticule_ring** ring);
+
+lenticule_status header_alone_cxx(lenticule_ring** ring) {
+  lenticule_hello hello = LENTICULE_HELLO_INIT;
+  return lenticule_ring_connect("/nowhere", &hello, 0, ring);
+}
