@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// A sheet as systems without a viewing distance describe it: folded into pitch and offset.
+#pragma once
+
+#include <cmath>
+
+#include "optics/rig.h"
+
+namespace lenticule::optics {
+
+struct EffectiveSheet {
+  Subpixels pitch;
+  Lenses offset;
+};
+
+/// Paraxially, E0 = (0, Ey, Z) sees phase 3 (x + m y) / (P (1 + g/Z)) + offset': the slant stays.
+[[nodiscard]] inline EffectiveSheet effective_sheet(const Rig& rig) {
+  const LensSheet& sheet = rig.sheet;
+  const double z = rig.viewing.distance.value;
+  if (std::isinf(z)) return {sheet.pitch, sheet.offset};
+  const double gap = sheet.gap.value;
+  const double rise_px = gap / (z + gap) * rig.viewing.height.value / rig.panel.pixel_height.value;
+  return {.pitch = sheet.pitch * (1.0 + gap / z),
+          .offset = Lenses(sheet.offset.value - 3.0 * sheet.slant * rise_px / sheet.pitch.value)};
+}
+
+/// The same phase up to whole lenses, in [-1/2, 1/2].
+[[nodiscard]] inline double without_whole_lenses(double phase) {
+  return phase - std::round(phase);
+}
+
+}  // namespace lenticule::optics

@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+// Looking Glass visual.json. With Pl lenses over the panel's width, s = slope (negative if the
+// image is flipped) and c = 0, 1, 2 from left to right, a pixel's lens coordinate there is
+//   z_c = (Pl / W) (i + 1/2 + c/3 + (H - Y) / s) - center,
+// so R sits on the pixel's centre and all stripes are a third of a pixel right of where ours are.
+// Cells state their offsets from the pixel's centre instead, v upward. lambda = z - 1/2.
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <optional>
+
+#include "optics/calibration_import.h"
+#include "optics/effective_sheet.h"
+#include "optics/error.h"
+#include "optics/json_fields.h"
+
+namespace lenticule::optics {
+namespace {
+
+constexpr double kMmPerInch = 25.4;
+constexpr double kUsualConeDegrees = 40.0;
+constexpr double kMaxCellOffsetPx = 1.5;
+constexpr double kStripeBiasPx = 1.0 / 3.0;
+
+/// Pattern by which a pixel finds its cell; x from the left, y from the bottom.
+struct CellPattern {
+  int columns;
+  int rows;
+  int cells;
+  int (*index)(int x, int y);
+};
+constexpr std::array<CellPattern, 5> kCellPatterns{{
+    {1, 1, 1, [](int, int) { return 0; }},
+    {2, 2, 2, [](int x, int y) { return (x + y) % 2; }},
+    {2, 1, 2, [](int x, int) { return x % 2; }},
+    {2, 4, 4, [](int x, int y) { return (y + 2 * (x % 2)) % 4; }},
+    {1, 2, 2, [](int, int y) { return y % 2; }},
+}};
+
+SubpixelOffset cell_offset(const JsonFields& cell, const std::string& channel) {
+  const auto offset = [&](const std::string& key) {
+    const double pixels = cell.number(key);
+    if (!(std::abs(pixels) <= kMaxCellOffsetPx)) cell.fail(key, "more than a pixel and a half");
+    return pixels;
+  };
+  return {0.5 + offset(channel + "OffsetX"), 0.5 - offset(channel + "OffsetY")};
+}
+
+std::vector<PixelCell> read_cells(const nlohmann::json& list, const std::string& source) {
+  if (!list.is_array() || list.empty() || list.size() > 64) {
+    throw Error(ErrorKind::Input, source + ": subpixelCells: not a list of 1 to 64 cells");
+  }
+  std::vector<PixelCell> cells;
+  for (const nlohmann::json& item : list) {
+    const JsonFields cell(item, source + ": subpixelCells");
+    cells.push_back({cell_offset(cell, "R"), cell_offset(cell, "G"), cell_offset(cell, "B")});
+  }
+  return cells;
+}
+
+SubpixelLayout cell_layout(const JsonFields& file, const nlohmann::json& list, int height_px) {
+  const std::vector<PixelCell> cells = read_cells(list, file.source());
+  const double mode = file.number_or("CellPatternMode", file.number_or("cellPatternMode", 0.0));
+  if (!(mode >= 0.0 && mode < static_cast<double>(kCellPatterns.size()) &&
+        mode == std::floor(mode))) {
+    file.fail("CellPatternMode", "not one of 0 to 4");
+  }
+  const CellPattern& pattern = kCellPatterns[static_cast<size_t>(mode)];
+  std::vector<PixelCell> table;
+  for (int j = 0; j < pattern.rows; ++j) {
+    // Any row from the bottom that is j from the top, modulo the pattern's period.
+    const int y = (height_px - 1 - j) % pattern.rows + pattern.rows;
+    for (int i = 0; i < pattern.columns; ++i) {
+      table.push_back(cells[static_cast<size_t>(pattern.index(i, y)) % cells.size()]);
+    }
+  }
+  return SubpixelLayout::cells(pattern.columns, pattern.rows, std::move(table));
+}
+
+/// What lies between z and lambda at the panel's centre, before `center`.
+double centre_coordinate(const Panel& panel, double lenses_per_px, double slope, double bias_px) {
+  return lenses_per_px * (panel.width_px / 2.0 + bias_px + panel.height_px / 2.0 / slope);
+}
+
+double gap_for_cone(double pitch_mm, double cone_degrees) {
+  return pitch_mm / (2.0 * std::tan(cone_degrees * std::numbers::pi / 360.0));
+}
+
+/// The cell list of a pattern that gives this layout on a panel of this height, if there is one.
+std::optional<std::vector<PixelCell>> cells_in_pattern(const SubpixelLayout& layout,
+                                                       const CellPattern& pattern, int height_px) {
+  std::vector<std::optional<PixelCell>> cells(static_cast<size_t>(pattern.cells));
+  const int columns = std::lcm(layout.columns(), pattern.columns);
+  const int rows = std::lcm(layout.rows(), pattern.rows);
+  for (int j = 0; j < rows; ++j) {
+    const int y = ((height_px - 1 - j) % pattern.rows + pattern.rows) % pattern.rows;
+    for (int i = 0; i < columns; ++i) {
+      const PixelCell here{layout.offset(i, j, 0), layout.offset(i, j, 1), layout.offset(i, j, 2)};
+      std::optional<PixelCell>& cell = cells[static_cast<size_t>(pattern.index(i, y))];
+      if (cell && *cell != here) return {};
+      cell = here;
+    }
+  }
+  std::vector<PixelCell> out;
+  for (const std::optional<PixelCell>& cell : cells) out.push_back(cell.value());
+  return out;
+}
+
+nlohmann::json cell_json(const PixelCell& cell) {
+  return {{"ROffsetX", cell[0].x_px - 0.5}, {"ROffsetY", 0.5 - cell[0].y_px},
+          {"GOffsetX", cell[1].x_px - 0.5}, {"GOffsetY", 0.5 - cell[1].y_px},
+          {"BOffsetX", cell[2].x_px - 0.5}, {"BOffsetY", 0.5 - cell[2].y_px}};
+}
+
+void add_cells(const Panel& panel, nlohmann::json& out) {
+  for (size_t mode = 0; mode < kCellPatterns.size(); ++mode) {
+    const auto cells = cells_in_pattern(panel.layout, kCellPatterns[mode], panel.height_px);
+    if (!cells) continue;
+    out["CellPatternMode"] = {{"value", mode}};
+    out["subpixelCells"] = nlohmann::json::array();
+    for (const PixelCell& cell : *cells) out["subpixelCells"].push_back(cell_json(cell));
+    return;
+  }
+  throw Error(ErrorKind::Input, "visual.json: panel.layout: a cell table of another pattern",
+              "the format knows five patterns of up to four cells");
+}
+
+void refuse_what_cannot_be_said(const Rig& rig) {
+  const auto refuse = [](const char* key, const char* cause) {
+    throw Error(ErrorKind::Input, fmt::format("visual.json: {}: {}", key, cause),
+                "the format has no place for it");
+  };
+  if (!rig.sheet.residual.empty()) refuse("sheet.residual", "a residual map");
+  for (const Subpixels offset : rig.sheet.channel_offset) {
+    if (offset.value != 0.0) refuse("sheet.channel_offset_subpx", "offsets of single channels");
+  }
+  if (rig.sheet.slant == 0.0) refuse("sheet.slant", "upright lenses");
+  if (rig.panel.pixel_width.value != rig.panel.pixel_height.value) {
+    refuse("panel.pixel_height_mm", "pixels that are not square");
+  }
+}
+
+}  // namespace
+
+LookingGlassImport import_looking_glass(std::string_view json, const std::string& source) {
+  const nlohmann::json document = parse_json(json, source);
+  const JsonFields file(document, source);
+  const double pitch = file.number("pitch"), slope = file.number("slope");
+  const double dpi = file.number("DPI"), center = file.number("center");
+  if (slope == 0.0) file.fail("slope", "zero");
+  if (!(pitch > 0.0)) file.fail("pitch", "not greater than 0");
+  if (!(dpi > 0.0)) file.fail("DPI", "not greater than 0");
+
+  Rig rig;
+  rig.name = "Looking Glass " + printable(file.text_or("serial", "display"));
+  rig.panel.width_px = file.side("screenW");
+  rig.panel.height_px = file.side("screenH");
+  rig.panel.pixel_width = rig.panel.pixel_height = Millimetres(kMmPerInch / dpi);
+  const nlohmann::json* cells = file.find("subpixelCells");
+  const bool has_cells = cells != nullptr && !cells->empty();
+  rig.panel.layout = has_cells ? cell_layout(file, *cells, rig.panel.height_px)
+                               : SubpixelLayout::named(file.flag("flipSubp") ? "bgr" : "rgb");
+
+  const double tilt_slope = file.flag("flipImageX") ? -slope : slope;
+  const double lenses_across = pitch * rig.panel.width_px / dpi * std::cos(std::atan(1.0 / slope));
+  const double lenses_per_px = lenses_across / rig.panel.width_px;
+  rig.sheet.pitch = Subpixels(3.0 / lenses_per_px);
+  rig.sheet.slant = -1.0 / tilt_slope;
+  rig.sheet.offset = Lenses(without_whole_lenses(
+      centre_coordinate(rig.panel, lenses_per_px, tilt_slope, has_cells ? 0.0 : kStripeBiasPx) -
+      center - 0.5));
+
+  double cone = file.number_or("viewCone", kUsualConeDegrees);
+  if (!(cone > 0.0 && cone < 170.0)) cone = kUsualConeDegrees;
+  rig.sheet.gap =
+      Millimetres(gap_for_cone(rig.sheet.pitch.value * rig.panel.pixel_width.value / 3.0, cone));
+  rig.provenance = {{"source", printable(source)},
+                    {"imported_from", "Looking Glass visual.json"},
+                    {"pitch", "effective, reference distance unknown"}};
+  validate_rig(rig, source);
+  return {.rig = std::move(rig),
+          .views = {.view_cone_degrees = cone, .inverted = has_cells || file.flag("invView")}};
+}
+
+std::string export_looking_glass(const Rig& rig, const LookingGlassViews& views) {
+  refuse_what_cannot_be_said(rig);
+  const Panel& panel = rig.panel;
+  const EffectiveSheet sheet = effective_sheet(rig);
+  const bool has_cells = panel.layout.name() != "rgb" && panel.layout.name() != "bgr";
+  const double slope = -1.0 / rig.sheet.slant;
+  const double lenses_per_px = 3.0 / sheet.pitch.value;
+  const double dpi = kMmPerInch / panel.pixel_width.value;
+  const double center =
+      centre_coordinate(panel, lenses_per_px, slope, has_cells ? 0.0 : kStripeBiasPx) -
+      sheet.offset.value - 0.5;
+  const double half_lobe =
+      std::atan(rig.sheet.pitch.value * panel.pixel_width.value / 6.0 / rig.sheet.gap.value);
+  const double cone = views.view_cone_degrees > 0.0 ? views.view_cone_degrees
+                                                    : half_lobe * 360.0 / std::numbers::pi;
+
+  const auto wrapped = [](double value) { return nlohmann::json{{"value", value}}; };
+  nlohmann::json out = {{"configVersion", "1.0"},
+                        {"serial", printable(rig.name)},
+                        {"pitch", wrapped(lenses_per_px * dpi / std::cos(std::atan(1.0 / slope)))},
+                        {"slope", wrapped(slope)},
+                        {"center", wrapped(without_whole_lenses(center))},
+                        {"viewCone", wrapped(cone)},
+                        {"invView", wrapped(views.inverted ? 1.0 : 0.0)},
+                        {"verticalAngle", wrapped(0.0)},
+                        {"DPI", wrapped(dpi)},
+                        {"screenW", wrapped(panel.width_px)},
+                        {"screenH", wrapped(panel.height_px)},
+                        {"flipImageX", wrapped(0.0)},
+                        {"flipImageY", wrapped(0.0)},
+                        {"flipSubp", wrapped(panel.layout.name() == "bgr" ? 1.0 : 0.0)}};
+  if (has_cells) add_cells(panel, out);
+  return out.dump(2) + "\n";
+}
+
+}  // namespace lenticule::optics
