@@ -85,8 +85,8 @@ std::string write_demo(const SceneOptions& options) {
   out.comment("a teapot turning in the glass, a ball before it, a column behind it");
   out.view(camera());
   out.background({0.10, 0.12, 0.16});
-  out.light({-6, 10, 9}, {1.7, 1.65, 1.55});
-  out.light({7, 8, 10}, {1.1, 1.15, 1.25});
+  out.light({-6, 10, 9}, {2.1, 2.0, 1.9});
+  out.light({7, 8, 10}, {1.3, 1.4, 1.5});
   write_surroundings(out);
   write_table(out);
   write_teapot_on_table(out, options);
@@ -95,9 +95,9 @@ std::string write_demo(const SceneOptions& options) {
   out.sphere({-2.9, 0.62, 2.5}, 0.62);
 
   out.fill({.colour = {0.12, 0.25, 0.75}, .diffuse = 0.85, .specular = 0.1, .shine = 20.0});
-  out.cone({2.9, 0, -2.4}, 0.5, {2.9, 2.7, -2.4}, 0.4);
+  out.cone({3.35, 0, -2.4}, 0.45, {3.35, 2.0, -2.4}, 0.35);
   out.fill({.colour = {0.25, 0.65, 0.2}, .diffuse = 0.8, .specular = 0.2, .shine = 40.0});
-  out.sphere({2.9, 3.15, -2.4}, 0.55);
+  out.sphere({3.35, 2.4, -2.4}, 0.46);
   return out.take();
 }
 

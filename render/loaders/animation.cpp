@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Evaluates the nodes of a scene at a moment and bakes them into world coordinates.
+#include "render/loaders/animation.h"
+
 #include <algorithm>
 #include <cmath>
 
@@ -114,19 +115,43 @@ void bake(Camera& camera, const Affine& world) {
   camera.node = -1;
 }
 
+/// Calls visit(object, node) for everything that hangs on a node.
+template <class Visit>
+void for_each_on_a_node(SceneDescription& scene, Visit visit) {
+  const auto each = [&](auto& objects) {
+    for (auto& object : objects)
+      if (object.node >= 0) visit(object, static_cast<size_t>(object.node));
+  };
+  each(scene.meshes);
+  each(scene.lights);
+  each(scene.cameras);
+}
+
+std::vector<bool> moving_nodes(const std::vector<Node>& nodes) {
+  std::vector<bool> moving(nodes.size());
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    const int parent = nodes[i].parent;
+    moving[i] = nodes[i].animated || (parent >= 0 && moving[static_cast<size_t>(parent)]);
+  }
+  return moving;
+}
+
 }  // namespace
+
+void bake_still_nodes(SceneDescription& scene) {
+  const std::vector<bool> moving = moving_nodes(scene.nodes);
+  const std::vector<Affine> world = world_from_nodes(scene.nodes, 0.0);
+  for_each_on_a_node(scene, [&](auto& object, size_t node) {
+    if (!moving[node]) bake(object, world[node]);
+  });
+  if (std::find(moving.begin(), moving.end(), true) == moving.end()) scene.nodes.clear();
+}
 
 SceneDescription at_time(const SceneDescription& scene, double seconds) {
   SceneDescription baked = scene;
   if (scene.nodes.empty()) return baked;
   const std::vector<Affine> world = world_from_nodes(scene.nodes, seconds);
-  const auto bake_all = [&](auto& objects) {
-    for (auto& object : objects)
-      if (object.node >= 0) bake(object, world.at(static_cast<size_t>(object.node)));
-  };
-  bake_all(baked.meshes);
-  bake_all(baked.lights);
-  bake_all(baked.cameras);
+  for_each_on_a_node(baked, [&](auto& object, size_t node) { bake(object, world[node]); });
   baked.nodes.clear();
   return baked;
 }

@@ -6,6 +6,7 @@
 #include <cctype>
 
 #include "optics/error.h"
+#include "render/loaders/assimp_loader.h"
 #include "render/loaders/nff.h"
 #include "render/scene_description.h"
 
@@ -22,8 +23,15 @@ std::string lower_case_extension(const std::filesystem::path& file) {
 }  // namespace
 
 SceneDescription load_scene(const std::filesystem::path& file) {
+  std::error_code error;
+  const auto status = std::filesystem::status(file, error);
+  if (!std::filesystem::exists(status))
+    throw Error(ErrorKind::Input, fmt::format("{}: no such file", file.string()));
+  if (!std::filesystem::is_regular_file(status))
+    throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
   const std::string extension = lower_case_extension(file);
   if (extension == ".nff") return load_nff(file);
+  if (assimp_reads(extension)) return load_with_assimp(file);
   throw Error(ErrorKind::Input,
               fmt::format("{}: unknown kind of scene '{}'", file.string(), extension),
               "known are .nff, .gltf, .glb, .obj, .ply, .stl and the other formats of assimp");

@@ -109,9 +109,12 @@ class NffParser {
     const double n = static_cast<double>(scene_.lights.size());
     const double each = n > 0 ? std::sqrt(n) / (2.0 * n) : 0.0;
     for (Light& light : scene_.lights) light.colour = light.colour * each;
-    const double ambient = n > 0 ? each / 4.0 : 0.5;
-    scene_.ambient = Vec3{ambient, ambient, ambient};
-    if (n == 0) scene_.notes.emplace_back("no light in the file: lit evenly from everywhere");
+    if (scene_.lights.empty()) {
+      scene_.notes.emplace_back("no light in the file: lit by a default one");
+      return;
+    }
+    // Shadows stay readable without washing the picture out.
+    scene_.ambient = Vec3{1, 1, 1} * (each / 4.0);
   }
 
   // ---- materials

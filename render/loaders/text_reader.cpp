@@ -104,6 +104,11 @@ bool TextReader::number_follows() {
   return (c >= '0' && c <= '9') || c == '.' || c == '-' || c == '+';
 }
 
+bool TextReader::at_end() {
+  skip_space();
+  return position_ == text_.size();
+}
+
 bool TextReader::more_on_line() {
   skip_space();
   return position_ < text_.size() && scan_line_ == line_;

@@ -28,6 +28,8 @@ class TextReader {
 
   /// Whether the next word can only be a number.
   [[nodiscard]] bool number_follows();
+  /// Whether nothing but space and comments is left.
+  [[nodiscard]] bool at_end();
   /// Whether another word stands on the line of the last one.
   [[nodiscard]] bool more_on_line();
 

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/loaders/assimp_loader.h"
+
+#include <assimp/postprocess.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <assimp/Importer.hpp>
+#include <memory>
+
+#include "optics/error.h"
+#include "render/loaders/animation.h"
+#include "render/loaders/assimp_parts.h"
+#include "render/loaders/guarded_files.h"
+#include "render/loaders/text_reader.h"
+
+namespace lenticule::render {
+namespace {
+
+/// assimp's messages are for programmers: first line only, printable, not too long.
+std::string tidy(const std::string& message) {
+  constexpr size_t kLongest = 160;
+  std::string out;
+  for (const char c : message.substr(0, std::min(message.find('\n'), kLongest)))
+    out += c >= ' ' && c < 127 ? c : '?';
+  return out.empty() ? "cannot be understood" : out;
+}
+
+[[noreturn]] void refuse(const std::filesystem::path& file, const std::string& reason) {
+  throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), reason));
+}
+
+/// Checks before any of assimp's own steps runs over the data: those trust it.
+const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& file) {
+  importer.SetIOHandler(std::make_unique<GuardedFiles>().release());  // the importer deletes it
+  importer.SetPropertyBool("IMPORT_NO_SKELETON_MESHES", true);
+  const aiScene* scene = importer.ReadFile(file.string(), 0);
+  if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
+  if (scene->mNumMeshes == 0) refuse(file, "nothing to see in this scene");
+  check_meshes(*scene, file.string());
+  scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType |
+                                       aiProcess_JoinIdenticalVertices | aiProcess_FlipUVs);
+  if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
+  check_meshes(*scene, file.string());
+  return *scene;
+}
+
+SceneDescription convert(const aiScene& from, const std::filesystem::path& file) {
+  SceneDescription scene;
+  scene.source = file.string();
+  scene.colour_managed = true;
+  import_materials(from, file.parent_path(), scene);
+  const NodeNames nodes = import_nodes_and_meshes(from, scene);
+  if (scene.meshes.empty()) refuse(file, "nothing to see in this scene");
+  import_animation(from, nodes, scene);
+  import_lights(from, nodes, scene);
+  import_cameras(from, nodes, scene);
+  expose(scene);
+  bake_still_nodes(scene);
+  return scene;
+}
+
+}  // namespace
+
+bool assimp_reads(const std::string& extension) {
+  return !extension.empty() && Assimp::Importer().IsExtensionSupported(extension);
+}
+
+SceneDescription load_with_assimp(const std::filesystem::path& file) {
+  try {
+    Assimp::Importer importer;
+    return convert(read(importer, file), file);
+  } catch (const Error&) {
+    throw;
+  } catch (const std::bad_alloc&) {
+    refuse(file, "asks for more memory than there is");
+  } catch (const std::exception& failure) {
+    refuse(file, tidy(failure.what()));
+  }
+}
+
+}  // namespace lenticule::render
