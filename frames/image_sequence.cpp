@@ -76,7 +76,10 @@ PullStatus ImageSequence::pull(LentFrame& out) {
   const std::lock_guard lock(mutex_);
   if (next_pull_ == round_end_) return PullStatus::End;
   Slot& slot = slot_of(next_pull_);
-  if (slot.state == SlotState::Failed) return PullStatus::Failed;
+  if (slot.state == SlotState::Failed) {
+    failed_ = true;
+    return PullStatus::Failed;
+  }
   if (!is_ready(next_pull_)) return PullStatus::NotYet;
   if (!resident()) slot.state = SlotState::Lent;
   out = {.frame = slot.frame.view(), .number = next_pull_ % files_.size(), .token = next_pull_};
@@ -125,8 +128,7 @@ void ImageSequence::service() {
 
 std::string ImageSequence::failure() const {
   const std::lock_guard lock(mutex_);
-  const Slot& slot = slot_of(next_pull_);
-  return slot.state == SlotState::Failed ? slot.failure : std::string();
+  return failed_ ? slot_of(next_pull_).failure : std::string();
 }
 
 bool ImageSequence::can_decode_next() const {

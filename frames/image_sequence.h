@@ -96,6 +96,7 @@ class ImageSequence final : public FrameSource {
   uint64_t round_end_ = 0;    ///< ticket before which pull() stops until rewind()
   int decoding_ = 0;
   bool broken_ = false;  ///< a file failed: nothing further is decoded
+  bool failed_ = false;  ///< and its turn has come
   bool stopping_ = false;
 
   std::vector<std::jthread> decoders_;  // last: they use everything above

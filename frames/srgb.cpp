@@ -1,9 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/srgb.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace lenticule::frames {
+namespace {
+
+/// Element n is the light half way between codes n and n + 1: comparing is exact and spares a power
+/// per value.
+const std::array<double, 255>& light_between_codes() {
+  static const std::array<double, 255> table = [] {
+    std::array<double, 255> light{};
+    for (size_t code = 0; code < light.size(); ++code)
+      light[code] = linear_from_srgb((static_cast<double>(code) + 0.5) / 255.0);
+    return light;
+  }();
+  return table;
+}
+
+}  // namespace
 
 double linear_from_srgb(double encoded) {
   return encoded <= 0.04045 ? encoded / 12.92 : std::pow((encoded + 0.055) / 1.055, 2.4);
@@ -24,9 +40,11 @@ const std::array<double, 256>& linear_of_codes() {
 }
 
 uint8_t code_from_linear(double linear) {
-  if (!(linear > 0.0)) return 0;
-  if (linear >= 1.0) return 255;
-  return static_cast<uint8_t>(std::lround(255.0 * srgb_from_linear(linear)));
+  const auto& between = light_between_codes();
+  const auto above =
+      std::upper_bound(between.begin(), between.end(), linear,
+                       [](double light, double border) { return !(light >= border); });
+  return static_cast<uint8_t>(above - between.begin());
 }
 
 }  // namespace lenticule::frames

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/quilt.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+
+#include "frames/image_sequence.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr double kMinAspect = 0.01;
+constexpr double kMaxAspect = 100.0;
+constexpr uint64_t kMaxViewBytes = uint64_t{8} << 30;
+
+bool sensible_aspect(double aspect) {
+  return aspect >= kMinAspect && aspect <= kMaxAspect;
+}
+
+bool sensible_grid(int columns, int rows) {
+  return columns >= 1 && rows >= 1 && columns <= kMaxViews && rows <= kMaxViews / columns;
+}
+
+/// Takes a number off the front of `text`; false if there is none.
+template <class Number>
+bool take_number(std::string_view& text, Number& value) {
+  const auto parsed = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (parsed.ec != std::errc()) return false;
+  text.remove_prefix(static_cast<size_t>(parsed.ptr - text.data()));
+  return true;
+}
+
+bool take(std::string_view& text, char c) {
+  if (!text.starts_with(c)) return false;
+  text.remove_prefix(1);
+  return true;
+}
+
+/// "0.75" off the front; no exponent, so that letters after it keep their own meaning.
+std::optional<double> take_aspect(std::string_view& text) {
+  double aspect = 0.0;
+  const auto parsed =
+      std::from_chars(text.data(), text.data() + text.size(), aspect, std::chars_format::fixed);
+  if (parsed.ec != std::errc() || !sensible_aspect(aspect)) return std::nullopt;
+  text.remove_prefix(static_cast<size_t>(parsed.ptr - text.data()));
+  return aspect;
+}
+
+}  // namespace
+
+void check_quilt_layout(const QuiltLayout& layout, const std::string& context) {
+  if (!sensible_grid(layout.columns, layout.rows))
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("{}: a grid of {} x {} tiles", context, layout.columns, layout.rows),
+        fmt::format("columns and rows are at least 1, their product at most {}", kMaxViews));
+  if (layout.views < 0 || layout.views > layout.columns * layout.rows)
+    throw Error(ErrorKind::Usage, fmt::format("{}: {} views in a grid of {} x {} tiles", context,
+                                              layout.views, layout.columns, layout.rows));
+  if (layout.aspect && !sensible_aspect(*layout.aspect))
+    throw Error(ErrorKind::Usage, fmt::format("{}: aspect {}", context, *layout.aspect),
+                "the aspect of a view is its width over its height, for example 0.75");
+}
+
+std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& file) {
+  const std::string stem = file.stem().string();
+  const size_t mark = stem.rfind("_qs");
+  if (mark == std::string::npos) return std::nullopt;
+  std::string_view text = std::string_view(stem).substr(mark + 3);
+  QuiltLayout layout;
+  if (!take_number(text, layout.columns) || !take(text, 'x') || !take_number(text, layout.rows) ||
+      !sensible_grid(layout.columns, layout.rows))
+    return std::nullopt;
+  if (take(text, 'a')) {
+    layout.aspect = take_aspect(text);
+    if (!layout.aspect) return std::nullopt;
+  }
+  return layout;
+}
+
+ViewSet::ViewSet(WovenFrame quilt, const QuiltLayout& layout, const std::string& name) {
+  check_quilt_layout(layout, name);
+  width_ = quilt.width() / layout.columns;
+  height_ = quilt.height() / layout.rows;
+  if (width_ < 1 || height_ < 1)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} x {} pixels are too few for {} x {} tiles", name, quilt.width(),
+                            quilt.height(), layout.columns, layout.rows));
+  set_aspect(layout.aspect, name);
+
+  pictures_.push_back(std::move(quilt));
+  const WovenFrame& picture = pictures_.front();
+  stride_bytes_ = picture.geometry().row_bytes();
+  for (int view = 0; view < layout.view_count(); ++view) {
+    const int column = view % layout.columns;
+    const int row_from_bottom = view / layout.columns;
+    const int top = picture.height() - (row_from_bottom + 1) * height_;
+    first_pixels_.push_back(picture.row(top) + static_cast<size_t>(column * width_) * 3);
+  }
+}
+
+ViewSet::ViewSet(std::vector<WovenFrame> views, std::optional<double> aspect)
+    : pictures_(std::move(views)) {
+  if (pictures_.empty() || pictures_.size() > static_cast<size_t>(kMaxViews))
+    throw Error(ErrorKind::Input,
+                fmt::format("{} views, where 1 to {} are taken", pictures_.size(), kMaxViews));
+  const FrameGeometry& geometry = pictures_.front().geometry();
+  for (const WovenFrame& picture : pictures_) {
+    if (picture.geometry() != geometry || geometry.width < 1 || geometry.height < 1)
+      throw Error(ErrorKind::Input, "views: their sizes differ, or are empty");
+    first_pixels_.push_back(picture.bytes().data());
+  }
+  width_ = geometry.width;
+  height_ = geometry.height;
+  stride_bytes_ = geometry.row_bytes();
+  set_aspect(aspect, "views");
+}
+
+void ViewSet::set_aspect(std::optional<double> aspect, const std::string& name) {
+  aspect_ = aspect.value_or(static_cast<double>(width_) / height_);
+  if (aspect && !sensible_aspect(aspect_))
+    throw Error(ErrorKind::Usage, fmt::format("{}: aspect {}", name, aspect_),
+                "the aspect of a view is its width over its height, for example 0.75");
+}
+
+ViewSet read_quilt(const std::filesystem::path& file, const QuiltLayout& layout) {
+  check_quilt_layout(layout, file.string());
+  return ViewSet(read_woven(file), layout, file.string());
+}
+
+ViewSet read_views(const FilePattern& pattern, std::optional<double> aspect) {
+  const std::vector<std::filesystem::path> files = list_frame_files(pattern.text());
+  const FrameGeometry geometry = probe_image(files.front());
+  if (files.size() > static_cast<size_t>(kMaxViews) ||
+      geometry.frame_bytes() > kMaxViewBytes / files.size())
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} views of {} x {} pixels are too many to hold", pattern.text(),
+                            files.size(), geometry.width, geometry.height));
+  std::vector<WovenFrame> views;
+  views.reserve(files.size());
+  for (const auto& file : files) {
+    views.emplace_back(geometry);
+    read_woven_into(file, views.back());
+  }
+  return ViewSet(std::move(views), aspect);
+}
+
+}  // namespace lenticule::frames

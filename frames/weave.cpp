@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/weave.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "frames/srgb.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+/// Beyond this many sigmas a view counts for nothing (0.01 % of the centre's weight).
+constexpr double kGaussReach = 4.3;
+
+/// In views; below it a Gaussian is a needle.
+constexpr double kSharpestSpot = 1e-3;
+constexpr double kSameAspect = 0.005;
+
+template <class Value>
+struct Name {
+  const char* text;
+  Value value;
+};
+constexpr std::array<Name<ViewFilter>, 3> kFilters = {{{"nearest", ViewFilter::Nearest},
+                                                       {"linear", ViewFilter::Linear},
+                                                       {"gauss", ViewFilter::Gauss}}};
+constexpr std::array<Name<PictureFit>, 3> kFits = {{{"contain", PictureFit::Contain},
+                                                    {"cover", PictureFit::Cover},
+                                                    {"stretch", PictureFit::Stretch}}};
+
+template <class Value, size_t N>
+Value parse_name(const std::array<Name<Value>, N>& names, const std::string& text,
+                 const char* what) {
+  std::string known;
+  for (const Name<Value>& name : names) {
+    if (text == name.text) return name.value;
+    known += (known.empty() ? "" : ", ") + std::string(name.text);
+  }
+  throw Error(ErrorKind::Usage, fmt::format("{} '{}': unknown", what, text), "one of " + known);
+}
+
+template <class Value, size_t N>
+const char* name_of(const std::array<Name<Value>, N>& names, Value value) {
+  for (const Name<Value>& name : names)
+    if (name.value == value) return name.text;
+  return "";
+}
+
+/// Spans are open on the left: v = k + 1 still belongs to view k, as v = views does to the last.
+int nearest_view(double view_number, int views) {
+  return std::clamp(static_cast<int>(std::ceil(view_number)) - 1, 0, views - 1);
+}
+
+int gauss_weights(double centre, int views, double sigma, std::vector<double>& weights) {
+  const int nearest = std::clamp(static_cast<int>(std::lround(centre)), 0, views - 1);
+  if (!(sigma > kSharpestSpot)) {
+    weights.assign(1, 1.0);
+    return nearest;
+  }
+  const double reach = kGaussReach * sigma;
+  const int first = std::min(nearest, std::max(0, static_cast<int>(std::ceil(centre - reach))));
+  const int last =
+      std::max(nearest, std::min(views - 1, static_cast<int>(std::floor(centre + reach))));
+  const double scale = 0.5 / (sigma * sigma);
+  // Relative to the nearest view's weight, so that not all of them underflow for a small sigma.
+  const double least = (nearest - centre) * (nearest - centre);
+  double sum = 0.0;
+  weights.clear();
+  for (int view = first; view <= last; ++view) {
+    const double distance = view - centre;
+    weights.push_back(std::exp(-(distance * distance - least) * scale));
+    sum += weights.back();
+  }
+  for (double& weight : weights) weight /= sum;
+  return first;
+}
+
+}  // namespace
+
+ViewFilter parse_view_filter(const std::string& text) {
+  return parse_name(kFilters, text, "filter");
+}
+PictureFit parse_picture_fit(const std::string& text) {
+  return parse_name(kFits, text, "fit");
+}
+const char* to_string(ViewFilter filter) {
+  return name_of(kFilters, filter);
+}
+const char* to_string(PictureFit fit) {
+  return name_of(kFits, fit);
+}
+
+int view_weights(double view_number, int views, ViewFilter filter, double spot_sigma_views,
+                 std::vector<double>& weights) {
+  const double centre = view_number - 0.5;  // in units of view indices
+  if (filter == ViewFilter::Gauss) return gauss_weights(centre, views, spot_sigma_views, weights);
+  if (filter == ViewFilter::Nearest) {
+    weights.assign(1, 1.0);
+    return nearest_view(view_number, views);
+  }
+  const double inside = std::clamp(centre, 0.0, views - 1.0);
+  const int left = static_cast<int>(inside);
+  const double share = inside - left;
+  weights.assign(1, 1.0 - share);
+  if (share > 0.0) weights.push_back(share);
+  return left;
+}
+
+Weaver::Weaver(const ViewSet& views, const optics::OpticalModel& model, const WeaveOptions& options)
+    : views_(views), rays_(model), options_(options) {
+  const optics::Panel& panel = model.rig().panel;
+  const double panel_width_mm = panel.width_px * panel.pixel_width.value;
+  const double panel_height_mm = panel.height_px * panel.pixel_height.value;
+  const double wider = views.aspect() * panel_height_mm / panel_width_mm;  // view than panel
+  double width_mm = panel_width_mm;                                        // of a view on the glass
+  double height_mm = panel_height_mm;
+  if (options.fit != PictureFit::Stretch && std::abs(wider - 1.0) > kSameAspect) {
+    const bool keep_width = (wider > 1.0) == (options.fit == PictureFit::Contain);
+    if (keep_width)
+      height_mm = panel_width_mm / views.aspect();
+    else
+      width_mm = panel_height_mm * views.aspect();
+  }
+  scale_u_ = 1.0 / width_mm;
+  scale_v_ = 1.0 / height_mm;
+  bars_beside_ = width_mm < panel_width_mm;
+  bars_above_ = height_mm < panel_height_mm;
+}
+
+FrameGeometry Weaver::geometry() const {
+  const optics::Panel& panel = rays_.model().rig().panel;
+  return {.width = panel.width_px, .height = panel.height_px, .format = PixelFormat::Rgb8};
+}
+
+Weaver::PicturePoint Weaver::picture_point(double x_mm, double y_mm) const {
+  return {0.5 + x_mm * scale_u_, 0.5 - y_mm * scale_v_};
+}
+
+bool Weaver::in_bars(PicturePoint point) const {
+  // Where there is no bar, a lens point a hair outside the panel still shows the view's border.
+  return (bars_beside_ && !(point.u >= 0.0 && point.u < 1.0)) ||
+         (bars_above_ && !(point.v >= 0.0 && point.v < 1.0));
+}
+
+double Weaver::light_at(int view, PicturePoint point, int channel) const {
+  // Pixel centres lie at half-integers; beyond the outermost ones the border pixel goes on, so that
+  // no tile bleeds into its neighbour.
+  const double x = std::clamp(point.u * views_.width() - 0.5, 0.0, views_.width() - 1.0);
+  const double y = std::clamp(point.v * views_.height() - 0.5, 0.0, views_.height() - 1.0);
+  const int left = static_cast<int>(x), top = static_cast<int>(y);
+  const int right = std::min(left + 1, views_.width() - 1);
+  const int bottom = std::min(top + 1, views_.height() - 1);
+  const double share_right = x - left, share_bottom = y - top;
+  const auto& light = linear_of_codes();
+  const auto tap = [&](int column, int row) {
+    return light[views_.pixel(view, column, row)[channel]];
+  };
+  const double upper = tap(left, top) * (1.0 - share_right) + tap(right, top) * share_right;
+  const double lower = tap(left, bottom) * (1.0 - share_right) + tap(right, bottom) * share_right;
+  return upper * (1.0 - share_bottom) + lower * share_bottom;
+}
+
+uint8_t Weaver::subpixel(const optics::RowRays& rays, size_t s, int channel,
+                         std::vector<double>& weights) const {
+  const PicturePoint point = picture_point(rays.lens_x_mm[s], rays.lens_y_mm[s]);
+  if (in_bars(point)) return 0;
+  const int views = views_.count();
+  const double sigma = rays_.model().rig().sheet.spot_sigma.value * views;
+  const double view_number = optics::view_number(rays.place[s], views);
+  const int first = view_weights(view_number, views, options_.filter, sigma, weights);
+  double light = 0.0;
+  for (size_t w = 0; w < weights.size(); ++w) {
+    const int view = first + static_cast<int>(w);
+    const bool reversed = options_.order == ViewOrder::RightToLeft;
+    light += weights[w] * light_at(reversed ? views - 1 - view : view, point, channel);
+  }
+  return code_from_linear(light);
+}
+
+void Weaver::weave_rows(int begin, int end, WovenFrame& frame) const {
+  LENTICULE_CHECK(frame.geometry() == geometry());
+  LENTICULE_CHECK(0 <= begin && begin <= end && end <= frame.height());
+  optics::RowRays rays;
+  std::vector<double> weights;
+  for (int j = begin; j < end; ++j) {
+    rays_.evaluate(j, 0, frame.width(), rays);
+    uint8_t* const out = frame.row(j);
+    const auto subpixels = static_cast<size_t>(frame.width()) * 3;
+    for (size_t s = 0; s < subpixels; ++s)
+      out[s] = subpixel(rays, s, static_cast<int>(s % 3), weights);
+  }
+}
+
+WovenFrame weave(const ViewSet& views, const optics::OpticalModel& model,
+                 const WeaveOptions& options) {
+  const Weaver weaver(views, model, options);
+  WovenFrame frame(weaver.geometry());
+  weaver.weave_rows(0, frame.height(), frame);
+  return frame;
+}
+
+}  // namespace lenticule::frames
