@@ -61,6 +61,10 @@ bool parse_option(std::string_view option, VirtualSpec& out) {
   return true;
 }
 
+bool is_kms(std::string_view spec) {
+  return spec.substr(0, spec.find(':')) == "kms";
+}
+
 std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
   const VirtualSpec spec = parse_virtual_spec(request.spec);
   frames::FrameGeometry geometry = request.panel;
@@ -106,9 +110,12 @@ VirtualSpec parse_virtual_spec(std::string_view spec) {
   return result;
 }
 
+void check_display_spec(std::string_view spec) {
+  if (!is_kms(spec)) (void)parse_virtual_spec(spec);
+}
+
 std::unique_ptr<Display> open_display(const DisplayRequest& request) {
-  const std::string_view kind = std::string_view(request.spec).substr(0, request.spec.find(':'));
-  if (kind == "kms")
+  if (is_kms(request.spec))
     throw Error(ErrorKind::Device,
                 fmt::format("display '{}': this build has no KMS output", request.spec),
                 "use --display virtual");

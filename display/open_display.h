@@ -28,6 +28,9 @@ struct DisplayRequest {
 /// panel's, Error(Device) when there is no such display.
 [[nodiscard]] std::unique_ptr<Display> open_display(const DisplayRequest& request);
 
+/// Throws as open_display() would for the text alone, before anything is opened.
+void check_display_spec(std::string_view spec);
+
 /// The parts of "virtual[:WxH[@HZ]][,jitter_us=N][,seed=N]".
 struct VirtualSpec {
   int width = 0;  ///< 0 = the panel's

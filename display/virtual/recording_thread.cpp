@@ -5,8 +5,8 @@
 
 namespace lenticule::display {
 
-RecordingThread::RecordingThread(std::shared_ptr<ScanoutRecorder> recorder)
-    : recorder_(std::move(recorder)), thread_([this] { run(); }) {}
+RecordingThread::RecordingThread(std::shared_ptr<ScanoutRecorder> recorder, size_t capacity)
+    : recorder_(std::move(recorder)), jobs_(capacity), thread_([this] { run(); }) {}
 
 RecordingThread::~RecordingThread() {
   {
@@ -20,13 +20,13 @@ RecordingThread::~RecordingThread() {
 void RecordingThread::offer(ShownFrame shown, VirtualBuffer* buffer) noexcept {
   {
     const std::lock_guard lock(mutex_);
-    if (count_ == kCapacity) {
+    if (count_ == jobs_.size()) {
       ++skipped_;
       return;
     }
     shown.skipped_before = std::exchange(skipped_, 0);
     buffer->begin_recording();
-    jobs_[(first_ + count_) % kCapacity] = {shown, buffer};
+    jobs_[(first_ + count_) % jobs_.size()] = {shown, buffer};
     ++count_;
   }
   changed_.notify_one();
@@ -42,8 +42,8 @@ void RecordingThread::run() noexcept {
     recorder_->record(job.shown, job.buffer->view());
     job.buffer->end_recording();
     lock.lock();
-    // The job counts until it is done: kCapacity bounds the buffers taken from the display.
-    first_ = (first_ + 1) % kCapacity;
+    // The job counts until it is done: jobs_.size() bounds the buffers taken from the display.
+    first_ = (first_ + 1) % jobs_.size();
     --count_;
   }
 }

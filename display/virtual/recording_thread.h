@@ -3,11 +3,11 @@
 // disk.
 #pragma once
 
-#include <array>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include "display/scanout_recorder.h"
 #include "display/virtual/virtual_buffer.h"
@@ -16,10 +16,8 @@ namespace lenticule::display {
 
 class RecordingThread {
  public:
-  /// Buffers that may wait for the recorder or be in its hands at a time.
-  static constexpr size_t kCapacity = 2;
-
-  explicit RecordingThread(std::shared_ptr<ScanoutRecorder> recorder);
+  /// Takes at most `capacity` buffers at a time: waiting, or in the recorder's hands.
+  RecordingThread(std::shared_ptr<ScanoutRecorder> recorder, size_t capacity);
   /// Records what is waiting, then ends the thread.
   ~RecordingThread();
   RecordingThread(const RecordingThread&) = delete;
@@ -41,7 +39,7 @@ class RecordingThread {
 
   std::mutex mutex_;  ///< guards everything below it, for a few instructions at a time
   std::condition_variable changed_;
-  std::array<Job, kCapacity> jobs_{};
+  std::vector<Job> jobs_;  ///< a ring of `capacity`
   size_t first_ = 0;
   size_t count_ = 0;
   bool ending_ = false;

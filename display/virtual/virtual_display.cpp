@@ -57,6 +57,12 @@ void check_memory(const VirtualDisplayOptions& options, int buffers) {
                 "use a smaller panel or fewer buffers");
 }
 
+/// Small panels afford a longer queue to the disk.
+int buffers_to_record(frames::FrameGeometry geometry) {
+  constexpr size_t kBudget = size_t{64} << 20;
+  return static_cast<int>(std::clamp<size_t>(kBudget / VirtualBuffer::bytes(geometry), 2, 64));
+}
+
 class VirtualDisplay final : public Display {
  public:
   explicit VirtualDisplay(const VirtualDisplayOptions& options)
@@ -70,12 +76,14 @@ class VirtualDisplay final : public Display {
                                  options.geometry.height, frames::to_string(options.refresh)),
              .hardware_clock = false};
     const bool recording_thread = recorder_ && clock_->real_time();
-    const int buffers =
-        options.buffers + (recording_thread ? static_cast<int>(RecordingThread::kCapacity) : 0);
+    const int recorded_at_once = recording_thread ? buffers_to_record(options.geometry) : 0;
+    const int buffers = options.buffers + recorded_at_once;
     check_memory(options, buffers);
     for (int i = 0; i < buffers; ++i)
       buffers_.push_back(std::make_unique<VirtualBuffer>(options.geometry));
-    if (recording_thread) recording_ = std::make_unique<RecordingThread>(recorder_);
+    if (recording_thread)
+      recording_ =
+          std::make_unique<RecordingThread>(recorder_, static_cast<size_t>(recorded_at_once));
   }
 
   [[nodiscard]] const DisplayMode& mode() const override { return mode_; }

@@ -20,8 +20,9 @@ struct VirtualDisplayOptions {
   std::shared_ptr<Clock> clock;
   /// None when null.
   std::shared_ptr<VirtualFaults> faults;
-  /// None when null. In real time it runs on a thread of its own, over at most two more buffers: a
-  /// frame that finds both busy is counted, not recorded, so that recording never disturbs pacing.
+  /// None when null. In real time it runs on a thread of its own, over 2 to 64 more
+  /// buffers (64 MiB where that is more than two): a frame that finds all of them busy is counted,
+  /// not recorded, so that recording never disturbs pacing.
   /// In simulated time it runs inside wait_event() and misses nothing.
   std::shared_ptr<ScanoutRecorder> recorder;
 };

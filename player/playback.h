@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// Plays a source on a display: the threads, their beginning and their end.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "display/display.h"
+#include "frames/frame_source.h"
+#include "player/play_statistics.h"
+#include "player/presenter.h"
+
+namespace lenticule::player {
+
+struct PlaybackOptions {
+  /// How fast the content goes: the source's own rate if none, else the display's refresh.
+  std::optional<frames::Rate> content;
+  LatePolicy late = LatePolicy::Slip;
+  uint64_t loops = 1;  ///< or kForever
+  uint64_t prime = 1;  ///< frames that must be ready before the first is shown
+  std::optional<uint64_t> vblanks;
+  std::chrono::nanoseconds prime_timeout = std::chrono::seconds(2);
+  std::optional<std::chrono::nanoseconds> stall_timeout = std::chrono::seconds(60);
+  Filling filling = Filling::OwnThread;
+  /// Ask the system for a real-time priority of the presenter; without permission it goes on.
+  bool real_time_priority = false;
+
+  /// Readable = stop; -1 = never.
+  int stop_fd = -1;
+  /// Called about once a second on the thread of play(); what it throws ends the playback and
+  /// leaves play().
+  std::function<void(const PlayReport&)> on_report;
+  /// For PlayReport::first_frame_ms and its names.
+  std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  std::string source_name;
+};
+
+struct PlayResult {
+  PlayOutcome outcome = PlayOutcome::Finished;
+  std::string failure;  ///< of the source, if it failed
+  PlayReport report;
+};
+
+[[nodiscard]] const char* outcome_name(PlayOutcome outcome);
+
+/// Blocks until it is over. Display and source are used by other threads meanwhile, and by none
+/// afterwards. Throws Error(Input) when the source's frames are not the display's size.
+[[nodiscard]] PlayResult play(display::Display& display, frames::FrameSource& source,
+                              const PlaybackOptions& options);
+
+}  // namespace lenticule::player

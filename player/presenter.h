@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// The loop that shows the right frame at every vblank: takes filled buffers, submits them when the
+// pacer says so, and takes the display's events for facts. Neither throws nor allocates.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
+#include "display/display.h"
+#include "player/filler.h"
+#include "player/pacing.h"
+#include "player/play_statistics.h"
+#include "player/wake_fd.h"
+
+namespace lenticule::player {
+
+enum class Filling {
+  OwnThread,    ///< Filler::run() goes on elsewhere
+  InPresenter,  ///< the presenter fills between vblanks: for simulated time, where nobody else has
+                ///< any
+};
+
+enum class PlayOutcome {
+  Finished,       ///< to the end, or as long as asked for
+  Stopped,        ///< request_stop()
+  SourceFailed,   ///< the last frame stays to the end of its time
+  SourceStalled,  ///< no frame came for stall_timeout
+  DisplayLost,
+};
+
+struct PresenterOptions {
+  /// How fast the content goes: the source's own rate if none, else the display's refresh.
+  std::optional<frames::Rate> content;
+  LatePolicy late = LatePolicy::Slip;
+  /// Vblanks to play, counted from the first flip; none = to the end.
+  std::optional<uint64_t> vblanks;
+  /// How long to wait for a full priming once the first frame is there.
+  display::Nanoseconds prime_timeout = std::chrono::seconds(2);
+  /// How long to wait for the next frame when none is there; none = for ever.
+  std::optional<display::Nanoseconds> stall_timeout = std::chrono::seconds(60);
+  Filling filling = Filling::OwnThread;
+};
+
+/// Everything but request_stop() on the presenter's thread.
+class Presenter {
+ public:
+  Presenter(display::Display& display, Filler& filler, PresenterStatistics& statistics,
+            const PresenterOptions& options);
+
+  [[nodiscard]] PlayOutcome run() noexcept;
+  /// Any thread: finish the pending flip and return.
+  void request_stop() noexcept;
+
+ private:
+  struct PendingFlip {
+    uint64_t target = 0;
+    uint64_t id = 0;
+    display::Nanoseconds submitted{0};
+  };
+
+  void prime() noexcept;
+  void choose_rate() noexcept;
+  void act() noexcept;
+  void submit(const FilledFrame& frame, uint64_t target) noexcept;
+  void starve(uint64_t target) noexcept;
+  void end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept;
+  void discard_before(uint64_t index) noexcept;
+  [[nodiscard]] bool head_is_ready() const noexcept;
+  void request_vblank(uint64_t sequence) noexcept;
+
+  void handle(const display::DisplayEvent& event) noexcept;
+  void handle_flip(const display::DisplayEvent& event) noexcept;
+  void handle_timeout() noexcept;
+  void observe_vblank(const display::DisplayEvent& event) noexcept;
+  void land_pending_flip() noexcept;
+
+  [[nodiscard]] uint64_t next_reachable_vblank() const noexcept;
+  [[nodiscard]] display::Nanoseconds event_patience() const noexcept;
+  [[nodiscard]] bool over() const noexcept {
+    return outcome_.has_value() || stopping_.load(std::memory_order_acquire);
+  }
+  void publish() noexcept;
+
+  display::Display& display_;
+  Filler& filler_;
+  PresenterStatistics& statistics_;
+  const PresenterOptions options_;
+  const display::Nanoseconds period_;
+  Pacer pacer_;
+
+  std::optional<PlayOutcome> outcome_;
+  std::optional<uint64_t> end_vblank_;  ///< vblank with which playing ends
+  std::optional<PendingFlip> pending_;
+  bool tick_requested_ = false;
+  bool rebuffering_ = false;  ///< LatePolicy::Hold after an underrun
+  std::optional<display::Nanoseconds> starved_since_;
+  uint64_t last_sequence_ = 0;
+  display::Nanoseconds last_vblank_{0};
+  int events_lost_in_a_row_ = 0;
+  int refused_in_a_row_ = 0;
+
+  WakeFd wake_;
+  std::atomic<bool> stopping_{false};
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/source_open.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <filesystem>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "frames/image_io.h"
+#include "frames/image_sequence.h"
+#include "frames/ring/ring_player.h"
+#include "optics/error.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kRing = "ring:";
+constexpr int kMaxDecoderThreads = 8;
+
+std::optional<uint64_t> parse_number(std::string_view text) {
+  uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+/// One core is left to the player itself.
+int decoder_threads() {
+  const int cores = static_cast<int>(std::thread::hardware_concurrency());
+  return std::clamp(cores - 1, 1, kMaxDecoderThreads);
+}
+
+OpenedSource open_ring(const SourceRequest& request, const std::string& socket) {
+  if (socket.empty())
+    throw Error(ErrorKind::Usage, "source 'ring:': no socket", "write ring:/run/user/1000/panel");
+  if (request.frames)
+    throw Error(ErrorKind::Usage, "--frames: a ring plays what its renderer sends",
+                "give --frames to lenticule render");
+  std::unique_ptr<frames::RingPlayer> ring =
+      frames::RingPlayer::open({.socket = socket,
+                                .geometry = request.panel,
+                                .slots = request.slots,
+                                .rig_fingerprint = request.rig_fingerprint,
+                                .keep_for_loop = request.plays_again});
+  OpenedSource opened;
+  opened.loop_obstacle = [player = ring.get()] { return player->statistics().loop_obstacle; };
+  opened.source = std::move(ring);
+  opened.stall_hint =
+      fmt::format("start a renderer: lenticule render SCENE --rig RIG -o ring:{}", socket);
+  return opened;
+}
+
+std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) {
+  if (!frames::FilePattern::looks_like_pattern(text))
+    throw Error(ErrorKind::Usage, fmt::format("--frames: '{}' is one picture", text),
+                "write a pattern such as 'out/%05d.png'");
+  const frames::FilePattern pattern(text);
+  std::vector<uint64_t> numbers = pattern.existing();
+  std::erase_if(numbers, [&](uint64_t n) { return n < range.begin || n >= range.end; });
+  std::vector<fs::path> files;
+  for (uint64_t n = range.begin; n < range.end; ++n) {
+    const size_t index = static_cast<size_t>(n - range.begin);
+    if (index >= numbers.size() || numbers[index] != n)
+      throw Error(ErrorKind::Input, fmt::format("{}: no such file", pattern.path(n).string()),
+                  "name a range of frames that exist");
+    files.push_back(pattern.path(n));
+  }
+  return files;
+}
+
+void refuse_other_kinds(const std::string& text) {
+  const std::string extension = fs::path(text).extension().string();
+  constexpr std::array kNotYet = {".lts", ".m3u", ".toml", ".json"};
+  const bool not_yet = std::find(kNotYet.begin(), kNotYet.end(), extension) != kNotYet.end();
+  std::error_code ignored;
+  if (!not_yet && !fs::is_directory(text, ignored) && !text.empty()) return;
+  throw Error(ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
+              "play ring:SOCKET, a pattern such as 'out/%05d.png', or one picture");
+}
+
+OpenedSource open_pictures(const SourceRequest& request) {
+  refuse_other_kinds(request.text);
+  std::vector<fs::path> files = request.frames ? files_in_range(request.text, *request.frames)
+                                               : frames::list_frame_files(request.text);
+  const fs::path first = files.front();
+  OpenedSource opened;
+  opened.source = std::make_unique<frames::ImageSequence>(
+      std::move(files), frames::ImageSequenceOptions{.pool_frames = std::max(request.slots, 2),
+                                                     .decoder_threads = decoder_threads()});
+  const frames::FrameGeometry geometry = opened.source->geometry();
+  if (geometry == request.panel) return opened;
+  throw Error(
+      ErrorKind::Input,
+      fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", first.string(), geometry.width,
+                  geometry.height, request.panel.width, request.panel.height),
+      "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+}
+
+}  // namespace
+
+FrameRange parse_frame_range(std::string_view text) {
+  const size_t colon = text.find(':');
+  const auto begin = parse_number(text.substr(0, colon));
+  const auto end =
+      colon == std::string_view::npos ? std::nullopt : parse_number(text.substr(colon + 1));
+  if (!begin || !end || *begin >= *end)
+    throw Error(ErrorKind::Usage, fmt::format("frames '{}': not a range", text),
+                "write A:B for the frames from A up to, not including, B");
+  return {*begin, *end};
+}
+
+OpenedSource open_source(const SourceRequest& request) {
+  if (request.text.starts_with(kRing)) return open_ring(request, request.text.substr(kRing.size()));
+  return open_pictures(request);
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// The SOURCE argument of `play` as a FrameSource. The only place that knows which kinds there are.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "frames/frame_source.h"
+
+namespace lenticule::player {
+
+/// Half-open range of frame numbers, "0:24".
+struct FrameRange {
+  uint64_t begin = 0;
+  uint64_t end = 0;
+  friend bool operator==(const FrameRange&, const FrameRange&) = default;
+};
+/// Throws Error(Usage) unless A and B are numbers and A < B.
+[[nodiscard]] FrameRange parse_frame_range(std::string_view text);
+
+struct SourceRequest {
+  /// "ring:SOCKET", "dir/%05d.png" or one picture
+  std::string text;
+  frames::FrameGeometry panel;
+  std::string rig_fingerprint;
+  int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
+  std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern
+  bool plays_again = false;                         ///< frames are kept for a loop where they fit
+};
+
+struct OpenedSource {
+  std::unique_ptr<frames::FrameSource> source;
+  /// To be asked after playing, as long as `source` is there: why the sequence could not be played
+  /// again, or empty. Null for sources that always can.
+  std::function<std::string()> loop_obstacle;
+  /// What to do when nothing comes, or empty.
+  std::string stall_hint;
+};
+
+/// Throws Error(Usage) for what cannot be played, Error(Input) for missing or broken pictures and
+/// for those of another size than the panel, Error(Device) or Error(Failed) for a ring that cannot
+/// be had.
+[[nodiscard]] OpenedSource open_source(const SourceRequest& request);
+
+}  // namespace lenticule::player
