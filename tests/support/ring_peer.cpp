@@ -3,16 +3,21 @@
 
 #include <poll.h>
 #include <stdlib.h>
+#include <sys/socket.h>
 
 #include <cstring>
 #include <future>
 #include <stdexcept>
+
+#include "frames/ring/listen_socket.h"
+#include "frames/ring/ring_protocol.h"
 
 namespace lenticule::test {
 namespace {
 
 constexpr auto kPatience = std::chrono::seconds(20);
 constexpr int kNapMilliseconds = 5;
+constexpr int kAnswerMilliseconds = 20000;
 
 }  // namespace
 
@@ -63,17 +68,70 @@ bool service_until(frames::RingPlayer& player, const std::function<bool()>& done
   }
 }
 
+void serviced(frames::RingPlayer& player, const std::function<void()>& body) {
+  auto done = std::async(std::launch::async, body);
+  const bool in_time = service_until(
+      player, [&] { return done.wait_for(std::chrono::seconds(0)) == std::future_status::ready; });
+  if (!in_time) throw std::runtime_error("not done in time");
+  done.get();
+}
+
 std::unique_ptr<frames::RingRenderer> connect_to(frames::RingPlayer& player,
                                                  const std::filesystem::path& socket,
                                                  const frames::RendererHello& hello,
                                                  std::chrono::milliseconds timeout) {
-  auto connection = std::async(
-      std::launch::async, [&] { return frames::RingRenderer::connect(socket, hello, timeout); });
-  const bool answered = service_until(player, [&] {
-    return connection.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
-  });
-  if (!answered) throw std::runtime_error("connect() did not return in time");
-  return connection.get();
+  std::unique_ptr<frames::RingRenderer> renderer;
+  serviced(player, [&] { renderer = frames::RingRenderer::connect(socket, hello, timeout); });
+  return renderer;
+}
+
+std::vector<std::optional<uint64_t>> pull_all(frames::RingPlayer& player) {
+  std::vector<std::optional<uint64_t>> ids;
+  player.service();
+  frames::LentFrame frame;
+  while (player.pull(frame) == frames::PullStatus::Ready) {
+    ids.push_back(stamped_id(frame.frame.bytes));
+    player.release(frame.token);
+  }
+  return ids;
+}
+
+frames::UniqueFd knock(const std::filesystem::path& socket) {
+  const frames::UnixAddress address = frames::unix_address(socket);
+  frames::UniqueFd fd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+  if (!fd || ::connect(fd.get(), address.get(), address.bytes) != 0)
+    throw std::runtime_error("cannot connect to " + socket.string());
+  return fd;
+}
+
+RawRenderer::RawRenderer(const std::filesystem::path& socket) : socket_(knock(socket)) {
+  using namespace frames;
+  if (send_message(socket_.get(), make_hello({})) != Transfer::Done)
+    throw std::runtime_error("hello was not sent");
+  pollfd query = {.fd = socket_.get(), .events = POLLIN, .revents = 0};
+  Packet packet;
+  AcceptMessage accept;
+  if (::poll(&query, 1, kAnswerMilliseconds) != 1 ||
+      receive_packet(socket_.get(), packet, PassedFds::Take) != Transfer::Done)
+    throw std::runtime_error("no answer");
+  if (const char* problem = read_accept(packet.bytes(), accept)) throw std::runtime_error(problem);
+  epoch_ = accept.epoch;
+  memory_fd_ = std::move(packet.fds[0]);
+  published_event_ = std::move(packet.fds[1]);
+  memory_ = Mapping(memory_fd_.get(), 0, accept.memory_bytes, PROT_READ | PROT_WRITE);
+  if (!memory_) throw std::runtime_error("cannot map");
+  const auto* header = reinterpret_cast<const RingHeader*>(memory_.bytes().data());
+  if (const char* problem = read_header(*header, accept.memory_bytes, layout_))
+    throw std::runtime_error(problem);
+}
+
+std::span<frames::SlotEntry> RawRenderer::table() const {
+  auto* first = reinterpret_cast<frames::SlotEntry*>(memory_.bytes().data() + layout_.table_offset);
+  return {first, static_cast<size_t>(layout_.slots)};
+}
+
+std::span<uint8_t> RawRenderer::pixels(int slot) const {
+  return memory_.bytes().subspan(layout_.slot_offset(slot), layout_.geometry.frame_bytes());
 }
 
 frames::RingStatus push_frame(frames::RingRenderer& renderer, uint64_t number, uint64_t id,

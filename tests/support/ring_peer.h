@@ -9,9 +9,13 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <vector>
 
+#include "frames/ring/mapping.h"
+#include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_player.h"
 #include "frames/ring/ring_renderer.h"
+#include "frames/ring/unique_fd.h"
 
 namespace lenticule::test {
 
@@ -42,6 +46,9 @@ class SocketFolder {
 /// false.
 [[nodiscard]] bool service_until(frames::RingPlayer& player, const std::function<bool()>& done);
 
+/// Runs `body` in another thread while this one services the player. What it throws comes out.
+void serviced(frames::RingPlayer& player, const std::function<void()>& body);
+
 /// Connects from another thread while this one services the player. Errors come out as thrown.
 [[nodiscard]] std::unique_ptr<frames::RingRenderer> connect_to(
     frames::RingPlayer& player, const std::filesystem::path& socket,
@@ -52,5 +59,36 @@ class SocketFolder {
 [[nodiscard]] frames::RingStatus push_frame(
     frames::RingRenderer& renderer, uint64_t number, uint64_t id,
     std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
+
+/// Pulls and releases everything that is ready; the ids in order, nothing for a torn frame.
+[[nodiscard]] std::vector<std::optional<uint64_t>> pull_all(frames::RingPlayer& player);
+
+/// A connected SEQPACKET socket, nothing said yet.
+[[nodiscard]] frames::UniqueFd knock(const std::filesystem::path& socket);
+
+/// A renderer without manners: shakes hands properly, then lets the test do anything to the shared
+/// memory and the socket. Waits at most 20 s for the player.
+class RawRenderer {
+ public:
+  explicit RawRenderer(const std::filesystem::path& socket);
+
+  [[nodiscard]] int socket() const { return socket_.get(); }
+  [[nodiscard]] int memory_fd() const { return memory_fd_.get(); }
+  [[nodiscard]] int published_event() const { return published_event_.get(); }
+  [[nodiscard]] frames::Epoch epoch() const { return epoch_; }
+  [[nodiscard]] std::span<uint8_t> memory() const { return memory_.bytes(); }
+  [[nodiscard]] std::span<frames::SlotEntry> table() const;
+  [[nodiscard]] std::span<uint8_t> pixels(int slot) const;
+  /// Closes the socket and keeps the memory.
+  void hang_up() { socket_.reset(); }
+
+ private:
+  frames::UniqueFd socket_;
+  frames::UniqueFd memory_fd_;
+  frames::UniqueFd published_event_;
+  frames::Epoch epoch_ = 0;
+  frames::RingLayout layout_;
+  frames::Mapping memory_;
+};
 
 }  // namespace lenticule::test

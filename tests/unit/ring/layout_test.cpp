@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <memory>
+
+#include "frames/ring/ring_layout.h"
+#include "tests/support/ring_peer.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr FrameGeometry kKiosk = {.width = 3840, .height = 2160, .format = PixelFormat::Rgb8};
+constexpr FrameGeometry kSmall = {.width = 160, .height = 120, .format = PixelFormat::Rgb8};
+
+std::unique_ptr<RingHeader> header_of(const RingLayout& layout) {
+  auto header = std::make_unique<RingHeader>();
+  write_header(layout, *header);
+  return header;
+}
+
+TEST(RingLayout, PutsLargeFramesOnHugePages) {
+  const RingLayout layout = plan_layout(kKiosk, 40);
+  EXPECT_EQ(layout.table_offset, 4096u);
+  EXPECT_EQ(layout.slots_offset, size_t{2} << 20);
+  EXPECT_EQ(layout.slot_stride, size_t{24} << 20) << "24883200 bytes rounded up";
+  EXPECT_EQ(layout.memory_bytes, (size_t{2} << 20) + 40 * (size_t{24} << 20));
+}
+
+TEST(RingLayout, PutsSmallFramesOnPages) {
+  const RingLayout layout = plan_layout(kSmall, 100);
+  EXPECT_EQ(layout.slots_offset, 4096u + 8192u) << "100 entries of 64 bytes take two pages";
+  EXPECT_EQ(layout.slot_stride, 61440u);
+}
+
+TEST(RingLayout, SlotsNeitherOverlapNorLeaveTheMemory) {
+  for (const int slots : {3, 64, 65, 4096})
+    for (const int width : {1, 683, 700, 32768}) {
+      const FrameGeometry geometry = {.width = width, .height = 1000, .format = PixelFormat::Rgb10};
+      const RingLayout layout = plan_layout(geometry, slots);
+      EXPECT_GE(layout.slots_offset, layout.table_offset + slots * sizeof(SlotEntry));
+      EXPECT_GE(layout.slot_stride, geometry.frame_bytes());
+      EXPECT_EQ(layout.slot_offset(slots), layout.memory_bytes);
+      EXPECT_EQ(layout.slots_offset % kPageBytes, 0u);
+      EXPECT_EQ(layout.slot_stride % kPageBytes, 0u);
+    }
+}
+
+TEST(RingLayout, ReadsBackWhatItWrote) {
+  const RingLayout layout = plan_layout(kKiosk, 8);
+  RingLayout read;
+  EXPECT_EQ(read_header(*header_of(layout), layout.memory_bytes, read), nullptr);
+  EXPECT_EQ(read, layout);
+}
+
+TEST(RingLayout, RejectsAHeaderWithAnyByteChanged) {
+  const RingLayout layout = plan_layout(kSmall, 8);
+  const auto good = header_of(layout);
+  const size_t constant_bytes = offsetof(RingHeader, memory_bytes) + sizeof(uint64_t);
+  for (size_t at = 0; at < constant_bytes; ++at)
+    for (const int change : {1, 0x80, 0xff}) {
+      const auto bad = header_of(layout);
+      reinterpret_cast<uint8_t*>(bad.get())[at] ^= static_cast<uint8_t>(change);
+      RingLayout read;
+      // A change that makes another consistent layout does not exist: sizes and offsets follow from
+      // the geometry, which would have to change with them.
+      EXPECT_NE(read_header(*bad, SIZE_MAX, read), nullptr) << "byte " << at << " ^ " << change;
+      EXPECT_EQ(read, RingLayout()) << "a bad header must leave no layout";
+    }
+}
+
+TEST(RingLayout, NamesWhatIsWrongWithAHeader) {
+  const RingLayout layout = plan_layout(kSmall, 8);
+  RingLayout read;
+  const auto problem = [&](auto change) {
+    const auto header = header_of(layout);
+    change(*header);
+    const char* text = read_header(*header, layout.memory_bytes, read);
+    return std::string(text ? text : "none");
+  };
+  EXPECT_EQ(problem([](RingHeader&) {}), "none");
+  EXPECT_EQ(problem([](RingHeader& h) { h.magic[0] = 'X'; }), "not a ring");
+  EXPECT_EQ(problem([](RingHeader& h) { h.abi_version = 2; }), "another version of the ring");
+  EXPECT_EQ(problem([](RingHeader& h) { h.endian_tag = 0x04030201; }),
+            "written in another byte order");
+  EXPECT_EQ(problem([](RingHeader& h) { h.slots = 2; }), "number of slots outside 3 ... 4096");
+  EXPECT_EQ(problem([](RingHeader& h) { h.slots = UINT32_MAX; }),
+            "number of slots outside 3 ... 4096");
+  EXPECT_EQ(problem([](RingHeader& h) { h.format = 0; }), "unknown pixel format");
+  EXPECT_EQ(problem([](RingHeader& h) { h.width = 0; }), "width outside 1 ... 32768");
+  EXPECT_EQ(problem([](RingHeader& h) { h.width = UINT32_MAX; }), "width outside 1 ... 32768");
+  EXPECT_EQ(problem([](RingHeader& h) { h.height = 0x80000000; }), "height outside 1 ... 32768");
+  for (uint64_t RingHeader::*field :
+       {&RingHeader::row_bytes, &RingHeader::frame_bytes, &RingHeader::table_offset,
+        &RingHeader::entry_bytes, &RingHeader::slots_offset, &RingHeader::slot_stride,
+        &RingHeader::memory_bytes})
+    EXPECT_EQ(problem([field](RingHeader& h) { h.*field += 4096; }),
+              "offsets or sizes do not agree");
+}
+
+TEST(RingLayout, RejectsAHeaderThatPromisesMoreThanThereIs) {
+  const RingLayout layout = plan_layout(kSmall, 8);
+  RingLayout read;
+  EXPECT_STREQ(read_header(*header_of(layout), layout.memory_bytes - 1, read),
+               "memory smaller than the header says");
+}
+
+TEST(SlotWord, CountsEpochsAroundWithoutZero) {
+  EXPECT_EQ(next_epoch(1), 2u);
+  EXPECT_EQ(next_epoch(kMaxEpoch), 1u);
+  EXPECT_NE(slot_word(SlotState::Free, kMaxEpoch), slot_word(SlotState::Free, 1));
+}
+
+TEST(SlotWord, LetsOnlyTheRightEpochTakeASlot) {
+  SlotEntry entry{};
+  entry.word = slot_word(SlotState::Free, 7);
+  EXPECT_FALSE(take_free_slot(entry, 6));
+  EXPECT_TRUE(take_free_slot(entry, 7));
+  EXPECT_FALSE(take_free_slot(entry, 7)) << "it is taken";
+  EXPECT_FALSE(publish_slot(entry, 6, 0, 0));
+  EXPECT_TRUE(publish_slot(entry, 7, 0, 0));
+  EXPECT_FALSE(publish_slot(entry, 7, 0, 0)) << "it is handed over";
+  abandon_slot(entry, 7);
+  EXPECT_EQ(entry.word, slot_word(SlotState::Ready, 7));
+}
+
+TEST(StampedFrame, ShowsASingleForeignByteAnywhere) {
+  std::vector<uint8_t> frame(57600 + 5);
+  test::stamp_frame(frame, 0x1122334455667788);
+  EXPECT_EQ(test::stamped_id(frame), 0x1122334455667788u);
+  for (size_t at = 0; at < frame.size(); at += 509) {
+    frame[at] ^= 1;
+    EXPECT_EQ(test::stamped_id(frame), std::nullopt) << at;
+    frame[at] ^= 1;
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::frames

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <cstring>
+
+#include "frames/ring/ring_protocol.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+template <typename Message>
+std::span<const uint8_t> bytes_of(const Message& message) {
+  return {reinterpret_cast<const uint8_t*>(&message), sizeof message};
+}
+
+RendererHello full_hello() {
+  return {.name = "teapot",
+          .rig_fingerprint = "0123456789abcdef",
+          .rate = Rate{24000, 1001},
+          .frame_count = 240};
+}
+
+std::string hello_problem(const HelloMessage& message) {
+  RendererHello hello;
+  const char* problem = read_hello(bytes_of(message), hello);
+  return problem ? problem : "none";
+}
+
+TEST(RingProtocol, HelloComesThroughUnchanged) {
+  RendererHello read;
+  ASSERT_EQ(read_hello(bytes_of(make_hello(full_hello())), read), nullptr);
+  EXPECT_EQ(read.name, "teapot");
+  EXPECT_EQ(read.rig_fingerprint, "0123456789abcdef");
+  EXPECT_EQ(read.rate, (Rate{24000, 1001}));
+  EXPECT_EQ(read.frame_count, 240u);
+}
+
+TEST(RingProtocol, WhatIsNotStatedStaysUnstated) {
+  RendererHello read = full_hello();
+  ASSERT_EQ(read_hello(bytes_of(make_hello({})), read), nullptr);
+  EXPECT_EQ(read.rate, std::nullopt);
+  EXPECT_EQ(read.frame_count, std::nullopt);
+}
+
+TEST(RingProtocol, RatesArriveInLowestTerms) {
+  HelloMessage message = make_hello({});
+  message.rate_numerator = 120;
+  message.rate_denominator = 4;
+  RendererHello read;
+  ASSERT_EQ(read_hello(bytes_of(message), read), nullptr);
+  EXPECT_EQ(read.rate, (Rate{30, 1}));
+}
+
+TEST(RingProtocol, ChecksEveryFieldOfHello) {
+  const HelloMessage good = make_hello(full_hello());
+  EXPECT_EQ(hello_problem(good), "none");
+  const auto with = [&](auto change) {
+    HelloMessage message = good;
+    change(message);
+    return hello_problem(message);
+  };
+  EXPECT_EQ(with([](auto& m) { m.prefix.magic ^= 1; }), "not a ring message");
+  EXPECT_EQ(with([](auto& m) { m.prefix.version = 2; }), "another protocol version");
+  EXPECT_EQ(with([](auto& m) { m.prefix.kind = MessageKind::Accept; }),
+            "another message was expected");
+  EXPECT_EQ(with([](auto& m) { m.prefix.bytes = 16; }), "wrong length");
+  EXPECT_EQ(with([](auto& m) { std::memset(m.name, 'n', sizeof m.name); }),
+            "the name is not plain text");
+  EXPECT_EQ(with([](auto& m) { m.name[1] = '\x1b'; }), "the name is not plain text");
+  EXPECT_EQ(with([](auto& m) { std::memset(m.rig_fingerprint, 'a', sizeof m.rig_fingerprint); }),
+            "the rig's fingerprint is not plain text");
+  EXPECT_EQ(with([](auto& m) { m.has_frame_count = 2; }), "a reserved field is in use");
+  EXPECT_EQ(with([](auto& m) { m.reserved = 1; }), "a reserved field is in use");
+  for (const auto& [numerator, denominator] :
+       std::initializer_list<std::pair<int64_t, int64_t>>{{0, 1},
+                                                          {1, 0},
+                                                          {-60, -1},
+                                                          {10001, 1},
+                                                          {1, 3601},
+                                                          {INT64_MAX, INT64_MAX},
+                                                          {INT64_MIN, 1}})
+    EXPECT_EQ(with([&](auto& m) {
+                m.rate_numerator = numerator;
+                m.rate_denominator = denominator;
+              }),
+              "the frame rate makes no sense")
+        << numerator << "/" << denominator;
+}
+
+TEST(RingProtocol, RejectsEveryWrongLength) {
+  const HelloMessage message = make_hello(full_hello());
+  RendererHello read;
+  for (size_t size = 0; size < sizeof message; ++size)
+    EXPECT_NE(read_hello(bytes_of(message).first(size), read), nullptr) << size;
+}
+
+TEST(RingProtocol, RefusesToSendWhatNobodyWouldAccept) {
+  const auto rejects = [](const RendererHello& hello) {
+    EXPECT_THROW((void)make_hello(hello), Error);
+  };
+  RendererHello hello;
+  hello.name = std::string(64, 'x');
+  rejects(hello);
+  hello.name = "two\nlines";
+  rejects(hello);
+  hello = {};
+  hello.rig_fingerprint = std::string(128, 'x');
+  rejects(hello);
+  hello = {};
+  hello.rate = Rate{0, 1};
+  rejects(hello);
+}
+
+TEST(RingProtocol, ARefusalOfAnotherVersionIsUnderstood) {
+  RefuseMessage message = make_refuse(RefuseReason::OtherVersion, "speaks version 9");
+  message.prefix.version = 9;
+  RefuseReason reason{};
+  std::string text;
+  ASSERT_EQ(read_refuse(bytes_of(message), reason, text), nullptr);
+  EXPECT_EQ(reason, RefuseReason::OtherVersion);
+  EXPECT_EQ(text, "speaks version 9");
+}
+
+TEST(RingProtocol, ChecksARefusal) {
+  RefuseReason reason{};
+  std::string text;
+  RefuseMessage message = make_refuse(RefuseReason::Busy, std::string(1000, 'b'));
+  ASSERT_EQ(read_refuse(bytes_of(message), reason, text), nullptr);
+  EXPECT_EQ(text.size(), sizeof message.text - 1) << "cut, not overrun";
+  message.reason = static_cast<RefuseReason>(99);
+  EXPECT_STREQ(read_refuse(bytes_of(message), reason, text), "unknown reason");
+  message = make_refuse(RefuseReason::Busy, "\x1b[2J");
+  EXPECT_STREQ(read_refuse(bytes_of(message), reason, text), "the reason is not plain text");
+}
+
+TEST(RingProtocol, ChecksAnAcceptance) {
+  AcceptMessage read;
+  EXPECT_EQ(read_accept(bytes_of(make_accept(4096, 1)), read), nullptr);
+  EXPECT_NE(read_accept(bytes_of(make_accept(4096, 0)), read), nullptr);
+  EXPECT_NE(read_accept(bytes_of(make_accept(4096, kMaxEpoch + 1)), read), nullptr);
+  EXPECT_NE(read_accept(bytes_of(make_goodbye(1)), read), nullptr);
+}
+
+class SocketPair : public testing::Test {
+ protected:
+  SocketPair() {
+    int fds[2];
+    if (::socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, fds) == 0) {
+      near_ = UniqueFd(fds[0]);
+      far_ = UniqueFd(fds[1]);
+    }
+  }
+  UniqueFd near_, far_;
+};
+
+TEST_F(SocketPair, PassesDescriptorsOnlyToThoseWhoTakeThem) {
+  const std::array<int, 2> fds = {near_.get(), far_.get()};
+  Packet packet;
+  ASSERT_EQ(send_message(near_.get(), make_accept(4096, 1), fds), Transfer::Done);
+  ASSERT_EQ(receive_packet(far_.get(), packet, PassedFds::Take), Transfer::Done);
+  EXPECT_TRUE(packet.fds[0] && packet.fds[1]);
+  ASSERT_EQ(send_message(near_.get(), make_accept(4096, 1), fds), Transfer::Done);
+  ASSERT_EQ(receive_packet(far_.get(), packet, PassedFds::Ignore), Transfer::Done);
+  EXPECT_FALSE(packet.fds[0] || packet.fds[1]);
+}
+
+TEST_F(SocketPair, NeverBlocks) {
+  Packet packet;
+  EXPECT_EQ(receive_packet(far_.get(), packet, PassedFds::Ignore), Transfer::WouldBlock);
+  Transfer transfer = Transfer::Done;
+  for (int i = 0; i < 100000 && transfer == Transfer::Done; ++i)
+    transfer = send_message(near_.get(), make_wake(MessageKind::Freed));
+  EXPECT_EQ(transfer, Transfer::WouldBlock) << "a full queue";
+}
+
+TEST_F(SocketPair, SeesAPacketThatIsTooLong) {
+  const std::array<uint8_t, 1000> junk = {};
+  ASSERT_EQ(send_bytes(near_.get(), junk), Transfer::Done);
+  Packet packet;
+  ASSERT_EQ(receive_packet(far_.get(), packet, PassedFds::Ignore), Transfer::Done);
+  EXPECT_GT(packet.size, kMaxMessageBytes);
+}
+
+TEST_F(SocketPair, HearsTheLastWordsOfAPeerThatLeftMailUnread) {
+  ASSERT_EQ(send_message(far_.get(), make_wake(MessageKind::Freed)), Transfer::Done);
+  ASSERT_EQ(send_message(near_.get(), make_goodbye(5)), Transfer::Done);
+  near_.reset();
+  Packet packet;
+  ASSERT_EQ(receive_packet(far_.get(), packet, PassedFds::Ignore), Transfer::Done);
+  uint64_t published = 0;
+  EXPECT_EQ(read_goodbye(packet.bytes(), published), nullptr);
+  EXPECT_EQ(published, 5u);
+  EXPECT_EQ(receive_packet(far_.get(), packet, PassedFds::Ignore), Transfer::Closed);
+  EXPECT_EQ(send_message(far_.get(), make_goodbye(5)), Transfer::Closed) << "and no SIGPIPE";
+}
+
+}  // namespace
+}  // namespace lenticule::frames

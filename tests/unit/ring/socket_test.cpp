@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// The player's socket file: its mode, its end, and what lay there before.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <thread>
+
+#include "frames/ring/listen_socket.h"
+#include "optics/error.h"
+#include "tests/support/ring_peer.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::SocketFolder;
+
+std::optional<ErrorKind> kind_of_failure(const std::filesystem::path& path) {
+  try {
+    ListenSocket socket(path);
+  } catch (const Error& error) {
+    return error.kind();
+  }
+  return std::nullopt;
+}
+
+/// What a player leaves behind when it is killed: the file of a socket that nobody has any more.
+void leave_dead_socket(const std::filesystem::path& path) {
+  UniqueFd fd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+  const UnixAddress address = unix_address(path);
+  ASSERT_EQ(::bind(fd.get(), address.get(), address.bytes), 0);
+}
+
+TEST(RingSocket, OnlyItsOwnerMayUseIt) {
+  SocketFolder folder;
+  const mode_t before = ::umask(0);
+  ListenSocket socket(folder.socket());
+  ::umask(before);
+  struct stat status;
+  ASSERT_EQ(::stat(folder.socket().c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0600u);
+}
+
+TEST(RingSocket, GoesAwayWithThePlayer) {
+  SocketFolder folder;
+  { ListenSocket socket(folder.socket()); }
+  EXPECT_FALSE(std::filesystem::exists(folder.socket()));
+}
+
+TEST(RingSocket, LeavesASuccessorsFileAlone) {
+  SocketFolder folder;
+  auto first = std::make_unique<ListenSocket>(folder.socket());
+  std::filesystem::rename(folder.socket(), folder.folder() / "moved");
+  ListenSocket second(folder.socket());
+  first.reset();
+  EXPECT_TRUE(std::filesystem::exists(folder.socket()));
+}
+
+TEST(RingSocket, ReplacesTheSocketOfADeadPlayer) {
+  SocketFolder folder;
+  leave_dead_socket(folder.socket());
+  ASSERT_TRUE(std::filesystem::exists(folder.socket()));
+  EXPECT_EQ(kind_of_failure(folder.socket()), std::nullopt);
+}
+
+TEST(RingSocket, RefusesTheSocketOfALivePlayer) {
+  SocketFolder folder;
+  ListenSocket live(folder.socket());
+  EXPECT_EQ(kind_of_failure(folder.socket()), ErrorKind::Device);
+  EXPECT_TRUE(std::filesystem::exists(folder.socket())) << "and leaves it alone";
+}
+
+TEST(RingSocket, NeverRemovesAFileThatIsNoSocket) {
+  SocketFolder folder;
+  std::ofstream(folder.socket()) << "precious";
+  EXPECT_EQ(kind_of_failure(folder.socket()), ErrorKind::Usage);
+  EXPECT_EQ(std::filesystem::file_size(folder.socket()), 8u);
+}
+
+TEST(RingSocket, NamesAPathThatIsTooLongOrLeadsNowhere) {
+  SocketFolder folder;
+  EXPECT_EQ(kind_of_failure(folder.folder() / std::string(100, 'x')), ErrorKind::Usage);
+  EXPECT_EQ(kind_of_failure({}), ErrorKind::Usage);
+  EXPECT_EQ(kind_of_failure(folder.folder() / "none" / "ring"), ErrorKind::Failed);
+  const size_t most = 107 - folder.folder().string().size() - 1;
+  EXPECT_EQ(kind_of_failure(folder.folder() / std::string(most, 'x')), std::nullopt);
+}
+
+TEST(RingSocket, OfManyPlayersThatStartAtOnceOneWins) {
+  SocketFolder folder;
+  for (int round = 0; round < 10; ++round) {
+    leave_dead_socket(folder.socket());
+    std::vector<std::unique_ptr<ListenSocket>> winners(4);
+    std::vector<std::thread> players;
+    for (auto& winner : winners)
+      players.emplace_back([&] {
+        try {
+          winner = std::make_unique<ListenSocket>(folder.socket());
+        } catch (const Error&) {
+        }
+      });
+    for (std::thread& player : players) player.join();
+    EXPECT_EQ(std::count(winners.begin(), winners.end(), nullptr), 3);
+    EXPECT_TRUE(test::knock(folder.socket())) << "and the winner can be reached";
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::frames
