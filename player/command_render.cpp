@@ -1,12 +1,286 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule render
+// lenticule render: a scene becomes woven frames.
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "optics/rig_file.h"
+#include "player/camera_path.h"
 #include "player/command.h"
+#include "player/frame_output.h"
+#include "player/interrupt.h"
+#include "player/progress.h"
+#include "player/scene_sequence.h"
+#include "player/triple.h"
+#include "render/method.h"
 
 namespace lenticule::player {
+namespace {
+
+struct RenderFlags {
+  std::string scene;
+  std::string rig;
+  std::string method = "full";
+  std::string frames = "0:1";
+  std::string fps = "30";
+  std::string camera;
+  std::string output;
+  render::RenderOptions options;
+  render::StageOptions stage;
+  std::string centre;
+  std::string background;
+  std::string ground_colour;
+  render::Surroundings surroundings;
+  double ring_timeout = 10.0;
+  bool resume = false;
+  bool json = false;
+};
+
+/// What one run did.
+struct RunTotals {
+  uint64_t rendered = 0;
+  uint64_t skipped = 0;
+  render::RenderStatistics rays;
+  double seconds = 0.0;
+
+  void add(const render::RenderStatistics& frame) {
+    ++rendered;
+    rays.subpixels += frame.subpixels;
+    rays.primary_rays += frame.primary_rays;
+    rays.shadow_rays += frame.shadow_rays;
+    rays.secondary_rays += frame.secondary_rays;
+    rays.invalid_rays += frame.invalid_rays;
+    rays.seconds += frame.seconds;
+  }
+};
+
+/// Flags that are made of several numbers, and those whose limits the parser does not know.
+void complete(RenderFlags& flags) {
+  if (!flags.centre.empty()) flags.stage.centre = parse_triple("--centre", flags.centre);
+  if (!flags.background.empty())
+    flags.surroundings.background = parse_triple("--background", flags.background);
+  if (!flags.ground_colour.empty()) {
+    flags.surroundings.ground = true;
+    flags.surroundings.ground_colour = parse_triple("--ground-colour", flags.ground_colour);
+  }
+  if (!(flags.ring_timeout >= 0.0) || flags.ring_timeout > 86400.0)
+    throw Error(ErrorKind::Usage, "--ring-timeout: not between 0 and 86400 seconds");
+}
+
+void print_stage(const render::Stage& stage) {
+  fmt::print(stderr, "stage: {:.4g} mm per unit, depth {:.3g} times; ", stage.mm_per_unit,
+             stage.depth_scale);
+  fmt::print(stderr, "from {:.1f} mm before the glass to {:.1f} mm behind it; ", stage.near_mm,
+             -stage.far_mm);
+  fmt::print(stderr, "sharp within {:.1f} mm\n", stage.depth_of_field_mm);
+}
+
+void print_notes(const render::SceneDescription& scene) {
+  for (const std::string& note : scene.notes) fmt::print(stderr, "{}: {}\n", scene.source, note);
+}
+
+nlohmann::json finite_or_null(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
+}
+
+nlohmann::json stage_json(const render::Stage& stage) {
+  return {{"mm_per_unit", stage.mm_per_unit},
+          {"depth_scale", stage.depth_scale},
+          {"near_mm", finite_or_null(stage.near_mm)},
+          {"far_mm", finite_or_null(stage.far_mm)},
+          {"depth_of_field_mm", finite_or_null(stage.depth_of_field_mm)}};
+}
+
+nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
+                           const render::Stage& stage, const RunTotals& totals) {
+  return {{"scene", flags.scene},
+          {"rig", flags.rig},
+          {"rig_fingerprint", optics::fingerprint(rig)},
+          {"method", flags.method},
+          {"samples", flags.options.samples},
+          {"output", flags.output},
+          {"width", rig.panel.width_px},
+          {"height", rig.panel.height_px},
+          {"frames_rendered", totals.rendered},
+          {"frames_skipped", totals.skipped},
+          {"interrupted", interrupted()},
+          {"seconds", totals.seconds},
+          {"render_seconds", totals.rays.seconds},
+          {"subpixels", totals.rays.subpixels},
+          {"primary_rays", totals.rays.primary_rays},
+          {"shadow_rays", totals.rays.shadow_rays},
+          {"secondary_rays", totals.rays.secondary_rays},
+          {"invalid_rays", totals.rays.invalid_rays},
+          {"stage", stage_json(stage)}};
+}
+
+/// The scene of one frame, with the camera path's camera instead of its own.
+render::SceneDescription scene_of(const SceneSequence& scenes,
+                                  const std::vector<render::Camera>& cameras, uint64_t frame) {
+  render::SceneDescription scene = scenes.at(frame);
+  // After its last line a camera path stands still.
+  if (!cameras.empty()) scene.cameras = {cameras[std::min<uint64_t>(frame, cameras.size() - 1)]};
+  return scene;
+}
+
+class RenderRun {
+ public:
+  explicit RenderRun(const RenderFlags& flags)
+      : flags_(flags),
+        range_(parse_frame_range(flags.frames)),
+        rate_(frames::parse_rate(flags.fps)),
+        rig_(optics::load_rig(flags.rig)),
+        model_(rig_),
+        method_(render::make_method(flags.method, model_, flags.options)),
+        scenes_(flags.scene, rate_) {
+    if (!flags.camera.empty()) cameras_ = load_camera_path(flags.camera);
+    scenes_.require(range_);
+    const render::SceneDescription reference =
+        scene_of(scenes_, cameras_, scenes_.reference_frame());
+    print_notes(reference);
+    stages_.emplace(reference, model_, flags.stage);
+    print_stage(stages_->reference());
+    output_ = open_output({.target = flags.output,
+                           .range = range_,
+                           .geometry = geometry(),
+                           .rig_fingerprint = optics::fingerprint(rig_),
+                           .rate = rate_,
+                           .ring_timeout_seconds = flags.ring_timeout});
+  }
+
+  ExitCode run() {
+    const auto start = std::chrono::steady_clock::now();
+    frames::WovenFrame frame(geometry());
+    Progress progress("render", "frames", range_.count());
+    for (uint64_t number = range_.begin; number < range_.end && !interrupted(); ++number) {
+      if (flags_.resume && output_->has(number)) {
+        ++totals_.skipped;
+      } else {
+        prepare_scene(number);
+        totals_.add(method_->render(*scene_, stage_, frame));
+        if (output_->deliver(number, frame.view()) == Delivery::Interrupted) break;
+      }
+      progress.update(number - range_.begin + 1, note());
+    }
+    if (!interrupted()) output_->finish();
+    progress.finish(note());
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    totals_.seconds = elapsed.count();
+    report();
+    return interrupt_exit_code();
+  }
+
+ private:
+  [[nodiscard]] frames::FrameGeometry geometry() const {
+    return {rig_.panel.width_px, rig_.panel.height_px, frames::PixelFormat::Rgb8};
+  }
+
+  /// A scene that never changes is committed once.
+  void prepare_scene(uint64_t number) {
+    if (scene_ && scenes_.still() && cameras_.size() < 2) return;
+    const render::SceneDescription description = scene_of(scenes_, cameras_, number);
+    stage_ = stages_->at(description);
+    scene_.reset();
+    scene_ = std::make_unique<render::Scene>(description, stage_, flags_.surroundings,
+                                             flags_.options.threads);
+  }
+
+  [[nodiscard]] std::string note() const {
+    const double frames = static_cast<double>(totals_.rendered);
+    return totals_.rendered == 0 ? std::string()
+                                 : fmt::format("{:.2f} s/frame", totals_.rays.seconds / frames);
+  }
+
+  void report() const {
+    if (flags_.json) print_json(result_json(flags_, rig_, stages_->reference(), totals_));
+    if (totals_.rays.invalid_rays > 0)
+      fmt::print(stderr, "{} rays were not finite and stay black\n", totals_.rays.invalid_rays);
+  }
+
+  const RenderFlags& flags_;
+  FrameRange range_;
+  frames::Rate rate_;
+  optics::Rig rig_;
+  optics::OpticalModel model_;
+  std::unique_ptr<render::Method> method_;
+  SceneSequence scenes_;
+  std::vector<render::Camera> cameras_;
+  std::optional<StageSequence> stages_;
+  std::unique_ptr<FrameOutput> output_;
+  render::Stage stage_;
+  std::unique_ptr<render::Scene> scene_;
+  RunTotals totals_;
+};
+
+void declare_stage_flags(CLI::App& app, RenderFlags& flags) {
+  constexpr const char* kGroup = "Stage";
+  app.add_option("--centre", flags.centre, "X,Y,Z of the scene that lies at the panel's centre")
+      ->group(kGroup);
+  app.add_option("--mm-per-unit", flags.stage.mm_per_unit, "size of a scene unit on the glass")
+      ->group(kGroup);
+  app.add_option("--depth-scale", flags.stage.depth_scale,
+                 "depth relative to width and height; 1 is undistorted")
+      ->group(kGroup);
+  app.add_option("--depth-budget", flags.stage.depth_budget,
+                 "how far a fitted scene may leave the glass, in depths of field of the sheet")
+      ->group(kGroup)
+      ->capture_default_str();
+  app.add_option("--fill", flags.stage.fill, "part of the panel that a fitted scene fills")
+      ->group(kGroup)
+      ->capture_default_str();
+  app.add_option("--turn", flags.stage.turn_degrees, "turn the scene about the vertical, degrees")
+      ->group(kGroup)
+      ->capture_default_str();
+}
+
+void declare_surroundings_flags(CLI::App& app, RenderFlags& flags) {
+  constexpr const char* kGroup = "Surroundings";
+  app.add_option("--background", flags.background, "R,G,B instead of the scene's")->group(kGroup);
+  app.add_flag("--sky", flags.surroundings.sky, "a sky instead of a flat background")
+      ->group(kGroup);
+  app.add_option("--environment", flags.surroundings.environment_file,
+                 "latitude-longitude picture instead of a flat background")
+      ->group(kGroup);
+  app.add_flag("--ground", flags.surroundings.ground, "a plane under the scene")->group(kGroup);
+  app.add_option("--ground-colour", flags.ground_colour, "R,G,B of that plane")->group(kGroup);
+}
+
+}  // namespace
 
 Run declare_render(CLI::App& app) {
-  (void)app;
-  return []() -> ExitCode { throw Error(ErrorKind::Failed, "not built yet"); };
+  auto flags = std::make_shared<RenderFlags>();
+  app.add_option("SCENE", flags->scene,
+                 "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
+      ->required();
+  app.add_option("--rig", flags->rig, "rig file of the panel")->required();
+  app.add_option("--method", flags->method, "render method")->capture_default_str();
+  app.add_option("--frames", flags->frames, "A:B renders frames A to B - 1, N that one alone")
+      ->capture_default_str();
+  app.add_option("--fps", flags->fps, "frames per second of the animation")->capture_default_str();
+  app.add_option("--camera", flags->camera,
+                 "file with one camera per line: from, at, up, field of view");
+  app.add_option("--threads", flags->options.threads, "0 means all cores")->capture_default_str();
+  app.add_option("--samples", flags->options.samples, "rays per subpixel, inside its area")
+      ->capture_default_str();
+  app.add_option("--max-depth", flags->options.max_depth, "of reflections and refractions")
+      ->capture_default_str();
+  app.add_option("-o,--output", flags->output,
+                 "picture file, pattern ('out/%05d.png') or ring:SOCKET")
+      ->required();
+  app.add_flag("--resume", flags->resume, "leave out frames whose file is there already");
+  app.add_option("--ring-timeout", flags->ring_timeout,
+                 "seconds to wait for a player, also for one that restarts")
+      ->capture_default_str();
+  app.add_flag("--json", flags->json, "print what was done as JSON");
+  declare_stage_flags(app, *flags);
+  declare_surroundings_flags(app, *flags);
+  return [flags]() -> ExitCode {
+    complete(*flags);
+    return RenderRun(*flags).run();
+  };
 }
 
 }  // namespace lenticule::player

@@ -65,7 +65,7 @@ struct Scene::Impl {
 
   Affine scene_from_panel;       ///< from millimetres in the panel frame; its origin is zero
   double units_per_world = 1.0;  ///< scene units per world unit
-  double near_mm = 0.0;          ///< panel z of the nearest point of any surface
+  double near_mm = 0.0;          ///< panel z of the nearest point to be shown
 };
 
 }  // namespace lenticule::render

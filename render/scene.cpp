@@ -29,9 +29,13 @@ class Committer {
     for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
     for (const Cone& cone : description_.cones) add_cone(cone);
+    // What the stage leaves out in front stays out; a ground, though, runs on toward the viewer.
+    nearest_ = std::min(nearest_, stage_.near_mm);
     if (surroundings.ground) add_ground(surroundings);
+    scene_.near_mm = std::isfinite(nearest_) ? nearest_ : 0.0;
     add_lights();
-    scene_.ambient = ambient_light(description_);
+    scene_.ambient =
+        description_.ambient.value_or(Vec3{kDefaultAmbient, kDefaultAmbient, kDefaultAmbient});
     if (!is_finite(scene_.ambient)) refuse("ambient light", "is not finite");
     scene_.backdrop = make_backdrop(description_, stage_, surroundings);
     scene_.colour_managed = description_.colour_managed;
@@ -203,18 +207,18 @@ class Committer {
            .cos_inner = light.cos_inner,
            .cos_outer = light.cos_outer});
     }
-    if (description_.lights.empty()) scene_.lights.push_back(default_light());
+    // A file that states an ambient light says how it is lit.
+    if (description_.lights.empty() && !description_.ambient)
+      scene_.lights.push_back(default_light());
   }
 
   SceneLight default_light() const {
-    const Vec3 into_glass = scene_.scene_from_panel.vector({0.4, -0.6, -1.0});
     return {.kind = Light::Kind::Directional,
-            .direction = normalized(into_glass),
-            .colour = Vec3{1, 1, 1} * kDefaultLightIntensity};
+            .direction = normalized(scene_.scene_from_panel.vector(kDefaultSunDirection)),
+            .colour = Vec3{1, 1, 1} * kDefaultSun};
   }
 
   void build() {
-    scene_.near_mm = std::isfinite(nearest_) ? nearest_ : 0.0;
     const RTCDevice device = scene_.device.get();
     scene_.embree.reset(rtcNewScene(device));
     scene_.device.check(description_.source);

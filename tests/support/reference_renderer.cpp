@@ -159,15 +159,9 @@ Meeting meet_all(const SceneDescription& scene, const Line& line, double t_min, 
   return nearest;
 }
 
-double power_of_lights(const SceneDescription& scene) {
-  const double n = scene.lights.empty() ? 1.0 : static_cast<double>(scene.lights.size());
-  return std::sqrt(n) / (2.0 * n);
-}
-
 Vec3 ambient_of(const SceneDescription& scene) {
   if (scene.ambient) return *scene.ambient;
-  const double a = scene.colour_managed ? 0.12 : power_of_lights(scene);
-  return {a, a, a};
+  return {0.12, 0.12, 0.12};
 }
 
 class Tracer {

@@ -2,6 +2,7 @@
 #include "tests/support/tiny_scenes.h"
 
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace lenticule::testing {
@@ -264,6 +265,7 @@ render::Stage make_tiny_stage(const TinyStage& tiny) {
   stage.world_from_panel.origin = tiny.centre;
   stage.mm_per_unit = s;
   stage.depth_scale = tiny.depth_scale;
+  stage.near_mm = std::numeric_limits<double>::infinity();  // nothing is left out
   return stage;
 }
 

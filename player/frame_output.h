@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where rendered frames go: picture files, or the ring of a player.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "frames/frame.h"
+#include "frames/rational.h"
+#include "optics/rig.h"
+#include "player/scene_sequence.h"
+
+namespace lenticule::player {
+
+enum class Delivery {
+  Done,
+  Interrupted,  ///< a signal arrived while waiting for a place
+};
+
+class FrameOutput {
+ public:
+  virtual ~FrameOutput() = default;
+  /// True if this frame is there already, so that it need not be rendered again.
+  [[nodiscard]] virtual bool has(uint64_t frame) const = 0;
+  /// Throws Error(Failed) for a full disk and the like, Error(Device) when the player is gone for
+  /// good.
+  [[nodiscard]] virtual Delivery deliver(uint64_t frame, const frames::FrameView& pixels) = 0;
+  /// Every frame of the range was delivered.
+  virtual void finish() = 0;
+};
+
+struct OutputRequest {
+  std::string target;  ///< pattern, file or ring:SOCKET
+  FrameRange range;
+  frames::FrameGeometry geometry;
+  std::string rig_fingerprint;
+  frames::Rate rate;
+  double ring_timeout_seconds = 10.0;
+};
+
+/// Checks that the target can be written before anything is rendered: Error(Usage) for a target
+/// that makes no sense, Error(Failed) for a folder that cannot be written to, Error(Device) or
+/// Error(Input) for a player that does not answer or refuses.
+[[nodiscard]] std::unique_ptr<FrameOutput> open_output(const OutputRequest& request);
+
+}  // namespace lenticule::player
