@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Cameras from assimp.
+#include <assimp/version.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <span>
@@ -16,21 +18,33 @@ namespace {
 constexpr double kNarrowestDegrees = 1e-3;
 constexpr double kWidestDegrees = 179.0;
 
-/// Files state the horizontal angle and the picture's shape.
-double vertical_fov_degrees(const aiCamera& from) {
+enum class FileKind { Gltf, Other };
+
+/// assimp states the horizontal angle. Up to 5.2 its glTF reader made it by multiplying the file's
+/// vertical angle with the aspect ratio.
+double vertical_fov_degrees(const aiCamera& from, FileKind kind) {
   const double aspect = from.mAspect > 0.0F ? from.mAspect : 1.0;
-  const double half = std::tan(from.mHorizontalFOV / 2.0) / aspect;
-  return 2.0 * std::atan(half) * 180.0 / std::numbers::pi;
+  const bool product =
+      kind == FileKind::Gltf && aiGetVersionMajor() == 5 && aiGetVersionMinor() <= 2;
+  const double vertical = product ? from.mHorizontalFOV / aspect
+                                  : 2.0 * std::atan(std::tan(from.mHorizontalFOV / 2.0) / aspect);
+  return vertical * 180.0 / std::numbers::pi;
 }
 
 /// Looks at a point at distance 1 for now.
-Camera camera_of(const aiCamera& from) {
+Camera camera_of(const aiCamera& from, FileKind kind) {
   Camera camera;
   camera.name = from.mName.C_Str();
   camera.from = vec3(from.mPosition);
   camera.at = camera.from + normalized(vec3(from.mLookAt));
   camera.up = vec3(from.mUp);
-  camera.vertical_fov_degrees = vertical_fov_degrees(from);
+  if (kind == FileKind::Gltf) {
+    // By the format's definition; assimp up to 5.2 repeats the node's translation here.
+    camera.from = {0, 0, 0};
+    camera.at = {0, 0, -1};
+    camera.up = {0, 1, 0};
+  }
+  camera.vertical_fov_degrees = vertical_fov_degrees(from, kind);
   camera.hither = std::isfinite(from.mClipPlaneNear) ? std::max(0.0F, from.mClipPlaneNear) : 0.0F;
   return camera;
 }
@@ -68,16 +82,17 @@ void focus(Camera& camera, const SceneDescription& scene, const Bounds& bounds) 
 void import_cameras(const aiScene& from, const NodeNames& nodes, SceneDescription& scene) {
   if (from.mNumCameras == 0) return;
   const Bounds bounds = scene_bounds(scene);
+  const FileKind kind = is_gltf(scene.source) ? FileKind::Gltf : FileKind::Other;
   size_t unusable = 0;
   for (const aiCamera* camera : std::span(from.mCameras, from.mNumCameras)) {
-    Camera to = camera_of(*camera);
+    Camera to = camera_of(*camera, kind);
     const auto node = nodes.find(to.name);
     to.node = node == nodes.end() ? -1 : node->second;
     if (!usable(to) || bounds.empty()) {
       ++unusable;
       continue;
     }
-    if (from.mCameras[0]->mOrthographicWidth > 0.0F && scene.cameras.empty())
+    if (camera->mOrthographicWidth > 0.0F && scene.cameras.empty())
       scene.notes.emplace_back("orthographic camera taken as a perspective one");
     focus(to, scene, bounds);
     scene.cameras.push_back(to);

@@ -20,7 +20,7 @@ constexpr double kMiddleIrradiance = 1.3;
 
 /// glTF states half angles; the other importers give full ones.
 double half_angle_factor(const std::string& source) {
-  return source.ends_with(".gltf") || source.ends_with(".glb") ? 1.0 : 0.5;
+  return is_gltf(source) ? 1.0 : 0.5;
 }
 
 double cosine(double angle) {

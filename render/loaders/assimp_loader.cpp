@@ -12,7 +12,7 @@
 #include "render/loaders/animation.h"
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/guarded_files.h"
-#include "render/loaders/text_reader.h"
+#include "render/loaders/scene_extension.h"
 
 namespace lenticule::render {
 namespace {
@@ -20,9 +20,12 @@ namespace {
 /// assimp's messages are for programmers: first line only, printable, not too long.
 std::string tidy(const std::string& message) {
   constexpr size_t kLongest = 160;
+  if (message.starts_with("No suitable reader"))
+    return "not what its name says: damaged, truncated or another format";
   std::string out;
   for (const char c : message.substr(0, std::min(message.find('\n'), kLongest)))
     out += c >= ' ' && c < 127 ? c : '?';
+  while (out.ends_with('.')) out.pop_back();
   return out.empty() ? "cannot be understood" : out;
 }
 
@@ -61,6 +64,11 @@ SceneDescription convert(const aiScene& from, const std::filesystem::path& file)
 }
 
 }  // namespace
+
+bool is_gltf(const std::string& source) {
+  const std::string extension = extension_of(source);
+  return extension == ".gltf" || extension == ".glb";
+}
 
 bool assimp_reads(const std::string& extension) {
   return !extension.empty() && Assimp::Importer().IsExtensionSupported(extension);

@@ -21,6 +21,9 @@ template <class V>
   return Vec3(Vec3f(c.r, c.g, c.b));
 }
 
+/// assimp's glTF reader has conventions of its own for cameras and lights.
+[[nodiscard]] bool is_gltf(const std::string& source);
+
 /// Throws Error(Input) naming the mesh and the vertex or face that cannot be used.
 void check_meshes(const aiScene& from, const std::string& source);
 

@@ -2,25 +2,13 @@
 // Chooses the loader for a file.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cctype>
-
 #include "optics/error.h"
 #include "render/loaders/assimp_loader.h"
 #include "render/loaders/nff.h"
+#include "render/loaders/scene_extension.h"
 #include "render/scene_description.h"
 
 namespace lenticule::render {
-namespace {
-
-std::string lower_case_extension(const std::filesystem::path& file) {
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
-
-}  // namespace
 
 SceneDescription load_scene(const std::filesystem::path& file) {
   std::error_code error;
@@ -29,7 +17,7 @@ SceneDescription load_scene(const std::filesystem::path& file) {
     throw Error(ErrorKind::Input, fmt::format("{}: no such file", file.string()));
   if (!std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
-  const std::string extension = lower_case_extension(file);
+  const std::string extension = extension_of(file);
   if (extension == ".nff") return load_nff(file);
   if (assimp_reads(extension)) return load_with_assimp(file);
   throw Error(ErrorKind::Input,
