@@ -50,11 +50,6 @@ const char* name_of(const std::array<Name<Value>, N>& names, Value value) {
   return "";
 }
 
-/// Spans are open on the left: v = k + 1 still belongs to view k, as v = views does to the last.
-int nearest_view(double view_number, int views) {
-  return std::clamp(static_cast<int>(std::ceil(view_number)) - 1, 0, views - 1);
-}
-
 int gauss_weights(double centre, int views, double sigma, std::vector<double>& weights) {
   const int nearest = std::clamp(static_cast<int>(std::lround(centre)), 0, views - 1);
   if (!(sigma > kSharpestSpot)) {
@@ -92,6 +87,10 @@ const char* to_string(ViewFilter filter) {
 }
 const char* to_string(PictureFit fit) {
   return name_of(kFits, fit);
+}
+
+int nearest_view(double view_number, int views) {
+  return std::clamp(static_cast<int>(std::ceil(view_number)) - 1, 0, views - 1);
 }
 
 int view_weights(double view_number, int views, ViewFilter filter, double spot_sigma_views,

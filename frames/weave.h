@@ -44,6 +44,10 @@ struct WeaveOptions {
   ViewOrder order = ViewOrder::LeftToRight;
 };
 
+/// The view whose span holds `view_number` in (0, views]: spans are open on the left, so that v = k
+/// + 1 still belongs to view k, as v = views does to the last.
+[[nodiscard]] int nearest_view(double view_number, int views);
+
 /// The share of each of `views` views at view number `view_number` in (0, views]. Returns the first
 /// view; its weight and those of its right neighbours replace the content of `weights` and sum
 /// to 1. `spot_sigma_views` matters to Gauss only.

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/compare.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "frames/quilt.h"
+#include "frames/weave.h"
+#include "optics/error.h"
+#include "optics/row_rays.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr double kPeak = 255.0;
+
+std::string size_text(const FrameGeometry& geometry) {
+  return fmt::format("{} x {}", geometry.width, geometry.height);
+}
+
+void require_same_size(const FrameView& reference, const FrameView& test) {
+  if (reference.geometry != test.geometry)
+    throw Error(ErrorKind::Input,
+                fmt::format("pictures of {} and {} pixels: not comparable",
+                            size_text(reference.geometry), size_text(test.geometry)));
+}
+
+}  // namespace
+
+void Difference::add(const Difference& other) {
+  for (size_t d = 0; d < histogram_.size(); ++d) histogram_[d] += other.histogram_[d];
+}
+
+double Difference::mse() const {
+  // Whole numbers up to here: at most 2^30 samples times 2^16.
+  uint64_t squares = 0;
+  for (size_t d = 0; d < histogram_.size(); ++d) squares += histogram_[d] * d * d;
+  const uint64_t n = samples();
+  return n == 0 ? 0.0 : static_cast<double>(squares) / static_cast<double>(n);
+}
+
+double Difference::rmse() const {
+  return std::sqrt(mse());
+}
+
+std::optional<double> Difference::psnr_db() const {
+  const double error = mse();
+  if (error == 0.0) return std::nullopt;
+  return 10.0 * std::log10(kPeak * kPeak / error);
+}
+
+int Difference::max() const {
+  for (size_t d = histogram_.size(); d-- > 0;)
+    if (histogram_[d] > 0) return static_cast<int>(d);
+  return 0;
+}
+
+uint64_t Difference::count_over(int levels) const {
+  uint64_t count = 0;
+  for (size_t d = static_cast<size_t>(levels + 1); d < histogram_.size(); ++d)
+    count += histogram_[d];
+  return count;
+}
+
+PictureDifference compare_pictures(const FrameView& reference, const FrameView& test) {
+  require_same_size(reference, test);
+  PictureDifference difference;
+  for (size_t b = 0; b < reference.bytes.size(); ++b)
+    difference.channels[b % 3].add(reference.bytes[b], test.bytes[b]);
+  for (const Difference& channel : difference.channels) difference.total.add(channel);
+  return difference;
+}
+
+int native_view_count(const optics::Rig& rig) {
+  return std::max(1, static_cast<int>(std::lround(rig.sheet.pitch.value)));
+}
+
+std::vector<Difference> compare_views(const FrameView& reference, const FrameView& test,
+                                      const optics::OpticalModel& model, int views) {
+  require_same_size(reference, test);
+  const optics::Panel& panel = model.rig().panel;
+  const FrameGeometry& geometry = reference.geometry;
+  if (geometry.width != panel.width_px || geometry.height != panel.height_px)
+    throw Error(ErrorKind::Input,
+                fmt::format("pictures of {} pixels: the rig's panel has {} x {}",
+                            size_text(geometry), panel.width_px, panel.height_px));
+  if (views < 1 || views > kMaxViews)
+    throw Error(ErrorKind::Usage, fmt::format("{} views: between 1 and {}", views, kMaxViews));
+
+  std::vector<Difference> differences(static_cast<size_t>(views));
+  const optics::RowRayEvaluator evaluator(model);
+  optics::RowRays rays;
+  for (int j = 0; j < geometry.height; ++j) {
+    evaluator.evaluate(j, 0, geometry.width, rays);
+    const uint8_t* const a = reference.row(j);
+    const uint8_t* const b = test.row(j);
+    for (size_t s = 0; s < rays.size(); ++s) {
+      const int view = nearest_view(optics::view_number(rays.place[s], views), views);
+      differences[static_cast<size_t>(view)].add(a[s], b[s]);
+    }
+  }
+  return differences;
+}
+
+int worst_view(const std::vector<Difference>& views) {
+  const auto less = [](const Difference& a, const Difference& b) { return a.mse() < b.mse(); };
+  return static_cast<int>(std::max_element(views.begin(), views.end(), less) - views.begin());
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/compare.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numeric>
+
+#include "error_matchers.h"
+#include "frames/weave.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::error_of;
+
+WovenFrame grey(int width, int height, uint8_t code) {
+  WovenFrame frame({.width = width, .height = height});
+  std::fill(frame.bytes().begin(), frame.bytes().end(), code);
+  return frame;
+}
+
+optics::Rig small_rig(int width, int height) {
+  optics::Rig rig;
+  rig.name = "small";
+  rig.panel = {.width_px = width,
+               .height_px = height,
+               .pixel_width = Millimetres(0.2),
+               .pixel_height = Millimetres(0.2),
+               .layout = optics::SubpixelLayout::rgb()};
+  rig.sheet.pitch = Subpixels(7.6);
+  rig.sheet.slant = 0.2;
+  rig.sheet.gap = Millimetres(1.2);
+  return rig;
+}
+
+TEST(Compare, EqualPicturesHaveNoPsnr) {
+  const WovenFrame frame = grey(4, 3, 90);
+  const PictureDifference d = compare_pictures(frame.view(), frame.view());
+  EXPECT_EQ(d.total.mse(), 0.0);
+  EXPECT_EQ(d.total.max(), 0);
+  EXPECT_FALSE(d.total.psnr_db().has_value());
+  EXPECT_EQ(d.total.samples(), 36u);
+  EXPECT_EQ(d.total.count_over(0), 0u);
+}
+
+TEST(Compare, BlackAgainstWhiteIsZeroDecibel) {
+  const PictureDifference d = compare_pictures(grey(2, 2, 0).view(), grey(2, 2, 255).view());
+  EXPECT_EQ(d.total.rmse(), 255.0);
+  EXPECT_DOUBLE_EQ(*d.total.psnr_db(), 0.0);
+  EXPECT_EQ(d.total.count_over(254), 12u);
+  EXPECT_EQ(d.total.count_over(255), 0u);
+}
+
+TEST(Compare, OneLevelEverywhereIs48Decibel) {
+  const PictureDifference d = compare_pictures(grey(5, 5, 7).view(), grey(5, 5, 8).view());
+  EXPECT_DOUBLE_EQ(*d.total.psnr_db(), 20.0 * std::log10(255.0));
+  EXPECT_EQ(d.total.count_over(1), 0u) << "over one level, not from one level on";
+}
+
+TEST(Compare, ChannelsAreApartAndTheTotalIsTheirMean) {
+  const WovenFrame reference = grey(10, 1, 100);
+  WovenFrame other = reference;
+  other.row(0)[0] = 110;     // red, once by 10
+  other.row(0)[3 + 2] = 60;  // blue, once by 40
+  const PictureDifference d = compare_pictures(reference.view(), other.view());
+  EXPECT_DOUBLE_EQ(d.channels[0].mse(), 10.0);
+  EXPECT_DOUBLE_EQ(d.channels[1].mse(), 0.0);
+  EXPECT_DOUBLE_EQ(d.channels[2].mse(), 160.0);
+  EXPECT_DOUBLE_EQ(d.total.mse(), 170.0 / 3.0);
+  EXPECT_EQ(d.total.max(), 40);
+  EXPECT_EQ(d.total.count_over(8), 2u);
+  EXPECT_EQ(d.total.count_over(32), 1u);
+}
+
+TEST(Compare, OtherSizesAreAnInputError) {
+  EXPECT_EQ(
+      error_of([] { (void)compare_pictures(grey(2, 3, 0).view(), grey(3, 2, 0).view()); }).kind(),
+      ErrorKind::Input);
+  const optics::OpticalModel model(small_rig(8, 6));
+  EXPECT_EQ(error_of([&] {
+              (void)compare_views(grey(8, 5, 0).view(), grey(8, 5, 0).view(), model, 8);
+            }).kind(),
+            ErrorKind::Input);
+  const WovenFrame right = grey(8, 6, 0);
+  for (const int views : {0, -1, 5000})
+    EXPECT_EQ(
+        error_of([&] { (void)compare_views(right.view(), right.view(), model, views); }).kind(),
+        ErrorKind::Usage);
+}
+
+TEST(CompareViews, ADamagedViewIsFoundAndNoOtherIsBlamed) {
+  const optics::OpticalModel model(small_rig(60, 40));
+  std::vector<WovenFrame> pictures(6, grey(1, 1, 80));
+  const WeaveOptions options{.filter = ViewFilter::Nearest, .fit = PictureFit::Stretch};
+  const WovenFrame reference = weave(ViewSet(pictures), model, options);
+  pictures[4] = grey(1, 1, 95);
+  const WovenFrame damaged = weave(ViewSet(pictures), model, options);
+
+  const auto views = compare_views(reference.view(), damaged.view(), model, 6);
+  ASSERT_EQ(views.size(), 6u);
+  EXPECT_EQ(worst_view(views), 4);
+  for (int view = 0; view < 6; ++view)
+    EXPECT_DOUBLE_EQ(views[size_t(view)].mse(), view == 4 ? 225.0 : 0.0) << "view " << view;
+  const uint64_t samples =
+      std::accumulate(views.begin(), views.end(), uint64_t{0},
+                      [](uint64_t sum, const Difference& d) { return sum + d.samples(); });
+  EXPECT_EQ(samples, 60u * 40u * 3u) << "every subpixel belongs to one view";
+}
+
+TEST(CompareViews, AsManyAsSubpixelsUnderALens) {
+  EXPECT_EQ(native_view_count(small_rig(8, 6)), 8);
+}
+
+}  // namespace
+}  // namespace lenticule::frames
