@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a benchmark plugs into `lenticule bench`: one file per benchmark, one line in benchmarks.cpp.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "optics/rig.h"
+#include "player/command.h"
+
+namespace lenticule::player {
+
+struct Benchmark {
+  const char* name;
+  const char* summary;
+  Declare declare;  ///< flags of `lenticule bench NAME`, as for a command
+};
+
+/// Every benchmark, in the order in which `bench list` prints them.
+[[nodiscard]] const std::vector<Benchmark>& benchmarks();
+
+/// The machine that numbers belong to: {"cpu", "hardware_threads", "isa"}.
+[[nodiscard]] nlohmann::json machine_json();
+[[nodiscard]] std::string machine_text();
+
+/// The rig that benchmarks use unless told otherwise: the 4K kiosk of the sample rigs.
+[[nodiscard]] optics::Rig kiosk_rig();
+/// `file`, or kiosk_rig() if it is empty.
+[[nodiscard]] optics::Rig bench_rig(const std::string& file);
+
+/// The middle value; of an even number the mean of the two in the middle. 0 for none.
+[[nodiscard]] double median(std::vector<double> values);
+
+}  // namespace lenticule::player

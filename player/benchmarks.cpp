@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <string_view>
+#include <thread>
+
+#include "optics/cpu.h"
+#include "optics/rig_file.h"
+#include "player/bench.h"
+
+namespace lenticule::player {
+
+// One file per benchmark; each defines its function.
+Run declare_bench_exact(CLI::App& app);
+Run declare_bench_memory(CLI::App& app);
+
+namespace {
+
+std::string cpu_name() {
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; std::getline(file, line);) {
+    const size_t colon = line.find(": ");
+    if (line.starts_with("model name") && colon != std::string::npos) return line.substr(colon + 2);
+  }
+  return "unknown";
+}
+
+}  // namespace
+
+const std::vector<Benchmark>& benchmarks() {
+  static const std::vector<Benchmark> table = {
+      {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
+       declare_bench_exact},
+      {"memory", "peak memory of rendering one frame", declare_bench_memory},
+  };
+  return table;
+}
+
+nlohmann::json machine_json() {
+  return {{"cpu", cpu_name()},
+          {"hardware_threads", std::thread::hardware_concurrency()},
+          {"isa", isa_name(best_isa())}};
+}
+
+std::string machine_text() {
+  return fmt::format("{}, {} hardware threads, {}", cpu_name(), std::thread::hardware_concurrency(),
+                     isa_name(best_isa()));
+}
+
+optics::Rig kiosk_rig() {
+  optics::Rig rig;
+  rig.name = "kiosk 27-inch 4K";
+  rig.panel.width_px = 3840;
+  rig.panel.height_px = 2160;
+  rig.panel.pixel_width = Millimetres(0.15567);
+  rig.panel.pixel_height = Millimetres(0.15567);
+  rig.sheet.pitch = Subpixels(7.701);
+  rig.sheet.slant = 0.2521;
+  rig.sheet.gap = Millimetres(2.238);
+  rig.sheet.refraction_shape = 0.4444444444444444;
+  rig.viewing.distance = Millimetres(700.0);
+  return rig;
+}
+
+optics::Rig bench_rig(const std::string& file) {
+  return file.empty() ? kiosk_rig() : optics::load_rig(file);
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  std::sort(values.begin(), values.end());
+  const size_t half = values.size() / 2;
+  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+}
+
+}  // namespace lenticule::player

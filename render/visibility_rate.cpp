@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/visibility_rate.h"
+
+#include <oneapi/tbb/enumerable_thread_specific.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <chrono>
+#include <span>
+
+#include "render/denormals.h"
+#include "render/primary_rays.h"
+#include "render/ray_stream.h"
+
+namespace lenticule::render {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+class VisibilityTimer {
+ public:
+  VisibilityTimer(const Scene& scene, const optics::OpticalModel& model, int threads)
+      : scene_(scene.impl()),
+        plan_(model.rig()),
+        primary_(model, plan_),
+        footprint_(model, {}),
+        rays_(3 * static_cast<uint64_t>(model.rig().panel.width_px) *
+              static_cast<uint64_t>(model.rig().panel.height_px)),
+        arena_(threads > 0 ? threads : tbb::task_arena::automatic) {}
+
+  VisibilityTiming run() {
+    VisibilityTiming timing{.rays = rays_};
+    for_each_tile([this](const Tile& tile, Worker& worker) { trace_prepared(tile, worker); });
+    for (const Worker& worker : workers_) timing.bare_seconds += worker.embree_seconds;
+    timing.bare_seconds /= arena_.max_concurrency();
+
+    const Clock::time_point start = Clock::now();
+    for_each_tile([this](const Tile& tile, Worker& worker) { trace_whole(tile, worker); });
+    timing.pass_seconds = seconds_since(start);
+    return timing;
+  }
+
+ private:
+  struct Worker {
+    PrimaryRays::Workspace workspace;
+    std::vector<PathRay> rays;
+    std::vector<RayPacket> packets;
+    std::vector<Hit> hits;
+    double embree_seconds = 0.0;
+  };
+
+  template <class Work>
+  void for_each_tile(Work work) {
+    arena_.execute([&] {
+      tbb::parallel_for(0, plan_.count(), [&](int index) {
+        const FlushDenormals flush;
+        work(plan_.tile(index), workers_.local());
+      });
+    });
+  }
+
+  void trace_prepared(const Tile& tile, Worker& worker) {
+    primary_.generate(scene_, tile, footprint_, 1.0, worker.workspace, worker.rays);
+    worker.packets.resize(worker.rays.size() / kPacket);
+    const std::span<const PathRay> rays(worker.rays);
+    for (size_t i = 0; i < worker.packets.size(); ++i)
+      (void)load_packet(rays.subspan(i * kPacket, kPacket), worker.packets[i]);
+    const Clock::time_point start = Clock::now();
+    for (RayPacket& packet : worker.packets)
+      intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Coherent);
+    worker.embree_seconds += seconds_since(start);
+  }
+
+  void trace_whole(const Tile& tile, Worker& worker) {
+    primary_.generate(scene_, tile, footprint_, 1.0, worker.workspace, worker.rays);
+    worker.hits.resize(worker.rays.size());
+    (void)intersect(scene_.embree.get(), worker.rays, Coherence::Coherent, worker.hits);
+  }
+
+  const Scene::Impl& scene_;
+  TilePlan plan_;
+  PrimaryRays primary_;
+  Footprint footprint_;
+  uint64_t rays_;
+  tbb::task_arena arena_;
+  tbb::enumerable_thread_specific<Worker> workers_;
+};
+
+}  // namespace
+
+VisibilityTiming time_visibility(const Scene& scene, const optics::OpticalModel& model,
+                                 int threads) {
+  return VisibilityTimer(scene, model, threads).run();
+}
+
+}  // namespace lenticule::render
