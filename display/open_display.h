@@ -16,11 +16,11 @@ struct DisplayRequest {
   /// "virtual", "virtual:3840x2160@59.94", "virtual:3840x2160@60,jitter_us=500"
   std::string spec = "virtual";
   /// What will be shown; a display of another size is refused.
-  frames::FrameGeometry panel;
+  frames::FrameGeometry panel = {};
   /// For virtual displays: real time when null.
-  std::shared_ptr<Clock> clock;
+  std::shared_ptr<Clock> clock = nullptr;
   /// For virtual displays: null = no recording.
-  std::shared_ptr<ScanoutRecorder> recorder;
+  std::shared_ptr<ScanoutRecorder> recorder = nullptr;
   int buffers = 3;
 };
 

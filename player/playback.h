@@ -16,11 +16,11 @@ namespace lenticule::player {
 
 struct PlaybackOptions {
   /// How fast the content goes: the source's own rate if none, else the display's refresh.
-  std::optional<frames::Rate> content;
+  std::optional<frames::Rate> content = std::nullopt;
   LatePolicy late = LatePolicy::Slip;
   uint64_t loops = 1;  ///< or kForever
   uint64_t prime = 1;  ///< frames that must be ready before the first is shown
-  std::optional<uint64_t> vblanks;
+  std::optional<uint64_t> vblanks = std::nullopt;
   std::chrono::nanoseconds prime_timeout = std::chrono::seconds(2);
   std::optional<std::chrono::nanoseconds> stall_timeout = std::chrono::seconds(60);
   Filling filling = Filling::OwnThread;
@@ -31,10 +31,10 @@ struct PlaybackOptions {
   int stop_fd = -1;
   /// Called about once a second on the thread of play(); what it throws ends the playback and
   /// leaves play().
-  std::function<void(const PlayReport&)> on_report;
+  std::function<void(const PlayReport&)> on_report = nullptr;
   /// For PlayReport::first_frame_ms and its names.
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
-  std::string source_name;
+  std::string source_name = {};
 };
 
 struct PlayResult {

@@ -32,10 +32,10 @@ enum class PlayOutcome {
 
 struct PresenterOptions {
   /// How fast the content goes: the source's own rate if none, else the display's refresh.
-  std::optional<frames::Rate> content;
+  std::optional<frames::Rate> content = std::nullopt;
   LatePolicy late = LatePolicy::Slip;
   /// Vblanks to play, counted from the first flip; none = to the end.
-  std::optional<uint64_t> vblanks;
+  std::optional<uint64_t> vblanks = std::nullopt;
   /// How long to wait for a full priming once the first frame is there.
   display::Nanoseconds prime_timeout = std::chrono::seconds(2);
   /// How long to wait for the next frame when none is there; none = for ever.

@@ -24,9 +24,9 @@ struct FrameRange {
 
 struct SourceRequest {
   /// "ring:SOCKET", "dir/%05d.png" or one picture
-  std::string text;
-  frames::FrameGeometry panel;
-  std::string rig_fingerprint;
+  std::string text = {};
+  frames::FrameGeometry panel = {};
+  std::string rig_fingerprint = {};
   int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
   std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern
   bool plays_again = false;                         ///< frames are kept for a loop where they fit

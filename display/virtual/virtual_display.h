@@ -12,19 +12,19 @@
 namespace lenticule::display {
 
 struct VirtualDisplayOptions {
-  frames::FrameGeometry geometry;
+  frames::FrameGeometry geometry = {};
   frames::Rate refresh{60, 1};
   /// 2 ... 16: one on the glass, one pending, the rest being filled ahead.
   int buffers = 3;
   /// Real time when null.
-  std::shared_ptr<Clock> clock;
+  std::shared_ptr<Clock> clock = nullptr;
   /// None when null.
-  std::shared_ptr<VirtualFaults> faults;
+  std::shared_ptr<VirtualFaults> faults = nullptr;
   /// None when null. In real time it runs on a thread of its own, over 2 to 64 more
   /// buffers (64 MiB where that is more than two): a frame that finds all of them busy is counted,
   /// not recorded, so that recording never disturbs pacing.
   /// In simulated time it runs inside wait_event() and misses nothing.
-  std::shared_ptr<ScanoutRecorder> recorder;
+  std::shared_ptr<ScanoutRecorder> recorder = nullptr;
 };
 
 /// A flip submitted at time t is on the glass from the first vblank after t. Vblank 0 is the time

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+// A source whose frames become ready when a test says so, and a recorder that remembers what was on
+// the glass.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "display/clock.h"
+#include "display/scanout_recorder.h"
+#include "frames/frame_source.h"
+
+namespace lenticule::test {
+
+/// The pixels of frame `number`: different for every number, subpixel by subpixel.
+[[nodiscard]] frames::WovenFrame numbered_frame(frames::FrameGeometry geometry, uint64_t number);
+/// XXH64 of a frame's RGB bytes.
+[[nodiscard]] uint64_t checksum_of(const frames::FrameView& frame);
+
+struct FakeSourceScript {
+  frames::FrameGeometry geometry{.width = 16, .height = 8};
+  uint64_t frames = 10;
+  std::optional<frames::Rate> rate = std::nullopt;
+  bool can_rewind = true;
+  /// When pull number n (over all loops) has its frame, in `clock`'s time; at once if null.
+  std::function<display::Nanoseconds(uint64_t)> ready_at = nullptr;
+  std::shared_ptr<display::Clock> clock = nullptr;
+  /// Number of pulled frames after which the source is broken.
+  std::optional<uint64_t> fails_after = std::nullopt;
+};
+
+class FakeSource final : public frames::FrameSource {
+ public:
+  explicit FakeSource(FakeSourceScript script);
+
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return script_.geometry; }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return script_.rate; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return script_.frames; }
+  [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override;
+  void release(uint64_t token) override;
+  [[nodiscard]] int max_lent() const override { return 2; }
+  [[nodiscard]] uint64_t ready_count() const override { return next_is_ready() ? 1 : 0; }
+  [[nodiscard]] bool saturated() const override { return true; }
+  [[nodiscard]] bool rewind() override;
+  [[nodiscard]] int wake_fd() const override { return -1; }
+  void service() override {}
+  [[nodiscard]] std::string failure() const override { return "the fake source broke"; }
+
+  [[nodiscard]] uint64_t lent() const { return lent_; }
+
+ private:
+  [[nodiscard]] bool next_is_ready() const;
+
+  FakeSourceScript script_;
+  std::vector<frames::WovenFrame> pixels_;
+  uint64_t position_ = 0;
+  uint64_t pulled_ = 0;
+  uint64_t lent_ = 0;
+};
+
+struct Glass {
+  uint64_t sequence = 0;
+  uint64_t id = 0;
+  uint64_t checksum = 0;
+  friend bool operator==(const Glass&, const Glass&) = default;
+};
+
+/// Any thread may ask.
+class RememberingRecorder final : public display::ScanoutRecorder {
+ public:
+  void record(const display::ShownFrame& shown,
+              const display::ScanoutView& scanout) noexcept override;
+  void finish() override {}
+  [[nodiscard]] std::vector<Glass> shown() const;
+  [[nodiscard]] uint64_t skipped() const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<Glass> shown_;
+  uint64_t skipped_ = 0;
+};
+
+}  // namespace lenticule::test

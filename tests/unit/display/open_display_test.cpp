@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/open_display.h"
+
+#include <gtest/gtest.h>
+
+#include "optics/error.h"
+
+namespace lenticule::display {
+namespace {
+
+constexpr frames::FrameGeometry kPanel{.width = 64, .height = 36};
+
+ErrorKind kind_of_failure(const std::string& spec) {
+  try {
+    (void)open_display(
+        {.spec = spec, .panel = kPanel, .clock = std::make_shared<SimulatedClock>()});
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find(spec), std::string::npos) << error.what();
+    return error.kind();
+  }
+  ADD_FAILURE() << spec << " was accepted";
+  return ErrorKind::Quality;
+}
+
+TEST(OpenDisplay, ReadsEveryPartOfAVirtualSpec) {
+  EXPECT_EQ(parse_virtual_spec("virtual"), VirtualSpec{});
+  EXPECT_EQ(parse_virtual_spec("virtual:3840x2160"), (VirtualSpec{.width = 3840, .height = 2160}));
+  EXPECT_EQ(parse_virtual_spec("virtual:3840x2160@59.94"),
+            (VirtualSpec{.width = 3840, .height = 2160, .refresh = {60000, 1001}}));
+  EXPECT_EQ(
+      parse_virtual_spec("virtual:8x4@50,jitter_us=500,seed=9"),
+      (VirtualSpec{.width = 8, .height = 4, .refresh = {50, 1}, .jitter_us = 500, .seed = 9}));
+  EXPECT_EQ(parse_virtual_spec("virtual,jitter_us=500").jitter_us, 500);
+}
+
+TEST(OpenDisplay, RefusesSpecsThatMakeNoSense) {
+  for (const char* spec :
+       {"", "virtua", "virtualx", "virtual:", "virtual:0x0@60", "virtual:64", "virtual:64x",
+        "virtual:-64x36", "virtual:64x36x2", "virtual:99999999999x36", "virtual:64x36,jitter_us=-1",
+        "virtual:64x36,jitter_us=x", "virtual:64x36,colour=blue"})
+    EXPECT_EQ(kind_of_failure(spec), ErrorKind::Usage) << spec;
+  EXPECT_THROW(check_display_spec("virtual:64x36@0"), Error);
+  EXPECT_NO_THROW(check_display_spec("kms:HDMI-A-1"));
+}
+
+TEST(OpenDisplay, IsThePanelsSizeByDefault) {
+  const auto display = open_display(
+      {.spec = "virtual", .panel = kPanel, .clock = std::make_shared<SimulatedClock>()});
+  EXPECT_EQ(display->mode().geometry, kPanel);
+  EXPECT_EQ(display->mode().refresh, (frames::Rate{60, 1}));
+  EXPECT_EQ(display->mode().name, "virtual 64x36@60");
+  EXPECT_FALSE(display->mode().hardware_clock);
+}
+
+TEST(OpenDisplay, RefusesAnotherSizeThanThePanels) {
+  EXPECT_EQ(kind_of_failure("virtual:32x36@60"), ErrorKind::Input);
+}
+
+TEST(OpenDisplay, SaysThatThereIsNoKms) {
+  EXPECT_EQ(kind_of_failure("kms"), ErrorKind::Device);
+  EXPECT_EQ(kind_of_failure("kms:DP-1"), ErrorKind::Device);
+}
+
+}  // namespace
+}  // namespace lenticule::display

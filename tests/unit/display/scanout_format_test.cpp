@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/scanout_format.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/support/fake_source.h"
+
+namespace lenticule::display {
+namespace {
+
+constexpr uint32_t kGuard = 0xDEADBEEF;
+constexpr uint8_t kByteGuard = 0xA5;
+
+class ScanoutFormat : public testing::TestWithParam<Isa> {
+ protected:
+  void SetUp() override {
+    if (!isa_supported(GetParam())) GTEST_SKIP() << "this machine has no " << isa_name(GetParam());
+  }
+};
+
+std::vector<uint8_t> random_bytes(size_t count) {
+  const auto frame = test::numbered_frame({.width = static_cast<int>(count) + 1, .height = 1}, 7);
+  return {frame.bytes().begin(), frame.bytes().begin() + static_cast<ptrdiff_t>(count)};
+}
+
+TEST_P(ScanoutFormat, ExpandsEverySubpixelAtEveryWidthAndAlignment) {
+  for (size_t pixels = 0; pixels < 100; ++pixels)
+    for (size_t shift = 0; shift < 9; ++shift) {
+      // Exactly as many bytes as pixels need: a longer read is found by the address sanitizer.
+      const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
+      std::vector<uint32_t> xrgb(shift + pixels + 1, kGuard);
+      expand_row(GetParam(), rgb.data(), xrgb.data() + shift, pixels);
+      for (size_t i = 0; i < pixels; ++i)
+        ASSERT_EQ(xrgb[shift + i], uint32_t{rgb[3 * i]} << 16 | uint32_t{rgb[3 * i + 1]} << 8 |
+                                       uint32_t{rgb[3 * i + 2]})
+            << "pixel " << i << " of " << pixels;
+      ASSERT_EQ(xrgb[shift + pixels], kGuard);
+    }
+}
+
+TEST_P(ScanoutFormat, PacksBackWhateverTheXByteHolds) {
+  for (size_t pixels = 0; pixels < 100; ++pixels) {
+    const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
+    std::vector<uint32_t> xrgb(pixels);
+    expand_row(GetParam(), rgb.data(), xrgb.data(), pixels);
+    for (size_t i = 0; i < pixels; i += 2) xrgb[i] |= 0xFF000000u;
+    std::vector<uint8_t> back(3 * pixels + 1, kByteGuard);
+    pack_row(GetParam(), xrgb.data(), back.data(), pixels);
+    ASSERT_EQ(back.back(), kByteGuard);
+    back.pop_back();
+    ASSERT_EQ(back, rgb) << pixels << " pixels";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, ScanoutFormat,
+                         testing::Values(Isa::Baseline, Isa::Avx2, Isa::Avx512),
+                         [](const auto& isa) { return std::string(isa_name(isa.param)); });
+
+}  // namespace
+}  // namespace lenticule::display

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/scanout_recorder.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+#include <vector>
+
+#include "display/scanout_format.h"
+#include "frames/image_io.h"
+#include "optics/error.h"
+#include "tests/support/fake_source.h"
+
+namespace lenticule::display {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr frames::FrameGeometry kSmall{.width = 11, .height = 3};
+
+/// Scan-out memory holding a numbered frame.
+struct Scanout {
+  frames::WovenFrame frame;
+  std::vector<uint32_t> words;
+
+  explicit Scanout(uint64_t number) : frame(test::numbered_frame(kSmall, number)), words(16 * 3) {
+    for (int j = 0; j < kSmall.height; ++j)
+      expand_row(frame.row(j), words.data() + 16 * j, static_cast<size_t>(kSmall.width));
+  }
+  [[nodiscard]] ScanoutView view() const {
+    return {.pixels = words.data(), .stride = 16, .geometry = kSmall};
+  }
+};
+
+class Recorder : public testing::Test {
+ protected:
+  fs::path folder = fs::path(testing::TempDir()) /
+                    fmt::format("recorder-{}-{}", getpid(),
+                                testing::UnitTest::GetInstance()->current_test_info()->name());
+  void SetUp() override { fs::create_directories(folder); }
+  void TearDown() override { fs::remove_all(folder); }
+
+  [[nodiscard]] std::vector<std::string> listing() const {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(folder))
+      names.push_back(entry.path().filename().string());
+    return names;
+  }
+  [[nodiscard]] std::string path(const char* name) const { return (folder / name).string(); }
+};
+
+TEST_F(Recorder, WritesOneChecksumLinePerFrame) {
+  const auto recorder = open_recorder("checksums:" + path("sums.txt"));
+  const Scanout first(1);
+  const Scanout second(2);
+  recorder->record({.sequence = 10, .id = 4}, first.view());
+  recorder->record({.sequence = 12, .id = 5, .skipped_before = 3}, second.view());
+  recorder->finish();
+
+  std::stringstream text;
+  text << std::ifstream(path("sums.txt")).rdbuf();
+  EXPECT_EQ(text.str(), fmt::format("# vblank frame xxh64-of-rgb\n10 4 {:016x}\n"
+                                    "# 3 not recorded\n12 5 {:016x}\n",
+                                    test::checksum_of(first.frame.view()),
+                                    test::checksum_of(second.frame.view())));
+  EXPECT_THAT(listing(), testing::ElementsAre("sums.txt"));
+}
+
+TEST_F(Recorder, LeavesNothingBehindUnfinished) {
+  open_recorder("checksums:" + path("sums.txt"))->record({}, Scanout(1).view());
+  EXPECT_THAT(listing(), testing::IsEmpty());
+}
+
+TEST_F(Recorder, WritesPicturesOfWhatWasOnTheGlass) {
+  const auto recorder = open_recorder("png:" + path("shown"));
+  const Scanout scanout(3);
+  recorder->record({.sequence = 10, .id = 42}, scanout.view());
+  recorder->finish();
+  EXPECT_EQ(frames::read_woven(folder / "shown" / "00000042.png"), scanout.frame);
+}
+
+TEST_F(Recorder, RefusesPlacesAndKindsThatAreNone) {
+  const auto kind_of = [](const std::string& spec) {
+    try {
+      (void)open_recorder(spec);
+    } catch (const Error& error) {
+      return error.kind();
+    }
+    return ErrorKind::Quality;
+  };
+  for (const char* spec : {"", "checksums", "checksums:", "png:", "film:x", "/tmp/x"})
+    EXPECT_EQ(kind_of(spec), ErrorKind::Usage) << spec;
+  EXPECT_EQ(kind_of("checksums:" + path("none/sums.txt")), ErrorKind::Failed);
+  std::ofstream(path("file")) << "not a folder";
+  EXPECT_EQ(kind_of("png:" + path("file/shown")), ErrorKind::Failed);
+}
+
+TEST_F(Recorder, ReportsAtTheEndThatAPictureCouldNotBeWritten) {
+  const auto recorder = open_recorder("png:" + path("shown"));
+  fs::remove_all(folder / "shown");
+  recorder->record({}, Scanout(1).view());
+  EXPECT_THROW(recorder->finish(), Error);
+}
+
+}  // namespace
+}  // namespace lenticule::display
