@@ -22,6 +22,8 @@ class RingMemory {
   [[nodiscard]] int fd() const { return fd_.get(); }
   [[nodiscard]] RingHeader& header() const;
   [[nodiscard]] std::span<SlotEntry> table() const;
+  /// Writes the constant fields anew.
+  void restore_header() const { write_header(layout_, header()); }
   /// The whole frame in a slot, as it lies there now.
   [[nodiscard]] FrameView frame(int slot) const;
 

@@ -269,6 +269,10 @@ std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Pa
 
 std::optional<Refusal> Player::let_in(UniqueFd& socket, RendererHello hello) {
   const auto peer = credentials(socket);
+  // The renderer before could write there after it was sent away; the next one is not to pay for
+  // it.
+  memory_.restore_header();
+  ledger_.renew_offers();
   Tenant tenant;
   if (peer) tenant.process = open_pidfd(peer->pid);
   tenant.published = UniqueFd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));

@@ -24,7 +24,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
-constexpr milliseconds kRetryPause{20};
+// Attempts to connect: soon at first, for players that are about to start; then seldom.
+constexpr milliseconds kShortestPause{1};
+constexpr milliseconds kLongestPause{20};
 /// How long one wait for a wake-up lasts at most; the table is looked at after each.
 constexpr milliseconds kMaxNap{100};
 constexpr milliseconds kGoodbyePatience{1000};
@@ -126,10 +128,10 @@ Admission be_admitted(const std::filesystem::path& path, const HelloMessage& hel
                       milliseconds timeout) {
   const Clock::time_point deadline = deadline_after(timeout);
   Attempt attempt(path, deadline);
-  for (;;) {
+  for (milliseconds pause = kShortestPause;; pause = std::min(2 * pause, kLongestPause)) {
     Obstacle obstacle = {"the player does not answer", {}};
     if (auto admission = attempt.run(hello, obstacle)) return std::move(*admission);
-    std::this_thread::sleep_for(std::min(kRetryPause, time_left(deadline)));
+    std::this_thread::sleep_for(std::min(pause, time_left(deadline)));
     if (Clock::now() >= deadline)
       throw Error(ErrorKind::Device, path.string() + ": " + obstacle.cause, obstacle.hint);
   }

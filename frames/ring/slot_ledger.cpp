@@ -22,12 +22,20 @@ SlotLedger::SlotLedger(std::span<SlotEntry> table, LoopKeeping keeping)
   for (int slot = 0; slot < static_cast<int>(table.size()); ++slot) offer(slot);
 }
 
-void SlotLedger::violated() noexcept {
+/// Who spoils what an earlier renderer was given need not be the present one.
+void SlotLedger::violated(Epoch by) noexcept {
   ++violations_;
-  misbehaved_ = tenanted_;
+  if (tenanted_ && by == epoch_) misbehaved_ = true;
 }
 
 // --- renderers ---------------------------------------------------------------------------------
+
+void SlotLedger::renew_offers() noexcept {
+  LENTICULE_CHECK(!tenanted_);
+  for (size_t slot = 0; slot < slots_.size(); ++slot)
+    if (slots_[slot].owner == Owner::Renderer)
+      table_[slot].word.store(slots_[slot].word, std::memory_order_release);
+}
 
 void SlotLedger::begin_tenancy(std::optional<uint64_t> frame_count) noexcept {
   LENTICULE_CHECK(!tenanted_);
@@ -88,7 +96,7 @@ void SlotLedger::recover(Epoch epoch) noexcept {
 
 void SlotLedger::finish_sequence(uint64_t published) noexcept {
   take_published();
-  if (!misbehaved_ && published != next_order_) violated();
+  if (!misbehaved_ && published != next_order_) violated(epoch_);
   finished_ = true;
 }
 
@@ -136,7 +144,7 @@ bool SlotLedger::take_next() noexcept {
   // While we looked, the renderer may have published a frame behind our back and the next one in
   // front of us. Having seen the later one, a second look must see the earlier.
   if (search == Search::LaterOnly) search = find_next_published(slot);
-  if (search == Search::LaterOnly || search == Search::Broken) violated();
+  if (search == Search::LaterOnly || search == Search::Broken) violated(epoch_);
   if (search != Search::Found) return false;
   take_over(slot);
   return !misbehaved_;
@@ -166,7 +174,7 @@ SlotLedger::Search SlotLedger::find_next_published(int& found) noexcept {
 void SlotLedger::take_over(int slot) noexcept {
   const uint64_t number = table_[slot].frame_number.load(std::memory_order_relaxed);
   if (number > kMaxFrameNumber || (last_number_ && number <= *last_number_)) {
-    violated();
+    violated(epoch_);
     return;
   }
   last_number_ = number;
@@ -223,7 +231,8 @@ void SlotLedger::lend(Frame& out) noexcept {
 void SlotLedger::set_word(int slot, SlotState state) noexcept {
   Slot& entry = slots_[slot];
   const uint32_t word = slot_word(state, entry.epoch);
-  if (table_[slot].word.exchange(word, std::memory_order_acq_rel) != entry.word) violated();
+  if (table_[slot].word.exchange(word, std::memory_order_acq_rel) != entry.word)
+    violated(entry.epoch);
   entry.word = word;
 }
 

@@ -40,6 +40,8 @@ class SlotLedger {
   // Renderers come and go.
   /// The epoch of the connected renderer, or of the next one.
   [[nodiscard]] Epoch epoch() const { return epoch_; }
+  /// Between tenancies: writes the words of the offered slots anew.
+  void renew_offers() noexcept;
   void begin_tenancy(std::optional<uint64_t> frame_count) noexcept;
   /// Takes over what the renderer had published, then withdraws its slots. Returns the number of
   /// slots that stay shut until recover(), because the renderer may still be writing there.
@@ -110,7 +112,7 @@ class SlotLedger {
   enum class Search { Found, NothingNew, LaterOnly, Broken };
   enum class LoopState { Off, Keeping, TooLong };
 
-  void violated() noexcept;
+  void violated(Epoch by) noexcept;
   [[nodiscard]] Search find_next_published(int& found) noexcept;
   [[nodiscard]] bool take_next() noexcept;
   void take_over(int slot) noexcept;

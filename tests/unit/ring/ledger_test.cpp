@@ -184,6 +184,20 @@ TEST_F(Ledger, TakesNothingMoreFromALiar) {
   EXPECT_EQ(pull(), PullStatus::Ready);
 }
 
+TEST_F(Ledger, DoesNotBlameTheNextRendererForTheOneBefore) {
+  publish(0, 0, 0);
+  publish(1, 1, 1);
+  (void)ledger_.end_tenancy(TenantFate::MayLive);
+  table_[0].word = 0;  // taken over, waits to be shown
+  table_[2].word = 0;  // offered to the next renderer
+  ledger_.renew_offers();
+  ledger_.begin_tenancy({});
+  ASSERT_EQ(pull(), PullStatus::Ready);
+  EXPECT_EQ(ledger_.violations(), 1u);
+  EXPECT_FALSE(ledger_.misbehaved());
+  EXPECT_TRUE(take_free_slot(table_[2], ledger_.epoch()));
+}
+
 /// Pixels in the test's own memory, so that a thread sanitizer sees both sides: the slot words
 /// alone must order every access.
 TEST(SlotWords, OrderThePixelsBetweenTwoThreads) {
