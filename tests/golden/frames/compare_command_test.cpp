@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include "frame_command_test.h"
+
+namespace lenticule::test {
+namespace {
+
+class CompareCommand : public FrameCommandTest {
+ protected:
+  [[nodiscard]] ProcessResult compare(const std::string& reference, const std::string& test,
+                                      std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {"compare", reference, test};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run(arguments);
+  }
+};
+
+TEST_F(CompareCommand, GivesFiguresPerChannelAndInTotal) {
+  const auto report = json_of(compare(picture("a.png", kWidth, kHeight, 100),
+                                      picture("b.png", kWidth, kHeight, 110), {"--json"}));
+  ASSERT_EQ(report["frames"].size(), 1u);
+  const auto& frame = report["frames"][0];
+  for (const char* channel : {"red", "green", "blue"}) {
+    EXPECT_EQ(frame["channels"][channel]["rmse"], 10.0);
+    EXPECT_EQ(frame["channels"][channel]["samples"], kWidth * kHeight);
+  }
+  EXPECT_EQ(frame["total"]["mse"], 100.0);
+  EXPECT_NEAR(frame["total"]["psnr_db"].get<double>(), 28.1308, 1e-4);
+  EXPECT_EQ(frame["total"]["max"], 10);
+  EXPECT_EQ(frame["total"]["over_8"], kWidth * kHeight * 3);
+  EXPECT_EQ(frame["total"]["over_32"], 0);
+  EXPECT_FALSE(frame.contains("views"));
+}
+
+TEST_F(CompareCommand, EqualPicturesHaveANullPsnrAndPassAnyLimit) {
+  const std::string a = picture("a.png", kWidth, kHeight, 100);
+  const auto report = json_of(compare(a, a, {"--json", "--limit-psnr", "99"}));
+  EXPECT_TRUE(report["worst"]["total"]["psnr_db"].is_null());
+}
+
+TEST_F(CompareCommand, AddsViewsWithARig) {
+  const std::string a = picture("a.png", kWidth, kHeight, 100);
+  const std::string b = picture("b.png", kWidth, kHeight, 101);
+  const auto native = json_of(compare(a, b, {"--json", "--rig", path("rig.toml")}));
+  EXPECT_EQ(native["frames"][0]["views"].size(), 8u);
+  const auto five = json_of(compare(a, b, {"--json", "--rig", path("rig.toml"), "--views", "5"}));
+  EXPECT_EQ(five["frames"][0]["views"].size(), 5u);
+  EXPECT_TRUE(five["frames"][0].contains("worst_view"));
+  EXPECT_NE(compare(a, b, {"--rig", path("rig.toml")}).out.find("worst view"), std::string::npos);
+}
+
+TEST_F(CompareCommand, FindsTheWorstFrameOfASequence) {
+  for (int n = 1; n <= 3; ++n) {
+    (void)picture(fmt::format("a{}.png", n), 8, 8, 50);
+    (void)picture(fmt::format("b{}.png", n), 8, 8, static_cast<uint8_t>(n == 2 ? 90 : 51));
+  }
+  const auto report = json_of(compare(path("a%d.png"), path("b%d.png"), {"--json"}));
+  EXPECT_EQ(report["frames"].size(), 3u);
+  EXPECT_EQ(report["worst_frame"], 1);
+  EXPECT_EQ(report["worst"]["total"]["max"], 40);
+
+  std::filesystem::remove(path("b3.png"));
+  expect_failure(compare(path("a%d.png"), path("b%d.png")), 4, "b3.png");
+  std::filesystem::remove(path("a3.png"));
+  std::filesystem::remove(path("a2.png"));
+  expect_failure(compare(path("a%d.png"), path("b%d.png")), 4, "2 files, the reference has 1");
+}
+
+TEST_F(CompareCommand, AMissedLimitIsExitCode5AfterTheFigures) {
+  const std::string a = picture("a.png", kWidth, kHeight, 100);
+  const std::string b = picture("b.png", kWidth, kHeight, 110);
+  const auto missed = compare(a, b, {"--limit-psnr", "30"});
+  expect_failure(missed, 5, "28.13 dB, below the limit of 30 dB");
+  EXPECT_NE(missed.out.find("total"), std::string::npos);
+  EXPECT_EQ(compare(a, b, {"--limit-psnr", "28"}).exit_code, 0);
+}
+
+TEST_F(CompareCommand, RefusesWhatCannotBeCompared) {
+  const std::string a = picture("a.png", kWidth, kHeight, 100);
+  expect_failure(compare(a, picture("b.png", kHeight, kWidth, 100)), 4, "b.png");
+  expect_failure(compare(a, path("none.png")), 4, "none.png");
+  expect_failure(compare(a, truncated(a, "cut.png")), 4, "cut.png");
+  expect_failure(compare(a, path("%d.png")), 2, "one side only");
+  expect_failure(compare(path("x%d.png"), path("y%d.png")), 4, "x%d.png");
+  expect_failure(compare(a, a, {"--views", "5"}), 2, "--views");
+  const std::string other = picture("other.png", 8, 8, 1);
+  expect_failure(compare(other, other, {"--rig", path("rig.toml")}), 4, "48 x 32");
+}
+
+}  // namespace
+}  // namespace lenticule::test
