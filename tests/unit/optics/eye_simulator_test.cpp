@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/eye_simulator.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "optics/error.h"
+#include "tests/support/random_rigs.h"
+
+namespace lenticule::optics {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct Frame {
+  explicit Frame(const Panel& panel)
+      : width(panel.width_px),
+        height(panel.height_px),
+        pixels(3 * static_cast<size_t>(width) * static_cast<size_t>(height)) {}
+
+  uint8_t& at(int i, int j, int c) {
+    return pixels[3 * (static_cast<size_t>(j) * static_cast<size_t>(width) +
+                       static_cast<size_t>(i)) +
+                  static_cast<size_t>(c)];
+  }
+  [[nodiscard]] RgbView view() const {
+    return {pixels.data(), width, height, 3 * static_cast<size_t>(width)};
+  }
+  int width;
+  int height;
+  std::vector<uint8_t> pixels;
+};
+
+uint8_t pixel(const RgbPicture& picture, int u, int v, int c) {
+  return picture.pixels[static_cast<size_t>(3 * (v * picture.width + u) + c)];
+}
+
+TEST(EyePicture, IsHalfThePanelUnlessToldOtherwise) {
+  const OpticalModel model(test::upright_rig());
+  const Frame frame(model.rig().panel);
+  const RgbPicture half = simulate_eye(model, frame.view(), {0, 0, kInfinity});
+  EXPECT_EQ(half.width, 256);
+  EXPECT_EQ(half.height, 48);
+  const RgbPicture told =
+      simulate_eye(model, frame.view(), {0, 0, kInfinity}, {.width = 7, .height = 5});
+  EXPECT_EQ(told.pixels.size(), 7u * 5u * 3u);
+}
+
+TEST(EyePicture, ShowsEachCornerOfTheFrameInItsCorner) {
+  // Red top left, green top right, blue bottom left, white bottom right.
+  const OpticalModel model(test::kiosk_rig());
+  Frame frame(model.rig().panel);
+  for (int j = 0; j < frame.height; ++j) {
+    for (int i = 0; i < frame.width; ++i) {
+      const bool right = i >= frame.width / 2, bottom = j >= frame.height / 2;
+      frame.at(i, j, 0) = right == bottom ? 200 : 0;
+      frame.at(i, j, 1) = right ? 200 : 0;
+      frame.at(i, j, 2) = bottom ? 200 : 0;
+    }
+  }
+  const RgbPicture seen =
+      simulate_eye(model, frame.view(), {0, 0, 700}, {.width = 64, .height = 36});
+  const auto is = [&](int u, int v, int r, int g, int b) {
+    return pixel(seen, u, v, 0) == r && pixel(seen, u, v, 1) == g && pixel(seen, u, v, 2) == b;
+  };
+  EXPECT_TRUE(is(1, 1, 200, 0, 0));
+  EXPECT_TRUE(is(62, 1, 0, 200, 0));
+  EXPECT_TRUE(is(1, 34, 0, 0, 200));
+  EXPECT_TRUE(is(62, 34, 200, 200, 200));
+}
+
+TEST(EyePicture, KeepsEveryGreyLevelOfAFlatFrame) {
+  const OpticalModel model(test::upright_rig());
+  Frame frame(model.rig().panel);
+  for (int code = 1; code < 256; code += 6) {
+    std::fill(frame.pixels.begin(), frame.pixels.end(), static_cast<uint8_t>(code));
+    const RgbPicture seen =
+        simulate_eye(model, frame.view(), {0.02, 0, kInfinity}, {.width = 16, .height = 3});
+    for (const uint8_t shown : seen.pixels) ASSERT_EQ(shown, code);
+  }
+}
+
+TEST(EyePicture, MixesInLinearLight) {
+  // An eye between two views, a wide spot: black and white in equal parts are half the light, which
+  // is code 188, not 128.
+  Rig rig = test::upright_rig();
+  rig.sheet.spot_sigma = Lenses(0.3);
+  const OpticalModel model(rig);
+  Frame frame(rig.panel);
+  for (int j = 0; j < frame.height; ++j) {
+    for (int i = 0; i < frame.width; i += 2) {
+      for (int c = 0; c < 3; ++c) frame.at(i, j, c) = 255;
+    }
+  }
+  const RgbPicture seen =
+      simulate_eye(model, frame.view(), {0, 0, kInfinity}, {.width = 16, .height = 3});
+  EXPECT_NEAR(pixel(seen, 8, 1, 1), 188, 3);
+}
+
+TEST(EyePicture, IsBlackWhereTheEyeLooksPastThePanel) {
+  const OpticalModel model(test::upright_rig());
+  Frame frame(model.rig().panel);
+  std::fill(frame.pixels.begin(), frame.pixels.end(), uint8_t{200});
+  // Far to the right, so the left lenses show what is left of the panel.
+  const RgbPicture seen = simulate_eye(model, frame.view(), {1.0, 0, kInfinity});
+  EXPECT_EQ(pixel(seen, 0, 20, 1), 0);
+  EXPECT_EQ(pixel(seen, 255, 20, 1), 200);
+}
+
+TEST(EyePicture, RefusesAFrameOfAnotherPanel) {
+  const OpticalModel model(test::upright_rig());
+  const Frame frame(test::kiosk_rig().panel);
+  EXPECT_THROW((void)simulate_eye(model, frame.view(), {0, 0, 500}), Error);
+}
+
+TEST(EyePicture, RefusesEyesThatAreNotInFrontOfThePanel) {
+  const OpticalModel model(test::upright_rig());
+  const Frame frame(model.rig().panel);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const Eye& eye :
+       {Eye{0, 0, 0}, Eye{0, 0, -700}, Eye{nan, 0, 700}, Eye{0, kInfinity, 700}, Eye{0, 0, nan}}) {
+    EXPECT_THROW((void)simulate_eye(model, frame.view(), eye), Error);
+  }
+  EXPECT_THROW((void)simulate_eye(model, frame.view(), {0, 0, 500}, {.width = -1}), Error);
+  EXPECT_THROW((void)simulate_eye(model, frame.view(), {0, 0, 500}, {.width = 1 << 20}), Error);
+}
+
+TEST(SeenColumn, HasThePhaseNearestToTheLens) {
+  std::mt19937_64 random(55);
+  for (int r = 0; r < 100; ++r) {
+    Rig rig = test::random_rig(random);
+    const OpticalModel model(rig);
+    const Eye eye{40.0, 10.0, 800.0};
+    const int width = rig.panel.width_px, j = rig.panel.height_px / 2;
+    if (width < 50) continue;
+    const auto lens = static_cast<int64_t>(std::llround(model.phase(width / 3.0, j + 0.5, 1, eye)));
+    const int found = seen_column(model, lens, j, 1, eye);
+    const auto off = [&](int i) {
+      const Vec2 q = rig.panel.subpixel_centre_px(i, j, 1);
+      return std::abs(model.phase(q.x, q.y, 1, eye) - static_cast<double>(lens));
+    };
+    int best = 0;
+    for (int i = 0; i < std::min(width, 3000); ++i) {
+      if (off(i) < off(best)) best = i;
+    }
+    if (best == 2999) continue;  // the lens is further right than this search went
+    ASSERT_GE(found, 0);
+    ASSERT_LE(off(found), off(best) + 1e-12);
+  }
+}
+
+TEST(SeenColumn, IsMinusOneForLensesThatShowNothingOfThePanel) {
+  const OpticalModel model(test::kiosk_rig());
+  EXPECT_EQ(seen_column(model, 5000, 100, 0, {0, 0, 700}), -1);
+  EXPECT_EQ(seen_column(model, -5000, 100, 0, {0, 0, 700}), -1);
+  EXPECT_EQ(seen_column(model, std::numeric_limits<int64_t>::max(), 100, 0, {0, 0, 700}), -1);
+}
+
+}  // namespace
+}  // namespace lenticule::optics

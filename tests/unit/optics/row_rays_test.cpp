@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/row_rays.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+#include "optics/error.h"
+#include "tests/support/random_rigs.h"
+
+namespace {
+std::atomic<long> allocations{0};
+}  // namespace
+
+// Counted, to hold evaluate() to its promise.
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+
+namespace lenticule::optics {
+namespace {
+
+template <class T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+bool same_bits(const RowRays& a, const RowRays& b) {
+  return same_bits(a.lens_x_mm, b.lens_x_mm) && same_bits(a.lens_y_mm, b.lens_y_mm) &&
+         same_bits(a.tan_x, b.tan_x) && same_bits(a.tan_y, b.tan_y) && same_bits(a.lens, b.lens) &&
+         same_bits(a.place, b.place);
+}
+
+TEST(RowRays, AreTheSameBitsForEveryInstructionSet) {
+  std::mt19937_64 random(77);
+  int compared = 0;
+  for (int r = 0; r < 60; ++r) {
+    const OpticalModel model(test::random_rig(random));
+    const Panel& panel = model.rig().panel;
+    const int j = static_cast<int>(random() % static_cast<uint64_t>(panel.height_px));
+    const Eye eye{50.0, 20.0, 640.0};
+    RowRays baseline, other;
+    std::vector<double> phase, other_phase;
+    RowRayEvaluator(model, Isa::Baseline).evaluate(j, 0, panel.width_px, baseline);
+    RowPhaseEvaluator(model, eye, Isa::Baseline).evaluate(j, 0, panel.width_px, phase);
+    for (const Isa isa : {Isa::Avx2, Isa::Avx512}) {
+      if (!isa_supported(isa)) continue;
+      RowRayEvaluator(model, isa).evaluate(j, 0, panel.width_px, other);
+      ASSERT_TRUE(same_bits(baseline, other)) << isa_name(isa) << " rig " << r;
+      RowPhaseEvaluator(model, eye, isa).evaluate(j, 0, panel.width_px, other_phase);
+      ASSERT_TRUE(same_bits(phase, other_phase)) << isa_name(isa) << " rig " << r;
+      ++compared;
+    }
+  }
+  if (compared == 0) GTEST_SKIP() << "this machine has only the baseline instruction set";
+}
+
+TEST(RowRays, DoNotDependOnHowARowIsCut) {
+  std::mt19937_64 random(78);
+  for (int r = 0; r < 40; ++r) {
+    const OpticalModel model(test::random_rig(random));
+    const RowRayEvaluator evaluator(model);
+    const int width = model.rig().panel.width_px, j = model.rig().panel.height_px / 3;
+    RowRays whole, part;
+    evaluator.evaluate(j, 0, width, whole);
+    const int begin = width / 7, end = width - width / 5;
+    evaluator.evaluate(j, begin, end, part);
+    ASSERT_EQ(part.size(), static_cast<size_t>(3 * (end - begin)));
+    for (size_t s = 0; s < part.size(); ++s) {
+      const size_t at = s + 3 * static_cast<size_t>(begin);
+      ASSERT_EQ(part.tan_x[s], whole.tan_x[at]);
+      ASSERT_EQ(part.lens_x_mm[s], whole.lens_x_mm[at]);
+      ASSERT_EQ(part.place[s], whole.place[at]);
+      ASSERT_EQ(part.lens[s], whole.lens[at]);
+    }
+  }
+}
+
+TEST(RowRays, DoNotAllocateOnceTheyHaveTheirSize) {
+  Rig rig = test::kiosk_rig();
+  std::mt19937_64 random(79);
+  rig.sheet.residual = test::random_residual(random, 11, 7, 0.1);
+  const OpticalModel model(rig);
+  const RowRayEvaluator evaluator(model);
+  RowRays rays;
+  rays.resize(3 * 3840);
+  const long before = allocations.load();
+  for (int j = 0; j < 10; ++j) evaluator.evaluate(j, 0, 3840, rays);
+  EXPECT_EQ(allocations.load(), before);
+}
+
+TEST(RowRays, OfAnEmptyRangeAreNone) {
+  const RowRayEvaluator evaluator{OpticalModel(test::kiosk_rig())};
+  RowRays rays;
+  evaluator.evaluate(0, 5, 5, rays);
+  EXPECT_EQ(rays.size(), 0u);
+}
+
+TEST(RowPhases, AreTheModels) {
+  std::mt19937_64 random(80);
+  std::vector<double> phase;
+  for (int r = 0; r < 60; ++r) {
+    const OpticalModel model(test::random_rig(random));
+    const Panel& panel = model.rig().panel;
+    const Eye eye{-180.0, 90.0, 500.0};
+    const int j = panel.height_px - 1, end = std::min(panel.width_px, 300);
+    RowPhaseEvaluator(model, eye).evaluate(j, 0, end, phase);
+    for (int s = 0; s < 3 * end; ++s) {
+      const Vec2 q = panel.subpixel_centre_px(s / 3, j, s % 3);
+      ASSERT_NEAR(phase[static_cast<size_t>(s)], model.phase(q.x, q.y, s % 3, eye), 1e-9);
+    }
+  }
+}
+
+/// Sets LENTICULE_ISA and puts the old value back.
+class IsaWish {
+ public:
+  explicit IsaWish(const char* wish) {
+    if (const char* old = std::getenv("LENTICULE_ISA")) old_ = old;
+    ::setenv("LENTICULE_ISA", wish, 1);
+  }
+  ~IsaWish() {
+    old_.empty() ? ::unsetenv("LENTICULE_ISA") : ::setenv("LENTICULE_ISA", old_.c_str(), 1);
+  }
+
+ private:
+  std::string old_;
+};
+
+TEST(BestIsa, CanBeAskedForLess) {
+  const IsaWish wish("baseline");
+  EXPECT_EQ(best_isa(), Isa::Baseline);
+}
+
+TEST(BestIsa, IsNeverMoreThanTheMachineCan) {
+  const IsaWish wish("avx512");
+  EXPECT_TRUE(isa_supported(best_isa()));
+}
+
+TEST(BestIsa, RefusesUnknownNames) {
+  const IsaWish wish("avx1024");
+  EXPECT_THROW((void)best_isa(), Error);
+}
+
+}  // namespace
+}  // namespace lenticule::optics
