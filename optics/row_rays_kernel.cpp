@@ -50,6 +50,39 @@ void look(const EyeTerms& eye, const Constants& c, const Points& p, Sight& out) 
   }
 }
 
+/// Value and x derivative of one bicubic polynomial at t, u.
+inline void bicubic(const double* k, double t, double u, double& value, double& slope) {
+  const double c0 = ((k[12] * u + k[8]) * u + k[4]) * u + k[0];
+  const double c1 = ((k[13] * u + k[9]) * u + k[5]) * u + k[1];
+  const double c2 = ((k[14] * u + k[10]) * u + k[6]) * u + k[2];
+  const double c3 = ((k[15] * u + k[11]) * u + k[7]) * u + k[3];
+  value = ((c3 * t + c2) * t + c1) * t + c0;
+  slope = (3.0 * c3 * t + 2.0 * c2) * t + c1;
+}
+
+void spline_in_many_cells(const Constants& c, const int32_t* cell, int count, const Lane& t,
+                          const Lane& u, Lane& lenses, Lane& per_px_x) {
+  for (int i = 0; i < count; ++i) {
+    double value, slope;
+    bicubic(c.residual + cell[i], t[i], u[i], value, slope);
+    lenses[i] = value;
+    per_px_x[i] = slope * c.knots_per_px_x;
+  }
+}
+
+/// The same where the whole block lies in one cell, as most do: no gathers.
+void spline_in_one_cell(const Constants& c, const double* cell, int count, const Lane& t,
+                        const Lane& u, Lane& lenses, Lane& per_px_x) {
+  double k[16];
+  for (int n = 0; n < 16; ++n) k[n] = cell[n];
+  for (int i = 0; i < count; ++i) {
+    double value, slope;
+    bicubic(k, t[i], u[i], value, slope);
+    lenses[i] = value;
+    per_px_x[i] = slope * c.knots_per_px_x;
+  }
+}
+
 /// The residual map and its derivative along x at count points, px. Overwrites the points with
 /// their places inside their cells.
 void residual_at(const Constants& c, int count, Lane& x, Lane& y, Lane& lenses, Lane& per_px_x) {
@@ -67,15 +100,12 @@ void residual_at(const Constants& c, int count, Lane& x, Lane& y, Lane& lenses, 
     y[i] = gy - row;
     cell[i] = 16 * ((static_cast<int32_t>(row) + 1) * stride + static_cast<int32_t>(column) + 1);
   }
-  for (int i = 0; i < count; ++i) {
-    const double* k = c.residual + cell[i];
-    const double t = x[i], u = y[i];
-    const double c0 = ((k[12] * u + k[8]) * u + k[4]) * u + k[0];
-    const double c1 = ((k[13] * u + k[9]) * u + k[5]) * u + k[1];
-    const double c2 = ((k[14] * u + k[10]) * u + k[6]) * u + k[2];
-    const double c3 = ((k[15] * u + k[11]) * u + k[7]) * u + k[3];
-    lenses[i] = ((c3 * t + c2) * t + c1) * t + c0;
-    per_px_x[i] = ((3.0 * c3 * t + 2.0 * c2) * t + c1) * c.knots_per_px_x;
+  int different = 0;
+  for (int i = 0; i < count; ++i) different |= cell[i] ^ cell[0];
+  if (different == 0) {
+    spline_in_one_cell(c, c.residual + cell[0], count, x, y, lenses, per_px_x);
+  } else {
+    spline_in_many_cells(c, cell, count, x, y, lenses, per_px_x);
   }
 }
 
