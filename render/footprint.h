@@ -32,8 +32,9 @@ class Footprint {
   Footprint(const optics::OpticalModel& model, SubpixelPlace place);
 
   /// The lens point moves along the lens's apex line with the row; what the place is off the lens
-  /// then, bends the ray by the sheet's refraction law. The residual map and the lens pitch are
-  /// taken as constant across the subpixel.
+  /// then, bends the ray by the sheet's refraction law. What varies slowly (the residual map, the
+  /// exact law's vertical shift) is taken as constant across the subpixel: below a hundredth
+  /// of a subpixel.
   [[nodiscard]] PanelRay displaced(const PanelRay& centre) const;
 
  private:

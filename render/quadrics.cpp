@@ -19,9 +19,16 @@ Roots quadratic_roots(double a, double half_b, double c) {
 }
 
 Roots meet(const SphereShape& sphere, Vec3 origin, Vec3 direction) {
-  const Vec3 from_centre = origin - sphere.centre;
-  return quadratic_roots(dot(direction, direction), dot(from_centre, direction),
-                         dot(from_centre, from_centre) - sphere.radius * sphere.radius);
+  // From the point of the line nearest to the centre: no large squares cancel, however far away the
+  // ray starts.
+  const double squared = dot(direction, direction);
+  const double nearest = dot(sphere.centre - origin, direction) / squared;
+  const Vec3 off_centre = origin + direction * nearest - sphere.centre;
+  const double half_chord_squared =
+      (sphere.radius * sphere.radius - dot(off_centre, off_centre)) / squared;
+  if (!(half_chord_squared >= 0.0)) return {};
+  const double half_chord = std::sqrt(half_chord_squared);
+  return {.count = 2, .t = {nearest - half_chord, nearest + half_chord}};
 }
 
 Roots meet(const ConeShape& cone, Vec3 origin, Vec3 direction) {

@@ -18,7 +18,7 @@ constexpr Vec3 kZenith{0.16, 0.32, 0.66};
 constexpr Vec3 kEarth{0.22, 0.20, 0.18};
 
 /// How many times the size of the scene the ground extends to each side.
-constexpr double kGroundExtent = 20.0;
+constexpr double kGroundExtent = 100.0;
 
 double sky_light(Vec3 direction, Vec3 up, int channel) {
   const double height = std::clamp(dot(direction, up), -1.0, 1.0);

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rays that leave a surface do not meet it again where they started.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+
+#include "render/shading.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+class Sampler {
+ public:
+  double unit() { return distribution_(engine_); }
+  Vec3 direction() {
+    Vec3 v;
+    do v = {unit(), unit(), unit()};
+    while (dot(v, v) > 1.0 || dot(v, v) < 1e-4);
+    return normalized(v);
+  }
+
+ private:
+  std::mt19937_64 engine_{20240607};
+  std::uniform_real_distribution<double> distribution_{-1.0, 1.0};
+};
+
+struct Shadows {
+  int hits = 0;
+  int self_shadowed = 0;
+};
+
+/// Sends rays at the scene's only object, which is convex from `side`, and from every hit one
+/// shadow ray along `away(normal)`, into the open.
+Shadows count_self_shadows(const SceneDescription& description, double size, Side side,
+                           const std::function<Vec3(Vec3 normal, Sampler&)>& away) {
+  const Scene scene(description, testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1);
+  const RTCScene embree = scene.impl().embree.get();
+  Sampler sampler;
+  Shadows shadows;
+  for (int n = 0; n < 20000; ++n) {
+    const Vec3 aim = sampler.direction() * (0.4 * size);
+    PathRay ray;
+    ray.origin = sampler.direction() * (3.0 * size);
+    ray.target = 0;
+    ray.direction = normalized(aim - ray.origin);
+    std::vector<Hit> hits(1);
+    EXPECT_EQ(intersect(embree, {&ray, 1}, Coherence::Incoherent, hits), 0U);
+    if (hits[0].geometry == Hit::kMiss) continue;
+    const Surface surface = surface_at(scene.impl(), ray, hits[0]);
+    if (side == Side::Far && !surface.outer_side) continue;
+    ++shadows.hits;
+    const Vec3 start = spawn_point(surface, Side::Viewer);
+    const ShadowRay shadow{.origin = start,
+                           .direction = away(surface.geometric_normal, sampler),
+                           .distance = std::numeric_limits<double>::infinity(),
+                           .light = 1.0};
+    std::vector<double> light(1, 0.0);
+    EXPECT_EQ(add_unshadowed(embree, {&shadow, 1}, light), 0U);
+    if (light[0] == 0.0) ++shadows.self_shadowed;
+  }
+  return shadows;
+}
+
+Vec3 anywhere(Vec3 normal, Sampler& sampler) {
+  const Vec3 v = sampler.direction();
+  return dot(v, normal) > 0.0 ? v : -v;
+}
+
+/// A hundredth of a degree above the surface.
+Vec3 grazing(Vec3 normal, Sampler& sampler) {
+  const Vec3 along = normalized(cross(normal, sampler.direction()));
+  return normalized(along + normal * 1.7e-4);
+}
+
+class SelfIntersection : public ::testing::TestWithParam<double> {
+ protected:
+  static void expect_none(const SceneDescription& scene, double size, Side side = Side::Viewer) {
+    for (const auto& away : {anywhere, grazing}) {
+      const Shadows shadows = count_self_shadows(scene, size, side, away);
+      EXPECT_GT(shadows.hits, 1500);
+      EXPECT_EQ(shadows.self_shadowed, 0);
+    }
+  }
+};
+
+TEST_P(SelfIntersection, NeverOnATiltedGridOfTriangles) {
+  const double size = GetParam();
+  SceneDescription scene;
+  scene.materials = {Material{}};
+  TriangleMesh grid;
+  constexpr uint32_t kSide = 41;
+  for (uint32_t y = 0; y < kSide; ++y)
+    for (uint32_t x = 0; x < kSide; ++x) {
+      const double u = (x - 20.0) / 20.0;
+      const double v = (y - 20.0) / 20.0;
+      grid.positions.push_back(Vec3{u + 0.3 * v, 0.37 * u - 0.61 * v, v - 0.21 * u} * size);
+    }
+  for (uint32_t y = 0; y + 1 < kSide; ++y)
+    for (uint32_t x = 0; x + 1 < kSide; ++x) {
+      const uint32_t a = y * kSide + x;
+      grid.triangles.push_back({a, a + 1, a + kSide + 1});
+      grid.triangles.push_back({a, a + kSide + 1, a + kSide});
+    }
+  scene.meshes = {grid};
+  // Rounded to single precision the grid is no plane: a grazing ray may meet a neighbour.
+  const Shadows shadows = count_self_shadows(scene, size, Side::Viewer, anywhere);
+  EXPECT_GT(shadows.hits, 1500);
+  EXPECT_EQ(shadows.self_shadowed, 0);
+}
+
+TEST_P(SelfIntersection, NeverOnOneLargeTriangle) {
+  const double size = GetParam();
+  SceneDescription scene;
+  scene.materials = {Material{}};
+  TriangleMesh triangle;
+  triangle.positions = {Vec3{-900, 311, -700} * size, Vec3{830, -290, -710} * size,
+                        Vec3{37, -29, 1100} * size};
+  triangle.triangles = {{0, 1, 2}};
+  scene.meshes = {triangle};
+  expect_none(scene, size);
+}
+
+TEST_P(SelfIntersection, NeverOnASphere) {
+  SceneDescription scene;
+  scene.materials = {Material{}};
+  scene.spheres = {{.centre = Vec3{0.1, -0.2, 0.05} * GetParam(), .radius = 0.7 * GetParam()}};
+  expect_none(scene, GetParam());
+}
+
+TEST_P(SelfIntersection, NeverOnTheOutsideOfACone) {
+  SceneDescription scene;
+  scene.materials = {Material{}};
+  Cone cone;
+  cone.base = Vec3{-0.3, -0.7, 0.1} * GetParam();
+  cone.apex = Vec3{0.2, 0.8, -0.1} * GetParam();
+  cone.base_radius = 0.6 * GetParam();
+  cone.apex_radius = 0.1 * GetParam();
+  scene.cones = {cone};
+  expect_none(scene, GetParam(), Side::Far);
+}
+
+/// In millimetres on the glass: from a thousandth to ten kilometres.
+INSTANTIATE_TEST_SUITE_P(Sizes, SelfIntersection, ::testing::Values(1e-3, 1.0, 300.0, 1e7));
+
+}  // namespace
+}  // namespace lenticule::render

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// Nothing shines through a closed mesh, not even where rays aim at its edges on purpose.
+#include <gtest/gtest.h>
+
+#include "render/committed_scene.h"
+#include "render/ray_stream.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+class Watertight : public ::testing::Test {
+ protected:
+  Watertight() {
+    SceneDescription scene;
+    scene.materials = {Material{}};
+    scene.meshes = {testing::ball_mesh({0, 0, 0}, 5.0, 40, 0)};
+    scene_ = std::make_unique<Scene>(scene, testing::make_tiny_stage({.mm_per_unit = 1.0}),
+                                     Surroundings{}, 1);
+  }
+
+  [[nodiscard]] const MeshShape& mesh() const { return scene_->impl().meshes[0]; }
+
+  void aim(Vec3 from, Vec3 at) {
+    PathRay ray;
+    ray.origin = from;
+    ray.direction = normalized(at - from);
+    ray.target = 0;
+    rays_.push_back(ray);
+  }
+
+  [[nodiscard]] size_t misses(Coherence coherence) const {
+    std::vector<Hit> hits(rays_.size());
+    EXPECT_EQ(intersect(scene_->impl().embree.get(), rays_, coherence, hits), 0U);
+    size_t count = 0;
+    for (const Hit& hit : hits)
+      if (hit.geometry == Hit::kMiss) ++count;
+    return count;
+  }
+
+  std::unique_ptr<Scene> scene_;
+  std::vector<PathRay> rays_;
+};
+
+constexpr Vec3 kInside[] = {{0, 0, 0}, {1.3, -0.7, 2.1}, {-3.9, 0.1, 0.2}};
+
+TEST_F(Watertight, RaysAtPointsOfEdgesStayInside) {
+  for (const Vec3 from : kInside)
+    for (const auto& triangle : mesh().triangles)
+      for (size_t k = 0; k < 3; ++k) {
+        const Vec3 a(mesh().positions[triangle[k]]);
+        const Vec3 b(mesh().positions[triangle[(k + 1) % 3]]);
+        for (const double part : {0.1, 0.37, 0.5, 0.83}) aim(from, a * (1.0 - part) + b * part);
+      }
+  EXPECT_GT(rays_.size(), 200000U);
+  EXPECT_EQ(misses(Coherence::Incoherent), 0U);
+  EXPECT_EQ(misses(Coherence::Coherent), 0U);
+}
+
+/// Exactly at a corner Embree's robust mode still lets a few rays slip between the triangles around
+/// it; this is the known limit that docs/rendering.md names.
+TEST_F(Watertight, RaysAtCornersSlipThroughLessThanOnceInAHundred) {
+  for (const Vec3 from : kInside)
+    for (size_t k = 0; k + 1 < mesh().positions.size(); ++k) aim(from, Vec3(mesh().positions[k]));
+  EXPECT_LT(misses(Coherence::Incoherent), rays_.size() / 100);
+}
+
+}  // namespace
+}  // namespace lenticule::render

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/method.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+
+#include "optics/error.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+using testing::make_rig;
+using testing::make_tiny_stage;
+
+frames::WovenFrame blank(const optics::Rig& rig) {
+  return frames::WovenFrame({rig.panel.width_px, rig.panel.height_px});
+}
+
+frames::WovenFrame rendered(const SceneDescription& description, const optics::Rig& rig,
+                            const Stage& stage, const RenderOptions& options = {},
+                            const Surroundings& surroundings = {}) {
+  const optics::OpticalModel model(rig);
+  const Scene scene(description, stage, surroundings, options.threads);
+  frames::WovenFrame frame = blank(rig);
+  EXPECT_TRUE(make_method("full", model, options)->render(scene, stage, frame).completed);
+  return frame;
+}
+
+TEST(MakeMethod, KnowsItsNames) {
+  const optics::OpticalModel model(make_rig({}));
+  for (const std::string& name : method_names()) EXPECT_NE(make_method(name, model, {}), nullptr);
+  try {
+    (void)make_method("magic", model, {});
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::Usage);
+    EXPECT_NE(std::string(error.hint()).find("full"), std::string::npos);
+  }
+}
+
+TEST(MakeMethod, RefusesOptionsOutOfRange) {
+  const optics::OpticalModel model(make_rig({}));
+  for (const RenderOptions& options :
+       {RenderOptions{.threads = -1, .cancelled = {}}, RenderOptions{.samples = 0, .cancelled = {}},
+        RenderOptions{.samples = 1'000'000, .cancelled = {}},
+        RenderOptions{.max_depth = -1, .cancelled = {}}})
+    EXPECT_THROW((void)make_method("full", model, options), Error);
+}
+
+/// The picture may not depend on how the work was shared out.
+TEST(MethodFull, GivesTheSameBytesWithAnyNumberOfThreads) {
+  const optics::Rig rig = make_rig({.width = 150, .height = 70, .pixel_mm = 0.5});
+  for (const testing::NamedScene& named : testing::tiny_scenes())
+    for (const int samples : {1, 3}) {
+      const frames::WovenFrame one = rendered(named.scene, rig, make_tiny_stage(),
+                                              {.threads = 1, .samples = samples, .cancelled = {}});
+      for (const int threads : {2, 8})
+        EXPECT_EQ(one, rendered(named.scene, rig, make_tiny_stage(),
+                                {.threads = threads, .samples = samples, .cancelled = {}}))
+            << named.name << " with " << threads << " threads";
+    }
+}
+
+TEST(MethodFull, GivesTheSameBytesTwice) {
+  const optics::Rig rig = make_rig({.width = 64, .height = 40});
+  const SceneDescription scene = testing::tiny_scenes().front().scene;
+  EXPECT_EQ(rendered(scene, rig, make_tiny_stage()), rendered(scene, rig, make_tiny_stage()));
+}
+
+TEST(MethodFull, EndsEarlyWhenCancelled) {
+  const optics::Rig rig = make_rig({.width = 300, .height = 200, .pixel_mm = 0.2});
+  const optics::OpticalModel model(rig);
+  const Scene scene(testing::tiny_scenes().front().scene, make_tiny_stage(), {});
+  std::atomic<int> asked{0};
+  const auto method =
+      make_method("full", model, {.threads = 2, .cancelled = [&] { return ++asked > 3; }});
+  frames::WovenFrame frame = blank(rig);
+  const RenderStatistics statistics = method->render(scene, make_tiny_stage(), frame);
+  EXPECT_FALSE(statistics.completed);
+  EXPECT_LT(statistics.primary_rays, frame.bytes().size());
+}
+
+TEST(MethodFull, FillsTheFrameOfAnEmptySceneWithBackground) {
+  SceneDescription empty;
+  empty.background = {1.0, 0.2, 0.0};
+  empty.colour_managed = false;
+  const frames::WovenFrame frame =
+      rendered(empty, make_rig({.width = 37, .height = 19}), make_tiny_stage());
+  for (int j = 0; j < frame.height(); ++j)
+    for (int i = 0; i < frame.width(); ++i) {
+      ASSERT_EQ(frame.row(j)[3 * i], 255);
+      ASSERT_EQ(frame.row(j)[3 * i + 1], 51);
+      ASSERT_EQ(frame.row(j)[3 * i + 2], 0);
+    }
+}
+
+TEST(MethodFull, EncodesColourManagedScenesOnly) {
+  SceneDescription empty;
+  empty.background = {0.5, 0.5, 0.5};
+  EXPECT_EQ(rendered(empty, make_rig({}), make_tiny_stage()).row(0)[0], 188);
+  empty.colour_managed = false;
+  EXPECT_EQ(rendered(empty, make_rig({}), make_tiny_stage()).row(0)[0], 128);
+}
+
+/// A plane in the glass shows every eye the same place: the picture is the texture, not a mixture.
+TEST(MethodFull, ContentOnTheGlassIsTheSameFromEveryView) {
+  SceneDescription scene;
+  scene.colour_managed = false;
+  scene.ambient = Vec3{1, 1, 1};
+  scene.materials = {Material{.name = "left", .colour = {1, 1, 1}},
+                     Material{.name = "right", .colour = {0, 0, 0}}};
+  scene.meshes = {testing::rectangle_mesh({-50, -50, 0}, {50, 0, 0}, {0, 100, 0}, 0),
+                  testing::rectangle_mesh({0, -50, 0}, {50, 0, 0}, {0, 100, 0}, 1)};
+  const optics::Rig rig = make_rig({.width = 90, .height = 30, .pixel_mm = 1.0});
+  const frames::WovenFrame frame = rendered(scene, rig, make_tiny_stage({.mm_per_unit = 1.0}));
+  // Off the seam by more than a lens, left is white and right is black in all channels.
+  const int margin = 6;
+  for (int j = 0; j < frame.height(); ++j)
+    for (int i = 0; i < frame.width(); ++i)
+      for (int c = 0; c < 3; ++c) {
+        if (std::abs(i - 45) <= margin) continue;
+        ASSERT_EQ(frame.row(j)[3 * i + c], i < 45 ? 255 : 0);
+      }
+}
+
+/// Sub-sampling smooths edges and leaves flat places alone.
+TEST(MethodFull, SamplesSmoothEdgesOnly) {
+  SceneDescription scene;
+  scene.colour_managed = false;
+  scene.ambient = Vec3{1, 1, 1};
+  scene.materials = {Material{}};
+  scene.spheres = {{.centre = {0, 0, 0}, .radius = 2}};
+  const optics::Rig rig = make_rig({.width = 48, .height = 32, .pixel_mm = 1.0});
+  const frames::WovenFrame single = rendered(scene, rig, make_tiny_stage());
+  const frames::WovenFrame many =
+      rendered(scene, rig, make_tiny_stage(), {.samples = 16, .cancelled = {}});
+  int grey = 0;
+  for (size_t k = 0; k < single.bytes().size(); ++k) {
+    ASSERT_TRUE(single.bytes()[k] == 0 || single.bytes()[k] == 255);
+    if (many.bytes()[k] != 0 && many.bytes()[k] != 255) ++grey;
+  }
+  EXPECT_GT(grey, 100);
+  EXPECT_LT(grey, static_cast<int>(single.bytes().size()) / 4);
+}
+
+TEST(MethodFull, DepthZeroHasNoReflections) {
+  SceneDescription scene;
+  scene.materials = {Material{.diffuse = 0.0, .specular = 1.0}};
+  scene.background = {0.3, 0.3, 0.3};
+  scene.ambient = Vec3{};
+  scene.meshes = {testing::rectangle_mesh({-50, -50, 0}, {100, 0, 0}, {0, 100, 0}, 0)};
+  const optics::Rig rig = make_rig({});
+  EXPECT_EQ(rendered(scene, rig, make_tiny_stage(), {.max_depth = 0, .cancelled = {}}).row(3)[7],
+            0);
+  EXPECT_GT(rendered(scene, rig, make_tiny_stage(), {.max_depth = 1, .cancelled = {}}).row(3)[7],
+            0);
+}
+
+TEST(MethodFull, GroundAndSkyFillWhatTheSceneLeavesOpen) {
+  const optics::Rig rig = make_rig({.width = 60, .height = 40, .pixel_mm = 1.0});
+  SceneDescription scene;
+  scene.background = {0, 0, 0};
+  scene.materials = {Material{}};
+  scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}};
+  Surroundings surroundings;
+  surroundings.sky = true;
+  surroundings.ground = true;
+  surroundings.ground_colour = {1, 0, 0};
+  const frames::WovenFrame frame = rendered(scene, rig, make_tiny_stage(), {}, surroundings);
+  EXPECT_GT(frame.row(0)[2], 150);                     // sky above
+  EXPECT_GT(frame.row(39)[0], frame.row(39)[1] + 50);  // red ground below
+}
+
+}  // namespace
+}  // namespace lenticule::render
