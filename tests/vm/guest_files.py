@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gets what the virtual machines need into build/vm: Debian's kernel, one more driver, an initramfs.
+
+The kernel package is unpacked, never installed on this machine. vkms, the driver with a timer's
+vblanks and a writeback connector, is not in Debian's kernel and is built from its own source.
+Does nothing when all is there: the kernel's part is made again when its version or LAYOUT changes,
+the initramfs when guest_init does.
+"""
+
+import contextlib
+import fcntl
+import hashlib
+import lzma
+import os
+import pathlib
+import shutil
+import struct
+import subprocess
+import sys
+
+HERE = pathlib.Path(__file__).resolve().parent
+OUTPUT = pathlib.Path(os.environ.get("LENTICULE_VM_DIR", HERE.parents[1] / "build" / "vm"))
+LAYOUT = 1  # raised by whoever changes what make_kernel leaves behind
+HEADERS = pathlib.Path("/usr/src")
+BUSYBOX = pathlib.Path("/bin/busybox")
+
+# What the guest's first process needs before it can read the host's files; every other module is
+# read from there when it is wanted.
+BOOT_MODULES = ["virtio_pci", "9pnet_virtio", "9p", "overlay"]
+
+
+class Unprepared(Exception):
+    """Something is missing; the text says what and what to do."""
+
+
+def say(text):
+    print(f"vm: {text}", file=sys.stderr, flush=True)
+
+
+def run(command, hint, **options):
+    """Runs a command and hides its output unless it fails."""
+    try:
+        done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              timeout=600, **options)
+    except FileNotFoundError:
+        raise Unprepared(f"{command[0]} is not installed; {hint}") from None
+    except subprocess.TimeoutExpired:
+        raise Unprepared(f"{' '.join(map(str, command))} took more than 10 minutes") from None
+    if done.returncode != 0:
+        output = done.stdout.decode(errors="replace").strip()
+        raise Unprepared(f"{' '.join(map(str, command))} failed; {hint}\n{output[-4000:]}")
+    return done.stdout.decode(errors="replace")
+
+
+def kernel_release():
+    """The newest amd64 kernel whose headers are installed, for example 6.1.0-30-amd64."""
+    found = [folder.name.removeprefix("linux-headers-")
+             for folder in HEADERS.glob("linux-headers-*-amd64")]
+    if not found:
+        raise Unprepared("the headers of Debian's kernel are not installed; "
+                         "run scripts/packages vm")
+
+    def version(release):
+        return [int(part) for part in release.replace("-", ".").split(".") if part.isdigit()]
+    return max(found, key=version)
+
+
+def package_version(package):
+    query = subprocess.run(["dpkg-query", "-W", "-f=${Version}", package], capture_output=True,
+                           text=True)
+    return query.stdout.strip()
+
+
+def fetch_kernel(release):
+    """Unpacks the image package that the headers belong to into OUTPUT/kernel."""
+    version = package_version(f"linux-headers-{release}")
+    package = f"linux-image-{release}" + (f"={version}" if version else "")
+    say(f"fetching {package}")
+    download = OUTPUT / "download"
+    download.mkdir()
+    # apt would drop its rights to a user who cannot write here.
+    run(["apt-get", "-o", "APT::Sandbox::User=", "download", package],
+        "is a Debian mirror reachable, and are the package lists fresh (apt-get update)?",
+        cwd=download)
+    [archive] = download.glob("*.deb")
+    run(["dpkg-deb", "-x", archive, OUTPUT / "kernel"], "is there room on the disk?")
+    shutil.rmtree(download)
+
+
+def unpack_kernel(release):
+    """Writes OUTPUT/vmlinux, the kernel without its self-extracting wrapper.
+
+    QEMU starts it directly (PVH); emulating the decompression would take several seconds a boot.
+    Offsets are those of the Linux boot protocol: setup_sects, payload_offset, payload_length.
+    """
+    image = (OUTPUT / "kernel" / "boot" / f"vmlinuz-{release}").read_bytes()
+    start = (image[0x1F1] + 1) * 512
+    offset, length = struct.unpack_from("<II", image, 0x248)
+    payload = image[start + offset:start + offset + length]
+    try:
+        kernel = lzma.LZMADecompressor().decompress(payload)
+    except lzma.LZMAError as problem:
+        raise Unprepared(f"the kernel of {release} is not packed with xz ({problem}); "
+                         "unpack_kernel must learn its format") from None
+    (OUTPUT / "vmlinux").write_bytes(kernel)
+
+
+def vkms_source(release):
+    series = ".".join(release.split(".")[:2])
+    archive = HEADERS / f"linux-source-{series}.tar.xz"
+    if not archive.exists():
+        raise Unprepared(f"{archive} is missing; run scripts/packages vm")
+    folder = f"linux-source-{series}/drivers/gpu/drm/vkms"
+    say(f"unpacking {folder}")
+    run(["tar", "-xJf", archive, "-C", OUTPUT, folder], "is there room on the disk?")
+    return OUTPUT / folder
+
+
+def build_vkms(release, modules):
+    """Builds vkms.ko against the same kernel and puts it among the kernel's own modules."""
+    source = vkms_source(release)
+    say("building vkms.ko")
+    run(["make", "-C", HEADERS / f"linux-headers-{release}", f"M={source}", "CONFIG_DRM_VKMS=m",
+         f"-j{os.cpu_count()}", "modules"], "are the headers of this kernel complete?")
+    (modules / "updates").mkdir(exist_ok=True)
+    shutil.copy(source / "vkms.ko", modules / "updates")
+    shutil.rmtree(OUTPUT / source.relative_to(OUTPUT).parts[0])
+
+
+def boot_modules(release):
+    """Files of BOOT_MODULES and of what they depend on, in an order in which they load."""
+    ordered = []
+    for module in BOOT_MODULES:
+        listing = run(["modprobe", "-d", OUTPUT / "kernel", "-S", release, "--show-depends", module],
+                      "run scripts/packages vm")
+        for line in listing.splitlines():
+            verb, _, rest = line.partition(" ")
+            path = pathlib.Path(rest.split()[0]) if verb == "insmod" else None
+            if path and path not in ordered:
+                ordered.append(path)
+    return ordered
+
+
+def make_initramfs(release):
+    say("making the initramfs")
+    root = OUTPUT / "initramfs"
+    for folder in ["bin", "modules", "dev", "proc", "sys", "run", "tmp"]:
+        (root / folder).mkdir(parents=True)
+    shutil.copy(BUSYBOX, root / "bin" / "busybox")
+    shutil.copy(HERE / "guest_init", root / "init")
+    (root / "init").chmod(0o755)
+    modules = boot_modules(release)
+    for module in modules:
+        shutil.copy(module, root / "modules")
+    (root / "modules" / "order").write_text("".join(f"{module.name}\n" for module in modules))
+    names = "\0".join(sorted(str(path.relative_to(root)) for path in root.rglob("*")))
+    with open(OUTPUT / "initramfs.cpio", "wb") as archive:
+        done = subprocess.run(["cpio", "-o", "-0", "-H", "newc", "--quiet", "-R", "0:0"], cwd=root,
+                              input=names.encode(), stdout=archive, timeout=60)
+    if done.returncode != 0:
+        raise Unprepared("cpio could not write the initramfs; is there room on the disk?")
+    shutil.rmtree(root)
+
+
+def check_tools():
+    needed = {"qemu-system-x86_64": "qemu-system-x86", "cpio": "cpio", "depmod": "kmod",
+              "modprobe": "kmod", "make": "make", "dpkg-deb": "dpkg", "apt-get": "apt"}
+    path = f"{os.environ.get('PATH', '')}:/usr/sbin:/sbin"
+    os.environ["PATH"] = path
+    missing = {package for tool, package in needed.items() if not shutil.which(tool)}
+    if not BUSYBOX.exists() or b"/lib64/ld-linux" in BUSYBOX.read_bytes():
+        missing.add("busybox-static")
+    if missing:
+        raise Unprepared(f"not installed: {', '.join(sorted(missing))}; run scripts/packages vm")
+
+
+def digest_of(*parts):
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(part if isinstance(part, bytes) else part.encode())
+        digest.update(b"\0")
+    return digest.hexdigest()
+
+
+def up_to_date(name, wanted):
+    """Whether the part called name was made from what is wanted now."""
+    stamp = OUTPUT / f"{name}.stamp"
+    return stamp.exists() and stamp.read_text() == wanted
+
+
+def make_kernel(release):
+    shutil.rmtree(OUTPUT, ignore_errors=True)
+    OUTPUT.mkdir(parents=True)
+    fetch_kernel(release)
+    unpack_kernel(release)
+    modules = OUTPUT / "kernel" / "lib" / "modules" / release
+    build_vkms(release, modules)
+    run(["depmod", "-b", OUTPUT / "kernel", release], "run scripts/packages vm")
+    (OUTPUT / "release").write_text(release)
+
+
+@contextlib.contextmanager
+def one_at_a_time():
+    """Two test runs of one tree must not prepare it at once; the second waits for the first."""
+    OUTPUT.parent.mkdir(parents=True, exist_ok=True)
+    with open(OUTPUT.with_suffix(".lock"), "w", encoding="ascii") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def prepare(force=False):
+    """Makes OUTPUT complete and returns it; raises Unprepared with a remedy."""
+    check_tools()
+    release = kernel_release()
+    kernel = digest_of(release, package_version(f"linux-headers-{release}"), str(LAYOUT))
+    initramfs = digest_of(kernel, (HERE / "guest_init").read_bytes(), *BOOT_MODULES)
+    with one_at_a_time():
+        if force or not up_to_date("kernel", kernel):
+            make_kernel(release)
+            (OUTPUT / "kernel.stamp").write_text(kernel)
+            say(f"{OUTPUT} has kernel {release}")
+        if not up_to_date("initramfs", initramfs):
+            make_initramfs(release)
+            (OUTPUT / "initramfs.stamp").write_text(initramfs)
+    return OUTPUT

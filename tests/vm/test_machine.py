@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The harness itself: commands, users, signals, files, udev."""
+
+import signal
+import time
+
+from vm import CommandFailed
+from vm_test import Machine, require_program, vm_test
+
+VIRTIO = Machine(display="virtio-gpu")
+
+
+@vm_test(VIRTIO)
+def a_command_returns_its_code_and_both_outputs(vm):
+    result = vm.run("echo out; echo err >&2; exit 7")
+    assert (result.code, result.stdout, result.stderr) == (7, "out\n", "err\n"), result
+
+
+@vm_test(VIRTIO)
+def an_ordinary_user_is_one(vm):
+    assert vm.check(["id", "-u"], uid=1000).stdout == "1000\n"
+    assert "video" in vm.check(["id", "-Gn"], uid=1000, groups=("video",)).stdout.split()
+    assert vm.run("echo x > /sys/class/drm/card0/uevent", uid=1000).code != 0
+
+
+@vm_test(VIRTIO)
+def a_command_that_does_not_end_is_killed_with_its_children(vm):
+    try:
+        vm.run("sleep 1000 & sleep 1000", timeout=1)
+    except CommandFailed as failure:
+        assert "not done after 1 s" in str(failure)
+    else:
+        raise AssertionError("it was not noticed")
+    assert vm.run(["pgrep", "sleep"]).stdout == ""
+
+
+@vm_test(VIRTIO)
+def a_signal_reaches_the_program_itself(vm):
+    process = vm.start(["sleep", "1000"])
+    assert process.running()
+    process.send(signal.SIGKILL)
+    assert process.wait(10).code == 128 + signal.SIGKILL
+
+
+@vm_test(VIRTIO)
+def files_come_back_as_they_were_sent(vm):
+    data = bytes(range(256)) * 5000
+    vm.write_file("/tmp/data", data)
+    assert vm.read_file("/tmp/data") == data
+
+
+@vm_test(VIRTIO)
+def the_guest_cannot_write_into_this_tree(vm):
+    assert vm.run(["touch", f"{vm.files}/written-by-the-guest"]).code != 0
+    assert not (vm.files / "written-by-the-guest").exists()
+    vm.check(["touch", "/etc/written-by-the-guest"])  # falls on the tmpfs above the host's files
+
+
+@vm_test(VIRTIO)
+def the_program_of_this_tree_runs(vm):
+    program = require_program(vm, "lenticule")
+    assert vm.check([program, "--version"], uid=1000).stdout.startswith("lenticule ")
+    if "doctor" in vm.check([program, "--help"]).stdout:
+        assert vm.run([program, "doctor"], uid=1000, groups=("video",)).stdout != ""
+
+
+@vm_test(VIRTIO, fresh=True)
+def udev_names_the_card_and_reports_its_changes(vm):
+    vm.start_udev()
+    assert vm.check(["stat", "-c", "%G %a", "/dev/dri/card0"]).stdout == "video 660\n"
+    links = vm.check(["ls", "/dev/dri/by-path"]).stdout
+    assert "-card\n" in links, links
+    monitor = vm.start(["udevadm", "monitor", "--udev", "--property", "--subsystem-match=drm"])
+    monitor.wait_for_line("UDEV - the event", 20)
+    time.sleep(0.5)  # it prints that before it listens
+    vm.write_file("/sys/class/drm/card0/uevent", "change")
+    monitor.wait_for_line("UDEV  [", 20)
+    monitor.wait_for_line("ACTION=change", 20)
