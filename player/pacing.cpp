@@ -39,13 +39,14 @@ Pacer::Pacer(frames::Rate content, frames::Rate refresh, LatePolicy policy)
 PaceDecision Pacer::decide(uint64_t target, bool ready) noexcept {
   if (epoch_pending_) return ready ? PaceDecision::Submit : PaceDecision::Starved;
   if (target < due()) return PaceDecision::Later;
+  if (!owed_since_) owed_since_ = expected_vblank();
   if (!ready) {
     if (!starved_since_) starved_since_ = target;
     return PaceDecision::Starved;
   }
-  // A frame is worth leaving out only if the one after it is due as well.
-  const bool successor_due = origin_ + cadence_.next_due() <= target;
-  if (policy_ == LatePolicy::Drop && successor_due && consecutive_drops_ < kMaxConsecutiveDrops) {
+  // A late frame is worth leaving out only if the one after it is due as well.
+  const bool replaceable = due() < target && origin_ + cadence_.next_due() <= target;
+  if (policy_ == LatePolicy::Drop && replaceable && consecutive_drops_ < kMaxConsecutiveDrops) {
     ++consecutive_drops_;
     ++counts_.dropped;
     cadence_.advance();
@@ -68,7 +69,7 @@ void Pacer::flipped(uint64_t sequence) noexcept {
   } else {
     // The counter cannot go back; a display that says so has nothing to teach us.
     sequence = std::max(sequence, *shown_at_ + 1);
-    const uint64_t expected = std::min(expected_vblank(), sequence);
+    const uint64_t expected = std::min(owed_since_.value_or(expected_vblank()), sequence);
     uint64_t starved = 0;
     if (starved_since_ && target_ > *starved_since_)
       starved = std::min(target_, sequence) - std::max(*starved_since_, expected);
@@ -80,6 +81,7 @@ void Pacer::flipped(uint64_t sequence) noexcept {
       origin_ += sequence - due();
     }
   }
+  owed_since_.reset();
   starved_since_.reset();
   consecutive_drops_ = 0;
   shown_at_ = sequence;
@@ -132,7 +134,8 @@ void Pacer::advance_past_same_vblank() noexcept {
 void Pacer::finish(uint64_t end) noexcept {
   if (!shown_at_ || end <= *shown_at_ + 1) return;
   const uint64_t tail = end - *shown_at_ - 1;
-  const uint64_t planned = std::min(tail, expected_vblank() - *shown_at_ - 1);
+  const uint64_t expected = owed_since_.value_or(expected_vblank());
+  const uint64_t planned = std::min(tail, expected - *shown_at_ - 1);
   const uint64_t starved =
       starved_since_ && *starved_since_ < end ? std::min(end - *starved_since_, tail - planned) : 0;
   counts_.repeated_planned += planned;

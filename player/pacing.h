@@ -69,7 +69,10 @@ class Pacer {
 
   /// After a pause or a seek: the next flip starts a new schedule, without a burst to catch up. The
   /// vblanks up to it count as held.
-  void begin_epoch() noexcept { epoch_pending_ = true; }
+  void begin_epoch() noexcept {
+    epoch_pending_ = true;
+    starved_since_.reset();
+  }
 
   /// Nothing more comes: an underrun that seemed to have begun was the end of the sequence.
   void end_of_sequence() noexcept { starved_since_.reset(); }
@@ -101,6 +104,8 @@ class Pacer {
 
   uint64_t first_vblank_ = 0;
   std::optional<uint64_t> shown_at_;       ///< vblank of the last flip
+  std::optional<uint64_t> owed_since_;     ///< vblank at which the next frame, or one dropped
+                                           ///< before it, should have come
   std::optional<uint64_t> starved_since_;  ///< first vblank without the frame that was due
   uint64_t target_ = 0;                    ///< of the submitted frame
   int consecutive_drops_ = 0;

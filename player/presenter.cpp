@@ -103,7 +103,7 @@ void Presenter::act() noexcept {
   if (!end_vblank_ && options_.vblanks && pacer_.started())
     if (target >= pacer_.first_vblank() + *options_.vblanks)
       end_vblank_ = pacer_.first_vblank() + *options_.vblanks;
-  if (end_vblank_) return end_at_vblank(*end_vblank_, PlayOutcome::Finished);
+  if (end_vblank_) return end_at_vblank(*end_vblank_, outcome_at_end_);
 
   while (true) {
     discard_before(pacer_.frame());
@@ -191,6 +191,7 @@ void Presenter::starve(uint64_t target) noexcept {
 /// The frame on the glass has the time up to `vblank` to itself.
 void Presenter::end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept {
   end_vblank_ = vblank;
+  outcome_at_end_ = outcome;
   if (last_sequence_ >= vblank) {
     outcome_ = outcome;
     return;

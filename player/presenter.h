@@ -92,6 +92,7 @@ class Presenter {
 
   std::optional<PlayOutcome> outcome_;
   std::optional<uint64_t> end_vblank_;  ///< vblank with which playing ends
+  PlayOutcome outcome_at_end_ = PlayOutcome::Finished;
   std::optional<PendingFlip> pending_;
   bool tick_requested_ = false;
   bool rebuffering_ = false;  ///< LatePolicy::Hold after an underrun

@@ -69,7 +69,8 @@ class VirtualDisplay final : public Display {
       : clock_(options.clock ? options.clock : make_monotonic_clock()),
         timeline_(clock_->now(), options.refresh),
         faults_(options.faults ? options.faults : std::make_shared<VirtualFaults>()),
-        recorder_(options.recorder) {
+        recorder_(options.recorder),
+        buffers_in_use_(options.buffers) {
     mode_ = {.geometry = options.geometry,
              .refresh = options.refresh,
              .name = fmt::format("virtual {}x{}@{}", options.geometry.width,
@@ -89,6 +90,10 @@ class VirtualDisplay final : public Display {
   [[nodiscard]] const DisplayMode& mode() const override { return mode_; }
 
   [[nodiscard]] ScanoutBuffer* acquire() override {
+    // Buffers beyond those asked for are the recorder's: they never deepen the queue.
+    int in_use = 0;
+    for (const auto& buffer : buffers_) in_use += buffer->state() == BufferState::Free ? 0 : 1;
+    if (in_use >= buffers_in_use_) return nullptr;
     for (const auto& buffer : buffers_)
       if (buffer->try_acquire()) return buffer.get();
     return nullptr;
@@ -216,6 +221,7 @@ class VirtualDisplay final : public Display {
   VblankTimeline timeline_;
   std::shared_ptr<VirtualFaults> faults_;
   std::shared_ptr<ScanoutRecorder> recorder_;
+  int buffers_in_use_;  ///< at most, not counting those only held by the recorder
   std::vector<std::unique_ptr<VirtualBuffer>> buffers_;
 
   // Presenter thread only.

@@ -3,12 +3,10 @@
 
 #include <gtest/gtest.h>
 
-#include <map>
-#include <thread>
-
 #include "display/vblank_timeline.h"
 #include "optics/error.h"
 #include "tests/support/fake_source.h"
+#include "tests/support/scripted_faults.h"
 
 namespace lenticule::display {
 namespace {
@@ -18,25 +16,10 @@ using std::chrono::milliseconds;
 using std::chrono::seconds;
 using test::numbered_frame;
 using test::RememberingRecorder;
+using test::ScriptedFaults;
 
 constexpr frames::FrameGeometry kSmall{.width = 33, .height = 5};
 constexpr Nanoseconds kFar = hours(1000000);
-
-/// What happens at which vblank.
-class ScriptedFaults final : public VirtualFaults {
- public:
-  std::map<uint64_t, Nanoseconds> delays;
-  std::map<uint64_t, EventFate> fates;
-
-  [[nodiscard]] Nanoseconds event_delay(uint64_t sequence) noexcept override {
-    const auto found = delays.find(sequence);
-    return found == delays.end() ? Nanoseconds{0} : found->second;
-  }
-  [[nodiscard]] EventFate fate(uint64_t sequence) noexcept override {
-    const auto found = fates.find(sequence);
-    return found == fates.end() ? EventFate::Deliver : found->second;
-  }
-};
 
 class VirtualDisplayTest : public testing::Test {
  protected:

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/source_open.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "frames/image_io.h"
+#include "optics/error.h"
+#include "tests/support/fake_source.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr frames::FrameGeometry kSmall{.width = 16, .height = 8};
+
+class SourceOpen : public testing::Test {
+ protected:
+  fs::path folder = fs::path(testing::TempDir()) / fmt::format("source-open-{}", getpid());
+  void SetUp() override {
+    fs::create_directories(folder);
+    for (uint64_t k = 3; k < 8; ++k)
+      frames::write_woven(test::numbered_frame(kSmall, k).view(),
+                          folder / fmt::format("{:03}.png", k));
+  }
+  void TearDown() override { fs::remove_all(folder); }
+
+  [[nodiscard]] std::string pattern() const { return (folder / "%03d.png").string(); }
+
+  static ErrorKind failure(const SourceRequest& request, const char* named) {
+    try {
+      (void)open_source(request);
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr(named));
+      return error.kind();
+    }
+    ADD_FAILURE() << request.text << " was opened";
+    return ErrorKind::Quality;
+  }
+};
+
+TEST_F(SourceOpen, TakesAllFramesOfAPattern) {
+  const OpenedSource opened = open_source({.text = pattern(), .panel = kSmall});
+  EXPECT_EQ(opened.source->frame_count(), 5u);
+}
+
+TEST_F(SourceOpen, TakesARangeOfAPattern) {
+  const OpenedSource opened =
+      open_source({.text = pattern(), .panel = kSmall, .frames = FrameRange{4, 7}});
+  EXPECT_EQ(opened.source->frame_count(), 3u);
+}
+
+TEST_F(SourceOpen, TakesOnePicture) {
+  const OpenedSource opened = open_source({.text = (folder / "005.png").string(), .panel = kSmall});
+  EXPECT_EQ(opened.source->frame_count(), 1u);
+}
+
+TEST_F(SourceOpen, NamesTheFirstMissingFrameOfARange) {
+  EXPECT_EQ(failure({.text = pattern(), .panel = kSmall, .frames = FrameRange{4, 10}}, "008.png"),
+            ErrorKind::Input);
+  EXPECT_EQ(failure({.text = pattern(), .panel = kSmall, .frames = FrameRange{0, 10}}, "000.png"),
+            ErrorKind::Input);
+  const FrameRange endless{4, ~uint64_t{0}};
+  EXPECT_EQ(failure({.text = pattern(), .panel = kSmall, .frames = endless}, "008.png"),
+            ErrorKind::Input);
+}
+
+TEST_F(SourceOpen, NamesBothSizesOfAFrameForAnotherPanel) {
+  const SourceRequest request{.text = pattern(), .panel = {.width = 20, .height = 10}};
+  EXPECT_EQ(failure(request, "16x8"), ErrorKind::Input);
+  EXPECT_EQ(failure(request, "20x10"), ErrorKind::Input);
+}
+
+TEST_F(SourceOpen, RefusesWhatItCannotPlay) {
+  for (const std::string& text : {std::string(), std::string("film.lts"), folder.string(),
+                                  std::string("ring:"), std::string("list.m3u")})
+    EXPECT_EQ(failure({.text = text, .panel = kSmall}, ""), ErrorKind::Usage) << text;
+  EXPECT_EQ(failure({.text = (folder / "none.png").string(), .panel = kSmall}, "none.png"),
+            ErrorKind::Input);
+  EXPECT_EQ(
+      failure({.text = (folder / "005.png").string(), .panel = kSmall, .frames = FrameRange{0, 1}},
+              "005.png"),
+      ErrorKind::Usage);
+}
+
+TEST_F(SourceOpen, OpensARingAndSaysHowToFeedIt) {
+  const std::string socket = (folder / "ring.sock").string();
+  const OpenedSource opened = open_source({.text = "ring:" + socket, .panel = kSmall});
+  EXPECT_EQ(opened.source->geometry(), kSmall);
+  EXPECT_TRUE(fs::is_socket(socket));
+  EXPECT_THAT(opened.stall_hint, testing::HasSubstr("ring:" + socket));
+}
+
+TEST(FrameRange, IsHalfOpen) {
+  EXPECT_EQ(parse_frame_range("0:24"), (FrameRange{0, 24}));
+  for (const char* text : {"", ":", "3", "3:", ":3", "3:3", "5:2", "-3:2", "a:b", "1:2:3", " 1:2",
+                           "1:99999999999999999999"})
+    EXPECT_THROW((void)parse_frame_range(text), Error) << text;
+}
+
+}  // namespace
+}  // namespace lenticule::player
