@@ -13,11 +13,11 @@ namespace lenticule::render {
 /// What a user may say; what is left out is chosen so that the scene's centre lies on the glass and
 /// its depth fits the budget.
 struct StageOptions {
-  std::optional<Vec3> centre;         ///< world point that lies at the panel's centre on the glass
-  std::optional<double> mm_per_unit;  ///< size on the glass
+  std::optional<Vec3> centre{};  ///< world point that lies at the panel's centre on the glass
+  std::optional<double> mm_per_unit{};  ///< size on the glass
   /// Depth scale relative to mm_per_unit: 1 = undistorted, 0.5 = half as deep. Left out: 1, or less
   /// where the scene would leave the depth budget.
-  std::optional<double> depth_scale;
+  std::optional<double> depth_scale{};
   /// How far content may leave the glass, in units of the sheet's depth of field.
   double depth_budget = 1.0;
   /// Part of the panel's height and width that the scene may fill when it is fitted.

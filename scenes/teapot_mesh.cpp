@@ -97,13 +97,15 @@ struct Bernstein {
   std::array<double, 4> slope;
 };
 
-Bernstein bernstein(double t) {
-  const double s = 1.0 - t;
-  return {{s * s * s, 3 * t * s * s, 3 * t * t * s, t * t * t},
+/// At i / n. Both halves are computed alike, so that a patch walked backwards gives the same bits.
+Bernstein bernstein(int i, int n) {
+  const double t = static_cast<double>(i) / n;
+  const double s = static_cast<double>(n - i) / n;
+  return {{s * s * s, 3 * (t * s) * s, 3 * (t * s) * t, t * t * t},
           {-3 * s * s, 3 * s * (s - 2 * t), 3 * t * (2 * s - t), 3 * t * t}};
 }
 
-/// Two and two from the ends inward, so that an edge walked backwards gives the same bits.
+/// Two and two from the ends inward, for the same reason.
 Vec3 weighted(const std::array<double, 4>& w, Vec3 a, Vec3 b, Vec3 c, Vec3 d) {
   return (a * w[0] + d * w[3]) + (b * w[1] + c * w[2]);
 }
@@ -120,15 +122,17 @@ Vec3 pole_normal(Vec3 position) {
   return {0, 0, position.z > kHalfHeight ? 1.0 : -1.0};
 }
 
-SurfacePoint surface_point(const Patch& patch, double u, double v) {
-  const Bernstein bu = bernstein(u);
-  const Bernstein bv = bernstein(v);
-  const Vec3 position = evaluate(patch, bu.value, bv.value);
-  const Vec3 normal =
-      cross(evaluate(patch, bu.slope, bv.value), evaluate(patch, bu.value, bv.slope));
+/// At (i, j) of n steps each way.
+SurfacePoint surface_point(const Patch& patch, int i, int j, int n) {
+  const Bernstein u = bernstein(i, n);
+  const Bernstein v = bernstein(j, n);
+  const Vec3 normal = cross(evaluate(patch, u.slope, v.value), evaluate(patch, u.value, v.slope));
   constexpr double kVanishes = 1e-9;
-  if (length(normal) < kVanishes) return {{0, 0, position.z}, pole_normal(position)};
-  return {position, normalized(normal)};
+  if (length(normal) < kVanishes) {
+    const Vec3 pole = patch[i == 0 ? 0 : 3][0];  // free of the rounding that depends on j
+    return {pole, pole_normal(pole)};
+  }
+  return {evaluate(patch, u.value, v.value), normalized(normal)};
 }
 
 bool has_area(const SurfaceTriangle& t) {
@@ -139,9 +143,7 @@ bool has_area(const SurfaceTriangle& t) {
 }
 
 void cut_patch(const Patch& patch, int size, std::vector<SurfaceTriangle>& out) {
-  const auto point = [&](int i, int j) {
-    return surface_point(patch, static_cast<double>(i) / size, static_cast<double>(j) / size);
-  };
+  const auto point = [&](int i, int j) { return surface_point(patch, i, j, size); };
   for (int i = 0; i < size; ++i) {
     for (int j = 0; j < size; ++j) {
       const SurfacePoint a = point(i, j);

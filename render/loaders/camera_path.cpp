@@ -48,10 +48,10 @@ Camera pose(const std::vector<double>& n, double vertical_fov_degrees, const Tex
 std::vector<Camera> parse_camera_path(std::string_view text, const std::string& source) {
   TextReader reader(text, source);
   std::vector<Camera> path;
-  double fov = Camera{}.vertical_fov_degrees;
   while (!reader.at_end()) {
     const std::vector<double> numbers = line_of_numbers(reader);
-    if (numbers.size() > kNumbersOfAPose) fov = numbers.back();
+    const double fov =
+        numbers.size() > kNumbersOfAPose ? numbers.back() : Camera{}.vertical_fov_degrees;
     if (fov < 1e-3 || fov > 179.0) reader.fail(fmt::format("a field of view of {:g} degrees", fov));
     if (path.size() == kMaxPoses) reader.fail(fmt::format("more than {} poses", kMaxPoses));
     path.push_back(pose(numbers, fov, reader));

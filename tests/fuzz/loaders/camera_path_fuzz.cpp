@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any text is either refused with an Error or becomes poses that a stage can be made from.
+#include <cstdint>
+#include <string_view>
+
+#include "optics/error.h"
+#include "render/loaders/camera_path.h"
+#include "render/loaders/camera_pose.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace lenticule;
+  try {
+    for (const render::Camera& c :
+         render::parse_camera_path({reinterpret_cast<const char*>(data), size}, "fuzz")) {
+      LENTICULE_CHECK(is_finite(c.from) && is_finite(c.at) && is_finite(c.up));
+      LENTICULE_CHECK(!(c.from == c.at) && render::up_is_usable(c));
+      LENTICULE_CHECK(c.vertical_fov_degrees > 0.0 && c.vertical_fov_degrees < 180.0);
+    }
+  } catch (const Error& error) {
+    LENTICULE_CHECK(error.kind() == ErrorKind::Input);
+  }
+  return 0;
+}

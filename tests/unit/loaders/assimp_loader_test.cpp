@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: Apache-2.0
+// glTF, OBJ, PLY and STL: what becomes what, and that broken files are refused or survived.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <set>
+
+#include "render/scene_description.h"
+#include "render/stage.h"
+#include "tests/unit/loaders/error_of.h"
+
+namespace lenticule::render {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+std::filesystem::path data(const std::string& name) {
+  return std::filesystem::path(LENTICULE_SOURCE_DIR) / "tests/data" / name;
+}
+
+/// A file of its own that goes away with the test.
+class TemporaryFile {
+ public:
+  TemporaryFile(const std::string& name, const std::string& text)
+      : path_(std::filesystem::path(::testing::TempDir()) /
+              (std::to_string(::getpid()) + "-" + name)) {
+    std::ofstream(path_, std::ios::binary) << text;
+  }
+  ~TemporaryFile() { std::filesystem::remove(path_); }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+const TriangleMesh& mesh_named(const SceneDescription& scene, const std::string& name) {
+  for (const TriangleMesh& mesh : scene.meshes)
+    if (mesh.name == name) return mesh;
+  ADD_FAILURE() << "no mesh " << name;
+  return scene.meshes.front();
+}
+
+const Material& material_named(const SceneDescription& scene, const std::string& name) {
+  for (const Material& material : scene.materials)
+    if (material.name == name) return material;
+  ADD_FAILURE() << "no material " << name;
+  return scene.materials.front();
+}
+
+Vec3 centre_of(const TriangleMesh& mesh) {
+  Bounds b;
+  for (const Vec3 p : mesh.positions) b.extend(p);
+  return (b.low + b.high) / 2.0;
+}
+
+void expect_near(Vec3 a, Vec3 b, double tolerance) {
+  EXPECT_LT(length(a - b), tolerance) << a.x << ' ' << a.y << ' ' << a.z;
+}
+
+// ---- glTF
+
+class TurningBox : public ::testing::Test {
+ protected:
+  const SceneDescription scene_ = load_scene(data("turning-box.gltf"));
+};
+
+TEST_F(TurningBox, LoadsWithoutANote) {
+  EXPECT_THAT(scene_.notes, IsEmpty());
+}
+
+TEST_F(TurningBox, ShowsAMeshOncePerNode) {
+  std::multiset<std::string> names;
+  for (const TriangleMesh& mesh : scene_.meshes) names.insert(mesh.name);
+  EXPECT_EQ(names.count("ball"), 2U);
+  EXPECT_EQ(names.count("crate"), 1U);
+}
+
+TEST_F(TurningBox, TheCameraStandsAndSeesAsTheFileSays) {
+  ASSERT_THAT(scene_.cameras, SizeIs(1));
+  const Camera camera = at_time(scene_, 0).cameras[0];
+  const double down = 13.0 * std::numbers::pi / 180.0;
+  expect_near(camera.from, {0, 1.3 + 12 * std::sin(down), 12 * std::cos(down)}, 1e-5);
+  expect_near(normalized(camera.at - camera.from), {0, -std::sin(down), -std::cos(down)}, 1e-5);
+  const double fov = 2.0 * std::atan(2.2 / 12.0) * 180.0 / std::numbers::pi;
+  EXPECT_NEAR(camera.vertical_fov_degrees, fov, 1e-4);
+}
+
+TEST_F(TurningBox, TheCrateTurnsWithItsParentAndTheKeys) {
+  EXPECT_NEAR(scene_.duration_seconds, 2.0, 1e-6);
+  for (const double seconds : {0.0, 0.25, 0.5, 1.3, 2.0}) {
+    const TriangleMesh before = mesh_named(at_time(scene_, 0), "crate");
+    const TriangleMesh now = mesh_named(at_time(scene_, seconds), "crate");
+    const double angle = seconds * std::numbers::pi;  // a quarter turn in half a second
+    for (size_t i = 0; i < before.positions.size(); i += 5) {
+      const Vec3 p = before.positions[i];
+      expect_near(now.positions[i],
+                  {std::cos(angle) * p.x + std::sin(angle) * p.z, p.y,
+                   -std::sin(angle) * p.x + std::cos(angle) * p.z},
+                  1e-5);
+    }
+  }
+}
+
+TEST_F(TurningBox, TheGoldBallHops) {
+  expect_near(centre_of(mesh_named(at_time(scene_, 0), "gold ball")), {2, 0.4, 1.8}, 1e-5);
+  expect_near(centre_of(mesh_named(at_time(scene_, 0.25), "gold ball")), {2, 0.85, 1.8}, 1e-5);
+  expect_near(centre_of(mesh_named(at_time(scene_, 0.5), "gold ball")), {2, 1.3, 1.8}, 1e-5);
+}
+
+TEST_F(TurningBox, ReadsItsExternalAndItsEmbeddedTexture) {
+  ASSERT_THAT(scene_.textures, SizeIs(2));
+  const auto texture_of = [&](const char* name) {
+    return scene_.textures.at(static_cast<size_t>(material_named(scene_, name).texture));
+  };
+  EXPECT_EQ(texture_of("crate")->width, 128);
+  EXPECT_EQ(texture_of("tiles")->width, 32);
+  EXPECT_EQ(texture_of("crate")->rgba.size(), 128U * 128U * 4U);
+}
+
+// The crate's picture has a white arrow to its top-right corner: the top is v = 0.
+TEST_F(TurningBox, TextureCoordinatesStartAtTheTop) {
+  const TriangleMesh& crate = mesh_named(scene_, "crate");
+  const Texture& picture =
+      *scene_.textures[static_cast<size_t>(material_named(scene_, "crate").texture)];
+  size_t front_corners = 0;
+  for (size_t i = 0; i < crate.positions.size(); ++i) {
+    if (crate.normals[i].z < 0.9) continue;  // still in the node's own coordinates
+    ++front_corners;
+    EXPECT_EQ(crate.uvs[i][0], crate.positions[i].x > 0 ? 1.0F : 0.0F);
+    EXPECT_EQ(crate.uvs[i][1], crate.positions[i].y > 0 ? 0.0F : 1.0F);
+  }
+  EXPECT_EQ(front_corners, 4U);
+  const auto red = [&](int x, int y) {
+    return picture.rgba[static_cast<size_t>(4 * (y * picture.width + x))];
+  };
+  EXPECT_GT(red(90, 36), 0.8F) << "the arrow's head, upper right";
+  EXPECT_LT(red(36, 36), 0.8F);
+}
+
+TEST_F(TurningBox, MaterialsFollowMetalAndRoughness) {
+  const Material& gold = material_named(scene_, "gold");
+  EXPECT_TRUE(gold.tinted_specular);
+  EXPECT_NEAR(gold.specular, 0.65, 1e-6);
+  const Material& red = material_named(scene_, "red");
+  EXPECT_FALSE(red.tinted_specular);
+  EXPECT_NEAR(red.specular, 0.04 * 0.75, 1e-6);
+  EXPECT_GT(red.shine, gold.shine);
+  expect_near(red.colour, {0.75, 0.03, 0.02}, 1e-6);
+  EXPECT_TRUE(scene_.colour_managed);
+}
+
+TEST_F(TurningBox, LightsShineAsPlacedAndAreExposed) {
+  ASSERT_THAT(scene_.lights, SizeIs(2));
+  const Light& sun =
+      scene_.lights[0].kind == Light::Kind::Directional ? scene_.lights[0] : scene_.lights[1];
+  const Light& lamp =
+      scene_.lights[0].kind == Light::Kind::Point ? scene_.lights[0] : scene_.lights[1];
+  // Down by 50 degrees, then 35 degrees to the right.
+  EXPECT_NEAR(sun.direction.y, -std::sin(50.0 * std::numbers::pi / 180.0), 1e-5);
+  EXPECT_GT(sun.direction.x, 0.1);
+  EXPECT_FALSE(sun.falls_off);
+  expect_near(lamp.position, {4, 5, 5}, 1e-5);
+  EXPECT_TRUE(lamp.falls_off);
+  EXPECT_GT(sun.colour.x, 0.1);
+  EXPECT_LT(sun.colour.x, 1.4);
+}
+
+TEST(Gltf, ATextureThatIsNotThereIsNotedAndThePlainColourKept) {
+  const SceneDescription scene = load_scene(data("missing-texture.gltf"));
+  EXPECT_THAT(scene.notes, Contains(HasSubstr("there-is-no-such.png")));
+  const Material& material = material_named(scene, "lost");
+  EXPECT_EQ(material.texture, -1);
+  expect_near(material.colour, {0.2, 0.4, 0.8}, 1e-6);
+}
+
+TEST(Gltf, AStillSceneHasNoNodesLeft) {
+  const SceneDescription scene = load_scene(data("textured-quad.gltf"));
+  EXPECT_THAT(scene.nodes, IsEmpty());
+  EXPECT_EQ(scene.duration_seconds, 0.0);
+  EXPECT_THAT(scene.textures, SizeIs(1));
+  // The quad lay on the ground and its node stands it up.
+  for (const Vec3 p : scene.meshes.at(0).positions) EXPECT_NEAR(p.z, 0.0, 1e-6);
+}
+
+// ---- the other formats
+
+TEST(Obj, ReadsMaterialsTexturesAndQuads) {
+  const SceneDescription scene = load_scene(data("pyramid.obj"));
+  EXPECT_THAT(scene.meshes, SizeIs(2));
+  size_t triangles = 0;
+  for (const TriangleMesh& mesh : scene.meshes) triangles += mesh.triangles.size();
+  EXPECT_EQ(triangles, 6U);
+  const Material& sides = material_named(scene, "sides");
+  expect_near(sides.colour, {0.8, 0.3, 0.1}, 1e-6);
+  ASSERT_GE(sides.texture, 0);
+  EXPECT_NEAR(sides.specular, 0.05, 1e-6) << "illumination model 2 has highlights, no mirror";
+  EXPECT_NEAR(material_named(scene, "base").specular, 1.0, 1e-6) << "model 3 is a mirror";
+  EXPECT_THAT(mesh_named(scene, scene.meshes[0].name).normals, IsEmpty())
+      << "no normals in the file: flat";
+}
+
+TEST(Obj, TextureCoordinatesStartAtTheTop) {
+  const SceneDescription scene = load_scene(data("pyramid.obj"));
+  for (const TriangleMesh& mesh : scene.meshes) {
+    for (size_t i = 0; i < mesh.uvs.size(); ++i)
+      EXPECT_FLOAT_EQ(mesh.uvs[i][1], mesh.positions[i].y > 1.0 ? 0.0F : 1.0F);
+  }
+}
+
+TEST(Ply, ReadsAMesh) {
+  const SceneDescription scene = load_scene(data("tetrahedron.ply"));
+  ASSERT_THAT(scene.meshes, SizeIs(1));
+  EXPECT_THAT(scene.meshes[0].triangles, SizeIs(4));
+  EXPECT_THAT(scene.meshes[0].positions, SizeIs(4));
+}
+
+TEST(Stl, ReadsAMeshWithItsFlatNormals) {
+  const SceneDescription scene = load_scene(data("tetrahedron.stl"));
+  ASSERT_THAT(scene.meshes, SizeIs(1));
+  EXPECT_THAT(scene.meshes[0].triangles, SizeIs(4));
+  EXPECT_THAT(scene.meshes[0].normals, SizeIs(12));
+}
+
+TEST(Loaders, ExtensionsMayBeInCapitals) {
+  const TemporaryFile copy("SHOUT.NFF", "s 0 0 0 1\n");
+  EXPECT_THAT(load_scene(copy.path()).spheres, SizeIs(1));
+}
+
+// ---- what is wrong
+
+Error refused(const std::filesystem::path& file) {
+  return error_of([&] { (void)load_scene(file); });
+}
+
+TEST(BrokenScenes, ANonFiniteVertexIsNamed) {
+  const Error error = refused(data("broken/nan-vertex.gltf"));
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.what(), HasSubstr("mesh 'bent' vertex 2 is not finite"));
+}
+
+TEST(BrokenScenes, AreRefusedInOneLineWithTheFile) {
+  for (const char* name :
+       {"broken/truncated.gltf", "broken/truncated.glb", "broken/empty-scene.gltf",
+        "broken/empty.obj", "broken/nan-vertex.nff"}) {
+    const Error error = refused(data(name));
+    EXPECT_EQ(error.kind(), ErrorKind::Input) << name;
+    EXPECT_THAT(error.what(), HasSubstr(name));
+    EXPECT_THAT(error.what(), ::testing::Not(HasSubstr("\n")));
+    EXPECT_LT(std::string(error.what()).size(), 400U);
+  }
+}
+
+TEST(BrokenScenes, AnIndexOutOfRangeNeverReachesTheScene) {
+  try {
+    const SceneDescription scene = load_scene(data("broken/index-out-of-range.gltf"));
+    for (const TriangleMesh& mesh : scene.meshes)
+      for (const auto& triangle : mesh.triangles)
+        for (const uint32_t corner : triangle) EXPECT_LT(corner, mesh.positions.size());
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+  }
+}
+
+TEST(BrokenScenes, EveryTruncationIsRefusedOrSurvived) {
+  std::ifstream in(data("textured-quad.gltf"), std::ios::binary);
+  const std::string whole{std::istreambuf_iterator<char>(in), {}};
+  for (size_t size = 0; size < whole.size(); size += 61) {
+    const TemporaryFile part("part.gltf", whole.substr(0, size));
+    try {
+      EXPECT_FALSE(load_scene(part.path()).meshes.empty());
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Input);
+    }
+  }
+}
+
+TEST(BrokenScenes, MissingUnknownAndSpecialFilesAreRefused) {
+  EXPECT_THAT(refused("/no/such.gltf").what(), HasSubstr("no such file"));
+  const TemporaryFile text("scene.unheard-of", "x");
+  EXPECT_THAT(refused(text.path()).what(), HasSubstr(".unheard-of"));
+  EXPECT_THAT(refused(::testing::TempDir()).what(), HasSubstr("not a regular file"));
+  EXPECT_THAT(refused("/dev/null").what(), HasSubstr("not a regular file"));
+}
+
+TEST(BrokenScenes, APipeIsNotWaitedFor) {
+  const auto pipe =
+      std::filesystem::path(::testing::TempDir()) / (std::to_string(::getpid()) + "-pipe.obj");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THAT(refused(pipe).what(), HasSubstr("not a regular file"));
+  std::filesystem::remove(pipe);
+}
+
+}  // namespace
+}  // namespace lenticule::render

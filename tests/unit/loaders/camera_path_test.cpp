@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/loaders/camera_path.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/unit/loaders/error_of.h"
+
+namespace lenticule::render {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+std::string refusal(const std::string& text) {
+  const Error error = error_of([&] { (void)parse_camera_path(text, "walk.path"); });
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  return error.what();
+}
+
+TEST(CameraPath, ReadsOnePoseALine) {
+  const auto path = parse_camera_path(
+      "# from      at     up\n1 2 3   0 0 0   0 1 0\n\n4 5 6   0 0 0   0 1 0   30 # narrower\n",
+      "walk.path");
+  ASSERT_THAT(path, SizeIs(2));
+  EXPECT_EQ(path[0].from, (Vec3{1, 2, 3}));
+  EXPECT_EQ(path[0].vertical_fov_degrees, 45.0);
+  EXPECT_EQ(path[1].from, (Vec3{4, 5, 6}));
+  EXPECT_EQ(path[1].at, (Vec3{0, 0, 0}));
+  EXPECT_EQ(path[1].up, (Vec3{0, 1, 0}));
+  EXPECT_EQ(path[1].vertical_fov_degrees, 30.0);
+}
+
+TEST(CameraPath, APoseMayNotRunOverTheEndOfItsLine) {
+  EXPECT_THAT(refusal("0 0 1 0 0 0 0 1 0\n0 0 1 0 0 0\n0 1 0\n"),
+              StartsWith("walk.path:2: a pose is nine numbers"));
+}
+
+TEST(CameraPath, RefusesWhatIsNoPose) {
+  EXPECT_THAT(refusal("# nothing\n"), HasSubstr("no pose"));
+  EXPECT_THAT(refusal("0 0 1 0 0 x 0 1 0\n"), StartsWith("walk.path:1: a pose's number"));
+  EXPECT_THAT(refusal("\n0 0 1 0 0 nan 0 1 0\n"), StartsWith("walk.path:2:"));
+  EXPECT_THAT(refusal("0 0 1 0 0 1 0 1 0\n"), HasSubstr("from and at are one point"));
+  EXPECT_THAT(refusal("0 0 1 0 0 0 0 0 1\n"), HasSubstr("up lies along"));
+  EXPECT_THAT(refusal("0 0 1 0 0 0 0 1 0 180\n"), HasSubstr("field of view of 180"));
+  EXPECT_THAT(refusal("0 0 1 0 0 0 0 1 0 30 1\n"), HasSubstr("more than ten"));
+  EXPECT_THAT(refusal("1e20 0 1 0 0 0 0 1 0\n"), HasSubstr("too far away"));
+}
+
+TEST(CameraPath, LoadsAFileAndNamesAMissingOne) {
+  const auto file = std::filesystem::path(::testing::TempDir()) / "lenticule-walk.path";
+  std::ofstream(file) << "0 0 1 0 0 0 0 1 0\n";
+  EXPECT_THAT(load_camera_path(file), SizeIs(1));
+  std::filesystem::remove(file);
+  EXPECT_THAT(error_of([&] { (void)load_camera_path(file); }).what(), HasSubstr(file.string()));
+}
+
+}  // namespace
+}  // namespace lenticule::render

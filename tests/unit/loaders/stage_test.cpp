@@ -1,0 +1,229 @@
+// SPDX-License-Identifier: Apache-2.0
+// The stage: which way up, how large, how deep, and that it survives any scale and place.
+#include "render/stage.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "tests/unit/loaders/error_of.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr double kWidth = 600.0;
+constexpr double kHeight = 300.0;
+
+/// 600 x 300 mm, seen from 700 mm; the depth of field follows from the gap.
+optics::OpticalModel model(double gap_mm = 2.0, double distance_mm = 700.0) {
+  optics::Rig rig;
+  rig.panel.width_px = 6000;
+  rig.panel.height_px = 3000;
+  rig.panel.pixel_width = Millimetres(0.1);
+  rig.panel.pixel_height = Millimetres(0.1);
+  rig.sheet.pitch = Subpixels(8.0);
+  rig.sheet.gap = Millimetres(gap_mm);
+  rig.viewing.distance = Millimetres(distance_mm);
+  return optics::OpticalModel(rig);
+}
+
+TriangleMesh quad(Vec3 a, Vec3 b, Vec3 c, Vec3 d) {
+  TriangleMesh mesh;
+  mesh.positions = {a, b, c, d};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  return mesh;
+}
+
+/// A square across the view at depth z, half a unit to each side.
+TriangleMesh card(double z) {
+  return quad({-0.5, -0.5, z}, {0.5, -0.5, z}, {0.5, 0.5, z}, {-0.5, 0.5, z});
+}
+
+SceneDescription ball_scene(Vec3 centre = {}, double radius = 1.0) {
+  SceneDescription scene;
+  scene.source = "ball";
+  scene.materials.resize(1);
+  Sphere ball;
+  ball.centre = centre;
+  ball.radius = radius;
+  scene.spheres = {ball};
+  return scene;
+}
+
+Camera camera(Vec3 from, Vec3 at, Vec3 up, double fov) {
+  Camera c;
+  c.from = from;
+  c.at = at;
+  c.up = up;
+  c.vertical_fov_degrees = fov;
+  return c;
+}
+
+void expect_near(Vec3 a, Vec3 b, double tolerance = 1e-9) {
+  EXPECT_LT(length(a - b), tolerance) << a.x << ' ' << a.y << ' ' << a.z;
+}
+
+TEST(StageBounds, CoverSpheresConesAndUsedVertices) {
+  SceneDescription scene = ball_scene({10, 0, 0}, 2.0);
+  Cone cone;
+  cone.base = {0, 0, 0};
+  cone.apex = {0, 0, 5};
+  cone.base_radius = 3.0;
+  cone.apex_radius = 1.0;
+  scene.cones = {cone};
+  scene.meshes = {card(-1)};
+  scene.meshes[0].positions.push_back({999, 999, 999});  // of no triangle
+  const Bounds b = scene_bounds(scene);
+  expect_near(b.low, {-3, -3, -2});
+  expect_near(b.high, {12, 3, 5});
+}
+
+TEST(StageWithoutACamera, PutsTheMiddleOnTheGlassAndFitsTheBounds) {
+  const Stage stage = make_stage(ball_scene({3, 4, 5}, 2.0), model());
+  expect_near(stage.panel_from_world.point({3, 4, 5}), {0, 0, 0});
+  // 0.9 of the height for a diameter of 4.
+  EXPECT_NEAR(stage.mm_per_unit, 0.9 * kHeight / 4.0, 1e-9);
+  const Vec3 top = stage.panel_from_world.point({3, 6, 5});
+  expect_near(top, {0, 0.45 * kHeight, 0}, 1e-9);
+}
+
+TEST(StageWithoutACamera, FitsWhicheverSideIsTighter) {
+  SceneDescription scene = ball_scene();
+  scene.spheres.clear();
+  scene.meshes = {quad({-5, -1, 0}, {5, -1, 0}, {5, 1, 0}, {-5, 1, 0})};
+  EXPECT_NEAR(make_stage(scene, model()).mm_per_unit, 0.9 * kWidth / 10.0, 1e-9);
+}
+
+TEST(StageWithoutACamera, ShrinksTheDepthOnlyAsFarAsTheBudgetAsks) {
+  const optics::OpticalModel rig = model();
+  const Stage deep = make_stage(ball_scene(), rig);
+  EXPECT_LT(deep.depth_scale, 1.0);
+  EXPECT_NEAR(deep.near_mm, rig.depth_of_field_mm(), 1e-9);
+  EXPECT_NEAR(deep.far_mm, -rig.depth_of_field_mm(), 1e-9);
+  SceneDescription flat = ball_scene();
+  flat.spheres.clear();
+  flat.meshes = {card(0)};
+  EXPECT_EQ(make_stage(flat, rig).depth_scale, 1.0);
+  StageOptions half;
+  half.depth_budget = 0.5;
+  EXPECT_NEAR(make_stage(ball_scene(), rig, half).near_mm, rig.depth_of_field_mm() / 2, 1e-9);
+}
+
+TEST(StageWithoutACamera, NothingComesNearerThanHalfwayToTheEye) {
+  // A sheet this thick resolves all depths: only the eye limits the scene.
+  const Stage stage = make_stage(ball_scene(), model(1000.0, 100.0));
+  EXPECT_GT(stage.depth_of_field_mm, 1000.0);
+  EXPECT_NEAR(stage.near_mm, 50.0, 1e-9);
+  const Stage parallel =
+      make_stage(ball_scene(), model(1000.0, std::numeric_limits<double>::infinity()));
+  EXPECT_EQ(parallel.depth_scale, 1.0);
+}
+
+TEST(StageWithACamera, ItsAxesBecomeThePanels) {
+  SceneDescription scene = ball_scene();
+  // Looks along world -x with z up: right is world +y.
+  scene.cameras = {camera({10, 0, 0}, {0, 0, 0}, {0, 0, 1}, 40)};
+  const Stage stage = make_stage(scene, model());
+  const double s = stage.mm_per_unit;
+  expect_near(stage.panel_from_world.point({0, 1, 0}), {s, 0, 0});
+  expect_near(stage.panel_from_world.point({0, 0, 1}), {0, s, 0});
+  const Vec3 toward = stage.panel_from_world.point({1, 0, 0});
+  expect_near(toward, {0, 0, s * stage.depth_scale});
+}
+
+TEST(StageWithACamera, ItsFieldOfViewSpansTheShorterSide) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
+  const double span = 20.0 * std::tan(20.0 * std::numbers::pi / 180.0);
+  EXPECT_NEAR(make_stage(scene, model()).mm_per_unit, kHeight / span, 1e-9);
+}
+
+TEST(StageWithACamera, AHorizonDoesNotFlattenTheScene) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 1, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
+  const double alone = make_stage(scene, model()).depth_scale;
+  scene.meshes = {quad({-1e6, -1, 1e6}, {1e6, -1, 1e6}, {1e6, -1, -1e6}, {-1e6, -1, -1e6})};
+  const Stage stage = make_stage(scene, model());
+  EXPECT_LT(stage.depth_scale, alone);
+  // Twice the distance behind the glass counts, not a million.
+  const double reach = 2.0 * std::hypot(1.0, 10.0) * stage.mm_per_unit;
+  EXPECT_NEAR(stage.depth_scale, stage.depth_of_field_mm / reach, 1e-3 * stage.depth_scale);
+}
+
+TEST(StageWithACamera, WhatItDoesNotSeeDoesNotCount) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
+  const double alone = make_stage(scene, model()).depth_scale;
+  Sphere beside;
+  beside.centre = {500, 0, -15};
+  scene.spheres.push_back(beside);
+  scene.meshes = {quad({-1, 50, 9}, {1, 50, 9}, {1, 50, -15}, {-1, 50, -15})};
+  EXPECT_EQ(make_stage(scene, model()).depth_scale, alone);
+}
+
+TEST(StageWithACamera, TheWallBehindItIsNotShown) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
+  scene.cameras[0].hither = 1.0;
+  scene.meshes = {card(30)};
+  const Stage stage = make_stage(scene, model());
+  EXPECT_NEAR(stage.near_mm, 9.0 * stage.mm_per_unit * stage.depth_scale, 1e-9);
+}
+
+TEST(StageOptions, OverrideWhatIsChosen) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
+  const Stage stage = make_stage(
+      scene, model(), {.centre = Vec3{1, 2, 3}, .mm_per_unit = 25.0, .depth_scale = 0.5});
+  expect_near(stage.panel_from_world.point({1, 2, 3}), {0, 0, 0});
+  expect_near(stage.panel_from_world.point({2, 2, 4}), {25, 0, 12.5});
+}
+
+TEST(StageOptions, ATurnBringsTheSidesToTheFront) {
+  // A quarter turn about the vertical takes world +x to the viewer's... back: seen from above the
+  // scene turns anticlockwise.
+  const Stage stage = make_stage(ball_scene(), model(), {.depth_scale = 1.0, .turn_degrees = 90});
+  const double s = stage.mm_per_unit;
+  expect_near(stage.panel_from_world.point({1, 0, 0}), {0, 0, -s});
+  expect_near(stage.panel_from_world.point({0, 0, 1}), {s, 0, 0});
+}
+
+TEST(StageOptions, NonsenseIsAUsageError) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const StageOptions& options :
+       {StageOptions{.centre = Vec3{nan, 0, 0}}, StageOptions{.mm_per_unit = 0.0},
+        StageOptions{.mm_per_unit = -1.0}, StageOptions{.depth_scale = 0.0},
+        StageOptions{.depth_scale = nan}, StageOptions{.depth_budget = 0.0},
+        StageOptions{.fill = 0.0}, StageOptions{.fill = 1.5}, StageOptions{.turn_degrees = nan}})
+    EXPECT_EQ(error_of([&] { (void)make_stage(ball_scene(), model(), options); }).kind(),
+              ErrorKind::Usage);
+}
+
+TEST(Stage, ItsTwoMapsUndoEachOtherAtAnyScaleAndPlace) {
+  for (const double radius : {1e-6, 1.0, 1e6}) {
+    for (const double offset : {0.0, 1e7}) {
+      const Vec3 centre{offset, -offset, offset / 2};
+      const Stage stage = make_stage(ball_scene(centre, radius), model());
+      for (const Vec3 mm : {Vec3{}, Vec3{100, 50, 5}, Vec3{-300, 150, -20}}) {
+        const Vec3 back = stage.panel_from_world.point(stage.world_from_panel.point(mm));
+        // A double near 1e7 resolves 2e-9: for a scene a millionth in size that is 0.3 mm.
+        const double resolution = 1e-15 * std::max(offset, radius) * stage.mm_per_unit;
+        expect_near(back, mm, 1e-9 + 10.0 * resolution);
+      }
+    }
+  }
+}
+
+TEST(Stage, ASceneWithNothingInItIsAnInputError) {
+  SceneDescription nothing;
+  nothing.source = "void.nff";
+  const Error error = error_of([&] { (void)make_stage(nothing, model()); });
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.what(), ::testing::HasSubstr("void.nff"));
+}
+
+}  // namespace
+}  // namespace lenticule::render

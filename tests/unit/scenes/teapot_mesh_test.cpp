@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// The teapot's mesh against what is known about the original: its size, its symmetry, its openings.
+#include "scenes/teapot_mesh.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <map>
+#include <set>
+
+namespace lenticule::scenes {
+namespace {
+
+using Point = std::array<double, 3>;
+
+Point point(Vec3 p) {
+  return {p.x + 0.0, p.y + 0.0, p.z + 0.0};
+}
+
+std::vector<Vec3> all_positions(const std::vector<SurfaceTriangle>& triangles) {
+  std::vector<Vec3> positions;
+  for (const SurfaceTriangle& triangle : triangles)
+    for (const SurfacePoint& corner : triangle) positions.push_back(corner.position);
+  return positions;
+}
+
+TEST(TeapotMesh, HasTheClassicNumberOfTriangles) {
+  for (const size_t n : {1U, 2U, 3U, 6U, 12U})
+    EXPECT_EQ(teapot_triangles(static_cast<int>(n)).size(), 64 * n * n - 8 * n) << "size " << n;
+}
+
+TEST(TeapotMesh, HasTheOriginalsExtents) {
+  Vec3 low{9, 9, 9};
+  Vec3 high{-9, -9, -9};
+  for (const Vec3 p : all_positions(teapot_triangles(32))) {
+    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+  }
+  EXPECT_NEAR(low.x, -3.0, 1e-3);
+  EXPECT_NEAR(high.x, 3.434, 1e-3);
+  EXPECT_NEAR(low.y, -2.0, 1e-3);
+  EXPECT_NEAR(high.y, 2.0, 1e-3);
+  EXPECT_NEAR(low.z, 0.0, 1e-12);
+  EXPECT_NEAR(high.z, 3.15, 1e-12);
+}
+
+TEST(TeapotMesh, IsItsOwnMirrorImage) {
+  const std::vector<Vec3> positions = all_positions(teapot_triangles(7));
+  std::set<Point> known;
+  for (const Vec3 p : positions) known.insert(point(p));
+  for (const Vec3 p : positions) EXPECT_TRUE(known.contains(point({p.x, -p.y, p.z})));
+}
+
+TEST(TeapotMesh, NormalsAreUnitAndLieOnTheSideThatTheCornersTurnAbout) {
+  for (const int size : {3, 16}) {
+    for (const auto& [a, b, c] : teapot_triangles(size)) {
+      const Vec3 face = normalized(cross(b.position - a.position, c.position - a.position));
+      for (const SurfacePoint& corner : {a, b, c}) ASSERT_NEAR(length(corner.normal), 1.0, 1e-12);
+      // Single corners of a coarse spout may lean away; their mean never does.
+      ASSERT_GT(dot(face, a.normal + b.normal + c.normal), 0.0) << "size " << size;
+    }
+  }
+}
+
+TEST(TeapotMesh, EnclosesAVolumeSoTheOutsideIsOut) {
+  double six_volumes = 0.0;
+  for (const auto& [a, b, c] : teapot_triangles(16))
+    six_volumes += dot(a.position, cross(b.position, c.position));
+  // A round pot of radius 2 and height 2.4 would be 30; the teapot is slimmer, and has a handle.
+  EXPECT_GT(six_volumes / 6.0, 20.0);
+  EXPECT_LT(six_volumes / 6.0, 30.0);
+}
+
+// Neighbouring patches share their edges to the last bit; what stays open are the rims that the
+// original leaves open too: lid and pot's mouth (4 arcs each), both ends of handle and spout (2
+// halves each).
+TEST(TeapotMesh, IsWatertightButForTheOriginalsRims) {
+  constexpr int kSize = 9;
+  std::map<std::pair<Point, Point>, int> edges;
+  for (const SurfaceTriangle& t : teapot_triangles(kSize))
+    for (size_t k = 0; k < 3; ++k) ++edges[{point(t[k].position), point(t[(k + 1) % 3].position)}];
+  int open = 0;
+  for (const auto& [edge, count] : edges) {
+    EXPECT_EQ(count, 1);
+    open += edges.contains({edge.second, edge.first}) ? 0 : 1;
+  }
+  EXPECT_EQ(open, (4 + 4 + 4 + 4) * kSize);
+}
+
+}  // namespace
+}  // namespace lenticule::scenes
