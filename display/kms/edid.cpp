@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/edid.h"
+
+#include <fmt/format.h>
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <numeric>
+
+namespace lenticule::display {
+namespace {
+
+constexpr std::array<uint8_t, 8> kHeader = {0, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0};
+constexpr std::array<size_t, 4> kDescriptors = {54, 72, 90, 108};
+constexpr size_t kDescriptorText = 13;
+constexpr uint8_t kTagSerial = 0xff;
+constexpr uint8_t kTagName = 0xfc;
+constexpr uint8_t kTagCta = 0x02;
+
+using Block = std::span<const uint8_t, kEdidBlockBytes>;
+
+bool sums_to_zero(std::span<const uint8_t> block) {
+  return static_cast<uint8_t>(std::accumulate(block.begin(), block.end(), 0U)) == 0;
+}
+
+/// Three letters of five bits each; anything but A..Z becomes '?'.
+std::string manufacturer_of(Block block) {
+  const unsigned packed = static_cast<unsigned>(block[8]) << 8 | block[9];
+  std::string letters;
+  for (const int shift : {10, 5, 0}) {
+    const unsigned letter = packed >> shift & 31U;
+    letters += letter >= 1 && letter <= 26 ? static_cast<char>('A' + letter - 1) : '?';
+  }
+  return letters;
+}
+
+uint32_t little_endian(std::span<const uint8_t> bytes) {
+  uint32_t value = 0;
+  for (size_t i = bytes.size(); i > 0; --i) value = value << 8 | bytes[i - 1];
+  return value;
+}
+
+/// Text ends at a line feed; what cannot be printed is left out.
+std::string descriptor_text(std::span<const uint8_t> bytes) {
+  std::string text;
+  for (const uint8_t byte : bytes) {
+    if (byte == '\n' || byte == 0) break;
+    if (byte >= ' ' && byte <= '~') text += static_cast<char>(byte);
+  }
+  while (!text.empty() && text.back() == ' ') text.pop_back();
+  return text;
+}
+
+std::string text_with_tag(Block block, uint8_t tag) {
+  for (const size_t at : kDescriptors) {
+    const auto descriptor = block.subspan(at, 18);
+    const bool is_text = descriptor[0] == 0 && descriptor[1] == 0 && descriptor[2] == 0;
+    if (is_text && descriptor[3] == tag)
+      return descriptor_text(descriptor.subspan(5, kDescriptorText));
+  }
+  return {};
+}
+
+std::string sha256_hex(std::span<const uint8_t> bytes) {
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  unsigned length = 0;
+  if (EVP_Digest(bytes.data(), bytes.size(), digest.data(), &length, EVP_sha256(), nullptr) != 1)
+    return {};
+  std::string hex;
+  for (unsigned i = 0; i < length; ++i) hex += fmt::format("{:02x}", digest[i]);
+  return hex;
+}
+
+/// EDID 1.4 says it in the feature byte of a digital base block, CTA-861 in its own block.
+bool base_offers_ycbcr(Block block) {
+  constexpr uint8_t kColourFormats = 0x18;
+  const bool digital = (block[20] & 0x80) != 0;
+  const bool revision_1_4 = block[18] == 1 && block[19] >= 4;
+  return digital && revision_1_4 && (block[24] & kColourFormats) != 0;
+}
+
+bool extension_offers_ycbcr(std::span<const uint8_t> extension) {
+  constexpr uint8_t kYcbcr444And422 = 0x30;
+  return extension[0] == kTagCta && (extension[3] & kYcbcr444And422) != 0;
+}
+
+bool offers_ycbcr(std::span<const uint8_t> bytes) {
+  if (base_offers_ycbcr(bytes.first<kEdidBlockBytes>())) return true;
+  for (size_t at = kEdidBlockBytes; at + kEdidBlockBytes <= bytes.size(); at += kEdidBlockBytes)
+    if (extension_offers_ycbcr(bytes.subspan(at, kEdidBlockBytes))) return true;
+  return false;
+}
+
+EdidProblem problem_of(std::span<const uint8_t> bytes) {
+  if (bytes.empty()) return EdidProblem::Absent;
+  if (bytes.size() < kEdidBlockBytes) return EdidProblem::Short;
+  if (!std::equal(kHeader.begin(), kHeader.end(), bytes.begin())) return EdidProblem::BadHeader;
+  if (!sums_to_zero(bytes.first(kEdidBlockBytes))) return EdidProblem::BadChecksum;
+  return EdidProblem::None;
+}
+
+bool same_hex(const std::string& a, const std::string& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](unsigned char x, unsigned char y) {
+    return std::tolower(x) == std::tolower(y);
+  });
+}
+
+}  // namespace
+
+const char* edid_problem_name(EdidProblem problem) {
+  switch (problem) {
+    case EdidProblem::None:
+      return "ok";
+    case EdidProblem::Absent:
+      return "absent";
+    case EdidProblem::Short:
+      return "too short";
+    case EdidProblem::BadHeader:
+      return "not an EDID";
+    case EdidProblem::BadChecksum:
+      return "wrong checksum";
+  }
+  return "?";
+}
+
+std::string EdidIdentity::serial() const {
+  if (!serial_text.empty()) return serial_text;
+  return serial_number == 0 ? std::string() : std::to_string(serial_number);
+}
+
+EdidReading read_edid(std::span<const uint8_t> bytes) {
+  EdidReading reading{.problem = problem_of(bytes)};
+  if (reading.problem != EdidProblem::None) return reading;
+  const Block block = bytes.first<kEdidBlockBytes>();
+  reading.identity = EdidIdentity{.manufacturer = manufacturer_of(block),
+                                  .product = little_endian(block.subspan(10, 2)),
+                                  .serial_number = little_endian(block.subspan(12, 4)),
+                                  .serial_text = text_with_tag(block, kTagSerial),
+                                  .name = text_with_tag(block, kTagName),
+                                  .sha256 = sha256_hex(block)};
+  reading.offers_ycbcr = offers_ycbcr(bytes);
+  return reading;
+}
+
+bool matches(const optics::PanelIdentity& wanted, const EdidIdentity& panel) {
+  if (!wanted.manufacturer.empty() && wanted.manufacturer != panel.manufacturer) return false;
+  if (wanted.product && *wanted.product != panel.product) return false;
+  if (!wanted.serial.empty() && wanted.serial != panel.serial_text &&
+      wanted.serial != std::to_string(panel.serial_number))
+    return false;
+  return wanted.edid_sha256.empty() || same_hex(wanted.edid_sha256, panel.sha256);
+}
+
+optics::PanelIdentity identity_for_rig(const EdidIdentity& panel) {
+  return {.manufacturer = panel.manufacturer,
+          .product = panel.product,
+          .serial = panel.serial(),
+          .edid_sha256 = panel.sha256};
+}
+
+std::string to_string(const EdidIdentity& panel) {
+  std::string text = fmt::format("{} 0x{:04x}", panel.manufacturer, panel.product);
+  if (const std::string serial = panel.serial(); !serial.empty())
+    text += fmt::format(" serial {}", serial);
+  if (!panel.name.empty()) text += fmt::format(" '{}'", panel.name);
+  return text;
+}
+
+std::string to_string(const optics::PanelIdentity& identity) {
+  std::string text = identity.manufacturer.empty() ? "any maker" : identity.manufacturer;
+  if (identity.product) text += fmt::format(" 0x{:04x}", *identity.product);
+  if (!identity.serial.empty()) text += fmt::format(" serial {}", identity.serial);
+  if (!identity.edid_sha256.empty())
+    text += fmt::format(" EDID {}", identity.edid_sha256.substr(0, 12));
+  return text;
+}
+
+}  // namespace lenticule::display

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finds the properties that change pixels, says what to write, and checks what came of it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "display/kms/atomic_request.h"
+#include "display/kms/drm_properties.h"
+#include "display/kms/exactness_report.h"
+#include "display/kms/exactness_rules.h"
+
+namespace lenticule::display {
+
+struct PipeTables {
+  PropertyTable connector;
+  PropertyTable crtc;
+  PropertyTable plane;
+
+  [[nodiscard]] const PropertyTable& of(KmsObject object) const;
+  /// None if one of the objects is gone.
+  [[nodiscard]] static std::optional<PipeTables> read(int fd, uint32_t connector, uint32_t crtc,
+                                                      uint32_t plane);
+};
+
+/// What happens after the scan-out, beyond any property.
+struct LinkFacts {
+  uint32_t connector_type = 0;  ///< DRM_MODE_CONNECTOR_*
+  std::string driver;
+  bool edid_known = false;
+  bool offers_ycbcr = false;
+};
+
+class ExactnessAudit {
+ public:
+  explicit ExactnessAudit(const PipeTables& found);
+
+  /// Everything to be written at a modeset, except what was refused.
+  [[nodiscard]] std::vector<PropertySetting> settings() const;
+  /// Gives up this one, or takes it back: to find out which ones a driver dislikes.
+  void set_refused(size_t index, bool refused);
+  [[nodiscard]] size_t count() const { return items_.size(); }
+
+  /// `now` as read after the commit; none when nothing was committed (`doctor` without mastery).
+  [[nodiscard]] ExactnessReport report(const LinkFacts& link,
+                                       const std::optional<PipeTables>& now) const;
+
+ private:
+  struct Item {
+    const ExactnessRule* rule = nullptr;
+    Property found;
+    uint32_t object = 0;
+    uint64_t wanted = 0;
+    bool refused = false;
+  };
+  struct Leftover {  ///< what cannot be written at all
+    const ExactnessRule* rule = nullptr;
+    Property found;
+    std::optional<uint64_t> wanted;
+  };
+
+  [[nodiscard]] AuditRow row_of(const Item& item, const std::optional<PipeTables>& now) const;
+  [[nodiscard]] AuditRow row_of(const Leftover& leftover) const;
+
+  std::vector<Item> items_;
+  std::vector<Leftover> leftovers_;
+};
+
+}  // namespace lenticule::display

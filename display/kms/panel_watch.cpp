@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/panel_watch.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "optics/error.h"
+
+namespace lenticule::display {
+namespace {
+
+/// Panels announce themselves in bursts; one look at the end of it is enough.
+constexpr Nanoseconds kDebounce = std::chrono::milliseconds(200);
+/// In case news is lost, or a sandbox keeps it out.
+constexpr Nanoseconds kSlowLook = std::chrono::seconds(30);
+constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
+
+frames::UniqueFd make_eventfd() {
+  frames::UniqueFd fd(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+  if (!fd)
+    throw Error(ErrorKind::Failed, fmt::format("kms: no eventfd: {}", std::strerror(errno)),
+                "raise the limit of open files");
+  return fd;
+}
+
+void signal(const frames::UniqueFd& fd) noexcept {
+  const uint64_t one = 1;
+  (void)!write(fd.get(), &one, sizeof(one));
+}
+
+void drain(const frames::UniqueFd& fd) noexcept {
+  uint64_t count = 0;
+  (void)!read(fd.get(), &count, sizeof(count));
+}
+
+}  // namespace
+
+PanelWatch::PanelWatch(int card_fd, const ConnectorInfo& seen,
+                       std::unique_ptr<HotplugMonitor> monitor, std::shared_ptr<Clock> clock,
+                       Running running)
+    : card_fd_(card_fd),
+      connector_id_(seen.id),
+      monitor_(std::move(monitor)),
+      clock_(std::move(clock)),
+      running_(running),
+      poke_(make_eventfd()),
+      told_(make_eventfd()),
+      connected_(seen.connected),
+      link_bad_(seen.link_bad),
+      slow_look_at_(clock_->now() + kSlowLook) {
+  if (running_ == Running::OwnThread) thread_ = std::thread([this] { run(); });
+}
+
+PanelWatch::~PanelWatch() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  signal(poke_);
+  if (thread_.joinable()) thread_.join();
+}
+
+int PanelWatch::fd() const noexcept {
+  return running_ == Running::OwnThread ? told_.get() : monitor_->fd();
+}
+
+Nanoseconds PanelWatch::next_step() const noexcept {
+  if (running_ == Running::OwnThread) return Nanoseconds::max();
+  return std::min(probe_at_.value_or(Nanoseconds::max()), slow_look_at_);
+}
+
+void PanelWatch::step() noexcept {
+  if (running_ == Running::OwnThread) return;
+  try {
+    look(clock_->now());
+  } catch (...) {
+    probe_at_ = clock_->now() + kDebounce;  // no memory to look with: try again
+  }
+}
+
+std::optional<PanelNews> PanelWatch::take_news() noexcept {
+  drain(told_);
+  const std::lock_guard lock(mutex_);
+  return std::exchange(news_, std::nullopt);
+}
+
+void PanelWatch::request_probe() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    probe_requested_ = true;
+  }
+  signal(poke_);
+  step();
+}
+
+void PanelWatch::run() noexcept {
+  while (true) {
+    {
+      const std::lock_guard lock(mutex_);
+      if (stopping_) return;
+    }
+    const Nanoseconds now = clock_->now();
+    const Nanoseconds until = std::min(probe_at_.value_or(slow_look_at_), slow_look_at_);
+    const auto sleep = std::clamp(until - now, Nanoseconds{0}, kLongestSleep);
+    std::array<pollfd, 2> entries = {pollfd{.fd = poke_.get(), .events = POLLIN, .revents = 0},
+                                     pollfd{.fd = monitor_->fd(), .events = POLLIN, .revents = 0}};
+    (void)poll(entries.data(), entries.size(),
+               static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(sleep).count()));
+    drain(poke_);
+    try {
+      look(clock_->now());
+    } catch (...) {
+      probe_at_ = clock_->now() + kDebounce;
+    }
+  }
+}
+
+/// One round: hears the news, and probes if it is time.
+void PanelWatch::look(Nanoseconds now) {
+  if (monitor_->drain() && !probe_at_) probe_at_ = now + kDebounce;
+  bool asked = false;
+  {
+    const std::lock_guard lock(mutex_);
+    asked = std::exchange(probe_requested_, false);
+  }
+  if (now >= slow_look_at_) {
+    slow_look_at_ = now + kSlowLook;
+    const auto current = read_connector(card_fd_, connector_id_, Probe::Cached);
+    if (!current || current->connected != connected_ || current->link_bad != link_bad_)
+      probe_at_ = now;
+  }
+  if (!asked && (!probe_at_ || now < *probe_at_)) return;
+  probe_at_.reset();
+  probe();
+}
+
+void PanelWatch::probe() {
+  tell(read_connector(card_fd_, connector_id_, Probe::Full));
+}
+
+void PanelWatch::tell(std::optional<ConnectorInfo> connector) {
+  if (connector) {
+    connected_ = connector->connected;
+    link_bad_ = connector->link_bad;
+  } else {
+    connected_ = false;
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    news_ = PanelNews{.connector = std::move(connector)};
+  }
+  signal(told_);
+}
+
+}  // namespace lenticule::display

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// Keeps an eye on one connector: hotplug news, and a slow look of its own in case none comes.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "display/clock.h"
+#include "display/kms/connector.h"
+#include "display/kms/platform.h"
+#include "frames/ring/unique_fd.h"
+
+namespace lenticule::display {
+
+struct PanelNews {
+  /// None: the connector itself is gone.
+  std::optional<ConnectorInfo> connector;
+};
+
+/// Probing a panel may take hundreds of milliseconds, so in real time it happens on a thread of its
+/// own; in simulated time inside step(). Borrows the card's descriptor.
+class PanelWatch {
+ public:
+  enum class Running { OwnThread, InStep };
+
+  /// Throws Error(Failed) without descriptors or threads.
+  PanelWatch(int card_fd, const ConnectorInfo& seen, std::unique_ptr<HotplugMonitor> monitor,
+             std::shared_ptr<Clock> clock, Running running);
+  ~PanelWatch();
+  PanelWatch(const PanelWatch&) = delete;
+  PanelWatch& operator=(const PanelWatch&) = delete;
+
+  /// Readable when take_news() or, without an own thread, step() has something to do.
+  [[nodiscard]] int fd() const noexcept;
+  /// Without an own thread: when step() wants to be called next; never otherwise.
+  [[nodiscard]] Nanoseconds next_step() const noexcept;
+  void step() noexcept;
+
+  /// What changed since the last time, if anything did.
+  [[nodiscard]] std::optional<PanelNews> take_news() noexcept;
+  /// Look now, and tell even if nothing changed. Any thread.
+  void request_probe() noexcept;
+
+ private:
+  void run() noexcept;
+  void look(Nanoseconds now);
+  void probe();
+  void tell(std::optional<ConnectorInfo> connector);
+
+  int card_fd_;
+  uint32_t connector_id_;
+  std::unique_ptr<HotplugMonitor> monitor_;
+  std::shared_ptr<Clock> clock_;
+  Running running_;
+  frames::UniqueFd poke_;  ///< eventfd: request_probe() and the end
+  frames::UniqueFd told_;  ///< eventfd: there is news
+
+  // Of the thread that looks.
+  bool connected_;
+  bool link_bad_;
+  std::optional<Nanoseconds> probe_at_;
+  Nanoseconds slow_look_at_;
+
+  std::mutex mutex_;  ///< guards the following
+  std::optional<PanelNews> news_;
+  bool probe_requested_ = false;
+  bool stopping_ = false;
+
+  std::thread thread_;
+};
+
+}  // namespace lenticule::display
