@@ -15,7 +15,7 @@ namespace lenticule::test {
 struct ProcessLimits {
   std::chrono::seconds timeout{120};
   /// No file may grow beyond this: writes fail as on a full disk.
-  std::optional<uint64_t> largest_file_bytes;
+  std::optional<uint64_t> largest_file_bytes = std::nullopt;
   /// Sent once after `interrupt_after`, when set.
   int interrupt_signal = 0;
   std::chrono::milliseconds interrupt_after{0};
