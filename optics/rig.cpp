@@ -124,8 +124,8 @@ Problem viewing_problem(const ViewingLine& viewing, const LensSheet& sheet) {
 }
 
 /// Light inside the sheet cannot be steeper than the critical angle, and a subpixel must find an
-/// eye for its lens: the horizontal shift grows with the eye's x. Both are checked where they are
-/// hardest, at the panel's edges with a viewer half a lobe aside.
+/// eye for its lens: its phase must grow with the eye's x. Both are checked where they are hardest,
+/// at the panel's edges with a viewer half a lobe aside.
 Problem geometry_problem(const Rig& rig) {
   const Panel& panel = rig.panel;
   const LensSheet& sheet = rig.sheet;
@@ -136,19 +136,26 @@ Problem geometry_problem(const Rig& rig) {
   const double edge_y =
       (0.5 * panel.height_px * panel.pixel_height.value + std::abs(rig.viewing.height.value)) *
       inverse_z;
+  // Shifts are Delta_x / g, the tangents inside the sheet.
+  const double shift_to_centre = edge_x / std::sqrt(1.0 + kappa * edge_x * edge_x);
   const double half_lens = sheet.pitch.value * panel.pixel_width.value / 6.0 / sheet.gap.value;
-  const double steepest = edge_x / std::sqrt(1.0 + kappa * edge_x * edge_x) + half_lens;
-  const double room = 1.0 - kappa * steepest * steepest;
-  if (!(room >= 0.1)) {
+  const double slope = std::abs(sheet.slant) * panel.pixel_width.value / panel.pixel_height.value;
+  const auto room = [&](double shift) { return 1.0 - kappa * shift * shift; };
+
+  const double straight = shift_to_centre + half_lens;
+  // How much the y shift, which changes with the eye's x too, counteracts the x shift.
+  const double coupling = slope * edge_y * kappa * straight / room(straight);
+  if (room(straight) > 0.0 && !(coupling <= 0.5 && edge_x <= 1e3 && edge_y <= 1e3)) {
+    return RigProblem{"viewing.distance_mm", "too near for a panel of this size and slant", {}};
+  }
+  // Both that and a residual map make a lens wider in terms of the shift.
+  const double bend = sheet.residual.empty() ? 1.0 : 1.0 + 2.5 * kMaxResidualSlope;
+  if (!(room(straight) > 0.0 &&
+        room(shift_to_centre + half_lens * bend / (1.0 - coupling)) >= 0.05)) {
     return RigProblem{"sheet.gap_mm",
                       "so thin for this pitch that a lens would have to send light beyond the "
                       "critical angle",
                       "check gap_mm, pitch_subpx and the pixel size"};
-  }
-  const double slope = std::abs(sheet.slant) * panel.pixel_width.value / panel.pixel_height.value;
-  if (!(slope * edge_y * kappa * steepest / room <= 0.5) || !(steepest <= 1e3) ||
-      !(edge_y <= 1e3)) {
-    return RigProblem{"viewing.distance_mm", "too near for a panel of this size and slant", {}};
   }
   return {};
 }

@@ -11,11 +11,24 @@
 #include "optics/error.h"
 #include "tests/support/random_rigs.h"
 
+// Allocations are counted, to hold evaluate() to its promise. The address sanitizer brings its own
+// operators new, which must not be mixed with these.
+#if defined(__SANITIZE_ADDRESS__)
+#define LENTICULE_COUNTS_ALLOCATIONS 0
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define LENTICULE_COUNTS_ALLOCATIONS 0
+#endif
+#endif
+#ifndef LENTICULE_COUNTS_ALLOCATIONS
+#define LENTICULE_COUNTS_ALLOCATIONS 1
+#endif
+
 namespace {
 std::atomic<long> allocations{0};
 }  // namespace
 
-// Counted, to hold evaluate() to its promise.
+#if LENTICULE_COUNTS_ALLOCATIONS
 void* operator new(std::size_t size) {
   ++allocations;
   if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
@@ -27,6 +40,7 @@ void operator delete(void* memory) noexcept {
 void operator delete(void* memory, std::size_t) noexcept {
   std::free(memory);
 }
+#endif
 
 namespace lenticule::optics {
 namespace {
@@ -95,9 +109,13 @@ TEST(RowRays, DoNotAllocateOnceTheyHaveTheirSize) {
   const RowRayEvaluator evaluator(model);
   RowRays rays;
   rays.resize(3 * 3840);
+  const double* const where = rays.place.data();
   const long before = allocations.load();
   for (int j = 0; j < 10; ++j) evaluator.evaluate(j, 0, 3840, rays);
-  EXPECT_EQ(allocations.load(), before);
+  EXPECT_EQ(rays.place.data(), where);
+  if (LENTICULE_COUNTS_ALLOCATIONS) {
+    EXPECT_EQ(allocations.load(), before);
+  }
 }
 
 TEST(RowRays, OfAnEmptyRangeAreNone) {
