@@ -66,8 +66,10 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                  "stop after so many seconds; without --loop, loop until then")
       ->check(CLI::PositiveNumber);
   app.add_option("--prime", flags.prime, "frames that must be ready before the first is shown")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--slots", flags.slots, "frames kept ready in memory")->capture_default_str();
+      ->check(CLI::Range(1, 1'000'000));
+  app.add_option("--slots", flags.slots, "frames kept ready in memory")
+      ->check(CLI::Range(2, 4096))
+      ->capture_default_str();
   app.add_option("--buffers", flags.buffers, "scan-out buffers")
       ->check(CLI::Range(2, 16))
       ->capture_default_str();

@@ -62,6 +62,7 @@ ResidentMemory read_resident_memory() {
       return std::sscanf(line.c_str(), pattern, &kibibytes) == 1;
     };
     if (is("VmRSS: %llu kB")) memory.total = kibibytes * 1024;
+    if (is("RssAnon: %llu kB")) memory.anonymous = kibibytes * 1024;
     if (is("RssShmem: %llu kB")) memory.shared = kibibytes * 1024;
     if (is("VmHWM: %llu kB")) memory.peak = kibibytes * 1024;
   }
@@ -97,6 +98,7 @@ nlohmann::ordered_json to_json(const PlayReport& report) {
                {"copy_us", latency_json(report.copy)},
                {"resident_bytes",
                 {{"total", report.memory.total},
+                 {"anonymous", report.memory.anonymous},
                  {"shared", report.memory.shared},
                  {"peak", report.memory.peak}}}});
   return json;

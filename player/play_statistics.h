@@ -75,8 +75,9 @@ struct LiveStatistics {
 
 /// Of this process, in bytes; zeros where /proc is missing.
 struct ResidentMemory {
-  uint64_t total = 0;
-  uint64_t shared = 0;  ///< the part of it that is shared memory: the ring
+  uint64_t total = 0;      ///< the rest of it are pages of program and library files
+  uint64_t anonymous = 0;  ///< the part that the process took for itself
+  uint64_t shared = 0;     ///< the part that is shared memory: the ring
   uint64_t peak = 0;
 };
 [[nodiscard]] ResidentMemory read_resident_memory();
