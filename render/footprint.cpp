@@ -54,8 +54,7 @@ Footprint::Footprint(const optics::OpticalModel& model, SubpixelPlace place)
   tan_y_per_mm_ = std::isinf(distance) ? 0.0 : -1.0 / distance;
 }
 
-PanelRay Footprint::displaced(const PanelRay& centre) const {
-  if (centred_) return centre;
+PanelRay Footprint::moved(const PanelRay& centre) const {
   PanelRay ray;
   ray.x_mm = centre.x_mm + lens_dx_mm_;
   ray.y_mm = centre.y_mm + lens_dy_mm_;

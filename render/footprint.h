@@ -35,9 +35,13 @@ class Footprint {
   /// then, bends the ray by the sheet's refraction law. What varies slowly (the residual map, the
   /// exact law's vertical shift) is taken as constant across the subpixel: below a hundredth
   /// of a subpixel.
-  [[nodiscard]] PanelRay displaced(const PanelRay& centre) const;
+  [[nodiscard]] PanelRay displaced(const PanelRay& centre) const {
+    return centred_ ? centre : moved(centre);
+  }
 
  private:
+  [[nodiscard]] PanelRay moved(const PanelRay& centre) const;
+
   bool centred_;
   double lens_dx_mm_;  ///< of the lens point
   double lens_dy_mm_;

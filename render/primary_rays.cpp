@@ -15,33 +15,47 @@ double PrimaryRays::start_mm(const Scene::Impl& scene) const {
   return std::min(clear_of_scene, kNearestContent * distance_mm_);
 }
 
+void PrimaryRays::evaluate_rows(const Tile& tile, Workspace& workspace) const {
+  for (int row = 0; row < TilePlan::kRows; ++row) {
+    Workspace::Row& out = workspace.rows[static_cast<size_t>(row)];
+    const int first = plan_.subpixel(tile, 0, row);
+    out.begin = std::max(first, 0);
+    out.end = row < tile.rows ? std::min(first + tile.columns, plan_.row_subpixels()) : out.begin;
+    out.end = std::max(out.end, out.begin);
+    if (out.begin == out.end) continue;
+    const int i_begin = out.begin / 3;
+    out.first_evaluated = 3 * i_begin;
+    evaluator_.evaluate(tile.row_begin + row, i_begin, (out.end + 2) / 3, out.rays);
+  }
+}
+
 void PrimaryRays::generate(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint,
                            double weight, Workspace& workspace, std::vector<PathRay>& rays) const {
+  evaluate_rows(tile, workspace);
   const double start = start_mm(scene);
   const Affine& scene_from_panel = scene.scene_from_panel;
-  rays.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, PathRay{});
-  for (int row = 0; row < tile.rows; ++row) {
-    const int first = plan_.subpixel(tile, 0, row);
-    const int begin = std::max(first, 0);
-    const int end = std::min(first + tile.columns, plan_.row_subpixels());
-    if (begin >= end) continue;
-    const int i_begin = begin / 3;
-    evaluator_.evaluate(tile.row_begin + row, i_begin, (end + 2) / 3, workspace.row);
-    for (int s = begin; s < end; ++s) {
-      const auto k = static_cast<size_t>(s - 3 * i_begin);
-      const PanelRay line =
-          footprint.displaced({workspace.row.lens_x_mm[k], workspace.row.lens_y_mm[k],
-                               workspace.row.tan_x[k], workspace.row.tan_y[k]});
-      const auto column = static_cast<uint32_t>(s - first);
-      PathRay& ray = rays[column * TilePlan::kRows + static_cast<uint32_t>(row)];
-      ray.origin = scene_from_panel.point(
+  rays.resize(static_cast<size_t>(tile.columns) * TilePlan::kRows);
+  PathRay* ray = rays.data();
+  // Column by column, so that the packets are written one after the other.
+  for (int column = 0; column < tile.columns; ++column)
+    for (int row = 0; row < TilePlan::kRows; ++row, ++ray) {
+      const Workspace::Row& in = workspace.rows[static_cast<size_t>(row)];
+      const int s = plan_.subpixel(tile, column, row);
+      if (s < in.begin || s >= in.end) {
+        ray->target = PathRay::kInactive;
+        continue;
+      }
+      const auto k = static_cast<size_t>(s - in.first_evaluated);
+      const PanelRay line = footprint.displaced(
+          {in.rays.lens_x_mm[k], in.rays.lens_y_mm[k], in.rays.tan_x[k], in.rays.tan_y[k]});
+      const Vec3 way = scene_from_panel.vector({-line.tan_x, -line.tan_y, -1.0});
+      ray->origin = scene_from_panel.point(
           {line.x_mm + start * line.tan_x, line.y_mm + start * line.tan_y, start});
-      ray.direction = normalized(scene_from_panel.vector({-line.tan_x, -line.tan_y, -1.0}));
-      ray.weight = weight;
-      ray.target = static_cast<uint32_t>(row) * static_cast<uint32_t>(tile.columns) + column;
-      ray.channel = s % 3;
+      ray->direction = way * (1.0 / length(way));
+      ray->weight = weight;
+      ray->target = static_cast<uint32_t>(row * tile.columns + column);
+      ray->channel = s % 3;
     }
-  }
 }
 
 }  // namespace lenticule::render

@@ -2,6 +2,7 @@
 // The rays of a tile's subpixels, one per subpixel and sample, in the scene frame.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "optics/row_rays.h"
@@ -23,7 +24,13 @@ class PrimaryRays {
 
   /// Scratch of one thread.
   struct Workspace {
-    optics::RowRays row;
+    struct Row {
+      int begin = 0;  ///< subpixels of the row that the tile has: [begin, end)
+      int end = 0;
+      int first_evaluated = 0;  ///< subpixel of the first element of `rays`
+      optics::RowRays rays;
+    };
+    std::array<Row, TilePlan::kRows> rows;
   };
 
   /// Fills `rays` packet by packet: sixteen rows of the tile's first column, of its second, and so
@@ -33,6 +40,7 @@ class PrimaryRays {
 
  private:
   [[nodiscard]] double start_mm(const Scene::Impl& scene) const;
+  void evaluate_rows(const Tile& tile, Workspace& workspace) const;
 
   const TilePlan& plan_;
   optics::RowRayEvaluator evaluator_;

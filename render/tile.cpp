@@ -18,19 +18,16 @@ int ceiling_quotient(int a, int b) {
 }  // namespace
 
 TilePlan::TilePlan(const optics::Rig& rig)
-    : width_(rig.panel.width_px),
-      height_(rig.panel.height_px),
-      // Where the three subpixels of a pixel are not thirds of a row, columns move by whole pixels.
-      step_(subpixels_are_side_by_side(rig.panel.layout) ? 1 : 3) {
-  shift_per_row_ = 3.0 * rig.sheet.slant / step_;
-  const int drift = shift(kRows - 1);
+    : width_(rig.panel.width_px), height_(rig.panel.height_px) {
+  // Where the three subpixels of a pixel are not thirds of a row, columns move by whole pixels.
+  const int step = subpixels_are_side_by_side(rig.panel.layout) ? 1 : 3;
+  for (int row = 0; row < kRows; ++row)
+    shifts_[static_cast<size_t>(row)] =
+        step * static_cast<int>(std::lround(3.0 * rig.sheet.slant * row / step));
+  const int drift = shifts_.back();
   first_column_ = std::min(0, drift);
   bands_ = ceiling_quotient(height_, kRows);
   per_band_ = ceiling_quotient(row_subpixels() + std::abs(drift), kColumns);
-}
-
-int TilePlan::shift(int row) const {
-  return step_ * static_cast<int>(std::lround(shift_per_row_ * row));
 }
 
 Tile TilePlan::tile(int index) const {

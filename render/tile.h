@@ -2,6 +2,8 @@
 // How a frame is cut into pieces of work.
 #pragma once
 
+#include <array>
+
 #include "optics/rig.h"
 
 namespace lenticule::render {
@@ -26,7 +28,7 @@ class TilePlan {
   [[nodiscard]] Tile tile(int index) const;
 
   /// How many subpixels to the left a column has moved `row` rows below the tile's first.
-  [[nodiscard]] int shift(int row) const;
+  [[nodiscard]] int shift(int row) const { return shifts_[static_cast<size_t>(row)]; }
   /// The subpixel (3 i + channel) of a tile's column in one of its rows; outside
   /// [0, row_subpixels()) where the shear leaves the panel.
   [[nodiscard]] int subpixel(const Tile& tile, int column, int row) const {
@@ -37,8 +39,7 @@ class TilePlan {
  private:
   int width_;
   int height_;
-  double shift_per_row_;  ///< in steps
-  int step_;              ///< subpixels that columns move by
+  std::array<int, kRows> shifts_{};
   int first_column_;
   int bands_;
   int per_band_;
