@@ -15,6 +15,7 @@ namespace lenticule::player {
 // One file per benchmark; each defines its function.
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
+Run declare_bench_play(CLI::App& app);
 
 namespace {
 
@@ -34,6 +35,7 @@ const std::vector<Benchmark>& benchmarks() {
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
        declare_bench_exact},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
+      {"play", "the player's memory over many frames of a ring", declare_bench_play},
   };
   return table;
 }
