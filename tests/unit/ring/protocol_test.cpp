@@ -74,20 +74,15 @@ TEST(RingProtocol, ChecksEveryFieldOfHello) {
             "the rig's fingerprint is not plain text");
   EXPECT_EQ(with([](auto& m) { m.has_frame_count = 2; }), "a reserved field is in use");
   EXPECT_EQ(with([](auto& m) { m.reserved = 1; }), "a reserved field is in use");
-  for (const auto& [numerator, denominator] :
-       std::initializer_list<std::pair<int64_t, int64_t>>{{0, 1},
-                                                          {1, 0},
-                                                          {-60, -1},
-                                                          {10001, 1},
-                                                          {1, 3601},
-                                                          {INT64_MAX, INT64_MAX},
-                                                          {INT64_MIN, 1}})
+  const std::pair<int64_t, int64_t> senseless[] = {
+      {0, 1}, {1, 0}, {-60, -1}, {10001, 1}, {1, 3601}, {INT64_MAX, INT64_MAX}, {INT64_MIN, 1}};
+  for (const auto& rate : senseless)
     EXPECT_EQ(with([&](auto& m) {
-                m.rate_numerator = numerator;
-                m.rate_denominator = denominator;
+                m.rate_numerator = rate.first;
+                m.rate_denominator = rate.second;
               }),
               "the frame rate makes no sense")
-        << numerator << "/" << denominator;
+        << rate.first << "/" << rate.second;
 }
 
 TEST(RingProtocol, RejectsEveryWrongLength) {
