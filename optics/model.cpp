@@ -55,6 +55,7 @@ struct Search {
   double slope;          ///< tan of the slant angle on the glass
   double lens_per_gap;   ///< p_h / g
   double shift_at_rest;  ///< x shift onto the lens's axis, were there no y shift and no residual
+  double first_shift;    ///< where to start: a pitch times the place away from that to the centre
 };
 struct ServedEye {
   double shift;  ///< Delta_x / g
@@ -66,7 +67,7 @@ struct ServedEye {
 /// Each step takes the residual map as linear around the present L and makes a Newton step of F.
 template <class Residual>
 ServedEye find_served_eye(const Search& q, double s, const Residual& residual) {
-  double shift = q.shift_at_rest + q.slope * q.tan_y / (s + q.gamma);
+  double shift = q.first_shift;
   const double eye_tan_y = q.tan_y * s / (s + q.gamma);
   s = std::sqrt((1.0 + q.kappa * eye_tan_y * eye_tan_y) / (1.0 - q.kappa * shift * shift));
   for (int i = 0; i < kMaxNewtonSteps; ++i) {
@@ -179,14 +180,16 @@ SubpixelRay OpticalModel::ray(int i, int j, int channel) const {
                              sheet.slant * (at_px.y - panel.height_px / 2.0);
   const double ideal_phase = 3.0 * from_centre / sheet.pitch.value + sheet.offset.value;
   const double lens_per_gap = pitch_mm() / gap;
+  const double s_centre = obliquity(to_centre, kappa);
   const ServedEye eye = find_served_eye(
       {.tan_y = to_centre.tan_y,
        .gamma = to_centre.gamma,
        .kappa = kappa,
        .slope = sheet.slant * panel.pixel_width.value / panel.pixel_height.value,
        .lens_per_gap = lens_per_gap,
-       .shift_at_rest = lens_per_gap * (static_cast<double>(served.lens) - ideal_phase)},
-      obliquity(to_centre, kappa), residual);
+       .shift_at_rest = lens_per_gap * (static_cast<double>(served.lens) - ideal_phase),
+       .first_shift = to_centre.tan_x / (s_centre + to_centre.gamma) - lens_per_gap * served.place},
+      s_centre, residual);
 
   const double paraxial_tan_y = to_centre.tan_y / (1.0 + to_centre.gamma);
   return {.lens_x_mm = at_mm.x + gap * eye.shift,

@@ -146,7 +146,7 @@ struct Search {
 };
 
 void start_search(const Constants& c, const EyeTerms& eye, const Points& p, const Sight& sight,
-                  const Lane& lens, Search& q) {
+                  const Lane& lens, const double* place, Search& q) {
   for (int i = 0; i < p.count; ++i) {
     const double ideal_phase = ((p.x_px[i] + p.channel_px[i] - c.half_width_px) +
                                 c.slant * (p.y_px[i] - c.half_height_px)) *
@@ -154,7 +154,7 @@ void start_search(const Constants& c, const EyeTerms& eye, const Points& p, cons
                                c.offset_lenses;
     const double at_rest = c.lens_per_gap * (lens[i] - ideal_phase);
     const double d = 1.0 / (sight.s[i] + eye.gamma), ty = sight.tan_y[i];
-    const double shift = at_rest + c.slope * ty * d;
+    const double shift = sight.tan_x[i] * d - c.lens_per_gap * place[i];
     const double eye_ty = ty * sight.s[i] * d;
     q.at_rest[i] = at_rest;
     q.shift[i] = shift;
@@ -235,7 +235,7 @@ void rays(const Constants& c, const EyeTerms& eye, const Points& p, const Rays& 
   look(eye, c, p, sight);
   phases_of(c, eye, p, sight, phase.value);
   choose_lens(c, p.count, phase, lens, out);
-  start_search(c, eye, p, sight, lens, search);
+  start_search(c, eye, p, sight, lens, out.place, search);
   for (int step = 0; step < c.serve_steps; ++step) {
     if (c.residual != nullptr) {
       bend_of_residual(c, eye, p, sight, search);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <random>
 
+#include "optics/rig_file.h"
 #include "optics/row_rays.h"
 #include "tests/support/optics_oracle.h"
 #include "tests/support/random_rigs.h"
@@ -40,7 +41,9 @@ struct Errors {
   long on_border = 0;
 
   void raise(double& worst, Real error) {
-    worst = std::max(worst, static_cast<double>(std::fabs(error)));
+    // Written so that a NaN is the worst of all.
+    const double size = static_cast<double>(std::fabs(error));
+    worst = size <= worst ? worst : size;
   }
 };
 
@@ -92,6 +95,64 @@ TEST(FastMap, IsWithinANanolensOfTheOracleForAMillionRandomSubpixels) {
   std::printf("%ld subpixels: place within %.2g lens, subpixel -> ray -> eye -> lens within %.2g\n",
               errors.subpixels, errors.place, errors.round_trip);
   RecordProperty("worst_place_lenses", std::to_string(errors.place));
+}
+
+/// Anything that the validator lets through, however absurd.
+Rig wild_rig(std::mt19937_64& random) {
+  const auto wild = [&](double low, double high) {  // evenly over the orders of magnitude
+    return low * std::pow(high / low, static_cast<double>(random() >> 11) * 0x1p-53);
+  };
+  const auto sign = [&] { return random() % 2 == 0 ? 1.0 : -1.0; };
+  Rig rig;
+  rig.panel.width_px = static_cast<int>(wild(1, 32768));
+  rig.panel.height_px = static_cast<int>(wild(1, 32768));
+  rig.panel.pixel_width = Millimetres(wild(1e-3, 10.0));
+  rig.panel.pixel_height = Millimetres(rig.panel.pixel_width.value * wild(0.2, 5.0));
+  rig.sheet.pitch = Subpixels(wild(1.5, 3000.0));
+  rig.sheet.slant = sign() * wild(0.01, 4.0);
+  const double lens_mm = rig.sheet.pitch.value * rig.panel.pixel_width.value / 3.0;
+  rig.sheet.gap = Millimetres(lens_mm * wild(0.3, 30.0));
+  rig.sheet.refraction_shape = random() % 3 == 0 ? 0.0 : wild(0.1, 1.0);
+  if (random() % 2 == 0) {
+    const int columns = 2 + static_cast<int>(random() % 8);
+    rig.sheet.residual = test::random_residual(random, columns, 2, wild(0.01, 100.0));
+  }
+  if (random() % 4 != 0) {
+    rig.viewing.distance = Millimetres(wild(0.5, 1e6));
+    rig.viewing.height = Millimetres(sign() * rig.viewing.distance.value * wild(1e-3, 10.0));
+  }
+  return rig;
+}
+
+TEST(FastMap, IsRightOnTheWildestRigsThatAreValid) {
+  std::mt19937_64 random(5150);
+  RowRays rays;
+  Errors errors;
+  int valid = 0;
+  for (int tries = 0; tries < 20000 && valid < 1500; ++tries) {
+    const Rig rig = wild_rig(random);
+    if (find_problem(rig)) continue;
+    ++valid;
+    const OpticalModel model(rig);
+    const RowRayEvaluator evaluator(model);
+    for (int n = 0; n < 9; ++n) {
+      const int i = (n % 3) * (rig.panel.width_px - 1) / 2;
+      const int j = (n / 3) * (rig.panel.height_px - 1) / 2;
+      evaluator.evaluate(j, i, i + 1, rays);
+      ASSERT_TRUE(std::isfinite(rays.tan_x[1]) && std::isfinite(rays.lens_x_mm[1]) &&
+                  std::isfinite(rays.place[1]))
+          << rig_to_toml(rig);
+      check(model, rays, 1, i, j, 1, errors);
+      ASSERT_LT(errors.place, 1e-6) << "rig " << valid;
+      ASSERT_LT(errors.round_trip, 1e-6) << "rig " << valid;
+      const SubpixelRay ray = model.ray(i, j, 1);
+      ASSERT_TRUE(ray.lens != rays.lens[1] ||
+                  std::abs(ray.tan_x - rays.tan_x[1]) <= 1e-6 * (1.0 + std::abs(ray.tan_x)));
+    }
+  }
+  EXPECT_GE(valid, 500);
+  std::printf("%d wild rigs: place within %.2g lens, round trip within %.2g\n", valid, errors.place,
+              errors.round_trip);
 }
 
 TEST(FastMap, GivesTheOraclesRays) {
