@@ -6,7 +6,7 @@ from vm_test import Machine, vm_test
 
 
 def card_status(vm):
-    connectors = vm.check("grep . /sys/class/drm/card0-*/status /sys/class/drm/card0-*/modes")
+    connectors = vm.check("grep -H . /sys/class/drm/card0-*/status /sys/class/drm/card0-*/modes")
     return connectors.stdout
 
 

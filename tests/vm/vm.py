@@ -247,7 +247,7 @@ class VirtualMachine:
 
     def card(self, driver):
         """The number N of /dev/dri/cardN that a driver serves."""
-        names = self.check("grep . /sys/kernel/debug/dri/*/name").stdout
+        names = self.check("grep -H . /sys/kernel/debug/dri/*/name").stdout
         for line in names.splitlines():
             path, _, name = line.partition(":")
             number = int(path.split("/")[5])

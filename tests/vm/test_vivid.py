@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: Apache-2.0
+"""vivid: a camera made of software, whose HDMI input sees exactly what its HDMI output sends."""
+
+from vm_test import Machine, require_program, vm_test
+
+VIVID = Machine(modules=(
+    "vivid n_devs=2 node_types=0x101,0x1 num_inputs=1,1 input_types=3,0 "
+    "num_outputs=1 output_types=1",))
+
+
+def node_called(vm, name):
+    """The video node whose card name ends so; their order is the driver's business."""
+    nodes = vm.check("grep -H . /sys/class/video4linux/*/name").stdout
+    for line in nodes.splitlines():
+        path, _, label = line.partition(":")
+        if label == name:
+            return "/dev/" + path.split("/")[4]
+    raise AssertionError(f"no video node is called {name}:\n{nodes}")
+
+
+@vm_test(VIVID)
+def hdmi_loopback_returns_every_byte(vm):
+    program = require_program(vm, "vm_v4l2_loopback")
+    output, camera = node_called(vm, "vivid-000-vid-out"), node_called(vm, "vivid-000-vid-cap")
+    result = vm.run([program, output, camera], 60)
+    assert result.stdout == "0 of 2764800 bytes differ\n", result
