@@ -114,11 +114,11 @@ TEST(StageWithoutACamera, ShrinksTheDepthOnlyAsFarAsTheBudgetAsks) {
 
 TEST(StageWithoutACamera, NothingComesNearerThanHalfwayToTheEye) {
   // A sheet this thick resolves all depths: only the eye limits the scene.
-  const Stage stage = make_stage(ball_scene(), model(1000.0, 100.0));
-  EXPECT_GT(stage.depth_of_field_mm, 1000.0);
+  const Stage stage = make_stage(ball_scene(), model(90.0, 100.0));
+  EXPECT_GT(stage.depth_of_field_mm, 700.0);
   EXPECT_NEAR(stage.near_mm, 50.0, 1e-9);
   const Stage parallel =
-      make_stage(ball_scene(), model(1000.0, std::numeric_limits<double>::infinity()));
+      make_stage(ball_scene(), model(90.0, std::numeric_limits<double>::infinity()));
   EXPECT_EQ(parallel.depth_scale, 1.0);
 }
 
