@@ -72,7 +72,9 @@ def udev_names_the_card_and_reports_its_changes(vm):
     assert "-card\n" in links, links
     monitor = vm.start(["udevadm", "monitor", "--udev", "--property", "--subsystem-match=drm"])
     monitor.wait_for_line("UDEV - the event", 20)
-    time.sleep(0.5)  # it prints that before it listens
-    vm.write_file("/sys/class/drm/card0/uevent", "change")
-    monitor.wait_for_line("UDEV  [", 20)
-    monitor.wait_for_line("ACTION=change", 20)
+    deadline = time.monotonic() + 20  # it prints that before it listens: ask until it hears
+    while "ACTION=change" not in monitor.stdout:
+        assert time.monotonic() < deadline, monitor.stdout
+        vm.write_file("/sys/class/drm/card0/uevent", "change")
+        vm.listen(0.2)
+    assert "DEVNAME=/dev/dri/card0" in monitor.stdout, monitor.stdout
