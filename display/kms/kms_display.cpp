@@ -429,12 +429,15 @@ void AtomicKmsDisplay::refused(int error) noexcept {
   }
 }
 
-/// By the driver's count the flip is reported at once, by ours when its tick comes.
+/// By the driver's count the flip is reported at once, by ours when its tick comes. No two flips
+/// share a vblank, whatever the driver says.
 void AtomicKmsDisplay::land(Vblank vblank) noexcept {
-  if (vblank.sequence <= last_flip_sequence_) vblank = vblanks_->at(last_flip_sequence_ + 1);
+  const bool software = vblanks_->source() == VblankCounter::Source::Software;
+  const uint64_t earliest = last_flip_sequence_ + 1;
+  if (vblank.sequence < earliest)
+    vblank = software ? vblanks_->at(earliest) : Vblank{earliest, vblank.time};
   flip_.phase = Flip::Phase::Landed;
   flip_.vblank = vblank;
-  const bool software = vblanks_->source() == VblankCounter::Source::Software;
   flip_.due = software ? vblank.time : now();
 }
 

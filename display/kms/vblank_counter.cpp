@@ -48,7 +48,7 @@ Vblank VblankCounter::observe_low_bits(uint32_t sequence, Nanoseconds time, Nano
 Vblank VblankCounter::observe(uint64_t driver_sequence, Nanoseconds time, Nanoseconds now) {
   if (rebasing_) {
     rebasing_ = false;
-    offset_ = std::max(last_until(now).sequence, last_.sequence + 1) - driver_sequence;
+    offset_ = std::max(last_until(now).sequence, last_.sequence) - driver_sequence;
   }
   return accept(driver_sequence + offset_, time, now);
 }

@@ -1,0 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
+# A fake libdrm. As sources of the test program its functions come before those of the library, and
+# --as-needed keeps the library out when nothing of it is missing.
+add_library(lenticule_fake_drm INTERFACE)
+target_sources(lenticule_fake_drm INTERFACE
+  ${CMAKE_CURRENT_LIST_DIR}/fake_drm.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/fake_drm_calls.cpp)
+target_link_options(lenticule_fake_drm INTERFACE LINKER:--as-needed)
+target_link_libraries(lenticule_fake_drm INTERFACE lenticule::display PkgConfig::LIBDRM)

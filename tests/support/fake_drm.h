@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+// A graphics card in memory behind libdrm's own functions: objects, properties, atomic commits,
+// vblanks in simulated time, and everything that can go wrong, on request.
+#pragma once
+
+#include <xf86drmMode.h>
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "display/clock.h"
+#include "display/kms/platform.h"
+#include "display/kms/session.h"
+
+namespace lenticule::testing {
+
+using display::Nanoseconds;
+
+/// An EDID base block with a right checksum.
+struct EdidMaker {
+  std::string manufacturer = "LGD";
+  uint16_t product = 0x1234;
+  uint32_t serial_number = 0;
+  std::string serial_text{};
+  std::string name = "Panel";
+  bool ycbcr = false;
+  [[nodiscard]] std::vector<uint8_t> bytes() const;
+};
+
+[[nodiscard]] drmModeModeInfo make_mode(int width, int height, int hertz, bool preferred = true);
+
+struct FakeProperty {
+  uint32_t id = 0;
+  std::string name{};
+  uint32_t flags = 0;
+  uint64_t value = 0;
+  uint64_t minimum = 0;
+  uint64_t maximum = 0;
+  std::vector<std::pair<std::string, uint64_t>> enums{};
+  /// What the driver refuses to take, with -EINVAL.
+  std::optional<uint64_t> refuses{};
+  /// The driver says yes and keeps its own value.
+  bool ignores_writes = false;
+  /// Changing it takes a modeset.
+  bool needs_modeset = false;
+};
+
+struct FakeObject {
+  uint32_t id = 0;
+  uint32_t type = 0;  ///< DRM_MODE_OBJECT_*
+  std::vector<FakeProperty> properties{};
+
+  [[nodiscard]] FakeProperty* find(const std::string& name);
+  [[nodiscard]] uint64_t value(const std::string& name);
+};
+
+struct FakeConnector {
+  uint32_t id = 0;
+  uint32_t type = DRM_MODE_CONNECTOR_HDMIA;
+  uint32_t type_id = 1;
+  bool connected = true;
+  std::vector<drmModeModeInfo> modes{};
+  uint32_t possible_crtcs = 1;
+};
+
+struct FakeBuffer {
+  uint32_t width = 0;
+  uint32_t height = 0;
+  uint32_t pitch = 0;
+  std::vector<uint8_t> bytes{};
+};
+
+struct FakeFramebuffer {
+  uint32_t handle = 0;
+  uint32_t width = 0;
+  uint32_t height = 0;
+};
+
+/// A fault of the k-th call from now on (0 = the next one).
+struct CallFault {
+  int skip = 0;
+  int count = 1;                       ///< calls that fail after that
+  int error = 0;                       ///< positive errno
+  std::optional<Nanoseconds> until{};  ///< fails until then instead of `count` times
+};
+
+enum class EventFault { None, Lose, Duplicate, Late, Stale };
+
+class FakeCard {
+ public:
+  FakeCard(std::string path, std::string driver);
+  ~FakeCard();
+  FakeCard(const FakeCard&) = delete;
+  FakeCard& operator=(const FakeCard&) = delete;
+
+  /// A connector with a panel of one mode, with the usual writable properties.
+  FakeConnector& add_connector(uint32_t type, uint32_t type_id, drmModeModeInfo mode,
+                               const std::vector<uint8_t>& edid);
+  uint32_t add_crtc();  ///< with its primary plane; returns the CRTC's id
+  uint32_t add_overlay_plane(uint32_t crtc);
+  FakeProperty& add_property(uint32_t object, FakeProperty property);
+  uint32_t add_blob(std::vector<uint8_t> bytes);
+
+  [[nodiscard]] FakeObject& object(uint32_t id) { return objects.at(id); }
+  [[nodiscard]] uint64_t value(uint32_t object, const std::string& property) {
+    return objects.at(object).value(property);
+  }
+  void set_edid(uint32_t connector, const std::vector<uint8_t>& bytes);
+  [[nodiscard]] uint32_t primary_of(uint32_t crtc) { return primary_planes.at(crtc); }
+  /// The words that are scanned out for this CRTC; empty if it is off or shows nothing.
+  [[nodiscard]] std::vector<uint32_t> glass(uint32_t crtc);
+  /// What somebody drew before us: the CRTC runs in the connector's first mode.
+  void show_console(uint32_t connector, uint32_t crtc);
+
+  void unplug();  ///< the card itself: POLLHUP, ENODEV
+
+  std::string path;
+  std::string driver;
+  bool atomic = true;
+  bool counts_vblanks = true;
+  uint64_t sequence_base = 0;  ///< of the driver's counter at time 0
+  Nanoseconds period{16'666'667};
+  uint32_t max_buffers = 16;
+
+  std::map<uint32_t, FakeObject> objects;
+  std::vector<uint32_t> crtcs, planes;
+  std::vector<std::unique_ptr<FakeConnector>> connectors;
+  std::map<uint32_t, uint32_t> primary_planes;  ///< by CRTC
+  std::map<uint32_t, uint32_t> possible_crtcs;  ///< of planes
+  std::map<uint32_t, std::vector<uint8_t>> blobs;
+  std::map<uint32_t, FakeBuffer> buffers;
+  std::map<uint32_t, FakeFramebuffer> framebuffers;
+
+  // Faults.
+  std::vector<CallFault> flip_faults, commit_faults, test_faults, create_faults, map_faults,
+      get_connector_faults, set_master_faults;
+  std::deque<EventFault> event_faults;  ///< one per flip event, in order
+  bool foreign_master = false;          ///< somebody else has it
+  bool gone = false;
+
+  // What happened.
+  int flips = 0, blocking_commits = 0, modesets = 0, tests = 0, full_probes = 0, rmfb_on_screen = 0;
+  uint64_t last_flip_id = 0;
+
+  // Used by fake_drm_calls.cpp.
+  struct Pending {
+    Nanoseconds at{0};
+    std::vector<uint8_t> bytes{};
+  };
+  [[nodiscard]] int fail_with(std::vector<CallFault>& faults);
+  int commit(const std::vector<std::array<uint64_t, 3>>& settings, uint32_t flags,
+             uint64_t user_data);
+  void schedule_flip_event(uint32_t crtc, uint64_t id);
+  void send_sequence(uint64_t sequence, uint64_t id);
+  [[nodiscard]] uint64_t sequence_at(Nanoseconds time) const;
+  [[nodiscard]] Nanoseconds next_vblank() const;
+  void deliver_until(Nanoseconds time);
+  [[nodiscard]] std::optional<Nanoseconds> next_event() const;
+  int open_end();
+  [[nodiscard]] bool owns(int fd) const;
+  void closed(int fd);
+
+  uint32_t next_id = 100;
+  int master_fd = -1;
+  std::map<int, int> ends;  ///< the player's end -> ours
+  std::vector<Pending> pending;
+  Nanoseconds busy_until{-1};
+};
+
+/// The machine: cards, clock, hotplug news. One at a time.
+class FakeDrm {
+ public:
+  FakeDrm();
+  ~FakeDrm();
+  FakeDrm(const FakeDrm&) = delete;
+  FakeDrm& operator=(const FakeDrm&) = delete;
+
+  FakeCard& add_card(const std::string& path = "/dev/dri/card0",
+                     const std::string& driver = "fake");
+  [[nodiscard]] std::shared_ptr<display::Clock> clock();
+  [[nodiscard]] std::shared_ptr<display::Session> session();
+  [[nodiscard]] std::shared_ptr<display::KmsPlatform> platform();
+
+  [[nodiscard]] Nanoseconds now() const { return now_; }
+  /// Time passes; events become readable on the way.
+  void advance_to(Nanoseconds time);
+  /// Called when time passes this moment, once.
+  void at(Nanoseconds time, std::function<void()> what);
+  void announce_hotplug();
+  void sleep(Nanoseconds duration) { asleep_ += duration; }
+  /// mmap fails this many times, after `skip` successes.
+  void fail_maps(int skip, int count) {
+    map_skip_ = skip;
+    map_failures_ = count;
+  }
+
+  [[nodiscard]] static FakeDrm& instance();
+  [[nodiscard]] FakeCard* card_of(int fd);
+  [[nodiscard]] FakeCard* card_at(const std::string& path);
+  [[nodiscard]] std::optional<Nanoseconds> next_happening() const;
+
+  std::vector<std::unique_ptr<FakeCard>> cards;
+  int mappings_alive = 0;
+
+ private:
+  friend class FakePlatform;
+  friend class FakeMonitor;
+
+  Nanoseconds now_ = std::chrono::seconds(100);
+  Nanoseconds asleep_{0};
+  std::multimap<Nanoseconds, std::function<void()>> plans_;
+  int hotplug_fd_ = -1;
+  int map_skip_ = 0;
+  int map_failures_ = 0;
+};
+
+}  // namespace lenticule::testing

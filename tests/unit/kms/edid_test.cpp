@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/edid.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/fake_drm.h"
+
+namespace lenticule::testing {
+
+using display::EdidProblem;
+using display::read_edid;
+
+TEST(Edid, GivesMakerProductSerialAndName) {
+  const auto reading = read_edid(
+      EdidMaker{.manufacturer = "SAM", .product = 0xbeef, .serial_number = 77, .serial_text = "H4Z"}
+          .bytes());
+  ASSERT_EQ(reading.problem, EdidProblem::None);
+  EXPECT_EQ(reading.identity->manufacturer, "SAM");
+  EXPECT_EQ(reading.identity->product, 0xbeefU);
+  EXPECT_EQ(reading.identity->serial_number, 77U);
+  EXPECT_EQ(reading.identity->serial_text, "H4Z");
+  EXPECT_EQ(reading.identity->name, "Panel");
+  EXPECT_EQ(reading.identity->serial(), "H4Z");
+}
+
+TEST(Edid, HashesItsBaseBlock) {
+  const auto bytes = EdidMaker{}.bytes();
+  const auto reading = read_edid(bytes);
+  EXPECT_EQ(reading.identity->sha256.size(), 64U);
+  auto longer = bytes;
+  longer.resize(256, 0);
+  EXPECT_EQ(read_edid(longer).identity->sha256, reading.identity->sha256);
+  EXPECT_NE(read_edid(EdidMaker{.serial_number = 1}.bytes()).identity->sha256,
+            reading.identity->sha256);
+}
+
+TEST(Edid, ProblemsAreNamedAndGiveNoIdentity) {
+  auto bytes = EdidMaker{}.bytes();
+  EXPECT_EQ(read_edid({}).problem, EdidProblem::Absent);
+  EXPECT_EQ(read_edid(std::span(bytes).first(127)).problem, EdidProblem::Short);
+  bytes[100] ^= 1;
+  EXPECT_EQ(read_edid(bytes).problem, EdidProblem::BadChecksum);
+  EXPECT_FALSE(read_edid(bytes).identity);
+  bytes[0] = 1;
+  EXPECT_EQ(read_edid(bytes).problem, EdidProblem::BadHeader);
+}
+
+TEST(Edid, UnprintableTextIsLeftOut) {
+  const auto reading = read_edid(EdidMaker{.name = "A\x1b[31mB\x07"}.bytes());
+  EXPECT_EQ(reading.identity->name, "A[31mB");
+}
+
+TEST(Edid, TellsWhetherThePanelTakesYcbcr) {
+  EXPECT_FALSE(read_edid(EdidMaker{}.bytes()).offers_ycbcr);
+  EXPECT_TRUE(read_edid(EdidMaker{.ycbcr = true}.bytes()).offers_ycbcr);
+  auto with_extension = EdidMaker{}.bytes();
+  with_extension.resize(256, 0);
+  with_extension[128] = 2;
+  EXPECT_FALSE(read_edid(with_extension).offers_ycbcr);
+  with_extension[128 + 3] = 0x20;
+  EXPECT_TRUE(read_edid(with_extension).offers_ycbcr);
+  with_extension.resize(200);
+  EXPECT_FALSE(read_edid(with_extension).offers_ycbcr) << "half an extension says nothing";
+}
+
+TEST(Edid, RigMatchesByEveryMemberThatItNames) {
+  const auto panel = *read_edid(EdidMaker{.serial_number = 9}.bytes()).identity;
+  EXPECT_TRUE(display::matches(optics::PanelIdentity{}, panel));
+  EXPECT_TRUE(display::matches(display::identity_for_rig(panel), panel));
+  optics::PanelIdentity wanted{
+      .manufacturer = "LGD", .product = 0x1234, .serial = "9", .edid_sha256 = {}};
+  EXPECT_TRUE(display::matches(wanted, panel)) << "a serial number counts as well as its text";
+  wanted.serial = std::string("8");
+  EXPECT_FALSE(display::matches(wanted, panel));
+  wanted.serial.clear();
+  wanted.edid_sha256 = std::string(64, '0');
+  EXPECT_FALSE(display::matches(wanted, panel));
+  wanted.edid_sha256 = panel.sha256;
+  wanted.product = 1;
+  EXPECT_FALSE(display::matches(wanted, panel));
+}
+
+}  // namespace lenticule::testing

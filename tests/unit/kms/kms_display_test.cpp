@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+// A display without trouble: exact pixels, one flip per vblank, everything put back.
+#include "kms_stage.h"
+
+namespace lenticule::testing {
+
+using KmsDisplay = KmsStage;
+
+TEST_F(KmsDisplay, ShowsEverySubpixelAsItIs) {
+  open();
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    flip(seed);
+    expect_on_glass(seed);
+  }
+  EXPECT_EQ(show->statistics().flips, 20U);
+  EXPECT_EQ(show->statistics().stray_events, 0U);
+}
+
+TEST_F(KmsDisplay, FirstPictureIsBlackNotSomebodysMemory) {
+  open();
+  EXPECT_EQ(card.glass(crtc), std::vector<uint32_t>(size_t{kWidth} * kHeight, 0));
+}
+
+TEST_F(KmsDisplay, ReportsThePanelsExactRefresh) {
+  connector->modes = {make_mode(kWidth, kHeight, 60)};
+  connector->modes[0].clock = 165;  // 165000 / (104 * 26)
+  open();
+  EXPECT_EQ(show->mode().refresh, frames::make_rate(165000, 104 * 26));
+  EXPECT_EQ(show->mode().geometry, kPanel);
+}
+
+TEST_F(KmsDisplay, FlipsOncePerVblankByTheDriversCount) {
+  open();
+  EXPECT_TRUE(show->mode().hardware_clock);
+  const uint64_t first = flip(1).sequence;
+  for (unsigned seed = 2; seed < 100; ++seed) EXPECT_EQ(flip(seed).sequence, first + seed - 1);
+}
+
+TEST_F(KmsDisplay, CountsByTimeWhereTheDriverDoesNot) {
+  card.counts_vblanks = false;
+  open();
+  EXPECT_FALSE(show->mode().hardware_clock);
+  const DisplayEvent first = flip(1);
+  for (unsigned seed = 2; seed < 100; ++seed) {
+    const DisplayEvent event = flip(seed);
+    EXPECT_EQ(event.sequence, first.sequence + seed - 1);
+    EXPECT_GE(machine.now(), event.time) << "before its tick";
+  }
+}
+
+TEST_F(KmsDisplay, NoticesADriverThatPromisesACountAndHasNone) {
+  open();
+  EXPECT_TRUE(show->mode().hardware_clock);
+  card.counts_vblanks = false;
+  uint64_t last = flip(1).sequence;
+  for (unsigned seed = 2; seed < 20; ++seed) {
+    const uint64_t sequence = flip(seed).sequence;
+    EXPECT_GT(sequence, last);
+    last = sequence;
+  }
+  EXPECT_FALSE(show->mode().hardware_clock);
+  EXPECT_FALSE(show->statistics().hardware_clock);
+}
+
+TEST_F(KmsDisplay, TellsAVblankWithoutAFlip) {
+  for (const bool counts : {true, false}) {
+    card.counts_vblanks = counts;
+    open();
+    const DisplayEvent shown = flip(1);
+    ASSERT_TRUE(show->request_vblank(shown.sequence + 3));
+    const DisplayEvent tick = wait(seconds(1));
+    EXPECT_EQ(tick.kind, EventKind::Vblank);
+    EXPECT_EQ(tick.sequence, shown.sequence + 4);
+    show.reset();
+  }
+}
+
+TEST_F(KmsDisplay, AllowsOneFlipAtATime) {
+  open();
+  EXPECT_EQ(submit(1), SubmitStatus::Accepted);
+  EXPECT_EQ(submit(2), SubmitStatus::Busy);
+  EXPECT_EQ(wait().id, 1U);
+}
+
+TEST_F(KmsDisplay, NeverHandsOutTheBufferOnTheGlass) {
+  open();
+  flip(1);
+  EXPECT_EQ(submit(2), SubmitStatus::Accepted);
+  display::ScanoutBuffer* third = show->acquire();
+  ASSERT_NE(third, nullptr);
+  EXPECT_EQ(show->acquire(), nullptr) << "one on the glass, one pending, one being filled";
+  third->fill(make_frame(3).view());
+  show->discard(third);
+  EXPECT_EQ(wait().kind, EventKind::Flip);
+  expect_on_glass(2);
+}
+
+TEST_F(KmsDisplay, EndsAWaitWhenWokenOrLate) {
+  open();
+  EXPECT_EQ(wait(milliseconds(5)).kind, EventKind::Timeout);
+  int pipe_ends[2];
+  ASSERT_EQ(pipe(pipe_ends), 0);
+  ASSERT_EQ(write(pipe_ends[1], "x", 1), 1);
+  const Nanoseconds before = machine.now();
+  EXPECT_EQ(show->wait_event(before + seconds(9), pipe_ends[0]).kind, EventKind::Timeout);
+  EXPECT_EQ(machine.now(), before);
+  close(pipe_ends[0]);
+  close(pipe_ends[1]);
+}
+
+TEST_F(KmsDisplay, TakesOverARunningModeWithoutAModeset) {
+  card.show_console(connector->id, crtc);
+  open();
+  EXPECT_TRUE(show->took_over());
+  EXPECT_EQ(card.modesets, 0);
+  flip(1);
+  expect_on_glass(1);
+}
+
+TEST_F(KmsDisplay, TestsBeforeItSetsAMode) {
+  open();
+  EXPECT_FALSE(show->took_over());
+  EXPECT_GE(card.tests, 1);
+  EXPECT_EQ(card.modesets, 1);
+}
+
+TEST_F(KmsDisplay, ClearsOverlaysFromItsCrtc) {
+  const uint32_t overlay = card.add_overlay_plane(crtc);
+  open();
+  EXPECT_EQ(card.value(overlay, "FB_ID"), 0U);
+  EXPECT_EQ(card.value(overlay, "CRTC_ID"), 0U);
+}
+
+TEST_F(KmsDisplay, PutsThePictureBackWhenItLeaves) {
+  card.show_console(connector->id, crtc);
+  const auto before = card.glass(crtc);
+  open();
+  flip(1);
+  show.reset();
+  EXPECT_EQ(card.glass(crtc), before);
+  EXPECT_EQ(card.rmfb_on_screen, 0) << "a framebuffer was removed while it was shown";
+}
+
+TEST_F(KmsDisplay, SwitchesTheOutputOffIfAskedTo) {
+  options.exit = display::ExitPolicy::Black;
+  open();
+  flip(1);
+  show.reset();
+  EXPECT_EQ(card.value(crtc, "ACTIVE"), 0U);
+}
+
+TEST_F(KmsDisplay, LeavesNothingBehind) {
+  for (int i = 0; i < 50; ++i) {
+    open();
+    flip(1);
+    show.reset();
+    ASSERT_EQ(card.buffers.size(), 0U);
+    ASSERT_EQ(card.framebuffers.size(), 0U);
+    ASSERT_EQ(machine.mappings_alive, 0);
+    ASSERT_EQ(card.master_fd, -1);
+  }
+}
+
+TEST_F(KmsDisplay, RunsFor400Days) {
+  open();
+  flip(1);
+  machine.advance_to(machine.now() + std::chrono::hours(24 * 400));
+  uint64_t last = flip(2).sequence;
+  EXPECT_GT(last, uint64_t{400} * 24 * 3600 * 59);
+  for (unsigned seed = 3; seed < 50; ++seed) {
+    const DisplayEvent event = flip(seed);
+    EXPECT_EQ(event.sequence, last + 1);
+    last = event.sequence;
+  }
+}
+
+}  // namespace lenticule::testing

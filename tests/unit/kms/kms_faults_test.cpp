@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+// Everything that a driver, a link or another session may do while frames are shown.
+#include <cerrno>
+
+#include "kms_stage.h"
+
+namespace lenticule::testing {
+
+class KmsFaults : public KmsStage {
+ protected:
+  /// Shows one frame after the fault to prove that all is well again.
+  void expect_playing(unsigned seed) {
+    flip(seed);
+    expect_on_glass(seed);
+  }
+};
+
+TEST_F(KmsFaults, LostFlipEventIsNoticedAndTheNextFlipWorks) {
+  open();
+  flip(1);
+  card.event_faults = {EventFault::Lose};
+  const Nanoseconds before = machine.now();
+  flip(2);
+  EXPECT_LT(machine.now() - before, milliseconds(400));
+  expect_on_glass(2);
+  EXPECT_EQ(show->statistics().flip_timeouts, 1U);
+  EXPECT_EQ(show->statistics().recoveries, 1U);
+  EXPECT_EQ(show->statistics().modesets, 0U) << "a lost event is no reason to go dark";
+  expect_playing(3);
+}
+
+TEST_F(KmsFaults, EveryEventLostStillShowsEveryFrame) {
+  open();
+  card.event_faults.assign(10, EventFault::Lose);
+  for (unsigned seed = 1; seed <= 10; ++seed) expect_playing(seed);
+  EXPECT_EQ(show->statistics().flip_timeouts, 10U);
+}
+
+TEST_F(KmsFaults, DuplicateFlipEventIsOneFlip) {
+  open();
+  card.event_faults = {EventFault::Duplicate};
+  flip(1);
+  EXPECT_EQ(wait(milliseconds(50)).kind, EventKind::Timeout);
+  EXPECT_EQ(show->statistics().stray_events, 1U);
+  expect_playing(2);
+}
+
+TEST_F(KmsFaults, LateFlipEventIsWaitedFor) {
+  open();
+  card.event_faults = {EventFault::Late};
+  flip(1);
+  EXPECT_EQ(show->statistics().flip_timeouts, 0U);
+  expect_playing(2);
+}
+
+TEST_F(KmsFaults, StaleEventIdIsIgnored) {
+  open();
+  card.event_faults = {EventFault::Stale};
+  flip(1);
+  EXPECT_EQ(show->statistics().stray_events, 1U);
+  expect_playing(2);
+}
+
+TEST_F(KmsFaults, EventThatIsNoEventIsCountedAndSurvived) {
+  open();
+  flip(1);
+  for (const auto& [theirs, ours] : card.ends) (void)!write(ours, "garbage", 7);
+  EXPECT_EQ(wait(milliseconds(50)).kind, EventKind::Timeout);
+  EXPECT_EQ(show->statistics().truncated_reads, 1U);
+  expect_playing(2);
+}
+
+TEST_F(KmsFaults, BusyOnceIsTriedAgain) {
+  open();
+  card.flip_faults = {{.error = EBUSY}};
+  expect_playing(1);
+  EXPECT_EQ(show->statistics().busy, 1U);
+  EXPECT_EQ(show->statistics().recoveries, 0U);
+}
+
+TEST_F(KmsFaults, BusyFiveTimesIsTriedAgain) {
+  open();
+  card.flip_faults = {{.count = 5, .error = EBUSY}};
+  expect_playing(1);
+  EXPECT_EQ(show->statistics().busy, 5U);
+  EXPECT_EQ(show->statistics().modesets, 0U);
+}
+
+TEST_F(KmsFaults, BusyForASecondEndsInTheSamePicture) {
+  open();
+  flip(1);
+  const Nanoseconds until = machine.now() + seconds(1);
+  card.flip_faults = {{.error = EBUSY, .until = until}};
+  card.commit_faults = {{.error = EBUSY, .until = until}};
+  expect_playing(2);
+  EXPECT_GE(machine.now(), until);
+  EXPECT_LT(machine.now() - until, seconds(2));
+  expect_playing(3);
+}
+
+TEST_F(KmsFaults, LostMastershipPausesAndResumes) {
+  open();
+  const uint64_t before = flip(1).sequence;
+  card.foreign_master = true;
+  machine.at(machine.now() + seconds(3), [this] { card.foreign_master = false; });
+  EXPECT_EQ(submit(2), SubmitStatus::Paused);
+  EXPECT_EQ(submit(2), SubmitStatus::Paused);
+  // Time goes on meanwhile, so that the player's clock does.
+  ASSERT_TRUE(show->request_vblank(before));
+  EXPECT_EQ(wait(seconds(1)).kind, EventKind::Vblank);
+  idle(seconds(6));
+  EXPECT_EQ(show->statistics().pauses, 1U);
+  EXPECT_EQ(show->statistics().denied, 1U);
+  EXPECT_GT(show->statistics().modesets, 0U) << "all state may have changed meanwhile";
+  expect_playing(3);
+}
+
+TEST_F(KmsFaults, MastershipLostBehindAFlipKeepsTheFlip) {
+  open();
+  flip(1);
+  card.event_faults = {EventFault::Lose};
+  EXPECT_EQ(submit(2), SubmitStatus::Accepted);
+  card.foreign_master = true;
+  machine.at(machine.now() + seconds(2), [this] { card.foreign_master = false; });
+  EXPECT_EQ(wait(seconds(1)).kind, EventKind::Timeout);
+  const DisplayEvent event = wait(seconds(10));
+  EXPECT_EQ(event.kind, EventKind::Flip);
+  EXPECT_EQ(event.id, 2U);
+  expect_on_glass(2);
+}
+
+TEST_F(KmsFaults, RefusedFlipIsShownByAModeset) {
+  for (const int error : {EINVAL, ENOENT, ENOSPC, ERANGE}) {
+    open();
+    flip(1);
+    card.flip_faults = {{.error = error}};
+    expect_playing(2);
+    EXPECT_EQ(show->statistics().refused, 1U);
+    EXPECT_EQ(show->statistics().modesets, 1U);
+    show.reset();
+  }
+}
+
+TEST_F(KmsFaults, UnpluggedCardIsLostAndComesBack) {
+  open();
+  flip(1);
+  card.unplug();
+  EXPECT_EQ(wait(seconds(1)).kind, EventKind::Lost);
+  EXPECT_EQ(wait(seconds(1)).kind, EventKind::Lost);
+  EXPECT_FALSE(show->request_vblank(0));
+  EXPECT_THROW(show->reconnect(), Error);
+  EXPECT_EQ(wait(seconds(1)).kind, EventKind::Lost);
+  card.gone = false;
+  show->reconnect();
+  expect_playing(2);
+}
+
+TEST_F(KmsFaults, CardThatAnswersNoDeviceIsLost) {
+  open();
+  flip(1);
+  card.flip_faults = {{.error = ENODEV}};
+  EXPECT_EQ(submit(2), SubmitStatus::Lost);
+  EXPECT_EQ(wait().kind, EventKind::Lost);
+}
+
+TEST_F(KmsFaults, SequenceWrapsWithoutAGap) {
+  // The 32-bit counter of the events wraps a few frames after the start.
+  const uint64_t now = static_cast<uint64_t>(machine.now() / card.period);
+  card.sequence_base = (uint64_t{1} << 32) - 10 - now;
+  open();
+  uint64_t last = flip(1).sequence;
+  for (unsigned seed = 2; seed < 30; ++seed) {
+    const uint64_t sequence = flip(seed).sequence;
+    EXPECT_EQ(sequence, last + 1);
+    last = sequence;
+  }
+  EXPECT_GT(last, uint64_t{1} << 32);
+}
+
+TEST_F(KmsFaults, SuspendRelightsAndGoesOn) {
+  open();
+  flip(1);
+  card.event_faults = {EventFault::Lose};  // sleep takes flips with it
+  EXPECT_EQ(submit(2), SubmitStatus::Accepted);
+  machine.sleep(std::chrono::hours(8));
+  const DisplayEvent event = wait(seconds(5));
+  EXPECT_EQ(event.kind, EventKind::Flip);
+  EXPECT_EQ(event.id, 2U);
+  expect_on_glass(2);
+  EXPECT_EQ(show->statistics().suspends, 1U);
+  EXPECT_GE(show->statistics().modesets, 1U);
+  expect_playing(3);
+}
+
+TEST_F(KmsFaults, ClockJumpOfTheDriverNeverTurnsTimeBack) {
+  open();
+  DisplayEvent last = flip(1);
+  for (unsigned seed = 2; seed < 20; ++seed) {
+    // The counter falls back and leaps ahead, as after a reset of the card.
+    card.sequence_base = seed % 2 == 0 ? 0 : 5000;
+    const DisplayEvent event = flip(seed);
+    EXPECT_GT(event.sequence, last.sequence);
+    EXPECT_GE(event.time, last.time);
+    last = event;
+  }
+}
+
+TEST_F(KmsFaults, VblankEventThatNeverComesIsTimed) {
+  open();
+  const DisplayEvent shown = flip(1);
+  ASSERT_TRUE(show->request_vblank(shown.sequence));
+  card.pending.clear();
+  const DisplayEvent tick = wait(seconds(2));
+  EXPECT_EQ(tick.kind, EventKind::Vblank);
+  EXPECT_GT(tick.sequence, shown.sequence);
+  EXPECT_EQ(show->statistics().lost_ticks, 1U);
+}
+
+TEST_F(KmsFaults, EveryFaultAtOnceStillEndsInThePicture) {
+  open();
+  unsigned random = 1;
+  for (unsigned seed = 1; seed < 300; ++seed) {
+    random = random * 1103515245U + 12345U;
+    if ((random >> 16) % 7 == 0) card.event_faults = {EventFault::Lose};
+    if ((random >> 16) % 11 == 0) card.event_faults = {EventFault::Duplicate};
+    if ((random >> 16) % 13 == 0) card.flip_faults = {{.count = 3, .error = EBUSY}};
+    if ((random >> 16) % 17 == 0) card.flip_faults = {{.error = EINVAL}};
+    if ((random >> 16) % 19 == 0) machine.sleep(seconds(2));
+    if ((random >> 16) % 5 == 0) machine.announce_hotplug();
+    expect_playing(seed);
+  }
+  EXPECT_EQ(show->statistics().flips, 299U);
+}
+
+}  // namespace lenticule::testing

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+// Panels that come, go, change and lie.
+#include "kms_stage.h"
+
+namespace lenticule::testing {
+
+using display::PanelState;
+
+class KmsHotplug : public KmsStage {
+ protected:
+  void replug(const std::vector<uint8_t>& edid) {
+    connector->connected = false;
+    machine.announce_hotplug();
+    idle(seconds(1));
+    EXPECT_EQ(show->statistics().panel, PanelState::Disconnected);
+    connector->connected = true;
+    card.set_edid(connector->id, edid);
+    machine.announce_hotplug();
+    idle(seconds(1));
+  }
+  const std::vector<uint8_t> own_edid = EdidMaker{.serial_text = "ONE"}.bytes();
+};
+
+TEST_F(KmsHotplug, PanelSwitchedOffAndOnIsLitAgain) {
+  open();
+  flip(1);
+  replug(own_edid);
+  EXPECT_EQ(show->statistics().panel, PanelState::Showing);
+  EXPECT_EQ(show->statistics().modesets, 1U);
+  expect_on_glass(1);
+  flip(2);
+  expect_on_glass(2);
+}
+
+TEST_F(KmsHotplug, FlipsGoOnWhileNobodyWatches) {
+  open();
+  flip(1);
+  connector->connected = false;
+  machine.announce_hotplug();
+  idle(seconds(1));
+  for (unsigned seed = 2; seed < 10; ++seed) flip(seed);
+  EXPECT_EQ(show->statistics().panel, PanelState::Disconnected);
+}
+
+TEST_F(KmsHotplug, StormOf100IsAFewLooks) {
+  open();
+  flip(1);
+  const int probes = card.full_probes;
+  for (int i = 0; i < 100; ++i) {
+    connector->connected = i % 2 == 1;
+    machine.announce_hotplug();
+    idle(milliseconds(5));
+  }
+  idle(seconds(1));
+  EXPECT_LE(card.full_probes - probes, 6);
+  EXPECT_EQ(show->statistics().panel, PanelState::Showing);
+  flip(2);
+  expect_on_glass(2);
+}
+
+TEST_F(KmsHotplug, ChangeWithoutNewsIsFoundByTheSlowLook) {
+  open();
+  connector->connected = false;
+  idle(seconds(29));
+  EXPECT_EQ(show->statistics().panel, PanelState::Showing);
+  idle(seconds(3));
+  EXPECT_EQ(show->statistics().panel, PanelState::Disconnected);
+}
+
+TEST_F(KmsHotplug, ChangedSerialIsAnotherPanelAndGoesDark) {
+  open();
+  flip(1);
+  replug(EdidMaker{.serial_text = "TWO"}.bytes());
+  EXPECT_EQ(show->statistics().panel, PanelState::WrongPanel);
+  EXPECT_EQ(wait().kind, EventKind::Lost);
+  EXPECT_TRUE(card.glass(crtc).empty()) << "3-D for another panel must not stay on this one";
+  EXPECT_THROW(show->reconnect(), Error);
+}
+
+TEST_F(KmsHotplug, UnreadableEdidIsReadAgainUntilItIsThere) {
+  auto damaged = own_edid;
+  damaged[60] ^= 0xff;
+  for (const auto& edid : {std::vector<uint8_t>{}, damaged,
+                           std::vector<uint8_t>(own_edid.begin(), own_edid.begin() + 40)}) {
+    card.set_edid(connector->id, own_edid);
+    open();
+    flip(1);
+    replug(edid);
+    EXPECT_EQ(show->statistics().panel, PanelState::Unreadable);
+    EXPECT_EQ(show->statistics().modesets, 0U);
+    card.set_edid(connector->id, own_edid);
+    idle(seconds(3));
+    EXPECT_EQ(show->statistics().panel, PanelState::Showing);
+    EXPECT_EQ(show->statistics().modesets, 1U);
+    flip(2);
+    expect_on_glass(2);
+    show.reset();
+  }
+}
+
+TEST_F(KmsHotplug, ShrunkModeListIsHeldNotObeyed) {
+  open();
+  flip(1);
+  const auto modes = connector->modes;
+  connector->modes = {make_mode(kWidth / 2, kHeight / 2, 60)};
+  replug(own_edid);
+  EXPECT_EQ(show->statistics().panel, PanelState::ModeMissing);
+  EXPECT_EQ(show->statistics().modesets, 0U);
+  flip(2);
+  connector->modes = modes;
+  idle(seconds(3));
+  EXPECT_EQ(show->statistics().panel, PanelState::Showing);
+  flip(3);
+  expect_on_glass(3);
+}
+
+TEST_F(KmsHotplug, BadLinkIsTrainedAgain) {
+  open();
+  flip(1);
+  card.object(connector->id).find("link-status")->value = 1;
+  machine.announce_hotplug();
+  idle(seconds(1));
+  EXPECT_EQ(card.value(connector->id, "link-status"), 0U);
+  EXPECT_EQ(show->statistics().links_bad, 1U);
+  expect_on_glass(1);
+}
+
+TEST_F(KmsHotplug, ConnectorThatVanishesIsDisconnected) {
+  open();
+  flip(1);
+  card.get_connector_faults = {{.error = ENOENT, .until = machine.now() + seconds(1)}};
+  machine.announce_hotplug();
+  idle(milliseconds(600));
+  EXPECT_EQ(show->statistics().panel, PanelState::Disconnected);
+  idle(seconds(40));
+  EXPECT_EQ(show->statistics().panel, PanelState::Showing);
+  flip(2);
+}
+
+TEST_F(KmsHotplug, AnyPanelOfTheRightSizeServesARigWithoutIdentity) {
+  options.wish.identity = {};
+  open();
+  flip(1);
+  replug(EdidMaker{.serial_text = "TWO"}.bytes());
+  EXPECT_EQ(show->statistics().panel, PanelState::Showing);
+  flip(2);
+  expect_on_glass(2);
+}
+
+}  // namespace lenticule::testing

@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+// Finding the one panel that is meant, and everything that can fail before the first picture.
+#include <gmock/gmock.h>
+
+#include <cerrno>
+
+#include "display/kms/inspect.h"
+#include "kms_stage.h"
+#include "optics/error.h"
+
+namespace lenticule::testing {
+
+using display::OutputKey;
+using ::testing::HasSubstr;
+
+class KmsOpen : public KmsStage {
+ protected:
+  /// The error that opening ends with.
+  Error failure() {
+    try {
+      open();
+    } catch (const Error& error) {
+      return error;
+    }
+    ADD_FAILURE() << "opened";
+    return Error(ErrorKind::Failed, "");
+  }
+  FakeConnector& add_panel(uint32_t type_id, const std::string& serial) {
+    FakeConnector& added =
+        card.add_connector(DRM_MODE_CONNECTOR_HDMIA, type_id, make_mode(kWidth, kHeight, 60),
+                           EdidMaker{.serial_text = serial}.bytes());
+    card.add_crtc();
+    added.possible_crtcs = 3;
+    return added;
+  }
+};
+
+TEST_F(KmsOpen, ThreeConnectorsInTheWrongOrderStillShowTheRigsPanel) {
+  add_panel(2, "TWO");
+  FakeConnector& third = add_panel(3, "THREE");
+  options.wish.identity.serial = "THREE";
+  open();
+  EXPECT_NE(card.value(third.id, "CRTC_ID"), 0U);
+  EXPECT_EQ(card.value(connector->id, "CRTC_ID"), 0U);
+}
+
+TEST_F(KmsOpen, TwoPanelsThatFitAreAnErrorThatListsThem) {
+  add_panel(2, "TWO");
+  options.wish.identity = {};
+  const Error error = failure();
+  EXPECT_EQ(error.kind(), ErrorKind::Device);
+  EXPECT_THAT(error.what(), HasSubstr("HDMI-A-1"));
+  EXPECT_THAT(error.what(), HasSubstr("HDMI-A-2"));
+}
+
+TEST_F(KmsOpen, AnotherPanelThanTheRigsIsRefused) {
+  options.wish.identity.serial = "OTHER";
+  const Error error = failure();
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.what(), HasSubstr("serial ONE"));
+  EXPECT_THAT(error.what(), HasSubstr("serial OTHER"));
+}
+
+TEST_F(KmsOpen, AnotherPanelMayShowATestCard) {
+  options.wish.identity.serial = "OTHER";
+  options.wish.policy = display::IdentityPolicy::Ignore;
+  open();
+  flip(1);
+}
+
+TEST_F(KmsOpen, PanelNamedByEdidIsFound) {
+  FakeConnector& second = add_panel(2, "TWO");
+  options.wish.identity = {};
+  options.wish.key = display::parse_output_key("edid:LGD:0x1234:TWO");
+  open();
+  EXPECT_NE(card.value(second.id, "CRTC_ID"), 0U);
+}
+
+TEST_F(KmsOpen, ConnectorOnAnotherCardIsFound) {
+  FakeCard& other = machine.add_card("/dev/dri/card1", "other");
+  const uint32_t crtc_there = other.add_crtc();
+  other.add_connector(DRM_MODE_CONNECTOR_DisplayPort, 1, make_mode(kWidth, kHeight, 60),
+                      EdidMaker{.serial_text = "FAR"}.bytes());
+  options.wish.identity.serial = "FAR";
+  open();
+  EXPECT_EQ(other.value(crtc_there, "ACTIVE"), 1U);
+  EXPECT_EQ(card.master_fd, -1) << "the card that was only looked at is not kept";
+}
+
+TEST_F(KmsOpen, NoPanelIsAnErrorAtOnceUnlessAskedToWait) {
+  connector->connected = false;
+  EXPECT_THAT(failure().what(), HasSubstr("no panel is connected"));
+}
+
+TEST_F(KmsOpen, WaitsForThePanelAndPlaysWhenItComes) {
+  connector->connected = false;
+  options.wait_for_panel = std::chrono::hours(24);
+  const Nanoseconds comes = machine.now() + seconds(1000);
+  machine.at(comes, [this] { connector->connected = true; });
+  open();
+  EXPECT_LT(machine.now() - comes, seconds(2));
+  flip(1);
+  expect_on_glass(1);
+}
+
+TEST_F(KmsOpen, WaitsForACardThatComesLate) {
+  card.gone = true;
+  options.wait_for_panel = seconds(60);
+  machine.at(machine.now() + seconds(5), [this] { card.gone = false; });
+  open();
+  flip(1);
+}
+
+TEST_F(KmsOpen, WaitingEndsInTheErrorWhenNothingComes) {
+  connector->connected = false;
+  options.wait_for_panel = seconds(30);
+  const Nanoseconds before = machine.now();
+  EXPECT_THAT(failure().what(), HasSubstr("no panel is connected"));
+  EXPECT_EQ(machine.now() - before, seconds(30));
+}
+
+TEST_F(KmsOpen, EdidThatAppearsLateIsWaitedFor) {
+  card.set_edid(connector->id, {});
+  options.wait_for_panel = seconds(60);
+  machine.at(machine.now() + seconds(3),
+             [this] { card.set_edid(connector->id, EdidMaker{.serial_text = "ONE"}.bytes()); });
+  open();
+  flip(1);
+}
+
+TEST_F(KmsOpen, NoCardAtAllSaysSo) {
+  card.gone = true;
+  EXPECT_THAT(failure().what(), HasSubstr("no graphics card has an output"));
+}
+
+TEST_F(KmsOpen, ForeignMasterIsOneClearError) {
+  card.foreign_master = true;
+  const Error error = failure();
+  EXPECT_EQ(error.kind(), ErrorKind::Device);
+  EXPECT_THAT(error.what(), HasSubstr("cannot become DRM master"));
+  EXPECT_EQ(card.buffers.size(), 0U);
+}
+
+TEST_F(KmsOpen, DriverWithoutAtomicIsRefused) {
+  card.atomic = false;
+  EXPECT_THAT(failure().what(), HasSubstr("atomic modesetting"));
+}
+
+TEST_F(KmsOpen, NoSpaceAtTheTestIsAnErrorNotASmallerMode) {
+  connector->modes.push_back(make_mode(kWidth / 2, kHeight / 2, 60, false));
+  card.test_faults = {{.count = 100, .error = ENOSPC}};
+  const Error error = failure();
+  EXPECT_EQ(error.kind(), ErrorKind::Device);
+  EXPECT_THAT(error.hint(), HasSubstr("bandwidth"));
+  EXPECT_EQ(card.modesets, 0);
+  EXPECT_EQ(card.buffers.size(), 0U);
+}
+
+TEST_F(KmsOpen, BusyModesetIsTriedAgain) {
+  card.commit_faults = {{.count = 3, .error = EBUSY}};
+  open();
+  flip(1);
+}
+
+TEST_F(KmsOpen, PanelWithoutTheRigsSizeIsRefusedWithItsModes) {
+  connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60)};
+  const Error error = failure();
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.what(), HasSubstr("48x12@59.8"));
+}
+
+TEST_F(KmsOpen, OneTileOfAPanelIsRefused) {
+  card.add_property(connector->id, {.name = "TILE",
+                                    .flags = DRM_MODE_PROP_BLOB | DRM_MODE_PROP_IMMUTABLE,
+                                    .value = card.add_blob({1})});
+  EXPECT_THAT(failure().what(), HasSubstr("two connectors"));
+}
+
+TEST_F(KmsOpen, HeadsetIsSkippedUnlessNamed) {
+  card.object(connector->id).find("non-desktop")->value = 1;
+  EXPECT_EQ(failure().kind(), ErrorKind::Device);
+  options.wish.key = {.kind = OutputKey::Kind::Connector, .text = "HDMI-A-1"};
+  open();
+}
+
+TEST_F(KmsOpen, DumbBufferFailingAtEachPlaceLeaksNothing) {
+  options.buffers = 4;
+  for (int n = 0; n < 4; ++n) {
+    card.create_faults = {{.skip = n, .error = ENOMEM}};
+    if (n < 2)
+      EXPECT_EQ(failure().kind(), ErrorKind::Failed);
+    else
+      open();
+    if (show) flip(1);
+    show.reset();
+    EXPECT_EQ(card.buffers.size(), 0U);
+    EXPECT_EQ(card.framebuffers.size(), 0U);
+    EXPECT_EQ(machine.mappings_alive, 0);
+  }
+}
+
+TEST_F(KmsOpen, MappingFailingAtEachPlaceLeaksNothing) {
+  for (int n = 0; n < 3; ++n) {
+    machine.fail_maps(n, 1);
+    if (n < 2)
+      EXPECT_EQ(failure().kind(), ErrorKind::Failed);
+    else
+      open();
+    if (show) flip(1);
+    show.reset();
+    EXPECT_EQ(card.buffers.size(), 0U);
+    EXPECT_EQ(machine.mappings_alive, 0);
+  }
+}
+
+TEST_F(KmsOpen, LittleMemoryMeansFewerBuffers) {
+  card.max_buffers = 2;
+  options.buffers = 4;
+  open();
+  flip(1);
+  flip(2);
+  expect_on_glass(2);
+}
+
+TEST_F(KmsOpen, ConnectorVanishingBetweenTwoCallsIsAnError) {
+  for (int calls = 0; calls < 4; ++calls) {
+    card.get_connector_faults = {{.skip = calls, .count = 1000, .error = ENOENT}};
+    try {
+      open();
+      flip(1);
+      show.reset();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Device);
+    }
+    EXPECT_EQ(card.buffers.size(), 0U);
+  }
+}
+
+TEST_F(KmsOpen, MissingPropertyIsAnErrorNotPropertyZero) {
+  auto& properties = card.object(card.primary_of(crtc)).properties;
+  std::erase_if(properties, [](const FakeProperty& p) { return p.name == "SRC_W"; });
+  EXPECT_THAT(failure().what(), HasSubstr("no property 'SRC_W'"));
+}
+
+TEST_F(KmsOpen, InspectionFindsPanelsAndGivesMastershipBack) {
+  const display::Inspection found = display::inspect_cards(options.session);
+  ASSERT_EQ(found.cards.size(), 1U);
+  EXPECT_EQ(found.cards[0].driver, "fake");
+  EXPECT_TRUE(found.cards[0].master);
+  ASSERT_EQ(found.panels.size(), 1U);
+  EXPECT_EQ(found.panels[0].identity->serial_text, "ONE");
+  ASSERT_EQ(found.panels[0].modes.size(), 1U);
+  EXPECT_TRUE(found.panels[0].modes[0].usable);
+  EXPECT_EQ(card.master_fd, -1);
+  EXPECT_EQ(card.modesets + card.blocking_commits + card.flips, 0);
+}
+
+}  // namespace lenticule::testing

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+// One fake card with one panel, and a display on it: what most tests begin with.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+#include "display/kms/kms_display.h"
+#include "tests/support/fake_drm.h"
+
+namespace lenticule::testing {
+
+using display::DisplayEvent;
+using display::EventKind;
+using display::SubmitStatus;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+inline constexpr int kWidth = 24;
+inline constexpr int kHeight = 6;
+inline constexpr frames::FrameGeometry kPanel{kWidth, kHeight, frames::PixelFormat::Rgb8};
+
+/// A frame whose every subpixel depends on `seed`.
+inline frames::WovenFrame make_frame(unsigned seed) {
+  frames::WovenFrame frame(kPanel);
+  unsigned value = seed * 77 + 1;
+  for (uint8_t& byte : frame.bytes()) {
+    byte = static_cast<uint8_t>(value >> 16);
+    value = value * 1103515245U + 12345U;
+  }
+  return frame;
+}
+
+inline std::vector<uint32_t> words_of(const frames::WovenFrame& frame) {
+  std::vector<uint32_t> words;
+  const auto bytes = frame.bytes();
+  for (size_t i = 0; i < bytes.size(); i += 3)
+    words.push_back(static_cast<uint32_t>(bytes[i]) << 16 |
+                    static_cast<uint32_t>(bytes[i + 1]) << 8 | bytes[i + 2]);
+  return words;
+}
+
+class KmsStage : public ::testing::Test {
+ protected:
+  KmsStage() : card(machine.add_card()) {
+    crtc = card.add_crtc();
+    connector = &card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 1, make_mode(kWidth, kHeight, 60),
+                                    EdidMaker{.serial_text = "ONE"}.bytes());
+    options.wish.panel = kPanel;
+    options.wish.identity = {
+        .manufacturer = "LGD", .product = 0x1234, .serial = "ONE", .edid_sha256 = {}};
+    options.clock = machine.clock();
+    options.session = machine.session();
+    options.platform = machine.platform();
+  }
+
+  void open() { show = display::open_kms_display(options); }
+
+  [[nodiscard]] SubmitStatus submit(unsigned seed) {
+    display::ScanoutBuffer* buffer = show->acquire();
+    EXPECT_NE(buffer, nullptr);
+    if (buffer == nullptr) return SubmitStatus::Lost;
+    const frames::WovenFrame frame = make_frame(seed);
+    buffer->fill(frame.view());
+    const SubmitStatus status = show->submit(buffer, seed);
+    if (status != SubmitStatus::Accepted) show->discard(buffer);
+    return status;
+  }
+  [[nodiscard]] DisplayEvent wait(Nanoseconds time = milliseconds(100)) {
+    return show->wait_event(machine.now() + time, -1);
+  }
+  /// Submits and waits for the flip.
+  DisplayEvent flip(unsigned seed, Nanoseconds patience = seconds(5)) {
+    EXPECT_EQ(submit(seed), SubmitStatus::Accepted);
+    const DisplayEvent event = wait(patience);
+    EXPECT_EQ(event.kind, EventKind::Flip);
+    EXPECT_EQ(event.id, seed);
+    return event;
+  }
+  void expect_on_glass(unsigned seed) { EXPECT_EQ(card.glass(crtc), words_of(make_frame(seed))); }
+  /// Lets time pass while nothing is shown.
+  void idle(Nanoseconds time) {
+    const Nanoseconds until = machine.now() + time;
+    while (machine.now() < until && show->wait_event(until, -1).kind != EventKind::Lost) {
+    }
+  }
+
+  FakeDrm machine;
+  FakeCard& card;
+  uint32_t crtc = 0;
+  FakeConnector* connector = nullptr;
+  display::KmsOptions options;
+  std::unique_ptr<display::KmsDisplay> show;
+};
+
+}  // namespace lenticule::testing
