@@ -41,8 +41,10 @@ const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& fil
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
   if (scene->mNumMeshes == 0) refuse(file, "nothing to see in this scene");
   check_meshes(*scene, file.string());
+  // Not aiProcess_JoinIdenticalVertices: it takes vertices within 1e-5 units for one, which makes a
+  // small scene a point.
   scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType |
-                                       aiProcess_JoinIdenticalVertices | aiProcess_FlipUVs);
+                                       aiProcess_FlipUVs);
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
   check_meshes(*scene, file.string());
   return *scene;

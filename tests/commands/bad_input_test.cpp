@@ -108,7 +108,7 @@ TEST_F(BadInput, RigPitchThatIsZeroNegativeOrNotANumber) {
 TEST_F(BadInput, RigErrorsNameFileAndLine) {
   write_rig("pitch_subpx = 7.5", "pich_subpx = 7.5");
   const ProcessResult result = run({"rig", "check", path("bad.toml")});
-  expect_clear_error(result, 4, "bad.toml:9:");
+  expect_clear_error(result, 4, "bad.toml:10:");
   EXPECT_NE(result.err.find("pitch_subpx"), std::string::npos) << "no nearest key: " << result.err;
 }
 
@@ -213,10 +213,11 @@ TEST_F(BadInput, ARealFullFileSystem) {
   std::filesystem::create_directories(path("small"));
   if (mount("tmpfs", path("small").c_str(), "tmpfs", 0, "size=4k") != 0)
     GTEST_SKIP() << "may not mount a file system here";
-  const ProcessResult result = render(path("scene.nff"), path("rig.toml"), path("small/o.tif"));
+  write_rig("width_px = 48", "width_px = 480");
+  const ProcessResult result = render(path("scene.nff"), path("bad.toml"), path("small/o.ppm"));
   const bool empty = std::filesystem::is_empty(path("small"));
-  umount(path("small").c_str());
-  expect_clear_error(result, 1, "o.tif");
+  EXPECT_EQ(umount(path("small").c_str()), 0);
+  expect_clear_error(result, 1, "o.ppm");
   EXPECT_TRUE(empty);
 }
 

@@ -38,8 +38,20 @@ TEST(Help, OfEveryCommandEndsWithAnExampleAndExitsWithZero) {
 }
 
 TEST(Help, EveryCommandThatPrintsKnowsJson) {
-  for (const char* name : {"render", "play", "weave", "eye", "compare", "bench"})
-    EXPECT_NE(run({name, "--help"}).out.find("--json"), std::string::npos) << name;
+  for (const auto& command : std::vector<std::vector<std::string>>{{"render"},
+                                                                   {"play"},
+                                                                   {"weave"},
+                                                                   {"eye"},
+                                                                   {"compare"},
+                                                                   {"rig", "show"},
+                                                                   {"scene", "list"},
+                                                                   {"bench", "list"},
+                                                                   {"bench", "exact"}}) {
+    std::vector<std::string> arguments = command;
+    arguments.emplace_back("--help");
+    EXPECT_NE(run(arguments).out.find("--json"), std::string::npos)
+        << command.front() << " " << command.back();
+  }
 }
 
 TEST(Help, AnUnknownFlagOrCommandIsAUsageErrorOnStandardError) {

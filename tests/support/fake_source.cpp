@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/support/fake_source.h"
 
-#include <utility>
+#include <xxhash.h>
 
-#include "display/xxh64.h"
+#include <utility>
 
 namespace lenticule::test {
 
@@ -20,9 +20,7 @@ frames::WovenFrame numbered_frame(frames::FrameGeometry geometry, uint64_t numbe
 }
 
 uint64_t checksum_of(const frames::FrameView& frame) {
-  display::Xxh64 hash;
-  hash.update(frame.bytes);
-  return hash.digest();
+  return XXH64(frame.bytes.data(), frame.bytes.size(), 0);
 }
 
 FakeSource::FakeSource(FakeSourceScript script) : script_(std::move(script)) {
