@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "display/kms/drm_handles.h"
 #include "optics/rig.h"
 
 namespace lenticule::display {

@@ -9,9 +9,10 @@
 #include <span>
 #include <type_traits>
 
-#include "display/kms/scanout_pool.h"
-
 namespace lenticule::display {
+
+inline constexpr int kMinScanoutBuffers = 2;
+inline constexpr int kMaxScanoutBuffers = 4;
 
 /// Plain bytes, for a sealed memory file. Object names belong to the open descriptor, not to the
 /// process that made them.

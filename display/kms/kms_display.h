@@ -11,7 +11,7 @@
 #include "display/display.h"
 #include "display/kms/exactness_report.h"
 #include "display/kms/handover.h"
-#include "display/kms/output_choice.h"
+#include "display/kms/output_wish.h"
 #include "display/kms/platform.h"
 #include "display/kms/session.h"
 

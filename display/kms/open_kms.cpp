@@ -11,6 +11,7 @@
 #include "display/kms/drm_device.h"
 #include "display/kms/drm_events.h"
 #include "display/kms/mode_choice.h"
+#include "display/kms/output_choice.h"
 #include "optics/error.h"
 
 namespace lenticule::display {

@@ -8,28 +8,14 @@
 #include <vector>
 
 #include "display/kms/connector.h"
-#include "display/kms/output_key.h"
-#include "frames/frame.h"
+#include "display/kms/output_wish.h"
 #include "optics/error.h"
-#include "optics/rig.h"
 
 namespace lenticule::display {
 
 struct OutputCandidate {
   std::string card;  ///< path of its node
   ConnectorInfo connector;
-};
-
-enum class IdentityPolicy {
-  Require,  ///< the panel must be the one that the rig was made for
-  Ignore,   ///< for test cards and measurements: whatever panel is there
-};
-
-struct OutputWish {
-  OutputKey key;
-  optics::PanelIdentity identity;  ///< of the rig; empty = any
-  frames::FrameGeometry panel;
-  IdentityPolicy policy = IdentityPolicy::Require;
 };
 
 struct OutputChoice {

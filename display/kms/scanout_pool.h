@@ -8,6 +8,7 @@
 
 #include "display/display.h"
 #include "display/kms/drm_handles.h"
+#include "display/kms/handover.h"
 #include "display/kms/platform.h"
 
 namespace lenticule::display {
@@ -73,9 +74,6 @@ class KmsBuffer final : public ScanoutBuffer {
 };
 
 using ScanoutPool = std::vector<std::unique_ptr<KmsBuffer>>;
-
-inline constexpr int kMinScanoutBuffers = 2;
-inline constexpr int kMaxScanoutBuffers = 4;
 
 /// As many as there is memory for, up to `count`. Throws Error(Failed) below two.
 [[nodiscard]] ScanoutPool make_scanout_pool(int fd, const std::shared_ptr<KmsPlatform>& platform,

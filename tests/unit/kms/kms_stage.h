@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "display/kms/kms_display.h"
+#include "optics/error.h"
 #include "tests/support/fake_drm.h"
 
 namespace lenticule::testing {

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule doctor: would every subpixel reach the glass as it is, and if not, what helps.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+
+#include "display/kms/inspect.h"
+#include "display/kms/output_key.h"
+#include "optics/error.h"
+#include "player/command.h"
+#include "player/panel_json.h"
+
+namespace lenticule::player {
+namespace {
+
+struct DoctorFlags {
+  std::string display = "kms";
+  bool json = false;
+};
+
+nlohmann::json examine(const DoctorFlags& flags) {
+  const display::OutputKey key = display::parse_kms_spec(flags.display);
+  const auto session = display::make_direct_session();
+  nlohmann::json json = {{"cards", nlohmann::json::array()}, {"outputs", nlohmann::json::array()}};
+  for (const auto& card : display::inspect_cards(session).cards)
+    json["cards"].push_back(to_json(card));
+  for (const auto& diagnosis : display::diagnose(session, key))
+    json["outputs"].push_back(to_json(diagnosis));
+  return json;
+}
+
+std::string text_of(const nlohmann::json& value) {
+  return value.get<std::string>();
+}
+
+void print_cards(const nlohmann::json& cards) {
+  for (const auto& card : cards) {
+    const std::string problem = text_of(card["problem"]);
+    const auto& counts = card["counts_vblanks"];
+    fmt::print("{} ({}, driver {}): {}; {}\n", text_of(card["path"]), text_of(card["bus"]),
+               card["driver"].get<std::string>().empty() ? "?" : text_of(card["driver"]),
+               !problem.empty()                       ? problem
+               : card["master_available"].get<bool>() ? "free to use"
+                                                      : "another program is master",
+               counts.is_null()     ? "vblank counter not known while its outputs are off"
+               : counts.get<bool>() ? "counts vblanks"
+                                    : "has no vblank counter, time is used instead");
+  }
+}
+
+void print_properties(const nlohmann::json& properties) {
+  if (properties.empty()) return;
+  fmt::print("  {:<10} {:<24} {:<16} {:<12} {}\n", "object", "property", "found", "wanted",
+             "outcome");
+  for (const auto& row : properties)
+    fmt::print("  {:<10} {:<24} {:<16} {:<12} {}\n", text_of(row["object"]),
+               text_of(row["property"]), text_of(row["found"]), text_of(row["wanted"]),
+               text_of(row["outcome"]));
+}
+
+void print_output(const nlohmann::json& output) {
+  const nlohmann::json& panel = output["panel"];
+  const nlohmann::json& exactness = output["exactness"];
+  fmt::print("{} on {}\n", text_of(panel["connector"]), text_of(panel["card"]));
+  print_properties(exactness["properties"]);
+  if (!text_of(output["problem"]).empty())
+    fmt::print("  cannot be used: {}\n", text_of(output["problem"]));
+  fmt::print("  EXACT {}{}\n", text_of(exactness["exact"]),
+             output["tested"].get<bool>() ? "" : " (not tested with the driver)");
+  for (const auto& reason : exactness["reasons"]) fmt::print("    because {}\n", text_of(reason));
+  for (const auto& remedy : exactness["remedies"]) fmt::print("    try: {}\n", text_of(remedy));
+  if (!text_of(output["remedy"]).empty()) fmt::print("    try: {}\n", text_of(output["remedy"]));
+}
+
+void print_text(const nlohmann::json& json) {
+  print_cards(json["cards"]);
+  for (const auto& output : json["outputs"]) print_output(output);
+}
+
+/// kDevice when nothing can be shown anywhere, kQuality when what is shown would be altered.
+ExitCode verdict_of(const nlohmann::json& outputs) {
+  const auto usable = [](const auto& output) { return text_of(output["problem"]).empty(); };
+  const auto altered = [](const auto& output) { return output["exactness"]["exact"] == "no"; };
+  if (std::none_of(outputs.begin(), outputs.end(), usable)) return kDevice;
+  return std::any_of(outputs.begin(), outputs.end(), altered) ? kQuality : kOk;
+}
+
+}  // namespace
+
+Run declare_doctor(CLI::App& app) {
+  auto flags = std::make_shared<DoctorFlags>();
+  app.add_option("--display", flags->display, "kms[:CONNECTOR|:edid:MFG...|:/dev/dri/...]")
+      ->capture_default_str();
+  app.add_flag("--json", flags->json, "print everything as JSON");
+  return [flags]() -> ExitCode {
+    const nlohmann::json json = examine(*flags);
+    if (flags->json)
+      print_json(json);
+    else
+      print_text(json);
+    if (json["cards"].empty())
+      throw Error(ErrorKind::Device, "no graphics card was found",
+                  "--display virtual works without one");
+    if (json["outputs"].empty())
+      throw Error(ErrorKind::Device, fmt::format("{}: no such panel is connected", flags->display),
+                  "'lenticule panels' lists what there is");
+    return verdict_of(json["outputs"]);
+  };
+}
+
+}  // namespace lenticule::player
