@@ -113,8 +113,8 @@ Row measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
   // Forked before this process has threads; it waits for the socket to appear.
   const RendererProcess renderer(socket, count);
   const auto begin = std::chrono::steady_clock::now();
-  const auto ring =
-      frames::RingPlayer::open({.socket = socket, .geometry = geometry, .slots = slots, .rig_fingerprint = {}});
+  const auto ring = frames::RingPlayer::open(
+      {.socket = socket, .geometry = geometry, .slots = slots, .rig_fingerprint = {}});
   const auto display = display::open_virtual_display(
       {.geometry = geometry, .clock = std::make_shared<display::SimulatedClock>()});
 

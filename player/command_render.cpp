@@ -8,13 +8,13 @@
 #include <optional>
 
 #include "optics/rig_file.h"
-#include "player/camera_path.h"
 #include "player/command.h"
 #include "player/frame_output.h"
 #include "player/interrupt.h"
 #include "player/progress.h"
 #include "player/scene_sequence.h"
 #include "player/triple.h"
+#include "render/loaders/camera_path.h"
 #include "render/method.h"
 
 namespace lenticule::player {
@@ -136,7 +136,7 @@ class RenderRun {
         model_(rig_),
         method_(render::make_method(flags.method, model_, flags.options)),
         scenes_(flags.scene, rate_) {
-    if (!flags.camera.empty()) cameras_ = load_camera_path(flags.camera);
+    if (!flags.camera.empty()) cameras_ = render::load_camera_path(flags.camera);
     scenes_.require(range_);
     const render::SceneDescription reference =
         scene_of(scenes_, cameras_, scenes_.reference_frame());

@@ -12,6 +12,8 @@ Run declare_weave(CLI::App& app);
 Run declare_eye(CLI::App& app);
 Run declare_compare(CLI::App& app);
 Run declare_rig(CLI::App& app);
+Run declare_panels(CLI::App& app);
+Run declare_doctor(CLI::App& app);
 Run declare_scene(CLI::App& app);
 Run declare_bench(CLI::App& app);
 Run declare_completion(CLI::App& app);
@@ -33,6 +35,10 @@ const std::vector<Command>& commands() {
        "lenticule compare reference.png test.png --rig kiosk-27-4k.toml --json", declare_compare},
       {"rig", "show, check, import and export rig files",
        "lenticule rig import visual.json -o portrait.toml", declare_rig},
+      {"panels", "list connected panels, their identity, modes and matching rigs",
+       "lenticule panels --rigs scenes/rigs", declare_panels},
+      {"doctor", "tell what would keep an output from showing frames exactly",
+       "lenticule doctor --json", declare_doctor},
       {"scene", "write one of the built-in scenes", "lenticule scene teapot -o teapot.nff",
        declare_scene},
       {"bench", "run a benchmark of this build on this machine", "lenticule bench exact",

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <limits>
 
 #include "optics/error.h"
@@ -14,31 +13,8 @@ namespace lenticule::player {
 namespace {
 
 constexpr std::string_view kBuiltIn = "builtin:";
-constexpr uint64_t kMostFrames = 100'000'000;
-
-std::optional<uint64_t> whole_number(std::string_view text) {
-  uint64_t value = 0;
-  const auto [rest, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || rest != text.data() + text.size() || value > kMostFrames)
-    return std::nullopt;
-  return value;
-}
 
 }  // namespace
-
-FrameRange parse_frame_range(const std::string& text) {
-  const size_t colon = text.find(':');
-  const std::string_view all = text;
-  const auto begin = whole_number(all.substr(0, colon));
-  const auto end = colon == std::string::npos ? begin : whole_number(all.substr(colon + 1));
-  if (!begin || !end)
-    throw Error(ErrorKind::Usage, fmt::format("--frames '{}': not a range of frames", text),
-                "for example --frames 0:24, which ends before frame 24");
-  const FrameRange range{*begin, colon == std::string::npos ? *begin + 1 : *end};
-  if (range.end <= range.begin)
-    throw Error(ErrorKind::Usage, fmt::format("--frames '{}': has no frame in it", text));
-  return range;
-}
 
 SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate) : rate_(rate) {
   if (scene.starts_with(kBuiltIn)) {

@@ -11,20 +11,12 @@
 #include "frames/image_io.h"
 #include "frames/rational.h"
 #include "optics/model.h"
+#include "player/frame_range.h"
 #include "render/scene_description.h"
 #include "render/stage.h"
 #include "scenes/scene_list.h"
 
 namespace lenticule::player {
-
-/// Frame numbers [begin, end).
-struct FrameRange {
-  uint64_t begin = 0;
-  uint64_t end = 1;
-  [[nodiscard]] uint64_t count() const { return end - begin; }
-};
-/// "A:B", or "N" for that frame alone. Throws Error(Usage).
-[[nodiscard]] FrameRange parse_frame_range(const std::string& text);
 
 class SceneSequence {
  public:

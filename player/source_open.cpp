@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <filesystem>
 #include <thread>
 #include <utility>
@@ -23,13 +22,6 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kRing = "ring:";
 constexpr int kMaxDecoderThreads = 8;
-
-std::optional<uint64_t> parse_number(std::string_view text) {
-  uint64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
 
 /// One core is left to the player itself.
 int decoder_threads() {
@@ -104,17 +96,6 @@ OpenedSource open_pictures(const SourceRequest& request) {
 }
 
 }  // namespace
-
-FrameRange parse_frame_range(std::string_view text) {
-  const size_t colon = text.find(':');
-  const auto begin = parse_number(text.substr(0, colon));
-  const auto end =
-      colon == std::string_view::npos ? std::nullopt : parse_number(text.substr(colon + 1));
-  if (!begin || !end || *begin >= *end)
-    throw Error(ErrorKind::Usage, fmt::format("frames '{}': not a range", text),
-                "write A:B for the frames from A up to, not including, B");
-  return {*begin, *end};
-}
 
 OpenedSource open_source(const SourceRequest& request) {
   if (request.text.starts_with(kRing)) return open_ring(request, request.text.substr(kRing.size()));

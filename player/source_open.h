@@ -10,17 +10,9 @@
 #include <string_view>
 
 #include "frames/frame_source.h"
+#include "player/frame_range.h"
 
 namespace lenticule::player {
-
-/// Half-open range of frame numbers, "0:24".
-struct FrameRange {
-  uint64_t begin = 0;
-  uint64_t end = 0;
-  friend bool operator==(const FrameRange&, const FrameRange&) = default;
-};
-/// Throws Error(Usage) unless A and B are numbers and A < B.
-[[nodiscard]] FrameRange parse_frame_range(std::string_view text);
 
 struct SourceRequest {
   /// "ring:SOCKET", "dir/%05d.png" or one picture

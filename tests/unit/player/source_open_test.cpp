@@ -96,12 +96,5 @@ TEST_F(SourceOpen, OpensARingAndSaysHowToFeedIt) {
   EXPECT_THAT(opened.stall_hint, testing::HasSubstr("ring:" + socket));
 }
 
-TEST(FrameRange, IsHalfOpen) {
-  EXPECT_EQ(parse_frame_range("0:24"), (FrameRange{0, 24}));
-  for (const char* text : {"", ":", "3", "3:", ":3", "3:3", "5:2", "-3:2", "a:b", "1:2:3", " 1:2",
-                           "1:99999999999999999999"})
-    EXPECT_THROW((void)parse_frame_range(text), Error) << text;
-}
-
 }  // namespace
 }  // namespace lenticule::player
