@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whatever bytes come from a card: no event is invented, none is read beyond the end.
+#include <drm.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <random>
+#include <vector>
+
+#include "display/kms/drm_events.h"
+
+namespace lenticule::testing {
+namespace {
+
+using display::DrmEvent;
+using display::EventRead;
+
+struct Collector final : display::DrmEventHandler {
+  void on_drm_event(const DrmEvent& event) noexcept override { ids.push_back(event.id); }
+  std::vector<uint64_t> ids;
+};
+
+template <typename Event>
+void append(std::vector<uint8_t>& bytes, const Event& event) {
+  const auto* begin = reinterpret_cast<const uint8_t*>(&event);
+  bytes.insert(bytes.end(), begin, begin + sizeof(event));
+}
+
+std::vector<uint8_t> stream_of(std::mt19937& random, std::vector<uint64_t>& ids) {
+  std::vector<uint8_t> bytes;
+  for (unsigned i = 0; i < 1 + random() % 8; ++i) {
+    const uint64_t id = random();
+    if (random() % 3 == 0) {
+      drm_event unknown{.type = 77, .length = sizeof(drm_event) + 8};
+      append(bytes, unknown);
+      append(bytes, id);
+      continue;
+    }
+    ids.push_back(id);
+    if (random() % 2 == 0) {
+      drm_event_vblank event{};
+      event.base = {.type = DRM_EVENT_FLIP_COMPLETE, .length = sizeof(event)};
+      event.user_data = id;
+      append(bytes, event);
+    } else {
+      drm_event_crtc_sequence event{};
+      event.base = {.type = DRM_EVENT_CRTC_SEQUENCE, .length = sizeof(event)};
+      event.user_data = id;
+      append(bytes, event);
+    }
+  }
+  return bytes;
+}
+
+}  // namespace
+
+TEST(DrmEvents, WholeStreamsAreReadWholeAndUnknownEventsSkipped) {
+  std::mt19937 random(1);
+  for (int round = 0; round < 2000; ++round) {
+    std::vector<uint64_t> ids;
+    const auto bytes = stream_of(random, ids);
+    Collector collector;
+    EXPECT_EQ(display::parse_drm_events(bytes, collector), EventRead::Ok);
+    EXPECT_EQ(collector.ids, ids);
+  }
+}
+
+TEST(DrmEvents, EveryCutGivesAPrefixOfTheEvents) {
+  std::mt19937 random(2);
+  for (int round = 0; round < 100; ++round) {
+    std::vector<uint64_t> ids;
+    const auto bytes = stream_of(random, ids);
+    for (size_t cut = 0; cut < bytes.size(); ++cut) {
+      const std::vector<uint8_t> part(bytes.begin(), bytes.begin() + static_cast<ptrdiff_t>(cut));
+      Collector collector;
+      (void)display::parse_drm_events(part, collector);
+      ASSERT_LE(collector.ids.size(), ids.size());
+      EXPECT_TRUE(std::equal(collector.ids.begin(), collector.ids.end(), ids.begin()));
+    }
+  }
+}
+
+TEST(DrmEvents, GarbageEnds) {
+  std::mt19937 random(3);
+  for (int round = 0; round < 20000; ++round) {
+    std::vector<uint8_t> bytes(random() % 200);
+    for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random() % 4 == 0 ? random() : 0);
+    Collector collector;
+    (void)display::parse_drm_events(bytes, collector);
+    EXPECT_LE(collector.ids.size(), bytes.size() / sizeof(drm_event_vblank));
+  }
+}
+
+}  // namespace lenticule::testing

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// Long runs with every fault at random: each accepted frame is reported once, in order, on the
+// glass, and nothing grows.
+#include <random>
+
+#include "tests/unit/kms/kms_stage.h"
+
+namespace lenticule::testing {
+
+class KmsSoak : public KmsStage {
+ protected:
+  void disturb(std::mt19937& random) {
+    const auto once_in = [&](unsigned n) { return random() % n == 0; };
+    if (once_in(50)) card.event_faults = {EventFault::Lose};
+    if (once_in(50)) card.event_faults = {EventFault::Duplicate};
+    if (once_in(50)) card.event_faults = {EventFault::Late};
+    if (once_in(50)) card.event_faults = {EventFault::Stale};
+    if (once_in(60)) card.flip_faults = {{.count = static_cast<int>(random() % 9), .error = EBUSY}};
+    if (once_in(300)) card.flip_faults = {{.error = EINVAL}};
+    if (once_in(500)) machine.sleep(seconds(5));
+    if (once_in(100)) machine.announce_hotplug();
+    if (once_in(400)) card.object(connector->id).find("link-status")->value = 1;
+    if (once_in(500)) hide_panel_for(seconds(random() % 5));
+    if (once_in(500)) lose_master_for(seconds(random() % 5));
+  }
+  void hide_panel_for(Nanoseconds time) {
+    connector->connected = false;
+    machine.announce_hotplug();
+    machine.at(machine.now() + time, [this] {
+      connector->connected = true;
+      machine.announce_hotplug();
+    });
+  }
+  void lose_master_for(Nanoseconds time) {
+    card.foreign_master = true;
+    machine.at(machine.now() + time, [this] { card.foreign_master = false; });
+  }
+  void submit_patiently(unsigned seed) {
+    for (int i = 0; i < 1000; ++i) {
+      const SubmitStatus status = submit(seed);
+      if (status == SubmitStatus::Accepted) return;
+      ASSERT_EQ(status, SubmitStatus::Paused);
+      idle(milliseconds(50));
+    }
+    FAIL() << "never taken";
+  }
+};
+
+TEST_F(KmsSoak, EveryFrameIsReportedOnceInOrderWhateverHappens) {
+  std::mt19937 random(7);
+  open();
+  uint64_t last = 0;
+  for (unsigned seed = 1; seed <= 20'000; ++seed) {
+    disturb(random);
+    submit_patiently(seed);
+    const DisplayEvent event = wait(seconds(60));
+    ASSERT_EQ(event.kind, EventKind::Flip) << seed;
+    ASSERT_EQ(event.id, seed);
+    ASSERT_GT(event.sequence, last);
+    last = event.sequence;
+    ASSERT_EQ(card.glass(crtc), words_of(make_frame(seed))) << seed;
+    ASSERT_EQ(card.buffers.size(), 3U);
+  }
+  EXPECT_EQ(show->statistics().flips, 20'000U);
+  EXPECT_GT(show->statistics().recoveries, 100U);
+}
+
+TEST_F(KmsSoak, AMillionVblanksHaveNoGap) {
+  open();
+  uint64_t last = flip(1).sequence;
+  for (int i = 0; i < 1'000'000; ++i) {
+    display::ScanoutBuffer* buffer = show->acquire();
+    ASSERT_NE(buffer, nullptr);
+    ASSERT_EQ(show->submit(buffer, 2), SubmitStatus::Accepted);
+    ASSERT_EQ(wait().sequence, ++last);
+  }
+  EXPECT_EQ(show->statistics().flip_timeouts + show->statistics().stray_events, 0U);
+}
+
+}  // namespace lenticule::testing
