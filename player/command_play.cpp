@@ -25,6 +25,8 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
+constexpr auto kLongestPriming = std::chrono::hours(24);  // with --wait forever
+
 /// As given on the command line.
 struct PlayFlags {
   std::string source;
@@ -65,7 +67,9 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("--duration", flags.duration_s,
                  "stop after so many seconds; without --loop, loop until then")
       ->check(CLI::PositiveNumber);
-  app.add_option("--prime", flags.prime, "frames that must be ready before the first is shown")
+  app.add_option("--prime", flags.prime,
+                 "frames that must be ready before the first is shown, waiting for them as long as "
+                 "--wait says (default: half of the slots, or what came within two seconds)")
       ->check(CLI::Range(1, 1'000'000));
   app.add_option("--slots", flags.slots, "frames kept ready in memory")
       ->check(CLI::Range(2, 4096))
@@ -125,6 +129,8 @@ Plan make_plan(const PlayFlags& flags) {
   plan.playback.late = parse_late_policy(flags.late);
   plan.playback.stall_timeout = parse_wait(flags.wait);
   plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
+  if (flags.prime)  // who asks for so many frames means to wait for them
+    plan.playback.prime_timeout = plan.playback.stall_timeout.value_or(kLongestPriming);
   plan.playback.started = flags.started;
   plan.playback.source_name = flags.source;
   plan.playback.stop_fd = interrupt_fd();
