@@ -24,7 +24,7 @@ struct Survey {
   std::vector<DrmDevice> devices;
   std::vector<OutputCandidate> candidates;
   std::vector<size_t> device_of;  ///< per candidate
-  std::string problem;            ///< of a card that could not be opened
+  std::optional<Error> problem;   ///< of a card that could not be opened
 };
 
 void survey_device(Survey& survey, DrmDevice device) {
@@ -45,16 +45,17 @@ Survey survey_cards(const std::shared_ptr<Session>& session, std::optional<DrmDe
       else
         survey_device(survey, DrmDevice::open(session, node));
     } catch (const Error& error) {
-      survey.problem = error.what();
+      survey.problem = error;
     }
   }
   return survey;
 }
 
 [[noreturn]] void throw_choice(const OutputChoice& choice, const Survey& survey) {
-  std::string text = choice.cause;
-  if (!survey.problem.empty()) text += fmt::format(" ({})", survey.problem);
-  throw Error(choice.kind, text, choice.remedy);
+  if (!survey.problem) throw Error(choice.kind, choice.cause, choice.remedy);
+  if (survey.candidates.empty()) throw Error(*survey.problem);
+  throw Error(choice.kind, fmt::format("{} ({})", choice.cause, survey.problem->what()),
+              choice.remedy);
 }
 
 /// Looks until the panel is there, the time is up or somebody cancels.

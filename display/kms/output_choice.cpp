@@ -58,8 +58,10 @@ class Chooser {
   [[nodiscard]] OutputChoice choose() const {
     Indices indices = meant();
     if (indices.empty())
-      return refuse("no such output", "name one of those above",
-                    wish_.key.kind != OutputKey::Kind::Card);
+      return refuse(
+          "no such output",
+          candidates_.empty() ? "--display virtual works without one" : "name one of those above",
+          true);
     std::erase_if(indices, [&](size_t i) { return !at(i).connected; });
     if (indices.empty())
       return refuse("no panel is connected", "switch the panel on and check its cable", true);

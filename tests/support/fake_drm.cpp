@@ -71,6 +71,7 @@ class FakeSession final : public display::Session {
     FakeCard* card = machine_.card_at(path);
     if (card == nullptr || card->gone)
       throw Error(ErrorKind::Device, path + ": No such file or directory");
+    if (card->forbidden) throw Error(ErrorKind::Device, path + ": Permission denied");
     return frames::UniqueFd(card->open_end());
   }
   void close_device(int fd) noexcept override {

@@ -143,6 +143,7 @@ class FakeCard {
   std::deque<EventFault> event_faults;  ///< one per flip event, in order
   bool foreign_master = false;          ///< somebody else has it
   bool gone = false;
+  bool forbidden = false;  ///< may not be opened
 
   // What happened.
   int flips = 0, blocking_commits = 0, modesets = 0, tests = 0, full_probes = 0, rmfb_on_screen = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The fake must answer every call of libdrm that display/kms makes, or the tests would judge the
-// machine they run on. Other libraries may bring libdrm along; this program itself must not need it.
+// machine they run on. Other libraries may bring libdrm along; this program itself must not need
+// it.
 #include <gtest/gtest.h>
 #include <link.h>
 

@@ -133,6 +133,16 @@ TEST_F(KmsOpen, NoCardAtAllSaysSo) {
   EXPECT_THAT(failure().what(), HasSubstr("no graphics card has an output"));
 }
 
+TEST_F(KmsOpen, CardThatMayNotBeOpenedIsNamed) {
+  card.forbidden = true;
+  const Error error = failure();
+  EXPECT_EQ(error.kind(), ErrorKind::Device);
+  EXPECT_STREQ(error.what(), "/dev/dri/card0: Permission denied");
+  const display::Inspection found = display::inspect_cards(options.session);
+  ASSERT_EQ(found.cards.size(), 1U);
+  EXPECT_THAT(found.cards[0].problem, HasSubstr("Permission denied"));
+}
+
 TEST_F(KmsOpen, ForeignMasterIsOneClearError) {
   card.foreign_master = true;
   const Error error = failure();
