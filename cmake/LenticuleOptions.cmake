@@ -14,7 +14,9 @@ endif()
 # ccache is used where it is installed and nobody chose another launcher.
 find_program(LENTICULE_CCACHE ccache)
 if(LENTICULE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${LENTICULE_CCACHE})
+  # Sloppiness is what ccache needs to serve files that use a precompiled header.
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
+    CCACHE_SLOPPINESS=pch_defines,time_macros ${LENTICULE_CCACHE})
   set(CMAKE_C_COMPILER_LAUNCHER ${LENTICULE_CCACHE})
 endif()
 
