@@ -6,6 +6,7 @@
 #include <charconv>
 #include <optional>
 
+#include "display/kms/output_key.h"
 #include "display/virtual/virtual_display.h"
 #include "optics/error.h"
 
@@ -16,7 +17,7 @@ constexpr int64_t kMaxJitterUs = 10'000'000;
 
 [[noreturn]] void reject(std::string_view spec) {
   throw Error(ErrorKind::Usage, fmt::format("display '{}': not understood", spec),
-              "write virtual or virtual:3840x2160@60");
+              "write virtual, virtual:3840x2160@60, kms or kms:CONNECTOR");
 }
 
 template <typename Integer>
@@ -61,10 +62,6 @@ bool parse_option(std::string_view option, VirtualSpec& out) {
   return true;
 }
 
-bool is_kms(std::string_view spec) {
-  return spec.substr(0, spec.find(':')) == "kms";
-}
-
 std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
   const VirtualSpec spec = parse_virtual_spec(request.spec);
   frames::FrameGeometry geometry = request.panel;
@@ -89,6 +86,18 @@ std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
        .recorder = request.recorder});
 }
 
+std::unique_ptr<Display> open_kms(const DisplayRequest& request) {
+  KmsOptions options = request.kms;
+  options.wish.key = parse_kms_spec(request.spec);
+  options.wish.panel = request.panel;
+  options.buffers = request.buffers;
+  if (request.recorder)
+    throw Error(ErrorKind::Usage,
+                fmt::format("display '{}': cannot record what was on the glass", request.spec),
+                "record with --display virtual");
+  return open_kms_display(options);
+}
+
 }  // namespace
 
 VirtualSpec parse_virtual_spec(std::string_view spec) {
@@ -110,16 +119,19 @@ VirtualSpec parse_virtual_spec(std::string_view spec) {
   return result;
 }
 
+bool is_kms_spec(std::string_view spec) {
+  return spec.substr(0, spec.find(':')) == "kms";
+}
+
 void check_display_spec(std::string_view spec) {
-  if (!is_kms(spec)) (void)parse_virtual_spec(spec);
+  if (is_kms_spec(spec))
+    (void)parse_kms_spec(spec);
+  else
+    (void)parse_virtual_spec(spec);
 }
 
 std::unique_ptr<Display> open_display(const DisplayRequest& request) {
-  if (is_kms(request.spec))
-    throw Error(ErrorKind::Device,
-                fmt::format("display '{}': this build has no KMS output", request.spec),
-                "use --display virtual");
-  return open_virtual(request);
+  return is_kms_spec(request.spec) ? open_kms(request) : open_virtual(request);
 }
 
 }  // namespace lenticule::display

@@ -8,12 +8,14 @@
 
 #include "display/clock.h"
 #include "display/display.h"
+#include "display/kms/kms_display.h"
 #include "display/scanout_recorder.h"
 
 namespace lenticule::display {
 
 struct DisplayRequest {
-  /// "virtual", "virtual:3840x2160@59.94", "virtual:3840x2160@60,jitter_us=500"
+  /// "virtual", "virtual:3840x2160@59.94", "virtual:3840x2160@60,jitter_us=500", "kms",
+  /// "kms:HDMI-A-1", "kms:edid:LGD", "kms:/dev/dri/card1" (see parse_output_key())
   std::string spec = "virtual";
   /// What will be shown; a display of another size is refused.
   frames::FrameGeometry panel = {};
@@ -22,14 +24,19 @@ struct DisplayRequest {
   /// For virtual displays: null = no recording.
   std::shared_ptr<ScanoutRecorder> recorder = nullptr;
   int buffers = 3;
+  /// For KMS displays; key, panel and buffers are taken from above. A simulated clock or a recorder
+  /// cannot be had there.
+  KmsOptions kms = {};
 };
 
 /// Throws Error(Usage) for a spec that makes no sense, Error(Input) when its size is not the
-/// panel's, Error(Device) when there is no such display.
+/// panel's, Error(Device) when there is no such display. What a KMS spec opens is a KmsDisplay.
 [[nodiscard]] std::unique_ptr<Display> open_display(const DisplayRequest& request);
 
 /// Throws as open_display() would for the text alone, before anything is opened.
 void check_display_spec(std::string_view spec);
+/// True if it names a panel on a graphics card.
+[[nodiscard]] bool is_kms_spec(std::string_view spec);
 
 /// The parts of "virtual[:WxH[@HZ]][,jitter_us=N][,seed=N]".
 struct VirtualSpec {

@@ -56,9 +56,20 @@ TEST(OpenDisplay, RefusesAnotherSizeThanThePanels) {
   EXPECT_EQ(kind_of_failure("virtual:32x36@60"), ErrorKind::Input);
 }
 
-TEST(OpenDisplay, SaysThatThereIsNoKms) {
-  EXPECT_EQ(kind_of_failure("kms"), ErrorKind::Device);
-  EXPECT_EQ(kind_of_failure("kms:DP-1"), ErrorKind::Device);
+TEST(OpenDisplay, RefusesToOpenAPanelThatNoCardHas) {
+  EXPECT_EQ(kind_of_failure("kms:Nonsense-77"), ErrorKind::Device);
+}
+
+TEST(OpenDisplay, RefusesKmsSpecsThatMakeNoSense) {
+  for (const char* spec : {"kms:nodash", "kms:edid:", "kms:DP 1-", "kmsx"})
+    EXPECT_THROW(check_display_spec(spec), Error) << spec;
+}
+
+TEST(OpenDisplay, TellsKmsFromTheRest) {
+  EXPECT_TRUE(is_kms_spec("kms"));
+  EXPECT_TRUE(is_kms_spec("kms:DP-1"));
+  EXPECT_FALSE(is_kms_spec("kmsx"));
+  EXPECT_FALSE(is_kms_spec("virtual:64x36"));
 }
 
 }  // namespace
