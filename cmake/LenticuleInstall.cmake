@@ -25,3 +25,28 @@ install(FILES ${generated}/lenticule.fish
 install(DIRECTORY scenes/rigs DESTINATION ${CMAKE_INSTALL_DATADIR}/lenticule)
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR} FILES_MATCHING PATTERN "*.md")
 install(FILES README.md LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR})
+
+# What a kiosk's system needs. Below "lib", not the multiarch folder: systemd and udev look there,
+# in /usr and in /usr/local.
+install(FILES udev/70-lenticule.rules DESTINATION lib/udev/rules.d)
+install(FILES udev/lenticule-player@.service udev/lenticule-renderer@.service
+  DESTINATION lib/systemd/system)
+install(FILES udev/lenticule.sysusers DESTINATION lib/sysusers.d RENAME lenticule.conf)
+install(FILES udev/lenticule.tmpfiles DESTINATION lib/tmpfiles.d RENAME lenticule.conf)
+
+# cpack -G DEB: one package; dpkg-shlibdeps finds the libraries that it depends on.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_CONTACT "lenticule developers <lenticule@example.org>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
+set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_DEPENDS "systemd, udev")
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA
+  ${PROJECT_SOURCE_DIR}/udev/postinst ${PROJECT_SOURCE_DIR}/udev/prerm
+  ${PROJECT_SOURCE_DIR}/udev/postrm)
+include(CPack)
