@@ -16,6 +16,7 @@ namespace lenticule::player {
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
 Run declare_bench_play(CLI::App& app);
+Run declare_bench_start(CLI::App& app);
 
 namespace {
 
@@ -36,6 +37,8 @@ const std::vector<Benchmark>& benchmarks() {
        declare_bench_exact},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
       {"play", "the player's memory over many frames of a ring", declare_bench_play},
+      {"start", "from starting the program to the first frame on the virtual display",
+       declare_bench_start},
   };
   return table;
 }

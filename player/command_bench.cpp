@@ -38,6 +38,7 @@ Run declare_bench(CLI::App& app) {
   (*runs)[list] = declare_list(*list);
   for (const Benchmark& benchmark : benchmarks()) {
     CLI::App* sub = app.add_subcommand(benchmark.name, benchmark.summary);
+    sub->footer(fmt::format("Example:\n  lenticule bench {}", benchmark.name));
     (*runs)[sub] = benchmark.declare(*sub);
   }
   return [&app, runs]() -> ExitCode { return runs->at(app.get_subcommands().front())(); };
