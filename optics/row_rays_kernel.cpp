@@ -88,6 +88,7 @@ void spline_in_one_cell(const Constants& c, const double* cell, int count, const
 void residual_at(const Constants& c, int count, Lane& x, Lane& y, Lane& lenses, Lane& per_px_x) {
   const int stride = static_cast<int>(c.residual_columns) + 1;
   const double last_column = c.residual_columns - 1.0, last_row = c.residual_rows - 1.0;
+  if (count <= 0) return;
   alignas(64) int32_t cell[kBlock];
   for (int i = 0; i < count; ++i) {
     const double gx = x[i] * c.knots_per_px_x, gy = y[i] * c.knots_per_px_y;
