@@ -23,6 +23,7 @@ class BytesStream : public Assimp::IOStream {
   size_t Read(void* buffer, size_t size, size_t count) override {
     if (size == 0) return 0;
     const size_t whole = std::min(count, (bytes_.size() - position_) / size);
+    if (whole == 0) return 0;  // an empty file has no bytes that memcpy could be pointed at
     std::memcpy(buffer, bytes_.data() + position_, whole * size);
     position_ += whole * size;
     return whole;
