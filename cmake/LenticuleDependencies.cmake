@@ -4,18 +4,9 @@ find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(fmt REQUIRED)
 find_package(TBB REQUIRED)
-find_package(OpenImageIO REQUIRED)
-# Debian's OpenImageIO names the header folder of an OpenCV that it does not depend on; a folder that
-# is not there would stop the configuration.
-get_target_property(oiio_includes OpenImageIO::OpenImageIO INTERFACE_INCLUDE_DIRECTORIES)
-set(oiio_existing "")
-foreach(folder IN LISTS oiio_includes)
-  if(EXISTS ${folder})
-    list(APPEND oiio_existing ${folder})
-  endif()
-endforeach()
-set_target_properties(OpenImageIO::OpenImageIO PROPERTIES
-  INTERFACE_INCLUDE_DIRECTORIES "${oiio_existing}")
+# By pkg-config: Debian's CMake package of OpenImageIO wants its command-line tools to be installed and
+# names the header folder of an OpenCV that it does not depend on.
+pkg_check_modules(OPENIMAGEIO REQUIRED IMPORTED_TARGET OpenImageIO)
 find_package(assimp REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(nlohmann_json REQUIRED)
