@@ -11,6 +11,12 @@ if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE Release)
 endif()
 
+# Modules are loaded by name along the run path of the program that wants them.
+set(LENTICULE_MODULE_FOLDER ${PROJECT_BINARY_DIR}/modules)
+set(LENTICULE_INSTALL_MODULE_FOLDER ${CMAKE_INSTALL_LIBDIR}/lenticule)
+set(CMAKE_BUILD_RPATH ${LENTICULE_MODULE_FOLDER})
+set(CMAKE_INSTALL_RPATH $ORIGIN/../${LENTICULE_INSTALL_MODULE_FOLDER})
+
 # ccache is used where it is installed and nobody chose another launcher.
 find_program(LENTICULE_CCACHE ccache)
 if(LENTICULE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)

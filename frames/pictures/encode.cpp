@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Encoding woven frames with OpenImageIO, in memory: the bytes go to the disk in one place that
 // sees every failure of it.
+#include "frames/pictures/encode.h"
+
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
@@ -9,14 +11,11 @@
 #include <memory>
 #include <mutex>
 
-#include "frames/atomic_file.h"
-#include "frames/image_format.h"
-#include "frames/image_io.h"
-#include "frames/oiio_setup.h"
+#include "frames/pictures/oiio_setup.h"
 #include "frames/srgb.h"
 #include "optics/error.h"
 
-namespace lenticule::frames {
+namespace lenticule::frames::pictures {
 namespace {
 
 /// The frames of a sequence are written more often than they are stored. The neighbours to the left
@@ -24,23 +23,6 @@ namespace {
 /// this is the fastest combination and the smallest file of the fast ones (docs/frames.md).
 constexpr int kPngCompressionLevel = 1;
 constexpr int kPngFilterUp = 32;
-
-ImageFormat writable_format(const std::filesystem::path& file) {
-  const ImageFormat format = format_of_extension(file.extension().string());
-  switch (format) {
-    case ImageFormat::Png:
-    case ImageFormat::Tiff:
-    case ImageFormat::Exr:
-      return format;
-    case ImageFormat::Pnm:
-      if (file.extension() == ".ppm" || file.extension() == ".PPM") return format;
-      break;
-    default:
-      break;
-  }
-  throw Error(ErrorKind::Usage, fmt::format("{}: no picture format for this name", file.string()),
-              "end the name in .png, .tif, .tiff, .exr or .ppm");
-}
 
 OIIO::ImageSpec output_spec(const FrameGeometry& geometry, ImageFormat format) {
   OIIO::ImageSpec spec(geometry.width, geometry.height, 3,
@@ -70,6 +52,8 @@ bool write_pixels(OIIO::ImageOutput& output, const FrameView& frame, ImageFormat
   return output.write_image(OIIO::TypeDesc::FLOAT, light_of(frame.bytes).data());
 }
 
+}  // namespace
+
 std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format, const std::string& name) {
   set_up_oiio();
   std::vector<uint8_t> bytes;
@@ -87,8 +71,6 @@ std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format, const st
   return bytes;
 }
 
-}  // namespace
-
 void set_up_oiio() {
   static std::once_flag once;
   std::call_once(once, [] {
@@ -99,18 +81,4 @@ void set_up_oiio() {
   });
 }
 
-void check_writable_format(const std::filesystem::path& file) {
-  static_cast<void>(writable_format(file));
-}
-
-void write_woven(const FrameView& frame, const std::filesystem::path& file) {
-  const ImageFormat format = writable_format(file);
-  if (frame.geometry.format != PixelFormat::Rgb8 || frame.geometry.width < 1 ||
-      frame.geometry.height < 1)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: only frames of 8-bit RGB are written", file.string()));
-  LENTICULE_CHECK(frame.bytes.size() == frame.geometry.frame_bytes());
-  write_file_atomically(file, encode(frame, format, file.string()));
-}
-
-}  // namespace lenticule::frames
+}  // namespace lenticule::frames::pictures

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Decoding pictures with OpenImageIO, with everything that would change a code value turned off.
+#include "frames/pictures/decode.h"
+
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
@@ -9,17 +11,14 @@
 #include <memory>
 #include <optional>
 
-#include "frames/atomic_file.h"
 #include "frames/image_format.h"
-#include "frames/image_io.h"
-#include "frames/oiio_setup.h"
+#include "frames/pictures/oiio_setup.h"
 #include "frames/srgb.h"
 #include "optics/error.h"
 
-namespace lenticule::frames {
+namespace lenticule::frames::pictures {
 namespace {
 
-constexpr uint64_t kMaxFileBytes = uint64_t{2} << 30;
 constexpr int kMaxReadChannels = 4;
 
 /// What a decoded sample is, after the decoder's own widening of odd bit depths.
@@ -241,17 +240,24 @@ void light_from_band(const Band& band, int width, int alpha, float* out) {
   }
 }
 
-/// `prepare` gets the geometry once the first band is decoded and returns the frame to fill.
-template <class Prepare>
-void read_codes(PictureReader& reader, Prepare&& prepare) {
+}  // namespace
+
+FrameGeometry probe(std::span<const uint8_t> bytes, const std::string& name) {
+  const PictureReader reader(bytes, name, kMaxImagePixels);
+  return {reader.width(), reader.height()};
+}
+
+void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
+                  const PictureCodec::Prepare& prepare) {
+  PictureReader reader(bytes, name, kMaxImagePixels);
   WovenFrame* frame = nullptr;
   reader.read([&](const Band& band) {
-    if (!frame) frame = prepare(FrameGeometry{reader.width(), reader.height()});
+    if (frame == nullptr) frame = &prepare(FrameGeometry{reader.width(), reader.height()});
     codes_from_band(band, reader.width(), frame->row(band.y));
   });
 }
 
-FloatImage read_light(std::span<const uint8_t> bytes, const std::string& name) {
+FloatImage decode_light(std::span<const uint8_t> bytes, const std::string& name) {
   PictureReader reader(bytes, name, kMaxTexturePixels);
   FloatImage image{reader.width(), reader.height(), {}};
   const size_t row = static_cast<size_t>(image.width) * 4;
@@ -263,40 +269,4 @@ FloatImage read_light(std::span<const uint8_t> bytes, const std::string& name) {
   return image;
 }
 
-}  // namespace
-
-WovenFrame read_woven(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxFileBytes);
-  PictureReader reader(bytes, file.string(), kMaxImagePixels);
-  WovenFrame frame;
-  read_codes(reader, [&](const FrameGeometry& geometry) {
-    frame = WovenFrame(geometry);
-    return &frame;
-  });
-  return frame;
-}
-
-void read_woven_into(const std::filesystem::path& file, WovenFrame& frame) {
-  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxFileBytes);
-  PictureReader reader(bytes, file.string(), kMaxImagePixels);
-  if (FrameGeometry{reader.width(), reader.height()} != frame.geometry())
-    reader.fail(fmt::format("{} x {} pixels where {} x {} are expected", reader.width(),
-                            reader.height(), frame.width(), frame.height()));
-  read_codes(reader, [&](const FrameGeometry&) { return &frame; });
-}
-
-FrameGeometry probe_image(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxFileBytes);
-  const PictureReader reader(bytes, file.string(), kMaxImagePixels);
-  return {reader.width(), reader.height()};
-}
-
-FloatImage read_texture(const std::filesystem::path& file) {
-  return read_light(read_whole_file(file, kMaxFileBytes), file.string());
-}
-
-FloatImage read_texture(std::span<const uint8_t> encoded, const std::string& name) {
-  return read_light(encoded, name);
-}
-
-}  // namespace lenticule::frames
+}  // namespace lenticule::frames::pictures

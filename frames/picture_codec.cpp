@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/picture_codec.h"
+
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+/// Without a folder in it, the name is looked up along this program's run path and the system's
+/// library folders, as that of any library that the program is linked with.
+constexpr const char* kModule = LENTICULE_PICTURES_MODULE;
+
+[[noreturn]] void fail(const std::string& cause) {
+  throw Error(ErrorKind::Failed, fmt::format("{}: cannot be used: {}", kModule, cause),
+              "reinstall lenticule: pictures are read and written by this part of it");
+}
+
+std::string loader_message() {
+  const char* message = dlerror();
+  return message != nullptr ? message : "no reason given";
+}
+
+const PictureCodec& load() {
+  // Local: nothing of OpenImageIO's may replace a symbol of this program's.
+  void* module = dlopen(kModule, RTLD_NOW | RTLD_LOCAL);
+  if (module == nullptr) fail(loader_message());
+  const auto entry = reinterpret_cast<PictureCodecEntry>(dlsym(module, kPictureCodecEntry));
+  if (entry == nullptr) fail(loader_message());
+  const PictureCodec* codec = entry(LENTICULE_VERSION);
+  if (codec == nullptr) fail("it belongs to another version");
+  return *codec;
+}
+
+}  // namespace
+
+const PictureCodec& picture_codec() {
+  static const PictureCodec& codec = load();
+  return codec;
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// The encoding half of PictureCodec; contract there.
+#pragma once
+
+#include "frames/picture_codec.h"
+
+namespace lenticule::frames::pictures {
+
+[[nodiscard]] std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
+                                          const std::string& name);
+
+}  // namespace lenticule::frames::pictures
