@@ -11,6 +11,7 @@
 #include <cmath>
 #include <limits>
 
+#include "optics/error.h"
 #include "optics/residual_spline.h"
 
 namespace lenticule::optics {
@@ -198,6 +199,23 @@ SubpixelRay OpticalModel::ray(int i, int j, int channel) const {
           .tan_y = paraxial_tan_y,
           .lens = served.lens,
           .place = served.place};
+}
+
+OpticalModel::Bend OpticalModel::bend(double rest, double tan_y) const {
+  const Panel& panel = rig().panel;
+  const LensSheet& sheet = rig().sheet;
+  LENTICULE_CHECK(residual().empty());
+  const double gamma = std::isinf(design_eye_.z_mm) ? 0.0 : sheet.gap.value / design_eye_.z_mm;
+  const ServedEye eye =
+      find_served_eye({.tan_y = tan_y,
+                       .gamma = gamma,
+                       .kappa = 1.0 - sheet.refraction_shape,
+                       .slope = sheet.slant * panel.pixel_width.value / panel.pixel_height.value,
+                       .lens_per_gap = pitch_mm() / sheet.gap.value,
+                       .shift_at_rest = rest,
+                       .first_shift = rest},
+                      1.0, [](double, double) { return ResidualSpline::Value{}; });
+  return {eye.shift, eye.shift * eye.s};
 }
 
 double OpticalModel::pitch_mm() const {

@@ -77,6 +77,15 @@ class OpticalModel {
   /// lens_y_mm is the paraxial one, so that the rays of one row and channel lie in one plane.
   [[nodiscard]] SubpixelRay ray(int i, int j, int channel) const;
 
+  /// How a ray leaves the sheet when its lens's apex line would lie `rest` gaps to the right of the
+  /// panel point, seen straight from the front: rest = (k - ideal phase) p_h / g. `tan_y` is the
+  /// panel point's, toward the viewing line. Only where the rig has no residual map.
+  struct Bend {
+    double shift = 0.0;  ///< lens point minus panel point along x, in gaps
+    double tan_x = 0.0;
+  };
+  [[nodiscard]] Bend bend(double rest, double tan_y) const;
+
   /// The centre of the viewing line, E0 = (0, Ey, Z).
   [[nodiscard]] const Eye& design_eye() const { return design_eye_; }
 

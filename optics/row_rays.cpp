@@ -279,4 +279,16 @@ void RowPhaseEvaluator::evaluate(int j, int i_begin, int i_end, std::vector<doub
   });
 }
 
+void RowPhaseEvaluator::evaluate_points(std::span<const double> x_px, std::span<const double> y_px,
+                                        std::span<double> phase) const {
+  LENTICULE_CHECK(x_px.size() == phase.size() && y_px.size() == phase.size());
+  static constexpr std::array<double, kBlock> kNoOffset{};
+  for (size_t at = 0; at < phase.size(); at += kBlock) {
+    const auto count = static_cast<int>(std::min(phase.size() - at, size_t{kBlock}));
+    impl_->kernel.phases(impl_->constants, impl_->eye,
+                         {count, x_px.data() + at, y_px.data() + at, kNoOffset.data()},
+                         phase.data() + at);
+  }
+}
+
 }  // namespace lenticule::optics

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "optics/cpu.h"
@@ -57,6 +58,11 @@ class RowPhaseEvaluator {
 
   /// Element s - 3 * i_begin of `phase` is Phi_E of subpixel s = 3 i + channel of row j.
   void evaluate(int j, int i_begin, int i_end, std::vector<double>& phase) const;
+
+  /// The phase of panel points anywhere, in pixels, without a colour's offset. Three spans of one
+  /// length.
+  void evaluate_points(std::span<const double> x_px, std::span<const double> y_px,
+                       std::span<double> phase) const;
 
  private:
   struct Impl;

@@ -38,6 +38,7 @@ class Footprint {
   [[nodiscard]] PanelRay displaced(const PanelRay& centre) const {
     return centred_ ? centre : moved(centre);
   }
+  [[nodiscard]] bool centred() const { return centred_; }
 
  private:
   [[nodiscard]] PanelRay moved(const PanelRay& centre) const;

@@ -9,7 +9,6 @@ namespace lenticule::render {
 PrimaryRays::PrimaryRays(const optics::OpticalModel& model, const TilePlan& plan)
     : plan_(plan), evaluator_(model), distance_mm_(model.rig().viewing.distance.value) {}
 
-/// Where rays start: just before the nearest surface, and before the eye.
 double PrimaryRays::start_mm(const Scene::Impl& scene) const {
   const double clear_of_scene = scene.near_mm + 1e-5 * std::abs(scene.near_mm) + 1e-2;
   return std::min(clear_of_scene, kNearestContent * distance_mm_);

@@ -38,8 +38,10 @@ class PrimaryRays {
   void generate(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint,
                 double weight, Workspace& workspace, std::vector<PathRay>& rays) const;
 
- private:
+  /// Panel z where rays start: just before the nearest surface, and before the eye.
   [[nodiscard]] double start_mm(const Scene::Impl& scene) const;
+
+ private:
   void evaluate_rows(const Tile& tile, Workspace& workspace) const;
 
   const TilePlan& plan_;

@@ -9,8 +9,7 @@
 #include <span>
 
 #include "render/denormals.h"
-#include "render/primary_rays.h"
-#include "render/ray_stream.h"
+#include "render/primary_packets.h"
 
 namespace lenticule::render {
 namespace {
@@ -26,7 +25,7 @@ class VisibilityTimer {
   VisibilityTimer(const Scene& scene, const optics::OpticalModel& model, int threads)
       : scene_(scene.impl()),
         plan_(model.rig()),
-        primary_(model, plan_),
+        packets_(model, plan_),
         footprint_(model, {}),
         rays_(3 * static_cast<uint64_t>(model.rig().panel.width_px) *
               static_cast<uint64_t>(model.rig().panel.height_px)),
@@ -46,10 +45,11 @@ class VisibilityTimer {
 
  private:
   struct Worker {
-    PrimaryRays::Workspace workspace;
-    std::vector<PathRay> rays;
+    explicit Worker(const PrimaryPackets& rig) : maker(rig), packets(TilePlan::kColumns) {
+      init_packets(packets);
+    }
+    PrimaryPackets::Maker maker;
     std::vector<RayPacket> packets;
-    std::vector<Hit> hits;
     double embree_seconds = 0.0;
   };
 
@@ -63,31 +63,38 @@ class VisibilityTimer {
     });
   }
 
+  void intersect(RayPacket& packet) {
+    intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Coherent);
+  }
+
   void trace_prepared(const Tile& tile, Worker& worker) {
-    primary_.generate(scene_, tile, footprint_, 1.0, worker.workspace, worker.rays);
-    worker.packets.resize(worker.rays.size() / kPacket);
-    const std::span<const PathRay> rays(worker.rays);
-    for (size_t i = 0; i < worker.packets.size(); ++i)
-      (void)load_packet(rays.subspan(i * kPacket, kPacket), worker.packets[i]);
+    worker.maker.start(scene_, tile, footprint_);
+    worker.maker.columns(0, worker.packets);
     const Clock::time_point start = Clock::now();
-    for (RayPacket& packet : worker.packets)
-      intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Coherent);
+    for (RayPacket& packet : worker.packets) intersect(packet);
     worker.embree_seconds += seconds_since(start);
   }
 
+  /// A few packets at a time, so that they never leave the first cache.
   void trace_whole(const Tile& tile, Worker& worker) {
-    primary_.generate(scene_, tile, footprint_, 1.0, worker.workspace, worker.rays);
-    worker.hits.resize(worker.rays.size());
-    (void)intersect(scene_.embree.get(), worker.rays, Coherence::Coherent, worker.hits);
+    worker.maker.start(scene_, tile, footprint_);
+    const std::span<RayPacket> few = std::span(worker.packets).first(kFewPackets);
+    for (int column = 0; column < tile.columns; column += kFewPackets) {
+      worker.maker.columns(column, few);
+      for (RayPacket& packet : few) intersect(packet);
+    }
   }
+
+  static constexpr int kFewPackets = 8;
+  static_assert(TilePlan::kColumns % kFewPackets == 0);
 
   const Scene::Impl& scene_;
   TilePlan plan_;
-  PrimaryRays primary_;
+  PrimaryPackets packets_;
   Footprint footprint_;
   uint64_t rays_;
   tbb::task_arena arena_;
-  tbb::enumerable_thread_specific<Worker> workers_;
+  tbb::enumerable_thread_specific<Worker> workers_{[this] { return Worker(packets_); }};
 };
 
 }  // namespace

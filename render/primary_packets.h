@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// The primary rays of a tile, written straight into the packets that Embree takes: one packet is
+// sixteen rows of one column, which share lens and view.
+#pragma once
+
+#include <array>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "optics/cpu.h"
+#include "optics/tile_optics.h"
+#include "render/primary_packets_kernel.h"
+#include "render/primary_rays.h"
+
+namespace lenticule::render {
+
+/// Makes rays for one rig; immutable after construction, safe from any thread. Where the rig's map
+/// is smooth across a tile the rays come from polynomials (optics/tile_optics.h), otherwise, and
+/// for samples off a subpixel's centre, from the map itself, ten times slower.
+class PrimaryPackets {
+ public:
+  /// Both must outlive it.
+  PrimaryPackets(const optics::OpticalModel& model, const TilePlan& plan, Isa isa = best_isa());
+
+  /// One tile of one scene, for one thread: start() and then columns in any order.
+  class Maker {
+   public:
+    explicit Maker(const PrimaryPackets& packets);
+    Maker(const Maker&) = delete;
+    Maker& operator=(const Maker&) = delete;
+
+    /// Packets passed to columns() afterwards need init_packets() once. Directions are not unit: a
+    /// ray's parameter counts millimetres in front of the glass.
+    void start(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint);
+    /// Rays of columns [column, column + out.size()) of the tile.
+    void columns(int column, std::span<RayPacket> out);
+    /// Lanes of the last start() whose rays were not fit for Embree.
+    [[nodiscard]] uint64_t refused() const { return refused_; }
+
+   private:
+    void set_fast_tile(const Scene::Impl& scene);
+    void resolve(int column, RayPacket& out) const;
+    void set_valid(int column, RayPacket& out) const;
+    void copy_exact(int column, RayPacket& out);
+
+    const PrimaryPackets& packets_;
+    Tile tile_;
+    bool fast_ = false;
+    bool whole_ = false;  ///< no lane of the tile lies outside the panel
+    uint64_t refused_ = 0;
+    optics::TileOptics::Tile optics_;
+    packet_kernel::Tile kernel_{};
+    std::array<std::array<float, TilePlan::kRows>, optics::TileOptics::kMostCoefficients> along_;
+    alignas(64) std::array<std::array<float, TilePlan::kRows>, 3> origin0_, direction0_;
+    PrimaryRays::Workspace workspace_;
+    std::vector<PathRay> rays_;
+  };
+
+  /// False where every tile is made by the map itself.
+  [[nodiscard]] bool fast() const { return optics_ != nullptr; }
+
+ private:
+  const TilePlan& plan_;
+  PrimaryRays exact_;
+  std::unique_ptr<optics::TileOptics> optics_;
+  const packet_kernel::Kernel& kernel_;
+};
+
+/// Sets what no ray changes: t_near, time, mask, numbers.
+void init_packets(std::span<RayPacket> packets);
+
+}  // namespace lenticule::render

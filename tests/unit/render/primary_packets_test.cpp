@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rays made from polynomials against those of the map itself.
+#include "render/primary_packets.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "tests/support/random_rigs.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+/// Largest differences over a tile, as far as the rays are both there.
+struct Difference {
+  double tangent = 0.0;
+  double origin_mm = 0.0;
+  int rays = 0;
+  int wrong_lanes = 0;  ///< there in one and not in the other
+};
+
+Vec3 lane(const float* x, const float* y, const float* z, size_t r) {
+  return {double{x[r]}, double{y[r]}, double{z[r]}};
+}
+
+Difference compare_tile(const PrimaryPackets& packets, const PrimaryRays& exact,
+                        const Scene::Impl& scene, const Tile& tile, const Footprint& footprint) {
+  PrimaryPackets::Maker maker(packets);
+  std::vector<RayPacket> made(static_cast<size_t>(tile.columns));
+  init_packets(made);
+  maker.start(scene, tile, footprint);
+  maker.columns(0, made);
+  PrimaryRays::Workspace workspace;
+  std::vector<PathRay> rays;
+  exact.generate(scene, tile, footprint, 1.0, workspace, rays);
+
+  Difference d;
+  for (size_t n = 0; n < rays.size(); ++n) {
+    const RayPacket& packet = made[n / kPacket];
+    const size_t r = n % kPacket;
+    const bool there = rays[n].target != PathRay::kInactive;
+    if (there != (packet.valid[r] != 0)) ++d.wrong_lanes;
+    if (!there) continue;
+    ++d.rays;
+    const RTCRay16& ray = packet.rays.ray;
+    const Vec3 way = lane(ray.dir_x, ray.dir_y, ray.dir_z, r);
+    const Vec3 from = lane(ray.org_x, ray.org_y, ray.org_z, r);
+    d.tangent = std::fmax(d.tangent, length(normalized(way) - rays[n].direction));
+    d.origin_mm = std::fmax(d.origin_mm, length(from - rays[n].origin));
+  }
+  return d;
+}
+
+struct Bench {
+  explicit Bench(const optics::Rig& rig, Isa isa = best_isa())
+      : model(rig),
+        plan(rig),
+        packets(model, plan, isa),
+        exact(model, plan),
+        footprint(model, {}) {}
+  optics::OpticalModel model;
+  TilePlan plan;
+  PrimaryPackets packets;
+  PrimaryRays exact;
+  Footprint footprint;
+};
+
+/// Single precision resolves this much of a coordinate of the panel, with a few roundings.
+double origin_tolerance(const optics::Rig& rig, const Scene::Impl& scene,
+                        const PrimaryRays& exact) {
+  const double size = rig.panel.width_px * rig.panel.pixel_width.value +
+                      rig.panel.height_px * rig.panel.pixel_height.value +
+                      std::abs(exact.start_mm(scene));
+  return 4.0 * size / (1 << 24);
+}
+
+TEST(PrimaryPackets, KioskComesFromPolynomials) {
+  const Bench kiosk(test::kiosk_rig());
+  EXPECT_TRUE(kiosk.packets.fast());
+  const Bench upright(test::upright_rig());
+  EXPECT_TRUE(upright.packets.fast());
+}
+
+TEST(PrimaryPackets, RandomRigsAgreeWithTheMap) {
+  std::mt19937_64 random(20261121);
+  const Stage stage = testing::make_tiny_stage({.turn_degrees = 20.0});
+  const Scene scene(testing::tiny_scenes().front().scene, stage, {});
+  int fast = 0, tiles = 0;
+  for (int n = 0; n < 60; ++n) {
+    const optics::Rig rig = n == 0   ? test::kiosk_rig()
+                            : n == 1 ? test::upright_rig()
+                                     : test::random_rig(random);
+    const Bench bench(rig);
+    fast += bench.packets.fast() ? 1 : 0;
+    const double tolerance = origin_tolerance(rig, scene.impl(), bench.exact);
+    for (int k = 0; k < 24; ++k) {
+      const int count = bench.plan.count();
+      const int index = k == 0   ? 0
+                        : k == 1 ? count - 1
+                                 : static_cast<int>(random() % static_cast<unsigned>(count));
+      const Difference d = compare_tile(bench.packets, bench.exact, scene.impl(),
+                                        bench.plan.tile(index), bench.footprint);
+      ++tiles;
+      EXPECT_EQ(d.wrong_lanes, 0) << "rig " << n << " tile " << index;
+      EXPECT_LT(d.tangent, 4e-7) << "rig " << n << " tile " << index;
+      EXPECT_LT(d.origin_mm, tolerance) << "rig " << n << " tile " << index;
+    }
+  }
+  EXPECT_GT(fast, 10);
+  EXPECT_EQ(tiles, 60 * 24);
+}
+
+}  // namespace
+}  // namespace lenticule::render
