@@ -18,33 +18,27 @@ namespace lenticule::optics {
 class TileOptics {
  public:
   static constexpr int kRows = 16;
-  static constexpr int kMostCoefficients = 8;
+  static constexpr int kMostCoefficients = 8;  ///< of tangents
+  static constexpr int kShiftCoefficients = 4;
 
-  /// Arrays over the rows r of a tile. With colour = (column_begin + c) mod 3 and c' = c +
-  /// column_nudge[colour][r]:
-  ///   phase    = phase0 + c' (phase1 + c' phase2) + phase_nudge[colour], within phase_error();
-  ///   lens     = the lens of that phase (split_phase); near a border, ask exact_lens();
-  ///   argument = lens_step lens - (argument0 + argument_step c + argument_nudge[colour]);
+  /// Arrays over the rows of a tile, and over the colours that a column can have in row 0,
+  /// (column_begin + c) mod 3, where they differ. Of column c:
+  ///   phase    = phase[0] + c (phase[1] + c phase[2]), within phase_error();
+  ///   lens     = the integer nearest to the phase; near a border, ask exact_off();
+  ///   argument = bend[0] + c (bend[1] + c bend[2]) - lens_step() (phase - lens);
   ///   tan_x    = sum of tangent[n] argument^n;
-  ///   lens_x   = x0_mm + x_step_mm c + x_nudge_mm[colour] + sum of shift_mm[n] argument^n.
+  ///   lens_x   = x0_mm + x_step_mm() c + sum of shift_mm[n] argument^n.
   struct Tile {
-    alignas(64) std::array<double, kRows> phase0, phase1, phase2;
-    alignas(64) std::array<double, kRows> argument0;
-    alignas(64) std::array<double, kRows> x0_mm, lens_y_mm, tan_y;
-    alignas(64) std::array<std::array<float, kRows>, kMostCoefficients> tangent, shift_mm;
+    using Rows = std::array<double, kRows>;
+    using FloatRows = std::array<float, kRows>;
+    alignas(64) std::array<std::array<Rows, 3>, 3> phase;
+    alignas(64) std::array<std::array<FloatRows, 3>, 3> bend;
+    alignas(64) std::array<FloatRows, kMostCoefficients> tangent;
+    alignas(64) std::array<FloatRows, kShiftCoefficients> shift_mm;
+    std::array<Rows, 3> x0_mm;
+    Rows lens_y_mm, tan_y;
     int row_begin = 0;
     int column_begin = 0;
-  };
-
-  /// The same for all tiles of a rig.
-  struct Constants {
-    alignas(64) std::array<std::array<double, kRows>, 3> column_nudge, phase_nudge, argument_nudge;
-    alignas(64) std::array<std::array<float, kRows>, 3> x_nudge_mm;
-    double lens_step = 0.0;
-    double argument_step = 0.0;
-    double x_step_mm = 0.0;
-    double phase_error = 0.0;  ///< of Tile's phase, in lenses
-    int coefficients = 2;      ///< in use of kMostCoefficients
   };
 
   /// Null where the map is not smooth enough across a tile (a residual map) or the subpixels of a
@@ -53,14 +47,18 @@ class TileOptics {
                                                         std::span<const int, kRows> shifts);
   ~TileOptics();
 
-  [[nodiscard]] const Constants& constants() const;
+  [[nodiscard]] double phase_error() const;  ///< lenses
+  [[nodiscard]] double lens_step() const;
+  [[nodiscard]] double x_step_mm() const;
+  /// How many of kMostCoefficients are in use; the others are not set.
+  [[nodiscard]] int coefficients() const;
 
   /// Any tile that touches the panel. False where the polynomials do not reach; `out` is
   /// unspecified then.
   [[nodiscard]] bool expand(int row_begin, int column_begin, Tile& out) const;
 
-  /// The lens of one subpixel of a tile as the map itself says.
-  [[nodiscard]] double exact_lens(const Tile& tile, int column, int row) const;
+  /// How far the phase of one subpixel of a tile lies from its lens, as the map itself says.
+  [[nodiscard]] double exact_off(const Tile& tile, int column, int row) const;
 
  private:
   struct Impl;

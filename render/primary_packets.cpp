@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 
 #include "optics/error.h"
 
@@ -68,9 +69,14 @@ void PrimaryPackets::Maker::start(const Scene::Impl& scene, const Tile& tile,
   tile_ = tile;
   refused_ = 0;
   const TilePlan& plan = packets_.plan_;
-  const auto [least, most] = std::minmax({0, plan.shift(TilePlan::kRows - 1)});
-  whole_ = tile.rows == TilePlan::kRows && tile.column_begin - most >= 0 &&
-           tile.column_begin + tile.columns - least <= plan.row_subpixels();
+  whole_ = true;
+  for (int row = 0; row < TilePlan::kRows; ++row) {
+    const auto r = static_cast<size_t>(row);
+    const int of_first = plan.subpixel(tile, 0, row);
+    first_column_[r] = std::max(0, -of_first);
+    end_column_[r] = row < tile.rows ? std::min(tile.columns, plan.row_subpixels() - of_first) : 0;
+    whole_ = whole_ && first_column_[r] == 0 && end_column_[r] == tile.columns;
+  }
   fast_ = packets_.optics_ && footprint.centred() &&
           packets_.optics_->expand(tile.row_begin, tile.column_begin, optics_);
   if (fast_) set_fast_tile(scene);
@@ -80,95 +86,88 @@ void PrimaryPackets::Maker::start(const Scene::Impl& scene, const Tile& tile,
 /// Combines the tile's optics with where rays start and the map to the scene; gives up the fast way
 /// where a number is not fit for Embree.
 void PrimaryPackets::Maker::set_fast_tile(const Scene::Impl& scene) {
-  const optics::TileOptics::Constants& c = packets_.optics_->constants();
   const double start = packets_.exact_.start_mm(scene);
   const Affine& to_scene = scene.scene_from_panel;
-  const auto used = static_cast<size_t>(c.coefficients);
+  const Vec3f across(to_scene.column_x);
+  kernel_.parallel = across.x == 1.0F && across.y == 0.0F && across.z == 0.0F &&
+                     to_scene.column_y.x == 0.0 && to_scene.column_z.x == 0.0 &&
+                     to_scene.origin.x == 0.0;
+  kernel_.across[0] = across.x;
+  kernel_.across[1] = across.y;
+  kernel_.across[2] = across.z;
+  // A ray goes away from the viewer: -tan for each millimetre of depth.
+  const auto used = static_cast<size_t>(packets_.optics_->coefficients());
   for (size_t n = 0; n < used; ++n)
-    for (size_t r = 0; r < kLanes; ++r)
-      along_[n][r] = static_cast<float>(optics_.shift_mm[n][r] + start * optics_.tangent[n][r]);
+    for (size_t r = 0; r < kLanes; ++r) kernel_.tangent[n][r] = -optics_.tangent[n][r];
+  static_assert(sizeof(kernel_.shift) == sizeof(optics_.shift_mm));
+  std::memcpy(kernel_.shift, optics_.shift_mm.data(), sizeof(kernel_.shift));
+  kernel_.start = static_cast<float>(start);
+  bool fit = embree_accepts(across.x, across.y, across.z);
   for (size_t r = 0; r < kLanes; ++r) {
     const double y = optics_.lens_y_mm[r] + start * optics_.tan_y[r];
-    const Vec3f origin(to_scene.point({optics_.x0_mm[r], y, start}));
+    const Vec3f origin(to_scene.point({0.0, y, start}));
     const Vec3f direction(to_scene.vector({0.0, -optics_.tan_y[r], -1.0}));
-    if (!embree_accepts(origin.x, origin.y, origin.z) ||
-        !embree_accepts(direction.x, direction.y, direction.z))
-      fast_ = false;
-    origin0_[0][r] = origin.x;
-    origin0_[1][r] = origin.y;
-    origin0_[2][r] = origin.z;
-    direction0_[0][r] = direction.x;
-    direction0_[1][r] = direction.y;
-    direction0_[2][r] = direction.z;
+    fit = fit && embree_accepts(origin.x, origin.y, origin.z) &&
+          embree_accepts(direction.x, direction.y, direction.z);
+    kernel_.origin0[0][r] = origin.x;
+    kernel_.origin0[1][r] = origin.y;
+    kernel_.origin0[2][r] = origin.z;
+    kernel_.direction0[0][r] = direction.x;
+    kernel_.direction0[1][r] = direction.y;
+    kernel_.direction0[2][r] = direction.z;
   }
-  const Vec3f across(to_scene.column_x);
-  fast_ = fast_ && embree_accepts(across.x, across.y, across.z);
-  kernel_ = {
-      .phase0 = optics_.phase0.data(),
-      .phase1 = optics_.phase1.data(),
-      .phase2 = optics_.phase2.data(),
-      .argument0 = optics_.argument0.data(),
-      .column_nudge = {c.column_nudge[0].data(), c.column_nudge[1].data(),
-                       c.column_nudge[2].data()},
-      .phase_nudge = {c.phase_nudge[0].data(), c.phase_nudge[1].data(), c.phase_nudge[2].data()},
-      .argument_nudge = {c.argument_nudge[0].data(), c.argument_nudge[1].data(),
-                         c.argument_nudge[2].data()},
-      .x_nudge = {c.x_nudge_mm[0].data(), c.x_nudge_mm[1].data(), c.x_nudge_mm[2].data()},
-      .tangent = optics_.tangent[0].data(),
-      .along = along_[0].data(),
-      .lens_step = c.lens_step,
-      .argument_step = c.argument_step,
-      .border_tolerance = optics::kBorderTolerance,
-      .safe = 0.5 - c.phase_error,
-      .x_step = static_cast<float>(c.x_step_mm),
-      .coefficients = c.coefficients,
-      .first_colour = (tile_.column_begin % 3 + 3) % 3,
-      .origin0_x = origin0_[0].data(),
-      .origin0_y = origin0_[1].data(),
-      .origin0_z = origin0_[2].data(),
-      .direction0_x = direction0_[0].data(),
-      .direction0_y = direction0_[1].data(),
-      .direction0_z = direction0_[2].data(),
-      .across_x = across.x,
-      .across_y = across.y,
-      .across_z = across.z};
+  for (size_t colour = 0; colour < 3; ++colour)
+    for (size_t r = 0; r < kLanes; ++r)
+      kernel_.x0[colour][r] = static_cast<float>(optics_.x0_mm[colour][r]);
+  static_assert(sizeof(kernel_.phase) == sizeof(optics_.phase));
+  std::memcpy(kernel_.phase, optics_.phase.data(), sizeof(kernel_.phase));
+  static_assert(sizeof(kernel_.bend) == sizeof(optics_.bend));
+  std::memcpy(kernel_.bend, optics_.bend.data(), sizeof(kernel_.bend));
+  kernel_.coefficients = packets_.optics_->coefficients();
+  kernel_.first_colour = (tile_.column_begin % 3 + 3) % 3;
+  kernel_.lens_step = static_cast<float>(packets_.optics_->lens_step());
+  kernel_.x_step = static_cast<float>(packets_.optics_->x_step_mm());
+  kernel_.safe = static_cast<float>(0.5 - packets_.optics_->phase_error());
+  fast_ = fit;
+}
+
+void PrimaryPackets::Maker::prepare(std::span<RayPacket> packets) const {
+  for (RayPacket& packet : packets) {
+    if (whole_) std::fill_n(packet.valid, kLanes, -1);
+    if (!fast_ || !kernel_.parallel) continue;
+    RTCRay16& ray = packet.rays.ray;
+    std::copy_n(kernel_.origin0[1], kLanes, ray.org_y);
+    std::copy_n(kernel_.origin0[2], kLanes, ray.org_z);
+    std::copy_n(kernel_.direction0[1], kLanes, ray.dir_y);
+    std::copy_n(kernel_.direction0[2], kLanes, ray.dir_z);
+  }
 }
 
 void PrimaryPackets::Maker::columns(int column, std::span<RayPacket> out) {
-  constexpr size_t kBatch = 8;
-  for (size_t at = 0; at < out.size(); at += kBatch) {
-    const int first = column + static_cast<int>(at);
-    const auto batch = out.subspan(at, std::min(kBatch, out.size() - at));
-    if (!fast_) {
-      for (size_t k = 0; k < batch.size(); ++k) copy_exact(first + static_cast<int>(k), batch[k]);
-      continue;
-    }
-    std::array<uint32_t, kBatch> uncertain;
-    packets_.kernel_.make(kernel_, first, static_cast<int>(batch.size()), floats_of(batch.front()),
-                          kStride, uncertain.data());
-    for (size_t k = 0; k < batch.size(); ++k) {
-      const int at_column = first + static_cast<int>(k);
-      if (uncertain[k] != 0) [[unlikely]]
-        resolve(at_column, batch[k]);
-      if (!whole_) set_valid(at_column, batch[k]);
-    }
+  const int count = static_cast<int>(out.size());
+  if (!fast_) {
+    for (int k = 0; k < count; ++k) copy_exact(column + k, out[static_cast<size_t>(k)]);
+    return;
   }
+  if (packets_.kernel_.make(kernel_, column, count, floats_of(out.front()), kStride)) [[unlikely]]
+    for (int k = 0; k < count; ++k)
+      if (packets_.kernel_.uncertain(kernel_, column + k))
+        resolve(column + k, out[static_cast<size_t>(k)]);
+  if (whole_) return;
+  for (int k = 0; k < count; ++k) set_valid(column + k, out[static_cast<size_t>(k)]);
 }
 
 void PrimaryPackets::Maker::resolve(int column, RayPacket& out) const {
-  alignas(64) std::array<double, kLanes> lenses;
+  alignas(64) std::array<float, kLanes> off;
   for (int row = 0; row < kLanes; ++row)
-    lenses[static_cast<size_t>(row)] = packets_.optics_->exact_lens(optics_, column, row);
-  packets_.kernel_.make_one(kernel_, column, lenses.data(), floats_of(out));
+    off[static_cast<size_t>(row)] =
+        static_cast<float>(packets_.optics_->exact_off(optics_, column, row));
+  packets_.kernel_.make_one(kernel_, column, off.data(), floats_of(out));
 }
 
 void PrimaryPackets::Maker::set_valid(int column, RayPacket& out) const {
-  const TilePlan& plan = packets_.plan_;
-  for (int row = 0; row < kLanes; ++row) {
-    const int s = plan.subpixel(tile_, column, row);
-    const bool inside = row < tile_.rows && s >= 0 && s < plan.row_subpixels();
-    out.valid[row] = inside ? -1 : 0;
-  }
+  for (size_t r = 0; r < kLanes; ++r)
+    out.valid[r] = -static_cast<int>((column >= first_column_[r]) & (column < end_column_[r]));
 }
 
 void PrimaryPackets::Maker::copy_exact(int column, RayPacket& out) {

@@ -30,10 +30,12 @@ class PrimaryPackets {
     Maker(const Maker&) = delete;
     Maker& operator=(const Maker&) = delete;
 
-    /// Packets passed to columns() afterwards need init_packets() once. Directions are not unit: a
-    /// ray's parameter counts millimetres in front of the glass.
+    /// Directions are not unit: a ray's parameter counts millimetres in front of the glass.
     void start(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint);
-    /// Rays of columns [column, column + out.size()) of the tile.
+    /// Packets have to pass here after each start() before they go to columns(), and through
+    /// init_packets() once before.
+    void prepare(std::span<RayPacket> packets) const;
+    /// Rays of columns [column, column + out.size()) of the tile; `out` is not empty.
     void columns(int column, std::span<RayPacket> out);
     /// Lanes of the last start() whose rays were not fit for Embree.
     [[nodiscard]] uint64_t refused() const { return refused_; }
@@ -48,11 +50,10 @@ class PrimaryPackets {
     Tile tile_;
     bool fast_ = false;
     bool whole_ = false;  ///< no lane of the tile lies outside the panel
+    std::array<int, TilePlan::kRows> first_column_{}, end_column_{};  ///< inside the panel
     uint64_t refused_ = 0;
     optics::TileOptics::Tile optics_;
-    packet_kernel::Tile kernel_{};
-    std::array<std::array<float, TilePlan::kRows>, optics::TileOptics::kMostCoefficients> along_;
-    alignas(64) std::array<std::array<float, TilePlan::kRows>, 3> origin0_, direction0_;
+    packet_kernel::Tile kernel_;
     PrimaryRays::Workspace workspace_;
     std::vector<PathRay> rays_;
   };

@@ -8,6 +8,9 @@
 namespace lenticule::render::packet_kernel {
 
 inline constexpr int kLanes = 16;
+inline constexpr int kColours = 3;
+inline constexpr int kMostCoefficients = 8;
+inline constexpr int kShiftCoefficients = 4;
 
 /// Which of Embree's arrays of sixteen, counted from the beginning of a packet, is which. The same
 /// in Embree 3 and 4.
@@ -33,36 +36,44 @@ enum Field : int {
   kGeometry,
 };
 
-/// One tile: optics::TileOptics's numbers, already combined with where rays start and with the map
-/// from the panel to the scene. Arrays over the sixteen rows; [3] is the colour of the column.
-struct Tile {
-  const double *phase0, *phase1, *phase2, *argument0;
-  const double *column_nudge[3], *phase_nudge[3], *argument_nudge[3];
-  const float* x_nudge[3];
-  const float* tangent;  ///< [coefficient][row]
-  const float* along;  ///< [coefficient][row]: x where the ray starts, relative to the panel point
-  double lens_step, argument_step;
-  double border_tolerance;
-  double safe;  ///< the polynomials tell the lens of places no further than this from its middle
-  float x_step;
+/// One tile: optics::TileOptics's polynomials, already combined with where rays start. Arrays over
+/// the sixteen rows; the colour is the column's. Of column c:
+///   phase    = phase[0] + c (phase[1] + c phase[2]), and its lens the nearest integer;
+///   argument = bend[0] + c (bend[1] + c bend[2]) - lens_step (phase - lens);
+///   tan      = sum of tangent[n] argument^n, per millimetre of depth along the ray;
+///   x        = x0 + (x_step c + sum of shift[n] argument^n - start tan), where the ray starts.
+struct alignas(64) Tile {
+  double phase[kColours][3][kLanes];
+  float bend[kColours][3][kLanes];
+  float tangent[kMostCoefficients][kLanes];
+  float shift[kShiftCoefficients][kLanes];
+  float x0[kColours][kLanes];
+  /// From the panel to the scene, where their axes are not parallel: the ray of row r is
+  /// origin0 + across x, direction0 + across tan.
+  float origin0[3][kLanes];
+  float direction0[3][kLanes];
+  float across[3];
+  bool parallel;
   int coefficients;
   int first_colour;  ///< of column 0
-  // The ray of row r: origin0 + across * x, direction0 - across * tan_x.
-  const float *origin0_x, *origin0_y, *origin0_z;
-  const float *direction0_x, *direction0_y, *direction0_z;
-  float across_x, across_y, across_z;
+  float lens_step;
+  float x_step;
+  float start;  ///< panel z, mm
+  float safe;   ///< the polynomials tell the lens of places no further than this from its middle
 };
 
-/// Writes origin, direction, t_far and an empty hit of `count` columns from `column` on; the other
-/// fields stay. Packets begin `stride` floats apart. uncertain[k] is not zero where the polynomials
-/// cannot tell a lane's lens.
-using MakeFunction = void (*)(const Tile&, int column, int count, float* out, int stride,
-                              uint32_t* uncertain);
-/// The same for one column whose lenses are given.
-using MakeOneFunction = void (*)(const Tile&, int column, const double* lenses, float* out);
+/// Writes t_far, an empty hit, and origin and direction (their x alone where the axes are parallel:
+/// the rest is the same for all columns) of `count` columns from `column` on; the other fields
+/// stay. Packets begin `stride` floats apart. True if some lens could not be told: then uncertain()
+/// tells which columns.
+using MakeFunction = bool (*)(const Tile&, int column, int count, float* out, int stride);
+using UncertainFunction = bool (*)(const Tile&, int column);
+/// The same for one column, given how far each lane's phase lies from its lens.
+using MakeOneFunction = void (*)(const Tile&, int column, const float* off, float* out);
 
 struct Kernel {
   MakeFunction make;
+  UncertainFunction uncertain;
   MakeOneFunction make_one;
 };
 

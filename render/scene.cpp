@@ -38,6 +38,8 @@ class Committer {
         description_.ambient.value_or(Vec3{kDefaultAmbient, kDefaultAmbient, kDefaultAmbient});
     if (!is_finite(scene_.ambient)) refuse("ambient light", "is not finite");
     scene_.backdrop = make_backdrop(description_, stage_, surroundings);
+    scene_.backdrop.up = turned(scene_.backdrop.up);
+    scene_.backdrop.ahead = turned(scene_.backdrop.ahead);
     scene_.colour_managed = description_.colour_managed;
     scene_.textures = description_.textures;
     build();
@@ -57,18 +59,47 @@ class Committer {
       refuse("stage", "has no usable size");
     units_per_world_ = 1.0 / world_per_mm;
     centre_ = world_from_panel.origin;
+    set_axes();
     scene_.units_per_world = units_per_world_;
-    scene_.scene_from_panel = {world_from_panel.column_x * units_per_world_,
-                               world_from_panel.column_y * units_per_world_,
-                               world_from_panel.column_z * units_per_world_,
+    scene_.scene_from_panel = {turned(world_from_panel.column_x) * units_per_world_,
+                               turned(world_from_panel.column_y) * units_per_world_,
+                               turned(world_from_panel.column_z) * units_per_world_,
                                {}};
+    if (parallel_) remove_rounding(scene_.scene_from_panel);
     const Affine panel_from_scene = scene_.scene_from_panel.inverse();
     depth_ = {panel_from_scene.column_x.z, panel_from_scene.column_y.z,
               panel_from_scene.column_z.z};
   }
 
+  /// The scene's axes are the panel's where those are at right angles in the world: then a row's rays
+  /// share two of three coordinates of origin and direction.
+  void set_axes() {
+    const Affine& world_from_panel = stage_.world_from_panel;
+    const Vec3 x = normalized(world_from_panel.column_x);
+    const Vec3 y = normalized(world_from_panel.column_y);
+    const Vec3 z = normalized(world_from_panel.column_z);
+    constexpr double kRight = 1e-12;
+    parallel_ = std::abs(dot(x, y)) < kRight && std::abs(dot(y, z)) < kRight &&
+                std::abs(dot(z, x)) < kRight;
+    if (!parallel_) return;
+    axis_x_ = x;
+    axis_z_ = normalized(cross(x, y));  // a mirrored stage has its depth reversed
+    axis_y_ = cross(axis_z_, x);
+  }
+
+  static void remove_rounding(Affine& scene_from_panel) {
+    scene_from_panel.column_x = {1.0, 0.0, 0.0};
+    scene_from_panel.column_y = {0.0, scene_from_panel.column_y.y, 0.0};
+    scene_from_panel.column_z = {0.0, 0.0, scene_from_panel.column_z.z};
+  }
+
+  /// A world direction along the scene's axes.
+  [[nodiscard]] Vec3 turned(Vec3 world) const {
+    return {dot(axis_x_, world), dot(axis_y_, world), dot(axis_z_, world)};
+  }
+
   Vec3 scene_point(Vec3 world, const char* what, const std::string& name) const {
-    const Vec3 p = (world - centre_) * units_per_world_;
+    const Vec3 p = turned(world - centre_) * units_per_world_;
     if (!is_finite(world))
       refuse(fmt::format("{} '{}'", what, name), "has a position that is not finite");
     if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) < kFarthest))
@@ -146,7 +177,7 @@ class Committer {
     shape.normals.reserve(mesh.normals.size());
     for (const Vec3& normal : mesh.normals) {
       if (!is_finite(normal)) refuse(object, "has a normal that is not finite");
-      shape.normals.emplace_back(normal);
+      shape.normals.emplace_back(turned(normal));
     }
     scene_.meshes.push_back(std::move(shape));
   }
@@ -196,7 +227,7 @@ class Committer {
       const bool aimed = light.kind != Light::Kind::Point;
       if (!is_finite(light.colour) || (aimed && !is_finite(light.direction)))
         refuse("light", "has a value that is not finite");
-      const Vec3 direction = normalized(light.direction);
+      const Vec3 direction = turned(normalized(light.direction));
       if (aimed && direction == Vec3{}) refuse("light", "has no direction");
       scene_.lights.push_back(
           {.kind = light.kind,
@@ -260,6 +291,8 @@ class Committer {
   const Stage& stage_;
   Scene::Impl& scene_;
   Vec3 centre_;
+  bool parallel_ = false;
+  Vec3 axis_x_{1, 0, 0}, axis_y_{0, 1, 0}, axis_z_{0, 0, 1};  ///< the scene's, in the world
   double units_per_world_ = 1.0;
   Vec3 depth_;  ///< panel z of a scene point is its product with this
   double nearest_ = -std::numeric_limits<double>::infinity();

@@ -12,7 +12,7 @@ namespace lenticule::render {
 /// The light that comes from infinitely far away.
 struct Backdrop {
   Vec3 colour;
-  Vec3 up{0, 1, 0};      ///< unit, a world axis
+  Vec3 up{0, 1, 0};      ///< unit, the world axis that is up
   Vec3 ahead{0, 0, -1};  ///< unit, the world direction at the middle of the environment picture
   bool sky = false;
   std::shared_ptr<const Texture> environment;

@@ -16,8 +16,8 @@ struct VisibilityTiming {
   double pass_seconds = 0.0;  ///< from subpixels to hits: ray set-up, checks, Embree
 };
 
-/// Traces the centre ray of every subpixel once each way. `threads` 0 = all cores. Bare time is the
-/// time that threads spend in Embree over the number of threads; pass time is by the clock.
+/// Traces the centre ray of every subpixel once each way, by turns. `threads` 0 = all cores. Times are
+/// what the threads spend, over their number.
 [[nodiscard]] VisibilityTiming time_visibility(const Scene& scene,
                                                const optics::OpticalModel& model, int threads);
 

@@ -35,7 +35,7 @@ TEST(TilePlan, CoversEverySubpixelExactlyOnce) {
 
 TEST(TilePlan, ColumnsStayUnderTheirLens) {
   for (const double slant : {0.2521, -0.4, 1.0}) {
-    const optics::Rig rig = make_rig({.width = 200, .height = 64, .slant = slant});
+    const optics::Rig rig = make_rig({.width = 800, .height = 64, .slant = slant, .pixel_mm = 0.5});
     const optics::OpticalModel model(rig);
     const TilePlan plan(rig);
     const Tile tile = plan.tile(2);
