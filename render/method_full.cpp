@@ -10,7 +10,7 @@
 #include "frames/srgb.h"
 #include "optics/error.h"
 #include "render/denormals.h"
-#include "render/primary_rays.h"
+#include "render/primary_packets.h"
 #include "render/wavefront.h"
 
 namespace lenticule::render {
@@ -26,7 +26,7 @@ class FullMethod final : public Method {
   FullMethod(const optics::OpticalModel& model, const RenderOptions& options)
       : options_(options),
         plan_(model.rig()),
-        primary_(model, plan_),
+        packets_(model, plan_),
         width_(model.rig().panel.width_px),
         height_(model.rig().panel.height_px),
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {
@@ -40,7 +40,7 @@ class FullMethod final : public Method {
                     geometry.format == frames::PixelFormat::Rgb8);
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};
-    tbb::enumerable_thread_specific<Worker> workers;
+    tbb::enumerable_thread_specific<Worker> workers([this] { return Worker(packets_); });
     arena_.execute([&] {
       tbb::parallel_for(0, plan_.count(), [&](int index) {
         if (cancelled.load(std::memory_order_relaxed)) return;
@@ -66,8 +66,8 @@ class FullMethod final : public Method {
 
  private:
   struct Worker {
-    PrimaryRays::Workspace workspace;
-    std::vector<PathRay> rays;
+    explicit Worker(const PrimaryPackets& packets) : maker(packets) {}
+    PrimaryPackets::Maker maker;
     std::vector<double> light;
     Wavefront wavefront;
     RayCounts counts;
@@ -79,8 +79,9 @@ class FullMethod final : public Method {
     worker.light.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, 0.0);
     const double weight = 1.0 / static_cast<double>(samples_.size());
     for (const Footprint& sample : samples_) {
-      primary_.generate(scene, tile, sample, weight, worker.workspace, worker.rays);
-      worker.wavefront.trace(scene, options_.max_depth, worker.rays, worker.light, worker.counts);
+      worker.maker.start(scene, tile, sample);
+      worker.wavefront.trace(scene, plan_, tile, options_.max_depth, weight, worker.maker,
+                             worker.light, worker.counts);
     }
     write_tile(scene, tile, worker.light, frame);
   }
@@ -101,7 +102,7 @@ class FullMethod final : public Method {
 
   RenderOptions options_;
   TilePlan plan_;
-  PrimaryRays primary_;
+  PrimaryPackets packets_;
   std::vector<Footprint> samples_;
   int width_;
   int height_;

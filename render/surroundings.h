@@ -16,6 +16,9 @@ struct Backdrop {
   Vec3 ahead{0, 0, -1};  ///< unit, the world direction at the middle of the environment picture
   bool sky = false;
   std::shared_ptr<const Texture> environment;
+
+  /// The same in every direction.
+  [[nodiscard]] bool flat() const { return !sky && !environment; }
 };
 
 /// Throws Error(Input) for an environment file that cannot be read.

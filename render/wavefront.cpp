@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "render/shading.h"
+#include "render/texture.h"
 
 namespace lenticule::render {
 
@@ -15,31 +16,95 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   return *this;
 }
 
-void Wavefront::trace(const Scene::Impl& scene, int max_depth, std::span<const PathRay> rays,
+namespace {
+
+/// So few that rays and hits never leave the first cache.
+constexpr int kFewPackets = 8;
+static_assert(TilePlan::kColumns % kFewPackets == 0);
+
+PathRay primary_ray(const RTCRay16& lanes, size_t r, double weight, uint32_t target, int channel) {
+  return {.origin = {double{lanes.org_x[r]}, double{lanes.org_y[r]}, double{lanes.org_z[r]}},
+          .direction = normalized(
+              Vec3{double{lanes.dir_x[r]}, double{lanes.dir_y[r]}, double{lanes.dir_z[r]}}),
+          .weight = weight,
+          .target = target,
+          .channel = channel};
+}
+
+}  // namespace
+
+void Wavefront::trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
+                      int max_depth, double weight, PrimaryPackets::Maker& maker,
                       std::span<double> light, RayCounts& counts) {
-  counts.primary += static_cast<uint64_t>(std::count_if(
-      rays.begin(), rays.end(), [](const PathRay& r) { return r.target != PathRay::kInactive; }));
+  trace_primary(scene, plan, tile, weight, maker, light, counts);
   for (int depth = 0;; ++depth) {
-    hits_.resize(rays.size());
-    // Neighbouring reflections spread: there the packet traversal loses.
-    const Coherence coherence = depth == 0 ? Coherence::Coherent : Coherence::Incoherent;
-    counts.invalid += intersect(scene.embree.get(), rays, coherence, hits_);
-    visit_surfaces(scene, rays, light);
+    visit_surfaces(scene, light);
     add_lights(scene, light, counts);
     if (depth == max_depth) return;
     continue_rays();
     if (next_.empty()) return;
     counts.secondary += next_.size();
     generation_.swap(next_);
-    rays = generation_;
+    hits_.resize(generation_.size());
+    // Neighbouring reflections spread: there the packet traversal loses.
+    counts.invalid += intersect(scene.embree.get(), generation_, Coherence::Incoherent, hits_);
   }
 }
 
-void Wavefront::visit_surfaces(const Scene::Impl& scene, std::span<const PathRay> rays,
-                               std::span<double> light) {
+void Wavefront::trace_primary(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
+                              double weight, PrimaryPackets::Maker& maker, std::span<double> light,
+                              RayCounts& counts) {
+  if (packets_.empty()) {
+    packets_.resize(kFewPackets);
+    init_packets(packets_);
+  }
+  generation_.clear();
+  hits_.clear();
+  maker.prepare(packets_);
+  for (int column = 0; column < tile.columns; column += kFewPackets) {
+    maker.columns(column, packets_);
+    for (int k = 0; k < kFewPackets; ++k) {
+      RayPacket& packet = packets_[static_cast<size_t>(k)];
+      intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
+      sort_primary(scene, plan, tile, column + k, weight, packet, light, counts);
+    }
+  }
+  counts.invalid += maker.refused();
+}
+
+/// Rays that met something become the first generation; the others see the backdrop.
+void Wavefront::sort_primary(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
+                             int column, double weight, const RayPacket& packet,
+                             std::span<double> light, RayCounts& counts) {
+  for (size_t r = 0; r < kPacket; ++r) {
+    if (packet.valid[r] == 0) continue;
+    ++counts.primary;
+    const int row = static_cast<int>(r);
+    const auto target = static_cast<uint32_t>(row * tile.columns + column);
+    const int channel = plan.subpixel(tile, column, row) % 3;
+    const RTCRay16& lanes = packet.rays.ray;
+    if (packet.rays.hit.geomID[r] == Hit::kMiss) {
+      const Backdrop& backdrop = scene.backdrop;
+      light[target] +=
+          weight *
+          (backdrop.flat()
+               ? component(backdrop.colour, channel)
+               : backdrop_light(backdrop, primary_ray(lanes, r, weight, target, channel).direction,
+                                channel));
+      continue;
+    }
+    generation_.push_back(primary_ray(lanes, r, weight, target, channel));
+    const Vec3 way{double{lanes.dir_x[r]}, double{lanes.dir_y[r]}, double{lanes.dir_z[r]}};
+    hits_.push_back({.geometry = packet.rays.hit.geomID[r],
+                     .primitive = packet.rays.hit.primID[r],
+                     .distance = static_cast<float>(lanes.tfar[r] * length(way))});
+  }
+}
+
+void Wavefront::visit_surfaces(const Scene::Impl& scene, std::span<double> light) {
   visits_.clear();
-  for (size_t i = 0; i < rays.size(); ++i) {
-    const PathRay& ray = rays[i];
+  for (size_t i = 0; i < generation_.size(); ++i) {
+    const PathRay& ray = generation_[i];
     if (hits_[i].geometry == Hit::kRefused) continue;
     if (hits_[i].geometry == Hit::kMiss) {
       light[ray.target] += ray.weight * backdrop_light(scene.backdrop, ray.direction, ray.channel);

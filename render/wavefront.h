@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "render/committed_scene.h"
+#include "render/primary_packets.h"
 #include "render/ray_stream.h"
 #include "render/surface.h"
 
@@ -25,10 +26,12 @@ struct RayCounts {
 /// Scratch of one thread; keeps its memory from tile to tile.
 class Wavefront {
  public:
-  /// Adds to light[target] what each of the rays brings. Everything is added in an order that
-  /// depends on the rays alone. Calling thread must flush denormals.
-  void trace(const Scene::Impl& scene, int max_depth, std::span<const PathRay> rays,
-             std::span<double> light, RayCounts& counts);
+  /// Adds to light[target] what the primary rays of the tile that `maker` was started with bring,
+  /// each `weight` times; a ray's target is its row * columns + column. Everything is added in an
+  /// order that depends on the rays alone. Calling thread must flush denormals.
+  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, int max_depth,
+             double weight, PrimaryPackets::Maker& maker, std::span<double> light,
+             RayCounts& counts);
 
  private:
   struct Visit {
@@ -36,15 +39,21 @@ class Wavefront {
     Surface surface;
   };
 
-  void visit_surfaces(const Scene::Impl& scene, std::span<const PathRay> rays,
-                      std::span<double> light);
+  void trace_primary(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
+                     double weight, PrimaryPackets::Maker& maker, std::span<double> light,
+                     RayCounts& counts);
+  void sort_primary(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, int column,
+                    double weight, const RayPacket& packet, std::span<double> light,
+                    RayCounts& counts);
+  void visit_surfaces(const Scene::Impl& scene, std::span<double> light);
   void add_lights(const Scene::Impl& scene, std::span<double> light, RayCounts& counts);
   void continue_rays();
 
+  std::vector<RayPacket> packets_;
   std::vector<Hit> hits_;
   std::vector<Visit> visits_;
   std::vector<ShadowRay> shadow_rays_;
-  std::vector<PathRay> generation_;
+  std::vector<PathRay> generation_;  ///< with hits_, the rays being followed
   std::vector<PathRay> next_;
 };
 
