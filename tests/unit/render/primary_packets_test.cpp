@@ -115,5 +115,52 @@ TEST(PrimaryPackets, RandomRigsAgreeWithTheMap) {
   EXPECT_EQ(tiles, 60 * 24);
 }
 
+TEST(PrimaryPackets, EveryInstructionSetGivesTheSameBits) {
+  const auto description = testing::tiny_scenes().front().scene;
+  for (const double turn : {0.0, 20.0}) {
+    const Scene scene(description, testing::make_tiny_stage({.turn_degrees = turn}), {});
+    for (const optics::Rig& rig : {test::kiosk_rig(), test::upright_rig()}) {
+      const auto tile_bits = [&](Isa isa, int index) {
+        const Bench bench(rig, isa);
+        PrimaryPackets::Maker maker(bench.packets);
+        const Tile tile = bench.plan.tile(index);
+        std::vector<RayPacket> made(static_cast<size_t>(tile.columns));
+        init_packets(made);
+        maker.start(scene.impl(), tile, bench.footprint);
+        maker.prepare(made);
+        maker.columns(0, made);
+        std::vector<float> bits;
+        for (const RayPacket& packet : made)
+          bits.insert(bits.end(), packet.rays.ray.org_x, packet.rays.ray.tfar);
+        return bits;
+      };
+      for (const Isa isa : {Isa::Avx2, Isa::Avx512}) {
+        if (!isa_supported(isa)) continue;
+        for (const int index : {0, 700, 2000})
+          EXPECT_EQ(tile_bits(isa, index), tile_bits(Isa::Baseline, index)) << isa_name(isa);
+      }
+    }
+  }
+}
+
+/// Upright lenses of whole subpixels put every eighth column exactly on a border.
+TEST(PrimaryPackets, BordersFollowTheMap) {
+  optics::Rig rig = test::upright_rig();
+  const auto description = testing::tiny_scenes().front().scene;
+  const Scene scene(description, testing::make_tiny_stage(), {});
+  for (const double pitch : {3.0, 6.0, 8.0, 16.0 / 3.0})
+    for (const double slant : {0.0, 1.0 / 3.0, -1.0 / 6.0}) {
+      rig.sheet.pitch = Subpixels{pitch};
+      rig.sheet.slant = slant;
+      const Bench bench(rig);
+      for (int index = 0; index < bench.plan.count(); index += 97) {
+        const Difference d = compare_tile(bench.packets, bench.exact, scene.impl(),
+                                          bench.plan.tile(index), bench.footprint);
+        EXPECT_EQ(d.wrong_lanes, 0);
+        EXPECT_LT(d.tangent, 4e-7) << pitch << " " << slant << " tile " << index;
+      }
+    }
+}
+
 }  // namespace
 }  // namespace lenticule::render
