@@ -2,9 +2,10 @@
 // What a render::Scene holds once committed: Embree's structures, and everything that shading
 // needs, in the scene frame.
 //
-// The scene frame is the world moved so that the stage's centre is the origin, turned so that its axes
-// are the panel's, and scaled so that one unit is a millimetre on the glass. There single precision resolves a fraction of a
-// subpixel however far from the world's origin the scene lies, and however large its units are.
+// The scene frame is the world moved so that the stage's centre is the origin, turned so that its
+// axes are the panel's, and scaled so that one unit is a millimetre on the glass. There single
+// precision resolves a fraction of a subpixel however far from the world's origin the scene lies,
+// and however large its units are.
 #pragma once
 
 #include <array>

@@ -71,8 +71,8 @@ class Committer {
               panel_from_scene.column_z.z};
   }
 
-  /// The scene's axes are the panel's where those are at right angles in the world: then a row's rays
-  /// share two of three coordinates of origin and direction.
+  /// The scene's axes are the panel's where those are at right angles in the world: then a row's
+  /// rays share two of three coordinates of origin and direction.
   void set_axes() {
     const Affine& world_from_panel = stage_.world_from_panel;
     const Vec3 x = normalized(world_from_panel.column_x);

@@ -19,7 +19,7 @@ struct Tile {
 
 class TilePlan {
  public:
-  static constexpr int kRows = 16;     ///< one packet
+  static constexpr int kRows = 16;      ///< one packet
   static constexpr int kColumns = 384;  ///< subpixels
 
   explicit TilePlan(const optics::Rig& rig);

@@ -16,8 +16,8 @@ struct VisibilityTiming {
   double pass_seconds = 0.0;  ///< from subpixels to hits: ray set-up, checks, Embree
 };
 
-/// Traces the centre ray of every subpixel once each way, by turns. `threads` 0 = all cores. Times are
-/// what the threads spend, over their number.
+/// Traces the centre ray of every subpixel once each way, by turns. `threads` 0 = all cores. Times
+/// are what the threads spend, over their number.
 [[nodiscard]] VisibilityTiming time_visibility(const Scene& scene,
                                                const optics::OpticalModel& model, int threads);
 
