@@ -41,7 +41,8 @@ std::optional<DisplayEvent> FlipEngine::take_event() noexcept {
 Nanoseconds FlipEngine::next_due() const noexcept {
   Nanoseconds next = vblanks_.due();
   if (flip_.phase() == PendingFlip::Phase::Landed || !paused_) next = std::min(next, flip_.due());
-  if (paused_) next = std::min(next, resume_at_);
+  if (paused_) return std::min(next, resume_at_);
+  if (only_modeset_pending()) next = std::min(next, recover_at_);
   return next;
 }
 
@@ -54,7 +55,7 @@ void FlipEngine::run_timers() noexcept {
       counters_.flip_timeouts.add();
       flip_.stick(now());
     }
-    if (flip_.is_due(Stuck, now())) recover();
+    if (flip_.is_due(Stuck, now()) || (only_modeset_pending() && now() >= recover_at_)) recover();
   }
   vblanks_.run_timers();
 }
@@ -83,7 +84,10 @@ SubmitStatus FlipEngine::submit(KmsBuffer* buffer, uint64_t id) noexcept {
 
   buffer->set_state(ScanoutState::Pending);
   flip_.queue(buffer, id);
-  try_flip();
+  if (needs_modeset_)
+    flip_.stick(recover_at_);
+  else
+    try_flip();
   if (!lost_ && !paused_) return SubmitStatus::Accepted;
   buffer->set_state(ScanoutState::Acquired);
   flip_.withdraw();
@@ -158,7 +162,9 @@ void FlipEngine::recover() noexcept {
   if (error == 0) return recovered();
   const CommitFailure failure = note_failure(error);
   if (failure == CommitFailure::Wrong) panel_in_doubt_ = true;
-  if (failure == CommitFailure::Busy || failure == CommitFailure::Wrong) back_off();
+  if (failure != CommitFailure::Busy && failure != CommitFailure::Wrong) return;
+  recover_at(now() + backoff_);
+  backoff_ = std::min(2 * backoff_, kLongestBackoff);
 }
 
 void FlipEngine::recovered() noexcept {
@@ -177,16 +183,14 @@ int FlipEngine::relight() noexcept {
   return 0;
 }
 
-void FlipEngine::back_off() noexcept {
-  flip_.stick(now() + backoff_);
-  backoff_ = std::min(2 * backoff_, kLongestBackoff);
+void FlipEngine::recover_at(Nanoseconds when) noexcept {
+  recover_at_ = when;
+  flip_.stick(when);
 }
 
 void FlipEngine::relight_soon() noexcept {
   needs_modeset_ = true;
-  if (paused_) return;
-  if (flip_.under_way()) return flip_.stick(now());
-  recover();
+  if (!paused_) recover_at(now());
 }
 
 void FlipEngine::pause() noexcept {

@@ -63,11 +63,15 @@ class FlipEngine final : private DrmEventHandler {
   void recover() noexcept;
   void recovered() noexcept;
   [[nodiscard]] int relight() noexcept;
-  void back_off() noexcept;
+  void recover_at(Nanoseconds when) noexcept;
   void pause() noexcept;
   void try_resume() noexcept;
 
   [[nodiscard]] Nanoseconds now() const noexcept { return clock_->now(); }
+  /// A modeset is due though no flip waits for it.
+  [[nodiscard]] bool only_modeset_pending() const noexcept {
+    return needs_modeset_ && !flip_.under_way();
+  }
   [[nodiscard]] uint32_t wanted_on_glass() const noexcept {
     return (flip_.buffer() != nullptr ? flip_.buffer() : lit_.front)->framebuffer();
   }
@@ -83,6 +87,7 @@ class FlipEngine final : private DrmEventHandler {
   int recovery_attempts_ = 0;
   Nanoseconds backoff_;
   bool needs_modeset_ = false;
+  Nanoseconds recover_at_{0};
   bool panel_in_doubt_ = false;
   bool lost_ = false;
   bool paused_ = false;

@@ -85,6 +85,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
 
  private:
   void open();
+  void light_up();
   void close() noexcept;
   void leave_output() noexcept;
 
@@ -114,6 +115,15 @@ class AtomicKmsDisplay final : public KmsDisplay {
 // --- opening and closing --------------------------------------------------------------------
 
 void AtomicKmsDisplay::open() {
+  try {
+    light_up();
+  } catch (...) {
+    close();
+    throw;
+  }
+}
+
+void AtomicKmsDisplay::light_up() {
   lit_ = light_output(options_);
   options_.inherited.reset();
   lit_.front->set_state(ScanoutState::OnGlass);
@@ -133,12 +143,12 @@ void AtomicKmsDisplay::open() {
 }
 
 void AtomicKmsDisplay::close() noexcept {
-  const bool ours_to_leave = engine_ && !engine_->lost();
+  const bool lost = engine_ && engine_->lost();
   waiter_.reset();
   guard_.reset();
   engine_.reset();
   if (!lit_.output) return;
-  if (ours_to_leave) leave_output();
+  if (!lost) leave_output();
   lit_.front = nullptr;
   lit_.buffers.clear();
   const DrmDevice& device = lit_.output->device();
@@ -164,17 +174,16 @@ void AtomicKmsDisplay::leave_output() noexcept {
 
 DisplayEvent AtomicKmsDisplay::wait_event(Nanoseconds deadline, int wake_fd) noexcept {
   if (!engine_) return {.kind = EventKind::Lost};
-  while (true) {
+  for (bool over = false;;) {
     if (!engine_->lost()) run_timers();
     if (const auto event = engine_->take_event()) return *event;
     if (engine_->lost()) return {.kind = EventKind::Lost};
+    if (over) return {.kind = EventKind::Timeout};
     const Nanoseconds next = std::min({deadline, engine_->next_due(), guard_->next_due()});
     const ReadySet ready = waiter_->wait(*clock_, next, wake_fd);
     notice_sleep();
     handle(ready);
-    if (const auto event = engine_->take_event()) return *event;
-    if (engine_->lost()) return {.kind = EventKind::Lost};
-    if (ready.wake || now() >= deadline) return {.kind = EventKind::Timeout};
+    over = ready.wake || now() >= deadline;
   }
 }
 

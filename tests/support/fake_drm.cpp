@@ -139,6 +139,7 @@ class FakePlatform final : public display::KmsPlatform {
   }
   [[nodiscard]] Nanoseconds time_asleep() const noexcept override { return machine_.asleep_; }
   [[nodiscard]] std::unique_ptr<display::HotplugMonitor> watch_hotplug() override {
+    if (machine_.no_hotplug_monitor) throw Error(ErrorKind::Failed, "no more descriptors");
     return std::make_unique<FakeMonitor>(machine_);
   }
 

@@ -208,6 +208,7 @@ class FakeDrm {
 
   std::vector<std::unique_ptr<FakeCard>> cards;
   int mappings_alive = 0;
+  bool no_hotplug_monitor = false;  ///< watching for news throws
 
  private:
   friend class FakePlatform;

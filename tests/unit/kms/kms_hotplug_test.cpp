@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Panels that come, go, change and lie.
+#include <cerrno>
+
 #include "kms_stage.h"
 
 namespace lenticule::testing {
@@ -123,6 +125,36 @@ TEST_F(KmsHotplug, BadLinkIsTrainedAgain) {
   EXPECT_EQ(card.value(connector->id, "link-status"), 0U);
   EXPECT_EQ(show->statistics().links_bad, 1U);
   expect_on_glass(1);
+}
+
+TEST_F(KmsHotplug, ModesetThatIsRefusedBetweenFramesIsTriedAgain) {
+  for (const int error : {EBUSY, EINVAL}) {
+    open();
+    flip(1);
+    card.object(connector->id).find("link-status")->value = 1;
+    card.commit_faults = {{.count = 3, .error = error}};
+    machine.announce_hotplug();
+    idle(seconds(2));
+    EXPECT_EQ(card.value(connector->id, "link-status"), 0U) << "no frame had to come for that";
+    EXPECT_EQ(show->statistics().recoveries, 1U);
+    flip(2);
+    expect_on_glass(2);
+    show.reset();
+  }
+}
+
+TEST_F(KmsHotplug, FrameBetweenTwoAttemptsIsShownByTheModeset) {
+  open();
+  flip(1);
+  card.object(connector->id).find("link-status")->value = 1;
+  card.commit_faults = {{.error = EBUSY, .until = machine.now() + milliseconds(400)}};
+  machine.announce_hotplug();
+  idle(milliseconds(300));
+  EXPECT_EQ(submit(2), SubmitStatus::Accepted);
+  EXPECT_EQ(card.value(connector->id, "link-status"), 1U) << "a flip alone reaches no dead link";
+  EXPECT_EQ(wait(seconds(2)).id, 2U);
+  EXPECT_EQ(card.value(connector->id, "link-status"), 0U);
+  expect_on_glass(2);
 }
 
 TEST_F(KmsHotplug, ConnectorThatVanishesIsDisconnected) {

@@ -166,6 +166,19 @@ TEST_F(KmsOpen, NoSpaceAtTheTestIsAnErrorNotASmallerMode) {
   EXPECT_EQ(card.buffers.size(), 0U);
 }
 
+TEST_F(KmsOpen, FailureAfterLightingPutsThePictureBack) {
+  card.show_console(connector->id, crtc);
+  const auto before = card.glass(crtc);
+  machine.no_hotplug_monitor = true;
+  EXPECT_EQ(failure().kind(), ErrorKind::Failed);
+  EXPECT_EQ(card.glass(crtc), before);
+  EXPECT_EQ(card.rmfb_on_screen, 0);
+  EXPECT_EQ(card.master_fd, -1);
+  machine.no_hotplug_monitor = false;
+  open();
+  flip(1);
+}
+
 TEST_F(KmsOpen, BusyModesetIsTriedAgain) {
   card.commit_faults = {{.count = 3, .error = EBUSY}};
   open();
