@@ -4,6 +4,8 @@
 add_library(lenticule_fake_drm INTERFACE)
 target_sources(lenticule_fake_drm INTERFACE
   ${CMAKE_CURRENT_LIST_DIR}/fake_drm.cpp
-  ${CMAKE_CURRENT_LIST_DIR}/fake_drm_calls.cpp)
+  ${CMAKE_CURRENT_LIST_DIR}/fake_drm_card.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/fake_drm_calls.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/fake_drm_objects.cpp)
 target_link_options(lenticule_fake_drm INTERFACE LINKER:--as-needed)
 target_link_libraries(lenticule_fake_drm INTERFACE lenticule::display PkgConfig::LIBDRM)
