@@ -16,14 +16,6 @@ std::string name_of(const drmModeConnector& connector) {
   return fmt::format("{}-{}", type == nullptr ? "Unknown" : type, connector.connector_type_id);
 }
 
-const drmModeModeInfo* preferred(const std::vector<drmModeModeInfo>& modes) {
-  const auto found = std::find_if(modes.begin(), modes.end(), [](const drmModeModeInfo& mode) {
-    return (mode.type & DRM_MODE_TYPE_PREFERRED) != 0;
-  });
-  if (found != modes.end()) return &*found;
-  return modes.empty() ? nullptr : &modes.front();
-}
-
 }  // namespace
 
 std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe) {
@@ -62,6 +54,16 @@ std::vector<ConnectorInfo> read_connectors(int fd, Probe probe) {
   return connectors;
 }
 
+bool is_preferred(const drmModeModeInfo& mode) {
+  return (mode.type & DRM_MODE_TYPE_PREFERRED) != 0;
+}
+
+const drmModeModeInfo* preferred_mode(const std::vector<drmModeModeInfo>& modes) {
+  const auto found = std::find_if(modes.begin(), modes.end(), is_preferred);
+  if (found != modes.end()) return &*found;
+  return modes.empty() ? nullptr : &modes.front();
+}
+
 frames::Rate refresh_of(const drmModeModeInfo& mode) {
   int64_t numerator = int64_t{mode.clock} * 1000;
   int64_t denominator = int64_t{mode.htotal} * mode.vtotal;
@@ -92,7 +94,7 @@ std::string describe(const ConnectorInfo& connector, const std::string& card) {
   text += connector.edid.identity
               ? to_string(*connector.edid.identity)
               : fmt::format("EDID {}", edid_problem_name(connector.edid.problem));
-  if (const drmModeModeInfo* mode = preferred(connector.modes))
+  if (const drmModeModeInfo* mode = preferred_mode(connector.modes))
     text += fmt::format(", {}", to_string(*mode));
   if (connector.non_desktop) text += ", not a desktop panel";
   if (connector.tiled) text += ", one tile of several";

@@ -40,6 +40,10 @@ struct ConnectorInfo {
 [[nodiscard]] std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe);
 [[nodiscard]] std::vector<ConnectorInfo> read_connectors(int fd, Probe probe);
 
+/// The driver's, or the EDID's, first choice.
+[[nodiscard]] bool is_preferred(const drmModeModeInfo& mode);
+/// The first of those, else the first of all; null if there is none.
+[[nodiscard]] const drmModeModeInfo* preferred_mode(const std::vector<drmModeModeInfo>& modes);
 /// Exact: pixel clock over pixels per frame. 0/1 for a mode without timings.
 [[nodiscard]] frames::Rate refresh_of(const drmModeModeInfo& mode);
 /// Same timings; names and types do not count.

@@ -93,6 +93,17 @@ bool offers_ycbcr(std::span<const uint8_t> bytes) {
   return false;
 }
 
+/// A descriptor that begins with a pixel clock of zero is text, not a timing.
+std::optional<PixelSize> first_timing(Block block) {
+  const auto timing = block.subspan(kDescriptors[0], 18);
+  const bool has_clock = timing[0] != 0 || timing[1] != 0;
+  const bool interlaced = (timing[17] & 0x80) != 0;
+  const PixelSize size{.width = timing[2] | (timing[4] & 0xf0) << 4,
+                       .height = timing[5] | (timing[7] & 0xf0) << 4};
+  if (!has_clock || interlaced || size.width == 0 || size.height == 0) return std::nullopt;
+  return size;
+}
+
 EdidProblem problem_of(std::span<const uint8_t> bytes) {
   if (bytes.empty()) return EdidProblem::Absent;
   if (bytes.size() < kEdidBlockBytes) return EdidProblem::Short;
@@ -141,6 +152,7 @@ EdidReading read_edid(std::span<const uint8_t> bytes) {
                                   .name = text_with_tag(block, kTagName),
                                   .sha256 = sha256_hex(block)};
   reading.offers_ycbcr = offers_ycbcr(bytes);
+  reading.first_timing = first_timing(block);
   return reading;
 }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who a panel is: the identity part of an EDID. Modes and sizes come from the kernel, not from
-// here.
+// Who a panel is: the identity part of an EDID. Modes come from the kernel, not from here.
 #pragma once
 
 #include <cstdint>
@@ -37,12 +36,22 @@ struct EdidIdentity {
   friend bool operator==(const EdidIdentity&, const EdidIdentity&) = default;
 };
 
+/// Columns and rows of whole pixels.
+struct PixelSize {
+  int width = 0;
+  int height = 0;
+  friend bool operator==(const PixelSize&, const PixelSize&) = default;
+};
+
 struct EdidReading {
   EdidProblem problem = EdidProblem::Absent;
   /// Only without a problem.
   std::optional<EdidIdentity> identity{};
   /// The sink says that it takes YCbCr; then a driver may choose it and alter every subpixel.
   bool offers_ycbcr = false;
+  /// Of the first detailed timing, which describes the panel itself; none if it is missing or
+  /// interlaced.
+  std::optional<PixelSize> first_timing{};
 };
 
 /// Never throws for what the bytes say; extension blocks may be missing or damaged.

@@ -72,7 +72,7 @@ std::optional<LitOutput> try_inherit(const KmsOptions& options, DrmDevice& devic
     return std::nullopt;
   auto connector = read_connector(device.fd(), state.connector, Probe::Full);
   if (!connector || !same_panel(*connector, options)) return std::nullopt;
-  const auto mode = choose_mode(connector->modes, panel, options.refresh);
+  const auto mode = choose_mode(*connector, panel, options.refresh);
   if (!mode) return std::nullopt;
   const Pipe pipe = choose_pipe(device.fd(), *connector);
   if (pipe.crtc != state.crtc || pipe.plane != state.plane) return std::nullopt;

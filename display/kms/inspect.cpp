@@ -18,13 +18,13 @@
 namespace lenticule::display {
 namespace {
 
-ModeFacts facts_of(const drmModeModeInfo& mode) {
-  const frames::FrameGeometry own{mode.hdisplay, mode.vdisplay, frames::PixelFormat::Rgb8};
+ModeFacts facts_of(const drmModeModeInfo& mode, const ConnectorInfo& connector) {
   return {.width = mode.hdisplay,
           .height = mode.vdisplay,
           .refresh = refresh_of(mode),
-          .preferred = (mode.type & DRM_MODE_TYPE_PREFERRED) != 0,
-          .usable = choose_mode({mode}, own, std::nullopt).has_value()};
+          .preferred = is_preferred(mode),
+          .native = may_be_native(connector, {mode.hdisplay, mode.vdisplay}),
+          .usable = is_plain(mode)};
 }
 
 PanelFacts facts_of(const ConnectorInfo& connector, const std::string& card) {
@@ -39,7 +39,8 @@ PanelFacts facts_of(const ConnectorInfo& connector, const std::string& card) {
                    .edid_problem = connector.edid.problem,
                    .identity = connector.edid.identity,
                    .modes = {}};
-  for (const drmModeModeInfo& mode : connector.modes) facts.modes.push_back(facts_of(mode));
+  for (const drmModeModeInfo& mode : connector.modes)
+    facts.modes.push_back(facts_of(mode, connector));
   return facts;
 }
 
@@ -100,26 +101,23 @@ bool meant(const OutputKey& key, const ConnectorInfo& connector, const std::stri
   return connector.connected && choose_output(wish, {{card, connector}}).chosen.has_value();
 }
 
-drmModeModeInfo own_mode(const ConnectorInfo& connector) {
-  if (connector.modes.empty())
+PixelSize own_size(const ConnectorInfo& connector) {
+  const drmModeModeInfo* const mode = preferred_mode(connector.modes);
+  if (mode == nullptr)
     throw Error(ErrorKind::Device, "the panel offers no mode",
                 "replace the cable, or load an EDID");
-  const auto preferred =
-      std::find_if(connector.modes.begin(), connector.modes.end(),
-                   [](const auto& mode) { return (mode.type & DRM_MODE_TYPE_PREFERRED) != 0; });
-  const drmModeModeInfo& size =
-      preferred == connector.modes.end() ? connector.modes.front() : *preferred;
-  return require_mode(connector, {size.hdisplay, size.vdisplay, frames::PixelFormat::Rgb8},
-                      std::nullopt);
+  const auto native = native_sizes(connector);
+  return native.empty() ? PixelSize{mode->hdisplay, mode->vdisplay} : native.front();
 }
 
 /// The whole way to a lit panel, except for lighting it.
 void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& connector) {
   const int fd = device.fd();
-  OutputTarget target{.connector = connector, .mode = own_mode(connector)};
+  const PixelSize size = own_size(connector);
+  const frames::FrameGeometry geometry{size.width, size.height, frames::PixelFormat::Rgb8};
+  OutputTarget target{.connector = connector,
+                      .mode = require_mode(connector, geometry, std::nullopt)};
   target.pipe = choose_pipe(fd, connector);
-  const frames::FrameGeometry geometry{target.mode.hdisplay, target.mode.vdisplay,
-                                       frames::PixelFormat::Rgb8};
   KmsOutput output(std::move(device), std::move(target));
   const BorrowedMastery mastery(output.device());
   diagnosis.tested = mastery.held();

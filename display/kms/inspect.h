@@ -21,6 +21,7 @@ struct ModeFacts {
   int height = 0;
   frames::Rate refresh;
   bool preferred = false;
+  bool native = false;  ///< of the panel's own size, as far as anybody knows
   bool usable = false;  ///< progressive, each line once
 };
 

@@ -6,18 +6,31 @@
 #include <vector>
 
 #include "display/kms/connector.h"
+#include "display/kms/edid.h"
 #include "frames/frame.h"
 
 namespace lenticule::display {
 
-/// The panel's own mode: of its exact size, progressive, each line once. With `refresh` the one
-/// nearest to it within 0.05 %, otherwise the preferred one, otherwise the fastest. None if the
-/// panel has no such mode.
-[[nodiscard]] std::optional<drmModeModeInfo> choose_mode(const std::vector<drmModeModeInfo>& modes,
+/// The sizes that are the panel's own, pixel for pixel; it would scale a picture of any other size,
+/// even one that it lists. Those of the modes that the kernel prefers, else that of the EDID's
+/// first detailed timing. Empty where nobody knows: without an EDID a preferred mode is the
+/// driver's choice, as in virtual machines.
+[[nodiscard]] std::vector<PixelSize> native_sizes(const ConnectorInfo& connector);
+/// True as well where nobody knows.
+[[nodiscard]] bool may_be_native(const ConnectorInfo& connector, PixelSize size);
+
+/// Progressive, each line once.
+[[nodiscard]] bool is_plain(const drmModeModeInfo& mode);
+/// The panel lists a mode with these timings, and it may be of its native size.
+[[nodiscard]] bool offers_mode(const ConnectorInfo& connector, const drmModeModeInfo& mode);
+
+/// The plain mode of exactly this size, if it may be native: with `refresh` the one nearest to it
+/// within 0.05 %, otherwise the preferred one, otherwise the fastest.
+[[nodiscard]] std::optional<drmModeModeInfo> choose_mode(const ConnectorInfo& connector,
                                                          const frames::FrameGeometry& panel,
                                                          std::optional<frames::Rate> refresh);
 
-/// As above; throws Error(Input) that lists the panel's modes. Never a smaller mode instead.
+/// As above; throws Error(Input) that says what the panel has. Never a smaller mode instead.
 [[nodiscard]] drmModeModeInfo require_mode(const ConnectorInfo& connector,
                                            const frames::FrameGeometry& panel,
                                            std::optional<frames::Rate> refresh);

@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "display/kms/drm_device.h"
+#include "display/kms/mode_choice.h"
 
 namespace lenticule::display {
 namespace {
@@ -36,13 +37,6 @@ bool named_directly(const OutputKey& key) {
   return key.kind == OutputKey::Kind::Connector || key.kind == OutputKey::Kind::Edid;
 }
 
-bool has_size(const ConnectorInfo& connector, const frames::FrameGeometry& panel) {
-  return std::any_of(connector.modes.begin(), connector.modes.end(),
-                     [&](const drmModeModeInfo& mode) {
-                       return mode.hdisplay == panel.width && mode.vdisplay == panel.height;
-                     });
-}
-
 /// Keeps those that pass, unless none would.
 void narrow(Indices& indices, const std::function<bool(size_t)>& passes) {
   Indices kept;
@@ -67,7 +61,8 @@ class Chooser {
       return refuse("no panel is connected", "switch the panel on and check its cable", true);
     if (checks_identity()) return choose_by_identity(indices);
     if (!named_directly(wish_.key))
-      narrow(indices, [&](size_t i) { return has_size(at(i), wish_.panel); });
+      narrow(indices,
+             [&](size_t i) { return choose_mode(at(i), wish_.panel, std::nullopt).has_value(); });
     return only_one(indices);
   }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "display/kms/mode_choice.h"
 #include "display/kms/pending_flip.h"
 
 namespace lenticule::display {
@@ -14,11 +15,6 @@ constexpr Nanoseconds kLookAgain = std::chrono::seconds(2);
 bool is_expected(const ConnectorInfo& connector, const OutputWish& wish) {
   return wish.policy == IdentityPolicy::Ignore || wish.identity.empty() ||
          (connector.edid.identity && matches(wish.identity, *connector.edid.identity));
-}
-
-bool offers(const ConnectorInfo& connector, const drmModeModeInfo& ours) {
-  return std::any_of(connector.modes.begin(), connector.modes.end(),
-                     [&](const auto& mode) { return same_timings(mode, ours); });
 }
 
 PanelWatch::Running running_by(const Clock& clock) {
@@ -33,7 +29,7 @@ PanelState judge_panel(const ConnectorInfo* connector, const OutputWish& wish,
   if (!is_expected(*connector, wish))
     return connector->edid.problem == EdidProblem::None ? PanelState::WrongPanel
                                                         : PanelState::Unreadable;
-  return offers(*connector, mode) ? PanelState::Showing : PanelState::ModeMissing;
+  return offers_mode(*connector, mode) ? PanelState::Showing : PanelState::ModeMissing;
 }
 
 PanelGuard::PanelGuard(KmsOutput& output, const OutputWish& wish,

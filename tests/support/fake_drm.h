@@ -30,6 +30,10 @@ struct EdidMaker {
   std::string serial_text{};
   std::string name = "Panel";
   bool ycbcr = false;
+  /// Of the first detailed timing; none if 0.
+  int width = 0;
+  int height = 0;
+  bool interlaced = false;
   [[nodiscard]] std::vector<uint8_t> bytes() const;
 };
 

@@ -75,6 +75,14 @@ std::vector<uint8_t> EdidMaker::bytes() const {
   block[19] = 4;
   block[20] = 0xa5;
   block[24] = ycbcr ? 0x1a : 0x02;
+  if (width > 0) {
+    block[54] = block[55] = 1;
+    block[56] = static_cast<uint8_t>(width);
+    block[58] = static_cast<uint8_t>(width >> 8 << 4);
+    block[59] = static_cast<uint8_t>(height);
+    block[61] = static_cast<uint8_t>(height >> 8 << 4);
+    block[71] = interlaced ? 0x80 : 0;
+  }
   const auto put_text = [&](size_t at, uint8_t tag, const std::string& text) {
     block[at + 3] = tag;
     for (size_t i = 0; i < 13; ++i)

@@ -63,6 +63,19 @@ TEST(Edid, TellsWhetherThePanelTakesYcbcr) {
   EXPECT_FALSE(read_edid(with_extension).offers_ycbcr) << "half an extension says nothing";
 }
 
+TEST(Edid, FirstDetailedTimingTellsThePanelsPixels) {
+  EXPECT_EQ(read_edid(EdidMaker{.width = 3840, .height = 2160}.bytes()).first_timing,
+            (display::PixelSize{3840, 2160}));
+  EXPECT_EQ(read_edid(EdidMaker{.width = 4095, .height = 15}.bytes()).first_timing,
+            (display::PixelSize{4095, 15}));
+  EXPECT_FALSE(read_edid(EdidMaker{}.bytes()).first_timing);
+  EXPECT_FALSE(
+      read_edid(EdidMaker{.width = 1920, .height = 540, .interlaced = true}.bytes()).first_timing);
+  auto damaged = EdidMaker{.width = 3840, .height = 2160}.bytes();
+  damaged[60] ^= 1;
+  EXPECT_FALSE(read_edid(damaged).first_timing);
+}
+
 TEST(Edid, RigMatchesByEveryMemberThatItNames) {
   const auto panel = *read_edid(EdidMaker{.serial_number = 9}.bytes()).identity;
   EXPECT_TRUE(display::matches(optics::PanelIdentity{}, panel));

@@ -116,6 +116,22 @@ TEST_F(KmsHotplug, ShrunkModeListIsHeldNotObeyed) {
   expect_on_glass(3);
 }
 
+TEST_F(KmsHotplug, PanelThatNowPrefersAnotherSizeIsHeld) {
+  open();
+  flip(1);
+  const auto modes = connector->modes;
+  connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60),
+                      make_mode(kWidth, kHeight, 60, false)};
+  replug(own_edid);
+  EXPECT_EQ(show->statistics().panel, PanelState::ModeMissing) << "it would scale";
+  EXPECT_EQ(show->statistics().modesets, 0U);
+  connector->modes = modes;
+  idle(seconds(3));
+  EXPECT_EQ(show->statistics().panel, PanelState::Showing);
+  flip(2);
+  expect_on_glass(2);
+}
+
 TEST_F(KmsHotplug, BadLinkIsTrainedAgain) {
   open();
   flip(1);

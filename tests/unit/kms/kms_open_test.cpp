@@ -192,6 +192,39 @@ TEST_F(KmsOpen, PanelWithoutTheRigsSizeIsRefusedWithItsModes) {
   EXPECT_THAT(error.what(), HasSubstr("48x12@59.8"));
 }
 
+TEST_F(KmsOpen, PanelThatWouldScaleIsRefusedThoughItListsTheSize) {
+  connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60),
+                      make_mode(kWidth, kHeight, 60, false)};
+  const Error error = failure();
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.what(), HasSubstr("HDMI-A-1: the panel would scale 24x6 to its own 48x12"));
+  EXPECT_FALSE(error.hint().empty());
+  EXPECT_EQ(card.modesets + card.blocking_commits + card.flips, 0);
+  const display::Inspection found = display::inspect_cards(options.session);
+  ASSERT_EQ(found.panels[0].modes.size(), 2U);
+  EXPECT_TRUE(found.panels[0].modes[0].native);
+  EXPECT_FALSE(found.panels[0].modes[1].native);
+}
+
+TEST_F(KmsOpen, OnlyPanelOfTheNativeSizeIsMeantWhenAnotherListsThatSizeToo) {
+  FakeConnector& second = add_panel(2, "TWO");
+  connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60),
+                      make_mode(kWidth, kHeight, 60, false)};
+  options.wish.identity = {};
+  open();
+  EXPECT_NE(card.value(second.id, "CRTC_ID"), 0U);
+}
+
+TEST_F(KmsOpen, OutputWithoutAnEdidShowsAnySizeThatItLists) {
+  card.set_edid(connector->id, {});
+  connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60),
+                      make_mode(kWidth, kHeight, 60, false)};
+  options.wish.identity = {};
+  open();
+  flip(1);
+  expect_on_glass(1);
+}
+
 TEST_F(KmsOpen, OneTileOfAPanelIsRefused) {
   card.add_property(connector->id, {.name = "TILE",
                                     .flags = DRM_MODE_PROP_BLOB | DRM_MODE_PROP_IMMUTABLE,

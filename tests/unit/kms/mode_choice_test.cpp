@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include "optics/error.h"
 #include "tests/support/fake_drm.h"
 
 namespace lenticule::testing {
 
-using display::choose_mode;
+using display::ConnectorInfo;
+using display::EdidProblem;
+using display::PixelSize;
 
 constexpr frames::FrameGeometry kUhd{3840, 2160, frames::PixelFormat::Rgb8};
 
@@ -17,6 +20,22 @@ drmModeModeInfo with_clock(uint32_t kilohertz, bool preferred) {
   mode.vtotal = 2250;
   mode.clock = kilohertz;
   return mode;
+}
+
+/// What is chosen where nobody knows the panel's own size.
+std::optional<drmModeModeInfo> choose_mode(const std::vector<drmModeModeInfo>& modes,
+                                           const frames::FrameGeometry& panel,
+                                           std::optional<frames::Rate> refresh) {
+  const ConnectorInfo connector{.modes = modes};
+  return display::choose_mode(connector, panel, refresh);
+}
+
+/// With an EDID that was read.
+ConnectorInfo panel_of(const std::vector<drmModeModeInfo>& modes,
+                       std::optional<PixelSize> first_timing = std::nullopt) {
+  return {.name = "HDMI-A-1",
+          .modes = modes,
+          .edid = {.problem = EdidProblem::None, .first_timing = first_timing}};
 }
 
 TEST(ModeChoice, RefreshIsTheExactFraction) {
@@ -50,6 +69,64 @@ TEST(ModeChoice, OtherSizesInterlacedAndDoubledLinesNeverFit) {
   impossible.htotal = 0;
   EXPECT_FALSE(choose_mode({interlaced, doubled, scanned, impossible, make_mode(1920, 1080, 60)},
                            kUhd, std::nullopt));
+}
+
+TEST(ModeChoice, ListedSizeThatIsNotThePanelsOwnIsNeverUsed) {
+  constexpr frames::FrameGeometry full_hd{1920, 1080, frames::PixelFormat::Rgb8};
+  const ConnectorInfo panel =
+      panel_of({with_clock(594000, true), make_mode(1920, 1080, 60, false)});
+  EXPECT_TRUE(display::choose_mode(panel, kUhd, std::nullopt));
+  EXPECT_FALSE(display::choose_mode(panel, full_hd, std::nullopt));
+  EXPECT_FALSE(display::offers_mode(panel, make_mode(1920, 1080, 60)));
+  try {
+    (void)display::require_mode(panel, full_hd, std::nullopt);
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    EXPECT_STREQ(error.what(),
+                 "HDMI-A-1: the panel would scale 1920x1080 to its own 3840x2160, and no view "
+                 "would arrive");
+    EXPECT_NE(error.hint().find("own rig"), std::string::npos);
+  }
+}
+
+TEST(ModeChoice, KernelsPreferenceCountsBeforeTheEdidsTiming) {
+  // The kernel knows about panels whose EDID lies.
+  const ConnectorInfo panel = panel_of({with_clock(594000, true)}, PixelSize{1920, 1080});
+  EXPECT_EQ(display::native_sizes(panel), std::vector<PixelSize>({{3840, 2160}}));
+}
+
+TEST(ModeChoice, TimingOfTheEdidCountsWithoutAPreferredMode) {
+  // A cable too slow for the preferred mode: the kernel drops it, and the size stays.
+  const std::vector<drmModeModeInfo> modes = {with_clock(297000, false),
+                                              make_mode(1920, 1080, 60, false)};
+  const ConnectorInfo panel = panel_of(modes, PixelSize{3840, 2160});
+  EXPECT_EQ(display::choose_mode(panel, kUhd, std::nullopt)->clock, 297000U);
+  EXPECT_FALSE(display::choose_mode(panel, {1920, 1080, frames::PixelFormat::Rgb8}, std::nullopt));
+}
+
+TEST(ModeChoice, PanelThatPrefersTwoSizesHasBoth) {
+  const ConnectorInfo panel =
+      panel_of({with_clock(594000, true), with_clock(297000, true), make_mode(5120, 2880, 60)});
+  EXPECT_EQ(display::native_sizes(panel), std::vector<PixelSize>({{3840, 2160}, {5120, 2880}}));
+}
+
+TEST(ModeChoice, WithoutAnEdidAnyListedSizeServesAndThePreferredModeGoesFirst) {
+  // As virtual machines' drivers: a list of sizes, and one that they like.
+  for (const EdidProblem problem : {EdidProblem::Absent, EdidProblem::BadChecksum}) {
+    const ConnectorInfo output{
+        .modes = {make_mode(1024, 768, 60), with_clock(594000, false), with_clock(297000, false)},
+        .edid = {.problem = problem}};
+    EXPECT_TRUE(display::native_sizes(output).empty());
+    EXPECT_EQ(display::choose_mode(output, kUhd, std::nullopt)->clock, 594000U);
+  }
+  const ConnectorInfo output{.modes = {with_clock(594000, false), with_clock(297000, true)}};
+  EXPECT_EQ(display::choose_mode(output, kUhd, std::nullopt)->clock, 297000U);
+}
+
+TEST(ModeChoice, EdidThatStatesNoSizeLeavesEveryListedOne) {
+  const ConnectorInfo panel = panel_of({with_clock(594000, false)});
+  EXPECT_TRUE(display::choose_mode(panel, kUhd, std::nullopt));
 }
 
 TEST(ModeChoice, OfEqualModesTheSlowerClockIsTaken) {
