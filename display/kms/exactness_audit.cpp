@@ -199,11 +199,12 @@ AuditRow ExactnessAudit::row_of(const Leftover& leftover) const {
           .remedy = leftover.rule->remedy};
 }
 
-ExactnessReport ExactnessAudit::report(const LinkFacts& link,
-                                       const std::optional<PipeTables>& now) const {
+ExactnessReport ExactnessAudit::report(const LinkFacts& link, const std::optional<PipeTables>& now,
+                                       const std::vector<AuditRow>& further) const {
   ExactnessReport report{.verdict = Verdict::Yes};
   for (const Item& item : items_) report.rows.push_back(row_of(item, now));
   for (const Leftover& leftover : leftovers_) report.rows.push_back(row_of(leftover));
+  report.rows.insert(report.rows.end(), further.begin(), further.end());
   judge_rows(report);
   judge_driver(report, link);
   judge_link(report, link);

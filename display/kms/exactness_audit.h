@@ -42,9 +42,10 @@ class ExactnessAudit {
   void set_refused(size_t index, bool refused);
   [[nodiscard]] size_t count() const { return items_.size(); }
 
-  /// `now` as read after the commit; none when nothing was committed (`doctor` without mastery).
-  [[nodiscard]] ExactnessReport report(const LinkFacts& link,
-                                       const std::optional<PipeTables>& now) const;
+  /// `now` as read after the commit; none when nothing was committed (`doctor`). `further` are rows
+  /// about what is no property.
+  [[nodiscard]] ExactnessReport report(const LinkFacts& link, const std::optional<PipeTables>& now,
+                                       const std::vector<AuditRow>& further) const;
 
  private:
   struct Item {

@@ -11,7 +11,6 @@
 #include "display/kms/kms_output.h"
 #include "display/kms/mode_choice.h"
 #include "display/kms/output_choice.h"
-#include "display/kms/platform.h"
 #include "display/kms/scanout_pool.h"
 #include "optics/error.h"
 
@@ -111,7 +110,8 @@ PixelSize own_size(const ConnectorInfo& connector) {
 }
 
 /// The whole way to a lit panel, except for lighting it.
-void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& connector) {
+void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& connector,
+              const std::shared_ptr<KmsPlatform>& platform) {
   const int fd = device.fd();
   const PixelSize size = own_size(connector);
   const frames::FrameGeometry geometry{size.width, size.height, frames::PixelFormat::Rgb8};
@@ -125,7 +125,7 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
     diagnosis.problem = "another program is master of the card: nothing could be tested";
     diagnosis.remedy = "stop the desktop session or the player and ask again";
   }
-  const KmsBuffer buffer(fd, make_linux_platform(), geometry);
+  const KmsBuffer buffer(fd, platform, geometry);
   const int error = output.rehearse(buffer.framebuffer());
   diagnosis.exactness = output.report();
   if (!mastery.held() || error == 0) return;
@@ -133,14 +133,15 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
   diagnosis.remedy = "use a better cable or port, or another output";
 }
 
-Diagnosis diagnose_panel(const std::shared_ptr<Session>& session, const DrmNode& node,
+Diagnosis diagnose_panel(const std::shared_ptr<Session>& session,
+                         const std::shared_ptr<KmsPlatform>& platform, const DrmNode& node,
                          const ConnectorInfo& connector) {
   Diagnosis diagnosis{.panel = facts_of(connector, node.path)};
   try {
     DrmDevice device = DrmDevice::open(session, node);
     diagnosis.driver = device.driver();
     diagnosis.problem = missing_caps(device.caps());
-    if (diagnosis.problem.empty()) rehearse(diagnosis, std::move(device), connector);
+    if (diagnosis.problem.empty()) rehearse(diagnosis, std::move(device), connector, platform);
   } catch (const Error& error) {
     diagnosis.problem = error.what();
     diagnosis.remedy = error.hint();
@@ -164,7 +165,8 @@ Inspection inspect_cards(const std::shared_ptr<Session>& session) {
   return inspection;
 }
 
-std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session, const OutputKey& key) {
+std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session, const OutputKey& key,
+                                const std::shared_ptr<KmsPlatform>& platform) {
   std::vector<Diagnosis> diagnoses;
   for (const DrmNode& node : find_drm_nodes()) {
     std::vector<ConnectorInfo> connectors;
@@ -177,7 +179,7 @@ std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session, const O
     }
     for (const ConnectorInfo& connector : connectors)
       if (meant(key, connector, node.path))
-        diagnoses.push_back(diagnose_panel(session, node, connector));
+        diagnoses.push_back(diagnose_panel(session, platform, node, connector));
   }
   return diagnoses;
 }

@@ -11,6 +11,7 @@
 #include "display/kms/edid.h"
 #include "display/kms/exactness_report.h"
 #include "display/kms/output_key.h"
+#include "display/kms/platform.h"
 #include "display/kms/session.h"
 #include "frames/rational.h"
 
@@ -71,7 +72,8 @@ struct Diagnosis {
 };
 
 /// Of every connected panel that the key names. Commits nothing.
-[[nodiscard]] std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session,
-                                              const OutputKey& key);
+[[nodiscard]] std::vector<Diagnosis> diagnose(
+    const std::shared_ptr<Session>& session, const OutputKey& key,
+    const std::shared_ptr<KmsPlatform>& platform = make_linux_platform());
 
 }  // namespace lenticule::display

@@ -68,6 +68,7 @@ KmsOutput::KmsOutput(DrmDevice device, OutputTarget target)
       target_(std::move(target)),
       tables_(read_tables(device_.fd(), target_)),
       audit_(tables_),
+      gamma_(device_.fd(), tables_.crtc),
       mode_blob_(make_mode_blob(device_.fd(), target_.mode)),
       framebuffer_property_(tables_.plane.require("FB_ID")) {}
 
@@ -154,7 +155,7 @@ bool KmsOutput::take_over(uint32_t framebuffer) {
   if (commit(settings, kTestOnly) != 0) return false;
   remember(framebuffer);
   took_over_ = commit(settings, 0) == 0;
-  if (took_over_) update_report(read_back());
+  if (took_over_) settle();
   return took_over_;
 }
 
@@ -170,7 +171,7 @@ void KmsOutput::light_up(uint32_t framebuffer, Clock& clock) {
     error = commit(everything(framebuffer), kAllowModeset);
   }
   if (error != 0) fail(-error);
-  update_report(read_back());
+  settle();
 }
 
 int KmsOutput::rehearse(uint32_t framebuffer) {
@@ -218,7 +219,7 @@ int KmsOutput::show(uint32_t framebuffer) noexcept {
 int KmsOutput::relight(uint32_t framebuffer) noexcept {
   try {
     const int error = commit(everything(framebuffer), kAllowModeset);
-    if (error == 0) update_report(read_back());
+    if (error == 0) settle();
     return error;
   } catch (...) {
     return -ENOMEM;
@@ -234,7 +235,8 @@ int KmsOutput::blank() noexcept {
 }
 
 bool KmsOutput::restore() noexcept {
-  return saved_.empty() || saved_.restore(device_.fd());
+  const bool ramp_is_back = gamma_.restore() == 0;
+  return (saved_.empty() || saved_.restore(device_.fd())) && ramp_is_back;
 }
 
 int KmsOutput::read_sequence(uint64_t& sequence, Nanoseconds& time) const noexcept {
@@ -262,17 +264,21 @@ bool KmsOutput::placed_one_to_one(const PipeTables& tables) const {
          plane.value("CRTC_H") == height;
 }
 
-std::optional<PipeTables> KmsOutput::read_back() const {
-  return PipeTables::read(device_.fd(), target_.connector.id, target_.pipe.crtc,
-                          target_.pipe.plane);
+/// After a commit that was taken: what no commit can do, and a look at what came of it all.
+void KmsOutput::settle() {
+  (void)gamma_.make_linear();  // the report says whether it is
+  update_report(
+      PipeTables::read(device_.fd(), target_.connector.id, target_.pipe.crtc, target_.pipe.plane));
 }
 
 void KmsOutput::update_report(const std::optional<PipeTables>& now) {
+  std::vector<AuditRow> further;
+  if (const auto ramp = gamma_.row(now.has_value())) further.push_back(*ramp);
   ExactnessReport report = audit_.report({.connector_type = target_.connector.type,
                                           .driver = device_.driver(),
                                           .edid_known = target_.connector.edid.identity.has_value(),
                                           .offers_ycbcr = target_.connector.edid.offers_ycbcr},
-                                         now);
+                                         now, further);
   if (now && !placed_one_to_one(*now)) {
     report.verdict = Verdict::No;
     report.reasons.emplace_back("the plane does not show the frame pixel for pixel");

@@ -13,6 +13,7 @@
 #include "display/kms/connector.h"
 #include "display/kms/drm_device.h"
 #include "display/kms/exactness_audit.h"
+#include "display/kms/legacy_gamma.h"
 #include "display/kms/pipe_choice.h"
 #include "display/kms/saved_state.h"
 
@@ -80,13 +81,14 @@ class KmsOutput {
   void find_refused_settings(uint32_t framebuffer);
   [[noreturn]] void fail(int error) const;
   void remember(uint32_t framebuffer);
-  [[nodiscard]] std::optional<PipeTables> read_back() const;
+  void settle();
   void update_report(const std::optional<PipeTables>& now);
 
   DrmDevice device_;
   OutputTarget target_;
   PipeTables tables_;  ///< as found
   ExactnessAudit audit_;
+  LegacyGamma gamma_;
   BlobId mode_blob_;
   SavedState saved_;
   AtomicRequest flip_request_;

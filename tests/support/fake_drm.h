@@ -86,6 +86,10 @@ struct FakeFramebuffer {
   uint32_t height = 0;
 };
 
+struct FakeRamp {
+  std::vector<uint16_t> red, green, blue;
+};
+
 /// A fault of the k-th call from now on (0 = the next one).
 struct CallFault {
   int skip = 0;
@@ -108,6 +112,8 @@ class FakeCard {
                                const std::vector<uint8_t>& edid);
   uint32_t add_crtc();  ///< with its primary plane; returns the CRTC's id
   uint32_t add_overlay_plane(uint32_t crtc);
+  /// The driver has no look-up tables among its properties, but a ramp as the kernel makes it.
+  FakeRamp& use_legacy_gamma(uint32_t crtc, size_t entries);
   FakeProperty& add_property(uint32_t object, FakeProperty property);
   uint32_t add_blob(std::vector<uint8_t> bytes);
 
@@ -140,10 +146,11 @@ class FakeCard {
   std::map<uint32_t, std::vector<uint8_t>> blobs;
   std::map<uint32_t, FakeBuffer> buffers;
   std::map<uint32_t, FakeFramebuffer> framebuffers;
+  std::map<uint32_t, FakeRamp> ramps;  ///< by CRTC
 
   // Faults.
   std::vector<CallFault> flip_faults, commit_faults, test_faults, create_faults, map_faults,
-      get_connector_faults, set_master_faults;
+      get_connector_faults, set_master_faults, get_gamma_faults, set_gamma_faults;
   std::deque<EventFault> event_faults;  ///< one per flip event, in order
   bool foreign_master = false;          ///< somebody else has it
   bool gone = false;

@@ -58,6 +58,18 @@ int drmModeDestroyPropertyBlob(int fd, uint32_t id) {
   return 0;
 }
 
+int drmModeCrtcSetGamma(int fd, uint32_t crtc, uint32_t size, uint16_t* red, uint16_t* green,
+                        uint16_t* blue) {
+  FakeCard* card = card_of(fd);
+  if (const int error = begin_call(card, &FakeCard::set_gamma_faults); error != 0) return error;
+  if (card->master_fd != fd || card->foreign_master) return -EACCES;
+  const auto ramp = card->ramps.find(crtc);
+  if (ramp == card->ramps.end()) return -ENOSYS;
+  if (ramp->second.red.size() != size) return -EINVAL;
+  ramp->second = {{red, red + size}, {green, green + size}, {blue, blue + size}};
+  return 0;
+}
+
 drmModeAtomicReqPtr drmModeAtomicAlloc(void) {
   return new _drmModeAtomicReq;
 }

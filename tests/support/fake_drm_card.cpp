@@ -207,6 +207,15 @@ uint32_t FakeCard::add_overlay_plane(uint32_t crtc) {
   return plane;
 }
 
+FakeRamp& FakeCard::use_legacy_gamma(uint32_t crtc, size_t entries) {
+  std::erase_if(objects.at(crtc).properties, [](const FakeProperty& property) {
+    return property.name == "GAMMA_LUT" || property.name == "DEGAMMA_LUT";
+  });
+  std::vector<uint16_t> values(entries);
+  for (size_t i = 0; i < entries; ++i) values[i] = static_cast<uint16_t>(i << 8);
+  return ramps[crtc] = {values, values, values};
+}
+
 void FakeCard::show_console(uint32_t connector, uint32_t crtc) {
   const FakeConnector& shown = **std::find_if(connectors.begin(), connectors.end(),
                                               [&](const auto& c) { return c->id == connector; });

@@ -146,12 +146,25 @@ drmModeCrtcPtr drmModeGetCrtc(int fd, uint32_t id) {
   if (card == nullptr || card->objects.count(id) == 0) return nullptr;
   auto* const crtc = zeroed<drmModeCrtc>();
   crtc->crtc_id = id;
+  if (const auto ramp = card->ramps.find(id); ramp != card->ramps.end())
+    crtc->gamma_size = static_cast<int>(ramp->second.red.size());
   const auto mode = card->blobs.find(static_cast<uint32_t>(card->value(id, "MODE_ID")));
   if (mode != card->blobs.end() && mode->second.size() == sizeof(crtc->mode)) {
     std::memcpy(&crtc->mode, mode->second.data(), sizeof(crtc->mode));
     crtc->mode_valid = 1;
   }
   return crtc;
+}
+int drmModeCrtcGetGamma(int fd, uint32_t crtc, uint32_t size, uint16_t* red, uint16_t* green,
+                        uint16_t* blue) {
+  FakeCard* card = card_of(fd);
+  if (const int error = begin_call(card, &FakeCard::get_gamma_faults); error != 0) return error;
+  const auto ramp = card->ramps.find(crtc);
+  if (ramp == card->ramps.end() || ramp->second.red.size() != size) return -EINVAL;
+  std::copy(ramp->second.red.begin(), ramp->second.red.end(), red);
+  std::copy(ramp->second.green.begin(), ramp->second.green.end(), green);
+  std::copy(ramp->second.blue.begin(), ramp->second.blue.end(), blue);
+  return 0;
 }
 void drmModeFreeCrtc(drmModeCrtcPtr crtc) {
   std::free(crtc);

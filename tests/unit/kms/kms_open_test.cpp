@@ -311,4 +311,35 @@ TEST_F(KmsOpen, InspectionFindsPanelsAndGivesMastershipBack) {
   EXPECT_EQ(card.modesets + card.blocking_commits + card.flips, 0);
 }
 
+TEST_F(KmsOpen, DiagnosisTestsThePanelsOwnModeAndLeavesNothing) {
+  connector->modes = {make_mode(kWidth, kHeight, 60, false),
+                      make_mode(kWidth * 2, kHeight * 2, 60)};
+  const auto diagnoses = display::diagnose(options.session, {}, options.platform);
+  ASSERT_EQ(diagnoses.size(), 1U);
+  EXPECT_EQ(diagnoses[0].problem, "");
+  EXPECT_TRUE(diagnoses[0].tested);
+  EXPECT_EQ(diagnoses[0].exactness.verdict, display::Verdict::Unknown);
+  EXPECT_GT(card.tests, 0);
+  EXPECT_EQ(card.modesets + card.blocking_commits + card.flips, 0);
+  EXPECT_EQ(card.buffers.size() + card.framebuffers.size(), 0U);
+  EXPECT_EQ(machine.mappings_alive, 0);
+  EXPECT_EQ(card.master_fd, -1);
+}
+
+TEST_F(KmsOpen, DiagnosisNamesWhatTheDriverRefuses) {
+  card.test_faults = {{.count = 1000, .error = ENOSPC}};
+  const auto diagnoses = display::diagnose(options.session, {}, options.platform);
+  ASSERT_EQ(diagnoses.size(), 1U);
+  EXPECT_THAT(diagnoses[0].problem, HasSubstr("refuses its mode"));
+  EXPECT_FALSE(diagnoses[0].remedy.empty());
+}
+
+TEST_F(KmsOpen, DiagnosisSaysThatAnotherProgramIsMaster) {
+  card.foreign_master = true;
+  const auto diagnoses = display::diagnose(options.session, {}, options.platform);
+  ASSERT_EQ(diagnoses.size(), 1U);
+  EXPECT_FALSE(diagnoses[0].tested);
+  EXPECT_THAT(diagnoses[0].problem, HasSubstr("master"));
+}
+
 }  // namespace lenticule::testing
