@@ -109,6 +109,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   std::optional<FlipEngine> engine_;
   std::optional<PanelGuard> guard_;
   std::optional<EventWaiter> waiter_;
+  std::optional<GraphicsConsole> console_;
   Nanoseconds asleep_{0};
 };
 
@@ -140,6 +141,8 @@ void AtomicKmsDisplay::light_up() {
                  counters_);
   waiter_.emplace(device.fd(), options_.session->fd(), guard_->fd());
   mode_.hardware_clock = engine_->counts_by_hardware();
+  // Back in text mode the kernel takes the panel, whoever holds the card: not from a held frame.
+  if (options_.exit != ExitPolicy::Hold) console_.emplace(options_.platform->terminal());
 }
 
 void AtomicKmsDisplay::close() noexcept {
@@ -147,13 +150,15 @@ void AtomicKmsDisplay::close() noexcept {
   waiter_.reset();
   guard_.reset();
   engine_.reset();
-  if (!lit_.output) return;
-  if (!lost) leave_output();
-  lit_.front = nullptr;
-  lit_.buffers.clear();
-  const DrmDevice& device = lit_.output->device();
-  if (options_.exit != ExitPolicy::Hold) device.session().drop_master(device.fd());
-  lit_.output.reset();
+  if (lit_.output) {
+    if (!lost) leave_output();
+    lit_.front = nullptr;
+    lit_.buffers.clear();
+    const DrmDevice& device = lit_.output->device();
+    if (options_.exit != ExitPolicy::Hold) device.session().drop_master(device.fd());
+    lit_.output.reset();
+  }
+  console_.reset();  // the console may draw again, now that the card is free
 }
 
 /// A framebuffer is never removed while it is shown.

@@ -32,6 +32,7 @@ class LinuxPlatform final : public KmsPlatform {
   [[nodiscard]] std::unique_ptr<HotplugMonitor> watch_hotplug() override {
     return make_udev_monitor();
   }
+  [[nodiscard]] std::shared_ptr<TerminalCalls> terminal() override { return make_terminal_calls(); }
 };
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "display/display.h"
+#include "display/kms/graphics_console.h"
 
 namespace lenticule::display {
 
@@ -30,6 +31,8 @@ class KmsPlatform {
   [[nodiscard]] virtual Nanoseconds time_asleep() const noexcept = 0;
   /// Never null; a monitor that cannot listen stays silent.
   [[nodiscard]] virtual std::unique_ptr<HotplugMonitor> watch_hotplug() = 0;
+  /// Never null.
+  [[nodiscard]] virtual std::shared_ptr<TerminalCalls> terminal() = 0;
 };
 
 [[nodiscard]] std::shared_ptr<KmsPlatform> make_linux_platform();

@@ -120,10 +120,39 @@ class FakePlatform final : public display::KmsPlatform {
     if (machine_.no_hotplug_monitor) throw Error(ErrorKind::Failed, "no more descriptors");
     return std::make_unique<FakeMonitor>(machine_);
   }
+  [[nodiscard]] std::shared_ptr<display::TerminalCalls> terminal() override {
+    return machine_.terminal;
+  }
 
  private:
   FakeDrm& machine_;
 };
+
+int FakeTerminal::open_controlling_terminal() noexcept {
+  if (open_error != 0) return -open_error;
+  ++opened;
+  return 7;
+}
+void FakeTerminal::close(int fd) noexcept {
+  LENTICULE_CHECK(fd == 7);
+  --opened;
+}
+bool FakeTerminal::is_foreground(int fd) noexcept {
+  return fd == 7 && foreground;
+}
+int FakeTerminal::get_mode(int fd, int& is) noexcept {
+  LENTICULE_CHECK(fd == 7);
+  is = mode;
+  return -get_error;
+}
+int FakeTerminal::set_mode(int fd, int to) noexcept {
+  LENTICULE_CHECK(fd == 7);
+  if (set_error != 0) return -set_error;
+  mode = to;
+  modes_set.push_back(to);
+  if (on_set) on_set(to);
+  return 0;
+}
 
 FakeDrm::FakeDrm() : hotplug_fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
   LENTICULE_CHECK(the_machine == nullptr);

@@ -5,6 +5,7 @@
 
 #include <xf86drmMode.h>
 
+#include <cerrno>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -96,6 +97,24 @@ struct CallFault {
   int count = 1;                       ///< calls that fail after that
   int error = 0;                       ///< positive errno
   std::optional<Nanoseconds> until{};  ///< fails until then instead of `count` times
+};
+
+/// The terminal that the player was started from.
+struct FakeTerminal final : display::TerminalCalls {
+  int open_error = ENXIO;  ///< none at all, as for a service
+  int get_error = 0;       ///< ENOTTY: not a virtual one
+  int set_error = 0;
+  bool foreground = true;
+  int mode = 0;  ///< KD_TEXT
+  int opened = 0;
+  std::vector<int> modes_set{};
+  std::function<void(int)> on_set{};
+
+  [[nodiscard]] int open_controlling_terminal() noexcept override;
+  void close(int fd) noexcept override;
+  [[nodiscard]] bool is_foreground(int fd) noexcept override;
+  [[nodiscard]] int get_mode(int fd, int& mode) noexcept override;
+  [[nodiscard]] int set_mode(int fd, int mode) noexcept override;
 };
 
 enum class EventFault { None, Lose, Duplicate, Late, Stale };
@@ -218,6 +237,7 @@ class FakeDrm {
   [[nodiscard]] std::optional<Nanoseconds> next_happening() const;
 
   std::vector<std::unique_ptr<FakeCard>> cards;
+  std::shared_ptr<FakeTerminal> terminal = std::make_shared<FakeTerminal>();
   int mappings_alive = 0;
   bool no_hotplug_monitor = false;  ///< watching for news throws
 
