@@ -7,6 +7,8 @@
 #include <atomic>
 #include <csignal>
 
+#include "display/kms/graphics_console.h"
+
 namespace lenticule::player {
 namespace {
 
@@ -15,7 +17,10 @@ int g_pipe[2] = {-1, -1};
 
 extern "C" void on_interrupt(int signal) {
   int none = 0;
-  if (!g_signal.compare_exchange_strong(none, signal)) _exit(128 + signal);
+  if (!g_signal.compare_exchange_strong(none, signal)) {
+    display::restore_console_now();
+    _exit(128 + signal);
+  }
   const char byte = 1;
   [[maybe_unused]] const ssize_t ignored = write(g_pipe[1], &byte, 1);
 }
