@@ -156,6 +156,9 @@ class FakeCard {
   uint64_t sequence_base = 0;  ///< of the driver's counter at time 0
   Nanoseconds period{16'666'667};
   uint32_t max_buffers = 16;
+  Nanoseconds timestamp_shift{0};  ///< of what events say, not of when they come
+  std::function<void(uint64_t sequence, const FakeBuffer&)> on_flip{};  ///< taken for that vblank
+  std::function<Nanoseconds()> event_delay{};  ///< of when they come, on top of the vblank
 
   std::map<uint32_t, FakeObject> objects;
   std::vector<uint32_t> crtcs, planes;
@@ -189,6 +192,7 @@ class FakeCard {
              uint64_t user_data);
   void schedule_flip_event(uint32_t crtc, uint64_t id);
   void send_sequence(uint64_t sequence, uint64_t id);
+  [[nodiscard]] Nanoseconds delay() const { return event_delay ? event_delay() : Nanoseconds{0}; }
   [[nodiscard]] uint64_t sequence_at(Nanoseconds time) const;
   [[nodiscard]] Nanoseconds next_vblank() const;
   void deliver_until(Nanoseconds time);

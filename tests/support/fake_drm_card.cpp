@@ -292,11 +292,12 @@ void FakeCard::schedule_flip_event(uint32_t crtc, uint64_t id) {
   drm_event_vblank event{};
   event.base = {.type = DRM_EVENT_FLIP_COMPLETE, .length = sizeof(event)};
   event.user_data = fault == EventFault::Stale ? id - 1 : id;
-  event.tv_sec = static_cast<uint32_t>(at.count() / 1'000'000'000);
-  event.tv_usec = static_cast<uint32_t>(at.count() / 1000 % 1'000'000);
+  const Nanoseconds said = at + timestamp_shift;
+  event.tv_sec = static_cast<uint32_t>(said.count() / 1'000'000'000);
+  event.tv_usec = static_cast<uint32_t>(said.count() / 1000 % 1'000'000);
   event.sequence = counts_vblanks ? static_cast<uint32_t>(sequence_at(at)) : 0;
   event.crtc_id = crtc;
-  const Nanoseconds late = fault == EventFault::Late ? 3 * period : Nanoseconds{0};
+  const Nanoseconds late = delay() + (fault == EventFault::Late ? 3 * period : Nanoseconds{0});
   pending.push_back({at + late, bytes_of(event)});
   if (fault == EventFault::Duplicate) pending.push_back({at + late, bytes_of(event)});
   if (fault == EventFault::Stale) {
@@ -311,9 +312,9 @@ void FakeCard::send_sequence(uint64_t sequence, uint64_t id) {
   drm_event_crtc_sequence event{};
   event.base = {.type = DRM_EVENT_CRTC_SEQUENCE, .length = sizeof(event)};
   event.user_data = id;
-  event.time_ns = at.count();
+  event.time_ns = (at + timestamp_shift).count();
   event.sequence = sequence_at(at);
-  pending.push_back({at, bytes_of(event)});
+  pending.push_back({at + delay(), bytes_of(event)});
 }
 
 std::optional<Nanoseconds> FakeCard::next_event() const {
@@ -394,6 +395,8 @@ int FakeCard::commit(const std::vector<std::array<uint64_t, 3>>& settings, uint3
     ++flips;
     last_flip_id = user_data;
     schedule_flip_event(crtc, user_data);
+    const auto shown = static_cast<uint32_t>(value(primary_of(crtc), "FB_ID"));
+    if (on_flip) on_flip(sequence_at(next_vblank()), buffers.at(framebuffers.at(shown).handle));
   } else {
     ++(may_modeset ? modesets : blocking_commits);
   }

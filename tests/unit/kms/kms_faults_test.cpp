@@ -53,6 +53,19 @@ TEST_F(KmsFaults, LateFlipEventIsWaitedFor) {
   expect_playing(2);
 }
 
+TEST_F(KmsFaults, FlipEventThatComesAfterItsPatienceIsNoSecondFlip) {
+  open();
+  flip(1);
+  card.event_delay = [] { return milliseconds(350); };
+  flip(2);
+  EXPECT_EQ(show->statistics().flip_timeouts, 1U);
+  expect_on_glass(2);
+  card.event_delay = nullptr;
+  idle(seconds(1));
+  EXPECT_EQ(show->statistics().stray_events, 1U);
+  expect_playing(3);
+}
+
 TEST_F(KmsFaults, StaleEventIdIsIgnored) {
   open();
   card.event_faults = {EventFault::Stale};
@@ -96,6 +109,39 @@ TEST_F(KmsFaults, BusyForASecondEndsInTheSamePicture) {
   EXPECT_GE(machine.now(), until);
   EXPECT_LT(machine.now() - until, seconds(2));
   expect_playing(3);
+}
+
+TEST_F(KmsFaults, BusyForeverBlocksNobody) {
+  open();
+  flip(1);
+  card.flip_faults = {{.error = EBUSY, .until = Nanoseconds::max()}};
+  card.commit_faults = {{.error = EBUSY, .until = Nanoseconds::max()}};
+  EXPECT_EQ(submit(2), SubmitStatus::Accepted);
+  for (int i = 0; i < 60; ++i) {
+    const Nanoseconds before = machine.now();
+    EXPECT_EQ(wait(seconds(1)).kind, EventKind::Timeout);
+    EXPECT_EQ(machine.now() - before, seconds(1));
+  }
+  EXPECT_LT(show->statistics().busy, 100U) << "with pauses, not in a loop";
+  show.reset();
+}
+
+TEST_F(KmsFaults, AccessDeniedForAWhilePausesAndResumes) {
+  for (const int error : {EACCES, EPERM}) {
+    open();
+    flip(1);
+    const Nanoseconds until = machine.now() + seconds(3);
+    card.flip_faults = card.commit_faults =
+        card.set_master_faults = {{.error = error, .until = until}};
+    EXPECT_EQ(submit(2), SubmitStatus::Paused);
+    idle(seconds(2));
+    EXPECT_EQ(submit(2), SubmitStatus::Paused);
+    idle(seconds(4));
+    EXPECT_EQ(show->statistics().pauses, 1U);
+    EXPECT_EQ(show->statistics().modesets, 1U);
+    expect_playing(3);
+    show.reset();
+  }
 }
 
 TEST_F(KmsFaults, LostMastershipPausesAndResumes) {
@@ -155,6 +201,19 @@ TEST_F(KmsFaults, UnpluggedCardIsLostAndComesBack) {
   expect_playing(2);
 }
 
+TEST_F(KmsFaults, HangUpBehindAFlipIsLostAtOnce) {
+  open();
+  flip(1);
+  EXPECT_EQ(submit(2), SubmitStatus::Accepted);
+  card.pending.clear();
+  card.unplug();
+  const Nanoseconds before = machine.now();
+  EXPECT_EQ(wait(seconds(10)).kind, EventKind::Lost);
+  EXPECT_EQ(machine.now(), before);
+  show.reset();
+  EXPECT_EQ(machine.mappings_alive, 0);
+}
+
 TEST_F(KmsFaults, CardThatAnswersNoDeviceIsLost) {
   open();
   flip(1);
@@ -177,6 +236,23 @@ TEST_F(KmsFaults, SequenceWrapsWithoutAGap) {
   EXPECT_GT(last, uint64_t{1} << 32);
 }
 
+TEST_F(KmsFaults, SequenceWrapsWithoutAGapBetweenFlipsAndAskedForVblanks) {
+  const uint64_t now = static_cast<uint64_t>(machine.now() / card.period);
+  card.sequence_base = (uint64_t{1} << 32) - 10 - now;
+  open();
+  uint64_t last = flip(1).sequence;
+  for (unsigned seed = 2; seed < 20; ++seed) {
+    ASSERT_TRUE(show->request_vblank(last));
+    const DisplayEvent tick = wait(seconds(1));
+    EXPECT_EQ(tick.kind, EventKind::Vblank);
+    EXPECT_EQ(tick.sequence, last + 1);
+    last = flip(seed).sequence;
+    EXPECT_EQ(last, tick.sequence + 1);
+  }
+  EXPECT_GT(last, uint64_t{1} << 32);
+  EXPECT_EQ(show->statistics().lost_ticks, 0U);
+}
+
 TEST_F(KmsFaults, SuspendRelightsAndGoesOn) {
   open();
   flip(1);
@@ -190,6 +266,44 @@ TEST_F(KmsFaults, SuspendRelightsAndGoesOn) {
   EXPECT_EQ(show->statistics().suspends, 1U);
   EXPECT_GE(show->statistics().modesets, 1U);
   expect_playing(3);
+}
+
+TEST_F(KmsFaults, TimestampsThatJumpArePutRight) {
+  open();
+  DisplayEvent last = flip(1);
+  unsigned seed = 2;
+  for (const Nanoseconds shift :
+       {Nanoseconds(seconds(-50)), Nanoseconds(seconds(3600)), Nanoseconds(-machine.now()),
+        Nanoseconds(milliseconds(200)), Nanoseconds(milliseconds(-200)), Nanoseconds{0}}) {
+    card.timestamp_shift = shift;
+    for (int i = 0; i < 5; ++i) {
+      const DisplayEvent event = flip(seed++);
+      EXPECT_EQ(event.sequence, last.sequence + 1);
+      EXPECT_GE(event.time, last.time);
+      EXPECT_LE(event.time, machine.now());
+      last = event;
+    }
+  }
+  EXPECT_NEAR(static_cast<double>((machine.now() - last.time).count()), 0.0, 1e6);
+}
+
+TEST_F(KmsFaults, ClockThatJumpsAheadBehindAFlipLosesNothing) {
+  // The process was stopped, or its machine, without the kernel's calling it sleep.
+  for (const bool counts : {true, false}) {
+    card.counts_vblanks = counts;
+    open();
+    const uint64_t before = flip(1).sequence;
+    EXPECT_EQ(submit(2), SubmitStatus::Accepted);
+    machine.advance_to(machine.now() + std::chrono::hours(10));
+    const DisplayEvent event = wait();
+    EXPECT_EQ(event.kind, EventKind::Flip);
+    EXPECT_GT(event.sequence, before);
+    expect_on_glass(2);
+    const uint64_t after = flip(3).sequence;
+    EXPECT_GE(after, before + 10 * 3600 * 59);
+    EXPECT_EQ(flip(4).sequence, after + 1);
+    show.reset();
+  }
 }
 
 TEST_F(KmsFaults, ClockJumpOfTheDriverNeverTurnsTimeBack) {

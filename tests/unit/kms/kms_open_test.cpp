@@ -128,6 +128,22 @@ TEST_F(KmsOpen, EdidThatAppearsLateIsWaitedFor) {
   flip(1);
 }
 
+TEST_F(KmsOpen, UnreadableEdidNeverPassesForTheRigsPanel) {
+  const auto own = EdidMaker{.serial_text = "ONE"}.bytes();
+  auto damaged = own;
+  damaged[60] ^= 0xff;
+  const std::vector<std::pair<std::vector<uint8_t>, const char*>> cases = {
+      {{}, "EDID absent"},
+      {{own.begin(), own.begin() + 127}, "EDID too short"},
+      {damaged, "EDID wrong checksum"}};
+  for (const auto& [edid, text] : cases) {
+    card.set_edid(connector->id, edid);
+    const Error error = failure();
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    EXPECT_THAT(error.what(), HasSubstr(text));
+  }
+}
+
 TEST_F(KmsOpen, NoCardAtAllSaysSo) {
   card.gone = true;
   EXPECT_THAT(failure().what(), HasSubstr("no graphics card has an output"));
@@ -267,6 +283,25 @@ TEST_F(KmsOpen, MappingFailingAtEachPlaceLeaksNothing) {
     EXPECT_EQ(card.buffers.size(), 0U);
     EXPECT_EQ(machine.mappings_alive, 0);
   }
+}
+
+TEST_F(KmsOpen, MappingOffsetFailingAtEachPlaceLeaksNothing) {
+  for (int n = 0; n < 3; ++n) {
+    card.map_faults = {{.skip = n, .error = EINVAL}};
+    if (n < 2)
+      EXPECT_EQ(failure().kind(), ErrorKind::Failed);
+    else
+      open();
+    if (show) flip(1);
+    show.reset();
+    EXPECT_EQ(card.buffers.size() + card.framebuffers.size(), 0U);
+    EXPECT_EQ(machine.mappings_alive, 0);
+  }
+}
+
+TEST_F(KmsOpen, PanelWithoutAnyModeIsRefused) {
+  connector->modes.clear();
+  EXPECT_THAT(failure().what(), HasSubstr("it has none"));
 }
 
 TEST_F(KmsOpen, LittleMemoryMeansFewerBuffers) {

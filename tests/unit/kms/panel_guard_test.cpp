@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/panel_guard.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/fake_drm.h"
+
+namespace lenticule::testing {
+
+using display::ConnectorInfo;
+using display::judge_panel;
+using display::OutputWish;
+using display::PanelState;
+
+class PanelJudgement : public ::testing::Test {
+ protected:
+  static ConnectorInfo panel_with(const std::vector<uint8_t>& edid) {
+    return {.connected = true, .modes = {make_mode(64, 32, 60)}, .edid = display::read_edid(edid)};
+  }
+  [[nodiscard]] PanelState state_of(const ConnectorInfo& panel) const {
+    return judge_panel(&panel, wish, make_mode(64, 32, 60));
+  }
+
+  OutputWish wish{
+      .key = {},
+      .identity = {.manufacturer = "LGD", .product = {}, .serial = "ONE", .edid_sha256 = {}},
+      .panel = {64, 32, frames::PixelFormat::Rgb8}};
+  const std::vector<uint8_t> own = EdidMaker{.serial_text = "ONE"}.bytes();
+};
+
+TEST_F(PanelJudgement, OfThePanelThatIsMeant) {
+  EXPECT_EQ(state_of(panel_with(own)), PanelState::Showing);
+}
+
+TEST_F(PanelJudgement, OfNobody) {
+  EXPECT_EQ(judge_panel(nullptr, wish, make_mode(64, 32, 60)), PanelState::Disconnected);
+  ConnectorInfo panel = panel_with(own);
+  panel.connected = false;
+  EXPECT_EQ(state_of(panel), PanelState::Disconnected);
+}
+
+TEST_F(PanelJudgement, OfAnotherPanelAndOfOneThatCannotBeTold) {
+  EXPECT_EQ(state_of(panel_with(EdidMaker{.serial_text = "TWO"}.bytes())), PanelState::WrongPanel);
+  EXPECT_EQ(state_of(panel_with({})), PanelState::Unreadable);
+  wish.policy = display::IdentityPolicy::Ignore;
+  EXPECT_EQ(state_of(panel_with(EdidMaker{.serial_text = "TWO"}.bytes())), PanelState::Showing);
+  EXPECT_EQ(state_of(panel_with({})), PanelState::Showing);
+}
+
+TEST_F(PanelJudgement, OfAModeThatIsGoneOrWouldBeScaled) {
+  ConnectorInfo panel = panel_with(own);
+  panel.modes = {make_mode(64, 32, 50)};
+  EXPECT_EQ(state_of(panel), PanelState::ModeMissing);
+  panel.modes = {make_mode(128, 64, 60), make_mode(64, 32, 60, false)};
+  EXPECT_EQ(state_of(panel), PanelState::ModeMissing);
+}
+
+}  // namespace lenticule::testing
