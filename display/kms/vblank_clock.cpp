@@ -73,6 +73,7 @@ void VblankClock::watch_sequences(uint64_t sequence) noexcept {
 void VblankClock::request(uint64_t sequence, uint64_t serial, bool may_ask_driver) noexcept {
   const Nanoseconds now = clock_.now();
   const uint64_t target = std::max(sequence + 1, counter_.last_until(now).sequence);
+  if (tick_.phase == Tick::Phase::Awaited && tick_.sequence == target) return;  // it is on its way
   tick_ = {.phase = Tick::Phase::Timed,
            .sequence = target,
            .serial = serial,

@@ -91,6 +91,16 @@ TEST_F(KmsDisplay, TellsAVblankWithoutAFlip) {
   }
 }
 
+TEST_F(KmsDisplay, AskingAgainForTheSameVblankIsOneEvent) {
+  open();
+  const DisplayEvent shown = flip(1);
+  for (int i = 0; i < 5; ++i) ASSERT_TRUE(show->request_vblank(shown.sequence + 3));
+  EXPECT_EQ(card.pending.size(), 1U);
+  EXPECT_EQ(wait(seconds(1)).sequence, shown.sequence + 4);
+  EXPECT_EQ(wait(seconds(1)).kind, EventKind::Timeout);
+  EXPECT_EQ(show->statistics().stray_events, 0U);
+}
+
 TEST_F(KmsDisplay, AllowsOneFlipAtATime) {
   open();
   EXPECT_EQ(submit(1), SubmitStatus::Accepted);
