@@ -87,7 +87,7 @@ std::optional<LitOutput> try_inherit(const KmsOptions& options, DrmDevice& devic
       OutputTarget{.connector = std::move(*connector), .mode = *mode, .pipe = pipe});
   lit.buffers = std::move(buffers);
   if (lit.front == nullptr) lit.front = lit.buffers.front().get();
-  lit.output->light_up(lit.front->framebuffer(), *options.clock);
+  lit.output->light_up(lit.front->framebuffer(), *options.clock, RunningMode::TakeOver);
   return lit;
 }
 
@@ -118,7 +118,8 @@ std::optional<LitOutput> inherit_output(const KmsOptions& options, std::optional
   try {
     card.emplace(DrmDevice::adopt(options.session, std::move(inherited.card),
                                   std::string(inherited.state.card.data())));
-    if (auto lit = try_inherit(options, *card)) return lit;
+    if (!options.fresh)
+      if (auto lit = try_inherit(options, *card)) return lit;
   } catch (const Error&) {
     // Not as it said: start afresh.
   }

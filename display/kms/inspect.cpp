@@ -11,37 +11,12 @@
 #include "display/kms/kms_output.h"
 #include "display/kms/mode_choice.h"
 #include "display/kms/output_choice.h"
+#include "display/kms/panel_facts.h"
 #include "display/kms/scanout_pool.h"
 #include "optics/error.h"
 
 namespace lenticule::display {
 namespace {
-
-ModeFacts facts_of(const drmModeModeInfo& mode, const ConnectorInfo& connector) {
-  return {.width = mode.hdisplay,
-          .height = mode.vdisplay,
-          .refresh = refresh_of(mode),
-          .preferred = is_preferred(mode),
-          .native = may_be_native(connector, {mode.hdisplay, mode.vdisplay}),
-          .usable = is_plain(mode)};
-}
-
-PanelFacts facts_of(const ConnectorInfo& connector, const std::string& card) {
-  PanelFacts facts{.card = card,
-                   .connector = connector.name,
-                   .connected = connector.connected,
-                   .non_desktop = connector.non_desktop,
-                   .tiled = connector.tiled,
-                   .link_bad = connector.link_bad,
-                   .width_mm = connector.width_mm,
-                   .height_mm = connector.height_mm,
-                   .edid_problem = connector.edid.problem,
-                   .identity = connector.edid.identity,
-                   .modes = {}};
-  for (const drmModeModeInfo& mode : connector.modes)
-    facts.modes.push_back(facts_of(mode, connector));
-  return facts;
-}
 
 std::string missing_caps(const DrmCaps& caps) {
   if (caps.sufficient()) return {};
@@ -87,7 +62,7 @@ void inspect_card(Inspection& inspection, CardFacts& card, const DrmDevice& devi
   card.problem = missing_caps(device.caps());
   card.counts_vblanks = counts_vblanks(device.fd());
   for (const ConnectorInfo& connector : read_connectors(device.fd(), Probe::Full))
-    inspection.panels.push_back(facts_of(connector, device.path()));
+    inspection.panels.push_back(panel_facts(connector, device.path()));
 }
 
 bool meant(const OutputKey& key, const ConnectorInfo& connector, const std::string& card) {
@@ -136,7 +111,7 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
 Diagnosis diagnose_panel(const std::shared_ptr<Session>& session,
                          const std::shared_ptr<KmsPlatform>& platform, const DrmNode& node,
                          const ConnectorInfo& connector) {
-  Diagnosis diagnosis{.panel = facts_of(connector, node.path)};
+  Diagnosis diagnosis{.panel = panel_facts(connector, node.path)};
   try {
     DrmDevice device = DrmDevice::open(session, node);
     diagnosis.driver = device.driver();

@@ -42,7 +42,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
       : options_(std::move(options)), clock_(options_.clock) {
     open();
   }
-  ~AtomicKmsDisplay() override { close(); }
+  ~AtomicKmsDisplay() override { close(options_.exit); }
   AtomicKmsDisplay(const AtomicKmsDisplay&) = delete;
   AtomicKmsDisplay& operator=(const AtomicKmsDisplay&) = delete;
 
@@ -66,7 +66,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override;
 
   void reconnect() override {
-    close();
+    close(ExitPolicy::Black);  // nothing to hold: who holds the card would stay its master
     open();
   }
   [[nodiscard]] KmsStatistics statistics() const noexcept override { return counters_.snapshot(); }
@@ -86,8 +86,8 @@ class AtomicKmsDisplay final : public KmsDisplay {
  private:
   void open();
   void light_up();
-  void close() noexcept;
-  void leave_output() noexcept;
+  void close(ExitPolicy exit) noexcept;
+  void leave_output(ExitPolicy exit) noexcept;
 
   void run_timers() noexcept;
   void handle(const ReadySet& ready) noexcept;
@@ -119,7 +119,7 @@ void AtomicKmsDisplay::open() {
   try {
     light_up();
   } catch (...) {
-    close();
+    close(options_.exit);
     throw;
   }
 }
@@ -145,25 +145,25 @@ void AtomicKmsDisplay::light_up() {
   if (options_.exit != ExitPolicy::Hold) console_.emplace(options_.platform->terminal());
 }
 
-void AtomicKmsDisplay::close() noexcept {
+void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
   const bool lost = engine_ && engine_->lost();
   waiter_.reset();
   guard_.reset();
   engine_.reset();
   if (lit_.output) {
-    if (!lost) leave_output();
+    if (!lost) leave_output(exit);
     lit_.front = nullptr;
     lit_.buffers.clear();
     const DrmDevice& device = lit_.output->device();
-    if (options_.exit != ExitPolicy::Hold) device.session().drop_master(device.fd());
+    if (exit != ExitPolicy::Hold) device.session().drop_master(device.fd());
     lit_.output.reset();
   }
   console_.reset();  // the console may draw again, now that the card is free
 }
 
 /// A framebuffer is never removed while it is shown.
-void AtomicKmsDisplay::leave_output() noexcept {
-  switch (options_.exit) {
+void AtomicKmsDisplay::leave_output(ExitPolicy exit) noexcept {
+  switch (exit) {
     case ExitPolicy::Restore:
       (void)lit_.output->restore();
       return;

@@ -35,6 +35,9 @@ struct KmsOptions {
   std::optional<frames::Rate> refresh;
   int buffers = 3;  ///< 2 ... 4; fewer if the card has no more memory
   ExitPolicy exit = ExitPolicy::Restore;
+  /// Nothing is taken over: neither inherited buffers (an inherited card still is, being master)
+  /// nor a mode that runs already.
+  bool fresh = false;
   /// How long to wait for a panel that is not there yet; 0 = not at all.
   Nanoseconds wait_for_panel{0};
   /// Readable = stop waiting for a panel; -1 = never.
@@ -84,7 +87,8 @@ struct KmsStatistics {
 class KmsDisplay : public Display {
  public:
   /// Opens again after Lost, by the same wish; buffers from before are void. Throws Error as
-  /// open_kms_display() does, and may then be called again. Nobody else may use the display.
+  /// open_kms_display() does; the card is closed then, and it may be called again. Nobody else may
+  /// use the display. While another process holds a copy of card_fd(), that one may stay master.
   virtual void reconnect() = 0;
   [[nodiscard]] virtual KmsStatistics statistics() const noexcept = 0;
   [[nodiscard]] virtual ExactnessReport exactness() const = 0;

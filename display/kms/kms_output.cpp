@@ -159,8 +159,8 @@ bool KmsOutput::take_over(uint32_t framebuffer) {
   return took_over_;
 }
 
-void KmsOutput::light_up(uint32_t framebuffer, Clock& clock) {
-  if (take_over(framebuffer)) return;
+void KmsOutput::light_up(uint32_t framebuffer, Clock& clock, RunningMode running) {
+  if (running == RunningMode::TakeOver && take_over(framebuffer)) return;
   remember(framebuffer);
   int error = test(framebuffer);
   if (error != 0) fail(-error);

@@ -25,6 +25,9 @@ struct OutputTarget {
   Pipe pipe{};
 };
 
+/// What becomes of a mode that the panel runs in already.
+enum class RunningMode { TakeOver, SetAnew };
+
 /// Calls that return int return 0 or a negative errno, and do not throw. One thread, except
 /// report().
 class KmsOutput {
@@ -32,10 +35,10 @@ class KmsOutput {
   /// Throws Error(Device) when the driver lacks what atomic modesetting needs.
   KmsOutput(DrmDevice device, OutputTarget target);
 
-  /// The first picture: without a modeset if the panel runs in this mode already, else with one
-  /// that was tested before. Forces every property of the audit that the driver lets be forced.
-  /// Throws Error(Device).
-  void light_up(uint32_t framebuffer, Clock& clock);
+  /// The first picture: without a modeset if the panel runs in this mode already and may be taken
+  /// over, else with one that was tested before. Forces every property of the audit that the driver
+  /// lets be forced. Throws Error(Device).
+  void light_up(uint32_t framebuffer, Clock& clock, RunningMode running);
   /// Takes over a picture that shows already, without a modeset. False if the kernel would need
   /// one.
   [[nodiscard]] bool take_over(uint32_t framebuffer);

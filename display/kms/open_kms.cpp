@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "display/kms/card_survey.h"
 #include "display/kms/drm_device.h"
 #include "display/kms/inherit_output.h"
 #include "display/kms/mode_choice.h"
@@ -18,59 +19,20 @@ namespace {
 
 constexpr Nanoseconds kLookAgain = std::chrono::seconds(1);
 
-/// All cards that can be opened, and their connectors.
-struct Survey {
-  std::vector<DrmDevice> devices;
-  std::vector<OutputCandidate> candidates;
-  std::vector<size_t> device_of;  ///< per candidate
-  std::optional<Error> problem;   ///< of a card that could not be opened
-};
-
-void survey_device(Survey& survey, DrmDevice device) {
-  for (ConnectorInfo& connector : read_connectors(device.fd(), Probe::Full)) {
-    survey.candidates.push_back({device.path(), std::move(connector)});
-    survey.device_of.push_back(survey.devices.size());
-  }
-  survey.devices.push_back(std::move(device));
-}
-
-/// `inherited` is used up where it is one of the cards: it is master already.
-Survey survey_cards(const std::shared_ptr<Session>& session, std::optional<DrmDevice>& inherited) {
-  Survey survey;
-  for (const DrmNode& node : find_drm_nodes()) {
-    try {
-      if (inherited && inherited->fd() >= 0 && same_device(inherited->path(), node.path))
-        survey_device(survey, std::move(*inherited));
-      else
-        survey_device(survey, DrmDevice::open(session, node));
-    } catch (const Error& error) {
-      survey.problem = error;
-    }
-  }
-  return survey;
-}
-
-[[noreturn]] void throw_choice(const OutputChoice& choice, const Survey& survey) {
-  if (!survey.problem) throw Error(choice.kind, choice.cause, choice.remedy);
-  if (survey.candidates.empty()) throw Error(*survey.problem);
-  throw Error(choice.kind, fmt::format("{} ({})", choice.cause, survey.problem->what()),
-              choice.remedy);
-}
-
 /// Looks until the panel is there, the time is up or somebody cancels.
 std::pair<DrmDevice, ConnectorInfo> find_panel(const KmsOptions& options,
                                                std::optional<DrmDevice>& inherited) {
   Clock& clock = *options.clock;
   const Nanoseconds give_up = clock.now() + options.wait_for_panel;
   while (true) {
-    Survey survey = survey_cards(options.session, inherited);
+    CardSurvey survey = survey_cards(options.session, inherited);
     const OutputChoice choice = choose_output(options.wish, survey.candidates);
     if (choice.chosen) {
       const size_t index = *choice.chosen;
-      return {std::move(survey.devices[survey.device_of[index]]),
+      return {std::move(survey.devices[*survey.device_of[index]]),
               std::move(survey.candidates[index].connector)};
     }
-    if (!choice.may_come || clock.now() >= give_up) throw_choice(choice, survey);
+    if (!choice.may_come || clock.now() >= give_up) throw refusal(choice, survey);
     // The cards are closed meanwhile: a panel may come on one that others need.
     survey.devices.clear();
     const Nanoseconds until = std::min(clock.now() + kLookAgain, give_up);
@@ -121,7 +83,8 @@ LitOutput light_new_output(const KmsOptions& options, std::optional<DrmDevice> i
   lit.buffers = make_scanout_pool(lit.output->device().fd(), options.platform, options.wish.panel,
                                   options.buffers);
   lit.front = lit.buffers.front().get();
-  lit.output->light_up(lit.front->framebuffer(), *options.clock);
+  lit.output->light_up(lit.front->framebuffer(), *options.clock,
+                       options.fresh ? RunningMode::SetAnew : RunningMode::TakeOver);
   return lit;
 }
 

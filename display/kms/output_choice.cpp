@@ -66,6 +66,18 @@ class Chooser {
     return only_one(indices);
   }
 
+  /// A key of an EDID says who, not where.
+  [[nodiscard]] Indices present() const {
+    Indices indices;
+    for (size_t i = 0; i < candidates_.size(); ++i) {
+      const bool here =
+          wish_.key.kind == OutputKey::Kind::Edid || key_matches(wish_.key, candidates_[i]);
+      const bool usable = !at(i).non_desktop || wish_.key.kind == OutputKey::Kind::Connector;
+      if (here && usable && at(i).connected) indices.push_back(i);
+    }
+    return indices;
+  }
+
  private:
   [[nodiscard]] const ConnectorInfo& at(size_t i) const { return candidates_[i].connector; }
   [[nodiscard]] bool checks_identity() const {
@@ -122,7 +134,10 @@ class Chooser {
 }  // namespace
 
 OutputChoice choose_output(const OutputWish& wish, const std::vector<OutputCandidate>& candidates) {
-  return Chooser(wish, candidates).choose();
+  const Chooser chooser(wish, candidates);
+  OutputChoice choice = chooser.choose();
+  choice.present = chooser.present();
+  return choice;
 }
 
 }  // namespace lenticule::display

@@ -25,6 +25,8 @@ struct OutputChoice {
   std::string cause{};
   std::string remedy{};
   bool may_come = false;
+  /// Connected candidates at the place that is meant, whoever they are.
+  std::vector<size_t> present{};
 };
 
 [[nodiscard]] OutputChoice choose_output(const OutputWish& wish,

@@ -91,6 +91,18 @@ TEST_F(Handover, StateThatIsNotTrueAnyMoreIsNotUsed) {
   }
 }
 
+TEST_F(Handover, AFreshStartUsesTheCardButNoBufferOfTheDead) {
+  options.inherited = die_after(1);
+  options.fresh = true;
+  open();
+  EXPECT_FALSE(show->took_over());
+  EXPECT_EQ(card.modesets, 1);
+  EXPECT_EQ(card.buffers.size(), 3U);
+  EXPECT_EQ(card.glass(crtc), std::vector<uint32_t>(size_t{kWidth} * kHeight, 0));
+  flip(2);
+  expect_on_glass(2);
+}
+
 TEST_F(Handover, DescriptorThatIsNoCardIsNotUsed) {
   options.inherited = std::make_shared<display::InheritedOutput>();
   options.inherited->card = frames::UniqueFd(::open("/dev/null", O_RDWR | O_CLOEXEC));

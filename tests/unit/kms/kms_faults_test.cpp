@@ -214,6 +214,33 @@ TEST_F(KmsFaults, HangUpBehindAFlipIsLostAtOnce) {
   EXPECT_EQ(machine.mappings_alive, 0);
 }
 
+TEST_F(KmsFaults, LostDisplayThatWouldHoldItsFrameLetsGoOfTheCard) {
+  options.exit = display::ExitPolicy::Hold;
+  open();
+  flip(1);
+  card.flip_faults = {{.error = EIO}};
+  EXPECT_EQ(submit(2), SubmitStatus::Lost);
+  connector->connected = false;
+  EXPECT_THROW(show->reconnect(), Error);
+  EXPECT_EQ(card.master_fd, -1);
+  EXPECT_EQ(card.buffers.size(), 0U);
+  EXPECT_EQ(show->acquire(), nullptr);
+  connector->connected = true;
+  show->reconnect();
+  expect_playing(2);
+}
+
+TEST_F(KmsFaults, DisplayThatIsReopenedWithoutBeingLostIsSound) {
+  open();
+  flip(1);
+  show->reconnect();
+  expect_playing(2);
+  EXPECT_EQ(card.rmfb_on_screen, 0);
+  connector->connected = false;
+  EXPECT_THROW(show->reconnect(), Error);
+  EXPECT_EQ(wait().kind, EventKind::Lost);
+}
+
 TEST_F(KmsFaults, CardThatAnswersNoDeviceIsLost) {
   open();
   flip(1);

@@ -68,6 +68,16 @@ TEST_F(KmsOpen, AnotherPanelMayShowATestCard) {
   flip(1);
 }
 
+TEST_F(KmsOpen, AFreshStartSetsTheModeAlthoughItRuns) {
+  card.show_console(connector->id, crtc);
+  options.fresh = true;
+  open();
+  EXPECT_FALSE(show->took_over());
+  EXPECT_EQ(card.modesets, 1);
+  flip(1);
+  expect_on_glass(1);
+}
+
 TEST_F(KmsOpen, PanelNamedByEdidIsFound) {
   FakeConnector& second = add_panel(2, "TWO");
   options.wish.identity = {};
