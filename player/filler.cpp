@@ -47,11 +47,30 @@ Filler::Filler(frames::FrameSource& source, display::Display& display, FillerSta
 Filler::~Filler() {
   if (buffer_ != nullptr) display_.discard(buffer_);
   for (; queue_.peek() != nullptr; queue_.pop()) display_.discard(queue_.peek()->buffer);
+  if (kept_) source_.release(kept_->lent.token);
 }
 
 void Filler::request_stop() noexcept {
   stopping_.store(true, std::memory_order_release);
   freed_.signal();
+}
+
+void Filler::forget_buffers() noexcept {
+  buffer_ = nullptr;
+  while (queue_.peek() != nullptr) queue_.pop();
+}
+
+uint64_t Filler::begin_again() noexcept {
+  stopping_.store(false, std::memory_order_release);
+  patience_lost_ = false;
+  const uint64_t index = kept_ ? kept_->index : next_index_;
+  skip_before(index);
+  if (!kept_) return index;
+  display::ScanoutBuffer* const buffer = display_.acquire();
+  if (buffer == nullptr) return next_index_;
+  fill(*buffer, kept_->lent.frame);
+  LENTICULE_CHECK(queue_.push({buffer, index}));
+  return index;
 }
 
 void Filler::run() noexcept {
@@ -108,12 +127,8 @@ Filler::Step Filler::pull_next() {
 Filler::Step Filler::take(const frames::LentFrame& lent) {
   const bool fits = lent.frame.geometry == display_.mode().geometry;
   const bool wanted = buffer_ != nullptr;
-  if (fits && wanted) {
-    const auto begin = SteadyClock::now();
-    buffer_->fill(lent.frame);
-    statistics_.copy.record(SteadyClock::now() - begin);
-  }
-  source_.release(lent.token);
+  if (fits && wanted) fill(*buffer_, lent.frame);
+  keep_or_release(lent, fits && wanted);
   if (!fits) return end(State::Failed, "the source changed the size of its frames");
 
   if (next_index_ == 0) source_rate_ = source_.rate();
@@ -127,9 +142,22 @@ Filler::Step Filler::take(const frames::LentFrame& lent) {
   }
   LENTICULE_CHECK(queue_.push({buffer_, index}));
   buffer_ = nullptr;
-  statistics_.filled.add();
   notify_presenter();
   return Step::Worked;
+}
+
+void Filler::fill(display::ScanoutBuffer& buffer, const frames::FrameView& frame) noexcept {
+  const auto begin = SteadyClock::now();
+  buffer.fill(frame);
+  statistics_.copy.record(SteadyClock::now() - begin);
+  statistics_.filled.add();
+}
+
+/// The frame at hand has the number next_index_.
+void Filler::keep_or_release(const frames::LentFrame& lent, bool keep) {
+  if (!keep || !options_.keep_newest || source_.max_lent() < 2) return source_.release(lent.token);
+  if (kept_) source_.release(kept_->lent.token);
+  kept_ = {.lent = lent, .index = next_index_};
 }
 
 Filler::Step Filler::begin_next_loop() {

@@ -45,6 +45,9 @@ inline constexpr uint64_t kForever = 0;
 struct FillerOptions {
   uint64_t loops = 1;  ///< or kForever
   uint64_t prime = 1;  ///< frames that must be ready before playing starts
+  /// The newest frame stays lent, by a source that lends two, for a display that is lost and comes
+  /// back: begin_again().
+  bool keep_newest = false;
 };
 
 /// The source belongs to the filling thread: run(), or pump() where the presenter fills for itself.
@@ -67,6 +70,11 @@ class Filler {
   /// for again until it does.
   void pump(std::chrono::milliseconds patience) noexcept;
   void request_stop() noexcept;
+  /// While nobody runs it: the display is lost and its buffers are void.
+  void forget_buffers() noexcept;
+  /// After that, with a display that is back: fills the newest frame again, and returns its index;
+  /// without one, that of the next. It may be run again then.
+  [[nodiscard]] uint64_t begin_again() noexcept;
 
   /// Presenter: the next filled frame, or null.
   [[nodiscard]] const FilledFrame* peek() const noexcept { return queue_.peek(); }
@@ -95,11 +103,17 @@ class Filler {
 
  private:
   enum class Step { Worked, NoBuffer, NoFrame, Over };
+  struct KeptFrame {
+    frames::LentFrame lent;
+    uint64_t index = 0;
+  };
 
   [[nodiscard]] Step step() noexcept;
   [[nodiscard]] Step pull_next();
   [[nodiscard]] Step take(const frames::LentFrame& lent);
   [[nodiscard]] Step begin_next_loop();
+  void fill(display::ScanoutBuffer& buffer, const frames::FrameView& frame) noexcept;
+  void keep_or_release(const frames::LentFrame& lent, bool keep);
   Step end(State state, const char* failure) noexcept;
   void look_at_source() noexcept;
   void wait_for_change(std::chrono::milliseconds timeout, bool for_buffer) noexcept;
@@ -115,6 +129,7 @@ class Filler {
   uint64_t next_index_ = 0;
   uint64_t frames_this_loop_ = 0;
   bool patience_lost_ = false;
+  std::optional<KeptFrame> kept_;
   std::string failure_;
   std::optional<frames::Rate> source_rate_;  ///< written before the first push
 

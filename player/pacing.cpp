@@ -90,6 +90,16 @@ void Pacer::flipped(uint64_t sequence) noexcept {
   advance_past_same_vblank();
 }
 
+void Pacer::resume(frames::Rate content, frames::Rate refresh, uint64_t frame) noexcept {
+  content_ = locked_rate(content, refresh);
+  refresh_ = refresh;
+  cadence_ = Cadence(content_, refresh_);
+  base_frame_ = frame;
+  owed_since_.reset();
+  consecutive_drops_ = 0;
+  begin_epoch();
+}
+
 /// The vblanks after the last flip, up to `end`: planned until `expected`, then starved, then
 /// missed.
 void Pacer::account(uint64_t expected, uint64_t end, uint64_t starved) noexcept {

@@ -74,6 +74,10 @@ class Pacer {
     starved_since_.reset();
   }
 
+  /// The display itself was away: goes on with `frame`, by a cadence for what may be another
+  /// refresh, as after a pause. Counts stay.
+  void resume(frames::Rate content, frames::Rate refresh, uint64_t frame) noexcept;
+
   /// Nothing more comes: an underrun that seemed to have begun was the end of the sequence.
   void end_of_sequence() noexcept { starved_since_.reset(); }
   /// Playing ends with vblank `end` (exclusive): accounts for the last frame's stay. Once.

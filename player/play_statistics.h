@@ -39,13 +39,16 @@ class LivePaceCounts {
 
 struct PresenterStatistics {
   LivePaceCounts pace;
-  Counter late_submits;     ///< within the margin before their vblank, even if they made it
-  Counter flip_timeouts;    ///< flips whose event never came
-  Counter vblank_timeouts;  ///< vblanks asked for whose event never came
-  Counter busy;             ///< submissions refused because a flip was pending
-  Counter stray_events;     ///< events of flips that nobody waited for
-  Counter real_time;        ///< 1 if the presenter has a real-time priority
-  Counter first_flip_ns;    ///< std::chrono::steady_clock
+  Counter late_submits;        ///< within the margin before their vblank, even if they made it
+  Counter flip_timeouts;       ///< flips whose event never came
+  Counter vblank_timeouts;     ///< vblanks asked for whose event never came
+  Counter busy;                ///< submissions refused because a flip was pending
+  Counter stray_events;        ///< events of flips that nobody waited for
+  Counter display_returns;     ///< times that the display was lost and came back
+  Counter frames_lost;         ///< went down with the display, unseen
+  Counter frames_shown_again;  ///< those that were on the glass when the display was lost
+  Counter real_time;           ///< 1 if the presenter has a real-time priority
+  Counter first_flip_ns;       ///< std::chrono::steady_clock
   Counter content_numerator;
   Counter content_denominator;
   Counter first_sequence;
@@ -100,6 +103,9 @@ struct PlayReport {
   uint64_t vblank_timeouts = 0;
   uint64_t busy = 0;
   uint64_t stray_events = 0;
+  uint64_t display_returns = 0;
+  uint64_t frames_lost = 0;
+  uint64_t frames_shown_again = 0;
   uint64_t loops = 0;
   uint64_t filled = 0;
   uint64_t released = 0;

@@ -32,28 +32,46 @@ bool take_real_time_priority() noexcept {
 class Threads {
  public:
   Threads(display::Display& display, frames::FrameSource& source, LiveStatistics& statistics,
-          const FillerOptions& filler, const PresenterOptions& presenter, bool real_time)
-      : filler_(source, display, statistics.filler, filler),
-        presenter_(display, filler_, statistics.presenter, presenter) {
-    try {
-      if (presenter.filling == Filling::OwnThread)
-        filler_thread_ = std::thread([this] { filler_.run(); });
-      presenter_thread_ = std::thread([this, real_time, &statistics] {
-        if (real_time && take_real_time_priority()) statistics.presenter.real_time.set(1);
-        outcome_ = presenter_.run();
-        over_.signal();
-      });
-    } catch (...) {
-      end();
-      throw;
-    }
-  }
+          const PlaybackOptions& options)
+      : statistics_(statistics),
+        own_filler_(options.filling == Filling::OwnThread),
+        real_time_(options.real_time_priority),
+        filler_(source, display, statistics.filler,
+                {.loops = options.loops,
+                 .prime = options.prime,
+                 .keep_newest = options.bring_back != nullptr}),
+        presenter_(display, filler_, statistics.presenter,
+                   {.content = options.content,
+                    .late = options.late,
+                    .vblanks = options.vblanks,
+                    .prime_timeout = options.prime_timeout,
+                    .stall_timeout = options.stall_timeout,
+                    .filling = options.filling}) {}
   ~Threads() { end(); }
   Threads(const Threads&) = delete;
   Threads& operator=(const Threads&) = delete;
 
+  /// Readable when the presenter is done.
   [[nodiscard]] int over_fd() const noexcept { return over_.fd(); }
   void request_stop() noexcept { presenter_.request_stop(); }
+
+  void start() {
+    if (own_filler_) filler_thread_ = std::thread([this] { filler_.run(); });
+    presenter_thread_ = std::thread([this] {
+      if (real_time_ && take_real_time_priority()) statistics_.presenter.real_time.set(1);
+      outcome_ = presenter_.run();
+      over_.signal();
+    });
+  }
+
+  /// After end(): the display is lost, and about to be opened again.
+  void forget_buffers() noexcept { filler_.forget_buffers(); }
+  /// After that, if it is back.
+  void start_again() {
+    over_.drain();
+    presenter_.resume(filler_.begin_again());
+    start();
+  }
 
   /// Joins; outcome() and failure() are final then.
   void end() noexcept {
@@ -62,12 +80,17 @@ class Threads {
     filler_.request_stop();
     if (filler_thread_.joinable()) filler_thread_.join();
   }
+  void close_books() noexcept { presenter_.close_books(); }
   [[nodiscard]] PlayOutcome outcome() const noexcept { return outcome_; }
+  [[nodiscard]] auto time_left() const noexcept { return presenter_.time_left(); }
   [[nodiscard]] std::string failure() const {
     return filler_.state() == Filler::State::Failed ? filler_.failure() : std::string();
   }
 
  private:
+  LiveStatistics& statistics_;
+  const bool own_filler_;
+  const bool real_time_;
   Filler filler_;
   Presenter presenter_;
   WakeFd over_;
@@ -103,6 +126,9 @@ void add_counters(const LiveStatistics& live, PlayReport& report) {
   report.vblank_timeouts = presenter.vblank_timeouts.get();
   report.busy = presenter.busy.get();
   report.stray_events = presenter.stray_events.get();
+  report.display_returns = presenter.display_returns.get();
+  report.frames_lost = presenter.frames_lost.get();
+  report.frames_shown_again = presenter.frames_shown_again.get();
   report.refresh_measured_hz = measured_refresh_hz(presenter);
   report.submit_to_flip = presenter.submit_to_flip.summary();
   report.wake = presenter.wake.summary();
@@ -123,12 +149,17 @@ class Reporter {
   Reporter(const display::Display& display, const PlaybackOptions& options,
            const LiveStatistics& live)
       : live_(live), started_(options.started) {
-    const display::DisplayMode& mode = display.mode();
     still_.source = options.source_name;
+    still_.late = options.late;
+    look_at(display);
+  }
+
+  /// Not while others use the display.
+  void look_at(const display::Display& display) {
+    const display::DisplayMode& mode = display.mode();
     still_.display = mode.name;
     still_.geometry = mode.geometry;
     still_.refresh = mode.refresh;
-    still_.late = options.late;
     still_.hardware_clock = mode.hardware_clock;
   }
 
@@ -159,6 +190,32 @@ void watch(Threads& threads, const Reporter& reporter, const PlaybackOptions& op
       entries[1].fd = -1;  // once
     }
     if (ready == 0 && options.on_report) options.on_report(reporter.now("playing"));
+  }
+}
+
+Comeback bring_back(const Threads& threads, const Reporter& reporter, frames::FrameSource& source,
+                    const PlaybackOptions& options) {
+  const PlayReport report = reporter.now(outcome_name(PlayOutcome::DisplayLost));
+  return options.bring_back({.report = report,
+                             .time_left = threads.time_left(),
+                             .serve_source = [&source] { source.service(); }});
+}
+
+/// Plays, over every loss of the display that can be made good.
+PlayOutcome play_to_the_end(Threads& threads, Reporter& reporter, display::Display& display,
+                            frames::FrameSource& source, const PlaybackOptions& options) {
+  threads.start();
+  while (true) {
+    watch(threads, reporter, options);
+    threads.end();
+    if (threads.outcome() != PlayOutcome::DisplayLost) return threads.outcome();
+    if (!options.bring_back) return PlayOutcome::DisplayLost;
+    threads.forget_buffers();
+    const Comeback comeback = bring_back(threads, reporter, source, options);
+    if (comeback == Comeback::Stopped) return PlayOutcome::Stopped;
+    if (comeback == Comeback::GivenUp) return PlayOutcome::DisplayLost;
+    reporter.look_at(display);
+    threads.start_again();
   }
 }
 
@@ -195,20 +252,13 @@ PlayResult play(display::Display& display, frames::FrameSource& source,
                 const PlaybackOptions& options) {
   check_sizes(display, source, options.source_name);
   LiveStatistics statistics;
-  const Reporter reporter(display, options, statistics);
-  Threads threads(display, source, statistics, {.loops = options.loops, .prime = options.prime},
-                  {.content = options.content,
-                   .late = options.late,
-                   .vblanks = options.vblanks,
-                   .prime_timeout = options.prime_timeout,
-                   .stall_timeout = options.stall_timeout,
-                   .filling = options.filling},
-                  options.real_time_priority);
-  watch(threads, reporter, options);
-  threads.end();
-  return {.outcome = threads.outcome(),
+  Reporter reporter(display, options, statistics);
+  Threads threads(display, source, statistics, options);
+  const PlayOutcome outcome = play_to_the_end(threads, reporter, display, source, options);
+  threads.close_books();
+  return {.outcome = outcome,
           .failure = threads.failure(),
-          .report = reporter.now(outcome_name(threads.outcome()))};
+          .report = reporter.now(outcome_name(outcome))};
 }
 
 }  // namespace lenticule::player

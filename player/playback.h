@@ -14,6 +14,21 @@
 
 namespace lenticule::player {
 
+/// A display that is lost, on the thread of play(); nobody else uses it or the source.
+struct LostDisplay {
+  const PlayReport& report;
+  /// Until the vblanks that were asked for are over; none = no end.
+  std::optional<std::chrono::nanoseconds> time_left;
+  /// Keeps the source's peers content; to be called about every second.
+  std::function<void()> serve_source;
+};
+
+enum class Comeback {
+  Back,     ///< it works again, with frames of the same size: playing goes on
+  GivenUp,  ///< the outcome is DisplayLost
+  Stopped,  ///< the outcome is Stopped
+};
+
 struct PlaybackOptions {
   /// How fast the content goes: the source's own rate if none, else the display's refresh.
   std::optional<frames::Rate> content = std::nullopt;
@@ -32,6 +47,9 @@ struct PlaybackOptions {
   /// Called about once a second on the thread of play(); what it throws ends the playback and
   /// leaves play().
   std::function<void(const PlayReport&)> on_report = nullptr;
+  /// Brings a lost display back. The newest frame of the source is then shown again, and the
+  /// sequence goes on from there. Null = a lost display ends the playback.
+  std::function<Comeback(const LostDisplay&)> bring_back = nullptr;
   /// For PlayReport::first_frame_ms and its names.
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   std::string source_name = {};

@@ -2,6 +2,7 @@
 #include "player/presenter.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace lenticule::player {
 namespace {
@@ -43,8 +44,15 @@ void Presenter::request_stop() noexcept {
 }
 
 PlayOutcome Presenter::run() noexcept {
-  prime();
-  choose_rate();
+  if (!pacer_.started()) {
+    prime();
+    choose_rate();
+  }
+  play_on();
+  return outcome_.value_or(PlayOutcome::Stopped);
+}
+
+void Presenter::play_on() noexcept {
   while (!over()) {
     act();
     if (over()) break;
@@ -54,9 +62,34 @@ PlayOutcome Presenter::run() noexcept {
     publish();
   }
   land_pending_flip();
+}
+
+void Presenter::close_books() noexcept {
   pacer_.finish(end_vblank_.value_or(last_sequence_ + 1));
   publish();
-  return outcome_.value_or(PlayOutcome::Stopped);
+}
+
+/// What was begun with the display that is gone is void; what counts is what was on the glass.
+void Presenter::resume(uint64_t frame) noexcept {
+  stopping_.store(false, std::memory_order_release);
+  outcome_.reset();
+  end_vblank_.reset();
+  pending_.reset();
+  starved_since_.reset();
+  tick_requested_ = rebuffering_ = false;
+  events_lost_in_a_row_ = refused_in_a_row_ = 0;
+  period_ = period_of(display_.mode().refresh);
+  count_begins_anew_ = true;
+  statistics_.display_returns.add();
+  const uint64_t expected = pacer_.frame();
+  if (frame < expected)
+    statistics_.frames_shown_again.add(expected - frame);
+  else
+    statistics_.frames_lost.add(frame - expected);
+  first_frame_ = frame;
+  if (!pacer_.started()) return;
+  pacer_.resume(content_wanted(), display_.mode().refresh, frame);
+  state_rate();
 }
 
 /// Waits until there is enough to start with: all that was asked for, all that can be had, or what
@@ -83,14 +116,20 @@ void Presenter::prime() noexcept {
 }
 
 /// A source may learn its rate only with its first frame.
+frames::Rate Presenter::content_wanted() const noexcept {
+  const frames::Rate refresh = display_.mode().refresh;
+  if (options_.content) return *options_.content;
+  return filler_.peek() != nullptr ? filler_.source_rate().value_or(refresh) : refresh;
+}
+
 void Presenter::choose_rate() noexcept {
   const frames::Rate refresh = display_.mode().refresh;
-  frames::Rate content = refresh;
-  if (options_.content)
-    content = *options_.content;
-  else if (filler_.peek() != nullptr)
-    content = filler_.source_rate().value_or(refresh);
-  pacer_ = Pacer(content, refresh, options_.late);
+  pacer_ = Pacer(content_wanted(), refresh, options_.late);
+  if (first_frame_ > 0) pacer_.resume(content_wanted(), refresh, first_frame_);
+  state_rate();
+}
+
+void Presenter::state_rate() noexcept {
   statistics_.content_numerator.set(static_cast<uint64_t>(pacer_.content_rate().numerator));
   statistics_.content_denominator.set(static_cast<uint64_t>(pacer_.content_rate().denominator));
 }
@@ -200,17 +239,29 @@ void Presenter::end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept {
 }
 
 void Presenter::request_vblank(uint64_t sequence) noexcept {
-  tick_requested_ = display_.request_vblank(sequence);
+  const auto theirs = static_cast<int64_t>(sequence - count_ahead_);
+  const bool known = !count_begins_anew_ && theirs > 0;
+  tick_requested_ = display_.request_vblank(known ? static_cast<uint64_t>(theirs) : 0);
   if (!tick_requested_) outcome_ = PlayOutcome::DisplayLost;
+}
+
+/// The first event after the display came back says where its count stands; ours went on by time.
+DisplayEvent Presenter::in_our_count(DisplayEvent event) noexcept {
+  if (std::exchange(count_begins_anew_, false) && last_vblank_ > Nanoseconds{0}) {
+    const int64_t away = std::max<int64_t>(1, (event.time - last_vblank_) / period_);
+    count_ahead_ = last_sequence_ + static_cast<uint64_t>(away) - event.sequence;
+  }
+  event.sequence += count_ahead_;
+  return event;
 }
 
 void Presenter::handle(const DisplayEvent& event) noexcept {
   switch (event.kind) {
     case EventKind::Flip:
-      return handle_flip(event);
+      return handle_flip(in_our_count(event));
     case EventKind::Vblank:
       tick_requested_ = false;
-      return observe_vblank(event);
+      return observe_vblank(in_our_count(event));
     case EventKind::Timeout:
       return handle_timeout();
     case EventKind::Lost:
@@ -272,6 +323,13 @@ void Presenter::land_pending_flip() noexcept {
 uint64_t Presenter::next_reachable_vblank() const noexcept {
   const Nanoseconds since = std::max(display_.now() - last_vblank_, Nanoseconds{0});
   return last_sequence_ + 1 + static_cast<uint64_t>(since / period_);
+}
+
+std::optional<Nanoseconds> Presenter::time_left() const noexcept {
+  if (!options_.vblanks || !pacer_.started()) return std::nullopt;
+  const uint64_t end = pacer_.first_vblank() + *options_.vblanks;
+  const uint64_t next = next_reachable_vblank();
+  return end > next ? static_cast<int64_t>(end - next) * period_ : Nanoseconds{0};
 }
 
 Nanoseconds Presenter::event_patience() const noexcept {

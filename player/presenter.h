@@ -49,7 +49,15 @@ class Presenter {
   Presenter(display::Display& display, Filler& filler, PresenterStatistics& statistics,
             const PresenterOptions& options);
 
+  /// Ends with DisplayLost as soon as the display says so.
   [[nodiscard]] PlayOutcome run() noexcept;
+  /// After DisplayLost, once the display is back: run() may be called again, and shows `frame`
+  /// first. Vblanks went on by time meanwhile, without a picture.
+  void resume(uint64_t frame) noexcept;
+  /// Until the vblanks that were asked for are over; none = no end.
+  [[nodiscard]] std::optional<display::Nanoseconds> time_left() const noexcept;
+  /// After the last run(): accounts for the last frame's stay. Once.
+  void close_books() noexcept;
   /// Any thread: finish the pending flip and return.
   void request_stop() noexcept;
 
@@ -60,8 +68,11 @@ class Presenter {
     display::Nanoseconds submitted{0};
   };
 
+  void play_on() noexcept;
   void prime() noexcept;
+  [[nodiscard]] frames::Rate content_wanted() const noexcept;
   void choose_rate() noexcept;
+  void state_rate() noexcept;
   void act() noexcept;
   void submit(const FilledFrame& frame, uint64_t target) noexcept;
   void starve(uint64_t target) noexcept;
@@ -76,6 +87,7 @@ class Presenter {
   void observe_vblank(const display::DisplayEvent& event) noexcept;
   void land_pending_flip() noexcept;
 
+  [[nodiscard]] display::DisplayEvent in_our_count(display::DisplayEvent event) noexcept;
   [[nodiscard]] uint64_t next_reachable_vblank() const noexcept;
   [[nodiscard]] display::Nanoseconds event_patience() const noexcept;
   [[nodiscard]] bool over() const noexcept {
@@ -87,8 +99,9 @@ class Presenter {
   Filler& filler_;
   PresenterStatistics& statistics_;
   const PresenterOptions options_;
-  const display::Nanoseconds period_;
+  display::Nanoseconds period_;
   Pacer pacer_;
+  uint64_t first_frame_ = 0;  ///< not 0 when the display was lost before it showed anything
 
   std::optional<PlayOutcome> outcome_;
   std::optional<uint64_t> end_vblank_;  ///< vblank with which playing ends
@@ -99,6 +112,9 @@ class Presenter {
   std::optional<display::Nanoseconds> starved_since_;
   uint64_t last_sequence_ = 0;
   display::Nanoseconds last_vblank_{0};
+  /// Our vblank number less the display's, whose count begins anew when it comes back.
+  uint64_t count_ahead_ = 0;
+  bool count_begins_anew_ = false;
   int events_lost_in_a_row_ = 0;
   int refused_in_a_row_ = 0;
 

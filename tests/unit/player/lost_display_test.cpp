@@ -1,0 +1,297 @@
+// SPDX-License-Identifier: Apache-2.0
+// The display goes away in mid-playback, and comes back: on a fake card, in simulated time.
+#include <gmock/gmock.h>
+
+#include <cerrno>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "player/playback.h"
+#include "tests/support/fake_source.h"
+#include "tests/unit/kms/kms_stage.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::DisplayEvent;
+using display::EventKind;
+using display::Nanoseconds;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using test::FakeSource;
+
+/// What was on the glass, and whether its pixels were those of its frame.
+struct Shown {
+  uint64_t id = 0;
+  bool right = false;
+  friend bool operator==(const Shown&, const Shown&) = default;
+};
+
+/// Passes everything on, and looks at the glass whenever a flip is reported.
+class WatchedDisplay final : public display::Display {
+ public:
+  WatchedDisplay(display::Display& inner, std::function<void(uint64_t)> on_flip)
+      : inner_(inner), on_flip_(std::move(on_flip)) {}
+  const display::DisplayMode& mode() const override { return inner_.mode(); }
+  display::ScanoutBuffer* acquire() override { return inner_.acquire(); }
+  void discard(display::ScanoutBuffer* buffer) override { inner_.discard(buffer); }
+  display::SubmitStatus submit(display::ScanoutBuffer* buffer, uint64_t id) noexcept override {
+    return inner_.submit(buffer, id);
+  }
+  bool request_vblank(uint64_t sequence) noexcept override {
+    return inner_.request_vblank(sequence);
+  }
+  DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override {
+    const DisplayEvent event = inner_.wait_event(deadline, wake_fd);
+    if (event.kind == EventKind::Flip) on_flip_(event.id);
+    return event;
+  }
+  Nanoseconds now() const noexcept override { return inner_.now(); }
+
+ private:
+  display::Display& inner_;
+  std::function<void(uint64_t)> on_flip_;
+};
+
+class LostDisplayTest : public testing::KmsStage {
+ protected:
+  LostDisplayTest() {
+    script.geometry = testing::kPanel;
+    script.clock = machine.clock();
+    options.source_name = "fake";
+    options.filling = Filling::InPresenter;
+    options.bring_back = [this](const LostDisplay& lost) { return replug(lost); };
+  }
+
+  /// The card is there again after `away`.
+  Comeback replug(const LostDisplay& lost) {
+    ++losses;
+    time_left = lost.time_left;
+    EXPECT_EQ(lost.report.outcome, "display lost");
+    lost.serve_source();
+    if (card.gone) {
+      EXPECT_THROW(show->reconnect(), Error);
+      EXPECT_EQ(show->acquire(), nullptr);
+      forget_old_card();
+    }
+    machine.advance_to(machine.now() + away);
+    card.gone = false;
+    if (meanwhile) meanwhile();
+    show->reconnect();
+    return Comeback::Back;
+  }
+
+  /// What was on a card went with it.
+  void forget_old_card() {
+    card.buffers.clear();
+    card.framebuffers.clear();
+    card.object(crtc).find("ACTIVE")->value = 0;
+    card.object(card.primary_of(crtc)).find("FB_ID")->value = 0;
+  }
+
+  PlayResult play_script() {
+    KmsStage::open();
+    FakeSource source(script);
+    WatchedDisplay watched(*show, [this](uint64_t id) { look(id); });
+    PlayResult result = play(watched, source, options);
+    EXPECT_EQ(source.lent(), 0u) << "frames were not given back";
+    const PaceCounts& pace = result.report.pace;
+    EXPECT_EQ(pace.vblanks, pace.shown + pace.repeated_planned + pace.repeated_underrun +
+                                pace.missed + pace.held);
+    return result;
+  }
+
+  void look(uint64_t id) {
+    const frames::WovenFrame frame = test::numbered_frame(testing::kPanel, id % script.frames);
+    shown.push_back({id, card.glass(crtc) == testing::words_of(frame)});
+    if (on_shown) on_shown(id);
+  }
+
+  [[nodiscard]] std::vector<uint64_t> ids() const {
+    std::vector<uint64_t> result;
+    for (const Shown& s : shown) {
+      EXPECT_TRUE(s.right) << "frame " << s.id;
+      result.push_back(s.id);
+    }
+    return result;
+  }
+
+  test::FakeSourceScript script;
+  PlaybackOptions options;
+  Nanoseconds away = seconds(3);
+  std::function<void()> meanwhile;
+  std::function<void(uint64_t)> on_shown;
+  int losses = 0;
+  std::optional<Nanoseconds> time_left;
+  std::vector<Shown> shown;
+};
+
+TEST_F(LostDisplayTest, CardPulledOutInMidSequenceGoesOnWhereItWas) {
+  script.frames = 20;
+  on_shown = [this](uint64_t id) {
+    if (id == 9 && losses == 0) card.unplug();
+  };
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_EQ(losses, 1);
+  // Three buffers: one on the glass, at most two filled ahead go down with the card.
+  EXPECT_THAT(ids(), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14, 15, 16,
+                                            17, 18, 19));
+  EXPECT_EQ(result.report.display_returns, 1u);
+  EXPECT_EQ(result.report.frames_lost, 1u);
+  EXPECT_EQ(result.report.pace.shown, 19u);
+  EXPECT_EQ(result.report.pace.dropped, 0u);
+  EXPECT_EQ(result.report.pace.underruns, 0u);
+}
+
+TEST_F(LostDisplayTest, TheTimeWithoutADisplayIsHeldVblanks) {
+  script.frames = 20;
+  on_shown = [this](uint64_t id) {
+    if (id == 9 && losses == 0) card.unplug();
+  };
+  // The count of the card begins anew, as after a reset.
+  meanwhile = [this] {
+    card.sequence_base = uint64_t{0} - static_cast<uint64_t>(machine.now() / card.period);
+  };
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_NEAR(static_cast<double>(result.report.pace.held), 3.0 * 59.9, 5.0);
+  EXPECT_NEAR(result.report.refresh_measured_hz, 59.9, 0.5);
+}
+
+TEST_F(LostDisplayTest, AStillPictureIsBackOnTheGlassAlthoughTheSourceIsSilent) {
+  script.frames = 1;
+  script.can_rewind = false;
+  this->options.loops = kForever;
+  this->options.stall_timeout = seconds(20);
+  on_shown = [this](uint64_t) {
+    if (losses == 0) machine.at(machine.now() + seconds(1), [this] { card.unplug(); });
+  };
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::SourceStalled);
+  EXPECT_EQ(losses, 1);
+  EXPECT_THAT(ids(), ::testing::ElementsAre(0, 0));
+  EXPECT_EQ(result.report.frames_shown_again, 1u);
+  EXPECT_EQ(result.report.frames_lost, 0u);
+}
+
+TEST_F(LostDisplayTest, TheLastFrameGetsItsTimeAfterALoss) {
+  script.frames = 2;
+  this->options.content = frames::Rate{1, 1};
+  on_shown = [this](uint64_t id) {
+    if (id == 1 && losses == 0)
+      machine.at(machine.now() + milliseconds(100), [this] { card.unplug(); });
+  };
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_THAT(ids(), ::testing::ElementsAre(0, 1, 1));
+}
+
+TEST_F(LostDisplayTest, ALossBeforeTheFirstPictureIsNoReasonToWaitForever) {
+  script.ready_at = [this](uint64_t) {
+    return machine.now() < seconds(101) ? seconds(101) : seconds(0);
+  };
+  machine.at(machine.now() + milliseconds(500), [this] { card.unplug(); });
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_EQ(losses, 1);
+  EXPECT_THAT(ids(), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9));
+}
+
+TEST_F(LostDisplayTest, AFlipThatWasRefusedAsNoDeviceLosesNothingButWhatWasFilled) {
+  card.flip_faults = {{.error = ENODEV}};
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_EQ(losses, 1);
+  // Nothing was on the glass yet: the frames before the newest are lost.
+  EXPECT_EQ(result.report.frames_lost + result.report.pace.shown, 10u);
+  EXPECT_EQ(ids().back(), 9u);
+}
+
+TEST_F(LostDisplayTest, AnotherRefreshAfterTheReturnIsPacedAnew) {
+  script.frames = 40;
+  this->options.content = frames::Rate{30, 1};
+  on_shown = [this](uint64_t id) {
+    if (id == 9 && losses == 0) card.unplug();
+  };
+  meanwhile = [this] {
+    connector->modes = {testing::make_mode(testing::kWidth, testing::kHeight, 120)};
+    card.period = Nanoseconds(1'000'000'000 / 120);
+  };
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_NEAR(result.report.refresh.hertz(), 120, 2);
+  // 10 frames of 2 vblanks, then 29 or so of 4.
+  EXPECT_EQ(result.report.pace.missed, 0u);
+  EXPECT_GE(result.report.pace.repeated_planned, 9u + 28u * 3u);
+}
+
+TEST_F(LostDisplayTest, AThirtiethLossIsAsGoodAsTheFirst) {
+  script.frames = 5;
+  this->options.loops = 100;
+  on_shown = [this](uint64_t id) {
+    if (id / 15 > static_cast<uint64_t>(losses) && losses < 30) card.unplug();
+  };
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_EQ(losses, 30);
+  EXPECT_EQ(result.report.loops, 100u);
+  EXPECT_EQ(result.report.pace.shown + result.report.frames_lost,
+            500u + result.report.frames_shown_again);
+  for (size_t i = 1; i < shown.size(); ++i) EXPECT_GE(shown[i].id, shown[i - 1].id);
+  EXPECT_EQ(card.buffers.size(), 3u);
+}
+
+TEST_F(LostDisplayTest, TimeAskedForRunsOnWhileTheDisplayIsAway) {
+  script.frames = 10;
+  this->options.loops = kForever;
+  this->options.vblanks = 120;
+  on_shown = [this](uint64_t id) {
+    if (id == 60 && losses == 0) card.unplug();
+  };
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  ASSERT_TRUE(time_left);
+  EXPECT_GT(*time_left, milliseconds(900));
+  EXPECT_LT(*time_left, milliseconds(1100));
+  EXPECT_EQ(result.report.pace.vblanks, 120u);
+  EXPECT_EQ(ids().back(), 60u) << "the time was over when the card came back";
+}
+
+TEST_F(LostDisplayTest, GivingUpIsALostDisplayWithItsBooksClosed) {
+  this->options.bring_back = [this](const LostDisplay&) {
+    EXPECT_THROW(show->reconnect(), Error);
+    return Comeback::GivenUp;
+  };
+  on_shown = [this](uint64_t id) {
+    if (id == 4) card.unplug();
+  };
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.outcome, PlayOutcome::DisplayLost);
+  EXPECT_EQ(result.report.outcome, "display lost");
+  EXPECT_EQ(result.report.display_returns, 0u);
+  EXPECT_EQ(result.report.pace.shown, 5u);
+}
+
+TEST_F(LostDisplayTest, WhatBringingBackThrowsLeavesNothingBehind) {
+  this->options.bring_back = [this](const LostDisplay&) {
+    show->reconnect();
+    return Comeback::Back;
+  };
+  on_shown = [this](uint64_t id) {
+    if (id == 4) card.unplug();
+  };
+  EXPECT_THROW((void)play_script(), Error);
+}
+
+TEST_F(LostDisplayTest, AnInterruptionWhileTheDisplayIsAwayIsAnInterruption) {
+  this->options.bring_back = [](const LostDisplay&) { return Comeback::Stopped; };
+  on_shown = [this](uint64_t id) {
+    if (id == 4) card.unplug();
+  };
+  EXPECT_EQ(play_script().outcome, PlayOutcome::Stopped);
+}
+
+}  // namespace
+}  // namespace lenticule::player
