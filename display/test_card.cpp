@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/test_card.h"
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+#include "display/card_font.h"
+
+namespace lenticule::display {
+namespace {
+
+using Colour = std::array<uint8_t, 3>;
+
+constexpr Colour kBlack = {0, 0, 0};
+constexpr Colour kWhite = {255, 255, 255};
+constexpr Colour kRed = {255, 0, 0};
+constexpr Colour kGreen = {0, 255, 0};
+constexpr Colour kBlue = {0, 0, 255};
+/// What a link that averages colours over two pixels makes of red beside blue.
+constexpr Colour kMeanOfRedAndBlue = {128, 0, 128};
+
+/// So many cells at least, if the pixels allow for more than one per dot.
+constexpr int kColumns = 44;
+constexpr int kLines = 22;
+constexpr int kFrameLines = 3;  ///< the border: white, black, white
+constexpr int kSmallestPatches = 24;
+constexpr const char* kLegend =
+    "a white line along every edge; lines of one pixel are crisp; the halves of CHROMA differ in "
+    "brightness; eight steps each in DARK and LIGHT";
+constexpr std::array<const char*, 4> kCaptions = {"1 PIXEL", "CHROMA", "DARK", "LIGHT"};
+
+/// Draws inside the frame only.
+class Canvas {
+ public:
+  explicit Canvas(frames::WovenFrame& frame) : frame_(frame) {}
+
+  void set(int x, int y, const Colour& colour) {
+    if (x < 0 || y < 0 || x >= frame_.width() || y >= frame_.height()) return;
+    std::copy(colour.begin(), colour.end(), frame_.row(y) + 3 * static_cast<ptrdiff_t>(x));
+  }
+
+  void fill(const CardBox& box, const Colour& colour) {
+    const int right = std::min(box.x + box.width, frame_.width());
+    const int bottom = std::min(box.y + box.height, frame_.height());
+    for (int y = std::max(box.y, 0); y < bottom; ++y)
+      for (int x = std::max(box.x, 0); x < right; ++x) set(x, y, colour);
+  }
+
+  void write(const PlacedText& placed) {
+    int x = placed.x;
+    for (const char character : placed.text) {
+      const Glyph glyph = glyph_of(character);
+      for (int row = 0; row < kGlyphHeight; ++row)
+        for (int column = 0; column < kGlyphWidth; ++column)
+          if ((glyph.at(static_cast<size_t>(row)) >> (kGlyphWidth - 1 - column) & 1) != 0)
+            fill({x + column * placed.scale, placed.y + row * placed.scale, placed.scale,
+                  placed.scale},
+                 kWhite);
+      x += kCellWidth * placed.scale;
+    }
+  }
+
+ private:
+  frames::WovenFrame& frame_;
+};
+
+/// Broken at spaces; a word that is longer than a line is broken anywhere.
+std::vector<std::string> wrap(std::string_view text, size_t columns) {
+  std::vector<std::string> lines(1);
+  while (!text.empty()) {
+    const size_t end = std::min(text.find(' '), text.size());
+    std::string_view word = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    std::string& line = lines.back();
+    const size_t wanted = line.empty() ? word.size() : line.size() + 1 + word.size();
+    if (wanted <= columns) {
+      if (!line.empty()) line += ' ';
+      line += word;
+      continue;
+    }
+    if (!line.empty()) lines.emplace_back();
+    for (; word.size() > columns; word.remove_prefix(columns)) {
+      lines.back() = word.substr(0, columns);
+      lines.emplace_back();
+    }
+    lines.back() = word;
+  }
+  return lines;
+}
+
+/// Room for text and patches, inside the border and the corner marks.
+class Sheet {
+ public:
+  Sheet(const frames::FrameGeometry& geometry, int scale) : geometry_(geometry), scale_(scale) {}
+
+  [[nodiscard]] int corner() const { return 4 * scale_; }
+  [[nodiscard]] int left() const { return kFrameLines + corner() + 2 * scale_; }
+  [[nodiscard]] int top() const { return left(); }
+  [[nodiscard]] int width() const { return geometry_.width - 2 * left(); }
+  [[nodiscard]] size_t columns(int text_scale) const {
+    return static_cast<size_t>(std::max(1, width() / (kCellWidth * text_scale)));
+  }
+  [[nodiscard]] int bottom() const { return geometry_.height - top(); }
+  [[nodiscard]] int line() const { return kCellHeight * scale_; }
+  [[nodiscard]] int scale() const { return scale_; }
+
+  /// The patches with a line of captions above; none where they would be too small to see.
+  [[nodiscard]] std::optional<CardLayout::Patches> patches() const {
+    const int gap = 4 * scale_;
+    const int each = (width() - 3 * gap) / 4;
+    const int high = geometry_.height / 5;
+    if (each < kSmallestPatches || high < kSmallestPatches) return std::nullopt;
+    const auto box = [&](int i) {
+      return CardBox{left() + i * (each + gap), bottom() - high, each, high};
+    };
+    return CardLayout::Patches{box(0), box(1), box(2), box(3)};
+  }
+
+ private:
+  frames::FrameGeometry geometry_;
+  int scale_;
+};
+
+/// Puts lines below each other.
+class Typesetter {
+ public:
+  Typesetter(const Sheet& sheet, CardLayout& layout, int bottom)
+      : sheet_(sheet), layout_(layout), y_(sheet.top()), bottom_(bottom) {}
+
+  void headline(const std::string& text) {
+    const int scale =
+        text.size() <= sheet_.columns(2 * sheet_.scale()) ? 2 * sheet_.scale() : sheet_.scale();
+    for (const std::string& line : wrap(text, sheet_.columns(scale))) {
+      put(sheet_.left(), scale, line);
+      y_ += kCellHeight * scale;
+    }
+    y_ += sheet_.line() / 2;
+  }
+
+  /// The label in a column of its own where there is room for one.
+  void row(const CardText::Row& row, size_t label_columns) {
+    constexpr size_t kRoomForText = 20;
+    const size_t columns = sheet_.columns(sheet_.scale());
+    const bool beside = columns >= label_columns + kRoomForText;
+    const size_t indent = beside ? label_columns : 0;
+    if (!row.label.empty()) put(sheet_.left(), sheet_.scale(), row.label);
+    if (!beside && !row.label.empty()) y_ += sheet_.line();
+    for (const std::string& line : wrap(row.text, columns - indent)) {
+      put(sheet_.left() + static_cast<int>(indent) * kCellWidth * sheet_.scale(), sheet_.scale(),
+          line);
+      y_ += sheet_.line();
+    }
+    y_ += sheet_.line() / 4;
+  }
+
+  [[nodiscard]] bool all_fitted() const { return all_fitted_; }
+
+ private:
+  void put(int x, int scale, const std::string& text) {
+    if (y_ + kGlyphHeight * scale > bottom_) {
+      all_fitted_ = false;
+      return;
+    }
+    layout_.texts.push_back({x, y_, scale, text});
+  }
+
+  const Sheet& sheet_;
+  CardLayout& layout_;
+  int y_;
+  int bottom_;
+  bool all_fitted_ = true;
+};
+
+size_t label_columns(const std::vector<CardText::Row>& rows) {
+  size_t longest = 0;
+  for (const CardText::Row& row : rows) longest = std::max(longest, row.label.size());
+  return longest + 2;
+}
+
+/// Whether all of the text had room.
+bool lay_out(const frames::FrameGeometry& geometry, const CardText& text, int scale,
+             bool with_patches, CardLayout& layout) {
+  const Sheet sheet(geometry, scale);
+  layout = {.scale = scale, .texts = {}, .patches = {}};
+  if (with_patches) layout.patches = sheet.patches();
+  std::vector<CardText::Row> rows = text.rows;
+  int bottom = sheet.bottom();
+  if (layout.patches) {
+    rows.push_back({"check", kLegend});
+    bottom = layout.patches->lines.y - sheet.line() - sheet.line() / 2;
+  }
+  Typesetter typesetter(sheet, layout, bottom);
+  typesetter.headline(text.headline);
+  const size_t columns = label_columns(rows);
+  for (const CardText::Row& row : rows) typesetter.row(row, columns);
+  if (!layout.patches) return typesetter.all_fitted();
+  const std::array<CardBox, 4> boxes = {layout.patches->lines, layout.patches->chroma,
+                                        layout.patches->dark, layout.patches->light};
+  bool captions_fit = true;
+  for (size_t i = 0; i < boxes.size(); ++i) {
+    const CardBox& box = boxes.at(i);
+    const std::string caption = kCaptions.at(i);
+    captions_fit &= static_cast<int>(caption.size()) * kCellWidth * scale <= box.width;
+    layout.texts.push_back({box.x, box.y - sheet.line(), scale, caption});
+  }
+  return typesetter.all_fitted() && captions_fit;
+}
+
+void draw_border(Canvas& canvas, const frames::FrameGeometry& geometry, int corner) {
+  const int w = geometry.width;
+  const int h = geometry.height;
+  for (int i = 0; i < kFrameLines; ++i) {
+    const Colour& colour = i % 2 == 0 ? kWhite : kBlack;
+    canvas.fill({i, i, w - 2 * i, 1}, colour);
+    canvas.fill({i, h - 1 - i, w - 2 * i, 1}, colour);
+    canvas.fill({i, i, 1, h - 2 * i}, colour);
+    canvas.fill({w - 1 - i, i, 1, h - 2 * i}, colour);
+  }
+  // A picture that is turned or mirrored has them elsewhere.
+  const int far_x = w - kFrameLines - corner;
+  const int far_y = h - kFrameLines - corner;
+  canvas.fill({kFrameLines, kFrameLines, corner, corner}, kRed);
+  canvas.fill({far_x, kFrameLines, corner, corner}, kGreen);
+  canvas.fill({kFrameLines, far_y, corner, corner}, kBlue);
+  canvas.fill({far_x, far_y, corner, corner}, kWhite);
+}
+
+void draw_lines(Canvas& canvas, const CardBox& box) {
+  const int third = box.width / 3;
+  for (int y = 0; y < box.height; ++y)
+    for (int x = 0; x < 3 * third; ++x) {
+      const int parity = x < third ? x : x < 2 * third ? y : x + y;
+      canvas.set(box.x + x, box.y + y, parity % 2 == 0 ? kWhite : kBlack);
+    }
+}
+
+void draw_chroma(Canvas& canvas, const CardBox& box) {
+  const int half = box.width / 2;
+  for (int y = 0; y < box.height; ++y)
+    for (int x = 0; x < half; ++x)
+      // By the panel's columns: links average pairs that begin with an even one.
+      canvas.set(box.x + x, box.y + y, (box.x + x) % 2 == 0 ? kRed : kBlue);
+  canvas.fill({box.x + half, box.y, box.width - half, box.height}, kMeanOfRedAndBlue);
+}
+
+void draw_steps(Canvas& canvas, const CardBox& box, int (*level)(int)) {
+  const int each = box.width / kCardSteps;
+  for (int i = 0; i < kCardSteps; ++i) {
+    const auto grey = static_cast<uint8_t>(level(i));
+    canvas.fill({box.x + i * each, box.y, each, box.height}, {grey, grey, grey});
+  }
+}
+
+}  // namespace
+
+CardLayout lay_out_card(const frames::FrameGeometry& geometry, const CardText& text) {
+  CardLayout layout;
+  const int most =
+      std::min(geometry.width / (kCellWidth * kColumns), geometry.height / (kCellHeight * kLines));
+  for (const bool with_patches : {true, false})
+    for (int scale = std::max(most, 1); scale >= 1; --scale)
+      if (lay_out(geometry, text, scale, with_patches, layout)) return layout;
+  return layout;
+}
+
+frames::WovenFrame draw_test_card(const frames::FrameGeometry& geometry, const CardText& text) {
+  frames::WovenFrame frame(geometry);
+  Canvas canvas(frame);
+  const CardLayout layout = lay_out_card(geometry, text);
+  draw_border(canvas, geometry, Sheet(geometry, layout.scale).corner());
+  if (layout.patches) {
+    draw_lines(canvas, layout.patches->lines);
+    draw_chroma(canvas, layout.patches->chroma);
+    draw_steps(canvas, layout.patches->dark, dark_step);
+    draw_steps(canvas, layout.patches->light, light_step);
+  }
+  for (const PlacedText& placed : layout.texts) canvas.write(placed);
+  return frame;
+}
+
+}  // namespace lenticule::display
