@@ -56,9 +56,7 @@ void Presenter::play_on() noexcept {
   while (!over()) {
     act();
     if (over()) break;
-    const Nanoseconds deadline =
-        pending_ ? pending_->submitted + event_patience() : display_.now() + event_patience();
-    handle(display_.wait_event(deadline, wake_.fd()));
+    handle(display_.wait_event(awaited_by() + event_patience(), wake_.fd()));
     publish();
   }
   land_pending_flip();
@@ -239,6 +237,11 @@ void Presenter::end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept {
 }
 
 void Presenter::request_vblank(uint64_t sequence) noexcept {
+  if (!tick_requested_ || sequence != tick_after_) {
+    tick_after_ = sequence;
+    const uint64_t periods = std::max(sequence, last_sequence_) + 1 - last_sequence_;
+    tick_expected_ = last_vblank_ + static_cast<int64_t>(periods) * period_;
+  }
   const auto theirs = static_cast<int64_t>(sequence - count_ahead_);
   const bool known = !count_begins_anew_ && theirs > 0;
   tick_requested_ = display_.request_vblank(known ? static_cast<uint64_t>(theirs) : 0);
@@ -308,7 +311,7 @@ void Presenter::handle_timeout() noexcept {
     pacer_.flipped(pending_->target);
     pending_.reset();
     filler_.buffer_freed();
-  } else if (!pending_ && tick_requested_ && now >= last_vblank_ + event_patience()) {
+  } else if (!pending_ && tick_requested_ && now >= tick_expected_ + event_patience()) {
     statistics_.vblank_timeouts.add();
     tick_requested_ = false;
   }
@@ -330,6 +333,13 @@ std::optional<Nanoseconds> Presenter::time_left() const noexcept {
   const uint64_t end = pacer_.first_vblank() + *options_.vblanks;
   const uint64_t next = next_reachable_vblank();
   return end > next ? static_cast<int64_t>(end - next) * period_ : Nanoseconds{0};
+}
+
+/// When the event that is waited for should come.
+Nanoseconds Presenter::awaited_by() const noexcept {
+  if (pending_) return pending_->submitted;
+  const Nanoseconds now = display_.now();
+  return tick_requested_ ? std::max(tick_expected_, now) : now;
 }
 
 Nanoseconds Presenter::event_patience() const noexcept {

@@ -89,6 +89,7 @@ class Presenter {
 
   [[nodiscard]] display::DisplayEvent in_our_count(display::DisplayEvent event) noexcept;
   [[nodiscard]] uint64_t next_reachable_vblank() const noexcept;
+  [[nodiscard]] display::Nanoseconds awaited_by() const noexcept;
   [[nodiscard]] display::Nanoseconds event_patience() const noexcept;
   [[nodiscard]] bool over() const noexcept {
     return outcome_.has_value() || stopping_.load(std::memory_order_acquire);
@@ -108,7 +109,9 @@ class Presenter {
   PlayOutcome outcome_at_end_ = PlayOutcome::Finished;
   std::optional<PendingFlip> pending_;
   bool tick_requested_ = false;
-  bool rebuffering_ = false;  ///< LatePolicy::Hold after an underrun
+  uint64_t tick_after_ = 0;                ///< the vblank after which the requested tick comes
+  display::Nanoseconds tick_expected_{0};  ///< by when
+  bool rebuffering_ = false;               ///< LatePolicy::Hold after an underrun
   std::optional<display::Nanoseconds> starved_since_;
   uint64_t last_sequence_ = 0;
   display::Nanoseconds last_vblank_{0};

@@ -183,6 +183,14 @@ TEST_F(Playback, ATickThatIsLostIsAskedForAgain) {
   EXPECT_GE(result.report.vblank_timeouts, 1u);
 }
 
+TEST_F(Playback, ContentThatIsSlowLosesNoTick) {
+  options.content = frames::Rate{1, 2};
+  const PlayResult result = play_script();
+  EXPECT_EQ(result.report.vblank_timeouts, 0u);
+  EXPECT_EQ(result.report.pace.vblanks, 1200u);
+  EXPECT_EQ(result.report.pace.missed, 0u);
+}
+
 TEST_F(Playback, EventsThatComeTwiceAreIgnored) {
   faults->otherwise = EventFate::Duplicate;
   const PlayResult result = play_script();
