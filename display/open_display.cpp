@@ -86,18 +86,6 @@ std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
        .recorder = request.recorder});
 }
 
-std::unique_ptr<Display> open_kms(const DisplayRequest& request) {
-  KmsOptions options = request.kms;
-  options.wish.key = parse_kms_spec(request.spec);
-  options.wish.panel = request.panel;
-  options.buffers = request.buffers;
-  if (request.recorder)
-    throw Error(ErrorKind::Usage,
-                fmt::format("display '{}': cannot record what was on the glass", request.spec),
-                "record with --display virtual");
-  return open_kms_display(options);
-}
-
 }  // namespace
 
 VirtualSpec parse_virtual_spec(std::string_view spec) {
@@ -130,8 +118,21 @@ void check_display_spec(std::string_view spec) {
     (void)parse_virtual_spec(spec);
 }
 
+KmsOptions kms_options_of(const DisplayRequest& request) {
+  KmsOptions options = request.kms;
+  options.wish.key = parse_kms_spec(request.spec);
+  options.wish.panel = request.panel;
+  options.buffers = request.buffers;
+  if (request.recorder)
+    throw Error(ErrorKind::Usage,
+                fmt::format("display '{}': cannot record what was on the glass", request.spec),
+                "record with --display virtual");
+  return options;
+}
+
 std::unique_ptr<Display> open_display(const DisplayRequest& request) {
-  return is_kms_spec(request.spec) ? open_kms(request) : open_virtual(request);
+  return is_kms_spec(request.spec) ? open_kms_display(kms_options_of(request))
+                                   : open_virtual(request);
 }
 
 }  // namespace lenticule::display

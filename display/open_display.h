@@ -33,6 +33,9 @@ struct DisplayRequest {
 /// panel's, Error(Device) when there is no such display. What a KMS spec opens is a KmsDisplay.
 [[nodiscard]] std::unique_ptr<Display> open_display(const DisplayRequest& request);
 
+/// What a KMS spec is opened with, for those who open it themselves. Throws Error(Usage).
+[[nodiscard]] KmsOptions kms_options_of(const DisplayRequest& request);
+
 /// Throws as open_display() would for the text alone, before anything is opened.
 void check_display_spec(std::string_view spec);
 /// True if it names a panel on a graphics card.

@@ -32,6 +32,10 @@ std::string status_text(const PlayReport& report, const display::KmsStatistics* 
 
 PlayService::PlayService(const ServiceManager& manager, const display::KmsDisplay* display)
     : manager_(manager), display_(display), last_beat_(std::chrono::steady_clock::now()) {
+  keep_again();
+}
+
+void PlayService::keep_again() {
   if (display_ != nullptr) keep_output(manager_, *display_);
 }
 

@@ -28,6 +28,8 @@ class PlayService {
 
   /// About once a second while it plays.
   void report(const PlayReport& report);
+  /// The display came back: the manager is given what it is now.
+  void keep_again();
 
  private:
   const ServiceManager& manager_;

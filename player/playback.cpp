@@ -212,6 +212,7 @@ PlayOutcome play_to_the_end(Threads& threads, Reporter& reporter, display::Displ
     if (!options.bring_back) return PlayOutcome::DisplayLost;
     threads.forget_buffers();
     const Comeback comeback = bring_back(threads, reporter, source, options);
+    if (comeback == Comeback::TimeOver) return PlayOutcome::Finished;
     if (comeback == Comeback::Stopped) return PlayOutcome::Stopped;
     if (comeback == Comeback::GivenUp) return PlayOutcome::DisplayLost;
     reporter.look_at(display);

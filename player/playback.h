@@ -24,9 +24,10 @@ struct LostDisplay {
 };
 
 enum class Comeback {
-  Back,     ///< it works again, with frames of the same size: playing goes on
-  GivenUp,  ///< the outcome is DisplayLost
-  Stopped,  ///< the outcome is Stopped
+  Back,      ///< it works again, with frames of the same size: playing goes on
+  GivenUp,   ///< the outcome is DisplayLost
+  Stopped,   ///< the outcome is Stopped
+  TimeOver,  ///< LostDisplay::time_left is over: the outcome is Finished
 };
 
 struct PlaybackOptions {

@@ -14,6 +14,7 @@
 #include "frames/image_sequence.h"
 #include "frames/ring/ring_player.h"
 #include "optics/error.h"
+#include "player/still_source.h"
 
 namespace lenticule::player {
 namespace {
@@ -74,7 +75,7 @@ void refuse_other_kinds(const std::string& text) {
   std::error_code ignored;
   if (!not_yet && !fs::is_directory(text, ignored) && !text.empty()) return;
   throw Error(ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
-              "play ring:SOCKET, a pattern such as 'out/%05d.png', or one picture");
+              "play ring:SOCKET, a pattern such as 'out/%05d.png', one picture or card");
 }
 
 OpenedSource open_pictures(const SourceRequest& request) {
@@ -95,9 +96,19 @@ OpenedSource open_pictures(const SourceRequest& request) {
       "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
 }
 
+OpenedSource open_card(const SourceRequest& request) {
+  if (request.frames)
+    throw Error(ErrorKind::Usage, "--frames: a test card is one picture",
+                "give --frames to a pattern such as 'out/%05d.png'");
+  OpenedSource opened;
+  opened.source = std::make_unique<StillSource>(draw_test_card(request.panel, request.card));
+  return opened;
+}
+
 }  // namespace
 
 OpenedSource open_source(const SourceRequest& request) {
+  if (request.text == kCardSource) return open_card(request);
   if (request.text.starts_with(kRing)) return open_ring(request, request.text.substr(kRing.size()));
   return open_pictures(request);
 }

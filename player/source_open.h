@@ -9,19 +9,24 @@
 #include <string>
 #include <string_view>
 
+#include "display/test_card.h"
 #include "frames/frame_source.h"
 #include "player/frame_range.h"
 
 namespace lenticule::player {
 
+/// The SOURCE that is a test card.
+inline constexpr const char* kCardSource = "card";
+
 struct SourceRequest {
-  /// "ring:SOCKET", "dir/%05d.png" or one picture
+  /// "ring:SOCKET", "dir/%05d.png", one picture or "card"
   std::string text = {};
   frames::FrameGeometry panel = {};
   std::string rig_fingerprint = {};
   int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
   std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern
   bool plays_again = false;                         ///< frames are kept for a loop where they fit
+  display::CardText card = {};                      ///< what a test card says
 };
 
 struct OpenedSource {

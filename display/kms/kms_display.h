@@ -38,10 +38,6 @@ struct KmsOptions {
   /// Nothing is taken over: neither inherited buffers (an inherited card still is, being master)
   /// nor a mode that runs already.
   bool fresh = false;
-  /// How long to wait for a panel that is not there yet; 0 = not at all.
-  Nanoseconds wait_for_panel{0};
-  /// Readable = stop waiting for a panel; -1 = never.
-  int cancel_fd = -1;
   /// Used once, by the opening.
   std::shared_ptr<InheritedOutput> inherited;
 

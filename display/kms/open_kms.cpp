@@ -17,28 +17,15 @@
 namespace lenticule::display {
 namespace {
 
-constexpr Nanoseconds kLookAgain = std::chrono::seconds(1);
-
-/// Looks until the panel is there, the time is up or somebody cancels.
+/// The one panel that is meant, and its card.
 std::pair<DrmDevice, ConnectorInfo> find_panel(const KmsOptions& options,
                                                std::optional<DrmDevice>& inherited) {
-  Clock& clock = *options.clock;
-  const Nanoseconds give_up = clock.now() + options.wait_for_panel;
-  while (true) {
-    CardSurvey survey = survey_cards(options.session, inherited);
-    const OutputChoice choice = choose_output(options.wish, survey.candidates);
-    if (choice.chosen) {
-      const size_t index = *choice.chosen;
-      return {std::move(survey.devices[*survey.device_of[index]]),
-              std::move(survey.candidates[index].connector)};
-    }
-    if (!choice.may_come || clock.now() >= give_up) throw refusal(choice, survey);
-    // The cards are closed meanwhile: a panel may come on one that others need.
-    survey.devices.clear();
-    const Nanoseconds until = std::min(clock.now() + kLookAgain, give_up);
-    if (clock.wait_until(until, options.cancel_fd) == WaitResult::Woken)
-      throw Error(ErrorKind::Device, "kms: interrupted while waiting for a panel");
-  }
+  CardSurvey survey = survey_cards(options.session, inherited);
+  const OutputChoice choice = choose_output(options.wish, survey.candidates);
+  if (!choice.chosen) throw refusal(choice, survey);
+  const size_t index = *choice.chosen;
+  return {std::move(survey.devices[*survey.device_of[index]]),
+          std::move(survey.candidates[index].connector)};
 }
 
 void require_master(const DrmDevice& device) {

@@ -200,6 +200,7 @@ class FakeCard {
   int open_end();
   [[nodiscard]] bool owns(int fd) const;
   void closed(int fd);
+  void forget_contents();
 
   uint32_t next_id = 100;
   int master_fd = -1;

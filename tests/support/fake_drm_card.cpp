@@ -353,6 +353,17 @@ void FakeCard::closed(int fd) {
     ::close(found->second);
     ends.erase(found);
   }
+  if (gone && ends.empty()) forget_contents();
+}
+
+/// What was on a card that was pulled out went with it.
+void FakeCard::forget_contents() {
+  buffers.clear();
+  framebuffers.clear();
+  for (const uint32_t crtc : crtcs) {
+    objects.at(crtc).find("ACTIVE")->value = 0;
+    objects.at(primary_of(crtc)).find("FB_ID")->value = 0;
+  }
 }
 
 void FakeCard::unplug() {

@@ -97,45 +97,9 @@ TEST_F(KmsOpen, ConnectorOnAnotherCardIsFound) {
   EXPECT_EQ(card.master_fd, -1) << "the card that was only looked at is not kept";
 }
 
-TEST_F(KmsOpen, NoPanelIsAnErrorAtOnceUnlessAskedToWait) {
+TEST_F(KmsOpen, NoPanelIsAnErrorAtOnce) {
   connector->connected = false;
   EXPECT_THAT(failure().what(), HasSubstr("no panel is connected"));
-}
-
-TEST_F(KmsOpen, WaitsForThePanelAndPlaysWhenItComes) {
-  connector->connected = false;
-  options.wait_for_panel = std::chrono::hours(24);
-  const Nanoseconds comes = machine.now() + seconds(1000);
-  machine.at(comes, [this] { connector->connected = true; });
-  open();
-  EXPECT_LT(machine.now() - comes, seconds(2));
-  flip(1);
-  expect_on_glass(1);
-}
-
-TEST_F(KmsOpen, WaitsForACardThatComesLate) {
-  card.gone = true;
-  options.wait_for_panel = seconds(60);
-  machine.at(machine.now() + seconds(5), [this] { card.gone = false; });
-  open();
-  flip(1);
-}
-
-TEST_F(KmsOpen, WaitingEndsInTheErrorWhenNothingComes) {
-  connector->connected = false;
-  options.wait_for_panel = seconds(30);
-  const Nanoseconds before = machine.now();
-  EXPECT_THAT(failure().what(), HasSubstr("no panel is connected"));
-  EXPECT_EQ(machine.now() - before, seconds(30));
-}
-
-TEST_F(KmsOpen, EdidThatAppearsLateIsWaitedFor) {
-  card.set_edid(connector->id, {});
-  options.wait_for_panel = seconds(60);
-  machine.at(machine.now() + seconds(3),
-             [this] { card.set_edid(connector->id, EdidMaker{.serial_text = "ONE"}.bytes()); });
-  open();
-  flip(1);
 }
 
 TEST_F(KmsOpen, UnreadableEdidNeverPassesForTheRigsPanel) {

@@ -13,9 +13,7 @@ using ::testing::HasSubstr;
 
 class PanelSearchTest : public KmsStage {
  protected:
-  [[nodiscard]] PanelSearch search() const {
-    return display::search_panel(options, show.get());
-  }
+  [[nodiscard]] PanelSearch search() const { return display::search_panel(options, show.get()); }
   FakeConnector& add_panel(uint32_t type_id, const std::string& serial) {
     return card.add_connector(DRM_MODE_CONNECTOR_HDMIA, type_id, make_mode(kWidth, kHeight, 60),
                               EdidMaker{.serial_text = serial}.bytes());

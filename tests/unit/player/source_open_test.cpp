@@ -55,6 +55,25 @@ TEST_F(SourceOpen, TakesARangeOfAPattern) {
   EXPECT_EQ(opened.source->frame_count(), 3u);
 }
 
+TEST_F(SourceOpen, TakesATestCardOfThePanelsSizeThatNeverEnds) {
+  const OpenedSource opened =
+      open_source({.text = "card", .panel = {64, 48}, .card = {.headline = "HI", .rows = {}}});
+  frames::FrameSource& source = *opened.source;
+  const frames::WovenFrame expected =
+      display::draw_test_card({64, 48}, {.headline = "HI", .rows = {}});
+  for (int loop = 0; loop < 3; ++loop) {
+    frames::LentFrame lent;
+    ASSERT_EQ(source.pull(lent), frames::PullStatus::Ready);
+    EXPECT_TRUE(std::equal(lent.frame.bytes.begin(), lent.frame.bytes.end(),
+                           expected.bytes().begin(), expected.bytes().end()));
+    EXPECT_EQ(source.pull(lent), frames::PullStatus::End);
+    EXPECT_TRUE(source.rewind());
+    EXPECT_FALSE(source.rewind()) << "at the start";
+  }
+  EXPECT_EQ(failure({.text = "card", .panel = kSmall, .frames = FrameRange{0, 1}}, "--frames"),
+            ErrorKind::Usage);
+}
+
 TEST_F(SourceOpen, TakesOnePicture) {
   const OpenedSource opened = open_source({.text = (folder / "005.png").string(), .panel = kSmall});
   EXPECT_EQ(opened.source->frame_count(), 1u);

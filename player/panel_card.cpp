@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/panel_card.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "optics/error.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::Nanoseconds;
+
+constexpr Nanoseconds kPatience = std::chrono::seconds(5);
+/// How long a display is left to itself before it is asked whether it heard something.
+constexpr Nanoseconds kNap = std::chrono::milliseconds(500);
+
+/// The size that the panel would choose itself.
+std::optional<frames::FrameGeometry> own_size(const display::PanelFacts& panel) {
+  const display::ModeFacts* best = nullptr;
+  for (const display::ModeFacts& mode : panel.modes)
+    if (mode.usable && (best == nullptr || (mode.preferred && !best->preferred))) best = &mode;
+  if (best == nullptr) return std::nullopt;
+  return frames::FrameGeometry{best->width, best->height};
+}
+
+}  // namespace
+
+bool PanelCard::show(const display::PanelFacts& panel, const display::CardText& text) {
+  const auto geometry = own_size(panel);
+  if (!geometry) return false;
+  try {
+    const bool open_there =
+        display_ && connector_ == panel.connector && display_->mode().geometry == *geometry;
+    if (!open_there) open(panel, *geometry);
+    frames::WovenFrame frame = draw_test_card(*geometry, text);
+    if (frame == frame_) return true;
+    if (sink_->show(frame.view(), kPatience) != frames::ShowResult::Shown) {
+      close();
+      return false;
+    }
+    frame_ = std::move(frame);
+    return true;
+  } catch (const Error&) {  // busy, forbidden, gone: whoever waits looks again
+    close();
+    return false;
+  }
+}
+
+void PanelCard::open(const display::PanelFacts& panel, const frames::FrameGeometry& geometry) {
+  close();
+  display::KmsOptions options = services_;
+  options.wish = {.key = {.kind = display::OutputKey::Kind::Connector, .text = panel.connector},
+                  .identity = {},
+                  .panel = geometry,
+                  .policy = display::IdentityPolicy::Ignore};
+  options.refresh.reset();
+  options.inherited.reset();
+  options.buffers = display::kMinScanoutBuffers;
+  display_ = display::open_kms_display(options);
+  sink_ = std::make_unique<display::DisplaySink>(*display_);
+  connector_ = panel.connector;
+}
+
+void PanelCard::close() noexcept {
+  sink_.reset();
+  display_.reset();
+  frame_ = {};
+}
+
+bool PanelCard::wait(Nanoseconds deadline, int wake_fd) {
+  if (!display_) return true;
+  const uint64_t heard = display_->statistics().hotplugs;
+  while (display_->now() < deadline) {
+    const Nanoseconds nap = std::min(deadline, display_->now() + kNap);
+    if (display_->wait_event(nap, wake_fd).kind == display::EventKind::Lost) {
+      close();
+      return true;
+    }
+    if (display_->statistics().hotplugs != heard) return true;
+    if (display_->now() < nap) return false;
+  }
+  return false;
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/play_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <memory>
+
+#include "optics/error.h"
+#include "optics/rig_file.h"
+#include "player/card_texts.h"
+#include "player/interrupt.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::Nanoseconds;
+
+constexpr auto kLongestPriming = std::chrono::hours(24);  // with --wait forever
+/// A cable that came loose is back by then.
+constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
+
+/// A test card is looked at.
+uint64_t parse_loops(const PlayFlags& flags) {
+  if (flags.loop.empty()) return flags.duration_s || flags.source == kCardSource ? kForever : 1;
+  if (flags.loop == "forever") return kForever;
+  uint64_t loops = 0;
+  const char* const last = flags.loop.data() + flags.loop.size();
+  const auto [end, error] = std::from_chars(flags.loop.data(), last, loops);
+  if (error == std::errc() && end == last && loops > 0) return loops;
+  throw Error(ErrorKind::Usage, fmt::format("--loop '{}': not a number of loops", flags.loop),
+              "write a number from 1 on, or forever");
+}
+
+/// None = forever.
+std::optional<std::chrono::nanoseconds> parse_wait(const char* flag, const std::string& text,
+                                                   uint32_t least) {
+  if (text == "forever") return std::nullopt;
+  uint32_t seconds = 0;
+  const char* const last = text.data() + text.size();
+  const auto [end, error] = std::from_chars(text.data(), last, seconds);
+  if (error == std::errc() && end == last && seconds >= least) return std::chrono::seconds(seconds);
+  throw Error(ErrorKind::Usage, fmt::format("{} '{}': not a number of seconds", flag, text),
+              fmt::format("write a number from {} on, or forever", least));
+}
+
+display::ExitPolicy exit_policy(const std::string& on_exit, bool service) {
+  if (on_exit == "black") return display::ExitPolicy::Black;
+  if (on_exit == "hold" || (on_exit.empty() && service)) return display::ExitPolicy::Hold;
+  return display::ExitPolicy::Restore;
+}
+
+/// What a KMS display needs to know beside its name.
+display::KmsOptions kms_options(const PlayFlags& flags, const optics::Rig& rig, bool service) {
+  if (!flags.record.empty())
+    throw Error(ErrorKind::Usage, "--record: a graphics card does not tell what it showed",
+                "record with --display virtual");
+  if (flags.clock != "real")
+    throw Error(ErrorKind::Usage, "--clock: a panel has a clock of its own",
+                "simulate with --display virtual");
+  display::KmsOptions options;
+  options.wish.identity = rig.identity;
+  options.exit = exit_policy(flags.on_exit, service);
+  return options;
+}
+
+void plan_waiting(const PlayFlags& flags, bool service, PlayPlan& plan) {
+  if (!flags.wait_for_panel.empty()) {
+    plan.panel_at_start = parse_wait("--wait-for-panel", flags.wait_for_panel, 0);
+    plan.panel_after_loss = plan.panel_at_start;
+  } else if (!service) {
+    plan.panel_at_start = Nanoseconds{0};
+    plan.panel_after_loss = kPanelAfterLoss;
+  }
+}
+
+}  // namespace
+
+void declare_flags(CLI::App& app, PlayFlags& flags) {
+  app.add_option("source", flags.source,
+                 "ring:SOCKET, a pattern such as 'out/%05d.png', a picture, or card: a test card")
+      ->required();
+  app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
+  app.add_option("--display", flags.display,
+                 "kms, kms:CONNECTOR, kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., or "
+                 "virtual, virtual:3840x2160@60, virtual:3840x2160@59.94,jitter_us=500")
+      ->capture_default_str();
+  app.add_option("--clock", flags.clock,
+                 "of a virtual display: real, or simulated (as fast as the source can)")
+      ->check(CLI::IsMember({"real", "simulated"}))
+      ->capture_default_str();
+  app.add_option("--fps", flags.fps, "content rate: 24, 59.94, 24000/1001 (default: the source's)");
+  app.add_option("--loop", flags.loop, "play N times, or forever (default 1)");
+  app.add_option("--late", flags.late, "what to do about late frames: slip, drop or hold")
+      ->capture_default_str();
+  app.add_option("--frames", flags.frames, "A:B, only these frames of a pattern");
+  app.add_option("--duration", flags.duration_s,
+                 "stop after so many seconds; without --loop, loop until then")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--prime", flags.prime,
+                 "frames that must be ready before the first is shown, waiting for them as long as "
+                 "--wait says (default: half of the slots, or what came within two seconds)")
+      ->check(CLI::Range(1, 1'000'000));
+  app.add_option("--slots", flags.slots, "frames kept ready in memory")
+      ->check(CLI::Range(2, 4096))
+      ->capture_default_str();
+  app.add_option("--buffers", flags.buffers, "scan-out buffers")
+      ->check(CLI::Range(2, 16))
+      ->capture_default_str();
+  app.add_option("--wait", flags.wait, "give up when no frame came for so many seconds, or forever")
+      ->capture_default_str();
+  app.add_option(
+      "--wait-for-panel", flags.wait_for_panel,
+      "with kms: wait so many seconds, or forever, for a panel that is not there, or was "
+      "lost; another panel shows a test card meanwhile (default: forever as a service, "
+      "else not at the start, and 10 after a loss)");
+  app.add_option(
+         "--on-exit", flags.on_exit,
+         "with kms: restore what was shown before, hold the last frame for the next player, "
+         "or black (default: hold as a service, else restore)")
+      ->check(CLI::IsMember({"restore", "hold", "black"}));
+  app.add_option("--record", flags.record,
+                 "record what was on the glass: checksums:FILE or png:FOLDER");
+  app.add_option("--stats", flags.stats, "write statistics there, every second and at the end");
+  app.add_flag("--json", flags.json, "print the statistics as JSON at the end");
+}
+
+PlayPlan make_plan(const PlayFlags& flags, bool service) {
+  PlayPlan plan;
+  plan.playback.loops = parse_loops(flags);
+  plan.playback.late = parse_late_policy(flags.late);
+  plan.playback.stall_timeout = parse_wait("--wait", flags.wait, 1);
+  plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
+  if (flags.prime)  // who asks for so many frames means to wait for them
+    plan.playback.prime_timeout = plan.playback.stall_timeout.value_or(kLongestPriming);
+  plan.playback.started = flags.started;
+  plan.playback.source_name = flags.source;
+  plan.playback.stop_fd = interrupt_fd();
+  if (!flags.fps.empty()) plan.playback.content = frames::parse_rate(flags.fps);
+  if (flags.clock == "simulated") {
+    plan.display.clock = std::make_shared<display::SimulatedClock>();
+    plan.playback.filling = Filling::InPresenter;
+  } else {
+    plan.playback.real_time_priority = true;
+  }
+  plan.display.spec = flags.display;
+  plan.display.buffers = flags.buffers;
+  display::check_display_spec(flags.display);
+  plan.source.text = flags.source;
+  plan.source.slots = flags.slots;
+  plan.source.plays_again = plan.playback.loops != 1;
+  plan.duration_s = flags.duration_s;
+  plan_waiting(flags, service, plan);
+  if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
+
+  const optics::Rig rig = optics::load_rig(flags.rig);
+  plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
+  plan.source.rig_fingerprint = optics::fingerprint(rig);
+  plan.source.card = rig_card(rig, flags.rig);
+  plan.display.panel = plan.source.panel;
+  if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, rig, service);
+  return plan;
+}
+
+std::optional<uint64_t> vblanks_of(std::optional<double> duration_s, frames::Rate refresh) {
+  constexpr double kMaxDurationS = 1e9;
+  if (!duration_s) return std::nullopt;
+  if (!(*duration_s <= kMaxDurationS))
+    throw Error(ErrorKind::Usage, fmt::format("--duration {}: too long", *duration_s),
+                "use --loop forever");
+  return std::max<uint64_t>(1, static_cast<uint64_t>(*duration_s * refresh.hertz()));
+}
+
+}  // namespace lenticule::player

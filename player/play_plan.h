@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// The flags of `lenticule play`, and what they mean before anything is opened.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "display/open_display.h"
+#include "player/playback.h"
+#include "player/source_open.h"
+
+namespace lenticule::player {
+
+/// As given on the command line.
+struct PlayFlags {
+  std::string source;
+  std::string rig;
+  std::string display = "virtual";
+  std::string clock = "real";
+  std::string fps;
+  std::string loop;
+  std::string late = "slip";
+  std::string frames;
+  std::string record;
+  std::string stats;
+  std::string wait = "60";
+  std::string wait_for_panel;
+  std::string on_exit;
+  std::optional<double> duration_s;
+  std::optional<uint64_t> prime;
+  int slots = 8;
+  int buffers = 3;
+  bool json = false;
+  std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+};
+
+void declare_flags(CLI::App& app, PlayFlags& flags);
+
+struct PlayPlan {
+  SourceRequest source;
+  display::DisplayRequest display;
+  PlaybackOptions playback;
+  /// How long to wait for a panel; none = for ever.
+  std::optional<display::Nanoseconds> panel_at_start;
+  std::optional<display::Nanoseconds> panel_after_loss;
+  std::optional<double> duration_s;
+};
+
+/// Reads the rig. `service`: a service manager started us, and what was not said is chosen for a
+/// kiosk. Throws Error(Usage) for flags that make no sense, Error(Input) for the rig.
+[[nodiscard]] PlayPlan make_plan(const PlayFlags& flags, bool service);
+
+/// Whole vblanks within the duration, at least one; none without a duration.
+[[nodiscard]] std::optional<uint64_t> vblanks_of(std::optional<double> duration_s,
+                                                 frames::Rate refresh);
+
+}  // namespace lenticule::player

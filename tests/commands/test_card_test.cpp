@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// `lenticule play card`: a test card on any display, without a panel for those who have none.
+#include <algorithm>
+#include <csignal>
+#include <nlohmann/json.hpp>
+
+#include "frames/image_io.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+class TestCardCommand : public CommandTest {
+ protected:
+  const std::string rig = source_file("scenes/rigs/kiosk-27-1080.toml");
+};
+
+TEST_F(TestCardCommand, IsShownOnAVirtualDisplayInThePanelsSize) {
+  const ProcessResult played = run({"play", "card", "--rig", rig, "--display", "virtual", "--loop",
+                                    "1", "--record", "png:" + path("shown"), "--json"});
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_EQ(nlohmann::json::parse(played.out).at("shown"), 1);
+  const frames::WovenFrame card = frames::read_woven(path("shown/00000000.png"));
+  ASSERT_EQ(card.width(), 1920);
+  ASSERT_EQ(card.height(), 1080);
+  const auto is_white = [](uint8_t value) { return value == 255; };
+  for (const int edge : {0, card.height() - 1})
+    EXPECT_TRUE(std::all_of(card.row(edge), card.row(edge) + 3 * 1920, is_white));
+  const auto bytes = card.bytes();
+  const auto lit = std::count_if(bytes.begin(), bytes.end(), is_white);
+  EXPECT_GT(lit, 100'000) << "words and patterns";
+}
+
+TEST_F(TestCardCommand, StaysUntilItIsInterrupted) {
+  const ProcessResult played =
+      run({"play", "card", "--rig", rig, "--display", "virtual"},
+          {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)});
+  EXPECT_EQ(played.exit_code, 130) << played.err;
+  EXPECT_NE(played.err.find("interrupted"), std::string::npos) << played.err;
+}
+
+TEST_F(TestCardCommand, NeedsAPanelWhereItIsAskedForOne) {
+  const ProcessResult played = run({"play", "card", "--rig", rig, "--display", "kms:HDMI-A-99",
+                                    "--wait-for-panel", "1", "--stats", path("stats.json")});
+  EXPECT_EQ(played.exit_code, 3) << played.err;
+  EXPECT_NE(played.err.find("waiting for the panel"), std::string::npos) << played.err;
+  const nlohmann::json stats = nlohmann::json::parse(std::ifstream(path("stats.json")));
+  EXPECT_EQ(stats.at("outcome"), "waiting for the panel");
+  EXPECT_EQ(stats.at("waiting_for").at("panel_missing"), true);
+  EXPECT_EQ(stats.at("waiting_for").at("test_card_shown"), false);
+}
+
+}  // namespace
+}  // namespace lenticule::test

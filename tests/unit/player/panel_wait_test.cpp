@@ -1,0 +1,446 @@
+// SPDX-License-Identifier: Apache-2.0
+// Coming by the panel that is wanted, and what another one shows meanwhile: on fake cards, in
+// simulated time.
+#include "player/panel_wait.h"
+
+#include <gmock/gmock.h>
+
+#include <functional>
+#include <vector>
+
+#include "display/test_card.h"
+#include "player/card_texts.h"
+#include "player/wake_fd.h"
+#include "tests/unit/kms/kms_stage.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::Nanoseconds;
+using std::chrono::hours;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using ::testing::HasSubstr;
+
+constexpr frames::FrameGeometry kOther{200, 120};
+
+class PanelWaitTest : public testing::KmsStage {
+ protected:
+  PanelWaitTest() { waiting.rig = "lobby.toml"; }
+
+  PanelWait make() {
+    waiting.kms = options;
+    waiting.tell = [this](const PanelWaiting& now) {
+      ++rounds;
+      panel_missing = now.panel_missing;
+      card_shown = now.card_shown;
+      reason = now.reason.what();
+    };
+    waiting.let_go = [this] { ++let_go; };
+    return PanelWait(waiting);
+  }
+
+  Error failure() {
+    PanelWait wait = make();
+    try {
+      show = wait.open();
+    } catch (const Error& error) {
+      return error;
+    }
+    ADD_FAILURE() << "opened";
+    return {ErrorKind::Failed, ""};
+  }
+
+  /// Another panel hangs on the connector, with a mode of its own.
+  void plug_other(const std::string& serial = "OTHER", frames::FrameGeometry size = kOther) {
+    connector->connected = true;
+    connector->modes = {testing::make_mode(size.width, size.height, 60)};
+    card.set_edid(
+        connector->id,
+        testing::EdidMaker{
+            .manufacturer = "DEL", .product = 0xa0b1, .serial_text = serial, .name = "U2720Q"}
+            .bytes());
+    machine.announce_hotplug();
+  }
+  void plug_own() {
+    connector->connected = true;
+    connector->modes = {testing::make_mode(testing::kWidth, testing::kHeight, 60)};
+    card.set_edid(connector->id, testing::EdidMaker{.serial_text = "ONE"}.bytes());
+    machine.announce_hotplug();
+  }
+  void unplug_panel() {
+    connector->connected = false;
+    machine.announce_hotplug();
+  }
+  void at(Nanoseconds after, std::function<void()> what) {
+    machine.at(machine.now() + after, std::move(what));
+  }
+  void look_at_glass(Nanoseconds after) {
+    at(after, [this] { glass.push_back(card.glass(crtc)); });
+  }
+
+  /// The words that a card for the panel on the connector has in this moment.
+  [[nodiscard]] std::vector<uint32_t> expected_card(frames::FrameGeometry size) const {
+    const display::PanelSearch search = display::search_panel(options);
+    const display::CardText text =
+        wrong_panel_card(options.wish, search, search.present.at(0), "lobby.toml");
+    const frames::WovenFrame frame = draw_test_card(size, text);
+    return testing::words_of(frame);
+  }
+
+  PanelWaitOptions waiting;
+  int rounds = 0;
+  bool panel_missing = false;
+  bool card_shown = false;
+  std::string reason;
+  int let_go = 0;
+  std::vector<std::vector<uint32_t>> glass;
+};
+
+TEST_F(PanelWaitTest, APanelThatIsThereIsOpenedAtOnce) {
+  show = make().open();
+  flip(1);
+  expect_on_glass(1);
+  EXPECT_EQ(rounds, 0);
+}
+
+TEST_F(PanelWaitTest, WithoutWaitingAnotherPanelIsAnErrorThatListsWhatIsThere) {
+  plug_other();
+  waiting.at_start = seconds(0);
+  const Nanoseconds before = machine.now();
+  const Error error = failure();
+  EXPECT_EQ(error.kind(), ErrorKind::Input);
+  EXPECT_THAT(error.what(), HasSubstr("HDMI-A-1 on /dev/dri/card0: DEL 0xa0b1 serial OTHER"));
+  EXPECT_EQ(machine.now(), before);
+  EXPECT_EQ(card.modesets, 0) << "nothing was shown on somebody else's panel";
+}
+
+TEST_F(PanelWaitTest, PanelOffAtStartIsWaitedForAndPlayedOnWhenItComes) {
+  connector->connected = false;
+  waiting.at_start = hours(24);
+  const Nanoseconds comes = machine.now() + seconds(1000);
+  machine.at(comes, [this] { connector->connected = true; });
+  show = make().open();
+  EXPECT_LT(machine.now() - comes, seconds(2));
+  EXPECT_GT(rounds, 900);
+  EXPECT_FALSE(card_shown) << "there was nothing to show it on";
+  EXPECT_TRUE(panel_missing);
+  flip(1);
+  expect_on_glass(1);
+}
+
+TEST_F(PanelWaitTest, ACardThatComesLateIsWaitedFor) {
+  card.gone = true;
+  waiting.at_start = seconds(60);
+  at(seconds(5), [this] { card.gone = false; });
+  show = make().open();
+  flip(1);
+}
+
+TEST_F(PanelWaitTest, WaitingEndsInTheErrorWhenNothingComes) {
+  connector->connected = false;
+  waiting.at_start = seconds(30);
+  const Nanoseconds before = machine.now();
+  EXPECT_THAT(failure().what(), HasSubstr("no panel is connected"));
+  EXPECT_EQ(machine.now() - before, seconds(30));
+}
+
+TEST_F(PanelWaitTest, AnEdidThatAppearsLateShowsNoCardBefore) {
+  card.set_edid(connector->id, {});
+  waiting.at_start = seconds(60);
+  at(milliseconds(1500), [this] { plug_own(); });
+  show = make().open();
+  EXPECT_FALSE(card_shown);
+  flip(1);
+}
+
+TEST_F(PanelWaitTest, TwoPanelsThatFitAreNotWaitedForOnACommandLine) {
+  card.add_crtc();
+  card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 2,
+                     testing::make_mode(testing::kWidth, testing::kHeight, 60),
+                     testing::EdidMaker{.serial_text = "TWO"}.bytes());
+  options.wish.identity = {};
+  waiting.at_start = seconds(60);
+  const Nanoseconds before = machine.now();
+  EXPECT_THAT(failure().what(), HasSubstr("more than one panel fits"));
+  EXPECT_EQ(machine.now(), before);
+}
+
+TEST_F(PanelWaitTest, ACardInUseIsTriedAgainUntilItIsFree) {
+  card.foreign_master = true;
+  at(seconds(5), [this] { card.foreign_master = false; });
+  show = make().open();
+  EXPECT_FALSE(panel_missing) << "the panel was there all the time";
+  EXPECT_GE(let_go, 5);
+  flip(1);
+}
+
+TEST_F(PanelWaitTest, AnInterruptionEndsTheWaiting) {
+  connector->connected = false;
+  WakeFd interrupted;
+  waiting.cancel_fd = interrupted.fd();
+  at(seconds(7), [&] { interrupted.signal(); });
+  EXPECT_THAT(failure().what(), HasSubstr("interrupted"));
+}
+
+TEST_F(PanelWaitTest, AWrongPanelShowsACardInItsOwnModeUntilTheRightOneComes) {
+  plug_other();
+  look_at_glass(seconds(1));
+  look_at_glass(seconds(6));
+  const auto expected = expected_card(kOther);
+  at(seconds(20), [this] { unplug_panel(); });
+  at(seconds(25), [this] { plug_own(); });
+  show = make().open();
+  ASSERT_EQ(glass.size(), 2u);
+  EXPECT_TRUE(glass[0].empty()) << "a panel that wakes up gets its time";
+  EXPECT_EQ(glass[1], expected);
+  flip(1);
+  expect_on_glass(1);
+  EXPECT_EQ(card.rmfb_on_screen, 0);
+  EXPECT_EQ(card.buffers.size(), 3u) << "the card's buffers are gone";
+}
+
+TEST_F(PanelWaitTest, TheCardFollowsThePanelsThatComeAndGo) {
+  plug_other();
+  at(seconds(10), [this] { unplug_panel(); });
+  at(seconds(12), [this] { plug_other("THIRD", {321, 201}); });
+  look_at_glass(seconds(11) + milliseconds(900));
+  look_at_glass(seconds(19));
+  std::vector<uint32_t> expected;
+  at(seconds(18), [&] { expected = expected_card({321, 201}); });
+  at(seconds(20), [this] { plug_own(); });
+  show = make().open();
+  ASSERT_EQ(glass.size(), 2u);
+  EXPECT_TRUE(glass[0].empty());
+  EXPECT_EQ(glass[1], expected);
+}
+
+TEST_F(PanelWaitTest, TheCardIsWrittenAnewForAnotherPanelOfTheSameSize) {
+  plug_other();
+  std::vector<uint32_t> expected;
+  at(seconds(10), [this] { plug_other("THIRD"); });
+  at(seconds(12), [&] { expected = expected_card(kOther); });
+  look_at_glass(seconds(15));
+  at(seconds(20), [this] { plug_own(); });
+  show = make().open();
+  EXPECT_EQ(glass.at(0), expected);
+}
+
+TEST_F(PanelWaitTest, AStaticCardLeavesThePanelAlone) {
+  plug_other();
+  int probes_before = 0;
+  at(seconds(100), [&] { probes_before = card.full_probes; });
+  int probes = 0;
+  at(seconds(200), [&] { probes = card.full_probes - probes_before; });
+  at(seconds(201), [this] { plug_own(); });
+  show = make().open();
+  EXPECT_LE(probes, 15);
+  EXPECT_GT(probes, 0) << "news may be lost";
+}
+
+TEST_F(PanelWaitTest, APanelWithoutTheRigsModeShowsACardThatSaysSo) {
+  connector->modes = {testing::make_mode(kOther.width, kOther.height, 60)};
+  options.wish.identity = {};
+  look_at_glass(seconds(6));
+  at(seconds(10), [this] { plug_own(); });
+  const auto expected = expected_card(kOther);
+  show = make().open();
+  EXPECT_EQ(glass.at(0), expected);
+  flip(1);
+}
+
+TEST_F(PanelWaitTest, GivingUpTakesTheCardAway) {
+  card.show_console(connector->id, crtc);
+  plug_other();
+  waiting.at_start = seconds(10);
+  EXPECT_EQ(failure().kind(), ErrorKind::Input);
+  EXPECT_TRUE(card_shown);
+  EXPECT_EQ(card.master_fd, -1);
+  EXPECT_TRUE(card.value(crtc, "ACTIVE") == 1) << "the console is back";
+}
+
+TEST_F(PanelWaitTest, ACardThatCannotBeShownIsNoReasonToStopWaiting) {
+  plug_other();
+  card.foreign_master = true;
+  at(seconds(20), [this] {
+    card.foreign_master = false;
+    plug_own();
+  });
+  show = make().open();
+  EXPECT_FALSE(card_shown);
+  flip(1);
+}
+
+TEST_F(PanelWaitTest, AServiceLetsGoOfWhatWouldStayMasterOfTheCard) {
+  connector->connected = false;
+  at(seconds(3), [this] { connector->connected = true; });
+  show = make().open();
+  EXPECT_GE(let_go, 1);
+}
+
+class PanelReturn : public PanelWaitTest {
+ protected:
+  Comeback lose_and_bring_back(PanelWait& wait) {
+    int served = 0;
+    const PlayReport report;
+    const Comeback comeback = wait.bring_back(
+        *show, {.report = report, .time_left = time_left, .serve_source = [&] { ++served; }});
+    EXPECT_LE(std::abs(served - rounds), 1);
+    return comeback;
+  }
+  std::optional<std::chrono::nanoseconds> time_left;
+};
+
+TEST_F(PanelReturn, ACardThatWasPulledOutAndPutBackIsUsedAgain) {
+  PanelWait wait = make();
+  show = wait.open();
+  flip(1);
+  card.unplug();
+  at(seconds(40), [this] { card.gone = false; });
+  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+  EXPECT_GE(rounds, 39);
+  flip(2);
+  expect_on_glass(2);
+}
+
+TEST_F(PanelReturn, AnotherPanelOnTheCableShowsACardAndTheRightOneGoesOn) {
+  PanelWait wait = make();
+  show = wait.open();
+  flip(1);
+  unplug_panel();
+  idle(seconds(1));
+  plug_other();
+  idle(seconds(1));
+  EXPECT_EQ(wait.refusal(), std::nullopt);
+  ASSERT_EQ(this->wait().kind, testing::EventKind::Lost);
+  const auto expected = expected_card(kOther);
+  look_at_glass(seconds(5));
+  at(seconds(10), [this] { unplug_panel(); });
+  at(seconds(12), [this] { plug_own(); });
+  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+  EXPECT_EQ(glass.at(0), expected) << "never 3-D that was made for another panel";
+  EXPECT_TRUE(card_shown || rounds > 0);
+  flip(2);
+  expect_on_glass(2);
+}
+
+TEST_F(PanelReturn, IsGivenUpWhenItsTimeIsOver) {
+  waiting.after_loss = seconds(10);
+  PanelWait wait = make();
+  show = wait.open();
+  card.unplug();
+  const Nanoseconds before = machine.now();
+  EXPECT_EQ(lose_and_bring_back(wait), Comeback::GivenUp);
+  EXPECT_EQ(machine.now() - before, seconds(10));
+  ASSERT_TRUE(wait.refusal());
+  EXPECT_THAT(wait.refusal()->what(), HasSubstr("no graphics card"));
+}
+
+TEST_F(PanelReturn, IsNotWaitedForWhenPlayingWouldBeOver) {
+  time_left = seconds(4);
+  PanelWait wait = make();
+  show = wait.open();
+  card.unplug();
+  EXPECT_EQ(lose_and_bring_back(wait), Comeback::TimeOver);
+}
+
+TEST_F(PanelReturn, EndsWithAnInterruption) {
+  WakeFd interrupted;
+  waiting.cancel_fd = interrupted.fd();
+  PanelWait wait = make();
+  show = wait.open();
+  card.unplug();
+  at(seconds(4), [&] { interrupted.signal(); });
+  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Stopped);
+}
+
+TEST_F(PanelReturn, ADisplayThatIsLostAgainAndAgainGetsNoMoreTimeThanOnce) {
+  waiting.after_loss = seconds(10);
+  PanelWait wait = make();
+  show = wait.open();
+  int losses = 0;
+  Comeback comeback = Comeback::Back;
+  for (; comeback == Comeback::Back && losses < 100; ++losses) {
+    card.flip_faults = {{.error = EIO}};
+    EXPECT_EQ(submit(1), testing::SubmitStatus::Lost);
+    comeback = lose_and_bring_back(wait);
+  }
+  EXPECT_EQ(comeback, Comeback::GivenUp);
+  EXPECT_LE(losses, 13) << "a pause lies between two";
+}
+
+TEST_F(PanelReturn, ALossAfterALongTimeHasAllTheTimeAgain) {
+  waiting.after_loss = seconds(10);
+  PanelWait wait = make();
+  show = wait.open();
+  for (int i = 0; i < 20; ++i) {
+    idle(seconds(60));
+    card.unplug();
+    at(seconds(8), [this] { card.gone = false; });
+    EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+    rounds = 0;
+  }
+}
+
+display::PanelFacts panel_on(const std::string& connector) {
+  display::PanelFacts panel;
+  panel.connector = connector;
+  panel.connected = true;
+  return panel;
+}
+
+display::PanelFacts panel_on(const std::string& connector, const display::EdidIdentity& identity) {
+  display::PanelFacts panel = panel_on(connector);
+  panel.identity = identity;
+  return panel;
+}
+
+TEST(WrongPanelCard, SaysWhatWasExpectedWhatIsThereAndWhatToDo) {
+  const display::OutputWish wish{
+      .key = {},
+      .identity = {.manufacturer = "LGD", .product = 0x1234, .serial = "42", .edid_sha256 = {}},
+      .panel = {3840, 2160}};
+  display::EdidIdentity dell;
+  dell.manufacturer = "DEL";
+  dell.product = 7;
+  dell.name = "U27";
+  display::PanelSearch search;
+  search.present = {panel_on("DP-1", dell), panel_on("DP-2")};
+  search.present[0].modes = {
+      {.width = 1920, .height = 1080, .refresh = {60, 1}},
+      {.width = 2560, .height = 1440, .refresh = {60, 1}, .preferred = true}};
+  const display::CardText card =
+      wrong_panel_card(wish, search, search.present[0], "/etc/lenticule/lobby.toml");
+  EXPECT_EQ(card.headline, "WRONG PANEL");
+  ASSERT_EQ(card.rows.size(), 5u);
+  EXPECT_EQ(card.rows[0].text, "3840x2160 pixels, LGD 0x1234 serial 42");
+  EXPECT_EQ(card.rows[1].text, "DP-1: DEL 0x0007 'U27', 2560x1440@60");
+  EXPECT_EQ(card.rows[2].text, "DP-2: EDID absent");
+  EXPECT_EQ(card.rows[3].text, "/etc/lenticule/lobby.toml");
+  EXPECT_THAT(card.rows[4].text, HasSubstr("lenticule panels"));
+}
+
+TEST(WrongPanelCard, TellsPanelsApartThatDifferInNothingButTheirChecksum) {
+  display::OutputWish wish;
+  wish.identity.edid_sha256 = std::string(64, 'a');
+  display::EdidIdentity twin;
+  twin.sha256 = std::string(64, 'b');
+  display::PanelSearch search;
+  search.present = {panel_on("DP-1", twin)};
+  const display::CardText card = wrong_panel_card(wish, search, search.present[0], "rig");
+  EXPECT_THAT(card.rows[0].text, HasSubstr("aaaaaaaaaaaa"));
+  EXPECT_THAT(card.rows[1].text, HasSubstr("bbbbbbbbbbbb"));
+}
+
+TEST(WrongPanelCard, AnUnreadableEdidIsNotCalledAWrongPanel) {
+  display::OutputWish wish;
+  wish.identity.serial = "42";
+  display::PanelSearch search;
+  search.present = {panel_on("DP-1")};
+  search.present[0].edid_problem = display::EdidProblem::BadChecksum;
+  const display::CardText card = wrong_panel_card(wish, search, search.present[0], "rig");
+  EXPECT_EQ(card.headline, "UNKNOWN PANEL");
+}
+
+}  // namespace
+}  // namespace lenticule::player

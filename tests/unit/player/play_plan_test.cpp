@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/play_plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "optics/error.h"
+
+namespace lenticule::player {
+namespace {
+
+using std::chrono::seconds;
+
+class PlayPlanTest : public testing::Test {
+ protected:
+  PlayFlags flags;
+  void SetUp() override {
+    flags.source = "ring:/nowhere";
+    flags.rig = std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml";
+    flags.display = "kms";
+  }
+  [[nodiscard]] ErrorKind failure() const {
+    try {
+      (void)make_plan(flags, false);
+    } catch (const Error& error) {
+      return error.kind();
+    }
+    ADD_FAILURE() << "accepted";
+    return ErrorKind::Failed;
+  }
+};
+
+TEST_F(PlayPlanTest, ACommandLineDoesNotWaitForAPanelButGivesALostOneTime) {
+  const PlayPlan plan = make_plan(flags, false);
+  EXPECT_EQ(plan.panel_at_start, seconds(0));
+  EXPECT_EQ(plan.panel_after_loss, seconds(10));
+  EXPECT_EQ(plan.display.kms.exit, display::ExitPolicy::Restore);
+}
+
+TEST_F(PlayPlanTest, AServiceWaitsForItsPanelForEverAndHoldsItsLastFrame) {
+  const PlayPlan plan = make_plan(flags, true);
+  EXPECT_EQ(plan.panel_at_start, std::nullopt);
+  EXPECT_EQ(plan.panel_after_loss, std::nullopt);
+  EXPECT_EQ(plan.display.kms.exit, display::ExitPolicy::Hold);
+}
+
+TEST_F(PlayPlanTest, WhoSaysHowLongToWaitIsObeyedInBothCases) {
+  flags.wait_for_panel = "7";
+  const PlayPlan service = make_plan(flags, true);
+  EXPECT_EQ(service.panel_at_start, seconds(7));
+  EXPECT_EQ(service.panel_after_loss, seconds(7));
+  flags.wait_for_panel = "forever";
+  EXPECT_EQ(make_plan(flags, false).panel_at_start, std::nullopt);
+  flags.wait_for_panel = "0";
+  EXPECT_EQ(make_plan(flags, true).panel_after_loss, seconds(0));
+  flags.wait_for_panel = "soon";
+  EXPECT_EQ(failure(), ErrorKind::Usage);
+}
+
+TEST_F(PlayPlanTest, ATestCardIsShownUntilItIsEnough) {
+  flags.source = kCardSource;
+  EXPECT_EQ(make_plan(flags, false).playback.loops, kForever);
+  flags.loop = "2";
+  EXPECT_EQ(make_plan(flags, false).playback.loops, 2u);
+  flags.source = "picture.png";
+  flags.loop.clear();
+  EXPECT_EQ(make_plan(flags, false).playback.loops, 1u);
+}
+
+TEST_F(PlayPlanTest, WhatAGraphicsCardCannotDoIsSaidBeforeItIsOpened) {
+  flags.record = "png:/nowhere";
+  EXPECT_EQ(failure(), ErrorKind::Usage);
+  flags.record.clear();
+  flags.clock = "simulated";
+  EXPECT_EQ(failure(), ErrorKind::Usage);
+}
+
+}  // namespace
+}  // namespace lenticule::player
