@@ -82,6 +82,13 @@ CardText wrong_panel_card(const OutputWish& wish, const PanelSearch& search,
   return card;
 }
 
+CardText trouble_card(const std::string& what, const Error& error) {
+  CardText card{.headline = "CANNOT PLAY", .rows = {{"what", what}, {"why", error.what()}}};
+  if (!error.hint().empty()) card.rows.push_back({"do", error.hint()});
+  card.rows.push_back({"", "It is tried again by itself."});
+  return card;
+}
+
 CardText rig_card(const optics::Rig& rig, const std::string& file) {
   const optics::Panel& panel = rig.panel;
   return {.headline = "TEST CARD",

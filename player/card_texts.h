@@ -23,6 +23,9 @@ namespace lenticule::player {
                                                  const display::PanelFacts& shown_on,
                                                  const std::string& rig);
 
+/// What cannot be played, and is tried again.
+[[nodiscard]] display::CardText trouble_card(const std::string& what, const Error& error);
+
 /// `lenticule play card`.
 [[nodiscard]] display::CardText rig_card(const optics::Rig& rig, const std::string& file);
 

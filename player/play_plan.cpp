@@ -120,6 +120,11 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
          "with kms: restore what was shown before, hold the last frame for the next player, "
          "or black (default: hold as a service, else restore)")
       ->check(CLI::IsMember({"restore", "hold", "black"}));
+  app.add_flag(
+      "--safe", flags.safe,
+      "start with care: take nothing over from a player before, no real-time priority, and "
+      "show a test card with the reason as long as the source cannot be played (a service "
+      "does so by itself after five failed starts)");
   app.add_option("--record", flags.record,
                  "record what was on the glass: checksums:FILE or png:FOLDER");
   app.add_option("--stats", flags.stats, "write statistics there, every second and at the end");

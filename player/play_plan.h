@@ -33,6 +33,7 @@ struct PlayFlags {
   std::optional<uint64_t> prime;
   int slots = 8;
   int buffers = 3;
+  bool safe = false;
   bool json = false;
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
 };

@@ -48,7 +48,8 @@ void PlayService::report(const PlayReport& report) {
     exactness = display_->exactness();
   }
   const display::KmsStatistics* const statistics = kms ? &*kms : nullptr;
-  const std::string text = status_text(report, statistics, exactness ? &*exactness : nullptr);
+  std::string text = status_text(report, statistics, exactness ? &*exactness : nullptr);
+  if (!trouble_.empty()) text = "test card shown: " + trouble_ + "; " + text;
   if (!ready_ && report.first_frame_ms > 0) {
     ready_ = true;
     manager_.ready(text);

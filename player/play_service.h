@@ -30,12 +30,15 @@ class PlayService {
   void report(const PlayReport& report);
   /// The display came back: the manager is given what it is now.
   void keep_again();
+  /// What is wrong although something is shown, for the status line; empty = nothing.
+  void set_trouble(const std::string& trouble) { trouble_ = trouble; }
 
  private:
   const ServiceManager& manager_;
   const display::KmsDisplay* display_;
   Heartbeat heartbeat_;
   bool ready_ = false;
+  std::string trouble_;
   std::chrono::steady_clock::time_point last_beat_;
 };
 

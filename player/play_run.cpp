@@ -1,0 +1,334 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/play_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "display/open_display.h"
+#include "frames/atomic_file.h"
+#include "player/card_texts.h"
+#include "player/command.h"
+#include "player/interrupt.h"
+#include "player/kept_output.h"
+#include "player/panel_json.h"
+#include "player/progress.h"
+#include "player/still_source.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::Nanoseconds;
+
+/// How long a test card is shown before its source is tried again.
+constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
+/// The same for a source that seems to end the player.
+constexpr Nanoseconds kTryDangerousSource = std::chrono::seconds(60);
+
+std::string progress_note(const PlayReport& report) {
+  return fmt::format("{} underruns, {} missed vblanks, {} dropped", report.pace.underruns,
+                     report.pace.missed, report.pace.dropped);
+}
+
+/// 0 = nobody knows.
+uint64_t frames_to_show(const frames::FrameSource& source, uint64_t loops) {
+  return source.frame_count().value_or(0) * loops;
+}
+
+uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
+  const double seconds = std::chrono::duration<double>(duration).count();
+  return std::max<uint64_t>(1, static_cast<uint64_t>(seconds * refresh.hertz()));
+}
+
+Error crash_loop(const SafeStart& safe) {
+  const std::string last = safe.last_reason.empty() ? "it crashed or was killed" : safe.last_reason;
+  return {ErrorKind::Failed,
+          fmt::format("the player ended {} times within two minutes; the last "
+                      "time: {}",
+                      safe.failures, last),
+          "look into the journal"};
+}
+
+}  // namespace
+
+PlayRun::PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& manager,
+                 SafeStart safe)
+    : flags_(flags),
+      plan_(std::move(plan)),
+      manager_(manager),
+      safe_(std::move(safe)),
+      card_time_(safe_.card_first ? kTryDangerousSource : kTryAgain) {
+  if (!safe_.on) return;
+  plan_.display.kms.fresh = true;
+  plan_.playback.real_time_priority = false;
+}
+
+ExitCode PlayRun::run() {
+  if (safe_.card_first)
+    trouble_ = crash_loop(safe_);
+  else
+    open_the_source();
+  if (!flags_.record.empty()) plan_.display.recorder = display::open_recorder(flags_.record);
+  try {
+    open_display();
+  } catch (const Error&) {
+    if (interrupted()) return interrupt_exit_code();
+    throw;
+  }
+  announce();
+  PlayResult result;
+  do {
+    result = trouble_ ? play_card() : play_source();
+  } while (goes_on_after(result));
+  return conclude(result);
+}
+
+// --- the display ----------------------------------------------------------------------------
+
+/// Opens the display, taking over what a player before us left there.
+void PlayRun::open_display() {
+  std::vector<KeptDescriptor> kept = take_kept_descriptors();
+  kept_ = !kept.empty();
+  plan_.display.kms.inherited = kept_output(std::move(kept));
+  manager_.status("opening " + plan_.display.spec);
+  const bool is_panel = display::is_kms_spec(plan_.display.spec);
+  // While the manager has the card open, nobody else can be its master.
+  if (!is_panel || !plan_.display.kms.inherited) let_go();
+  if (is_panel)
+    open_panel();
+  else
+    display_ = display::open_display(plan_.display);
+  service_.emplace(manager_, kms_);
+  kept_ = kms_ != nullptr && manager_.present();
+  if (plan_.duration_s)
+    end_ = display_->now() + std::chrono::duration_cast<Nanoseconds>(
+                                 std::chrono::duration<double>(*plan_.duration_s));
+}
+
+void PlayRun::open_panel() {
+  lost_ = nothing_yet("waiting for the panel");
+  panel_.emplace(
+      PanelWaitOptions{.kms = display::kms_options_of(plan_.display),
+                       .at_start = plan_.panel_at_start,
+                       .after_loss = plan_.panel_after_loss,
+                       .rig = flags_.rig,
+                       .cancel_fd = interrupt_fd(),
+                       .tell = [this](const PanelWaiting& waiting) { tell_waiting(waiting); },
+                       .let_go = [this] { let_go(); }});
+  std::unique_ptr<display::KmsDisplay> opened = panel_->open([this] {
+    if (opened_.source) opened_.source->service();
+  });
+  kms_ = opened.get();
+  display_ = std::move(opened);
+  told_.clear();
+}
+
+void PlayRun::let_go() {
+  if (std::exchange(kept_, false)) forget_output(manager_);
+}
+
+/// Pings only where there is nothing to show on: a panel that is there and cannot be used is not in
+/// order, and another process may have better luck.
+void PlayRun::tell_waiting(const PanelWaiting& waiting) {
+  const std::string why = waiting.reason.what();
+  if (std::exchange(told_, why) != why) fmt::print(stderr, "waiting for the panel: {}\n", why);
+  manager_.status(fmt::format("waiting for the panel{}: {}",
+                              waiting.card_shown ? ", test card shown" : "", why));
+  if (waiting.panel_missing) manager_.ping();
+  nlohmann::ordered_json statistics = statistics_json(lost_);
+  statistics["waiting_for"] = {{"reason", why},
+                               {"panel_missing", waiting.panel_missing},
+                               {"test_card_shown", waiting.card_shown}};
+  write_stats(statistics);
+}
+
+Comeback PlayRun::bring_back(const LostDisplay& lost) {
+  lost_ = lost.report;
+  fmt::print(stderr, "{}: lost\n", lost.report.display);
+  const Comeback comeback = panel_->bring_back(*kms_, lost);
+  told_.clear();
+  if (comeback != Comeback::Back) return comeback;
+  kept_ = manager_.present();
+  service_->keep_again();
+  fmt::print(stderr, "{}: back, {}\n", kms_->mode().name, kms_->exactness().summary());
+  return comeback;
+}
+
+// --- playing --------------------------------------------------------------------------------
+
+/// With care, what cannot be opened is trouble, not the end.
+void PlayRun::open_the_source() {
+  try {
+    opened_ = open_source(plan_.source);
+    trouble_.reset();
+  } catch (const Error& error) {
+    if (!safe_.on || error.kind() == ErrorKind::Usage) throw;
+    trouble_ = error;
+  }
+}
+
+std::optional<uint64_t> PlayRun::vblanks_left() const {
+  if (!end_) return std::nullopt;
+  return whole_vblanks(*end_ - display_->now(), display_->mode().refresh);
+}
+
+/// What was asked for in whole vblanks is over up to one of them early.
+bool PlayRun::time_is_over() const {
+  if (!end_) return false;
+  const std::chrono::duration<double> vblank(1.0 / display_->mode().refresh.hertz());
+  return *end_ - display_->now() < vblank;
+}
+
+PlayResult PlayRun::play_source() {
+  PlaybackOptions options = plan_.playback;
+  // Counted from the first picture; with care, several things share the time.
+  options.vblanks =
+      safe_.on ? vblanks_left() : vblanks_of(plan_.duration_s, display_->mode().refresh);
+  return play_on_display(*opened_.source, options);
+}
+
+PlayResult PlayRun::play_card() {
+  fmt::print(stderr, "{}\n", trouble_->what());
+  service_->set_trouble(trouble_->what());
+  StillSource card(
+      draw_test_card(display_->mode().geometry, trouble_card(flags_.source, *trouble_)));
+  PlaybackOptions options = plan_.playback;
+  options.loops = kForever;
+  options.prime = 1;
+  options.content.reset();
+  options.vblanks = whole_vblanks(std::exchange(card_time_, kTryAgain), display_->mode().refresh);
+  if (const auto left = vblanks_left()) options.vblanks = std::min(*options.vblanks, *left);
+  return play_on_display(card, options);
+}
+
+PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions options) {
+  Progress progress("playing", "frames", frames_to_show(source, options.loops));
+  options.on_report = [&](const PlayReport& report) {
+    write_stats(statistics_json(report));
+    service_->report(report);
+    progress.update(report.pace.shown, progress_note(report));
+  };
+  if (panel_) options.bring_back = [this](const LostDisplay& lost) { return bring_back(lost); };
+  // A place that cannot be written is found out now, not after an evening's playing.
+  write_stats(statistics_json(nothing_yet("starting")));
+  PlayResult result = play(*display_, source, options);
+  progress.update(result.report.pace.shown, progress_note(result.report));
+  progress.finish(outcome_name(result.outcome));
+  return result;
+}
+
+/// With care, the source is tried again after its test card, and a source that broke gets one.
+bool PlayRun::goes_on_after(const PlayResult& result) {
+  const bool ended_by_others =
+      result.outcome == PlayOutcome::Stopped || result.outcome == PlayOutcome::DisplayLost;
+  if (!safe_.on || ended_by_others || interrupted()) return false;
+  if (time_is_over()) return false;
+  if (trouble_) {
+    open_the_source();
+    if (!trouble_) service_->set_trouble({});
+    return true;
+  }
+  if (result.outcome == PlayOutcome::Finished) return false;
+  trouble_ = source_trouble(result);
+  return true;
+}
+
+// --- telling --------------------------------------------------------------------------------
+
+/// The report, and what a graphics card and a careful start add to it.
+nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const {
+  nlohmann::ordered_json json = to_json(report);
+  if (kms_ != nullptr) {
+    json["exactness"] = to_json(kms_->exactness());
+    json["kms"] = to_json(kms_->statistics());
+    json["kms"]["took_over"] = kms_->took_over();
+  }
+  if (safe_.on) {
+    json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};
+    if (trouble_) json["safe_start"]["trouble"] = trouble_->what();
+  }
+  return json;
+}
+
+void PlayRun::write_stats(const nlohmann::ordered_json& statistics) const {
+  if (flags_.stats.empty()) return;
+  const std::string text = statistics.dump(2) + "\n";
+  frames::write_file_atomically(
+      flags_.stats, std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
+}
+
+PlayReport PlayRun::nothing_yet(const char* outcome) const {
+  PlayReport report;
+  report.source = flags_.source;
+  report.display = flags_.display;
+  report.outcome = outcome;
+  return report;
+}
+
+/// Once, for people and the journal.
+void PlayRun::announce() const {
+  if (kms_ != nullptr)
+    fmt::print(stderr, "{}: {}, {}\n", display_->mode().name, kms_->exactness().summary(),
+               kms_->took_over() ? "taken over without a modeset" : "lit by a modeset");
+  if (!trouble_ && !opened_.stall_hint.empty())
+    fmt::print(stderr, "playing {} on {}: waiting for a renderer\n", flags_.source,
+               display_->mode().name);
+}
+
+// --- the end --------------------------------------------------------------------------------
+
+ExitCode PlayRun::conclude(const PlayResult& result) {
+  const nlohmann::ordered_json statistics = statistics_json(result.report);
+  manager_.stopping(outcome_name(result.outcome));
+  service_.reset();
+  kms_ = nullptr;
+  display_.reset();  // completes the recording
+  if (plan_.display.recorder) plan_.display.recorder->finish();
+  write_stats(statistics);
+  if (flags_.json)
+    print_json(statistics);
+  else
+    fmt::print(stderr, "{}\n", summary_text(result.report));
+  return exit_code_after(result);
+}
+
+ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
+  switch (result.outcome) {
+    case PlayOutcome::Finished:
+      if (trouble_) throw Error(*trouble_);
+      return kOk;
+    case PlayOutcome::Stopped:
+      return interrupt_exit_code();
+    case PlayOutcome::SourceFailed:
+    case PlayOutcome::SourceStalled:
+      throw source_trouble(result);
+    case PlayOutcome::DisplayLost:
+      throw lost_display();
+  }
+  return kFailed;
+}
+
+Error PlayRun::source_trouble(const PlayResult& result) const {
+  const auto trouble = [&](ErrorKind kind, const std::string& what, const std::string& hint) {
+    return Error(kind, fmt::format("{}: {}", flags_.source, what), hint);
+  };
+  if (result.outcome == PlayOutcome::SourceStalled)
+    return trouble(ErrorKind::Failed, fmt::format("no frame came for {} s", flags_.wait),
+                   opened_.stall_hint);
+  const std::string obstacle = opened_.loop_obstacle ? opened_.loop_obstacle() : "";
+  return trouble(opened_.loop_obstacle ? ErrorKind::Failed : ErrorKind::Input, result.failure,
+                 obstacle);
+}
+
+Error PlayRun::lost_display() const {
+  const std::string what = fmt::format("display '{}': it went away", flags_.display);
+  if (!panel_ || !panel_->refusal()) return {ErrorKind::Device, what};
+  return {ErrorKind::Device,
+          fmt::format("{} and did not come back: {}", what, panel_->refusal()->what()),
+          panel_->refusal()->hint()};
+}
+
+}  // namespace lenticule::player

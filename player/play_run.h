@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+// One run of `lenticule play`, from the plan to the exit code: opens source and display, plays,
+// waits for a panel that is lost, tells whoever wants to know.
+#pragma once
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "display/kms/kms_display.h"
+#include "optics/error.h"
+#include "player/exit_code.h"
+#include "player/panel_wait.h"
+#include "player/play_plan.h"
+#include "player/play_service.h"
+#include "player/playback.h"
+#include "player/service_manager.h"
+#include "player/source_open.h"
+
+namespace lenticule::player {
+
+/// Starting with care, after starts that failed or because somebody asked for it: nothing is taken
+/// over from a player before, no real-time priority, and what cannot be played becomes a test card
+/// with the reason until it can.
+struct SafeStart {
+  bool on = false;
+  /// The source is not even tried at first: it may be what ends every player.
+  bool card_first = false;
+  int failures = 0;
+  std::string last_reason{};
+};
+
+/// One thread.
+class PlayRun {
+ public:
+  PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& manager, SafeStart safe);
+
+  /// Once. Throws Error for what ends the run.
+  ExitCode run();
+
+ private:
+  // The display.
+  void open_display();
+  void open_panel();
+  [[nodiscard]] Comeback bring_back(const LostDisplay& lost);
+  void tell_waiting(const PanelWaiting& waiting);
+  void let_go();
+
+  // Playing.
+  void open_the_source();
+  [[nodiscard]] PlayResult play_source();
+  [[nodiscard]] PlayResult play_card();
+  [[nodiscard]] PlayResult play_on_display(frames::FrameSource& source, PlaybackOptions options);
+  [[nodiscard]] bool goes_on_after(const PlayResult& result);
+  [[nodiscard]] std::optional<uint64_t> vblanks_left() const;
+  [[nodiscard]] bool time_is_over() const;
+
+  // Telling.
+  void announce() const;
+  void write_stats(const nlohmann::ordered_json& statistics) const;
+  [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
+  [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
+
+  // The end.
+  [[nodiscard]] ExitCode conclude(const PlayResult& result);
+  [[nodiscard]] ExitCode exit_code_after(const PlayResult& result) const;
+  [[nodiscard]] Error source_trouble(const PlayResult& result) const;
+  [[nodiscard]] Error lost_display() const;
+
+  const PlayFlags& flags_;
+  PlayPlan plan_;
+  const ServiceManager& manager_;
+  const SafeStart safe_;
+
+  OpenedSource opened_;
+  std::optional<Error> trouble_;    ///< of a safe start: why the source is not played
+  display::Nanoseconds card_time_;  ///< before it is tried again
+  std::optional<PanelWait> panel_;
+  std::unique_ptr<display::Display> display_;
+  display::KmsDisplay* kms_ = nullptr;  ///< display_, if it is one
+  std::optional<PlayService> service_;
+  std::optional<display::Nanoseconds> end_;  ///< of the time asked for, display clock
+  bool kept_ = false;                        ///< the manager has a copy of the card
+  std::string told_;                         ///< why it waits, said once
+  PlayReport lost_;                          ///< while a panel is waited for
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// Starts that fail again and again: the next one shows what is wrong instead of dying forever.
+#include <algorithm>
+#include <ctime>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "frames/image_io.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+class SafeStart : public CommandTest {
+ protected:
+  static constexpr frames::FrameGeometry kPanel{240, 180};
+
+  void SetUp() override {
+    CommandTest::SetUp();
+    write("rig.toml",
+          "format = 1\nname = \"safe\"\n[panel]\nwidth_px = 240\nheight_px = 180\n"
+          "pixel_width_mm = 0.5\npixel_height_mm = 0.5\nlayout = \"rgb\"\n[sheet]\n"
+          "pitch_subpx = 8.3\nslant = 0.17\noffset_lenses = 0.25\ngap_mm = 6.0\n"
+          "refraction_shape = 0.45\nspot_sigma_lenses = 0.03\n[viewing]\n"
+          "distance_mm = 500.0\nheight_mm = 0.0\n");
+    std::filesystem::create_directories(path("run"));
+  }
+
+  [[nodiscard]] std::vector<std::string> play(std::vector<std::string> flags) const {
+    std::vector<std::string> words = {"/usr/bin/env",    "RUNTIME_DIRECTORY=" + path("run"),
+                                      LENTICULE_PROGRAM, "play",
+                                      path("film.png"),  "--rig",
+                                      path("rig.toml"),  "--display",
+                                      "virtual",         "--stats",
+                                      path("stats.json")};
+    words.insert(words.end(), flags.begin(), flags.end());
+    return words;
+  }
+  void write_film() const {
+    frames::WovenFrame film(kPanel);
+    std::fill(film.bytes().begin(), film.bytes().end(), uint8_t{77});
+    frames::write_woven(film.view(), path("unfinished.png"));
+    std::filesystem::rename(path("unfinished.png"), path("film.png"));
+  }
+  [[nodiscard]] nlohmann::json stats() const {
+    return nlohmann::json::parse(std::ifstream(path("stats.json")));
+  }
+  /// A white line along every edge, and not the film.
+  [[nodiscard]] bool is_card(const std::string& file) const {
+    const frames::WovenFrame frame = frames::read_woven(path(file));
+    return std::all_of(frame.row(0), frame.row(0) + 3 * kPanel.width,
+                       [](uint8_t value) { return value == 255; });
+  }
+};
+
+TEST_F(SafeStart, ASourceThatCannotBeOpenedIsACardWithTheReason) {
+  const ProcessResult played =
+      run_process(play({"--safe", "--duration", "1", "--record", "png:" + path("shown")}));
+  EXPECT_EQ(played.exit_code, 4) << played.err;
+  EXPECT_NE(played.err.find("film.png"), std::string::npos) << played.err;
+  EXPECT_TRUE(is_card("shown/00000000.png"));
+  EXPECT_NE(stats().at("safe_start").at("trouble").get<std::string>().find("film.png"),
+            std::string::npos);
+  EXPECT_EQ(stats().at("real_time_priority"), false);
+}
+
+TEST_F(SafeStart, TheFilmIsPlayedAsSoonAsItCanBe) {
+  BackgroundProcess player(play({"--safe", "--loop", "2", "--record", "png:" + path("shown")}));
+  for (int i = 0; i < 3000 && !std::filesystem::exists(path("stats.json")); ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  write_film();
+  const ProcessResult played = player.wait(std::chrono::seconds(60));
+  EXPECT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_FALSE(is_card("shown/00000001.png")) << "the second frame of the film";
+  EXPECT_TRUE(stats().at("safe_start").at("trouble").is_null());
+}
+
+TEST_F(SafeStart, AFlagThatMakesNoSenseStaysAnError) {
+  EXPECT_EQ(run_process(play({"--safe", "--loop", "never"})).exit_code, 2);
+}
+
+TEST_F(SafeStart, ACrashLoopEndsInACardInsteadOfDyingForEver) {
+  for (int start = 0; start < 5; ++start) {
+    const ProcessResult played = run_process(play({}));
+    EXPECT_EQ(played.exit_code, 4) << played.err;
+    EXPECT_EQ(played.err.find("with care"), std::string::npos);
+  }
+  const ProcessResult careful =
+      run_process(play({"--duration", "1", "--record", "png:" + path("shown")}));
+  EXPECT_NE(careful.err.find("5 starts failed"), std::string::npos) << careful.err;
+  EXPECT_TRUE(is_card("shown/00000000.png"));
+  EXPECT_EQ(stats().at("safe_start").at("failed_starts"), 5);
+}
+
+TEST_F(SafeStart, ASourceThatEndsEveryPlayerIsNotTriedAtOnce) {
+  write_film();
+  std::string starts;
+  timespec since_boot{};
+  clock_gettime(CLOCK_BOOTTIME, &since_boot);
+  for (int start = 0; start < 10; ++start) starts += std::to_string(since_boot.tv_sec) + " \n";
+  write("run/starts", starts);
+  const ProcessResult played =
+      run_process(play({"--duration", "1", "--record", "png:" + path("shown")}));
+  EXPECT_EQ(played.exit_code, 1) << played.err;
+  EXPECT_TRUE(is_card("shown/00000000.png"));
+  EXPECT_NE(played.err.find("ended 10 times"), std::string::npos) << played.err;
+}
+
+TEST_F(SafeStart, OrderlyEndsAreNoFailures) {
+  write_film();
+  for (int start = 0; start < 7; ++start) {
+    const ProcessResult played = run_process(play({}));
+    EXPECT_EQ(played.exit_code, 0) << played.err;
+  }
+  EXPECT_FALSE(stats().contains("safe_start"));
+}
+
+}  // namespace
+}  // namespace lenticule::test

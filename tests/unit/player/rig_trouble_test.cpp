@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// A rig that cannot be read, where nobody knows yet what panel there should be.
+#include "player/rig_trouble.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "display/test_card.h"
+#include "player/card_texts.h"
+#include "tests/unit/kms/kms_stage.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::seconds;
+
+class RigTrouble : public testing::KmsStage {
+ protected:
+  fs::path folder = fs::path(::testing::TempDir()) / fmt::format("rig-trouble-{}", getpid());
+  PlayFlags flags;
+  ServiceManager manager;
+  void SetUp() override {
+    fs::create_directories(folder);
+    flags.source = "film.png";
+    flags.rig = folder / "lobby.toml";
+    flags.display = "kms";
+    connector->modes = {testing::make_mode(320, 200, 60)};
+  }
+  void TearDown() override { fs::remove_all(folder); }
+  /// What keeps the rig from being read now.
+  [[nodiscard]] Error trouble() const {
+    try {
+      (void)make_plan(flags, false);
+    } catch (const Error& error) {
+      return error;
+    }
+    ADD_FAILURE() << "there is none";
+    return {ErrorKind::Failed, ""};
+  }
+  void put_right() const {
+    fs::copy_file(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml", flags.rig);
+  }
+};
+
+TEST_F(RigTrouble, IsSaidOnWhateverPanelIsThereUntilItIsPutRight) {
+  const frames::WovenFrame expected =
+      display::draw_test_card({320, 200}, trouble_card(flags.rig, trouble()));
+  std::vector<uint32_t> glass;
+  machine.at(machine.now() + seconds(3), [&] { glass = card.glass(crtc); });
+  machine.at(machine.now() + seconds(12), [&] { put_right(); });
+  const auto plan = plan_when_rig_is_right(flags, manager, options);
+  ASSERT_TRUE(plan);
+  EXPECT_GT(plan->display.panel.width, 0);
+  EXPECT_EQ(glass, testing::words_of(expected));
+  EXPECT_EQ(card.master_fd, -1) << "the card is free for the display";
+  EXPECT_EQ(card.buffers.size(), 0u);
+}
+
+TEST_F(RigTrouble, IsNotWaitedForWhereThereIsNoPanel) {
+  flags.display = "virtual";
+  EXPECT_THROW((void)plan_when_rig_is_right(flags, manager, options), Error);
+}
+
+TEST_F(RigTrouble, WaitsWithoutAPanelToo) {
+  connector->connected = false;
+  machine.at(machine.now() + seconds(12), [&] { put_right(); });
+  EXPECT_TRUE(plan_when_rig_is_right(flags, manager, options));
+}
+
+TEST_F(RigTrouble, FlagsThatMakeNoSenseStayAnError) {
+  flags.loop = "never";
+  EXPECT_THROW((void)plan_when_rig_is_right(flags, manager, options), Error);
+}
+
+}  // namespace
+}  // namespace lenticule::player
