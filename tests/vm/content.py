@@ -6,6 +6,8 @@ import subprocess
 import picture
 from vm_test import require_program
 
+PIXEL_MM = 0.15565  # of a 27 inch panel of 3840x2160, whatever the size: optics do not matter here
+
 RIG = """format = 1
 name = "panel of the virtual machine"
 
@@ -45,7 +47,7 @@ class Content:
 
     def set_identity(self, identity):
         (self.folder / "rig.toml").write_text(
-            RIG.format(width=self.size[0], height=self.size[1], pixel=597.7 / self.size[0],
+            RIG.format(width=self.size[0], height=self.size[1], pixel=PIXEL_MM,
                        identity=identity))
 
     def _render(self, program):
@@ -57,7 +59,7 @@ class Content:
                         "--frames", f"0:{self.count}", "-o", self.folder / "%05d.png"],
                        check=True, capture_output=True, timeout=300)
 
-    def pattern(self):
+    def source(self):
         return f"{self.guest}/%05d.png"
 
     def frame(self, number):

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""systemd in a guest: first process of a namespace, since the guest's own first process is the agent."""
+
+import time
+
+from vm import CommandFailed
+
+
+class Systemd:
+    """Runs until the guest's processes are ended. Sees the guest's files and devices."""
+
+    def __init__(self, vm):
+        self.vm = vm
+        vm.check("mkdir -p /sys/fs/cgroup && mount -t cgroup2 none /sys/fs/cgroup")
+        self.process = vm.start(["unshare", "--fork", "--pid", "--mount", "--mount-proc",
+                                 "env", "container=test", "/lib/systemd/systemd", "--system",
+                                 "--unit=sysinit.target", "--show-status=no"])
+        deadline = time.monotonic() + 180
+        while self.systemctl("is-active", "--quiet", "sysinit.target").code != 0:
+            assert self.process.running() and time.monotonic() < deadline, (
+                self.process.stdout, self.process.stderr, self.systemctl("list-jobs"))
+            time.sleep(0.5)
+
+    def run(self, command, timeout=60):
+        """Runs a shell command from within the namespace: systemctl talks to nobody outside."""
+        outside = self.process.pid
+        return self.vm.run(f"pid=$(cat /proc/{outside}/task/{outside}/children) && "
+                           f"exec nsenter --target $pid --pid --mount {command}", timeout)
+
+    def check(self, command, timeout=60):
+        result = self.run(command, timeout)
+        if result.code != 0:
+            raise CommandFailed(f"'{command}': {result}\n{self.process.stderr[-2000:]}")
+        return result.stdout
+
+    def systemctl(self, *words):
+        return self.run(" ".join(["systemctl", *words]))
+
+
+class Unit:
+    """One unit of it."""
+
+    def __init__(self, systemd, name):
+        self.systemd = systemd
+        self.name = name
+
+    def check(self, *words):
+        """systemctl WORDS UNIT, which must succeed; returns its output."""
+        result = self.systemd.systemctl(*words, self.name)
+        assert result.code == 0, (result, self.journal())
+        return result.stdout
+
+    def facts(self, *names):
+        shown = self.check("show", *(f"-p{name}" for name in names))
+        return dict(line.split("=", 1) for line in shown.splitlines())
+
+    def wait_until(self, wanted, timeout=120):
+        """Waits until wanted(facts) holds; returns those facts."""
+        deadline = time.monotonic() + timeout
+        while True:
+            now = self.facts("ActiveState", "SubState", "MainPID", "StatusText", "Result",
+                             "NRestarts")
+            if wanted(now):
+                return now
+            assert time.monotonic() < deadline, (now, self.journal())
+            time.sleep(0.5)
+
+    def wait_for_main_process(self, other_than=None, timeout=120):
+        """Waits until the unit is active; returns its main process's id, as systemd counts."""
+        return self.wait_until(lambda now: now["ActiveState"] == "active"
+                               and now["MainPID"] not in ("0", other_than), timeout)["MainPID"]
+
+    def journal(self):
+        return (self.systemd.systemctl("status", "--no-pager", "--lines=40", self.name).stdout
+                + self.systemd.process.stderr[-2000:])

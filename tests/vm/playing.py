@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Starting lenticule play in a guest and reading what it says of itself."""
+
+import json
+import time
+
+from vm_test import require_program
+
+STATS = "/tmp/stats.json"
+
+
+def play_command(vm, content, *flags):
+    """content: a Content or NumberedFrames, which knows its source and its rig."""
+    return [require_program(vm, "lenticule"), "play", content.source(), "--rig", content.rig,
+            "--display", "kms", "--stats", STATS, *flags]
+
+
+def play(vm, content, *flags, **options):
+    """A running player. Options: see VirtualMachine.start()."""
+    vm.run(["rm", "-f", STATS])
+    return vm.start(play_command(vm, content, *flags), **options)
+
+
+def stats(vm):
+    return json.loads(vm.read_file(STATS))
+
+
+def wait_until_shown(vm, player, count=1, timeout=60):
+    """Waits until the player says that it has shown so many frames; returns its statistics."""
+    deadline = time.monotonic() + timeout
+    while True:
+        running = player.running()
+        if vm.run(["test", "-e", STATS]).code == 0:
+            now = stats(vm)
+            if now.get("shown", 0) >= count:
+                return now
+        assert running and time.monotonic() < deadline, (player.stdout, player.stderr)
+        time.sleep(0.2)

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""lenticule doctor: its verdict and exit code on each kind of machine, as docs/kms.md lists them."""
+
+import json
+
+from content import Content
+from playing import play, wait_until_shown
+from vm_test import Machine, require_program, vm_test
+
+VIRTIO = Machine(display="virtio-gpu")
+USABLE, USAGE, NO_PANEL = 0, 2, 3
+
+
+def doctor(vm, code, *flags):
+    result = vm.run([require_program(vm, "lenticule"), "doctor", "--json", *flags], 60)
+    assert result.code == code, result
+    return result
+
+
+def check_healthy(vm, driver, counts_vblanks):
+    found = json.loads(doctor(vm, USABLE).stdout)
+    [card] = found["cards"]
+    assert card["driver"] == driver and card["problem"] == "", card
+    assert card["counts_vblanks"] in (counts_vblanks, None) and card["master_available"], card
+    [output] = found["outputs"]
+    assert output["panel"]["connector"] == "Virtual-1" and output["problem"] == "", output
+    assert output["exactness"]["exact"] == "yes" and output["tested"], output
+    assert output["exactness"]["reasons"] == [], output
+    # It leaves the card to the next one who wants it.
+    assert json.loads(doctor(vm, USABLE, "--display", "kms:Virtual-1").stdout) == found
+    missing = doctor(vm, NO_PANEL, "--display", "kms:HDMI-A-7")
+    assert json.loads(missing.stdout)["outputs"] == [], missing
+    assert "no such panel is connected" in missing.stderr, missing
+
+
+@vm_test(VIRTIO)
+def finds_virtio_healthy(vm):
+    check_healthy(vm, "virtio_gpu", False)
+
+
+@vm_test(Machine(modules=("vkms",)))
+def finds_vkms_healthy(vm):
+    check_healthy(vm, "vkms", True)
+
+
+@vm_test(Machine())
+def says_that_there_is_no_card(vm):
+    result = doctor(vm, NO_PANEL)
+    assert json.loads(result.stdout) == {"cards": [], "outputs": []}, result
+    assert "no graphics card was found" in result.stderr, result
+
+
+@vm_test(Machine())
+def refuses_a_name_that_makes_no_sense(vm):
+    result = doctor(vm, USAGE, "--display", "kms:edid:")
+    assert result.stdout == "" and "edid" in result.stderr, result
+
+
+@vm_test(VIRTIO, fresh=True)
+def finds_no_panel_where_all_are_unplugged(vm):
+    vm.write_file("/sys/class/drm/card0-Virtual-1/status", "off")
+    found = json.loads(doctor(vm, NO_PANEL).stdout)
+    assert len(found["cards"]) == 1 and found["outputs"] == [], found
+
+
+@vm_test(VIRTIO)
+def says_that_another_program_is_master(vm):
+    player = play(vm, Content(vm, 1920, 1080, 3), "--frames", "1:2", "--loop", "forever")
+    wait_until_shown(vm, player)
+    result = vm.run([require_program(vm, "lenticule"), "doctor", "--json"], 60)
+    [card] = json.loads(result.stdout)["cards"]
+    assert card["master_available"] is False, result
