@@ -78,6 +78,13 @@ def noise(width, height, seed):
     return Picture(width, height, random.Random(seed).randbytes(width * height * 3))
 
 
+def combined(one, other):
+    """Exclusive or, bit by bit: under noise no region of a picture is flat any more."""
+    size = len(one.rgb)
+    bits = int.from_bytes(one.rgb, "big") ^ int.from_bytes(other.rgb, "big")
+    return Picture(one.width, one.height, bits.to_bytes(size, "big"))
+
+
 def read(path):
     """A Picture from a PPM (P6, 8 bits) or PNG (8 bits, RGB or RGBA, not interlaced) file."""
     data = pathlib.Path(path).read_bytes()

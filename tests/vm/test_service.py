@@ -69,6 +69,11 @@ def a_killed_player_leaves_its_frame_to_the_next_one(vm):
     check_lives(vm, 1920, 1080, 3, gap_seconds=2)  # without a holder the console is back by then
 
 
+@vm_test(Machine(display="virtio-gpu", width=640, height=480), fresh=True, slow=True)
+def fifty_killed_players_leak_no_buffer(vm):
+    check_lives(vm, 640, 480, 50, gap_seconds=0)
+
+
 @vm_test(VIRTIO, fresh=True)
 def tells_the_service_manager_how_it_is(vm):
     content = Content(vm, 1920, 1080, 3)

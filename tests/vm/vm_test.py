@@ -22,14 +22,20 @@ class Test:
     name: str
     machine: Machine
     fresh: bool
+    slow: bool
     function: typing.Callable
 
 
-def vm_test(machine, fresh=False):
-    """Registers a test. fresh: it gets a machine of its own, because it leaves it changed."""
+def vm_test(machine, fresh=False, slow=False):
+    """Registers a test.
+
+    fresh: it gets a machine of its own, because it leaves it changed.
+    slow: it takes minutes and --quick leaves it out; a quick test proves the same for less.
+    """
     def register(function):
         file = function.__module__.removeprefix("test_")
-        ALL_TESTS.append(Test(f"{file}.{function.__name__}", machine, fresh, function))
+        ALL_TESTS.append(Test(f"{file}.{function.__name__}", machine, fresh, slow,
+                              function))
         return function
     return register
 
