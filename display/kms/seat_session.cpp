@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A session kept by libseat: the card is taken away and given back on virtual terminal switches.
 #include <fmt/format.h>
-#include <libseat.h>
 #include <poll.h>
 #include <unistd.h>
 
@@ -13,6 +12,11 @@
 
 #include "display/kms/session.h"
 #include "optics/error.h"
+
+// This header of 0.7 does not say that its functions are C's.
+extern "C" {
+#include <libseat.h>
+}
 
 namespace lenticule::display {
 namespace {
