@@ -5,6 +5,7 @@
 #include <unistd.h>
 #include <xxhash.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -52,15 +53,16 @@ class ChecksumRecorder final : public ScanoutRecorder {
 
   void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept override {
     if (error_ != 0) return;
-    if (shown.skipped_before > 0)
-      note(std::fprintf(stream_, "# %ju not recorded\n", uintmax_t{shown.skipped_before}));
+    note_skipped(shown.skipped_before);
     note(std::fprintf(stream_, "%ju %ju %016jx\n", uintmax_t{shown.sequence}, uintmax_t{shown.id},
                       uintmax_t{checksum(scanout)}));
   }
 
   void finish() override {
-    std::FILE* stream = std::exchange(stream_, nullptr);
-    if (stream == nullptr) return;
+    if (stream_ == nullptr) return;
+    // After the last that was recorded; whoever calls record() need not count.
+    note_skipped(std::max(skipped(), skipped_noted_) - skipped_noted_);
+    std::FILE* const stream = std::exchange(stream_, nullptr);
     const bool flushed = std::fflush(stream) == 0;
     if (!flushed) note(-1);
     if (std::fclose(stream) != 0) note(-1);
@@ -71,6 +73,12 @@ class ChecksumRecorder final : public ScanoutRecorder {
   }
 
  private:
+  void note_skipped(uint64_t frames) noexcept {
+    if (frames == 0) return;
+    skipped_noted_ += frames;
+    note(std::fprintf(stream_, "# %ju not recorded\n", uintmax_t{frames}));
+  }
+
   void note(int written) noexcept {
     if (written < 0 && error_ == 0) error_ = errno != 0 ? errno : EIO;
   }
@@ -89,6 +97,7 @@ class ChecksumRecorder final : public ScanoutRecorder {
   fs::path partial_;
   std::FILE* stream_;
   int error_ = 0;
+  uint64_t skipped_noted_ = 0;
   std::vector<uint8_t> row_;
   std::unique_ptr<XXH64_state_t, decltype(&XXH64_freeState)> hash_{XXH64_createState(),
                                                                    &XXH64_freeState};

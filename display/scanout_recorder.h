@@ -3,6 +3,7 @@
 // meant to show.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
@@ -32,15 +33,27 @@ struct ShownFrame {
   uint64_t skipped_before = 0;
 };
 
-/// One thread at a time.
+/// One thread at a time, apart from the count.
 class ScanoutRecorder {
  public:
+  ScanoutRecorder() = default;
   virtual ~ScanoutRecorder() = default;
+  ScanoutRecorder(const ScanoutRecorder&) = delete;
+  ScanoutRecorder& operator=(const ScanoutRecorder&) = delete;
   /// Never fails here: the first failure is kept for finish(), later frames are ignored.
   virtual void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept = 0;
   /// Completes the recording. Throws Error(Failed) if any of it did not reach the disk. Without it,
   /// an unfinished file is removed.
   virtual void finish() = 0;
+
+  /// Any thread: frames that were on the glass and came too fast to be recorded.
+  [[nodiscard]] uint64_t skipped() const noexcept {
+    return skipped_.load(std::memory_order_relaxed);
+  }
+  void count_skipped() noexcept { skipped_.fetch_add(1, std::memory_order_relaxed); }
+
+ private:
+  std::atomic<uint64_t> skipped_{0};
 };
 
 /// "checksums:FILE": one line "SEQUENCE ID XXH64" per shown frame, over the RGB bytes.

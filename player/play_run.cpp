@@ -281,18 +281,30 @@ void PlayRun::announce() const {
 // --- the end --------------------------------------------------------------------------------
 
 ExitCode PlayRun::conclude(const PlayResult& result) {
-  const nlohmann::ordered_json statistics = statistics_json(result.report);
+  nlohmann::ordered_json statistics = statistics_json(result.report);
   manager_.stopping(outcome_name(result.outcome));
   service_.reset();
   kms_ = nullptr;
   display_.reset();  // completes the recording
-  if (plan_.display.recorder) plan_.display.recorder->finish();
+  if (plan_.display.recorder) statistics["recording"] = finish_recording();
   write_stats(statistics);
   if (flags_.json)
     print_json(statistics);
   else
     fmt::print(stderr, "{}\n", summary_text(result.report));
   return exit_code_after(result);
+}
+
+nlohmann::ordered_json PlayRun::finish_recording() const {
+  display::ScanoutRecorder& recorder = *plan_.display.recorder;
+  recorder.finish();
+  const uint64_t skipped = recorder.skipped();
+  if (skipped > 0)
+    fmt::print(stderr,
+               "{}: {} frames that were on the glass came too fast and are not recorded\n"
+               "  record checksums, or fewer frames a second, or with --clock simulated\n",
+               flags_.record, skipped);
+  return {{"place", flags_.record}, {"skipped", skipped}};
 }
 
 ExitCode PlayRun::exit_code_after(const PlayResult& result) const {

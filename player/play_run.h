@@ -63,6 +63,7 @@ class PlayRun {
   [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
 
   // The end.
+  [[nodiscard]] nlohmann::ordered_json finish_recording() const;
   [[nodiscard]] ExitCode conclude(const PlayResult& result);
   [[nodiscard]] ExitCode exit_code_after(const PlayResult& result) const;
   [[nodiscard]] Error source_trouble(const PlayResult& result) const;

@@ -22,6 +22,7 @@ void RecordingThread::offer(ShownFrame shown, VirtualBuffer* buffer) noexcept {
     const std::lock_guard lock(mutex_);
     if (count_ == jobs_.size()) {
       ++skipped_;
+      recorder_->count_skipped();
       return;
     }
     shown.skipped_before = std::exchange(skipped_, 0);

@@ -35,7 +35,7 @@ class RecordingThread {
   void run() noexcept;
 
   std::shared_ptr<ScanoutRecorder> recorder_;
-  uint64_t skipped_ = 0;  ///< presenter thread only
+  uint64_t skipped_ = 0;  ///< since the last that was taken; presenter thread only
 
   std::mutex mutex_;  ///< guards everything below it, for a few instructions at a time
   std::condition_variable changed_;

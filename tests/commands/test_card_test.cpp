@@ -31,6 +31,19 @@ TEST_F(TestCardCommand, IsShownOnAVirtualDisplayInThePanelsSize) {
   EXPECT_GT(lit, 100'000) << "words and patterns";
 }
 
+TEST_F(TestCardCommand, RecordingSaysHowManyFramesItMissed) {
+  const ProcessResult played =
+      run({"play", "card", "--rig", source_file("scenes/rigs/kiosk-27-4k.toml"), "--display",
+           "virtual", "--fps", "60", "--loop", "40", "--record", "png:" + path("shown"), "--json"});
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  const nlohmann::json stats = nlohmann::json::parse(played.out);
+  const uint64_t skipped = stats.at("recording").at("skipped");
+  const auto recorded =
+      static_cast<uint64_t>(std::distance(std::filesystem::directory_iterator(path("shown")), {}));
+  EXPECT_EQ(recorded + skipped, 40u);
+  EXPECT_EQ(played.err.find("are not recorded") != std::string::npos, skipped > 0) << played.err;
+}
+
 TEST_F(TestCardCommand, StaysUntilItIsInterrupted) {
   const ProcessResult played =
       run({"play", "card", "--rig", rig, "--display", "virtual"},

@@ -64,18 +64,12 @@ void RememberingRecorder::record(const display::ShownFrame& shown,
         frame.row(j)[3 * i + c] = static_cast<uint8_t>(xrgb >> (16 - 8 * c));
     }
   const std::lock_guard lock(mutex_);
-  skipped_ += shown.skipped_before;
   shown_.push_back({shown.sequence, shown.id, checksum_of(frame.view())});
 }
 
 std::vector<Glass> RememberingRecorder::shown() const {
   const std::lock_guard lock(mutex_);
   return shown_;
-}
-
-uint64_t RememberingRecorder::skipped() const {
-  const std::lock_guard lock(mutex_);
-  return skipped_;
 }
 
 }  // namespace lenticule::test

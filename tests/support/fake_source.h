@@ -77,12 +77,10 @@ class RememberingRecorder final : public display::ScanoutRecorder {
               const display::ScanoutView& scanout) noexcept override;
   void finish() override {}
   [[nodiscard]] std::vector<Glass> shown() const;
-  [[nodiscard]] uint64_t skipped() const;
 
  private:
   mutable std::mutex mutex_;
   std::vector<Glass> shown_;
-  uint64_t skipped_ = 0;
 };
 
 }  // namespace lenticule::test

@@ -70,6 +70,18 @@ TEST_F(Recorder, WritesOneChecksumLinePerFrame) {
   EXPECT_THAT(listing(), testing::ElementsAre("sums.txt"));
 }
 
+TEST_F(Recorder, SaysHowManyFramesItMissedAfterTheLast) {
+  const auto recorder = open_recorder("checksums:" + path("sums.txt"));
+  for (int i = 0; i < 5; ++i) recorder->count_skipped();
+  recorder->record({.sequence = 12, .id = 5, .skipped_before = 3}, Scanout(1).view());
+  recorder->finish();
+  std::stringstream text;
+  text << std::ifstream(path("sums.txt")).rdbuf();
+  EXPECT_THAT(text.str(), testing::HasSubstr("# 3 not recorded\n12 5"));
+  EXPECT_THAT(text.str(), testing::EndsWith("\n# 2 not recorded\n"));
+  EXPECT_EQ(recorder->skipped(), 5u);
+}
+
 TEST_F(Recorder, LeavesNothingBehindUnfinished) {
   open_recorder("checksums:" + path("sums.txt"))->record({}, Scanout(1).view());
   EXPECT_THAT(listing(), testing::IsEmpty());

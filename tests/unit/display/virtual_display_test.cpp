@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+
 #include "display/vblank_timeline.h"
 #include "optics/error.h"
 #include "tests/support/fake_source.h"
@@ -196,24 +198,52 @@ TEST(VirtualDisplayOpening, RefusesAbsurdOptions) {
             ErrorKind::Usage);
 }
 
+/// Shows frames 0 ... `frames` - 1 as fast as the display takes them.
+void show_frames(Display& display, uint64_t frames) {
+  for (uint64_t id = 0; id < frames;) {
+    ScanoutBuffer* const buffer = display.acquire();
+    if (buffer == nullptr) {
+      (void)display.wait_event(display.now() + milliseconds(10), -1);
+      continue;
+    }
+    buffer->fill(numbered_frame(kSmall, id).view());
+    while (display.submit(buffer, id) == SubmitStatus::Busy)
+      ASSERT_NE(display.wait_event(display.now() + seconds(10), -1).kind, EventKind::Lost);
+    ++id;
+  }
+  while (display.wait_event(display.now() + seconds(10), -1).id != frames - 1) {
+  }
+}
+
+TEST(VirtualDisplayInRealTime, RecordingThatCannotKeepUpCountsEveryFrameItMisses) {
+  /// Finishes its first frame only after the playback.
+  struct Stuck final : ScanoutRecorder {
+    std::atomic<bool> stuck{true};
+    std::atomic<uint64_t> recorded{0};
+    void record(const ShownFrame&, const ScanoutView&) noexcept override {
+      stuck.wait(true);
+      ++recorded;
+    }
+    void finish() override {}
+  };
+  const auto recorder = std::make_shared<Stuck>();
+  auto display =
+      open_virtual_display({.geometry = kSmall, .refresh = {500, 1}, .recorder = recorder});
+  constexpr uint64_t kFrames = 100;
+  show_frames(*display, kFrames);
+  EXPECT_EQ(recorder->skipped(), kFrames - 64) << "the queue to the disk is 64 long";
+  recorder->stuck = false;
+  recorder->stuck.notify_all();
+  display.reset();
+  EXPECT_EQ(recorder->recorded + recorder->skipped(), kFrames);
+}
+
 TEST(VirtualDisplayInRealTime, RecordsOnAThreadOfItsOwnWithoutTearing) {
   const auto recorder = std::make_shared<RememberingRecorder>();
   auto display =
       open_virtual_display({.geometry = kSmall, .refresh = {500, 1}, .recorder = recorder});
   constexpr uint64_t kFrames = 100;
-  for (uint64_t id = 0; id < kFrames;) {
-    ScanoutBuffer* const buffer = display->acquire();
-    if (buffer == nullptr) {
-      (void)display->wait_event(display->now() + milliseconds(10), -1);
-      continue;
-    }
-    buffer->fill(numbered_frame(kSmall, id).view());
-    while (display->submit(buffer, id) == SubmitStatus::Busy)
-      ASSERT_NE(display->wait_event(display->now() + seconds(10), -1).kind, EventKind::Lost);
-    ++id;
-  }
-  while (display->wait_event(display->now() + seconds(10), -1).id != kFrames - 1) {
-  }
+  show_frames(*display, kFrames);
   display.reset();
   const auto shown = recorder->shown();
   EXPECT_EQ(shown.size() + recorder->skipped(), kFrames);
