@@ -185,23 +185,37 @@ std::string recognised_format(const std::string& text) {
   return is_cubevi ? "cubevi" : "lkg";
 }
 
-Rig import_as(const std::string& format, const std::string& text, const std::string& source) {
-  if (format == "cubevi") return optics::import_cubevi(text, source);
-  return optics::import_looking_glass(text, source).rig;
+struct Import {
+  Rig rig;
+  /// Views are numbered from the right, which is no part of a rig: whoever weaves has to say it.
+  bool inverted_views = false;
+};
+
+Import import_as(const std::string& format, const std::string& text, const std::string& source) {
+  if (format == "cubevi") return {.rig = optics::import_cubevi(text, source)};
+  optics::LookingGlassImport import = optics::import_looking_glass(text, source);
+  // Its invView is set where views run as ours do.
+  return {.rig = std::move(import.rig), .inverted_views = !import.views.inverted};
 }
 
 ExitCode import_calibration(const RigOptions& options) {
   const std::string text = optics::read_text_file(options.file, kMaxCalibrationBytes);
   const std::string format = options.format == "auto" ? recognised_format(text) : options.format;
-  const Rig rig = import_as(format, text, options.file);
+  const auto [rig, inverted_views] = import_as(format, text, options.file);
   optics::save_rig(rig, options.output);
+  if (inverted_views)
+    fmt::print(stderr,
+               "lenticule: {}: invView is 0: its views are numbered from the right\n"
+               "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
+               options.file);
   print_result({{"format", format},
                 {"output", options.output},
                 {"name", rig.name},
                 {"fingerprint", optics::fingerprint(rig)},
                 {"pitch_subpx", rig.sheet.pitch.value},
                 {"slant", rig.sheet.slant},
-                {"gap_mm", rig.sheet.gap.value}},
+                {"gap_mm", rig.sheet.gap.value},
+                {"views_inverted", inverted_views}},
                options.as_json);
   return kOk;
 }
@@ -226,7 +240,8 @@ ExitCode export_calibration(const RigOptions& options) {
   const Rig rig = optics::load_rig(options.file);
   const std::string text =
       options.format == "cubevi" ? optics::export_cubevi(rig) : optics::export_looking_glass(rig);
-  const double error = largest_phase_error(rig, import_as(options.format, text, options.output));
+  const double error =
+      largest_phase_error(rig, import_as(options.format, text, options.output).rig);
   optics::write_text_file(options.output, text);
   if (error > 0.01) {
     fmt::print(stderr,

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// `lenticule rig import`: what the other system's file says and a rig cannot hold is said.
+#include <nlohmann/json.hpp>
+
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+class RigImport : public CommandTest {
+ protected:
+  [[nodiscard]] ProcessResult import(const std::string& extra) const {
+    write("visual.json", R"({"pitch": 52.59, "slope": -7.0835, "center": 0.5, "viewCone": 40,
+                            "DPI": 324, "screenW": 1536, "screenH": 2048)" +
+                             extra + "}");
+    return run({"rig", "import", path("visual.json"), "-o", path("rig.toml"), "--json"});
+  }
+  static bool views_inverted(const ProcessResult& result) {
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return nlohmann::json::parse(result.out).at("views_inverted");
+  }
+};
+
+TEST_F(RigImport, HintsAtInvertWhereViewsRunTheOtherWay) {
+  for (const char* extra : {R"(, "invView": 0)", ""}) {
+    const ProcessResult result = import(extra);
+    EXPECT_TRUE(views_inverted(result));
+    EXPECT_NE(result.err.find("weave --invert"), std::string::npos) << result.err;
+  }
+}
+
+TEST_F(RigImport, IsSilentWhereViewsRunAsOurs) {
+  const ProcessResult result = import(R"(, "invView": 1)");
+  EXPECT_FALSE(views_inverted(result));
+  EXPECT_EQ(result.err, "");
+}
+
+}  // namespace
+}  // namespace lenticule::test
