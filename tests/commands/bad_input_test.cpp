@@ -97,6 +97,21 @@ TEST_F(BadInput, MissingFiles) {
   EXPECT_EQ(listing(), (std::vector<std::string>{"rig.toml", "scene.nff"}));
 }
 
+TEST_F(BadInput, WithoutACalibrationADefaultIsTakenInSilence) {
+  ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("film.png")).exit_code, 0);
+  const std::string record = "png:" + path("shown");
+  const ProcessResult none = run({"play", path("film.png"), "--record", record});
+  EXPECT_EQ(none.exit_code, 2) << "there is no default: " << none.err;
+  EXPECT_NE(none.err.find("--rig"), std::string::npos) << none.err;
+  expect_clear_error(
+      run({"play", path("film.png"), "--rig", path("none.toml"), "--record", record}), 4,
+      "none.toml");
+  write_rig("pitch_subpx = 7.5\n", "");
+  expect_clear_error(run({"play", path("film.png"), "--rig", path("bad.toml"), "--record", record}),
+                     4, "pitch_subpx");
+  EXPECT_FALSE(std::filesystem::exists(path("shown"))) << "something was shown";
+}
+
 TEST_F(BadInput, RigPitchThatIsZeroNegativeOrNotANumber) {
   for (const char* pitch : {"0.0", "-7.5", "nan", "inf", "1e300", "1e-300"}) {
     write_rig("pitch_subpx = 7.5", std::string("pitch_subpx = ") + pitch);

@@ -1,67 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// The display goes away in mid-playback, and comes back: on a fake card, in simulated time.
+// The display goes away in mid-playback, and comes back.
 #include <gmock/gmock.h>
 
 #include <cerrno>
-#include <functional>
 #include <optional>
-#include <vector>
 
-#include "player/playback.h"
-#include "tests/support/fake_source.h"
-#include "tests/unit/kms/kms_stage.h"
+#include "glass_stage.h"
 
 namespace lenticule::player {
 namespace {
 
-using display::DisplayEvent;
-using display::EventKind;
 using display::Nanoseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
-using test::FakeSource;
 
-/// What was on the glass, and whether its pixels were those of its frame.
-struct Shown {
-  uint64_t id = 0;
-  bool right = false;
-  friend bool operator==(const Shown&, const Shown&) = default;
-};
-
-/// Passes everything on, and looks at the glass whenever a flip is reported.
-class WatchedDisplay final : public display::Display {
- public:
-  WatchedDisplay(display::Display& inner, std::function<void(uint64_t)> on_flip)
-      : inner_(inner), on_flip_(std::move(on_flip)) {}
-  const display::DisplayMode& mode() const override { return inner_.mode(); }
-  display::ScanoutBuffer* acquire() override { return inner_.acquire(); }
-  void discard(display::ScanoutBuffer* buffer) override { inner_.discard(buffer); }
-  display::SubmitStatus submit(display::ScanoutBuffer* buffer, uint64_t id) noexcept override {
-    return inner_.submit(buffer, id);
-  }
-  bool request_vblank(uint64_t sequence) noexcept override {
-    return inner_.request_vblank(sequence);
-  }
-  DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override {
-    const DisplayEvent event = inner_.wait_event(deadline, wake_fd);
-    if (event.kind == EventKind::Flip) on_flip_(event.id);
-    return event;
-  }
-  Nanoseconds now() const noexcept override { return inner_.now(); }
-
- private:
-  display::Display& inner_;
-  std::function<void(uint64_t)> on_flip_;
-};
-
-class LostDisplayTest : public testing::KmsStage {
+class LostDisplayTest : public testing::GlassStage {
  protected:
   LostDisplayTest() {
-    script.geometry = testing::kPanel;
-    script.clock = machine.clock();
-    options.source_name = "fake";
-    options.filling = Filling::InPresenter;
-    options.bring_back = [this](const LostDisplay& lost) { return replug(lost); };
+    playing.bring_back = [this](const LostDisplay& lost) { return replug(lost); };
   }
 
   /// The card is there again after `away`.
@@ -81,41 +37,10 @@ class LostDisplayTest : public testing::KmsStage {
     return Comeback::Back;
   }
 
-  PlayResult play_script() {
-    KmsStage::open();
-    FakeSource source(script);
-    WatchedDisplay watched(*show, [this](uint64_t id) { look(id); });
-    PlayResult result = play(watched, source, options);
-    EXPECT_EQ(source.lent(), 0u) << "frames were not given back";
-    const PaceCounts& pace = result.report.pace;
-    EXPECT_EQ(pace.vblanks, pace.shown + pace.repeated_planned + pace.repeated_underrun +
-                                pace.missed + pace.held);
-    return result;
-  }
-
-  void look(uint64_t id) {
-    const frames::WovenFrame frame = test::numbered_frame(testing::kPanel, id % script.frames);
-    shown.push_back({id, card.glass(crtc) == testing::words_of(frame)});
-    if (on_shown) on_shown(id);
-  }
-
-  [[nodiscard]] std::vector<uint64_t> ids() const {
-    std::vector<uint64_t> result;
-    for (const Shown& s : shown) {
-      EXPECT_TRUE(s.right) << "frame " << s.id;
-      result.push_back(s.id);
-    }
-    return result;
-  }
-
-  test::FakeSourceScript script;
-  PlaybackOptions options;
   Nanoseconds away = seconds(3);
   std::function<void()> meanwhile;
-  std::function<void(uint64_t)> on_shown;
   int losses = 0;
   std::optional<Nanoseconds> time_left;
-  std::vector<Shown> shown;
 };
 
 TEST_F(LostDisplayTest, CardPulledOutInMidSequenceGoesOnWhereItWas) {
@@ -154,8 +79,8 @@ TEST_F(LostDisplayTest, TheTimeWithoutADisplayIsHeldVblanks) {
 TEST_F(LostDisplayTest, AStillPictureIsBackOnTheGlassAlthoughTheSourceIsSilent) {
   script.frames = 1;
   script.can_rewind = false;
-  this->options.loops = kForever;
-  this->options.stall_timeout = seconds(20);
+  playing.loops = kForever;
+  playing.stall_timeout = seconds(20);
   on_shown = [this](uint64_t) {
     if (losses == 0) machine.at(machine.now() + seconds(1), [this] { card.unplug(); });
   };
@@ -169,7 +94,7 @@ TEST_F(LostDisplayTest, AStillPictureIsBackOnTheGlassAlthoughTheSourceIsSilent) 
 
 TEST_F(LostDisplayTest, TheLastFrameGetsItsTimeAfterALoss) {
   script.frames = 2;
-  this->options.content = frames::Rate{1, 1};
+  playing.content = frames::Rate{1, 1};
   on_shown = [this](uint64_t id) {
     if (id == 1 && losses == 0)
       machine.at(machine.now() + milliseconds(100), [this] { card.unplug(); });
@@ -202,7 +127,7 @@ TEST_F(LostDisplayTest, AFlipThatWasRefusedAsNoDeviceLosesNothingButWhatWasFille
 
 TEST_F(LostDisplayTest, AnotherRefreshAfterTheReturnIsPacedAnew) {
   script.frames = 40;
-  this->options.content = frames::Rate{30, 1};
+  playing.content = frames::Rate{30, 1};
   on_shown = [this](uint64_t id) {
     if (id == 9 && losses == 0) card.unplug();
   };
@@ -220,7 +145,7 @@ TEST_F(LostDisplayTest, AnotherRefreshAfterTheReturnIsPacedAnew) {
 
 TEST_F(LostDisplayTest, AThirtiethLossIsAsGoodAsTheFirst) {
   script.frames = 5;
-  this->options.loops = 100;
+  playing.loops = 100;
   on_shown = [this](uint64_t id) {
     if (id / 15 > static_cast<uint64_t>(losses) && losses < 30) card.unplug();
   };
@@ -236,8 +161,8 @@ TEST_F(LostDisplayTest, AThirtiethLossIsAsGoodAsTheFirst) {
 
 TEST_F(LostDisplayTest, TimeAskedForRunsOnWhileTheDisplayIsAway) {
   script.frames = 10;
-  this->options.loops = kForever;
-  this->options.vblanks = 120;
+  playing.loops = kForever;
+  playing.vblanks = 120;
   on_shown = [this](uint64_t id) {
     if (id == 60 && losses == 0) card.unplug();
   };
@@ -251,7 +176,7 @@ TEST_F(LostDisplayTest, TimeAskedForRunsOnWhileTheDisplayIsAway) {
 }
 
 TEST_F(LostDisplayTest, GivingUpIsALostDisplayWithItsBooksClosed) {
-  this->options.bring_back = [this](const LostDisplay&) {
+  playing.bring_back = [this](const LostDisplay&) {
     EXPECT_THROW(show->reconnect(), Error);
     return Comeback::GivenUp;
   };
@@ -266,7 +191,7 @@ TEST_F(LostDisplayTest, GivingUpIsALostDisplayWithItsBooksClosed) {
 }
 
 TEST_F(LostDisplayTest, WhatBringingBackThrowsLeavesNothingBehind) {
-  this->options.bring_back = [this](const LostDisplay&) {
+  playing.bring_back = [this](const LostDisplay&) {
     show->reconnect();
     return Comeback::Back;
   };
@@ -277,7 +202,7 @@ TEST_F(LostDisplayTest, WhatBringingBackThrowsLeavesNothingBehind) {
 }
 
 TEST_F(LostDisplayTest, AnInterruptionWhileTheDisplayIsAwayIsAnInterruption) {
-  this->options.bring_back = [](const LostDisplay&) { return Comeback::Stopped; };
+  playing.bring_back = [](const LostDisplay&) { return Comeback::Stopped; };
   on_shown = [this](uint64_t id) {
     if (id == 4) card.unplug();
   };
