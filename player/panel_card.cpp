@@ -2,7 +2,7 @@
 #include "player/panel_card.h"
 
 #include <algorithm>
-#include <optional>
+#include <utility>
 
 #include "optics/error.h"
 
@@ -15,25 +15,23 @@ constexpr Nanoseconds kPatience = std::chrono::seconds(5);
 /// How long a display is left to itself before it is asked whether it heard something.
 constexpr Nanoseconds kNap = std::chrono::milliseconds(500);
 
-/// The size that the panel would choose itself.
-std::optional<frames::FrameGeometry> own_size(const display::PanelFacts& panel) {
+/// The mode that the panel would choose itself; null if none can show a frame pixel for pixel.
+const display::ModeFacts* own_mode(const display::PanelFacts& panel) {
   const display::ModeFacts* best = nullptr;
   for (const display::ModeFacts& mode : panel.modes)
     if (mode.usable && (best == nullptr || (mode.preferred && !best->preferred))) best = &mode;
-  if (best == nullptr) return std::nullopt;
-  return frames::FrameGeometry{best->width, best->height};
+  return best;
 }
 
 }  // namespace
 
 bool PanelCard::show(const display::PanelFacts& panel, const display::CardText& text) {
-  const auto geometry = own_size(panel);
-  if (!geometry) return false;
+  const display::ModeFacts* const mode = own_mode(panel);
+  if (mode == nullptr) return false;
+  const frames::FrameGeometry geometry{mode->width, mode->height};
   try {
-    const bool open_there =
-        display_ && connector_ == panel.connector && display_->mode().geometry == *geometry;
-    if (!open_there) open(panel, *geometry);
-    frames::WovenFrame frame = draw_test_card(*geometry, text);
+    if (!shows_on(panel, geometry, mode->refresh)) open(panel, geometry, mode->refresh);
+    frames::WovenFrame frame = draw_test_card(geometry, text);
     if (frame == frame_) return true;
     if (sink_->show(frame.view(), kPatience) != frames::ShowResult::Shown) {
       close();
@@ -47,14 +45,23 @@ bool PanelCard::show(const display::PanelFacts& panel, const display::CardText& 
   }
 }
 
-void PanelCard::open(const display::PanelFacts& panel, const frames::FrameGeometry& geometry) {
+/// Another panel on the same connector may have the same size, and other timings.
+bool PanelCard::shows_on(const display::PanelFacts& panel, const frames::FrameGeometry& geometry,
+                         frames::Rate refresh) const {
+  return display_ && connector_ == panel.connector && display_->mode().geometry == geometry &&
+         display_->mode().refresh == refresh &&
+         display_->statistics().panel == display::PanelState::Showing;
+}
+
+void PanelCard::open(const display::PanelFacts& panel, const frames::FrameGeometry& geometry,
+                     frames::Rate refresh) {
   close();
   display::KmsOptions options = services_;
   options.wish = {.key = {.kind = display::OutputKey::Kind::Connector, .text = panel.connector},
                   .identity = {},
                   .panel = geometry,
                   .policy = display::IdentityPolicy::Ignore};
-  options.refresh.reset();
+  options.refresh = refresh;
   options.inherited.reset();
   options.buffers = display::kMinScanoutBuffers;
   display_ = display::open_kms_display(options);

@@ -30,7 +30,10 @@ class PanelCard {
   [[nodiscard]] const display::KmsDisplay* display() const { return display_.get(); }
 
  private:
-  void open(const display::PanelFacts& panel, const frames::FrameGeometry& geometry);
+  [[nodiscard]] bool shows_on(const display::PanelFacts& panel,
+                              const frames::FrameGeometry& geometry, frames::Rate refresh) const;
+  void open(const display::PanelFacts& panel, const frames::FrameGeometry& geometry,
+            frames::Rate refresh);
 
   display::KmsOptions services_;
   std::unique_ptr<display::KmsDisplay> display_;

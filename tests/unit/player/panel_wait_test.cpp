@@ -226,6 +226,24 @@ TEST_F(PanelWaitTest, TheCardIsWrittenAnewForAnotherPanelOfTheSameSize) {
   EXPECT_EQ(glass.at(0), expected);
 }
 
+TEST_F(PanelWaitTest, TheCardIsLitAnewForAPanelOfTheSameSizeAndOtherTimings) {
+  plug_other();
+  at(seconds(10), [this] {
+    plug_other("THIRD");
+    connector->modes = {testing::make_mode(kOther.width, kOther.height, 50)};
+  });
+  std::vector<uint32_t> expected;
+  int modesets = 0;
+  at(seconds(9), [&] { modesets = card.modesets; });
+  at(seconds(12), [&] { expected = expected_card(kOther); });
+  look_at_glass(seconds(15));
+  at(seconds(16), [&] { modesets = card.modesets - modesets; });
+  at(seconds(20), [this] { plug_own(); });
+  show = make().open();
+  EXPECT_EQ(glass.at(0), expected);
+  EXPECT_GE(modesets, 1);
+}
+
 TEST_F(PanelWaitTest, AStaticCardLeavesThePanelAlone) {
   plug_other();
   int probes_before = 0;
