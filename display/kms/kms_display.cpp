@@ -203,7 +203,8 @@ void AtomicKmsDisplay::handle(const ReadySet& ready) noexcept {
   if (ready.card_gone) engine_->lose();
   if (ready.session) engine_->set_session_ours(options_.session->dispatch());
   follow_panel(ready.watch);
-  mode_.hardware_clock = engine_->counts_by_hardware();
+  // Written only when it changes: others may read the mode at any time.
+  if (mode_.hardware_clock && !engine_->counts_by_hardware()) mode_.hardware_clock = false;
 }
 
 void AtomicKmsDisplay::follow_panel(bool news_waiting) noexcept {

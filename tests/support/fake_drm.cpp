@@ -149,7 +149,7 @@ int FakeTerminal::set_mode(int fd, int to) noexcept {
   LENTICULE_CHECK(fd == 7);
   if (set_error != 0) return -set_error;
   mode = to;
-  modes_set.push_back(to);
+  set_.at(sets_++) = to;
   if (on_set) on_set(to);
   return 0;
 }

@@ -5,6 +5,7 @@
 
 #include <xf86drmMode.h>
 
+#include <array>
 #include <cerrno>
 #include <cstdint>
 #include <deque>
@@ -100,21 +101,29 @@ struct CallFault {
 };
 
 /// The terminal that the player was started from.
-struct FakeTerminal final : display::TerminalCalls {
+class FakeTerminal final : public display::TerminalCalls {
+ public:
   int open_error = ENXIO;  ///< none at all, as for a service
   int get_error = 0;       ///< ENOTTY: not a virtual one
   int set_error = 0;
   bool foreground = true;
   int mode = 0;  ///< KD_TEXT
   int opened = 0;
-  std::vector<int> modes_set{};
   std::function<void(int)> on_set{};
+  [[nodiscard]] std::vector<int> modes_set() const {
+    return {set_.begin(), set_.begin() + static_cast<ptrdiff_t>(sets_)};
+  }
 
   [[nodiscard]] int open_controlling_terminal() noexcept override;
   void close(int fd) noexcept override;
   [[nodiscard]] bool is_foreground(int fd) noexcept override;
   [[nodiscard]] int get_mode(int fd, int& mode) noexcept override;
   [[nodiscard]] int set_mode(int fd, int mode) noexcept override;
+
+ private:
+  // No vector: signal handlers come here too.
+  std::array<int, 8> set_{};
+  size_t sets_ = 0;
 };
 
 enum class EventFault { None, Lose, Duplicate, Late, Stale };

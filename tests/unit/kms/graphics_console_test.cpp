@@ -51,7 +51,7 @@ TEST_F(Console, GraphicsModeComesAndGoes) {
     EXPECT_EQ(terminal->mode, KD_GRAPHICS);
   }
   EXPECT_EQ(terminal->mode, KD_TEXT);
-  EXPECT_EQ(terminal->modes_set, (std::vector<int>{KD_GRAPHICS, KD_TEXT}));
+  EXPECT_EQ(terminal->modes_set(), (std::vector<int>{KD_GRAPHICS, KD_TEXT}));
   EXPECT_EQ(terminal->opened, 0);
 }
 
@@ -67,7 +67,7 @@ TEST_F(Console, NothingHappensWithoutATerminalThatMayBeConfigured) {
     spoil(*spoiled);
     EXPECT_FALSE(GraphicsConsole(spoiled).active());
     EXPECT_EQ(spoiled->mode, KD_TEXT);
-    EXPECT_TRUE(spoiled->modes_set.empty());
+    EXPECT_TRUE(spoiled->modes_set().empty());
     EXPECT_EQ(spoiled->opened, 0);
     EXPECT_EQ(handler_of(SIGHUP), SIG_DFL);
   }
@@ -77,7 +77,7 @@ TEST_F(Console, GraphicsModeOfSomebodyElseStays) {
   terminal->mode = KD_GRAPHICS;
   EXPECT_FALSE(GraphicsConsole(terminal).active());
   EXPECT_EQ(terminal->mode, KD_GRAPHICS);
-  EXPECT_TRUE(terminal->modes_set.empty());
+  EXPECT_TRUE(terminal->modes_set().empty());
 }
 
 TEST_F(Console, SecondConsoleLeavesTheFirstOneAlone) {
@@ -93,9 +93,9 @@ TEST_F(Console, HandlerThatExitsAtOnceRestoresOnlyOnce) {
     EXPECT_EQ(terminal->mode, KD_TEXT);
     restore_console_now();
   }
-  EXPECT_EQ(terminal->modes_set, (std::vector<int>{KD_GRAPHICS, KD_TEXT}));
+  EXPECT_EQ(terminal->modes_set(), (std::vector<int>{KD_GRAPHICS, KD_TEXT}));
   restore_console_now();
-  EXPECT_EQ(terminal->modes_set.size(), 2U);
+  EXPECT_EQ(terminal->modes_set().size(), 2U);
 }
 
 TEST_F(Console, EveryDeadlySignalPutsTextBackAndKillsAsEver) {
@@ -217,7 +217,7 @@ TEST_F(DisplayConsole, StaysAsItIsWhereTheLastFrameIsHeld) {
   open();
   flip(1);
   show.reset();
-  EXPECT_TRUE(machine.terminal->modes_set.empty()) << "text mode would take the panel";
+  EXPECT_TRUE(machine.terminal->modes_set().empty()) << "text mode would take the panel";
 }
 
 TEST_F(DisplayConsole, IsNotNeeded) {
