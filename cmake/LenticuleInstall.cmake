@@ -36,7 +36,18 @@ install(FILES udev/lenticule.tmpfiles DESTINATION lib/tmpfiles.d RENAME lenticul
 
 # cpack -G DEB: one package; dpkg-shlibdeps finds the libraries that it depends on.
 set(CPACK_GENERATOR DEB)
-set(CPACK_PACKAGE_CONTACT "lenticule developers <lenticule@example.org>")
+# A package's maintainer is whoever builds it, as Debian's own tools see it: DEBFULLNAME and DEBEMAIL,
+# else root of the building machine.
+set(contact_name "$ENV{DEBFULLNAME}")
+set(contact_address "$ENV{DEBEMAIL}")
+cmake_host_system_information(RESULT contact_host QUERY HOSTNAME)
+if(NOT contact_name)
+  set(contact_name "built from source")
+endif()
+if(NOT contact_address)
+  set(contact_address "root@${contact_host}")
+endif()
+set(CPACK_PACKAGE_CONTACT "${contact_name} <${contact_address}>")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY ${PROJECT_DESCRIPTION})
 set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)

@@ -29,7 +29,7 @@ PanelFacts panel_facts(const ConnectorInfo& connector, const std::string& card) 
                    .edid_problem = connector.edid.problem,
                    .identity = connector.edid.identity,
                    .modes = {}};
-  for (const drmModeModeInfo& mode : connector.modes) 
+  for (const drmModeModeInfo& mode : connector.modes)
     facts.modes.push_back(mode_facts(mode, connector));
   return facts;
 }
