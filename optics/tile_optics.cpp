@@ -18,7 +18,6 @@
 namespace lenticule::optics {
 namespace {
 
-constexpr int kRows = TileOptics::kRows;
 constexpr int kMost = TileOptics::kMostCoefficients;
 constexpr int kShift = TileOptics::kShiftCoefficients;
 

@@ -167,7 +167,7 @@ void PrimaryPackets::Maker::resolve(int column, RayPacket& out) const {
 
 void PrimaryPackets::Maker::set_valid(int column, RayPacket& out) const {
   for (size_t r = 0; r < kLanes; ++r)
-    out.valid[r] = -static_cast<int>((column >= first_column_[r]) & (column < end_column_[r]));
+    out.valid[r] = column >= first_column_[r] && column < end_column_[r] ? -1 : 0;
 }
 
 void PrimaryPackets::Maker::copy_exact(int column, RayPacket& out) {
