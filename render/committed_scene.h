@@ -46,8 +46,11 @@ struct GeometryEntry {
   size_t mesh = 0;
 };
 
+class ShadingTables;
+
 struct Scene::Impl {
-  explicit Impl(int threads) : device(threads) {}
+  explicit Impl(int threads);
+  ~Impl();
 
   // Released last: the scene and its geometries belong to the device and read the shapes.
   EmbreeDevice device;
@@ -67,6 +70,8 @@ struct Scene::Impl {
   Affine scene_from_panel;       ///< from millimetres in the panel frame; its origin is zero
   double units_per_world = 1.0;  ///< scene units per world unit
   double near_mm = 0.0;          ///< panel z of the nearest point to be shown
+
+  std::unique_ptr<const ShadingTables> shading;  ///< of all the above
 };
 
 }  // namespace lenticule::render

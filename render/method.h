@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "frames/frame.h"
+#include "optics/cpu.h"
 #include "optics/model.h"
 #include "render/scene.h"
 #include "render/stage.h"
@@ -16,9 +17,10 @@
 namespace lenticule::render {
 
 struct RenderOptions {
-  int threads = 0;    ///< 0 = all cores
-  int samples = 1;    ///< per subpixel, inside its angular footprint; 1 = the centre
-  int max_depth = 5;  ///< of reflections and refractions
+  int threads = 0;       ///< 0 = all cores
+  int samples = 1;       ///< per subpixel, inside its angular footprint; 1 = the centre
+  int max_depth = 5;     ///< of reflections and refractions
+  Isa isa = best_isa();  ///< of our own loops; the bytes do not depend on it
   /// Asked between tiles; true ends the frame early (RenderStatistics::completed is false then).
   std::function<bool()> cancelled;
 };

@@ -10,8 +10,8 @@
 #include "frames/srgb.h"
 #include "optics/error.h"
 #include "render/denormals.h"
+#include "render/packet_tracer.h"
 #include "render/primary_packets.h"
-#include "render/wavefront.h"
 
 namespace lenticule::render {
 namespace {
@@ -26,7 +26,7 @@ class FullMethod final : public Method {
   FullMethod(const optics::OpticalModel& model, const RenderOptions& options)
       : options_(options),
         plan_(model.rig()),
-        packets_(model, plan_),
+        packets_(model, plan_, options.isa),
         width_(model.rig().panel.width_px),
         height_(model.rig().panel.height_px),
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {
@@ -40,7 +40,7 @@ class FullMethod final : public Method {
                     geometry.format == frames::PixelFormat::Rgb8);
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};
-    tbb::enumerable_thread_specific<Worker> workers([this] { return Worker(packets_); });
+    tbb::enumerable_thread_specific<Worker> workers([this] { return Worker(packets_, options_); });
     arena_.execute([&] {
       tbb::parallel_for(0, plan_.count(), [&](int index) {
         if (cancelled.load(std::memory_order_relaxed)) return;
@@ -54,7 +54,7 @@ class FullMethod final : public Method {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
 
     RayCounts counts;
-    for (const Worker& worker : workers) counts += worker.counts;
+    for (const Worker& worker : workers) counts += worker.tracer.counts();
     return {.completed = !cancelled.load(),
             .subpixels = 3 * static_cast<uint64_t>(width_) * static_cast<uint64_t>(height_),
             .primary_rays = counts.primary,
@@ -66,11 +66,11 @@ class FullMethod final : public Method {
 
  private:
   struct Worker {
-    explicit Worker(const PrimaryPackets& packets) : maker(packets) {}
+    Worker(const PrimaryPackets& packets, const RenderOptions& options)
+        : maker(packets), tracer(options.max_depth, options.isa) {}
     PrimaryPackets::Maker maker;
     std::vector<double> light;
-    Wavefront wavefront;
-    RayCounts counts;
+    PacketTracer tracer;
   };
 
   void render_tile(const Scene::Impl& scene, const Tile& tile, Worker& worker,
@@ -80,8 +80,7 @@ class FullMethod final : public Method {
     const double weight = 1.0 / static_cast<double>(samples_.size());
     for (const Footprint& sample : samples_) {
       worker.maker.start(scene, tile, sample);
-      worker.wavefront.trace(scene, plan_, tile, options_.max_depth, weight, worker.maker,
-                             worker.light, worker.counts);
+      worker.tracer.trace(scene, plan_, tile, weight, worker.maker, worker.light);
     }
     write_tile(scene, tile, worker.light, frame);
   }

@@ -17,8 +17,7 @@ constexpr double kLampClearance = 1.0 / (1 << 18);
 bool load_lane(RTCRay16& rays, size_t i, Vec3 origin, Vec3 direction, float far) {
   const Vec3f o(origin);
   const Vec3f d(direction);
-  const bool accepted = embree_accepts(o.x, o.y, o.z) && embree_accepts(d.x, d.y, d.z) &&
-                        !(d == Vec3f{}) && far >= 0.0F;
+  const bool accepted = fit_for_embree(origin, direction) && far >= 0.0F;
   rays.org_x[i] = accepted ? o.x : 0.0F;
   rays.org_y[i] = accepted ? o.y : 0.0F;
   rays.org_z[i] = accepted ? o.z : 0.0F;
@@ -42,6 +41,12 @@ void fill_empty_lanes(RTCRay16& rays, int* valid, size_t from) {
 }
 
 }  // namespace
+
+bool fit_for_embree(Vec3 origin, Vec3 direction) {
+  const Vec3f o(origin);
+  const Vec3f d(direction);
+  return embree_accepts(o.x, o.y, o.z) && embree_accepts(d.x, d.y, d.z) && !(d == Vec3f{});
+}
 
 uint64_t load_packet(std::span<const PathRay> rays, RayPacket& packet) {
   uint64_t refused = 0;

@@ -43,6 +43,9 @@ struct ShadowRay {
   uint32_t target = 0;
 };
 
+/// Whether Embree may see this ray, rounded to its precision.
+[[nodiscard]] bool fit_for_embree(Vec3 origin, Vec3 direction);
+
 /// Packets hold consecutive rays. Rays that are not finite never reach Embree; returns their
 /// number.
 uint64_t intersect(RTCScene scene, std::span<const PathRay> rays, Coherence coherence,

@@ -9,6 +9,7 @@
 #include "optics/error.h"
 #include "render/committed_scene.h"
 #include "render/lighting.h"
+#include "render/shading_tables.h"
 #include "render/user_geometry.h"
 
 namespace lenticule::render {
@@ -264,6 +265,7 @@ class Committer {
       attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones});
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
+    scene_.shading = std::make_unique<const ShadingTables>(scene_);
   }
 
   EmbreeGeometry mesh_geometry(const MeshShape& mesh) const {
@@ -307,5 +309,8 @@ Scene::Scene(const SceneDescription& description, const Stage& stage,
 }
 
 Scene::~Scene() = default;
+
+Scene::Impl::Impl(int threads) : device(threads) {}
+Scene::Impl::~Impl() = default;
 
 }  // namespace lenticule::render

@@ -17,11 +17,6 @@ constexpr double kSpawnOffset = 1.0 / (1 << 20);
 // Below this sine between ray and plane, the plane says too little about where they meet.
 constexpr double kGrazing = 1e-7;
 
-struct Barycentric {
-  double u = 0.0;
-  double v = 0.0;
-};
-
 double largest_coordinate(Vec3 p) {
   return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
 }
@@ -60,16 +55,11 @@ void face_viewer(Surface& surface, Vec3 direction, Vec3 outer) {
 }
 
 double textured_colour(const Scene::Impl& scene, const Material& material, const MeshShape& mesh,
-                       const std::array<uint32_t, 3>& triangle, Barycentric at, int channel) {
+                       uint32_t triangle, Barycentric at, int channel) {
   const double plain = component(material.colour, channel);
-  if (material.texture < 0 || mesh.uvs.empty()) return plain;
-  const auto& a = mesh.uvs[triangle[0]];
-  const auto& b = mesh.uvs[triangle[1]];
-  const auto& c = mesh.uvs[triangle[2]];
-  const double w = 1.0 - at.u - at.v;
-  return plain * texture_value(*scene.textures[static_cast<size_t>(material.texture)],
-                               w * a[0] + at.u * b[0] + at.v * c[0],
-                               w * a[1] + at.u * b[1] + at.v * c[1], channel);
+  if (material.texture < 0) return plain;
+  return plain * texture_of_mesh(*scene.textures[static_cast<size_t>(material.texture)], mesh,
+                                 triangle, at, channel);
 }
 
 Surface on_mesh(const Scene::Impl& scene, const MeshShape& mesh, const PathRay& ray,
@@ -90,7 +80,7 @@ Surface on_mesh(const Scene::Impl& scene, const MeshShape& mesh, const PathRay& 
   const double extent = std::max(largest_coordinate(edge1), largest_coordinate(edge2));
   surface.spawn_offset = kSpawnOffset * (largest_coordinate(surface.point) + extent);
   surface.material = &scene.materials[static_cast<size_t>(mesh.material)];
-  surface.colour = textured_colour(scene, *surface.material, mesh, triangle, at, ray.channel);
+  surface.colour = textured_colour(scene, *surface.material, mesh, hit.primitive, at, ray.channel);
   return surface;
 }
 
@@ -115,6 +105,18 @@ Surface on_shape(const Scene::Impl& scene, const Shape& shape, const PathRay& ra
 }
 
 }  // namespace
+
+double texture_of_mesh(const Texture& texture, const MeshShape& mesh, uint32_t triangle,
+                       Barycentric at, int channel) {
+  if (mesh.uvs.empty()) return 1.0;
+  const std::array<uint32_t, 3>& corners = mesh.triangles[triangle];
+  const auto& a = mesh.uvs[corners[0]];
+  const auto& b = mesh.uvs[corners[1]];
+  const auto& c = mesh.uvs[corners[2]];
+  const double w = 1.0 - at.u - at.v;
+  return texture_value(texture, w * a[0] + at.u * b[0] + at.v * c[0],
+                       w * a[1] + at.u * b[1] + at.v * c[1], channel);
+}
 
 Surface surface_at(const Scene::Impl& scene, const PathRay& ray, const Hit& hit) {
   const GeometryEntry& geometry = scene.geometries[hit.geometry];

@@ -17,6 +17,16 @@ struct Surface {
   double colour = 1.0;  ///< the material's and its texture's, in the ray's channel
 };
 
+struct Barycentric {
+  double u = 0.0;
+  double v = 0.0;
+};
+
+/// What the mesh's texture coordinates find in a texture, at a place of one of its triangles; 1
+/// where it has none.
+[[nodiscard]] double texture_of_mesh(const Texture& texture, const MeshShape& mesh,
+                                     uint32_t triangle, Barycentric at, int channel);
+
 /// Embree says which primitive was met; where, is computed here in double precision from the ray
 /// and the primitive itself, so that the point lies on the surface as exactly as numbers allow.
 [[nodiscard]] Surface surface_at(const Scene::Impl& scene, const PathRay& ray, const Hit& hit);

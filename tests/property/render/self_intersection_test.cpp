@@ -8,6 +8,7 @@
 #include <random>
 
 #include "render/shading.h"
+#include "render/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -33,36 +34,74 @@ struct Shadows {
   int self_shadowed = 0;
 };
 
-/// Sends rays at the scene's only object, which is convex from `side`, and from every hit one
-/// shadow ray along `away(normal)`, into the open.
-Shadows count_self_shadows(const SceneDescription& description, double size, Side side,
-                           const std::function<Vec3(Vec3 normal, Sampler&)>& away) {
-  const Scene scene(description, testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1);
-  const RTCScene embree = scene.impl().embree.get();
-  Sampler sampler;
-  Shadows shadows;
-  for (int n = 0; n < 20000; ++n) {
-    const Vec3 aim = sampler.direction() * (0.4 * size);
-    PathRay ray;
-    ray.origin = sampler.direction() * (3.0 * size);
-    ray.target = 0;
-    ray.direction = normalized(aim - ray.origin);
-    std::vector<Hit> hits(1);
-    EXPECT_EQ(intersect(embree, {&ray, 1}, Coherence::Incoherent, hits), 0U);
-    if (hits[0].geometry == Hit::kMiss) continue;
-    const Surface surface = surface_at(scene.impl(), ray, hits[0]);
-    if (side == Side::Far && !surface.outer_side) continue;
-    ++shadows.hits;
-    const Vec3 start = spawn_point(surface, Side::Viewer);
-    const ShadowRay shadow{.origin = start,
-                           .direction = away(surface.geometric_normal, sampler),
-                           .distance = std::numeric_limits<double>::infinity(),
-                           .light = 1.0};
-    std::vector<double> light(1, 0.0);
-    EXPECT_EQ(add_unshadowed(embree, {&shadow, 1}, light), 0U);
-    if (light[0] == 0.0) ++shadows.self_shadowed;
+using Away = std::function<Vec3(Vec3 normal, Sampler&)>;
+
+/// Sends packets of rays at the scene's only object, which is convex from `side`, and from every
+/// hit one shadow ray along `away(normal)`, into the open.
+class ShadowCounter {
+ public:
+  ShadowCounter(const SceneDescription& description, double size, Side side, Away away)
+      : scene_(description, testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1),
+        size_(size),
+        side_(side),
+        away_(std::move(away)) {}
+
+  Shadows count() {
+    for (int n = 0; n < 1250; ++n) send_packet();
+    return shadows_;
   }
-  return shadows;
+
+ private:
+  void send_packet() {
+    std::vector<PathRay> rays(kPacket);
+    for (PathRay& ray : rays) {
+      const Vec3 aim = sampler_.direction() * (0.4 * size_);
+      ray.origin = sampler_.direction() * (3.0 * size_);
+      ray.direction = normalized(aim - ray.origin);
+      ray.target = 0;
+    }
+    RayPacket packet;
+    EXPECT_EQ(load_packet(rays, packet), 0U);
+    const RTCScene embree = scene_.impl().embree.get();
+    intersect16(packet.valid, embree, packet.rays, Coherence::Incoherent);
+    shading_kernel::Surfaces surfaces{};
+    if (!isa_baseline::kShadingKernel.find_surfaces(
+            scene_.impl().shading->tables(), &packet.rays.ray.org_x[0], packet.valid, surfaces))
+      return;
+    RayPacket shadow;
+    EXPECT_EQ(load_packet(shadow_rays(surfaces), shadow), 0U);
+    occluded16(shadow.valid, embree, shadow.rays.ray, Coherence::Incoherent);
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (shadow.valid[r] == 0) continue;
+      ++shadows_.hits;
+      if (shadow.rays.ray.tfar[r] < 0.0F) ++shadows_.self_shadowed;
+    }
+  }
+
+  std::vector<PathRay> shadow_rays(const shading_kernel::Surfaces& s) {
+    std::vector<PathRay> rays(kPacket);
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (s.active[r] == 0 || (side_ == Side::Far && s.outer_side[r] == 0)) continue;
+      const auto lane = [r](const float(&v)[3][kPacket]) {
+        return Vec3{double{v[0][r]}, double{v[1][r]}, double{v[2][r]}};
+      };
+      rays[r] = {
+          .origin = lane(s.start), .direction = away_(lane(s.geometric), sampler_), .target = 0};
+    }
+    return rays;
+  }
+
+  Scene scene_;
+  double size_;
+  Side side_;
+  Away away_;
+  Sampler sampler_;
+  Shadows shadows_;
+};
+
+Shadows count_self_shadows(const SceneDescription& description, double size, Side side,
+                           const Away& away) {
+  return ShadowCounter(description, size, side, away).count();
 }
 
 Vec3 anywhere(Vec3 normal, Sampler& sampler) {

@@ -64,6 +64,22 @@ TEST(MethodFull, GivesTheSameBytesWithAnyNumberOfThreads) {
     }
 }
 
+/// Of our own loops; Embree takes the machine's best whatever is asked.
+TEST(MethodFull, GivesTheSameBytesWithEveryInstructionSet) {
+  const optics::Rig rig = make_rig({.width = 150, .height = 70, .pixel_mm = 0.5});
+  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    const auto with = [&](Isa isa) {
+      return rendered(named.scene, rig, make_tiny_stage(),
+                      {.threads = 1, .isa = isa, .cancelled = {}});
+    };
+    const frames::WovenFrame plain = with(Isa::Baseline);
+    for (const Isa isa : {Isa::Avx2, Isa::Avx512})
+      if (isa_supported(isa)) {
+        EXPECT_EQ(plain, with(isa)) << named.name << ", " << isa_name(isa);
+      }
+  }
+}
+
 TEST(MethodFull, GivesTheSameBytesTwice) {
   const optics::Rig rig = make_rig({.width = 64, .height = 40});
   const SceneDescription scene = testing::tiny_scenes().front().scene;

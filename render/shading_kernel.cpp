@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/shading_kernel.h"
+
+#include "render/packet_kernel_lanes.h"
+#include "render/primary_packets_kernel.h"
+
+namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
+namespace {
+
+using namespace shading_kernel;
+using packet_kernel::Field;
+
+/// New rays start this part of (largest coordinate + extent of the primitive) off the surface:
+/// roundings of single precision, see docs/rendering.md.
+constexpr float kSpawnOffset = 1.0F / (1 << 19);
+/// An occluder this close to the light, as a part of the way, is the lamp itself.
+constexpr float kLampClearance = 1.0F / (1 << 18);
+/// Embree ends the process on some numbers beyond.
+constexpr float kEmbreeLimit = 1e18F;
+constexpr uint32_t kNoGeometry = ~0U;
+
+inline const Floats& field(const float* packet, Field which) {
+  return floats_at(packet + which * kLanes);
+}
+inline Floats3 vector_at(const float (&lanes)[3][kLanes]) {
+  return {floats_at(lanes[0]), floats_at(lanes[1]), floats_at(lanes[2])};
+}
+inline void store(const Floats3& v, float (&lanes)[3][kLanes]) {
+  floats_at(lanes[0]) = v.x;
+  floats_at(lanes[1]) = v.y;
+  floats_at(lanes[2]) = v.z;
+}
+
+/// What differs from primitive to primitive, spread over the lanes that met it.
+struct Primitives {
+  Floats3 a, edge1, edge2;  // triangles
+  Floats3 normal_a, normal_b, normal_c;
+  Masks smooth;
+  Floats3 centre, axis;  // spheres and cones
+  Floats radius, height, slope, outward;
+  Masks spheres, cones, triangles;
+};
+
+inline void set(const Masks& where, float value, Floats& lanes) {
+  lanes = where ? Floats{} + value : lanes;
+}
+inline void set(const Masks& where, const float* value, Floats3& lanes) {
+  set(where, value[0], lanes.x);
+  set(where, value[1], lanes.y);
+  set(where, value[2], lanes.z);
+}
+inline void set_difference(const Masks& where, const float* to, const float* from, Floats3& lanes) {
+  set(where, to[0] - from[0], lanes.x);
+  set(where, to[1] - from[1], lanes.y);
+  set(where, to[2] - from[2], lanes.z);
+}
+
+inline void set_triangle(const Mesh& mesh, uint32_t primitive, const Masks& where, Primitives& p) {
+  const uint32_t* corner = mesh.triangles + size_t{3} * primitive;
+  const size_t a = size_t{3} * corner[0], b = size_t{3} * corner[1], c = size_t{3} * corner[2];
+  p.triangles |= where;
+  set(where, mesh.positions + a, p.a);
+  set_difference(where, mesh.positions + b, mesh.positions + a, p.edge1);
+  set_difference(where, mesh.positions + c, mesh.positions + a, p.edge2);
+  if (!mesh.normals) return;
+  p.smooth |= where;
+  set(where, mesh.normals + a, p.normal_a);
+  set(where, mesh.normals + b, p.normal_b);
+  set(where, mesh.normals + c, p.normal_c);
+}
+
+inline void set_quadric(const Quadric& shape, bool cone, const Masks& where, Primitives& p) {
+  set(where, shape.centre, p.centre);
+  set(where, shape.radius, p.radius);
+  set(where, shape.outward, p.outward);
+  if (!cone) {
+    p.spheres |= where;
+    return;
+  }
+  p.cones |= where;
+  set(where, shape.axis, p.axis);
+  set(where, shape.height, p.height);
+  set(where, shape.slope, p.slope);
+}
+
+/// The lanes' materials, each in its lane's channel.
+struct Paint {
+  Floats colour, emission, diffuse, specular, shine, transmittance;
+  Masks tinted, number;
+};
+
+inline void set_colours(const Masks& where, const Masks& channel, const float* rgb, Floats& lanes) {
+  for (int c = 0; c < 3; ++c) set(where & (channel == c), rgb[c], lanes);
+}
+
+inline void set_paint(const Material& m, int32_t number, const Masks& where, const Masks& channel,
+                      Paint& paint) {
+  set_colours(where, channel, m.colour, paint.colour);
+  set_colours(where, channel, m.emission, paint.emission);
+  set(where, m.diffuse, paint.diffuse);
+  set(where, m.specular, paint.specular);
+  set(where, m.shine, paint.shine);
+  set(where, m.transmittance, paint.transmittance);
+  paint.tinted |= m.tinted ? where : Masks{};
+  paint.number = where ? Masks{} + number : paint.number;
+}
+
+/// Walks over the different primitives of a packet; neighbouring rays meet few.
+inline void gather(const Tables& tables, const float* packet, const Masks& active, Primitives& p,
+                   Paint& paint, Surfaces& out) {
+  const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
+  const Words& primitive = words_at(packet + packet_kernel::kPrimitive * kLanes);
+  const Masks& channel = masks_at(out.channel);
+  Masks left = active;
+  for (int lane = 0; lane < kLanes; ++lane) {
+    if (left[lane] == 0) continue;
+    const uint32_t g = geometry[lane];
+    const uint32_t number = primitive[lane];
+    const Masks where = left & (geometry == g) & (primitive == number);
+    left &= ~where;
+    const Geometry& shape = tables.geometries[g];
+    int32_t material = shape.mesh.material;
+    if (shape.kind == Geometry::kMesh) {
+      set_triangle(shape.mesh, number, where, p);
+    } else {
+      set_quadric(shape.quadrics[number], shape.kind == Geometry::kCones, where, p);
+      material = shape.quadrics[number].material;
+    }
+    const Material& m = tables.materials[material];
+    set_paint(m, material, where, channel, paint);
+    out.any_textured |= m.textured;
+    out.any_transmits |= m.transmittance > 0.0F ? 1 : 0;
+    out.any_specular |= m.specular > 0.0F ? 1 : 0;
+  }
+}
+
+inline Floats largest(const Floats3& v) {
+  return max(max(absolute(v.x), absolute(v.y)), absolute(v.z));
+}
+
+struct Point {
+  Floats3 at, outer, smooth;  // smooth is zero where there is no shading normal
+  Floats offset;
+  Floats u, v;
+};
+
+/// `met` is brought into the triangle's plane and inside the triangle: at an edge, Embree may have
+/// chosen the neighbour. Lengths are taken relative to the triangle, so that none is too small or
+/// too large to be squared.
+inline void on_triangles(const Primitives& p, const Floats3& met, Point& out) {
+  const Floats extent = max(largest(p.edge1), largest(p.edge2));
+  const Floats scale = p.triangles ? 1.0F / extent : Floats{};
+  const Floats3 e1 = p.edge1 * scale, e2 = p.edge2 * scale;
+  const Floats3 from_a = (met - p.a) * scale;
+  const Floats3 normal = cross(e1, e2);
+  const Floats squared = dot(normal, normal);
+  const Floats inverse = squared > 0.0F ? 1.0F / squared : Floats{};
+  Floats u = clamp01(dot(cross(from_a, e2), normal) * inverse);
+  Floats v = clamp01(dot(cross(e1, from_a), normal) * inverse);
+  const Floats sum = u + v;
+  const Floats shrink = sum > 1.0F ? 1.0F / sum : Floats{} + 1.0F;
+  u = u * shrink;
+  v = v * shrink;
+  out.at = p.a + (p.edge1 * u + p.edge2 * v);
+  out.outer = unit(normal);
+  const Floats3 smooth = p.normal_a * ((1.0F - u) - v) + (p.normal_b * u + p.normal_c * v);
+  out.smooth = select(p.smooth, unit(smooth), Floats3{});
+  out.offset = kSpawnOffset * (largest(out.at) + extent);
+  out.u = u;
+  out.v = v;
+}
+
+inline void on_spheres(const Primitives& p, const Floats3& met, Point& out) {
+  const Floats3 outward = unit(met - p.centre);
+  const Floats3 at = p.centre + outward * p.radius;
+  out.at = select(p.spheres, at, out.at);
+  out.outer = select(p.spheres, outward * p.outward, out.outer);
+  out.smooth = select(p.spheres, Floats3{}, out.smooth);
+  out.offset = p.spheres ? kSpawnOffset * (largest(at) + p.radius) : out.offset;
+}
+
+inline void on_cones(const Primitives& p, const Floats3& met, Point& out) {
+  const Floats3 from_base = met - p.centre;
+  const Floats along = dot(from_base, p.axis);
+  const Floats3 across = unit(from_base - p.axis * along);
+  const Floats s = min(max(along, Floats{}), p.height);
+  const Floats radius = p.radius + p.slope * s;
+  const Floats3 at = p.centre + p.axis * s + across * radius;
+  const Floats3 outward = unit(across - p.axis * p.slope);
+  const Masks tip = dot(across, across) == 0.0F;
+  out.at = select(p.cones, at, out.at);
+  out.outer = select(p.cones, select(tip, Floats3{}, outward * p.outward), out.outer);
+  out.smooth = select(p.cones, Floats3{}, out.smooth);
+  out.offset =
+      p.cones ? kSpawnOffset * (largest(at) + max(absolute(radius), p.height)) : out.offset;
+}
+
+inline void write_point(const Floats3& view, const Point& point, Surfaces& out) {
+  // At the tip of a cone there is no normal; the way back serves.
+  const Masks lost = dot(point.outer, point.outer) == 0.0F;
+  const Floats3 outer = select(lost, -view, point.outer);
+  const Masks outside = dot(view, outer) <= 0.0F;
+  const Floats3 geometric = select(outside, outer, -outer);
+  const Masks flat = dot(point.smooth, point.smooth) == 0.0F;
+  Floats3 smooth = select(flat, geometric, point.smooth);
+  smooth = select(dot(smooth, geometric) < 0.0F, -smooth, smooth);
+  store(view, out.view);
+  store(point.at, out.point);
+  store(point.at + geometric * point.offset, out.start);
+  store(geometric, out.geometric);
+  store(smooth, out.smooth);
+  floats_at(out.spawn_offset) = point.offset;
+  masks_at(out.outer_side) = outside;
+  floats_at(out.u) = point.u;
+  floats_at(out.v) = point.v;
+}
+
+inline void write_paint(const Paint& paint, Surfaces& out) {
+  floats_at(out.colour) = paint.colour;
+  floats_at(out.emission) = paint.emission;
+  floats_at(out.diffuse) = paint.diffuse;
+  floats_at(out.specular) = paint.specular;
+  floats_at(out.shine) = paint.shine;
+  floats_at(out.transmittance) = paint.transmittance;
+  masks_at(out.tinted) = paint.tinted;
+  masks_at(out.material) = paint.number;
+}
+
+bool find_surfaces(const Tables& tables, const float* packet, const int32_t* valid, Surfaces& out) {
+  const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
+  const Masks active = masks_at(valid) & (geometry != kNoGeometry);
+  masks_at(out.active) = active;
+  if (!any(active)) return false;
+  out.any_textured = out.any_transmits = out.any_specular = 0;
+  Primitives primitives{};
+  Paint paint{};
+  gather(tables, packet, active, primitives, paint, out);
+
+  const Floats3 direction{field(packet, packet_kernel::kDirectionX),
+                          field(packet, packet_kernel::kDirectionY),
+                          field(packet, packet_kernel::kDirectionZ)};
+  const Floats3 origin{field(packet, packet_kernel::kOriginX),
+                       field(packet, packet_kernel::kOriginY),
+                       field(packet, packet_kernel::kOriginZ)};
+  const Floats3 met = origin + direction * field(packet, packet_kernel::kTFar);
+  Point point{};
+  if (any(primitives.triangles)) on_triangles(primitives, met, point);
+  if (any(primitives.spheres)) on_spheres(primitives, met, point);
+  if (any(primitives.cones)) on_cones(primitives, met, point);
+  write_point(unit(direction), point, out);
+  write_paint(paint, out);
+  return true;
+}
+
+void add_own_light(const Tables& tables, const Surfaces& s, const float* weight, float* light) {
+  const Masks& channel = masks_at(s.channel);
+  Floats ambient{};
+  set_colours(Masks{} - 1, channel, tables.ambient, ambient);
+  const Floats own = floats_at(s.emission) + ambient * floats_at(s.diffuse) * floats_at(s.colour);
+  floats_at(light) += masks_at(s.active) ? floats_at(weight) * own : Floats{};
+}
+
+/// Where a light is and how much of it arrives if nothing is in between.
+struct Arrival {
+  Floats3 toward;
+  Floats distance, intensity;
+};
+
+inline Arrival arrival(const Light& light, const Surfaces& s) {
+  Arrival at{};
+  set_colours(Masks{} - 1, masks_at(s.channel), light.colour, at.intensity);
+  if (light.kind == Light::kDirectional) {
+    at.toward = Floats3{} - spread(light.direction);
+    at.distance = Floats{} + __builtin_inff();
+    return at;
+  }
+  const Floats3 way = spread(light.position) - vector_at(s.start);
+  const Floats squared = dot(way, way);
+  at.distance = root(squared);
+  const Masks apart = at.distance > 0.0F;
+  at.toward = way * (apart ? 1.0F / at.distance : Floats{});
+  at.intensity = apart ? at.intensity : Floats{};
+  if (light.kind == Light::kSpot) {
+    const Floats inside = Floats{} - dot(spread(light.direction), at.toward) - light.cos_outer;
+    const Floats part = light.cos_width > 0.0F ? clamp01(inside / light.cos_width)
+                                               : (inside >= 0.0F ? Floats{} + 1.0F : Floats{});
+    at.intensity = at.intensity * (part * part);
+  }
+  if (light.falls_off)
+    at.intensity = apart ? at.intensity * (light.world_units_squared / squared) : Floats{};
+  return at;
+}
+
+/// Lambert plus Phong's highlight; zero where the light is behind the surface.
+inline Floats reflected(const Surfaces& s, const Arrival& light) {
+  const Floats3 smooth = vector_at(s.smooth);
+  const Floats cosine = dot(smooth, light.toward);
+  const Masks seen =
+      (cosine > 0.0F) & (dot(vector_at(s.geometric), light.toward) > 0.0F) & masks_at(s.active);
+  if (!any(seen)) return Floats{};
+  Floats reflectance = floats_at(s.diffuse) * floats_at(s.colour) * cosine;
+  const Floats3 view = vector_at(s.view);
+  // The light's mirror image, seen from the viewer.
+  const Floats along = dot(light.toward, view) - 2.0F * cosine * dot(smooth, view);
+  const Masks shines = seen & (along > 0.0F) & (floats_at(s.specular) > 0.0F);
+  if (any(shines)) {
+    const Floats tint = masks_at(s.tinted) ? floats_at(s.colour) : Floats{} + 1.0F;
+    const Floats highlight = floats_at(s.specular) * tint * power(along, floats_at(s.shine));
+    reflectance = shines ? reflectance + highlight : reflectance;
+  }
+  return seen ? light.intensity * reflectance : Floats{};
+}
+
+/// False for NaN.
+inline Masks within_limits(const Floats3& v) {
+  return (absolute(v.x) < kEmbreeLimit) & (absolute(v.y) < kEmbreeLimit) &
+         (absolute(v.z) < kEmbreeLimit);
+}
+
+/// Writes the rays of the lanes that are `wanted` and fit for Embree, harmless ones elsewhere.
+inline bool write_rays(const Floats3& origin, const Floats3& direction, const Floats& far,
+                       const Masks& wanted, NewRays& out) {
+  const Masks fit = within_limits(origin) & within_limits(direction) & (far >= 0.0F) &
+                    (dot(direction, direction) > 0.0F);
+  const Masks valid = wanted & fit;
+  out.refused = 0;
+  const Masks refused = wanted & ~fit;
+  if (any(refused))
+    for (int r = 0; r < kLanes; ++r) out.refused -= refused[r];
+  masks_at(out.valid) = valid;
+  float* packet = out.packet;
+  floats_at(packet + packet_kernel::kOriginX * kLanes) = valid ? origin.x : Floats{};
+  floats_at(packet + packet_kernel::kOriginY * kLanes) = valid ? origin.y : Floats{};
+  floats_at(packet + packet_kernel::kOriginZ * kLanes) = valid ? origin.z : Floats{};
+  floats_at(packet + packet_kernel::kDirectionX * kLanes) = valid ? direction.x : Floats{};
+  floats_at(packet + packet_kernel::kDirectionY * kLanes) = valid ? direction.y : Floats{};
+  floats_at(packet + packet_kernel::kDirectionZ * kLanes) = valid ? direction.z : Floats{} + 1.0F;
+  floats_at(packet + packet_kernel::kTFar * kLanes) = valid ? far : Floats{};
+  return any(valid);
+}
+
+bool shadow_rays(const Light& light, const Surfaces& s, const float* weight, NewRays& out) {
+  const Arrival at = arrival(light, s);
+  const Floats brings = floats_at(weight) * reflected(s, at);
+  floats_at(out.weight) = brings;
+  const Masks wanted = masks_at(s.active) & (brings != 0.0F);
+  if (!any(wanted)) {
+    masks_at(out.valid) = Masks{};
+    out.refused = 0;
+    return false;
+  }
+  return write_rays(vector_at(s.start), at.toward, at.distance * (1.0F - kLampClearance), wanted,
+                    out);
+}
+
+inline Floats3 mirrored(const Floats3& view, const Floats3& normal) {
+  return view - normal * (2.0F * dot(view, normal));
+}
+
+bool mirrored_rays(const Surfaces& s, const float* weight, NewRays& out) {
+  const Floats tint = masks_at(s.tinted) ? floats_at(s.colour) : Floats{} + 1.0F;
+  const Floats part = floats_at(weight) * (floats_at(s.specular) * tint);
+  const Masks wanted = masks_at(s.active) & (part != 0.0F);
+  floats_at(out.weight) = part;
+  const Floats3 view = vector_at(s.view), geometric = vector_at(s.geometric);
+  const Floats3 by_smooth = mirrored(view, vector_at(s.smooth));
+  // An interpolated normal can mirror a ray into its own surface; the true normal cannot.
+  const Floats3 direction =
+      select(dot(by_smooth, geometric) > 0.0F, by_smooth, mirrored(view, geometric));
+  return write_rays(vector_at(s.start), unit(direction), Floats{} + __builtin_inff(), wanted, out);
+}
+
+}  // namespace
+
+extern const shading_kernel::Kernel kShadingKernel;
+const shading_kernel::Kernel kShadingKernel{.find_surfaces = find_surfaces,
+                                            .add_own_light = add_own_light,
+                                            .shadow_rays = shadow_rays,
+                                            .mirrored_rays = mirrored_rays};
+
+}  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

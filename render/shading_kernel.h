@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shading of sixteen rays at a time, compiled once per instruction set; docs/rendering.md states
+// the formulas. Plain data only: nothing here may bring a shared inline function into a file that
+// is compiled for AVX-512.
+//
+// Single precision, in the scene frame, without fused multiplication: the same hits give the same
+// bits on every instruction set. render/surface.h and render/shading.h say the same ray by ray in
+// double precision, and are what this is tested against.
+#pragma once
+
+#include <cstdint>
+
+namespace lenticule::render::shading_kernel {
+
+inline constexpr int kLanes = 16;
+
+struct Material {
+  float colour[3];
+  float emission[3];
+  float diffuse;
+  float specular;
+  float shine;
+  float transmittance;
+  int32_t tinted;    ///< highlights and mirror have the material's colour
+  int32_t textured;  ///< the caller multiplies colours
+};
+
+struct Mesh {
+  const float* positions;     ///< x, y, z of each vertex
+  const uint32_t* triangles;  ///< three vertices each
+  const float* normals;       ///< unit, x, y, z of each vertex, or null
+  int32_t material;
+};
+
+/// A sphere or an open cone; see render/quadrics.h.
+struct Quadric {
+  float centre[3];  ///< of the sphere, or of the cone's base
+  float radius;     ///< there
+  float axis[3];    ///< unit; cones only
+  float height;
+  float slope;
+  float outward;  ///< 1, or -1 where the inside is the outer side
+  int32_t material;
+};
+
+struct Geometry {
+  enum Kind : int32_t { kMesh, kSpheres, kCones } kind;
+  Mesh mesh;
+  const Quadric* quadrics;  ///< by primitive
+};
+
+struct Light {
+  enum Kind : int32_t { kPoint, kDirectional, kSpot } kind;
+  float position[3];
+  float direction[3];
+  float colour[3];
+  float cos_outer;
+  float cos_width;  ///< between the outer and the inner cone
+  int32_t falls_off;
+  float world_units_squared;  ///< scene units per world unit, squared
+};
+
+struct Tables {
+  const Geometry* geometries;  ///< by Embree's geometry number
+  const Material* materials;
+  float ambient[3];
+};
+
+/// Surfaces that the lanes of a packet met, as shading sees them. Only active lanes mean anything.
+struct alignas(64) Surfaces {
+  int32_t active[kLanes];   ///< -1 where something was met
+  int32_t channel[kLanes];  ///< 0, 1 or 2: set by the caller
+  float view[3][kLanes];    ///< unit, the way the ray came
+  float point[3][kLanes];
+  float start[3][kLanes];      ///< of new rays on the viewer's side
+  float geometric[3][kLanes];  ///< unit normal on the side that the ray came from
+  float smooth[3][kLanes];     ///< the shading normal, on the same side
+  float spawn_offset[kLanes];
+  int32_t outer_side[kLanes];  ///< -1 where the ray came from outside
+  float colour[kLanes];        ///< of the material, in the ray's channel
+  float diffuse[kLanes];
+  float specular[kLanes];  ///< not yet tinted
+  float shine[kLanes];
+  float transmittance[kLanes];
+  float emission[kLanes];
+  int32_t tinted[kLanes];
+  int32_t material[kLanes];
+  float u[kLanes], v[kLanes];  ///< barycentric, of meshes
+  int32_t any_textured;
+  int32_t any_transmits;
+  int32_t any_specular;
+};
+
+/// New rays in Embree's layout (see packet_kernel::Field) and what they bring.
+struct alignas(64) NewRays {
+  float weight[kLanes];  ///< what arrives is multiplied by that
+  float* packet;         ///< origin, direction and t_far are written here
+  int32_t* valid;        ///< -1 where there is a ray
+  int32_t refused;       ///< how many were not fit for Embree
+};
+
+struct Kernel {
+  /// From a packet that Embree has intersected and the lanes that were valid. False, and nothing
+  /// written but `active`, if no lane met anything.
+  bool (*find_surfaces)(const Tables&, const float* packet, const int32_t* valid, Surfaces&);
+  /// weight: of the rays that met the surfaces. Adds emission and ambient light to `light`.
+  void (*add_own_light)(const Tables&, const Surfaces&, const float* weight, float* light);
+  /// Rays toward a light from where it would be seen; `weight` is what it adds there. False if
+  /// there are none.
+  bool (*shadow_rays)(const Light&, const Surfaces&, const float* weight, NewRays&);
+  /// Mirrored rays. False if there are none.
+  bool (*mirrored_rays)(const Surfaces&, const float* weight, NewRays&);
+};
+
+}  // namespace lenticule::render::shading_kernel
+
+namespace lenticule::render::isa_baseline {
+extern const shading_kernel::Kernel kShadingKernel;
+}
+namespace lenticule::render::isa_avx2 {
+extern const shading_kernel::Kernel kShadingKernel;
+}
+namespace lenticule::render::isa_avx512 {
+extern const shading_kernel::Kernel kShadingKernel;
+}

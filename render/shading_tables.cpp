@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/shading_tables.h"
+
+namespace lenticule::render {
+namespace {
+
+void write(Vec3 v, float (&out)[3]) {
+  out[0] = static_cast<float>(v.x);
+  out[1] = static_cast<float>(v.y);
+  out[2] = static_cast<float>(v.z);
+}
+
+shading_kernel::Material table_entry(const Material& material) {
+  shading_kernel::Material out{};
+  write(material.colour, out.colour);
+  write(material.emission, out.emission);
+  out.diffuse = static_cast<float>(material.diffuse);
+  out.specular = static_cast<float>(material.specular);
+  out.shine = static_cast<float>(material.shine);
+  out.transmittance = static_cast<float>(material.transmittance);
+  out.tinted = material.tinted_specular ? 1 : 0;
+  out.textured = material.texture >= 0 ? 1 : 0;
+  return out;
+}
+
+shading_kernel::Quadric table_entry(const SphereShape& sphere) {
+  shading_kernel::Quadric out{};
+  write(sphere.centre, out.centre);
+  out.radius = static_cast<float>(sphere.radius);
+  out.outward = sphere.inward ? -1.0F : 1.0F;
+  out.material = sphere.material;
+  return out;
+}
+
+shading_kernel::Quadric table_entry(const ConeShape& cone) {
+  shading_kernel::Quadric out{};
+  write(cone.base, out.centre);
+  write(cone.axis, out.axis);
+  out.radius = static_cast<float>(cone.base_radius);
+  out.height = static_cast<float>(cone.height);
+  out.slope = static_cast<float>(cone.slope);
+  out.outward = cone.inward ? -1.0F : 1.0F;
+  out.material = cone.material;
+  return out;
+}
+
+shading_kernel::Light table_entry(const SceneLight& light, double units_per_world) {
+  shading_kernel::Light out{};
+  switch (light.kind) {
+    case Light::Kind::Point:
+      out.kind = shading_kernel::Light::kPoint;
+      break;
+    case Light::Kind::Directional:
+      out.kind = shading_kernel::Light::kDirectional;
+      break;
+    case Light::Kind::Spot:
+      out.kind = shading_kernel::Light::kSpot;
+      break;
+  }
+  write(light.position, out.position);
+  write(light.direction, out.direction);
+  write(light.colour, out.colour);
+  out.cos_outer = static_cast<float>(light.cos_outer);
+  out.cos_width = static_cast<float>(light.cos_inner - light.cos_outer);
+  out.falls_off = light.falls_off ? 1 : 0;
+  out.world_units_squared = static_cast<float>(units_per_world * units_per_world);
+  return out;
+}
+
+shading_kernel::Geometry table_entry(const MeshShape& mesh) {
+  static_assert(sizeof(Vec3f) == 3 * sizeof(float));
+  shading_kernel::Geometry out{};
+  out.kind = shading_kernel::Geometry::kMesh;
+  out.mesh = {.positions = &mesh.positions.data()->x,
+              .triangles = mesh.triangles.data()->data(),
+              .normals = mesh.normals.empty() ? nullptr : &mesh.normals.data()->x,
+              .material = mesh.material};
+  return out;
+}
+
+}  // namespace
+
+ShadingTables::ShadingTables(const Scene::Impl& scene) {
+  for (const Material& material : scene.materials) materials_.push_back(table_entry(material));
+  for (const SphereShape& sphere : scene.spheres) spheres_.push_back(table_entry(sphere));
+  for (const ConeShape& cone : scene.cones) cones_.push_back(table_entry(cone));
+  for (const SceneLight& light : scene.lights)
+    lights_.push_back(table_entry(light, scene.units_per_world));
+  for (const GeometryEntry& entry : scene.geometries) {
+    switch (entry.kind) {
+      case GeometryEntry::Kind::Mesh:
+        geometries_.push_back(table_entry(scene.meshes[entry.mesh]));
+        break;
+      case GeometryEntry::Kind::Spheres:
+        geometries_.push_back(
+            {.kind = shading_kernel::Geometry::kSpheres, .mesh = {}, .quadrics = spheres_.data()});
+        break;
+      case GeometryEntry::Kind::Cones:
+        geometries_.push_back(
+            {.kind = shading_kernel::Geometry::kCones, .mesh = {}, .quadrics = cones_.data()});
+        break;
+    }
+  }
+  tables_ = {.geometries = geometries_.data(), .materials = materials_.data(), .ambient = {}};
+  write(scene.ambient, tables_.ambient);
+}
+
+}  // namespace lenticule::render

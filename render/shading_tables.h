@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene's materials, shapes and lights as render/shading_kernel.h reads them.
+#pragma once
+
+#include <vector>
+
+#include "render/committed_scene.h"
+#include "render/shading_kernel.h"
+
+namespace lenticule::render {
+
+/// Immutable; points into the scene it was made from.
+class ShadingTables {
+ public:
+  explicit ShadingTables(const Scene::Impl& scene);
+  ShadingTables(const ShadingTables&) = delete;
+  ShadingTables& operator=(const ShadingTables&) = delete;
+
+  [[nodiscard]] const shading_kernel::Tables& tables() const { return tables_; }
+  [[nodiscard]] const std::vector<shading_kernel::Light>& lights() const { return lights_; }
+
+ private:
+  std::vector<shading_kernel::Material> materials_;
+  std::vector<shading_kernel::Quadric> spheres_;
+  std::vector<shading_kernel::Quadric> cones_;
+  std::vector<shading_kernel::Geometry> geometries_;
+  std::vector<shading_kernel::Light> lights_;
+  shading_kernel::Tables tables_{};
+};
+
+}  // namespace lenticule::render

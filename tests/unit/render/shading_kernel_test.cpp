@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sixteen lanes in single precision against the formulas in double, and one instruction set against
+// another.
+#include "render/shading_kernel.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <random>
+
+#include "optics/cpu.h"
+#include "render/ray_stream.h"
+#include "render/shading.h"
+#include "render/shading_tables.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+using shading_kernel::Kernel;
+using shading_kernel::NewRays;
+using shading_kernel::Surfaces;
+
+std::vector<const Kernel*> runnable_kernels() {
+  std::vector<const Kernel*> kernels = {&isa_baseline::kShadingKernel};
+#if defined(__x86_64__)
+  if (isa_supported(Isa::Avx2)) kernels.push_back(&isa_avx2::kShadingKernel);
+  if (isa_supported(Isa::Avx512)) kernels.push_back(&isa_avx512::kShadingKernel);
+#endif
+  return kernels;
+}
+
+/// Everything the kernel writes for one packet and one light.
+struct alignas(64) Shaded {
+  Surfaces surfaces{};
+  float own[kPacket]{};
+  NewRays shadow{}, mirrored{};
+  RayPacket shadow_packet, mirrored_packet;
+};
+
+class ShadingKernel : public ::testing::TestWithParam<testing::NamedScene> {
+ protected:
+  ShadingKernel() : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1) {
+    for (size_t r = 0; r < kPacket; ++r) weight_[r] = 0.25F + 0.01F * static_cast<float>(r);
+  }
+
+  /// Rays from a sphere around the scene toward its middle, some of them invalid.
+  void aim(std::mt19937_64& random) {
+    std::uniform_real_distribution<double> any(-1.0, 1.0);
+    rays_.assign(kPacket, {});
+    for (PathRay& ray : rays_) {
+      ray.origin = normalized(Vec3{any(random), any(random), any(random)}) * 60.0;
+      ray.direction = normalized(Vec3{any(random), any(random), any(random)} * 12.0 - ray.origin);
+      ray.channel = static_cast<int>(random() % 3);
+      ray.target = random() % 8 == 0 ? PathRay::kInactive : 0;
+    }
+    load_packet(rays_, packet_);
+    intersect16(packet_.valid, impl().embree.get(), packet_.rays, Coherence::Incoherent);
+  }
+
+  /// False if nothing was met.
+  bool shade(const Kernel& kernel, size_t light, Shaded& out) {
+    std::memset(static_cast<void*>(&out), 0, sizeof out);  // padding too
+    for (size_t r = 0; r < kPacket; ++r) out.surfaces.channel[r] = rays_[r].channel;
+    const ShadingTables& tables = *impl().shading;
+    if (!kernel.find_surfaces(tables.tables(), &packet_.rays.ray.org_x[0], packet_.valid,
+                              out.surfaces))
+      return false;
+    kernel.add_own_light(tables.tables(), out.surfaces, weight_, out.own);
+    out.shadow.packet = &out.shadow_packet.rays.ray.org_x[0];
+    out.shadow.valid = out.shadow_packet.valid;
+    kernel.shadow_rays(tables.lights()[light], out.surfaces, weight_, out.shadow);
+    out.mirrored.packet = &out.mirrored_packet.rays.ray.org_x[0];
+    out.mirrored.valid = out.mirrored_packet.valid;
+    kernel.mirrored_rays(out.surfaces, weight_, out.mirrored);
+    out.shadow.packet = out.mirrored.packet = nullptr;  // to be compared as bytes
+    out.shadow.valid = out.mirrored.valid = nullptr;
+    return true;
+  }
+
+  void expect_lane_agrees(const Shaded& shaded, size_t light, size_t r) const;
+
+  [[nodiscard]] const Scene::Impl& impl() const { return scene_.impl(); }
+
+  Scene scene_;
+  std::vector<PathRay> rays_;
+  RayPacket packet_;
+  alignas(64) float weight_[kPacket];
+};
+
+Vec3 lane(const float (&v)[3][kPacket], size_t r) {
+  return {double{v[0][r]}, double{v[1][r]}, double{v[2][r]}};
+}
+Vec3 origin_of(const RayPacket& packet, size_t r) {
+  const RTCRay16& ray = packet.rays.ray;
+  return {double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}};
+}
+Vec3 direction_of(const RayPacket& packet, size_t r) {
+  const RTCRay16& ray = packet.rays.ray;
+  return {double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
+}
+
+constexpr double kMillimetres = 5e-5;  // a dozen roundings of 60, the length of a ray
+constexpr double kUnit = 1e-5;
+
+void ShadingKernel::expect_lane_agrees(const Shaded& shaded, size_t light, size_t r) const {
+  PathRay ray = rays_[r];
+  ray.origin = origin_of(packet_, r);
+  ray.direction = normalized(direction_of(packet_, r));
+  const Hit hit{.geometry = packet_.rays.hit.geomID[r],
+                .primitive = packet_.rays.hit.primID[r],
+                .distance = packet_.rays.ray.tfar[r]};
+  const Surface expected = surface_at(impl(), ray, hit);
+  const Surfaces& s = shaded.surfaces;
+  EXPECT_LT(length(lane(s.point, r) - expected.point), kMillimetres);
+  EXPECT_LT(length(lane(s.geometric, r) - expected.geometric_normal), kUnit);
+  EXPECT_LT(length(lane(s.smooth, r) - expected.shading_normal), kUnit);
+  EXPECT_EQ(s.outer_side[r] != 0, expected.outer_side);
+  EXPECT_EQ(&impl().materials[static_cast<size_t>(s.material[r])], expected.material);
+  // The kernel leaves more room than double precision needs, but not much.
+  EXPECT_GE(double{s.spawn_offset[r]}, expected.spawn_offset);
+  EXPECT_LE(double{s.spawn_offset[r]}, 1e-4 + 4.0 * expected.spawn_offset);
+
+  if (expected.material->texture >= 0) return;  // whose colour the tracer looks up
+  const double weight = double{weight_[r]};
+  EXPECT_NEAR(double{shaded.own[r]}, weight * own_light(expected, impl().ambient, ray.channel),
+              1e-6);
+  const Arrival at = arrival(impl().lights[light], spawn_point(expected, Side::Viewer),
+                             impl().units_per_world, ray.channel);
+  const double reflected = weight * reflected_light(expected, ray.direction, at);
+  EXPECT_NEAR(double{shaded.shadow.weight[r]}, reflected, 2e-5);
+  if (shaded.shadow_packet.valid[r] != 0) {
+    EXPECT_LT(length(direction_of(shaded.shadow_packet, r) - at.toward_light), kUnit);
+    EXPECT_LT(length(origin_of(shaded.shadow_packet, r) - expected.point),
+              double{s.spawn_offset[r]} + kMillimetres);
+  } else {
+    EXPECT_LT(reflected, 2e-5);
+  }
+  if (expected.material->transmittance > 0.0) return;  // the tracer does these in double precision
+  const Continuation on = continuation(expected, ray.direction);
+  EXPECT_NEAR(double{shaded.mirrored.weight[r]}, weight * on.mirror_weight, 1e-6);
+  EXPECT_EQ(shaded.mirrored_packet.valid[r] != 0, on.mirror_weight > 0.0);
+  if (on.mirror_weight > 0.0) {
+    EXPECT_LT(length(direction_of(shaded.mirrored_packet, r) - on.mirror_direction), 2.0 * kUnit);
+  }
+}
+
+TEST_P(ShadingKernel, AgreesWithDoublePrecisionLaneByLane) {
+  std::mt19937_64 random(7);
+  Shaded shaded;
+  int lanes = 0;
+  for (int round = 0; round < 300; ++round) {
+    aim(random);
+    const size_t light = random() % impl().lights.size();
+    if (!shade(isa_baseline::kShadingKernel, light, shaded)) continue;
+    for (size_t r = 0; r < kPacket; ++r) {
+      const bool met = packet_.valid[r] != 0 && packet_.rays.hit.geomID[r] != Hit::kMiss;
+      ASSERT_EQ(shaded.surfaces.active[r] != 0, met);
+      if (!met) continue;
+      ++lanes;
+      expect_lane_agrees(shaded, light, r);
+      ASSERT_FALSE(HasFailure()) << "round " << round << " lane " << r;
+    }
+  }
+  EXPECT_GT(lanes, 500);
+}
+
+TEST_P(ShadingKernel, GivesTheSameBitsOnEveryInstructionSet) {
+  std::mt19937_64 random(11);
+  const std::vector<const Kernel*> kernels = runnable_kernels();
+  ASSERT_GT(kernels.size(), 1U) << "this machine has one instruction set only";
+  Shaded first, other;
+  for (int round = 0; round < 300; ++round) {
+    aim(random);
+    const size_t light = random() % impl().lights.size();
+    const bool met = shade(*kernels[0], light, first);
+    for (size_t k = 1; k < kernels.size(); ++k) {
+      ASSERT_EQ(shade(*kernels[k], light, other), met);
+      if (met) {
+        ASSERT_EQ(std::memcmp(&first, &other, sizeof first), 0) << "round " << round;
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(TinyScenes, ShadingKernel, ::testing::ValuesIn(testing::tiny_scenes()),
+                         [](const auto& scene) { return scene.param.name; });
+
+/// One lane that looks straight down at a white floor, lit from a place.
+class Highlight : public ::testing::Test {
+ protected:
+  static double reflected(double shine, double degrees, shading_kernel::Light light = {}) {
+    Surfaces s{};
+    s.active[0] = -1;
+    s.view[1][0] = -1.0F;
+    s.geometric[1][0] = s.smooth[1][0] = 1.0F;
+    s.colour[0] = 1.0F;
+    s.specular[0] = 1.0F;
+    s.shine[0] = static_cast<float>(shine);
+    const double angle = degrees * 3.14159265358979323846 / 180.0;
+    light.position[0] = static_cast<float>(100.0 * std::sin(angle));
+    light.position[1] = static_cast<float>(100.0 * std::cos(angle));
+    light.colour[0] = 1.0F;
+    alignas(64) float weight[kPacket] = {1.0F};
+    RayPacket packet;
+    NewRays rays{};
+    rays.packet = &packet.rays.ray.org_x[0];
+    rays.valid = packet.valid;
+    isa_baseline::kShadingKernel.shadow_rays(light, s, weight, rays);
+    return double{rays.weight[0]};
+  }
+};
+
+TEST_F(Highlight, FollowsThePowerFromDullToVerySharp) {
+  for (const double shine : {0.0, 0.5, 1.0, 3.0, 27.0, 200.0, 1000.0})
+    for (const double degrees : {0.0, 0.5, 3.0, 20.0, 60.0, 89.0}) {
+      // What rounding the light's direction to single precision may change.
+      const double tolerance = 1e-6 + 4e-7 * shine;
+      EXPECT_NEAR(reflected(shine, degrees),
+                  std::pow(std::cos(degrees * 3.14159265358979323846 / 180.0), shine), tolerance)
+          << shine << " at " << degrees;
+    }
+}
+
+TEST_F(Highlight, OfALightThatFallsOff) {
+  shading_kernel::Light light{};
+  light.falls_off = 1;
+  light.world_units_squared = 25.0F;
+  EXPECT_NEAR(reflected(1.0, 0.0, light), 25.0 / 1e4, 1e-9);
+}
+
+TEST_F(Highlight, OfASpotEndsAtItsOuterCone) {
+  shading_kernel::Light light{};
+  light.kind = shading_kernel::Light::kSpot;
+  light.direction[1] = -1.0F;
+  light.cos_outer = 0.9F;
+  light.cos_width = 0.1F;
+  EXPECT_NEAR(reflected(0.0, 0.0, light), 1.0, 1e-6);
+  EXPECT_EQ(reflected(0.0, 27.0, light), 0.0);
+  const double inside = (std::cos(10.0 * 3.14159265358979323846 / 180.0) - 0.9) / 0.1;
+  EXPECT_NEAR(reflected(0.0, 10.0, light), inside * inside, 1e-5);
+}
+
+TEST(ShadingKernelRays, ThatEmbreeMustNotSeeAreRefused) {
+  Surfaces s{};
+  for (size_t r = 0; r < kPacket; ++r) {
+    s.active[r] = -1;
+    s.geometric[1][r] = s.smooth[1][r] = 1.0F;
+    s.view[1][r] = -1.0F;
+    s.specular[r] = 1.0F;
+  }
+  s.start[0][2] = 1e30F;
+  s.start[1][5] = std::numeric_limits<float>::quiet_NaN();
+  s.start[2][9] = -std::numeric_limits<float>::infinity();
+  alignas(64) float weight[kPacket];
+  std::fill_n(weight, kPacket, 1.0F);
+  RayPacket packet;
+  for (const Kernel* kernel : runnable_kernels()) {
+    NewRays rays{};
+    rays.packet = &packet.rays.ray.org_x[0];
+    rays.valid = packet.valid;
+    EXPECT_TRUE(kernel->mirrored_rays(s, weight, rays));
+    EXPECT_EQ(rays.refused, 3);
+    for (size_t r = 0; r < kPacket; ++r) {
+      EXPECT_EQ(packet.valid[r] == 0, r == 2 || r == 5 || r == 9) << r;
+      EXPECT_TRUE(std::isfinite(packet.rays.ray.org_x[r]));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::render
