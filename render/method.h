@@ -2,6 +2,7 @@
 // The render methods: how a scene becomes a woven frame.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <functional>
 #include <memory>
@@ -13,6 +14,7 @@
 #include "optics/model.h"
 #include "render/scene.h"
 #include "render/stage.h"
+#include "render/work_clock.h"
 
 namespace lenticule::render {
 
@@ -21,6 +23,7 @@ struct RenderOptions {
   int samples = 1;       ///< per subpixel, inside its angular footprint; 1 = the centre
   int max_depth = 5;     ///< of reflections and refractions
   Isa isa = best_isa();  ///< of our own loops; the bytes do not depend on it
+  bool measure_work = false;  ///< fill RenderStatistics::work; costs some percent of time
   /// Asked between tiles; true ends the frame early (RenderStatistics::completed is false then).
   std::function<bool()> cancelled;
 };
@@ -34,6 +37,8 @@ struct RenderStatistics {
   uint64_t secondary_rays = 0;
   uint64_t invalid_rays = 0;  ///< not finite, so not shown to Embree
   double seconds = 0.0;
+  /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.
+  std::array<double, kWorks> work{};
 };
 
 class Method {

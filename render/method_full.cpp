@@ -5,7 +5,9 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include <array>
 #include <chrono>
+#include <numeric>
 
 #include "frames/srgb.h"
 #include "optics/error.h"
@@ -19,6 +21,16 @@ namespace {
 uint8_t straight_code(double light) {
   if (!(light > 0.0)) return 0;
   return light >= 1.0 ? 255 : static_cast<uint8_t>(light * 255.0 + 0.5);
+}
+
+/// Idle time is what a worker that was there did not use; it is not counted.
+std::array<double, kWorks> shares(std::array<uint64_t, kWorks> ticks) {
+  ticks[static_cast<size_t>(Work::Idle)] = 0;
+  const auto sum = static_cast<double>(std::accumulate(ticks.begin(), ticks.end(), uint64_t{0}));
+  std::array<double, kWorks> parts{};
+  if (sum > 0.0)
+    for (size_t w = 0; w < kWorks; ++w) parts[w] = static_cast<double>(ticks[w]) / sum;
+  return parts;
 }
 
 class FullMethod final : public Method {
@@ -54,20 +66,25 @@ class FullMethod final : public Method {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
 
     RayCounts counts;
-    for (const Worker& worker : workers) counts += worker.tracer.counts();
+    std::array<uint64_t, kWorks> ticks{};
+    for (Worker& worker : workers) {
+      counts += worker.tracer.counts();
+      for (size_t w = 0; w < kWorks; ++w) ticks[w] += worker.tracer.clock().ticks()[w];
+    }
     return {.completed = !cancelled.load(),
             .subpixels = 3 * static_cast<uint64_t>(width_) * static_cast<uint64_t>(height_),
             .primary_rays = counts.primary,
             .shadow_rays = counts.shadow,
             .secondary_rays = counts.secondary,
             .invalid_rays = counts.invalid,
-            .seconds = elapsed.count()};
+            .seconds = elapsed.count(),
+            .work = shares(ticks)};
   }
 
  private:
   struct Worker {
     Worker(const PrimaryPackets& packets, const RenderOptions& options)
-        : maker(packets), tracer(options.max_depth, options.isa) {}
+        : maker(packets), tracer(options) {}
     PrimaryPackets::Maker maker;
     std::vector<double> light;
     PacketTracer tracer;
@@ -76,13 +93,17 @@ class FullMethod final : public Method {
   void render_tile(const Scene::Impl& scene, const Tile& tile, Worker& worker,
                    frames::WovenFrame& frame) const {
     const FlushDenormals flush;
+    WorkClock& clock = worker.tracer.clock();
+    clock.turn_to(Work::MakeRays);
     worker.light.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, 0.0);
     const double weight = 1.0 / static_cast<double>(samples_.size());
     for (const Footprint& sample : samples_) {
       worker.maker.start(scene, tile, sample);
       worker.tracer.trace(scene, plan_, tile, weight, worker.maker, worker.light);
     }
+    clock.turn_to(Work::Write);
     write_tile(scene, tile, worker.light, frame);
+    clock.turn_to(Work::Idle);
   }
 
   void write_tile(const Scene::Impl& scene, const Tile& tile, const std::vector<double>& light,

@@ -96,10 +96,11 @@ struct PacketTracer::Generation {
   NewRays refracted_rays;
 };
 
-PacketTracer::PacketTracer(int max_depth, Isa isa)
-    : kernel_(kernel_for(isa)),
+PacketTracer::PacketTracer(const RenderOptions& options)
+    : kernel_(kernel_for(options.isa)),
       primary_(kFewPackets),
-      generations_(static_cast<size_t>(max_depth) + 1) {
+      generations_(static_cast<size_t>(options.max_depth) + 1),
+      clock_(options.measure_work) {
   init_packets(primary_);
   for (Generation& generation : generations_) {
     init_packets({&generation.mirrored, 1});
@@ -118,10 +119,13 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
   weights.fill(static_cast<float>(weight));
   maker.prepare(primary_);
   for (int column = 0; column < tile.columns; column += kFewPackets) {
+    clock_.turn_to(Work::MakeRays);
     maker.columns(column, primary_);
     for (int k = 0; k < kFewPackets; ++k) {
       RayPacket& packet = primary_[static_cast<size_t>(k)];
+      clock_.turn_to(Work::TracePrimary);
       intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
+      clock_.turn_to(Work::Shade);
       counts_.primary += count(packet.valid);
       for (int row = 0; row < TilePlan::kRows; ++row)
         lanes_.channel[row] = (plan.subpixel(tile, column + k, row) + 3 * TilePlan::kColumns) % 3;
@@ -188,7 +192,9 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Surfaces& surfaces
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     counts_.shadow += count(rays.valid);
+    clock_.turn_to(Work::TraceShadows);
     occluded16(rays.valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
+    clock_.turn_to(Work::Shade);
     for (size_t r = 0; r < kPacket; ++r)
       if (rays.valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F) lanes_.light[r] += rays.weight[r];
   }
@@ -238,8 +244,10 @@ void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& pa
   counts_.secondary += traced;
   std::fill_n(packet.rays.hit.geomID, kPacket, RTC_INVALID_GEOMETRY_ID);
   // Mirrored by curved surfaces twice, neighbours spread: there the packet traversal loses.
+  clock_.turn_to(Work::TraceSecondary);
   intersect16(packet.valid, scene.embree.get(), packet.rays,
               depth == 0 ? Coherence::Coherent : Coherence::Incoherent);
+  clock_.turn_to(Work::Shade);
   shade(scene, packet, rays.weight, depth + 1);
 }
 

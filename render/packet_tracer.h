@@ -8,11 +8,12 @@
 #include <span>
 #include <vector>
 
-#include "optics/cpu.h"
 #include "render/committed_scene.h"
+#include "render/method.h"
 #include "render/primary_packets.h"
 #include "render/ray_stream.h"
 #include "render/shading_kernel.h"
+#include "render/work_clock.h"
 
 namespace lenticule::render {
 
@@ -28,7 +29,7 @@ struct RayCounts {
 /// Scratch of one thread; keeps its memory from tile to tile.
 class PacketTracer {
  public:
-  PacketTracer(int max_depth, Isa isa);
+  explicit PacketTracer(const RenderOptions& options);
   ~PacketTracer();
   PacketTracer(PacketTracer&&) noexcept;
 
@@ -39,6 +40,7 @@ class PacketTracer {
              PrimaryPackets::Maker& maker, std::span<double> light);
 
   [[nodiscard]] const RayCounts& counts() const { return counts_; }
+  [[nodiscard]] WorkClock& clock() { return clock_; }
 
  private:
   /// What is needed of one generation of rays while the next is followed.
@@ -66,6 +68,7 @@ class PacketTracer {
   std::vector<Generation> generations_;
   Lanes lanes_;
   RayCounts counts_;
+  WorkClock clock_;
 };
 
 }  // namespace lenticule::render
