@@ -47,6 +47,7 @@ struct GeometryEntry {
 };
 
 class ShadingTables;
+class ShaftProofs;
 
 struct Scene::Impl {
   explicit Impl(int threads);
@@ -72,6 +73,7 @@ struct Scene::Impl {
   double near_mm = 0.0;          ///< panel z of the nearest point to be shown
 
   std::unique_ptr<const ShadingTables> shading;  ///< of all the above
+  std::unique_ptr<ShaftProofs> proofs;           ///< that grow while frames are rendered
 };
 
 }  // namespace lenticule::render

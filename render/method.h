@@ -23,6 +23,8 @@ struct RenderOptions {
   int samples = 1;       ///< per subpixel, inside its angular footprint; 1 = the centre
   int max_depth = 5;     ///< of reflections and refractions
   Isa isa = best_isa();  ///< of our own loops; the bytes do not depend on it
+  /// Rays that are proved to meet nothing are not traced (render/shaft.h); the bytes are the same.
+  bool skip_empty_shafts = true;
   bool measure_work = false;  ///< fill RenderStatistics::work; costs some percent of time
   /// Asked between tiles; true ends the frame early (RenderStatistics::completed is false then).
   std::function<bool()> cancelled;
@@ -35,7 +37,9 @@ struct RenderStatistics {
   uint64_t primary_rays = 0;
   uint64_t shadow_rays = 0;
   uint64_t secondary_rays = 0;
-  uint64_t invalid_rays = 0;  ///< not finite, so not shown to Embree
+  uint64_t invalid_rays = 0;           ///< not finite, so not shown to Embree
+  uint64_t shadow_rays_proved = 0;     ///< of shadow_rays: not traced, nothing was in their way
+  uint64_t secondary_rays_proved = 0;  ///< of secondary_rays: not traced, they meet nothing
   double seconds = 0.0;
   /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.
   std::array<double, kWorks> work{};

@@ -77,6 +77,8 @@ class FullMethod final : public Method {
             .shadow_rays = counts.shadow,
             .secondary_rays = counts.secondary,
             .invalid_rays = counts.invalid,
+            .shadow_rays_proved = counts.shadow_proved,
+            .secondary_rays_proved = counts.secondary_proved,
             .seconds = elapsed.count(),
             .work = shares(ticks)};
   }
@@ -86,7 +88,7 @@ class FullMethod final : public Method {
     Worker(const PrimaryPackets& packets, const RenderOptions& options)
         : maker(packets), tracer(options) {}
     PrimaryPackets::Maker maker;
-    std::vector<double> light;
+    std::vector<float> light;
     PacketTracer tracer;
   };
 
@@ -95,7 +97,7 @@ class FullMethod final : public Method {
     const FlushDenormals flush;
     WorkClock& clock = worker.tracer.clock();
     clock.turn_to(Work::MakeRays);
-    worker.light.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, 0.0);
+    worker.light.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, 0.0F);
     const double weight = 1.0 / static_cast<double>(samples_.size());
     for (const Footprint& sample : samples_) {
       worker.maker.start(scene, tile, sample);
@@ -106,16 +108,16 @@ class FullMethod final : public Method {
     clock.turn_to(Work::Idle);
   }
 
-  void write_tile(const Scene::Impl& scene, const Tile& tile, const std::vector<double>& light,
+  void write_tile(const Scene::Impl& scene, const Tile& tile, const std::vector<float>& light,
                   frames::WovenFrame& frame) const {
     const auto code = scene.colour_managed ? frames::code_from_linear : straight_code;
     for (int row = 0; row < tile.rows; ++row) {
       uint8_t* out = frame.row(tile.row_begin + row);
-      const double* in = light.data() + static_cast<size_t>(row) * tile.columns;
+      const float* in = light.data() + static_cast<size_t>(row) * tile.columns;
       for (int column = 0; column < tile.columns; ++column) {
         // Subpixel 3 i + channel is byte 3 i + channel of the row.
         const int s = plan_.subpixel(tile, column, row);
-        if (s >= 0 && s < plan_.row_subpixels()) out[s] = code(in[column]);
+        if (s >= 0 && s < plan_.row_subpixels()) out[s] = code(double{in[column]});
       }
     }
   }

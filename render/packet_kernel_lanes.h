@@ -46,6 +46,18 @@ inline bool any(const Masks& masks) {
 #endif
 }
 
+/// A bit for each lane that is true.
+inline uint32_t bits(const Masks& masks) {
+#if defined(__AVX512F__)
+  const auto all = reinterpret_cast<__m512i>(masks);
+  return _mm512_test_epi32_mask(all, all);
+#else
+  uint32_t sum = 0;
+  for (int r = 0; r < 16; ++r) sum |= static_cast<uint32_t>(masks[r] & 1) << r;
+  return sum;
+#endif
+}
+
 inline Floats min(const Floats& a, const Floats& b) {
   return a < b ? a : b;
 }
@@ -68,6 +80,16 @@ inline Floats root(const Floats& v) {
   for (int r = 0; r < 16; ++r) out[r] = __builtin_sqrtf(v[r]);
   return out;
 #endif
+}
+
+/// The integer below, of numbers between 0 and 2^22.
+inline Masks below(const Floats& v) {
+  return __builtin_convertvector(v, Masks);
+}
+inline Masks clamp_index(const Masks& v, const Masks& count) {
+  const Masks last = count - 1;
+  const Masks held = v < last ? v : last;
+  return held > 0 ? held : Masks{};
 }
 
 struct Floats3 {
@@ -101,6 +123,21 @@ inline Floats3 select(const Masks& where, const Floats3& a, const Floats3& b) {
 }
 inline Floats3 spread(const float (&v)[3]) {
   return {Floats{} + v[0], Floats{} + v[1], Floats{} + v[2]};
+}
+
+/// Where a direction lies on the octahedron that is unfolded to a square (render/octahedron.h), in
+/// `count` x `count` cells.
+inline void octahedron_cell(const Floats3& d, const Masks& count, Masks& u, Masks& v) {
+  const Floats sum = absolute(d.x) + absolute(d.y) + absolute(d.z);
+  const Floats scale = sum > 0.0F ? 1.0F / sum : Floats{};
+  const Floats x = d.x * scale, y = d.y * scale;
+  const Masks lower = d.z < 0.0F;
+  const Floats folded_x = 1.0F - absolute(y), folded_y = 1.0F - absolute(x);
+  const Floats at_x = lower ? (x < 0.0F ? -folded_x : folded_x) : x;
+  const Floats at_y = lower ? (y < 0.0F ? -folded_y : folded_y) : y;
+  const Floats half = 0.5F * __builtin_convertvector(count, Floats);
+  u = clamp_index(below(max((at_x + 1.0F) * half, Floats{})), count);
+  v = clamp_index(below(max((at_y + 1.0F) * half, Floats{})), count);
 }
 
 /// Logarithm to base 2 of positive, normal numbers: of the mantissa about 1 by the series of

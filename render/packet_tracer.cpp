@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <limits>
 
 #include "render/shading.h"
 #include "render/shading_tables.h"
+#include "render/shaft_proofs.h"
 #include "render/texture.h"
 
 namespace lenticule::render {
@@ -16,6 +18,8 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   secondary += other.secondary;
   shadow += other.shadow;
   invalid += other.invalid;
+  shadow_proved += other.shadow_proved;
+  secondary_proved += other.secondary_proved;
   return *this;
 }
 
@@ -37,6 +41,21 @@ const shading_kernel::Kernel& kernel_for(Isa isa) {
 #endif
   static_cast<void>(isa);
   return isa_baseline::kShadingKernel;
+}
+
+bool any_lane(const int* valid) {
+  int all = 0;
+  for (size_t r = 0; r < kPacket; ++r) all |= valid[r];
+  return all != 0;
+}
+uint32_t lane_bits(const int* valid) {
+  uint32_t bits = 0;
+  for (uint32_t r = 0; r < kPacket; ++r) bits |= static_cast<uint32_t>(valid[r] & 1) << r;
+  return bits;
+}
+void take_lanes(uint32_t lanes, int* valid) {
+  if (lanes == 0) return;
+  for (uint32_t r = 0; r < kPacket; ++r) valid[r] &= static_cast<int>(lanes >> r & 1) - 1;
 }
 
 uint64_t count(const int* valid) {
@@ -86,10 +105,28 @@ void set_lane(RayPacket& packet, size_t r, Vec3 origin, Vec3 direction) {
   ray.tfar[r] = std::numeric_limits<float>::infinity();
 }
 
+/// The channels of a column's lanes, and what they see where there is nothing.
+struct Colours {
+  std::array<int32_t, kPacket> channel;
+  std::array<float, kPacket> backdrop;
+};
+
+Colours colours_of(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, int column) {
+  Colours colours;
+  for (size_t row = 0; row < kPacket; ++row) {
+    // Subpixels to the left of the panel have negative numbers.
+    const int channel = (plan.subpixel(tile, column, static_cast<int>(row)) % 3 + 3) % 3;
+    colours.channel[row] = channel;
+    colours.backdrop[row] = static_cast<float>(component(scene.backdrop.colour, channel));
+  }
+  return colours;
+}
+
 }  // namespace
 
 struct PacketTracer::Generation {
   Surfaces surfaces;
+  Cells cells;
   RayPacket mirrored;
   RayPacket refracted;
   NewRays mirrored_rays;
@@ -100,6 +137,8 @@ PacketTracer::PacketTracer(const RenderOptions& options)
     : kernel_(kernel_for(options.isa)),
       primary_(kFewPackets),
       generations_(static_cast<size_t>(options.max_depth) + 1),
+      use_proofs_(options.skip_empty_shafts),
+      answers_(size_t{1} << kAnswersLog2),
       clock_(options.measure_work) {
   init_packets(primary_);
   for (Generation& generation : generations_) {
@@ -113,11 +152,29 @@ PacketTracer::PacketTracer(const RenderOptions& options)
 PacketTracer::~PacketTracer() = default;
 PacketTracer::PacketTracer(PacketTracer&&) noexcept = default;
 
+bool PacketTracer::Payoff::worth_asking() {
+  if (pause_ == 0) return true;
+  --pause_;
+  return false;
+}
+
+void PacketTracer::Payoff::asked(bool packet_saved) {
+  constexpr uint32_t kTrial = 256;
+  constexpr uint32_t kPause = 16 * kTrial;
+  if (packet_saved) ++saved_;
+  if (++asked_ < kTrial) return;
+  if (3 * saved_ < kTrial) pause_ = kPause;
+  asked_ = saved_ = 0;
+}
+
 void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
-                         double weight, PrimaryPackets::Maker& maker, std::span<double> light) {
+                         double weight, PrimaryPackets::Maker& maker, std::span<float> light) {
   alignas(64) std::array<float, kPacket> weights;
   weights.fill(static_cast<float>(weight));
   maker.prepare(primary_);
+  // The colours of a column's lanes repeat every three columns.
+  std::array<Colours, 3> colours;
+  for (int k = 0; k < 3; ++k) colours[static_cast<size_t>(k)] = colours_of(scene, plan, tile, k);
   for (int column = 0; column < tile.columns; column += kFewPackets) {
     clock_.turn_to(Work::MakeRays);
     maker.columns(column, primary_);
@@ -127,13 +184,14 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
       intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
       clock_.turn_to(Work::Shade);
       counts_.primary += count(packet.valid);
-      for (int row = 0; row < TilePlan::kRows; ++row)
-        lanes_.channel[row] = (plan.subpixel(tile, column + k, row) + 3 * TilePlan::kColumns) % 3;
+      const Colours& of_column = colours[static_cast<size_t>((column + k) % 3)];
+      std::copy_n(of_column.channel.data(), kPacket, lanes_.channel);
+      std::copy_n(of_column.backdrop.data(), kPacket, lanes_.backdrop);
       std::fill_n(lanes_.light, kPacket, 0.0F);
       shade(scene, packet, weights.data(), 0);
-      double* out = light.data() + column + k;
+      float* out = light.data() + column + k;
       for (size_t row = 0; row < kPacket; ++row)
-        out[row * static_cast<size_t>(tile.columns)] += double{lanes_.light[row]};
+        out[row * static_cast<size_t>(tile.columns)] += lanes_.light[row];
     }
   }
   counts_.invalid += maker.refused();
@@ -146,58 +204,134 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   std::copy_n(lanes_.channel, kPacket, surfaces.channel);
   const bool met = kernel_.find_surfaces(scene.shading->tables(), &packet.rays.ray.org_x[0],
                                          packet.valid, surfaces);
-  add_backdrop(scene, packet, weight, surfaces);
+  add_backdrop(scene, packet, weight, lane_bits(packet.valid) & ~lane_bits(surfaces.active));
   if (!met) return;
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
   kernel_.add_own_light(scene.shading->tables(), surfaces, weight, lanes_.light);
-  add_lights(scene, surfaces, weight);
+  const bool ask_lights = use_proofs_ && shadow_payoff_.worth_asking();
+  const bool ask_mirrored =
+      use_proofs_ && surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
+  if (ask_lights || ask_mirrored) find_cells(scene, packet, surfaces, generation.cells);
+  add_lights(scene, generation, weight, ask_lights);
   if (depth + 1 == generations_.size()) return;
   if (surfaces.any_transmits) return follow_glass(scene, packet, generation, weight, depth);
   if (!surfaces.any_specular) return;
   NewRays& rays = generation.mirrored_rays;
   rays.packet = &generation.mirrored.rays.ray.org_x[0];
   rays.valid = generation.mirrored.valid;
-  if (kernel_.mirrored_rays(surfaces, weight, rays))
-    follow(scene, rays, generation.mirrored, depth);
+  const bool any = kernel_.mirrored_rays(surfaces, weight, rays);
   counts_.invalid += static_cast<uint64_t>(rays.refused);
+  if (!any) return;
+  if (ask_mirrored) {
+    const uint32_t open = take_open(scene, generation.cells, rays, generation.mirrored.valid);
+    mirrored_payoff_.asked(!any_lane(generation.mirrored.valid));
+    counts_.secondary += static_cast<uint64_t>(std::popcount(open));
+    add_backdrop(scene, generation.mirrored, rays.weight, open);
+  }
+  follow(scene, rays, generation.mirrored, depth);
 }
 
+/// For the rays of `lanes`, which met nothing.
 void PacketTracer::add_backdrop(const Scene::Impl& scene, const RayPacket& packet,
-                                const float* weight, const Surfaces& surfaces) {
-  const Backdrop& backdrop = scene.backdrop;
-  const bool flat = backdrop.flat();
-  const float colour[3] = {static_cast<float>(backdrop.colour.x),
-                           static_cast<float>(backdrop.colour.y),
-                           static_cast<float>(backdrop.colour.z)};
-  for (size_t r = 0; r < kPacket; ++r) {
-    if (packet.valid[r] == 0 || surfaces.active[r] != 0) continue;
-    if (flat) {
-      lanes_.light[r] += weight[r] * colour[lanes_.channel[r]];
-      continue;
-    }
+                                const float* weight, uint32_t lanes) {
+  if (lanes == 0) return;
+  if (scene.backdrop.flat()) {
+    for (uint32_t r = 0; r < kPacket; ++r)
+      lanes_.light[r] += (lanes >> r & 1) != 0 ? weight[r] * lanes_.backdrop[r] : 0.0F;
+    return;
+  }
+  for (uint32_t left = lanes; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
     const RTCRay16& ray = packet.rays.ray;
     const Vec3 direction{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
     lanes_.light[r] += weight[r] * static_cast<float>(backdrop_light(
-                                       backdrop, normalized(direction), lanes_.channel[r]));
+                                       scene.backdrop, normalized(direction), lanes_.channel[r]));
   }
 }
 
-void PacketTracer::add_lights(const Scene::Impl& scene, const Surfaces& surfaces,
-                              const float* weight) {
+void PacketTracer::add_lights(const Scene::Impl& scene, const Generation& generation,
+                              const float* weight, bool ask) {
   NewRays rays;
   rays.packet = &lanes_.shadow.org_x[0];
   rays.valid = lanes_.shadow_valid;
-  for (const shading_kernel::Light& light : scene.shading->lights()) {
-    const bool any = kernel_.shadow_rays(light, surfaces, weight, rays);
+  const std::vector<shading_kernel::Light>& lights = scene.shading->lights();
+  for (size_t light = 0; light < lights.size(); ++light) {
+    const bool any = kernel_.shadow_rays(lights[light], generation.surfaces, weight, rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     counts_.shadow += count(rays.valid);
-    clock_.turn_to(Work::TraceShadows);
-    occluded16(rays.valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
-    clock_.turn_to(Work::Shade);
+    const uint32_t lit = ask ? take_lit(scene, generation.cells, light, rays.valid) : 0;
+    const bool some_left = any_lane(rays.valid);
+    if (ask) shadow_payoff_.asked(!some_left);
+    if (some_left) {
+      clock_.turn_to(Work::TraceShadows);
+      occluded16(rays.valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
+      clock_.turn_to(Work::Shade);
+    }
     for (size_t r = 0; r < kPacket; ++r)
-      if (rays.valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F) lanes_.light[r] += rays.weight[r];
+      if ((lit >> r & 1) != 0 || (rays.valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F))
+        lanes_.light[r] += rays.weight[r];
   }
+}
+
+void PacketTracer::find_cells(const Scene::Impl& scene, const RayPacket& packet, const Surfaces& s,
+                              Cells& cells) {
+  kernel_.group_cells(&packet.rays.ray.org_x[0], s, cells.groups);
+  for (int g = 0; g < cells.groups.count; ++g) {
+    const auto r = static_cast<size_t>(cells.groups.first[g]);
+    cells.cells[g] = {.geometry = packet.rays.hit.geomID[r],
+                      .primitive = packet.rays.hit.primID[r],
+                      .outer_side = s.outer_side[r] != 0,
+                      .u = s.cell_u[r],
+                      .v = s.cell_v[r],
+                      .w = s.cell_w[r],
+                      .divisions = s.divisions[r],
+                      .divisions_along = s.divisions_along[r]};
+    cells.numbers[g] = scene.proofs->number(cells.cells[g]);
+  }
+}
+
+bool PacketTracer::empty_shaft(const Scene::Impl& scene, const Cells& cells, int group,
+                               uint64_t target) {
+  const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + target;
+  Answer& answer = answers_[question * 0x9e3779b97f4a7c15U >> (64 - kAnswersLog2)];
+  if (answer.question != question)
+    answer = {question, scene.proofs->empty(cells.cells[group], cells.numbers[group], target)};
+  return answer.empty;
+}
+
+uint32_t PacketTracer::take_lit(const Scene::Impl& scene, const Cells& cells, size_t light,
+                                int* valid) {
+  const uint32_t wanted = lane_bits(valid);
+  uint32_t lit = 0;
+  for (int g = 0; g < cells.groups.count; ++g)
+    if ((cells.groups.lanes[g] & wanted) != 0 &&
+        empty_shaft(scene, cells, g, ShaftProofs::light_target(light)))
+      lit |= cells.groups.lanes[g];
+  lit &= wanted;
+  take_lanes(lit, valid);
+  counts_.shadow_proved += static_cast<uint64_t>(std::popcount(lit));
+  return lit;
+}
+
+uint32_t PacketTracer::take_open(const Scene::Impl& scene, const Cells& cells, const NewRays& rays,
+                                 int* valid) {
+  const uint32_t wanted = lane_bits(valid);
+  uint32_t open = 0;
+  for (int g = 0; g < cells.groups.count; ++g) {
+    uint64_t last = ShaftProofs::kTargets;
+    bool last_open = false;
+    for (uint32_t left = cells.groups.lanes[g] & wanted; left != 0; left &= left - 1) {
+      const int r = std::countr_zero(left);
+      const uint64_t target = ShaftProofs::direction_target(rays.bin_u[r], rays.bin_v[r]);
+      if (target != last) last_open = empty_shaft(scene, cells, g, target);
+      last = target;
+      if (last_open) open |= 1U << r;
+    }
+  }
+  take_lanes(open, valid);
+  counts_.secondary_proved += static_cast<uint64_t>(std::popcount(open));
+  return open;
 }
 
 /// Packets with glass in them: mirrored and refracted rays lane by lane, since total reflection

@@ -13,6 +13,7 @@
 #include "render/primary_packets.h"
 #include "render/ray_stream.h"
 #include "render/shading_kernel.h"
+#include "render/surface_cells.h"
 #include "render/work_clock.h"
 
 namespace lenticule::render {
@@ -22,11 +23,13 @@ struct RayCounts {
   uint64_t secondary = 0;
   uint64_t shadow = 0;
   uint64_t invalid = 0;
+  uint64_t shadow_proved = 0;     ///< not traced: the way to the light was known to be free
+  uint64_t secondary_proved = 0;  ///< not traced: nothing was known to be in that direction
 
   RayCounts& operator+=(const RayCounts& other);
 };
 
-/// Scratch of one thread; keeps its memory from tile to tile.
+/// Of one thread and one scene; keeps its memory from tile to tile.
 class PacketTracer {
  public:
   explicit PacketTracer(const RenderOptions& options);
@@ -37,7 +40,7 @@ class PacketTracer {
   /// each `weight` times; a ray's target is its row * columns + column. Everything is added in an
   /// order that depends on the rays alone. Calling thread must flush denormals.
   void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, double weight,
-             PrimaryPackets::Maker& maker, std::span<double> light);
+             PrimaryPackets::Maker& maker, std::span<float> light);
 
   [[nodiscard]] const RayCounts& counts() const { return counts_; }
   [[nodiscard]] WorkClock& clock() { return clock_; }
@@ -45,19 +48,50 @@ class PacketTracer {
  private:
   /// What is needed of one generation of rays while the next is followed.
   struct Generation;
+  /// The cells that a packet met, ready to be asked about.
+  struct Cells {
+    shading_kernel::CellGroups groups;
+    SurfaceCell cells[kPacket];
+    uint64_t numbers[kPacket];
+  };
+  void find_cells(const Scene::Impl& scene, const RayPacket& packet,
+                  const shading_kernel::Surfaces& surfaces, Cells& cells);
+  /// Whether asking for proofs pays: it does if every third packet need not be traced at all.
+  class Payoff {
+   public:
+    [[nodiscard]] bool worth_asking();
+    void asked(bool packet_saved);
+
+   private:
+    uint32_t asked_ = 0;
+    uint32_t saved_ = 0;
+    uint32_t pause_ = 0;
+  };
+  /// Neighbouring packets ask the same: the answers to what was asked last.
+  struct Answer {
+    uint64_t question = ~uint64_t{0};
+    bool empty = false;
+  };
+  bool empty_shaft(const Scene::Impl& scene, const Cells& cells, int group, uint64_t target);
   /// Of the packet that is being traced.
   struct Lanes {
     alignas(64) int32_t channel[kPacket];
+    alignas(64) float backdrop[kPacket];  ///< where it is flat
     alignas(64) float light[kPacket];
     RTCRay16 shadow;
     alignas(64) int shadow_valid[kPacket];
   };
 
+  /// Takes rays out of `rays` that are proved to meet nothing; returns which, a bit for each lane.
+  uint32_t take_lit(const Scene::Impl& scene, const Cells& cells, size_t light, int* valid);
+  uint32_t take_open(const Scene::Impl& scene, const Cells& cells,
+                     const shading_kernel::NewRays& rays, int* valid);
+
   void shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight, size_t depth);
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
-                    const shading_kernel::Surfaces& surfaces);
-  void add_lights(const Scene::Impl& scene, const shading_kernel::Surfaces& surfaces,
-                  const float* weight);
+                    uint32_t lanes);
+  void add_lights(const Scene::Impl& scene, const Generation& generation, const float* weight,
+                  bool ask);
   void follow_glass(const Scene::Impl& scene, const RayPacket& packet, Generation& generation,
                     const float* weight, size_t depth);
   void follow(const Scene::Impl& scene, shading_kernel::NewRays& rays, RayPacket& packet,
@@ -67,6 +101,11 @@ class PacketTracer {
   std::vector<RayPacket> primary_;
   std::vector<Generation> generations_;
   Lanes lanes_;
+  bool use_proofs_;
+  static constexpr size_t kAnswersLog2 = 10;
+  std::vector<Answer> answers_;
+  Payoff shadow_payoff_;
+  Payoff mirrored_payoff_;
   RayCounts counts_;
   WorkClock clock_;
 };

@@ -79,4 +79,20 @@ Vec3 disc_extent(Vec3 unit_normal, double radius) {
   return {side(unit_normal.x), side(unit_normal.y), side(unit_normal.z)};
 }
 
+Box box_of(const SphereShape& sphere) {
+  const Vec3 reach{sphere.radius, sphere.radius, sphere.radius};
+  return {sphere.centre - reach, sphere.centre + reach};
+}
+
+Box box_of(const ConeShape& cone) {
+  const Vec3 apex = cone.base + cone.axis * cone.height;
+  const Vec3 at_base = disc_extent(cone.axis, cone.base_radius);
+  const Vec3 at_apex = disc_extent(cone.axis, cone.base_radius + cone.slope * cone.height);
+  const auto least = [](Vec3 a, Vec3 b) {
+    return Vec3{std::fmin(a.x, b.x), std::fmin(a.y, b.y), std::fmin(a.z, b.z)};
+  };
+  return {least(cone.base - at_base, apex - at_apex),
+          -least(-(cone.base + at_base), -(apex + at_apex))};
+}
+
 }  // namespace lenticule::render

@@ -56,4 +56,11 @@ struct Roots {
 /// Half the size of the box around a disc, along each axis.
 [[nodiscard]] Vec3 disc_extent(Vec3 unit_normal, double radius);
 
+struct Box {
+  Vec3 low;
+  Vec3 high;
+};
+[[nodiscard]] Box box_of(const SphereShape& sphere);
+[[nodiscard]] Box box_of(const ConeShape& cone);
+
 }  // namespace lenticule::render

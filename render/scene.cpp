@@ -10,6 +10,7 @@
 #include "render/committed_scene.h"
 #include "render/lighting.h"
 #include "render/shading_tables.h"
+#include "render/shaft_proofs.h"
 #include "render/user_geometry.h"
 
 namespace lenticule::render {
@@ -266,6 +267,7 @@ class Committer {
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
     scene_.shading = std::make_unique<const ShadingTables>(scene_);
+    scene_.proofs = std::make_unique<ShaftProofs>(scene_);
   }
 
   EmbreeGeometry mesh_geometry(const MeshShape& mesh) const {

@@ -3,6 +3,7 @@
 
 #include "render/packet_kernel_lanes.h"
 #include "render/primary_packets_kernel.h"
+#include "render/surface_cells.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
 namespace {
@@ -142,7 +143,20 @@ struct Point {
   Floats3 at, outer, smooth;  // smooth is zero where there is no shading normal
   Floats offset;
   Floats u, v;
+  Masks cell_u, cell_v, cell_w, divisions, divisions_along;
 };
+
+/// Into how many cells a length is cut: at least one, at most kMostCells.
+inline Masks cells_along(const Floats& length) {
+  const Floats cells = length * (1.0F / kCellSize);
+  return below(max(min(cells + 0.999F, Floats{} + float{kMostCells}), Floats{} + 1.0F));
+}
+/// Into how many an octahedron of directions is cut around something so thick: an even number.
+inline Masks cells_around(const Floats& radius, float most) {
+  constexpr float kAround = 1.75F;  // half the side of the square whose area is a unit sphere's
+  const Floats cells = radius * (kAround / kCellSize);
+  return 2 * below(max(min(cells + 0.999F, Floats{} + 0.5F * most), Floats{} + 1.0F));
+}
 
 /// `met` is brought into the triangle's plane and inside the triangle: at an edge, Embree may have
 /// chosen the neighbour. Lengths are taken relative to the triangle, so that none is too small or
@@ -168,6 +182,17 @@ inline void on_triangles(const Primitives& p, const Floats3& met, Point& out) {
   out.offset = kSpawnOffset * (largest(out.at) + extent);
   out.u = u;
   out.v = v;
+  out.divisions = cells_along(extent);
+  const Floats count = __builtin_convertvector(out.divisions, Floats);
+  out.cell_u = clamp_index(below(u * count), out.divisions);
+  out.cell_v = clamp_index(below(v * count), out.divisions);
+}
+
+inline void set(const Masks& where, const Masks& u, const Masks& v, const Masks& count,
+                Point& out) {
+  out.cell_u = where ? u : out.cell_u;
+  out.cell_v = where ? v : out.cell_v;
+  out.divisions = where ? count : out.divisions;
 }
 
 inline void on_spheres(const Primitives& p, const Floats3& met, Point& out) {
@@ -177,6 +202,10 @@ inline void on_spheres(const Primitives& p, const Floats3& met, Point& out) {
   out.outer = select(p.spheres, outward * p.outward, out.outer);
   out.smooth = select(p.spheres, Floats3{}, out.smooth);
   out.offset = p.spheres ? kSpawnOffset * (largest(at) + p.radius) : out.offset;
+  const Masks count = cells_around(p.radius, kMostCells);
+  Masks u, v;
+  octahedron_cell(outward, count, u, v);
+  set(p.spheres, u, v, count, out);
 }
 
 inline void on_cones(const Primitives& p, const Floats3& met, Point& out) {
@@ -193,6 +222,15 @@ inline void on_cones(const Primitives& p, const Floats3& met, Point& out) {
   out.smooth = select(p.cones, Floats3{}, out.smooth);
   out.offset =
       p.cones ? kSpawnOffset * (largest(at) + max(absolute(radius), p.height)) : out.offset;
+  const Masks count = cells_around(max(p.radius, p.radius + p.slope * p.height), 8.0F);
+  Masks u, v;
+  octahedron_cell(across, count, u, v);
+  set(p.cones, u, v, count, out);
+  const Masks along_count = cells_along(p.height);
+  const Floats part =
+      s * (__builtin_convertvector(along_count, Floats) / max(p.height, Floats{} + 1e-30F));
+  out.divisions_along = p.cones ? along_count : out.divisions_along;
+  out.cell_w = p.cones ? clamp_index(below(part), along_count) : out.cell_w;
 }
 
 inline void write_point(const Floats3& view, const Point& point, Surfaces& out) {
@@ -213,6 +251,11 @@ inline void write_point(const Floats3& view, const Point& point, Surfaces& out) 
   masks_at(out.outer_side) = outside;
   floats_at(out.u) = point.u;
   floats_at(out.v) = point.v;
+  masks_at(out.cell_u) = point.cell_u;
+  masks_at(out.cell_v) = point.cell_v;
+  masks_at(out.cell_w) = point.cell_w;
+  masks_at(out.divisions) = point.divisions;
+  masks_at(out.divisions_along) = point.divisions_along;
 }
 
 inline void write_paint(const Paint& paint, Surfaces& out) {
@@ -250,6 +293,26 @@ bool find_surfaces(const Tables& tables, const float* packet, const int32_t* val
   write_point(unit(direction), point, out);
   write_paint(paint, out);
   return true;
+}
+
+void group_cells(const float* packet, const Surfaces& s, CellGroups& groups) {
+  const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
+  const Words& primitive = words_at(packet + packet_kernel::kPrimitive * kLanes);
+  // Three numbers below 64 and a side, in one.
+  const Masks place = (masks_at(s.cell_u) << 13) | (masks_at(s.cell_v) << 7) |
+                      (masks_at(s.cell_w) << 1) | (masks_at(s.outer_side) & 1);
+  groups.count = 0;
+  uint32_t left = bits(masks_at(s.active));
+  while (left != 0) {
+    const int lane = __builtin_ctz(left);
+    const Masks same =
+        (geometry == geometry[lane]) & (primitive == primitive[lane]) & (place == place[lane]);
+    const uint32_t lanes = bits(same) & left;
+    groups.first[groups.count] = lane;
+    groups.lanes[groups.count] = lanes;
+    ++groups.count;
+    left &= ~lanes;
+  }
 }
 
 void add_own_light(const Tables& tables, const Surfaces& s, const float* weight, float* light) {
@@ -367,13 +430,19 @@ bool mirrored_rays(const Surfaces& s, const float* weight, NewRays& out) {
   // An interpolated normal can mirror a ray into its own surface; the true normal cannot.
   const Floats3 direction =
       select(dot(by_smooth, geometric) > 0.0F, by_smooth, mirrored(view, geometric));
-  return write_rays(vector_at(s.start), unit(direction), Floats{} + __builtin_inff(), wanted, out);
+  const Floats3 away = unit(direction);
+  Masks u, v;
+  octahedron_cell(away, Masks{} + kDirectionBins, u, v);
+  masks_at(out.bin_u) = u;
+  masks_at(out.bin_v) = v;
+  return write_rays(vector_at(s.start), away, Floats{} + __builtin_inff(), wanted, out);
 }
 
 }  // namespace
 
 extern const shading_kernel::Kernel kShadingKernel;
 const shading_kernel::Kernel kShadingKernel{.find_surfaces = find_surfaces,
+                                            .group_cells = group_cells,
                                             .add_own_light = add_own_light,
                                             .shadow_rays = shadow_rays,
                                             .mirrored_rays = mirrored_rays};

@@ -86,6 +86,9 @@ struct alignas(64) Surfaces {
   int32_t tinted[kLanes];
   int32_t material[kLanes];
   float u[kLanes], v[kLanes];  ///< barycentric, of meshes
+  // The cell of the surface, see render/surface_cells.h.
+  int32_t cell_u[kLanes], cell_v[kLanes], cell_w[kLanes];
+  int32_t divisions[kLanes], divisions_along[kLanes];
   int32_t any_textured;
   int32_t any_transmits;
   int32_t any_specular;
@@ -94,15 +97,25 @@ struct alignas(64) Surfaces {
 /// New rays in Embree's layout (see packet_kernel::Field) and what they bring.
 struct alignas(64) NewRays {
   float weight[kLanes];  ///< what arrives is multiplied by that
-  float* packet;         ///< origin, direction and t_far are written here
-  int32_t* valid;        ///< -1 where there is a ray
-  int32_t refused;       ///< how many were not fit for Embree
+  int32_t bin_u[kLanes],
+      bin_v[kLanes];  ///< of the direction, in kDirectionBins; mirrored rays only
+  float* packet;      ///< origin, direction and t_far are written here
+  int32_t* valid;     ///< -1 where there is a ray
+  int32_t refused;    ///< how many were not fit for Embree
+};
+
+/// The different cells that a packet's lanes lie in.
+struct CellGroups {
+  int32_t count;
+  int32_t first[kLanes];   ///< a lane of each
+  uint32_t lanes[kLanes];  ///< a bit for each of its lanes
 };
 
 struct Kernel {
   /// From a packet that Embree has intersected and the lanes that were valid. False, and nothing
   /// written but `active`, if no lane met anything.
   bool (*find_surfaces)(const Tables&, const float* packet, const int32_t* valid, Surfaces&);
+  void (*group_cells)(const float* packet, const Surfaces&, CellGroups&);
   /// weight: of the rays that met the surfaces. Adds emission and ambient light to `light`.
   void (*add_own_light)(const Tables&, const Surfaces&, const float* weight, float* light);
   /// Rays toward a light from where it would be seen; `weight` is what it adds there. False if

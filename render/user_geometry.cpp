@@ -7,27 +7,6 @@
 namespace lenticule::render {
 namespace {
 
-struct Box {
-  Vec3 low;
-  Vec3 high;
-};
-
-Box box_of(const SphereShape& sphere) {
-  const Vec3 reach{sphere.radius, sphere.radius, sphere.radius};
-  return {sphere.centre - reach, sphere.centre + reach};
-}
-
-Box box_of(const ConeShape& cone) {
-  const Vec3 apex = cone.base + cone.axis * cone.height;
-  const Vec3 at_base = disc_extent(cone.axis, cone.base_radius);
-  const Vec3 at_apex = disc_extent(cone.axis, cone.base_radius + cone.slope * cone.height);
-  const auto least = [](Vec3 a, Vec3 b) {
-    return Vec3{std::fmin(a.x, b.x), std::fmin(a.y, b.y), std::fmin(a.z, b.z)};
-  };
-  return {least(cone.base - at_base, apex - at_apex),
-          -least(-(cone.base + at_base), -(apex + at_apex))};
-}
-
 /// The next float below, a few roundings generous: a box that is too small loses hits.
 float rounded_down(double v) {
   constexpr float kBelow = -std::numeric_limits<float>::infinity();

@@ -14,12 +14,12 @@ namespace lenticule::render {
 
 /// What a worker does.
 enum class Work : uint8_t {
-  MakeRays,         ///< optics: from subpixels to packets
-  TracePrimary,     ///< Embree
-  Shade,            ///< surfaces, lights, new rays
-  TraceShadows,     ///< Embree
-  TraceSecondary,   ///< Embree: mirrored and refracted rays
-  Write,            ///< from light to bytes
+  MakeRays,        ///< optics: from subpixels to packets
+  TracePrimary,    ///< Embree
+  Shade,           ///< surfaces, lights, new rays
+  TraceShadows,    ///< Embree
+  TraceSecondary,  ///< Embree: mirrored and refracted rays
+  Write,           ///< from light to bytes
   Idle,
 };
 inline constexpr size_t kWorks = static_cast<size_t>(Work::Idle) + 1;

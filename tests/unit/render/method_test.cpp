@@ -80,6 +80,32 @@ TEST(MethodFull, GivesTheSameBytesWithEveryInstructionSet) {
   }
 }
 
+/// What is proved to meet nothing is not traced, and nothing else changes.
+TEST(MethodFull, GivesTheSameBytesWithoutSkippingEmptyShafts) {
+  const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
+  const optics::OpticalModel model(rig);
+  uint64_t proved_shadow = 0, proved_secondary = 0;
+  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    const Stage stage = make_tiny_stage();
+    const Scene scene(named.scene, stage, {});
+    frames::WovenFrame skipped = blank(rig), traced = blank(rig);
+    const auto render = [&](bool skip, frames::WovenFrame& frame) {
+      return make_method("full", model, {.skip_empty_shafts = skip, .cancelled = {}})
+          ->render(scene, stage, frame);
+    };
+    const RenderStatistics with = render(true, skipped);
+    const RenderStatistics without = render(false, traced);
+    EXPECT_EQ(skipped, traced) << named.name;
+    EXPECT_EQ(with.shadow_rays, without.shadow_rays);
+    EXPECT_EQ(with.secondary_rays, without.secondary_rays);
+    EXPECT_EQ(without.shadow_rays_proved + without.secondary_rays_proved, 0U);
+    proved_shadow += with.shadow_rays_proved;
+    proved_secondary += with.secondary_rays_proved;
+  }
+  EXPECT_GT(proved_shadow, 10000U);
+  EXPECT_GT(proved_secondary, 1000U);
+}
+
 TEST(MethodFull, GivesTheSameBytesTwice) {
   const optics::Rig rig = make_rig({.width = 64, .height = 40});
   const SceneDescription scene = testing::tiny_scenes().front().scene;

@@ -10,9 +10,11 @@
 #include <random>
 
 #include "optics/cpu.h"
+#include "render/octahedron.h"
 #include "render/ray_stream.h"
 #include "render/shading.h"
 #include "render/shading_tables.h"
+#include "render/surface_cells.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -142,7 +144,11 @@ void ShadingKernel::expect_lane_agrees(const Shaded& shaded, size_t light, size_
   EXPECT_NEAR(double{shaded.mirrored.weight[r]}, weight * on.mirror_weight, 1e-6);
   EXPECT_EQ(shaded.mirrored_packet.valid[r] != 0, on.mirror_weight > 0.0);
   if (on.mirror_weight > 0.0) {
-    EXPECT_LT(length(direction_of(shaded.mirrored_packet, r) - on.mirror_direction), 2.0 * kUnit);
+    const Vec3 direction = direction_of(shaded.mirrored_packet, r);
+    EXPECT_LT(length(direction - on.mirror_direction), 2.0 * kUnit);
+    const DirectionCell bin =
+        direction_cell(shaded.mirrored.bin_u[r], shaded.mirrored.bin_v[r], kDirectionBins);
+    EXPECT_GE(dot(direction, Vec3(bin.middle)), double{bin.cosine});
   }
 }
 

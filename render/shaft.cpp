@@ -1,0 +1,386 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/shaft.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "render/octahedron.h"
+#include "render/quadrics.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+/// What positions, directions and Embree's arithmetic may be wrong by, as a part of the
+/// coordinates: many roundings of single precision.
+constexpr float kMargin = 1.0F / (1 << 18);
+/// New rays start 2^-19 of that off their own plane; whatever rises less is below them.
+constexpr float kFlatness = 1.0F / (1 << 22);
+/// Of products of unit vectors; less than kMargin.
+constexpr float kUnitRounding = 1e-6F;
+/// Rays that rise by less than this leave their plane too slowly for rounding not to matter.
+constexpr float kLeastAscent = 1e-4F;
+
+constexpr unsigned kMostDepth = 64;
+
+float largest(Vec3f v) {
+  return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
+}
+
+/// How far new rays start off a patch is a part of this and of its coordinates.
+struct Sized {
+  Patch patch;
+  float extent = 0.0F;
+};
+
+Sized triangle_patch(const MeshShape& mesh, const SurfaceCell& cell) {
+  const std::array<uint32_t, 3>& corners = mesh.triangles[cell.primitive];
+  const Vec3f a = mesh.positions[corners[0]];
+  const Vec3f edge1 = mesh.positions[corners[1]] - a;
+  const Vec3f edge2 = mesh.positions[corners[2]] - a;
+  const float part = 1.0F / static_cast<float>(cell.divisions);
+  const auto at = [&](float du, float dv) {
+    return a + edge1 * ((static_cast<float>(cell.u) + du) * part) +
+           edge2 * ((static_cast<float>(cell.v) + dv) * part);
+  };
+  Patch patch{.centre = at(0.5F, 0.5F), .flat = true};
+  for (const float du : {0.0F, 1.0F})
+    for (const float dv : {0.0F, 1.0F})
+      patch.radius = std::max(patch.radius, length(at(du, dv) - patch.centre));
+  const Vec3 outer = normalized(cross(Vec3(edge1), Vec3(edge2)));
+  const Vec3 normal = cell.outer_side ? outer : -outer;
+  const float extent = std::max(largest(edge1), largest(edge2));
+  patch.normal = Vec3f(normal);
+  patch.height =
+      static_cast<float>(dot(normal, Vec3(a))) + kFlatness * (largest(patch.centre) + extent);
+  return {patch, extent};
+}
+
+Sized sphere_patch(const SphereShape& sphere, const SurfaceCell& cell) {
+  const DirectionCell from_centre = direction_cell(cell.u, cell.v, cell.divisions);
+  const auto radius = static_cast<float>(sphere.radius);
+  // The chord from the middle of the cap to its rim.
+  const float chord = std::sqrt(std::max(0.0F, 2.0F - 2.0F * from_centre.cosine));
+  return {{.centre = Vec3f(sphere.centre) + from_centre.middle * radius,
+           .radius = radius * chord,
+           .leaves_convex = cell.outer_side != sphere.inward},
+          radius};
+}
+
+Sized cone_patch(const ConeShape& cone, const SurfaceCell& cell) {
+  const DirectionCell across = direction_cell(cell.u, cell.v, cell.divisions);
+  const Vec3f axis(cone.axis);
+  const auto height = static_cast<float>(cone.height);
+  const float step = height / static_cast<float>(cell.divisions_along);
+  const float begin = step * static_cast<float>(cell.w);
+  const auto radius_at = [&](float s) {
+    return static_cast<float>(cone.base_radius) + static_cast<float>(cone.slope) * s;
+  };
+  const float widest = std::max(radius_at(begin), radius_at(begin + step));
+  Patch patch{.leaves_convex = cell.outer_side != cone.inward};
+  patch.centre = Vec3f(cone.base) + axis * (begin + 0.5F * step);
+  patch.radius = widest + 0.5F * step;
+  // The cell of directions may hold none across the axis, or many: then the whole ring is the
+  // patch.
+  const Vec3f flat = across.middle - axis * dot(across.middle, axis);
+  if (length(flat) < 0.5F || across.cosine < 0.5F) return {patch, height + widest};
+  // A direction across the axis is no further from `flat` than twice the cell's own reach.
+  const float chord = 2.0F * std::sqrt(std::max(0.0F, 2.0F - 2.0F * across.cosine));
+  patch.centre = patch.centre + normalized(flat) * widest;
+  patch.radius =
+      std::min(patch.radius + widest,
+               0.5F * step * (1.0F + std::abs(static_cast<float>(cone.slope))) + widest * chord);
+  return {patch, height + widest};
+}
+
+}  // namespace
+
+Patch patch_of(const Scene::Impl& scene, const SurfaceCell& cell) {
+  const GeometryEntry& entry = scene.geometries[cell.geometry];
+  Sized sized;
+  switch (entry.kind) {
+    case GeometryEntry::Kind::Mesh:
+      sized = triangle_patch(scene.meshes[entry.mesh], cell);
+      break;
+    case GeometryEntry::Kind::Spheres:
+      sized = sphere_patch(scene.spheres[cell.primitive], cell);
+      break;
+    case GeometryEntry::Kind::Cones:
+      sized = cone_patch(scene.cones[cell.primitive], cell);
+      break;
+  }
+  Patch& patch = sized.patch;
+  patch.radius += kMargin * (largest(patch.centre) + patch.radius + sized.extent);
+  patch.geometry = cell.geometry;
+  patch.primitive = cell.primitive;
+  return patch;
+}
+
+Shaft shaft_to_point(const Patch& from, Vec3 point) {
+  Shaft shaft{.from = from, .to_point = true, .point = Vec3f(point)};
+  const Vec3f way = shaft.point - from.centre;
+  // A ray's direction is rounded too: what that does grows with the way.
+  shaft.from.radius += kMargin * length(way);
+  shaft.axis = normalized(way);
+  return shaft;
+}
+
+Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine) {
+  Shaft shaft{.from = from, .axis = axis};
+  // A little wider, for the rounding of directions.
+  shaft.cosine = cosine - kMargin;
+  shaft.sine = std::sqrt(std::max(0.0F, 1.0F - shaft.cosine * shaft.cosine)) + kMargin;
+  return shaft;
+}
+
+namespace {
+
+/// The convex hull of a shaft, asked for planes that have it on one side.
+class Hull {
+ public:
+  explicit Hull(const Shaft& shaft) : shaft_(shaft) {
+    for (int i = 0; i < 3; ++i) {
+      Vec3f unit{i == 0 ? 1.0F : 0.0F, i == 1 ? 1.0F : 0.0F, i == 2 ? 1.0F : 0.0F};
+      high_[i] = reach(unit);
+      low_[i] = -reach(-unit);
+    }
+    above_ = shaft.from.flat && ascent() > kLeastAscent;
+  }
+
+  /// The largest n . p of the hull's points; n has unit length.
+  [[nodiscard]] float reach(Vec3f n) const {
+    const float start = dot(shaft_.from.centre, n) + shaft_.from.radius;
+    if (shaft_.to_point)
+      return std::max(start, dot(shaft_.point, n) + kMargin * largest(shaft_.point));
+    return dot(shaft_.axis, n) <= -shaft_.sine + kUnitRounding ? start : kInfinity;
+  }
+
+  [[nodiscard]] bool misses_box(Vec3f low, Vec3f high) const {
+    if (low.x > high_[0] || high.x < low_[0] || low.y > high_[1] || high.y < low_[1] ||
+        low.z > high_[2] || high.z < low_[2])
+      return true;
+    const Vec3f middle = (low + high) * 0.5F;
+    const Vec3f half = (high - low) * 0.5F;
+    const auto spread = [&](Vec3f n) {
+      return std::abs(half.x * n.x) + std::abs(half.y * n.y) + std::abs(half.z * n.z);
+    };
+    const Patch& from = shaft_.from;
+    if (above_ && dot(from.normal, middle) + spread(from.normal) <= from.height) return true;
+    const Vec3f n = toward(middle);
+    return dot(middle, n) - spread(n) > reach(n);
+  }
+
+  [[nodiscard]] bool misses_triangle(Vec3f a, Vec3f b, Vec3f c) const {
+    const Patch& from = shaft_.from;
+    if (above_ &&
+        std::max({dot(from.normal, a), dot(from.normal, b), dot(from.normal, c)}) <= from.height)
+      return true;
+    const auto apart = [&](Vec3f n) {
+      return std::min({dot(a, n), dot(b, n), dot(c, n)}) > reach(n);
+    };
+    if (apart(toward((a + b + c) * (1.0F / 3.0F)))) return true;
+    const Vec3f plane = normalized(cross(b - a, c - a));
+    if (apart(plane) || apart(-plane)) return true;
+    for (const Vec3f edge : {b - a, c - b, a - c}) {
+      const Vec3f n = normalized(cross(edge, shaft_.axis));
+      if (apart(lean(n)) || apart(lean(-n))) return true;
+    }
+    return false;
+  }
+
+  [[nodiscard]] bool misses_sphere(Vec3f centre, float radius) const {
+    const Vec3f n = toward(centre);
+    return dot(centre, n) - radius > reach(n);
+  }
+
+ private:
+  /// A normal across the axis, turned back so far that the cone of directions lies behind it.
+  [[nodiscard]] Vec3f lean(Vec3f across) const {
+    return shaft_.to_point ? across : across * shaft_.cosine - shaft_.axis * shaft_.sine;
+  }
+
+  /// The normal of a plane that is likely to lie between the hull and a point.
+  [[nodiscard]] Vec3f toward(Vec3f p) const {
+    const Vec3f way = p - shaft_.from.centre;
+    float along = std::max(0.0F, dot(way, shaft_.axis));
+    const bool beside = along > 0.0F;
+    if (shaft_.to_point) along = std::min(along, length(shaft_.point - shaft_.from.centre));
+    const Vec3f off = normalized(way - shaft_.axis * along);
+    return beside ? lean(off) : off;
+  }
+
+  /// The least sine between a ray and the patch's plane.
+  [[nodiscard]] float ascent() const {
+    const Patch& from = shaft_.from;
+    if (shaft_.to_point)
+      return (dot(from.normal, shaft_.point) - from.height) /
+             (length(shaft_.point - from.centre) + from.radius);
+    const float sine = dot(from.normal, shaft_.axis);
+    const float cosine = std::sqrt(std::max(0.0F, 1.0F - sine * sine));
+    return sine * shaft_.cosine - cosine * shaft_.sine;
+  }
+
+  const Shaft& shaft_;
+  std::array<float, 3> low_{}, high_{};
+  bool above_ = false;  ///< all rays rise from the patch's plane
+};
+
+struct BuiltNode {
+  bool leaf = false;
+};
+struct BuiltInner : BuiltNode {
+  std::array<const BuiltNode*, 2> child{};
+  std::array<RTCBounds, 2> bounds{};
+};
+struct BuiltLeaf : BuiltNode {
+  uint32_t geometry = 0;
+  uint32_t primitive = 0;
+};
+
+void* create_inner(RTCThreadLocalAllocator allocator, unsigned, void*) {
+  return new (rtcThreadLocalAlloc(allocator, sizeof(BuiltInner), 16)) BuiltInner;
+}
+void set_children(void* node, void** children, unsigned count, void*) {
+  for (unsigned i = 0; i < count; ++i)
+    static_cast<BuiltInner*>(node)->child[i] = static_cast<BuiltNode*>(children[i]);
+}
+void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
+  for (unsigned i = 0; i < count; ++i) static_cast<BuiltInner*>(node)->bounds[i] = *bounds[i];
+}
+void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* primitives, size_t,
+                  void*) {
+  auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(BuiltLeaf), 16)) BuiltLeaf;
+  leaf->leaf = true;
+  leaf->geometry = primitives->geomID;
+  leaf->primitive = primitives->primID;
+  return static_cast<BuiltNode*>(leaf);
+}
+
+}  // namespace
+
+struct ShaftTester::Tree {
+  struct Release {
+    void operator()(RTCBVH bvh) const noexcept { rtcReleaseBVH(bvh); }
+  };
+  std::unique_ptr<std::remove_pointer_t<RTCBVH>, Release> bvh;
+  const BuiltNode* root = nullptr;
+};
+
+namespace {
+
+/// The boxes of all primitives, for Embree's builder.
+std::vector<RTCBuildPrimitive> boxes_of(const Scene::Impl& scene) {
+  std::vector<RTCBuildPrimitive> boxes;
+  const auto add = [&](size_t geometry, size_t primitive, Vec3f low, Vec3f high) {
+    boxes.push_back({.lower_x = low.x,
+                     .lower_y = low.y,
+                     .lower_z = low.z,
+                     .geomID = static_cast<unsigned>(geometry),
+                     .upper_x = high.x,
+                     .upper_y = high.y,
+                     .upper_z = high.z,
+                     .primID = static_cast<unsigned>(primitive)});
+  };
+  const auto add_ball = [&](size_t geometry, size_t primitive, Vec3 middle, double radius) {
+    const double reach = radius + double{kMargin} * (radius + double{largest(Vec3f(middle))});
+    const Vec3 half{reach, reach, reach};
+    add(geometry, primitive, Vec3f(middle - half), Vec3f(middle + half));
+  };
+  for (size_t g = 0; g < scene.geometries.size(); ++g) {
+    const GeometryEntry& entry = scene.geometries[g];
+    if (entry.kind == GeometryEntry::Kind::Spheres)
+      for (size_t i = 0; i < scene.spheres.size(); ++i)
+        add_ball(g, i, scene.spheres[i].centre, scene.spheres[i].radius);
+    if (entry.kind == GeometryEntry::Kind::Cones)
+      for (size_t i = 0; i < scene.cones.size(); ++i) {
+        const auto [low, high] = box_of(scene.cones[i]);
+        const double margin = double{kMargin} * double{largest(Vec3f(low)) + largest(Vec3f(high))};
+        const Vec3 room{margin, margin, margin};
+        add(g, i, Vec3f(low - room), Vec3f(high + room));
+      }
+    if (entry.kind != GeometryEntry::Kind::Mesh) continue;
+    const MeshShape& mesh = scene.meshes[entry.mesh];
+    for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+      const Vec3f a = mesh.positions[mesh.triangles[i][0]];
+      const Vec3f b = mesh.positions[mesh.triangles[i][1]];
+      const Vec3f c = mesh.positions[mesh.triangles[i][2]];
+      add(g, i, {std::min({a.x, b.x, c.x}), std::min({a.y, b.y, c.y}), std::min({a.z, b.z, c.z})},
+          {std::max({a.x, b.x, c.x}), std::max({a.y, b.y, c.y}), std::max({a.z, b.z, c.z})});
+    }
+  }
+  return boxes;
+}
+
+bool misses_primitive(const Scene::Impl& scene, const Hull& hull, const Patch& from,
+                      const BuiltLeaf& leaf) {
+  if (from.leaves_convex && leaf.geometry == from.geometry && leaf.primitive == from.primitive)
+    return true;
+  const GeometryEntry& entry = scene.geometries[leaf.geometry];
+  if (entry.kind == GeometryEntry::Kind::Cones) return false;  // its box was not missed
+  if (entry.kind == GeometryEntry::Kind::Spheres) {
+    const SphereShape& sphere = scene.spheres[leaf.primitive];
+    const Vec3f centre(sphere.centre);
+    const auto radius = static_cast<float>(sphere.radius);
+    return hull.misses_sphere(centre, radius + kMargin * (radius + largest(centre)));
+  }
+  const MeshShape& mesh = scene.meshes[entry.mesh];
+  const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
+  return hull.misses_triangle(mesh.positions[corners[0]], mesh.positions[corners[1]],
+                              mesh.positions[corners[2]]);
+}
+
+}  // namespace
+
+ShaftTester::ShaftTester(const Scene::Impl& scene)
+    : scene_(scene), tree_(std::make_unique<Tree>()) {
+  std::vector<RTCBuildPrimitive> boxes = boxes_of(scene);
+  if (boxes.empty()) return;
+  tree_->bvh.reset(rtcNewBVH(scene.device.get()));
+  RTCBuildArguments arguments = rtcDefaultBuildArguments();
+  arguments.maxLeafSize = 1;
+  arguments.maxDepth = kMostDepth;
+  arguments.bvh = tree_->bvh.get();
+  arguments.primitives = boxes.data();
+  arguments.primitiveCount = boxes.size();
+  arguments.primitiveArrayCapacity = boxes.size();
+  arguments.createNode = create_inner;
+  arguments.setNodeChildren = set_children;
+  arguments.setNodeBounds = set_bounds;
+  arguments.createLeaf = create_leaf;
+  tree_->root = static_cast<const BuiltNode*>(rtcBuildBVH(&arguments));
+  scene.device.check("building the tree of shafts");
+}
+
+ShaftTester::~ShaftTester() = default;
+
+bool ShaftTester::empty(const Shaft& shaft) const {
+  if (!tree_->root) return true;
+  const Hull hull(shaft);
+  std::array<const BuiltNode*, 2 * kMostDepth> waiting;
+  size_t count = 0;
+  waiting[count++] = tree_->root;
+  while (count > 0) {
+    const BuiltNode* node = waiting[--count];
+    if (node->leaf) {
+      if (!misses_primitive(scene_, hull, shaft.from, *static_cast<const BuiltLeaf*>(node)))
+        return false;
+      continue;
+    }
+    const auto& inner = *static_cast<const BuiltInner*>(node);
+    for (size_t i = 0; i < 2; ++i) {
+      const RTCBounds& box = inner.bounds[i];
+      if (hull.misses_box({box.lower_x, box.lower_y, box.lower_z},
+                          {box.upper_x, box.upper_y, box.upper_z}))
+        continue;
+      if (count == waiting.size()) return false;
+      waiting[count++] = inner.child[i];
+    }
+  }
+  return true;
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Proofs that whole bundles of rays meet nothing, so that none of them needs to be traced.
+//
+// A shaft is every ray that leaves a small patch of a surface toward one point, or within a narrow
+// cone of directions. It is empty if each primitive of the scene can be separated from its convex
+// hull by a plane; what cannot be separated by the few planes that are tried counts as in the way,
+// so that the answer errs on the side of tracing. Margins cover single precision's roundings, also
+// Embree's.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "render/committed_scene.h"
+#include "render/surface_cells.h"
+
+namespace lenticule::render {
+
+/// A cell of a surface, as a place where rays start.
+struct Patch {
+  Vec3f centre{};
+  float radius = 0.0F;  ///< of a ball around all of it
+  /// Rays leave to this side of the plane normal . p = height, where the patch is flat.
+  bool flat = false;
+  Vec3f normal{};
+  float height = 0.0F;
+  /// Rays cannot meet the primitive that they leave.
+  bool leaves_convex = false;
+  uint32_t geometry = 0;
+  uint32_t primitive = 0;
+};
+
+/// Which part of the surface `cell` is.
+[[nodiscard]] Patch patch_of(const Scene::Impl& scene, const SurfaceCell& cell);
+
+struct Shaft {
+  Patch from{};
+  bool to_point = false;
+  Vec3f point{};      ///< where all rays end
+  Vec3f axis{};       ///< unit: the middle of the cone of directions
+  float sine = 0.0F;  ///< of half its opening, below a right angle
+  float cosine = 1.0F;
+};
+[[nodiscard]] Shaft shaft_to_point(const Patch& from, Vec3 point);
+[[nodiscard]] Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine);
+
+/// Immutable after construction; for any thread. Refers to the scene, whose shapes must stay.
+class ShaftTester {
+ public:
+  /// Throws Error(Failed) with what Embree said.
+  explicit ShaftTester(const Scene::Impl& scene);
+  ~ShaftTester();
+  ShaftTester(const ShaftTester&) = delete;
+  ShaftTester& operator=(const ShaftTester&) = delete;
+
+  /// True: no ray of the shaft meets anything. False: one may.
+  [[nodiscard]] bool empty(const Shaft& shaft) const;
+
+ private:
+  struct Tree;
+  const Scene::Impl& scene_;
+  std::unique_ptr<Tree> tree_;
+};
+
+}  // namespace lenticule::render

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/shaft_proofs.h"
+
+#include "render/octahedron.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr int kAnswersLog2 = 20;
+constexpr int kCellBits = 6;
+static_assert(kMostCells <= 1 << kCellBits);
+
+size_t primitives_of(const Scene::Impl& scene, const GeometryEntry& entry) {
+  switch (entry.kind) {
+    case GeometryEntry::Kind::Spheres:
+      return scene.spheres.size();
+    case GeometryEntry::Kind::Cones:
+      return scene.cones.size();
+    case GeometryEntry::Kind::Mesh:
+      break;
+  }
+  return scene.meshes[entry.mesh].triangles.size();
+}
+
+}  // namespace
+
+ShaftProofs::ShaftProofs(const Scene::Impl& scene)
+    : scene_(scene), tester_(scene), answers_(size_t{1} << kAnswersLog2) {
+  uint64_t first = 0;
+  for (const GeometryEntry& entry : scene.geometries) {
+    first_primitive_.push_back(first);
+    first += primitives_of(scene, entry);
+  }
+}
+
+uint64_t ShaftProofs::number(const SurfaceCell& cell) const {
+  uint64_t number = first_primitive_[cell.geometry] + cell.primitive;
+  number = number * 2 + (cell.outer_side ? 1 : 0);
+  for (const int part : {cell.u, cell.v, cell.w})
+    number = number << kCellBits | static_cast<uint64_t>(part);
+  return number;
+}
+
+bool ShaftProofs::empty(const SurfaceCell& cell, uint64_t number, uint64_t target) {
+  if (target >= kTargets) return false;
+  const uint64_t key = (number * kTargets + target) << 2;
+  // Fibonacci hashing: the high bits of the product are well mixed.
+  std::atomic<uint64_t>& place = answers_[key * 0x9e3779b97f4a7c15U >> (64 - kAnswersLog2)];
+  const uint64_t known = place.load(std::memory_order_relaxed);
+  if ((known & ~uint64_t{3}) == key && known != 0) return (known & 3) == kEmpty;
+  const bool empty = find_out(cell, target);
+  place.store(key | (empty ? kEmpty : kPerhaps), std::memory_order_relaxed);
+  return empty;
+}
+
+bool ShaftProofs::find_out(const SurfaceCell& cell, uint64_t target) const {
+  const Patch from = patch_of(scene_, cell);
+  if (target < kBins) {
+    const DirectionCell bin =
+        direction_cell(static_cast<int>(target) / kDirectionBins,
+                       static_cast<int>(target) % kDirectionBins, kDirectionBins);
+    return tester_.empty(shaft_in_cone(from, bin.middle, bin.cosine));
+  }
+  const SceneLight& lamp = scene_.lights[target - kBins];
+  // Parallel rays: a cone as narrow as rounding allows.
+  if (lamp.kind == Light::Kind::Directional)
+    return tester_.empty(shaft_in_cone(from, Vec3f(-lamp.direction), 1.0F));
+  return tester_.empty(shaft_to_point(from, lamp.position));
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shafts that are said to be empty are empty, and enough of them are found.
+#include "render/shaft.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "render/octahedron.h"
+#include "render/ray_stream.h"
+#include "render/shading_tables.h"
+#include "render/shaft_proofs.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+/// A floor of 100 mm and a ball of 10 mm that hovers 30 mm above its middle.
+SceneDescription ball_over_floor() {
+  SceneDescription scene;
+  scene.source = "test";
+  scene.materials = {Material{}};
+  scene.meshes = {testing::rectangle_mesh({-50, 0, 50}, {100, 0, 0}, {0, 0, -100}, 0)};
+  scene.spheres = {{.centre = {0, 30, 0}, .radius = 10}};
+  return scene;
+}
+
+class BallOverFloor : public ::testing::Test {
+ protected:
+  [[nodiscard]] bool empty(const Shaft& shaft) const { return tester_.empty(shaft); }
+
+  /// A cell of 1 mm around a place of the floor, seen from above.
+  [[nodiscard]] Patch floor_patch(double x, double z) const {
+    for (uint32_t triangle = 0; triangle < 2; ++triangle)
+      for (int u = 0; u < 64; ++u)
+        for (int v = 0; v + u < 64; ++v) {
+          SurfaceCell cell{.geometry = 0, .primitive = triangle, .u = u, .v = v, .divisions = 64};
+          Patch patch = patch_of(scene_.impl(), cell);
+          if (patch.normal.y < 0) {
+            cell.outer_side = false;
+            patch = patch_of(scene_.impl(), cell);
+          }
+          if (std::hypot(patch.centre.x - x, patch.centre.z - z) < 1.5) return patch;
+        }
+    ADD_FAILURE() << "no cell at " << x << ", " << z;
+    return {};
+  }
+
+  Scene scene_{ball_over_floor(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
+  ShaftTester tester_{scene_.impl()};
+};
+
+constexpr float kCosine5Degrees = 0.99619F;
+
+TEST_F(BallOverFloor, StraightUpIsOpenBesideTheBallOnly) {
+  EXPECT_TRUE(empty(shaft_in_cone(floor_patch(40, 0), {0, 1, 0}, kCosine5Degrees)));
+  EXPECT_TRUE(empty(shaft_in_cone(floor_patch(-16, 5), {0, 1, 0}, kCosine5Degrees)));
+  EXPECT_FALSE(empty(shaft_in_cone(floor_patch(9, 0), {0, 1, 0}, kCosine5Degrees)));
+  EXPECT_FALSE(empty(shaft_in_cone(floor_patch(12, 0), {0, 1, 0}, kCosine5Degrees)));
+}
+
+TEST_F(BallOverFloor, ALightBeforeTheBallIsSeenAndOneBehindItIsNot) {
+  EXPECT_TRUE(empty(shaft_to_point(floor_patch(0, 0), {0, 18, 0})));
+  EXPECT_FALSE(empty(shaft_to_point(floor_patch(0, 0), {0, 45, 0})));
+  EXPECT_TRUE(empty(shaft_to_point(floor_patch(30, 0), {0, 100, 0})));
+}
+
+TEST_F(BallOverFloor, IntoTheFloorIsNotOpen) {
+  EXPECT_FALSE(empty(shaft_in_cone(floor_patch(40, 0), {0, -1, 0}, kCosine5Degrees)));
+}
+
+TEST_F(BallOverFloor, TheBallDoesNotStandInItsOwnWay) {
+  const Patch top = patch_of(scene_.impl(), {.geometry = 1, .u = 4, .v = 7, .divisions = 8});
+  const Vec3f outward = normalized(top.centre - Vec3f{0, 30, 0});
+  ASSERT_GT(outward.y, 0.0F);
+  EXPECT_TRUE(empty(shaft_in_cone(top, outward, kCosine5Degrees)));
+  EXPECT_FALSE(empty(shaft_to_point(floor_patch(0, 0), Vec3(top.centre + outward))));
+}
+
+/// Whatever is proved must hold for every ray that could be asked about.
+class ShaftSoundness : public ::testing::TestWithParam<testing::NamedScene> {
+ protected:
+  ShaftSoundness() : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1) {}
+
+  [[nodiscard]] const Scene::Impl& impl() const { return scene_.impl(); }
+
+  [[nodiscard]] bool proved(const SurfaceCell& cell, uint64_t target) const {
+    return impl().proofs->empty(cell, impl().proofs->number(cell), target);
+  }
+  [[nodiscard]] bool blocked(Vec3f origin, Vec3f direction, float far) const {
+    RayPacket packet;
+    load_packet(
+        std::vector<PathRay>{{.origin = Vec3(origin), .direction = Vec3(direction), .target = 0}},
+        packet);
+    packet.rays.ray.tfar[0] = far;
+    occluded16(packet.valid, impl().embree.get(), packet.rays.ray, Coherence::Incoherent);
+    return packet.rays.ray.tfar[0] < 0.0F;
+  }
+
+  Scene scene_;
+};
+
+TEST_P(ShaftSoundness, NoRayMeetsAnythingWhereNoneShould) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  const auto unit_vector = [&] { return normalized(Vec3{any(random), any(random), any(random)}); };
+  int proved_lit = 0, proved_open = 0, asked = 0;
+  for (int round = 0; round < 2000; ++round) {
+    std::vector<PathRay> rays(kPacket);
+    for (PathRay& ray : rays) {
+      ray.origin = unit_vector() * 60.0;
+      ray.direction = normalized(unit_vector() * 8.0 - ray.origin);
+      ray.target = 0;
+    }
+    RayPacket packet;
+    load_packet(rays, packet);
+    intersect16(packet.valid, impl().embree.get(), packet.rays, Coherence::Incoherent);
+    shading_kernel::Surfaces s{};
+    if (!isa_baseline::kShadingKernel.find_surfaces(impl().shading->tables(),
+                                                    &packet.rays.ray.org_x[0], packet.valid, s))
+      continue;
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (s.active[r] == 0) continue;
+      const SurfaceCell cell{.geometry = packet.rays.hit.geomID[r],
+                             .primitive = packet.rays.hit.primID[r],
+                             .outer_side = s.outer_side[r] != 0,
+                             .u = s.cell_u[r],
+                             .v = s.cell_v[r],
+                             .w = s.cell_w[r],
+                             .divisions = s.divisions[r],
+                             .divisions_along = s.divisions_along[r]};
+      const Vec3f start{s.start[0][r], s.start[1][r], s.start[2][r]};
+      const Vec3f normal{s.geometric[0][r], s.geometric[1][r], s.geometric[2][r]};
+      const Patch patch = patch_of(impl(), cell);
+      EXPECT_LE(length(start - patch.centre), patch.radius);
+      ++asked;
+      for (size_t light = 0; light < impl().lights.size(); ++light) {
+        const SceneLight& lamp = impl().lights[light];
+        if (lamp.kind == Light::Kind::Directional) continue;
+        const Vec3f way = Vec3f(lamp.position) - start;
+        if (dot(way, normal) <= 0 || !proved(cell, ShaftProofs::light_target(light))) continue;
+        ++proved_lit;
+        EXPECT_FALSE(blocked(start, normalized(way), length(way)));
+      }
+      // Any direction of some bin above the surface.
+      Vec3f direction(unit_vector());
+      if (dot(direction, normal) < 0) direction = -direction;
+      const float sum = std::abs(direction.x) + std::abs(direction.y) + std::abs(direction.z);
+      float x = direction.x / sum, y = direction.y / sum;
+      if (direction.z < 0) {
+        const float folded = std::copysign(1.0F - std::abs(y), x);
+        y = std::copysign(1.0F - std::abs(x), y);
+        x = folded;
+      }
+      const auto bin = [](float at) {
+        return std::min(kDirectionBins - 1, static_cast<int>((at + 1.0F) * 0.5F * kDirectionBins));
+      };
+      if (!proved(cell, ShaftProofs::direction_target(bin(x), bin(y)))) continue;
+      ++proved_open;
+      EXPECT_FALSE(blocked(start, direction, std::numeric_limits<float>::infinity()));
+    }
+    ASSERT_FALSE(HasFailure()) << "round " << round;
+  }
+  EXPECT_GT(asked, 1000);
+  EXPECT_GT(proved_open, asked / 20);
+  std::printf("%s: %d places, %d proved lit, %d proved open\n", GetParam().name.c_str(), asked,
+              proved_lit, proved_open);
+}
+
+INSTANTIATE_TEST_SUITE_P(TinyScenes, ShaftSoundness, ::testing::ValuesIn(testing::tiny_scenes()),
+                         [](const auto& scene) { return scene.param.name; });
+
+}  // namespace
+}  // namespace lenticule::render
