@@ -90,7 +90,10 @@ const char* to_string(PictureFit fit) {
 }
 
 int nearest_view(double view_number, int views) {
-  return std::clamp(static_cast<int>(std::ceil(view_number)) - 1, 0, views - 1);
+  // What rounding puts a little beyond a border is on it, as with lenses: at rational pitches whole
+  // columns of subpixels lie exactly there.
+  const double on_border = view_number - views * optics::kBorderTolerance;
+  return std::clamp(static_cast<int>(std::ceil(on_border)) - 1, 0, views - 1);
 }
 
 int view_weights(double view_number, int views, ViewFilter filter, double spot_sigma_views,

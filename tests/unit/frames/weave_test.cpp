@@ -199,6 +199,17 @@ TEST(ViewWeights, NearestSpansAreOpenOnTheLeft) {
   EXPECT_THAT(weights_at(3.0, 3, ViewFilter::Nearest), ElementsAre(0, 0, 1));
 }
 
+TEST(NearestView, IsNotMovedOverABorderByRounding) {
+  // At pitch 6 and slant 1/3 whole columns lie on the borders of 6 views.
+  for (int border = 1; border < 6; ++border) {
+    for (const double rounding : {-1e-12, 0.0, 1e-12})
+      EXPECT_EQ(nearest_view(border + rounding, 6), border - 1) << border << " " << rounding;
+    EXPECT_EQ(nearest_view(border + 1e-6, 6), border);
+  }
+  EXPECT_EQ(nearest_view(0.0, 6), 0);
+  EXPECT_EQ(nearest_view(6.0, 6), 5);
+}
+
 TEST(ViewWeights, LinearMixesNeighboursAndStopsAtTheEnds) {
   EXPECT_THAT(weights_at(1.5, 3, ViewFilter::Linear), ElementsAre(0, 1, 0));
   EXPECT_THAT(weights_at(1.75, 3, ViewFilter::Linear), ElementsAre(0, 0.75, 0.25));
