@@ -33,14 +33,24 @@ Sight sight(Vec2 point_mm, const Eye& eye, double gap_mm) {
   return {(eye.x - point_mm.x) / eye.z_mm, (eye.y - point_mm.y) / eye.z_mm, gap_mm / eye.z_mm};
 }
 
-/// s for a given panel point: s^2 = 1 + kappa |t|^2 (s / (s + gamma))^2.
+/// s for a given panel point: s^2 = 1 + kappa |t|^2 (s / (s + gamma))^2, which lies between 1 and
+/// sqrt(1 + kappa |t|^2). Seen from much nearer than the sheet is thick, Newton's steps alone would
+/// leave those bounds and end elsewhere.
 double obliquity(const Sight& to_eye, double kappa) {
+  constexpr double kSlack = 1e-9;  // for rounding at the root
   const double a = kappa * (to_eye.tan_x * to_eye.tan_x + to_eye.tan_y * to_eye.tan_y);
   const double gamma = to_eye.gamma;
   double s = std::sqrt(1.0 + a / ((1.0 + gamma) * (1.0 + gamma)));
+  double low = 1.0;
+  double high = std::sqrt(1.0 + a);
   for (int i = 0; i < kMaxNewtonSteps; ++i) {
     const double d = 1.0 / (s + gamma), h = s * d;
-    const double step = (s * s - 1.0 - a * h * h) / (2.0 * (s - a * h * gamma * d * d));
+    const double missing = s * s - 1.0 - a * h * h;
+    (missing < 0.0 ? low : high) = s;
+    double step = missing / (2.0 * (s - a * h * gamma * d * d));
+    const double next = s - step;
+    if (!(next >= low * (1.0 - kSlack) && next <= high * (1.0 + kSlack)))
+      step = s - 0.5 * (low + high);
     s -= step;
     if (!(std::abs(step) > kConverged * s)) break;
   }

@@ -254,8 +254,18 @@ struct RowPhaseEvaluator::Impl {
         kernel(kernel_for(isa)),
         pattern(m.rig()),
         constants(constants_of(model)),
-        eye(terms_of(where, m.rig().sheet.gap.value)) {
+        eye(terms_of(where, m.rig().sheet.gap.value)),
+        place(where),
+        close(where.z_mm < kClose * m.rig().sheet.gap.value) {
     eye.sight_steps = sight_steps_needed(constants, eye, TrialPoints(model));
+  }
+
+  /// Point by point, where a fixed number of Newton steps will not do.
+  [[nodiscard]] double phase_without_offset(double x_px, double y_px) const {
+    const Panel& panel = model.rig().panel;
+    const Vec2 lens = model.lens_point_mm({panel.x_mm(x_px), panel.y_mm(y_px)}, place);
+    const double offset_px = model.rig().sheet.channel_offset[1].value / 3.0;
+    return model.lens_coordinate(panel.x_px(lens.x) - offset_px, panel.y_px(lens.y), 1);
   }
 
   OpticalModel model;  // keeps the residual coefficients alive
@@ -263,6 +273,10 @@ struct RowPhaseEvaluator::Impl {
   PositionPattern pattern;
   Constants constants;
   EyeTerms eye;
+  Eye place;
+  bool close;  ///< so near to the glass that only the model itself will do
+
+  static constexpr double kClose = 2.0;  ///< gaps
 };
 
 RowPhaseEvaluator::RowPhaseEvaluator(const OpticalModel& model, const Eye& eye, Isa isa)
@@ -274,6 +288,15 @@ RowPhaseEvaluator& RowPhaseEvaluator::operator=(RowPhaseEvaluator&&) noexcept = 
 void RowPhaseEvaluator::evaluate(int j, int i_begin, int i_end, std::vector<double>& phase) const {
   check_range(impl_->model.rig().panel, j, i_begin, i_end);
   phase.resize(static_cast<size_t>(3 * (i_end - i_begin)));
+  if (impl_->close) {
+    const Panel& panel = impl_->model.rig().panel;
+    for (int s = 3 * i_begin; s < 3 * i_end; ++s) {
+      const Vec2 at = panel.subpixel_centre_px(s / 3, j, s % 3);
+      phase[static_cast<size_t>(s - 3 * i_begin)] =
+          impl_->model.phase(at.x, at.y, s % 3, impl_->place);
+    }
+    return;
+  }
   for_each_block(impl_->pattern, j, i_begin, i_end, [&](size_t at, const Points& points) {
     impl_->kernel.phases(impl_->constants, impl_->eye, points, phase.data() + at);
   });
@@ -282,6 +305,11 @@ void RowPhaseEvaluator::evaluate(int j, int i_begin, int i_end, std::vector<doub
 void RowPhaseEvaluator::evaluate_points(std::span<const double> x_px, std::span<const double> y_px,
                                         std::span<double> phase) const {
   LENTICULE_CHECK(x_px.size() == phase.size() && y_px.size() == phase.size());
+  if (impl_->close) {
+    for (size_t k = 0; k < phase.size(); ++k)
+      phase[k] = impl_->phase_without_offset(x_px[k], y_px[k]);
+    return;
+  }
   static constexpr std::array<double, kBlock> kNoOffset{};
   for (size_t at = 0; at < phase.size(); at += kBlock) {
     const auto count = static_cast<int>(std::min(phase.size() - at, size_t{kBlock}));

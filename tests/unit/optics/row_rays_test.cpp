@@ -156,6 +156,32 @@ class IsaWish {
   std::string old_;
 };
 
+TEST(RowPhases, AreTheModelsMuchNearerThanTheSheetIsThick) {
+  Rig rig = test::kiosk_rig();
+  rig.sheet.channel_offset = {Subpixels(0.1), Subpixels(-0.2), Subpixels(0.3)};
+  const OpticalModel model(rig);
+  for (const double z_mm : {3.0, 1.0, 0.1, 1e-6}) {
+    const Eye eye{30.0, -20.0, z_mm};
+    const RowPhaseEvaluator evaluator(model, eye);
+    std::vector<double> row;
+    evaluator.evaluate(700, 1000, 1100, row);
+    for (int s = 3000; s < 3300; ++s) {
+      const Vec2 at = rig.panel.subpixel_centre_px(s / 3, 700, s % 3);
+      const double phase = model.phase(at.x, at.y, s % 3, eye);
+      ASSERT_NEAR(row[static_cast<size_t>(s - 3000)], phase, 1e-9) << z_mm;
+      // A point of the glass without a colour's offset is where that colour seems to sit.
+      const double x = at.x + rig.sheet.channel_offset[static_cast<size_t>(s % 3)].value / 3.0;
+      double alone = 0.0;
+      evaluator.evaluate_points({&x, 1}, {&at.y, 1}, {&alone, 1});
+      const Vec2 lens = model.lens_point_mm({rig.panel.x_mm(x), rig.panel.y_mm(at.y)}, eye);
+      const double from_centre =
+          (rig.panel.x_px(lens.x) - rig.panel.width_px / 2.0) +
+          rig.sheet.slant * (rig.panel.y_px(lens.y) - rig.panel.height_px / 2.0);
+      ASSERT_NEAR(alone, 3.0 * from_centre / rig.sheet.pitch.value + rig.sheet.offset.value, 1e-9);
+    }
+  }
+}
+
 TEST(BestIsa, CanBeAskedForLess) {
   const IsaWish wish("baseline");
   EXPECT_EQ(best_isa(), Isa::Baseline);
