@@ -38,6 +38,8 @@ struct RenderStatistics {
   uint64_t shadow_rays = 0;
   uint64_t secondary_rays = 0;
   uint64_t invalid_rays = 0;           ///< not finite, so not shown to Embree
+  uint64_t suspected_holes = 0;        ///< primary rays that went on where their neighbours ended
+  uint64_t filled_holes = 0;           ///< and those that had slipped between triangles
   uint64_t shadow_rays_proved = 0;     ///< of shadow_rays: not traced, nothing was in their way
   uint64_t secondary_rays_proved = 0;  ///< of secondary_rays: not traced, they meet nothing
   double seconds = 0.0;

@@ -77,6 +77,8 @@ class FullMethod final : public Method {
             .shadow_rays = counts.shadow,
             .secondary_rays = counts.secondary,
             .invalid_rays = counts.invalid,
+            .suspected_holes = counts.holes.suspected,
+            .filled_holes = counts.holes.filled,
             .shadow_rays_proved = counts.shadow_proved,
             .secondary_rays_proved = counts.secondary_proved,
             .seconds = elapsed.count(),

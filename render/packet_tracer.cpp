@@ -18,6 +18,7 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   secondary += other.secondary;
   shadow += other.shadow;
   invalid += other.invalid;
+  holes += other.holes;
   shadow_proved += other.shadow_proved;
   secondary_proved += other.secondary_proved;
   return *this;
@@ -182,6 +183,7 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
       RayPacket& packet = primary_[static_cast<size_t>(k)];
       clock_.turn_to(Work::TracePrimary);
       intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
+      fill_holes(scene, plan.row_mm(), packet, counts_.holes);
       clock_.turn_to(Work::Shade);
       counts_.primary += count(packet.valid);
       const Colours& of_column = colours[static_cast<size_t>((column + k) % 3)];

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "render/committed_scene.h"
+#include "render/hole_guard.h"
 #include "render/method.h"
 #include "render/primary_packets.h"
 #include "render/ray_stream.h"
@@ -23,6 +24,7 @@ struct RayCounts {
   uint64_t secondary = 0;
   uint64_t shadow = 0;
   uint64_t invalid = 0;
+  HoleCounts holes;
   uint64_t shadow_proved = 0;     ///< not traced: the way to the light was known to be free
   uint64_t secondary_proved = 0;  ///< not traced: nothing was known to be in that direction
 

@@ -35,10 +35,13 @@ class TilePlan {
     return tile.column_begin + column - shift(row);
   }
   [[nodiscard]] int row_subpixels() const { return 3 * width_; }
+  /// What two rows are apart.
+  [[nodiscard]] double row_mm() const { return row_mm_; }
 
  private:
   int width_;
   int height_;
+  double row_mm_;
   std::array<int, kRows> shifts_{};
   int first_column_;
   int bands_;

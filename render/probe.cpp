@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/probe.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "optics/error.h"
+#include "render/committed_scene.h"
+#include "render/denormals.h"
+#include "render/hole_guard.h"
+#include "render/primary_packets.h"
+#include "render/shading.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr double kFar = std::numeric_limits<double>::infinity();
+
+/// As far apart as the rows of a panel are.
+constexpr double kStepMm = 0.1;
+
+PathRay path_ray(const ProbeRay& ray) {
+  return {.origin = ray.origin, .direction = ray.direction, .target = 0};
+}
+
+ProbeHit probe_hit(const Scene::Impl& scene, const PathRay& ray, const Hit& hit) {
+  if (hit.geometry == Hit::kRefused) return {};
+  if (hit.geometry == Hit::kMiss) return {.what = ProbeHit::What::Nothing, .distance = kFar};
+  const Surface surface = surface_at(scene, ray, hit);
+  return {.what = ProbeHit::What::Surface,
+          .distance = double{hit.distance},
+          .point = surface.point,
+          .geometric_normal = surface.geometric_normal,
+          .outer_side = surface.outer_side,
+          .spawn_point = spawn_point(surface, Side::Viewer),
+          .geometry = hit.geometry,
+          .primitive = hit.primitive};
+}
+
+}  // namespace
+
+Probe::Probe(const Scene& scene) : scene_(scene.impl()) {}
+
+uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
+                      std::span<ProbeHit> hits) const {
+  const FlushDenormals flush;
+  HoleCounts counts;
+  RayPacket packet;
+  std::vector<PathRay> lanes;
+  for (size_t begin = 0; begin < rays.size(); begin += kPacket) {
+    lanes.clear();
+    for (const ProbeRay& ray : rays.subspan(begin, std::min(kPacket, rays.size() - begin)))
+      lanes.push_back(path_ray(ray));
+    (void)load_packet(lanes, packet);
+    intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Coherent);
+    if (guard == HoleGuard::On) fill_holes(scene_, kStepMm, packet, counts);
+    for (size_t k = 0; k < lanes.size(); ++k)
+      hits[begin + k] =
+          probe_hit(scene_, lanes[k],
+                    {.geometry = packet.valid[k] != 0 ? packet.rays.hit.geomID[k] : Hit::kRefused,
+                     .primitive = packet.rays.hit.primID[k],
+                     .distance = packet.rays.ray.tfar[k]});
+  }
+  return counts.filled;
+}
+
+void Probe::leave(std::span<const ProbeHit> hits, std::span<const Vec3> directions,
+                  std::span<uint8_t> blocked) const {
+  const FlushDenormals flush;
+  std::vector<ShadowRay> rays;
+  std::vector<double> light(hits.size(), 0.0);
+  for (size_t k = 0; k < hits.size(); ++k) {
+    light[k] = hits[k].what == ProbeHit::What::Surface ? 0.0 : 1.0;
+    if (hits[k].what != ProbeHit::What::Surface) continue;
+    rays.push_back({.origin = hits[k].spawn_point,
+                    .direction = directions[k],
+                    .distance = kFar,
+                    .light = 1.0,
+                    .target = static_cast<uint32_t>(k)});
+  }
+  (void)add_unshadowed(scene_.embree.get(), rays, light);
+  for (size_t k = 0; k < hits.size(); ++k) blocked[k] = light[k] == 0.0 ? 1 : 0;
+}
+
+std::vector<Vec3> Probe::corners(size_t mesh) const {
+  const std::vector<Vec3f>& positions = scene_.meshes.at(mesh).positions;
+  std::vector<Vec3> corners;
+  for (size_t k = 0; k + 1 < positions.size(); ++k) corners.emplace_back(positions[k]);
+  return corners;
+}
+
+struct PrimaryProbe::Impl {
+  Impl(const Scene::Impl& committed, const optics::OpticalModel& model, Isa isa)
+      : scene(committed), plan(model.rig()), packets(model, plan, isa), footprint(model, {}) {}
+
+  const Scene::Impl& scene;
+  TilePlan plan;
+  PrimaryPackets packets;
+  Footprint footprint;
+};
+
+PrimaryProbe::PrimaryProbe(const Scene& scene, const optics::OpticalModel& model, Isa isa)
+    : impl_(std::make_unique<Impl>(scene.impl(), model, isa)) {}
+PrimaryProbe::~PrimaryProbe() = default;
+
+int PrimaryProbe::tiles() const {
+  return impl_->plan.count();
+}
+
+void PrimaryProbe::lines(int tile_index, std::vector<Line>& out) const {
+  const FlushDenormals flush;
+  const Tile tile = impl_->plan.tile(tile_index);
+  const Affine panel_from_scene = impl_->scene.scene_from_panel.inverse();
+  PrimaryPackets::Maker maker(impl_->packets);
+  std::vector<RayPacket> packets(1);
+  init_packets(packets);
+  maker.start(impl_->scene, tile, impl_->footprint);
+  maker.prepare(packets);
+  out.clear();
+  for (int column = 0; column < tile.columns; ++column) {
+    maker.columns(column, packets);
+    const RTCRay16& rays = packets[0].rays.ray;
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (packets[0].valid[r] == 0) continue;
+      const Vec3 from = panel_from_scene.point({rays.org_x[r], rays.org_y[r], rays.org_z[r]});
+      const Vec3 way = panel_from_scene.vector({rays.dir_x[r], rays.dir_y[r], rays.dir_z[r]});
+      const double tan_x = way.x / way.z;
+      const double tan_y = way.y / way.z;
+      out.push_back({.row = tile.row_begin + static_cast<int>(r),
+                     .subpixel = impl_->plan.subpixel(tile, column, static_cast<int>(r)),
+                     .x_mm = from.x - from.z * tan_x,
+                     .y_mm = from.y - from.z * tan_y,
+                     .tan_x = tan_x,
+                     .tan_y = tan_y});
+    }
+  }
+}
+
+}  // namespace lenticule::render

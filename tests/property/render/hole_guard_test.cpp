@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pictures have no pinholes at corners that lie on the rays of subpixels to the last bit, and the
+// guard that sees to that leaves everything else alone.
+#include "render/hole_guard.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "render/method.h"
+#include "render/probe.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr int kWidth = 480, kHeight = 320;
+constexpr int kEvery = 4;  // rows, and pixels: mm
+
+optics::Rig rig() {
+  return testing::make_rig({.width = kWidth, .height = kHeight, .pixel_mm = 1.0});
+}
+
+Stage stage() {
+  return testing::make_tiny_stage({.mm_per_unit = 1.0});
+}
+
+SceneDescription bright_on_black() {
+  SceneDescription scene;
+  scene.source = "fans";
+  scene.colour_managed = false;
+  scene.background = {0, 0, 0};
+  scene.ambient = Vec3{1, 1, 1};
+  scene.materials = {Material{}};
+  return scene;
+}
+
+/// Eight triangles around a point of the glass, as high as wide.
+void add_fan(TriangleMesh& mesh, Vec3 middle, std::mt19937_64& random) {
+  std::uniform_real_distribution<double> unit(-1.0, 1.0);
+  const auto first = static_cast<uint32_t>(mesh.positions.size());
+  mesh.positions.push_back(middle);
+  constexpr uint32_t kAround = 8;
+  for (uint32_t k = 0; k < kAround; ++k) {
+    const double angle = 6.283185307179586 * (k + 0.2 * unit(random)) / kAround;
+    mesh.positions.push_back(
+        middle + Vec3{1.8 * std::cos(angle), 1.8 * std::sin(angle), -0.3 + 0.1 * unit(random)});
+    mesh.triangles.push_back({first, first + 1 + k, first + 1 + (k + 1) % kAround});
+  }
+}
+
+/// Something small near the eye: rays start there, which makes corners coarser to them.
+TriangleMesh far_start() {
+  return testing::rectangle_mesh({0, 0, 600}, {1e-3, 0, 0}, {0, 1e-3, 0}, 0);
+}
+
+/// A fan's middle on the ray of every twelfth subpixel of every fourth row.
+struct Fans {
+  Fans() {
+    const optics::OpticalModel model(rig());
+    SceneDescription empty = bright_on_black();
+    empty.meshes = {far_start()};
+    const Scene committed(empty, stage(), {}, 1);
+    const PrimaryProbe probe(committed, model, best_isa());
+    std::mt19937_64 random(20240607);
+    TriangleMesh mesh;
+    std::vector<PrimaryProbe::Line> lines;
+    for (int tile = 0; tile < probe.tiles(); ++tile) {
+      probe.lines(tile, lines);
+      for (const PrimaryProbe::Line& line : lines) {
+        if (line.row % kEvery != 1 || line.subpixel % (3 * kEvery) != 4) continue;
+        const double z = 2.0 * std::sin(line.row + line.subpixel);
+        add_fan(mesh, {line.x_mm + z * line.tan_x, line.y_mm + z * line.tan_y, z}, random);
+        aimed.push_back(line);
+      }
+    }
+    scene = bright_on_black();
+    scene.meshes = {mesh, far_start()};
+  }
+  SceneDescription scene;
+  std::vector<PrimaryProbe::Line> aimed;
+};
+
+RenderStatistics render(const SceneDescription& description, int threads,
+                        frames::WovenFrame& frame) {
+  const optics::OpticalModel model(rig());
+  const Scene scene(description, stage(), {}, 1);
+  return make_method("full", model, {.threads = threads, .cancelled = {}})
+      ->render(scene, stage(), frame);
+}
+
+TEST(HoleGuard, LeavesNoPinholesInPictures) {
+  const Fans fans;
+  ASSERT_GT(fans.aimed.size(), 9000U);
+  frames::WovenFrame frame({kWidth, kHeight});
+  const RenderStatistics statistics = render(fans.scene, 2, frame);
+  EXPECT_GT(statistics.filled_holes, 0U) << "nothing slipped";
+  int holes = 0;
+  for (const PrimaryProbe::Line& line : fans.aimed)
+    if (frame.row(line.row)[line.subpixel] == 0) ++holes;
+  EXPECT_EQ(holes, 0);
+}
+
+TEST(HoleGuard, GivesTheSameBytesForEveryNumberOfThreads) {
+  const Fans fans;
+  frames::WovenFrame one({kWidth, kHeight});
+  const RenderStatistics alone = render(fans.scene, 1, one);
+  for (const int threads : {2, 5}) {
+    frames::WovenFrame other({kWidth, kHeight});
+    const RenderStatistics statistics = render(fans.scene, threads, other);
+    EXPECT_EQ(statistics.suspected_holes, alone.suspected_holes);
+    EXPECT_EQ(statistics.filled_holes, alone.filled_holes);
+    EXPECT_TRUE(std::ranges::equal(one.bytes(), other.bytes()));
+  }
+}
+
+TEST(HoleGuard, LeavesTrueGapsOpen) {
+  // A sheet with a slit, a twentieth of a millimetre wide, that some rays go through.
+  SceneDescription scene = bright_on_black();
+  scene.meshes = {testing::rectangle_mesh({-300, -200, 1}, {600, 0, 0}, {0, 200, 0}, 0),
+                  testing::rectangle_mesh({-300, 0.05, 1}, {600, 0, 0}, {0, 200, 0}, 0)};
+  // Rows lie half a pixel from the middle: turned, so that the slit crosses them.
+  for (TriangleMesh& mesh : scene.meshes)
+    for (Vec3& p : mesh.positions) p = {0.8 * p.x - 0.6 * p.y, 0.6 * p.x + 0.8 * p.y, p.z};
+  frames::WovenFrame frame({kWidth, kHeight});
+  const RenderStatistics statistics = render(scene, 2, frame);
+  EXPECT_GT(statistics.suspected_holes, 0U);
+  EXPECT_EQ(statistics.filled_holes, 0U);
+  EXPECT_GT(std::ranges::count(frame.bytes(), 0), 100);
+}
+
+}  // namespace
+}  // namespace lenticule::render
