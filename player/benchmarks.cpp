@@ -16,6 +16,7 @@ namespace lenticule::player {
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
 Run declare_bench_play(CLI::App& app);
+Run declare_bench_stability(CLI::App& app);
 Run declare_bench_start(CLI::App& app);
 
 namespace {
@@ -37,6 +38,8 @@ const std::vector<Benchmark>& benchmarks() {
        declare_bench_exact},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
       {"play", "the player's memory over many frames of a ring", declare_bench_play},
+      {"stability", "stress cases of the numbers against oracles; fails if one is off",
+       declare_bench_stability},
       {"start", "from starting the program to the first frame on the virtual display",
        declare_bench_start},
   };

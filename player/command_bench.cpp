@@ -39,7 +39,7 @@ Run declare_bench(CLI::App& app) {
   for (const Benchmark& benchmark : benchmarks()) {
     CLI::App* sub = app.add_subcommand(benchmark.name, benchmark.summary);
     sub->footer(fmt::format("Example:\n  lenticule bench {}", benchmark.name));
-    (*runs)[sub] = benchmark.declare(*sub);
+    (*runs)[sub] = benchmark.declare(*sub);  // which may have a better example
   }
   return [&app, runs]() -> ExitCode { return runs->at(app.get_subcommands().front())(); };
 }

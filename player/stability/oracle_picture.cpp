@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/stability/oracle_picture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+
+#include "player/stability/phase_oracle.h"
+#include "player/stability/ray_oracle.h"
+#include "player/stability/small_scenes.h"
+#include "player/stability/tally.h"
+
+namespace lenticule::player {
+namespace {
+
+constexpr int kDepth = 5;         // as renders do by default
+constexpr Real kHair = 2e-5L;     // mm
+constexpr Real kNearest = 0.99L;  // of the viewing distance: rays start no nearer to the eye
+
+struct Move {
+  Real x = 0;
+  Real y = 0;
+};
+
+/// The line of a subpixel from in front of the glass into it; heights are paraxial by definition.
+OracleLine line_of(const optics::Rig& rig, int i, int j, int channel, Move move) {
+  const OracleEye eye = oracle_design_eye(rig);
+  const OraclePlace at = oracle_place(oracle_phase(rig, i, j, channel, eye));
+  const OracleRay ray = oracle_ray(rig, i, j, channel, at.lens);
+  const Real q = Real(rig.panel.pixel_height.value) *
+                 (Real(rig.panel.height_px) / 2 -
+                  (Real(j) + Real(rig.panel.layout.offset(i, j, channel).y_px)));
+  const Real y = (q * eye.z + Real(rig.sheet.gap.value) * eye.y) / (eye.z + rig.sheet.gap.value);
+  const Real tan_y = (eye.y - y) / eye.z;
+  const Real start = kNearest * eye.z;
+  return {{ray.lens_x_mm + move.x + start * ray.tan_x, y + move.y + start * tan_y, start},
+          {-ray.tan_x, -tan_y, -1}};
+}
+
+Real code_of(const render::SceneDescription& scene, const OracleLine& line, int channel) {
+  return 255 * std::clamp(oracle_light(scene, line, channel, kDepth), Real(0), Real(1));
+}
+
+enum class Verdict { Same, BesideOnly, Different };
+
+Verdict compare(const render::SceneDescription& scene, const optics::Rig& rig, int i, int j,
+                int channel, uint8_t code) {
+  const auto same = [&](Move move) {
+    const Real truth = code_of(scene, line_of(rig, i, j, channel, move), channel);
+    return std::fabs(truth - Real(code)) <= 1;
+  };
+  if (same({})) return Verdict::Same;
+  for (const Move move : std::array<Move, 4>{{{kHair, 0}, {-kHair, 0}, {0, kHair}, {0, -kHair}}})
+    if (same(move)) return Verdict::BesideOnly;
+  return Verdict::Different;
+}
+
+}  // namespace
+
+StabilityRow compare_with_oracle(const render::SceneDescription& scene, const optics::Rig& rig,
+                                 const StabilitySize& size) {
+  const frames::WovenFrame frame = render_small(scene, plain_stage(), rig, size.threads);
+  SharedTally shared;
+  std::atomic<uint64_t> beside{0};
+  for_each_part(size, static_cast<uint64_t>(rig.panel.height_px), [&](uint64_t row) {
+    Tally tally;
+    const int j = static_cast<int>(row);
+    for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
+      const Verdict verdict = compare(scene, rig, s / 3, j, s % 3, frame.row(j)[s]);
+      tally.check(verdict != Verdict::Different);
+      if (verdict == Verdict::BesideOnly) ++beside;
+    }
+    shared.add(tally);
+  });
+  return {.samples = shared.sum().samples,
+          .samples_are = "subpixels",
+          .failures = shared.sum().failures,
+          .failures_are = "off by more than one code",
+          .note = fmt::format("{} lie on an outline", beside.load())};
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// The table of stress cases: every row passes, and a row that is not there is an error.
+#include <nlohmann/json.hpp>
+
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+TEST(Stability, EveryRowOfTheQuickTablePasses) {
+  const ProcessResult result = run({"bench", "stability", "--quick", "--json"});
+  const auto table = nlohmann::json::parse(result.out, nullptr, false);
+  ASSERT_TRUE(table.is_object()) << result.err;
+  EXPECT_GE(table["rows"].size(), 20U);
+  for (const auto& row : table["rows"]) EXPECT_TRUE(row["passes"].get<bool>()) << row.dump(2);
+  EXPECT_TRUE(table["passes"].get<bool>());
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+}
+
+TEST(Stability, PrintsOneRowOnRequest) {
+  const ProcessResult result = run({"bench", "stability", "--row", "degenerate"});
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("pass degenerate"), std::string::npos) << result.out;
+  EXPECT_NE(result.out.find("1 of 1 rows pass"), std::string::npos) << result.out;
+  EXPECT_NE(result.err.find("stability"), std::string::npos) << result.err;
+}
+
+TEST(Stability, AnUnknownRowIsAUsageErrorThatNamesTheOthers) {
+  const ProcessResult result = run({"bench", "stability", "--row", "weather"});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_NE(result.err.find("corners"), std::string::npos) << result.err;
+}
+
+}  // namespace
+}  // namespace lenticule::test
