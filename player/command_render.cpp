@@ -53,6 +53,8 @@ struct RunTotals {
     rays.shadow_rays += frame.shadow_rays;
     rays.secondary_rays += frame.secondary_rays;
     rays.invalid_rays += frame.invalid_rays;
+    rays.suspected_holes += frame.suspected_holes;
+    rays.filled_holes += frame.filled_holes;
     rays.seconds += frame.seconds;
   }
 };
@@ -114,6 +116,8 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"shadow_rays", totals.rays.shadow_rays},
           {"secondary_rays", totals.rays.secondary_rays},
           {"invalid_rays", totals.rays.invalid_rays},
+          {"suspected_holes", totals.rays.suspected_holes},
+          {"filled_holes", totals.rays.filled_holes},
           {"stage", stage_json(stage)}};
 }
 
