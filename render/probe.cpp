@@ -107,6 +107,10 @@ int PrimaryProbe::tiles() const {
   return impl_->plan.count();
 }
 
+bool PrimaryProbe::fast() const {
+  return impl_->packets.fast();
+}
+
 void PrimaryProbe::lines(int tile_index, std::vector<Line>& out) const {
   const FlushDenormals flush;
   const Tile tile = impl_->plan.tile(tile_index);

@@ -70,6 +70,8 @@ class PrimaryProbe {
     double tan_x = 0.0, tan_y = 0.0;
   };
   [[nodiscard]] int tiles() const;
+  /// Whether the rays come from polynomials; of this rig, or else from the map itself.
+  [[nodiscard]] bool fast() const;
   /// One line for each subpixel of the tile that is on the panel; all tiles have each subpixel
   /// once.
   void lines(int tile, std::vector<Line>& out) const;

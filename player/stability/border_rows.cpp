@@ -122,11 +122,13 @@ StabilityRow stability_borders(const StabilitySize& size) {
 StabilityRow stability_borders_tiles(const StabilitySize& size) {
   SharedTally shared;
   const uint64_t step = size.samples(4099, 1);
+  int by_polynomials = 0;
   for (const RationalSheet& sheet : sheets()) {
     const optics::Rig rig = rational_rig(sheet);
     const optics::OpticalModel model(rig);
     const PlainStage plain(rig);
     const render::PrimaryProbe probe(plain.scene, model, best_isa());
+    by_polynomials += probe.fast() ? 1 : 0;
     const auto tiles = static_cast<uint64_t>(probe.tiles());
     for_each_part(size, (tiles + step - 1) / step, [&](uint64_t k) {
       Tally tally;
@@ -144,7 +146,8 @@ StabilityRow stability_borders_tiles(const StabilitySize& size) {
           .samples = shared.sum().samples,
           .samples_are = "rays",
           .failures = shared.sum().failures,
-          .failures_are = "through the wrong lens"};
+          .failures_are = "through the wrong lens",
+          .note = fmt::format("{} of {} sheets by polynomials", by_polynomials, sheets().size())};
 }
 
 }  // namespace lenticule::player
