@@ -36,8 +36,9 @@ uint32_t suspects(const RayPacket& packet, float step) {
   for (size_t r = 0; r < kPacket; ++r) {
     const float nearer = std::min(t[r], t[r + 2]);
     const float farther = std::max(t[r], t[r + 2]);
-    suspect[r] = (t[r + 1] > nearer + kDrop * step) | (t[r + 1] > farther + kSpike * step);
-    suspect[r] &= packet.valid[r];
+    const int32_t drops = t[r + 1] > nearer + kDrop * step ? -1 : 0;
+    const int32_t sticks_out = t[r + 1] > farther + kSpike * step ? -1 : 0;
+    suspect[r] = (drops | sticks_out) & packet.valid[r];
     any |= suspect[r];
   }
   uint32_t bits = 0;
