@@ -3,6 +3,9 @@
 // five calls whose form differs between Embree 3 and 4.
 #pragma once
 
+#include <bit>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <type_traits>
@@ -57,6 +60,33 @@ enum class Coherence { Coherent, Incoherent };
   return x > -kLimit && x < kLimit && y > -kLimit && y < kLimit && z > -kLimit && z < kLimit;
 }
 
+/// Whether all directions of a packet have the same signs. Embree's traversal of coherent packets
+/// can lose rays of packets that point to both sides of an axis (`lenticule bench stability`, rows
+/// edges and inside), and gains nothing there.
+[[nodiscard]] inline bool in_one_octant(const int* valid, const RTCRay16& rays) {
+  uint32_t different = 0;
+  uint32_t first[3] = {};
+  bool found = false;
+  for (size_t r = 0; r < 16 && !found; ++r) {
+    if (valid[r] == 0) continue;
+    found = true;
+    first[0] = std::bit_cast<uint32_t>(rays.dir_x[r]);
+    first[1] = std::bit_cast<uint32_t>(rays.dir_y[r]);
+    first[2] = std::bit_cast<uint32_t>(rays.dir_z[r]);
+  }
+  for (size_t r = 0; r < 16; ++r)
+    different |=
+        static_cast<uint32_t>(valid[r]) & ((std::bit_cast<uint32_t>(rays.dir_x[r]) ^ first[0]) |
+                                           (std::bit_cast<uint32_t>(rays.dir_y[r]) ^ first[1]) |
+                                           (std::bit_cast<uint32_t>(rays.dir_z[r]) ^ first[2]));
+  return different >> 31 == 0;
+}
+[[nodiscard]] inline Coherence coherence_of(Coherence wanted, const int* valid,
+                                            const RTCRay16& rays) {
+  return wanted == Coherence::Coherent && in_one_octant(valid, rays) ? Coherence::Coherent
+                                                                     : Coherence::Incoherent;
+}
+
 #if LENTICULE_EMBREE_MAJOR >= 4
 
 [[nodiscard]] inline RTCRayQueryFlags query_flags(Coherence coherence) {
@@ -80,7 +110,7 @@ inline void intersect1(RTCScene scene, RTCRayHit& ray) {
   rtcIntersect1(scene, &ray, &arguments);
 }
 inline void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence) {
-  RTCIntersectArguments arguments = intersect_arguments(coherence);
+  RTCIntersectArguments arguments = intersect_arguments(coherence_of(coherence, valid, rays.ray));
   rtcIntersect16(valid, scene, &rays, &arguments);
 }
 inline void occluded1(RTCScene scene, RTCRay& ray) {
@@ -88,7 +118,7 @@ inline void occluded1(RTCScene scene, RTCRay& ray) {
   rtcOccluded1(scene, &ray, &arguments);
 }
 inline void occluded16(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence) {
-  RTCOccludedArguments arguments = occluded_arguments(coherence);
+  RTCOccludedArguments arguments = occluded_arguments(coherence_of(coherence, valid, rays));
   rtcOccluded16(valid, scene, &rays, &arguments);
 }
 
@@ -106,7 +136,7 @@ inline void intersect1(RTCScene scene, RTCRayHit& ray) {
   rtcIntersect1(scene, &context, &ray);
 }
 inline void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence) {
-  RTCIntersectContext context = query_context(coherence);
+  RTCIntersectContext context = query_context(coherence_of(coherence, valid, rays.ray));
   rtcIntersect16(valid, scene, &context, &rays);
 }
 inline void occluded1(RTCScene scene, RTCRay& ray) {
@@ -114,7 +144,7 @@ inline void occluded1(RTCScene scene, RTCRay& ray) {
   rtcOccluded1(scene, &context, &ray);
 }
 inline void occluded16(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence) {
-  RTCIntersectContext context = query_context(coherence);
+  RTCIntersectContext context = query_context(coherence_of(coherence, valid, rays));
   rtcOccluded16(valid, scene, &context, &rays);
 }
 

@@ -35,15 +35,6 @@ static_assert(shading_kernel::kLanes == kPacket);
 constexpr int kFewPackets = 8;
 static_assert(TilePlan::kColumns % kFewPackets == 0);
 
-const shading_kernel::Kernel& kernel_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::Avx512) return isa_avx512::kShadingKernel;
-  if (isa == Isa::Avx2) return isa_avx2::kShadingKernel;
-#endif
-  static_cast<void>(isa);
-  return isa_baseline::kShadingKernel;
-}
-
 bool any_lane(const int* valid) {
   int all = 0;
   for (size_t r = 0; r < kPacket; ++r) all |= valid[r];
@@ -135,7 +126,7 @@ struct PacketTracer::Generation {
 };
 
 PacketTracer::PacketTracer(const RenderOptions& options)
-    : kernel_(kernel_for(options.isa)),
+    : kernel_(shading_kernel_for(options.isa)),
       primary_(kFewPackets),
       generations_(static_cast<size_t>(options.max_depth) + 1),
       use_proofs_(options.skip_empty_shafts),

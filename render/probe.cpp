@@ -9,7 +9,7 @@
 #include "render/denormals.h"
 #include "render/hole_guard.h"
 #include "render/primary_packets.h"
-#include "render/shading.h"
+#include "render/shading_tables.h"
 
 namespace lenticule::render {
 namespace {
@@ -23,18 +23,21 @@ PathRay path_ray(const ProbeRay& ray) {
   return {.origin = ray.origin, .direction = ray.direction, .target = 0};
 }
 
-ProbeHit probe_hit(const Scene::Impl& scene, const PathRay& ray, const Hit& hit) {
-  if (hit.geometry == Hit::kRefused) return {};
-  if (hit.geometry == Hit::kMiss) return {.what = ProbeHit::What::Nothing, .distance = kFar};
-  const Surface surface = surface_at(scene, ray, hit);
+Vec3 lane(const float (&lanes)[3][kPacket], size_t k) {
+  return {double{lanes[0][k]}, double{lanes[1][k]}, double{lanes[2][k]}};
+}
+
+ProbeHit probe_hit(const RayPacket& packet, const shading_kernel::Surfaces& surfaces, size_t k) {
+  if (packet.valid[k] == 0) return {};
+  if (surfaces.active[k] == 0) return {.what = ProbeHit::What::Nothing, .distance = kFar};
   return {.what = ProbeHit::What::Surface,
-          .distance = double{hit.distance},
-          .point = surface.point,
-          .geometric_normal = surface.geometric_normal,
-          .outer_side = surface.outer_side,
-          .spawn_point = spawn_point(surface, Side::Viewer),
-          .geometry = hit.geometry,
-          .primitive = hit.primitive};
+          .distance = double{packet.rays.ray.tfar[k]},
+          .point = lane(surfaces.point, k),
+          .geometric_normal = lane(surfaces.geometric, k),
+          .outer_side = surfaces.outer_side[k] != 0,
+          .spawn_point = lane(surfaces.start, k),
+          .geometry = packet.rays.hit.geomID[k],
+          .primitive = packet.rays.hit.primID[k]};
 }
 
 }  // namespace
@@ -46,6 +49,7 @@ uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
   const FlushDenormals flush;
   HoleCounts counts;
   RayPacket packet;
+  shading_kernel::Surfaces surfaces{};
   std::vector<PathRay> lanes;
   for (size_t begin = 0; begin < rays.size(); begin += kPacket) {
     lanes.clear();
@@ -54,12 +58,9 @@ uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
     (void)load_packet(lanes, packet);
     intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Coherent);
     if (guard == HoleGuard::On) fill_holes(scene_, kStepMm, packet, counts);
-    for (size_t k = 0; k < lanes.size(); ++k)
-      hits[begin + k] =
-          probe_hit(scene_, lanes[k],
-                    {.geometry = packet.valid[k] != 0 ? packet.rays.hit.geomID[k] : Hit::kRefused,
-                     .primitive = packet.rays.hit.primID[k],
-                     .distance = packet.rays.ray.tfar[k]});
+    shading_kernel_for(best_isa())
+        .find_surfaces(scene_.shading->tables(), &packet.rays.ray.org_x[0], packet.valid, surfaces);
+    for (size_t k = 0; k < lanes.size(); ++k) hits[begin + k] = probe_hit(packet, surfaces, k);
   }
   return counts.filled;
 }

@@ -105,4 +105,13 @@ ShadingTables::ShadingTables(const Scene::Impl& scene) {
   write(scene.ambient, tables_.ambient);
 }
 
+const shading_kernel::Kernel& shading_kernel_for(Isa isa) {
+#if defined(__x86_64__)
+  if (isa == Isa::Avx512) return isa_avx512::kShadingKernel;
+  if (isa == Isa::Avx2) return isa_avx2::kShadingKernel;
+#endif
+  static_cast<void>(isa);
+  return isa_baseline::kShadingKernel;
+}
+
 }  // namespace lenticule::render

@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "optics/cpu.h"
 #include "render/committed_scene.h"
 #include "render/shading_kernel.h"
 
@@ -27,5 +28,8 @@ class ShadingTables {
   std::vector<shading_kernel::Light> lights_;
   shading_kernel::Tables tables_{};
 };
+
+/// The machine must support it (optics/cpu.h).
+[[nodiscard]] const shading_kernel::Kernel& shading_kernel_for(Isa isa);
 
 }  // namespace lenticule::render
