@@ -11,6 +11,7 @@ namespace lenticule::scenes {
 [[nodiscard]] std::string write_balls(const SceneOptions& options);
 [[nodiscard]] std::string write_demo(const SceneOptions& options);
 [[nodiscard]] std::string write_teapot(const SceneOptions& options);
+[[nodiscard]] std::string write_tree(const SceneOptions& options);
 
 inline constexpr int kDemoFrames = 48;
 inline constexpr int kTeapotFrames = 612;

@@ -16,6 +16,8 @@ const std::vector<BuiltInScene>& scene_list() {
        "cuts per teapot patch, squares along the board", 6, 100, kTeapotFrames, write_teapot},
       {"balls", "a sphereflake: every sphere carries nine of a third of its size",
        "generations of spheres", 4, 6, 1, write_balls},
+      {"tree", "cones that fork with a sphere at every joint, under seven lights",
+       "generations of branches above the trunk", 11, 15, 1, write_tree},
   };
   return table;
 }

@@ -46,5 +46,30 @@ TEST(BallsScene, NoTwoSpheresIntersect) {
   }
 }
 
+TEST(TreeScene, IsFiniteStandsOnItsGroundAndFitsItsCamera) {
+  const auto read = render::parse_nff(write_scene(find_scene("tree"), 11, 0), "tree");
+  ASSERT_EQ(read.cones.size(), read.spheres.size());
+  Vec3 low{};
+  Vec3 high{};
+  for (size_t i = 0; i < read.cones.size(); ++i) {
+    const render::Cone& cone = read.cones[i];
+    const render::Sphere& joint = read.spheres[i];
+    ASSERT_TRUE(is_finite(cone.base) && is_finite(cone.apex)) << i;
+    ASSERT_LT(length(cone.apex - joint.centre), 1e-6) << i;
+    ASSERT_NEAR(cone.apex_radius, joint.radius, 1e-9) << i;
+    low = {std::min(low.x, cone.apex.x), std::min(low.y, cone.apex.y),
+           std::min(low.z, cone.apex.z)};
+    high = {std::max(high.x, cone.apex.x), std::max(high.y, cone.apex.y),
+            std::max(high.z, cone.apex.z)};
+  }
+  EXPECT_GE(low.z, 0.0);
+  EXPECT_GT(high.z, 2.0);
+  EXPECT_LT(high.z, 3.2);
+  for (const double reach : {-low.x, -low.y, high.x, high.y}) {
+    EXPECT_GT(reach, 0.5);
+    EXPECT_LT(reach, 2.0);
+  }
+}
+
 }  // namespace
 }  // namespace lenticule::scenes

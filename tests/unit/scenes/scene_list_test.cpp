@@ -37,7 +37,7 @@ TEST(SceneList, NamesAreUniqueAndDescribed) {
     EXPECT_GE(scene.frames, 1);
     EXPECT_LE(scene.default_size, scene.largest_size);
   }
-  EXPECT_THAT(names, ::testing::IsSupersetOf({"demo", "teapot", "balls"}));
+  EXPECT_THAT(names, ::testing::IsSupersetOf({"demo", "teapot", "balls", "tree"}));
 }
 
 TEST(SceneList, AnUnknownNameIsAUsageErrorThatListsTheOthers) {
@@ -102,6 +102,16 @@ TEST(BallsScene, HasNineChildrenPerSphere) {
   EXPECT_EQ(count_lines(write("balls", 4), "s"), 7381);
   EXPECT_EQ(count_lines(write("balls", 1), "p"), 1);
   EXPECT_EQ(count_lines(write("balls", 1), "l"), 3);
+}
+
+TEST(TreeScene, EveryBranchHasAJointAndForksInTwo) {
+  for (const int n : {1, 2, 5, 11}) {
+    const std::string text = write("tree", n);
+    EXPECT_EQ(count_lines(text, "c"), (2 << n) - 1);
+    EXPECT_EQ(count_lines(text, "s"), (2 << n) - 1);
+    EXPECT_EQ(count_lines(text, "p"), 1);
+    EXPECT_EQ(count_lines(text, "l"), 7);
+  }
 }
 
 TEST(DemoScene, OnlyTheTeapotMovesBetweenFrames) {

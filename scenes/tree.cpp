@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+// The branching tree: every branch is a tapering cone with a sphere at its end, from which two
+// shorter branches grow, on a ground that reaches to the horizon.
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "scenes/nff_writer.h"
+#include "scenes/scene_functions.h"
+
+namespace lenticule::scenes {
+namespace {
+
+constexpr double kTrunkLength = 0.9;
+constexpr double kTrunkRadius = 0.1;
+constexpr double kTaper = 0.68;   ///< of the radius along a branch
+constexpr double kShrink = 0.74;  ///< of the length from a branch to its children
+constexpr double kGround = 50.0;  ///< half the ground's side
+
+struct Branch {
+  Vec3 base;
+  Vec3 along;  ///< unit
+  Vec3 side;   ///< unit, across `along`: the children fork in the plane of the two
+  double length;
+  double radius;
+};
+
+Vec3 end_of(const Branch& branch) {
+  return branch.base + branch.along * branch.length;
+}
+
+/// The child that leans to the branch's side by `lean` radians. It forks in a plane turned by a
+/// little more than a quarter, so that no two generations lie in each other's shadow.
+Branch child_of(const Branch& branch, double lean) {
+  constexpr double kTurn = 100.0 * std::numbers::pi / 180.0;
+  const Vec3 along = branch.along * std::cos(lean) + branch.side * std::sin(lean);
+  const Vec3 across = branch.side * std::cos(lean) - branch.along * std::sin(lean);
+  return {.base = end_of(branch),
+          .along = along,
+          .side = across * std::cos(kTurn) + cross(along, across) * std::sin(kTurn),
+          .length = branch.length * kShrink,
+          .radius = branch.radius * kTaper};
+}
+
+void write_branch(NffWriter& out, const Branch& branch, int generations) {
+  const Vec3 end = end_of(branch);
+  const double end_radius = branch.radius * kTaper;
+  out.cone(branch.base, branch.radius, end, end_radius);
+  out.sphere(end, end_radius);
+  if (generations == 0) return;
+  constexpr double kDegree = std::numbers::pi / 180.0;
+  write_branch(out, child_of(branch, 33.0 * kDegree), generations - 1);
+  write_branch(out, child_of(branch, -42.0 * kDegree), generations - 1);
+}
+
+void write_lights(NffWriter& out) {
+  constexpr std::array kLights = {Vec3{-5, 5, 50},  Vec3{30, -30, 30}, Vec3{-40, -30, 20},
+                                  Vec3{10, 30, 40}, Vec3{-30, 40, 10}, Vec3{50, 25, 20},
+                                  Vec3{5, -50, 30}};
+  for (const Vec3 light : kLights) out.light(light);
+}
+
+}  // namespace
+
+std::string write_tree(const SceneOptions& options) {
+  NffWriter out;
+  out.comment("branching tree");
+  out.view({.from = {4.5, 0.4, 2.0}, .at = {0, 0, 1.5}, .up = {0, 0, 1}});
+  out.background({0.078, 0.361, 0.753});
+  write_lights(out);
+
+  out.fill({.colour = {0.2, 0.7, 0.2}, .diffuse = 0.8});
+  out.polygon(std::array{Vec3{kGround, kGround, 0}, Vec3{-kGround, kGround, 0},
+                         Vec3{-kGround, -kGround, 0}, Vec3{kGround, -kGround, 0}});
+
+  out.fill({.colour = {0.65, 0.42, 0.22}, .diffuse = 0.8});
+  write_branch(out,
+               {.base = {},
+                .along = {0, 0, 1},
+                .side = {0, 1, 0},
+                .length = kTrunkLength,
+                .radius = kTrunkRadius},
+               options.size);
+  return out.take();
+}
+
+}  // namespace lenticule::scenes
