@@ -2,7 +2,6 @@
 // lenticule bench start: from starting the program to the first frame on the virtual display,
 // measured from outside on the program itself.
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
@@ -16,6 +15,7 @@
 #include "optics/rig_file.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
+#include "player/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -26,27 +26,6 @@ struct StartFlags {
   std::string rig;
   int runs = 5;
   bool json = false;
-};
-
-/// A folder that goes away with the benchmark.
-class Scratch {
- public:
-  Scratch() {
-    std::string name = (fs::temp_directory_path() / "lenticule-bench-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr)
-      throw Error(ErrorKind::Failed, fmt::format("{}: cannot be made", name));
-    folder_ = name;
-  }
-  ~Scratch() {
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  [[nodiscard]] std::string file(const char* name) const { return (folder_ / name).string(); }
-
- private:
-  fs::path folder_;
 };
 
 struct ProgramOutput {
@@ -84,7 +63,7 @@ void write_noise(const optics::Rig& rig, const std::string& file) {
 
 ExitCode run(const StartFlags& flags) {
   const optics::Rig rig = bench_rig(flags.rig);
-  const Scratch scratch;
+  const ScratchFolder scratch;
   optics::save_rig(rig, scratch.file("rig.toml"));
   write_noise(rig, scratch.file("frame.png"));
   const std::string play = fmt::format("play '{}' --rig '{}' --display virtual --json",
