@@ -16,9 +16,8 @@
 
 #include "optics/error.h"
 #include "player/bench.h"
+#include "player/bench_scene.h"
 #include "player/interrupt.h"
-#include "player/scene_sequence.h"
-#include "render/method.h"
 
 namespace lenticule::player {
 namespace {
@@ -35,16 +34,10 @@ struct MemoryFlags {
 
 /// Everything that `render` does for one frame but for writing it.
 void render_one(const MemoryFlags& flags) {
-  const optics::Rig rig = bench_rig(flags.rig);
-  const optics::OpticalModel model(rig);
-  const SceneSequence scenes(flags.scene, frames::Rate{});
-  const render::SceneDescription description = scenes.at(scenes.reference_frame());
-  const render::Stage stage = render::make_stage(description, model);
-  const render::Scene scene(description, stage, {}, flags.threads);
-  const auto method =
-      render::make_method("full", model, {.threads = flags.threads, .cancelled = interrupted});
-  frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px, frames::PixelFormat::Rgb8});
-  (void)method->render(scene, stage, frame);
+  BenchScene bench({.scene = bench_scene_name(flags.scene),
+                    .rig = bench_rig(flags.rig),
+                    .threads = flags.threads});
+  (void)bench.render(*bench.method(bench.options(render::RenderOptions{}.max_depth)));
 }
 
 [[noreturn]] void run_child(const MemoryFlags& flags) {

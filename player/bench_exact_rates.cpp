@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule bench exact --rates
+#include <fmt/format.h>
+
+#include "player/bench.h"
+#include "player/bench_exact.h"
+#include "player/bench_timing.h"
+
+namespace lenticule::player {
+namespace {
+
+nlohmann::json row(const char* name, uint64_t rays, uint64_t subpixels, double seconds,
+                   double visibility, double peak_mib) {
+  return {{"name", name},
+          {"seconds", seconds},
+          {"mray_s", mega_per_second(rays, seconds)},
+          {"ns_per_subpixel", nanoseconds_each(subpixels, seconds)},
+          {"of_visibility", visibility > 0.0 ? seconds / visibility : 0.0},
+          {"peak_resident_mib", peak_mib}};
+}
+
+nlohmann::json rows(uint64_t subpixels, const std::vector<CaseTimes>& times) {
+  const CaseTimes& whole = times.front();
+  const double visibility = median(whole.visibility);
+  nlohmann::json list = nlohmann::json::array();
+  list.push_back(row("bare Embree", subpixels, subpixels, median(whole.bare), visibility,
+                     whole.visibility_peak_mib));
+  list.push_back(
+      row("visibility", subpixels, subpixels, visibility, visibility, whole.visibility_peak_mib));
+  for (size_t i = 0; i < times.size(); ++i)
+    list.push_back(row(exact_variants()[i].name, all_rays(times[i].statistics), subpixels,
+                       median(times[i].frame), visibility, times[i].frame_peak_mib));
+  return list;
+}
+
+}  // namespace
+
+const std::vector<ExactVariant>& exact_variants() {
+  static const std::vector<ExactVariant> table = {
+      {"whole frame", [](render::RenderOptions&) {}},
+  };
+  return table;
+}
+
+nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) {
+  BenchScene bench(exact_setup(flags, scene));
+  std::vector<TimedCase> cases;
+  for (const ExactVariant& variant : exact_variants()) {
+    TimedCase timed{.scene = &bench, .options = bench.options(flags.depth)};
+    timed.with_visibility = cases.empty();
+    variant.change(timed.options);
+    cases.push_back(std::move(timed));
+  }
+  const std::vector<CaseTimes> times = time_by_turns(cases, flags.runs);
+  const render::RenderStatistics& whole = times.front().statistics;
+  return {{"scene", scene},
+          {"primitives", bench.primitives()},
+          {"lights", bench.description().lights.size()},
+          {"lights_dropped", bench.dropped_lights()},
+          {"subpixels", bench.subpixels()},
+          {"primary_rays", whole.primary_rays},
+          {"shadow_rays", whole.shadow_rays},
+          {"secondary_rays", whole.secondary_rays},
+          {"rows", rows(bench.subpixels(), times)}};
+}
+
+void print_rates(const nlohmann::json& r) {
+  const auto millions = [&r](const char* key) { return r[key].get<double>() / 1e6; };
+  fmt::print("{}: {} primitives, {} lights", r["scene"].get<std::string>(),
+             r["primitives"].get<uint64_t>(), r["lights"].get<int>());
+  if (const int dropped = r["lights_dropped"].get<int>(); dropped > 0)
+    fmt::print(" ({} more dropped)", dropped);
+  fmt::print("; {:.3g} M primary, {:.3g} M shadow, {:.3g} M mirrored rays\n",
+             millions("primary_rays"), millions("shadow_rays"), millions("secondary_rays"));
+  fmt::print("  {:<28} {:>8} {:>12} {:>14} {:>9}\n", "", "Mray/s", "ns/subpixel", "of visibility",
+             "peak MiB");
+  for (const auto& row : r["rows"])
+    fmt::print("  {:<28} {:>8.1f} {:>12.2f} {:>14.2f} {:>9.0f}\n", row["name"].get<std::string>(),
+               row["mray_s"].get<double>(), row["ns_per_subpixel"].get<double>(),
+               row["of_visibility"].get<double>(), row["peak_resident_mib"].get<double>());
+}
+
+}  // namespace lenticule::player

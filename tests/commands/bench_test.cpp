@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule bench: what it measures is for people; that it measures what was asked is tested here.
+#include <nlohmann/json.hpp>
+
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+class BenchTest : public CommandTest {};
+
+std::vector<std::string> bench_exact(std::vector<std::string> more) {
+  std::vector<std::string> arguments = {
+      "bench", "exact", "--rig", source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+TEST_F(BenchTest, ExactExplainsItself) {
+  const ProcessResult result = run({"bench", "exact", "--help"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_NE(result.out.find("Example:\n  lenticule bench exact"), std::string::npos);
+  for (const char* flag : {"--scene", "--depth", "--lights", "--upright", "--scaling", "--growth",
+                           "--peers", "--plots"})
+    EXPECT_NE(result.out.find(flag), std::string::npos) << flag;
+}
+
+TEST_F(BenchTest, ExactMeasuresTheClassicScenesWithTwoLightsAndOneMirror) {
+  const ProcessResult result = run(bench_exact({}));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  EXPECT_EQ(json.at("depth"), 1);
+  ASSERT_EQ(json.at("scenes").size(), 3U);
+  EXPECT_EQ(json["scenes"][2].at("scene"), "builtin:tree");
+  EXPECT_EQ(json["scenes"][2].at("lights"), 2);
+  EXPECT_EQ(json["scenes"][2].at("lights_dropped"), 5);
+  for (const auto& scene : json["scenes"]) {
+    ASSERT_GE(scene.at("rows").size(), 3U);
+    EXPECT_EQ(scene["rows"][2].at("name"), "whole frame");
+    for (const auto& row : scene["rows"]) EXPECT_GT(row.at("ns_per_subpixel").get<double>(), 0.0);
+  }
+}
+
+TEST_F(BenchTest, ExactPlotsGrowthAndScaling) {
+  const ProcessResult result =
+      run(bench_exact({"--scene", "tree:2", "--scaling", "--growth", "--plots", path("plots")}));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  EXPECT_FALSE(json.contains("scenes"));
+  EXPECT_EQ(json.at("growth").size(), 4U);
+  EXPECT_EQ(json.at("growth")[2].at("rows").size(), 7U);
+  for (const char* name :
+       {"scaling", "growth-subpixels", "growth-triangles", "growth-lights", "growth-pitch"})
+    EXPECT_GT(std::filesystem::file_size(path(std::string("plots/") + name + ".svg")), 500U)
+        << name;
+}
+
+TEST_F(BenchTest, ExactComparesWithAnUprightRig) {
+  const ProcessResult result = run(bench_exact({"--scene", "teapot:2", "--upright"}));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_GT(nlohmann::json::parse(result.out).at("upright")[0].at("slanted_over_upright"), 0.0);
+}
+
+/// A stand-in for a peer, found first in the path.
+void write_program(const std::string& file, const std::string& script) {
+  std::ofstream(file) << "#!/bin/sh\n" << script << '\n';
+  std::filesystem::permissions(file, std::filesystem::perms::owner_all);
+}
+
+TEST_F(BenchTest, APeerThatIsMissingOrFailsIsSaid) {
+  write_program(path("tachyon"), "echo 'no memory' >&2; exit 9");
+  std::vector<std::string> arguments = program(bench_exact({"--scene", "teapot:2", "--peers"}));
+  arguments.insert(arguments.begin(), {"/usr/bin/env", "PATH=" + path("")});
+  const ProcessResult result = run_process(arguments);
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  const auto& rows = json.at("peers")[0].at("rows");
+  ASSERT_EQ(rows.size(), 2U);
+  EXPECT_EQ(rows[0].at("failure"), "failed with exit code 9");
+  EXPECT_EQ(rows[1].at("failure"), "not installed (scripts/packages bench)");
+}
+
+TEST_F(BenchTest, APeersOwnTimeMakesTheRatio) {
+  write_program(path("tachyon"), "echo '  Ray Tracing Time:     2.0000 seconds'");
+  write_program(path("povray"),
+                "echo '  Trace Time: 0 hours 0 minutes 1 seconds (1.0 seconds)' >&2");
+  std::vector<std::string> arguments = program(bench_exact({"--scene", "teapot:2", "--peers"}));
+  arguments.insert(arguments.begin(), {"/usr/bin/env", "PATH=" + path("")});
+  const auto json = nlohmann::json::parse(run_process(arguments).out);
+  const auto& peers = json.at("peers")[0];
+  for (const auto& row : peers.at("rows"))
+    EXPECT_NEAR(row.at("ours_over_theirs").get<double>() * row.at("mray_s").get<double>(),
+                peers.at("ours_mray_s").get<double>(), 1e-6);
+  EXPECT_EQ(peers["rows"][0].at("seconds"), 2.0);
+  EXPECT_EQ(peers["rows"][1].at("seconds"), 1.0);
+}
+
+}  // namespace
+}  // namespace lenticule::test
