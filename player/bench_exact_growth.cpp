@@ -166,7 +166,8 @@ void plot_growth(const ExactFlags& flags, const Growth& growth, const nlohmann::
   Plot plot;
   plot.title = fmt::format("Cost per subpixel by {}", growth.name);
   plot.x = {.label = growth.x_label, .scale = growth.x_scale};
-  plot.y = {.label = "ns per subpixel", .scale = AxisScale::Log};
+  // What grows with a plain number is seen to grow in proportion only beside a plain axis.
+  plot.y = {.label = "ns per subpixel", .scale = growth.x_scale};
   plot.series = {series_of(rows, "frame_ns", "whole frame"),
                  series_of(rows, "visibility_ns", "visibility")};
   write_plot(flags, fmt::format("growth-{}", growth.name), plot);

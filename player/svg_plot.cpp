@@ -130,7 +130,7 @@ class SvgText {
 std::string tick_label(double value) {
   const double size = std::abs(value);
   if (size >= 1e6) return fmt::format("{:.3g}M", value / 1e6);
-  if (size >= 1e4) return fmt::format("{:.3g}k", value / 1e3);
+  if (size >= 1e3) return fmt::format("{:.3g}k", value / 1e3);
   return fmt::format("{:.4g}", value);
 }
 
