@@ -2,6 +2,8 @@
 // lenticule bench exact --rates
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "player/bench.h"
 #include "player/bench_exact.h"
 #include "player/bench_timing.h"
@@ -33,11 +35,28 @@ nlohmann::json rows(uint64_t subpixels, const std::vector<CaseTimes>& times) {
   return list;
 }
 
+/// By what the workers do; the last variant measures it.
+nlohmann::json shares(const render::RenderStatistics& statistics) {
+  const auto of = [&](render::Work work) { return statistics.work.at(static_cast<size_t>(work)); };
+  return {{"make_rays", of(render::Work::MakeRays)},
+          {"embree_primary", of(render::Work::TracePrimary)},
+          {"shade", of(render::Work::Shade)},
+          {"embree_shadow", of(render::Work::TraceShadows)},
+          {"embree_secondary", of(render::Work::TraceSecondary)},
+          {"write", of(render::Work::Write)}};
+}
+
 }  // namespace
 
 const std::vector<ExactVariant>& exact_variants() {
   static const std::vector<ExactVariant> table = {
       {"whole frame", [](render::RenderOptions&) {}},
+      {"empty shafts traced, too",
+       [](render::RenderOptions& options) { options.skip_empty_shafts = false; }},
+      {"shading with AVX2 at most",
+       [](render::RenderOptions& options) { options.isa = std::min(options.isa, Isa::Avx2); }},
+      {"shading with SSE2", [](render::RenderOptions& options) { options.isa = Isa::Baseline; }},
+      {"with shares of time", [](render::RenderOptions& options) { options.measure_work = true; }},
   };
   return table;
 }
@@ -61,6 +80,9 @@ nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) 
           {"primary_rays", whole.primary_rays},
           {"shadow_rays", whole.shadow_rays},
           {"secondary_rays", whole.secondary_rays},
+          {"shadow_rays_proved", whole.shadow_rays_proved},
+          {"secondary_rays_proved", whole.secondary_rays_proved},
+          {"shares", shares(times.back().statistics)},
           {"rows", rows(bench.subpixels(), times)}};
 }
 
@@ -72,6 +94,14 @@ void print_rates(const nlohmann::json& r) {
     fmt::print(" ({} more dropped)", dropped);
   fmt::print("; {:.3g} M primary, {:.3g} M shadow, {:.3g} M mirrored rays\n",
              millions("primary_rays"), millions("shadow_rays"), millions("secondary_rays"));
+  fmt::print("  proved to meet nothing: {:.3g} M shadow, {:.3g} M mirrored rays\n",
+             millions("shadow_rays_proved"), millions("secondary_rays_proved"));
+  const auto share = [&r](const char* key) { return 100.0 * r["shares"][key].get<double>(); };
+  fmt::print(
+      "  of the time: rays {:.0f} %, Embree {:.0f} % primary, {:.0f} % shadow, {:.0f} % "
+      "mirrored, shading {:.0f} %, writing {:.0f} %\n",
+      share("make_rays"), share("embree_primary"), share("embree_shadow"),
+      share("embree_secondary"), share("shade"), share("write"));
   fmt::print("  {:<28} {:>8} {:>12} {:>14} {:>9}\n", "", "Mray/s", "ns/subpixel", "of visibility",
              "peak MiB");
   for (const auto& row : r["rows"])

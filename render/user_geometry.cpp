@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/user_geometry.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+
+#include "render/quadric_kernel.h"
 
 namespace lenticule::render {
 namespace {
@@ -33,6 +37,59 @@ void bounds(const RTCBoundsFunctionArguments* arguments) {
   out.upper_z = rounded_up(box.high.z);
 }
 
+const quadric_kernel::Kernel& kernel() {
+  static const quadric_kernel::Kernel& best = quadric_kernel_for(best_isa());
+  return best;
+}
+
+void write(Vec3 v, double (&out)[3]) {
+  out[0] = v.x;
+  out[1] = v.y;
+  out[2] = v.z;
+}
+quadric_kernel::Sphere lanes_shape(const SphereShape& sphere) {
+  quadric_kernel::Sphere out{.centre = {}, .radius = sphere.radius};
+  write(sphere.centre, out.centre);
+  return out;
+}
+quadric_kernel::Cone lanes_shape(const ConeShape& cone) {
+  quadric_kernel::Cone out{.base = {},
+                           .axis = {},
+                           .height = cone.height,
+                           .base_radius = cone.base_radius,
+                           .slope = cone.slope};
+  write(cone.base, out.base);
+  write(cone.axis, out.axis);
+  return out;
+}
+void intersect_packet(const SphereShape& shape, const RTCIntersectFunctionNArguments& arguments,
+                      int* valid) {
+  kernel().intersect_sphere(lanes_shape(shape), arguments.geomID, arguments.primID, valid,
+                            reinterpret_cast<float*>(arguments.rayhit));
+}
+void intersect_packet(const ConeShape& shape, const RTCIntersectFunctionNArguments& arguments,
+                      int* valid) {
+  kernel().intersect_cone(lanes_shape(shape), arguments.geomID, arguments.primID, valid,
+                          reinterpret_cast<float*>(arguments.rayhit));
+}
+void occlude_packet(const SphereShape& shape, float* rays, int* valid) {
+  kernel().occlude_sphere(lanes_shape(shape), valid, rays);
+}
+void occlude_packet(const ConeShape& shape, float* rays, int* valid) {
+  kernel().occlude_cone(lanes_shape(shape), valid, rays);
+}
+
+/// Embree 4 wants to be told what was met; in Embree 3 `valid` is only to be read.
+template <class Arguments>
+void report(const Arguments& arguments, const std::array<int, quadric_kernel::kLanes>& met) {
+#if LENTICULE_EMBREE_MAJOR >= 4
+  std::copy(met.begin(), met.end(), arguments.valid);
+#else
+  static_cast<void>(arguments);
+  static_cast<void>(met);
+#endif
+}
+
 /// Distance to the shape along ray i of a packet, or the ray's own end.
 template <class Shape>
 double distance(const Shape& shape, RTCRayN* ray, unsigned n, unsigned i) {
@@ -47,6 +104,12 @@ template <class Shape>
 void intersect(const RTCIntersectFunctionNArguments* arguments) {
   const Shape& shape = shape_of<Shape>(arguments->geometryUserPtr, arguments->primID);
   const unsigned n = arguments->N;
+  if (n == quadric_kernel::kLanes) {
+    std::array<int, quadric_kernel::kLanes> valid;
+    std::copy_n(arguments->valid, n, valid.begin());
+    intersect_packet(shape, *arguments, valid.data());
+    return report(*arguments, valid);
+  }
   RTCRayN* ray = RTCRayHitN_RayN(arguments->rayhit, n);
   RTCHitN* hit = RTCRayHitN_HitN(arguments->rayhit, n);
   for (unsigned i = 0; i < n; ++i) {
@@ -69,6 +132,12 @@ template <class Shape>
 void occlude(const RTCOccludedFunctionNArguments* arguments) {
   const Shape& shape = shape_of<Shape>(arguments->geometryUserPtr, arguments->primID);
   const unsigned n = arguments->N;
+  if (n == quadric_kernel::kLanes) {
+    std::array<int, quadric_kernel::kLanes> valid;
+    std::copy_n(arguments->valid, n, valid.begin());
+    occlude_packet(shape, reinterpret_cast<float*>(arguments->ray), valid.data());
+    return report(*arguments, valid);
+  }
   for (unsigned i = 0; i < n; ++i) {
     if (arguments->valid[i] == 0) continue;
     const bool met = distance(shape, arguments->ray, n, i) < RTCRayN_tfar(arguments->ray, n, i);
@@ -98,6 +167,15 @@ EmbreeGeometry make_geometry(RTCDevice device, const std::vector<Shape>& shapes)
 }
 
 }  // namespace
+
+const quadric_kernel::Kernel& quadric_kernel_for(Isa isa) {
+#if defined(__x86_64__)
+  if (isa == Isa::Avx512) return isa_avx512::kQuadricKernel;
+  if (isa == Isa::Avx2) return isa_avx2::kQuadricKernel;
+#endif
+  static_cast<void>(isa);
+  return isa_baseline::kQuadricKernel;
+}
 
 EmbreeGeometry make_sphere_geometry(RTCDevice device, const std::vector<SphereShape>& spheres) {
   return make_geometry(device, spheres);

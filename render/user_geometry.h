@@ -4,7 +4,9 @@
 
 #include <vector>
 
+#include "optics/cpu.h"
 #include "render/embree.h"
+#include "render/quadric_kernel.h"
 #include "render/quadrics.h"
 
 namespace lenticule::render {
@@ -15,5 +17,8 @@ namespace lenticule::render {
                                                   const std::vector<SphereShape>& spheres);
 [[nodiscard]] EmbreeGeometry make_cone_geometry(RTCDevice device,
                                                 const std::vector<ConeShape>& cones);
+
+/// What packets are met with; the machine must support it.
+[[nodiscard]] const quadric_kernel::Kernel& quadric_kernel_for(Isa isa);
 
 }  // namespace lenticule::render

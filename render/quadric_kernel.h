@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sixteen rays against one sphere or cone, compiled once per instruction set. The formulas, their
+// order and so every bit are those of render/quadrics.cpp. Plain data only: nothing here may bring
+// a shared inline function into a file that is compiled for AVX-512.
+#pragma once
+
+#include <cstdint>
+
+namespace lenticule::render::quadric_kernel {
+
+inline constexpr int kLanes = 16;
+
+struct Sphere {
+  double centre[3];
+  double radius;
+};
+
+struct Cone {
+  double base[3];
+  double axis[3];  ///< unit
+  double height;
+  double base_radius;
+  double slope;
+};
+
+/// What Embree calls for packets of sixteen. `rays` begins with the origins, in Embree's layout
+/// (see packet_kernel::Field); a shadow ray has no more than the first twelve arrays. Lanes where
+/// `valid` is zero stay as they are; then valid becomes -1 where the shape was met, 0 elsewhere.
+struct Kernel {
+  void (*intersect_sphere)(const Sphere&, uint32_t geometry, uint32_t primitive, int32_t* valid,
+                           float* rays);
+  void (*occlude_sphere)(const Sphere&, int32_t* valid, float* rays);
+  void (*intersect_cone)(const Cone&, uint32_t geometry, uint32_t primitive, int32_t* valid,
+                         float* rays);
+  void (*occlude_cone)(const Cone&, int32_t* valid, float* rays);
+};
+
+}  // namespace lenticule::render::quadric_kernel
+
+namespace lenticule::render::isa_baseline {
+extern const quadric_kernel::Kernel kQuadricKernel;
+}
+namespace lenticule::render::isa_avx2 {
+extern const quadric_kernel::Kernel kQuadricKernel;
+}
+namespace lenticule::render::isa_avx512 {
+extern const quadric_kernel::Kernel kQuadricKernel;
+}

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sixteen rays at a time and one by one give the same bits.
+#include "render/quadric_kernel.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "optics/cpu.h"
+#include "render/embree.h"
+#include "render/quadrics.h"
+#include "render/user_geometry.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr size_t kLanes = quadric_kernel::kLanes;
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+struct alignas(64) Packet {
+  RTCRayHit16 rays;
+  int valid[kLanes];
+};
+
+class QuadricKernel : public ::testing::TestWithParam<Isa> {
+ protected:
+  void SetUp() override { ASSERT_TRUE(isa_supported(GetParam())); }
+  [[nodiscard]] static const quadric_kernel::Kernel& kernel() {
+    return quadric_kernel_for(GetParam());
+  }
+
+  double any() { return uniform_(random_); }
+  Vec3 vector() { return {any(), any(), any()}; }
+
+  /// Rays around the origin, some parallel to an axis, some that end or begin in the middle.
+  Packet packet() {
+    Packet packet;
+    std::memset(static_cast<void*>(&packet), 0, sizeof packet);
+    RTCRay16& ray = packet.rays.ray;
+    for (size_t r = 0; r < kLanes; ++r) {
+      const Vec3 origin = vector() * (r % 3 == 0 ? 50.0 : 2.0);
+      Vec3 direction = r % 5 == 0 ? vector() : vector() * 1.5 - origin;
+      if (r % 7 == 0) direction = {0, direction.y, 0};
+      ray.org_x[r] = static_cast<float>(origin.x);
+      ray.org_y[r] = static_cast<float>(origin.y);
+      ray.org_z[r] = static_cast<float>(origin.z);
+      ray.dir_x[r] = static_cast<float>(direction.x);
+      ray.dir_y[r] = static_cast<float>(direction.y);
+      ray.dir_z[r] = static_cast<float>(direction.z);
+      ray.tnear[r] = r % 4 == 0 ? static_cast<float>(std::abs(any())) : 0.0F;
+      ray.tfar[r] = r % 2 == 0 ? kInfinity : static_cast<float>(std::abs(any()) * 2.0);
+      packet.rays.hit.geomID[r] = packet.rays.hit.primID[r] = 77;
+      packet.valid[r] = random_() % 5 == 0 ? 0 : -1;
+    }
+    return packet;
+  }
+
+  template <class Shape>
+  static double distance(const Shape& shape, const RTCRay16& ray, size_t r) {
+    const Vec3 origin{double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}};
+    const Vec3 direction{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
+    return first_root(meet(shape, origin, direction), double{ray.tnear[r]}, double{ray.tfar[r]});
+  }
+
+  /// Returns how many lanes met the shape.
+  template <class Shape, class Intersect>
+  int expect_same_hits(const Shape& shape, const Intersect& intersect) {
+    const Packet before = packet();
+    Packet after = before;
+    intersect(after.valid, &after.rays.ray.org_x[0]);
+    int met = 0;
+    for (size_t r = 0; r < kLanes; ++r) {
+      const auto t = static_cast<float>(distance(shape, before.rays.ray, r));
+      const bool meets = before.valid[r] != 0 && t < before.rays.ray.tfar[r];
+      EXPECT_EQ(after.valid[r], meets ? -1 : 0);
+      EXPECT_EQ(after.rays.ray.tfar[r], meets ? t : before.rays.ray.tfar[r]);
+      EXPECT_EQ(after.rays.hit.geomID[r], meets ? 5U : 77U);
+      EXPECT_EQ(after.rays.hit.primID[r], meets ? 6U : 77U);
+      met += meets ? 1 : 0;
+    }
+    return met;
+  }
+
+  template <class Shape, class Occlude>
+  void expect_same_shadows(const Shape& shape, const Occlude& occlude) {
+    const Packet before = packet();
+    Packet after = before;
+    occlude(after.valid, &after.rays.ray.org_x[0]);
+    for (size_t r = 0; r < kLanes; ++r) {
+      const bool meets = before.valid[r] != 0 &&
+                         distance(shape, before.rays.ray, r) < double{before.rays.ray.tfar[r]};
+      EXPECT_EQ(after.valid[r], meets ? -1 : 0);
+      EXPECT_EQ(after.rays.ray.tfar[r], meets ? -kInfinity : before.rays.ray.tfar[r]);
+    }
+  }
+
+  std::mt19937_64 random_{99};
+  std::uniform_real_distribution<double> uniform_{-1.0, 1.0};
+};
+
+TEST_P(QuadricKernel, MeetsSpheresAsOneRayDoes) {
+  int met = 0;
+  for (int round = 0; round < 3000; ++round) {
+    const SphereShape sphere{.centre = vector(), .radius = 0.01 + std::abs(any())};
+    const quadric_kernel::Sphere lanes{
+        .centre = {sphere.centre.x, sphere.centre.y, sphere.centre.z}, .radius = sphere.radius};
+    met += expect_same_hits(sphere, [&](int* valid, float* rays) {
+      kernel().intersect_sphere(lanes, 5, 6, valid, rays);
+    });
+    expect_same_shadows(
+        sphere, [&](int* valid, float* rays) { kernel().occlude_sphere(lanes, valid, rays); });
+    ASSERT_FALSE(HasFailure()) << "round " << round;
+  }
+  EXPECT_GT(met, 2500);
+}
+
+TEST_P(QuadricKernel, MeetsConesAsOneRayDoes) {
+  int met = 0;
+  for (int round = 0; round < 3000; ++round) {
+    const Vec3 base = vector(), apex = round % 10 == 0 ? base + Vec3{0, 1, 0} : vector();
+    const double height = length(apex - base);
+    const double base_radius = std::abs(any());
+    const double apex_radius = round % 3 == 0   ? base_radius
+                               : round % 4 == 0 ? 0.0
+                                                : std::abs(any());
+    const ConeShape cone{.base = base,
+                         .axis = (apex - base) / height,
+                         .height = height,
+                         .base_radius = base_radius,
+                         .slope = (apex_radius - base_radius) / height};
+    const quadric_kernel::Cone lanes{.base = {cone.base.x, cone.base.y, cone.base.z},
+                                     .axis = {cone.axis.x, cone.axis.y, cone.axis.z},
+                                     .height = cone.height,
+                                     .base_radius = cone.base_radius,
+                                     .slope = cone.slope};
+    met += expect_same_hits(
+        cone, [&](int* valid, float* rays) { kernel().intersect_cone(lanes, 5, 6, valid, rays); });
+    expect_same_shadows(
+        cone, [&](int* valid, float* rays) { kernel().occlude_cone(lanes, valid, rays); });
+    ASSERT_FALSE(HasFailure()) << "round " << round;
+  }
+  EXPECT_GT(met, 2500);
+}
+
+std::vector<Isa> supported() {
+  std::vector<Isa> list = {Isa::Baseline};
+  for (const Isa isa : {Isa::Avx2, Isa::Avx512})
+    if (isa_supported(isa)) list.push_back(isa);
+  return list;
+}
+INSTANTIATE_TEST_SUITE_P(InstructionSets, QuadricKernel, ::testing::ValuesIn(supported()),
+                         [](const auto& isa) { return std::string(isa_name(isa.param)); });
+
+}  // namespace
+}  // namespace lenticule::render
