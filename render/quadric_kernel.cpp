@@ -3,7 +3,7 @@
 
 #include "render/primary_packets_kernel.h"
 
-#if defined(__AVX512F__)
+#if defined(__AVX2__)
 #include <immintrin.h>
 #endif
 
@@ -13,16 +13,23 @@ namespace {
 using namespace quadric_kernel;
 using packet_kernel::Field;
 
-constexpr int kHalf = kLanes / 2;
+// As many lanes at a time as a vector of the instruction set has doubles.
+#if defined(__AVX512F__)
+constexpr int kStep = 8;
+#elif defined(__AVX2__)
+constexpr int kStep = 4;
+#else
+constexpr int kStep = 2;
+#endif
 constexpr int kInstance = packet_kernel::kGeometry + 1;
 constexpr uint32_t kNone = ~0U;
 
-// Half a packet, as Embree has it and in double precision. Embree's arrays may lie anywhere.
-using Floats = float __attribute__((vector_size(4 * kHalf), may_alias, aligned(4)));
-using Words = uint32_t __attribute__((vector_size(4 * kHalf), may_alias, aligned(4)));
-using Masks = int32_t __attribute__((vector_size(4 * kHalf), may_alias, aligned(4)));
-using Doubles = double __attribute__((vector_size(8 * kHalf)));
-using Wide = int64_t __attribute__((vector_size(8 * kHalf)));  // -1 is true
+// A part of a packet, as Embree has it and in double precision. Embree's arrays may lie anywhere.
+using Floats = float __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
+using Words = uint32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
+using Masks = int32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
+using Doubles = double __attribute__((vector_size(8 * kStep)));
+using Wide = int64_t __attribute__((vector_size(8 * kStep)));  // -1 is true
 
 inline Floats& floats_at(float* rays, int field, int first) {
   return *reinterpret_cast<Floats*>(rays + field * kLanes + first);
@@ -37,9 +44,11 @@ inline Doubles root(const Doubles& v) {
 #if defined(__AVX512F__)
   return reinterpret_cast<Doubles>(
       _mm512_maskz_sqrt_pd(static_cast<__mmask8>(~0U), reinterpret_cast<__m512d>(v)));
+#elif defined(__AVX2__)
+  return reinterpret_cast<Doubles>(_mm256_sqrt_pd(reinterpret_cast<__m256d>(v)));
 #else
   Doubles out;
-  for (int r = 0; r < kHalf; ++r) out[r] = __builtin_sqrt(v[r]);
+  for (int r = 0; r < kStep; ++r) out[r] = __builtin_sqrt(v[r]);
   return out;
 #endif
 }
@@ -131,7 +140,7 @@ inline Doubles distance(const Shape& shape, float* rays, int first) {
 template <class Shape>
 void intersect(const Shape& shape, uint32_t geometry, uint32_t primitive, int32_t* valid,
                float* rays) {
-  for (int first = 0; first < kLanes; first += kHalf) {
+  for (int first = 0; first < kLanes; first += kStep) {
     Masks& lanes = *reinterpret_cast<Masks*>(valid + first);
     Floats& far = floats_at(rays, packet_kernel::kTFar, first);
     const Floats t = __builtin_convertvector(distance(shape, rays, first), Floats);
@@ -151,7 +160,7 @@ void intersect(const Shape& shape, uint32_t geometry, uint32_t primitive, int32_
 
 template <class Shape>
 void occlude(const Shape& shape, int32_t* valid, float* rays) {
-  for (int first = 0; first < kLanes; first += kHalf) {
+  for (int first = 0; first < kLanes; first += kStep) {
     Masks& lanes = *reinterpret_cast<Masks*>(valid + first);
     Floats& far = floats_at(rays, packet_kernel::kTFar, first);
     const Wide nearer = distance(shape, rays, first) < wide(far);

@@ -43,7 +43,7 @@ struct Primitives {
 };
 
 inline void set(const Masks& where, float value, Floats& lanes) {
-  lanes = where ? Floats{} + value : lanes;
+  lanes = select(where, Floats::of(value), lanes);
 }
 inline void set(const Masks& where, const float* value, Floats3& lanes) {
   set(where, value[0], lanes.x);
@@ -59,12 +59,12 @@ inline void set_difference(const Masks& where, const float* to, const float* fro
 inline void set_triangle(const Mesh& mesh, uint32_t primitive, const Masks& where, Primitives& p) {
   const uint32_t* corner = mesh.triangles + size_t{3} * primitive;
   const size_t a = size_t{3} * corner[0], b = size_t{3} * corner[1], c = size_t{3} * corner[2];
-  p.triangles |= where;
+  p.triangles = p.triangles | where;
   set(where, mesh.positions + a, p.a);
   set_difference(where, mesh.positions + b, mesh.positions + a, p.edge1);
   set_difference(where, mesh.positions + c, mesh.positions + a, p.edge2);
   if (!mesh.normals) return;
-  p.smooth |= where;
+  p.smooth = p.smooth | where;
   set(where, mesh.normals + a, p.normal_a);
   set(where, mesh.normals + b, p.normal_b);
   set(where, mesh.normals + c, p.normal_c);
@@ -75,10 +75,10 @@ inline void set_quadric(const Quadric& shape, bool cone, const Masks& where, Pri
   set(where, shape.radius, p.radius);
   set(where, shape.outward, p.outward);
   if (!cone) {
-    p.spheres |= where;
+    p.spheres = p.spheres | where;
     return;
   }
-  p.cones |= where;
+  p.cones = p.cones | where;
   set(where, shape.axis, p.axis);
   set(where, shape.height, p.height);
   set(where, shape.slope, p.slope);
@@ -102,8 +102,8 @@ inline void set_paint(const Material& m, int32_t number, const Masks& where, con
   set(where, m.specular, paint.specular);
   set(where, m.shine, paint.shine);
   set(where, m.transmittance, paint.transmittance);
-  paint.tinted |= m.tinted ? where : Masks{};
-  paint.number = where ? Masks{} + number : paint.number;
+  if (m.tinted) paint.tinted = paint.tinted | where;
+  paint.number = select(where, Masks::of(number), paint.number);
 }
 
 /// Walks over the different primitives of a packet; neighbouring rays meet few.
@@ -118,7 +118,7 @@ inline void gather(const Tables& tables, const float* packet, const Masks& activ
     const uint32_t g = geometry[lane];
     const uint32_t number = primitive[lane];
     const Masks where = left & (geometry == g) & (primitive == number);
-    left &= ~where;
+    left = left & ~where;
     const Geometry& shape = tables.geometries[g];
     int32_t material = shape.mesh.material;
     if (shape.kind == Geometry::kMesh) {
@@ -149,13 +149,13 @@ struct Point {
 /// Into how many cells a length is cut: at least one, at most kMostCells.
 inline Masks cells_along(const Floats& length) {
   const Floats cells = length * (1.0F / kCellSize);
-  return below(max(min(cells + 0.999F, Floats{} + float{kMostCells}), Floats{} + 1.0F));
+  return to_integers(max(min(cells + 0.999F, Floats::of(float{kMostCells})), Floats::of(1.0F)));
 }
 /// Into how many an octahedron of directions is cut around something so thick: an even number.
 inline Masks cells_around(const Floats& radius, float most) {
   constexpr float kAround = 1.75F;  // half the side of the square whose area is a unit sphere's
   const Floats cells = radius * (kAround / kCellSize);
-  return 2 * below(max(min(cells + 0.999F, Floats{} + 0.5F * most), Floats{} + 1.0F));
+  return 2 * to_integers(max(min(cells + 0.999F, Floats::of(0.5F * most)), Floats::of(1.0F)));
 }
 
 /// `met` is brought into the triangle's plane and inside the triangle: at an edge, Embree may have
@@ -163,16 +163,16 @@ inline Masks cells_around(const Floats& radius, float most) {
 /// too large to be squared.
 inline void on_triangles(const Primitives& p, const Floats3& met, Point& out) {
   const Floats extent = max(largest(p.edge1), largest(p.edge2));
-  const Floats scale = p.triangles ? 1.0F / extent : Floats{};
+  const Floats scale = select(p.triangles, 1.0F / extent, Floats{});
   const Floats3 e1 = p.edge1 * scale, e2 = p.edge2 * scale;
   const Floats3 from_a = (met - p.a) * scale;
   const Floats3 normal = cross(e1, e2);
   const Floats squared = dot(normal, normal);
-  const Floats inverse = squared > 0.0F ? 1.0F / squared : Floats{};
+  const Floats inverse = select(squared > 0.0F, 1.0F / squared, Floats{});
   Floats u = clamp01(dot(cross(from_a, e2), normal) * inverse);
   Floats v = clamp01(dot(cross(e1, from_a), normal) * inverse);
   const Floats sum = u + v;
-  const Floats shrink = sum > 1.0F ? 1.0F / sum : Floats{} + 1.0F;
+  const Floats shrink = select(sum > 1.0F, 1.0F / sum, Floats::of(1.0F));
   u = u * shrink;
   v = v * shrink;
   out.at = p.a + (p.edge1 * u + p.edge2 * v);
@@ -183,16 +183,16 @@ inline void on_triangles(const Primitives& p, const Floats3& met, Point& out) {
   out.u = u;
   out.v = v;
   out.divisions = cells_along(extent);
-  const Floats count = __builtin_convertvector(out.divisions, Floats);
-  out.cell_u = clamp_index(below(u * count), out.divisions);
-  out.cell_v = clamp_index(below(v * count), out.divisions);
+  const Floats count = to_floats(out.divisions);
+  out.cell_u = clamp_index(to_integers(u * count), out.divisions);
+  out.cell_v = clamp_index(to_integers(v * count), out.divisions);
 }
 
 inline void set(const Masks& where, const Masks& u, const Masks& v, const Masks& count,
                 Point& out) {
-  out.cell_u = where ? u : out.cell_u;
-  out.cell_v = where ? v : out.cell_v;
-  out.divisions = where ? count : out.divisions;
+  out.cell_u = select(where, u, out.cell_u);
+  out.cell_v = select(where, v, out.cell_v);
+  out.divisions = select(where, count, out.divisions);
 }
 
 inline void on_spheres(const Primitives& p, const Floats3& met, Point& out) {
@@ -201,7 +201,7 @@ inline void on_spheres(const Primitives& p, const Floats3& met, Point& out) {
   out.at = select(p.spheres, at, out.at);
   out.outer = select(p.spheres, outward * p.outward, out.outer);
   out.smooth = select(p.spheres, Floats3{}, out.smooth);
-  out.offset = p.spheres ? kSpawnOffset * (largest(at) + p.radius) : out.offset;
+  out.offset = select(p.spheres, kSpawnOffset * (largest(at) + p.radius), out.offset);
   const Masks count = cells_around(p.radius, kMostCells);
   Masks u, v;
   octahedron_cell(outward, count, u, v);
@@ -221,16 +221,15 @@ inline void on_cones(const Primitives& p, const Floats3& met, Point& out) {
   out.outer = select(p.cones, select(tip, Floats3{}, outward * p.outward), out.outer);
   out.smooth = select(p.cones, Floats3{}, out.smooth);
   out.offset =
-      p.cones ? kSpawnOffset * (largest(at) + max(absolute(radius), p.height)) : out.offset;
+      select(p.cones, kSpawnOffset * (largest(at) + max(absolute(radius), p.height)), out.offset);
   const Masks count = cells_around(max(p.radius, p.radius + p.slope * p.height), 8.0F);
   Masks u, v;
   octahedron_cell(across, count, u, v);
   set(p.cones, u, v, count, out);
   const Masks along_count = cells_along(p.height);
-  const Floats part =
-      s * (__builtin_convertvector(along_count, Floats) / max(p.height, Floats{} + 1e-30F));
-  out.divisions_along = p.cones ? along_count : out.divisions_along;
-  out.cell_w = p.cones ? clamp_index(below(part), along_count) : out.cell_w;
+  const Floats part = s * (to_floats(along_count) / max(p.height, Floats::of(1e-30F)));
+  out.divisions_along = select(p.cones, along_count, out.divisions_along);
+  out.cell_w = select(p.cones, clamp_index(to_integers(part), along_count), out.cell_w);
 }
 
 inline void write_point(const Floats3& view, const Point& point, Surfaces& out) {
@@ -318,9 +317,10 @@ void group_cells(const float* packet, const Surfaces& s, CellGroups& groups) {
 void add_own_light(const Tables& tables, const Surfaces& s, const float* weight, float* light) {
   const Masks& channel = masks_at(s.channel);
   Floats ambient{};
-  set_colours(Masks{} - 1, channel, tables.ambient, ambient);
+  set_colours(Masks::of(-1), channel, tables.ambient, ambient);
   const Floats own = floats_at(s.emission) + ambient * floats_at(s.diffuse) * floats_at(s.colour);
-  floats_at(light) += masks_at(s.active) ? floats_at(weight) * own : Floats{};
+  floats_at(light) =
+      floats_at(light) + select(masks_at(s.active), floats_at(weight) * own, Floats{});
 }
 
 /// Where a light is and how much of it arrives if nothing is in between.
@@ -331,26 +331,26 @@ struct Arrival {
 
 inline Arrival arrival(const Light& light, const Surfaces& s) {
   Arrival at{};
-  set_colours(Masks{} - 1, masks_at(s.channel), light.colour, at.intensity);
+  set_colours(Masks::of(-1), masks_at(s.channel), light.colour, at.intensity);
   if (light.kind == Light::kDirectional) {
     at.toward = Floats3{} - spread(light.direction);
-    at.distance = Floats{} + __builtin_inff();
+    at.distance = Floats::of(__builtin_inff());
     return at;
   }
   const Floats3 way = spread(light.position) - vector_at(s.start);
   const Floats squared = dot(way, way);
   at.distance = root(squared);
   const Masks apart = at.distance > 0.0F;
-  at.toward = way * (apart ? 1.0F / at.distance : Floats{});
-  at.intensity = apart ? at.intensity : Floats{};
+  at.toward = way * select(apart, 1.0F / at.distance, Floats{});
+  at.intensity = select(apart, at.intensity, Floats{});
   if (light.kind == Light::kSpot) {
     const Floats inside = Floats{} - dot(spread(light.direction), at.toward) - light.cos_outer;
     const Floats part = light.cos_width > 0.0F ? clamp01(inside / light.cos_width)
-                                               : (inside >= 0.0F ? Floats{} + 1.0F : Floats{});
+                                               : select(inside >= 0.0F, Floats::of(1.0F), Floats{});
     at.intensity = at.intensity * (part * part);
   }
   if (light.falls_off)
-    at.intensity = apart ? at.intensity * (light.world_units_squared / squared) : Floats{};
+    at.intensity = select(apart, at.intensity * (light.world_units_squared / squared), Floats{});
   return at;
 }
 
@@ -367,11 +367,11 @@ inline Floats reflected(const Surfaces& s, const Arrival& light) {
   const Floats along = dot(light.toward, view) - 2.0F * cosine * dot(smooth, view);
   const Masks shines = seen & (along > 0.0F) & (floats_at(s.specular) > 0.0F);
   if (any(shines)) {
-    const Floats tint = masks_at(s.tinted) ? floats_at(s.colour) : Floats{} + 1.0F;
+    const Floats tint = select(masks_at(s.tinted), floats_at(s.colour), Floats::of(1.0F));
     const Floats highlight = floats_at(s.specular) * tint * power(along, floats_at(s.shine));
-    reflectance = shines ? reflectance + highlight : reflectance;
+    reflectance = select(shines, reflectance + highlight, reflectance);
   }
-  return seen ? light.intensity * reflectance : Floats{};
+  return select(seen, light.intensity * reflectance, Floats{});
 }
 
 /// False for NaN.
@@ -392,13 +392,14 @@ inline bool write_rays(const Floats3& origin, const Floats3& direction, const Fl
     for (int r = 0; r < kLanes; ++r) out.refused -= refused[r];
   masks_at(out.valid) = valid;
   float* packet = out.packet;
-  floats_at(packet + packet_kernel::kOriginX * kLanes) = valid ? origin.x : Floats{};
-  floats_at(packet + packet_kernel::kOriginY * kLanes) = valid ? origin.y : Floats{};
-  floats_at(packet + packet_kernel::kOriginZ * kLanes) = valid ? origin.z : Floats{};
-  floats_at(packet + packet_kernel::kDirectionX * kLanes) = valid ? direction.x : Floats{};
-  floats_at(packet + packet_kernel::kDirectionY * kLanes) = valid ? direction.y : Floats{};
-  floats_at(packet + packet_kernel::kDirectionZ * kLanes) = valid ? direction.z : Floats{} + 1.0F;
-  floats_at(packet + packet_kernel::kTFar * kLanes) = valid ? far : Floats{};
+  floats_at(packet + packet_kernel::kOriginX * kLanes) = select(valid, origin.x, Floats{});
+  floats_at(packet + packet_kernel::kOriginY * kLanes) = select(valid, origin.y, Floats{});
+  floats_at(packet + packet_kernel::kOriginZ * kLanes) = select(valid, origin.z, Floats{});
+  floats_at(packet + packet_kernel::kDirectionX * kLanes) = select(valid, direction.x, Floats{});
+  floats_at(packet + packet_kernel::kDirectionY * kLanes) = select(valid, direction.y, Floats{});
+  floats_at(packet + packet_kernel::kDirectionZ * kLanes) =
+      select(valid, direction.z, Floats::of(1.0F));
+  floats_at(packet + packet_kernel::kTFar * kLanes) = select(valid, far, Floats{});
   return any(valid);
 }
 
@@ -421,7 +422,7 @@ inline Floats3 mirrored(const Floats3& view, const Floats3& normal) {
 }
 
 bool mirrored_rays(const Surfaces& s, const float* weight, NewRays& out) {
-  const Floats tint = masks_at(s.tinted) ? floats_at(s.colour) : Floats{} + 1.0F;
+  const Floats tint = select(masks_at(s.tinted), floats_at(s.colour), Floats::of(1.0F));
   const Floats part = floats_at(weight) * (floats_at(s.specular) * tint);
   const Masks wanted = masks_at(s.active) & (part != 0.0F);
   floats_at(out.weight) = part;
@@ -432,10 +433,10 @@ bool mirrored_rays(const Surfaces& s, const float* weight, NewRays& out) {
       select(dot(by_smooth, geometric) > 0.0F, by_smooth, mirrored(view, geometric));
   const Floats3 away = unit(direction);
   Masks u, v;
-  octahedron_cell(away, Masks{} + kDirectionBins, u, v);
+  octahedron_cell(away, Masks::of(kDirectionBins), u, v);
   masks_at(out.bin_u) = u;
   masks_at(out.bin_v) = v;
-  return write_rays(vector_at(s.start), away, Floats{} + __builtin_inff(), wanted, out);
+  return write_rays(vector_at(s.start), away, Floats::of(__builtin_inff()), wanted, out);
 }
 
 }  // namespace
