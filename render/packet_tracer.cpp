@@ -151,8 +151,8 @@ bool PacketTracer::Payoff::worth_asking() {
 }
 
 void PacketTracer::Payoff::asked(bool packet_saved) {
-  constexpr uint32_t kTrial = 256;
-  constexpr uint32_t kPause = 16 * kTrial;
+  constexpr uint32_t kTrial = 128;
+  constexpr uint32_t kPause = 2 * kTrial;
   if (packet_saved) ++saved_;
   if (++asked_ < kTrial) return;
   if (3 * saved_ < kTrial) pause_ = kPause;
