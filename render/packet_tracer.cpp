@@ -152,10 +152,12 @@ bool PacketTracer::Payoff::worth_asking() {
 
 void PacketTracer::Payoff::asked(bool packet_saved) {
   constexpr uint32_t kTrial = 128;
-  constexpr uint32_t kPause = 2 * kTrial;
+  constexpr uint32_t kLongestPause = 64 * kTrial;
   if (packet_saved) ++saved_;
   if (++asked_ < kTrial) return;
-  if (3 * saved_ < kTrial) pause_ = kPause;
+  // Longer each time: a tile may differ from its neighbours, a scene from others.
+  next_pause_ = 2 * saved_ < kTrial ? std::min(2 * next_pause_, kLongestPause) : kTrial;
+  pause_ = 2 * saved_ < kTrial ? next_pause_ : 0;
   asked_ = saved_ = 0;
 }
 

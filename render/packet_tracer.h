@@ -58,7 +58,7 @@ class PacketTracer {
   };
   void find_cells(const Scene::Impl& scene, const RayPacket& packet,
                   const shading_kernel::Surfaces& surfaces, Cells& cells);
-  /// Whether asking for proofs pays: it does if every third packet need not be traced at all.
+  /// Whether asking for proofs pays: it does if every other packet need not be traced at all.
   class Payoff {
    public:
     [[nodiscard]] bool worth_asking();
@@ -68,6 +68,7 @@ class PacketTracer {
     uint32_t asked_ = 0;
     uint32_t saved_ = 0;
     uint32_t pause_ = 0;
+    uint32_t next_pause_ = 64;
   };
   /// Neighbouring packets ask the same: the answers to what was asked last.
   struct Answer {
