@@ -73,7 +73,7 @@ struct Scene::Impl {
   double near_mm = 0.0;          ///< panel z of the nearest point to be shown
 
   std::unique_ptr<const ShadingTables> shading;  ///< of all the above
-  std::unique_ptr<ShaftProofs> proofs;           ///< that grow while frames are rendered
+  std::unique_ptr<ShaftProofs> proofs;  ///< grow while frames are rendered; null if too large
 };
 
 }  // namespace lenticule::render

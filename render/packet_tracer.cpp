@@ -203,9 +203,10 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   if (!met) return;
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
   kernel_.add_own_light(scene.shading->tables(), surfaces, weight, lanes_.light);
-  const bool ask_lights = use_proofs_ && shadow_payoff_.worth_asking();
+  const bool provable = use_proofs_ && scene.proofs != nullptr;
+  const bool ask_lights = provable && shadow_payoff_.worth_asking();
   const bool ask_mirrored =
-      use_proofs_ && surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
+      provable && surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
   if (ask_lights || ask_mirrored) find_cells(scene, packet, surfaces, generation.cells);
   add_lights(scene, generation, weight, ask_lights);
   if (depth + 1 == generations_.size()) return;

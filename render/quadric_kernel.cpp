@@ -80,8 +80,8 @@ inline Vector operator*(const Vector& a, const Doubles& s) {
 /// `high_counts` say which roots there are.
 inline Doubles first_root(const Doubles& low, const Wide& low_counts, const Doubles& high,
                           const Wide& high_counts, const Doubles& near, const Doubles& far) {
-  const Doubles second = high_counts & (high > near) & (high < far) ? high : far;
-  return low_counts & (low > near) & (low < far) ? low : second;
+  const Doubles second = (high_counts & (high > near) & (high < far)) ? high : far;
+  return (low_counts & (low > near) & (low < far)) ? low : second;
 }
 
 inline Doubles distance(const Sphere& sphere, const Vector& origin, const Vector& direction,

@@ -19,6 +19,9 @@ namespace {
 /// Scene units; beyond, single precision says nothing and Embree would drop the primitive silently.
 constexpr double kFarthest = 1e15;
 
+/// With more primitives the tree of shafts takes longer to build than a frame gains by it.
+constexpr size_t kMostProvable = size_t{1} << 19;
+
 /// Moves one description into the scene frame, checking every number on the way.
 class Committer {
  public:
@@ -267,7 +270,13 @@ class Committer {
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
     scene_.shading = std::make_unique<const ShadingTables>(scene_);
-    scene_.proofs = std::make_unique<ShaftProofs>(scene_);
+    if (primitives() <= kMostProvable) scene_.proofs = std::make_unique<ShaftProofs>(scene_);
+  }
+
+  [[nodiscard]] size_t primitives() const {
+    size_t sum = scene_.spheres.size() + scene_.cones.size();
+    for (const MeshShape& mesh : scene_.meshes) sum += mesh.triangles.size();
+    return sum;
   }
 
   EmbreeGeometry mesh_geometry(const MeshShape& mesh) const {
