@@ -16,8 +16,9 @@ PLAYER = "lenticule-player@lobby.service"
 
 def install(vm):
     """What the package does, on the guest's throw-away layer."""
-    # Not a link into the build tree: the units have a /tmp of their own.
+    # Nothing from the build tree, which may lie in /tmp: the units have a /tmp of their own.
     vm.check(["cp", require_program(vm, "lenticule"), "/usr/local/bin/lenticule"])
+    vm.check(["cp", vm.build / "modules" / "lenticule-pictures.so", "/usr/lib/"])
     for unit in FILES.glob("*.service"):
         vm.check(["cp", unit, "/etc/systemd/system/"])
     vm.check(["mkdir", "-p", "/etc/sysusers.d", "/etc/tmpfiles.d", "/etc/udev/rules.d"])
