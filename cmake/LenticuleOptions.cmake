@@ -43,6 +43,9 @@ if(LENTICULE_SANITIZE)
   target_compile_options(lenticule_options INTERFACE
     -fsanitize=${LENTICULE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   target_link_options(lenticule_options INTERFACE -fsanitize=${LENTICULE_SANITIZE})
+  # A sanitizer calls dlopen in the program's place, and then only an RPATH, not a RUNPATH, is the
+  # program's: the module that reads pictures would not be found.
+  target_link_options(lenticule_options INTERFACE -Wl,--disable-new-dtags)
 endif()
 if(LENTICULE_BUILD_FUZZ)
   target_compile_options(lenticule_options INTERFACE -fsanitize=fuzzer-no-link)
