@@ -264,7 +264,7 @@ void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* pr
 
 struct ShaftTester::Tree {
   struct Release {
-    void operator()(RTCBVH bvh) const noexcept { rtcReleaseBVH(bvh); }
+    void operator()(RTCBVH tree) const noexcept { rtcReleaseBVH(tree); }
   };
   std::unique_ptr<std::remove_pointer_t<RTCBVH>, Release> bvh;
   const BuiltNode* root = nullptr;
