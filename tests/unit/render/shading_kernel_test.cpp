@@ -175,7 +175,7 @@ TEST_P(ShadingKernel, AgreesWithDoublePrecisionLaneByLane) {
 TEST_P(ShadingKernel, GivesTheSameBitsOnEveryInstructionSet) {
   std::mt19937_64 random(11);
   const std::vector<const Kernel*> kernels = runnable_kernels();
-  ASSERT_GT(kernels.size(), 1U) << "this machine has one instruction set only";
+  if (kernels.size() == 1) GTEST_SKIP() << "this machine has only the baseline instruction set";
   Shaded first, other;
   for (int round = 0; round < 300; ++round) {
     aim(random);
