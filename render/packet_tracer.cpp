@@ -275,14 +275,7 @@ void PacketTracer::find_cells(const Scene::Impl& scene, const RayPacket& packet,
   kernel_.group_cells(&packet.rays.ray.org_x[0], s, cells.groups);
   for (int g = 0; g < cells.groups.count; ++g) {
     const auto r = static_cast<size_t>(cells.groups.first[g]);
-    cells.cells[g] = {.geometry = packet.rays.hit.geomID[r],
-                      .primitive = packet.rays.hit.primID[r],
-                      .outer_side = s.outer_side[r] != 0,
-                      .u = s.cell_u[r],
-                      .v = s.cell_v[r],
-                      .w = s.cell_w[r],
-                      .divisions = s.divisions[r],
-                      .divisions_along = s.divisions_along[r]};
+    cells.cells[g] = cell_of(packet.rays, s, r);
     cells.numbers[g] = scene.proofs->number(cells.cells[g]);
   }
 }

@@ -105,6 +105,18 @@ ShadingTables::ShadingTables(const Scene::Impl& scene) {
   write(scene.ambient, tables_.ambient);
 }
 
+SurfaceCell cell_of(const RTCRayHit16& packet, const shading_kernel::Surfaces& surfaces,
+                    size_t lane) {
+  return {.geometry = packet.hit.geomID[lane],
+          .primitive = packet.hit.primID[lane],
+          .outer_side = surfaces.outer_side[lane] != 0,
+          .u = surfaces.cell_u[lane],
+          .v = surfaces.cell_v[lane],
+          .w = surfaces.cell_w[lane],
+          .divisions = surfaces.divisions[lane],
+          .divisions_along = surfaces.divisions_along[lane]};
+}
+
 const shading_kernel::Kernel& shading_kernel_for(Isa isa) {
 #if defined(__x86_64__)
   if (isa == Isa::Avx512) return isa_avx512::kShadingKernel;

@@ -7,6 +7,7 @@
 #include "optics/cpu.h"
 #include "render/committed_scene.h"
 #include "render/shading_kernel.h"
+#include "render/surface_cells.h"
 
 namespace lenticule::render {
 
@@ -28,6 +29,10 @@ class ShadingTables {
   std::vector<shading_kernel::Light> lights_;
   shading_kernel::Tables tables_{};
 };
+
+/// The cell that an active lane of an intersected packet met.
+[[nodiscard]] SurfaceCell cell_of(const RTCRayHit16& packet,
+                                  const shading_kernel::Surfaces& surfaces, size_t lane);
 
 /// The machine must support it (optics/cpu.h).
 [[nodiscard]] const shading_kernel::Kernel& shading_kernel_for(Isa isa);

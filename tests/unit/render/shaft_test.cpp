@@ -122,14 +122,7 @@ TEST_P(ShaftSoundness, NoRayMeetsAnythingWhereNoneShould) {
       continue;
     for (size_t r = 0; r < kPacket; ++r) {
       if (s.active[r] == 0) continue;
-      const SurfaceCell cell{.geometry = packet.rays.hit.geomID[r],
-                             .primitive = packet.rays.hit.primID[r],
-                             .outer_side = s.outer_side[r] != 0,
-                             .u = s.cell_u[r],
-                             .v = s.cell_v[r],
-                             .w = s.cell_w[r],
-                             .divisions = s.divisions[r],
-                             .divisions_along = s.divisions_along[r]};
+      const SurfaceCell cell = cell_of(packet.rays, s, r);
       const Vec3f start{s.start[0][r], s.start[1][r], s.start[2][r]};
       const Vec3f normal{s.geometric[0][r], s.geometric[1][r], s.geometric[2][r]};
       const Patch patch = patch_of(impl(), cell);
