@@ -282,8 +282,9 @@ void PacketTracer::find_cells(const Scene::Impl& scene, const RayPacket& packet,
 
 bool PacketTracer::empty_shaft(const Scene::Impl& scene, const Cells& cells, int group,
                                uint64_t target) {
+  if (target >= ShaftProofs::kTargets) return false;  // its number would be another's
   const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + target;
-  Answer& answer = answers_[question * 0x9e3779b97f4a7c15U >> (64 - kAnswersLog2)];
+  Answer& answer = answers_[ShaftProofs::mixed(question, kAnswersLog2)];
   if (answer.question != question)
     answer = {question, scene.proofs->empty(cells.cells[group], cells.numbers[group], target)};
   return answer.empty;

@@ -85,7 +85,7 @@ class PacketTracer {
     alignas(64) int shadow_valid[kPacket];
   };
 
-  /// Takes rays out of `rays` that are proved to meet nothing; returns which, a bit for each lane.
+  /// Makes lanes invalid whose rays are proved to meet nothing; returns them, a bit for each.
   uint32_t take_lit(const Scene::Impl& scene, const Cells& cells, size_t light, int* valid);
   uint32_t take_open(const Scene::Impl& scene, const Cells& cells,
                      const shading_kernel::NewRays& rays, int* valid);
@@ -105,7 +105,7 @@ class PacketTracer {
   std::vector<Generation> generations_;
   Lanes lanes_;
   bool use_proofs_;
-  static constexpr size_t kAnswersLog2 = 10;
+  static constexpr unsigned kAnswersLog2 = 10;
   std::vector<Answer> answers_;
   Payoff shadow_payoff_;
   Payoff mirrored_payoff_;

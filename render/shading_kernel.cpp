@@ -86,7 +86,7 @@ inline void set_quadric(const Quadric& shape, bool cone, const Masks& where, Pri
 
 /// The lanes' materials, each in its lane's channel.
 struct Paint {
-  Floats colour, emission, diffuse, specular, shine, transmittance;
+  Floats colour, emission, diffuse, specular, shine;
   Masks tinted, number;
 };
 
@@ -101,7 +101,6 @@ inline void set_paint(const Material& m, int32_t number, const Masks& where, con
   set(where, m.diffuse, paint.diffuse);
   set(where, m.specular, paint.specular);
   set(where, m.shine, paint.shine);
-  set(where, m.transmittance, paint.transmittance);
   if (m.tinted) paint.tinted = paint.tinted | where;
   paint.number = select(where, Masks::of(number), paint.number);
 }
@@ -263,7 +262,6 @@ inline void write_paint(const Paint& paint, Surfaces& out) {
   floats_at(out.diffuse) = paint.diffuse;
   floats_at(out.specular) = paint.specular;
   floats_at(out.shine) = paint.shine;
-  floats_at(out.transmittance) = paint.transmittance;
   masks_at(out.tinted) = paint.tinted;
   masks_at(out.material) = paint.number;
 }

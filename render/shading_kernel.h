@@ -81,7 +81,6 @@ struct alignas(64) Surfaces {
   float diffuse[kLanes];
   float specular[kLanes];  ///< not yet tinted
   float shine[kLanes];
-  float transmittance[kLanes];
   float emission[kLanes];
   int32_t tinted[kLanes];
   int32_t material[kLanes];

@@ -6,7 +6,7 @@
 namespace lenticule::render {
 namespace {
 
-constexpr int kAnswersLog2 = 20;
+constexpr unsigned kAnswersLog2 = 20;
 constexpr int kCellBits = 6;
 static_assert(kMostCells <= 1 << kCellBits);
 
@@ -44,8 +44,7 @@ uint64_t ShaftProofs::number(const SurfaceCell& cell) const {
 bool ShaftProofs::empty(const SurfaceCell& cell, uint64_t number, uint64_t target) {
   if (target >= kTargets) return false;
   const uint64_t key = (number * kTargets + target) << 2;
-  // Fibonacci hashing: the high bits of the product are well mixed.
-  std::atomic<uint64_t>& place = answers_[key * 0x9e3779b97f4a7c15U >> (64 - kAnswersLog2)];
+  std::atomic<uint64_t>& place = answers_[mixed(key, kAnswersLog2)];
   const uint64_t known = place.load(std::memory_order_relaxed);
   if ((known & ~uint64_t{3}) == key && known != 0) return (known & 3) == kEmpty;
   const bool empty = find_out(cell, target);

@@ -25,6 +25,10 @@ class ShaftProofs {
     return static_cast<uint64_t>(bin_u * kDirectionBins + bin_v);
   }
   static constexpr uint64_t kTargets = 2048;
+  /// A place in a table of 2^bits, by Fibonacci hashing: the high bits of the product are mixed.
+  static constexpr size_t mixed(uint64_t key, unsigned bits) {
+    return static_cast<size_t>(key * 0x9e3779b97f4a7c15U >> (64 - bits));
+  }
 
   /// Whether no ray from the cell meets anything on its way to the light, or in any direction of a
   /// bin (of kDirectionBins x kDirectionBins on the unfolded octahedron). `number` is the cell's.
