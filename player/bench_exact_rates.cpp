@@ -51,8 +51,8 @@ nlohmann::json shares(const render::RenderStatistics& statistics) {
 const std::vector<ExactVariant>& exact_variants() {
   static const std::vector<ExactVariant> table = {
       {"whole frame", [](render::RenderOptions&) {}},
-      {"empty shafts traced, too",
-       [](render::RenderOptions& options) { options.skip_empty_shafts = false; }},
+      {"no proofs, all rays traced",
+       [](render::RenderOptions& options) { options.use_shaft_proofs = false; }},
       {"shading with AVX2 at most",
        [](render::RenderOptions& options) { options.isa = std::min(options.isa, Isa::Avx2); }},
       {"shading with SSE2", [](render::RenderOptions& options) { options.isa = Isa::Baseline; }},
@@ -81,6 +81,7 @@ nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) 
           {"shadow_rays", whole.shadow_rays},
           {"secondary_rays", whole.secondary_rays},
           {"shadow_rays_proved", whole.shadow_rays_proved},
+          {"shadow_rays_blocked", whole.shadow_rays_blocked},
           {"secondary_rays_proved", whole.secondary_rays_proved},
           {"shares", shares(times.back().statistics)},
           {"rows", rows(bench.subpixels(), times)}};
@@ -94,8 +95,11 @@ void print_rates(const nlohmann::json& r) {
     fmt::print(" ({} more dropped)", dropped);
   fmt::print("; {:.3g} M primary, {:.3g} M shadow, {:.3g} M mirrored rays\n",
              millions("primary_rays"), millions("shadow_rays"), millions("secondary_rays"));
-  fmt::print("  proved to meet nothing: {:.3g} M shadow, {:.3g} M mirrored rays\n",
-             millions("shadow_rays_proved"), millions("secondary_rays_proved"));
+  fmt::print(
+      "  proved to meet nothing: {:.3g} M shadow, {:.3g} M mirrored rays; to be blocked: "
+      "{:.3g} M shadow rays\n",
+      millions("shadow_rays_proved"), millions("secondary_rays_proved"),
+      millions("shadow_rays_blocked"));
   const auto share = [&r](const char* key) { return 100.0 * r["shares"][key].get<double>(); };
   fmt::print(
       "  of the time: rays {:.0f} %, Embree {:.0f} % primary, {:.0f} % shadow, {:.0f} % "

@@ -24,7 +24,7 @@ struct RenderOptions {
   int max_depth = 5;     ///< of reflections and refractions
   Isa isa = best_isa();  ///< of our own loops; the bytes do not depend on it
   /// Rays that are proved to meet nothing are not traced (render/shaft.h); the bytes are the same.
-  bool skip_empty_shafts = true;
+  bool use_shaft_proofs = true;
   bool measure_work = false;  ///< fill RenderStatistics::work; costs some percent of time
   /// Asked between tiles; true ends the frame early (RenderStatistics::completed is false then).
   std::function<bool()> cancelled;
@@ -41,6 +41,7 @@ struct RenderStatistics {
   uint64_t suspected_holes = 0;        ///< primary rays that went on where their neighbours ended
   uint64_t filled_holes = 0;           ///< and those that had slipped between triangles
   uint64_t shadow_rays_proved = 0;     ///< of shadow_rays: not traced, nothing was in their way
+  uint64_t shadow_rays_blocked = 0;    ///< of shadow_rays: not traced, something surely was
   uint64_t secondary_rays_proved = 0;  ///< of secondary_rays: not traced, they meet nothing
   double seconds = 0.0;
   /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.

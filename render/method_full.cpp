@@ -5,6 +5,7 @@
 #include <oneapi/tbb/parallel_for.h>
 #include <oneapi/tbb/task_arena.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <numeric>
@@ -18,9 +19,16 @@
 namespace lenticule::render {
 namespace {
 
-uint8_t straight_code(double light) {
-  if (!(light > 0.0)) return 0;
-  return light >= 1.0 ? 255 : static_cast<uint8_t>(light * 255.0 + 0.5);
+/// Without branches, so that compilers turn it into a few vector instructions. NaN is black.
+void write_straight(const float* light, int count, uint8_t* codes) {
+  for (int i = 0; i < count; ++i) {
+    const float above = light[i] > 0.0F ? light[i] : 0.0F;
+    const float held = above < 1.0F ? above : 1.0F;
+    codes[i] = static_cast<uint8_t>(static_cast<int>(double{held} * 255.0 + 0.5));
+  }
+}
+void write_managed(const float* light, int count, uint8_t* codes) {
+  for (int i = 0; i < count; ++i) codes[i] = frames::code_from_linear(double{light[i]});
 }
 
 /// Idle time is what a worker that was there did not use; it is not counted.
@@ -80,6 +88,7 @@ class FullMethod final : public Method {
             .suspected_holes = counts.holes.suspected,
             .filled_holes = counts.holes.filled,
             .shadow_rays_proved = counts.shadow_proved,
+            .shadow_rays_blocked = counts.shadow_blocked,
             .secondary_rays_proved = counts.secondary_proved,
             .seconds = elapsed.count(),
             .work = shares(ticks)};
@@ -112,15 +121,15 @@ class FullMethod final : public Method {
 
   void write_tile(const Scene::Impl& scene, const Tile& tile, const std::vector<float>& light,
                   frames::WovenFrame& frame) const {
-    const auto code = scene.colour_managed ? frames::code_from_linear : straight_code;
+    const auto write = scene.colour_managed ? write_managed : write_straight;
     for (int row = 0; row < tile.rows; ++row) {
-      uint8_t* out = frame.row(tile.row_begin + row);
+      // Subpixel 3 i + channel is byte 3 i + channel of the row.
+      const int first = plan_.subpixel(tile, 0, row);
+      const int begin = std::max(0, -first);
+      const int end = std::min(tile.columns, plan_.row_subpixels() - first);
       const float* in = light.data() + static_cast<size_t>(row) * tile.columns;
-      for (int column = 0; column < tile.columns; ++column) {
-        // Subpixel 3 i + channel is byte 3 i + channel of the row.
-        const int s = plan_.subpixel(tile, column, row);
-        if (s >= 0 && s < plan_.row_subpixels()) out[s] = code(double{in[column]});
-      }
+      if (begin < end)
+        write(in + begin, end - begin, frame.row(tile.row_begin + row) + first + begin);
     }
   }
 

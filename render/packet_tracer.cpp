@@ -8,7 +8,6 @@
 
 #include "render/shading.h"
 #include "render/shading_tables.h"
-#include "render/shaft_proofs.h"
 #include "render/texture.h"
 
 namespace lenticule::render {
@@ -20,6 +19,7 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   invalid += other.invalid;
   holes += other.holes;
   shadow_proved += other.shadow_proved;
+  shadow_blocked += other.shadow_blocked;
   secondary_proved += other.secondary_proved;
   return *this;
 }
@@ -129,7 +129,8 @@ PacketTracer::PacketTracer(const RenderOptions& options)
     : kernel_(shading_kernel_for(options.isa)),
       primary_(kFewPackets),
       generations_(static_cast<size_t>(options.max_depth) + 1),
-      use_proofs_(options.skip_empty_shafts),
+      use_proofs_(options.use_shaft_proofs),
+      cells_(size_t{1} << kAnswersLog2),
       answers_(size_t{1} << kAnswersLog2),
       clock_(options.measure_work) {
   init_packets(primary_);
@@ -208,7 +209,8 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   const bool ask_mirrored =
       provable && surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
   if (ask_lights || ask_mirrored) find_cells(scene, packet, surfaces, generation.cells);
-  add_lights(scene, generation, weight, ask_lights);
+  const Asker asker{packet, generation};
+  add_lights(scene, asker, weight, ask_lights);
   if (depth + 1 == generations_.size()) return;
   if (surfaces.any_transmits) return follow_glass(scene, packet, generation, weight, depth);
   if (!surfaces.any_specular) return;
@@ -219,7 +221,7 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   counts_.invalid += static_cast<uint64_t>(rays.refused);
   if (!any) return;
   if (ask_mirrored) {
-    const uint32_t open = take_open(scene, generation.cells, rays, generation.mirrored.valid);
+    const uint32_t open = take_open(scene, asker, rays, generation.mirrored.valid);
     mirrored_payoff_.asked(!any_lane(generation.mirrored.valid));
     counts_.secondary += static_cast<uint64_t>(std::popcount(open));
     add_backdrop(scene, generation.mirrored, rays.weight, open);
@@ -245,18 +247,18 @@ void PacketTracer::add_backdrop(const Scene::Impl& scene, const RayPacket& packe
   }
 }
 
-void PacketTracer::add_lights(const Scene::Impl& scene, const Generation& generation,
-                              const float* weight, bool ask) {
+void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight,
+                              bool ask) {
   NewRays rays;
   rays.packet = &lanes_.shadow.org_x[0];
   rays.valid = lanes_.shadow_valid;
   const std::vector<shading_kernel::Light>& lights = scene.shading->lights();
   for (size_t light = 0; light < lights.size(); ++light) {
-    const bool any = kernel_.shadow_rays(lights[light], generation.surfaces, weight, rays);
+    const bool any = kernel_.shadow_rays(lights[light], asker.generation.surfaces, weight, rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     counts_.shadow += count(rays.valid);
-    const uint32_t lit = ask ? take_lit(scene, generation.cells, light, rays.valid) : 0;
+    const uint32_t lit = ask ? take_lit(scene, asker, light, rays.valid) : 0;
     const bool some_left = any_lane(rays.valid);
     if (ask) shadow_payoff_.asked(!some_left);
     if (some_left) {
@@ -275,53 +277,83 @@ void PacketTracer::find_cells(const Scene::Impl& scene, const RayPacket& packet,
   kernel_.group_cells(&packet.rays.ray.org_x[0], s, cells.groups);
   for (int g = 0; g < cells.groups.count; ++g) {
     const auto r = static_cast<size_t>(cells.groups.first[g]);
-    cells.cells[g] = cell_of(packet.rays, s, r);
-    cells.numbers[g] = scene.proofs->number(cells.cells[g]);
+    cells.numbers[g] = scene.proofs->number(packet.rays.hit.geomID[r], packet.rays.hit.primID[r],
+                                            cells.groups.place[g]);
   }
 }
 
-bool PacketTracer::empty_shaft(const Scene::Impl& scene, const Cells& cells, int group,
-                               uint64_t target) {
-  if (target >= ShaftProofs::kTargets) return false;  // its number would be another's
-  const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + target;
+ShaftProof PacketTracer::light_proof(const Scene::Impl& scene, const Asker& asker, int group,
+                                     size_t light) {
+  const Cells& cells = asker.generation.cells;
+  const uint64_t number = cells.numbers[group];
+  const auto ask = [&] {
+    const auto lane = static_cast<size_t>(cells.groups.first[group]);
+    return scene.proofs->proof(cell_of(asker.packet.rays, asker.generation.surfaces, lane), number,
+                               ShaftProofs::light_target(light));
+  };
+  if (light >= kLightsPerCell) return ask();
+  CellAnswers& known = cells_[ShaftProofs::mixed(number, kAnswersLog2)];
+  if (known.number != number) known = {number, 0};
+  const size_t shift = 2 * light;
+  if (const uint32_t proof = known.lights >> shift & 3; proof != 0)
+    return static_cast<ShaftProof>(proof);
+  const ShaftProof proof = ask();
+  known.lights |= static_cast<uint32_t>(proof) << shift;
+  return proof;
+}
+
+/// Whether nothing lies in a bin of directions from there.
+bool PacketTracer::open(const Scene::Impl& scene, const Asker& asker, int group,
+                        uint64_t direction) {
+  const Cells& cells = asker.generation.cells;
+  const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + direction;
   Answer& answer = answers_[ShaftProofs::mixed(question, kAnswersLog2)];
-  if (answer.question != question)
-    answer = {question, scene.proofs->empty(cells.cells[group], cells.numbers[group], target)};
+  if (answer.question == question) return answer.empty;
+  const auto lane = static_cast<size_t>(cells.groups.first[group]);
+  const SurfaceCell cell = cell_of(asker.packet.rays, asker.generation.surfaces, lane);
+  answer = {question,
+            scene.proofs->proof(cell, cells.numbers[group], direction) == ShaftProof::Empty};
   return answer.empty;
 }
 
-uint32_t PacketTracer::take_lit(const Scene::Impl& scene, const Cells& cells, size_t light,
+uint32_t PacketTracer::take_lit(const Scene::Impl& scene, const Asker& asker, size_t light,
                                 int* valid) {
+  const shading_kernel::CellGroups& groups = asker.generation.cells.groups;
   const uint32_t wanted = lane_bits(valid);
-  uint32_t lit = 0;
-  for (int g = 0; g < cells.groups.count; ++g)
-    if ((cells.groups.lanes[g] & wanted) != 0 &&
-        empty_shaft(scene, cells, g, ShaftProofs::light_target(light)))
-      lit |= cells.groups.lanes[g];
+  uint32_t lit = 0, blocked = 0;
+  for (int g = 0; g < groups.count; ++g) {
+    if ((groups.lanes[g] & wanted) == 0) continue;
+    const ShaftProof proof = light_proof(scene, asker, g, light);
+    lit |= proof == ShaftProof::Empty ? groups.lanes[g] : 0;
+    blocked |= proof == ShaftProof::Blocked ? groups.lanes[g] : 0;
+  }
   lit &= wanted;
-  take_lanes(lit, valid);
+  blocked &= wanted;
+  take_lanes(lit | blocked, valid);
   counts_.shadow_proved += static_cast<uint64_t>(std::popcount(lit));
+  counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(blocked));
   return lit;
 }
 
-uint32_t PacketTracer::take_open(const Scene::Impl& scene, const Cells& cells, const NewRays& rays,
+uint32_t PacketTracer::take_open(const Scene::Impl& scene, const Asker& asker, const NewRays& rays,
                                  int* valid) {
+  const shading_kernel::CellGroups& groups = asker.generation.cells.groups;
   const uint32_t wanted = lane_bits(valid);
-  uint32_t open = 0;
-  for (int g = 0; g < cells.groups.count; ++g) {
+  uint32_t empty = 0;
+  for (int g = 0; g < groups.count; ++g) {
     uint64_t last = ShaftProofs::kTargets;
-    bool last_open = false;
-    for (uint32_t left = cells.groups.lanes[g] & wanted; left != 0; left &= left - 1) {
+    bool last_empty = false;
+    for (uint32_t left = groups.lanes[g] & wanted; left != 0; left &= left - 1) {
       const int r = std::countr_zero(left);
       const uint64_t target = ShaftProofs::direction_target(rays.bin_u[r], rays.bin_v[r]);
-      if (target != last) last_open = empty_shaft(scene, cells, g, target);
+      if (target != last) last_empty = open(scene, asker, g, target);
       last = target;
-      if (last_open) open |= 1U << r;
+      if (last_empty) empty |= 1U << r;
     }
   }
-  take_lanes(open, valid);
-  counts_.secondary_proved += static_cast<uint64_t>(std::popcount(open));
-  return open;
+  take_lanes(empty, valid);
+  counts_.secondary_proved += static_cast<uint64_t>(std::popcount(empty));
+  return empty;
 }
 
 /// Packets with glass in them: mirrored and refracted rays lane by lane, since total reflection

@@ -14,7 +14,7 @@
 #include "render/primary_packets.h"
 #include "render/ray_stream.h"
 #include "render/shading_kernel.h"
-#include "render/surface_cells.h"
+#include "render/shaft_proofs.h"
 #include "render/work_clock.h"
 
 namespace lenticule::render {
@@ -25,7 +25,8 @@ struct RayCounts {
   uint64_t shadow = 0;
   uint64_t invalid = 0;
   HoleCounts holes;
-  uint64_t shadow_proved = 0;     ///< not traced: the way to the light was known to be free
+  uint64_t shadow_proved = 0;     ///< not traced: the way to the light was known to be free,
+  uint64_t shadow_blocked = 0;    ///< or to be blocked
   uint64_t secondary_proved = 0;  ///< not traced: nothing was known to be in that direction
 
   RayCounts& operator+=(const RayCounts& other);
@@ -50,10 +51,16 @@ class PacketTracer {
  private:
   /// What is needed of one generation of rays while the next is followed.
   struct Generation;
+  /// What is known of a cell; of each thread, so that asking again costs next to nothing.
+  struct CellAnswers {
+    uint64_t number = ~uint64_t{0};
+    uint32_t lights =
+        0;  ///< two bits for each of the first: a ShaftProof, or zero if not asked yet
+  };
+  static constexpr size_t kLightsPerCell = 16;
   /// The cells that a packet met, ready to be asked about.
   struct Cells {
     shading_kernel::CellGroups groups;
-    SurfaceCell cells[kPacket];
     uint64_t numbers[kPacket];
   };
   void find_cells(const Scene::Impl& scene, const RayPacket& packet,
@@ -75,7 +82,13 @@ class PacketTracer {
     uint64_t question = ~uint64_t{0};
     bool empty = false;
   };
-  bool empty_shaft(const Scene::Impl& scene, const Cells& cells, int group, uint64_t target);
+  /// A packet, and the cells that it met.
+  struct Asker {
+    const RayPacket& packet;
+    const Generation& generation;
+  };
+  ShaftProof light_proof(const Scene::Impl& scene, const Asker& asker, int group, size_t light);
+  bool open(const Scene::Impl& scene, const Asker& asker, int group, uint64_t direction);
   /// Of the packet that is being traced.
   struct Lanes {
     alignas(64) int32_t channel[kPacket];
@@ -85,16 +98,15 @@ class PacketTracer {
     alignas(64) int shadow_valid[kPacket];
   };
 
-  /// Makes lanes invalid whose rays are proved to meet nothing; returns them, a bit for each.
-  uint32_t take_lit(const Scene::Impl& scene, const Cells& cells, size_t light, int* valid);
-  uint32_t take_open(const Scene::Impl& scene, const Cells& cells,
+  /// Make lanes invalid whose rays need not be traced; return those that meet nothing, a bit each.
+  uint32_t take_lit(const Scene::Impl& scene, const Asker& asker, size_t light, int* valid);
+  uint32_t take_open(const Scene::Impl& scene, const Asker& asker,
                      const shading_kernel::NewRays& rays, int* valid);
 
   void shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight, size_t depth);
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);
-  void add_lights(const Scene::Impl& scene, const Generation& generation, const float* weight,
-                  bool ask);
+  void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask);
   void follow_glass(const Scene::Impl& scene, const RayPacket& packet, Generation& generation,
                     const float* weight, size_t depth);
   void follow(const Scene::Impl& scene, shading_kernel::NewRays& rays, RayPacket& packet,
@@ -106,6 +118,7 @@ class PacketTracer {
   Lanes lanes_;
   bool use_proofs_;
   static constexpr unsigned kAnswersLog2 = 10;
+  std::vector<CellAnswers> cells_;
   std::vector<Answer> answers_;
   Payoff shadow_payoff_;
   Payoff mirrored_payoff_;

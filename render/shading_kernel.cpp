@@ -145,10 +145,10 @@ struct Point {
   Masks cell_u, cell_v, cell_w, divisions, divisions_along;
 };
 
-/// Into how many cells a length is cut: at least one, at most kMostCells.
-inline Masks cells_along(const Floats& length) {
+/// Into how many cells a length is cut: at least one.
+inline Masks cells_along(const Floats& length, float most) {
   const Floats cells = length * (1.0F / kCellSize);
-  return to_integers(max(min(cells + 0.999F, Floats::of(float{kMostCells})), Floats::of(1.0F)));
+  return to_integers(max(min(cells + 0.999F, Floats::of(most)), Floats::of(1.0F)));
 }
 /// Into how many an octahedron of directions is cut around something so thick: an even number.
 inline Masks cells_around(const Floats& radius, float most) {
@@ -181,7 +181,7 @@ inline void on_triangles(const Primitives& p, const Floats3& met, Point& out) {
   out.offset = kSpawnOffset * (largest(out.at) + extent);
   out.u = u;
   out.v = v;
-  out.divisions = cells_along(extent);
+  out.divisions = cells_along(extent, kMostCells);
   const Floats count = to_floats(out.divisions);
   out.cell_u = clamp_index(to_integers(u * count), out.divisions);
   out.cell_v = clamp_index(to_integers(v * count), out.divisions);
@@ -225,7 +225,7 @@ inline void on_cones(const Primitives& p, const Floats3& met, Point& out) {
   Masks u, v;
   octahedron_cell(across, count, u, v);
   set(p.cones, u, v, count, out);
-  const Masks along_count = cells_along(p.height);
+  const Masks along_count = cells_along(p.height, kMostCellsAlong);
   const Floats part = s * (to_floats(along_count) / max(p.height, Floats::of(1e-30F)));
   out.divisions_along = select(p.cones, along_count, out.divisions_along);
   out.cell_w = select(p.cones, clamp_index(to_integers(part), along_count), out.cell_w);
@@ -295,9 +295,8 @@ bool find_surfaces(const Tables& tables, const float* packet, const int32_t* val
 void group_cells(const float* packet, const Surfaces& s, CellGroups& groups) {
   const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
   const Words& primitive = words_at(packet + packet_kernel::kPrimitive * kLanes);
-  // Three numbers below 64 and a side, in one.
-  const Masks place = (masks_at(s.cell_u) << 13) | (masks_at(s.cell_v) << 7) |
-                      (masks_at(s.cell_w) << 1) | (masks_at(s.outer_side) & 1);
+  const Masks place = (masks_at(s.cell_u) << kPlaceU) | (masks_at(s.cell_v) << kPlaceV) |
+                      (masks_at(s.cell_w) << kPlaceW) | (masks_at(s.outer_side) & 1);
   groups.count = 0;
   uint32_t left = bits(masks_at(s.active));
   while (left != 0) {
@@ -307,6 +306,7 @@ void group_cells(const float* packet, const Surfaces& s, CellGroups& groups) {
     const uint32_t lanes = bits(same) & left;
     groups.first[groups.count] = lane;
     groups.lanes[groups.count] = lanes;
+    groups.place[groups.count] = place[lane];
     ++groups.count;
     left &= ~lanes;
   }

@@ -108,6 +108,7 @@ struct CellGroups {
   int32_t count;
   int32_t first[kLanes];   ///< a lane of each
   uint32_t lanes[kLanes];  ///< a bit for each of its lanes
+  int32_t place[kLanes];   ///< where it lies on its primitive, see render/surface_cells.h
 };
 
 struct Kernel {

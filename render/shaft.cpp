@@ -229,6 +229,69 @@ class Hull {
   bool above_ = false;  ///< all rays rise from the patch's plane
 };
 
+/// Whether single primitives are in the way of all rays from a patch to a point. All rays are
+/// segments; those at the part f of their way are within (1 - f) radii of the middle one there.
+class Obstacles {
+ public:
+  explicit Obstacles(const Shaft& shaft)
+      : from_(shaft.from), point_(shaft.point), way_(shaft.point - shaft.from.centre) {
+    for (int i = 0; i < 3; ++i) inverse_[i] = 1.0F / part(way_, i);
+    squared_ = dot(way_, way_);
+  }
+
+  /// Whether the middle ray passes: what blocks all of them blocks it.
+  [[nodiscard]] bool reaches_box(Vec3f low, Vec3f high) const {
+    float enter = 0.0F, leave = 1.0F;
+    for (int i = 0; i < 3; ++i) {
+      const float a = (part(low, i) - part(from_.centre, i)) * inverse_[i];
+      const float b = (part(high, i) - part(from_.centre, i)) * inverse_[i];
+      // Zero times infinity: the ray runs in the box's plane and may pass.
+      enter = std::fmax(enter, std::fmin(a, b));
+      leave = std::fmin(leave, std::fmax(a, b));
+    }
+    return enter <= leave;
+  }
+
+  /// A point of each ray lies inside, and neither end does.
+  [[nodiscard]] bool behind_sphere(Vec3f centre, float radius) const {
+    const float margin = kMargin * (radius + largest(centre) + largest(point_));
+    const float part_way = dot(centre - from_.centre, way_) / squared_;
+    if (!(part_way > 0.0F && part_way < 1.0F)) return false;
+    const float off = length(from_.centre + way_ * part_way - centre);
+    return off + from_.radius * (1.0F - part_way) + margin < radius &&
+           length(centre - point_) > radius + margin &&
+           length(centre - from_.centre) > radius + from_.radius + margin;
+  }
+
+  /// The patch lies inside the pyramid from the point over the triangle, and beyond it. Not asked
+  /// of triangles near the point, where what is a wide margin at the patch is none any more.
+  [[nodiscard]] bool behind_triangle(Vec3f a, Vec3f b, Vec3f c) const {
+    constexpr float kNear = 0.25F;
+    const Vec3f normal = normalized(cross(b - a, c - a));
+    const float beyond = dot(normal, a - point_);
+    if (!(std::abs(beyond) > kNear * std::abs(dot(normal, way_)))) return false;
+    const Vec3f outward = beyond > 0.0F ? normal : -normal;
+    const float margin = from_.radius + kMargin * (largest(a) + largest(b) + largest(c) +
+                                                   largest(point_) + largest(from_.centre));
+    if (!(std::abs(beyond) > margin && dot(outward, from_.centre - a) > margin)) return false;
+    const auto inside = [&](Vec3f p, Vec3f q, Vec3f opposite) {
+      const Vec3f n = normalized(cross(p - point_, q - point_));
+      const float side = dot(n, from_.centre - point_);
+      return std::abs(side) > margin && (side > 0.0F) == (dot(n, opposite - point_) > 0.0F);
+    };
+    return inside(a, b, c) && inside(b, c, a) && inside(c, a, b);
+  }
+
+ private:
+  static float part(Vec3f v, int i) { return i == 0 ? v.x : i == 1 ? v.y : v.z; }
+
+  const Patch& from_;
+  Vec3f point_;
+  Vec3f way_;  ///< from the patch's middle to the point
+  std::array<float, 3> inverse_{};
+  float squared_ = 0.0F;
+};
+
 struct BuiltNode {
   bool leaf = false;
 };
@@ -315,6 +378,51 @@ std::vector<RTCBuildPrimitive> boxes_of(const Scene::Impl& scene) {
   return boxes;
 }
 
+float grown(const SphereShape& sphere) {
+  const auto radius = static_cast<float>(sphere.radius);
+  return radius + kMargin * (radius + largest(Vec3f(sphere.centre)));
+}
+
+/// Visits leaves whose boxes, and all those around them, are `wanted`, until one is `found`.
+/// False if none is. `unsure` is returned if there are too many boxes to be remembered.
+template <class Wanted, class Found>
+bool search(const BuiltNode* root, bool unsure, const Wanted& wanted, const Found& found) {
+  if (!root) return false;
+  std::array<const BuiltNode*, 2 * kMostDepth> waiting;
+  size_t count = 0;
+  waiting[count++] = root;
+  while (count > 0) {
+    const BuiltNode* node = waiting[--count];
+    if (node->leaf) {
+      if (found(*static_cast<const BuiltLeaf*>(node))) return true;
+      continue;
+    }
+    const auto& inner = *static_cast<const BuiltInner*>(node);
+    for (size_t i = 0; i < 2; ++i) {
+      const RTCBounds& box = inner.bounds[i];
+      if (!wanted(Vec3f{box.lower_x, box.lower_y, box.lower_z},
+                  Vec3f{box.upper_x, box.upper_y, box.upper_z}))
+        continue;
+      if (count == waiting.size()) return unsure;
+      waiting[count++] = inner.child[i];
+    }
+  }
+  return false;
+}
+
+bool blocks(const Scene::Impl& scene, const Obstacles& obstacles, const BuiltLeaf& leaf) {
+  const GeometryEntry& entry = scene.geometries[leaf.geometry];
+  if (entry.kind == GeometryEntry::Kind::Cones) return false;  // open: rays may pass lengthwise
+  if (entry.kind == GeometryEntry::Kind::Spheres) {
+    const SphereShape& sphere = scene.spheres[leaf.primitive];
+    return obstacles.behind_sphere(Vec3f(sphere.centre), static_cast<float>(sphere.radius));
+  }
+  const MeshShape& mesh = scene.meshes[entry.mesh];
+  const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
+  return obstacles.behind_triangle(mesh.positions[corners[0]], mesh.positions[corners[1]],
+                                   mesh.positions[corners[2]]);
+}
+
 bool misses_primitive(const Scene::Impl& scene, const Hull& hull, const Patch& from,
                       const BuiltLeaf& leaf) {
   if (from.leaves_convex && leaf.geometry == from.geometry && leaf.primitive == from.primitive)
@@ -323,9 +431,7 @@ bool misses_primitive(const Scene::Impl& scene, const Hull& hull, const Patch& f
   if (entry.kind == GeometryEntry::Kind::Cones) return false;  // its box was not missed
   if (entry.kind == GeometryEntry::Kind::Spheres) {
     const SphereShape& sphere = scene.spheres[leaf.primitive];
-    const Vec3f centre(sphere.centre);
-    const auto radius = static_cast<float>(sphere.radius);
-    return hull.misses_sphere(centre, radius + kMargin * (radius + largest(centre)));
+    return hull.misses_sphere(Vec3f(sphere.centre), grown(sphere));
   }
   const MeshShape& mesh = scene.meshes[entry.mesh];
   const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
@@ -358,29 +464,19 @@ ShaftTester::ShaftTester(const Scene::Impl& scene)
 ShaftTester::~ShaftTester() = default;
 
 bool ShaftTester::empty(const Shaft& shaft) const {
-  if (!tree_->root) return true;
   const Hull hull(shaft);
-  std::array<const BuiltNode*, 2 * kMostDepth> waiting;
-  size_t count = 0;
-  waiting[count++] = tree_->root;
-  while (count > 0) {
-    const BuiltNode* node = waiting[--count];
-    if (node->leaf) {
-      if (!misses_primitive(scene_, hull, shaft.from, *static_cast<const BuiltLeaf*>(node)))
-        return false;
-      continue;
-    }
-    const auto& inner = *static_cast<const BuiltInner*>(node);
-    for (size_t i = 0; i < 2; ++i) {
-      const RTCBounds& box = inner.bounds[i];
-      if (hull.misses_box({box.lower_x, box.lower_y, box.lower_z},
-                          {box.upper_x, box.upper_y, box.upper_z}))
-        continue;
-      if (count == waiting.size()) return false;
-      waiting[count++] = inner.child[i];
-    }
-  }
-  return true;
+  const bool met = search(
+      tree_->root, true, [&](Vec3f low, Vec3f high) { return !hull.misses_box(low, high); },
+      [&](const BuiltLeaf& leaf) { return !misses_primitive(scene_, hull, shaft.from, leaf); });
+  return !met;
+}
+
+bool ShaftTester::blocked(const Shaft& shaft) const {
+  if (!shaft.to_point) return false;
+  const Obstacles obstacles(shaft);
+  return search(
+      tree_->root, false, [&](Vec3f low, Vec3f high) { return obstacles.reaches_box(low, high); },
+      [&](const BuiltLeaf& leaf) { return blocks(scene_, obstacles, leaf); });
 }
 
 }  // namespace lenticule::render

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Proofs that whole bundles of rays meet nothing, so that none of them needs to be traced.
+// Proofs that whole bundles of rays meet nothing, or that each of them meets something, so that
+// none of them needs to be traced.
 //
 // A shaft is every ray that leaves a small patch of a surface toward one point, or within a narrow
 // cone of directions. It is empty if each primitive of the scene can be separated from its convex
 // hull by a plane; what cannot be separated by the few planes that are tried counts as in the way,
-// so that the answer errs on the side of tracing. Margins cover single precision's roundings, also
-// Embree's.
+// so that the answer errs on the side of tracing. It is blocked if one primitive alone is in the
+// way of all its rays. Margins cover single precision's roundings, also Embree's.
 #pragma once
 
 #include <cstdint>
@@ -55,6 +56,9 @@ class ShaftTester {
 
   /// True: no ray of the shaft meets anything. False: one may.
   [[nodiscard]] bool empty(const Shaft& shaft) const;
+  /// True: every ray of the shaft meets something before the point. False: one may not. Always
+  /// false for shafts without a point, and where only several primitives together block.
+  [[nodiscard]] bool blocked(const Shaft& shaft) const;
 
  private:
   struct Tree;

@@ -7,8 +7,6 @@ namespace lenticule::render {
 namespace {
 
 constexpr unsigned kAnswersLog2 = 20;
-constexpr int kCellBits = 6;
-static_assert(kMostCells <= 1 << kCellBits);
 
 size_t primitives_of(const Scene::Impl& scene, const GeometryEntry& entry) {
   switch (entry.kind) {
@@ -33,38 +31,34 @@ ShaftProofs::ShaftProofs(const Scene::Impl& scene)
   }
 }
 
-uint64_t ShaftProofs::number(const SurfaceCell& cell) const {
-  uint64_t number = first_primitive_[cell.geometry] + cell.primitive;
-  number = number * 2 + (cell.outer_side ? 1 : 0);
-  for (const int part : {cell.u, cell.v, cell.w})
-    number = number << kCellBits | static_cast<uint64_t>(part);
-  return number;
-}
-
-bool ShaftProofs::empty(const SurfaceCell& cell, uint64_t number, uint64_t target) {
-  if (target >= kTargets) return false;
+ShaftProof ShaftProofs::proof(const SurfaceCell& cell, uint64_t number, uint64_t target) {
+  if (target >= kTargets) return ShaftProof::None;
   const uint64_t key = (number * kTargets + target) << 2;
   std::atomic<uint64_t>& place = answers_[mixed(key, kAnswersLog2)];
   const uint64_t known = place.load(std::memory_order_relaxed);
-  if ((known & ~uint64_t{3}) == key && known != 0) return (known & 3) == kEmpty;
-  const bool empty = find_out(cell, target);
-  place.store(key | (empty ? kEmpty : kPerhaps), std::memory_order_relaxed);
-  return empty;
+  if ((known & ~uint64_t{3}) == key && known != 0) return static_cast<ShaftProof>(known & 3);
+  const ShaftProof proof = find_out(cell, target);
+  place.store(key | static_cast<uint64_t>(proof), std::memory_order_relaxed);
+  return proof;
 }
 
-bool ShaftProofs::find_out(const SurfaceCell& cell, uint64_t target) const {
+ShaftProof ShaftProofs::find_out(const SurfaceCell& cell, uint64_t target) const {
+  const auto answer = [&](const Shaft& shaft) {
+    if (tester_.empty(shaft)) return ShaftProof::Empty;
+    return tester_.blocked(shaft) ? ShaftProof::Blocked : ShaftProof::None;
+  };
   const Patch from = patch_of(scene_, cell);
   if (target < kBins) {
     const DirectionCell bin =
         direction_cell(static_cast<int>(target) / kDirectionBins,
                        static_cast<int>(target) % kDirectionBins, kDirectionBins);
-    return tester_.empty(shaft_in_cone(from, bin.middle, bin.cosine));
+    return answer(shaft_in_cone(from, bin.middle, bin.cosine));
   }
   const SceneLight& lamp = scene_.lights[target - kBins];
   // Parallel rays: a cone as narrow as rounding allows.
   if (lamp.kind == Light::Kind::Directional)
-    return tester_.empty(shaft_in_cone(from, Vec3f(-lamp.direction), 1.0F));
-  return tester_.empty(shaft_to_point(from, lamp.position));
+    return answer(shaft_in_cone(from, Vec3f(-lamp.direction), 1.0F));
+  return answer(shaft_to_point(from, lamp.position));
 }
 
 }  // namespace lenticule::render

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Remembers which shafts of a scene are empty.
+// Remembers which shafts of a scene are empty or blocked.
 #pragma once
 
 #include <atomic>
@@ -10,6 +10,13 @@
 
 namespace lenticule::render {
 
+/// What is known of all rays of a shaft. The values are bits of the table of proofs.
+enum class ShaftProof : uint8_t {
+  None = 1,     ///< rays must be traced
+  Empty = 2,    ///< none meets anything
+  Blocked = 3,  ///< each meets something before it reaches the light
+};
+
 /// For any thread: what is asked for the first time is found out, and kept as long as there is
 /// room. An answer depends on the scene alone, never on who asked first.
 class ShaftProofs {
@@ -17,8 +24,10 @@ class ShaftProofs {
   /// Throws Error(Failed) with what Embree said.
   explicit ShaftProofs(const Scene::Impl& scene);
 
-  /// A number for the cell, to ask with; below 2^50.
-  [[nodiscard]] uint64_t number(const SurfaceCell& cell) const;
+  /// A number for a cell, to ask with; below 2^50. For `place` see render/surface_cells.h.
+  [[nodiscard]] uint64_t number(uint32_t geometry, uint32_t primitive, int32_t place) const {
+    return (first_primitive_[geometry] + primitive) << kPlaceBits | static_cast<uint32_t>(place);
+  }
   /// What can be asked about a cell: below kTargets.
   static constexpr uint64_t light_target(size_t light) { return kBins + light; }
   static constexpr uint64_t direction_target(int bin_u, int bin_v) {
@@ -30,20 +39,19 @@ class ShaftProofs {
     return static_cast<size_t>(key * 0x9e3779b97f4a7c15U >> (64 - bits));
   }
 
-  /// Whether no ray from the cell meets anything on its way to the light, or in any direction of a
-  /// bin (of kDirectionBins x kDirectionBins on the unfolded octahedron). `number` is the cell's.
-  [[nodiscard]] bool empty(const SurfaceCell& cell, uint64_t number, uint64_t target);
+  /// Of the rays from the cell to the light, or in any direction of a bin (of kDirectionBins x
+  /// kDirectionBins on the unfolded octahedron). `number` is the cell's.
+  [[nodiscard]] ShaftProof proof(const SurfaceCell& cell, uint64_t number, uint64_t target);
 
  private:
   static constexpr uint64_t kBins = uint64_t{kDirectionBins} * kDirectionBins;
-  static constexpr uint64_t kEmpty = 1, kPerhaps = 2;
 
-  [[nodiscard]] bool find_out(const SurfaceCell& cell, uint64_t target) const;
+  [[nodiscard]] ShaftProof find_out(const SurfaceCell& cell, uint64_t target) const;
 
   const Scene::Impl& scene_;
   ShaftTester tester_;
   std::vector<uint64_t> first_primitive_;  ///< by geometry, counted over all geometries
-  /// Each a key and kEmpty or kPerhaps, or zero.
+  /// Each a key and a proof, or zero.
   std::vector<std::atomic<uint64_t>> answers_;
 };
 

@@ -90,7 +90,7 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingEmptyShafts) {
     const Scene scene(named.scene, stage, {});
     frames::WovenFrame skipped = blank(rig), traced = blank(rig);
     const auto render = [&](bool skip, frames::WovenFrame& frame) {
-      return make_method("full", model, {.skip_empty_shafts = skip, .cancelled = {}})
+      return make_method("full", model, {.use_shaft_proofs = skip, .cancelled = {}})
           ->render(scene, stage, frame);
     };
     const RenderStatistics with = render(true, skipped);
