@@ -15,6 +15,14 @@ namespace lenticule::frames {
 /// Linear light of each of the 256 code values.
 [[nodiscard]] const std::array<double, 256>& linear_of_codes();
 
+/// The code value nearest to an encoded value; NaN is black. Without branches, so that compilers
+/// turn loops over it into a few vector instructions.
+[[nodiscard]] inline uint8_t code_from_encoded(float encoded) {
+  const float above = encoded > 0.0F ? encoded : 0.0F;
+  const float held = above < 1.0F ? above : 1.0F;
+  return static_cast<uint8_t>(static_cast<int>(double{held} * 255.0 + 0.5));
+}
+
 /// The code value nearest to the encoded light; light outside [0, 1] is clipped, NaN is black.
 [[nodiscard]] uint8_t code_from_linear(double linear);
 

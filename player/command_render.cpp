@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include "optics/rig_file.h"
 #include "player/command.h"
@@ -119,6 +120,16 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"suspected_holes", totals.rays.suspected_holes},
           {"filled_holes", totals.rays.filled_holes},
           {"stage", stage_json(stage)}};
+}
+
+/// All cores, but for one where a player on this machine takes the frames and there are some to
+/// spare: it must wake up in time for every refresh of the panel.
+int threads_of(const RenderFlags& flags) {
+  constexpr int kFewCores = 4;
+  const int cores = static_cast<int>(std::thread::hardware_concurrency());
+  const bool beside_player = flags.output.starts_with("ring:");
+  return flags.options.threads == 0 && beside_player && cores >= kFewCores ? cores - 1
+                                                                           : flags.options.threads;
 }
 
 /// The scene of one frame, with the camera path's camera instead of its own.
@@ -266,7 +277,9 @@ Run declare_render(CLI::App& app) {
   app.add_option("--fps", flags->fps, "frames per second of the animation")->capture_default_str();
   app.add_option("--camera", flags->camera,
                  "file with one camera per line: from, at, up, field of view");
-  app.add_option("--threads", flags->options.threads, "0 means all cores")->capture_default_str();
+  app.add_option("--threads", flags->options.threads,
+                 "0 means all cores, but one of four or more for the player of a ring")
+      ->capture_default_str();
   app.add_option("--samples", flags->options.samples, "rays per subpixel, inside its area")
       ->capture_default_str();
   app.add_option("--max-depth", flags->options.max_depth, "of reflections and refractions")
@@ -283,6 +296,7 @@ Run declare_render(CLI::App& app) {
   declare_surroundings_flags(app, *flags);
   return [flags]() -> ExitCode {
     complete(*flags);
+    flags->options.threads = threads_of(*flags);
     return RenderRun(*flags).run();
   };
 }

@@ -25,7 +25,11 @@ struct RenderOptions {
   Isa isa = best_isa();  ///< of our own loops; the bytes do not depend on it
   /// Rays that are proved to meet nothing are not traced (render/shaft.h); the bytes are the same.
   bool use_shaft_proofs = true;
-  bool measure_work = false;  ///< fill RenderStatistics::work; costs some percent of time
+  /// Mirrored rays that cannot change their subpixel's code value, whatever they meet, are left
+  /// out; the bytes are the same. Only with one sample per subpixel.
+  bool skip_weak_rays = true;
+  bool tiles_backwards = false;  ///< the bytes do not depend on the order; for tests
+  bool measure_work = false;     ///< fill RenderStatistics::work; costs some percent of time
   /// Asked between tiles; true ends the frame early (RenderStatistics::completed is false then).
   std::function<bool()> cancelled;
 };
@@ -37,12 +41,13 @@ struct RenderStatistics {
   uint64_t primary_rays = 0;
   uint64_t shadow_rays = 0;
   uint64_t secondary_rays = 0;
-  uint64_t invalid_rays = 0;           ///< not finite, so not shown to Embree
-  uint64_t suspected_holes = 0;        ///< primary rays that went on where their neighbours ended
-  uint64_t filled_holes = 0;           ///< and those that had slipped between triangles
-  uint64_t shadow_rays_proved = 0;     ///< of shadow_rays: not traced, nothing was in their way
-  uint64_t shadow_rays_blocked = 0;    ///< of shadow_rays: not traced, something surely was
-  uint64_t secondary_rays_proved = 0;  ///< of secondary_rays: not traced, they meet nothing
+  uint64_t invalid_rays = 0;             ///< not finite, so not shown to Embree
+  uint64_t suspected_holes = 0;          ///< primary rays that went on where their neighbours ended
+  uint64_t filled_holes = 0;             ///< and those that had slipped between triangles
+  uint64_t shadow_rays_proved = 0;       ///< of shadow_rays: not traced, nothing was in their way
+  uint64_t shadow_rays_blocked = 0;      ///< of shadow_rays: not traced, something surely was
+  uint64_t secondary_rays_proved = 0;    ///< of secondary_rays: not traced, they meet nothing
+  uint64_t secondary_rays_too_weak = 0;  ///< left out, and not counted in secondary_rays
   double seconds = 0.0;
   /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.
   std::array<double, kWorks> work{};

@@ -19,13 +19,8 @@
 namespace lenticule::render {
 namespace {
 
-/// Without branches, so that compilers turn it into a few vector instructions. NaN is black.
 void write_straight(const float* light, int count, uint8_t* codes) {
-  for (int i = 0; i < count; ++i) {
-    const float above = light[i] > 0.0F ? light[i] : 0.0F;
-    const float held = above < 1.0F ? above : 1.0F;
-    codes[i] = static_cast<uint8_t>(static_cast<int>(double{held} * 255.0 + 0.5));
-  }
+  for (int i = 0; i < count; ++i) codes[i] = frames::code_from_encoded(light[i]);
 }
 void write_managed(const float* light, int count, uint8_t* codes) {
   for (int i = 0; i < count; ++i) codes[i] = frames::code_from_linear(double{light[i]});
@@ -62,12 +57,13 @@ class FullMethod final : public Method {
     std::atomic<bool> cancelled{false};
     tbb::enumerable_thread_specific<Worker> workers([this] { return Worker(packets_, options_); });
     arena_.execute([&] {
-      tbb::parallel_for(0, plan_.count(), [&](int index) {
+      tbb::parallel_for(0, plan_.count(), [&](int number) {
         if (cancelled.load(std::memory_order_relaxed)) return;
         if (options_.cancelled && options_.cancelled()) {
           cancelled.store(true, std::memory_order_relaxed);
           return;
         }
+        const int index = options_.tiles_backwards ? plan_.count() - 1 - number : number;
         render_tile(scene.impl(), plan_.tile(index), workers.local(), frame);
       });
     });
@@ -90,6 +86,7 @@ class FullMethod final : public Method {
             .shadow_rays_proved = counts.shadow_proved,
             .shadow_rays_blocked = counts.shadow_blocked,
             .secondary_rays_proved = counts.secondary_proved,
+            .secondary_rays_too_weak = counts.secondary_too_weak,
             .seconds = elapsed.count(),
             .work = shares(ticks)};
   }

@@ -6,6 +6,7 @@
 #include <bit>
 #include <limits>
 
+#include "frames/srgb.h"
 #include "render/shading.h"
 #include "render/shading_tables.h"
 #include "render/texture.h"
@@ -21,6 +22,7 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   shadow_proved += other.shadow_proved;
   shadow_blocked += other.shadow_blocked;
   secondary_proved += other.secondary_proved;
+  secondary_too_weak += other.secondary_too_weak;
   return *this;
 }
 
@@ -97,6 +99,10 @@ void set_lane(RayPacket& packet, size_t r, Vec3 origin, Vec3 direction) {
   ray.tfar[r] = std::numeric_limits<float>::infinity();
 }
 
+uint8_t code_of_light(float light) {
+  return frames::code_from_linear(double{light});
+}
+
 /// The channels of a column's lanes, and what they see where there is nothing.
 struct Colours {
   std::array<int32_t, kPacket> channel;
@@ -130,6 +136,7 @@ PacketTracer::PacketTracer(const RenderOptions& options)
       primary_(kFewPackets),
       generations_(static_cast<size_t>(options.max_depth) + 1),
       use_proofs_(options.use_shaft_proofs),
+      skip_weak_(options.skip_weak_rays && options.samples == 1),
       cells_(size_t{1} << kAnswersLog2),
       answers_(size_t{1} << kAnswersLog2),
       clock_(options.measure_work) {
@@ -220,6 +227,7 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   const bool any = kernel_.mirrored_rays(surfaces, weight, rays);
   counts_.invalid += static_cast<uint64_t>(rays.refused);
   if (!any) return;
+  if (skip_weak_ && glass_above_ == 0) leave_out_weak(scene, rays, depth);
   if (ask_mirrored) {
     const uint32_t open = take_open(scene, asker, rays, generation.mirrored.valid);
     mirrored_payoff_.asked(!any_lane(generation.mirrored.valid));
@@ -227,6 +235,23 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
     add_backdrop(scene, generation.mirrored, rays.weight, open);
   }
   follow(scene, rays, generation.mirrored, depth);
+}
+
+/// All that a subpixel will get from elsewhere is in lanes_.light by now: what is left to add lies
+/// between nothing and the brightest that the scene can send.
+void PacketTracer::leave_out_weak(const Scene::Impl& scene, NewRays& rays, size_t depth) {
+  const int generations = static_cast<int>(generations_.size() - depth) - 2;
+  const float most = scene.shading->most_light(generations);
+  const auto code = scene.colour_managed ? code_of_light : frames::code_from_encoded;
+  constexpr float kNotWorthAsking = 1.0F / 16;
+  for (size_t r = 0; r < kPacket; ++r) {
+    const float now = lanes_.light[r];
+    const float later = now + rays.weight[r] * most;
+    const bool perhaps = rays.valid[r] != 0 && (now >= 1.0F || later - now < kNotWorthAsking);
+    if (!perhaps || code(now) != code(later)) continue;
+    rays.valid[r] = 0;
+    ++counts_.secondary_too_weak;
+  }
 }
 
 /// For the rays of `lanes`, which met nothing.
@@ -389,7 +414,9 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
     set(generation.refracted, refracted, r, spawn_point(surface, Side::Far), on.transmit_direction,
         on.transmit_weight);
   }
+  ++glass_above_;
   follow(scene, mirrored, generation.mirrored, depth);
+  --glass_above_;
   follow(scene, refracted, generation.refracted, depth);
 }
 

@@ -25,9 +25,10 @@ struct RayCounts {
   uint64_t shadow = 0;
   uint64_t invalid = 0;
   HoleCounts holes;
-  uint64_t shadow_proved = 0;     ///< not traced: the way to the light was known to be free,
-  uint64_t shadow_blocked = 0;    ///< or to be blocked
-  uint64_t secondary_proved = 0;  ///< not traced: nothing was known to be in that direction
+  uint64_t shadow_proved = 0;       ///< not traced: the way to the light was known to be free,
+  uint64_t shadow_blocked = 0;      ///< or to be blocked
+  uint64_t secondary_proved = 0;    ///< not traced: nothing was known to be in that direction
+  uint64_t secondary_too_weak = 0;  ///< left out: their light cannot change a code value
 
   RayCounts& operator+=(const RayCounts& other);
 };
@@ -103,6 +104,9 @@ class PacketTracer {
   uint32_t take_open(const Scene::Impl& scene, const Asker& asker,
                      const shading_kernel::NewRays& rays, int* valid);
 
+  /// Makes mirrored rays invalid that cannot change the code value of their subpixel.
+  void leave_out_weak(const Scene::Impl& scene, shading_kernel::NewRays& rays, size_t depth);
+
   void shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight, size_t depth);
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);
@@ -117,6 +121,8 @@ class PacketTracer {
   std::vector<Generation> generations_;
   Lanes lanes_;
   bool use_proofs_;
+  bool skip_weak_;
+  int glass_above_ = 0;  ///< packets whose refracted rays are still to come
   static constexpr unsigned kAnswersLog2 = 10;
   std::vector<CellAnswers> cells_;
   std::vector<Answer> answers_;

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/shading_tables.h"
 
+#include <algorithm>
+#include <limits>
+
 namespace lenticule::render {
 namespace {
 
@@ -78,9 +81,68 @@ shading_kernel::Geometry table_entry(const MeshShape& mesh) {
   return out;
 }
 
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+float largest(Vec3 v) {
+  return static_cast<float>(std::max({v.x, v.y, v.z}));
+}
+float smallest(Vec3 v) {
+  return static_cast<float>(std::min({v.x, v.y, v.z}));
+}
+
+/// Of all lights together. Light that falls off has no bound.
+float most_arriving(const std::vector<SceneLight>& lights) {
+  float sum = 0.0F;
+  for (const SceneLight& light : lights) {
+    if (light.falls_off || smallest(light.colour) < 0.0F) return kInfinity;
+    sum += largest(light.colour);
+  }
+  return sum;
+}
+
+float most_from_afar(const Backdrop& backdrop) {
+  return backdrop.flat() && smallest(backdrop.colour) >= 0.0F ? largest(backdrop.colour)
+                                                              : kInfinity;
+}
+
+/// What is negative takes light away again, so that nothing bounds the rest.
+bool only_adds(const Material& m) {
+  return std::min({smallest(m.colour), smallest(m.emission), static_cast<float>(m.diffuse),
+                   static_cast<float>(m.specular), static_cast<float>(m.transmittance)}) >= 0.0F;
+}
+
+float most_from(const Material& m, float arriving, float ambient) {
+  if (!only_adds(m)) return kInfinity;
+  const auto diffuse = static_cast<float>(m.diffuse) * largest(m.colour);
+  const float tint = m.tinted_specular ? largest(m.colour) : 1.0F;
+  return largest(m.emission) + ambient * diffuse +
+         arriving * (diffuse + static_cast<float>(m.specular) * tint);
+}
+
+float kept_by(const Material& m) {
+  const float tint = m.tinted_specular ? largest(m.colour) : 1.0F;
+  return static_cast<float>(m.specular) * tint +
+         static_cast<float>(m.transmittance) * largest(m.colour);
+}
+
 }  // namespace
 
+float ShadingTables::most_light(int generations) const {
+  constexpr float kRounding = 1.001F;
+  float most = most_direct_;
+  for (int i = 0; i < generations; ++i) most = most_direct_ + most_kept_ * most;
+  return most * kRounding;
+}
+
 ShadingTables::ShadingTables(const Scene::Impl& scene) {
+  const float arriving = most_arriving(scene.lights);
+  most_direct_ = most_from_afar(scene.backdrop);
+  for (const Material& m : scene.materials) {
+    // A texture of high range may be brighter than white.
+    const float direct = m.texture < 0 ? most_from(m, arriving, largest(scene.ambient)) : kInfinity;
+    most_direct_ = std::max(most_direct_, direct);
+    most_kept_ = std::max(most_kept_, kept_by(m));
+  }
   for (const Material& material : scene.materials) materials_.push_back(table_entry(material));
   for (const SphereShape& sphere : scene.spheres) spheres_.push_back(table_entry(sphere));
   for (const ConeShape& cone : scene.cones) cones_.push_back(table_entry(cone));

@@ -20,6 +20,9 @@ class ShadingTables {
 
   [[nodiscard]] const shading_kernel::Tables& tables() const { return tables_; }
   [[nodiscard]] const std::vector<shading_kernel::Light>& lights() const { return lights_; }
+  /// More than any ray brings that may be mirrored or refracted `generations` times more, in any
+  /// channel; infinite where no bound is known.
+  [[nodiscard]] float most_light(int generations) const;
 
  private:
   std::vector<shading_kernel::Material> materials_;
@@ -28,6 +31,8 @@ class ShadingTables {
   std::vector<shading_kernel::Geometry> geometries_;
   std::vector<shading_kernel::Light> lights_;
   shading_kernel::Tables tables_{};
+  float most_direct_ = 0.0F;  ///< from a surface itself or from the surroundings
+  float most_kept_ = 0.0F;    ///< of what a mirrored and a refracted ray bring together
 };
 
 /// The cell that an active lane of an intersected packet met.
