@@ -3,9 +3,7 @@
 // five calls whose form differs between Embree 3 and 4.
 #pragma once
 
-#include <bit>
 #include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <string>
 #include <type_traits>
@@ -60,26 +58,25 @@ enum class Coherence { Coherent, Incoherent };
   return x > -kLimit && x < kLimit && y > -kLimit && y < kLimit && z > -kLimit && z < kLimit;
 }
 
-/// Whether all directions of a packet have the same signs. Embree's traversal of coherent packets
-/// can lose rays of packets that point to both sides of an axis (`lenticule bench stability`, rows
-/// edges and inside), and gains nothing there.
-[[nodiscard]] inline bool in_one_octant(const int* valid, const RTCRay16& rays) {
-  uint32_t different = 0;
-  uint32_t first[3] = {};
-  bool found = false;
-  for (size_t r = 0; r < 16 && !found; ++r) {
-    if (valid[r] == 0) continue;
-    found = true;
-    first[0] = std::bit_cast<uint32_t>(rays.dir_x[r]);
-    first[1] = std::bit_cast<uint32_t>(rays.dir_y[r]);
-    first[2] = std::bit_cast<uint32_t>(rays.dir_z[r]);
+/// Whether Embree takes one component of all directions of a packet for positive, or of all for
+/// negative. What is nearer to zero than 1e-18 it takes for +1e-18, of either sign.
+[[nodiscard]] inline bool on_one_side(const int* valid, const float* components) {
+  constexpr float kClearlyNegative = -1e-17F;
+  int negative = 0, not_negative = 0;
+  for (size_t r = 0; r < 16; ++r) {
+    negative |= valid[r] & (components[r] >= 0.0F ? 0 : -1);
+    not_negative |= valid[r] & (components[r] <= kClearlyNegative ? 0 : -1);
   }
-  for (size_t r = 0; r < 16; ++r)
-    different |=
-        static_cast<uint32_t>(valid[r]) & ((std::bit_cast<uint32_t>(rays.dir_x[r]) ^ first[0]) |
-                                           (std::bit_cast<uint32_t>(rays.dir_y[r]) ^ first[1]) |
-                                           (std::bit_cast<uint32_t>(rays.dir_z[r]) ^ first[2]));
-  return different >> 31 == 0;
+  return negative == 0 || not_negative == 0;
+}
+
+/// Whether a packet may be traced as a coherent one. Embree then asks first what the bounds of all
+/// its rays meet, which it makes from the smallest and the largest reciprocal of the directions'
+/// components. Where these have both signs they bound nothing, and the whole packet can be lost
+/// (`lenticule bench stability`, rows edges and inside). Such packets gain nothing there either.
+[[nodiscard]] inline bool in_one_octant(const int* valid, const RTCRay16& rays) {
+  return on_one_side(valid, rays.dir_x) && on_one_side(valid, rays.dir_y) &&
+         on_one_side(valid, rays.dir_z);
 }
 [[nodiscard]] inline Coherence coherence_of(Coherence wanted, const int* valid,
                                             const RTCRay16& rays) {

@@ -109,5 +109,81 @@ TEST_F(RayStream, LightArrivesUnlessSomethingIsInTheWay) {
   EXPECT_EQ(light, (std::vector<double>{0, 2, 4, 0}));
 }
 
+/// Sixteen rays from the middle of a closed ball, all to one side of each axis, of which one comes
+/// as near to the other side of an axis as `nearly` says.
+std::vector<Vec3> directions_beside_an_axis(size_t axis, double nearly) {
+  std::vector<Vec3> directions;
+  for (int k = 0; k < static_cast<int>(kPacket); ++k) {
+    const double aside = k == 5 ? nearly : -0.001 - 0.002 * k;
+    const double other = -0.03 + 0.001 * k;
+    if (axis == 0) directions.push_back(normalized(Vec3{aside, 1.0, other}));
+    if (axis == 1) directions.push_back(normalized(Vec3{other, aside, 1.0}));
+    if (axis == 2) directions.push_back(normalized(Vec3{1.0, other, aside}));
+  }
+  return directions;
+}
+
+class ClosedBall : public ::testing::TestWithParam<double> {
+ protected:
+  static SceneDescription ball() {
+    SceneDescription scene;
+    scene.source = "ball";
+    scene.materials = {Material{}};
+    scene.meshes = {testing::ball_mesh({}, 40.0, 60, 0)};
+    return scene;
+  }
+  Scene scene_{ball(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
+  RTCScene embree_ = scene_.impl().embree.get();
+};
+
+// Embree takes these components for positive ones, and the bounds of a packet with negative ones
+// beside them for none that meet anything.
+TEST_P(ClosedBall, LosesNoPacketOfWhichOneRayIsNearlyAlongAnAxis) {
+  for (size_t axis = 0; axis < 3; ++axis) {
+    std::vector<PathRay> rays;
+    std::vector<ShadowRay> shadows;
+    for (const Vec3 way : directions_beside_an_axis(axis, GetParam())) {
+      rays.push_back(ray({}, way));
+      shadows.push_back({.origin = {}, .direction = way, .distance = 1e3, .light = 1.0});
+    }
+    std::vector<Hit> hits(rays.size());
+    EXPECT_EQ(intersect(embree_, rays, Coherence::Coherent, hits), 0U);
+    for (const Hit& hit : hits) EXPECT_EQ(hit.geometry, 0U) << "axis " << axis;
+    std::vector<double> light(1, 0.0);
+    EXPECT_EQ(add_unshadowed(embree_, shadows, light), 0U);
+    EXPECT_EQ(light[0], 0.0) << "axis " << axis;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Nearly, ClosedBall,
+                         ::testing::Values(0.0, -0.0, 1e-30, -1e-30, -6.9e-19, -1.1e-18, -1e-12,
+                                           1e-19, 1e-12, 1e-3));
+
+TEST(InOneOctant, AsksForTheSignsThatEmbreeSees) {
+  alignas(64) int valid[kPacket];
+  RTCRay16 rays{};
+  const auto all = [&](float most, float one) {
+    for (size_t r = 0; r < kPacket; ++r) {
+      valid[r] = -1;
+      rays.dir_x[r] = r == 7 ? one : most;
+      rays.dir_y[r] = -0.0F;
+      rays.dir_z[r] = -1.0F;
+    }
+    return in_one_octant(valid, rays);
+  };
+  EXPECT_TRUE(all(0.5F, 0.25F));
+  EXPECT_TRUE(all(-0.5F, -0.25F));
+  EXPECT_TRUE(all(0.5F, -0.0F));
+  EXPECT_TRUE(all(0.5F, 1e-30F));
+  EXPECT_FALSE(all(0.5F, -0.25F));
+  EXPECT_FALSE(all(-0.5F, 0.25F));
+  EXPECT_FALSE(all(-0.5F, 0.0F));
+  EXPECT_FALSE(all(-0.5F, -0.0F));
+  EXPECT_FALSE(all(-0.5F, -6.9e-19F));
+  EXPECT_FALSE(all(-0.5F, 0.25F));
+  valid[7] = 0;
+  EXPECT_TRUE(in_one_octant(valid, rays)) << "an empty lane counts";
+}
+
 }  // namespace
 }  // namespace lenticule::render
