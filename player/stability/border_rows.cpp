@@ -57,20 +57,57 @@ struct Owner {
   int view = 0;
   bool on_border = false;
 };
-/// phase = 3 [(i + 1/6 + c/3 - W/2) + m (j + 1/2 - H/2)] / P, a fraction of integers.
-Owner owner(const RationalSheet& sheet, int i, int j, int channel) {
-  const int64_t sixths = int64_t{sheet.slant_by} * (6 * int64_t{i} + 1 + 2 * channel - 3 * kWidth) +
-                         int64_t{sheet.slant} * 3 * (2 * int64_t{j} + 1 - kHeight);
-  const int64_t number = sixths * sheet.pitch_by;
-  const int64_t by = int64_t{2} * sheet.slant_by * sheet.pitch;
-  const int64_t lens = floor_divide(2 * number + by, 2 * by);
-  // view = ceil(views (1/2 - place)) - 1, place = number / by - lens in [-1/2, 1/2).
-  const int64_t place = number - lens * by;
-  const int64_t view_number = sheet.views * (by - 2 * place);
-  const int64_t view = -floor_divide(-view_number, 2 * by) - 1;
-  return {lens, static_cast<int>(view),
-          2 * place == -by || floor_divide(view_number, 2 * by) * 2 * by == view_number};
-}
+
+/// Says whose the subpixels of a sheet are, in integers alone.
+///
+/// phase = 3 [(i + 1/6 + c/3 - W/2) + m (j + 1/2 - H/2)] / P is number / by, two integers; from
+/// subpixel to subpixel of a row the number grows by the same. View and border depend on its
+/// remainder, and are looked up.
+class Owners {
+ public:
+  explicit Owners(const RationalSheet& sheet)
+      : sheet_(sheet), by_(int64_t{2} * sheet.slant_by * sheet.pitch) {
+    for (int64_t rest = 0; rest < by_; ++rest) of_rest_.push_back(owner(rest));
+  }
+
+  /// Calls see(subpixel, owner) for every subpixel of row j, from the left.
+  template <class See>
+  void row(int j, const See& see) const {
+    const int64_t first = number(0, j);
+    const int64_t step = number(1, j) - first;
+    int64_t turn = floor_divide(first, by_);
+    int64_t rest = first - turn * by_;
+    for (int s = 0; s < 3 * kWidth; ++s) {
+      Owner here = of_rest_[static_cast<size_t>(rest)];
+      here.lens += turn;
+      see(s, here);
+      for (rest += step; rest >= by_; rest -= by_) ++turn;
+    }
+  }
+
+  [[nodiscard]] int64_t lens(int s, int j) const { return owner(number(s, j)).lens; }
+
+ private:
+  [[nodiscard]] int64_t number(int s, int j) const {
+    // 6 i + 2 c is twice the subpixel's number in its row.
+    const int64_t sixths = int64_t{sheet_.slant_by} * (2 * int64_t{s} + 1 - 3 * kWidth) +
+                           int64_t{sheet_.slant} * 3 * (2 * int64_t{j} + 1 - kHeight);
+    return sixths * sheet_.pitch_by;
+  }
+  [[nodiscard]] Owner owner(int64_t number) const {
+    const int64_t lens = floor_divide(2 * number + by_, 2 * by_);
+    // view = ceil(views (1/2 - place)) - 1, place = number / by - lens in [-1/2, 1/2).
+    const int64_t place = number - lens * by_;
+    const int64_t view_number = sheet_.views * (by_ - 2 * place);
+    const int64_t view = -floor_divide(-view_number, 2 * by_) - 1;
+    return {lens, static_cast<int>(view),
+            2 * place == -by_ || floor_divide(view_number, 2 * by_) * 2 * by_ == view_number};
+  }
+
+  RationalSheet sheet_;
+  int64_t by_;
+  std::vector<Owner> of_rest_;
+};
 
 constexpr const char* kStressed =
     "pitches 2, 3, 6, 7, 15/2, 23/3, 3000 with slants 0, 1/3, 1, -1 on 15360x8640";
@@ -83,6 +120,7 @@ StabilityRow stability_borders(const StabilitySize& size) {
   const int step = static_cast<int>(size.samples(619, 1));
   for (const RationalSheet& sheet : sheets()) {
     const optics::OpticalModel model(rational_rig(sheet));
+    const Owners owners(sheet);
     std::vector<optics::RowRayEvaluator> kernels;
     for (const Isa isa : {Isa::Baseline, Isa::Avx2, Isa::Avx512})
       if (isa_supported(isa)) kernels.emplace_back(model, isa);
@@ -92,8 +130,7 @@ StabilityRow stability_borders(const StabilitySize& size) {
       const int j = static_cast<int>(k) * step;
       std::vector<optics::RowRays> rays(kernels.size());
       for (size_t n = 0; n < kernels.size(); ++n) kernels[n].evaluate(j, 0, kWidth, rays[n]);
-      for (int s = 0; s < 3 * kWidth; ++s) {
-        const Owner truth = owner(sheet, s / 3, j, s % 3);
+      owners.row(j, [&](int s, const Owner& truth) {
         borders += truth.on_border ? 1 : 0;
         const auto check = [&](int64_t lens, double place) {
           const double number = optics::view_number(place, sheet.views);
@@ -102,10 +139,10 @@ StabilityRow stability_borders(const StabilitySize& size) {
         };
         const auto at = static_cast<size_t>(s);
         for (const optics::RowRays& row : rays) check(row.lens[at], row.place[at]);
-        if (s % 16 != 0) continue;
+        if (s % 16 != 0) return;
         const optics::SubpixelRay ray = model.ray(s / 3, j, s % 3);
         check(ray.lens, ray.place);
-      }
+      });
       on_border += borders;
       shared.add(tally);
     });
@@ -127,6 +164,7 @@ StabilityRow stability_borders_tiles(const StabilitySize& size) {
     const optics::Rig rig = rational_rig(sheet);
     const optics::OpticalModel model(rig);
     const PlainStage plain(rig);
+    const Owners owners(sheet);
     const render::PrimaryProbe probe(plain.scene, model, best_isa());
     by_polynomials += probe.fast() ? 1 : 0;
     const auto tiles = static_cast<uint64_t>(probe.tiles());
@@ -135,7 +173,7 @@ StabilityRow stability_borders_tiles(const StabilitySize& size) {
       std::vector<render::PrimaryProbe::Line> lines;
       probe.lines(static_cast<int>(k * step), lines);
       for (const auto& line : lines) {
-        const int64_t lens = owner(sheet, line.subpixel / 3, line.row, line.subpixel % 3).lens;
+        const int64_t lens = owners.lens(line.subpixel, line.row);
         const Real through = oracle_lens_at(rig, line.x_mm, line.y_mm, line.subpixel % 3);
         tally.check(std::fabs(through - static_cast<Real>(lens)) < Real(0.25));
       }
