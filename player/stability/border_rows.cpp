@@ -128,7 +128,9 @@ StabilityRow stability_borders(const StabilitySize& size) {
       Tally tally;
       uint64_t borders = 0;
       const int j = static_cast<int>(k) * step;
-      std::vector<optics::RowRays> rays(kernels.size());
+      // Kept from row to row: taking a megabyte anew for each costs more than filling it.
+      static thread_local std::vector<optics::RowRays> rays;
+      rays.resize(kernels.size());
       for (size_t n = 0; n < kernels.size(); ++n) kernels[n].evaluate(j, 0, kWidth, rays[n]);
       owners.row(j, [&](int s, const Owner& truth) {
         borders += truth.on_border ? 1 : 0;
@@ -170,7 +172,7 @@ StabilityRow stability_borders_tiles(const StabilitySize& size) {
     const auto tiles = static_cast<uint64_t>(probe.tiles());
     for_each_part(size, (tiles + step - 1) / step, [&](uint64_t k) {
       Tally tally;
-      std::vector<render::PrimaryProbe::Line> lines;
+      static thread_local std::vector<render::PrimaryProbe::Line> lines;
       probe.lines(static_cast<int>(k * step), lines);
       for (const auto& line : lines) {
         const int64_t lens = owners.lens(line.subpixel, line.row);

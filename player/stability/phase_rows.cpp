@@ -101,7 +101,8 @@ StabilityRow stability_phase_kernels(const StabilitySize& size) {
   for_each_part(size, rows, [&](uint64_t k) {
     Tally tally;
     const int j = row_number(rig, rows, k);
-    std::vector<optics::RowRays> rays(kernels.size());
+    static thread_local std::vector<optics::RowRays> rays;
+    rays.resize(kernels.size());
     for (size_t n = 0; n < kernels.size(); ++n)
       kernels[n].evaluate(j, 0, rig.panel.width_px, rays[n]);
     for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
@@ -127,7 +128,7 @@ StabilityRow stability_phase_tiles(const StabilitySize& size) {
   SharedTally shared;
   for_each_part(size, (tiles + step - 1) / step, [&](uint64_t k) {
     Tally tally;
-    std::vector<render::PrimaryProbe::Line> lines;
+    static thread_local std::vector<render::PrimaryProbe::Line> lines;
     probe.lines(static_cast<int>(k * step), lines);
     uint64_t n = 0;
     for (const auto& line : lines) {
