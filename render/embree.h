@@ -61,13 +61,19 @@ enum class Coherence { Coherent, Incoherent };
 /// Whether Embree takes one component of all directions of a packet for positive, or of all for
 /// negative. What is nearer to zero than 1e-18 it takes for +1e-18, of either sign.
 [[nodiscard]] inline bool on_one_side(const int* valid, const float* components) {
-  constexpr float kClearlyNegative = -1e-17F;
-  int negative = 0, not_negative = 0;
+  // Nearly always their sign bits are the same, and this is asked of every packet.
+  constexpr auto kClear = std::bit_cast<int32_t>(1e-17F);
+  int32_t any = 0, all = -1, small = 0;
   for (size_t r = 0; r < 16; ++r) {
-    negative |= valid[r] & (components[r] >= 0.0F ? 0 : -1);
-    not_negative |= valid[r] & (components[r] <= kClearlyNegative ? 0 : -1);
+    const auto bits = std::bit_cast<int32_t>(components[r]);
+    any |= bits & valid[r];
+    all &= bits | ~valid[r];
+    small |= ((bits & 0x7fffffff) < kClear ? -1 : 0) & valid[r];
   }
-  return negative == 0 || not_negative == 0;
+  if (any >= 0 || (all < 0 && small == 0)) return true;
+  int negative = 0;
+  for (size_t r = 0; r < 16; ++r) negative |= valid[r] & (components[r] >= 0.0F ? 0 : -1);
+  return negative == 0;
 }
 
 /// Whether a packet may be traced as a coherent one. Embree then asks first what the bounds of all
