@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "optics/error.h"
-#include "render/loaders/nff.h"
+#include "player/built_in_scene.h"
 
 namespace lenticule::player {
 namespace {
@@ -63,8 +63,7 @@ render::SceneDescription SceneSequence::at(uint64_t frame) const {
 render::SceneDescription SceneSequence::built_in(uint64_t frame) const {
   const auto period = static_cast<uint64_t>(std::max(1, built_in_->frames));
   const int in_period = static_cast<int>(frame % period);
-  return render::parse_nff(scenes::write_scene(*built_in_, size_, in_period),
-                           std::string(kBuiltIn) + built_in_->name);
+  return describe_built_in(*built_in_, size_, in_period);
 }
 
 StageSequence::StageSequence(const render::SceneDescription& reference,

@@ -6,7 +6,7 @@
 namespace lenticule::scenes {
 namespace {
 
-void write_squares(NffWriter& out, const CheckerBoard& board, int parity) {
+void write_squares(SceneWriter& out, const CheckerBoard& board, int parity) {
   // Corners are computed from the whole edge, so that neighbours share them exactly.
   const auto point = [&](int column, int row) {
     return board.corner + board.along * (static_cast<double>(column) / board.columns) +
@@ -20,7 +20,7 @@ void write_squares(NffWriter& out, const CheckerBoard& board, int parity) {
 
 }  // namespace
 
-void write_checker_board(NffWriter& out, const CheckerBoard& board) {
+void write_checker_board(SceneWriter& out, const CheckerBoard& board) {
   out.fill(board.even);
   write_squares(out, board, 0);
   out.fill(board.odd);

@@ -2,7 +2,7 @@
 // A parallelogram of squares in two colours: floors, walls and boards.
 #pragma once
 
-#include "scenes/nff_writer.h"
+#include "scenes/scene_writer.h"
 
 namespace lenticule::scenes {
 
@@ -16,6 +16,6 @@ struct CheckerBoard {
   Fill odd;
 };
 
-void write_checker_board(NffWriter& out, const CheckerBoard& board);
+void write_checker_board(SceneWriter& out, const CheckerBoard& board);
 
 }  // namespace lenticule::scenes

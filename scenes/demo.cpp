@@ -20,18 +20,7 @@ constexpr double kFront = 4.6;  // z of the floor's front edge, below the pictur
 constexpr double kSide = 9.0;   // |x|, beyond the picture
 constexpr double kTop = 7.0;    // of the wall
 
-/// The camera looks a little down on the teapot's middle and sees 4.6 units there.
-View camera() {
-  constexpr double kDistance = 14.0;
-  constexpr double kSeen = 4.6;
-  constexpr double kElevation = 12.0 * std::numbers::pi / 180.0;
-  const Vec3 at{0, 1.5, 0};
-  const Vec3 back{0, std::sin(kElevation), std::cos(kElevation)};
-  const double angle = 2.0 * std::atan(kSeen / 2.0 / kDistance) * 180.0 / std::numbers::pi;
-  return {.from = at + back * kDistance, .at = at, .up = {0, 1, 0}, .angle_degrees = angle};
-}
-
-void write_surroundings(NffWriter& out) {
+void write_surroundings(SceneWriter& out) {
   const Fill light_tile{.colour = {0.86, 0.84, 0.78}, .diffuse = 0.8, .specular = 0.08};
   const Fill dark_tile{.colour = {0.33, 0.38, 0.42}, .diffuse = 0.8, .specular = 0.08};
   write_checker_board(out, {.corner = {-kSide, 0, kFront},
@@ -50,7 +39,7 @@ void write_surroundings(NffWriter& out) {
                             .odd = {.colour = {0.50, 0.63, 0.70}, .diffuse = 0.8}});
 }
 
-void write_table(NffWriter& out) {
+void write_table(SceneWriter& out) {
   constexpr int kCorners = 96;
   out.fill({.colour = {0.42, 0.27, 0.18}, .diffuse = 0.8, .specular = 0.15, .shine = 20.0});
   out.cone({0, 0, 0}, kTableRadius, {0, kTableHeight, 0}, kTableRadius);
@@ -62,7 +51,7 @@ void write_table(NffWriter& out) {
   out.polygon(rim);
 }
 
-void write_teapot_on_table(NffWriter& out, const SceneOptions& options) {
+void write_teapot_on_table(SceneWriter& out, const SceneOptions& options) {
   const double angle = 2.0 * std::numbers::pi * options.frame / kDemoFrames;
   const double c = std::cos(angle);
   const double s = std::sin(angle);
@@ -80,10 +69,19 @@ void write_teapot_on_table(NffWriter& out, const SceneOptions& options) {
 
 }  // namespace
 
-std::string write_demo(const SceneOptions& options) {
-  NffWriter out;
+/// The camera looks a little down on the teapot's middle and sees 4.6 units there.
+View demo_camera(const SceneOptions& /*options*/) {
+  constexpr double kDistance = 14.0;
+  constexpr double kSeen = 4.6;
+  constexpr double kElevation = 12.0 * std::numbers::pi / 180.0;
+  const Vec3 at{0, 1.5, 0};
+  const Vec3 back{0, std::sin(kElevation), std::cos(kElevation)};
+  const double angle = 2.0 * std::atan(kSeen / 2.0 / kDistance) * 180.0 / std::numbers::pi;
+  return {.from = at + back * kDistance, .at = at, .up = {0, 1, 0}, .angle_degrees = angle};
+}
+
+void write_demo(SceneWriter& out, const SceneOptions& options) {
   out.comment("a teapot turning in the glass, a ball before it, a column behind it");
-  out.view(camera());
   out.background({0.10, 0.12, 0.16});
   out.light({-6, 10, 9}, {2.1, 2.0, 1.9});
   out.light({7, 8, 10}, {1.3, 1.4, 1.5});
@@ -98,7 +96,6 @@ std::string write_demo(const SceneOptions& options) {
   out.cone({3.35, 0, -2.4}, 0.45, {3.35, 2.0, -2.4}, 0.35);
   out.fill({.colour = {0.25, 0.65, 0.2}, .diffuse = 0.8, .specular = 0.2, .shine = 40.0});
   out.sphere({3.35, 2.4, -2.4}, 0.46);
-  return out.take();
 }
 
 }  // namespace lenticule::scenes

@@ -22,7 +22,7 @@ struct View {
 
 /// An f line.
 struct Fill {
-  Vec3 colour;
+  Vec3 colour{1, 1, 1};
   double diffuse = 0.8;
   double specular = 0.0;
   double shine = 10.0;

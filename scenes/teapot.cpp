@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The teapot on its board, with the counts, the viewpoint and the lights of the classic test scene.
-#include <cmath>
-#include <numbers>
-
+#include "scenes/camera_turn.h"
 #include "scenes/checker_board.h"
 #include "scenes/scene_functions.h"
 #include "scenes/teapot_mesh.h"
@@ -14,19 +12,14 @@ constexpr Vec3 kFrom{4.86, 7.2, 5.4};
 constexpr Vec3 kAt{0, 0, 1.5};
 constexpr double kHalfBoard = 5.0;
 
-Vec3 turned_about_z(Vec3 p, double angle) {
-  const double c = std::cos(angle);
-  const double s = std::sin(angle);
-  return {c * p.x - s * p.y, s * p.x + c * p.y, p.z};
-}
-
 }  // namespace
 
-std::string write_teapot(const SceneOptions& options) {
-  NffWriter out;
+View teapot_camera(const SceneOptions& options) {
+  return turned_view({.from = kFrom, .at = kAt}, options.frame, kTeapotFrames);
+}
+
+void write_teapot(SceneWriter& out, const SceneOptions& options) {
   out.comment("Newell's teapot on a board");
-  const double angle = 2.0 * std::numbers::pi * options.frame / kTeapotFrames;
-  out.view({.from = turned_about_z(kFrom, angle), .at = kAt, .up = {0, 0, 1}});
   out.background({0.078, 0.361, 0.753});
   out.light({-3.1, 9.8, 12.1});
   out.light({11.3, 5.1, 8.8});
@@ -41,7 +34,6 @@ std::string write_teapot(const SceneOptions& options) {
 
   out.fill({.colour = {1.0, 0.6, 0.2}, .diffuse = 0.75, .specular = 0.35, .shine = 30.0});
   for (const SurfaceTriangle& triangle : teapot_triangles(options.size)) out.patch(triangle);
-  return out.take();
 }
 
 }  // namespace lenticule::scenes

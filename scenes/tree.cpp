@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "scenes/nff_writer.h"
+#include "scenes/camera_turn.h"
 #include "scenes/scene_functions.h"
 
 namespace lenticule::scenes {
@@ -42,7 +42,7 @@ Branch child_of(const Branch& branch, double lean) {
           .radius = branch.radius * kTaper};
 }
 
-void write_branch(NffWriter& out, const Branch& branch, int generations) {
+void write_branch(SceneWriter& out, const Branch& branch, int generations) {
   const Vec3 end = end_of(branch);
   const double end_radius = branch.radius * kTaper;
   out.cone(branch.base, branch.radius, end, end_radius);
@@ -53,7 +53,7 @@ void write_branch(NffWriter& out, const Branch& branch, int generations) {
   write_branch(out, child_of(branch, -42.0 * kDegree), generations - 1);
 }
 
-void write_lights(NffWriter& out) {
+void write_lights(SceneWriter& out) {
   constexpr std::array kLights = {Vec3{-5, 5, 50},  Vec3{30, -30, 30}, Vec3{-40, -30, 20},
                                   Vec3{10, 30, 40}, Vec3{-30, 40, 10}, Vec3{50, 25, 20},
                                   Vec3{5, -50, 30}};
@@ -62,10 +62,12 @@ void write_lights(NffWriter& out) {
 
 }  // namespace
 
-std::string write_tree(const SceneOptions& options) {
-  NffWriter out;
+View tree_camera(const SceneOptions& options) {
+  return turned_view({.from = {4.5, 0.4, 2.0}, .at = {0, 0, 1.5}}, options.frame, kTreeFrames);
+}
+
+void write_tree(SceneWriter& out, const SceneOptions& options) {
   out.comment("branching tree");
-  out.view({.from = {4.5, 0.4, 2.0}, .at = {0, 0, 1.5}, .up = {0, 0, 1}});
   out.background({0.078, 0.361, 0.753});
   write_lights(out);
 
@@ -81,7 +83,6 @@ std::string write_tree(const SceneOptions& options) {
                 .length = kTrunkLength,
                 .radius = kTrunkRadius},
                options.size);
-  return out.take();
 }
 
 }  // namespace lenticule::scenes

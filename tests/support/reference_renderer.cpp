@@ -263,10 +263,11 @@ double reference_subpixel(const SceneDescription& scene, const render::Stage& st
   const Vec3 into_glass = world_from_panel.vector(
       {-(ray.tan_x + options.move_tan), -(ray.tan_y + options.move_tan), -1.0});
   // The line is followed from just before the eye, through the lens, into the glass.
-  const double from_eye = 0.99 * model.rig().viewing.distance.value * length(into_glass);
+  const double start_mm =
+      options.from_near_plane ? stage.near_mm : 0.99 * model.rig().viewing.distance.value;
   const Tracer tracer(scene, options.max_depth, length(world_from_panel.column_x));
-  const Vec3 colour =
-      tracer.trace({world_from_panel.point(lens), normalized(into_glass)}, -from_eye, 0, {});
+  const Vec3 colour = tracer.trace({world_from_panel.point(lens), normalized(into_glass)},
+                                   -start_mm * length(into_glass), 0, {});
   const double light = channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
   return encoded(light, scene.colour_managed);
 }

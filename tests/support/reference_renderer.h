@@ -17,6 +17,9 @@ struct ReferenceOptions {
   double move_x_mm = 0.0;
   double move_y_mm = 0.0;
   double move_tan = 0.0;
+  /// Rays start where the stage's camera starts to see, not at the eye: a room has a wall behind
+  /// its camera.
+  bool from_near_plane = false;
 };
 
 /// The code value, 0 ... 255 but not rounded, of one subpixel. The scene must have no nodes.

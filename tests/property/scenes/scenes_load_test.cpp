@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "render/loaders/camera_path.h"
 #include "render/loaders/nff.h"
 #include "scenes/scene_list.h"
 
@@ -24,6 +25,34 @@ TEST_P(EveryScene, IsReadBackWithoutANote) {
       EXPECT_FALSE(read.lights.empty());
     }
   }
+}
+
+// A path jumps nowhere, and ends next to where it began.
+TEST_P(EveryScene, ItsCameraPathIsReadBackAndSmooth) {
+  const BuiltInScene& scene = scene_list()[static_cast<size_t>(GetParam())];
+  const auto path = render::parse_camera_path(write_camera_path(scene, 2), scene.name);
+  ASSERT_EQ(path.size(), static_cast<size_t>(scene.frames));
+  for (size_t k = 0; k < path.size(); ++k) {
+    const render::Camera& camera = path[k];
+    const render::Camera& next = path[(k + 1) % path.size()];
+    const double distance = length(camera.from - camera.at);
+    EXPECT_LT(length(next.from - camera.from), 0.04 * distance) << scene.name << " frame " << k;
+    if (k % 100 != 0) continue;
+    const auto read = render::parse_nff(write_scene(scene, 2, static_cast<int>(k)), scene.name);
+    EXPECT_EQ(read.cameras.at(0).from, camera.from);
+    EXPECT_EQ(read.cameras.at(0).vertical_fov_degrees, camera.vertical_fov_degrees);
+  }
+}
+
+// So that one NFF file and the camera path are the sequence.
+TEST_P(EveryScene, OnlyTheCameraMovesWhereItSaysSo) {
+  const BuiltInScene& scene = scene_list()[static_cast<size_t>(GetParam())];
+  const auto without_view = [&](int frame) {
+    const std::string text = write_scene(scene, 2, frame);
+    return text.substr(text.find("\nb "));
+  };
+  EXPECT_EQ(without_view(0) == without_view(scene.frames / 3),
+            scene.only_camera_moves || scene.frames == 1);
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene,

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// The ways that cameras of built-in scenes go.
+#pragma once
+
+#include <cmath>
+#include <numbers>
+
+#include "scenes/nff_writer.h"
+
+namespace lenticule::scenes {
+
+[[nodiscard]] inline Vec3 turned_about_z(Vec3 p, double radians) {
+  const double c = std::cos(radians);
+  const double s = std::sin(radians);
+  return {c * p.x - s * p.y, s * p.x + c * p.y, p.z};
+}
+
+/// Where in a whole turn a frame is, in radians. Closed: the frame after the last is the first.
+[[nodiscard]] inline double turn_of(int frame, int frames) {
+  return 2.0 * std::numbers::pi * frame / frames;
+}
+
+/// The camera of frame 0 after once round the vertical (z) through the origin, rising and sinking
+/// `waves` times by `rise` meanwhile.
+[[nodiscard]] inline View turned_view(View view, int frame, int frames, double rise = 0.0,
+                                      int waves = 1) {
+  const double angle = turn_of(frame, frames);
+  view.from = turned_about_z(view.from, angle);
+  view.from.z += rise * std::sin(waves * angle);
+  view.at = turned_about_z(view.at, angle);
+  return view;
+}
+
+}  // namespace lenticule::scenes

@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// Layers of meshed gears on a table of wood. Every face is cut into convex quadrilaterals, since
+// not every reader of NFF cuts concave polygons.
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "scenes/camera_turn.h"
+#include "scenes/scene_functions.h"
+
+namespace lenticule::scenes {
+namespace {
+
+/// A multiple of four, so that a tooth meets a gap toward all four neighbours.
+constexpr int kTeeth = 24;
+constexpr double kPitchRadius = 0.5;  ///< neighbours' axes are one unit apart
+constexpr double kModule = 2.0 * kPitchRadius / kTeeth;
+constexpr double kTip = kPitchRadius + 0.8 * kModule;
+constexpr double kRoot = kPitchRadius - kModule;
+constexpr double kHole = 0.2;
+constexpr double kThickness = 0.28;
+constexpr double kLayer = 0.5;  ///< from one layer to the next
+constexpr double kPitchAngle = 2.0 * std::numbers::pi / kTeeth;
+
+struct Gear {
+  Vec3 centre;  ///< of its lower face
+  double turn;  ///< radians from a tooth's middle at +x
+};
+
+/// One tooth with the gap before it, as angles from the tooth's middle.
+struct Tooth {
+  double gap;   ///< where the gap's bottom begins
+  double foot;  ///< where it ends and the tooth begins
+  double tip_begin;
+  double tip_end;
+  double end;  ///< where the tooth ends: the next one's gap
+};
+
+Tooth tooth_at(double middle) {
+  constexpr double kFoot = 0.31;  // shares of the pitch; half of their sum is below a quarter,
+  constexpr double kTop = 0.17;   // so that teeth have air between them
+  return {middle + (kFoot - 1.0) * kPitchAngle, middle - kFoot * kPitchAngle,
+          middle - kTop * kPitchAngle, middle + kTop * kPitchAngle, middle + kFoot * kPitchAngle};
+}
+
+class GearShape {
+ public:
+  GearShape(SceneWriter& out, const Gear& gear) : out_(out), gear_(gear) {}
+
+  void write() {
+    for (int k = 0; k < kTeeth; ++k) write_tooth(tooth_at(gear_.turn + kPitchAngle * k));
+  }
+
+ private:
+  struct Place {
+    double radius;
+    double angle;
+  };
+
+  void write_tooth(const Tooth& t) {
+    face({Place{kHole, t.gap}, {kRoot, t.gap}, {kRoot, t.foot}, {kHole, t.foot}});
+    face({Place{kHole, t.foot}, {kRoot, t.foot}, {kRoot, t.end}, {kHole, t.end}});
+    face({Place{kRoot, t.foot}, {kTip, t.tip_begin}, {kTip, t.tip_end}, {kRoot, t.end}});
+    side({kRoot, t.gap}, {kRoot, t.foot});
+    side({kRoot, t.foot}, {kTip, t.tip_begin});
+    side({kTip, t.tip_begin}, {kTip, t.tip_end});
+    side({kTip, t.tip_end}, {kRoot, t.end});
+    side({kHole, t.foot}, {kHole, t.gap});
+    side({kHole, t.end}, {kHole, t.foot});
+  }
+
+  [[nodiscard]] Vec3 at(Place p, double height) const {
+    return gear_.centre + Vec3{p.radius * std::cos(p.angle), p.radius * std::sin(p.angle), height};
+  }
+
+  /// Above and below; the corners turn counter-clockwise seen from above.
+  void face(const std::array<Place, 4>& p) {
+    out_.polygon(std::array{at(p[0], kThickness), at(p[1], kThickness), at(p[2], kThickness),
+                            at(p[3], kThickness)});
+    out_.polygon(std::array{at(p[3], 0), at(p[2], 0), at(p[1], 0), at(p[0], 0)});
+  }
+
+  /// Upright, with the gear's inside on the left of the way from a to b.
+  void side(Place a, Place b) {
+    out_.polygon(std::array{at(a, 0), at(b, 0), at(b, kThickness), at(a, kThickness)});
+  }
+
+  SceneWriter& out_;
+  Gear gear_;
+};
+
+Fill metal(int layer) {
+  const std::array<Fill, 4> fills = {{
+      {.colour = {0.85, 0.65, 0.30}, .diffuse = 0.65, .specular = 0.3, .shine = 40.0},
+      {.colour = {0.62, 0.66, 0.72}, .diffuse = 0.5, .specular = 0.45, .shine = 60.0},
+      {.colour = {0.75, 0.22, 0.16}, .diffuse = 0.8, .specular = 0.12, .shine = 25.0},
+      // Seen through, hardly bent: what lies below stays readable.
+      {.colour = {0.55, 0.80, 0.95},
+       .diffuse = 0.35,
+       .specular = 0.15,
+       .shine = 70.0,
+       .transmittance = 0.5,
+       .refraction_index = 1.05},
+  }};
+  return fills[static_cast<size_t>(layer) % fills.size()];
+}
+
+void write_table(SceneWriter& out, double half) {
+  PicturedMesh table{.fill = {.diffuse = 1.0, .specular = 0.06, .shine = 15.0},
+                     .picture = wood_picture()};
+  append_board(table, {.corner = {-half, half, 0},
+                       .along = {2 * half, 0, 0},
+                       .across = {0, -2 * half, 0},
+                       .columns = 2,
+                       .rows = 2});
+  out.pictured(std::move(table));
+}
+
+void write_layer(SceneWriter& out, int layer, int side) {
+  out.fill(metal(layer));
+  const double first = -0.5 * (side - 1);
+  for (int row = 0; row < side; ++row)
+    for (int column = 0; column < side; ++column) {
+      const bool odd = (row + column) % 2 != 0;
+      GearShape(out, {.centre = {first + column, first + row, 0.12 + kLayer * layer},
+                      .turn = odd ? kPitchAngle / 2.0 : 0.0})
+          .write();
+    }
+}
+
+}  // namespace
+
+View gears_camera(const SceneOptions& options) {
+  const double side = options.size;
+  return turned_view({.from = Vec3{1.15, 0.85, 1.25} * side + Vec3{0.6, 0.6, 0.6},
+                      .at = {0, 0, 0.55 * kLayer * side},
+                      .angle_degrees = 35.0},
+                     options.frame, kGearsFrames, 0.3 * side);
+}
+
+void write_gears(SceneWriter& out, const SceneOptions& options) {
+  const double side = options.size;
+  out.comment("layers of meshed gears");
+  out.background({0.12, 0.14, 0.18});
+  out.light(Vec3{2, 1, 4} * side);
+  out.light(Vec3{-1, 2.5, 3.5} * side);
+  out.light(Vec3{-1.5, -1.5, 4} * side);
+  out.light(Vec3{1.5, -2.5, 3} * side);
+  write_table(out, 1.5 * side + 1.0);
+  for (int layer = 0; layer < options.size; ++layer) write_layer(out, layer, options.size);
+}
+
+}  // namespace lenticule::scenes

@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+// What each generator makes, counted against its formula, and the shapes that must be whole.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <map>
+#include <set>
+#include <sstream>
+
+#include "scenes/scene_list.h"
+
+namespace lenticule::scenes {
+namespace {
+
+SceneCounts counts(const char* name, int size) {
+  return build_scene(find_scene(name), size).counts;
+}
+
+TEST(SmallBallsScene, IsASphereflakeAndAGlassBall) {
+  for (const auto& [size, spheres] : {std::pair{1, 10}, {2, 91}, {3, 820}})
+    EXPECT_EQ(counts("small-balls", size).spheres, spheres + 1);
+}
+
+TEST(RingsScene, EveryKnotIsThirtySpheresAndThirtyCylinders) {
+  for (const int n : {1, 2, 3, 7}) {
+    const int knots = n * (n + 1) * (2 * n + 1) / 6;
+    EXPECT_EQ(counts("rings", n).spheres, 30 * knots);
+    EXPECT_EQ(counts("rings", n).cones, 30 * knots);
+    EXPECT_EQ(counts("rings", n).polygons, 1);
+  }
+}
+
+TEST(MountScene, EveryHalvingMakesFourTrianglesOfOne) {
+  for (const int n : {1, 2, 6}) {
+    EXPECT_EQ(counts("mount", n).polygons, 2 << (2 * n));
+    EXPECT_EQ(counts("mount", n).spheres, 4);
+  }
+}
+
+TEST(TetraScene, EveryGenerationMakesFourOfOne) {
+  for (const int n : {1, 2, 6}) EXPECT_EQ(counts("tetra", n).polygons, 1 << (2 * n));
+}
+
+TEST(LatticeScene, HasASpherePerKnotAndACylinderPerEdge) {
+  for (const int n : {1, 2, 8}) {
+    EXPECT_EQ(counts("lattice", n).spheres, (n + 1) * (n + 1) * (n + 1));
+    EXPECT_EQ(counts("lattice", n).cones, 3 * n * (n + 1) * (n + 1));
+  }
+}
+
+TEST(GearsScene, EveryGearIsTwelveQuadsPerTooth) {
+  for (const int n : {1, 2, 4}) EXPECT_EQ(counts("gears", n).polygons, n * n * n * 24 * 12 + 2);
+}
+
+TEST(PrimitivesScene, HasEveryKindAtEverySize) {
+  for (const int n : {1, 2, 8}) {
+    const SceneCounts all = counts("primitives", n);
+    EXPECT_EQ(all.spheres, 2);
+    EXPECT_EQ(all.cones, 3);
+    const int marble = 16 * n * (4 * n - 1);
+    const int ring = 2 * 8 * n * 4 * n;
+    const int lids = 2;
+    const int box_and_floor = 12 + 2;
+    const int pointed = 4 + 8;
+    EXPECT_EQ(all.polygons, marble + ring + lids + box_and_floor + pointed);
+  }
+}
+
+TEST(RoomScene, HasItsFurnitureAtEverySize) {
+  for (const int n : {2, 6}) {
+    const SceneCounts all = counts("room", n);
+    EXPECT_EQ(all.spheres, 3);
+    EXPECT_EQ(all.cones, 2 + 4 * 2);
+    const int teapot = 64 * n * n - 8 * n;
+    const int marble = 16 * n * (4 * n - 1);
+    const int boxes = 12 * (1 + 5);  // mirror frame, table top and legs
+    const int boards = 2 * 4;        // floor, bricks, rug, painting
+    const int plain = 4 + 1 + 1;     // walls and ceiling, mirror, painting's frame
+    EXPECT_EQ(all.polygons, teapot + marble + boxes + boards + plain);
+  }
+}
+
+TEST(PaperScenes, HaveThePapersFrames) {
+  const std::map<std::string, int> frames = {{"teapot", 612},      {"room", 634},
+                                             {"small-balls", 421}, {"primitives", 512},
+                                             {"tree", 612},        {"gears", 612}};
+  for (const auto& [name, count] : frames) {
+    EXPECT_EQ(find_scene(name).frames, count) << name;
+    EXPECT_TRUE(find_scene(name).only_camera_moves) << name;
+  }
+}
+
+// ---- polygons as readers without any cleverness take them
+
+using Polygon = std::vector<Vec3>;
+
+std::vector<Polygon> plain_polygons(const std::string& nff) {
+  std::istringstream in(nff);
+  std::vector<Polygon> polygons;
+  for (std::string line; std::getline(in, line);) {
+    std::istringstream words(line);
+    std::string keyword;
+    size_t corners = 0;
+    if (!(words >> keyword >> corners) || keyword != "p") continue;
+    Polygon polygon(corners);
+    for (Vec3& p : polygon) in >> p.x >> p.y >> p.z;
+    polygons.push_back(polygon);
+  }
+  return polygons;
+}
+
+TEST(EveryScene, WritesConvexFlatPolygonsOnly) {
+  for (const BuiltInScene& scene : scene_list()) {
+    for (const Polygon& p : plain_polygons(write_scene(scene, 2))) {
+      const size_t n = p.size();
+      Vec3 area{};
+      for (size_t i = 1; i + 1 < n; ++i) area += cross(p[i] - p[0], p[i + 1] - p[0]);
+      const double size = std::sqrt(length(area));
+      const Vec3 normal = normalized(area);
+      for (size_t i = 0; i < n; ++i) {
+        const Vec3 turn = cross(p[(i + 1) % n] - p[i], p[(i + 2) % n] - p[(i + 1) % n]);
+        ASSERT_GT(dot(turn, normal), -1e-6 * size * size) << scene.name;
+        ASSERT_NEAR(dot(p[i] - p[0], normal), 0.0, 1e-6 * size) << scene.name;
+      }
+    }
+  }
+}
+
+/// A corner in millionths, so that what is written alike is alike.
+std::array<long, 3> key(Vec3 p) {
+  return {std::lround(p.x * 1e6), std::lround(p.y * 1e6), std::lround(p.z * 1e6)};
+}
+
+/// Edges that no polygon runs the other way.
+int open_edges(const std::vector<Polygon>& polygons) {
+  std::map<std::pair<std::array<long, 3>, std::array<long, 3>>, int> edges;
+  for (const Polygon& p : polygons)
+    for (size_t i = 0; i < p.size(); ++i) ++edges[{key(p[i]), key(p[(i + 1) % p.size()])}];
+  int open = 0;
+  for (const auto& [edge, count] : edges) {
+    const auto back = edges.find({edge.second, edge.first});
+    open += back == edges.end() ? count : std::max(0, count - back->second);
+  }
+  return open;
+}
+
+double volume(const std::vector<Polygon>& polygons) {
+  double six = 0.0;
+  for (const Polygon& p : polygons)
+    for (size_t i = 1; i + 1 < p.size(); ++i) six += dot(p[0], cross(p[i], p[i + 1]));
+  return six / 6.0;
+}
+
+TEST(GearsScene, AGearIsClosedAndItsOutsideIsOut) {
+  std::vector<Polygon> polygons = plain_polygons(write_scene(find_scene("gears"), 1));
+  std::erase_if(polygons, [](const Polygon& p) { return p.size() == 3; });  // the table
+  EXPECT_EQ(open_edges(polygons), 0);
+  // A disc of the pitch radius with its hole: teeth and gaps are about even.
+  EXPECT_NEAR(volume(polygons), 3.1416 * (0.25 - 0.04) * 0.28, 0.01);
+}
+
+TEST(TetraScene, IsClosedAndItsOutsideIsOut) {
+  const std::vector<Polygon> polygons = plain_polygons(write_scene(find_scene("tetra"), 3));
+  EXPECT_EQ(open_edges(polygons), 0);
+  EXPECT_NEAR(volume(polygons),
+              std::sqrt(3.0) * std::sqrt(3.0) * std::sqrt(3.0) / 4.0 * std::sqrt(2.0) / 3.0 / 4.0,
+              1e-6);
+}
+
+// No two teeth of one layer in each other: each gear's outline against its neighbour's.
+TEST(GearsScene, NeighboursMeshWithoutTouching) {
+  const std::vector<Polygon> polygons = plain_polygons(write_scene(find_scene("gears"), 2));
+  const auto inside = [](const Polygon& p, Vec3 q) {
+    for (size_t i = 0; i < p.size(); ++i) {
+      const Vec3 edge = p[(i + 1) % p.size()] - p[i];
+      if (edge.x * (q.y - p[i].y) - edge.y * (q.x - p[i].x) <= 1e-6) return false;
+    }
+    return true;
+  };
+  std::vector<Polygon> faces;  // upper faces of the lowest layer, counter-clockwise
+  for (const Polygon& p : polygons)
+    if (p.size() == 4 && std::abs(p[0].z - 0.4) < 1e-6 && std::abs(p[2].z - 0.4) < 1e-6)
+      faces.push_back(p);
+  ASSERT_EQ(faces.size(), 4U * 24 * 3);
+  for (const Polygon& face : faces)
+    for (const Polygon& other : faces)
+      for (const Vec3 corner : other) ASSERT_FALSE(inside(face, corner));
+}
+
+TEST(MountScene, AFinerOneHasTheCornersOfACoarserOne) {
+  std::set<std::array<long, 3>> fine;
+  for (const Polygon& p : plain_polygons(write_scene(find_scene("mount"), 5)))
+    for (const Vec3 corner : p) fine.insert(key(corner));
+  for (const Polygon& p : plain_polygons(write_scene(find_scene("mount"), 3)))
+    for (const Vec3 corner : p) EXPECT_TRUE(fine.contains(key(corner)));
+}
+
+// ---- pictures
+
+TEST(Pictures, AreOfCodeValuesAndContinueWhereTheyRepeat) {
+  for (const SharedPicture& picture :
+       {checker_picture(), marble_picture(), wood_picture(), brick_picture(), weave_picture()}) {
+    ASSERT_EQ(picture->rgb.size(), 3U * picture->width * picture->height) << picture->name;
+    for (const float value : picture->rgb) ASSERT_TRUE(value >= 0.0F && value <= 1.0F);
+    // Across the seam from right to left texels differ no more than inside.
+    const auto red = [&](int column, int row) {
+      return picture->rgb[3 * static_cast<size_t>(row * picture->width + column)];
+    };
+    float seam = 0.0F;
+    float within = 0.0F;
+    for (int row = 0; row < picture->height; ++row) {
+      seam += std::abs(red(0, row) - red(picture->width - 1, row));
+      for (int column = 1; column < picture->width; ++column)
+        within = std::max(within, std::abs(red(column, row) - red(column - 1, row)));
+    }
+    EXPECT_LE(seam / static_cast<float>(picture->height), within + 1e-6F) << picture->name;
+  }
+}
+
+TEST(Pictures, TheirMeanIsTheirMean) {
+  const Picture two{.name = "two", .width = 2, .height = 1, .rgb = {0, 0.5F, 1, 1, 0.5F, 0}};
+  EXPECT_EQ(two.mean(), (Vec3{0.5, 0.5, 0.5}));
+}
+
+// ---- the two forms of a scene
+
+TEST(SceneParts, PlainTextHasTheSameCountsAndSaysWhatIsMissing) {
+  for (const BuiltInScene& scene : scene_list()) {
+    const SceneParts kept = build_scene(scene, 2);
+    const SceneParts plain = build_scene(scene, 2, 0, Pictures::Plain);
+    EXPECT_EQ(kept.counts.primitives(), plain.counts.primitives()) << scene.name;
+    EXPECT_EQ(kept.counts.lights, plain.counts.lights) << scene.name;
+    EXPECT_TRUE(plain.pictured.empty());
+    EXPECT_EQ(plain.nff.find("NFF has no pictures") != std::string::npos, !kept.pictured.empty());
+  }
+}
+
+TEST(SceneParts, CommentsComeLastForReadersThatStopAtOne) {
+  for (const BuiltInScene& scene : scene_list()) {
+    std::istringstream in(write_scene(scene, 2));
+    bool comment_seen = false;
+    for (std::string line; std::getline(in, line);) {
+      if (line.starts_with('#')) comment_seen = true;
+      EXPECT_TRUE(!comment_seen || line.starts_with('#')) << scene.name << ": " << line;
+    }
+    EXPECT_TRUE(comment_seen);
+  }
+}
+
+TEST(PicturedMesh, ABoardsPictureStandsUpright) {
+  PicturedMesh mesh;
+  append_board(mesh, {.corner = {0, 0, 1}, .along = {2, 0, 0}, .across = {0, 0, -1}, .columns = 3});
+  ASSERT_EQ(mesh.positions.size(), 4U);
+  for (size_t i = 0; i < 4; ++i) {
+    EXPECT_FLOAT_EQ(mesh.uvs[i][0], static_cast<float>(mesh.positions[i].x * 1.5));
+    EXPECT_FLOAT_EQ(mesh.uvs[i][1], static_cast<float>(1.0 - mesh.positions[i].z));
+  }
+}
+
+TEST(PicturedMesh, BallsAndBoxesTurnOutward) {
+  PicturedMesh ball;
+  append_ball(ball, {1, 2, 3}, 0.5, 6);
+  EXPECT_EQ(ball.triangles.size(), 4U * 6 * 5);
+  PicturedMesh box;
+  append_box(box, {0, 0, 0}, {1, 2, 3}, 1.0);
+  const auto volume_of = [](const PicturedMesh& mesh) {
+    double six = 0.0;
+    for (const auto& [a, b, c] : mesh.triangles)
+      six += dot(mesh.positions[a], cross(mesh.positions[b], mesh.positions[c]));
+    return six / 6.0;
+  };
+  EXPECT_NEAR(volume_of(ball), 0.4665, 0.001);  // of 0.5236 for the round one
+  EXPECT_NEAR(volume_of(box), 6.0, 1e-12);
+}
+
+}  // namespace
+}  // namespace lenticule::scenes
