@@ -96,8 +96,19 @@ double povray_target(const std::string& scene) {
   return scene == "teapot" || scene == "balls" || scene == "tree" ? 10.0 : 0.0;
 }
 
-scenes::Fill fill_of(const render::Material& m) {
-  return {.colour = m.colour,
+/// What a texture looks like from far away.
+Vec3 mean_colour(const render::Texture& texture) {
+  Vec3 sum;
+  for (size_t i = 0; i + 3 < texture.rgba.size(); i += 4)
+    sum += Vec3{texture.rgba[i], texture.rgba[i + 1], texture.rgba[i + 2]};
+  return sum / std::max(1.0, static_cast<double>(texture.rgba.size() / 4));
+}
+
+scenes::Fill fill_of(const render::SceneDescription& scene, const render::Material& m) {
+  const bool textured = m.texture >= 0;
+  return {.colour = textured
+                        ? m.colour * mean_colour(*scene.textures[static_cast<size_t>(m.texture)])
+                        : m.colour,
           .diffuse = m.diffuse,
           .specular = m.specular,
           .shine = m.shine,
@@ -141,7 +152,7 @@ std::string write_plain_nff(const render::SceneDescription& scene) {
   for (const render::Light& light : scene.lights) out.light(light.position);
   for (size_t i = 0; i < scene.materials.size(); ++i) {
     const auto wears = [i](const auto& thing) { return static_cast<size_t>(thing.material) == i; };
-    out.fill(fill_of(scene.materials[i]));
+    out.fill(fill_of(scene, scene.materials[i]));
     for (const auto& mesh : scene.meshes)
       if (wears(mesh)) write_mesh(out, mesh);
     for (const auto& sphere : scene.spheres)

@@ -36,8 +36,8 @@ struct Peer {
 
 [[nodiscard]] const std::vector<Peer>& peers();
 
-/// The scene as NFF that any program reads: no comments, no colours of lights, triangles. Throws
-/// Error(Usage) for a scene without a camera.
+/// The scene as NFF that any program reads: no comments, no colours of lights, triangles, the mean
+/// colour of textures. Throws Error(Usage) for a scene without a camera.
 [[nodiscard]] std::string write_plain_nff(const render::SceneDescription& scene);
 
 /// How a picture of about `rays` pixels with this aspect is cut; both sides are at least 1.
