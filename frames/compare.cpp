@@ -4,7 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdlib>
 
 #include "frames/quilt.h"
 #include "frames/weave.h"
@@ -20,14 +22,38 @@ std::string size_text(const FrameGeometry& geometry) {
   return fmt::format("{} x {}", geometry.width, geometry.height);
 }
 
+/// 0 to 255 levels on a scale of equal steps of their logarithm.
+std::array<uint8_t, 3> heat_of(int levels) {
+  struct Stop {
+    double place;
+    std::array<double, 3> colour;
+  };
+  static constexpr std::array<Stop, 6> kStops = {{{0.0, {0, 0, 0}},
+                                                  {0.2, {0, 0, 200}},
+                                                  {0.4, {0, 170, 110}},
+                                                  {0.6, {240, 220, 0}},
+                                                  {0.8, {230, 30, 0}},
+                                                  {1.0, {255, 255, 255}}}};
+  const double place = std::log2(1.0 + levels) / 8.0;
+  size_t above = 1;
+  while (above + 1 < kStops.size() && kStops[above].place < place) ++above;
+  const Stop& low = kStops[above - 1];
+  const Stop& high = kStops[above];
+  const double share = (place - low.place) / (high.place - low.place);
+  std::array<uint8_t, 3> colour{};
+  for (size_t c = 0; c < colour.size(); ++c)
+    colour[c] = static_cast<uint8_t>(std::lround(std::lerp(low.colour[c], high.colour[c], share)));
+  return colour;
+}
+
+}  // namespace
+
 void require_same_size(const FrameView& reference, const FrameView& test) {
   if (reference.geometry != test.geometry)
     throw Error(ErrorKind::Input,
                 fmt::format("pictures of {} and {} pixels: not comparable",
                             size_text(reference.geometry), size_text(test.geometry)));
 }
-
-}  // namespace
 
 void Difference::add(const Difference& other) {
   for (size_t d = 0; d < histogram_.size(); ++d) histogram_[d] += other.histogram_[d];
@@ -64,6 +90,11 @@ uint64_t Difference::count_over(int levels) const {
   return count;
 }
 
+double Difference::share_over(int levels) const {
+  const uint64_t n = samples();
+  return n == 0 ? 0.0 : static_cast<double>(count_over(levels)) / static_cast<double>(n);
+}
+
 PictureDifference compare_pictures(const FrameView& reference, const FrameView& test) {
   require_same_size(reference, test);
   PictureDifference difference;
@@ -71,6 +102,19 @@ PictureDifference compare_pictures(const FrameView& reference, const FrameView& 
     difference.channels[b % 3].add(reference.bytes[b], test.bytes[b]);
   for (const Difference& channel : difference.channels) difference.total.add(channel);
   return difference;
+}
+
+WovenFrame error_picture(const FrameView& reference, const FrameView& test) {
+  require_same_size(reference, test);
+  WovenFrame picture(reference.geometry);
+  for (size_t b = 0; b + 2 < reference.bytes.size(); b += 3) {
+    int largest = 0;
+    for (size_t c = 0; c < 3; ++c)
+      largest = std::max(largest, std::abs(int{reference.bytes[b + c]} - int{test.bytes[b + c]}));
+    const auto colour = heat_of(largest);
+    std::copy(colour.begin(), colour.end(), picture.bytes().begin() + static_cast<ptrdiff_t>(b));
+  }
+  return picture;
 }
 
 int native_view_count(const optics::Rig& rig) {

@@ -32,6 +32,8 @@ class Difference {
   [[nodiscard]] int max() const;
   /// Samples that differ by more than `levels`.
   [[nodiscard]] uint64_t count_over(int levels) const;
+  /// The same as a share of all samples, 0 to 1.
+  [[nodiscard]] double share_over(int levels) const;
 
  private:
   std::array<uint64_t, 256> histogram_{};  // exact and independent of the order
@@ -43,7 +45,15 @@ struct PictureDifference {
 };
 
 /// Throws Error(Input) if the sizes differ.
+void require_same_size(const FrameView& reference, const FrameView& test);
+
+/// Throws Error(Input) if the sizes differ.
 [[nodiscard]] PictureDifference compare_pictures(const FrameView& reference, const FrameView& test);
+
+/// Where the pictures differ: per pixel the largest difference of its channels as a colour, the
+/// same for every picture: black none, then blue, green, yellow and red to white for 255, by the
+/// logarithm, so that single levels show, too. Throws Error(Input) if the sizes differ.
+[[nodiscard]] WovenFrame error_picture(const FrameView& reference, const FrameView& test);
 
 /// round(P): as many views as subpixels lie under a lens.
 [[nodiscard]] int native_view_count(const optics::Rig& rig);

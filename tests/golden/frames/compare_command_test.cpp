@@ -67,6 +67,88 @@ TEST_F(CompareCommand, FindsTheWorstFrameOfASequence) {
   expect_failure(compare(path("a%d.png"), path("b%d.png")), 4, "2 files, the reference has 1");
 }
 
+TEST_F(CompareCommand, NamesBothReadingsOfAPublishedRmse) {
+  const auto done =
+      compare(picture("a.png", kWidth, kHeight, 100), picture("b.png", kWidth, kHeight, 105));
+  EXPECT_NE(done.out.find("5.0000 if it is the root, 25.0000 if the table holds mean squares"),
+            std::string::npos)
+      << done.out;
+  EXPECT_NE(done.out.find("100.000 %"), std::string::npos) << "all are over 1";
+}
+
+TEST_F(CompareCommand, ViewsAreAlsoMeasuredAsEyesSeeThem) {
+  const std::string a = picture("a.png", kWidth, kHeight, 100);
+  const std::string b = picture("b.png", kWidth, kHeight, 110);
+  const auto equal = json_of(compare(a, a, {"--json", "--rig", path("rig.toml"), "--views", "3"}));
+  const auto other = json_of(compare(a, b, {"--json", "--rig", path("rig.toml"), "--views", "3"}));
+  for (size_t view = 0; view < 3; ++view) {
+    const auto& same = equal["frames"][0]["views"][view]["seen"];
+    EXPECT_EQ(same["ssim"], 1.0);
+    EXPECT_EQ(same["total"]["max"], 0);
+    const auto& seen = other["frames"][0]["views"][view]["seen"];
+    EXPECT_LT(seen["ssim"].get<double>(), 1.0);
+    EXPECT_EQ(seen["channels"]["green"]["max"], 10);
+  }
+}
+
+TEST_F(CompareCommand, ASequenceHasMeansItsWorstFrameAndItsWorstView) {
+  for (int n = 0; n < 3; ++n) {
+    (void)picture(fmt::format("a{}.png", n), kWidth, kHeight, 100);
+    (void)picture(fmt::format("b{}.png", n), kWidth, kHeight,
+                  static_cast<uint8_t>(n == 1 ? 120 : 101));
+  }
+  const std::vector<std::string> rig = {"--rig", path("rig.toml"), "--views", "3"};
+  auto json_too = rig;
+  json_too.emplace_back("--json");
+  const auto report = json_of(compare(path("a%d.png"), path("b%d.png"), json_too));
+  EXPECT_EQ(report["worst_frame"], 1);
+  EXPECT_EQ(report["worst_view"]["frame"], 1);
+  EXPECT_EQ(report["worst_view"]["seen"]["total"]["max"], 20);
+  const auto& means = report["means"];
+  EXPECT_NEAR(means["total"]["mse"].get<double>(), (1.0 + 400.0 + 1.0) / 3.0, 1e-9);
+  EXPECT_NEAR(means["mean_rmse"].get<double>(), (1.0 + 20.0 + 1.0) / 3.0, 1e-9);
+  EXPECT_NEAR(means["mean_psnr_db"].get<double>(), (2.0 * 48.1308 + 48.1308 - 26.0206) / 3.0, 1e-3);
+  EXPECT_EQ(means["views"].size(), 3u);
+  EXPECT_NEAR(means["total"]["share_over_8"].get<double>(), 1.0 / 3.0, 1e-9);
+  const auto table = compare(path("a%d.png"), path("b%d.png"), rig);
+  for (const char* part : {"worst frame: 1", "of frame 1", "means of frames: RMSE 7.3333"})
+    EXPECT_NE(table.out.find(part), std::string::npos) << part << "\n" << table.out;
+}
+
+TEST_F(CompareCommand, TwoFoldersArePairedByName) {
+  for (const char* folder : {"a", "b"}) {
+    std::filesystem::create_directories(path(folder));
+    for (const char* name : {"first", "second"})
+      (void)picture(fmt::format("{}/{}.png", folder, name), 8, 8,
+                    static_cast<uint8_t>(*folder == 'a' ? 50
+                                         : *name == 'f' ? 51
+                                                        : 70));
+  }
+  write("a/notes.txt", "no picture");
+  const auto report = json_of(compare(path("a"), path("b"), {"--json"}));
+  EXPECT_EQ(report["frames"].size(), 2u);
+  EXPECT_EQ(report["worst"]["test"], path("b/second.png"));
+  expect_failure(compare(path("a"), path("b/first.png")), 2, "a folder on one side only");
+  std::filesystem::remove(path("b/second.png"));
+  expect_failure(compare(path("a"), path("b")), 4, "b/second.png");
+  std::filesystem::create_directories(path("empty"));
+  expect_failure(compare(path("empty"), path("b")), 4, "no pictures");
+}
+
+TEST_F(CompareCommand, DrawsWhereTheWorstFrameDiffers) {
+  (void)picture("a0.png", 8, 8, 50);
+  (void)picture("a1.png", 8, 8, 0);
+  (void)picture("b0.png", 8, 8, 51);
+  (void)picture("b1.png", 8, 8, 255);
+  ASSERT_EQ(compare(path("a%d.png"), path("b%d.png"), {"--picture", path("heat.png")}).exit_code,
+            0);
+  const auto heat = frames::read_woven(path("heat.png"));
+  EXPECT_EQ(heat.width(), 8);
+  EXPECT_EQ(heat.row(3)[10], 255) << "white: all that there can be";
+  expect_failure(compare(path("a0.png"), path("b0.png"), {"--picture", path("heat.gif")}), 2,
+                 "heat.gif");
+}
+
 TEST_F(CompareCommand, AMissedLimitIsExitCode5AfterTheFigures) {
   const std::string a = picture("a.png", kWidth, kHeight, 100);
   const std::string b = picture("b.png", kWidth, kHeight, 110);
