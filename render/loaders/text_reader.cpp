@@ -38,15 +38,22 @@ std::string quoted(std::string_view word) {
 TextReader::TextReader(std::string_view text, std::string source)
     : text_(text), source_(std::move(source)) {}
 
+/// A line feed, or a carriage return on its own as old files have it.
+bool TextReader::ends_line(size_t position) const {
+  if (text_[position] == '\n') return true;
+  const bool fed = position + 1 < text_.size() && text_[position + 1] == '\n';
+  return text_[position] == '\r' && !fed;
+}
+
 void TextReader::skip_space() {
   while (position_ < text_.size()) {
     const char c = text_[position_];
     if (c == '#') {
-      position_ = std::min(text_.find('\n', position_), text_.size());
+      position_ = std::min(text_.find_first_of("\r\n", position_), text_.size());
       continue;
     }
     if (!is_space(c)) return;
-    if (c == '\n') ++scan_line_;
+    if (ends_line(position_)) ++scan_line_;
     ++position_;
   }
 }

@@ -40,6 +40,7 @@ class TextReader {
   [[noreturn]] void fail_at(int line, const std::string& reason) const;
 
  private:
+  [[nodiscard]] bool ends_line(size_t position) const;
   void skip_space();
 
   std::string_view text_;

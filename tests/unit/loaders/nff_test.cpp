@@ -6,6 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
+#include <sstream>
 
 #include "render/loaders/limits.h"
 #include "tests/unit/loaders/error_of.h"
@@ -137,6 +139,85 @@ TEST(Nff, AnyWhitespaceAndCommentsAnywhere) {
       parse("# first\r\ns\t1\r\n2 # a comment\n\n   3\f+4e0#end\n#last, without a line feed");
   EXPECT_EQ(scene.spheres[0].centre, (Vec3{1, 2, 3}));
   EXPECT_EQ(scene.spheres[0].radius, 4.0);
+}
+
+/// Everything that a scene is, as one text.
+std::string summary(const SceneDescription& scene) {
+  std::ostringstream out;
+  const auto vector = [&](Vec3 v) { out << v.x << ' ' << v.y << ' ' << v.z << "; "; };
+  for (const Camera& c : scene.cameras) {
+    for (const Vec3 v : {c.from, c.at, c.up}) vector(v);
+    out << c.vertical_fov_degrees << ' ' << c.hither << '\n';
+  }
+  vector(scene.background);
+  for (const Light& light : scene.lights) {
+    vector(light.position);
+    vector(light.colour);
+  }
+  for (const Material& m : scene.materials) {
+    vector(m.colour);
+    out << m.diffuse << ' ' << m.specular << ' ' << m.shine << ' ' << m.transmittance << ' '
+        << m.refraction_index << '\n';
+  }
+  for (const Sphere& s : scene.spheres) {
+    vector(s.centre);
+    out << s.radius << ' ' << s.material << '\n';
+  }
+  for (const Cone& c : scene.cones) {
+    vector(c.base);
+    vector(c.apex);
+    out << c.base_radius << ' ' << c.apex_radius << ' ' << c.material << '\n';
+  }
+  for (const TriangleMesh& mesh : scene.meshes) {
+    for (const Vec3 v : mesh.positions) vector(v);
+    for (const Vec3 v : mesh.normals) vector(v);
+    out << mesh.triangles.size() << ' ' << mesh.material << '\n';
+  }
+  return out.str();
+}
+
+std::string replaced(std::string text, const std::string& what, const std::string& by) {
+  for (size_t at = 0; (at = text.find(what, at)) != std::string::npos; at += by.size())
+    text.replace(at, what.size(), by);
+  return text;
+}
+
+// The databases' generators, their ports and people's editors do not agree on the white space, on
+// how a number looks, or on where a comment may stand.
+TEST(Nff, TheSameSceneInEveryHandwritingIsTheSameScene) {
+  const std::string plain =
+      "v\nfrom 2 0.5 -0.25\nat 0 0 0\nup 0 0 1\nangle 45\nhither 0.001\nresolution 512 512\n"
+      "b 0.078 0.361 0.753\n"
+      "l 4 0.5 2\nl 1 -4 4 0.5 0.25 1\n"
+      "f 1 0.75 0.33 0.8 0 0 0 0\n"
+      "p 4\n12 12 -0.5\n-12 12 -0.5\n-12 -12 -0.5\n12 -12 -0.5\n"
+      "f 1 0.9 0.7 0.5 0.5 45.25 0.5 1.5\n"
+      "s 0 0 0 0.5\n"
+      "c\n0 0 0 0.25\n0 0 1 0.125\n"
+      "pp 3\n0 0 1 0 0 1\n1 0 1 0 0 1\n0 1 1 0 0 1\n";
+  const std::string expected = summary(parse(plain));
+  const std::map<std::string, std::string> hands = {
+      {"carriage returns and line feeds", replaced(plain, "\n", "\r\n")},
+      {"carriage returns alone", "# old\r" + replaced(plain, "\n", "\r")},
+      {"tabs", replaced(plain, " ", "\t")},
+      {"wide columns", replaced(plain, " ", "    ")},
+      {"one long line", replaced(plain, "\n", " ")},
+      {"empty lines", replaced(plain, "\n", "\n\n \t\n")},
+      {"no zero before the point", replaced(replaced(plain, " 0.", " ."), "-0.", "-.")},
+      {"a point after whole numbers", replaced(plain, "12 ", "12. ")},
+      {"exponents", replaced(replaced(plain, "0.001", "1e-3"), "0.5", "5.0E-01")},
+      {"plus signs", replaced(plain, " 0.", " +0.")},
+      {"a comment before every line", "# a\n" + replaced(plain, "\n", "\n# s 1 2 3 4 #\n")},
+      {"a comment behind every line", replaced(plain, "\n", " # p 3\n")},
+      {"no end of the last line", plain.substr(0, plain.size() - 1)},
+  };
+  for (const auto& [name, text] : hands) EXPECT_EQ(summary(parse(text)), expected) << name;
+}
+
+TEST(Nff, LinesAreCountedWhateverEndsThem) {
+  for (const char* end : {"\n", "\r\n", "\r"})
+    EXPECT_THAT(refusal(replaced("s 0 0 0 1\n# two\n\nq\n", "\n", end)),
+                StartsWith("scene.nff:4: unknown line 'q'"));
 }
 
 TEST(Nff, WhatShowsNothingIsDroppedAndNoted) {
