@@ -19,7 +19,7 @@ constexpr double kTableTop = 0.8;
 constexpr double kProud = 0.01;  ///< how far flat things stand off the surface behind them
 
 Fill matt(Vec3 colour = {1, 1, 1}) {
-  return {.colour = colour, .diffuse = 0.85, .specular = 0.0};
+  return {.colour = colour, .diffuse = 1.0, .specular = 0.0};
 }
 
 void write_board(SceneWriter& out, SharedPicture picture, const Fill& fill,
@@ -34,7 +34,7 @@ void write_quad(SceneWriter& out, Vec3 corner, Vec3 along, Vec3 across) {
 }
 
 void write_shell(SceneWriter& out) {
-  write_board(out, wood_picture(), {.diffuse = 0.8, .specular = 0.12, .shine = 30.0},
+  write_board(out, wood_picture(), {.diffuse = 1.0, .specular = 0.12, .shine = 30.0},
               {.corner = {-kHalfX, kHalfY, 0},
                .along = {2 * kHalfX, 0, 0},
                .across = {0, -2 * kHalfY, 0},
@@ -58,19 +58,19 @@ void write_shell(SceneWriter& out) {
 /// On the wall y = 3: a frame of wood and the mirror before it.
 void write_mirror(SceneWriter& out) {
   PicturedMesh frame{.fill = matt(), .picture = wood_picture()};
-  append_box(frame, {-1.5, kHalfY - 0.05, 0.7}, {1.5, kHalfY - kProud, 2.5}, 1.0);
+  append_box(frame, {-1.5, kHalfY - 0.05, 0.25}, {1.5, kHalfY - kProud, 1.95}, 1.0);
   out.pictured(std::move(frame));
   out.fill({.colour = {0.9, 0.95, 1.0}, .diffuse = 0.06, .specular = 0.88, .shine = 200.0});
-  write_quad(out, {-1.38, kHalfY - 0.05 - kProud, 2.38}, {2.76, 0, 0}, {0, 0, -1.56});
+  write_quad(out, {-1.38, kHalfY - 0.05 - kProud, 1.83}, {2.76, 0, 0}, {0, 0, -1.46});
 }
 
 /// On the wall x = 4.
 void write_painting(SceneWriter& out) {
   out.fill({.colour = {0.72, 0.56, 0.22}, .diffuse = 0.7, .specular = 0.2, .shine = 30.0});
-  write_quad(out, {kHalfX - kProud, 1.3, 2.2}, {0, -2.6, 0}, {0, 0, -1.5});
+  write_quad(out, {kHalfX - kProud, 1.3, 2.0}, {0, -2.6, 0}, {0, 0, -1.5});
   write_board(
       out, painting_picture(), matt(),
-      {.corner = {kHalfX - 2 * kProud, 1.2, 2.1}, .along = {0, -2.4, 0}, .across = {0, 0, -1.3}});
+      {.corner = {kHalfX - 2 * kProud, 1.2, 1.9}, .along = {0, -2.4, 0}, .across = {0, 0, -1.3}});
 }
 
 void write_rug(SceneWriter& out) {
@@ -83,7 +83,7 @@ void write_rug(SceneWriter& out) {
 }
 
 void write_table(SceneWriter& out) {
-  PicturedMesh table{.fill = {.diffuse = 0.75, .specular = 0.12, .shine = 40.0},
+  PicturedMesh table{.fill = {.diffuse = 1.1, .specular = 0.12, .shine = 40.0},
                      .picture = wood_picture()};
   append_box(table, {-1.1, -0.7, kTableTop - 0.07}, {1.1, 0.7, kTableTop}, 0.9);
   for (const double x : {-0.95, 0.95})
@@ -137,17 +137,17 @@ void write_cones(SceneWriter& out) {
 
 View room_camera(const SceneOptions& options) {
   const double angle = turn_of(options.frame, kRoomFrames);
-  return {.from = {-2.6 * std::cos(angle), -2.0 * std::sin(angle), 1.5 + 0.2 * std::sin(2 * angle)},
+  return {.from = {-2.4 * std::cos(angle), -1.8 * std::sin(angle), 1.5 + 0.2 * std::sin(2 * angle)},
           .at = {0, 0, kTableTop + 0.12},
-          .angle_degrees = 52.0};
+          .angle_degrees = 50.0};
 }
 
 void write_room(SceneWriter& out, const SceneOptions& options) {
   out.comment("a room with a table, a mirror and a painting");
   out.background({0.1, 0.1, 0.12});
-  out.light({0, 0, 1.95});  // in the lamp
-  for (const double x : {-1.9, 1.9})
-    for (const double y : {-1.6, 1.6}) out.light({x, y, 2.8});
+  out.light({0, 0, 1.95});            // in the lamp
+  for (const double x : {-3.0, 3.0})  // so far aside that they reach under the table
+    for (const double y : {-2.2, 2.2}) out.light({x, y, 2.5});
   write_shell(out);
   write_mirror(out);
   write_painting(out);

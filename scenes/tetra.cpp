@@ -31,7 +31,7 @@ void write_pyramid(SceneWriter& out, const Corners& corners, int generations) {
 }  // namespace
 
 View tetra_camera(const SceneOptions& options) {
-  return turned_view({.from = {1.6, 3.0, 1.9}, .at = {0, 0, 0.45}, .angle_degrees = 42.0},
+  return turned_view({.from = {1.6, 3.0, 1.9}, .at = {0, 0, 0.55}, .angle_degrees = 32.0},
                      options.frame, kProceduralFrames);
 }
 
@@ -40,7 +40,9 @@ void write_tetra(SceneWriter& out, const SceneOptions& options) {
   out.background({0.078, 0.361, 0.753});
   out.light({2, 5, 4});
   out.light({4, -3, 5});
-  out.fill({.colour = {1.0, 0.25, 0.12}, .diffuse = 0.8, .specular = 0.15, .shine = 20.0});
+  out.light({-4, 2, 5});
+  out.light({0, 2, 8});
+  out.fill({.colour = {1.0, 0.35, 0.16}, .diffuse = 1.0, .specular = 0.15, .shine = 20.0});
   const double edge = std::sqrt(3.0) / 2.0;
   write_pyramid(
       out, {Vec3{-0.5, edge, 0}, Vec3{1, 0, 0}, Vec3{-0.5, -edge, 0}, Vec3{0, 0, std::sqrt(2.0)}},
