@@ -16,9 +16,10 @@
 namespace lenticule::player {
 namespace {
 
-constexpr int kDepth = 5;         // as renders do by default
-constexpr Real kHair = 2e-5L;     // mm
-constexpr Real kNearest = 0.99L;  // of the viewing distance: rays start no nearer to the eye
+constexpr int kDepth = 5;              // as renders do by default
+constexpr Real kHair = 2e-5L;          // mm
+constexpr Real kMostStartOff = 5e-5L;  // mm: 2^-20 of (largest coordinate + radius), 50 mm
+constexpr Real kNearest = 0.99L;       // of the viewing distance: rays start no nearer to the eye
 
 struct Move {
   Real x = 0;
@@ -40,21 +41,25 @@ OracleLine line_of(const optics::Rig& rig, int i, int j, int channel, Move move)
           {-ray.tan_x, -tan_y, -1}};
 }
 
-Real code_of(const render::SceneDescription& scene, const OracleLine& line, int channel) {
-  return 255 * std::clamp(oracle_light(scene, line, channel, kDepth), Real(0), Real(1));
+Real code_of(const render::SceneDescription& scene, const OracleLine& line, int channel,
+             Real start_off) {
+  return 255 * std::clamp(oracle_light(scene, line, channel, kDepth, start_off), Real(0), Real(1));
 }
 
 enum class Verdict { Same, BesideOnly, Different };
 
 Verdict compare(const render::SceneDescription& scene, const optics::Rig& rig, int i, int j,
                 int channel, uint8_t code) {
-  const auto same = [&](Move move) {
-    const Real truth = code_of(scene, line_of(rig, i, j, channel, move), channel);
+  const auto same = [&](Move move, Real start_off = 0) {
+    const Real truth = code_of(scene, line_of(rig, i, j, channel, move), channel, start_off);
     return std::fabs(truth - Real(code)) <= 1;
   };
   if (same({})) return Verdict::Same;
   for (const Move move : std::array<Move, 4>{{{kHair, 0}, {-kHair, 0}, {0, kHair}, {0, -kHair}}})
     if (same(move)) return Verdict::BesideOnly;
+  // Later rays graze outlines, too, and the renderer's start off their surfaces.
+  for (const Real start_off : {kMostStartOff / 4, kMostStartOff / 2, kMostStartOff})
+    if (same({}, start_off)) return Verdict::BesideOnly;
   return Verdict::Different;
 }
 

@@ -79,6 +79,7 @@ struct Tracer {
   const render::SceneDescription& scene;
   int channel;
   int max_depth;
+  Real start_off;
 
   Real light(const OracleLine& line, Real least, int depth, const Name& from) const {
     const Meeting at = meet_all(scene, line, least, from);
@@ -101,10 +102,11 @@ struct Tracer {
     if (through > 0 && sine_squared > 1) mirror += through;
     if (through > 0 && sine_squared <= 1) {
       const Real3 bent = sideways - facing * std::sqrt(1 - sine_squared);
-      sum += through * light({point, bent}, kLeast, depth + 1, at.name);
+      sum += through * light({point - facing * start_off, bent}, kLeast, depth + 1, at.name);
     }
     if (mirror > 0)
-      sum += mirror * light({point, way + facing * (2 * cosine)}, kLeast, depth + 1, at.name);
+      sum += mirror * light({point + facing * start_off, way + facing * (2 * cosine)}, kLeast,
+                            depth + 1, at.name);
     return sum;
   }
 
@@ -114,8 +116,8 @@ struct Tracer {
 }  // namespace
 
 long double oracle_light(const render::SceneDescription& scene, const OracleLine& line, int channel,
-                         int max_depth) {
-  return Tracer{scene, channel, max_depth}.light(line, 0, 0, {});
+                         int max_depth, long double start_off) {
+  return Tracer{scene, channel, max_depth, start_off}.light(line, 0, 0, {});
 }
 
 long double oracle_distance(const render::SceneDescription& scene, const OracleLine& line) {

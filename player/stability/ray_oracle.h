@@ -15,9 +15,11 @@ struct OracleLine {
   Real3 way;  ///< any length
 };
 
-/// What comes back along the line, one colour channel, linear. Starts at `from`.
+/// What comes back along the line, one colour channel, linear. Starts at `from`; mirrored and
+/// refracted rays start so far off their surfaces.
 [[nodiscard]] long double oracle_light(const render::SceneDescription& scene,
-                                       const OracleLine& line, int channel, int max_depth);
+                                       const OracleLine& line, int channel, int max_depth,
+                                       long double start_off = 0);
 
 /// How far away the line ends, in lengths of `way`; infinite where it does not.
 [[nodiscard]] long double oracle_distance(const render::SceneDescription& scene,
