@@ -25,6 +25,8 @@ struct Benchmark {
 
 /// The rig that benchmarks use unless told otherwise: the 4K kiosk of the sample rigs.
 [[nodiscard]] optics::Rig kiosk_rig();
+/// The classic integral image of the sample rigs: 64 upright lenses of eight whole pixels.
+[[nodiscard]] optics::Rig paper_rig();
 /// `file`, or kiosk_rig() if it is empty.
 [[nodiscard]] optics::Rig bench_rig(const std::string& file);
 

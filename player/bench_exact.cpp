@@ -120,7 +120,7 @@ void declare_peers(CLI::App& app, ExactFlags& flags) {
 
 BenchSetup exact_setup(const ExactFlags& flags, const std::string& scene) {
   return {.scene = scene,
-          .rig = bench_rig(flags.rig),
+          .rig = flags.rig_instead ? *flags.rig_instead : bench_rig(flags.rig),
           .lights = flags.lights,
           .threads = flags.threads};
 }

@@ -2,6 +2,7 @@
 // The parts of `lenticule bench exact`. Each measures into JSON and prints its text from that.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,8 @@ struct ExactFlags {
   bool peers = false;
   double peer_mrays = 0.0;  ///< 0 = as many as the frame has subpixels
   int peer_limit_s = 900;   ///< per run of a peer
+  std::string only_peer;    ///< by name; empty = all
+  std::optional<optics::Rig> rig_instead;  ///< of a file
   std::string peer_pictures;
   std::string plots;  ///< folder, empty = none
   bool json = false;

@@ -128,6 +128,7 @@ nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene) 
   const ScratchFolder folder;
   std::vector<PeerRuns> runs;
   for (const Peer& peer : peers()) {
+    if (!flags.only_peer.empty() && flags.only_peer != peer.name) continue;
     runs.push_back(prepare(peer, bench.description(), job, folder));
     keep_picture(flags, runs.back(), job, short_name(scene));
   }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <limits>
 #include <string_view>
 #include <thread>
 
@@ -15,6 +16,7 @@ namespace lenticule::player {
 // One file per benchmark; each defines its function.
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
+Run declare_bench_paper(CLI::App& app);
 Run declare_bench_play(CLI::App& app);
 Run declare_bench_stability(CLI::App& app);
 Run declare_bench_start(CLI::App& app);
@@ -37,6 +39,8 @@ const std::vector<Benchmark>& benchmarks() {
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
        declare_bench_exact},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
+      {"paper", "the methods that reuse points, in the tables of the paper they are from",
+       declare_bench_paper},
       {"play", "the player's memory over many frames of a ring", declare_bench_play},
       {"stability", "stress cases of the numbers against oracles; fails if one is off",
        declare_bench_stability},
@@ -69,6 +73,22 @@ optics::Rig kiosk_rig() {
   rig.sheet.gap = Millimetres(2.238);
   rig.sheet.refraction_shape = 0.4444444444444444;
   rig.viewing.distance = Millimetres(700.0);
+  return rig;
+}
+
+optics::Rig paper_rig() {
+  optics::Rig rig;
+  rig.name = "64 lenses of 8 pixels";
+  rig.panel.width_px = 512;
+  rig.panel.height_px = 384;
+  rig.panel.pixel_width = Millimetres(0.25);
+  rig.panel.pixel_height = Millimetres(0.25);
+  rig.sheet.pitch = Subpixels(24.0);
+  rig.sheet.offset = Lenses(0.5);
+  rig.sheet.gap = Millimetres(4.0);
+  rig.sheet.refraction_shape = 0.4444444444444444;
+  rig.sheet.spot_sigma = Lenses(0.02);
+  rig.viewing.distance = Millimetres(std::numeric_limits<double>::infinity());
   return rig;
 }
 

@@ -48,6 +48,11 @@ struct RenderStatistics {
   uint64_t shadow_rays_blocked = 0;      ///< of shadow_rays: not traced, something surely was
   uint64_t secondary_rays_proved = 0;    ///< of secondary_rays: not traced, they meet nothing
   uint64_t secondary_rays_too_weak = 0;  ///< left out, and not counted in secondary_rays
+  // How subpixels got their colour; the first three add up to `subpixels`.
+  uint64_t traced_subpixels = 0;
+  uint64_t projected_subpixels = 0;     ///< from points of other micro-images or frames
+  uint64_t interpolated_subpixels = 0;  ///< the mean of two neighbours
+  uint64_t missing_subpixels = 0;  ///< found empty by re-projection, then traced or interpolated
   double seconds = 0.0;
   /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.
   std::array<double, kWorks> work{};

@@ -87,6 +87,7 @@ class FullMethod final : public Method {
             .shadow_rays_blocked = counts.shadow_blocked,
             .secondary_rays_proved = counts.secondary_proved,
             .secondary_rays_too_weak = counts.secondary_too_weak,
+            .traced_subpixels = 3 * static_cast<uint64_t>(width_) * static_cast<uint64_t>(height_),
             .seconds = elapsed.count(),
             .work = shares(ticks)};
   }

@@ -95,5 +95,64 @@ TEST_F(BenchTest, APeersOwnTimeMakesTheRatio) {
   EXPECT_EQ(peers["rows"][1].at("seconds"), 1.0);
 }
 
+class BenchPaper : public CommandTest {
+ protected:
+  [[nodiscard]] static std::vector<std::string> arguments(std::vector<std::string> more) {
+    std::vector<std::string> all = {
+        "bench",   "paper", "--rig",     source_file("scenes/rigs/tiny.toml"),
+        "--runs",  "1",     "--spans",   "1",
+        "--depth", "1",     "--no-peers"};
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  }
+};
+
+TEST_F(BenchPaper, MeasuresASpanOfEachSceneWithEachMethod) {
+  const ProcessResult result = run(arguments({"--scene", "teapot", "--scene", "room", "--json"}));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const nlohmann::json out = nlohmann::json::parse(result.out);
+  ASSERT_EQ(out.at("scenes").size(), 2U);
+  for (const nlohmann::json& scene : out["scenes"]) {
+    EXPECT_EQ(scene.at("frames"), 16);
+    ASSERT_FALSE(scene.at("methods").empty());
+    EXPECT_EQ(scene["methods"][0].at("name"), "full");
+    for (const nlohmann::json& method : scene["methods"])
+      EXPECT_GT(method.at("seconds_per_frame").get<double>(), 0.0);
+  }
+  // The frames of the paper's table, whichever span is in the middle.
+  EXPECT_EQ(out.at("teapot")[0].at("first"), 96);
+}
+
+TEST_F(BenchPaper, ContinuesFromItsStateAndRefusesAnother) {
+  const std::vector<std::string> first =
+      arguments({"--scene", "tetra", "--state", path("state.json"), "--json"});
+  const ProcessResult once = run(first);
+  ASSERT_EQ(once.exit_code, 0) << once.err;
+  // The same figures to the last digit: nothing was measured again.
+  const ProcessResult again = run(first);
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(once.out, again.out);
+
+  std::vector<std::string> other = first;
+  other.insert(other.end(), {"--threads", "1"});
+  const ProcessResult refused = run(other);
+  EXPECT_EQ(refused.exit_code, 4);
+  EXPECT_NE(refused.err.find("state.json: of a run with other settings"), std::string::npos);
+
+  write("state.json", "{\"spans\": 3}");
+  const ProcessResult broken = run(first);
+  EXPECT_EQ(broken.exit_code, 4);
+  EXPECT_NE(broken.err.find("not the state of a run"), std::string::npos);
+}
+
+TEST_F(BenchPaper, NamesWhatItDoesNotKnow) {
+  const ProcessResult scene = run(arguments({"--scene", "kettle"}));
+  EXPECT_EQ(scene.exit_code, 2);
+  EXPECT_NE(scene.err.find("kettle"), std::string::npos);
+  const ProcessResult method = run(arguments({"--method", "guess"}));
+  EXPECT_EQ(method.exit_code, 2);
+  EXPECT_NE(method.err.find("--method 'guess': unknown"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace lenticule::test
