@@ -23,9 +23,9 @@ struct ExactFlags {
   bool scaling = false;
   bool growth = false;
   bool peers = false;
-  double peer_mrays = 0.0;  ///< 0 = as many as the frame has subpixels
-  int peer_limit_s = 900;   ///< per run of a peer
-  std::string only_peer;    ///< by name; empty = all
+  double peer_mrays = 0.0;                 ///< 0 = as many as the frame has subpixels
+  int peer_limit_s = 900;                  ///< per run of a peer
+  std::string only_peer;                   ///< by name; empty = all
   std::optional<optics::Rig> rig_instead;  ///< of a file
   std::string peer_pictures;
   std::string plots;  ///< folder, empty = none
