@@ -29,6 +29,7 @@ struct RenderFlags {
   std::string fps = "30";
   std::string camera;
   std::string output;
+  std::string missing;
   render::RenderOptions options;
   render::StageOptions stage;
   std::string centre;
@@ -44,6 +45,7 @@ struct RenderFlags {
 struct RunTotals {
   uint64_t rendered = 0;
   uint64_t skipped = 0;
+  uint64_t again = 0;  ///< rendered for later frames' sake and not written
   render::RenderStatistics rays;
   double seconds = 0.0;
 
@@ -56,6 +58,10 @@ struct RunTotals {
     rays.invalid_rays += frame.invalid_rays;
     rays.suspected_holes += frame.suspected_holes;
     rays.filled_holes += frame.filled_holes;
+    rays.traced_subpixels += frame.traced_subpixels;
+    rays.projected_subpixels += frame.projected_subpixels;
+    rays.interpolated_subpixels += frame.interpolated_subpixels;
+    rays.missing_subpixels += frame.missing_subpixels;
     rays.seconds += frame.seconds;
   }
 };
@@ -119,6 +125,11 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"invalid_rays", totals.rays.invalid_rays},
           {"suspected_holes", totals.rays.suspected_holes},
           {"filled_holes", totals.rays.filled_holes},
+          {"frames_rendered_again", totals.again},
+          {"traced_subpixels", totals.rays.traced_subpixels},
+          {"projected_subpixels", totals.rays.projected_subpixels},
+          {"interpolated_subpixels", totals.rays.interpolated_subpixels},
+          {"missing_subpixels", totals.rays.missing_subpixels},
           {"stage", stage_json(stage)}};
 }
 
@@ -149,7 +160,7 @@ class RenderRun {
         rate_(frames::parse_rate(flags.fps)),
         rig_(optics::load_rig(flags.rig)),
         model_(rig_),
-        method_(render::make_method(flags.method, model_, flags.options)),
+        method_(render::make_method(flags.method, model_, options_of(flags))),
         scenes_(flags.scene, rate_) {
     if (!flags.camera.empty()) cameras_ = render::load_camera_path(flags.camera);
     scenes_.require(range_);
@@ -164,6 +175,15 @@ class RenderRun {
                            .rig_fingerprint = optics::fingerprint(rig_),
                            .rate = rate_,
                            .ring_timeout_seconds = flags.ring_timeout});
+    if (flags.missing.empty()) return;
+    if (method_->missing_subpixels() == nullptr)
+      throw Error(ErrorKind::Usage, fmt::format("--missing: method {} leaves none", flags.method));
+    missing_ = open_output({.target = flags.missing,
+                            .range = range_,
+                            .geometry = geometry(),
+                            .rig_fingerprint = optics::fingerprint(rig_),
+                            .rate = rate_,
+                            .ring_timeout_seconds = flags.ring_timeout});
   }
 
   ExitCode run() {
@@ -173,10 +193,8 @@ class RenderRun {
     for (uint64_t number = range_.begin; number < range_.end && !interrupted(); ++number) {
       if (flags_.resume && output_->has(number)) {
         ++totals_.skipped;
-      } else {
-        prepare_scene(number);
-        totals_.add(method_->render(*scene_, stage_, frame));
-        if (output_->deliver(number, frame.view()) == Delivery::Interrupted) break;
+      } else if (!render_and_deliver(number, frame)) {
+        break;
       }
       progress.update(number - range_.begin + 1, note());
     }
@@ -193,6 +211,34 @@ class RenderRun {
     return {rig_.panel.width_px, rig_.panel.height_px, frames::PixelFormat::Rgb8};
   }
 
+  static render::RenderOptions options_of(const RenderFlags& flags) {
+    render::RenderOptions options = flags.options;
+    options.keep_missing = !flags.missing.empty();
+    return options;
+  }
+
+  void render_frame(uint64_t number, frames::WovenFrame& frame) {
+    prepare_scene(number);
+    method_->set_frame(number);
+    totals_.add(method_->render(*scene_, stage_, frame));
+  }
+
+  /// False if it was interrupted. Frames that this one is made from, but which a run before this
+  /// one has written, are rendered once more: it must not show where the run was broken.
+  bool render_and_deliver(uint64_t number, frames::WovenFrame& frame) {
+    const uint64_t first = std::max(method_->first_needed(number), range_.begin);
+    for (uint64_t earlier = first; earlier < number; ++earlier) {
+      if (interrupted()) return false;
+      render_frame(earlier, frame);
+      --totals_.rendered;
+      ++totals_.again;
+    }
+    render_frame(number, frame);
+    if (output_->deliver(number, frame.view()) == Delivery::Interrupted) return false;
+    return !missing_ ||
+           missing_->deliver(number, method_->missing_subpixels()->view()) == Delivery::Done;
+  }
+
   /// A scene that never changes is committed once.
   void prepare_scene(uint64_t number) {
     if (scene_ && scenes_.still() && cameras_.size() < 2) return;
@@ -204,7 +250,7 @@ class RenderRun {
   }
 
   [[nodiscard]] std::string note() const {
-    const double frames = static_cast<double>(totals_.rendered);
+    const double frames = static_cast<double>(totals_.rendered + totals_.again);
     return totals_.rendered == 0 ? std::string()
                                  : fmt::format("{:.2f} s/frame", totals_.rays.seconds / frames);
   }
@@ -213,6 +259,20 @@ class RenderRun {
     if (flags_.json) print_json(result_json(flags_, rig_, stages_->reference(), totals_));
     if (totals_.rays.invalid_rays > 0)
       fmt::print(stderr, "{} rays were not finite and stay black\n", totals_.rays.invalid_rays);
+    report_reuse();
+  }
+
+  void report_reuse() const {
+    const render::RenderStatistics& s = totals_.rays;
+    if (s.traced_subpixels == s.subpixels || s.subpixels == 0) return;
+    const auto percent = [&s](uint64_t count) {
+      return 100.0 * static_cast<double>(count) / static_cast<double>(s.subpixels);
+    };
+    fmt::print(stderr,
+               "subpixels: {:.1f} % traced, {:.1f} % re-projected, {:.1f} % interpolated; "
+               "{:.1f} % were missing after re-projection\n",
+               percent(s.traced_subpixels), percent(s.projected_subpixels),
+               percent(s.interpolated_subpixels), percent(s.missing_subpixels));
   }
 
   const RenderFlags& flags_;
@@ -225,6 +285,7 @@ class RenderRun {
   std::vector<render::Camera> cameras_;
   std::optional<StageSequence> stages_;
   std::unique_ptr<FrameOutput> output_;
+  std::unique_ptr<FrameOutput> missing_;  ///< null unless asked for
   render::Stage stage_;
   std::unique_ptr<render::Scene> scene_;
   RunTotals totals_;
@@ -271,7 +332,10 @@ Run declare_render(CLI::App& app) {
                  "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
       ->required();
   app.add_option("--rig", flags->rig, "rig file of the panel")->required();
-  app.add_option("--method", flags->method, "render method")->capture_default_str();
+  app.add_option("--method", flags->method, "full, lens-view, interpolate, temporal or hybrid")
+      ->capture_default_str();
+  app.add_option("--missing", flags->missing,
+                 "picture file or pattern: subpixels that re-projection left empty are white");
   app.add_option("--frames", flags->frames, "A:B renders frames A to B - 1, N that one alone")
       ->capture_default_str();
   app.add_option("--fps", flags->fps, "frames per second of the animation")->capture_default_str();

@@ -71,6 +71,7 @@ struct Scene::Impl {
   Affine scene_from_panel;       ///< from millimetres in the panel frame; its origin is zero
   double units_per_world = 1.0;  ///< scene units per world unit
   double near_mm = 0.0;          ///< panel z of the nearest point to be shown
+  uint64_t content = 0;          ///< scene_fingerprint()
 
   std::unique_ptr<const ShadingTables> shading;  ///< of all the above
   std::unique_ptr<ShaftProofs> proofs;  ///< grow while frames are rendered; null if too large

@@ -6,6 +6,7 @@
 
 #include "optics/error.h"
 #include "render/method_full.h"
+#include "render/method_reuse.h"
 
 namespace lenticule::render {
 namespace {
@@ -22,7 +23,8 @@ void check_range(const char* what, int value, int low, int high) {
 }  // namespace
 
 const std::vector<std::string>& method_names() {
-  static const std::vector<std::string> names = {"full"};
+  static const std::vector<std::string> names = {"full", "lens-view", "interpolate", "temporal",
+                                                 "hybrid"};
   return names;
 }
 
@@ -32,6 +34,12 @@ std::unique_ptr<Method> make_method(const std::string& name, const optics::Optic
   check_range("max depth", options.max_depth, 0, kMostDepth);
   check_range("threads", options.threads, 0, kMostThreads);
   if (name == "full") return make_method_full(model, options);
+  if (const auto reuse = reuse_named(name)) {
+    if (options.samples != 1)
+      throw Error(ErrorKind::Usage, fmt::format("method {}: takes one sample per subpixel", name),
+                  "method full averages several");
+    return make_method_reuse(*reuse, model, options);
+  }
   throw Error(ErrorKind::Usage, fmt::format("method '{}': unknown", name),
               fmt::format("this build has: {}", fmt::join(method_names(), ", ")));
 }

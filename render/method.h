@@ -12,6 +12,7 @@
 #include "frames/frame.h"
 #include "optics/cpu.h"
 #include "optics/model.h"
+#include "render/reuse_options.h"
 #include "render/scene.h"
 #include "render/stage.h"
 #include "render/work_clock.h"
@@ -29,6 +30,8 @@ struct RenderOptions {
   /// out; the bytes are the same. Only with one sample per subpixel.
   bool skip_weak_rays = true;
   bool tiles_backwards = false;  ///< the bytes do not depend on the order; for tests
+  ReuseOptions reuse{};          ///< of the methods that reuse points
+  bool keep_missing = false;     ///< make Method::missing_subpixels()
   bool measure_work = false;     ///< fill RenderStatistics::work; costs some percent of time
   /// Asked between tiles; true ends the frame early (RenderStatistics::completed is false then).
   std::function<bool()> cancelled;
@@ -61,13 +64,22 @@ struct RenderStatistics {
 class Method {
  public:
   virtual ~Method() = default;
+  /// The number of the next frame to be rendered; without being told, methods count.
+  virtual void set_frame(uint64_t number) { static_cast<void>(number); }
+  /// The first frame that has to be rendered before `number`, one after the other, for it to be as
+  /// in a sequence without a break; `number` itself where it needs none.
+  [[nodiscard]] virtual uint64_t first_needed(uint64_t number) const { return number; }
   /// Renders one frame; the frame has the rig's panel size. Same input, same bytes, whatever the
   /// number of threads. Not to be called from two threads at once.
   virtual RenderStatistics render(const Scene& scene, const Stage& stage,
                                   frames::WovenFrame& frame) = 0;
+  /// White where re-projection left the last frame's subpixels empty; null unless it was asked for,
+  /// and for methods that re-project nothing.
+  [[nodiscard]] virtual const frames::WovenFrame* missing_subpixels() const { return nullptr; }
 };
 
-/// "full" so far; throws Error(Usage) with the list of names otherwise. The model must outlive it.
+/// One of method_names(); throws Error(Usage) with the list of names otherwise. The model must
+/// outlive it.
 [[nodiscard]] std::unique_ptr<Method> make_method(const std::string& name,
                                                   const optics::OpticalModel& model,
                                                   const RenderOptions& options);

@@ -75,21 +75,13 @@ class FullMethod final : public Method {
       counts += worker.tracer.counts();
       for (size_t w = 0; w < kWorks; ++w) ticks[w] += worker.tracer.clock().ticks()[w];
     }
-    return {.completed = !cancelled.load(),
-            .subpixels = 3 * static_cast<uint64_t>(width_) * static_cast<uint64_t>(height_),
-            .primary_rays = counts.primary,
-            .shadow_rays = counts.shadow,
-            .secondary_rays = counts.secondary,
-            .invalid_rays = counts.invalid,
-            .suspected_holes = counts.holes.suspected,
-            .filled_holes = counts.holes.filled,
-            .shadow_rays_proved = counts.shadow_proved,
-            .shadow_rays_blocked = counts.shadow_blocked,
-            .secondary_rays_proved = counts.secondary_proved,
-            .secondary_rays_too_weak = counts.secondary_too_weak,
-            .traced_subpixels = 3 * static_cast<uint64_t>(width_) * static_cast<uint64_t>(height_),
-            .seconds = elapsed.count(),
-            .work = shares(ticks)};
+    RenderStatistics statistics{.completed = !cancelled.load(),
+                                .subpixels = frame.bytes().size(),
+                                .traced_subpixels = frame.bytes().size(),
+                                .seconds = elapsed.count(),
+                                .work = shares(ticks)};
+    counts.report(statistics);
+    return statistics;
   }
 
  private:

@@ -26,6 +26,19 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   return *this;
 }
 
+void RayCounts::report(RenderStatistics& statistics) const {
+  statistics.primary_rays = primary;
+  statistics.shadow_rays = shadow;
+  statistics.secondary_rays = secondary;
+  statistics.invalid_rays = invalid;
+  statistics.suspected_holes = holes.suspected;
+  statistics.filled_holes = holes.filled;
+  statistics.shadow_rays_proved = shadow_proved;
+  statistics.shadow_rays_blocked = shadow_blocked;
+  statistics.secondary_rays_proved = secondary_proved;
+  statistics.secondary_rays_too_weak = secondary_too_weak;
+}
+
 namespace {
 
 using shading_kernel::NewRays;
@@ -103,23 +116,6 @@ uint8_t code_of_light(float light) {
   return frames::code_from_linear(double{light});
 }
 
-/// The channels of a column's lanes, and what they see where there is nothing.
-struct Colours {
-  std::array<int32_t, kPacket> channel;
-  std::array<float, kPacket> backdrop;
-};
-
-Colours colours_of(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, int column) {
-  Colours colours;
-  for (size_t row = 0; row < kPacket; ++row) {
-    // Subpixels to the left of the panel have negative numbers.
-    const int channel = (plan.subpixel(tile, column, static_cast<int>(row)) % 3 + 3) % 3;
-    colours.channel[row] = channel;
-    colours.backdrop[row] = static_cast<float>(component(scene.backdrop.colour, channel));
-  }
-  return colours;
-}
-
 }  // namespace
 
 struct PacketTracer::Generation {
@@ -130,6 +126,23 @@ struct PacketTracer::Generation {
   NewRays mirrored_rays;
   NewRays refracted_rays;
 };
+
+struct PacketTracer::Colours {
+  std::array<int32_t, kPacket> channel;
+  std::array<float, kPacket> backdrop;
+};
+
+PacketTracer::Colours PacketTracer::colours_of(const Scene::Impl& scene, const TilePlan& plan,
+                                               const Tile& tile, int column) {
+  Colours colours;
+  for (size_t row = 0; row < kPacket; ++row) {
+    // Subpixels to the left of the panel have negative numbers.
+    const int channel = (plan.subpixel(tile, column, static_cast<int>(row)) % 3 + 3) % 3;
+    colours.channel[row] = channel;
+    colours.backdrop[row] = static_cast<float>(component(scene.backdrop.colour, channel));
+  }
+  return colours;
+}
 
 PacketTracer::PacketTracer(const RenderOptions& options)
     : kernel_(shading_kernel_for(options.isa)),
@@ -182,22 +195,41 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
     maker.columns(column, primary_);
     for (int k = 0; k < kFewPackets; ++k) {
       RayPacket& packet = primary_[static_cast<size_t>(k)];
-      clock_.turn_to(Work::TracePrimary);
-      intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
-      fill_holes(scene, plan.row_mm(), packet, counts_.holes);
-      clock_.turn_to(Work::Shade);
-      counts_.primary += count(packet.valid);
       const Colours& of_column = colours[static_cast<size_t>((column + k) % 3)];
-      std::copy_n(of_column.channel.data(), kPacket, lanes_.channel);
-      std::copy_n(of_column.backdrop.data(), kPacket, lanes_.backdrop);
-      std::fill_n(lanes_.light, kPacket, 0.0F);
-      shade(scene, packet, weights.data(), 0);
+      trace_packet(scene, plan.row_mm(), of_column, weights.data(), packet);
       float* out = light.data() + column + k;
       for (size_t row = 0; row < kPacket; ++row)
         out[row * static_cast<size_t>(tile.columns)] += lanes_.light[row];
     }
   }
   counts_.invalid += maker.refused();
+}
+
+void PacketTracer::trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
+                               std::span<const int32_t, kPacket> channel, RayPacket& packet,
+                               std::span<float, kPacket> light) {
+  alignas(64) std::array<float, kPacket> weights;
+  weights.fill(1.0F);
+  Colours colours;
+  for (size_t r = 0; r < kPacket; ++r) {
+    colours.channel[r] = channel[r];
+    colours.backdrop[r] = static_cast<float>(component(scene.backdrop.colour, channel[r]));
+  }
+  trace_packet(scene, plan.row_mm(), colours, weights.data(), packet);
+  std::copy_n(lanes_.light, kPacket, light.data());
+}
+
+void PacketTracer::trace_packet(const Scene::Impl& scene, double row_mm, const Colours& colours,
+                                const float* weight, RayPacket& packet) {
+  clock_.turn_to(Work::TracePrimary);
+  intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
+  fill_holes(scene, row_mm, packet, counts_.holes);
+  clock_.turn_to(Work::Shade);
+  counts_.primary += count(packet.valid);
+  std::copy_n(colours.channel.data(), kPacket, lanes_.channel);
+  std::copy_n(colours.backdrop.data(), kPacket, lanes_.backdrop);
+  std::fill_n(lanes_.light, kPacket, 0.0F);
+  shade(scene, packet, weight, 0);
 }
 
 void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight,

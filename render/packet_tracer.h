@@ -31,6 +31,7 @@ struct RayCounts {
   uint64_t secondary_too_weak = 0;  ///< left out: their light cannot change a code value
 
   RayCounts& operator+=(const RayCounts& other);
+  void report(RenderStatistics& statistics) const;
 };
 
 /// Of one thread and one scene; keeps its memory from tile to tile.
@@ -45,6 +46,13 @@ class PacketTracer {
   /// order that depends on the rays alone. Calling thread must flush denormals.
   void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, double weight,
              PrimaryPackets::Maker& maker, std::span<float> light);
+
+  /// The same for the valid lanes of one packet: lane r is of channel[r] and brings light[r], and
+  /// the packet holds what it met. Lanes come from anywhere in a tile; neighbours should lie close
+  /// together. Calling thread must flush denormals.
+  void trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
+                   std::span<const int32_t, kPacket> channel, RayPacket& packet,
+                   std::span<float, kPacket> light);
 
   [[nodiscard]] const RayCounts& counts() const { return counts_; }
   [[nodiscard]] WorkClock& clock() { return clock_; }
@@ -107,6 +115,13 @@ class PacketTracer {
   /// Makes mirrored rays invalid that cannot change the code value of their subpixel.
   void leave_out_weak(const Scene::Impl& scene, shading_kernel::NewRays& rays, size_t depth);
 
+  /// The channels of a column's lanes, and what they see where there is nothing.
+  struct Colours;
+  static Colours colours_of(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
+                            int column);
+  /// Leaves the light of the lanes in lanes_.light.
+  void trace_packet(const Scene::Impl& scene, double row_mm, const Colours& colours,
+                    const float* weight, RayPacket& packet);
   void shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight, size_t depth);
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);

@@ -9,6 +9,7 @@
 #include "optics/error.h"
 #include "render/committed_scene.h"
 #include "render/lighting.h"
+#include "render/scene_fingerprint.h"
 #include "render/shading_tables.h"
 #include "render/shaft_proofs.h"
 #include "render/user_geometry.h"
@@ -30,6 +31,7 @@ class Committer {
 
   void commit(const Surroundings& surroundings) {
     set_frame();
+    scene_.content = scene_fingerprint(description_, surroundings, stage_);
     add_materials();
     for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tells whether two frames show the same scene, apart from the camera.
+#pragma once
+
+#include <cstdint>
+
+#include "render/scene.h"
+#include "render/scene_description.h"
+
+namespace lenticule::render {
+
+/// Of everything that decides about what points of the scene look like: geometry, materials,
+/// textures, lights and surroundings, but not cameras, names and notes. The stage decides only
+/// where the sun moves with it.
+[[nodiscard]] uint64_t scene_fingerprint(const SceneDescription& scene,
+                                         const Surroundings& surroundings, const Stage& stage);
+
+}  // namespace lenticule::render
