@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rendering with methods that reuse points, as users run it.
+#include <nlohmann/json.hpp>
+
+#include "frames/image_io.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+constexpr const char* kRig = R"(format = 1
+[panel]
+width_px = 96
+height_px = 48
+pixel_width_mm = 0.5
+pixel_height_mm = 0.5
+layout = "rgb"
+[sheet]
+pitch_subpx = 12.3
+slant = 0.17
+offset_lenses = 0.25
+gap_mm = 6.0
+refraction_shape = 0.45
+spot_sigma_lenses = 0.03
+[viewing]
+distance_mm = 500.0
+height_mm = 0.0
+)";
+
+class ReuseCommand : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    write("rig.toml", kRig);
+  }
+  ProcessResult render(const std::string& folder, const std::string& frames,
+                       const std::vector<std::string>& more = {}) {
+    std::vector<std::string> command = {"render",   "builtin:balls:2",
+                                        "--rig",    path("rig.toml"),
+                                        "--method", "temporal",
+                                        "--frames", frames,
+                                        "-o",       path(folder + "/%02d.png"),
+                                        "--json"};
+    command.insert(command.end(), more.begin(), more.end());
+    return run(command);
+  }
+  frames::WovenFrame frame(const std::string& name) { return frames::read_woven(path(name)); }
+};
+
+/// Where a run was broken does not show, whether a key frame lies between or not.
+TEST_F(ReuseCommand, ResumesToTheSameBytes) {
+  const ProcessResult whole = render("whole", "3:20");
+  ASSERT_EQ(whole.exit_code, 0) << whole.err;
+  ASSERT_EQ(render("broken", "3:20").exit_code, 0);
+  for (const char* name : {"broken/09.png", "broken/10.png", "broken/18.png"})
+    std::filesystem::remove(path(name));
+  const ProcessResult again = render("broken", "3:20", {"--resume", "--threads", "1"});
+  ASSERT_EQ(again.exit_code, 0) << again.err;
+  const auto report = nlohmann::json::parse(again.out);
+  EXPECT_EQ(report["frames_rendered"], 3);
+  EXPECT_EQ(report["frames_rendered_again"], 6 + 2);
+  EXPECT_GT(report["projected_subpixels"], 0);
+  for (const char* name : {"09.png", "10.png", "11.png", "18.png", "19.png"})
+    EXPECT_EQ(frame(std::string("whole/") + name), frame(std::string("broken/") + name)) << name;
+}
+
+TEST_F(ReuseCommand, ShowsWhatWasMissing) {
+  const ProcessResult result = render("out", "0:2", {"--missing", path("missing/%02d.png")});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto report = nlohmann::json::parse(result.out);
+  EXPECT_NE(result.err.find("missing after re-projection"), std::string::npos) << result.err;
+  uint64_t white = 0;
+  for (const char* name : {"missing/00.png", "missing/01.png"})
+    for (const uint8_t code : frame(name).bytes()) white += code == 255 ? 1 : 0;
+  EXPECT_EQ(report["missing_subpixels"], white);
+  EXPECT_EQ(run({"render", "builtin:balls:2", "--rig", path("rig.toml"), "-o", path("a.png"),
+                 "--missing", path("m.png")})
+                .exit_code,
+            2);
+}
+
+}  // namespace
+}  // namespace lenticule::test
