@@ -40,8 +40,9 @@ class BenchScene {
   [[nodiscard]] render::RenderOptions options(int max_depth) const;
   /// Method "full"; the options' threads and interruption are taken as they are.
   [[nodiscard]] std::unique_ptr<render::Method> method(const render::RenderOptions& options) const;
-  /// One frame, which is thrown away.
+  /// One frame, which frame() shows until the next.
   render::RenderStatistics render(render::Method& method);
+  [[nodiscard]] const frames::WovenFrame& frame() const { return frame_; }
 
  private:
   BenchSetup setup_;
