@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "optics/rig.h"
@@ -32,9 +33,22 @@ struct PublishedQuality {
 };
 [[nodiscard]] std::span<const PublishedQuality> published_quality();
 
+/// A method as it is by default, or read as literally as the paper can be: each micro-image from
+/// the one before it, every point taken for the subpixel that is nearest.
+struct PaperMethod {
+  std::string name;  ///< with kPublished at its end for the literal reading
+  static constexpr std::string_view kPublished = "-literal";
+
+  [[nodiscard]] bool published() const { return name.ends_with(kPublished); }
+  /// As make_method() takes it.
+  [[nodiscard]] std::string method() const;
+};
+/// Every method of this build, and the literal readings of those that the paper has.
+[[nodiscard]] const std::vector<std::string>& paper_method_names();
+
 struct PaperSetup {
   optics::Rig rig;
-  std::vector<std::string> methods;  ///< the first is the reference
+  std::vector<std::string> methods;  ///< of paper_method_names(); the first is the reference
   int threads = 0;                   ///< 0 = all cores
   int depth = 5;
   int runs = 3;  ///< medians of times are taken over these

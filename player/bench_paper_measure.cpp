@@ -60,9 +60,12 @@ class SpanRun {
     options.max_depth = setup.depth;
     options.cancelled = [] { return interrupted(); };
     for (int run = 0; run < setup.runs; ++run)
-      for (const std::string& name : setup.methods)
+      for (const std::string& name : setup.methods) {
+        const PaperMethod one{name};
+        options.reuse = one.published() ? render::literal_reuse() : render::ReuseOptions{};
         contestants_.push_back(
-            {render::make_method(name, model_, options), frames::WovenFrame(geometry)});
+            {render::make_method(one.method(), model_, options), frames::WovenFrame(geometry)});
+      }
   }
 
   nlohmann::json frame(int number) {
@@ -73,6 +76,7 @@ class SpanRun {
     for (size_t turn = 0; turn < rounds && !interrupted(); ++turn) {
       // Another one begins each time: what comes later finds warmer caches.
       const size_t i = (turn + static_cast<size_t>(number)) % rounds;
+      contestants_[i].method->set_frame(static_cast<uint64_t>(number));
       race(contestants_[i], description, stage, taken[i % setup_.methods.size()]);
     }
     nlohmann::json methods;
@@ -190,6 +194,20 @@ nlohmann::json figures_of(const std::string& name, const Sums& s, double referen
 
 }  // namespace
 
+std::string PaperMethod::method() const {
+  return published() ? name.substr(0, name.size() - kPublished.size()) : name;
+}
+
+const std::vector<std::string>& paper_method_names() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all = render::method_names();
+    for (const char* of_the_paper : {"lens-view", "interpolate", "hybrid"})
+      all.push_back(std::string(of_the_paper) + std::string(PaperMethod::kPublished));
+    return all;
+  }();
+  return names;
+}
+
 std::vector<PaperSpan> spans_of(const std::string& scene, int frames, int length, int spans) {
   const int most = (frames + length - 1) / length;
   const int count = spans == 0 ? most : std::min(spans, most);
@@ -226,7 +244,7 @@ nlohmann::json summarize(const std::string& scene, const std::vector<nlohmann::j
   const auto full = by_name.find("full");
   const double reference_s = full == by_name.end() ? 0.0 : full->second.wall_s;
   nlohmann::json methods = nlohmann::json::array();
-  for (const std::string& name : render::method_names())
+  for (const std::string& name : paper_method_names())
     if (const auto found = by_name.find(name); found != by_name.end())
       methods.push_back(figures_of(name, found->second, reference_s));
   return {{"scene", scene},

@@ -34,10 +34,7 @@ struct Way {
 };
 
 void as_published(ReuseOptions& reuse) {
-  reuse.reconstruction = ReuseOptions::Reconstruction::Nearest;
-  reuse.key_every = 0;
-  reuse.occlusion = false;
-  reuse.agreement = reuse.mean_agreement = 255.0F;
+  reuse = render::literal_reuse();
 }
 
 const std::vector<Way>& plain_ways() {

@@ -33,4 +33,15 @@ struct ReuseOptions {
   float within = 0.5F;  ///< Nearest: distance of a point from the ray, in slots of its channel
 };
 
+/// As literally as the paper can be read: each micro-image from the one before it, every point
+/// taken for the subpixel that is nearest, nothing hidden, any two colours meant.
+[[nodiscard]] inline ReuseOptions literal_reuse() {
+  ReuseOptions reuse;
+  reuse.reconstruction = ReuseOptions::Reconstruction::Nearest;
+  reuse.key_every = 0;
+  reuse.occlusion = false;
+  reuse.agreement = reuse.mean_agreement = 255.0F;
+  return reuse;
+}
+
 }  // namespace lenticule::render
