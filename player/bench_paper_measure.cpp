@@ -49,7 +49,6 @@ class SpanRun {
  public:
   SpanRun(const PaperSetup& setup, const PaperSpan& span)
       : setup_(setup),
-        span_(span),
         model_(setup.rig),
         scene_(scenes::find_scene(span.scene)),
         stages_(describe_built_in(scene_), model_, {}) {
@@ -124,7 +123,6 @@ class SpanRun {
   }
 
   const PaperSetup& setup_;
-  const PaperSpan& span_;
   optics::OpticalModel model_;
   const scenes::BuiltInScene& scene_;
   StageSequence stages_;
