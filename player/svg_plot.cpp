@@ -23,7 +23,8 @@ constexpr double kTop = 40.0;
 constexpr double kBottom = 56.0;
 
 /// Told apart by colour-blind eyes as well (Okabe and Ito), and dark enough on white.
-constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00"};
+constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
+                                 "#56b4e9", "#e69f00", "#000000", "#7f7f7f"};
 
 std::string escaped(const std::string& text) {
   std::string out;
