@@ -259,7 +259,8 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   const bool any = kernel_.mirrored_rays(surfaces, weight, rays);
   counts_.invalid += static_cast<uint64_t>(rays.refused);
   if (!any) return;
-  if (skip_weak_ && glass_above_ == 0) leave_out_weak(scene, rays, depth);
+  if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
+    leave_out_weak(scene, rays, depth);
   if (ask_mirrored) {
     const uint32_t open = take_open(scene, asker, rays, generation.mirrored.valid);
     mirrored_payoff_.asked(!any_lane(generation.mirrored.valid));

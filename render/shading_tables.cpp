@@ -93,26 +93,23 @@ float smallest(Vec3 v) {
 /// Of all lights together. Light that falls off has no bound.
 float most_arriving(const std::vector<SceneLight>& lights) {
   float sum = 0.0F;
-  for (const SceneLight& light : lights) {
-    if (light.falls_off || smallest(light.colour) < 0.0F) return kInfinity;
-    sum += largest(light.colour);
-  }
+  for (const SceneLight& light : lights) sum += light.falls_off ? kInfinity : largest(light.colour);
   return sum;
 }
 
-float most_from_afar(const Backdrop& backdrop) {
-  return backdrop.flat() && smallest(backdrop.colour) >= 0.0F ? largest(backdrop.colour)
-                                                              : kInfinity;
-}
-
-/// What is negative takes light away again, so that nothing bounds the rest.
-bool only_adds(const Material& m) {
-  return std::min({smallest(m.colour), smallest(m.emission), static_cast<float>(m.diffuse),
-                   static_cast<float>(m.specular), static_cast<float>(m.transmittance)}) >= 0.0F;
+/// A picture of the surroundings or on a surface may have numbers below zero, and any above it.
+bool no_light_is_negative(const Scene::Impl& scene) {
+  const auto positive = [](const auto& thing) { return smallest(thing.colour) >= 0.0F; };
+  const auto only_adds = [&](const Material& m) {
+    return m.texture < 0 && positive(m) && smallest(m.emission) >= 0.0F && m.diffuse >= 0.0 &&
+           m.specular >= 0.0 && m.transmittance >= 0.0;
+  };
+  return std::ranges::all_of(scene.lights, positive) &&
+         std::ranges::all_of(scene.materials, only_adds) && smallest(scene.ambient) >= 0.0F &&
+         positive(scene.backdrop) && !scene.backdrop.environment;
 }
 
 float most_from(const Material& m, float arriving, float ambient) {
-  if (!only_adds(m)) return kInfinity;
   const auto diffuse = static_cast<float>(m.diffuse) * largest(m.colour);
   const float tint = m.tinted_specular ? largest(m.colour) : 1.0F;
   return largest(m.emission) + ambient * diffuse +
@@ -135,12 +132,11 @@ float ShadingTables::most_light(int generations) const {
 }
 
 ShadingTables::ShadingTables(const Scene::Impl& scene) {
+  light_only_adds_ = no_light_is_negative(scene);
   const float arriving = most_arriving(scene.lights);
-  most_direct_ = most_from_afar(scene.backdrop);
+  most_direct_ = scene.backdrop.flat() ? largest(scene.backdrop.colour) : kInfinity;
   for (const Material& m : scene.materials) {
-    // A texture of high range may be brighter than white.
-    const float direct = m.texture < 0 ? most_from(m, arriving, largest(scene.ambient)) : kInfinity;
-    most_direct_ = std::max(most_direct_, direct);
+    most_direct_ = std::max(most_direct_, most_from(m, arriving, largest(scene.ambient)));
     most_kept_ = std::max(most_kept_, kept_by(m));
   }
   for (const Material& material : scene.materials) materials_.push_back(table_entry(material));

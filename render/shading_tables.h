@@ -23,6 +23,9 @@ class ShadingTables {
   /// More than any ray brings that may be mirrored or refracted `generations` times more, in any
   /// channel; infinite where no bound is known.
   [[nodiscard]] float most_light(int generations) const;
+  /// False where something may take light away, which numbers below zero do: then nothing is known
+  /// of what is still to come.
+  [[nodiscard]] bool light_only_adds() const { return light_only_adds_; }
 
  private:
   std::vector<shading_kernel::Material> materials_;
@@ -31,6 +34,7 @@ class ShadingTables {
   std::vector<shading_kernel::Geometry> geometries_;
   std::vector<shading_kernel::Light> lights_;
   shading_kernel::Tables tables_{};
+  bool light_only_adds_ = true;
   float most_direct_ = 0.0F;  ///< from a surface itself or from the surroundings
   float most_kept_ = 0.0F;    ///< of what a mirrored and a refracted ray bring together
 };
