@@ -46,12 +46,10 @@ reprojection::PanelMap panel_map(const Scene::Impl& scene) {
           .z = {f(panel.column_x.z), f(panel.column_y.z), f(panel.column_z.z)}};
 }
 
-/// As method full writes it. NaN is black.
+/// As method full writes it.
 float code_of(float light, bool colour_managed) {
-  if (colour_managed) return static_cast<float>(frames::code_from_linear(double{light}));
-  const float above = light > 0.0F ? light : 0.0F;
-  const float held = above < 1.0F ? above : 1.0F;
-  return static_cast<float>(static_cast<int>(double{held} * 255.0 + 0.5));
+  return static_cast<float>(colour_managed ? frames::code_from_linear(double{light})
+                                           : frames::code_from_encoded(light));
 }
 
 bool any(const std::array<int32_t, kPacket>& lanes) {
