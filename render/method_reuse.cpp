@@ -62,6 +62,14 @@ bool is_cut(const Affine& next_from_last, const optics::Panel& panel, double mos
   return false;
 }
 
+/// Frames of one file share their textures; others have equal ones.
+bool same_texture(const std::shared_ptr<const Texture>& a,
+                  const std::shared_ptr<const Texture>& b) {
+  if (a == b) return true;
+  return a && b && a->width == b->width && a->height == b->height && a->repeat_u == b->repeat_u &&
+         a->repeat_v == b->repeat_v && a->rgba == b->rgba;
+}
+
 class ReuseMethod final : public Method {
  public:
   ReuseMethod(Reuse reuse, const optics::OpticalModel& model, const RenderOptions& options)
@@ -105,7 +113,8 @@ class ReuseMethod final : public Method {
     statistics.completed = completed;
     statistics.seconds = elapsed.count();
     last_.reset();
-    if (completed) last_ = {number_, scene.impl().content, stage.world_from_panel};
+    if (completed)
+      last_ = {number_, scene.impl().content, scene.impl().textures, stage.world_from_panel};
     ++number_;
     return statistics;
   }
@@ -150,7 +159,8 @@ class ReuseMethod final : public Method {
   bool start_history(const Scene::Impl& scene, const Stage& stage) {
     if (!history_) history_ = std::make_unique<PointHistory>(model_, plan_.tiles);
     if (!last_ || last_->number + 1 != number_ || number_ % key_frames() == 0 ||
-        last_->content != scene.content)
+        last_->content != scene.content ||
+        !std::ranges::equal(last_->textures, scene.textures, same_texture))
       return false;
     const Affine next_from_last = stage.panel_from_world * last_->world_from_panel;
     if (is_cut(next_from_last, model_.rig().panel, options_.reuse.cut)) return false;
@@ -206,6 +216,7 @@ class ReuseMethod final : public Method {
   struct Last {
     uint64_t number = 0;
     uint64_t content = 0;
+    std::vector<std::shared_ptr<const Texture>> textures;
     Affine world_from_panel;
   };
 

@@ -51,14 +51,6 @@ class Mixer {
     add(m.tinted_specular);
     add(m.texture);
   }
-  void add(const std::shared_ptr<const Texture>& texture) {
-    add(texture != nullptr);
-    if (!texture) return;
-    add(texture->width);
-    add(texture->repeat_u);
-    add(texture->repeat_v);
-    add(texture->rgba);
-  }
   void add(const TriangleMesh& mesh) {
     add(mesh.material);
     add(mesh.positions);
@@ -102,7 +94,6 @@ uint64_t scene_fingerprint(const SceneDescription& scene, const Surroundings& su
                            const Stage& stage) {
   Mixer mixer;
   mixer.add(scene.materials);
-  mixer.add(scene.textures);
   mixer.add(scene.meshes);
   mixer.add(scene.spheres);
   mixer.add(scene.cones);

@@ -9,9 +9,10 @@
 
 namespace lenticule::render {
 
-/// Of everything that decides about what points of the scene look like: geometry, materials,
-/// textures, lights and surroundings, but not cameras, names and notes. The stage decides only
-/// where the sun moves with it.
+/// Of everything that decides about what points of the scene look like: geometry, materials, lights
+/// and surroundings, but not cameras, names and notes, nor the pixels of textures, which are
+/// compared by whoever needs it (every scene that is committed has a fingerprint). The stage
+/// decides only where the sun moves with it.
 [[nodiscard]] uint64_t scene_fingerprint(const SceneDescription& scene,
                                          const Surroundings& surroundings, const Stage& stage);
 
