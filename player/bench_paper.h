@@ -36,10 +36,10 @@ struct PublishedQuality {
 /// A method as it is by default, or read as literally as the paper can be: each micro-image from
 /// the one before it, every point taken for the subpixel that is nearest.
 struct PaperMethod {
-  std::string name;  ///< with kPublished at its end for the literal reading
-  static constexpr std::string_view kPublished = "-literal";
+  std::string name;  ///< with kLiteral at its end for the literal reading
+  static constexpr std::string_view kLiteral = "-literal";
 
-  [[nodiscard]] bool published() const { return name.ends_with(kPublished); }
+  [[nodiscard]] bool literal() const { return name.ends_with(kLiteral); }
   /// As make_method() takes it.
   [[nodiscard]] std::string method() const;
 };

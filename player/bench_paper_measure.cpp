@@ -61,7 +61,7 @@ class SpanRun {
     for (int run = 0; run < setup.runs; ++run)
       for (const std::string& name : setup.methods) {
         const PaperMethod one{name};
-        options.reuse = one.published() ? render::literal_reuse() : render::ReuseOptions{};
+        options.reuse = one.literal() ? render::literal_reuse() : render::ReuseOptions{};
         contestants_.push_back(
             {render::make_method(one.method(), model_, options), frames::WovenFrame(geometry)});
       }
@@ -193,14 +193,14 @@ nlohmann::json figures_of(const std::string& name, const Sums& s, double referen
 }  // namespace
 
 std::string PaperMethod::method() const {
-  return published() ? name.substr(0, name.size() - kPublished.size()) : name;
+  return literal() ? name.substr(0, name.size() - kLiteral.size()) : name;
 }
 
 const std::vector<std::string>& paper_method_names() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all = render::method_names();
     for (const char* of_the_paper : {"lens-view", "interpolate", "hybrid"})
-      all.push_back(std::string(of_the_paper) + std::string(PaperMethod::kPublished));
+      all.push_back(std::string(of_the_paper) + std::string(PaperMethod::kLiteral));
     return all;
   }();
   return names;
