@@ -11,6 +11,7 @@ Run declare_play(CLI::App& app);
 Run declare_weave(CLI::App& app);
 Run declare_eye(CLI::App& app);
 Run declare_compare(CLI::App& app);
+Run declare_calibrate(CLI::App& app);
 Run declare_rig(CLI::App& app);
 Run declare_panels(CLI::App& app);
 Run declare_doctor(CLI::App& app);
@@ -33,6 +34,8 @@ const std::vector<Command>& commands() {
        "lenticule eye woven.png --rig kiosk-27-4k.toml --eye -32,0,700 -o left.png", declare_eye},
       {"compare", "measure how far one picture is from another",
        "lenticule compare reference.png test.png --rig kiosk-27-4k.toml --json", declare_compare},
+      {"calibrate", "find the lens sheet's pitch, slant, offset and gap",
+       "lenticule calibrate show fringes --rig kiosk-27-4k.toml --display kms", declare_calibrate},
       {"rig", "show, check, import and export rig files",
        "lenticule rig import visual.json -o portrait.toml", declare_rig},
       {"panels", "list connected panels, their identity, modes and matching rigs",

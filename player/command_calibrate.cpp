@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule calibrate: finds the right way by its word.
+#include "optics/error.h"
+#include "player/calibrate.h"
+
+namespace lenticule::player {
+
+// One file each, calibrate_WAY.cpp.
+
+Run declare_calibrate(CLI::App& app) {
+  app.require_subcommand(1);
+  const std::vector<CalibrateWay> ways = {};
+  return [ways]() -> ExitCode {
+    for (const CalibrateWay& way : ways)
+      if (way.app->parsed()) return way.run();
+    throw Error(ErrorKind::Usage, "calibrate: no way was named", "see lenticule calibrate --help");
+  };
+}
+
+}  // namespace lenticule::player
