@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/calibrate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+
+#include "calib/fit/joint_fit.h"
+#include "calib/fit/prediction.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr double kMostRmsLenses = 0.05;    ///< phase left over: no model of this sheet
+constexpr double kMostGeometryPx = 6.0;    ///< the same for the panel points
+constexpr double kLeastCovered = 0.55;     ///< of the panel, in each viewpoint
+constexpr double kMostDriftLenses = 0.05;  ///< between first and repeated fringes
+constexpr double kMostCorrelation = 0.98;  ///< of pitch and gap
+constexpr double kAmbiguity = 60.0;        ///< chi-squared by which the best gap must lead
+constexpr double kBgrOffset = 2.0;         ///< subpixels that red and blue are off when swapped
+
+class Calibrator {
+ public:
+  Calibrator(const std::vector<ViewpointMeasurement>& viewpoints, const optics::Rig& start,
+             const CalibrateOptions& options)
+      : measured_(viewpoints),
+        panel_(start.panel),
+        options_(options),
+        start_(sheet_start(start)),
+        grid_{options.map_columns, options.map_rows} {
+    result_.rig = start;
+    start_.gap_tolerance = options.gap_tolerance;
+    for (const ViewpointMeasurement& m : viewpoints) views_.push_back(view_of(m, panel_));
+  }
+
+  Calibration run() {
+    const auto begin = std::chrono::steady_clock::now();
+    carry_over();
+    if (fit()) {
+      put_rig();
+      measure_colours();
+      describe_viewpoints();
+      describe_parameters();
+      leave_one_out();
+      predict();
+      judge();
+    }
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
+    result_.seconds_computing = elapsed.count();
+    return std::move(result_);
+  }
+
+ private:
+  [[nodiscard]] bool several() const { return views_.size() > 1; }
+
+  void refuse(std::string reason) {
+    result_.verdict = Verdict::Refused;
+    result_.reasons.push_back(std::move(reason));
+    refused_ = true;
+  }
+  void only_effective(std::string reason) { result_.reasons.push_back(std::move(reason)); }
+
+  void carry_over() {
+    for (const ViewpointMeasurement& m : measured_) {
+      for (const std::string& warning : m.warnings)
+        result_.warnings.push_back(fmt::format("{}: {}", m.name, warning));
+      if (m.spot) result_.spot = m.spot;
+      if (!m.link.findings.empty() || m.spot) result_.link = m.link;
+    }
+  }
+
+  bool fit();
+  [[nodiscard]] JointOptions joint_options() const {
+    return {.grid = grid_, .free_gap = several(), .free_poses = true};
+  }
+  bool choose_gap();
+  void put_rig();
+  void measure_colours();
+  [[nodiscard]] Estimate channel_offset(int channel) const;
+  void describe_viewpoints();
+  void describe_parameters();
+  void leave_one_out();
+  void predict();
+  void judge();
+  void judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured);
+
+  const std::vector<ViewpointMeasurement>& measured_;
+  const optics::Panel& panel_;
+  CalibrateOptions options_;
+  SheetStart start_;
+  KnotGrid grid_;
+  std::vector<View> views_;
+  std::optional<PoseFit> poses_;
+  std::optional<GapCandidate> gap_;
+  std::optional<JointFit> fit_;
+  std::vector<double> held_out_;  ///< 99th percentile at each viewpoint when it is left out
+  bool refused_ = false;
+  Calibration result_;
+};
+
+/// The starting pitch is only what fringes were looked for with; what they show is nearer.
+void start_from(const ViewpointMeasurement& seen, SheetStart& start, const optics::Panel& panel) {
+  start.values[kAcross] = 0.5 * panel.width_px * seen.line.per_px_x;
+  start.values[kDown] = 0.5 * panel.height_px * seen.line.per_px_y;
+}
+
+bool Calibrator::choose_gap() {
+  std::vector<GapCandidate> gaps = search_gaps(views_, *poses_, start_, panel_);
+  if (gaps.empty()) {
+    refuse("no gap between lenses and pixels explains what the viewpoints show together");
+    return false;
+  }
+  // A wrong gap puts the camera at a wrong distance, a little: once more with the better one.
+  SheetValues sheet = start_.values;
+  sheet[kGap] = gaps.front().gap_mm;
+  sheet[kShape] = gaps.front().shape;
+  if (std::optional<PoseFit> again = fit_poses(views_, sheet, panel_)) {
+    poses_ = again;
+    gaps = search_gaps(views_, *poses_, start_, panel_);
+  }
+  if (gaps.empty()) return false;
+  gap_ = gaps.front();
+  if (gaps.size() > 1 && gaps[1].chi_squared - gaps[0].chi_squared < kAmbiguity)
+    refuse(
+        fmt::format("two gaps explain the viewpoints about equally well: {:.3f} and {:.3f} mm. "
+                    "Add a viewpoint at another distance to the side.",
+                    gaps[0].gap_mm, gaps[1].gap_mm));
+  return true;
+}
+
+bool Calibrator::fit() {
+  if (views_.empty()) {
+    refuse("nothing was measured");
+    return false;
+  }
+  start_from(measured_.front(), start_, panel_);
+  poses_ = fit_poses(views_, start_.values, panel_);
+  if (!poses_) {
+    refuse("where the camera was cannot be found out: no place explains the panel points it saw");
+    return false;
+  }
+  if (several() && !choose_gap()) return false;
+  fit_ = fit_jointly(views_, *poses_, start_, gap_, panel_, joint_options());
+  if (!fit_) refuse("the fit does not converge");
+  return fit_.has_value();
+}
+
+void Calibrator::put_rig() {
+  put_sheet(fit_->values.sheet, grid_, fit_->values.knots, panel_, result_.rig.sheet);
+  if (result_.spot && result_.spot->sigma_lenses > 0.0)
+    result_.rig.sheet.spot_sigma = Lenses(result_.spot->sigma_lenses);
+  const CameraValues& camera = fit_->values.camera;
+  result_.camera = {.focal_px = camera[kFocal],
+                    .centre_x_px = camera[kCentreX],
+                    .centre_y_px = camera[kCentreY],
+                    .k1 = camera[kRadial1],
+                    .k2 = camera[kRadial2]};
+}
+
+/// The mean phase by which a channel's fringes are ahead of green's, in subpixels.
+Estimate Calibrator::channel_offset(int channel) const {
+  double sum = 0.0, weight = 0.0, square = 0.0;
+  for (const ViewpointMeasurement& m : measured_) {
+    const std::vector<PhaseBlock>& green = m.blocks[1].blocks;
+    const std::vector<PhaseBlock>& other = m.blocks[static_cast<size_t>(channel)].blocks;
+    for (size_t n = 0; n < green.size(); ++n) {
+      if (green[n].pixels == 0 || other[n].pixels == 0) continue;
+      const double ahead = other[n].phase - green[n].phase;
+      const double subpixels = (ahead - std::round(ahead)) * m.line.pitch_subpx();
+      const double w = green[n].pixels;
+      sum += w * subpixels;
+      square += w * subpixels * subpixels;
+      weight += w;
+    }
+  }
+  if (!(weight > 0.0)) return {};
+  const double mean = sum / weight;
+  const double blocks = static_cast<double>(views_.front().phases.size() * views_.size());
+  return {mean, std::sqrt(std::max(0.0, square / weight - mean * mean) / std::max(1.0, blocks))};
+}
+
+void Calibrator::measure_colours() {
+  const Estimate red = channel_offset(0), blue = channel_offset(2);
+  const double pitch = result_.rig.sheet.pitch.value;
+  // Twice a subpixel either way: red is where blue should be. Phases repeat after a pitch.
+  const auto apart = [&](double a, double b) {
+    const double turns = (a - b) / pitch;
+    return std::abs(turns - std::round(turns)) * pitch;
+  };
+  result_.link.channels_swapped = apart(red.value, kBgrOffset) < 0.6 &&
+                                  apart(blue.value, -kBgrOffset) < 0.6 &&
+                                  apart(red.value, 0.0) > 0.6;
+  if (result_.link.channels_swapped) {
+    result_.link.findings.emplace_back(
+        "Red and blue are where the other one should be: the panel's subpixels are ordered BGR.");
+    return;
+  }
+  result_.rig.sheet.channel_offset = {Subpixels(red.value), Subpixels(0.0), Subpixels(blue.value)};
+  result_.parameters.push_back({"channel_offset_subpx.red", "subpixels", red});
+  result_.parameters.push_back({"channel_offset_subpx.blue", "subpixels", blue});
+}
+
+double percentile(std::vector<double> values, double part) {
+  if (values.empty()) return 0.0;
+  for (double& v : values) v = std::abs(v);
+  const auto at = static_cast<size_t>(part * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + static_cast<ptrdiff_t>(at), values.end());
+  return values[at];
+}
+
+PanelField field_of(const View& view, const PoseValues& pose, const CameraValues& camera,
+                    const std::vector<double>& rests, const optics::Panel& panel) {
+  PanelField field{.columns = 48, .rows = 27, .values = {}};
+  const auto cells = static_cast<size_t>(field.columns * field.rows);
+  std::vector<double> sums(cells, 0.0), counts(cells, 0.0);
+  for (size_t n = 0; n < rests.size(); ++n) {
+    const Vec2 pixel = view.phases[n].camera_px;
+    const auto lens = lens_plane_point(camera.data(), pose.data(), pixel.x, pixel.y);
+    const int column = static_cast<int>(panel.x_px(lens.x) / panel.width_px * field.columns);
+    const int row = static_cast<int>(panel.y_px(lens.y) / panel.height_px * field.rows);
+    if (column < 0 || row < 0 || column >= field.columns || row >= field.rows) continue;
+    const auto cell = static_cast<size_t>(row * field.columns + column);
+    sums[cell] += rests[n];
+    counts[cell] += 1.0;
+  }
+  for (size_t cell = 0; cell < cells; ++cell)
+    field.values.push_back(counts[cell] > 0.0 ? sums[cell] / counts[cell]
+                                              : std::numeric_limits<double>::quiet_NaN());
+  return field;
+}
+
+/// Between the camera's axis and the panel's normal.
+double tilt_degrees(const PoseValues& pose) {
+  const double forward[3] = {0.0, 0.0, 1.0};
+  const double back[3] = {-pose[0], -pose[1], -pose[2]};
+  double axis[3];
+  ceres::AngleAxisRotatePoint(back, forward, axis);
+  return std::acos(std::clamp(-axis[2], -1.0, 1.0)) * 180.0 / std::numbers::pi;
+}
+
+void Calibrator::describe_viewpoints() {
+  const Prediction prediction(*fit_, grid_, panel_);
+  for (size_t v = 0; v < views_.size(); ++v) {
+    const ViewpointMeasurement& m = measured_[v];
+    const PoseValues& pose = fit_->values.poses[v];
+    Viewpoint out;
+    out.name = m.name;
+    out.eye_mm = {pose[kPupil], pose[kPupil + 1], pose[kPupil + 2]};
+    out.eye_sigma_mm = prediction.eye_sigma(v);
+    out.tilt_degrees = tilt_degrees(pose);
+    const EffectiveLine line = prediction.effective_line(out.eye_mm, several());
+    out.effective_pitch_subpx = line.pitch_subpx;
+    out.slant = line.slant;
+    out.effective_offset_lenses = line.offset_lenses;
+    out.contrast = m.contrast;
+    out.covered = m.covered;
+    out.blocks = static_cast<int>(views_[v].phases.size());
+    double square = 0.0;
+    for (const double rest : fit_->rests[v]) square += rest * rest;
+    out.rms_lenses = std::sqrt(square / std::max<double>(1.0, out.blocks));
+    out.max_lenses = percentile(fit_->rests[v], 1.0);
+    out.reprojection_rms_px = fit_->geometry_rms_px;
+    out.residual = field_of(views_[v], pose, fit_->values.camera, fit_->rests[v], panel_);
+    result_.viewpoints.push_back(std::move(out));
+  }
+}
+
+void Calibrator::describe_parameters() {
+  const Prediction prediction(*fit_, grid_, panel_);
+  const SheetReport report = prediction.sheet_report();
+  result_.parameters.insert(result_.parameters.begin(), report.parameters.begin(),
+                            report.parameters.end());
+  result_.correlations = report.correlations;
+}
+
+/// Each viewpoint is foretold by the others: the sheet and the map from those, the camera's place
+/// from its own panel points.
+void Calibrator::leave_one_out() {
+  if (views_.size() < 3) return;
+  const PoseFit all{.camera = fit_->values.camera, .poses = fit_->values.poses};
+  SheetStart start = start_;
+  start.values = fit_->values.sheet;
+  for (size_t out = 0; out < views_.size(); ++out) {
+    std::vector<View> others = views_;
+    PoseFit poses = all;
+    GapCandidate gap = *gap_;
+    const auto at = static_cast<ptrdiff_t>(out);
+    others.erase(others.begin() + at);
+    poses.poses.erase(poses.poses.begin() + at);
+    gap.whole_lenses.erase(gap.whole_lenses.begin() + at);
+    for (int& whole : gap.whole_lenses) whole -= out == 0 ? gap_->whole_lenses[1] : 0;
+    gap.gap_mm = fit_->values.sheet[kGap];
+    gap.shape = fit_->values.sheet[kShape];
+    JointOptions options = joint_options();
+    options.free_poses = false;
+    const std::optional<JointFit> part = fit_jointly(others, poses, start, gap, panel_, options);
+    if (!part) continue;
+    FitValues values = part->values;
+    values.camera = fit_->values.camera;
+    held_out_.push_back(
+        percentile(rests_of(views_[out], fit_->values.poses[out], values, grid_, panel_), 0.99));
+  }
+}
+
+void Calibrator::predict() {
+  double distance = 0.0;
+  for (const Viewpoint& v : result_.viewpoints) distance += v.eye_mm.z;
+  distance /= static_cast<double>(result_.viewpoints.size());
+  std::vector<Vec3> eyes;
+  if (several()) {
+    for (const double part : {0.75, 1.0, 1.25})
+      for (const double side : {-1.0, 0.0, 1.0})
+        eyes.push_back({side * options_.zone_half_width_mm, 0.0, part * distance});
+  } else {
+    eyes.push_back(result_.viewpoints.front().eye_mm);
+  }
+  result_.drift = Prediction(*fit_, grid_, panel_).worst_drift(eyes, several());
+}
+
+void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured) {
+  if (viewpoint.rms_lenses > kMostRmsLenses)
+    refuse(fmt::format("{}: {:.3f} lens rms of the phase are left over: no lens sheet explains it",
+                       viewpoint.name, viewpoint.rms_lenses));
+  if (viewpoint.covered < kLeastCovered)
+    refuse(fmt::format("{}: only {:.0f} % of what is seen of the panel could be used",
+                       viewpoint.name, 100.0 * viewpoint.covered));
+  if (measured.drift_lenses > kMostDriftLenses)
+    refuse(
+        fmt::format("{}: something moved by {:.3f} lens while it was measured: the camera, the "
+                    "sheet, or its temperature",
+                    viewpoint.name, measured.drift_lenses));
+}
+
+void Calibrator::judge() {
+  for (size_t v = 0; v < views_.size(); ++v) judge_viewpoint(result_.viewpoints[v], measured_[v]);
+  if (fit_->geometry_rms_px > kMostGeometryPx)
+    refuse(
+        fmt::format("the panel points fit a flat panel to {:.1f} pixels only: is it curved, or "
+                    "did the camera zoom between the viewpoints?",
+                    fit_->geometry_rms_px));
+  if (result_.link.chroma_subsampled || result_.link.scaled)
+    refuse("the link or the panel alters single subpixels (see the link check)");
+  if (result_.link.channels_swapped)
+    refuse("the panel's subpixels are ordered BGR: set layout = \"bgr\" in the rig and start over");
+  for (size_t v = 0; v < held_out_.size(); ++v)
+    if (held_out_[v] > options_.most_held_out_lenses)
+      refuse(fmt::format("{}: the other viewpoints foretell its phase to {:.3f} lens only",
+                         result_.viewpoints[v].name, held_out_[v]));
+  if (!several()) {
+    only_effective("one viewpoint cannot tell the lens pitch from the gap: good at this eye only");
+  } else {
+    if (result_.drift.worst_lenses > options_.most_drift_lenses)
+      only_effective(fmt::format(
+          "away from the viewpoints the phase may be off by {:.3f} lens: add a viewpoint further "
+          "to the side",
+          result_.drift.worst_lenses));
+    const double correlation = result_.correlations[0][3];
+    if (std::abs(correlation) > kMostCorrelation)
+      only_effective(
+          fmt::format("lens pitch and gap are correlated by {:.3f}: viewpoints further "
+                      "apart would tell them from each other",
+                      correlation));
+  }
+  if (refused_) return;
+  result_.verdict = result_.reasons.empty() ? Verdict::Intrinsic : Verdict::Effective;
+}
+
+}  // namespace
+
+Calibration calibrate(const std::vector<ViewpointMeasurement>& viewpoints, const optics::Rig& start,
+                      const CalibrateOptions& options) {
+  return Calibrator(viewpoints, start, options).run();
+}
+
+}  // namespace lenticule::calib

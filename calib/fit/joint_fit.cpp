@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/fit/joint_fit.h"
+
+#include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/fit/residuals.h"
+
+namespace lenticule::calib {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kCauchy = 4.0;       ///< standard errors
+constexpr double kHuber = 3.0;        ///< standard errors
+constexpr double kGaugeSigma = 1e-4;  ///< lenses: mean and slopes of the map
+
+double median_size(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  for (double& v : values) v = std::abs(v);
+  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double rms(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double v : values) sum += v * v;
+  return values.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+/// The fit with everything that it borrows; one use.
+class Bundle {
+ public:
+  Bundle(const std::vector<View>& views, const PoseFit& poses, const SheetStart& start,
+         const optics::Panel& panel, const JointOptions& options)
+      : views_(views), panel_(panel), options_(options), start_(start) {
+    fit_.values.camera = poses.camera;
+    fit_.values.poses = poses.poses;
+    fit_.values.sheet = start.values;
+    fit_.values.knots.assign(static_cast<size_t>(options.grid.count()), 0.0);
+  }
+
+  std::optional<JointFit> run(const std::optional<GapCandidate>& gap) {
+    if (gap) {
+      fit_.values.sheet[kGap] = gap->gap_mm;
+      fit_.values.sheet[kShape] = gap->shape;
+    }
+    if (!start_linear(gap)) return std::nullopt;
+    if (!solve()) return std::nullopt;
+    rescale();
+    if (!solve()) return std::nullopt;
+    finish();
+    return std::move(fit_);
+  }
+
+ private:
+  /// Pitch, slant and offset by least squares through what the views show with the gap given.
+  bool start_linear(const std::optional<GapCandidate>& gap) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    const double half_width = 0.5 * panel_.width_px * panel_.pixel_width.value;
+    const double half_height = 0.5 * panel_.height_px * panel_.pixel_height.value;
+    for (size_t v = 0; v < views_.size(); ++v) {
+      const PoseValues& pose = fit_.values.poses[v];
+      for (const PhaseObservation& p : views_[v].phases) {
+        const auto lens =
+            lens_plane_point(fit_.values.camera.data(), pose.data(), p.camera_px.x, p.camera_px.y);
+        const auto q = panel_point(pose.data(), fit_.values.sheet.data(), lens);
+        const double whole = gap ? gap->whole_lenses[v] : 0;
+        const double shown = fringe_turns(views_[v].fringe, panel_, q) - p.turns + whole;
+        const Eigen::Vector3d row(lens.x / half_width, -lens.y / half_height, 1.0);
+        normal += row * row.transpose();
+        right += shown * row;
+      }
+    }
+    const Eigen::Vector3d solution = normal.ldlt().solve(right);
+    if (!solution.allFinite() || !(solution[0] > 0.0)) return false;
+    fit_.values.sheet[kAcross] = solution[0];
+    fit_.values.sheet[kDown] = solution[1];
+    fit_.values.sheet[kOffset] = solution[2];
+    return true;
+  }
+
+  void build() {
+    problem_ = std::make_unique<ceres::Problem>();
+    FitValues& values = fit_.values;
+    for (size_t v = 0; v < views_.size(); ++v) {
+      if (options_.free_poses) add_geometry(v);
+      add_phases(v);
+    }
+    if (options_.free_poses) add_camera_beliefs(*problem_, views_.front(), values.camera.data());
+    add_map_terms();
+    add_sheet_beliefs();
+  }
+
+  void add_geometry(size_t v) {
+    for (GeometryPoint point : views_[v].geometry) {
+      point.sigma_px *= geometry_scale_;
+      problem_->AddResidualBlock(geometry_cost(point, panel_), new ceres::HuberLoss(kHuber),
+                                 fit_.values.camera.data(), fit_.values.poses[v].data(),
+                                 fit_.values.sheet.data());
+    }
+  }
+
+  void add_phases(size_t v) {
+    for (PhaseObservation seen : views_[v].phases) {
+      const auto lens = lens_plane_point(fit_.values.camera.data(), fit_.values.poses[v].data(),
+                                         seen.camera_px.x, seen.camera_px.y);
+      seen.sigma *= fit_.phase_scale;
+      const std::vector<KnotWeight> knots = knots_at(lens);
+      std::vector<double*> blocks = {fit_.values.camera.data(), fit_.values.poses[v].data(),
+                                     fit_.values.sheet.data()};
+      for (const KnotWeight& k : knots)
+        blocks.push_back(&fit_.values.knots[static_cast<size_t>(k.knot)]);
+      problem_->AddResidualBlock(phase_cost(seen, views_[v].fringe, panel_, knots),
+                                 new ceres::CauchyLoss(kCauchy), blocks);
+    }
+    if (!options_.free_poses) {
+      problem_->SetParameterBlockConstant(fit_.values.camera.data());
+      problem_->SetParameterBlockConstant(fit_.values.poses[v].data());
+    }
+  }
+
+  [[nodiscard]] std::vector<KnotWeight> knots_at(const PlanePoint<double>& lens) const {
+    if (options_.grid.count() == 0) return {};
+    return knot_weights(options_.grid, {panel_.x_px(lens.x), panel_.y_px(lens.y)}, panel_.width_px,
+                        panel_.height_px);
+  }
+
+  double* knot(int column, int row) {
+    return &fit_.values.knots[static_cast<size_t>(row * options_.grid.columns + column)];
+  }
+
+  /// The map is smooth, and has neither mean nor slopes: those are offset, pitch and slant.
+  void add_map_terms() {
+    const KnotGrid& grid = options_.grid;
+    const std::vector<double> bend = {1.0, -2.0, 1.0};
+    for (int y = 0; y < grid.rows; ++y)
+      for (int x = 1; x + 1 < grid.columns; ++x)
+        add_linear({knot(x - 1, y), knot(x, y), knot(x + 1, y)}, bend, options_.bend_sigma);
+    for (int x = 0; x < grid.columns; ++x)
+      for (int y = 1; y + 1 < grid.rows; ++y)
+        add_linear({knot(x, y - 1), knot(x, y), knot(x, y + 1)}, bend, options_.bend_sigma);
+    for (int term = 0; term < 3 && grid.count() > 0; ++term) add_gauge(term);
+  }
+
+  void add_gauge(int term) {
+    const KnotGrid& grid = options_.grid;
+    std::vector<double*> blocks;
+    std::vector<double> weights;
+    for (int y = 0; y < grid.rows; ++y)
+      for (int x = 0; x < grid.columns; ++x) {
+        const bool edge_x = x == 0 || x + 1 == grid.columns;
+        const bool edge_y = y == 0 || y + 1 == grid.rows;
+        const double area = (edge_x ? 0.5 : 1.0) * (edge_y ? 0.5 : 1.0) / grid.count();
+        const double across = 2.0 * x / (grid.columns - 1.0) - 1.0;
+        const double down = 2.0 * y / (grid.rows - 1.0) - 1.0;
+        blocks.push_back(knot(x, y));
+        weights.push_back(area * (term == 0 ? 1.0 : term == 1 ? across : down));
+      }
+    add_linear(blocks, weights, kGaugeSigma);
+  }
+
+  void add_linear(const std::vector<double*>& blocks, const std::vector<double>& weights,
+                  double sigma) {
+    problem_->AddResidualBlock(linear_cost(weights, sigma), nullptr, blocks);
+  }
+
+  /// Gap and shape: held, or believed in loosely.
+  void add_sheet_beliefs() {
+    double* const sheet = fit_.values.sheet.data();
+    if (!options_.free_gap) {
+      problem_->SetManifold(sheet, new ceres::SubsetManifold(kSheetCount, {kGap, kShape}));
+      return;
+    }
+    Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(2, kSheetCount);
+    weight(0, kGap) = 1.0 / (start_.gap_tolerance * start_.values[kGap]);
+    weight(1, kShape) = 1.0 / start_.shape_tolerance;
+    const Eigen::Map<const Eigen::Matrix<double, kSheetCount, 1>> believed(start_.values.data());
+    problem_->AddResidualBlock(new ceres::NormalPrior(weight, believed), nullptr, sheet);
+    problem_->SetParameterLowerBound(sheet, kGap, 0.02 * start_.values[kGap]);
+    problem_->SetParameterLowerBound(sheet, kShape, 0.0);
+    problem_->SetParameterUpperBound(sheet, kShape, 1.0);
+  }
+
+  bool solve() {
+    build();
+    ceres::Solver::Options options;
+    options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    options.max_num_iterations = options_.most_rounds;
+    options.function_tolerance = 1e-9;
+    options.parameter_tolerance = 1e-12;
+    options.num_threads = 2;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, problem_.get(), &summary);
+    return summary.IsSolutionUsable();
+  }
+
+  /// The blocks' own scatter is blind to what changes from block to block; the fit's rests are not.
+  void rescale() {
+    std::vector<double> normalized, geometry;
+    for (size_t v = 0; v < views_.size(); ++v) {
+      const std::vector<double> rests =
+          rests_of(views_[v], fit_.values.poses[v], fit_.values, options_.grid, panel_);
+      for (size_t n = 0; n < rests.size(); ++n)
+        normalized.push_back(rests[n] / views_[v].phases[n].sigma);
+      const std::vector<double> seen = geometry_rests(v);
+      geometry.insert(geometry.end(), seen.begin(), seen.end());
+    }
+    fit_.phase_scale = std::max(0.05, 1.4826 * median_size(normalized));
+    if (options_.free_poses) geometry_scale_ = std::max(0.05, 1.4826 * median_size(geometry));
+  }
+
+  /// Both coordinates of each geometry point, in its standard errors.
+  [[nodiscard]] std::vector<double> geometry_rests(size_t v) const {
+    std::vector<double> out;
+    for (const GeometryPoint& point : views_[v].geometry) {
+      const std::unique_ptr<ceres::CostFunction> cost(geometry_cost(point, panel_));
+      const std::array<const double*, 3> blocks = {
+          fit_.values.camera.data(), fit_.values.poses[v].data(), fit_.values.sheet.data()};
+      std::array<double, 2> rest{};
+      if (cost->Evaluate(blocks.data(), rest.data(), nullptr))
+        out.insert(out.end(), rest.begin(), rest.end());
+    }
+    return out;
+  }
+
+  void finish() {
+    std::vector<double> all, geometry;
+    for (size_t v = 0; v < views_.size(); ++v) {
+      fit_.rests.push_back(
+          rests_of(views_[v], fit_.values.poses[v], fit_.values, options_.grid, panel_));
+      all.insert(all.end(), fit_.rests.back().begin(), fit_.rests.back().end());
+      for (const double rest : geometry_rests(v))
+        geometry.push_back(rest * views_[v].geometry.front().sigma_px);
+    }
+    fit_.phase_rms = rms(all);
+    fit_.geometry_rms_px = rms(geometry);
+    if (options_.free_poses) fit_.covariance = covariance();
+  }
+
+  /// The inverse of the normal equations, of sheet, knots and poses.
+  [[nodiscard]] MatrixXd covariance() {
+    ceres::Problem::EvaluateOptions options;
+    std::vector<double*>& blocks = options.parameter_blocks;
+    blocks.push_back(fit_.values.sheet.data());
+    for (double& k : fit_.values.knots) blocks.push_back(&k);
+    for (PoseValues& pose : fit_.values.poses) blocks.push_back(pose.data());
+    blocks.push_back(fit_.values.camera.data());
+    ceres::CRSMatrix jacobian;
+    problem_->Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
+    MatrixXd normal = MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
+    for (int r = 0; r < jacobian.num_rows; ++r) add_row(jacobian, r, normal);
+    // What is held has no column of its own: its variance stays zero.
+    for (Eigen::Index k = 0; k < normal.rows(); ++k)
+      if (!(normal(k, k) > 0.0)) normal(k, k) = 1e300;
+    const VectorXd scale = normal.diagonal().array().rsqrt();
+    normal = scale.asDiagonal() * normal * scale.asDiagonal();
+    const MatrixXd inverse = normal.ldlt().solve(MatrixXd::Identity(normal.rows(), normal.cols()));
+    return spread(scale.asDiagonal() * inverse * scale.asDiagonal());
+  }
+
+  static void add_row(const ceres::CRSMatrix& jacobian, int r, MatrixXd& normal) {
+    const auto row = static_cast<size_t>(r);
+    for (int a = jacobian.rows[row]; a < jacobian.rows[row + 1]; ++a)
+      for (int b = jacobian.rows[row]; b < jacobian.rows[row + 1]; ++b)
+        normal(jacobian.cols[static_cast<size_t>(a)], jacobian.cols[static_cast<size_t>(b)]) +=
+            jacobian.values[static_cast<size_t>(a)] * jacobian.values[static_cast<size_t>(b)];
+  }
+
+  /// From the columns that Ceres evaluates (held numbers have none) to all of them.
+  [[nodiscard]] MatrixXd spread(const MatrixXd& inner) const {
+    std::vector<Eigen::Index> place;
+    const Eigen::Index all = kSheetCount + static_cast<Eigen::Index>(fit_.values.knots.size()) +
+                             kPoseCount * static_cast<Eigen::Index>(views_.size());
+    for (Eigen::Index k = 0; k < all; ++k) {
+      const bool held_sheet = !options_.free_gap && (k == kGap || k == kShape);
+      if (!held_sheet) place.push_back(k);
+    }
+    MatrixXd outer = MatrixXd::Zero(all, all);
+    for (size_t a = 0; a < place.size(); ++a)
+      for (size_t b = 0; b < place.size(); ++b)
+        outer(place[a], place[b]) =
+            inner(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+    return outer;
+  }
+
+  const std::vector<View>& views_;
+  const optics::Panel& panel_;
+  JointOptions options_;
+  SheetStart start_;
+  JointFit fit_;
+  double geometry_scale_ = 1.0;
+  std::unique_ptr<ceres::Problem> problem_;
+};
+
+}  // namespace
+
+std::vector<double> rests_of(const View& view, const PoseValues& pose, const FitValues& values,
+                             const KnotGrid& grid, const optics::Panel& panel) {
+  std::vector<double> rests;
+  for (const PhaseObservation& seen : view.phases) {
+    const auto lens =
+        lens_plane_point(values.camera.data(), pose.data(), seen.camera_px.x, seen.camera_px.y);
+    const auto q = panel_point(pose.data(), values.sheet.data(), lens);
+    double lambda = lens_coordinate(values.sheet.data(), panel, lens);
+    if (grid.count() > 0)
+      for (const KnotWeight& k : knot_weights(grid, {panel.x_px(lens.x), panel.y_px(lens.y)},
+                                              panel.width_px, panel.height_px))
+        lambda += k.weight * values.knots[static_cast<size_t>(k.knot)];
+    const double rest = seen.turns - (fringe_turns(view.fringe, panel, q) - lambda);
+    rests.push_back(rest - std::round(rest));
+  }
+  return rests;
+}
+
+std::optional<JointFit> fit_jointly(const std::vector<View>& views, const PoseFit& poses,
+                                    const SheetStart& start, const std::optional<GapCandidate>& gap,
+                                    const optics::Panel& panel, const JointOptions& options) {
+  return Bundle(views, poses, start, panel, options).run(gap);
+}
+
+}  // namespace lenticule::calib

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// A residual map is linear in its knots: which knots count at a panel point, and how much.
+#pragma once
+
+#include <vector>
+
+#include "optics/vec.h"
+
+namespace lenticule::calib {
+
+struct KnotWeight {
+  int knot = 0;  ///< row * columns + column
+  double weight = 0.0;
+};
+
+struct KnotGrid {
+  int columns = 0;
+  int rows = 0;
+  [[nodiscard]] int count() const { return columns * rows; }
+};
+
+/// The weights of at most 16 knots with which optics::ResidualSpline goes through panel point
+/// (x, y), pixels, of a panel of that size.
+[[nodiscard]] std::vector<KnotWeight> knot_weights(const KnotGrid& grid, Vec2 panel_px,
+                                                   int width_px, int height_px);
+
+}  // namespace lenticule::calib

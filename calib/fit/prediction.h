@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a joint fit says of quantities that it did not fit, with standard errors: phases for any
+// eye, the line through them, the rig's own parameters.
+#pragma once
+
+#include <vector>
+
+#include "calib/calibration.h"
+#include "calib/fit/joint_fit.h"
+
+namespace lenticule::calib {
+
+/// The least-squares line through the phase that an eye sees over the whole panel.
+struct EffectiveLine {
+  Estimate pitch_subpx;
+  Estimate slant;
+  Estimate offset_lenses;
+};
+
+struct SheetReport {
+  std::vector<Parameter> parameters;  ///< pitch, slant, offset, gap, shape
+  std::vector<std::vector<double>> correlations;
+};
+
+/// Borrows the fit.
+class Prediction {
+ public:
+  Prediction(const JointFit& fit, const KnotGrid& grid, const optics::Panel& panel);
+
+  /// `gap_known`: false where gap and shape were held, whose errors then do not count.
+  [[nodiscard]] EffectiveLine effective_line(const Vec3& eye_mm, bool gap_known) const;
+  [[nodiscard]] SheetReport sheet_report() const;
+  [[nodiscard]] Vec3 eye_sigma(size_t view) const;
+  /// Two standard errors at the worst panel point for the worst of the eyes.
+  [[nodiscard]] DriftPrediction worst_drift(const std::vector<Vec3>& eyes, bool gap_known) const;
+
+ private:
+  /// d Phi / d (sheet, knots) at a panel point for an eye.
+  [[nodiscard]] Eigen::VectorXd gradient(Vec2 panel_px, const Vec3& eye_mm) const;
+  [[nodiscard]] double phase(const SheetValues& sheet, Vec2 panel_px, const Vec3& eye_mm) const;
+  [[nodiscard]] double map_at(Vec2 panel_px) const;
+
+  const JointFit& fit_;
+  KnotGrid grid_;
+  const optics::Panel& panel_;
+  Eigen::MatrixXd covariance_;  ///< of sheet and knots
+};
+
+}  // namespace lenticule::calib

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/fit/residuals.h"
+
+#include <array>
+#include <cmath>
+
+namespace lenticule::calib {
+namespace {
+
+constexpr int kModelCount = kCameraCount + kPoseCount + kSheetCount;
+
+class GeometryResidual {
+ public:
+  GeometryResidual(const GeometryPoint& point, const optics::Panel& panel)
+      : point_(point), panel_(&panel) {}
+
+  template <class T>
+  bool operator()(const T* camera, const T* pose, const T* sheet, T* out) const {
+    const PlanePoint<T> lens =
+        lens_plane_point(camera, pose, point_.camera_px.x, point_.camera_px.y);
+    const PlanePoint<T> seen = panel_point(pose, sheet, lens);
+    out[0] = (seen.x / panel_->pixel_width.value + panel_->width_px / 2.0 - point_.panel_px.x) /
+             point_.sigma_px;
+    out[1] = (panel_->height_px / 2.0 - seen.y / panel_->pixel_height.value - point_.panel_px.y) /
+             point_.sigma_px;
+    return true;
+  }
+
+ private:
+  GeometryPoint point_;
+  const optics::Panel* panel_;
+};
+
+/// The phase term: derivatives of the 16 model parameters by dual numbers, of the knots by hand.
+class PhaseCost final : public ceres::CostFunction {
+ public:
+  PhaseCost(const PhaseObservation& seen, const Fringe& fringe, const optics::Panel& panel,
+            const std::vector<KnotWeight>& knots)
+      : seen_(seen), fringe_(fringe), panel_(panel) {
+    set_num_residuals(1);
+    *mutable_parameter_block_sizes() = {kCameraCount, kPoseCount, kSheetCount};
+    for (const KnotWeight& knot : knots) {
+      weights_.push_back(knot.weight);
+      mutable_parameter_block_sizes()->push_back(1);
+    }
+  }
+
+  bool Evaluate(const double* const* parameters, double* residual,
+                double** jacobians) const override {
+    double map = 0.0;
+    for (size_t k = 0; k < weights_.size(); ++k) map += weights_[k] * parameters[3 + k][0];
+    if (jacobians == nullptr) {
+      const double turns = model_turns(parameters[0], parameters[1], parameters[2]);
+      residual[0] = rest(turns - map) / seen_.sigma;
+      return std::isfinite(residual[0]);
+    }
+    using Jet = ceres::Jet<double, kModelCount>;
+    std::array<Jet, kModelCount> values;
+    constexpr std::array<int, 3> kCounts = {kCameraCount, kPoseCount, kSheetCount};
+    int first = 0;
+    for (size_t block = 0; block < 3; ++block) {
+      for (int k = 0; k < kCounts[block]; ++k)
+        values[static_cast<size_t>(first + k)] = Jet(parameters[block][k], first + k);
+      first += kCounts[block];
+    }
+    const Jet turns = model_turns(values.data(), values.data() + kCameraCount,
+                                  values.data() + kCameraCount + kPoseCount);
+    residual[0] = rest(turns.a - map) / seen_.sigma;
+    first = 0;
+    for (size_t block = 0; block < 3; ++block) {
+      for (int k = 0; k < kCounts[block] && jacobians[block] != nullptr; ++k)
+        jacobians[block][k] = -turns.v[first + k] / seen_.sigma;
+      first += kCounts[block];
+    }
+    for (size_t k = 0; k < weights_.size(); ++k)
+      if (jacobians[3 + k] != nullptr) jacobians[3 + k][0] = weights_[k] / seen_.sigma;
+    return std::isfinite(residual[0]);
+  }
+
+ private:
+  template <class T>
+  T model_turns(const T* camera, const T* pose, const T* sheet) const {
+    const PlanePoint<T> lens = lens_plane_point(camera, pose, seen_.camera_px.x, seen_.camera_px.y);
+    const PlanePoint<T> q = panel_point(pose, sheet, lens);
+    return fringe_turns(fringe_, panel_, q) - lens_coordinate(sheet, panel_, lens);
+  }
+  [[nodiscard]] double rest(double model) const {
+    const double difference = seen_.turns - model;
+    return difference - std::round(difference);
+  }
+
+  PhaseObservation seen_;
+  Fringe fringe_;
+  const optics::Panel& panel_;
+  std::vector<double> weights_;
+};
+
+class LinearCost final : public ceres::CostFunction {
+ public:
+  LinearCost(const std::vector<double>& weights, double sigma) : weights_(weights) {
+    for (double& weight : weights_) {
+      weight /= sigma;
+      mutable_parameter_block_sizes()->push_back(1);
+    }
+    set_num_residuals(1);
+  }
+  bool Evaluate(const double* const* parameters, double* residual,
+                double** jacobians) const override {
+    residual[0] = 0.0;
+    for (size_t k = 0; k < weights_.size(); ++k) {
+      residual[0] += weights_[k] * parameters[k][0];
+      if (jacobians != nullptr && jacobians[k] != nullptr) jacobians[k][0] = weights_[k];
+    }
+    return true;
+  }
+
+ private:
+  std::vector<double> weights_;
+};
+
+/// (value - believed) / sigma for each number of the camera.
+class CameraBelief {
+ public:
+  CameraBelief(const CameraValues& believed, const CameraValues& sigma)
+      : believed_(believed), sigma_(sigma) {}
+  template <class T>
+  bool operator()(const T* camera, T* out) const {
+    for (int k = 0; k < kCameraCount; ++k)
+      out[k] = (camera[k] - believed_[static_cast<size_t>(k)]) / sigma_[static_cast<size_t>(k)];
+    return true;
+  }
+
+ private:
+  CameraValues believed_;
+  CameraValues sigma_;
+};
+
+}  // namespace
+
+ceres::CostFunction* geometry_cost(const GeometryPoint& point, const optics::Panel& panel) {
+  return new ceres::AutoDiffCostFunction<GeometryResidual, 2, kCameraCount, kPoseCount,
+                                         kSheetCount>(new GeometryResidual(point, panel));
+}
+
+ceres::CostFunction* phase_cost(const PhaseObservation& seen, const Fringe& fringe,
+                                const optics::Panel& panel, const std::vector<KnotWeight>& knots) {
+  return new PhaseCost(seen, fringe, panel, knots);
+}
+
+ceres::CostFunction* linear_cost(const std::vector<double>& weights, double sigma) {
+  return new LinearCost(weights, sigma);
+}
+
+void add_camera_beliefs(ceres::Problem& problem, const View& view, double* camera) {
+  const double width = view.picture_width;
+  const CameraValues believed = {0.9 * width, 0.5 * width, 0.5 * view.picture_height, 0.0, 0.0};
+  const CameraValues sigma = {0.5 * width, 0.05 * width, 0.05 * width, 0.2, 0.2};
+  problem.AddResidualBlock(
+      new ceres::AutoDiffCostFunction<CameraBelief, kCameraCount, kCameraCount>(
+          new CameraBelief(believed, sigma)),
+      nullptr, camera);
+}
+
+}  // namespace lenticule::calib

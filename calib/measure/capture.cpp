@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/measure/capture.h"
+
+#include <fmt/format.h>
+
+#include <future>
+
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+using std::chrono::milliseconds;
+
+/// A camera that gives nothing so many times in a row is dead.
+constexpr int kMostSilences = 3;
+/// Of one pattern, whatever their times say.
+constexpr int kMostPictures = 1000;
+/// More waiting after each picture that shows the panel between two patterns.
+constexpr Nanoseconds kMoreSettling = milliseconds(20);
+
+}  // namespace
+
+PatternCapture::PatternCapture(frames::FrameSink& sink, Camera& camera, const optics::Panel& panel,
+                               const CaptureOptions& options, CaptureProgress progress)
+    : sink_(sink),
+      camera_(camera),
+      panel_(panel),
+      options_(options),
+      progress_(std::move(progress)) {
+  const frames::FrameGeometry wanted = sink.geometry();
+  if (wanted.width != panel.width_px || wanted.height != panel.height_px)
+    throw Error(ErrorKind::Input,
+                fmt::format("display: it shows {} x {} pixels, the rig's panel has {} x {}",
+                            wanted.width, wanted.height, panel.width_px, panel.height_px),
+                "the panel has to run at its own resolution");
+}
+
+void PatternCapture::check_marks(MarkReader reader) {
+  marks_ = std::move(reader);
+  reference_white_ = 0.0;
+}
+
+void PatternCapture::capture(
+    std::span<const Pattern> patterns,
+    const std::function<void(const Pattern&, const CameraPicture&)>& take) {
+  std::vector<Pattern> marked(patterns.begin(), patterns.end());
+  for (Pattern& pattern : marked) {
+    if (pattern.mark == kNoMark) pattern.mark = next_mark_;
+    next_mark_ = (pattern.mark + 1) % kMarkCounts;
+  }
+  const auto draw = [&](size_t k) {
+    frames::WovenFrame frame;
+    draw_pattern(marked[k], panel_, frame);
+    return frame;
+  };
+  std::future<frames::WovenFrame> next;
+  for (size_t k = 0; k < marked.size(); ++k) {
+    if (progress_ && !progress_(marked[k]))
+      throw Error(ErrorKind::Failed, "calibrate: interrupted");
+    const frames::WovenFrame frame = next.valid() ? next.get() : draw(k);
+    if (k + 1 < marked.size()) next = std::async(std::launch::async, draw, k + 1);
+    capture_one(marked[k], frame);
+    take(marked[k], sum_);
+  }
+}
+
+void PatternCapture::capture_one(const Pattern& pattern, const frames::WovenFrame& frame) {
+  show(frame);
+  Nanoseconds earliest = camera_.now() + options_.settle;
+  summed_ = 0;
+  Fit last = Fit::Good;
+  for (int dropped = 0, seen = 0; summed_ < options_.average; ++seen) {
+    if (seen > kMostPictures) fail_dropped(pattern, Fit::Late);
+    grab(options_.grab_timeout);
+    double gain = 1.0;
+    last = fit_of(pattern, earliest, gain);
+    if (last == Fit::Good) {
+      add(gain);
+      continue;
+    }
+    ++(last == Fit::Unsettled ? counts_.unsettled : counts_.late);
+    if (last == Fit::Unsettled) earliest = picture_.time + kMoreSettling;
+    // Pictures from before the time are the pipeline's, however many it has.
+    const bool expected = last == Fit::Late && picture_.time < earliest;
+    if (!expected && ++dropped > options_.most_dropped) fail_dropped(pattern, last);
+  }
+  const auto count = static_cast<float>(summed_);
+  for (float& light : sum_.light) light /= count;
+  ++counts_.taken;
+}
+
+void PatternCapture::show(const frames::WovenFrame& frame) {
+  switch (sink_.show(frame.view(), options_.show_timeout)) {
+    case frames::ShowResult::Shown:
+      return;
+    case frames::ShowResult::TimedOut:
+      throw Error(ErrorKind::Device, "display: a pattern did not get onto the glass in time",
+                  "another program may hold the display");
+    case frames::ShowResult::Lost:
+      throw Error(ErrorKind::Device, "display: it went away while patterns were shown",
+                  "plug it in again and start over; the rig file is as it was");
+  }
+}
+
+void PatternCapture::grab(Nanoseconds timeout) {
+  int silences = 0;
+  while (true) {
+    switch (camera_.grab(picture_, timeout)) {
+      case GrabStatus::Ready:
+        return;
+      case GrabStatus::Corrupt:
+        if (++counts_.corrupt % 100 == 0)
+          throw Error(ErrorKind::Device, "camera: a hundred damaged pictures",
+                      "try another cable, a lower resolution or another pixel format");
+        continue;
+      case GrabStatus::TimedOut:
+        if (++silences < kMostSilences) continue;
+        throw Error(ErrorKind::Device,
+                    fmt::format("camera: no picture for {} s",
+                                kMostSilences * std::chrono::duration<double>(timeout).count()),
+                    "is another program using it?");
+      case GrabStatus::Gone:
+        throw Error(ErrorKind::Device, "camera: " + camera_.failure(),
+                    "nothing was written; connect it again and start over");
+    }
+  }
+}
+
+PatternCapture::Fit PatternCapture::fit_of(const Pattern& pattern, Nanoseconds earliest,
+                                           double& gain) const {
+  if (options_.clocked && picture_.time < earliest) return Fit::Late;
+  if (!marks_) return Fit::Good;
+  const MarkReading reading = marks_->read(grey_of(picture_));
+  if (reading.state == MarkState::Lost) return Fit::Lost;
+  if (reading.state == MarkState::Unsettled) return Fit::Unsettled;
+  if (reading.mark != pattern.mark) return Fit::Late;
+  if (reference_white_ > 0.0) gain = reading.white / reference_white_;
+  return Fit::Good;
+}
+
+void PatternCapture::add(double gain) {
+  if (marks_ && reference_white_ == 0.0) reference_white_ = marks_->read(grey_of(picture_)).white;
+  const auto factor = static_cast<float>(1.0 / gain);
+  if (summed_++ == 0) {
+    sum_ = picture_;
+    for (float& light : sum_.light) light *= factor;
+    return;
+  }
+  if (sum_.light.size() != picture_.light.size())
+    throw Error(ErrorKind::Device, "camera: its pictures changed their size");
+  for (size_t i = 0; i < sum_.light.size(); ++i) sum_.light[i] += factor * picture_.light[i];
+}
+
+void PatternCapture::fail_dropped(const Pattern& pattern, Fit last) const {
+  if (last == Fit::Lost)
+    throw Error(ErrorKind::Device, "camera: the marks in the panel's corner are no longer seen",
+                "has the camera moved, or does something stand before the panel?");
+  if (last == Fit::Unsettled)
+    throw Error(ErrorKind::Device, "camera: every picture shows the panel between two patterns",
+                "the exposure may be too long, or a program changes the panel's brightness");
+  throw Error(ErrorKind::Device,
+              fmt::format("camera: it does not get to see pattern number {}", pattern.mark),
+              "pictures may come late (a larger --settle-ms), or out of order");
+}
+
+}  // namespace lenticule::calib

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shows patterns on a panel and takes pictures of them that are known to be of these patterns.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "calib/camera.h"
+#include "calib/measure/frame_marks.h"
+#include "calib/measure/pattern.h"
+#include "frames/frame_sink.h"
+
+namespace lenticule::calib {
+
+struct CaptureOptions {
+  /// From the flip until the panel and the camera's pipeline are done with the picture before.
+  Nanoseconds settle{std::chrono::milliseconds(150)};
+  int average = 3;  ///< pictures per pattern, 1 to 64
+  Nanoseconds show_timeout{std::chrono::seconds(5)};
+  Nanoseconds grab_timeout{std::chrono::seconds(2)};
+  int most_dropped = 40;  ///< pictures of one pattern that may be late, damaged or of another one
+  /// False where pictures come in the patterns' order whenever they are asked for: photographs.
+  bool clocked = true;
+};
+
+struct CaptureCounts {
+  int taken = 0;
+  int late = 0;       ///< of the pattern before, by time or by mark
+  int unsettled = 0;  ///< between two patterns though the time was over
+  int corrupt = 0;
+};
+
+/// Called before each pattern; returning false ends the capture with Error(Failed) "interrupted".
+using CaptureProgress = std::function<bool(const Pattern& pattern)>;
+
+/// Borrows what it is made of. One thread; draws the next pattern on another one meanwhile.
+class PatternCapture {
+ public:
+  PatternCapture(frames::FrameSink& sink, Camera& camera, const optics::Panel& panel,
+                 const CaptureOptions& options, CaptureProgress progress);
+
+  /// Shows each pattern and hands over the mean of its pictures, in order. Each is marked with a
+  /// number; once the marks are found they are checked, and the light is corrected for the
+  /// camera's gain. Throws Error(Device): display lost, camera gone or silent, pictures of other
+  /// patterns than were shown, a control of the camera that moved.
+  void capture(std::span<const Pattern> patterns,
+               const std::function<void(const Pattern&, const CameraPicture&)>& take);
+
+  /// From now on pictures are checked.
+  void check_marks(MarkReader reader);
+  [[nodiscard]] bool checks_marks() const { return marks_.has_value(); }
+
+  [[nodiscard]] const CaptureCounts& counts() const { return counts_; }
+
+ private:
+  void capture_one(const Pattern& pattern, const frames::WovenFrame& frame);
+  void show(const frames::WovenFrame& frame);
+  void grab(Nanoseconds deadline_step);
+  enum class Fit { Good, Late, Unsettled, Lost };
+  [[nodiscard]] Fit fit_of(const Pattern& pattern, Nanoseconds earliest, double& gain) const;
+  void add(double gain);
+  [[noreturn]] void fail_dropped(const Pattern& pattern, Fit last) const;
+
+  frames::FrameSink& sink_;
+  Camera& camera_;
+  const optics::Panel& panel_;
+  CaptureOptions options_;
+  CaptureProgress progress_;
+  std::optional<MarkReader> marks_;
+  double reference_white_ = 0.0;
+  int next_mark_ = 0;
+  CameraPicture picture_;
+  CameraPicture sum_;
+  int summed_ = 0;
+  CaptureCounts counts_;
+};
+
+}  // namespace lenticule::calib

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/measure/frame_marks.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lenticule::calib {
+namespace {
+
+/// Fewer pixels than this are noise.
+constexpr size_t kFewestPixels = 6;
+/// What counts as lit and as dark, between a cell's own two lights.
+constexpr double kLit = 0.75;
+constexpr double kDark = 0.25;
+/// Beyond these the cells are no longer what was found: somebody stands before them.
+constexpr double kBrightest = 1.8;
+constexpr double kDarkest = -0.4;
+
+double mean_light(const GreyPicture& picture, const std::vector<uint32_t>& pixels) {
+  double sum = 0.0;
+  for (const uint32_t i : pixels) sum += picture.light[i];
+  return pixels.empty() ? 0.0 : sum / static_cast<double>(pixels.size());
+}
+
+/// The cell of each pixel by when it is lit, or -1.
+class CellMap {
+ public:
+  CellMap(const std::array<GreyPicture, 3>& marks, const GreyPicture& white)
+      : width_(white.width), cells_(white.size(), -1) {
+    const float brightest = *std::max_element(white.light.begin(), white.light.end());
+    for (size_t i = 0; i < white.size(); ++i)
+      if (white.light[i] > 0.15F * brightest) cells_[i] = cell_at(marks, white.light[i], i);
+  }
+
+  /// Pixels of a cell whose neighbours belong to it too: blur mixes the borders.
+  [[nodiscard]] std::vector<uint32_t> inner_pixels(int cell) const {
+    std::vector<uint32_t> found;
+    const auto width = static_cast<size_t>(width_);
+    for (size_t i = width + 1; i + width + 1 < cells_.size(); ++i) {
+      const std::array<size_t, 5> around = {i, i - 1, i + 1, i - width, i + width};
+      if (std::ranges::all_of(around, [&](size_t k) { return cells_[k] == cell; }))
+        found.push_back(static_cast<uint32_t>(i));
+    }
+    return found;
+  }
+
+ private:
+  /// Lit with mark 0, 1, 2: the first cell always, bit 0 with 1, bit 1 with 2, parity with both.
+  static int8_t cell_at(const std::array<GreyPicture, 3>& marks, float white, size_t i) {
+    std::array<bool, 3> lit{};
+    for (size_t k = 0; k < 3; ++k) lit[k] = marks[k].light[i] > 0.5F * white;
+    if (lit[0]) return lit[1] && lit[2] ? 0 : -1;
+    if (lit[1]) return lit[2] ? 3 : 1;
+    return lit[2] ? 2 : -1;
+  }
+
+  int width_;
+  std::vector<int8_t> cells_;
+};
+
+}  // namespace
+
+std::optional<MarkReader> MarkReader::find(const std::array<GreyPicture, 3>& dark_marks,
+                                           const GreyPicture& white) {
+  const CellMap map(dark_marks, white);
+  MarkReader reader;
+  // Cell 1 is lit with mark 1, cell 2 with mark 2, the parity with either.
+  constexpr std::array<size_t, 4> kLitPicture = {0, 1, 2, 1};
+  for (size_t cell = 0; cell < MarkCells::kCount; ++cell) {
+    std::vector<uint32_t>& pixels = reader.pixels_[cell];
+    pixels = map.inner_pixels(static_cast<int>(cell));
+    if (pixels.size() < kFewestPixels) return std::nullopt;
+    reader.lit_[cell] = mean_light(dark_marks[kLitPicture[cell]], pixels);
+    reader.dark_[cell] = cell == 0 ? 0.0 : mean_light(dark_marks[0], pixels);
+  }
+  return reader;
+}
+
+MarkReading MarkReader::read(const GreyPicture& picture) const {
+  MarkReading reading;
+  reading.white = mean_light(picture, pixels_[0]);
+  // The gain may drift: what is lit now is measured by the cell that always is.
+  const double gain = lit_[0] > 0.0 ? reading.white / lit_[0] : 0.0;
+  if (!(gain > 0.2)) return reading;
+  bool settled = true;
+  std::array<bool, MarkCells::kCount> lit{};
+  for (size_t cell = 1; cell < MarkCells::kCount; ++cell) {
+    const double light = mean_light(picture, pixels_[cell]) / gain;
+    const double part = (light - dark_[cell]) / (lit_[cell] - dark_[cell]);
+    if (!(part > kDarkest && part < kBrightest)) return reading;
+    settled = settled && (part > kLit || part < kDark);
+    lit[cell] = part > 0.5;
+  }
+  reading.state = MarkState::Unsettled;
+  reading.mark = (lit[1] ? 1 : 0) + (lit[2] ? 2 : 0);
+  if (settled && lit[3] == (lit[1] != lit[2])) reading.state = MarkState::Read;
+  return reading;
+}
+
+}  // namespace lenticule::calib

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/measure/fringe_phase.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+#include <numbers>
+#include <unsupported/Eigen/FFT>
+
+namespace lenticule::calib {
+namespace {
+
+using Complex64 = std::complex<double>;
+
+constexpr int kGridColumns = 1024;
+constexpr int kGridRows = 512;
+/// Fewer pixels than this part of a block say little about it.
+constexpr double kLeastFilled = 0.5;
+constexpr double kLeastCoherence = 0.2;
+
+/// What is left of the wave when `model` is taken off: its angle is 2 pi (model - Phi_E).
+Complex64 demodulated(const FringeView& view, size_t n, const LinearPhase& model,
+                      const optics::Panel& panel) {
+  const Vec2 p = view.panel_px[n];
+  const double s =
+      3.0 * ((p.x - panel.width_px / 2.0) + view.fringe.slant * (p.y - panel.height_px / 2.0));
+  const double turns = s / view.fringe.pitch_subpx - model.at(p, panel);
+  return Complex64(view.waves[n]) *
+         std::polar(1.0, -2.0 * std::numbers::pi * (turns - std::round(turns)));
+}
+
+int signed_frequency(int k, int count) {
+  return k < count / 2 ? k : k - count;
+}
+
+/// A complex picture of the panel and its two-dimensional spectrum.
+class Spectrum {
+ public:
+  Spectrum() : cells_(static_cast<size_t>(kGridColumns) * kGridRows) {}
+
+  void splat(Vec2 panel_px, Complex64 value, const optics::Panel& panel) {
+    const auto x = static_cast<int>(panel_px.x / panel.width_px * kGridColumns);
+    const auto y = static_cast<int>(panel_px.y / panel.height_px * kGridRows);
+    if (x < 0 || y < 0 || x >= kGridColumns || y >= kGridRows) return;
+    cell(x, y) += value;
+  }
+
+  void transform() {
+    Eigen::FFT<double> fft;
+    std::vector<Complex64> line, spectrum;
+    for (int y = 0; y < kGridRows; ++y) {
+      line.assign(&cell(0, y), &cell(0, y) + kGridColumns);
+      fft.fwd(spectrum, line);
+      std::copy(spectrum.begin(), spectrum.end(), &cell(0, y));
+    }
+    line.resize(kGridRows);
+    for (int x = 0; x < kGridColumns; ++x) {
+      for (int y = 0; y < kGridRows; ++y) line[static_cast<size_t>(y)] = cell(x, y);
+      fft.fwd(spectrum, line);
+      for (int y = 0; y < kGridRows; ++y) cell(x, y) = spectrum[static_cast<size_t>(y)];
+    }
+  }
+
+  struct Peak {
+    int x = 0;
+    int y = 0;
+    double height = 0.0;
+  };
+  /// The highest cell of a frequency up to `most`, more than `away` cells from `from`.
+  [[nodiscard]] Peak highest(double most, const Peak* from, int away) const {
+    Peak best;
+    for (int y = 0; y < kGridRows; ++y) {
+      if (std::abs(signed_frequency(y, kGridRows)) > most) continue;
+      for (int x = 0; x < kGridColumns; ++x) {
+        if (std::abs(signed_frequency(x, kGridColumns)) > most) continue;
+        const double height = std::abs(at(x, y));
+        if (height > best.height && (from == nullptr || far(*from, x, y, away)))
+          best = {x, y, height};
+      }
+    }
+    return best;
+  }
+  [[nodiscard]] Complex64 at(int x, int y) const {
+    return cells_[static_cast<size_t>((y + kGridRows) % kGridRows) * kGridColumns +
+                  static_cast<size_t>((x + kGridColumns) % kGridColumns)];
+  }
+
+ private:
+  Complex64& cell(int x, int y) { return cells_[static_cast<size_t>(y) * kGridColumns + x]; }
+  static bool far(const Peak& from, int x, int y, int away) {
+    const int dx = std::abs(x - from.x), dy = std::abs(y - from.y);
+    return std::min(dx, kGridColumns - dx) > away || std::min(dy, kGridRows - dy) > away;
+  }
+
+  std::vector<Complex64> cells_;
+};
+
+/// Where between its neighbours a peak is, by the parabola through the logarithms of the three.
+double between(double before, double at, double after) {
+  const double a = std::log(std::max(before, 1e-300)), b = std::log(std::max(at, 1e-300)),
+               c = std::log(std::max(after, 1e-300));
+  const double curvature = a - 2.0 * b + c;
+  return curvature < 0.0 ? std::clamp(0.5 * (a - c) / curvature, -0.5, 0.5) : 0.0;
+}
+
+/// Sums over the pixels of one block.
+struct BlockSum {
+  Complex64 wave;
+  double strength = 0.0;
+  double square = 0.0;
+  Vec2 camera;
+  int pixels = 0;
+};
+
+PhaseBlock block_of(const BlockSum& sum, const PanelMap& map, const LinearPhase& model,
+                    const optics::Panel& panel) {
+  PhaseBlock block;
+  const double count = sum.pixels;
+  block.camera_px = sum.camera * (1.0 / count);
+  block.panel_px = map.at(block.camera_px);
+  block.strength = sum.strength / count;
+  block.coherence = sum.strength > 0.0 ? std::abs(sum.wave) / sum.strength : 0.0;
+  if (block.coherence < kLeastCoherence) return block;
+  block.pixels = sum.pixels;
+  const double rest = -std::arg(sum.wave) / (2.0 * std::numbers::pi);
+  block.phase = model.at(block.panel_px, panel) + rest;
+  // Half of the scatter is across the mean wave, where it turns it.
+  const double mean = std::abs(sum.wave) / count;
+  const double scatter = std::max(0.0, sum.square / count - mean * mean);
+  block.sigma = std::sqrt(0.5 * scatter / count) / (2.0 * std::numbers::pi * mean);
+  return block;
+}
+
+/// Takes whole lenses off each block so that it continues its neighbours, breadth first from the
+/// most coherent block.
+void continue_phases(BlockGrid& grid, const LinearPhase& model, const optics::Panel& panel) {
+  std::vector<uint8_t> done(grid.blocks.size(), 0);
+  const auto rest_of = [&](const PhaseBlock& b) { return b.phase - model.at(b.panel_px, panel); };
+  const auto better = [&](size_t a, size_t b) {
+    return grid.blocks[a].coherence * std::sqrt(grid.blocks[a].pixels) <
+           grid.blocks[b].coherence * std::sqrt(grid.blocks[b].pixels);
+  };
+  size_t start = 0;
+  for (size_t n = 1; n < grid.blocks.size(); ++n)
+    if (better(start, n)) start = n;
+  std::deque<size_t> waiting{start};
+  done[start] = 1;
+  while (!waiting.empty()) {
+    const size_t at = waiting.front();
+    waiting.pop_front();
+    const auto column = static_cast<int>(at) % grid.columns,
+               row = static_cast<int>(at) / grid.columns;
+    constexpr std::array<std::array<int, 2>, 4> kAround = {{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
+    for (const auto& [dx, dy] : kAround) {
+      const int x = column + dx, y = row + dy;
+      if (x < 0 || y < 0 || x >= grid.columns || y >= grid.rows) continue;
+      const size_t next = static_cast<size_t>(y) * static_cast<size_t>(grid.columns) + x;
+      if (done[next] != 0 || grid.blocks[next].pixels == 0) continue;
+      grid.blocks[next].phase -= std::round(rest_of(grid.blocks[next]) - rest_of(grid.blocks[at]));
+      done[next] = 1;
+      waiting.push_back(next);
+    }
+  }
+  // What no neighbour leads to has no known whole part.
+  for (size_t n = 0; n < grid.blocks.size(); ++n)
+    if (done[n] == 0) grid.blocks[n].pixels = 0;
+}
+
+}  // namespace
+
+std::optional<FringePeak> find_fringes(const FringeView& view, const LinearPhase& start,
+                                       double most_fringes, const optics::Panel& panel) {
+  Spectrum spectrum;
+  double all = 0.0;
+  for (size_t n = 0; n < view.waves.size(); ++n) {
+    spectrum.splat(view.panel_px[n], demodulated(view, n, start, panel), panel);
+    all += std::abs(view.waves[n]);
+  }
+  if (!(all > 0.0)) return std::nullopt;
+  spectrum.transform();
+  const Spectrum::Peak peak = spectrum.highest(most_fringes, nullptr, 0);
+  const auto height = [&](int dx, int dy) {
+    return std::abs(spectrum.at(peak.x + dx, peak.y + dy));
+  };
+  const double fx =
+      signed_frequency(peak.x, kGridColumns) + between(height(-1, 0), peak.height, height(1, 0));
+  const double fy =
+      signed_frequency(peak.y, kGridRows) + between(height(0, -1), peak.height, height(0, 1));
+  FringePeak found{.phase = start,
+                   .height = peak.height / all,
+                   .second = spectrum.highest(most_fringes, &peak, 6).height / all};
+  // The spectrum's angle grows with start - Phi_E.
+  found.phase.per_px_x -= fx / panel.width_px;
+  found.phase.per_px_y -= fy / panel.height_px;
+  Complex64 sum;
+  for (size_t n = 0; n < view.waves.size(); ++n) sum += demodulated(view, n, found.phase, panel);
+  found.phase.constant -= std::arg(sum) / (2.0 * std::numbers::pi);
+  return found;
+}
+
+BlockGrid average_blocks(const FringeView& view, const std::vector<uint32_t>& pixels,
+                         int picture_width, int picture_height, int block_px, const PanelMap& map,
+                         const LinearPhase& model, const optics::Panel& panel) {
+  BlockGrid grid{.columns = (picture_width + block_px - 1) / block_px,
+                 .rows = (picture_height + block_px - 1) / block_px,
+                 .blocks = {}};
+  std::vector<BlockSum> sums(static_cast<size_t>(grid.columns) * static_cast<size_t>(grid.rows));
+  for (size_t n = 0; n < pixels.size(); ++n) {
+    const int x = static_cast<int>(pixels[n]) % picture_width;
+    const int y = static_cast<int>(pixels[n]) / picture_width;
+    BlockSum& sum = sums[static_cast<size_t>(y / block_px) * static_cast<size_t>(grid.columns) +
+                         static_cast<size_t>(x / block_px)];
+    const Complex64 wave = demodulated(view, n, model, panel);
+    sum.wave += wave;
+    sum.strength += std::abs(wave);
+    sum.square += std::norm(wave);
+    sum.camera = sum.camera + Vec2{x + 0.5, y + 0.5};
+    ++sum.pixels;
+  }
+  const double fewest = kLeastFilled * block_px * block_px;
+  for (const BlockSum& sum : sums)
+    grid.blocks.push_back(sum.pixels >= fewest ? block_of(sum, map, model, panel) : PhaseBlock{});
+  continue_phases(grid, model, panel);
+  return grid;
+}
+
+std::optional<LinearPhase> fit_linear(const BlockGrid& grid, const optics::Panel& panel) {
+  LinearPhase line;
+  double scale = 0.25;  // lenses: what is farther off counts less
+  for (int round = 0; round < 12; ++round) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d right = Eigen::Vector3d::Zero();
+    for (const PhaseBlock& b : grid.blocks) {
+      if (b.pixels == 0) continue;
+      const Eigen::Vector3d row(1.0, (b.panel_px.x - panel.width_px / 2.0) / panel.width_px,
+                                (b.panel_px.y - panel.height_px / 2.0) / panel.height_px);
+      const double off = round == 0 ? 0.0 : (b.phase - line.at(b.panel_px, panel)) / scale;
+      const double weight = b.pixels / (1.0 + off * off);
+      normal += weight * row * row.transpose();
+      right += weight * b.phase * row;
+    }
+    const Eigen::Vector3d solution = normal.ldlt().solve(right);
+    if (!(normal.determinant() > 0.0) || !solution.allFinite()) return std::nullopt;
+    line = {.constant = solution[0],
+            .per_px_x = solution[1] / panel.width_px,
+            .per_px_y = solution[2] / panel.height_px};
+  }
+  return line;
+}
+
+}  // namespace lenticule::calib

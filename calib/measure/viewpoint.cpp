@@ -1,0 +1,446 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/measure/viewpoint.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "calib/measure/geometry.h"
+#include "calib/measure/lens_spot.h"
+#include "calib/measure/link_check.h"
+#include "calib/measure/visible_pixels.h"
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr int kCoarseSteps = 8;
+constexpr int kFineSteps = 8;
+constexpr int kAliasSteps = 4;
+constexpr int kRepeatSteps = 4;
+constexpr int kSpotBins = 16;
+/// How far the starting pitch may be off, as part of the lenses across the panel.
+constexpr double kCaptureRange = 0.13;
+constexpr double kLeastPart = 0.02;      ///< of the camera's picture that shows the panel
+constexpr double kLeastContrast = 0.03;  ///< of the light that waves or fringes modulate
+constexpr double kLeastCoherent = 0.12;  ///< of the fringes' light that one phase must explain
+constexpr double kLeastLead = 2.0;       ///< over the next best phase
+constexpr double kAliasPart = 0.4;       ///< of the first pattern's coherence at a multiple of it
+constexpr double kFineFringes = 8.0;     ///< across the panel: enough to average what drifts
+
+/// Pitches to try when the starting one shows no fringes, as multiples of it.
+constexpr std::array<double, 5> kOtherPitches = {1.0, 0.5, 2.0, 1.0 / 3.0, 3.0};
+
+struct Fringes {
+  Fringe fringe;
+  std::vector<Complex> waves;
+  double contrast = 0.0;
+};
+
+class ViewpointRun {
+ public:
+  ViewpointRun(frames::FrameSink& sink, Camera& camera, const optics::OpticalModel& start,
+               const CaptureOptions& capture, const MeasureOptions& options,
+               const CaptureProgress& progress)
+      : start_(start),
+        panel_(start.rig().panel),
+        options_(options),
+        capture_(sink, camera, panel_, capture, progress) {}
+
+  ViewpointMeasurement run() {
+    result_.name = options_.name;
+    find_panel();
+    decode_geometry();
+    find_pitch();
+    measure_colours();
+    measure_fringes();
+    if (options_.link_and_spot) measure_spot();
+    repeat();
+    result_.counts = capture_.counts();
+    return std::move(result_);
+  }
+
+ private:
+  [[noreturn]] static void fail(const std::string& cause, const std::string& remedy) {
+    throw Error(ErrorKind::Quality, "calibrate: " + cause, remedy);
+  }
+
+  /// Shows phase-stepped versions of a pattern and sums them over the measured pixels.
+  template <class Shape>
+  PhaseSum step_phases(Shape shape, int steps, Channels channels, const ChannelWeights& weights) {
+    std::vector<Pattern> patterns;
+    for (const double phase : phase_steps(steps)) {
+      shape.phase = phase;
+      patterns.push_back({.shape = shape, .channels = channels});
+    }
+    PhaseSum sum(pixels_.size(), steps);
+    capture_.capture(patterns, [&](const Pattern& pattern, const CameraPicture& picture) {
+      sum.add(grey_of(picture, weights), pixels_, std::get<Shape>(pattern.shape).phase);
+    });
+    return sum;
+  }
+
+  std::vector<CameraPicture> show_all(const std::vector<Pattern>& patterns) {
+    std::vector<CameraPicture> pictures;
+    capture_.capture(patterns, [&](const Pattern&, const CameraPicture& picture) {
+      pictures.push_back(picture);
+    });
+    return pictures;
+  }
+
+  void find_panel();
+  void decode_geometry();
+  void keep_pixels(const std::vector<float>& x, const std::vector<float>& y);
+  void average_geometry(const std::vector<float>& x, const std::vector<float>& y);
+  [[nodiscard]] std::vector<Sighting> block_sightings(const std::vector<float>& x,
+                                                      const std::vector<float>& y) const;
+
+  [[nodiscard]] Fringes show_fringes(double pitch, double slant, int steps, Channels channels,
+                                     const ChannelWeights& weights);
+  [[nodiscard]] std::optional<FringePeak> peak_of(const Fringes& fringes,
+                                                  const LinearPhase& start) const;
+  [[nodiscard]] LinearPhase phase_for(double pitch, double slant) const;
+  void find_pitch();
+  [[nodiscard]] bool multiple_shows_fringes(double factor, const FringePeak& found);
+  void refine_line(const Fringes& fringes);
+
+  void measure_colours();
+  [[nodiscard]] MeanColour mean_colour(const CameraPicture& picture) const;
+  void measure_fringes();
+  [[nodiscard]] BlockGrid blocks_of(const Fringes& fringes) const;
+  void measure_spot();
+  void repeat();
+
+  const optics::OpticalModel& start_;
+  const optics::Panel& panel_;
+  MeasureOptions options_;
+  PatternCapture capture_;
+  ViewpointMeasurement result_;
+
+  GreyPicture dark_;
+  GreyPicture white_;
+  CameraPicture dark_colour_;
+  CameraPicture white_colour_;
+  std::vector<uint32_t> pixels_;
+  std::vector<Vec2> panel_points_;  ///< of the smooth map, one per pixel
+  std::optional<PanelMap> map_;
+  int block_px_ = 16;
+  double first_coherence_ = 0.0;
+  std::array<ChannelWeights, 3> weights_{kEqualWeights, kEqualWeights, kEqualWeights};
+};
+
+void ViewpointRun::find_panel() {
+  std::vector<Pattern> patterns;
+  for (int mark = 0; mark < 3; ++mark) patterns.push_back({.shape = Flat{}, .channels = {}, .mark = mark});
+  patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3});
+  std::vector<CameraPicture> pictures = show_all(patterns);
+  std::array<GreyPicture, 3> marks = {grey_of(pictures[0]), grey_of(pictures[1]),
+                                      grey_of(pictures[2])};
+  white_ = grey_of(pictures[3]);
+  result_.width = white_.width;
+  result_.height = white_.height;
+  block_px_ = options_.block_px > 0 ? options_.block_px : std::max(4, white_.width / 80);
+  pixels_ = visible_pixels(marks[0], white_);
+  if (part_of(pixels_, white_) < kLeastPart)
+    fail("the camera sees no panel that turns from dark to white",
+         "point it at the whole panel, and darken the room");
+  std::optional<MarkReader> reader = MarkReader::find(marks, white_);
+  if (!reader)
+    fail("the marks in the panel's top left corner are not in the camera's picture",
+         "the whole panel has to be seen, upright, and nothing may hide its corner");
+  capture_.check_marks(std::move(*reader));
+  dark_ = std::move(marks[0]);
+  dark_colour_ = std::move(pictures[0]);
+  white_colour_ = std::move(pictures[3]);
+}
+
+void ViewpointRun::decode_geometry() {
+  const double lens_px = start_.rig().sheet.pitch.value / 3.0;
+  std::array<std::vector<float>, 2> positions;
+  for (const bool vertical : {false, true}) {
+    const auto levels = wave_levels(vertical ? panel_.height_px : panel_.width_px, lens_px);
+    const auto sum_of = [&](const WaveLevel& level) {
+      return step_phases(Wave{.vertical = vertical, .period_px = level.period_px, .phase = 0.0},
+                         level.steps, Channels{}, kEqualWeights);
+    };
+    const PhaseSum first = sum_of(levels[0]);
+    const PhaseSum second = sum_of(levels[1]);
+    const std::array<PhaseSum, 3> sums = {first, second, sum_of(levels[2])};
+    const double white = mean_of(white_, pixels_) - mean_of(dark_, pixels_);
+    positions[vertical ? 1 : 0] =
+        decode_positions(levels, sums, static_cast<float>(kLeastContrast * white));
+  }
+  map_ = PanelMap::fit(block_sightings(positions[0], positions[1]));
+  if (!map_)
+    fail("which panel point the camera sees where cannot be decoded",
+         "is the panel sharp in the camera's picture, and does nothing lie over it?");
+  keep_pixels(positions[0], positions[1]);
+}
+
+std::vector<Sighting> ViewpointRun::block_sightings(const std::vector<float>& x,
+                                                    const std::vector<float>& y) const {
+  const int columns = (result_.width + block_px_ - 1) / block_px_;
+  const int rows = (result_.height + block_px_ - 1) / block_px_;
+  std::vector<std::vector<Sighting>> members(static_cast<size_t>(columns) *
+                                             static_cast<size_t>(rows));
+  for (size_t n = 0; n < pixels_.size(); ++n) {
+    if (std::isnan(x[n]) || std::isnan(y[n])) continue;
+    const int i = static_cast<int>(pixels_[n]) % result_.width;
+    const int j = static_cast<int>(pixels_[n]) / result_.width;
+    members[static_cast<size_t>(j / block_px_) * static_cast<size_t>(columns) +
+            static_cast<size_t>(i / block_px_)]
+        .push_back({.camera_px = {i + 0.5, j + 0.5}, .panel_px = {x[n], y[n]}});
+  }
+  std::vector<Sighting> sightings;
+  for (const std::vector<Sighting>& block : members) {
+    if (static_cast<int>(block.size()) < block_px_ * block_px_ / 3) continue;
+    Sighting mean{.camera_px = {}, .panel_px = {}};
+    for (const Sighting& s : block) {
+      mean.camera_px = mean.camera_px + s.camera_px;
+      mean.panel_px = mean.panel_px + s.panel_px;
+    }
+    const double share = 1.0 / static_cast<double>(block.size());
+    mean.camera_px = mean.camera_px * share;
+    mean.panel_px = mean.panel_px * share;
+    sightings.push_back(mean);
+  }
+  return sightings;
+}
+
+void ViewpointRun::keep_pixels(const std::vector<float>& x, const std::vector<float>& y) {
+  // Under its lens a pixel sees up to half a lens beside the smooth map, and noise beyond.
+  const double lens_px = start_.rig().sheet.pitch.value / 3.0;
+  const double limit = std::max(3.0, 1.2 * lens_px) + 6.0 * map_->typical_error_px();
+  const MarkCells marks = MarkCells::of(panel_);
+  std::vector<uint32_t> kept;
+  std::vector<float> kept_x, kept_y;
+  for (size_t n = 0; n < pixels_.size(); ++n) {
+    const Vec2 camera{static_cast<int>(pixels_[n]) % result_.width + 0.5,
+                      static_cast<int>(pixels_[n]) / result_.width + 0.5};
+    const Vec2 p = map_->at(camera);
+    const bool near = std::abs(p.x - x[n]) < limit && std::abs(p.y - y[n]) < limit;
+    const bool inside = p.x > 0.0 && p.y > 0.0 && p.x < panel_.width_px && p.y < panel_.height_px;
+    if (!near || !inside || marks.covers(p.x, p.y)) continue;
+    kept.push_back(pixels_[n]);
+    kept_x.push_back(x[n]);
+    kept_y.push_back(y[n]);
+    panel_points_.push_back(p);
+  }
+  if (static_cast<double>(kept.size()) < 0.3 * static_cast<double>(pixels_.size()))
+    fail("most of what the camera sees of the panel contradicts itself",
+         "is the camera moving, or are there reflections on the sheet?");
+  pixels_ = std::move(kept);
+  average_geometry(kept_x, kept_y);
+}
+
+void ViewpointRun::average_geometry(const std::vector<float>& x, const std::vector<float>& y) {
+  for (const Sighting& s : block_sightings(x, y))
+    result_.geometry.push_back({.camera_px = s.camera_px,
+                                .panel_px = s.panel_px,
+                                .sigma_px = std::max(0.02, map_->typical_error_px())});
+}
+
+LinearPhase ViewpointRun::phase_for(double pitch, double slant) const {
+  return {.constant = 0.0, .per_px_x = 3.0 / pitch, .per_px_y = 3.0 * slant / pitch};
+}
+
+Fringes ViewpointRun::show_fringes(double pitch, double slant, int steps, Channels channels,
+                                   const ChannelWeights& weights) {
+  const Fringe fringe{.pitch_subpx = pitch, .slant = slant, .phase = 0.0};
+  const PhaseSum sum = step_phases(fringe, steps, channels, weights);
+  Fringes fringes{.fringe = fringe, .waves = sum.waves(), .contrast = 0.0};
+  double wave = 0.0, mean = 0.0;
+  for (size_t n = 0; n < fringes.waves.size(); ++n) {
+    wave += std::abs(fringes.waves[n]);
+    mean += sum.means()[n] - dark_.light[pixels_[n]];
+  }
+  fringes.contrast = mean > 0.0 ? wave / mean : 0.0;
+  return fringes;
+}
+
+std::optional<FringePeak> ViewpointRun::peak_of(const Fringes& fringes,
+                                                const LinearPhase& start) const {
+  const double lenses = std::abs(start.per_px_x) * panel_.width_px;
+  const FringeView view{fringes.fringe, fringes.waves, panel_points_};
+  std::optional<FringePeak> peak = find_fringes(view, start, kCaptureRange * lenses + 6.0, panel_);
+  const bool good = peak && fringes.contrast > kLeastContrast && peak->height > kLeastCoherent &&
+                    peak->height > kLeastLead * peak->second;
+  return good ? peak : std::nullopt;
+}
+
+void ViewpointRun::find_pitch() {
+  const optics::LensSheet& sheet = start_.rig().sheet;
+  const double z = start_.rig().viewing.distance.value;
+  const double nominal = sheet.pitch.value * (std::isinf(z) ? 1.0 : 1.0 + sheet.gap.value / z);
+  std::optional<FringePeak> found;
+  Fringes fringes;
+  for (const double factor : kOtherPitches) {
+    const double pitch = nominal * factor;
+    if (pitch < optics::kMinPitchSubpixels || pitch > panel_.width_px / 4.0) continue;
+    fringes = show_fringes(pitch, sheet.slant, kCoarseSteps, Channels{}, kEqualWeights);
+    found = peak_of(fringes, phase_for(pitch, sheet.slant));
+    if (found || !options_.adaptive) break;
+  }
+  if (!found)
+    fail(
+        "no fringes are seen: the lens pitch cannot be near the starting one, or nothing of the "
+        "pattern gets through the sheet",
+        "give a rig with a better pitch and slant, or check that the sheet is in focus");
+  first_coherence_ = found->height * fringes.contrast;
+  result_.line = found->phase;
+  refine_line(fringes);
+  for (double multiple = 2.0; options_.adaptive && multiple < 3.5; multiple += 1.0) {
+    if (!multiple_shows_fringes(multiple, *found)) continue;
+    result_.warnings.push_back(
+        fmt::format("the starting pitch was an alias: the lenses are {:.0f} times as wide",
+                    multiple * nominal / nominal));
+    result_.line = {.constant = result_.line.constant / multiple,
+                    .per_px_x = result_.line.per_px_x / multiple,
+                    .per_px_y = result_.line.per_px_y / multiple};
+    multiple = 1.0;
+  }
+  result_.start_pitch_factor = result_.line.pitch_subpx() / nominal;
+}
+
+/// Only the true pitch stops showing slow fringes when the pattern gets wider by a whole factor:
+/// neighbouring lenses then see different phases.
+bool ViewpointRun::multiple_shows_fringes(double factor, const FringePeak&) {
+  const double pitch = result_.line.pitch_subpx() * factor;
+  if (pitch > panel_.width_px / 4.0) return false;
+  const double slant = result_.line.slant();
+  const Fringes fringes = show_fringes(pitch, slant, kAliasSteps, Channels{}, kEqualWeights);
+  const FringeView view{fringes.fringe, fringes.waves, panel_points_};
+  const std::optional<FringePeak> peak = find_fringes(view, phase_for(pitch, slant), 6.0, panel_);
+  return peak && peak->height * fringes.contrast > kAliasPart * first_coherence_;
+}
+
+BlockGrid ViewpointRun::blocks_of(const Fringes& fringes) const {
+  return average_blocks({fringes.fringe, fringes.waves, panel_points_}, pixels_, result_.width,
+                        result_.height, block_px_, *map_, result_.line, panel_);
+}
+
+void ViewpointRun::refine_line(const Fringes& fringes) {
+  for (int round = 0; round < 2; ++round) {
+    const std::optional<LinearPhase> line = fit_linear(blocks_of(fringes), panel_);
+    if (!line || !(line->per_px_x > 0.0))
+      fail("the fringes do not make one sheet of lenses", "is the sheet's slant about right?");
+    result_.line = *line;
+  }
+}
+
+MeanColour ViewpointRun::mean_colour(const CameraPicture& picture) const {
+  MeanColour sum{};
+  const auto channels = static_cast<size_t>(picture.channels);
+  for (const uint32_t i : pixels_)
+    for (size_t c = 0; c < 3; ++c) {
+      const size_t at = i * channels + std::min(c, channels - 1);
+      sum[c] += double{picture.light[at]} - double{dark_colour_.light[at]};
+    }
+  for (double& s : sum) s /= static_cast<double>(std::max<size_t>(1, pixels_.size()));
+  return sum;
+}
+
+void ViewpointRun::measure_colours() {
+  std::vector<Pattern> patterns;
+  for (int c = 0; c < 3; ++c)
+    patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = Channels::only(c)});
+  if (options_.link_and_spot) {
+    for (int c = 0; c < 3; ++c)
+      patterns.push_back({.shape = Columns{}, .channels = Channels::only(c)});
+    patterns.push_back({.shape = Checks{}, .channels = {}});
+  }
+  LinkPictures pictures{.camera_channels = white_colour_.channels,
+                        .white = mean_colour(white_colour_)};
+  size_t k = 0;
+  capture_.capture(patterns, [&](const Pattern&, const CameraPicture& picture) {
+    const MeanColour mean = mean_colour(picture);
+    if (k < 3)
+      pictures.flat[k] = mean;
+    else if (k < 6)
+      pictures.columns[k - 3] = mean;
+    else
+      pictures.checks = mean;
+    ++k;
+  });
+  for (int c = 0; c < 3; ++c) weights_[static_cast<size_t>(c)] = weights_for(pictures, c);
+  if (options_.link_and_spot) result_.link = check_link(pictures);
+}
+
+void ViewpointRun::measure_fringes() {
+  const double lenses = result_.line.per_px_x * panel_.width_px;
+  const double detune = options_.adaptive ? std::min(0.02, kFineFringes / lenses) : 0.0;
+  const double pitch = result_.line.pitch_subpx() * (1.0 + detune);
+  const double slant = result_.line.slant();
+  // Green last: its line is the one that is kept.
+  for (const int c : {0, 2, 1}) {
+    const auto k = static_cast<size_t>(c);
+    const Fringes fringes = show_fringes(pitch, slant, kFineSteps, Channels::only(c), weights_[k]);
+    if (c == 1) {
+      refine_line(fringes);
+      result_.fringe = fringes.fringe;
+      result_.contrast = fringes.contrast;
+    }
+    result_.blocks[k] = blocks_of(fringes);
+  }
+  if (result_.contrast < kLeastContrast)
+    fail(fmt::format("the fringes have a contrast of {:.1f} % only", 100.0 * result_.contrast),
+         "is the sheet in focus on the pixels, and the room dark?");
+  int used = 0;
+  for (const PhaseBlock& block : result_.blocks[1].blocks) used += block.pixels;
+  const std::vector<uint32_t> lit = visible_pixels(dark_, white_);
+  result_.covered = lit.empty() ? 0.0 : static_cast<double>(used) / static_cast<double>(lit.size());
+}
+
+void ViewpointRun::measure_spot() {
+  std::vector<Pattern> patterns;
+  for (int bin = 0; bin < kSpotBins; ++bin)
+    patterns.push_back({.shape = Comb{.phase = result_.line,
+                                      .place = (bin + 0.5) / kSpotBins - 0.5,
+                                      .width = 1.0 / kSpotBins},
+                        .channels = {}});
+  SpotSum spot(kSpotBins, result_.blocks[1], result_.line, panel_);
+  int bin = 0;
+  capture_.capture(patterns, [&](const Pattern&, const CameraPicture& picture) {
+    spot.add(bin++, grey_of(picture), dark_, pixels_, block_px_);
+  });
+  result_.spot = spot.result();
+}
+
+void ViewpointRun::repeat() {
+  const Fringes again = show_fringes(result_.fringe.pitch_subpx, result_.fringe.slant, kRepeatSteps,
+                                     Channels::only(1), weights_[1]);
+  const BlockGrid blocks = blocks_of(again);
+  std::vector<double> moves;
+  for (size_t n = 0; n < blocks.blocks.size(); ++n) {
+    const PhaseBlock& before = result_.blocks[1].blocks[n];
+    const PhaseBlock& after = blocks.blocks[n];
+    if (before.pixels == 0 || after.pixels == 0) continue;
+    const double move = after.phase - before.phase;
+    moves.push_back(std::abs(move - std::round(move)));
+  }
+  if (moves.empty()) return;
+  std::nth_element(moves.begin(), moves.begin() + static_cast<ptrdiff_t>(moves.size() / 2),
+                   moves.end());
+  result_.drift_lenses = moves[moves.size() / 2];
+}
+
+}  // namespace
+
+int pattern_count(const MeasureOptions& options) {
+  const int geometry = 2 * (4 + 4 + 8);
+  const int aliases = options.adaptive ? 2 * kAliasSteps : 0;
+  const int link_and_spot = options.link_and_spot ? 4 + kSpotBins : 0;
+  return 4 + geometry + kCoarseSteps + aliases + 3 + link_and_spot + 3 * kFineSteps + kRepeatSteps;
+}
+
+ViewpointMeasurement measure_viewpoint(frames::FrameSink& sink, Camera& camera,
+                                       const optics::OpticalModel& start,
+                                       const CaptureOptions& capture, const MeasureOptions& options,
+                                       const CaptureProgress& progress) {
+  return ViewpointRun(sink, camera, start, capture, options, progress).run();
+}
+
+}  // namespace lenticule::calib

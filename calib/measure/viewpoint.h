@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// One place of the camera: everything that is shown to it there, and what comes out before the
+// places are put together.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "calib/calibration.h"
+#include "calib/measure/capture.h"
+#include "calib/measure/fringe_phase.h"
+#include "optics/model.h"
+
+namespace lenticule::calib {
+
+struct MeasureOptions {
+  std::string name = "centre";
+  /// Edge of a block in camera pixels; 0 = an eightieth of the picture's width.
+  int block_px = 0;
+  /// Whether the link and the lens spot are measured too: once per calibration is enough.
+  bool link_and_spot = true;
+  /// False where patterns cannot depend on what was seen before (photographs): the fine fringes
+  /// then have the starting pitch, and aliases cannot be told.
+  bool adaptive = true;
+};
+
+/// A decoded point for finding where the camera is: block mean of what the wide waves say.
+struct GeometryPoint {
+  Vec2 camera_px;
+  Vec2 panel_px;
+  double sigma_px = 0.0;
+};
+
+struct ViewpointMeasurement {
+  std::string name;
+  int width = 0;
+  int height = 0;
+  Fringe fringe;                    ///< of the fine fringes
+  LinearPhase line;                 ///< of green's blocks
+  std::array<BlockGrid, 3> blocks;  ///< red, green, blue
+  std::vector<GeometryPoint> geometry;
+  double contrast = 0.0;
+  double covered = 0.0;
+  double start_pitch_factor = 1.0;  ///< found effective pitch over the starting one
+  double drift_lenses = 0.0;        ///< between the first and the repeated fringes
+  double moved_px = 0.0;            ///< the camera's picture meanwhile, camera pixels
+  LinkCheck link;
+  std::optional<LensSpot> spot;
+  std::vector<std::string> warnings;
+  CaptureCounts counts;
+};
+
+/// Number of patterns of a measurement, for progress; more are shown when the start is an alias.
+[[nodiscard]] int pattern_count(const MeasureOptions& options);
+
+/// Shows everything and measures. The rig of `start` tells panel, nominal pitch, slant and gap.
+/// Throws Error(Device) where PatternCapture does, Error(Quality) when nothing usable is seen: the
+/// panel's corner is not in the picture, no fringes, too dark, too little of the panel.
+[[nodiscard]] ViewpointMeasurement measure_viewpoint(frames::FrameSink& sink, Camera& camera,
+                                                     const optics::OpticalModel& start,
+                                                     const CaptureOptions& capture,
+                                                     const MeasureOptions& options,
+                                                     const CaptureProgress& progress);
+
+}  // namespace lenticule::calib

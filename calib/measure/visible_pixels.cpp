@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/measure/visible_pixels.h"
+
+#include <algorithm>
+
+namespace lenticule::calib {
+namespace {
+
+constexpr float kLeastLight = 0.15F;  ///< of what a bright pixel of the panel has
+constexpr double kBrightPart = 0.98;
+
+}  // namespace
+
+std::vector<uint32_t> visible_pixels(const GreyPicture& dark, const GreyPicture& white) {
+  std::vector<float> rise(white.size());
+  for (size_t i = 0; i < rise.size(); ++i) rise[i] = white.light[i] - dark.light[i];
+  std::vector<float> sorted = rise;
+  const auto bright =
+      sorted.begin() + static_cast<ptrdiff_t>(kBrightPart * static_cast<double>(sorted.size()));
+  std::nth_element(sorted.begin(), bright, sorted.end());
+  std::vector<uint32_t> pixels;
+  for (size_t i = 0; i < rise.size(); ++i)
+    if (rise[i] > kLeastLight * *bright && dark.clipped[i] == 0 && white.clipped[i] == 0)
+      pixels.push_back(static_cast<uint32_t>(i));
+  return pixels;
+}
+
+double part_of(const std::vector<uint32_t>& pixels, const GreyPicture& picture) {
+  return picture.size() == 0
+             ? 0.0
+             : static_cast<double>(pixels.size()) / static_cast<double>(picture.size());
+}
+
+double mean_of(const GreyPicture& picture, const std::vector<uint32_t>& pixels) {
+  double sum = 0.0;
+  for (const uint32_t i : pixels) sum += picture.light[i];
+  return pixels.empty() ? 0.0 : sum / static_cast<double>(pixels.size());
+}
+
+}  // namespace lenticule::calib
