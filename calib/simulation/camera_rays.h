@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// The geometry of the simulated camera: which way the light of each picture point comes from.
+#pragma once
+
+#include <optional>
+
+#include "calib/simulation/simulated_camera.h"
+#include "optics/vec.h"
+
+namespace lenticule::calib {
+
+class CameraRays {
+ public:
+  explicit CameraRays(const SimulatedCamera& camera);
+
+  /// From the middle of the pupil toward what is seen at a picture point; length 1.
+  [[nodiscard]] Vec3 direction(Vec2 picture) const;
+  /// Where the picture has a point; none behind the camera.
+  [[nodiscard]] std::optional<Vec2> project(Vec3 point) const;
+  [[nodiscard]] Vec3 position() const { return position_; }
+  /// A point of the pupil, x and y in [-1, 1].
+  [[nodiscard]] Vec3 pupil_point(double x, double y) const {
+    return position_ + (right_ * x + down_ * y) * pupil_radius_mm_;
+  }
+  /// Cosine of the angle between a direction and the camera's axis.
+  [[nodiscard]] double cosine(Vec3 direction) const { return dot(direction, forward_); }
+
+ private:
+  [[nodiscard]] double stretch(double radius_squared) const {
+    return 1.0 + radius_squared * (k1_ + radius_squared * k2_);
+  }
+
+  Vec3 position_;
+  Vec3 forward_;
+  Vec3 right_;
+  Vec3 down_;
+  double focal_px_;
+  Vec2 centre_px_;
+  double k1_;
+  double k2_;
+  double pupil_radius_mm_;
+};
+
+}  // namespace lenticule::calib

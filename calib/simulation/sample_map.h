@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which subpixels each camera pixel sees from one viewpoint: traced once, then every frame's
+// picture is a sum over table entries.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "calib/simulation/camera_rays.h"
+#include "calib/simulation/driven_panel.h"
+#include "calib/simulation/sheet_shape.h"
+#include "calib/simulation/simulated_camera.h"
+
+namespace lenticule::calib {
+
+/// Light of each code of each display channel in each colour of the camera, summed over samples to
+/// full-scale light.
+using LightTable = std::array<std::array<std::array<float, 256>, 3>, 3>;
+
+/// What one row of the camera sees.
+struct SampleRow {
+  int first = 0;                      ///< column of the first pixel that sees the panel
+  std::vector<uint8_t> lit;           ///< per pixel from there: samples that hit a lit subpixel
+  std::vector<float> scale;           ///< per pixel: vignetting over number of samples
+  std::vector<uint32_t> haze_block;   ///< per pixel: the block around it (block_light)
+  std::vector<SubpixelId> subpixels;  ///< of all pixels, one after the other
+  double panel_y = 0.5;  ///< mean height on the panel of what the row sees, 0 top, 1 bottom
+};
+
+/// The colour of a mosaic pixel (RGGB): 0 red, 1 green, 2 blue; a camera without mosaic is green.
+[[nodiscard]] inline int mosaic_colour(const SimulatedCamera& camera, int column, int row) {
+  if (!camera.bayer) return 1;
+  return (row & 1) + (column & 1);
+}
+
+/// Light that reaches the camera from the neighbourhood instead of straight through the lens.
+struct Haze {
+  double part = 0.0;
+  double lit_area = 1.0;      ///< of the panel, without the black matrix
+  std::vector<float> blocks;  ///< block_light
+};
+
+class SampleMap {
+ public:
+  /// Traces the whole picture with `threads` helpers; the result does not depend on their number.
+  SampleMap(const optics::Panel& true_panel, const SheetShape& shape, const SubpixelFinder& finder,
+            const SimulatedCamera& camera, uint64_t seed, int threads);
+
+  [[nodiscard]] const SampleRow& row(int row) const { return rows_[static_cast<size_t>(row)]; }
+
+  /// Light of the camera's pixels, row by row, one value each in the pixel's own colour; 0 where
+  /// the panel is not seen.
+  void gather(const DrivenFrame& frame, const LightTable& table, const Haze& haze,
+              std::vector<float>& light, int threads) const;
+
+ private:
+  void gather_row(int row, const DrivenFrame& frame, const LightTable& table, float* light) const;
+  void mix_haze(int row, const Haze& haze, const LightTable& table, float* light) const;
+
+  SimulatedCamera camera_;
+  std::vector<SampleRow> rows_;
+};
+
+}  // namespace lenticule::calib

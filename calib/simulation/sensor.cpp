@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+// Noise on the raw mosaic, bilinear colours, the camera's curve, eight bits, JPEG, and back.
+#include "calib/simulation/sensor.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "calib/simulation/helpers.h"
+#include "calib/simulation/jpeg_round_trip.h"
+#include "calib/simulation/portable_random.h"
+#include "calib/simulation/sample_map.h"
+#include "frames/srgb.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr size_t kNoiseTable = 1U << 16;
+constexpr size_t kCurveSteps = 1U << 15;
+
+double encode(const SimulatedCamera& camera, double light) {
+  switch (camera.curve) {
+    case CameraCurve::Srgb:
+      return frames::srgb_from_linear(light);
+    case CameraCurve::Gamma:
+      return std::pow(light, 1.0 / camera.gamma);
+    case CameraCurve::Linear:
+      break;
+  }
+  return light;
+}
+
+double decode(const SimulatedCamera& camera, double code) {
+  switch (camera.assumed_curve) {
+    case CameraCurve::Srgb:
+      return frames::linear_from_srgb(code);
+    case CameraCurve::Gamma:
+      return std::pow(code, camera.gamma);
+    case CameraCurve::Linear:
+      break;
+  }
+  return code;
+}
+
+/// The value of a table over [0, 1], linear between its entries.
+float looked_up(const std::vector<float>& table, float place) {
+  const float last = static_cast<float>(table.size() - 1);
+  const float at = std::clamp(place, 0.0F, 1.0F) * last;
+  const auto below = std::min(static_cast<size_t>(at), table.size() - 2);
+  const float part = at - static_cast<float>(below);
+  return table[below] + (table[below + 1] - table[below]) * part;
+}
+
+/// A row or column beyond the border is its mirror image inside, which keeps the mosaic's order.
+size_t mirrored(int index, int count) {
+  if (index < 0) return static_cast<size_t>(-index);
+  return static_cast<size_t>(index < count ? index : 2 * count - 2 - index);
+}
+
+}  // namespace
+
+Sensor::Sensor(const SimulatedCamera& camera, uint64_t seed)
+    : camera_(camera), seed_(seed), noise_(kNoiseTable), encoded_(kCurveSteps + 1) {
+  PortableRandom random(seed);
+  for (float& value : noise_) value = static_cast<float>(random.gaussian());
+  for (size_t step = 0; step <= kCurveSteps; ++step) {
+    encoded_[step] = static_cast<float>(
+        encode(camera, static_cast<double>(step) / static_cast<double>(kCurveSteps)));
+  }
+  // Without rounding codes are dense; with it only every 257th entry is used.
+  decoded_.resize(255 * 257 + 1);
+  for (size_t step = 0; step < decoded_.size(); ++step) {
+    const double code = static_cast<double>(step) / static_cast<double>(decoded_.size() - 1);
+    decoded_[step] = static_cast<float>(decode(camera, code));
+  }
+}
+
+void Sensor::add_noise(int row, uint64_t picture, std::vector<float>& light) const {
+  PortableRandom random(scramble(seed_ + picture) ^ static_cast<uint64_t>(row));
+  const auto width = static_cast<size_t>(camera_.width);
+  float* values = &light[static_cast<size_t>(row) * width];
+  const auto read = static_cast<float>(camera_.read_noise * camera_.read_noise);
+  const auto shot = static_cast<float>(camera_.shot_noise * camera_.shot_noise);
+  uint64_t bits = 0;
+  for (size_t column = 0; column < width; ++column) {
+    bits = column % 4 == 0 ? random.bits() : bits >> 16;
+    const float value = values[column];
+    const float deviation = std::sqrt(read + shot * std::max(0.0F, value));
+    values[column] = std::clamp(value + deviation * noise_[bits % kNoiseTable], 0.0F, 1.0F);
+  }
+}
+
+void Sensor::demosaic_row(int row, const std::vector<float>& mosaic, CameraPicture& out) const {
+  const auto width = static_cast<size_t>(camera_.width);
+  const float* above = &mosaic[mirrored(row - 1, camera_.height) * width];
+  const float* own = &mosaic[static_cast<size_t>(row) * width];
+  const float* below = &mosaic[mirrored(row + 1, camera_.height) * width];
+  float* rgb = &out.light[static_cast<size_t>(row) * width * 3];
+  for (int column = 0; column < camera_.width; ++column, rgb += 3) {
+    const size_t left = mirrored(column - 1, camera_.width);
+    const size_t right = mirrored(column + 1, camera_.width);
+    const auto at = static_cast<size_t>(column);
+    const float beside = (own[left] + own[right]) / 2.0F;
+    const float over = (above[at] + below[at]) / 2.0F;
+    const int colour = mosaic_colour(camera_, column, row);
+    if (colour == 1) {  // between two reds on even rows, between two blues on odd ones
+      rgb[0] = row % 2 == 0 ? beside : over;
+      rgb[1] = own[at];
+      rgb[2] = row % 2 == 0 ? over : beside;
+      continue;
+    }
+    const float diagonal = (above[left] + above[right] + below[left] + below[right]) / 4.0F;
+    rgb[colour] = own[at];
+    rgb[1] = (beside + over) / 2.0F;
+    rgb[2 - colour] = diagonal;
+  }
+}
+
+void Sensor::encode_row(int row, CameraPicture& out) const {
+  const size_t count = static_cast<size_t>(out.width) * static_cast<size_t>(out.channels);
+  float* values = &out.light[static_cast<size_t>(row) * count];
+  for (size_t i = 0; i < count; ++i) {
+    const float code = looked_up(encoded_, values[i]);
+    values[i] =
+        camera_.eight_bits ? static_cast<float>(frames::code_from_encoded(code)) / 255.0F : code;
+  }
+}
+
+void Sensor::decode_row(int row, CameraPicture& out) const {
+  const size_t count = static_cast<size_t>(out.width) * static_cast<size_t>(out.channels);
+  float* values = &out.light[static_cast<size_t>(row) * count];
+  for (size_t i = 0; i < count; ++i) values[i] = looked_up(decoded_, values[i]);
+}
+
+bool Sensor::pass_through_jpeg(CameraPicture& out) const {
+  std::vector<uint8_t> codes(out.light.size());
+  for (size_t i = 0; i < codes.size(); ++i) codes[i] = frames::code_from_encoded(out.light[i]);
+  if (!jpeg_round_trip(codes, out.width, out.height, out.channels, camera_.jpeg_quality)) {
+    return false;
+  }
+  for (size_t i = 0; i < codes.size(); ++i) {
+    out.light[i] = static_cast<float>(codes[i]) / 255.0F;
+  }
+  return true;
+}
+
+bool Sensor::develop(std::vector<float>& light, uint64_t picture, CameraPicture& out,
+                     int threads) const {
+  out.width = camera_.width;
+  out.height = camera_.height;
+  out.channels = camera_.bayer ? 3 : 1;
+  for_rows(camera_.height, threads, [&](int row) { add_noise(row, picture, light); });
+  out.light.resize(light.size() * static_cast<size_t>(out.channels));
+  if (!camera_.bayer) std::copy(light.begin(), light.end(), out.light.begin());
+  for_rows(camera_.height, threads, [&](int row) {
+    if (camera_.bayer) demosaic_row(row, light, out);
+    encode_row(row, out);
+  });
+  if (camera_.jpeg_quality > 0 && !pass_through_jpeg(out)) return false;
+  for_rows(camera_.height, threads, [&](int row) { decode_row(row, out); });
+  return true;
+}
+
+}  // namespace lenticule::calib

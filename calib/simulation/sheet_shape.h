@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// The form of a simulated sheet over the panel: where each apex line really runs, how thick the
+// stack is there, and how a curved panel stands in space.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "calib/simulation/cylinder_lens.h"
+#include "calib/simulation/simulated_sheet.h"
+#include "optics/panel.h"
+#include "optics/vec.h"
+
+namespace lenticule::calib {
+
+/// A smooth random function on the square [-1, 1]^2, without constant and linear part.
+class SmoothField {
+ public:
+  struct Value {
+    double value = 0.0;
+    double slope_x = 0.0;
+    double slope_y = 0.0;
+  };
+  SmoothField(double amplitude, uint64_t seed);
+  [[nodiscard]] Value at(double x, double y) const;
+
+ private:
+  struct Wave {
+    double x = 0.0;
+    double y = 0.0;
+    double phase = 0.0;
+    double amplitude = 0.0;
+  };
+  [[nodiscard]] Value waves_at(double x, double y) const;
+  void remove_plane_and_scale(double amplitude);
+
+  std::vector<Wave> waves_;
+  double constant_ = 0.0;
+  double linear_x_ = 0.0;
+  double linear_y_ = 0.0;
+};
+
+/// The lenses around one point of the apex surface.
+struct LocalLenses {
+  double coordinate = 0.0;  ///< lens coordinate of the point; apices are the integers
+  Vec2 gradient;            ///< lenses per millimetre
+  LensStack stack;          ///< of red, green or blue light as asked for
+
+  [[nodiscard]] Vec2 across() const { return gradient * stack.pitch_mm; }  ///< length 1
+};
+
+/// How the apex surface lies in space at one of its points.
+struct Stance {
+  Vec3 point;
+  Vec3 tangent{1, 0, 0};  ///< to the right; up is (0, 1, 0) everywhere
+  Vec3 normal{0, 0, 1};
+
+  [[nodiscard]] Vec3 local(Vec3 v) const { return {dot(v, tangent), v.y, dot(v, normal)}; }
+};
+
+/// Points are millimetres on the apex surface: x to the right along the surface, y up.
+class SheetShape {
+ public:
+  SheetShape(const optics::Panel& panel, const SimulatedSheet& sheet, double thermal_stretch);
+
+  [[nodiscard]] LocalLenses lenses_at(Vec2 point, int channel) const;
+  [[nodiscard]] Stance stance_at(Vec2 point) const;
+  /// Where a line in space meets the apex surface, coming from the viewer's side.
+  [[nodiscard]] std::optional<Vec2> meet(Vec3 from, Vec3 direction) const;
+  [[nodiscard]] bool in_bubble(Vec2 point) const;
+
+ private:
+  struct Bubble {
+    Vec2 centre;
+    double radius = 0.0;
+  };
+  void scatter_bubbles();
+  void mark_bubble(const Bubble& bubble);
+
+  optics::Panel panel_;
+  SimulatedSheet sheet_;
+  double half_width_mm_;
+  double half_height_mm_;
+  Vec2 gradient_;  // of the perfect grating, lenses per millimetre
+  SmoothField deformation_;
+  int bubble_columns_ = 0;
+  int bubble_rows_ = 0;
+  std::vector<uint8_t> bubbly_;  // cells of a grid over the panel
+};
+
+/// SimulatedBench::truth_phase on a shape.
+[[nodiscard]] double truth_phase(const SheetShape& shape, Vec2 panel_point_mm, int channel,
+                                 Vec3 eye);
+
+}  // namespace lenticule::calib

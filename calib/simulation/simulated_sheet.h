@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// The lens sheet of the simulated bench: what a real one has that a perfect grating has not.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "optics/panel.h"
+
+namespace lenticule::calib {
+
+/// A sheet of cylinder lenses over a panel. Panel frame as in optics/panel.h: millimetres, origin
+/// at the panel's centre on the plane of the apices.
+struct SimulatedSheet {
+  double pitch_subpx = 7.7;    ///< along a pixel row, in thirds of a pixel
+  double slant = 0.0;          ///< an apex line moves LEFT by this many pixels per row down
+  double offset_lenses = 0.0;  ///< lens coordinate at the panel's centre; apex lines are integers
+
+  double radius_mm = 1.1;     ///< of the cylinders
+  double thickness_mm = 3.3;  ///< from the apices to the other, flat face of the sheet
+  std::array<double, 3> index{1.50, 1.50, 1.50};  ///< for red, green and blue light
+  double air_gap_mm = 0.0;                        ///< between the sheet and the plane of the pixels
+  /// The apices face the panel: the light crosses the air gap, a lens, and then the flat slab.
+  bool lens_toward_panel = false;
+
+  /// Largest deviation of the lens coordinate from a perfect grating: a smooth random field without
+  /// constant and linear part, so that pitch, slant and offset keep their meaning.
+  double deformation_lenses = 0.0;
+  /// The stack is thicker in the middle than in the corners by this part; its mean stays.
+  double gap_bow = 0.0;
+  double curve_radius_mm =
+      0.0;  ///< of a panel bent around a vertical axis toward the viewer; 0 = flat
+  double black_matrix = 0.25;  ///< dark part of the area of each subpixel
+  double haze = 0.0;           ///< part of the light that is spread over the neighbourhood
+  double bubbles = 0.0;        ///< part of the panel where the light is scrambled
+  uint64_t seed = 1;           ///< of the deformation and the bubbles
+};
+
+/// Gap and refraction shape of the chief ray: what a calibration should find for thin lenses.
+/// g = t/n (+ air gap), nu = D3/D1 with D1 = sum t/n, D3 = sum t/n^3.
+struct ChiefRay {
+  double gap_mm = 0.0;
+  double refraction_shape = 1.0;
+};
+[[nodiscard]] ChiefRay chief_ray(const SimulatedSheet& sheet, int channel);
+
+/// Throws Error(Input) for a sheet that cannot be: non-finite, lenses wider than their cylinders,
+/// an index below 1, a thickness of nothing.
+void check_sheet(const SimulatedSheet& sheet, const optics::Panel& panel);
+
+}  // namespace lenticule::calib

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writes what the simulated camera sees of white, of fringes and of a lit half, as PNG:
+// simulated_bench_pictures FOLDER. Prints how long tracing and gathering take.
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+
+#include "bench_stage.h"
+#include "calib/simulation/simulated_bench.h"
+#include "frames/image_io.h"
+#include "frames/srgb.h"
+
+namespace {
+
+using namespace lenticule;
+
+void write_picture(const calib::CameraPicture& picture, const std::filesystem::path& file) {
+  frames::WovenFrame frame({picture.width, picture.height, frames::PixelFormat::Rgb8});
+  for (size_t i = 0; i < frame.bytes().size(); ++i) {
+    const size_t from = picture.channels == 3 ? i : i / 3;
+    frame.bytes()[i] = frames::code_from_linear(double{picture.light[from]});
+  }
+  frames::write_woven(frame.view(), file);
+}
+
+class Stopwatch {
+ public:
+  void report(const char* what) {
+    const auto now = std::chrono::steady_clock::now();
+    std::printf("%-28s %6.0f ms\n", what,
+                std::chrono::duration<double, std::milli>(now - started_).count());
+    started_ = now;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) return 2;
+  const std::filesystem::path folder = argv[1];
+  optics::Panel panel;
+  panel.width_px = 3840;
+  panel.height_px = 2160;
+  panel.pixel_width = panel.pixel_height = Millimetres(0.15565);
+  calib::SimulatedSheet sheet = calib::test::focused_sheet(panel, 7.701, 0.2521);
+  sheet.deformation_lenses = 0.1;
+  sheet.bubbles = 0.02;
+  calib::SimulatedCamera camera;
+  camera.position_mm = {60, 40, 700};
+  camera.roll_degrees = 2.0;
+  camera.focal_px = 1500;
+  camera.k1 = -0.04;
+  camera.shot_noise = 0.01;
+  camera.jpeg_quality = 90;
+  calib::SimulatedPanelLink link;
+  link.response_ms = 8.0;
+  calib::SimulatedBench bench(panel, sheet, link, camera, 1);
+  bench.set_threads(1);
+  const auto white = calib::test::plain_frame(panel, 255, 255, 255);
+  const double seen = 7.701 * (1.0 + calib::chief_ray(sheet, 1).gap_mm / 700.0);
+  const auto null = calib::test::fringe_frame(panel, seen, 0.2521, 0.0);
+  const auto fringes = calib::test::fringe_frame(panel, seen * 1.01, 0.2521, 0.0);
+  Stopwatch watch;
+  calib::CameraPicture picture = calib::test::look(bench, white);
+  watch.report("trace, 4 pictures");
+  write_picture(picture, folder / "white.png");
+  watch.report("write");
+  picture = calib::test::look(bench, fringes);
+  watch.report("show, gather, 4 pictures");
+  if (bench.camera().grab(picture, calib::test::kLong) != calib::GrabStatus::Ready) return 1;
+  watch.report("one more picture");
+  write_picture(picture, folder / "fringes.png");
+  write_picture(calib::test::look(bench, null), folder / "null.png");
+  return 0;
+}
