@@ -82,15 +82,18 @@ SubpixelFinder::SubpixelFinder(const optics::Panel& panel, double black_matrix)
       stripes_(panel.layout.name() != "cells"),
       along_rows_(named(panel, "vrgb", "vbgr")),
       reversed_(named(panel, "bgr", "vbgr")) {
-  const double open = std::sqrt(1.0 - black_matrix);
-  half_width_px_ = open / (along_rows_ ? 2.0 : 6.0);
-  half_height_px_ = open / (along_rows_ ? 6.0 : 2.0);
+  half_open_ = std::sqrt(1.0 - black_matrix) / 2.0;
 }
 
-bool SubpixelFinder::is_lit(double x_px, double y_px, int i, int j, int channel) const {
+SubpixelId SubpixelFinder::id(int i, int j, int channel) const {
+  const auto width = static_cast<SubpixelId>(panel_.width_px);
+  return (static_cast<SubpixelId>(j) * width + static_cast<SubpixelId>(i)) * 4 +
+         static_cast<SubpixelId>(channel);
+}
+
+bool SubpixelFinder::is_lit_cell(double x_px, double y_px, int i, int j, int channel) const {
   const Vec2 centre = panel_.subpixel_centre_px(i, j, channel);
-  return std::abs(x_px - centre.x) <= half_width_px_ &&
-         std::abs(y_px - centre.y) <= half_height_px_;
+  return std::abs(x_px - centre.x) <= half_open_ / 3.0 && std::abs(y_px - centre.y) <= half_open_;
 }
 
 std::optional<SubpixelId> SubpixelFinder::find(double x_px, double y_px) const {
@@ -100,13 +103,13 @@ std::optional<SubpixelId> SubpixelFinder::find(double x_px, double y_px) const {
   }
   const int i = static_cast<int>(x_px);
   const int j = static_cast<int>(y_px);
-  const int stripe = std::min(2, static_cast<int>(3.0 * (along_rows_ ? y_px - j : x_px - i)));
-  const int channel = reversed_ ? 2 - stripe : stripe;
-  if (!is_lit(x_px, y_px, i, j, channel)) return std::nullopt;
-  return (static_cast<SubpixelId>(j) * static_cast<SubpixelId>(panel_.width_px) +
-          static_cast<SubpixelId>(i)) *
-             4 +
-         static_cast<SubpixelId>(channel);
+  const double across = 3.0 * (along_rows_ ? y_px - j : x_px - i);  // stripes
+  const double along = along_rows_ ? x_px - i : y_px - j;
+  const int stripe = std::min(2, static_cast<int>(across));
+  if (std::abs(across - stripe - 0.5) > half_open_ || std::abs(along - 0.5) > half_open_) {
+    return std::nullopt;
+  }
+  return id(i, j, reversed_ ? 2 - stripe : stripe);
 }
 
 /// Offsets of cells reach two pixels to either side: all pixels whose subpixels might be here are
@@ -120,11 +123,8 @@ std::optional<SubpixelId> SubpixelFinder::find_among_cells(double x_px, double y
   for (int j = std::max(0, middle_j - 3); j <= last_j; ++j) {
     for (int i = std::max(0, middle_i - 3); i <= last_i; ++i) {
       for (int channel = 0; channel < 3; ++channel) {
-        if (!is_lit(x_px, y_px, i, j, channel)) continue;
-        return (static_cast<SubpixelId>(j) * static_cast<SubpixelId>(panel_.width_px) +
-                static_cast<SubpixelId>(i)) *
-                   4 +
-               static_cast<SubpixelId>(channel);
+        if (!is_lit_cell(x_px, y_px, i, j, channel)) continue;
+        return id(i, j, channel);
       }
     }
   }

@@ -27,14 +27,14 @@ class SubpixelFinder {
 
  private:
   [[nodiscard]] std::optional<SubpixelId> find_among_cells(double x_px, double y_px) const;
-  [[nodiscard]] bool is_lit(double x_px, double y_px, int i, int j, int channel) const;
+  [[nodiscard]] bool is_lit_cell(double x_px, double y_px, int i, int j, int channel) const;
+  [[nodiscard]] SubpixelId id(int i, int j, int channel) const;
 
   optics::Panel panel_;
-  bool stripes_;           // red, green, blue or reversed, every pixel alike
-  bool along_rows_;        // the stripes of a panel turned on its side
-  bool reversed_ = false;  // blue first
-  double half_width_px_;   // of the lit part
-  double half_height_px_;
+  bool stripes_;            // red, green, blue or reversed, every pixel alike
+  bool along_rows_;         // the stripes of a panel turned on its side
+  bool reversed_;           // blue first
+  double half_open_ = 0.5;  // of the lit part, in widths and in lengths of a subpixel
 };
 
 /// A frame as the panel receives it.

@@ -15,6 +15,7 @@ namespace {
 
 constexpr size_t kJitterSets = 1024;
 constexpr double kMarginPx = 8.0;      // panel pixels around the panel that are traced too
+constexpr size_t kCopyStride = 5;      // prime to the usual numbers of samples
 constexpr double kBubbleSpread = 1.5;  // lens pitches
 
 /// Where in its pixel and in the pupil one ray starts.
@@ -24,6 +25,26 @@ struct Jitter {
   double pupil_x = 0.0;
   double pupil_y = 0.0;
 };
+
+/// Distribution function of a pixel's square and a Gaussian, one axis; places in pixels.
+double blur_below(double place, double sigma) {
+  if (sigma <= 0.0) return std::clamp(place + 0.5, 0.0, 1.0);
+  const auto primitive = [sigma](double t) {
+    return t * 0.5 * std::erfc(-t / (sigma * std::numbers::sqrt2)) +
+           sigma * std::exp(-0.5 * t * t / (sigma * sigma)) / std::sqrt(2.0 * std::numbers::pi);
+  };
+  return primitive(place + 0.5) - primitive(place - 0.5);
+}
+
+double blur_quantile(double part, double sigma) {
+  double low = -0.5 - 8.0 * sigma;
+  double high = -low;
+  for (int step = 0; step < 30; ++step) {
+    const double middle = 0.5 * (low + high);
+    (blur_below(middle, sigma) < part ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
+}
 
 /// Sets of jitters; each pixel picks one by chance. Within a set the places in the pixel follow an
 /// additive sequence with the plastic number, which leaves no large holes.
@@ -35,12 +56,12 @@ std::vector<Jitter> make_jitters(const SimulatedCamera& camera, uint64_t seed) {
     const double start_y = random.uniform();
     for (int sample = 0; sample < camera.samples; ++sample) {
       double whole = 0.0;
-      const double x = std::modf(start_x + sample * 0.7548776662466927, &whole) - 0.5;
-      const double y = std::modf(start_y + sample * 0.5698402909980532, &whole) - 0.5;
+      const double x = std::modf(start_x + sample * 0.7548776662466927, &whole);
+      const double y = std::modf(start_y + sample * 0.5698402909980532, &whole);
       const double radius = std::sqrt(random.uniform());
       const double angle = random.uniform(0.0, 2.0 * std::numbers::pi);
-      jitters.push_back({x + camera.psf_sigma_px * random.gaussian(),
-                         y + camera.psf_sigma_px * random.gaussian(), radius * std::cos(angle),
+      jitters.push_back({blur_quantile(x, camera.psf_sigma_px),
+                         blur_quantile(y, camera.psf_sigma_px), radius * std::cos(angle),
                          radius * std::sin(angle)});
     }
   }
@@ -62,6 +83,7 @@ struct Scene {
   const SimulatedCamera& camera;
   const CameraRays& rays;
   const std::vector<Jitter>& jitters;
+  const std::array<double, 3>& indices;  // of the sheet, by colour
   uint64_t seed;
 };
 
@@ -96,38 +118,81 @@ class PixelTracer {
                          static_cast<uint64_t>(column) * 0x9e3779b97f4a7c15ULL)) {}
 
   /// Appends the subpixels that are hit; how many.
-  uint8_t trace(std::vector<SubpixelId>& subpixels) {
+  uint16_t trace(std::vector<SubpixelId>& subpixels) {
     const auto samples = static_cast<size_t>(scene_.camera.samples);
-    const Jitter* jitter = &scene_.jitters[chance_ % kJitterSets * samples];
-    uint8_t lit = 0;
+    const Jitter* jitters = &scene_.jitters[chance_ % kJitterSets * samples];
+    const size_t before = subpixels.size();
     for (size_t sample = 0; sample < samples; ++sample) {
-      const std::optional<SubpixelId> hit = trace_ray(jitter[sample]);
-      if (!hit) continue;
-      subpixels.push_back(*hit);
-      ++lit;
+      const Vec2 moved = moved_by(jitters[sample]);
+      const Vec3 direction = direction_to(moved, jitters[sample]);
+      if (!scene_.camera.bayer) {
+        const std::optional<SubpixelId> hit = find_in_all_colours(moved, direction);
+        if (hit) subpixels.push_back(*hit);
+        continue;
+      }
+      const std::optional<Vec2> shift = shift_of_ray(moved, direction);
+      if (!shift) continue;
+      for (size_t copy = 0; copy < kMosaicCopies; ++copy) {
+        const Jitter& other = jitters[(sample + copy * kCopyStride) % samples];
+        add_mosaic_hit(along_lens(moved, moved_by(other)) + *shift, copy == 0, subpixels);
+      }
     }
-    return lit;
+    return static_cast<uint16_t>(subpixels.size() - before);
   }
 
  private:
-  std::optional<SubpixelId> trace_ray(const Jitter& jitter) {
-    const Vec2 moved = footprint_.per_column * jitter.x_px + footprint_.per_row * jitter.y_px;
+  [[nodiscard]] Vec2 moved_by(const Jitter& jitter) const {
+    return footprint_.per_column * jitter.x_px + footprint_.per_row * jitter.y_px;
+  }
+
+  [[nodiscard]] Vec3 direction_to(Vec2 moved, const Jitter& jitter) const {
     const Vec3 target = stance_.point + stance_.tangent * moved.x + Vec3{0, moved.y, 0};
     const Vec3 from = scene_.rays.pupil_point(jitter.pupil_x, jitter.pupil_y);
-    const Vec3 direction = stance_.local(normalized(target - from));
+    return stance_.local(normalized(target - from));
+  }
+
+  /// `moved`, slid along its lens to where `other` is.
+  [[nodiscard]] Vec2 along_lens(Vec2 moved, Vec2 other) const {
+    const Vec2 step = other - moved;
+    const double slide = across_.x * step.y - across_.y * step.x;
+    return moved + Vec2{-across_.y * slide, across_.x * slide};
+  }
+
+  /// A pixel of the mosaic is interested in its own colour. Others count in the first copy only,
+  /// which the light table makes up for.
+  void add_mosaic_hit(Vec2 moved, bool first_copy, std::vector<SubpixelId>& subpixels) const {
+    const std::optional<SubpixelId> hit = find_at(moved);
+    if (!hit) return;
+    const bool own = static_cast<int>(*hit % 4) == colour_;
+    if (own || first_copy) subpixels.push_back(*hit);
+  }
+
+  /// A camera without mosaic sees each channel's light through the index of that channel.
+  std::optional<SubpixelId> find_in_all_colours(Vec2 moved, Vec3 direction) {
     const std::optional<SubpixelId> hit = find_subpixel(moved, direction);
-    // A camera without mosaic sees each channel's light through the index of that channel.
-    if (!hit || scene_.camera.bayer || *hit % 4 == 1) return hit;
+    if (!hit || *hit % 4 == 1) return hit;
     LensStack& stack = lenses_.stack;
     const double own = stack.index;
-    stack.index = scene_.shape.lenses_at(footprint_.centre, static_cast<int>(*hit % 4)).stack.index;
-    const std::optional<SubpixelId> bent =
-        stack.index == own ? hit : find_subpixel(moved, direction);
+    stack.index = scene_.indices[*hit % 4];
+    const bool disperses = stack.index != own;
+    const std::optional<SubpixelId> bent = disperses ? find_subpixel(moved, direction) : hit;
     stack.index = own;
     return bent && *bent % 4 == *hit % 4 ? bent : hit;
   }
 
   std::optional<SubpixelId> find_subpixel(Vec2 moved, Vec3 direction) {
+    const std::optional<Vec2> shift = shift_of_ray(moved, direction);
+    if (!shift) return std::nullopt;
+    return find_at(moved + *shift);
+  }
+
+  [[nodiscard]] std::optional<SubpixelId> find_at(Vec2 moved) const {
+    const Vec2 point = footprint_.centre + moved;
+    return scene_.finder.find(scene_.panel.x_px(point.x), scene_.panel.y_px(point.y));
+  }
+
+  /// From the point of the apex surface at which a ray aims to where it lands, millimetres.
+  std::optional<Vec2> shift_of_ray(Vec2 moved, Vec3 direction) {
     const double coordinate =
         lenses_.coordinate + lenses_.gradient.x * moved.x + lenses_.gradient.y * moved.y;
     const double pitch = lenses_.stack.pitch_mm;
@@ -138,10 +203,8 @@ class PixelTracer {
     if (!landing) return std::nullopt;
     Vec2 shift{landing->x - u, landing->y};
     if (bubbly_) shift.x += scattered() * pitch;
-    const Vec2 point =
-        footprint_.centre + moved +
-        Vec2{across_.x * shift.x - across_.y * shift.y, across_.y * shift.x + across_.x * shift.y};
-    return scene_.finder.find(scene_.panel.x_px(point.x), scene_.panel.y_px(point.y));
+    return Vec2{across_.x * shift.x - across_.y * shift.y,
+                across_.y * shift.x + across_.x * shift.y};
   }
 
   double scattered() {
@@ -221,7 +284,8 @@ SampleMap::SampleMap(const optics::Panel& true_panel, const SheetShape& shape,
     : camera_(camera), rows_(static_cast<size_t>(camera.height)) {
   const CameraRays rays(camera);
   const std::vector<Jitter> jitters = make_jitters(camera, seed);
-  const Scene scene{true_panel, shape, finder, camera, rays, jitters, seed};
+  const std::array<double, 3>& indices = shape.sheet().index;
+  const Scene scene{true_panel, shape, finder, camera, rays, jitters, indices, seed};
   for_rows(camera.height, threads,
            [&](int row) { rows_[static_cast<size_t>(row)] = trace_row(scene, row); });
 }
@@ -257,10 +321,14 @@ void SampleMap::mix_haze(int row, const Haze& haze, const LightTable& table, flo
   const SampleRow& samples = rows_[static_cast<size_t>(row)];
   for (size_t pixel = 0; pixel < samples.lit.size(); ++pixel) {
     const int column = samples.first + static_cast<int>(pixel);
-    const auto& own = table[static_cast<size_t>(mosaic_colour(camera_, column, row))];
+    const auto own_colour = static_cast<size_t>(mosaic_colour(camera_, column, row));
+    const auto& own = table[own_colour];
     const float* block = &haze.blocks[size_t{samples.haze_block[pixel]} * 3];
     double spread = 0.0;
-    for (size_t c = 0; c < 3; ++c) spread += double{own[c][255]} * double{block[c]};
+    for (size_t c = 0; c < 3; ++c) {
+      const double hits = camera_.bayer && c == own_colour ? kMosaicCopies : 1.0;
+      spread += hits * double{own[c][255]} * double{block[c]};
+    }
     spread *= haze.lit_area / 3.0 * camera_.samples * double{samples.scale[pixel]};
     light[column] =
         static_cast<float>((1.0 - haze.part) * double{light[column]} + haze.part * spread);

@@ -14,14 +14,19 @@
 
 namespace lenticule::calib {
 
-/// Light of each code of each display channel in each colour of the camera, summed over samples to
-/// full-scale light.
+/// Light of each code of each display channel in each colour of the camera, per hit, if all rays of
+/// the pixel (samples) hit. With a mosaic, the own colour's is a kMosaicCopies-th.
 using LightTable = std::array<std::array<std::array<float, 256>, 3>, 3>;
+
+/// A lens is the same all along its axis. So every ray of a mosaic pixel stands for this many, slid
+/// along the lens: else most rays would be lost on the two other colours, and white would look
+/// coarse. Rays that hit another colour than the pixel's are kept once only.
+inline constexpr size_t kMosaicCopies = 4;
 
 /// What one row of the camera sees.
 struct SampleRow {
   int first = 0;                      ///< column of the first pixel that sees the panel
-  std::vector<uint8_t> lit;           ///< per pixel from there: samples that hit a lit subpixel
+  std::vector<uint16_t> lit;          ///< per pixel from there: how many lit subpixels it sees
   std::vector<float> scale;           ///< per pixel: vignetting over number of samples
   std::vector<uint32_t> haze_block;   ///< per pixel: the block around it (block_light)
   std::vector<SubpixelId> subpixels;  ///< of all pixels, one after the other

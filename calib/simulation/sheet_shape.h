@@ -64,6 +64,7 @@ class SheetShape {
  public:
   SheetShape(const optics::Panel& panel, const SimulatedSheet& sheet, double thermal_stretch);
 
+  [[nodiscard]] const SimulatedSheet& sheet() const { return sheet_; }
   [[nodiscard]] LocalLenses lenses_at(Vec2 point, int channel) const;
   [[nodiscard]] Stance stance_at(Vec2 point) const;
   /// Where a line in space meets the apex surface, coming from the viewer's side.

@@ -150,9 +150,10 @@ void SimulatedBench::Impl::make_light_table() {
     const double white = sum / 3.0 * (1.0 - sheet_.black_matrix);
     const double scale = white > 0.0 ? camera_.white_light / white : 0.0;
     for (size_t channel = 0; channel < 3; ++channel) {
+      const double hits = camera_.bayer && channel == own ? kMosaicCopies : 1.0;
       for (size_t code = 0; code < 256; ++code) {
         table_[own][channel][code] =
-            static_cast<float>(scale * response[channel] * double{code_light_[code]});
+            static_cast<float>(scale / hits * response[channel] * double{code_light_[code]});
       }
     }
   }

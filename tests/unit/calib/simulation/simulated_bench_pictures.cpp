@@ -2,6 +2,7 @@
 // Writes what the simulated camera sees of white, of fringes and of a lit half, as PNG:
 // simulated_bench_pictures FOLDER. Prints how long tracing and gathering take.
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 
@@ -21,6 +22,25 @@ void write_picture(const calib::CameraPicture& picture, const std::filesystem::p
     frame.bytes()[i] = frames::code_from_linear(double{picture.light[from]});
   }
   frames::write_woven(frame.view(), file);
+}
+
+/// Mean and deviation of the middle of the picture: how coarse white looks.
+void print_middle(const calib::CameraPicture& picture) {
+  for (int channel = 0; channel < picture.channels; ++channel) {
+    double sum = 0.0;
+    double squares = 0.0;
+    int count = 0;
+    for (int row = picture.height * 2 / 5; row < picture.height * 3 / 5; ++row) {
+      for (int column = picture.width * 2 / 5; column < picture.width * 3 / 5; ++column, ++count) {
+        const double light = double{calib::test::light_at(picture, column, row, channel)};
+        sum += light;
+        squares += light * light;
+      }
+    }
+    const double mean = sum / count;
+    std::printf("channel %d: mean %.4f, deviation %.4f\n", channel, mean,
+                std::sqrt(squares / count - mean * mean));
+  }
 }
 
 class Stopwatch {
@@ -66,6 +86,7 @@ int main(int argc, char** argv) {
   Stopwatch watch;
   calib::CameraPicture picture = calib::test::look(bench, white);
   watch.report("trace, 4 pictures");
+  print_middle(picture);
   write_picture(picture, folder / "white.png");
   watch.report("write");
   picture = calib::test::look(bench, fringes);
