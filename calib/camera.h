@@ -54,9 +54,12 @@ class Camera {
 
   [[nodiscard]] virtual const CameraFacts& facts() const = 0;
 
-  /// The next picture, waiting at most `timeout`. Reuses the memory of `out`. Pictures come in the
-  /// order of their exposure; those nobody grabbed in time may be lost.
-  [[nodiscard]] virtual GrabStatus grab(CameraPicture& out, Nanoseconds timeout) = 0;
+  /// The next picture whose exposure's middle is not before `not_before`, waiting at most
+  /// `timeout`. Earlier ones are dropped undecoded; a camera without a clock ignores it. Reuses the
+  /// memory of `out`. Pictures come in the order of their exposure; those nobody grabbed in time
+  /// may be lost.
+  [[nodiscard]] virtual GrabStatus grab(CameraPicture& out, Nanoseconds timeout,
+                                        Nanoseconds not_before = Nanoseconds::min()) = 0;
 
   /// The clock of CameraPicture::time.
   [[nodiscard]] virtual Nanoseconds now() const = 0;

@@ -15,7 +15,7 @@ struct JointOptions {
   bool free_gap = true;    ///< else the starting gap and shape are held
   bool free_poses = true;  ///< else the poses are held where they start
   /// Standard deviation believed of the map's second differences, lenses.
-  double bend_sigma = 0.08;
+  double bend_sigma = 0.04;
   int most_rounds = 40;
 };
 

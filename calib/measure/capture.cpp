@@ -72,7 +72,7 @@ void PatternCapture::capture_one(const Pattern& pattern, const frames::WovenFram
   Fit last = Fit::Good;
   for (int dropped = 0, seen = 0; summed_ < options_.average; ++seen) {
     if (seen > kMostPictures) fail_dropped(pattern, Fit::Late);
-    grab(options_.grab_timeout);
+    grab(options_.clocked ? earliest : Nanoseconds::min());
     double gain = 1.0;
     last = fit_of(pattern, earliest, gain);
     if (last == Fit::Good) {
@@ -103,10 +103,11 @@ void PatternCapture::show(const frames::WovenFrame& frame) {
   }
 }
 
-void PatternCapture::grab(Nanoseconds timeout) {
+void PatternCapture::grab(Nanoseconds not_before) {
+  const Nanoseconds timeout = options_.grab_timeout;
   int silences = 0;
   while (true) {
-    switch (camera_.grab(picture_, timeout)) {
+    switch (camera_.grab(picture_, timeout, not_before)) {
       case GrabStatus::Ready:
         return;
       case GrabStatus::Corrupt:

@@ -57,7 +57,7 @@ class PatternCapture {
  private:
   void capture_one(const Pattern& pattern, const frames::WovenFrame& frame);
   void show(const frames::WovenFrame& frame);
-  void grab(Nanoseconds deadline_step);
+  void grab(Nanoseconds not_before);
   enum class Fit { Good, Late, Unsettled, Lost };
   [[nodiscard]] Fit fit_of(const Pattern& pattern, Nanoseconds earliest, double& gain) const;
   void add(double gain);

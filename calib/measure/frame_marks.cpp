@@ -28,8 +28,11 @@ class CellMap {
   CellMap(const std::array<GreyPicture, 3>& marks, const GreyPicture& white)
       : width_(white.width), cells_(white.size(), -1) {
     const float brightest = *std::max_element(white.light.begin(), white.light.end());
-    for (size_t i = 0; i < white.size(); ++i)
-      if (white.light[i] > 0.15F * brightest) cells_[i] = cell_at(marks, white.light[i], i);
+    for (size_t i = 0; i < white.size(); ++i) {
+      // The white panel has marks too, one of them dark.
+      const float most = std::max({white.light[i], marks[1].light[i], marks[2].light[i]});
+      if (most > 0.15F * brightest) cells_[i] = cell_at(marks, most, i);
+    }
   }
 
   /// Pixels of a cell whose neighbours belong to it too: blur mixes the borders.

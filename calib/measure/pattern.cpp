@@ -112,11 +112,11 @@ void draw_marks(const MarkCells& cells, int mark, int j, uint8_t* row) {
 }  // namespace
 
 MarkCells MarkCells::of(const optics::Panel& panel) {
-  // A fortieth of the width is 12 lenses of 8 pixels on a 4K panel.
+  // A sixtieth of the width is five lenses of twelve pixels on a 4K panel.
   return {.left = 0,
           .top = 0,
-          .cell_width = std::max(2, panel.width_px / 40),
-          .height = std::max(2, panel.height_px / 24)};
+          .cell_width = std::max(2, panel.width_px / 60),
+          .height = std::max(2, panel.height_px / 34)};
 }
 
 bool MarkCells::lit(int cell, int mark) {

@@ -134,7 +134,8 @@ class ViewpointRun {
 
 void ViewpointRun::find_panel() {
   std::vector<Pattern> patterns;
-  for (int mark = 0; mark < 3; ++mark) patterns.push_back({.shape = Flat{}, .channels = {}, .mark = mark});
+  for (int mark = 0; mark < 3; ++mark)
+    patterns.push_back({.shape = Flat{}, .channels = {}, .mark = mark});
   patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3});
   std::vector<CameraPicture> pictures = show_all(patterns);
   std::array<GreyPicture, 3> marks = {grey_of(pictures[0]), grey_of(pictures[1]),

@@ -66,7 +66,8 @@ class SimulatedBench::Impl final : public frames::FrameSink, public Camera {
                                         std::chrono::nanoseconds timeout) override;
 
   [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
-  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout) override;
+  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout,
+                                Nanoseconds not_before) override;
   [[nodiscard]] Nanoseconds now() const override { return now_; }
   [[nodiscard]] std::vector<std::string> drifted_controls() override { return {}; }
   [[nodiscard]] std::string failure() const override {
@@ -253,23 +254,28 @@ uint64_t SimulatedBench::Impl::next_picture() const {
   return std::max(pictures_, static_cast<uint64_t>(std::max(0.0, number)));
 }
 
-GrabStatus SimulatedBench::Impl::grab(CameraPicture& out, Nanoseconds timeout) {
-  if (pictures_left_ == 0) return GrabStatus::Gone;
-  const uint64_t picture = next_picture();
-  const double start_ms = start_of_picture_ms(picture);
-  const Nanoseconds end = nanoseconds_of_ms(start_ms + length_of_picture_ms());
-  if (end - now_ > timeout) {
-    now_ += std::max(timeout, Nanoseconds(0));
-    return GrabStatus::TimedOut;
+GrabStatus SimulatedBench::Impl::grab(CameraPicture& out, Nanoseconds timeout,
+                                      Nanoseconds not_before) {
+  const Nanoseconds deadline = now_ + std::max(timeout, Nanoseconds(0));
+  while (true) {
+    if (pictures_left_ == 0) return GrabStatus::Gone;
+    const uint64_t picture = next_picture();
+    const double start_ms = start_of_picture_ms(picture);
+    const Nanoseconds end = nanoseconds_of_ms(start_ms + length_of_picture_ms());
+    if (end > deadline) {
+      now_ = deadline;
+      return GrabStatus::TimedOut;
+    }
+    now_ = std::max(now_, end);
+    pictures_ = picture + 1;
+    if (pictures_left_ > 0) --pictures_left_;
+    out.sequence = picture;
+    out.time = nanoseconds_of_ms(start_ms + length_of_picture_ms() / 2.0);
+    if (out.time < not_before) continue;
+    expose(picture);
+    return sensor_.develop(exposed_, picture, out, threads_) ? GrabStatus::Ready
+                                                             : GrabStatus::Corrupt;
   }
-  now_ = std::max(now_, end);
-  pictures_ = picture + 1;
-  if (pictures_left_ > 0) --pictures_left_;
-  expose(picture);
-  out.sequence = picture;
-  out.time = nanoseconds_of_ms(start_ms + length_of_picture_ms() / 2.0);
-  return sensor_.develop(exposed_, picture, out, threads_) ? GrabStatus::Ready
-                                                           : GrabStatus::Corrupt;
 }
 
 double SimulatedBench::Impl::row_begins_ms(int row, uint64_t picture) const {
