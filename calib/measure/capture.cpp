@@ -155,7 +155,7 @@ void PatternCapture::add(double gain) {
 
 void PatternCapture::fail_dropped(const Pattern& pattern, Fit last) const {
   if (last == Fit::Lost)
-    throw Error(ErrorKind::Device, "camera: the marks in the panel's corner are no longer seen",
+    throw Error(ErrorKind::Device, "camera: the marks in the panel's middle are no longer seen",
                 "has the camera moved, or does something stand before the panel?");
   if (last == Fit::Unsettled)
     throw Error(ErrorKind::Device, "camera: every picture shows the panel between two patterns",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the corner marks in a camera's pictures and reads the number they show.
+// Finds the marks in a camera's pictures and reads the number they show.
 #pragma once
 
 #include <array>

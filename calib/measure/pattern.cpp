@@ -22,15 +22,20 @@ class SinusoidCodes {
       codes_[i] = frames::code_from_linear(light);
     }
   }
-  [[nodiscard]] uint8_t at(double turns) const {
-    const double part = turns - std::floor(turns);
-    return codes_[std::min(kSteps - 1, static_cast<size_t>(part * kSteps))];
-  }
+  /// Of a turn in 2^64 parts.
+  [[nodiscard]] uint8_t at(uint64_t parts) const { return codes_[parts >> (64 - kBits)]; }
 
  private:
-  static constexpr size_t kSteps = 4096;
+  static constexpr int kBits = 12;
+  static constexpr size_t kSteps = size_t{1} << kBits;
   std::array<uint8_t, kSteps> codes_{};
 };
+
+/// Turns as parts of 2^64, whole turns dropped: sums of them never lose a digit.
+uint64_t parts_of_turn(double turns) {
+  const double part = turns - std::floor(turns);
+  return static_cast<uint64_t>(std::min(part, 1.0 - 0x1p-53) * 0x1p64);
+}
 
 const SinusoidCodes& sinusoid() {
   static const SinusoidCodes codes;
@@ -62,19 +67,31 @@ class RowPainter {
     each(j, row, [&](Vec2, int, int c) { return codes[static_cast<size_t>(c)]; });
   }
 
+  /// A sinusoid whose turns at panel point p are p . per_px + constant.
+  void fill_sinusoid(Vec2 per_px, double constant, int j, uint8_t* row) const {
+    const SinusoidCodes& codes = sinusoid();
+    const int period = panel_.layout.columns();
+    const uint64_t step = parts_of_turn(per_px.x * period);
+    for (int c = 0; c < 3; ++c) {
+      const bool lit = pattern_.channels.has(c);
+      for (int first = 0; first < std::min(period, panel_.width_px); ++first) {
+        const Vec2 p = panel_.subpixel_centre_px(first, j, c);
+        uint64_t parts = parts_of_turn(p.x * per_px.x + p.y * per_px.y + constant);
+        for (int i = first; i < panel_.width_px; i += period, parts += step)
+          row[3 * i + c] = lit ? codes.at(parts) : uint8_t{0};
+      }
+    }
+  }
+
   void fill(const Fringe& fringe, int j, uint8_t* row) const {
-    const double per_px = 3.0 / fringe.pitch_subpx;
-    const Vec2 middle{panel_.width_px / 2.0, panel_.height_px / 2.0};
-    each(j, row, [&](Vec2 p, int, int) {
-      const double s = (p.x - middle.x) + fringe.slant * (p.y - middle.y);
-      return sinusoid().at(s * per_px - fringe.phase);
-    });
+    const Vec2 per_px{3.0 / fringe.pitch_subpx, 3.0 * fringe.slant / fringe.pitch_subpx};
+    const double at_middle = per_px.x * panel_.width_px / 2.0 + per_px.y * panel_.height_px / 2.0;
+    fill_sinusoid(per_px, -at_middle - fringe.phase, j, row);
   }
 
   void fill(const Wave& wave, int j, uint8_t* row) const {
-    each(j, row, [&](Vec2 p, int, int) {
-      return sinusoid().at((wave.vertical ? p.y : p.x) / wave.period_px - wave.phase);
-    });
+    const double per_px = 1.0 / wave.period_px;
+    fill_sinusoid(wave.vertical ? Vec2{0.0, per_px} : Vec2{per_px, 0.0}, -wave.phase, j, row);
   }
 
   void fill(const Comb& comb, int j, uint8_t* row) const {
@@ -97,10 +114,9 @@ class RowPainter {
 };
 
 void draw_marks(const MarkCells& cells, int mark, int j, uint8_t* row) {
-  const int border = cells.height / 4;
-  if (j >= cells.top + cells.height + border) return;
-  const int right = cells.left + MarkCells::kCount * cells.cell_width + border;
-  std::fill(row, row + 3 * right, uint8_t{0});
+  if (j < cells.top - cells.border || j >= cells.top + cells.height + cells.border) return;
+  const int right = cells.left + MarkCells::kCount * cells.cell_width;
+  std::fill(row + 3 * (cells.left - cells.border), row + 3 * (right + cells.border), uint8_t{0});
   if (j < cells.top || j >= cells.top + cells.height) return;
   for (int cell = 0; cell < MarkCells::kCount; ++cell) {
     if (!MarkCells::lit(cell, mark)) continue;
@@ -113,10 +129,13 @@ void draw_marks(const MarkCells& cells, int mark, int j, uint8_t* row) {
 
 MarkCells MarkCells::of(const optics::Panel& panel) {
   // A sixtieth of the width is five lenses of twelve pixels on a 4K panel.
-  return {.left = 0,
-          .top = 0,
-          .cell_width = std::max(2, panel.width_px / 60),
-          .height = std::max(2, panel.height_px / 34)};
+  MarkCells cells;
+  cells.cell_width = std::max(2, panel.width_px / 60);
+  cells.height = std::max(2, panel.height_px / 34);
+  cells.border = std::max(1, cells.height / 4);
+  cells.left = (panel.width_px - kCount * cells.cell_width) / 2;
+  cells.top = (panel.height_px - cells.height) / 2;
+  return cells;
 }
 
 bool MarkCells::lit(int cell, int mark) {
@@ -133,8 +152,9 @@ bool MarkCells::lit(int cell, int mark) {
 }
 
 bool MarkCells::covers(double x_px, double y_px) const {
-  const double border = height / 4 + 2.0;
-  return x_px < left + kCount * cell_width + border && y_px < top + height + border;
+  const double around = border + 2.0;
+  return x_px > left - around && x_px < left + kCount * cell_width + around &&
+         y_px > top - around && y_px < top + height + around;
 }
 
 void draw_pattern(const Pattern& pattern, const optics::Panel& panel, frames::WovenFrame& frame) {

@@ -83,22 +83,24 @@ inline constexpr int kNoMark = -1;
 struct Pattern {
   std::variant<Flat, Fringe, Wave, Comb, Columns, Checks> shape;
   Channels channels;
-  /// 0 to kMarkCounts - 1: the number that the marks in the corner show; kNoMark = no marks.
+  /// 0 to kMarkCounts - 1: the number that the marks show; kNoMark = no marks.
   int mark = kNoMark;
 };
 
-/// The marks: cells in the panel's top left corner, from the left always lit, bit 0, bit 1, odd
-/// parity. They are wide enough for any sheet's blur and tell a camera which picture it sees.
+/// The marks: cells in the middle of the panel, from the left always lit, bit 0, bit 1, odd parity.
+/// They are wide enough for any sheet's blur and tell a camera which picture it sees. What cannot
+/// be measured under them is bridged from all sides, which at an edge it could not be.
 struct MarkCells {
   static constexpr int kCount = 4;
   int left = 0;
   int top = 0;
   int cell_width = 0;
   int height = 0;
+  int border = 0;  ///< dark pixels around all cells
 
   [[nodiscard]] static MarkCells of(const optics::Panel& panel);
   [[nodiscard]] static bool lit(int cell, int mark);
-  /// True inside any cell or its border, which is dark.
+  /// True inside any cell or the border.
   [[nodiscard]] bool covers(double x_px, double y_px) const;
 };
 

@@ -150,8 +150,8 @@ void ViewpointRun::find_panel() {
          "point it at the whole panel, and darken the room");
   std::optional<MarkReader> reader = MarkReader::find(marks, white_);
   if (!reader)
-    fail("the marks in the panel's top left corner are not in the camera's picture",
-         "the whole panel has to be seen, upright, and nothing may hide its corner");
+    fail("the marks in the panel's middle are not seen",
+         "is the panel in focus, and does nothing stand before its middle?");
   capture_.check_marks(std::move(*reader));
   dark_ = std::move(marks[0]);
   dark_colour_ = std::move(pictures[0]);

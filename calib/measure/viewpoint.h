@@ -57,7 +57,7 @@ struct ViewpointMeasurement {
 
 /// Shows everything and measures. The rig of `start` tells panel, nominal pitch, slant and gap.
 /// Throws Error(Device) where PatternCapture does, Error(Quality) when nothing usable is seen: the
-/// panel's corner is not in the picture, no fringes, too dark, too little of the panel.
+/// panel's middle is hidden, no fringes, too dark, too little of the panel.
 [[nodiscard]] ViewpointMeasurement measure_viewpoint(frames::FrameSink& sink, Camera& camera,
                                                      const optics::OpticalModel& start,
                                                      const CaptureOptions& capture,
