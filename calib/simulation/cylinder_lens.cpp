@@ -130,4 +130,13 @@ std::optional<ApertureRay> aperture_ray(const LensStack& stack, double u, Vec3 e
   return ApertureRay{*landing, facing};
 }
 
+Vec2 straight_aim(const LensStack& stack, Vec3 eye) {
+  if (!stack.lens_toward_panel) return {};
+  const std::optional<Vec3> inside = aim_through_slab(stack, eye, Vec3{});
+  if (!inside) return {};
+  const Vec3 entry = *inside * (stack.thickness_mm / inside->z);
+  const Vec3 aim = go_to_plane(entry, entry - eye, 0.0);
+  return {aim.x, aim.y};
+}
+
 }  // namespace lenticule::calib

@@ -36,4 +36,8 @@ struct ApertureRay {
 /// `eye` in the coordinates of the lens, z > 0. None if no light passes.
 [[nodiscard]] std::optional<ApertureRay> aperture_ray(const LensStack& stack, double u, Vec3 eye);
 
+/// The point of the plane z = 0 that `eye` looks straight at while its light reaches the apex at
+/// the origin: the origin itself, unless there is a slab above the apices.
+[[nodiscard]] Vec2 straight_aim(const LensStack& stack, Vec3 eye);
+
 }  // namespace lenticule::calib

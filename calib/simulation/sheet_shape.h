@@ -90,8 +90,13 @@ class SheetShape {
   std::vector<uint8_t> bubbly_;  // cells of a grid over the panel
 };
 
-/// SimulatedBench::truth_phase on a shape.
-[[nodiscard]] double truth_phase(const SheetShape& shape, Vec2 panel_point_mm, int channel,
-                                 Vec3 eye);
+/// How an eye sees a panel point in the middle of the light of a lens.
+struct TrueView {
+  double phase = 0.0;  ///< SimulatedBench::truth_phase
+  Vec3 aim;            ///< the eye looks straight at this point, which is level with the apices
+};
+/// None where no light passes.
+[[nodiscard]] std::optional<TrueView> true_view(const SheetShape& shape, Vec2 panel_point_mm,
+                                                int channel, Vec3 eye, LightMiddle middle);
 
 }  // namespace lenticule::calib

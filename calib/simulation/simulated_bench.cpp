@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -371,15 +372,22 @@ const SimulatedCamera& SimulatedBench::camera_truth() const {
   return impl_->camera_truth();
 }
 
-double SimulatedBench::truth_phase(double x_px, double y_px, int channel, Vec3 eye) const {
+double SimulatedBench::truth_phase(double x_px, double y_px, int channel, Vec3 eye,
+                                   LightMiddle middle) const {
   const optics::Panel& panel = impl_->panel();
-  return calib::truth_phase(impl_->shape(), {panel.x_mm(x_px), panel.y_mm(y_px)}, channel, eye);
+  const Vec2 point{panel.x_mm(x_px), panel.y_mm(y_px)};
+  const std::optional<TrueView> view = true_view(impl_->shape(), point, channel, eye, middle);
+  return view ? view->phase : std::numeric_limits<double>::quiet_NaN();
 }
 
-std::optional<Vec2> SimulatedBench::apex_plane_in_picture(double x_px, double y_px) const {
+std::optional<Vec2> SimulatedBench::truth_in_picture(double x_px, double y_px) const {
   const optics::Panel& panel = impl_->panel();
-  const Stance stance = impl_->shape().stance_at({panel.x_mm(x_px), panel.y_mm(y_px)});
-  return CameraRays(impl_->camera_truth()).project(stance.point);
+  const SimulatedCamera& camera = impl_->camera_truth();
+  const Vec2 point{panel.x_mm(x_px), panel.y_mm(y_px)};
+  const std::optional<TrueView> view =
+      true_view(impl_->shape(), point, 1, camera.position_mm, LightMiddle::Centroid);
+  if (!view) return std::nullopt;
+  return CameraRays(camera).project(view->aim);
 }
 
 }  // namespace lenticule::calib

@@ -50,15 +50,16 @@ class SimulatedBench {
   [[nodiscard]] const SimulatedCamera& camera_truth() const;
 
   /// Phi: the lens coordinate of the apex line of which `eye` (panel frame, mm) sees panel point
-  /// (x_px, y_px) in the middle of the light of its lens: the mean, over the lens as large as the
-  /// eye sees each part of it, of where the rays from the eye land on the plane of the pixels is
-  /// the panel point. Includes deformation, bow, bend and thermal stretch. Rays of `channel`'s
+  /// (x_px, y_px) in the middle of the light of its lens: over the lens, as large as the eye
+  /// sees each part of it, the mean of where the rays from the eye land on the plane of the pixels
+  /// is the panel point. Includes deformation, bow, bend and thermal stretch. Rays of `channel`'s
   /// index. NaN where no light passes.
-  [[nodiscard]] double truth_phase(double x_px, double y_px, int channel, Vec3 eye) const;
+  [[nodiscard]] double truth_phase(double x_px, double y_px, int channel, Vec3 eye,
+                                   LightMiddle middle = LightMiddle::Centroid) const;
 
-  /// Where the undisturbed camera's picture has the point of the apex plane above a panel point,
-  /// in picture coordinates (simulated_camera.h); none behind the camera.
-  [[nodiscard]] std::optional<Vec2> apex_plane_in_picture(double x_px, double y_px) const;
+  /// Where the undisturbed camera's picture has a panel point, seen through the lenses in green
+  /// light; picture coordinates (simulated_camera.h). None where no light passes.
+  [[nodiscard]] std::optional<Vec2> truth_in_picture(double x_px, double y_px) const;
 
  private:
   class Impl;
