@@ -43,6 +43,16 @@ optics::Panel panel_as_built(optics::Panel panel, const SimulatedPanelLink& link
   return panel;
 }
 
+/// Of one colour of the camera to the colours of the display.
+std::array<double, 3> response_of(const SimulatedCamera& camera, size_t own) {
+  if (camera.bayer) return camera.response[own];
+  std::array<double, 3> sum{};
+  for (const std::array<double, 3>& row : camera.response) {
+    for (size_t channel = 0; channel < 3; ++channel) sum[channel] += row[channel];
+  }
+  return sum;
+}
+
 CameraFacts facts_of(const SimulatedCamera& camera) {
   CameraFacts facts;
   facts.name = "simulated camera";
@@ -147,7 +157,7 @@ SimulatedBench::Impl::Impl(const optics::Panel& panel, const SimulatedSheet& she
 /// Scaled so that a white panel gives each colour of the camera its white light.
 void SimulatedBench::Impl::make_light_table() {
   for (size_t own = 0; own < 3; ++own) {
-    const std::array<double, 3>& response = camera_.response[own];
+    const std::array<double, 3> response = response_of(camera_, own);
     const double sum = response[0] + response[1] + response[2];
     const double white = sum / 3.0 * (1.0 - sheet_.black_matrix);
     const double scale = white > 0.0 ? camera_.white_light / white : 0.0;

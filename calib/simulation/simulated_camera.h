@@ -27,8 +27,8 @@ struct SimulatedCamera {
   double psf_sigma_px = 0.6;  ///< besides the pixel's own square
 
   int samples = 12;   ///< rays per pixel, 1 to 255
-  bool bayer = true;  ///< RGGB, three channels; otherwise one channel that sees all colours alike
-  /// response[camera colour][display colour]; a one-channel camera uses the middle row.
+  bool bayer = true;  ///< RGGB, three channels; otherwise one channel that sees all colours
+  /// response[camera colour][display colour]; a one-channel camera has their sum.
   std::array<std::array<double, 3>, 3> response{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 
   double white_light = 0.7;   ///< what the middle of a white panel gives, of full scale

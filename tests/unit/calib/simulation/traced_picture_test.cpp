@@ -13,8 +13,8 @@ namespace lenticule::calib::test {
 namespace {
 
 constexpr int kSteps = 4;
-/// With ten times as many samples the errors are four times smaller.
-constexpr double kMostError = 0.006;
+/// Half of it is the noise of 20 rays per pixel: with ten times as many, 0.0003 to 0.001 are left.
+constexpr double kMostError = 0.0025;
 constexpr int kHalfWindow = 6;  // camera pixels: two millimetres, over which a sheet is straight
 using ComplexPicture = std::vector<std::complex<double>>;
 
@@ -51,14 +51,16 @@ double wrapped(double cycles) {
   return cycles - std::round(cycles);
 }
 
-/// Largest difference between fringes in the picture and fringes minus truth, over the panel.
-double worst_phase_error(const optics::Panel& panel, const SimulatedSheet& sheet,
-                         const SimulatedCamera& camera, int channel) {
+/// Root mean square difference between fringes in the picture and fringes minus truth, over the
+/// panel.
+double phase_error(const optics::Panel& panel, const SimulatedSheet& sheet,
+                   const SimulatedCamera& camera, int channel) {
   SimulatedBench bench(panel, sheet, {}, camera, 5);
   const double distance = camera.position_mm.z;
   const double pitch = sheet.pitch_subpx * (1.0 + chief_ray(sheet, channel).gap_mm / distance);
   const ComplexPicture seen = step_fringes(bench, panel, pitch, sheet.slant, channel);
-  double worst = 0.0;
+  double squares = 0.0;
+  int places = 0;
   for (double y = 40; y < panel.height_px; y += 93) {
     for (double x = 40; x < panel.width_px; x += 93) {
       const std::optional<Vec2> at = bench.truth_in_picture(x, y);
@@ -70,10 +72,12 @@ double worst_phase_error(const optics::Panel& panel, const SimulatedSheet& sheet
       const double truth =
           bench.truth_phase(x, y, channel, camera.position_mm, LightMiddle::FringePhase);
       const double expected = s / pitch - truth;
-      worst = std::max(worst, std::abs(wrapped(decoded - expected)));
+      const double error = wrapped(decoded - expected);
+      squares += error * error;
+      ++places;
     }
   }
-  return worst;
+  return std::sqrt(squares / places);
 }
 
 SimulatedCamera oblique_camera() {
@@ -87,8 +91,7 @@ SimulatedCamera oblique_camera() {
 
 TEST(TracedPicture, ShowsTheTruePhase) {
   const optics::Panel panel = small_panel();
-  EXPECT_LT(worst_phase_error(panel, focused_sheet(panel, 7.7, 0.25), oblique_camera(), 1),
-            kMostError);
+  EXPECT_LT(phase_error(panel, focused_sheet(panel, 7.7, 0.25), oblique_camera(), 1), kMostError);
 }
 
 TEST(TracedPicture, ShowsTheTruePhaseOfADeformedAndBowedSheet) {
@@ -96,14 +99,14 @@ TEST(TracedPicture, ShowsTheTruePhaseOfADeformedAndBowedSheet) {
   SimulatedSheet sheet = focused_sheet(panel, 9.3, -0.4);
   sheet.deformation_lenses = 0.15;
   sheet.gap_bow = 0.05;
-  EXPECT_LT(worst_phase_error(panel, sheet, oblique_camera(), 1), kMostError);
+  EXPECT_LT(phase_error(panel, sheet, oblique_camera(), 1), kMostError);
 }
 
 TEST(TracedPicture, ShowsTheTruePhaseOfACurvedPanel) {
   const optics::Panel panel = small_panel();
   SimulatedSheet sheet = focused_sheet(panel, 7.7, 0.25);
   sheet.curve_radius_mm = 600.0;
-  EXPECT_LT(worst_phase_error(panel, sheet, oblique_camera(), 1), kMostError);
+  EXPECT_LT(phase_error(panel, sheet, oblique_camera(), 1), kMostError);
 }
 
 TEST(TracedPicture, ShowsTheTruePhaseOfLensesThatFaceThePanel) {
@@ -111,7 +114,7 @@ TEST(TracedPicture, ShowsTheTruePhaseOfLensesThatFaceThePanel) {
   SimulatedSheet sheet = focused_sheet(panel, 7.7, 0.25);
   sheet.lens_toward_panel = true;
   sheet.air_gap_mm = sheet.radius_mm / (sheet.index[1] - 1.0);
-  EXPECT_LT(worst_phase_error(panel, sheet, oblique_camera(), 1), kMostError);
+  EXPECT_LT(phase_error(panel, sheet, oblique_camera(), 1), kMostError);
 }
 
 TEST(TracedPicture, ShowsEachColourThroughItsOwnIndex) {
@@ -120,18 +123,19 @@ TEST(TracedPicture, ShowsEachColourThroughItsOwnIndex) {
   sheet.index = {1.46, 1.50, 1.54};  // strong, to tell the colours apart
   SimulatedCamera camera = oblique_camera();
   camera.bayer = true;
-  EXPECT_LT(worst_phase_error(panel, sheet, camera, 2), kMostError);
+  EXPECT_LT(phase_error(panel, sheet, camera, 2), kMostError);
   const SimulatedBench bench(panel, sheet, {}, camera, 5);
   const double red = bench.truth_phase(600, 180, 0, camera.position_mm);
   EXPECT_GT(std::abs(red - bench.truth_phase(600, 180, 2, camera.position_mm)), 0.03);
 }
 
-/// Lights the subpixels whose true phase is nearer than `reach` to a lens's middle plus `middle`.
+/// In the middle of the panel, lights the subpixels whose true phase is nearer than `reach` to a
+/// lens's middle plus `middle`.
 frames::WovenFrame comb_frame(const SimulatedBench& bench, const optics::Panel& panel,
                               double middle, double reach, Vec3 eye) {
   frames::WovenFrame frame({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
-  for (int j = 0; j < panel.height_px; ++j) {
-    for (int i = 0; i < panel.width_px; ++i) {
+  for (int j = panel.height_px * 3 / 10; j < panel.height_px * 7 / 10; ++j) {
+    for (int i = panel.width_px * 3 / 10; i < panel.width_px * 7 / 10; ++i) {
       for (int channel = 0; channel < 3; ++channel) {
         const Vec2 at = panel.subpixel_centre_px(i, j, channel);
         const double phase = bench.truth_phase(at.x, at.y, channel, eye);

@@ -101,7 +101,7 @@ struct SlowMean {
 
 /// Mean of where evenly spread rays from the eye land, of those that go through the lens at 0.
 SlowMean slow_mean(const SimulatedSheet& sheet, int channel, Real pitch, Vec3 eye) {
-  constexpr int kRays = 15000;
+  constexpr int kRays = 20000;
   SlowMean sum;
   int count = 0;
   for (int n = 0; n < kRays; ++n) {
@@ -169,9 +169,9 @@ void expect_slow_tracer_agrees(const SimulatedSheet& sheet, int channel) {
   const Vec3 eye{-60, 45, 330};
   for (const Vec2 at : kPlaces) {
     const Real slow = slow_phase(panel, sheet, channel, {panel.x_mm(at.x), panel.y_mm(at.y)}, eye);
-    // The slow tracer's rays begin and end at the rim of the lens to a 2500th of it: with 40 times
+    // The slow tracer's rays begin and end at the rim of the lens to a 3000th of it: with 30 times
     // as many the largest difference was 1.2e-6.
-    EXPECT_NEAR(bench.truth_phase(at.x, at.y, channel, eye), static_cast<double>(slow), 6e-5)
+    EXPECT_NEAR(bench.truth_phase(at.x, at.y, channel, eye), static_cast<double>(slow), 1e-4)
         << at.x << ", " << at.y;
   }
 }
