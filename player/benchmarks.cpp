@@ -18,6 +18,7 @@ Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
 Run declare_bench_paper(CLI::App& app);
 Run declare_bench_play(CLI::App& app);
+Run declare_bench_calibrate(CLI::App& app);
 Run declare_bench_reuse(CLI::App& app);
 Run declare_bench_stability(CLI::App& app);
 Run declare_bench_start(CLI::App& app);
@@ -43,6 +44,8 @@ const std::vector<Benchmark>& benchmarks() {
       {"paper", "the methods that reuse points, in the tables of the paper they are from",
        declare_bench_paper},
       {"play", "the player's memory over many frames of a ring", declare_bench_play},
+      {"calibrate", "calibrations of random sheets on the simulated bench, judged by the truth",
+       declare_bench_calibrate},
       {"reuse", "time and error of the methods that reuse points, against method full",
        declare_bench_reuse},
       {"stability", "stress cases of the numbers against oracles; fails if one is off",

@@ -1,0 +1,307 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/simulation/trial.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "calib/simulation/random_bench.h"
+#include "optics/error.h"
+#include "optics/model.h"
+
+namespace lenticule::calib {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int kColumns = 17;
+constexpr int kRows = 9;
+
+double seconds_since(Clock::time_point begin) {
+  return std::chrono::duration<double>(Clock::now() - begin).count();
+}
+
+/// constant + x across + y down, with across and down from -1 to 1 over the panel.
+struct Line {
+  double constant = 0.0;
+  double across = 0.0;
+  double down = 0.0;
+};
+
+/// A phase at every point of a regular grid over the panel, borders included.
+class PhaseGrid {
+ public:
+  template <class Phase>
+  explicit PhaseGrid(const Phase& phase) {
+    for (int y = 0; y < kRows; ++y)
+      for (int x = 0; x < kColumns; ++x) values_.push_back(phase(across(x), down(y)));
+  }
+  static double across(int x) { return 2.0 * x / (kColumns - 1) - 1.0; }
+  static double down(int y) { return 2.0 * y / (kRows - 1) - 1.0; }
+
+  [[nodiscard]] const std::vector<double>& values() const { return values_; }
+
+  /// By least squares; across and down are orthogonal on the grid.
+  [[nodiscard]] Line line() const {
+    Line sum;
+    double across_squares = 0.0, down_squares = 0.0;
+    for (int y = 0; y < kRows; ++y)
+      for (int x = 0; x < kColumns; ++x) {
+        const double value = values_[static_cast<size_t>(y * kColumns + x)];
+        sum.constant += value;
+        sum.across += value * across(x);
+        sum.down += value * down(y);
+        across_squares += across(x) * across(x);
+        down_squares += down(y) * down(y);
+      }
+    return {sum.constant / (kColumns * kRows), sum.across / across_squares,
+            sum.down / down_squares};
+  }
+
+ private:
+  std::vector<double> values_;
+};
+
+/// Green's phase for one eye: of the bench, and of a rig.
+PhaseGrid true_phases(const SimulatedBench& bench, const optics::Panel& panel, const Vec3& eye) {
+  return PhaseGrid([&](double u, double v) {
+    return bench.truth_phase(0.5 * panel.width_px * (1.0 + u), 0.5 * panel.height_px * (1.0 + v), 1,
+                             eye);
+  });
+}
+PhaseGrid found_phases(const optics::OpticalModel& model, const Vec3& eye) {
+  const optics::Panel& panel = model.rig().panel;
+  return PhaseGrid([&](double u, double v) {
+    return model.phase(0.5 * panel.width_px * (1.0 + u), 0.5 * panel.height_px * (1.0 + v), 1,
+                       {eye.x, eye.y, eye.z});
+  });
+}
+
+double slant_of(const Line& line, const optics::Panel& panel) {
+  return line.down / line.across * panel.width_px / panel.height_px;
+}
+
+Vec3 middle_eye(const Trial& trial) {
+  double z = 0.0;
+  for (const TrialViewpoint& v : trial.viewpoints) z += v.position_mm.z;
+  return {0.0, 0.0, z / static_cast<double>(trial.viewpoints.size())};
+}
+
+/// How fast the phase at the panel's centre moves with the eye.
+template <class Phase>
+double parallax(const Phase& phase, const Vec3& eye) {
+  constexpr double kStep = 30.0;
+  return phase(Vec3{eye.x + kStep, eye.y, eye.z}) - phase(Vec3{eye.x - kStep, eye.y, eye.z});
+}
+
+double gap_error(const optics::OpticalModel& model, const SimulatedBench& bench, const Vec3& eye) {
+  const optics::Panel& panel = model.rig().panel;
+  const double x = panel.width_px / 2.0, y = panel.height_px / 2.0;
+  const double truth = parallax([&](const Vec3& e) { return bench.truth_phase(x, y, 1, e); }, eye);
+  const double found = parallax(
+      [&](const Vec3& e) {
+        return model.phase(x, y, 1, {e.x, e.y, e.z});
+      },
+      eye);
+  return found / truth - 1.0;
+}
+
+double map_error(const PhaseGrid& found, const PhaseGrid& truth) {
+  const Line a = found.line(), b = truth.line();
+  double square = 0.0;
+  for (int y = 0; y < kRows; ++y)
+    for (int x = 0; x < kColumns; ++x) {
+      const auto n = static_cast<size_t>(y * kColumns + x);
+      const double line = (a.constant - b.constant) + (a.across - b.across) * PhaseGrid::across(x) +
+                          (a.down - b.down) * PhaseGrid::down(y);
+      const double off = found.values()[n] - truth.values()[n] - line;
+      square += off * off;
+    }
+  return std::sqrt(square / (kColumns * kRows));
+}
+
+void add_effective(const Calibration& calibration, const SimulatedBench& bench, const Trial& trial,
+                   TrialErrors& errors) {
+  for (size_t v = 0; v < calibration.viewpoints.size(); ++v) {
+    const Viewpoint& seen = calibration.viewpoints[v];
+    const Line truth = true_phases(bench, trial.panel, trial.viewpoints[v].position_mm).line();
+    const double pitch = 1.5 * trial.panel.width_px / truth.across;
+    errors.effective_pitch.push_back(seen.effective_pitch_subpx.value / pitch - 1.0);
+    errors.effective_slant.push_back(seen.slant.value - slant_of(truth, trial.panel));
+  }
+}
+
+void measure_all(const Trial& trial, SimulatedBench& bench, TrialResult& result) {
+  const optics::OpticalModel start(trial.start);
+  for (size_t v = 0; v < trial.viewpoints.size(); ++v) {
+    const TrialViewpoint& place = trial.viewpoints[v];
+    bench.move_camera(place.position_mm, place.look_at_mm, place.roll_degrees);
+    if (trial.before_viewpoint) trial.before_viewpoint(bench, v);
+    const Nanoseconds begin = bench.camera().now();
+    int pattern = 0;
+    const CaptureProgress progress = [&](const Pattern&) {
+      if (trial.before_pattern) trial.before_pattern(bench, v, pattern);
+      return !trial.progress || trial.progress(v, pattern++);
+    };
+    const MeasureOptions options{
+        .name = place.name, .block_px = 0, .link_and_spot = trial.link_and_spot && v == 0};
+    result.measurements.push_back(
+        measure_viewpoint(bench.sink(), bench.camera(), start, trial.capture, options, progress));
+    const std::chrono::duration<double> shown = bench.camera().now() - begin;
+    result.shown_seconds = std::max(result.shown_seconds, shown.count());
+  }
+}
+
+}  // namespace
+
+std::vector<Vec3> zone_eyes(const Trial& trial) {
+  const Vec3 middle = middle_eye(trial);
+  std::vector<Vec3> eyes;
+  for (const double part : {0.8, 1.0, 1.2})
+    for (const double side : {-1.0, -0.5, 0.0, 0.5, 1.0})
+      eyes.push_back({side * trial.options.zone_half_width_mm, 0.0, part * middle.z});
+  return eyes;
+}
+
+TrialErrors errors_of(const optics::Rig& found, const SimulatedBench& bench, const Trial& trial) {
+  const optics::OpticalModel model(found);
+  TrialErrors errors;
+  double square = 0.0;
+  size_t count = 0;
+  for (const Vec3& eye : zone_eyes(trial)) {
+    const PhaseGrid truth = true_phases(bench, trial.panel, eye);
+    const PhaseGrid said = found_phases(model, eye);
+    for (size_t n = 0; n < truth.values().size(); ++n) {
+      double off = said.values()[n] - truth.values()[n];
+      off -= std::round(off);
+      errors.worst_lenses = std::max(errors.worst_lenses, std::abs(off));
+      square += off * off;
+      ++count;
+    }
+  }
+  errors.rms_lenses = std::sqrt(square / static_cast<double>(count));
+  const Vec3 middle = middle_eye(trial);
+  errors.pitch = found.sheet.pitch.value / trial.sheet.pitch_subpx - 1.0;
+  errors.slant = found.sheet.slant - trial.sheet.slant;
+  errors.gap = gap_error(model, bench, middle);
+  errors.map_rms_lenses =
+      map_error(found_phases(model, middle), true_phases(bench, trial.panel, middle));
+  return errors;
+}
+
+TrialResult run_trial(const Trial& trial) {
+  const Clock::time_point begin = Clock::now();
+  TrialResult result;
+  try {
+    SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, trial.seed);
+    measure_all(trial, bench, result);
+    result.calibration = calibrate(result.measurements, trial.start, trial.options);
+    if (!result.calibration.viewpoints.empty()) {
+      result.errors = errors_of(result.calibration.rig, bench, trial);
+      add_effective(result.calibration, bench, trial, result.errors);
+      const Calibration alone =
+          calibrate({result.measurements.front()}, trial.start, trial.options);
+      if (!alone.viewpoints.empty()) add_effective(alone, bench, trial, result.single);
+    }
+  } catch (const Error& error) {
+    result.failure = error.what();
+  }
+  result.wall_seconds = seconds_since(begin);
+  return result;
+}
+
+optics::Panel trial_panel(int width, int height) {
+  optics::Panel panel;
+  panel.width_px = width;
+  panel.height_px = height;
+  panel.pixel_width = Millimetres(597.8 / width);
+  panel.pixel_height = Millimetres(336.3 / height);
+  return panel;
+}
+
+namespace {
+
+/// What people put into a starting rig: nominal numbers.
+optics::Rig nominal_rig(const Trial& trial, double pitch_factor, double slant_error,
+                        double gap_factor) {
+  const ChiefRay truth = chief_ray(trial.sheet, 1);
+  optics::Rig rig;
+  rig.name = "start";
+  rig.panel = trial.panel;
+  rig.sheet.pitch = Subpixels(trial.sheet.pitch_subpx * pitch_factor);
+  rig.sheet.slant = trial.sheet.slant + slant_error;
+  rig.sheet.gap = Millimetres(truth.gap_mm * gap_factor);
+  rig.sheet.refraction_shape = 0.45;
+  rig.viewing.distance = Millimetres(700.0);
+  return rig;
+}
+
+/// To another number of pixels, looking at the same.
+void scale_camera(int width, int height, SimulatedCamera& camera) {
+  const double factor = static_cast<double>(width) / camera.width;
+  camera.width = width;
+  camera.height = height;
+  camera.focal_px *= factor;
+  camera.centre_x_px *= factor;
+  camera.centre_y_px *= factor;
+}
+
+void size_camera(int width, int height, double panel_part, SimulatedCamera& camera) {
+  camera.width = width;
+  camera.height = height;
+  camera.focal_px = panel_part * width * 700.0 / 597.8;
+  camera.centre_x_px = width / 2.0;
+  camera.centre_y_px = height / 2.0;
+}
+
+}  // namespace
+
+Trial plain_trial(int panel_width, int panel_height, int camera_width, int camera_height) {
+  Trial trial;
+  trial.panel = trial_panel(panel_width, panel_height);
+  trial.sheet.pitch_subpx = 7.70123;
+  trial.sheet.slant = 0.2521;
+  trial.sheet.offset_lenses = 0.31;
+  // Lenses of the same number of subpixels are wider on a coarser panel, and as much thicker.
+  const double coarser = 3840.0 / panel_width;
+  trial.sheet.radius_mm = 1.1 * coarser;
+  trial.sheet.thickness_mm = 3.3 * coarser;
+  size_camera(camera_width, camera_height, 0.65, trial.camera);
+  trial.camera.k1 = -0.03;
+  trial.camera.read_noise = 0.005;
+  trial.camera.shot_noise = 0.005;
+  trial.viewpoints = {{"centre", {10, 20, 700}, {0, 0, 0}, 0.0},
+                      {"left", {-240, 0, 690}, {0, 0, 0}, 1.0},
+                      {"right", {265, 30, 720}, {0, 0, 0}, -1.0}};
+  trial.start = nominal_rig(trial, 1.02, -0.01, 0.9);
+  return trial;
+}
+
+Trial random_trial(uint64_t seed, int panel_width, int panel_height, int camera_width,
+                   int camera_height) {
+  PortableRandom random(scramble(seed));
+  Trial trial;
+  trial.seed = random.bits();
+  trial.panel = trial_panel(panel_width, panel_height);
+  trial.sheet = random_sheet(random, trial.panel);
+  trial.link = random_link(random);
+  trial.camera = random_camera(random, trial.panel, 1);
+  scale_camera(camera_width, camera_height, trial.camera);
+  // The middle first: it is the one that must do alone.
+  constexpr std::array<int, 3> kOrder = {1, 0, 2};
+  constexpr std::array<const char*, 3> kNames = {"left", "centre", "right"};
+  for (const int place : kOrder) {
+    SimulatedCamera there = trial.camera;
+    random_place(random, place, there);
+    trial.viewpoints.push_back({kNames[static_cast<size_t>(place)], there.position_mm,
+                                there.look_at_mm, there.roll_degrees});
+  }
+  trial.start = nominal_rig(trial, random.uniform(0.9, 1.1), random.uniform(-0.02, 0.02),
+                            random.uniform(0.75, 1.25));
+  return trial;
+}
+
+}  // namespace lenticule::calib
