@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which video nodes are cameras.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "calib/cameras/v4l2_device.h"
+
+namespace lenticule::calib {
+
+struct NodeFacts {
+  std::string name;
+  std::string bus;
+  bool captures = false;  ///< pictures, into mapped memory
+};
+
+/// By the node's own capabilities, not those of the whole device: USB cameras have a second node
+/// that is none. 0 or errno.
+[[nodiscard]] int ask_node(V4l2Device& device, NodeFacts& facts);
+
+/// The node that a person means; see V4l2Options::device. Throws Error(Device) when there is no
+/// camera, Error(Usage) when there are several and none is named.
+[[nodiscard]] V4l2Node find_camera(V4l2System& system, const std::string& wanted);
+
+}  // namespace lenticule::calib

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a camera's numbers mean: V4L2's colour space, Y'CbCr encoding, quantization and transfer
+// function, with V4L2's rules for what a driver leaves open (the kernel's documentation, "Defining
+// Colorspaces" and the macros V4L2_MAP_*_DEFAULT).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace lenticule::calib {
+
+/// As the driver says; 0 is "by default" everywhere. Numbers that V4L2 does not know are held for
+/// 0.
+struct ColourCoding {
+  uint32_t colorspace = 0;
+  uint32_t ycbcr_enc = 0;
+  uint32_t quantization = 0;
+  uint32_t xfer_func = 0;
+};
+
+/// Whether samples are R'G'B' (Bayer and decoded JPEG too) or Y'CbCr (luma alone too).
+enum class Samples { Rgb, Ycbcr };
+
+/// Nothing is left open; still V4L2's numbers.
+[[nodiscard]] ColourCoding resolved(ColourCoding coding, Samples samples);
+
+/// From codes of `bits` bits to encoded values: black is 0, white is 1.
+struct CodeScale {
+  double black = 0.0;
+  double per_code = 1.0;         ///< of luma and R'G'B'
+  double chroma_middle = 0.0;    ///< the code of no colour
+  double chroma_per_code = 1.0;  ///< Cb and Cr run from -1/2 to 1/2
+};
+[[nodiscard]] CodeScale code_scale(const ColourCoding& resolved_coding, int bits);
+
+/// R' = Y' + red_cr Cr, G' = Y' + green_cb Cb + green_cr Cr, B' = Y' + blue_cb Cb. Constant
+/// luminance is treated as if it were not.
+struct YcbcrMatrix {
+  double red_cr = 0.0;
+  double green_cb = 0.0;
+  double green_cr = 0.0;
+  double blue_cb = 0.0;
+};
+[[nodiscard]] YcbcrMatrix ycbcr_matrix(const ColourCoding& resolved_coding);
+
+/// Linear light of an encoded value in [0, 1], by the formula. BT.2084 counts 10000 cd/m2 as 1.
+[[nodiscard]] double linear_by_formula(uint32_t resolved_xfer_func, double encoded);
+
+/// The same from a table; encoded values outside [0, 1] are clipped. Immutable, any thread.
+class TransferCurve {
+ public:
+  explicit TransferCurve(uint32_t resolved_xfer_func);
+
+  [[nodiscard]] float operator()(float encoded) const noexcept {
+    const float held = encoded > 0.0F ? (encoded < 1.0F ? encoded : 1.0F) : 0.0F;
+    const float place = held * kSteps;
+    const auto step = static_cast<size_t>(place);
+    const float below = table_[step];
+    return below + (table_[step + 1] - below) * (place - static_cast<float>(step));
+  }
+
+ private:
+  static constexpr int kSteps = 4096;
+  std::vector<float> table_;  // one more than there are steps, and once more the last
+};
+
+}  // namespace lenticule::calib

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/cameras/exposure_clock.h"
+
+#include <chrono>
+
+namespace lenticule::calib {
+namespace {
+
+constexpr Nanoseconds kOldestStamp = std::chrono::seconds{10};
+
+}  // namespace
+
+Nanoseconds ExposureClock::exposed_at(const BufferStamp& stamp, Nanoseconds now) {
+  const bool plausible = stamp.monotonic && stamp.time <= now && stamp.time > now - kOldestStamp &&
+                         stamp.time >= last_stamp_;
+  if (!plausible) {
+    unreliable_ = true;
+    return now - (frame_ + exposure_) / 2;
+  }
+  last_stamp_ = stamp.time;
+  if (stamp.start_of_exposure) return stamp.time + (frame_ + exposure_) / 2;
+  return stamp.time - (frame_ + exposure_) / 2;
+}
+
+uint64_t ExposureClock::count(uint32_t sequence) {
+  if (!last_sequence_) {
+    count_ = sequence;
+  } else {
+    const uint32_t gone_on = sequence - *last_sequence_;
+    const bool backwards = gone_on == 0 || gone_on > UINT32_MAX / 2;
+    count_ += backwards ? 1 : gone_on;
+  }
+  last_sequence_ = sequence;
+  return count_;
+}
+
+}  // namespace lenticule::calib

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Agreeing with a camera on format, size and frame rate.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/cameras/pixel_unpack.h"
+#include "calib/cameras/v4l2_device.h"
+
+namespace lenticule::calib {
+
+struct FormatWish {
+  int width = 0;  ///< 0: as near to 1920x1080 as there is
+  int height = 0;
+  double frames_per_second = 30.0;
+  std::string pixel_format;  ///< "YUYV"; empty: the best one for measuring
+};
+
+/// What the driver says that it will really deliver.
+struct AgreedFormat {
+  RawFormat raw;
+  double frames_per_second = 0.0;  ///< 0 if the camera does not say
+};
+
+struct FrameSize {
+  int width = 0;
+  int height = 0;
+};
+
+/// One pixel format of a camera, with its sizes; a range of sizes is given by its largest.
+struct FormatOffer {
+  uint32_t fourcc = 0;
+  std::vector<FrameSize> sizes;
+};
+
+/// What the camera offers, formats that cannot be unpacked too. Never throws for what the driver
+/// says; a list without end is cut off.
+[[nodiscard]] std::vector<FormatOffer> offered_formats(V4l2Device& device);
+
+/// Sets the format and the frame rate and reads them back. A format whose pictures have less than
+/// half the wanted pixels comes after those that have more. Inputs that follow a signal (HDMI) are
+/// set to what arrives. Throws Error(Device): no usable format, no signal, interlaced, in use.
+[[nodiscard]] AgreedFormat agree_on_format(V4l2Device& device, V4l2System& system,
+                                           const std::string& path, const FormatWish& wish);
+
+}  // namespace lenticule::calib

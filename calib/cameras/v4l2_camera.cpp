@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/cameras/v4l2_camera.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "calib/cameras/camera_controls.h"
+#include "calib/cameras/camera_list.h"
+#include "calib/cameras/capture_stream.h"
+#include "calib/cameras/exposure_clock.h"
+#include "calib/cameras/format_choice.h"
+#include "calib/cameras/pixel_unpack.h"
+#include "calib/cameras/v4l2_device.h"
+#include "calib/cameras/v4l2_failure.h"
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr Nanoseconds kLongestGrab = std::chrono::hours{1};
+
+Nanoseconds frame_time(double frames_per_second) {
+  if (frames_per_second <= 0.0) return Nanoseconds{0};
+  return Nanoseconds{std::llround(1e9 / frames_per_second)};
+}
+
+void check_options(const V4l2Options& options) {
+  const auto in = [](double value, double low, double high) {
+    return value >= low && value <= high;
+  };
+  if (!in(options.refresh_hz, 1.0, 1000.0) || !in(options.exposure_periods, 1, 1000) ||
+      !in(options.frames_per_second, 0.1, 1000.0) || !in(options.width, 0, 16384) ||
+      !in(options.height, 0, 16384) || !in(options.skipped_pictures, 0, 1000))
+    throw Error(
+        ErrorKind::Usage, "camera: an option is out of range",
+        "refresh and frame rate up to 1000 Hz, exposures of 1 to 1000 refreshes, sides up to "
+        "16384");
+  if (!options.pixel_format.empty() && layout_named(options.pixel_format) == nullptr)
+    throw Error(ErrorKind::Usage,
+                fmt::format("camera: pixel format '{}' is not known", options.pixel_format),
+                "YUYV, NV12, RGB3, MJPG, ... as 'lenticule calibrate camera --list' shows them");
+}
+
+std::unique_ptr<V4l2Device> open_node(V4l2System& system, const V4l2Node& node, NodeFacts& facts) {
+  OpenedDevice opened = system.open(node.path);
+  int error = opened.error;
+  if (opened.device) error = ask_node(*opened.device, facts);
+  if (error != 0) throw camera_failure(system, node.path, "open it", error);
+  if (!facts.captures)
+    throw Error(ErrorKind::Device, node.path + ": not a camera",
+                "a USB camera has a second node for other data: take the other one");
+  return std::move(opened.device);
+}
+
+class V4l2Camera final : public Camera {
+ public:
+  V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node node);
+
+  [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
+  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout) override;
+  [[nodiscard]] Nanoseconds now() const override;
+  [[nodiscard]] std::vector<std::string> drifted_controls() override;
+  [[nodiscard]] std::string failure() const override { return failure_; }
+
+ private:
+  void lock_controls(V4l2System& system);
+  void collect_facts(const NodeFacts& node, const AgreedFormat& agreed);
+  [[nodiscard]] GrabStatus take_picture(CameraPicture& out, Nanoseconds deadline);
+  [[nodiscard]] bool unpack(const CapturedBuffer& buffer, CameraPicture& out);
+  void stamp(const BufferStamp& stamp, CameraPicture& out);
+  void close();
+
+  // Destroyed from the last to the first: the stream before the device that it runs on.
+  V4l2Node node_;
+  std::unique_ptr<V4l2Device> device_;
+  std::unique_ptr<CameraControls> controls_;
+  std::unique_ptr<CaptureStream> stream_;
+  std::unique_ptr<PixelUnpacker> unpacker_;
+  std::optional<ExposureClock> clock_;
+  CameraFacts facts_;
+  std::string failure_;
+  int to_skip_;
+  bool clock_reported_ = false;
+};
+
+V4l2Camera::V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node node)
+    : node_(std::move(node)), to_skip_(options.skipped_pictures) {
+  NodeFacts about;
+  device_ = open_node(system, node_, about);
+  const AgreedFormat agreed = agree_on_format(*device_, system, node_.path,
+                                              {.width = options.width,
+                                               .height = options.height,
+                                               .frames_per_second = options.frames_per_second,
+                                               .pixel_format = options.pixel_format});
+  unpacker_ = std::make_unique<PixelUnpacker>(agreed.raw, node_.path);
+  controls_ = std::make_unique<CameraControls>(
+      *device_, ControlWishes{.refresh_hz = options.refresh_hz,
+                              .exposure_periods = options.exposure_periods,
+                              .gain = options.gain,
+                              .white_balance_kelvin = options.white_balance_kelvin,
+                              .focus = options.focus});
+  lock_controls(system);
+  stream_ = std::make_unique<CaptureStream>(*device_, system, node_.path);
+  stream_->start(system, node_.path);
+  lock_controls(system);  // some cameras forget when they start
+  collect_facts(about, agreed);
+  clock_.emplace(controls_->exposure(), frame_time(agreed.frames_per_second));
+}
+
+void V4l2Camera::lock_controls(V4l2System& system) {
+  const int error = controls_->lock();
+  if (error != 0) throw camera_failure(system, node_.path, "lock its controls", error);
+}
+
+void V4l2Camera::collect_facts(const NodeFacts& node, const AgreedFormat& agreed) {
+  facts_ = {.name = node.name,
+            .identity = node_.stable_path.empty() ? node.bus : node_.stable_path,
+            .width = agreed.raw.width,
+            .height = agreed.raw.height,
+            .channels = unpacker_->channels(),
+            .frames_per_second = agreed.frames_per_second,
+            .pixel_format = fourcc_name(agreed.raw.fourcc),
+            .unlocked = controls_->unlocked()};
+  if (agreed.frames_per_second == 0.0) facts_.unlocked.emplace_back("the frame rate is not known");
+}
+
+GrabStatus V4l2Camera::grab(CameraPicture& out, Nanoseconds timeout) {
+  if (!stream_) return GrabStatus::Gone;
+  const Nanoseconds deadline = now() + std::clamp(timeout, Nanoseconds{0}, kLongestGrab);
+  GrabStatus status = take_picture(out, deadline);
+  while (to_skip_ > 0 && (status == GrabStatus::Ready || status == GrabStatus::Corrupt)) {
+    --to_skip_;
+    status = take_picture(out, deadline);
+  }
+  if (status == GrabStatus::Gone) close();
+  return status;
+}
+
+GrabStatus V4l2Camera::take_picture(CameraPicture& out, Nanoseconds deadline) {
+  CapturedBuffer buffer;
+  const GrabStatus status = stream_->take(buffer, deadline);
+  if (status != GrabStatus::Ready) return status;
+  stamp(buffer.stamp, out);
+  const bool whole = unpack(buffer, out);
+  if (!stream_->give_back(buffer.index)) return GrabStatus::Gone;
+  return whole ? GrabStatus::Ready : GrabStatus::Corrupt;
+}
+
+bool V4l2Camera::unpack(const CapturedBuffer& buffer, CameraPicture& out) {
+  if (buffer.damaged) return false;
+  return to_skip_ > 0 || unpacker_->unpack(buffer.bytes, out);
+}
+
+void V4l2Camera::stamp(const BufferStamp& stamp, CameraPicture& out) {
+  out.sequence = clock_->count(stamp.sequence);
+  out.time = clock_->exposed_at(stamp, now());
+  if (!clock_->unreliable() || clock_reported_) return;
+  clock_reported_ = true;
+  facts_.unlocked.emplace_back(
+      "no usable timestamps: pictures are dated by when they arrive, which may be late");
+}
+
+/// All that the driver gave goes back to it, so that the camera can be opened again.
+void V4l2Camera::close() {
+  failure_ = fmt::format("{}: {}", node_.path, stream_->failure());
+  stream_.reset();
+  controls_.reset();
+  device_.reset();
+}
+
+Nanoseconds V4l2Camera::now() const {
+  if (device_) return device_->now();
+  return std::chrono::steady_clock::now().time_since_epoch();
+}
+
+std::vector<std::string> V4l2Camera::drifted_controls() {
+  if (!controls_) return {failure_};
+  return controls_->drifted();
+}
+
+}  // namespace
+
+std::unique_ptr<Camera> open_v4l2_camera(const V4l2Options& options) {
+  return open_v4l2_camera(options, linux_v4l2());
+}
+
+std::unique_ptr<Camera> open_v4l2_camera(const V4l2Options& options, V4l2System& system) {
+  check_options(options);
+  return std::make_unique<V4l2Camera>(options, system, find_camera(system, options.device));
+}
+
+}  // namespace lenticule::calib

@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+// The real nodes of /dev.
+#include "calib/cameras/v4l2_device.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <grp.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cerrno>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
+#include <utility>
+
+#include "frames/ring/unique_fd.h"
+
+namespace lenticule::calib {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMostInterruptions = 100;
+constexpr Nanoseconds kLongestPoll = std::chrono::hours{1};
+
+class LinuxDevice final : public V4l2Device {
+ public:
+  explicit LinuxDevice(frames::UniqueFd fd) : fd_(std::move(fd)) {}
+
+  [[nodiscard]] int control(unsigned long request, void* argument) noexcept override {
+    return ::ioctl(fd_.get(), request, argument) < 0 ? errno : 0;
+  }
+
+  [[nodiscard]] int poll(Nanoseconds timeout) noexcept override {
+    const int64_t ns = std::clamp(timeout, Nanoseconds{0}, kLongestPoll).count();
+    const timespec limit{.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
+    pollfd waiting{.fd = fd_.get(), .events = POLLIN, .revents = 0};
+    const int count = ::ppoll(&waiting, 1, &limit, nullptr);
+    if (count < 0) return errno == EINTR ? 0 : -errno;
+    return waiting.revents;
+  }
+
+  [[nodiscard]] void* map(size_t size, uint32_t offset) noexcept override {
+    void* const memory = ::mmap(nullptr, size, PROT_READ, MAP_SHARED, fd_.get(), offset);
+    return memory == MAP_FAILED ? nullptr : memory;
+  }
+
+  void unmap(void* memory, size_t size) noexcept override { ::munmap(memory, size); }
+
+  [[nodiscard]] Nanoseconds now() const noexcept override {
+    return std::chrono::steady_clock::now().time_since_epoch();
+  }
+
+ private:
+  frames::UniqueFd fd_;
+};
+
+/// "video12" -> 12, anything else -> -1.
+int node_number(std::string_view name) {
+  constexpr std::string_view kPrefix = "video";
+  if (!name.starts_with(kPrefix) || name.size() == kPrefix.size()) return -1;
+  int number = 0;
+  for (const char digit : name.substr(kPrefix.size())) {
+    if (std::isdigit(static_cast<unsigned char>(digit)) == 0 || number > 9999) return -1;
+    number = number * 10 + (digit - '0');
+  }
+  return number;
+}
+
+/// Names in a folder, sorted; none if it cannot be read.
+std::vector<fs::path> entries(const fs::path& folder) {
+  std::vector<fs::path> found;
+  std::error_code error;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error))
+    found.push_back(at->path());
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+/// The link to a node, by identity if there is one, by place otherwise.
+std::string stable_path_of(const fs::path& node) {
+  for (const char* const folder : {"/dev/v4l/by-id", "/dev/v4l/by-path"})
+    for (const fs::path& link : entries(folder)) {
+      std::error_code error;
+      if (fs::canonical(link, error) == node) return link.string();
+    }
+  return {};
+}
+
+bool has_open(const fs::path& process, const fs::path& node) {
+  for (const fs::path& descriptor : entries(process / "fd")) {
+    std::error_code error;
+    if (fs::read_symlink(descriptor, error) == node) return true;
+  }
+  return false;
+}
+
+std::string name_of(const fs::path& process) {
+  std::string name;
+  std::ifstream comm(process / "comm");
+  std::getline(comm, name);
+  return fmt::format("{} ({})", name, process.filename().string());
+}
+
+class LinuxSystem final : public V4l2System {
+ public:
+  [[nodiscard]] std::vector<V4l2Node> nodes() override {
+    std::vector<std::pair<int, fs::path>> numbered;
+    for (const fs::path& path : entries("/dev")) {
+      const int number = node_number(path.filename().string());
+      if (number >= 0) numbered.emplace_back(number, path);
+    }
+    std::sort(numbered.begin(), numbered.end());
+    std::vector<V4l2Node> nodes;
+    for (const auto& [number, path] : numbered)
+      nodes.push_back({.path = path.string(), .stable_path = stable_path_of(path)});
+    return nodes;
+  }
+
+  [[nodiscard]] OpenedDevice open(const std::string& path) override {
+    // Anything else than a device could make us wait, or be a file that somebody misses later.
+    struct stat status {};
+    if (::stat(path.c_str(), &status) != 0) return {.device = nullptr, .error = errno};
+    if (!S_ISCHR(status.st_mode)) return {.device = nullptr, .error = ENOTTY};
+    frames::UniqueFd fd(::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+    if (!fd) return {.device = nullptr, .error = errno};
+    return {.device = std::make_unique<LinuxDevice>(std::move(fd)), .error = 0};
+  }
+
+  [[nodiscard]] std::string holders(const std::string& path) override {
+    std::error_code error;
+    const fs::path node = fs::canonical(path, error);
+    std::string names;
+    for (const fs::path& process : entries("/proc")) {
+      const std::string id = process.filename().string();
+      if (!std::all_of(id.begin(), id.end(), [](unsigned char c) { return std::isdigit(c) != 0; }))
+        continue;
+      if (id == std::to_string(::getpid()) || !has_open(process, node)) continue;
+      names += (names.empty() ? "" : ", ") + name_of(process);
+    }
+    return names;
+  }
+
+  [[nodiscard]] std::string group(const std::string& path) override {
+    struct stat status {};
+    if (::stat(path.c_str(), &status) != 0) return {};
+    struct group entry {};
+    struct group* found = nullptr;
+    std::array<char, 4096> text{};
+    ::getgrgid_r(status.st_gid, &entry, text.data(), text.size(), &found);
+    return found != nullptr ? found->gr_name : "";
+  }
+};
+
+}  // namespace
+
+V4l2System& linux_v4l2() {
+  static LinuxSystem system;
+  return system;
+}
+
+int v4l2_call(V4l2Device& device, unsigned long request, void* argument) noexcept {
+  int error = EINTR;
+  for (int i = 0; i < kMostInterruptions && error == EINTR; ++i)
+    error = device.control(request, argument);
+  return error;
+}
+
+}  // namespace lenticule::calib
