@@ -13,11 +13,11 @@
 namespace lenticule::calib {
 
 struct ControlWishes {
-  double refresh_hz = 60.0;  ///< of the display
-  int exposure_periods = 2;  ///< refreshes per exposure: every row then sees whole ones
-  std::optional<int> gain;   ///< in the camera's own numbers, as are all of these; none: as it is
-  std::optional<int> white_balance_kelvin;
-  std::optional<int> focus;
+  double refresh_hz = 60.0;   ///< of the display
+  int exposure_periods = 2;   ///< refreshes per exposure: every row then sees whole ones
+  std::optional<int> gain{};  ///< in the camera's own numbers, as are all of these; none: as it is
+  std::optional<int> white_balance_kelvin{};
+  std::optional<int> focus{};
 };
 
 /// A control as the driver describes it. Ranges are clipped to 32 bits.

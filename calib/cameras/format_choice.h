@@ -14,7 +14,7 @@ struct FormatWish {
   int width = 0;  ///< 0: as near to 1920x1080 as there is
   int height = 0;
   double frames_per_second = 30.0;
-  std::string pixel_format;  ///< "YUYV"; empty: the best one for measuring
+  std::string pixel_format{};  ///< "YUYV"; empty: the best one for measuring
 };
 
 /// What the driver says that it will really deliver.

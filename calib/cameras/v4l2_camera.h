@@ -20,12 +20,12 @@ struct V4l2Options {
   int width = 0;  ///< the nearest is taken; 0: near 1920x1080
   int height = 0;
   double frames_per_second = 30.0;
-  std::string pixel_format;  ///< "YUYV"; empty: the best one for measuring
-  double refresh_hz = 60.0;  ///< of the display that will be looked at
-  int exposure_periods = 2;  ///< refreshes per exposure
-  std::optional<int> gain;   ///< in the camera's own numbers; none: as it is
-  std::optional<int> white_balance_kelvin;
-  std::optional<int> focus;
+  std::string pixel_format{};  ///< "YUYV"; empty: the best one for measuring
+  double refresh_hz = 60.0;    ///< of the display that will be looked at
+  int exposure_periods = 2;    ///< refreshes per exposure
+  std::optional<int> gain{};   ///< in the camera's own numbers; none: as it is
+  std::optional<int> white_balance_kelvin{};
+  std::optional<int> focus{};
   /// Pictures after the start that nobody sees: cameras deliver old ones, or still settle.
   int skipped_pictures = 4;
 };

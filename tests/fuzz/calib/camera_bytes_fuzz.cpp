@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any bytes as a camera's format and picture: an Error, a damaged picture, or light in [0, 1].
+//   byte 0     which pixel format
+//   bytes 1-2  width and height
+//   byte 3     padding of rows
+//   bytes 4-7  colour space, Y'CbCr encoding, quantization, transfer function
+//   the rest   the picture
+#include <algorithm>
+#include <vector>
+
+#include "calib/cameras/pixel_unpack.h"
+#include "optics/error.h"
+
+namespace {
+
+using namespace lenticule::calib;
+
+constexpr size_t kHeaderBytes = 8;
+
+RawFormat format_of(std::span<const uint8_t> header) {
+  const std::span<const PixelLayout> layouts = supported_layouts();
+  const PixelLayout& layout = layouts[header[0] % layouts.size()];
+  RawFormat format{.fourcc = layout.fourcc,
+                   .width = header[1],
+                   .height = header[2],
+                   .bytes_per_line = 0,
+                   .coding = {header[4], header[5], header[6], header[7]}};
+  // 1 in 256 has rows that are too short.
+  if (header[3] > 0) format.bytes_per_line = row_bytes(layout, format.width) + header[3] - 1;
+  if (header[3] == 255) format.bytes_per_line = 1;
+  return format;
+}
+
+void check_light(const CameraPicture& picture, const RawFormat& format, int channels) {
+  LENTICULE_CHECK(picture.width == format.width && picture.height == format.height);
+  LENTICULE_CHECK(picture.channels == channels);
+  LENTICULE_CHECK(picture.light.size() ==
+                  static_cast<size_t>(format.width * format.height * channels));
+  LENTICULE_CHECK(std::all_of(picture.light.begin(), picture.light.end(),
+                              [](float light) { return light >= 0.0F && light <= 1.0F; }));
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  if (size < kHeaderBytes) return 0;
+  const RawFormat format = format_of({data, kHeaderBytes});
+  try {
+    PixelUnpacker unpacker(format, "fuzz");
+    // A copy of its own size, so that reading one byte too many is noticed.
+    const std::vector<uint8_t> picture_bytes(data + kHeaderBytes, data + size);
+    CameraPicture picture;
+    if (unpacker.unpack(picture_bytes, picture))
+      check_light(picture, format, unpacker.channels());
+    else
+      LENTICULE_CHECK(unpacker.bytes_needed() == 0 ||
+                      picture_bytes.size() < unpacker.bytes_needed());
+  } catch (const lenticule::Error& error) {
+    LENTICULE_CHECK(error.kind() == lenticule::ErrorKind::Device);
+  }
+  return 0;
+}

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Dates and counts of pictures from drivers' stamps, good and bad.
+#include "calib/cameras/exposure_clock.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+namespace lenticule::calib {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr Nanoseconds kNow = seconds{1000};
+
+BufferStamp stamped(Nanoseconds time) {
+  return {.sequence = 0, .time = time, .monotonic = true};
+}
+
+TEST(ExposureClock, GoesBackFromTheEndOfTheReadout) {
+  ExposureClock clock(milliseconds{20}, milliseconds{30});
+  EXPECT_EQ(clock.exposed_at(stamped(kNow - milliseconds{5}), kNow), kNow - milliseconds{30});
+  EXPECT_FALSE(clock.unreliable());
+}
+
+TEST(ExposureClock, GoesOnFromTheStartOfTheExposure) {
+  ExposureClock clock(milliseconds{20}, milliseconds{30});
+  BufferStamp stamp = stamped(kNow - milliseconds{60});
+  stamp.start_of_exposure = true;
+  EXPECT_EQ(clock.exposed_at(stamp, kNow), kNow - milliseconds{35});
+}
+
+TEST(ExposureClock, AnUnknownExposureLastsAsLongAsAFrame) {
+  ExposureClock clock(std::nullopt, milliseconds{30});
+  EXPECT_EQ(clock.exposed_at(stamped(kNow), kNow), kNow - milliseconds{30});
+}
+
+TEST(ExposureClock, ReplacesStampsOfAnotherClock) {
+  ExposureClock clock(milliseconds{20}, milliseconds{30});
+  BufferStamp stamp = stamped(kNow - seconds{1});
+  stamp.monotonic = false;
+  EXPECT_EQ(clock.exposed_at(stamp, kNow), kNow - milliseconds{25});
+  EXPECT_TRUE(clock.unreliable());
+}
+
+TEST(ExposureClock, ReplacesStampsThatCannotBe) {
+  for (const Nanoseconds bad : {Nanoseconds{0}, kNow - seconds{11}, kNow + milliseconds{1}}) {
+    ExposureClock clock(milliseconds{0}, milliseconds{0});
+    EXPECT_EQ(clock.exposed_at(stamped(bad), kNow), kNow) << bad.count();
+    EXPECT_TRUE(clock.unreliable());
+  }
+  ExposureClock clock(milliseconds{0}, milliseconds{0});
+  EXPECT_EQ(clock.exposed_at(stamped(kNow - seconds{1}), kNow), kNow - seconds{1});
+  EXPECT_EQ(clock.exposed_at(stamped(kNow - seconds{2}), kNow), kNow) << "it went back";
+}
+
+TEST(ExposureClock, CountsLostPictures) {
+  ExposureClock clock(std::nullopt, Nanoseconds{0});
+  EXPECT_EQ(clock.count(7), 7U);
+  EXPECT_EQ(clock.count(8), 8U);
+  EXPECT_EQ(clock.count(12), 12U);
+}
+
+TEST(ExposureClock, CountsOnWhereTheCounterBeginsAgain) {
+  ExposureClock clock(std::nullopt, Nanoseconds{0});
+  EXPECT_EQ(clock.count(0xFFFFFFFEU), 0xFFFFFFFEU);
+  EXPECT_EQ(clock.count(0xFFFFFFFFU), 0xFFFFFFFFU);
+  EXPECT_EQ(clock.count(1), uint64_t{1} << 32 | 1U) << "0 was lost";
+}
+
+TEST(ExposureClock, ACounterThatStandsOrGoesBackStillCounts) {
+  ExposureClock clock(std::nullopt, Nanoseconds{0});
+  EXPECT_EQ(clock.count(100), 100U);
+  EXPECT_EQ(clock.count(100), 101U);
+  EXPECT_EQ(clock.count(3), 102U);
+  EXPECT_EQ(clock.count(4), 103U);
+}
+
+}  // namespace
+}  // namespace lenticule::calib
