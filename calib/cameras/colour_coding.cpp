@@ -69,8 +69,8 @@ ColourCoding resolved(ColourCoding coding, Samples samples) {
   if (coding.xfer_func == V4L2_XFER_FUNC_DEFAULT)
     coding.xfer_func = V4L2_MAP_XFER_FUNC_DEFAULT(space);
   if (coding.quantization == V4L2_QUANTIZATION_DEFAULT) {
-    // Raw sensors have no headroom, though V4L2's rule gives their luma some.
-    const bool full = samples == Samples::Rgb || space == V4L2_COLORSPACE_RAW;
+    // Raw sensors have no headroom, though V4L2's rule gives their Y'CbCr some.
+    const bool full = samples != Samples::Ycbcr || space == V4L2_COLORSPACE_RAW;
     coding.quantization = V4L2_MAP_QUANTIZATION_DEFAULT(full, space, coding.ycbcr_enc);
   }
   return coding;

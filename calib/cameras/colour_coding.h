@@ -19,10 +19,12 @@ struct ColourCoding {
   uint32_t xfer_func = 0;
 };
 
-/// Whether samples are R'G'B' (Bayer and decoded JPEG too) or Y'CbCr (luma alone too).
-enum class Samples { Rgb, Ycbcr };
+/// What samples are. Bayer and decoded JPEG are Rgb.
+enum class Samples { Rgb, Ycbcr, Luma };
 
-/// Nothing is left open; still V4L2's numbers.
+/// Nothing is left open; still V4L2's numbers. Luma alone is full range unless the driver says
+/// otherwise: V4L2's rule does not mention it, sensors deliver it so, and the kernel's test driver
+/// too.
 [[nodiscard]] ColourCoding resolved(ColourCoding coding, Samples samples);
 
 /// From codes of `bits` bits to encoded values: black is 0, white is 1.

@@ -1,25 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/cameras/exposure_clock.h"
 
+#include <algorithm>
 #include <chrono>
 
 namespace lenticule::calib {
 namespace {
 
 constexpr Nanoseconds kOldestStamp = std::chrono::seconds{10};
+/// Beside the time of a frame: some drivers compute when the frame ought to end.
+constexpr Nanoseconds kAheadAllowed = std::chrono::milliseconds{5};
 
 }  // namespace
 
 Nanoseconds ExposureClock::exposed_at(const BufferStamp& stamp, Nanoseconds now) {
-  const bool plausible = stamp.monotonic && stamp.time <= now && stamp.time > now - kOldestStamp &&
-                         stamp.time >= last_stamp_;
+  const bool plausible = stamp.monotonic && stamp.time <= now + frame_ + kAheadAllowed &&
+                         stamp.time > now - kOldestStamp && stamp.time >= last_stamp_;
+  const Nanoseconds half = (frame_ + exposure_) / 2;
   if (!plausible) {
     unreliable_ = true;
-    return now - (frame_ + exposure_) / 2;
+    return now - half;
   }
   last_stamp_ = stamp.time;
-  if (stamp.start_of_exposure) return stamp.time + (frame_ + exposure_) / 2;
-  return stamp.time - (frame_ + exposure_) / 2;
+  return std::min(stamp.start_of_exposure ? stamp.time + half : stamp.time - half, now);
 }
 
 uint64_t ExposureClock::count(uint32_t sequence) {

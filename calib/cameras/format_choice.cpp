@@ -15,7 +15,7 @@
 namespace lenticule::calib {
 namespace {
 
-constexpr uint32_t kMostFormats = 64;
+constexpr uint32_t kMostFormats = 256;
 constexpr uint32_t kMostSizes = 256;
 constexpr FrameSize kUsualSize{.width = 1920, .height = 1080};
 

@@ -37,8 +37,8 @@ size_t half_up(int count) {
 }  // namespace
 
 Samples PixelLayout::samples() const {
-  const bool luma = channels() == 1 || packing == Packing::Yuv422 || packing == Packing::Nv12;
-  return luma ? Samples::Ycbcr : Samples::Rgb;
+  if (channels() == 1) return Samples::Luma;
+  return packing == Packing::Yuv422 || packing == Packing::Nv12 ? Samples::Ycbcr : Samples::Rgb;
 }
 
 std::span<const PixelLayout> supported_layouts() {

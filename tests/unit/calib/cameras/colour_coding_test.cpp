@@ -25,6 +25,13 @@ TEST(ColourRules, RgbIsFullRange) {
   EXPECT_EQ(resolved(coding, Samples::Rgb).quantization, V4L2_QUANTIZATION_LIM_RANGE);
 }
 
+TEST(ColourRules, LumaAloneIsFullRange) {
+  EXPECT_EQ(resolved({}, Samples::Luma).quantization, V4L2_QUANTIZATION_FULL_RANGE);
+  ColourCoding coding;
+  coding.quantization = V4L2_QUANTIZATION_LIM_RANGE;
+  EXPECT_EQ(resolved(coding, Samples::Luma).quantization, V4L2_QUANTIZATION_LIM_RANGE);
+}
+
 TEST(ColourRules, FollowTheColourSpace) {
   ColourCoding hdtv;
   hdtv.colorspace = V4L2_COLORSPACE_REC709;

@@ -45,7 +45,7 @@ TEST(ExposureClock, ReplacesStampsOfAnotherClock) {
 }
 
 TEST(ExposureClock, ReplacesStampsThatCannotBe) {
-  for (const Nanoseconds bad : {Nanoseconds{0}, kNow - seconds{11}, kNow + milliseconds{1}}) {
+  for (const Nanoseconds bad : {Nanoseconds{0}, kNow - seconds{11}, kNow + milliseconds{6}}) {
     ExposureClock clock(milliseconds{0}, milliseconds{0});
     EXPECT_EQ(clock.exposed_at(stamped(bad), kNow), kNow) << bad.count();
     EXPECT_TRUE(clock.unreliable());
@@ -53,6 +53,14 @@ TEST(ExposureClock, ReplacesStampsThatCannotBe) {
   ExposureClock clock(milliseconds{0}, milliseconds{0});
   EXPECT_EQ(clock.exposed_at(stamped(kNow - seconds{1}), kNow), kNow - seconds{1});
   EXPECT_EQ(clock.exposed_at(stamped(kNow - seconds{2}), kNow), kNow) << "it went back";
+}
+
+TEST(ExposureClock, AStampALittleAheadIsAllowedButNoPictureIs) {
+  ExposureClock clock(milliseconds{20}, milliseconds{30});
+  EXPECT_EQ(clock.exposed_at(stamped(kNow + milliseconds{29}), kNow), kNow);
+  EXPECT_EQ(clock.exposed_at(stamped(kNow + milliseconds{30}), kNow + milliseconds{10}),
+            kNow + milliseconds{5});
+  EXPECT_FALSE(clock.unreliable());
 }
 
 TEST(ExposureClock, CountsLostPictures) {

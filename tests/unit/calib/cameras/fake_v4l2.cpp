@@ -70,6 +70,7 @@ int FakeCamera::answer(unsigned long request, void* argument) {
 }
 
 int FakeCamera::wait(Nanoseconds timeout) {
+  ++polls;
   if (!poll_answers.empty()) {
     const int answer = poll_answers.front();
     poll_answers.pop_front();

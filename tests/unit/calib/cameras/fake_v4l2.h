@@ -54,6 +54,8 @@ class FakeCamera {
   /// What the driver makes of a format that it accepts.
   std::function<void(v4l2_pix_format&)> adjust = [](v4l2_pix_format&) {};
   std::vector<FakeControl> controls;
+  /// Behind them come odd ones without end.
+  bool endless_controls = false;
   /// What setting a control does to others.
   std::function<void(FakeCamera&, uint32_t id, int32_t value)> on_set;
   /// errno of the next calls of a request; 0 lets one through.
@@ -75,6 +77,7 @@ class FakeCamera {
   // What happened.
   Nanoseconds clock = std::chrono::seconds{100};
   std::vector<std::string> log;  ///< "S_FMT", "set Gain=3", "map", ...
+  int polls = 0;
   int open_count = 0;
   int mapped = 0;
   uint32_t reserved = 0;

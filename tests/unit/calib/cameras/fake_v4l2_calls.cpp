@@ -130,6 +130,9 @@ int FakeCamera::query_control(v4l2_query_ext_ctrl& asked) {
     const bool wanted = next ? control.id > id : control.id == id;
     if (wanted && (found == nullptr || control.id < found->id)) found = &control;
   }
+  FakeControl odd;
+  odd.id = id + 1;
+  if (found == nullptr && endless_controls && next) found = &odd;
   if (found == nullptr) return EINVAL;
   asked.id = found->id;
   asked.type = found->type;

@@ -172,6 +172,7 @@ TEST_F(CameraFaults, WaitsNoLongerThanTold) {
   EXPECT_EQ(camera->grab(picture_, Nanoseconds{-5}), GrabStatus::TimedOut);
   EXPECT_EQ(camera_.clock - before, milliseconds{250});
   EXPECT_EQ(camera->grab(picture_, Nanoseconds::max()), GrabStatus::TimedOut);
+  EXPECT_LE(camera_.polls, 8) << "it does not look again when time is up";
   camera_.frames.emplace_back();
   EXPECT_EQ(camera->grab(picture_, Nanoseconds{0}), GrabStatus::Ready) << "still usable";
 }

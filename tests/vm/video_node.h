@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// A video node of vivid, driven by hand: controls by name, formats, buffers that are sent or taken.
+#pragma once
+
+#include <fcntl.h>
+#include <linux/videodev2.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+
+#include <cstdint>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "drm_card.h"
+
+namespace lenticule::vm {
+
+class VideoNode {
+ public:
+  static constexpr uint32_t buffer_count = 4;
+
+  VideoNode(const std::string& path, v4l2_buf_type type)
+      : fd_(checked(open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC), path)), type_(type) {}
+  ~VideoNode() {
+    ioctl(fd_.get(), VIDIOC_STREAMOFF, &type_);
+    for (uint8_t* mapped : mapped_) munmap(mapped, frame_bytes_);
+  }
+  VideoNode(const VideoNode&) = delete;
+  VideoNode& operator=(const VideoNode&) = delete;
+
+  template <typename T>
+  void call(unsigned long request, T* argument, const char* what) {
+    checked(ioctl(fd_.get(), request, argument), what);
+  }
+
+  // Presses it where it is a button.
+  void set_control(const std::string& name, int value) {
+    v4l2_query_ext_ctrl control{};
+    do {
+      control.id |= V4L2_CTRL_FLAG_NEXT_CTRL;
+      call(VIDIOC_QUERY_EXT_CTRL, &control, ("no control '" + name + "'").c_str());
+    } while (control.name != name);
+    v4l2_control setting{control.id, value};
+    call(VIDIOC_S_CTRL, &setting, name.c_str());
+  }
+
+  // What is not set in `wanted` stays as the driver has it. Returns what the driver made of it.
+  v4l2_pix_format choose(const v4l2_pix_format& wanted) {
+    v4l2_format format{};
+    format.type = type_;
+    format.fmt.pix = wanted;
+    call(VIDIOC_S_FMT, &format, "format");
+    const v4l2_pix_format& got = format.fmt.pix;
+    if (got.width != wanted.width || got.height != wanted.height ||
+        got.pixelformat != wanted.pixelformat)
+      throw std::runtime_error("the driver does not take this format");
+    frame_bytes_ = got.sizeimage;
+    return got;
+  }
+
+  [[nodiscard]] uint32_t frame_bytes() const { return frame_bytes_; }
+
+  void map_buffers() {
+    v4l2_requestbuffers request{};
+    request.count = buffer_count;
+    request.type = type_;
+    request.memory = V4L2_MEMORY_MMAP;
+    call(VIDIOC_REQBUFS, &request, "buffers");
+    for (uint32_t i = 0; i < request.count; ++i) {
+      v4l2_buffer buffer = buffer_number(i);
+      call(VIDIOC_QUERYBUF, &buffer, "buffer");
+      void* mapped = mmap(nullptr, frame_bytes_, PROT_READ | PROT_WRITE, MAP_SHARED, fd_.get(),
+                          buffer.m.offset);
+      if (mapped == MAP_FAILED) throw std::runtime_error("cannot map a buffer");
+      mapped_.push_back(static_cast<uint8_t*>(mapped));
+    }
+  }
+
+  void start(const std::vector<uint8_t>* contents) {
+    for (uint32_t i = 0; i < mapped_.size(); ++i) {
+      if (contents) std::memcpy(mapped_[i], contents->data(), contents->size());
+      v4l2_buffer buffer = buffer_number(i);
+      call(VIDIOC_QBUF, &buffer, "queue a buffer");
+    }
+    call(VIDIOC_STREAMON, &type_, "start");
+  }
+
+  // Waits for the next done buffer, hands it back to the driver, and returns its pixels.
+  std::vector<uint8_t> next(bool copy) {
+    const auto event = static_cast<short>(type_ == V4L2_BUF_TYPE_VIDEO_CAPTURE ? POLLIN : POLLOUT);
+    pollfd waiting{fd_.get(), event, 0};
+    if (poll(&waiting, 1, 10000) != 1) throw std::runtime_error("no buffer for 10 s");
+    v4l2_buffer buffer = buffer_number(0);
+    call(VIDIOC_DQBUF, &buffer, "take a buffer");
+    std::vector<uint8_t> pixels;
+    if (copy) pixels.assign(mapped_[buffer.index], mapped_[buffer.index] + frame_bytes_);
+    call(VIDIOC_QBUF, &buffer, "queue a buffer");
+    return pixels;
+  }
+
+ private:
+  v4l2_buffer buffer_number(uint32_t index) const {
+    v4l2_buffer buffer{};
+    buffer.index = index;
+    buffer.type = type_;
+    buffer.memory = V4L2_MEMORY_MMAP;
+    buffer.bytesused = type_ == V4L2_BUF_TYPE_VIDEO_OUTPUT ? frame_bytes_ : 0;
+    return buffer;
+  }
+
+  Descriptor fd_;
+  v4l2_buf_type type_;
+  uint32_t frame_bytes_ = 0;
+  std::vector<uint8_t*> mapped_;
+};
+
+}  // namespace lenticule::vm
