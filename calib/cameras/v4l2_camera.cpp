@@ -62,7 +62,8 @@ class V4l2Camera final : public Camera {
   V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node node);
 
   [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
-  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout) override;
+  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout,
+                                Nanoseconds not_before) override;
   [[nodiscard]] Nanoseconds now() const override;
   [[nodiscard]] std::vector<std::string> drifted_controls() override;
   [[nodiscard]] std::string failure() const override { return failure_; }
@@ -70,7 +71,8 @@ class V4l2Camera final : public Camera {
  private:
   void lock_controls(V4l2System& system);
   void collect_facts(const NodeFacts& node, const AgreedFormat& agreed);
-  [[nodiscard]] GrabStatus take_picture(CameraPicture& out, Nanoseconds deadline);
+  [[nodiscard]] GrabStatus take_picture(CameraPicture& out, Nanoseconds deadline,
+                                        Nanoseconds not_before);
   [[nodiscard]] bool unpack(const CapturedBuffer& buffer, CameraPicture& out);
   void stamp(const BufferStamp& stamp, CameraPicture& out);
   void close();
@@ -85,6 +87,7 @@ class V4l2Camera final : public Camera {
   CameraFacts facts_;
   std::string failure_;
   int to_skip_;
+  bool early_ = false;  ///< the last picture was from before what was asked for
   bool clock_reported_ = false;
 };
 
@@ -129,23 +132,27 @@ void V4l2Camera::collect_facts(const NodeFacts& node, const AgreedFormat& agreed
   if (agreed.frames_per_second == 0.0) facts_.unlocked.emplace_back("the frame rate is not known");
 }
 
-GrabStatus V4l2Camera::grab(CameraPicture& out, Nanoseconds timeout) {
+GrabStatus V4l2Camera::grab(CameraPicture& out, Nanoseconds timeout, Nanoseconds not_before) {
   if (!stream_) return GrabStatus::Gone;
   const Nanoseconds deadline = now() + std::clamp(timeout, Nanoseconds{0}, kLongestGrab);
-  GrabStatus status = take_picture(out, deadline);
-  while (to_skip_ > 0 && (status == GrabStatus::Ready || status == GrabStatus::Corrupt)) {
-    --to_skip_;
-    status = take_picture(out, deadline);
+  early_ = false;
+  GrabStatus status = take_picture(out, deadline, not_before);
+  while ((to_skip_ > 0 || early_) &&
+         (status == GrabStatus::Ready || status == GrabStatus::Corrupt)) {
+    if (to_skip_ > 0) --to_skip_;
+    status = take_picture(out, deadline, not_before);
   }
   if (status == GrabStatus::Gone) close();
   return status;
 }
 
-GrabStatus V4l2Camera::take_picture(CameraPicture& out, Nanoseconds deadline) {
+GrabStatus V4l2Camera::take_picture(CameraPicture& out, Nanoseconds deadline,
+                                    Nanoseconds not_before) {
   CapturedBuffer buffer;
   const GrabStatus status = stream_->take(buffer, deadline);
   if (status != GrabStatus::Ready) return status;
   stamp(buffer.stamp, out);
+  early_ = out.time < not_before;
   const bool whole = unpack(buffer, out);
   if (!stream_->give_back(buffer.index)) return GrabStatus::Gone;
   return whole ? GrabStatus::Ready : GrabStatus::Corrupt;
@@ -153,7 +160,7 @@ GrabStatus V4l2Camera::take_picture(CameraPicture& out, Nanoseconds deadline) {
 
 bool V4l2Camera::unpack(const CapturedBuffer& buffer, CameraPicture& out) {
   if (buffer.damaged) return false;
-  return to_skip_ > 0 || unpacker_->unpack(buffer.bytes, out);
+  return to_skip_ > 0 || early_ || unpacker_->unpack(buffer.bytes, out);
 }
 
 void V4l2Camera::stamp(const BufferStamp& stamp, CameraPicture& out) {
