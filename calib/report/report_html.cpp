@@ -30,7 +30,7 @@ h1 { font-size: 1.5em; margin: 0 0 .3em; } h2 { font-size: 1.15em; margin: 2em 0
 table { border-collapse: collapse; font-size: .9em; }
 th, td { padding: .25em .7em; text-align: right; border-bottom: 1px solid #ddd;
   font-variant-numeric: tabular-nums; }
-th { background: #f4f4f2; } th:first-child, td:first-child { text-align: left; }
+th { background: #f4f4f2; } .words td { text-align: left; } th:first-child, td:first-child { text-align: left; }
 td.bad { background: #fbe3d6; font-weight: bold; }
 .wide { overflow-x: auto; }
 figure { display: inline-block; margin: 0 1.2em 1em 0; vertical-align: top; }
@@ -86,9 +86,11 @@ Cell limited(double value, int digits, double most) {
 
 void add_table(Page& page, const std::vector<std::string>& heads,
                const std::vector<std::vector<Cell>>& rows) {
-  page.add("<div class=\"wide\"><table><tr>");
+  // Without heads it is a list of words, not of figures.
+  page.add("<div class=\"wide\"><table{}>", heads.empty() ? " class=\"words\"" : "");
+  if (!heads.empty()) page.add("<tr>");
   for (const std::string& head : heads) page.add("<th>{}</th>", html_escaped(head));
-  page.add("</tr>");
+  if (!heads.empty()) page.add("</tr>");
   for (const std::vector<Cell>& row : rows) {
     page.add("<tr>");
     for (const Cell& cell : row)
@@ -142,7 +144,7 @@ void add_origin(Page& page, const Calibration& c, const RecordDetails& details) 
   if (details.temperature_celsius)
     rows.push_back(
         {text("temperature"), text(fmt::format("{:.1f} \u00b0C", *details.temperature_celsius))});
-  add_table(page, {"", ""}, rows);
+  add_table(page, {}, rows);
   if (details.camera.unlocked.empty()) return;
   page.note("What the camera would not hold still:");
   page.list(details.camera.unlocked);

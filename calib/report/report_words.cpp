@@ -120,7 +120,7 @@ std::string panel_place(const optics::Panel& panel, double x_px, double y_px) {
   const std::string across = side(x_px / std::max(panel.width_px, 1), "left", "right");
   const std::string down = side(y_px / std::max(panel.height_px, 1), "top", "bottom");
   if (across.empty() && down.empty()) return "centre";
-  return across + (across.empty() || down.empty() ? "" : " ") + down;
+  return down + (across.empty() || down.empty() ? "" : " ") + across;
 }
 
 std::string with_error(const Estimate& estimate) {

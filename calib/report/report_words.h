@@ -22,7 +22,7 @@ inline constexpr double kWantedContrast = 0.25;
 /// What to do now, most important first; never empty.
 [[nodiscard]] std::vector<std::string> advice(const Calibration& calibration);
 
-/// "left top", "centre": where on the panel, as seen from the front.
+/// "top left", "centre": where on the panel, as seen from the front.
 [[nodiscard]] std::string panel_place(const optics::Panel& panel, double x_px, double y_px);
 
 /// "7.701230 +- 0.000012": as many digits as the standard error has two of; "not known" for NaN.

@@ -109,7 +109,7 @@ TEST(ReportHtml, SaysWhatWasFound) {
   const std::string html = report_html(sample_calibration(), sample_details());
   EXPECT_THAT(html, HasSubstr("<strong>Calibrated</strong>"));
   EXPECT_THAT(html, HasSubstr("7.7012301 \u00b1 0.0000042"));
-  EXPECT_THAT(html, HasSubstr("at the right top of the panel"));
+  EXPECT_THAT(html, HasSubstr("at the top right of the panel"));
   EXPECT_THAT(html, HasSubstr("(L_bw - L_bb) / (L_wb - L_bb)"));
   EXPECT_THAT(html, HasSubstr("6.2 %"));
   EXPECT_THAT(html, HasSubstr("Passed."));

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/photo/fringe_blocks.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "calib/camera.h"
+#include "optics/model.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr int kColumns = 24;
+constexpr int kRowsPerBand = 2;
+constexpr int kGreen = 1;
+constexpr double kTau = 2.0 * std::numbers::pi;
+
+/// Light of a block is mean + slope_x u + slope_y v + c cos + s sin.
+constexpr int kTerms = 5;
+using Terms = Eigen::Matrix<double, kTerms, 1>;
+
+struct BlockSums {
+  Eigen::Matrix<double, kTerms, kTerms> normal = Eigen::Matrix<double, kTerms, kTerms>::Zero();
+  Terms right = Terms::Zero();
+  double x = 0.0, y = 0.0;
+  int count = 0;
+};
+
+/// Decides for each panel point which block it counts for.
+class BlockGrid {
+ public:
+  explicit BlockGrid(const SinglePhotoChart& chart)
+      : chart_(chart), rows_(kRowsPerBand * chart.bands) {}
+
+  [[nodiscard]] int rows() const { return rows_; }
+  [[nodiscard]] bool is_on_panel(Vec2 at) const {
+    return at.x >= 0.0 && at.y >= 0.0 && at.x < width() && at.y < height();
+  }
+  [[nodiscard]] bool is_on_fringes(Vec2 at) const {
+    const double in_band = at.y * chart_.bands / height();
+    const double from_border = std::abs(in_band - std::round(in_band));
+    constexpr double kMargin = 0.06;  // of a band: what a lens or a blurred camera may mix
+    if (from_border < kMargin) return false;
+    return std::none_of(chart_.tags.begin(), chart_.tags.end(),
+                        [&](const ChartTag& tag) { return tag.covers(at, 0.5 * tag.cell_px); });
+  }
+  [[nodiscard]] uint32_t block_at(Vec2 at) const {
+    const int column = std::min(static_cast<int>(at.x * kColumns / width()), kColumns - 1);
+    const int row = std::min(static_cast<int>(at.y * rows_ / height()), rows_ - 1);
+    return static_cast<uint32_t>(row * kColumns + column);
+  }
+
+ private:
+  [[nodiscard]] double width() const { return chart_.start.panel.width_px; }
+  [[nodiscard]] double height() const { return chart_.start.panel.height_px; }
+
+  const SinglePhotoChart& chart_;
+  int rows_;
+};
+
+/// Where fringes are drawn, counted on a grid of panel points.
+double drawn_blocks(const BlockGrid& grid, const optics::Panel& panel, std::vector<bool>& drawn) {
+  constexpr int kStep = 8;
+  for (int y = kStep / 2; y < panel.height_px; y += kStep)
+    for (int x = kStep / 2; x < panel.width_px; x += kStep)
+      if (grid.is_on_fringes({double(x), double(y)}))
+        drawn[grid.block_at({double(x), double(y)})] = true;
+  return static_cast<double>(std::count(drawn.begin(), drawn.end(), true));
+}
+
+double covered_part(const FringeSamples& fringes, const BlockGrid& grid,
+                    const optics::Panel& panel) {
+  const size_t blocks = static_cast<size_t>(fringes.columns) * static_cast<size_t>(fringes.rows);
+  std::vector<bool> drawn(blocks), seen(blocks);
+  const double wanted = drawn_blocks(grid, panel, drawn);
+  for (const FringeSample& sample : fringes.samples) seen[sample.block] = true;
+  return wanted > 0.0 ? static_cast<double>(std::count(seen.begin(), seen.end(), true)) / wanted
+                      : 0.0;
+}
+
+FringeSample sample_of(const SheetPoint& point, float light, uint32_t block,
+                       const optics::Panel& panel) {
+  return {static_cast<float>(point.lens_px.x / panel.width_px - 0.5),
+          static_cast<float>(point.lens_px.y / panel.height_px - 0.5),
+          static_cast<float>(point.panel_px.x),
+          static_cast<float>(point.panel_px.y),
+          light,
+          block};
+}
+
+/// Fringes seen are those of the comb less the lens coordinate: whole lenses do not show.
+class Prediction {
+ public:
+  Prediction(const SinglePhotoChart& chart, const optics::Rig& rig)
+      : chart_(chart),
+        plane_(plane_of(rig)),
+        model_(rig),
+        has_map_(!rig.sheet.residual.empty()),
+        panel_(rig.panel) {}
+
+  [[nodiscard]] double phase(const FringeSample& sample, double direction) const {
+    double lens = plane_.at + plane_.across * sample.x + plane_.down * sample.y;
+    if (has_map_)
+      lens = model_.lens_coordinate((sample.x + 0.5) * panel_.width_px,
+                                    (sample.y + 0.5) * panel_.height_px, kGreen);
+    return chart_.comb_phase(sample.panel_x_px, sample.panel_y_px, direction) - lens;
+  }
+
+ private:
+  const SinglePhotoChart& chart_;
+  LensPlane plane_;
+  optics::OpticalModel model_;
+  bool has_map_;
+  const optics::Panel& panel_;
+};
+
+/// -1/2 to 1/2 in both directions.
+Vec2 place_in_block(const FringeSample& sample, const FringeSamples& fringes,
+                    const optics::Panel& panel) {
+  const int column = static_cast<int>(sample.block) % fringes.columns;
+  const int row = static_cast<int>(sample.block) / fringes.columns;
+  return {double{sample.panel_x_px} / panel.width_px * fringes.columns - column - 0.5,
+          double{sample.panel_y_px} / panel.height_px * fringes.rows - row - 0.5};
+}
+
+void add_sample(BlockSums& sums, const FringeSample& sample, double cycles, Vec2 within) {
+  Terms terms;
+  terms << 1.0, within.x, within.y, std::cos(kTau * cycles), std::sin(kTau * cycles);
+  sums.normal.noalias() += terms * terms.transpose();
+  sums.right += sample.light * terms;
+  sums.x += sample.x;
+  sums.y += sample.y;
+  ++sums.count;
+}
+
+FringeBlock block_of(const BlockSums& sums, uint32_t block, double direction) {
+  const Terms fitted = sums.normal.ldlt().solve(sums.right);
+  const double amplitude = std::hypot(fitted[3], fitted[4]);
+  FringeBlock out;
+  out.block = block;
+  out.direction = direction;
+  out.x = sums.x / sums.count;
+  out.y = sums.y / sums.count;
+  // cos(p + r) = cos r cos p - sin r sin p.
+  out.phase = std::atan2(-fitted[4], fitted[3]) / kTau;
+  out.contrast = fitted[0] > 0.0 ? amplitude / fitted[0] : 0.0;
+  out.weight = amplitude * amplitude * sums.count;
+  return out;
+}
+
+}  // namespace
+
+LensPlane plane_of(const optics::Rig& rig) {
+  const double pitch = rig.sheet.pitch.value;
+  return {rig.sheet.offset.value, 3.0 * rig.panel.width_px / pitch,
+          3.0 * rig.sheet.slant * rig.panel.height_px / pitch};
+}
+
+optics::Rig with_plane(optics::Rig rig, const LensPlane& plane) {
+  const double width = rig.panel.width_px, height = rig.panel.height_px;
+  rig.sheet.pitch = Subpixels(3.0 * width / plane.across);
+  rig.sheet.slant = plane.down * width / (plane.across * height);
+  rig.sheet.offset = Lenses(plane.at);
+  return rig;
+}
+
+FringeSamples collect_fringes(const GreyPicture& picture, const PhotoPose& pose,
+                              const SinglePhotoChart& chart) {
+  const BlockGrid grid(chart);
+  FringeSamples out{kColumns, grid.rows(), {}, 0.0, 0.0};
+  size_t clipped = 0, on_panel = 0;
+  for (int j = 0; j < picture.height; ++j) {
+    for (int i = 0; i < picture.width; ++i) {
+      const auto point = pose.look({i + 0.5, j + 0.5}, chart.start);
+      if (!point || !grid.is_on_panel(point->panel_px)) continue;
+      const float light =
+          picture.light[static_cast<size_t>(j) * static_cast<size_t>(picture.width) +
+                        static_cast<size_t>(i)];
+      if (!std::isfinite(light) || !grid.is_on_fringes(point->panel_px)) continue;
+      ++on_panel;
+      if (light >= kSaturatedLight) {
+        ++clipped;
+        continue;
+      }
+      out.samples.push_back(
+          sample_of(*point, light, grid.block_at(point->panel_px), chart.start.panel));
+    }
+  }
+  if (on_panel > 0) out.saturated = static_cast<double>(clipped) / static_cast<double>(on_panel);
+  out.covered = covered_part(out, grid, chart.start.panel);
+  return out;
+}
+
+std::vector<FringeBlock> measure_blocks(const FringeSamples& fringes, const SinglePhotoChart& chart,
+                                        const optics::Rig& rig) {
+  const size_t count = static_cast<size_t>(fringes.columns) * static_cast<size_t>(fringes.rows);
+  std::vector<BlockSums> sums(count);
+  const Prediction prediction(chart, rig);
+  const auto direction_of = [&](uint32_t block) {
+    return SinglePhotoChart::direction(fringes.band_of(block, chart.bands));
+  };
+  for (const FringeSample& sample : fringes.samples) {
+    const Vec2 within = place_in_block(sample, fringes, rig.panel);
+    add_sample(sums[sample.block], sample, prediction.phase(sample, direction_of(sample.block)),
+               within);
+  }
+  // A block that is half a tag tells less than its weight says.
+  const double usual = static_cast<double>(fringes.samples.size()) / static_cast<double>(count);
+  std::vector<FringeBlock> blocks;
+  for (uint32_t b = 0; b < count; ++b)
+    if (sums[b].count > std::max(0.3 * usual, 4.0 * kTerms))
+      blocks.push_back(block_of(sums[b], b, direction_of(b)));
+  return blocks;
+}
+
+}  // namespace lenticule::calib

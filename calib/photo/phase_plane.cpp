@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/photo/phase_plane.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <numbers>
+
+namespace lenticule::calib {
+namespace {
+
+constexpr int kPlaneTerms = 3;
+constexpr int kPlaceTerms = 10;
+constexpr int kTerms = kPlaneTerms + kPlaceTerms;
+constexpr size_t kLeastBlocks = 20;
+using Row = Eigen::Matrix<double, 1, kTerms>;
+using Normal = Eigen::Matrix<double, kTerms, kTerms>;
+using Terms = Eigen::Matrix<double, kTerms, 1>;
+
+/// Lenses more mean fringes less: the plane's terms count negatively. The place's terms are fringes
+/// that a mistaken place adds, one sign in each direction.
+Row row_of(const FringeBlock& block) {
+  const double x = block.x, y = block.y, d = block.direction;
+  Row row;
+  row << -1.0, -x, -y, d, d * x, d * y, d * x * x, d * x * y, d * y * y, d * x * x * x,
+      d * x * x * y, d * x * y * y, d * y * y * y;
+  return row;
+}
+
+double score(const std::vector<FringeBlock>& blocks, double across, double down) {
+  // Each direction for itself: a mistaken place turns them apart.
+  std::complex<double> forward, backward;
+  for (const FringeBlock& b : blocks) {
+    const double cycles = b.phase + across * b.x + down * b.y;
+    (b.direction > 0.0 ? forward : backward) +=
+        std::polar(b.weight, 2.0 * std::numbers::pi * cycles);
+  }
+  return std::abs(forward) + std::abs(backward);
+}
+
+void refine(const std::vector<FringeBlock>& blocks, LensPlane& plane, double range, double step) {
+  const LensPlane middle = plane;
+  double best = -1.0;
+  const int steps = static_cast<int>(std::lround(range / step));
+  for (int j = -steps; j <= steps; ++j) {
+    for (int i = -steps; i <= steps; ++i) {
+      const double across = middle.across + i * step, down = middle.down + j * step;
+      const double here = score(blocks, across, down);
+      if (here <= best) continue;
+      best = here;
+      plane.across = across;
+      plane.down = down;
+    }
+  }
+}
+
+double wrapped(double cycles) {
+  return cycles - std::round(cycles);
+}
+
+/// One step of reweighted least squares.
+class Regression {
+ public:
+  explicit Regression(const std::vector<FringeBlock>& blocks) : blocks_(blocks) {
+    double sum = 0.0;
+    for (const FringeBlock& b : blocks) sum += b.weight;
+    for (const FringeBlock& b : blocks)
+      weights_.push_back(b.weight * static_cast<double>(blocks.size()) / sum);
+  }
+
+  void step(double outlier_lenses) {
+    normal_ = Normal::Zero();
+    Terms right = Terms::Zero();
+    for (size_t i = 0; i < blocks_.size(); ++i) {
+      const double ratio = residual(i) / outlier_lenses;
+      const double weight = weights_[i] / (1.0 + ratio * ratio);
+      const Row row = row_of(blocks_[i]);
+      normal_ += weight * row.transpose() * row;
+      right += weight * residual(i) * row.transpose();
+    }
+    // Far weaker than a single block: for terms that no block tells anything about.
+    normal_.diagonal().array() += 1e-6;
+    solution_ += normal_.ldlt().solve(right);
+  }
+
+  [[nodiscard]] double residual(size_t i) const {
+    return wrapped(blocks_[i].phase - row_of(blocks_[i]).dot(solution_));
+  }
+  [[nodiscard]] double weight(size_t i) const { return weights_[i]; }
+  [[nodiscard]] const Terms& solution() const { return solution_; }
+  [[nodiscard]] Normal inverse() const { return normal_.ldlt().solve(Normal::Identity()); }
+
+ private:
+  const std::vector<FringeBlock>& blocks_;
+  std::vector<double> weights_;
+  Normal normal_ = Normal::Zero();
+  Terms solution_ = Terms::Zero();
+};
+
+double median_magnitude(std::vector<double> values) {
+  for (double& value : values) value = std::abs(value);
+  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+void summarize(const Regression& regression, PlaneCorrection& out) {
+  // Four times the scatter that a normal distribution with this median would have.
+  const double outlier = std::max(4.0 * 1.4826 * median_magnitude(out.residuals), 1e-4);
+  double squares = 0.0, weights = 0.0;
+  for (size_t i = 0; i < out.residuals.size(); ++i) {
+    const double off = std::abs(out.residuals[i]);
+    if (off > outlier) continue;
+    ++out.used;
+    squares += regression.weight(i) * off * off;
+    weights += regression.weight(i);
+    out.max_lenses = std::max(out.max_lenses, off);
+  }
+  out.rms_lenses = weights > 0.0 ? std::sqrt(squares / weights) : 0.0;
+}
+
+}  // namespace
+
+LensPlane search_plane(const std::vector<FringeBlock>& blocks) {
+  LensPlane plane;
+  refine(blocks, plane, 1.6, 0.2);
+  refine(blocks, plane, 0.2, 0.04);
+  return plane;
+}
+
+PlaneCorrection fit_plane(const std::vector<FringeBlock>& blocks) {
+  PlaneCorrection out;
+  out.residuals.assign(blocks.size(), 0.0);
+  if (blocks.size() < kLeastBlocks) return out;
+  constexpr double kOutlierLenses = 0.03;
+  Regression regression(blocks);
+  // Widely first, so that a start that is off by some tenths is not all outliers.
+  for (const double wide : {10.0, 5.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0})
+    regression.step(wide * kOutlierLenses);
+  for (size_t i = 0; i < blocks.size(); ++i) out.residuals[i] = regression.residual(i);
+  summarize(regression, out);
+  const Terms& solution = regression.solution();
+  out.add = {solution[0], solution[1], solution[2]};
+  const double freedom = std::max(out.used - kTerms, 1);
+  const Normal covariance =
+      regression.inverse() * (out.rms_lenses * out.rms_lenses * out.used / freedom);
+  for (int r = 0; r < kPlaneTerms; ++r)
+    for (int c = 0; c < kPlaneTerms; ++c)
+      out.covariance[static_cast<size_t>(kPlaneTerms * r + c)] = covariance(r, c);
+  return out;
+}
+
+}  // namespace lenticule::calib

@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/photo/photo_folder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <system_error>
+
+#include "frames/image_io.h"
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr size_t kMaxPhotographs = 10'000;
+
+bool is_digit(char c) {
+  return c >= '0' && c <= '9';
+}
+
+char lower(char c) {
+  return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+}
+
+std::string lower(std::string text) {
+  for (char& c : text) c = lower(c);
+  return text;
+}
+
+/// Takes the digits at the start of `text` away and gives them back without leading zeros.
+std::string_view take_number(std::string_view& text) {
+  size_t end = 0;
+  while (end < text.size() && is_digit(text[end])) ++end;
+  std::string_view digits = text.substr(0, end);
+  text.remove_prefix(end);
+  const size_t first = digits.find_first_not_of('0');
+  return first == std::string_view::npos ? std::string_view{} : digits.substr(first);
+}
+
+/// Below, equal, above: -1, 0, 1. Numbers of any length are compared as numbers.
+int compare_naturally(std::string_view a, std::string_view b) {
+  while (!a.empty() && !b.empty()) {
+    if (is_digit(a[0]) && is_digit(b[0])) {
+      const std::string_view x = take_number(a), y = take_number(b);
+      if (x.size() != y.size()) return x.size() < y.size() ? -1 : 1;
+      if (const int order = x.compare(y); order != 0) return order < 0 ? -1 : 1;
+      continue;
+    }
+    const char x = lower(a[0]), y = lower(b[0]);
+    if (x != y) return x < y ? -1 : 1;
+    a.remove_prefix(1);
+    b.remove_prefix(1);
+  }
+  return a.empty() == b.empty() ? 0 : a.empty() ? -1 : 1;
+}
+
+bool is_photograph(const std::filesystem::directory_entry& entry) {
+  constexpr std::array<std::string_view, 6> kExtensions = {".png", ".jpg",  ".jpeg",
+                                                           ".tif", ".tiff", ".exr"};
+  const std::string extension = lower(entry.path().extension().string());
+  std::error_code unreadable;  // then it is no regular file
+  return entry.path().filename().string()[0] != '.' &&
+         std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end() &&
+         entry.is_regular_file(unreadable);
+}
+
+[[noreturn]] void reject(const std::filesystem::path& folder, const std::string& cause,
+                         const std::string& remedy = {}) {
+  throw Error(ErrorKind::Input, folder.string() + ": " + cause, remedy);
+}
+
+std::vector<std::filesystem::path> photographs_in(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::vector<std::filesystem::path> files;
+  std::filesystem::directory_iterator entry(folder, error);
+  for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+    if (!is_photograph(*entry)) continue;
+    files.push_back(entry->path());
+    if (files.size() > kMaxPhotographs)
+      reject(folder, fmt::format("more than {} photographs", kMaxPhotographs));
+  }
+  if (error) reject(folder, "cannot read the folder: " + error.message());
+  std::sort(files.begin(), files.end(), [](const auto& a, const auto& b) {
+    return stands_before(a.filename().string(), b.filename().string());
+  });
+  return files;
+}
+
+}  // namespace
+
+bool stands_before(std::string_view a, std::string_view b) {
+  const int order = compare_naturally(a, b);
+  return order != 0 ? order < 0 : a < b;
+}
+
+CameraPicture read_photograph(const std::filesystem::path& file) {
+  const frames::FloatImage image = frames::read_texture(file);
+  CameraPicture picture;
+  picture.width = image.width;
+  picture.height = image.height;
+  picture.channels = 3;
+  picture.light.reserve(image.rgba.size() / 4 * 3);
+  for (size_t i = 0; i + 3 < image.rgba.size(); i += 4)
+    picture.light.insert(picture.light.end(),
+                         {image.rgba[i], image.rgba[i + 1], image.rgba[i + 2]});
+  return picture;
+}
+
+PhotoFolder::PhotoFolder(const std::filesystem::path& folder, size_t wanted)
+    : files_(photographs_in(folder)) {
+  if (files_.size() < std::max<size_t>(wanted, 1))
+    reject(folder, fmt::format("{} photographs where {} are wanted", files_.size(), wanted),
+           "take one of each pattern, in their order, as .png, .jpg, .tif or .exr");
+  for (const std::filesystem::path& file : files_) {
+    const frames::FrameGeometry size = frames::probe_image(file);
+    if (facts_.width == 0) {
+      facts_.width = size.width;
+      facts_.height = size.height;
+    }
+    if (size.width != facts_.width || size.height != facts_.height)
+      reject(file,
+             fmt::format("{} x {} pixels where the first photograph has {} x {}", size.width,
+                         size.height, facts_.width, facts_.height),
+             "take all photographs with one camera from one place, none of them turned");
+  }
+  facts_.name = folder.filename().empty() ? folder.parent_path().filename().string()
+                                          : folder.filename().string();
+  facts_.channels = 3;
+  facts_.frames_per_second = 1.0;
+  facts_.pixel_format = "photographs";
+  facts_.unlocked = {
+      "whether exposure, focus and colour were held still is the photographer's word"};
+}
+
+GrabStatus PhotoFolder::grab(CameraPicture& out, Nanoseconds /*timeout*/) {
+  if (!failure_.empty()) return GrabStatus::Gone;
+  if (next_ == files_.size()) {
+    failure_ = fmt::format("{}: there are no more than {} photographs", facts_.name, files_.size());
+    return GrabStatus::Gone;
+  }
+  try {
+    CameraPicture picture = read_photograph(files_[next_]);
+    if (picture.width != facts_.width || picture.height != facts_.height)
+      throw Error(ErrorKind::Input, files_[next_].string() + ": its size has changed");
+    picture.sequence = next_;
+    picture.time = now();
+    out = std::move(picture);
+  } catch (const Error& error) {
+    failure_ = error.what();
+    return GrabStatus::Gone;
+  }
+  ++next_;
+  return GrabStatus::Ready;
+}
+
+Nanoseconds PhotoFolder::now() const {
+  return std::chrono::seconds(next_);
+}
+
+}  // namespace lenticule::calib

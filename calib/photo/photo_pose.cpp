@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/photo/photo_pose.h"
+
+#include <ceres/ceres.h>
+#include <ceres/rotation.h>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+/// What tags are measured to in the picture: their edges are as coarse as lenses.
+constexpr double kCornerSigmaPx = 0.3;
+
+struct Corner {
+  Vec2 pixel;
+  Vec2 panel_mm;
+};
+
+/// What the fit varies.
+struct Unknowns {
+  std::array<double, 2> lens{};      // log of the focal length, distortion
+  std::array<double, 3> rotation{};  // panel_from_camera, angle times axis
+  std::array<double, 3> eye{};
+};
+
+/// From a direction in the panel frame to the panel point seen, millimetres.
+template <class T>
+struct Seen {
+  T lens[2];
+  T panel[2];
+};
+
+template <class T>
+Seen<T> seen_along(const T direction[3], const T eye[3], double gap, double shape) {
+  Seen<T> seen;
+  const T steps = -eye[2] / direction[2];
+  T r[2];
+  for (int i = 0; i < 2; ++i) {
+    seen.lens[i] = eye[i] + steps * direction[i];
+    r[i] = eye[i] - seen.lens[i];
+  }
+  using std::sqrt;
+  const T depth = sqrt(eye[2] * eye[2] + (1.0 - shape) * (r[0] * r[0] + r[1] * r[1]));
+  for (int i = 0; i < 2; ++i) seen.panel[i] = seen.lens[i] - gap * r[i] / depth;
+  return seen;
+}
+
+/// The direction in which a pixel looks, camera frame: x right, y up, z backwards.
+template <class T>
+void camera_direction(Vec2 from_middle, const T& focal, const T& distortion, T out[3]) {
+  const T u = from_middle.x / focal, v = -from_middle.y / focal;
+  const T stretch = 1.0 + distortion * (u * u + v * v);
+  out[0] = u * stretch;
+  out[1] = v * stretch;
+  out[2] = T(-1.0);
+}
+
+struct CornerError {
+  Corner corner;
+  Vec2 middle_px;
+  double gap, shape, weight;
+
+  template <class T>
+  bool operator()(const T* lens, const T* rotation, const T* eye, T* residual) const {
+    using std::exp;
+    T in_camera[3], in_panel[3];
+    camera_direction(corner.pixel - middle_px, T(exp(lens[0])), lens[1], in_camera);
+    ceres::AngleAxisRotatePoint(rotation, in_camera, in_panel);
+    if (!(in_panel[2] < -1e-3) || !(eye[2] > 1.0)) return false;  // looks past the panel
+    const Seen<T> seen = seen_along(in_panel, eye, gap, shape);
+    residual[0] = (seen.panel[0] - corner.panel_mm.x) * weight;
+    residual[1] = (seen.panel[1] - corner.panel_mm.y) * weight;
+    return true;
+  }
+};
+
+/// (parameter[index] - value) / sigma.
+struct Prior {
+  int index;
+  double value, sigma;
+  template <class T>
+  bool operator()(const T* parameter, T* residual) const {
+    residual[0] = (parameter[index] - value) / sigma;
+    return true;
+  }
+};
+
+std::vector<Corner> corners_of(const std::vector<TagSighting>& tags,
+                               const SinglePhotoChart& chart) {
+  std::vector<Corner> corners;
+  const optics::Panel& panel = chart.start.panel;
+  for (const TagSighting& tag : tags) {
+    const auto on_panel = chart.tags[static_cast<size_t>(tag.id)].corners_px();
+    for (size_t i = 0; i < on_panel.size(); ++i)
+      corners.push_back(
+          {tag.corners_px[i], {panel.x_mm(on_panel[i].x), panel.y_mm(on_panel[i].y)}});
+  }
+  return corners;
+}
+
+/// Picture = scale e^(i angle) panel + shift, y up in both, as complex numbers.
+struct Similarity {
+  std::complex<double> factor;  // pixels per millimetre
+  std::complex<double> shift;
+};
+
+Similarity fit_similarity(const std::vector<Corner>& corners) {
+  std::complex<double> mean_panel, mean_picture, product;
+  double squares = 0.0;
+  const double share = 1.0 / static_cast<double>(corners.size());
+  for (const Corner& c : corners) {
+    mean_panel += share * std::complex(c.panel_mm.x, c.panel_mm.y);
+    mean_picture += share * std::complex(c.pixel.x, -c.pixel.y);
+  }
+  for (const Corner& c : corners) {
+    const auto panel = std::complex(c.panel_mm.x, c.panel_mm.y) - mean_panel;
+    product += (std::complex(c.pixel.x, -c.pixel.y) - mean_picture) * std::conj(panel);
+    squares += std::norm(panel);
+  }
+  const std::complex<double> factor = product / squares;
+  return {factor, mean_picture - factor * mean_panel};
+}
+
+struct Beliefs {
+  Estimate log_focal;
+  Estimate distance_mm;
+};
+
+Beliefs beliefs_of(const PhotoPriors& priors, const SinglePhotoChart& chart, int longer_side) {
+  const double line = chart.start.viewing.distance.value;
+  const double distance = std::isfinite(line) ? line : 700.0;
+  Beliefs beliefs{{std::log(0.85 * longer_side), std::log(1.5)}, {distance, 0.1 * distance}};
+  if (priors.focal_px)
+    beliefs.log_focal = {std::log(priors.focal_px->value),
+                         priors.focal_px->sigma / priors.focal_px->value};
+  if (priors.distance_mm) beliefs.distance_mm = *priors.distance_mm;
+  return beliefs;
+}
+
+Unknowns first_guess(const Similarity& similarity, const Beliefs& beliefs, Vec2 middle_px) {
+  Unknowns guess;
+  // Straight ahead of the place in the middle of the picture, turned as the picture is.
+  const std::complex<double> at =
+      (std::complex(middle_px.x, -middle_px.y) - similarity.shift) / similarity.factor;
+  guess.eye = {at.real(), at.imag(), beliefs.distance_mm.value};
+  guess.rotation = {0.0, 0.0, -std::arg(similarity.factor)};
+  guess.lens = {std::log(std::abs(similarity.factor) * beliefs.distance_mm.value), 0.0};
+  return guess;
+}
+
+void add_corners(ceres::Problem& problem, Unknowns& unknowns, const std::vector<Corner>& corners,
+                 const optics::LensSheet& sheet, Vec2 middle_px, double pixels_per_mm) {
+  using Cost = ceres::AutoDiffCostFunction<CornerError, 2, 2, 3, 3>;
+  for (const Corner& corner : corners)
+    problem.AddResidualBlock(
+        new Cost(new CornerError{corner, middle_px, sheet.gap.value, sheet.refraction_shape,
+                                 pixels_per_mm / kCornerSigmaPx}),
+        new ceres::CauchyLoss(3.0), unknowns.lens.data(), unknowns.rotation.data(),
+        unknowns.eye.data());
+}
+
+void add_priors(ceres::Problem& problem, Unknowns& unknowns, const Beliefs& beliefs) {
+  using OnLens = ceres::AutoDiffCostFunction<Prior, 1, 2>;
+  using OnEye = ceres::AutoDiffCostFunction<Prior, 1, 3>;
+  constexpr double kDistortionSigma = 0.1;
+  problem.AddResidualBlock(
+      new OnLens(new Prior{0, beliefs.log_focal.value, beliefs.log_focal.sigma}), nullptr,
+      unknowns.lens.data());
+  problem.AddResidualBlock(new OnLens(new Prior{1, 0.0, kDistortionSigma}), nullptr,
+                           unknowns.lens.data());
+  problem.AddResidualBlock(
+      new OnEye(new Prior{2, beliefs.distance_mm.value, beliefs.distance_mm.sigma}), nullptr,
+      unknowns.eye.data());
+}
+
+bool solve(ceres::Problem& problem) {
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 100;
+  options.logging_type = ceres::SILENT;
+  options.function_tolerance = 1e-12;
+  options.parameter_tolerance = 1e-12;
+  options.num_threads = 1;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  return summary.IsSolutionUsable();
+}
+
+Vec3 eye_errors(ceres::Problem& problem, const Unknowns& unknowns) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  ceres::Covariance::Options options;
+  options.algorithm_type = ceres::DENSE_SVD;
+  ceres::Covariance covariance(options);
+  std::array<double, 9> eye{};
+  const double* block = unknowns.eye.data();
+  const std::vector<const double*> wanted = {block};
+  if (!covariance.Compute(wanted, &problem) ||
+      !covariance.GetCovarianceBlock(block, block, eye.data()))
+    return {kUnknown, kUnknown, kUnknown};
+  return {std::sqrt(eye[0]), std::sqrt(eye[4]), std::sqrt(eye[8])};
+}
+
+PhotoPose pose_of(const Unknowns& unknowns, Vec2 middle_px) {
+  PhotoPose pose;
+  pose.focal_px = std::exp(unknowns.lens[0]);
+  pose.distortion = unknowns.lens[1];
+  pose.middle_px = middle_px;
+  ceres::AngleAxisToRotationMatrix(unknowns.rotation.data(),
+                                   ceres::RowMajorAdapter3x3(pose.panel_from_camera.data()));
+  pose.eye_mm = {unknowns.eye[0], unknowns.eye[1], unknowns.eye[2]};
+  const double cosine = std::clamp(pose.panel_from_camera[8], -1.0, 1.0);
+  pose.tilt_degrees = std::acos(cosine) * 180.0 / std::numbers::pi;
+  return pose;
+}
+
+void measure_corners(PhotoPose& pose, const std::vector<Corner>& corners, const optics::Rig& rig,
+                     double pixels_per_mm) {
+  double squares = 0.0;
+  for (const Corner& corner : corners) {
+    const auto seen = pose.look(corner.pixel, rig);
+    if (!seen) continue;
+    const double off =
+        pixels_per_mm * std::hypot(rig.panel.x_mm(seen->panel_px.x) - corner.panel_mm.x,
+                                   rig.panel.y_mm(seen->panel_px.y) - corner.panel_mm.y);
+    squares += off * off;
+    pose.corner_max_px = std::max(pose.corner_max_px, off);
+  }
+  pose.corner_rms_px = std::sqrt(squares / static_cast<double>(corners.size()));
+}
+
+}  // namespace
+
+std::optional<SheetPoint> PhotoPose::look(Vec2 pixel, const optics::Rig& rig) const {
+  double in_camera[3], in_panel[3];
+  camera_direction(pixel - middle_px, focal_px, distortion, in_camera);
+  for (size_t row = 0; row < 3; ++row)
+    in_panel[row] = panel_from_camera[3 * row] * in_camera[0] +
+                    panel_from_camera[3 * row + 1] * in_camera[1] +
+                    panel_from_camera[3 * row + 2] * in_camera[2];
+  if (!(in_panel[2] < -1e-3)) return std::nullopt;
+  const double eye[3] = {eye_mm.x, eye_mm.y, eye_mm.z};
+  const Seen<double> seen =
+      seen_along(in_panel, eye, rig.sheet.gap.value, rig.sheet.refraction_shape);
+  const optics::Panel& panel = rig.panel;
+  return SheetPoint{{panel.x_px(seen.lens[0]), panel.y_px(seen.lens[1])},
+                    {panel.x_px(seen.panel[0]), panel.y_px(seen.panel[1])}};
+}
+
+std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
+                                   const SinglePhotoChart& chart, int width, int height,
+                                   const PhotoPriors& priors) {
+  LENTICULE_CHECK(tags.size() >= 4);
+  const std::vector<Corner> corners = corners_of(tags, chart);
+  const Vec2 middle_px{0.5 * width, 0.5 * height};
+  const Beliefs beliefs = beliefs_of(priors, chart, std::max(width, height));
+  const Similarity similarity = fit_similarity(corners);
+  const double pixels_per_mm = std::abs(similarity.factor);
+  if (!(pixels_per_mm > 1e-6)) return std::nullopt;
+  Unknowns unknowns = first_guess(similarity, beliefs, middle_px);
+  ceres::Problem problem;
+  add_corners(problem, unknowns, corners, chart.start.sheet, middle_px, pixels_per_mm);
+  add_priors(problem, unknowns, beliefs);
+  if (!solve(problem)) return std::nullopt;
+  PhotoPose pose = pose_of(unknowns, middle_px);
+  if (!is_finite(pose.eye_mm) || !(pose.eye_mm.z > chart.start.sheet.gap.value))
+    return std::nullopt;
+  pose.eye_sigma_mm = eye_errors(problem, unknowns);
+  measure_corners(pose, corners, chart.start, pixels_per_mm);
+  return pose;
+}
+
+}  // namespace lenticule::calib

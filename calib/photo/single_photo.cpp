@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/photo/single_photo.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "calib/photo/fringe_blocks.h"
+#include "calib/photo/fringe_start.h"
+#include "calib/photo/phase_plane.h"
+#include "calib/photo/tag_finder.h"
+#include "optics/error.h"
+#include "optics/model.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr int kMostSide = 2600;
+constexpr int kGreen = 1;
+constexpr size_t kLeastTags = 5;
+constexpr double kMostSaturated = 0.03;
+constexpr double kLeastCovered = 0.5;
+constexpr double kLeastContrast = 0.05;
+constexpr double kMostRmsLenses = 0.05;
+constexpr double kWantedMaxLenses = 0.02;
+
+/// Everything on the way, so that a refusal can show how far it came.
+struct Work {
+  GreyPicture picture;
+  int averaged = 1;  ///< pixels of the photograph along the side of one of `picture`
+  std::vector<TagSighting> tags;
+  std::optional<PhotoPose> pose;
+  FringeSamples fringes;
+  optics::Rig rig;  ///< as far as it is known
+  std::vector<FringeBlock> blocks;
+  PlaneCorrection correction;
+};
+
+/// Mean light of a square of pixels; clipped if one value in it is.
+float averaged_light(const CameraPicture& photograph, int left, int top, int side) {
+  float sum = 0.0F;
+  bool clipped = false;
+  const auto channels = static_cast<size_t>(photograph.channels);
+  for (int j = top; j < top + side; ++j) {
+    const size_t row = static_cast<size_t>(j) * static_cast<size_t>(photograph.width);
+    const size_t first = (row + static_cast<size_t>(left)) * channels;
+    for (size_t k = first; k < first + static_cast<size_t>(side) * channels; ++k) {
+      sum += photograph.light[k];
+      clipped = clipped || photograph.light[k] >= kSaturatedLight;
+    }
+  }
+  const float mean = sum / static_cast<float>(side * side * photograph.channels);
+  return clipped ? std::max(mean, 1.0F) : mean;
+}
+
+void average_down(const CameraPicture& photograph, Work& work) {
+  const int longer = std::max(photograph.width, photograph.height);
+  work.averaged = std::max((longer + kMostSide - 1) / kMostSide, 1);
+  work.picture.width = photograph.width / work.averaged;
+  work.picture.height = photograph.height / work.averaged;
+  work.picture.light.reserve(static_cast<size_t>(work.picture.width) *
+                             static_cast<size_t>(work.picture.height));
+  for (int j = 0; j < work.picture.height; ++j)
+    for (int i = 0; i < work.picture.width; ++i)
+      work.picture.light.push_back(
+          averaged_light(photograph, i * work.averaged, j * work.averaged, work.averaged));
+}
+
+/// Priors are about the photograph, not about what it was averaged to.
+PhotoPriors scaled(PhotoPriors priors, int averaged) {
+  if (priors.focal_px) {
+    priors.focal_px->value /= averaged;
+    priors.focal_px->sigma /= averaged;
+  }
+  return priors;
+}
+
+/// The reason to stop, or nothing.
+using Refusal = std::optional<std::string>;
+
+Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
+  work.tags = find_tags(work.picture, static_cast<int>(chart.tags.size()));
+  if (work.tags.size() < kLeastTags)
+    return fmt::format(
+        "only {} of {} tags were found: the panel is not whole in the picture, too small in it, or "
+        "out of focus",
+        work.tags.size(), chart.tags.size());
+  work.pose = find_pose(work.tags, chart, work.picture.width, work.picture.height,
+                        scaled(priors, work.averaged));
+  if (!work.pose) return "the tags fit no place of a camera in front of the panel";
+  constexpr double kMostCornerPx = 3.0;
+  if (work.pose->corner_rms_px > kMostCornerPx)
+    return fmt::format("the tags are {:.1f} pixels off a flat panel seen by a plain lens",
+                       work.pose->corner_rms_px);
+  return std::nullopt;
+}
+
+Refusal find_fringes(Work& work, const SinglePhotoChart& chart) {
+  work.fringes = collect_fringes(work.picture, *work.pose, chart);
+  if (work.fringes.saturated > kMostSaturated)
+    return fmt::format("{:.0f} % of the fringes are clipped: expose less",
+                       100.0 * work.fringes.saturated);
+  if (work.fringes.covered < kLeastCovered)
+    return fmt::format("only {:.0f} % of the fringes are in the picture",
+                       100.0 * work.fringes.covered);
+  const FringeCount count = count_fringes(work.fringes, chart);
+  if (count.prominence < kLeastProminence)
+    return "no fringes were found: the picture is blurred, the sheet is not on the panel, or its "
+           "pitch is more than 3 % off what was assumed";
+  LensPlane plane = plane_of(chart.start);
+  plane.across += count.more_lenses.x;
+  plane.down += count.more_lenses.y;
+  work.rig = with_plane(chart.start, plane);
+  return std::nullopt;
+}
+
+void improve(Work& work, const LensPlane& add) {
+  LensPlane plane = plane_of(work.rig);
+  plane.at += add.at;
+  plane.across += add.across;
+  plane.down += add.down;
+  work.rig = with_plane(work.rig, plane);
+}
+
+double median_contrast(const std::vector<FringeBlock>& blocks) {
+  std::vector<double> values;
+  for (const FringeBlock& block : blocks) values.push_back(block.contrast);
+  if (values.empty()) return 0.0;
+  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
+  work.blocks = measure_blocks(work.fringes, chart, work.rig);
+  improve(work, search_plane(work.blocks));
+  // Each time against a better plane, in which a block's own fringes are straighter.
+  constexpr int kRounds = 3;
+  for (int round = 0; round < kRounds; ++round) {
+    work.blocks = measure_blocks(work.fringes, chart, work.rig);
+    work.correction = fit_plane(work.blocks);
+    improve(work, work.correction.add);
+  }
+  if (median_contrast(work.blocks) < kLeastContrast)
+    return "the fringes are too faint: the picture is blurred or the room too bright";
+  if (2 * static_cast<size_t>(work.correction.used) < work.blocks.size() ||
+      work.blocks.size() < 20 || work.correction.rms_lenses > kMostRmsLenses)
+    return fmt::format("the fringes fit no even sheet (rms {:.3f} lenses in {} of {} blocks)",
+                       work.correction.rms_lenses, work.correction.used, work.blocks.size());
+  return std::nullopt;
+}
+
+// --- what the result says ------------------------------------------------------------------------
+
+/// Effective pitch, slant and offset with the covariance of the three.
+struct Effective {
+  std::array<Estimate, 3> estimates;
+  std::vector<std::vector<double>> correlations;
+};
+
+Effective effective_of(const Work& work) {
+  const LensPlane plane = plane_of(work.rig);
+  const optics::Panel& panel = work.rig.panel;
+  const Vec3 eye = work.pose->eye_mm;
+  const double pitch = work.rig.sheet.pitch.value * (1.0 + work.rig.sheet.gap.value / eye.z);
+  const double shape = double(panel.width_px) / panel.height_px;
+  // Rows: d(pitch, slant, offset) / d(at, across, down).
+  const double slopes[3][3] = {
+      {0.0, -pitch / plane.across, 0.0},
+      {0.0, -plane.down * shape / (plane.across * plane.across), shape / plane.across},
+      {1.0, 0.0, 0.0}};
+  double covariance[3][3] = {};
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      for (int k = 0; k < 3; ++k)
+        for (int l = 0; l < 3; ++l)
+          covariance[i][j] += slopes[i][k] * slopes[j][l] *
+                              work.correction.covariance[static_cast<size_t>(3 * k + l)];
+  const optics::OpticalModel model(work.rig);
+  const double offset =
+      model.phase(0.5 * panel.width_px, 0.5 * panel.height_px, kGreen, {eye.x, eye.y, eye.z});
+  Effective out;
+  const double values[3] = {pitch, work.rig.sheet.slant, offset - std::round(offset)};
+  for (size_t i = 0; i < 3; ++i) {
+    out.estimates[i] = {values[i], std::sqrt(covariance[i][i])};
+    out.correlations.emplace_back();
+    for (size_t j = 0; j < 3; ++j) {
+      const double scale = std::sqrt(covariance[i][i] * covariance[j][j]);
+      out.correlations[i].push_back(scale > 0.0 ? covariance[i][j] / scale : i == j ? 1.0 : 0.0);
+    }
+  }
+  return out;
+}
+
+PanelField residual_field(const Work& work) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  PanelField field{work.fringes.columns, work.fringes.rows, {}};
+  field.values.assign(static_cast<size_t>(field.columns) * static_cast<size_t>(field.rows), kNone);
+  // Lenses seen minus lenses fitted: fringes count the other way round.
+  for (size_t i = 0; i < work.blocks.size(); ++i)
+    field.values[work.blocks[i].block] = -work.correction.residuals[i];
+  return field;
+}
+
+Viewpoint viewpoint_of(const Work& work, const Effective& effective) {
+  Viewpoint v;
+  v.name = "photograph";
+  v.eye_mm = work.pose->eye_mm;
+  v.eye_sigma_mm = work.pose->eye_sigma_mm;
+  v.tilt_degrees = work.pose->tilt_degrees;
+  v.effective_pitch_subpx = effective.estimates[0];
+  v.slant = effective.estimates[1];
+  v.effective_offset_lenses = effective.estimates[2];
+  v.contrast = median_contrast(work.blocks);
+  v.covered = std::min(work.fringes.covered, 1.0);
+  v.blocks = work.correction.used;
+  v.rms_lenses = work.correction.rms_lenses;
+  v.max_lenses = work.correction.max_lenses;
+  v.reprojection_rms_px = work.pose->corner_rms_px * work.averaged;
+  v.residual = residual_field(work);
+  return v;
+}
+
+/// At this eye only, which is all that is claimed.
+DriftPrediction drift_of(const Work& work) {
+  const std::array<double, 9>& c = work.correction.covariance;
+  DriftPrediction worst;
+  worst.eye_mm = work.pose->eye_mm;
+  for (const double x : {-0.5, 0.5}) {
+    for (const double y : {-0.5, 0.5}) {
+      const double variance =
+          c[0] + x * x * c[4] + y * y * c[8] + 2.0 * (x * c[1] + y * c[2] + x * y * c[5]);
+      const double off = 2.0 * std::sqrt(std::max(variance, 0.0));
+      if (off < worst.worst_lenses) continue;
+      worst.worst_lenses = off;
+      worst.panel_x_px = (x + 0.5) * work.rig.panel.width_px;
+      worst.panel_y_px = (y + 0.5) * work.rig.panel.height_px;
+    }
+  }
+  return worst;
+}
+
+void add_warnings(const Work& work, const SinglePhotoChart& chart, Calibration& out) {
+  if (work.tags.size() < chart.tags.size())
+    out.warnings.push_back(
+        fmt::format("{} of {} tags were found", work.tags.size(), chart.tags.size()));
+  if (work.correction.max_lenses > kWantedMaxLenses)
+    out.warnings.push_back(
+        fmt::format("the sheet is not even: up to {:.3f} lenses are left over, see the map of them",
+                    work.correction.max_lenses));
+  const size_t outliers = work.blocks.size() - static_cast<size_t>(work.correction.used);
+  if (20 * outliers > work.blocks.size())
+    out.warnings.push_back(
+        fmt::format("{} of {} blocks did not fit and were left out", outliers, work.blocks.size()));
+  if (const double sigma = work.pose->eye_sigma_mm.z; sigma > 0.03 * work.pose->eye_mm.z)
+    out.warnings.push_back(
+        fmt::format("how far the camera was is known to {:.0f} mm only: straight ahead, focal "
+                    "length and distance look the same",
+                    sigma));
+}
+
+/// What is known of the camera, also for a refusal.
+void add_camera(const Work& work, Calibration& out) {
+  if (!work.pose) return;
+  out.camera.focal_px = work.pose->focal_px * work.averaged;
+  out.camera.centre_x_px = work.pose->middle_px.x * work.averaged;
+  out.camera.centre_y_px = work.pose->middle_px.y * work.averaged;
+  out.camera.k1 = -work.pose->distortion;
+}
+
+void add_findings(const Work& work, const SinglePhotoChart& chart, Calibration& out) {
+  const Effective effective = effective_of(work);
+  const Vec3 eye = work.pose->eye_mm;
+  out.rig = work.rig;
+  double& offset = out.rig.sheet.offset.value;
+  offset -= std::round(offset);
+  out.rig.viewing = {Millimetres(eye.y), Millimetres(eye.z)};
+  out.viewpoints = {viewpoint_of(work, effective)};
+  out.parameters = {{"effective_pitch_subpx", "subpixels", effective.estimates[0]},
+                    {"slant", "px/px", effective.estimates[1]},
+                    {"effective_offset_lenses", "lenses", effective.estimates[2]}};
+  out.correlations = effective.correlations;
+  out.drift = drift_of(work);
+  out.verdict = Verdict::Effective;
+  out.reasons = {
+      "one photograph shows pitch and offset only as they are at its place; the gap is the one "
+      "assumed before"};
+  add_warnings(work, chart, out);
+}
+
+Refusal measure(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
+  if (Refusal refusal = find_camera(work, chart, priors)) return refusal;
+  if (Refusal refusal = find_fringes(work, chart)) return refusal;
+  if (Refusal refusal = fit_phases(work, chart)) return refusal;
+  if (const auto problem = optics::find_problem(work.rig))
+    return problem->key + " would be " + problem->cause;
+  return std::nullopt;
+}
+
+}  // namespace
+
+Calibration fit_single_photo(const CameraPicture& photograph, const SinglePhotoChart& chart,
+                             const PhotoPriors& priors) {
+  LENTICULE_CHECK(photograph.channels > 0 &&
+                  photograph.light.size() == static_cast<size_t>(photograph.width) *
+                                                 static_cast<size_t>(photograph.height) *
+                                                 static_cast<size_t>(photograph.channels));
+  const auto began = std::chrono::steady_clock::now();
+  Calibration out;
+  out.rig = chart.start;
+  Work work;
+  work.rig = chart.start;
+  average_down(photograph, work);
+  if (const Refusal refusal = measure(work, chart, priors)) {
+    out.reasons = {*refusal};
+  } else {
+    add_findings(work, chart, out);
+  }
+  add_camera(work, out);
+  out.seconds_computing =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
+  return out;
+}
+
+}  // namespace lenticule::calib

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/photo/tag_chart.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "calib/photo/tag_family.h"
+#include "frames/srgb.h"
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr double kPitchesPerCell = 12.0;
+constexpr double kLeastCellPx = 20.0;
+constexpr double kArmsLengthMm = 700.0;
+constexpr int kTagsAcross = 3;
+constexpr int kBands = 8;
+
+double effective_pitch(const optics::Rig& rig) {
+  const double z = rig.viewing.distance.value;
+  const double distance = std::isfinite(z) ? z : kArmsLengthMm;
+  return rig.sheet.pitch.value * (1.0 + rig.sheet.gap.value / distance);
+}
+
+/// Tags in the corners, in the middles of the sides and in the centre.
+std::vector<ChartTag> place_tags(const optics::Rig& rig) {
+  const double pitch_px = rig.sheet.pitch.value / 3.0;
+  const double cell = std::ceil(std::max(kLeastCellPx, kPitchesPerCell * pitch_px));
+  const double size = kTagCells * cell;
+  const double width = rig.panel.width_px, height = rig.panel.height_px;
+  // Fringes need at least as much room as tags.
+  if (2.0 * kTagsAcross * size > width || 1.5 * kTagsAcross * size > height)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} x {} pixels are too few for nine tags of {:.0f} pixels",
+                            rig.name.empty() ? "rig" : rig.name, width, height, size),
+                "calibrate with several photographs, which need no tags");
+  std::vector<ChartTag> tags;
+  for (int id = 0; id < kTagsAcross * kTagsAcross; ++id) {
+    const double across = (id % kTagsAcross) / (kTagsAcross - 1.0);
+    const double down = (id / kTagsAcross) / (kTagsAcross - 1.0);
+    tags.push_back({id, std::round(cell + across * (width - size - 2.0 * cell)),
+                    std::round(cell + down * (height - size - 2.0 * cell)), cell});
+  }
+  return tags;
+}
+
+void draw_tag(const ChartTag& tag, const TagFamily& family, frames::WovenFrame& frame) {
+  const std::vector<bool> white = family.cells(tag.id);
+  const int cell = static_cast<int>(tag.cell_px);
+  const int left = static_cast<int>(tag.left_px), top = static_cast<int>(tag.top_px);
+  for (int j = 0; j < kTagCells * cell; ++j) {
+    for (int i = 0; i < kTagCells * cell; ++i) {
+      const bool is_white = white[static_cast<size_t>(j / cell * kTagCells + i / cell)];
+      std::fill_n(frame.row(top + j) + 3 * static_cast<ptrdiff_t>(left + i), 3,
+                  is_white ? uint8_t{255} : uint8_t{0});
+    }
+  }
+}
+
+void draw_fringes(const SinglePhotoChart& chart, int j, uint8_t* row) {
+  const optics::Panel& panel = chart.start.panel;
+  const double direction = SinglePhotoChart::direction(chart.band_at(j + 0.5));
+  for (int i = 0; i < panel.width_px; ++i) {
+    for (int c = 0; c < 3; ++c) {
+      const Vec2 at = panel.subpixel_centre_px(i, j, c);
+      const double phase = chart.comb_phase(at.x, at.y, direction);
+      const double wave = std::cos(2.0 * std::numbers::pi * phase);
+      *row++ = frames::code_from_linear(0.5 + 0.5 * chart.contrast * wave);
+    }
+  }
+}
+
+}  // namespace
+
+std::array<Vec2, 4> ChartTag::corners_px() const {
+  const double near = kTagRimCells * cell_px, far = (kTagCells - kTagRimCells) * cell_px;
+  return {Vec2{left_px + near, top_px + far}, Vec2{left_px + far, top_px + far},
+          Vec2{left_px + far, top_px + near}, Vec2{left_px + near, top_px + near}};
+}
+
+bool ChartTag::covers(Vec2 panel_px, double margin_px) const {
+  const double size = kTagCells * cell_px;
+  const auto within = [&](double at, double begin) {
+    return at >= begin - margin_px && at <= begin + size + margin_px;
+  };
+  return within(panel_px.x, left_px) && within(panel_px.y, top_px);
+}
+
+int SinglePhotoChart::band_at(double y_px) const {
+  const int band = static_cast<int>(y_px * bands / start.panel.height_px);
+  return std::clamp(band, 0, bands - 1);
+}
+
+double SinglePhotoChart::comb_phase(double x_px, double y_px, double direction) const {
+  const double width = start.panel.width_px;
+  const double s =
+      3.0 * (x_px - 0.5 * width + start.sheet.slant * (y_px - 0.5 * start.panel.height_px));
+  return s * (1.0 / centre_pitch_subpx + direction * fringes / (3.0 * width));
+}
+
+SinglePhotoChart plan_single_photo_chart(const optics::Rig& start) {
+  optics::validate_rig(start, start.name.empty() ? "rig" : start.name);
+  constexpr double kDetuning = 0.03;
+  SinglePhotoChart chart;
+  chart.start = start;
+  chart.centre_pitch_subpx = effective_pitch(start);
+  const double lenses = 3.0 * start.panel.width_px / chart.centre_pitch_subpx;
+  chart.fringes = static_cast<int>(std::lround(std::clamp(kDetuning * lenses, 24.0, 60.0)));
+  chart.bands = kBands;
+  chart.tags = place_tags(start);
+  return chart;
+}
+
+frames::WovenFrame draw_single_photo_chart(const SinglePhotoChart& chart) {
+  const optics::Panel& panel = chart.start.panel;
+  frames::WovenFrame frame({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
+  for (int j = 0; j < panel.height_px; ++j) draw_fringes(chart, j, frame.row(j));
+  const TagFamily family;
+  for (const ChartTag& tag : chart.tags) draw_tag(tag, family, frame);
+  return frame;
+}
+
+}  // namespace lenticule::calib

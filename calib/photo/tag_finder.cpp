@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/photo/tag_finder.h"
+
+#include <apriltag/apriltag.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <memory>
+
+#include "calib/photo/tag_family.h"
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+struct Release {
+  void operator()(image_u8_t* picture) const { image_u8_destroy(picture); }
+  void operator()(apriltag_detector_t* detector) const { apriltag_detector_destroy(detector); }
+  void operator()(zarray_t* detections) const { apriltag_detections_destroy(detections); }
+};
+template <class T>
+using Owned = std::unique_ptr<T, Release>;
+
+/// The light that a two hundredth of the pixels exceeds: white, whatever glints there are.
+float white_level(const GreyPicture& picture) {
+  std::vector<float> light;
+  for (const float value : picture.light)
+    if (std::isfinite(value)) light.push_back(value);
+  if (light.empty()) return 1.0F;
+  const auto at = light.end() - 1 - static_cast<ptrdiff_t>(light.size() / 200);
+  std::nth_element(light.begin(), at, light.end());
+  return std::max(*at, 1e-6F);
+}
+
+/// Eight bits with a curve like the eye's, so that dark rooms keep their tags.
+Owned<image_u8_t> eight_bits(const GreyPicture& picture) {
+  Owned<image_u8_t> out(
+      image_u8_create(static_cast<unsigned>(picture.width), static_cast<unsigned>(picture.height)));
+  LENTICULE_CHECK(out != nullptr);
+  const float white = white_level(picture);
+  for (int j = 0; j < picture.height; ++j) {
+    for (int i = 0; i < picture.width; ++i) {
+      const float light =
+          picture.light[static_cast<size_t>(j) * static_cast<size_t>(picture.width) +
+                        static_cast<size_t>(i)];
+      const float share = light > 0.0F ? std::min(light / white, 1.0F) : 0.0F;  // NaN: black
+      out->buf[j * out->stride + i] = static_cast<uint8_t>(std::lround(255.0F * std::sqrt(share)));
+    }
+  }
+  return out;
+}
+
+TagSighting sighting_of(const apriltag_detection_t& detection) {
+  TagSighting sighting;
+  sighting.id = detection.id;
+  for (size_t corner = 0; corner < 4; ++corner)
+    sighting.corners_px[corner] = {detection.p[corner][0], detection.p[corner][1]};
+  return sighting;
+}
+
+bool is_credible(const apriltag_detection_t& detection, int count) {
+  constexpr int kMostWrongBits = 1;
+  constexpr float kLeastMargin = 15.0F;
+  return detection.id >= 0 && detection.id < count && detection.hamming <= kMostWrongBits &&
+         detection.decision_margin >= kLeastMargin;
+}
+
+}  // namespace
+
+std::vector<TagSighting> find_tags(const GreyPicture& picture, int count) {
+  constexpr int kLeastSide = 32;  // the library expects a picture of some size
+  if (picture.width < kLeastSide || picture.height < kLeastSide) return {};
+  const TagFamily family;  // outlives its detector
+  const Owned<apriltag_detector_t> detector(apriltag_detector_create());
+  LENTICULE_CHECK(detector != nullptr);
+  apriltag_detector_add_family_bits(detector.get(), family.get(), 1);
+  detector->nthreads = 1;
+  detector->quad_decimate = 1.0F;
+  const Owned<image_u8_t> grey = eight_bits(picture);
+  const Owned<zarray_t> found(apriltag_detector_detect(detector.get(), grey.get()));
+  std::map<int, const apriltag_detection_t*> best;
+  for (int i = 0; found && i < zarray_size(found.get()); ++i) {
+    apriltag_detection_t* detection = nullptr;
+    zarray_get(found.get(), i, &detection);
+    if (!is_credible(*detection, count)) continue;
+    const apriltag_detection_t*& kept = best[detection->id];
+    if (kept == nullptr || kept->decision_margin < detection->decision_margin) kept = detection;
+  }
+  std::vector<TagSighting> tags;
+  for (const auto& [id, detection] : best) tags.push_back(sighting_of(*detection));
+  return tags;
+}
+
+}  // namespace lenticule::calib

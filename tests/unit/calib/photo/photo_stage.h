@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Photographs of a panel under its sheet by the chief-ray model: each camera pixel gathers rays,
+// each ray meets a lens, and each lens shows what is where the eye sees it, blurred by its spot.
+#pragma once
+
+#include <cstdint>
+
+#include "calib/camera.h"
+#include "frames/frame.h"
+#include "optics/rig.h"
+#include "optics/vec.h"
+
+namespace lenticule::test {
+
+struct PhotoStage {
+  optics::Rig rig;  ///< the truth
+  int width = 1280;
+  int height = 720;
+  double focal_px = 1400.0;
+  Vec3 eye_mm{20.0, -15.0, 700.0};
+  double yaw_degrees = 0.0;
+  double roll_degrees = 0.0;
+  double distortion = 0.0;  ///< as PhotoPose has it
+  double noise = 0.0;       ///< standard deviation, of full scale
+  double gain = 0.8;        ///< light of a white panel
+  double ambient = 0.01;
+  int blur_px = 0;  ///< half width of a box, both ways, twice
+  bool eight_bits = true;
+  uint32_t seed = 1;
+};
+
+/// 27 inches, 3840 x 2160, about 1500 lenses.
+[[nodiscard]] optics::Rig desk_rig();
+
+[[nodiscard]] calib::CameraPicture photograph(const PhotoStage& stage,
+                                              const frames::WovenFrame& shown);
+
+}  // namespace lenticule::test
