@@ -35,10 +35,10 @@ Eigen::MatrixXd light_grid(const FringeSamples& fringes, const SinglePhotoChart&
   for (const FringeSample& sample : fringes.samples) {
     if (SinglePhotoChart::direction(fringes.band_of(sample.block, chart.bands)) != direction)
       continue;
-    const int c = std::clamp(static_cast<int>(double{sample.panel_x_px} * kColumns / panel.width_px), 0,
-                             kColumns - 1);
-    const int r =
-        std::clamp(static_cast<int>(double{sample.panel_y_px} * kRows / panel.height_px), 0, kRows - 1);
+    const int c = std::clamp(
+        static_cast<int>(double{sample.panel_x_px} * kColumns / panel.width_px), 0, kColumns - 1);
+    const int r = std::clamp(static_cast<int>(double{sample.panel_y_px} * kRows / panel.height_px),
+                             0, kRows - 1);
     sum(r, c) += sample.light - light[sample.block] / count[sample.block];
     n(r, c) += 1.0;
   }

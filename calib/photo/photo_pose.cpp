@@ -21,11 +21,14 @@ constexpr double kCornerSigmaPx = 0.3;
 struct Corner {
   Vec2 pixel;
   Vec2 panel_mm;
+  Vec2 from_middle_mm;  ///< of its tag
 };
 
 /// What the fit varies.
 struct Unknowns {
-  std::array<double, 2> lens{};      // log of the focal length, distortion
+  /// Log of the focal length, distortion, and by what part of their size all tags look larger than
+  /// they are: light spills over the edges of dark things.
+  std::array<double, 3> lens{};
   std::array<double, 3> rotation{};  // panel_from_camera, angle times axis
   std::array<double, 3> eye{};
 };
@@ -75,8 +78,9 @@ struct CornerError {
     ceres::AngleAxisRotatePoint(rotation, in_camera, in_panel);
     if (!(in_panel[2] < -1e-3) || !(eye[2] > 1.0)) return false;  // looks past the panel
     const Seen<T> seen = seen_along(in_panel, eye, gap, shape);
-    residual[0] = (seen.panel[0] - corner.panel_mm.x) * weight;
-    residual[1] = (seen.panel[1] - corner.panel_mm.y) * weight;
+    const T& larger = lens[2];
+    residual[0] = (seen.panel[0] - corner.panel_mm.x - larger * corner.from_middle_mm.x) * weight;
+    residual[1] = (seen.panel[1] - corner.panel_mm.y - larger * corner.from_middle_mm.y) * weight;
     return true;
   }
 };
@@ -98,9 +102,12 @@ std::vector<Corner> corners_of(const std::vector<TagSighting>& tags,
   const optics::Panel& panel = chart.start.panel;
   for (const TagSighting& tag : tags) {
     const auto on_panel = chart.tags[static_cast<size_t>(tag.id)].corners_px();
-    for (size_t i = 0; i < on_panel.size(); ++i)
-      corners.push_back(
-          {tag.corners_px[i], {panel.x_mm(on_panel[i].x), panel.y_mm(on_panel[i].y)}});
+    const Vec2 diagonal = on_panel[0] + on_panel[2];  // its middle, twice
+    for (size_t i = 0; i < on_panel.size(); ++i) {
+      const Vec2 at{panel.x_mm(on_panel[i].x), panel.y_mm(on_panel[i].y)};
+      const Vec2 middle{panel.x_mm(0.5 * diagonal.x), panel.y_mm(0.5 * diagonal.y)};
+      corners.push_back({tag.corners_px[i], at, at - middle});
+    }
   }
   return corners;
 }
@@ -151,13 +158,13 @@ Unknowns first_guess(const Similarity& similarity, const Beliefs& beliefs, Vec2 
       (std::complex(middle_px.x, -middle_px.y) - similarity.shift) / similarity.factor;
   guess.eye = {at.real(), at.imag(), beliefs.distance_mm.value};
   guess.rotation = {0.0, 0.0, -std::arg(similarity.factor)};
-  guess.lens = {std::log(std::abs(similarity.factor) * beliefs.distance_mm.value), 0.0};
+  guess.lens = {std::log(std::abs(similarity.factor) * beliefs.distance_mm.value), 0.0, 0.0};
   return guess;
 }
 
 void add_corners(ceres::Problem& problem, Unknowns& unknowns, const std::vector<Corner>& corners,
                  const optics::LensSheet& sheet, Vec2 middle_px, double pixels_per_mm) {
-  using Cost = ceres::AutoDiffCostFunction<CornerError, 2, 2, 3, 3>;
+  using Cost = ceres::AutoDiffCostFunction<CornerError, 2, 3, 3, 3>;
   for (const Corner& corner : corners)
     problem.AddResidualBlock(
         new Cost(new CornerError{corner, middle_px, sheet.gap.value, sheet.refraction_shape,
@@ -167,13 +174,15 @@ void add_corners(ceres::Problem& problem, Unknowns& unknowns, const std::vector<
 }
 
 void add_priors(ceres::Problem& problem, Unknowns& unknowns, const Beliefs& beliefs) {
-  using OnLens = ceres::AutoDiffCostFunction<Prior, 1, 2>;
+  using OnLens = ceres::AutoDiffCostFunction<Prior, 1, 3>;
   using OnEye = ceres::AutoDiffCostFunction<Prior, 1, 3>;
-  constexpr double kDistortionSigma = 0.1;
+  constexpr double kDistortionSigma = 0.1, kLargerSigma = 0.1;
   problem.AddResidualBlock(
       new OnLens(new Prior{0, beliefs.log_focal.value, beliefs.log_focal.sigma}), nullptr,
       unknowns.lens.data());
   problem.AddResidualBlock(new OnLens(new Prior{1, 0.0, kDistortionSigma}), nullptr,
+                           unknowns.lens.data());
+  problem.AddResidualBlock(new OnLens(new Prior{2, 0.0, kLargerSigma}), nullptr,
                            unknowns.lens.data());
   problem.AddResidualBlock(
       new OnEye(new Prior{2, beliefs.distance_mm.value, beliefs.distance_mm.sigma}), nullptr,
@@ -211,6 +220,7 @@ PhotoPose pose_of(const Unknowns& unknowns, Vec2 middle_px) {
   PhotoPose pose;
   pose.focal_px = std::exp(unknowns.lens[0]);
   pose.distortion = unknowns.lens[1];
+  pose.tags_larger = unknowns.lens[2];
   pose.middle_px = middle_px;
   ceres::AngleAxisToRotationMatrix(unknowns.rotation.data(),
                                    ceres::RowMajorAdapter3x3(pose.panel_from_camera.data()));
@@ -220,17 +230,26 @@ PhotoPose pose_of(const Unknowns& unknowns, Vec2 middle_px) {
   return pose;
 }
 
+/// How far a corner of a tag is from where the pose puts it, picture pixels.
+double corner_off_px(const PhotoPose& pose, const Corner& corner, const optics::Rig& rig,
+                     double pixels_per_mm) {
+  const Vec2 expected = corner.panel_mm + corner.from_middle_mm * pose.tags_larger;
+  const auto seen = pose.look(corner.pixel, rig);
+  if (!seen) return std::numeric_limits<double>::infinity();
+  return pixels_per_mm * std::hypot(rig.panel.x_mm(seen->panel_px.x) - expected.x,
+                                    rig.panel.y_mm(seen->panel_px.y) - expected.y);
+}
+
 void measure_corners(PhotoPose& pose, const std::vector<Corner>& corners, const optics::Rig& rig,
                      double pixels_per_mm) {
+  constexpr size_t kCornersPerTag = 4;
   double squares = 0.0;
-  for (const Corner& corner : corners) {
-    const auto seen = pose.look(corner.pixel, rig);
-    if (!seen) continue;
-    const double off =
-        pixels_per_mm * std::hypot(rig.panel.x_mm(seen->panel_px.x) - corner.panel_mm.x,
-                                   rig.panel.y_mm(seen->panel_px.y) - corner.panel_mm.y);
+  pose.tag_off_px.assign(corners.size() / kCornersPerTag, 0.0);
+  for (size_t i = 0; i < corners.size(); ++i) {
+    const double off = corner_off_px(pose, corners[i], rig, pixels_per_mm);
+    double& of_tag = pose.tag_off_px[i / kCornersPerTag];
+    of_tag = std::max(of_tag, off);
     squares += off * off;
-    pose.corner_max_px = std::max(pose.corner_max_px, off);
   }
   pose.corner_rms_px = std::sqrt(squares / static_cast<double>(corners.size()));
 }

@@ -29,9 +29,10 @@ struct PhotoPose {
   std::array<double, 9> panel_from_camera{};  ///< rotation, row by row
   Vec3 eye_mm;                                ///< E
   Vec3 eye_sigma_mm;                          ///< standard errors
-  double tilt_degrees = 0.0;                  ///< between the axis and the panel's normal
+  double tags_larger = 0.0;   ///< the part of their size by which blur makes tags look larger
+  double tilt_degrees = 0.0;  ///< between the axis and the panel's normal
   double corner_rms_px = 0.0;
-  double corner_max_px = 0.0;
+  std::vector<double> tag_off_px;  ///< per tag, in their order: the worst of its corners
 
   /// Empty where the pixel looks past the panel's plane.
   [[nodiscard]] std::optional<SheetPoint> look(Vec2 pixel, const optics::Rig& rig) const;

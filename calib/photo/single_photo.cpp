@@ -22,6 +22,7 @@ namespace {
 constexpr int kMostSide = 2600;
 constexpr int kGreen = 1;
 constexpr size_t kLeastTags = 5;
+constexpr double kMisplacedPx = 1.5;
 constexpr double kMostSaturated = 0.03;
 constexpr double kLeastCovered = 0.5;
 constexpr double kLeastContrast = 0.05;
@@ -38,6 +39,8 @@ struct Work {
   optics::Rig rig;  ///< as far as it is known
   std::vector<FringeBlock> blocks;
   PlaneCorrection correction;
+  /// How at, across and down change when the camera was one standard error farther away.
+  LensPlane farther;
 };
 
 /// Mean light of a square of pixels; clipped if one value in it is.
@@ -82,6 +85,39 @@ PhotoPriors scaled(PhotoPriors priors, int averaged) {
 /// The reason to stop, or nothing.
 using Refusal = std::optional<std::string>;
 
+/// Tags that something half hides are found, but not where they are.
+std::vector<TagSighting> without_misplaced(const Work& work) {
+  std::vector<double> off = work.pose->tag_off_px;
+  const auto middle = off.begin() + static_cast<ptrdiff_t>(off.size() / 2);
+  std::nth_element(off.begin(), middle, off.end());
+  const double most = std::max(4.0 * *middle, kMisplacedPx);
+  std::vector<TagSighting> kept;
+  for (size_t i = 0; i < work.tags.size(); ++i)
+    if (work.pose->tag_off_px[i] <= most) kept.push_back(work.tags[i]);
+  return kept;
+}
+
+Refusal place_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
+  const auto try_tags = [&] {
+    work.pose = find_pose(work.tags, chart, work.picture.width, work.picture.height,
+                          scaled(priors, work.averaged));
+  };
+  try_tags();
+  if (work.pose) {
+    const std::vector<TagSighting> kept = without_misplaced(work);
+    if (kept.size() >= kLeastTags && kept.size() < work.tags.size()) {
+      work.tags = kept;
+      try_tags();
+    }
+  }
+  if (!work.pose) return "the tags fit no place of a camera in front of the panel";
+  constexpr double kMostCornerPx = 3.0;
+  if (work.pose->corner_rms_px > kMostCornerPx)
+    return fmt::format("the tags are {:.1f} pixels off a flat panel seen by a plain lens",
+                       work.pose->corner_rms_px);
+  return std::nullopt;
+}
+
 Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   work.tags = find_tags(work.picture, static_cast<int>(chart.tags.size()));
   if (work.tags.size() < kLeastTags)
@@ -89,14 +125,7 @@ Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors
         "only {} of {} tags were found: the panel is not whole in the picture, too small in it, or "
         "out of focus",
         work.tags.size(), chart.tags.size());
-  work.pose = find_pose(work.tags, chart, work.picture.width, work.picture.height,
-                        scaled(priors, work.averaged));
-  if (!work.pose) return "the tags fit no place of a camera in front of the panel";
-  constexpr double kMostCornerPx = 3.0;
-  if (work.pose->corner_rms_px > kMostCornerPx)
-    return fmt::format("the tags are {:.1f} pixels off a flat panel seen by a plain lens",
-                       work.pose->corner_rms_px);
-  return std::nullopt;
+  return place_camera(work, chart, priors);
 }
 
 Refusal find_fringes(Work& work, const SinglePhotoChart& chart) {
@@ -156,35 +185,63 @@ Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
 
 // --- what the result says ------------------------------------------------------------------------
 
-/// Effective pitch, slant and offset with the covariance of the three.
+/// As the eye sees the sheet: the same plane over panel points, P being the effective pitch, and
+/// `at` the phase at the panel's centre.
+LensPlane effective_plane(const Work& work) {
+  const optics::Panel& panel = work.rig.panel;
+  const Vec3 eye = work.pose->eye_mm;
+  LensPlane plane = plane_of(work.rig);
+  const double wider = 1.0 + work.rig.sheet.gap.value / eye.z;
+  plane.across /= wider;
+  plane.down /= wider;
+  const optics::OpticalModel model(work.rig);
+  plane.at =
+      model.phase(0.5 * panel.width_px, 0.5 * panel.height_px, kGreen, {eye.x, eye.y, eye.z});
+  return plane;
+}
+
+using Matrix3 = std::array<std::array<double, 3>, 3>;
+
+/// Of at, across and down: the scatter of the blocks and the camera's distance.
+Matrix3 plane_covariance(const Work& work) {
+  const std::array<double, 3> farther = {work.farther.at, work.farther.across, work.farther.down};
+  Matrix3 out{};
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j)
+      out[i][j] = work.correction.covariance[3 * i + j] + farther[i] * farther[j];
+  return out;
+}
+
+/// Effective pitch, slant and offset with the correlations of the three.
 struct Effective {
   std::array<Estimate, 3> estimates;
   std::vector<std::vector<double>> correlations;
 };
 
-Effective effective_of(const Work& work) {
-  const LensPlane plane = plane_of(work.rig);
-  const optics::Panel& panel = work.rig.panel;
-  const Vec3 eye = work.pose->eye_mm;
-  const double pitch = work.rig.sheet.pitch.value * (1.0 + work.rig.sheet.gap.value / eye.z);
+/// Covariance of pitch, slant and offset from that of at, across and down.
+Matrix3 carried_over(const Matrix3& covariance, const LensPlane& plane,
+                     const optics::Panel& panel) {
   const double shape = double(panel.width_px) / panel.height_px;
-  // Rows: d(pitch, slant, offset) / d(at, across, down).
-  const double slopes[3][3] = {
-      {0.0, -pitch / plane.across, 0.0},
-      {0.0, -plane.down * shape / (plane.across * plane.across), shape / plane.across},
-      {1.0, 0.0, 0.0}};
-  double covariance[3][3] = {};
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      for (int k = 0; k < 3; ++k)
-        for (int l = 0; l < 3; ++l)
-          covariance[i][j] += slopes[i][k] * slopes[j][l] *
-                              work.correction.covariance[static_cast<size_t>(3 * k + l)];
-  const optics::OpticalModel model(work.rig);
-  const double offset =
-      model.phase(0.5 * panel.width_px, 0.5 * panel.height_px, kGreen, {eye.x, eye.y, eye.z});
+  const double pitch = 3.0 * panel.width_px / plane.across;
+  const Matrix3 slopes = {
+      {{0.0, -pitch / plane.across, 0.0},
+       {0.0, -plane.down * shape / (plane.across * plane.across), shape / plane.across},
+       {1.0, 0.0, 0.0}}};
+  Matrix3 out{};
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j)
+      for (size_t k = 0; k < 9; ++k)
+        out[i][j] += slopes[i][k / 3] * slopes[j][k % 3] * covariance[k / 3][k % 3];
+  return out;
+}
+
+Effective effective_of(const Work& work) {
+  const LensPlane plane = effective_plane(work);
+  const optics::Panel& panel = work.rig.panel;
+  const Matrix3 covariance = carried_over(plane_covariance(work), plane, panel);
+  const double values[3] = {3.0 * panel.width_px / plane.across, work.rig.sheet.slant,
+                            plane.at - std::round(plane.at)};
   Effective out;
-  const double values[3] = {pitch, work.rig.sheet.slant, offset - std::round(offset)};
   for (size_t i = 0; i < 3; ++i) {
     out.estimates[i] = {values[i], std::sqrt(covariance[i][i])};
     out.correlations.emplace_back();
@@ -227,13 +284,13 @@ Viewpoint viewpoint_of(const Work& work, const Effective& effective) {
 
 /// At this eye only, which is all that is claimed.
 DriftPrediction drift_of(const Work& work) {
-  const std::array<double, 9>& c = work.correction.covariance;
+  const Matrix3 c = plane_covariance(work);
   DriftPrediction worst;
   worst.eye_mm = work.pose->eye_mm;
   for (const double x : {-0.5, 0.5}) {
     for (const double y : {-0.5, 0.5}) {
-      const double variance =
-          c[0] + x * x * c[4] + y * y * c[8] + 2.0 * (x * c[1] + y * c[2] + x * y * c[5]);
+      const double variance = c[0][0] + x * x * c[1][1] + y * y * c[2][2] +
+                              2.0 * (x * c[0][1] + y * c[0][2] + x * y * c[1][2]);
       const double off = 2.0 * std::sqrt(std::max(variance, 0.0));
       if (off < worst.worst_lenses) continue;
       worst.worst_lenses = off;
@@ -292,12 +349,31 @@ void add_findings(const Work& work, const SinglePhotoChart& chart, Calibration& 
   add_warnings(work, chart, out);
 }
 
+/// The sheet bends light more at a small distance, and a photograph from straight ahead does not
+/// know its own: the answer is made again for a camera that stood farther away.
+void try_farther(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
+  const double sigma = work.pose->eye_sigma_mm.z;
+  if (!std::isfinite(sigma)) return;
+  Work other = work;
+  PhotoPriors farther = scaled(priors, work.averaged);
+  farther.focal_px.reset();
+  farther.distance_mm = {work.pose->eye_mm.z + sigma, 0.01};
+  other.pose = find_pose(work.tags, chart, work.picture.width, work.picture.height, farther);
+  if (!other.pose) return;
+  other.fringes = collect_fringes(other.picture, *other.pose, chart);
+  if (fit_phases(other, chart)) return;
+  const LensPlane here = effective_plane(work), there = effective_plane(other);
+  work.farther = {there.at - here.at - std::round(there.at - here.at), there.across - here.across,
+                  there.down - here.down};
+}
+
 Refusal measure(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   if (Refusal refusal = find_camera(work, chart, priors)) return refusal;
   if (Refusal refusal = find_fringes(work, chart)) return refusal;
   if (Refusal refusal = fit_phases(work, chart)) return refusal;
   if (const auto problem = optics::find_problem(work.rig))
     return problem->key + " would be " + problem->cause;
+  try_farther(work, chart, priors);
   return std::nullopt;
 }
 

@@ -33,7 +33,7 @@ float white_level(const GreyPicture& picture) {
   return std::max(*at, 1e-6F);
 }
 
-/// Eight bits with a curve like the eye's, so that dark rooms keep their tags.
+/// Eight bits of linear light: any other curve would move the edges of blurred tags.
 Owned<image_u8_t> eight_bits(const GreyPicture& picture) {
   Owned<image_u8_t> out(
       image_u8_create(static_cast<unsigned>(picture.width), static_cast<unsigned>(picture.height)));
@@ -45,7 +45,7 @@ Owned<image_u8_t> eight_bits(const GreyPicture& picture) {
           picture.light[static_cast<size_t>(j) * static_cast<size_t>(picture.width) +
                         static_cast<size_t>(i)];
       const float share = light > 0.0F ? std::min(light / white, 1.0F) : 0.0F;  // NaN: black
-      out->buf[j * out->stride + i] = static_cast<uint8_t>(std::lround(255.0F * std::sqrt(share)));
+      out->buf[j * out->stride + i] = static_cast<uint8_t>(std::lround(255.0F * share));
     }
   }
   return out;
