@@ -61,15 +61,33 @@ void draw_tag(const ChartTag& tag, const TagFamily& family, frames::WovenFrame& 
   }
 }
 
-void draw_fringes(const SinglePhotoChart& chart, int j, uint8_t* row) {
+/// Codes over one period. Its steps are so fine that light is right to 2e-4, a twentieth of the
+/// coarsest code.
+class Wave {
+ public:
+  explicit Wave(double contrast) {
+    for (size_t step = 0; step < codes_.size(); ++step) {
+      const double phase = static_cast<double>(step) / static_cast<double>(codes_.size());
+      codes_[step] =
+          frames::code_from_linear(0.5 + 0.5 * contrast * std::cos(2.0 * std::numbers::pi * phase));
+    }
+  }
+  [[nodiscard]] uint8_t code(double phase) const {
+    const double steps = (phase - std::floor(phase)) * static_cast<double>(codes_.size());
+    return codes_[static_cast<size_t>(steps + 0.5) % codes_.size()];
+  }
+
+ private:
+  std::array<uint8_t, 1 << 14> codes_{};
+};
+
+void draw_fringes(const SinglePhotoChart& chart, const Wave& wave, int j, uint8_t* row) {
   const optics::Panel& panel = chart.start.panel;
   const double direction = SinglePhotoChart::direction(chart.band_at(j + 0.5));
   for (int i = 0; i < panel.width_px; ++i) {
     for (int c = 0; c < 3; ++c) {
       const Vec2 at = panel.subpixel_centre_px(i, j, c);
-      const double phase = chart.comb_phase(at.x, at.y, direction);
-      const double wave = std::cos(2.0 * std::numbers::pi * phase);
-      *row++ = frames::code_from_linear(0.5 + 0.5 * chart.contrast * wave);
+      *row++ = wave.code(chart.comb_phase(at.x, at.y, direction));
     }
   }
 }
@@ -118,7 +136,8 @@ SinglePhotoChart plan_single_photo_chart(const optics::Rig& start) {
 frames::WovenFrame draw_single_photo_chart(const SinglePhotoChart& chart) {
   const optics::Panel& panel = chart.start.panel;
   frames::WovenFrame frame({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
-  for (int j = 0; j < panel.height_px; ++j) draw_fringes(chart, j, frame.row(j));
+  const Wave wave(chart.contrast);
+  for (int j = 0; j < panel.height_px; ++j) draw_fringes(chart, wave, j, frame.row(j));
   const TagFamily family;
   for (const ChartTag& tag : chart.tags) draw_tag(tag, family, frame);
   return frame;

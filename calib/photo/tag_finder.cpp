@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <memory>
+#include <utility>
 
 #include "calib/photo/tag_family.h"
 #include "optics/error.h"
@@ -66,6 +67,24 @@ bool is_credible(const apriltag_detection_t& detection, int count) {
          detection.decision_margin >= kLeastMargin;
 }
 
+/// The clearest sighting of each tag.
+using Best = std::map<int, std::pair<float, TagSighting>>;
+
+Best detect(apriltag_detector_t& detector, image_u8_t& picture, int count) {
+  const Owned<zarray_t> found(apriltag_detector_detect(&detector, &picture));
+  Best best;
+  for (int i = 0; found && i < zarray_size(found.get()); ++i) {
+    apriltag_detection_t* detection = nullptr;
+    zarray_get(found.get(), i, &detection);
+    if (!is_credible(*detection, count)) continue;
+    auto& [margin, sighting] = best[detection->id];
+    if (margin >= detection->decision_margin) continue;
+    margin = detection->decision_margin;
+    sighting = sighting_of(*detection);
+  }
+  return best;
+}
+
 }  // namespace
 
 std::vector<TagSighting> find_tags(const GreyPicture& picture, int count) {
@@ -78,17 +97,16 @@ std::vector<TagSighting> find_tags(const GreyPicture& picture, int count) {
   detector->nthreads = 1;
   detector->quad_decimate = 1.0F;
   const Owned<image_u8_t> grey = eight_bits(picture);
-  const Owned<zarray_t> found(apriltag_detector_detect(detector.get(), grey.get()));
-  std::map<int, const apriltag_detection_t*> best;
-  for (int i = 0; found && i < zarray_size(found.get()); ++i) {
-    apriltag_detection_t* detection = nullptr;
-    zarray_get(found.get(), i, &detection);
-    if (!is_credible(*detection, count)) continue;
-    const apriltag_detection_t*& kept = best[detection->id];
-    if (kept == nullptr || kept->decision_margin < detection->decision_margin) kept = detection;
+  Best all;
+  // Sharply first; what noise hides is searched for in softer pictures. Corners are always refined
+  // in the sharp one.
+  for (const float blur_px : {0.0F, 0.8F, 1.6F, 2.4F}) {
+    detector->quad_sigma = blur_px;
+    all.merge(detect(*detector, *grey, count));
+    if (all.size() == static_cast<size_t>(count)) break;
   }
   std::vector<TagSighting> tags;
-  for (const auto& [id, detection] : best) tags.push_back(sighting_of(*detection));
+  for (const auto& [id, sighting] : all) tags.push_back(sighting.second);
   return tags;
 }
 

@@ -29,8 +29,8 @@ h1 { font-size: 1.5em; margin: 0 0 .3em; } h2 { font-size: 1.15em; margin: 2em 0
 .refused { border-color: #b3261e; background: #fcebea; }
 table { border-collapse: collapse; font-size: .9em; }
 th, td { padding: .25em .7em; text-align: right; border-bottom: 1px solid #ddd;
-  font-variant-numeric: tabular-nums; }
-th { background: #f4f4f2; } .words td { text-align: left; } th:first-child, td:first-child { text-align: left; }
+  font-variant-numeric: tabular-nums; white-space: nowrap; } th { white-space: normal; }
+th { background: #f4f4f2; } .words td { text-align: left; white-space: normal; } th:first-child, td:first-child { text-align: left; }
 td.bad { background: #fbe3d6; font-weight: bold; }
 .wide { overflow-x: auto; }
 figure { display: inline-block; margin: 0 1.2em 1em 0; vertical-align: top; }
@@ -183,16 +183,22 @@ void add_correlations(Page& page, const Calibration& c) {
       "something.");
 }
 
-std::vector<Cell> viewpoint_row(const Viewpoint& v) {
+Cell name_of(const Viewpoint& v) {
+  return text(v.held_out ? v.name + " (kept aside)" : v.name);
+}
+
+std::vector<Cell> lens_row(const Viewpoint& v) {
+  return {name_of(v), text(with_error(v.effective_pitch_subpx)), text(with_error(v.slant)),
+          text(with_error(v.effective_offset_lenses))};
+}
+
+std::vector<Cell> quality_row(const Viewpoint& v) {
   const double most = v.held_out ? kWantedHeldOutMaxLenses : kWantedMaxLenses;
   Cell contrast = number(v.contrast, 2);
   contrast.bad = v.contrast < kWantedContrast;
-  return {text(v.held_out ? v.name + " (kept aside)" : v.name),
+  return {name_of(v),
           text(fmt::format("{:.0f}, {:.0f}, {:.0f}", v.eye_mm.x, v.eye_mm.y, v.eye_mm.z)),
           number(v.tilt_degrees, 1),
-          text(with_error(v.effective_pitch_subpx)),
-          text(with_error(v.slant)),
-          text(with_error(v.effective_offset_lenses)),
           contrast,
           number(100.0 * v.covered, 0),
           limited(v.rms_lenses, 4, v.held_out ? most : kWantedRmsLenses),
@@ -203,18 +209,23 @@ std::vector<Cell> viewpoint_row(const Viewpoint& v) {
 void add_viewpoints(Page& page, const Calibration& c) {
   if (c.viewpoints.empty()) return;
   page.heading("Seen from each place");
-  std::vector<std::vector<Cell>> rows;
-  for (const Viewpoint& v : c.viewpoints) rows.push_back(viewpoint_row(v));
+  std::vector<std::vector<Cell>> lenses, qualities;
+  for (const Viewpoint& v : c.viewpoints) {
+    lenses.push_back(lens_row(v));
+    qualities.push_back(quality_row(v));
+  }
   add_table(page,
-            {"place", "eye x, y, z (mm)", "tilt (\u00b0)", "effective pitch (subpixels)",
-             "slant (px/px)", "offset (lenses)", "contrast", "covered (%)",
+            {"place", "eye x, y, z (mm)", "tilt (\u00b0)", "contrast", "covered (%)",
              "left over, rms (lenses)", "left over, max (lenses)", "geometry, rms (px)"},
-            rows);
+            qualities);
   page.note(fmt::format(
       "Wanted: rms below {} and maximum below {} lenses where the fit looked, maximum below {} "
       "where it did not; contrast above {}. x is to the right, y up, z toward the viewer, from the "
       "middle of the sheet.",
       kWantedRmsLenses, kWantedMaxLenses, kWantedHeldOutMaxLenses, kWantedContrast));
+  add_table(page,
+            {"place", "effective pitch (subpixels)", "slant (px/px)", "effective offset (lenses)"},
+            lenses);
 }
 
 double shape_of(const optics::Panel& panel) {

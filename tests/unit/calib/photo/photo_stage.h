@@ -14,9 +14,9 @@ namespace lenticule::test {
 
 struct PhotoStage {
   optics::Rig rig;  ///< the truth
-  int width = 1280;
-  int height = 720;
-  double focal_px = 1400.0;
+  int width = 1024;
+  int height = 576;
+  double focal_px = 1120.0;
   Vec3 eye_mm{20.0, -15.0, 700.0};
   double yaw_degrees = 0.0;
   double roll_degrees = 0.0;
