@@ -12,6 +12,7 @@
 #include "calib/photo/fringe_blocks.h"
 #include "calib/photo/fringe_start.h"
 #include "calib/photo/phase_plane.h"
+#include "calib/photo/sheet_map.h"
 #include "calib/photo/tag_finder.h"
 #include "optics/error.h"
 #include "optics/model.h"
@@ -39,6 +40,7 @@ struct Work {
   optics::Rig rig;  ///< as far as it is known
   std::vector<FringeBlock> blocks;
   PlaneCorrection correction;
+  double uneven_lenses = 0.0;  ///< what was left over before the sheet's shape was mapped
   /// How at, across and down change when the camera was one standard error farther away.
   LensPlane farther;
 };
@@ -164,15 +166,27 @@ double median_contrast(const std::vector<FringeBlock>& blocks) {
   return *middle;
 }
 
-Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
-  work.blocks = measure_blocks(work.fringes, chart, work.rig);
-  improve(work, search_plane(work.blocks));
-  // Each time against a better plane, in which a block's own fringes are straighter.
+/// Each time against a better plane, in which a block's own fringes are straighter.
+void refine_plane(Work& work, const SinglePhotoChart& chart) {
   constexpr int kRounds = 3;
   for (int round = 0; round < kRounds; ++round) {
     work.blocks = measure_blocks(work.fringes, chart, work.rig);
     work.correction = fit_plane(work.blocks);
     improve(work, work.correction.add);
+  }
+}
+
+Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
+  work.blocks = measure_blocks(work.fringes, chart, work.rig);
+  improve(work, search_plane(work.blocks));
+  refine_plane(work, chart);
+  work.uneven_lenses = work.correction.max_lenses;
+  // What one map smooths away, the next one finds.
+  constexpr int kMaps = 3;
+  for (int map = 0; map < kMaps && work.correction.max_lenses > kWantedMaxLenses; ++map) {
+    work.rig.sheet.residual =
+        sum_of_maps(work.rig.sheet.residual, smooth_map(work.blocks, work.correction.residuals));
+    refine_plane(work, chart);
   }
   if (median_contrast(work.blocks) < kLeastContrast)
     return "the fringes are too faint: the picture is blurred or the room too bright";
@@ -305,10 +319,11 @@ void add_warnings(const Work& work, const SinglePhotoChart& chart, Calibration& 
   if (work.tags.size() < chart.tags.size())
     out.warnings.push_back(
         fmt::format("{} of {} tags were found", work.tags.size(), chart.tags.size()));
-  if (work.correction.max_lenses > kWantedMaxLenses)
+  if (work.uneven_lenses > kWantedMaxLenses)
     out.warnings.push_back(
-        fmt::format("the sheet is not even: up to {:.3f} lenses are left over, see the map of them",
-                    work.correction.max_lenses));
+        fmt::format("the sheet is not even: up to {:.3f} lenses, which the rig's map corrects for "
+                    "this eye; {:.3f} are left over",
+                    work.uneven_lenses, work.correction.max_lenses));
   const size_t outliers = work.blocks.size() - static_cast<size_t>(work.correction.used);
   if (20 * outliers > work.blocks.size())
     out.warnings.push_back(

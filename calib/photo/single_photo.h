@@ -14,10 +14,11 @@ namespace lenticule::calib {
 /// faint ones, clipped light, phases that fit no plane. Nothing is thrown for what a picture may
 /// hold. The viewpoint has the numbers of docs/optics.md: effective pitch P (1 + g/Ez), the phase
 /// at the panel's centre, what is left over per block. The rig has the pitch, slant and offset that
-/// show this to that eye with the gap that the chart's rig had; its viewing line goes through the
-/// eye. camera.k1 is how much a point one focal length off the axis is drawn outward.
-/// One photograph takes a second and some hundred megabytes at most: larger ones are averaged down
-/// to 2600 pixels along their longer side. Any thread, uses one.
+/// show this to that eye with the gap that the chart's rig had, a residual map where more than 0.02
+/// lenses are left over without one, and a viewing line through the eye. camera.k1 is how much a
+/// point one focal length off the axis is drawn outward. One photograph takes a second and some
+/// hundred megabytes at most: larger ones are averaged down to 2600 pixels along their longer side.
+/// Any thread, uses one.
 [[nodiscard]] Calibration fit_single_photo(const CameraPicture& photograph,
                                            const SinglePhotoChart& chart,
                                            const PhotoPriors& priors = {});

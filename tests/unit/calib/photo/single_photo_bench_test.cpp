@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// A single photograph by the simulated bench, whose rays are refracted by real cylinders: nothing
+// of it follows the formulas that are fitted.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/photo/single_photo.h"
+#include "calib/simulation/simulated_bench.h"
+#include "optics/model.h"
+#include "photo_stage.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr Nanoseconds kLong = std::chrono::seconds(10);
+
+SimulatedSheet bench_sheet() {
+  SimulatedSheet sheet;
+  sheet.pitch_subpx = 7.70123;
+  sheet.slant = 0.2521;
+  sheet.offset_lenses = 0.31;
+  return sheet;
+}
+
+SimulatedCamera bench_camera() {
+  SimulatedCamera camera;
+  camera.width = 960;
+  camera.height = 540;
+  camera.centre_x_px = 480.0;
+  camera.centre_y_px = 270.0;
+  camera.focal_px = 975.0;
+  camera.position_mm = {60.0, -25.0, 700.0};
+  camera.samples = 6;
+  camera.k1 = -0.02;
+  camera.jpeg_quality = 90;
+  return camera;
+}
+
+/// What somebody believes of that sheet.
+optics::Rig believed(const SimulatedSheet& sheet) {
+  optics::Rig rig = test::desk_rig();
+  const ChiefRay ray = chief_ray(sheet, 1);
+  rig.sheet.gap = Millimetres(ray.gap_mm);
+  rig.sheet.refraction_shape = ray.refraction_shape;
+  rig.sheet.pitch = Subpixels(sheet.pitch_subpx * 1.004);
+  rig.sheet.slant = sheet.slant - 0.004;
+  rig.sheet.offset = Lenses(0.0);
+  return rig;
+}
+
+Calibration calibrate(SimulatedBench& bench, const optics::Rig& start) {
+  const SinglePhotoChart chart = plan_single_photo_chart(start);
+  const frames::WovenFrame frame = draw_single_photo_chart(chart);
+  EXPECT_EQ(bench.sink().show(frame.view(), kLong), frames::ShowResult::Shown);
+  CameraPicture picture;
+  for (int settle = 0; settle < 4; ++settle)
+    EXPECT_EQ(bench.camera().grab(picture, kLong), GrabStatus::Ready);
+  PhotoPriors tape;
+  tape.distance_mm = Estimate{bench.camera_truth().position_mm.z, 3.0};
+  return fit_single_photo(picture, chart, tape);
+}
+
+/// Over the panel but its outermost twentieths, for the eye found against the eye there is.
+double worst_phase(const Calibration& found, const SimulatedBench& bench) {
+  const optics::OpticalModel model(found.rig);
+  const Vec3 eye = found.viewpoints.at(0).eye_mm;
+  double worst = 0.0;
+  for (int r = 0; r < 10; ++r) {
+    for (int c = 0; c < 16; ++c) {
+      const double x = 240.0 * (c + 0.5), y = 216.0 * (r + 0.5);
+      const double off = model.phase(x, y, 1, {eye.x, eye.y, eye.z}) -
+                         bench.truth_phase(x, y, 1, bench.camera_truth().position_mm);
+      worst = std::max(worst, std::abs(off - std::round(off)));
+    }
+  }
+  return worst;
+}
+
+TEST(SinglePhotoOnTheBench, FindsRealLenses) {
+  const SimulatedSheet sheet = bench_sheet();
+  const optics::Rig start = believed(sheet);
+  SimulatedBench bench(start.panel, sheet, {}, bench_camera(), 3);
+  const Calibration found = calibrate(bench, start);
+  ASSERT_EQ(found.verdict, Verdict::Effective) << found.reasons.at(0);
+  EXPECT_LT(worst_phase(found, bench), 0.006);
+  EXPECT_NEAR(found.viewpoints[0].slant.value, sheet.slant, 5e-6);
+  EXPECT_NEAR(found.viewpoints[0].eye_mm.x, 60.0, 3.0);
+  EXPECT_NEAR(found.viewpoints[0].eye_mm.y, -25.0, 3.0);
+  EXPECT_NEAR(found.camera.k1, -0.02, 0.01);
+}
+
+TEST(SinglePhotoOnTheBench, MapsASheetThatIsNotEven) {
+  SimulatedSheet sheet = bench_sheet();
+  sheet.deformation_lenses = 0.1;
+  const optics::Rig start = believed(sheet);
+  SimulatedBench bench(start.panel, sheet, {}, bench_camera(), 3);
+  const Calibration found = calibrate(bench, start);
+  ASSERT_EQ(found.verdict, Verdict::Effective) << found.reasons.at(0);
+  EXPECT_FALSE(found.rig.sheet.residual.empty());
+  EXPECT_FALSE(optics::find_problem(found.rig));
+  EXPECT_LT(worst_phase(found, bench), 0.05);  // in the corners, under the tags
+}
+
+}  // namespace
+}  // namespace lenticule::calib
