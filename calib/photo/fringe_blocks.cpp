@@ -166,7 +166,7 @@ optics::Rig with_plane(optics::Rig rig, const LensPlane& plane) {
   return rig;
 }
 
-FringeSamples collect_fringes(const GreyPicture& picture, const PhotoPose& pose,
+FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
                               const SinglePhotoChart& chart) {
   const BlockGrid grid(chart);
   FringeSamples out{kColumns, grid.rows(), {}, 0.0, 0.0};

@@ -47,7 +47,7 @@ struct FringeSamples {
 };
 
 /// The pixels that look at fringes: not at tags, nor near the border of a band.
-[[nodiscard]] FringeSamples collect_fringes(const GreyPicture& picture, const PhotoPose& pose,
+[[nodiscard]] FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
                                             const SinglePhotoChart& chart);
 
 /// How the fringes of one block differ from those that a lens plane predicts.

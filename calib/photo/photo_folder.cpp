@@ -133,7 +133,7 @@ PhotoFolder::PhotoFolder(const std::filesystem::path& folder, size_t wanted)
       "whether exposure, focus and colour were held still is the photographer's word"};
 }
 
-GrabStatus PhotoFolder::grab(CameraPicture& out, Nanoseconds /*timeout*/) {
+GrabStatus PhotoFolder::grab(CameraPicture& out, Nanoseconds, Nanoseconds) {
   if (!failure_.empty()) return GrabStatus::Gone;
   if (next_ == files_.size()) {
     failure_ = fmt::format("{}: there are no more than {} photographs", facts_.name, files_.size());

@@ -27,7 +27,8 @@ class PhotoFolder final : public Camera {
   [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
   /// Never waits: the next photograph at once. Gone after the last, and for one that changed since
   /// the folder was opened.
-  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout) override;
+  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout,
+                                Nanoseconds not_before = Nanoseconds::min()) override;
   /// Photographs know no clock here: the first is taken at 0 s, the next at 1 s, and now is when
   /// the next one is taken.
   [[nodiscard]] Nanoseconds now() const override;

@@ -32,7 +32,7 @@ constexpr double kWantedMaxLenses = 0.02;
 
 /// Everything on the way, so that a refusal can show how far it came.
 struct Work {
-  GreyPicture picture;
+  PhotoLight picture;
   int averaged = 1;  ///< pixels of the photograph along the side of one of `picture`
   std::vector<TagSighting> tags;
   std::optional<PhotoPose> pose;

@@ -24,7 +24,7 @@ template <class T>
 using Owned = std::unique_ptr<T, Release>;
 
 /// The light that a two hundredth of the pixels exceeds: white, whatever glints there are.
-float white_level(const GreyPicture& picture) {
+float white_level(const PhotoLight& picture) {
   std::vector<float> light;
   for (const float value : picture.light)
     if (std::isfinite(value)) light.push_back(value);
@@ -35,7 +35,7 @@ float white_level(const GreyPicture& picture) {
 }
 
 /// Eight bits of linear light: any other curve would move the edges of blurred tags.
-Owned<image_u8_t> eight_bits(const GreyPicture& picture) {
+Owned<image_u8_t> eight_bits(const PhotoLight& picture) {
   Owned<image_u8_t> out(
       image_u8_create(static_cast<unsigned>(picture.width), static_cast<unsigned>(picture.height)));
   LENTICULE_CHECK(out != nullptr);
@@ -87,7 +87,7 @@ Best detect(apriltag_detector_t& detector, image_u8_t& picture, int count) {
 
 }  // namespace
 
-std::vector<TagSighting> find_tags(const GreyPicture& picture, int count) {
+std::vector<TagSighting> find_tags(const PhotoLight& picture, int count) {
   constexpr int kLeastSide = 32;  // the library expects a picture of some size
   if (picture.width < kLeastSide || picture.height < kLeastSide) return {};
   const TagFamily family;  // outlives its detector

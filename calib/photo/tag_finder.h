@@ -10,7 +10,7 @@
 namespace lenticule::calib {
 
 /// Light of one channel, rows from the top.
-struct GreyPicture {
+struct PhotoLight {
   int width = 0;
   int height = 0;
   std::vector<float> light;
@@ -25,6 +25,6 @@ struct TagSighting {
 /// Tags with ids 0 to `count` - 1, each once: the clearest of several. Sorted by id. Where some are
 /// missing, softer copies of the picture are searched, too. Light that is not finite counts as
 /// black. Any thread, uses one.
-[[nodiscard]] std::vector<TagSighting> find_tags(const GreyPicture& picture, int count);
+[[nodiscard]] std::vector<TagSighting> find_tags(const PhotoLight& picture, int count);
 
 }  // namespace lenticule::calib

@@ -21,9 +21,9 @@ using test::desk_rig;
 constexpr int kPixelsSeenAsOne = 3;
 
 /// From so far away that three by three pixels look like one.
-GreyPicture as_seen_without_a_sheet(const frames::WovenFrame& frame) {
+PhotoLight as_seen_without_a_sheet(const frames::WovenFrame& frame) {
   constexpr int kSide = kPixelsSeenAsOne;
-  GreyPicture picture{frame.width() / kSide, frame.height() / kSide, {}};
+  PhotoLight picture{frame.width() / kSide, frame.height() / kSide, {}};
   for (int j = 0; j < picture.height; ++j) {
     for (int i = 0; i < picture.width; ++i) {
       double sum = 0.0;
