@@ -14,8 +14,8 @@ namespace lenticule::calib {
 namespace {
 
 constexpr size_t kJitterSets = 1024;
+constexpr size_t kQuantiles = 4096;
 constexpr double kMarginPx = 8.0;      // panel pixels around the panel that are traced too
-constexpr size_t kCopyStride = 5;      // prime to the usual numbers of samples
 constexpr double kBubbleSpread = 1.5;  // lens pitches
 
 /// Where in its pixel and in the pupil one ray starts.
@@ -36,22 +36,29 @@ double blur_below(double place, double sigma) {
   return primitive(place + 0.5) - primitive(place - 0.5);
 }
 
-double blur_quantile(double part, double sigma) {
-  double low = -0.5 - 8.0 * sigma;
-  double high = -low;
-  for (int step = 0; step < 30; ++step) {
-    const double middle = 0.5 * (low + high);
-    (blur_below(middle, sigma) < part ? low : high) = middle;
+/// Places below which 1/2, 3/2, ... steps of the blur lie: its quantiles, dense enough for samples.
+std::vector<double> blur_quantiles(double sigma) {
+  std::vector<double> places(kQuantiles);
+  for (size_t step = 0; step < kQuantiles; ++step) {
+    const double part = (static_cast<double>(step) + 0.5) / kQuantiles;
+    double low = -0.5 - 8.0 * sigma;
+    double high = -low;
+    for (int halving = 0; halving < 40; ++halving) {
+      const double middle = 0.5 * (low + high);
+      (blur_below(middle, sigma) < part ? low : high) = middle;
+    }
+    places[step] = 0.5 * (low + high);
   }
-  return 0.5 * (low + high);
+  return places;
 }
 
 /// Sets of jitters; each pixel picks one by chance. Within a set the places in the pixel follow an
 /// additive sequence with the plastic number, which leaves no large holes.
 std::vector<Jitter> make_jitters(const SimulatedCamera& camera, uint64_t seed) {
   PortableRandom random(seed);
+  const std::vector<double> quantiles = blur_quantiles(camera.psf_sigma_px);
   std::vector<Jitter> jitters;
-  for (size_t set = 0; set < kJitterSets; ++set) {
+  for (size_t set = 0; set < kJitterSets + kMosaicCopies; ++set) {
     const double start_x = random.uniform();
     const double start_y = random.uniform();
     for (int sample = 0; sample < camera.samples; ++sample) {
@@ -60,8 +67,8 @@ std::vector<Jitter> make_jitters(const SimulatedCamera& camera, uint64_t seed) {
       const double y = std::modf(start_y + sample * 0.5698402909980532, &whole);
       const double radius = std::sqrt(random.uniform());
       const double angle = random.uniform(0.0, 2.0 * std::numbers::pi);
-      jitters.push_back({blur_quantile(x, camera.psf_sigma_px),
-                         blur_quantile(y, camera.psf_sigma_px), radius * std::cos(angle),
+      jitters.push_back({quantiles[static_cast<size_t>(x * kQuantiles)],
+                         quantiles[static_cast<size_t>(y * kQuantiles)], radius * std::cos(angle),
                          radius * std::sin(angle)});
     }
   }
@@ -84,6 +91,7 @@ struct Scene {
   const CameraRays& rays;
   const std::vector<Jitter>& jitters;
   const std::array<double, 3>& indices;  // of the sheet, by colour
+  Vec2 px_per_mm;                        // of the panel, whose rows count down
   uint64_t seed;
 };
 
@@ -109,6 +117,7 @@ class PixelTracer {
   PixelTracer(const Scene& scene, const Footprint& footprint, int column, int row)
       : scene_(scene),
         footprint_(footprint),
+        centre_px_{scene.panel.x_px(footprint.centre.x), scene.panel.y_px(footprint.centre.y)},
         colour_(mosaic_colour(scene.camera, column, row)),
         lenses_(scene.shape.lenses_at(footprint.centre, colour_)),
         across_(lenses_.across()),
@@ -120,6 +129,7 @@ class PixelTracer {
   /// Appends the subpixels that are hit; how many.
   uint16_t trace(std::vector<SubpixelId>& subpixels) {
     const auto samples = static_cast<size_t>(scene_.camera.samples);
+    // The sets that follow are for the copies; there are that many more sets than are chosen from.
     const Jitter* jitters = &scene_.jitters[chance_ % kJitterSets * samples];
     const size_t before = subpixels.size();
     for (size_t sample = 0; sample < samples; ++sample) {
@@ -133,7 +143,7 @@ class PixelTracer {
       const std::optional<Vec2> shift = shift_of_ray(moved, direction);
       if (!shift) continue;
       for (size_t copy = 0; copy < kMosaicCopies; ++copy) {
-        const Jitter& other = jitters[(sample + copy * kCopyStride) % samples];
+        const Jitter& other = jitters[copy * samples + sample];
         add_mosaic_hit(along_lens(moved, moved_by(other)) + *shift, copy == 0, subpixels);
       }
     }
@@ -187,8 +197,8 @@ class PixelTracer {
   }
 
   [[nodiscard]] std::optional<SubpixelId> find_at(Vec2 moved) const {
-    const Vec2 point = footprint_.centre + moved;
-    return scene_.finder.find(scene_.panel.x_px(point.x), scene_.panel.y_px(point.y));
+    return scene_.finder.find(centre_px_.x + moved.x * scene_.px_per_mm.x,
+                              centre_px_.y + moved.y * scene_.px_per_mm.y);
   }
 
   /// From the point of the apex surface at which a ray aims to where it lands, millimetres.
@@ -214,6 +224,7 @@ class PixelTracer {
 
   const Scene& scene_;
   Footprint footprint_;
+  Vec2 centre_px_;
   int colour_;
   LocalLenses lenses_;
   Vec2 across_;
@@ -285,7 +296,8 @@ SampleMap::SampleMap(const optics::Panel& true_panel, const SheetShape& shape,
   const CameraRays rays(camera);
   const std::vector<Jitter> jitters = make_jitters(camera, seed);
   const std::array<double, 3>& indices = shape.sheet().index;
-  const Scene scene{true_panel, shape, finder, camera, rays, jitters, indices, seed};
+  const Vec2 px_per_mm{1.0 / true_panel.pixel_width.value, -1.0 / true_panel.pixel_height.value};
+  const Scene scene{true_panel, shape, finder, camera, rays, jitters, indices, px_per_mm, seed};
   for_rows(camera.height, threads,
            [&](int row) { rows_[static_cast<size_t>(row)] = trace_row(scene, row); });
 }

@@ -21,7 +21,7 @@ using LightTable = std::array<std::array<std::array<float, 256>, 3>, 3>;
 /// A lens is the same all along its axis. So every ray of a mosaic pixel stands for this many, slid
 /// along the lens: else most rays would be lost on the two other colours, and white would look
 /// coarse. Rays that hit another colour than the pixel's are kept once only.
-inline constexpr size_t kMosaicCopies = 4;
+inline constexpr size_t kMosaicCopies = 6;
 
 /// What one row of the camera sees.
 struct SampleRow {
