@@ -37,7 +37,8 @@ struct SimulatedSheet {
 };
 
 /// What counts as the middle of the light of a lens. The two differ where aberrations make the spot
-/// lopsided: by a hundredth of a lens at most for usual sheets.
+/// lopsided: over 200 random sheets by up to 0.004 lens for an eye before the middle of a 27-inch
+/// panel 700 mm away, by up to 0.05 lens at the far edge for an eye 250 mm to the side.
 enum class LightMiddle {
   Centroid,     ///< the mean of where rays land
   FringePhase,  ///< the phase of fringes as wide as the lens: what phase stepping can measure
