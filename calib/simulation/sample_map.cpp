@@ -7,8 +7,8 @@
 #include <numbers>
 #include <optional>
 
-#include "calib/simulation/helpers.h"
 #include "calib/simulation/portable_random.h"
+#include "calib/simulation/row_threads.h"
 
 namespace lenticule::calib {
 namespace {

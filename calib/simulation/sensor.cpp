@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/simulation/helpers.h"
 #include "calib/simulation/jpeg_round_trip.h"
 #include "calib/simulation/portable_random.h"
+#include "calib/simulation/row_threads.h"
 #include "calib/simulation/sample_map.h"
 #include "frames/srgb.h"
 

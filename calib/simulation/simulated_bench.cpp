@@ -10,9 +10,9 @@
 
 #include "calib/simulation/camera_rays.h"
 #include "calib/simulation/driven_panel.h"
-#include "calib/simulation/helpers.h"
 #include "calib/simulation/light_timing.h"
 #include "calib/simulation/portable_random.h"
+#include "calib/simulation/row_threads.h"
 #include "calib/simulation/sample_map.h"
 #include "calib/simulation/sensor.h"
 #include "calib/simulation/sheet_shape.h"
@@ -192,6 +192,10 @@ void SimulatedBench::Impl::move_camera(Vec3 position_mm, Vec3 look_at_mm, double
 }
 
 void SimulatedBench::Impl::set_thermal_stretch(double relative) {
+  if (!(std::abs(relative) <= 0.1)) {
+    throw Error(ErrorKind::Input, "simulated sheet: thermal stretch: out of range",
+                "it must be -0.1 to 0.1");
+  }
   shape_ = SheetShape(panel_, sheet_, relative);
   forget_viewpoint();
 }
@@ -354,6 +358,7 @@ SimulatedBench::SimulatedBench(const optics::Panel& panel, const SimulatedSheet&
                                const SimulatedPanelLink& link, const SimulatedCamera& camera,
                                uint64_t seed) {
   check_sheet(sheet, panel);
+  check_link(link);
   check_camera(camera);
   impl_ = std::make_unique<Impl>(panel, sheet, link, camera, seed);
 }

@@ -39,7 +39,7 @@ class SimulatedBench {
 
   /// Where the camera is from now on. Throws Error(Input) if it is not in front of the panel.
   void move_camera(Vec3 position_mm, Vec3 look_at_mm, double roll_degrees);
-  /// The sheet grows by this part about the panel's centre.
+  /// The sheet grows by this part about the panel's centre; throws Error(Input) beyond a tenth.
   void set_thermal_stretch(double relative);
   /// The camera is Gone after this many more pictures.
   void unplug_after(int pictures);

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "calib/simulation/simulated_camera.h"
+#include "calib/simulation/simulated_link.h"
 #include "calib/simulation/simulated_sheet.h"
 #include "optics/error.h"
 
@@ -37,7 +38,57 @@ void check_lens(const SimulatedSheet& sheet, const optics::Panel& panel) {
   require(within(sheet.air_gap_mm, 0.0, 1e3), object, "air_gap_mm", "0 or more");
 }
 
+void check_panel(const optics::Panel& panel) {
+  const char* object = "simulated panel";
+  require(within(panel.width_px, 1, 32768), object, "width_px", "1 to 32768");
+  require(within(panel.height_px, 1, 32768), object, "height_px", "1 to 32768");
+  // Numbers of subpixels have 32 bits.
+  require(double{1} * panel.width_px * panel.height_px <= 0x1p28, object, "width_px",
+          "so that the panel has 2^28 pixels at most");
+  require(within(panel.pixel_width.value, 1e-3, 100.0), object, "pixel_width", "positive");
+  require(within(panel.pixel_height.value, 1e-3, 100.0), object, "pixel_height", "positive");
+}
+
+void check_light(const SimulatedCamera& camera) {
+  const char* object = "simulated camera";
+  require(within(camera.white_light, 0.0, 100.0), object, "white_light", "0 to 100");
+  require(within(camera.ambient, 0.0, 100.0), object, "ambient", "0 to 100");
+  require(within(camera.read_noise, 0.0, 1.0), object, "read_noise", "0 to 1");
+  require(within(camera.shot_noise, 0.0, 1.0), object, "shot_noise", "0 to 1");
+  require(within(camera.gain_drift, 0.0, 1.0), object, "gain_drift", "0 to 1");
+  require(within(camera.row_banding, 0.0, 1.0), object, "row_banding", "0 to 1");
+  require(within(camera.gamma, 0.1, 10.0), object, "gamma", "0.1 to 10");
+  require(within(camera.jpeg_quality, 0, 100), object, "jpeg_quality", "0 to 100");
+  for (const auto& row : camera.response) {
+    for (const double part : row) require(within(part, 0.0, 100.0), object, "response", "0 to 100");
+  }
+  for (const double part : {camera.highlight_x, camera.highlight_y, camera.highlight_half_width,
+                            camera.highlight_half_height}) {
+    require(within(part, -10.0, 10.0), object, "highlight", "-10 to 10");
+  }
+}
+
+void check_time(const SimulatedCamera& camera) {
+  const char* object = "simulated camera";
+  require(within(camera.frames_per_second, 0.1, 10000.0), object, "frames_per_second",
+          "0.1 to 10000");
+  require(within(camera.exposure_ms, 0.001, 10000.0), object, "exposure_ms", "positive");
+  require(within(camera.rolling_shutter_ms, 0.0, 1000.0), object, "rolling_shutter_ms",
+          "0 to 1000");
+  require(within(camera.shake_mm, 0.0, 100.0), object, "shake_mm", "0 to 100");
+}
+
 }  // namespace
+
+void check_link(const SimulatedPanelLink& link) {
+  const char* object = "simulated link";
+  require(within(link.eotf_exponent, 0.0, 10.0), object, "eotf_exponent", "0 to 10");
+  require(within(link.refresh_hz, 0.1, 10000.0), object, "refresh_hz", "0.1 to 10000");
+  require(within(link.response_ms, 0.0, 10000.0), object, "response_ms", "0 to 10000");
+  require(within(link.scan_out_ms, 0.0, 10000.0), object, "scan_out_ms", "0 to 10000");
+  require(within(link.pwm_hz, 0.0, 1e6), object, "pwm_hz", "0 to 1000000");
+  require(within(link.pwm_duty, 0.01, 1.0), object, "pwm_duty", "0.01 to 1");
+}
 
 ChiefRay chief_ray(const SimulatedSheet& sheet, int channel) {
   if (sheet.lens_toward_panel) return {sheet.air_gap_mm, 1.0};
@@ -49,6 +100,7 @@ ChiefRay chief_ray(const SimulatedSheet& sheet, int channel) {
 
 void check_sheet(const SimulatedSheet& sheet, const optics::Panel& panel) {
   const char* object = "simulated sheet";
+  check_panel(panel);
   check_lens(sheet, panel);
   require(within(sheet.deformation_lenses, 0.0, 1.0), object, "deformation_lenses", "0 to 1");
   require(within(sheet.gap_bow, -0.5, 0.5), object, "gap_bow", "-0.5 to 0.5");
@@ -65,6 +117,8 @@ void check_camera(const SimulatedCamera& camera) {
   require(within(camera.width, 2, 16384), object, "width", "2 to 16384");
   require(within(camera.height, 2, 16384), object, "height", "2 to 16384");
   require(within(camera.focal_px, 1.0, 1e6), object, "focal_px", "positive");
+  require(within(camera.centre_x_px, -1e6, 1e6), object, "centre_x_px", "finite");
+  require(within(camera.centre_y_px, -1e6, 1e6), object, "centre_y_px", "finite");
   require(within(camera.k1, -0.3, 0.3), object, "k1", "-0.3 to 0.3");
   require(within(camera.k2, -0.3, 0.3), object, "k2", "-0.3 to 0.3");
   require(is_finite(camera.position_mm) && camera.position_mm.z > 1.0, object, "position_mm",
@@ -75,16 +129,8 @@ void check_camera(const SimulatedCamera& camera) {
   require(within(camera.pupil_mm, 0.0, 100.0), object, "pupil_mm", "0 to 100");
   require(within(camera.psf_sigma_px, 0.0, 100.0), object, "psf_sigma_px", "0 to 100");
   require(within(camera.samples, 1, 255), object, "samples", "1 to 255");
-  require(within(camera.white_light, 0.0, 100.0), object, "white_light", "0 or more");
-  require(within(camera.read_noise, 0.0, 1.0), object, "read_noise", "0 to 1");
-  require(within(camera.shot_noise, 0.0, 1.0), object, "shot_noise", "0 to 1");
-  require(within(camera.gamma, 0.1, 10.0), object, "gamma", "0.1 to 10");
-  require(within(camera.jpeg_quality, 0, 100), object, "jpeg_quality", "0 to 100");
-  require(within(camera.frames_per_second, 0.1, 10000.0), object, "frames_per_second", "positive");
-  require(within(camera.exposure_ms, 0.001, 10000.0), object, "exposure_ms", "positive");
-  require(within(camera.rolling_shutter_ms, 0.0, 1000.0), object, "rolling_shutter_ms",
-          "0 to 1000");
-  require(within(camera.shake_mm, 0.0, 100.0), object, "shake_mm", "0 to 100");
+  check_light(camera);
+  check_time(camera);
 }
 
 }  // namespace lenticule::calib

@@ -26,4 +26,7 @@ struct SimulatedPanelLink {
   double pwm_duty = 0.5;     ///< lit part of a PWM period; the mean light stays the same
 };
 
+/// Throws Error(Input) for a link that cannot be.
+void check_link(const SimulatedPanelLink& link);
+
 }  // namespace lenticule::calib

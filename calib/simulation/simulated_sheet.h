@@ -53,7 +53,7 @@ struct ChiefRay {
 [[nodiscard]] ChiefRay chief_ray(const SimulatedSheet& sheet, int channel);
 
 /// Throws Error(Input) for a sheet that cannot be: non-finite, lenses wider than their cylinders,
-/// an index below 1, a thickness of nothing.
+/// an index below 1, a thickness of nothing; and for a panel that cannot be.
 void check_sheet(const SimulatedSheet& sheet, const optics::Panel& panel);
 
 }  // namespace lenticule::calib

@@ -333,7 +333,6 @@ TEST(SimulatedCamera, IsGoneWhenUnplugged) {
 
 TEST(SimulatedCamera, RepeatsItselfBySeedWhateverTheThreads) {
   Stage stage;
-  PortableRandom random(7);
   stage.sheet.bubbles = 0.05;
   stage.sheet.deformation_lenses = 0.1;
   stage.camera.bayer = true;
@@ -382,6 +381,14 @@ TEST(SimulatedBench, RefusesWhatCannotBe) {
   stage.sheet.thickness_mm = std::nan("");
   EXPECT_THROW((void)stage.see(stage.grey(0)), Error);
   stage = Stage();
+  stage.link.pwm_duty = 0.0;
+  EXPECT_THROW((void)stage.see(stage.grey(0)), Error);
+  stage = Stage();
+  stage.camera.ambient = std::nan("");
+  EXPECT_THROW((void)stage.see(stage.grey(0)), Error);
+  stage = Stage();
+  SimulatedBench bench = stage.bench();
+  EXPECT_THROW(bench.set_thermal_stretch(std::nan("")), Error);
   stage.camera.samples = 0;
   EXPECT_THROW((void)stage.see(stage.grey(0)), Error);
 }

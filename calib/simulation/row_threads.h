@@ -2,10 +2,7 @@
 // Splits the rows of a picture among a few threads.
 #pragma once
 
-#include <exception>
 #include <functional>
-#include <thread>
-#include <vector>
 
 namespace lenticule::calib {
 

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Threads that live for one picture.
-#include "calib/simulation/helpers.h"
+#include "calib/simulation/row_threads.h"
+
+#include <exception>
+#include <thread>
+#include <vector>
 
 namespace lenticule::calib {
 
