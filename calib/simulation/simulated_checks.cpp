@@ -109,7 +109,7 @@ void check_sheet(const SimulatedSheet& sheet, const optics::Panel& panel) {
           "curve_radius_mm", "0 or at least the panel's width");
   require(within(sheet.black_matrix, 0.0, 0.95), object, "black_matrix", "0 to 0.95");
   require(within(sheet.haze, 0.0, 1.0), object, "haze", "0 to 1");
-  require(within(sheet.bubbles, 0.0, 0.9), object, "bubbles", "0 to 0.9");
+  require(within(sheet.bubbles, 0.0, 0.3), object, "bubbles", "0 to 0.3");
 }
 
 void check_camera(const SimulatedCamera& camera) {
