@@ -2,15 +2,20 @@
 #include "display/test_card.h"
 
 #include <algorithm>
-#include <string_view>
 #include <utility>
 
-#include "display/card_font.h"
+#include "frames/bitmap_font.h"
 
 namespace lenticule::display {
 namespace {
 
-using Colour = std::array<uint8_t, 3>;
+using frames::Colour;
+using frames::fill_box;
+using frames::kCellHeight;
+using frames::kCellWidth;
+using frames::kGlyphHeight;
+using frames::set_pixel;
+using frames::WovenFrame;
 
 constexpr Colour kBlack = {0, 0, 0};
 constexpr Colour kWhite = {255, 255, 255};
@@ -29,65 +34,6 @@ constexpr const char* kLegend =
     "a white line along every edge; lines of one pixel are crisp; the halves of CHROMA differ in "
     "brightness; eight steps each in DARK and LIGHT";
 constexpr std::array<const char*, 4> kCaptions = {"1 PIXEL", "CHROMA", "DARK", "LIGHT"};
-
-/// Draws inside the frame only.
-class Canvas {
- public:
-  explicit Canvas(frames::WovenFrame& frame) : frame_(frame) {}
-
-  void set(int x, int y, const Colour& colour) {
-    if (x < 0 || y < 0 || x >= frame_.width() || y >= frame_.height()) return;
-    std::copy(colour.begin(), colour.end(), frame_.row(y) + 3 * static_cast<ptrdiff_t>(x));
-  }
-
-  void fill(const CardBox& box, const Colour& colour) {
-    const int right = std::min(box.x + box.width, frame_.width());
-    const int bottom = std::min(box.y + box.height, frame_.height());
-    for (int y = std::max(box.y, 0); y < bottom; ++y)
-      for (int x = std::max(box.x, 0); x < right; ++x) set(x, y, colour);
-  }
-
-  void write(const PlacedText& placed) {
-    int x = placed.x;
-    for (const char character : placed.text) {
-      const Glyph glyph = glyph_of(character);
-      for (int row = 0; row < kGlyphHeight; ++row)
-        for (int column = 0; column < kGlyphWidth; ++column)
-          if ((glyph.at(static_cast<size_t>(row)) >> (kGlyphWidth - 1 - column) & 1) != 0)
-            fill({x + column * placed.scale, placed.y + row * placed.scale, placed.scale,
-                  placed.scale},
-                 kWhite);
-      x += kCellWidth * placed.scale;
-    }
-  }
-
- private:
-  frames::WovenFrame& frame_;
-};
-
-/// Broken at spaces; a word that is longer than a line is broken anywhere.
-std::vector<std::string> wrap(std::string_view text, size_t columns) {
-  std::vector<std::string> lines(1);
-  while (!text.empty()) {
-    const size_t end = std::min(text.find(' '), text.size());
-    std::string_view word = text.substr(0, end);
-    text.remove_prefix(std::min(end + 1, text.size()));
-    std::string& line = lines.back();
-    const size_t wanted = line.empty() ? word.size() : line.size() + 1 + word.size();
-    if (wanted <= columns) {
-      if (!line.empty()) line += ' ';
-      line += word;
-      continue;
-    }
-    if (!line.empty()) lines.emplace_back();
-    for (; word.size() > columns; word.remove_prefix(columns)) {
-      lines.back() = word.substr(0, columns);
-      lines.emplace_back();
-    }
-    lines.back() = word;
-  }
-  return lines;
-}
 
 /// Room for text and patches, inside the border and the corner marks.
 class Sheet {
@@ -131,7 +77,7 @@ class Typesetter {
   void headline(const std::string& text) {
     const int scale =
         text.size() <= sheet_.columns(2 * sheet_.scale()) ? 2 * sheet_.scale() : sheet_.scale();
-    for (const std::string& line : wrap(text, sheet_.columns(scale))) {
+    for (const std::string& line : frames::wrap_text(text, sheet_.columns(scale))) {
       put(sheet_.left(), scale, line);
       y_ += kCellHeight * scale;
     }
@@ -146,7 +92,7 @@ class Typesetter {
     const size_t indent = beside ? label_columns : 0;
     if (!row.label.empty()) put(sheet_.left(), sheet_.scale(), row.label);
     if (!beside && !row.label.empty()) y_ += sheet_.line();
-    for (const std::string& line : wrap(row.text, columns - indent)) {
+    for (const std::string& line : frames::wrap_text(row.text, columns - indent)) {
       put(sheet_.left() + static_cast<int>(indent) * kCellWidth * sheet_.scale(), sheet_.scale(),
           line);
       y_ += sheet_.line();
@@ -207,48 +153,48 @@ bool lay_out(const frames::FrameGeometry& geometry, const CardText& text, int sc
   return typesetter.all_fitted() && captions_fit;
 }
 
-void draw_border(Canvas& canvas, const frames::FrameGeometry& geometry, int corner) {
+void draw_border(WovenFrame& frame, const frames::FrameGeometry& geometry, int corner) {
   const int w = geometry.width;
   const int h = geometry.height;
   for (int i = 0; i < kFrameLines; ++i) {
     const Colour& colour = i % 2 == 0 ? kWhite : kBlack;
-    canvas.fill({i, i, w - 2 * i, 1}, colour);
-    canvas.fill({i, h - 1 - i, w - 2 * i, 1}, colour);
-    canvas.fill({i, i, 1, h - 2 * i}, colour);
-    canvas.fill({w - 1 - i, i, 1, h - 2 * i}, colour);
+    fill_box(frame, {i, i, w - 2 * i, 1}, colour);
+    fill_box(frame, {i, h - 1 - i, w - 2 * i, 1}, colour);
+    fill_box(frame, {i, i, 1, h - 2 * i}, colour);
+    fill_box(frame, {w - 1 - i, i, 1, h - 2 * i}, colour);
   }
   // A picture that is turned or mirrored has them elsewhere.
   const int far_x = w - kFrameLines - corner;
   const int far_y = h - kFrameLines - corner;
-  canvas.fill({kFrameLines, kFrameLines, corner, corner}, kRed);
-  canvas.fill({far_x, kFrameLines, corner, corner}, kGreen);
-  canvas.fill({kFrameLines, far_y, corner, corner}, kBlue);
-  canvas.fill({far_x, far_y, corner, corner}, kWhite);
+  fill_box(frame, {kFrameLines, kFrameLines, corner, corner}, kRed);
+  fill_box(frame, {far_x, kFrameLines, corner, corner}, kGreen);
+  fill_box(frame, {kFrameLines, far_y, corner, corner}, kBlue);
+  fill_box(frame, {far_x, far_y, corner, corner}, kWhite);
 }
 
-void draw_lines(Canvas& canvas, const CardBox& box) {
+void draw_lines(WovenFrame& frame, const CardBox& box) {
   const int third = box.width / 3;
   for (int y = 0; y < box.height; ++y)
     for (int x = 0; x < 3 * third; ++x) {
       const int parity = x < third ? x : x < 2 * third ? y : x + y;
-      canvas.set(box.x + x, box.y + y, parity % 2 == 0 ? kWhite : kBlack);
+      set_pixel(frame, box.x + x, box.y + y, parity % 2 == 0 ? kWhite : kBlack);
     }
 }
 
-void draw_chroma(Canvas& canvas, const CardBox& box) {
+void draw_chroma(WovenFrame& frame, const CardBox& box) {
   const int half = box.width / 2;
   for (int y = 0; y < box.height; ++y)
     for (int x = 0; x < half; ++x)
       // By the panel's columns: links average pairs that begin with an even one.
-      canvas.set(box.x + x, box.y + y, (box.x + x) % 2 == 0 ? kRed : kBlue);
-  canvas.fill({box.x + half, box.y, box.width - half, box.height}, kMeanOfRedAndBlue);
+      set_pixel(frame, box.x + x, box.y + y, (box.x + x) % 2 == 0 ? kRed : kBlue);
+  fill_box(frame, {box.x + half, box.y, box.width - half, box.height}, kMeanOfRedAndBlue);
 }
 
-void draw_steps(Canvas& canvas, const CardBox& box, int (*level)(int)) {
+void draw_steps(WovenFrame& frame, const CardBox& box, int (*level)(int)) {
   const int each = box.width / kCardSteps;
   for (int i = 0; i < kCardSteps; ++i) {
     const auto grey = static_cast<uint8_t>(level(i));
-    canvas.fill({box.x + i * each, box.y, each, box.height}, {grey, grey, grey});
+    fill_box(frame, {box.x + i * each, box.y, each, box.height}, {grey, grey, grey});
   }
 }
 
@@ -266,16 +212,16 @@ CardLayout lay_out_card(const frames::FrameGeometry& geometry, const CardText& t
 
 frames::WovenFrame draw_test_card(const frames::FrameGeometry& geometry, const CardText& text) {
   frames::WovenFrame frame(geometry);
-  Canvas canvas(frame);
   const CardLayout layout = lay_out_card(geometry, text);
-  draw_border(canvas, geometry, Sheet(geometry, layout.scale).corner());
+  draw_border(frame, geometry, Sheet(geometry, layout.scale).corner());
   if (layout.patches) {
-    draw_lines(canvas, layout.patches->lines);
-    draw_chroma(canvas, layout.patches->chroma);
-    draw_steps(canvas, layout.patches->dark, dark_step);
-    draw_steps(canvas, layout.patches->light, light_step);
+    draw_lines(frame, layout.patches->lines);
+    draw_chroma(frame, layout.patches->chroma);
+    draw_steps(frame, layout.patches->dark, dark_step);
+    draw_steps(frame, layout.patches->light, light_step);
   }
-  for (const PlacedText& placed : layout.texts) canvas.write(placed);
+  for (const PlacedText& placed : layout.texts)
+    draw_text(frame, placed.x, placed.y, placed.scale, placed.text, kWhite);
   return frame;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "frames/frame.h"
+#include "frames/text.h"
 
 namespace lenticule::display {
 
@@ -21,13 +22,7 @@ struct CardText {
   std::vector<Row> rows;
 };
 
-/// In pixels from the top left; may reach beyond the frame, which nothing is drawn outside of.
-struct CardBox {
-  int x = 0;
-  int y = 0;
-  int width = 0;
-  int height = 0;
-};
+using CardBox = frames::PixelBox;
 
 struct PlacedText {
   int x = 0;

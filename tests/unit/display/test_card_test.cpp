@@ -7,15 +7,19 @@
 
 #include <algorithm>
 #include <optional>
-#include <set>
 #include <string>
 
-#include "display/card_font.h"
+#include "frames/bitmap_font.h"
 
 namespace lenticule::display {
 namespace {
 
 using frames::FrameGeometry;
+using frames::Glyph;
+using frames::glyph_of;
+using frames::kCellWidth;
+using frames::kGlyphHeight;
+using frames::kGlyphWidth;
 using frames::WovenFrame;
 using testing::HasSubstr;
 
@@ -79,15 +83,6 @@ std::string without_spaces(const std::string& text) {
   for (const char c : text)
     if (c != ' ') result += c;
   return result;
-}
-
-TEST(CardFont, NoTwoCharactersLookAlike) {
-  std::set<Glyph> glyphs;
-  for (char c = ' '; c <= '~'; ++c) EXPECT_TRUE(glyphs.insert(glyph_of(c)).second) << c;
-  EXPECT_TRUE(glyphs.insert(glyph_of('\n')).second) << "what cannot be printed is a box";
-  EXPECT_EQ(glyph_of('\xe4'), glyph_of('\n'));
-  for (const Glyph& glyph : glyphs)
-    for (const uint8_t row : glyph) EXPECT_LT(row, 32);
 }
 
 class TestCardSize : public testing::TestWithParam<FrameGeometry> {};

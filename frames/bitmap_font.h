@@ -6,7 +6,7 @@
 #include <array>
 #include <cstdint>
 
-namespace lenticule::display {
+namespace lenticule::frames {
 
 inline constexpr int kGlyphWidth = 5;
 inline constexpr int kGlyphHeight = 9;  ///< with descenders; capitals take the upper seven
@@ -19,4 +19,4 @@ using Glyph = std::array<uint8_t, kGlyphHeight>;
 /// What is no printable ASCII character is an empty box.
 [[nodiscard]] Glyph glyph_of(char character);
 
-}  // namespace lenticule::display
+}  // namespace lenticule::frames

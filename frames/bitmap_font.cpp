@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/card_font.h"
+#include "frames/bitmap_font.h"
 
 #include <algorithm>
 
-namespace lenticule::display {
+namespace lenticule::frames {
 namespace {
 
 constexpr size_t kDrawnRows = 7;
@@ -127,4 +127,4 @@ Glyph glyph_of(char character) {
   return glyph;
 }
 
-}  // namespace lenticule::display
+}  // namespace lenticule::frames
