@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+// The words of calibration by eye: the same on the panel and on the terminal. Plain ASCII, for the
+// panel's font has nothing else.
+#include <fmt/format.h>
+
+#include "calib/by_eye/procedure.h"
+
+namespace lenticule::calib {
+namespace {
+
+struct Words {
+  const char* name;
+  const char* task;  ///< {0} is the distance, {1} the second one, both in millimetres
+  std::vector<std::string> wrong;
+  const char* keys;
+};
+
+Words prepare() {
+  return {
+      "before you begin",
+      "Put one eye {0:.0f} mm from the glass, in front of the panel's middle, and keep your head "
+      "still. The panel should have been on for half an hour.",
+      {"The lines of one pixel are red, green and blue in turn, upright on the left and flat on "
+       "the right. Where they are grey, blurred or in waves, the picture is scaled or its "
+       "colours are averaged: no calibration can help before that is cured."},
+      "ENTER goes on"};
+}
+
+Words rough_pitch() {
+  return {"rough pitch",
+          "Find the band with the fewest and broadest stripes, alike on the left and on the right. "
+          "It is asked twice, the second time among bands ten times as close.",
+          {"Many narrow stripes: the pitch of this band is far off.",
+           "Several bands without stripes: take the middle one.",
+           "No band better than the others: the first rig's pitch is more than a tenth off, or the "
+           "sheet does not face the eye."},
+          "UP DOWN: move the blue mark, ENTER: take this band"};
+}
+
+Words slant() {
+  return {"slant",
+          "Make the dark stripes run along the blue lines, with as many at the top of the panel as "
+          "at its bottom and in the same places. If there are no stripes, press UP a few times "
+          "first.",
+          {"Wrong slant: the stripes lie across the blue lines, and wander sideways from top to "
+           "bottom. The fewer stripes there are, the more they turn.",
+           "Right slant, wrong pitch: the stripes are parallel to the lines, only too many. That "
+           "is the next step."},
+          "LEFT RIGHT: slant, UP DOWN: number of stripes, SHIFT or + : more, CTRL or - : less"};
+}
+
+Words pitch() {
+  return {"pitch",
+          "Spread the stripes until one fills the whole panel. Then move it with LEFT and RIGHT "
+          "until the middle is half dark, and make the left edge as bright as the right one. F "
+          "shows red and green instead: both edges as yellow as the middle.",
+          {"Wrong pitch: upright stripes, or one edge brighter (greener) than the other.",
+           "Top and bottom differ: the slant is off, correct it with [ and ].",
+           "The whole panel is dark: press LEFT or RIGHT."},
+          "UP DOWN: pitch, LEFT RIGHT: move the stripe, [ ]: slant, F: red and green"};
+}
+
+Words offset() {
+  return {"offset",
+          "Hold your nose in front of the panel's middle and close one eye after the other: the "
+          "left eye should see only red, the right eye only green.",
+          {"One eye sees both colours in the middle: the offset is off; go toward the side where "
+           "the colours are clean.",
+           "The left eye sees green and the right one red: press I.",
+           "It stays swapped however you move: the panel shows its picture mirrored."},
+          "LEFT RIGHT: offset, I: swap the eyes"};
+}
+
+Words check() {
+  return {"check",
+          "Close one eye and move your head slowly sideways: everywhere on the panel red should "
+          "turn into green at the same moment.",
+          {"Left and right edge too early and too late: the pitch, UP or DOWN; or your distance is "
+           "not {0:.0f} mm.",
+           "The whole panel turns beside the middle: the offset, LEFT or RIGHT.",
+           "The top turns before the bottom: the slant, [ or ].",
+           "Only some patches are off: the sheet is not flat there. No number of this procedure "
+           "describes that; calibrate with a camera."},
+          "UP DOWN: pitch, LEFT RIGHT: offset, [ ]: slant"};
+}
+
+Words gap_by_flips() {
+  return {"gap, by its zones",
+          "At {0:.0f} mm, with one eye, move sideways and note where the panel's middle turns from "
+          "red to green to your left, and the next place to your right where it does so again. "
+          "Enter their distance. ENTER alone keeps the gap as it is.",
+          {"Wrong gap: at {0:.0f} mm all is well, but seen from nearer or farther the edges are of "
+           "another colour than the middle, and depth is too strong or too weak."},
+          "LEFT RIGHT: distance from red-to-green to red-to-green"};
+}
+
+Words gap_by_distance() {
+  return {"gap, by a second distance",
+          "Move your eye to {1:.0f} mm and make the panel one colour once more, as for the pitch. "
+          "ENTER alone keeps the gap as it is.",
+          {"Wrong gap: stripes that were gone at {0:.0f} mm are back here.",
+           "What you change here leaves the picture at {0:.0f} mm as it is.",
+           "The middle is dark: you are not in front of it; move your head, not the picture."},
+          "UP DOWN: make the stripes go, LEFT RIGHT: this distance, F: red and green"};
+}
+
+Words numbered_views() {
+  return {"views by their numbers",
+          "One eye sees one number all over the panel. Moving to the right it counts up, and at "
+          "the end of the zone it starts again at 0.",
+          {"Different numbers on the left and on the right: pitch, or your distance.",
+           "Two numbers at once everywhere: you are between two views, or the offset is off.",
+           "It counts down: the panel shows its picture mirrored."},
+          "UP DOWN: pitch, LEFT RIGHT: offset, [ ]: slant"};
+}
+
+Words save() {
+  return {"save",
+          "SPACE shows the rig as it was and as it is now: is the new one better? ENTER saves it.",
+          {"The old one is better: ESCAPE brings it back, BACKSPACE goes back a step."},
+          "SPACE: old and new, ENTER: save, ESCAPE: restore, Q: leave without saving"};
+}
+
+Words words_of(Step step) {
+  switch (step) {
+    case Step::Prepare:
+      return prepare();
+    case Step::RoughPitch:
+      return rough_pitch();
+    case Step::Slant:
+      return slant();
+    case Step::Pitch:
+      return pitch();
+    case Step::Offset:
+      return offset();
+    case Step::Check:
+      return check();
+    case Step::GapByFlips:
+      return gap_by_flips();
+    case Step::GapByDistance:
+      return gap_by_distance();
+    case Step::NumberedViews:
+      return numbered_views();
+    case Step::Save:
+      break;
+  }
+  return save();
+}
+
+}  // namespace
+
+Guide guide_of(Step step, double distance_mm, double second_distance_mm) {
+  const Words words = words_of(step);
+  const auto filled = [&](const std::string& text) {
+    return fmt::format(fmt::runtime(text), distance_mm, second_distance_mm);
+  };
+  Guide guide{.title = fmt::format("{} of {}: {}", static_cast<int>(step), kSteps - 1, words.name),
+              .task = filled(words.task),
+              .wrong = {},
+              .keys = words.keys};
+  for (const std::string& sentence : words.wrong) guide.wrong.push_back(filled(sentence));
+  return guide;
+}
+
+}  // namespace lenticule::calib

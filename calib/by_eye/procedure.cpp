@@ -1,0 +1,378 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calib/by_eye/procedure.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+constexpr double kFirstReach = 0.1;
+constexpr double kSecondReach = 0.01;
+constexpr size_t kMaxUndo = 10'000;
+constexpr int kMostCoarse = 2;
+/// From nearer to each other than this, two distances tell nothing about the gap.
+constexpr double kLeastDistanceRatio = 1.05;
+constexpr double kFirstSecondDistance = 1.5;
+
+double slant_step(const optics::Panel& panel) {
+  return kSlantStepDegrees * std::numbers::pi / 180.0 * panel.pixel_height.value /
+         panel.pixel_width.value;
+}
+
+double degrees(double slant, const optics::Panel& panel) {
+  return std::atan(slant * panel.pixel_width.value / panel.pixel_height.value) * 180.0 /
+         std::numbers::pi;
+}
+
+}  // namespace
+
+Procedure::Procedure(const optics::Rig& rig, double distance_mm)
+    : start_rig_(rig), distance_mm_(distance_mm) {
+  const bool finite = std::isfinite(distance_mm) && distance_mm > 0.0;
+  const auto problem = optics::find_problem(rig_seen_from(rig, finite ? distance_mm : -1.0));
+  if (problem)
+    throw Error(ErrorKind::Usage,
+                fmt::format("distance {} mm: {}: {}", distance_mm, problem->key, problem->cause),
+                "give the distance from the glass to the eye in millimetres");
+  start_.sheet = sheet_values(rig, distance_mm);
+  start_.band_reach = kFirstReach;
+  start_.cursor = kBands / 2;
+  start_.spacing_mm = spacing_of_gap(rig, start_.sheet, distance_mm);
+  start_.second_distance_mm = kFirstSecondDistance * distance_mm;
+  predict_second(start_);
+  state_ = start_;
+}
+
+// --- keys -------------------------------------------------------------------------------------
+
+void Procedure::press(const KeyPress& press) {
+  if (status_ != Status::Running) return;
+  note_.clear();
+  if (press.key <= Key::SlantMore) {
+    if (!std::exchange(shows_old_, false)) return press_arrow(press);
+    note_ = "this is the new rig again; press once more to change it";
+    return;
+  }
+  press_control(press.key);
+}
+
+double Procedure::presses_of(const KeyPress& press) const {
+  const double stride = press.stride == Stride::Coarse ? 10.0
+                        : press.stride == Stride::Fine ? 0.1
+                                                       : 1.0;
+  return stride * std::pow(10.0, coarseness_);
+}
+
+void Procedure::press_arrow(const KeyPress& press) {
+  const double presses = presses_of(press);
+  switch (press.key) {
+    case Key::Left:
+      return move_across(-presses);
+    case Key::Right:
+      return move_across(presses);
+    case Key::Up:
+      return move_upward(presses);
+    case Key::Down:
+      return move_upward(-presses);
+    case Key::SlantLess:
+      return change_slant(-presses);
+    default:
+      return change_slant(presses);
+  }
+}
+
+void Procedure::press_control(Key key) {
+  switch (key) {
+    case Key::Coarser:
+    case Key::Finer:
+      coarseness_ =
+          std::clamp(coarseness_ + (key == Key::Coarser ? 1 : -1), -kMostCoarse, kMostCoarse);
+      note_ = fmt::format("steps are {:g} times the usual ones", std::pow(10.0, coarseness_));
+      return;
+    case Key::Next:
+      return next();
+    case Key::Back:
+      if (state_.step != Step::Prepare) enter(static_cast<Step>(static_cast<int>(step()) - 1));
+      return;
+    case Key::Undo:
+      return travel(done_, undone_, "nothing to undo");
+    case Key::Redo:
+      return travel(undone_, done_, "nothing to redo");
+    case Key::Compare:
+      shows_old_ = !shows_old_;
+      return;
+    case Key::Restore: {
+      State state = start_;
+      state.step = state_.step;
+      if (change_to(state)) note_ = "everything is as it was at the start; u brings it back";
+      return;
+    }
+    case Key::SwapEyes:
+      return turn_eyes();
+    case Key::OtherPattern:
+      other_pattern_ = !other_pattern_;
+      return;
+    case Key::Magnifier:
+      magnifier_ = !magnifier_;
+      return;
+    case Key::Words:
+      words_ = !words_;
+      return;
+    default:
+      status_ = Status::Left;
+  }
+}
+
+void Procedure::move_across(double presses) {
+  switch (state_.step) {
+    case Step::Prepare:
+    case Step::RoughPitch:
+    case Step::Save:
+      note_ = "left and right do nothing here";
+      return;
+    case Step::Slant:
+      return change_slant(presses);
+    case Step::GapByFlips:
+      return change_spacing(presses);
+    case Step::GapByDistance:
+      return change_second_distance(presses);
+    default: {
+      State state = state_;
+      state.sheet.effective_offset_lenses += presses * kOffsetStepLenses;
+      change_to(state);
+    }
+  }
+}
+
+void Procedure::move_upward(double presses) {
+  State state = state_;
+  switch (state_.step) {
+    case Step::Prepare:
+    case Step::Save:
+      note_ = "up and down do nothing here";
+      return;
+    case Step::RoughPitch: {
+      // The bands' pitches grow downward, and up means up on the panel.
+      const int bands = presses > 0.0 ? -std::max(1, static_cast<int>(presses / 2.0))
+                                      : std::max(1, static_cast<int>(-presses / 2.0));
+      state.cursor = std::clamp(state.cursor + bands, 0, kBands - 1);
+      break;
+    }
+    case Step::GapByDistance:
+      return change_second_pitch(presses);
+    default:
+      state.sheet.effective_pitch_subpx *= 1.0 + presses * kPitchStep;
+      predict_second(state);
+  }
+  change_to(state);
+}
+
+void Procedure::change_slant(double presses) {
+  if (state_.step < Step::Slant || state_.step == Step::Save) {
+    note_ = "the slant comes after the rough pitch";
+    return;
+  }
+  State state = state_;
+  state.sheet.slant += presses * slant_step(start_rig_.panel);
+  change_to(state);
+}
+
+/// Left and right eye change places where the offset is half a lens off.
+void Procedure::turn_eyes() {
+  State state = state_;
+  const double offset = state.sheet.effective_offset_lenses;
+  state.sheet.effective_offset_lenses = offset > 0.0 ? offset - 0.5 : offset + 0.5;
+  change_to(state);
+}
+
+void Procedure::change_spacing(double presses) {
+  State state = state_;
+  state.spacing_mm = std::max(1.0, state.spacing_mm + presses * kSpacingStepMm);
+  state.sheet.gap_mm = gap_of_spacing(start_rig_, state.sheet, distance_mm_, state.spacing_mm);
+  state.gap_found = true;
+  state.second_was_seen = false;
+  predict_second(state);
+  change_to(state);
+}
+
+void Procedure::change_second_distance(double presses) {
+  State state = state_;
+  state.second_distance_mm += presses * kDistanceStepMm;
+  const double ratio = state.second_distance_mm / distance_mm_;
+  if (!(ratio > kLeastDistanceRatio || (ratio > 0.0 && ratio < 1.0 / kLeastDistanceRatio))) {
+    note_ = "too near to the first distance, or behind the glass";
+    return;
+  }
+  predict_second(state);
+  if (state.second_was_seen)
+    state.sheet.gap_mm = gap_of_two_pitches(distance_mm_, state.sheet.effective_pitch_subpx,
+                                            state.second_distance_mm, state.second_pitch_subpx);
+  change_to(state);
+}
+
+/// What is seen from the first distance stays; the gap takes up the difference.
+void Procedure::change_second_pitch(double presses) {
+  State state = state_;
+  state.second_pitch_subpx *= 1.0 + presses * kPitchStep;
+  state.second_was_seen = true;
+  state.gap_found = true;
+  state.sheet.gap_mm = gap_of_two_pitches(distance_mm_, state.sheet.effective_pitch_subpx,
+                                          state.second_distance_mm, state.second_pitch_subpx);
+  if (state.sheet.gap_mm > 0.0)
+    state.spacing_mm = spacing_of_gap(start_rig_, state.sheet, distance_mm_);
+  change_to(state);
+}
+
+/// Unless somebody looked, the pitch from the second distance is what pitch and gap make of it. A
+/// first pitch that changes makes a second look necessary again.
+void Procedure::predict_second(State& state) const {
+  if (state.second_was_seen && state.step == Step::GapByDistance) return;
+  state.second_was_seen = false;
+  const double pitch =
+      state.sheet.effective_pitch_subpx / (1.0 + state.sheet.gap_mm / distance_mm_);
+  state.second_pitch_subpx = pitch * (1.0 + state.sheet.gap_mm / state.second_distance_mm);
+}
+
+// --- steps and history ------------------------------------------------------------------------
+
+void Procedure::next() {
+  if (state_.step == Step::Save) {
+    status_ = Status::Saved;
+    return;
+  }
+  if (state_.step == Step::RoughPitch) return take_band();
+  enter(static_cast<Step>(static_cast<int>(state_.step) + 1));
+}
+
+/// The marked band's pitch; then the same once more among pitches ten times as close.
+void Procedure::take_band() {
+  State state = state_;
+  state.sheet.effective_pitch_subpx *= band_scale(state.cursor, state.band_reach);
+  const bool last = state.band_reach <= kSecondReach;
+  state.band_reach = kSecondReach;
+  state.cursor = kBands / 2;
+  predict_second(state);
+  if (change_to(state) && last) enter(Step::Slant);
+}
+
+void Procedure::enter(Step step) {
+  state_.step = step;
+  other_pattern_ = false;
+  shows_old_ = false;
+}
+
+bool Procedure::change_to(const State& state) {
+  const std::string problem = problem_of(state);
+  if (!problem.empty()) {
+    note_ = "no further: " + problem;
+    return false;
+  }
+  if (done_.size() >= kMaxUndo) done_.erase(done_.begin());
+  done_.push_back(state_);
+  undone_.clear();
+  state_ = state;
+  shows_old_ = false;
+  return true;
+}
+
+void Procedure::travel(std::vector<State>& from, std::vector<State>& to, const char* nothing) {
+  shows_old_ = false;
+  if (from.empty()) {
+    note_ = nothing;
+    return;
+  }
+  to.push_back(state_);
+  state_ = from.back();
+  from.pop_back();
+}
+
+// --- what comes of it -------------------------------------------------------------------------
+
+optics::Rig Procedure::rig_of(const State& state) const {
+  return with_sheet_values(start_rig_, state.sheet, distance_mm_);
+}
+
+optics::Rig Procedure::rig() const {
+  return rig_of(state_);
+}
+
+/// The rig has to be good where it will be used and wherever the eye is meanwhile, and every band
+/// of the band chart too.
+std::string Procedure::problem_of(const State& state) const {
+  const optics::Rig rig = rig_of(state);
+  for (const double reach : {-state.band_reach, 0.0, state.band_reach}) {
+    optics::Rig seen = rig_seen_from(rig, distance_mm_);
+    seen.sheet.pitch = seen.sheet.pitch * (1.0 + (state.step == Step::RoughPitch ? reach : 0.0));
+    if (const auto problem = optics::find_problem(seen))
+      return problem->key + ": " + problem->cause;
+  }
+  if (const auto problem = optics::find_problem(rig)) return problem->key + ": " + problem->cause;
+  const auto problem = optics::find_problem(rig_seen_from(rig, state.second_distance_mm));
+  return problem ? problem->key + ": " + problem->cause : std::string();
+}
+
+double Procedure::eye_distance_mm() const {
+  return state_.step == Step::GapByDistance ? state_.second_distance_mm : distance_mm_;
+}
+
+Pattern Procedure::pattern() const {
+  switch (state_.step) {
+    case Step::Prepare:
+      return Pattern::PixelLines;
+    case Step::RoughPitch:
+      return Pattern::Bands;
+    case Step::Slant:
+    case Step::Pitch:
+    case Step::GapByDistance:
+      return other_pattern_ ? Pattern::TwoViews : Pattern::Comb;
+    case Step::Offset:
+    case Step::Check:
+    case Step::GapByFlips:
+      return other_pattern_ ? Pattern::Comb : Pattern::TwoViews;
+    default:
+      return other_pattern_ ? Pattern::TwoViews : Pattern::NumberedViews;
+  }
+}
+
+Chart Procedure::chart() const {
+  Chart chart{.pattern = pattern(),
+              .rig = rig_seen_from(shows_old_ ? start_rig_ : rig(), eye_distance_mm()),
+              .band_reach = state_.band_reach,
+              .cursor = state_.cursor,
+              .lens_lines = state_.step == Step::Slant,
+              .magnifier = magnifier_,
+              .words = {}};
+  if (!words_) return chart;
+  const Guide words = guide();
+  chart.words = {words.title + (shows_old_ ? " (OLD RIG)" : ""), words.task, words.keys};
+  return chart;
+}
+
+Guide Procedure::guide() const {
+  return guide_of(state_.step, distance_mm_, state_.second_distance_mm);
+}
+
+std::string Procedure::numbers() const {
+  const State& state = shows_old_ ? start_ : state_;
+  const optics::Rig shown = rig_of(state);
+  std::string text = fmt::format(
+      "{}effective pitch {:.6f} (pitch {:.6f}), slant {:.4f} degrees, offset {:.4f}, gap {:.4f} mm",
+      shows_old_ ? "old: " : "", state.sheet.effective_pitch_subpx, shown.sheet.pitch.value,
+      degrees(shown.sheet.slant, shown.panel), shown.sheet.offset.value, state.sheet.gap_mm);
+  if (state_.step == Step::RoughPitch)
+    text += fmt::format("; band {} of {}", state_.cursor + 1, kBands);
+  if (state_.step == Step::GapByFlips)
+    text += fmt::format("; from red to red {:.1f} mm", state_.spacing_mm);
+  if (state_.step == Step::GapByDistance)
+    text += fmt::format("; second distance {:.0f} mm", state_.second_distance_mm);
+  return text;
+}
+
+}  // namespace lenticule::calib

@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+// Charts, subpixel by subpixel against the optical model, and as an eye sees them.
+#include "calib/by_eye/charts.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "calib/by_eye/sheet_values.h"
+#include "optics/error.h"
+#include "optics/eye_simulator.h"
+#include "optics/model.h"
+
+namespace lenticule::calib {
+namespace {
+
+using frames::WovenFrame;
+
+optics::Rig chart_rig() {
+  optics::Rig rig;
+  rig.panel.width_px = 480;
+  rig.panel.height_px = 300;
+  rig.panel.pixel_width = Millimetres(0.3);
+  rig.panel.pixel_height = Millimetres(0.3);
+  rig.sheet.pitch = Subpixels(7.63);
+  rig.sheet.slant = 0.21;
+  rig.sheet.offset = Lenses(0.37);
+  rig.sheet.gap = Millimetres(4.0);
+  rig.sheet.refraction_shape = 0.45;
+  rig.sheet.channel_offset = {Subpixels(0.2), Subpixels(0.0), Subpixels(-0.3)};
+  rig.viewing.distance = Millimetres(600.0);
+  rig.viewing.height = Millimetres(25.0);
+  return rig;
+}
+
+struct Place {
+  int i, j, channel;
+  double place;  ///< -1/2 ... 1/2
+};
+
+/// Subpixels anywhere, with the place that the model gives them for the eye on the viewing line.
+std::vector<Place> random_places(const optics::Rig& rig) {
+  const optics::OpticalModel model(rig);
+  std::mt19937 random(3);
+  std::vector<Place> places;
+  for (int n = 0; n < 20'000; ++n) {
+    const int i = static_cast<int>(random() % static_cast<unsigned>(rig.panel.width_px));
+    const int j = static_cast<int>(random() % static_cast<unsigned>(rig.panel.height_px));
+    const int c = static_cast<int>(random() % 3);
+    const Vec2 q = rig.panel.subpixel_centre_px(i, j, c);
+    const double phase = model.phase(q.x, q.y, c, model.design_eye());
+    places.push_back({i, j, c, phase - std::round(phase)});
+  }
+  return places;
+}
+
+bool lit(const WovenFrame& frame, const Place& p) {
+  return frame.row(p.j)[3 * p.i + p.channel] != 0;
+}
+
+TEST(Charts, ACombLightsAQuarterOfEveryLens) {
+  const optics::Rig rig = chart_rig();
+  const WovenFrame frame = draw_chart({.pattern = Pattern::Comb, .rig = rig});
+  for (const Place& p : random_places(rig)) {
+    if (std::abs(std::abs(p.place) - 0.125) < 1e-7) continue;
+    ASSERT_EQ(lit(frame, p), std::abs(p.place) < 0.125) << p.i << ' ' << p.j << ' ' << p.channel;
+  }
+}
+
+TEST(Charts, BandsAreCombsOfTheirOwnPitch) {
+  const optics::Rig rig = chart_rig();
+  constexpr double kReach = 0.1;
+  const WovenFrame frame =
+      draw_chart({.pattern = Pattern::Bands, .rig = rig, .band_reach = kReach, .cursor = 0});
+  for (const int band : {1, 7, 12, 24}) {
+    optics::Rig own = rig;
+    const SheetValues seen = sheet_values(rig, 600.0);
+    SheetValues values = seen;
+    values.effective_pitch_subpx *= band_scale(band, kReach);
+    own = with_sheet_values(rig, values, 600.0);
+    int compared = 0;
+    for (const Place& p : random_places(own)) {
+      if (p.j * kBands / rig.panel.height_px != band || p.j % (300 / kBands) < 2) continue;
+      // The marked band's offset is the exact one, these rigs' the paraxial one.
+      if (std::abs(std::abs(p.place) - 0.125) < 1e-3) continue;
+      ASSERT_EQ(lit(frame, p), std::abs(p.place) < 0.125) << band;
+      ++compared;
+    }
+    EXPECT_GT(compared, 100);
+  }
+}
+
+TEST(Charts, TheMarkedBandIsBlueAtBothEnds) {
+  const WovenFrame frame =
+      draw_chart({.pattern = Pattern::Bands, .rig = chart_rig(), .band_reach = 0.01, .cursor = 3});
+  for (const int x : {0, 460})
+    for (const int band : {2, 3, 4}) {
+      int blue = 0;
+      for (int i = x; i < x + 20; ++i) {
+        const uint8_t* p = frame.row(band * 12 + 6) + 3 * static_cast<ptrdiff_t>(i);
+        blue += p[0] == 0 && p[1] == 0 && p[2] == 255 ? 1 : 0;
+      }
+      EXPECT_EQ(blue == 20, band == 3) << x << ' ' << band;
+    }
+}
+
+TEST(Charts, TwoViewsAreRedForTheLeftEyeAndGreenForTheRight) {
+  const optics::Rig rig = chart_rig();
+  const WovenFrame frame = draw_chart({.pattern = Pattern::TwoViews, .rig = rig});
+  for (const Place& p : random_places(rig)) {
+    if (std::abs(p.place) < 1e-7 || std::abs(p.place) > 0.5 - 1e-7) continue;
+    const bool wanted = p.channel == 0 ? p.place > 0 : p.channel == 1 && p.place < 0;
+    ASSERT_EQ(lit(frame, p), wanted);
+  }
+  const optics::OpticalModel model(rig);
+  for (const double x : {-30.0, 30.0}) {
+    const optics::RgbPicture seen =
+        optics::simulate_eye(model, {frame.bytes().data(), 480, 300, frame.geometry().row_bytes()},
+                             {.x = x, .y = 25.0, .z_mm = 600.0}, {.width = 60, .height = 40});
+    int64_t red = 0, green = 0;
+    for (size_t n = 0; n < seen.pixels.size(); n += 3) {
+      red += seen.pixels[n];
+      green += seen.pixels[n + 1];
+    }
+    EXPECT_GT(x < 0 ? red : green, 50 * (x < 0 ? green : red));
+  }
+}
+
+/// The share of each number's own dots that are lit, as seen: the right number has the most.
+TEST(Charts, NumbersCountUpToTheRight) {
+  const optics::Rig rig = chart_rig();
+  const WovenFrame frame = draw_chart({.pattern = Pattern::NumberedViews, .rig = rig});
+  const optics::OpticalModel model(rig);
+  const double lobe = model.lobe_width_mm(600.0);
+  std::vector<std::vector<uint8_t>> seen;
+  for (const double part : {-0.375, -0.125, 0.125, 0.375})
+    seen.push_back(optics::simulate_eye(
+                       model, {frame.bytes().data(), 480, 300, frame.geometry().row_bytes()},
+                       {.x = part * lobe, .y = 25.0, .z_mm = 600.0}, {.width = 480, .height = 300})
+                       .pixels);
+  // With three numbers (7.6 subpixels a lens), the outermost places see 0 and 2.
+  std::vector<int64_t> light;
+  for (const auto& picture : seen) {
+    int64_t sum = 0;
+    for (const uint8_t value : picture) sum += value;
+    light.push_back(sum);
+  }
+  // 0 has the most dots (17), 2 has 14, 1 has 11: seen from left to right.
+  EXPECT_GT(light.front(), light[1]);
+  EXPECT_GT(light.back(), light[1]);
+  EXPECT_GT(light.front(), light.back());
+}
+
+TEST(Charts, PixelLinesAreOnePixelWide) {
+  const WovenFrame frame = draw_chart({.pattern = Pattern::PixelLines, .rig = chart_rig()});
+  for (const int j : {0, 1, 100}) {
+    for (int i = 0; i < 480; ++i) {
+      const uint8_t* p = frame.row(j) + 3 * static_cast<ptrdiff_t>(i);
+      const int wanted = (i < 240 ? i : j) % 3;
+      for (int c = 0; c < 3; ++c) ASSERT_EQ(p[c], c == wanted ? 255 : 0);
+    }
+  }
+}
+
+TEST(Charts, WordsAndMagnifierStayInTheirPlaces) {
+  Chart chart{.pattern = Pattern::Comb, .rig = chart_rig()};
+  const WovenFrame plain = draw_chart(chart);
+  chart.magnifier = true;
+  chart.words = {"2 of 9: slant", std::string(2000, 'x')};
+  const WovenFrame full = draw_chart(chart);
+  // The middle band belongs to the pattern whatever is said.
+  for (int j = 130; j < 175; ++j)
+    EXPECT_TRUE(std::equal(full.row(j), full.row(j) + 480 * 3, plain.row(j))) << j;
+  EXPECT_NE(full, plain);
+  // The magnified pixels are those of the panel's middle.
+  const int zoom = std::min(480 / 3 / 24, 300 / 3 / 16);
+  for (int j = 0; j < 16; ++j)
+    for (int i = 0; i < 24; ++i)
+      for (int c = 0; c < 3; ++c)
+        ASSERT_EQ(full.row((j + 1) * zoom)[3 * (i + 1) * zoom + c],
+                  plain.row(142 + j)[3 * (228 + i) + c]);
+}
+
+TEST(Charts, SmallestAndOddestPanelsAreDrawn) {
+  for (const auto& [width, height] : {std::pair{1, 1}, {3, 1}, {1, 40}, {17, 5}}) {
+    optics::Rig rig = chart_rig();
+    rig.panel.width_px = width;
+    rig.panel.height_px = height;
+    for (const Pattern pattern : {Pattern::PixelLines, Pattern::Bands, Pattern::Comb,
+                                  Pattern::TwoViews, Pattern::NumberedViews}) {
+      const WovenFrame frame = draw_chart({.pattern = pattern,
+                                           .rig = rig,
+                                           .band_reach = 0.1,
+                                           .cursor = 24,
+                                           .lens_lines = true,
+                                           .magnifier = true,
+                                           .words = {"words", ""}});
+      EXPECT_EQ(frame.width(), width);
+    }
+  }
+  EXPECT_THROW((void)draw_chart({.rig = {}}), Error);
+}
+
+}  // namespace
+}  // namespace lenticule::calib

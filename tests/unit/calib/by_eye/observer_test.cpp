@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+// The whole procedure, by somebody who sees only what the sheet shows: it has to end at the sheet.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <ostream>
+
+#include "optics/effective_sheet.h"
+#include "optics/rig_file.h"
+#include "tests/unit/calib/by_eye/scripted_observer.h"
+
+namespace lenticule::calib::test {
+namespace {
+
+struct Case {
+  const char* name;
+  double pitch_subpx;
+  double slant;
+  double offset_lenses;
+  double gap_mm;
+  double distance_mm;
+  double pitch_error;
+  double slant_error_degrees;
+  double gap_error;
+};
+
+std::ostream& operator<<(std::ostream& out, const Case& c) {
+  return out << c.name;
+}
+
+/// 4K, 27 inches: as many lenses as on the real thing.
+optics::Rig true_rig(const Case& c) {
+  optics::Rig rig =
+      optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/kiosk-27-4k.toml");
+  rig.sheet.pitch = Subpixels(c.pitch_subpx);
+  rig.sheet.slant = c.slant;
+  rig.sheet.offset = Lenses(c.offset_lenses);
+  rig.sheet.gap = Millimetres(c.gap_mm);
+  rig.viewing.distance = Millimetres(c.distance_mm);
+  return rig;
+}
+
+optics::Rig wrong_rig(const Case& c) {
+  optics::Rig rig = true_rig(c);
+  rig.sheet.pitch = rig.sheet.pitch * (1.0 + c.pitch_error);
+  rig.sheet.slant = std::tan(std::atan(c.slant) + c.slant_error_degrees * std::numbers::pi / 180.0);
+  rig.sheet.offset = Lenses(0.1);
+  rig.sheet.gap = rig.sheet.gap * (1.0 + c.gap_error);
+  return rig;
+}
+
+double degrees(double slant) {
+  return std::atan(slant) * 180.0 / std::numbers::pi;
+}
+
+class ByEye : public testing::TestWithParam<Case> {};
+
+TEST_P(ByEye, FindsTheSheet) {
+  const Case& c = GetParam();
+  const optics::Rig truth = true_rig(c);
+  Procedure procedure(wrong_rig(c), c.distance_mm);
+  ScriptedObserver observer(truth, procedure);
+  observer.find_sheet();
+  ASSERT_EQ(procedure.step(), Step::Check);
+
+  const SheetValues wanted = sheet_values(truth, c.distance_mm);
+  const SheetValues found = sheet_values(procedure.rig(), c.distance_mm);
+  EXPECT_NEAR(found.effective_pitch_subpx / wanted.effective_pitch_subpx, 1.0, 3e-5);
+  EXPECT_NEAR(degrees(found.slant), degrees(wanted.slant), 0.01);
+  EXPECT_NEAR(
+      optics::without_whole_lenses(found.effective_offset_lenses - wanted.effective_offset_lenses),
+      0.0, 0.02);
+  RecordProperty("glimpses", observer.glimpses());
+  RecordProperty(
+      "pitch_error_1e_9",
+      static_cast<int>(1e9 * (found.effective_pitch_subpx / wanted.effective_pitch_subpx - 1.0)));
+  RecordProperty("slant_error_1e_6_degrees",
+                 static_cast<int>(1e6 * (degrees(found.slant) - degrees(wanted.slant))));
+  RecordProperty(
+      "offset_error_1e_6_lenses",
+      static_cast<int>(1e6 * optics::without_whole_lenses(found.effective_offset_lenses -
+                                                          wanted.effective_offset_lenses)));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Rigs, ByEye,
+    testing::Values(Case{"kiosk", 7.701, 0.2521, 0.31, 2.238, 700, 0.03, 1.0, 0.0},
+                    Case{"other_way", 7.701, 0.2521, -0.44, 2.238, 700, -0.03, -1.0, 0.05},
+                    Case{"leans_right", 8.37, -0.1763, 0.02, 2.6, 800, 0.03, -1.0, 0.0},
+                    Case{"upright", 9.21, 0.003, 0.49, 3.1, 600, -0.021, 0.7, -0.05},
+                    Case{"coarse_lenses", 15.13, 0.31, -0.2, 5.0, 900, 0.03, 1.0, 0.0}),
+    [](const auto& test) { return test.param.name; });
+
+Case right_but_for_the_gap(double gap_error) {
+  return {"gap", 7.701, 0.2521, 0.1, 2.238, 700, 0.0, 0.0, gap_error};
+}
+
+/// Starts where the sheet looks right from the first distance.
+Procedure at_gap_step(const Case& c, Step step) {
+  SheetValues values = sheet_values(true_rig(c), c.distance_mm);
+  values.gap_mm *= 1.0 + c.gap_error;
+  Procedure procedure(with_sheet_values(true_rig(c), values, c.distance_mm), c.distance_mm);
+  for (int n = 0; n < 2 * kSteps && procedure.step() != step; ++n) procedure.press({Key::Next});
+  return procedure;
+}
+
+TEST(ByEyeGap, ZonesTellTheGapWithinTwoPercent) {
+  const Case c = right_but_for_the_gap(0.15);
+  Procedure procedure = at_gap_step(c, Step::GapByFlips);
+  ASSERT_GT(std::abs(procedure.rig().sheet.gap.value / c.gap_mm - 1.0), 0.1);
+  ScriptedObserver(true_rig(c), procedure).find_gap_by_flips();
+  EXPECT_TRUE(procedure.gap_was_found());
+  EXPECT_NEAR(procedure.rig().sheet.gap.value / c.gap_mm, 1.0, 0.02);
+  EXPECT_NEAR(procedure.rig().sheet.pitch.value / c.pitch_subpx, 1.0, 1e-4);
+}
+
+TEST(ByEyeGap, ASecondDistanceTellsTheGapWithinFivePercent) {
+  const Case c = right_but_for_the_gap(-0.15);
+  Procedure procedure = at_gap_step(c, Step::GapByDistance);
+  const SheetValues before = sheet_values(procedure.rig(), c.distance_mm);
+  ScriptedObserver(true_rig(c), procedure).find_gap_by_distance();
+  EXPECT_NEAR(procedure.rig().sheet.gap.value / c.gap_mm, 1.0, 0.05);
+  EXPECT_NEAR(procedure.rig().sheet.pitch.value / c.pitch_subpx, 1.0, 1e-4);
+  const SheetValues after = sheet_values(procedure.rig(), c.distance_mm);
+  EXPECT_NEAR(after.effective_pitch_subpx / before.effective_pitch_subpx, 1.0, 1e-12);
+}
+
+}  // namespace
+}  // namespace lenticule::calib::test

@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/unit/calib/by_eye/scripted_observer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <string>
+
+#include "calib/by_eye/charts.h"
+#include "optics/eye_simulator.h"
+
+namespace lenticule::calib::test {
+namespace {
+
+using Complex = std::complex<double>;
+
+double linear(uint8_t code) {
+  return std::pow(code / 255.0, 2.2);
+}
+
+Complex turn(double cycles) {
+  return std::polar(1.0, -2.0 * std::numbers::pi * cycles);
+}
+
+/// How strong a stripe of `cycles` over the row there is.
+double strength(const std::vector<double>& row, double cycles) {
+  const Complex step = turn(cycles / static_cast<double>(row.size()));
+  Complex at = 1.0, sum = 0.0;
+  for (const double value : row) {
+    sum += value * at;
+    at *= step;
+  }
+  return std::abs(sum) / static_cast<double>(row.size());
+}
+
+void take_mean_away(std::vector<double>& row) {
+  double mean = 0.0;
+  for (const double value : row) mean += value / static_cast<double>(row.size());
+  for (double& value : row) value -= mean;
+}
+
+/// Number of stripes in a row; 0 if it is even.
+double stripes_in(std::vector<double> row, double most) {
+  constexpr double kFaint = 0.05;
+  take_mean_away(row);
+  double best = 0.0, strongest = kFaint;
+  for (double cycles = 0.5; cycles < most; cycles += 0.5) {
+    const double s = strength(row, cycles);
+    if (s <= strongest) continue;
+    strongest = s;
+    best = cycles;
+  }
+  return best;
+}
+
+}  // namespace
+
+double Glimpse::light(int column, int row) const {
+  const auto n = static_cast<size_t>(row * columns + column);
+  return (red[n] + green[n] + blue[n]) / 3.0;
+}
+
+double Glimpse::redness(double x0, double x1, double y0, double y1) const {
+  double r = 0.0, g = 0.0;
+  for (int v = static_cast<int>(y0 * rows); v < static_cast<int>(y1 * rows); ++v)
+    for (int u = static_cast<int>(x0 * columns); u < static_cast<int>(x1 * columns); ++u) {
+      r += red[static_cast<size_t>(v * columns + u)];
+      g += green[static_cast<size_t>(v * columns + u)];
+    }
+  return r + g > 0.0 ? (r - g) / (r + g) : 0.0;
+}
+
+ScriptedObserver::ScriptedObserver(const optics::Rig& truth, Procedure& procedure)
+    : truth_(truth),
+      procedure_(procedure),
+      frame_({.width = truth.panel.width_px, .height = truth.panel.height_px}) {}
+
+/// Only the rows that are looked at are drawn.
+Glimpse ScriptedObserver::look(double x_mm, int columns, int rows) {
+  ++glimpses_;
+  const optics::Rig& rig = truth_.rig();
+  const ChartPainter painter(procedure_.chart());
+  const int height = rig.panel.height_px;
+  const double distance = procedure_.eye_distance_mm();
+  const double furthest =
+      0.5 * height * rig.panel.pixel_height.value + std::abs(rig.viewing.height.value);
+  const int reach = 2 + static_cast<int>(rig.sheet.gap.value * furthest / distance /
+                                         rig.panel.pixel_height.value);
+  for (int v = 0; v < rows; ++v) {
+    const int j = static_cast<int>((v + 0.5) * height / rows);
+    painter.paint_rows(std::max(0, j - reach), std::min(height, j + reach + 1), frame_);
+  }
+  const optics::RgbPicture seen =
+      optics::simulate_eye(truth_,
+                           {.pixels = frame_.bytes().data(),
+                            .width = frame_.width(),
+                            .height = height,
+                            .stride_bytes = frame_.geometry().row_bytes()},
+                           {.x = x_mm, .y = rig.viewing.height.value, .z_mm = distance},
+                           {.width = columns, .height = rows});
+  Glimpse glimpse{.columns = columns, .rows = rows, .red = {}, .green = {}, .blue = {}};
+  for (size_t n = 0; n < seen.pixels.size(); n += 3) {
+    glimpse.red.push_back(linear(seen.pixels[n]));
+    glimpse.green.push_back(linear(seen.pixels[n + 1]));
+    glimpse.blue.push_back(linear(seen.pixels[n + 2]));
+  }
+  return glimpse;
+}
+
+void ScriptedObserver::press_often(double presses, Key more, Key less) {
+  const Key key = presses < 0.0 ? less : more;
+  int tenths = static_cast<int>(std::lround(std::min(std::abs(presses), 2000.0) * 10.0));
+  for (; tenths >= 100; tenths -= 100) press(key, Stride::Coarse);
+  for (; tenths >= 10; tenths -= 10) press(key);
+  for (; tenths > 0; --tenths) press(key, Stride::Fine);
+}
+
+void ScriptedObserver::null(const std::function<double()>& measure, double presses_per_unit,
+                            Key more, Key less, int rounds) {
+  double sign = 1.0, before = measure();
+  for (int round = 0; round < rounds; ++round) {
+    const double presses = before * presses_per_unit;
+    if (std::abs(presses) < 0.05) return;
+    press_often(sign * presses, more, less);
+    double after = measure();
+    if (std::abs(after) > std::abs(before)) {
+      sign = -sign;
+      press_often(2.0 * sign * presses, more, less);
+      after = measure();
+    }
+    before = after;
+  }
+}
+
+// --- rough pitch ------------------------------------------------------------------------------
+
+/// The one with the fewest stripes; of several alike, the middle one.
+void ScriptedObserver::choose_band() {
+  constexpr int kColumns = 1024;
+  const Glimpse seen = look(0.0, kColumns, kBands);
+  std::vector<double> counts;
+  for (int band = 0; band < kBands; ++band) {
+    std::vector<double> row;
+    for (int u = kColumns / 16; u < kColumns - kColumns / 16; ++u)
+      row.push_back(seen.light(u, band));
+    counts.push_back(stripes_in(std::move(row), 200.0));
+  }
+  const double fewest = *std::min_element(counts.begin(), counts.end());
+  std::vector<int> best;
+  for (int band = 0; band < kBands; ++band)
+    if (counts[static_cast<size_t>(band)] <= fewest + 0.25) best.push_back(band);
+  const int wanted = best[best.size() / 2];
+  for (int n = 0; n < kBands; ++n) press(Key::Up);
+  for (int n = 0; n < wanted; ++n) press(Key::Down);
+  press(Key::Next);
+}
+
+// --- stripes ----------------------------------------------------------------------------------
+
+Stripes ScriptedObserver::stripes() {
+  constexpr int kColumns = 768, kRows = 48, kBlocks = 64;
+  constexpr double kMost = 23.0, kStep = 0.25, kFaint = 0.05;
+  const Glimpse seen = look(0.0, kColumns, kRows);
+  // The light of broad places, for the stripes are broad, less its mean.
+  std::vector<double> light(size_t{kBlocks} * kRows);
+  for (int v = 0; v < kRows; ++v)
+    for (int u = 0; u < kColumns; ++u)
+      light[static_cast<size_t>(v * kBlocks + u * kBlocks / kColumns)] += seen.light(u, v) / 12.0;
+  take_mean_away(light);
+  Stripes best;
+  double strongest = kFaint;
+  for (double across = -kMost; across <= kMost; across += kStep) {
+    std::vector<Complex> rows(kRows);
+    for (int v = 0; v < kRows; ++v)
+      for (int u = 0; u < kBlocks; ++u)
+        rows[static_cast<size_t>(v)] +=
+            light[static_cast<size_t>(v * kBlocks + u)] * turn(across * (u + 0.5) / kBlocks);
+    for (double down = 0.0; down <= kMost; down += kStep) {
+      Complex sum = 0.0;
+      for (int v = 0; v < kRows; ++v)
+        sum += rows[static_cast<size_t>(v)] * turn(down * (v + 0.5) / kRows);
+      const double s = std::abs(sum) / static_cast<double>(light.size());
+      if (s <= strongest || std::abs(across) + down < 0.5) continue;
+      strongest = s;
+      best = {.across = across, .down = down, .seen = true};
+    }
+  }
+  return best;
+}
+
+/// How far a stripe wanders off the blue lines from top to bottom, in stripes.
+void ScriptedObserver::straighten_stripes() {
+  const optics::Rig shown = procedure_.chart().rig;  // for the blue lines, which are to be seen
+  const optics::Panel& panel = shown.panel;
+  const double lines = shown.sheet.slant * panel.height_px / panel.width_px;
+  const auto wandering = [&] {
+    const Stripes s = stripes();
+    return s.seen ? std::abs(s.down - s.across * lines) : 0.0;
+  };
+  const double degrees_per_stripe =
+      shown.sheet.pitch.value / (3.0 * panel.height_px) * 180.0 / std::numbers::pi;
+  null(wandering, degrees_per_stripe / kSlantStepDegrees, Key::Right, Key::Left);
+}
+
+void ScriptedObserver::spread_stripes() {
+  const optics::Rig shown = procedure_.chart().rig;
+  const double lenses = 3.0 * shown.panel.width_px / shown.sheet.pitch.value;
+  null([&] { return std::abs(stripes().across); }, 1.0 / lenses / kPitchStep, Key::Up, Key::Down);
+}
+
+// --- colours ----------------------------------------------------------------------------------
+
+constexpr int kColourColumns = 600, kColourRows = 30;
+
+/// The middle of the panel as red as it is green.
+void ScriptedObserver::balance_colours() {
+  const auto middle = [&] {
+    return look(0.0, kColourColumns, kColourRows).redness(0.4, 0.6, 0.4, 0.6);
+  };
+  for (int n = 0; n < 10 && std::abs(middle()) > 0.8; ++n) press(Key::Right, Stride::Coarse);
+  const double lens_per_unit = 1.5 / procedure_.chart().rig.sheet.pitch.value;
+  null(middle, lens_per_unit / kOffsetStepLenses, Key::Right, Key::Left);
+}
+
+/// Left as red as right, top as red as bottom, the middle balanced, again and again.
+void ScriptedObserver::even_out(int rounds) {
+  const optics::Rig shown = procedure_.chart().rig;
+  const optics::Panel& panel = shown.panel;
+  const double lens_per_unit = 1.5 / shown.sheet.pitch.value;
+  const double lenses_across = 3.0 * panel.width_px / shown.sheet.pitch.value;
+  const double degrees_per_lens =
+      shown.sheet.pitch.value / (3.0 * panel.height_px) * 180.0 / std::numbers::pi;
+  const auto sideways = [&] {
+    const Glimpse seen = look(0.0, kColourColumns, kColourRows);
+    return seen.redness(0.82, 0.98, 0.3, 0.7) - seen.redness(0.02, 0.18, 0.3, 0.7);
+  };
+  const auto upright = [&] {
+    const Glimpse seen = look(0.0, kColourColumns, kColourRows);
+    return seen.redness(0.3, 0.7, 0.8, 1.0) - seen.redness(0.3, 0.7, 0.0, 0.2);
+  };
+  for (int round = 0; round < rounds; ++round) {
+    null(sideways, lens_per_unit / (0.8 * lenses_across) / kPitchStep, Key::Up, Key::Down, 2);
+    null(upright, lens_per_unit / 0.8 * degrees_per_lens / kSlantStepDegrees, Key::SlantMore,
+         Key::SlantLess, 2);
+    balance_colours();
+  }
+}
+
+// --- the whole way ----------------------------------------------------------------------------
+
+void ScriptedObserver::find_sheet() {
+  press(Key::Next);
+  choose_band();
+  choose_band();
+  straighten_stripes();
+  press(Key::Next);
+  spread_stripes();
+  press(Key::OtherPattern);
+  balance_colours();
+  even_out(1);
+  press(Key::Next);
+  constexpr double kHalfEyesMm = 20.0;
+  const auto at_middle = [&](double x_mm) {
+    return look(x_mm, kColourColumns, kColourRows).redness(0.4, 0.6, 0.4, 0.6);
+  };
+  if (at_middle(-kHalfEyesMm) < at_middle(kHalfEyesMm)) press(Key::SwapEyes);
+  balance_colours();
+  press(Key::Next);
+  even_out(3);
+}
+
+/// Where the middle turns from red to green.
+double ScriptedObserver::crossing(double from_mm, double to_mm) {
+  for (int n = 0; n < 14; ++n) {
+    const double middle = 0.5 * (from_mm + to_mm);
+    const double seen = look(middle, 300, 15).redness(0.4, 0.6, 0.4, 0.6);
+    (seen > 0.0 ? from_mm : to_mm) = middle;
+  }
+  return 0.5 * (from_mm + to_mm);
+}
+
+void ScriptedObserver::find_gap_by_flips() {
+  const auto red_at = [&](double x_mm) {
+    return look(x_mm, 300, 15).redness(0.4, 0.6, 0.4, 0.6) > 0.0;
+  };
+  // In steps to either side: from the middle's own turn to the next ones of the same kind.
+  std::vector<double> turns;
+  constexpr double kStep = 8.0, kFar = 200.0;
+  bool was_red = red_at(-kFar);
+  for (double x = -kFar + kStep; x <= kFar; x += kStep) {
+    const bool is_red = red_at(x);
+    if (was_red && !is_red) turns.push_back(crossing(x - kStep, x));
+    was_red = is_red;
+  }
+  if (turns.size() < 2) return;
+  const double spacing = (turns.back() - turns.front()) / static_cast<double>(turns.size() - 1);
+  const std::string numbers = procedure_.numbers();
+  const size_t place = numbers.find("red to red ");
+  const double shown = std::stod(numbers.substr(place + 11));
+  press_often((spacing - shown) / kSpacingStepMm, Key::Right, Key::Left);
+}
+
+void ScriptedObserver::find_gap_by_distance() {
+  press(Key::OtherPattern);
+  const optics::Rig shown = procedure_.chart().rig;
+  const double lens_per_unit = 1.5 / shown.sheet.pitch.value;
+  const double lenses_across = 3.0 * shown.panel.width_px / shown.sheet.pitch.value;
+  const auto sideways = [&] {
+    const Glimpse seen = look(0.0, kColourColumns, kColourRows);
+    return seen.redness(0.82, 0.98, 0.3, 0.7) - seen.redness(0.02, 0.18, 0.3, 0.7);
+  };
+  null(sideways, lens_per_unit / (0.8 * lenses_across) / kPitchStep, Key::Up, Key::Down, 6);
+}
+
+}  // namespace lenticule::calib::test
