@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads rig files. The only place that knows toml++; rig_file_write.cpp writes them.
+// Reads rig files; rig_file_write.cpp writes them. Only this and trim.cpp know toml++.
 #include "optics/rig_file.h"
 
 #include <fmt/format.h>

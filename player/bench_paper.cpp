@@ -11,7 +11,7 @@
 
 #include "frames/atomic_file.h"
 #include "optics/error.h"
-#include "optics/rig_file.h"
+#include "optics/trim.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
 #include "player/interrupt.h"
@@ -103,7 +103,7 @@ class PaperRun {
  public:
   explicit PaperRun(const PaperFlags& flags)
       : flags_(flags),
-        setup_{.rig = flags.rig.empty() ? paper_rig() : optics::load_rig(flags.rig),
+        setup_{.rig = flags.rig.empty() ? paper_rig() : optics::load_trimmed_rig(flags.rig),
                .methods = flags.methods,
                .threads = flags.threads,
                .depth = flags.depth,

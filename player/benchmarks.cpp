@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "optics/cpu.h"
-#include "optics/rig_file.h"
+#include "optics/trim.h"
 #include "player/bench.h"
 
 namespace lenticule::player {
@@ -99,7 +99,7 @@ optics::Rig paper_rig() {
 }
 
 optics::Rig bench_rig(const std::string& file) {
-  return file.empty() ? kiosk_rig() : optics::load_rig(file);
+  return file.empty() ? kiosk_rig() : optics::load_trimmed_rig(file);
 }
 
 double median(std::vector<double> values) {

@@ -11,7 +11,7 @@
 #include "frames/image_io.h"
 #include "frames/quilt.h"
 #include "optics/error.h"
-#include "optics/rig_file.h"
+#include "optics/trim.h"
 #include "player/command.h"
 #include "player/compare_report.h"
 #include "player/interrupt.h"
@@ -51,7 +51,7 @@ ExitCode run_compare(const CompareFlags& flags) {
     throw Error(ErrorKind::Usage, "--views: needs --rig to know which subpixel belongs to which");
   if (!flags.picture.empty()) frames::check_writable_format(flags.picture);
   std::optional<optics::OpticalModel> model;
-  if (!flags.rig.empty()) model.emplace(optics::load_rig(flags.rig));
+  if (!flags.rig.empty()) model.emplace(optics::load_trimmed_rig(flags.rig));
   int views = flags.views;
   if (model && views == 0) views = frames::native_view_count(model->rig());
 

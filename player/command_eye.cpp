@@ -8,7 +8,7 @@
 
 #include "frames/image_io.h"
 #include "optics/eye_simulator.h"
-#include "optics/rig_file.h"
+#include "optics/trim.h"
 #include "player/command.h"
 #include "player/triple.h"
 
@@ -52,7 +52,7 @@ ExitCode run_eye(const EyeFlags& flags) {
   const optics::Eye eye = read_eye(flags.eye);
   const optics::EyeOptions options = read_size(flags.size);
   frames::check_writable_format(flags.output);
-  const optics::OpticalModel model(optics::load_rig(flags.rig));
+  const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
   const optics::Panel& panel = model.rig().panel;
   const frames::WovenFrame woven = frames::read_woven(flags.woven);
   if (woven.width() != panel.width_px || woven.height() != panel.height_px)

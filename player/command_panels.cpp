@@ -10,6 +10,7 @@
 #include "display/kms/inspect.h"
 #include "optics/error.h"
 #include "optics/rig_file.h"
+#include "optics/trim.h"
 #include "player/command.h"
 #include "player/panel_json.h"
 
@@ -36,7 +37,7 @@ std::vector<NamedRig> load_rigs(const std::string& folder) {
     throw Error(ErrorKind::Input, fmt::format("{}: {}", folder, error.message()),
                 "name a folder of rig files");
   for (const auto& entry : entries) {
-    if (entry.path().extension() != ".toml") continue;
+    if (entry.path().extension() != ".toml" || optics::is_trim_file(entry.path())) continue;
     try {
       rigs.push_back({entry.path().string(), optics::load_rig(entry.path())});
     } catch (const Error& problem) {

@@ -8,7 +8,7 @@
 #include <optional>
 #include <thread>
 
-#include "optics/rig_file.h"
+#include "optics/trim.h"
 #include "player/command.h"
 #include "player/frame_output.h"
 #include "player/interrupt.h"
@@ -158,7 +158,7 @@ class RenderRun {
       : flags_(flags),
         range_(parse_frame_range(flags.frames)),
         rate_(frames::parse_rate(flags.fps)),
-        rig_(optics::load_rig(flags.rig)),
+        rig_(optics::load_trimmed_rig(flags.rig)),
         model_(rig_),
         method_(render::make_method(flags.method, model_, options_of(flags))),
         scenes_(flags.scene, rate_) {

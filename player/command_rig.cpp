@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule rig show|check|import|export
+// lenticule rig show|check|import|export|trim
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,6 +12,7 @@
 #include "optics/model.h"
 #include "optics/rig_file.h"
 #include "optics/text_file.h"
+#include "optics/trim.h"
 #include "player/command.h"
 
 namespace lenticule::player {
@@ -27,6 +28,9 @@ struct RigOptions {
   std::string file;
   std::string output;
   std::string format = "auto";
+  double offset_by = 0.0;
+  double pitch_by = 0.0;
+  bool reset_trim = false;
   bool as_json = false;
 };
 
@@ -111,9 +115,18 @@ json derived_json(const OpticalModel& model) {
           {"depth_of_field_mm", model.depth_of_field_mm()}};
 }
 
+/// What the file beside the rig says; it is part of all numbers above it.
+json trim_json(const optics::Trim& trim, const std::string& rig_file) {
+  return {{"file", optics::trim_file_of(rig_file).string()},
+          {"offset_lenses", trim.offset.value},
+          {"pitch_relative", trim.pitch_relative},
+          {"fingerprint_without_trim", optics::fingerprint(optics::load_rig(rig_file))}};
+}
+
 ExitCode show(const RigOptions& options) {
-  const OpticalModel model(optics::load_rig(options.file));
+  const OpticalModel model(optics::load_trimmed_rig(options.file));
   const Rig& rig = model.rig();
+  const optics::Trim trim = optics::load_trim(options.file);
   json out = {{"name", rig.name},
               {"fingerprint", optics::fingerprint(rig)},
               {"panel", panel_json(rig.panel)},
@@ -123,6 +136,7 @@ ExitCode show(const RigOptions& options) {
                 {"height_mm", rig.viewing.height.value}}},
               {"derived", derived_json(model)}};
   for (const auto& [key, text] : rig.provenance) out["provenance"][key] = text;
+  if (!trim.empty()) out["trim"] = trim_json(trim, options.file);
   print_result(out, options.as_json);
   return kOk;
 }
@@ -157,10 +171,18 @@ std::vector<std::string> warnings_about(const OpticalModel& model) {
   return warnings;
 }
 
+/// A sheet of acrylic stretches by 7e-5 per kelvin against the panel's glass.
+void warn_of_trim(const optics::Trim& trim, std::vector<std::string>& warnings) {
+  constexpr double kMuchPitch = 1e-3, kMuchOffset = 0.5;
+  if (std::abs(trim.pitch_relative) > kMuchPitch || std::abs(trim.offset.value) > kMuchOffset)
+    warnings.emplace_back("trim: more than a sheet drifts by itself; calibrate again");
+}
+
 ExitCode check(const RigOptions& options) {
   try {
-    const OpticalModel model(optics::load_rig(options.file));
-    const std::vector<std::string> warnings = warnings_about(model);
+    const OpticalModel model(optics::load_trimmed_rig(options.file));
+    std::vector<std::string> warnings = warnings_about(model);
+    warn_of_trim(optics::load_trim(options.file), warnings);
     if (options.as_json) {
       print_json({{"file", options.file}, {"valid", true}, {"warnings", warnings}});
     } else {
@@ -237,7 +259,7 @@ double largest_phase_error(const Rig& rig, const Rig& exported) {
 }
 
 ExitCode export_calibration(const RigOptions& options) {
-  const Rig rig = optics::load_rig(options.file);
+  const Rig rig = optics::load_trimmed_rig(options.file);
   const std::string text =
       options.format == "cubevi" ? optics::export_cubevi(rig) : optics::export_looking_glass(rig);
   const double error =
@@ -253,6 +275,29 @@ ExitCode export_calibration(const RigOptions& options) {
                 {"output", options.output},
                 {"largest_phase_error_lenses", error}},
                options.as_json);
+  return kOk;
+}
+
+/// Only ever a little at a time, from where the trim is.
+ExitCode change_trim(const RigOptions& options) {
+  const Rig rig = optics::load_rig(options.file);
+  const optics::Trim before = optics::load_trim(options.file);
+  const optics::Trim after = optics::changed_by(options.reset_trim ? optics::Trim{} : before,
+                                                options.offset_by, options.pitch_by);
+  optics::validate_trim(after, "rig trim");
+  optics::validate_rig(optics::trimmed(rig, after), options.file);
+  if (after != before) optics::save_trim(after, options.file);
+  const std::string fingerprint = optics::fingerprint(optics::trimmed(rig, after));
+  print_result({{"file", optics::trim_file_of(options.file).string()},
+                {"offset_lenses", after.offset.value},
+                {"pitch_relative", after.pitch_relative},
+                {"fingerprint", fingerprint}},
+               options.as_json);
+  if (fingerprint != optics::fingerprint(optics::trimmed(rig, before)))
+    fmt::print(stderr,
+               "lenticule: {}: another rig from now on, frames made before are not for it\n"
+               "  render or weave again; players and renderers take the trim at their next start\n",
+               options.file);
   return kOk;
 }
 
@@ -298,11 +343,21 @@ Run declare_rig(CLI::App& app) {
       ->required();
   export_app->add_option("-o,--output", options->output, "file to write")->required();
 
-  const std::vector<std::pair<const CLI::App*, Action>> actions = {
-      {show_app, show},
-      {check_app, check},
-      {import_app, import_calibration},
-      {export_app, export_calibration}};
+  CLI::App* trim_app = add_action(
+      app, "trim", "correct what drifted since a rig was calibrated, in a file beside it",
+      "lenticule rig trim kiosk-27-4k.toml --offset-by 0.02", options);
+  trim_app->add_option("RIG", options->file, "rig file; it is not changed")->required();
+  trim_app->add_option("--offset-by", options->offset_by,
+                       "slide the picture under the lenses by so many lenses: 0.02");
+  trim_app->add_option("--pitch-by", options->pitch_by,
+                       "stretch the pitch by this part of it: 1e-5");
+  trim_app->add_flag("--reset", options->reset_trim, "begin from the calibration itself");
+
+  const std::vector<std::pair<const CLI::App*, Action>> actions = {{show_app, show},
+                                                                   {check_app, check},
+                                                                   {import_app, import_calibration},
+                                                                   {export_app, export_calibration},
+                                                                   {trim_app, change_trim}};
   return [options, actions]() -> ExitCode {
     for (const auto& [sub, action] : actions) {
       if (sub->parsed()) return action(*options);

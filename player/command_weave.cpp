@@ -11,7 +11,7 @@
 #include "frames/image_io.h"
 #include "frames/quilt.h"
 #include "frames/weave.h"
-#include "optics/rig_file.h"
+#include "optics/trim.h"
 #include "player/command.h"
 #include "player/interrupt.h"
 #include "player/progress.h"
@@ -99,7 +99,7 @@ ExitCode run_weave(const WeaveFlags& flags) {
       .fit = frames::parse_picture_fit(flags.fit),
       .order = flags.invert ? frames::ViewOrder::RightToLeft : frames::ViewOrder::LeftToRight};
   frames::check_writable_format(flags.output);
-  const optics::OpticalModel model(optics::load_rig(flags.rig));
+  const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
   const frames::ViewSet views = load_views(flags);
   const frames::Weaver weaver(views, model, options);
 

@@ -8,7 +8,7 @@
 #include <memory>
 
 #include "optics/error.h"
-#include "optics/rig_file.h"
+#include "optics/trim.h"
 #include "player/card_texts.h"
 #include "player/interrupt.h"
 
@@ -159,7 +159,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan_waiting(flags, service, plan);
   if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
 
-  const optics::Rig rig = optics::load_rig(flags.rig);
+  const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
   plan.source.rig_fingerprint = optics::fingerprint(rig);
   plan.source.card = rig_card(rig, flags.rig);

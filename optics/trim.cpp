@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "optics/trim.h"
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "optics/error.h"
+#include "optics/rig_file.h"
+#include "optics/text_file.h"
+
+namespace lenticule::optics {
+namespace {
+
+constexpr size_t kMaxFileBytes = 64u << 10;
+constexpr std::string_view kSuffix = ".trim.toml";
+constexpr std::string_view kOffsetKey = "offset_lenses";
+constexpr std::string_view kPitchKey = "pitch_relative";
+
+[[noreturn]] void fail_at(const std::string& source, toml::source_index line,
+                          const std::string& cause, const std::string& remedy = {}) {
+  throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", source, std::max(line, 1u), cause),
+              remedy);
+}
+
+double number_at(const toml::node& node, const std::string& source) {
+  if (const auto* real = node.as_floating_point()) return real->get();
+  if (const auto* whole = node.as_integer()) return static_cast<double>(whole->get());
+  fail_at(source, node.source().begin.line, "not a number");
+}
+
+toml::table parse_text(std::string_view text, const std::string& source) {
+  try {
+    return toml::parse(text);
+  } catch (const toml::parse_error& error) {
+    fail_at(source, error.source().begin.line, std::string(error.description()));
+  }
+}
+
+}  // namespace
+
+void validate_trim(const Trim& trim, const std::string& context) {
+  if (!(std::abs(trim.offset.value) <= kMaxTrimOffsetLenses))
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: offset_lenses: {} is more than a lens", context, trim.offset.value),
+        "so much is no drift: calibrate again");
+  if (!(std::abs(trim.pitch_relative) <= kMaxTrimPitch))
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: pitch_relative: {} is more than {}", context, trim.pitch_relative,
+                            kMaxTrimPitch),
+                "so much is no drift: calibrate again");
+}
+
+Trim changed_by(const Trim& trim, double offset_lenses, double pitch_relative) {
+  constexpr double kPlaces = 1e12;
+  const auto rounded = [](double value) { return std::round(value * kPlaces) / kPlaces; };
+  return {.offset = Lenses(rounded(trim.offset.value + offset_lenses)),
+          .pitch_relative = rounded(trim.pitch_relative + pitch_relative)};
+}
+
+Rig trimmed(Rig rig, const Trim& trim) {
+  rig.sheet.offset = rig.sheet.offset + trim.offset;
+  rig.sheet.pitch = rig.sheet.pitch * (1.0 + trim.pitch_relative);
+  return rig;
+}
+
+std::filesystem::path trim_file_of(const std::filesystem::path& rig_file) {
+  std::filesystem::path file = rig_file;
+  if (file.extension() == ".toml") file.replace_extension();
+  file += kSuffix;
+  return file;
+}
+
+bool is_trim_file(const std::filesystem::path& file) {
+  return file.filename().string().ends_with(kSuffix);
+}
+
+Trim parse_trim(std::string_view text, const std::string& source) {
+  const toml::table root = parse_text(text, source);
+  Trim trim;
+  for (const auto& [key, node] : root) {
+    if (key.str() == kOffsetKey) {
+      trim.offset = Lenses(number_at(node, source));
+    } else if (key.str() == kPitchKey) {
+      trim.pitch_relative = number_at(node, source);
+    } else {
+      fail_at(source, key.source().begin.line,
+              fmt::format("unknown key '{}'", key.str().substr(0, 64)),
+              fmt::format("a trim has {} and {}", kOffsetKey, kPitchKey));
+    }
+  }
+  validate_trim(trim, source + ":1");
+  return trim;
+}
+
+Trim load_trim(const std::filesystem::path& rig_file) {
+  const std::filesystem::path file = trim_file_of(rig_file);
+  std::error_code error;
+  if (std::filesystem::symlink_status(file, error).type() == std::filesystem::file_type::not_found)
+    return {};
+  return parse_trim(read_text_file(file, kMaxFileBytes), file.string());
+}
+
+void save_trim(const Trim& trim, const std::filesystem::path& rig_file) {
+  const std::filesystem::path file = trim_file_of(rig_file);
+  validate_trim(trim, file.string());
+  if (!trim.empty())
+    return write_text_file(
+        file, fmt::format("# Trim of {}: what drifted since it was calibrated. Without this file "
+                          "the rig is as calibrated.\n{} = {}\n{} = {}\n",
+                          rig_file.filename().string(), kOffsetKey, trim.offset.value, kPitchKey,
+                          trim.pitch_relative));
+  std::error_code error;
+  std::filesystem::remove(file, error);
+  if (error)
+    throw Error(ErrorKind::Failed,
+                fmt::format("{}: cannot remove: {}", file.string(), error.message()));
+}
+
+Rig load_trimmed_rig(const std::filesystem::path& rig_file) {
+  const Trim trim = load_trim(rig_file);
+  Rig rig = load_rig(rig_file);
+  if (trim.empty()) return rig;
+  rig = trimmed(std::move(rig), trim);
+  validate_rig(rig, trim_file_of(rig_file).string());
+  return rig;
+}
+
+}  // namespace lenticule::optics

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// Trims: beside the rig, never in it; small, whole, and taken by everybody who asks for the rig.
+#include "optics/trim.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "optics/error.h"
+#include "optics/model.h"
+#include "optics/rig_file.h"
+#include "tests/support/random_rigs.h"
+
+namespace lenticule::optics {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class TrimFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "lenticule-trim-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+    rig_file_ = folder_ / "kiosk.toml";
+    save_rig(test::kiosk_rig(), rig_file_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  void write(const std::string& text) const { std::ofstream(trim_file_of(rig_file_)) << text; }
+  [[nodiscard]] std::string complaint(const std::string& text) const {
+    write(text);
+    try {
+      (void)load_trimmed_rig(rig_file_);
+      return "none";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Input);
+      return error.what();
+    }
+  }
+
+  fs::path folder_;
+  fs::path rig_file_;
+};
+
+TEST(Trim, LiesBesideItsRig) {
+  EXPECT_EQ(trim_file_of("a/kiosk.toml"), fs::path("a/kiosk.trim.toml"));
+  EXPECT_EQ(trim_file_of("kiosk"), fs::path("kiosk.trim.toml"));
+  EXPECT_EQ(trim_file_of("kiosk.4k"), fs::path("kiosk.4k.trim.toml"));
+  EXPECT_TRUE(is_trim_file("a/kiosk.trim.toml"));
+  EXPECT_FALSE(is_trim_file("a/kiosk.toml"));
+}
+
+TEST(Trim, MovesThePhaseByWhatItSaysAndLeavesTheMiddle) {
+  const Rig rig = test::kiosk_rig();
+  const OpticalModel before(rig), after(trimmed(rig, {Lenses(0.25), 1e-4}));
+  const double x = rig.panel.width_px / 2.0, y = rig.panel.height_px / 2.0;
+  EXPECT_NEAR(after.lens_coordinate(x, y, 1) - before.lens_coordinate(x, y, 1), 0.25, 1e-12);
+  const double lenses = 3.0 * x / rig.sheet.pitch.value;
+  const double moved = after.lens_coordinate(2 * x, y, 1) - before.lens_coordinate(2 * x, y, 1);
+  EXPECT_NEAR(moved, 0.25 + lenses * (1 / (1 + 1e-4) - 1), 1e-9);
+  EXPECT_NE(fingerprint(after.rig()), fingerprint(rig));
+}
+
+TEST(Trim, StepsBackAndForthEndWhereTheyBegan) {
+  Trim trim;
+  for (int n = 0; n < 10; ++n) trim = changed_by(trim, 0.01, 1e-5);
+  EXPECT_EQ(trim, (Trim{Lenses(0.1), 1e-4}));
+  for (int n = 0; n < 10; ++n) trim = changed_by(trim, -0.01, -1e-5);
+  EXPECT_TRUE(trim.empty());
+}
+
+TEST_F(TrimFile, IsReadAsItWasWritten) {
+  EXPECT_EQ(load_trimmed_rig(rig_file_), test::kiosk_rig()) << "no file, no trim";
+  const Trim trim{Lenses(-0.1234567890123), 3.3e-5};
+  save_trim(trim, rig_file_);
+  EXPECT_EQ(load_trim(rig_file_), trim);
+  EXPECT_EQ(load_trimmed_rig(rig_file_), trimmed(test::kiosk_rig(), trim));
+  EXPECT_EQ(load_rig(rig_file_), test::kiosk_rig()) << "the calibration stays";
+  save_trim({}, rig_file_);
+  EXPECT_FALSE(fs::exists(trim_file_of(rig_file_)));
+  save_trim({}, rig_file_);
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1);
+}
+
+TEST_F(TrimFile, MistakesNameFileAndLine) {
+  const std::string file = trim_file_of(rig_file_).string();
+  EXPECT_THAT(complaint("offset_lenses = 0.1\npitch = 2\n"),
+              HasSubstr(file + ":2: unknown key 'pitch'"));
+  EXPECT_THAT(complaint("\n\noffset_lenses = \"a\""), HasSubstr(file + ":3: not a number"));
+  EXPECT_THAT(complaint("offset_lenses = ["), HasSubstr(file + ":1: "));
+  EXPECT_THAT(complaint("offset_lenses = 1.5"), HasSubstr("more than a lens"));
+  EXPECT_THAT(complaint("offset_lenses = nan"), HasSubstr("offset_lenses: nan"));
+  EXPECT_THAT(complaint("pitch_relative = -0.02"), HasSubstr("pitch_relative: -0.02"));
+  EXPECT_THAT(complaint(std::string(100'000, '#')), HasSubstr("larger than"));
+  EXPECT_THAT(complaint("# nothing\n"), "none");
+}
+
+TEST_F(TrimFile, ThatIsNoFileIsRefusedInsteadOfOverlooked) {
+  fs::create_directory(trim_file_of(rig_file_));
+  EXPECT_THROW((void)load_trimmed_rig(rig_file_), Error);
+  fs::remove(trim_file_of(rig_file_));
+  fs::create_symlink(folder_ / "nowhere", trim_file_of(rig_file_));
+  EXPECT_THROW((void)load_trimmed_rig(rig_file_), Error);
+}
+
+TEST_F(TrimFile, TooMuchIsNotSaved) {
+  EXPECT_THROW(save_trim({Lenses(2.0), 0.0}, rig_file_), Error);
+  EXPECT_THROW(save_trim({Lenses(0.0), std::nan("")}, rig_file_), Error);
+  EXPECT_FALSE(fs::exists(trim_file_of(rig_file_)));
+}
+
+}  // namespace
+}  // namespace lenticule::optics
