@@ -6,10 +6,11 @@
 namespace lenticule::player {
 
 // One file each, calibrate_WAY.cpp.
+CalibrateWay declare_calibrate_by_eye(CLI::App& app);
 
 Run declare_calibrate(CLI::App& app) {
   app.require_subcommand(1);
-  const std::vector<CalibrateWay> ways = {};
+  const std::vector<CalibrateWay> ways = {declare_calibrate_by_eye(app)};
   return [ways]() -> ExitCode {
     for (const CalibrateWay& way : ways)
       if (way.app->parsed()) return way.run();

@@ -8,6 +8,7 @@
 #include <csignal>
 
 #include "display/kms/graphics_console.h"
+#include "player/raw_terminal.h"
 
 namespace lenticule::player {
 namespace {
@@ -18,6 +19,7 @@ int g_pipe[2] = {-1, -1};
 extern "C" void on_interrupt(int signal) {
   int none = 0;
   if (!g_signal.compare_exchange_strong(none, signal)) {
+    restore_terminal_now();
     display::restore_console_now();
     _exit(128 + signal);
   }

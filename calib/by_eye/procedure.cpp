@@ -352,6 +352,7 @@ Chart Procedure::chart() const {
   if (!words_) return chart;
   const Guide words = guide();
   chart.words = {words.title + (shows_old_ ? " (OLD RIG)" : ""), words.task, words.keys};
+  if (!note_.empty()) chart.words.push_back("(" + note_ + ")");
   return chart;
 }
 
