@@ -21,9 +21,10 @@ constexpr auto kLongestPriming = std::chrono::hours(24);  // with --wait forever
 /// A cable that came loose is back by then.
 constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
 
-/// A test card is looked at.
+/// Test cards and numbered views are looked at.
 uint64_t parse_loops(const PlayFlags& flags) {
-  if (flags.loop.empty()) return flags.duration_s || flags.source == kCardSource ? kForever : 1;
+  const bool is_looked_at = flags.source == kCardSource || flags.source == kViewsSource;
+  if (flags.loop.empty()) return flags.duration_s || is_looked_at ? kForever : 1;
   if (flags.loop == "forever") return kForever;
   uint64_t loops = 0;
   const char* const last = flags.loop.data() + flags.loop.size();
@@ -79,7 +80,8 @@ void plan_waiting(const PlayFlags& flags, bool service, PlayPlan& plan) {
 
 void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("source", flags.source,
-                 "ring:SOCKET, a pattern such as 'out/%05d.png', a picture, or card: a test card")
+                 "ring:SOCKET, a pattern such as 'out/%05d.png', a picture, card: a test card, or "
+                 "views: the rig's views by their numbers")
       ->required();
   app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
   app.add_option("--display", flags.display,
@@ -125,6 +127,12 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
       "start with care: take nothing over from a player before, no real-time priority, and "
       "show a test card with the reason as long as the source cannot be played (a service "
       "does so by itself after five failed starts)");
+  app.add_flag("--trim", flags.trim,
+               "change the rig's trim with the terminal's keys while playing: left and right slide "
+               "the picture by 0.01 lens, up and down change the pitch by 1e-5; with shift (or H J "
+               "K L) ten times as much, with ctrl a tenth; escape takes it back. Kept in "
+               "RIG.trim.toml. The views follow at once, frames woven elsewhere have to be made "
+               "again");
   app.add_option("--record", flags.record,
                  "record what was on the glass: checksums:FILE or png:FOLDER");
   app.add_option("--stats", flags.stats, "write statistics there, every second and at the end");
@@ -159,6 +167,8 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan_waiting(flags, service, plan);
   if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
 
+  if (flags.trim || flags.source == kViewsSource) plan.trim = std::make_shared<LiveTrim>(flags.rig);
+  plan.source.trim = plan.trim;
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
   plan.source.rig_fingerprint = optics::fingerprint(rig);

@@ -5,10 +5,12 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "display/open_display.h"
+#include "player/live_trim.h"
 #include "player/playback.h"
 #include "player/source_open.h"
 
@@ -34,6 +36,7 @@ struct PlayFlags {
   int slots = 8;
   int buffers = 3;
   bool safe = false;
+  bool trim = false;
   bool json = false;
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
 };
@@ -41,6 +44,8 @@ struct PlayFlags {
 void declare_flags(CLI::App& app, PlayFlags& flags);
 
 struct PlayPlan {
+  /// Null unless the trim can change while playing, or the rig's own views are played.
+  std::shared_ptr<LiveTrim> trim;
   SourceRequest source;
   display::DisplayRequest display;
   PlaybackOptions playback;

@@ -43,6 +43,13 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
   return std::max<uint64_t>(1, static_cast<uint64_t>(seconds * refresh.hertz()));
 }
 
+/// Frames that somebody else wove cannot be woven again here.
+std::string trim_advice(const std::string& source) {
+  if (source == kViewsSource) return {};
+  return "these frames were woven before this trim and do not follow it: make them again; a player "
+         "and its renderer take the trim when both are started again";
+}
+
 Error crash_loop(const SafeStart& safe) {
   const std::string last = safe.last_reason.empty() ? "it crashed or was killed" : safe.last_reason;
   return {ErrorKind::Failed,
@@ -79,6 +86,7 @@ ExitCode PlayRun::run() {
     throw;
   }
   announce();
+  if (flags_.trim) trim_keys_.emplace(plan_.trim, trim_advice(flags_.source));
   PlayResult result;
   do {
     result = trouble_ ? play_card() : play_source();
@@ -283,6 +291,7 @@ void PlayRun::announce() const {
 ExitCode PlayRun::conclude(const PlayResult& result) {
   nlohmann::ordered_json statistics = statistics_json(result.report);
   manager_.stopping(outcome_name(result.outcome));
+  trim_keys_.reset();
   service_.reset();
   kms_ = nullptr;
   display_.reset();  // completes the recording

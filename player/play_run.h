@@ -17,6 +17,7 @@
 #include "player/playback.h"
 #include "player/service_manager.h"
 #include "player/source_open.h"
+#include "player/trim_keys.h"
 
 namespace lenticule::player {
 
@@ -83,8 +84,9 @@ class PlayRun {
   std::optional<PlayService> service_;
   std::optional<display::Nanoseconds> end_;  ///< of the time asked for, display clock
   bool kept_ = false;                        ///< the manager has a copy of the card
-  std::string told_;                         ///< why it waits, said once
-  PlayReport lost_;                          ///< while a panel is waited for
+  std::optional<TrimKeys> trim_keys_;
+  std::string told_;  ///< why it waits, said once
+  PlayReport lost_;   ///< while a panel is waited for
 };
 
 }  // namespace lenticule::player

@@ -15,6 +15,7 @@
 #include "frames/ring/ring_player.h"
 #include "optics/error.h"
 #include "player/still_source.h"
+#include "player/views_source.h"
 
 namespace lenticule::player {
 namespace {
@@ -75,7 +76,7 @@ void refuse_other_kinds(const std::string& text) {
   std::error_code ignored;
   if (!not_yet && !fs::is_directory(text, ignored) && !text.empty()) return;
   throw Error(ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
-              "play ring:SOCKET, a pattern such as 'out/%05d.png', one picture or card");
+              "play ring:SOCKET, a pattern such as 'out/%05d.png', one picture, card or views");
 }
 
 OpenedSource open_pictures(const SourceRequest& request) {
@@ -105,10 +106,21 @@ OpenedSource open_card(const SourceRequest& request) {
   return opened;
 }
 
+OpenedSource open_views(const SourceRequest& request) {
+  LENTICULE_CHECK(request.trim != nullptr);
+  if (request.frames)
+    throw Error(ErrorKind::Usage, "--frames: numbered views are one picture",
+                "give --frames to a pattern such as 'out/%05d.png'");
+  OpenedSource opened;
+  opened.source = std::make_unique<ViewsSource>(request.trim);
+  return opened;
+}
+
 }  // namespace
 
 OpenedSource open_source(const SourceRequest& request) {
   if (request.text == kCardSource) return open_card(request);
+  if (request.text == kViewsSource) return open_views(request);
   if (request.text.starts_with(kRing)) return open_ring(request, request.text.substr(kRing.size()));
   return open_pictures(request);
 }

@@ -12,14 +12,17 @@
 #include "display/test_card.h"
 #include "frames/frame_source.h"
 #include "player/frame_range.h"
+#include "player/live_trim.h"
 
 namespace lenticule::player {
 
 /// The SOURCE that is a test card.
 inline constexpr const char* kCardSource = "card";
+/// The SOURCE that is woven here: the rig's views, each showing its number.
+inline constexpr const char* kViewsSource = "views";
 
 struct SourceRequest {
-  /// "ring:SOCKET", "dir/%05d.png", one picture or "card"
+  /// "ring:SOCKET", "dir/%05d.png", one picture, "card" or "views"
   std::string text = {};
   frames::FrameGeometry panel = {};
   std::string rig_fingerprint = {};
@@ -27,6 +30,7 @@ struct SourceRequest {
   std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern
   bool plays_again = false;                         ///< frames are kept for a loop where they fit
   display::CardText card = {};                      ///< what a test card says
+  std::shared_ptr<const LiveTrim> trim = nullptr;   ///< the rig of "views"
 };
 
 struct OpenedSource {

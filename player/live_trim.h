@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The trim of a rig while its panel is playing: keys change it, the file beside the rig keeps it,
+// and whoever weaves in this process takes it at once.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <mutex>
+#include <string>
+
+#include "calib/by_eye/keys.h"
+#include "optics/trim.h"
+
+namespace lenticule::player {
+
+/// What one press changes; shift is ten times as much, ctrl a tenth.
+inline constexpr double kTrimOffsetStep = 0.01;  ///< lenses, with left and right
+inline constexpr double kTrimPitchStep = 1e-5;   ///< part of the pitch, with up and down
+
+/// Safe from any thread.
+class LiveTrim {
+ public:
+  /// Throws Error(Input) for the rig file or the trim beside it.
+  explicit LiveTrim(std::filesystem::path rig_file);
+
+  /// Changes the trim, saves it, and says in one sentence what came of it. Escape takes back all
+  /// presses since the start. Empty for keys that mean nothing here. Does not throw: what cannot be
+  /// saved is not changed, and is said.
+  [[nodiscard]] std::string press(const calib::KeyPress& press);
+
+  /// With the trim in it.
+  [[nodiscard]] optics::Rig rig() const;
+  /// Another number after every change.
+  [[nodiscard]] uint64_t version() const { return version_.load(std::memory_order_acquire); }
+
+ private:
+  [[nodiscard]] optics::Trim after(const calib::KeyPress& press) const;
+
+  std::filesystem::path rig_file_;
+  optics::Rig calibrated_;
+  optics::Trim at_start_;
+  mutable std::mutex mutex_;  ///< guards trim_
+  optics::Trim trim_;
+  std::atomic<uint64_t> version_{1};
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// `lenticule calibrate by-eye` with scripted keys on a virtual display, and `lenticule rig trim`.
+#include <cmath>
+#include <csignal>
+#include <nlohmann/json.hpp>
+
+#include "frames/image_io.h"
+#include "optics/rig_file.h"
+#include "optics/trim.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+using nlohmann::json;
+
+class ByEyeCommand : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    rig_ = optics::load_rig(source_file("scenes/rigs/tiny.toml"));
+    rig_.viewing.distance = Millimetres(500.0);
+    optics::save_rig(rig_, path("rig.toml"));
+  }
+  [[nodiscard]] ProcessResult calibrate(const std::string& keys,
+                                        std::vector<std::string> more = {}) const {
+    write("keys.txt", keys);
+    std::vector<std::string> all = {"calibrate", "by-eye",         "--rig", path("rig.toml"),
+                                    "--display", "virtual",        "-o",    path("rig.toml"),
+                                    "--keys",    path("keys.txt"), "--json"};
+    all.insert(all.end(), more.begin(), more.end());
+    return run(all);
+  }
+
+  optics::Rig rig_;
+};
+
+/// Nine steps, of which the band chart takes two presses.
+constexpr const char* kToTheEnd = "enter*11";
+
+TEST_F(ByEyeCommand, SavesWhatTheKeysFoundAndKeepsTheOldRig) {
+  const ProcessResult result =
+      calibrate("enter*3 # to the slant\nright*2 enter up*3 shift+left enter*7\n");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json done = json::parse(result.out);
+  EXPECT_EQ(done.at("saved"), true);
+  const optics::Rig found = optics::load_rig(path("rig.toml"));
+  EXPECT_EQ(optics::load_rig(path("rig.toml.1")), rig_);
+  EXPECT_NEAR(found.sheet.pitch.value / rig_.sheet.pitch.value, std::pow(1 + 1e-4, 3), 1e-12);
+  EXPECT_NEAR(found.sheet.offset.value - rig_.sheet.offset.value, -0.1, 1e-4)
+      << "but for the height of the eye, of which slant and pitch change the part";
+  EXPECT_GT(found.sheet.slant, rig_.sheet.slant);
+  EXPECT_EQ(done.at("rig_fingerprint"), optics::fingerprint(found));
+  EXPECT_NE(result.err.find("slant"), std::string::npos) << "the terminal says what to do";
+  ASSERT_EQ(calibrate(kToTheEnd).exit_code, 0);
+  EXPECT_EQ(optics::load_rig(path("rig.toml.2")), found);
+}
+
+TEST_F(ByEyeCommand, TakesTheTrimInAndLeavesNone) {
+  optics::save_trim({Lenses(0.125), 1e-4}, path("rig.toml"));
+  const optics::Rig seen = optics::load_trimmed_rig(path("rig.toml"));
+  ASSERT_EQ(calibrate(kToTheEnd).exit_code, 0);
+  const optics::Rig found = optics::load_trimmed_rig(path("rig.toml"));
+  EXPECT_NEAR(found.sheet.pitch.value, seen.sheet.pitch.value, 1e-12);
+  EXPECT_NEAR(found.sheet.offset.value, seen.sheet.offset.value, 1e-12);
+  EXPECT_TRUE(optics::load_trim(path("rig.toml")).empty());
+}
+
+TEST_F(ByEyeCommand, LeavesTheRigAloneUnlessItIsSaved) {
+  const std::vector<std::string> before = {"keys.txt", "rig.toml"};
+  const ProcessResult left = calibrate("enter*4 up*5 q");
+  EXPECT_EQ(left.exit_code, 0) << left.err;
+  EXPECT_EQ(json::parse(left.out).at("saved"), false);
+  const ProcessResult ended = calibrate("enter*4 up*5");
+  EXPECT_EQ(ended.exit_code, 1) << ended.err;
+  EXPECT_NE(ended.err.find("keys ended"), std::string::npos) << ended.err;
+  const ProcessResult bad = calibrate("enter\nentre");
+  EXPECT_EQ(bad.exit_code, 4);
+  EXPECT_NE(bad.err.find("keys.txt:2: no key 'entre'"), std::string::npos) << bad.err;
+  EXPECT_EQ(listing(), before);
+  EXPECT_EQ(optics::load_rig(path("rig.toml")), rig_);
+}
+
+TEST_F(ByEyeCommand, ShowsEveryChartOfItsSteps) {
+  const ProcessResult result =
+      calibrate(kToTheEnd, {"--record", "png:" + path("charts"), "--distance", "600"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(json::parse(result.out).at("distance_mm"), 600.0);
+  int charts = 0;
+  for (const auto& chart : std::filesystem::directory_iterator(path("charts"))) {
+    EXPECT_EQ(frames::read_woven(chart.path()).width(), rig_.panel.width_px);
+    ++charts;
+  }
+  EXPECT_EQ(charts, 11) << "one per step, two for the bands";
+}
+
+TEST_F(ByEyeCommand, RefusesDistancesThatMakeNoSense) {
+  EXPECT_EQ(calibrate("q", {"--distance", "-5"}).exit_code, 2);
+  rig_.viewing.distance = Millimetres(std::numeric_limits<double>::infinity());
+  optics::save_rig(rig_, path("rig.toml"));
+  const ProcessResult parallel = calibrate("q");
+  EXPECT_EQ(parallel.exit_code, 2);
+  EXPECT_NE(parallel.err.find("--distance"), std::string::npos) << parallel.err;
+}
+
+TEST_F(ByEyeCommand, TrimsAddUpAreToldAndCanBeReset) {
+  const auto trim = [this](std::vector<std::string> flags) {
+    flags.insert(flags.begin(), {"rig", "trim", path("rig.toml"), "--json"});
+    return run(flags);
+  };
+  ASSERT_EQ(trim({"--offset-by", "0.02"}).exit_code, 0);
+  const ProcessResult twice = trim({"--offset-by", "0.02", "--pitch-by", "-1e-5"});
+  EXPECT_NE(twice.err.find("frames made before are not for it"), std::string::npos) << twice.err;
+  EXPECT_EQ(json::parse(twice.out).at("offset_lenses"), 0.04);
+  EXPECT_EQ(json::parse(twice.out).at("pitch_relative"), -1e-5);
+
+  const json shown = json::parse(run({"rig", "show", path("rig.toml"), "--json"}).out);
+  EXPECT_EQ(shown.at("fingerprint"), json::parse(twice.out).at("fingerprint"));
+  EXPECT_EQ(shown.at("trim").at("fingerprint_without_trim"), optics::fingerprint(rig_));
+  EXPECT_EQ(run({"rig", "check", path("rig.toml")}).exit_code, 0);
+
+  const ProcessResult reset = trim({"--reset"});
+  EXPECT_EQ(json::parse(reset.out).at("fingerprint"), optics::fingerprint(rig_));
+  EXPECT_EQ(listing(), std::vector<std::string>{"rig.toml"});
+  EXPECT_EQ(trim({"--offset-by", "3"}).exit_code, 4);
+  EXPECT_EQ(trim({"--pitch-by", "nan"}).exit_code, 4);
+}
+
+TEST_F(ByEyeCommand, EveryCommandTakesTheTrim) {
+  frames::write_woven(
+      frames::WovenFrame({.width = rig_.panel.width_px, .height = rig_.panel.height_px}).view(),
+      path("black.png"));
+  const auto fingerprint_of_eye = [this] {
+    const ProcessResult seen = run({"eye", path("black.png"), "--rig", path("rig.toml"), "--eye",
+                                    "0,0,500", "-o", path("seen.png"), "--json"});
+    EXPECT_EQ(seen.exit_code, 0) << seen.err;
+    return json::parse(seen.out).at("rig_fingerprint").get<std::string>();
+  };
+  EXPECT_EQ(fingerprint_of_eye(), optics::fingerprint(rig_));
+  optics::save_trim({Lenses(0.1), 0.0}, path("rig.toml"));
+  EXPECT_EQ(fingerprint_of_eye(), optics::fingerprint(optics::load_trimmed_rig(path("rig.toml"))));
+  write("rig.trim.toml", "offset = 1");
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"rig", "check", path("rig.toml")},
+        {"rig", "show", path("rig.toml")},
+        {"play", "card", "--rig", path("rig.toml"), "--display", "virtual"},
+        {"weave", path("black.png"), "--grid", "1x1", "--rig", path("rig.toml"), "-o",
+         path("w.png")}}) {
+    const ProcessResult result = run(command);
+    EXPECT_EQ(result.exit_code, 4) << command.front() << result.err;
+    EXPECT_NE(result.err.find("rig.trim.toml:1: unknown key 'offset'"), std::string::npos)
+        << result.err;
+  }
+}
+
+TEST_F(ByEyeCommand, NumberedViewsArePlayedAndTrimmingNeedsATerminal) {
+  const ProcessResult played =
+      run({"play", "views", "--rig", path("rig.toml"), "--display", "virtual", "--loop", "1",
+           "--record", "png:" + path("shown"), "--json"});
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_EQ(frames::read_woven(path("shown/00000000.png")).width(), rig_.panel.width_px);
+  const ProcessResult trimmed = run({"play", "views", "--rig", path("rig.toml"), "--display",
+                                     "virtual", "--loop", "1", "--trim"});
+  EXPECT_EQ(trimmed.exit_code, 2) << trimmed.err;
+}
+
+}  // namespace
+}  // namespace lenticule::test

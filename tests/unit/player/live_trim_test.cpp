@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+// Trimming while playing: what keys do to the trim, its file and the views on the glass, and that
+// the terminal is given back.
+#include "player/live_trim.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <termios.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+
+#include "calib/by_eye/charts.h"
+#include "optics/error.h"
+#include "optics/rig_file.h"
+#include "player/raw_terminal.h"
+#include "player/views_source.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using calib::Key;
+using calib::Stride;
+using testing::HasSubstr;
+
+class LiveTrimTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "lenticule-live-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+    rig_file_ = folder_ / "tiny.toml";
+    rig_ = optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml");
+    optics::save_rig(rig_, rig_file_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  fs::path folder_;
+  fs::path rig_file_;
+  optics::Rig rig_;
+};
+
+TEST_F(LiveTrimTest, EveryPressIsSavedAndEscapeTakesThemBack) {
+  optics::save_trim({Lenses(0.5), 0.0}, rig_file_);
+  LiveTrim trim(rig_file_);
+  const uint64_t version = trim.version();
+  EXPECT_THAT(trim.press({Key::Right}), HasSubstr("+0.510 lenses"));
+  EXPECT_NE(trim.press({Key::Left, Stride::Coarse}), "");
+  EXPECT_NE(trim.press({Key::Up}), "");
+  EXPECT_NE(trim.press({Key::Down, Stride::Fine}), "");
+  EXPECT_EQ(optics::load_trim(rig_file_), (optics::Trim{Lenses(0.41), 9e-6}));
+  EXPECT_EQ(trim.rig(), optics::load_trimmed_rig(rig_file_));
+  EXPECT_EQ(trim.version(), version + 4);
+  EXPECT_NE(trim.press({Key::Restore}), "");
+  EXPECT_EQ(optics::load_trim(rig_file_), (optics::Trim{Lenses(0.5), 0.0}));
+}
+
+TEST_F(LiveTrimTest, OtherKeysMeanNothing) {
+  LiveTrim trim(rig_file_);
+  for (const Key key : {Key::Next, Key::Quit, Key::Undo, Key::Restore})
+    EXPECT_EQ(trim.press({key}), "");
+  EXPECT_EQ(trim.version(), 1u);
+  EXPECT_FALSE(fs::exists(optics::trim_file_of(rig_file_)));
+}
+
+TEST_F(LiveTrimTest, WhatCannotBeSavedIsNotChanged) {
+  LiveTrim trim(rig_file_);
+  for (int n = 0; n < 10; ++n) (void)trim.press({Key::Right, Stride::Coarse});
+  EXPECT_THAT(trim.press({Key::Right, Stride::Coarse}), HasSubstr("the trim stays"));
+  EXPECT_NEAR(optics::load_trim(rig_file_).offset.value, 1.0, 1e-12);
+  fs::remove_all(folder_);
+  EXPECT_THAT(trim.press({Key::Left}), HasSubstr("the trim stays"));
+  EXPECT_NEAR(trim.rig().sheet.offset.value, rig_.sheet.offset.value + 1.0, 1e-12);
+}
+
+TEST_F(LiveTrimTest, ViewsFollowWhileLentFramesStay) {
+  const auto trim = std::make_shared<LiveTrim>(rig_file_);
+  ViewsSource source(trim);
+  const auto woven_for = [](const optics::Rig& rig) {
+    return calib::draw_chart({.pattern = calib::Pattern::NumberedViews, .rig = rig});
+  };
+  const auto same = [](const frames::FrameView& a, const frames::WovenFrame& b) {
+    return std::equal(a.bytes.begin(), a.bytes.end(), b.bytes().begin(), b.bytes().end());
+  };
+  frames::LentFrame first, second;
+  ASSERT_EQ(source.pull(first), frames::PullStatus::Ready);
+  EXPECT_EQ(source.pull(second), frames::PullStatus::End);
+  EXPECT_TRUE(same(first.frame, woven_for(rig_)));
+  ASSERT_NE(trim->press({Key::Right, Stride::Coarse}), "");
+  ASSERT_TRUE(source.rewind());
+  ASSERT_EQ(source.pull(second), frames::PullStatus::Ready);
+  EXPECT_TRUE(same(second.frame, woven_for(trim->rig())));
+  EXPECT_FALSE(same(second.frame, woven_for(rig_)));
+  EXPECT_TRUE(same(first.frame, woven_for(rig_))) << "it may be on its way to the glass";
+  source.release(first.token);
+  source.release(second.token);
+}
+
+class PseudoTerminal {
+ public:
+  PseudoTerminal() : master_(posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC)) {
+    if (master_ < 0 || grantpt(master_) != 0 || unlockpt(master_) != 0) return;
+    slave_ = open(ptsname(master_), O_RDWR | O_NOCTTY | O_CLOEXEC);
+  }
+  ~PseudoTerminal() {
+    if (slave_ >= 0) close(slave_);
+    if (master_ >= 0) close(master_);
+  }
+  [[nodiscard]] int slave() const { return slave_; }
+  [[nodiscard]] tcflag_t local_flags() const {
+    termios now{};
+    EXPECT_EQ(tcgetattr(slave_, &now), 0);
+    return now.c_lflag;
+  }
+
+ private:
+  int master_;
+  int slave_ = -1;
+};
+
+TEST(RawTerminalTest, IsGivenBackOnEveryWayOut) {
+  const PseudoTerminal terminal;
+  ASSERT_GE(terminal.slave(), 0);
+  const tcflag_t before = terminal.local_flags();
+  ASSERT_NE(before & ICANON, 0u);
+  {
+    const RawTerminal raw(terminal.slave());
+    EXPECT_EQ(terminal.local_flags() & (ICANON | ECHO), 0u);
+    EXPECT_NE(terminal.local_flags() & ISIG, 0u) << "Ctrl-C still interrupts";
+  }
+  EXPECT_EQ(terminal.local_flags(), before);
+  {
+    const RawTerminal raw(terminal.slave());
+    restore_terminal_now();
+    EXPECT_EQ(terminal.local_flags(), before);
+  }
+  restore_terminal_now();
+  EXPECT_EQ(terminal.local_flags(), before);
+}
+
+TEST(RawTerminalTest, NeedsATerminal) {
+  const int nothing = open("/dev/null", O_RDONLY | O_CLOEXEC);
+  EXPECT_THROW(RawTerminal raw(nothing), Error);
+  close(nothing);
+}
+
+}  // namespace
+}  // namespace lenticule::player
