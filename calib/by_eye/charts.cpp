@@ -14,7 +14,6 @@
 #include "frames/bitmap_font.h"
 #include "frames/compare.h"
 #include "frames/text.h"
-#include "frames/weave.h"
 #include "optics/error.h"
 #include "optics/row_rays.h"
 
@@ -28,7 +27,7 @@ constexpr uint8_t kLit = 255;
 constexpr Colour kWhite = {255, 255, 255};
 constexpr Colour kBlack = {0, 0, 0};
 constexpr Colour kBlue = {0, 0, 255};
-constexpr size_t kRed = 0, kGreen = 1, kBlueChannel = 2;
+constexpr size_t kRed = 0, kGreen = 1;
 
 constexpr double kCombHalfWidth = 0.125;
 /// What is to be seen as one thing through the sheet covers this many lenses across.
@@ -76,28 +75,37 @@ class NumberCells {
     height_ = (frames::kCellHeight + 2) * scale_;
   }
 
-  [[nodiscard]] bool lit(int view, int i, int j) const {
-    const int column = i % width_ / scale_ - 1;
-    const int row = j % height_ / scale_ - 1;
-    if (column < 0 || row < 0 || row >= frames::kGlyphHeight) return false;
-    const std::string& text = texts_[static_cast<size_t>(view)];
-    const auto character = static_cast<size_t>(column / frames::kCellWidth);
-    const int dot = column % frames::kCellWidth;
-    if (character >= text.size() || dot >= frames::kGlyphWidth) return false;
-    return (frames::glyph_of(text[character]).at(static_cast<size_t>(row)) >>
-                (frames::kGlyphWidth - 1 - dot) &
-            1) != 0;
+  /// Which pixels of row j are lit in each view, for one cell across: lit[view * width() + i].
+  void row(int j, std::vector<uint8_t>& lit) const {
+    lit.assign(texts_.size() * static_cast<size_t>(width_), 0);
+    const int dot_row = j % height_ / scale_ - 1;
+    if (dot_row < 0 || dot_row >= frames::kGlyphHeight) return;
+    for (size_t view = 0; view < texts_.size(); ++view)
+      for (int i = 0; i < width_; ++i)
+        lit[view * static_cast<size_t>(width_) + static_cast<size_t>(i)] =
+            is_dot(texts_[view], i / scale_ - 1, dot_row) ? kLit : 0;
   }
+  [[nodiscard]] int width() const { return width_; }
 
  private:
+  static bool is_dot(const std::string& text, int column, int row) {
+    if (column < 0 || column % frames::kCellWidth >= frames::kGlyphWidth) return false;
+    const auto character = static_cast<size_t>(column / frames::kCellWidth);
+    if (character >= text.size()) return false;
+    const uint8_t dots = frames::glyph_of(text[character]).at(static_cast<size_t>(row));
+    return (dots >> (frames::kGlyphWidth - 1 - column % frames::kCellWidth) & 1) != 0;
+  }
+
   std::vector<std::string> texts_;
   int scale_ = 1;
   int width_ = 1;
   int height_ = 1;
 };
 
-int view_of(double place, int views) {
-  return std::clamp(frames::nearest_view(optics::view_number(place, views), views), 0, views - 1);
+/// An odd number, so that the middle of a zone is the middle of a view.
+int numbered_views(const optics::Rig& rig) {
+  const int possible = frames::native_view_count(rig) / kSubpixelsPerNumber;
+  return std::clamp(possible - (possible % 2 == 0 ? 1 : 0), 3, 99);
 }
 
 }  // namespace
@@ -107,7 +115,7 @@ struct ChartPainter::Prepared {
       : chart(source),
         model(source.rig),
         phases(model, model.design_eye()),
-        views(std::clamp(frames::native_view_count(source.rig) / kSubpixelsPerNumber, 2, 99)),
+        views(numbered_views(source.rig)),
         numbers(source.rig, views),
         centre_phase(model.phase(source.rig.panel.width_px / 2.0, source.rig.panel.height_px / 2.0,
                                  kGreen, model.design_eye())) {}
@@ -159,9 +167,15 @@ void ChartPainter::Prepared::two_view_row(const std::vector<double>& phase, uint
 
 void ChartPainter::Prepared::number_row(const std::vector<double>& phase, int j,
                                         uint8_t* row) const {
+  std::vector<uint8_t> lit;
+  numbers.row(j, lit);
+  const size_t width = static_cast<size_t>(numbers.width());
+  size_t column = 0;
   for (size_t s = 0; s < phase.size(); ++s) {
-    const int view = view_of(optics::split_phase(phase[s]).place, views);
-    row[s] = numbers.lit(view, static_cast<int>(s / 3), j) ? kLit : 0;
+    const double number = optics::view_number(place_of(phase[s]), views);
+    const auto view = static_cast<size_t>(std::clamp(static_cast<int>(number), 0, views - 1));
+    row[s] = lit[view * width + column];
+    if (s % 3 == 2 && ++column == width) column = 0;
   }
 }
 

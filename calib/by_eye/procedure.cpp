@@ -351,7 +351,7 @@ Chart Procedure::chart() const {
               .words = {}};
   if (!words_) return chart;
   const Guide words = guide();
-  chart.words = {words.title + (shows_old_ ? " (OLD RIG)" : ""), words.task, words.keys};
+  chart.words = {words.title + (shows_old_ ? " (OLD RIG)" : ""), words.task, words.keys, numbers()};
   if (!note_.empty()) chart.words.push_back("(" + note_ + ")");
   return chart;
 }
