@@ -24,7 +24,7 @@ using calib::GrabStatus;
 using std::chrono::seconds;
 
 constexpr int output_width = 1280, output_height = 720;
-constexpr int patch_columns = 4, patch_rows = 2;
+constexpr int patch_count = 8;  // upright bars, as in vivid's own colour bars
 
 // R'G'B' in percent.
 struct Colour {
@@ -54,13 +54,13 @@ struct Ycbcr {
   uint8_t y, cb, cr;
 };
 
-const Colour& patch_at(int x, int y) {
-  return patches[y * patch_rows / output_height * patch_columns + x * patch_columns / output_width];
+const Colour& patch_at(int x) {
+  return patches[x * patch_count / output_width];
 }
 
 // One pixel's bytes; of 4:2:2 and NV12 luma only every second pixel decides on the colour.
 void put_pixel(std::vector<uint8_t>& bytes, const v4l2_pix_format& format, int x, int y) {
-  const Colour& colour = patch_at(x, y);
+  const Colour& colour = patch_at(x);
   const Ycbcr ycbcr(colour);
   uint8_t* const row = &bytes[static_cast<size_t>(y) * format.bytesperline];
   switch (format.pixelformat) {
@@ -143,9 +143,9 @@ struct Tally {
 };
 
 void print_patches(const CameraPicture& picture) {
-  for (int i = 0; i < patch_columns * patch_rows; ++i) {
-    const int x = (2 * (i % patch_columns) + 1) * picture.width / (2 * patch_columns);
-    const int y = (2 * (i / patch_columns) + 1) * picture.height / (2 * patch_rows);
+  for (int i = 0; i < patch_count; ++i) {
+    const int x = (2 * i + 1) * picture.width / (2 * patch_count);
+    const int y = picture.height / 2;
     std::printf("patch");
     for (int channel = 0; channel < picture.channels; ++channel) {
       const int place = (y * picture.width + x) * picture.channels + channel;

@@ -68,6 +68,14 @@ TEST(Grey, WideSamplesAreLittleEndian) {
               1e-6);
 }
 
+TEST(Grey, IsFullRangeWhereTheDriverSaysNothing) {
+  RawFormat format = format_of(V4L2_PIX_FMT_GREY, 3, 1);
+  format.coding = {};
+  EXPECT_THAT(
+      unpacked(format, {0, 16, 255}).light,
+      testing::Pointwise(testing::FloatNear(1e-4F), std::vector<float>{0.0F, 0.0052F, 1.0F}));
+}
+
 TEST(Grey, LimitedRangeHasItsBlackAndWhite) {
   RawFormat format = format_of(V4L2_PIX_FMT_GREY, 4, 1);
   format.coding.quantization = V4L2_QUANTIZATION_LIM_RANGE;
@@ -289,7 +297,7 @@ TEST_F(Jpeg, CutOffWithAnEndMarkerItIsDamaged) {
 
 TEST_F(Jpeg, BytesBeforeAndAfterTheEndMarkerDoNoHarm) {
   Bytes bytes = jpeg_;
-  bytes.insert(bytes.end() - 2, {0x00, 0x00, 0x17});
+  bytes.insert(bytes.end() - 2, 60, 0x17);  // more than the decoder has read ahead
   EXPECT_TRUE(accepts(bytes));
   bytes.insert(bytes.end(), 100, 0);  // as buffers have behind the picture
   EXPECT_TRUE(accepts(bytes));
