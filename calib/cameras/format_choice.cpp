@@ -64,6 +64,7 @@ v4l2_format asked_format(uint32_t fourcc, const FrameSize& size) {
   format.fmt.pix.height = static_cast<uint32_t>(size.height);
   format.fmt.pix.pixelformat = fourcc;
   format.fmt.pix.field = V4L2_FIELD_NONE;
+  format.fmt.pix.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // we know the fields behind it
   return format;
 }
 
@@ -134,14 +135,15 @@ void require_progressive(const v4l2_pix_format& got, const std::string& path) {
 }
 
 RawFormat raw_format(const v4l2_pix_format& got) {
+  const bool extended = got.priv == V4L2_PIX_FMT_PRIV_MAGIC;  // else the rest means nothing
   return {.fourcc = got.pixelformat,
           .width = side(got.width),
           .height = side(got.height),
           .bytes_per_line = got.bytesperline,
           .coding = {.colorspace = got.colorspace,
-                     .ycbcr_enc = got.ycbcr_enc,
-                     .quantization = got.quantization,
-                     .xfer_func = got.xfer_func}};
+                     .ycbcr_enc = extended ? got.ycbcr_enc : 0,
+                     .quantization = extended ? got.quantization : 0,
+                     .xfer_func = extended ? got.xfer_func : 0}};
 }
 
 /// What the driver made of it; none if it gives a format that cannot be unpacked.

@@ -5,6 +5,7 @@
 //   vm_camera_probe send OUTPUT FORMAT        sends eight patches of colour, 1280x720, until killed
 //   vm_camera_probe watch DEVICE FORMAT WIDTH HEIGHT RATE COUNT
 // `watch` grabs COUNT pictures and says what it saw. When the camera goes it opens it again once.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -43,16 +44,31 @@ double luma_of(const Colour& colour) {
   return (0.2126 * colour.red + 0.7152 * colour.green + 0.0722 * colour.blue) / 100.0;
 }
 
-// BT.709, limited range: the numbers of the standard.
-struct Ycbcr {
-  explicit Ycbcr(const Colour& colour) {
+// BT.709: the numbers of the standard.
+struct Codes {
+  Codes(const Colour& colour, bool full) {
     const double luma = luma_of(colour);
-    y = code(16.0 + 219.0 * luma);
-    cb = code(128.0 + 224.0 * (colour.blue / 100.0 - luma) / 1.8556);
-    cr = code(128.0 + 224.0 * (colour.red / 100.0 - luma) / 1.5748);
+    const double black = full ? 0.0 : 16.0, span = full ? 255.0 : 219.0;
+    const double chroma_span = full ? 255.0 : 224.0;
+    y = code(black + span * luma);
+    cb = code(128.0 + chroma_span * (colour.blue / 100.0 - luma) / 1.8556);
+    cr = code(128.0 + chroma_span * (colour.red / 100.0 - luma) / 1.5748);
+    red = code(black + span * colour.red / 100.0);
+    green = code(black + span * colour.green / 100.0);
+    blue = code(black + span * colour.blue / 100.0);
   }
-  uint8_t y, cb, cr;
+  uint8_t y, cb, cr, red, green, blue;
 };
+
+bool is_ycbcr(uint32_t format) {
+  return format == V4L2_PIX_FMT_YUYV || format == V4L2_PIX_FMT_NV12;
+}
+
+// The driver says it, whatever it was asked for.
+bool is_full_range(const v4l2_pix_format& format) {
+  if (format.quantization == V4L2_QUANTIZATION_DEFAULT) return !is_ycbcr(format.pixelformat);
+  return format.quantization == V4L2_QUANTIZATION_FULL_RANGE;
+}
 
 const Colour& patch_at(int x) {
   return patches[x * patch_count / output_width];
@@ -60,35 +76,30 @@ const Colour& patch_at(int x) {
 
 // One pixel's bytes; of 4:2:2 and NV12 luma only every second pixel decides on the colour.
 void put_pixel(std::vector<uint8_t>& bytes, const v4l2_pix_format& format, int x, int y) {
-  const Colour& colour = patch_at(x);
-  const Ycbcr ycbcr(colour);
+  const Codes codes(patch_at(x), is_full_range(format));
   uint8_t* const row = &bytes[static_cast<size_t>(y) * format.bytesperline];
   switch (format.pixelformat) {
     case V4L2_PIX_FMT_RGB24:
-      row[3 * x] = code(2.55 * colour.red);
-      row[3 * x + 1] = code(2.55 * colour.green);
-      row[3 * x + 2] = code(2.55 * colour.blue);
+      row[3 * x] = codes.red;
+      row[3 * x + 1] = codes.green;
+      row[3 * x + 2] = codes.blue;
       break;
     case V4L2_PIX_FMT_YUYV:
-      row[2 * x] = ycbcr.y;
-      row[2 * x + 1] = x % 2 == 0 ? ycbcr.cb : ycbcr.cr;
+      row[2 * x] = codes.y;
+      row[2 * x + 1] = x % 2 == 0 ? codes.cb : codes.cr;
       break;
     case V4L2_PIX_FMT_NV12: {
-      row[x] = ycbcr.y;
+      row[x] = codes.y;
       const int below = (output_height + y / 2) * static_cast<int>(format.bytesperline);
-      bytes[static_cast<size_t>(below + x)] = x % 2 == 0 ? ycbcr.cb : ycbcr.cr;
+      bytes[static_cast<size_t>(below + x)] = x % 2 == 0 ? codes.cb : codes.cr;
       break;
     }
     case V4L2_PIX_FMT_GREY:
-      row[x] = code(255.0 * luma_of(colour));
+      row[x] = codes.y;
       break;
     default:
       throw std::runtime_error("cannot send this format");
   }
-}
-
-bool is_ycbcr(uint32_t format) {
-  return format == V4L2_PIX_FMT_YUYV || format == V4L2_PIX_FMT_NV12;
 }
 
 uint32_t fourcc(const std::string& name) {
@@ -107,8 +118,7 @@ int send(const std::string& path, const std::string& format_name) {
   wanted.colorspace = V4L2_COLORSPACE_REC709;
   wanted.ycbcr_enc = V4L2_YCBCR_ENC_709;
   wanted.xfer_func = V4L2_XFER_FUNC_709;
-  wanted.quantization =
-      is_ycbcr(wanted.pixelformat) ? V4L2_QUANTIZATION_LIM_RANGE : V4L2_QUANTIZATION_FULL_RANGE;
+  wanted.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // without it the driver does not look at these
   const v4l2_pix_format got = output.choose(wanted);
   std::vector<uint8_t> picture(got.sizeimage);
   for (int y = 0; y < output_height; ++y)

@@ -93,24 +93,45 @@ def colours_that_are_sent_are_seen(vm):
     set_control(vm, camera, "Loop Video", 0)
 
 
+def assert_bars(vm, camera, pixel_format):
+    """The driver's bars of 100 % have their colours, whatever their transfer function."""
+    report = watched(vm, camera, pixel_format, count=1, rate=60)
+    for colour, seen in zip([*SENT[:7], (0, 0, 0)], report.patches(), strict=True):
+        expected = expected_light(colour, len(seen), linear_srgb)
+        # The driver's own Y'CbCr is up to one code too low.
+        assert_near(seen, expected, 0.035, f"{pixel_format} {colour}")
+
+
 @vm_test(VIVID)
 def the_drivers_own_colours_are_seen_in_every_format(vm):
     camera = node_called(vm, WEBCAM)
-    set_control(vm, camera, "OSD Text Mode", 2)
     listed = vm.check([probe(vm), "list"]).stdout
     offered = listed.partition(f"{camera} ")[2].partition("/dev/")[0].split()
     wanted = ("GREY", "Y16", "Y12", "Y10", "RGGB", "GRBG", "BA81", "GBRG", "YUYV", "UYVY", "NV12",
               "RGB3", "BGR3")
     formats = [name for name in wanted if name in offered]
     assert len(formats) >= 10, listed
+    set_control(vm, camera, "OSD Text Mode", 2)
     set_control(vm, camera, "Test Pattern", 1)  # bars of 100 %
     for pixel_format in formats:
-        report = watched(vm, camera, pixel_format, count=1, rate=60)
-        for colour, seen in zip([*SENT[:7], (0, 0, 0)], report.patches(), strict=True):
-            expected = expected_light(colour, len(seen), linear_srgb)
-            # The driver's own Y'CbCr is up to one code too low.
-            assert_near(seen, expected, 0.035, f"{pixel_format} {colour}")
+        assert_bars(vm, camera, pixel_format)
     set_control(vm, camera, "Test Pattern", 0)
+
+
+@vm_test(VIVID)
+def what_the_driver_says_about_its_colours_is_heeded(vm):
+    camera = node_called(vm, WEBCAM)
+    set_control(vm, camera, "OSD Text Mode", 2)
+    set_control(vm, camera, "Test Pattern", 1)
+    full, limited, bt709, smpte240m = 1, 2, 2, 8
+    for pixel_format, encoding, quantization in (
+            ("YUYV", bt709, full), ("NV12", smpte240m, limited), ("UYVY", 0, full),
+            ("RGB3", 0, limited)):
+        set_control(vm, camera, "Y'CbCr Encoding", encoding)
+        set_control(vm, camera, "Quantization", quantization)
+        assert_bars(vm, camera, pixel_format)
+    for name in ("Y'CbCr Encoding", "Quantization", "Test Pattern"):
+        set_control(vm, camera, name, 0)
 
 
 @vm_test(VIVID)

@@ -86,6 +86,14 @@ TEST_F(Choosing, BelievesWhatIsReadBack) {
   EXPECT_EQ(raw.coding.xfer_func, V4L2_XFER_FUNC_SRGB);
 }
 
+TEST_F(Choosing, FieldsThatAnOldDriverDoesNotKnowAreNotBelieved) {
+  camera_.adjust = [](v4l2_pix_format& pix) {
+    pix.priv = 0;
+    pix.quantization = 77;
+  };
+  EXPECT_EQ(agreed().raw.coding.quantization, 0U);
+}
+
 TEST_F(Choosing, AFormatThatTheDriverReplacesIsNotTakenForGranted) {
   camera_.formats = {{V4L2_PIX_FMT_GREY, {kHd}}, {V4L2_PIX_FMT_MJPEG, {kHd}}};
   camera_.adjust = [](v4l2_pix_format& pix) {
