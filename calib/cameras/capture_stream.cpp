@@ -56,12 +56,12 @@ BufferStamp stamp_of(const v4l2_buffer& buffer) {
 
 CaptureStream::Reservation::~Reservation() {
   uint32_t none = 0;
-  (void)request_buffers(device_, none);
+  (void)request_buffers(device, none);
 }
 
 CaptureStream::Running::~Running() {
   int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
-  (void)v4l2_call(device_, VIDIOC_STREAMOFF, &type);
+  (void)v4l2_call(device, VIDIOC_STREAMOFF, &type);
 }
 
 CaptureStream::CaptureStream(V4l2Device& device, V4l2System& system, const std::string& path)

@@ -41,12 +41,12 @@ class CaptureStream {
   [[nodiscard]] const std::string& failure() const { return failure_; }
 
  private:
-  /// Members are destroyed from the last to the first.
-  class Reservation {
-   public:
-    explicit Reservation(V4l2Device& device) : device_(device) {}
+  /// Gives all buffers back to the driver.
+  struct Reservation {
+    explicit Reservation(V4l2Device& owner) : device(owner) {}
+    Reservation(const Reservation&) = delete;
     ~Reservation();
-    V4l2Device& device_;
+    V4l2Device& device;
   };
   struct Unmap {
     V4l2Device* device;
@@ -54,14 +54,14 @@ class CaptureStream {
     void operator()(void* memory) const noexcept { device->unmap(memory, size); }
   };
   using Mapping = std::unique_ptr<void, Unmap>;
-  class Running {
-   public:
-    explicit Running(V4l2Device& device) : device_(device) {}
+  /// Stops the stream.
+  struct Running {
+    explicit Running(V4l2Device& owner) : device(owner) {}
+    Running(const Running&) = delete;
     ~Running();
-    V4l2Device& device_;
+    V4l2Device& device;
   };
 
-  [[nodiscard]] uint32_t reserve();
   [[nodiscard]] int map_buffer(uint32_t index);
   [[nodiscard]] int queue(uint32_t index);
   enum class Step { Taken, Nothing, Lost, Gone };
@@ -70,6 +70,7 @@ class CaptureStream {
   Step gone(int error);
 
   V4l2Device& device_;
+  // Destroyed from the last to the first.
   Reservation reservation_;
   std::vector<Mapping> buffers_;
   std::unique_ptr<Running> running_;

@@ -91,7 +91,7 @@ TEST(RealSystem, AnswersWithoutACamera) {
   (void)system.nodes();
   EXPECT_EQ(system.open("/dev/video-that-is-not").error, ENOENT);
   EXPECT_EQ(system.open("/").error, ENOTTY) << "no character device";
-  EXPECT_EQ(system.group("/dev/null"), "root");
+  EXPECT_FALSE(system.group("/dev/null").empty());
 }
 
 TEST(RealSystem, ADeviceThatIsNoCameraIsRefused) {
