@@ -31,8 +31,23 @@ constexpr double kLeastLead = 2.0;       ///< over the next best phase
 constexpr double kAliasPart = 0.4;       ///< of the first pattern's coherence at a multiple of it
 constexpr double kFineFringes = 8.0;     ///< across the panel: enough to average what drifts
 
+/// Green last: its line is the one that is kept.
+constexpr std::array<int, 3> kChannelOrder = {0, 2, 1};
+
 /// Pitches to try when the starting one shows no fringes, as multiples of it.
 constexpr std::array<double, 5> kOtherPitches = {1.0, 0.5, 2.0, 1.0 / 3.0, 3.0};
+
+/// Levels of the wide waves along one axis.
+std::array<WaveLevel, 3> levels_of(const optics::Rig& rig, bool vertical) {
+  return wave_levels(vertical ? rig.panel.height_px : rig.panel.width_px,
+                     rig.sheet.pitch.value / 3.0);
+}
+
+/// The pitch that an eye at the design distance sees.
+double nominal_pitch(const optics::Rig& rig) {
+  const double z = rig.viewing.distance.value;
+  return rig.sheet.pitch.value * (std::isinf(z) ? 1.0 : 1.0 + rig.sheet.gap.value / z);
+}
 
 struct Fringes {
   Fringe fringe;
@@ -159,10 +174,9 @@ void ViewpointRun::find_panel() {
 }
 
 void ViewpointRun::decode_geometry() {
-  const double lens_px = start_.rig().sheet.pitch.value / 3.0;
   std::array<std::vector<float>, 2> positions;
   for (const bool vertical : {false, true}) {
-    const auto levels = wave_levels(vertical ? panel_.height_px : panel_.width_px, lens_px);
+    const auto levels = levels_of(start_.rig(), vertical);
     const auto sum_of = [&](const WaveLevel& level) {
       return step_phases(Wave{.vertical = vertical, .period_px = level.period_px, .phase = 0.0},
                          level.steps, Channels{}, kEqualWeights);
@@ -274,8 +288,7 @@ std::optional<FringePeak> ViewpointRun::peak_of(const Fringes& fringes,
 
 void ViewpointRun::find_pitch() {
   const optics::LensSheet& sheet = start_.rig().sheet;
-  const double z = start_.rig().viewing.distance.value;
-  const double nominal = sheet.pitch.value * (std::isinf(z) ? 1.0 : 1.0 + sheet.gap.value / z);
+  const double nominal = nominal_pitch(start_.rig());
   std::optional<FringePeak> found;
   Fringes fringes;
   for (const double factor : kOtherPitches) {
@@ -372,11 +385,11 @@ void ViewpointRun::measure_colours() {
 
 void ViewpointRun::measure_fringes() {
   const double lenses = result_.line.per_px_x * panel_.width_px;
-  const double detune = options_.adaptive ? std::min(0.02, kFineFringes / lenses) : 0.0;
-  const double pitch = result_.line.pitch_subpx() * (1.0 + detune);
-  const double slant = result_.line.slant();
-  // Green last: its line is the one that is kept.
-  for (const int c : {0, 2, 1}) {
+  const double detuned = 1.0 + std::min(0.02, kFineFringes / lenses);
+  const double pitch =
+      options_.adaptive ? result_.line.pitch_subpx() * detuned : nominal_pitch(start_.rig());
+  const double slant = options_.adaptive ? result_.line.slant() : start_.rig().sheet.slant;
+  for (const int c : kChannelOrder) {
     const auto k = static_cast<size_t>(c);
     const Fringes fringes = show_fringes(pitch, slant, kFineSteps, Channels::only(c), weights_[k]);
     if (c == 1) {
@@ -435,6 +448,31 @@ int pattern_count(const MeasureOptions& options) {
   const int aliases = options.adaptive ? 2 * kAliasSteps : 0;
   const int link_and_spot = options.link_and_spot ? 4 + kSpotBins : 0;
   return 4 + geometry + kCoarseSteps + aliases + 3 + link_and_spot + 3 * kFineSteps + kRepeatSteps;
+}
+
+std::vector<Pattern> photo_patterns(const optics::Rig& start) {
+  std::vector<Pattern> patterns;
+  for (int mark = 0; mark < 3; ++mark)
+    patterns.push_back({.shape = Flat{}, .channels = {}, .mark = mark});
+  patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3});
+  const auto step = [&](auto shape, int steps, Channels channels) {
+    for (const double phase : phase_steps(steps)) {
+      shape.phase = phase;
+      patterns.push_back({.shape = shape, .channels = channels});
+    }
+  };
+  for (const bool vertical : {false, true})
+    for (const WaveLevel& level : levels_of(start, vertical))
+      step(Wave{.vertical = vertical, .period_px = level.period_px, .phase = 0.0}, level.steps, {});
+  const Fringe fringe{
+      .pitch_subpx = nominal_pitch(start), .slant = start.sheet.slant, .phase = 0.0};
+  step(fringe, kCoarseSteps, {});
+  for (int c = 0; c < 3; ++c)
+    patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = Channels::only(c)});
+  for (const int c : kChannelOrder) step(fringe, kFineSteps, Channels::only(c));
+  step(fringe, kRepeatSteps, Channels::only(1));
+  for (size_t n = 0; n < patterns.size(); ++n) patterns[n].mark = static_cast<int>(n) % kMarkCounts;
+  return patterns;
 }
 
 ViewpointMeasurement measure_viewpoint(frames::FrameSink& sink, Camera& camera,

@@ -21,8 +21,8 @@ struct MeasureOptions {
   int block_px = 0;
   /// Whether the link and the lens spot are measured too: once per calibration is enough.
   bool link_and_spot = true;
-  /// False where patterns cannot depend on what was seen before (photographs): the fine fringes
-  /// then have the starting pitch, and aliases cannot be told.
+  /// False where patterns cannot depend on what was seen before (photographs): they are those of
+  /// photo_patterns(), the fringes have the starting pitch, and aliases cannot be told.
   bool adaptive = true;
 };
 
@@ -54,6 +54,10 @@ struct ViewpointMeasurement {
 
 /// Number of patterns of a measurement, for progress; more are shown when the start is an alias.
 [[nodiscard]] int pattern_count(const MeasureOptions& options);
+
+/// The patterns of a measurement that is not adaptive, in their order and with their marks: what
+/// has to be photographed, one picture each.
+[[nodiscard]] std::vector<Pattern> photo_patterns(const optics::Rig& start);
 
 /// Shows everything and measures. The rig of `start` tells panel, nominal pitch, slant and gap.
 /// Throws Error(Device) where PatternCapture does, Error(Quality) when nothing usable is seen: the

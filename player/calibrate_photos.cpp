@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule calibrate photos: from photographs instead of a live camera: one of the photo chart, or
+// folders of all patterns.
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "calib/calibrate.h"
+#include "calib/photo/photo_folder.h"
+#include "calib/photo/single_photo.h"
+#include "calib/photo/tag_chart.h"
+#include "frames/image_io.h"
+#include "optics/error.h"
+#include "optics/trim.h"
+#include "player/calibrate.h"
+#include "player/calibrate_result.h"
+#include "player/interrupt.h"
+#include "player/progress.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct PhotosFlags {
+  std::vector<std::string> sources;
+  std::string rig;
+  std::string write_patterns;
+  std::optional<double> distance_mm;
+  std::optional<double> focal_px;
+  ResultFlags result;
+};
+
+/// The panel shows what it is told to; photographs were taken of it somewhere else.
+class NoDisplay final : public frames::FrameSink {
+ public:
+  explicit NoDisplay(const optics::Panel& panel)
+      : geometry_{.width = panel.width_px, .height = panel.height_px} {}
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
+  [[nodiscard]] frames::ShowResult show(const frames::FrameView&,
+                                        std::chrono::nanoseconds) override {
+    return frames::ShowResult::Shown;
+  }
+
+ private:
+  frames::FrameGeometry geometry_;
+};
+
+ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
+  const std::vector<calib::Pattern> patterns = calib::photo_patterns(rig);
+  fs::create_directories(flags.write_patterns);
+  Progress progress("writing", "patterns", patterns.size());
+  frames::WovenFrame frame;
+  for (size_t n = 0; n < patterns.size() && !interrupted(); ++n) {
+    calib::draw_pattern(patterns[n], rig.panel, frame);
+    frames::write_woven(frame.view(), fmt::format("{}/{:03}.png", flags.write_patterns, n));
+    progress.update(n + 1);
+  }
+  progress.finish();
+  if (interrupted()) return interrupt_exit_code();
+  if (flags.result.json)
+    print_json({{"folder", flags.write_patterns}, {"patterns", patterns.size()}});
+  else
+    fmt::print(
+        "{}: {} patterns. Show each full-screen (lenticule play), photograph it from the same\n"
+        "place with everything on manual, and give the folder of photographs to calibrate "
+        "photos.\n",
+        flags.write_patterns, patterns.size());
+  return kOk;
+}
+
+calib::RecordDetails details_of(const std::string& method, const calib::CameraFacts& camera) {
+  return {.when = std::chrono::system_clock::now(),
+          .method = method,
+          .camera = camera,
+          .temperature_celsius = {}};
+}
+
+ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
+  const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
+  const calib::CameraPicture photograph = calib::read_photograph(flags.sources.front());
+  calib::PhotoPriors priors;
+  // A tape measure is good to half a centimetre, a data sheet's focal length to two percent.
+  if (flags.distance_mm) priors.distance_mm = calib::Estimate{*flags.distance_mm, 5.0};
+  if (flags.focal_px) priors.focal_px = calib::Estimate{*flags.focal_px, 0.02 * *flags.focal_px};
+  const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors);
+  calib::CameraFacts camera;
+  camera.name = flags.sources.front();
+  camera.width = photograph.width;
+  camera.height = photograph.height;
+  camera.channels = photograph.channels;
+  camera.pixel_format = "photograph";
+  return conclude_calibration(found, details_of("one photograph", camera), flags.result);
+}
+
+ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
+  const optics::OpticalModel model(rig);
+  const size_t wanted = calib::photo_patterns(rig).size();
+  std::vector<calib::ViewpointMeasurement> measured;
+  calib::CameraFacts camera;
+  for (const std::string& folder : flags.sources) {
+    calib::PhotoFolder photographs(folder, wanted);
+    NoDisplay nowhere(rig.panel);
+    const std::string name = fs::path(folder).filename().string();
+    Progress progress(name, "photographs", wanted);
+    uint64_t read = 0;
+    calib::CaptureOptions capture;
+    capture.average = 1;
+    capture.clocked = false;
+    capture.most_dropped = 0;
+    measured.push_back(calib::measure_viewpoint(
+        nowhere, photographs, model, capture,
+        {.name = name, .block_px = 0, .link_and_spot = false, .adaptive = false},
+        [&](const calib::Pattern&) {
+          progress.update(read++);
+          return !interrupted();
+        }));
+    progress.finish();
+    camera = photographs.facts();
+  }
+  return conclude_calibration(calib::calibrate(measured, rig, {}),
+                              details_of("photographs", camera), flags.result);
+}
+
+ExitCode run_photos(const PhotosFlags& flags) {
+  const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
+  if (!flags.write_patterns.empty()) return write_patterns(flags, rig);
+  if (flags.sources.empty() || flags.result.output.empty())
+    throw Error(ErrorKind::Usage, "calibrate photos: photographs and -o are needed",
+                "or --write-patterns FOLDER, to get what has to be photographed");
+  const bool one = flags.sources.size() == 1 && !fs::is_directory(flags.sources.front());
+  return one ? from_one(flags, rig) : from_folders(flags, rig);
+}
+
+}  // namespace
+
+CalibrateWay declare_calibrate_photos(CLI::App& app) {
+  const auto flags = std::make_shared<PhotosFlags>();
+  CLI::App* way = app.add_subcommand(
+      "photos", "find the sheet from photographs: one of the photo chart, or folders of patterns");
+  way->footer(
+      "One photograph, good for the eye that it was taken from:\n"
+      "  lenticule calibrate show photo-chart --rig start.toml --display kms\n"
+      "  lenticule calibrate photos IMG_0001.jpg --rig start.toml -o kiosk.toml --distance 700\n"
+      "All patterns, from three places, one folder each:\n"
+      "  lenticule calibrate photos --rig start.toml --write-patterns patterns\n"
+      "  lenticule calibrate photos centre left right --rig start.toml -o kiosk.toml");
+  way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
+  way->add_option("--rig", flags->rig, "rig file to start from")->required();
+  way->add_option("--write-patterns", flags->write_patterns,
+                  "folder to write all patterns to, then end");
+  way->add_option("--distance", flags->distance_mm,
+                  "from the glass to the camera, mm, for a single photograph");
+  way->add_option("--focal-px", flags->focal_px,
+                  "focal length in pixels of the photograph, if it is known");
+  declare_result_flags(*way, flags->result);
+  way->get_option("--output")->required(false);
+  return {.app = way, .run = [flags] { return run_photos(*flags); }};
+}
+
+}  // namespace lenticule::player
