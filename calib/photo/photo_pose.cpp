@@ -101,7 +101,9 @@ std::vector<Corner> corners_of(const std::vector<TagSighting>& tags,
   std::vector<Corner> corners;
   const optics::Panel& panel = chart.start.panel;
   for (const TagSighting& tag : tags) {
-    const auto on_panel = chart.tags[static_cast<size_t>(tag.id)].corners_px();
+    const ChartTag* drawn = chart.tag(tag.id);
+    LENTICULE_CHECK(drawn != nullptr);
+    const auto on_panel = drawn->corners_px();
     const Vec2 diagonal = on_panel[0] + on_panel[2];  // its middle, twice
     for (size_t i = 0; i < on_panel.size(); ++i) {
       const Vec2 at{panel.x_mm(on_panel[i].x), panel.y_mm(on_panel[i].y)};

@@ -47,7 +47,7 @@ struct PhotoPriors {
 /// Least squares over the tags' corners, which appear displaced by the sheet as the rig says. A
 /// photograph from straight ahead cannot tell focal length from distance: there the priors decide,
 /// and eye_sigma_mm says how little is known. Empty if it does not converge to a camera in front
-/// of the panel. At least four tags.
+/// of the panel. At least four tags, all of them the chart's.
 [[nodiscard]] std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
                                                  const SinglePhotoChart& chart, int width,
                                                  int height, const PhotoPriors& priors);

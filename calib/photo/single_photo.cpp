@@ -121,7 +121,11 @@ Refusal place_camera(Work& work, const SinglePhotoChart& chart, const PhotoPrior
 }
 
 Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
-  work.tags = find_tags(work.picture, static_cast<int>(chart.tags.size()));
+  work.tags = find_tags(work.picture, chart.tags.size());
+  const size_t foreign = std::erase_if(
+      work.tags, [&](const TagSighting& tag) { return chart.tag(tag.id) == nullptr; });
+  if (work.tags.size() < kLeastTags && foreign >= kLeastTags)
+    return "the chart in the photograph was drawn for another rig than this one";
   if (work.tags.size() < kLeastTags)
     return fmt::format(
         "only {} of {} tags were found: the panel is not whole in the picture, too small in it, or "

@@ -26,6 +26,17 @@ double effective_pitch(const optics::Rig& rig) {
   return rig.sheet.pitch.value * (1.0 + rig.sheet.gap.value / distance);
 }
 
+/// The first of nine consecutive ids that belong to this rig, or by chance to one rig in 65.
+int first_id(const optics::Rig& rig) {
+  constexpr uint64_t kSets = kTagIds / (kTagsAcross * kTagsAcross);
+  uint64_t remainder = 0;  // of the fingerprint as a number
+  for (const char digit : optics::fingerprint(rig)) {
+    const int value = digit <= '9' ? digit - '0' : digit - 'a' + 10;
+    remainder = (16 * remainder + static_cast<uint64_t>(value)) % kSets;
+  }
+  return static_cast<int>(remainder) * kTagsAcross * kTagsAcross;
+}
+
 /// Tags in the corners, in the middles of the sides and in the centre.
 std::vector<ChartTag> place_tags(const optics::Rig& rig) {
   const double pitch_px = rig.sheet.pitch.value / 3.0;
@@ -39,10 +50,11 @@ std::vector<ChartTag> place_tags(const optics::Rig& rig) {
                             rig.name.empty() ? "rig" : rig.name, width, height, size),
                 "calibrate with several photographs, which need no tags");
   std::vector<ChartTag> tags;
-  for (int id = 0; id < kTagsAcross * kTagsAcross; ++id) {
-    const double across = (id % kTagsAcross) / (kTagsAcross - 1.0);
-    const double down = (id / kTagsAcross) / (kTagsAcross - 1.0);
-    tags.push_back({id, std::round(cell + across * (width - size - 2.0 * cell)),
+  const int first = first_id(rig);
+  for (int k = 0; k < kTagsAcross * kTagsAcross; ++k) {
+    const double across = (k % kTagsAcross) / (kTagsAcross - 1.0);
+    const double down = (k / kTagsAcross) / (kTagsAcross - 1.0);
+    tags.push_back({first + k, std::round(cell + across * (width - size - 2.0 * cell)),
                     std::round(cell + down * (height - size - 2.0 * cell)), cell});
   }
   return tags;
@@ -106,6 +118,12 @@ bool ChartTag::covers(Vec2 panel_px, double margin_px) const {
     return at >= begin - margin_px && at <= begin + size + margin_px;
   };
   return within(panel_px.x, left_px) && within(panel_px.y, top_px);
+}
+
+const ChartTag* SinglePhotoChart::tag(int id) const {
+  const auto found = std::find_if(tags.begin(), tags.end(),
+                                  [&](const ChartTag& candidate) { return candidate.id == id; });
+  return found != tags.end() ? &*found : nullptr;
 }
 
 int SinglePhotoChart::band_at(double y_px) const {

@@ -37,8 +37,12 @@ struct SinglePhotoChart {
   int fringes = 0;                  ///< F, across the panel
   int bands = 0;                    ///< of equal height
   double contrast = 0.9;            ///< A
-  std::vector<ChartTag> tags;       ///< three rows of three, id 0 at the left top
+  /// Three rows of three from the top left. Their ids follow from the starting rig, so that a
+  /// photograph of another rig's chart is noticed.
+  std::vector<ChartTag> tags;
 
+  /// The tag with this id, or null.
+  [[nodiscard]] const ChartTag* tag(int id) const;
   /// Band of a row: 0 to bands - 1.
   [[nodiscard]] int band_at(double y_px) const;
   /// d of a band.

@@ -11,7 +11,8 @@
 namespace lenticule::calib {
 
 TagFamily::TagFamily() : family_(tag36h11_create()) {
-  LENTICULE_CHECK(family_ != nullptr && family_->total_width == kTagCells);
+  LENTICULE_CHECK(family_ != nullptr && family_->total_width == kTagCells &&
+                  family_->ncodes == kTagIds);
 }
 
 TagFamily::~TagFamily() {
@@ -19,7 +20,7 @@ TagFamily::~TagFamily() {
 }
 
 std::vector<bool> TagFamily::cells(int id) const {
-  LENTICULE_CHECK(id >= 0 && static_cast<uint32_t>(id) < family_->ncodes);
+  LENTICULE_CHECK(id >= 0 && id < kTagIds);
   const std::unique_ptr<image_u8_t, decltype(&image_u8_destroy)> picture(
       apriltag_to_image(family_, id), image_u8_destroy);
   LENTICULE_CHECK(picture && picture->width == kTagCells && picture->height == kTagCells);

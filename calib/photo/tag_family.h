@@ -11,6 +11,8 @@ namespace lenticule::calib {
 /// Cells along a tag's side with its white rim, and without.
 inline constexpr int kTagCells = 10;
 inline constexpr int kTagRimCells = 1;
+/// Ids are 0 to this number - 1.
+inline constexpr int kTagIds = 587;
 
 class TagFamily {
  public:
@@ -20,8 +22,7 @@ class TagFamily {
   TagFamily& operator=(const TagFamily&) = delete;
 
   [[nodiscard]] apriltag_family* get() const { return family_; }
-  /// kTagCells rows of kTagCells cells from the top, true = white. Needs an id of the family
-  /// (0 to 586).
+  /// kTagCells rows of kTagCells cells from the top, true = white. Needs an id of the family.
   [[nodiscard]] std::vector<bool> cells(int id) const;
 
  private:

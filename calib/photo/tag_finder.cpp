@@ -60,23 +60,23 @@ TagSighting sighting_of(const apriltag_detection_t& detection) {
   return sighting;
 }
 
-bool is_credible(const apriltag_detection_t& detection, int count) {
+bool is_credible(const apriltag_detection_t& detection) {
   constexpr int kMostWrongBits = 1;
   constexpr float kLeastMargin = 15.0F;
-  return detection.id >= 0 && detection.id < count && detection.hamming <= kMostWrongBits &&
+  return detection.id >= 0 && detection.id < kTagIds && detection.hamming <= kMostWrongBits &&
          detection.decision_margin >= kLeastMargin;
 }
 
 /// The clearest sighting of each tag.
 using Best = std::map<int, std::pair<float, TagSighting>>;
 
-Best detect(apriltag_detector_t& detector, image_u8_t& picture, int count) {
+Best detect(apriltag_detector_t& detector, image_u8_t& picture) {
   const Owned<zarray_t> found(apriltag_detector_detect(&detector, &picture));
   Best best;
   for (int i = 0; found && i < zarray_size(found.get()); ++i) {
     apriltag_detection_t* detection = nullptr;
     zarray_get(found.get(), i, &detection);
-    if (!is_credible(*detection, count)) continue;
+    if (!is_credible(*detection)) continue;
     auto& [margin, sighting] = best[detection->id];
     if (margin >= detection->decision_margin) continue;
     margin = detection->decision_margin;
@@ -87,7 +87,7 @@ Best detect(apriltag_detector_t& detector, image_u8_t& picture, int count) {
 
 }  // namespace
 
-std::vector<TagSighting> find_tags(const PhotoLight& picture, int count) {
+std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted) {
   constexpr int kLeastSide = 32;  // the library expects a picture of some size
   if (picture.width < kLeastSide || picture.height < kLeastSide) return {};
   const TagFamily family;  // outlives its detector
@@ -102,8 +102,8 @@ std::vector<TagSighting> find_tags(const PhotoLight& picture, int count) {
   // in the sharp one.
   for (const float blur_px : {0.0F, 0.8F, 1.6F, 2.4F}) {
     detector->quad_sigma = blur_px;
-    all.merge(detect(*detector, *grey, count));
-    if (all.size() == static_cast<size_t>(count)) break;
+    all.merge(detect(*detector, *grey));
+    if (all.size() >= wanted) break;
   }
   std::vector<TagSighting> tags;
   for (const auto& [id, sighting] : all) tags.push_back(sighting.second);

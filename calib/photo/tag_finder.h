@@ -22,9 +22,9 @@ struct TagSighting {
   std::array<Vec2, 4> corners_px;
 };
 
-/// Tags with ids 0 to `count` - 1, each once: the clearest of several. Sorted by id. Where some are
-/// missing, softer copies of the picture are searched, too. Light that is not finite counts as
-/// black. Any thread, uses one.
-[[nodiscard]] std::vector<TagSighting> find_tags(const PhotoLight& picture, int count);
+/// All tags of the family, each once: the clearest of several. Sorted by id. Where fewer than
+/// `wanted` are found, softer copies of the picture are searched, too. Light that is not finite
+/// counts as black. Any thread, uses one.
+[[nodiscard]] std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted);
 
 }  // namespace lenticule::calib

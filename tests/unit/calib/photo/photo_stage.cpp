@@ -12,8 +12,6 @@
 namespace lenticule::test {
 namespace {
 
-constexpr int kRaysPerSide = 3;
-
 /// Light of a row of subpixels around a place, weighted by the lens spot.
 class Glass {
  public:
@@ -77,11 +75,12 @@ double light_along(const PhotoStage& stage, const optics::OpticalModel& model, c
 float pixel_light(const PhotoStage& stage, const optics::OpticalModel& model, const Glass& glass,
                   int i, int j) {
   double sum = 0.0;
-  for (int k = 0; k < kRaysPerSide * kRaysPerSide; ++k)
-    sum += light_along(stage, model, glass,
-                       direction_of(stage, i + (k % kRaysPerSide + 0.5) / kRaysPerSide,
-                                    j + (k / kRaysPerSide + 0.5) / kRaysPerSide));
-  return static_cast<float>(stage.ambient + stage.gain * sum / (kRaysPerSide * kRaysPerSide));
+  const int side = stage.rays_per_side;
+  for (int k = 0; k < side * side; ++k)
+    sum +=
+        light_along(stage, model, glass,
+                    direction_of(stage, i + (k % side + 0.5) / side, j + (k / side + 0.5) / side));
+  return static_cast<float>(stage.ambient + stage.gain * sum / (side * side));
 }
 
 /// Running mean over 2 reach + 1 pixels with the given step between them.

@@ -24,7 +24,8 @@ struct PhotoStage {
   double noise = 0.0;       ///< standard deviation, of full scale
   double gain = 0.8;        ///< light of a white panel
   double ambient = 0.01;
-  int blur_px = 0;  ///< half width of a box, both ways, twice
+  int rays_per_side = 3;  ///< of a pixel
+  int blur_px = 0;        ///< half width of a box, both ways, twice
   bool eight_bits = true;
   uint32_t seed = 1;
 };

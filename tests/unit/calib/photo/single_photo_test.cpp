@@ -16,6 +16,7 @@ namespace {
 using test::desk_rig;
 using test::photograph;
 using test::PhotoStage;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 /// The chart of a rig whose pitch is 0.4 % off, drawn once for all tests.
@@ -138,7 +139,7 @@ TEST(SinglePhoto, BlurMakesTagsLargerAndNothingWorse) {
 
 TEST(SinglePhoto, SaysWhyItRefuses) {
   PhotoStage s = stage();
-  s.noise = 0.0;
+  s.rays_per_side = 1;
   const auto reason = [&](const optics::Rig& rig) {
     s.rig = rig;
     const Calibration found = fit_single_photo(photograph(s, shown().frame), shown().chart);
@@ -150,9 +151,15 @@ TEST(SinglePhoto, SaysWhyItRefuses) {
   s.focal_px = 1120.0;  // the panel's middle only
   EXPECT_THAT(reason(desk_rig()), HasSubstr("of 9 tags were found"));
   s = stage();
+  s.rays_per_side = 1;
+  optics::Rig other = shown().chart.start;
+  other.sheet.pitch.value *= 1.0001;
+  EXPECT_THAT(
+      fit_single_photo(photograph(s, shown().frame), plan_single_photo_chart(other)).reasons,
+      ElementsAre(HasSubstr("drawn for another rig")));
   s.gain = 1.2;
   EXPECT_THAT(reason(desk_rig()), HasSubstr("clipped"));
-  s = stage();
+  s.gain = 0.8;
   optics::Rig unfocused = desk_rig();
   unfocused.sheet.spot_sigma = Lenses(0.6);  // each lens shows the mean of what is under it
   EXPECT_THAT(reason(unfocused), HasSubstr("fringes"));

@@ -92,7 +92,7 @@ TEST(TagChart, TagsAreFoundWhereTheyAreDrawn) {
   const auto tags = find_tags(as_seen_without_a_sheet(desk_frame()), 9);
   ASSERT_EQ(tags.size(), 9U);
   for (size_t t = 0; t < tags.size(); ++t) {
-    EXPECT_EQ(tags[t].id, static_cast<int>(t));
+    EXPECT_EQ(tags[t].id, chart.tags[t].id);
     const auto corners = chart.tags[t].corners_px();
     for (size_t i = 0; i < corners.size(); ++i) {
       EXPECT_NEAR(tags[t].corners_px[i].x, corners[i].x / kPixelsSeenAsOne, 0.3) << t;
@@ -109,6 +109,15 @@ TEST(TagChart, EachTagHasAWhiteRimAndABlackFrame) {
     for (size_t c = 0; c < 10; ++c) EXPECT_TRUE(white[c]);
     for (size_t c = 1; c < 9; ++c) EXPECT_FALSE(white[10 + c]);
   }
+}
+
+TEST(TagChart, AnotherRigHasOtherTags) {
+  optics::Rig other = desk_rig();
+  other.sheet.pitch.value *= 1.0001;
+  const int id = plan_single_photo_chart(desk_rig()).tags[0].id;
+  EXPECT_EQ(plan_single_photo_chart(desk_rig()).tags[0].id, id);
+  EXPECT_NE(plan_single_photo_chart(other).tags[0].id, id);
+  EXPECT_EQ(plan_single_photo_chart(other).tag(id), nullptr);
 }
 
 TEST(TagChart, APanelTooSmallForTagsIsRefused) {
