@@ -195,7 +195,7 @@ std::vector<Cell> lens_row(const Viewpoint& v) {
 std::vector<Cell> quality_row(const Viewpoint& v) {
   const double most = v.held_out ? kWantedHeldOutMaxLenses : kWantedMaxLenses;
   Cell contrast = number(v.contrast, 2);
-  contrast.bad = v.contrast < kWantedContrast;
+  contrast.bad = v.contrast > 0.0 && v.contrast < kWantedContrast;  // 0: nobody measured it
   return {name_of(v),
           text(fmt::format("{:.0f}, {:.0f}, {:.0f}", v.eye_mm.x, v.eye_mm.y, v.eye_mm.z)),
           number(v.tilt_degrees, 1),

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -229,7 +230,9 @@ std::filesystem::path copy_beside(const std::filesystem::path& file) {
   const std::string text = optics::read_text_file(file, kMaxFileBytes);
   const CopyName name(file);
   // Under a name of our own first, so that a numbered copy is whole from its first moment.
-  const auto working = name.folder / fmt::format(".{}.copy-{}", name.stem, ::getpid());
+  static std::atomic<uint64_t> counter{0};
+  const auto working =
+      name.folder / fmt::format(".{}.copy-{}-{}", name.stem, ::getpid(), counter++);
   RemovedAtEnd removed(working);
   optics::write_text_file(working, text);
   constexpr int kTries = 1000;  // others may take numbers, too, but not for ever

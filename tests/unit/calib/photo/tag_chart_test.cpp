@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "calib/photo/tag_family.h"
 #include "calib/photo/tag_finder.h"
@@ -127,6 +128,14 @@ TEST(TagChart, APanelTooSmallForTagsIsRefused) {
   const Error error = test::error_of([&] { (void)plan_single_photo_chart(rig); });
   EXPECT_EQ(error.kind(), ErrorKind::Input);
   EXPECT_THAT(error.what(), ::testing::HasSubstr("too few for nine tags"));
+}
+
+TEST(TagFinder, FindsTagsThatNoiseHides) {
+  GreyPicture picture = as_seen_without_a_sheet(desk_frame());
+  std::mt19937 random(1);
+  std::normal_distribution<float> noise(0.0F, 0.35F);
+  for (float& light : picture.light) light += noise(random);
+  EXPECT_GE(find_tags(picture, 9).size(), 8U);
 }
 
 TEST(TagFinder, NothingIsFoundInNothing) {

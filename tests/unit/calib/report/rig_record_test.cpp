@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -95,6 +96,14 @@ TEST(RigRecord, EarlierOriginsBecomeHistory) {
   EXPECT_EQ(entry(rig, "history_3"), "none");
 }
 
+TEST(RigRecord, LongOriginsAreCutToFit) {
+  Calibration c = sample_calibration();
+  c.rig.provenance = {{"note", std::string(4000, 'x')}, {"more", std::string(4000, 'y')}};
+  const optics::Rig rig = with_record(c, sample_details());
+  EXPECT_FALSE(optics::find_problem(rig));
+  EXPECT_EQ(entry(rig, "history_1").size(), 4096U);
+}
+
 TEST(RigRecord, ThreeHundredCalibrationsDropTheOldestAndCountThem) {
   Calibration c = sample_calibration();
   RecordDetails details = sample_details();
@@ -157,6 +166,33 @@ TEST(SaveWithHistory, NoCopyOverwritesWhatIsThere) {
   std::ofstream(folder / "other.9.toml") << "not ours";
   EXPECT_EQ(save_with_history(sample_rig(), file), folder / "rig.8.toml");
   EXPECT_EQ(content(folder / "rig.7.toml"), "kept");
+}
+
+/// Ends the program rather than letting it go on with the other tests.
+bool every_save_copies(const std::filesystem::path& file, int saves) noexcept {
+  bool copied = true;
+  for (int i = 0; i < saves; ++i) copied = copied && !save_with_history(sample_rig(), file).empty();
+  return copied;
+}
+
+// Several programs at once: each keeps the file that it replaces, under a name of its own.
+TEST(SaveWithHistory, CopiesOfSeveralProgramsDoNotMeet) {
+  const ScratchFolder folder;
+  const auto file = folder / "rig.toml";
+  std::ofstream(file) << "old";
+  constexpr int kPrograms = 4, kSaves = 25;
+  std::vector<pid_t> programs;
+  for (int p = 0; p < kPrograms; ++p) {
+    programs.push_back(::fork());
+    if (programs.back() != 0) continue;
+    ::_exit(every_save_copies(file, kSaves) ? 0 : 1);
+  }
+  for (const pid_t program : programs) {
+    int status = 0;
+    ASSERT_EQ(::waitpid(program, &status, 0), program);
+    EXPECT_EQ(status, 0);
+  }
+  EXPECT_EQ(folder.entries(), 1U + kPrograms * kSaves);
 }
 
 TEST(SaveWithHistory, AFolderThatCannotBeWrittenKeepsTheOldRig) {
