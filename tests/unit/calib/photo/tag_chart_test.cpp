@@ -131,7 +131,7 @@ TEST(TagChart, APanelTooSmallForTagsIsRefused) {
 }
 
 TEST(TagFinder, FindsTagsThatNoiseHides) {
-  GreyPicture picture = as_seen_without_a_sheet(desk_frame());
+  PhotoLight picture = as_seen_without_a_sheet(desk_frame());
   std::mt19937 random(1);
   std::normal_distribution<float> noise(0.0F, 0.35F);
   for (float& light : picture.light) light += noise(random);
