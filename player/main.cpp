@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program: finds the command, runs it, and turns what went wrong into one line and an exit
 // code.
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -37,9 +39,20 @@ ExitCode run_reporting_errors(const Run& run) {
   }
 }
 
+/// The number of a standard descriptor that is closed would go to the next file that is opened, and
+/// what is read or printed would meet that.
+void fill_standard_descriptors() {
+  int fd = 0;
+  do {
+    fd = open("/dev/null", O_RDWR);
+  } while (fd >= 0 && fd <= STDERR_FILENO);
+  if (fd >= 0) close(fd);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  fill_standard_descriptors();
   install_interrupt_handlers();
 
   CLI::App app{"Renders, weaves and plays pictures for lenticular 3-D displays."};

@@ -94,6 +94,15 @@ TEST_F(ByEyeCommand, ShowsEveryChartOfItsSteps) {
   EXPECT_EQ(charts, 11) << "one per step, two for the bands";
 }
 
+TEST_F(ByEyeCommand, WithoutStandardInputThereAreNoKeys) {
+  const std::string command = std::string(LENTICULE_PROGRAM) + " calibrate by-eye --rig " +
+                              path("rig.toml") + " --display virtual -o " + path("new.toml") +
+                              " 0<&-";
+  const ProcessResult result = run_process({"/bin/sh", "-c", command});
+  EXPECT_EQ(result.exit_code, 1) << result.err;
+  EXPECT_NE(result.err.find("keys ended"), std::string::npos) << result.err;
+}
+
 TEST_F(ByEyeCommand, RefusesDistancesThatMakeNoSense) {
   EXPECT_EQ(calibrate("q", {"--distance", "-5"}).exit_code, 2);
   rig_.viewing.distance = Millimetres(std::numeric_limits<double>::infinity());
