@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule calibrate by-eye
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <array>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <ctime>
 #include <filesystem>
 #include <memory>
@@ -144,6 +147,15 @@ std::string save_keeping_old(const optics::Rig& rig, const fs::path& file) {
   return kept;
 }
 
+/// Found out before a person has spent half an hour.
+void check_folder_of(const fs::path& file) {
+  const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+  if (access(folder.c_str(), W_OK | X_OK) == 0) return;
+  throw Error(ErrorKind::Failed,
+              fmt::format("{}: cannot be written there: {}", file.string(), std::strerror(errno)),
+              "name a folder that exists and that you may write to");
+}
+
 class ByEyeRun {
  public:
   explicit ByEyeRun(const ByEyeFlags& flags)
@@ -156,6 +168,7 @@ class ByEyeRun {
         sink_(*display_) {}
 
   ExitCode run() {
+    check_folder_of(flags_.output);
     tell_step();
     show();
     while (procedure_.status() == Procedure::Status::Running && !interrupted()) {
