@@ -251,7 +251,7 @@ void Calibrator::describe_viewpoints() {
     out.eye_mm = {pose[kPupil], pose[kPupil + 1], pose[kPupil + 2]};
     out.eye_sigma_mm = prediction.eye_sigma(v);
     out.tilt_degrees = tilt_degrees(pose);
-    const EffectiveLine line = prediction.effective_line(out.eye_mm, several());
+    const EffectiveLine line = prediction.effective_line(out.eye_mm);
     out.effective_pitch_subpx = line.pitch_subpx;
     out.slant = line.slant;
     out.effective_offset_lenses = line.offset_lenses;
@@ -317,7 +317,7 @@ void Calibrator::predict() {
   } else {
     eyes.push_back(result_.viewpoints.front().eye_mm);
   }
-  result_.drift = Prediction(*fit_, grid_, panel_).worst_drift(eyes, several());
+  result_.drift = Prediction(*fit_, grid_, panel_).worst_drift(eyes);
 }
 
 void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured) {

@@ -70,7 +70,7 @@ VectorXd Prediction::gradient(Vec2 panel_px, const Vec3& eye_mm) const {
   return out;
 }
 
-EffectiveLine Prediction::effective_line(const Vec3& eye_mm, bool) const {
+EffectiveLine Prediction::effective_line(const Vec3& eye_mm) const {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   MatrixXd slopes = MatrixXd::Zero(3, covariance_.rows());
@@ -129,7 +129,7 @@ Vec3 Prediction::eye_sigma(size_t view) const {
   return {sigma(0), sigma(1), sigma(2)};
 }
 
-DriftPrediction Prediction::worst_drift(const std::vector<Vec3>& eyes, bool) const {
+DriftPrediction Prediction::worst_drift(const std::vector<Vec3>& eyes) const {
   DriftPrediction worst;
   for (const Vec3& eye : eyes)
     over_panel(panel_, kDriftColumns, kDriftRows, [&](Vec2 p) {

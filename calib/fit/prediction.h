@@ -27,12 +27,11 @@ class Prediction {
  public:
   Prediction(const JointFit& fit, const KnotGrid& grid, const optics::Panel& panel);
 
-  /// `gap_known`: false where gap and shape were held, whose errors then do not count.
-  [[nodiscard]] EffectiveLine effective_line(const Vec3& eye_mm, bool gap_known) const;
+  [[nodiscard]] EffectiveLine effective_line(const Vec3& eye_mm) const;
   [[nodiscard]] SheetReport sheet_report() const;
   [[nodiscard]] Vec3 eye_sigma(size_t view) const;
   /// Two standard errors at the worst panel point for the worst of the eyes.
-  [[nodiscard]] DriftPrediction worst_drift(const std::vector<Vec3>& eyes, bool gap_known) const;
+  [[nodiscard]] DriftPrediction worst_drift(const std::vector<Vec3>& eyes) const;
 
  private:
   /// d Phi / d (sheet, knots) at a panel point for an eye.

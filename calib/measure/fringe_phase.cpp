@@ -40,11 +40,17 @@ class Spectrum {
  public:
   Spectrum() : cells_(static_cast<size_t>(kGridColumns) * kGridRows) {}
 
+  /// Shared among the four cells around, which keeps what rounding would put beside the peak low.
   void splat(Vec2 panel_px, Complex64 value, const optics::Panel& panel) {
-    const auto x = static_cast<int>(panel_px.x / panel.width_px * kGridColumns);
-    const auto y = static_cast<int>(panel_px.y / panel.height_px * kGridRows);
-    if (x < 0 || y < 0 || x >= kGridColumns || y >= kGridRows) return;
-    cell(x, y) += value;
+    const double x = panel_px.x / panel.width_px * kGridColumns - 0.5;
+    const double y = panel_px.y / panel.height_px * kGridRows - 0.5;
+    const auto column = static_cast<int>(std::floor(x)), row = static_cast<int>(std::floor(y));
+    if (column < 0 || row < 0 || column + 1 >= kGridColumns || row + 1 >= kGridRows) return;
+    const double right = x - column, below = y - row;
+    cell(column, row) += value * ((1.0 - right) * (1.0 - below));
+    cell(column + 1, row) += value * (right * (1.0 - below));
+    cell(column, row + 1) += value * ((1.0 - right) * below);
+    cell(column + 1, row + 1) += value * (right * below);
   }
 
   void transform() {

@@ -37,7 +37,7 @@ class PanelMap {
   [[nodiscard]] double typical_error_px() const { return typical_error_px_; }
 
  private:
-  static constexpr int kDegree = 4;
+  static constexpr int kDegree = 5;
   static constexpr int kTerms = (kDegree + 1) * (kDegree + 2) / 2;
 
   [[nodiscard]] std::array<double, kTerms> terms(Vec2 camera_px) const;

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole calibrations on the simulated bench, small.
+#include "calib/calibrate.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/simulation/trial.h"
+
+namespace lenticule::calib {
+namespace {
+
+Trial small_trial() {
+  Trial trial = plain_trial(1280, 720, 640, 360);
+  trial.camera.samples = 6;
+  trial.link_and_spot = false;
+  return trial;
+}
+
+TEST(Calibrate, ThreeViewpointsFindTheSheetForEveryEye) {
+  Trial trial = small_trial();
+  trial.sheet.deformation_lenses = 0.08;
+  const TrialResult result = run_trial(trial);
+  ASSERT_EQ(result.failure, "");
+  EXPECT_EQ(result.calibration.verdict, Verdict::Intrinsic)
+      << (result.calibration.reasons.empty() ? "" : result.calibration.reasons.front());
+  EXPECT_LT(result.errors.worst_lenses, 0.02);
+  EXPECT_LT(std::abs(result.errors.gap), 0.01);
+  EXPECT_LT(result.errors.map_rms_lenses, 0.005);
+  EXPECT_LT(std::abs(result.errors.slant), 2e-5);
+  EXPECT_EQ(result.calibration.viewpoints.size(), 3U);
+  EXPECT_EQ(result.calibration.rig.sheet.residual.columns, 24);
+}
+
+TEST(Calibrate, OneViewpointIsGoodForItsOwnEyeOnlyAndSaysSo) {
+  Trial trial = small_trial();
+  trial.viewpoints.resize(1);
+  const TrialResult result = run_trial(trial);
+  ASSERT_EQ(result.failure, "");
+  EXPECT_EQ(result.calibration.verdict, Verdict::Effective);
+  ASSERT_EQ(result.errors.effective_pitch.size(), 1U);
+  EXPECT_LT(std::abs(result.errors.effective_pitch[0]), 2e-5);
+  // The gap was taken over, wrong as it was.
+  EXPECT_DOUBLE_EQ(result.calibration.rig.sheet.gap.value, trial.start.sheet.gap.value);
+}
+
+TEST(Calibrate, NothingMeasuredIsRefused) {
+  const Calibration found = calibrate({}, small_trial().start, {});
+  EXPECT_EQ(found.verdict, Verdict::Refused);
+  ASSERT_FALSE(found.reasons.empty());
+}
+
+}  // namespace
+}  // namespace lenticule::calib

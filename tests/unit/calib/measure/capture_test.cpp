@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// Capturing on the simulated bench and on cameras that misbehave.
+#include "calib/measure/capture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "calib/measure/viewpoint.h"
+#include "calib/simulation/trial.h"
+#include "optics/error.h"
+
+namespace lenticule::calib {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::HasSubstr;
+
+/// A display that shows anything, and remembers how many.
+class PlainSink final : public frames::FrameSink {
+ public:
+  explicit PlainSink(const optics::Panel& panel)
+      : geometry_{.width = panel.width_px, .height = panel.height_px} {}
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
+  [[nodiscard]] frames::ShowResult show(const frames::FrameView&,
+                                        std::chrono::nanoseconds) override {
+    ++shown;
+    return result;
+  }
+  int shown = 0;
+  frames::ShowResult result = frames::ShowResult::Shown;
+
+ private:
+  frames::FrameGeometry geometry_;
+};
+
+/// A camera that answers as the test says.
+class ScriptedCamera final : public Camera {
+ public:
+  [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
+  [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout, Nanoseconds) override {
+    now_ += timeout < milliseconds(33) ? timeout : Nanoseconds(milliseconds(33));
+    out = {.width = 4, .height = 2, .channels = 1, .light = std::vector<float>(8, 0.5F)};
+    out.time = stuck ? Nanoseconds(0) : now_;
+    return status;
+  }
+  [[nodiscard]] Nanoseconds now() const override { return now_; }
+  [[nodiscard]] std::vector<std::string> drifted_controls() override { return {}; }
+  [[nodiscard]] std::string failure() const override { return "unplugged"; }
+
+  GrabStatus status = GrabStatus::Ready;
+  bool stuck = false;
+
+ private:
+  CameraFacts facts_;
+  Nanoseconds now_{0};
+};
+
+class CaptureTest : public testing::Test {
+ protected:
+  std::string failure_of(const CaptureProgress& progress = {}) {
+    PatternCapture capture(sink_, camera_, panel_, {}, progress);
+    const std::vector<Pattern> patterns(3, Pattern{.shape = Flat{}, .channels = {}});
+    try {
+      capture.capture(patterns, [&](const Pattern&, const CameraPicture&) { ++taken_; });
+    } catch (const Error& error) {
+      kind_ = error.kind();
+      return error.what();
+    }
+    return "";
+  }
+
+  optics::Panel panel_ = trial_panel(320, 180);
+  PlainSink sink_{panel_};
+  ScriptedCamera camera_;
+  int taken_ = 0;
+  ErrorKind kind_ = ErrorKind::Failed;
+};
+
+TEST_F(CaptureTest, EveryPatternIsShownAndTaken) {
+  EXPECT_EQ(failure_of(), "");
+  EXPECT_EQ(sink_.shown, 3);
+  EXPECT_EQ(taken_, 3);
+}
+
+TEST_F(CaptureTest, AnUnpluggedCameraEndsWithItsReason) {
+  camera_.status = GrabStatus::Gone;
+  EXPECT_THAT(failure_of(), HasSubstr("camera: unplugged"));
+  EXPECT_EQ(kind_, ErrorKind::Device);
+}
+
+TEST_F(CaptureTest, ASilentOrBrokenCameraEndsInsteadOfWaiting) {
+  camera_.status = GrabStatus::TimedOut;
+  EXPECT_THAT(failure_of(), HasSubstr("no picture for"));
+  camera_.status = GrabStatus::Corrupt;
+  EXPECT_THAT(failure_of(), HasSubstr("damaged"));
+}
+
+TEST_F(CaptureTest, AClockThatStandsStillEndsToo) {
+  camera_.stuck = true;
+  EXPECT_THAT(failure_of(), HasSubstr("does not get to see"));
+}
+
+TEST_F(CaptureTest, ALostDisplayEnds) {
+  sink_.result = frames::ShowResult::Lost;
+  EXPECT_THAT(failure_of(), HasSubstr("display: it went away"));
+  EXPECT_EQ(kind_, ErrorKind::Device);
+}
+
+TEST_F(CaptureTest, AnotherSizeIsRefused) {
+  PlainSink other(trial_panel(640, 360));
+  EXPECT_THROW(PatternCapture(other, camera_, panel_, {}, {}), Error);
+}
+
+TEST_F(CaptureTest, PeopleCanInterrupt) {
+  EXPECT_THAT(failure_of([](const Pattern&) { return false; }), HasSubstr("interrupted"));
+  EXPECT_EQ(sink_.shown, 0);
+}
+
+/// Shows nothing, remembers the patterns that were asked for.
+TEST(PhotoPatterns, AreWhatAMeasurementThatIsNotAdaptiveShows) {
+  Trial trial = plain_trial(960, 540, 480, 270);
+  trial.camera.samples = 4;
+  trial.start.sheet.pitch = Subpixels(trial.sheet.pitch_subpx * 1.004);
+  trial.start.sheet.slant = trial.sheet.slant;
+  SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, 1);
+  const optics::OpticalModel start(trial.start);
+  CaptureOptions options;
+  options.average = 1;
+  std::vector<Pattern> shown;
+  const CaptureProgress progress = [&](const Pattern& pattern) {
+    shown.push_back(pattern);
+    return true;
+  };
+  (void)measure_viewpoint(bench.sink(), bench.camera(), start, options,
+                          {.name = "photos", .link_and_spot = false, .adaptive = false}, progress);
+  const std::vector<Pattern> wanted = photo_patterns(trial.start);
+  ASSERT_EQ(shown.size(), wanted.size());
+  frames::WovenFrame a, b;
+  for (size_t n = 0; n < wanted.size(); ++n) {
+    draw_pattern(shown[n], trial.panel, a);
+    draw_pattern(wanted[n], trial.panel, b);
+    ASSERT_EQ(a, b) << n;
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::calib
