@@ -3,11 +3,10 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <cstring>
-#include <ctime>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -16,11 +15,11 @@
 
 #include "calib/by_eye/charts.h"
 #include "calib/by_eye/procedure.h"
+#include "calib/report/rig_record.h"
 #include "display/display_sink.h"
 #include "display/open_display.h"
 #include "optics/error.h"
 #include "optics/rig_file.h"
-#include "optics/text_file.h"
 #include "optics/trim.h"
 #include "player/calibrate.h"
 #include "player/interrupt.h"
@@ -100,51 +99,20 @@ void set_provenance(optics::Rig& rig, const std::string& key, const std::string&
   rig.provenance.emplace_back(key, text);
 }
 
-std::string time_now() {
-  const std::time_t now = std::time(nullptr);
-  std::tm parts{};
-  gmtime_r(&now, &parts);
-  std::array<char, 32> text{};
-  (void)std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts);
-  return text.data();
-}
-
 optics::Rig result_of(const Procedure& procedure) {
   optics::Rig rig = procedure.rig();
   set_provenance(rig, "calibrated", "by eye");
-  set_provenance(rig, "calibrated_at", time_now());
+  set_provenance(rig, "calibrated_at", calib::iso_utc(std::chrono::system_clock::now()));
   set_provenance(rig, "calibrated_from_mm", fmt::format("{:g}", procedure.distance_mm()));
   set_provenance(rig, "gap", procedure.gap_was_found() ? "found by eye" : "taken over");
   return rig;
 }
 
-/// "rig.toml.1", or the first number that is free.
-fs::path free_name_beside(const fs::path& file) {
-  constexpr int kMostCopies = 10'000;
-  for (int n = 1; n <= kMostCopies; ++n) {
-    const fs::path name = file.string() + fmt::format(".{}", n);
-    if (!fs::exists(fs::symlink_status(name))) return name;
-  }
-  throw Error(ErrorKind::Failed, fmt::format("{}: too many old copies", file.string()),
-              "remove some of them");
-}
-
-/// The name of the copy; empty if there was nothing to copy.
-std::string copy_aside(const fs::path& file) {
-  constexpr size_t kMaxBytes = 16u << 20;
-  if (!fs::exists(fs::symlink_status(file))) return {};
-  const fs::path copy = free_name_beside(file);
-  optics::write_text_file(copy, optics::read_text_file(file, kMaxBytes));
-  return copy.string();
-}
-
 /// A trim beside the old file was seen and calibrated away, or belongs to a rig that is gone.
 std::string save_keeping_old(const optics::Rig& rig, const fs::path& file) {
-  const std::string kept = copy_aside(file);
-  (void)copy_aside(optics::trim_file_of(file));
-  optics::save_rig(rig, file);
+  const fs::path kept = calib::save_with_history(rig, file);
   optics::save_trim({}, file);
-  return kept;
+  return kept.string();
 }
 
 /// Found out before a person has spent half an hour.
@@ -318,7 +286,7 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
                   "kms, kms:CONNECTOR, or virtual, as for lenticule play")
       ->capture_default_str();
   way->add_option("-o,--output", flags->output,
-                  "rig file to write; one that is there is kept under a number (RIG.toml.1)")
+                  "rig file to write; one that is there is kept under a number (RIG.1.toml)")
       ->required();
   way->add_option("--distance", flags->distance_mm,
                   "from the glass to the eye, mm (default: the rig's viewing distance)");

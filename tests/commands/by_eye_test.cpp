@@ -45,7 +45,7 @@ TEST_F(ByEyeCommand, SavesWhatTheKeysFoundAndKeepsTheOldRig) {
   const json done = json::parse(result.out);
   EXPECT_EQ(done.at("saved"), true);
   const optics::Rig found = optics::load_rig(path("rig.toml"));
-  EXPECT_EQ(optics::load_rig(path("rig.toml.1")), rig_);
+  EXPECT_EQ(optics::load_rig(path("rig.1.toml")), rig_);
   EXPECT_NEAR(found.sheet.pitch.value / rig_.sheet.pitch.value, std::pow(1 + 1e-4, 3), 1e-12);
   EXPECT_NEAR(found.sheet.offset.value - rig_.sheet.offset.value, -0.1, 1e-4)
       << "but for the height of the eye, of which slant and pitch change the part";
@@ -53,7 +53,7 @@ TEST_F(ByEyeCommand, SavesWhatTheKeysFoundAndKeepsTheOldRig) {
   EXPECT_EQ(done.at("rig_fingerprint"), optics::fingerprint(found));
   EXPECT_NE(result.err.find("slant"), std::string::npos) << "the terminal says what to do";
   ASSERT_EQ(calibrate(kToTheEnd).exit_code, 0);
-  EXPECT_EQ(optics::load_rig(path("rig.toml.2")), found);
+  EXPECT_EQ(optics::load_rig(path("rig.2.toml")), found);
 }
 
 TEST_F(ByEyeCommand, TakesTheTrimInAndLeavesNone) {

@@ -195,15 +195,35 @@ TEST(SaveWithHistory, CopiesOfSeveralProgramsDoNotMeet) {
   EXPECT_EQ(folder.entries(), 1U + kPrograms * kSaves);
 }
 
+/// Root may write everywhere: for so long nobody is who works here.
+class AsNobody {
+ public:
+  AsNobody() : was_root_(::geteuid() == 0) {
+    if (was_root_ && ::seteuid(65534) != 0) ADD_FAILURE() << "cannot become nobody";
+  }
+  ~AsNobody() {
+    if (was_root_ && ::seteuid(0) != 0) std::abort();
+  }
+  AsNobody(const AsNobody&) = delete;
+  AsNobody& operator=(const AsNobody&) = delete;
+
+ private:
+  bool was_root_;
+};
+
 TEST(SaveWithHistory, AFolderThatCannotBeWrittenKeepsTheOldRig) {
-  if (::geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
+  using std::filesystem::perms;
   const ScratchFolder folder;
   const auto file = folder / "rig.toml";
   std::ofstream(file) << "old";
-  std::filesystem::permissions(
-      folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
-  const Error error = error_of([&] { (void)save_with_history(sample_rig(), file); });
-  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_all);
+  const perms readable = perms::owner_read | perms::owner_exec | perms::group_read |
+                         perms::group_exec | perms::others_read | perms::others_exec;
+  std::filesystem::permissions(folder.path(), readable);
+  const Error error = [&] {
+    const AsNobody nobody;
+    return error_of([&] { (void)save_with_history(sample_rig(), file); });
+  }();
+  std::filesystem::permissions(folder.path(), perms::owner_all);
   EXPECT_EQ(error.kind(), ErrorKind::Failed);
   EXPECT_EQ(content(file), "old");
   EXPECT_EQ(folder.entries(), 1U);
