@@ -147,6 +147,21 @@ DrivenFrame drive(const frames::FrameView& frame, Chroma chroma) {
   return driven;
 }
 
+void add_logo(const SimulatedPanelLink& link, const optics::Panel& panel, DrivenFrame& driven) {
+  const auto pixels = [](double part, int count) {
+    return std::min(count, static_cast<int>(std::lround(part * count)));
+  };
+  const int left = pixels(link.logo_left, panel.width_px);
+  const int right = pixels(link.logo_left + link.logo_width, panel.width_px);
+  const int bottom = pixels(link.logo_top + link.logo_height, panel.height_px);
+  const auto width = static_cast<size_t>(panel.width_px);
+  for (int j = pixels(link.logo_top, panel.height_px); j < bottom; ++j) {
+    uint8_t* row = &driven.codes[static_cast<size_t>(j) * width * 4];
+    std::fill(row + static_cast<ptrdiff_t>(left) * 4, row + static_cast<ptrdiff_t>(right) * 4,
+              uint8_t{255});
+  }
+}
+
 std::array<float, 256> light_of_codes(const SimulatedPanelLink& link) {
   std::array<float, 256> light{};
   for (size_t code = 0; code < light.size(); ++code) {

@@ -45,6 +45,9 @@ struct DrivenFrame {
 /// Codes after the link's way through YCbCr (BT.709, full range, eight bits). The frame is Rgb8.
 [[nodiscard]] DrivenFrame drive(const frames::FrameView& frame, Chroma chroma);
 
+/// Puts the panel's own sign over a frame.
+void add_logo(const SimulatedPanelLink& link, const optics::Panel& panel, DrivenFrame& driven);
+
 /// Light of each code, 0 to 1.
 [[nodiscard]] std::array<float, 256> light_of_codes(const SimulatedPanelLink& link);
 

@@ -98,7 +98,7 @@ SheetShape::SheetShape(const optics::Panel& panel, const SimulatedSheet& sheet,
   // Down is -y: an apex line that moves left going down moves right going up.
   gradient_ = {1.0 / (pitch_px * panel.pixel_width.value),
                -sheet.slant / (pitch_px * panel.pixel_height.value)};
-  if (sheet.bubbles > 0.0) scatter_bubbles();
+  if (sheet.bubbles > 0.0 || sheet.scratches > 0) scatter_bubbles();
 }
 
 LocalLenses SheetShape::lenses_at(Vec2 point, int channel) const {
@@ -161,11 +161,12 @@ void SheetShape::scatter_bubbles() {
   PortableRandom random(sheet_.seed ^ 0x6275626273ULL);
   // Enough tries for every fraction below 1, and an end for those that are not.
   for (int tries = 0; tries < 100000; ++tries) {
-    if (std::count(bubbly_.begin(), bubbly_.end(), 1) >= wanted) return;
+    if (std::count(bubbly_.begin(), bubbly_.end(), 1) >= wanted) break;
     const double x = random.uniform(-half_width_mm_, half_width_mm_);
     const double y = random.uniform(-half_height_mm_, half_height_mm_);
     mark_bubble({{x, y}, random.uniform(1.5, 6.0)});
   }
+  scratch();
 }
 
 void SheetShape::mark_bubble(const Bubble& bubble) {
@@ -178,6 +179,32 @@ void SheetShape::mark_bubble(const Bubble& bubble) {
               static_cast<size_t>(column)] = 1;
     }
   }
+}
+
+/// From anywhere to anywhere, each through the cells that it crosses.
+void SheetShape::scratch() {
+  PortableRandom random(sheet_.seed ^ 0x73637261746368ULL);
+  const auto anywhere = [&] {
+    return Vec2{random.uniform(-half_width_mm_, half_width_mm_),
+                random.uniform(-half_height_mm_, half_height_mm_)};
+  };
+  for (int n = 0; n < sheet_.scratches; ++n) {
+    const Vec2 from = anywhere();
+    const Vec2 way = anywhere() - from;
+    const int steps = 1 + static_cast<int>(2.0 * std::hypot(way.x, way.y) / kBubbleCellMm);
+    for (int step = 0; step <= steps; ++step)
+      mark_cell(from + way * (static_cast<double>(step) / steps));
+  }
+}
+
+void SheetShape::mark_cell(Vec2 point) {
+  const auto cell = [](double place, double half, int count) {
+    return std::clamp(static_cast<int>((place / half + 1.0) / 2.0 * count), 0, count - 1);
+  };
+  const int column = cell(point.x, half_width_mm_, bubble_columns_);
+  const int row = cell(point.y, half_height_mm_, bubble_rows_);
+  bubbly_[static_cast<size_t>(row) * static_cast<size_t>(bubble_columns_) +
+          static_cast<size_t>(column)] = 1;
 }
 
 bool SheetShape::in_bubble(Vec2 point) const {

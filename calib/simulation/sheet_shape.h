@@ -78,6 +78,8 @@ class SheetShape {
   };
   void scatter_bubbles();
   void mark_bubble(const Bubble& bubble);
+  void scratch();
+  void mark_cell(Vec2 point);
 
   optics::Panel panel_;
   SimulatedSheet sheet_;

@@ -223,6 +223,7 @@ frames::ShowResult SimulatedBench::Impl::show(const frames::FrameView& frame,
   keep_leftover_of_old_frame(vblank_ms - shown_at_ms_);
   std::swap(previous_, current_);
   current_.driven = drive(frame, link_.chroma);
+  add_logo(link_, panel_, current_.driven);
   current_.light.clear();
   now_ = vblank;
   shown_at_ms_ = vblank_ms;

@@ -88,6 +88,8 @@ void check_link(const SimulatedPanelLink& link) {
   require(within(link.scan_out_ms, 0.0, 10000.0), object, "scan_out_ms", "0 to 10000");
   require(within(link.pwm_hz, 0.0, 1e6), object, "pwm_hz", "0 to 1000000");
   require(within(link.pwm_duty, 0.01, 1.0), object, "pwm_duty", "0.01 to 1");
+  for (const double part : {link.logo_left, link.logo_top, link.logo_width, link.logo_height})
+    require(within(part, 0.0, 1.0), object, "logo", "0 to 1");
 }
 
 ChiefRay chief_ray(const SimulatedSheet& sheet, int channel) {
@@ -109,6 +111,7 @@ void check_sheet(const SimulatedSheet& sheet, const optics::Panel& panel) {
           "curve_radius_mm", "0 or at least the panel's width");
   require(within(sheet.black_matrix, 0.0, 0.95), object, "black_matrix", "0 to 0.95");
   require(within(sheet.haze, 0.0, 1.0), object, "haze", "0 to 1");
+  require(within(sheet.scratches, 0, 1000), object, "scratches", "0 to 1000");
   require(within(sheet.bubbles, 0.0, 0.3), object, "bubbles", "0 to 0.3");
 }
 

@@ -24,6 +24,12 @@ struct SimulatedPanelLink {
   double scan_out_ms = 0.0;  ///< from the first to the last row of a new frame
   double pwm_hz = 0.0;       ///< of the backlight; 0 = steady
   double pwm_duty = 0.5;     ///< lit part of a PWM period; the mean light stays the same
+  /// A white sign that the panel puts over every frame by itself: a rectangle, in parts of the
+  /// panel's width and height. No width, no sign.
+  double logo_left = 0.0;
+  double logo_top = 0.0;
+  double logo_width = 0.0;
+  double logo_height = 0.0;
 };
 
 /// Throws Error(Input) for a link that cannot be.

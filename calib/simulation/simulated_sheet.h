@@ -33,7 +33,8 @@ struct SimulatedSheet {
   double black_matrix = 0.25;  ///< dark part of the area of each subpixel
   double haze = 0.0;           ///< part of the light that is spread over the neighbourhood
   double bubbles = 0.0;        ///< part of the panel where the light is scrambled
-  uint64_t seed = 1;           ///< of the deformation and the bubbles
+  int scratches = 0;           ///< straight lines of a millimetre's width that do the same
+  uint64_t seed = 1;           ///< of the deformation, the bubbles and the scratches
 };
 
 /// What counts as the middle of the light of a lens. The two differ where aberrations make the spot
