@@ -30,6 +30,7 @@ struct Trial {
   CaptureOptions capture{.average = 1};
   CalibrateOptions options;
   bool link_and_spot = true;
+  bool single_too = true;  ///< also calibrates from the first viewpoint alone
   uint64_t seed = 1;
   /// Called before each viewpoint and before each pattern of it: whatever should go wrong.
   std::function<void(SimulatedBench& bench, size_t viewpoint)> before_viewpoint;
@@ -38,16 +39,23 @@ struct Trial {
   std::function<bool(size_t viewpoint, int pattern)> progress;
 };
 
-/// Everything relative to the truth; NaN where it makes no sense.
+/// Everything relative to the truth, which is what phase stepping can measure
+/// (LightMiddle::FringePhase); NaN where it makes no sense.
 struct TrialErrors {
   double worst_lenses = 0.0;  ///< of the phase, over the panel, for every eye of the zone
   double rms_lenses = 0.0;
+  /// The worst where eyes see the panel no further from the side than some viewpoint saw some part
+  /// of it: what was measured, not extrapolated.
+  double worst_measured_lenses = 0.0;
   double pitch = 0.0;           ///< relative
   double slant = 0.0;           ///< px/px
   double gap = 0.0;             ///< relative: of how much the phase moves with the eye
   double map_rms_lenses = 0.0;  ///< of the shape of the phase, without its line, for the middle eye
   std::vector<double> effective_pitch;  ///< relative, at each viewpoint
   std::vector<double> effective_slant;  ///< px/px
+  /// As worst_lenses, at each viewpoint alone, the rig asked at the camera's place as it was found:
+  /// how far from even the panel would look there if it showed what should look even.
+  std::vector<double> flat_lenses;
 };
 
 struct TrialResult {
@@ -66,6 +74,9 @@ struct TrialResult {
 /// Errors of a rig on a bench.
 [[nodiscard]] TrialErrors errors_of(const optics::Rig& found, const SimulatedBench& bench,
                                     const Trial& trial);
+
+/// Fills in the errors of result.calibration, which was made on that bench.
+void judge_trial(const Trial& trial, const SimulatedBench& bench, TrialResult& result);
 
 /// Runs it all; what goes wrong on the way ends in `failure`, never as an exception.
 [[nodiscard]] TrialResult run_trial(const Trial& trial);
