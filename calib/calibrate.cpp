@@ -14,13 +14,16 @@
 namespace lenticule::calib {
 namespace {
 
-constexpr double kMostRmsLenses = 0.05;    ///< phase left over: no model of this sheet
-constexpr double kMostGeometryPx = 6.0;    ///< the same for the panel points
-constexpr double kLeastCovered = 0.55;     ///< of the panel, in each viewpoint
-constexpr double kMostDriftLenses = 0.05;  ///< between first and repeated fringes
-constexpr double kMostCorrelation = 0.98;  ///< of pitch and gap
-constexpr double kAmbiguity = 60.0;        ///< chi-squared by which the best gap must lead
-constexpr double kBgrOffset = 2.0;         ///< subpixels that red and blue are off when swapped
+constexpr double kMostRmsLenses = 0.05;        ///< phase left over: no model of this sheet
+constexpr double kMostGeometryPart = 1e-3;     ///< the same for the panel points, of its width
+constexpr double kLeastCovered = 0.55;         ///< of the panel, in each viewpoint
+constexpr double kMostDriftLenses = 0.05;      ///< between first and repeated fringes
+constexpr double kNotableDriftLenses = 0.01;   ///< more than the noise of any usable camera
+constexpr double kMostCorrelation = 0.98;      ///< of pitch and gap
+constexpr double kLeastColourContrast = 0.85;  ///< of red and blue fringes, part of green's
+constexpr double kNearestPart = 0.75;          ///< of the viewpoints' distance: where eyes may be
+constexpr double kAmbiguity = 60.0;            ///< chi-squared by which the best gap must lead
+constexpr double kBgrOffset = 2.0;             ///< subpixels that red and blue are off when swapped
 
 class Calibrator {
  public:
@@ -42,10 +45,12 @@ class Calibrator {
     if (fit()) {
       put_rig();
       measure_colours();
+      judge_layout();
       describe_viewpoints();
       describe_parameters();
       leave_one_out();
       predict();
+      warn_of_near_eyes();
       judge();
     }
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
@@ -79,11 +84,13 @@ class Calibrator {
   bool choose_gap();
   void put_rig();
   void measure_colours();
+  void judge_layout();
   [[nodiscard]] Estimate channel_offset(int channel) const;
   void describe_viewpoints();
   void describe_parameters();
   void leave_one_out();
   void predict();
+  void warn_of_near_eyes();
   void judge();
   void judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured);
 
@@ -180,6 +187,20 @@ Estimate Calibrator::channel_offset(int channel) const {
   const double mean = sum / weight;
   const double blocks = static_cast<double>(views_.front().phases.size() * views_.size());
   return {mean, std::sqrt(std::max(0.0, square / weight - mean * mean) / std::max(1.0, blocks))};
+}
+
+/// Where a colour sits elsewhere from pixel to pixel, its fringes blur; then no offset helps.
+void Calibrator::judge_layout() {
+  for (const ViewpointMeasurement& m : measured_) {
+    const auto& contrast = m.channel_contrast;
+    const double least = std::min(contrast[0], contrast[2]);
+    if (!(least > 0.0) || least > kLeastColourContrast * contrast[1]) continue;
+    refuse(
+        fmt::format("{}: fringes of red or blue have {:.0f} % of the contrast of green ones: "
+                    "these subpixels do not sit where the panel's layout says",
+                    m.name, 100.0 * least / contrast[1]));
+    return;
+  }
 }
 
 void Calibrator::measure_colours() {
@@ -311,13 +332,31 @@ void Calibrator::predict() {
   distance /= static_cast<double>(result_.viewpoints.size());
   std::vector<Vec3> eyes;
   if (several()) {
-    for (const double part : {0.75, 1.0, 1.25})
+    for (const double part : {kNearestPart, 1.0, 1.25})
       for (const double side : {-1.0, 0.0, 1.0})
         eyes.push_back({side * options_.zone_half_width_mm, 0.0, part * distance});
   } else {
     eyes.push_back(result_.viewpoints.front().eye_mm);
   }
   result_.drift = Prediction(*fit_, grid_, panel_).worst_drift(eyes);
+}
+
+/// Real lenses have aberrations that grow steeply with the angle to the side. What viewpoints saw
+/// is fitted; beyond their steepest angle the law of the chief ray is all that is known.
+void Calibrator::warn_of_near_eyes() {
+  if (!several()) return;
+  const double half_mm = 0.5 * panel_.width_px * panel_.pixel_width.value;
+  double steepest = 0.0, distance = 0.0;
+  for (const Viewpoint& v : result_.viewpoints) {
+    steepest = std::max(steepest, (half_mm + std::abs(v.eye_mm.x)) / v.eye_mm.z);
+    distance += v.eye_mm.z / static_cast<double>(result_.viewpoints.size());
+  }
+  const double nearest_known = (half_mm + options_.zone_half_width_mm) / steepest;
+  if (nearest_known > kNearestPart * distance)
+    result_.warnings.push_back(
+        fmt::format("for eyes {:.0f} mm to the side and nearer than {:.0f} mm the far edge of the "
+                    "panel is extrapolated: add a viewpoint there if there are such eyes",
+                    options_.zone_half_width_mm, nearest_known));
 }
 
 void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured) {
@@ -332,11 +371,16 @@ void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeas
         fmt::format("{}: something moved by {:.3f} lens while it was measured: the camera, the "
                     "sheet, or its temperature",
                     viewpoint.name, measured.drift_lenses));
+  else if (measured.drift_lenses > kNotableDriftLenses)
+    result_.warnings.push_back(fmt::format(
+        "{}: something moved by {:.3f} lens while it was measured; with the camera on a "
+        "stand it would be more exact",
+        viewpoint.name, measured.drift_lenses));
 }
 
 void Calibrator::judge() {
   for (size_t v = 0; v < views_.size(); ++v) judge_viewpoint(result_.viewpoints[v], measured_[v]);
-  if (fit_->geometry_rms_px > kMostGeometryPx)
+  if (fit_->geometry_rms_px > kMostGeometryPart * panel_.width_px)
     refuse(
         fmt::format("the panel points fit a flat panel to {:.1f} pixels only: is it curved, or "
                     "did the camera zoom between the viewpoints?",

@@ -55,6 +55,17 @@ struct Fringes {
   double contrast = 0.0;
 };
 
+/// Of the light in all blocks.
+double coherence_of(const BlockGrid& grid) {
+  double coherent = 0.0, all = 0.0;
+  for (const PhaseBlock& block : grid.blocks) {
+    const double light = block.strength * block.pixels;
+    coherent += light * block.coherence;
+    all += light;
+  }
+  return all > 0.0 ? coherent / all : 0.0;
+}
+
 class ViewpointRun {
  public:
   ViewpointRun(frames::FrameSink& sink, Camera& camera, const optics::OpticalModel& start,
@@ -398,6 +409,7 @@ void ViewpointRun::measure_fringes() {
       result_.contrast = fringes.contrast;
     }
     result_.blocks[k] = blocks_of(fringes);
+    result_.channel_contrast[k] = fringes.contrast * coherence_of(result_.blocks[k]);
   }
   if (result_.contrast < kLeastContrast)
     fail(fmt::format("the fringes have a contrast of {:.1f} % only", 100.0 * result_.contrast),

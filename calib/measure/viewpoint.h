@@ -41,7 +41,8 @@ struct ViewpointMeasurement {
   LinearPhase line;                 ///< of green's blocks
   std::array<BlockGrid, 3> blocks;  ///< red, green, blue
   std::vector<GeometryPoint> geometry;
-  double contrast = 0.0;
+  double contrast = 0.0;                     ///< of green's fringes
+  std::array<double, 3> channel_contrast{};  ///< what agrees within blocks; 0 = not measured
   double covered = 0.0;
   double start_pitch_factor = 1.0;  ///< found effective pitch over the starting one
   double drift_lenses = 0.0;        ///< between the first and the repeated fringes
