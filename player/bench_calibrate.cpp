@@ -10,6 +10,7 @@
 #include "calib/simulation/trial.h"
 #include "optics/error.h"
 #include "player/bench.h"
+#include "player/bench_calibrate_stress.h"
 #include "player/interrupt.h"
 #include "player/progress.h"
 #include "player/triple.h"
@@ -32,6 +33,7 @@ struct CalibrateFlags {
   int panel_height = 2160;
   int camera_width = 1920;
   int camera_height = 1080;
+  CalibrateStressFlags stress;
   bool json = false;
 };
 
@@ -180,8 +182,16 @@ Run declare_bench_calibrate(CLI::App& app) {
   app.add_option("--camera-width", flags->camera_width, "pixels; the height is 9/16 of it")
       ->check(CLI::Range(320, 7680))
       ->capture_default_str();
+  CLI::Option* stress = app.add_flag("--stress", flags->stress.stress,
+                                     "the stress cases instead, one thing going wrong in each");
+  app.add_flag("--full", flags->stress.full,
+               "stress cases at the size of real panels: half an hour")
+      ->needs(stress);
+  app.add_option("--only", flags->stress.only, "one stress case")->needs(stress);
   app.add_flag("--json", flags->json, "print JSON");
   return [flags] {
+    flags->stress.json = flags->json;
+    if (flags->stress.stress) return run_calibrate_stress(flags->stress);
     flags->panel_height = flags->panel_width * 9 / 16;
     flags->camera_height = flags->camera_width * 9 / 16;
     return run_calibrate_bench(*flags);

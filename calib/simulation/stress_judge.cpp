@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// Runs a stress case and judges what came of it.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "calib/photo/single_photo.h"
+#include "calib/simulation/stress_cases.h"
+#include "optics/error.h"
+#include "optics/model.h"
+
+namespace lenticule::calib {
+namespace {
+
+/// What a rig that may be used must keep, whatever the case's own limits are.
+constexpr double kMostLenses = 0.02;
+/// Parts of the warnings that say for which eyes nothing was measured, and that somebody moved.
+constexpr const char* kExtrapolated = "extrapolated";
+constexpr const char* kMoved = "something moved";
+/// Pictures until the panel has settled.
+constexpr int kSettlePictures = 6;
+
+double largest(const std::vector<double>& values) {
+  double most = 0.0;
+  for (const double v : values) most = std::max(most, std::abs(v));
+  return most;
+}
+
+std::string everything_said(const TrialResult& result) {
+  std::string said = result.failure;
+  const auto add = [&](const std::vector<std::string>& sentences) {
+    for (const std::string& s : sentences) said += (said.empty() ? "" : "; ") + s;
+  };
+  add(result.calibration.reasons);
+  add(result.calibration.warnings);
+  add(result.calibration.link.findings);
+  return said;
+}
+
+CameraPicture settled_picture(SimulatedBench& bench) {
+  CameraPicture picture;
+  for (int n = 0; n < kSettlePictures; ++n)
+    if (bench.camera().grab(picture, std::chrono::seconds(10)) != GrabStatus::Ready)
+      throw Error(ErrorKind::Device, "camera: no picture");
+  return picture;
+}
+
+/// The chart instead of patterns, and a tape measure.
+TrialResult run_photo(const Trial& trial) {
+  TrialResult result;
+  try {
+    SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, trial.seed);
+    const TrialViewpoint& place = trial.viewpoints.front();
+    bench.move_camera(place.position_mm, place.look_at_mm, place.roll_degrees);
+    const SinglePhotoChart chart = plan_single_photo_chart(trial.start);
+    const frames::WovenFrame frame = draw_single_photo_chart(chart);
+    if (bench.sink().show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
+      throw Error(ErrorKind::Device, "display: the chart is not shown");
+    PhotoPriors tape;
+    tape.distance_mm = Estimate{place.position_mm.z, 3.0};
+    result.calibration = fit_single_photo(settled_picture(bench), chart, tape);
+    judge_trial(trial, bench, result);
+  } catch (const Error& error) {
+    result.failure = error.what();
+  }
+  return result;
+}
+
+bool within(const StressLimits& limits, const StressOutcome& outcome) {
+  return outcome.flat_lenses <= limits.flat_lenses &&
+         outcome.errors.worst_measured_lenses <= limits.worst_lenses &&
+         outcome.pitch <= limits.pitch && outcome.errors.map_rms_lenses <= limits.map_rms_lenses;
+}
+
+/// An intrinsic rig is for every eye of the zone but those that it warns of, an effective one for
+/// the viewpoints. Not <=, so that what is not a number misleads.
+bool misleads(Verdict verdict, const StressOutcome& outcome) {
+  const TrialErrors& errors = outcome.errors;
+  const auto warned_of = [&](const char* what) {
+    return outcome.said.find(what) != std::string::npos;
+  };
+  if (verdict == Verdict::Refused) return false;
+  if (verdict == Verdict::Effective)
+    return !warned_of(kMoved) && !(largest(errors.flat_lenses) <= kMostLenses);
+  return !(errors.worst_measured_lenses <= kMostLenses) ||
+         (!warned_of(kExtrapolated) && !(errors.worst_lenses <= kMostLenses));
+}
+
+double first_of(const std::vector<double>& values) {
+  return values.empty() ? 0.0 : std::abs(values.front());
+}
+
+bool meets(const StressCase& one, const StressOutcome& outcome) {
+  if (outcome.wrong) return false;
+  switch (one.demand) {
+    case StressDemand::Good:
+      return outcome.good;
+    case StressDemand::Detected:
+      return outcome.named;
+    case StressDemand::GoodOrDetected:
+      return outcome.good || outcome.verdict != to_string(Verdict::Intrinsic);
+  }
+  return false;
+}
+
+void judge(const StressCase& one, const StressLimits& limits, const TrialResult& result,
+           StressOutcome& outcome) {
+  const Verdict verdict = result.calibration.verdict;
+  outcome.measured = result.failure.empty() && !result.calibration.viewpoints.empty();
+  outcome.verdict = result.failure.empty() ? to_string(verdict) : "failed";
+  outcome.said = everything_said(result);
+  outcome.errors = result.errors;
+  outcome.pitch = first_of(result.errors.effective_pitch);
+  outcome.flat_lenses = first_of(result.errors.flat_lenses);
+  outcome.named = !one.named_by.empty() && outcome.said.find(one.named_by) != std::string::npos;
+  const Verdict wanted = one.single_photo ? Verdict::Effective : Verdict::Intrinsic;
+  outcome.good = outcome.measured && verdict == wanted && within(limits, outcome);
+  outcome.wrong = outcome.measured && misleads(verdict, outcome);
+  outcome.held = meets(one, outcome);
+}
+
+}  // namespace
+
+StressOutcome run_stress_case(const StressCase& one, StressSize size,
+                              const std::function<bool()>& go_on) {
+  const auto begin = std::chrono::steady_clock::now();
+  Trial trial = one.trial(size);
+  trial.progress = [&](size_t, int) { return !go_on || go_on(); };
+  StressOutcome outcome;
+  judge(one, limits_at(one, size), one.single_photo ? run_photo(trial) : run_trial(trial), outcome);
+  const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
+  outcome.seconds = elapsed.count();
+  return outcome;
+}
+
+}  // namespace lenticule::calib
