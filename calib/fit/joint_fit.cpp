@@ -15,8 +15,8 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kCauchy = 4.0;       ///< standard errors
-constexpr double kHuber = 3.0;        ///< standard errors
+constexpr double kCauchy = 4.0;  ///< standard errors
+constexpr double kHuber = 3.0;   ///< standard errors
 /// Lenses: mean and slopes of the map. So tight that it adds nothing to the errors of the sheet.
 constexpr double kGaugeSigma = 3e-6;
 
