@@ -89,18 +89,31 @@ class VideoNode {
 
   // Waits for the next done buffer, hands it back to the driver, and returns its pixels.
   std::vector<uint8_t> next(bool copy) {
-    const auto event = static_cast<short>(type_ == V4L2_BUF_TYPE_VIDEO_CAPTURE ? POLLIN : POLLOUT);
-    pollfd waiting{fd_.get(), event, 0};
-    if (poll(&waiting, 1, 10000) != 1) throw std::runtime_error("no buffer for 10 s");
-    v4l2_buffer buffer = buffer_number(0);
-    call(VIDIOC_DQBUF, &buffer, "take a buffer");
+    v4l2_buffer buffer = take_done();
     std::vector<uint8_t> pixels;
     if (copy) pixels.assign(mapped_[buffer.index], mapped_[buffer.index] + frame_bytes_);
     call(VIDIOC_QBUF, &buffer, "queue a buffer");
     return pixels;
   }
 
+  // Sends one picture. An output repeats its newest one until another is sent.
+  void send(const std::vector<uint8_t>& contents) {
+    v4l2_buffer buffer = take_done();
+    std::memcpy(mapped_[buffer.index], contents.data(), contents.size());
+    buffer.bytesused = frame_bytes_;
+    call(VIDIOC_QBUF, &buffer, "queue a buffer");
+  }
+
  private:
+  v4l2_buffer take_done() {
+    const auto event = static_cast<short>(type_ == V4L2_BUF_TYPE_VIDEO_CAPTURE ? POLLIN : POLLOUT);
+    pollfd waiting{fd_.get(), event, 0};
+    if (poll(&waiting, 1, 10000) != 1) throw std::runtime_error("no buffer for 10 s");
+    v4l2_buffer buffer = buffer_number(0);
+    call(VIDIOC_DQBUF, &buffer, "take a buffer");
+    return buffer;
+  }
+
   v4l2_buffer buffer_number(uint32_t index) const {
     v4l2_buffer buffer{};
     buffer.index = index;
