@@ -9,7 +9,6 @@
 // `look` reads what CARD scans out, makes of it what the simulated camera sees, and sends that
 // through vivid's OUTPUT to its INPUT. Lines "move N" put the camera to viewpoint N; "at N" is its
 // answer when the picture from there is on its way.
-#include <linux/v4l2-dv-timings.h>
 #include <poll.h>
 #include <unistd.h>
 
@@ -36,7 +35,6 @@ using calib::Trial;
 constexpr int panel_width = 960, panel_height = 540;
 // The smallest of vivid's HDMI timings that shows enough of the panel.
 constexpr int camera_width = 640, camera_height = 480;
-const v4l2_dv_timings output_timings = V4L2_DV_BT_CEA_640X480P59_94;
 
 // Six rays per pixel are a fast and grainy picture, the 1 % of noise is a usual webcam's.
 Trial the_trial() {
@@ -79,6 +77,17 @@ class SrgbCodes {
   std::vector<uint8_t> codes_;
 };
 
+// The driver's own of the camera's size; it throws where there are none.
+v4l2_dv_timings camera_timings(VideoNode& node) {
+  v4l2_enum_dv_timings offered{};
+  do {
+    node.call(VIDIOC_ENUM_DV_TIMINGS, &offered, "no timings of 640x480");
+    ++offered.index;
+  } while (offered.timings.bt.width != camera_width || offered.timings.bt.height != camera_height ||
+           offered.timings.bt.interlaced != V4L2_DV_PROGRESSIVE);
+  return offered.timings;
+}
+
 class PictureSender {
  public:
   PictureSender(const std::string& output, const std::string& input)
@@ -86,7 +95,7 @@ class PictureSender {
     VideoNode loop(input, V4L2_BUF_TYPE_VIDEO_CAPTURE);
     loop.set_control("Loop Video", 1);
     loop.set_control("OSD Text Mode", 2);  // none
-    v4l2_dv_timings timings = output_timings;
+    v4l2_dv_timings timings = camera_timings(output_);
     // The input does not look at the output's, and without equal ones it shows noise.
     loop.call(VIDIOC_S_DV_TIMINGS, &timings, "timings of the input");
     output_.call(VIDIOC_S_DV_TIMINGS, &timings, "timings of the output");
