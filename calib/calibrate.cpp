@@ -18,7 +18,7 @@ constexpr double kMostRmsLenses = 0.05;        ///< phase left over: no model of
 constexpr double kMostGeometryPart = 1e-3;     ///< the same for the panel points, of its width
 constexpr double kLeastCovered = 0.55;         ///< of the panel, in each viewpoint
 constexpr double kMostDriftLenses = 0.05;      ///< between first and repeated fringes
-constexpr double kNotableDriftLenses = 0.01;   ///< more than the noise of any usable camera
+constexpr double kNotableDriftLenses = 0.003;  ///< more than the noise of any usable camera
 constexpr double kMostCorrelation = 0.98;      ///< of pitch and gap
 constexpr double kLeastColourContrast = 0.85;  ///< of red and blue fringes, part of green's
 constexpr double kNearestPart = 0.75;          ///< of the viewpoints' distance: where eyes may be
@@ -103,7 +103,6 @@ class Calibrator {
   std::optional<PoseFit> poses_;
   std::optional<GapCandidate> gap_;
   std::optional<JointFit> fit_;
-  std::vector<double> held_out_;  ///< 99th percentile at each viewpoint when it is left out
   bool refused_ = false;
   Calibration result_;
 };
@@ -321,8 +320,8 @@ void Calibrator::leave_one_out() {
     if (!part) continue;
     FitValues values = part->values;
     values.camera = fit_->values.camera;
-    held_out_.push_back(
-        percentile(rests_of(views_[out], fit_->values.poses[out], values, grid_, panel_), 0.99));
+    result_.viewpoints[out].foretold_lenses =
+        percentile(rests_of(views_[out], fit_->values.poses[out], values, grid_, panel_), 0.99);
   }
 }
 
@@ -389,10 +388,10 @@ void Calibrator::judge() {
     refuse("the link or the panel alters single subpixels (see the link check)");
   if (result_.link.channels_swapped)
     refuse("the panel's subpixels are ordered BGR: set layout = \"bgr\" in the rig and start over");
-  for (size_t v = 0; v < held_out_.size(); ++v)
-    if (held_out_[v] > options_.most_held_out_lenses)
+  for (const Viewpoint& viewpoint : result_.viewpoints)
+    if (viewpoint.foretold_lenses > options_.most_held_out_lenses)
       refuse(fmt::format("{}: the other viewpoints foretell its phase to {:.3f} lens only",
-                         result_.viewpoints[v].name, held_out_[v]));
+                         viewpoint.name, viewpoint.foretold_lenses));
   if (!several()) {
     only_effective("one viewpoint cannot tell the lens pitch from the gap: good at this eye only");
   } else {

@@ -31,8 +31,9 @@ constexpr double kLeastLead = 2.0;       ///< over the next best phase
 constexpr double kAliasPart = 0.4;       ///< of the first pattern's coherence at a multiple of it
 constexpr double kFineFringes = 8.0;     ///< across the panel: enough to average what drifts
 
-/// Green last: its line is the one that is kept.
-constexpr std::array<int, 3> kChannelOrder = {0, 2, 1};
+/// Green first: its line is the one that is kept, and the longer it is until it is repeated, the
+/// more of a drift shows.
+constexpr std::array<int, 3> kChannelOrder = {1, 2, 0};
 
 /// Pitches to try when the starting one shows no fringes, as multiples of it.
 constexpr std::array<double, 5> kOtherPitches = {1.0, 0.5, 2.0, 1.0 / 3.0, 3.0};
@@ -438,19 +439,23 @@ void ViewpointRun::measure_spot() {
 void ViewpointRun::repeat() {
   const Fringes again = show_fringes(result_.fringe.pitch_subpx, result_.fringe.slant, kRepeatSteps,
                                      Channels::only(1), weights_[1]);
-  const BlockGrid blocks = blocks_of(again);
-  std::vector<double> moves;
-  for (size_t n = 0; n < blocks.blocks.size(); ++n) {
+  BlockGrid moves = blocks_of(again);
+  for (size_t n = 0; n < moves.blocks.size(); ++n) {
     const PhaseBlock& before = result_.blocks[1].blocks[n];
-    const PhaseBlock& after = blocks.blocks[n];
-    if (before.pixels == 0 || after.pixels == 0) continue;
-    const double move = after.phase - before.phase;
-    moves.push_back(std::abs(move - std::round(move)));
+    PhaseBlock& after = moves.blocks[n];
+    if (before.pixels == 0) after.pixels = 0;
+    after.phase -= before.phase;
+    after.phase -= std::round(after.phase);
   }
-  if (moves.empty()) return;
-  std::nth_element(moves.begin(), moves.begin() + static_cast<ptrdiff_t>(moves.size() / 2),
-                   moves.end());
-  result_.drift_lenses = moves[moves.size() / 2];
+  const std::optional<LinearPhase> move = fit_linear(moves, panel_);
+  if (!move) return;
+  // A camera that moved shifts all phases, a sheet that warmed up stretches them: worst in a
+  // corner.
+  for (const double x : {0.0, 1.0})
+    for (const double y : {0.0, 1.0})
+      result_.drift_lenses =
+          std::max(result_.drift_lenses,
+                   std::abs(move->at({x * panel_.width_px, y * panel_.height_px}, panel_)));
 }
 
 }  // namespace

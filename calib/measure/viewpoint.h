@@ -45,8 +45,9 @@ struct ViewpointMeasurement {
   std::array<double, 3> channel_contrast{};  ///< what agrees within blocks; 0 = not measured
   double covered = 0.0;
   double start_pitch_factor = 1.0;  ///< found effective pitch over the starting one
-  double drift_lenses = 0.0;        ///< between the first and the repeated fringes
-  double moved_px = 0.0;            ///< the camera's picture meanwhile, camera pixels
+  /// Between green's fringes and their repetition at the end: the worst of a plane through the
+  /// change.
+  double drift_lenses = 0.0;
   LinkCheck link;
   std::optional<LensSpot> spot;
   std::vector<std::string> warnings;

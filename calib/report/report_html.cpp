@@ -282,6 +282,15 @@ void add_local_map(Page& page, const Calibration& c) {
 void add_held_out(Page& page, const Calibration& c) {
   page.heading("Check at a place the fit never saw");
   const ResidualSummary held_out = residual_summary(c, true);
+  double foretold = 0.0;
+  for (const Viewpoint& v : c.viewpoints)
+    if (std::isfinite(v.foretold_lenses)) foretold = std::max(foretold, v.foretold_lenses);
+  if (foretold > 0.0)
+    page.add(
+        "<p>Each place was left out once and foretold by the others: to {} lenses at worst, for "
+        "99 % of the panel; {} are allowed.</p>",
+        number(foretold, 4).html, kWantedHeldOutMaxLenses);
+  if (held_out.viewpoints == 0 && foretold > 0.0) return;
   if (held_out.viewpoints == 0) {
     page.add(
         "<p>No place was kept aside. What is left over above was measured with the pictures "

@@ -62,6 +62,7 @@ json viewpoint(const Viewpoint& v) {
           {"max_lenses", number(v.max_lenses)},
           {"reprojection_rms_px", number(v.reprojection_rms_px)},
           {"held_out", v.held_out},
+          {"foretold_lenses", number(v.foretold_lenses)},
           {"residual_lenses", field(v.residual)}};
 }
 

@@ -100,7 +100,7 @@ def report_of(process, timeout):
     return json.loads(result.stdout)
 
 
-@vm_test(BENCH)
+@vm_test(BENCH, slow=True)
 def one_viewpoint_gives_the_rig_of_that_eye(vm):
     bench = Bench(vm)
     report = report_of(bench.calibrate(1, "--no-prompts"), 150 * PATTERN_SECONDS)
