@@ -231,9 +231,11 @@ double percentile(std::vector<double> values, double part) {
   return values[at];
 }
 
+/// Means over cells of the panel; NaN where fewer than `least` blocks are in one.
 PanelField field_of(const View& view, const PoseValues& pose, const CameraValues& camera,
-                    const std::vector<double>& rests, const optics::Panel& panel) {
-  PanelField field{.columns = 48, .rows = 27, .values = {}};
+                    const std::vector<double>& rests, const optics::Panel& panel, int columns,
+                    int rows, double least) {
+  PanelField field{.columns = columns, .rows = rows, .values = {}};
   const auto cells = static_cast<size_t>(field.columns * field.rows);
   std::vector<double> sums(cells, 0.0), counts(cells, 0.0);
   for (size_t n = 0; n < rests.size(); ++n) {
@@ -247,8 +249,8 @@ PanelField field_of(const View& view, const PoseValues& pose, const CameraValues
     counts[cell] += 1.0;
   }
   for (size_t cell = 0; cell < cells; ++cell)
-    field.values.push_back(counts[cell] > 0.0 ? sums[cell] / counts[cell]
-                                              : std::numeric_limits<double>::quiet_NaN());
+    field.values.push_back(counts[cell] >= least ? sums[cell] / counts[cell]
+                                                 : std::numeric_limits<double>::quiet_NaN());
   return field;
 }
 
@@ -283,7 +285,8 @@ void Calibrator::describe_viewpoints() {
     out.rms_lenses = std::sqrt(square / std::max<double>(1.0, out.blocks));
     out.max_lenses = percentile(fit_->rests[v], 1.0);
     out.reprojection_rms_px = fit_->geometry_rms_px;
-    out.residual = field_of(views_[v], pose, fit_->values.camera, fit_->rests[v], panel_);
+    out.residual =
+        field_of(views_[v], pose, fit_->values.camera, fit_->rests[v], panel_, 48, 27, 1.0);
     result_.viewpoints.push_back(std::move(out));
   }
 }
@@ -320,8 +323,14 @@ void Calibrator::leave_one_out() {
     if (!part) continue;
     FitValues values = part->values;
     values.camera = fit_->values.camera;
-    result_.viewpoints[out].foretold_lenses =
-        percentile(rests_of(views_[out], fit_->values.poses[out], values, grid_, panel_), 0.99);
+    const PoseValues& pose = fit_->values.poses[out];
+    const PanelField missed =
+        field_of(views_[out], pose, values.camera,
+                 rests_of(views_[out], pose, values, grid_, panel_), panel_, 12, 7, 4.0);
+    double worst = 0.0;
+    for (const double lenses : missed.values)
+      if (std::isfinite(lenses)) worst = std::max(worst, std::abs(lenses));
+    result_.viewpoints[out].foretold_lenses = worst;
   }
 }
 

@@ -17,7 +17,7 @@ struct CalibrateOptions {
   int map_rows = 14;
   /// Limits of the verdict, lenses over the whole panel for every eye of the viewing zone.
   double most_drift_lenses = 0.02;     ///< predicted, two standard errors
-  double most_held_out_lenses = 0.05;  ///< at a viewpoint that was left out, 99 % of the blocks
+  double most_held_out_lenses = 0.03;  ///< Viewpoint::foretold_lenses
   /// The viewing zone that the prediction is for: eyes at the viewpoints' mean distance and a
   /// quarter nearer and farther, this far to the sides.
   double zone_half_width_mm = 250.0;

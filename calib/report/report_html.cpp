@@ -287,9 +287,9 @@ void add_held_out(Page& page, const Calibration& c) {
     if (std::isfinite(v.foretold_lenses)) foretold = std::max(foretold, v.foretold_lenses);
   if (foretold > 0.0)
     page.add(
-        "<p>Each place was left out once and foretold by the others: to {} lenses at worst, for "
-        "99 % of the panel; {} are allowed.</p>",
-        number(foretold, 4).html, kWantedHeldOutMaxLenses);
+        "<p>Each place was left out once and foretold by the others: to {} lenses at "
+        "worst; {} are allowed.</p>",
+        number(foretold, 4).html, kWantedForetoldLenses);
   if (held_out.viewpoints == 0 && foretold > 0.0) return;
   if (held_out.viewpoints == 0) {
     page.add(

@@ -13,6 +13,7 @@ namespace lenticule::calib {
 inline constexpr double kWantedRmsLenses = 0.007;
 inline constexpr double kWantedMaxLenses = 0.02;
 inline constexpr double kWantedHeldOutMaxLenses = 0.05;
+inline constexpr double kWantedForetoldLenses = 0.03;
 inline constexpr double kWantedContrast = 0.25;
 
 /// The verdict as a headline.
