@@ -42,7 +42,7 @@ function(lenticule_test_headers name)
   # Three warnings of gcc are wrong at -O1: it inlines half of an allocation's pair, and misjudges the
   # length of short strings.
   target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>
-    -Wno-mismatched-new-delete -Wno-array-bounds -Wno-stringop-overflow)
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-mismatched-new-delete;-Wno-array-bounds;-Wno-stringop-overflow>)
   if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     return()
   endif()
@@ -53,8 +53,7 @@ function(lenticule_test_headers name)
     endif()
     add_library(lenticule_test_headers OBJECT ${source})
     target_link_libraries(lenticule_test_headers PRIVATE lenticule_options GTest::gmock)
-    target_compile_options(lenticule_test_headers PRIVATE
-      $<$<CONFIG:Release>:-O1> -Wno-mismatched-new-delete -Wno-array-bounds -Wno-stringop-overflow -fPIE)
+    target_compile_options(lenticule_test_headers PRIVATE $<$<CONFIG:Release>:-O1> -fPIE)
     target_compile_definitions(lenticule_test_headers PRIVATE
       LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
     target_precompile_headers(lenticule_test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h>)
