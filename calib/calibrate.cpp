@@ -81,6 +81,7 @@ class Calibrator {
   [[nodiscard]] JointOptions joint_options() const {
     return {.grid = grid_, .free_gap = several(), .free_poses = true};
   }
+  std::vector<GapCandidate> search_again(const GapCandidate& better);
   bool choose_gap();
   void put_rig();
   void measure_colours();
@@ -113,21 +114,22 @@ void start_from(const ViewpointMeasurement& seen, SheetStart& start, const optic
   start.values[kDown] = 0.5 * panel.height_px * seen.line.per_px_y;
 }
 
+/// Places again and gaps again: a wrong gap puts the camera at a wrong distance, a little.
+std::vector<GapCandidate> Calibrator::search_again(const GapCandidate& better) {
+  SheetValues sheet = start_.values;
+  sheet[kGap] = better.gap_mm;
+  sheet[kShape] = better.shape;
+  if (std::optional<PoseFit> again = fit_poses(views_, sheet, panel_)) poses_ = again;
+  return search_gaps(views_, *poses_, start_, panel_);
+}
+
 bool Calibrator::choose_gap() {
   std::vector<GapCandidate> gaps = search_gaps(views_, *poses_, start_, panel_);
+  if (!gaps.empty()) gaps = search_again(gaps.front());
   if (gaps.empty()) {
     refuse("no gap between lenses and pixels explains what the viewpoints show together");
     return false;
   }
-  // A wrong gap puts the camera at a wrong distance, a little: once more with the better one.
-  SheetValues sheet = start_.values;
-  sheet[kGap] = gaps.front().gap_mm;
-  sheet[kShape] = gaps.front().shape;
-  if (std::optional<PoseFit> again = fit_poses(views_, sheet, panel_)) {
-    poses_ = again;
-    gaps = search_gaps(views_, *poses_, start_, panel_);
-  }
-  if (gaps.empty()) return false;
   gap_ = gaps.front();
   if (gaps.size() > 1 && gaps[1].chi_squared - gaps[0].chi_squared < kAmbiguity)
     refuse(
@@ -320,7 +322,11 @@ void Calibrator::leave_one_out() {
     JointOptions options = joint_options();
     options.free_poses = false;
     const std::optional<JointFit> part = fit_jointly(others, poses, start, gap, panel_, options);
-    if (!part) continue;
+    if (!part) {
+      refuse(fmt::format("{}: what the other viewpoints say of it cannot be found out",
+                         result_.viewpoints[out].name));
+      continue;
+    }
     FitValues values = part->values;
     values.camera = fit_->values.camera;
     const PoseValues& pose = fit_->values.poses[out];
