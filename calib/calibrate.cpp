@@ -23,7 +23,14 @@ constexpr double kMostCorrelation = 0.98;      ///< of pitch and gap
 constexpr double kLeastColourContrast = 0.85;  ///< of red and blue fringes, part of green's
 constexpr double kNearestPart = 0.75;          ///< of the viewpoints' distance: where eyes may be
 constexpr double kAmbiguity = 60.0;            ///< chi-squared by which the best gap must lead
-constexpr double kBgrOffset = 2.0;             ///< subpixels that red and blue are off when swapped
+/// Wide patterns are decoded through a smooth map, so that their many points count as few: with so
+/// much larger standard errors those of the sheet agree with their scatter on the bench.
+constexpr double kGeometryScatter = 4.0;
+/// Aberrations of fringes that lenses on the viewer's side have, with room; found ones are judged
+/// with three standard errors.
+constexpr double kLeastAberration = -0.03;
+constexpr double kMostAberration = 0.1;
+constexpr double kBgrOffset = 2.0;  ///< subpixels that red and blue are off when swapped
 
 class Calibrator {
  public:
@@ -79,7 +86,10 @@ class Calibrator {
 
   bool fit();
   [[nodiscard]] JointOptions joint_options() const {
-    return {.grid = grid_, .free_gap = several(), .free_poses = true};
+    return {.grid = grid_,
+            .free_gap = several(),
+            .free_poses = true,
+            .geometry_scatter = kGeometryScatter};
   }
   std::vector<GapCandidate> search_again(const GapCandidate& better);
   bool choose_gap();
@@ -92,6 +102,7 @@ class Calibrator {
   void leave_one_out();
   void predict();
   void warn_of_near_eyes();
+  void judge_aberration();
   void judge();
   void judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured);
 
@@ -392,6 +403,20 @@ void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeas
         viewpoint.name, measured.drift_lenses));
 }
 
+/// What fringes show to the side is told from the law of the sheet by its form, which is that of
+/// lenses on the viewer's side. Another sign or size is another form: then neither is right.
+void Calibrator::judge_aberration() {
+  for (const Parameter& p : result_.parameters) {
+    if (p.name != "fringe_aberration") continue;
+    const double room = 3.0 * p.estimate.sigma;
+    if (p.estimate.value + room < kLeastAberration || p.estimate.value - room > kMostAberration)
+      refuse(
+          fmt::format("seen from the side the fringes move as no lenses on the viewer's side "
+                      "move them (aberration {:.3f} gaps): do the lenses face the panel?",
+                      p.estimate.value));
+  }
+}
+
 void Calibrator::judge() {
   for (size_t v = 0; v < views_.size(); ++v) judge_viewpoint(result_.viewpoints[v], measured_[v]);
   if (fit_->geometry_rms_px > kMostGeometryPart * panel_.width_px)
@@ -403,6 +428,7 @@ void Calibrator::judge() {
     refuse("the link or the panel alters single subpixels (see the link check)");
   if (result_.link.channels_swapped)
     refuse("the panel's subpixels are ordered BGR: set layout = \"bgr\" in the rig and start over");
+  judge_aberration();
   for (const Viewpoint& viewpoint : result_.viewpoints)
     if (viewpoint.foretold_lenses > options_.most_held_out_lenses)
       refuse(fmt::format("{}: the other viewpoints foretell its phase to {:.3f} lens only",

@@ -102,7 +102,7 @@ struct Calibration {
   std::vector<std::string> reasons;   ///< why not better, one sentence each; empty when Intrinsic
   std::vector<std::string> warnings;  ///< what people should know though it holds
   std::vector<Parameter> parameters;
-  std::vector<std::vector<double>> correlations;  ///< of the parameters, in their order
+  std::vector<std::vector<double>> correlations;  ///< of the first parameters, in order
   std::vector<Viewpoint> viewpoints;
   CameraModel camera;
   std::optional<LensSpot> spot;

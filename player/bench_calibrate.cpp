@@ -23,9 +23,7 @@ using calib::TrialResult;
 using calib::Verdict;
 using nlohmann::json;
 
-/// What a rig that calls itself intrinsic must keep everywhere, for every eye of the zone that
-/// looks no more steeply than some viewpoint did. Beyond that lenses have aberrations that nobody
-/// saw; the whole zone is told beside it.
+/// What a rig that calls itself intrinsic must keep everywhere, for every eye of the zone.
 constexpr double kMostLenses = 0.02;
 
 struct CalibrateFlags {
@@ -56,7 +54,6 @@ json json_of(uint64_t seed, const Trial& trial, const TrialResult& result) {
               {"verdict", calib::to_string(found.verdict)},
               {"reasons", found.reasons},
               {"worst_lenses", result.errors.worst_lenses},
-              {"worst_measured_lenses", result.errors.worst_measured_lenses},
               {"rms_lenses", result.errors.rms_lenses},
               {"pitch_error", result.errors.pitch},
               {"slant_error", result.errors.slant},
@@ -80,18 +77,17 @@ const char* outcome_of(const json& draw) {
   const bool trusted = draw["failure"].get<std::string>().empty() &&
                        draw["verdict"] == calib::to_string(Verdict::Intrinsic);
   if (!trusted) return "refused";
-  return draw["worst_measured_lenses"].get<double>() <= kMostLenses ? "good" : "WRONG";
+  return draw["worst_lenses"].get<double>() <= kMostLenses ? "good" : "WRONG";
 }
 
 void print_draw(const json& draw) {
   const auto number = [&](const char* key) { return draw[key].get<double>(); };
   fmt::print(
-      "{:>5} {:>7.3f} {:>8.4f} {:>6.3f} {:>5.3f} | {:<8} {:>8.4f} {:>7.4f} {:>8.1e} {:>8.1e} "
+      "{:>5} {:>7.3f} {:>8.4f} {:>6.3f} {:>5.3f} | {:<8} {:>7.4f} {:>8.1e} {:>8.1e} "
       "{:>8.1e} {:>7.4f} {:>8.1e} {:>6.1f}\n",
       draw["seed"].get<uint64_t>(), number("pitch_subpx"), number("slant"),
-      number("deformation_lenses"), number("noise"), outcome_of(draw),
-      number("worst_measured_lenses"), number("worst_lenses"), number("pitch_error"),
-      number("slant_error"), number("gap_error"), number("map_rms_lenses"),
+      number("deformation_lenses"), number("noise"), outcome_of(draw), number("worst_lenses"),
+      number("pitch_error"), number("slant_error"), number("gap_error"), number("map_rms_lenses"),
       number("single_effective_pitch_error"), number("wall_seconds"));
   if (outcome_of(draw) == std::string("refused")) {
     const std::string failure = draw["failure"];
@@ -102,7 +98,7 @@ void print_draw(const json& draw) {
 }
 
 json summary_of(const json& draws) {
-  std::vector<double> measured, worst, pitch, slant, gap, map, single, computing;
+  std::vector<double> worst, pitch, slant, gap, map, single, computing;
   int good = 0, wrong = 0;
   double shown = 0.0;
   for (const json& draw : draws) {
@@ -110,7 +106,6 @@ json summary_of(const json& draws) {
     wrong += outcome_of(draw) == std::string("WRONG") ? 1 : 0;
     shown = std::max(shown, draw["shown_seconds"].get<double>());
     if (outcome_of(draw) == std::string("refused")) continue;
-    measured.push_back(draw["worst_measured_lenses"]);
     worst.push_back(draw["worst_lenses"]);
     pitch.push_back(std::abs(draw["pitch_error"].get<double>()));
     slant.push_back(std::abs(draw["slant_error"].get<double>()));
@@ -127,7 +122,6 @@ json summary_of(const json& draws) {
   const auto spread = [&](const char* name, const std::vector<double>& values) {
     out[name] = {{"median", median(values)}, {"largest", largest(values)}};
   };
-  spread("worst_measured_lenses", measured);
   spread("worst_lenses", worst);
   spread("pitch_error", pitch);
   spread("slant_error", slant);
@@ -153,10 +147,10 @@ ExitCode run_calibrate_bench(const CalibrateFlags& flags) {
   json draws = json::array();
   if (!flags.json)
     fmt::print(
-        "{}\n{:>5} {:>7} {:>8} {:>6} {:>5} | {:<8} {:>8} {:>7} {:>8} {:>8} {:>8} {:>7} {:>8} "
+        "{}\n{:>5} {:>7} {:>8} {:>6} {:>5} | {:<8} {:>7} {:>8} {:>8} {:>8} {:>7} {:>8} "
         "{:>6}\n",
-        machine_text(), "seed", "pitch", "slant", "bent", "noise", "outcome", "measured", "zone",
-        "pitch", "slant", "gap", "map", "single", "s");
+        machine_text(), "seed", "pitch", "slant", "bent", "noise", "outcome", "worst", "pitch",
+        "slant", "gap", "map", "single", "s");
   for (int n = 0; n < flags.draws && !interrupted(); ++n) {
     const uint64_t seed = flags.first + static_cast<uint64_t>(n);
     Trial trial = calib::random_trial(seed, flags.panel_width, flags.panel_height,

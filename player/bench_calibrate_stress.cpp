@@ -54,13 +54,10 @@ json json_of(const StressCase& one, const StressLimits& limits, const StressOutc
                    {"effective_pitch_error", limits.pitch},
                    {"map_rms_lenses", limits.map_rms_lenses}};
   if (outcome.measured)
-    out["figures"] = {{"flat_lenses", outcome.flat_lenses},
-                      {"worst_lenses", outcome.errors.worst_lenses},
-                      {"worst_measured_lenses", outcome.errors.worst_measured_lenses},
-                      {"effective_pitch_error", outcome.pitch},
-                      {"map_rms_lenses", outcome.errors.map_rms_lenses},
-                      {"pitch_error", outcome.errors.pitch},
-                      {"gap_error", outcome.errors.gap}};
+    out["figures"] = {
+        {"flat_lenses", outcome.flat_lenses},     {"worst_lenses", outcome.errors.worst_lenses},
+        {"effective_pitch_error", outcome.pitch}, {"map_rms_lenses", outcome.errors.map_rms_lenses},
+        {"pitch_error", outcome.errors.pitch},    {"gap_error", outcome.errors.gap}};
   return out;
 }
 
@@ -75,7 +72,7 @@ void print_case(const StressCase& one, const StressLimits& limits, const StressO
   fmt::print("{:<15} {:<38} {:<9} ", one.name, one.what, outcome.verdict);
   if (outcome.measured)
     fmt::print("{:>7.4f} {:>7.4f} {:>7.4f} {:>8.1e} ", outcome.flat_lenses,
-               outcome.errors.worst_measured_lenses, outcome.errors.map_rms_lenses, outcome.pitch);
+               outcome.errors.worst_lenses, outcome.errors.map_rms_lenses, outcome.pitch);
   else
     fmt::print("{:>7} {:>7} {:>7} {:>8} ", "-", "-", "-", "-");
   if (one.demand == StressDemand::Detected)

@@ -164,12 +164,14 @@ class CameraRun {
                                       {.fd = interrupt_fd(), .events = POLLIN, .revents = 0}}};
     if (poll(waiting.data(), waiting.size(), 500) <= 0 || waiting[0].revents == 0) return false;
     std::array<char, 256> line{};
-    return read(STDIN_FILENO, line.data(), line.size()) >= 0;
+    const ssize_t got = read(STDIN_FILENO, line.data(), line.size());
+    if (got != 0) return got > 0;
+    throw Error(ErrorKind::Usage, "calibrate camera: standard input has ended",
+                "run it in a terminal, or with --no-prompts");
   }
 
   calib::ViewpointMeasurement measure(const Place& place, int number) {
-    const calib::MeasureOptions options{
-        .name = place.name, .block_px = 0, .link_and_spot = number == 0};
+    const calib::MeasureOptions options{.name = place.name, .link_and_spot = number == 0};
     Progress progress(place.name, "patterns", static_cast<uint64_t>(calib::pattern_count(options)));
     uint64_t shown = 0;
     const calib::CaptureProgress each = [&](const calib::Pattern&) {

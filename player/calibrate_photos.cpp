@@ -112,8 +112,7 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
     capture.most_dropped = 0;
     measured.push_back(calib::measure_viewpoint(
         nowhere, photographs, model, capture,
-        {.name = name, .block_px = 0, .link_and_spot = false, .adaptive = false},
-        [&](const calib::Pattern&) {
+        {.name = name, .link_and_spot = false, .adaptive = false}, [&](const calib::Pattern&) {
           progress.update(read++);
           return !interrupted();
         }));

@@ -11,6 +11,7 @@
 #include "display/display_sink.h"
 #include "display/open_display.h"
 #include "frames/image_io.h"
+#include "optics/effective_sheet.h"
 #include "optics/error.h"
 #include "optics/trim.h"
 #include "player/calibrate.h"
@@ -42,10 +43,7 @@ struct Subject {
 
   /// The pitch that an eye in the middle of the viewing line sees.
   [[nodiscard]] double pitch() const {
-    const optics::Rig& rig = model.rig();
-    const double z = rig.viewing.distance.value;
-    return flags.pitch_factor * rig.sheet.pitch.value *
-           (std::isinf(z) ? 1.0 : 1.0 + rig.sheet.gap.value / z);
+    return flags.pitch_factor * optics::effective_sheet(model.rig()).pitch.value;
   }
 };
 

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "optics/calibration_import.h"
+#include "optics/effective_sheet.h"
 #include "optics/error.h"
 #include "optics/model.h"
 #include "optics/rig_file.h"
@@ -97,16 +98,10 @@ json sheet_json(const optics::LensSheet& sheet, const optics::Panel& panel) {
       {"residual_rows", sheet.residual.rows}};
 }
 
-/// Pitch of the micro-images for a viewer at the design distance.
-double effective_pitch(const Rig& rig) {
-  const double z = rig.viewing.distance.value;
-  return rig.sheet.pitch.value * (1.0 + (std::isinf(z) ? 0.0 : rig.sheet.gap.value / z));
-}
-
 json derived_json(const OpticalModel& model) {
   const Rig& rig = model.rig();
   const double z = rig.viewing.distance.value;
-  return {{"effective_pitch_subpx", effective_pitch(rig)},
+  return {{"effective_pitch_subpx", optics::effective_sheet(rig).pitch.value},
           {"lens_pitch_mm", model.pitch_mm()},
           {"lens_count", 3.0 * rig.panel.width_px / rig.sheet.pitch.value},
           {"views_per_lens", rig.sheet.pitch.value},

@@ -5,12 +5,11 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "calib/rows.h"
 #include "frames/bitmap_font.h"
 #include "frames/compare.h"
 #include "frames/text.h"
@@ -34,8 +33,6 @@ constexpr double kCombHalfWidth = 0.125;
 constexpr double kLensesPerDot = 2.0;
 constexpr double kLensesPerLine = 3.0;
 constexpr int kLensLines = 5;
-constexpr int kMaxThreads = 16;
-constexpr int kRowsAtOnce = 16;
 constexpr int kNumbersAcross = 5;
 /// Subpixels of one colour are three apart: narrower views would show their neighbours' numbers.
 constexpr int kSubpixelsPerNumber = 2;
@@ -286,17 +283,8 @@ WovenFrame draw_chart(const Chart& chart) {
   const ChartPainter painter(chart);
   const optics::Panel& panel = chart.rig.panel;
   WovenFrame frame({.width = panel.width_px, .height = panel.height_px});
-  std::atomic<int> next{0};
-  const auto work = [&] {
-    for (int j = next.fetch_add(kRowsAtOnce); j < panel.height_px; j = next.fetch_add(kRowsAtOnce))
-      painter.paint_rows(j, std::min(j + kRowsAtOnce, panel.height_px), frame);
-  };
-  const int others =
-      std::min<int>(kMaxThreads, static_cast<int>(std::thread::hardware_concurrency())) - 1;
-  std::vector<std::jthread> threads;
-  for (int n = 0; n < others; ++n) threads.emplace_back(work);
-  work();
-  threads.clear();
+  for_row_ranges(panel.height_px,
+                 [&](int begin, int end) { painter.paint_rows(begin, end, frame); });
   painter.paint_words(frame);
   return frame;
 }

@@ -19,6 +19,9 @@ constexpr double kCauchy = 4.0;  ///< standard errors
 constexpr double kHuber = 3.0;   ///< standard errors
 /// Lenses: mean and slopes of the map. So tight that it adds nothing to the errors of the sheet.
 constexpr double kGaugeSigma = 3e-6;
+/// Focused cylinders have up to a twentieth of either.
+constexpr double kAberrationSigma = 0.05;
+constexpr double kSagSigma = 0.05;
 
 double median_size(std::vector<double> values) {
   if (values.empty()) return 0.0;
@@ -71,7 +74,7 @@ class Bundle {
       for (const PhaseObservation& p : views_[v].phases) {
         const auto lens =
             lens_plane_point(fit_.values.camera.data(), pose.data(), p.camera_px.x, p.camera_px.y);
-        const auto q = panel_point(pose.data(), fit_.values.sheet.data(), lens);
+        const auto q = fringe_point(pose.data(), fit_.values.sheet.data(), panel_, lens);
         const double whole = gap ? gap->whole_lenses[v] : 0;
         const double shown = fringe_turns(views_[v].fringe, panel_, q) - p.turns + whole;
         const Eigen::Vector3d row(lens.x / half_width, -lens.y / half_height, 1.0);
@@ -176,12 +179,15 @@ class Bundle {
   void add_sheet_beliefs() {
     double* const sheet = fit_.values.sheet.data();
     if (!options_.free_gap) {
-      problem_->SetManifold(sheet, new ceres::SubsetManifold(kSheetCount, {kGap, kShape}));
+      problem_->SetManifold(
+          sheet, new ceres::SubsetManifold(kSheetCount, {kGap, kShape, kAberration, kSag}));
       return;
     }
-    Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(2, kSheetCount);
+    Eigen::MatrixXd weight = Eigen::MatrixXd::Zero(4, kSheetCount);
     weight(0, kGap) = 1.0 / (start_.gap_tolerance * start_.values[kGap]);
     weight(1, kShape) = 1.0 / start_.shape_tolerance;
+    weight(2, kAberration) = 1.0 / kAberrationSigma;
+    weight(3, kSag) = 1.0 / kSagSigma;
     const Eigen::Map<const Eigen::Matrix<double, kSheetCount, 1>> believed(start_.values.data());
     problem_->AddResidualBlock(new ceres::NormalPrior(weight, believed), nullptr, sheet);
     problem_->SetParameterLowerBound(sheet, kGap, 0.02 * start_.values[kGap]);
@@ -215,7 +221,8 @@ class Bundle {
       geometry.insert(geometry.end(), seen.begin(), seen.end());
     }
     fit_.phase_scale = std::max(0.05, 1.4826 * median_size(normalized));
-    if (options_.free_poses) geometry_scale_ = std::max(0.05, 1.4826 * median_size(geometry));
+    if (options_.free_poses)
+      geometry_scale_ = options_.geometry_scatter * std::max(0.05, 1.4826 * median_size(geometry));
   }
 
   /// Both coordinates of each geometry point, in its standard errors.
@@ -281,7 +288,7 @@ class Bundle {
     const Eigen::Index all = kSheetCount + static_cast<Eigen::Index>(fit_.values.knots.size()) +
                              kPoseCount * static_cast<Eigen::Index>(views_.size());
     for (Eigen::Index k = 0; k < all; ++k) {
-      const bool held_sheet = !options_.free_gap && (k == kGap || k == kShape);
+      const bool held_sheet = !options_.free_gap && k >= kGap && k < kSheetCount;
       if (!held_sheet) place.push_back(k);
     }
     MatrixXd outer = MatrixXd::Zero(all, all);
@@ -309,7 +316,7 @@ std::vector<double> rests_of(const View& view, const PoseValues& pose, const Fit
   for (const PhaseObservation& seen : view.phases) {
     const auto lens =
         lens_plane_point(values.camera.data(), pose.data(), seen.camera_px.x, seen.camera_px.y);
-    const auto q = panel_point(pose.data(), values.sheet.data(), lens);
+    const auto q = fringe_point(pose.data(), values.sheet.data(), panel, lens);
     double lambda = lens_coordinate(values.sheet.data(), panel, lens);
     if (grid.count() > 0)
       for (const KnotWeight& k : knot_weights(grid, {panel.x_px(lens.x), panel.y_px(lens.y)},

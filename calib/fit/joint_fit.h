@@ -16,6 +16,9 @@ struct JointOptions {
   bool free_poses = true;  ///< else the poses are held where they start
   /// Standard deviation believed of the map's second differences, lenses.
   double bend_sigma = 0.04;
+  /// By how much larger than their scatter the standard errors of geometry points are taken: more
+  /// than 1 where errors of neighbours are alike.
+  double geometry_scatter = 1.0;
   int most_rounds = 40;
 };
 

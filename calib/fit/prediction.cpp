@@ -110,7 +110,9 @@ SheetReport Prediction::sheet_report() const {
                        {"slant", "px/px", {slant, sigma(1)}},
                        {"offset_lenses", "lenses", {s[kOffset], sigma(2)}},
                        {"gap_mm", "mm", {s[kGap], sigma(3)}},
-                       {"refraction_shape", "", {s[kShape], sigma(4)}}};
+                       {"refraction_shape", "", {s[kShape], sigma(4)}},
+                       {"fringe_aberration", "gaps", {s[kAberration], sigma(5)}},
+                       {"lens_sag", "gaps", {s[kSag], sigma(6)}}};
   for (int a = 0; a < kSheetCount; ++a) {
     std::vector<double> row;
     for (int b = 0; b < kSheetCount; ++b) {

@@ -18,7 +18,7 @@ struct EffectiveLine {
 };
 
 struct SheetReport {
-  std::vector<Parameter> parameters;  ///< pitch, slant, offset, gap, shape
+  std::vector<Parameter> parameters;  ///< in the order of SheetValues
   std::vector<std::vector<double>> correlations;
 };
 

@@ -21,9 +21,11 @@ inline constexpr int kCameraCount = 5;
 /// frame, mm. Camera frame: x right, y down, z forward.
 inline constexpr int kPupil = 3, kPoseCount = 6;
 /// Lenses per half panel width and, from the middle downward, per half height; lens coordinate at
-/// the centre; reduced gap in mm; refraction shape.
-inline constexpr int kAcross = 0, kDown = 1, kOffset = 2, kGap = 3, kShape = 4;
-inline constexpr int kSheetCount = 5;
+/// the centre; reduced gap in mm; refraction shape. Then what only a measurement meets, in gaps:
+/// the aberration of fringes, and the sag of the lenses, their height from border to apex.
+inline constexpr int kAcross = 0, kDown = 1, kOffset = 2, kGap = 3, kShape = 4, kAberration = 5,
+                     kSag = 6;
+inline constexpr int kSheetCount = 7;
 
 template <class T>
 struct PlanePoint {
@@ -60,7 +62,17 @@ PlanePoint<T> lens_plane_point(const T* camera, const T* pose, double u, double 
   return {pupil[0] + steps * along[0], pupil[1] + steps * along[1]};
 }
 
-/// Q = L - Delta.
+/// Across the lenses, length 1: the way the lens coordinate grows.
+template <class T>
+PlanePoint<T> across_lenses(const T* sheet, const optics::Panel& panel) {
+  using std::sqrt;
+  const T x = sheet[kAcross] / (panel.width_px * panel.pixel_width.value);
+  const T y = -sheet[kDown] / (panel.height_px * panel.pixel_height.value);
+  const T length = sqrt(x * x + y * y);
+  return {x / length, y / length};
+}
+
+/// Q = L - Delta: the middle of the light that reaches the pupil through lens point L.
 template <class T>
 PlanePoint<T> panel_point(const T* pose, const T* sheet, const PlanePoint<T>& lens) {
   using std::sqrt;
@@ -69,6 +81,39 @@ PlanePoint<T> panel_point(const T* pose, const T* sheet, const PlanePoint<T>& le
   const T part =
       sheet[kGap] / sqrt(pupil[2] * pupil[2] + (1.0 - sheet[kShape]) * (rx * rx + ry * ry));
   return {lens.x - part * rx, lens.y - part * ry};
+}
+
+/// The panel point that patterns much wider than a lens show there. They are means over whole
+/// lenses, and a whole lens is what is seen between two borders. Those are lower than the apices by
+/// the sag, so that from the side the middle between them is not where the apex is. Along the
+/// lenses nothing is seen of borders, but light enters a lens a third of the sag below its apex, in
+/// the mean, and goes straight on until there.
+template <class T>
+PlanePoint<T> wide_pattern_point(const T* pose, const T* sheet, const optics::Panel& panel,
+                                 const PlanePoint<T>& lens) {
+  const PlanePoint<T> middle = panel_point(pose, sheet, lens);
+  const T x = lens.x - middle.x, y = lens.y - middle.y;
+  const PlanePoint<T> across = across_lenses(sheet, panel);
+  const T more_across = sheet[kSag] * (across.x * x + across.y * y);
+  const T more_along = sheet[kSag] / 3.0 * (across.x * y - across.y * x);
+  return {middle.x - more_across * across.x + more_along * across.y,
+          middle.y - more_across * across.y - more_along * across.x};
+}
+
+/// The panel point whose phase fringes show that repeat from lens to lens. Seen from the side,
+/// light lands lopsidedly under a lens, and the phase of so fine fringes is not that of its middle.
+/// In traced cylinders of any index and cone the difference grows with the seventh power of the
+/// tangent across the lens, to about a tenth of its size.
+template <class T>
+PlanePoint<T> fringe_point(const T* pose, const T* sheet, const optics::Panel& panel,
+                           const PlanePoint<T>& lens) {
+  const T* pupil = pose + kPupil;
+  const PlanePoint<T> across = across_lenses(sheet, panel);
+  const T tangent = (across.x * (pupil[0] - lens.x) + across.y * (pupil[1] - lens.y)) / pupil[2];
+  const T cubed = tangent * tangent * tangent;
+  const T aside = sheet[kGap] * sheet[kAberration] * cubed * cubed * tangent;
+  const PlanePoint<T> middle = panel_point(pose, sheet, lens);
+  return {middle.x - aside * across.x, middle.y - aside * across.y};
 }
 
 /// lambda without the residual map.

@@ -18,7 +18,7 @@ class GeometryResidual {
   bool operator()(const T* camera, const T* pose, const T* sheet, T* out) const {
     const PlanePoint<T> lens =
         lens_plane_point(camera, pose, point_.camera_px.x, point_.camera_px.y);
-    const PlanePoint<T> seen = panel_point(pose, sheet, lens);
+    const PlanePoint<T> seen = wide_pattern_point(pose, sheet, *panel_, lens);
     out[0] = (seen.x / panel_->pixel_width.value + panel_->width_px / 2.0 - point_.panel_px.x) /
              point_.sigma_px;
     out[1] = (panel_->height_px / 2.0 - seen.y / panel_->pixel_height.value - point_.panel_px.y) /
@@ -31,7 +31,7 @@ class GeometryResidual {
   const optics::Panel* panel_;
 };
 
-/// The phase term: derivatives of the 16 model parameters by dual numbers, of the knots by hand.
+/// The phase term: derivatives of the 18 model parameters by dual numbers, of the knots by hand.
 class PhaseCost final : public ceres::CostFunction {
  public:
   PhaseCost(const PhaseObservation& seen, const Fringe& fringe, const optics::Panel& panel,
@@ -81,7 +81,7 @@ class PhaseCost final : public ceres::CostFunction {
   template <class T>
   T model_turns(const T* camera, const T* pose, const T* sheet) const {
     const PlanePoint<T> lens = lens_plane_point(camera, pose, seen_.camera_px.x, seen_.camera_px.y);
-    const PlanePoint<T> q = panel_point(pose, sheet, lens);
+    const PlanePoint<T> q = fringe_point(pose, sheet, panel_, lens);
     return fringe_turns(fringe_, panel_, q) - lens_coordinate(sheet, panel_, lens);
   }
   [[nodiscard]] double rest(double model) const {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/measure/grey.h"
 
-#include "calib/measure/rows.h"
+#include "calib/rows.h"
 #include "optics/error.h"
 
 namespace lenticule::calib {

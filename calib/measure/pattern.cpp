@@ -6,7 +6,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "calib/measure/rows.h"
+#include "calib/rows.h"
 #include "frames/srgb.h"
 
 namespace lenticule::calib {

@@ -12,6 +12,7 @@
 #include "calib/measure/lens_spot.h"
 #include "calib/measure/link_check.h"
 #include "calib/measure/visible_pixels.h"
+#include "optics/effective_sheet.h"
 #include "optics/error.h"
 
 namespace lenticule::calib {
@@ -20,6 +21,8 @@ namespace {
 constexpr int kCoarseSteps = 8;
 constexpr int kFineSteps = 8;
 constexpr int kAliasSteps = 4;
+constexpr int kMostMultiple = 3;   ///< of the starting pitch that is tried
+constexpr int kBlocksAcross = 80;  ///< the picture
 constexpr int kRepeatSteps = 4;
 constexpr int kSpotBins = 16;
 /// How far the starting pitch may be off, as part of the lenses across the panel.
@@ -42,12 +45,6 @@ constexpr std::array<double, 5> kOtherPitches = {1.0, 0.5, 2.0, 1.0 / 3.0, 3.0};
 std::array<WaveLevel, 3> levels_of(const optics::Rig& rig, bool vertical) {
   return wave_levels(vertical ? rig.panel.height_px : rig.panel.width_px,
                      rig.sheet.pitch.value / 3.0);
-}
-
-/// The pitch that an eye at the design distance sees.
-double nominal_pitch(const optics::Rig& rig) {
-  const double z = rig.viewing.distance.value;
-  return rig.sheet.pitch.value * (std::isinf(z) ? 1.0 : 1.0 + rig.sheet.gap.value / z);
 }
 
 struct Fringes {
@@ -131,7 +128,8 @@ class ViewpointRun {
                                                   const LinearPhase& start) const;
   [[nodiscard]] LinearPhase phase_for(double pitch, double slant) const;
   void find_pitch();
-  [[nodiscard]] bool multiple_shows_fringes(double factor, const FringePeak& found);
+  void leave_aliases();
+  [[nodiscard]] bool multiple_shows_fringes(int factor);
   void refine_line(const Fringes& fringes);
 
   void measure_colours();
@@ -170,7 +168,7 @@ void ViewpointRun::find_panel() {
   white_ = grey_of(pictures[3]);
   result_.width = white_.width;
   result_.height = white_.height;
-  block_px_ = options_.block_px > 0 ? options_.block_px : std::max(4, white_.width / 80);
+  block_px_ = std::max(4, white_.width / kBlocksAcross);
   pixels_ = visible_pixels(marks[0], white_);
   if (part_of(pixels_, white_) < kLeastPart)
     fail("the camera sees no panel that turns from dark to white",
@@ -300,7 +298,7 @@ std::optional<FringePeak> ViewpointRun::peak_of(const Fringes& fringes,
 
 void ViewpointRun::find_pitch() {
   const optics::LensSheet& sheet = start_.rig().sheet;
-  const double nominal = nominal_pitch(start_.rig());
+  const double nominal = optics::effective_sheet(start_.rig()).pitch.value;
   std::optional<FringePeak> found;
   Fringes fringes;
   for (const double factor : kOtherPitches) {
@@ -318,22 +316,29 @@ void ViewpointRun::find_pitch() {
   first_coherence_ = found->height * fringes.contrast;
   result_.line = found->phase;
   refine_line(fringes);
-  for (double multiple = 2.0; options_.adaptive && multiple < 3.5; multiple += 1.0) {
-    if (!multiple_shows_fringes(multiple, *found)) continue;
+  if (options_.adaptive) leave_aliases();
+}
+
+/// Fringes show at a whole part of the pitch as well: goes on to multiples while they show there.
+void ViewpointRun::leave_aliases() {
+  int multiple = 2;
+  while (multiple <= kMostMultiple) {
+    if (!multiple_shows_fringes(multiple)) {
+      ++multiple;
+      continue;
+    }
     result_.warnings.push_back(
-        fmt::format("the starting pitch was an alias: the lenses are {:.0f} times as wide",
-                    multiple * nominal / nominal));
+        fmt::format("the starting pitch was an alias: the lenses are {} times as wide", multiple));
     result_.line = {.constant = result_.line.constant / multiple,
                     .per_px_x = result_.line.per_px_x / multiple,
                     .per_px_y = result_.line.per_px_y / multiple};
-    multiple = 1.0;
+    multiple = 2;
   }
-  result_.start_pitch_factor = result_.line.pitch_subpx() / nominal;
 }
 
 /// Only the true pitch stops showing slow fringes when the pattern gets wider by a whole factor:
 /// neighbouring lenses then see different phases.
-bool ViewpointRun::multiple_shows_fringes(double factor, const FringePeak&) {
+bool ViewpointRun::multiple_shows_fringes(int factor) {
   const double pitch = result_.line.pitch_subpx() * factor;
   if (pitch > panel_.width_px / 4.0) return false;
   const double slant = result_.line.slant();
@@ -398,8 +403,8 @@ void ViewpointRun::measure_colours() {
 void ViewpointRun::measure_fringes() {
   const double lenses = result_.line.per_px_x * panel_.width_px;
   const double detuned = 1.0 + std::min(0.02, kFineFringes / lenses);
-  const double pitch =
-      options_.adaptive ? result_.line.pitch_subpx() * detuned : nominal_pitch(start_.rig());
+  const double pitch = options_.adaptive ? result_.line.pitch_subpx() * detuned
+                                         : optics::effective_sheet(start_.rig()).pitch.value;
   const double slant = options_.adaptive ? result_.line.slant() : start_.rig().sheet.slant;
   for (const int c : kChannelOrder) {
     const auto k = static_cast<size_t>(c);
@@ -481,8 +486,9 @@ std::vector<Pattern> photo_patterns(const optics::Rig& start) {
   for (const bool vertical : {false, true})
     for (const WaveLevel& level : levels_of(start, vertical))
       step(Wave{.vertical = vertical, .period_px = level.period_px, .phase = 0.0}, level.steps, {});
-  const Fringe fringe{
-      .pitch_subpx = nominal_pitch(start), .slant = start.sheet.slant, .phase = 0.0};
+  const Fringe fringe{.pitch_subpx = optics::effective_sheet(start).pitch.value,
+                      .slant = start.sheet.slant,
+                      .phase = 0.0};
   step(fringe, kCoarseSteps, {});
   for (int c = 0; c < 3; ++c)
     patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = Channels::only(c)});

@@ -17,8 +17,6 @@ namespace lenticule::calib {
 
 struct MeasureOptions {
   std::string name = "centre";
-  /// Edge of a block in camera pixels; 0 = an eightieth of the picture's width.
-  int block_px = 0;
   /// Whether the link and the lens spot are measured too: once per calibration is enough.
   bool link_and_spot = true;
   /// False where patterns cannot depend on what was seen before (photographs): they are those of
@@ -44,7 +42,6 @@ struct ViewpointMeasurement {
   double contrast = 0.0;                     ///< of green's fringes
   std::array<double, 3> channel_contrast{};  ///< what agrees within blocks; 0 = not measured
   double covered = 0.0;
-  double start_pitch_factor = 1.0;  ///< found effective pitch over the starting one
   /// Between green's fringes and their repetition at the end: the worst of a plane through the
   /// change.
   double drift_lenses = 0.0;

@@ -170,13 +170,15 @@ void add_correlation_row(Page& page, const Calibration& c, size_t row) {
 }
 
 void add_correlations(Page& page, const Calibration& c) {
-  const bool fits = !c.correlations.empty() && c.correlations.size() == c.parameters.size();
-  if (!fits) return;
+  const size_t count = c.correlations.size();
+  const auto whole = [&](const std::vector<double>& row) { return row.size() == count; };
+  if (count == 0 || count > c.parameters.size() || !std::ranges::all_of(c.correlations, whole))
+    return;
   page.heading("How far the numbers hang together");
   page.add("<div class=\"wide\"><table><tr><th>correlation</th>");
-  for (const Parameter& p : c.parameters) page.add("<th>{}</th>", html_escaped(p.name));
+  for (size_t n = 0; n < count; ++n) page.add("<th>{}</th>", html_escaped(c.parameters[n].name));
   page.add("</tr>");
-  for (size_t row = 0; row < c.correlations.size(); ++row) add_correlation_row(page, c, row);
+  for (size_t row = 0; row < count; ++row) add_correlation_row(page, c, row);
   page.add("</table></div>");
   page.note(
       "Near 1 or -1, an error of one is hidden by an error of the other: only both together mean "

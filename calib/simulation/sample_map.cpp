@@ -7,8 +7,8 @@
 #include <numbers>
 #include <optional>
 
+#include "calib/rows.h"
 #include "calib/simulation/portable_random.h"
-#include "calib/simulation/row_threads.h"
 
 namespace lenticule::calib {
 namespace {
@@ -298,19 +298,21 @@ SampleMap::SampleMap(const optics::Panel& true_panel, const SheetShape& shape,
   const std::array<double, 3>& indices = shape.sheet().index;
   const Vec2 px_per_mm{1.0 / true_panel.pixel_width.value, -1.0 / true_panel.pixel_height.value};
   const Scene scene{true_panel, shape, finder, camera, rays, jitters, indices, px_per_mm, seed};
-  for_rows(camera.height, threads,
-           [&](int row) { rows_[static_cast<size_t>(row)] = trace_row(scene, row); });
+  for_rows(
+      camera.height, [&](int row) { rows_[static_cast<size_t>(row)] = trace_row(scene, row); },
+      threads);
 }
 
 void SampleMap::gather(const DrivenFrame& frame, const LightTable& table, const Haze& haze,
                        std::vector<float>& light, int threads) const {
   const auto width = static_cast<size_t>(camera_.width);
   light.assign(width * rows_.size(), 0.0F);
-  for_rows(camera_.height, threads, [&](int row) {
+  const auto gather_one = [&](int row) {
     float* values = &light[static_cast<size_t>(row) * width];
     gather_row(row, frame, table, values);
     if (haze.part > 0.0) mix_haze(row, haze, table, values);
-  });
+  };
+  for_rows(camera_.height, gather_one, threads);
 }
 
 void SampleMap::gather_row(int row, const DrivenFrame& frame, const LightTable& table,

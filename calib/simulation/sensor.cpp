@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/rows.h"
 #include "calib/simulation/jpeg_round_trip.h"
 #include "calib/simulation/portable_random.h"
-#include "calib/simulation/row_threads.h"
 #include "calib/simulation/sample_map.h"
 #include "frames/srgb.h"
 
@@ -148,15 +148,18 @@ bool Sensor::develop(std::vector<float>& light, uint64_t picture, CameraPicture&
   out.width = camera_.width;
   out.height = camera_.height;
   out.channels = camera_.bayer ? 3 : 1;
-  for_rows(camera_.height, threads, [&](int row) { add_noise(row, picture, light); });
+  for_rows(
+      camera_.height, [&](int row) { add_noise(row, picture, light); }, threads);
   out.light.resize(light.size() * static_cast<size_t>(out.channels));
   if (!camera_.bayer) std::copy(light.begin(), light.end(), out.light.begin());
-  for_rows(camera_.height, threads, [&](int row) {
+  const auto encode = [&](int row) {
     if (camera_.bayer) demosaic_row(row, light, out);
     encode_row(row, out);
-  });
+  };
+  for_rows(camera_.height, encode, threads);
   if (camera_.jpeg_quality > 0 && !pass_through_jpeg(out)) return false;
-  for_rows(camera_.height, threads, [&](int row) { decode_row(row, out); });
+  for_rows(
+      camera_.height, [&](int row) { decode_row(row, out); }, threads);
   return true;
 }
 

@@ -8,11 +8,11 @@
 #include <numbers>
 #include <utility>
 
+#include "calib/rows.h"
 #include "calib/simulation/camera_rays.h"
 #include "calib/simulation/driven_panel.h"
 #include "calib/simulation/light_timing.h"
 #include "calib/simulation/portable_random.h"
-#include "calib/simulation/row_threads.h"
 #include "calib/simulation/sample_map.h"
 #include "calib/simulation/sensor.h"
 #include "calib/simulation/sheet_shape.h"
@@ -322,10 +322,11 @@ void SimulatedBench::Impl::expose(uint64_t picture) {
   }
   if (both_frames) light_of(previous_);
   exposed_.resize(current_.light.size());
-  for_rows(camera_.height, threads_, [&](int row) {
+  const auto expose_one = [&](int row) {
     expose_row(row, picture, both_frames);
     if (camera_.highlight_half_width > 0.0) add_highlight(row);
-  });
+  };
+  for_rows(camera_.height, expose_one, threads_);
 }
 
 void SimulatedBench::Impl::expose_row(int row, uint64_t picture, bool both_frames) {

@@ -23,7 +23,7 @@ enum class StressDemand {
 /// What an intrinsic rig is held to; for a single photograph, an effective one.
 struct StressLimits {
   double flat_lenses = 0.02;   ///< TrialErrors::flat_lenses of the first viewpoint
-  double worst_lenses = 0.02;  ///< TrialErrors::worst_measured_lenses
+  double worst_lenses = 0.02;  ///< TrialErrors::worst_lenses
   double pitch = 1e-5;         ///< TrialErrors::effective_pitch of the first viewpoint
   double map_rms_lenses = 1.0;
 };

@@ -15,7 +15,6 @@ namespace {
 /// What a rig that may be used must keep, whatever the case's own limits are.
 constexpr double kMostLenses = 0.02;
 /// Parts of the warnings that say for which eyes nothing was measured, and that somebody moved.
-constexpr const char* kExtrapolated = "extrapolated";
 constexpr const char* kMoved = "something moved";
 /// Pictures until the panel has settled.
 constexpr int kSettlePictures = 6;
@@ -68,22 +67,20 @@ TrialResult run_photo(const Trial& trial) {
 
 bool within(const StressLimits& limits, const StressOutcome& outcome) {
   return outcome.flat_lenses <= limits.flat_lenses &&
-         outcome.errors.worst_measured_lenses <= limits.worst_lenses &&
-         outcome.pitch <= limits.pitch && outcome.errors.map_rms_lenses <= limits.map_rms_lenses;
+         outcome.errors.worst_lenses <= limits.worst_lenses && outcome.pitch <= limits.pitch &&
+         outcome.errors.map_rms_lenses <= limits.map_rms_lenses;
 }
 
-/// An intrinsic rig is for every eye of the zone but those that it warns of, an effective one for
-/// the viewpoints. Not <=, so that what is not a number misleads.
+/// An intrinsic rig is for every eye of the zone, an effective one for the viewpoints. Not <=, so
+/// that what is not a number misleads.
 bool misleads(Verdict verdict, const StressOutcome& outcome) {
   const TrialErrors& errors = outcome.errors;
-  const auto warned_of = [&](const char* what) {
-    return outcome.said.find(what) != std::string::npos;
-  };
   if (verdict == Verdict::Refused) return false;
-  if (verdict == Verdict::Effective)
-    return !warned_of(kMoved) && !(largest(errors.flat_lenses) <= kMostLenses);
-  return !(errors.worst_measured_lenses <= kMostLenses) ||
-         (!warned_of(kExtrapolated) && !(errors.worst_lenses <= kMostLenses));
+  if (verdict == Verdict::Effective) {
+    const bool warned = outcome.said.find(kMoved) != std::string::npos;
+    return !warned && !(largest(errors.flat_lenses) <= kMostLenses);
+  }
+  return !(errors.worst_lenses <= kMostLenses);
 }
 
 double first_of(const std::vector<double>& values) {

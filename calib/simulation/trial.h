@@ -39,14 +39,11 @@ struct Trial {
   std::function<bool(size_t viewpoint, int pattern)> progress;
 };
 
-/// Everything relative to the truth, which is what phase stepping can measure
-/// (LightMiddle::FringePhase); NaN where it makes no sense.
+/// Everything relative to the truth: where the middle of the light lands that an eye sees through a
+/// lens. NaN where it makes no sense.
 struct TrialErrors {
   double worst_lenses = 0.0;  ///< of the phase, over the panel, for every eye of the zone
   double rms_lenses = 0.0;
-  /// The worst where eyes see the panel no further from the side than some viewpoint saw some part
-  /// of it: what was measured, not extrapolated.
-  double worst_measured_lenses = 0.0;
   double pitch = 0.0;           ///< relative
   double slant = 0.0;           ///< px/px
   double gap = 0.0;             ///< relative: of how much the phase moves with the eye

@@ -26,7 +26,7 @@ TEST(Calibrate, ThreeViewpointsFindTheSheetForEveryEye) {
   EXPECT_EQ(result.calibration.verdict, Verdict::Intrinsic)
       << (result.calibration.reasons.empty() ? "" : result.calibration.reasons.front());
   // Where no viewpoint looked as steeply the law of the chief ray is extrapolated, with a warning.
-  EXPECT_LT(result.errors.worst_measured_lenses, 0.02);
+  EXPECT_LT(result.errors.worst_lenses, 0.02);
   EXPECT_FALSE(result.calibration.warnings.empty());
   for (const Viewpoint& viewpoint : result.calibration.viewpoints)
     EXPECT_LT(viewpoint.foretold_lenses, 0.05) << viewpoint.name;

@@ -19,7 +19,7 @@ class FitStage {
     panel_.width_px = 3840;
     panel_.height_px = 2160;
     panel_.pixel_width = panel_.pixel_height = Millimetres(0.1557);
-    truth_ = {1.5 * 3840 / 7.70123, 1.5 * 0.2521 * 2160 / 7.70123, 0.31, 2.19, 0.46};
+    truth_ = {1.5 * 3840 / 7.70123, 1.5 * 0.2521 * 2160 / 7.70123, 0.31, 2.19, 0.46, 0.02, 0.03};
     const std::array<Vec3, 3> eyes = {Vec3{10, 20, 700}, Vec3{-240, 0, 690}, Vec3{265, 30, 720}};
     for (const Vec3& eye : eyes) add_view(eye, phase_noise);
   }
@@ -31,6 +31,7 @@ class FitStage {
     SheetStart start{.values = truth_};
     start.values[kGap] *= gap_factor;
     start.values[kShape] = 0.5;
+    start.values[kAberration] = start.values[kSag] = 0.0;
     return start;
   }
 
@@ -60,8 +61,9 @@ class FitStage {
     for (double v = 20.0; v < 1080.0; v += 40.0)
       for (double u = 20.0; u < 1920.0; u += 40.0) {
         const auto lens = lens_plane_point(camera.data(), pose.data(), u, v);
-        const auto q = panel_point(pose.data(), truth_.data(), lens);
-        const Vec2 at{panel_.x_px(q.x), panel_.y_px(q.y)};
+        const auto wide = wide_pattern_point(pose.data(), truth_.data(), panel_, lens);
+        const auto q = fringe_point(pose.data(), truth_.data(), panel_, lens);
+        const Vec2 at{panel_.x_px(wide.x), panel_.y_px(wide.y)};
         if (at.x < 0 || at.y < 0 || at.x > 3840 || at.y > 2160) continue;
         view.geometry.push_back(
             {.camera_px = {u, v},

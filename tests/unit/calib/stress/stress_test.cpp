@@ -25,9 +25,9 @@ std::string figures_of(const StressOutcome& outcome, const StressLimits& limits)
   return fmt::format(
       "{}: flat {:.5f} of {:.3f}, worst {:.5f} of {:.3f}, pitch {:.2e} of {:.2e}, map {:.5f} of "
       "{:.3f}; {}",
-      outcome.verdict, outcome.flat_lenses, limits.flat_lenses,
-      outcome.errors.worst_measured_lenses, limits.worst_lenses, outcome.pitch, limits.pitch,
-      outcome.errors.map_rms_lenses, limits.map_rms_lenses, outcome.said);
+      outcome.verdict, outcome.flat_lenses, limits.flat_lenses, outcome.errors.worst_lenses,
+      limits.worst_lenses, outcome.pitch, limits.pitch, outcome.errors.map_rms_lenses,
+      limits.map_rms_lenses, outcome.said);
 }
 
 std::string name_of(const testing::TestParamInfo<StressCase>& one) {
