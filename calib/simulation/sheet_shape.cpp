@@ -17,8 +17,9 @@ constexpr double kMostPeriods = 3.0;
 constexpr int kFieldGrid = 65;  // per side, to find the plane and the largest value of a field
 constexpr double kBubbleCellMm = 1.0;
 
+/// Middles of equal cells: a mean over them is one over the area, the borders counted right.
 double place_on_grid(int index) {
-  return 2.0 * index / (kFieldGrid - 1) - 1.0;
+  return (2.0 * index + 1.0) / kFieldGrid - 1.0;
 }
 
 }  // namespace
