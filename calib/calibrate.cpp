@@ -441,6 +441,8 @@ void Calibrator::judge() {
           "away from the viewpoints the phase may be off by {:.3f} lens: add a viewpoint further "
           "to the side",
           result_.drift.worst_lenses));
+    if (views_.size() < 3)
+      only_effective("nothing tells how well two viewpoints foretell another place: add a third");
     const double correlation = result_.correlations[0][3];
     if (std::abs(correlation) > kMostCorrelation)
       only_effective(

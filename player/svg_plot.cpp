@@ -10,6 +10,7 @@
 #include <iterator>
 #include <limits>
 
+#include "calib/report/plain_text.h"
 #include "optics/error.h"
 
 namespace lenticule::player {
@@ -25,29 +26,6 @@ constexpr double kBottom = 56.0;
 /// Told apart by colour-blind eyes as well (Okabe and Ito), and dark enough on white.
 constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
                                  "#56b4e9", "#e69f00", "#000000", "#7f7f7f"};
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
 
 std::vector<double> linear_ticks(double low, double high) {
   constexpr double kWanted = 6.0;
@@ -150,11 +128,11 @@ void draw_axes(SvgText& svg, const Plot& plot, const PlacedAxis& x, const Placed
   }
   svg.line(R"(<path d="M{} {}V{}H{}" fill="none" stroke="#333"/>)", kLeft, kTop, bottom, right);
   svg.line(R"(<text x="{}" y="{}" text-anchor="middle">{}</text>)", (kLeft + right) / 2,
-           kHeight - 14, escaped(plot.x.label));
+           kHeight - 14, calib::html_escaped(plot.x.label));
   svg.line(R"svg(<text transform="translate(20 {}) rotate(-90)" text-anchor="middle">{}</text>)svg",
-           (kTop + bottom) / 2, escaped(plot.y.label));
+           (kTop + bottom) / 2, calib::html_escaped(plot.y.label));
   svg.line(R"(<text x="{}" y="24" text-anchor="middle" font-size="16">{}</text>)",
-           (kLeft + right) / 2, escaped(plot.title));
+           (kLeft + right) / 2, calib::html_escaped(plot.title));
 }
 
 void draw_series(SvgText& svg, const Plot& plot, const PlacedAxis& x, const PlacedAxis& y) {
@@ -172,7 +150,7 @@ void draw_series(SvgText& svg, const Plot& plot, const PlacedAxis& x, const Plac
     const double row = kTop + 18.0 + 20.0 * static_cast<double>(index);
     const double left = kWidth - kRight + 12.0;
     svg.line(R"(<path d="M{} {}h20" stroke="{}" stroke-width="2"/>)", left, row - 4, colour);
-    svg.line(R"(<text x="{}" y="{}">{}</text>)", left + 26, row, escaped(series.label));
+    svg.line(R"(<text x="{}" y="{}">{}</text>)", left + 26, row, calib::html_escaped(series.label));
     ++index;
   }
 }
