@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the fit believes that fringes and wide patterns show from the side, against traced lenses:
+// observations without noise, so that all that is left is the law.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/fit/gap_search.h"
+#include "calib/fit/joint_fit.h"
+#include "calib/fit/pose_fit.h"
+#include "calib/simulation/camera_rays.h"
+#include "calib/simulation/sheet_shape.h"
+#include "calib/simulation/trial.h"
+
+namespace lenticule::test {
+namespace {
+
+using namespace calib;
+
+constexpr double kPhaseSigma = 0.002;
+constexpr double kPointSigmaPx = 0.1;
+
+class TracedViews {
+ public:
+  explicit TracedViews(const Trial& trial) : trial_(trial), shape_(trial.panel, trial.sheet, 0.0) {
+    for (const TrialViewpoint& place : trial.viewpoints) views_.push_back(view_from(place));
+  }
+
+  [[nodiscard]] std::optional<JointFit> fit() const {
+    SheetStart start = sheet_start(trial_.start);
+    const double lenses = 1.5 / trial_.sheet.pitch_subpx;
+    start.values[kAcross] = lenses * trial_.panel.width_px;
+    start.values[kDown] = lenses * trial_.sheet.slant * trial_.panel.height_px;
+    const std::optional<PoseFit> poses = fit_poses(views_, start.values, trial_.panel);
+    if (!poses) return std::nullopt;
+    const std::vector<GapCandidate> gaps = search_gaps(views_, *poses, start, trial_.panel);
+    if (gaps.empty()) return std::nullopt;
+    return fit_jointly(views_, *poses, start, gaps.front(), trial_.panel,
+                       {.grid = {.columns = 0, .rows = 0}});
+  }
+
+ private:
+  [[nodiscard]] View view_from(const TrialViewpoint& place) const {
+    SimulatedCamera camera = trial_.camera;
+    camera.position_mm = place.position_mm;
+    camera.look_at_mm = place.look_at_mm;
+    camera.roll_degrees = place.roll_degrees;
+    View view{.name = place.name,
+              .fringe = {.pitch_subpx = 1.003 * trial_.sheet.pitch_subpx,
+                         .slant = trial_.sheet.slant,
+                         .phase = 0.0},
+              .picture_width = camera.width,
+              .picture_height = camera.height,
+              .geometry = {},
+              .phases = {}};
+    constexpr int kColumns = 32, kRows = 18;
+    for (int n = 0; n < kColumns * kRows; ++n) {
+      const double x = (n % kColumns + 0.5) / kColumns, y = (n / kColumns + 0.5) / kRows;
+      add_point({x * trial_.panel.width_px, y * trial_.panel.height_px}, camera, view);
+    }
+    return view;
+  }
+
+  void add_point(Vec2 panel_px, const SimulatedCamera& camera, View& view) const {
+    const CameraRays rays(camera);
+    const Vec2 point{trial_.panel.x_mm(panel_px.x), trial_.panel.y_mm(panel_px.y)};
+    const Vec3& eye = camera.position_mm;
+    const auto middle = true_view(shape_, point, 1, eye, LightMiddle::Centroid);
+    const auto fringe = true_view(shape_, point, 1, eye, LightMiddle::FringePhase);
+    if (!middle || !fringe) return;
+    const std::optional<Vec2> at_middle = rays.project(middle->aim);
+    const std::optional<Vec2> at_fringe = rays.project(fringe->aim);
+    if (!at_middle || !at_fringe) return;
+    view.geometry.push_back(
+        {.camera_px = *at_middle, .panel_px = panel_px, .sigma_px = kPointSigmaPx});
+    const PlanePoint<double> shown{point.x, point.y};
+    view.phases.push_back({.camera_px = *at_fringe,
+                           .turns = fringe_turns(view.fringe, trial_.panel, shown) - fringe->phase,
+                           .sigma = kPhaseSigma});
+  }
+
+  const Trial& trial_;
+  SheetShape shape_;
+  std::vector<View> views_;
+};
+
+/// Sheets of wide and narrow cones, fine and coarse.
+class TracedLaw : public testing::TestWithParam<uint64_t> {};
+
+TEST_P(TracedLaw, HoldsForEveryEyeOfTheZone) {
+  Trial trial = random_trial(GetParam(), 3840, 2160, 1920, 1080);
+  trial.sheet.deformation_lenses = 0.0;
+  const std::optional<JointFit> fit = TracedViews(trial).fit();
+  ASSERT_TRUE(fit);
+  optics::Rig rig = trial.start;
+  put_sheet(fit->values.sheet, {.columns = 0, .rows = 0}, {}, trial.panel, rig.sheet);
+  const SimulatedBench bench(trial.panel, trial.sheet, trial.link, trial.camera, trial.seed);
+  const TrialErrors errors = errors_of(rig, bench, trial);
+  EXPECT_LT(errors.worst_lenses, 0.012);
+  EXPECT_LT(std::abs(errors.pitch), 2e-6);
+  EXPECT_LT(std::abs(errors.slant), 3e-6);
+  EXPECT_LT(std::abs(errors.gap), 2e-3);
+  EXPECT_GT(fit->values.sheet[kAberration], 0.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(RandomSheets, TracedLaw, testing::Values(1, 2, 8, 17, 24));
+
+TEST(WidePatterns, SeeALongerGapAlongTheLensesAndOneLongerStillAcross) {
+  optics::Panel panel;
+  panel.width_px = 1000;
+  panel.height_px = 1000;
+  panel.pixel_width = panel.pixel_height = Millimetres(0.1);
+  const PoseValues pose{0, 0, 0, 200.0, 100.0, 500.0};
+  SheetValues sheet{250.0, 0.0, 0.0, 2.0, 0.4, 0.0, 0.0};  // upright
+  const PlanePoint<double> lens{10.0, -20.0};
+  const PlanePoint<double> plain = panel_point(pose.data(), sheet.data(), lens);
+  sheet[kSag] = 0.03;
+  const auto wide = wide_pattern_point(pose.data(), sheet.data(), panel, lens);
+  EXPECT_NEAR(wide.x - lens.x, 1.03 * (plain.x - lens.x), 1e-12);
+  EXPECT_NEAR(wide.y - lens.y, 1.01 * (plain.y - lens.y), 1e-12);
+}
+
+}  // namespace
+}  // namespace lenticule::test
