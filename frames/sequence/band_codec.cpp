@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/sequence/band_codec.h"
+
+#include <zstd.h>
+
+#include <cstring>
+#include <new>
+
+#include "frames/sequence/little_endian.h"
+#include "frames/sequence/tap_variants.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr size_t kTapHeaderBytes = 4;
+constexpr size_t kStreamHeaderBytes = 4;
+constexpr size_t kMaskBytes = 4;
+/// Short matches cost the decoder more than they save here: docs/formats.md has the figures.
+constexpr int kMinMatch = 7;
+
+struct FreeCompressor {
+  void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
+};
+struct FreeDecompressor {
+  void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
+};
+using Compressor = std::unique_ptr<ZSTD_CCtx, FreeCompressor>;
+using Decompressor = std::unique_ptr<ZSTD_DCtx, FreeDecompressor>;
+
+Compressor make_compressor() {
+  Compressor context(ZSTD_createCCtx());
+  if (!context) throw std::bad_alloc();
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, 1);
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_strategy, ZSTD_fast);
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_minMatch, kMinMatch);
+  return context;
+}
+
+Decompressor make_decompressor() {
+  Decompressor context(ZSTD_createDCtx());
+  if (!context) throw std::bad_alloc();
+  return context;
+}
+
+size_t blocks_of(size_t band_bytes) {
+  return (band_bytes + kBlockBytes - 1) / kBlockBytes;
+}
+
+}  // namespace
+
+const TapFunctions& tap_functions(Isa isa) {
+#define LENTICULE_TAP_FUNCTIONS(name)                                                \
+  {                                                                                  \
+    name::decode_blocks, name::encode_blocks, name::tap_cost, name::count_residuals, \
+        name::count_bits                                                             \
+  }
+  static constexpr TapFunctions kBaseline = LENTICULE_TAP_FUNCTIONS(isa_baseline);
+#if defined(__x86_64__)
+  static constexpr TapFunctions kAvx2 = LENTICULE_TAP_FUNCTIONS(isa_avx2);
+  static constexpr TapFunctions kAvx512 = LENTICULE_TAP_FUNCTIONS(isa_avx512);
+  if (isa == Isa::Avx512) return kAvx512;
+  if (isa == Isa::Avx2) return kAvx2;
+#endif
+  LENTICULE_CHECK(isa_supported(isa));
+  return kBaseline;
+}
+
+struct BandEncoder::State {
+  State(size_t max_band_bytes, const TapFunctions& functions)
+      : kernel(functions),
+        compressor(make_compressor()),
+        modes(blocks_of(max_band_bytes)),
+        masks(blocks_of(max_band_bytes) * kMaskBytes),
+        values(blocks_of(max_band_bytes) * kBlockBytes),
+        packed(ZSTD_compressBound(values.size())) {}
+
+  /// Compressed into `packed`; the number of bytes, or 0 if that would not save any.
+  size_t compress(std::span<const uint8_t> bytes) {
+    const size_t size =
+        ZSTD_compress2(compressor.get(), packed.data(), packed.size(), bytes.data(), bytes.size());
+    return ZSTD_isError(size) != 0 || size >= bytes.size() ? 0 : size;
+  }
+
+  void append_stream(std::span<const uint8_t> bytes, std::vector<uint8_t>& payload) {
+    const size_t size = bytes.empty() ? 0 : compress(bytes);
+    const std::span<const uint8_t> stored =
+        size == 0 ? bytes : std::span<const uint8_t>(packed).first(size);
+    append_u32(payload, static_cast<uint32_t>(stored.size()));
+    payload.insert(payload.end(), stored.begin(), stored.end());
+  }
+
+  const TapFunctions& kernel;
+  Compressor compressor;
+  std::vector<uint8_t> modes;
+  std::vector<uint8_t> masks;
+  std::vector<uint8_t> values;
+  std::vector<uint8_t> packed;
+  std::vector<uint8_t> plain;  ///< the other codec's payload, while two are compared
+};
+
+BandEncoder::BandEncoder(size_t max_band_bytes, Isa isa)
+    : state_(std::make_unique<State>(max_band_bytes, tap_functions(isa))) {}
+BandEncoder::~BandEncoder() = default;
+BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
+BandEncoder& BandEncoder::operator=(BandEncoder&&) noexcept = default;
+
+BandCodec BandEncoder::encode(std::span<const uint8_t> band, const TapTable& taps,
+                              std::vector<uint8_t>& payload) {
+  const bool tapped = encode_as(BandCodec::Taps, band, taps, payload);
+  if (tapped && payload.size() < band.size() / 2) return BandCodec::Taps;
+  // What is not predictable may repeat itself nevertheless.
+  const bool zstd = encode_as(BandCodec::Zstd, band, taps, state_->plain);
+  if (zstd && (!tapped || state_->plain.size() < payload.size())) {
+    std::swap(payload, state_->plain);
+    return BandCodec::Zstd;
+  }
+  if (tapped) return BandCodec::Taps;
+  payload.assign(band.begin(), band.end());
+  return BandCodec::Raw;
+}
+
+bool BandEncoder::encode_as(BandCodec codec, std::span<const uint8_t> band, const TapTable& taps,
+                            std::vector<uint8_t>& payload) {
+  State& s = *state_;
+  LENTICULE_CHECK(blocks_of(band.size()) <= s.modes.size());
+  payload.clear();
+  if (codec == BandCodec::Raw) {
+    payload.assign(band.begin(), band.end());
+  } else if (codec == BandCodec::Zstd) {
+    const size_t size = s.compress(band);
+    if (size == 0) return false;
+    payload.assign(s.packed.begin(), s.packed.begin() + static_cast<ptrdiff_t>(size));
+  } else {
+    TapOutput out{.modes = s.modes.data(), .masks = s.masks.data(), .values = s.values.data()};
+    s.kernel.encode_blocks(taps, band.data(), band.size(), out);
+    append_u32(payload, static_cast<uint32_t>(taps.count));
+    for (int tap = 1; tap <= taps.count; ++tap) append_u32(payload, taps.distance[tap]);
+    s.append_stream({s.modes.data(), blocks_of(band.size())}, payload);
+    s.append_stream({s.masks.data(), out.mask_bytes}, payload);
+    s.append_stream({s.values.data(), out.value_bytes}, payload);
+  }
+  return payload.size() <= band.size();
+}
+
+struct BandDecoder::State {
+  State(size_t max_band_bytes, const TapFunctions& functions)
+      : kernel(functions),
+        decompressor(make_decompressor()),
+        modes(blocks_of(max_band_bytes)),
+        masks(blocks_of(max_band_bytes) * kMaskBytes),
+        values(max_band_bytes + kValuePadding) {}
+
+  [[nodiscard]] bool decompress(std::span<const uint8_t> from, std::span<uint8_t> to) noexcept {
+    const size_t size =
+        ZSTD_decompressDCtx(decompressor.get(), to.data(), to.size(), from.data(), from.size());
+    return ZSTD_isError(size) == 0 && size == to.size();
+  }
+
+  /// Takes the next stream from `payload`; a stream that is as long as its content is stored plain.
+  [[nodiscard]] bool take_stream(std::span<const uint8_t>& payload,
+                                 std::span<uint8_t> to) noexcept {
+    if (payload.size() < kStreamHeaderBytes) return false;
+    const size_t stored = load_u32(payload.data());
+    payload = payload.subspan(kStreamHeaderBytes);
+    if (stored > payload.size() || stored > to.size()) return false;
+    const std::span<const uint8_t> from = payload.first(stored);
+    payload = payload.subspan(stored);
+    if (stored < to.size()) return decompress(from, to);
+    if (!to.empty()) std::memcpy(to.data(), from.data(), stored);
+    return true;
+  }
+
+  [[nodiscard]] bool take_taps(std::span<const uint8_t>& payload, TapTable& taps) noexcept {
+    if (payload.size() < kTapHeaderBytes) return false;
+    const uint32_t count = load_u32(payload.data());
+    payload = payload.subspan(kTapHeaderBytes);
+    if (count > kMaxTaps || payload.size() < count * sizeof(uint32_t)) return false;
+    taps.count = static_cast<int>(count);
+    for (uint32_t tap = 1; tap <= count; ++tap) {
+      taps.distance[tap] = load_u32(payload.data() + (tap - 1) * sizeof(uint32_t));
+      if (taps.distance[tap] < kBlockBytes) return false;
+    }
+    payload = payload.subspan(count * sizeof(uint32_t));
+    return true;
+  }
+
+  [[nodiscard]] bool decode_taps(std::span<const uint8_t> payload,
+                                 std::span<uint8_t> band) noexcept {
+    TapTable taps;
+    const std::span<uint8_t> mode_bytes(modes.data(), blocks_of(band.size()));
+    if (!take_taps(payload, taps) || !take_stream(payload, mode_bytes)) return false;
+    const size_t masked = kernel.count_residuals(mode_bytes.data(), mode_bytes.size());
+    const std::span<uint8_t> mask_bytes(masks.data(), masked * kMaskBytes);
+    if (!take_stream(payload, mask_bytes)) return false;
+    const size_t value_count = kernel.count_bits(mask_bytes.data(), mask_bytes.size());
+    if (value_count > band.size()) return false;
+    if (!take_stream(payload, {values.data(), value_count}) || !payload.empty()) return false;
+    return kernel.decode_blocks(taps,
+                                {.modes = modes.data(),
+                                 .masks = masks.data(),
+                                 .values = values.data(),
+                                 .value_count = value_count},
+                                band.data(), band.size());
+  }
+
+  const TapFunctions& kernel;
+  Decompressor decompressor;
+  std::vector<uint8_t> modes;
+  std::vector<uint8_t> masks;
+  std::vector<uint8_t> values;
+};
+
+BandDecoder::BandDecoder(size_t max_band_bytes, Isa isa)
+    : state_(std::make_unique<State>(max_band_bytes, tap_functions(isa))) {}
+BandDecoder::~BandDecoder() = default;
+BandDecoder::BandDecoder(BandDecoder&&) noexcept = default;
+BandDecoder& BandDecoder::operator=(BandDecoder&&) noexcept = default;
+
+bool BandDecoder::decode(BandCodec codec, std::span<const uint8_t> payload,
+                         std::span<uint8_t> band) noexcept {
+  if (blocks_of(band.size()) > state_->modes.size()) return false;
+  switch (codec) {
+    case BandCodec::Raw:
+      if (payload.size() != band.size()) return false;
+      if (!band.empty()) std::memcpy(band.data(), payload.data(), band.size());
+      return true;
+    case BandCodec::Zstd:
+      return state_->decompress(payload, band);
+    case BandCodec::Taps:
+      return state_->decode_taps(payload, band);
+  }
+  return false;
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whole pieces of a file, read and written at 64-bit offsets.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+
+#include "frames/ring/unique_fd.h"
+
+namespace lenticule::frames {
+
+/// Opens a regular file for reading; never waits for a pipe. Throws Error(Input) naming the file.
+[[nodiscard]] UniqueFd open_regular_file(const std::filesystem::path& file);
+
+/// Size of an open file; 0 if that cannot be told.
+[[nodiscard]] uint64_t size_of(int fd) noexcept;
+
+/// False at the end of the file and for errors; `to` holds anything then.
+[[nodiscard]] bool read_at(int fd, uint64_t offset, std::span<uint8_t> to) noexcept;
+
+/// False if not all could be written; errno says why.
+[[nodiscard]] bool write_at(int fd, uint64_t offset, std::span<const uint8_t> from) noexcept;
+
+/// Makes a rename in the file's folder last. Errors are ignored: not every file system can.
+void sync_folder_of(const std::filesystem::path& file) noexcept;
+
+}  // namespace lenticule::frames

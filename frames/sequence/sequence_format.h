@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// The fixed parts of a sequence container, as bytes. docs/formats.md specifies them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "frames/frame.h"
+#include "frames/sequence/band_codec.h"
+
+namespace lenticule::frames {
+
+inline constexpr uint32_t kSequenceVersion = 1;
+inline constexpr size_t kFileHeaderBytes = 64;
+inline constexpr size_t kFrameHeaderBytes = 40;
+inline constexpr size_t kBandEntryBytes = 24;
+inline constexpr size_t kTrailerBytes = 40;
+
+// What every file is held to, before anything is allocated for it.
+inline constexpr int kMaxSequencePixels = 32768;  ///< per side
+inline constexpr uint64_t kMaxSequenceFrameBytes = uint64_t{3} << 28;
+inline constexpr uint64_t kMaxBandBytes = uint64_t{1} << 24;
+inline constexpr uint32_t kMaxBands = 1024;
+inline constexpr uint64_t kMaxSequenceFrames = uint64_t{1} << 24;
+inline constexpr uint64_t kMaxFirstFrame = 1'000'000'000;
+
+/// XXH3 of 64 bits, without a seed.
+[[nodiscard]] uint64_t checksum_of(std::span<const uint8_t> bytes) noexcept;
+
+struct FileHeader {
+  FrameGeometry geometry;
+  int band_rows = 0;
+  uint64_t metadata_bytes = 0;
+  uint64_t metadata_checksum = 0;
+
+  [[nodiscard]] int bands() const { return (geometry.height + band_rows - 1) / band_rows; }
+  /// The last band may have fewer rows.
+  [[nodiscard]] size_t band_offset(int band) const {
+    return geometry.row_bytes() * static_cast<size_t>(band) * static_cast<size_t>(band_rows);
+  }
+  [[nodiscard]] size_t band_bytes(int band) const {
+    const size_t begin = band_offset(band);
+    const size_t whole = geometry.row_bytes() * static_cast<size_t>(band_rows);
+    return begin + whole < geometry.frame_bytes() ? whole : geometry.frame_bytes() - begin;
+  }
+  [[nodiscard]] size_t table_bytes() const {
+    return static_cast<size_t>(bands()) * kBandEntryBytes;
+  }
+  [[nodiscard]] uint64_t data_begin() const { return kFileHeaderBytes + metadata_bytes; }
+};
+
+struct BandEntry {
+  uint64_t offset = 0;  ///< in the file; an earlier frame's payload if the band did not change
+  uint32_t bytes = 0;
+  BandCodec codec = BandCodec::Raw;
+  uint64_t checksum = 0;  ///< of the payload
+};
+
+/// In front of a frame's band table and payload.
+struct FrameHeader {
+  uint64_t number = 0;         ///< 0 for the first of the file
+  uint64_t payload_bytes = 0;  ///< behind the table
+  uint64_t table_checksum = 0;
+};
+
+/// At the very end of a finished file, behind the index: an offset per frame.
+struct Trailer {
+  uint64_t index_offset = 0;
+  uint64_t frame_count = 0;
+  uint64_t index_checksum = 0;
+};
+
+/// So many rows that there are about 36 bands, within the format's limits.
+[[nodiscard]] int choose_band_rows(const FrameGeometry& geometry);
+
+/// Whether a container can hold such frames at all.
+[[nodiscard]] bool can_hold(const FrameGeometry& geometry);
+
+void append_file_header(const FileHeader& header, std::vector<uint8_t>& to);
+void append_frame_header(const FrameHeader& header, int bands, std::vector<uint8_t>& to);
+void append_band_entry(const BandEntry& entry, std::vector<uint8_t>& to);
+void append_trailer(const Trailer& trailer, std::vector<uint8_t>& to);
+
+enum class HeaderFlaw { None, NoSequence, OtherVersion, Damaged, OutOfRange };
+
+/// `bytes` are kFileHeaderBytes.
+[[nodiscard]] HeaderFlaw parse_file_header(std::span<const uint8_t> bytes, FileHeader& header);
+/// `bytes` are kFrameHeaderBytes; nothing unless it is a whole header for so many bands.
+[[nodiscard]] std::optional<FrameHeader> parse_frame_header(std::span<const uint8_t> bytes,
+                                                            int bands) noexcept;
+/// `bytes` are kBandEntryBytes; nothing for an unknown codec.
+[[nodiscard]] std::optional<BandEntry> parse_band_entry(std::span<const uint8_t> bytes) noexcept;
+/// `bytes` are kTrailerBytes.
+[[nodiscard]] std::optional<Trailer> parse_trailer(std::span<const uint8_t> bytes) noexcept;
+
+/// The four bytes that a frame begins with.
+[[nodiscard]] std::span<const uint8_t> frame_magic() noexcept;
+
+}  // namespace lenticule::frames

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/sequence/sequence_reader.h"
+
+#include <fcntl.h>
+
+#include <string_view>
+
+#include "frames/sequence/file_bytes.h"
+
+namespace lenticule::frames {
+
+bool is_sequence_name(const std::filesystem::path& file) {
+  const std::string name = file.filename().string();
+  return name.ends_with(".lts") || name.ends_with(".lts.part");
+}
+
+SequenceReader::SequenceReader(const std::filesystem::path& file)
+    : fd_(open_regular_file(file)), layout_(read_sequence_layout(fd_.get(), file.string())) {}
+
+uint64_t SequenceReader::file_bytes() const {
+  return size_of(fd_.get());
+}
+
+void SequenceReader::will_need(uint64_t frame) const noexcept {
+  advise(frame, POSIX_FADV_WILLNEED);
+}
+
+void SequenceReader::done_with(uint64_t frame) const noexcept {
+  advise(frame, POSIX_FADV_DONTNEED);
+}
+
+void SequenceReader::advise(uint64_t frame, int advice) const noexcept {
+  const uint64_t begin = layout_.frames[frame];
+  if (begin == 0) return;
+  const bool last = frame + 1 == layout_.frames.size();
+  const uint64_t end = last ? layout_.data_end : layout_.frames[frame + 1];
+  if (end > begin)
+    static_cast<void>(::posix_fadvise(fd_.get(), static_cast<off_t>(begin),
+                                      static_cast<off_t>(end - begin), advice));
+}
+
+std::vector<uint64_t> SequenceReader::find_damaged(
+    const std::function<bool(uint64_t frame)>& progress) const {
+  FrameDecoder decoder = make_decoder();
+  WovenFrame frame(geometry());
+  std::vector<uint64_t> damaged;
+  for (uint64_t number = 0; number < frame_count(); ++number) {
+    if (!decoder.decode(number, frame.bytes())) damaged.push_back(number);
+    if (progress && !progress(number)) break;
+  }
+  return damaged;
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// A sequence container, opened: any frame, in any order.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <vector>
+
+#include "frames/frame.h"
+#include "frames/ring/unique_fd.h"
+#include "frames/sequence/frame_decoder.h"
+#include "frames/sequence/sequence_layout.h"
+
+namespace lenticule::frames {
+
+/// ".lts", or ".lts.part" as long as it is being written.
+[[nodiscard]] bool is_sequence_name(const std::filesystem::path& file);
+
+class SequenceReader {
+ public:
+  /// Throws Error(Input) for a file that cannot be opened or is no sequence (read_sequence_layout).
+  explicit SequenceReader(const std::filesystem::path& file);
+  SequenceReader(const SequenceReader&) = delete;
+  SequenceReader& operator=(const SequenceReader&) = delete;
+
+  [[nodiscard]] const SequenceInfo& info() const { return layout_.info; }
+  [[nodiscard]] FrameGeometry geometry() const { return layout_.header.geometry; }
+  [[nodiscard]] uint64_t frame_count() const { return layout_.frames.size(); }
+  /// False: the index is missing or damaged, and the frames were found without it.
+  [[nodiscard]] bool has_index() const { return layout_.from_index; }
+  [[nodiscard]] uint64_t file_bytes() const;
+
+  /// A decoder for one thread; the reader must outlive it.
+  [[nodiscard]] FrameDecoder make_decoder() const { return {fd_.get(), layout_}; }
+
+  /// Tells the kernel to fetch a frame, or that its pages are not needed again. Advice only.
+  void will_need(uint64_t frame) const noexcept;
+  void done_with(uint64_t frame) const noexcept;
+
+  /// Numbers of the frames that do not decode. `progress` hears of every frame; false stops.
+  [[nodiscard]] std::vector<uint64_t> find_damaged(
+      const std::function<bool(uint64_t frame)>& progress = {}) const;
+
+ private:
+  void advise(uint64_t frame, int advice) const noexcept;
+
+  UniqueFd fd_;
+  SequenceLayout layout_;
+};
+
+}  // namespace lenticule::frames

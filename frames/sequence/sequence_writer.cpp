@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/sequence/sequence_writer.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+
+#include "frames/atomic_file.h"
+#include "frames/sequence/file_bytes.h"
+#include "frames/sequence/frame_decoder.h"
+#include "frames/sequence/little_endian.h"
+#include "frames/sequence/tap_choice.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// How much a power cut may cost; a process that dies alone costs the frame in flight.
+constexpr std::chrono::seconds kSyncInterval{1};
+/// A power cut leaves the last frames doubtful, not the old ones.
+constexpr uint64_t kFramesToCheck = 64;
+/// Content changes slowly; choosing takes about as long as compressing a frame.
+constexpr uint64_t kTapInterval = 32;
+
+FileHeader make_header(const SequenceInfo& info, const std::string& metadata) {
+  FileHeader header;
+  header.geometry = info.geometry;
+  header.band_rows = choose_band_rows(info.geometry);
+  header.metadata_bytes = metadata.size();
+  header.metadata_checksum =
+      checksum_of({reinterpret_cast<const uint8_t*>(metadata.data()), metadata.size()});
+  return header;
+}
+
+/// What must be the same for frames to belong into one file, or the first thing that is not.
+const char* difference(const SequenceInfo& there, const SequenceInfo& wanted) {
+  if (there.geometry != wanted.geometry) return "another frame size";
+  if (there.kind != wanted.kind || there.views != wanted.views) return "another kind of frames";
+  if (there.rig_fingerprint != wanted.rig_fingerprint) return "another rig";
+  if (there.rate != wanted.rate) return "another frame rate";
+  if (there.first_frame != wanted.first_frame) return "another first frame";
+  return nullptr;
+}
+
+/// Frames up to the first one that is lost or, among the last ones, damaged.
+uint64_t count_whole_frames(int fd, const SequenceLayout& layout) {
+  const auto lost = std::find(layout.frames.begin(), layout.frames.end(), uint64_t{0});
+  const auto count = static_cast<uint64_t>(lost - layout.frames.begin());
+  FrameDecoder decoder(fd, layout);
+  for (uint64_t frame = count - std::min(count, kFramesToCheck); frame < count; ++frame) {
+    if (!decoder.check(frame)) return frame;
+  }
+  return count;
+}
+
+/// Where the file ends once only `count` of its frames are kept.
+uint64_t end_of(int fd, const SequenceLayout& layout, uint64_t count) {
+  if (count == 0) return layout.header.data_begin();
+  std::vector<uint8_t> head(kFrameHeaderBytes);
+  const uint64_t offset = layout.frames[count - 1];
+  if (!read_at(fd, offset, head)) return layout.header.data_begin();
+  const std::optional<FrameHeader> frame = parse_frame_header(head, layout.header.bands());
+  LENTICULE_CHECK(frame.has_value());  // it was checked a moment ago
+  return offset + kFrameHeaderBytes + layout.header.table_bytes() + frame->payload_bytes;
+}
+
+}  // namespace
+
+SequenceWriter::SequenceWriter(fs::path file, const SequenceInfo& info,
+                               const SequenceWriterOptions& options)
+    : file_(std::move(file)), part_(file_.string() + ".part"), workers_(options.threads) {
+  if (!can_hold(info.geometry))
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: frames of {}x{} pixels do not fit a container", file_.string(),
+                            info.geometry.width, info.geometry.height));
+  std::error_code ignored;
+  const bool has_part = fs::exists(part_, ignored);
+  const bool has_file = fs::exists(file_, ignored);
+  if (options.resume && (has_part || has_file)) {
+    if (!has_part && ::rename(file_.c_str(), part_.c_str()) != 0) fail("cannot go on", errno);
+    go_on(info);
+  } else {
+    if (has_part) open_and_lock();  // nobody else is writing it
+    begin(info);
+  }
+  for (int worker = 0; worker < workers_.count(); ++worker)
+    encoders_.emplace_back(layout_.header.band_bytes(0));
+  bands_.resize(static_cast<size_t>(layout_.header.bands()));
+  last_sync_ = std::chrono::steady_clock::now();
+}
+
+void SequenceWriter::fail(const char* what, int error) const {
+  throw Error(ErrorKind::Failed, fmt::format("{}: {}: {}", part_.string(), what,
+                                             std::generic_category().message(error)));
+}
+
+void SequenceWriter::open_and_lock() {
+  UniqueFd fd(::open(part_.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
+  if (!fd) fail("cannot open", errno);
+  if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0)
+    throw Error(ErrorKind::Failed, fmt::format("{}: another process is writing it", part_.string()),
+                "wait for it, or choose another name");
+  fd_ = std::move(fd);
+}
+
+void SequenceWriter::begin(const SequenceInfo& info) {
+  const std::string metadata = sequence_info_to_json(info);
+  layout_.info = info;
+  layout_.header = make_header(info, metadata);
+  if (metadata.size() > kMaxMetadataBytes)
+    throw Error(ErrorKind::Usage, fmt::format("{}: metadata of more than {} MiB", file_.string(),
+                                              kMaxMetadataBytes >> 20));
+  std::vector<uint8_t> bytes;
+  append_file_header(layout_.header, bytes);
+  bytes.insert(bytes.end(), metadata.begin(), metadata.end());
+  // Under a temporary name first: a file that is there has a whole header.
+  write_file_atomically(part_, bytes);
+  layout_.data_end = bytes.size();
+  open_and_lock();
+}
+
+void SequenceWriter::go_on(const SequenceInfo& info) {
+  open_and_lock();
+  layout_ = read_sequence_layout(fd_.get(), part_.string());
+  if (const char* other = difference(layout_.info, info))
+    throw Error(ErrorKind::Input, fmt::format("{}: was begun with {}", part_.string(), other),
+                "remove it, or write to another file");
+  const uint64_t count = count_whole_frames(fd_.get(), layout_);
+  layout_.data_end = end_of(fd_.get(), layout_, count);
+  layout_.frames.resize(count);
+  // The index goes too: as long as it is not written anew the frames speak for themselves.
+  if (::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end)) != 0)
+    fail("cannot be cut", errno);
+}
+
+void SequenceWriter::encode_band(const FrameView& frame, int index, int worker) {
+  const size_t offset = layout_.header.band_offset(index);
+  const size_t bytes = layout_.header.band_bytes(index);
+  Band& band = bands_[static_cast<size_t>(index)];
+  const std::span<const uint8_t> pixels = frame.bytes.subspan(offset, bytes);
+  band.repeated = !previous_.empty() && std::memcmp(pixels.data(), &previous_[offset], bytes) == 0;
+  if (band.repeated) return;
+  band.entry.codec = encoders_[static_cast<size_t>(worker)].encode(pixels, taps_, band.payload);
+  band.entry.bytes = static_cast<uint32_t>(band.payload.size());
+  band.entry.checksum = checksum_of(band.payload);
+}
+
+void SequenceWriter::lay_out_record() {
+  const FileHeader& header = layout_.header;
+  const uint64_t payload = layout_.data_end + kFrameHeaderBytes + header.table_bytes();
+  uint64_t position = payload;
+  std::vector<uint8_t> table;
+  for (Band& band : bands_) {
+    if (!band.repeated) {
+      band.entry.offset = position;
+      position += band.entry.bytes;
+    }
+    append_band_entry(band.entry, table);
+  }
+  record_.clear();
+  append_frame_header({.number = frame_count(),
+                       .payload_bytes = position - payload,
+                       .table_checksum = checksum_of(table)},
+                      header.bands(), record_);
+  record_.insert(record_.end(), table.begin(), table.end());
+  for (const Band& band : bands_) {
+    if (!band.repeated) record_.insert(record_.end(), band.payload.begin(), band.payload.end());
+  }
+}
+
+void SequenceWriter::append(const FrameView& frame) {
+  LENTICULE_CHECK(!finished_ && frame.geometry == layout_.header.geometry &&
+                  frame.bytes.size() == frame.geometry.frame_bytes());
+  if (frame_count() == kMaxSequenceFrames)
+    throw Error(ErrorKind::Failed, fmt::format("{}: holds {} frames, no more fit", part_.string(),
+                                               kMaxSequenceFrames));
+  if (previous_.empty() || frame_count() % kTapInterval == 0)
+    taps_ = choose_taps(frame, layout_.header.band_rows);
+  workers_.run(layout_.header.bands(),
+               [&](int band, int worker) { encode_band(frame, band, worker); });
+  lay_out_record();
+  if (!write_at(fd_.get(), layout_.data_end, record_)) {
+    const int error = errno;
+    previous_.clear();  // the bands' entries are no longer those of a frame in the file
+    static_cast<void>(::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end)));
+    fail("cannot write", error);
+  }
+  layout_.frames.push_back(layout_.data_end);
+  layout_.data_end += record_.size();
+  previous_.assign(frame.bytes.begin(), frame.bytes.end());
+  sync_now_and_then();
+}
+
+void SequenceWriter::sync_now_and_then() {
+  const auto now = std::chrono::steady_clock::now();
+  if (now - last_sync_ < kSyncInterval) return;
+  if (::fdatasync(fd_.get()) != 0) fail("cannot write", errno);
+  last_sync_ = std::chrono::steady_clock::now();
+}
+
+void SequenceWriter::finish() {
+  if (finished_) return;
+  std::vector<uint8_t> bytes;
+  for (const uint64_t offset : layout_.frames) append_u64(bytes, offset);
+  const Trailer trailer{.index_offset = layout_.data_end,
+                        .frame_count = frame_count(),
+                        .index_checksum = checksum_of(bytes)};
+  append_trailer(trailer, bytes);
+  if (!write_at(fd_.get(), layout_.data_end, bytes) || ::fdatasync(fd_.get()) != 0) {
+    const int error = errno;
+    static_cast<void>(::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end)));
+    fail("cannot write", error);
+  }
+  if (::rename(part_.c_str(), file_.c_str()) != 0) fail("cannot be renamed", errno);
+  sync_folder_of(file_);
+  finished_ = true;
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// The inner loops of band_codec.cpp, compiled once per instruction set. All variants give the same
+// bytes. docs/formats.md describes blocks, taps and the three streams.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace lenticule::frames {
+
+inline constexpr size_t kBlockBytes = 32;    ///< predicted from one place
+inline constexpr int kMaxTaps = 15;          ///< places; index 0 is "predict zero"
+inline constexpr uint8_t kHasResidual = 16;  ///< in a mode byte, above the tap's index
+
+/// The places that blocks may be predicted from: so many bytes back in the band.
+struct TapTable {
+  int count = 0;                         ///< 0..kMaxTaps
+  uint32_t distance[kMaxTaps + 1] = {};  ///< [1..count], each at least kBlockBytes
+};
+
+/// What a band decodes from. `values` has kValuePadding readable bytes behind value_count.
+struct TapStreams {
+  const uint8_t* modes = nullptr;   ///< one per block
+  const uint8_t* masks = nullptr;   ///< four bytes per block with a residual
+  const uint8_t* values = nullptr;  ///< the residuals that are not zero
+  size_t value_count = 0;
+};
+inline constexpr size_t kValuePadding = 8;
+
+/// What a band encodes to. Room: modes a byte per block, masks four, values kBlockBytes per block.
+struct TapOutput {
+  uint8_t* modes = nullptr;
+  uint8_t* masks = nullptr;
+  uint8_t* values = nullptr;
+  size_t mask_bytes = 0;
+  size_t value_bytes = 0;
+};
+
+}  // namespace lenticule::frames
+
+/// decode_blocks: false if a mode names a place that is not there, or the values do not come out
+/// even; `out` holds anything then. The masks must have been counted before.
+/// encode_blocks: chooses the cheapest tap of every block.
+/// tap_cost: what `block` would cost if it were predicted from `from`, 0..5 * kBlockBytes.
+#define LENTICULE_DECLARE_TAP_KERNEL(name)                                                   \
+  namespace lenticule::frames::name {                                                        \
+  [[nodiscard]] bool decode_blocks(const TapTable& taps, const TapStreams& in, uint8_t* out, \
+                                   size_t bytes) noexcept;                                   \
+  void encode_blocks(const TapTable& taps, const uint8_t* band, size_t bytes,                \
+                     TapOutput& out) noexcept;                                               \
+  [[nodiscard]] int tap_cost(const uint8_t* block, const uint8_t* from) noexcept;            \
+  [[nodiscard]] size_t count_residuals(const uint8_t* modes, size_t count) noexcept;         \
+  [[nodiscard]] size_t count_bits(const uint8_t* masks, size_t bytes) noexcept;              \
+  }
+
+LENTICULE_DECLARE_TAP_KERNEL(isa_baseline)
+#if defined(__x86_64__)
+LENTICULE_DECLARE_TAP_KERNEL(isa_avx2)
+LENTICULE_DECLARE_TAP_KERNEL(isa_avx512)
+#endif
