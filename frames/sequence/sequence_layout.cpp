@@ -133,7 +133,8 @@ class FrameSearch {
   /// A damaged frame is no longer than a frame can be: the next one begins within that distance.
   std::optional<FrameHeader> next_frame(uint64_t& position, uint64_t number) {
     if (++searches_ > kMaxSearches) return std::nullopt;
-    const uint64_t end = std::min(file_bytes_, position + most_frame_bytes(header_) + 1);
+    const uint64_t end =
+        std::min(file_bytes_, position + most_frame_bytes(header_) + frame_magic().size());
     for (uint64_t from = position + 1; from < end;) {
       const std::optional<uint64_t> found = find_magic(from, end);
       if (!found || ++false_starts_ > kMaxFalseStarts) return std::nullopt;

@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bands come back exactly, with every codec, every set of taps and every instruction set; payloads
+// that no encoder wrote are refused.
+#include "frames/sequence/band_codec.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <tuple>
+
+#include "band_oracle.h"
+#include "frames/sequence/tap_choice.h"
+#include "small_sequences.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::Content;
+using test::make_frame;
+using test::oracle_decode_taps;
+
+constexpr Content kContents[] = {Content::Noise, Content::Flat, Content::Ramp, Content::Lenses};
+constexpr FrameGeometry kSizes[] = {{1, 1},  {2, 1},  {10, 1},  {11, 3},
+                                    {32, 8}, {33, 9}, {97, 31}, {320, 16}};
+
+std::vector<Isa> instruction_sets() {
+  std::vector<Isa> sets;
+  for (const Isa isa : {Isa::Baseline, Isa::Avx2, Isa::Avx512}) {
+    if (isa_supported(isa)) sets.push_back(isa);
+  }
+  return sets;
+}
+
+std::vector<TapTable> tap_sets(const WovenFrame& frame) {
+  TapTable up;
+  up.count = 1;
+  up.distance[1] = std::max<uint32_t>(static_cast<uint32_t>(frame.geometry().row_bytes()), 32);
+  return {TapTable{}, up, choose_taps(frame.view(), frame.height())};
+}
+
+/// Encodes with each instruction set: all give the same bytes.
+bool encode_everywhere(BandCodec codec, std::span<const uint8_t> band, const TapTable& taps,
+                       std::vector<uint8_t>& payload) {
+  bool encoded = false;
+  bool first = true;
+  for (const Isa isa : instruction_sets()) {
+    std::vector<uint8_t> bytes;
+    encoded = BandEncoder(band.size(), isa).encode_as(codec, band, taps, bytes);
+    if (!first) {
+      EXPECT_EQ(bytes, payload) << isa_name(isa);
+    }
+    payload = bytes;
+    first = false;
+  }
+  return encoded;
+}
+
+TEST(BandCodec, RoundTripsWithEveryCodecTapSetAndInstructionSet) {
+  int tapped = 0;
+  for (const auto& geometry : kSizes) {
+    for (const Content content : kContents) {
+      const WovenFrame frame = make_frame(geometry, content, 3);
+      for (const TapTable& taps : tap_sets(frame)) {
+        for (const BandCodec codec : {BandCodec::Raw, BandCodec::Zstd, BandCodec::Taps}) {
+          std::vector<uint8_t> payload;
+          if (!encode_everywhere(codec, frame.bytes(), taps, payload)) continue;
+          if (codec == BandCodec::Taps) {
+            ++tapped;
+            ASSERT_EQ(oracle_decode_taps(payload, frame.bytes().size()),
+                      std::vector<uint8_t>(frame.bytes().begin(), frame.bytes().end()));
+          }
+          for (const Isa isa : instruction_sets()) {
+            std::vector<uint8_t> band(frame.bytes().size(), 0xee);
+            ASSERT_TRUE(BandDecoder(band.size(), isa).decode(codec, payload, band));
+            ASSERT_TRUE(std::equal(band.begin(), band.end(), frame.bytes().begin()));
+          }
+        }
+      }
+    }
+  }
+  EXPECT_GE(tapped, 30);
+}
+
+TEST(BandCodec, EncodeNeverNeedsMoreThanTheBand) {
+  for (const auto& geometry : kSizes) {
+    for (const Content content : kContents) {
+      const WovenFrame frame = make_frame(geometry, content, 1);
+      BandEncoder encoder(frame.bytes().size());
+      std::vector<uint8_t> payload;
+      const BandCodec codec =
+          encoder.encode(frame.bytes(), choose_taps(frame.view(), geometry.height), payload);
+      EXPECT_LE(payload.size(), frame.bytes().size());
+      std::vector<uint8_t> band(frame.bytes().size());
+      ASSERT_TRUE(BandDecoder(band.size()).decode(codec, payload, band));
+      EXPECT_TRUE(std::equal(band.begin(), band.end(), frame.bytes().begin()));
+    }
+  }
+}
+
+TEST(BandCodec, FindsThePeriodOfALensSheet) {
+  const WovenFrame frame = make_frame({960, 60}, Content::Lenses, 0);
+  const TapTable taps = choose_taps(frame.view(), 60);
+  EXPECT_GE(taps.count, 2);
+  BandEncoder encoder(frame.bytes().size());
+  std::vector<uint8_t> payload;
+  ASSERT_TRUE(encoder.encode_as(BandCodec::Taps, frame.bytes(), taps, payload));
+  std::vector<uint8_t> above;
+  TapTable up;
+  up.count = 1;
+  up.distance[1] = 960 * 3;
+  ASSERT_TRUE(encoder.encode_as(BandCodec::Taps, frame.bytes(), up, above));
+  EXPECT_LT(payload.size(), above.size() * 9 / 10);
+}
+
+TEST(BandDecoder, RefusesEveryShortenedPayload) {
+  const WovenFrame frame = make_frame({97, 31}, Content::Lenses, 0);
+  BandEncoder encoder(frame.bytes().size());
+  BandDecoder decoder(frame.bytes().size());
+  std::vector<uint8_t> band(frame.bytes().size());
+  for (const BandCodec codec : {BandCodec::Zstd, BandCodec::Taps}) {
+    std::vector<uint8_t> payload;
+    ASSERT_TRUE(encoder.encode_as(codec, frame.bytes(), choose_taps(frame.view(), 31), payload));
+    for (size_t bytes = 0; bytes < payload.size(); ++bytes)
+      ASSERT_FALSE(decoder.decode(codec, std::span(payload).first(bytes), band)) << bytes;
+    payload.push_back(0);
+    EXPECT_FALSE(decoder.decode(codec, payload, band));
+  }
+}
+
+/// A payload of one stored block, to be spoilt.
+std::vector<uint8_t> one_block(uint32_t taps, uint32_t distance, uint8_t mode, uint32_t mask,
+                               size_t values) {
+  std::vector<uint8_t> payload;
+  const auto number = [&](uint32_t n) {
+    for (int i = 0; i < 4; ++i) payload.push_back(static_cast<uint8_t>(n >> 8 * i));
+  };
+  number(taps);
+  for (uint32_t t = 0; t < taps; ++t) number(distance);
+  number(1);
+  payload.push_back(mode);
+  number(mode >= 16 ? 4 : 0);
+  if (mode >= 16) number(mask);
+  number(static_cast<uint32_t>(values));
+  payload.insert(payload.end(), values, uint8_t{7});
+  return payload;
+}
+
+TEST(BandDecoder, RefusesWhatNoEncoderWrites) {
+  BandDecoder decoder(32);
+  std::vector<uint8_t> band(32);
+  const auto decodes = [&](const std::vector<uint8_t>& payload, size_t bytes = 32) {
+    return decoder.decode(BandCodec::Taps, payload, std::span(band).first(bytes));
+  };
+  EXPECT_TRUE(decodes(one_block(0, 0, 16, 3, 2)));
+  EXPECT_EQ(band[1], 7);
+  EXPECT_EQ(band[2], 0);
+  EXPECT_FALSE(decodes(one_block(0, 0, 16, 3, 3))) << "a value too many";
+  EXPECT_FALSE(decodes(one_block(0, 0, 16, 3, 1))) << "a value too few";
+  EXPECT_FALSE(decodes(one_block(0, 0, 16, 6, 2), 2)) << "beyond the end of the band";
+  EXPECT_FALSE(decodes(one_block(0, 0, 32, 0, 0))) << "unknown flag";
+  EXPECT_FALSE(decodes(one_block(0, 0, 1, 0, 0))) << "a tap that is not in the table";
+  EXPECT_FALSE(decodes(one_block(1, 32, 1, 0, 0))) << "before the band";
+  EXPECT_FALSE(decodes(one_block(1, 31, 0, 0, 0))) << "closer than a block";
+  EXPECT_FALSE(decodes(one_block(16, 32, 0, 0, 0))) << "too many taps";
+  EXPECT_FALSE(decodes(one_block(0, 0, 0, 0, 0), 0)) << "a block too many";
+  EXPECT_FALSE(decoder.decode(BandCodec::Raw, std::vector<uint8_t>(31), band));
+  EXPECT_FALSE(decoder.decode(static_cast<BandCodec>(3), std::vector<uint8_t>(32), band));
+  std::vector<uint8_t> larger(64);
+  EXPECT_FALSE(decoder.decode(BandCodec::Raw, larger, larger)) << "more than it was made for";
+}
+
+TEST(BandDecoder, SurvivesAnyBytes) {
+  const WovenFrame frame = make_frame({97, 31}, Content::Ramp, 0);
+  BandEncoder encoder(frame.bytes().size());
+  std::vector<uint8_t> payload;
+  ASSERT_TRUE(
+      encoder.encode_as(BandCodec::Taps, frame.bytes(), choose_taps(frame.view(), 31), payload));
+  std::mt19937 random(7);
+  std::vector<uint8_t> band(frame.bytes().size());
+  int refused = 0;
+  for (const Isa isa : instruction_sets()) {
+    BandDecoder decoder(frame.bytes().size(), isa);
+    for (int i = 0; i < 3000; ++i) {
+      std::vector<uint8_t> spoilt = payload;
+      for (int n = 0; n <= i % 3; ++n)
+        spoilt[random() % spoilt.size()] = static_cast<uint8_t>(random());
+      refused += decoder.decode(BandCodec::Taps, spoilt, band) ? 0 : 1;
+    }
+  }
+  EXPECT_GT(refused, 1000);
+}
+
+}  // namespace
+}  // namespace lenticule::frames

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// The metadata survive the way into JSON and back; anything else names its key.
+#include "frames/sequence/sequence_info.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "error_matchers.h"
+#include "small_sequences.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::error_of;
+using ::testing::HasSubstr;
+
+constexpr FrameGeometry kGeometry{800, 600};
+
+SequenceInfo round_trip(const SequenceInfo& info) {
+  return parse_sequence_info(sequence_info_to_json(info), info.geometry, "a.lts");
+}
+
+TEST(SequenceInfo, RoundTrips) {
+  SequenceInfo info = test::info_of(kGeometry);
+  EXPECT_EQ(round_trip(info), info);
+  info.first_frame = 17;
+  info.loop_begin = 3;
+  info.loop_end = 9;
+  EXPECT_EQ(round_trip(info), info);
+  info.kind = SequenceKind::Views;
+  info.views = SequenceViews{.count = 45,
+                             .columns = 5,
+                             .rows = 9,
+                             .rightmost_first = true,
+                             .aspect = 0.75,
+                             .cone_degrees = 40.0,
+                             .focus = 1.5};
+  EXPECT_EQ(round_trip(info), info);
+}
+
+TEST(SequenceInfo, TextThatIsNoUnicodeDoesNoHarm) {
+  SequenceInfo info = test::info_of(kGeometry);
+  info.software = "\xff\xfe";
+  EXPECT_FALSE(round_trip(info).software.empty());
+}
+
+TEST(SequenceInfo, NamesWhatIsWrong) {
+  const auto cause = [](const std::string& json) {
+    const Error error = error_of([&] { (void)parse_sequence_info(json, kGeometry, "a.lts"); });
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    return std::string(error.what());
+  };
+  EXPECT_THAT(cause("nonsense"), HasSubstr("a.lts: metadata: document: not JSON"));
+  EXPECT_THAT(cause("[]"), HasSubstr("not an object"));
+  EXPECT_THAT(cause(R"({"kind": "solid"})"), HasSubstr("kind"));
+  EXPECT_THAT(cause(R"({"kind": "woven"})"), HasSubstr("rate: missing"));
+  EXPECT_THAT(cause(R"({"kind": "woven", "rate": [0, 1]})"), HasSubstr("rate"));
+  EXPECT_THAT(cause(R"({"kind": "woven", "rate": [24]})"), HasSubstr("rate"));
+  EXPECT_THAT(cause(R"({"kind": "woven", "rate": [24, 1], "loop": [5, 5]})"), HasSubstr("loop"));
+  EXPECT_THAT(cause(R"({"kind": "woven", "rate": [24, 1], "rig_toml": 5})"), HasSubstr("rig_toml"));
+  EXPECT_THAT(cause(R"({"kind": "views", "rate": [24, 1]})"), HasSubstr("views: missing"));
+  EXPECT_THAT(cause(R"({"kind": "views", "rate": [24, 1], "views":
+                        {"count": 9, "columns": 2, "rows": 2, "order": "left-to-right"}})"),
+              HasSubstr("does not fit"));
+}
+
+TEST(SequenceInfo, DeepNestingIsRefusedOrIgnored) {
+  const std::string deep = R"({"kind": "woven", "rate": [24, 1], "x": )" +
+                           std::string(100000, '[') + std::string(100000, ']') + "}";
+  try {
+    EXPECT_EQ(parse_sequence_info(deep, kGeometry, "a.lts").rate, make_rate(24, 1));
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::frames

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// A writer that dies loses the frame in flight and nothing else, wherever it dies.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <filesystem>
+#include <random>
+
+#include "frames/sequence/sequence_reader.h"
+#include "frames/sequence/sequence_writer.h"
+#include "scratch_folder.h"
+#include "small_sequences.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::Content;
+using test::info_of;
+using test::make_frame;
+using test::ScratchFolder;
+
+constexpr FrameGeometry kGeometry{60, 40};
+constexpr int kFrames = 12;
+
+void expect_frames(const std::filesystem::path& file, uint64_t at_least) {
+  const SequenceReader reader(file);
+  ASSERT_GE(reader.frame_count(), at_least);
+  FrameDecoder decoder = reader.make_decoder();
+  WovenFrame frame(kGeometry);
+  for (uint64_t n = 0; n < reader.frame_count(); ++n) {
+    if (n >= at_least && n + 1 == reader.frame_count() && !decoder.check(n)) continue;
+    ASSERT_TRUE(decoder.decode(n, frame.bytes())) << n;
+    ASSERT_EQ(frame, make_frame(kGeometry, Content::Noise, static_cast<int>(n))) << n;
+  }
+}
+
+void resume_to_the_end(const std::filesystem::path& file, uint64_t at_least) {
+  SequenceWriter writer(file, info_of(kGeometry), {.resume = true, .threads = 1});
+  ASSERT_GE(writer.frame_count(), at_least);
+  for (auto n = static_cast<int>(writer.frame_count()); n < kFrames; ++n)
+    writer.append(make_frame(kGeometry, Content::Noise, n).view());
+  writer.finish();
+  EXPECT_EQ(SequenceReader(file).find_damaged(), std::vector<uint64_t>());
+}
+
+/// Ends of the frames in a whole unfinished file.
+std::vector<uint64_t> write_unfinished(const std::filesystem::path& file) {
+  SequenceWriter writer(file, info_of(kGeometry), {.threads = 1});
+  std::vector<uint64_t> ends = {writer.bytes_written()};
+  for (int n = 0; n < kFrames; ++n) {
+    writer.append(make_frame(kGeometry, Content::Noise, n).view());
+    ends.push_back(writer.bytes_written());
+  }
+  return ends;
+}
+
+TEST(SequenceKill, CutAnywhereKeepsEveryWholeFrame) {
+  const ScratchFolder folder;
+  const std::vector<uint64_t> ends = write_unfinished(folder / "whole.lts");
+  const std::vector<uint8_t> whole = test::read_bytes(folder / "whole.lts.part");
+  ASSERT_EQ(whole.size(), ends.back());
+  std::mt19937_64 random(11);
+  for (int trial = 0; trial < 200; ++trial) {
+    // The ends themselves are the likeliest places for a mistake.
+    const uint64_t cut = trial < kFrames + 1 ? ends[static_cast<size_t>(trial)]
+                                             : ends[0] + random() % (ends.back() - ends[0] + 1);
+    std::vector<uint8_t> bytes = whole;
+    bytes.resize(cut);
+    if (trial % 3 == 2) bytes.resize(cut + random() % 5000, 0);  // as a power cut leaves it
+    test::write_bytes(folder / "a.lts.part", bytes);
+    const auto kept =
+        static_cast<uint64_t>(std::upper_bound(ends.begin(), ends.end(), cut) - ends.begin()) - 1;
+    expect_frames(folder / "a.lts.part", kept);
+    if (trial % 10 == 0) resume_to_the_end(folder / "a.lts", kept);
+  }
+}
+
+/// Appends frames until it is killed; tells each finished one to the pipe.
+[[noreturn]] void write_until_killed(const std::filesystem::path& file, int pipe) {
+  SequenceWriter writer(file, info_of(kGeometry), {.resume = true, .threads = 1});
+  for (auto n = static_cast<int>(writer.frame_count()); n < kFrames; ++n) {
+    writer.append(make_frame(kGeometry, Content::Noise, n).view());
+    const char told = 1;
+    if (::write(pipe, &told, 1) != 1) _exit(2);
+  }
+  writer.finish();
+  _exit(0);
+}
+
+TEST(SequenceKill, KilledWritersLoseTheFrameInFlightOnly) {
+  std::mt19937 random(3);
+  for (int trial = 0; trial < 40; ++trial) {
+    const ScratchFolder folder;
+    int pipe[2];
+    ASSERT_EQ(::pipe(pipe), 0);
+    const pid_t child = ::fork();
+    if (child == 0) write_until_killed(folder / "a.lts", pipe[1]);
+    ASSERT_GT(child, 0);
+    ::close(pipe[1]);
+    uint64_t told = 0;
+    char byte = 0;
+    const auto enough = 1 + random() % (kFrames - 1);
+    while (told < enough && ::read(pipe[0], &byte, 1) == 1) ++told;
+    ::usleep(static_cast<useconds_t>(random() % 600));
+    ::kill(child, SIGKILL);
+    ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+    ::close(pipe[0]);
+    EXPECT_EQ(told, enough);
+    if (std::filesystem::exists(folder / "a.lts.part")) expect_frames(folder / "a.lts.part", told);
+    resume_to_the_end(folder / "a.lts", told);
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::frames

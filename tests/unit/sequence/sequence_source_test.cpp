@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+// A container plays in order, without a gap at its seams, from a pool of bounded size.
+#include "frames/sequence/sequence_source.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <deque>
+
+#include "error_matchers.h"
+#include "frames/sequence/sequence_writer.h"
+#include "scratch_folder.h"
+#include "small_sequences.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::Content;
+using test::info_of;
+using test::make_frame;
+using test::ScratchFolder;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr FrameGeometry kGeometry{8, 4};
+
+PullStatus pull_waiting(SequenceSource& source, LentFrame& out) {
+  PullStatus status = source.pull(out);
+  while (status == PullStatus::NotYet) {
+    pollfd wake{.fd = source.wake_fd(), .events = POLLIN, .revents = 0};
+    if (::poll(&wake, 1, 10000) != 1) {
+      ADD_FAILURE() << "no wake-up";
+      return PullStatus::Failed;
+    }
+    source.service();
+    status = source.pull(out);
+  }
+  return status;
+}
+
+/// Numbers of one round, each checked against the pixels.
+std::vector<uint64_t> play_round(SequenceSource& source) {
+  std::vector<uint64_t> numbers;
+  LentFrame lent;
+  while (pull_waiting(source, lent) == PullStatus::Ready) {
+    const auto flat = static_cast<uint8_t>(10 * lent.number + 3);
+    EXPECT_TRUE(std::all_of(lent.frame.bytes.begin(), lent.frame.bytes.end(),
+                            [&](uint8_t byte) { return byte == flat; }));
+    numbers.push_back(lent.number);
+    source.release(lent.token);
+  }
+  return numbers;
+}
+
+struct PoolCase {
+  int frames;
+  int pool;
+  int threads;
+};
+class SequenceSeams : public ::testing::TestWithParam<PoolCase> {};
+
+TEST_P(SequenceSeams, TenThousandRoundsAreTheExactSequence) {
+  const auto [frames, pool, threads] = GetParam();
+  const ScratchFolder folder;
+  test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, frames);
+  SequenceSource source(folder / "a.lts", {.pool_frames = pool, .decoder_threads = threads});
+  std::vector<uint64_t> expected(static_cast<size_t>(frames));
+  for (size_t n = 0; n < expected.size(); ++n) expected[n] = n;
+  for (int round = 0; round < 10000; ++round) {
+    ASSERT_EQ(play_round(source), expected) << round;
+    ASSERT_TRUE(source.rewind());
+  }
+  EXPECT_EQ(source.damaged_frames(), 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Pools, SequenceSeams,
+                         ::testing::Values(PoolCase{3, 2, 1}, PoolCase{5, 3, 2}, PoolCase{3, 8, 2},
+                                           PoolCase{1, 2, 1}));
+
+TEST(SequenceSource, KeepsWhatIsLentWhileItDecodesOn) {
+  const ScratchFolder folder;
+  test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 20);
+  SequenceSource source(folder / "a.lts", {.pool_frames = 5, .decoder_threads = 3});
+  std::deque<LentFrame> held;
+  LentFrame lent;
+  for (int n = 0; n < 60; ++n) {
+    if (pull_waiting(source, lent) == PullStatus::End) {
+      ASSERT_TRUE(source.rewind());
+      ASSERT_EQ(pull_waiting(source, lent), PullStatus::Ready);
+    }
+    held.push_back(lent);
+    for (const LentFrame& frame : held)
+      ASSERT_EQ(frame.frame.bytes[7], static_cast<uint8_t>(10 * frame.number + 3));
+    if (held.size() < static_cast<size_t>(source.max_lent())) continue;
+    source.release(held.front().token);
+    held.pop_front();
+  }
+}
+
+TEST(SequenceSource, PlaysTheIntroductionOnceAndThenTheLoop) {
+  const ScratchFolder folder;
+  SequenceInfo info = info_of(kGeometry);
+  info.loop_begin = 2;
+  info.loop_end = 5;
+  SequenceWriter writer(folder / "a.lts", info, {.threads = 1});
+  for (int n = 0; n < 7; ++n) writer.append(make_frame(kGeometry, Content::Flat, n).view());
+  writer.finish();
+  for (const int pool : {2, 16}) {
+    SequenceSource source(folder / "a.lts", {.pool_frames = pool});
+    EXPECT_THAT(play_round(source), ElementsAre(0, 1, 2, 3, 4));
+    for (int round = 0; round < 5; ++round) {
+      ASSERT_TRUE(source.rewind());
+      EXPECT_THAT(play_round(source), ElementsAre(2, 3, 4));
+    }
+  }
+}
+
+TEST(SequenceSource, PlaysARange) {
+  const ScratchFolder folder;
+  test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 9);
+  SequenceSource source(folder / "a.lts", {.pool_frames = 2, .begin = 3, .end = 6});
+  EXPECT_EQ(source.frame_count(), 3u);
+  EXPECT_EQ(source.rate(), make_rate(24000, 1001));
+  for (int round = 0; round < 3; ++round) {
+    EXPECT_THAT(play_round(source), ElementsAre(3, 4, 5));
+    ASSERT_TRUE(source.rewind());
+  }
+  const Error error =
+      test::error_of([&] { SequenceSource(folder / "a.lts", {.begin = 3, .end = 10}); });
+  EXPECT_THAT(error.what(), HasSubstr("has frames 0 to 8"));
+}
+
+TEST(SequenceSource, RewindsOnlyAtTheEnds) {
+  const ScratchFolder folder;
+  test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 3);
+  SequenceSource source(folder / "a.lts", {.pool_frames = 2});
+  EXPECT_TRUE(source.rewind());
+  LentFrame lent;
+  ASSERT_EQ(pull_waiting(source, lent), PullStatus::Ready);
+  EXPECT_FALSE(source.rewind());
+  source.release(lent.token);
+}
+
+TEST(SequenceSource, AFileThatIsCutWhileItPlaysIsReplacedByWhatIsLeft) {
+  const ScratchFolder folder;
+  test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 40);
+  const SequenceReader layout(folder / "a.lts");
+  SequenceSource source(folder / "a.lts", {.pool_frames = 2});
+  ASSERT_EQ(::truncate((folder / "a.lts").c_str(), static_cast<off_t>(layout.file_bytes() / 2)), 0);
+  LentFrame lent;
+  int shown = 0;
+  while (pull_waiting(source, lent) == PullStatus::Ready) {
+    ++shown;
+    source.release(lent.token);
+  }
+  EXPECT_EQ(shown, 40);
+  EXPECT_GT(source.damaged_frames(), 10u);
+}
+
+TEST(SequenceSource, CanBeGivenUpAtAnyTime) {
+  const ScratchFolder folder;
+  test::write_sequence(folder / "a.lts", {400, 300}, Content::Noise, 6);
+  for (int i = 0; i < 30; ++i) {
+    SequenceSource source(folder / "a.lts", {.pool_frames = 3, .decoder_threads = 4});
+    if (i % 3 == 0) continue;
+    LentFrame lent;
+    EXPECT_EQ(pull_waiting(source, lent), PullStatus::Ready);
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::frames

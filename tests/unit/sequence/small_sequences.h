@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Small containers for tests, and frames of every kind to put into them.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include "frames/frame.h"
+#include "frames/sequence/sequence_info.h"
+
+namespace lenticule::test {
+
+enum class Content {
+  Noise,   ///< nothing to predict
+  Flat,    ///< one colour
+  Ramp,    ///< a slow change along and across
+  Lenses,  ///< repeats every 7.7 subpixels, sheared from row to row
+};
+
+/// Depends on its arguments only; frames of different numbers differ.
+frames::WovenFrame make_frame(frames::FrameGeometry geometry, Content content, int number);
+
+frames::SequenceInfo info_of(frames::FrameGeometry geometry);
+
+/// Writes a finished file of `count` frames of the kind.
+void write_sequence(const std::filesystem::path& file, frames::FrameGeometry geometry,
+                    Content content, int count);
+
+}  // namespace lenticule::test
