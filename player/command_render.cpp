@@ -8,6 +8,7 @@
 #include <optional>
 #include <thread>
 
+#include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/command.h"
 #include "player/frame_output.h"
@@ -174,7 +175,9 @@ class RenderRun {
                            .geometry = geometry(),
                            .rig_fingerprint = optics::fingerprint(rig_),
                            .rate = rate_,
-                           .ring_timeout_seconds = flags.ring_timeout});
+                           .ring_timeout_seconds = flags.ring_timeout,
+                           .rig_toml = optics::rig_to_toml(rig_),
+                           .resume = flags.resume});
     if (flags.missing.empty()) return;
     if (method_->missing_subpixels() == nullptr)
       throw Error(ErrorKind::Usage, fmt::format("--missing: method {} leaves none", flags.method));
@@ -183,7 +186,9 @@ class RenderRun {
                             .geometry = geometry(),
                             .rig_fingerprint = optics::fingerprint(rig_),
                             .rate = rate_,
-                            .ring_timeout_seconds = flags.ring_timeout});
+                            .ring_timeout_seconds = flags.ring_timeout,
+                            .rig_toml = optics::rig_to_toml(rig_),
+                            .resume = flags.resume});
   }
 
   ExitCode run() {
@@ -349,9 +354,9 @@ Run declare_render(CLI::App& app) {
   app.add_option("--max-depth", flags->options.max_depth, "of reflections and refractions")
       ->capture_default_str();
   app.add_option("-o,--output", flags->output,
-                 "picture file, pattern ('out/%05d.png') or ring:SOCKET")
+                 "picture file, pattern ('out/%05d.png'), FILE.lts or ring:SOCKET")
       ->required();
-  app.add_flag("--resume", flags->resume, "leave out frames whose file is there already");
+  app.add_flag("--resume", flags->resume, "leave out frames that are there already");
   app.add_option("--ring-timeout", flags->ring_timeout,
                  "seconds to wait for a player, also for one that restarts")
       ->capture_default_str();

@@ -11,6 +11,7 @@ Run declare_play(CLI::App& app);
 Run declare_weave(CLI::App& app);
 Run declare_eye(CLI::App& app);
 Run declare_compare(CLI::App& app);
+Run declare_convert(CLI::App& app);
 Run declare_calibrate(CLI::App& app);
 Run declare_rig(CLI::App& app);
 Run declare_panels(CLI::App& app);
@@ -34,6 +35,9 @@ const std::vector<Command>& commands() {
        "lenticule eye woven.png --rig kiosk-27-4k.toml --eye -32,0,700 -o left.png", declare_eye},
       {"compare", "measure how far one picture is from another",
        "lenticule compare reference.png test.png --rig kiosk-27-4k.toml --json", declare_compare},
+      {"convert", "put woven frames into a sequence container, or take them out",
+       "lenticule convert 'out/%05d.png' --rig kiosk-27-4k.toml --rate 24 -o film.lts",
+       declare_convert},
       {"calibrate", "find the lens sheet's pitch, slant, offset and gap",
        "lenticule calibrate show fringes --rig kiosk-27-4k.toml --display kms", declare_calibrate},
       {"rig", "show, check, import and export rig files",

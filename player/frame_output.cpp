@@ -15,6 +15,7 @@
 #include "frames/ring/ring_renderer.h"
 #include "optics/error.h"
 #include "player/interrupt.h"
+#include "player/sequence_output.h"
 
 namespace lenticule::player {
 namespace {
@@ -154,11 +155,10 @@ class RingOutput final : public FrameOutput {
 
 std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
   if (request.target.starts_with(kRing)) return std::make_unique<RingOutput>(request);
-  if (request.target.ends_with(".lts"))
-    throw Error(
-        ErrorKind::Usage,
-        fmt::format("-o {}: sequence containers are not supported by this build", request.target),
-        "write pictures instead, for example -o 'out/%05d.png'");
+  if (request.target.ends_with(".lts")) {
+    require_writable_folder(request.target);
+    return open_sequence_output(request);
+  }
   return std::make_unique<PictureFiles>(request);
 }
 

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where rendered frames go: picture files, or the ring of a player.
+// Where rendered frames go: picture files, a sequence container, or the ring of a player.
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "frames/frame.h"
 #include "frames/rational.h"
+#include "frames/sequence/sequence_info.h"
 #include "optics/rig.h"
 #include "player/scene_sequence.h"
 
@@ -30,12 +32,16 @@ class FrameOutput {
 };
 
 struct OutputRequest {
-  std::string target;  ///< pattern, file or ring:SOCKET
+  std::string target;  ///< pattern, file, FILE.lts or ring:SOCKET
   FrameRange range;
   frames::FrameGeometry geometry;
   std::string rig_fingerprint;
   frames::Rate rate;
   double ring_timeout_seconds = 10.0;
+  std::string rig_toml = {};  ///< kept in a container
+  bool resume = false;        ///< has() is going to be asked: what is there is gone on with
+  /// What a container says of its frames; made from the above unless given.
+  std::optional<frames::SequenceInfo> sequence = std::nullopt;
 };
 
 /// Checks that the target can be written before anything is rendered: Error(Usage) for a target

@@ -172,6 +172,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
   plan.source.rig_fingerprint = optics::fingerprint(rig);
+  plan.source.rig_name = rig.name;
   plan.source.card = rig_card(rig, flags.rig);
   plan.display.panel = plan.source.panel;
   if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, rig, service);

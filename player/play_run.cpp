@@ -254,6 +254,7 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
     json["kms"] = to_json(kms_->statistics());
     json["kms"]["took_over"] = kms_->took_over();
   }
+  if (opened_.damaged_frames) json["damaged_frames"] = opened_.damaged_frames();
   if (safe_.on) {
     json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};
     if (trouble_) json["safe_start"]["trouble"] = trouble_->what();

@@ -13,7 +13,9 @@
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
 #include "frames/ring/ring_player.h"
+#include "frames/sequence/sequence_source.h"
 #include "optics/error.h"
+#include "optics/rig_file.h"
 #include "player/still_source.h"
 #include "player/views_source.h"
 
@@ -71,12 +73,22 @@ std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) 
 
 void refuse_other_kinds(const std::string& text) {
   const std::string extension = fs::path(text).extension().string();
-  constexpr std::array kNotYet = {".lts", ".m3u", ".toml", ".json"};
+  constexpr std::array kNotYet = {".m3u", ".toml", ".json"};
   const bool not_yet = std::find(kNotYet.begin(), kNotYet.end(), extension) != kNotYet.end();
   std::error_code ignored;
   if (!not_yet && !fs::is_directory(text, ignored) && !text.empty()) return;
-  throw Error(ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
-              "play ring:SOCKET, a pattern such as 'out/%05d.png', one picture, card or views");
+  throw Error(
+      ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
+      "play ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, card or views");
+}
+
+void require_panel_size(const SourceRequest& request, const frames::FrameGeometry& geometry,
+                        const std::string& name) {
+  if (geometry == request.panel) return;
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, geometry.width,
+                          geometry.height, request.panel.width, request.panel.height),
+              "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
 }
 
 OpenedSource open_pictures(const SourceRequest& request) {
@@ -88,13 +100,58 @@ OpenedSource open_pictures(const SourceRequest& request) {
   opened.source = std::make_unique<frames::ImageSequence>(
       std::move(files), frames::ImageSequenceOptions{.pool_frames = std::max(request.slots, 2),
                                                      .decoder_threads = decoder_threads()});
-  const frames::FrameGeometry geometry = opened.source->geometry();
-  if (geometry == request.panel) return opened;
-  throw Error(
-      ErrorKind::Input,
-      fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", first.string(), geometry.width,
-                  geometry.height, request.panel.width, request.panel.height),
-      "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+  require_panel_size(request, opened.source->geometry(), first.string());
+  return opened;
+}
+
+/// The name in the rig that a container keeps.
+std::string kept_rig_name(const frames::SequenceInfo& info) {
+  try {
+    return optics::parse_rig(info.rig_toml, "rig").name;
+  } catch (const Error&) {
+    return {};
+  }
+}
+
+void require_same_rig(const SourceRequest& request, const frames::SequenceInfo& info) {
+  if (info.kind == frames::SequenceKind::Views)
+    throw Error(ErrorKind::Input, fmt::format("{}: holds views, not woven frames", request.text),
+                "weave them for this rig first");
+  if (info.rig_fingerprint.empty() || info.rig_fingerprint == request.rig_fingerprint) return;
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", request.text,
+                          kept_rig_name(info), info.rig_fingerprint, request.rig_name,
+                          request.rig_fingerprint),
+              "woven frames fit one panel: render them for this rig, or name the rig they are for");
+}
+
+/// Frames are numbered as they were rendered.
+frames::SequenceSourceOptions sequence_options(const SourceRequest& request,
+                                               const frames::SequenceInfo& info) {
+  frames::SequenceSourceOptions options;
+  options.pool_frames = std::max(request.slots, 2);
+  options.decoder_threads = decoder_threads();
+  if (!request.frames) return options;
+  if (request.frames->begin < info.first_frame)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: begins with frame {}", request.text, info.first_frame),
+                "name a range of frames that exist");
+  options.begin = request.frames->begin - info.first_frame;
+  options.end = request.frames->end - info.first_frame;
+  return options;
+}
+
+OpenedSource open_sequence(const SourceRequest& request) {
+  // Looked at before its pool is allocated: a stranger's frames may be of any size.
+  const frames::SequenceReader reader(request.text);
+  require_same_rig(request, reader.info());
+  require_panel_size(request, reader.geometry(), request.text);
+  auto sequence = std::make_unique<frames::SequenceSource>(
+      request.text, sequence_options(request, reader.info()));
+  OpenedSource opened;
+  opened.damaged_frames = [source = sequence.get()] { return source->damaged_frames(); };
+  opened.source = std::move(sequence);
+  return opened;
 }
 
 OpenedSource open_card(const SourceRequest& request) {
@@ -122,6 +179,7 @@ OpenedSource open_source(const SourceRequest& request) {
   if (request.text == kCardSource) return open_card(request);
   if (request.text == kViewsSource) return open_views(request);
   if (request.text.starts_with(kRing)) return open_ring(request, request.text.substr(kRing.size()));
+  if (frames::is_sequence_name(request.text)) return open_sequence(request);
   return open_pictures(request);
 }
 

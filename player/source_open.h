@@ -22,12 +22,13 @@ inline constexpr const char* kCardSource = "card";
 inline constexpr const char* kViewsSource = "views";
 
 struct SourceRequest {
-  /// "ring:SOCKET", "dir/%05d.png", one picture, "card" or "views"
+  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", "card" or "views"
   std::string text = {};
   frames::FrameGeometry panel = {};
   std::string rig_fingerprint = {};
+  std::string rig_name = {};  ///< for messages
   int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
-  std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern
+  std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern or container
   bool plays_again = false;                         ///< frames are kept for a loop where they fit
   display::CardText card = {};                      ///< what a test card says
   std::shared_ptr<const LiveTrim> trim = nullptr;   ///< the rig of "views"
@@ -38,6 +39,8 @@ struct OpenedSource {
   /// To be asked after playing, as long as `source` is there: why the sequence could not be played
   /// again, or empty. Null for sources that always can.
   std::function<std::string()> loop_obstacle;
+  /// Frames so far that were damaged in their file and replaced. Null where none can be.
+  std::function<uint64_t()> damaged_frames;
   /// What to do when nothing comes, or empty.
   std::string stall_hint;
 };

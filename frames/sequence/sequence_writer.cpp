@@ -85,10 +85,9 @@ SequenceWriter::SequenceWriter(fs::path file, const SequenceInfo& info,
   const bool has_part = fs::exists(part_, ignored);
   const bool has_file = fs::exists(file_, ignored);
   if (options.resume && (has_part || has_file)) {
-    if (!has_part && ::rename(file_.c_str(), part_.c_str()) != 0) fail("cannot go on", errno);
-    go_on(info);
+    go_on(has_part ? part_ : file_, info);
   } else {
-    if (has_part) open_and_lock();  // nobody else is writing it
+    if (has_part) open_and_lock(part_);  // nobody else is writing it
     begin(info);
   }
   for (int worker = 0; worker < workers_.count(); ++worker)
@@ -102,11 +101,11 @@ void SequenceWriter::fail(const char* what, int error) const {
                                              std::generic_category().message(error)));
 }
 
-void SequenceWriter::open_and_lock() {
-  UniqueFd fd(::open(part_.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
+void SequenceWriter::open_and_lock(const fs::path& there) {
+  UniqueFd fd(::open(there.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
   if (!fd) fail("cannot open", errno);
   if (::flock(fd.get(), LOCK_EX | LOCK_NB) != 0)
-    throw Error(ErrorKind::Failed, fmt::format("{}: another process is writing it", part_.string()),
+    throw Error(ErrorKind::Failed, fmt::format("{}: another process is writing it", there.string()),
                 "wait for it, or choose another name");
   fd_ = std::move(fd);
 }
@@ -124,15 +123,16 @@ void SequenceWriter::begin(const SequenceInfo& info) {
   // Under a temporary name first: a file that is there has a whole header.
   write_file_atomically(part_, bytes);
   layout_.data_end = bytes.size();
-  open_and_lock();
+  open_and_lock(part_);
 }
 
-void SequenceWriter::go_on(const SequenceInfo& info) {
-  open_and_lock();
-  layout_ = read_sequence_layout(fd_.get(), part_.string());
+void SequenceWriter::go_on(const fs::path& there, const SequenceInfo& info) {
+  open_and_lock(there);
+  layout_ = read_sequence_layout(fd_.get(), there.string());
   if (const char* other = difference(layout_.info, info))
-    throw Error(ErrorKind::Input, fmt::format("{}: was begun with {}", part_.string(), other),
+    throw Error(ErrorKind::Input, fmt::format("{}: was begun with {}", there.string(), other),
                 "remove it, or write to another file");
+  if (there != part_ && ::rename(there.c_str(), part_.c_str()) != 0) fail("cannot go on", errno);
   const uint64_t count = count_whole_frames(fd_.get(), layout_);
   layout_.data_end = end_of(fd_.get(), layout_, count);
   layout_.frames.resize(count);

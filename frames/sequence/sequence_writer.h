@@ -50,8 +50,8 @@ class SequenceWriter {
   };
 
   void begin(const SequenceInfo& info);
-  void go_on(const SequenceInfo& info);
-  void open_and_lock();
+  void go_on(const std::filesystem::path& there, const SequenceInfo& info);
+  void open_and_lock(const std::filesystem::path& there);
   void encode_band(const FrameView& frame, int band, int worker);
   void lay_out_record();
   void sync_now_and_then();

@@ -175,6 +175,19 @@ void write_block(const Choice& choice, const uint8_t* block, const uint8_t* from
   }
 }
 
+constexpr size_t kRunBlocks = 8;
+
+/// Eight blocks in a row that are copies from the same distance: most of a picture at rest.
+bool is_run(const uint8_t* modes, uint8_t mode) noexcept {
+  uint64_t eight = 0;
+  __builtin_memcpy(&eight, modes, sizeof eight);
+  return eight == mode * uint64_t{0x0101010101010101};
+}
+
+void copy_run(const uint8_t* from, uint8_t* to) noexcept {
+  for (size_t i = 0; i < kRunBlocks * kBlockBytes; i += kBlockBytes) store(load(from + i), to + i);
+}
+
 }  // namespace
 
 bool decode_blocks(const TapTable& taps, const TapStreams& in, uint8_t* out,
@@ -188,8 +201,14 @@ bool decode_blocks(const TapTable& taps, const TapStreams& in, uint8_t* out,
     const size_t distance = taps.distance[tap];
     if ((mode & ~(kTapMask | kHasResidual)) != 0 || tap > taps.count || distance > start)
       return false;
-    Block block = load(tap == 0 ? kZeros : out + start - distance);
     const size_t left = bytes - start;
+    if (mode == tap && tap != 0 && left >= kRunBlocks * kBlockBytes &&
+        is_run(in.modes + start / kBlockBytes, mode)) {
+      copy_run(out + start - distance, out + start);
+      start += (kRunBlocks - 1) * kBlockBytes;
+      continue;
+    }
+    Block block = load(tap == 0 ? kZeros : out + start - distance);
     if ((mode & kHasResidual) != 0) {
       const uint32_t mask = load_mask(masks);
       masks += 4;

@@ -119,6 +119,7 @@ TEST(SequenceFile, RefusesToGoOnWithSomethingElse) {
   EXPECT_THAT(go_on(other).what(), HasSubstr("another frame rate"));
   EXPECT_THAT(go_on(info_of({40, 21})).what(), HasSubstr("another frame size"));
   EXPECT_EQ(go_on(info_of({40, 21})).kind(), ErrorKind::Input);
+  EXPECT_EQ(SequenceReader(folder / "a.lts").frame_count(), 1u) << "refused, but not left alone";
 }
 
 TEST(SequenceFile, OnlyOneWriterAtATime) {
