@@ -54,6 +54,8 @@ class ViewSet {
   [[nodiscard]] int height() const { return height_; }
   /// Width / height of a view as it is meant to be seen.
   [[nodiscard]] double aspect() const { return aspect_; }
+  /// From one row of a view to the next.
+  [[nodiscard]] size_t stride_bytes() const { return stride_bytes_; }
 
   /// The RGB of a view's pixel; row 0 is the top one.
   [[nodiscard]] const uint8_t* pixel(int view, int column, int row) const {

@@ -112,40 +112,34 @@ int view_weights(double view_number, int views, ViewFilter filter, double spot_s
   return left;
 }
 
-Weaver::Weaver(const ViewSet& views, const optics::OpticalModel& model, const WeaveOptions& options)
-    : views_(views), rays_(model), options_(options) {
-  const optics::Panel& panel = model.rig().panel;
+PicturePlace place_picture(const optics::Panel& panel, double aspect, PictureFit fit) {
   const double panel_width_mm = panel.width_px * panel.pixel_width.value;
   const double panel_height_mm = panel.height_px * panel.pixel_height.value;
-  const double wider = views.aspect() * panel_height_mm / panel_width_mm;  // view than panel
-  double width_mm = panel_width_mm;                                        // of a view on the glass
+  const double wider = aspect * panel_height_mm / panel_width_mm;  // view than panel
+  double width_mm = panel_width_mm;                                // of a view on the glass
   double height_mm = panel_height_mm;
-  if (options.fit != PictureFit::Stretch && std::abs(wider - 1.0) > kSameAspect) {
-    const bool keep_width = (wider > 1.0) == (options.fit == PictureFit::Contain);
+  if (fit != PictureFit::Stretch && std::abs(wider - 1.0) > kSameAspect) {
+    const bool keep_width = (wider > 1.0) == (fit == PictureFit::Contain);
     if (keep_width)
-      height_mm = panel_width_mm / views.aspect();
+      height_mm = panel_width_mm / aspect;
     else
-      width_mm = panel_height_mm * views.aspect();
+      width_mm = panel_height_mm * aspect;
   }
-  scale_u_ = 1.0 / width_mm;
-  scale_v_ = 1.0 / height_mm;
-  bars_beside_ = width_mm < panel_width_mm;
-  bars_above_ = height_mm < panel_height_mm;
+  return {.scale_u = 1.0 / width_mm,
+          .scale_v = 1.0 / height_mm,
+          .bars_beside = width_mm < panel_width_mm,
+          .bars_above = height_mm < panel_height_mm};
 }
+
+Weaver::Weaver(const ViewSet& views, const optics::OpticalModel& model, const WeaveOptions& options)
+    : views_(views),
+      rays_(model),
+      options_(options),
+      place_(place_picture(model.rig().panel, views.aspect(), options.fit)) {}
 
 FrameGeometry Weaver::geometry() const {
   const optics::Panel& panel = rays_.model().rig().panel;
   return {.width = panel.width_px, .height = panel.height_px, .format = PixelFormat::Rgb8};
-}
-
-Weaver::PicturePoint Weaver::picture_point(double x_mm, double y_mm) const {
-  return {0.5 + x_mm * scale_u_, 0.5 - y_mm * scale_v_};
-}
-
-bool Weaver::in_bars(PicturePoint point) const {
-  // Where there is no bar, a lens point a hair outside the panel still shows the view's border.
-  return (bars_beside_ && !(point.u >= 0.0 && point.u < 1.0)) ||
-         (bars_above_ && !(point.v >= 0.0 && point.v < 1.0));
 }
 
 double Weaver::light_at(int view, PicturePoint point, int channel) const {
@@ -168,8 +162,8 @@ double Weaver::light_at(int view, PicturePoint point, int channel) const {
 
 uint8_t Weaver::subpixel(const optics::RowRays& rays, size_t s, int channel,
                          std::vector<double>& weights) const {
-  const PicturePoint point = picture_point(rays.lens_x_mm[s], rays.lens_y_mm[s]);
-  if (in_bars(point)) return 0;
+  const PicturePoint point{place_.u(rays.lens_x_mm[s]), place_.v(rays.lens_y_mm[s])};
+  if (place_.in_bars(point.u, point.v)) return 0;
   const int views = views_.count();
   const double sigma = rays_.model().rig().sheet.spot_sigma.value * views;
   const double view_number = optics::view_number(rays.place[s], views);

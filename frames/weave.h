@@ -44,6 +44,23 @@ struct WeaveOptions {
   ViewOrder order = ViewOrder::LeftToRight;
 };
 
+/// Where a view of `aspect` lies on a panel, centred.
+struct PicturePlace {
+  double scale_u = 0.0;  ///< view widths per mm
+  double scale_v = 0.0;  ///< view heights per mm
+  bool bars_beside = false;
+  bool bars_above = false;
+
+  /// A panel point in a view, as fractions of it from the left and from the top.
+  [[nodiscard]] double u(double x_mm) const { return 0.5 + x_mm * scale_u; }
+  [[nodiscard]] double v(double y_mm) const { return 0.5 - y_mm * scale_v; }
+  /// Where there is no bar, a lens point a hair outside the panel still shows the view's border.
+  [[nodiscard]] bool in_bars(double u, double v) const {
+    return (bars_beside && !(u >= 0.0 && u < 1.0)) || (bars_above && !(v >= 0.0 && v < 1.0));
+  }
+};
+[[nodiscard]] PicturePlace place_picture(const optics::Panel& panel, double aspect, PictureFit fit);
+
 /// The view whose span holds `view_number` in (0, views]: spans are open on the left, so that v = k
 /// + 1 still belongs to view k, as v = views does to the last.
 [[nodiscard]] int nearest_view(double view_number, int views);
@@ -73,8 +90,6 @@ class Weaver {
     double u;
     double v;
   };
-  [[nodiscard]] PicturePoint picture_point(double x_mm, double y_mm) const;
-  [[nodiscard]] bool in_bars(PicturePoint point) const;
   [[nodiscard]] double light_at(int view, PicturePoint point, int channel) const;
   [[nodiscard]] uint8_t subpixel(const optics::RowRays& rays, size_t s, int channel,
                                  std::vector<double>& weights) const;
@@ -82,10 +97,7 @@ class Weaver {
   const ViewSet& views_;
   optics::RowRayEvaluator rays_;
   WeaveOptions options_;
-  double scale_u_ = 0.0;  ///< view widths per mm
-  double scale_v_ = 0.0;  ///< view heights per mm
-  bool bars_beside_ = false;
-  bool bars_above_ = false;
+  PicturePlace place_;
 };
 
 /// The whole frame at once.

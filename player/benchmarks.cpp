@@ -23,6 +23,7 @@ Run declare_bench_calibrate(CLI::App& app);
 Run declare_bench_reuse(CLI::App& app);
 Run declare_bench_stability(CLI::App& app);
 Run declare_bench_start(CLI::App& app);
+Run declare_bench_weave(CLI::App& app);
 
 namespace {
 
@@ -55,6 +56,7 @@ const std::vector<Benchmark>& benchmarks() {
        declare_bench_stability},
       {"start", "from starting the program to the first frame on the virtual display",
        declare_bench_start},
+      {"weave", "weaving views, against copying the woven frame", declare_bench_weave},
   };
   return table;
 }

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/weaving/fast_weaver.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <utility>
+
+#include "frames/weaving/fixed_light.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+
+using weave_kernel::kRows;
+using weave_kernel::kRun;
+using weave_kernel::kViewLanes;
+using weave_kernel::Set;
+
+namespace {
+
+/// As far as the reference looks, in sigmas.
+constexpr double kSpotReach = 4.3;
+constexpr double kSharpestSpot = 1e-3;
+/// Wider spots change less from one fraction to the next.
+constexpr double kWideSpot = 2.0;
+constexpr int kSharpBits = 15, kWideBits = 12;
+constexpr size_t kAlignment = 64;
+
+bool can_permute() {
+#if defined(__x86_64__)
+  return isa_supported(Isa::Avx512) && __builtin_cpu_supports("avx512vbmi") != 0;
+#else
+  return false;
+#endif
+}
+
+bool suits_permuting(const WeavePlan& plan) {
+  return plan.in_stripes() && plan.shape().count <= kViewLanes &&
+         plan.options().filter != ViewFilter::Gauss;
+}
+
+/// Relative to the nearest view's, which so never vanishes.
+double spot_weight(double distance, double nearest, double sigma) {
+  return std::exp(-(distance * distance - nearest * nearest) / (2.0 * sigma * sigma));
+}
+
+void swap_red_and_blue(uint8_t* codes, int pixels) {
+  for (int i = 0; i < pixels; ++i) std::swap(codes[3 * i], codes[3 * i + 2]);
+}
+
+}  // namespace
+
+const char* to_string(WeaveKernel kernel) {
+  return kernel == WeaveKernel::Permute ? "permute" : "plain";
+}
+
+WeaveKernel best_kernel(const WeavePlan& plan, Isa isa) {
+  return isa == Isa::Avx512 && can_permute() && suits_permuting(plan) ? WeaveKernel::Permute
+                                                                      : WeaveKernel::Plain;
+}
+
+BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kernel)
+    : plan_(std::move(plan)), kernel_(kernel), turned_(nullptr, std::free) {
+  if (kernel == WeaveKernel::Permute && !(can_permute() && suits_permuting(*plan_)))
+    throw Error(ErrorKind::Usage,
+                "weaving by permuting: not on this machine, or not for this plan");
+  const ViewShape& shape = plan_->shape();
+  const bool mixes = plan_->options().filter != ViewFilter::Nearest;
+  terms_ = {.view_step = plan_->view_step(),
+            .view_most = plan_->view_most(),
+            .weight_mask = mixes ? (1 << weave_kernel::kWeightBits) - 1 : 0,
+            .blue_first = plan_->blue_first(),
+            .light = light_of_codes15().data(),
+            .codes = codes_of_light15().data(),
+            .curve = encoding_curve().low_start.data(),
+            .spot = {}};
+  if (plan_->options().filter == ViewFilter::Gauss) prepare_spot();
+  first_pixels_.resize(static_cast<size_t>(shape.count));
+  // Runs are written eight at a time, and whole registers are read.
+  light_stride_ = static_cast<size_t>(plan_->geometry().width) * 3 + 64;
+  light_.resize(light_stride_ * kRows);
+  if (kernel_ == WeaveKernel::Plain) return;
+  slots_.resize(static_cast<size_t>(plan_->rows_of_block()));
+  turned_bytes_ = (static_cast<size_t>(shape.width) + 1) * 3 * kViewLanes;
+  turned_.reset(
+      static_cast<uint8_t*>(std::aligned_alloc(kAlignment, turned_bytes_ * slots_.size())));
+  if (!turned_) throw Error(ErrorKind::Failed, "weaving: out of memory");
+  std::memset(turned_.get(), 0, turned_bytes_ * slots_.size());
+}
+
+void BlockWeaver::prepare_spot() {
+  const double sigma = std::max(plan_->spot_sigma(), kSharpestSpot);
+  const int reach = std::min(static_cast<int>(kSpotReach * sigma) + 1, plan_->shape().count);
+  const int taps = 2 * reach + 2, bits = sigma < kWideSpot ? kSharpBits : kWideBits;
+  const int parts = 1 << bits;
+  spot_.reserve(static_cast<size_t>(parts) * static_cast<size_t>(taps));
+  for (int part = 0; part < parts; ++part) {
+    const double centre = (part + 0.5) / parts, nearest = std::min(centre, 1.0 - centre);
+    for (int n = 0; n < taps; ++n) {
+      const double weight = spot_weight(n - reach - centre, nearest, sigma);
+      spot_.push_back(static_cast<uint16_t>(std::lround(65535.0 * std::min(weight, 1.0))));
+    }
+  }
+  terms_.spot = {.weights = spot_.data(), .taps = taps, .reach = reach, .bits = bits};
+}
+
+/// Lane and view k is the camera from the left, whatever the set's order is.
+void BlockWeaver::look_at(const ViewSet& views) noexcept {
+  const int count = views.count();
+  const bool reversed = plan_->options().order == ViewOrder::RightToLeft;
+  for (int view = 0; view < count; ++view)
+    first_pixels_[static_cast<size_t>(view)] =
+        views.pixel(reversed ? count - 1 - view : view, 0, 0);
+  pictures_ = {.first = first_pixels_.data(),
+               .stride = views.stride_bytes(),
+               .views = count,
+               .width = views.width(),
+               .height = views.height()};
+  std::fill(slots_.begin(), slots_.end(), -1);
+}
+
+const uint8_t* BlockWeaver::turned_row(int row) noexcept {
+  const size_t slot = static_cast<size_t>(row) % slots_.size();
+  uint8_t* const turned = turned_.get() + slot * turned_bytes_;
+#if defined(__x86_64__)
+  if (std::exchange(slots_[slot], row) != row) weave_kernel::turn_row(pictures_, row, turned);
+#endif
+  return turned;
+}
+
+void BlockWeaver::mix(const WeavePlan::Block& block) noexcept {
+  const weave_kernel::Target target{.light = light_.data(), .light_stride = light_stride_};
+  for (const Set& set : block.sets) {
+    if (kernel_ == WeaveKernel::Plain) {
+      weave_kernel::mix_set_plainly(terms_, pictures_, set, block.quads, target);
+      continue;
+    }
+#if defined(__x86_64__)
+    weave_kernel::TurnedRows rows{};
+    for (int r = 0; r < kRows; ++r) {
+      rows.upper[r] = turned_row(set.row[r]);
+      rows.lower[r] = turned_row(std::min(set.row[r] + 1, pictures_.height - 1));
+    }
+    weave_kernel::mix_set_by_permuting(terms_, rows, set, block.quads, target);
+#endif
+  }
+}
+
+void BlockWeaver::blacken(const WeavePlan::Block& block) noexcept {
+  for (const WeavePlan::Bar& bar : block.bars) {
+    uint16_t* const row = light_.data() + static_cast<size_t>(bar.row) * light_stride_;
+    for (uint32_t n = 0; n < bar.count; ++n) row[bar.first + size_t{n} * bar.stride] = 0;
+  }
+}
+
+void BlockWeaver::encode_row(const uint16_t* light, uint8_t* codes) const noexcept {
+  const size_t count = plan_->geometry().row_bytes();
+#if defined(__x86_64__)
+  if (kernel_ == WeaveKernel::Permute) {
+    weave_kernel::encode_by_permuting(terms_, light, count, codes);
+  } else {
+    weave_kernel::encode_plainly(terms_, light, count, codes);
+  }
+#else
+  weave_kernel::encode_plainly(terms_, light, count, codes);
+#endif
+  if (plan_->blue_first()) swap_red_and_blue(codes, plan_->geometry().width);
+}
+
+void BlockWeaver::weave_block(int index, WovenFrame& frame) noexcept {
+  const WeavePlan::Block block = plan_->block(index);
+  mix(block);
+  blacken(block);
+  for (int r = 0; r < kRows && index * kRows + r < frame.height(); ++r)
+    encode_row(light_.data() + static_cast<size_t>(r) * light_stride_,
+               frame.row(index * kRows + r));
+}
+
+void BlockWeaver::weave(const ViewSet& views, int begin, int end, WovenFrame& frame) noexcept {
+  LENTICULE_CHECK(shape_of(views) == plan_->shape() && frame.geometry() == plan_->geometry());
+  LENTICULE_CHECK(0 <= begin && begin <= end && end <= plan_->block_count());
+  look_at(views);
+  for (int index = begin; index < end; ++index) weave_block(index, frame);
+}
+
+FastWeaver::FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads)
+    : FastWeaver(plan, threads, best_kernel(*plan)) {}
+
+FastWeaver::FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads, WeaveKernel kernel)
+    : plan_(std::move(plan)), kernel_(kernel) {
+  LENTICULE_CHECK(threads > 0);
+  const auto workers = static_cast<size_t>(std::min(threads, plan_->block_count()));
+  for (size_t worker = 0; worker < workers; ++worker)
+    workers_.push_back(std::make_unique<BlockWeaver>(plan_, kernel_));
+  for (size_t worker = 1; worker < workers; ++worker)
+    helpers_.emplace_back([this, worker] { help(worker); });
+}
+
+FastWeaver::~FastWeaver() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
+  }
+  start_.notify_all();
+  for (std::thread& helper : helpers_) helper.join();
+}
+
+/// Neighbouring blocks look at the same picture rows: each worker has one stretch of the panel.
+void FastWeaver::weave_share(size_t worker) noexcept {
+  const auto blocks = static_cast<size_t>(plan_->block_count());
+  const auto begin = static_cast<int>(blocks * worker / workers_.size());
+  const auto end = static_cast<int>(blocks * (worker + 1) / workers_.size());
+  workers_[worker]->weave(*views_, begin, end, *frame_);
+}
+
+void FastWeaver::help(size_t worker) noexcept {
+  uint64_t seen = 0;
+  std::unique_lock lock(mutex_);
+  while (true) {
+    start_.wait(lock, [&] { return ending_ || round_ != seen; });
+    if (ending_) return;
+    seen = round_;
+    lock.unlock();
+    weave_share(worker);
+    lock.lock();
+    if (--busy_ == 0) done_.notify_one();
+  }
+}
+
+void FastWeaver::weave(const ViewSet& views, WovenFrame& frame) noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    views_ = &views;
+    frame_ = &frame;
+    busy_ = helpers_.size();
+    ++round_;
+  }
+  start_.notify_all();
+  weave_share(0);
+  std::unique_lock lock(mutex_);
+  done_.wait(lock, [&] { return busy_ == 0; });
+}
+
+WovenFrame weave_fast(const ViewSet& views, const optics::OpticalModel& model,
+                      const WeaveOptions& options, int threads) {
+  if (views.count() > kMostPlannedViews) return weave(views, model, options);
+  const auto plan = std::make_shared<const WeavePlan>(model, shape_of(views), options, threads);
+  WovenFrame frame(plan->geometry());
+  FastWeaver(plan, threads).weave(views, frame);
+  return frame;
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the inner loops of the fast weaver are given. Plain data only: the kernels are compiled for
+// several instruction sets and may not bring shared inline functions along. All of them compute the
+// same integers, bit for bit.
+//
+// In units of 2^-15, with mix(a, b, w) = a + ((b - a) w + 2^14 >> 15), a subpixel's light is
+//   mix(mix(T00, T10, wy), mix(T01, T11, wy), wx), where Tcr = mix(view a, view a + 1, wv)
+// at column x0 + c, row y0 + r. Equal values stay exactly equal, weights of 0 count for nothing.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace lenticule::frames::weave_kernel {
+
+inline constexpr int kRows = 4;        ///< panel rows of a block
+inline constexpr int kRun = 8;         ///< subpixels of a run at most
+inline constexpr int kViewLanes = 64;  ///< views of one pixel and colour, side by side
+inline constexpr int kViewBits = 20;   ///< fraction bits of a view number
+inline constexpr int kWeightBits = 15;
+inline constexpr int kSlopeBits = 3;  ///< more bits for the change of a column along a run
+
+/// One lens in four rows: per row a run of subpixels under it, along which view number and picture
+/// column change linearly. Subpixel n of a run:
+///   view = clamp(view[r] + n (step + view_step)), column = column[r], its weight
+///   share[r] + (n column_step >> kSlopeBits).
+struct Quad {
+  int32_t view[kRows];    ///< 2^-kViewBits views
+  uint16_t share[kRows];  ///< 2^-15 columns
+  uint16_t column[kRows];
+  uint16_t at[kRows];  ///< first place in the set
+  int16_t view_step;
+  int16_t column_step;
+  uint8_t count[kRows];  ///< 0: nothing in this row; then `at` lies behind the last place
+};
+static_assert(sizeof(Quad) == 48);
+
+/// Quads of four rows whose subpixels have one height in each row: places first, first + stride,
+/// ...
+struct Set {
+  uint32_t first;            ///< subpixel of place 0
+  uint32_t stride;           ///< 1, or a multiple of 3: one colour only
+  int32_t row[kRows];        ///< upper picture row
+  int16_t row_share[kRows];  ///< 2^-15 of a row toward the next
+  uint32_t quads_begin, quads_end;
+};
+
+/// The Gaussian view filter: for each fraction of a view number, in 2^-bits, the weights of `taps`
+/// views from `reach` left of its whole part on. Views that are not there do not count.
+struct Spot {
+  const uint16_t* weights;  ///< null: no such filter
+  int taps, reach, bits;
+};
+
+/// What is the same for a whole frame.
+struct Terms {
+  int32_t view_step;      ///< nominal, added to every quad's
+  int32_t view_most;      ///< view numbers are clamped to 0..view_most
+  int32_t weight_mask;    ///< 0x7fff, or 0: no mixing of views
+  bool blue_first;        ///< the first of three places is blue
+  const uint16_t* light;  ///< of codes, 256
+  const uint8_t* codes;   ///< of light, 32768
+  const int16_t* curve;   ///< EncodingCurve: four times 64
+  Spot spot;
+};
+
+/// Where views lie: pixel (column, row) of view k is at first[k] + row * stride + 3 column.
+struct Pictures {
+  const uint8_t* const* first;
+  size_t stride;
+  int views, width, height;
+};
+
+/// Mixes the quads of a set into `light`: kRows rows of `light_stride` values, by subpixel.
+struct Target {
+  uint16_t* light;
+  size_t light_stride;
+};
+
+void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& set,
+                     const Quad* quads, const Target& target) noexcept;
+/// Light to code values; `count` of them.
+void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
+                    uint8_t* codes) noexcept;
+
+/// The same by permuting bytes: at most kViewLanes views, sets of stride 1. The four rows' upper
+/// and lower picture rows are given as turn_row() leaves them.
+struct TurnedRows {
+  const uint8_t* upper[kRows];
+  const uint8_t* lower[kRows];
+};
+/// Puts the views of each pixel and colour of one picture row side by side: width + 1 pixels, the
+/// last one twice, three colours each, kViewLanes views each. `turned` is aligned to 64. Views
+/// beyond the last are left as they are; they only ever count with weight 0.
+void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept;
+void mix_set_by_permuting(const Terms& terms, const TurnedRows& rows, const Set& set,
+                          const Quad* quads, const Target& target) noexcept;
+void encode_by_permuting(const Terms& terms, const uint16_t* light, size_t count,
+                         uint8_t* codes) noexcept;
+
+}  // namespace lenticule::frames::weave_kernel
