@@ -84,7 +84,8 @@ CaseResult measure(const Case& what, const optics::OpticalModel& model, int runs
   const frames::ViewSet views = noise_views(what);
   const frames::WeaveOptions options{.filter = what.filter, .fit = frames::PictureFit::Stretch};
   std::shared_ptr<const frames::WeavePlan> plan;
-  CaseResult result{.what = what};
+  CaseResult result;
+  result.what = what;
   result.plan_ms = milliseconds([&] {
     plan = std::make_shared<const frames::WeavePlan>(model, frames::shape_of(views), options,
                                                      what.threads);

@@ -78,7 +78,7 @@ BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kern
             .curve = encoding_curve().low_start.data(),
             .spot = {}};
   if (plan_->options().filter == ViewFilter::Gauss) prepare_spot();
-  first_pixels_.resize(static_cast<size_t>(shape.count));
+  first_pixels_.resize(static_cast<size_t>(std::max(shape.count, kViewLanes)));
   // Runs are written eight at a time, and whole registers are read.
   light_stride_ = static_cast<size_t>(plan_->geometry().width) * 3 + 64;
   light_.resize(light_stride_ * kRows);
@@ -114,6 +114,8 @@ void BlockWeaver::look_at(const ViewSet& views) noexcept {
   for (int view = 0; view < count; ++view)
     first_pixels_[static_cast<size_t>(view)] =
         views.pixel(reversed ? count - 1 - view : view, 0, 0);
+  std::fill(first_pixels_.begin() + count, first_pixels_.end(),
+            first_pixels_[static_cast<size_t>(count - 1)]);
   pictures_ = {.first = first_pixels_.data(),
                .stride = views.stride_bytes(),
                .views = count,

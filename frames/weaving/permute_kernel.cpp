@@ -33,31 +33,29 @@ LightTable light_table(const uint16_t* light) {
   return table;
 }
 
-/// Which lanes have which colour when the rows' runs begin with colours p[r].
+/// Which lanes have which colour.
 struct ChannelMasks {
   uint64_t of[3];
 };
 
-/// By colour of a row's first subpixel and colour asked for: the sixteen lanes of that row.
-constexpr uint64_t row_lanes(int first, int channel) {
-  uint64_t lanes = 0;
-  for (int n = 0; n < kRun; ++n)
-    if ((first + n) % 3 == channel) lanes |= (uint64_t{0x101} << n);
-  return lanes;
-}
-constexpr uint64_t kRowLanes[3][3] = {
-    {row_lanes(0, 0), row_lanes(0, 1), row_lanes(0, 2)},
-    {row_lanes(1, 0), row_lanes(1, 1), row_lanes(1, 2)},
-    {row_lanes(2, 0), row_lanes(2, 1), row_lanes(2, 2)},
+/// By the colours that the rows' runs begin with, as Quad::colours counts them.
+struct MaskTable {
+  ChannelMasks masks[81];
 };
 
+constexpr MaskTable mask_table() {
+  MaskTable table{};
+  for (int colours = 0; colours < 81; ++colours)
+    for (int r = 0, rest = colours; r < kRows; ++r, rest /= 3)
+      for (int n = 0; n < kRun; ++n)
+        table.masks[colours].of[(rest + n) % 3] |= uint64_t{0x101} << (16 * r + n);
+  return table;
+}
+constexpr MaskTable kMasks = mask_table();
+
 ChannelMasks channel_masks(const Quad& quad, bool blue_first) {
-  ChannelMasks masks{};
-  for (int r = 0; r < kRows; ++r) {
-    const uint64_t* lanes = kRowLanes[quad.at[r] % 3];
-    for (int c = 0; c < 3; ++c) masks.of[blue_first ? 2 - c : c] |= lanes[c] << (16 * r);
-  }
-  return masks;
+  const ChannelMasks& masks = kMasks.masks[quad.colours];
+  return blue_first ? ChannelMasks{{masks.of[2], masks.of[1], masks.of[0]}} : masks;
 }
 
 /// View numbers of a quad as words, a row per 128 bits, eight subpixels each.
@@ -155,8 +153,9 @@ __m512i per_row(const void* four) {
 
 __m512i column_weights(const Quad& quad) {
   const __m512i along = _mm512_broadcast_i32x4(_mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0));
-  const __m512i bend =
-      _mm512_srai_epi16(_mm512_mullo_epi16(along, _mm512_set1_epi16(quad.column_step)), kSlopeBits);
+  const __m512i step = _mm512_add_epi16(
+      per_row(quad.column_step), _mm512_mullo_epi16(along, _mm512_set1_epi16(quad.column_bend)));
+  const __m512i bend = _mm512_srai_epi16(_mm512_mullo_epi16(along, step), kSlopeBits);
   return _mm512_add_epi16(per_row(quad.share), bend);
 }
 
@@ -185,10 +184,15 @@ void transpose_16(__m512i (&rows)[16]) {
   }
 }
 
-/// Sixteen bytes from `at` of view `view`'s row, or zeros where there is no such view.
-__m128i sixteen_bytes(const Pictures& pictures, size_t at, int view) {
-  if (view >= pictures.views) return _mm_setzero_si128();
-  return _mm_loadu_si128(reinterpret_cast<const __m128i*>(pictures.first[view] + at));
+__m128i sixteen_bytes(const uint8_t* from) {
+  return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from));
+}
+
+/// So many rows at once are more than processors follow by themselves.
+constexpr size_t kAhead = 512;
+void fetch_ahead(const Pictures& pictures, size_t at) {
+  for (int view = 0; view < pictures.views; ++view)
+    _mm_prefetch(reinterpret_cast<const char*>(pictures.first[view] + at), _MM_HINT_T0);
 }
 
 }  // namespace
@@ -198,12 +202,13 @@ void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept {
   const size_t bytes = static_cast<size_t>(pictures.width) * 3;
   size_t at = 0;
   for (; at + 16 <= bytes; at += 16) {
+    if (at % 64 == 0) fetch_ahead(pictures, begin + at + kAhead);
     __m512i rows[16];
     for (int n = 0; n < 16; ++n) {
-      __m512i views = _mm512_castsi128_si512(sixteen_bytes(pictures, begin + at, n));
-      views = _mm512_inserti32x4(views, sixteen_bytes(pictures, begin + at, n + 16), 1);
-      views = _mm512_inserti32x4(views, sixteen_bytes(pictures, begin + at, n + 32), 2);
-      rows[n] = _mm512_inserti32x4(views, sixteen_bytes(pictures, begin + at, n + 48), 3);
+      __m512i views = _mm512_castsi128_si512(sixteen_bytes(pictures.first[n] + begin + at));
+      views = _mm512_inserti32x4(views, sixteen_bytes(pictures.first[n + 16] + begin + at), 1);
+      views = _mm512_inserti32x4(views, sixteen_bytes(pictures.first[n + 32] + begin + at), 2);
+      rows[n] = _mm512_inserti32x4(views, sixteen_bytes(pictures.first[n + 48] + begin + at), 3);
     }
     transpose_16(rows);
     for (int n = 0; n < 16; ++n)

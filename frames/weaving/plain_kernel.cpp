@@ -11,6 +11,11 @@ int mix(int a, int b, int weight) {
   return a + (((b - a) * weight + (1 << (kWeightBits - 1))) >> kWeightBits);
 }
 
+/// How far the column has moved along a run.
+int bent(const Quad& quad, int r, int n) {
+  return (n * (quad.column_step[r] + n * quad.column_bend)) >> kSlopeBits;
+}
+
 /// Where one subpixel looks.
 struct Look {
   int view, view_weight;
@@ -76,8 +81,9 @@ int spot_light(const Terms& terms, const Pictures& pictures, Look look, int32_t 
 void mix_run(const Terms& terms, const Pictures& pictures, const Set& set, const Quad& quad, int r,
              uint16_t* light) {
   const int step = terms.view_step + quad.view_step;
+  const int count = (quad.counts >> (4 * r)) & 15;
   const int upper = set.row[r], row_weight = set.row_share[r];
-  for (int n = 0; n < quad.count[r]; ++n) {
+  for (int n = 0; n < count; ++n) {
     const int32_t number = quad.view[r] + n * step;
     const int view = std::clamp(number, 0, terms.view_most);
     const size_t place = set.first + (size_t{quad.at[r]} + static_cast<size_t>(n)) * set.stride;
@@ -85,7 +91,7 @@ void mix_run(const Terms& terms, const Pictures& pictures, const Set& set, const
     const Look look{.view = view >> kViewBits,
                     .view_weight = (view >> (kViewBits - kWeightBits)) & terms.weight_mask,
                     .column = quad.column[r],
-                    .column_weight = quad.share[r] + ((n * quad.column_step) >> kSlopeBits),
+                    .column_weight = quad.share[r] + bent(quad, r, n),
                     .channel = terms.blue_first ? 2 - colour : colour};
     const int mixed = terms.spot.weights == nullptr
                           ? picture_light(terms, pictures, look, upper, row_weight)

@@ -21,19 +21,22 @@ inline constexpr int kWeightBits = 15;
 inline constexpr int kSlopeBits = 3;  ///< more bits for the change of a column along a run
 
 /// One lens in four rows: per row a run of subpixels under it, along which view number and picture
-/// column change linearly. Subpixel n of a run:
+/// column change smoothly. Subpixel n of a run:
 ///   view = clamp(view[r] + n (step + view_step)), column = column[r], its weight
-///   share[r] + (n column_step >> kSlopeBits).
+///   share[r] + (n column_step[r] + n n column_bend >> kSlopeBits).
 struct Quad {
   int32_t view[kRows];    ///< 2^-kViewBits views
   uint16_t share[kRows];  ///< 2^-15 columns
   uint16_t column[kRows];
   uint16_t at[kRows];  ///< first place in the set
+  int16_t column_step[kRows];
   int16_t view_step;
-  int16_t column_step;
-  uint8_t count[kRows];  ///< 0: nothing in this row; then `at` lies behind the last place
+  int16_t column_bend;
+  /// Four bits a row. Where there is nothing in a row, `at` lies behind the last place.
+  uint16_t counts;
+  uint16_t colours;  ///< sum over the rows of 3^r (at[r] mod 3)
 };
-static_assert(sizeof(Quad) == 48);
+static_assert(sizeof(Quad) == 56);
 
 /// Quads of four rows whose subpixels have one height in each row: places first, first + stride,
 /// ...
@@ -65,6 +68,7 @@ struct Terms {
 };
 
 /// Where views lie: pixel (column, row) of view k is at first[k] + row * stride + 3 column.
+/// There are at least kViewLanes pointers; what follows the last view repeats it.
 struct Pictures {
   const uint8_t* const* first;
   size_t stride;
@@ -90,8 +94,7 @@ struct TurnedRows {
   const uint8_t* lower[kRows];
 };
 /// Puts the views of each pixel and colour of one picture row side by side: width + 1 pixels, the
-/// last one twice, three colours each, kViewLanes views each. `turned` is aligned to 64. Views
-/// beyond the last are left as they are; they only ever count with weight 0.
+/// last one twice, three colours each, kViewLanes views each. `turned` is aligned to 64.
 void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept;
 void mix_set_by_permuting(const Terms& terms, const TurnedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept;

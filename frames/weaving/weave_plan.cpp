@@ -33,8 +33,8 @@ constexpr double kColumnUnit = 1 << kWeightBits;
 /// How far a run may be from the rays, in its own units.
 constexpr double kViewTolerance = 32.0;
 constexpr double kColumnTolerance = 3.0;
-/// Eight times it, shifted down, stays within 16 bits.
-constexpr int kSteepestColumn = 4095;
+/// What a column moves along a run, before it is shifted down, stays within 16 bits.
+constexpr int kFurthestColumn = 32767;
 
 /// The places of one row of a set, as the rays say.
 struct Line {
@@ -63,10 +63,39 @@ struct Run {
   int share = 0;
   double view_step = 0.0;
   double column_step = 0.0;
+  double column_bend = 0.0;
+};
+
+/// What the runs of a quad share, in integers.
+struct Steps {
+  int view = 0;
+  int bend = 0;
 };
 
 int rounded(double value) {
   return static_cast<int>(std::lround(value));
+}
+
+bool is_short(double value) {
+  return std::abs(value) <= std::numeric_limits<int16_t>::max();
+}
+
+/// Ends where the run's own parabola does, with a bend that is a little another.
+int column_step_of(const Run& run, int bend) {
+  return rounded(run.column_step + (run.column_bend - bend) * (run.count - 1));
+}
+
+/// The parabola through a run's first, middle and last column.
+void bend_column(const Line& line, Run& run) {
+  const auto column = [&](int n) {
+    const auto first = static_cast<size_t>(run.at);
+    return (line.column[first + static_cast<size_t>(n)] - line.column[first]) * kColumnUnit *
+           (1 << kSlopeBits);
+  };
+  const int last = run.count - 1, middle = last / 2;
+  const double mean = column(last) / last;
+  if (middle > 0) run.column_bend = (mean - column(middle) / middle) / (last - middle);
+  run.column_step = mean - run.column_bend * last;
 }
 
 }  // namespace
@@ -105,7 +134,8 @@ class PlanBuilder {
   [[nodiscard]] Run run_of(const Line& line, int at, int count) const;
   [[nodiscard]] int32_t view_of(double number) const;
   [[nodiscard]] bool view_fits(int64_t view, double number) const;
-  [[nodiscard]] bool fits(const Line& line, const Run& run, int view_step, int column_step) const;
+  [[nodiscard]] bool fits(const Line& line, const Run& run, const Steps& steps) const;
+  [[nodiscard]] Steps shared_steps(const std::array<const Run*, kRows>& rows) const;
   void join_rows(const Runs& runs, int places, WeavePlan::Part& part) const;
   [[nodiscard]] bool join(const std::array<const Run*, kRows>& rows, int places,
                           WeavePlan::Part& part) const;
@@ -173,13 +203,16 @@ bool PlanBuilder::view_fits(int64_t view, double number) const {
   return std::abs(static_cast<double>(held) - wanted * kViewUnit) <= kViewTolerance;
 }
 
-bool PlanBuilder::fits(const Line& line, const Run& run, int view_step, int column_step) const {
-  if (std::abs(column_step) > kSteepestColumn) return false;
-  if (std::abs(view_step - plan_.view_step_) > std::numeric_limits<int16_t>::max()) return false;
+bool PlanBuilder::fits(const Line& line, const Run& run, const Steps& steps) const {
+  if (!is_short(steps.view - plan_.view_step_) || !is_short(steps.bend)) return false;
+  const int column_step = column_step_of(run, steps.bend);
+  if (!is_short(column_step)) return false;
   for (int n = 0; n < run.count; ++n) {
     const auto s = static_cast<size_t>(run.at + n);
-    if (!view_fits(run.view + int64_t{n} * view_step, line.view[s])) return false;
-    const int share = run.share + ((n * column_step) >> kSlopeBits);
+    if (!view_fits(run.view + int64_t{n} * steps.view, line.view[s])) return false;
+    const int step = column_step + n * steps.bend;
+    if (std::abs(step) > kFurthestColumn || std::abs(n * step) > kFurthestColumn) return false;
+    const int share = run.share + ((n * step) >> kSlopeBits);
     if (share < 0 || share >= (1 << kWeightBits)) return false;
     const double off = run.column * kColumnUnit + share - line.column[s] * kColumnUnit;
     if (std::abs(off) > kColumnTolerance) return false;
@@ -199,8 +232,7 @@ Run PlanBuilder::run_of(const Line& line, int at, int count) const {
           .view_step = static_cast<double>(plan_.view_step_)};
   if (count > 1) {
     run.view_step = (line.view[last] - line.view[first]) * kViewUnit / (count - 1);
-    run.column_step =
-        (line.column[last] - line.column[first]) * kColumnUnit * (1 << kSlopeBits) / (count - 1);
+    bend_column(line, run);
   }
   return run;
 }
@@ -215,9 +247,10 @@ Run PlanBuilder::longest_run(const Line& line, int at) const {
     ++count;
   for (; count > 1; --count) {
     const Run run = run_of(line, at, count);
-    if (std::abs(run.view_step) < (1 << 28) && std::abs(run.column_step) < (1 << 28) &&
-        fits(line, run, rounded(run.view_step), rounded(run.column_step)))
-      return run;
+    if (!is_short(run.view_step - plan_.view_step_) || !is_short(run.column_step) ||
+        !is_short(run.column_bend))
+      continue;
+    if (fits(line, run, {rounded(run.view_step), rounded(run.column_bend)})) return run;
   }
   Run run = run_of(line, at, 1);
   if (!view_fits(run.view, line.view[first]))
@@ -250,36 +283,44 @@ void PlanBuilder::note_bars(const Line& line, int r, const Set& set, WeavePlan::
   }
 }
 
+Steps PlanBuilder::shared_steps(const std::array<const Run*, kRows>& rows) const {
+  double view = 0.0, bend = 0.0;
+  int several = 0;
+  for (const Run* run : rows) {
+    if (run == nullptr || run->count < 2) continue;
+    view += run->view_step;
+    bend += run->column_bend;
+    ++several;
+  }
+  if (several == 0) return {.view = plan_.view_step_, .bend = 0};
+  return {rounded(view / several), rounded(bend / several)};
+}
+
 /// Makes one quad of the rows' runs if they can share their steps.
 bool PlanBuilder::join(const std::array<const Run*, kRows>& rows, int places,
                        WeavePlan::Part& part) const {
-  double view_step = 0.0, column_step = 0.0;
-  int of_several = 0, column = 0;
-  for (const Run* run : rows) {
-    if (run == nullptr) continue;
-    column = run->column;
-    if (run->count < 2) continue;
-    view_step += run->view_step;
-    column_step += run->column_step;
-    ++of_several;
-  }
-  const int view = of_several > 0 ? rounded(view_step / of_several) : plan_.view_step_;
-  const int bend = of_several > 0 ? rounded(column_step / of_several) : 0;
+  const Steps steps = shared_steps(rows);
+  int column = 0;
+  for (const Run* run : rows)
+    if (run != nullptr) column = run->column;
   Quad quad{};
-  quad.view_step = static_cast<int16_t>(view - plan_.view_step_);
-  quad.column_step = static_cast<int16_t>(bend);
+  quad.view_step = static_cast<int16_t>(steps.view - plan_.view_step_);
+  quad.column_bend = static_cast<int16_t>(steps.bend);
   for (size_t r = 0; r < kRows; ++r) {
     quad.at[r] = static_cast<uint16_t>(places);
     quad.column[r] = static_cast<uint16_t>(column);
     const Run* run = rows[r];
     if (run == nullptr) continue;
-    if (!fits(lines_[r], *run, view, bend)) return false;
+    if (!fits(lines_[r], *run, steps)) return false;
     quad.view[r] = run->view;
     quad.share[r] = static_cast<uint16_t>(run->share);
     quad.column[r] = static_cast<uint16_t>(run->column);
     quad.at[r] = static_cast<uint16_t>(run->at);
-    quad.count[r] = static_cast<uint8_t>(run->count);
+    quad.column_step[r] = static_cast<int16_t>(column_step_of(*run, steps.bend));
+    quad.counts = static_cast<uint16_t>(quad.counts | run->count << (4 * r));
   }
+  for (int r = kRows - 1; r >= 0; --r)
+    quad.colours = static_cast<uint16_t>(3 * quad.colours + quad.at[r] % 3);
   part.quads.push_back(quad);
   return true;
 }
