@@ -82,23 +82,33 @@ std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& fil
 }
 
 ViewSet::ViewSet(WovenFrame quilt, const QuiltLayout& layout, const std::string& name) {
+  pictures_.push_back(std::move(quilt));
+  cut(pictures_.front().view(), layout, name);
+}
+
+ViewSet ViewSet::borrow(const FrameView& quilt, const QuiltLayout& layout,
+                        const std::string& name) {
+  ViewSet views;
+  views.cut(quilt, layout, name);
+  return views;
+}
+
+void ViewSet::cut(const FrameView& quilt, const QuiltLayout& layout, const std::string& name) {
   check_quilt_layout(layout, name);
-  width_ = quilt.width() / layout.columns;
-  height_ = quilt.height() / layout.rows;
+  const FrameGeometry& geometry = quilt.geometry;
+  width_ = geometry.width / layout.columns;
+  height_ = geometry.height / layout.rows;
   if (width_ < 1 || height_ < 1)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: {} x {} pixels are too few for {} x {} tiles", name, quilt.width(),
-                            quilt.height(), layout.columns, layout.rows));
+                fmt::format("{}: {} x {} pixels are too few for {} x {} tiles", name,
+                            geometry.width, geometry.height, layout.columns, layout.rows));
   set_aspect(layout.aspect, name);
-
-  pictures_.push_back(std::move(quilt));
-  const WovenFrame& picture = pictures_.front();
-  stride_bytes_ = picture.geometry().row_bytes();
+  stride_bytes_ = geometry.row_bytes();
   for (int view = 0; view < layout.view_count(); ++view) {
     const int column = view % layout.columns;
     const int row_from_bottom = view / layout.columns;
-    const int top = picture.height() - (row_from_bottom + 1) * height_;
-    first_pixels_.push_back(picture.row(top) + static_cast<size_t>(column * width_) * 3);
+    const int top = geometry.height - (row_from_bottom + 1) * height_;
+    first_pixels_.push_back(quilt.row(top) + static_cast<size_t>(column * width_) * 3);
   }
 }
 

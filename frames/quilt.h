@@ -46,6 +46,9 @@ class ViewSet {
   /// divide stays unused at the right and the top. Throws Error(Input) if a tile would have no
   /// pixel, Error(Usage) for a layout that makes no sense.
   ViewSet(WovenFrame quilt, const QuiltLayout& layout, const std::string& name = "quilt");
+  /// The same of a picture that somebody else owns and that outlives this.
+  [[nodiscard]] static ViewSet borrow(const FrameView& quilt, const QuiltLayout& layout,
+                                      const std::string& name = "quilt");
   /// One picture per view. Throws Error(Input) when empty, or sizes differ.
   explicit ViewSet(std::vector<WovenFrame> views, std::optional<double> aspect = std::nullopt);
 
@@ -64,6 +67,8 @@ class ViewSet {
   }
 
  private:
+  ViewSet() = default;
+  void cut(const FrameView& quilt, const QuiltLayout& layout, const std::string& name);
   void set_aspect(std::optional<double> aspect, const std::string& name);
 
   std::vector<WovenFrame> pictures_;

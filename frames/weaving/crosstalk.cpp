@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/weaving/crosstalk.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "frames/srgb.h"
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr double kMostPercent = 40.0;
+constexpr double kSpotReach = 4.3;
+constexpr double kSpotRestraint = 0.01;
+
+/// Square, row by row.
+class Matrix {
+ public:
+  explicit Matrix(int size) : size_(static_cast<size_t>(size)), values_(size_ * size_) {}
+  [[nodiscard]] size_t size() const { return size_; }
+  double& at(size_t row, size_t column) { return values_[row * size_ + column]; }
+  [[nodiscard]] double at(size_t row, size_t column) const { return values_[row * size_ + column]; }
+  [[nodiscard]] std::vector<double> values() && { return std::move(values_); }
+
+ private:
+  size_t size_;
+  std::vector<double> values_;
+};
+
+Matrix shares_of(const Crosstalk& crosstalk, int views) {
+  Matrix shares(views);
+  for (size_t eye = 0; eye < shares.size(); ++eye) {
+    double sum = 0.0;
+    for (size_t view = 0; view < shares.size(); ++view) {
+      const size_t apart = eye > view ? eye - view : view - eye;
+      shares.at(eye, view) = apart < crosstalk.shares.size() ? crosstalk.shares[apart] : 0.0;
+      sum += shares.at(eye, view);
+    }
+    for (size_t view = 0; view < shares.size(); ++view) shares.at(eye, view) /= sum;
+  }
+  return shares;
+}
+
+/// W' B, and e on the diagonal.
+Matrix transposed_times(const Matrix& w, const Matrix& b, double restraint) {
+  Matrix product(static_cast<int>(w.size()));
+  for (size_t row = 0; row < w.size(); ++row) {
+    for (size_t k = 0; k < w.size(); ++k)
+      for (size_t column = 0; column < w.size(); ++column)
+        product.at(row, column) += w.at(k, row) * b.at(k, column);
+    product.at(row, row) += restraint;
+  }
+  return product;
+}
+
+Matrix identity(size_t size) {
+  Matrix one(static_cast<int>(size));
+  for (size_t n = 0; n < size; ++n) one.at(n, n) = 1.0;
+  return one;
+}
+
+/// A X = B by elimination; A is symmetric and positive: no pivots are needed.
+Matrix solve(Matrix a, Matrix b) {
+  const size_t size = a.size();
+  for (size_t pivot = 0; pivot < size; ++pivot) {
+    const double scale = 1.0 / a.at(pivot, pivot);
+    for (size_t column = 0; column < size; ++column) {
+      a.at(pivot, column) *= scale;
+      b.at(pivot, column) *= scale;
+    }
+    for (size_t row = 0; row < size; ++row) {
+      const double factor = a.at(row, pivot);
+      if (row == pivot || factor == 0.0) continue;
+      for (size_t column = 0; column < size; ++column) {
+        a.at(row, column) -= factor * a.at(pivot, column);
+        b.at(row, column) -= factor * b.at(pivot, column);
+      }
+    }
+  }
+  return b;
+}
+
+/// One row of pixels of all views, in linear light.
+class LightRows {
+ public:
+  LightRows(const ViewSet& views, int row) : samples_(static_cast<size_t>(views.width()) * 3) {
+    for (int view = 0; view < views.count(); ++view) {
+      const uint8_t* codes = views.pixel(view, 0, row);
+      for (size_t s = 0; s < samples_; ++s)
+        light_.push_back(static_cast<float>(linear_of_codes()[codes[s]]));
+    }
+  }
+  /// One output view's light.
+  void mix(const double* weights, size_t views, std::vector<float>& out) const {
+    out.assign(samples_, 0.0F);
+    for (size_t view = 0; view < views; ++view) {
+      const auto weight = static_cast<float>(weights[view]);
+      if (weight == 0.0F) continue;
+      const float* const light = light_.data() + view * samples_;
+      for (size_t s = 0; s < samples_; ++s) out[s] += weight * light[s];
+    }
+  }
+
+ private:
+  size_t samples_;
+  std::vector<float> light_;
+};
+
+}  // namespace
+
+Crosstalk crosstalk_of_percent(double percent) {
+  if (!(percent >= 0.0 && percent <= kMostPercent))
+    throw Error(ErrorKind::Usage, fmt::format("crosstalk {} %: not between 0 and 40", percent),
+                "the light that comes from the two neighbours of a view, for example 12");
+  return {.shares = {1.0 - percent / 100.0, percent / 200.0}, .restraint = 0.0};
+}
+
+Crosstalk crosstalk_of_spot(double sigma_views) {
+  Crosstalk crosstalk{.shares = {}, .restraint = kSpotRestraint};
+  const double sigma = std::max(sigma_views, 1e-3);
+  for (int apart = 0; apart <= kSpotReach * sigma; ++apart)
+    crosstalk.shares.push_back(std::exp(-0.5 * apart * apart / (sigma * sigma)));
+  return crosstalk;
+}
+
+std::vector<double> compensation_matrix(const Crosstalk& crosstalk, int views) {
+  LENTICULE_CHECK(views > 0 && !crosstalk.shares.empty());
+  const Matrix w = shares_of(crosstalk, views);
+  return solve(transposed_times(w, w, crosstalk.restraint),
+               transposed_times(w, identity(w.size()), crosstalk.restraint))
+      .values();
+}
+
+ViewSet compensate(const ViewSet& views, const Crosstalk& crosstalk) {
+  if (views.count() > kMostCompensatedViews)
+    throw Error(ErrorKind::Usage, fmt::format("crosstalk: {} views, where {} are taken at most",
+                                              views.count(), kMostCompensatedViews));
+  const auto count = static_cast<size_t>(views.count());
+  const std::vector<double> matrix = compensation_matrix(crosstalk, views.count());
+  std::vector<WovenFrame> pictures(count,
+                                   WovenFrame({.width = views.width(), .height = views.height()}));
+  std::vector<float> mixed;
+  for (int row = 0; row < views.height(); ++row) {
+    const LightRows light(views, row);
+    for (size_t view = 0; view < count; ++view) {
+      light.mix(matrix.data() + view * count, count, mixed);
+      std::transform(mixed.begin(), mixed.end(), pictures[view].row(row),
+                     [](float value) { return code_from_linear(value); });
+    }
+  }
+  return ViewSet(std::move(pictures), views.aspect());
+}
+
+}  // namespace lenticule::frames

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+// An mpv user shader that weaves a quilt video for one rig on a graphics card: the whole panel, the
+// nearest view, the picture point straight under the subpixel. A preview for other players; the
+// weaver of frames/weave.h is exact, this is not (no refraction, no lens points, code values).
+#pragma once
+
+#include <string>
+
+#include "frames/quilt.h"
+#include "optics/rig.h"
+
+namespace lenticule::frames {
+
+/// The shader's text. Its constants stand as `const float NAME = value;` lines, the subpixel's view
+/// is floor(VIEWS (1/2 - (phase - floor(phase + 1/2)))) with phase = (x - WIDTH / 2)
+/// LENSES_PER_PIXEL
+/// + (y - HEIGHT / 2) LENSES_PER_ROW + OFFSET for the subpixel's centre (x, y) in pixels, y down. A
+/// finite viewing distance is folded into pitch and offset, paraxially. Throws Error(Input) for a
+/// residual map or a cell table, Error(Usage) for a bad layout.
+[[nodiscard]] std::string mpv_shader(const optics::Rig& rig, const QuiltLayout& layout);
+
+}  // namespace lenticule::frames
