@@ -7,6 +7,8 @@
 #include <memory>
 #include <numbers>
 
+#include "frames/quilt.h"
+#include "frames/weaving/mpv_shader.h"
 #include "optics/calibration_import.h"
 #include "optics/effective_sheet.h"
 #include "optics/error.h"
@@ -29,6 +31,8 @@ struct RigOptions {
   std::string file;
   std::string output;
   std::string format = "auto";
+  std::string mpv_shader;
+  std::string quilt = "8x6";
   double offset_by = 0.0;
   double pitch_by = 0.0;
   bool reset_trim = false;
@@ -253,7 +257,32 @@ double largest_phase_error(const Rig& rig, const Rig& exported) {
   return largest;
 }
 
+/// "8x6" or "8x6a0.75", as in a quilt's file name.
+frames::QuiltLayout quilt_layout(const std::string& text) {
+  const auto layout = frames::quilt_layout_of_name("_qs" + text + ".png");
+  if (layout) return *layout;
+  throw Error(ErrorKind::Usage, fmt::format("--quilt '{}': not columns x rows", text),
+              "the tiles of the quilts that the shader is for: --quilt 8x6");
+}
+
+ExitCode export_shader(const RigOptions& options) {
+  const Rig rig = optics::load_trimmed_rig(options.file);
+  const frames::QuiltLayout layout = quilt_layout(options.quilt);
+  optics::write_text_file(options.mpv_shader, frames::mpv_shader(rig, layout));
+  print_result({{"output", options.mpv_shader},
+                {"columns", layout.columns},
+                {"rows", layout.rows},
+                {"width_px", rig.panel.width_px},
+                {"height_px", rig.panel.height_px}},
+               options.as_json);
+  return kOk;
+}
+
 ExitCode export_calibration(const RigOptions& options) {
+  if (!options.mpv_shader.empty()) return export_shader(options);
+  if (options.output.empty() || options.format == "auto")
+    throw Error(ErrorKind::Usage, "rig export: what to write?",
+                "say --format lkg or cubevi and -o FILE, or --mpv-shader FILE");
   const Rig rig = optics::load_trimmed_rig(options.file);
   const std::string text =
       options.format == "cubevi" ? optics::export_cubevi(rig) : optics::export_looking_glass(rig);
@@ -334,9 +363,12 @@ Run declare_rig(CLI::App& app) {
                  "lenticule rig export kiosk-27-4k.toml --format lkg -o visual.json", options);
   export_app->add_option("RIG", options->file, "rig file")->required();
   export_app->add_option("--format", options->format, "lkg (visual.json) or cubevi")
-      ->check(CLI::IsMember({"lkg", "cubevi"}))
-      ->required();
-  export_app->add_option("-o,--output", options->output, "file to write")->required();
+      ->check(CLI::IsMember({"lkg", "cubevi"}));
+  export_app->add_option("-o,--output", options->output, "file to write");
+  export_app->add_option("--mpv-shader", options->mpv_shader,
+                         "write an mpv user shader that weaves quilt videos for this rig");
+  export_app->add_option("--quilt", options->quilt, "with --mpv-shader: the quilts' tiles, 8x6")
+      ->capture_default_str();
 
   CLI::App* trim_app = add_action(
       app, "trim", "correct what drifted since a rig was calibrated, in a file beside it",

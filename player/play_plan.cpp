@@ -79,9 +79,11 @@ void plan_waiting(const PlayFlags& flags, bool service, PlayPlan& plan) {
 }  // namespace
 
 void declare_flags(CLI::App& app, PlayFlags& flags) {
-  app.add_option("source", flags.source,
-                 "ring:SOCKET, a pattern such as 'out/%05d.png', a picture, card: a test card, or "
-                 "views: the rig's views by their numbers")
+  app.add_option(
+         "source", flags.source,
+         "ring:SOCKET, a pattern such as 'out/%05d.png', a picture, a quilt or a pattern of "
+         "quilts (NAME_qs8x6a0.75.png: woven here), views:PATTERN: a picture per view, "
+         "card: a test card, or views: the rig's views by their numbers")
       ->required();
   app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
   app.add_option("--display", flags.display,
@@ -161,6 +163,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.display.buffers = flags.buffers;
   display::check_display_spec(flags.display);
   plan.source.text = flags.source;
+  plan.source.rig_file = flags.rig;
   plan.source.slots = flags.slots;
   plan.source.plays_again = plan.playback.loops != 1;
   plan.duration_s = flags.duration_s;

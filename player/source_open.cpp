@@ -12,10 +12,12 @@
 
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
+#include "frames/quilt.h"
 #include "frames/ring/ring_player.h"
 #include "frames/sequence/sequence_source.h"
 #include "optics/error.h"
 #include "optics/rig_file.h"
+#include "player/quilt_source.h"
 #include "player/still_source.h"
 #include "player/views_source.h"
 
@@ -25,6 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kRing = "ring:";
+constexpr std::string_view kViewsPattern = "views:";
 constexpr int kMaxDecoderThreads = 8;
 
 /// One core is left to the player itself.
@@ -154,6 +157,33 @@ OpenedSource open_sequence(const SourceRequest& request) {
   return opened;
 }
 
+OpenedSource open_woven_here(const SourceRequest& request) {
+  const bool is_set = request.text.starts_with(kViewsPattern);
+  const std::string text = is_set ? request.text.substr(kViewsPattern.size()) : request.text;
+  if (request.frames && (is_set || !frames::FilePattern::looks_like_pattern(text)))
+    throw Error(ErrorKind::Usage, "--frames: that is one picture",
+                "give --frames to a pattern such as 'out_qs8x6a0.75_%05d.png'");
+  const QuiltSourceOptions options{.rig_file = request.rig_file,
+                                   .pool_frames = std::max(request.slots, 3),
+                                   .decoder_threads = decoder_threads(),
+                                   .weaving_threads = decoder_threads()};
+  OpenedSource opened;
+  if (is_set) {
+    opened.source =
+        std::make_unique<QuiltSource>(frames::read_views(frames::FilePattern(text)), options);
+    return opened;
+  }
+  std::vector<fs::path> files =
+      request.frames ? files_in_range(text, *request.frames) : frames::list_frame_files(text);
+  const frames::QuiltLayout layout = frames::quilt_layout_of_name(text).value();
+  if (files.size() == 1)
+    opened.source =
+        std::make_unique<QuiltSource>(frames::read_quilt(files.front(), layout), options);
+  else
+    opened.source = std::make_unique<QuiltSource>(std::move(files), layout, options);
+  return opened;
+}
+
 OpenedSource open_card(const SourceRequest& request) {
   if (request.frames)
     throw Error(ErrorKind::Usage, "--frames: a test card is one picture",
@@ -175,11 +205,17 @@ OpenedSource open_views(const SourceRequest& request) {
 
 }  // namespace
 
+bool is_woven_here(const std::string& source) {
+  return source.starts_with(kViewsPattern) ||
+         (!source.starts_with(kRing) && frames::quilt_layout_of_name(source).has_value());
+}
+
 OpenedSource open_source(const SourceRequest& request) {
   if (request.text == kCardSource) return open_card(request);
   if (request.text == kViewsSource) return open_views(request);
   if (request.text.starts_with(kRing)) return open_ring(request, request.text.substr(kRing.size()));
   if (frames::is_sequence_name(request.text)) return open_sequence(request);
+  if (is_woven_here(request.text)) return open_woven_here(request);
   return open_pictures(request);
 }
 

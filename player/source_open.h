@@ -21,12 +21,17 @@ inline constexpr const char* kCardSource = "card";
 /// The SOURCE that is woven here: the rig's views, each showing its number.
 inline constexpr const char* kViewsSource = "views";
 
+/// A quilt, a sequence of quilts or a set of views: whatever its rig becomes, it follows.
+[[nodiscard]] bool is_woven_here(const std::string& source);
+
 struct SourceRequest {
-  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", "card" or "views"
+  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", "card", "views", a quilt or a pattern
+  /// of quilts (by their names), or "views:view%02d.png"
   std::string text = {};
   frames::FrameGeometry panel = {};
   std::string rig_fingerprint = {};
   std::string rig_name = {};  ///< for messages
+  std::string rig_file = {};  ///< what is woven here is woven for it, and again when it changes
   int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
   std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern or container
   bool plays_again = false;                         ///< frames are kept for a loop where they fit

@@ -1,15 +1,80 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/weaving/reweave.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
 #include <vector>
 
 #include "frames/decoded_view.h"
+#include "frames/srgb.h"
+#include "frames/weave.h"
 #include "optics/error.h"
+#include "optics/row_rays.h"
 
 namespace lenticule::frames {
+namespace {
+
+/// A view's picture while subpixels are handed to it: light and weight per pixel and colour.
+class Gathered {
+ public:
+  explicit Gathered(FrameGeometry geometry)
+      : geometry_(geometry), light_(geometry.frame_bytes()), weight_(geometry.frame_bytes()) {}
+
+  void clear() {
+    std::fill(light_.begin(), light_.end(), 0.0F);
+    std::fill(weight_.begin(), weight_.end(), 0.0F);
+  }
+
+  /// Shares a subpixel at fractions (u, v) of the picture among the four pixels around it.
+  void add(double u, double v, size_t channel, float light, double weight) {
+    const double x = std::clamp(u * geometry_.width - 0.5, 0.0, geometry_.width - 1.0);
+    const double y = std::clamp(v * geometry_.height - 0.5, 0.0, geometry_.height - 1.0);
+    const int left = static_cast<int>(x), top = static_cast<int>(y);
+    for (const auto& [column, across] : {std::pair{left, 1.0 - (x - left)}, {left + 1, x - left}})
+      for (const auto& [row, down] : {std::pair{top, 1.0 - (y - top)}, {top + 1, y - top}}) {
+        if (column >= geometry_.width || row >= geometry_.height) continue;
+        const size_t at = static_cast<size_t>(row) * geometry_.row_bytes() +
+                          static_cast<size_t>(column) * 3 + channel;
+        const auto share = static_cast<float>(weight * across * down);
+        light_[at] += share * light;
+        weight_[at] += share;
+      }
+  }
+
+  /// Where hardly anything was handed in, `otherwise` stays.
+  [[nodiscard]] WovenFrame picture(WovenFrame otherwise) const {
+    constexpr float kEnough = 0.05F;
+    for (size_t n = 0; n < light_.size(); ++n)
+      if (weight_[n] > kEnough) otherwise.bytes()[n] = code_from_linear(light_[n] / weight_[n]);
+    return otherwise;
+  }
+
+ private:
+  FrameGeometry geometry_;
+  std::vector<float> light_, weight_;
+};
+
+/// Hands every subpixel that shows `view`, or is less than a view off, to its picture.
+void gather_view(const FrameView& woven, const optics::RowRayEvaluator& evaluator,
+                 const PicturePlace& place, int view, int views, Gathered& picture) {
+  optics::RowRays rays;
+  picture.clear();
+  for (int j = 0; j < woven.geometry.height; ++j) {
+    evaluator.evaluate(j, 0, woven.geometry.width, rays);
+    const uint8_t* const codes = woven.row(j);
+    for (size_t s = 0; s < rays.size(); ++s) {
+      const double off = std::abs(optics::view_number(rays.place[s], views) - (view + 0.5));
+      if (off >= 1.0) continue;
+      picture.add(place.u(rays.lens_x_mm[s]), place.v(rays.lens_y_mm[s]), s % 3,
+                  static_cast<float>(linear_of_codes()[codes[s]]), 1.0 - off);
+    }
+  }
+}
+
+}  // namespace
 
 int views_in_woven(const optics::Rig& rig) {
   return std::clamp(static_cast<int>(std::lround(rig.sheet.pitch.value)), 2, kMaxViews);
@@ -18,11 +83,23 @@ int views_in_woven(const optics::Rig& rig) {
 ViewSet views_of_woven(const FrameView& woven, const optics::OpticalModel& model, int views) {
   LENTICULE_CHECK(views > 0);
   const optics::Panel& panel = model.rig().panel;
+  if (woven.geometry != FrameGeometry{.width = panel.width_px, .height = panel.height_px})
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("woven frame: {}x{} pixels, but the rig's panel has {}x{}",
+                    woven.geometry.width, woven.geometry.height, panel.width_px, panel.height_px),
+        "name the rig that it was woven for");
+  const double aspect =
+      panel.width_px * panel.pixel_width.value / (panel.height_px * panel.pixel_height.value);
+  const PicturePlace place = place_picture(panel, aspect, PictureFit::Stretch);
+  const optics::RowRayEvaluator evaluator(model);
+  Gathered picture(decoded_geometry(model.rig()));
   std::vector<WovenFrame> pictures;
-  for (int view = 0; view < views; ++view)
-    pictures.push_back(decode_view(woven, model, view, views));
-  return ViewSet(std::move(pictures), panel.width_px * panel.pixel_width.value /
-                                          (panel.height_px * panel.pixel_height.value));
+  for (int view = 0; view < views; ++view) {
+    gather_view(woven, evaluator, place, view, views, picture);
+    pictures.push_back(picture.picture(decode_view(woven, model, view, views)));
+  }
+  return ViewSet(std::move(pictures), aspect);
 }
 
 }  // namespace lenticule::frames

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "frames/weave.h"
+#include "frames/weaving/fast_weaver.h"
 #include "optics/calibration_import.h"
 
 namespace lenticule::frames {
@@ -93,9 +94,11 @@ TEST_P(PublishedWeave, PutsTheSameViewUnderEverySubpixel) {
   const auto imported = optics::import_looking_glass(json_of(file), "visual.json");
   const optics::OpticalModel model(imported.rig);
   const auto order = imported.views.inverted ? ViewOrder::LeftToRight : ViewOrder::RightToLeft;
-  const WovenFrame woven =
-      weave(ViewSet(quilt, {.columns = 9, .rows = 5}), model,
-            {.filter = ViewFilter::Nearest, .fit = PictureFit::Stretch, .order = order});
+  const ViewSet views(quilt, {.columns = 9, .rows = 5});
+  const WeaveOptions options{
+      .filter = ViewFilter::Nearest, .fit = PictureFit::Stretch, .order = order};
+  const WovenFrame woven = weave(views, model, options);
+  ASSERT_EQ(weave_fast(views, model, options), woven);
 
   int undecided = 0;
   for (int j = 0; j < file.height; ++j)

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+// Quilts that are woven while they play: the right frames in order, loop after loop, and new plans
+// without a frame missing.
+#include "player/quilt_source.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <string>
+#include <thread>
+
+#include "frames/image_io.h"
+#include "frames/weaving/quilt_file.h"
+#include "optics/rig_file.h"
+#include "optics/trim.h"
+#include "player/source_open.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using frames::LentFrame;
+using frames::PullStatus;
+using frames::WovenFrame;
+
+constexpr frames::QuiltLayout kLayout{.columns = 3, .rows = 2, .views = 0, .aspect = 1.5};
+
+WovenFrame noise_quilt(uint32_t state) {
+  WovenFrame quilt({.width = 36, .height = 16});
+  for (uint8_t& byte : quilt.bytes()) {
+    state = state * 1664525u + 1013904223u;
+    byte = static_cast<uint8_t>(state >> 24);
+  }
+  return quilt;
+}
+
+class QuiltSourceTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "lenticule-quilt-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+    rig_file_ = folder_ / "tiny.toml";
+    optics::save_rig(optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml"),
+                     rig_file_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  [[nodiscard]] QuiltSourceOptions options() const {
+    return {.rig_file = rig_file_.string(), .pool_frames = 3};
+  }
+  [[nodiscard]] WovenFrame expected(const WovenFrame& quilt) const {
+    return frames::weave_fast(frames::ViewSet(quilt, kLayout),
+                              optics::OpticalModel(optics::load_trimmed_rig(rig_file_)));
+  }
+  std::vector<fs::path> write_quilts(uint32_t count) const {
+    std::vector<fs::path> files;
+    for (uint32_t n = 0; n < count; ++n) {
+      files.push_back(folder_ / ("q_qs3x2a1.5_0" + std::to_string(n) + ".png"));
+      frames::write_woven(noise_quilt(n).view(), files.back());
+    }
+    return files;
+  }
+
+  fs::path folder_;
+  fs::path rig_file_;
+};
+
+/// Bounded: a source that never answers fails the test.
+PullStatus pull_soon(QuiltSource& source, LentFrame& out) {
+  for (int n = 0; n < 2000; ++n) {
+    const PullStatus status = source.pull(out);
+    if (status != PullStatus::NotYet) return status;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    source.service();
+  }
+  return PullStatus::NotYet;
+}
+
+bool soon(const std::function<bool()>& true_at_last) {
+  for (int n = 0; n < 2000; ++n) {
+    if (true_at_last()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  return false;
+}
+
+WovenFrame copy_of(const LentFrame& lent) {
+  WovenFrame frame(lent.frame.geometry);
+  std::copy(lent.frame.bytes.begin(), lent.frame.bytes.end(), frame.bytes().begin());
+  return frame;
+}
+
+/// The still frame, looked at once.
+WovenFrame look(QuiltSource& source) {
+  LentFrame lent;
+  EXPECT_EQ(pull_soon(source, lent), PullStatus::Ready);
+  const WovenFrame frame = copy_of(lent);
+  source.release(lent.token);
+  EXPECT_EQ(source.pull(lent), PullStatus::End);
+  EXPECT_TRUE(source.rewind());
+  return frame;
+}
+
+TEST_F(QuiltSourceTest, PlaysASequenceInOrderLoopAfterLoop) {
+  QuiltSource source(write_quilts(5), kLayout, options());
+  EXPECT_EQ(source.frame_count(), 5U);
+  for (int loop = 0; loop < 3; ++loop) {
+    for (uint32_t n = 0; n < 5; ++n) {
+      LentFrame lent;
+      ASSERT_EQ(pull_soon(source, lent), PullStatus::Ready);
+      EXPECT_EQ(lent.number, n);
+      EXPECT_EQ(copy_of(lent), expected(noise_quilt(n))) << "loop " << loop << " frame " << n;
+      source.release(lent.token);
+    }
+    LentFrame none;
+    EXPECT_EQ(source.pull(none), PullStatus::End);
+    ASSERT_TRUE(source.rewind());
+  }
+}
+
+TEST_F(QuiltSourceTest, WeavesAStillAgainWhenItsTrimChanges) {
+  const WovenFrame quilt = noise_quilt(7);
+  QuiltSource source(frames::ViewSet(quilt, kLayout), options());
+  const WovenFrame before = expected(quilt);
+  EXPECT_EQ(look(source), before);
+
+  LentFrame held;
+  ASSERT_EQ(source.pull(held), PullStatus::Ready);
+  ASSERT_EQ(source.pull(held), PullStatus::End);
+  ASSERT_TRUE(source.rewind());
+  optics::save_trim({Lenses(0.3), 0.0}, rig_file_);
+  const WovenFrame after = expected(quilt);
+  ASSERT_NE(after, before);
+  EXPECT_TRUE(soon([&] { return look(source) == after; }));
+  EXPECT_EQ(copy_of(held), before) << "a lent frame stays as it was";
+  source.release(held.token);
+}
+
+TEST_F(QuiltSourceTest, GoesOnWithTheOldRigWhenTheNewOneIsBroken) {
+  const WovenFrame quilt = noise_quilt(7);
+  QuiltSource source(frames::ViewSet(quilt, kLayout), options());
+  const WovenFrame before = expected(quilt);
+  std::ofstream(rig_file_) << "this is no rig";
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(look(source), before);
+  EXPECT_EQ(source.plans(), 1U);
+}
+
+TEST_F(QuiltSourceTest, NoFrameIsMissingWhileATrimChanges) {
+  QuiltSource source(write_quilts(5), kLayout, options());
+  const WovenFrame before = expected(noise_quilt(0));
+  uint64_t shown = 0;
+  bool changed = false;
+  for (int n = 0; n < 4000 && !(changed && shown % 5 == 0); ++n) {
+    LentFrame lent;
+    const PullStatus status = pull_soon(source, lent);
+    if (status == PullStatus::End) {
+      ASSERT_TRUE(source.rewind());
+      continue;
+    }
+    ASSERT_EQ(status, PullStatus::Ready);
+    ASSERT_EQ(lent.number, shown++ % 5);
+    if (lent.number == 0 && copy_of(lent) != before) {
+      EXPECT_EQ(copy_of(lent), expected(noise_quilt(0))) << "neither the old nor the new rig's";
+      changed = true;
+    }
+    source.release(lent.token);
+    if (shown == 3) optics::save_trim({Lenses(0.3), 0.0}, rig_file_);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_TRUE(changed);
+}
+
+TEST_F(QuiltSourceTest, ABrokenQuiltFailsWhenItsTurnComes) {
+  const std::vector<fs::path> files = write_quilts(4);
+  std::ofstream(files[2]) << "no picture";
+  QuiltSource source(files, kLayout, options());
+  LentFrame lent;
+  for (int n = 0; n < 2; ++n) {
+    ASSERT_EQ(pull_soon(source, lent), PullStatus::Ready);
+    source.release(lent.token);
+  }
+  EXPECT_EQ(pull_soon(source, lent), PullStatus::Failed);
+  EXPECT_NE(source.failure().find("_02.png"), std::string::npos) << source.failure();
+}
+
+TEST_F(QuiltSourceTest, IsWhatThePlayerOpensForAQuiltsName) {
+  const std::vector<fs::path> files = write_quilts(2);
+  const optics::Rig rig = optics::load_rig(rig_file_);
+  const auto opened = open_source({.text = files[1].string(),
+                                   .panel = {rig.panel.width_px, rig.panel.height_px},
+                                   .rig_file = rig_file_.string()});
+  LentFrame lent;
+  ASSERT_EQ(opened.source->pull(lent), PullStatus::Ready);
+  EXPECT_EQ(copy_of(lent), expected(noise_quilt(1)));
+  opened.source->release(lent.token);
+  EXPECT_TRUE(is_woven_here("views:a/%02d.png"));
+  EXPECT_FALSE(is_woven_here("ring:/tmp/x_qs8x6a0.75"));
+  EXPECT_FALSE(is_woven_here("out/%05d.png"));
+}
+
+}  // namespace
+}  // namespace lenticule::player
