@@ -96,7 +96,10 @@ void QuiltSource::watch() noexcept {
     }
     try {
       const std::optional<optics::Rig> rig = rig_.changed();
-      if (!rig) continue;
+      if (!rig) {
+        tell_complaint();
+        continue;
+      }
       const frames::FrameGeometry panel{.width = rig->panel.width_px,
                                         .height = rig->panel.height_px};
       if (panel != geometry_) {
@@ -113,6 +116,13 @@ void QuiltSource::watch() noexcept {
     }
     changed_.notify_all();
   }
+}
+
+/// Once per change.
+void QuiltSource::tell_complaint() {
+  if (told_ == rig_.complaint()) return;
+  told_ = rig_.complaint();
+  if (!told_.empty()) fmt::print(stderr, "still woven for the old rig: {}\n", told_);
 }
 
 // --- the worker -----------------------------------------------------------------------------

@@ -78,6 +78,7 @@ class QuiltSource final : public frames::FrameSource {
   void start(const frames::ViewShape& shape);
   [[nodiscard]] std::shared_ptr<const frames::WeavePlan> plan_for(const optics::Rig& rig) const;
   void watch() noexcept;
+  void tell_complaint();
   void work() noexcept;
   [[nodiscard]] std::shared_ptr<frames::FastWeaver> newest_weaver();
   bool weave_still(std::shared_ptr<frames::FastWeaver>& used);
@@ -97,6 +98,7 @@ class QuiltSource final : public frames::FrameSource {
   frames::FrameGeometry geometry_;
   uint64_t count_ = 1;
   RigWatch rig_;
+  std::string told_;  ///< the watcher's
   WakeFd wake_;
   std::atomic<uint64_t> plans_{0};
 
