@@ -7,6 +7,12 @@
 // Lanes of a register: four rows of sixteen, in each the eight subpixels' views a, then a + 1.
 #include <immintrin.h>
 
+#if defined(__GNUC__) && !defined(__clang__)
+// gcc 12 takes its own intrinsics' "undefined" registers for variables that were forgotten.
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#pragma GCC diagnostic ignored "-Wuninitialized"
+#endif
+
 #include "frames/weaving/weave_kernel.h"
 
 namespace lenticule::frames::weave_kernel {
