@@ -24,6 +24,7 @@ struct LentFrame {
   FrameView frame;
   uint64_t number = 0;  ///< position in the sequence, 0-based
   uint64_t token = 0;
+  uint32_t item = 0;  ///< of a source that plays one thing after the other: which of them
 };
 
 class FrameSource {
@@ -31,7 +32,7 @@ class FrameSource {
   virtual ~FrameSource() = default;
 
   [[nodiscard]] virtual FrameGeometry geometry() const = 0;
-  /// Content rate if the source states one.
+  /// Content rate of the frame pulled last, or of the first, if the source states one.
   [[nodiscard]] virtual std::optional<Rate> rate() const = 0;
   /// Number of frames if known.
   [[nodiscard]] virtual std::optional<uint64_t> frame_count() const = 0;
@@ -56,6 +57,12 @@ class FrameSource {
   virtual void service() = 0;
 
   [[nodiscard]] virtual std::string failure() const = 0;
+
+  /// Nothing is ready, and nothing is late either: what is on the glass may stay there.
+  [[nodiscard]] virtual bool nothing_owed() const { return false; }
+  /// Grows, in pull() or service(), when somebody wants to see something else at once: frames that
+  /// were pulled before that need not be shown any more.
+  [[nodiscard]] virtual uint64_t cut() const { return 0; }
 };
 
 }  // namespace lenticule::frames

@@ -48,8 +48,10 @@ std::vector<std::filesystem::path> list_frame_files(const std::string& source) {
 
 ImageSequence::ImageSequence(std::vector<std::filesystem::path> files,
                              const ImageSequenceOptions& options)
-    : files_(std::move(files)), rate_(options.rate), wake_(make_wake_fd()) {
+    : files_(std::move(files)), rate_(options.rate), first_(options.first), wake_(make_wake_fd()) {
   if (files_.empty()) throw Error(ErrorKind::Input, "image sequence: no files");
+  LENTICULE_CHECK(first_ < files_.size());
+  next_decode_ = next_pull_ = first_;
   geometry_ = probe_image(files_.front());
   round_end_ = files_.size();
   const auto pool = static_cast<size_t>(std::max(options.pool_frames, kMinPoolFrames));
@@ -132,7 +134,7 @@ std::string ImageSequence::failure() const {
 }
 
 bool ImageSequence::can_decode_next() const {
-  if (broken_ || (resident() && next_decode_ == files_.size())) return false;
+  if (broken_ || (resident() && next_decode_ == first_ + files_.size())) return false;
   return slot_of(next_decode_).state == SlotState::Free;
 }
 

@@ -29,6 +29,9 @@ struct ImageSequenceOptions {
   /// Threads that decode ahead, 1..64. A 4K PNG takes one core about 0.13 s.
   int decoder_threads = 1;
   std::optional<Rate> rate = std::nullopt;
+  /// Number of the file with which the first round begins, later ones beginning with the first;
+  /// less than there are.
+  uint64_t first = 0;
 };
 
 /// All files must have the first one's size. The first file is opened by the constructor, which
@@ -85,6 +88,7 @@ class ImageSequence final : public FrameSource {
 
   const std::vector<std::filesystem::path> files_;
   const std::optional<Rate> rate_;
+  const uint64_t first_;
   FrameGeometry geometry_;
   UniqueFd wake_;
 

@@ -3,6 +3,7 @@
 
 #include <poll.h>
 
+#include <algorithm>
 #include <exception>
 
 #include "optics/error.h"
@@ -47,12 +48,13 @@ Filler::Filler(frames::FrameSource& source, display::Display& display, FillerSta
 Filler::~Filler() {
   if (buffer_ != nullptr) display_.discard(buffer_);
   for (; queue_.peek() != nullptr; queue_.pop()) display_.discard(queue_.peek()->buffer);
-  if (kept_) source_.release(kept_->lent.token);
+  while (kept_count_ > 0) release_oldest();
 }
 
 void Filler::request_stop() noexcept {
   stopping_.store(true, std::memory_order_release);
   freed_.signal();
+  copy_over_.notify_all();
 }
 
 void Filler::forget_buffers() noexcept {
@@ -63,14 +65,22 @@ void Filler::forget_buffers() noexcept {
 uint64_t Filler::begin_again() noexcept {
   stopping_.store(false, std::memory_order_release);
   patience_lost_ = false;
-  const uint64_t index = kept_ ? kept_->index : next_index_;
-  skip_before(index);
-  if (!kept_) return index;
+  if (kept_count_ == 0) {
+    skip_before(next_index_);
+    return next_index_;
+  }
+  const KeptFrame& newest = kept_.at(kept_count_ - 1);
+  skip_before(newest.index);
   display::ScanoutBuffer* const buffer = display_.acquire();
   if (buffer == nullptr) return next_index_;
-  fill(*buffer, kept_->lent.frame);
-  LENTICULE_CHECK(queue_.push({buffer, index}));
-  return index;
+  fill(*buffer, newest.lent.frame);
+  LENTICULE_CHECK(queue_.push({.buffer = buffer,
+                               .index = newest.index,
+                               .cut = source_.cut(),
+                               .number = newest.lent.number,
+                               .item = newest.lent.item,
+                               .rate = source_.rate()}));
+  return newest.index;
 }
 
 void Filler::run() noexcept {
@@ -83,6 +93,7 @@ void Filler::run() noexcept {
 
 void Filler::pump(milliseconds patience) noexcept {
   const auto deadline = SteadyClock::now() + patience;
+  if (source_.wake_fd() >= 0) source_.service();
   while (!stopping_.load(std::memory_order_acquire)) {
     const Step result = step();
     if (result == Step::Worked) patience_lost_ = false;
@@ -95,8 +106,10 @@ void Filler::pump(milliseconds patience) noexcept {
 }
 
 Filler::Step Filler::step() noexcept {
+  if (copy_wanted_.load(std::memory_order_acquire)) serve_copy();
   if (state() != State::Running) return Step::Over;
   try {
+    follow_cut();
     const Step result = pull_next();
     look_at_source();
     return result;
@@ -115,6 +128,7 @@ Filler::Step Filler::pull_next() {
     case frames::PullStatus::Ready:
       return take(lent);
     case frames::PullStatus::NotYet:
+      idle_.store(source_.nothing_owed());
       return Step::NoFrame;
     case frames::PullStatus::End:
       return begin_next_loop();
@@ -131,7 +145,8 @@ Filler::Step Filler::take(const frames::LentFrame& lent) {
   keep_or_release(lent, fits && wanted);
   if (!fits) return end(State::Failed, "the source changed the size of its frames");
 
-  if (next_index_ == 0) source_rate_ = source_.rate();
+  follow_cut();
+  idle_.store(false);
   between_sequences_.store(false);
   const uint64_t index = next_index_++;
   ++frames_this_loop_;
@@ -140,7 +155,12 @@ Filler::Step Filler::take(const frames::LentFrame& lent) {
     statistics_.released.add();
     return Step::Worked;
   }
-  LENTICULE_CHECK(queue_.push({buffer_, index}));
+  LENTICULE_CHECK(queue_.push({.buffer = buffer_,
+                               .index = index,
+                               .cut = cut(),
+                               .number = lent.number,
+                               .item = lent.item,
+                               .rate = source_.rate()}));
   buffer_ = nullptr;
   notify_presenter();
   return Step::Worked;
@@ -155,9 +175,63 @@ void Filler::fill(display::ScanoutBuffer& buffer, const frames::FrameView& frame
 
 /// The frame at hand has the number next_index_.
 void Filler::keep_or_release(const frames::LentFrame& lent, bool keep) {
-  if (!keep || !options_.keep_newest || source_.max_lent() < 2) return source_.release(lent.token);
-  if (kept_) source_.release(kept_->lent.token);
-  kept_ = {.lent = lent, .index = next_index_};
+  const size_t limit = keep ? keep_limit() : 0;
+  const uint64_t on_glass = on_glass_.load(std::memory_order_acquire);
+  const auto is_over = [&] { return options_.keep_shown && kept_.front().index < on_glass; };
+  if (keep)
+    while (kept_count_ > 0 && (kept_count_ >= limit || is_over())) release_oldest();
+  if (limit == 0) return source_.release(lent.token);
+  kept_.at(kept_count_++) = {.lent = lent, .index = next_index_};
+}
+
+/// One that is lent must remain for the next frame.
+size_t Filler::keep_limit() const {
+  const auto spare = static_cast<size_t>(std::max(0, source_.max_lent() - 1));
+  if (options_.keep_shown) return std::min(spare, kept_.size());
+  return options_.keep_newest ? std::min<size_t>(spare, 1) : 0;
+}
+
+void Filler::release_oldest() noexcept {
+  source_.release(kept_.front().lent.token);
+  std::move(kept_.begin() + 1, kept_.begin() + static_cast<ptrdiff_t>(kept_count_), kept_.begin());
+  --kept_count_;
+}
+
+void Filler::follow_cut() noexcept {
+  const uint64_t cut = source_.cut();
+  if (cut == cut_.load(std::memory_order_relaxed)) return;
+  cut_.store(cut);
+  if (cut_wake_ != nullptr) cut_wake_->signal();
+}
+
+void Filler::serve_copy() noexcept {
+  {
+    const std::lock_guard lock(copy_mutex_);
+    const uint64_t on_glass = on_glass_.load(std::memory_order_acquire);
+    for (size_t k = 0; k < kept_count_ && copy_into_ != nullptr; ++k) {
+      const frames::FrameView& frame = kept_.at(k).lent.frame;
+      if (kept_.at(k).index != on_glass || frame.geometry != copy_into_->geometry()) continue;
+      std::copy(frame.bytes.begin(), frame.bytes.end(), copy_into_->bytes().begin());
+      copied_ = true;
+    }
+    copy_into_ = nullptr;
+    copy_wanted_.store(false, std::memory_order_release);
+  }
+  copy_over_.notify_all();
+}
+
+bool Filler::copy_shown(frames::WovenFrame& into, milliseconds patience) {
+  std::unique_lock lock(copy_mutex_);
+  copy_into_ = &into;
+  copied_ = false;
+  copy_wanted_.store(true, std::memory_order_release);
+  freed_.signal();
+  copy_over_.wait_for(lock, patience, [this] {
+    return copy_into_ == nullptr || stopping_.load(std::memory_order_acquire);
+  });
+  copy_into_ = nullptr;
+  copy_wanted_.store(false, std::memory_order_release);
+  return copied_;
 }
 
 Filler::Step Filler::begin_next_loop() {

@@ -5,7 +5,9 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <cstdint>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -20,6 +22,10 @@ namespace lenticule::player {
 struct FilledFrame {
   display::ScanoutBuffer* buffer = nullptr;
   uint64_t index = 0;
+  uint64_t cut = 0;                  ///< of the source when it was pulled
+  uint64_t number = 0;               ///< within its item
+  uint32_t item = 0;                 ///< of the source
+  std::optional<frames::Rate> rate;  ///< that the source states
 };
 
 /// Bounded, lock-free, one producer and one consumer.
@@ -48,6 +54,8 @@ struct FillerOptions {
   /// The newest frame stays lent, by a source that lends two, for a display that is lost and comes
   /// back: begin_again().
   bool keep_newest = false;
+  /// Frames stay lent until they leave the glass, as far as the source lends so many: copy_shown().
+  bool keep_shown = false;
 };
 
 /// The source belongs to the filling thread: run(), or pump() where the presenter fills for itself.
@@ -86,6 +94,10 @@ class Filler {
   void skip_before(uint64_t index) noexcept {
     skip_before_.store(index, std::memory_order_relaxed);
   }
+  /// Presenter: frame `index` is on the glass.
+  void shown(uint64_t index) noexcept { on_glass_.store(index, std::memory_order_release); }
+  /// Presenter, before anything runs: `wake` is signalled whenever cut() grows.
+  void wake_at_cuts(WakeFd& wake) noexcept { cut_wake_ = &wake; }
   /// Presenter: asks that `wake` be signalled at the next change. Look again after calling it.
   void wake_at_next_change(WakeFd& wake) noexcept { waiting_.store(&wake); }
 
@@ -96,8 +108,13 @@ class Filler {
   /// Any thread: playing for ever, the sequence is over, cannot be played again, and another one
   /// may come. Nothing is owed meanwhile.
   [[nodiscard]] bool between_sequences() const noexcept { return between_sequences_.load(); }
-  /// Presenter, once peek() has shown a frame: the rate that the source states.
-  [[nodiscard]] std::optional<frames::Rate> source_rate() const noexcept { return source_rate_; }
+  /// Any thread: the source has nothing and owes nothing, however long that takes.
+  [[nodiscard]] bool idle() const noexcept { return idle_.load(); }
+  /// Any thread: frames of a smaller cut need not be shown any more.
+  [[nodiscard]] uint64_t cut() const noexcept { return cut_.load(); }
+  /// Any thread but the two: copies the frame that is on the glass, which has the size of `into`.
+  /// False if it was not kept, or nobody fills at the moment; waits at most `patience`.
+  [[nodiscard]] bool copy_shown(frames::WovenFrame& into, std::chrono::milliseconds patience);
   /// Why it failed; only once state() is Failed.
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
 
@@ -114,6 +131,10 @@ class Filler {
   [[nodiscard]] Step begin_next_loop();
   void fill(display::ScanoutBuffer& buffer, const frames::FrameView& frame) noexcept;
   void keep_or_release(const frames::LentFrame& lent, bool keep);
+  [[nodiscard]] size_t keep_limit() const;
+  void release_oldest() noexcept;
+  void follow_cut() noexcept;
+  void serve_copy() noexcept;
   Step end(State state, const char* failure) noexcept;
   void look_at_source() noexcept;
   void wait_for_change(std::chrono::milliseconds timeout, bool for_buffer) noexcept;
@@ -129,18 +150,29 @@ class Filler {
   uint64_t next_index_ = 0;
   uint64_t frames_this_loop_ = 0;
   bool patience_lost_ = false;
-  std::optional<KeptFrame> kept_;
+  std::array<KeptFrame, FilledQueue::kCapacity + 2> kept_{};  ///< oldest first
+  size_t kept_count_ = 0;
   std::string failure_;
-  std::optional<frames::Rate> source_rate_;  ///< written before the first push
 
   FilledQueue queue_;
   std::atomic<uint64_t> skip_before_{0};
+  std::atomic<uint64_t> on_glass_{0};
+  std::atomic<uint64_t> cut_{0};
+  std::atomic<bool> idle_{false};
+  WakeFd* cut_wake_ = nullptr;
   std::atomic<State> state_{State::Running};
   std::atomic<bool> primed_{false};
   std::atomic<bool> between_sequences_{false};
   std::atomic<bool> stopping_{false};
   std::atomic<WakeFd*> waiting_{nullptr};
   WakeFd freed_;
+
+  // Whoever wants a copy of what is on the glass; the filling thread looks only if it is wanted.
+  std::atomic<bool> copy_wanted_{false};
+  std::mutex copy_mutex_;  ///< guards what follows
+  std::condition_variable copy_over_;
+  frames::WovenFrame* copy_into_ = nullptr;
+  bool copied_ = false;
 };
 
 }  // namespace lenticule::player

@@ -100,6 +100,13 @@ void Pacer::resume(frames::Rate content, frames::Rate refresh, uint64_t frame) n
   begin_epoch();
 }
 
+void Pacer::change_rate(frames::Rate content) noexcept {
+  base_frame_ = frame();
+  origin_ = due();
+  content_ = locked_rate(content, refresh_);
+  cadence_ = Cadence(content_, refresh_);
+}
+
 /// The vblanks after the last flip, up to `end`: planned until `expected`, then starved, then
 /// missed.
 void Pacer::account(uint64_t expected, uint64_t end, uint64_t starved) noexcept {

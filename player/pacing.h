@@ -74,6 +74,9 @@ class Pacer {
     starved_since_.reset();
   }
 
+  /// From frame() on, which stays due when it is, the content goes at another rate.
+  void change_rate(frames::Rate content) noexcept;
+
   /// The display itself was away: goes on with `frame`, by a cadence for what may be another
   /// refresh, as after a pause. Counts stay.
   void resume(frames::Rate content, frames::Rate refresh, uint64_t frame) noexcept;

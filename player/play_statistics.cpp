@@ -36,6 +36,24 @@ ordered_json pace_json(const PaceCounts& pace) {
 
 }  // namespace
 
+void LiveGlassPlace::publish(const GlassPlace& place) noexcept {
+  const auto values = std::bit_cast<std::array<uint64_t, kFields>>(place);
+  const uint64_t version = version_.load(std::memory_order_relaxed);
+  version_.store(version + 1, std::memory_order_seq_cst);
+  for (size_t k = 0; k < kFields; ++k) fields_[k].store(values[k], std::memory_order_seq_cst);
+  version_.store(version + 2, std::memory_order_seq_cst);
+}
+
+GlassPlace LiveGlassPlace::read() const noexcept {
+  std::array<uint64_t, kFields> values{};
+  uint64_t before = 0;
+  do {
+    before = version_.load(std::memory_order_seq_cst);
+    for (size_t k = 0; k < kFields; ++k) values[k] = fields_[k].load(std::memory_order_seq_cst);
+  } while (before % 2 != 0 || before != version_.load(std::memory_order_seq_cst));
+  return std::bit_cast<GlassPlace>(values);
+}
+
 void LivePaceCounts::publish(const PaceCounts& counts) noexcept {
   const auto values = std::bit_cast<std::array<uint64_t, kFields>>(counts);
   for (size_t i = 0; i < kFields; ++i) fields_[i].set(values[i]);
@@ -92,6 +110,7 @@ nlohmann::ordered_json to_json(const PlayReport& report) {
                {"display_returns", report.display_returns},
                {"frames_lost", report.frames_lost},
                {"frames_shown_again", report.frames_shown_again},
+               {"frames_cut", report.frames_cut},
                {"loops", report.loops},
                {"frames_copied", report.filled},
                {"frames_released", report.released},

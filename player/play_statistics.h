@@ -3,6 +3,7 @@
 // figure means.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <nlohmann/json.hpp>
@@ -37,8 +38,30 @@ class LivePaceCounts {
   std::array<Counter, kFields> fields_;
 };
 
+/// Which frame is on the glass.
+struct GlassPlace {
+  uint64_t frames = 0;  ///< shown so far; 0 = nothing is on the glass yet
+  uint64_t index = 0;   ///< of the playback
+  uint64_t item = 0;    ///< of the source
+  uint64_t number = 0;  ///< within the item
+};
+
+/// A GlassPlace that any thread can read whole, written by one that never waits.
+class LiveGlassPlace {
+ public:
+  void publish(const GlassPlace& place) noexcept;
+  [[nodiscard]] GlassPlace read() const noexcept;
+
+ private:
+  static constexpr size_t kFields = sizeof(GlassPlace) / sizeof(uint64_t);
+  std::atomic<uint64_t> version_{0};  ///< odd while it is being written
+  std::array<std::atomic<uint64_t>, kFields> fields_{};
+};
+
 struct PresenterStatistics {
   LivePaceCounts pace;
+  LiveGlassPlace glass;
+  Counter frames_cut;          ///< filled, and left out because something else was wanted
   Counter late_submits;        ///< within the margin before their vblank, even if they made it
   Counter flip_timeouts;       ///< flips whose event never came
   Counter vblank_timeouts;     ///< vblanks asked for whose event never came
@@ -106,6 +129,7 @@ struct PlayReport {
   uint64_t display_returns = 0;
   uint64_t frames_lost = 0;
   uint64_t frames_shown_again = 0;
+  uint64_t frames_cut = 0;
   uint64_t loops = 0;
   uint64_t filled = 0;
   uint64_t released = 0;

@@ -39,15 +39,22 @@ class Threads {
         filler_(source, display, statistics.filler,
                 {.loops = options.loops,
                  .prime = options.prime,
-                 .keep_newest = options.bring_back != nullptr}),
+                 .keep_newest = options.bring_back != nullptr,
+                 .keep_shown = options.control != nullptr}),
         presenter_(display, filler_, statistics.presenter,
                    {.content = options.content,
                     .late = options.late,
                     .vblanks = options.vblanks,
                     .prime_timeout = options.prime_timeout,
                     .stall_timeout = options.stall_timeout,
-                    .filling = options.filling}) {}
-  ~Threads() { end(); }
+                    .filling = options.filling}),
+        control_(options.control) {
+    if (control_ != nullptr) control_->attach(presenter_, filler_, statistics_.presenter);
+  }
+  ~Threads() {
+    end();
+    if (control_ != nullptr) control_->detach();
+  }
   Threads(const Threads&) = delete;
   Threads& operator=(const Threads&) = delete;
 
@@ -93,6 +100,7 @@ class Threads {
   const bool real_time_;
   Filler filler_;
   Presenter presenter_;
+  PlaybackControl* const control_;
   WakeFd over_;
   PlayOutcome outcome_ = PlayOutcome::Stopped;
   std::thread filler_thread_;
@@ -129,6 +137,7 @@ void add_counters(const LiveStatistics& live, PlayReport& report) {
   report.display_returns = presenter.display_returns.get();
   report.frames_lost = presenter.frames_lost.get();
   report.frames_shown_again = presenter.frames_shown_again.get();
+  report.frames_cut = presenter.frames_cut.get();
   report.refresh_measured_hz = measured_refresh_hz(presenter);
   report.submit_to_flip = presenter.submit_to_flip.summary();
   report.wake = presenter.wake.summary();
@@ -232,6 +241,44 @@ void check_sizes(const display::Display& display, const frames::FrameSource& sou
 }
 
 }  // namespace
+
+void PlaybackControl::attach(Presenter& presenter, Filler& filler,
+                             const PresenterStatistics& statistics) {
+  const std::lock_guard lock(mutex_);
+  presenter_ = &presenter;
+  filler_ = &filler;
+  statistics_ = &statistics;
+  presenter.set_paused(paused_);
+}
+
+void PlaybackControl::detach() {
+  const std::lock_guard lock(mutex_);
+  presenter_ = nullptr;
+  filler_ = nullptr;
+  statistics_ = nullptr;
+}
+
+void PlaybackControl::pause(bool paused) {
+  const std::lock_guard lock(mutex_);
+  paused_ = paused;
+  if (presenter_ != nullptr) presenter_->set_paused(paused);
+}
+
+bool PlaybackControl::paused() const {
+  const std::lock_guard lock(mutex_);
+  return paused_;
+}
+
+GlassPlace PlaybackControl::on_glass() const {
+  const std::lock_guard lock(mutex_);
+  return statistics_ != nullptr ? statistics_->glass.read() : GlassPlace{};
+}
+
+bool PlaybackControl::copy_shown(frames::WovenFrame& into) {
+  const std::lock_guard lock(mutex_);
+  if (filler_ == nullptr || statistics_->glass.read().frames == 0) return false;
+  return filler_->copy_shown(into, milliseconds(1000));
+}
 
 const char* outcome_name(PlayOutcome outcome) {
   switch (outcome) {

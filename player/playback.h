@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <functional>
+#include <mutex>
 #include <optional>
 #include <string>
 
@@ -30,6 +31,32 @@ enum class Comeback {
   TimeOver,  ///< LostDisplay::time_left is over: the outcome is Finished
 };
 
+class Filler;
+
+/// By which other threads steer a playback. It outlives the playbacks that it is given to; without
+/// one that runs, pausing is remembered and everything else says that there is nothing.
+class PlaybackControl {
+ public:
+  /// Any thread.
+  void pause(bool paused);
+  [[nodiscard]] bool paused() const;
+  [[nodiscard]] GlassPlace on_glass() const;
+  /// A copy of the frame on the glass, whose size is that of `into`; false where that cannot be
+  /// had. Waits at most a second.
+  [[nodiscard]] bool copy_shown(frames::WovenFrame& into);
+
+  /// play(): what it steers from now on; nothing again before that ends.
+  void attach(Presenter& presenter, Filler& filler, const PresenterStatistics& statistics);
+  void detach();
+
+ private:
+  mutable std::mutex mutex_;
+  bool paused_ = false;
+  Presenter* presenter_ = nullptr;
+  Filler* filler_ = nullptr;
+  const PresenterStatistics* statistics_ = nullptr;
+};
+
 struct PlaybackOptions {
   /// How fast the content goes: the source's own rate if none, else the display's refresh.
   std::optional<frames::Rate> content = std::nullopt;
@@ -42,6 +69,9 @@ struct PlaybackOptions {
   Filling filling = Filling::OwnThread;
   /// Ask the system for a real-time priority of the presenter; without permission it goes on.
   bool real_time_priority = false;
+
+  /// May be null. Frames then stay lent until they have left the glass.
+  PlaybackControl* control = nullptr;
 
   /// Readable = stop; -1 = never.
   int stop_fd = -1;

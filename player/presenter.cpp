@@ -36,7 +36,15 @@ Presenter::Presenter(display::Display& display, Filler& filler, PresenterStatist
       statistics_(statistics),
       options_(options),
       period_(period_of(display.mode().refresh)),
-      pacer_(display.mode().refresh, display.mode().refresh, options.late) {}
+      pacer_(display.mode().refresh, display.mode().refresh, options.late),
+      wanted_rate_(display.mode().refresh) {
+  filler_.wake_at_cuts(wake_);
+}
+
+void Presenter::set_paused(bool paused) noexcept {
+  paused_.store(paused, std::memory_order_release);
+  wake_.signal();
+}
 
 void Presenter::request_stop() noexcept {
   stopping_.store(true, std::memory_order_release);
@@ -75,6 +83,7 @@ void Presenter::resume(uint64_t frame) noexcept {
   pending_.reset();
   starved_since_.reset();
   tick_requested_ = rebuffering_ = false;
+  shows_one_more_ = true;
   events_lost_in_a_row_ = refused_in_a_row_ = 0;
   period_ = period_of(display_.mode().refresh);
   count_begins_anew_ = true;
@@ -86,20 +95,22 @@ void Presenter::resume(uint64_t frame) noexcept {
     statistics_.frames_lost.add(frame - expected);
   first_frame_ = frame;
   if (!pacer_.started()) return;
-  pacer_.resume(content_wanted(), display_.mode().refresh, frame);
+  wanted_rate_ = content_wanted();
+  pacer_.resume(wanted_rate_, display_.mode().refresh, frame);
   state_rate();
 }
 
 /// Waits until there is enough to start with: all that was asked for, all that can be had, or what
 /// came within the time.
 void Presenter::prime() noexcept {
-  const Nanoseconds begin = display_.now();
+  Nanoseconds begin = display_.now();
   std::optional<Nanoseconds> first_frame;
   while (!over()) {
     if (options_.filling == Filling::InPresenter) filler_.pump(kSourcePatience);
     filler_.wake_at_next_change(wake_);
     const Nanoseconds now = display_.now();
     const bool over_already = filler_.state() != Filler::State::Running;
+    if (filler_.idle()) begin = now;
     if (filler_.peek() != nullptr) {
       if (!first_frame) first_frame = now;
       if (filler_.primed() || now >= *first_frame + options_.prime_timeout) return;
@@ -113,17 +124,18 @@ void Presenter::prime() noexcept {
   }
 }
 
-/// A source may learn its rate only with its first frame.
+/// A source may learn its rate only with its first frame, and change it with any.
 frames::Rate Presenter::content_wanted() const noexcept {
   const frames::Rate refresh = display_.mode().refresh;
   if (options_.content) return *options_.content;
-  return filler_.peek() != nullptr ? filler_.source_rate().value_or(refresh) : refresh;
+  return filler_.peek() != nullptr ? filler_.peek()->rate.value_or(refresh) : refresh;
 }
 
 void Presenter::choose_rate() noexcept {
   const frames::Rate refresh = display_.mode().refresh;
-  pacer_ = Pacer(content_wanted(), refresh, options_.late);
-  if (first_frame_ > 0) pacer_.resume(content_wanted(), refresh, first_frame_);
+  wanted_rate_ = content_wanted();
+  pacer_ = Pacer(wanted_rate_, refresh, options_.late);
+  if (first_frame_ > 0) pacer_.resume(wanted_rate_, refresh, first_frame_);
   state_rate();
 }
 
@@ -136,14 +148,17 @@ void Presenter::state_rate() noexcept {
 void Presenter::act() noexcept {
   if (options_.filling == Filling::InPresenter) filler_.pump(kSourcePatience);
   if (pending_) return;
+  follow_cut();
   const uint64_t target = next_reachable_vblank();
   if (!end_vblank_ && options_.vblanks && pacer_.started())
     if (target >= pacer_.first_vblank() + *options_.vblanks)
       end_vblank_ = pacer_.first_vblank() + *options_.vblanks;
   if (end_vblank_) return end_at_vblank(*end_vblank_, outcome_at_end_);
+  if (holds_still()) return request_vblank(last_sequence_);
 
   while (true) {
     discard_before(pacer_.frame());
+    follow_rate();
     switch (pacer_.decide(target, head_is_ready())) {
       case PaceDecision::Submit:
         return submit(*filler_.peek(), target);
@@ -166,16 +181,60 @@ bool Presenter::head_is_ready() const noexcept {
 void Presenter::discard_before(uint64_t index) noexcept {
   filler_.skip_before(index);
   const FilledFrame* head = filler_.peek();
-  for (; head != nullptr && head->index < index; head = filler_.peek()) {
-    display_.discard(head->buffer);
-    filler_.pop();
-    filler_.buffer_freed();
+  for (; head != nullptr && head->index < index; head = filler_.peek()) discard_head();
+}
+
+void Presenter::discard_head() noexcept {
+  display_.discard(filler_.peek()->buffer);
+  filler_.pop();
+  filler_.buffer_freed();
+}
+
+/// Somebody wants to see something else: what was filled before that is left out, and the schedule
+/// begins anew with the first frame after it. Until then the one on the glass stays.
+void Presenter::follow_cut() noexcept {
+  const uint64_t cut = filler_.cut();
+  if (cut != cut_) {
+    cut_ = cut;
+    after_cut_ = shows_one_more_ = true;
+    rebuffering_ = false;
+    starved_since_.reset();
+    pacer_.begin_epoch();
   }
+  const FilledFrame* head = filler_.peek();
+  for (; head != nullptr && head->cut < cut_; head = filler_.peek()) {
+    discard_head();
+    statistics_.frames_cut.add();
+  }
+  if (!after_cut_ || head == nullptr) return;
+  after_cut_ = false;
+  wanted_rate_ = content_wanted();
+  pacer_.resume(wanted_rate_, display_.mode().refresh, head->index);
+  state_rate();
+}
+
+/// Things that follow one another may have rates of their own.
+void Presenter::follow_rate() noexcept {
+  const FilledFrame* const head = filler_.peek();
+  if (options_.content || head == nullptr || head->index != pacer_.frame()) return;
+  const frames::Rate rate = head->rate.value_or(display_.mode().refresh);
+  if (rate == wanted_rate_) return;
+  wanted_rate_ = rate;
+  pacer_.change_rate(rate);
+  state_rate();
+}
+
+bool Presenter::holds_still() noexcept {
+  if (!paused_.load(std::memory_order_acquire) || shows_one_more_) return false;
+  starved_since_.reset();
+  pacer_.begin_epoch();
+  return true;
 }
 
 void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
   const Nanoseconds now = display_.now();
   const uint64_t id = frame.index;
+  const FilledFrame head = frame;
   switch (display_.submit(frame.buffer, id)) {
     case SubmitStatus::Accepted:
       break;
@@ -192,7 +251,9 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
   }
   filler_.pop();
   pacer_.submitted(target);
-  pending_ = {.target = target, .id = id, .submitted = now};
+  pending_ = {
+      .target = target, .id = id, .submitted = now, .number = head.number, .item = head.item};
+  shows_one_more_ = false;
   refused_in_a_row_ = 0;
   rebuffering_ = false;
   starved_since_.reset();
@@ -213,8 +274,14 @@ void Presenter::starve(uint64_t target) noexcept {
         end, state == Filler::State::Ended ? PlayOutcome::Finished : PlayOutcome::SourceFailed);
   }
   const Nanoseconds now = display_.now();
-  if (!starved_since_) starved_since_ = now;
-  if (options_.stall_timeout && now >= *starved_since_ + *options_.stall_timeout) {
+  if (filler_.idle()) {
+    starved_since_.reset();
+    pacer_.begin_epoch();
+  } else if (!starved_since_) {
+    starved_since_ = now;
+  }
+  if (options_.stall_timeout && starved_since_ &&
+      now >= *starved_since_ + *options_.stall_timeout) {
     outcome_ = PlayOutcome::SourceStalled;
     return;
   }
@@ -287,6 +354,11 @@ void Presenter::handle_flip(const DisplayEvent& event) noexcept {
   statistics_.submit_to_flip.record(event.time - pending_->submitted);
   observe_vblank(event);
   pacer_.flipped(event.sequence);
+  filler_.shown(pending_->id);
+  statistics_.glass.publish({.frames = pacer_.counts().shown,
+                             .index = pending_->id,
+                             .item = pending_->item,
+                             .number = pending_->number});
   pending_.reset();
   events_lost_in_a_row_ = 0;
   filler_.buffer_freed();

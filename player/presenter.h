@@ -60,12 +60,16 @@ class Presenter {
   void close_books() noexcept;
   /// Any thread: finish the pending flip and return.
   void request_stop() noexcept;
+  /// Any thread: what is on the glass stays there, but for one frame after every cut of the source.
+  void set_paused(bool paused) noexcept;
 
  private:
   struct PendingFlip {
     uint64_t target = 0;
     uint64_t id = 0;
     display::Nanoseconds submitted{0};
+    uint64_t number = 0;
+    uint32_t item = 0;
   };
 
   void play_on() noexcept;
@@ -78,6 +82,10 @@ class Presenter {
   void starve(uint64_t target) noexcept;
   void end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept;
   void discard_before(uint64_t index) noexcept;
+  void discard_head() noexcept;
+  void follow_cut() noexcept;
+  void follow_rate() noexcept;
+  [[nodiscard]] bool holds_still() noexcept;
   [[nodiscard]] bool head_is_ready() const noexcept;
   void request_vblank(uint64_t sequence) noexcept;
 
@@ -113,6 +121,10 @@ class Presenter {
   display::Nanoseconds tick_expected_{0};  ///< by when
   bool rebuffering_ = false;               ///< LatePolicy::Hold after an underrun
   std::optional<display::Nanoseconds> starved_since_;
+  frames::Rate wanted_rate_;    ///< of the frame at the head, before it is locked to the display
+  uint64_t cut_ = 0;            ///< of the source, as far as it has been followed
+  bool after_cut_ = false;      ///< the first frame after the cut is awaited
+  bool shows_one_more_ = true;  ///< although it is paused
   uint64_t last_sequence_ = 0;
   display::Nanoseconds last_vblank_{0};
   /// Our vblank number less the display's, whose count begins anew when it comes back.
@@ -123,6 +135,7 @@ class Presenter {
 
   WakeFd wake_;
   std::atomic<bool> stopping_{false};
+  std::atomic<bool> paused_{false};
 };
 
 }  // namespace lenticule::player

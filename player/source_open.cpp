@@ -99,10 +99,12 @@ OpenedSource open_pictures(const SourceRequest& request) {
   std::vector<fs::path> files = request.frames ? files_in_range(request.text, *request.frames)
                                                : frames::list_frame_files(request.text);
   const fs::path first = files.front();
+  const uint64_t begin = request.first_frame < files.size() ? request.first_frame : 0;
   OpenedSource opened;
   opened.source = std::make_unique<frames::ImageSequence>(
       std::move(files), frames::ImageSequenceOptions{.pool_frames = std::max(request.slots, 2),
-                                                     .decoder_threads = decoder_threads()});
+                                                     .decoder_threads = decoder_threads(),
+                                                     .first = begin});
   require_panel_size(request, opened.source->geometry(), first.string());
   return opened;
 }
@@ -134,6 +136,7 @@ frames::SequenceSourceOptions sequence_options(const SourceRequest& request,
   frames::SequenceSourceOptions options;
   options.pool_frames = std::max(request.slots, 2);
   options.decoder_threads = decoder_threads();
+  options.first = request.first_frame;
   if (!request.frames) return options;
   if (request.frames->begin < info.first_frame)
     throw Error(ErrorKind::Input,

@@ -34,9 +34,11 @@ struct SourceRequest {
   std::string rig_file = {};  ///< what is woven here is woven for it, and again when it changes
   int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
   std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern or container
-  bool plays_again = false;                         ///< frames are kept for a loop where they fit
-  display::CardText card = {};                      ///< what a test card says
-  std::shared_ptr<const LiveTrim> trim = nullptr;   ///< the rig of "views"
+  /// Where the first round begins, if the kind can: a hint, frames tell their numbers.
+  uint64_t first_frame = 0;
+  bool plays_again = false;                        ///< frames are kept for a loop where they fit
+  display::CardText card = {};                     ///< what a test card says
+  std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of "views"
 };
 
 struct OpenedSource {

@@ -54,6 +54,8 @@ SequenceSource::SequenceSource(const std::filesystem::path& file,
     loop_ = info.loop_begin;
   }
   round_end_ = last_ - first_;
+  skipped_ = options.first < last_ - first_ ? options.first : 0;
+  next_decode_ = next_pull_ = round_begin_ = skipped_;
   spare_cache_ = reader_.file_bytes() > options.cached_file_bytes;
   const auto pool = static_cast<size_t>(std::max(options.pool_frames, kMinPoolFrames));
   slots_.resize(std::min<uint64_t>(pool, last_ - first_));
@@ -150,7 +152,7 @@ std::string SequenceSource::failure() const {
 }
 
 bool SequenceSource::can_decode_next() const {
-  if (broken_ || (resident_ && next_decode_ == slots_.size())) return false;
+  if (broken_ || (resident_ && next_decode_ == skipped_ + slots_.size())) return false;
   return slot_of(next_decode_).state == SlotState::Free;
 }
 

@@ -24,6 +24,8 @@ struct SequenceSourceOptions {
   /// Frames [begin, end) of the file, 0-based, instead of all; must not be empty.
   uint64_t begin = 0;
   std::optional<uint64_t> end = std::nullopt;
+  /// With how many of them left out the first round begins; as many as there are count as none.
+  uint64_t first = 0;
   /// A longer file is read past the page cache, a shorter one stays in it.
   uint64_t cached_file_bytes = uint64_t{1} << 30;
 };
@@ -90,6 +92,7 @@ class SequenceSource final : public FrameSource {
   uint64_t first_ = 0;     ///< frame of the file that the first round begins with
   uint64_t loop_ = 0;      ///< frame that every later round begins with
   uint64_t last_ = 0;      ///< behind the last frame of every round
+  uint64_t skipped_ = 0;   ///< frames that the first round leaves out
   bool resident_ = false;  ///< every frame has a slot of its own and stays there
   bool spare_cache_ = false;
   UniqueFd wake_;
