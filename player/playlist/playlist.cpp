@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which item follows which, and when.
+#include "player/playlist/playlist.h"
+
+#include <ctime>
+
+namespace lenticule::player {
+
+LocalTime local_time_now() {
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  localtime_r(&now, &local);
+  return {.weekday = (local.tm_wday + 6) % 7, .minute = local.tm_hour * 60 + local.tm_min};
+}
+
+bool Schedule::permits(LocalTime time) const {
+  const auto on = [&](int weekday) { return ((days >> ((weekday + 7) % 7)) & 1) != 0; };
+  if (from_minute < to_minute)
+    return on(time.weekday) && time.minute >= from_minute && time.minute < to_minute;
+  const bool evening = on(time.weekday) && time.minute >= from_minute;
+  const bool night = on(time.weekday - 1) && time.minute < to_minute;
+  return evening || night;
+}
+
+bool is_playlist_file(std::string_view source) {
+  return source.ends_with(".toml");
+}
+
+Playlist playlist_of(const std::string& source, uint64_t rounds) {
+  Playlist list{.name = source, .items = {}, .standby = {}, .rounds = 1};
+  // Loops of the item itself, which are those without a gap.
+  list.items.push_back({.source = source, .loops = rounds});
+  return list;
+}
+
+NextItem next_item(const Playlist& list, std::optional<size_t> after, uint64_t rounds_done,
+                   LocalTime now) {
+  const uint64_t rounds_before = rounds_done;
+  size_t index = after ? *after + 1 : 0;
+  for (size_t passed = 0; passed <= list.items.size(); ++passed, ++index) {
+    if (index >= list.items.size()) {
+      ++rounds_done;
+      index = 0;
+      if (list.rounds != kForever && rounds_done >= list.rounds)
+        return {.kind = NextItem::Kind::End, .index = 0, .rounds_done = rounds_done};
+    }
+    if (list.items[index].permitted(now))
+      return {.kind = NextItem::Kind::Item, .index = index, .rounds_done = rounds_done};
+  }
+  const auto kind = list.standby ? NextItem::Kind::Standby : NextItem::Kind::None;
+  return {.kind = kind, .index = index, .rounds_done = rounds_before};
+}
+
+}  // namespace lenticule::player

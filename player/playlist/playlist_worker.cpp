@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+// The other half of a playlist: the thread that opens and closes items, and what anybody may ask.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "player/playlist/playlist_source.h"
+
+namespace lenticule::player {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+/// When nothing can be played, or nothing is for this time.
+constexpr auto kRetry = std::chrono::seconds(1);
+
+}  // namespace
+
+std::unique_ptr<PlaylistSource::Play> PlaylistSource::open_play(const PlaylistItem& item,
+                                                                uint64_t frame) const {
+  auto play = std::make_unique<Play>();
+  play->item = item;
+  play->first_frame = frame;
+  play->skips_to_first = frame > 0;
+  play->opened = options_.open(item, frame);
+  const frames::FrameSource& source = *play->opened.source;
+  const frames::FrameGeometry size = source.geometry();
+  if (size != options_.panel)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: frames of {}x{} pixels, but the panel has {}x{}", item.source,
+                            size.width, size.height, options_.panel.width, options_.panel.height),
+                "woven frames fit one panel, pixel for pixel");
+  if (source.frame_count() && frame >= *source.frame_count())
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("frame {}: {} has {} frames", frame, item.source, *source.frame_count()),
+        "frames are counted from 0");
+  return play;
+}
+
+void PlaylistSource::open_first() {
+  const auto list = list_;
+  std::unique_ptr<Play> first;
+  if (list->items.size() == 1 && !list->items.front().schedule)
+    first = open_play(list->items.front(), 0);
+  const std::lock_guard lock(mutex_);
+  next_wanted_ = first == nullptr;
+  if (first) note_opened(std::move(first), {.kind = NextItem::Kind::Item});
+  work_there_.notify_all();
+}
+
+// --- the opening thread ---------------------------------------------------------------------
+
+void PlaylistSource::work() {
+  std::unique_lock lock(mutex_);
+  while (!stopping_) {
+    if (!trash_.empty()) {
+      std::vector<std::unique_ptr<Play>> trash = std::move(trash_);
+      trash_.clear();
+      lock.unlock();
+      trash.clear();
+      lock.lock();
+    } else if (wish_ && !wish_->opened) {
+      open_wish(lock);
+    } else if (next_wanted_ && !next_ && !list_over_ && SteadyClock::now() >= retry_at_) {
+      open_next(lock);
+    } else {
+      work_there_.wait_for(lock, kRetry);
+    }
+  }
+}
+
+/// At most two items are open beside what is still on the glass: what was to come next goes.
+void PlaylistSource::open_wish(std::unique_lock<std::mutex>& lock) {
+  wish_->opened = true;
+  const uint64_t serial = wish_->serial;
+  const PlaylistItem item = wish_->item;
+  const uint64_t frame = wish_->frame;
+  std::unique_ptr<Play> gone = std::move(next_);
+  const bool next_was_wanted = next_wanted_ || gone;
+  next_wanted_ = false;
+  if (gone) position_ = status_.item ? status_.item : position_;
+  lock.unlock();
+  gone.reset();
+  std::unique_ptr<Play> play;
+  std::optional<Error> error;
+  try {
+    play = open_play(item, frame);
+  } catch (const Error& thrown) {
+    error = thrown;
+  } catch (const std::exception& thrown) {
+    error.emplace(ErrorKind::Failed, item.source + ": " + thrown.what());
+  }
+  lock.lock();
+  if (!wish_ || wish_->serial != serial) {
+    if (play) trash_.push_back(std::move(play));
+    return;
+  }
+  if (play) {
+    play->list = wish_->list;
+    play->index = wish_->index;
+    play->rounds_done = wish_->rounds_done;
+    wish_->play = std::move(play);
+    return wake_filler();
+  }
+  const JumpDone done = std::move(wish_->done);
+  wish_.reset();
+  next_wanted_ = next_was_wanted;
+  lock.unlock();
+  done(&*error);
+  wake_filler();
+  lock.lock();
+}
+
+void PlaylistSource::open_next(std::unique_lock<std::mutex>& lock) {
+  const auto list = list_;
+  const uint64_t serial = wish_serial_;
+  const NextItem pick = next_item(*list, position_, rounds_done_, options_.local_time());
+  nothing_for_now_ = pick.kind == NextItem::Kind::None;
+  list_over_ = pick.kind == NextItem::Kind::End;
+  const bool waits = pick.kind == NextItem::Kind::Standby && on_standby_;
+  if (nothing_for_now_ || waits) retry_at_ = SteadyClock::now() + kRetry;
+  if (nothing_for_now_ || list_over_ || waits) return wake_filler();
+
+  const bool standby = pick.kind == NextItem::Kind::Standby;
+  const PlaylistItem item = standby ? *list->standby : list->items[pick.index];
+  lock.unlock();
+  std::unique_ptr<Play> play;
+  std::string why;
+  try {
+    play = open_play(item, 0);
+  } catch (const std::exception& error) {
+    why = error.what();
+  }
+  lock.lock();
+  if (serial != wish_serial_ || list != list_) {
+    if (play) trash_.push_back(std::move(play));
+    return;
+  }
+  if (play) return note_opened(std::move(play), pick);
+  if (!standby) {
+    position_ = pick.index;
+    rounds_done_ = pick.rounds_done;
+  }
+  if (broken_in_a_row_ + 1 >= list->items.size() || standby)
+    retry_at_ = SteadyClock::now() + kRetry;
+  lock.unlock();
+  count_skipped(item.source, why);
+  lock.lock();
+}
+
+/// Under the lock.
+void PlaylistSource::note_opened(std::unique_ptr<Play> play, const NextItem& pick) {
+  play->list = list_;
+  if (pick.kind == NextItem::Kind::Item) {
+    play->index = position_ = pick.index;
+    rounds_done_ = pick.rounds_done;
+  }
+  play->rounds_done = rounds_done_;
+  next_ = std::move(play);
+  next_wanted_ = false;
+  wake_filler();
+}
+
+// --- anybody --------------------------------------------------------------------------------
+
+void PlaylistSource::jump(Jump jump, JumpDone done) {
+  std::optional<Wish> replaced;
+  std::optional<Error> error;
+  {
+    const std::lock_guard lock(mutex_);
+    const auto list = jump.list ? jump.list : list_;
+    const auto items = static_cast<int64_t>(list->items.size());
+    const std::optional<size_t> here = status_.item ? status_.item : position_;
+    int64_t index = jump.item.value_or(0);
+    if (jump.relative) index += static_cast<int64_t>(here.value_or(0));
+    if (jump.relative) index = (index % items + items) % items;
+    const bool stays = !jump.item && !jump.list;
+    if (stays) index = static_cast<int64_t>(here.value_or(0));
+    if (index < 0 || index >= items) {
+      error.emplace(ErrorKind::Usage, fmt::format("item {}: the list has {}", index, items),
+                    "items are counted from 0");
+    } else {
+      const auto at = static_cast<size_t>(index);
+      replaced = std::exchange(wish_, Wish{.play = nullptr,
+                                           .item = list->items[at],
+                                           .list = list,
+                                           .index = at,
+                                           .rounds_done = jump.list ? 0 : rounds_done_,
+                                           .frame = jump.frame,
+                                           .serial = ++wish_serial_,
+                                           .opened = false,
+                                           .done = std::move(done),
+                                           .since = SteadyClock::now()});
+      if (replaced && replaced->play) trash_.push_back(std::move(replaced->play));
+    }
+  }
+  work_there_.notify_all();
+  if (error) return done(&*error);
+  const Error superseded(ErrorKind::Failed, "load: another one came before it was ready");
+  if (replaced && replaced->done) replaced->done(&superseded);
+}
+
+void PlaylistSource::set_loops(uint64_t loops) {
+  const std::lock_guard lock(mutex_);
+  auto list = std::make_shared<Playlist>(*list_);
+  if (list->items.size() == 1) list->items.front().loops = loops;
+  if (list->items.size() > 1) list->rounds = loops;
+  rounds_done_ = 0;
+  list_ = std::move(list);
+  list_over_ = false;
+  work_there_.notify_all();
+}
+
+PlaylistStatus PlaylistSource::status() const {
+  const std::lock_guard lock(mutex_);
+  PlaylistStatus status = status_;
+  status.opening = wish_.has_value();
+  return status;
+}
+
+std::string PlaylistSource::source_of(uint32_t play) const {
+  const std::lock_guard lock(mutex_);
+  for (const Began& one : began_)
+    if (one.number == play) return one.source;
+  return {};
+}
+
+std::optional<size_t> PlaylistSource::place_of(uint32_t play) const {
+  const std::lock_guard lock(mutex_);
+  for (const Began& one : began_)
+    if (one.number == play) return one.index;
+  return std::nullopt;
+}
+
+void PlaylistSource::count_skipped(const std::string& source, const std::string& why) {
+  {
+    const std::lock_guard lock(mutex_);
+    ++status_.skipped;
+    ++broken_in_a_row_;
+    status_.last_trouble = why;
+  }
+  tell(PlaylistEvent::Kind::ItemSkipped, source, why);
+}
+
+void PlaylistSource::tell(PlaylistEvent::Kind kind, const std::string& source,
+                          const std::string& detail) {
+  if (kind == PlaylistEvent::Kind::Seam) {
+    const std::lock_guard lock(mutex_);
+    ++status_.seams;
+  }
+  if (options_.on_event) options_.on_event({kind, source, detail});
+}
+
+}  // namespace lenticule::player

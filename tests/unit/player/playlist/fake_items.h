@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// Items of a playlist that are scripted sources, opened by name.
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "optics/error.h"
+#include "player/playlist/playlist_source.h"
+#include "tests/support/fake_source.h"
+
+namespace lenticule::test {
+
+inline constexpr frames::FrameGeometry kItemSize{.width = 16, .height = 8};
+
+/// Frame k of a source whose numbers begin at `base` has the pixels of numbered_frame(base + k).
+class OffsetSource final : public frames::FrameSource {
+ public:
+  OffsetSource(uint64_t base, FakeSourceScript script) : script_(std::move(script)) {
+    for (uint64_t k = 0; k < script_.frames; ++k)
+      pixels_.push_back(numbered_frame(script_.geometry, base + k));
+  }
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return script_.geometry; }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return script_.rate; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return script_.frames; }
+  [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override {
+    if (script_.fails_after && pulled_ >= *script_.fails_after) return frames::PullStatus::Failed;
+    if (position_ == script_.frames) return frames::PullStatus::End;
+    out = {.frame = pixels_[position_].view(), .number = position_, .token = pulled_++};
+    ++position_;
+    return frames::PullStatus::Ready;
+  }
+  void release(uint64_t token) override { (void)token; }
+  [[nodiscard]] int max_lent() const override { return 100; }
+  [[nodiscard]] uint64_t ready_count() const override { return script_.frames - position_; }
+  [[nodiscard]] bool saturated() const override { return true; }
+  [[nodiscard]] bool rewind() override {
+    position_ = 0;
+    return script_.can_rewind;
+  }
+  [[nodiscard]] int wake_fd() const override { return -1; }
+  void service() override {}
+  [[nodiscard]] std::string failure() const override { return "the fake source broke"; }
+
+ private:
+  FakeSourceScript script_;
+  std::vector<frames::WovenFrame> pixels_;
+  uint64_t position_ = 0;
+  uint64_t pulled_ = 0;
+};
+
+struct FakeItem {
+  uint64_t base = 0;
+  FakeSourceScript script{.geometry = kItemSize};
+};
+
+/// The disk that a list's items are on. Any thread.
+class FakeShelf {
+ public:
+  void put(const std::string& name, FakeItem item) {
+    const std::lock_guard lock(mutex_);
+    items_[name] = std::move(item);
+  }
+  [[nodiscard]] player::ItemOpener opener() {
+    return [this](const player::PlaylistItem& item, uint64_t frame) {
+      (void)frame;  // a source that cannot begin elsewhere
+      const std::lock_guard lock(mutex_);
+      ++opened_;
+      const auto found = items_.find(item.source);
+      if (found == items_.end())
+        throw Error(ErrorKind::Input, item.source + ": no such file", "look for it");
+      player::OpenedSource opened;
+      opened.source = std::make_unique<OffsetSource>(found->second.base, found->second.script);
+      return opened;
+    };
+  }
+  [[nodiscard]] int opened() const { return opened_.load(); }
+
+ private:
+  std::mutex mutex_;
+  std::map<std::string, FakeItem> items_;
+  std::atomic<int> opened_{0};
+};
+
+[[nodiscard]] inline player::Playlist list_of(const std::vector<std::string>& names,
+                                              uint64_t rounds = 1) {
+  player::Playlist list{.name = "list", .items = {}, .standby = {}, .rounds = rounds};
+  for (const std::string& name : names) {
+    list.items.emplace_back();
+    list.items.back().source = name;
+  }
+  return list;
+}
+
+}  // namespace lenticule::test

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reading playlists, and which item is for which time.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "optics/error.h"
+#include "player/playlist/playlist.h"
+
+namespace lenticule::player {
+namespace {
+
+Playlist parse(const std::string& text) {
+  return parse_playlist(text, "list.toml", "/films");
+}
+
+std::string complaint(const std::string& text) {
+  try {
+    (void)parse(text);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    return error.what();
+  }
+  return "none";
+}
+
+TEST(PlaylistFile, HasEveryKeyItsPlace) {
+  const Playlist list = parse(R"(format = 1
+loop = "forever"
+[default]
+source = "card"
+[[item]]
+source = "a/%05d.png"
+loops = 3
+fps = "23.976"
+frames = "2:9"
+[[item]]
+source = "/b.png"
+duration_s = 2.5
+cut = "primed"
+wait_s = 3
+[item.schedule]
+days = ["mon", "sun"]
+from = "22:00"
+to = "02:30"
+[[item]]
+source = "ring:/run/ring.sock"
+loops = "forever"
+)");
+  EXPECT_EQ(list.rounds, kForever);
+  ASSERT_TRUE(list.standby);
+  EXPECT_EQ(list.standby->source, "card");
+  ASSERT_EQ(list.items.size(), 3u);
+  EXPECT_EQ(list.items[0].source, "/films/a/%05d.png");
+  EXPECT_EQ(list.items[0].loops, 3u);
+  EXPECT_EQ(list.items[0].rate, (frames::Rate{24000, 1001}));
+  EXPECT_EQ(list.items[0].frames, (FrameRange{2, 9}));
+  EXPECT_EQ(list.items[1].source, "/b.png");
+  EXPECT_EQ(list.items[1].duration_s, 2.5);
+  EXPECT_EQ(list.items[1].wait_s, 3.0);
+  EXPECT_TRUE(list.items[1].waits_until_primed);
+  EXPECT_EQ(list.items[1].schedule, (Schedule{0x41, 22 * 60, 2 * 60 + 30}));
+  EXPECT_EQ(list.items[2].loops, kForever);
+  EXPECT_EQ(list.items[2].source, "ring:/run/ring.sock");
+}
+
+TEST(PlaylistFile, ComplaintsNameTheLineAndTheReason) {
+  const std::string item = "[[item]]\nsource = \"a.png\"\n";
+  EXPECT_EQ(complaint(""), "list.toml:1: no [[item]]");
+  EXPECT_THAT(complaint("loop = = 1\n"), testing::StartsWith("list.toml:1: "));
+  EXPECT_EQ(complaint(item + "speed = 3\n"), "list.toml:3: unknown key 'speed'");
+  EXPECT_EQ(complaint("lop = 1\n" + item), "list.toml:1: unknown key 'lop'");
+  EXPECT_EQ(complaint(item + "rig = \"other.toml\"\n"),
+            "list.toml:3: rig: a list is played on one panel");
+  EXPECT_THAT(complaint(item + "loops = 0\n"), testing::HasSubstr(":3: not a number of loops"));
+  EXPECT_THAT(complaint(item + "loops = 1.5\n"), testing::HasSubstr(":3: not a number of loops"));
+  EXPECT_THAT(complaint(item + "duration_s = -1\n"), testing::HasSubstr(":3: not a number of s"));
+  EXPECT_THAT(complaint(item + "duration_s = nan\n"), testing::HasSubstr(":3: not a number of s"));
+  EXPECT_THAT(complaint(item + "fps = \"fast\"\n"), testing::HasSubstr("list.toml:3: fps: "));
+  EXPECT_THAT(complaint(item + "loops = 2\nduration_s = 1\n"), testing::HasSubstr("exclude"));
+  EXPECT_THAT(complaint("[[item]]\nsource = \"inner.toml\"\n"), testing::HasSubstr(":2: "));
+  EXPECT_THAT(complaint("[[item]]\nloops = 2\n"), testing::HasSubstr("no source"));
+  EXPECT_THAT(complaint("item = 3\n"), testing::HasSubstr("list.toml:1: item: not an array"));
+  EXPECT_THAT(complaint("format = 2\n" + item), testing::HasSubstr("list.toml:1: format"));
+  EXPECT_THAT(complaint(item + "schedule = {days = [\"noday\"]}\n"),
+              testing::HasSubstr(":3: not a day"));
+  EXPECT_THAT(complaint(item + "schedule = {from = \"8:00\"}\n"),
+              testing::HasSubstr(":3: not a time of day"));
+  EXPECT_THAT(complaint(item + "schedule = {from = \"25:00\"}\n"),
+              testing::HasSubstr(":3: not a time of day"));
+  EXPECT_THAT(complaint(item + "schedule = {from = \"08:00\", to = \"08:00\"}\n"),
+              testing::HasSubstr("no time between"));
+}
+
+TEST(PlaylistFile, ASpanOverMidnightBelongsToTheDayOnWhichItBegan) {
+  const Schedule late{.days = 1u << 4, .from_minute = 22 * 60, .to_minute = 2 * 60};  // Friday
+  EXPECT_TRUE(late.permits({4, 22 * 60}));
+  EXPECT_TRUE(late.permits({4, 24 * 60 - 1}));
+  EXPECT_TRUE(late.permits({5, 0}));
+  EXPECT_TRUE(late.permits({5, 2 * 60 - 1}));
+  EXPECT_FALSE(late.permits({5, 2 * 60}));
+  EXPECT_FALSE(late.permits({4, 60}));
+  EXPECT_FALSE(late.permits({5, 22 * 60}));
+  const Schedule sunday{.days = 1u << 6, .from_minute = 23 * 60, .to_minute = 60};
+  EXPECT_TRUE(sunday.permits({0, 30})) << "Monday's first hour";
+}
+
+TEST(PlaylistOrder, PassesOverWhatIsNotForThisTime) {
+  Playlist list{.name = "l", .items = {}, .standby = {}, .rounds = 2};
+  list.items.resize(3);
+  list.items[1].schedule = Schedule{.days = 0x7f, .from_minute = 600, .to_minute = 660};
+  const LocalTime morning{0, 0};
+  EXPECT_EQ(next_item(list, std::nullopt, 0, morning).index, 0u);
+  EXPECT_EQ(next_item(list, 0, 0, morning).index, 2u);
+  EXPECT_EQ(next_item(list, 0, 0, {0, 600}).index, 1u);
+  const NextItem again = next_item(list, 2, 0, morning);
+  EXPECT_EQ(again.kind, NextItem::Kind::Item);
+  EXPECT_EQ(again.rounds_done, 1u);
+  EXPECT_EQ(next_item(list, 2, 1, morning).kind, NextItem::Kind::End);
+}
+
+TEST(PlaylistOrder, StandsByOnlyIfNothingIsForThisTime) {
+  Playlist list{.name = "l", .items = {}, .standby = {}, .rounds = kForever};
+  list.items.resize(2);
+  for (PlaylistItem& item : list.items)
+    item.schedule = Schedule{.days = 0x7f, .from_minute = 600, .to_minute = 660};
+  EXPECT_EQ(next_item(list, 0, 0, {0, 0}).kind, NextItem::Kind::None);
+  list.standby.emplace();
+  EXPECT_EQ(next_item(list, 0, 0, {0, 0}).kind, NextItem::Kind::Standby);
+  EXPECT_EQ(next_item(list, 0, 0, {0, 600}).kind, NextItem::Kind::Item);
+}
+
+}  // namespace
+}  // namespace lenticule::player

@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+// Playlists in simulated time: every frame of every seam, at its vblank.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "display/virtual/virtual_display.h"
+#include "player/playback.h"
+#include "player/playlist/playlist_source.h"
+#include "tests/unit/player/playlist/fake_items.h"
+
+namespace lenticule::player {
+namespace {
+
+using test::FakeItem;
+using test::Glass;
+using test::kItemSize;
+using test::list_of;
+
+class PlaylistPlay : public testing::Test {
+ protected:
+  test::FakeShelf shelf;
+  std::shared_ptr<display::SimulatedClock> clock = std::make_shared<display::SimulatedClock>();
+  std::shared_ptr<test::RememberingRecorder> recorder =
+      std::make_shared<test::RememberingRecorder>();
+  std::vector<PlaylistEvent> events;
+  std::mutex events_mutex;
+  LocalTime local{0, 0};
+  PlaybackOptions options{.filling = Filling::InPresenter, .source_name = "list"};
+  PlaylistStatus status;
+
+  void put(const std::string& name, uint64_t base, uint64_t frames,
+           std::optional<frames::Rate> rate = std::nullopt) {
+    shelf.put(name, {base, {.geometry = kItemSize, .frames = frames, .rate = rate}});
+  }
+
+  PlayResult play_list(Playlist list) {
+    PlaylistSource source(std::make_shared<const Playlist>(std::move(list)),
+                          {.panel = kItemSize,
+                           .open = shelf.opener(),
+                           .local_time = [this] { return local; },
+                           .on_event =
+                               [this](const PlaylistEvent& event) {
+                                 const std::lock_guard lock(events_mutex);
+                                 events.push_back(event);
+                               }});
+    source.open_first();
+    const auto display = display::open_virtual_display(
+        {.geometry = kItemSize, .refresh = {60, 1}, .clock = clock, .recorder = recorder});
+    PlayResult result = play(*display, source, options);
+    status = source.status();
+    const PaceCounts& pace = result.report.pace;
+    EXPECT_EQ(pace.vblanks, pace.shown + pace.repeated_planned + pace.repeated_underrun +
+                                pace.missed + pace.held);
+    return result;
+  }
+  [[nodiscard]] static uint64_t checksum(uint64_t number) {
+    return test::checksum_of(test::numbered_frame(kItemSize, number).view());
+  }
+  [[nodiscard]] std::vector<uint64_t> shown_numbers(uint64_t up_to) const {
+    std::map<uint64_t, uint64_t> number_of;
+    for (uint64_t n = 0; n < up_to; ++n) number_of[checksum(n)] = n;
+    std::vector<uint64_t> numbers;
+    for (const Glass& glass : recorder->shown()) numbers.push_back(number_of.at(glass.checksum));
+    return numbers;
+  }
+};
+
+TEST_F(PlaylistPlay, TenThousandSeamsWithoutARepeatedOrLostFrame) {
+  put("a", 0, 3);
+  put("b", 10, 2);
+  constexpr uint64_t kRounds = 5'000;
+  const PlayResult result = play_list(list_of({"a", "b"}, kRounds));
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_EQ(result.report.pace.underruns, 0u);
+  EXPECT_EQ(result.report.pace.missed, 0u);
+  EXPECT_EQ(result.report.pace.held, 0u);
+  const std::array<uint64_t, 5> sums = {checksum(0), checksum(1), checksum(2), checksum(10),
+                                        checksum(11)};
+  const std::vector<Glass> shown = recorder->shown();
+  ASSERT_EQ(shown.size(), 5 * kRounds);
+  for (uint64_t k = 0; k < shown.size(); ++k)
+    ASSERT_EQ(shown[k], (Glass{1 + k, k, sums.at(k % 5)})) << "vblank " << k;
+  EXPECT_EQ(status.started, 2 * kRounds);
+}
+
+TEST_F(PlaylistPlay, EveryItemHasItsOwnRate) {
+  put("film", 0, 4, frames::Rate{24, 1});    // due at 0, 2, 5, 7, and 10 is the next item's
+  put("video", 10, 3, frames::Rate{60, 1});  // 10, 11, 12
+  put("slow", 20, 2, frames::Rate{10, 1});   // 13, 19
+  play_list(list_of({"film", "video", "slow"}));
+  std::vector<uint64_t> vblanks;
+  for (const Glass& glass : recorder->shown()) vblanks.push_back(glass.sequence - 1);
+  EXPECT_THAT(vblanks, testing::ElementsAre(0, 2, 5, 7, 10, 11, 12, 13, 19));
+  EXPECT_THAT(shown_numbers(32), testing::ElementsAre(0, 1, 2, 3, 10, 11, 12, 20, 21));
+}
+
+TEST_F(PlaylistPlay, LoopsAndDurationsCountFrames) {
+  put("a", 0, 3);
+  put("b", 10, 2, frames::Rate{30, 1});
+  Playlist list = list_of({"a", "b"});
+  list.items[0].loops = 2;
+  list.items[1].duration_s = 0.1;  // three frames of 30
+  play_list(list);
+  EXPECT_THAT(shown_numbers(32), testing::ElementsAre(0, 1, 2, 0, 1, 2, 10, 11, 10));
+}
+
+TEST_F(PlaylistPlay, AStillPictureStaysForAWhile) {
+  put("still", 0, 1);
+  put("b", 10, 1);
+  Playlist list = list_of({"still", "b"});
+  list.items[0].still_s = 1.0;
+  const PlayResult result = play_list(list);
+  EXPECT_THAT(shown_numbers(32), testing::ElementsAre(0, 0, 0, 0, 10)) << "four times a second";
+  EXPECT_EQ(recorder->shown().back().sequence, 61u);
+  EXPECT_EQ(result.report.pace.underruns, 0u);
+}
+
+TEST_F(PlaylistPlay, BrokenItemsArePassedOverWithTheirNames) {
+  put("a", 0, 2);
+  put("b", 10, 2);
+  shelf.put("breaks", {20, {.geometry = kItemSize, .frames = 5, .fails_after = 2}});
+  shelf.put("large", {30, {.geometry = {.width = 32, .height = 8}, .frames = 2}});
+  shelf.put("empty", {40, {.geometry = kItemSize, .frames = 0}});
+  const PlayResult result = play_list(list_of({"missing", "a", "breaks", "large", "empty", "b"}));
+  EXPECT_EQ(result.outcome, PlayOutcome::Finished);
+  EXPECT_THAT(shown_numbers(32), testing::ElementsAre(0, 1, 20, 21, 10, 11));
+  EXPECT_EQ(status.skipped, 4u);
+  std::vector<std::string> skipped;
+  for (const PlaylistEvent& event : events)
+    if (event.kind == PlaylistEvent::Kind::ItemSkipped) skipped.push_back(event.source);
+  EXPECT_THAT(skipped, testing::UnorderedElementsAre("missing", "breaks", "large", "empty"));
+}
+
+TEST_F(PlaylistPlay, AListOfNothingThatCanBePlayedEnds) {
+  const PlayResult result = play_list(list_of({"missing", "gone"}));
+  EXPECT_EQ(result.report.pace.shown, 0u);
+  EXPECT_EQ(status.skipped, 2u);
+}
+
+TEST_F(PlaylistPlay, AListOfOneThatCannotBeOpenedIsAnError) {
+  EXPECT_THROW((void)play_list(list_of({"missing"})), Error);
+}
+
+TEST_F(PlaylistPlay, StandsByUntilThereIsSomethingForThisTime) {
+  put("standby", 0, 2);
+  put("day", 10, 2);
+  Playlist list = list_of({"day"}, kForever);
+  list.items[0].schedule = Schedule{.days = 0x7f, .from_minute = 600, .to_minute = 660};
+  list.standby.emplace();
+  list.standby->source = "standby";
+  options.vblanks = 20;
+  play_list(list);
+  const std::vector<uint64_t> numbers = shown_numbers(32);
+  ASSERT_EQ(numbers.size(), 20u);
+  for (size_t k = 0; k < numbers.size(); ++k) EXPECT_EQ(numbers[k], k % 2) << "standby alone";
+  local = {0, 605};
+  recorder = std::make_shared<test::RememberingRecorder>();
+  play_list(list);
+  EXPECT_EQ(shown_numbers(32).front(), 10u);
+}
+
+}  // namespace
+}  // namespace lenticule::player
