@@ -11,6 +11,7 @@
 #include "player/interrupt.h"
 #include "player/play_plan.h"
 #include "player/play_run.h"
+#include "player/preflight.h"
 #include "player/rig_trouble.h"
 #include "player/service_manager.h"
 #include "player/start_history.h"
@@ -41,6 +42,7 @@ ExitCode play_with(const PlayFlags& flags, const ServiceManager& manager, const 
 }
 
 ExitCode run_play(const PlayFlags& flags) {
+  if (flags.preflight) return run_preflight(flags, make_plan(flags, false));
   const ServiceManager manager;
   StartHistory history(runtime_folder(), time_since_boot());
   try {

@@ -8,6 +8,7 @@ namespace lenticule::player {
 // One file per command; each defines its function.
 Run declare_render(CLI::App& app);
 Run declare_play(CLI::App& app);
+Run declare_ctl(CLI::App& app);
 Run declare_weave(CLI::App& app);
 Run declare_eye(CLI::App& app);
 Run declare_compare(CLI::App& app);
@@ -29,6 +30,8 @@ const std::vector<Command>& commands() {
       {"play", "play woven frames on a display at its own clock",
        "lenticule play 'out/%05d.png' --rig kiosk-27-4k.toml --display virtual --loop forever",
        declare_play},
+      {"ctl", "steer a player that runs: pause, seek, load, trim, look at it",
+       "lenticule ctl --socket /run/lenticule/lobby/control.sock status", declare_ctl},
       {"weave", "weave a quilt or a set of views into one woven frame",
        "lenticule weave views_qs8x6a0.75.png --rig kiosk-27-4k.toml -o woven.png", declare_weave},
       {"eye", "show what an eye at one place sees on a woven frame",

@@ -48,15 +48,33 @@ std::string LiveTrim::press(const KeyPress& press) {
   const optics::Trim wanted = after(press);
   if (wanted == trim_) return {};
   try {
-    optics::validate_rig(optics::trimmed(calibrated_, wanted), rig_file_.string());
-    optics::save_trim(wanted, rig_file_);
+    take(wanted);
   } catch (const std::exception& error) {
     return fmt::format("the trim stays: {}", error.what());
   }
-  trim_ = wanted;
-  version_.fetch_add(1, std::memory_order_release);
   return fmt::format("trim: offset {:+.3f} lenses, pitch {:+.1e}, in {}", wanted.offset.value,
                      wanted.pitch_relative, optics::trim_file_of(rig_file_).string());
+}
+
+/// Under the lock.
+void LiveTrim::take(const optics::Trim& wanted) {
+  optics::validate_trim(wanted, rig_file_.string());
+  optics::validate_rig(optics::trimmed(calibrated_, wanted), rig_file_.string());
+  optics::save_trim(wanted, rig_file_);
+  trim_ = wanted;
+  version_.fetch_add(1, std::memory_order_release);
+}
+
+optics::Trim LiveTrim::change(const std::function<optics::Trim(const optics::Trim&)>& changed) {
+  const std::lock_guard lock(mutex_);
+  const optics::Trim wanted = changed(trim_);
+  if (!(wanted == trim_)) take(wanted);
+  return trim_;
+}
+
+optics::Trim LiveTrim::trim() const {
+  const std::lock_guard lock(mutex_);
+  return trim_;
 }
 
 optics::Rig LiveTrim::rig() const {

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <mutex>
 #include <string>
 
@@ -29,12 +30,18 @@ class LiveTrim {
   /// saved is not changed, and is said.
   [[nodiscard]] std::string press(const calib::KeyPress& press);
 
+  /// The same by numbers; returns what the trim is then. Throws Error(Input) for what is no trim of
+  /// this rig and Error(Failed) if it cannot be saved; nothing is changed then.
+  optics::Trim change(const std::function<optics::Trim(const optics::Trim&)>& changed);
+  [[nodiscard]] optics::Trim trim() const;
+
   /// With the trim in it.
   [[nodiscard]] optics::Rig rig() const;
   /// Another number after every change.
   [[nodiscard]] uint64_t version() const { return version_.load(std::memory_order_acquire); }
 
  private:
+  void take(const optics::Trim& wanted);
   [[nodiscard]] optics::Trim after(const calib::KeyPress& press) const;
 
   std::filesystem::path rig_file_;

@@ -10,7 +10,9 @@
 #include "optics/error.h"
 #include "optics/trim.h"
 #include "player/card_texts.h"
+#include "player/control/control_peer.h"
 #include "player/interrupt.h"
+#include "player/playlist/playlist.h"
 
 namespace lenticule::player {
 namespace {
@@ -76,14 +78,35 @@ void plan_waiting(const PlayFlags& flags, bool service, PlayPlan& plan) {
   }
 }
 
+/// Three may be open at once: what is played, what comes next, what is still on the glass.
+int slots_of(const PlayFlags& flags, frames::FrameGeometry panel) {
+  if (!flags.memory_mib) return flags.slots;
+  const auto bytes = static_cast<uint64_t>(*flags.memory_mib) << 20;
+  const uint64_t slots = bytes / 3 / panel.frame_bytes();
+  if (slots >= 2) return static_cast<int>(std::min<uint64_t>(slots, 4096));
+  throw Error(
+      ErrorKind::Usage,
+      fmt::format("--memory {}: less than two frames for each of three sources", *flags.memory_mib),
+      fmt::format("at least {} for this panel", (panel.frame_bytes() * 6 >> 20) + 1));
+}
+
+void plan_control(const PlayFlags& flags, PlayPlan& plan) {
+  if (!flags.control_group.empty() && flags.control.empty())
+    throw Error(ErrorKind::Usage, "--control-group: there is no control socket", "add --control");
+  if (!flags.control.empty() && flags.clock == "simulated")
+    throw Error(ErrorKind::Usage, "--control: simulated time does not wait for anybody",
+                "leave --clock simulated out");
+  if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
+}
+
 }  // namespace
 
 void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option(
          "source", flags.source,
-         "ring:SOCKET, a pattern such as 'out/%05d.png', a picture, a quilt or a pattern of "
-         "quilts (NAME_qs8x6a0.75.png: woven here), views:PATTERN: a picture per view, "
-         "card: a test card, or views: the rig's views by their numbers")
+         "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a quilt or "
+         "a pattern of quilts (NAME_qs8x6a0.75.png: woven here), views:PATTERN: a picture per view, "
+         "LIST.toml: a playlist, card: a test card, or views: the rig's views by their numbers")
       ->required();
   app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
   app.add_option("--display", flags.display,
@@ -138,6 +161,17 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("--record", flags.record,
                  "record what was on the glass: checksums:FILE or png:FOLDER");
   app.add_option("--stats", flags.stats, "write statistics there, every second and at the end");
+  app.add_option("--control", flags.control,
+                 "listen there, on a Unix socket, for 'lenticule ctl' (default: nowhere)");
+  app.add_option("--control-group", flags.control_group,
+                 "members of this group may steer it too, and not only its own user and root");
+  app.add_option("--memory", flags.memory_mib,
+                 "MiB for frames that are decoded ahead, instead of --slots: of what is played, of "
+                 "what comes next, and of what is on its way out")
+      ->check(CLI::Range(1, 1 << 20));
+  app.add_flag("--preflight", flags.preflight,
+               "play nothing: read the source, or each item of a list, for some seconds, and say "
+               "whether disk and decoder keep up (exit code 5 if not)");
   app.add_flag("--json", flags.json, "print the statistics as JSON at the end");
 }
 
@@ -170,10 +204,14 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan_waiting(flags, service, plan);
   if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
 
-  if (flags.trim || flags.source == kViewsSource) plan.trim = std::make_shared<LiveTrim>(flags.rig);
+  plan_control(flags, plan);
+  const bool may_show_views =
+      flags.source == kViewsSource || is_playlist_file(flags.source) || !flags.control.empty();
+  if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(flags.rig);
   plan.source.trim = plan.trim;
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
   plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
+  plan.source.slots = slots_of(flags, plan.source.panel);
   plan.source.rig_fingerprint = optics::fingerprint(rig);
   plan.source.rig_name = rig.name;
   plan.source.card = rig_card(rig, flags.rig);

@@ -2,6 +2,8 @@
 // The flags of `lenticule play`, and what they mean before anything is opened.
 #pragma once
 
+#include <sys/types.h>
+
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdint>
@@ -35,6 +37,10 @@ struct PlayFlags {
   std::optional<uint64_t> prime;
   int slots = 8;
   int buffers = 3;
+  std::string control;
+  std::string control_group;
+  std::optional<int> memory_mib;
+  bool preflight = false;
   bool safe = false;
   bool trim = false;
   bool json = false;
@@ -44,7 +50,7 @@ struct PlayFlags {
 void declare_flags(CLI::App& app, PlayFlags& flags);
 
 struct PlayPlan {
-  /// Null unless the trim can change while playing, or the rig's own views are played.
+  /// Null unless the trim can change while playing, or the rig's own views may be played.
   std::shared_ptr<LiveTrim> trim;
   SourceRequest source;
   display::DisplayRequest display;
@@ -53,6 +59,7 @@ struct PlayPlan {
   std::optional<display::Nanoseconds> panel_at_start;
   std::optional<display::Nanoseconds> panel_after_loss;
   std::optional<double> duration_s;
+  std::optional<gid_t> control_group;
 };
 
 /// Reads the rig. `service`: a service manager started us, and what was not said is chosen for a

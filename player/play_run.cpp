@@ -46,7 +46,8 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
 /// Frames that somebody else wove cannot be woven again here.
 std::string trim_advice(const std::string& source) {
   if (source == kViewsSource || is_woven_here(source)) return {};
-  return "these frames were woven before this trim and do not follow it: make them again; a player "
+  return "views and what is woven here follow this trim; these frames were woven before this trim "
+         "and do not follow it: make them again; a player "
          "and its renderer take the trim when both are started again";
 }
 
@@ -74,6 +75,7 @@ PlayRun::PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& ma
 }
 
 ExitCode PlayRun::run() {
+  steered_.emplace(flags_, plan_, trim_advice(flags_.source));
   if (safe_.card_first)
     trouble_ = crash_loop(safe_);
   else
@@ -142,6 +144,7 @@ void PlayRun::let_go() {
 /// order, and another process may have better luck.
 void PlayRun::tell_waiting(const PanelWaiting& waiting) {
   const std::string why = waiting.reason.what();
+  steered_->tell_state("waiting for the panel");
   if (std::exchange(told_, why) != why) fmt::print(stderr, "waiting for the panel: {}\n", why);
   manager_.status(fmt::format("waiting for the panel{}: {}",
                               waiting.card_shown ? ", test card shown" : "", why));
@@ -156,11 +159,13 @@ void PlayRun::tell_waiting(const PanelWaiting& waiting) {
 Comeback PlayRun::bring_back(const LostDisplay& lost) {
   lost_ = lost.report;
   fmt::print(stderr, "{}: lost\n", lost.report.display);
+  steered_->tell_state("display lost");
   const Comeback comeback = panel_->bring_back(*kms_, lost);
   told_.clear();
   if (comeback != Comeback::Back) return comeback;
   kept_ = manager_.present();
   service_->keep_again();
+  steered_->tell_state("playing");
   fmt::print(stderr, "{}: back, {}\n", kms_->mode().name, kms_->exactness().summary());
   return comeback;
 }
@@ -170,7 +175,7 @@ Comeback PlayRun::bring_back(const LostDisplay& lost) {
 /// With care, what cannot be opened is trouble, not the end.
 void PlayRun::open_the_source() {
   try {
-    opened_ = open_source(plan_.source);
+    steered_->open(opened_);
     trouble_.reset();
   } catch (const Error& error) {
     if (!safe_.on || error.kind() == ErrorKind::Usage) throw;
@@ -195,11 +200,13 @@ PlayResult PlayRun::play_source() {
   // Counted from the first picture; with care, several things share the time.
   options.vblanks =
       safe_.on ? vblanks_left() : vblanks_of(plan_.duration_s, display_->mode().refresh);
+  steered_->prepare(options, display_->mode().refresh);
   return play_on_display(*opened_.source, options);
 }
 
 PlayResult PlayRun::play_card() {
   fmt::print(stderr, "{}\n", trouble_->what());
+  steered_->tell_state("test card");
   service_->set_trouble(trouble_->what());
   StillSource card(
       draw_test_card(display_->mode().geometry, trouble_card(flags_.source, *trouble_)));
@@ -215,6 +222,7 @@ PlayResult PlayRun::play_card() {
 PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions options) {
   Progress progress("playing", "frames", frames_to_show(source, options.loops));
   options.on_report = [&](const PlayReport& report) {
+    steered_->report(report);
     write_stats(statistics_json(report));
     service_->report(report);
     progress.update(report.pace.shown, progress_note(report));
@@ -262,7 +270,8 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
   return json;
 }
 
-void PlayRun::write_stats(const nlohmann::ordered_json& statistics) const {
+void PlayRun::write_stats(nlohmann::ordered_json statistics) {
+  steered_->complete(statistics);
   if (flags_.stats.empty()) return;
   const std::string text = statistics.dump(2) + "\n";
   frames::write_file_atomically(
@@ -291,6 +300,7 @@ void PlayRun::announce() const {
 
 ExitCode PlayRun::conclude(const PlayResult& result) {
   nlohmann::ordered_json statistics = statistics_json(result.report);
+  steered_->complete(statistics);
   manager_.stopping(outcome_name(result.outcome));
   trim_keys_.reset();
   service_.reset();
@@ -321,6 +331,10 @@ ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
   switch (result.outcome) {
     case PlayOutcome::Finished:
       if (trouble_) throw Error(*trouble_);
+      if (const std::string why = steered_->failure(); !why.empty())
+        throw Error(ErrorKind::Input, why.find(": ") == std::string::npos
+                                          ? fmt::format("{}: {}", flags_.source, why)
+                                          : why);
       return kOk;
     case PlayOutcome::Stopped:
       return interrupt_exit_code();

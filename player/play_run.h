@@ -17,6 +17,7 @@
 #include "player/playback.h"
 #include "player/service_manager.h"
 #include "player/source_open.h"
+#include "player/steered_play.h"
 #include "player/trim_keys.h"
 
 namespace lenticule::player {
@@ -59,7 +60,7 @@ class PlayRun {
 
   // Telling.
   void announce() const;
-  void write_stats(const nlohmann::ordered_json& statistics) const;
+  void write_stats(nlohmann::ordered_json statistics);
   [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
   [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
 
@@ -75,7 +76,8 @@ class PlayRun {
   const ServiceManager& manager_;
   const SafeStart safe_;
 
-  OpenedSource opened_;
+  std::optional<SteeredPlay> steered_;
+  OpenedSource opened_;             ///< goes before what steers it
   std::optional<Error> trouble_;    ///< of a safe start: why the source is not played
   display::Nanoseconds card_time_;  ///< before it is tried again
   std::optional<PanelWait> panel_;

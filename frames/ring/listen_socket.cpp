@@ -68,13 +68,25 @@ void clear_the_way(const std::filesystem::path& path, const UnixAddress& address
   }
 }
 
+/// The group first: at no moment may another one connect.
+void open_to_group(const std::filesystem::path& path, gid_t group) {
+  if (::chown(path.c_str(), static_cast<uid_t>(-1), group) == 0 &&
+      ::chmod(path.c_str(), S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP) == 0)
+    return;
+  const int error = errno;
+  ::unlink(path.c_str());
+  errno = error;
+  fail(path, "cannot give the socket to its group");
+}
+
 }  // namespace
 
-ListenSocket::ListenSocket(std::filesystem::path path) : path_(std::move(path)) {
+ListenSocket::ListenSocket(std::filesystem::path path, const ListenOptions& options)
+    : path_(std::move(path)) {
   const UnixAddress address = unix_address(path_);
   const UniqueFd lock = lock_folder(path_);
   clear_the_way(path_, address);
-  fd_ = UniqueFd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+  fd_ = UniqueFd(::socket(AF_UNIX, options.type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!fd_) fail(path_, "cannot create a socket");
   // The file takes the mode that the socket has before bind(), less the umask: never wider.
   if (::fchmod(fd_.get(), S_IRUSR | S_IWUSR) != 0) fail(path_, "cannot restrict the socket");
@@ -84,6 +96,7 @@ ListenSocket::ListenSocket(std::filesystem::path path) : path_(std::move(path)) 
     device_ = status.st_dev;
     inode_ = status.st_ino;
   }
+  if (options.group) open_to_group(path_, *options.group);
   if (::listen(fd_.get(), kBacklog) != 0) fail(path_, "cannot listen");
 }
 

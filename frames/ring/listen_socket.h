@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The Unix socket that a player listens on: a file with mode 0600 that goes away with the player.
+// The Unix socket that a player listens on: a file with mode 0600, or 0660 for a group, that
+// goes away with the player.
 #pragma once
 
 #include <sys/socket.h>
@@ -7,17 +8,24 @@
 #include <sys/un.h>
 
 #include <filesystem>
+#include <optional>
 
 #include "frames/ring/unique_fd.h"
 
 namespace lenticule::frames {
+
+struct ListenOptions {
+  int type = SOCK_SEQPACKET;
+  /// Who beside the owner may connect: members of this group.
+  std::optional<gid_t> group = std::nullopt;
+};
 
 class ListenSocket {
  public:
   /// Replaces the file of a player that is gone. Throws Error(Device) when a live one listens
   /// there, Error(Usage) when the path is too long or something else lies there, Error(Failed)
   /// otherwise.
-  explicit ListenSocket(std::filesystem::path path);
+  explicit ListenSocket(std::filesystem::path path, const ListenOptions& options = {});
   ~ListenSocket();
   ListenSocket(const ListenSocket&) = delete;
   ListenSocket& operator=(const ListenSocket&) = delete;

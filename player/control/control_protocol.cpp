@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/control/control_protocol.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+struct VerbRow {
+  ControlVerb verb;
+  const char* name;
+  std::vector<std::string> fields;
+};
+
+const std::vector<VerbRow>& verbs() {
+  static const std::vector<VerbRow> table = {
+      {ControlVerb::Status, "status", {}},
+      {ControlVerb::Load, "load", {"source", "item", "frame"}},
+      {ControlVerb::Play, "play", {}},
+      {ControlVerb::Pause, "pause", {}},
+      {ControlVerb::Seek, "seek", {"frame", "item"}},
+      {ControlVerb::Next, "next", {}},
+      {ControlVerb::Previous, "previous", {}},
+      {ControlVerb::Loop, "loop", {"count"}},
+      {ControlVerb::Trim, "trim", {"offset", "pitch", "offset_by", "pitch_by"}},
+      {ControlVerb::Snapshot, "snapshot", {"file", "eye"}},
+      {ControlVerb::Stats, "stats", {}},
+      {ControlVerb::Doctor, "doctor", {}},
+      {ControlVerb::Subscribe, "subscribe", {}},
+      {ControlVerb::Quit, "quit", {}},
+  };
+  return table;
+}
+
+constexpr size_t kMaxIdBytes = 64;
+constexpr size_t kMaxTextBytes = 4096;
+constexpr uint64_t kMaxCount = 1'000'000'000;
+
+[[noreturn]] void refuse(const std::string& what, const std::string& remedy = {}) {
+  throw Error(ErrorKind::Usage, what, remedy);
+}
+
+std::string short_text(const std::string& text) {
+  return text.substr(0, kMaxIdBytes);
+}
+
+bool is_id(const json& id) {
+  return id.is_null() || id.is_number_integer() ||
+         (id.is_string() && id.get_ref<const std::string&>().size() <= kMaxIdBytes);
+}
+
+uint64_t whole(const std::string& field, const json& value) {
+  if (value.is_number_unsigned() && value.get<uint64_t>() <= kMaxCount)
+    return value.get<uint64_t>();
+  refuse(fmt::format("{}: not a whole number from 0 on", field));
+}
+
+double real(const std::string& field, const json& value) {
+  if (value.is_number() && std::isfinite(value.get<double>())) return value.get<double>();
+  refuse(fmt::format("{}: not a number", field));
+}
+
+std::string words(const std::string& field, const json& value) {
+  if (!value.is_string()) refuse(fmt::format("{}: not a text", field));
+  const auto& text = value.get_ref<const std::string&>();
+  if (!text.empty() && text.size() <= kMaxTextBytes && text.find('\0') == std::string::npos)
+    return text;
+  refuse(fmt::format("{}: empty, or longer than {} bytes", field, kMaxTextBytes));
+}
+
+uint64_t count_of_loops(const json& value) {
+  if (value == "forever") return 0;
+  const uint64_t loops = value.is_number_unsigned() ? whole("count", value) : 0;
+  if (loops > 0) return loops;
+  refuse("count: not a number of loops", "a number from 1 on, or \"forever\"");
+}
+
+std::array<double, 3> eye(const json& value) {
+  if (!value.is_array() || value.size() != 3)
+    refuse("eye: not three numbers", "millimetres right, up and away from the panel's centre");
+  std::array<double, 3> place{};
+  for (size_t k = 0; k < place.size(); ++k) place.at(k) = real("eye", value[k]);
+  if (!(place[2] > 0.0)) refuse("eye: not in front of the panel");
+  return place;
+}
+
+void take_field(const std::string& field, const json& value, ControlRequest& request) {
+  if (field == "source") request.source = words(field, value);
+  if (field == "frame") request.frame = whole(field, value);
+  if (field == "item") request.item = whole(field, value);
+  if (field == "count") request.loops = count_of_loops(value);
+  if (field == "offset" || field == "offset_by") request.offset_lenses = real(field, value);
+  if (field == "pitch" || field == "pitch_by") request.pitch_relative = real(field, value);
+  if (field == "offset_by" || field == "pitch_by") request.relative = true;
+  if (field == "file") request.file = words(field, value);
+  if (field == "eye") request.eye_mm = eye(value);
+}
+
+/// What a verb cannot do without, and what goes together.
+void check_complete(const ControlRequest& request, const json& line) {
+  const auto needs = [&](const char* field) {
+    if (!line.contains(field)) refuse(fmt::format("{}: no {}", verb_name(request.verb), field));
+  };
+  switch (request.verb) {
+    case ControlVerb::Load:
+      return needs("source");
+    case ControlVerb::Loop:
+      return needs("count");
+    case ControlVerb::Snapshot:
+      needs("file");
+      if (request.file.front() != '/')
+        refuse("file: not from the root on", "the player has another working folder than you");
+      return;
+    case ControlVerb::Seek:
+      if (!request.frame && !request.item) refuse("seek: neither frame nor item");
+      return;
+    case ControlVerb::Trim:
+      if (!request.offset_lenses && !request.pitch_relative) refuse("trim: nothing to change");
+      if (request.relative && (line.contains("offset") || line.contains("pitch")))
+        refuse("trim: to a number or by a number, not both");
+      return;
+    default:
+      return;
+  }
+}
+
+std::string dump(const ordered_json& line) {
+  return line.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+}
+
+}  // namespace
+
+const char* verb_name(ControlVerb verb) {
+  const auto row = std::find_if(verbs().begin(), verbs().end(),
+                                [&](const VerbRow& one) { return one.verb == verb; });
+  return row != verbs().end() ? row->name : "?";
+}
+
+std::optional<ControlVerb> verb_of(std::string_view name) {
+  for (const VerbRow& row : verbs())
+    if (name == row.name) return row.verb;
+  return std::nullopt;
+}
+
+ControlRequest parse_control_request(std::string_view text, json& id) {
+  id = nullptr;
+  const json line = json::parse(text, nullptr, false);
+  if (!line.is_object())
+    refuse("request: not a JSON object on one line", R"(for example {"id":1,"do":"status"})");
+  if (line.contains("id") && is_id(line["id"])) id = line["id"];
+  if (line.contains("id") && !is_id(line["id"])) refuse("id: not a whole number or a short text");
+  if (!line.contains("do") || !line["do"].is_string()) refuse("do: no verb");
+  const auto& name = line["do"].get_ref<const std::string&>();
+  const auto row = std::find_if(verbs().begin(), verbs().end(),
+                                [&](const VerbRow& one) { return one.name == name; });
+  if (row == verbs().end()) refuse(fmt::format("do: there is no verb '{}'", short_text(name)));
+
+  ControlRequest request{.id = id, .verb = row->verb};
+  for (const auto& [field, value] : line.items()) {
+    if (field == "id" || field == "do") continue;
+    if (std::find(row->fields.begin(), row->fields.end(), field) == row->fields.end())
+      refuse(fmt::format("{}: it has no field '{}'", name, short_text(field)));
+    take_field(field, value, request);
+  }
+  check_complete(request, line);
+  return request;
+}
+
+std::string answer_line(const json& id, ordered_json body) {
+  ordered_json line = {{"id", id}, {"ok", true}};
+  line.update(body);
+  return dump(line);
+}
+
+std::string error_line(const json& id, const Error& error) {
+  const std::string what = error.what();
+  const size_t colon = what.find(": ");
+  const bool split = colon != std::string::npos;
+  return dump({{"id", id},
+               {"ok", false},
+               {"error",
+                {{"object", split ? what.substr(0, colon) : ""},
+                 {"cause", split ? what.substr(colon + 2) : what},
+                 {"remedy", error.hint()},
+                 {"kind", static_cast<int>(error.kind())}}}});
+}
+
+std::string event_line(const ordered_json& event) {
+  return dump(event);
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/control/control_server.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <utility>
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::json;
+using nlohmann::ordered_json;
+
+constexpr size_t kMaxQueuedEvents = 256;
+constexpr int kAcceptsAtOnce = 64;
+constexpr auto kAcceptPause = std::chrono::milliseconds(100);
+constexpr int kTickMs = 500;
+
+/// Best effort: a connection that is about to be closed is told why, if it can take it at once.
+void tell_and_close(const frames::UniqueFd& fd, const Error& error) {
+  const std::string line = error_line(nullptr, error);
+  (void)::send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+}
+
+std::string line_of(const json& id, const ControlAnswer& answer) {
+  if (const auto* const error = std::get_if<Error>(&answer)) return error_line(id, *error);
+  return answer_line(id, std::get<ordered_json>(answer));
+}
+
+}  // namespace
+
+ControlServer::ControlServer(ControlServerOptions options, ControlTarget& target)
+    : options_(std::move(options)),
+      policy_{.owner = geteuid(), .group = options_.group},
+      target_(target),
+      socket_(options_.socket, {.type = SOCK_STREAM, .group = options_.group}),
+      inbox_(std::make_shared<Inbox>()) {
+  thread_ = std::thread([this] { serve(); });
+}
+
+ControlServer::~ControlServer() {
+  stopping_.store(true);
+  inbox_->wake.signal();
+  thread_.join();
+}
+
+void ControlServer::publish(ordered_json event) {
+  {
+    const std::lock_guard lock(inbox_->mutex);
+    if (inbox_->events.size() < kMaxQueuedEvents)
+      inbox_->events.push_back(std::move(event));
+    else
+      ++inbox_->events_left_out;
+  }
+  inbox_->wake.signal();
+}
+
+ControlCounts ControlServer::counts() const {
+  return {.accepted = accepted_.load(), .refused = refused_.load(), .dropped = dropped_.load()};
+}
+
+/// Whatever goes wrong here is no reason for the playing to end.
+void ControlServer::serve() noexcept {
+  while (!stopping_.load()) {
+    try {
+      serve_once();
+    } catch (const std::exception& error) {
+      fmt::print(stderr, "control: {}\n", error.what());
+      for (const auto& client : clients_) client->dead = true;
+    }
+    std::erase_if(clients_, [](const auto& client) { return client->dead; });
+  }
+  for (const auto& client : clients_) flush(*client);
+}
+
+/// A client that has much unanswered or untaken has to wait before more is read of it.
+bool ControlServer::reads(const Client& client) const {
+  return !client.closing && !client.sent_all && client.unanswered < options_.limits.unanswered &&
+         client.out.size() < options_.limits.waiting_bytes;
+}
+
+void ControlServer::serve_once() {
+  std::vector<pollfd> entries;
+  const bool accepts = Clock::now() >= accepts_again_;
+  entries.push_back({.fd = inbox_->wake.fd(), .events = POLLIN, .revents = 0});
+  entries.push_back({.fd = accepts ? socket_.fd() : -1, .events = POLLIN, .revents = 0});
+  for (const auto& client : clients_) {
+    const int events = (reads(*client) ? POLLIN : 0) | (client->out.empty() ? 0 : POLLOUT);
+    entries.push_back({.fd = client->fd.get(), .events = static_cast<short>(events), .revents = 0});
+  }
+  if (poll(entries.data(), entries.size(), accepts ? kTickMs : 100) < 0) return;
+
+  for (size_t k = 2; k < entries.size(); ++k) {
+    Client& client = *clients_[k - 2];
+    const int happened = entries[k].revents;
+    if ((happened & POLLIN) != 0) receive(client);
+    if ((happened & POLLOUT) != 0) flush(client);
+    const bool gone = (happened & (POLLERR | POLLNVAL)) != 0 ||
+                      ((happened & POLLHUP) != 0 && (happened & POLLIN) == 0);
+    if (gone) client.dead = true;
+  }
+  if (entries[0].revents != 0) take_inbox();
+  for (const auto& client : clients_) {
+    take_lines(*client);
+    flush(*client);
+    drop_stuck(*client);
+  }
+  if (entries[1].revents != 0) accept_all();
+}
+
+// --- connections ----------------------------------------------------------------------------
+
+void ControlServer::accept_all() {
+  std::erase_if(clients_, [](const auto& client) { return client->dead; });
+  for (int k = 0; k < kAcceptsAtOnce; ++k) {
+    frames::UniqueFd fd = socket_.accept();
+    if (fd) {
+      admit(std::move(fd));
+    } else {
+      // Out of descriptors, perhaps: whoever waits does not go away by looking again at once.
+      if (errno != EAGAIN && errno != EWOULDBLOCK) accepts_again_ = Clock::now() + kAcceptPause;
+      return;
+    }
+  }
+}
+
+void ControlServer::admit(frames::UniqueFd fd) {
+  const std::optional<ControlPeer> peer = options_.peer(fd.get());
+  const ControlRights rights = peer ? rights_of(*peer, policy_) : ControlRights::None;
+  if (rights == ControlRights::None) {
+    refused_.fetch_add(1);
+    return tell_and_close(fd, {ErrorKind::Device, "control: another user's player",
+                               "be its user, root, or in the group of --control-group"});
+  }
+  if (clients_.size() >= options_.limits.clients) {
+    refused_.fetch_add(1);
+    return tell_and_close(
+        fd, {ErrorKind::Device,
+             fmt::format("control: {} clients are connected already", options_.limits.clients),
+             "close one of them"});
+  }
+  accepted_.fetch_add(1);
+  auto client = std::make_unique<Client>();
+  client->fd = std::move(fd);
+  client->number = next_client_++;
+  client->rights = rights;
+  client->event_tokens = options_.limits.events_per_second;
+  client->tokens_at = client->took_at = Clock::now();
+  clients_.push_back(std::move(client));
+}
+
+void ControlServer::receive(Client& client) {
+  std::array<char, 16384> bytes{};
+  const ssize_t got = ::recv(client.fd.get(), bytes.data(), bytes.size(), MSG_DONTWAIT);
+  if (got < 0 && (errno == EAGAIN || errno == EINTR)) return;
+  client.dead = got < 0;
+  client.sent_all = got == 0;
+  if (got <= 0) return;
+  client.in.append(bytes.data(), static_cast<size_t>(got));
+}
+
+void ControlServer::take_lines(Client& client) {
+  size_t begin = 0;
+  const auto has_room = [&] {
+    return !client.dead && !client.closing && client.unanswered < options_.limits.unanswered &&
+           client.out.size() < options_.limits.waiting_bytes;
+  };
+  bool more = true;
+  while (has_room() && more) {
+    const size_t end = client.in.find('\n', begin);
+    more = end != std::string::npos;
+    if (!more) break;
+    std::string line = client.in.substr(begin, end - begin);
+    begin = end + 1;
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (!line.empty()) take_line(client, line);
+  }
+  client.in.erase(0, begin);
+  if (client.sent_all && !more && client.unanswered == 0 && !client.subscribed)
+    client.closing = true;
+  const bool too_long = client.in.size() > kMaxControlLine &&
+                        client.in.find('\n') == std::string::npos && !client.closing;
+  if (!too_long) return;
+  dropped_.fetch_add(1);
+  client.in.clear();
+  client.closing = true;
+  queue(client, error_line(nullptr, {ErrorKind::Usage,
+                                     fmt::format("request: longer than {} bytes", kMaxControlLine),
+                                     "one request a line"}));
+}
+
+void ControlServer::take_line(Client& client, const std::string& line) {
+  json id;
+  try {
+    const ControlRequest request = parse_control_request(line, id);
+    if (request.verb == ControlVerb::Subscribe) {
+      client.subscribed = true;
+      return queue(client, answer_line(id, {{"subscribed", true}}));
+    }
+    ++client.unanswered;
+    const auto answer = [inbox = inbox_, number = client.number, id](const ControlAnswer& result) {
+      std::string text = line_of(id, result);
+      {
+        const std::lock_guard lock(inbox->mutex);
+        inbox->answers.push_back({number, std::move(text)});
+      }
+      inbox->wake.signal();
+    };
+    try {
+      target_.handle(request, client.rights, answer);
+    } catch (const Error& error) {
+      answer(error);
+    }
+  } catch (const Error& error) {
+    queue(client, error_line(id, error));
+  }
+}
+
+// --- output ---------------------------------------------------------------------------------
+
+void ControlServer::take_inbox() {
+  inbox_->wake.drain();
+  std::vector<Inbox::Line> answers;
+  std::deque<ordered_json> events;
+  {
+    const std::lock_guard lock(inbox_->mutex);
+    answers.swap(inbox_->answers);
+    events.swap(inbox_->events);
+    if (const uint64_t left_out = std::exchange(inbox_->events_left_out, 0); left_out > 0)
+      events.push_back({{"event", "left_out"}, {"events", left_out}});
+  }
+  for (const Inbox::Line& answer : answers)
+    for (const auto& client : clients_)
+      if (client->number == answer.client) {
+        --client->unanswered;
+        queue(*client, answer.text);
+      }
+  for (const ordered_json& event : events)
+    for (const auto& client : clients_)
+      if (client->subscribed) send_event(*client, event);
+}
+
+void ControlServer::send_event(Client& client, const ordered_json& event) {
+  const Clock::time_point now = Clock::now();
+  const double most = options_.limits.events_per_second;
+  const double seconds = std::chrono::duration<double>(now - client.tokens_at).count();
+  client.tokens_at = now;
+  client.event_tokens = std::min(most, client.event_tokens + seconds * most);
+  if (client.event_tokens < 1.0) {
+    ++client.events_left_out;
+    return;
+  }
+  client.event_tokens -= 1.0;
+  ordered_json line = event;
+  if (client.events_left_out > 0) line["left_out"] = std::exchange(client.events_left_out, 0);
+  queue(client, event_line(line));
+}
+
+void ControlServer::queue(Client& client, const std::string& line) {
+  if (client.dead) return;
+  if (client.out.empty()) client.took_at = Clock::now();
+  client.out += line;
+  if (client.out.size() <= options_.limits.dropped_bytes) return;
+  dropped_.fetch_add(1);
+  client.dead = true;
+}
+
+void ControlServer::flush(Client& client) {
+  while (!client.dead && !client.out.empty()) {
+    const ssize_t sent =
+        ::send(client.fd.get(), client.out.data(), client.out.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
+    if (sent < 0 && errno == EINTR) continue;
+    if (sent < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return;
+    if (sent < 0) client.dead = true;
+    if (sent <= 0) return;
+    client.out.erase(0, static_cast<size_t>(sent));
+    client.took_at = Clock::now();
+  }
+  if (client.closing && client.out.empty()) client.dead = true;
+}
+
+void ControlServer::drop_stuck(Client& client) {
+  if (client.dead || client.out.empty()) return;
+  if (Clock::now() - client.took_at < options_.limits.stuck) return;
+  dropped_.fetch_add(1);
+  client.dead = true;
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,265 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/control/play_controls.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "frames/image_io.h"
+#include "optics/eye_simulator.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr size_t kMaxTasks = 4;
+
+Error nothing_to_steer() {
+  return {ErrorKind::Failed, "control: nothing is playing that could be steered",
+          "'status' says what the player is at"};
+}
+
+ordered_json place_json(const PlaylistStatus& status) {
+  ordered_json json = {{"list", status.list}, {"source", status.source}};
+  json["item"] = status.item ? ordered_json(*status.item) : ordered_json(nullptr);
+  json["items"] = status.items;
+  return json;
+}
+
+frames::WovenFrame seen_by(const optics::Rig& rig, const frames::WovenFrame& woven,
+                           const std::array<double, 3>& eye) {
+  const optics::OpticalModel model(rig);
+  const optics::RgbPicture seen =
+      optics::simulate_eye(model,
+                           {.pixels = woven.bytes().data(),
+                            .width = woven.width(),
+                            .height = woven.height(),
+                            .stride_bytes = woven.geometry().row_bytes()},
+                           {.x = eye[0], .y = eye[1], .z_mm = eye[2]});
+  frames::WovenFrame picture({.width = seen.width, .height = seen.height});
+  std::copy(seen.pixels.begin(), seen.pixels.end(), picture.bytes().begin());
+  return picture;
+}
+
+}  // namespace
+
+PlayControls::PlayControls(PlayControlsOptions options) : options_(std::move(options)) {
+  worker_ = std::thread([this] { work(); });
+}
+
+PlayControls::~PlayControls() {
+  {
+    const std::lock_guard lock(tasks_mutex_);
+    stopping_ = true;
+  }
+  task_there_.notify_all();
+  worker_.join();
+}
+
+void PlayControls::steer(PlaylistSource* source) {
+  const std::lock_guard lock(mutex_);
+  source_ = source;
+}
+
+void PlayControls::tell_statistics(const ordered_json& statistics) {
+  const std::lock_guard lock(mutex_);
+  statistics_ = statistics;
+}
+
+void PlayControls::tell_state(const std::string& state) {
+  const std::lock_guard lock(mutex_);
+  state_ = state;
+}
+
+void PlayControls::handle(const ControlRequest& request, ControlRights rights, Answer answer) {
+  const Jump aside{.item = request.verb == ControlVerb::Next ? 1 : -1, .relative = true};
+  switch (request.verb) {
+    case ControlVerb::Status:
+      return answer(status());
+    case ControlVerb::Stats:
+      return answer(statistics());
+    case ControlVerb::Doctor:
+      return answer(doctor());
+    case ControlVerb::Play:
+    case ControlVerb::Pause:
+      return answer(pause(request.verb == ControlVerb::Pause));
+    case ControlVerb::Next:
+    case ControlVerb::Previous:
+      return jump(aside, answer);
+    case ControlVerb::Seek: {
+      Jump where{.frame = request.frame.value_or(0)};
+      if (request.item) where.item = static_cast<int64_t>(*request.item);
+      return jump(where, answer);
+    }
+    case ControlVerb::Load:
+      return load(request, answer);
+    case ControlVerb::Loop:
+      return answer(set_loops(request.loops));
+    case ControlVerb::Trim:
+      return answer(change_trim(request));
+    case ControlVerb::Snapshot:
+      if (rights != ControlRights::Everything)
+        throw Error(ErrorKind::Device, "snapshot: it writes a file as the player's user",
+                    "be the player's user, or root");
+      return snapshot(request, answer);
+    case ControlVerb::Quit:
+      answer(ordered_json{{"quitting", true}});
+      return options_.quit();
+    case ControlVerb::Subscribe:
+      break;
+  }
+  throw Error(ErrorKind::Usage, "control: not for the player");
+}
+
+// --- looking --------------------------------------------------------------------------------
+
+ordered_json PlayControls::trim_json(const optics::Trim& trim) const {
+  return {{"offset_lenses", trim.offset.value}, {"pitch_relative", trim.pitch_relative}};
+}
+
+/// What is on the glass at this moment, and what is being taken from; the two differ for a few
+/// frames at a change.
+ordered_json PlayControls::status() const {
+  const GlassPlace glass = playback_.on_glass();
+  const std::lock_guard lock(mutex_);
+  const bool playing = state_ == "playing";
+  ordered_json json = {{"state", playing && playback_.paused() ? "paused" : state_},
+                       {"frames_shown", glass.frames}};
+  json["on_glass"] = nullptr;
+  if (source_ != nullptr) {
+    const auto play = static_cast<uint32_t>(glass.item);
+    const PlaylistStatus status = source_->status();
+    if (glass.frames > 0) {
+      json["on_glass"] = {{"source", source_->source_of(play)}, {"frame", glass.number}};
+      const auto item = source_->place_of(play);
+      json["on_glass"]["item"] = item ? ordered_json(*item) : ordered_json(nullptr);
+    }
+    json["taking"] = place_json(status);
+    json["taking"]["frames"] = status.frames ? ordered_json(*status.frames) : ordered_json(nullptr);
+    json["rounds_done"] = status.rounds_done;
+    json["opening"] = status.opening;
+    json["items_skipped"] = status.skipped;
+    json["last_trouble"] = status.last_trouble;
+  }
+  if (options_.trim) json["trim"] = trim_json(options_.trim->trim());
+  return json;
+}
+
+ordered_json PlayControls::statistics() const {
+  const std::lock_guard lock(mutex_);
+  return {{"statistics", statistics_}};
+}
+
+ordered_json PlayControls::doctor() const {
+  const std::lock_guard lock(mutex_);
+  ordered_json json;
+  for (const char* key : {"display", "exactness", "kms", "waiting_for", "source_pace"})
+    json[key] = statistics_.contains(key) ? statistics_[key] : ordered_json(nullptr);
+  return json;
+}
+
+// --- steering -------------------------------------------------------------------------------
+
+ordered_json PlayControls::pause(bool paused) {
+  playback_.pause(paused);
+  return {{"paused", paused}};
+}
+
+ordered_json PlayControls::set_loops(uint64_t loops) {
+  const std::lock_guard lock(mutex_);
+  if (source_ == nullptr) throw nothing_to_steer();
+  source_->set_loops(loops);
+  ordered_json json;
+  json["count"] = loops == kForever ? ordered_json("forever") : ordered_json(loops);
+  return json;
+}
+
+/// The answer comes when the new place begins, or the old one stays.
+void PlayControls::jump(Jump where, const Answer& answer) {
+  const std::lock_guard lock(mutex_);
+  if (source_ == nullptr) throw nothing_to_steer();
+  PlaylistSource* const source = source_;
+  const uint64_t frame = where.frame;
+  source->jump(std::move(where), [answer, source, frame](const Error* error) {
+    if (error != nullptr) return answer(*error);
+    ordered_json json = place_json(source->status());
+    json["frame"] = frame;
+    answer(std::move(json));
+  });
+}
+
+void PlayControls::load(const ControlRequest& request, const Answer& answer) {
+  work_on(answer, [this, request](const Answer& done) {
+    Jump where{.list = std::make_shared<const Playlist>(options_.read_playlist(request.source)),
+               .item = static_cast<int64_t>(request.item.value_or(0)),
+               .frame = request.frame.value_or(0)};
+    jump(std::move(where), done);
+  });
+}
+
+ordered_json PlayControls::change_trim(const ControlRequest& request) {
+  if (!options_.trim) throw Error(ErrorKind::Failed, "trim: this player has none");
+  const optics::Trim now = options_.trim->change([&](const optics::Trim& trim) {
+    if (request.relative)
+      return optics::changed_by(trim, request.offset_lenses.value_or(0.0),
+                                request.pitch_relative.value_or(0.0));
+    return optics::Trim{.offset = Lenses(request.offset_lenses.value_or(trim.offset.value)),
+                        .pitch_relative = request.pitch_relative.value_or(trim.pitch_relative)};
+  });
+  ordered_json json = trim_json(now);
+  if (!options_.trim_advice.empty()) json["advice"] = options_.trim_advice;
+  return json;
+}
+
+void PlayControls::snapshot(const ControlRequest& request, const Answer& answer) {
+  frames::check_writable_format(request.file);
+  work_on(answer, [this, request](const Answer& done) { done(take_snapshot(request)); });
+}
+
+ordered_json PlayControls::take_snapshot(const ControlRequest& request) {
+  frames::WovenFrame glass(options_.panel);
+  const GlassPlace place = playback_.on_glass();
+  if (!playback_.copy_shown(glass))
+    throw Error(ErrorKind::Failed, "snapshot: the frame on the glass is not in memory",
+                "with a source that lends few frames: play with more --slots");
+  if (request.eye_mm) glass = seen_by(options_.trim->rig(), glass, *request.eye_mm);
+  frames::write_woven(glass.view(), request.file);
+  return {{"file", request.file},
+          {"width", glass.width()},
+          {"height", glass.height()},
+          {"frame", place.number}};
+}
+
+// --- what takes a while ---------------------------------------------------------------------
+
+void PlayControls::work_on(Answer answer, std::function<void(const Answer&)> task) {
+  {
+    const std::lock_guard lock(tasks_mutex_);
+    if (tasks_.size() >= kMaxTasks)
+      throw Error(ErrorKind::Failed, "control: too much to do already", "ask again later");
+    tasks_.push_back({std::move(answer), std::move(task)});
+  }
+  task_there_.notify_one();
+}
+
+void PlayControls::work() noexcept {
+  std::unique_lock lock(tasks_mutex_);
+  while (true) {
+    task_there_.wait(lock, [this] { return stopping_ || !tasks_.empty(); });
+    if (stopping_) return;
+    const Task task = std::move(tasks_.front());
+    tasks_.pop_front();
+    lock.unlock();
+    try {
+      task.run(task.answer);
+    } catch (const Error& error) {
+      task.answer(error);
+    } catch (const std::exception& error) {
+      task.answer(Error(ErrorKind::Failed, error.what()));
+    }
+    lock.lock();
+  }
+}
+
+}  // namespace lenticule::player

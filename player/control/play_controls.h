@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a running player does at the word of its control socket.
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "player/control/control_server.h"
+#include "player/live_trim.h"
+#include "player/playback.h"
+#include "player/playlist/playlist_source.h"
+
+namespace lenticule::player {
+
+/// Reads what `load` names: a list or a single source. Throws Error. On the controls' own thread.
+using PlaylistReader = std::function<Playlist(const std::string& source)>;
+
+struct PlayControlsOptions {
+  frames::FrameGeometry panel = {};
+  PlaylistReader read_playlist;
+  std::shared_ptr<LiveTrim> trim;
+  /// What a trim means for frames that were woven elsewhere; may be empty.
+  std::string trim_advice = {};
+  /// Ends the player in good order; any thread.
+  std::function<void()> quit;
+};
+
+/// handle() on the server's thread; the rest on the player's main thread unless said otherwise.
+class PlayControls final : public ControlTarget {
+ public:
+  explicit PlayControls(PlayControlsOptions options);
+  ~PlayControls() override;
+  PlayControls(const PlayControls&) = delete;
+  PlayControls& operator=(const PlayControls&) = delete;
+
+  void handle(const ControlRequest& request, ControlRights rights,
+              std::function<void(ControlAnswer)> answer) override;
+
+  /// The playback's hook.
+  [[nodiscard]] PlaybackControl& playback() { return playback_; }
+  /// What is steered from now on; null while nothing is. It must outlive that.
+  void steer(PlaylistSource* source);
+  /// The newest statistics, and in one word what the player is at.
+  void tell_statistics(const nlohmann::ordered_json& statistics);
+  void tell_state(const std::string& state);
+
+ private:
+  using Answer = std::function<void(ControlAnswer)>;
+
+  [[nodiscard]] nlohmann::ordered_json status() const;
+  [[nodiscard]] nlohmann::ordered_json statistics() const;
+  [[nodiscard]] nlohmann::ordered_json doctor() const;
+  [[nodiscard]] nlohmann::ordered_json pause(bool paused);
+  [[nodiscard]] nlohmann::ordered_json set_loops(uint64_t loops);
+  [[nodiscard]] nlohmann::ordered_json change_trim(const ControlRequest& request);
+  void jump(Jump where, const Answer& answer);
+  void load(const ControlRequest& request, const Answer& answer);
+  void snapshot(const ControlRequest& request, const Answer& answer);
+  [[nodiscard]] nlohmann::ordered_json take_snapshot(const ControlRequest& request);
+  void work_on(Answer answer, std::function<void(const Answer&)> task);
+  void work() noexcept;
+  [[nodiscard]] nlohmann::ordered_json trim_json(const optics::Trim& trim) const;
+
+  const PlayControlsOptions options_;
+  PlaybackControl playback_;
+
+  mutable std::mutex mutex_;  ///< guards what follows
+  PlaylistSource* source_ = nullptr;
+  nlohmann::ordered_json statistics_;
+  std::string state_ = "starting";
+
+  // What takes a while (reading lists, encoding pictures), one after the other.
+  struct Task {
+    Answer answer;
+    std::function<void(const Answer&)> run;
+  };
+  std::mutex tasks_mutex_;
+  std::condition_variable task_there_;
+  std::deque<Task> tasks_;
+  bool stopping_ = false;
+  std::thread worker_;  // last
+};
+
+}  // namespace lenticule::player
