@@ -46,7 +46,7 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
 /// Frames that somebody else wove cannot be woven again here.
 std::string trim_advice(const std::string& source) {
   if (source == kViewsSource || is_woven_here(source)) return {};
-  return "views and what is woven here follow this trim; these frames were woven before this trim "
+  return "these frames were woven before this trim "
          "and do not follow it: make them again; a player "
          "and its renderer take the trim when both are started again";
 }

@@ -56,7 +56,13 @@ SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std
   controls_ = std::make_unique<PlayControls>(PlayControlsOptions{
       .panel = plan.source.panel,
       .read_playlist =
-          [this](const std::string& source) { return read_playlist(source, flags_, plan_); },
+          [this](const std::string& source) {
+            Playlist list = read_playlist(source, flags_, plan_);
+            // Who steers says himself when there has been enough of it.
+            const bool for_ever = flags_.loop.empty() && !is_playlist_file(source);
+            if (for_ever) list.items.front().loops = kForever;
+            return list;
+          },
       .trim = plan.trim,
       .trim_advice = advice,
       .quit = quit_in_good_order});
@@ -177,7 +183,7 @@ std::string SteeredPlay::failure() const {
   if (source_ == nullptr) return {};
   const PlaylistStatus status = source_->status();
   const bool nothing_played = status.started == 0;
-  const bool only_one_broke = status.items == 1 && status.skipped > 0;
+  const bool only_one_broke = !is_list_ && status.started <= 1 && status.skipped > 0;
   if (!nothing_played && !only_one_broke) return {};
   return status.last_trouble.empty() ? "nothing in it could be played" : status.last_trouble;
 }

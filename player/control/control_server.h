@@ -45,7 +45,7 @@ struct ControlLimits {
 };
 
 struct ControlServerOptions {
-  std::string socket;
+  std::string socket = {};
   std::optional<gid_t> group{};
   ControlLimits limits{};
   /// Who is at the other end: the kernel's word, unless a test has another.

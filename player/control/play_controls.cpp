@@ -162,6 +162,10 @@ ordered_json PlayControls::doctor() const {
 // --- steering -------------------------------------------------------------------------------
 
 ordered_json PlayControls::pause(bool paused) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (source_ != nullptr) source_->hold(paused);
+  }
   playback_.pause(paused);
   return {{"paused", paused}};
 }

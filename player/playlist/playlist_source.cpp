@@ -144,9 +144,9 @@ PullStatus PlaylistSource::first_frame_of(Play& play, LentFrame& out) {
 /// Without a current item: either all is over, or something is awaited.
 PullStatus PlaylistSource::nothing_yet() {
   const std::lock_guard lock(mutex_);
-  at_end_ = list_over_ && !wish_ && !next_;
+  at_end_ = ended_ = list_over_ && !wish_ && !next_ && !held_;
   if (at_end_) return PullStatus::End;
-  idle_ = idle_ || nothing_for_now_ || broken_in_a_row_ > 0 || wish_.has_value();
+  idle_ = idle_ || held_ || nothing_for_now_ || broken_in_a_row_ > 0 || wish_.has_value();
   return PullStatus::NotYet;
 }
 

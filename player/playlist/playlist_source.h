@@ -94,6 +94,8 @@ class PlaylistSource final : public frames::FrameSource {
   void jump(Jump jump, JumpDone done);
   /// Loops of the list, or of its only item; kForever. From the next seam on.
   void set_loops(uint64_t loops);
+  /// While it is held, the list does not end: it is paused, and may be sent elsewhere.
+  void hold(bool held);
   [[nodiscard]] PlaylistStatus status() const;
   /// The source that a frame's `item` came from, as long as it is remembered; empty otherwise.
   [[nodiscard]] std::string source_of(uint32_t play) const;
@@ -222,6 +224,8 @@ class PlaylistSource final : public frames::FrameSource {
   std::unique_ptr<Play> next_;
   bool next_wanted_ = false;
   bool list_over_ = false;
+  bool held_ = false;
+  bool ended_ = false;            ///< End was said, which is final
   bool nothing_for_now_ = false;  ///< no item is for this time
   bool on_standby_ = false;
   size_t broken_in_a_row_ = 0;

@@ -178,7 +178,9 @@ void PlaylistSource::jump(Jump jump, JumpDone done) {
     if (jump.relative) index = (index % items + items) % items;
     const bool stays = !jump.item && !jump.list;
     if (stays) index = static_cast<int64_t>(here.value_or(0));
-    if (index < 0 || index >= items) {
+    if (ended_) {
+      error.emplace(ErrorKind::Failed, "control: playing is about to end", "pause it earlier");
+    } else if (index < 0 || index >= items) {
       error.emplace(ErrorKind::Usage, fmt::format("item {}: the list has {}", index, items),
                     "items are counted from 0");
     } else {
@@ -211,6 +213,12 @@ void PlaylistSource::set_loops(uint64_t loops) {
   list_ = std::move(list);
   list_over_ = false;
   work_there_.notify_all();
+}
+
+void PlaylistSource::hold(bool held) {
+  const std::lock_guard lock(mutex_);
+  held_ = held;
+  wake_filler();
 }
 
 PlaylistStatus PlaylistSource::status() const {

@@ -49,6 +49,29 @@ TEST_F(SourceOpen, TakesAllFramesOfAPattern) {
   EXPECT_EQ(opened.source->frame_count(), 5u);
 }
 
+TEST_F(SourceOpen, BeginsAtALaterFrameAndItsSecondRoundAtTheFirst) {
+  for (const int slots : {2, 3, 8}) {
+    const OpenedSource opened =
+        open_source({.text = pattern(), .panel = kSmall, .slots = slots, .first_frame = 3});
+    std::vector<uint64_t> numbers;
+    frames::LentFrame lent;
+    for (int rounds = 0; rounds < 2;) {
+      const frames::PullStatus status = opened.source->pull(lent);
+      ASSERT_NE(status, frames::PullStatus::Failed);
+      if (status == frames::PullStatus::End) {
+        ++rounds;
+        ASSERT_TRUE(opened.source->rewind());
+      }
+      if (status != frames::PullStatus::Ready) continue;
+      numbers.push_back(lent.number);
+      EXPECT_EQ(test::checksum_of(lent.frame),
+                test::checksum_of(test::numbered_frame(kSmall, 3 + lent.number).view()));
+      opened.source->release(lent.token);
+    }
+    EXPECT_THAT(numbers, testing::ElementsAre(3, 4, 0, 1, 2, 3, 4)) << slots << " slots";
+  }
+}
+
 TEST_F(SourceOpen, TakesARangeOfAPattern) {
   const OpenedSource opened =
       open_source({.text = pattern(), .panel = kSmall, .frames = FrameRange{4, 7}});

@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+// Players on the virtual display, steered by `lenticule ctl`.
+#include <chrono>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "frames/image_io.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+using nlohmann::json;
+
+constexpr frames::FrameGeometry kPanel{.width = 48, .height = 32};
+constexpr int kFrames = 40;
+
+/// Every pixel of frame k of film `film`.
+uint8_t level(int film, uint64_t k) {
+  return static_cast<uint8_t>(100 * film + static_cast<int>(k));
+}
+
+class Ctl : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), path("rig.toml"));
+    for (int film = 0; film < 2; ++film) {
+      std::filesystem::create_directories(path(film_name(film)));
+      for (uint64_t k = 0; k < kFrames; ++k) {
+        frames::WovenFrame frame(kPanel);
+        std::fill(frame.bytes().begin(), frame.bytes().end(), level(film, k));
+        frames::write_woven(frame.view(), frames::FilePattern(film_pattern(film)).path(k));
+      }
+    }
+    write("list.toml",
+          "loop = \"forever\"\n[[item]]\nsource = \"a/%03d.png\"\n"
+          "loops = \"forever\"\n[[item]]\nsource = \"b/%03d.png\"\n"
+          "loops = \"forever\"\n");
+  }
+  static std::string film_name(int film) { return film == 0 ? "a" : "b"; }
+  [[nodiscard]] std::string film_pattern(int film) const {
+    return path(film_name(film) + "/%03d.png");
+  }
+  void start(const std::string& source, std::vector<std::string> more = {}) {
+    std::vector<std::string> words = {"play",      source,
+                                      "--rig",     path("rig.toml"),
+                                      "--display", "virtual:48x32@60",
+                                      "--control", path("c.sock"),
+                                      "--record",  "checksums:" + path("sums"),
+                                      "--stats",   path("stats.json")};
+    words.insert(words.end(), more.begin(), more.end());
+    player_ = std::make_unique<BackgroundProcess>(program(words));
+    ASSERT_TRUE(comes_true([this] {
+      return std::filesystem::exists(path("c.sock")) && on_glass().contains("frame");
+    }));
+  }
+  [[nodiscard]] ProcessResult ctl(std::vector<std::string> words) const {
+    words.insert(words.begin(), {"ctl", "--json", "--socket", path("c.sock")});
+    return run(words);
+  }
+  /// What a verb answers; it succeeds.
+  [[nodiscard]] json answer(const std::vector<std::string>& words) const {
+    const ProcessResult result = ctl(words);
+    EXPECT_EQ(result.exit_code, 0) << words.front() << ": " << result.err;
+    return result.exit_code == 0 ? json::parse(result.out) : json::object();
+  }
+  [[nodiscard]] json on_glass() const {
+    const ProcessResult result = ctl({"status"});
+    if (result.exit_code != 0) return json::object();
+    const json glass = json::parse(result.out).value("on_glass", json());
+    return glass.is_object() ? glass : json::object();
+  }
+  template <typename Condition>
+  [[nodiscard]] static bool comes_true(Condition condition) {
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (!condition())
+      if (std::chrono::steady_clock::now() > deadline)
+        return false;
+      else
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    return true;
+  }
+  [[nodiscard]] bool shows(int film, uint64_t frame) const {
+    const json glass = on_glass();
+    return glass.value("frame", uint64_t{9999}) == frame &&
+           glass.value("source", "") == film_pattern(film);
+  }
+  /// What a snapshot has, all of whose pixels are alike.
+  [[nodiscard]] int level_on_glass() const {
+    (void)answer({"snapshot", path("snap.png")});
+    const frames::WovenFrame snap = frames::read_woven(path("snap.png"));
+    for (const uint8_t byte : snap.bytes()) EXPECT_EQ(byte, snap.bytes()[0]);
+    return snap.bytes()[0];
+  }
+  void pause_still() const {
+    EXPECT_EQ(answer({"pause"})["paused"], true);
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // a pending flip lands
+  }
+  [[nodiscard]] uint64_t frames_shown() const {
+    return answer({"status"})["frames_shown"].get<uint64_t>();
+  }
+  ProcessResult quit() {
+    EXPECT_EQ(answer({"quit"})["quitting"], true);
+    return player_->wait(std::chrono::seconds(60));
+  }
+  [[nodiscard]] std::vector<std::string> recorded() const {
+    std::vector<std::string> lines;
+    std::ifstream file(path("sums"));
+    for (std::string line; std::getline(file, line);)
+      if (!line.empty() && line.front() != '#') lines.push_back(line);
+    return lines;
+  }
+
+  std::unique_ptr<BackgroundProcess> player_;
+};
+
+TEST_F(Ctl, APauseStopsTheFramesThatReachTheGlass) {
+  start(film_pattern(0), {"--loop", "forever"});
+  pause_still();
+  EXPECT_EQ(answer({"status"})["state"], "paused");
+  const uint64_t shown = frames_shown();
+  std::this_thread::sleep_for(std::chrono::milliseconds(300));
+  EXPECT_EQ(frames_shown(), shown);
+  EXPECT_EQ(quit().exit_code, 143);
+  const std::vector<std::string> lines = recorded();
+  EXPECT_EQ(lines.size(), shown) << "the recorder saw as many, and none while it was paused";
+  EXPECT_FALSE(std::filesystem::exists(path("c.sock")));
+  const json stats = json::parse(std::ifstream(path("stats.json")));
+  EXPECT_GE(stats["held"].get<uint64_t>(), 10u);
+  EXPECT_EQ(stats["repeated_underrun"], 0) << "a pause is no underrun";
+}
+
+TEST_F(Ctl, SeekAndNextLandOnTheExactFrame) {
+  start(path("list.toml"));
+  pause_still();
+  ASSERT_EQ(answer({"seek", "--frame", "17"})["frame"], 17);
+  ASSERT_TRUE(comes_true([&] { return shows(0, 17); }));
+  EXPECT_EQ(level_on_glass(), level(0, 17));
+  EXPECT_EQ(answer({"next"})["item"], 1);
+  ASSERT_TRUE(comes_true([&] { return shows(1, 0); }));
+  EXPECT_EQ(level_on_glass(), level(1, 0));
+  EXPECT_EQ(answer({"seek", "--item", "0", "--frame", "39"})["item"], 0);
+  ASSERT_TRUE(comes_true([&] { return shows(0, 39); }));
+  EXPECT_EQ(level_on_glass(), level(0, 39));
+  EXPECT_EQ(ctl({"seek", "--frame", "40"}).exit_code, 2);
+  EXPECT_EQ(ctl({"seek", "--item", "2"}).exit_code, 2);
+  EXPECT_TRUE(shows(0, 39));
+  EXPECT_EQ(answer({"play"})["paused"], false);
+  EXPECT_TRUE(comes_true([&] { return !shows(0, 39); })) << "and it goes on from there";
+}
+
+TEST_F(Ctl, WhatCannotBeLoadedLeavesTheOldOnePlaying) {
+  start(film_pattern(0), {"--loop", "forever"});
+  write("broken.png", "no picture");
+  write("broken.toml", "loop = never\n");
+  for (const char* bad : {"broken.png", "missing.png", "broken.toml", "missing.toml"}) {
+    const ProcessResult refused = ctl({"load", path(bad)});
+    EXPECT_EQ(refused.exit_code, 1) << bad << refused.out;
+    EXPECT_NE(refused.err.find(bad), std::string::npos) << refused.err;
+  }
+  const uint64_t before = frames_shown();
+  EXPECT_TRUE(comes_true([&] { return frames_shown() > before; }));
+  EXPECT_EQ(on_glass()["source"], film_pattern(0));
+  EXPECT_EQ(answer({"load", film_pattern(1), "--frame", "5"})["source"], film_pattern(1));
+  EXPECT_TRUE(comes_true([&] { return on_glass()["source"] == film_pattern(1); }));
+}
+
+TEST_F(Ctl, ATrimChangesWhatIsWovenHere) {
+  start("views", {"--loop", "forever"});
+  (void)answer({"snapshot", path("before.png")});
+  EXPECT_EQ(answer({"trim", "--offset-by", "0.25"})["offset_lenses"], 0.25);
+  const frames::WovenFrame before = frames::read_woven(path("before.png"));
+  ASSERT_TRUE(comes_true([&] {
+    (void)answer({"snapshot", path("after.png")});
+    return frames::read_woven(path("after.png")) != before;
+  }));
+  EXPECT_EQ(answer({"trim", "--offset", "0"})["offset_lenses"], 0.0);
+  EXPECT_TRUE(comes_true([&] {
+    (void)answer({"snapshot", path("again.png")});
+    return frames::read_woven(path("again.png")) == before;
+  }));
+  EXPECT_EQ(ctl({"trim", "--offset", "7"}).exit_code, 1) << "more than a lens is no drift";
+  const json eye = answer({"snapshot", path("eye.png"), "--eye", "10,0,500"});
+  EXPECT_EQ(eye["width"], frames::read_woven(path("eye.png")).width());
+}
+
+TEST_F(Ctl, EventsComeAsLinesAndTheListEndsWhenTold) {
+  start(path("list.toml"));
+  BackgroundProcess listener(
+      program({"ctl", "--socket", path("c.sock"), "subscribe", "--count", "2"}));
+  // It has subscribed when the seams of the film that plays are counted to it.
+  (void)answer({"load", film_pattern(1)});
+  const ProcessResult heard = listener.wait(std::chrono::seconds(60));
+  EXPECT_EQ(heard.exit_code, 0) << heard.err;
+  std::istringstream lines(heard.out);
+  int events = 0;
+  for (std::string line; std::getline(lines, line); ++events)
+    EXPECT_TRUE(json::parse(line).contains("event")) << line;
+  EXPECT_EQ(events, 2);
+  EXPECT_EQ(answer({"loop", "1"})["count"], 1);
+  EXPECT_EQ(player_->wait(std::chrono::seconds(60)).exit_code, 0);
+}
+
+TEST_F(Ctl, ExitCodesAreThoseOfTheContract) {
+  EXPECT_EQ(ctl({"status"}).exit_code, 3) << "no player";
+  EXPECT_EQ(ctl({"explode"}).exit_code, 2);
+  EXPECT_EQ(ctl({"load"}).exit_code, 2);
+  start(film_pattern(0), {"--loop", "forever"});
+  EXPECT_EQ(ctl({"seek"}).exit_code, 2);
+  EXPECT_EQ(ctl({"snapshot", path("s.gif")}).exit_code, 2);
+  EXPECT_EQ(ctl({"snapshot", path("nowhere/s.png")}).exit_code, 1);
+  EXPECT_EQ(run({"play", film_pattern(0), "--rig", path("rig.toml"), "--control", path("c.sock")})
+                .exit_code,
+            3)
+      << "another player listens there";
+  EXPECT_EQ(answer({"doctor"})["exactness"], nullptr);
+  EXPECT_TRUE(answer({"stats"})["statistics"].contains("shown"));
+}
+
+TEST_F(Ctl, AListPlaysItsItemsAndNamesWhatItLeavesOut) {
+  write("short.toml",
+        "[[item]]\nsource = \"a/%03d.png\"\n[[item]]\nsource = \"gone.png\"\n"
+        "[[item]]\nsource = \"b/%03d.png\"\nfps = \"30\"\nframes = \"0:10\"\n");
+  const ProcessResult played =
+      run({"play", path("short.toml"), "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
+           "--clock", "simulated", "--record", "checksums:" + path("sums"), "--json"});
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_NE(played.err.find("left out: " + path("gone.png")), std::string::npos) << played.err;
+  const json stats = json::parse(played.out);
+  EXPECT_EQ(stats["shown"], kFrames + 10);
+  EXPECT_EQ(stats["vblanks"], kFrames + 20);
+  EXPECT_EQ(stats["repeated_underrun"], 0);
+  EXPECT_EQ(stats["playlist"]["items_skipped"], 1);
+  write("wrong.toml", "[[item]]\nsource = \"a.png\"\nspeed = 2\n");
+  const ProcessResult wrong = run({"play", path("wrong.toml"), "--rig", path("rig.toml")});
+  EXPECT_EQ(wrong.exit_code, 4);
+  EXPECT_NE(wrong.err.find("wrong.toml:3: unknown key 'speed'"), std::string::npos) << wrong.err;
+}
+
+TEST_F(Ctl, PreflightSaysWhetherTheSourceKeepsUp) {
+  const auto preflight = [&](const std::string& fps) {
+    return run({"play", film_pattern(0), "--rig", path("rig.toml"), "--preflight", "--fps", fps,
+                "--slots", "2", "--json"});
+  };
+  const ProcessResult slow = preflight("0.01");
+  EXPECT_EQ(slow.exit_code, 0) << slow.err;
+  EXPECT_EQ(json::parse(slow.out)[0]["figures"]["too_slow"], false);
+  write("a/020.png", "no picture");
+  EXPECT_EQ(preflight("0.01").exit_code, 4);
+}
+
+}  // namespace
+}  // namespace lenticule::test

@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any bytes as a playlist: an Error with a line, or a list that can be walked through.
+#include <string_view>
+
+#include "optics/error.h"
+#include "player/playlist/playlist.h"
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  using namespace lenticule::player;
+  try {
+    const Playlist list =
+        parse_playlist({reinterpret_cast<const char*>(data), size}, "fuzz.toml", "/folder");
+    LENTICULE_CHECK(!list.items.empty() && list.items.size() <= kMaxPlaylistItems);
+    for (const PlaylistItem& item : list.items) LENTICULE_CHECK(!item.source.empty());
+    std::optional<size_t> at;
+    uint64_t rounds = 0;
+    for (int step = 0; step < 100; ++step) {
+      const NextItem next = next_item(list, at, rounds, {step % 7, step * 14});
+      if (next.kind != NextItem::Kind::Item) continue;
+      LENTICULE_CHECK(next.index < list.items.size() && next.rounds_done >= rounds);
+      at = next.index;
+      rounds = next.rounds_done;
+    }
+  } catch (const lenticule::Error& error) {
+    LENTICULE_CHECK(std::string_view(error.what()).substr(0, 10) == "fuzz.toml:");
+  }
+  return 0;
+}

@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// Requests, and whatever is none.
+#include "player/control/control_protocol.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "player/control/control_peer.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::json;
+
+ControlRequest parse(const std::string& line) {
+  json id;
+  return parse_control_request(line, id);
+}
+
+std::string complaint(const std::string& line, json* id = nullptr) {
+  json ignored;
+  try {
+    (void)parse_control_request(line, id != nullptr ? *id : ignored);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::Usage);
+    return error.what();
+  }
+  return "none";
+}
+
+TEST(ControlProtocol, EveryVerbHasItsFields) {
+  EXPECT_EQ(parse(R"({"id":7,"do":"status"})").verb, ControlVerb::Status);
+  EXPECT_EQ(parse(R"({"id":7,"do":"status"})").id, 7);
+  const ControlRequest load = parse(R"({"do":"load","source":"/a.toml","item":2,"frame":5})");
+  EXPECT_EQ(load.source, "/a.toml");
+  EXPECT_EQ(load.item, 2u);
+  EXPECT_EQ(load.frame, 5u);
+  EXPECT_EQ(parse(R"({"do":"seek","frame":12})").frame, 12u);
+  EXPECT_EQ(parse(R"({"do":"loop","count":"forever"})").loops, 0u);
+  EXPECT_EQ(parse(R"({"do":"loop","count":3})").loops, 3u);
+  const ControlRequest by = parse(R"({"do":"trim","offset_by":-0.01})");
+  EXPECT_TRUE(by.relative);
+  EXPECT_EQ(by.offset_lenses, -0.01);
+  EXPECT_FALSE(by.pitch_relative);
+  EXPECT_FALSE(parse(R"({"do":"trim","pitch":1e-5})").relative);
+  const ControlRequest eye = parse(R"({"do":"snapshot","file":"/s.png","eye":[1,-2,700]})");
+  EXPECT_EQ(eye.eye_mm, (std::array<double, 3>{1.0, -2.0, 700.0}));
+  for (const char* name :
+       {"play", "pause", "next", "previous", "stats", "doctor", "subscribe", "quit"})
+    EXPECT_STREQ(verb_name(parse(std::string(R"({"do":")") + name + "\"}").verb), name);
+}
+
+TEST(ControlProtocol, WhatIsUnknownIsRefusedByName) {
+  EXPECT_EQ(complaint(R"({"do":"explode"})"), "do: there is no verb 'explode'");
+  EXPECT_EQ(complaint(R"({"do":"pause","hard":true})"), "pause: it has no field 'hard'");
+  EXPECT_EQ(complaint(R"({"do":"seek"})"), "seek: neither frame nor item");
+  EXPECT_EQ(complaint(R"({"do":"seek","frame":-1})"), "frame: not a whole number from 0 on");
+  EXPECT_EQ(complaint(R"({"do":"seek","frame":1.5})"), "frame: not a whole number from 0 on");
+  EXPECT_EQ(complaint(R"({"do":"seek","frame":1e99})"), "frame: not a whole number from 0 on");
+  EXPECT_EQ(complaint(R"({"do":"load"})"), "load: no source");
+  EXPECT_THAT(complaint(R"({"do":"load","source":""})"), testing::StartsWith("source: empty"));
+  EXPECT_THAT(complaint(R"({"do":"load","source":"a\u0000b"})"), testing::StartsWith("source: "));
+  EXPECT_EQ(complaint(R"({"do":"loop","count":0})"), "count: not a number of loops");
+  EXPECT_EQ(complaint(R"({"do":"trim"})"), "trim: nothing to change");
+  EXPECT_EQ(complaint(R"({"do":"trim","offset":1,"pitch_by":1})"),
+            "trim: to a number or by a number, not both");
+  EXPECT_EQ(complaint(R"({"do":"snapshot","file":"s.png"})"), "file: not from the root on");
+  EXPECT_EQ(complaint(R"({"do":"snapshot","file":"/s","eye":[0,0,0]})"),
+            "eye: not in front of the panel");
+  EXPECT_EQ(complaint(R"({"id":1})"), "do: no verb");
+  EXPECT_THAT(complaint(R"({"id":[1],"do":"status"})"), testing::StartsWith("id: "));
+}
+
+TEST(ControlProtocol, GarbageIsAnErrorWithTheIdAsFarAsThereIsOne) {
+  for (const std::string line : {"", "{", "[]", "7", "null", "status", "{\"do\":\"status\"}}",
+                                 "\xff\xfe", "{\"do\":\"\xff\"}"})
+    EXPECT_EQ(complaint(line), "request: not a JSON object on one line") << line;
+  EXPECT_EQ(complaint(std::string(kMaxControlLine, '[')), "request: not a JSON object on one line");
+  json id;
+  (void)complaint(R"({"id":"x","do":"explode"})", &id);
+  EXPECT_EQ(id, "x");
+}
+
+TEST(ControlProtocol, AnswersAreOneLineEach) {
+  const std::string line = answer_line(3, {{"text", "a\nb\xff"}});
+  EXPECT_EQ(std::count(line.begin(), line.end(), '\n'), 1);
+  const json answer = json::parse(line);
+  EXPECT_EQ(answer["id"], 3);
+  EXPECT_EQ(answer["ok"], true);
+  const json error =
+      json::parse(error_line("x", {ErrorKind::Input, "a.png: no such file", "look for it"}));
+  EXPECT_EQ(error["ok"], false);
+  EXPECT_EQ(error["error"]["object"], "a.png");
+  EXPECT_EQ(error["error"]["cause"], "no such file");
+  EXPECT_EQ(error["error"]["remedy"], "look for it");
+}
+
+TEST(ControlPeers, TheOwnerAndRootMayEverythingTheGroupMaySteerOthersNothing) {
+  const ControlPolicy policy{.owner = 1000, .group = 44};
+  EXPECT_EQ(rights_of({.uid = 1000, .groups = {}}, policy), ControlRights::Everything);
+  EXPECT_EQ(rights_of({.uid = 0, .groups = {}}, policy), ControlRights::Everything);
+  EXPECT_EQ(rights_of({.uid = 1001, .groups = {5, 44}}, policy), ControlRights::Steer);
+  EXPECT_EQ(rights_of({.uid = 1001, .groups = {5}}, policy), ControlRights::None);
+  EXPECT_EQ(rights_of({.uid = 1001, .groups = {44}}, {.owner = 1000}), ControlRights::None);
+}
+
+}  // namespace
+}  // namespace lenticule::player

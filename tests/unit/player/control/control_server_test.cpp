@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+// The control socket with a player behind it that only remembers.
+#include "player/control/control_server.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+
+#include <condition_variable>
+#include <filesystem>
+#include <thread>
+
+#include "player/control/control_client.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using nlohmann::ordered_json;
+using std::chrono::seconds;
+
+constexpr auto kPatience = seconds(30);
+
+class FakePlayer final : public ControlTarget {
+ public:
+  void handle(const ControlRequest& request, ControlRights rights,
+              std::function<void(ControlAnswer)> answer) override {
+    const std::lock_guard lock(mutex_);
+    verbs_.emplace_back(verb_name(request.verb));
+    rights_ = rights;
+    if (request.verb == ControlVerb::Seek)
+      throw Error(ErrorKind::Failed, "seek: this player cannot", "let it be");
+    if (request.verb == ControlVerb::Load)
+      later_.push_back(std::move(answer));
+    else
+      answer(ordered_json{{"verb", verb_name(request.verb)}, {"filler", filler_}});
+  }
+  [[nodiscard]] std::vector<std::string> verbs() const {
+    const std::lock_guard lock(mutex_);
+    return verbs_;
+  }
+  [[nodiscard]] size_t waiting() const {
+    const std::lock_guard lock(mutex_);
+    return later_.size();
+  }
+  void answer_all() {
+    const std::lock_guard lock(mutex_);
+    for (const auto& answer : later_) answer(ordered_json{{"late", true}});
+    later_.clear();
+  }
+  void fill_answers(size_t bytes) {
+    const std::lock_guard lock(mutex_);
+    filler_.assign(bytes, 'x');
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<std::string> verbs_;
+  std::vector<std::function<void(ControlAnswer)>> later_;
+  ControlRights rights_ = ControlRights::None;
+  std::string filler_;
+};
+
+class ControlSocket : public testing::Test {
+ protected:
+  fs::path folder = fs::path(testing::TempDir()) / ("control-" + std::to_string(getpid()));
+  std::string socket = (folder / "c.sock").string();
+  FakePlayer player;
+  std::unique_ptr<ControlServer> server;
+
+  void SetUp() override {
+    fs::remove_all(folder);
+    fs::create_directories(folder);
+  }
+  void TearDown() override {
+    server.reset();
+    fs::remove_all(folder);
+  }
+  void serve(ControlServerOptions options = {}) {
+    options.socket = socket;
+    server = std::make_unique<ControlServer>(std::move(options), player);
+  }
+  [[nodiscard]] ControlClient client() const { return {socket, kPatience}; }
+  /// A connection without manners.
+  [[nodiscard]] frames::UniqueFd raw() const {
+    const frames::UnixAddress address = frames::unix_address(socket);
+    frames::UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    EXPECT_EQ(::connect(fd.get(), address.get(), address.bytes), 0) << std::strerror(errno);
+    const timeval patience{.tv_sec = 30, .tv_usec = 0};
+    (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    return fd;
+  }
+  static void say(const frames::UniqueFd& fd, const std::string& text) {
+    (void)::send(fd.get(), text.data(), text.size(), MSG_NOSIGNAL);
+  }
+  /// Everything up to the end of the connection.
+  static std::string hear_all(const frames::UniqueFd& fd) {
+    std::string all;
+    std::array<char, 4096> bytes{};
+    ssize_t got = 0;
+    while ((got = ::recv(fd.get(), bytes.data(), bytes.size(), 0)) > 0)
+      all.append(bytes.data(), static_cast<size_t>(got));
+    return all;
+  }
+  static json ask(ControlClient& client, const ordered_json& request) {
+    client.send(request);
+    const auto answer = client.receive(kPatience);
+    EXPECT_TRUE(answer);
+    return answer ? json(*answer) : json();
+  }
+  template <typename Condition>
+  [[nodiscard]] static bool within_patience(Condition condition) {
+    const auto deadline = std::chrono::steady_clock::now() + kPatience;
+    while (!condition())
+      if (std::chrono::steady_clock::now() > deadline)
+        return false;
+      else
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return true;
+  }
+};
+
+TEST_F(ControlSocket, AnswersWithTheIdOfTheRequest) {
+  serve();
+  ControlClient one = client();
+  EXPECT_EQ(ask(one, {{"id", 1}, {"do", "status"}})["verb"], "status");
+  const json refused = ask(one, {{"id", "b"}, {"do", "seek"}, {"frame", 1}});
+  EXPECT_EQ(refused["id"], "b");
+  EXPECT_EQ(refused["ok"], false);
+  EXPECT_EQ(refused["error"]["cause"], "this player cannot");
+  EXPECT_EQ(ask(one, {{"id", 2}, {"do", "fly"}})["error"]["object"], "do");
+}
+
+TEST_F(ControlSocket, IsForItsOwnerAloneAndGoesWithThePlayer) {
+  serve();
+  struct stat status {};
+  ASSERT_EQ(::stat(socket.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0600u);
+  server.reset();
+  EXPECT_FALSE(fs::exists(socket));
+  serve({.group = getegid()});
+  ASSERT_EQ(::stat(socket.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777, 0660u);
+}
+
+TEST_F(ControlSocket, ReplacesADeadSocketAndNothingElse) {
+  {
+    const frames::UnixAddress address = frames::unix_address(socket);
+    const frames::UniqueFd dead(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    ASSERT_EQ(::bind(dead.get(), address.get(), address.bytes), 0);
+  }
+  serve();
+  FakePlayer other;
+  EXPECT_THROW(ControlServer({.socket = socket}, other), Error) << "a live one";
+  ControlClient still = client();
+  EXPECT_EQ(ask(still, {{"do", "status"}})["ok"], true);
+  const std::string file = (folder / "file").string();
+  close(open(file.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC, 0600));
+  EXPECT_THROW(ControlServer({.socket = file}, other), Error);
+  EXPECT_TRUE(fs::exists(file));
+}
+
+TEST_F(ControlSocket, StrangersAreToldSoAndClosed) {
+  serve({.peer = [](int) { return ControlPeer{.uid = geteuid() + 1, .groups = {}}; }});
+  const frames::UniqueFd stranger = raw();
+  say(stranger, "{\"do\":\"quit\"}\n");
+  EXPECT_THAT(hear_all(stranger), testing::HasSubstr("another user's player"));
+  EXPECT_TRUE(player.verbs().empty());
+  EXPECT_EQ(server->counts().refused, 1u);
+  server.reset();
+  serve({.peer = [](int) -> std::optional<ControlPeer> { return std::nullopt; }});
+  EXPECT_THAT(hear_all(raw()), testing::HasSubstr("another user's player"));
+}
+
+TEST_F(ControlSocket, HalfLinesWaitAndPipelinedOnesComeInOrder) {
+  serve();
+  const frames::UniqueFd slow = raw();
+  say(slow, "{\"id\":1,\"do\":");
+  ControlClient other = client();
+  EXPECT_EQ(ask(other, {{"do", "stats"}})["verb"], "stats");
+  std::string rest = "\"play\"}\n";
+  for (int k = 2; k < 100; ++k) rest += "{\"id\":" + std::to_string(k) + ",\"do\":\"play\"}\r\n\n";
+  say(slow, rest);
+  ::shutdown(slow.get(), SHUT_WR);
+  std::istringstream answers(hear_all(slow));
+  int expected = 1;
+  for (std::string line; std::getline(answers, line);)
+    EXPECT_EQ(json::parse(line)["id"], expected++);
+  EXPECT_EQ(expected, 100);
+}
+
+TEST_F(ControlSocket, GarbageIsAnsweredAndEndlessLinesEndTheConnection) {
+  serve();
+  const frames::UniqueFd noisy = raw();
+  say(noisy, "\xff\x01garbage\n{}\n[1,2]\n");
+  say(noisy, std::string(2 * kMaxControlLine, 'a'));
+  const std::string heard = hear_all(noisy);
+  EXPECT_EQ(std::count(heard.begin(), heard.end(), '\n'), 4);
+  EXPECT_THAT(heard, testing::HasSubstr("longer than"));
+  ControlClient after = client();
+  EXPECT_EQ(ask(after, {{"do", "status"}})["ok"], true);
+}
+
+TEST_F(ControlSocket, AThousandClientsAreServedOrTurnedAway) {
+  serve();
+  std::vector<frames::UniqueFd> all;
+  for (int k = 0; k < 1000; ++k) {
+    frames::UniqueFd fd = raw();
+    say(fd, "{\"do\":\"status\"}\n");
+    if (all.size() < 100) all.push_back(std::move(fd));
+  }
+  ASSERT_TRUE(within_patience([&] {
+    const ControlCounts counts = server->counts();
+    return counts.accepted + counts.refused == 1000;
+  }));
+  all.clear();
+  ASSERT_TRUE(within_patience([&] {
+    try {
+      ControlClient after = client();
+      return ask(after, {{"do", "status"}})["ok"] == true;
+    } catch (const Error&) {
+      return false;  // those that are gone are not noticed at once
+    }
+  }));
+  EXPECT_GT(server->counts().refused, 0u);
+}
+
+TEST_F(ControlSocket, AClientThatNeverReadsIsDroppedAndHurtsNobody) {
+  serve({.limits = {.events_per_second = 1'000'000}});
+  const frames::UniqueFd deaf = raw();
+  say(deaf, "{\"do\":\"subscribe\"}\n");
+  ControlClient listener = client();
+  EXPECT_EQ(ask(listener, {{"do", "subscribe"}})["subscribed"], true);
+  const std::string large(16'000, 'e');
+  for (int k = 0; k < 2000 && server->counts().dropped == 0; ++k) {
+    server->publish({{"event", "noise"}, {"text", large}, {"n", k}});
+    const auto heard = listener.receive(kPatience);
+    ASSERT_TRUE(heard);
+    ASSERT_EQ((*heard)["n"], k) << "who reads misses nothing";
+  }
+  EXPECT_EQ(server->counts().dropped, 1u);
+}
+
+TEST_F(ControlSocket, RequestsOfAClientThatNeverReadsAreNotReadForEver) {
+  serve();
+  player.fill_answers(10'000);
+  const frames::UniqueFd deaf = raw();
+  ASSERT_EQ(::fcntl(deaf.get(), F_SETFL, O_NONBLOCK), 0);
+  const std::string request = "{\"do\":\"status\"}\n";
+  uint64_t sent = 0;
+  ASSERT_TRUE(within_patience([&] {
+    const ssize_t more = ::send(deaf.get(), request.data(), request.size(), MSG_NOSIGNAL);
+    sent += more > 0 ? 1 : 0;
+    return more < 0 && errno == EAGAIN;
+  }));
+  ControlClient other = client();
+  EXPECT_EQ(ask(other, {{"do", "stats"}})["verb"], "stats");
+  EXPECT_LT(player.verbs().size(), sent) << "not all of it was taken in";
+}
+
+TEST_F(ControlSocket, LateAnswersComeAndThoseForTheGoneAreForgotten) {
+  serve();
+  {
+    ControlClient gone = client();
+    gone.send({{"id", 1}, {"do", "load"}, {"source", "a"}});
+    ASSERT_TRUE(within_patience([&] { return player.waiting() == 1; }));
+  }
+  ControlClient stays = client();
+  stays.send({{"id", 2}, {"do", "load"}, {"source", "b"}});
+  ASSERT_TRUE(within_patience([&] { return player.waiting() == 2; }));
+  EXPECT_EQ(ask(stays, {{"id", 3}, {"do", "status"}})["id"], 3) << "others are not held up";
+  player.answer_all();
+  const auto late = stays.receive(kPatience);
+  ASSERT_TRUE(late);
+  EXPECT_EQ((*late)["id"], 2);
+}
+
+TEST_F(ControlSocket, AnswersAfterItsEndGoNowhere) {
+  serve();
+  ControlClient one = client();
+  one.send({{"do", "load"}, {"source", "a"}});
+  ASSERT_TRUE(within_patience([&] { return player.waiting() == 1; }));
+  server.reset();
+  player.answer_all();
+  EXPECT_THROW((void)one.receive(kPatience), Error);
+}
+
+TEST_F(ControlSocket, TooManyEventsAreCountedInsteadOfSent) {
+  serve({.limits = {.events_per_second = 5}});
+  ControlClient listener = client();
+  (void)ask(listener, {{"do", "subscribe"}});
+  for (int k = 0; k < 200; ++k) server->publish({{"event", "seam"}, {"n", k}});
+  uint64_t left_out = 0;
+  uint64_t heard = 0;
+  ASSERT_TRUE(within_patience([&] {
+    server->publish({{"event", "last"}});
+    while (const auto event = listener.receive(std::chrono::milliseconds(20))) {
+      left_out += event->value("left_out", uint64_t{0});
+      heard += event->value("event", "") == "seam" ? 1 : 0;
+    }
+    return left_out > 100;
+  }));
+  EXPECT_LE(heard, 100u);
+}
+
+TEST(ControlClients, NobodyThereIsADeviceThatIsMissing) {
+  try {
+    const ControlClient client("/nonexistent/c.sock", seconds(1));
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::Device);
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::player

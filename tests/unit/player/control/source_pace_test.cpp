@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// When a source is called too slow, and with which figures.
+#include "player/playlist/source_pace.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "optics/error.h"
+#include "tests/support/fake_source.h"
+
+namespace lenticule::player {
+namespace {
+
+using std::chrono::seconds;
+using Time = std::chrono::steady_clock::time_point;
+
+PlayReport report_of(uint64_t shown, uint64_t late) {
+  PlayReport report;
+  report.geometry = {.width = 1000, .height = 1000};
+  report.content_rate = {60, 1};
+  report.pace.shown = shown;
+  report.pace.repeated_underrun = late;
+  report.pace.underruns_after_start = late > 0 ? 1 : 0;
+  return report;
+}
+
+TEST(SourcePace, IsTooSlowWhileFramesAreLateAndSaysSoNowAndThen) {
+  SourcePace pace;
+  Time now{seconds(100)};
+  EXPECT_FALSE(pace.look(report_of(60, 0), now).too_slow);
+  const PaceFigures slow = pace.look(report_of(100, 20), now += seconds(1));
+  EXPECT_TRUE(slow.too_slow);
+  EXPECT_DOUBLE_EQ(slow.needed_fps, 60.0);
+  EXPECT_DOUBLE_EQ(slow.seen_fps, 40.0);
+  EXPECT_DOUBLE_EQ(slow.needed_mb_s, 180.0);
+  EXPECT_DOUBLE_EQ(slow.seen_mb_s, 120.0);
+  EXPECT_EQ(slow.late_frames, 20u);
+  EXPECT_EQ(pace.warning(now),
+            "too slow: needs 60.0 frames/s (180 MB/s), 40.0 frames/s (120 MB/s) came; 20 frames "
+            "late so far");
+  EXPECT_TRUE(pace.look(report_of(140, 40), now += seconds(1)).too_slow);
+  EXPECT_FALSE(pace.warning(now)) << "a second later is no news";
+  EXPECT_TRUE(pace.look(report_of(180, 60), now += seconds(9)).too_slow);
+  EXPECT_TRUE(pace.warning(now));
+  EXPECT_FALSE(pace.look(report_of(240, 60), now += seconds(1)).too_slow);
+}
+
+TEST(SourcePace, TheFirstSecondIsNobodysFault) {
+  SourcePace pace;
+  PlayReport report = report_of(50, 10);
+  report.pace.underruns_after_start = 0;
+  (void)pace.look(report_of(0, 0), Time{seconds(1)});
+  EXPECT_FALSE(pace.look(report, Time{seconds(2)}).too_slow);
+}
+
+TEST(SourcePace, ReadsASourceToItsEndOrToItsFailure) {
+  test::FakeSource good({.frames = 50});
+  EXPECT_GT(measure_source(good, {1, 60}, seconds(20)).seen_fps, 0.0);
+  EXPECT_EQ(good.lent(), 0u);
+  test::FakeSource broken({.frames = 50, .fails_after = 3});
+  EXPECT_THROW((void)measure_source(broken, {1, 60}, seconds(20)), Error);
+  test::FakeSource empty({.frames = 0});
+  EXPECT_THROW((void)measure_source(empty, {1, 60}, seconds(20)), Error);
+}
+
+TEST(SourcePace, ASourceThatNeedsTimeForEachFrameIsTooSlowForMore) {
+  const auto clock = display::make_monotonic_clock();
+  const auto begin = clock->now();
+  test::FakeSource slow({.frames = 20,
+                         .ready_at =
+                             [begin](uint64_t n) {
+                               return begin +
+                                      static_cast<int64_t>(n) * std::chrono::milliseconds(25);
+                             },
+                         .clock = clock});
+  const PaceFigures figures = measure_source(slow, {1000, 1}, seconds(20));
+  EXPECT_TRUE(figures.too_slow);
+  EXPECT_LT(figures.seen_fps, 1000.0);
+}
+
+}  // namespace
+}  // namespace lenticule::player
