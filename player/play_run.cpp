@@ -74,6 +74,11 @@ PlayRun::PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& ma
   plan_.playback.real_time_priority = false;
 }
 
+/// Nobody steers a source that is about to go.
+PlayRun::~PlayRun() {
+  if (steered_) steered_->let_go();
+}
+
 ExitCode PlayRun::run() {
   steered_.emplace(flags_, plan_, trim_advice(flags_.source));
   if (safe_.card_first)

@@ -38,6 +38,10 @@ class PlayRun {
  public:
   PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& manager, SafeStart safe);
 
+  ~PlayRun();
+  PlayRun(const PlayRun&) = delete;
+  PlayRun& operator=(const PlayRun&) = delete;
+
   /// Once. Throws Error for what ends the run.
   ExitCode run();
 

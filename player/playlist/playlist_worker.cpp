@@ -193,7 +193,7 @@ void PlaylistSource::jump(Jump jump, JumpDone done) {
                                            .frame = jump.frame,
                                            .serial = ++wish_serial_,
                                            .opened = false,
-                                           .done = std::move(done),
+                                           .done = done,
                                            .since = SteadyClock::now()});
       if (replaced && replaced->play) trash_.push_back(std::move(replaced->play));
     }

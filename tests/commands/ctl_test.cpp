@@ -15,7 +15,7 @@ namespace {
 using nlohmann::json;
 
 constexpr frames::FrameGeometry kPanel{.width = 48, .height = 32};
-constexpr int kFrames = 40;
+constexpr int kFrames = 20;
 
 /// Every pixel of frame k of film `film`.
 uint8_t level(int film, uint64_t k) {
@@ -24,21 +24,36 @@ uint8_t level(int film, uint64_t k) {
 
 class Ctl : public CommandTest {
  protected:
+  /// Writing pictures safely takes longer than most tests.
+  static void SetUpTestSuite() {
+    films_ = std::filesystem::temp_directory_path() /
+             ("lenticule-ctl-films-" + std::to_string(getpid()));
+    for (int film = 0; film < 2; ++film) {
+      std::filesystem::create_directories(films_ / film_name(film));
+      for (uint64_t k = 0; k < kFrames; ++k) write_frame(film, k, films_ / film_name(film));
+    }
+  }
+  static void TearDownTestSuite() { std::filesystem::remove_all(films_); }
+
+  static void write_frame(int film, uint64_t k, const std::filesystem::path& folder) {
+    frames::WovenFrame frame(kPanel);
+    std::fill(frame.bytes().begin(), frame.bytes().end(), level(film, k));
+    frames::write_woven(frame.view(), frames::FilePattern((folder / "%03d.png").string()).path(k));
+  }
+
   void SetUp() override {
     CommandTest::SetUp();
     std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), path("rig.toml"));
-    for (int film = 0; film < 2; ++film) {
-      std::filesystem::create_directories(path(film_name(film)));
-      for (uint64_t k = 0; k < kFrames; ++k) {
-        frames::WovenFrame frame(kPanel);
-        std::fill(frame.bytes().begin(), frame.bytes().end(), level(film, k));
-        frames::write_woven(frame.view(), frames::FilePattern(film_pattern(film)).path(k));
-      }
-    }
+    for (const char* film : {"a", "b"})
+      std::filesystem::create_directory_symlink(films_ / film, path(film));
     write("list.toml",
           "loop = \"forever\"\n[[item]]\nsource = \"a/%03d.png\"\n"
           "loops = \"forever\"\n[[item]]\nsource = \"b/%03d.png\"\n"
           "loops = \"forever\"\n");
+  }
+  void TearDown() override {
+    player_.reset();  // it writes into the folder
+    CommandTest::TearDown();
   }
   static std::string film_name(int film) { return film == 0 ? "a" : "b"; }
   [[nodiscard]] std::string film_pattern(int film) const {
@@ -114,6 +129,7 @@ class Ctl : public CommandTest {
     return lines;
   }
 
+  inline static std::filesystem::path films_;
   std::unique_ptr<BackgroundProcess> player_;
 };
 
@@ -142,14 +158,14 @@ TEST_F(Ctl, SeekAndNextLandOnTheExactFrame) {
   EXPECT_EQ(answer({"next"})["item"], 1);
   ASSERT_TRUE(comes_true([&] { return shows(1, 0); }));
   EXPECT_EQ(level_on_glass(), level(1, 0));
-  EXPECT_EQ(answer({"seek", "--item", "0", "--frame", "39"})["item"], 0);
-  ASSERT_TRUE(comes_true([&] { return shows(0, 39); }));
-  EXPECT_EQ(level_on_glass(), level(0, 39));
-  EXPECT_EQ(ctl({"seek", "--frame", "40"}).exit_code, 2);
+  EXPECT_EQ(answer({"seek", "--item", "0", "--frame", "19"})["item"], 0);
+  ASSERT_TRUE(comes_true([&] { return shows(0, 19); }));
+  EXPECT_EQ(level_on_glass(), level(0, 19));
+  EXPECT_EQ(ctl({"seek", "--frame", "20"}).exit_code, 2);
   EXPECT_EQ(ctl({"seek", "--item", "2"}).exit_code, 2);
-  EXPECT_TRUE(shows(0, 39));
+  EXPECT_TRUE(shows(0, 19));
   EXPECT_EQ(answer({"play"})["paused"], false);
-  EXPECT_TRUE(comes_true([&] { return !shows(0, 39); })) << "and it goes on from there";
+  EXPECT_TRUE(comes_true([&] { return !shows(0, 19); })) << "and it goes on from there";
 }
 
 TEST_F(Ctl, WhatCannotBeLoadedLeavesTheOldOnePlaying) {
@@ -241,14 +257,16 @@ TEST_F(Ctl, AListPlaysItsItemsAndNamesWhatItLeavesOut) {
 }
 
 TEST_F(Ctl, PreflightSaysWhetherTheSourceKeepsUp) {
+  std::filesystem::create_directory(path("own"));
+  for (uint64_t k = 0; k < 5; ++k) write_frame(0, k, path("own"));
   const auto preflight = [&](const std::string& fps) {
-    return run({"play", film_pattern(0), "--rig", path("rig.toml"), "--preflight", "--fps", fps,
-                "--slots", "2", "--json"});
+    return run({"play", path("own/%03d.png"), "--rig", path("rig.toml"), "--preflight", "--fps",
+                fps, "--slots", "2", "--json"});
   };
   const ProcessResult slow = preflight("0.01");
   EXPECT_EQ(slow.exit_code, 0) << slow.err;
   EXPECT_EQ(json::parse(slow.out)[0]["figures"]["too_slow"], false);
-  write("a/020.png", "no picture");
+  write("own/004.png", "no picture");
   EXPECT_EQ(preflight("0.01").exit_code, 4);
 }
 
