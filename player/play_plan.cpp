@@ -104,8 +104,10 @@ void plan_control(const PlayFlags& flags, PlayPlan& plan) {
 void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option(
          "source", flags.source,
-         "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a quilt or "
-         "a pattern of quilts (NAME_qs8x6a0.75.png: woven here), views:PATTERN: a picture per view, "
+         "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a quilt "
+         "or "
+         "a pattern of quilts (NAME_qs8x6a0.75.png: woven here), views:PATTERN: a picture per "
+         "view, "
          "LIST.toml: a playlist, card: a test card, or views: the rig's views by their numbers")
       ->required();
   app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
