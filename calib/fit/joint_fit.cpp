@@ -153,20 +153,20 @@ class Bundle {
     for (int term = 0; term < 3 && grid.count() > 0; ++term) add_gauge(term);
   }
 
+  /// The mean over the panel's area of the map times 1, x or y.
   void add_gauge(int term) {
-    const KnotGrid& grid = options_.grid;
+    constexpr int kColumns = 96, kRows = 56;
+    std::vector<double> weights(fit_.values.knots.size(), 0.0);
+    for (int n = 0; n < kColumns * kRows; ++n) {
+      const double x = (n % kColumns + 0.5) / kColumns, y = (n / kColumns + 0.5) / kRows;
+      const double factor = term == 0 ? 1.0 : 2.0 * (term == 1 ? x : y) - 1.0;
+      for (const KnotWeight& k :
+           knot_weights(options_.grid, {x * panel_.width_px, y * panel_.height_px}, panel_.width_px,
+                        panel_.height_px))
+        weights[static_cast<size_t>(k.knot)] += k.weight * factor / (kColumns * kRows);
+    }
     std::vector<double*> blocks;
-    std::vector<double> weights;
-    for (int y = 0; y < grid.rows; ++y)
-      for (int x = 0; x < grid.columns; ++x) {
-        const bool edge_x = x == 0 || x + 1 == grid.columns;
-        const bool edge_y = y == 0 || y + 1 == grid.rows;
-        const double area = (edge_x ? 0.5 : 1.0) * (edge_y ? 0.5 : 1.0) / grid.count();
-        const double across = 2.0 * x / (grid.columns - 1.0) - 1.0;
-        const double down = 2.0 * y / (grid.rows - 1.0) - 1.0;
-        blocks.push_back(knot(x, y));
-        weights.push_back(area * (term == 0 ? 1.0 : term == 1 ? across : down));
-      }
+    for (double& value : fit_.values.knots) blocks.push_back(&value);
     add_linear(blocks, weights, kGaugeSigma);
   }
 
