@@ -21,6 +21,8 @@ find_package(Ceres REQUIRED)
 find_package(Eigen3 REQUIRED)
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg)
 pkg_check_modules(APRILTAG REQUIRED IMPORTED_TARGET apriltag)
+# FFmpeg 5.1 (Debian 12) or later, for lenticule-video only.
+pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET libavformat libavcodec libavutil)
 pkg_check_modules(LIBSYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 
 # Embree 4 where the distribution has it, Embree 3 (Debian 12) otherwise: render/embree.h hides the

@@ -13,7 +13,7 @@ set(calib_may optics frames calib)
 set(player_may optics frames scenes render display calib player)
 
 # library header pattern -> rooms that may name it
-set(libraries embree OpenImageIO assimp tbb "toml" xf86drm libudev libseat "linux/videodev2" ceres Eigen unsupported/Eigen CLI systemd turbojpeg apriltag zstd lz4)
+set(libraries embree OpenImageIO assimp tbb "toml" xf86drm libudev libseat "linux/videodev2" ceres Eigen unsupported/Eigen CLI systemd turbojpeg apriltag zstd lz4 libav)
 set(embree_rooms render)
 set(OpenImageIO_rooms frames)
 set(assimp_rooms render)
@@ -32,6 +32,7 @@ set(Eigen_rooms calib)
 set(unsupported/Eigen_rooms calib)
 set(zstd_rooms frames)
 set(lz4_rooms frames)
+set(libav_rooms player)
 
 set(wrong "")
 foreach(room IN LISTS rooms)
