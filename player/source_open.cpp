@@ -19,6 +19,8 @@
 #include "optics/rig_file.h"
 #include "player/quilt_source.h"
 #include "player/still_source.h"
+#include "player/video_program.h"
+#include "player/video_source.h"
 #include "player/views_source.h"
 
 namespace lenticule::player {
@@ -82,7 +84,8 @@ void refuse_other_kinds(const std::string& text) {
   if (!not_yet && !fs::is_directory(text, ignored) && !text.empty()) return;
   throw Error(
       ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
-      "play ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, card or views");
+      "play ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, card or "
+      "views");
 }
 
 void require_panel_size(const SourceRequest& request, const frames::FrameGeometry& geometry,
@@ -187,6 +190,17 @@ OpenedSource open_woven_here(const SourceRequest& request) {
   return opened;
 }
 
+/// Woven frames as a video. Asked by its name, before pictures are.
+OpenedSource open_woven_video(const SourceRequest& request) {
+  OpenedSource opened;
+  opened.source = open_video({.file = request.text,
+                              .slots = request.slots,
+                              .frames = request.frames,
+                              .plays_again = request.plays_again});
+  require_panel_size(request, opened.source->geometry(), request.text);
+  return opened;
+}
+
 OpenedSource open_card(const SourceRequest& request) {
   if (request.frames)
     throw Error(ErrorKind::Usage, "--frames: a test card is one picture",
@@ -210,7 +224,8 @@ OpenedSource open_views(const SourceRequest& request) {
 
 bool is_woven_here(const std::string& source) {
   return source.starts_with(kViewsPattern) ||
-         (!source.starts_with(kRing) && frames::quilt_layout_of_name(source).has_value());
+         (!source.starts_with(kRing) && !looks_like_video(source) &&
+          frames::quilt_layout_of_name(source).has_value());
 }
 
 OpenedSource open_source(const SourceRequest& request) {
@@ -219,6 +234,7 @@ OpenedSource open_source(const SourceRequest& request) {
   if (request.text.starts_with(kRing)) return open_ring(request, request.text.substr(kRing.size()));
   if (frames::is_sequence_name(request.text)) return open_sequence(request);
   if (is_woven_here(request.text)) return open_woven_here(request);
+  if (looks_like_video(request.text)) return open_woven_video(request);
   return open_pictures(request);
 }
 

@@ -25,15 +25,15 @@ inline constexpr const char* kViewsSource = "views";
 [[nodiscard]] bool is_woven_here(const std::string& source);
 
 struct SourceRequest {
-  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", "card", "views", a quilt or a pattern
-  /// of quilts (by their names), or "views:view%02d.png"
+  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", a video file, "card", "views", a quilt
+  /// or a pattern of quilts (by their names), or "views:view%02d.png"
   std::string text = {};
   frames::FrameGeometry panel = {};
   std::string rig_fingerprint = {};
   std::string rig_name = {};  ///< for messages
   std::string rig_file = {};  ///< what is woven here is woven for it, and again when it changes
   int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
-  std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern or container
+  std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern, container or video
   /// Where the first round begins, if the kind can: a hint, frames tell their numbers.
   uint64_t first_frame = 0;
   bool plays_again = false;                        ///< frames are kept for a loop where they fit
@@ -52,9 +52,9 @@ struct OpenedSource {
   std::string stall_hint;
 };
 
-/// Throws Error(Usage) for what cannot be played, Error(Input) for missing or broken pictures and
-/// for those of another size than the panel, Error(Device) or Error(Failed) for a ring that cannot
-/// be had.
+/// Throws Error(Usage) for what cannot be played, Error(Input) for missing or broken pictures
+/// and videos and for those of another size than the panel, Error(Device) or Error(Failed) for a
+/// ring that cannot be had.
 [[nodiscard]] OpenedSource open_source(const SourceRequest& request);
 
 }  // namespace lenticule::player

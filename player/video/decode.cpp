@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
@@ -44,7 +45,8 @@ uint64_t memory_for(const frames::FrameGeometry& geometry) {
 }
 
 void say(const json& event) {
-  fmt::print(stderr, "{}\n", event.dump(-1, ' ', true, json::error_handler_t::replace));
+  const std::string line = event.dump(-1, ' ', true, json::error_handler_t::replace) + "\n";
+  std::fputs(line.c_str(), stderr);
 }
 
 /// Feeds one ring from one clip until one of them is over.
@@ -62,12 +64,14 @@ class Feed {
   /// False when the player is gone.
   [[nodiscard]] bool run() {
     uint64_t loop = request_.from_loop;
-    for (uint64_t skip = request_.from;; skip = 0, ++loop) {
+    for (uint64_t skip = request_.from;; ++loop) {
       if (!play(loop, skip)) return false;
-      if (frames_in_clip_ == 0)
+      if (clip_length_ == 0)
         throw Error(ErrorKind::Input, request_.file + ": no frame could be decoded");
       report_broken();
       if (!request_.loop) break;
+      // Whoever continues another's work may not know where the clip ends.
+      skip = skip > clip_length_ ? skip - clip_length_ : 0;
       start_over();
     }
     ring_.finish();
@@ -96,8 +100,8 @@ class Feed {
   std::optional<PixelConverter> converter_;
   int64_t first_time_ = AV_NOPTS_VALUE;  ///< of the file's frame 0
   int64_t previous_time_ = AV_NOPTS_VALUE;
-  bool have_frame_ = false;      ///< the reader's frame is the next one already
-  uint64_t frames_in_clip_ = 0;  ///< seen so far, skipped ones too
+  bool have_frame_ = false;   ///< the reader's frame is the next one already
+  uint64_t clip_length_ = 0;  ///< as far as it has been seen
   uint64_t published_ = 0;
   uint64_t wrong_size_ = 0;
   uint64_t reported_broken_ = 0;
@@ -153,7 +157,7 @@ bool Feed::play(uint64_t loop, uint64_t skip) {
     have_frame_ = false;
     if (!fits_ring()) continue;
     if (frame == 0) first_time_ = clip_.time();
-    if (frame >= request_.begin) ++frames_in_clip_;
+    if (frame >= request_.begin) clip_length_ = frame - request_.begin + 1;
     if (frame >= first && !show(loop, frame - request_.begin)) return false;
     report_position(frame);
     ++frame;
@@ -163,7 +167,7 @@ bool Feed::play(uint64_t loop, uint64_t skip) {
 
 /// Seeking is quick and is believed only if it leads to the very first frame.
 void Feed::start_over() {
-  frames_in_clip_ = 0;
+  clip_length_ = 0;
   if (first_time_ != AV_NOPTS_VALUE && clip_.seek(first_time_) &&
       clip_.next() == ClipReader::Step::Frame && clip_.time() == first_time_) {
     have_frame_ = true;

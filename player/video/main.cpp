@@ -25,11 +25,11 @@ int run_reporting_errors(const Run& run) {
   try {
     return run();
   } catch (const lenticule::Error& error) {
-    fmt::print(stderr, "lenticule-video: {}\n", error.what());
-    if (!error.hint().empty()) fmt::print(stderr, "  {}\n", error.hint());
+    std::fputs(fmt::format("lenticule-video: {}\n", error.what()).c_str(), stderr);
+    if (!error.hint().empty()) std::fputs(fmt::format("  {}\n", error.hint()).c_str(), stderr);
     return lenticule::player::exit_code_of(error.kind());
   } catch (const std::exception& error) {
-    fmt::print(stderr, "lenticule-video: {}\n", error.what());
+    std::fputs(fmt::format("lenticule-video: {}\n", error.what()).c_str(), stderr);
     return ExitCode::kFailed;
   }
 }

@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/video_source.h"
+
+#include <fmt/format.h>
+#include <sys/epoll.h>
+
+#include <algorithm>
+#include <deque>
+#include <utility>
+
+#include "frames/ring/ring_player.h"
+#include "frames/ring/unique_fd.h"
+#include "optics/error.h"
+#include "player/exit_code.h"
+#include "player/private_folder.h"
+#include "player/video/frame_number.h"
+#include "player/video_child.h"
+#include "player/video_program.h"
+
+namespace lenticule::player {
+namespace {
+
+using frames::PullStatus;
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr int kLeastSlots = 4;  ///< a ring's three, and one held over the seam of a loop
+constexpr size_t kMostRestarts = 3;
+constexpr auto kRestartWindow = 60s;
+
+const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
+                                 const VideoRequest& request) {
+  if (!request.stream) return streams.front();
+  for (const VideoStream& stream : streams)
+    if (stream.index == *request.stream) return stream;
+  throw Error(ErrorKind::Usage,
+              fmt::format("{}: no stream {} with pictures", request.file.string(), *request.stream),
+              "see lenticule-video probe");
+}
+
+void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
+  const std::string file = request.file.string();
+  if (!stream.refusal.empty())
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", file, stream.refusal),
+                "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
+  if (!stream.full_chroma && !request.before_weaving)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} chroma ({}) mixes the colours of neighbouring subpixels", file,
+                            stream.sampling, stream.pixel_format),
+                "weave it from a quilt instead; woven frames are stored as RGB or 4:4:4");
+}
+
+VideoStream suitable_stream(const VideoRequest& request) {
+  const VideoStream stream = choose_stream(probe_video(request.file, request.program), request);
+  refuse_unsuitable(stream, request);
+  return stream;
+}
+
+class Source final : public VideoSource {
+ public:
+  explicit Source(const VideoRequest& request)
+      : request_(request),
+        program_(request.program.empty() ? find_video_program() : request.program),
+        stream_(suitable_stream(request)),
+        slots_(static_cast<uint64_t>(std::max(request.slots, kLeastSlots))),
+        ring_(frames::RingPlayer::open({.socket = folder_.path() / "ring",
+                                        .geometry = stream_.geometry,
+                                        .slots = static_cast<int>(slots_),
+                                        .rig_fingerprint = {}})),
+        events_(::epoll_create1(EPOLL_CLOEXEC)) {
+    if (!events_ || !watch(ring_->wake_fd()) || !watch(child_.wake_fd()))
+      throw Error(ErrorKind::Failed, "video: no descriptor is left");
+    begin_child();
+  }
+
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return stream_.geometry; }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return stream_.rate; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return frames_in_loop_; }
+  [[nodiscard]] PullStatus pull(frames::LentFrame& out) override;
+  void release(uint64_t token) override;
+  [[nodiscard]] int max_lent() const override { return ring_->max_lent() - 1; }
+  [[nodiscard]] uint64_t ready_count() const override {
+    return ring_->ready_count() + (held_ ? 1 : 0);
+  }
+  [[nodiscard]] bool saturated() const override { return ring_->saturated() || !failure_.empty(); }
+  [[nodiscard]] bool rewind() override;
+  [[nodiscard]] int wake_fd() const override { return events_.get(); }
+  void service() override;
+  [[nodiscard]] std::string failure() const override { return failure_; }
+  [[nodiscard]] VideoStatistics statistics() const override;
+
+ private:
+  [[nodiscard]] bool watch(int fd) const;
+  [[nodiscard]] PullStatus take(const frames::LentFrame& lent, frames::LentFrame& out);
+  void begin_child();
+  void supervise();
+  void bury();
+  [[nodiscard]] bool may_restart();
+  void watch_for_hang();
+
+  const VideoRequest request_;
+  const std::filesystem::path program_;
+  const VideoStream stream_;
+  const uint64_t slots_;
+  const PrivateFolder folder_;
+  std::unique_ptr<frames::RingPlayer> ring_;
+  frames::UniqueFd events_;
+
+  uint64_t loop_ = 0;                      ///< that pull() is in
+  uint64_t next_ = 0;                      ///< frame that pull() expects
+  bool at_end_ = false;                    ///< End was told and rewind() not called
+  std::optional<frames::LentFrame> held_;  ///< the next loop's first, over the seam
+  std::optional<uint64_t> frames_in_loop_;
+  uint64_t pulled_ = 0;
+  uint64_t lent_ = 0;
+
+  uint64_t child_loop_ = 0;  ///< in which the present child was begun
+  bool burying_ = false;     ///< the child is dead, but the ring may not know yet
+  ChildEnd end_;
+  std::string failure_;
+  bool out_of_order_ = false;
+
+  std::deque<Clock::time_point> restarts_;
+  VideoStatistics counts_;
+  bool child_showed_life_ = false;
+  bool killed_ = false;
+  uint64_t signs_ = 0;
+  Clock::time_point last_sign_;
+  Clock::time_point last_look_;
+  VideoChild child_;  // last, so that it is gone first
+};
+
+bool Source::watch(int fd) const {
+  epoll_event event = {};
+  event.events = EPOLLIN;
+  event.data.fd = fd;
+  return ::epoll_ctl(events_.get(), EPOLL_CTL_ADD, fd, &event) == 0;
+}
+
+// --- frames ------------------------------------------------------------------------------------
+
+PullStatus Source::pull(frames::LentFrame& out) {
+  if (out_of_order_) return PullStatus::Failed;
+  if (at_end_) return PullStatus::End;
+  if (held_) {
+    out = *std::exchange(held_, std::nullopt);
+    out.number = next_++;
+    return PullStatus::Ready;
+  }
+  frames::LentFrame lent;
+  switch (ring_->pull(lent)) {
+    case PullStatus::Ready:
+      ++pulled_;
+      ++lent_;
+      return take(lent, out);
+    case PullStatus::End:
+      // A decoder that was replaced after its last frame leaves an empty sequence behind.
+      if (request_.plays_again || next_ == 0) break;
+      at_end_ = true;
+      frames_in_loop_ = next_;
+      return PullStatus::End;
+    default:
+      break;
+  }
+  supervise();
+  return failure_.empty() ? PullStatus::NotYet : PullStatus::Failed;
+}
+
+PullStatus Source::take(const frames::LentFrame& lent, frames::LentFrame& out) {
+  const uint64_t loop = video::loop_of(lent.number);
+  const uint64_t frame = video::frame_of(lent.number);
+  if (loop == loop_ && frame == next_) {
+    out = lent;
+    out.number = next_++;
+    return PullStatus::Ready;
+  }
+  if (loop == loop_ + 1 && frame == 0 && next_ > 0) {
+    held_ = lent;
+    at_end_ = true;
+    frames_in_loop_ = next_;
+    return PullStatus::End;
+  }
+  release(lent.token);
+  out_of_order_ = true;
+  failure_ = fmt::format("{}: the decoder sent frame {} of loop {} in place of {} of loop {}",
+                         request_.file.string(), frame, loop, next_, loop_);
+  child_.kill();
+  return PullStatus::Failed;
+}
+
+void Source::release(uint64_t token) {
+  --lent_;
+  ring_->release(token);
+}
+
+bool Source::rewind() {
+  if (!at_end_) return next_ == 0;
+  at_end_ = false;
+  next_ = 0;
+  ++loop_;
+  if (!request_.plays_again && !child_.present()) begin_child();
+  return true;
+}
+
+// --- the decoder -------------------------------------------------------------------------------
+
+/// With the frame after the last one that the ring has taken over. The decoder wraps a number
+/// beyond the clip's end, which only it knows, into the next loop.
+void Source::begin_child() {
+  const uint64_t loop = held_ && at_end_ ? loop_ + 1 : loop_;
+  const uint64_t from = (held_ ? 1 : next_) + ring_->ready_count();
+  const FrameRange range = request_.frames.value_or(FrameRange{0, uint64_t{1} << 40});
+  std::vector<std::string> arguments = {program_.string(), "decode",
+                                        "--ring",          (folder_.path() / "ring").string(),
+                                        "--stream",        std::to_string(stream_.index),
+                                        "--begin",         std::to_string(range.begin),
+                                        "--end",           std::to_string(range.end),
+                                        "--from",          std::to_string(from),
+                                        "--from-loop",     std::to_string(loop)};
+  const std::optional<VideoEvent> known = child_.position();
+  if (known && known->time && known->frame <= range.begin + from)
+    arguments.insert(arguments.end(), {"--known-frame", std::to_string(known->frame),
+                                       "--known-time=" + std::to_string(*known->time)});
+  if (request_.plays_again) arguments.emplace_back("--loop");
+  if (request_.before_weaving) arguments.emplace_back("--before-weaving");
+  arguments.insert(arguments.end(), {"--", request_.file.string()});
+  child_loop_ = loop_;
+  child_showed_life_ = killed_ = false;
+  last_sign_ = last_look_ = Clock::now();
+  child_.start(std::move(arguments));
+}
+
+void Source::service() {
+  ring_->service();
+  supervise();
+}
+
+/// A dead child is buried when the ring has taken over everything that it had published.
+void Source::supervise() {
+  if (const auto end = burying_ ? std::nullopt : child_.take_end()) {
+    end_ = *end;
+    burying_ = true;
+  }
+  if (!burying_) return watch_for_hang();
+  ring_->service();
+  if (ring_->statistics().renderer_connected) return;
+  burying_ = false;
+  bury();
+}
+
+void Source::bury() {
+  if (!failure_.empty()) return;
+  const bool complete = end_.exit_code == kOk && !request_.plays_again;
+  if (complete && child_loop_ == loop_) return;  // pull() tells the end when it comes to it
+  if (at_end_ && !request_.plays_again) return;
+  if (complete) return begin_child();
+  const bool final_word = end_.exit_code == kInput || end_.exit_code == kUsage;
+  if (!final_word && may_restart()) return begin_child();
+  failure_ = fmt::format("{}: {}: {}", request_.file.string(),
+                         final_word ? "cannot be decoded" : "the decoder ends again and again",
+                         end_.text());
+}
+
+bool Source::may_restart() {
+  const Clock::time_point now = Clock::now();
+  while (!restarts_.empty() && now - restarts_.front() > kRestartWindow) restarts_.pop_front();
+  if (restarts_.size() >= kMostRestarts) return false;
+  restarts_.push_back(now);
+  ++counts_.restarts;
+  return true;
+}
+
+/// Time counts only while somebody looks and the decoder has room: a paused player is no hang.
+void Source::watch_for_hang() {
+  if (!child_.present() || killed_) return;
+  const Clock::time_point now = Clock::now();
+  const uint64_t signs = pulled_ + ring_->ready_count() + child_.events();
+  const bool looked_away = now - std::exchange(last_look_, now) > request_.patience / 2;
+  const bool full = ring_->ready_count() + lent_ >= slots_;
+  if (signs != signs_) child_showed_life_ = true;
+  if (std::exchange(signs_, signs) != signs || looked_away || full) last_sign_ = now;
+  // Loading some hundred libraries on a busy machine takes its time.
+  const auto patience = child_showed_life_ ? request_.patience : 2 * request_.patience;
+  if (now - last_sign_ < patience) return;
+  killed_ = true;
+  ++counts_.hangs;
+  child_.kill();
+}
+
+VideoStatistics Source::statistics() const {
+  VideoStatistics now = counts_;
+  now.broken = child_.broken();
+  now.decoder = child_.pid();
+  return now;
+}
+
+}  // namespace
+
+std::unique_ptr<VideoSource> open_video(const VideoRequest& request) {
+  return std::make_unique<Source>(request);
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any bytes as what lenticule-video says: an Error, or streams that a ring can be made for.
+#include <string_view>
+
+#include "frames/ring/ring_layout.h"
+#include "optics/error.h"
+#include "player/video_probe.h"
+
+namespace {
+
+using namespace lenticule;
+
+void check(const player::VideoStream& stream) {
+  LENTICULE_CHECK(frames::geometry_problem(stream.geometry, frames::kMinSlots) == nullptr);
+  if (stream.rate) LENTICULE_CHECK(stream.rate->numerator > 0 && stream.rate->denominator > 0);
+  if (stream.duration_s) LENTICULE_CHECK(*stream.duration_s >= 0.0);
+  for (const std::string* text : {&stream.codec, &stream.pixel_format, &stream.refusal})
+    for (const char c : *text) LENTICULE_CHECK(c >= ' ' && c <= '~');
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+  try {
+    for (const player::VideoStream& stream : player::parse_video_probe(text, "fuzz.mkv"))
+      check(stream);
+  } catch (const Error& error) {
+    LENTICULE_CHECK(std::string_view(error.what()).substr(0, 8) == "fuzz.mkv");
+  }
+  if (const auto event = player::parse_video_event(text))
+    LENTICULE_CHECK(event->frame <= uint64_t{1} << 40);
+  return 0;
+}

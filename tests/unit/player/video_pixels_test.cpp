@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decoded pictures as RGB: against the plain formula in double precision, through real files.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <cstring>
+#include <optional>
+
+#include "optics/error.h"
+#include "player/video/pixel_convert.h"
+#include "tests/unit/player/video_stage.h"
+
+namespace lenticule::video {
+namespace {
+
+constexpr int kWidth = 37;
+constexpr int kHeight = 19;
+
+/// Y'CbCr of one pixel as code values, and what they mean.
+struct Formula {
+  double kr;
+  double kb;
+  bool full;
+  int depth;
+
+  [[nodiscard]] std::array<double, 3> rgb(double y, double cb, double cr) const {
+    const double one = std::pow(2.0, depth - 8);
+    const double most = std::pow(2.0, depth) - 1.0;
+    const double luma = full ? y / most : (y - 16.0 * one) / (219.0 * one);
+    const double blue = (cb - 128.0 * one) / (full ? most : 224.0 * one);
+    const double red = (cr - 128.0 * one) / (full ? most : 224.0 * one);
+    const double r = luma + 2.0 * (1.0 - kr) * red;
+    const double b = luma + 2.0 * (1.0 - kb) * blue;
+    return {r, (luma - kr * r - kb * b) / (1.0 - kr - kb), b};
+  }
+};
+
+/// Where the exact value lies in the very middle between two codes either is right.
+void expect_rounded(double exact, uint8_t code, const std::string& where) {
+  const double scaled = 255.0 * exact;
+  const double rounded = std::clamp(std::floor(scaled + 0.5), 0.0, 255.0);
+  const bool tie = std::abs(scaled + 0.5 - std::round(scaled + 0.5)) < 1e-7;
+  if (tie) return EXPECT_LE(std::abs(rounded - code), 1.0) << where, void();
+  EXPECT_EQ(rounded, code) << where;
+}
+
+/// A plane of one byte or two per sample.
+struct Plane {
+  const uint8_t* bytes;
+  int width;
+  int height;
+  bool wide;
+
+  [[nodiscard]] double at(int x, int y) const {
+    const auto i =
+        static_cast<size_t>(std::clamp(y, 0, height - 1) * width + std::clamp(x, 0, width - 1));
+    return wide ? bytes[2 * i] + 256.0 * bytes[2 * i + 1] : bytes[i];
+  }
+  /// Linear between samples, the outermost ones repeated.
+  [[nodiscard]] double between(double x, double y) const {
+    const int left = static_cast<int>(std::floor(x));
+    const int top = static_cast<int>(std::floor(y));
+    const double fx = x - left;
+    const double fy = y - top;
+    return (1 - fy) * ((1 - fx) * at(left, top) + fx * at(left + 1, top)) +
+           fy * ((1 - fx) * at(left, top + 1) + fx * at(left + 1, top + 1));
+  }
+};
+
+/// Chroma has a sample for every `nx` by `ny` luma samples, the first one at (site_x, site_y).
+struct Sampling {
+  int nx = 1;
+  int ny = 1;
+  double site_x = 0.0;
+  double site_y = 0.0;
+};
+
+void expect_formula(const std::vector<uint8_t>& raw, const std::vector<uint8_t>& rgb,
+                    const Formula& formula, const Sampling& sampling = {}) {
+  const bool wide = formula.depth > 8;
+  const int bytes = wide ? 2 : 1;
+  const int cw = (kWidth + sampling.nx - 1) / sampling.nx;
+  const int ch = (kHeight + sampling.ny - 1) / sampling.ny;
+  const Plane y{raw.data(), kWidth, kHeight, wide};
+  const Plane cb{raw.data() + bytes * kWidth * kHeight, cw, ch, wide};
+  const Plane cr{cb.bytes + bytes * cw * ch, cw, ch, wide};
+  ASSERT_EQ(rgb.size(), size_t{kWidth} * kHeight * 3);
+  for (int j = 0; j < kHeight; ++j)
+    for (int i = 0; i < kWidth; ++i) {
+      const double x = (i - sampling.site_x) / sampling.nx;
+      const double z = (j - sampling.site_y) / sampling.ny;
+      const auto exact = formula.rgb(y.at(i, j), cb.between(x, z), cr.between(x, z));
+      for (size_t c = 0; c < 3; ++c)
+        expect_rounded(exact[c], rgb[static_cast<size_t>(j * kWidth + i) * 3 + c],
+                       fmt::format("({}, {}) channel {}", i, j, c));
+    }
+}
+
+class VideoPixels : public test::VideoTest {
+ protected:
+  [[nodiscard]] std::vector<uint8_t> decoded(const std::vector<uint8_t>& raw,
+                                             const std::string& flags,
+                                             bool before_weaving = false) const {
+    player::VideoRequest wanted = request(encode("clip.mkv", kWidth, kHeight, raw, flags));
+    wanted.before_weaving = before_weaving;
+    return first_frame(wanted);
+  }
+
+  [[nodiscard]] std::string refusal(const std::vector<uint8_t>& raw,
+                                    const std::string& flags) const {
+    try {
+      (void)player::open_video(request(encode("clip.mkv", kWidth, kHeight, raw, flags)));
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Input);
+      return std::string(error.what()) + " / " + error.hint();
+    }
+    return "was opened";
+  }
+};
+
+constexpr size_t kPixels = size_t{kWidth} * kHeight;
+constexpr size_t kQuarter = size_t{(kWidth + 1) / 2} * ((kHeight + 1) / 2);
+
+TEST_F(VideoPixels, DeepRgbIsRoundedOnce) {
+  const std::vector<uint8_t> raw = test::random_bytes(kPixels * 6, 3);
+  const std::vector<uint8_t> rgb = decoded(raw, "--pixels rgb48le");
+  ASSERT_EQ(rgb.size(), kPixels * 3);
+  for (size_t i = 0; i < rgb.size(); ++i)
+    ASSERT_EQ(rgb[i], (raw[2 * i] + 256 * raw[2 * i + 1] + 128) / 257) << i;
+}
+
+TEST_F(VideoPixels, FullChromaFollowsTheFormula) {
+  const std::vector<uint8_t> raw = test::random_bytes(kPixels * 3, 4);
+  expect_formula(raw, decoded(raw, "--pixels yuv444p --matrix bt709 --range tv"),
+                 {0.2126, 0.0722, false, 8});
+  expect_formula(raw, decoded(raw, "--pixels yuv444p --matrix bt709 --range pc"),
+                 {0.2126, 0.0722, true, 8});
+  expect_formula(raw, decoded(raw, "--pixels yuv444p --matrix smpte170m --range tv"),
+                 {0.299, 0.114, false, 8});
+}
+
+TEST_F(VideoPixels, DeepChromaFollowsTheFormula) {
+  std::vector<uint8_t> raw = test::random_bytes(kPixels * 6, 5);
+  for (size_t i = 1; i < raw.size(); i += 2) raw[i] &= 3;
+  expect_formula(raw, decoded(raw, "--pixels yuv444p10le --matrix bt2020nc --range tv"),
+                 {0.2627, 0.0593, false, 10});
+}
+
+TEST_F(VideoPixels, HalvedChromaIsRefusedForWovenFrames) {
+  const std::vector<uint8_t> raw = test::random_bytes(kPixels + 2 * kQuarter, 6);
+  EXPECT_THAT(refusal(raw, "--pixels yuv420p"),
+              testing::AllOf(testing::HasSubstr("4:2:0"), testing::HasSubstr("from a quilt")));
+}
+
+TEST_F(VideoPixels, HalvedChromaIsTakenFromWhereItLiesBeforeWeaving) {
+  const std::vector<uint8_t> raw = test::random_bytes(kPixels + 2 * kQuarter, 7);
+  expect_formula(raw, decoded(raw, "--pixels yuv420p --matrix bt709 --range tv", true),
+                 {0.2126, 0.0722, false, 8}, {.nx = 2, .ny = 2, .site_x = 0.0, .site_y = 0.5});
+  const std::vector<uint8_t> half =
+      test::random_bytes(kPixels + 2 * size_t{(kWidth + 1) / 2} * kHeight, 8);
+  expect_formula(half, decoded(half, "--pixels yuv422p --matrix bt709 --range pc", true),
+                 {0.2126, 0.0722, true, 8}, {.nx = 2});
+}
+
+TEST_F(VideoPixels, LightAndFilmCurvesAreRefused) {
+  const std::vector<uint8_t> raw = test::random_bytes(kPixels * 3, 9);
+  EXPECT_THAT(refusal(raw, "--pixels yuv444p --transfer linear"), testing::HasSubstr("linear"));
+  EXPECT_THAT(refusal(raw, "--pixels yuv444p --transfer smpte2084"),
+              testing::HasSubstr("smpte2084"));
+}
+
+/// Every code of one, over a coarse net of the other two.
+TEST(PixelConverter, AgreesWithTheFormulaOverTheWholeCube) {
+  PixelLayout layout;
+  layout.model = ColourModel::Yuv;
+  layout.full_range = false;
+  for (int i = 0; i < 3; ++i) layout.components[static_cast<size_t>(i)].plane = i;
+  PixelConverter converter(layout, 256, 1);
+  std::vector<uint8_t> y(256);
+  std::vector<uint8_t> cb(256);
+  std::vector<uint8_t> cr(256);
+  std::vector<uint8_t> rgb(768);
+  for (size_t i = 0; i < 256; ++i) y[i] = static_cast<uint8_t>(i);
+  for (int u = 0; u < 256; u += 5)
+    for (int v = 0; v < 256; v += 3) {
+      std::ranges::fill(cb, static_cast<uint8_t>(u));
+      std::ranges::fill(cr, static_cast<uint8_t>(v));
+      converter.convert({.data = {y.data(), cb.data(), cr.data(), nullptr},
+                         .stride = {256, 256, 256, 0},
+                         .width = 256,
+                         .height = 1},
+                        rgb);
+      for (size_t i = 0; i < 256; ++i) {
+        const auto exact = Formula{0.2126, 0.0722, false, 8}.rgb(static_cast<double>(i), u, v);
+        for (size_t c = 0; c < 3; ++c) expect_rounded(exact[c], rgb[3 * i + c], "cube");
+      }
+    }
+}
+
+}  // namespace
+}  // namespace lenticule::video

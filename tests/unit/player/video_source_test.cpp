@@ -1,0 +1,286 @@
+// SPDX-License-Identifier: Apache-2.0
+// Video files as frames: in order, each once, whatever happens to the process that decodes them.
+#include "player/video_source.h"
+
+#include <gmock/gmock.h>
+#include <sys/wait.h>
+
+#include <cerrno>
+#include <csignal>
+
+#include "optics/error.h"
+#include "tests/unit/player/video_stage.h"
+
+namespace lenticule::player {
+namespace {
+
+using frames::PullStatus;
+using namespace std::chrono_literals;
+
+class VideoPlays : public test::VideoTest {
+ protected:
+  /// Waits until a decoder runs, and sends it a signal.
+  static void strike(VideoSource& source, int signal) {
+    const auto deadline = std::chrono::steady_clock::now() + test::kVideoDeadline;
+    while (source.statistics().decoder <= 0) {
+      ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+      source.service();
+    }
+    ASSERT_EQ(::kill(static_cast<pid_t>(source.statistics().decoder), signal), 0);
+  }
+
+  static std::string refusal(const VideoRequest& wanted, ErrorKind kind = ErrorKind::Input) {
+    try {
+      (void)open_video(wanted);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), kind);
+      return error.what();
+    }
+    ADD_FAILURE() << "was opened";
+    return {};
+  }
+};
+
+TEST_F(VideoPlays, EveryFrameOnceAndExactlyThenTheEnd) {
+  for (const VideoCodec codec : {VideoCodec::Ffv1, VideoCodec::X264Rgb}) {
+    const auto source = open_video(request(write_clip("clip.mkv", 12, codec)));
+    EXPECT_EQ(source->geometry(), kSmall);
+    EXPECT_EQ(source->rate(), (frames::Rate{24000, 1001}));
+    for (uint64_t k = 0; k < 12; ++k) expect_frame(*source, k);
+    expect_status(*source, PullStatus::End);
+    expect_status(*source, PullStatus::End);
+    EXPECT_EQ(source->frame_count(), 12u);
+  }
+}
+
+TEST_F(VideoPlays, ARangeOfFrames) {
+  VideoRequest wanted = request(write_clip("clip.mkv", 9));
+  wanted.frames = FrameRange{3, 7};
+  const auto source = open_video(wanted);
+  for (uint64_t k = 0; k < 4; ++k) {
+    frames::LentFrame lent;
+    ASSERT_EQ(pull(*source, lent), PullStatus::Ready);
+    EXPECT_TRUE(std::ranges::equal(lent.frame.bytes, clip_frame(k + 3).bytes()));
+    source->release(lent.token);
+  }
+  expect_status(*source, PullStatus::End);
+}
+
+TEST_F(VideoPlays, LoopsWithoutASeam) {
+  VideoRequest wanted = request(write_clip("clip.mkv", 3));
+  wanted.plays_again = true;
+  const auto source = open_video(wanted);
+  for (int loop = 0; loop < 200; ++loop) {
+    for (uint64_t k = 0; k < 3; ++k) expect_frame(*source, k);
+    expect_status(*source, PullStatus::End);
+    ASSERT_TRUE(source->rewind());
+  }
+  EXPECT_EQ(source->statistics().restarts, 0u);
+}
+
+TEST_F(VideoPlays, RewindsWithANewDecoderWhereNoLoopWasAskedFor) {
+  const auto source = open_video(request(write_clip("clip.mkv", 3)));
+  for (int loop = 0; loop < 3; ++loop) {
+    for (uint64_t k = 0; k < 3; ++k) expect_frame(*source, k);
+    expect_status(*source, PullStatus::End);
+    ASSERT_TRUE(source->rewind());
+  }
+  EXPECT_EQ(source->statistics().restarts, 0u);
+}
+
+TEST_F(VideoPlays, GoesOnAfterADecoderWasKilledOrStopped) {
+  const auto clip = write_clip("clip.mkv", 40);
+  for (const int signal : {SIGKILL, SIGSTOP, SIGSEGV}) {
+    VideoRequest wanted = request(clip);
+    wanted.patience = 300ms;
+    const auto source = open_video(wanted);
+    for (uint64_t k = 0; k < 40; ++k) {
+      if (k == 5 || k == 21) strike(*source, signal);
+      expect_frame(*source, k);
+    }
+    expect_status(*source, PullStatus::End);
+    EXPECT_GE(source->statistics().restarts, 1u);
+    EXPECT_EQ(source->statistics().hangs > 0, signal == SIGSTOP);
+  }
+  EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1);  // no zombie
+  EXPECT_EQ(errno, ECHILD);
+}
+
+TEST_F(VideoPlays, GoesOnInALoopWhoseLengthIsNotKnownYet) {
+  const auto clip = write_clip("clip.mkv", 5);
+  for (uint64_t strike_at = 0; strike_at < 8; strike_at += 3) {
+    VideoRequest wanted = request(clip);
+    wanted.plays_again = true;
+    const auto source = open_video(wanted);
+    for (uint64_t k = 0; k < 25; ++k) {
+      if (k > 0 && k % 5 == 0) {
+        expect_status(*source, PullStatus::End);
+        ASSERT_TRUE(source->rewind());
+      }
+      if (k == strike_at) strike(*source, SIGKILL);
+      expect_frame(*source, k % 5);
+    }
+    EXPECT_EQ(source->statistics().restarts, 1u);
+  }
+}
+
+TEST_F(VideoPlays, GivesUpAfterTheFourthDeathWithinAMinute) {
+  VideoRequest wanted = request(write_clip("clip.mkv", 3));
+  wanted.plays_again = true;
+  const auto source = open_video(wanted);
+  frames::LentFrame lent;
+  PullStatus status = PullStatus::NotYet;
+  for (int frame = 0; frame < 100000 && status != PullStatus::Failed; ++frame) {
+    if (source->statistics().decoder > 0 && frame % 4 == 0)
+      ::kill(static_cast<pid_t>(source->statistics().decoder), SIGKILL);
+    status = pull(*source, lent);
+    if (status == PullStatus::Ready) source->release(lent.token);
+    if (status == PullStatus::End) ASSERT_TRUE(source->rewind());
+  }
+  EXPECT_EQ(status, PullStatus::Failed);
+  EXPECT_EQ(source->statistics().restarts, 3u);
+  EXPECT_THAT(source->failure(), testing::HasSubstr("signal 9"));
+}
+
+TEST_F(VideoPlays, RefusesWhatIsNoVideo) {
+  std::ofstream(file("words.mkv")) << "these are words, not pictures\n";
+  EXPECT_THAT(refusal(request(file("words.mkv"))), testing::HasSubstr("not a video"));
+  EXPECT_THAT(refusal(request(file("absent.mkv"))), testing::HasSubstr("No such file"));
+  EXPECT_THAT(refusal(request(folder)), testing::HasSubstr("not a regular file"));
+}
+
+TEST_F(VideoPlays, RefusesASizeThatNobodyCanHave) {
+  std::ofstream(file("huge.y4m")) << "YUV4MPEG2 W100000 H100000 F25:1 Ip C444\nFRAME\n";
+  (void)refusal(request(file("huge.y4m")));
+  std::ofstream(file("large.y4m")) << "YUV4MPEG2 W32768 H32768 F25:1 Ip C444\nFRAME\n";
+  (void)refusal(request(file("large.y4m")));
+}
+
+TEST_F(VideoPlays, SaysThatAStreamIsNotThere) {
+  VideoRequest wanted = request(write_clip("clip.mkv", 1));
+  wanted.stream = 3;
+  EXPECT_THAT(refusal(wanted, ErrorKind::Usage), testing::HasSubstr("no stream 3"));
+}
+
+/// More by hand: LENTICULE_DAMAGED_CLIPS=400.
+int damaged_clips() {
+  const char* const wanted = std::getenv("LENTICULE_DAMAGED_CLIPS");
+  return wanted != nullptr ? std::atoi(wanted) : 24;
+}
+
+TEST_F(VideoPlays, DamagedFilesEndOrFailAndNeverHang) {
+  std::vector<uint8_t> clip;
+  {
+    std::ifstream in(write_clip("whole.mkv", 6), std::ios::binary);
+    clip.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  std::mt19937 random(11);
+  for (int i = 0; i < damaged_clips(); ++i) {
+    std::vector<uint8_t> bytes = clip;
+    const size_t place = random() % (i % 3 == 0 ? 600 : bytes.size());
+    if (i % 2 == 0) bytes.resize(place);
+    if (i % 2 == 1) bytes[place] ^= static_cast<uint8_t>(1 + random() % 255);
+    std::ofstream(file("damaged.mkv"), std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+    try {
+      const auto source = open_video(request(file("damaged.mkv")));
+      PullStatus status = PullStatus::Ready;
+      for (int frame = 0; frame < 1000 && status == PullStatus::Ready; ++frame) {
+        frames::LentFrame lent;
+        status = pull(*source, lent);
+        if (status == PullStatus::Ready) source->release(lent.token);
+      }
+      EXPECT_TRUE(status == PullStatus::End || status == PullStatus::Failed) << "place " << place;
+    } catch (const Error& error) {
+      EXPECT_NE(error.kind(), ErrorKind::Usage) << error.what();
+    }
+  }
+}
+
+TEST_F(VideoPlays, TheDecoderIsLockedIn) {
+  if (LENTICULE_VIDEO_SANITIZED) GTEST_SKIP() << "sanitizers need calls of their own";
+  VideoRequest wanted = request(write_clip("clip.mkv", 3));
+  wanted.plays_again = true;
+  const auto source = open_video(wanted);
+  expect_frame(*source, 0);
+  const std::string process = fmt::format("/proc/{}", source->statistics().decoder);
+  const auto read = [&process](const char* name) {
+    std::ifstream in(process + name);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  EXPECT_THAT(read("/status"), testing::HasSubstr("Seccomp:\t2"));
+  EXPECT_THAT(read("/status"), testing::HasSubstr("NoNewPrivs:\t1"));
+  EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max open files +1 "));
+  EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max file size +0 "));
+  EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max core file size +0 "));
+}
+
+// --- with a decoder that is none ---------------------------------------------------------------
+
+class FakeVideo : public VideoPlays {
+ protected:
+  [[nodiscard]] std::unique_ptr<VideoSource> open(const std::string& what, bool plays_again) const {
+    return open_video(
+        {.file = file(what), .plays_again = plays_again, .program = LENTICULE_FAKE_VIDEO});
+  }
+
+  static PullStatus pull_number(VideoSource& source, uint64_t number) {
+    frames::LentFrame lent;
+    const PullStatus status = pull(source, lent);
+    if (status != PullStatus::Ready) return status;
+    EXPECT_EQ(lent.number, number);
+    EXPECT_EQ(lent.frame.bytes[0], number & 0xff);
+    source.release(lent.token);
+    return status;
+  }
+};
+
+TEST_F(FakeVideo, TenThousandLoops) {
+  const auto source = open("3-well.mkv", true);
+  for (int loop = 0; loop < 10000; ++loop) {
+    for (uint64_t k = 0; k < 3; ++k) ASSERT_EQ(pull_number(*source, k), PullStatus::Ready);
+    ASSERT_EQ(pull_number(*source, 0), PullStatus::End);
+    ASSERT_TRUE(source->rewind());
+  }
+}
+
+TEST_F(FakeVideo, AFrameThatIsLeftOutIsNoticed) {
+  const auto source = open("5-skips.mkv", false);
+  ASSERT_EQ(pull_number(*source, 0), PullStatus::Ready);
+  ASSERT_EQ(pull_number(*source, 1), PullStatus::Ready);
+  EXPECT_EQ(pull_number(*source, 2), PullStatus::Failed);
+  EXPECT_THAT(source->failure(), testing::HasSubstr("frame 3 of loop 0 in place of 2"));
+}
+
+TEST_F(FakeVideo, ADeathAfterAFrameCostsNothing) {
+  const auto source = open("5-dies.mkv", false);
+  for (uint64_t k = 0; k < 5; ++k) ASSERT_EQ(pull_number(*source, k), PullStatus::Ready);
+  EXPECT_EQ(pull_number(*source, 0), PullStatus::End);
+  EXPECT_EQ(source->statistics().restarts, 1u);
+}
+
+TEST_F(FakeVideo, StumblingAfterTheGoodbyeIsNoFailure) {
+  const auto source = open("3-stumbles.mkv", false);
+  for (int loop = 0; loop < 2; ++loop) {
+    for (uint64_t k = 0; k < 3; ++k) ASSERT_EQ(pull_number(*source, k), PullStatus::Ready);
+    ASSERT_EQ(pull_number(*source, 0), PullStatus::End);
+    ASSERT_TRUE(source->rewind());
+  }
+}
+
+TEST_F(FakeVideo, NoiseIsNotBelieved) {
+  const auto source = open("3-noise.mkv", false);
+  for (uint64_t k = 0; k < 3; ++k) ASSERT_EQ(pull_number(*source, k), PullStatus::Ready);
+  EXPECT_EQ(pull_number(*source, 0), PullStatus::End);
+}
+
+TEST_F(FakeVideo, ADecoderThatRefusesIsNotAskedAgain) {
+  const auto source = open("3-refuses.mkv", false);
+  EXPECT_EQ(pull_number(*source, 0), PullStatus::Failed);
+  EXPECT_THAT(source->failure(), testing::HasSubstr("it is no clip"));
+  EXPECT_EQ(source->statistics().restarts, 0u);
+}
+
+}  // namespace
+}  // namespace lenticule::player

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// What tests of video files share: clips made on the spot, and a way to pull with an end.
+#pragma once
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "player/video_source.h"
+#include "player/video_writer.h"
+#include "tests/support/process.h"
+
+namespace lenticule::test {
+
+/// Far beyond what anything here takes: a test that comes so far has found a hang.
+inline constexpr std::chrono::seconds kVideoDeadline{60};
+
+inline std::vector<uint8_t> random_bytes(size_t count, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<uint8_t> bytes(count);
+  for (uint8_t& byte : bytes) byte = static_cast<uint8_t>(random());
+  return bytes;
+}
+
+class VideoTest : public testing::Test {
+ protected:
+  std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) /
+      fmt::format("video-{}-{}", testing::UnitTest::GetInstance()->current_test_info()->name(),
+                  getpid());
+  static constexpr frames::FrameGeometry kSmall{.width = 34, .height = 22};
+
+  void SetUp() override { std::filesystem::create_directories(folder); }
+  void TearDown() override { std::filesystem::remove_all(folder); }
+
+  [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder / name; }
+
+  /// Frame k of every clip that write_clip() makes.
+  [[nodiscard]] static frames::WovenFrame clip_frame(uint64_t k) {
+    frames::WovenFrame frame(kSmall);
+    std::ranges::copy(random_bytes(kSmall.frame_bytes(), static_cast<unsigned>(k) + 1),
+                      frame.bytes().begin());
+    return frame;
+  }
+
+  [[nodiscard]] std::filesystem::path write_clip(
+      const std::string& name, uint64_t frames,
+      player::VideoCodec codec = player::VideoCodec::Ffv1) const {
+    player::VideoWriter writer({.file = file(name),
+                                .geometry = kSmall,
+                                .rate = {24000, 1001},
+                                .codec = codec,
+                                .program = LENTICULE_VIDEO_PROGRAM});
+    for (uint64_t k = 0; k < frames; ++k) writer.write(clip_frame(k).view());
+    writer.finish();
+    return file(name);
+  }
+
+  /// One frame of any pixel format, through FFV1.
+  [[nodiscard]] std::filesystem::path encode(const std::string& name, int width, int height,
+                                             const std::vector<uint8_t>& raw,
+                                             const std::string& flags) const {
+    const std::string input = file(name + ".raw").string();
+    std::ofstream(input, std::ios::binary)
+        .write(reinterpret_cast<const char*>(raw.data()), static_cast<std::streamsize>(raw.size()));
+    const std::string command =
+        fmt::format("exec {} encode --width {} --height {} {} {} < {}", LENTICULE_VIDEO_PROGRAM,
+                    width, height, flags, file(name).string(), input);
+    const ProcessResult result = run_process({"/bin/sh", "-c", command});
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return file(name);
+  }
+
+  [[nodiscard]] static player::VideoRequest request(const std::filesystem::path& clip) {
+    return {.file = clip, .program = LENTICULE_VIDEO_PROGRAM};
+  }
+
+  /// The next thing that is not "not yet"; NotYet when the deadline is over.
+  [[nodiscard]] static frames::PullStatus pull(frames::FrameSource& source,
+                                               frames::LentFrame& out) {
+    const auto deadline = std::chrono::steady_clock::now() + kVideoDeadline;
+    frames::PullStatus status = source.pull(out);
+    while (status == frames::PullStatus::NotYet && std::chrono::steady_clock::now() < deadline) {
+      pollfd wake{.fd = source.wake_fd(), .events = POLLIN, .revents = 0};
+      (void)poll(&wake, 1, 20);
+      source.service();
+      status = source.pull(out);
+    }
+    return status;
+  }
+
+  static void expect_frame(frames::FrameSource& source, uint64_t k) {
+    frames::LentFrame lent;
+    ASSERT_EQ(pull(source, lent), frames::PullStatus::Ready) << k << ": " << source.failure();
+    EXPECT_EQ(lent.number, k);
+    EXPECT_TRUE(std::ranges::equal(lent.frame.bytes, clip_frame(k).bytes())) << "frame " << k;
+    source.release(lent.token);
+  }
+
+  static void expect_status(frames::FrameSource& source, frames::PullStatus status) {
+    frames::LentFrame lent;
+    EXPECT_EQ(pull(source, lent), status) << source.failure();
+  }
+
+  /// The first frame of a clip.
+  [[nodiscard]] static std::vector<uint8_t> first_frame(const player::VideoRequest& wanted) {
+    const auto source = player::open_video(wanted);
+    frames::LentFrame lent;
+    EXPECT_EQ(pull(*source, lent), frames::PullStatus::Ready) << source->failure();
+    return {lent.frame.bytes.begin(), lent.frame.bytes.end()};
+  }
+};
+
+}  // namespace lenticule::test
