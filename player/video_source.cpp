@@ -111,7 +111,7 @@ class Source final : public VideoSource {
   bool at_end_ = false;                    ///< End was told and rewind() not called
   std::optional<frames::LentFrame> held_;  ///< the next loop's first, over the seam
   std::optional<uint64_t> frames_in_loop_;
-  uint64_t pulled_ = 0;
+  uint64_t position_ = 0;  ///< frames taken from the ring, in all loops
   uint64_t lent_ = 0;
 
   uint64_t child_loop_ = 0;  ///< in which the present child was begun
@@ -150,7 +150,6 @@ PullStatus Source::pull(frames::LentFrame& out) {
   frames::LentFrame lent;
   switch (ring_->pull(lent)) {
     case PullStatus::Ready:
-      ++pulled_;
       ++lent_;
       return take(lent, out);
     case PullStatus::End:
@@ -167,23 +166,25 @@ PullStatus Source::pull(frames::LentFrame& out) {
 }
 
 PullStatus Source::take(const frames::LentFrame& lent, frames::LentFrame& out) {
-  const uint64_t loop = video::loop_of(lent.number);
-  const uint64_t frame = video::frame_of(lent.number);
-  if (loop == loop_ && frame == next_) {
-    out = lent;
-    out.number = next_++;
-    return PullStatus::Ready;
-  }
-  if (loop == loop_ + 1 && frame == 0 && next_ > 0) {
+  const uint64_t position = video::position_of(lent.number);
+  const bool begins = video::begins_clip(lent.number);
+  if (position == position_ && begins && next_ > 0) {
+    ++position_;
     held_ = lent;
     at_end_ = true;
     frames_in_loop_ = next_;
     return PullStatus::End;
   }
+  if (position == position_ && begins == (next_ == 0)) {
+    ++position_;
+    out = lent;
+    out.number = next_++;
+    return PullStatus::Ready;
+  }
   release(lent.token);
   out_of_order_ = true;
-  failure_ = fmt::format("{}: the decoder sent frame {} of loop {} in place of {} of loop {}",
-                         request_.file.string(), frame, loop, next_, loop_);
+  failure_ = fmt::format("{}: the decoder sent frame {} in place of {}", request_.file.string(),
+                         position, position_);
   child_.kill();
   return PullStatus::Failed;
 }
@@ -207,16 +208,16 @@ bool Source::rewind() {
 /// With the frame after the last one that the ring has taken over. The decoder wraps a number
 /// beyond the clip's end, which only it knows, into the next loop.
 void Source::begin_child() {
-  const uint64_t loop = held_ && at_end_ ? loop_ + 1 : loop_;
   const uint64_t from = (held_ ? 1 : next_) + ring_->ready_count();
   const FrameRange range = request_.frames.value_or(FrameRange{0, uint64_t{1} << 40});
-  std::vector<std::string> arguments = {program_.string(), "decode",
-                                        "--ring",          (folder_.path() / "ring").string(),
-                                        "--stream",        std::to_string(stream_.index),
-                                        "--begin",         std::to_string(range.begin),
-                                        "--end",           std::to_string(range.end),
-                                        "--from",          std::to_string(from),
-                                        "--from-loop",     std::to_string(loop)};
+  std::vector<std::string> arguments = {
+      program_.string(), "decode",
+      "--ring",          (folder_.path() / "ring").string(),
+      "--stream",        std::to_string(stream_.index),
+      "--begin",         std::to_string(range.begin),
+      "--end",           std::to_string(range.end),
+      "--from",          std::to_string(from),
+      "--position",      std::to_string(position_ + ring_->ready_count())};
   const std::optional<VideoEvent> known = child_.position();
   if (known && known->time && known->frame <= range.begin + from)
     arguments.insert(arguments.end(), {"--known-frame", std::to_string(known->frame),
@@ -274,7 +275,7 @@ bool Source::may_restart() {
 void Source::watch_for_hang() {
   if (!child_.present() || killed_) return;
   const Clock::time_point now = Clock::now();
-  const uint64_t signs = pulled_ + ring_->ready_count() + child_.events();
+  const uint64_t signs = position_ + ring_->ready_count() + child_.events();
   const bool looked_away = now - std::exchange(last_look_, now) > request_.patience / 2;
   const bool full = ring_->ready_count() + lent_ >= slots_;
   if (signs != signs_) child_showed_life_ = true;

@@ -63,9 +63,9 @@ class Feed {
 
   /// False when the player is gone.
   [[nodiscard]] bool run() {
-    uint64_t loop = request_.from_loop;
-    for (uint64_t skip = request_.from;; ++loop) {
-      if (!play(loop, skip)) return false;
+    bool resumes = request_.from > 0;
+    for (uint64_t skip = request_.from;; resumes = false) {
+      if (!play(skip, resumes)) return false;
       if (clip_length_ == 0)
         throw Error(ErrorKind::Input, request_.file + ": no frame could be decoded");
       report_broken();
@@ -82,12 +82,12 @@ class Feed {
 
  private:
   void check_layout(const PixelVerdict& verdict) const;
-  [[nodiscard]] bool play(uint64_t loop, uint64_t skip);
+  [[nodiscard]] bool play(uint64_t skip, bool resumes);
   [[nodiscard]] uint64_t find_start(uint64_t wanted);
   [[nodiscard]] std::optional<uint64_t> find_known();
   void start_over();
   [[nodiscard]] bool fits_ring();
-  [[nodiscard]] bool show(uint64_t loop, uint64_t frame);
+  [[nodiscard]] bool show(bool begins_clip);
   void report_position(uint64_t frame);
   void report_broken();
   void prepare_converter();
@@ -149,16 +149,15 @@ std::optional<uint64_t> Feed::find_known() {
 }
 
 /// The clip once; false when the player is gone.
-bool Feed::play(uint64_t loop, uint64_t skip) {
+bool Feed::play(uint64_t skip, bool resumes) {
   const uint64_t first = request_.begin + skip;
-  const bool resumes = loop == request_.from_loop && skip > 0;
   for (uint64_t frame = resumes ? find_start(first) : 0; frame < request_.end;) {
     if (!have_frame_ && clip_.next() == ClipReader::Step::End) break;
     have_frame_ = false;
     if (!fits_ring()) continue;
     if (frame == 0) first_time_ = clip_.time();
     if (frame >= request_.begin) clip_length_ = frame - request_.begin + 1;
-    if (frame >= first && !show(loop, frame - request_.begin)) return false;
+    if (frame >= first && !show(frame == request_.begin)) return false;
     report_position(frame);
     ++frame;
   }
@@ -185,12 +184,13 @@ void Feed::prepare_converter() {
   converter_tags_ = tags;
 }
 
-bool Feed::show(uint64_t loop, uint64_t frame) {
+bool Feed::show(bool begins_clip) {
   prepare_converter();
+  const uint64_t number = ring_number(request_.position + published_, begins_clip);
   std::span<uint8_t> slot;
   frames::RingStatus status = frames::RingStatus::TimedOut;
   while (status == frames::RingStatus::TimedOut)
-    status = ring_.acquire(ring_number(loop, frame), kSlotPatience, slot);
+    status = ring_.acquire(number, kSlotPatience, slot);
   if (status == frames::RingStatus::Gone) return false;
   PicturePlanes picture{.width = clip_.frame().width, .height = clip_.frame().height};
   for (size_t i = 0; i < picture.data.size(); ++i) {

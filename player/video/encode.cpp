@@ -28,7 +28,8 @@ namespace lenticule::video {
 namespace {
 
 constexpr int kThreads = 4;
-constexpr int kFfv1Version = 3;  ///< the first with slices and their checksums
+constexpr int kSlicedSide = 256;  ///< FFV1 takes not every number of slices for small pictures
+constexpr int kFfv1Version = 3;   ///< the first with slices and their checksums
 
 [[noreturn]] void cannot_write(const std::string& file, const std::string& cause) {
   throw Error(ErrorKind::Failed, file + ": cannot write: " + cause);
@@ -137,7 +138,7 @@ void Encoder::open_codec(const AVCodec& codec) {
   codec_->gop_size = request_.codec == "ffv1" ? 1 : codec_->gop_size;
   if (request_.codec == "ffv1") {
     codec_->level = kFfv1Version;
-    codec_->slices = kThreads;
+    if (request_.width >= kSlicedSide && request_.height >= kSlicedSide) codec_->slices = kThreads;
     (void)av_opt_set_int(codec_->priv_data, "slicecrc", 1, 0);
   } else {
     (void)av_opt_set(codec_->priv_data, "preset", "veryfast", 0);

@@ -6,17 +6,16 @@
 
 namespace lenticule::video {
 
-/// Ring numbers grow through all loops, and say where each begins.
-inline constexpr int kFrameBits = 40;
-
-[[nodiscard]] constexpr uint64_t ring_number(uint64_t loop, uint64_t frame) {
-  return loop << kFrameBits | (frame & ((uint64_t{1} << kFrameBits) - 1));
+/// Ring numbers go on growing through all loops, by steps of two: the lowest bit says that the
+/// frame is the clip's first. (A ring takes 2^48: what is shown in 70 000 years.)
+[[nodiscard]] constexpr uint64_t ring_number(uint64_t position, bool begins_clip) {
+  return position << 1 | (begins_clip ? 1 : 0);
 }
-[[nodiscard]] constexpr uint64_t loop_of(uint64_t number) {
-  return number >> kFrameBits;
+[[nodiscard]] constexpr uint64_t position_of(uint64_t number) {
+  return number >> 1;
 }
-[[nodiscard]] constexpr uint64_t frame_of(uint64_t number) {
-  return number & ((uint64_t{1} << kFrameBits) - 1);
+[[nodiscard]] constexpr bool begins_clip(uint64_t number) {
+  return (number & 1) != 0;
 }
 
 }  // namespace lenticule::video

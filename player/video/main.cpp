@@ -49,7 +49,7 @@ Run declare_decode(CLI::App& app) {
   app.add_option("--begin", request->begin, "first frame of the file that counts");
   app.add_option("--end", request->end, "the one after the last");
   app.add_option("--from", request->from, "start with this frame of those");
-  app.add_option("--from-loop", request->from_loop, "as if in this loop");
+  app.add_option("--position", request->position, "number of that frame in the ring");
   app.add_option("--known-frame", request->known_frame, "frame of the file to seek ...");
   app.add_option("--known-time", request->known_time, "... by its time stamp");
   app.add_flag("--loop", request->loop, "again and again, until the player is gone");

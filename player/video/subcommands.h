@@ -23,7 +23,7 @@ struct DecodeRequest {
   uint64_t begin = 0;           ///< frames [begin, end) of the file are the clip
   uint64_t end = std::numeric_limits<uint64_t>::max();
   uint64_t from = 0;                  ///< begin with this frame of the clip
-  uint64_t from_loop = 0;             ///< numbered as in this loop
+  uint64_t position = 0;              ///< of that frame among all that were ever shown
   uint64_t known_frame = 0;           ///< frame of the file that has ...
   std::optional<int64_t> known_time;  ///< ... this time stamp, to be sought for
   bool loop = false;

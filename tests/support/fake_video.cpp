@@ -23,7 +23,7 @@ struct Arguments {
   std::string file;
   std::string ring;
   uint64_t from = 0;
-  uint64_t loop = 0;
+  uint64_t position = 0;
   bool again = false;
 };
 
@@ -33,7 +33,7 @@ Arguments parse(const std::vector<std::string>& words) {
   for (size_t i = 0; i + 1 < words.size(); ++i) {
     if (words[i] == "--ring") parsed.ring = words[i + 1];
     if (words[i] == "--from") parsed.from = std::stoull(words[i + 1]);
-    if (words[i] == "--from-loop") parsed.loop = std::stoull(words[i + 1]);
+    if (words[i] == "--position") parsed.position = std::stoull(words[i + 1]);
     if (words[i] == "--loop") parsed.again = true;
   }
   return parsed;
@@ -44,12 +44,13 @@ int probe() {
   return 0;
 }
 
-bool show(frames::RingRenderer& ring, uint64_t number) {
+bool show(frames::RingRenderer& ring, uint64_t position, uint64_t frame) {
+  const uint64_t number = video::ring_number(position, frame == 0);
   std::span<uint8_t> pixels;
   frames::RingStatus status = frames::RingStatus::TimedOut;
   while (status == frames::RingStatus::TimedOut) status = ring.acquire(number, 1s, pixels);
   if (status == frames::RingStatus::Gone) return false;
-  std::memset(pixels.data(), static_cast<int>(number & 0xff), pixels.size());
+  std::memset(pixels.data(), static_cast<int>(frame & 0xff), pixels.size());
   return ring.publish() == frames::RingStatus::Ok;
 }
 
@@ -68,11 +69,11 @@ int decode(const Arguments& arguments) {
       arguments.ring,
       {.name = "fake", .rig_fingerprint = {}, .rate = std::nullopt, .frame_count = std::nullopt},
       10s);
-  uint64_t skip = arguments.from;
-  for (uint64_t loop = arguments.loop;; ++loop) {
-    for (uint64_t frame = skip; frame < frames; ++frame) {
+  uint64_t position = arguments.position;
+  for (uint64_t skip = arguments.from;;) {
+    for (uint64_t frame = skip; frame < frames; ++frame, ++position) {
       if (what == "skips" && frame == 2) continue;
-      if (!show(*ring, video::ring_number(loop, frame))) return 1;
+      if (!show(*ring, position, frame)) return 1;
       if (what == "dies" && frame == 1) _exit(9);
     }
     if (!arguments.again) break;

@@ -40,8 +40,11 @@ void expect_rounded(double exact, uint8_t code, const std::string& where) {
   const double scaled = 255.0 * exact;
   const double rounded = std::clamp(std::floor(scaled + 0.5), 0.0, 255.0);
   const bool tie = std::abs(scaled + 0.5 - std::round(scaled + 0.5)) < 1e-7;
-  if (tie) return EXPECT_LE(std::abs(rounded - code), 1.0) << where, void();
-  EXPECT_EQ(rounded, code) << where;
+  if (tie) {
+    EXPECT_LE(std::abs(rounded - code), 1.0) << where;
+  } else {
+    EXPECT_EQ(rounded, code) << where;
+  }
 }
 
 /// A plane of one byte or two per sample.
