@@ -8,7 +8,9 @@
 #include <cerrno>
 #include <csignal>
 
+#include "frames/ring/ring_player.h"
 #include "optics/error.h"
+#include "player/video/frame_number.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
@@ -217,6 +219,38 @@ TEST_F(VideoPlays, TheDecoderIsLockedIn) {
   EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max open files +1 "));
   EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max file size +0 "));
   EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max core file size +0 "));
+}
+
+/// A decoder that goes on where another one was, by a time stamp that may be wrong.
+class VideoResumes : public VideoPlays {
+ protected:
+  void expect_from(uint64_t from, const std::filesystem::path& clip, const std::string& time) {
+    const auto ring = frames::RingPlayer::open(
+        {.socket = file("ring"), .geometry = kSmall, .slots = 4, .rig_fingerprint = {}});
+    const test::BackgroundProcess decoder({LENTICULE_VIDEO_PROGRAM, "decode", "--ring",
+                                           file("ring").string(), "--from", std::to_string(from),
+                                           "--position", "100", "--known-frame", "20",
+                                           "--known-time=" + time, clip.string()});
+    for (uint64_t k = from; k < 40; ++k) {
+      frames::LentFrame lent;
+      ASSERT_EQ(pull(*ring, lent), PullStatus::Ready);
+      EXPECT_EQ(video::position_of(lent.number), 100 + k - from);
+      EXPECT_TRUE(std::ranges::equal(lent.frame.bytes, clip_frame(k).bytes())) << k;
+      ring->release(lent.token);
+    }
+    expect_status(*ring, PullStatus::End);
+  }
+};
+
+TEST_F(VideoResumes, AtTheVeryFrameWhateverItIsTold) {
+  for (const VideoCodec codec : {VideoCodec::Ffv1, VideoCodec::X264Rgb}) {
+    const auto clip = write_clip("clip.mkv", 40, codec);
+    // Matroska counts milliseconds: 20 * 1001 / 24 = 834.2
+    for (const char* time : {"834", "835", "-5", "99999999"}) {
+      expect_from(20, clip, time);
+      expect_from(31, clip, time);
+    }
+  }
 }
 
 // --- with a decoder that is none ---------------------------------------------------------------

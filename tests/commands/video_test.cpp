@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// Video files as their users meet them: played by lenticule, looked at and made by lenticule-video.
+#include <gmock/gmock.h>
+
+#include <chrono>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "frames/frame.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using nlohmann::json;
+
+constexpr int kWidth = 48;  // of scenes/rigs/tiny.toml
+constexpr int kHeight = 32;
+
+class VideoCommands : public CommandTest {
+ protected:
+  [[nodiscard]] static ProcessResult video(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), LENTICULE_VIDEO_PROGRAM);
+    return run_process(arguments);
+  }
+
+  void make_clip(const std::string& name, int width, int height, int frames,
+                 const std::string& flags = "") const {
+    std::string raw(static_cast<size_t>(width * height * 3 * frames), '\0');
+    for (size_t i = 0; i < raw.size(); ++i) raw[i] = static_cast<char>(i * i >> 3);
+    write("raw", raw);
+    const ProcessResult made =
+        run_process({"/bin/sh", "-c",
+                     std::string("exec ") + LENTICULE_VIDEO_PROGRAM + " encode --rate 30 --width " +
+                         std::to_string(width) + " --height " + std::to_string(height) + " " +
+                         flags + " " + path(name) + " < " + path("raw")});
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+
+  [[nodiscard]] std::vector<std::string> play(const std::string& name) const {
+    return {"play",      path(name), "--rig", source_file("scenes/rigs/tiny.toml"),
+            "--display", "virtual"};
+  }
+
+  /// The decoder that `player` has started, whichever of its threads did; 0 while there is none.
+  [[nodiscard]] static pid_t decoder_of(pid_t player) {
+    std::error_code gone;
+    const fs::path threads = "/proc/" + std::to_string(player) + "/task";
+    for (const auto& thread : fs::directory_iterator(threads, gone)) {
+      std::ifstream in(thread.path() / "children");
+      pid_t child = 0;
+      std::string name;
+      in >> child;
+      std::ifstream("/proc/" + std::to_string(child) + "/cmdline") >> name;
+      if (name.find("decode") != std::string::npos) return child;
+    }
+    return 0;
+  }
+
+  /// Neither gone nor waiting for init to notice that it is.
+  [[nodiscard]] static bool runs(pid_t process) {
+    std::ifstream in("/proc/" + std::to_string(process) + "/stat");
+    const std::string text((std::istreambuf_iterator<char>(in)), {});
+    const size_t state = text.rfind(')') + 2;
+    return state < text.size() && text[state] != 'Z' && text[state] != 'X';
+  }
+};
+
+TEST_F(VideoCommands, PlayShowsEveryFrameInEveryLoop) {
+  make_clip("clip.mkv", kWidth, kHeight, 10);
+  std::vector<std::string> words = play("clip.mkv");
+  words.insert(words.end(), {"--clock", "simulated", "--loop", "3", "--json"});
+  const ProcessResult played = run(words);
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  const json statistics = json::parse(played.out);
+  EXPECT_EQ(statistics["shown"], 30);
+  EXPECT_EQ(statistics["loops"], 3);
+  EXPECT_EQ(statistics["content_rate"], "30");
+}
+
+TEST_F(VideoCommands, PlayRefusesOtherSizesAndHalvedColours) {
+  make_clip("large.mkv", kWidth + 2, kHeight, 1);
+  EXPECT_EQ(run(play("large.mkv")).exit_code, 4);
+  make_clip("halved.mkv", kWidth, kHeight, 1, "--pixels yuv420p");
+  const ProcessResult halved = run(play("halved.mkv"));
+  EXPECT_EQ(halved.exit_code, 4);
+  EXPECT_THAT(halved.err, testing::HasSubstr("weave it from a quilt instead"));
+}
+
+TEST_F(VideoCommands, ProbeDescribesAClip) {
+  make_clip("clip.mkv", 20, 10, 3, "--pixels yuv444p --matrix bt709 --range tv");
+  const ProcessResult probed = video({"probe", path("clip.mkv")});
+  ASSERT_EQ(probed.exit_code, 0) << probed.err;
+  const json stream = json::parse(probed.out)["streams"][0];
+  EXPECT_EQ(stream["width"], 20);
+  EXPECT_EQ(stream["rate"], json::parse("[30, 1]"));
+  EXPECT_EQ(stream["sampling"], "4:4:4");
+  EXPECT_EQ(stream["colour_space"], "bt709");
+  EXPECT_EQ(stream["range"], "tv");
+  EXPECT_EQ(stream["exact"], false);
+  EXPECT_EQ(stream["full_chroma"], true);
+}
+
+TEST_F(VideoCommands, ExitCodesAreTheContracts) {
+  EXPECT_EQ(video({"--help"}).exit_code, 0);
+  EXPECT_EQ(video({"probe"}).exit_code, 2);
+  EXPECT_EQ(video({"probe", path("absent.mkv")}).exit_code, 4);
+  EXPECT_EQ(video({"probe", folder_.string()}).exit_code, 4);
+  EXPECT_EQ(video({"encode", "--width", "0", "--height", "4", path("x.mkv")}).exit_code, 2);
+  EXPECT_EQ(video({"encode", "--width", "4", "--height", "4", path("x.mkv")}).exit_code, 4);
+  EXPECT_TRUE(listing().empty());
+}
+
+TEST_F(VideoCommands, TheDecoderDiesWithThePlayer) {
+  make_clip("clip.mkv", kWidth, kHeight, 3);
+  std::vector<std::string> words = play("clip.mkv");
+  words.insert(words.end(), {"--loop", "forever"});
+  // Through a shell that tells its number before it becomes the player.
+  std::string command = "echo $$ > " + path("pid") + "; exec";
+  for (const std::string& word : program(words)) command += " '" + word + "'";
+  const BackgroundProcess player({"/bin/sh", "-c", command});
+  const auto deadline = std::chrono::steady_clock::now() + 60s;
+  pid_t decoder = 0;
+  while (decoder == 0) {
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+    std::this_thread::sleep_for(5ms);
+    pid_t pid = 0;
+    std::ifstream(path("pid")) >> pid;
+    if (pid > 0) decoder = decoder_of(pid);
+  }
+  player.signal(SIGKILL);
+  while (runs(decoder)) {
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline) << "decoder " << decoder << " lives on";
+    std::this_thread::sleep_for(5ms);
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::test
