@@ -24,6 +24,7 @@ Run declare_bench_reuse(CLI::App& app);
 Run declare_bench_stability(CLI::App& app);
 Run declare_bench_start(CLI::App& app);
 Run declare_bench_weave(CLI::App& app);
+Run declare_bench_video(CLI::App& app);
 
 namespace {
 
@@ -57,6 +58,8 @@ const std::vector<Benchmark>& benchmarks() {
       {"start", "from starting the program to the first frame on the virtual display",
        declare_bench_start},
       {"weave", "weaving views, against copying the woven frame", declare_bench_weave},
+      {"video", "how fast woven frames come out of video files, beside PNG files",
+       declare_bench_video},
   };
   return table;
 }

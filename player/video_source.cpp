@@ -27,6 +27,8 @@ using namespace std::chrono_literals;
 constexpr int kLeastSlots = 4;  ///< a ring's three, and one held over the seam of a loop
 constexpr size_t kMostRestarts = 3;
 constexpr auto kRestartWindow = 60s;
+/// Loading some hundred libraries on a busy machine takes its time.
+constexpr std::chrono::milliseconds kStartPatience = 10s;
 
 const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
                                  const VideoRequest& request) {
@@ -280,8 +282,8 @@ void Source::watch_for_hang() {
   const bool full = ring_->ready_count() + lent_ >= slots_;
   if (signs != signs_) child_showed_life_ = true;
   if (std::exchange(signs_, signs) != signs || looked_away || full) last_sign_ = now;
-  // Loading some hundred libraries on a busy machine takes its time.
-  const auto patience = child_showed_life_ ? request_.patience : 2 * request_.patience;
+  const auto patience =
+      child_showed_life_ ? request_.patience : std::max(request_.patience, kStartPatience);
   if (now - last_sign_ < patience) return;
   killed_ = true;
   ++counts_.hangs;

@@ -142,6 +142,7 @@ void Encoder::open_codec(const AVCodec& codec) {
     (void)av_opt_set_int(codec_->priv_data, "slicecrc", 1, 0);
   } else {
     (void)av_opt_set(codec_->priv_data, "preset", "veryfast", 0);
+    (void)av_opt_set(codec_->priv_data, "tune", "fastdecode", 0);
     must(av_opt_set_int(codec_->priv_data, "qp", 0, 0), request_.file);
   }
   set_colour();

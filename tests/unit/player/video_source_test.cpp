@@ -95,7 +95,7 @@ TEST_F(VideoPlays, GoesOnAfterADecoderWasKilledOrStopped) {
   const auto clip = write_clip("clip.mkv", 40);
   for (const int signal : {SIGKILL, SIGSTOP, SIGSEGV}) {
     VideoRequest wanted = request(clip);
-    wanted.patience = 300ms;
+    if (signal == SIGSTOP) wanted.patience = 1000ms;
     const auto source = open_video(wanted);
     for (uint64_t k = 0; k < 40; ++k) {
       if (k == 5 || k == 21) strike(*source, signal);
