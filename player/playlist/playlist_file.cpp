@@ -37,7 +37,7 @@ class Reader {
     throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", name_, std::max(line, 1u), cause),
                 remedy);
   }
-  void refuse_strange_keys(std::string_view text) const;
+  void refuse_strange_letters(std::string_view text) const;
   [[nodiscard]] toml::table parse(std::string_view text) const;
   [[nodiscard]] PlaylistItem item(const toml::node& node) const;
   void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const;
@@ -55,38 +55,27 @@ class Reader {
   std::filesystem::path folder_;
 };
 
-/// The parser's handling of keys outside ASCII reaches what it holds unreachable. Lists need none,
-/// nor texts of several lines: whatever is not ASCII stands between quotes or after a #.
-void Reader::refuse_strange_keys(std::string_view text) const {
+/// The parser's handling of letters outside ASCII, where it expects none, reaches what it holds
+/// unreachable. Only lines that are comments may have them; texts can say \\u00e4.
+void Reader::refuse_strange_letters(std::string_view text) const {
   toml::source_index line = 1;
-  char quote = 0;
-  bool comment = false;
   if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  for (size_t k = 0; k < text.size(); ++k) {
-    const char c = text[k];
-    const bool plain = quote == 0 && !comment;
-    if (c == '\n') {
-      ++line;
-      quote = 0;
-      comment = false;
-    } else if (plain && (text.substr(k, 3) == "\"\"\"" || text.substr(k, 3) == "'''")) {
-      fail_at(line, "a text of several lines");
-    } else if (plain && (c == '"' || c == '\'')) {
-      quote = c;
-    } else if (quote == '"' && c == '\\' && k + 1 < text.size() && text[k + 1] != '\n') {
-      ++k;
-    } else if (quote != 0 && c == quote) {
-      quote = 0;
-    } else if (plain && c == '#') {
-      comment = true;
-    } else if (plain && static_cast<unsigned char>(c) >= 0x80) {
-      fail_at(line, "a letter outside ASCII that is not between quotes");
-    }
+  while (!text.empty()) {
+    const std::string_view one = text.substr(0, text.find('\n'));
+    const size_t first = one.find_first_not_of(" \t");
+    const bool comment = first != std::string_view::npos && one[first] == '#';
+    const bool strange = std::any_of(one.begin(), one.end(), [](char letter) {
+      return static_cast<unsigned char>(letter) >= 0x80;
+    });
+    if (strange && !comment)
+      fail_at(line, "a letter outside ASCII", "between quotes it can be written as \\u00e4");
+    text.remove_prefix(std::min(text.size(), one.size() + 1));
+    ++line;
   }
 }
 
 toml::table Reader::parse(std::string_view text) const {
-  refuse_strange_keys(text);
+  refuse_strange_letters(text);
   try {
     return toml::parse(text);
   } catch (const toml::parse_error& error) {
