@@ -3,18 +3,13 @@
 // of time by threads of its own into a bounded pool.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <filesystem>
-#include <memory>
-#include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
-#include "frames/frame_source.h"
-#include "frames/ring/unique_fd.h"
+#include "frames/decoded_source.h"
 
 namespace lenticule::frames {
 
@@ -35,75 +30,12 @@ struct ImageSequenceOptions {
 };
 
 /// All files must have the first one's size. The first file is opened by the constructor, which
-/// throws Error(Input) if it is no picture; a later file that cannot be read ends the sequence with
-/// Failed when its turn comes, after every good frame before it, and failure() names it.
-///
-/// The player's calls come from one thread and only ever take a lock that no decoding holds.
-class ImageSequence final : public FrameSource {
+/// throws Error(Input) if it is no picture; a later file that cannot be read ends the sequence when
+/// its turn comes.
+class ImageSequence final : public DecodedSource {
  public:
   explicit ImageSequence(std::vector<std::filesystem::path> files,
                          const ImageSequenceOptions& options = {});
-  ~ImageSequence() override;
-  ImageSequence(const ImageSequence&) = delete;
-  ImageSequence& operator=(const ImageSequence&) = delete;
-
-  [[nodiscard]] FrameGeometry geometry() const override { return geometry_; }
-  [[nodiscard]] std::optional<Rate> rate() const override { return rate_; }
-  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return files_.size(); }
-  [[nodiscard]] PullStatus pull(LentFrame& out) override;
-  void release(uint64_t token) override;
-  [[nodiscard]] int max_lent() const override;
-  /// Includes the first frames of the next round, which wait behind rewind().
-  [[nodiscard]] uint64_t ready_count() const override;
-  [[nodiscard]] bool saturated() const override;
-  /// Works at the end and at the start of a round, not in its middle.
-  [[nodiscard]] bool rewind() override;
-  [[nodiscard]] int wake_fd() const override { return wake_.get(); }
-  void service() override;
-  [[nodiscard]] std::string failure() const override;
-
- private:
-  enum class SlotState { Free, Decoding, Ready, Lent, Failed };
-
-  /// Frames are counted in tickets through all rounds: ticket t is file t mod files and lives in
-  /// slot t mod slots.
-  struct Slot {
-    SlotState state = SlotState::Free;
-    uint64_t ticket = 0;
-    WovenFrame frame;
-    std::string failure;
-  };
-
-  [[nodiscard]] Slot& slot_of(uint64_t ticket) { return slots_[ticket % slots_.size()]; }
-  [[nodiscard]] const Slot& slot_of(uint64_t ticket) const {
-    return slots_[ticket % slots_.size()];
-  }
-  /// Every file has a slot of its own and stays there.
-  [[nodiscard]] bool resident() const { return slots_.size() == files_.size(); }
-  [[nodiscard]] bool is_ready(uint64_t ticket) const;
-  [[nodiscard]] bool can_decode_next() const;
-  void decode_ahead();
-  void decode(Slot& slot, const std::filesystem::path& file) const;
-  void wake() const;
-
-  const std::vector<std::filesystem::path> files_;
-  const std::optional<Rate> rate_;
-  const uint64_t first_;
-  FrameGeometry geometry_;
-  UniqueFd wake_;
-
-  mutable std::mutex mutex_;
-  std::condition_variable slot_freed_;
-  std::vector<Slot> slots_;
-  uint64_t next_decode_ = 0;  ///< ticket
-  uint64_t next_pull_ = 0;    ///< ticket
-  uint64_t round_end_ = 0;    ///< ticket before which pull() stops until rewind()
-  int decoding_ = 0;
-  bool broken_ = false;  ///< a file failed: nothing further is decoded
-  bool failed_ = false;  ///< and its turn has come
-  bool stopping_ = false;
-
-  std::vector<std::jthread> decoders_;  // last: they use everything above
 };
 
 }  // namespace lenticule::frames

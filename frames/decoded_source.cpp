@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "frames/decoded_source.h"
+
+#include <fmt/format.h>
+#include <sys/eventfd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <exception>
+#include <limits>
+#include <system_error>
+#include <utility>
+
+#include "optics/error.h"
+
+namespace lenticule::frames {
+namespace {
+
+constexpr int kMinPoolFrames = 2;  // one on the glass, one being decoded
+
+UniqueFd make_wake_fd(const char* name) {
+  UniqueFd fd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+  if (!fd)
+    throw Error(ErrorKind::Failed,
+                fmt::format("{}: no eventfd: {}", name, std::generic_category().message(errno)),
+                "raise the limit of open files");
+  return fd;
+}
+
+}  // namespace
+
+DecodedSource::DecodedSource(const char* name, std::unique_ptr<FrameDecoding> decoding)
+    : rounds_(decoding->rounds()), wake_(make_wake_fd(name)), decoding_(std::move(decoding)) {
+  LENTICULE_CHECK(rounds_.first < rounds_.last && rounds_.loop < rounds_.last);
+  LENTICULE_CHECK(rounds_.skipped < rounds_.last - rounds_.first);
+  next_decode_ = next_pull_ = round_begin_ = rounds_.skipped;
+  round_end_ = rounds_.last - rounds_.first;
+  make_slots();
+  const int threads = std::clamp(rounds_.decoder_threads, 1, kMaxDecoderThreads);
+  for (int t = 0; t < threads; ++t) threads_.emplace_back([this, t] { decode_ahead(t); });
+}
+
+DecodedSource::~DecodedSource() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  slot_freed_.notify_all();
+}
+
+void DecodedSource::make_slots() {
+  const uint64_t count = rounds_.last - rounds_.first;
+  const uint64_t pool = static_cast<uint64_t>(std::max(rounds_.pool_frames, kMinPoolFrames));
+  resident_ = pool >= count && rounds_.loop == rounds_.first;
+  slots_.resize(resident_ ? count : std::clamp<uint64_t>(count, kMinPoolFrames, pool));
+  for (Slot& slot : slots_) slot.frame = WovenFrame(rounds_.geometry);
+}
+
+uint64_t DecodedSource::frame_of(uint64_t ticket) const {
+  const uint64_t first_round = rounds_.last - rounds_.first;
+  if (ticket < first_round) return rounds_.first + ticket;
+  return rounds_.loop + (ticket - first_round) % (rounds_.last - rounds_.loop);
+}
+
+bool DecodedSource::is_ready(uint64_t ticket) const {
+  const Slot& slot = slot_of(ticket);
+  // A resident frame may be lent any number of times; nobody writes it any more.
+  return slot.state == SlotState::Ready && (resident_ || slot.ticket == ticket);
+}
+
+PullStatus DecodedSource::pull(LentFrame& out) {
+  const std::lock_guard lock(mutex_);
+  if (next_pull_ == round_end_) return PullStatus::End;
+  Slot& slot = slot_of(next_pull_);
+  if (slot.state == SlotState::Failed) {
+    failed_ = true;
+    return PullStatus::Failed;
+  }
+  if (!is_ready(next_pull_)) return PullStatus::NotYet;
+  if (!resident_) slot.state = SlotState::Lent;
+  out = {.frame = slot.frame.view(), .number = frame_of(next_pull_), .token = next_pull_};
+  ++next_pull_;
+  return PullStatus::Ready;
+}
+
+void DecodedSource::release(uint64_t token) {
+  if (resident_) return;
+  {
+    const std::lock_guard lock(mutex_);
+    Slot& slot = slot_of(token);
+    LENTICULE_CHECK(slot.state == SlotState::Lent && slot.ticket == token);
+    slot.state = SlotState::Free;
+  }
+  slot_freed_.notify_one();
+}
+
+int DecodedSource::max_lent() const {
+  return resident_ ? std::numeric_limits<int>::max() : static_cast<int>(slots_.size()) - 1;
+}
+
+uint64_t DecodedSource::ready_count() const {
+  const std::lock_guard lock(mutex_);
+  uint64_t ready = 0;
+  while (ready < slots_.size() && is_ready(next_pull_ + ready)) ++ready;
+  return ready;
+}
+
+bool DecodedSource::saturated() const {
+  const std::lock_guard lock(mutex_);
+  return decoding_now_ == 0 && !can_decode_next();
+}
+
+bool DecodedSource::rewind() {
+  const std::lock_guard lock(mutex_);
+  if (next_pull_ == round_begin_) return true;
+  if (next_pull_ != round_end_) return false;
+  round_begin_ = round_end_;
+  round_end_ += rounds_.last - rounds_.loop;
+  return true;
+}
+
+void DecodedSource::service() {
+  eventfd_t count = 0;
+  static_cast<void>(::eventfd_read(wake_.get(), &count));
+}
+
+std::string DecodedSource::failure() const {
+  const std::lock_guard lock(mutex_);
+  return failed_ ? slot_of(next_pull_).failure : std::string();
+}
+
+bool DecodedSource::can_decode_next() const {
+  if (broken_ || (resident_ && next_decode_ == rounds_.skipped + slots_.size())) return false;
+  return slot_of(next_decode_).state == SlotState::Free;
+}
+
+void DecodedSource::decode_ahead(int thread) {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    slot_freed_.wait(lock, [this] { return stopping_ || can_decode_next(); });
+    if (stopping_) return;
+    const uint64_t ticket = next_decode_++;
+    Slot& slot = slot_of(ticket);
+    slot.state = SlotState::Decoding;
+    slot.ticket = ticket;
+    ++decoding_now_;
+
+    lock.unlock();
+    slot_freed_.notify_one();  // another decoder may have waited for this slot, not for the next
+    slot.failure = decode(thread, ticket, slot.frame);
+    lock.lock();
+
+    --decoding_now_;
+    broken_ = broken_ || !slot.failure.empty();
+    slot.state = slot.failure.empty() ? SlotState::Ready : SlotState::Failed;
+    wake();
+  }
+}
+
+std::string DecodedSource::decode(int thread, uint64_t ticket, WovenFrame& to) {
+  try {
+    return decoding_->decode(thread, frame_of(ticket), frame_of(ticket + 1), to);
+  } catch (const std::exception& error) {
+    const std::string why = error.what();
+    return why.empty() ? fmt::format("frame {}: cannot be decoded", frame_of(ticket)) : why;
+  }
+}
+
+void DecodedSource::wake() const {
+  static_cast<void>(::eventfd_write(wake_.get(), 1));
+}
+
+}  // namespace lenticule::frames
