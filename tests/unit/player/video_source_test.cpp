@@ -203,8 +203,8 @@ TEST_F(VideoPlays, DamagedFilesEndOrFailAndNeverHang) {
   }
 }
 
+/// Unless it is built with a sanitizer, which needs calls of its own.
 TEST_F(VideoPlays, TheDecoderIsLockedIn) {
-  if (LENTICULE_VIDEO_SANITIZED) GTEST_SKIP() << "sanitizers need calls of their own";
   VideoRequest wanted = request(write_clip("clip.mkv", 3));
   wanted.plays_again = true;
   const auto source = open_video(wanted);
@@ -214,7 +214,9 @@ TEST_F(VideoPlays, TheDecoderIsLockedIn) {
     std::ifstream in(process + name);
     return std::string(std::istreambuf_iterator<char>(in), {});
   };
-  EXPECT_THAT(read("/status"), testing::HasSubstr("Seccomp:\t2"));
+  const int filtered = LENTICULE_VIDEO_SANITIZED ? 0 : 2;
+  EXPECT_THAT(read("/status"), testing::HasSubstr(fmt::format("Seccomp:\t{}", filtered)));
+  if (LENTICULE_VIDEO_SANITIZED) return;
   EXPECT_THAT(read("/status"), testing::HasSubstr("NoNewPrivs:\t1"));
   EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max open files +1 "));
   EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max file size +0 "));
