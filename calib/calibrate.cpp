@@ -244,11 +244,19 @@ double percentile(std::vector<double> values, double part) {
   return values[at];
 }
 
-/// Means over cells of the panel; NaN where fewer than `least` blocks are in one.
+/// Cells that residuals are averaged over.
+struct CellGrid {
+  int columns, rows;
+  double least_blocks;  ///< fewer say nothing of a cell
+};
+constexpr CellGrid kPictureCells{48, 27, 1.0};  ///< of the report
+constexpr CellGrid kJudgedCells{12, 7, 4.0};    ///< large enough that noise averages out
+
+/// Means over cells of the panel; NaN where too few blocks are in one.
 PanelField field_of(const View& view, const PoseValues& pose, const CameraValues& camera,
-                    const std::vector<double>& rests, const optics::Panel& panel, int columns,
-                    int rows, double least) {
-  PanelField field{.columns = columns, .rows = rows, .values = {}};
+                    const std::vector<double>& rests, const optics::Panel& panel,
+                    const CellGrid& grid) {
+  PanelField field{.columns = grid.columns, .rows = grid.rows, .values = {}};
   const auto cells = static_cast<size_t>(field.columns * field.rows);
   std::vector<double> sums(cells, 0.0), counts(cells, 0.0);
   for (size_t n = 0; n < rests.size(); ++n) {
@@ -262,8 +270,9 @@ PanelField field_of(const View& view, const PoseValues& pose, const CameraValues
     counts[cell] += 1.0;
   }
   for (size_t cell = 0; cell < cells; ++cell)
-    field.values.push_back(counts[cell] >= least ? sums[cell] / counts[cell]
-                                                 : std::numeric_limits<double>::quiet_NaN());
+    field.values.push_back(counts[cell] >= grid.least_blocks
+                               ? sums[cell] / counts[cell]
+                               : std::numeric_limits<double>::quiet_NaN());
   return field;
 }
 
@@ -299,7 +308,7 @@ void Calibrator::describe_viewpoints() {
     out.max_lenses = percentile(fit_->rests[v], 1.0);
     out.reprojection_rms_px = fit_->geometry_rms_px;
     out.residual =
-        field_of(views_[v], pose, fit_->values.camera, fit_->rests[v], panel_, 48, 27, 1.0);
+        field_of(views_[v], pose, fit_->values.camera, fit_->rests[v], panel_, kPictureCells);
     result_.viewpoints.push_back(std::move(out));
   }
 }
@@ -343,7 +352,7 @@ void Calibrator::leave_one_out() {
     const PoseValues& pose = fit_->values.poses[out];
     const PanelField missed =
         field_of(views_[out], pose, values.camera,
-                 rests_of(views_[out], pose, values, grid_, panel_), panel_, 12, 7, 4.0);
+                 rests_of(views_[out], pose, values, grid_, panel_), panel_, kJudgedCells);
     double worst = 0.0;
     for (const double lenses : missed.values)
       if (std::isfinite(lenses)) worst = std::max(worst, std::abs(lenses));
@@ -406,15 +415,14 @@ void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeas
 /// What fringes show to the side is told from the law of the sheet by its form, which is that of
 /// lenses on the viewer's side. Another sign or size is another form: then neither is right.
 void Calibrator::judge_aberration() {
-  for (const Parameter& p : result_.parameters) {
-    if (p.name != "fringe_aberration") continue;
-    const double room = 3.0 * p.estimate.sigma;
-    if (p.estimate.value + room < kLeastAberration || p.estimate.value - room > kMostAberration)
-      refuse(
-          fmt::format("seen from the side the fringes move as no lenses on the viewer's side "
-                      "move them (aberration {:.3f} gaps): do the lenses face the panel?",
-                      p.estimate.value));
-  }
+  const double found = fit_->values.sheet[kAberration];
+  const double variance = fit_->covariance(kAberration, kAberration);
+  const double room = 3.0 * std::sqrt(std::max(0.0, variance));
+  if (found + room < kLeastAberration || found - room > kMostAberration)
+    refuse(
+        fmt::format("seen from the side the fringes move as no lenses on the viewer's side "
+                    "move them (aberration {:.3f} gaps): do the lenses face the panel?",
+                    found));
 }
 
 void Calibrator::judge() {
