@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads rig files; rig_file_write.cpp writes them. Only this and trim.cpp know toml++.
+// Reads rig files; rig_file_write.cpp writes them.
 #include "optics/rig_file.h"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <initializer_list>
@@ -12,6 +11,7 @@
 
 #include "optics/error.h"
 #include "optics/text_file.h"
+#include "optics/toml_text.h"
 
 namespace lenticule::optics {
 namespace {
@@ -281,16 +281,6 @@ unsigned line_of(const toml::table& root, std::string_view key) {
     key = dot == std::string_view::npos ? std::string_view{} : key.substr(0, dot);
   }
   return 1;
-}
-
-toml::table parse_toml(std::string_view text, const std::string& source) {
-  try {
-    return toml::parse(text);
-  } catch (const toml::parse_error& error) {
-    throw Error(ErrorKind::Input,
-                fmt::format("{}:{}: {}", source, std::max(error.source().begin.line, 1u),
-                            error.description()));
-  }
 }
 
 }  // namespace

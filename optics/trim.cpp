@@ -2,7 +2,6 @@
 #include "optics/trim.h"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include "optics/error.h"
 #include "optics/rig_file.h"
 #include "optics/text_file.h"
+#include "optics/toml_text.h"
 
 namespace lenticule::optics {
 namespace {
@@ -29,14 +29,6 @@ double number_at(const toml::node& node, const std::string& source) {
   if (const auto* real = node.as_floating_point()) return real->get();
   if (const auto* whole = node.as_integer()) return static_cast<double>(whole->get());
   fail_at(source, node.source().begin.line, "not a number");
-}
-
-toml::table parse_text(std::string_view text, const std::string& source) {
-  try {
-    return toml::parse(text);
-  } catch (const toml::parse_error& error) {
-    fail_at(source, error.source().begin.line, std::string(error.description()));
-  }
 }
 
 }  // namespace
@@ -79,7 +71,7 @@ bool is_trim_file(const std::filesystem::path& file) {
 }
 
 Trim parse_trim(std::string_view text, const std::string& source) {
-  const toml::table root = parse_text(text, source);
+  const toml::table root = parse_toml(text, source);
   Trim trim;
   for (const auto& [key, node] : root) {
     if (key.str() == kOffsetKey) {

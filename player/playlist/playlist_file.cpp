@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reads playlists: every key is known or refused, with its line.
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <array>
 
 #include "optics/error.h"
 #include "optics/text_file.h"
+#include "optics/toml_text.h"
 #include "player/playlist/playlist.h"
 #include "player/source_open.h"
 
@@ -37,8 +37,6 @@ class Reader {
     throw Error(ErrorKind::Input, fmt::format("{}:{}: {}", name_, std::max(line, 1u), cause),
                 remedy);
   }
-  void refuse_strange_letters(std::string_view text) const;
-  [[nodiscard]] toml::table parse(std::string_view text) const;
   [[nodiscard]] PlaylistItem item(const toml::node& node) const;
   void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const;
   [[nodiscard]] std::string source(const toml::node& node) const;
@@ -55,36 +53,8 @@ class Reader {
   std::filesystem::path folder_;
 };
 
-/// The parser's handling of letters outside ASCII, where it expects none, reaches what it holds
-/// unreachable. Only lines that are comments may have them; texts can say \\u00e4.
-void Reader::refuse_strange_letters(std::string_view text) const {
-  toml::source_index line = 1;
-  if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-  while (!text.empty()) {
-    const std::string_view one = text.substr(0, text.find('\n'));
-    const size_t first = one.find_first_not_of(" \t");
-    const bool comment = first != std::string_view::npos && one[first] == '#';
-    const bool strange = std::any_of(one.begin(), one.end(), [](char letter) {
-      return static_cast<unsigned char>(letter) >= 0x80;
-    });
-    if (strange && !comment)
-      fail_at(line, "a letter outside ASCII", "between quotes it can be written as \\u00e4");
-    text.remove_prefix(std::min(text.size(), one.size() + 1));
-    ++line;
-  }
-}
-
-toml::table Reader::parse(std::string_view text) const {
-  refuse_strange_letters(text);
-  try {
-    return toml::parse(text);
-  } catch (const toml::parse_error& error) {
-    fail_at(error.source().begin.line, std::string(error.description()));
-  }
-}
-
 Playlist Reader::read(std::string_view text) const {
-  const toml::table root = parse(text);
+  const toml::table root = optics::parse_toml(text, name_);
   Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = 1};
   for (const auto& [key, node] : root) {
     if (key.str() == "format") {
