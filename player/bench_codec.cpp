@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -21,6 +20,7 @@
 #include "player/child_process.h"
 #include "player/interrupt.h"
 #include "player/scratch_folder.h"
+#include "player/thread_clock.h"
 
 namespace lenticule::player {
 namespace {
@@ -143,19 +143,6 @@ struct Measured {
   std::vector<double> decode;
 };
 
-double now(clockid_t clock) {
-  timespec time{};
-  clock_gettime(clock, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-template <class Work>
-double seconds_of(clockid_t clock, Work&& work) {
-  const double start = now(clock);
-  work();
-  return now(clock) - start;
-}
-
 /// Round after round, every candidate once a round, so that what else the machine does falls on all
 /// of them. Slow ones sit out after the second round.
 std::vector<Measured> measure(const std::vector<std::unique_ptr<Candidate>>& candidates,
@@ -169,9 +156,9 @@ std::vector<Measured> measure(const std::vector<std::unique_ptr<Candidate>>& can
       if (round >= 2 && median(m.encode) + median(m.decode) > kSlow) continue;
       m.name = candidates[i]->name();
       m.encode.push_back(
-          seconds_of(candidates[i]->clock(), [&] { m.bytes = candidates[i]->encode(frame); }));
+          seconds_by(candidates[i]->clock(), [&] { m.bytes = candidates[i]->encode(frame); }));
       m.decode.push_back(
-          seconds_of(candidates[i]->clock(), [&] { candidates[i]->decode(decoded); }));
+          seconds_by(candidates[i]->clock(), [&] { candidates[i]->decode(decoded); }));
       if (decoded != frame) throw Error(ErrorKind::Failed, m.name + ": not lossless");
     }
   }

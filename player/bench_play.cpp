@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench play: the player's memory over many frames, and its time to the first one. A
-// renderer process feeds a real ring; time is simulated, so that frames go as fast as they can.
+// lenticule bench play: the player's memory over many frames, fed by a renderer process through a
+// real ring, in simulated time, so that frames go as fast as they can; and what each kind of source
+// costs per frame.
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -19,6 +20,8 @@
 #include "player/bench.h"
 #include "player/interrupt.h"
 #include "player/playback.h"
+#include "player/scratch_folder.h"
+#include "player/vblank_budget.h"
 
 namespace lenticule::player {
 namespace {
@@ -34,6 +37,8 @@ struct BenchFlags {
   uint64_t small_frames = 100'000;
   uint64_t large_frames = 300;
   int slots = 8;
+  int runs = 15;
+  std::string rig;
   bool json = false;
 };
 
@@ -82,30 +87,9 @@ class RendererProcess {
   pid_t pid_;
 };
 
-/// A folder for the socket; removed at the end.
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "lenticule-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr)
-      throw Error(ErrorKind::Failed, fmt::format("{}: cannot create", name));
-    path_ = name;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
-
 Row measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
   const ScratchFolder folder;
-  const std::filesystem::path socket = folder.path() / "ring.sock";
+  const std::filesystem::path socket = folder.file("ring.sock");
   // Forked before this process has threads; it waits for the socket to appear.
   const RendererProcess renderer(socket, count);
   const auto begin = std::chrono::steady_clock::now();
@@ -180,10 +164,17 @@ ExitCode run_bench_play(const BenchFlags& flags) {
     if (interrupted()) return interrupt_exit_code();
     if (!flags.json) print_row(rows.back());
   }
-  if (flags.json)
-    print_json({{"benchmark", "play"}, {"machine", machine_json()}, {"rows", rows}});
-  else
+  const nlohmann::json budget = measure_vblank_budget(bench_rig(flags.rig), flags.runs);
+  if (interrupted()) return interrupt_exit_code();
+  if (flags.json) {
+    print_json({{"benchmark", "play"},
+                {"machine", machine_json()},
+                {"rows", rows},
+                {"vblank_budget", budget}});
+  } else {
+    print_vblank_budget(budget);
     fmt::print("{}\n", machine_text());
+  }
   return within ? kOk : kQuality;
 }
 
@@ -199,6 +190,10 @@ Run declare_bench_play(CLI::App& app) {
       ->capture_default_str();
   app.add_option("--slots", flags->slots, "slots of the ring")
       ->check(CLI::Range(3, 4096))
+      ->capture_default_str();
+  app.add_option("--rig", flags->rig, "rig file of the frames' costs; the 4K kiosk if left out");
+  app.add_option("--runs", flags->runs, "of each step of a frame, by turns")
+      ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags] { return run_bench_play(*flags); };
