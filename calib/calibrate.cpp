@@ -23,9 +23,12 @@ constexpr double kMostCorrelation = 0.98;      ///< of pitch and gap
 constexpr double kLeastColourContrast = 0.85;  ///< of red and blue fringes, part of green's
 constexpr double kNearestPart = 0.75;          ///< of the viewpoints' distance: where eyes may be
 constexpr double kAmbiguity = 60.0;            ///< chi-squared by which the best gap must lead
-/// Wide patterns are decoded through a smooth map, so that their many points count as few: with so
-/// much larger standard errors those of the sheet agree with their scatter on the bench.
+/// Wide patterns are decoded through a smooth map, so that their many points count as few.
 constexpr double kGeometryScatter = 4.0;
+/// What is left of the aberrations of real lenses after the two numbers that the fit has for them:
+/// the scatter of `lenticule bench calibrate` beyond that of noise (docs/calibration.md).
+constexpr LawError kTracedLenses{
+    .pitch_lenses = 0.0005, .slant_lenses = 0.00012, .gap_part = 0.0008};
 /// Aberrations of fringes that lenses on the viewer's side have, with room; found ones are judged
 /// with three standard errors.
 constexpr double kLeastAberration = -0.03;
@@ -67,6 +70,10 @@ class Calibrator {
 
  private:
   [[nodiscard]] bool several() const { return views_.size() > 1; }
+  /// One viewpoint says nothing of pitch and gap, and no law comes into what it sees itself.
+  [[nodiscard]] Prediction prediction() const {
+    return {*fit_, grid_, panel_, several() ? kTracedLenses : LawError{}};
+  }
 
   void refuse(std::string reason) {
     result_.verdict = Verdict::Refused;
@@ -286,16 +293,16 @@ double tilt_degrees(const PoseValues& pose) {
 }
 
 void Calibrator::describe_viewpoints() {
-  const Prediction prediction(*fit_, grid_, panel_);
+  const Prediction foretold = prediction();
   for (size_t v = 0; v < views_.size(); ++v) {
     const ViewpointMeasurement& m = measured_[v];
     const PoseValues& pose = fit_->values.poses[v];
     Viewpoint out;
     out.name = m.name;
     out.eye_mm = {pose[kPupil], pose[kPupil + 1], pose[kPupil + 2]};
-    out.eye_sigma_mm = prediction.eye_sigma(v);
+    out.eye_sigma_mm = foretold.eye_sigma(v);
     out.tilt_degrees = tilt_degrees(pose);
-    const EffectiveLine line = prediction.effective_line(out.eye_mm);
+    const EffectiveLine line = foretold.effective_line(out.eye_mm);
     out.effective_pitch_subpx = line.pitch_subpx;
     out.slant = line.slant;
     out.effective_offset_lenses = line.offset_lenses;
@@ -314,11 +321,11 @@ void Calibrator::describe_viewpoints() {
 }
 
 void Calibrator::describe_parameters() {
-  const Prediction prediction(*fit_, grid_, panel_);
-  const SheetReport report = prediction.sheet_report();
+  const SheetReport report = prediction().sheet_report();
   result_.parameters.insert(result_.parameters.begin(), report.parameters.begin(),
                             report.parameters.end());
-  result_.correlations = report.correlations;
+  // Of noise alone: they tell whether the viewpoints can tell two numbers from each other.
+  result_.correlations = Prediction(*fit_, grid_, panel_).sheet_report().correlations;
 }
 
 /// Each viewpoint is foretold by the others: the sheet and the map from those, the camera's place
@@ -372,7 +379,7 @@ void Calibrator::predict() {
   } else {
     eyes.push_back(result_.viewpoints.front().eye_mm);
   }
-  result_.drift = Prediction(*fit_, grid_, panel_).worst_drift(eyes);
+  result_.drift = prediction().worst_drift(eyes);
 }
 
 /// Real lenses have aberrations that grow steeply with the angle to the side. What viewpoints saw

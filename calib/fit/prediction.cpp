@@ -29,10 +29,24 @@ double root(double variance) {
 
 }  // namespace
 
-Prediction::Prediction(const JointFit& fit, const KnotGrid& grid, const optics::Panel& panel)
+Prediction::Prediction(const JointFit& fit, const KnotGrid& grid, const optics::Panel& panel,
+                       const LawError& law)
     : fit_(fit), grid_(grid), panel_(panel) {
   const Eigen::Index count = kSheetCount + grid.count();
   covariance_ = fit.covariance.topLeftCorner(count, count);
+  add(law);
+}
+
+/// Another pitch changes the phase in proportion to the lenses across and down.
+void Prediction::add(const LawError& law) {
+  const SheetValues& s = fit_.values.sheet;
+  VectorXd pitch = VectorXd::Zero(covariance_.rows());
+  pitch[kAcross] = law.pitch_lenses;
+  pitch[kDown] = law.pitch_lenses * s[kDown] / s[kAcross];
+  covariance_ += pitch * pitch.transpose();
+  covariance_(kDown, kDown) += law.slant_lenses * law.slant_lenses;
+  const double gap = law.gap_part * s[kGap];
+  covariance_(kGap, kGap) += gap * gap;
 }
 
 double Prediction::map_at(Vec2 panel_px) const {

@@ -22,10 +22,19 @@ struct SheetReport {
   std::vector<std::vector<double>> correlations;
 };
 
+/// How far lenses are from the law that is fitted, as standard deviations: what noise does not
+/// explain, and more blocks do not make smaller.
+struct LawError {
+  double pitch_lenses = 0.0;  ///< at the left and right edges of the panel
+  double slant_lenses = 0.0;  ///< at its upper and lower edges
+  double gap_part = 0.0;      ///< of the gap
+};
+
 /// Borrows the fit.
 class Prediction {
  public:
-  Prediction(const JointFit& fit, const KnotGrid& grid, const optics::Panel& panel);
+  Prediction(const JointFit& fit, const KnotGrid& grid, const optics::Panel& panel,
+             const LawError& law = {});
 
   [[nodiscard]] EffectiveLine effective_line(const Vec3& eye_mm) const;
   [[nodiscard]] SheetReport sheet_report() const;
@@ -34,6 +43,7 @@ class Prediction {
   [[nodiscard]] DriftPrediction worst_drift(const std::vector<Vec3>& eyes) const;
 
  private:
+  void add(const LawError& law);
   /// d Phi / d (sheet, knots) at a panel point for an eye.
   [[nodiscard]] Eigen::VectorXd gradient(Vec2 panel_px, const Vec3& eye_mm) const;
   [[nodiscard]] double phase(const SheetValues& sheet, Vec2 panel_px, const Vec3& eye_mm) const;

@@ -182,5 +182,30 @@ TEST(Prediction, DriftIsLargerAwayFromTheViewpoints) {
   EXPECT_LT(line.pitch_subpx.sigma, 1e-5);
 }
 
+TEST(Prediction, TheLawsOwnErrorsComeOnTopOfNoise) {
+  const FitStage stage(6);
+  const std::optional<JointFit> fit = fitted(stage, 1.0);
+  ASSERT_TRUE(fit);
+  const auto sigmas = [&](const LawError& law) {
+    const SheetReport report = Prediction(*fit, kSmallMap, stage.panel(), law).sheet_report();
+    const auto sigma = [&](int k) {
+      return report.parameters[static_cast<size_t>(k)].estimate.sigma;
+    };
+    return std::array<double, 3>{sigma(0), sigma(1), sigma(3)};
+  };
+  const auto noise = sigmas({});
+  const auto added = [&](const LawError& law, size_t k) {
+    const double all = sigmas(law)[k];
+    return std::sqrt(std::max(0.0, all * all - noise[k] * noise[k]));
+  };
+  const double across = fit->values.sheet[kAcross];
+  const LawError pitch{.pitch_lenses = 0.01};
+  EXPECT_NEAR(added(pitch, 0), 7.70123 * 0.01 / across, 1e-8);
+  EXPECT_NEAR(added(pitch, 1), 0.0, 1e-9);
+  EXPECT_NEAR(added({.slant_lenses = 0.01}, 1), 0.01 / across * 3840 / 2160, 1e-8);
+  EXPECT_NEAR(added({.gap_part = 0.01}, 2), 0.0219, 1e-4);
+  EXPECT_NEAR(added({.gap_part = 0.01}, 0), 0.0, 1e-8);
+}
+
 }  // namespace
 }  // namespace lenticule::calib
