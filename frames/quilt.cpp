@@ -3,8 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <utility>
 
 #include "frames/image_sequence.h"
 #include "optics/error.h"
@@ -81,6 +83,16 @@ std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& fil
   return layout;
 }
 
+TileSize tile_size(const FrameGeometry& quilt, const QuiltLayout& layout, const std::string& name) {
+  check_quilt_layout(layout, name);
+  const TileSize tile{.width = quilt.width / layout.columns, .height = quilt.height / layout.rows};
+  if (tile.width < 1 || tile.height < 1)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} x {} pixels are too few for {} x {} tiles", name, quilt.width,
+                            quilt.height, layout.columns, layout.rows));
+  return tile;
+}
+
 ViewSet::ViewSet(WovenFrame quilt, const QuiltLayout& layout, const std::string& name) {
   pictures_.push_back(std::move(quilt));
   cut(pictures_.front().view(), layout, name);
@@ -94,14 +106,10 @@ ViewSet ViewSet::borrow(const FrameView& quilt, const QuiltLayout& layout,
 }
 
 void ViewSet::cut(const FrameView& quilt, const QuiltLayout& layout, const std::string& name) {
-  check_quilt_layout(layout, name);
   const FrameGeometry& geometry = quilt.geometry;
-  width_ = geometry.width / layout.columns;
-  height_ = geometry.height / layout.rows;
-  if (width_ < 1 || height_ < 1)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {} x {} pixels are too few for {} x {} tiles", name,
-                            geometry.width, geometry.height, layout.columns, layout.rows));
+  const TileSize tile = tile_size(geometry, layout, name);
+  width_ = tile.width;
+  height_ = tile.height;
   set_aspect(layout.aspect, name);
   stride_bytes_ = geometry.row_bytes();
   for (int view = 0; view < layout.view_count(); ++view) {
@@ -114,19 +122,37 @@ void ViewSet::cut(const FrameView& quilt, const QuiltLayout& layout, const std::
 
 ViewSet::ViewSet(std::vector<WovenFrame> views, std::optional<double> aspect)
     : pictures_(std::move(views)) {
-  if (pictures_.empty() || pictures_.size() > static_cast<size_t>(kMaxViews))
+  std::vector<FrameView> borrowed;
+  borrowed.reserve(pictures_.size());
+  for (const WovenFrame& picture : pictures_) borrowed.push_back(picture.view());
+  take(borrowed, aspect);
+}
+
+ViewSet ViewSet::borrow(std::span<const FrameView> views, std::optional<double> aspect) {
+  ViewSet set;
+  set.take(views, aspect);
+  return set;
+}
+
+void ViewSet::take(std::span<const FrameView> views, std::optional<double> aspect) {
+  if (views.empty() || views.size() > static_cast<size_t>(kMaxViews))
     throw Error(ErrorKind::Input,
-                fmt::format("{} views, where 1 to {} are taken", pictures_.size(), kMaxViews));
-  const FrameGeometry& geometry = pictures_.front().geometry();
-  for (const WovenFrame& picture : pictures_) {
-    if (picture.geometry() != geometry || geometry.width < 1 || geometry.height < 1)
+                fmt::format("{} views, where 1 to {} are taken", views.size(), kMaxViews));
+  const FrameGeometry& geometry = views.front().geometry;
+  for (const FrameView& picture : views) {
+    if (picture.geometry != geometry || geometry.width < 1 || geometry.height < 1)
       throw Error(ErrorKind::Input, "views: their sizes differ, or are empty");
-    first_pixels_.push_back(picture.bytes().data());
+    first_pixels_.push_back(picture.bytes.data());
   }
   width_ = geometry.width;
   height_ = geometry.height;
   stride_bytes_ = geometry.row_bytes();
   set_aspect(aspect, "views");
+}
+
+ViewSet ViewSet::reversed() && {
+  std::reverse(first_pixels_.begin(), first_pixels_.end());
+  return std::move(*this);
 }
 
 void ViewSet::set_aspect(std::optional<double> aspect, const std::string& name) {
@@ -142,13 +168,17 @@ ViewSet read_quilt(const std::filesystem::path& file, const QuiltLayout& layout)
 }
 
 ViewSet read_views(const FilePattern& pattern, std::optional<double> aspect) {
-  const std::vector<std::filesystem::path> files = list_frame_files(pattern.text());
+  return read_views(list_frame_files(pattern.text()), pattern.text(), aspect);
+}
+
+ViewSet read_views(const std::vector<std::filesystem::path>& files, const std::string& name,
+                   std::optional<double> aspect) {
+  LENTICULE_CHECK(!files.empty());
   const FrameGeometry geometry = probe_image(files.front());
   if (files.size() > static_cast<size_t>(kMaxViews) ||
       geometry.frame_bytes() > kMaxViewBytes / files.size())
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: {} views of {} x {} pixels are too many to hold", pattern.text(),
-                            files.size(), geometry.width, geometry.height));
+    throw Error(ErrorKind::Input, fmt::format("{}: {} views of {} x {} pixels are too many to hold",
+                                              name, files.size(), geometry.width, geometry.height));
   std::vector<WovenFrame> views;
   views.reserve(files.size());
   for (const auto& file : files) {

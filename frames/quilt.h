@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,6 +40,15 @@ void check_quilt_layout(const QuiltLayout& layout, const std::string& context);
 /// missing). Whatever follows is ignored. Empty if the name has none or it makes no sense.
 [[nodiscard]] std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& file);
 
+struct TileSize {
+  int width = 0;
+  int height = 0;
+};
+/// Of a quilt's tiles: whole pixels from the bottom-left corner on. Throws Error(Input) if a tile
+/// would have no pixel, Error(Usage) for a layout that makes no sense.
+[[nodiscard]] TileSize tile_size(const FrameGeometry& quilt, const QuiltLayout& layout,
+                                 const std::string& name = "quilt");
+
 /// The views, all of one size, with the pixels they need. Immutable; safe from any thread.
 class ViewSet {
  public:
@@ -49,8 +59,14 @@ class ViewSet {
   /// The same of a picture that somebody else owns and that outlives this.
   [[nodiscard]] static ViewSet borrow(const FrameView& quilt, const QuiltLayout& layout,
                                       const std::string& name = "quilt");
+  /// One picture per view, that somebody else owns. Throws as the next one.
+  [[nodiscard]] static ViewSet borrow(std::span<const FrameView> views,
+                                      std::optional<double> aspect = std::nullopt);
   /// One picture per view. Throws Error(Input) when empty, or sizes differ.
   explicit ViewSet(std::vector<WovenFrame> views, std::optional<double> aspect = std::nullopt);
+
+  /// The same pictures, the last one as the leftmost camera's.
+  [[nodiscard]] ViewSet reversed() &&;
 
   [[nodiscard]] int count() const { return static_cast<int>(first_pixels_.size()); }
   [[nodiscard]] int width() const { return width_; }
@@ -69,6 +85,7 @@ class ViewSet {
  private:
   ViewSet() = default;
   void cut(const FrameView& quilt, const QuiltLayout& layout, const std::string& name);
+  void take(std::span<const FrameView> views, std::optional<double> aspect);
   void set_aspect(std::optional<double> aspect, const std::string& name);
 
   std::vector<WovenFrame> pictures_;
@@ -82,8 +99,13 @@ class ViewSet {
 /// Reads and cuts a quilt file.
 [[nodiscard]] ViewSet read_quilt(const std::filesystem::path& file, const QuiltLayout& layout);
 
-/// Reads one picture per view; the lowest number is the leftmost camera. Throws Error(Input) for no
-/// files, a missing number, sizes that differ, or more than 8 GiB of pixels.
+/// Reads one picture per view, the leftmost camera's first. Throws Error(Input), that of the set
+/// itself beginning with `name`, for sizes that differ or more than 8 GiB of pixels.
+[[nodiscard]] ViewSet read_views(const std::vector<std::filesystem::path>& files,
+                                 const std::string& name,
+                                 std::optional<double> aspect = std::nullopt);
+/// The same of a pattern; the lowest number is the leftmost camera. Throws Error(Input) also for no
+/// files and a missing number.
 [[nodiscard]] ViewSet read_views(const FilePattern& pattern,
                                  std::optional<double> aspect = std::nullopt);
 

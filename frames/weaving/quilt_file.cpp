@@ -19,14 +19,22 @@ double named_aspect(double aspect) {
 
 }  // namespace
 
-QuiltLayout quilt_layout_for(const ViewSet& views) {
-  const double shape = static_cast<double>(views.height()) / views.width();
+QuiltLayout quilt_layout_for(const ViewShape& views) {
+  const double shape = static_cast<double>(views.height) / views.width;
   const int columns =
-      std::clamp(static_cast<int>(std::lround(std::sqrt(views.count() * shape))), 1, views.count());
+      std::clamp(static_cast<int>(std::lround(std::sqrt(views.count * shape))), 1, views.count);
   return {.columns = columns,
-          .rows = (views.count() + columns - 1) / columns,
-          .views = views.count(),
-          .aspect = named_aspect(views.aspect())};
+          .rows = (views.count + columns - 1) / columns,
+          .views = views.count,
+          .aspect = named_aspect(views.aspect)};
+}
+
+QuiltLayout quilt_layout_for(const ViewSet& views) {
+  return quilt_layout_for(shape_of(views));
+}
+
+FrameGeometry quilt_geometry(const ViewShape& views, const QuiltLayout& layout) {
+  return {.width = layout.columns * views.width, .height = layout.rows * views.height};
 }
 
 WovenFrame draw_quilt(const ViewSet& views, const QuiltLayout& layout) {
@@ -34,8 +42,12 @@ WovenFrame draw_quilt(const ViewSet& views, const QuiltLayout& layout) {
   if (layout.view_count() != views.count())
     throw Error(ErrorKind::Usage, fmt::format("quilt: {} tiles are in use, but there are {} views",
                                               layout.view_count(), views.count()));
-  WovenFrame quilt(
-      {.width = layout.columns * views.width(), .height = layout.rows * views.height()});
+  WovenFrame quilt(quilt_geometry(shape_of(views), layout));
+  draw_quilt(views, layout, quilt);
+  return quilt;
+}
+
+void draw_quilt(const ViewSet& views, const QuiltLayout& layout, WovenFrame& quilt) {
   for (int view = 0; view < views.count(); ++view) {
     const int left = view % layout.columns * views.width();
     const int top = quilt.height() - (view / layout.columns + 1) * views.height();
@@ -43,7 +55,6 @@ WovenFrame draw_quilt(const ViewSet& views, const QuiltLayout& layout) {
       std::copy_n(views.pixel(view, 0, row), static_cast<size_t>(views.width()) * 3,
                   quilt.row(top + row) + static_cast<size_t>(left) * 3);
   }
-  return quilt;
 }
 
 std::filesystem::path quilt_name(const std::filesystem::path& file, const QuiltLayout& layout) {
