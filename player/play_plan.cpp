@@ -99,16 +99,29 @@ void plan_control(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
 }
 
+/// How views lie is said of one source; a list's items say it by their names.
+void plan_content(const PlayFlags& flags, PlayPlan& plan) {
+  const bool no_file = flags.source == kCardSource || flags.source == kViewsSource ||
+                       flags.source.starts_with(kRingSource);
+  if (flags.content.any() && (no_file || is_playlist_file(flags.source)))
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: flags that say how views lie are for one file", flags.source),
+                "items of a list say it by their names or sidecars: docs/content.md");
+  (void)weave_options(flags.weaving);  // throws early
+  plan.source.content = flags.content;
+  plan.source.content_of = flags.source;
+  plan.source.weaving = flags.weaving;
+}
+
 }  // namespace
 
 void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option(
          "source", flags.source,
-         "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a quilt "
-         "or "
-         "a pattern of quilts (NAME_qs8x6a0.75.png: woven here), views:PATTERN: a picture per "
-         "view, "
-         "LIST.toml: a playlist, card: a test card, or views: the rig's views by their numbers")
+         "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a video; "
+         "views to be woven here: a quilt, a pattern or a video of quilts (NAME_qs8x6a0.75.png), "
+         "stereo (NAME_sbs.mkv), depth (NAME_rgbd.png), 'views:view%02d.png'; LIST.toml: a "
+         "playlist, card: a test card, or views: the rig's views by their numbers")
       ->required();
   app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
   app.add_option("--display", flags.display,
@@ -124,6 +137,8 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("--late", flags.late, "what to do about late frames: slip, drop or hold")
       ->capture_default_str();
   app.add_option("--frames", flags.frames, "A:B, only these frames of a pattern");
+  declare_content_flags(app, flags.content);
+  declare_weaving_flags(app, flags.weaving);
   app.add_option("--duration", flags.duration_s,
                  "stop after so many seconds; without --loop, loop until then")
       ->check(CLI::PositiveNumber);
@@ -200,6 +215,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   display::check_display_spec(flags.display);
   plan.source.text = flags.source;
   plan.source.rig_file = flags.rig;
+  plan_content(flags, plan);
   plan.source.slots = flags.slots;
   plan.source.plays_again = plan.playback.loops != 1;
   plan.duration_s = flags.duration_s;

@@ -28,6 +28,8 @@ struct PlayFlags {
   std::string loop;
   std::string late = "slip";
   std::string frames;
+  ContentFlags content;
+  WeavingFlags weaving;
   std::string record;
   std::string stats;
   std::string wait = "60";

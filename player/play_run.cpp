@@ -44,8 +44,8 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
 }
 
 /// Frames that somebody else wove cannot be woven again here.
-std::string trim_advice(const std::string& source) {
-  if (source == kViewsSource || is_woven_here(source)) return {};
+std::string trim_advice(const SourceRequest& source) {
+  if (source.text == kViewsSource || is_woven_here(source)) return {};
   return "these frames were woven before this trim "
          "and do not follow it: make them again; a player "
          "and its renderer take the trim when both are started again";
@@ -80,7 +80,7 @@ PlayRun::~PlayRun() {
 }
 
 ExitCode PlayRun::run() {
-  steered_.emplace(flags_, plan_, trim_advice(flags_.source));
+  steered_.emplace(flags_, plan_, trim_advice(plan_.source));
   if (safe_.card_first)
     trouble_ = crash_loop(safe_);
   else
@@ -93,7 +93,7 @@ ExitCode PlayRun::run() {
     throw;
   }
   announce();
-  if (flags_.trim) trim_keys_.emplace(plan_.trim, trim_advice(flags_.source));
+  if (flags_.trim) trim_keys_.emplace(plan_.trim, trim_advice(plan_.source));
   PlayResult result;
   do {
     result = trouble_ ? play_card() : play_source();

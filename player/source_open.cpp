@@ -6,37 +6,23 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
-#include <thread>
 #include <utility>
-#include <vector>
 
-#include "frames/image_io.h"
 #include "frames/image_sequence.h"
-#include "frames/quilt.h"
 #include "frames/ring/ring_player.h"
 #include "frames/sequence/sequence_source.h"
 #include "optics/error.h"
 #include "optics/rig_file.h"
-#include "player/quilt_source.h"
+#include "player/content/content_open.h"
 #include "player/still_source.h"
 #include "player/video_program.h"
-#include "player/video_source.h"
 #include "player/views_source.h"
+#include "player/weaving_source.h"
 
 namespace lenticule::player {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::string_view kRing = "ring:";
-constexpr std::string_view kViewsPattern = "views:";
-constexpr int kMaxDecoderThreads = 8;
-
-/// One core is left to the player itself.
-int decoder_threads() {
-  const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  return std::clamp(cores - 1, 1, kMaxDecoderThreads);
-}
 
 OpenedSource open_ring(const SourceRequest& request, const std::string& socket) {
   if (socket.empty())
@@ -56,24 +42,6 @@ OpenedSource open_ring(const SourceRequest& request, const std::string& socket) 
   opened.stall_hint =
       fmt::format("start a renderer: lenticule render SCENE --rig RIG -o ring:{}", socket);
   return opened;
-}
-
-std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) {
-  if (!frames::FilePattern::looks_like_pattern(text))
-    throw Error(ErrorKind::Usage, fmt::format("--frames: '{}' is one picture", text),
-                "write a pattern such as 'out/%05d.png'");
-  const frames::FilePattern pattern(text);
-  std::vector<uint64_t> numbers = pattern.existing();
-  std::erase_if(numbers, [&](uint64_t n) { return n < range.begin || n >= range.end; });
-  std::vector<fs::path> files;
-  for (uint64_t n = range.begin; n < range.end; ++n) {
-    const size_t index = static_cast<size_t>(n - range.begin);
-    if (index >= numbers.size() || numbers[index] != n)
-      throw Error(ErrorKind::Input, fmt::format("{}: no such file", pattern.path(n).string()),
-                  "name a range of frames that exist");
-    files.push_back(pattern.path(n));
-  }
-  return files;
 }
 
 void refuse_other_kinds(const std::string& text) {
@@ -97,18 +65,23 @@ void require_panel_size(const SourceRequest& request, const frames::FrameGeometr
               "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
 }
 
-OpenedSource open_pictures(const SourceRequest& request) {
+PictureRequest picture_request(const SourceRequest& request) {
+  return {.frames = request.frames,
+          .first_frame = request.first_frame,
+          .pool_frames = std::max(request.slots, 2),
+          .decoder_threads = decoding_threads(),
+          .plays_again = request.plays_again,
+          .before_weaving = false};
+}
+
+OpenedSource open_woven_pictures(const SourceRequest& request) {
   refuse_other_kinds(request.text);
-  std::vector<fs::path> files = request.frames ? files_in_range(request.text, *request.frames)
-                                               : frames::list_frame_files(request.text);
-  const fs::path first = files.front();
-  const uint64_t begin = request.first_frame < files.size() ? request.first_frame : 0;
   OpenedSource opened;
-  opened.source = std::make_unique<frames::ImageSequence>(
-      std::move(files), frames::ImageSequenceOptions{.pool_frames = std::max(request.slots, 2),
-                                                     .decoder_threads = decoder_threads(),
-                                                     .first = begin});
-  require_panel_size(request, opened.source->geometry(), first.string());
+  opened.source = open_pictures(request.text, picture_request(request));
+  const bool one_of_many = frames::FilePattern::looks_like_pattern(request.text);
+  require_panel_size(
+      request, opened.source->geometry(),
+      one_of_many ? frames::list_frame_files(request.text).front().string() : request.text);
   return opened;
 }
 
@@ -122,32 +95,13 @@ std::string kept_rig_name(const frames::SequenceInfo& info) {
 }
 
 void require_same_rig(const SourceRequest& request, const frames::SequenceInfo& info) {
-  if (info.kind == frames::SequenceKind::Views)
-    throw Error(ErrorKind::Input, fmt::format("{}: holds views, not woven frames", request.text),
-                "weave them for this rig first");
   if (info.rig_fingerprint.empty() || info.rig_fingerprint == request.rig_fingerprint) return;
   throw Error(ErrorKind::Input,
               fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", request.text,
                           kept_rig_name(info), info.rig_fingerprint, request.rig_name,
                           request.rig_fingerprint),
-              "woven frames fit one panel: render them for this rig, or name the rig they are for");
-}
-
-/// Frames are numbered as they were rendered.
-frames::SequenceSourceOptions sequence_options(const SourceRequest& request,
-                                               const frames::SequenceInfo& info) {
-  frames::SequenceSourceOptions options;
-  options.pool_frames = std::max(request.slots, 2);
-  options.decoder_threads = decoder_threads();
-  options.first = request.first_frame;
-  if (!request.frames) return options;
-  if (request.frames->begin < info.first_frame)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: begins with frame {}", request.text, info.first_frame),
-                "name a range of frames that exist");
-  options.begin = request.frames->begin - info.first_frame;
-  options.end = request.frames->end - info.first_frame;
-  return options;
+              "woven frames fit one panel: render them for this rig, or say --reweave, which takes "
+              "them apart and costs sharpness");
 }
 
 OpenedSource open_sequence(const SourceRequest& request) {
@@ -155,49 +109,40 @@ OpenedSource open_sequence(const SourceRequest& request) {
   const frames::SequenceReader reader(request.text);
   require_same_rig(request, reader.info());
   require_panel_size(request, reader.geometry(), request.text);
-  auto sequence = std::make_unique<frames::SequenceSource>(
-      request.text, sequence_options(request, reader.info()));
+  std::unique_ptr<frames::FrameSource> pictures =
+      open_pictures(request.text, picture_request(request));
   OpenedSource opened;
-  opened.damaged_frames = [source = sequence.get()] { return source->damaged_frames(); };
-  opened.source = std::move(sequence);
+  if (auto* const sequence = dynamic_cast<frames::SequenceSource*>(pictures.get()))
+    opened.damaged_frames = [sequence] { return sequence->damaged_frames(); };
+  opened.source = std::move(pictures);
   return opened;
 }
 
-OpenedSource open_woven_here(const SourceRequest& request) {
-  const bool is_set = request.text.starts_with(kViewsPattern);
-  const std::string text = is_set ? request.text.substr(kViewsPattern.size()) : request.text;
-  if (request.frames && (is_set || !frames::FilePattern::looks_like_pattern(text)))
-    throw Error(ErrorKind::Usage, "--frames: that is one picture",
-                "give --frames to a pattern such as 'out_qs8x6a0.75_%05d.png'");
-  const QuiltSourceOptions options{.rig_file = request.rig_file,
-                                   .pool_frames = std::max(request.slots, 3),
-                                   .decoder_threads = decoder_threads(),
-                                   .weaving_threads = decoder_threads()};
-  OpenedSource opened;
-  if (is_set) {
-    opened.source =
-        std::make_unique<QuiltSource>(frames::read_views(frames::FilePattern(text)), options);
-    return opened;
-  }
-  std::vector<fs::path> files =
-      request.frames ? files_in_range(text, *request.frames) : frames::list_frame_files(text);
-  const frames::QuiltLayout layout = frames::quilt_layout_of_name(text).value();
-  if (files.size() == 1)
-    opened.source =
-        std::make_unique<QuiltSource>(frames::read_quilt(files.front(), layout), options);
-  else
-    opened.source = std::make_unique<QuiltSource>(std::move(files), layout, options);
-  return opened;
+MeaningRequest meaning_request(const SourceRequest& request) {
+  const bool meant = request.content_of == request.text;
+  return {.text = request.text,
+          .flags = meant ? request.content : ContentFlags{},
+          .rig_fingerprint = request.rig_fingerprint};
 }
 
-/// Woven frames as a video. Asked by its name, before pictures are.
-OpenedSource open_woven_video(const SourceRequest& request) {
+/// Quilts are large: a few of them, and as many woven frames as were asked for.
+OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning& meaning) {
+  constexpr int kPicturesAhead = 4;
+  ContentRequest content{.what = meaning_request(request),
+                         .how = picture_request(request),
+                         .drawing_threads = decoding_threads()};
+  content.how.pool_frames = kPicturesAhead;
+  content.how.before_weaving = true;
   OpenedSource opened;
-  opened.source = open_video({.file = request.text,
-                              .slots = request.slots,
-                              .frames = request.frames,
-                              .plays_again = request.plays_again});
-  require_panel_size(request, opened.source->geometry(), request.text);
+  opened.source = std::make_unique<WeavingSource>(
+      open_views(content, meaning),
+      WeavingSourceOptions{.rig_file = request.rig_file,
+                           .name = request.text,
+                           .loom = {.weave = weave_options(request.weaving),
+                                    .crosstalk = request.weaving.crosstalk,
+                                    .threads = decoding_threads()},
+                           .pool_frames = std::max(request.slots, 3),
+                           .plays_again = request.plays_again});
   return opened;
 }
 
@@ -210,7 +155,7 @@ OpenedSource open_card(const SourceRequest& request) {
   return opened;
 }
 
-OpenedSource open_views(const SourceRequest& request) {
+OpenedSource open_views_of_rig(const SourceRequest& request) {
   LENTICULE_CHECK(request.trim != nullptr);
   if (request.frames)
     throw Error(ErrorKind::Usage, "--frames: numbered views are one picture",
@@ -222,20 +167,23 @@ OpenedSource open_views(const SourceRequest& request) {
 
 }  // namespace
 
-bool is_woven_here(const std::string& source) {
-  return source.starts_with(kViewsPattern) ||
-         (!source.starts_with(kRing) && !looks_like_video(source) &&
-          frames::quilt_layout_of_name(source).has_value());
+bool is_woven_here(const SourceRequest& request) {
+  try {
+    return meaning_of(meaning_request(request)).kind != ContentMeaning::Kind::Woven;
+  } catch (const Error&) {
+    return false;  // opening it will say why
+  }
 }
 
 OpenedSource open_source(const SourceRequest& request) {
   if (request.text == kCardSource) return open_card(request);
-  if (request.text == kViewsSource) return open_views(request);
-  if (request.text.starts_with(kRing)) return open_ring(request, request.text.substr(kRing.size()));
+  if (request.text == kViewsSource) return open_views_of_rig(request);
+  if (request.text.starts_with(kRingSource))
+    return open_ring(request, request.text.substr(kRingSource.size()));
+  const ContentMeaning meaning = meaning_of(meaning_request(request));
+  if (meaning.kind != ContentMeaning::Kind::Woven) return open_woven_here(request, meaning);
   if (frames::is_sequence_name(request.text)) return open_sequence(request);
-  if (is_woven_here(request.text)) return open_woven_here(request);
-  if (looks_like_video(request.text)) return open_woven_video(request);
-  return open_pictures(request);
+  return open_woven_pictures(request);
 }
 
 }  // namespace lenticule::player

@@ -11,23 +11,22 @@
 
 #include "display/test_card.h"
 #include "frames/frame_source.h"
+#include "player/content/content_flags.h"
 #include "player/frame_range.h"
 #include "player/live_trim.h"
+#include "player/source_names.h"
 
 namespace lenticule::player {
 
-/// The SOURCE that is a test card.
-inline constexpr const char* kCardSource = "card";
-/// The SOURCE that is woven here: the rig's views, each showing its number.
-inline constexpr const char* kViewsSource = "views";
-
-/// A quilt, a sequence of quilts or a set of views: whatever its rig becomes, it follows.
-[[nodiscard]] bool is_woven_here(const std::string& source);
-
 struct SourceRequest {
-  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", a video file, "card", "views", a quilt
-  /// or a pattern of quilts (by their names), or "views:view%02d.png"
+  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", a video file, "card", "views", or
+  /// what docs/content.md lists: quilts, stereo, depth, "views:view%02d.png"
   std::string text = {};
+  /// How views lie in `content_of`, and in nothing else: the command line's words are not about
+  /// what a list or somebody at the control socket names.
+  ContentFlags content = {};
+  std::string content_of = {};
+  WeavingFlags weaving = {};
   frames::FrameGeometry panel = {};
   std::string rig_fingerprint = {};
   std::string rig_name = {};  ///< for messages
@@ -40,6 +39,10 @@ struct SourceRequest {
   display::CardText card = {};                     ///< what a test card says
   std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of "views"
 };
+
+/// Views, woven here: whatever its rig becomes, it follows. Looks at sidecars and containers'
+/// headers; what cannot be read is none.
+[[nodiscard]] bool is_woven_here(const SourceRequest& request);
 
 struct OpenedSource {
   std::unique_ptr<frames::FrameSource> source;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/quilt_source.h"
+#include "player/weaving_source.h"
 
 #include <fmt/format.h>
-#include <poll.h>
 
 #include <algorithm>
 #include <chrono>
@@ -11,12 +10,11 @@
 #include <utility>
 
 #include "optics/error.h"
+#include "player/content/content_open.h"
 
 namespace lenticule::player {
 
-using frames::FastWeaver;
 using frames::PullStatus;
-using frames::ViewSet;
 
 namespace {
 
@@ -25,40 +23,24 @@ constexpr std::chrono::milliseconds kLook{100};
 constexpr frames::Rate kStillRate{4, 1};
 constexpr int kFewestSlots = 3;
 
-frames::ViewShape shape_of_quilts(const frames::ImageSequence& quilts,
-                                  const frames::QuiltLayout& layout) {
-  const frames::WovenFrame like(quilts.geometry());
-  return frames::shape_of(ViewSet::borrow(like.view(), layout));
-}
-
 }  // namespace
 
-QuiltSource::QuiltSource(ViewSet still, const QuiltSourceOptions& options)
-    : options_(options), still_(std::move(still)), rig_(options.rig_file) {
-  start(frames::shape_of(*still_));
-  Slot& first = slots_.front();
-  weaver_->weave(*still_, first.frame);
-  first.state = SlotState::Ready;
-  worker_ = std::thread([this] { work(); });
-  watcher_ = std::thread([this] { watch(); });
-}
-
-QuiltSource::QuiltSource(std::vector<std::filesystem::path> quilts,
-                         const frames::QuiltLayout& layout, const QuiltSourceOptions& options)
+WeavingSource::WeavingSource(std::unique_ptr<frames::ViewInput> input,
+                             const WeavingSourceOptions& options)
     : options_(options),
-      quilts_(std::make_unique<frames::ImageSequence>(
-          std::move(quilts),
-          frames::ImageSequenceOptions{
-              .pool_frames = 3, .decoder_threads = options.decoder_threads, .rate = options.rate})),
-      layout_(layout),
-      rig_(options.rig_file) {
-  count_ = quilts_->frame_count().value_or(1);
-  start(shape_of_quilts(*quilts_, layout));
+      input_(std::move(input)),
+      still_(input_->frame_count() == uint64_t{1}),
+      rate_(still_ ? std::optional(kStillRate) : options.rate),
+      rig_(options.rig_file),
+      count_(input_->frame_count()) {
+  if (!rate_) rate_ = input_->rate();
+  start();
+  if (still_) weave_first_still();
   worker_ = std::thread([this] { work(); });
   watcher_ = std::thread([this] { watch(); });
 }
 
-QuiltSource::~QuiltSource() {
+WeavingSource::~WeavingSource() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
@@ -68,58 +50,65 @@ QuiltSource::~QuiltSource() {
   worker_.join();
 }
 
-void QuiltSource::start(const frames::ViewShape& shape) {
-  shape_ = shape;
-  round_end_ = count_;
+void WeavingSource::start() {
   const std::optional<optics::Rig> rig = rig_.changed();
   if (!rig) throw Error(ErrorKind::Input, rig_.complaint());
   geometry_ = {.width = rig->panel.width_px, .height = rig->panel.height_px};
-  weaver_ = std::make_shared<FastWeaver>(plan_for(*rig), options_.weaving_threads);
+  loom_ = loom_for(*rig);
   plans_ = 1;
   slots_.resize(static_cast<size_t>(std::max(options_.pool_frames, kFewestSlots)));
   for (Slot& slot : slots_) slot.frame = frames::WovenFrame(geometry_);
 }
 
-std::shared_ptr<const frames::WeavePlan> QuiltSource::plan_for(const optics::Rig& rig) const {
-  return std::make_shared<const frames::WeavePlan>(optics::OpticalModel(rig), shape_,
-                                                   options_.weave);
+void WeavingSource::weave_first_still() {
+  await_first(*input_, options_.name);
+  Slot& first = slots_.front();
+  loom_->weave(input_->views(), first.frame);
+  first.state = SlotState::Ready;
+  round_ends_ = {1};
+}
+
+std::shared_ptr<Loom> WeavingSource::loom_for(const optics::Rig& rig) const {
+  return std::make_shared<Loom>(rig, input_->shape(), options_.loom);
 }
 
 // --- the watcher ----------------------------------------------------------------------------
 
 /// A plan takes most of a second: it is made beside the weaving, in one thread.
-void QuiltSource::watch() noexcept {
+void WeavingSource::watch() noexcept {
   while (true) {
     {
       std::unique_lock lock(mutex_);
       if (changed_.wait_for(lock, kLook, [&] { return stopping_; })) return;
     }
     try {
-      const std::optional<optics::Rig> rig = rig_.changed();
-      if (!rig) {
-        tell_complaint();
-        continue;
-      }
-      const frames::FrameGeometry panel{.width = rig->panel.width_px,
-                                        .height = rig->panel.height_px};
-      if (panel != geometry_) {
-        fmt::print(stderr, "{}: the panel became another one: still woven for the old\n",
-                   options_.rig_file);
-        continue;
-      }
-      auto weaver = std::make_shared<FastWeaver>(plan_for(*rig), options_.weaving_threads);
-      const std::lock_guard lock(mutex_);
-      weaver_ = std::move(weaver);
-      ++plans_;
+      look_at_rig();
     } catch (const std::exception& error) {
       fmt::print(stderr, "{}: still woven for the old rig: {}\n", options_.rig_file, error.what());
     }
-    changed_.notify_all();
   }
 }
 
+void WeavingSource::look_at_rig() {
+  const std::optional<optics::Rig> rig = rig_.changed();
+  if (!rig) return tell_complaint();
+  const frames::FrameGeometry panel{.width = rig->panel.width_px, .height = rig->panel.height_px};
+  if (panel != geometry_) {
+    fmt::print(stderr, "{}: the panel became another one: still woven for the old\n",
+               options_.rig_file);
+    return;
+  }
+  std::shared_ptr<Loom> loom = loom_for(*rig);
+  {
+    const std::lock_guard lock(mutex_);
+    loom_.swap(loom);
+    ++plans_;
+  }
+  changed_.notify_all();
+}
+
 /// Once per change.
-void QuiltSource::tell_complaint() {
+void WeavingSource::tell_complaint() {
   if (told_ == rig_.complaint()) return;
   told_ = rig_.complaint();
   if (!told_.empty()) fmt::print(stderr, "still woven for the old rig: {}\n", told_);
@@ -127,25 +116,25 @@ void QuiltSource::tell_complaint() {
 
 // --- the worker -----------------------------------------------------------------------------
 
-std::shared_ptr<FastWeaver> QuiltSource::newest_weaver() {
+std::shared_ptr<Loom> WeavingSource::newest_loom() {
   const std::lock_guard lock(mutex_);
-  return weaver_;
+  return loom_;
 }
 
-void QuiltSource::wait_a_moment() {
+void WeavingSource::wait_a_moment() {
   std::unique_lock lock(mutex_);
-  changed_.wait_for(lock, kLook);
+  if (!stopping_) changed_.wait_for(lock, kLook);
 }
 
-void QuiltSource::work() noexcept {
-  std::shared_ptr<FastWeaver> used = newest_weaver();
+void WeavingSource::work() noexcept {
+  std::shared_ptr<Loom> used = newest_loom();
   while (true) {
     {
       const std::lock_guard lock(mutex_);
       if (stopping_ || !failure_.empty()) return;
     }
     try {
-      const bool done = still_ ? weave_still(used) : weave_next(newest_weaver());
+      const bool done = still_ ? weave_still(used) : weave_next();
       if (!done) wait_a_moment();
     } catch (const std::exception& error) {
       fail(error.what());
@@ -153,7 +142,7 @@ void QuiltSource::work() noexcept {
   }
 }
 
-void QuiltSource::fail(const std::string& why) {
+void WeavingSource::fail(const std::string& why) {
   {
     const std::lock_guard lock(mutex_);
     failure_ = why;
@@ -161,7 +150,7 @@ void QuiltSource::fail(const std::string& why) {
   wake_.signal();
 }
 
-QuiltSource::Slot* QuiltSource::free_slot() {
+WeavingSource::Slot* WeavingSource::free_slot() {
   const std::lock_guard lock(mutex_);
   for (Slot& slot : slots_) {
     if (slot.state != SlotState::Free) continue;
@@ -171,20 +160,25 @@ QuiltSource::Slot* QuiltSource::free_slot() {
   return nullptr;
 }
 
+void WeavingSource::give_back(Slot& slot) {
+  const std::lock_guard lock(mutex_);
+  slot.state = SlotState::Free;
+}
+
 /// False if there is nothing to do.
-bool QuiltSource::weave_still(std::shared_ptr<FastWeaver>& used) {
-  const std::shared_ptr<FastWeaver> newest = newest_weaver();
+bool WeavingSource::weave_still(std::shared_ptr<Loom>& used) {
+  const std::shared_ptr<Loom> newest = newest_loom();
   if (newest == used) return false;
   Slot* const slot = free_slot();
   if (slot == nullptr) return false;
-  newest->weave(*still_, slot->frame);
+  newest->weave(input_->views(), slot->frame);
   publish_still(*slot);
   used = newest;
   return true;
 }
 
 /// The slot that was shown so far is free when its last loan is back.
-void QuiltSource::publish_still(Slot& slot) {
+void WeavingSource::publish_still(Slot& slot) {
   const std::lock_guard lock(mutex_);
   for (Slot& other : slots_)
     if (other.state == SlotState::Ready)
@@ -192,63 +186,91 @@ void QuiltSource::publish_still(Slot& slot) {
   slot.state = SlotState::Ready;
 }
 
-/// False if no slot is free.
-bool QuiltSource::weave_next(const std::shared_ptr<FastWeaver>& weaver) {
-  Slot* const slot = free_slot();
-  if (slot == nullptr) return false;
-  frames::LentFrame quilt;
-  PullStatus status = quilts_->pull(quilt);
-  if (status == PullStatus::End && quilts_->rewind()) status = quilts_->pull(quilt);
-  const bool got = status == PullStatus::Ready;
-  if (got) {
-    weaver->weave(ViewSet::borrow(quilt.frame, layout_), slot->frame);
-    quilts_->release(quilt.token);
-  }
+void WeavingSource::publish(Slot& slot) {
   {
     const std::lock_guard lock(mutex_);
-    slot->state = got ? SlotState::Ready : SlotState::Free;
-    if (got) slot->ticket = next_weave_++;
+    slot.state = SlotState::Ready;
+    slot.ticket = next_weave_++;
+    slot.number = input_->number();
   }
-  if (status == PullStatus::Failed) fail(quilts_->failure());
-  if (got) wake_.signal();
-  if (status == PullStatus::NotYet) wait_for_quilt();
-  return status != PullStatus::End;
+  wake_.signal();
 }
 
-/// Until one is decoded, but not for ever.
-void QuiltSource::wait_for_quilt() {
-  pollfd decoded{.fd = quilts_->wake_fd(), .events = POLLIN, .revents = 0};
-  (void)poll(&decoded, 1, static_cast<int>(kLook.count()));
-  quilts_->service();
+/// False if no slot is free, or the next round is not wanted yet.
+bool WeavingSource::weave_next() {
+  if (at_end_) {
+    {
+      const std::lock_guard lock(mutex_);
+      nothing_to_do_ = !options_.plays_again && rounds_wanted_ <= rounds_woven_;
+      if (nothing_to_do_) return false;
+    }
+    if (!input_->rewind()) throw Error(ErrorKind::Failed, options_.name + ": does not begin again");
+    at_end_ = false;
+  }
+  Slot* const slot = free_slot();
+  if (slot == nullptr) return false;
+  PullStatus status = PullStatus::Failed;
+  try {
+    status = input_->next();
+    if (status == PullStatus::Ready) newest_loom()->weave(input_->views(), slot->frame);
+  } catch (...) {
+    give_back(*slot);
+    throw;
+  }
+  if (status == PullStatus::Ready) {
+    publish(*slot);
+    input_->release();
+    return true;
+  }
+  give_back(*slot);
+  if (status == PullStatus::Failed) fail(input_->failure());
+  if (status == PullStatus::End) finish_round();
+  if (status == PullStatus::NotYet) input_->wait(kLook);
+  return true;
+}
+
+void WeavingSource::finish_round() {
+  {
+    const std::lock_guard lock(mutex_);
+    at_end_ = true;
+    ++rounds_woven_;
+    const bool empty = next_weave_ == (round_ends_.empty() ? round_begin_ : round_ends_.back());
+    if (empty) failure_ = options_.name + ": has no frames";
+    round_ends_.push_back(next_weave_);
+    if (!count_) count_ = next_weave_ - round_begin_;
+  }
+  wake_.signal();
 }
 
 // --- the player -----------------------------------------------------------------------------
 
-std::optional<frames::Rate> QuiltSource::rate() const {
-  return still_ ? std::optional(kStillRate) : options_.rate;
+std::optional<uint64_t> WeavingSource::frame_count() const {
+  const std::lock_guard lock(mutex_);
+  return count_;
 }
 
-QuiltSource::Slot* QuiltSource::ready_slot(uint64_t ticket) {
+WeavingSource::Slot* WeavingSource::ready_slot(uint64_t ticket) {
   for (Slot& slot : slots_)
     if (slot.state == SlotState::Ready && (still_ || slot.ticket == ticket)) return &slot;
   return nullptr;
 }
 
-PullStatus QuiltSource::pull(frames::LentFrame& out) {
+PullStatus WeavingSource::pull(frames::LentFrame& out) {
   const std::lock_guard lock(mutex_);
-  if (next_pull_ == round_end_) return PullStatus::End;
+  if (!round_ends_.empty() && next_pull_ == round_ends_.front() && failure_.empty())
+    return PullStatus::End;
   Slot* const slot = ready_slot(next_pull_);
   if (slot == nullptr) return failure_.empty() ? PullStatus::NotYet : PullStatus::Failed;
   if (!still_) slot->state = SlotState::Lent;
   ++slot->lent;
   out = {.frame = slot->frame.view(),
-         .number = next_pull_ % count_,
+         .number = slot->number,
          .token = static_cast<uint64_t>(slot - slots_.data())};
   ++next_pull_;
   return PullStatus::Ready;
 }
 
-void QuiltSource::release(uint64_t token) {
+void WeavingSource::release(uint64_t token) {
   {
     const std::lock_guard lock(mutex_);
     LENTICULE_CHECK(token < slots_.size() && slots_[token].lent > 0);
@@ -259,34 +281,43 @@ void QuiltSource::release(uint64_t token) {
 }
 
 /// The worker keeps one slot of a sequence; loans of a still share theirs.
-int QuiltSource::max_lent() const {
+int WeavingSource::max_lent() const {
   return still_ ? 1'000'000 : static_cast<int>(slots_.size()) - 1;
 }
 
-uint64_t QuiltSource::ready_count() const {
+uint64_t WeavingSource::ready_count() const {
   const std::lock_guard lock(mutex_);
-  if (still_) return next_pull_ < round_end_ ? 1 : 0;
+  if (still_) return next_pull_ < round_ends_.front() ? 1 : 0;
   return static_cast<uint64_t>(std::count_if(slots_.begin(), slots_.end(), [](const Slot& slot) {
     return slot.state == SlotState::Ready;
   }));
 }
 
-bool QuiltSource::saturated() const {
+bool WeavingSource::saturated() const {
   if (still_) return true;
   const std::lock_guard lock(mutex_);
-  return !failure_.empty() || std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) {
+  if (!failure_.empty() || nothing_to_do_) return true;
+  return std::none_of(slots_.begin(), slots_.end(), [](const Slot& slot) {
     return slot.state == SlotState::Free || slot.state == SlotState::Weaving;
   });
 }
 
-bool QuiltSource::rewind() {
-  const std::lock_guard lock(mutex_);
-  if (next_pull_ != round_end_) return next_pull_ + count_ == round_end_;
-  round_end_ += count_;
+bool WeavingSource::rewind() {
+  {
+    const std::lock_guard lock(mutex_);
+    const bool at_end = !round_ends_.empty() && next_pull_ == round_ends_.front();
+    if (!at_end) return next_pull_ == round_begin_;
+    round_begin_ = round_ends_.front();
+    round_ends_.pop_front();
+    if (still_) round_ends_.push_back(round_begin_ + 1);
+    ++rounds_wanted_;
+    nothing_to_do_ = false;
+  }
+  changed_.notify_all();
   return true;
 }
 
-std::string QuiltSource::failure() const {
+std::string WeavingSource::failure() const {
   const std::lock_guard lock(mutex_);
   return failure_;
 }

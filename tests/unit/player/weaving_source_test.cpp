@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Quilts that are woven while they play: the right frames in order, loop after loop, and new plans
+// Views that are woven while they play: the right frames in order, loop after loop, and new plans
 // without a frame missing.
-#include "player/quilt_source.h"
+#include "player/weaving_source.h"
 
 #include <gtest/gtest.h>
 
@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "frames/image_io.h"
+#include "frames/image_sequence.h"
 #include "frames/weaving/quilt_file.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
@@ -38,7 +39,7 @@ WovenFrame noise_quilt(uint32_t state) {
   return quilt;
 }
 
-class QuiltSourceTest : public testing::Test {
+class WeavingSourceTest : public testing::Test {
  protected:
   void SetUp() override {
     std::string name = (fs::temp_directory_path() / "lenticule-quilt-XXXXXX").string();
@@ -49,8 +50,19 @@ class QuiltSourceTest : public testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
 
-  [[nodiscard]] QuiltSourceOptions options() const {
+  [[nodiscard]] WeavingSourceOptions options() const {
     return {.rig_file = rig_file_.string(), .pool_frames = 3};
+  }
+  [[nodiscard]] static std::unique_ptr<frames::ViewInput> still(const WovenFrame& quilt) {
+    return std::make_unique<frames::ViewInput>(frames::ViewSet(quilt, kLayout));
+  }
+  [[nodiscard]] static std::unique_ptr<frames::ViewInput> quilts(
+      const std::vector<fs::path>& files) {
+    std::vector<std::unique_ptr<frames::FrameSource>> sources;
+    sources.push_back(std::make_unique<frames::ImageSequence>(
+        files, frames::ImageSequenceOptions{.pool_frames = 3}));
+    auto tiles = frames::arrange_quilt(sources[0]->geometry(), kLayout, false, "quilts");
+    return std::make_unique<frames::ViewInput>(std::move(sources), std::move(tiles), "quilts");
   }
   [[nodiscard]] WovenFrame expected(const WovenFrame& quilt) const {
     return frames::weave_fast(frames::ViewSet(quilt, kLayout),
@@ -70,7 +82,7 @@ class QuiltSourceTest : public testing::Test {
 };
 
 /// Bounded: a source that never answers fails the test.
-PullStatus pull_soon(QuiltSource& source, LentFrame& out) {
+PullStatus pull_soon(WeavingSource& source, LentFrame& out) {
   for (int n = 0; n < 2000; ++n) {
     const PullStatus status = source.pull(out);
     if (status != PullStatus::NotYet) return status;
@@ -95,7 +107,7 @@ WovenFrame copy_of(const LentFrame& lent) {
 }
 
 /// The still frame, looked at once.
-WovenFrame look(QuiltSource& source) {
+WovenFrame look(WeavingSource& source) {
   LentFrame lent;
   EXPECT_EQ(pull_soon(source, lent), PullStatus::Ready);
   const WovenFrame frame = copy_of(lent);
@@ -105,8 +117,8 @@ WovenFrame look(QuiltSource& source) {
   return frame;
 }
 
-TEST_F(QuiltSourceTest, PlaysASequenceInOrderLoopAfterLoop) {
-  QuiltSource source(write_quilts(5), kLayout, options());
+TEST_F(WeavingSourceTest, PlaysASequenceInOrderLoopAfterLoop) {
+  WeavingSource source(quilts(write_quilts(5)), options());
   EXPECT_EQ(source.frame_count(), 5U);
   for (int loop = 0; loop < 3; ++loop) {
     for (uint32_t n = 0; n < 5; ++n) {
@@ -122,9 +134,38 @@ TEST_F(QuiltSourceTest, PlaysASequenceInOrderLoopAfterLoop) {
   }
 }
 
-TEST_F(QuiltSourceTest, WeavesAStillAgainWhenItsTrimChanges) {
+TEST_F(WeavingSourceTest, WhoDoesNotPlayAgainAsksForEveryRound) {
+  WeavingSourceOptions once = options();
+  once.plays_again = false;
+  WeavingSource source(quilts(write_quilts(2)), once);
+  for (int round = 0; round < 3; ++round) {
+    LentFrame lent;
+    for (uint32_t n = 0; n < 2; ++n) {
+      ASSERT_EQ(pull_soon(source, lent), PullStatus::Ready);
+      EXPECT_EQ(copy_of(lent), expected(noise_quilt(n)));
+      source.release(lent.token);
+    }
+    EXPECT_EQ(pull_soon(source, lent), PullStatus::End);
+    EXPECT_TRUE(soon([&] { return source.saturated(); }));
+    EXPECT_EQ(source.ready_count(), 0U);
+    ASSERT_TRUE(source.rewind());
+  }
+}
+
+TEST_F(WeavingSourceTest, UndoesCrosstalkIfAsked) {
   const WovenFrame quilt = noise_quilt(7);
-  QuiltSource source(frames::ViewSet(quilt, kLayout), options());
+  WeavingSourceOptions undone = options();
+  undone.loom.crosstalk = "12";
+  WeavingSource source(still(quilt), undone);
+  const frames::ViewSet views(quilt, kLayout);
+  EXPECT_EQ(look(source),
+            frames::weave_fast(frames::compensate(views, frames::crosstalk_of_percent(12.0)),
+                               optics::OpticalModel(optics::load_trimmed_rig(rig_file_))));
+}
+
+TEST_F(WeavingSourceTest, WeavesAStillAgainWhenItsTrimChanges) {
+  const WovenFrame quilt = noise_quilt(7);
+  WeavingSource source(still(quilt), options());
   const WovenFrame before = expected(quilt);
   EXPECT_EQ(look(source), before);
 
@@ -140,9 +181,9 @@ TEST_F(QuiltSourceTest, WeavesAStillAgainWhenItsTrimChanges) {
   source.release(held.token);
 }
 
-TEST_F(QuiltSourceTest, GoesOnWithTheOldRigWhenTheNewOneIsBroken) {
+TEST_F(WeavingSourceTest, GoesOnWithTheOldRigWhenTheNewOneIsBroken) {
   const WovenFrame quilt = noise_quilt(7);
-  QuiltSource source(frames::ViewSet(quilt, kLayout), options());
+  WeavingSource source(still(quilt), options());
   const WovenFrame before = expected(quilt);
   std::ofstream(rig_file_) << "this is no rig";
   std::this_thread::sleep_for(std::chrono::milliseconds(300));
@@ -150,8 +191,8 @@ TEST_F(QuiltSourceTest, GoesOnWithTheOldRigWhenTheNewOneIsBroken) {
   EXPECT_EQ(source.plans(), 1U);
 }
 
-TEST_F(QuiltSourceTest, NoFrameIsMissingWhileATrimChanges) {
-  QuiltSource source(write_quilts(5), kLayout, options());
+TEST_F(WeavingSourceTest, NoFrameIsMissingWhileATrimChanges) {
+  WeavingSource source(quilts(write_quilts(5)), options());
   const WovenFrame before = expected(noise_quilt(0));
   uint64_t shown = 0;
   bool changed = false;
@@ -175,10 +216,10 @@ TEST_F(QuiltSourceTest, NoFrameIsMissingWhileATrimChanges) {
   EXPECT_TRUE(changed);
 }
 
-TEST_F(QuiltSourceTest, ABrokenQuiltFailsWhenItsTurnComes) {
+TEST_F(WeavingSourceTest, ABrokenQuiltFailsWhenItsTurnComes) {
   const std::vector<fs::path> files = write_quilts(4);
   std::ofstream(files[2]) << "no picture";
-  QuiltSource source(files, kLayout, options());
+  WeavingSource source(quilts(files), options());
   LentFrame lent;
   for (int n = 0; n < 2; ++n) {
     ASSERT_EQ(pull_soon(source, lent), PullStatus::Ready);
@@ -188,7 +229,7 @@ TEST_F(QuiltSourceTest, ABrokenQuiltFailsWhenItsTurnComes) {
   EXPECT_NE(source.failure().find("_02.png"), std::string::npos) << source.failure();
 }
 
-TEST_F(QuiltSourceTest, IsWhatThePlayerOpensForAQuiltsName) {
+TEST_F(WeavingSourceTest, IsWhatThePlayerOpensForAQuiltsName) {
   const std::vector<fs::path> files = write_quilts(2);
   const optics::Rig rig = optics::load_rig(rig_file_);
   const auto opened = open_source({.text = files[1].string(),
@@ -198,9 +239,9 @@ TEST_F(QuiltSourceTest, IsWhatThePlayerOpensForAQuiltsName) {
   ASSERT_EQ(opened.source->pull(lent), PullStatus::Ready);
   EXPECT_EQ(copy_of(lent), expected(noise_quilt(1)));
   opened.source->release(lent.token);
-  EXPECT_TRUE(is_woven_here("views:a/%02d.png"));
-  EXPECT_FALSE(is_woven_here("ring:/tmp/x_qs8x6a0.75"));
-  EXPECT_FALSE(is_woven_here("out/%05d.png"));
+  EXPECT_TRUE(is_woven_here({.text = "views:a/%02d.png"}));
+  EXPECT_FALSE(is_woven_here({.text = "ring:/tmp/x_qs8x6a0.75"}));
+  EXPECT_FALSE(is_woven_here({.text = "out/%05d.png"}));
 }
 
 }  // namespace

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// The words that a SOURCE can be, besides the names of files.
+#pragma once
+
+#include <string_view>
+
+namespace lenticule::player {
+
+/// The SOURCE that is a test card.
+inline constexpr const char* kCardSource = "card";
+/// The SOURCE that is woven here: the rig's views, each showing its number.
+inline constexpr const char* kViewsSource = "views";
+/// "ring:SOCKET": frames of another process.
+inline constexpr std::string_view kRingSource = "ring:";
+
+}  // namespace lenticule::player
