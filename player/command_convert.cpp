@@ -218,17 +218,17 @@ class ConvertRun {
   void state_rig(const optics::Rig& rig) {
     const frames::FrameGeometry panel{.width = rig.panel.width_px, .height = rig.panel.height_px};
     const std::string fingerprint = optics::fingerprint(rig);
+    if (!info_.rig_fingerprint.empty() && info_.rig_fingerprint != fingerprint)
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: was made for another rig than {}", flags_.input, flags_.rig),
+                  "--reweave takes the frames apart and weaves them for this one; or leave out "
+                  "--rig");
     if (info_.geometry != panel)
       throw Error(
           ErrorKind::Input,
           fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", flags_.input,
                       info_.geometry.width, info_.geometry.height, panel.width, panel.height),
           "woven frames fit one panel, pixel for pixel: name the rig they were made for");
-    if (!info_.rig_fingerprint.empty() && info_.rig_fingerprint != fingerprint)
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: was made for another rig than {}", flags_.input, flags_.rig),
-                  "--reweave takes the frames apart and weaves them for this one; or leave out "
-                  "--rig");
     info_.rig_fingerprint = fingerprint;
     info_.rig_toml = optics::rig_to_toml(rig);
   }

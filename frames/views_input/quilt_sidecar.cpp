@@ -108,6 +108,19 @@ void read_quilt_keys(const Spellings& said, QuiltSidecar& sidecar) {
   sidecar.inverted = said.flag(kInverted);
 }
 
+/// Whoever wrote the file is wrong, and not whoever runs us.
+void check_layout(const QuiltSidecar& sidecar, const std::string& source) {
+  try {
+    check_quilt_layout({.columns = sidecar.columns.value(),
+                        .rows = sidecar.rows.value(),
+                        .views = sidecar.views.value_or(0),
+                        .aspect = sidecar.aspect},
+                       source);
+  } catch (const Error& error) {
+    throw Error(ErrorKind::Input, error.what(), error.hint());
+  }
+}
+
 /// The object that has the keys: the whole, or one inside.
 const nlohmann::json& object_of(const nlohmann::json& document) {
   for (const char* const key : kInside)
@@ -135,12 +148,7 @@ std::optional<QuiltSidecar> parse_quilt_sidecar(std::string_view json, const std
   else
     read_quilt_keys(said, sidecar);
   if (!sidecar.depth && !sidecar.columns) return std::nullopt;
-  if (sidecar.columns)
-    check_quilt_layout({.columns = *sidecar.columns,
-                        .rows = *sidecar.rows,
-                        .views = sidecar.views.value_or(0),
-                        .aspect = sidecar.aspect},
-                       source);
+  if (sidecar.columns) check_layout(sidecar, source);
   return sidecar;
 }
 

@@ -1,0 +1,360 @@
+// SPDX-License-Identifier: Apache-2.0
+// Other people's content from the command line to pictures: quilts, two eyes, depth, films per
+// view, frames of other rigs; played, woven, converted and refused.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "frames/decoded_view.h"
+#include "frames/image_io.h"
+#include "frames/quilt.h"
+#include "frames/weaving/fast_weaver.h"
+#include "optics/rig_file.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+namespace fs = std::filesystem;
+using frames::WovenFrame;
+
+const std::string kTiny = source_file("scenes/rigs/tiny.toml");
+const std::string kOther = source_file("scenes/rigs/paper-64.toml");
+
+/// Smooth enough that chroma of half resolution is not far off, and each tile another.
+WovenFrame quilt_picture(int columns, int rows, int seed, int tile_width = 12,
+                         int tile_height = 8) {
+  WovenFrame quilt({.width = columns * tile_width, .height = rows * tile_height});
+  for (int y = 0; y < quilt.height(); ++y)
+    for (int x = 0; x < quilt.width(); ++x) {
+      const int column = x / tile_width, from_bottom = rows - 1 - y / tile_height;
+      const int tile = from_bottom * columns + column;
+      uint8_t* const rgb = quilt.row(y) + x * 3;
+      rgb[0] = static_cast<uint8_t>(30 * tile + seed * 7 + x % tile_width);
+      rgb[1] = static_cast<uint8_t>(200 - 30 * tile + seed * 3);
+      rgb[2] = static_cast<uint8_t>(40 + 5 * (y % tile_height) + seed * 5);
+    }
+  return quilt;
+}
+
+class ContentCommand : public CommandTest {
+ protected:
+  std::string save(const std::string& name, const WovenFrame& picture) const {
+    frames::write_woven(picture.view(), path(name));
+    return path(name);
+  }
+  static void succeed(const ProcessResult& result) { ASSERT_EQ(result.exit_code, 0) << result.err; }
+  static void expect_refusal(const ProcessResult& result, int code, const std::string& named) {
+    EXPECT_EQ(result.exit_code, code) << result.err;
+    EXPECT_NE(result.err.find(named), std::string::npos) << result.err;
+  }
+  [[nodiscard]] static ProcessResult convert(std::vector<std::string> words) {
+    words.insert(words.begin(), "convert");
+    return run(words);
+  }
+  /// What was on the glass, in order, each frame once.
+  [[nodiscard]] std::vector<WovenFrame> played(const std::string& source,
+                                               std::vector<std::string> more = {},
+                                               const std::string& rig = kTiny) const {
+    fs::remove_all(path("glass"));
+    std::vector<std::string> words = {"play",      source,    "--rig",    rig,
+                                      "--display", "virtual", "--clock",  "simulated",
+                                      "--fps",     "60",      "--record", "png:" + path("glass")};
+    words.insert(words.end(), more.begin(), more.end());
+    const ProcessResult result = run(words);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    std::map<std::string, WovenFrame> shown;
+    if (fs::exists(path("glass")))
+      for (const auto& entry : fs::directory_iterator(path("glass")))
+        shown[entry.path().filename().string()] = frames::read_woven(entry.path());
+    std::vector<WovenFrame> frames;
+    for (auto& [name, frame] : shown)
+      if (frames.empty() || frames.back() != frame) frames.push_back(std::move(frame));
+    return frames;
+  }
+  [[nodiscard]] static WovenFrame woven(const WovenFrame& quilt, const frames::QuiltLayout& layout,
+                                        const frames::WeaveOptions& options = {},
+                                        const std::string& rig = kTiny) {
+    return frames::weave_fast(frames::ViewSet(quilt, layout),
+                              optics::OpticalModel(optics::load_rig(rig)), options);
+  }
+  [[nodiscard]] WovenFrame woven_by_command(std::vector<std::string> words) const {
+    words.insert(words.begin(), "weave");
+    words.insert(words.end(), {"--rig", kTiny, "-o", path("woven.png")});
+    const ProcessResult result = run(words);
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return frames::read_woven(path("woven.png"));
+  }
+};
+
+constexpr frames::QuiltLayout kGrid{.columns = 3, .rows = 2, .views = 0, .aspect = 1.5};
+
+TEST_F(ContentCommand, AQuiltVideoPlaysAsItsPicturesDo) {
+  std::vector<WovenFrame> expected;
+  for (int n = 0; n < 4; ++n) {
+    save(fmt::format("p_qs3x2a1.5_{}.png", n), quilt_picture(3, 2, n));
+    expected.push_back(woven(quilt_picture(3, 2, n), kGrid));
+  }
+  EXPECT_EQ(played(path("p_qs3x2a1.5_%d.png")), expected);
+  // Through FFV1, whose name gets the layout.
+  succeed(convert({path("p_qs3x2a1.5_%d.png"), "-o", path("film.mkv"), "--rate", "30"}));
+  ASSERT_TRUE(fs::exists(path("film_qs3x2a1.5.mkv")));
+  EXPECT_EQ(played(path("film_qs3x2a1.5.mkv")), expected);
+  EXPECT_EQ(played(path("film_qs3x2a1.5.mkv"), {"--frames", "1:3"}),
+            (std::vector<WovenFrame>{expected[1], expected[2]}));
+  EXPECT_EQ(played(path("film_qs3x2a1.5.mkv"), {"--loop", "2"}).size(), 8U);
+}
+
+TEST_F(ContentCommand, ALastRowThatIsNotFullIsKeptThroughEveryKind) {
+  save("p_0.png", quilt_picture(3, 2, 0));
+  save("p_1.png", quilt_picture(3, 2, 1));
+  frames::QuiltLayout five = kGrid;
+  five.views = 5;
+  std::vector<WovenFrame> expected = {woven(quilt_picture(3, 2, 0), five),
+                                      woven(quilt_picture(3, 2, 1), five)};
+  const std::vector<std::string> how = {"--grid", "3x2", "--views", "5", "--aspect", "1.5"};
+  EXPECT_EQ(played(path("p_%d.png"), how), expected);
+  std::vector<std::string> words = {path("p_%d.png"), "-o", path("film.lts")};
+  words.insert(words.end(), how.begin(), how.end());
+  succeed(convert(words));
+  EXPECT_EQ(played(path("film.lts")), expected) << "a container of views";
+  for (const char* const target : {"again.mkv", "again_%d.png"})
+    succeed(convert({path("film.lts"), "-o", path(target)}));
+  EXPECT_EQ(played(path("again_qs3x2a1.5.mkv")), expected) << "the sidecar has the count";
+  EXPECT_EQ(played(path("again_%d_qs3x2a1.5.png")), expected);
+  // Woven on the way is the same as woven while playing.
+  succeed(convert({path("film.lts"), "--rig", kTiny, "-o", path("w%d.png")}));
+  EXPECT_EQ(frames::read_woven(path("w1.png")), expected[1]);
+  succeed(convert({path("film.lts"), "--rig", kTiny, "-o", path("woven.lts")}));
+  EXPECT_EQ(played(path("woven.lts")), expected);
+  succeed(convert({path("film.lts"), "--rig", kTiny, "-o", path("woven.mkv")}));
+  EXPECT_EQ(played(path("woven.mkv")), expected);
+}
+
+TEST_F(ContentCommand, ViewsAsPicturesComeBackAsTheSameQuilt) {
+  for (int n = 0; n < 3; ++n) save(fmt::format("p_qs3x2a1.5_{}.png", n), quilt_picture(3, 2, n));
+  succeed(convert(
+      {path("p_qs3x2a1.5_%d.png"), "-o", "views:" + path("view%d/%03d.png"), "--frames", "1:3"}));
+  const WovenFrame view = frames::read_woven(path("view4/001.png"));
+  EXPECT_EQ(view.row(0)[0], quilt_picture(3, 2, 1).row(0)[12 * 3]) << "upper row, second tile";
+  succeed(convert({"views:" + path("view%d/%03d.png"), "-o", path("back_qs3x2a1.5_%d.png")}));
+  EXPECT_EQ(frames::read_woven(path("back_qs3x2a1.5_0.png")), quilt_picture(3, 2, 1));
+  EXPECT_EQ(frames::read_woven(path("back_qs3x2a1.5_1.png")), quilt_picture(3, 2, 2));
+  EXPECT_EQ(played("views:" + path("view%d/%03d.png")),
+            (std::vector<WovenFrame>{woven(quilt_picture(3, 2, 1), kGrid),
+                                     woven(quilt_picture(3, 2, 2), kGrid)}));
+}
+
+/// Left half red, right half blue; or above and below.
+WovenFrame two_eyes(bool beside) {
+  WovenFrame picture({.width = beside ? 96 : 48, .height = beside ? 32 : 64});
+  for (int y = 0; y < picture.height(); ++y)
+    for (int x = 0; x < picture.width(); ++x)
+      picture.row(y)[x * 3 + ((beside ? x >= 48 : y >= 32) ? 2 : 0)] = 255;
+  return picture;
+}
+
+/// How red and how blue what an eye in one half of the lobe sees is.
+struct Seen {
+  double red = 0.0, blue = 0.0;
+};
+Seen seen_by(const WovenFrame& frame, int eye) {
+  const optics::OpticalModel model(optics::load_rig(kTiny));
+  const WovenFrame view = frames::decode_view(frame.view(), model, eye, 2);
+  Seen seen;
+  for (size_t n = 0; n < view.bytes().size(); n += 3) {
+    seen.red += view.bytes()[n];
+    seen.blue += view.bytes()[n + 2];
+  }
+  return seen;
+}
+
+void expect_red_for_the_left_eye(const WovenFrame& frame) {
+  EXPECT_GT(seen_by(frame, 0).red, 4.0 * seen_by(frame, 0).blue);
+  EXPECT_GT(seen_by(frame, 1).blue, 4.0 * seen_by(frame, 1).red);
+}
+
+TEST_F(ContentCommand, EachEyeSeesItsOwnPictureHoweverTheyAreStored) {
+  for (const auto& [name, beside] : std::map<std::string, bool>{
+           {"a_sbs.png", true}, {"b_hsbs.png", true}, {"c_tb.png", false}, {"d_htb.png", false}}) {
+    save(name, two_eyes(beside));
+    expect_red_for_the_left_eye(woven_by_command({path(name), "--filter", "nearest"}));
+  }
+  const auto swapped = woven_by_command({path("c_tb.png"), "--filter", "nearest", "--invert"});
+  EXPECT_GT(seen_by(swapped, 0).blue, 4.0 * seen_by(swapped, 0).red);
+  save("plain.png", two_eyes(true));
+  const auto shown = played(path("plain.png"), {"--filter", "nearest", "--stereo", "sbs"});
+  ASSERT_EQ(shown.size(), 1U);
+  expect_red_for_the_left_eye(shown[0]);
+}
+
+TEST_F(ContentCommand, EyesComeApartAndTogether) {
+  save("c_tb.png", two_eyes(false));
+  succeed(convert({path("c_tb.png"), "-o", "views:" + path("eye%d.png")}));
+  EXPECT_EQ(frames::read_woven(path("eye0.png")).row(0)[0], 255) << "left is red";
+  EXPECT_EQ(frames::read_woven(path("eye1.png")).row(0)[2], 255) << "right is blue";
+  expect_red_for_the_left_eye(woven_by_command(
+      {"views:" + path("eye0.png") + "|" + path("eye1.png"), "--filter", "nearest"}));
+  // As a video whose name asks for a grid.
+  succeed(convert({path("c_tb.png"), "-o", path("eyes_qs2x1.mkv")}));
+  const auto shown = played(path("eyes_qs2x1.mkv"), {"--filter", "nearest"});
+  ASSERT_EQ(shown.size(), 1U);
+  expect_red_for_the_left_eye(shown[0]);
+}
+
+/// A bright column in the middle of the picture, with its depth to the right.
+WovenFrame column_with_depth(uint8_t depth, uint8_t ground) {
+  WovenFrame picture({.width = 96, .height = 32});
+  for (int y = 0; y < 32; ++y)
+    for (int x = 0; x < 48; ++x) {
+      const bool column = x >= 20 && x < 28;
+      std::fill_n(picture.row(y) + x * 3, 3, static_cast<uint8_t>(column ? 255 : 10));
+      std::fill_n(picture.row(y) + (x + 48) * 3, 3, column ? depth : ground);
+    }
+  return picture;
+}
+
+/// The middle of the light in a view's row.
+double middle_of_light(const WovenFrame& view) {
+  double light = 0.0, moment = 0.0;
+  for (int x = 0; x < view.width(); ++x)
+    if (view.row(16)[x * 3] > 128) {
+      light += 1.0;
+      moment += x;
+    }
+  return light > 0.0 ? moment / light : -1.0;
+}
+
+TEST_F(ContentCommand, NearThingsMoveAgainstTheEyeAndFarOnesWithIt) {
+  save("near_rgbd.png", column_with_depth(255, 127));
+  const std::vector<std::string> how = {"--views", "5", "--depth-range", "-6px:6px"};
+  const auto drawn = [&](const std::string& name, std::vector<std::string> more = {}) {
+    std::vector<std::string> words = {path(name), "-o", "views:" + path("v%d.png")};
+    words.insert(words.end(), how.begin(), how.end());
+    words.insert(words.end(), more.begin(), more.end());
+    succeed(convert(words));
+    return middle_of_light(frames::read_woven(path("v4.png"))) -
+           middle_of_light(frames::read_woven(path("v0.png")));
+  };
+  EXPECT_NEAR(drawn("near_rgbd.png"), -6.0, 0.6) << "nearer than the glass: to the left";
+  save("far_rgbd.png", column_with_depth(0, 0));
+  EXPECT_NEAR(drawn("far_rgbd.png"), 6.0, 0.6) << "behind it: to the right";
+  EXPECT_NEAR(drawn("far_rgbd.png", {"--invert-depth"}), -6.0, 0.6);
+  // Depth as a file of its own is the same.
+  const WovenFrame both = column_with_depth(255, 127);
+  WovenFrame colour({.width = 48, .height = 32}), depth({.width = 48, .height = 32});
+  for (int y = 0; y < 32; ++y) {
+    std::copy_n(both.row(y), 144, colour.row(y));
+    std::copy_n(both.row(y) + 144, 144, depth.row(y));
+  }
+  save("colour.png", colour);
+  save("depth.png", depth);
+  EXPECT_NEAR(drawn("colour.png", {"--depth", path("depth.png")}), -6.0, 0.6);
+  // And the player weaves what convert draws.
+  succeed(convert({path("near_rgbd.png"), "-o", path("q_qs3x2.png"), "--views", "5"}));
+  std::vector<WovenFrame> shown = played(path("near_rgbd.png"), {"--views", "5"});
+  ASSERT_EQ(shown.size(), 1U);
+  EXPECT_EQ(shown, played(path("q_qs3x2.png"))) << "5 of 6 tiles, as the sidecar says";
+}
+
+TEST_F(ContentCommand, SidecarsSayWhatNamesDoNot) {
+  save("city.png", quilt_picture(3, 2, 0));
+  write("city.json", R"({"columns": 3, "rows": 2, "viewCount": 5, "aspect": 1.5, "invert": 1})");
+  frames::QuiltLayout five = kGrid;
+  five.views = 5;
+  const WovenFrame expected =
+      woven(quilt_picture(3, 2, 0), five, {.order = frames::ViewOrder::RightToLeft});
+  EXPECT_EQ(played(path("city.png")), std::vector<WovenFrame>{expected});
+  EXPECT_EQ(woven_by_command({path("city.png")}), expected);
+  write("city.json", "{");
+  expect_refusal(run({"play", path("city.png"), "--rig", kTiny}), 4, "city.json");
+  save("town_qs3x2a1.5.png", quilt_picture(3, 2, 0));
+  write("town_qs3x2a1.5.json", R"({"columns": 2, "rows": 3})");
+  expect_refusal(run({"play", path("town_qs3x2a1.5.png"), "--rig", kTiny}), 4,
+                 "its name says 3 x 2 tiles, town_qs3x2a1.5.json 2 x 3");
+  succeed(run(
+      {"weave", path("town_qs3x2a1.5.png"), "--grid", "3x2", "--rig", kTiny, "-o", path("w.png")}));
+}
+
+TEST_F(ContentCommand, WovenForAnotherRigIsRefusedOrWovenAnew) {
+  save("q_qs3x2a1.5.png", quilt_picture(3, 2, 0));
+  succeed(convert({path("q_qs3x2a1.5.png"), "--rig", kTiny, "-o", path("tiny.lts")}));
+  expect_refusal(run({"play", path("tiny.lts"), "--rig", kOther}), 4, "'tiny'");
+  expect_refusal(convert({path("tiny.lts"), "--rig", kOther, "-o", path("b.lts")}), 4, "--reweave");
+  // A rig of the same panel with other lenses: played as it is, it would be wrong without a sign.
+  optics::Rig shifted = optics::load_rig(kTiny);
+  shifted.sheet.offset = Lenses(shifted.sheet.offset.value + 0.4);
+  optics::save_rig(shifted, path("shifted.toml"));
+  expect_refusal(run({"play", path("tiny.lts"), "--rig", path("shifted.toml")}), 4, "--reweave");
+  const auto anew = played(path("tiny.lts"), {"--reweave"}, path("shifted.toml"));
+  ASSERT_EQ(anew.size(), 1U);
+  const WovenFrame straight = woven(quilt_picture(3, 2, 0), kGrid, {}, path("shifted.toml"));
+  const WovenFrame as_it_was = woven(quilt_picture(3, 2, 0), kGrid);
+  const auto off = [&](const WovenFrame& frame) {
+    double sum = 0.0;
+    for (size_t n = 0; n < frame.bytes().size(); ++n) {
+      const double d = double{frame.bytes()[n] * 1.0} - straight.bytes()[n];
+      sum += d * d;
+    }
+    return std::sqrt(sum / static_cast<double>(frame.bytes().size()));
+  };
+  EXPECT_LT(off(anew[0]), 0.6 * off(as_it_was));
+  succeed(convert(
+      {path("tiny.lts"), "--reweave", "--rig", path("shifted.toml"), "-o", path("anew.lts")}));
+  EXPECT_EQ(played(path("anew.lts"), {}, path("shifted.toml")), anew);
+}
+
+TEST_F(ContentCommand, RefusesWhatCannotBe) {
+  save("w0.png", quilt_picture(1, 1, 0, 48, 32));
+  save("q_qs3x2a1.5.png", quilt_picture(3, 2, 0));
+  expect_refusal(convert({path("w%d.png"), "--as", "quilt", "-o", path("q.png")}), 2, "--from-rig");
+  expect_refusal(convert({path("q_qs3x2a1.5.png"), "--as", "woven", "-o", path("w.lts")}), 2,
+                 "--rig");
+  expect_refusal(
+      convert({path("q_qs3x2a1.5.png"), "--as", "quilt", "--rig", kTiny, "-o", path("q.png")}), 2,
+      "any rig");
+  expect_refusal(convert({path("q_qs3x2a1.5.png"), "--resume", "-o", path("q.mkv")}), 2,
+                 "--resume");
+  expect_refusal(convert({path("q_qs3x2a1.5.png"), "-o", path("no_qs2x2.png")}), 2, "name");
+  expect_refusal(convert({path("w%d.png"), "--frames", "0:9", "-o", path("o%d.png")}), 4, "0:1");
+  expect_refusal(
+      run({"play", path("q_qs3x2a1.5.png"), "--rig", kTiny, "--grid", "3x2", "--stereo", "sbs"}), 2,
+      "exclude");
+  expect_refusal(run({"play", "card", "--rig", kTiny, "--stereo", "sbs"}), 2, "one file");
+  expect_refusal(run({"play", path("w0.png"), "--rig", kTiny, "--depth", path("no.png")}), 4,
+                 "no.png");
+  expect_refusal(
+      run({"play", path("w0.png"), "--rig", kTiny, "--depth", "right", "--depth-range", "1"}), 2,
+      "--depth-range");
+  expect_refusal(run({"play", "views:" + path("none%d.png"), "--rig", kTiny}), 4, "none%d.png");
+}
+
+TEST_F(ContentCommand, AnInterruptedContainerIsGoneOnWith) {
+  for (int n = 0; n < 6; ++n) save(fmt::format("p_qs3x2a1.5_{}.png", n), quilt_picture(3, 2, n));
+  const std::string input = path("p_qs3x2a1.5_%d.png");
+  succeed(convert({input, "-o", path("whole.lts")}));
+  succeed(convert({input, "-o", path("part.lts"), "--frames", "0:3"}));
+  const ProcessResult rest = convert({input, "-o", path("part.lts"), "--resume", "--json"});
+  succeed(rest);
+  EXPECT_EQ(nlohmann::json::parse(rest.out)["frames_skipped"], 3);
+  EXPECT_EQ(nlohmann::json::parse(rest.out)["frames_converted"], 3);
+  EXPECT_EQ(played(path("part.lts")), played(path("whole.lts")));
+}
+
+TEST_F(ContentCommand, AListPlaysKindsByTheirNames) {
+  save("q_qs3x2a1.5.png", quilt_picture(3, 2, 0));
+  save("eyes_sbs.png", two_eyes(true));
+  write("list.toml",
+        "format = 1\n[[item]]\nsource = \"q_qs3x2a1.5.png\"\nloops = 1\n"
+        "[[item]]\nsource = \"eyes_sbs.png\"\nloops = 1\n");
+  const auto shown = played(path("list.toml"));
+  ASSERT_EQ(shown.size(), 2U);
+  EXPECT_EQ(shown[0], woven(quilt_picture(3, 2, 0), kGrid));
+  expect_refusal(run({"play", path("list.toml"), "--rig", kTiny, "--stereo", "sbs"}), 2,
+                 "for one file");
+}
+
+}  // namespace
+}  // namespace lenticule::test
