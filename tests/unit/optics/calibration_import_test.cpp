@@ -75,6 +75,21 @@ TEST(VisualJson, RefusesBadCells) {
   EXPECT_NE(visual_complaint(cells(with(good, "\"GOffsetX\":0", "\"GOffsetX\":7"), "0")), "");
 }
 
+TEST(VisualJson, RefusesPicturesThatAreToBeMirrored) {
+  const auto flipped = [](const std::string& more) {
+    return visual_complaint(with(kVisual, R"("invView")", more + R"(, "invView")"));
+  };
+  EXPECT_EQ(flipped(R"("flipImageX": 1, "flipImageY": {"value": 0}, "flipSubp": 1)"), "");
+  EXPECT_EQ(flipped(R"("flipImageY": {"value": 1})"),
+            "a.json: flipImageY: pictures mirrored top to bottom, which a rig cannot say");
+  const std::string cells =
+      R"("subpixelCells": [{"ROffsetX": -0.3, "ROffsetY": 0, "GOffsetX": 0, "GOffsetY": 0,
+         "BOffsetX": 0.3, "BOffsetY": 0}])";
+  EXPECT_EQ(flipped(cells), "");
+  EXPECT_EQ(flipped(cells + R"(, "flipSubp": 1)"),
+            "a.json: flipSubp: subpixelCells say themselves where red and blue are");
+}
+
 TEST(VisualJson, RefusesWhatIsNotJson) {
   for (const char* text : {"", "[", "[]", "3", "\"x\"", "{\"pitch\":", "\xFF\xFE"}) {
     EXPECT_EQ(visual_complaint(text).rfind("a.json: ", 0), 0u) << text;
