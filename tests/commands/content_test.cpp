@@ -104,7 +104,44 @@ TEST_F(ContentCommand, AQuiltVideoPlaysAsItsPicturesDo) {
   EXPECT_EQ(played(path("film_qs3x2a1.5.mkv")), expected);
   EXPECT_EQ(played(path("film_qs3x2a1.5.mkv"), {"--frames", "1:3"}),
             (std::vector<WovenFrame>{expected[1], expected[2]}));
-  EXPECT_EQ(played(path("film_qs3x2a1.5.mkv"), {"--loop", "2"}).size(), 8U);
+  const auto turned = played(path("film_qs3x2a1.5.mkv"), {"--invert", "--loop", "2"});
+  ASSERT_EQ(turned.size(), 8U);
+  EXPECT_EQ(turned[7],
+            woven(quilt_picture(3, 2, 3), kGrid, {.order = frames::ViewOrder::RightToLeft}));
+}
+
+/// Tile t of 3 x 2 in a grey of its own, as Y'CbCr 4:2:0 of the usual range.
+TEST_F(ContentCommand, AQuiltVideoMayHaveChromaOfHalfResolution) {
+  const auto luma = [](int tile) { return 16 + 36 * tile; };
+  std::string raw(36 * 16 * 3 / 2, '\x80');
+  WovenFrame quilt({.width = 36, .height = 16});
+  for (int y = 0; y < 16; ++y)
+    for (int x = 0; x < 36; ++x) {
+      const int tile = (y < 8 ? 3 : 0) + x / 12;
+      raw[static_cast<size_t>(y * 36 + x)] = static_cast<char>(luma(tile));
+      const auto code = static_cast<uint8_t>(std::lround((luma(tile) - 16) * 255.0 / 219.0));
+      std::fill_n(quilt.row(y) + x * 3, 3, code);
+    }
+  write("raw", raw);
+  const ProcessResult made =
+      run_process({"/bin/sh", "-c",
+                   std::string("exec ") + LENTICULE_VIDEO_PROGRAM +
+                       " encode --rate 30 --width 36 --height 16 --pixels yuv420p --range tv " +
+                       path("q_qs3x2a1.5.mkv") + " < " + path("raw")});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_EQ(played(path("q_qs3x2a1.5.mkv")), std::vector<WovenFrame>{woven(quilt, kGrid)});
+}
+
+TEST_F(ContentCommand, AnUprightPanelIsWovenFromAVideoToo) {
+  const std::string upright = source_file("scenes/rigs/portrait.toml");
+  frames::QuiltLayout layout{.columns = 5, .rows = 3, .views = 13, .aspect = 0.75};
+  save("p.png", quilt_picture(5, 3, 1, 12, 16));
+  succeed(convert({path("p.png"), "--grid", "5x3", "--views", "13", "--aspect", "0.75", "-o",
+                   path("film.mkv")}));
+  succeed(convert(
+      {path("film_qs5x3a0.75.mkv"), "--rig", upright, "--frames", "0:1", "-o", path("w.png")}));
+  EXPECT_EQ(frames::read_woven(path("w.png")),
+            woven(quilt_picture(5, 3, 1, 12, 16), layout, {}, upright));
 }
 
 TEST_F(ContentCommand, ALastRowThatIsNotFullIsKeptThroughEveryKind) {
@@ -115,21 +152,17 @@ TEST_F(ContentCommand, ALastRowThatIsNotFullIsKeptThroughEveryKind) {
   std::vector<WovenFrame> expected = {woven(quilt_picture(3, 2, 0), five),
                                       woven(quilt_picture(3, 2, 1), five)};
   const std::vector<std::string> how = {"--grid", "3x2", "--views", "5", "--aspect", "1.5"};
-  EXPECT_EQ(played(path("p_%d.png"), how), expected);
   std::vector<std::string> words = {path("p_%d.png"), "-o", path("film.lts")};
   words.insert(words.end(), how.begin(), how.end());
   succeed(convert(words));
   EXPECT_EQ(played(path("film.lts")), expected) << "a container of views";
-  for (const char* const target : {"again.mkv", "again_%d.png"})
-    succeed(convert({path("film.lts"), "-o", path(target)}));
-  EXPECT_EQ(played(path("again_qs3x2a1.5.mkv")), expected) << "the sidecar has the count";
-  EXPECT_EQ(played(path("again_%d_qs3x2a1.5.png")), expected);
+  succeed(convert({path("film.lts"), "-o", path("again_%d.png")}));
+  EXPECT_EQ(played(path("again_%d_qs3x2a1.5.png")), expected) << "the sidecar has the count";
   // Woven on the way is the same as woven while playing.
   succeed(convert({path("film.lts"), "--rig", kTiny, "-o", path("w%d.png")}));
   EXPECT_EQ(frames::read_woven(path("w1.png")), expected[1]);
   succeed(convert({path("film.lts"), "--rig", kTiny, "-o", path("woven.lts")}));
-  EXPECT_EQ(played(path("woven.lts")), expected);
-  succeed(convert({path("film.lts"), "--rig", kTiny, "-o", path("woven.mkv")}));
+  succeed(convert({path("woven.lts"), "-o", path("woven.mkv")}));
   EXPECT_EQ(played(path("woven.mkv")), expected);
 }
 
@@ -340,7 +373,10 @@ TEST_F(ContentCommand, AnInterruptedContainerIsGoneOnWith) {
   succeed(rest);
   EXPECT_EQ(nlohmann::json::parse(rest.out)["frames_skipped"], 3);
   EXPECT_EQ(nlohmann::json::parse(rest.out)["frames_converted"], 3);
-  EXPECT_EQ(played(path("part.lts")), played(path("whole.lts")));
+  std::ifstream part(path("part.lts"), std::ios::binary),
+      whole(path("whole.lts"), std::ios::binary);
+  const std::string bytes((std::istreambuf_iterator<char>(part)), {});
+  EXPECT_EQ(bytes, std::string((std::istreambuf_iterator<char>(whole)), {}));
 }
 
 TEST_F(ContentCommand, AListPlaysKindsByTheirNames) {
