@@ -169,6 +169,21 @@ ContentMeaning kind_of(const MeaningRequest& request) {
   return picture(request);
 }
 
+/// A flag that would be lost is a flag that somebody meant.
+void refuse_idle_flags(const MeaningRequest& request, Kind kind) {
+  const ContentFlags& flags = request.flags;
+  const bool has_depth = kind == Kind::OwnDepth || kind == Kind::DepthInside;
+  if (!has_depth && (!flags.depth_range.empty() || flags.invert_depth))
+    throw Error(ErrorKind::Usage, fmt::format("--depth-range: {} has no depth", request.text),
+                "--depth says where it is");
+  const bool about_views = flags.views != 0 || flags.aspect || flags.invert;
+  if (kind == Kind::Woven && about_views && is_file_name(request.text))
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: woven frames, of which --views, --aspect and --invert say nothing",
+                            request.text),
+                "--grid, --stereo, --depth or 'views:' say how views lie in it");
+}
+
 }  // namespace
 
 ContentMeaning meaning_of(const MeaningRequest& request) {
@@ -176,6 +191,7 @@ ContentMeaning meaning_of(const MeaningRequest& request) {
   ContentMeaning meaning = kind_of(request);
   if (meaning.kind == Kind::ViewFiles && !request.flags.grid.empty())
     throw Error(ErrorKind::Usage, "--grid: the input is a pattern of views, not a quilt");
+  refuse_idle_flags(request, meaning.kind);
   if (request.flags.aspect) meaning.aspect = request.flags.aspect;
   if (request.flags.invert) meaning.rightmost_first = !meaning.rightmost_first;
   return meaning;

@@ -361,6 +361,9 @@ TEST_F(ContentCommand, RefusesWhatCannotBe) {
   expect_refusal(
       run({"play", path("w0.png"), "--rig", kTiny, "--depth", "right", "--depth-range", "1"}), 2,
       "--depth-range");
+  expect_refusal(run({"play", path("w0.png"), "--rig", kTiny, "--invert"}), 2, "woven frames");
+  expect_refusal(run({"play", path("q_qs3x2a1.5.png"), "--rig", kTiny, "--invert-depth"}), 2,
+                 "no depth");
   expect_refusal(run({"play", "views:" + path("none%d.png"), "--rig", kTiny}), 4, "none%d.png");
 }
 
