@@ -3,7 +3,6 @@
 // they are woven.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <optional>
 #include <string>
 
@@ -12,6 +11,10 @@
 #include "frames/weave.h"
 #include "frames/weaving/crosstalk.h"
 #include "optics/rig.h"
+
+namespace CLI {
+class App;
+}
 
 namespace lenticule::player {
 
