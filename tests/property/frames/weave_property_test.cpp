@@ -7,61 +7,30 @@
 
 #include "frames/weave.h"
 #include "support/weave_oracle.h"
+#include "support/weave_rigs.h"
 
 namespace lenticule::frames {
 namespace {
 
 using optics::SubpixelLayout;
 
-WovenFrame noise(int width, int height, uint32_t seed) {
-  WovenFrame frame({.width = width, .height = height});
-  std::mt19937 random(seed);
-  for (uint8_t& byte : frame.bytes()) byte = static_cast<uint8_t>(random());
-  return frame;
-}
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-SubpixelLayout two_over_one() {
-  return SubpixelLayout::cells(
-      2, 1,
-      {{{{0.25, 0.25}, {0.75, 0.25}, {0.5, 0.75}}}, {{{0.25, 0.75}, {0.75, 0.75}, {0.5, 0.25}}}});
-}
-
+/// Of everything a little: pixels that are not square, colours that are shifted.
 optics::Rig tiny_rig(int width, int height, double pitch, double slant,
                      const SubpixelLayout& layout, double distance) {
-  optics::Rig rig;
-  rig.name = "tiny";
-  rig.panel = {.width_px = width,
-               .height_px = height,
-               .pixel_width = Millimetres(0.2),
-               .pixel_height = Millimetres(0.25),
-               .layout = layout};
-  rig.sheet.pitch = Subpixels(pitch);
-  rig.sheet.slant = slant;
-  rig.sheet.offset = Lenses(0.31);
+  optics::Rig rig = test::weave_rig(width, height, pitch, slant, distance, layout);
+  rig.panel.pixel_height = Millimetres(0.25);
   rig.sheet.gap = Millimetres(1.1);
-  rig.sheet.refraction_shape = 0.44;
   rig.sheet.channel_offset = {Subpixels(0.05), Subpixels(0.0), Subpixels(-0.08)};
   rig.sheet.spot_sigma = Lenses(0.1);
-  rig.viewing = {.height = Millimetres(20.0), .distance = Millimetres(distance)};
   return rig;
 }
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-struct Setting {
-  QuiltLayout layout;
-  WeaveOptions options;
-};
-const Setting kSettings[] = {
-    {{.columns = 3, .rows = 2}, {.filter = ViewFilter::Nearest}},
-    {{.columns = 3, .rows = 2, .views = 5}, {.filter = ViewFilter::Linear}},
-    {{.columns = 1, .rows = 7}, {.filter = ViewFilter::Nearest, .order = ViewOrder::RightToLeft}},
-    {{.columns = 7, .rows = 1, .views = 0, .aspect = 3.0},
-     {.filter = ViewFilter::Linear, .fit = PictureFit::Cover}},
-    {{.columns = 2, .rows = 2, .views = 3, .aspect = 0.4},
-     {.filter = ViewFilter::Gauss, .fit = PictureFit::Contain, .order = ViewOrder::RightToLeft}},
-    {{.columns = 1, .rows = 1}, {.filter = ViewFilter::Linear, .fit = PictureFit::Stretch}},
-};
+/// The oracle takes its time: few views, as many as it takes to see all filters, fits and orders.
+std::span<const test::WeaveSetting> few_views() {
+  return test::weave_settings().first(6);
+}
 
 void expect_oracle(const test::WeaveOracle& oracle, const WovenFrame& woven, int i, int j) {
   for (int c = 0; c < 3; ++c) {
@@ -76,14 +45,13 @@ TEST(Weave, EqualsThePlainWeaverOnAllTinyRigs) {
   for (const auto& [width, height] : {std::pair{12, 8}, std::pair{5, 9}})
     for (const double pitch : {3.3, 7.71, 24.04})
       for (const double slant : {0.0, 0.2513, -1.0})
-        for (const SubpixelLayout& layout :
-             {SubpixelLayout::rgb(), SubpixelLayout::bgr(), SubpixelLayout::vrgb(), two_over_one()})
+        for (const SubpixelLayout& layout : {SubpixelLayout::rgb(), SubpixelLayout::bgr(),
+                                             SubpixelLayout::vrgb(), test::two_over_one()})
           for (const double distance : {kInfinity, 300.0}) {
             const optics::Rig rig = tiny_rig(width, height, pitch, slant, layout, distance);
             const optics::OpticalModel model(rig);
-            for (const Setting& setting : kSettings) {
-              const WovenFrame quilt =
-                  noise(setting.layout.columns * 7, setting.layout.rows * 5, 17);
+            for (const test::WeaveSetting& setting : few_views()) {
+              const WovenFrame quilt = setting.noise();
               const test::WeaveOracle oracle{rig, quilt, setting.layout, setting.options};
               const WovenFrame woven =
                   weave(ViewSet(quilt, setting.layout), model, setting.options);
@@ -108,7 +76,7 @@ TEST(Weave, EqualsThePlainWeaverAtTheCornersOfLargePanels) {
     rig.sheet.gap = Millimetres(2.0 * rig.sheet.pitch.value * 0.2 / 3.0);
     const optics::OpticalModel model(rig);
     // Smooth views: the paraxial height of a lens point is a fraction of a pixel off here.
-    const Setting& setting = kSettings[n % 2];
+    const test::WeaveSetting& setting = few_views()[static_cast<size_t>(n % 2)];
     WovenFrame quilt({.width = setting.layout.columns, .height = setting.layout.rows});
     for (size_t b = 0; b < quilt.bytes().size(); ++b)
       quilt.bytes()[b] = static_cast<uint8_t>(20 + 11 * b);
@@ -130,7 +98,7 @@ TEST(Weave, EqualsThePlainWeaverAtTheCornersOfLargePanels) {
 TEST(Weave, RowsDoNotDependOnHowTheyAreShared) {
   const optics::Rig rig = tiny_rig(40, 30, 7.71, 0.2513, SubpixelLayout::rgb(), 300.0);
   const optics::OpticalModel model(rig);
-  const ViewSet views(noise(21, 10, 5), {.columns = 3, .rows = 2});
+  const ViewSet views(test::weave_noise(21, 10, 5), {.columns = 3, .rows = 2});
   const Weaver weaver(views, model, {});
   WovenFrame by_rows(weaver.geometry());
   for (int j = 29; j >= 0; --j) weaver.weave_rows(j, j + 1, by_rows);
