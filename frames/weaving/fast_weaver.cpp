@@ -14,6 +14,7 @@
 
 namespace lenticule::frames {
 
+using weave_kernel::kLaneStep;
 using weave_kernel::kRows;
 using weave_kernel::kRun;
 using weave_kernel::kViewLanes;
@@ -37,9 +38,16 @@ bool can_permute() {
 #endif
 }
 
-bool suits_permuting(const WeavePlan& plan) {
-  return plan.in_stripes() && plan.shape().count <= kViewLanes &&
-         plan.options().filter != ViewFilter::Gauss;
+/// Turning costs time for every pixel of the views, mixing for every subpixel: where views have far
+/// more pixels than the panel, those that count are better picked one by one.
+constexpr size_t kMostTurned = 64;
+bool worth_turning(const WeavePlan& plan) {
+  const ViewShape& shape = plan.shape();
+  const auto pixels = [](int width, int height) {
+    return static_cast<size_t>(width) * static_cast<size_t>(height);
+  };
+  return pixels(shape.width, shape.height) * static_cast<size_t>(shape.count) <=
+         kMostTurned * pixels(plan.geometry().width, plan.geometry().height);
 }
 
 /// Relative to the nearest view's, which so never vanishes.
@@ -54,19 +62,40 @@ void swap_red_and_blue(uint8_t* codes, int pixels) {
 }  // namespace
 
 const char* to_string(WeaveKernel kernel) {
-  return kernel == WeaveKernel::Permute ? "permute" : "plain";
+  switch (kernel) {
+    case WeaveKernel::Plain:
+      return "plain";
+    case WeaveKernel::Turned:
+      return "turned";
+    case WeaveKernel::Avx2:
+      return "avx2";
+    case WeaveKernel::Permute:
+      return "permute";
+  }
+  return "unknown";
+}
+
+bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan) {
+  const bool gauss = plan.options().filter == ViewFilter::Gauss;
+  if (kernel == WeaveKernel::Avx2) return isa_supported(Isa::Avx2);
+  if (kernel == WeaveKernel::Permute)
+    return can_permute() && !gauss && plan.in_stripes() && plan.shape().count <= kViewLanes;
+  return true;
 }
 
 WeaveKernel best_kernel(const WeavePlan& plan, Isa isa) {
-  return isa == Isa::Avx512 && can_permute() && suits_permuting(plan) ? WeaveKernel::Permute
-                                                                      : WeaveKernel::Plain;
+  if (!worth_turning(plan)) return WeaveKernel::Plain;
+  if (isa == Isa::Avx512 && kernel_suits(WeaveKernel::Permute, plan)) return WeaveKernel::Permute;
+  if (isa != Isa::Baseline && kernel_suits(WeaveKernel::Avx2, plan)) return WeaveKernel::Avx2;
+  return WeaveKernel::Turned;
 }
 
 BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kernel)
     : plan_(std::move(plan)), kernel_(kernel), turned_(nullptr, std::free) {
-  if (kernel == WeaveKernel::Permute && !(can_permute() && suits_permuting(*plan_)))
-    throw Error(ErrorKind::Usage,
-                "weaving by permuting: not on this machine, or not for this plan");
+  if (!kernel_suits(kernel, *plan_))
+    throw Error(ErrorKind::Usage, fmt::format("weaving kernel {}: not on this machine, or not for "
+                                              "this plan",
+                                              to_string(kernel)));
   const ViewShape& shape = plan_->shape();
   const bool mixes = plan_->options().filter != ViewFilter::Nearest;
   terms_ = {.view_step = plan_->view_step(),
@@ -75,16 +104,26 @@ BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kern
             .blue_first = plan_->blue_first(),
             .light = light_of_codes15().data(),
             .codes = codes_of_light15().data(),
+            .light_curve = light_curve().start_low.data(),
             .curve = encoding_curve().low_start.data(),
             .spot = {}};
   if (plan_->options().filter == ViewFilter::Gauss) prepare_spot();
-  first_pixels_.resize(static_cast<size_t>(std::max(shape.count, kViewLanes)));
+  lanes_ =
+      static_cast<size_t>(shape.count + static_cast<int>(kLaneStep) - 1) / kLaneStep * kLaneStep;
+  first_pixels_.resize(std::max(lanes_, static_cast<size_t>(kViewLanes)));
   // Runs are written eight at a time, and whole registers are read.
   light_stride_ = static_cast<size_t>(plan_->geometry().width) * 3 + 64;
   light_.resize(light_stride_ * kRows);
-  if (kernel_ == WeaveKernel::Plain) return;
+  if (kernel_ != WeaveKernel::Plain) prepare_turning();
+}
+
+void BlockWeaver::prepare_turning() {
+  const auto columns = static_cast<size_t>(plan_->shape().width);
   slots_.resize(static_cast<size_t>(plan_->rows_of_block()));
-  turned_bytes_ = (static_cast<size_t>(shape.width) + 1) * 3 * kViewLanes;
+  // The last view's neighbours, up to seven, count for nothing, but are read.
+  const size_t bytes = kernel_ == WeaveKernel::Permute ? (columns + 1) * 3 * kViewLanes
+                                                       : (columns * 3 * lanes_ + 8) * 4;
+  turned_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
   turned_.reset(
       static_cast<uint8_t*>(std::aligned_alloc(kAlignment, turned_bytes_ * slots_.size())));
   if (!turned_) throw Error(ErrorKind::Failed, "weaving: out of memory");
@@ -96,7 +135,7 @@ void BlockWeaver::prepare_spot() {
   const int reach = std::min(static_cast<int>(kSpotReach * sigma) + 1, plan_->shape().count);
   const int taps = 2 * reach + 2, bits = sigma < kWideSpot ? kSharpBits : kWideBits;
   const int parts = 1 << bits;
-  spot_.reserve(static_cast<size_t>(parts) * static_cast<size_t>(taps));
+  spot_.reserve(static_cast<size_t>(parts) * static_cast<size_t>(taps) + 8);
   for (int part = 0; part < parts; ++part) {
     const double centre = (part + 0.5) / parts, nearest = std::min(centre, 1.0 - centre);
     for (int n = 0; n < taps; ++n) {
@@ -104,7 +143,12 @@ void BlockWeaver::prepare_spot() {
       spot_.push_back(static_cast<uint16_t>(std::lround(65535.0 * std::min(weight, 1.0))));
     }
   }
-  terms_.spot = {.weights = spot_.data(), .taps = taps, .reach = reach, .bits = bits};
+  spot_.resize(spot_.size() + 8);
+  terms_.spot = {.weights = spot_.data(),
+                 .taps = taps,
+                 .reach = reach,
+                 .bits = bits,
+                 .views = plan_->shape().count};
 }
 
 /// Lane and view k is the camera from the left, whatever the set's order is.
@@ -124,31 +168,51 @@ void BlockWeaver::look_at(const ViewSet& views) noexcept {
   std::fill(slots_.begin(), slots_.end(), -1);
 }
 
+void BlockWeaver::turn(int row, uint8_t* turned) const noexcept {
+  auto* const light = reinterpret_cast<uint16_t*>(turned);
+#if defined(__x86_64__)
+  if (kernel_ == WeaveKernel::Permute) return weave_kernel::turn_row(pictures_, row, turned);
+  if (kernel_ == WeaveKernel::Avx2)
+    return weave_kernel::turn_light_avx2(terms_, pictures_, row, lanes_, light);
+#endif
+  weave_kernel::turn_light_plainly(terms_, pictures_, row, lanes_, light);
+}
+
 const uint8_t* BlockWeaver::turned_row(int row) noexcept {
   const size_t slot = static_cast<size_t>(row) % slots_.size();
   uint8_t* const turned = turned_.get() + slot * turned_bytes_;
-#if defined(__x86_64__)
-  if (std::exchange(slots_[slot], row) != row) weave_kernel::turn_row(pictures_, row, turned);
-#endif
+  if (std::exchange(slots_[slot], row) != row) turn(row, turned);
   return turned;
+}
+
+weave_kernel::TurnedRows BlockWeaver::turned_rows(const Set& set) noexcept {
+  weave_kernel::TurnedRows rows{.upper = {}, .lower = {}, .lanes = lanes_};
+  for (int r = 0; r < kRows; ++r) {
+    rows.upper[r] = turned_row(set.row[r]);
+    rows.lower[r] = turned_row(std::min(set.row[r] + 1, pictures_.height - 1));
+  }
+  return rows;
 }
 
 void BlockWeaver::mix(const WeavePlan::Block& block) noexcept {
   const weave_kernel::Target target{.light = light_.data(), .light_stride = light_stride_};
-  for (const Set& set : block.sets) {
-    if (kernel_ == WeaveKernel::Plain) {
-      weave_kernel::mix_set_plainly(terms_, pictures_, set, block.quads, target);
-      continue;
-    }
+  for (const Set& set : block.sets) mix_set(set, block.quads, target);
+}
+
+void BlockWeaver::mix_set(const Set& set, const weave_kernel::Quad* quads,
+                          const weave_kernel::Target& target) noexcept {
+  if (kernel_ == WeaveKernel::Plain)
+    return weave_kernel::mix_set_plainly(terms_, pictures_, set, quads, target);
+  const weave_kernel::TurnedRows rows = turned_rows(set);
 #if defined(__x86_64__)
-    weave_kernel::TurnedRows rows{};
-    for (int r = 0; r < kRows; ++r) {
-      rows.upper[r] = turned_row(set.row[r]);
-      rows.lower[r] = turned_row(std::min(set.row[r] + 1, pictures_.height - 1));
-    }
-    weave_kernel::mix_set_by_permuting(terms_, rows, set, block.quads, target);
+  if (kernel_ == WeaveKernel::Permute)
+    return weave_kernel::mix_set_by_permuting(terms_, rows, set, quads, target);
+  if (kernel_ == WeaveKernel::Avx2 && terms_.spot.weights != nullptr)
+    return weave_kernel::mix_spot_set_avx2(terms_, rows, set, quads, target);
+  if (kernel_ == WeaveKernel::Avx2)
+    return weave_kernel::mix_set_avx2(terms_, rows, set, quads, target);
 #endif
-  }
+  weave_kernel::mix_set_turned(terms_, rows, set, quads, target);
 }
 
 void BlockWeaver::blacken(const WeavePlan::Block& block) noexcept {

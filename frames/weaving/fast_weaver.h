@@ -21,14 +21,21 @@ namespace lenticule::frames {
 
 /// Which inner loop runs; all of them write the same bytes.
 enum class WeaveKernel {
-  Plain,    ///< any processor; also for cell layouts, offsets between colours, and many views
+  Plain,    ///< any processor and plan, pixel by pixel
+  Turned,   ///< any processor and plan: picture rows are put side by side in light first
+  Avx2,     ///< the same with AVX2
   Permute,  ///< AVX-512 with byte permutes (VBMI): stripes, up to 64 views, not for Gauss
 };
+inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel::Turned,
+                                                WeaveKernel::Avx2, WeaveKernel::Permute};
 [[nodiscard]] const char* to_string(WeaveKernel kernel);
+/// Whether this machine and plan can use it.
+[[nodiscard]] bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan);
 /// The best for this plan on this machine. `isa` (and LENTICULE_ISA) can ask for less.
 [[nodiscard]] WeaveKernel best_kernel(const WeavePlan& plan, Isa isa = best_isa());
 
-/// Weaves blocks of four rows by one plan. One thread; keeps its working memory.
+/// Weaves blocks of four rows by one plan. One thread; keeps its working
+/// memory.
 class BlockWeaver {
  public:
   /// Throws Error(Usage) for a kernel that this machine or plan cannot use.
@@ -45,9 +52,14 @@ class BlockWeaver {
   void look_at(const ViewSet& views) noexcept;
   void weave_block(int index, WovenFrame& frame) noexcept;
   void mix(const WeavePlan::Block& block) noexcept;
+  void mix_set(const weave_kernel::Set& set, const weave_kernel::Quad* quads,
+               const weave_kernel::Target& target) noexcept;
   void blacken(const WeavePlan::Block& block) noexcept;
   void encode_row(const uint16_t* light, uint8_t* codes) const noexcept;
+  void prepare_turning();
+  void turn(int row, uint8_t* turned) const noexcept;
   [[nodiscard]] const uint8_t* turned_row(int row) noexcept;
+  [[nodiscard]] weave_kernel::TurnedRows turned_rows(const weave_kernel::Set& set) noexcept;
 
   std::shared_ptr<const WeavePlan> plan_;
   WeaveKernel kernel_;
@@ -59,6 +71,7 @@ class BlockWeaver {
   /// Picture rows with the views side by side: row r in slot r mod slots.
   Turned turned_;
   size_t turned_bytes_ = 0;
+  size_t lanes_ = 0;
   std::vector<int> slots_;
   std::vector<uint16_t> spot_;  ///< weights, for Gauss
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/weaving/fixed_light.h"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -35,13 +36,78 @@ uint8_t encode(int light) {
   return static_cast<uint8_t>((start + ((rise * part + 0x4000) >> 15)) >> kPointBits);
 }
 
+/// One part of the light curve.
+struct Parabola {
+  int start = 0, rise = 0, bend = 0;
+
+  [[nodiscard]] int at(int t) const {
+    return start + ((t * (rise + ((t * bend + 4) >> 3)) + 4) >> 3);
+  }
+};
+
+double exact_light(int code) {
+  return kFull * linear_of_codes()[static_cast<size_t>(code)];
+}
+
+double furthest_off(const Parabola& parabola, int first_code) {
+  double most = 0.0;
+  for (int t = 0; t < 16; ++t)
+    most = std::max(most, std::abs(parabola.at(t) - exact_light(first_code + t)));
+  return most;
+}
+
+/// The best around the one through the first, a middle and the last code. First codes are as exact
+/// as they can be: black stays black.
+Parabola fitted(int first_code) {
+  const double first = exact_light(first_code), last = exact_light(first_code + 15);
+  const double middle = exact_light(first_code + 7);
+  const double bend = ((last - first) / 15.0 - (middle - first) / 7.0) / (15.0 - 7.0);
+  const int start = static_cast<int>(std::lround(first));
+  const int about = static_cast<int>(std::lround(64.0 * bend));
+  Parabola best;
+  double least = kFull;
+  for (int b = std::max(about - 8, 0); b <= about + 8; ++b) {
+    const int rise = static_cast<int>(std::lround(8.0 * (last - first) / 15.0 - 15.0 * b / 8.0));
+    for (int r = std::max(rise - 3, 0); r <= rise + 3; ++r) {
+      const Parabola tried{start, r, b};
+      const double off = furthest_off(tried, first_code);
+      if (off >= least || tried.at(15) > kFull) continue;
+      least = off;
+      best = tried;
+    }
+  }
+  return best;
+}
+
 }  // namespace
+
+const LightCurve& light_curve() {
+  static const LightCurve curve = [] {
+    LightCurve parts{};
+    for (size_t n = 0; n < 16; ++n) {
+      const Parabola part = fitted(static_cast<int>(16 * n));
+      parts.start_low[n] = static_cast<uint8_t>(part.start & 0xff);
+      parts.start_high[n] = static_cast<uint8_t>(part.start >> 8);
+      parts.rise_low[n] = static_cast<uint8_t>(part.rise & 0xff);
+      parts.rise_high[n] = static_cast<uint8_t>(part.rise >> 8);
+      parts.bend[n] = static_cast<uint8_t>(part.bend);
+    }
+    return parts;
+  }();
+  return curve;
+}
 
 const std::array<uint16_t, 256>& light_of_codes15() {
   static const std::array<uint16_t, 256> table = [] {
+    const LightCurve& curve = light_curve();
     std::array<uint16_t, 256> light{};
-    for (size_t code = 0; code < light.size(); ++code)
-      light[code] = static_cast<uint16_t>(std::lround(linear_of_codes()[code] * kFull));
+    for (size_t code = 0; code < light.size(); ++code) {
+      const size_t n = code / 16;
+      const Parabola part{.start = curve.start_low[n] | curve.start_high[n] << 8,
+                          .rise = curve.rise_low[n] | curve.rise_high[n] << 8,
+                          .bend = curve.bend[n]};
+      light[code] = static_cast<uint16_t>(part.at(static_cast<int>(code % 16)));
+    }
     return light;
   }();
   return table;

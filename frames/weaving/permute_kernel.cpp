@@ -46,15 +46,16 @@ struct ChannelMasks {
 
 /// By the colours that the rows' runs begin with, as Quad::colours counts them.
 struct MaskTable {
-  ChannelMasks masks[81];
+  ChannelMasks masks[256];
 };
 
 constexpr MaskTable mask_table() {
   MaskTable table{};
-  for (int colours = 0; colours < 81; ++colours)
-    for (int r = 0, rest = colours; r < kRows; ++r, rest /= 3)
+  for (int colours = 0; colours < 256; ++colours)
+    for (int r = 0; r < kRows; ++r)
       for (int n = 0; n < kRun; ++n)
-        table.masks[colours].of[(rest + n) % 3] |= uint64_t{0x101} << (16 * r + n);
+        table.masks[colours].of[((colours >> (2 * r) & 3) + n) % 3] |= uint64_t{0x101}
+                                                                       << (16 * r + n);
   return table;
 }
 constexpr MaskTable kMasks = mask_table();
@@ -126,7 +127,8 @@ Codes choose_codes(const TurnedRows& rows, const Quad& quad, bool blue_first, __
     const uint64_t lanes = (~uint64_t{0} >> (64 - 16 * (end - begin))) << (16 * begin);
     const size_t pixel = static_cast<size_t>(quad.column[begin]) * kPixelBytes;
     const ChannelMasks some{{all.of[0] & lanes, all.of[1] & lanes, all.of[2] & lanes}};
-    choose_rows(codes, some, index, rows.upper[begin] + pixel, rows.lower[begin] + pixel);
+    choose_rows(codes, some, index, static_cast<const uint8_t*>(rows.upper[begin]) + pixel,
+                static_cast<const uint8_t*>(rows.lower[begin]) + pixel);
     begin = end;
   }
   return codes;
@@ -137,8 +139,12 @@ __m512i mix(__m512i a, __m512i b, __m512i weight) {
   return _mm512_add_epi16(a, _mm512_mulhrs_epi16(_mm512_sub_epi16(b, a), weight));
 }
 
-/// One tap's light, its two views mixed.
-__m512i tap_light(const LightTable& table, __m512i codes, __m512i view_weight) {
+/// One tap's light in both views.
+struct Light {
+  __m512i a, b;
+};
+
+Light light_of(const LightTable& table, __m512i codes) {
   const __mmask64 upper_half = _mm512_movepi8_mask(codes);
   const __m512i low = _mm512_mask_blend_epi8(
       upper_half, _mm512_permutex2var_epi8(table.low[0], codes, table.low[1]),
@@ -146,7 +152,11 @@ __m512i tap_light(const LightTable& table, __m512i codes, __m512i view_weight) {
   const __m512i high = _mm512_mask_blend_epi8(
       upper_half, _mm512_permutex2var_epi8(table.high[0], codes, table.high[1]),
       _mm512_permutex2var_epi8(table.high[2], codes, table.high[3]));
-  return mix(_mm512_unpacklo_epi8(low, high), _mm512_unpackhi_epi8(low, high), view_weight);
+  return {_mm512_unpacklo_epi8(low, high), _mm512_unpackhi_epi8(low, high)};
+}
+
+Light mix(const Light& a, const Light& b, __m512i weight) {
+  return {mix(a.a, b.a, weight), mix(a.b, b.b, weight)};
 }
 
 /// Four 16-bit values, one per row, in all words of the row.
@@ -205,7 +215,7 @@ void fetch_ahead(const Pictures& pictures, size_t at) {
 
 void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept {
   const size_t begin = static_cast<size_t>(row) * pictures.stride;
-  const size_t bytes = static_cast<size_t>(pictures.width) * 3;
+  const size_t bytes = 3 * static_cast<size_t>(pictures.width);
   size_t at = 0;
   for (; at + 16 <= bytes; at += 16) {
     if (at % 64 == 0) fetch_ahead(pictures, begin + at + kAhead);
@@ -237,11 +247,12 @@ void mix_set_by_permuting(const Terms& terms, const TurnedRows& rows, const Set&
     const Quad& quad = quads[q];
     const Views views = views_of(terms, quad);
     const Codes codes = choose_codes(rows, quad, terms.blue_first, views.index);
-    const __m512i left = mix(tap_light(table, codes.upper_left, views.weight),
-                             tap_light(table, codes.lower_left, views.weight), row_weight);
-    const __m512i right = mix(tap_light(table, codes.upper_right, views.weight),
-                              tap_light(table, codes.lower_right, views.weight), row_weight);
-    store_rows(mix(left, right, column_weights(quad)), set, quad, target);
+    const Light left =
+        mix(light_of(table, codes.upper_left), light_of(table, codes.lower_left), row_weight);
+    const Light right =
+        mix(light_of(table, codes.upper_right), light_of(table, codes.lower_right), row_weight);
+    const Light both_views = mix(left, right, column_weights(quad));
+    store_rows(mix(both_views.a, both_views.b, views.weight), set, quad, target);
   }
 }
 

@@ -20,58 +20,39 @@ int bent(const Quad& quad, int r, int n) {
 struct Look {
   int view, view_weight;
   int column, column_weight;
+  int row, row_weight;
   int channel;
 };
 
-/// The light of one picture row's two pixels, each mixed from two views.
-class Taps {
- public:
-  Taps(const Terms& terms, const Pictures& pictures, const Look& look)
-      : terms_(terms), stride_(pictures.stride), look_(look) {
-    const int next_view = std::min(look.view + 1, pictures.views - 1);
-    left_ = 3 * look.column + look.channel;
-    right_ = 3 * std::min(look.column + 1, pictures.width - 1) + look.channel;
-    a_ = pictures.first[look.view];
-    b_ = pictures.first[next_view];
-  }
-  [[nodiscard]] int left(int row) const { return tap(row, left_); }
-  [[nodiscard]] int right(int row) const { return tap(row, right_); }
+/// A view's four pixels, mixed.
+int view_light(const Terms& terms, const Pictures& pictures, const Look& look, int view) {
+  const int next_row = std::min(look.row + 1, pictures.height - 1);
+  const int next_column = std::min(look.column + 1, pictures.width - 1);
+  const uint8_t* const first = pictures.first[std::min(view, pictures.views - 1)] + look.channel;
+  const uint8_t* const upper = first + static_cast<size_t>(look.row) * pictures.stride;
+  const uint8_t* const lower = first + static_cast<size_t>(next_row) * pictures.stride;
+  const auto column = [&](int at) {
+    return mix(terms.light[upper[3 * at]], terms.light[lower[3 * at]], look.row_weight);
+  };
+  return mix(column(look.column), column(next_column), look.column_weight);
+}
 
- private:
-  [[nodiscard]] int tap(int row, int offset) const {
-    const size_t at = static_cast<size_t>(row) * stride_ + static_cast<size_t>(offset);
-    return mix(terms_.light[a_[at]], terms_.light[b_[at]], look_.view_weight);
-  }
-  const Terms& terms_;
-  size_t stride_;
-  Look look_;
-  int left_, right_;
-  const uint8_t *a_, *b_;
-};
-
-/// Light of a view's four pixels, mixed.
-int picture_light(const Terms& terms, const Pictures& pictures, const Look& look, int upper,
-                  int row_weight) {
-  const int lower = std::min(upper + 1, pictures.height - 1);
-  const Taps taps(terms, pictures, look);
-  const int left = mix(taps.left(upper), taps.left(lower), row_weight);
-  const int right = mix(taps.right(upper), taps.right(lower), row_weight);
-  return mix(left, right, look.column_weight);
+int two_views_light(const Terms& terms, const Pictures& pictures, const Look& look) {
+  const int light = view_light(terms, pictures, look, look.view);
+  if (look.view_weight == 0) return light;
+  return mix(light, view_light(terms, pictures, look, look.view + 1), look.view_weight);
 }
 
 /// Many views under the lens's spot. The view number is not clamped: views at the ends weigh less
 /// the further off they are.
-int spot_light(const Terms& terms, const Pictures& pictures, Look look, int32_t view, int upper,
-               int row_weight) {
+int spot_light(const Terms& terms, const Pictures& pictures, const Look& look, int32_t number) {
   const Spot& spot = terms.spot;
-  const int part = (view & ((1 << kViewBits) - 1)) >> (kViewBits - spot.bits);
+  const int part = (number & ((1 << kViewBits) - 1)) >> (kViewBits - spot.bits);
   const uint16_t* const weights = spot.weights + static_cast<ptrdiff_t>(part) * spot.taps;
-  const int first = (view >> kViewBits) - spot.reach;
+  const int first = (number >> kViewBits) - spot.reach;
   int64_t light = 0, sum = 0;
-  look.view_weight = 0;
   for (int n = std::max(0, -first); n < spot.taps && first + n < pictures.views; ++n) {
-    look.view = first + n;
-    light += int64_t{weights[n]} * picture_light(terms, pictures, look, upper, row_weight);
+    light += int64_t{weights[n]} * view_light(terms, pictures, look, first + n);
     sum += weights[n];
   }
   return sum > 0 ? static_cast<int>((light + sum / 2) / sum) : 0;
@@ -82,7 +63,6 @@ void mix_run(const Terms& terms, const Pictures& pictures, const Set& set, const
              uint16_t* light) {
   const int step = terms.view_step + quad.view_step;
   const int count = (quad.counts >> (4 * r)) & 15;
-  const int upper = set.row[r], row_weight = set.row_share[r];
   for (int n = 0; n < count; ++n) {
     const int32_t number = quad.view[r] + n * step;
     const int view = std::clamp(number, 0, terms.view_most);
@@ -92,10 +72,11 @@ void mix_run(const Terms& terms, const Pictures& pictures, const Set& set, const
                     .view_weight = (view >> (kViewBits - kWeightBits)) & terms.weight_mask,
                     .column = quad.column[r],
                     .column_weight = quad.share[r] + bent(quad, r, n),
+                    .row = set.row[r],
+                    .row_weight = set.row_share[r],
                     .channel = terms.blue_first ? 2 - colour : colour};
-    const int mixed = terms.spot.weights == nullptr
-                          ? picture_light(terms, pictures, look, upper, row_weight)
-                          : spot_light(terms, pictures, look, number, upper, row_weight);
+    const int mixed = terms.spot.weights == nullptr ? two_views_light(terms, pictures, look)
+                                                    : spot_light(terms, pictures, look, number);
     light[place] = static_cast<uint16_t>(mixed);
   }
 }
@@ -112,7 +93,14 @@ void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& se
 
 void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
                     uint8_t* codes) noexcept {
-  for (size_t n = 0; n < count; ++n) codes[n] = terms.codes[light[n]];
+  const uint8_t* const table = terms.codes;  // `codes` might alias what `terms` points to
+  size_t n = 0;
+  for (; n + 8 <= count; n += 8) {
+    uint8_t eight[8];
+    for (size_t k = 0; k < 8; ++k) eight[k] = table[light[n + k]];
+    for (size_t k = 0; k < 8; ++k) codes[n + k] = eight[k];
+  }
+  for (; n < count; ++n) codes[n] = table[light[n]];
 }
 
 }  // namespace lenticule::frames::weave_kernel

@@ -4,8 +4,9 @@
 // same integers, bit for bit.
 //
 // In units of 2^-15, with mix(a, b, w) = a + ((b - a) w + 2^14 >> 15), a subpixel's light is
-//   mix(mix(T00, T10, wy), mix(T01, T11, wy), wx), where Tcr = mix(view a, view a + 1, wv)
-// at column x0 + c, row y0 + r. Equal values stay exactly equal, weights of 0 count for nothing.
+//   mix(P(a), P(a + 1), wv), where P(v) = mix(mix(L00, L10, wy), mix(L01, L11, wy), wx)
+// of the light Lcr of view v at column x0 + c, row y0 + r. Equal values stay exactly equal, weights
+// of 0 count for nothing.
 #pragma once
 
 #include <cstddef>
@@ -34,7 +35,7 @@ struct Quad {
   int16_t column_bend;
   /// Four bits a row. Where there is nothing in a row, `at` lies behind the last place.
   uint16_t counts;
-  uint16_t colours;  ///< sum over the rows of 3^r (at[r] mod 3)
+  uint16_t colours;  ///< at[r] mod 3, two bits a row
 };
 static_assert(sizeof(Quad) == 56);
 
@@ -51,19 +52,20 @@ struct Set {
 /// The Gaussian view filter: for each fraction of a view number, in 2^-bits, the weights of `taps`
 /// views from `reach` left of its whole part on. Views that are not there do not count.
 struct Spot {
-  const uint16_t* weights;  ///< null: no such filter
-  int taps, reach, bits;
+  const uint16_t* weights;  ///< null: no such filter. Eight more than there are can be read
+  int taps, reach, bits, views;
 };
 
 /// What is the same for a whole frame.
 struct Terms {
-  int32_t view_step;      ///< nominal, added to every quad's
-  int32_t view_most;      ///< view numbers are clamped to 0..view_most
-  int32_t weight_mask;    ///< 0x7fff, or 0: no mixing of views
-  bool blue_first;        ///< the first of three places is blue
-  const uint16_t* light;  ///< of codes, 256
-  const uint8_t* codes;   ///< of light, 32768
-  const int16_t* curve;   ///< EncodingCurve: four times 64
+  int32_t view_step;           ///< nominal, added to every quad's
+  int32_t view_most;           ///< view numbers are clamped to 0..view_most
+  int32_t weight_mask;         ///< 0x7fff, or 0: no mixing of views
+  bool blue_first;             ///< the first of three places is blue
+  const uint16_t* light;       ///< of codes, 256
+  const uint8_t* codes;        ///< of light, 32768
+  const uint8_t* light_curve;  ///< LightCurve: five times 16
+  const int16_t* curve;        ///< EncodingCurve: four times 64
   Spot spot;
 };
 
@@ -87,14 +89,35 @@ void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& se
 void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
                     uint8_t* codes) noexcept;
 
-/// The same by permuting bytes: at most kViewLanes views, sets of stride 1. The four rows' upper
-/// and lower picture rows are given as turn_row() leaves them.
+/// The picture rows that a set looks at, put side by side: what one of the turn_...() functions
+/// left, aligned to 64.
 struct TurnedRows {
-  const uint8_t* upper[kRows];
-  const uint8_t* lower[kRows];
+  const void* upper[kRows];
+  const void* lower[kRows];
+  size_t lanes;  ///< not for permuting, which has kViewLanes
 };
-/// Puts the views of each pixel and colour of one picture row side by side: width + 1 pixels, the
-/// last one twice, three colours each, kViewLanes views each. `turned` is aligned to 64.
+
+/// Lanes of an entry: a multiple of kLaneStep, whose rest repeats the last view.
+inline constexpr size_t kLaneStep = 16;
+/// Puts the light of a picture row's views side by side: entry (3 column + channel) lanes + view is
+/// two words, the light there and in the next column. There are as many pointers to views as lanes.
+void turn_light_plainly(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
+                        uint16_t* light) noexcept;
+void mix_set_turned(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad* quads,
+                    const Target& target) noexcept;
+
+/// The same with AVX2; a set is mixed by the second where there is no spot, by the third where
+/// there is one.
+void turn_light_avx2(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
+                     uint16_t* light) noexcept;
+void mix_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad* quads,
+                  const Target& target) noexcept;
+void mix_spot_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set,
+                       const Quad* quads, const Target& target) noexcept;
+
+/// The same by permuting bytes: at most kViewLanes views, sets of stride 1. The first puts the
+/// codes of a picture row's views side by side: width + 1 pixels, the last one twice, three colours
+/// each, kViewLanes views each.
 void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept;
 void mix_set_by_permuting(const Terms& terms, const TurnedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept;

@@ -319,8 +319,8 @@ bool PlanBuilder::join(const std::array<const Run*, kRows>& rows, int places,
     quad.column_step[r] = static_cast<int16_t>(column_step_of(*run, steps.bend));
     quad.counts = static_cast<uint16_t>(quad.counts | run->count << (4 * r));
   }
-  for (int r = kRows - 1; r >= 0; --r)
-    quad.colours = static_cast<uint16_t>(3 * quad.colours + quad.at[r] % 3);
+  for (int r = 0; r < kRows; ++r)
+    quad.colours = static_cast<uint16_t>(quad.colours | quad.at[r] % 3 << (2 * r));
   part.quads.push_back(quad);
   return true;
 }
