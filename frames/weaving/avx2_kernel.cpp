@@ -135,6 +135,9 @@ void mix_quad(const RunTerms& run, const Terms& terms, size_t stride, const Quad
   }
 }
 
+/// A frame's quads are more than caches hold.
+constexpr uint32_t kQuadsAhead = 32;
+
 constexpr int kTile = 32;  ///< bytes of each view that are turned at once
 
 /// Sixteen registers of two times sixteen bytes: transposed in both parts.
@@ -279,8 +282,11 @@ void mix_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set, co
                   const Target& target) noexcept {
   const RunTerms run(terms, rows, set, target);
   if (set.stride == 1) {
-    for (uint32_t q = set.quads_begin; q < set.quads_end; ++q)
+    for (uint32_t q = set.quads_begin; q < set.quads_end; ++q) {
+      if (q + kQuadsAhead < set.quads_end)
+        _mm_prefetch(reinterpret_cast<const char*>(quads + q + kQuadsAhead), _MM_HINT_T0);
       mix_quad<true>(run, terms, 1, quads[q]);
+    }
   } else {
     for (uint32_t q = set.quads_begin; q < set.quads_end; ++q)
       mix_quad<false>(run, terms, set.stride, quads[q]);

@@ -39,31 +39,26 @@ LightTable light_table(const uint16_t* light) {
   return table;
 }
 
-/// Which lanes have which colour.
-struct ChannelMasks {
+/// Which lanes have the second and the third of three places' colours, or the first.
+struct ColourLanes {
   uint64_t of[3];
 };
 
 /// By the colours that the rows' runs begin with, as Quad::colours counts them.
-struct MaskTable {
-  ChannelMasks masks[256];
+struct ColourTable {
+  ColourLanes lanes[256];
 };
 
-constexpr MaskTable mask_table() {
-  MaskTable table{};
+constexpr ColourTable colour_table() {
+  ColourTable table{};
   for (int colours = 0; colours < 256; ++colours)
     for (int r = 0; r < kRows; ++r)
       for (int n = 0; n < kRun; ++n)
-        table.masks[colours].of[((colours >> (2 * r) & 3) + n) % 3] |= uint64_t{0x101}
+        table.lanes[colours].of[((colours >> (2 * r) & 3) + n) % 3] |= uint64_t{0x101}
                                                                        << (16 * r + n);
   return table;
 }
-constexpr MaskTable kMasks = mask_table();
-
-ChannelMasks channel_masks(const Quad& quad, bool blue_first) {
-  const ChannelMasks& masks = kMasks.masks[quad.colours];
-  return blue_first ? ChannelMasks{{masks.of[2], masks.of[1], masks.of[0]}} : masks;
-}
+constexpr ColourTable kColours = colour_table();
 
 /// View numbers of a quad as words, a row per 128 bits, eight subpixels each.
 struct Views {
@@ -93,30 +88,73 @@ Views views_of(const Terms& terms, const Quad& quad) {
   return {_mm512_packus_epi16(a, b), _mm512_packs_epi32(weight(left), weight(right))};
 }
 
+/// How a quad's lanes choose among the 3 x 64 codes of a pixel: two colours' at once, then the
+/// third's.
+struct Choice {
+  __m512i index;
+  __mmask64 blue;
+};
+
+Choice choice_of(const Quad& quad, bool blue_first, __m512i index) {
+  const ColourLanes& lanes = kColours.lanes[quad.colours];
+  const __m512i second = _mm512_set1_epi8(kViewLanes);
+  return {_mm512_mask_add_epi8(index, lanes.of[1], index, second), lanes.of[blue_first ? 0 : 2]};
+}
+
+__m512i choose(const Choice& choice, const uint8_t* pixel) {
+  const __m512i two = _mm512_permutex2var_epi8(_mm512_load_si512(pixel), choice.index,
+                                               _mm512_load_si512(pixel + kViewLanes));
+  return _mm512_mask_permutexvar_epi8(two, choice.blue, choice.index,
+                                      _mm512_load_si512(pixel + 2 * kViewLanes));
+}
+
 /// The codes of a quad's four taps.
 struct Codes {
   __m512i upper_left, upper_right, lower_left, lower_right;
 };
 
-__m512i choose(__m512i codes, const ChannelMasks& lanes, __m512i index, const uint8_t* pixel) {
-  codes = _mm512_mask_permutexvar_epi8(codes, lanes.of[0], index, _mm512_load_si512(pixel));
-  codes = _mm512_mask_permutexvar_epi8(codes, lanes.of[1], index,
-                                       _mm512_load_si512(pixel + kViewLanes));
-  return _mm512_mask_permutexvar_epi8(codes, lanes.of[2], index,
-                                      _mm512_load_si512(pixel + 2 * kViewLanes));
+/// Of two neighbouring columns in one picture row.
+struct Pair {
+  __m512i left, right;
+};
+
+Pair choose_pair(const Choice& choice, const uint8_t* pixel) {
+  return {choose(choice, pixel), choose(choice, pixel + kPixelBytes)};
 }
 
-void choose_rows(Codes& codes, const ChannelMasks& lanes, __m512i index, const uint8_t* upper,
-                 const uint8_t* lower) {
-  codes.upper_left = choose(codes.upper_left, lanes, index, upper);
-  codes.upper_right = choose(codes.upper_right, lanes, index, upper + kPixelBytes);
-  codes.lower_left = choose(codes.lower_left, lanes, index, lower);
-  codes.lower_right = choose(codes.lower_right, lanes, index, lower + kPixelBytes);
+/// Which picture rows the four rows of a set look at.
+struct RowPattern {
+  const uint8_t *top, *middle, *bottom;  ///< the set's last rows have the middle one as their upper
+  __mmask64 last;                        ///< their lanes, if any
+  bool simple;                           ///< is all this so?
+};
+
+RowPattern pattern_of(const TurnedRows& rows) {
+  int same = 1;
+  while (same < kRows && rows.upper[same] == rows.upper[0]) ++same;
+  bool simple = same == kRows || rows.upper[same] == rows.lower[0];
+  for (int r = same; r < kRows; ++r) simple = simple && rows.upper[r] == rows.upper[same];
+  return {.top = static_cast<const uint8_t*>(rows.upper[0]),
+          .middle = static_cast<const uint8_t*>(rows.lower[0]),
+          .bottom = static_cast<const uint8_t*>(rows.lower[kRows - 1]),
+          .last = same == kRows ? 0 : ~uint64_t{0} << (16 * same),
+          .simple = simple};
+}
+
+/// All rows look at the same columns.
+Codes choose_simply(const RowPattern& rows, const Choice& choice, size_t pixel) {
+  const Pair top = choose_pair(choice, rows.top + pixel);
+  const Pair middle = choose_pair(choice, rows.middle + pixel);
+  if (rows.last == 0) return {top.left, top.right, middle.left, middle.right};
+  const Pair bottom = choose_pair(choice, rows.bottom + pixel);
+  return {_mm512_mask_blend_epi8(rows.last, top.left, middle.left),
+          _mm512_mask_blend_epi8(rows.last, top.right, middle.right),
+          _mm512_mask_blend_epi8(rows.last, middle.left, bottom.left),
+          _mm512_mask_blend_epi8(rows.last, middle.right, bottom.right)};
 }
 
 /// Rows that look at the same pixels are served together.
-Codes choose_codes(const TurnedRows& rows, const Quad& quad, bool blue_first, __m512i index) {
-  const ChannelMasks all = channel_masks(quad, blue_first);
+Codes choose_by_rows(const TurnedRows& rows, const Quad& quad, const Choice& choice) {
   const __m512i none = _mm512_setzero_si512();
   Codes codes{none, none, none, none};
   for (int begin = 0; begin < kRows;) {
@@ -124,14 +162,22 @@ Codes choose_codes(const TurnedRows& rows, const Quad& quad, bool blue_first, __
     while (end < kRows && quad.column[end] == quad.column[begin] &&
            rows.upper[end] == rows.upper[begin])
       ++end;
-    const uint64_t lanes = (~uint64_t{0} >> (64 - 16 * (end - begin))) << (16 * begin);
+    const __mmask64 lanes = (~uint64_t{0} >> (64 - 16 * (end - begin))) << (16 * begin);
     const size_t pixel = static_cast<size_t>(quad.column[begin]) * kPixelBytes;
-    const ChannelMasks some{{all.of[0] & lanes, all.of[1] & lanes, all.of[2] & lanes}};
-    choose_rows(codes, some, index, static_cast<const uint8_t*>(rows.upper[begin]) + pixel,
-                static_cast<const uint8_t*>(rows.lower[begin]) + pixel);
+    const Pair upper = choose_pair(choice, static_cast<const uint8_t*>(rows.upper[begin]) + pixel);
+    const Pair lower = choose_pair(choice, static_cast<const uint8_t*>(rows.lower[begin]) + pixel);
+    codes.upper_left = _mm512_mask_mov_epi8(codes.upper_left, lanes, upper.left);
+    codes.upper_right = _mm512_mask_mov_epi8(codes.upper_right, lanes, upper.right);
+    codes.lower_left = _mm512_mask_mov_epi8(codes.lower_left, lanes, lower.left);
+    codes.lower_right = _mm512_mask_mov_epi8(codes.lower_right, lanes, lower.right);
     begin = end;
   }
   return codes;
+}
+
+bool has_one_column(const Quad& quad) {
+  return ((quad.column[0] ^ quad.column[1]) | (quad.column[0] ^ quad.column[2]) |
+          (quad.column[0] ^ quad.column[3])) == 0;
 }
 
 /// a + (b - a) weight, rounded.
@@ -175,6 +221,53 @@ __m512i column_weights(const Quad& quad) {
   return _mm512_add_epi16(per_row(quad.share), bend);
 }
 
+/// Quads go through each step some at a time: the steps of one quad wait for each other, those of
+/// several quads do not, and a processor sees about a hundred of them ahead.
+constexpr uint32_t kBatch = 8;
+struct Batch {
+  Views views[kBatch];
+  __m512i column_weight[kBatch];
+  Codes codes[kBatch];
+  __m512i light[kBatch];
+};
+
+/// A frame's quads are more than caches hold.
+constexpr uint32_t kQuadsAhead = 64;
+void fetch_quads(const Quad* quads, uint32_t begin, uint32_t end) {
+  for (uint32_t q = begin; q < begin + kBatch && q < end; ++q)
+    _mm_prefetch(reinterpret_cast<const char*>(quads + q), _MM_HINT_T0);
+}
+
+void place_batch(const Terms& terms, const Quad* quads, uint32_t count, Batch& batch) {
+  for (uint32_t n = 0; n < count; ++n) {
+    batch.views[n] = views_of(terms, quads[n]);
+    batch.column_weight[n] = column_weights(quads[n]);
+  }
+}
+
+void choose_batch(const Terms& terms, const TurnedRows& rows, const Quad* quads, uint32_t count,
+                  Batch& batch) {
+  const RowPattern pattern = pattern_of(rows);
+  for (uint32_t n = 0; n < count; ++n) {
+    const Choice choice = choice_of(quads[n], terms.blue_first, batch.views[n].index);
+    batch.codes[n] = pattern.simple && has_one_column(quads[n])
+                         ? choose_simply(pattern, choice, quads[n].column[0] * size_t{kPixelBytes})
+                         : choose_by_rows(rows, quads[n], choice);
+  }
+}
+
+void mix_batch(const LightTable& table, __m512i row_weight, uint32_t count, Batch& batch) {
+  for (uint32_t n = 0; n < count; ++n) {
+    const Codes& codes = batch.codes[n];
+    const Light left =
+        mix(light_of(table, codes.upper_left), light_of(table, codes.lower_left), row_weight);
+    const Light right =
+        mix(light_of(table, codes.upper_right), light_of(table, codes.lower_right), row_weight);
+    const Light both_views = mix(left, right, batch.column_weight[n]);
+    batch.light[n] = mix(both_views.a, both_views.b, batch.views[n].weight);
+  }
+}
+
 void store_rows(__m512i light, const Set& set, const Quad& quad, const Target& target) {
   uint16_t* const out = target.light + set.first;
   const auto row = [&](int r) {
@@ -205,10 +298,41 @@ __m128i sixteen_bytes(const uint8_t* from) {
 }
 
 /// So many rows at once are more than processors follow by themselves.
-constexpr size_t kAhead = 512;
+constexpr size_t kAhead = 256;
 void fetch_ahead(const Pictures& pictures, size_t at) {
   for (int view = 0; view < pictures.views; ++view)
     _mm_prefetch(reinterpret_cast<const char*>(pictures.first[view] + at), _MM_HINT_T0);
+}
+
+/// Sixteen bytes of each view, sixteen views a part of a register. Parts without views stay empty.
+template <int kParts>
+__m512i sixteen_of(const uint8_t* const* views, size_t at) {
+  __m512i bytes = _mm512_zextsi128_si512(sixteen_bytes(views[0] + at));
+  if (kParts > 1) bytes = _mm512_inserti32x4(bytes, sixteen_bytes(views[16] + at), 1);
+  if (kParts > 2) bytes = _mm512_inserti32x4(bytes, sixteen_bytes(views[32] + at), 2);
+  if (kParts > 3) bytes = _mm512_inserti32x4(bytes, sixteen_bytes(views[48] + at), 3);
+  return bytes;
+}
+
+/// As many bytes of the row as can be turned sixteen at a time: returns how many.
+template <int kParts>
+size_t turn_sixteens(const Pictures& pictures, size_t begin, size_t bytes, uint8_t* turned) {
+  size_t at = 0;
+  for (; at + 16 <= bytes; at += 16) {
+    if (at % 64 == 0) fetch_ahead(pictures, begin + at + kAhead);
+    __m512i rows[16];
+    for (int n = 0; n < 16; ++n) rows[n] = sixteen_of<kParts>(pictures.first + n, begin + at);
+    transpose_16(rows);
+    for (size_t n = 0; n < 16; ++n) _mm512_store_si512(turned + (at + n) * kViewLanes, rows[n]);
+  }
+  return at;
+}
+
+size_t turn_most(const Pictures& pictures, size_t begin, size_t bytes, uint8_t* turned) {
+  if (pictures.views <= 16) return turn_sixteens<1>(pictures, begin, bytes, turned);
+  if (pictures.views <= 32) return turn_sixteens<2>(pictures, begin, bytes, turned);
+  if (pictures.views <= 48) return turn_sixteens<3>(pictures, begin, bytes, turned);
+  return turn_sixteens<4>(pictures, begin, bytes, turned);
 }
 
 }  // namespace
@@ -216,43 +340,26 @@ void fetch_ahead(const Pictures& pictures, size_t at) {
 void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept {
   const size_t begin = static_cast<size_t>(row) * pictures.stride;
   const size_t bytes = 3 * static_cast<size_t>(pictures.width);
-  size_t at = 0;
-  for (; at + 16 <= bytes; at += 16) {
-    if (at % 64 == 0) fetch_ahead(pictures, begin + at + kAhead);
-    __m512i rows[16];
-    for (int n = 0; n < 16; ++n) {
-      __m512i views = _mm512_castsi128_si512(sixteen_bytes(pictures.first[n] + begin + at));
-      views = _mm512_inserti32x4(views, sixteen_bytes(pictures.first[n + 16] + begin + at), 1);
-      views = _mm512_inserti32x4(views, sixteen_bytes(pictures.first[n + 32] + begin + at), 2);
-      rows[n] = _mm512_inserti32x4(views, sixteen_bytes(pictures.first[n + 48] + begin + at), 3);
-    }
-    transpose_16(rows);
-    for (int n = 0; n < 16; ++n)
-      _mm512_store_si512(turned + (at + static_cast<size_t>(n)) * kViewLanes, rows[n]);
-  }
-  for (; at < bytes; ++at)
+  for (size_t at = turn_most(pictures, begin, bytes, turned); at < bytes; ++at)
     for (int view = 0; view < pictures.views; ++view)
       turned[at * kViewLanes + static_cast<size_t>(view)] = pictures.first[view][begin + at];
-  for (int c = 0; c < 3; ++c)
-    _mm512_store_si512(
-        turned + (bytes + static_cast<size_t>(c)) * kViewLanes,
-        _mm512_load_si512(turned + (bytes - 3 + static_cast<size_t>(c)) * kViewLanes));
+  for (size_t c = 0; c < 3; ++c)
+    _mm512_store_si512(turned + (bytes + c) * kViewLanes,
+                       _mm512_load_si512(turned + (bytes - 3 + c) * kViewLanes));
 }
 
 void mix_set_by_permuting(const Terms& terms, const TurnedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept {
   const LightTable table = light_table(terms.light);
   const __m512i row_weight = per_row(set.row_share);
-  for (uint32_t q = set.quads_begin; q < set.quads_end; ++q) {
-    const Quad& quad = quads[q];
-    const Views views = views_of(terms, quad);
-    const Codes codes = choose_codes(rows, quad, terms.blue_first, views.index);
-    const Light left =
-        mix(light_of(table, codes.upper_left), light_of(table, codes.lower_left), row_weight);
-    const Light right =
-        mix(light_of(table, codes.upper_right), light_of(table, codes.lower_right), row_weight);
-    const Light both_views = mix(left, right, column_weights(quad));
-    store_rows(mix(both_views.a, both_views.b, views.weight), set, quad, target);
+  Batch batch;
+  for (uint32_t q = set.quads_begin; q < set.quads_end; q += kBatch) {
+    const uint32_t count = set.quads_end - q < kBatch ? set.quads_end - q : kBatch;
+    fetch_quads(quads, q + kQuadsAhead, set.quads_end);
+    place_batch(terms, quads + q, count, batch);
+    choose_batch(terms, rows, quads + q, count, batch);
+    mix_batch(table, row_weight, count, batch);
+    for (uint32_t n = 0; n < count; ++n) store_rows(batch.light[n], set, quads[q + n], target);
   }
 }
 
