@@ -34,8 +34,7 @@ inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel:
 /// The best for this plan on this machine. `isa` (and LENTICULE_ISA) can ask for less.
 [[nodiscard]] WeaveKernel best_kernel(const WeavePlan& plan, Isa isa = best_isa());
 
-/// Weaves blocks of four rows by one plan. One thread; keeps its working
-/// memory.
+/// Weaves blocks of four rows by one plan. One thread; keeps its working memory.
 class BlockWeaver {
  public:
   /// Throws Error(Usage) for a kernel that this machine or plan cannot use.
