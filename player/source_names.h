@@ -12,5 +12,7 @@ inline constexpr const char* kCardSource = "card";
 inline constexpr const char* kViewsSource = "views";
 /// "ring:SOCKET": frames of another process.
 inline constexpr std::string_view kRingSource = "ring:";
+/// "views:PATTERN", "views:A|B": a picture, or a film, per view.
+inline constexpr std::string_view kViewFiles = "views:";
 
 }  // namespace lenticule::player

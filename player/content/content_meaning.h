@@ -11,9 +11,6 @@
 
 namespace lenticule::player {
 
-/// "views:PATTERN", "views:A|B": a picture, or a film, per view.
-inline constexpr std::string_view kViewFiles = "views:";
-
 struct ContentMeaning {
   enum class Kind {
     Woven,      ///< the pixels of a panel, to be shown as they are

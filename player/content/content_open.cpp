@@ -15,6 +15,7 @@
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/interrupt.h"
+#include "player/source_names.h"
 #include "player/video_program.h"
 
 namespace lenticule::player {

@@ -14,6 +14,7 @@
 #include "optics/error.h"
 #include "optics/text_file.h"
 #include "player/content/content_meaning.h"
+#include "player/source_names.h"
 #include "player/video_program.h"
 #include "player/video_writer.h"
 

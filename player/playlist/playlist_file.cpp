@@ -9,7 +9,7 @@
 #include "optics/text_file.h"
 #include "optics/toml_text.h"
 #include "player/playlist/playlist.h"
-#include "player/source_open.h"
+#include "player/source_names.h"
 
 namespace lenticule::player {
 namespace {
@@ -40,6 +40,8 @@ class Reader {
   [[nodiscard]] PlaylistItem item(const toml::node& node) const;
   void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const;
   [[nodiscard]] std::string source(const toml::node& node) const;
+  [[nodiscard]] std::string in_folder(const std::string& file) const;
+  [[nodiscard]] std::string files(const std::string& names) const;
   [[nodiscard]] std::string text(const toml::node& node) const;
   [[nodiscard]] double seconds(const toml::node& node) const;
   [[nodiscard]] uint64_t loops(const toml::node& node) const;
@@ -146,9 +148,27 @@ std::string Reader::source(const toml::node& node) const {
   if (source.empty() || source.size() > kMaxSourceBytes || source.find('\0') != std::string::npos)
     fail(node, "source: not a name");
   if (is_playlist_file(source)) fail(node, "source: a list holds no lists");
-  const bool is_file = source != kCardSource && source != kViewsSource &&
-                       source.find("ring:") != 0 && std::filesystem::path(source).is_relative();
-  return is_file ? (folder_ / source).string() : source;
+  if (source == kCardSource || source == kViewsSource || source.starts_with(kRingSource))
+    return source;
+  if (source.starts_with(kViewFiles))
+    return std::string(kViewFiles) + files(source.substr(kViewFiles.size()));
+  return in_folder(source);
+}
+
+std::string Reader::in_folder(const std::string& file) const {
+  return std::filesystem::path(file).is_relative() ? (folder_ / file).string() : file;
+}
+
+/// "left.mkv|right.mkv": each of them.
+std::string Reader::files(const std::string& names) const {
+  std::string all;
+  for (size_t begin = 0; begin <= names.size();) {
+    const size_t end = std::min(names.find('|', begin), names.size());
+    if (begin > 0) all += '|';
+    all += in_folder(names.substr(begin, end - begin));
+    begin = end + 1;
+  }
+  return all;
 }
 
 double Reader::seconds(const toml::node& node) const {

@@ -33,11 +33,12 @@ int play(const char* source, const char* rig_file) {
   const std::unique_ptr<display::KmsDisplay> display = display::open_kms_display(options);
   std::printf("opened %s\n", display->mode().name.c_str());
 
-  const player::OpenedSource opened =
-      player::open_source({.text = source,
-                           .panel = panel,
-                           .rig_fingerprint = optics::fingerprint(rig),
-                           .plays_again = true});
+  player::SourceRequest request;
+  request.text = source;
+  request.panel = panel;
+  request.rig_fingerprint = optics::fingerprint(rig);
+  request.plays_again = true;
+  const player::OpenedSource opened = player::open_source(request);
   player::PlaybackOptions playback;
   playback.loops = player::kForever;
   playback.stop_fd = player::interrupt_fd();
