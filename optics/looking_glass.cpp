@@ -144,11 +144,9 @@ void refuse_what_cannot_be_said(const Rig& rig) {
 }
 
 /// A rig says where light goes, not that pictures are to be mirrored.
-void refuse_what_rigs_cannot_say(const JsonFields& file, bool has_cells) {
+void refuse_what_rigs_cannot_say(const JsonFields& file) {
   if (file.flag("flipImageY"))
     file.fail("flipImageY", "pictures mirrored top to bottom, which a rig cannot say");
-  if (has_cells && file.flag("flipSubp"))
-    file.fail("flipSubp", "subpixelCells say themselves where red and blue are");
 }
 
 }  // namespace
@@ -169,7 +167,8 @@ LookingGlassImport import_looking_glass(std::string_view json, const std::string
   rig.panel.pixel_width = rig.panel.pixel_height = Millimetres(kMmPerInch / dpi);
   const nlohmann::json* cells = file.find("subpixelCells");
   const bool has_cells = cells != nullptr && !cells->empty();
-  refuse_what_rigs_cannot_say(file, has_cells);
+  refuse_what_rigs_cannot_say(file);
+  // Cells say themselves where red and blue are: with them flipSubp says nothing.
   rig.panel.layout = has_cells ? cell_layout(file, *cells, rig.panel.height_px)
                                : SubpixelLayout::named(file.flag("flipSubp") ? "bgr" : "rgb");
 

@@ -48,6 +48,7 @@ json json_of(uint64_t seed, const Trial& trial, const TrialResult& result) {
   json out = {{"seed", seed},
               {"pitch_subpx", trial.sheet.pitch_subpx},
               {"slant", trial.sheet.slant},
+              {"gap_mm", found.rig.sheet.gap.value},
               {"deformation_lenses", trial.sheet.deformation_lenses},
               {"noise", std::hypot(trial.camera.read_noise, trial.camera.shot_noise)},
               {"failure", result.failure},
@@ -97,6 +98,31 @@ void print_draw(const json& draw) {
   }
 }
 
+/// Root mean square of the errors of trusted draws, each in its own standard errors: 1 where these
+/// say how far off a number is. `scale` turns the error that is reported into the number's unit.
+template <class Scale>
+json scatter(const json& draws, const char* error, const char* name, const Scale& scale) {
+  double square = 0.0;
+  int count = 0;
+  for (const json& draw : draws) {
+    if (outcome_of(draw) == std::string("refused")) continue;
+    const double sigma = draw["sigma"].value(name, 0.0);
+    if (!(sigma > 0.0)) continue;
+    square += std::pow(draw[error].get<double>() * scale(draw) / sigma, 2);
+    ++count;
+  }
+  return count > 0 ? json(std::sqrt(square / count)) : json();
+}
+
+json scatter_of(const json& draws) {
+  const auto as_it_is = [](const json&) { return 1.0; };
+  return {{"pitch", scatter(draws, "pitch_error", "pitch_subpx",
+                            [](const json& draw) { return draw["pitch_subpx"].get<double>(); })},
+          {"slant", scatter(draws, "slant_error", "slant", as_it_is)},
+          {"gap", scatter(draws, "gap_error", "gap_mm",
+                          [](const json& draw) { return draw["gap_mm"].get<double>(); })}};
+}
+
 json summary_of(const json& draws) {
   std::vector<double> worst, pitch, slant, gap, map, single, computing;
   int good = 0, wrong = 0;
@@ -129,6 +155,7 @@ json summary_of(const json& draws) {
   spread("map_rms_lenses", map);
   spread("single_effective_pitch_error", single);
   spread("computing_seconds", computing);
+  out["error_per_standard_error"] = scatter_of(draws);
   return out;
 }
 
@@ -138,9 +165,14 @@ void print_summary(const json& summary) {
              summary["wrong"].get<int>(), summary["longest_capture_seconds"].get<double>());
   fmt::print("{:<32} {:>10} {:>10}\n", "of those that are trusted", "median", "largest");
   for (const auto& [key, value] : summary.items())
-    if (value.is_object())
+    if (value.is_object() && value.contains("median"))
       fmt::print("{:<32} {:>10.2g} {:>10.2g}\n", key, value["median"].get<double>(),
                  value["largest"].get<double>());
+  const json& scatter = summary["error_per_standard_error"];
+  if (scatter["pitch"].is_number())
+    fmt::print("errors in standard errors, rms: pitch {:.2f}, slant {:.2f}, gap {:.2f}\n",
+               scatter["pitch"].get<double>(), scatter["slant"].get<double>(),
+               scatter["gap"].get<double>());
 }
 
 ExitCode run_calibrate_bench(const CalibrateFlags& flags) {

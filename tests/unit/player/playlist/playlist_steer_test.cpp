@@ -80,7 +80,12 @@ class PlaylistSteer : public testing::Test {
   }
   void pause_still() {
     control.pause(true);
-    std::this_thread::sleep_for(milliseconds(30));  // a flip that was pending lands
+    // A flip that was pending lands, sooner or later.
+    uint64_t frames = 0;
+    do {
+      frames = control.on_glass().frames;
+      std::this_thread::sleep_for(milliseconds(60));
+    } while (control.on_glass().frames != frames);
   }
   [[nodiscard]] std::shared_ptr<const Playlist> other(const std::string& name) const {
     return std::make_shared<const Playlist>(playlist_of(name, kForever));
