@@ -6,12 +6,16 @@
 
 namespace lenticule::render {
 
+double primary_start_mm(double nearest_surface_mm, double viewing_distance_mm) {
+  const double clear_of_scene = nearest_surface_mm + 1e-5 * std::abs(nearest_surface_mm) + 1e-2;
+  return std::min(clear_of_scene, kNearestContent * viewing_distance_mm);
+}
+
 PrimaryRays::PrimaryRays(const optics::OpticalModel& model, const TilePlan& plan)
     : plan_(plan), evaluator_(model), distance_mm_(model.rig().viewing.distance.value) {}
 
 double PrimaryRays::start_mm(const Scene::Impl& scene) const {
-  const double clear_of_scene = scene.near_mm + 1e-5 * std::abs(scene.near_mm) + 1e-2;
-  return std::min(clear_of_scene, kNearestContent * distance_mm_);
+  return primary_start_mm(scene.near_mm, distance_mm_);
 }
 
 void PrimaryRays::evaluate_rows(const Tile& tile, Workspace& workspace) const {

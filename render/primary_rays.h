@@ -17,6 +17,9 @@ namespace lenticule::render {
 /// out: all rays meet at the viewing line, and what stands there has no size.
 inline constexpr double kNearestContent = 0.99;
 
+/// Panel z where rays start: just before the scene's nearest surface, and before the eye.
+[[nodiscard]] double primary_start_mm(double nearest_surface_mm, double viewing_distance_mm);
+
 class PrimaryRays {
  public:
   /// Both must outlive it.
@@ -38,7 +41,7 @@ class PrimaryRays {
   void generate(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint,
                 double weight, Workspace& workspace, std::vector<PathRay>& rays) const;
 
-  /// Panel z where rays start: just before the nearest surface, and before the eye.
+  /// primary_start_mm of a scene.
   [[nodiscard]] double start_mm(const Scene::Impl& scene) const;
 
  private:
