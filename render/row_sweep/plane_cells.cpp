@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/row_sweep/plane_cells.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lenticule::render {
+namespace {
+
+constexpr size_t kLanes = sweep_kernel::kLanes;
+
+constexpr size_t rounded_up(size_t count) {
+  return (count + kLanes - 1) / kLanes * kLanes;
+}
+
+/// Ranges may begin at the last lens and go on for all lanes.
+size_t stride_for(size_t lenses) {
+  const size_t stride = rounded_up(lenses + kLanes);
+  // Rows a power of two apart would share few places of the cache.
+  return stride % 128 == 0 ? stride + kLanes : stride;
+}
+
+}  // namespace
+
+void PlaneCells::arrange(const sweep_kernel::Kernel& kernel, double inverse_z, PlaneRays& rays) {
+  number_lenses(rays);
+  set_buffers();
+  padded_rays_ = rays.count + static_cast<size_t>(cells_.places) + 2 * kLanes;
+  if (rays.x_mm.size() < padded_rays_) rays.x_mm.resize(padded_rays_);
+  if (rays.tan_x.size() < padded_rays_) rays.tan_x.resize(padded_rays_);
+  set_steps(inverse_z, rays);
+  kernel.to_cells(rays.x_mm.data(), rays.tan_x.data(), first_.data(), cells_, spread_);
+  set_extremes();
+}
+
+void PlaneCells::number_lenses(const PlaneRays& rays) {
+  const auto count = static_cast<int32_t>(rays.count);
+  first_.clear();
+  int32_t places = 0, last = 0;
+  for (int32_t n = 0; n < count; ++n) {
+    const auto at = static_cast<size_t>(n);
+    if (n > 0 && rays.lens[at] == rays.lens[at - 1]) continue;
+    if (n > 0) places = std::max(places, n - last);
+    first_.push_back(n);
+    last = n;
+  }
+  places = std::max(places, count - last);
+  // Where lenses are very unequal, each ray counts as a lens.
+  if (static_cast<size_t>(places) * stride_for(first_.size()) > 16 * rays.count + 4096) {
+    first_.resize(rays.count);
+    for (int32_t n = 0; n < count; ++n) first_[static_cast<size_t>(n)] = n;
+    places = 1;
+  }
+  cells_.lenses = static_cast<int>(first_.size());
+  cells_.places = places;
+  cells_.stride = static_cast<int>(stride_for(first_.size()));
+  first_.resize(static_cast<size_t>(cells_.stride) + kLanes, count);
+}
+
+void PlaneCells::set_buffers() {
+  const size_t places = rounded_up(static_cast<size_t>(cells_.places));
+  const size_t size = places * static_cast<size_t>(cells_.stride);
+  if (floats_.size() < 4 * size) floats_.resize(4 * size);
+  if (cuts_.size() < size) cuts_.resize(size);
+  cells_.x = floats_.data();
+  cells_.tan = cells_.x + size;
+  cells_.z = cells_.tan + size;
+  cells_.along = cells_.z + size;
+  cells_.cut = cuts_.data();
+  ranges_.assign(4 * places, 0.0F);
+  spread_.x_low = ranges_.data();
+  spread_.x_high = spread_.x_low + places;
+  spread_.tan_low = spread_.x_high + places;
+  spread_.tan_high = spread_.tan_low + places;
+}
+
+/// All rays under a lens meet in one point, and all rays meet the viewing line: along a row tan
+/// changes by -1/Z of what x does, besides the place under the lens.
+void PlaneCells::set_steps(double inverse_z, const PlaneRays& rays) {
+  const auto lenses = static_cast<size_t>(cells_.lenses);
+  double step = 1.0;
+  if (lenses > 1) {
+    const double left = rays.x_mm[0];
+    const double right = rays.x_mm[static_cast<size_t>(first_[lenses - 1])];
+    step = (right - left) / (cells_.lenses - 1);
+  }
+  spread_.x_step = static_cast<float>(step);
+  spread_.tan_step = static_cast<float>(-step * inverse_z);
+}
+
+void PlaneCells::set_extremes() {
+  spread_.x_far = spread_.tan_far = 0.0F;
+  for (int n = 0; n < cells_.places; ++n) {
+    spread_.x_far =
+        std::max({spread_.x_far, std::abs(spread_.x_low[n]), std::abs(spread_.x_high[n])});
+    spread_.tan_far =
+        std::max({spread_.tan_far, std::abs(spread_.tan_low[n]), std::abs(spread_.tan_high[n])});
+  }
+  const auto lenses = static_cast<float>(cells_.lenses);
+  spread_.x_far += std::abs(spread_.x_step) * lenses;
+  spread_.tan_far += std::abs(spread_.tan_step) * lenses;
+}
+
+}  // namespace lenticule::render

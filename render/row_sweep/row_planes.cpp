@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/row_sweep/row_planes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "optics/error.h"
+
+namespace lenticule::render {
+namespace {
+
+using optics::TileOptics;
+using sweep_kernel::RowPiece;
+
+const sweep_kernel::Kernel& kernel_for(Isa isa) {
+#if defined(__x86_64__)
+  if (isa == Isa::Avx512) return isa_avx512::kSweepKernel;
+  if (isa == Isa::Avx2) return isa_avx2::kSweepKernel;
+#endif
+  static_cast<void>(isa);
+  return isa_baseline::kSweepKernel;
+}
+
+constexpr std::array<int, TileOptics::kRows> kUpright{};
+
+static_assert(sweep_kernel::kMostCoefficients == TileOptics::kMostCoefficients &&
+              sweep_kernel::kShiftCoefficients == TileOptics::kShiftCoefficients);
+
+/// One row of a tile.
+RowPiece piece_of(const TileOptics& rig, const TileOptics::Tile& tile, size_t r) {
+  RowPiece piece{};
+  for (size_t colour = 0; colour < 3; ++colour) {
+    for (size_t n = 0; n < 3; ++n) {
+      piece.phase[colour][n] = tile.phase[colour][n][r];
+      piece.bend[colour][n] = tile.bend[colour][n][r];
+    }
+    piece.x0[colour] = static_cast<float>(tile.x0_mm[colour][r]);
+  }
+  const auto same = [&](const auto& a, const auto& b) { return std::equal(a, a + 3, b); };
+  piece.colours_alike = same(piece.phase[0], piece.phase[1]) &&
+                        same(piece.phase[0], piece.phase[2]) &&
+                        same(piece.bend[0], piece.bend[1]) && same(piece.bend[0], piece.bend[2]) &&
+                        piece.x0[0] == piece.x0[1] && piece.x0[0] == piece.x0[2];
+  piece.coefficients = rig.coefficients();
+  for (size_t n = 0; n < static_cast<size_t>(piece.coefficients); ++n)
+    piece.tangent[n] = tile.tangent[n][r];
+  for (size_t n = 0; n < TileOptics::kShiftCoefficients; ++n) piece.shift[n] = tile.shift_mm[n][r];
+  piece.lens_step = static_cast<float>(rig.lens_step());
+  piece.x_step = static_cast<float>(rig.x_step_mm());
+  piece.safe = static_cast<float>(0.5 - rig.phase_error());
+  return piece;
+}
+
+}  // namespace
+
+RowPlanes::RowPlanes(const optics::OpticalModel& model, Isa isa)
+    : model_(model),
+      kernel_(kernel_for(isa)),
+      evaluator_(model, isa),
+      smooth_(TileOptics::make(model, kColumns, kUpright)) {
+  const optics::Eye& eye = model.design_eye();
+  const bool parallel = std::isinf(eye.z_mm);
+  inverse_z_ = parallel ? 0.0 : 1.0 / eye.z_mm;
+  eye_tan_y_ = parallel ? eye.y : eye.y / eye.z_mm;
+  set_layout();
+}
+
+void RowPlanes::set_layout() {
+  const optics::SubpixelLayout& layout = model_.rig().panel.layout;
+  low_px_ = high_px_ = layout.offset(0, 0, 0).y_px;
+  layout_.resize(static_cast<size_t>(layout.rows()));
+  for (int j = 0; j < layout.rows(); ++j) {
+    LayoutRow& row = layout_[static_cast<size_t>(j)];
+    for (int s = 0; s < 3 * layout.columns(); ++s) {
+      const double y_px = layout.offset(s / 3, j, s % 3).y_px;
+      low_px_ = std::min(low_px_, y_px);
+      high_px_ = std::max(high_px_, y_px);
+      const auto at = std::find(row.heights_px.begin(), row.heights_px.end(), y_px);
+      // At most 64 columns of three.
+      row.plane.push_back(static_cast<uint8_t>(at - row.heights_px.begin()));
+      if (at == row.heights_px.end()) row.heights_px.push_back(y_px);
+    }
+  }
+}
+
+const RowPlanes::LayoutRow& RowPlanes::layout_row(int row) const {
+  return layout_[static_cast<size_t>(row) % layout_.size()];
+}
+
+size_t RowPlanes::planes_of(int row) const {
+  return layout_row(row).heights_px.size();
+}
+
+RowPlane RowPlanes::plane_at(double y_px) const {
+  const double gap = model_.rig().sheet.gap.value;
+  const double panel_y_mm = model_.rig().panel.y_mm(y_px);
+  const double tan_y = (eye_tan_y_ - panel_y_mm * inverse_z_) / (1.0 + gap * inverse_z_);
+  return {.lens_y_mm = panel_y_mm + gap * tan_y, .tan_y = tan_y};
+}
+
+RowRange RowPlanes::rows_between(double low_mm, double high_mm) const {
+  // lens_y_mm is linear in the row.
+  const double top = plane_at(0.0).lens_y_mm;
+  const double down = top - plane_at(1.0).lens_y_mm;
+  constexpr double kGenerous = 1e-3;
+  const double far = rows() + 8.0;
+  const auto row_at = [&](double mm) { return std::clamp((top - mm) / down, -far, far); };
+  return {static_cast<int>(std::ceil(row_at(high_mm) - high_px_ - kGenerous)),
+          static_cast<int>(std::floor(row_at(low_mm) - low_px_ + kGenerous))};
+}
+
+RowPlanes::Maker::Maker(const RowPlanes& planes) : planes_(planes) {}
+
+void RowPlanes::Maker::make(int row, size_t plane, PlaneRays& out) {
+  LENTICULE_CHECK(row >= 0 && row < planes_.rows() && plane < planes_.planes_of(row));
+  const LayoutRow& layout = planes_.layout_row(row);
+  out.plane = planes_.plane_at(row + layout.heights_px[plane]);
+  if (!planes_.smooth_ || !make_smooth(row, out)) make_exact(row, plane, out);
+}
+
+/// The tiles of a band of rows, side by side.
+bool RowPlanes::Maker::expand(int band) {
+  if (band == band_) return band_smooth_;
+  band_ = band;
+  const size_t count = (planes_.row_subpixels() + kColumns - 1) / kColumns;
+  tiles_.resize(count);
+  band_smooth_ = true;
+  for (size_t t = 0; t < count && band_smooth_; ++t)
+    band_smooth_ = planes_.smooth_->expand(band * TileOptics::kRows, static_cast<int>(t) * kColumns,
+                                           tiles_[t]);
+  return band_smooth_;
+}
+
+bool RowPlanes::Maker::make_smooth(int row, PlaneRays& out) {
+  if (!expand(row / TileOptics::kRows)) return false;
+  out.count = planes_.row_subpixels();
+  out.subpixel.clear();
+  out.x_mm.resize(tiles_.size() * kColumns);
+  out.tan_x.resize(out.x_mm.size());
+  out.lens.resize(out.x_mm.size());
+  const int in_band = row % TileOptics::kRows;
+  for (size_t t = 0; t < tiles_.size(); ++t) {
+    const RowPiece piece = piece_of(*planes_.smooth_, tiles_[t], static_cast<size_t>(in_band));
+    const size_t at = t * kColumns;
+    const auto count = static_cast<int>(std::min(size_t{kColumns}, out.count - at));
+    float* x = out.x_mm.data() + at;
+    float* tan = out.tan_x.data() + at;
+    int32_t* lens = out.lens.data() + at;
+    const int whole = (count + sweep_kernel::kLanes - 1) / sweep_kernel::kLanes;
+    if (planes_.kernel_.make_rays(piece, whole * sweep_kernel::kLanes, x, tan, lens)) [[unlikely]]
+      resolve(piece, t, in_band, count, x, tan, lens);
+  }
+  return true;
+}
+
+/// Asks the map itself where the polynomials cannot tell the lens.
+void RowPlanes::Maker::resolve(const RowPiece& piece, size_t tile, int row, int count, float* x,
+                               float* tan, int32_t* lens) const {
+  for (int c = 0; c < count; ++c) {
+    if (!planes_.kernel_.uncertain(piece, c)) continue;
+    const double off = planes_.smooth_->exact_off(tiles_[tile], c, row);
+    const double* phase = piece.phase[c % 3];
+    lens[c] = static_cast<int32_t>(std::lround(phase[0] + c * (phase[1] + c * phase[2]) - off));
+    planes_.kernel_.make_ray(piece, c, static_cast<float>(off), x + c, tan + c);
+  }
+}
+
+void RowPlanes::Maker::make_exact(int row, size_t plane, PlaneRays& out) {
+  if (row != evaluated_row_)
+    planes_.evaluator_.evaluate(row, 0, planes_.model_.rig().panel.width_px, rays_);
+  evaluated_row_ = row;
+  const LayoutRow& layout = planes_.layout_row(row);
+  order_.clear();
+  for (size_t s = 0, in_period = 0; s < planes_.row_subpixels(); ++s) {
+    if (layout.plane[in_period] == plane) order_.push_back(static_cast<int32_t>(s));
+    in_period = in_period + 1 < layout.plane.size() ? in_period + 1 : 0;
+  }
+  const auto lens_of = [&](int32_t s) { return rays_.lens[static_cast<size_t>(s)]; };
+  const auto before = [&](int32_t a, int32_t b) {
+    return lens_of(a) < lens_of(b) || (lens_of(a) == lens_of(b) && a < b);
+  };
+  if (!std::is_sorted(order_.begin(), order_.end(), before))
+    std::sort(order_.begin(), order_.end(), before);
+  out.count = order_.size();
+  out.subpixel = order_;
+  out.x_mm.resize(out.count);
+  out.tan_x.resize(out.count);
+  out.lens.resize(out.count);
+  for (size_t n = 0; n < out.count; ++n) {
+    const auto s = static_cast<size_t>(order_[n]);
+    out.x_mm[n] = static_cast<float>(rays_.lens_x_mm[s]);
+    out.tan_x[n] = static_cast<float>(rays_.tan_x[s]);
+    out.lens[n] = rays_.lens[s];
+  }
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,434 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sixteen rays through neighbouring lenses at a time. The same source gives the same bits for every
+// instruction set.
+#include "render/row_sweep/row_sweep_kernel.h"
+
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
+namespace {
+
+using namespace sweep_kernel;
+
+// Vectors may look at arrays of other types, lie anywhere, and go between functions by reference.
+using Floats = float __attribute__((vector_size(4 * kLanes), may_alias, aligned(4)));
+using Ints = int32_t __attribute__((vector_size(4 * kLanes), may_alias, aligned(4)));
+using Doubles = double __attribute__((vector_size(8 * kBlock), may_alias, aligned(8)));
+using Longs = int64_t __attribute__((vector_size(8 * kBlock)));
+using Eight = float __attribute__((vector_size(4 * kBlock), may_alias, aligned(4)));
+using EightInts = int32_t __attribute__((vector_size(4 * kBlock), may_alias, aligned(4)));
+
+inline Floats& floats(float* at) {
+  return *reinterpret_cast<Floats*>(at);
+}
+inline const Floats& floats(const float* at) {
+  return *reinterpret_cast<const Floats*>(at);
+}
+inline Ints& ints(int32_t* at) {
+  return *reinterpret_cast<Ints*>(at);
+}
+inline Eight& eight(float* at) {
+  return *reinterpret_cast<Eight*>(at);
+}
+inline const Eight& eight(const float* at) {
+  return *reinterpret_cast<const Eight*>(at);
+}
+inline EightInts& eight_ints(int32_t* at) {
+  return *reinterpret_cast<EightInts*>(at);
+}
+
+constexpr int32_t kCount[kLanes] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+inline void count_up(int first, Ints& out) {
+  out = *reinterpret_cast<const Ints*>(kCount) + first;
+}
+
+// --- rays
+
+/// Sixteen columns whose first has a given colour.
+struct alignas(64) Pattern {
+  double phase[3][kLanes];
+  float bend[3][kLanes];
+  float x0[kLanes];
+};
+
+void set_pattern(const RowPiece& p, int first_colour, Pattern& out) {
+  for (int l = 0; l < kLanes; ++l) {
+    const int colour = p.colours_alike ? 0 : (first_colour + l) % kColours;
+    for (int n = 0; n < 3; ++n) {
+      out.phase[n][l] = p.phase[colour][n];
+      out.bend[n][l] = p.bend[colour][n];
+    }
+    out.x0[l] = p.x0[colour];
+  }
+}
+
+/// Lens, and how far the phase lies from it, of eight columns.
+inline void off_of_half(const Pattern& t, int half, const Doubles& c, Eight& off, EightInts& lens) {
+  constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
+  const auto at = [&](int n) -> const Doubles& {
+    return *reinterpret_cast<const Doubles*>(&t.phase[n][half]);
+  };
+  const Doubles phase = at(0) + c * (at(1) + c * at(2));
+  const Doubles nearest = (phase + kShift) - kShift;
+  off = __builtin_convertvector(phase - nearest, Eight);
+  lens = __builtin_convertvector(nearest, EightInts);
+}
+
+inline void off_of(const Pattern& t, int column, Floats& off, Ints& lens) {
+  Ints number;
+  count_up(column, number);
+  const EightInts low_c = __builtin_shufflevector(number, number, 0, 1, 2, 3, 4, 5, 6, 7);
+  const EightInts high_c = __builtin_shufflevector(number, number, 8, 9, 10, 11, 12, 13, 14, 15);
+  Eight low, high;
+  EightInts low_lens, high_lens;
+  off_of_half(t, 0, __builtin_convertvector(low_c, Doubles), low, low_lens);
+  off_of_half(t, kBlock, __builtin_convertvector(high_c, Doubles), high, high_lens);
+  off = __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  lens = __builtin_shufflevector(low_lens, high_lens, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13,
+                                 14, 15);
+}
+
+template <int kCoefficients>
+inline void ray_of(const RowPiece& p, const Pattern& t, int column, const Floats& off, Floats& x,
+                   Floats& tan) {
+  Ints number;
+  count_up(column, number);
+  const Floats c = __builtin_convertvector(number, Floats);
+  const Floats y =
+      (floats(t.bend[0]) + c * (floats(t.bend[1]) + c * floats(t.bend[2]))) - p.lens_step * off;
+  tan = Floats{} + p.tangent[kCoefficients - 1];
+#pragma GCC unroll 8
+  for (int n = kCoefficients - 2; n >= 0; --n) tan = tan * y + p.tangent[n];
+  Floats shift = Floats{} + p.shift[kShiftCoefficients - 1];
+#pragma GCC unroll 8
+  for (int n = kShiftCoefficients - 2; n >= 0; --n) shift = shift * y + p.shift[n];
+  x = floats(t.x0) + (shift + p.x_step * c);
+}
+
+inline bool any(const Ints& masks) {
+  int32_t sum = 0;
+  for (int l = 0; l < kLanes; ++l) sum |= masks[l];
+  return sum != 0;
+}
+
+template <int kCoefficients>
+bool make_columns(const RowPiece& p, int count, float* x, float* tan, int32_t* lens) {
+  Pattern patterns[kColours];
+  const int different = p.colours_alike ? 1 : kColours;
+  for (int n = 0; n < different; ++n) set_pattern(p, n * kLanes % kColours, patterns[n]);
+  Ints bad{};
+  for (int c = 0, n = 0; c < count; c += kLanes, n = n + 1 < different ? n + 1 : 0) {
+    Floats off, x16, tan16;
+    Ints lens16;
+    off_of(patterns[n], c, off, lens16);
+    bad |= off * off > p.safe * p.safe;
+    ray_of<kCoefficients>(p, patterns[n], c, off, x16, tan16);
+    floats(x + c) = x16;
+    floats(tan + c) = tan16;
+    ints(lens + c) = lens16;
+  }
+  return any(bad);
+}
+
+bool make_rays(const RowPiece& p, int count, float* x, float* tan, int32_t* lens) {
+  switch (p.coefficients) {
+    case 2:
+      return make_columns<2>(p, count, x, tan, lens);
+    case 3:
+      return make_columns<3>(p, count, x, tan, lens);
+    case 4:
+      return make_columns<4>(p, count, x, tan, lens);
+    case 5:
+      return make_columns<5>(p, count, x, tan, lens);
+    case 6:
+      return make_columns<6>(p, count, x, tan, lens);
+    case 7:
+      return make_columns<7>(p, count, x, tan, lens);
+    default:
+      return make_columns<8>(p, count, x, tan, lens);
+  }
+}
+
+bool uncertain(const RowPiece& p, int column) {
+  Pattern t;
+  set_pattern(p, column % kColours, t);
+  Floats off;
+  Ints lens;
+  off_of(t, column, off, lens);
+  return off[0] * off[0] > p.safe * p.safe;
+}
+
+void make_ray(const RowPiece& p, int column, float off, float* x, float* tan) {
+  RowPiece all = p;
+  for (int n = p.coefficients; n < kMostCoefficients; ++n) all.tangent[n] = 0.0F;
+  Pattern t;
+  set_pattern(p, column % kColours, t);
+  Floats x16, tan16;
+  ray_of<kMostCoefficients>(all, t, column, Floats{} + off, x16, tan16);
+  *x = x16[0];
+  *tan = tan16[0];
+}
+
+// --- cells
+
+/// Rows become columns.
+inline void transpose(Eight (&v)[kBlock]) {
+  Eight a[kBlock];
+  for (int n = 0; n < 4; ++n) {
+    a[2 * n] = __builtin_shufflevector(v[n], v[n + 4], 0, 8, 1, 9, 2, 10, 3, 11);
+    a[2 * n + 1] = __builtin_shufflevector(v[n], v[n + 4], 4, 12, 5, 13, 6, 14, 7, 15);
+  }
+  Eight b[kBlock];
+  for (int n = 0; n < 4; ++n) {
+    b[2 * n] = __builtin_shufflevector(a[n], a[n + 4], 0, 8, 1, 9, 2, 10, 3, 11);
+    b[2 * n + 1] = __builtin_shufflevector(a[n], a[n + 4], 4, 12, 5, 13, 6, 14, 7, 15);
+  }
+  for (int n = 0; n < 4; ++n) {
+    v[2 * n] = __builtin_shufflevector(b[n], b[n + 4], 0, 8, 1, 9, 2, 10, 3, 11);
+    v[2 * n + 1] = __builtin_shufflevector(b[n], b[n + 4], 4, 12, 5, 13, 6, 14, 7, 15);
+  }
+}
+
+inline void square_to_cells(const float* rays, const int32_t* first, int place, int stride,
+                            float* cells) {
+  Eight v[kBlock];
+  for (int k = 0; k < kBlock; ++k) v[k] = eight(rays + first[k] + place);
+  transpose(v);
+  for (int n = 0; n < kBlock; ++n) eight(cells + n * stride) = v[n];
+}
+
+/// Puts NaN where a lens has no such place, and finds the spread of the others.
+void close_place(const int32_t* first, int place, const Cells& cells, const Spread& spread) {
+  const float nan = __builtin_nanf(""), far = 3e38F;
+  Floats x_low = Floats{} + far, x_high = -x_low, tan_low = x_low, tan_high = -x_low;
+  float* x_row = cells.x + place * cells.stride;
+  float* tan_row = cells.tan + place * cells.stride;
+  for (int k = 0; k < cells.stride; k += kLanes) {
+    Ints number;
+    count_up(k, number);
+    const Ints rays =
+        *reinterpret_cast<const Ints*>(first + k + 1) - *reinterpret_cast<const Ints*>(first + k);
+    const Ints there = rays > place;
+    const Floats lens = __builtin_convertvector(number, Floats);
+    const Floats x = there ? floats(x_row + k) : Floats{} + nan;
+    const Floats tan = there ? floats(tan_row + k) : Floats{} + nan;
+    floats(x_row + k) = x;
+    floats(tan_row + k) = tan;
+    const Floats x_off = x - spread.x_step * lens;
+    const Floats tan_off = tan - spread.tan_step * lens;
+    x_low = x_off < x_low ? x_off : x_low;
+    x_high = x_off > x_high ? x_off : x_high;
+    tan_low = tan_off < tan_low ? tan_off : tan_low;
+    tan_high = tan_off > tan_high ? tan_off : tan_high;
+  }
+  float least_x = far, most_x = -far, least_tan = far, most_tan = -far;
+  for (int l = 0; l < kLanes; ++l) {
+    least_x = x_low[l] < least_x ? x_low[l] : least_x;
+    most_x = x_high[l] > most_x ? x_high[l] : most_x;
+    least_tan = tan_low[l] < least_tan ? tan_low[l] : least_tan;
+    most_tan = tan_high[l] > most_tan ? tan_high[l] : most_tan;
+  }
+  spread.x_low[place] = least_x;
+  spread.x_high[place] = most_x;
+  spread.tan_low[place] = least_tan;
+  spread.tan_high[place] = most_tan;
+}
+
+void see_nothing(const Cells& cells) {
+  const int count = cells.places * cells.stride;
+  const Floats nothing = Floats{} - __builtin_inff();
+  for (int k = 0; k < count; k += kLanes) {
+    floats(cells.z + k) = nothing;
+    floats(cells.along + k) = Floats{};
+    ints(cells.cut + k) = Ints{} - 1;
+  }
+}
+
+void to_cells(const float* x, const float* tan, const int32_t* first, const Cells& cells,
+              const Spread& spread) {
+  for (int k = 0; k < cells.lenses; k += kBlock)
+    for (int place = 0; place < cells.places; place += kBlock) {
+      const int at = place * cells.stride + k;
+      square_to_cells(x, first + k, place, cells.stride, cells.x + at);
+      square_to_cells(tan, first + k, place, cells.stride, cells.tan + at);
+    }
+  for (int place = 0; place < cells.places; ++place) close_place(first, place, cells, spread);
+  see_nothing(cells);
+}
+
+template <class T>
+inline void square_to_rays(const T* cells, const int32_t* first, int place, int stride, T* rays) {
+  Eight v[kBlock];
+  for (int n = 0; n < kBlock; ++n) v[n] = *reinterpret_cast<const Eight*>(cells + n * stride);
+  transpose(v);
+  // Left to right: what a lens writes past its last place belongs to later ones.
+  for (int k = 0; k < kBlock; ++k)
+    if (first[k + 1] - first[k] > place) *reinterpret_cast<Eight*>(rays + first[k] + place) = v[k];
+}
+
+void to_rays(const Cells& cells, const int32_t* first, float* z, float* along, int32_t* cut) {
+  const int last_place = (cells.places - 1) / kBlock * kBlock;
+  for (int k = 0; k < cells.lenses; k += kBlock)
+    for (int place = last_place; place >= 0; place -= kBlock) {
+      const int at = place * cells.stride + k;
+      square_to_rays(cells.z + at, first + k, place, cells.stride, z);
+      square_to_rays(cells.along + at, first + k, place, cells.stride, along);
+      square_to_rays(cells.cut + at, first + k, place, cells.stride, cut);
+    }
+}
+
+// --- cuts
+
+/// Which lenses can meet a cut, for sixteen places; an empty range has last < first.
+struct alignas(64) Range {
+  int32_t first[kLanes];
+  int32_t last[kLanes];
+};
+
+/// Beyond its true zeros the distance between ray and end of a cut has one sign; where that is the
+/// same for both ends, the ray passes.
+inline void range_of(const Cells& cells, const Spread& s, const Reach& reach, int place,
+                     Range& out) {
+  constexpr float kRounding = 4e-7F;  // a few roundings of the largest term
+  constexpr float kTouch = 1e-3F;     // lenses
+  const Floats& tan_low = floats(s.tan_low + place);
+  const Floats& tan_high = floats(s.tan_high + place);
+  Floats low = Floats{} + 3e38F, high = -low;
+  for (int e = 0; e < 2; ++e) {
+    const float z = reach.z[e];
+    const float step = s.x_step + s.tan_step * z;
+    if (!(step > 0.0F)) {
+      low = Floats{};
+      high = Floats{} + static_cast<float>(cells.lenses);
+      break;
+    }
+    const Floats a = tan_low * z, b = tan_high * z;
+    const float per = 1.0F / step;
+    const float depth = z < 0.0F ? -z : z;
+    const float left = reach.x_low[e] < 0.0F ? -reach.x_low[e] : reach.x_low[e];
+    const float right = reach.x_high[e] < 0.0F ? -reach.x_high[e] : reach.x_high[e];
+    const float slack = kTouch + kRounding * per * (left + right + s.x_far + s.tan_far * depth);
+    const Floats from = (reach.x_low[e] - floats(s.x_high + place) - (a > b ? a : b)) * per - slack;
+    const Floats to = (reach.x_high[e] - floats(s.x_low + place) - (a < b ? a : b)) * per + slack;
+    low = from < low ? from : low;
+    high = to > high ? to : high;
+  }
+  const auto end = static_cast<float>(cells.lenses);
+  const Floats first = low + 1.0F, last = high + 1.0F;
+  const Floats first_in = first > 0.0F ? first : Floats{};
+  const Floats last_in = last < end ? last : Floats{} + end;
+  ints(out.first) = __builtin_convertvector(first_in < end ? first_in : Floats{} + end, Ints);
+  ints(out.last) = __builtin_convertvector(last_in > 0.0F ? last_in : Floats{}, Ints) - 1;
+}
+
+inline void segment_at(const Cells& cells, int at, float start, const Segment& s, int32_t number) {
+  const Floats& x = floats(cells.x + at);
+  const Floats& tan = floats(cells.tan + at);
+  const Floats f0 = (x + tan * s.z0) - s.x0;
+  const Floats f1 = (x + tan * s.z1) - s.x1;
+  const Floats part = f0 / (f0 - f1);
+  const Floats z = s.z0 + part * (s.z1 - s.z0);
+  Floats& best = floats(cells.z + at);
+  Floats& along = floats(cells.along + at);
+  Ints& cut = ints(cells.cut + at);
+  const Ints met = (f0 * f1 <= 0.0F) & (z > best) & (z <= start);
+  best = met ? z : best;
+  along = met ? part : along;
+  cut = met ? Ints{} + number : cut;
+}
+
+/// Calls cell(first element) for every sixteen cells that may meet something inside `reach`.
+template <class Visit>
+inline void visit(const Cells& cells, const Spread& spread, const Reach& reach, int lanes,
+                  const Visit& cell) {
+  for (int place = 0; place < cells.places; place += kLanes) {
+    Range range;
+    range_of(cells, spread, reach, place, range);
+    const int end = cells.places - place < kLanes ? cells.places - place : kLanes;
+    for (int n = 0; n < end; ++n) {
+      const int row = (place + n) * cells.stride;
+      for (int k = range.first[n]; k <= range.last[n]; k += lanes) cell(row + k);
+    }
+  }
+}
+
+void segments(const Cells& cells, const Spread& spread, float start, const Segment* list, int count,
+              int32_t number) {
+  for (int n = 0; n < count; ++n)
+    visit(
+        cells, spread, list[n].reach, kLanes, [&](int at) __attribute__((always_inline)) {
+          segment_at(cells, at, start, list[n], number + n);
+        });
+}
+
+inline void root(const Doubles& v, Doubles& out) {
+#if defined(__AVX512F__)
+  out = reinterpret_cast<Doubles>(
+      _mm512_maskz_sqrt_pd(static_cast<__mmask8>(~0U), reinterpret_cast<__m512d>(v)));
+#else
+  for (int l = 0; l < kBlock; ++l) out[l] = __builtin_sqrt(v[l]);
+#endif
+}
+
+/// `z` is what the nearer of two roots that count gives, -infinity if none does.
+inline void conic_z(const Conic& q, double start, const Doubles& x, const Doubles& tan,
+                    Doubles& z) {
+  const Doubles v = (x + tan * q.zc) - q.xc;
+  const Doubles a = q.a0 + tan * (q.a1 + tan * q.a2);
+  const Doubles b = (q.b0 + q.b1 * tan) + v * (q.b2 + q.b3 * tan);
+  const Doubles c = q.c0 + v * (q.c1 + v * q.c2);
+  const Doubles square = b * b - a * c;
+  Doubles half;
+  root(square > 0.0 ? square : Doubles{}, half);
+  // Both terms have one sign: nothing cancels.
+  const Doubles sum = -(b + (b < 0.0 ? -half : half));
+  const Doubles t0 = sum / a, t1 = c / sum;
+  const Doubles s_glass = q.s0 + q.s1 * v;
+  const Doubles s_step = q.s2 + q.s3 * tan;
+  const Doubles s_0 = s_glass + t0 * s_step, s_1 = s_glass + t1 * s_step;
+  const Doubles z0 = t0 + q.zc, z1 = t1 + q.zc;
+  const Doubles none = Doubles{} - __builtin_inf();
+  const Longs real = square >= 0.0;
+  const Doubles first = (real & (s_0 >= 0.0) & (s_0 <= q.height) & (z0 <= start)) ? z0 : none;
+  const Doubles second = (real & (s_1 >= 0.0) & (s_1 <= q.height) & (z1 <= start)) ? z1 : none;
+  z = first > second ? first : second;
+}
+
+inline void conic_at(const Cells& cells, int at, double start, const Conic& q, int32_t number) {
+  const Doubles x = __builtin_convertvector(eight(cells.x + at), Doubles);
+  const Doubles tan = __builtin_convertvector(eight(cells.tan + at), Doubles);
+  Doubles exact;
+  conic_z(q, start, x, tan, exact);
+  const Eight z = __builtin_convertvector(exact, Eight);
+  Eight& best = eight(cells.z + at);
+  Eight& along = eight(cells.along + at);
+  EightInts& cut = eight_ints(cells.cut + at);
+  const EightInts met = z > best;
+  best = met ? z : best;
+  along = met ? Eight{} : along;
+  cut = met ? EightInts{} + number : cut;
+}
+
+void conics(const Cells& cells, const Spread& spread, float start, const Conic* list, int count,
+            int32_t number) {
+  for (int n = 0; n < count; ++n)
+    visit(
+        cells, spread, list[n].reach, kBlock, [&](int at) __attribute__((always_inline)) {
+          conic_at(cells, at, start, list[n], number + n);
+        });
+}
+
+}  // namespace
+
+extern const sweep_kernel::Kernel kSweepKernel;
+const sweep_kernel::Kernel kSweepKernel{.make_rays = make_rays,
+                                        .uncertain = uncertain,
+                                        .make_ray = make_ray,
+                                        .to_cells = to_cells,
+                                        .segments = segments,
+                                        .conics = conics,
+                                        .to_rays = to_rays};
+
+}  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

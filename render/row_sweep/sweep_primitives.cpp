@@ -1,0 +1,318 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/row_sweep/sweep_primitives.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace lenticule::render {
+namespace {
+
+using sweep_kernel::Conic;
+using sweep_kernel::Reach;
+using sweep_kernel::Segment;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+float below(double v) {
+  return std::nextafter(static_cast<float>(v), -std::numeric_limits<float>::infinity());
+}
+float above(double v) {
+  return -below(-v);
+}
+
+Vec3 corner_of(const Box& box, int n) {
+  return {(n & 1) != 0 ? box.high.x : box.low.x, (n & 2) != 0 ? box.high.y : box.low.y,
+          (n & 4) != 0 ? box.high.z : box.low.z};
+}
+
+/// The axis-parallel box around a box that was mapped.
+Box mapped(const Affine& map, const Box& box) {
+  Box out{map.point(box.low), map.point(box.low)};
+  for (int n = 1; n < 8; ++n) {
+    const Vec3 p = map.point(corner_of(box, n));
+    out.low = {std::min(out.low.x, p.x), std::min(out.low.y, p.y), std::min(out.low.z, p.z)};
+    out.high = {std::max(out.high.x, p.x), std::max(out.high.y, p.y), std::max(out.high.z, p.z)};
+  }
+  return out;
+}
+
+/// One end of a triangle's cut. The point comes from the corner on the negative side toward the
+/// other, whichever triangle asks: neighbours get the same bits, and no ray passes between them.
+struct CutEnd {
+  double x = 0.0, z = 0.0;
+  double weight[3] = {0.0, 0.0, 0.0};  ///< of the corners
+};
+struct CornerSide {
+  const Vec3* point;
+  double side;
+  int index;
+};
+CutEnd cut_edge(const CornerSide& negative, const CornerSide& positive) {
+  const double part = negative.side / (negative.side - positive.side);
+  const Vec3& a = *negative.point;
+  const Vec3& b = *positive.point;
+  CutEnd end{.x = a.x + part * (b.x - a.x), .z = a.z + part * (b.z - a.z)};
+  end.weight[negative.index] = 1.0 - part;
+  end.weight[positive.index] = part;
+  return end;
+}
+
+/// Moves an end that lies before z = start there; for ranges only.
+CutEnd behind(const CutEnd& end, const CutEnd& other, double start) {
+  if (end.z <= start) return end;
+  const double part = (start - other.z) / (end.z - other.z);
+  return {.x = other.x + part * (end.x - other.x), .z = start};
+}
+
+void set_reach(const CutEnd& a, const CutEnd& b, Reach& out) {
+  const CutEnd* ends[2] = {&a, &b};
+  for (int e = 0; e < 2; ++e) {
+    out.z[e] = static_cast<float>(ends[e]->z);
+    out.x_low[e] = out.x_high[e] = static_cast<float>(ends[e]->x);
+  }
+}
+
+/// A x^2 + 2 B x z + C z^2 + 2 (gx x + gz z) + f, about (xc, zc), is zero on a cut.
+struct PlaneForm {
+  double xc, zc;
+  double A, B, C;
+  double gx, gz;
+  double f;
+};
+
+/// Around the cut: where an ellipse lies, or everything.
+struct Extent {
+  double x_low = -kInfinity, x_high = kInfinity, z_low = -kInfinity, z_high = kInfinity;
+  bool empty = false;
+};
+
+/// Moves the form to the ellipse's middle, so that no large numbers cancel later, and bounds it.
+Extent centre_ellipse(PlaneForm& q) {
+  const double det = q.A * q.C - q.B * q.B;
+  if (!(q.A > 0.0) || !(det > 1e-9 * q.A * std::abs(q.C))) return {};
+  const double dx = (q.B * q.gz - q.C * q.gx) / det;
+  const double dz = (q.B * q.gx - q.A * q.gz) / det;
+  q.f += q.gx * dx + q.gz * dz;
+  q.xc += dx;
+  q.zc += dz;
+  q.gx = q.gz = 0.0;
+  if (q.f > 0.0) return {.empty = true};
+  const double half_x = std::sqrt(-q.f * q.C / det), half_z = std::sqrt(-q.f * q.A / det);
+  return {q.xc - half_x, q.xc + half_x, q.zc - half_z, q.zc + half_z};
+}
+
+}  // namespace
+
+/// |p - base|^2 less the squares of its part along the axis and of the radius there; a sphere's has
+/// no axis.
+struct SweepPrimitives::Quadric {
+  Vec3 base, axis;
+  double radius, slope, height;
+
+  [[nodiscard]] double form(Vec3 a, Vec3 b) const {
+    return dot(a, b) - (1.0 + slope * slope) * dot(a, axis) * dot(b, axis);
+  }
+};
+
+struct SweepPrimitives::Heights {
+  double low = kInfinity;
+  double high = -kInfinity;
+  void extend(double height) {
+    low = std::min(low, height);
+    high = std::max(high, height);
+  }
+};
+
+SweepPrimitives::SweepPrimitives(const Scene::Impl& scene, const RowPlanes& planes, double start_mm)
+    : scene_(scene),
+      planes_(planes),
+      start_mm_(start_mm),
+      panel_from_scene_(scene.scene_from_panel.inverse()),
+      rows_(0, {}) {
+  for (size_t g = 0; g < scene.geometries.size(); ++g) {
+    const GeometryEntry& entry = scene.geometries[g];
+    const auto number = static_cast<uint32_t>(g);
+    if (entry.kind == GeometryEntry::Kind::Mesh) add_mesh(scene.meshes[entry.mesh], number);
+    if (entry.kind == GeometryEntry::Kind::Spheres) sphere_geometry_ = number;
+    if (entry.kind == GeometryEntry::Kind::Cones) cone_geometry_ = number;
+  }
+  for (const SphereShape& sphere : scene.spheres) add_quadric(box_of(sphere));
+  for (const ConeShape& cone : scene.cones) add_quadric(box_of(cone));
+  find_rows();
+}
+
+void SweepPrimitives::add_mesh(const MeshShape& mesh, uint32_t geometry) {
+  const auto first = static_cast<uint32_t>(corners_.size());
+  for (size_t n = 0; n + 1 < mesh.positions.size(); ++n)
+    corners_.push_back(panel_from_scene_.point(Vec3(mesh.positions[n])));
+  triangles_.reserve(triangles_.size() + mesh.triangles.size());
+  for (size_t n = 0; n < mesh.triangles.size(); ++n) {
+    const auto& t = mesh.triangles[n];
+    triangles_.push_back(
+        {{first + t[0], first + t[1], first + t[2]}, geometry, static_cast<uint32_t>(n)});
+  }
+}
+
+void SweepPrimitives::add_quadric(const Box& box) {
+  boxes_.push_back(mapped(panel_from_scene_, box));
+}
+
+void SweepPrimitives::find_rows() {
+  std::vector<RowRange> ranges;
+  ranges.reserve(triangles_.size() + boxes_.size());
+  for (const Triangle& triangle : triangles_) ranges.push_back(rows_of(heights_of(triangle)));
+  for (const Box& box : boxes_) ranges.push_back(rows_of(heights_of(box)));
+  rows_ = RowBuckets(planes_.rows(), ranges);
+}
+
+double SweepPrimitives::height_of(double y, double z) const {
+  return (y - planes_.eye_tan_y() * z) / (1.0 - planes_.inverse_z() * z);
+}
+
+SweepPrimitives::Heights SweepPrimitives::heights_of(const Triangle& triangle) const {
+  Heights out;
+  for (int n = 0; n < 3; ++n) {
+    const Vec3& a = corners_[triangle.corner[n]];
+    const Vec3& b = corners_[triangle.corner[(n + 1) % 3]];
+    if (a.z <= start_mm_) out.extend(height_of(a.y, a.z));
+    if ((a.z <= start_mm_) == (b.z <= start_mm_)) continue;
+    const double part = (start_mm_ - a.z) / (b.z - a.z);
+    out.extend(height_of(a.y + part * (b.y - a.y), start_mm_));
+  }
+  return out;
+}
+
+SweepPrimitives::Heights SweepPrimitives::heights_of(const Box& panel_box) const {
+  Heights out;
+  if (panel_box.low.z > start_mm_) return out;
+  for (int n = 0; n < 8; ++n) {
+    const Vec3 p = corner_of(panel_box, n);
+    out.extend(height_of(p.y, std::min(p.z, start_mm_)));
+  }
+  return out;
+}
+
+RowRange SweepPrimitives::rows_of(const Heights& heights) const {
+  if (!(heights.low <= heights.high)) return {};
+  return planes_.rows_between(heights.low, heights.high);
+}
+
+void SweepPrimitives::cut(int row, const RowPlane& plane, PlaneCuts& out,
+                          std::vector<SweptCut>& described) const {
+  out.segments.clear();
+  out.conics.clear();
+  out.curved.clear();
+  const auto triangles = static_cast<uint32_t>(triangles_.size());
+  rows_.visit(row, [&](uint32_t number) {
+    if (number < triangles)
+      cut_triangle(triangles_[number], plane, out, described);
+    else
+      out.curved.push_back(number - triangles);
+  });
+  for (const uint32_t number : out.curved) cut_quadric(number, plane, out, described);
+}
+
+void SweepPrimitives::cut_triangle(const Triangle& triangle, const RowPlane& plane, PlaneCuts& out,
+                                   std::vector<SweptCut>& described) const {
+  CornerSide corners[3];
+  int above_plane = 0;
+  for (int n = 0; n < 3; ++n) {
+    const Vec3& p = corners_[triangle.corner[n]];
+    corners[n] = {
+        &p, (p.y - planes_.eye_tan_y() * p.z) - plane.lens_y_mm * (1.0 - planes_.inverse_z() * p.z),
+        n};
+    above_plane += corners[n].side >= 0.0 ? 1 << n : 0;
+  }
+  if (above_plane == 0 || above_plane == 7) return;
+  // The corner that is alone on its side.
+  constexpr int kAlone[8] = {0, 0, 1, 2, 2, 1, 0, 0};
+  const CornerSide& alone = corners[kAlone[above_plane]];
+  const CornerSide& next = corners[(alone.index + 1) % 3];
+  const CornerSide& other = corners[(alone.index + 2) % 3];
+  const bool alone_above = alone.side >= 0.0;
+  const CutEnd a = alone_above ? cut_edge(next, alone) : cut_edge(alone, next);
+  const CutEnd b = alone_above ? cut_edge(other, alone) : cut_edge(alone, other);
+  if (!(std::min(a.z, b.z) <= start_mm_)) return;
+  Segment segment{.reach = {},
+                  .x0 = static_cast<float>(a.x),
+                  .z0 = static_cast<float>(a.z),
+                  .x1 = static_cast<float>(b.x),
+                  .z1 = static_cast<float>(b.z)};
+  set_reach(behind(a, b, start_mm_), behind(b, a, start_mm_), segment.reach);
+  out.segments.push_back(segment);
+  described.push_back({.geometry = triangle.geometry,
+                       .primitive = triangle.primitive,
+                       .x0 = segment.x0,
+                       .z0 = segment.z0,
+                       .x1 = segment.x1,
+                       .z1 = segment.z1,
+                       .u0 = static_cast<float>(a.weight[1]),
+                       .v0 = static_cast<float>(a.weight[2]),
+                       .u1 = static_cast<float>(b.weight[1]),
+                       .v1 = static_cast<float>(b.weight[2])});
+}
+
+SweepPrimitives::Quadric SweepPrimitives::quadric(uint32_t number) const {
+  if (number < scene_.spheres.size()) {
+    const SphereShape& sphere = scene_.spheres[number];
+    return {sphere.centre, {}, sphere.radius, 0.0, 1.0};
+  }
+  const ConeShape& cone = scene_.cones[number - scene_.spheres.size()];
+  return {cone.base, cone.axis, cone.base_radius, cone.slope, cone.height};
+}
+
+void SweepPrimitives::cut_quadric(uint32_t number, const RowPlane& plane, PlaneCuts& out,
+                                  std::vector<SweptCut>& described) const {
+  const Box& box = boxes_[number];
+  const Quadric q = quadric(number);
+  const Affine& to_scene = scene_.scene_from_panel;
+  const Vec3 across = to_scene.column_x, inward = to_scene.vector({0.0, plane.tan_y, 1.0});
+  const double taper = q.radius * q.slope;
+  const auto form_about = [&](double xc, double zc) -> PlaneForm {
+    const Vec3 from = to_scene.point({xc, plane.lens_y_mm + plane.tan_y * zc, zc}) - q.base;
+    return {xc,
+            zc,
+            q.form(across, across),
+            q.form(across, inward),
+            q.form(inward, inward),
+            q.form(from, across) - taper * dot(across, q.axis),
+            q.form(from, inward) - taper * dot(inward, q.axis),
+            q.form(from, from) - 2.0 * taper * dot(from, q.axis) - q.radius * q.radius};
+  };
+  PlaneForm f = form_about((box.low.x + box.high.x) / 2.0, (box.low.z + box.high.z) / 2.0);
+  Extent extent = centre_ellipse(f);
+  if (extent.empty) return;
+  const double z_low = std::max(extent.z_low, box.low.z);
+  const double z_high = std::min({extent.z_high, box.high.z, start_mm_});
+  const double x_low = std::max(extent.x_low, box.low.x);
+  const double x_high = std::min(extent.x_high, box.high.x);
+  if (!(z_low <= z_high) || !(x_low <= x_high)) return;
+  const Vec3 from = to_scene.point({f.xc, plane.lens_y_mm + plane.tan_y * f.zc, f.zc}) - q.base;
+  const Reach reach{
+      {above(z_high), below(z_low)}, {below(x_low), below(x_low)}, {above(x_high), above(x_high)}};
+  out.conics.push_back({.reach = reach,
+                        .xc = f.xc,
+                        .zc = f.zc,
+                        .a0 = f.C,
+                        .a1 = 2.0 * f.B,
+                        .a2 = f.A,
+                        .b0 = f.gz,
+                        .b1 = f.gx,
+                        .b2 = f.B,
+                        .b3 = f.A,
+                        .c0 = f.f,
+                        .c1 = 2.0 * f.gx,
+                        .c2 = f.A,
+                        .s0 = dot(from, q.axis),
+                        .s1 = dot(across, q.axis),
+                        .s2 = dot(inward, q.axis),
+                        .s3 = dot(across, q.axis),
+                        .height = q.height});
+  const bool sphere = number < scene_.spheres.size();
+  const auto spheres = static_cast<uint32_t>(scene_.spheres.size());
+  described.push_back({.geometry = sphere ? sphere_geometry_ : cone_geometry_,
+                       .primitive = sphere ? number : number - spheres});
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene's primitives in the panel frame, and what the planes of pixel rows cut of them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "render/committed_scene.h"
+#include "render/row_sweep/row_buckets.h"
+#include "render/row_sweep/row_planes.h"
+#include "render/row_sweep/row_sweep_kernel.h"
+
+namespace lenticule::render {
+
+/// What a plane cuts of one primitive. Of a triangle, a segment: at parameter a of it the point is
+/// x = x0 + a (x1 - x0) and so on, u and v being Embree's barycentrics. A sphere's and a cone's
+/// have no parameter and all of these zero.
+struct SweptCut {
+  uint32_t geometry = 0;  ///< Embree's numbers
+  uint32_t primitive = 0;
+  float x0 = 0.0F, z0 = 0.0F, x1 = 0.0F, z1 = 0.0F;  ///< mm, panel frame
+  float u0 = 0.0F, v0 = 0.0F, u1 = 0.0F, v1 = 0.0F;
+};
+
+/// The cuts of one plane, those of triangles first.
+struct PlaneCuts {
+  std::vector<sweep_kernel::Segment> segments;
+  std::vector<sweep_kernel::Conic> conics;
+  std::vector<uint32_t> curved;  ///< numbers of the spheres and cones to be cut
+};
+
+/// Of one scene and rig; immutable, safe from any thread. The scene must outlive it.
+class SweepPrimitives {
+ public:
+  /// Everything behind z = start_mm.
+  SweepPrimitives(const Scene::Impl& scene, const RowPlanes& planes, double start_mm);
+
+  /// Cuts of a plane of `row`. Descriptions are appended to `described`: segments', then conics'.
+  void cut(int row, const RowPlane& plane, PlaneCuts& out, std::vector<SweptCut>& described) const;
+
+ private:
+  struct Triangle {
+    uint32_t corner[3];  ///< in corners_
+    uint32_t geometry;
+    uint32_t primitive;
+  };
+  struct Quadric;
+
+  void add_mesh(const MeshShape& mesh, uint32_t geometry);
+  void add_quadric(const Box& box);
+  void find_rows();
+  /// Range on the glass, from the viewing line, of what lies behind start.
+  struct Heights;
+  [[nodiscard]] Heights heights_of(const Triangle& triangle) const;
+  [[nodiscard]] Heights heights_of(const Box& panel_box) const;
+  [[nodiscard]] double height_of(double y, double z) const;
+  [[nodiscard]] RowRange rows_of(const Heights& heights) const;
+
+  void cut_triangle(const Triangle& triangle, const RowPlane& plane, PlaneCuts& out,
+                    std::vector<SweptCut>& described) const;
+  void cut_quadric(uint32_t number, const RowPlane& plane, PlaneCuts& out,
+                   std::vector<SweptCut>& described) const;
+  [[nodiscard]] Quadric quadric(uint32_t number) const;
+
+  const Scene::Impl& scene_;
+  const RowPlanes& planes_;
+  double start_mm_;
+  Affine panel_from_scene_;
+  std::vector<Vec3> corners_;
+  std::vector<Triangle> triangles_;
+  std::vector<Box> boxes_;  ///< of spheres, then cones
+  uint32_t sphere_geometry_ = 0;
+  uint32_t cone_geometry_ = 0;
+  RowBuckets rows_;
+};
+
+}  // namespace lenticule::render
