@@ -25,6 +25,7 @@ Run declare_bench_stability(CLI::App& app);
 Run declare_bench_start(CLI::App& app);
 Run declare_bench_weave(CLI::App& app);
 Run declare_bench_video(CLI::App& app);
+Run declare_bench_visibility(CLI::App& app);
 
 namespace {
 
@@ -60,6 +61,9 @@ const std::vector<Benchmark>& benchmarks() {
       {"weave", "weaving views, against copying the woven frame", declare_bench_weave},
       {"video", "how fast woven frames come out of video files, beside PNG files",
        declare_bench_video},
+      {"visibility",
+       "the row sweep against Embree's packets and bare writing, and where they differ",
+       declare_bench_visibility},
   };
   return table;
 }
