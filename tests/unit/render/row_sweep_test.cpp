@@ -1,0 +1,351 @@
+// SPDX-License-Identifier: Apache-2.0
+// The row sweep against every primitive tried by every ray, on rigs small enough for that.
+#include "render/row_sweep/row_sweep.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <set>
+
+#include "render/primary_rays.h"
+#include "render/row_sweep/row_tracer.h"
+#include "tests/support/random_rigs.h"
+#include "tests/support/tiny_scenes.h"
+#include "tests/support/visibility_oracle.h"
+
+namespace lenticule::render {
+namespace {
+
+using testing::Judgement;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+struct NamedRig {
+  std::string name;
+  optics::Rig rig;
+};
+
+std::vector<NamedRig> tiny_rigs() {
+  std::vector<NamedRig> rigs = {
+      {"slanted", testing::make_rig({})},
+      {"upright", testing::make_rig({.pitch_subpx = 9.0, .slant = 0.0})},
+      {"eye above", testing::make_rig({.eye_height_mm = 120.0})},
+      {"parallel", testing::make_rig({.distance_mm = kInfinity, .eye_height_mm = -0.2})},
+      {"leaning left", testing::make_rig({.pitch_subpx = 5.3, .slant = -0.7})},
+      {"cells", testing::make_rig({.layout = "cells"})},
+      {"wide lenses", testing::make_rig({.pitch_subpx = 31.4, .slant = 0.2})},
+      {"narrow lenses", testing::make_rig({.pitch_subpx = 2.2, .slant = 0.2})},
+      {"near eye", testing::make_rig({.distance_mm = 90.0})},
+  };
+  const auto add = [&](const char* name, auto change) {
+    optics::Rig rig = testing::make_rig({});
+    change(rig);
+    rigs.push_back({name, rig});
+  };
+  add("bgr", [](optics::Rig& rig) { rig.panel.layout = optics::SubpixelLayout::bgr(); });
+  add("vrgb", [](optics::Rig& rig) { rig.panel.layout = optics::SubpixelLayout::vrgb(); });
+  add("nudged colours", [](optics::Rig& rig) {
+    rig.sheet.channel_offset = {Subpixels(-0.2), Subpixels(0.0), Subpixels(0.3)};
+  });
+  add("residual", [](optics::Rig& rig) {
+    std::mt19937_64 random(5);
+    rig.sheet.residual = test::random_residual(random, 2, 2, 0.04);
+  });
+  return rigs;
+}
+
+struct Counts {
+  int right = 0, close = 0, wrong = 0, seen = 0;
+};
+
+testing::SeenSurface surface_of(const SweptRow& row, size_t s) {
+  if (row.cut[s] == SweptRow::kNothing) return {};
+  const SweptCut& cut = row.cuts[static_cast<size_t>(row.cut[s])];
+  return {false, cut.geometry, cut.primitive, row.z_mm[s]};
+}
+
+void count_row(const optics::OpticalModel& model, const Scene& scene, int j, const SweptRow& row,
+               Counts& counts) {
+  const double start = primary_start_mm(scene.impl().near_mm, model.rig().viewing.distance.value);
+  for (int s = 0; s < 3 * model.rig().panel.width_px; ++s) {
+    const auto hits =
+        testing::oracle_hits(scene, testing::oracle_ray(model, s / 3, j, s % 3), start);
+    const testing::SeenSurface seen = surface_of(row, static_cast<size_t>(s));
+    const Judgement judgement = judge(hits, seen);
+    counts.right += judgement == Judgement::Right ? 1 : 0;
+    counts.close += judgement == Judgement::Close ? 1 : 0;
+    counts.wrong += judgement == Judgement::Wrong ? 1 : 0;
+    counts.seen += seen.nothing ? 0 : 1;
+    if (judgement == Judgement::Wrong)
+      ADD_FAILURE() << "row " << j << " subpixel " << s << ": sees "
+                    << (seen.nothing ? "nothing" : std::to_string(seen.geometry)) << " "
+                    << seen.primitive << " at z " << seen.z_mm << " of " << hits.size()
+                    << " candidates";
+    if (counts.wrong > 10) return;
+  }
+}
+
+Counts count_frame(const optics::Rig& rig, const SceneDescription& description,
+                   const Stage& stage) {
+  const optics::OpticalModel model(rig);
+  const Scene scene(description, stage, {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker worker(sweep);
+  SweptRow row;
+  Counts counts;
+  for (int j = 0; j < rig.panel.height_px && counts.wrong <= 10; ++j) {
+    worker.sweep(j, row);
+    count_row(model, scene, j, row, counts);
+  }
+  return counts;
+}
+
+TEST(RowSweep, SeesWhatEveryRaySees) {
+  Counts sum;
+  for (const NamedRig& rig : tiny_rigs())
+    for (const testing::NamedScene& scene : testing::tiny_scenes()) {
+      SCOPED_TRACE(rig.name + ", " + scene.name);
+      const Counts counts =
+          count_frame(rig.rig, scene.scene, testing::make_tiny_stage({.turn_degrees = 7.0}));
+      EXPECT_EQ(counts.wrong, 0);
+      EXPECT_GT(counts.seen, 0);
+      sum.right += counts.right;
+      sum.close += counts.close;
+    }
+  EXPECT_LE(sum.close, sum.right / 10000) << sum.right;
+}
+
+TEST(RowSweep, FollowsTheStage) {
+  const auto scenes = testing::tiny_scenes();
+  const testing::TinyStage stages[] = {{.depth_scale = 0.2},
+                                       {.centre = {0.5, -0.3, 2.5}, .turn_degrees = -40.0},
+                                       {.mm_per_unit = 30.0, .depth_scale = 3.0},
+                                       {.depth_scale = 0.5, .turn_degrees = 33.0}};
+  for (const testing::TinyStage& stage : stages)
+    for (const testing::NamedScene& scene : scenes) {
+      SCOPED_TRACE(scene.name);
+      const Counts counts =
+          count_frame(testing::make_rig({}), scene.scene, testing::make_tiny_stage(stage));
+      EXPECT_EQ(counts.wrong, 0);
+      EXPECT_LE(counts.close, 1);
+    }
+}
+
+SceneDescription scene_of(std::vector<TriangleMesh> meshes) {
+  SceneDescription scene;
+  scene.materials = {Material{}};
+  scene.meshes = std::move(meshes);
+  return scene;
+}
+TriangleMesh triangle(Vec3 a, Vec3 b, Vec3 c) {
+  TriangleMesh mesh;
+  mesh.positions = {a, b, c};
+  mesh.triangles = {{0, 1, 2}};
+  return mesh;
+}
+/// World units are millimetres of the panel.
+Stage plain_stage() {
+  return testing::make_tiny_stage({.mm_per_unit = 1.0});
+}
+
+TEST(RowSweep, TellsOutlinesOfEverySlope) {
+  for (const NamedRig& rig : tiny_rigs()) {
+    std::vector<TriangleMesh> spokes;
+    for (int n = 0; n < 36; ++n) {
+      const double a = n * 0.1745, b = a + 0.06;
+      const double z = 20.0 * std::sin(5.0 * a);
+      spokes.push_back(triangle({0.1, 0.2, z}, {40 * std::cos(a), 40 * std::sin(a), z + 9.0},
+                                {40 * std::cos(b), 40 * std::sin(b), -z}));
+    }
+    SCOPED_TRACE(rig.name);
+    const Counts counts = count_frame(rig.rig, scene_of(spokes), plain_stage());
+    EXPECT_EQ(counts.wrong, 0);
+    EXPECT_EQ(counts.close, 0);
+    EXPECT_GT(counts.seen, 40);
+  }
+}
+
+TEST(RowSweep, TakesTrianglesThroughGlassEyeAndNearBound) {
+  const TriangleMesh cases[] = {
+      triangle({-50, -30, -400}, {60, -25, 300}, {5, 40, 20}),         // through the glass
+      triangle({-50, -30, -400}, {60, -25, 693}, {5, 40, 693}),        // touches the near bound
+      triangle({-50, -30, -400}, {90, -25, 700}, {5, 40, 20}),         // touches the eye's plane
+      triangle({-500, -30, -400}, {900, -250, 2000}, {-5, 400, 900}),  // goes on behind the eye
+      triangle({-50, 3, -100}, {60, -2500, 5000}, {5, 40, 900}),
+      triangle({-20, -30, 650}, {20, -25, 640}, {5, 40, 660}),   // right before the eye
+      triangle({-20, -30, 800}, {20, -25, 900}, {5, 40, 1000}),  // behind it: not seen
+  };
+  for (const double distance : {700.0, kInfinity})
+    for (size_t n = 0; n < std::size(cases); ++n) {
+      SCOPED_TRACE(n);
+      const Counts counts = count_frame(testing::make_rig({.distance_mm = distance}),
+                                        scene_of({cases[n]}), plain_stage());
+      EXPECT_EQ(counts.wrong, 0);
+      EXPECT_EQ(counts.close, 0);
+    }
+}
+
+TEST(RowSweep, OneTriangleOverEverythingHidesTheRest) {
+  const TriangleMesh wall = triangle({-1e5, -1e5, 1}, {1e5, -1e5, 2}, {0, 2e5, 0});
+  SceneDescription scene = scene_of({wall, testing::box_mesh({-20, -20, -30}, {20, 20, -5}, 0)});
+  for (const NamedRig& rig : tiny_rigs()) {
+    SCOPED_TRACE(rig.name);
+    const Counts counts = count_frame(rig.rig, scene, plain_stage());
+    EXPECT_EQ(counts.wrong, 0);
+    EXPECT_EQ(counts.seen, 3 * rig.rig.panel.width_px * rig.rig.panel.height_px);
+  }
+}
+
+TEST(RowSweep, SeesNothingWhereThereIsNothing) {
+  const Counts counts = count_frame(testing::make_rig({}), scene_of({}), plain_stage());
+  EXPECT_EQ(counts.seen, 0);
+  EXPECT_EQ(counts.wrong, 0);
+}
+
+TEST(RowSweep, TakesSliversAndTrianglesSeenEdgeOn) {
+  const optics::OpticalModel model(testing::make_rig({}));
+  std::vector<TriangleMesh> meshes;
+  for (int n = 0; n < 24; ++n) {
+    const double x = -28.0 + 2.4 * n;
+    meshes.push_back(triangle({x, -20, 5}, {x + 1e-4, -20, 5}, {x + 3, 20, -5}));
+    meshes.push_back(triangle({x, 1, -9}, {x, 1, -9}, {x + 1, 2, -9}));   // no area
+    meshes.push_back(triangle({x, -20, 30}, {x, 20, -30}, {x, 20, 30}));  // along the depth
+  }
+  for (int j = 0; j < 8; ++j) {  // exactly in a row's plane
+    const optics::SubpixelRay ray = model.ray(2, j, 1);
+    const auto at = [&](double x, double z) { return Vec3{x, ray.lens_y_mm + ray.tan_y * z, z}; };
+    meshes.push_back(triangle(at(-30, -20), at(30, -20), at(0, 25)));
+  }
+  const Counts counts = count_frame(testing::make_rig({}), scene_of(meshes), plain_stage());
+  EXPECT_EQ(counts.wrong, 0);
+  EXPECT_LE(counts.close, 3);
+}
+
+TEST(RowSweep, LeavesNoHolesInClosedMeshes) {
+  // Corners and edges lie exactly on rays: a grid whose corners are rays' points on the glass.
+  const optics::Rig rig = testing::make_rig({.pitch_subpx = 9.0, .slant = 0.0});
+  const optics::OpticalModel model(rig);
+  TriangleMesh grid;
+  constexpr uint32_t kAcross = 36, kDown = 8;
+  for (uint32_t j = 0; j < kDown; ++j)
+    for (uint32_t s = 0; s < kAcross; ++s) {
+      const auto ray =
+          model.ray(static_cast<int>(s) / 3, static_cast<int>(j), static_cast<int>(s % 3));
+      const double z = -40.0;
+      grid.positions.push_back({ray.lens_x_mm + z * ray.tan_x, ray.lens_y_mm + z * ray.tan_y, z});
+    }
+  for (uint32_t j = 0; j + 1 < kDown; ++j)
+    for (uint32_t s = 0; s + 1 < kAcross; ++s) {
+      const uint32_t a = j * kAcross + s;
+      grid.triangles.push_back({a, a + 1, a + kAcross});
+      grid.triangles.push_back({a + 1, a + kAcross + 1, a + kAcross});
+    }
+  const Scene scene(scene_of({grid}), plain_stage(), {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker worker(sweep);
+  SweptRow row;
+  for (int j = 1; j + 1 < static_cast<int>(kDown); ++j) {
+    worker.sweep(j, row);
+    for (size_t s = 9; s < kAcross - 9; ++s) EXPECT_NE(row.cut[s], SweptRow::kNothing) << j << s;
+  }
+}
+
+TEST(RowSweep, BarycentricsAreThoseOfTheRay) {
+  const optics::OpticalModel model(testing::make_rig({}));
+  const Vec3 a{-60, -45, -20}, b{65, -40, 10}, c{5, 80, -30};
+  const Scene scene(scene_of({triangle(a, b, c)}), plain_stage(), {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker worker(sweep);
+  SweptRow row;
+  int seen = 0;
+  for (int j = 0; j < 8; ++j) {
+    worker.sweep(j, row);
+    for (int s = 0; s < 36; ++s) {
+      const auto at = static_cast<size_t>(s);
+      if (row.cut[at] == SweptRow::kNothing) continue;
+      ++seen;
+      const SweptCut& cut = row.cuts[static_cast<size_t>(row.cut[at])];
+      const double part = row.along[at];
+      const double u = cut.u0 + part * (cut.u1 - cut.u0), v = cut.v0 + part * (cut.v1 - cut.v0);
+      const testing::OracleRay ray = testing::oracle_ray(model, s / 3, j, s % 3);
+      const Vec3 p = a * (1.0 - u - v) + b * u + c * v;
+      EXPECT_NEAR(p.z, row.z_mm[at], 1e-4);
+      EXPECT_NEAR(p.x, ray.x_mm + ray.tan_x * p.z, 1e-4);
+      EXPECT_NEAR(p.y, ray.y_mm + ray.tan_y * p.z, 1e-4);
+    }
+  }
+  EXPECT_GT(seen, 100);
+}
+
+TEST(RowSweep, GivesTheSameBitsOnEveryInstructionSet) {
+  for (const NamedRig& rig : tiny_rigs())
+    for (const testing::NamedScene& named : testing::tiny_scenes()) {
+      const optics::OpticalModel model(rig.rig);
+      const Scene scene(named.scene, testing::make_tiny_stage({.turn_degrees = 7.0}), {}, 1);
+      const RowPlanes best(model, Isa::Baseline);
+      const RowSweep sweep(best, scene);
+      RowSweep::Worker worker(sweep);
+      for (const Isa isa : {Isa::Avx2, Isa::Avx512}) {
+        if (!isa_supported(isa)) continue;
+        const RowPlanes planes(model, isa);
+        const RowSweep other_sweep(planes, scene);
+        RowSweep::Worker other_worker(other_sweep);
+        SweptRow row, other;
+        for (int j = 0; j < rig.rig.panel.height_px; ++j) {
+          worker.sweep(j, row);
+          other_worker.sweep(j, other);
+          for (size_t s = 0; s < best.row_subpixels(); ++s) {
+            ASSERT_EQ(row.cut[s], other.cut[s]) << rig.name << " " << named.name << " " << j;
+            ASSERT_EQ(row.z_mm[s], other.z_mm[s]);
+            ASSERT_EQ(row.along[s], other.along[s]);
+          }
+        }
+      }
+    }
+}
+
+TEST(RowSweep, ARowAloneIsTheRowOfTheFrame) {
+  const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 40}));
+  const Scene scene(testing::tiny_scenes().front().scene,
+                    testing::make_tiny_stage({.mm_per_unit = 25.0}), {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker in_turn(sweep);
+  SweptRow row, alone;
+  for (int j = 0; j < 40; ++j) {
+    in_turn.sweep(j, row);
+    RowSweep::Worker worker(sweep);
+    worker.sweep(j, alone);
+    for (size_t s = 0; s < planes.row_subpixels(); ++s) {
+      ASSERT_EQ(row.cut[s], alone.cut[s]);
+      ASSERT_EQ(row.z_mm[s], alone.z_mm[s]);
+    }
+  }
+}
+
+TEST(RowBuckets, AreTheRangesThatHoldARow) {
+  std::mt19937_64 random(3);
+  for (const int rows : {1, 2, 7, 64, 100}) {
+    std::vector<RowRange> ranges;
+    for (int n = 0; n < 60; ++n) {
+      const int first = static_cast<int>(random() % 120) - 10;
+      ranges.push_back({first, first + static_cast<int>(random() % 30) - 3});
+    }
+    const RowBuckets buckets(rows, ranges);
+    for (int row = 0; row < rows; ++row) {
+      std::multiset<uint32_t> found, expected;
+      buckets.visit(row, [&](uint32_t n) { found.insert(n); });
+      for (uint32_t n = 0; n < ranges.size(); ++n)
+        if (ranges[n].first <= row && row <= ranges[n].last) expected.insert(n);
+      EXPECT_EQ(found, expected) << row << " of " << rows;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::render
