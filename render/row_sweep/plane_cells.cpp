@@ -35,16 +35,19 @@ void PlaneCells::arrange(const sweep_kernel::Kernel& kernel, double inverse_z, P
 
 void PlaneCells::number_lenses(const PlaneRays& rays) {
   const auto count = static_cast<int32_t>(rays.count);
+  const int32_t* lens = rays.lens.data();
   first_.clear();
-  int32_t places = 0, last = 0;
-  for (int32_t n = 0; n < count; ++n) {
-    const auto at = static_cast<size_t>(n);
-    if (n > 0 && rays.lens[at] == rays.lens[at - 1]) continue;
-    if (n > 0) places = std::max(places, n - last);
+  int32_t places = 0;
+  for (int32_t n = 0, guess = 1; n < count;) {
     first_.push_back(n);
-    last = n;
+    // Lenses have one or two different numbers of places.
+    int32_t end = std::min(n + guess, count);
+    while (end < count && lens[end] == lens[n]) ++end;
+    while (lens[end - 1] != lens[n]) --end;
+    guess = end - n;
+    places = std::max(places, guess);
+    n = end;
   }
-  places = std::max(places, count - last);
   // Where lenses are very unequal, each ray counts as a lens.
   if (static_cast<size_t>(places) * stride_for(first_.size()) > 16 * rays.count + 4096) {
     first_.resize(rays.count);

@@ -6,8 +6,10 @@
 
 #include <cmath>
 #include <limits>
+#include <map>
 #include <random>
 #include <set>
+#include <utility>
 
 #include "render/primary_rays.h"
 #include "render/row_sweep/row_tracer.h"
@@ -251,6 +253,25 @@ TEST(RowSweep, LeavesNoHolesInClosedMeshes) {
   for (int j = 1; j + 1 < static_cast<int>(kDown); ++j) {
     worker.sweep(j, row);
     for (size_t s = 9; s < kAcross - 9; ++s) EXPECT_NE(row.cut[s], SweptRow::kNothing) << j << s;
+  }
+}
+
+/// Where two triangles share an edge their cuts end in the same bits, so no ray passes between
+/// them: the cut of a closed mesh is closed.
+TEST(RowSweep, CutsOfClosedMeshesAreClosed) {
+  const optics::OpticalModel model(testing::make_rig({.height = 300, .pixel_mm = 0.2}));
+  const Scene scene(scene_of({testing::ball_mesh({0.1, 0.2, 0.3}, 60.0, 60, 0)}),
+                    testing::make_tiny_stage({.mm_per_unit = 1.0, .turn_degrees = 11.0}), {}, 1);
+  const RowPlanes planes(model);
+  const RowSweep sweep(planes, scene);
+  RowSweep::Worker worker(sweep);
+  SweptRow row;
+  for (int j = 0; j < 300; ++j) {
+    worker.sweep(j, row);
+    std::map<std::pair<float, float>, int> ends;
+    for (const SweptCut& cut : row.cuts) ++ends[{cut.x0, cut.z0}], ++ends[{cut.x1, cut.z1}];
+    EXPECT_GT(ends.size(), 100U);
+    for (const auto& [end, count] : ends) ASSERT_EQ(count % 2, 0) << j;
   }
 }
 
