@@ -93,6 +93,7 @@ nlohmann::json measure(const VisibilityFlags& flags, const optics::Rig& rig,
           {"primitives", bench.primitives()},
           {"subpixels", bench.subpixels()},
           {"other_ids_per_million", per_million(difference.other_id)},
+          {"elsewhere_per_million", per_million(difference.elsewhere)},
           {"one_sees_none_per_million", per_million(difference.one_sees_none)},
           {"depth_difference_mm", difference.depth_mm},
           {"times", std::move(threads)}};
@@ -100,11 +101,12 @@ nlohmann::json measure(const VisibilityFlags& flags, const optics::Rig& rig,
 
 void print(const nlohmann::json& r) {
   fmt::print(
-      "{}, {}: {} primitives; other ids {:.2f}, one sees none {:.2f} per million, z within "
+      "{}, {}: {} primitives; other ids {:.2f}, elsewhere {:.2f}, one sees none {:.2f} per "
+      "million, z within "
       "{:.2g} mm\n",
       r["scene"].get<std::string>(), r["rig"].get<std::string>(), r["primitives"].get<uint64_t>(),
-      r["other_ids_per_million"].get<double>(), r["one_sees_none_per_million"].get<double>(),
-      r["depth_difference_mm"].get<double>());
+      r["other_ids_per_million"].get<double>(), r["elsewhere_per_million"].get<double>(),
+      r["one_sees_none_per_million"].get<double>(), r["depth_difference_mm"].get<double>());
   fmt::print("  {:>7} {:>12} {:>9} {:>9} {:>9} {:>9} {:>9} {:>14}\n", "threads", "bare Embree",
              "packets", "sweep", "- before", "- rays", "writing", "packets/sweep");
   for (const auto& t : r["times"]) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 namespace lenticule::render {
 namespace {
@@ -11,6 +12,15 @@ constexpr size_t kLanes = sweep_kernel::kLanes;
 
 constexpr size_t rounded_up(size_t count) {
   return (count + kLanes - 1) / kLanes * kLanes;
+}
+
+/// The first element that begins a vector; there is room for it.
+template <class T>
+T* at_vector(T* elements) {
+  constexpr size_t kBytes = kLanes * sizeof(T);
+  void* at = elements;
+  size_t room = 2 * kBytes;
+  return static_cast<T*>(std::align(kBytes, kBytes, at, room));
 }
 
 /// Ranges may begin at the last lens and go on for all lanes.
@@ -63,13 +73,13 @@ void PlaneCells::number_lenses(const PlaneRays& rays) {
 void PlaneCells::set_buffers() {
   const size_t places = rounded_up(static_cast<size_t>(cells_.places));
   const size_t size = places * static_cast<size_t>(cells_.stride);
-  if (floats_.size() < 4 * size) floats_.resize(4 * size);
-  if (cuts_.size() < size) cuts_.resize(size);
-  cells_.x = floats_.data();
+  if (floats_.size() < 4 * size + kLanes) floats_.resize(4 * size + kLanes);
+  if (cuts_.size() < size + kLanes) cuts_.resize(size + kLanes);
+  cells_.x = at_vector(floats_.data());
   cells_.tan = cells_.x + size;
   cells_.z = cells_.tan + size;
   cells_.along = cells_.z + size;
-  cells_.cut = cuts_.data();
+  cells_.cut = at_vector(cuts_.data());
   ranges_.assign(4 * places, 0.0F);
   spread_.x_low = ranges_.data();
   spread_.x_high = spread_.x_low + places;

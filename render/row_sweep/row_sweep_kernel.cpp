@@ -287,10 +287,32 @@ struct alignas(64) Range {
   int32_t last[kLanes];
 };
 
+/// A bit for each place whose range is not empty.
+inline uint32_t places_of(const Range& range) {
+#if defined(__AVX512F__)
+  return _mm512_cmple_epi32_mask(_mm512_load_si512(range.first), _mm512_load_si512(range.last));
+#elif defined(__AVX2__)
+  uint32_t empty = 0;
+  for (int half = 0; half < 2; ++half) {
+    const auto at = [&](const int32_t* v) {
+      return _mm256_load_si256(reinterpret_cast<const __m256i*>(v + half * kBlock));
+    };
+    const __m256i none = _mm256_cmpgt_epi32(at(range.first), at(range.last));
+    empty |= static_cast<uint32_t>(_mm256_movemask_ps(_mm256_castsi256_ps(none)))
+             << (half * kBlock);
+  }
+  return ~empty & 0xffffU;
+#else
+  uint32_t bits = 0;
+  for (int n = 0; n < kLanes; ++n) bits |= (range.first[n] <= range.last[n] ? 1U : 0U) << n;
+  return bits;
+#endif
+}
+
 /// Beyond its true zeros the distance between ray and end of a cut has one sign; where that is the
 /// same for both ends, the ray passes.
-inline void range_of(const Cells& cells, const Spread& s, const Reach& reach, int place,
-                     Range& out) {
+__attribute__((always_inline)) inline void range_of(const Cells& cells, const Spread& s,
+                                                    const Reach& reach, int place, Range& out) {
   constexpr float kRounding = 4e-7F;  // a few roundings of the largest term
   constexpr float kTouch = 1e-3F;     // lenses
   const Floats& tan_low = floats(s.tan_low + place);
@@ -323,7 +345,8 @@ inline void range_of(const Cells& cells, const Spread& s, const Reach& reach, in
   ints(out.last) = __builtin_convertvector(last_in > 0.0F ? last_in : Floats{}, Ints) - 1;
 }
 
-inline void segment_at(const Cells& cells, int at, float start, const Segment& s, int32_t number) {
+__attribute__((always_inline)) inline void segment_at(const Cells& cells, int at, float start,
+                                                      const Segment& s, int32_t number) {
   const Floats& x = floats(cells.x + at);
   const Floats& tan = floats(cells.tan + at);
   const Floats f0 = (x + tan * s.z0) - s.x0;
@@ -341,26 +364,34 @@ inline void segment_at(const Cells& cells, int at, float start, const Segment& s
 
 /// Calls cell(first element) for every sixteen cells that may meet something inside `reach`.
 template <class Visit>
-inline void visit(const Cells& cells, const Spread& spread, const Reach& reach, int lanes,
-                  const Visit& cell) {
+__attribute__((always_inline)) inline void visit(const Cells& cells, const Spread& spread,
+                                                 const Reach& reach, int lanes, const Visit& cell) {
   for (int place = 0; place < cells.places; place += kLanes) {
     Range range;
     range_of(cells, spread, reach, place, range);
-    const int end = cells.places - place < kLanes ? cells.places - place : kLanes;
-    for (int n = 0; n < end; ++n) {
+    uint32_t left = places_of(range);
+    if (cells.places - place < kLanes) left &= (1U << (cells.places - place)) - 1U;
+    for (; left != 0; left &= left - 1) {
+      const int n = __builtin_ctz(left);
       const int row = (place + n) * cells.stride;
-      for (int k = range.first[n]; k <= range.last[n]; k += lanes) cell(row + k);
+      // From a whole vector on: what neighbouring cuts store and load is then the same piece of
+      // memory, and needs no second line of the cache.
+      for (int k = range.first[n] & -lanes; k <= range.last[n]; k += lanes) cell(row + k);
     }
   }
 }
 
 void segments(const Cells& cells, const Spread& spread, float start, const Segment* list, int count,
               int32_t number) {
-  for (int n = 0; n < count; ++n)
+  const Cells own = cells;  // stores cannot change it
+  for (int n = 0; n < count; ++n) {
+    const Segment segment = list[n];
+    const int32_t its = number + n;
     visit(
-        cells, spread, list[n].reach, kLanes, [&](int at) __attribute__((always_inline)) {
-          segment_at(cells, at, start, list[n], number + n);
+        own, spread, segment.reach, kLanes, [&](int at) __attribute__((always_inline)) {
+          segment_at(own, at, start, segment, its);
         });
+  }
 }
 
 inline void root(const Doubles& v, Doubles& out) {

@@ -31,7 +31,8 @@ struct RowPiece {
   float safe;  ///< the polynomials tell the lens of places no further than this from its middle
 };
 
-/// Cells of one plane; rows of `stride` elements, a multiple of kLanes beyond the last lens.
+/// Cells of one plane; rows of `stride` elements, a multiple of kLanes beyond the last lens. Arrays
+/// begin at multiples of kLanes elements.
 struct Cells {
   float* x;  ///< NaN where a lens has no such place
   float* tan;

@@ -23,6 +23,8 @@ double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
+constexpr double kElsewhere = 0.01;  // mm
+
 void compare_row(const RowTracer::Seen& traced, const SweptRow& swept, SweepDifference& sum) {
   for (size_t s = 0; s < traced.hits.size(); ++s) {
     const Hit& hit = traced.hits[s];
@@ -35,7 +37,9 @@ void compare_row(const RowTracer::Seen& traced, const SweptRow& swept, SweepDiff
     const bool same =
         met && seen && cut->geometry == hit.geometry && cut->primitive == hit.primitive;
     sum.other_id += same ? 0 : 1;
-    if (same) sum.depth_mm = std::max(sum.depth_mm, std::abs(traced.z_mm[s] - swept.z_mm[s]));
+    const double apart = met && seen ? std::abs(traced.z_mm[s] - swept.z_mm[s]) : kElsewhere + 1.0;
+    sum.elsewhere += !same && apart > kElsewhere ? 1 : 0;
+    if (same) sum.depth_mm = std::max(sum.depth_mm, apart);
   }
 }
 

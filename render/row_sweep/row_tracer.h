@@ -38,6 +38,7 @@ struct SweepDifference {
   uint64_t subpixels = 0;
   uint64_t other_id = 0;       ///< another surface, or one of the two sees none
   uint64_t one_sees_none = 0;  ///< part of those
+  uint64_t elsewhere = 0;      ///< part of those: their depths differ by more than 0.01 mm, too
   double depth_mm = 0.0;       ///< largest difference of z where both see the same
 };
 /// Every `step`-th row from `first` on, against Embree.
