@@ -13,6 +13,7 @@
 
 #include "render/primary_rays.h"
 #include "render/row_sweep/row_tracer.h"
+#include "tests/support/allocation_count.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"
 #include "tests/support/visibility_oracle.h"
@@ -134,6 +135,17 @@ TEST(RowSweep, FollowsTheStage) {
       EXPECT_EQ(counts.wrong, 0);
       EXPECT_LE(counts.close, 1);
     }
+}
+
+TEST(RowSweep, LeavesOutWhatTheStageLeavesOut) {
+  Stage stage = testing::make_tiny_stage();
+  stage.near_mm = -1.5;
+  for (const testing::NamedScene& scene : testing::tiny_scenes()) {
+    SCOPED_TRACE(scene.name);
+    const Counts counts = count_frame(testing::make_rig({}), scene.scene, stage);
+    EXPECT_EQ(counts.wrong, 0);
+    EXPECT_LE(counts.close, 1);
+  }
 }
 
 SceneDescription scene_of(std::vector<TriangleMesh> meshes) {
@@ -347,6 +359,38 @@ TEST(RowSweep, ARowAloneIsTheRowOfTheFrame) {
       ASSERT_EQ(row.z_mm[s], alone.z_mm[s]);
     }
   }
+}
+
+TEST(RowSweep, AllocatesNothingOnceWarm) {
+  for (const NamedRig& rig : tiny_rigs()) {
+    const optics::OpticalModel model(rig.rig);
+    const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {}, 1);
+    const RowPlanes planes(model);
+    const RowSweep sweep(planes, scene);
+    RowSweep::Worker worker(sweep);
+    SweptRow row;
+    const auto all = [&] {
+      for (int j = 0; j < rig.rig.panel.height_px; ++j) worker.sweep(j, row);
+    };
+    all();
+    const long before = allocations.load();
+    all();
+    EXPECT_EQ(allocations.load(), before) << rig.name;
+  }
+}
+
+TEST(RowTracer, ComparesAndTimesEveryRow) {
+  const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 40}));
+  const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {}, 1);
+  const RowPlanes planes(model);
+  const SweepDifference difference = compare_with_embree(planes, scene, 0, 1);
+  EXPECT_EQ(difference.subpixels, 30U * 40U * 3U);
+  EXPECT_EQ(difference.elsewhere, 0U);
+  EXPECT_LT(difference.depth_mm, 1e-3);
+  const SweepTiming timing = time_row_sweep(planes, scene, 2);
+  EXPECT_EQ(timing.subpixels, 30U * 40U * 3U);
+  EXPECT_GT(timing.cuts, 0U);
+  EXPECT_GT(timing.seconds, timing.prepare_seconds);
 }
 
 TEST(RowBuckets, AreTheRangesThatHoldARow) {
