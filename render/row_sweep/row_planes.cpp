@@ -55,15 +55,26 @@ RowPiece piece_of(const TileOptics& rig, const TileOptics::Tile& tile, size_t r)
 }  // namespace
 
 RowPlanes::RowPlanes(const optics::OpticalModel& model, Isa isa)
-    : model_(model),
-      kernel_(kernel_for(isa)),
-      evaluator_(model, isa),
-      smooth_(TileOptics::make(model, kColumns, kUpright)) {
+    : model_(model), kernel_(kernel_for(isa)), evaluator_(model, isa) {
   const optics::Eye& eye = model.design_eye();
   const bool parallel = std::isinf(eye.z_mm);
   inverse_z_ = parallel ? 0.0 : 1.0 / eye.z_mm;
   eye_tan_y_ = parallel ? eye.y : eye.y / eye.z_mm;
+  set_smooth();
   set_layout();
+  top_mm_ = plane_at(0.0).lens_y_mm;
+  rows_per_mm_ = 1.0 / (top_mm_ - plane_at(1.0).lens_y_mm);
+}
+
+/// Large pixels bend the phase more along a tile: narrower ones cost more, but far less than the
+/// map.
+void RowPlanes::set_smooth() {
+  for (const int columns : {384, 192, 96}) {
+    static_assert(96 % (3 * sweep_kernel::kLanes) == 0);
+    smooth_ = TileOptics::make(model_, columns, kUpright);
+    columns_ = static_cast<size_t>(columns);
+    if (smooth_) return;
+  }
 }
 
 void RowPlanes::set_layout() {
@@ -100,12 +111,11 @@ RowPlane RowPlanes::plane_at(double y_px) const {
 }
 
 RowRange RowPlanes::rows_between(double low_mm, double high_mm) const {
-  // lens_y_mm is linear in the row.
-  const double top = plane_at(0.0).lens_y_mm;
-  const double down = top - plane_at(1.0).lens_y_mm;
   constexpr double kGenerous = 1e-3;
   const double far = rows() + 8.0;
-  const auto row_at = [&](double mm) { return std::clamp((top - mm) / down, -far, far); };
+  const auto row_at = [&](double mm) {
+    return std::clamp((top_mm_ - mm) * rows_per_mm_, -far, far);
+  };
   return {static_cast<int>(std::ceil(row_at(high_mm) - high_px_ - kGenerous)),
           static_cast<int>(std::floor(row_at(low_mm) - low_px_ + kGenerous))};
 }
@@ -123,12 +133,13 @@ void RowPlanes::Maker::make(int row, size_t plane, PlaneRays& out) {
 bool RowPlanes::Maker::expand(int band) {
   if (band == band_) return band_smooth_;
   band_ = band;
-  const size_t count = (planes_.row_subpixels() + kColumns - 1) / kColumns;
+  const size_t columns = planes_.columns_;
+  const size_t count = (planes_.row_subpixels() + columns - 1) / columns;
   tiles_.resize(count);
   band_smooth_ = true;
   for (size_t t = 0; t < count && band_smooth_; ++t)
-    band_smooth_ = planes_.smooth_->expand(band * TileOptics::kRows, static_cast<int>(t) * kColumns,
-                                           tiles_[t]);
+    band_smooth_ =
+        planes_.smooth_->expand(band * TileOptics::kRows, static_cast<int>(t * columns), tiles_[t]);
   return band_smooth_;
 }
 
@@ -136,14 +147,14 @@ bool RowPlanes::Maker::make_smooth(int row, PlaneRays& out) {
   if (!expand(row / TileOptics::kRows)) return false;
   out.count = planes_.row_subpixels();
   out.subpixel.clear();
-  out.x_mm.resize(tiles_.size() * kColumns);
+  out.x_mm.resize(tiles_.size() * planes_.columns_);
   out.tan_x.resize(out.x_mm.size());
   out.lens.resize(out.x_mm.size());
   const int in_band = row % TileOptics::kRows;
   for (size_t t = 0; t < tiles_.size(); ++t) {
     const RowPiece piece = piece_of(*planes_.smooth_, tiles_[t], static_cast<size_t>(in_band));
-    const size_t at = t * kColumns;
-    const auto count = static_cast<int>(std::min(size_t{kColumns}, out.count - at));
+    const size_t at = t * planes_.columns_;
+    const auto count = static_cast<int>(std::min(planes_.columns_, out.count - at));
     float* x = out.x_mm.data() + at;
     float* tan = out.tan_x.data() + at;
     int32_t* lens = out.lens.data() + at;

@@ -85,13 +85,12 @@ class RowPlanes {
   };
 
  private:
-  static constexpr int kColumns = 384;
-
   /// Row of the layout: its different heights, and of each subpixel of a period which it has.
   struct LayoutRow {
     std::vector<double> heights_px;
     std::vector<uint8_t> plane;
   };
+  void set_smooth();
   void set_layout();
   [[nodiscard]] const LayoutRow& layout_row(int row) const;
   [[nodiscard]] RowPlane plane_at(double y_px) const;
@@ -100,10 +99,13 @@ class RowPlanes {
   const sweep_kernel::Kernel& kernel_;
   optics::RowRayEvaluator evaluator_;
   std::unique_ptr<optics::TileOptics> smooth_;  ///< null where the rig is not
+  size_t columns_ = 0;                          ///< of its tiles
   std::vector<LayoutRow> layout_;
   double inverse_z_;
   double eye_tan_y_;
   double low_px_ = 0.0, high_px_ = 0.0;  ///< heights inside a pixel that occur
+  double top_mm_ = 0.0;                  ///< lens_y_mm at the panel's upper edge, and how it
+  double rows_per_mm_ = 0.0;             ///< changes
 };
 
 }  // namespace lenticule::render

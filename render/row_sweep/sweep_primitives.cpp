@@ -161,7 +161,11 @@ void SweepPrimitives::add_quadric(const Box& box) {
 void SweepPrimitives::find_rows() {
   std::vector<RowRange> ranges;
   ranges.reserve(triangles_.size() + boxes_.size());
-  for (const Triangle& triangle : triangles_) ranges.push_back(rows_of(heights_of(triangle)));
+  std::vector<double> corner_heights;
+  corner_heights.reserve(corners_.size());
+  for (const Vec3& p : corners_) corner_heights.push_back(height_of(p.y, p.z));
+  for (const Triangle& triangle : triangles_)
+    ranges.push_back(rows_of(heights_of(triangle, corner_heights)));
   for (const Box& box : boxes_) ranges.push_back(rows_of(heights_of(box)));
   rows_ = RowBuckets(planes_.rows(), ranges);
 }
@@ -170,12 +174,13 @@ double SweepPrimitives::height_of(double y, double z) const {
   return (y - planes_.eye_tan_y() * z) / (1.0 - planes_.inverse_z() * z);
 }
 
-SweepPrimitives::Heights SweepPrimitives::heights_of(const Triangle& triangle) const {
+SweepPrimitives::Heights SweepPrimitives::heights_of(
+    const Triangle& triangle, const std::vector<double>& corner_heights) const {
   Heights out;
   for (int n = 0; n < 3; ++n) {
     const Vec3& a = corners_[triangle.corner[n]];
     const Vec3& b = corners_[triangle.corner[(n + 1) % 3]];
-    if (a.z <= start_mm_) out.extend(height_of(a.y, a.z));
+    if (a.z <= start_mm_) out.extend(corner_heights[triangle.corner[n]]);
     if ((a.z <= start_mm_) == (b.z <= start_mm_)) continue;
     const double part = (start_mm_ - a.z) / (b.z - a.z);
     out.extend(height_of(a.y + part * (b.y - a.y), start_mm_));

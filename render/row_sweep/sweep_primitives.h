@@ -51,7 +51,8 @@ class SweepPrimitives {
   void find_rows();
   /// Range on the glass, from the viewing line, of what lies behind start.
   struct Heights;
-  [[nodiscard]] Heights heights_of(const Triangle& triangle) const;
+  [[nodiscard]] Heights heights_of(const Triangle& triangle,
+                                   const std::vector<double>& corner_heights) const;
   [[nodiscard]] Heights heights_of(const Box& panel_box) const;
   [[nodiscard]] double height_of(double y, double z) const;
   [[nodiscard]] RowRange rows_of(const Heights& heights) const;
