@@ -144,6 +144,7 @@ SweepPrimitives::SweepPrimitives(const Scene::Impl& scene, const RowPlanes& plan
 
 void SweepPrimitives::add_mesh(const MeshShape& mesh, uint32_t geometry) {
   const auto first = static_cast<uint32_t>(corners_.size());
+  corners_.reserve(corners_.size() + mesh.positions.size());
   for (size_t n = 0; n + 1 < mesh.positions.size(); ++n)
     corners_.push_back(panel_from_scene_.point(Vec3(mesh.positions[n])));
   triangles_.reserve(triangles_.size() + mesh.triangles.size());
