@@ -199,6 +199,12 @@ inline void square_to_cells(const float* rays, const int32_t* first, int place, 
   for (int n = 0; n < kBlock; ++n) eight(cells + n * stride) = v[n];
 }
 
+inline float lowest(const Floats& v) {
+  float least = v[0];
+  for (int l = 1; l < kLanes; ++l) least = v[l] < least ? v[l] : least;
+  return least;
+}
+
 /// Puts NaN where a lens has no such place, and finds the spread of the others.
 void close_place(const int32_t* first, int place, const Cells& cells, const Spread& spread) {
   const float nan = __builtin_nanf(""), far = 3e38F;
@@ -223,17 +229,10 @@ void close_place(const int32_t* first, int place, const Cells& cells, const Spre
     tan_low = tan_off < tan_low ? tan_off : tan_low;
     tan_high = tan_off > tan_high ? tan_off : tan_high;
   }
-  float least_x = far, most_x = -far, least_tan = far, most_tan = -far;
-  for (int l = 0; l < kLanes; ++l) {
-    least_x = x_low[l] < least_x ? x_low[l] : least_x;
-    most_x = x_high[l] > most_x ? x_high[l] : most_x;
-    least_tan = tan_low[l] < least_tan ? tan_low[l] : least_tan;
-    most_tan = tan_high[l] > most_tan ? tan_high[l] : most_tan;
-  }
-  spread.x_low[place] = least_x;
-  spread.x_high[place] = most_x;
-  spread.tan_low[place] = least_tan;
-  spread.tan_high[place] = most_tan;
+  spread.x_low[place] = lowest(x_low);
+  spread.x_high[place] = -lowest(-x_high);
+  spread.tan_low[place] = lowest(tan_low);
+  spread.tan_high[place] = -lowest(-tan_high);
 }
 
 void see_nothing(const Cells& cells) {

@@ -73,6 +73,26 @@ void set_reach(const CutEnd& a, const CutEnd& b, Reach& out) {
   }
 }
 
+Segment segment_of(const CutEnd& a, const CutEnd& b, double start) {
+  Segment segment{.reach = {},
+                  .x0 = static_cast<float>(a.x),
+                  .z0 = static_cast<float>(a.z),
+                  .x1 = static_cast<float>(b.x),
+                  .z1 = static_cast<float>(b.z)};
+  set_reach(behind(a, b, start), behind(b, a, start), segment.reach);
+  return segment;
+}
+SweptCut described_segment(const CutEnd& a, const CutEnd& b, const Segment& segment) {
+  return {.x0 = segment.x0,
+          .z0 = segment.z0,
+          .x1 = segment.x1,
+          .z1 = segment.z1,
+          .u0 = static_cast<float>(a.weight[1]),
+          .v0 = static_cast<float>(a.weight[2]),
+          .u1 = static_cast<float>(b.weight[1]),
+          .v1 = static_cast<float>(b.weight[2])};
+}
+
 /// A x^2 + 2 B x z + C z^2 + 2 (gx x + gz z) + f, about (xc, zc), is zero on a cut.
 struct PlaneForm {
   double xc, zc;
@@ -80,6 +100,32 @@ struct PlaneForm {
   double gx, gz;
   double f;
 };
+
+/// In the scene frame, per millimetre of x and of z in a row's plane.
+struct PlaneAxes {
+  Vec3 across, inward;
+};
+
+Conic conic_of(const PlaneForm& f) {
+  return {.reach = {},
+          .xc = f.xc,
+          .zc = f.zc,
+          .a0 = f.C,
+          .a1 = 2.0 * f.B,
+          .a2 = f.A,
+          .b0 = f.gz,
+          .b1 = f.gx,
+          .b2 = f.B,
+          .b3 = f.A,
+          .c0 = f.f,
+          .c1 = 2.0 * f.gx,
+          .c2 = f.A,
+          .s0 = 0.0,
+          .s1 = 0.0,
+          .s2 = 0.0,
+          .s3 = 0.0,
+          .height = 0.0};
+}
 
 /// Around the cut: where an ellipse lies, or everything.
 struct Extent {
@@ -102,6 +148,18 @@ Extent centre_ellipse(PlaneForm& q) {
   return {q.xc - half_x, q.xc + half_x, q.zc - half_z, q.zc + half_z};
 }
 
+/// What of a cut lies inside its primitive's box and behind the start; false if nothing does.
+bool bound(const Extent& extent, const Box& box, double start, Reach& reach) {
+  const double z_low = std::max(extent.z_low, box.low.z);
+  const double z_high = std::min({extent.z_high, box.high.z, start});
+  const double x_low = std::max(extent.x_low, box.low.x);
+  const double x_high = std::min(extent.x_high, box.high.x);
+  if (extent.empty || !(z_low <= z_high) || !(x_low <= x_high)) return false;
+  reach = {
+      {above(z_high), below(z_low)}, {below(x_low), below(x_low)}, {above(x_high), above(x_high)}};
+  return true;
+}
+
 }  // namespace
 
 /// |p - base|^2 less the squares of its part along the axis and of the radius there; a sphere's has
@@ -112,6 +170,18 @@ struct SweepPrimitives::Quadric {
 
   [[nodiscard]] double form(Vec3 a, Vec3 b) const {
     return dot(a, b) - (1.0 + slope * slope) * dot(a, axis) * dot(b, axis);
+  }
+  /// About a point of the plane that lies `from` away from the base.
+  [[nodiscard]] PlaneForm form_in(const PlaneAxes& plane, Vec3 from) const {
+    const double taper = radius * slope;
+    return {.xc = 0.0,
+            .zc = 0.0,
+            .A = form(plane.across, plane.across),
+            .B = form(plane.across, plane.inward),
+            .C = form(plane.inward, plane.inward),
+            .gx = form(from, plane.across) - taper * dot(plane.across, axis),
+            .gz = form(from, plane.inward) - taper * dot(plane.inward, axis),
+            .f = form(from, from) - 2.0 * taper * dot(from, axis) - radius * radius};
   }
 };
 
@@ -240,23 +310,10 @@ void SweepPrimitives::cut_triangle(const Triangle& triangle, const RowPlane& pla
   const CutEnd a = alone_above ? cut_edge(next, alone) : cut_edge(alone, next);
   const CutEnd b = alone_above ? cut_edge(other, alone) : cut_edge(alone, other);
   if (!(std::min(a.z, b.z) <= start_mm_)) return;
-  Segment segment{.reach = {},
-                  .x0 = static_cast<float>(a.x),
-                  .z0 = static_cast<float>(a.z),
-                  .x1 = static_cast<float>(b.x),
-                  .z1 = static_cast<float>(b.z)};
-  set_reach(behind(a, b, start_mm_), behind(b, a, start_mm_), segment.reach);
-  out.segments.push_back(segment);
-  described.push_back({.geometry = triangle.geometry,
-                       .primitive = triangle.primitive,
-                       .x0 = segment.x0,
-                       .z0 = segment.z0,
-                       .x1 = segment.x1,
-                       .z1 = segment.z1,
-                       .u0 = static_cast<float>(a.weight[1]),
-                       .v0 = static_cast<float>(a.weight[2]),
-                       .u1 = static_cast<float>(b.weight[1]),
-                       .v1 = static_cast<float>(b.weight[2])});
+  out.segments.push_back(segment_of(a, b, start_mm_));
+  described.push_back(described_segment(a, b, out.segments.back()));
+  described.back().geometry = triangle.geometry;
+  described.back().primitive = triangle.primitive;
 }
 
 SweepPrimitives::Quadric SweepPrimitives::quadric(uint32_t number) const {
@@ -273,48 +330,23 @@ void SweepPrimitives::cut_quadric(uint32_t number, const RowPlane& plane, PlaneC
   const Box& box = boxes_[number];
   const Quadric q = quadric(number);
   const Affine& to_scene = scene_.scene_from_panel;
-  const Vec3 across = to_scene.column_x, inward = to_scene.vector({0.0, plane.tan_y, 1.0});
-  const double taper = q.radius * q.slope;
-  const auto form_about = [&](double xc, double zc) -> PlaneForm {
-    const Vec3 from = to_scene.point({xc, plane.lens_y_mm + plane.tan_y * zc, zc}) - q.base;
-    return {xc,
-            zc,
-            q.form(across, across),
-            q.form(across, inward),
-            q.form(inward, inward),
-            q.form(from, across) - taper * dot(across, q.axis),
-            q.form(from, inward) - taper * dot(inward, q.axis),
-            q.form(from, from) - 2.0 * taper * dot(from, q.axis) - q.radius * q.radius};
+  const PlaneAxes axes{to_scene.column_x, to_scene.vector({0.0, plane.tan_y, 1.0})};
+  const auto from_base = [&](double x, double z) {
+    return to_scene.point({x, plane.lens_y_mm + plane.tan_y * z, z}) - q.base;
   };
-  PlaneForm f = form_about((box.low.x + box.high.x) / 2.0, (box.low.z + box.high.z) / 2.0);
-  Extent extent = centre_ellipse(f);
-  if (extent.empty) return;
-  const double z_low = std::max(extent.z_low, box.low.z);
-  const double z_high = std::min({extent.z_high, box.high.z, start_mm_});
-  const double x_low = std::max(extent.x_low, box.low.x);
-  const double x_high = std::min(extent.x_high, box.high.x);
-  if (!(z_low <= z_high) || !(x_low <= x_high)) return;
-  const Vec3 from = to_scene.point({f.xc, plane.lens_y_mm + plane.tan_y * f.zc, f.zc}) - q.base;
-  const Reach reach{
-      {above(z_high), below(z_low)}, {below(x_low), below(x_low)}, {above(x_high), above(x_high)}};
-  out.conics.push_back({.reach = reach,
-                        .xc = f.xc,
-                        .zc = f.zc,
-                        .a0 = f.C,
-                        .a1 = 2.0 * f.B,
-                        .a2 = f.A,
-                        .b0 = f.gz,
-                        .b1 = f.gx,
-                        .b2 = f.B,
-                        .b3 = f.A,
-                        .c0 = f.f,
-                        .c1 = 2.0 * f.gx,
-                        .c2 = f.A,
-                        .s0 = dot(from, q.axis),
-                        .s1 = dot(across, q.axis),
-                        .s2 = dot(inward, q.axis),
-                        .s3 = dot(across, q.axis),
-                        .height = q.height});
+  const double xc = (box.low.x + box.high.x) / 2.0, zc = (box.low.z + box.high.z) / 2.0;
+  PlaneForm form = q.form_in(axes, from_base(xc, zc));
+  form.xc = xc;
+  form.zc = zc;
+  Reach reach;
+  if (!bound(centre_ellipse(form), box, start_mm_, reach)) return;
+  out.conics.push_back(conic_of(form));
+  Conic& conic = out.conics.back();
+  conic.reach = reach;
+  conic.s0 = dot(from_base(form.xc, form.zc), q.axis);
+  conic.s1 = conic.s3 = dot(axes.across, q.axis);
+  conic.s2 = dot(axes.inward, q.axis);
+  conic.height = q.height;
   const bool sphere = number < scene_.spheres.size();
   const auto spheres = static_cast<uint32_t>(scene_.spheres.size());
   described.push_back({.geometry = sphere ? sphere_geometry_ : cone_geometry_,
