@@ -20,6 +20,28 @@ using Longs = int64_t __attribute__((vector_size(8 * kBlock)));
 using Eight = float __attribute__((vector_size(4 * kBlock), may_alias, aligned(4)));
 using EightInts = int32_t __attribute__((vector_size(4 * kBlock), may_alias, aligned(4)));
 
+// As wide as the instruction set's own: what compares and chooses is taken apart lane by lane in
+// wider ones.
+#if defined(__AVX512F__)
+constexpr int kNative = 16;
+#elif defined(__AVX2__)
+constexpr int kNative = 8;
+#else
+constexpr int kNative = 4;
+#endif
+using NativeFloats = float __attribute__((vector_size(4 * kNative), may_alias, aligned(4)));
+using NativeInts = int32_t __attribute__((vector_size(4 * kNative), may_alias, aligned(4)));
+
+inline NativeFloats& native(float* at) {
+  return *reinterpret_cast<NativeFloats*>(at);
+}
+inline const NativeInts& native(const int32_t* at) {
+  return *reinterpret_cast<const NativeInts*>(at);
+}
+inline NativeInts& native(int32_t* at) {
+  return *reinterpret_cast<NativeInts*>(at);
+}
+
 inline Floats& floats(float* at) {
   return *reinterpret_cast<Floats*>(at);
 }
@@ -199,31 +221,27 @@ inline void square_to_cells(const float* rays, const int32_t* first, int place, 
   for (int n = 0; n < kBlock; ++n) eight(cells + n * stride) = v[n];
 }
 
-inline float lowest(const Floats& v) {
+inline float lowest(const NativeFloats& v) {
   float least = v[0];
-  for (int l = 1; l < kLanes; ++l) least = v[l] < least ? v[l] : least;
+  for (int l = 1; l < kNative; ++l) least = v[l] < least ? v[l] : least;
   return least;
 }
 
 /// Puts NaN where a lens has no such place, and finds the spread of the others.
 void close_place(const int32_t* first, int place, const Cells& cells, const Spread& spread) {
   const float nan = __builtin_nanf(""), far = 3e38F;
-  Floats x_low = Floats{} + far, x_high = -x_low, tan_low = x_low, tan_high = -x_low;
+  NativeFloats x_low = NativeFloats{} + far, x_high = -x_low, tan_low = x_low, tan_high = -x_low;
   float* x_row = cells.x + place * cells.stride;
   float* tan_row = cells.tan + place * cells.stride;
-  for (int k = 0; k < cells.stride; k += kLanes) {
-    Ints number;
-    count_up(k, number);
-    const Ints rays =
-        *reinterpret_cast<const Ints*>(first + k + 1) - *reinterpret_cast<const Ints*>(first + k);
-    const Ints there = rays > place;
-    const Floats lens = __builtin_convertvector(number, Floats);
-    const Floats x = there ? floats(x_row + k) : Floats{} + nan;
-    const Floats tan = there ? floats(tan_row + k) : Floats{} + nan;
-    floats(x_row + k) = x;
-    floats(tan_row + k) = tan;
-    const Floats x_off = x - spread.x_step * lens;
-    const Floats tan_off = tan - spread.tan_step * lens;
+  for (int k = 0; k < cells.stride; k += kNative) {
+    const NativeInts there = native(first + k + 1) - native(first + k) > place;
+    const NativeFloats lens = __builtin_convertvector(native(kCount) + k, NativeFloats);
+    const NativeFloats x = there ? native(x_row + k) : NativeFloats{} + nan;
+    const NativeFloats tan = there ? native(tan_row + k) : NativeFloats{} + nan;
+    native(x_row + k) = x;
+    native(tan_row + k) = tan;
+    const NativeFloats x_off = x - spread.x_step * lens;
+    const NativeFloats tan_off = tan - spread.tan_step * lens;
     x_low = x_off < x_low ? x_off : x_low;
     x_high = x_off > x_high ? x_off : x_high;
     tan_low = tan_off < tan_low ? tan_off : tan_low;
@@ -346,19 +364,21 @@ __attribute__((always_inline)) inline void range_of(const Cells& cells, const Sp
 
 __attribute__((always_inline)) inline void segment_at(const Cells& cells, int at, float start,
                                                       const Segment& s, int32_t number) {
-  const Floats& x = floats(cells.x + at);
-  const Floats& tan = floats(cells.tan + at);
-  const Floats f0 = (x + tan * s.z0) - s.x0;
-  const Floats f1 = (x + tan * s.z1) - s.x1;
-  const Floats part = f0 / (f0 - f1);
-  const Floats z = s.z0 + part * (s.z1 - s.z0);
-  Floats& best = floats(cells.z + at);
-  Floats& along = floats(cells.along + at);
-  Ints& cut = ints(cells.cut + at);
-  const Ints met = (f0 * f1 <= 0.0F) & (z > best) & (z <= start);
-  best = met ? z : best;
-  along = met ? part : along;
-  cut = met ? Ints{} + number : cut;
+  for (const int end = at + kLanes; at < end; at += kNative) {
+    const NativeFloats& x = native(cells.x + at);
+    const NativeFloats& tan = native(cells.tan + at);
+    const NativeFloats f0 = (x + tan * s.z0) - s.x0;
+    const NativeFloats f1 = (x + tan * s.z1) - s.x1;
+    const NativeFloats part = f0 / (f0 - f1);
+    const NativeFloats z = s.z0 + part * (s.z1 - s.z0);
+    NativeFloats& best = native(cells.z + at);
+    NativeFloats& along = native(cells.along + at);
+    NativeInts& cut = native(cells.cut + at);
+    const NativeInts met = (f0 * f1 <= 0.0F) & (z > best) & (z <= start);
+    best = met ? z : best;
+    along = met ? part : along;
+    cut = met ? NativeInts{} + number : cut;
+  }
 }
 
 /// Calls cell(first element) for every sixteen cells that may meet something inside `reach`.
