@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tests/support/fake_source.h"
+#include "tests/support/instruction_sets.h"
 
 namespace lenticule::display {
 namespace {
@@ -13,12 +14,7 @@ namespace {
 constexpr uint32_t kGuard = 0xDEADBEEF;
 constexpr uint8_t kByteGuard = 0xA5;
 
-class ScanoutFormat : public testing::TestWithParam<Isa> {
- protected:
-  void SetUp() override {
-    if (!isa_supported(GetParam())) GTEST_SKIP() << "this machine has no " << isa_name(GetParam());
-  }
-};
+class ScanoutFormat : public testing::TestWithParam<Isa> {};
 
 std::vector<uint8_t> random_bytes(size_t count) {
   const auto frame = test::numbered_frame({.width = static_cast<int>(count) + 1, .height = 1}, 7);
@@ -55,7 +51,7 @@ TEST_P(ScanoutFormat, PacksBackWhateverTheXByteHolds) {
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, ScanoutFormat,
-                         testing::Values(Isa::Baseline, Isa::Avx2, Isa::Avx512),
+                         testing::ValuesIn(test::instruction_sets_of_this_machine()),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
 
 }  // namespace

@@ -23,9 +23,9 @@ bool same_bits(const RowRays& a, const RowRays& b) {
          same_bits(a.place, b.place);
 }
 
+/// What this machine cannot run is refused.
 TEST(RowRays, AreTheSameBitsForEveryInstructionSet) {
   std::mt19937_64 random(77);
-  int compared = 0;
   for (int r = 0; r < 60; ++r) {
     const OpticalModel model(test::random_rig(random));
     const Panel& panel = model.rig().panel;
@@ -36,15 +36,17 @@ TEST(RowRays, AreTheSameBitsForEveryInstructionSet) {
     RowRayEvaluator(model, Isa::Baseline).evaluate(j, 0, panel.width_px, baseline);
     RowPhaseEvaluator(model, eye, Isa::Baseline).evaluate(j, 0, panel.width_px, phase);
     for (const Isa isa : {Isa::Avx2, Isa::Avx512}) {
-      if (!isa_supported(isa)) continue;
+      if (!isa_supported(isa)) {
+        EXPECT_THROW(RowRayEvaluator(model, isa), Error);
+        EXPECT_THROW(RowPhaseEvaluator(model, eye, isa), Error);
+        continue;
+      }
       RowRayEvaluator(model, isa).evaluate(j, 0, panel.width_px, other);
       ASSERT_TRUE(same_bits(baseline, other)) << isa_name(isa) << " rig " << r;
       RowPhaseEvaluator(model, eye, isa).evaluate(j, 0, panel.width_px, other_phase);
       ASSERT_TRUE(same_bits(phase, other_phase)) << isa_name(isa) << " rig " << r;
-      ++compared;
     }
   }
-  if (compared == 0) GTEST_SKIP() << "this machine has only the baseline instruction set";
 }
 
 TEST(RowRays, DoNotDependOnHowARowIsCut) {

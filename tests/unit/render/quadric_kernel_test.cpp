@@ -15,6 +15,7 @@
 #include "render/embree.h"
 #include "render/quadrics.h"
 #include "render/user_geometry.h"
+#include "tests/support/instruction_sets.h"
 
 namespace lenticule::render {
 namespace {
@@ -29,7 +30,6 @@ struct alignas(64) Packet {
 
 class QuadricKernel : public ::testing::TestWithParam<Isa> {
  protected:
-  void SetUp() override { ASSERT_TRUE(isa_supported(GetParam())); }
   [[nodiscard]] static const quadric_kernel::Kernel& kernel() {
     return quadric_kernel_for(GetParam());
   }
@@ -147,13 +147,8 @@ TEST_P(QuadricKernel, MeetsConesAsOneRayDoes) {
   EXPECT_GT(met, 2500);
 }
 
-std::vector<Isa> supported() {
-  std::vector<Isa> list = {Isa::Baseline};
-  for (const Isa isa : {Isa::Avx2, Isa::Avx512})
-    if (isa_supported(isa)) list.push_back(isa);
-  return list;
-}
-INSTANTIATE_TEST_SUITE_P(InstructionSets, QuadricKernel, ::testing::ValuesIn(supported()),
+INSTANTIATE_TEST_SUITE_P(InstructionSets, QuadricKernel,
+                         ::testing::ValuesIn(test::instruction_sets_of_this_machine()),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
 
 }  // namespace

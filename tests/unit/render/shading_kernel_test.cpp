@@ -172,17 +172,17 @@ TEST_P(ShadingKernel, AgreesWithDoublePrecisionLaneByLane) {
   EXPECT_GT(lanes, 500);
 }
 
+/// And again on the first, which is all that a machine with the baseline alone can compare.
 TEST_P(ShadingKernel, GivesTheSameBitsOnEveryInstructionSet) {
   std::mt19937_64 random(11);
   const std::vector<const Kernel*> kernels = runnable_kernels();
-  if (kernels.size() == 1) GTEST_SKIP() << "this machine has only the baseline instruction set";
   Shaded first, other;
   for (int round = 0; round < 300; ++round) {
     aim(random);
     const size_t light = random() % impl().lights.size();
     const bool met = shade(*kernels[0], light, first);
-    for (size_t k = 1; k < kernels.size(); ++k) {
-      ASSERT_EQ(shade(*kernels[k], light, other), met);
+    for (const Kernel* kernel : kernels) {
+      ASSERT_EQ(shade(*kernel, light, other), met);
       if (met) {
         ASSERT_EQ(std::memcmp(&first, &other, sizeof first), 0) << "round " << round;
       }

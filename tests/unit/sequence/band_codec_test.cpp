@@ -12,6 +12,7 @@
 #include "band_oracle.h"
 #include "frames/sequence/tap_choice.h"
 #include "small_sequences.h"
+#include "tests/support/instruction_sets.h"
 
 namespace lenticule::frames {
 namespace {
@@ -23,14 +24,6 @@ using test::oracle_decode_taps;
 constexpr Content kContents[] = {Content::Noise, Content::Flat, Content::Ramp, Content::Lenses};
 constexpr FrameGeometry kSizes[] = {{1, 1},  {2, 1},  {10, 1},  {11, 3},
                                     {32, 8}, {33, 9}, {97, 31}, {320, 16}};
-
-std::vector<Isa> instruction_sets() {
-  std::vector<Isa> sets;
-  for (const Isa isa : {Isa::Baseline, Isa::Avx2, Isa::Avx512}) {
-    if (isa_supported(isa)) sets.push_back(isa);
-  }
-  return sets;
-}
 
 std::vector<TapTable> tap_sets(const WovenFrame& frame) {
   TapTable up;
@@ -44,7 +37,7 @@ bool encode_everywhere(BandCodec codec, std::span<const uint8_t> band, const Tap
                        std::vector<uint8_t>& payload) {
   bool encoded = false;
   bool first = true;
-  for (const Isa isa : instruction_sets()) {
+  for (const Isa isa : test::instruction_sets_of_this_machine()) {
     std::vector<uint8_t> bytes;
     encoded = BandEncoder(band.size(), isa).encode_as(codec, band, taps, bytes);
     if (!first) {
@@ -70,7 +63,7 @@ TEST(BandCodec, RoundTripsWithEveryCodecTapSetAndInstructionSet) {
             ASSERT_EQ(oracle_decode_taps(payload, frame.bytes().size()),
                       std::vector<uint8_t>(frame.bytes().begin(), frame.bytes().end()));
           }
-          for (const Isa isa : instruction_sets()) {
+          for (const Isa isa : test::instruction_sets_of_this_machine()) {
             std::vector<uint8_t> band(frame.bytes().size(), 0xee);
             ASSERT_TRUE(BandDecoder(band.size(), isa).decode(codec, payload, band));
             ASSERT_TRUE(std::equal(band.begin(), band.end(), frame.bytes().begin()));
@@ -179,7 +172,7 @@ TEST(BandDecoder, SurvivesAnyBytes) {
   std::mt19937 random(7);
   std::vector<uint8_t> band(frame.bytes().size());
   int refused = 0;
-  for (const Isa isa : instruction_sets()) {
+  for (const Isa isa : test::instruction_sets_of_this_machine()) {
     BandDecoder decoder(frame.bytes().size(), isa);
     for (int i = 0; i < 3000; ++i) {
       std::vector<uint8_t> spoilt = payload;
