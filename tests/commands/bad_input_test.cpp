@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whatever a file or an argument says: one or two clear lines, the documented exit code, no crash,
 // nothing half-written left behind.
-#include <sys/mount.h>
 
 #include <algorithm>
 
@@ -222,18 +221,6 @@ TEST_F(BadInput, AFullDiskLeavesNothingHalfWritten) {
           {.largest_file_bytes = 16}),
       1, "o.json");
   EXPECT_EQ(listing(), before);
-}
-
-TEST_F(BadInput, ARealFullFileSystem) {
-  std::filesystem::create_directories(path("small"));
-  if (mount("tmpfs", path("small").c_str(), "tmpfs", 0, "size=4k") != 0)
-    GTEST_SKIP() << "may not mount a file system here";
-  write_rig("width_px = 48", "width_px = 480");
-  const ProcessResult result = render(path("scene.nff"), path("bad.toml"), path("small/o.ppm"));
-  const bool empty = std::filesystem::is_empty(path("small"));
-  EXPECT_EQ(umount(path("small").c_str()), 0);
-  expect_clear_error(result, 1, "o.ppm");
-  EXPECT_TRUE(empty);
 }
 
 TEST_F(BadInput, ArgumentsThatMakeNoSense) {
