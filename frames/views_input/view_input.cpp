@@ -67,13 +67,18 @@ PullStatus ViewInput::next() {
   if (!failure_.empty()) return PullStatus::Failed;
   if (still_) return std::exchange(still_given_, true) ? PullStatus::End : PullStatus::Ready;
   const PullStatus status = pull_all();
-  if (status != PullStatus::Ready) return status;
-  std::vector<FrameView> pictures;
-  pictures.reserve(streams_.size());
-  for (const Stream& stream : streams_) pictures.push_back(stream.lent->frame);
-  views_ = arrangement_->arrange(pictures);
-  number_ = streams_.front().lent->number;
-  return PullStatus::Ready;
+  if (status == PullStatus::Ready) number_ = streams_.front().lent->number;
+  return status;
+}
+
+const ViewSet& ViewInput::views() {
+  if (!views_) {
+    std::vector<FrameView> pictures;
+    pictures.reserve(streams_.size());
+    for (const Stream& stream : streams_) pictures.push_back(stream.lent->frame);
+    views_ = arrangement_->arrange(pictures);
+  }
+  return *views_;
 }
 
 void ViewInput::release() {

@@ -33,11 +33,12 @@ class ViewInput {
   /// Of one round, as far as it is known.
   [[nodiscard]] std::optional<uint64_t> frame_count() const;
 
-  /// The next set, once the last one was released. Never waits for a disk or a decoder; drawing
-  /// views may take long. Throws what the arrangement throws.
+  /// The pictures of the next set, once the last one was released. Never waits for a disk or a
+  /// decoder.
   [[nodiscard]] PullStatus next();
-  /// What next() made ready: good until release().
-  [[nodiscard]] const ViewSet& views() const { return *views_; }
+  /// What lies in the pictures that next() made ready: good until release(). Drawing views may take
+  /// long the first time they are asked for. Throws what the arrangement throws.
+  [[nodiscard]] const ViewSet& views();
   [[nodiscard]] uint64_t number() const { return number_; }
   void release();
 
