@@ -8,7 +8,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "frames/sequence/sequence_reader.h"
@@ -28,7 +27,6 @@ using Kind = ContentMeaning::Kind;
 
 /// Of an input that does not tell.
 constexpr uint64_t kManyFrames = uint64_t{1} << 24;
-constexpr int kMostThreads = 16;
 
 struct ConvertFlags {
   std::string input;
@@ -43,10 +41,6 @@ struct ConvertFlags {
   bool replace_damaged = false;
   bool json = false;
 };
-
-int threads() {
-  return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMostThreads);
-}
 
 /// What is in the frames that are written.
 enum class Result { Woven, Quilt };
@@ -131,8 +125,8 @@ class ConvertRun {
   [[nodiscard]] PictureRequest how() const {
     return {.frames = std::nullopt,
             .first_frame = wanted_ ? wanted_->begin : 0,
-            .pool_frames = 2 * threads(),
-            .decoder_threads = threads(),
+            .pool_frames = 2 * all_threads(),
+            .decoder_threads = all_threads(),
             .plays_again = false,
             .before_weaving = plan_.meaning.kind != Kind::Woven};
   }
@@ -144,7 +138,7 @@ class ConvertRun {
     if (container) refuse_damaged();
     ContentRequest request{.what = plan_.what(plan_.result == Result::Quilt),
                            .how = how(),
-                           .drawing_threads = threads()};
+                           .drawing_threads = all_threads()};
     std::unique_ptr<frames::ViewInput> views = open_views(request, plan_.meaning);
     shape_ = views->shape();
     return make_view_input(std::move(views), frames_of_views(), flags_.input);
@@ -159,7 +153,7 @@ class ConvertRun {
     const optics::Rig& rig = plan_.rig.value();
     const LoomOptions options{.weave = weave_options(flags_.weaving),
                               .crosstalk = flags_.weaving.crosstalk,
-                              .threads = threads()};
+                              .threads = all_threads()};
     return {.loom = std::make_unique<Loom>(rig, shape_, options),
             .geometry = {.width = rig.panel.width_px, .height = rig.panel.height_px},
             .layout = {}};

@@ -6,7 +6,6 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 
 #include "frames/image_io.h"
 #include "frames/quilt.h"
@@ -35,16 +34,12 @@ struct WeaveFlags {
   bool json = false;
 };
 
-int weaving_threads() {
-  return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, 16);
-}
-
 ContentRequest content_request(const WeaveFlags& flags, const optics::Rig& rig) {
   ContentRequest request{.what = {.text = flags.input,
                                   .flags = flags.content,
                                   .patterns_are_views = true,
                                   .rig_fingerprint = optics::fingerprint(rig)},
-                         .drawing_threads = weaving_threads()};
+                         .drawing_threads = all_threads()};
   if (flags.frame.empty()) return request;
   request.how.frames = parse_frame_range(flags.frame);
   if (request.how.frames->count() != 1)
@@ -134,7 +129,7 @@ ExitCode run_weave(const WeaveFlags& flags) {
   const optics::Panel& panel = model.rig().panel;
   frames::WovenFrame frame({.width = panel.width_px, .height = panel.height_px});
   if (!flags.reference)
-    frame = frames::weave_fast(views, model, options, weaving_threads());
+    frame = frames::weave_fast(views, model, options, all_threads());
   else if (!weave_by_reference(views, model, options, frame))
     return interrupt_exit_code();
   frames::write_woven(frame.view(), flags.output);

@@ -14,6 +14,7 @@
 #include "frames/weaving/fast_weaver.h"
 #include "frames/weaving/quilt_file.h"
 #include "frames/weaving/reweave.h"
+#include "optics/error.h"
 #include "player/bench.h"
 #include "player/bench_scene.h"
 #include "player/interrupt.h"

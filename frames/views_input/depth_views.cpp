@@ -88,9 +88,9 @@ DepthViews::DepthViews(int width, int height, const DepthOptions& options)
       workers_(std::max(1, options.threads)) {
   for (const WovenFrame& picture : pictures_) views_.push_back(picture.view());
   for (int worker = 0; worker < workers_.count(); ++worker)
-    scratches_.emplace_back(new Scratch(static_cast<size_t>(width)),
-                            [](Scratch* scratch) { delete scratch; });
+    scratches_.push_back(std::make_unique<Scratch>(static_cast<size_t>(width)));
 }
+DepthViews::~DepthViews() = default;
 
 std::span<const FrameView> DepthViews::draw(const PictureWindow& colour,
                                             const PictureWindow& depth) {

@@ -51,6 +51,7 @@ class DepthViews {
  public:
   /// Throws Error(Usage) for options that make no sense, Error(Input) for more than 8 GiB of views.
   DepthViews(int width, int height, const DepthOptions& options);
+  ~DepthViews();
 
   /// `colour` has the constructor's size; `depth` may have another: the nearest of its pixels
   /// counts. The pictures, the leftmost first, are good until the next call.
@@ -74,7 +75,7 @@ class DepthViews {
   std::vector<WovenFrame> pictures_;
   std::vector<FrameView> views_;
   BandWorkers workers_;
-  std::vector<std::unique_ptr<Scratch, void (*)(Scratch*)>> scratches_;
+  std::vector<std::unique_ptr<Scratch>> scratches_;
 };
 
 }  // namespace lenticule::frames

@@ -3,8 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <system_error>
 #include <utility>
 
@@ -100,7 +102,7 @@ class ViewFilesOutput final : public FrameOutput {
   }
   [[nodiscard]] fs::path file(uint64_t view, uint64_t frame) const {
     if (!frames_) return views_->path(view);
-    return views_->path(view) / frames::FilePattern(*frames_).path(frame);
+    return views_->path(view) / frames_->path(frame);
   }
   void make_folders() const {
     for (uint64_t view = 0; view <= last_view(); ++view) {

@@ -19,6 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMaxDecoderThreads = 8;
+constexpr int kMaxThreads = 16;
 constexpr int kFewestFrames = 2;
 
 std::unique_ptr<frames::FrameSource> open_files(const std::string& text,
@@ -53,8 +54,11 @@ std::unique_ptr<frames::FrameSource> open_container(const std::string& text,
 }  // namespace
 
 int decoding_threads() {
-  const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  return std::clamp(cores - 1, 1, kMaxDecoderThreads);
+  return std::clamp(all_threads() - 1, 1, kMaxDecoderThreads);
+}
+
+int all_threads() {
+  return std::clamp(static_cast<int>(std::thread::hardware_concurrency()), 1, kMaxThreads);
 }
 
 std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) {

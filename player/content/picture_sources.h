@@ -37,5 +37,7 @@ struct PictureRequest {
 
 /// As many as a machine has for decoding beside a player: one core is left to that.
 [[nodiscard]] int decoding_threads();
+/// As many as a command takes that does nothing else meanwhile.
+[[nodiscard]] int all_threads();
 
 }  // namespace lenticule::player
