@@ -23,9 +23,9 @@ constexpr double kRight = 150.0;  // the legend stands there, in the way of no l
 constexpr double kTop = 40.0;
 constexpr double kBottom = 56.0;
 
-/// Told apart by colour-blind eyes as well (Okabe and Ito), and dark enough on white.
-constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
-                                 "#56b4e9", "#e69f00", "#000000", "#7f7f7f"};
+/// Told apart by colour-blind eyes as well (Okabe and Ito, and two more), and dark enough on white.
+constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9",
+                                 "#e69f00", "#000000", "#7f7f7f", "#882255", "#999933"};
 
 std::vector<double> linear_ticks(double low, double high) {
   constexpr double kWanted = 6.0;
@@ -146,7 +146,8 @@ void draw_series(SvgText& svg, const Plot& plot, const PlacedAxis& x, const Plac
       svg.line(R"(<circle cx="{:.1f}" cy="{:.1f}" r="3.5" fill="{}"/>)", x.place(point.x),
                y.place(point.y), colour);
     }
-    svg.line(R"(<path d="{}" fill="none" stroke="{}" stroke-width="2"/>)", path, colour);
+    if (series.joined)
+      svg.line(R"(<path d="{}" fill="none" stroke="{}" stroke-width="2"/>)", path, colour);
     const double row = kTop + 18.0 + 20.0 * static_cast<double>(index);
     const double left = kWidth - kRight + 12.0;
     svg.line(R"(<path d="M{} {}h20" stroke="{}" stroke-width="2"/>)", left, row - 4, colour);
