@@ -16,6 +16,7 @@ namespace lenticule::player {
 
 // One file per benchmark; each defines its function.
 Run declare_bench_codec(CLI::App& app);
+Run declare_bench_error(CLI::App& app);
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
 Run declare_bench_paper(CLI::App& app);
@@ -45,6 +46,8 @@ const std::vector<Benchmark>& benchmarks() {
   static const std::vector<Benchmark> table = {
       {"codec", "size and speed of the sequence container beside other lossless ways",
        declare_bench_codec},
+      {"error", "run time against error of every render method, and pictures of the worst places",
+       declare_bench_error},
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
        declare_bench_exact},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
