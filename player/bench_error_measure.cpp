@@ -12,6 +12,7 @@
 #include "optics/model.h"
 #include "player/bench.h"
 #include "player/bench_error.h"
+#include "player/bench_error_audit.h"
 #include "player/bench_error_eyes.h"
 #include "player/bench_error_pictures.h"
 #include "player/bench_timing.h"
@@ -21,24 +22,6 @@
 
 namespace lenticule::player {
 namespace {
-
-// Builds without a method that tolerates errors lack its fields; the others then are as they were.
-
-template <class Options>
-void tolerate(Options& options, [[maybe_unused]] double error) {
-  if constexpr (requires { options.tolerated_error; }) options.tolerated_error = error;
-}
-
-template <class Statistics>
-void add_audit([[maybe_unused]] const Statistics& statistics,
-               [[maybe_unused]] nlohmann::json& figures) {
-  if constexpr (requires { statistics.beyond_bound; }) {
-    if (statistics.audited_subpixels == 0) return;
-    figures["audited"] = statistics.audited_subpixels;
-    figures["audited_beyond"] = statistics.audited_beyond;
-    figures["bound"] = statistics.beyond_bound;
-  }
-}
 
 /// A method in one run: it may remember its last frame. Proofs about a scene are kept with it, so
 /// that each has its own.
@@ -102,9 +85,12 @@ class CourseRun {
         for (nlohmann::json& picture : one.worst.write(setup_.pictures, stem_of(entrant)))
           pictures.push_back(std::move(picture));
     }
-    return {{"scene", scene_.name()},       {"rig", setup_.rig.name},
-            {"course", course_name()},      {"subpixels", geometry().frame_bytes()},
-            {"copy_s", median(copy_s_)},    {"pictures", std::move(pictures)},
+    return {{"scene", scene_.name()},
+            {"rig", setup_.rig.name},
+            {"course", course_name()},
+            {"subpixels", geometry().frame_bytes()},
+            {"copy_s", std::ranges::min(copy_s_)},
+            {"pictures", std::move(pictures)},
             {"methods", std::move(methods)}};
   }
 
@@ -177,7 +163,7 @@ class CourseRun {
     return one.statistics.completed;
   }
 
-  /// What writing a frame takes at least: copying one, with as many threads.
+  /// What writing a frame takes at least: copying one, with as many threads. The fastest counts.
   void time_copy() {
     const auto bands = static_cast<size_t>(workers_.count());
     const size_t bytes = reference_.bytes().size();

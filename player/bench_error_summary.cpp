@@ -71,8 +71,10 @@ void add_times(json& method, const json& reference_frames, double copy_s, double
   method["of_full"] = ratio(seconds, sum(wall_reference));
   method["saved"] = saving(seconds, sum(wall_reference));
   method["later_saved"] = saving(later, sum(without_first(wall_reference)));
-  method["cpu_of_full"] =
-      ratio(sum(values(frames, "cpu_s")), sum(values(reference_frames, "cpu_s")));
+  const std::vector<double> cpu = values(frames, "cpu_s");
+  const std::vector<double> cpu_reference = values(reference_frames, "cpu_s");
+  method["cpu_of_full"] = ratio(sum(cpu), sum(cpu_reference));
+  method["later_cpu_of_full"] = ratio(sum(without_first(cpu)), sum(without_first(cpu_reference)));
   method["rays_per_subpixel"] = ratio(sum(values(frames, "rays")), subpixels);
   method["over_copy"] = ratio(seconds, copy_s * static_cast<double>(wall.size()));
   method["over_tachyon"] =

@@ -16,25 +16,27 @@ namespace {
 using nlohmann::json;
 
 /// "-" for what was not measured.
-std::string text(const json& method, const char* key, const char* format, double factor = 1.0) {
-  const auto found = method.find(key);
-  if (found == method.end() || found->is_null()) return "-";
-  return fmt::format(fmt::runtime(format), factor * found->get<double>());
+std::string text(const json& figures, const char* key, const char* format, double factor = 1.0) {
+  if (!figures.contains(key) || figures[key].is_null()) return "-";
+  return fmt::format(fmt::runtime(format), factor * figures[key].get<double>());
 }
 
-constexpr const char* kTimeRow = "  {:<14} {:>9} {:>9} {:>9} {:>7} {:>7} {:>7} {:>6} {:>8} {:>7}\n";
+constexpr const char* kTimeRow =
+    "  {:<14} {:>9} {:>9} {:>9} {:>7} {:>7} {:>7} {:>7} {:>6} {:>8} {:>7}\n";
 
 void print_times(const json& methods) {
-  fmt::print(kTimeRow, "time", "ms/frame", "first", "later", "saved", "later", "CPU", "rays",
-             "Tachyon", "copies");
+  fmt::print(kTimeRow, "time", "ms/frame", "first", "later", "saved", "later", "CPU", "later",
+             "rays", "Tachyon", "copies");
   for (const json& m : methods) {
     const std::string name = m["name"];
     if (m["missing"].get<bool>()) continue;
     fmt::print(kTimeRow, name, text(m, "seconds_per_frame", "{:.2f}", 1e3),
                text(m, "first_s", "{:.2f}", 1e3), text(m, "later_s", "{:.2f}", 1e3),
                text(m, "saved", "{:.0f} %", 100), text(m, "later_saved", "{:.0f} %", 100),
-               text(m, "cpu_of_full", "{:.0f} %", 100), text(m, "rays_per_subpixel", "{:.2f}"),
-               text(m, "over_tachyon", "{:.1f} x"), text(m, "over_copy", "{:.0f}"));
+               text(m, "cpu_of_full", "{:.0f} %", 100),
+               text(m, "later_cpu_of_full", "{:.0f} %", 100),
+               text(m, "rays_per_subpixel", "{:.2f}"), text(m, "over_tachyon", "{:.1f} x"),
+               text(m, "over_copy", "{:.0f}"));
   }
 }
 
@@ -52,17 +54,18 @@ std::string bound_text(const json& bound) {
 }
 
 constexpr const char* kErrorRow =
-    "  {:<14} {:>6} {:>6} {:>6} {:>4} {:>9} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>4} "
+    "  {:<14} {:>6} {:>6} {:>6} {:>4} {:>9} {:>9} {:>8} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>4} "
     "{:>12}\n";
 
 void print_errors(const json& methods) {
-  fmt::print(kErrorRow, "error", "PSNR", "worst", "view", "max", "over E", "over 8", "over 32",
-             "SSIM", "worst", "FLIP", "99 %", "flicker", "max", "within bound");
+  fmt::print(kErrorRow, "error", "PSNR", "worst", "view", "max", "over E", "bound", "over 8",
+             "over 32", "SSIM", "worst", "FLIP", "99 %", "flicker", "max", "within bound");
   for (const json& m : methods) {
     if (!m.contains("psnr_mean_db")) continue;
     fmt::print(kErrorRow, m["name"].get<std::string>(), decibels(m["psnr_mean_db"]),
                decibels(m["psnr_worst_db"]), decibels(m["worst_view_psnr_db"]),
                text(m, "max", "{:.0f}"), text(m, "share_over_e", "{:.4f} %", 100),
+               text(m["bound"], "mean_bound", "{:.4f} %", 100),
                text(m, "share_over_8", "{:.3f} %", 100), text(m, "share_over_32", "{:.3f} %", 100),
                text(m, "ssim_mean", "{:.4f}"), text(m, "ssim_worst", "{:.4f}"),
                text(m, "flip_mean", "{:.4f}"), text(m, "flip_p99_worst", "{:.3f}"),
@@ -110,7 +113,11 @@ void plot_errors(const json& courses, const std::string& file) {
       if (!m.contains("psnr_mean_db") || m["of_full"].is_null()) continue;
       const json& psnr = m["psnr_mean_db"];
       const double decibels = psnr.is_null() ? kEqualDb : std::min(kEqualDb, psnr.get<double>());
-      series_of(plot, m["name"]).points.push_back({m["of_full"].get<double>(), decibels});
+      PlotSeries& series = series_of(plot, m["name"]);
+      series.points.push_back({m["of_full"].get<double>(), decibels});
+      series.names.push_back(fmt::format("{}, {}, {}", course["scene"].get<std::string>(),
+                                         course["rig"].get<std::string>(),
+                                         course["course"].get<std::string>()));
     }
   write_svg(plot, file);
 }

@@ -83,9 +83,13 @@ TEST(SvgPlot, ALogarithmicAxisGivesEveryDecadeTheSameRoom) {
 TEST(SvgPlot, MarksWithoutALineAreMarksOnly) {
   Plot plot = two_lines();
   plot.x.scale = kLinear;
-  plot.series = {{.label = "marks", .points = {{0, 0}, {5, 5}, {10, 10}}, .joined = false}};
+  plot.series = {{.label = "marks",
+                  .points = {{0, 0}, {5, 5}, {10, 10}},
+                  .joined = false,
+                  .names = {"one", "<two>"}}};
   const std::string svg = svg_of(plot);
   EXPECT_THAT(svg, HasSubstr(R"(<circle cx="327.0" cy="202.0")"));
+  EXPECT_THAT(svg, HasSubstr("<title>&lt;two&gt;</title>"));
   EXPECT_THAT(svg, Not(HasSubstr("L327.0")));
 }
 
