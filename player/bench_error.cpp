@@ -142,15 +142,19 @@ void declare_what(CLI::App& app, ErrorFlags& flags) {
   app.add_option("scenes", flags.scenes,
                  "built-in scenes, as for render, or gltf:NAME for one that is written as glTF")
       ->capture_default_str();
-  app.add_option("--rig", flags.rigs, "rig file; repeatable (the 4K and the Full HD kiosk)");
+  app.add_option("--rig", flags.rigs, "rig file; repeatable (the 4K and the Full HD kiosk)")
+      ->allow_extra_args(false);
   app.add_option("--methods", flags.methods, "beside full; those that are missing are said")
+      ->allow_extra_args(false)
       ->delimiter(',')
       ->capture_default_str();
   app.add_option("--errors", flags.errors, "code values that adaptive may be off by")
+      ->allow_extra_args(false)
       ->delimiter(',')
       ->capture_default_str();
   app.add_option("--course", flags.courses,
                  "still: one frame twice; moving: frames of the animation in a row")
+      ->allow_extra_args(false)
       ->delimiter(',')
       ->check(CLI::IsMember({"still", "moving"}))
       ->capture_default_str();

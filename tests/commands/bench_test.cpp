@@ -53,8 +53,8 @@ TEST_F(BenchTest, ErrorMeasuresEveryMethodOnBothCourses) {
 
 TEST_F(BenchTest, ErrorPrintsTablesAndWhatIsMissing) {
   const ProcessResult result =
-      run({"bench", "error", "tree:3", "--rig", source_file("scenes/rigs/tiny.toml"), "--course",
-           "still", "--methods", "lens-view,none-such", "--no-peers"});
+      run({"bench", "error", "--course", "still", "--methods", "lens-view,none-such", "--no-peers",
+           "--rig", source_file("scenes/rigs/tiny.toml"), "tree:3"});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   for (const char* text :
        {"tree:3, tiny, still", "lens-view", "FLIP", "not in this build: none-such"})
