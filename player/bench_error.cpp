@@ -47,10 +47,15 @@ std::vector<optics::Rig> rigs_of(const ErrorFlags& flags) {
   return {coarser_rig(rigs[0], (width + kQuickWidth - 1) / kQuickWidth)};
 }
 
-/// 0 where Tachyon has nothing to say.
-double tachyon_rate(const ErrorFlags& flags, const optics::Rig& rig, const ErrorScene& scene) {
+/// Its rate hardly depends on how many rays it traces, and these are enough for a second or more.
+constexpr double kMostPeerMrays = 2.0;
+
+/// As measure_peers() says it: full's whole frames by turns with Tachyon's. Null where it is not to
+/// be asked.
+nlohmann::json beside_tachyon(const ErrorFlags& flags, const optics::Rig& rig,
+                              const ErrorScene& scene) {
   const auto name = scene.name_for_peers();
-  if (flags.no_peers || !name || interrupted()) return 0.0;
+  if (flags.no_peers || !name || interrupted()) return {};
   ExactFlags exact;
   exact.rig_instead = rig;
   exact.only_peer = "Tachyon";
@@ -59,7 +64,9 @@ double tachyon_rate(const ErrorFlags& flags, const optics::Rig& rig, const Error
   exact.runs = flags.runs;
   exact.threads = flags.threads;
   exact.peer_limit_s = 120;
-  return measure_peers(exact, *name)["rows"][0].value("mray_s", 0.0);
+  const double subpixels = 3.0 * rig.panel.width_px * rig.panel.height_px;
+  exact.peer_mrays = std::min(kMostPeerMrays, subpixels / 1e6);
+  return measure_peers(exact, *name)["rows"][0];
 }
 
 class ErrorRun {
@@ -106,7 +113,7 @@ class ErrorRun {
   }
 
   void measure(const optics::Rig& rig, const ErrorScene& scene, const std::function<void()>& done) {
-    const double tachyon = tachyon_rate(flags_, rig, scene);
+    const nlohmann::json tachyon = beside_tachyon(flags_, rig, scene);
     for (const ErrorCourse course : courses_of(scene)) {
       if (interrupted()) return;
       nlohmann::json measured = measure_error({.rig = rig,

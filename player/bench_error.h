@@ -94,12 +94,14 @@ class BoundTally {
 
 /// Adds to each method of measure_error()'s result, over its frames: "seconds_per_frame",
 /// "first_s", "later_s" (null for one frame), "of_full", "cpu_of_full" and "later_cpu_of_full"
-/// (time as a share of the reference's), "saved" (1 - of_full), "later_saved", "rays_per_subpixel",
-/// "over_copy", "over_tachyon" (rate over Tachyon's, where `tachyon_mray_s` > 0), "psnr_mean_db"
-/// (over frames that differ), "psnr_worst_db", "worst_view_psnr_db" (null where nothing differs),
-/// "max", "share_over_e", "share_over_8", "share_over_32", "ssim_mean", "ssim_worst", "flip_mean",
-/// "flip_p99_worst", "flicker_mean", "flicker_largest", "bound" (of BoundTally).
-void summarize_errors(nlohmann::json& course, double tachyon_mray_s);
+/// (time as a share of the reference's), "saved" (1 - of_full), "later_saved",
+/// "rays_per_subpixel", "over_copy", "over_tachyon" (rate over Tachyon's), "psnr_mean_db" (over
+/// frames that differ), "psnr_worst_db", "worst_view_psnr_db" (null where nothing differs), "max",
+/// "share_over_e", "share_over_8", "share_over_32", "ssim_mean", "ssim_worst", "flip_mean",
+/// "flip_p99_worst", "flicker_mean", "flicker_largest", "bound" (of BoundTally). `tachyon` is kept
+/// as "tachyon": null, or what measure_peers() says of it; its "ours_over_theirs" is full's rate
+/// over Tachyon's.
+void summarize_errors(nlohmann::json& course, const nlohmann::json& tachyon);
 
 void print_error_course(const nlohmann::json& course);
 

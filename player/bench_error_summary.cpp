@@ -4,7 +4,6 @@
 
 #include "player/bench.h"
 #include "player/bench_error.h"
-#include "player/bench_timing.h"
 
 namespace lenticule::player {
 namespace {
@@ -58,7 +57,7 @@ std::vector<double> without_first(std::vector<double> list) {
   return list;
 }
 
-void add_times(json& method, const json& reference_frames, double copy_s, double tachyon_mray_s) {
+void add_times(json& method, const json& reference_frames, double copy_s) {
   const json& frames = method["frames"];
   const std::vector<double> wall = values(frames, "wall_s");
   const std::vector<double> wall_reference = values(reference_frames, "wall_s");
@@ -77,8 +76,6 @@ void add_times(json& method, const json& reference_frames, double copy_s, double
   method["later_cpu_of_full"] = ratio(sum(without_first(cpu)), sum(without_first(cpu_reference)));
   method["rays_per_subpixel"] = ratio(sum(values(frames, "rays")), subpixels);
   method["over_copy"] = ratio(seconds, copy_s * static_cast<double>(wall.size()));
-  method["over_tachyon"] =
-      ratio(mega_per_second(static_cast<uint64_t>(subpixels), seconds), tachyon_mray_s);
 }
 
 json mean_psnr(const std::vector<double>& mses) {
@@ -134,12 +131,18 @@ json BoundTally::figures() const {
           {"mean_bound", bounds_ / frames_}};
 }
 
-void summarize_errors(json& course, double tachyon_mray_s) {
+void summarize_errors(json& course, const json& tachyon) {
   const json reference_frames = course["methods"][0]["frames"];
-  course["tachyon_mray_s"] = tachyon_mray_s > 0.0 ? json(tachyon_mray_s) : json();
+  course["tachyon"] = tachyon;
   for (json& method : course["methods"]) {
     if (method["missing"].get<bool>()) continue;
-    add_times(method, reference_frames, course["copy_s"].get<double>(), tachyon_mray_s);
+    add_times(method, reference_frames, course["copy_s"].get<double>());
+    // Both ratios are of times taken by turns, so their quotient stands whatever else ran
+    // meanwhile.
+    method["over_tachyon"] = nullptr;
+    if (tachyon.contains("ours_over_theirs") && !method["of_full"].is_null())
+      method["over_tachyon"] =
+          ratio(tachyon["ours_over_theirs"].get<double>(), method["of_full"].get<double>());
     if (&method == &course["methods"][0]) continue;
     add_errors(method);
     add_seen(method);

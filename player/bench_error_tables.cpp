@@ -83,16 +83,21 @@ PlotSeries& series_of(Plot& plot, const std::string& name) {
   return plot.series.emplace_back(PlotSeries{.label = name, .points = {}, .joined = false});
 }
 
+std::string tachyon_text(const json& tachyon) {
+  if (tachyon.contains("mray_s"))
+    return fmt::format("; Tachyon {:.2f} Mray/s", tachyon["mray_s"].get<double>());
+  if (tachyon.contains("failure"))
+    return fmt::format("; Tachyon {}", tachyon["failure"].get<std::string>());
+  return "";
+}
+
 }  // namespace
 
 void print_error_course(const json& course) {
   fmt::print("{}, {}, {}: {:.2f} M subpixels, copying them takes {:.2f} ms{}\n",
              course["scene"].get<std::string>(), course["rig"].get<std::string>(),
              course["course"].get<std::string>(), course["subpixels"].get<double>() / 1e6,
-             1e3 * course["copy_s"].get<double>(),
-             course["tachyon_mray_s"].is_null()
-                 ? ""
-                 : fmt::format(", Tachyon {:.2f} Mray/s", course["tachyon_mray_s"].get<double>()));
+             1e3 * course["copy_s"].get<double>(), tachyon_text(course["tachyon"]));
   print_times(course["methods"]);
   print_errors(course["methods"]);
   print_missing(course["methods"]);
