@@ -88,7 +88,12 @@ class ErrorRun {
     if (courses_.empty()) return interrupt_exit_code();
     if (!flags_.svg.empty()) plot_errors(courses_, flags_.svg);
     if (flags_.json)
-      print_json({{"machine", machine_json()}, {"runs", flags_.runs}, {"courses", courses_}});
+      print_json({{"machine", machine_json()},
+                  {"runs", flags_.runs},
+                  {"bound", bound_of_all(courses_)},
+                  {"courses", courses_}});
+    else
+      print_bound_of_all(courses_);
     return interrupt_exit_code();
   }
 

@@ -103,7 +103,12 @@ class BoundTally {
 /// over Tachyon's.
 void summarize_errors(nlohmann::json& course, const nlohmann::json& tachyon);
 
+/// BoundTally's figures over all frames of all methods and courses.
+[[nodiscard]] nlohmann::json bound_of_all(const nlohmann::json& courses);
+
 void print_error_course(const nlohmann::json& course);
+/// Nothing where no method said a bound.
+void print_bound_of_all(const nlohmann::json& courses);
 
 /// Time as a share of full's against PSNR, a mark for each method, scene, rig and course.
 void plot_errors(const nlohmann::json& courses, const std::string& file);

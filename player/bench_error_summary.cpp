@@ -85,6 +85,12 @@ json mean_psnr(const std::vector<double>& mses) {
   return mean(decibels);
 }
 
+void add_bounds(const json& frames, BoundTally& tally) {
+  for (const json& frame : frames)
+    if (frame.contains("bound") && frame.contains("share_over_e"))
+      tally.add(frame["share_over_e"].get<double>(), frame["bound"].get<double>());
+}
+
 void add_errors(json& method) {
   const json& frames = method["frames"];
   const std::vector<double> mses = values(frames, "mse");
@@ -96,9 +102,7 @@ void add_errors(json& method) {
   for (const char* share : {"share_over_e", "share_over_8", "share_over_32"})
     method[share] = mean(values(frames, share));
   BoundTally bounds;
-  for (const json& frame : frames)
-    if (frame.contains("bound") && frame.contains("share_over_e"))
-      bounds.add(frame["share_over_e"].get<double>(), frame["bound"].get<double>());
+  add_bounds(frames, bounds);
   method["bound"] = bounds.figures();
 }
 
@@ -129,6 +133,14 @@ json BoundTally::figures() const {
           {"largest_share", largest_share_},
           {"largest_excess", largest_excess_},
           {"mean_bound", bounds_ / frames_}};
+}
+
+json bound_of_all(const json& courses) {
+  BoundTally tally;
+  for (const json& course : courses)
+    for (const json& method : course["methods"])
+      if (method.contains("frames")) add_bounds(method["frames"], tally);
+  return tally.figures();
 }
 
 void summarize_errors(json& course, const json& tachyon) {

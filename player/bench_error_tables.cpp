@@ -108,6 +108,16 @@ void print_error_course(const json& course) {
   fmt::print("\n");
 }
 
+void print_bound_of_all(const json& courses) {
+  const json all = bound_of_all(courses);
+  if (all.is_null()) return;
+  fmt::print("the true share beyond E was within the reported bound in {:.1f} % of {} frames",
+             all["within_percent"].get<double>(), all["frames"].get<int>());
+  const double excess = all["largest_excess"].get<double>();
+  fmt::print("{}\n",
+             excess > 0.0 ? fmt::format(", at most {:.4f} % above it", 100.0 * excess) : "");
+}
+
 void plot_errors(const json& courses, const std::string& file) {
   Plot plot{.title = "Time against error, each scene, rig and course",
             .x = {.label = "time, as a share of full's", .scale = AxisScale::Log},

@@ -162,6 +162,12 @@ TEST(ErrorSummary, AddsUpErrorsAndLeavesEqualFramesOutOfTheMeanPsnr) {
   EXPECT_EQ(m["bound"]["frames"], 3);
   EXPECT_NEAR(m["bound"]["within_percent"], 200.0 / 3, 1e-9);
   EXPECT_TRUE(m["over_tachyon"].is_null());
+
+  const nlohmann::json all = bound_of_all({course, course});
+  EXPECT_EQ(all["frames"], 6);
+  EXPECT_NEAR(all["within_percent"], 200.0 / 3, 1e-9);
+  EXPECT_NEAR(all["largest_excess"], 0.02, 1e-12) << "0.04 beyond, 0.02 said";
+  EXPECT_TRUE(bound_of_all(nlohmann::json::array()).is_null());
 }
 
 TEST(ErrorSummary, OfEqualFramesHasNoPsnr) {
