@@ -5,11 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
 
 #include "frames/compare.h"
+#include "frames/image_io.h"
 #include "optics/error.h"
 #include "optics/rig_file.h"
 #include "player/bench.h"
@@ -295,6 +297,57 @@ TEST(TileSheet, ShowsTheTileAndWhatTheEyeSeesThere) {
         ASSERT_EQ(sheet.row(392 + j)[3 * i + c], eye_a.row(seen_j)[3 * seen_i + c]);
         ASSERT_EQ(sheet.row(392 + j)[3 * (i + 392) + c], eye_b.row(seen_j)[3 * seen_i + c]);
       }
+}
+
+TEST(WorstPlaces, KeepsTheWorstOfAllFramesAndNoneTwice) {
+  const frames::WovenFrame full({.width = 500, .height = 100});
+  SeenPictures seen;
+  seen.fill(frames::WovenFrame({.width = 50, .height = 10}));
+  SeenPictures seen_test = seen;
+  std::ranges::fill(seen_test[2].bytes(), uint8_t{99});  // to the right eye everything is wrong
+  const auto off = [&](std::initializer_list<std::pair<int, int>> places) {
+    frames::WovenFrame frame = full;
+    for (const auto& [x, levels] : places) frame.row(50)[3 * x] = static_cast<uint8_t>(levels);
+    return frame;
+  };
+  WorstPlaces places;
+  places.add(0, full.view(), off({{50, 10}, {250, 20}}).view(), seen, seen_test);
+  places.add(1, full.view(), off({{50, 200}, {250, 5}, {450, 1}}).view(), seen, seen_test);
+  const ScratchFolder folder;
+  const nlohmann::json written = places.write(folder.file("worst"), "tree:3 x");
+  ASSERT_EQ(written.size(), 3U);
+  const std::array<std::pair<int, int>, 3> expected = {{{1, 50}, {0, 250}, {1, 450}}};
+  for (size_t n = 0; n < expected.size(); ++n) {
+    EXPECT_EQ(written[n]["frame"], expected[n].first);
+    EXPECT_LE(written[n]["x"].get<int>(), expected[n].second);
+    EXPECT_GT(written[n]["x"].get<int>() + 96, expected[n].second);
+    EXPECT_EQ(written[n]["eye"], 2);
+    const std::string file = folder.file("worst/tree-3-x-" + std::to_string(n + 1) + ".png");
+    EXPECT_EQ(written[n]["file"], file);
+    EXPECT_EQ(frames::probe_image(file).width, 3 * 384 + 16);
+  }
+}
+
+TEST(ErrorEyes, SeeNothingBetweenEqualFramesAndSomethingBetweenOthers) {
+  const optics::OpticalModel model(sample_rig("tiny.toml"));
+  frames::BandWorkers workers(2);
+  ErrorEyes eyes(model, workers);
+  EyeFlicker flicker;
+  const frames::WovenFrame a = noise(48, 32, 1);
+  eyes.set_reference(a.view());
+  for (const nlohmann::json& eye : eyes.compare(a.view(), flicker)) {
+    EXPECT_NEAR(eye["ssim"], 1.0, 1e-12);
+    EXPECT_EQ(eye["flip_mean"], 0.0);
+    EXPECT_EQ(eye["flip_p99"], 0.0);
+  }
+  const nlohmann::json unlike = eyes.compare(noise(48, 32, 2).view(), flicker);
+  ASSERT_EQ(unlike.size(), 3U);
+  for (const nlohmann::json& eye : unlike) {
+    EXPECT_LT(eye["ssim"].get<double>(), 0.5);
+    EXPECT_GT(eye["flip_mean"].get<double>(), 0.1);
+    EXPECT_GT(eye["flicker_largest"].get<int>(), 20) << "there was no error before";
+  }
+  EXPECT_NE(eyes.test()[0], eyes.test()[2]) << "the eyes see different views";
 }
 
 }  // namespace
