@@ -12,7 +12,6 @@
 #include "optics/model.h"
 #include "player/bench.h"
 #include "player/bench_error.h"
-#include "player/bench_error_audit.h"
 #include "player/bench_error_eyes.h"
 #include "player/bench_error_pictures.h"
 #include "player/bench_timing.h"
@@ -111,7 +110,7 @@ class CourseRun {
     options.threads = setup_.threads;
     options.max_depth = setup_.depth;
     options.cancelled = [] { return interrupted(); };
-    if (entrant.tolerated) tolerate(options, *entrant.tolerated);
+    if (entrant.tolerated) options.tolerated_error = *entrant.tolerated;
     Contestant& one = contestants_.emplace_back();
     one.entrant = &entrant;
     for (int run = 0; run < setup_.runs; ++run)
@@ -185,7 +184,10 @@ class CourseRun {
     const render::RenderStatistics& s = one.statistics;
     nlohmann::json figures = {
         {"rays", all_rays(s)}, {"traced", s.traced_subpixels}, {"subpixels", s.subpixels}};
-    add_audit(s, figures);
+    if (s.audited_subpixels > 0)
+      figures.update({{"audited", s.audited_subpixels},
+                      {"audited_beyond", s.audited_beyond},
+                      {"bound", s.beyond_bound}});
     if (&one == contestants_.data()) {
       std::swap(reference_, frame_);
       eyes_.set_reference(reference_.view());

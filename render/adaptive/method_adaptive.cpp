@@ -35,10 +35,16 @@ bool one_plane_a_row(const RowPlanes& planes) {
   return true;
 }
 
+/// Finding a proof costs as much as tracing many rays, and samples are few.
+RenderOptions without_proofs(RenderOptions options) {
+  options.use_shaft_proofs = false;
+  return options;
+}
+
 class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
-      : options_(options),
+      : options_(without_proofs(options)),
         planes_(model, options.isa),
         tiles_(model.rig()),
         plan_{options_, planes_, tiles_, lookup_kernel_for(options.isa),

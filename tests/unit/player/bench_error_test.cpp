@@ -15,7 +15,6 @@
 #include "optics/error.h"
 #include "optics/rig_file.h"
 #include "player/bench.h"
-#include "player/bench_error_audit.h"
 #include "player/bench_error_eyes.h"
 #include "player/bench_error_pictures.h"
 #include "render/method.h"
@@ -41,32 +40,6 @@ TEST(ErrorEntrants, BeginWithFullAndAreOneForEachToleratedError) {
   EXPECT_EQ(entrants[3].tolerated, 2.0);
   EXPECT_THROW((void)error_entrants({"adaptive"}, {-1}, {}), Error);
   EXPECT_THROW((void)error_entrants({"adaptive"}, {std::nan("")}, {}), Error);
-}
-
-TEST(ErrorAudit, SetsAndReadsWhatABuildHas) {
-  struct Options {
-    double tolerated_error = 2.0;
-  } options;
-  tolerate(options, 0.5);
-  EXPECT_DOUBLE_EQ(options.tolerated_error, 0.5);
-  struct Statistics {
-    uint64_t audited_subpixels = 0;
-    uint64_t audited_beyond = 3;
-    double beyond_bound = 0.25;
-  } statistics;
-  nlohmann::json figures = nlohmann::json::object();
-  add_audit(statistics, figures);
-  EXPECT_TRUE(figures.empty()) << "nothing was audited";
-  statistics.audited_subpixels = 100;
-  add_audit(statistics, figures);
-  EXPECT_EQ(figures, (nlohmann::json{{"audited", 100}, {"audited_beyond", 3}, {"bound", 0.25}}));
-
-  struct {
-  } nothing;
-  tolerate(nothing, 0.5);
-  figures.clear();
-  add_audit(nothing, figures);
-  EXPECT_TRUE(figures.empty());
 }
 
 TEST(BoundTally, CountsTheFramesWhoseShareLiesWithin) {
