@@ -33,6 +33,7 @@ std::unique_ptr<Method> make_method(const std::string& name, const optics::Optic
   check_range("samples", options.samples, 1, kMostSamples);
   check_range("max depth", options.max_depth, 0, kMostDepth);
   check_range("threads", options.threads, 0, kMostThreads);
+  validate(options.soft);
   if (name == "full") return make_method_full(model, options);
   if (const auto reuse = reuse_named(name)) {
     if (options.samples != 1)

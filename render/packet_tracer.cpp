@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "frames/srgb.h"
+#include "render/lane_masks.h"
 #include "render/shading.h"
 #include "render/shading_tables.h"
 #include "render/texture.h"
@@ -17,6 +18,7 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   primary += other.primary;
   secondary += other.secondary;
   shadow += other.shadow;
+  ambient += other.ambient;
   invalid += other.invalid;
   holes += other.holes;
   shadow_proved += other.shadow_proved;
@@ -30,6 +32,7 @@ void RayCounts::report(RenderStatistics& statistics) const {
   statistics.primary_rays = primary;
   statistics.shadow_rays = shadow;
   statistics.secondary_rays = secondary;
+  statistics.ambient_rays = ambient;
   statistics.invalid_rays = invalid;
   statistics.suspected_holes = holes.suspected;
   statistics.filled_holes = holes.filled;
@@ -41,6 +44,7 @@ void RayCounts::report(RenderStatistics& statistics) const {
 
 namespace {
 
+using sampling::Turn;
 using shading_kernel::NewRays;
 using shading_kernel::Surfaces;
 
@@ -49,27 +53,6 @@ static_assert(shading_kernel::kLanes == kPacket);
 /// So few that rays and hits never leave the first cache.
 constexpr int kFewPackets = 8;
 static_assert(TilePlan::kColumns % kFewPackets == 0);
-
-bool any_lane(const int* valid) {
-  int all = 0;
-  for (size_t r = 0; r < kPacket; ++r) all |= valid[r];
-  return all != 0;
-}
-uint32_t lane_bits(const int* valid) {
-  uint32_t bits = 0;
-  for (uint32_t r = 0; r < kPacket; ++r) bits |= static_cast<uint32_t>(valid[r] & 1) << r;
-  return bits;
-}
-void take_lanes(uint32_t lanes, int* valid) {
-  if (lanes == 0) return;
-  for (uint32_t r = 0; r < kPacket; ++r) valid[r] &= static_cast<int>(lanes >> r & 1) - 1;
-}
-
-uint64_t count(const int* valid) {
-  int sum = 0;
-  for (size_t r = 0; r < kPacket; ++r) sum += valid[r];
-  return static_cast<uint64_t>(-sum);
-}
 
 /// One lane as render/surface.h sees it: near the critical angle, refraction makes much of what
 /// single precision rounds away.
@@ -119,6 +102,7 @@ uint8_t code_of_light(float light) {
 }  // namespace
 
 struct PacketTracer::Generation {
+  uint32_t path = sampling::kFirstPath;
   Surfaces surfaces;
   Cells cells;
   RayPacket mirrored;
@@ -146,10 +130,14 @@ PacketTracer::Colours PacketTracer::colours_of(const Scene::Impl& scene, const T
 
 PacketTracer::PacketTracer(const RenderOptions& options)
     : kernel_(shading_kernel_for(options.isa)),
+      soft_(options.soft, options.isa),
+      is_soft_(options.soft.any()),
       primary_(kFewPackets),
       generations_(static_cast<size_t>(options.max_depth) + 1),
       use_proofs_(options.use_shaft_proofs),
-      skip_weak_(options.skip_weak_rays && options.samples == 1),
+      // Nothing bounds what the surroundings send to a surface.
+      skip_weak_(options.skip_weak_rays && options.samples == 1 &&
+                 options.soft.environment_samples == 0),
       cells_(size_t{1} << kAnswersLog2),
       answers_(size_t{1} << kAnswersLog2),
       clock_(options.measure_work) {
@@ -164,6 +152,17 @@ PacketTracer::PacketTracer(const RenderOptions& options)
 
 PacketTracer::~PacketTracer() = default;
 PacketTracer::PacketTracer(PacketTracer&&) noexcept = default;
+
+RayCounts PacketTracer::counts() const {
+  RayCounts all = counts_;
+  const SoftShader::Counts& soft = soft_.counts();
+  all.shadow += soft.shadow;
+  all.shadow_proved += soft.shadow_proved;
+  all.shadow_blocked += soft.shadow_blocked;
+  all.ambient += soft.ambient;
+  all.invalid += soft.invalid;
+  return all;
+}
 
 bool PacketTracer::Payoff::worth_asking() {
   if (pause_ == 0) return true;
@@ -183,9 +182,10 @@ void PacketTracer::Payoff::asked(bool packet_saved) {
 }
 
 void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
-                         double weight, PrimaryPackets::Maker& maker, std::span<float> light) {
+                         FootprintSample sample, PrimaryPackets::Maker& maker,
+                         std::span<float> light) {
   alignas(64) std::array<float, kPacket> weights;
-  weights.fill(static_cast<float>(weight));
+  weights.fill(static_cast<float>(sample.weight));
   maker.prepare(primary_);
   // The colours of a column's lanes repeat every three columns.
   std::array<Colours, 3> colours;
@@ -196,6 +196,7 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
     for (int k = 0; k < kFewPackets; ++k) {
       RayPacket& packet = primary_[static_cast<size_t>(k)];
       const Colours& of_column = colours[static_cast<size_t>((column + k) % 3)];
+      if (is_soft_) seed_column(plan, tile, column + k, sample.number);
       trace_packet(scene, plan.row_mm(), of_column, weights.data(), packet);
       float* out = light.data() + column + k;
       for (size_t row = 0; row < kPacket; ++row)
@@ -205,8 +206,17 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
   counts_.invalid += maker.refused();
 }
 
+void PacketTracer::seed_column(const TilePlan& plan, const Tile& tile, int column, int sample) {
+  for (size_t r = 0; r < kPacket; ++r) {
+    const int row = static_cast<int>(r);
+    lanes_.seed[r] =
+        sampling::subpixel_seed(tile.row_begin + row, plan.subpixel(tile, column, row), sample);
+  }
+}
+
 void PacketTracer::trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
-                               std::span<const int32_t, kPacket> channel, RayPacket& packet,
+                               std::span<const int32_t, kPacket> channel,
+                               std::span<const uint32_t, kPacket> seeds, RayPacket& packet,
                                std::span<float, kPacket> light) {
   alignas(64) std::array<float, kPacket> weights;
   weights.fill(1.0F);
@@ -215,6 +225,7 @@ void PacketTracer::trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
     colours.channel[r] = channel[r];
     colours.backdrop[r] = static_cast<float>(component(scene.backdrop.colour, channel[r]));
   }
+  std::copy_n(seeds.data(), kPacket, lanes_.seed);
   trace_packet(scene, plan.row_mm(), colours, weights.data(), packet);
   std::copy_n(lanes_.light, kPacket, light.data());
 }
@@ -225,7 +236,7 @@ void PacketTracer::trace_packet(const Scene::Impl& scene, double row_mm, const C
   intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
   fill_holes(scene, row_mm, packet, counts_.holes);
   clock_.turn_to(Work::Shade);
-  counts_.primary += count(packet.valid);
+  counts_.primary += count_lanes(packet.valid);
   std::copy_n(colours.channel.data(), kPacket, lanes_.channel);
   std::copy_n(colours.backdrop.data(), kPacket, lanes_.backdrop);
   std::fill_n(lanes_.light, kPacket, 0.0F);
@@ -242,7 +253,7 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   add_backdrop(scene, packet, weight, lane_bits(packet.valid) & ~lane_bits(surfaces.active));
   if (!met) return;
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
-  kernel_.add_own_light(scene.shading->tables(), surfaces, weight, lanes_.light);
+  add_own_light(scene, generation, weight);
   const bool provable = use_proofs_ && scene.proofs != nullptr;
   const bool ask_lights = provable && shadow_payoff_.worth_asking();
   const bool ask_mirrored =
@@ -267,7 +278,24 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
     counts_.secondary += static_cast<uint64_t>(std::popcount(open));
     add_backdrop(scene, generation.mirrored, rays.weight, open);
   }
-  follow(scene, rays, generation.mirrored, depth);
+  follow(scene, rays, generation.mirrored, depth, Turn::Mirrored);
+}
+
+void PacketTracer::add_own_light(const Scene::Impl& scene, const Generation& generation,
+                                 const float* weight) {
+  const Surfaces& surfaces = generation.surfaces;
+  if (!soft_.samples_ambient())
+    return kernel_.add_own_light(scene.shading->tables(), surfaces, weight, lanes_.light);
+  alignas(64) std::array<float, kPacket> ambient;
+  soft_.find_ambient(soft_packet(scene, generation), lanes_.backdrop, ambient.data(), clock_);
+  kernel_.add_own_light_under(ambient.data(), surfaces, weight, lanes_.light);
+}
+
+SoftPacket PacketTracer::soft_packet(const Scene::Impl& scene, const Generation& generation) const {
+  return {.scene = scene,
+          .surfaces = generation.surfaces,
+          .seeds = std::span<const uint32_t, kPacket>(lanes_.seed),
+          .path = generation.path};
 }
 
 /// All that a subpixel will get from elsewhere is in lanes_.light by now: what is left to add lies
@@ -312,10 +340,14 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
   rays.valid = lanes_.shadow_valid;
   const std::vector<shading_kernel::Light>& lights = scene.shading->lights();
   for (size_t light = 0; light < lights.size(); ++light) {
+    if (soft_.samples(lights[light])) {
+      soft_.add_lamp(soft_packet(scene, asker.generation), light, {}, weight, lanes_.light, clock_);
+      continue;
+    }
     const bool any = kernel_.shadow_rays(lights[light], asker.generation.surfaces, weight, rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
-    counts_.shadow += count(rays.valid);
+    counts_.shadow += count_lanes(rays.valid);
     const uint32_t lit = ask ? take_lit(scene, asker, light, rays.valid) : 0;
     const bool some_left = any_lane(rays.valid);
     if (ask) shadow_payoff_.asked(!some_left);
@@ -448,14 +480,14 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
         on.transmit_weight);
   }
   ++glass_above_;
-  follow(scene, mirrored, generation.mirrored, depth);
+  follow(scene, mirrored, generation.mirrored, depth, Turn::Mirrored);
   --glass_above_;
-  follow(scene, refracted, generation.refracted, depth);
+  follow(scene, refracted, generation.refracted, depth, Turn::Refracted);
 }
 
-void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& packet,
-                          size_t depth) {
-  const uint64_t traced = count(packet.valid);
+void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& packet, size_t depth,
+                          Turn turn) {
+  const uint64_t traced = count_lanes(packet.valid);
   if (traced == 0) return;
   counts_.secondary += traced;
   std::fill_n(packet.rays.hit.geomID, kPacket, RTC_INVALID_GEOMETRY_ID);
@@ -464,6 +496,7 @@ void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& pa
   intersect16(packet.valid, scene.embree.get(), packet.rays,
               depth == 0 ? Coherence::Coherent : Coherence::Incoherent);
   clock_.turn_to(Work::Shade);
+  generations_[depth + 1].path = sampling::longer_path(generations_[depth].path, turn);
   shade(scene, packet, rays.weight, depth + 1);
 }
 

@@ -13,6 +13,7 @@
 #include "render/method.h"
 #include "render/primary_packets.h"
 #include "render/ray_stream.h"
+#include "render/sampling/soft_shader.h"
 #include "render/shading_kernel.h"
 #include "render/shaft_proofs.h"
 #include "render/work_clock.h"
@@ -23,6 +24,7 @@ struct RayCounts {
   uint64_t primary = 0;
   uint64_t secondary = 0;
   uint64_t shadow = 0;
+  uint64_t ambient = 0;  ///< of sampled occlusion and surroundings
   uint64_t invalid = 0;
   HoleCounts holes;
   uint64_t shadow_proved = 0;       ///< not traced: the way to the light was known to be free,
@@ -41,20 +43,31 @@ class PacketTracer {
   ~PacketTracer();
   PacketTracer(PacketTracer&&) noexcept;
 
+  /// One of the rays inside a subpixel's footprint: its number, and the part that it has of all.
+  struct FootprintSample {
+    int number = 0;
+    double weight = 1.0;
+  };
   /// Adds to light[target] what the primary rays of the tile that `maker` was started with bring,
   /// each `weight` times; a ray's target is its row * columns + column. Everything is added in an
   /// order that depends on the rays alone. Calling thread must flush denormals.
-  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, double weight,
-             PrimaryPackets::Maker& maker, std::span<float> light);
+  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
+             FootprintSample sample, PrimaryPackets::Maker& maker, std::span<float> light);
 
   /// The same for the valid lanes of one packet: lane r is of channel[r] and brings light[r], and
   /// the packet holds what it met. Lanes come from anywhere in a tile; neighbours should lie close
-  /// together. Calling thread must flush denormals.
+  /// together. seeds[r] is sampling::subpixel_seed() of the lane, and means nothing where no light
+  /// is sampled. Calling thread must flush denormals.
   void trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
-                   std::span<const int32_t, kPacket> channel, RayPacket& packet,
+                   std::span<const int32_t, kPacket> channel,
+                   std::span<const uint32_t, kPacket> seeds, RayPacket& packet,
                    std::span<float, kPacket> light);
 
-  [[nodiscard]] const RayCounts& counts() const { return counts_; }
+  /// From now on, light that is sampled (RenderOptions::soft) takes that many times the rays; for
+  /// those who trace few points and make many from each. At least 1, which it is at first.
+  void multiply_samples(int factor) { soft_.multiply_samples(factor); }
+
+  [[nodiscard]] RayCounts counts() const;
   [[nodiscard]] WorkClock& clock() { return clock_; }
 
  private:
@@ -103,6 +116,7 @@ class PacketTracer {
     alignas(64) int32_t channel[kPacket];
     alignas(64) float backdrop[kPacket];  ///< where it is flat
     alignas(64) float light[kPacket];
+    uint32_t seed[kPacket];  ///< where light is sampled
     RTCRay16 shadow;
     alignas(64) int shadow_valid[kPacket];
   };
@@ -119,19 +133,25 @@ class PacketTracer {
   struct Colours;
   static Colours colours_of(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
                             int column);
+  void seed_column(const TilePlan& plan, const Tile& tile, int column, int sample);
   /// Leaves the light of the lanes in lanes_.light.
   void trace_packet(const Scene::Impl& scene, double row_mm, const Colours& colours,
                     const float* weight, RayPacket& packet);
   void shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight, size_t depth);
+  void add_own_light(const Scene::Impl& scene, const Generation& generation, const float* weight);
+  [[nodiscard]] SoftPacket soft_packet(const Scene::Impl& scene,
+                                       const Generation& generation) const;
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);
   void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask);
   void follow_glass(const Scene::Impl& scene, const RayPacket& packet, Generation& generation,
                     const float* weight, size_t depth);
   void follow(const Scene::Impl& scene, shading_kernel::NewRays& rays, RayPacket& packet,
-              size_t depth);
+              size_t depth, sampling::Turn turn);
 
   const shading_kernel::Kernel& kernel_;
+  SoftShader soft_;
+  bool is_soft_;
   std::vector<RayPacket> primary_;
   std::vector<Generation> generations_;
   Lanes lanes_;
