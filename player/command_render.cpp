@@ -57,6 +57,8 @@ struct RunTotals {
     rays.shadow_rays += frame.shadow_rays;
     rays.secondary_rays += frame.secondary_rays;
     rays.ambient_rays += frame.ambient_rays;
+    rays.shadow_rays_proved += frame.shadow_rays_proved;
+    rays.shadow_rays_blocked += frame.shadow_rays_blocked;
     rays.invalid_rays += frame.invalid_rays;
     rays.suspected_holes += frame.suspected_holes;
     rays.filled_holes += frame.filled_holes;
@@ -123,6 +125,8 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"subpixels", totals.rays.subpixels},
           {"primary_rays", totals.rays.primary_rays},
           {"shadow_rays", totals.rays.shadow_rays},
+          {"shadow_rays_proved", totals.rays.shadow_rays_proved},
+          {"shadow_rays_blocked", totals.rays.shadow_rays_blocked},
           {"secondary_rays", totals.rays.secondary_rays},
           {"ambient_rays", totals.rays.ambient_rays},
           {"invalid_rays", totals.rays.invalid_rays},

@@ -140,6 +140,7 @@ PacketTracer::PacketTracer(const RenderOptions& options)
                  options.soft.environment_samples == 0),
       cells_(size_t{1} << kAnswersLog2),
       answers_(size_t{1} << kAnswersLog2),
+      lamp_payoff_(static_cast<uint32_t>(options.soft.shadow_samples)),
       clock_(options.measure_work) {
   init_packets(primary_);
   for (Generation& generation : generations_) {
@@ -176,8 +177,9 @@ void PacketTracer::Payoff::asked(bool packet_saved) {
   if (packet_saved) ++saved_;
   if (++asked_ < kTrial) return;
   // Longer each time: a tile may differ from its neighbours, a scene from others.
-  next_pause_ = 2 * saved_ < kTrial ? std::min(2 * next_pause_, kLongestPause) : kTrial;
-  pause_ = 2 * saved_ < kTrial ? next_pause_ : 0;
+  const bool pays = 2 * per_answer_ * saved_ >= kTrial;
+  next_pause_ = pays ? kTrial : std::min(2 * next_pause_, kLongestPause);
+  pause_ = pays ? 0 : next_pause_;
   asked_ = saved_ = 0;
 }
 
@@ -236,6 +238,8 @@ void PacketTracer::trace_packet(const Scene::Impl& scene, double row_mm, const C
   intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
   fill_holes(scene, row_mm, packet, counts_.holes);
   clock_.turn_to(Work::Shade);
+  if (is_soft_ && scene.proofs != nullptr && lamp_proofs_ == nullptr)
+    lamp_proofs_ = &scene.proofs->for_lamps(soft_.sizes());
   counts_.primary += count_lanes(packet.valid);
   std::copy_n(colours.channel.data(), kPacket, lanes_.channel);
   std::copy_n(colours.backdrop.data(), kPacket, lanes_.backdrop);
@@ -255,10 +259,12 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
   add_own_light(scene, generation, weight);
   const bool provable = use_proofs_ && scene.proofs != nullptr;
-  const bool ask_lights = provable && shadow_payoff_.worth_asking();
+  const Asking ask_lights{.points = provable && shadow_payoff_.worth_asking(),
+                          .lamps = provable && is_soft_ && lamp_payoff_.worth_asking()};
   const bool ask_mirrored =
       provable && surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
-  if (ask_lights || ask_mirrored) find_cells(scene, packet, surfaces, generation.cells);
+  if (ask_lights.points || ask_lights.lamps || ask_mirrored)
+    find_cells(scene, packet, surfaces, generation.cells);
   const Asker asker{packet, generation};
   add_lights(scene, asker, weight, ask_lights);
   if (depth + 1 == generations_.size()) return;
@@ -334,23 +340,23 @@ void PacketTracer::add_backdrop(const Scene::Impl& scene, const RayPacket& packe
 }
 
 void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight,
-                              bool ask) {
+                              Asking ask) {
   NewRays rays;
   rays.packet = &lanes_.shadow.org_x[0];
   rays.valid = lanes_.shadow_valid;
   const std::vector<shading_kernel::Light>& lights = scene.shading->lights();
   for (size_t light = 0; light < lights.size(); ++light) {
     if (soft_.samples(lights[light])) {
-      soft_.add_lamp(soft_packet(scene, asker.generation), light, {}, weight, lanes_.light, clock_);
+      add_soft_light(scene, asker, light, weight, ask.lamps);
       continue;
     }
     const bool any = kernel_.shadow_rays(lights[light], asker.generation.surfaces, weight, rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     counts_.shadow += count_lanes(rays.valid);
-    const uint32_t lit = ask ? take_lit(scene, asker, light, rays.valid) : 0;
+    const uint32_t lit = ask.points ? take_lit(scene, asker, light, rays.valid) : 0;
     const bool some_left = any_lane(rays.valid);
-    if (ask) shadow_payoff_.asked(!some_left);
+    if (ask.points) shadow_payoff_.asked(!some_left);
     if (some_left) {
       clock_.turn_to(Work::TraceShadows);
       occluded16(rays.valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
@@ -360,6 +366,22 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
       if ((lit >> r & 1) != 0 || (rays.valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F))
         lanes_.light[r] += rays.weight[r];
   }
+}
+
+/// Asks where the lamp's middle is before the surface; its rim may be, elsewhere.
+void PacketTracer::add_soft_light(const Scene::Impl& scene, const Asker& asker, size_t light,
+                                  const float* weight, bool ask) {
+  KnownLanes known;
+  NewRays to_middle;
+  to_middle.packet = &lanes_.shadow.org_x[0];
+  to_middle.valid = lanes_.shadow_valid;
+  if (ask && kernel_.shadow_rays(scene.shading->lights()[light], asker.generation.surfaces, weight,
+                                 to_middle)) {
+    const uint32_t wanted = lane_bits(to_middle.valid);
+    known = known_lanes(scene, asker, light, wanted);
+    lamp_payoff_.asked((known.lit | known.blocked) == wanted);
+  }
+  soft_.add_lamp(soft_packet(scene, asker.generation), light, known, weight, lanes_.light, clock_);
 }
 
 void PacketTracer::find_cells(const Scene::Impl& scene, const RayPacket& packet, const Surfaces& s,
@@ -378,8 +400,10 @@ ShaftProof PacketTracer::light_proof(const Scene::Impl& scene, const Asker& aske
   const uint64_t number = cells.numbers[group];
   const auto ask = [&] {
     const auto lane = static_cast<size_t>(cells.groups.first[group]);
-    return scene.proofs->proof(cell_of(asker.packet.rays, asker.generation.surfaces, lane), number,
-                               ShaftProofs::light_target(light));
+    ShaftProofs& proofs =
+        soft_.samples(scene.shading->lights()[light]) ? *lamp_proofs_ : *scene.proofs;
+    return proofs.proof(cell_of(asker.packet.rays, asker.generation.surfaces, lane), number,
+                        ShaftProofs::light_target(light));
   };
   if (light >= kLightsPerCell) return ask();
   CellAnswers& known = cells_[ShaftProofs::mixed(number, kAnswersLog2)];
@@ -406,23 +430,26 @@ bool PacketTracer::open(const Scene::Impl& scene, const Asker& asker, int group,
   return answer.empty;
 }
 
-uint32_t PacketTracer::take_lit(const Scene::Impl& scene, const Asker& asker, size_t light,
-                                int* valid) {
+KnownLanes PacketTracer::known_lanes(const Scene::Impl& scene, const Asker& asker, size_t light,
+                                     uint32_t wanted) {
   const shading_kernel::CellGroups& groups = asker.generation.cells.groups;
-  const uint32_t wanted = lane_bits(valid);
-  uint32_t lit = 0, blocked = 0;
+  KnownLanes known;
   for (int g = 0; g < groups.count; ++g) {
     if ((groups.lanes[g] & wanted) == 0) continue;
     const ShaftProof proof = light_proof(scene, asker, g, light);
-    lit |= proof == ShaftProof::Empty ? groups.lanes[g] : 0;
-    blocked |= proof == ShaftProof::Blocked ? groups.lanes[g] : 0;
+    known.lit |= proof == ShaftProof::Empty ? groups.lanes[g] : 0;
+    known.blocked |= proof == ShaftProof::Blocked ? groups.lanes[g] : 0;
   }
-  lit &= wanted;
-  blocked &= wanted;
-  take_lanes(lit | blocked, valid);
-  counts_.shadow_proved += static_cast<uint64_t>(std::popcount(lit));
-  counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(blocked));
-  return lit;
+  return {.lit = known.lit & wanted, .blocked = known.blocked & wanted};
+}
+
+uint32_t PacketTracer::take_lit(const Scene::Impl& scene, const Asker& asker, size_t light,
+                                int* valid) {
+  const KnownLanes known = known_lanes(scene, asker, light, lane_bits(valid));
+  take_lanes(known.lit | known.blocked, valid);
+  counts_.shadow_proved += static_cast<uint64_t>(std::popcount(known.lit));
+  counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(known.blocked));
+  return known.lit;
 }
 
 uint32_t PacketTracer::take_open(const Scene::Impl& scene, const Asker& asker, const NewRays& rays,

@@ -87,13 +87,16 @@ class PacketTracer {
   };
   void find_cells(const Scene::Impl& scene, const RayPacket& packet,
                   const shading_kernel::Surfaces& surfaces, Cells& cells);
-  /// Whether asking for proofs pays: it does if every other packet need not be traced at all.
+  /// Whether asking for proofs pays: it does if every other packet need not be traced at all, or
+  /// fewer where one answer saves several.
   class Payoff {
    public:
+    explicit Payoff(uint32_t packets_per_answer = 1) : per_answer_(packets_per_answer) {}
     [[nodiscard]] bool worth_asking();
     void asked(bool packet_saved);
 
    private:
+    uint32_t per_answer_;
     uint32_t asked_ = 0;
     uint32_t saved_ = 0;
     uint32_t pause_ = 0;
@@ -109,6 +112,9 @@ class PacketTracer {
     const RayPacket& packet;
     const Generation& generation;
   };
+  /// Lanes from which all of a light, or nothing of it, is known to be seen.
+  KnownLanes known_lanes(const Scene::Impl& scene, const Asker& asker, size_t light,
+                         uint32_t wanted);
   ShaftProof light_proof(const Scene::Impl& scene, const Asker& asker, int group, size_t light);
   bool open(const Scene::Impl& scene, const Asker& asker, int group, uint64_t direction);
   /// Of the packet that is being traced.
@@ -143,7 +149,14 @@ class PacketTracer {
                                        const Generation& generation) const;
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);
-  void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask);
+  void add_soft_light(const Scene::Impl& scene, const Asker& asker, size_t light,
+                      const float* weight, bool ask);
+  /// Which lights to ask about.
+  struct Asking {
+    bool points = false;
+    bool lamps = false;  ///< that have a size
+  };
+  void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, Asking ask);
   void follow_glass(const Scene::Impl& scene, const RayPacket& packet, Generation& generation,
                     const float* weight, size_t depth);
   void follow(const Scene::Impl& scene, shading_kernel::NewRays& rays, RayPacket& packet,
@@ -152,6 +165,7 @@ class PacketTracer {
   const shading_kernel::Kernel& kernel_;
   SoftShader soft_;
   bool is_soft_;
+  ShaftProofs* lamp_proofs_ = nullptr;  ///< of the scene's lamps with their sizes
   std::vector<RayPacket> primary_;
   std::vector<Generation> generations_;
   Lanes lanes_;
@@ -162,6 +176,7 @@ class PacketTracer {
   std::vector<CellAnswers> cells_;
   std::vector<Answer> answers_;
   Payoff shadow_payoff_;
+  Payoff lamp_payoff_;
   Payoff mirrored_payoff_;
   RayCounts counts_;
   WorkClock clock_;

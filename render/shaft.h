@@ -2,11 +2,11 @@
 // Proofs that whole bundles of rays meet nothing, or that each of them meets something, so that
 // none of them needs to be traced.
 //
-// A shaft is every ray that leaves a small patch of a surface toward one point, or within a narrow
-// cone of directions. It is empty if each primitive of the scene can be separated from its convex
-// hull by a plane; what cannot be separated by the few planes that are tried counts as in the way,
-// so that the answer errs on the side of tracing. It is blocked if one primitive alone is in the
-// way of all its rays. Margins cover single precision's roundings, also Embree's.
+// A shaft is every ray that leaves a small patch of a surface toward one point or into one ball, or
+// within a narrow cone of directions. It is empty if each primitive of the scene can be separated
+// from its convex hull by a plane; what cannot be separated by the few planes that are tried counts
+// as in the way, so that the answer errs on the side of tracing. It is blocked if one primitive
+// alone is in the way of all its rays. Margins cover single precision's roundings, also Embree's.
 #pragma once
 
 #include <cstdint>
@@ -37,12 +37,14 @@ struct Patch {
 struct Shaft {
   Patch from{};
   bool to_point = false;
-  Vec3f point{};      ///< where all rays end
+  Vec3f point{};      ///< where all rays end, or the middle of the ball in which they do
+  float ball = 0.0F;  ///< its radius
   Vec3f axis{};       ///< unit: the middle of the cone of directions
   float sine = 0.0F;  ///< of half its opening, below a right angle
   float cosine = 1.0F;
 };
 [[nodiscard]] Shaft shaft_to_point(const Patch& from, Vec3 point);
+[[nodiscard]] Shaft shaft_to_ball(const Patch& from, Vec3 middle, double radius);
 [[nodiscard]] Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine);
 
 /// Immutable after construction; for any thread. Refers to the scene, whose shapes must stay.
@@ -56,8 +58,8 @@ class ShaftTester {
 
   /// True: no ray of the shaft meets anything. False: one may.
   [[nodiscard]] bool empty(const Shaft& shaft) const;
-  /// True: every ray of the shaft meets something before the point. False: one may not. Always
-  /// false for shafts without a point, and where only several primitives together block.
+  /// True: every ray of the shaft meets something before its end. False: one may not. Always
+  /// false for cones of directions, and where only several primitives together block.
   [[nodiscard]] bool blocked(const Shaft& shaft) const;
 
  private:

@@ -4,6 +4,8 @@
 
 #include <atomic>
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <vector>
 
 #include "render/shaft.h"
@@ -17,12 +19,26 @@ enum class ShaftProof : uint8_t {
   Blocked = 3,  ///< each meets something before it reaches the light
 };
 
+/// How large the scene's lamps are; points if zero.
+struct LampSizes {
+  double radius = 0.0;       ///< of those that stand somewhere, in scene units
+  double sun_tangent = 0.0;  ///< of the angle at which the radius of the others is seen
+  friend bool operator==(const LampSizes&, const LampSizes&) = default;
+};
+
 /// For any thread: what is asked for the first time is found out, and kept as long as there is
 /// room. An answer depends on the scene alone, never on who asked first.
 class ShaftProofs {
  public:
   /// Throws Error(Failed) with what Embree said.
   explicit ShaftProofs(const Scene::Impl& scene);
+  ~ShaftProofs();
+  ShaftProofs(const ShaftProofs&) = delete;
+  ShaftProofs& operator=(const ShaftProofs&) = delete;
+
+  /// The same for lamps of other sizes. Made when they are first asked for, which allocates, and
+  /// kept as long as these are.
+  [[nodiscard]] ShaftProofs& for_lamps(LampSizes sizes);
 
   /// A number for a cell, to ask with; below 2^50. For `place` see render/surface_cells.h.
   [[nodiscard]] uint64_t number(uint32_t geometry, uint32_t primitive, int32_t place) const {
@@ -46,13 +62,18 @@ class ShaftProofs {
  private:
   static constexpr uint64_t kBins = uint64_t{kDirectionBins} * kDirectionBins;
 
+  ShaftProofs(const ShaftProofs& points, LampSizes sizes);
   [[nodiscard]] ShaftProof find_out(const SurfaceCell& cell, uint64_t target) const;
 
   const Scene::Impl& scene_;
-  ShaftTester tester_;
+  std::shared_ptr<const ShaftTester> tester_;
+  LampSizes sizes_;
+  float sun_cosine_ = 1.0F;
   std::vector<uint64_t> first_primitive_;  ///< by geometry, counted over all geometries
   /// Each a key and a proof, or zero.
   std::vector<std::atomic<uint64_t>> answers_;
+  std::mutex adding_;
+  std::vector<std::unique_ptr<ShaftProofs>> others_;  ///< of other sizes
 };
 
 }  // namespace lenticule::render

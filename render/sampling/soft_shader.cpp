@@ -29,6 +29,11 @@ float SoftShader::radius(const shading_kernel::Light& lamp) const {
              : static_cast<float>(options_.lamp_radius_mm);
 }
 
+LampSizes SoftShader::sizes() const {
+  if (options_.shadow_samples == 0) return {};
+  return {.radius = options_.lamp_radius_mm, .sun_tangent = double{sun_tangent_}};
+}
+
 uint32_t SoftShader::unblocked(const Scene::Impl& scene, Coherence coherence, WorkClock& clock) {
   const uint32_t traced = lane_bits(rays_.valid);
   if (traced == 0) return 0;

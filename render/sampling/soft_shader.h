@@ -13,6 +13,7 @@
 #include "render/sampling/sample_set.h"
 #include "render/sampling/soft_light.h"
 #include "render/shading_kernel.h"
+#include "render/shaft_proofs.h"
 #include "render/work_clock.h"
 
 namespace lenticule::render {
@@ -43,6 +44,9 @@ class SoftShader {
   [[nodiscard]] bool samples(const shading_kernel::Light& lamp) const { return radius(lamp) > 0; }
   /// Whether light from all around is sampled; it is flat otherwise.
   [[nodiscard]] bool samples_ambient() const { return ambient_samples() > 0; }
+
+  /// Of those that are sampled.
+  [[nodiscard]] LampSizes sizes() const;
 
   struct Counts {
     uint64_t shadow = 0;
