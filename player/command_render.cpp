@@ -57,6 +57,7 @@ struct RunTotals {
     rays.shadow_rays += frame.shadow_rays;
     rays.secondary_rays += frame.secondary_rays;
     rays.ambient_rays += frame.ambient_rays;
+    rays.ambient_rays_proved += frame.ambient_rays_proved;
     rays.shadow_rays_proved += frame.shadow_rays_proved;
     rays.shadow_rays_blocked += frame.shadow_rays_blocked;
     rays.invalid_rays += frame.invalid_rays;
@@ -129,6 +130,7 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"shadow_rays_blocked", totals.rays.shadow_rays_blocked},
           {"secondary_rays", totals.rays.secondary_rays},
           {"ambient_rays", totals.rays.ambient_rays},
+          {"ambient_rays_proved", totals.rays.ambient_rays_proved},
           {"invalid_rays", totals.rays.invalid_rays},
           {"suspected_holes", totals.rays.suspected_holes},
           {"filled_holes", totals.rays.filled_holes},

@@ -47,6 +47,7 @@ struct RenderStatistics {
   uint64_t shadow_rays = 0;
   uint64_t secondary_rays = 0;
   uint64_t ambient_rays = 0;             ///< of sampled occlusion and surroundings
+  uint64_t ambient_rays_proved = 0;      ///< of ambient_rays: not traced, nothing was near
   uint64_t invalid_rays = 0;             ///< not finite, so not shown to Embree
   uint64_t suspected_holes = 0;          ///< primary rays that went on where their neighbours ended
   uint64_t filled_holes = 0;             ///< and those that had slipped between triangles

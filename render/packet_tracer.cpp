@@ -19,6 +19,7 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   secondary += other.secondary;
   shadow += other.shadow;
   ambient += other.ambient;
+  ambient_proved += other.ambient_proved;
   invalid += other.invalid;
   holes += other.holes;
   shadow_proved += other.shadow_proved;
@@ -33,6 +34,7 @@ void RayCounts::report(RenderStatistics& statistics) const {
   statistics.shadow_rays = shadow;
   statistics.secondary_rays = secondary;
   statistics.ambient_rays = ambient;
+  statistics.ambient_rays_proved = ambient_proved;
   statistics.invalid_rays = invalid;
   statistics.suspected_holes = holes.suspected;
   statistics.filled_holes = holes.filled;
@@ -141,6 +143,7 @@ PacketTracer::PacketTracer(const RenderOptions& options)
       cells_(size_t{1} << kAnswersLog2),
       answers_(size_t{1} << kAnswersLog2),
       lamp_payoff_(static_cast<uint32_t>(options.soft.shadow_samples)),
+      around_payoff_(static_cast<uint32_t>(options.soft.occlusion_samples)),
       clock_(options.measure_work) {
   init_packets(primary_);
   for (Generation& generation : generations_) {
@@ -161,6 +164,7 @@ RayCounts PacketTracer::counts() const {
   all.shadow_proved += soft.shadow_proved;
   all.shadow_blocked += soft.shadow_blocked;
   all.ambient += soft.ambient;
+  all.ambient_proved += soft.ambient_proved;
   all.invalid += soft.invalid;
   return all;
 }
@@ -238,8 +242,8 @@ void PacketTracer::trace_packet(const Scene::Impl& scene, double row_mm, const C
   intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
   fill_holes(scene, row_mm, packet, counts_.holes);
   clock_.turn_to(Work::Shade);
-  if (is_soft_ && scene.proofs != nullptr && lamp_proofs_ == nullptr)
-    lamp_proofs_ = &scene.proofs->for_lamps(soft_.sizes());
+  if (is_soft_ && scene.proofs != nullptr && soft_proofs_ == nullptr)
+    soft_proofs_ = &scene.proofs->with_sizes(soft_.sizes());
   counts_.primary += count_lanes(packet.valid);
   std::copy_n(colours.channel.data(), kPacket, lanes_.channel);
   std::copy_n(colours.backdrop.data(), kPacket, lanes_.backdrop);
@@ -257,16 +261,11 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   add_backdrop(scene, packet, weight, lane_bits(packet.valid) & ~lane_bits(surfaces.active));
   if (!met) return;
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
-  add_own_light(scene, generation, weight);
-  const bool provable = use_proofs_ && scene.proofs != nullptr;
-  const Asking ask_lights{.points = provable && shadow_payoff_.worth_asking(),
-                          .lamps = provable && is_soft_ && lamp_payoff_.worth_asking()};
-  const bool ask_mirrored =
-      provable && surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
-  if (ask_lights.points || ask_lights.lamps || ask_mirrored)
-    find_cells(scene, packet, surfaces, generation.cells);
+  const Asking ask = worth_asking(scene, surfaces);
+  if (ask.any()) find_cells(scene, packet, surfaces, generation.cells);
   const Asker asker{packet, generation};
-  add_lights(scene, asker, weight, ask_lights);
+  add_own_light(scene, asker, weight, ask.around);
+  add_lights(scene, asker, weight, ask);
   if (depth + 1 == generations_.size()) return;
   if (surfaces.any_transmits) return follow_glass(scene, packet, generation, weight, depth);
   if (!surfaces.any_specular) return;
@@ -278,7 +277,7 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   if (!any) return;
   if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
     leave_out_weak(scene, rays, depth);
-  if (ask_mirrored) {
+  if (ask.mirrored) {
     const uint32_t open = take_open(scene, asker, rays, generation.mirrored.valid);
     mirrored_payoff_.asked(!any_lane(generation.mirrored.valid));
     counts_.secondary += static_cast<uint64_t>(std::popcount(open));
@@ -287,13 +286,29 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   follow(scene, rays, generation.mirrored, depth, Turn::Mirrored);
 }
 
-void PacketTracer::add_own_light(const Scene::Impl& scene, const Generation& generation,
-                                 const float* weight) {
-  const Surfaces& surfaces = generation.surfaces;
+PacketTracer::Asking PacketTracer::worth_asking(const Scene::Impl& scene, const Surfaces& met) {
+  if (!use_proofs_ || scene.proofs == nullptr) return {};
+  return {.points = shadow_payoff_.worth_asking(),
+          .lamps = soft_.samples_lamps() && lamp_payoff_.worth_asking(),
+          .around = soft_.looks_around() && around_payoff_.worth_asking(),
+          .mirrored = met.any_specular != 0 && mirrored_payoff_.worth_asking()};
+}
+
+void PacketTracer::add_own_light(const Scene::Impl& scene, const Asker& asker, const float* weight,
+                                 bool ask) {
+  const Surfaces& surfaces = asker.generation.surfaces;
   if (!soft_.samples_ambient())
     return kernel_.add_own_light(scene.shading->tables(), surfaces, weight, lanes_.light);
+  uint32_t open_lanes = 0;
+  if (ask) {
+    const shading_kernel::CellGroups& groups = asker.generation.cells.groups;
+    for (int g = 0; g < groups.count; ++g)
+      if (open(*soft_proofs_, asker, g, ShaftProofs::kAround)) open_lanes |= groups.lanes[g];
+    around_payoff_.asked(open_lanes == lane_bits(surfaces.active));
+  }
   alignas(64) std::array<float, kPacket> ambient;
-  soft_.find_ambient(soft_packet(scene, generation), lanes_.backdrop, ambient.data(), clock_);
+  soft_.find_ambient(soft_packet(scene, asker.generation), open_lanes, lanes_.backdrop,
+                     ambient.data(), clock_);
   kernel_.add_own_light_under(ambient.data(), surfaces, weight, lanes_.light);
 }
 
@@ -401,7 +416,7 @@ ShaftProof PacketTracer::light_proof(const Scene::Impl& scene, const Asker& aske
   const auto ask = [&] {
     const auto lane = static_cast<size_t>(cells.groups.first[group]);
     ShaftProofs& proofs =
-        soft_.samples(scene.shading->lights()[light]) ? *lamp_proofs_ : *scene.proofs;
+        soft_.samples(scene.shading->lights()[light]) ? *soft_proofs_ : *scene.proofs;
     return proofs.proof(cell_of(asker.packet.rays, asker.generation.surfaces, lane), number,
                         ShaftProofs::light_target(light));
   };
@@ -416,17 +431,15 @@ ShaftProof PacketTracer::light_proof(const Scene::Impl& scene, const Asker& aske
   return proof;
 }
 
-/// Whether nothing lies in a bin of directions from there.
-bool PacketTracer::open(const Scene::Impl& scene, const Asker& asker, int group,
-                        uint64_t direction) {
+/// Whether nothing lies in a bin of directions from there, or all around it.
+bool PacketTracer::open(ShaftProofs& proofs, const Asker& asker, int group, uint64_t target) {
   const Cells& cells = asker.generation.cells;
-  const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + direction;
+  const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + target;
   Answer& answer = answers_[ShaftProofs::mixed(question, kAnswersLog2)];
   if (answer.question == question) return answer.empty;
   const auto lane = static_cast<size_t>(cells.groups.first[group]);
   const SurfaceCell cell = cell_of(asker.packet.rays, asker.generation.surfaces, lane);
-  answer = {question,
-            scene.proofs->proof(cell, cells.numbers[group], direction) == ShaftProof::Empty};
+  answer = {question, proofs.proof(cell, cells.numbers[group], target) == ShaftProof::Empty};
   return answer.empty;
 }
 
@@ -463,7 +476,7 @@ uint32_t PacketTracer::take_open(const Scene::Impl& scene, const Asker& asker, c
     for (uint32_t left = groups.lanes[g] & wanted; left != 0; left &= left - 1) {
       const int r = std::countr_zero(left);
       const uint64_t target = ShaftProofs::direction_target(rays.bin_u[r], rays.bin_v[r]);
-      if (target != last) last_empty = open(scene, asker, g, target);
+      if (target != last) last_empty = open(*scene.proofs, asker, g, target);
       last = target;
       if (last_empty) empty |= 1U << r;
     }

@@ -24,7 +24,8 @@ struct RayCounts {
   uint64_t primary = 0;
   uint64_t secondary = 0;
   uint64_t shadow = 0;
-  uint64_t ambient = 0;  ///< of sampled occlusion and surroundings
+  uint64_t ambient = 0;         ///< of sampled occlusion and surroundings
+  uint64_t ambient_proved = 0;  ///< not traced: nothing was known to be near
   uint64_t invalid = 0;
   HoleCounts holes;
   uint64_t shadow_proved = 0;       ///< not traced: the way to the light was known to be free,
@@ -116,7 +117,7 @@ class PacketTracer {
   KnownLanes known_lanes(const Scene::Impl& scene, const Asker& asker, size_t light,
                          uint32_t wanted);
   ShaftProof light_proof(const Scene::Impl& scene, const Asker& asker, int group, size_t light);
-  bool open(const Scene::Impl& scene, const Asker& asker, int group, uint64_t direction);
+  bool open(ShaftProofs& proofs, const Asker& asker, int group, uint64_t target);
   /// Of the packet that is being traced.
   struct Lanes {
     alignas(64) int32_t channel[kPacket];
@@ -144,18 +145,22 @@ class PacketTracer {
   void trace_packet(const Scene::Impl& scene, double row_mm, const Colours& colours,
                     const float* weight, RayPacket& packet);
   void shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight, size_t depth);
-  void add_own_light(const Scene::Impl& scene, const Generation& generation, const float* weight);
+  void add_own_light(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask);
   [[nodiscard]] SoftPacket soft_packet(const Scene::Impl& scene,
                                        const Generation& generation) const;
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);
   void add_soft_light(const Scene::Impl& scene, const Asker& asker, size_t light,
                       const float* weight, bool ask);
-  /// Which lights to ask about.
+  /// What to ask for proofs about.
   struct Asking {
-    bool points = false;
-    bool lamps = false;  ///< that have a size
+    bool points = false;  ///< lights without
+    bool lamps = false;   ///< and with a size
+    bool around = false;
+    bool mirrored = false;
+    [[nodiscard]] bool any() const { return points || lamps || around || mirrored; }
   };
+  [[nodiscard]] Asking worth_asking(const Scene::Impl& scene, const shading_kernel::Surfaces& met);
   void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, Asking ask);
   void follow_glass(const Scene::Impl& scene, const RayPacket& packet, Generation& generation,
                     const float* weight, size_t depth);
@@ -165,7 +170,7 @@ class PacketTracer {
   const shading_kernel::Kernel& kernel_;
   SoftShader soft_;
   bool is_soft_;
-  ShaftProofs* lamp_proofs_ = nullptr;  ///< of the scene's lamps with their sizes
+  ShaftProofs* soft_proofs_ = nullptr;  ///< of the scene, with the sizes of what is sampled
   std::vector<RayPacket> primary_;
   std::vector<Generation> generations_;
   Lanes lanes_;
@@ -177,6 +182,7 @@ class PacketTracer {
   std::vector<Answer> answers_;
   Payoff shadow_payoff_;
   Payoff lamp_payoff_;
+  Payoff around_payoff_;
   Payoff mirrored_payoff_;
   RayCounts counts_;
   WorkClock clock_;

@@ -25,6 +25,10 @@ constexpr float kUnitRounding = 1e-6F;
 /// Rays that rise by less than this leave their plane too slowly for rounding not to matter.
 constexpr float kLeastAscent = 1e-4F;
 
+/// Of the coordinates: directions are rounded by a few units in the last place, and new rays start
+/// 2^-19 off their plane.
+constexpr float kLevel = 1.0F;
+
 constexpr unsigned kMostDepth = 64;
 
 float largest(Vec3f v) {
@@ -57,6 +61,7 @@ Sized triangle_patch(const MeshShape& mesh, const SurfaceCell& cell) {
   patch.normal = Vec3f(normal);
   patch.height =
       static_cast<float>(dot(normal, Vec3(a))) + kFlatness * (largest(patch.centre) + extent);
+  patch.level = kLevel * (largest(patch.centre) - patch.radius + extent);
   return {patch, extent};
 }
 
@@ -143,6 +148,12 @@ Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine) {
   return shaft;
 }
 
+Shaft shaft_around(const Patch& from, double length) {
+  Shaft shaft{.from = from, .within = static_cast<float>(length) * (1.0F + kMargin)};
+  shaft.from.radius += shaft.within;
+  return shaft;
+}
+
 namespace {
 
 /// The convex hull of a shaft, asked for planes that have it on one side.
@@ -154,12 +165,14 @@ class Hull {
       high_[i] = reach(unit);
       low_[i] = -reach(-unit);
     }
-    above_ = shaft.from.flat && ascent() > kLeastAscent;
+    above_ = shaft.from.flat &&
+             (shaft.within > 0.0F ? shaft.within < shaft.from.level : ascent() > kLeastAscent);
   }
 
   /// The largest n . p of the hull's points; n has unit length.
   [[nodiscard]] float reach(Vec3f n) const {
     const float start = dot(shaft_.from.centre, n) + shaft_.from.radius;
+    if (shaft_.within > 0.0F) return start;
     if (shaft_.to_point)
       return std::max(start, dot(shaft_.point, n) + shaft_.ball + kMargin * largest(shaft_.point));
     return dot(shaft_.axis, n) <= -shaft_.sine + kUnitRounding ? start : kInfinity;

@@ -35,7 +35,7 @@ ShaftProofs::ShaftProofs(const Scene::Impl& scene)
   }
 }
 
-ShaftProofs::ShaftProofs(const ShaftProofs& points, LampSizes sizes)
+ShaftProofs::ShaftProofs(const ShaftProofs& points, SoftSizes sizes)
     : scene_(points.scene_),
       tester_(points.tester_),
       sizes_(sizes),
@@ -45,7 +45,7 @@ ShaftProofs::ShaftProofs(const ShaftProofs& points, LampSizes sizes)
 
 ShaftProofs::~ShaftProofs() = default;
 
-ShaftProofs& ShaftProofs::for_lamps(LampSizes sizes) {
+ShaftProofs& ShaftProofs::with_sizes(SoftSizes sizes) {
   if (sizes == sizes_) return *this;
   const std::lock_guard lock(adding_);
   for (const std::unique_ptr<ShaftProofs>& other : others_)
@@ -77,11 +77,13 @@ ShaftProof ShaftProofs::find_out(const SurfaceCell& cell, uint64_t target) const
                        static_cast<int>(target) % kDirectionBins, kDirectionBins);
     return answer(shaft_in_cone(from, bin.middle, bin.cosine));
   }
+  if (target == kAround) return answer(shaft_around(from, sizes_.around));
   const SceneLight& lamp = scene_.lights[target - kBins];
   // Parallel rays: a cone as narrow as rounding allows.
   if (lamp.kind == Light::Kind::Directional)
     return answer(shaft_in_cone(from, Vec3f(-lamp.direction), sun_cosine_));
-  if (sizes_.radius > 0.0) return answer(shaft_to_ball(from, lamp.position, sizes_.radius));
+  if (sizes_.lamp_radius > 0.0)
+    return answer(shaft_to_ball(from, lamp.position, sizes_.lamp_radius));
   return answer(shaft_to_point(from, lamp.position));
 }
 

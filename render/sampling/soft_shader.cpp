@@ -29,9 +29,23 @@ float SoftShader::radius(const shading_kernel::Light& lamp) const {
              : static_cast<float>(options_.lamp_radius_mm);
 }
 
-LampSizes SoftShader::sizes() const {
-  if (options_.shadow_samples == 0) return {};
-  return {.radius = options_.lamp_radius_mm, .sun_tangent = double{sun_tangent_}};
+bool SoftShader::looks_around() const {
+  return options_.occlusion_samples > 0 && std::isfinite(options_.occlusion_distance_mm);
+}
+
+SoftSizes SoftShader::sizes() const {
+  SoftSizes sizes;
+  if (samples_lamps())
+    sizes = {.lamp_radius = options_.lamp_radius_mm, .sun_tangent = double{sun_tangent_}};
+  if (looks_around()) sizes.around = options_.occlusion_distance_mm;
+  return sizes;
+}
+
+shading_kernel::NewRays SoftShader::into_rays() {
+  shading_kernel::NewRays rays;
+  rays.packet = &rays_.rays.ray.org_x[0];
+  rays.valid = rays_.valid;
+  return rays;
 }
 
 uint32_t SoftShader::unblocked(const Scene::Impl& scene, Coherence coherence, WorkClock& clock) {
@@ -49,30 +63,32 @@ uint32_t SoftShader::unblocked(const Scene::Impl& scene, Coherence coherence, Wo
 void SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes known,
                           const float* weight, float* light, WorkClock& clock) {
   const shading_kernel::Light& shape = packet.scene.shading->lights()[lamp];
-  const int count = options_.shadow_samples * factor_;
+  const auto samples = static_cast<uint32_t>(options_.shadow_samples * factor_);
   alignas(64) std::array<float, kPacket> part;
-  for (size_t r = 0; r < kPacket; ++r) part[r] = weight[r] / static_cast<float>(count);
+  for (size_t r = 0; r < kPacket; ++r) part[r] = weight[r] / static_cast<float>(samples);
   const sampling::SampleSet set =
       sampling::sample_set(packet.seeds, packet.path, sampling::use_of_light(lamp));
-  new_rays_.packet = &rays_.rays.ray.org_x[0];
-  new_rays_.valid = rays_.valid;
-  for (int i = 0; i < count; ++i) {
-    const bool any =
-        kernel_.lamp_rays(shape, radius(shape), sampling::sample_of(set, static_cast<uint32_t>(i)),
-                          packet.surfaces, part.data(), new_rays_);
-    counts_.invalid += static_cast<uint64_t>(new_rays_.refused);
+  shading_kernel::NewRays rays = into_rays();
+  for (uint32_t i = 0; i < samples; ++i) {
+    const bool any = kernel_.lamp_rays(shape, radius(shape), sampling::sample_of(set, i),
+                                       packet.surfaces, part.data(), rays);
+    counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
-    const uint32_t wanted = lane_bits(rays_.valid);
-    const uint32_t lit = known.lit & wanted;
-    const uint32_t blocked = known.blocked & wanted;
-    counts_.shadow += static_cast<uint64_t>(std::popcount(wanted));
-    counts_.shadow_proved += static_cast<uint64_t>(std::popcount(lit));
-    counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(blocked));
-    take_lanes(lit | blocked, rays_.valid);
-    const uint32_t seen = lit | unblocked(packet.scene, Coherence::Coherent, clock);
-    for (uint32_t r = 0; r < kPacket; ++r)
-      light[r] += (seen >> r & 1) != 0 ? new_rays_.weight[r] : 0.0F;
+    const uint32_t seen = settle(known) | unblocked(packet.scene, Coherence::Coherent, clock);
+    for (uint32_t r = 0; r < kPacket; ++r) light[r] += (seen >> r & 1) != 0 ? rays.weight[r] : 0.0F;
   }
+}
+
+/// Makes rays to a lamp invalid whose fate is known; returns those that reach it.
+uint32_t SoftShader::settle(KnownLanes known) {
+  const uint32_t wanted = lane_bits(rays_.valid);
+  const uint32_t lit = known.lit & wanted;
+  const uint32_t blocked = known.blocked & wanted;
+  counts_.shadow += static_cast<uint64_t>(std::popcount(wanted));
+  counts_.shadow_proved += static_cast<uint64_t>(std::popcount(lit));
+  counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(blocked));
+  take_lanes(lit | blocked, rays_.valid);
+  return lit;
 }
 
 /// A picture of the surroundings, or a sky, in the directions of rays_.
@@ -87,35 +103,46 @@ void SoftShader::add_surroundings(const SoftPacket& packet, uint32_t lanes,
   }
 }
 
-void SoftShader::find_ambient(const SoftPacket& packet, const float* backdrop, float* ambient,
-                              WorkClock& clock) {
-  const bool surroundings = options_.environment_samples > 0;
-  const bool pictured = surroundings && !packet.scene.backdrop.flat();
-  const float* const flat_ambient = packet.scene.shading->tables().ambient;
-  const float far = surroundings ? std::numeric_limits<float>::infinity()
-                                 : static_cast<float>(options_.occlusion_distance_mm);
-  const int samples = ambient_samples() * factor_;
+SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t open,
+                                           WorkClock& clock) {
+  const bool pictured = lit_by_surroundings() && !packet.scene.backdrop.flat();
+  const float far = lit_by_surroundings() ? std::numeric_limits<float>::infinity()
+                                          : static_cast<float>(options_.occlusion_distance_mm);
+  const auto samples = static_cast<uint32_t>(ambient_samples());
   const sampling::SampleSet set =
       sampling::sample_set(packet.seeds, packet.path, sampling::kUseAmbient);
-  new_rays_.packet = &rays_.rays.ray.org_x[0];
-  new_rays_.valid = rays_.valid;
-  std::array<int, kPacket> open{};
-  std::array<double, kPacket> sum{};
-  for (int i = 0; i < samples; ++i) {
-    const bool any = kernel_.ambient_rays(far, sampling::sample_of(set, static_cast<uint32_t>(i)),
-                                          packet.surfaces, new_rays_);
-    counts_.invalid += static_cast<uint64_t>(new_rays_.refused);
-    if (!any) break;  // where there is nothing diffuse, no sample finds any
-    counts_.ambient += count_lanes(rays_.valid);
-    const uint32_t free = unblocked(packet.scene, Coherence::Incoherent, clock);
-    for (size_t r = 0; r < kPacket; ++r) open[r] += static_cast<int>(free >> r & 1);
-    if (pictured) add_surroundings(packet, free, sum);
+  shading_kernel::NewRays rays = into_rays();
+  Around around;
+  for (uint32_t i = 0; i < samples; ++i) {
+    kernel_.ambient_rays(far, sampling::sample_of(set, i), packet.surfaces, rays);
+    counts_.invalid += static_cast<uint64_t>(rays.refused);
+    const uint32_t wanted = lane_bits(rays_.valid);
+    const uint32_t known = open & wanted;
+    // All samples want the same lanes: one that has nothing to trace speaks for the others.
+    const uint32_t of_known = known == wanted ? samples : 1;
+    counts_.ambient += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(wanted));
+    counts_.ambient_proved += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(known));
+    take_lanes(known, rays_.valid);
+    const uint32_t traced = unblocked(packet.scene, Coherence::Incoherent, clock);
+    for (size_t r = 0; r < kPacket; ++r)
+      around.open[r] += (known >> r & 1) * of_known + (traced >> r & 1);
+    if (pictured) add_surroundings(packet, traced, around.light);
+    if (known == wanted) break;
   }
+  return around;
+}
+
+void SoftShader::find_ambient(const SoftPacket& packet, uint32_t open, const float* backdrop,
+                              float* ambient, WorkClock& clock) {
+  const Around around = look_around(packet, open, clock);
+  const int samples = ambient_samples();
+  const float* const flat_ambient = packet.scene.shading->tables().ambient;
+  const bool pictured = lit_by_surroundings() && !packet.scene.backdrop.flat();
   for (size_t r = 0; r < kPacket; ++r) {
-    const float part = static_cast<float>(open[r]) / static_cast<float>(samples);
+    const float part = static_cast<float>(around.open[r]) / static_cast<float>(samples);
     const auto channel = static_cast<size_t>(packet.surfaces.channel[r]);
-    ambient[r] = pictured ? static_cast<float>(sum[r] / samples)
-                          : part * (surroundings ? backdrop[r] : flat_ambient[channel]);
+    ambient[r] = pictured ? static_cast<float>(around.light[r] / samples)
+                          : part * (lit_by_surroundings() ? backdrop[r] : flat_ambient[channel]);
   }
 }
 

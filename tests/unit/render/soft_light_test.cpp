@@ -149,24 +149,38 @@ TEST_P(SoftLightOfTinyScenes, HasTheSameBytesHoweverTheWorkIsDone) {
   }
 }
 
-/// Samples that are proved to see a lamp, or not to, are not traced, and nothing else changes.
+/// Samples that are proved to see a lamp, or not to, or to have nothing around them, are not
+/// traced, and nothing else changes.
 TEST_P(SoftLightOfTinyScenes, HasTheSameBytesWithoutProofs) {
   const optics::Rig rig = make_rig({.width = 300, .height = 80, .pixel_mm = 0.25});
   for (const double size : {2.0, 15.0}) {
-    RenderOptions options =
-        with({.shadow_samples = 4, .lamp_radius_mm = size, .sun_radius_degrees = 0.2 * size});
+    RenderOptions options = with({.shadow_samples = 4,
+                                  .lamp_radius_mm = size,
+                                  .sun_radius_degrees = 0.2 * size,
+                                  .occlusion_samples = 4,
+                                  .occlusion_distance_mm = size});
     const Picture proved = picture(GetParam().scene, rig, make_tiny_stage(), options);
     options.use_shaft_proofs = false;
     const Picture traced = picture(GetParam().scene, rig, make_tiny_stage(), options);
     EXPECT_EQ(proved.frame, traced.frame);
-    EXPECT_EQ(proved.statistics.shadow_rays, traced.statistics.shadow_rays);
-    EXPECT_GT(proved.statistics.shadow_rays_proved, proved.statistics.shadow_rays / 30);
-    EXPECT_EQ(traced.statistics.shadow_rays_proved + traced.statistics.shadow_rays_blocked, 0U);
-    std::printf("%s, %.0f mm: %.0f %% lit, %.0f %% blocked\n", GetParam().name.c_str(), size,
-                100.0 * static_cast<double>(proved.statistics.shadow_rays_proved) /
-                    static_cast<double>(proved.statistics.shadow_rays),
-                100.0 * static_cast<double>(proved.statistics.shadow_rays_blocked) /
-                    static_cast<double>(proved.statistics.shadow_rays));
+    const RenderStatistics& with_proofs = proved.statistics;
+    EXPECT_EQ(with_proofs.shadow_rays, traced.statistics.shadow_rays);
+    EXPECT_EQ(with_proofs.ambient_rays, traced.statistics.ambient_rays);
+    EXPECT_EQ(traced.statistics.shadow_rays_proved + traced.statistics.shadow_rays_blocked +
+                  traced.statistics.ambient_rays_proved,
+              0U);
+    if (size < 10.0) {
+      EXPECT_GT(with_proofs.shadow_rays_proved, with_proofs.shadow_rays / 30);
+      EXPECT_GT(with_proofs.ambient_rays_proved, with_proofs.ambient_rays / 10);
+    }
+    const auto percent = [](uint64_t part, uint64_t all) {
+      return 100.0 * static_cast<double>(part) / static_cast<double>(all);
+    };
+    std::printf("%s, %.0f mm: %.0f %% lit, %.0f %% blocked, %.0f %% with nothing around\n",
+                GetParam().name.c_str(), size,
+                percent(with_proofs.shadow_rays_proved, with_proofs.shadow_rays),
+                percent(with_proofs.shadow_rays_blocked, with_proofs.shadow_rays),
+                percent(with_proofs.ambient_rays_proved, with_proofs.ambient_rays));
   }
 }
 
