@@ -27,8 +27,17 @@ struct Benchmark {
 [[nodiscard]] optics::Rig kiosk_rig();
 /// The classic integral image of the sample rigs: 64 upright lenses of eight whole pixels.
 [[nodiscard]] optics::Rig paper_rig();
+/// A panel of the same size with pixels `factor` times as wide and high, and lenses of as many
+/// subpixels on a sheet that is thicker in proportion: the same viewing zones. For factor 1 the
+/// same.
+[[nodiscard]] optics::Rig coarser_rig(const optics::Rig& rig, int factor);
 /// `file`, or kiosk_rig() if it is empty.
 [[nodiscard]] optics::Rig bench_rig(const std::string& file);
+
+/// 10 log10(255^2 / MSE) in decibels; null where nothing differs.
+[[nodiscard]] nlohmann::json psnr_or_null(double mse);
+/// Of such a number: with one decimal, or "equal".
+[[nodiscard]] std::string decibels(const nlohmann::json& psnr);
 
 /// The middle value; of an even number the mean of the two in the middle. 0 for none.
 [[nodiscard]] double median(std::vector<double> values);

@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <time.h>
-
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <memory>
@@ -20,18 +17,6 @@
 
 namespace lenticule::player {
 namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double since(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
-double process_cpu_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 /// One method in one run: it may remember its last frame.
 struct Contestant {
@@ -88,13 +73,13 @@ class SpanRun {
   /// Proofs about a scene are kept with it, so that each has its own.
   void race(Contestant& one, const render::SceneDescription& description,
             const render::Stage& stage, Taken& taken) const {
-    const Clock::time_point start = Clock::now();
+    const double start = seconds_now();
     const render::Scene scene(description, stage, {}, setup_.threads);
-    taken.build_s.push_back(since(start));
+    taken.build_s.push_back(seconds_now() - start);
     const double cpu = process_cpu_seconds();
-    const Clock::time_point begin = Clock::now();
+    const double begin = seconds_now();
     taken.statistics = one.method->render(scene, stage, one.frame);
-    taken.wall_s.push_back(since(begin));
+    taken.wall_s.push_back(seconds_now() - begin);
     taken.cpu_s.push_back(process_cpu_seconds() - cpu);
   }
 
@@ -131,10 +116,6 @@ class SpanRun {
 
 double mean_of(const nlohmann::json& mse) {
   return (mse[0].get<double>() + mse[1].get<double>() + mse[2].get<double>()) / 3.0;
-}
-
-nlohmann::json psnr(double mse) {
-  return mse > 0.0 ? nlohmann::json(10.0 * std::log10(255.0 * 255.0 / mse)) : nlohmann::json();
 }
 
 /// Of one method over all frames.
@@ -182,9 +163,9 @@ nlohmann::json figures_of(const std::string& name, const Sums& s, double referen
           {"traced", s.traced / s.subpixels},
           {"missing", s.missing / s.subpixels},
           {"psnr_mean_db", s.differing > 0 ? nlohmann::json(s.psnr / s.differing) : nullptr},
-          {"psnr_worst_db", lenticule::player::psnr(s.worst_mse)},
+          {"psnr_worst_db", psnr_or_null(s.worst_mse)},
           {"worst_frame", s.worst_frame},
-          {"worst_view_psnr_db", lenticule::player::psnr(s.worst_view_mse)},
+          {"worst_view_psnr_db", psnr_or_null(s.worst_view_mse)},
           {"max", s.max},
           {"share_over_8", s.over_8 / s.frames},
           {"share_over_32", s.over_32 / s.frames}};

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "player/bench.h"
 #include "player/bench_paper.h"
 #include "player/svg_plot.h"
 
@@ -14,10 +15,6 @@ namespace {
 
 double psnr_of(double mse) {
   return 10.0 * std::log10(255.0 * 255.0 / mse);
-}
-
-std::string decibels(const nlohmann::json& value) {
-  return value.is_null() ? "equal" : fmt::format("{:.1f}", value.get<double>());
 }
 
 const nlohmann::json* method_of(const nlohmann::json& summary, const std::string& name) {

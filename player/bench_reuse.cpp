@@ -196,10 +196,6 @@ nlohmann::json measure_scene(const ReuseFlags& flags, const std::string& name,
   return {{"scene", name}, {"rows", rows}};
 }
 
-std::string decibels(const nlohmann::json& psnr) {
-  return psnr.is_null() ? "equal" : fmt::format("{:.1f}", psnr.get<double>());
-}
-
 void print_scene(const nlohmann::json& measured) {
   fmt::print("\n{:<32} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>4} {:>8}\n",
              measured["scene"].get<std::string>(), "seconds", "saved", "reused", "missing", "mean",

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/bench_timing.h"
 
+#include <time.h>
+
 #include <algorithm>
+#include <chrono>
 #include <fstream>
 #include <string>
 
@@ -52,6 +55,17 @@ double peak_resident_mib() {
   for (std::string line; std::getline(status, line);)
     if (line.starts_with(key)) return std::stod(line.substr(key.size())) / 1024.0;
   return 0.0;
+}
+
+double seconds_now() {
+  const auto now = std::chrono::steady_clock::now().time_since_epoch();
+  return std::chrono::duration<double>(now).count();
+}
+
+double process_cpu_seconds() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
 void reset_peak_resident() {

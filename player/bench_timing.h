@@ -35,6 +35,11 @@ struct CaseTimes {
 [[nodiscard]] double peak_resident_mib();
 void reset_peak_resident();
 
+/// On a clock that only goes forward; differences count.
+[[nodiscard]] double seconds_now();
+/// Processor time of all threads of this process.
+[[nodiscard]] double process_cpu_seconds();
+
 [[nodiscard]] inline double mega_per_second(uint64_t count, double seconds) {
   return seconds > 0.0 ? static_cast<double>(count) / seconds / 1e6 : 0.0;
 }

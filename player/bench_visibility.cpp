@@ -28,18 +28,6 @@ struct Times {
   std::vector<double> bare, packets, sweep, prepare, rays, write, ratio, bare_ratio;
 };
 
-/// The same panel with a quarter of the pixels, of twice the size.
-optics::Rig half_rig(const optics::Rig& rig) {
-  optics::Rig half = rig;
-  half.name += ", half the pixels";
-  half.panel.width_px /= 2;
-  half.panel.height_px /= 2;
-  half.panel.pixel_width = Millimetres(2.0 * rig.panel.pixel_width.value);
-  half.panel.pixel_height = Millimetres(2.0 * rig.panel.pixel_height.value);
-  half.sheet.gap = Millimetres(2.0 * rig.sheet.gap.value);
-  return half;
-}
-
 /// Every second run the other way round.
 void time_once(const BenchScene& bench, const render::RowPlanes& planes, int threads, bool swapped,
                Times& times) {
@@ -126,7 +114,7 @@ ExitCode run(VisibilityFlags flags) {
   if (flags.quick) flags.runs = 1;
   const optics::Rig rig = bench_rig(flags.rig);
   std::vector<optics::Rig> rigs = {rig};
-  if (!flags.quick) rigs.push_back(half_rig(rig));
+  if (!flags.quick) rigs.push_back(coarser_rig(rig, 2));
   nlohmann::json results = nlohmann::json::array();
   if (!flags.json) fmt::print("{}; nanoseconds per subpixel\n", machine_text());
   for (const optics::Rig& one : rigs)

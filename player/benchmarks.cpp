@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <limits>
 #include <string_view>
@@ -15,6 +16,7 @@ namespace lenticule::player {
 
 // One file per benchmark; each defines its function.
 Run declare_bench_codec(CLI::App& app);
+Run declare_bench_error(CLI::App& app);
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
 Run declare_bench_paper(CLI::App& app);
@@ -44,6 +46,8 @@ const std::vector<Benchmark>& benchmarks() {
   static const std::vector<Benchmark> table = {
       {"codec", "size and speed of the sequence container beside other lossless ways",
        declare_bench_codec},
+      {"error", "run time against error of every render method, and pictures of the worst places",
+       declare_bench_error},
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
        declare_bench_exact},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
@@ -110,8 +114,28 @@ optics::Rig paper_rig() {
   return rig;
 }
 
+optics::Rig coarser_rig(const optics::Rig& rig, int factor) {
+  if (factor == 1) return rig;
+  optics::Rig coarser = rig;
+  coarser.panel.width_px /= factor;
+  coarser.panel.height_px /= factor;
+  coarser.name += fmt::format(", {} x {}", coarser.panel.width_px, coarser.panel.height_px);
+  coarser.panel.pixel_width = Millimetres(factor * rig.panel.pixel_width.value);
+  coarser.panel.pixel_height = Millimetres(factor * rig.panel.pixel_height.value);
+  coarser.sheet.gap = Millimetres(factor * rig.sheet.gap.value);
+  return coarser;
+}
+
 optics::Rig bench_rig(const std::string& file) {
   return file.empty() ? kiosk_rig() : optics::load_trimmed_rig(file);
+}
+
+nlohmann::json psnr_or_null(double mse) {
+  return mse > 0.0 ? nlohmann::json(10.0 * std::log10(255.0 * 255.0 / mse)) : nlohmann::json();
+}
+
+std::string decibels(const nlohmann::json& psnr) {
+  return psnr.is_null() ? "equal" : fmt::format("{:.1f}", psnr.get<double>());
 }
 
 double median(std::vector<double> values) {

@@ -67,6 +67,10 @@ struct RunTotals {
     rays.projected_subpixels += frame.projected_subpixels;
     rays.interpolated_subpixels += frame.interpolated_subpixels;
     rays.missing_subpixels += frame.missing_subpixels;
+    rays.mended_subpixels += frame.mended_subpixels;
+    rays.audited_subpixels += frame.audited_subpixels;
+    rays.audited_beyond += frame.audited_beyond;
+    rays.beyond_bound = std::max(rays.beyond_bound, frame.beyond_bound);
     rays.seconds += frame.seconds;
   }
 };
@@ -139,6 +143,10 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"projected_subpixels", totals.rays.projected_subpixels},
           {"interpolated_subpixels", totals.rays.interpolated_subpixels},
           {"missing_subpixels", totals.rays.missing_subpixels},
+          {"mended_subpixels", totals.rays.mended_subpixels},
+          {"audited_subpixels", totals.rays.audited_subpixels},
+          {"audited_beyond", totals.rays.audited_beyond},
+          {"beyond_bound", totals.rays.beyond_bound},
           {"stage", stage_json(stage)}};
 }
 
@@ -281,11 +289,23 @@ class RenderRun {
     const auto percent = [&s](uint64_t count) {
       return 100.0 * static_cast<double>(count) / static_cast<double>(s.subpixels);
     };
+    if (s.audited_subpixels > 0) return report_audit(percent(s.traced_subpixels));
     fmt::print(stderr,
                "subpixels: {:.1f} % traced, {:.1f} % re-projected, {:.1f} % interpolated; "
                "{:.1f} % were missing after re-projection\n",
                percent(s.traced_subpixels), percent(s.projected_subpixels),
                percent(s.interpolated_subpixels), percent(s.missing_subpixels));
+  }
+
+  void report_audit(double shaded_percent) const {
+    const render::RenderStatistics& s = totals_.rays;
+    fmt::print(stderr,
+               "subpixels: {:.1f} % shaded by themselves; of {} drawn and traced, {} were off by "
+               "more than {:g} code values; in no frame more than {:.2g} % of all (99 % sure)\n",
+               shaded_percent, s.audited_subpixels, s.audited_beyond,
+               flags_.options.tolerated_error, 100.0 * s.beyond_bound);
+    if (s.mended_subpixels > 0)
+      fmt::print(stderr, "{} subpixels were off too often and were traced\n", s.mended_subpixels);
   }
 
   const RenderFlags& flags_;
@@ -375,7 +395,11 @@ Run declare_render(CLI::App& app) {
                  "scene file, numbered files ('demo-%02d.nff'), or builtin:NAME[:SIZE]")
       ->required();
   app.add_option("--rig", flags->rig, "rig file of the panel")->required();
-  app.add_option("--method", flags->method, "full, lens-view, interpolate, temporal or hybrid")
+  app.add_option("--method", flags->method,
+                 "full, lens-view, interpolate, temporal, hybrid or adaptive")
+      ->capture_default_str();
+  app.add_option("--error", flags->options.tolerated_error,
+                 "code values that method adaptive may be off; 0 is full")
       ->capture_default_str();
   app.add_option("--missing", flags->missing,
                  "picture file or pattern: subpixels that re-projection left empty are white");

@@ -23,9 +23,9 @@ constexpr double kRight = 150.0;  // the legend stands there, in the way of no l
 constexpr double kTop = 40.0;
 constexpr double kBottom = 56.0;
 
-/// Told apart by colour-blind eyes as well (Okabe and Ito), and dark enough on white.
-constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7",
-                                 "#56b4e9", "#e69f00", "#000000", "#7f7f7f"};
+/// Told apart by colour-blind eyes as well (Okabe and Ito, and two more), and dark enough on white.
+constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9",
+                                 "#e69f00", "#000000", "#7f7f7f", "#882255", "#999933"};
 
 std::vector<double> linear_ticks(double low, double high) {
   constexpr double kWanted = 6.0;
@@ -135,23 +135,39 @@ void draw_axes(SvgText& svg, const Plot& plot, const PlacedAxis& x, const Placed
            (kLeft + right) / 2, calib::html_escaped(plot.title));
 }
 
-void draw_series(SvgText& svg, const Plot& plot, const PlacedAxis& x, const PlacedAxis& y) {
-  size_t index = 0;
-  for (const PlotSeries& series : plot.series) {
-    const char* colour = kColours[index % kColours.size()];
-    std::string path;
-    for (const Vec2 point : series.points) {
-      path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", x.place(point.x),
-                          y.place(point.y));
-      svg.line(R"(<circle cx="{:.1f}" cy="{:.1f}" r="3.5" fill="{}"/>)", x.place(point.x),
-               y.place(point.y), colour);
-    }
+std::string title_of(const std::string& name) {
+  return name.empty() ? name : fmt::format("<title>{}</title>", calib::html_escaped(name));
+}
+
+void draw_points(SvgText& svg, const PlotSeries& series, const char* colour, const PlacedAxis& x,
+                 const PlacedAxis& y) {
+  std::string path;
+  for (size_t n = 0; n < series.points.size(); ++n) {
+    const Vec2 point = series.points[n];
+    path += fmt::format("{}{:.1f} {:.1f}", path.empty() ? "M" : "L", x.place(point.x),
+                        y.place(point.y));
+    svg.line(R"(<circle cx="{:.1f}" cy="{:.1f}" r="3.5" fill="{}">{}</circle>)", x.place(point.x),
+             y.place(point.y), colour, title_of(n < series.names.size() ? series.names[n] : ""));
+  }
+  if (series.joined)
     svg.line(R"(<path d="{}" fill="none" stroke="{}" stroke-width="2"/>)", path, colour);
-    const double row = kTop + 18.0 + 20.0 * static_cast<double>(index);
-    const double left = kWidth - kRight + 12.0;
+}
+
+void draw_legend(SvgText& svg, const PlotSeries& series, const char* colour, size_t index) {
+  const double row = kTop + 18.0 + 20.0 * static_cast<double>(index);
+  const double left = kWidth - kRight + 12.0;
+  if (series.joined)
     svg.line(R"(<path d="M{} {}h20" stroke="{}" stroke-width="2"/>)", left, row - 4, colour);
-    svg.line(R"(<text x="{}" y="{}">{}</text>)", left + 26, row, calib::html_escaped(series.label));
-    ++index;
+  else
+    svg.line(R"(<circle cx="{}" cy="{}" r="3.5" fill="{}"/>)", left + 10, row - 4, colour);
+  svg.line(R"(<text x="{}" y="{}">{}</text>)", left + 26, row, calib::html_escaped(series.label));
+}
+
+void draw_series(SvgText& svg, const Plot& plot, const PlacedAxis& x, const PlacedAxis& y) {
+  for (size_t index = 0; index < plot.series.size(); ++index) {
+    const char* colour = kColours[index % kColours.size()];
+    draw_points(svg, plot.series[index], colour, x, y);
+    draw_legend(svg, plot.series[index], colour, index);
   }
 }
 

@@ -18,7 +18,9 @@ struct PlotAxis {
 
 struct PlotSeries {
   std::string label;
-  std::vector<Vec2> points;  ///< joined in this order, each marked by a dot
+  std::vector<Vec2> points;             ///< in this order, each marked by a dot
+  bool joined = true;                   ///< by a line
+  std::vector<std::string> names = {};  ///< of points, shown where one is pointed at; may be fewer
 };
 
 struct Plot {

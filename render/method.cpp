@@ -5,6 +5,7 @@
 #include <fmt/ranges.h>
 
 #include "optics/error.h"
+#include "render/adaptive/method_adaptive.h"
 #include "render/method_full.h"
 #include "render/method_reuse.h"
 
@@ -23,8 +24,8 @@ void check_range(const char* what, int value, int low, int high) {
 }  // namespace
 
 const std::vector<std::string>& method_names() {
-  static const std::vector<std::string> names = {"full", "lens-view", "interpolate", "temporal",
-                                                 "hybrid"};
+  static const std::vector<std::string> names = {"full",     "lens-view", "interpolate",
+                                                 "temporal", "hybrid",    "adaptive"};
   return names;
 }
 
@@ -35,6 +36,10 @@ std::unique_ptr<Method> make_method(const std::string& name, const optics::Optic
   check_range("threads", options.threads, 0, kMostThreads);
   validate(options.soft);
   if (name == "full") return make_method_full(model, options);
+  // What it takes from other places is known of hard light alone.
+  if (name == "adaptive" && options.soft.any())
+    throw Error(ErrorKind::Usage, "method adaptive: takes no soft light", "method full does");
+  if (name == "adaptive") return make_method_adaptive(model, options);
   if (const auto reuse = reuse_named(name)) {
     if (options.samples != 1)
       throw Error(ErrorKind::Usage, fmt::format("method {}: takes one sample per subpixel", name),

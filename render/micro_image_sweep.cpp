@@ -268,7 +268,8 @@ void MicroImageSweep::flush() {
     packet.rays.hit.geomID[q] = RTC_INVALID_GEOMETRY_ID;
   }
   alignas(64) std::array<float, kPacket> light;
-  tracer_.trace_lanes(*scene_, plan_.tiles, queue_.channel, queue_.seed, packet, light);
+  tracer_.set_seeds(queue_.seed);
+  tracer_.trace_lanes(*scene_, plan_.tiles, queue_.channel, packet, light);
   plan_.kernel.take_hits(panel_, &packet.rays.ray.org_x[0], lanes.data(), queue_.rays);
   for (size_t q = 0; q < queue_.count; ++q) take(q, light[q]);
   queue_.count = 0;

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "frames/srgb.h"
+#include "render/adaptive/surface_groups.h"
 #include "render/lane_masks.h"
 #include "render/shading.h"
 #include "render/shading_tables.h"
@@ -96,6 +97,14 @@ void set_lane(RayPacket& packet, size_t r, Vec3 origin, Vec3 direction) {
   ray.dir_z[r] = d.z;
   ray.tfar[r] = std::numeric_limits<float>::infinity();
 }
+
+struct alignas(64) Weights : std::array<float, kPacket> {};
+constexpr Weights all_of(float weight) {
+  Weights weights{};
+  for (float& w : weights) w = weight;
+  return weights;
+}
+constexpr Weights kWhole = all_of(1.0F);
 
 uint8_t code_of_light(float light) {
   return frames::code_from_linear(double{light});
@@ -220,19 +229,56 @@ void PacketTracer::seed_column(const TilePlan& plan, const Tile& tile, int colum
   }
 }
 
-void PacketTracer::trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
-                               std::span<const int32_t, kPacket> channel,
-                               std::span<const uint32_t, kPacket> seeds, RayPacket& packet,
-                               std::span<float, kPacket> light) {
-  alignas(64) std::array<float, kPacket> weights;
-  weights.fill(1.0F);
+void PacketTracer::set_seeds(std::span<const uint32_t, kPacket> seeds) {
+  std::copy_n(seeds.data(), kPacket, lanes_.seed);
+}
+
+PacketTracer::Colours PacketTracer::colours_of(const Scene::Impl& scene,
+                                               std::span<const int32_t, kPacket> channel) {
   Colours colours;
   for (size_t r = 0; r < kPacket; ++r) {
     colours.channel[r] = channel[r];
     colours.backdrop[r] = static_cast<float>(component(scene.backdrop.colour, channel[r]));
   }
-  std::copy_n(seeds.data(), kPacket, lanes_.seed);
-  trace_packet(scene, plan.row_mm(), colours, weights.data(), packet);
+  return colours;
+}
+
+void PacketTracer::trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
+                               std::span<const int32_t, kPacket> channel, RayPacket& packet,
+                               std::span<float, kPacket> light) {
+  trace_packet(scene, plan.row_mm(), colours_of(scene, channel), kWhole.data(), packet);
+  std::copy_n(lanes_.light, kPacket, light.data());
+}
+
+void PacketTracer::trace_noting(const Scene::Impl& scene, const TilePlan& plan,
+                                std::span<const int32_t, kPacket> channel,
+                                const SurfaceGroups& groups, float noticed, RayPacket& packet,
+                                std::span<float, kPacket> light) {
+  groups_ = &groups;
+  noticed_ = noticed;
+  notes_ = {};
+  trace_lanes(scene, plan, channel, packet, light);
+  note_secondary();
+  groups_ = nullptr;
+}
+
+void PacketTracer::Known::set_lights(uint32_t lane, uint32_t shining, uint32_t not_seen) {
+  for (uint32_t left = shining; left != 0; left &= left - 1)
+    lit[std::countr_zero(left)] |= 1U << lane;
+  for (uint32_t left = not_seen; left != 0; left &= left - 1)
+    hidden[std::countr_zero(left)] |= 1U << lane;
+}
+
+void PacketTracer::trace_known(const Scene::Impl& scene, std::span<const int32_t, kPacket> channel,
+                               const Known& known, RayPacket& packet,
+                               std::span<float, kPacket> light) {
+  known_ = &known;
+  clock_.turn_to(Work::Shade);
+  set_colours(colours_of(scene, channel));
+  std::fill_n(notes_.secondary, kPacket, 0.0F);
+  shade(scene, packet, kWhole.data(), 0);
+  known_ = nullptr;
+  note_secondary();
   std::copy_n(lanes_.light, kPacket, light.data());
 }
 
@@ -242,13 +288,15 @@ void PacketTracer::trace_packet(const Scene::Impl& scene, double row_mm, const C
   intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
   fill_holes(scene, row_mm, packet, counts_.holes);
   clock_.turn_to(Work::Shade);
-  if (is_soft_ && scene.proofs != nullptr && soft_proofs_ == nullptr)
-    soft_proofs_ = &scene.proofs->with_sizes(soft_.sizes());
   counts_.primary += count_lanes(packet.valid);
+  set_colours(colours);
+  shade(scene, packet, weight, 0);
+}
+
+void PacketTracer::set_colours(const Colours& colours) {
   std::copy_n(colours.channel.data(), kPacket, lanes_.channel);
   std::copy_n(colours.backdrop.data(), kPacket, lanes_.backdrop);
   std::fill_n(lanes_.light, kPacket, 0.0F);
-  shade(scene, packet, weight, 0);
 }
 
 void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
@@ -260,12 +308,18 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
                                          packet.valid, surfaces);
   add_backdrop(scene, packet, weight, lane_bits(packet.valid) & ~lane_bits(surfaces.active));
   if (!met) return;
+  if (groups_ != nullptr) note_surfaces(packet, surfaces, weight, depth);
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
   const Asking ask = worth_asking(scene, surfaces);
   if (ask.any()) find_cells(scene, packet, surfaces, generation.cells);
   const Asker asker{packet, generation};
   add_own_light(scene, asker, weight, ask.around);
-  add_lights(scene, asker, weight, ask);
+  add_lights(scene, asker, weight, ask, depth);
+  if (depth == 0) {
+    if (groups_ != nullptr || known_ != nullptr)
+      std::copy_n(lanes_.light, kPacket, notes_.secondary);  // until the end
+    if (known_ != nullptr) weight = add_known_secondary(weight);
+  }
   if (depth + 1 == generations_.size()) return;
   if (surfaces.any_transmits) return follow_glass(scene, packet, generation, weight, depth);
   if (!surfaces.any_specular) return;
@@ -283,11 +337,15 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
     counts_.secondary += static_cast<uint64_t>(std::popcount(open));
     add_backdrop(scene, generation.mirrored, rays.weight, open);
   }
+  const uint32_t branch = branch_;
+  branch_ = 2 * branch;
   follow(scene, rays, generation.mirrored, depth, Turn::Mirrored);
+  branch_ = branch;
 }
 
 PacketTracer::Asking PacketTracer::worth_asking(const Scene::Impl& scene, const Surfaces& met) {
   if (!use_proofs_ || scene.proofs == nullptr) return {};
+  if (is_soft_ && soft_proofs_ == nullptr) soft_proofs_ = &scene.proofs->with_sizes(soft_.sizes());
   return {.points = shadow_payoff_.worth_asking(),
           .lamps = soft_.samples_lamps() && lamp_payoff_.worth_asking(),
           .around = soft_.looks_around() && around_payoff_.worth_asking(),
@@ -355,7 +413,7 @@ void PacketTracer::add_backdrop(const Scene::Impl& scene, const RayPacket& packe
 }
 
 void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight,
-                              Asking ask) {
+                              Asking ask, size_t depth) {
   NewRays rays;
   rays.packet = &lanes_.shadow.org_x[0];
   rays.valid = lanes_.shadow_valid;
@@ -369,7 +427,9 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     counts_.shadow += count_lanes(rays.valid);
-    const uint32_t lit = ask.points ? take_lit(scene, asker, light, rays.valid) : 0;
+    const uint32_t wanted = lane_bits(rays.valid);
+    uint32_t lit = known_ != nullptr && depth == 0 ? take_known(light, rays.valid) : 0;
+    if (ask.points) lit |= take_lit(scene, asker, light, rays.valid);
     const bool some_left = any_lane(rays.valid);
     if (ask.points) shadow_payoff_.asked(!some_left);
     if (some_left) {
@@ -377,9 +437,12 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
       occluded16(rays.valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
       clock_.turn_to(Work::Shade);
     }
+    uint32_t reached = lit;
+    for (uint32_t r = 0; r < kPacket; ++r)
+      if (rays.valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F) reached |= 1U << r;
     for (size_t r = 0; r < kPacket; ++r)
-      if ((lit >> r & 1) != 0 || (rays.valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F))
-        lanes_.light[r] += rays.weight[r];
+      if ((reached >> r & 1) != 0) lanes_.light[r] += rays.weight[r];
+    if (groups_ != nullptr) note_shadows(rays.weight, wanted, reached, light, depth);
   }
 }
 
@@ -397,6 +460,65 @@ void PacketTracer::add_soft_light(const Scene::Impl& scene, const Asker& asker, 
     lamp_payoff_.asked((known.lit | known.blocked) == wanted);
   }
   soft_.add_lamp(soft_packet(scene, asker.generation), light, known, weight, lanes_.light, clock_);
+}
+
+namespace {
+
+uint32_t mixed(uint32_t branch, uint32_t what) {
+  uint32_t key = branch * 0x9e3779b9U ^ (what + 1) * 0x85ebca6bU;
+  key ^= key >> 15;
+  key *= 0x2c1b3c6dU;
+  return key ^ key >> 13;
+}
+
+}  // namespace
+
+void PacketTracer::note_surfaces(const RayPacket& packet, const Surfaces& surfaces,
+                                 const float* weight, size_t depth) {
+  uint32_t* way = depth == 0 ? notes_.way : notes_.secondary_way;
+  for (size_t r = 0; r < kPacket; ++r) {
+    if (surfaces.active[r] == 0 || (depth > 0 && weight[r] < noticed_)) continue;
+    way[r] += mixed(branch_, groups_->of(packet.rays.hit.geomID[r], packet.rays.hit.primID[r]));
+  }
+}
+
+/// Of a light that is behind a surface, and of one that hardly reaches it, a shadow is not seen.
+void PacketTracer::note_shadows(const float* brings, uint32_t wanted, uint32_t reached,
+                                size_t light, size_t depth) {
+  uint32_t* way = depth == 0 ? notes_.way : notes_.secondary_way;
+  for (uint32_t left = wanted & ~reached; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    if (brings[r] >= noticed_) way[r] += mixed(~branch_, static_cast<uint32_t>(light));
+  }
+  if (depth > 0 || light >= Known::kLights) return;
+  for (uint32_t r = 0; r < kPacket; ++r) {
+    notes_.lit[r] |= (reached >> r & 1) << light;
+    notes_.hidden[r] |= ((wanted & ~reached) >> r & 1) << light;
+  }
+}
+
+void PacketTracer::note_secondary() {
+  for (size_t r = 0; r < kPacket; ++r) {
+    notes_.secondary[r] = lanes_.light[r] - notes_.secondary[r];
+    notes_.way[r] += notes_.secondary_way[r];
+  }
+}
+
+uint32_t PacketTracer::take_known(size_t light, int* valid) const {
+  if (light >= Known::kLights) return 0;
+  const uint32_t wanted = lane_bits(valid);
+  const uint32_t lit = known_->lit[light] & wanted;
+  take_lanes(lit | (known_->hidden[light] & wanted), valid);
+  return lit;
+}
+
+const float* PacketTracer::add_known_secondary(const float* weight) {
+  for (uint32_t r = 0; r < kPacket; ++r) {
+    const bool is_known = (known_->secondary_lanes >> r & 1) != 0;
+    weight_left_[r] = is_known ? 0.0F : weight[r];
+    if (is_known) lanes_.light[r] += known_->secondary[r];
+  }
+  return weight_left_;
 }
 
 void PacketTracer::find_cells(const Scene::Impl& scene, const RayPacket& packet, const Surfaces& s,
@@ -519,10 +641,14 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
     set(generation.refracted, refracted, r, spawn_point(surface, Side::Far), on.transmit_direction,
         on.transmit_weight);
   }
+  const uint32_t branch = branch_;
+  branch_ = 2 * branch;
   ++glass_above_;
   follow(scene, mirrored, generation.mirrored, depth, Turn::Mirrored);
   --glass_above_;
+  branch_ = 2 * branch + 1;
   follow(scene, refracted, generation.refracted, depth, Turn::Refracted);
+  branch_ = branch;
 }
 
 void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& packet, size_t depth,

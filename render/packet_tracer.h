@@ -20,6 +20,8 @@
 
 namespace lenticule::render {
 
+class SurfaceGroups;
+
 struct RayCounts {
   uint64_t primary = 0;
   uint64_t secondary = 0;
@@ -57,16 +59,55 @@ class PacketTracer {
 
   /// The same for the valid lanes of one packet: lane r is of channel[r] and brings light[r], and
   /// the packet holds what it met. Lanes come from anywhere in a tile; neighbours should lie close
-  /// together. seeds[r] is sampling::subpixel_seed() of the lane, and means nothing where no light
-  /// is sampled. Calling thread must flush denormals.
+  /// together. Calling thread must flush denormals.
   void trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
-                   std::span<const int32_t, kPacket> channel,
-                   std::span<const uint32_t, kPacket> seeds, RayPacket& packet,
+                   std::span<const int32_t, kPacket> channel, RayPacket& packet,
                    std::span<float, kPacket> light);
+  /// sampling::subpixel_seed() of the lanes of the packets that follow, of trace_lanes() and its
+  /// like; needed where light is sampled (RenderOptions::soft).
+  void set_seeds(std::span<const uint32_t, kPacket> seeds);
 
   /// From now on, light that is sampled (RenderOptions::soft) takes that many times the rays; for
   /// those who trace few points and make many from each. At least 1, which it is at first.
   void multiply_samples(int factor) { soft_.multiply_samples(factor); }
+
+  /// And notes() tells afterwards which way each lane's light came. Less light than `noticed` makes
+  /// no difference to that.
+  void trace_noting(const Scene::Impl& scene, const TilePlan& plan,
+                    std::span<const int32_t, kPacket> channel, const SurfaceGroups& groups,
+                    float noticed, RayPacket& packet, std::span<float, kPacket> light);
+
+  /// How a lane's light came, of the last trace_noting().
+  struct Notes {
+    /// Numbers for the surfaces met and the lights hidden from them, as far as they could matter:
+    /// equal where nothing differs. Of the ray itself, and of those that it was mirrored or
+    /// refracted into.
+    alignas(64) uint32_t way[kPacket];
+    alignas(64) uint32_t secondary_way[kPacket];
+    /// What those brought; part of the lane's light.
+    alignas(64) float secondary[kPacket];
+    /// Of each of the first 32 lights a bit: it shines on the surface that the ray met itself, or
+    /// something is in its way. Neither where it is behind.
+    alignas(64) uint32_t lit[kPacket];
+    alignas(64) uint32_t hidden[kPacket];
+  };
+  [[nodiscard]] const Notes& notes() const { return notes_; }
+
+  /// What need not be traced of sixteen rays.
+  struct Known {
+    static constexpr size_t kLights = 32;  ///< the first
+    uint32_t lit[kLights];                 ///< by light: lanes on which it shines, a bit each,
+    uint32_t hidden[kLights];              ///< and those from which it is hidden
+    uint32_t secondary_lanes;              ///< whose mirrored and refracted rays bring `secondary`
+    alignas(64) float secondary[kPacket];
+
+    /// A bit for each light, as in Notes.
+    void set_lights(uint32_t lane, uint32_t shining, uint32_t not_seen);
+  };
+  /// As trace_lanes() for a packet that holds what its rays met first. Shading is exact; `known`
+  /// saves rays. Afterwards notes().secondary is right, other notes mean nothing.
+  void trace_known(const Scene::Impl& scene, std::span<const int32_t, kPacket> channel,
+                   const Known& known, RayPacket& packet, std::span<float, kPacket> light);
 
   [[nodiscard]] RayCounts counts() const;
   [[nodiscard]] WorkClock& clock() { return clock_; }
@@ -123,7 +164,7 @@ class PacketTracer {
     alignas(64) int32_t channel[kPacket];
     alignas(64) float backdrop[kPacket];  ///< where it is flat
     alignas(64) float light[kPacket];
-    uint32_t seed[kPacket];  ///< where light is sampled
+    uint32_t seed[kPacket] = {};  ///< where light is sampled
     RTCRay16 shadow;
     alignas(64) int shadow_valid[kPacket];
   };
@@ -141,6 +182,8 @@ class PacketTracer {
   static Colours colours_of(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
                             int column);
   void seed_column(const TilePlan& plan, const Tile& tile, int column, int sample);
+  static Colours colours_of(const Scene::Impl& scene, std::span<const int32_t, kPacket> channel);
+  void set_colours(const Colours& colours);
   /// Leaves the light of the lanes in lanes_.light.
   void trace_packet(const Scene::Impl& scene, double row_mm, const Colours& colours,
                     const float* weight, RayPacket& packet);
@@ -148,6 +191,15 @@ class PacketTracer {
   void add_own_light(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask);
   [[nodiscard]] SoftPacket soft_packet(const Scene::Impl& scene,
                                        const Generation& generation) const;
+  void note_surfaces(const RayPacket& packet, const shading_kernel::Surfaces& surfaces,
+                     const float* weight, size_t depth);
+  void note_shadows(const float* brings, uint32_t wanted, uint32_t reached, size_t light,
+                    size_t depth);
+  void note_secondary();
+  /// Lanes that are known to be lit, without tracing them or those that are known not to be.
+  uint32_t take_known(size_t light, int* valid) const;
+  /// Without the lanes whose mirrored and refracted rays are known; their light is added.
+  const float* add_known_secondary(const float* weight);
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);
   void add_soft_light(const Scene::Impl& scene, const Asker& asker, size_t light,
@@ -161,7 +213,8 @@ class PacketTracer {
     [[nodiscard]] bool any() const { return points || lamps || around || mirrored; }
   };
   [[nodiscard]] Asking worth_asking(const Scene::Impl& scene, const shading_kernel::Surfaces& met);
-  void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, Asking ask);
+  void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, Asking ask,
+                  size_t depth);
   void follow_glass(const Scene::Impl& scene, const RayPacket& packet, Generation& generation,
                     const float* weight, size_t depth);
   void follow(const Scene::Impl& scene, shading_kernel::NewRays& rays, RayPacket& packet,
@@ -176,7 +229,13 @@ class PacketTracer {
   Lanes lanes_;
   bool use_proofs_;
   bool skip_weak_;
-  int glass_above_ = 0;  ///< packets whose refracted rays are still to come
+  int glass_above_ = 0;                    ///< packets whose refracted rays are still to come
+  const SurfaceGroups* groups_ = nullptr;  ///< of what is noted
+  float noticed_ = 0.0F;
+  const Known* known_ = nullptr;
+  uint32_t branch_ = 1;  ///< of mirrored and refracted rays
+  Notes notes_;
+  alignas(64) float weight_left_[kPacket];  ///< of primary rays whose secondary ones are not known
   static constexpr unsigned kAnswersLog2 = 10;
   std::vector<CellAnswers> cells_;
   std::vector<Answer> answers_;

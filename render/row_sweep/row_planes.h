@@ -60,6 +60,11 @@ class RowPlanes {
   /// these heights in the panel frame; a little generous.
   [[nodiscard]] RowRange rows_between(double low_mm, double high_mm) const;
 
+  /// The plane of subpixels whose centres lie at this height on the panel, in pixels down.
+  [[nodiscard]] RowPlane plane_at(double y_px) const;
+  /// Of the first subpixel of the row, in pixels below the row's upper edge.
+  [[nodiscard]] double height_in_row(int row) const { return layout_row(row).heights_px.front(); }
+
   /// Scratch of one thread.
   class Maker {
    public:
@@ -93,7 +98,6 @@ class RowPlanes {
   void set_smooth();
   void set_layout();
   [[nodiscard]] const LayoutRow& layout_row(int row) const;
-  [[nodiscard]] RowPlane plane_at(double y_px) const;
 
   const optics::OpticalModel& model_;
   const sweep_kernel::Kernel& kernel_;

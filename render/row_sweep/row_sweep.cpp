@@ -46,7 +46,7 @@ void RowSweep::Worker::sweep_plane(int row, size_t plane, SweptRow& out) {
 
 void RowSweep::Worker::collect(SweptRow& out) {
   const bool in_order = rays_.subpixel.empty();
-  make_room(sweep_.planes_.row_subpixels(), out);
+  make_room(sweep_.planes_.row_subpixels() + sweep_kernel::kLanes, out);
   SweptRow& target = in_order ? out : by_lens_;
   make_room(cells_.padded_rays(), target);
   sweep_.planes_.kernel().to_rays(cells_.cells(), cells_.first(), target.z_mm.data(),

@@ -13,8 +13,8 @@
 
 namespace lenticule::render {
 
-/// What the subpixels 3 i + channel of a row see. Arrays may have more elements than the row has
-/// subpixels.
+/// What the subpixels 3 i + channel of a row see. Arrays have at least sixteen elements more than
+/// the row has subpixels.
 struct SweptRow {
   static constexpr int32_t kNothing = -1;
 
@@ -38,6 +38,8 @@ class RowSweep {
     /// `sweep` must outlive it.
     explicit Worker(const RowSweep& sweep);
     void sweep(int row, SweptRow& out);
+    /// The rays of the last row's last plane.
+    [[nodiscard]] const PlaneRays& rays() const { return rays_; }
 
    private:
     void sweep_plane(int row, size_t plane, SweptRow& out);

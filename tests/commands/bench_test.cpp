@@ -16,6 +16,60 @@ std::vector<std::string> bench_exact(std::vector<std::string> more) {
   return arguments;
 }
 
+TEST_F(BenchTest, ErrorExplainsItself) {
+  const ProcessResult result = run({"bench", "error", "--help"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_NE(result.out.find("Example:\n  lenticule bench error tree"), std::string::npos);
+  for (const char* flag :
+       {"--rig", "--methods", "--errors", "--frames", "--runs", "--quick", "--svg", "--pictures"})
+    EXPECT_NE(result.out.find(flag), std::string::npos) << flag;
+}
+
+TEST_F(BenchTest, ErrorMeasuresEveryMethodOnBothCourses) {
+  const ProcessResult result =
+      run({"bench", "error", "--quick", "--rig", source_file("scenes/rigs/tiny.toml"), "--methods",
+           "interpolate,temporal,none-such", "--frames", "3", "--no-peers", "--json", "--svg",
+           path("error.svg"), "--pictures", path("worst")});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  ASSERT_EQ(json.at("courses").size(), 2U);
+  for (const auto& course : json["courses"]) {
+    EXPECT_EQ(course.at("scene"), "teapot");
+    ASSERT_EQ(course.at("methods").size(), 4U);
+    EXPECT_EQ(course["methods"][0].at("name"), "full");
+    const auto& interpolate = course["methods"][1];
+    EXPECT_GT(interpolate.at("psnr_mean_db").get<double>(), 10.0);
+    EXPECT_GT(interpolate.at("flip_mean").get<double>(), 0.0);
+    EXPECT_LT(interpolate.at("ssim_mean").get<double>(), 1.0);
+    EXPECT_EQ(course["methods"][3].at("missing"), true);
+    for (const auto& picture : course.at("pictures"))
+      EXPECT_GT(std::filesystem::file_size(picture.at("file").get<std::string>()), 500U);
+  }
+  EXPECT_EQ(json["courses"][0].at("course"), "still");
+  EXPECT_EQ(json["courses"][1].at("methods")[1].at("frames").size(), 3U);
+  EXPECT_GE(json["courses"][1].at("pictures").size(), 2U);
+  EXPECT_GT(std::filesystem::file_size(path("error.svg")), 500U);
+}
+
+TEST_F(BenchTest, ErrorPrintsTablesAndWhatIsMissing) {
+  const ProcessResult result =
+      run({"bench", "error", "--course", "still", "--methods", "lens-view,none-such", "--no-peers",
+           "--rig", source_file("scenes/rigs/tiny.toml"), "tree:3"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  for (const char* text :
+       {"tree:3, tiny, still", "lens-view", "FLIP", "not in this build: none-such"})
+    EXPECT_NE(result.out.find(text), std::string::npos) << text;
+}
+
+TEST_F(BenchTest, ErrorRefusesWhatItDoesNotKnow) {
+  EXPECT_EQ(run({"bench", "error", "no-such-scene"}).exit_code, 4);
+  EXPECT_EQ(run({"bench", "error", "--errors", "-1"}).exit_code, 2);
+  EXPECT_EQ(run({"bench", "error", "--course", "sitting"}).exit_code, 2);
+  EXPECT_EQ(run({"bench", "error", "gltf:balls", "--rig", source_file("scenes/rigs/tiny.toml")})
+                .exit_code,
+            2);
+}
+
 TEST_F(BenchTest, ExactExplainsItself) {
   const ProcessResult result = run({"bench", "exact", "--help"});
   EXPECT_EQ(result.exit_code, 0);

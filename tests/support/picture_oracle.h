@@ -18,4 +18,10 @@ namespace lenticule::test {
 [[nodiscard]] long double ssim_by_definition(const frames::FrameView& a,
                                              const frames::FrameView& b);
 
+/// LDR-FLIP of one pixel: every filter as one square of weights, borders as if their pixels went
+/// on.
+[[nodiscard]] long double flip_by_definition(const frames::FrameView& reference,
+                                             const frames::FrameView& test, int i, int j,
+                                             double pixels_per_degree);
+
 }  // namespace lenticule::test

@@ -70,6 +70,18 @@ TEST(Similarity, OfFlatPicturesIsThatOfTheirMeans) {
               (2 * 100.0 * 150.0 + 6.5025) / (100.0 * 100.0 + 150.0 * 150.0 + 6.5025), 1e-9);
 }
 
+TEST(Similarity, IsSymmetricAndFallsWithTheError) {
+  const WovenFrame a = waves(40, 30, 0);
+  double before = 1.0;
+  for (const double error : {1.0, 4.0, 16.0, 60.0}) {
+    const WovenFrame b = waves(40, 30, error);
+    const double now = *structural_similarity(a.view(), b.view());
+    EXPECT_LT(now, before) << error;
+    EXPECT_NEAR(now, *structural_similarity(b.view(), a.view()), 1e-12);
+    before = now;
+  }
+}
+
 TEST(Similarity, NeedsAWholeWindow) {
   const WovenFrame small = noise(10, 40, 1);
   EXPECT_FALSE(structural_similarity(small.view(), small.view()).has_value());

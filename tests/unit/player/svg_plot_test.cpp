@@ -80,6 +80,19 @@ TEST(SvgPlot, ALogarithmicAxisGivesEveryDecadeTheSameRoom) {
   EXPECT_THAT(svg_of(plot), HasSubstr("M84.0 364.0L327.0 202.0L570.0 40.0"));
 }
 
+TEST(SvgPlot, MarksWithoutALineAreMarksOnly) {
+  Plot plot = two_lines();
+  plot.x.scale = kLinear;
+  plot.series = {{.label = "marks",
+                  .points = {{0, 0}, {5, 5}, {10, 10}},
+                  .joined = false,
+                  .names = {"one", "<two>"}}};
+  const std::string svg = svg_of(plot);
+  EXPECT_THAT(svg, HasSubstr(R"(<circle cx="327.0" cy="202.0")"));
+  EXPECT_THAT(svg, HasSubstr("<title>&lt;two&gt;</title>"));
+  EXPECT_THAT(svg, Not(HasSubstr("L327.0")));
+}
+
 TEST(SvgPlot, NamesEverythingAndEscapesIt) {
   const std::string svg = svg_of(two_lines());
   for (const char* text : {">a &lt; b<", ">x &amp; x<", ">y<", ">first<", ">&quot;second&quot;<"})

@@ -495,7 +495,8 @@ TEST_F(SoftTile, LanesOfSeveralColumnsAreTheSameAsInTheirOwn) {
     seeds[r] = sampling::subpixel_seed(tile_.row_begin + row, subpixel, 0);
   }
   std::array<float, kPacket> light;
-  tracer.trace_lanes(scene_.impl(), plan_, channel, seeds, mixed, light);
+  tracer.set_seeds(seeds);
+  tracer.trace_lanes(scene_.impl(), plan_, channel, mixed, light);
   int lit = 0;
   for (size_t r = 0; r < kPacket; ++r) {
     EXPECT_EQ(light[r],
@@ -549,6 +550,8 @@ TEST(SoftLight, RefusesWhatMakesNoSense) {
       EXPECT_EQ(error.kind(), ErrorKind::Usage);
     }
   }
+  const optics::OpticalModel model(make_rig({}));
+  EXPECT_THROW((void)make_method("adaptive", model, with(only_shadows(4))), Error);
   EXPECT_NO_THROW(validate({.occlusion_samples = 1, .occlusion_distance_mm = inf}));
 }
 

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/adaptive_frame.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "render/adaptive/glass_rays.h"
+#include "render/primary_rays.h"
+#include "render/texture.h"
+
+namespace lenticule::render {
+namespace {
+
+/// More of a band's subpixels than this may not be beyond the tolerated error.
+constexpr double kMostBeyond = 0.03;
+
+}  // namespace
+
+AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& whole,
+                             frames::WovenFrame& frame)
+    : plan(of),
+      grid(keys),
+      scene(whole.impl()),
+      out(frame),
+      samples(keys),
+      groups(whole.impl()),
+      sweep(of.planes, whole),
+      encoder(whole.impl().colour_managed),
+      start_mm(primary_start_mm(scene.near_mm, of.planes.model().rig().viewing.distance.value)) {
+  for (int c = 0; c < 3; ++c)
+    backdrop[static_cast<size_t>(c)] =
+        encoder.code(static_cast<float>(component(scene.backdrop.colour, c)));
+}
+
+AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
+    : frame_(frame),
+      colours_(frame.plan.options, frame.plan.tiles),
+      sweep_(frame.sweep),
+      uncertain_(frame.plan.planes, frame.plan.tiles),
+      drawn_(frame.plan.planes, frame.plan.tiles),
+      packet_(1),
+      keys_(frame.grid.row_samples()) {
+  init_packets(packet_);
+}
+
+void AdaptiveWorker::load_samples(int first_row, int picture, int first_column) {
+  for (int r = 0; r < static_cast<int>(kPacket); ++r) {
+    const int row = first_row + r / kBlock, column = first_column + r % kBlock;
+    const auto lane = static_cast<size_t>(r);
+    packet_[0].valid[lane] = row < frame_.grid.rows() && column < frame_.grid.columns() ? -1 : 0;
+    set_glass_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(row, picture, column), packet_[0],
+                  lane);
+  }
+}
+
+void AdaptiveWorker::set_sample(int row, int picture, int column, size_t lane) {
+  KeySamples::Sample sample{.group = found_.group[lane],
+                            .way = found_.notes.way[lane],
+                            .lit = found_.notes.lit[lane],
+                            .hidden = found_.notes.hidden[lane],
+                            .secondary_way = found_.notes.secondary_way[lane]};
+  for (size_t c = 0; c < 3; ++c) {
+    sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
+    sample.secondary[c] = found_.secondary[c][lane];
+  }
+  frame_.samples.set(row, picture, column, sample);
+}
+
+void AdaptiveWorker::take_samples(int first_row, int picture) {
+  const auto noticed = frame_.plan.agreement.noticed(frame_.scene.colour_managed);
+  for (int column = 0; column < frame_.grid.columns(); column += kBlock) {
+    load_samples(first_row, picture, column);
+    colours_.trace(frame_.scene, frame_.groups, noticed, packet_[0], found_);
+    for (int r = 0; r < static_cast<int>(kPacket); ++r)
+      if (packet_[0].valid[static_cast<size_t>(r)] != 0)
+        set_sample(first_row + r / kBlock, picture, column + r % kBlock, static_cast<size_t>(r));
+  }
+}
+
+void AdaptiveWorker::render_band(int first_row) {
+  uncertain_.clear();
+  drawn_.clear();
+  const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+  for (int row = first_row; row < end; ++row) render_row(first_row, row);
+  uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+  write_uncertain(first_row);
+  audit_band(first_row);
+}
+
+void AdaptiveWorker::render_row(int first_row, int row) {
+  const KeyGrid::Between between = frame_.grid.between(row);
+  find_cells(between);
+  sweep_.sweep(row, swept_);
+  arrange_rays();
+  group_of_cut_.clear();
+  for (const SweptCut& cut : swept_.cuts)
+    group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
+  group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, where there are none
+  look_up(between);
+  sort_row(first_row, row, between);
+  std::copy_n(codes_.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
+}
+
+/// Those of even and of odd pictures change in different rows.
+void AdaptiveWorker::find_cells(const KeyGrid::Between& between) {
+  for (int picture = 0; picture < frame_.grid.pictures(); ++picture) {
+    const auto odd = static_cast<size_t>(picture % 2);
+    if (between.above[odd] == keys_row_[odd]) continue;
+    frame_.samples.find_cells(between.above[odd], picture, frame_.plan.agreement,
+                              keys_.data() + picture * frame_.grid.stride());
+  }
+  std::copy_n(between.above, 2, keys_row_.begin());
+}
+
+/// Where lenses and subpixels are not in the same order, rays lie by lenses.
+void AdaptiveWorker::arrange_rays() {
+  const PlaneRays& rays = sweep_.rays();
+  x_mm_ = rays.x_mm.data();
+  tan_x_ = rays.tan_x.data();
+  if (rays.subpixel.empty()) return;
+  arranged_x_.resize(rays.count + lookup_kernel::kLanes);
+  arranged_tan_.resize(rays.count + lookup_kernel::kLanes);
+  for (size_t n = 0; n < rays.count; ++n) {
+    const auto at = static_cast<size_t>(rays.subpixel[n]);
+    arranged_x_[at] = rays.x_mm[n];
+    arranged_tan_[at] = rays.tan_x[n];
+  }
+  x_mm_ = arranged_x_.data();
+  tan_x_ = arranged_tan_.data();
+}
+
+void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
+  const size_t count = frame_.plan.planes.row_subpixels();
+  codes_.resize(count + lookup_kernel::kLanes);
+  states_.resize(count + lookup_kernel::kLanes);
+  const lookup_kernel::Interval interval{.key = keys_.data(),
+                                         .values = frame_.samples.values(),
+                                         .plane = static_cast<int>(frame_.samples.row_samples()),
+                                         .row = {between.above[0], between.above[1]},
+                                         .part = {between.part[0], between.part[1]}};
+  const lookup_kernel::Row row{.x = x_mm_,
+                               .tan = tan_x_,
+                               .z = swept_.z_mm.data(),
+                               .cut = swept_.cut.data(),
+                               .group = group_of_cut_.data(),
+                               .count = static_cast<int>(count),
+                               .most_apart = frame_.plan.agreement.apart};
+  frame_.plan.kernel.look_up(frame_.grid.lookup(), interval, row, codes_.data(), states_.data());
+}
+
+uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
+  const Backdrop& backdrop = frame_.scene.backdrop;
+  if (backdrop.flat()) return frame_.backdrop[at % 3];
+  const RowPlanes& planes = frame_.plan.planes;
+  const RowPlane plane = planes.plane_at(row + planes.height_in_row(0));
+  const Vec3 way = frame_.scene.scene_from_panel.vector({-double{tan_x_[at]}, -plane.tan_y, -1.0});
+  return frame_.encoder.code(
+      static_cast<float>(backdrop_light(backdrop, normalized(way), static_cast<int>(at % 3))));
+}
+
+/// Gives colours to what sees nothing, and lists what is not known and what is audited.
+void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& between) {
+  const size_t count = frame_.plan.planes.row_subpixels();
+  for (size_t at = 0; at < count; ++at) {
+    UncertainSubpixels::Subpixel s{
+        .at = static_cast<int32_t>(at),
+        .row = static_cast<uint16_t>(row - first_row),
+        .draw = draw_of(static_cast<uint32_t>(row), static_cast<uint32_t>(at)),
+        .x_mm = x_mm_[at],
+        .tan_x = tan_x_[at]};
+    if (s.draw != Draw::None) drawn_.add(s);
+    if (states_[at] == lookup_kernel::kNothing) codes_[at] = backdrop_code(row, at);
+    if (states_[at] != lookup_kernel::kUnknown) {
+      ++counts_.interpolated;
+      continue;
+    }
+    ++counts_.shaded;
+    const auto cut_number = static_cast<size_t>(swept_.cut[at]);
+    const SweptCut& cut = swept_.cuts[cut_number];
+    s.z_mm = swept_.z_mm[at];
+    s.geometry = cut.geometry;
+    s.primitive = cut.primitive;
+    s.settled = frame_.samples.settle({.rows = between,
+                                       .x = s.x_mm,
+                                       .tan = s.tan_x,
+                                       .z = s.z_mm,
+                                       .group = group_of_cut_[cut_number],
+                                       .channel = static_cast<int>(at % 3)},
+                                      frame_.plan.agreement, frame_.scene.colour_managed);
+    uncertain_.add(s);
+  }
+}
+
+void AdaptiveWorker::write_uncertain(int first_row) {
+  for (const UncertainSubpixels::Subpixel& s : uncertain_.subpixels())
+    frame_.out.row(first_row + s.row)[s.at] = frame_.encoder.code(s.light);
+}
+
+void AdaptiveWorker::audit_band(int first_row) {
+  drawn_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+  AuditCounts mending, judging;
+  for (const UncertainSubpixels::Subpixel& s : drawn_.subpixels()) {
+    uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
+    const uint8_t exact = frame_.encoder.code(s.light);
+    const int off = std::abs(int{code} - int{exact});
+    const bool beyond = off > frame_.plan.options.tolerated_error;
+    (s.draw == Draw::Mending ? mending : judging) += {.drawn = 1, .beyond = beyond ? 1U : 0U};
+    code = exact;
+  }
+  if (needs_mending(mending, kMostBeyond)) {
+    mend_band(first_row);
+    judging.beyond = 0;
+  }
+  counts_.audit += judging;
+}
+
+/// Traces every subpixel of the band, as method full does.
+void AdaptiveWorker::mend_band(int first_row) {
+  const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+  const size_t count = frame_.plan.planes.row_subpixels();
+  uncertain_.clear();
+  for (int row = first_row; row < end; ++row) {
+    sweep_.sweep(row, swept_);
+    arrange_rays();
+    for (size_t at = 0; at < count; ++at)
+      uncertain_.add({.at = static_cast<int32_t>(at),
+                      .row = static_cast<uint16_t>(row - first_row),
+                      .x_mm = x_mm_[at],
+                      .tan_x = tan_x_[at]});
+  }
+  uncertain_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+  write_uncertain(first_row);
+  counts_.mended += count * static_cast<size_t>(end - first_row);
+}
+
+}  // namespace lenticule::render

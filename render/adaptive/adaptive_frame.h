@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// One frame of method adaptive, and what each thread does for it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "frames/frame.h"
+#include "render/adaptive/audit.h"
+#include "render/adaptive/colour_tracer.h"
+#include "render/adaptive/key_samples.h"
+#include "render/adaptive/light_encoder.h"
+#include "render/adaptive/surface_groups.h"
+#include "render/adaptive/uncertain_subpixels.h"
+#include "render/row_sweep/row_sweep.h"
+
+namespace lenticule::render {
+
+/// How a rig's frames are made; outlives them.
+struct AdaptivePlan {
+  const RenderOptions& options;
+  const RowPlanes& planes;
+  const TilePlan& tiles;
+  const lookup_kernel::Kernel& kernel;
+  Agreement agreement;
+};
+
+/// Shared by the threads: first samples are taken, then bends marked, then bands of rows rendered.
+struct AdaptiveFrame {
+  AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& scene,
+                frames::WovenFrame& frame);
+
+  const AdaptivePlan& plan;
+  const KeyGrid& grid;
+  const Scene::Impl& scene;
+  frames::WovenFrame& out;
+  KeySamples samples;
+  SurfaceGroups groups;
+  RowSweep sweep;
+  LightEncoder encoder;
+  double start_mm;
+  std::array<uint8_t, 3> backdrop{};  ///< codes, where it is flat
+};
+
+/// How the subpixels of a thread's bands got their colour.
+struct AdaptiveCounts {
+  uint64_t interpolated = 0;  ///< between samples, or nothing was seen
+  uint64_t shaded = 0;        ///< by themselves, with light that samples settled or that was traced
+  uint64_t mended = 0;        ///< traced in full, in bands that the audit sent back
+  AuditCounts audit;          ///< of frames as they are delivered
+};
+
+/// Of one thread and frame. Calling threads must flush denormals.
+class AdaptiveWorker {
+ public:
+  static constexpr int kBand = TilePlan::kRows;  ///< rows
+  static constexpr int kBlock = 4;               ///< rows and columns of samples in a packet
+
+  /// `frame` must outlive it.
+  explicit AdaptiveWorker(AdaptiveFrame& frame);
+
+  /// kBlock rows of samples of one picture.
+  void take_samples(int first_row, int picture);
+  /// kBand rows of the panel.
+  void render_band(int first_row);
+
+  [[nodiscard]] const AdaptiveCounts& counts() const { return counts_; }
+  [[nodiscard]] RayCounts rays() { return colours_.tracer().counts(); }
+
+ private:
+  void load_samples(int first_row, int picture, int first_column);
+  void set_sample(int row, int picture, int column, size_t lane);
+  void render_row(int first_row, int row);
+  void arrange_rays();
+  void look_up(const KeyGrid::Between& between);
+  void find_cells(const KeyGrid::Between& between);
+  void sort_row(int first_row, int row, const KeyGrid::Between& between);
+  [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
+  void write_uncertain(int first_row);
+  void audit_band(int first_row);
+  void mend_band(int first_row);
+
+  AdaptiveFrame& frame_;
+  ColourTracer colours_;
+  ColourTracer::Colours found_;
+  RowSweep::Worker sweep_;
+  SweptRow swept_;
+  const float* x_mm_ = nullptr;  ///< by subpixel, of the row that was swept last
+  const float* tan_x_ = nullptr;
+  std::vector<float> arranged_x_, arranged_tan_;
+  UncertainSubpixels uncertain_;
+  UncertainSubpixels drawn_;
+  std::vector<RayPacket> packet_;  ///< one
+  std::vector<uint32_t> keys_;
+  std::array<int, 2> keys_row_{-1, -1};
+  std::vector<uint32_t> group_of_cut_;
+  std::vector<uint8_t> codes_, states_;
+  AdaptiveCounts counts_;
+};
+
+}  // namespace lenticule::render

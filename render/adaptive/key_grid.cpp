@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/key_grid.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "optics/error.h"
+
+namespace lenticule::render {
+namespace {
+
+struct Range {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+  void extend(double value) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  [[nodiscard]] double width() const { return high - low; }
+};
+
+/// What the rays of a few rows start from and aim at.
+struct Reach {
+  Range glass, eyes;
+};
+
+Reach reach_of(const RowPlanes& planes) {
+  const double distance = planes.inverse_z() > 0.0 ? 1.0 / planes.inverse_z() : 0.0;
+  RowPlanes::Maker maker(planes);
+  PlaneRays rays;
+  Reach reach;
+  for (const int row : {0, planes.rows() / 2, planes.rows() - 1}) {
+    maker.make(row, 0, rays);
+    for (size_t n = 0; n < rays.count; ++n) {
+      const double x = rays.x_mm[n], tan = rays.tan_x[n];
+      if (!std::isfinite(x) || !std::isfinite(tan)) continue;
+      reach.glass.extend(x);
+      reach.eyes.extend(distance > 0.0 ? x + tan * distance : tan);
+    }
+  }
+  return reach;
+}
+
+/// How far a point moves on the glass from one picture to the next, at most.
+double furthest_move(const RowPlanes& planes, const Stage& stage, double eye_step) {
+  double most = 0.0;
+  for (const double z : {stage.near_mm, stage.far_mm}) {
+    const double wider =
+        planes.inverse_z() > 0.0 ? z * planes.inverse_z() / (1.0 - z * planes.inverse_z()) : z;
+    if (std::isfinite(wider)) most = std::max(most, std::abs(wider) * eye_step);
+  }
+  return most;
+}
+
+}  // namespace
+
+KeySpacing spacing_for(const RowPlanes& planes) {
+  constexpr double kTenDegrees = 0.18;
+  constexpr double kMostPictures = 16.0;
+  const Reach reach = reach_of(planes);
+  const double wide = reach.eyes.width() * (planes.inverse_z() > 0.0 ? planes.inverse_z() : 1.0);
+  const double apart = std::clamp(std::ceil(wide / kTenDegrees - 0.1), 1.0, kMostPictures - 1.0);
+  return {.row_step = 4, .columns = 5.0, .pictures = 1 + static_cast<int>(apart)};
+}
+
+KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const KeySpacing& spacing)
+    : planes_(planes), row_step_(spacing.row_step) {
+  LENTICULE_CHECK(spacing.pictures >= 2 && spacing.row_step >= 1 && spacing.columns > 0.0);
+  const optics::Panel& panel = planes.model().rig().panel;
+  const Reach reach = reach_of(planes);
+  eye_first_ = reach.eyes.low;
+  eye_step_ = std::max(reach.eyes.width() / (spacing.pictures - 1), 1e-6);
+  x_step_ = spacing.columns * panel.pixel_width.value;
+  const double aside = std::min(furthest_move(planes, stage, eye_step_), reach.glass.width() / 4);
+  x_first_ = reach.glass.low - aside - x_step_;
+  const int columns =
+      static_cast<int>(std::ceil((reach.glass.width() + 2.0 * aside) / x_step_)) + 3;
+  constexpr int kPadding = 16;
+  rows_ = (planes.rows() - 1 + row_step_ / 2) / row_step_ + 2;
+  height_px_ = planes.height_in_row(0);
+  const double inverse_z = planes.inverse_z();
+  lookup_ = {.x_first = static_cast<float>(x_first_),
+             .columns_per_mm = static_cast<float>(1.0 / x_step_),
+             .eye_first = static_cast<float>(eye_first_),
+             .eye_step = static_cast<float>(eye_step_),
+             .pictures_per_eye = static_cast<float>(1.0 / eye_step_),
+             .inverse_z = static_cast<float>(inverse_z),
+             .distance = inverse_z > 0.0 ? static_cast<float>(1.0 / inverse_z) : 0.0F,
+             .pictures = spacing.pictures,
+             .columns = columns,
+             .stride = (columns + kPadding) / kPadding * kPadding};
+}
+
+KeyGrid::Between KeyGrid::between(int panel_row) const {
+  Between between{};
+  for (const int odd : {0, 1}) {
+    const int from_first = panel_row + odd * (row_step_ / 2);
+    between.above[odd] = from_first / row_step_;
+    between.part[odd] = static_cast<float>(from_first % row_step_) / static_cast<float>(row_step_);
+  }
+  return between;
+}
+
+GlassRay KeyGrid::ray(int row, int picture, int column) const {
+  const int odd = picture % 2;
+  const RowPlane plane = planes_.plane_at(row * row_step_ - odd * (row_step_ / 2) + height_px_);
+  const double x = x_first_ + (column - 0.5 * odd) * x_step_;
+  const double eye = eye_first_ + picture * eye_step_;
+  const double inverse_z = planes_.inverse_z();
+  const double tan = inverse_z > 0.0 ? (eye - x) * inverse_z : eye;
+  return {.x_mm = x, .y_mm = plane.lens_y_mm, .tan_x = tan, .tan_y = plane.tan_y};
+}
+
+}  // namespace lenticule::render

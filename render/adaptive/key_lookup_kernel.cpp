@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/key_lookup_kernel.h"
+
+#include "render/packet_kernel_lanes.h"
+
+namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
+namespace {
+
+using namespace lookup_kernel;
+
+#if defined(__AVX512F__)
+// Masked forms: compilers take the others' unused operand for uninitialised.
+constexpr auto kAllLanes = static_cast<__mmask16>(~0U);
+#endif
+
+inline Masks gather(const uint32_t* table, const Masks& index) {
+  Masks out;
+#if defined(__AVX512F__)
+  const __m512i all = _mm512_mask_i32gather_epi32(
+      _mm512_setzero_si512(), kAllLanes, reinterpret_cast<__m512i>(index.part[0]), table, 4);
+  out.part[0] = reinterpret_cast<MaskVector>(all);
+#else
+  for (int p = 0; p < kParts; ++p)
+    for (int r = 0; r < kWidth; ++r) out.part[p][r] = static_cast<int32_t>(table[index.part[p][r]]);
+#endif
+  return out;
+}
+
+/// An element and the one after it, the first in the lower half.
+inline Masks gather_pairs(const uint16_t* table, const Masks& index) {
+  Masks out;
+#if defined(__AVX512F__)
+  const __m512i all = _mm512_mask_i32gather_epi32(
+      _mm512_setzero_si512(), kAllLanes, reinterpret_cast<__m512i>(index.part[0]), table, 2);
+  out.part[0] = reinterpret_cast<MaskVector>(all);
+#else
+  for (int p = 0; p < kParts; ++p)
+    for (int r = 0; r < kWidth; ++r) {
+      const uint16_t* at = table + index.part[p][r];
+      out.part[p][r] = static_cast<int32_t>(at[0] | static_cast<uint32_t>(at[1]) << 16);
+    }
+#endif
+  return out;
+}
+
+/// Where a subpixel's point lies in one key picture.
+struct Place {
+  Masks odd;    ///< the picture's number
+  Masks index;  ///< of the cell's left column, in a row of samples
+  Floats part;  ///< of the way to its right one
+  Masks inside;
+};
+
+inline Place place_in(const Grid& grid, const Masks& picture, const Floats& x_glass) {
+  const Masks odd = (picture & 1) == 1;
+  const Floats shifted = select(odd, Floats::of(0.5F), Floats{});
+  const Floats column = (x_glass - grid.x_first) * grid.columns_per_mm + shifted;
+  const Masks inside = (column >= 0.0F) & (column < static_cast<float>(grid.columns - 1));
+  const Masks whole = select(inside, to_integers(select(inside, column, Floats{})), Masks{});
+  return {odd, picture * grid.stride + whole, column - to_floats(whole), inside};
+}
+
+inline Floats mix(const Floats& a, const Floats& b, const Floats& part) {
+  return a + (b - a) * part;
+}
+inline Floats along(const Masks& pair, const Floats& part) {
+  return mix(to_floats(pair & 0xffff), to_floats((pair >> 16) & 0xffff), part);
+}
+
+inline Floats value_at(const Interval& interval, const Place& place, const Masks& plane) {
+  const Masks row = select(place.odd, Masks::of(interval.row[1]), Masks::of(interval.row[0]));
+  const Floats part = select(place.odd, Floats::of(interval.part[1]), Floats::of(interval.part[0]));
+  const Masks index = row * (3 * interval.plane) + plane + place.index;
+  const Floats above = along(gather_pairs(interval.values, index), place.part);
+  const Floats below = along(gather_pairs(interval.values, index + 3 * interval.plane), place.part);
+  return mix(above, below, part);
+}
+
+inline void write(const Masks& values, uint8_t* out) {
+#if defined(__AVX512F__)
+  _mm_storeu_si128(
+      reinterpret_cast<__m128i*>(out),
+      _mm512_maskz_cvtepi32_epi8(kAllLanes, reinterpret_cast<__m512i>(values.part[0])));
+#else
+  for (int r = 0; r < kLanes; ++r) out[r] = static_cast<uint8_t>(values[r]);
+#endif
+}
+
+inline Floats load(const float* from) {
+  Floats out;
+  __builtin_memcpy(&out, from, sizeof out);
+  return out;
+}
+inline Masks load(const int32_t* from) {
+  Masks out;
+  __builtin_memcpy(&out, from, sizeof out);
+  return out;
+}
+
+/// Colours of sixteen subpixels; `plane` says where each one's channel begins.
+inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row& row, int at,
+                          const Masks& plane, uint8_t* codes, uint8_t* states) {
+  const Masks cut = load(row.cut + at);
+  const Masks seen = cut >= 0;
+  if (!any(seen)) {
+    write(Masks::of(kNothing), states + at);
+    return;
+  }
+  const Masks group = gather(row.group, select(seen, cut, Masks{})) & seen;
+  const Floats x = load(row.x + at), tan = load(row.tan + at);
+  const Floats z = select(seen, load(row.z + at), Floats{});
+  // Seen from e, the point (x + tan z, z) is at across - e depth.
+  const Floats wider = 1.0F / (1.0F - z * grid.inverse_z);
+  const Floats across = (x + tan * z) * wider;
+  const Floats depth = grid.distance > 0.0F ? z * wider * grid.inverse_z : z;
+  const Floats eye = grid.distance > 0.0F ? x + tan * grid.distance : tan;
+  const Floats picture = (eye - grid.eye_first) * grid.pictures_per_eye;
+  const Masks left = clamp_index(to_integers(max(picture, Floats{})), Masks::of(grid.pictures - 1));
+  const Floats part = picture - to_floats(left);
+
+  const Floats first = across - (grid.eye_first + to_floats(left) * grid.eye_step) * depth;
+  const Place a = place_in(grid, left, first);
+  const Place b = place_in(grid, left + 1, first - depth * grid.eye_step);
+  const Masks key_a = gather(interval.key, a.index) & a.inside;
+  const Masks key_b = gather(interval.key, b.index) & b.inside;
+  const Masks in_a = (key_a == group) & seen, in_b = (key_b == group) & seen;
+  const Floats from_a = value_at(interval, a, plane);
+  const Floats from_b = value_at(interval, b, plane);
+
+  const Masks both = in_a & in_b;
+  const Masks agree = both & (absolute(from_a - from_b) <= row.most_apart);
+  // Where the other picture does not see the surface, one is enough for what looks the same from
+  // everywhere, and for the rest if it is near.
+  constexpr float kNear = 0.25F;
+  const Masks any_view = (group & 1) == 0;
+  const Masks uneven = group | static_cast<int32_t>(kUneven);
+  const Masks only_a = in_a & ~in_b & (key_b != uneven) & (any_view | (part < kNear));
+  const Masks only_b = in_b & ~in_a & (key_a != uneven) & (any_view | (part > 1.0F - kNear));
+  Floats value = mix(from_a, from_b, part);
+  value = select(only_a, from_a, select(only_b, from_b, value));
+  const Masks found = agree | only_a | only_b;
+  const Floats held = min(max(value, Floats{}), Floats::of(255.0F * kCodeParts));
+  write(to_integers(held * (1.0F / kCodeParts) + 0.5F), codes + at);
+  write(select(found, Masks::of(kFound), select(seen, Masks::of(kUnknown), Masks::of(kNothing))),
+        states + at);
+}
+
+void look_up(const Grid& grid, const Interval& interval, const Row& row, uint8_t* codes,
+             uint8_t* states) {
+  Masks plane[3];
+  for (int turn = 0; turn < 3; ++turn) {
+    int32_t lanes[kLanes];
+    for (int r = 0; r < kLanes; ++r) lanes[r] = (turn * kLanes + r) % 3 * interval.plane;
+    plane[turn] = load(lanes);
+  }
+  for (int at = 0, turn = 0; at < row.count; at += kLanes, turn = turn == 2 ? 0 : turn + 1)
+    look_up_lanes(grid, interval, row, at, plane[turn], codes, states);
+}
+
+}  // namespace
+
+extern const lookup_kernel::Kernel kLookupKernel;
+const lookup_kernel::Kernel kLookupKernel{.look_up = look_up};
+
+}  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

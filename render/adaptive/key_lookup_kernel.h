@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+// The inner loop of method adaptive, compiled once per instruction set: what the subpixels of a row
+// see, found in the key pictures. Plain data only.
+#pragma once
+
+#include <cstdint>
+
+namespace lenticule::render::lookup_kernel {
+
+inline constexpr int kLanes = 16;
+/// Samples are code values in parts of a code.
+inline constexpr int kCodeParts = 128;
+
+/// The key pictures of one rig; lengths in millimetres, or tangents where rays are parallel. The
+/// samples of odd pictures lie half a column to the left of those of even ones.
+struct Grid {
+  float x_first;
+  float columns_per_mm;
+  float eye_first;
+  float eye_step;
+  float pictures_per_eye;
+  float inverse_z;  ///< 1 / Z, 0 where rays are parallel
+  float distance;   ///< Z, 0 where rays are parallel
+  int pictures;
+  int columns;
+  int stride;
+};
+
+/// Set in the key of a cell whose corners show one surface, but not alike.
+inline constexpr uint32_t kUneven = 0x80000000U;
+
+/// The rows of samples around a row of the panel: of even pictures, and of odd ones, which lie half
+/// a step higher.
+struct Interval {
+  const uint32_t* key;  ///< [picture][column]: the surface that a cell's corners all show, or 0
+  /// All samples of the frame: [row][channel][picture][column].
+  const uint16_t* values;
+  int plane;      ///< elements from one channel to the next
+  int row[2];     ///< index of the row of samples above
+  float part[2];  ///< of the way from there to the row below
+};
+
+/// Subpixels 3 i + channel of a row. Arrays have room for a multiple of kLanes.
+struct Row {
+  const float* x;
+  const float* tan;
+  const float* z;
+  const int32_t* cut;     ///< -1 where nothing is seen
+  const uint32_t* group;  ///< by cut
+  int count;
+  float most_apart;  ///< parts of a code that two pictures may differ
+};
+
+enum State : uint8_t { kFound = 0, kNothing = 1, kUnknown = 2 };
+
+struct Kernel {
+  void (*look_up)(const Grid&, const Interval&, const Row&, uint8_t* codes, uint8_t* states);
+};
+
+}  // namespace lenticule::render::lookup_kernel
+
+namespace lenticule::render::isa_baseline {
+extern const lookup_kernel::Kernel kLookupKernel;
+}
+namespace lenticule::render::isa_avx2 {
+extern const lookup_kernel::Kernel kLookupKernel;
+}
+namespace lenticule::render::isa_avx512 {
+extern const lookup_kernel::Kernel kLookupKernel;
+}

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/key_samples.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "render/adaptive/surface_groups.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr int kCode = lookup_kernel::kCodeParts;
+
+int parts(double codes) {
+  return static_cast<int>(codes * kCode + 0.5);
+}
+
+}  // namespace
+
+Agreement Agreement::for_error(double codes) {
+  // Linear interpolation between samples whose second difference is b is off by b / 8 in the
+  // middle; along rows and columns both.
+  return {.unlike = parts(codes),
+          .alike = parts(24.0),
+          .bend = parts(4.0 * codes),
+          .apart = static_cast<float>(parts(4.0 * codes)),
+          .secondary = static_cast<float>(2.0 * codes / 255.0)};
+}
+
+KeySamples::KeySamples(const KeyGrid& grid)
+    : grid_(grid),
+      row_samples_(grid.row_samples()),
+      // The lookup reads an element past the one that it asks for.
+      values_(3 * row_samples_ * static_cast<size_t>(grid.rows()) + 2),
+      groups_(row_samples_ * static_cast<size_t>(grid.rows())),
+      ways_(groups_.size()),
+      parts_(groups_.size()),
+      bends_(groups_.size()) {}
+
+void KeySamples::set(int row, int picture, int column, const Sample& sample) {
+  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_.stride()) +
+                        static_cast<size_t>(column);
+  const size_t at = static_cast<size_t>(row) * row_samples_ + in_row;
+  for (size_t c = 0; c < 3; ++c)
+    values_[(3 * static_cast<size_t>(row) + c) * row_samples_ + in_row] = sample.value[c];
+  groups_[at] = sample.group;
+  ways_[at] = sample.way;
+  parts_[at] = {sample.lit, sample.hidden, sample.secondary_way, sample.secondary};
+}
+
+/// Numbers of samples in a row of three, which may lie one above the other.
+void KeySamples::mark_bends(int row, const Agreement& agreement) {
+  const size_t first = static_cast<size_t>(row) * row_samples_;
+  const size_t above = row > 0 ? first - row_samples_ : first;
+  const size_t below = row + 1 < grid_.rows() ? first + row_samples_ : first;
+  const auto alike = [&](size_t a, size_t b) {
+    return groups_[a] == groups_[b] && ways_[a] == ways_[b];
+  };
+  const auto bend = [&](size_t a, size_t b, size_t c) {  // indices of values
+    return std::abs(int{values_[a]} - 2 * int{values_[b]} + int{values_[c]});
+  };
+  std::fill_n(bends_.begin() + static_cast<std::ptrdiff_t>(first), row_samples_, uint8_t{0});
+  const bool has_column = above != first && below != first;
+  for (size_t n = 1; n + 1 < row_samples_; ++n) {
+    const size_t at = first + n;
+    const bool in_row = alike(at - 1, at) && alike(at, at + 1);
+    const bool in_column = has_column && alike(above + n, at) && alike(at, below + n);
+    int most = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      const size_t value = (3 * static_cast<size_t>(row) + c) * row_samples_ + n;
+      if (in_row) most = std::max(most, bend(value - 1, value, value + 1));
+      if (in_column)
+        most = std::max(most, bend(value - 3 * row_samples_, value, value + 3 * row_samples_));
+    }
+    bends_[at] = most > agreement.bend ? 1 : 0;
+  }
+}
+
+namespace {
+
+/// What corners agree on, and the secondary light between them.
+struct Corners {
+  KeySamples::Settled settled{.lit = ~0U, .hidden = ~0U};
+  int count = 0;
+  bool same_way = true;
+  uint32_t way = 0;
+  float sum = 0.0F, weights = 0.0F;
+  float low = 1e9F, high = -1e9F;
+
+  void add(uint32_t secondary_way, float value, float weight) {
+    constexpr float kLittle = 1e-3F;  // so that no corner weighs nothing
+    if (count++ == 0) way = secondary_way;
+    same_way = same_way && way == secondary_way;
+    sum += (weight + kLittle) * value;
+    weights += weight + kLittle;
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  /// Encoding takes about the root of linear light.
+  [[nodiscard]] float apart(bool colour_managed) const {
+    return colour_managed ? std::sqrt(std::max(high, 0.0F)) - std::sqrt(std::max(low, 0.0F))
+                          : high - low;
+  }
+};
+
+}  // namespace
+
+KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreement,
+                                       bool colour_managed) const {
+  const lookup_kernel::Grid& grid = grid_.lookup();
+  const float wider = 1.0F / (1.0F - p.z * grid.inverse_z);
+  const float across = (p.x + p.tan * p.z) * wider;
+  const float depth = grid.distance > 0.0F ? p.z * wider * grid.inverse_z : p.z;
+  const float eye = grid.distance > 0.0F ? p.x + p.tan * grid.distance : p.tan;
+  const float picture = (eye - grid.eye_first) * grid.pictures_per_eye;
+  const int left = std::clamp(static_cast<int>(picture), 0, grid.pictures - 2);
+  const float of_right = std::clamp(picture - static_cast<float>(left), 0.0F, 1.0F);
+  Corners corners;
+  for (int side = 0; side < 2; ++side) {
+    const int number = left + side, odd = number % 2;
+    const float x = across - (grid.eye_first + static_cast<float>(number) * grid.eye_step) * depth;
+    const float column = (x - grid.x_first) * grid.columns_per_mm + 0.5F * static_cast<float>(odd);
+    if (!(column >= 0.0F && column < static_cast<float>(grid.columns - 1))) continue;
+    const int whole = static_cast<int>(column);
+    const float of_next = column - static_cast<float>(whole);
+    for (int corner = 0; corner < 4; ++corner) {
+      const bool below = corner >= 2, next = corner % 2 != 0;
+      const size_t at = static_cast<size_t>(p.rows.above[odd] + below) * row_samples_ +
+                        static_cast<size_t>(number * grid.stride + whole + next);
+      if (groups_[at] != p.group) continue;
+      const Parts& parts = parts_[at];
+      corners.settled.lit &= parts.lit;
+      corners.settled.hidden &= parts.hidden;
+      corners.add(parts.secondary_way, parts.secondary[static_cast<size_t>(p.channel)],
+                  (side == 0 ? 1.0F - of_right : of_right) *
+                      (below ? p.rows.part[odd] : 1.0F - p.rows.part[odd]) *
+                      (next ? of_next : 1.0F - of_next));
+    }
+  }
+  constexpr int kFewCorners = 3;
+  if (corners.count < kFewCorners) return {};
+  Settled settled = corners.settled;
+  const float most = corners.same_way ? agreement.secondary : 0.5F * agreement.secondary;
+  settled.secondary_known = corners.apart(colour_managed) <= most;
+  settled.secondary = corners.sum / corners.weights;
+  return settled;
+}
+
+void KeySamples::find_cells(int row, int picture, const Agreement& agreement,
+                            uint32_t* keys) const {
+  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_.stride());
+  const size_t first = static_cast<size_t>(row) * row_samples_ + in_row;
+  const auto last = static_cast<size_t>(grid_.stride()) - 1;
+  keys[last] = 0;
+  for (size_t n = 0; n < last; ++n) {
+    const size_t at = first + n;
+    const size_t corners[] = {at, at + 1, at + row_samples_, at + row_samples_ + 1};
+    const auto same = [&](const std::vector<uint32_t>& of) {
+      return of[corners[0]] == of[corners[1]] && of[corners[0]] == of[corners[2]] &&
+             of[corners[0]] == of[corners[3]];
+    };
+    keys[n] = 0;
+    if (!same(groups_) || groups_[at] == SurfaceGroups::kNothing) continue;
+    bool bends = false;
+    for (const size_t corner : corners) bends = bends || bends_[corner] != 0;
+    const int limit = same(ways_) && !bends ? agreement.alike : agreement.unlike;
+    const size_t value = 3 * static_cast<size_t>(row) * row_samples_ + in_row + n;
+    keys[n] = groups_[at] | (range(value) <= limit ? 0 : lookup_kernel::kUneven);
+  }
+}
+
+/// The largest difference of a cell's corners in any channel; `value` is that of the first.
+int KeySamples::range(size_t value) const {
+  int most = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    const size_t above = value + c * row_samples_, below = above + 3 * row_samples_;
+    const auto [low, high] = std::minmax({int{values_[above]}, int{values_[above + 1]},
+                                          int{values_[below]}, int{values_[below + 1]}});
+    most = std::max(most, high - low);
+  }
+  return most;
+}
+
+}  // namespace lenticule::render

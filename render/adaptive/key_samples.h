@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the key pictures of a frame show, and between which samples it may be interpolated.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "render/adaptive/key_grid.h"
+
+namespace lenticule::render {
+
+/// How much samples may differ, in parts of a code value (lookup_kernel::kCodeParts).
+struct Agreement {
+  int unlike = 0;       ///< where light came another way: another shadow, another thing mirrored
+  int alike = 0;        ///< where it came the same way
+  int bend = 0;         ///< second difference of three samples in a row
+  float apart = 0;      ///< between two pictures
+  float secondary = 0;  ///< light from mirrored and refracted rays, of 1
+
+  /// Less light than this on its way is not told apart. Dark linear light is encoded in more code
+  /// values.
+  [[nodiscard]] float noticed(bool colour_managed) const {
+    return (colour_managed ? 0.05F : 0.25F) * secondary;
+  }
+
+  /// For an error of so many code values.
+  [[nodiscard]] static Agreement for_error(double codes);
+};
+
+/// One frame's samples. Rows may be filled by different threads; cells are read-only afterwards.
+class KeySamples {
+ public:
+  explicit KeySamples(const KeyGrid& grid);
+
+  struct Sample {
+    std::array<uint16_t, 3> value{};  ///< code values, in parts
+    uint32_t group = 0;               ///< SurfaceGroups
+    uint32_t way = 0;                 ///< PacketTracer::Notes, as those below
+    uint32_t lit = 0, hidden = 0;
+    uint32_t secondary_way = 0;
+    std::array<float, 3> secondary{};
+  };
+  void set(int row, int picture, int column, const Sample& sample);
+
+  [[nodiscard]] const uint16_t* values() const { return values_.data(); }
+  [[nodiscard]] size_t row_samples() const { return row_samples_; }
+
+  /// What the samples around a subpixel settle of it.
+  struct Settled {
+    uint32_t lit = 0, hidden = 0;  ///< as in Sample: what all agree on
+    bool secondary_known = false;
+    float secondary = 0.0F;
+  };
+  struct Point {
+    KeyGrid::Between rows;
+    float x, tan, z;
+    uint32_t group;
+    int channel;
+  };
+  [[nodiscard]] Settled settle(const Point& point, const Agreement& agreement,
+                               bool colour_managed) const;
+
+  /// Marks samples that bend too much between their neighbours in their row and in those around.
+  void mark_bends(int row, const Agreement& agreement);
+  /// Keys of the cells between rows `row` and `row` + 1 of a picture, see lookup_kernel::Interval.
+  void find_cells(int row, int picture, const Agreement& agreement, uint32_t* keys) const;
+
+ private:
+  [[nodiscard]] int range(size_t value) const;
+
+  const KeyGrid& grid_;
+  size_t row_samples_;
+  std::vector<uint16_t> values_;  ///< [row][channel][picture][column]
+  std::vector<uint32_t> groups_;  ///< [row][picture][column]
+  std::vector<uint32_t> ways_;
+  struct Parts {
+    uint32_t lit, hidden, secondary_way;
+    std::array<float, 3> secondary;
+  };
+  std::vector<Parts> parts_;
+  std::vector<uint8_t> bends_;
+};
+
+}  // namespace lenticule::render

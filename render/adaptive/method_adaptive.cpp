@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/method_adaptive.h"
+
+#include <oneapi/tbb/enumerable_thread_specific.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+
+#include "optics/error.h"
+#include "render/adaptive/adaptive_frame.h"
+#include "render/denormals.h"
+#include "render/method_full.h"
+
+namespace lenticule::render {
+namespace {
+
+const lookup_kernel::Kernel& lookup_kernel_for(Isa isa) {
+#if defined(__x86_64__)
+  if (isa == Isa::Avx512) return isa_avx512::kLookupKernel;
+  if (isa == Isa::Avx2) return isa_avx2::kLookupKernel;
+#endif
+  static_cast<void>(isa);
+  return isa_baseline::kLookupKernel;
+}
+
+/// Every subpixel of a row lies at one height, as stripes side by side do.
+bool one_plane_a_row(const RowPlanes& planes) {
+  for (int row = 0; row < planes.rows(); ++row)
+    if (planes.planes_of(row) != 1 || planes.height_in_row(row) != planes.height_in_row(0))
+      return false;
+  return true;
+}
+
+class AdaptiveMethod final : public Method {
+ public:
+  AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
+      : options_(options),
+        planes_(model, options.isa),
+        tiles_(model.rig()),
+        plan_{options_, planes_, tiles_, lookup_kernel_for(options.isa),
+              Agreement::for_error(options.tolerated_error)},
+        arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
+
+  [[nodiscard]] bool suits_rig() const { return one_plane_a_row(planes_); }
+
+  RenderStatistics render(const Scene& scene, const Stage& stage,
+                          frames::WovenFrame& out) override {
+    const frames::FrameGeometry& geometry = out.geometry();
+    const optics::Panel& panel = planes_.model().rig().panel;
+    LENTICULE_CHECK(geometry.width == panel.width_px && geometry.height == panel.height_px &&
+                    geometry.format == frames::PixelFormat::Rgb8);
+    const auto start = std::chrono::steady_clock::now();
+    cancelled_ = false;
+    const KeyGrid grid(planes_, stage, spacing_for(planes_));
+    AdaptiveFrame frame(plan_, grid, scene, out);
+    Workers workers([&] { return AdaptiveWorker(frame); });
+    arena_.execute([&] {
+      take_samples(frame, workers);
+      mark_bends(frame);
+      render_bands(workers);
+    });
+    RenderStatistics statistics = statistics_of(workers, out.bytes().size());
+    statistics.completed = !cancelled_;
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    statistics.seconds = elapsed.count();
+    return statistics;
+  }
+
+ private:
+  using Workers = tbb::enumerable_thread_specific<AdaptiveWorker>;
+
+  /// Asked before each piece of work.
+  bool cancelled() {
+    if (!cancelled_ && options_.cancelled && options_.cancelled()) cancelled_ = true;
+    return cancelled_;
+  }
+
+  template <class Work>
+  void in_parallel(int count, const Work& work) {
+    tbb::parallel_for(0, count, [&](int n) {
+      if (cancelled()) return;
+      const FlushDenormals flush;
+      work(options_.tiles_backwards ? count - 1 - n : n);
+    });
+  }
+
+  void take_samples(AdaptiveFrame& frame, Workers& workers) {
+    const int blocks = (frame.grid.rows() + AdaptiveWorker::kBlock - 1) / AdaptiveWorker::kBlock;
+    const int pictures = frame.grid.pictures();
+    in_parallel(blocks * pictures, [&](int n) {
+      workers.local().take_samples(n / pictures * AdaptiveWorker::kBlock, n % pictures);
+    });
+  }
+
+  void mark_bends(AdaptiveFrame& frame) {
+    in_parallel(frame.grid.rows(),
+                [&](int row) { frame.samples.mark_bends(row, plan_.agreement); });
+  }
+
+  void render_bands(Workers& workers) {
+    constexpr int kBand = AdaptiveWorker::kBand;
+    in_parallel((planes_.rows() + kBand - 1) / kBand,
+                [&](int band) { workers.local().render_band(band * kBand); });
+  }
+
+  static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {
+    RayCounts rays;
+    AdaptiveCounts counts;
+    for (AdaptiveWorker& worker : workers) {
+      rays += worker.rays();
+      counts.interpolated += worker.counts().interpolated;
+      counts.shaded += worker.counts().shaded;
+      counts.mended += worker.counts().mended;
+      counts.audit += worker.counts().audit;
+    }
+    RenderStatistics statistics{.subpixels = subpixels,
+                                .traced_subpixels = counts.shaded,
+                                .interpolated_subpixels = counts.interpolated,
+                                .mended_subpixels = counts.mended,
+                                .audited_subpixels = counts.audit.drawn,
+                                .audited_beyond = counts.audit.beyond,
+                                .beyond_bound = bound_of_share(counts.audit)};
+    rays.report(statistics);
+    return statistics;
+  }
+
+  RenderOptions options_;
+  RowPlanes planes_;
+  TilePlan tiles_;
+  AdaptivePlan plan_;
+  std::atomic<bool> cancelled_{false};
+  tbb::task_arena arena_;
+};
+
+}  // namespace
+
+std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
+                                             const RenderOptions& options) {
+  if (!(options.tolerated_error >= 0.0) || !std::isfinite(options.tolerated_error))
+    throw Error(ErrorKind::Usage, "--error: not a number of code values",
+                "zero has the bytes of method full, two is a good compromise");
+  if (options.tolerated_error == 0.0) return make_method_full(model, options);
+  if (options.samples != 1)
+    throw Error(ErrorKind::Usage, "method adaptive: takes one sample per subpixel",
+                "method full averages several");
+  auto method = std::make_unique<AdaptiveMethod>(model, options);
+  if (!method->suits_rig()) return make_method_full(model, options);
+  return method;
+}
+
+}  // namespace lenticule::render

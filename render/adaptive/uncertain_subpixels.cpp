@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/uncertain_subpixels.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "render/adaptive/glass_rays.h"
+
+namespace lenticule::render {
+namespace {
+
+/// Sheared columns whose subpixels are traced together, row by row.
+constexpr size_t kTogether = 16;
+
+}  // namespace
+
+UncertainSubpixels::UncertainSubpixels(const RowPlanes& planes, const TilePlan& plan)
+    : planes_(planes), plan_(plan), packet_(1) {
+  init_packets(packet_);
+}
+
+/// By a few sheared columns, and downwards in them: their rays lie close together.
+void UncertainSubpixels::order() {
+  const int lean = plan_.shift(TilePlan::kRows - 1);  // of either sign
+  const int first = std::min(lean, 0);
+  const auto column = [&](const Subpixel& s) {
+    return static_cast<size_t>(s.at + plan_.shift(s.row) - first) / kTogether;
+  };
+  const size_t columns =
+      static_cast<size_t>(plan_.row_subpixels() + std::abs(lean)) / kTogether + 1;
+  first_of_column_.assign(columns + 1, 0);
+  for (const Subpixel& s : subpixels_) ++first_of_column_[column(s) + 1];
+  for (size_t n = 1; n <= columns; ++n) first_of_column_[n] += first_of_column_[n - 1];
+  ordered_.resize(subpixels_.size());
+  for (const Subpixel& s : subpixels_) ordered_[first_of_column_[column(s)]++] = s;
+  subpixels_.swap(ordered_);
+}
+
+void UncertainSubpixels::load(const Scene::Impl& scene, double start_mm, int first_row,
+                              size_t first) {
+  for (size_t r = 0; r < kPacket; ++r) {
+    // Idle lanes repeat the last.
+    const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
+    packet_[0].valid[r] = first + r < subpixels_.size() ? -1 : 0;
+    channel_[r] = s.at % 3;
+    const RowPlane plane = planes_.plane_at(first_row + s.row + planes_.height_in_row(0));
+    set_glass_ray(scene, start_mm,
+                  {.x_mm = double{s.x_mm},
+                   .y_mm = plane.lens_y_mm,
+                   .tan_x = double{s.tan_x},
+                   .tan_y = plane.tan_y},
+                  packet_[0], r);
+  }
+}
+
+void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
+  known_ = {};
+  for (size_t r = 0; r < kPacket; ++r) {
+    const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
+    packet_[0].rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // 1 is a millimetre of z
+    packet_[0].rays.hit.geomID[r] = s.geometry;
+    packet_[0].rays.hit.primID[r] = s.primitive;
+    known_.set_lights(static_cast<uint32_t>(r), s.settled.lit, s.settled.hidden);
+    if (s.settled.secondary_known) known_.secondary_lanes |= 1U << r;
+    known_.secondary[r] = s.settled.secondary;
+  }
+}
+
+template <class Trace>
+void UncertainSubpixels::each_packet(const Scene::Impl& scene, double start_mm, int first_row,
+                                     Trace&& trace) {
+  order();
+  for (size_t first = 0; first < subpixels_.size(); first += kPacket) {
+    load(scene, start_mm, first_row, first);
+    trace(first);
+    const size_t count = std::min(kPacket, subpixels_.size() - first);
+    for (size_t r = 0; r < count; ++r) subpixels_[first + r].light = light_[r];
+  }
+}
+
+void UncertainSubpixels::trace(const Scene::Impl& scene, double start_mm, int first_row,
+                               PacketTracer& tracer) {
+  each_packet(scene, start_mm, first_row,
+              [&](size_t) { tracer.trace_lanes(scene, plan_, channel_, packet_[0], light_); });
+}
+
+void UncertainSubpixels::shade(const Scene::Impl& scene, double start_mm, int first_row,
+                               PacketTracer& tracer) {
+  each_packet(scene, start_mm, first_row, [&](size_t first) {
+    load_surfaces(start_mm, first);
+    tracer.trace_known(scene, channel_, known_, packet_[0], light_);
+  });
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Subpixels of a band of rows that are shaded one by one: they are collected row by row and traced
+// in packets of neighbours.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "render/adaptive/audit.h"
+#include "render/adaptive/key_samples.h"
+#include "render/packet_tracer.h"
+#include "render/row_sweep/row_planes.h"
+#include "render/tile.h"
+
+namespace lenticule::render {
+
+/// Of one thread; keeps its memory from band to band.
+class UncertainSubpixels {
+ public:
+  struct Subpixel {
+    int32_t at = 0;    ///< 3 i + channel
+    uint16_t row = 0;  ///< of the band
+    Draw draw = Draw::None;
+    float x_mm = 0.0F, tan_x = 0.0F;
+    float light = 0.0F;  ///< found by tracing
+    // Only where the surface is known:
+    float z_mm = 0.0F;
+    uint32_t geometry = 0, primitive = 0;
+    KeySamples::Settled settled{};
+  };
+
+  /// Both must outlive it.
+  UncertainSubpixels(const RowPlanes& planes, const TilePlan& plan);
+
+  void clear() { subpixels_.clear(); }
+  void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
+
+  /// Traces all as method full does. Rows are counted from `first_row`; afterwards subpixels have
+  /// another order. Calling thread must flush denormals.
+  void trace(const Scene::Impl& scene, double start_mm, int first_row, PacketTracer& tracer);
+  /// Shades all on the surfaces that they are known to see, and traces what is not settled.
+  void shade(const Scene::Impl& scene, double start_mm, int first_row, PacketTracer& tracer);
+  [[nodiscard]] const std::vector<Subpixel>& subpixels() const { return subpixels_; }
+
+ private:
+  void order();
+  void load(const Scene::Impl& scene, double start_mm, int first_row, size_t first);
+  void load_surfaces(double start_mm, size_t first);
+  template <class Trace>
+  void each_packet(const Scene::Impl& scene, double start_mm, int first_row, Trace&& trace);
+
+  const RowPlanes& planes_;
+  const TilePlan& plan_;
+  std::vector<Subpixel> subpixels_, ordered_;
+  std::vector<uint32_t> first_of_column_;
+  std::vector<RayPacket> packet_;  ///< one
+  alignas(64) std::array<int32_t, kPacket> channel_{};
+  alignas(64) std::array<float, kPacket> light_{};
+  PacketTracer::Known known_{};
+};
+
+}  // namespace lenticule::render

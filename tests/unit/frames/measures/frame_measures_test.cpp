@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// Flicker, and the differences of views that are worked out once for many frames.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "error_matchers.h"
+#include "frames/measures/flicker.h"
+#include "frames/measures/view_map.h"
+
+namespace lenticule::frames {
+namespace {
+
+using test::error_of;
+
+WovenFrame noise(int width, int height, unsigned seed) {
+  std::mt19937 random(seed);
+  WovenFrame frame({.width = width, .height = height});
+  for (uint8_t& byte : frame.bytes()) byte = static_cast<uint8_t>(random() & 255U);
+  return frame;
+}
+
+WovenFrame plus(WovenFrame frame, int levels) {
+  for (uint8_t& byte : frame.bytes()) byte = static_cast<uint8_t>(byte + levels);
+  return frame;
+}
+
+WovenFrame of_codes(const std::vector<uint8_t>& codes) {
+  WovenFrame frame({.width = static_cast<int>(codes.size() / 3), .height = 1});
+  std::copy(codes.begin(), codes.end(), frame.bytes().begin());
+  return frame;
+}
+
+TEST(Flicker, IsTheChangeOfTheErrorAndNotTheError) {
+  FlickerMeter meter;
+  const Flicker first = meter.add(of_codes({10, 20, 30}).view(), of_codes({250, 20, 30}).view());
+  EXPECT_EQ(first.largest, 0) << "there is nothing before it";
+  EXPECT_EQ(first.mean, 0.0);
+  // Errors were 240, 0, 0 and are now -60, 0, 3: changes of 300, 0 and 3.
+  const Flicker second = meter.add(of_codes({100, 200, 77}).view(), of_codes({40, 200, 80}).view());
+  EXPECT_EQ(second.largest, 300);
+  EXPECT_DOUBLE_EQ(second.mean, 101.0);
+  // The same errors on other pictures do not flicker.
+  const Flicker third = meter.add(of_codes({90, 1, 2}).view(), of_codes({30, 1, 5}).view());
+  EXPECT_EQ(third.largest, 0);
+  EXPECT_EQ(third.mean, 0.0);
+}
+
+TEST(Flicker, OfAnErrorThatComesAndGoesIsTheError) {
+  const WovenFrame a = plus(WovenFrame({.width = 16, .height = 9}), 100);
+  FlickerMeter meter;
+  for (int n = 0; n < 6; ++n) {
+    const Flicker now = meter.add(a.view(), plus(a, n % 2 * 7).view());
+    EXPECT_EQ(now.largest, n == 0 ? 0 : 7);
+    EXPECT_DOUBLE_EQ(now.mean, n == 0 ? 0.0 : 7.0);
+  }
+}
+
+TEST(Flicker, RefusesAnotherSize) {
+  FlickerMeter meter;
+  const WovenFrame a = noise(8, 8, 1);
+  (void)meter.add(a.view(), a.view());
+  const WovenFrame b = noise(9, 8, 1);
+  EXPECT_EQ(error_of([&] { (void)meter.add(b.view(), b.view()); }).kind(), ErrorKind::Input);
+  EXPECT_EQ(error_of([&] { (void)meter.add(a.view(), b.view()); }).kind(), ErrorKind::Input);
+}
+
+optics::Rig small_rig() {
+  optics::Rig rig;
+  rig.name = "small";
+  rig.panel.width_px = 61;
+  rig.panel.height_px = 43;
+  rig.panel.pixel_width = Millimetres(0.2);
+  rig.panel.pixel_height = Millimetres(0.2);
+  rig.sheet.pitch = Subpixels(7.7);
+  rig.sheet.slant = 0.25;
+  rig.sheet.gap = Millimetres(1.2);
+  rig.viewing.distance = Millimetres(600.0);
+  return rig;
+}
+
+TEST(ViewMap, AgreesWithTheViewsOneByOne) {
+  const optics::OpticalModel model(small_rig());
+  const WovenFrame a = noise(61, 43, 1);
+  const WovenFrame b = noise(61, 43, 2);
+  for (const int threads : {1, 3}) {
+    BandWorkers workers(threads);
+    for (const int views : {1, 8, 45}) {
+      const auto slow = compare_views(a.view(), b.view(), model, views);
+      const auto fast = ViewMap(model, views, workers).compare(a.view(), b.view(), workers);
+      ASSERT_EQ(fast.size(), slow.size());
+      for (size_t v = 0; v < slow.size(); ++v)
+        for (int level = -1; level < 255; ++level)
+          ASSERT_EQ(fast[v].count_over(level), slow[v].count_over(level)) << v << ", " << level;
+    }
+  }
+}
+
+TEST(ViewMap, RefusesOtherPicturesAndNoViews) {
+  const optics::OpticalModel model(small_rig());
+  BandWorkers workers(1);
+  EXPECT_EQ(error_of([&] { ViewMap(model, 0, workers); }).kind(), ErrorKind::Usage);
+  const ViewMap map(model, 8, workers);
+  const WovenFrame a = noise(43, 61, 1);
+  EXPECT_EQ(error_of([&] { (void)map.compare(a.view(), a.view(), workers); }).kind(),
+            ErrorKind::Input);
+}
+
+}  // namespace
+}  // namespace lenticule::frames

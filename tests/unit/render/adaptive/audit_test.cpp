@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/audit.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace lenticule::render {
+namespace {
+
+TEST(Audit, BoundsAShareByTheBinomialLaw) {
+  EXPECT_EQ(bound_of_share({}), 1.0);
+  EXPECT_EQ(bound_of_share({.drawn = 5, .beyond = 5}), 1.0);
+  // None of n: (1 - p)^n = 0.01.
+  EXPECT_NEAR(bound_of_share({.drawn = 459, .beyond = 0}), 1.0 - std::pow(0.01, 1.0 / 459.0), 1e-9);
+  // One of two: 1 - p^2 = 0.01.
+  EXPECT_NEAR(bound_of_share({.drawn = 2, .beyond = 1}), std::sqrt(0.99), 1e-9);
+  // Many: the normal approximation.
+  const double normal = 0.02 + 2.326 * std::sqrt(0.02 * 0.98 / 50000.0);
+  EXPECT_NEAR(bound_of_share({.drawn = 50000, .beyond = 1000}), normal, 1e-4);
+}
+
+TEST(Audit, TheBoundHoldsAsOftenAsItSays) {
+  std::mt19937_64 random(3);
+  for (const double share : {0.001, 0.02, 0.3}) {
+    std::binomial_distribution<uint64_t> beyond(700, share);
+    int held = 0;
+    for (int n = 0; n < 1000; ++n)
+      held += bound_of_share({.drawn = 700, .beyond = beyond(random)}) >= share ? 1 : 0;
+    EXPECT_GE(held, 980) << share;
+  }
+}
+
+TEST(Audit, MendsWhatIsBadAndLeavesWhatMayBeChance) {
+  EXPECT_FALSE(needs_mending({.drawn = 360, .beyond = 0}, 0.03));
+  EXPECT_FALSE(needs_mending({.drawn = 360, .beyond = 15}, 0.03));
+  EXPECT_TRUE(needs_mending({.drawn = 360, .beyond = 40}, 0.03));
+  EXPECT_FALSE(needs_mending({}, 0.03));
+}
+
+TEST(Audit, DrawsWithoutFavour) {
+  constexpr uint32_t kRows = 64, kColumns = 11520;
+  uint64_t mending = 0, judging = 0, odd_rows = 0;
+  std::array<uint64_t, 3> channels{};
+  for (uint32_t row = 0; row < kRows; ++row)
+    for (uint32_t at = 0; at < kColumns; ++at) {
+      const Draw draw = draw_of(row, at);
+      if (draw == Draw::None) continue;
+      ++(draw == Draw::Mending ? mending : judging);
+      odd_rows += row % 2;
+      ++channels[at % 3];
+    }
+  const double expected = double{kRows} * kColumns / kDrawnOneIn;
+  const double deviation = 5.0 * std::sqrt(expected);
+  EXPECT_NEAR(static_cast<double>(mending), expected, deviation);
+  EXPECT_NEAR(static_cast<double>(judging), expected, deviation);
+  EXPECT_NEAR(static_cast<double>(odd_rows), expected, deviation);
+  for (const uint64_t drawn : channels)
+    EXPECT_NEAR(static_cast<double>(drawn), 2.0 * expected / 3.0, deviation);
+}
+
+}  // namespace
+}  // namespace lenticule::render

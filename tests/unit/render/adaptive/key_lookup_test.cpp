@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where points lie in key pictures, and the lookup kernel against the same in double precision.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include "frames/srgb.h"
+#include "render/adaptive/key_grid.h"
+#include "render/adaptive/key_lookup_kernel.h"
+#include "render/adaptive/light_encoder.h"
+#include "tests/support/instruction_sets.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+using lookup_kernel::Grid;
+using lookup_kernel::Interval;
+using lookup_kernel::Kernel;
+using lookup_kernel::Row;
+
+const Kernel& kernel_for(Isa isa) {
+#if defined(__x86_64__)
+  if (isa == Isa::Avx2) return isa_avx2::kLookupKernel;
+  if (isa == Isa::Avx512) return isa_avx512::kLookupKernel;
+#endif
+  static_cast<void>(isa);
+  return isa_baseline::kLookupKernel;
+}
+
+/// A row of random rays and surfaces before random samples, most of which agree.
+struct Case {
+  Grid grid{};
+  std::vector<uint32_t> keys, groups;
+  std::vector<uint16_t> values;
+  std::vector<float> x, tan, z;
+  std::vector<int32_t> cuts;
+  Interval interval{};
+  Row row{};
+
+  Case(std::mt19937_64& random, bool parallel);
+  void draw_samples(std::mt19937_64& random);
+  void draw_row(std::mt19937_64& random, bool parallel);
+};
+
+constexpr int kRows = 5, kCount = 300;
+
+Case::Case(std::mt19937_64& random, bool parallel) {
+  grid = {.x_first = -50.0F,
+          .columns_per_mm = 0.7F,
+          .eye_first = parallel ? -0.2F : -60.0F,
+          .eye_step = parallel ? 0.2F : 60.0F,
+          .pictures_per_eye = parallel ? 5.0F : 1.0F / 60.0F,
+          .inverse_z = parallel ? 0.0F : 1.0F / 700.0F,
+          .distance = parallel ? 0.0F : 700.0F,
+          .pictures = 3,
+          .columns = 71,
+          .stride = 80};
+  draw_samples(random);
+  draw_row(random, parallel);
+}
+
+void Case::draw_samples(std::mt19937_64& random) {
+  const size_t plane = static_cast<size_t>(grid.pictures * grid.stride);
+  keys.resize(plane);
+  for (uint32_t& key : keys) {
+    key = 2 + static_cast<uint32_t>(random() % 8 == 0 ? random() % 3 : 0);
+    if (random() % 8 == 0) key |= lookup_kernel::kUneven;
+  }
+  values.resize(3 * plane * kRows + 2);
+  for (uint16_t& value : values) value = static_cast<uint16_t>(12000 + random() % 900);
+  interval = {.key = keys.data(),
+              .values = values.data(),
+              .plane = static_cast<int>(plane),
+              .row = {1, 2},
+              .part = {0.25F, 0.75F}};
+}
+
+void Case::draw_row(std::mt19937_64& random, bool parallel) {
+  std::uniform_real_distribution<float> any(-1.0F, 1.0F);
+  groups = {2, 3, 4, 5};
+  for (int n = 0; n < kCount; ++n) {
+    x.push_back(55.0F * any(random));
+    const float eye = 66.0F * any(random);
+    tan.push_back(parallel ? 0.22F * any(random) : (eye - x.back()) / 700.0F);
+    cuts.push_back(static_cast<int32_t>(random() % 6) - 2);
+    if (cuts.back() < 0) cuts.back() = -1;
+    z.push_back(cuts.back() < 0 ? -std::numeric_limits<float>::infinity() : 40.0F * any(random));
+  }
+  for (auto* list : {&x, &tan, &z}) list->resize(kCount + 16);
+  cuts.resize(kCount + 16, -1);
+  row = {.x = x.data(),
+         .tan = tan.data(),
+         .z = z.data(),
+         .cut = cuts.data(),
+         .group = groups.data(),
+         .count = kCount,
+         .most_apart = 600.0F};
+}
+
+/// What one subpixel finds, in double precision.
+struct Found {
+  uint8_t state = lookup_kernel::kUnknown;
+  double code = 0.0;
+  bool close_call = false;  ///< a rounding may decide otherwise
+};
+
+struct InPicture {
+  uint32_t key = 0;
+  double value = 0.0;
+  bool close_call = false;
+};
+
+InPicture in_picture(const Case& c, int picture, double x_glass, int channel) {
+  const int odd = picture % 2;
+  const double column =
+      (x_glass - double{c.grid.x_first}) * double{c.grid.columns_per_mm} + 0.5 * odd;
+  const double off = std::abs(column - std::round(column));
+  InPicture found{.close_call = off < 1e-3};
+  if (!(column >= 0.0) || !(column < c.grid.columns - 1)) return found;
+  const auto whole = static_cast<size_t>(column);
+  const size_t at = static_cast<size_t>(picture * c.grid.stride) + whole;
+  found.key = c.keys[at];
+  const auto value = [&](size_t row) {
+    const size_t index =
+        (row * 3 + static_cast<size_t>(channel)) * static_cast<size_t>(c.interval.plane) + at;
+    return std::lerp(double{static_cast<double>(c.values[index])},
+                     double{static_cast<double>(c.values[index + 1])},
+                     column - static_cast<double>(whole));
+  };
+  const auto above = static_cast<size_t>(c.interval.row[odd]);
+  found.value = std::lerp(value(above), value(above + 1), double{c.interval.part[odd]});
+  return found;
+}
+
+Found oracle(const Case& c, int n) {
+  const auto s = static_cast<size_t>(n);
+  if (c.cuts[s] < 0) return {.state = lookup_kernel::kNothing};
+  const bool parallel = c.grid.distance == 0.0F;
+  const double z = double{c.z[s]}, x = double{c.x[s]} + double{c.tan[s]} * z;
+  const double eye =
+      parallel ? double{c.tan[s]} : double{c.x[s]} + double{c.tan[s]} * double{c.grid.distance};
+  const double number = (eye - double{c.grid.eye_first}) / double{c.grid.eye_step};
+  const int left = std::clamp(static_cast<int>(std::max(number, 0.0)), 0, c.grid.pictures - 2);
+  const double part = number - left;
+  const auto glass = [&](int picture) {
+    const double e = double{c.grid.eye_first} + picture * double{c.grid.eye_step};
+    return parallel ? x - e * z : (x - e * z / 700.0) / (1.0 - z / 700.0);
+  };
+  const InPicture a = in_picture(c, left, glass(left), n % 3);
+  const InPicture b = in_picture(c, left + 1, glass(left + 1), n % 3);
+  const uint32_t group = c.groups[static_cast<size_t>(c.cuts[s])];
+  const double apart = std::abs(a.value - b.value);
+  Found found{.close_call = a.close_call || b.close_call ||
+                            std::abs(number - std::round(number)) < 1e-3 ||
+                            std::abs(apart - 600.0) < 2.0 || std::abs(part - 0.25) < 1e-3 ||
+                            std::abs(part - 0.75) < 1e-3};
+  const bool any_view = group % 2 == 0;
+  const uint32_t uneven = group | lookup_kernel::kUneven;
+  double value = 0.0;
+  bool known = false;
+  if (a.key == group && b.key == group) {
+    known = apart <= 600.0;
+    value = std::lerp(a.value, b.value, part);
+  } else if (a.key == group && b.key != uneven && (any_view || part < 0.25)) {
+    known = true;
+    value = a.value;
+  } else if (b.key == group && a.key != uneven && (any_view || part > 0.75)) {
+    known = true;
+    value = b.value;
+  }
+  if (known) found.state = lookup_kernel::kFound;
+  found.code = value / lookup_kernel::kCodeParts;
+  return found;
+}
+
+class KeyLookup : public ::testing::TestWithParam<Isa> {};
+
+TEST_P(KeyLookup, FindsWhatDoublePrecisionFinds) {
+  std::mt19937_64 random(11);
+  int found = 0, unknown = 0;
+  for (int round = 0; round < 60; ++round) {
+    const Case c(random, round % 2 != 0);
+    std::vector<uint8_t> codes(kCount + 16), states(kCount + 16);
+    kernel_for(GetParam()).look_up(c.grid, c.interval, c.row, codes.data(), states.data());
+    for (int n = 0; n < kCount; ++n) {
+      const Found expected = oracle(c, n);
+      if (expected.close_call) continue;
+      const auto s = static_cast<size_t>(n);
+      ASSERT_EQ(states[s], expected.state) << "round " << round << " subpixel " << n;
+      if (states[s] == lookup_kernel::kFound) {
+        ASSERT_NEAR(double{static_cast<double>(codes[s])}, expected.code, 0.51);
+      }
+      found += states[s] == lookup_kernel::kFound ? 1 : 0;
+      unknown += states[s] == lookup_kernel::kUnknown ? 1 : 0;
+    }
+  }
+  EXPECT_GT(found, 1500);
+  EXPECT_GT(unknown, 1500);
+}
+
+TEST_P(KeyLookup, GivesTheSameBytesAsThePlainKernel) {
+  std::mt19937_64 random(12);
+  for (int round = 0; round < 60; ++round) {
+    const Case c(random, round % 2 != 0);
+    std::vector<uint8_t> codes(kCount + 16), states(codes), plain_codes(codes), plain_states(codes);
+    kernel_for(GetParam()).look_up(c.grid, c.interval, c.row, codes.data(), states.data());
+    isa_baseline::kLookupKernel.look_up(c.grid, c.interval, c.row, plain_codes.data(),
+                                        plain_states.data());
+    ASSERT_EQ(states, plain_states);
+    ASSERT_EQ(codes, plain_codes);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(InstructionSets, KeyLookup,
+                         ::testing::ValuesIn(test::instruction_sets_of_this_machine()),
+                         [](const auto& isa) { return std::string(isa_name(isa.param)); });
+
+/// A point on a sample's ray is found at just that sample.
+TEST(KeyGrid, PointsLieWhereTheSamplesSeeThem) {
+  std::mt19937_64 random(7);
+  std::uniform_real_distribution<double> depth(-60.0, 60.0);
+  for (const double distance : {700.0, std::numeric_limits<double>::infinity()}) {
+    const optics::OpticalModel model(
+        testing::make_rig({.width = 120, .height = 90, .distance_mm = distance, .pixel_mm = 0.5}));
+    const RowPlanes planes(model);
+    const KeyGrid grid(planes, testing::make_tiny_stage(), {.pictures = 3});
+    const Grid& lookup = grid.lookup();
+    for (int n = 0; n < 300; ++n) {
+      const int picture = static_cast<int>(random() % 3);
+      const int column = static_cast<int>(random() % static_cast<uint64_t>(grid.columns()));
+      const GlassRay ray = grid.ray(2, picture, column);
+      const double z = depth(random), x = ray.x_mm + ray.tan_x * z;
+      const double eye = double{lookup.eye_first} + picture * double{lookup.eye_step};
+      const double inverse_z = double{lookup.inverse_z};
+      const double on_glass =
+          inverse_z > 0.0 ? (x - eye * z * inverse_z) / (1.0 - z * inverse_z) : x - eye * z;
+      const double found =
+          (on_glass - double{lookup.x_first}) * double{lookup.columns_per_mm} + 0.5 * (picture % 2);
+      EXPECT_NEAR(found, column, 1e-3);
+    }
+  }
+}
+
+TEST(KeyGrid, EveryRowLiesBetweenRowsOfSamples) {
+  const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 91}));
+  const RowPlanes planes(model);
+  const KeyGrid grid(planes, testing::make_tiny_stage(), {.row_step = 4});
+  for (int row = 0; row < planes.rows(); ++row) {
+    const KeyGrid::Between between = grid.between(row);
+    for (const int odd : {0, 1}) {
+      ASSERT_GE(between.above[odd], 0);
+      ASSERT_LT(between.above[odd] + 1, grid.rows());
+      const double above = grid.ray(between.above[odd], odd, 0).y_mm;
+      const double below = grid.ray(between.above[odd] + 1, odd, 0).y_mm;
+      EXPECT_NEAR(std::lerp(above, below, double{between.part[odd]}),
+                  planes.plane_at(row + planes.height_in_row(0)).lens_y_mm, 1e-6);
+    }
+  }
+}
+
+TEST(LightEncoder, IsWithinAPartOfTheCurve) {
+  const LightEncoder managed(true), straight(false);
+  for (int n = -10; n <= 10010; ++n) {
+    const float light = static_cast<float>(n) / 10000.0F;
+    const double held = std::clamp(double{light}, 0.0, 1.0);
+    EXPECT_NEAR(managed.parts(light),
+                frames::srgb_from_linear(held) * 255.0 * lookup_kernel::kCodeParts, 1.0);
+    EXPECT_NEAR(straight.parts(light), held * 255.0 * lookup_kernel::kCodeParts, 0.51);
+  }
+  EXPECT_EQ(managed.parts(std::numeric_limits<float>::quiet_NaN()), 0);
+}
+
+}  // namespace
+}  // namespace lenticule::render

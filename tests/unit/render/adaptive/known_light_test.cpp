@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a traced packet tells of its light, and what is saved by knowing it.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <random>
+
+#include "render/adaptive/colour_tracer.h"
+#include "render/packet_tracer.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+class KnownLight : public ::testing::TestWithParam<testing::NamedScene> {
+ protected:
+  KnownLight()
+      : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1),
+        rig_(testing::make_rig({})),
+        plan_(rig_),
+        groups_(scene_.impl()),
+        tracer_(RenderOptions{.cancelled = {}}) {}
+
+  /// Neighbouring rays toward the middle of the scene.
+  void aim(std::mt19937_64& random) {
+    std::uniform_real_distribution<double> any(-1.0, 1.0);
+    const Vec3 from = normalized(Vec3{any(random), any(random), any(random)}) * 60.0;
+    const Vec3 at = Vec3{any(random), any(random), any(random)} * 12.0;
+    std::vector<PathRay> rays(kPacket);
+    for (PathRay& ray : rays) {
+      ray.origin = from;
+      ray.direction = normalized(at + Vec3{any(random), any(random), any(random)} * 4.0 - from);
+      ray.target = 0;
+    }
+    load_packet(rays, packet_);
+    for (size_t r = 0; r < kPacket; ++r) channel_[r] = static_cast<int32_t>(random() % 3);
+  }
+  [[nodiscard]] const Scene::Impl& impl() const { return scene_.impl(); }
+
+  Scene scene_;
+  optics::Rig rig_;
+  TilePlan plan_;
+  SurfaceGroups groups_;
+  PacketTracer tracer_;
+  RayPacket packet_;
+  alignas(64) std::array<int32_t, kPacket> channel_{};
+  alignas(64) std::array<float, kPacket> light_{}, known_light_{};
+};
+
+TEST_P(KnownLight, TellingChangesNothing) {
+  std::mt19937_64 random(5);
+  for (int round = 0; round < 100; ++round) {
+    aim(random);
+    RayPacket again = packet_;
+    tracer_.trace_lanes(impl(), plan_, channel_, packet_, light_);
+    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, again, known_light_);
+    ASSERT_EQ(light_, known_light_);
+  }
+}
+
+/// With what the notes say, and with nothing, the light is the same.
+TEST_P(KnownLight, KnowingChangesNothing) {
+  std::mt19937_64 random(6);
+  uint64_t saved = 0;
+  for (int round = 0; round < 100; ++round) {
+    aim(random);
+    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
+    const PacketTracer::Notes notes = tracer_.notes();
+    PacketTracer::Known known{};
+    tracer_.trace_known(impl(), channel_, known, packet_, known_light_);
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (packet_.valid[r] == 0) continue;
+      ASSERT_NEAR(light_[r], known_light_[r], 1e-5) << "nothing known, lane " << r;
+      known.set_lights(static_cast<uint32_t>(r), notes.lit[r], notes.hidden[r]);
+      known.secondary_lanes |= 1U << r;
+      known.secondary[r] = notes.secondary[r];
+    }
+    const uint64_t before = tracer_.counts().secondary;
+    tracer_.trace_known(impl(), channel_, known, packet_, known_light_);
+    EXPECT_EQ(tracer_.counts().secondary, before);
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (packet_.valid[r] == 0) continue;
+      ASSERT_NEAR(light_[r], known_light_[r], 1e-5) << "all known, lane " << r;
+      saved += notes.lit[r] != 0 ? 1U : 0U;
+    }
+  }
+  EXPECT_GT(saved, 100U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(testing::tiny_scenes()),
+                         [](const auto& named) {
+                           std::string name = named.param.name;
+                           for (char& c : name)
+                             if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+                           return name;
+                         });
+
+/// A ball over a floor: the notes tell the shadow from the lit floor, and one surface from another.
+TEST(Notes, TellShadowsAndSurfacesApart) {
+  SceneDescription description;
+  description.materials = {Material{.name = "floor"}, Material{.name = "mirror", .specular = 0.5}};
+  description.meshes = {testing::rectangle_mesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0)};
+  description.spheres = {Sphere{.centre = {0, 2, 0}, .radius = 0.5, .material = 1}};
+  description.lights = {Light{.position = {0, 50, 0}}};
+  const Stage stage = testing::make_tiny_stage();
+  const Scene scene(description, stage, {}, 1);
+  const SurfaceGroups groups(scene.impl());
+  const optics::Rig rig = testing::make_rig({});
+  const TilePlan plan(rig);
+  PacketTracer tracer(RenderOptions{.cancelled = {}});
+  std::vector<PathRay> rays(kPacket);
+  const Affine& from_panel = scene.impl().scene_from_panel;
+  const auto aim = [&](size_t n, Vec3 world) {
+    const Vec3 from = from_panel.point(stage.panel_from_world.point({4.0, 4.5, 4.0}));
+    rays[n].origin = from;
+    rays[n].direction = normalized(from_panel.point(stage.panel_from_world.point(world)) - from);
+    rays[n].target = 0;
+  };
+  for (size_t n = 0; n < kPacket; ++n) aim(n, {3.0, 0.0, 3.0});  // lit floor
+  aim(1, {3.5, 0.0, 3.0});                                       // lit floor, too
+  aim(2, {0.0, 0.0, 0.0});                                       // in the ball's shadow
+  aim(3, {0.2, 2.0, 0.0});                                       // the ball
+  RayPacket packet;
+  load_packet(rays, packet);
+  std::array<int32_t, kPacket> channel{};
+  alignas(64) std::array<float, kPacket> light{};
+  tracer.trace_noting(scene.impl(), plan, channel, groups, 0.0F, packet, light);
+  const PacketTracer::Notes& notes = tracer.notes();
+  EXPECT_EQ(notes.way[0], notes.way[1]);
+  EXPECT_NE(notes.way[0], notes.way[2]);
+  EXPECT_NE(notes.way[0], notes.way[3]);
+  EXPECT_EQ(notes.lit[0], 1U);
+  EXPECT_EQ(notes.hidden[0], 0U);
+  EXPECT_EQ(notes.lit[2], 0U);
+  EXPECT_EQ(notes.hidden[2], 1U);
+  EXPECT_EQ(notes.secondary[0], 0.0F);
+}
+
+}  // namespace
+}  // namespace lenticule::render

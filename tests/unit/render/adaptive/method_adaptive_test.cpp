@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/method_adaptive.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <random>
+
+#include "optics/error.h"
+#include "tests/support/instruction_sets.h"
+#include "tests/support/random_rigs.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+using testing::make_rig;
+using testing::make_tiny_stage;
+
+/// Large enough for most subpixels to lie between samples.
+optics::Rig wide_rig() {
+  return make_rig({.width = 400, .height = 240, .pixel_mm = 0.2});
+}
+
+struct Rendered {
+  frames::WovenFrame frame;
+  RenderStatistics statistics;
+};
+
+Rendered rendered(const std::string& method, const SceneDescription& description,
+                  const optics::Rig& rig, const RenderOptions& options = {},
+                  const Surroundings& surroundings = {}) {
+  const optics::OpticalModel model(rig);
+  const Stage stage = make_tiny_stage();
+  const Scene scene(description, stage, surroundings, 1);
+  Rendered out{frames::WovenFrame({rig.panel.width_px, rig.panel.height_px}), {}};
+  out.statistics = make_method(method, model, options)->render(scene, stage, out.frame);
+  EXPECT_TRUE(out.statistics.completed);
+  return out;
+}
+
+struct Difference {
+  double psnr = 0.0;
+  double beyond = 0.0;   ///< share off by more than two codes
+  double far_off = 0.0;  ///< by more than eight
+};
+
+Difference compare(const frames::WovenFrame& a, const frames::WovenFrame& b) {
+  double squares = 0.0, beyond = 0.0, far_off = 0.0;
+  const auto count = static_cast<double>(a.bytes().size());
+  for (size_t n = 0; n < a.bytes().size(); ++n) {
+    const int off = std::abs(int{a.bytes()[n]} - int{b.bytes()[n]});
+    squares += off * off;
+    beyond += off > 2 ? 1.0 : 0.0;
+    far_off += off > 8 ? 1.0 : 0.0;
+  }
+  return {.psnr = 10.0 * std::log10(255.0 * 255.0 * count / std::max(squares, 1e-9)),
+          .beyond = beyond / count,
+          .far_off = far_off / count};
+}
+
+TEST(MethodAdaptive, IsCloseToFullOnEveryScene) {
+  uint64_t interpolated = 0, shaded = 0;
+  for (const bool managed : {false, true})
+    for (testing::NamedScene named : testing::tiny_scenes()) {
+      named.scene.colour_managed = managed;
+      const Rendered full = rendered("full", named.scene, wide_rig());
+      const Rendered adaptive = rendered("adaptive", named.scene, wide_rig());
+      const Difference off = compare(full.frame, adaptive.frame);
+      const RenderStatistics& s = adaptive.statistics;
+      EXPECT_GT(off.psnr, 45.0) << named.name << managed;
+      EXPECT_LT(off.far_off, 0.004) << named.name << managed;
+      EXPECT_LE(off.beyond, s.beyond_bound) << named.name << managed;
+      EXPECT_EQ(s.interpolated_subpixels + s.traced_subpixels, s.subpixels);
+      EXPECT_GT(s.audited_subpixels, s.subpixels / 1000);
+      interpolated += s.interpolated_subpixels;
+      shaded += s.traced_subpixels;
+    }
+  EXPECT_GT(interpolated, shaded);
+}
+
+TEST(MethodAdaptive, WithoutErrorHasTheBytesOfFull) {
+  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    const RenderOptions exact{.tolerated_error = 0.0, .cancelled = {}};
+    EXPECT_EQ(rendered("full", named.scene, wide_rig()).frame,
+              rendered("adaptive", named.scene, wide_rig(), exact).frame)
+        << named.name;
+  }
+}
+
+TEST(MethodAdaptive, ASmallerErrorIsCloser) {
+  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    const Rendered full = rendered("full", named.scene, wide_rig());
+    const auto with = [&](double error) {
+      return compare(full.frame, rendered("adaptive", named.scene, wide_rig(),
+                                          {.tolerated_error = error, .cancelled = {}})
+                                     .frame);
+    };
+    EXPECT_GE(with(0.5).psnr, with(8.0).psnr) << named.name;
+  }
+}
+
+TEST(MethodAdaptive, GivesTheSameBytesHoweverTheWorkIsDone) {
+  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    const Rendered one =
+        rendered("adaptive", named.scene, wide_rig(), {.threads = 1, .cancelled = {}});
+    const auto same = [&](const RenderOptions& options) {
+      EXPECT_EQ(one.frame, rendered("adaptive", named.scene, wide_rig(), options).frame)
+          << named.name;
+    };
+    same({.threads = 3, .cancelled = {}});
+    same({.threads = 8, .tiles_backwards = true, .cancelled = {}});
+    for (const Isa isa : test::instruction_sets_of_this_machine())
+      same({.threads = 1, .isa = isa, .cancelled = {}});
+  }
+}
+
+/// Residual maps, parallel zones, wide lobes and unusual orders of subpixels.
+TEST(MethodAdaptive, IsCloseToFullOnEveryKindOfRig) {
+  std::vector<optics::Rig> rigs = {
+      make_rig({.width = 300, .height = 160, .pitch_subpx = 24.0, .slant = 0.0, .pixel_mm = 0.25}),
+      make_rig({.width = 300,
+                .height = 160,
+                .distance_mm = std::numeric_limits<double>::infinity(),
+                .pixel_mm = 0.25}),
+      make_rig({.width = 300, .height = 160, .slant = -0.6, .eye_height_mm = 90, .pixel_mm = 0.25}),
+      make_rig({.width = 300, .height = 160, .layout = "cells", .pixel_mm = 0.25})};
+  rigs.push_back(rigs.front());
+  std::mt19937_64 random(5);
+  rigs.back().sheet.residual = test::random_residual(random, 2, 2, 0.04);
+  rigs.push_back(rigs.front());
+  rigs.back().panel.layout = optics::SubpixelLayout::bgr();
+  const testing::NamedScene named = testing::tiny_scenes().front();
+  for (const optics::Rig& rig : rigs) {
+    const Difference off = compare(rendered("full", named.scene, rig).frame,
+                                   rendered("adaptive", named.scene, rig).frame);
+    EXPECT_GT(off.psnr, 42.0);
+    EXPECT_LT(off.far_off, 0.005);
+  }
+}
+
+TEST(MethodAdaptive, ShowsSkiesAndEmptyScenesAsFullDoes) {
+  SceneDescription empty;
+  empty.background = {1.0, 0.2, 0.0};
+  for (const bool sky : {false, true}) {
+    Surroundings surroundings;
+    surroundings.sky = sky;
+    const Difference off = compare(rendered("full", empty, wide_rig(), {}, surroundings).frame,
+                                   rendered("adaptive", empty, wide_rig(), {}, surroundings).frame);
+    EXPECT_EQ(off.beyond, 0.0);
+    EXPECT_GT(off.psnr, 60.0);
+  }
+}
+
+/// Samples a few pixels apart know nothing of such detail: the audit finds it out.
+TEST(MethodAdaptive, MendsWhatSamplesMiss) {
+  SceneDescription scene;
+  scene.colour_managed = false;
+  scene.ambient = Vec3{1, 1, 1};
+  scene.materials = {Material{.name = "paper", .colour = {1, 1, 1}, .texture = 0}};
+  auto stripes = std::make_shared<Texture>();
+  stripes->width = 1;
+  // As many stripes as there are rows of samples, nearly: each row of samples sees one shade.
+  stripes->height = 4 * 60;
+  for (int n = 0; n < stripes->height; ++n)
+    for (int c = 0; c < 4; ++c) stripes->rgba.push_back(n % 4 == 1 || n % 4 == 3 ? 0.2F : 0.9F);
+  scene.textures = {stripes};
+  TriangleMesh sheet = testing::rectangle_mesh({-40, -24, 0}, {80, 0, 0}, {0, 48, 0}, 0);
+  for (const Vec3& p : sheet.positions)
+    sheet.uvs.push_back(
+        {static_cast<float>((p.x + 40.0) / 80.0), static_cast<float>((24.0 - p.y) / 48.0)});
+  scene.meshes = {sheet};
+  const optics::Rig rig = wide_rig();
+  const optics::OpticalModel model(rig);
+  const Stage stage = make_tiny_stage({.mm_per_unit = 1.0});
+  const Scene committed(scene, stage, {}, 1);
+  frames::WovenFrame full({rig.panel.width_px, rig.panel.height_px}), adaptive = full;
+  (void)make_method("full", model, {})->render(committed, stage, full);
+  const RenderStatistics s = make_method("adaptive", model, {})->render(committed, stage, adaptive);
+  const Difference off = compare(full, adaptive);
+  EXPECT_LE(off.beyond, s.beyond_bound);
+  EXPECT_LT(off.beyond, 0.08);
+}
+
+TEST(MethodAdaptive, EndsEarlyWhenCancelled) {
+  const optics::Rig rig = wide_rig();
+  const optics::OpticalModel model(rig);
+  const Stage stage = make_tiny_stage();
+  const Scene scene(testing::tiny_scenes().front().scene, stage, {});
+  std::atomic<int> asked{0};
+  const auto method =
+      make_method("adaptive", model, {.threads = 2, .cancelled = [&] { return ++asked > 3; }});
+  frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px});
+  EXPECT_FALSE(method->render(scene, stage, frame).completed);
+}
+
+TEST(MethodAdaptive, RefusesWhatItCannotDo) {
+  const optics::OpticalModel model(make_rig({}));
+  for (const double error :
+       {-1.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})
+    EXPECT_THROW((void)make_method("adaptive", model, {.tolerated_error = error, .cancelled = {}}),
+                 Error);
+  EXPECT_THROW((void)make_method("adaptive", model, {.samples = 4, .cancelled = {}}), Error);
+}
+
+}  // namespace
+}  // namespace lenticule::render
