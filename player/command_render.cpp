@@ -56,6 +56,10 @@ struct RunTotals {
     rays.primary_rays += frame.primary_rays;
     rays.shadow_rays += frame.shadow_rays;
     rays.secondary_rays += frame.secondary_rays;
+    rays.ambient_rays += frame.ambient_rays;
+    rays.ambient_rays_proved += frame.ambient_rays_proved;
+    rays.shadow_rays_proved += frame.shadow_rays_proved;
+    rays.shadow_rays_blocked += frame.shadow_rays_blocked;
     rays.invalid_rays += frame.invalid_rays;
     rays.suspected_holes += frame.suspected_holes;
     rays.filled_holes += frame.filled_holes;
@@ -126,7 +130,11 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"subpixels", totals.rays.subpixels},
           {"primary_rays", totals.rays.primary_rays},
           {"shadow_rays", totals.rays.shadow_rays},
+          {"shadow_rays_proved", totals.rays.shadow_rays_proved},
+          {"shadow_rays_blocked", totals.rays.shadow_rays_blocked},
           {"secondary_rays", totals.rays.secondary_rays},
+          {"ambient_rays", totals.rays.ambient_rays},
+          {"ambient_rays_proved", totals.rays.ambient_rays_proved},
           {"invalid_rays", totals.rays.invalid_rays},
           {"suspected_holes", totals.rays.suspected_holes},
           {"filled_holes", totals.rays.filled_holes},
@@ -349,6 +357,36 @@ void declare_surroundings_flags(CLI::App& app, RenderFlags& flags) {
   app.add_option("--ground-colour", flags.ground_colour, "R,G,B of that plane")->group(kGroup);
 }
 
+void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft) {
+  constexpr const char* kGroup = "Soft light (rays for each shaded point)";
+  CLI::Option* shadows =
+      app.add_option("--soft-shadows", soft.shadow_samples, "rays to each lamp that has a size")
+          ->group(kGroup);
+  app.add_option("--light-size", soft.lamp_radius_mm,
+                 "radius of lamps that stand somewhere, mm on the glass; 0 = hard")
+      ->group(kGroup)
+      ->needs(shadows)
+      ->capture_default_str();
+  app.add_option("--sun-size", soft.sun_radius_degrees,
+                 "radius of lamps infinitely far away, degrees; 0 = hard")
+      ->group(kGroup)
+      ->needs(shadows)
+      ->capture_default_str();
+  CLI::Option* occlusion =
+      app.add_option("--occlusion", soft.occlusion_samples,
+                     "rays that find out how much of the ambient light is blocked")
+          ->group(kGroup);
+  app.add_option("--occlusion-distance", soft.occlusion_distance_mm,
+                 "how far they look, mm on the glass; inf = everywhere")
+      ->group(kGroup)
+      ->needs(occlusion)
+      ->capture_default_str();
+  app.add_option("--environment-light", soft.environment_samples,
+                 "rays to the surroundings, which then light the scene instead of ambient light")
+      ->group(kGroup)
+      ->excludes(occlusion);
+}
+
 }  // namespace
 
 Run declare_render(CLI::App& app) {
@@ -387,6 +425,7 @@ Run declare_render(CLI::App& app) {
   app.add_flag("--json", flags->json, "print what was done as JSON");
   declare_stage_flags(app, *flags);
   declare_surroundings_flags(app, *flags);
+  declare_soft_light_flags(app, flags->options.soft);
   return [flags]() -> ExitCode {
     complete(*flags);
     flags->options.threads = threads_of(*flags);

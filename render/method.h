@@ -13,6 +13,7 @@
 #include "optics/cpu.h"
 #include "optics/model.h"
 #include "render/reuse_options.h"
+#include "render/sampling/soft_light.h"
 #include "render/scene.h"
 #include "render/stage.h"
 #include "render/work_clock.h"
@@ -23,6 +24,7 @@ struct RenderOptions {
   int threads = 0;       ///< 0 = all cores
   int samples = 1;       ///< per subpixel, inside its angular footprint; 1 = the centre
   int max_depth = 5;     ///< of reflections and refractions
+  SoftLight soft{};      ///< lamps that have a size, light from all around
   Isa isa = best_isa();  ///< of our own loops; the bytes do not depend on it
   /// Rays that are proved to meet nothing are not traced (render/shaft.h); the bytes are the same.
   bool use_shaft_proofs = true;
@@ -45,6 +47,8 @@ struct RenderStatistics {
   uint64_t primary_rays = 0;
   uint64_t shadow_rays = 0;
   uint64_t secondary_rays = 0;
+  uint64_t ambient_rays = 0;             ///< of sampled occlusion and surroundings
+  uint64_t ambient_rays_proved = 0;      ///< of ambient_rays: not traced, nothing was near
   uint64_t invalid_rays = 0;             ///< not finite, so not shown to Embree
   uint64_t suspected_holes = 0;          ///< primary rays that went on where their neighbours ended
   uint64_t filled_holes = 0;             ///< and those that had slipped between triangles

@@ -100,9 +100,10 @@ class FullMethod final : public Method {
     clock.turn_to(Work::MakeRays);
     worker.light.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, 0.0F);
     const double weight = 1.0 / static_cast<double>(samples_.size());
-    for (const Footprint& sample : samples_) {
-      worker.maker.start(scene, tile, sample);
-      worker.tracer.trace(scene, plan_, tile, weight, worker.maker, worker.light);
+    for (size_t k = 0; k < samples_.size(); ++k) {
+      worker.maker.start(scene, tile, samples_[k]);
+      worker.tracer.trace(scene, plan_, tile, {.number = static_cast<int>(k), .weight = weight},
+                          worker.maker, worker.light);
     }
     clock.turn_to(Work::Write);
     write_tile(scene, tile, worker.light, frame);

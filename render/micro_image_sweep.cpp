@@ -250,9 +250,10 @@ void MicroImageSweep::trace(int column, const Lanes& lanes) {
     queue_.rays.tan[q] = c.tan[r];
     queue_.column[q] = column;
     queue_.lane[q] = r;
-    queue_.channel[q] =
-        (plan_.tiles.subpixel(tile_, column, static_cast<int>(r)) % kChannels + kChannels) %
-        kChannels;
+    const int row = static_cast<int>(r);
+    const int subpixel = plan_.tiles.subpixel(tile_, column, row);
+    queue_.channel[q] = (subpixel % kChannels + kChannels) % kChannels;
+    queue_.seed[q] = sampling::subpixel_seed(tile_.row_begin + row, subpixel, 0);
     if (queue_.count == kPacket) flush();
   }
 }
@@ -267,6 +268,7 @@ void MicroImageSweep::flush() {
     packet.rays.hit.geomID[q] = RTC_INVALID_GEOMETRY_ID;
   }
   alignas(64) std::array<float, kPacket> light;
+  tracer_.set_seeds(queue_.seed);
   tracer_.trace_lanes(*scene_, plan_.tiles, queue_.channel, packet, light);
   plan_.kernel.take_hits(panel_, &packet.rays.ray.org_x[0], lanes.data(), queue_.rays);
   for (size_t q = 0; q < queue_.count; ++q) take(q, light[q]);

@@ -116,6 +116,7 @@ class MicroImageSweep {
     std::array<int, kPacket> column;
     std::array<size_t, kPacket> lane;
     std::array<int32_t, kPacket> channel;
+    std::array<uint32_t, kPacket> seed;
     size_t count = 0;
   };
   Queue queue_;

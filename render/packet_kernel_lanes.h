@@ -100,6 +100,7 @@ LENTICULE_LANES_SAME(*)
 LENTICULE_LANES_SAME(/)
 LENTICULE_LANES_SAME(&)
 LENTICULE_LANES_SAME(|)
+LENTICULE_LANES_SAME(^)
 LENTICULE_LANES_OPERATOR(<, Masks)
 LENTICULE_LANES_OPERATOR(>, Masks)
 LENTICULE_LANES_OPERATOR(<=, Masks)
@@ -125,8 +126,9 @@ inline Lanes<E> operator<<(const Lanes<E>& v, int count) {
   for (int p = 0; p < kParts; ++p) out.part[p] = v.part[p] << count;
   return out;
 }
-inline Masks operator>>(const Masks& v, int count) {
-  Masks out;
+template <class E>
+inline Lanes<E> operator>>(const Lanes<E>& v, int count) {
+  Lanes<E> out;
   for (int p = 0; p < kParts; ++p) out.part[p] = v.part[p] >> count;
   return out;
 }
@@ -175,6 +177,9 @@ inline Floats& floats_at(float* lanes) {
 }
 /// Whole numbers where a packet of Embree's keeps its floats.
 inline const Words& words_at(const float* lanes) {
+  return *reinterpret_cast<const Words*>(lanes);
+}
+inline const Words& words_in(const uint32_t* lanes) {
   return *reinterpret_cast<const Words*>(lanes);
 }
 inline const Masks& masks_at(const int32_t* lanes) {

@@ -8,6 +8,7 @@
 
 #include "frames/srgb.h"
 #include "render/adaptive/surface_groups.h"
+#include "render/lane_masks.h"
 #include "render/shading.h"
 #include "render/shading_tables.h"
 #include "render/texture.h"
@@ -18,6 +19,8 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   primary += other.primary;
   secondary += other.secondary;
   shadow += other.shadow;
+  ambient += other.ambient;
+  ambient_proved += other.ambient_proved;
   invalid += other.invalid;
   holes += other.holes;
   shadow_proved += other.shadow_proved;
@@ -31,6 +34,8 @@ void RayCounts::report(RenderStatistics& statistics) const {
   statistics.primary_rays = primary;
   statistics.shadow_rays = shadow;
   statistics.secondary_rays = secondary;
+  statistics.ambient_rays = ambient;
+  statistics.ambient_rays_proved = ambient_proved;
   statistics.invalid_rays = invalid;
   statistics.suspected_holes = holes.suspected;
   statistics.filled_holes = holes.filled;
@@ -42,6 +47,7 @@ void RayCounts::report(RenderStatistics& statistics) const {
 
 namespace {
 
+using sampling::Turn;
 using shading_kernel::NewRays;
 using shading_kernel::Surfaces;
 
@@ -50,27 +56,6 @@ static_assert(shading_kernel::kLanes == kPacket);
 /// So few that rays and hits never leave the first cache.
 constexpr int kFewPackets = 8;
 static_assert(TilePlan::kColumns % kFewPackets == 0);
-
-bool any_lane(const int* valid) {
-  int all = 0;
-  for (size_t r = 0; r < kPacket; ++r) all |= valid[r];
-  return all != 0;
-}
-uint32_t lane_bits(const int* valid) {
-  uint32_t bits = 0;
-  for (uint32_t r = 0; r < kPacket; ++r) bits |= static_cast<uint32_t>(valid[r] & 1) << r;
-  return bits;
-}
-void take_lanes(uint32_t lanes, int* valid) {
-  if (lanes == 0) return;
-  for (uint32_t r = 0; r < kPacket; ++r) valid[r] &= static_cast<int>(lanes >> r & 1) - 1;
-}
-
-uint64_t count(const int* valid) {
-  int sum = 0;
-  for (size_t r = 0; r < kPacket; ++r) sum += valid[r];
-  return static_cast<uint64_t>(-sum);
-}
 
 /// One lane as render/surface.h sees it: near the critical angle, refraction makes much of what
 /// single precision rounds away.
@@ -128,6 +113,7 @@ uint8_t code_of_light(float light) {
 }  // namespace
 
 struct PacketTracer::Generation {
+  uint32_t path = sampling::kFirstPath;
   Surfaces surfaces;
   Cells cells;
   RayPacket mirrored;
@@ -155,12 +141,18 @@ PacketTracer::Colours PacketTracer::colours_of(const Scene::Impl& scene, const T
 
 PacketTracer::PacketTracer(const RenderOptions& options)
     : kernel_(shading_kernel_for(options.isa)),
+      soft_(options.soft, options.isa),
+      is_soft_(options.soft.any()),
       primary_(kFewPackets),
       generations_(static_cast<size_t>(options.max_depth) + 1),
       use_proofs_(options.use_shaft_proofs),
-      skip_weak_(options.skip_weak_rays && options.samples == 1),
+      // Nothing bounds what the surroundings send to a surface.
+      skip_weak_(options.skip_weak_rays && options.samples == 1 &&
+                 options.soft.environment_samples == 0),
       cells_(size_t{1} << kAnswersLog2),
       answers_(size_t{1} << kAnswersLog2),
+      lamp_payoff_(static_cast<uint32_t>(options.soft.shadow_samples)),
+      around_payoff_(static_cast<uint32_t>(options.soft.occlusion_samples)),
       clock_(options.measure_work) {
   init_packets(primary_);
   for (Generation& generation : generations_) {
@@ -174,6 +166,18 @@ PacketTracer::PacketTracer(const RenderOptions& options)
 PacketTracer::~PacketTracer() = default;
 PacketTracer::PacketTracer(PacketTracer&&) noexcept = default;
 
+RayCounts PacketTracer::counts() const {
+  RayCounts all = counts_;
+  const SoftShader::Counts& soft = soft_.counts();
+  all.shadow += soft.shadow;
+  all.shadow_proved += soft.shadow_proved;
+  all.shadow_blocked += soft.shadow_blocked;
+  all.ambient += soft.ambient;
+  all.ambient_proved += soft.ambient_proved;
+  all.invalid += soft.invalid;
+  return all;
+}
+
 bool PacketTracer::Payoff::worth_asking() {
   if (pause_ == 0) return true;
   --pause_;
@@ -186,15 +190,17 @@ void PacketTracer::Payoff::asked(bool packet_saved) {
   if (packet_saved) ++saved_;
   if (++asked_ < kTrial) return;
   // Longer each time: a tile may differ from its neighbours, a scene from others.
-  next_pause_ = 2 * saved_ < kTrial ? std::min(2 * next_pause_, kLongestPause) : kTrial;
-  pause_ = 2 * saved_ < kTrial ? next_pause_ : 0;
+  const bool pays = 2 * per_answer_ * saved_ >= kTrial;
+  next_pause_ = pays ? kTrial : std::min(2 * next_pause_, kLongestPause);
+  pause_ = pays ? 0 : next_pause_;
   asked_ = saved_ = 0;
 }
 
 void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
-                         double weight, PrimaryPackets::Maker& maker, std::span<float> light) {
+                         FootprintSample sample, PrimaryPackets::Maker& maker,
+                         std::span<float> light) {
   alignas(64) std::array<float, kPacket> weights;
-  weights.fill(static_cast<float>(weight));
+  weights.fill(static_cast<float>(sample.weight));
   maker.prepare(primary_);
   // The colours of a column's lanes repeat every three columns.
   std::array<Colours, 3> colours;
@@ -205,6 +211,7 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
     for (int k = 0; k < kFewPackets; ++k) {
       RayPacket& packet = primary_[static_cast<size_t>(k)];
       const Colours& of_column = colours[static_cast<size_t>((column + k) % 3)];
+      if (is_soft_) seed_column(plan, tile, column + k, sample.number);
       trace_packet(scene, plan.row_mm(), of_column, weights.data(), packet);
       float* out = light.data() + column + k;
       for (size_t row = 0; row < kPacket; ++row)
@@ -212,6 +219,18 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
     }
   }
   counts_.invalid += maker.refused();
+}
+
+void PacketTracer::seed_column(const TilePlan& plan, const Tile& tile, int column, int sample) {
+  for (size_t r = 0; r < kPacket; ++r) {
+    const int row = static_cast<int>(r);
+    lanes_.seed[r] =
+        sampling::subpixel_seed(tile.row_begin + row, plan.subpixel(tile, column, row), sample);
+  }
+}
+
+void PacketTracer::set_seeds(std::span<const uint32_t, kPacket> seeds) {
+  std::copy_n(seeds.data(), kPacket, lanes_.seed);
 }
 
 PacketTracer::Colours PacketTracer::colours_of(const Scene::Impl& scene,
@@ -269,7 +288,7 @@ void PacketTracer::trace_packet(const Scene::Impl& scene, double row_mm, const C
   intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
   fill_holes(scene, row_mm, packet, counts_.holes);
   clock_.turn_to(Work::Shade);
-  counts_.primary += count(packet.valid);
+  counts_.primary += count_lanes(packet.valid);
   set_colours(colours);
   shade(scene, packet, weight, 0);
 }
@@ -291,14 +310,11 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   if (!met) return;
   if (groups_ != nullptr) note_surfaces(packet, surfaces, weight, depth);
   if (surfaces.any_textured) apply_textures(scene, packet, surfaces);
-  kernel_.add_own_light(scene.shading->tables(), surfaces, weight, lanes_.light);
-  const bool provable = use_proofs_ && scene.proofs != nullptr;
-  const bool ask_lights = provable && shadow_payoff_.worth_asking();
-  const bool ask_mirrored =
-      provable && surfaces.any_specular != 0 && mirrored_payoff_.worth_asking();
-  if (ask_lights || ask_mirrored) find_cells(scene, packet, surfaces, generation.cells);
+  const Asking ask = worth_asking(scene, surfaces);
+  if (ask.any()) find_cells(scene, packet, surfaces, generation.cells);
   const Asker asker{packet, generation};
-  add_lights(scene, asker, weight, ask_lights, depth);
+  add_own_light(scene, asker, weight, ask.around);
+  add_lights(scene, asker, weight, ask, depth);
   if (depth == 0) {
     if (groups_ != nullptr || known_ != nullptr)
       std::copy_n(lanes_.light, kPacket, notes_.secondary);  // until the end
@@ -315,7 +331,7 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   if (!any) return;
   if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
     leave_out_weak(scene, rays, depth);
-  if (ask_mirrored) {
+  if (ask.mirrored) {
     const uint32_t open = take_open(scene, asker, rays, generation.mirrored.valid);
     mirrored_payoff_.asked(!any_lane(generation.mirrored.valid));
     counts_.secondary += static_cast<uint64_t>(std::popcount(open));
@@ -323,8 +339,42 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   }
   const uint32_t branch = branch_;
   branch_ = 2 * branch;
-  follow(scene, rays, generation.mirrored, depth);
+  follow(scene, rays, generation.mirrored, depth, Turn::Mirrored);
   branch_ = branch;
+}
+
+PacketTracer::Asking PacketTracer::worth_asking(const Scene::Impl& scene, const Surfaces& met) {
+  if (!use_proofs_ || scene.proofs == nullptr) return {};
+  if (is_soft_ && soft_proofs_ == nullptr) soft_proofs_ = &scene.proofs->with_sizes(soft_.sizes());
+  return {.points = shadow_payoff_.worth_asking(),
+          .lamps = soft_.samples_lamps() && lamp_payoff_.worth_asking(),
+          .around = soft_.looks_around() && around_payoff_.worth_asking(),
+          .mirrored = met.any_specular != 0 && mirrored_payoff_.worth_asking()};
+}
+
+void PacketTracer::add_own_light(const Scene::Impl& scene, const Asker& asker, const float* weight,
+                                 bool ask) {
+  const Surfaces& surfaces = asker.generation.surfaces;
+  if (!soft_.samples_ambient())
+    return kernel_.add_own_light(scene.shading->tables(), surfaces, weight, lanes_.light);
+  uint32_t open_lanes = 0;
+  if (ask) {
+    const shading_kernel::CellGroups& groups = asker.generation.cells.groups;
+    for (int g = 0; g < groups.count; ++g)
+      if (open(*soft_proofs_, asker, g, ShaftProofs::kAround)) open_lanes |= groups.lanes[g];
+    around_payoff_.asked(open_lanes == lane_bits(surfaces.active));
+  }
+  alignas(64) std::array<float, kPacket> ambient;
+  soft_.find_ambient(soft_packet(scene, asker.generation), open_lanes, lanes_.backdrop,
+                     ambient.data(), clock_);
+  kernel_.add_own_light_under(ambient.data(), surfaces, weight, lanes_.light);
+}
+
+SoftPacket PacketTracer::soft_packet(const Scene::Impl& scene, const Generation& generation) const {
+  return {.scene = scene,
+          .surfaces = generation.surfaces,
+          .seeds = std::span<const uint32_t, kPacket>(lanes_.seed),
+          .path = generation.path};
 }
 
 /// All that a subpixel will get from elsewhere is in lanes_.light by now: what is left to add lies
@@ -363,21 +413,25 @@ void PacketTracer::add_backdrop(const Scene::Impl& scene, const RayPacket& packe
 }
 
 void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight,
-                              bool ask, size_t depth) {
+                              Asking ask, size_t depth) {
   NewRays rays;
   rays.packet = &lanes_.shadow.org_x[0];
   rays.valid = lanes_.shadow_valid;
   const std::vector<shading_kernel::Light>& lights = scene.shading->lights();
   for (size_t light = 0; light < lights.size(); ++light) {
+    if (soft_.samples(lights[light])) {
+      add_soft_light(scene, asker, light, weight, ask.lamps);
+      continue;
+    }
     const bool any = kernel_.shadow_rays(lights[light], asker.generation.surfaces, weight, rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
-    counts_.shadow += count(rays.valid);
+    counts_.shadow += count_lanes(rays.valid);
     const uint32_t wanted = lane_bits(rays.valid);
     uint32_t lit = known_ != nullptr && depth == 0 ? take_known(light, rays.valid) : 0;
-    if (ask) lit |= take_lit(scene, asker, light, rays.valid);
+    if (ask.points) lit |= take_lit(scene, asker, light, rays.valid);
     const bool some_left = any_lane(rays.valid);
-    if (ask) shadow_payoff_.asked(!some_left);
+    if (ask.points) shadow_payoff_.asked(!some_left);
     if (some_left) {
       clock_.turn_to(Work::TraceShadows);
       occluded16(rays.valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
@@ -390,6 +444,22 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
       if ((reached >> r & 1) != 0) lanes_.light[r] += rays.weight[r];
     if (groups_ != nullptr) note_shadows(rays.weight, wanted, reached, light, depth);
   }
+}
+
+/// Asks where the lamp's middle is before the surface; its rim may be, elsewhere.
+void PacketTracer::add_soft_light(const Scene::Impl& scene, const Asker& asker, size_t light,
+                                  const float* weight, bool ask) {
+  KnownLanes known;
+  NewRays to_middle;
+  to_middle.packet = &lanes_.shadow.org_x[0];
+  to_middle.valid = lanes_.shadow_valid;
+  if (ask && kernel_.shadow_rays(scene.shading->lights()[light], asker.generation.surfaces, weight,
+                                 to_middle)) {
+    const uint32_t wanted = lane_bits(to_middle.valid);
+    known = known_lanes(scene, asker, light, wanted);
+    lamp_payoff_.asked((known.lit | known.blocked) == wanted);
+  }
+  soft_.add_lamp(soft_packet(scene, asker.generation), light, known, weight, lanes_.light, clock_);
 }
 
 namespace {
@@ -467,8 +537,10 @@ ShaftProof PacketTracer::light_proof(const Scene::Impl& scene, const Asker& aske
   const uint64_t number = cells.numbers[group];
   const auto ask = [&] {
     const auto lane = static_cast<size_t>(cells.groups.first[group]);
-    return scene.proofs->proof(cell_of(asker.packet.rays, asker.generation.surfaces, lane), number,
-                               ShaftProofs::light_target(light));
+    ShaftProofs& proofs =
+        soft_.samples(scene.shading->lights()[light]) ? *soft_proofs_ : *scene.proofs;
+    return proofs.proof(cell_of(asker.packet.rays, asker.generation.surfaces, lane), number,
+                        ShaftProofs::light_target(light));
   };
   if (light >= kLightsPerCell) return ask();
   CellAnswers& known = cells_[ShaftProofs::mixed(number, kAnswersLog2)];
@@ -481,37 +553,38 @@ ShaftProof PacketTracer::light_proof(const Scene::Impl& scene, const Asker& aske
   return proof;
 }
 
-/// Whether nothing lies in a bin of directions from there.
-bool PacketTracer::open(const Scene::Impl& scene, const Asker& asker, int group,
-                        uint64_t direction) {
+/// Whether nothing lies in a bin of directions from there, or all around it.
+bool PacketTracer::open(ShaftProofs& proofs, const Asker& asker, int group, uint64_t target) {
   const Cells& cells = asker.generation.cells;
-  const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + direction;
+  const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + target;
   Answer& answer = answers_[ShaftProofs::mixed(question, kAnswersLog2)];
   if (answer.question == question) return answer.empty;
   const auto lane = static_cast<size_t>(cells.groups.first[group]);
   const SurfaceCell cell = cell_of(asker.packet.rays, asker.generation.surfaces, lane);
-  answer = {question,
-            scene.proofs->proof(cell, cells.numbers[group], direction) == ShaftProof::Empty};
+  answer = {question, proofs.proof(cell, cells.numbers[group], target) == ShaftProof::Empty};
   return answer.empty;
+}
+
+KnownLanes PacketTracer::known_lanes(const Scene::Impl& scene, const Asker& asker, size_t light,
+                                     uint32_t wanted) {
+  const shading_kernel::CellGroups& groups = asker.generation.cells.groups;
+  KnownLanes known;
+  for (int g = 0; g < groups.count; ++g) {
+    if ((groups.lanes[g] & wanted) == 0) continue;
+    const ShaftProof proof = light_proof(scene, asker, g, light);
+    known.lit |= proof == ShaftProof::Empty ? groups.lanes[g] : 0;
+    known.blocked |= proof == ShaftProof::Blocked ? groups.lanes[g] : 0;
+  }
+  return {.lit = known.lit & wanted, .blocked = known.blocked & wanted};
 }
 
 uint32_t PacketTracer::take_lit(const Scene::Impl& scene, const Asker& asker, size_t light,
                                 int* valid) {
-  const shading_kernel::CellGroups& groups = asker.generation.cells.groups;
-  const uint32_t wanted = lane_bits(valid);
-  uint32_t lit = 0, blocked = 0;
-  for (int g = 0; g < groups.count; ++g) {
-    if ((groups.lanes[g] & wanted) == 0) continue;
-    const ShaftProof proof = light_proof(scene, asker, g, light);
-    lit |= proof == ShaftProof::Empty ? groups.lanes[g] : 0;
-    blocked |= proof == ShaftProof::Blocked ? groups.lanes[g] : 0;
-  }
-  lit &= wanted;
-  blocked &= wanted;
-  take_lanes(lit | blocked, valid);
-  counts_.shadow_proved += static_cast<uint64_t>(std::popcount(lit));
-  counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(blocked));
-  return lit;
+  const KnownLanes known = known_lanes(scene, asker, light, lane_bits(valid));
+  take_lanes(known.lit | known.blocked, valid);
+  counts_.shadow_proved += static_cast<uint64_t>(std::popcount(known.lit));
+  counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(known.blocked));
+  return known.lit;
 }
 
 uint32_t PacketTracer::take_open(const Scene::Impl& scene, const Asker& asker, const NewRays& rays,
@@ -525,7 +598,7 @@ uint32_t PacketTracer::take_open(const Scene::Impl& scene, const Asker& asker, c
     for (uint32_t left = groups.lanes[g] & wanted; left != 0; left &= left - 1) {
       const int r = std::countr_zero(left);
       const uint64_t target = ShaftProofs::direction_target(rays.bin_u[r], rays.bin_v[r]);
-      if (target != last) last_empty = open(scene, asker, g, target);
+      if (target != last) last_empty = open(*scene.proofs, asker, g, target);
       last = target;
       if (last_empty) empty |= 1U << r;
     }
@@ -571,16 +644,16 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
   const uint32_t branch = branch_;
   branch_ = 2 * branch;
   ++glass_above_;
-  follow(scene, mirrored, generation.mirrored, depth);
+  follow(scene, mirrored, generation.mirrored, depth, Turn::Mirrored);
   --glass_above_;
   branch_ = 2 * branch + 1;
-  follow(scene, refracted, generation.refracted, depth);
+  follow(scene, refracted, generation.refracted, depth, Turn::Refracted);
   branch_ = branch;
 }
 
-void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& packet,
-                          size_t depth) {
-  const uint64_t traced = count(packet.valid);
+void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& packet, size_t depth,
+                          Turn turn) {
+  const uint64_t traced = count_lanes(packet.valid);
   if (traced == 0) return;
   counts_.secondary += traced;
   std::fill_n(packet.rays.hit.geomID, kPacket, RTC_INVALID_GEOMETRY_ID);
@@ -589,6 +662,7 @@ void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& pa
   intersect16(packet.valid, scene.embree.get(), packet.rays,
               depth == 0 ? Coherence::Coherent : Coherence::Incoherent);
   clock_.turn_to(Work::Shade);
+  generations_[depth + 1].path = sampling::longer_path(generations_[depth].path, turn);
   shade(scene, packet, rays.weight, depth + 1);
 }
 

@@ -13,6 +13,7 @@
 #include "render/method.h"
 #include "render/primary_packets.h"
 #include "render/ray_stream.h"
+#include "render/sampling/soft_shader.h"
 #include "render/shading_kernel.h"
 #include "render/shaft_proofs.h"
 #include "render/work_clock.h"
@@ -25,6 +26,8 @@ struct RayCounts {
   uint64_t primary = 0;
   uint64_t secondary = 0;
   uint64_t shadow = 0;
+  uint64_t ambient = 0;         ///< of sampled occlusion and surroundings
+  uint64_t ambient_proved = 0;  ///< not traced: nothing was known to be near
   uint64_t invalid = 0;
   HoleCounts holes;
   uint64_t shadow_proved = 0;       ///< not traced: the way to the light was known to be free,
@@ -43,11 +46,16 @@ class PacketTracer {
   ~PacketTracer();
   PacketTracer(PacketTracer&&) noexcept;
 
+  /// One of the rays inside a subpixel's footprint: its number, and the part that it has of all.
+  struct FootprintSample {
+    int number = 0;
+    double weight = 1.0;
+  };
   /// Adds to light[target] what the primary rays of the tile that `maker` was started with bring,
   /// each `weight` times; a ray's target is its row * columns + column. Everything is added in an
   /// order that depends on the rays alone. Calling thread must flush denormals.
-  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, double weight,
-             PrimaryPackets::Maker& maker, std::span<float> light);
+  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
+             FootprintSample sample, PrimaryPackets::Maker& maker, std::span<float> light);
 
   /// The same for the valid lanes of one packet: lane r is of channel[r] and brings light[r], and
   /// the packet holds what it met. Lanes come from anywhere in a tile; neighbours should lie close
@@ -55,6 +63,13 @@ class PacketTracer {
   void trace_lanes(const Scene::Impl& scene, const TilePlan& plan,
                    std::span<const int32_t, kPacket> channel, RayPacket& packet,
                    std::span<float, kPacket> light);
+  /// sampling::subpixel_seed() of the lanes of the packets that follow, of trace_lanes() and its
+  /// like; needed where light is sampled (RenderOptions::soft).
+  void set_seeds(std::span<const uint32_t, kPacket> seeds);
+
+  /// From now on, light that is sampled (RenderOptions::soft) takes that many times the rays; for
+  /// those who trace few points and make many from each. At least 1, which it is at first.
+  void multiply_samples(int factor) { soft_.multiply_samples(factor); }
 
   /// And notes() tells afterwards which way each lane's light came. Less light than `noticed` makes
   /// no difference to that.
@@ -94,7 +109,7 @@ class PacketTracer {
   void trace_known(const Scene::Impl& scene, std::span<const int32_t, kPacket> channel,
                    const Known& known, RayPacket& packet, std::span<float, kPacket> light);
 
-  [[nodiscard]] const RayCounts& counts() const { return counts_; }
+  [[nodiscard]] RayCounts counts() const;
   [[nodiscard]] WorkClock& clock() { return clock_; }
 
  private:
@@ -114,13 +129,16 @@ class PacketTracer {
   };
   void find_cells(const Scene::Impl& scene, const RayPacket& packet,
                   const shading_kernel::Surfaces& surfaces, Cells& cells);
-  /// Whether asking for proofs pays: it does if every other packet need not be traced at all.
+  /// Whether asking for proofs pays: it does if every other packet need not be traced at all, or
+  /// fewer where one answer saves several.
   class Payoff {
    public:
+    explicit Payoff(uint32_t packets_per_answer = 1) : per_answer_(packets_per_answer) {}
     [[nodiscard]] bool worth_asking();
     void asked(bool packet_saved);
 
    private:
+    uint32_t per_answer_;
     uint32_t asked_ = 0;
     uint32_t saved_ = 0;
     uint32_t pause_ = 0;
@@ -136,13 +154,17 @@ class PacketTracer {
     const RayPacket& packet;
     const Generation& generation;
   };
+  /// Lanes from which all of a light, or nothing of it, is known to be seen.
+  KnownLanes known_lanes(const Scene::Impl& scene, const Asker& asker, size_t light,
+                         uint32_t wanted);
   ShaftProof light_proof(const Scene::Impl& scene, const Asker& asker, int group, size_t light);
-  bool open(const Scene::Impl& scene, const Asker& asker, int group, uint64_t direction);
+  bool open(ShaftProofs& proofs, const Asker& asker, int group, uint64_t target);
   /// Of the packet that is being traced.
   struct Lanes {
     alignas(64) int32_t channel[kPacket];
     alignas(64) float backdrop[kPacket];  ///< where it is flat
     alignas(64) float light[kPacket];
+    uint32_t seed[kPacket] = {};  ///< where light is sampled
     RTCRay16 shadow;
     alignas(64) int shadow_valid[kPacket];
   };
@@ -159,12 +181,16 @@ class PacketTracer {
   struct Colours;
   static Colours colours_of(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
                             int column);
+  void seed_column(const TilePlan& plan, const Tile& tile, int column, int sample);
   static Colours colours_of(const Scene::Impl& scene, std::span<const int32_t, kPacket> channel);
   void set_colours(const Colours& colours);
   /// Leaves the light of the lanes in lanes_.light.
   void trace_packet(const Scene::Impl& scene, double row_mm, const Colours& colours,
                     const float* weight, RayPacket& packet);
   void shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight, size_t depth);
+  void add_own_light(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask);
+  [[nodiscard]] SoftPacket soft_packet(const Scene::Impl& scene,
+                                       const Generation& generation) const;
   void note_surfaces(const RayPacket& packet, const shading_kernel::Surfaces& surfaces,
                      const float* weight, size_t depth);
   void note_shadows(const float* brings, uint32_t wanted, uint32_t reached, size_t light,
@@ -176,14 +202,28 @@ class PacketTracer {
   const float* add_known_secondary(const float* weight);
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);
-  void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask,
+  void add_soft_light(const Scene::Impl& scene, const Asker& asker, size_t light,
+                      const float* weight, bool ask);
+  /// What to ask for proofs about.
+  struct Asking {
+    bool points = false;  ///< lights without
+    bool lamps = false;   ///< and with a size
+    bool around = false;
+    bool mirrored = false;
+    [[nodiscard]] bool any() const { return points || lamps || around || mirrored; }
+  };
+  [[nodiscard]] Asking worth_asking(const Scene::Impl& scene, const shading_kernel::Surfaces& met);
+  void add_lights(const Scene::Impl& scene, const Asker& asker, const float* weight, Asking ask,
                   size_t depth);
   void follow_glass(const Scene::Impl& scene, const RayPacket& packet, Generation& generation,
                     const float* weight, size_t depth);
   void follow(const Scene::Impl& scene, shading_kernel::NewRays& rays, RayPacket& packet,
-              size_t depth);
+              size_t depth, sampling::Turn turn);
 
   const shading_kernel::Kernel& kernel_;
+  SoftShader soft_;
+  bool is_soft_;
+  ShaftProofs* soft_proofs_ = nullptr;  ///< of the scene, with the sizes of what is sampled
   std::vector<RayPacket> primary_;
   std::vector<Generation> generations_;
   Lanes lanes_;
@@ -200,6 +240,8 @@ class PacketTracer {
   std::vector<CellAnswers> cells_;
   std::vector<Answer> answers_;
   Payoff shadow_payoff_;
+  Payoff lamp_payoff_;
+  Payoff around_payoff_;
   Payoff mirrored_payoff_;
   RayCounts counts_;
   WorkClock clock_;

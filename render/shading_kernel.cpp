@@ -3,6 +3,7 @@
 
 #include "render/packet_kernel_lanes.h"
 #include "render/primary_packets_kernel.h"
+#include "render/sampling/sampling_lanes.h"
 #include "render/surface_cells.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
@@ -312,13 +313,21 @@ void group_cells(const float* packet, const Surfaces& s, CellGroups& groups) {
   }
 }
 
-void add_own_light(const Tables& tables, const Surfaces& s, const float* weight, float* light) {
-  const Masks& channel = masks_at(s.channel);
-  Floats ambient{};
-  set_colours(Masks::of(-1), channel, tables.ambient, ambient);
+inline void add_own(const Floats& ambient, const Surfaces& s, const float* weight, float* light) {
   const Floats own = floats_at(s.emission) + ambient * floats_at(s.diffuse) * floats_at(s.colour);
   floats_at(light) =
       floats_at(light) + select(masks_at(s.active), floats_at(weight) * own, Floats{});
+}
+
+void add_own_light(const Tables& tables, const Surfaces& s, const float* weight, float* light) {
+  Floats ambient{};
+  set_colours(Masks::of(-1), masks_at(s.channel), tables.ambient, ambient);
+  add_own(ambient, s, weight, light);
+}
+
+void add_own_light_under(const float* ambient, const Surfaces& s, const float* weight,
+                         float* light) {
+  add_own(floats_at(ambient), s, weight, light);
 }
 
 /// Where a light is and how much of it arrives if nothing is in between.
@@ -327,15 +336,20 @@ struct Arrival {
   Floats distance, intensity;
 };
 
-inline Arrival arrival(const Light& light, const Surfaces& s) {
+/// To a light's middle; of length one if the light is directional.
+inline Floats3 way_to(const Light& light, const Surfaces& s) {
+  if (light.kind == Light::kDirectional) return Floats3{} - spread(light.direction);
+  return spread(light.position) - vector_at(s.start);
+}
+
+inline Arrival arrival(const Light& light, const Floats3& way, const Surfaces& s) {
   Arrival at{};
   set_colours(Masks::of(-1), masks_at(s.channel), light.colour, at.intensity);
   if (light.kind == Light::kDirectional) {
-    at.toward = Floats3{} - spread(light.direction);
+    at.toward = way;
     at.distance = Floats::of(__builtin_inff());
     return at;
   }
-  const Floats3 way = spread(light.position) - vector_at(s.start);
   const Floats squared = dot(way, way);
   at.distance = root(squared);
   const Masks apart = at.distance > 0.0F;
@@ -401,8 +415,7 @@ inline bool write_rays(const Floats3& origin, const Floats3& direction, const Fl
   return any(valid);
 }
 
-bool shadow_rays(const Light& light, const Surfaces& s, const float* weight, NewRays& out) {
-  const Arrival at = arrival(light, s);
+inline bool rays_toward(const Arrival& at, const Surfaces& s, const float* weight, NewRays& out) {
   const Floats brings = floats_at(weight) * reflected(s, at);
   floats_at(out.weight) = brings;
   const Masks wanted = masks_at(s.active) & (brings != 0.0F);
@@ -413,6 +426,28 @@ bool shadow_rays(const Light& light, const Surfaces& s, const float* weight, New
   }
   return write_rays(vector_at(s.start), at.toward, at.distance * (1.0F - kLampClearance), wanted,
                     out);
+}
+
+bool shadow_rays(const Light& light, const Surfaces& s, const float* weight, NewRays& out) {
+  return rays_toward(arrival(light, way_to(light, s), s), s, weight, out);
+}
+
+bool lamp_rays(const Light& light, float radius, const Sample& sample, const Surfaces& s,
+               const float* weight, NewRays& out) {
+  Floats3 way = way_to_disc(way_to(light, s), radius, sample);
+  if (light.kind == Light::kDirectional) way = unit(way);
+  return rays_toward(arrival(light, way, s), s, weight, out);
+}
+
+bool ambient_rays(float far, const Sample& sample, const Surfaces& s, NewRays& out) {
+  const Floats3 geometric = vector_at(s.geometric);
+  const Floats3 by_smooth = cosine_direction(vector_at(s.smooth), sample);
+  // An interpolated normal sees below its own surface; what it sees there is taken from above.
+  const Floats below = min(dot(by_smooth, geometric), Floats{});
+  const Masks diffuse = masks_at(s.active) & (floats_at(s.diffuse) * floats_at(s.colour) != 0.0F);
+  floats_at(out.weight) = Floats::of(1.0F);
+  return write_rays(vector_at(s.start), by_smooth - geometric * (2.0F * below), Floats::of(far),
+                    diffuse, out);
 }
 
 inline Floats3 mirrored(const Floats3& view, const Floats3& normal) {
@@ -443,7 +478,10 @@ extern const shading_kernel::Kernel kShadingKernel;
 const shading_kernel::Kernel kShadingKernel{.find_surfaces = find_surfaces,
                                             .group_cells = group_cells,
                                             .add_own_light = add_own_light,
+                                            .add_own_light_under = add_own_light_under,
                                             .shadow_rays = shadow_rays,
+                                            .lamp_rays = lamp_rays,
+                                            .ambient_rays = ambient_rays,
                                             .mirrored_rays = mirrored_rays};
 
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -10,6 +10,8 @@
 
 #include <cstdint>
 
+#include "render/sampling/sample_data.h"
+
 namespace lenticule::render::shading_kernel {
 
 inline constexpr int kLanes = 16;
@@ -103,6 +105,8 @@ struct alignas(64) NewRays {
   int32_t refused;    ///< how many were not fit for Embree
 };
 
+using sampling::Sample;
+
 /// The different cells that a packet's lanes lie in.
 struct CellGroups {
   int32_t count;
@@ -118,9 +122,19 @@ struct Kernel {
   void (*group_cells)(const float* packet, const Surfaces&, CellGroups&);
   /// weight: of the rays that met the surfaces. Adds emission and ambient light to `light`.
   void (*add_own_light)(const Tables&, const Surfaces&, const float* weight, float* light);
+  /// The same with an ambient light of each lane's own.
+  void (*add_own_light_under)(const float* ambient, const Surfaces&, const float* weight,
+                              float* light);
   /// Rays toward a light from where it would be seen; `weight` is what it adds there. False if
   /// there are none.
   bool (*shadow_rays)(const Light&, const Surfaces&, const float* weight, NewRays&);
+  /// The same toward a point of a disc around the light that faces the surface. `radius` is in
+  /// scene units, of a directional light the tangent of the angle at which it is seen.
+  bool (*lamp_rays)(const Light&, float radius, const Sample&, const Surfaces&, const float* weight,
+                    NewRays&);
+  /// Rays of length `far` from diffuse surfaces to all that lies before them, as dense as the
+  /// cosine to the shading normal says. Their weight is 1. False if there are none.
+  bool (*ambient_rays)(float far, const Sample&, const Surfaces&, NewRays&);
   /// Mirrored rays. False if there are none.
   bool (*mirrored_rays)(const Surfaces&, const float* weight, NewRays&);
 };

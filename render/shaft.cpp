@@ -25,6 +25,10 @@ constexpr float kUnitRounding = 1e-6F;
 /// Rays that rise by less than this leave their plane too slowly for rounding not to matter.
 constexpr float kLeastAscent = 1e-4F;
 
+/// Of the coordinates: directions are rounded by a few units in the last place, and new rays start
+/// 2^-19 off their plane.
+constexpr float kLevel = 1.0F;
+
 constexpr unsigned kMostDepth = 64;
 
 float largest(Vec3f v) {
@@ -57,6 +61,7 @@ Sized triangle_patch(const MeshShape& mesh, const SurfaceCell& cell) {
   patch.normal = Vec3f(normal);
   patch.height =
       static_cast<float>(dot(normal, Vec3(a))) + kFlatness * (largest(patch.centre) + extent);
+  patch.level = kLevel * (largest(patch.centre) - patch.radius + extent);
   return {patch, extent};
 }
 
@@ -129,11 +134,23 @@ Shaft shaft_to_point(const Patch& from, Vec3 point) {
   return shaft;
 }
 
+Shaft shaft_to_ball(const Patch& from, Vec3 middle, double radius) {
+  Shaft shaft = shaft_to_point(from, middle);
+  shaft.ball = static_cast<float>(radius) * (1.0F + kMargin);
+  return shaft;
+}
+
 Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine) {
   Shaft shaft{.from = from, .axis = axis};
   // A little wider, for the rounding of directions.
   shaft.cosine = cosine - kMargin;
   shaft.sine = std::sqrt(std::max(0.0F, 1.0F - shaft.cosine * shaft.cosine)) + kMargin;
+  return shaft;
+}
+
+Shaft shaft_around(const Patch& from, double length) {
+  Shaft shaft{.from = from, .within = static_cast<float>(length) * (1.0F + kMargin)};
+  shaft.from.radius += shaft.within;
   return shaft;
 }
 
@@ -148,14 +165,16 @@ class Hull {
       high_[i] = reach(unit);
       low_[i] = -reach(-unit);
     }
-    above_ = shaft.from.flat && ascent() > kLeastAscent;
+    above_ = shaft.from.flat &&
+             (shaft.within > 0.0F ? shaft.within < shaft.from.level : ascent() > kLeastAscent);
   }
 
   /// The largest n . p of the hull's points; n has unit length.
   [[nodiscard]] float reach(Vec3f n) const {
     const float start = dot(shaft_.from.centre, n) + shaft_.from.radius;
+    if (shaft_.within > 0.0F) return start;
     if (shaft_.to_point)
-      return std::max(start, dot(shaft_.point, n) + kMargin * largest(shaft_.point));
+      return std::max(start, dot(shaft_.point, n) + shaft_.ball + kMargin * largest(shaft_.point));
     return dot(shaft_.axis, n) <= -shaft_.sine + kUnitRounding ? start : kInfinity;
   }
 
@@ -217,8 +236,8 @@ class Hull {
   [[nodiscard]] float ascent() const {
     const Patch& from = shaft_.from;
     if (shaft_.to_point)
-      return (dot(from.normal, shaft_.point) - from.height) /
-             (length(shaft_.point - from.centre) + from.radius);
+      return (dot(from.normal, shaft_.point) - shaft_.ball - from.height) /
+             (length(shaft_.point - from.centre) + from.radius + shaft_.ball);
     const float sine = dot(from.normal, shaft_.axis);
     const float cosine = std::sqrt(std::max(0.0F, 1.0F - sine * sine));
     return sine * shaft_.cosine - cosine * shaft_.sine;
@@ -229,12 +248,16 @@ class Hull {
   bool above_ = false;  ///< all rays rise from the patch's plane
 };
 
-/// Whether single primitives are in the way of all rays from a patch to a point. All rays are
-/// segments; those at the part f of their way are within (1 - f) radii of the middle one there.
+/// Whether single primitives are in the way of all rays from a patch to a point or into a ball. All
+/// rays are segments; those at the part f of their way are within (1 - f) radii of the patch and f
+/// radii of the ball of the middle one there.
 class Obstacles {
  public:
   explicit Obstacles(const Shaft& shaft)
-      : from_(shaft.from), point_(shaft.point), way_(shaft.point - shaft.from.centre) {
+      : from_(shaft.from),
+        point_(shaft.point),
+        ball_(shaft.ball),
+        way_(shaft.point - shaft.from.centre) {
     for (int i = 0; i < 3; ++i) inverse_[i] = 1.0F / part(way_, i);
     squared_ = dot(way_, way_);
   }
@@ -258,14 +281,15 @@ class Obstacles {
     const float part_way = dot(centre - from_.centre, way_) / squared_;
     if (!(part_way > 0.0F && part_way < 1.0F)) return false;
     const float off = length(from_.centre + way_ * part_way - centre);
-    return off + from_.radius * (1.0F - part_way) + margin < radius &&
-           length(centre - point_) > radius + margin &&
+    return off + from_.radius * (1.0F - part_way) + ball_ * part_way + margin < radius &&
+           length(centre - point_) > radius + ball_ + margin &&
            length(centre - from_.centre) > radius + from_.radius + margin;
   }
 
   /// The patch lies inside the pyramid from the point over the triangle, and beyond it. Not asked
   /// of triangles near the point, where what is a wide margin at the patch is none any more.
   [[nodiscard]] bool behind_triangle(Vec3f a, Vec3f b, Vec3f c) const {
+    if (ball_ > 0.0F) return along_prism(a, b, c);
     constexpr float kNear = 0.25F;
     const Vec3f normal = normalized(cross(b - a, c - a));
     const float beyond = dot(normal, a - point_);
@@ -285,8 +309,32 @@ class Obstacles {
  private:
   static float part(Vec3f v, int i) { return i == 0 ? v.x : i == 1 ? v.y : v.z; }
 
+  /// Patch and ball lie inside the prism that runs through the triangle along the middle ray, on
+  /// different sides of the triangle.
+  [[nodiscard]] bool along_prism(Vec3f a, Vec3f b, Vec3f c) const {
+    const float margin =
+        kMargin * (largest(a) + largest(b) + largest(c) + largest(point_) + largest(from_.centre));
+    const Vec3f normal = normalized(cross(b - a, c - a));
+    const float before = dot(normal, from_.centre - a), beyond = dot(normal, point_ - a);
+    if ((before > 0.0F) == (beyond > 0.0F) || !(std::abs(before) > from_.radius + margin) ||
+        !(std::abs(beyond) > ball_ + margin))
+      return false;
+    const float widest = std::max(from_.radius, ball_) + margin;
+    const auto inside = [&](Vec3f p, Vec3f q, Vec3f opposite) {
+      const Vec3f across = cross(q - p, way_);
+      // Of an edge along the way, roundings would make any plane.
+      constexpr float kLeastSine = 0.05F;
+      if (!(length(across) > kLeastSine * length(q - p) * length(way_))) return false;
+      const Vec3f n = normalized(across);
+      const float side = dot(n, from_.centre - p);
+      return std::abs(side) > widest && (side > 0.0F) == (dot(n, opposite - p) > 0.0F);
+    };
+    return inside(a, b, c) && inside(b, c, a) && inside(c, a, b);
+  }
+
   const Patch& from_;
   Vec3f point_;
+  float ball_;
   Vec3f way_;  ///< from the patch's middle to the point
   std::array<float, 3> inverse_{};
   float squared_ = 0.0F;

@@ -2,11 +2,12 @@
 // Proofs that whole bundles of rays meet nothing, or that each of them meets something, so that
 // none of them needs to be traced.
 //
-// A shaft is every ray that leaves a small patch of a surface toward one point, or within a narrow
-// cone of directions. It is empty if each primitive of the scene can be separated from its convex
-// hull by a plane; what cannot be separated by the few planes that are tried counts as in the way,
-// so that the answer errs on the side of tracing. It is blocked if one primitive alone is in the
-// way of all its rays. Margins cover single precision's roundings, also Embree's.
+// A shaft is every ray that leaves a small patch of a surface toward one point or into one ball,
+// within a narrow cone of directions, or in any direction but no farther than some length. It is
+// empty if each primitive of the scene can be separated from its convex hull by a plane; what
+// cannot be separated by the few planes that are tried counts as in the way, so that the answer
+// errs on the side of tracing. It is blocked if one primitive alone is in the way of all its rays.
+// Margins cover single precision's roundings, also Embree's.
 #pragma once
 
 #include <cstdint>
@@ -25,6 +26,8 @@ struct Patch {
   bool flat = false;
   Vec3f normal{};
   float height = 0.0F;
+  /// Rays that leave along the plane are above it at least that far.
+  float level = 0.0F;
   /// Rays cannot meet the primitive that they leave.
   bool leaves_convex = false;
   uint32_t geometry = 0;
@@ -37,13 +40,17 @@ struct Patch {
 struct Shaft {
   Patch from{};
   bool to_point = false;
-  Vec3f point{};      ///< where all rays end
+  Vec3f point{};      ///< where all rays end, or the middle of the ball in which they do
+  float ball = 0.0F;  ///< its radius
   Vec3f axis{};       ///< unit: the middle of the cone of directions
   float sine = 0.0F;  ///< of half its opening, below a right angle
   float cosine = 1.0F;
+  float within = 0.0F;  ///< if not zero: the length of rays of any direction
 };
 [[nodiscard]] Shaft shaft_to_point(const Patch& from, Vec3 point);
+[[nodiscard]] Shaft shaft_to_ball(const Patch& from, Vec3 middle, double radius);
 [[nodiscard]] Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine);
+[[nodiscard]] Shaft shaft_around(const Patch& from, double length);
 
 /// Immutable after construction; for any thread. Refers to the scene, whose shapes must stay.
 class ShaftTester {
@@ -56,8 +63,8 @@ class ShaftTester {
 
   /// True: no ray of the shaft meets anything. False: one may.
   [[nodiscard]] bool empty(const Shaft& shaft) const;
-  /// True: every ray of the shaft meets something before the point. False: one may not. Always
-  /// false for shafts without a point, and where only several primitives together block.
+  /// True: every ray of the shaft meets something before its end. False: one may not. Always
+  /// false for shafts that have no end, and where only several primitives together block.
   [[nodiscard]] bool blocked(const Shaft& shaft) const;
 
  private:

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/shaft_proofs.h"
 
+#include <cmath>
+
 #include "render/octahedron.h"
 
 namespace lenticule::render {
@@ -23,12 +25,33 @@ size_t primitives_of(const Scene::Impl& scene, const GeometryEntry& entry) {
 }  // namespace
 
 ShaftProofs::ShaftProofs(const Scene::Impl& scene)
-    : scene_(scene), tester_(scene), answers_(size_t{1} << kAnswersLog2) {
+    : scene_(scene),
+      tester_(std::make_shared<const ShaftTester>(scene)),
+      answers_(size_t{1} << kAnswersLog2) {
   uint64_t first = 0;
   for (const GeometryEntry& entry : scene.geometries) {
     first_primitive_.push_back(first);
     first += primitives_of(scene, entry);
   }
+}
+
+ShaftProofs::ShaftProofs(const ShaftProofs& points, SoftSizes sizes)
+    : scene_(points.scene_),
+      tester_(points.tester_),
+      sizes_(sizes),
+      sun_cosine_(static_cast<float>(1.0 / std::hypot(1.0, sizes.sun_tangent))),
+      first_primitive_(points.first_primitive_),
+      answers_(size_t{1} << kAnswersLog2) {}
+
+ShaftProofs::~ShaftProofs() = default;
+
+ShaftProofs& ShaftProofs::with_sizes(SoftSizes sizes) {
+  if (sizes == sizes_) return *this;
+  const std::lock_guard lock(adding_);
+  for (const std::unique_ptr<ShaftProofs>& other : others_)
+    if (other->sizes_ == sizes) return *other;
+  others_.push_back(std::unique_ptr<ShaftProofs>(new ShaftProofs(*this, sizes)));
+  return *others_.back();
 }
 
 ShaftProof ShaftProofs::proof(const SurfaceCell& cell, uint64_t number, uint64_t target) {
@@ -44,8 +67,8 @@ ShaftProof ShaftProofs::proof(const SurfaceCell& cell, uint64_t number, uint64_t
 
 ShaftProof ShaftProofs::find_out(const SurfaceCell& cell, uint64_t target) const {
   const auto answer = [&](const Shaft& shaft) {
-    if (tester_.empty(shaft)) return ShaftProof::Empty;
-    return tester_.blocked(shaft) ? ShaftProof::Blocked : ShaftProof::None;
+    if (tester_->empty(shaft)) return ShaftProof::Empty;
+    return tester_->blocked(shaft) ? ShaftProof::Blocked : ShaftProof::None;
   };
   const Patch from = patch_of(scene_, cell);
   if (target < kBins) {
@@ -54,10 +77,13 @@ ShaftProof ShaftProofs::find_out(const SurfaceCell& cell, uint64_t target) const
                        static_cast<int>(target) % kDirectionBins, kDirectionBins);
     return answer(shaft_in_cone(from, bin.middle, bin.cosine));
   }
+  if (target == kAround) return answer(shaft_around(from, sizes_.around));
   const SceneLight& lamp = scene_.lights[target - kBins];
   // Parallel rays: a cone as narrow as rounding allows.
   if (lamp.kind == Light::Kind::Directional)
-    return answer(shaft_in_cone(from, Vec3f(-lamp.direction), 1.0F));
+    return answer(shaft_in_cone(from, Vec3f(-lamp.direction), sun_cosine_));
+  if (sizes_.lamp_radius > 0.0)
+    return answer(shaft_to_ball(from, lamp.position, sizes_.lamp_radius));
   return answer(shaft_to_point(from, lamp.position));
 }
 

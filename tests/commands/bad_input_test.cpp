@@ -237,6 +237,13 @@ TEST_F(BadInput, ArgumentsThatMakeNoSense) {
   usage({"--frames", "-3:2"});
   usage({"--frames", "zero"});
   usage({"--samples", "0"});
+  usage({"--soft-shadows", "-1"});
+  usage({"--soft-shadows", "10000"});
+  usage({"--soft-shadows", "4", "--light-size", "nan"});
+  usage({"--soft-shadows", "4", "--sun-size", "90"});
+  usage({"--light-size", "3"});
+  usage({"--occlusion", "4", "--occlusion-distance", "0"});
+  usage({"--occlusion", "4", "--environment-light", "4"});
   usage({"--threads", "-1"});
   usage({"--mm-per-unit", "0"});
   usage({"--depth-scale", "nan"});

@@ -4,7 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
+
+#include "tests/support/reference_sampling.h"
 
 namespace lenticule::testing {
 namespace {
@@ -164,12 +167,41 @@ Vec3 ambient_of(const SceneDescription& scene) {
   return {0.12, 0.12, 0.12};
 }
 
+/// The rotation between the world and the panel, whose axes are the panel's in the world.
+struct Axes {
+  Vec3 x, y, z;
+  [[nodiscard]] Vec3 in_panel(Vec3 v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
+  [[nodiscard]] Vec3 in_world(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
+};
+
+/// What a tracer knows of the subpixel whose ray it follows.
+struct Subpixel {
+  Axes axes;
+  double world_per_mm = 1.0;
+  uint32_t seed = 0;
+};
+
+/// A place that light leaves toward the viewer, as lamps see it.
+struct Place {
+  Vec3 point;
+  Vec3 facing;  // geometric normal
+  Vec3 smooth;
+  Vec3 view;
+  Vec3 tint;
+  const Meeting& at;
+  uint32_t path;
+};
+
 class Tracer {
  public:
-  Tracer(const SceneDescription& scene, int max_depth, double world_per_mm)
-      : scene_(scene), max_depth_(max_depth), least_step_(1e-9 * world_per_mm) {}
+  Tracer(const SceneDescription& scene, const ReferenceOptions& options, const Subpixel& subpixel)
+      : scene_(scene),
+        max_depth_(options.max_depth),
+        soft_(options.soft),
+        subpixel_(subpixel),
+        least_step_(1e-9 * subpixel.world_per_mm) {}
 
-  Vec3 trace(const Line& line, double t_min, int depth, Primitive from) const {
+  Vec3 trace(const Line& line, double t_min, int depth, Primitive from, uint32_t path) const {
     const Meeting at = meet_all(scene_, line, t_min, from);
     if (at.t == kFar) return scene_.background;
     const Vec3 point = line.from + line.way * at.t;
@@ -180,9 +212,10 @@ class Tracer {
 
     const Material& material = *at.material;
     const Vec3 tint = material.tinted_specular ? at.colour : Vec3{1, 1, 1};
-    Vec3 light = material.emission + ambient_of(scene_) * at.colour * material.diffuse;
-    for (const Light& lamp : scene_.lights)
-      light += from_lamp(lamp, point, facing, smooth, line.way, material, at, tint);
+    const Place place{point, facing, smooth, line.way, tint, at, path};
+    Vec3 light = material.emission + ambient(place) * at.colour * material.diffuse;
+    for (size_t k = 0; k < scene_.lights.size(); ++k)
+      light += from_lamp(scene_.lights[k], static_cast<uint32_t>(1 + k), place);
     if (depth == max_depth_) return light;
 
     Vec3 mirror_weight = tint * material.specular;
@@ -190,25 +223,63 @@ class Tracer {
     if (material.transmittance > 0.0) {
       const auto bent = bend(line.way, facing, smooth, material.refraction_index, outside);
       if (bent)
-        light += through_weight * trace({point, *bent}, least_step_, depth + 1, at.flat);
+        light += through_weight *
+                 trace({point, *bent}, least_step_, depth + 1, at.flat, reference_path(path, true));
       else
         mirror_weight += through_weight;
     }
     if (mirror_weight == Vec3{}) return light;
     Vec3 mirrored = line.way - smooth * (2 * dot(line.way, smooth));
     if (dot(mirrored, facing) <= 0.0) mirrored = line.way - facing * (2 * dot(line.way, facing));
-    return light +
-           mirror_weight * trace({point, normalized(mirrored)}, least_step_, depth + 1, at.flat);
+    return light + mirror_weight * trace({point, normalized(mirrored)}, least_step_, depth + 1,
+                                         at.flat, reference_path(path, false));
   }
 
  private:
-  Vec3 from_lamp(const Light& lamp, Vec3 point, Vec3 facing, Vec3 smooth, Vec3 view,
-                 const Material& material, const Meeting& at, Vec3 tint) const {
+  /// What arrives from all around.
+  Vec3 ambient(const Place& place) const {
+    const bool surroundings = soft_.environment_samples > 0;
+    const int count = surroundings ? soft_.environment_samples : soft_.occlusion_samples;
+    if (count == 0) return ambient_of(scene_);
+    const double reach = surroundings ? kFar : soft_.occlusion_distance_mm * subpixel_.world_per_mm;
+    int open = 0;
+    for (int k = 0; k < count; ++k) {
+      const SquarePoint at =
+          reference_point(subpixel_.seed, place.path, 0, static_cast<uint32_t>(k));
+      Vec3 way = subpixel_.axes.in_world(
+          reference_cosine_direction(at, subpixel_.axes.in_panel(place.smooth)));
+      // Below the surface itself: mirrored about it.
+      if (dot(way, place.facing) < 0.0) way = way - place.facing * (2 * dot(way, place.facing));
+      if (!(meet_all(scene_, {place.point, way}, least_step_, place.at.flat).t < reach)) ++open;
+    }
+    return (surroundings ? scene_.background : ambient_of(scene_)) * (double(open) / count);
+  }
+
+  /// The mean of as many small lamps as there are samples.
+  Vec3 from_lamp(const Light& lamp, uint32_t use, const Place& place) const {
     const bool sun = lamp.kind == Light::Kind::Directional;
-    const Vec3 way = sun ? -normalized(lamp.direction) : normalized(lamp.position - point);
-    const double distance = sun ? kFar : length(lamp.position - point);
-    if (dot(way, smooth) <= 0.0 || dot(way, facing) <= 0.0) return {};
-    if (meet_all(scene_, {point, way}, least_step_, at.flat).t < distance) return {};
+    const double size = sun ? std::tan(soft_.sun_radius_degrees * std::numbers::pi / 180.0)
+                            : soft_.lamp_radius_mm * subpixel_.world_per_mm;
+    const Vec3 middle = sun ? -normalized(lamp.direction) : lamp.position - place.point;
+    const int count = size > 0.0 ? soft_.shadow_samples : 0;
+    if (count == 0) return from_point(lamp, middle, place);
+    Vec3 sum{};
+    for (int k = 0; k < count; ++k) {
+      const Vec3 on_disc = reference_on_disc(
+          reference_point(subpixel_.seed, place.path, use, static_cast<uint32_t>(k)));
+      const Vec3 aside = subpixel_.axes.in_world(
+          reference_turned(on_disc, subpixel_.axes.in_panel(normalized(middle))));
+      sum += from_point(lamp, middle + aside * size, place);
+    }
+    return sum / count;
+  }
+
+  Vec3 from_point(const Light& lamp, Vec3 whole_way, const Place& place) const {
+    const bool sun = lamp.kind == Light::Kind::Directional;
+    const Vec3 way = normalized(whole_way);
+    const double distance = sun ? kFar : length(whole_way);
+    if (dot(way, place.smooth) <= 0.0 || dot(way, place.facing) <= 0.0) return {};
+    if (meet_all(scene_, {place.point, way}, least_step_, place.at.flat).t < distance) return {};
     Vec3 arriving = lamp.colour;
     if (lamp.kind == Light::Kind::Spot) {
       const double cosine = dot(-way, normalized(lamp.direction));
@@ -217,11 +288,12 @@ class Tracer {
       arriving = arriving * (s * s);
     }
     if (lamp.falls_off) arriving = arriving / (distance * distance);
-    const Vec3 bounced = smooth * (2 * dot(way, smooth)) - way;
+    const Material& material = *place.at.material;
+    const Vec3 bounced = place.smooth * (2 * dot(way, place.smooth)) - way;
     const double highlight =
-        dot(bounced, -view) > 0.0 ? std::pow(dot(bounced, -view), material.shine) : 0.0;
-    return arriving * (at.colour * (material.diffuse * dot(way, smooth)) +
-                       tint * (material.specular * highlight));
+        dot(bounced, -place.view) > 0.0 ? std::pow(dot(bounced, -place.view), material.shine) : 0.0;
+    return arriving * (place.at.colour * (material.diffuse * dot(way, place.smooth)) +
+                       place.tint * (material.specular * highlight));
   }
 
   static std::optional<Vec3> snell(Vec3 way, Vec3 normal, double ratio) {
@@ -242,6 +314,8 @@ class Tracer {
 
   const SceneDescription& scene_;
   int max_depth_;
+  render::SoftLight soft_;
+  Subpixel subpixel_;
   double least_step_;
 };
 
@@ -265,9 +339,14 @@ double reference_subpixel(const SceneDescription& scene, const render::Stage& st
   // The line is followed from just before the eye, through the lens, into the glass.
   const double start_mm =
       options.from_near_plane ? stage.near_mm : 0.99 * model.rig().viewing.distance.value;
-  const Tracer tracer(scene, options.max_depth, length(world_from_panel.column_x));
+  const Axes axes{normalized(world_from_panel.column_x), normalized(world_from_panel.column_y),
+                  normalized(world_from_panel.column_z)};
+  const Tracer tracer(scene, options,
+                      {.axes = axes,
+                       .world_per_mm = length(world_from_panel.column_x),
+                       .seed = reference_seed(j, 3 * i + channel, 0)});
   const Vec3 colour = tracer.trace({world_from_panel.point(lens), normalized(into_glass)},
-                                   -start_mm * length(into_glass), 0, {});
+                                   -start_mm * length(into_glass), 0, {}, kReferencePath);
   const double light = channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
   return encoded(light, scene.colour_managed);
 }

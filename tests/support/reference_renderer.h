@@ -5,6 +5,7 @@
 #pragma once
 
 #include "optics/model.h"
+#include "render/sampling/soft_light.h"
 #include "render/scene_description.h"
 #include "render/stage.h"
 
@@ -20,6 +21,8 @@ struct ReferenceOptions {
   /// Rays start where the stage's camera starts to see, not at the eye: a room has a wall behind
   /// its camera.
   bool from_near_plane = false;
+  /// Lamps with a size and light from all around; the surroundings are the flat background.
+  render::SoftLight soft{};
 };
 
 /// The code value, 0 ... 255 but not rounded, of one subpixel. The scene must have no nodes.

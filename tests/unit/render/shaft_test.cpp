@@ -75,6 +75,30 @@ TEST_F(BallOverFloor, ALightBehindTheBallIsBlockedWhereAllOfTheBallIsInTheWay) {
   EXPECT_FALSE(blocked(shaft_in_cone(floor_patch(0, 0), {0, 1, 0}, kCosine5Degrees)));
 }
 
+TEST_F(BallOverFloor, ALampIsBlockedWhereAllOfItIsBehindTheBall) {
+  EXPECT_TRUE(blocked(shaft_to_ball(floor_patch(0, 0), {0, 100, 0}, 10)));
+  EXPECT_FALSE(blocked(shaft_to_ball(floor_patch(0, 0), {0, 100, 0}, 40))) << "wider than the ball";
+  EXPECT_FALSE(blocked(shaft_to_ball(floor_patch(0, 0), {0, 44, 0}, 5))) << "touches the ball";
+  EXPECT_TRUE(empty(shaft_to_ball(floor_patch(30, 0), {30, 100, 0}, 10)));
+  EXPECT_FALSE(empty(shaft_to_ball(floor_patch(30, 0), {30, 100, 0}, 75))) << "around the ball";
+  EXPECT_FALSE(empty(shaft_to_ball(floor_patch(30, 0), {30, 5, 0}, 8))) << "sinks into the floor";
+}
+
+TEST_F(BallOverFloor, NothingIsAroundWhatIsFarEnough) {
+  EXPECT_TRUE(empty(shaft_around(floor_patch(0, 0), 15)));
+  EXPECT_FALSE(empty(shaft_around(floor_patch(0, 0), 25)));
+  EXPECT_FALSE(empty(shaft_around(floor_patch(9, 0), 22)));
+  EXPECT_TRUE(empty(shaft_around(floor_patch(40, 0), 22)));
+  EXPECT_FALSE(blocked(shaft_around(floor_patch(0, 0), 25)));
+}
+
+TEST_F(BallOverFloor, TheFloorBlocksALampBelowIt) {
+  const Patch above{.centre = {5, 9, 5}, .radius = 1};
+  EXPECT_TRUE(blocked(shaft_to_ball(above, {5, -100, 5}, 4)));
+  EXPECT_FALSE(blocked(shaft_to_ball(above, {5, -100, 5}, 60))) << "seen past an edge";
+  EXPECT_FALSE(blocked(shaft_to_ball(above, {5, -3, 5}, 4))) << "comes through the floor";
+}
+
 TEST_F(BallOverFloor, AtTheRimOfTheShadowNothingIsProved) {
   const Vec3 light{0, 100, 0};
   int undecided = 0;
@@ -114,8 +138,9 @@ class ShaftSoundness : public ::testing::TestWithParam<testing::NamedScene> {
 
   [[nodiscard]] const Scene::Impl& impl() const { return scene_.impl(); }
 
-  [[nodiscard]] ShaftProof proof(const SurfaceCell& cell, uint64_t target) const {
-    return impl().proofs->proof(
+  [[nodiscard]] ShaftProof proof(const SurfaceCell& cell, uint64_t target,
+                                 SoftSizes sizes = {}) const {
+    return impl().proofs->with_sizes(sizes).proof(
         cell, impl().proofs->number(cell.geometry, cell.primitive, place_of(cell)), target);
   }
   [[nodiscard]] bool blocked(Vec3f origin, Vec3f direction, float far) const {
@@ -136,6 +161,7 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   const auto unit_vector = [&] { return normalized(Vec3{any(random), any(random), any(random)}); };
   int proved_lit = 0, proved_dark = 0, proved_open = 0, asked = 0;
+  int lamps_lit = 0, lamps_dark = 0, proved_around = 0;
   for (int round = 0; round < 2000; ++round) {
     std::vector<PathRay> rays(kPacket);
     for (PathRay& ray : rays) {
@@ -168,6 +194,35 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
         ++(known == ShaftProof::Empty ? proved_lit : proved_dark);
         EXPECT_EQ(blocked(start, normalized(way), length(way)), known == ShaftProof::Blocked);
       }
+      // Any point of a lamp.
+      for (size_t light = 0; light < impl().lights.size(); ++light) {
+        const SceneLight& lamp = impl().lights[light];
+        const SoftSizes sizes{.lamp_radius = round % 2 == 0 ? 3.0 : 14.0,
+                              .sun_tangent = 0.05,
+                              .around = round % 2 == 0 ? 4.0 : 9.0};
+        const bool sun = lamp.kind == Light::Kind::Directional;
+        const Vec3 middle = sun ? -lamp.direction : lamp.position;
+        const Vec3 aside = unit_vector() * (sun ? sizes.sun_tangent : sizes.lamp_radius);
+        const Vec3f way = sun ? Vec3f(middle + aside) : Vec3f(middle + aside) - start;
+        if (dot(way, normal) <= 0 || (sun && std::abs(dot(aside, middle)) > 0.01)) continue;
+        const ShaftProof known = proof(cell, ShaftProofs::light_target(light), sizes);
+        if (known == ShaftProof::None) continue;
+        ++(known == ShaftProof::Empty ? lamps_lit : lamps_dark);
+        EXPECT_EQ(blocked(start, normalized(way),
+                          sun ? std::numeric_limits<float>::infinity() : length(way)),
+                  known == ShaftProof::Blocked);
+      }
+      // Anything around, as low as directions may be.
+      Vec3 low = unit_vector();
+      low = normalized(low - Vec3(normal) * (dot(low, Vec3(normal)) - 1e-7));
+      const SoftSizes around{.around = round % 2 == 0 ? 4.0 : 9.0};
+      if (proof(cell, ShaftProofs::kAround, around) == ShaftProof::Empty) {
+        ++proved_around;
+        EXPECT_FALSE(blocked(start, Vec3f(low), static_cast<float>(around.around)));
+        const Vec3 steep = unit_vector();
+        EXPECT_FALSE(blocked(start, Vec3f(dot(steep, Vec3(normal)) < 0.0 ? -steep : steep),
+                             static_cast<float>(around.around)));
+      }
       // Any direction of some bin above the surface.
       Vec3f direction(unit_vector());
       if (dot(direction, normal) < 0) direction = -direction;
@@ -191,8 +246,13 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
   }
   EXPECT_GT(asked, 1000);
   EXPECT_GT(proved_open, asked / 20);
-  std::printf("%s: %d places, %d proved lit, %d in shadow, %d open\n", GetParam().name.c_str(),
-              asked, proved_lit, proved_dark, proved_open);
+  EXPECT_GT(lamps_lit, asked / 50);
+  EXPECT_GT(proved_around, asked / 50);
+  std::printf(
+      "%s: %d places, %d proved lit, %d in shadow, %d open; of lamps %d and %d; %d with nothing "
+      "around\n",
+      GetParam().name.c_str(), asked, proved_lit, proved_dark, proved_open, lamps_lit, lamps_dark,
+      proved_around);
 }
 
 INSTANTIATE_TEST_SUITE_P(TinyScenes, ShaftSoundness, ::testing::ValuesIn(testing::tiny_scenes()),

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light of a packet's surfaces that is sampled by several rays a point: of lamps that have a size,
+// and of what comes from all around.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "optics/cpu.h"
+#include "render/committed_scene.h"
+#include "render/ray_stream.h"
+#include "render/sampling/sample_set.h"
+#include "render/sampling/soft_light.h"
+#include "render/shading_kernel.h"
+#include "render/shaft_proofs.h"
+#include "render/work_clock.h"
+
+namespace lenticule::render {
+
+/// What is shaded: surfaces that one generation of a packet's rays met.
+struct SoftPacket {
+  const Scene::Impl& scene;
+  const shading_kernel::Surfaces& surfaces;
+  std::span<const uint32_t, kPacket> seeds;  ///< sampling::subpixel_seed() of each lane
+  uint32_t path;                             ///< sampling::longer_path() from the eye
+};
+
+/// Lanes from which all of a lamp is known to be seen, or nothing of it; a bit each.
+struct KnownLanes {
+  uint32_t lit = 0;
+  uint32_t blocked = 0;
+};
+
+/// Of one thread; allocates nothing once it is made.
+class SoftShader {
+ public:
+  SoftShader(const SoftLight& options, Isa isa);
+
+  /// That many times the samples of the options, from now on; at least 1.
+  void multiply_samples(int factor) { factor_ = factor; }
+
+  /// Whether the lamp is sampled; others have hard shadows.
+  [[nodiscard]] bool samples(const shading_kernel::Light& lamp) const { return radius(lamp) > 0; }
+  [[nodiscard]] bool samples_lamps() const { return options_.shadow_samples > 0; }
+  /// Whether it is worth knowing that nothing is near a surface.
+  [[nodiscard]] bool looks_around() const;
+  /// Whether light from all around is sampled; it is flat otherwise.
+  [[nodiscard]] bool samples_ambient() const { return ambient_samples() > 0; }
+
+  /// Of what is sampled.
+  [[nodiscard]] SoftSizes sizes() const;
+
+  struct Counts {
+    uint64_t shadow = 0;
+    uint64_t shadow_proved = 0;
+    uint64_t shadow_blocked = 0;
+    uint64_t ambient = 0;
+    uint64_t ambient_proved = 0;
+    uint64_t invalid = 0;
+  };
+  /// Adds to light[r] what lane r sends back of the lamp, weight[r] times. Arrays of sixteen,
+  /// aligned to 64 bytes.
+  void add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes known, const float* weight,
+                float* light, WorkClock& clock);
+  /// What reaches each lane from all around, in its channel, where `backdrop` is seen if that is
+  /// flat. Arrays as above. The rays of lanes in `open`, a bit each, are known to meet nothing.
+  void find_ambient(const SoftPacket& packet, uint32_t open, const float* backdrop, float* ambient,
+                    WorkClock& clock);
+
+  [[nodiscard]] const Counts& counts() const { return counts_; }
+
+ private:
+  /// In scene units, or as a tangent; 0 for what is not sampled.
+  [[nodiscard]] float radius(const shading_kernel::Light& lamp) const;
+  /// One of the two is zero.
+  [[nodiscard]] int ambient_samples() const {
+    return (options_.occlusion_samples + options_.environment_samples) * factor_;
+  }
+  [[nodiscard]] bool lit_by_surroundings() const { return options_.environment_samples > 0; }
+  /// For the kernel, to write into rays_.
+  shading_kernel::NewRays into_rays();
+  /// Of the lanes of rays_ that are valid: which met nothing, a bit each.
+  uint32_t unblocked(const Scene::Impl& scene, Coherence coherence, WorkClock& clock);
+  uint32_t settle(KnownLanes known);
+  /// What the samples around each lane met.
+  struct Around {
+    std::array<uint32_t, kPacket> open{};  ///< how many met nothing
+    std::array<double, kPacket> light{};   ///< of a sky or a picture, their sum
+  };
+  Around look_around(const SoftPacket& packet, uint32_t open, WorkClock& clock);
+  void add_surroundings(const SoftPacket& packet, uint32_t lanes, std::span<double, kPacket> sum);
+
+  SoftLight options_;
+  const shading_kernel::Kernel& kernel_;
+  float sun_tangent_;
+  int factor_ = 1;
+  RayPacket rays_;
+  Counts counts_;
+};
+
+}  // namespace lenticule::render

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sample points and the directions that kernels make of them, against the oracle's.
+#include "render/sampling/sample_set.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+#include <random>
+#include <set>
+
+#include "render/ray_stream.h"
+#include "render/shading_tables.h"
+#include "tests/support/instruction_sets.h"
+#include "tests/support/reference_sampling.h"
+
+namespace lenticule::render {
+namespace {
+
+using shading_kernel::NewRays;
+using shading_kernel::Surfaces;
+
+TEST(SampleSet, SeedsAreThoseOfTheOracle) {
+  for (const int row : {0, 1, 17, 2159})
+    for (const int subpixel : {-3, 0, 5, 11519})
+      for (const int sample : {0, 3})
+        EXPECT_EQ(sampling::subpixel_seed(row, subpixel, sample),
+                  testing::reference_seed(row, subpixel, sample));
+  uint32_t path = sampling::kFirstPath;
+  for (const bool refracted : {false, true, true, false}) {
+    const uint32_t longer = sampling::longer_path(
+        path, refracted ? sampling::Turn::Refracted : sampling::Turn::Mirrored);
+    EXPECT_EQ(longer, testing::reference_path(path, refracted));
+    path = longer;
+  }
+}
+
+TEST(SampleSet, SeedsOfNeighboursDiffer) {
+  std::set<uint32_t> seeds;
+  for (int row = 0; row < 200; ++row)
+    for (int subpixel = 0; subpixel < 600; ++subpixel)
+      seeds.insert(sampling::subpixel_seed(row, subpixel, 0));
+  // Of 120 000 seeds of 32 bits, one or two pairs are equal by chance.
+  EXPECT_GT(seeds.size(), 120000U - 20U);
+}
+
+/// However 2^k points are cut into equal boxes whose sides are powers of two: one in each.
+TEST(SampleSet, SpreadsPointsEvenly) {
+  for (const uint32_t seed : {1U, 77U, 0xdeadbeefU})
+    for (int k = 1; k <= 8; ++k)
+      for (int columns_log2 = 0; columns_log2 <= k; ++columns_log2) {
+        const int columns = 1 << columns_log2, rows = 1 << (k - columns_log2);
+        std::set<int> boxes;
+        for (uint32_t i = 0; i < 1U << k; ++i) {
+          const testing::SquarePoint at =
+              testing::reference_point(seed, testing::kReferencePath, 1, i);
+          boxes.insert(static_cast<int>(at.u * columns) * rows + static_cast<int>(at.v * rows));
+        }
+        EXPECT_EQ(boxes.size(), size_t{1} << k);
+      }
+}
+
+/// Sixteen lanes that look at surfaces of any orientation.
+class SampleRays : public ::testing::TestWithParam<Isa> {
+ protected:
+  struct alignas(64) Made {
+    NewRays rays;
+    RayPacket packet;
+  };
+
+  SampleRays() : kernel_(shading_kernel_for(GetParam())) {
+    for (size_t r = 0; r < kPacket; ++r) {
+      seeds_[r] = sampling::subpixel_seed(static_cast<int>(r), 5, 0);
+      weight_[r] = 1.0F;
+    }
+  }
+
+  static Vec3 any_direction(std::mt19937_64& random) {
+    std::normal_distribution<double> any;
+    return normalized(Vec3{any(random), any(random), any(random)});
+  }
+
+  void face_anywhere(std::mt19937_64& random) {
+    std::memset(static_cast<void*>(&surfaces_), 0, sizeof surfaces_);
+    for (size_t r = 0; r < kPacket; ++r) {
+      geometric_[r] = any_direction(random);
+      smooth_[r] = normalized(geometric_[r] + any_direction(random) * 0.6);
+      surfaces_.active[r] = -1;
+      surfaces_.diffuse[r] = surfaces_.colour[r] = 1.0F;
+      set(surfaces_.geometric, r, geometric_[r]);
+      set(surfaces_.smooth, r, smooth_[r]);
+    }
+  }
+
+  static void set(float (&lanes)[3][kPacket], size_t r, Vec3 v) {
+    lanes[0][r] = static_cast<float>(v.x);
+    lanes[1][r] = static_cast<float>(v.y);
+    lanes[2][r] = static_cast<float>(v.z);
+  }
+
+  static void clear(Made& made) {
+    std::memset(static_cast<void*>(&made), 0, sizeof made);
+    made.rays.packet = &made.packet.rays.ray.org_x[0];
+    made.rays.valid = made.packet.valid;
+  }
+  static Vec3 direction(const Made& made, size_t r) {
+    const RTCRay16& ray = made.packet.rays.ray;
+    return {double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
+  }
+
+  [[nodiscard]] testing::SquarePoint point(size_t r, uint32_t use, uint32_t index) const {
+    return testing::reference_point(seeds_[r], testing::kReferencePath, use, index);
+  }
+
+  const shading_kernel::Kernel& kernel_;
+  std::array<uint32_t, kPacket> seeds_{};
+  Surfaces surfaces_{};
+  std::array<Vec3, kPacket> geometric_, smooth_;
+  alignas(64) float weight_[kPacket];
+};
+
+constexpr double kUnit = 2e-6;
+
+TEST_P(SampleRays, ToAllAroundAreTheOracles) {
+  std::mt19937_64 random(3);
+  const sampling::SampleSet set =
+      sampling::sample_set(seeds_, sampling::kFirstPath, sampling::kUseAmbient);
+  int below = 0;
+  for (uint32_t i = 0; i < 500; ++i) {
+    face_anywhere(random);
+    Made made;
+    clear(made);
+    ASSERT_TRUE(kernel_.ambient_rays(7.0F, sampling::sample_of(set, i), surfaces_, made.rays));
+    for (size_t r = 0; r < kPacket; ++r) {
+      Vec3 expected = testing::reference_cosine_direction(point(r, 0, i), smooth_[r]);
+      const double height = dot(expected, geometric_[r]);
+      if (height < 0.0) {
+        ++below;
+        expected = expected - geometric_[r] * (2.0 * height);
+      }
+      // Near the rim, a rounding of the radius is the root of one of the height.
+      const double steep = std::max(1e-3, dot(expected, smooth_[r]));
+      ASSERT_LT(length(direction(made, r) - expected), kUnit / steep) << i << " lane " << r;
+      ASSERT_GT(dot(direction(made, r), geometric_[r]), -kUnit);
+      ASSERT_EQ(made.packet.rays.ray.tfar[r], 7.0F);
+    }
+  }
+  EXPECT_GT(below, 100);
+}
+
+TEST_P(SampleRays, ToLampsAreTheOracles) {
+  std::mt19937_64 random(5);
+  const sampling::SampleSet set =
+      sampling::sample_set(seeds_, sampling::kFirstPath, sampling::use_of_light(2));
+  shading_kernel::Light lamp{};
+  lamp.colour[0] = 1.0F;
+  int rays = 0;
+  for (uint32_t i = 0; i < 500; ++i) {
+    face_anywhere(random);
+    const bool sun = i % 2 == 1;
+    lamp.kind = sun ? shading_kernel::Light::kDirectional : shading_kernel::Light::kPoint;
+    const Vec3 middle = any_direction(random) * (sun ? 1.0 : 90.0);
+    const double radius = sun ? 0.3 : 25.0;
+    for (int k = 0; k < 3; ++k) {
+      const double part = k == 0 ? middle.x : k == 1 ? middle.y : middle.z;
+      lamp.position[k] = static_cast<float>(part);
+      lamp.direction[k] = static_cast<float>(-part);
+    }
+    Made made;
+    clear(made);
+    kernel_.lamp_rays(lamp, static_cast<float>(radius), sampling::sample_of(set, i), surfaces_,
+                      weight_, made.rays);
+    for (size_t r = 0; r < kPacket; ++r) {
+      const Vec3 aside =
+          testing::reference_turned(testing::reference_on_disc(point(r, 3, i)), normalized(middle));
+      const Vec3 toward = normalized(middle + aside * radius);
+      const double cosine = dot(toward, smooth_[r]);
+      const bool seen = cosine > 0.0 && dot(toward, geometric_[r]) > 0.0;
+      if (std::min(std::abs(cosine), std::abs(dot(toward, geometric_[r]))) < kUnit) continue;
+      ASSERT_EQ(made.packet.valid[r] != 0, seen) << i << " lane " << r;
+      if (!seen) continue;
+      ++rays;
+      ASSERT_LT(length(direction(made, r) - toward), kUnit);
+      ASSERT_NEAR(double{made.rays.weight[r]}, cosine, kUnit);
+    }
+  }
+  EXPECT_GT(rays, 2000);
+}
+
+/// And of the baseline with itself, which is all that some machines can compare.
+TEST_P(SampleRays, HaveTheSameBitsAsTheBaseline) {
+  std::mt19937_64 random(9);
+  const shading_kernel::Kernel& plain = shading_kernel_for(Isa::Baseline);
+  shading_kernel::Light lamp{};
+  lamp.position[1] = 50.0F;
+  lamp.colour[0] = 1.0F;
+  for (uint32_t i = 0; i < 300; ++i) {
+    face_anywhere(random);
+    const sampling::SampleSet set = sampling::sample_set(seeds_, i, i);
+    const sampling::Sample sample = sampling::sample_of(set, i);
+    std::array<Made, 2> around, toward;
+    for (size_t k = 0; k < 2; ++k) {
+      clear(around[k]);
+      clear(toward[k]);
+      const shading_kernel::Kernel& kernel = k == 0 ? plain : kernel_;
+      kernel.ambient_rays(7.0F, sample, surfaces_, around[k].rays);
+      kernel.lamp_rays(lamp, 20.0F, sample, surfaces_, weight_, toward[k].rays);
+      for (Made* made : {&around[k], &toward[k]}) {
+        made->rays.packet = nullptr;
+        made->rays.valid = nullptr;
+      }
+    }
+    ASSERT_EQ(std::memcmp(&around[0], &around[1], sizeof(Made)), 0) << i;
+    ASSERT_EQ(std::memcmp(&toward[0], &toward[1], sizeof(Made)), 0) << i;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(InstructionSets, SampleRays,
+                         ::testing::ValuesIn(test::instruction_sets_of_this_machine()),
+                         [](const auto& isa) { return std::string(isa_name(isa.param)); });
+
+}  // namespace
+}  // namespace lenticule::render
