@@ -41,8 +41,17 @@ class PrimaryPackets {
     [[nodiscard]] uint64_t refused() const { return refused_; }
 
    private:
-    void set_fast_tile(const Scene::Impl& scene);
-    void resolve(int column, RayPacket& out) const;
+    /// As wide as the rig's polynomials reach; one that does not touch the panel has no rays.
+    struct Piece {
+      bool touches_panel = false;
+      optics::TileOptics::Tile optics;
+      packet_kernel::Tile kernel;
+    };
+    bool set_pieces(const Scene::Impl& scene);
+    bool combine(const Scene::Impl& scene, Piece& piece) const;
+    bool set_shared(const Scene::Impl& scene, Piece& piece) const;
+    void make_columns(const Piece& piece, int column, std::span<RayPacket> out) const;
+    void resolve(const Piece& piece, int column, RayPacket& out) const;
     void set_valid(int column, RayPacket& out) const;
     void copy_exact(int column, RayPacket& out);
 
@@ -52,8 +61,7 @@ class PrimaryPackets {
     bool whole_ = false;  ///< no lane of the tile lies outside the panel
     std::array<int, TilePlan::kRows> first_column_{}, end_column_{};  ///< inside the panel
     uint64_t refused_ = 0;
-    optics::TileOptics::Tile optics_;
-    packet_kernel::Tile kernel_;
+    std::vector<Piece> pieces_;  ///< side by side
     PrimaryRays::Workspace workspace_;
     std::vector<PathRay> rays_;
   };
