@@ -46,6 +46,7 @@ struct GeometryEntry {
   size_t mesh = 0;
 };
 
+class PrimitiveTree;
 class ShadingTables;
 class ShaftProofs;
 
@@ -74,6 +75,7 @@ struct Scene::Impl {
   uint64_t content = 0;          ///< scene_fingerprint()
 
   std::unique_ptr<const ShadingTables> shading;  ///< of all the above
+  std::unique_ptr<const PrimitiveTree> tree;     ///< null if too large
   std::unique_ptr<ShaftProofs> proofs;  ///< grow while frames are rendered; null if too large
 };
 

@@ -9,6 +9,7 @@
 #include "optics/error.h"
 #include "render/committed_scene.h"
 #include "render/lighting.h"
+#include "render/primitive_tree.h"
 #include "render/scene_fingerprint.h"
 #include "render/shading_tables.h"
 #include "render/shaft_proofs.h"
@@ -20,7 +21,7 @@ namespace {
 /// Scene units; beyond, single precision says nothing and Embree would drop the primitive silently.
 constexpr double kFarthest = 1e15;
 
-/// With more primitives the tree of shafts takes longer to build than a frame gains by it.
+/// With more primitives the tree for proofs takes longer to build than a frame gains by it.
 constexpr size_t kMostProvable = size_t{1} << 19;
 
 /// Moves one description into the scene frame, checking every number on the way.
@@ -272,7 +273,9 @@ class Committer {
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
     scene_.shading = std::make_unique<const ShadingTables>(scene_);
-    if (primitives() <= kMostProvable) scene_.proofs = std::make_unique<ShaftProofs>(scene_);
+    if (primitives() > kMostProvable) return;
+    scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
+    scene_.proofs = std::make_unique<ShaftProofs>(scene_, *scene_.tree);
   }
 
   [[nodiscard]] size_t primitives() const {

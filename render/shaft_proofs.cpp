@@ -22,8 +22,8 @@ size_t primitives_of(const Scene::Impl& scene, const GeometryEntry& entry) {
 
 }  // namespace
 
-ShaftProofs::ShaftProofs(const Scene::Impl& scene)
-    : scene_(scene), tester_(scene), answers_(size_t{1} << kAnswersLog2) {
+ShaftProofs::ShaftProofs(const Scene::Impl& scene, const PrimitiveTree& tree)
+    : scene_(scene), tester_(scene, tree), answers_(size_t{1} << kAnswersLog2) {
   uint64_t first = 0;
   for (const GeometryEntry& entry : scene.geometries) {
     first_primitive_.push_back(first);

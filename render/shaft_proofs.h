@@ -21,8 +21,8 @@ enum class ShaftProof : uint8_t {
 /// room. An answer depends on the scene alone, never on who asked first.
 class ShaftProofs {
  public:
-  /// Throws Error(Failed) with what Embree said.
-  explicit ShaftProofs(const Scene::Impl& scene);
+  /// Both must outlive it; the tree is the scene's.
+  ShaftProofs(const Scene::Impl& scene, const PrimitiveTree& tree);
 
   /// A number for a cell, to ask with; below 2^50. For `place` see render/surface_cells.h.
   [[nodiscard]] uint64_t number(uint32_t geometry, uint32_t primitive, int32_t place) const {
