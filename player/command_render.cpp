@@ -54,6 +54,7 @@ struct RunTotals {
     ++rendered;
     rays.subpixels += frame.subpixels;
     rays.primary_rays += frame.primary_rays;
+    rays.primary_rays_proved += frame.primary_rays_proved;
     rays.shadow_rays += frame.shadow_rays;
     rays.secondary_rays += frame.secondary_rays;
     rays.invalid_rays += frame.invalid_rays;
@@ -125,6 +126,7 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"render_seconds", totals.rays.seconds},
           {"subpixels", totals.rays.subpixels},
           {"primary_rays", totals.rays.primary_rays},
+          {"primary_rays_proved", totals.rays.primary_rays_proved},
           {"shadow_rays", totals.rays.shadow_rays},
           {"secondary_rays", totals.rays.secondary_rays},
           {"invalid_rays", totals.rays.invalid_rays},

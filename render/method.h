@@ -30,6 +30,9 @@ struct RenderOptions {
   /// out; the bytes are the same. Only with one sample per subpixel.
   bool skip_weak_rays = true;
   double tolerated_error = 2.0;  ///< code values, of method adaptive
+  /// Primary rays that are proved to meet nothing are not traced (render/skips/background.h); the
+  /// bytes are the same.
+  bool skip_background = true;
   bool tiles_backwards = false;  ///< the bytes do not depend on the order; for tests
   ReuseOptions reuse{};          ///< of the methods that reuse points
   bool keep_missing = false;     ///< make Method::missing_subpixels()
@@ -48,6 +51,7 @@ struct RenderStatistics {
   uint64_t invalid_rays = 0;             ///< not finite, so not shown to Embree
   uint64_t suspected_holes = 0;          ///< primary rays that went on where their neighbours ended
   uint64_t filled_holes = 0;             ///< and those that had slipped between triangles
+  uint64_t primary_rays_proved = 0;      ///< of primary_rays: not traced, they meet nothing
   uint64_t shadow_rays_proved = 0;       ///< of shadow_rays: not traced, nothing was in their way
   uint64_t shadow_rays_blocked = 0;      ///< of shadow_rays: not traced, something surely was
   uint64_t secondary_rays_proved = 0;    ///< of secondary_rays: not traced, they meet nothing

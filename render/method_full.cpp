@@ -15,6 +15,7 @@
 #include "render/denormals.h"
 #include "render/packet_tracer.h"
 #include "render/primary_packets.h"
+#include "render/skips/background.h"
 
 namespace lenticule::render {
 namespace {
@@ -55,6 +56,7 @@ class FullMethod final : public Method {
                     geometry.format == frames::PixelFormat::Rgb8);
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};
+    const BeamTester beams(scene.impl());
     tbb::enumerable_thread_specific<Worker> workers([this] { return Worker(packets_, options_); });
     arena_.execute([&] {
       tbb::parallel_for(0, plan_.count(), [&](int number) {
@@ -64,7 +66,7 @@ class FullMethod final : public Method {
           return;
         }
         const int index = options_.tiles_backwards ? plan_.count() - 1 - number : number;
-        render_tile(scene.impl(), plan_.tile(index), workers.local(), frame);
+        render_tile(scene.impl(), beams, plan_.tile(index), workers.local(), frame);
       });
     });
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
@@ -81,6 +83,11 @@ class FullMethod final : public Method {
                                 .seconds = elapsed.count(),
                                 .work = shares(ticks)};
     counts.report(statistics);
+    for (Worker& worker : workers) {
+      statistics.invalid_rays += worker.refused;
+      statistics.primary_rays += worker.background.filled();
+      statistics.primary_rays_proved += worker.background.filled();
+    }
     return statistics;
   }
 
@@ -89,12 +96,14 @@ class FullMethod final : public Method {
     Worker(const PrimaryPackets& packets, const RenderOptions& options)
         : maker(packets), tracer(options) {}
     PrimaryPackets::Maker maker;
+    Background background;
+    uint64_t refused = 0;
     std::vector<float> light;
     PacketTracer tracer;
   };
 
-  void render_tile(const Scene::Impl& scene, const Tile& tile, Worker& worker,
-                   frames::WovenFrame& frame) const {
+  void render_tile(const Scene::Impl& scene, const BeamTester& beams, const Tile& tile,
+                   Worker& worker, frames::WovenFrame& frame) const {
     const FlushDenormals flush;
     WorkClock& clock = worker.tracer.clock();
     clock.turn_to(Work::MakeRays);
@@ -102,11 +111,26 @@ class FullMethod final : public Method {
     const double weight = 1.0 / static_cast<double>(samples_.size());
     for (const Footprint& sample : samples_) {
       worker.maker.start(scene, tile, sample);
-      worker.tracer.trace(scene, plan_, tile, weight, worker.maker, worker.light);
+      worker.refused += worker.maker.refused();
+      trace_tile(scene, beams, tile, weight, worker);
     }
     clock.turn_to(Work::Write);
     write_tile(scene, tile, worker.light, frame);
     clock.turn_to(Work::Idle);
+  }
+
+  void trace_tile(const Scene::Impl& scene, const BeamTester& beams, const Tile& tile,
+                  double weight, Worker& worker) const {
+    const auto trace = [&](ColumnRange columns) {
+      worker.tracer.trace(scene, plan_, tile, columns, weight, worker.maker, worker.light);
+    };
+    if (!options_.skip_background) return trace({0, tile.columns});
+    for (const Background::Run& run : worker.background.runs(beams, worker.maker)) {
+      if (!run.empty)
+        trace(run.columns);
+      else
+        worker.background.fill(scene, plan_, tile, run.columns, weight, worker.maker, worker.light);
+    }
   }
 
   void write_tile(const Scene::Impl& scene, const Tile& tile, const std::vector<float>& light,

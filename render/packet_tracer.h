@@ -43,11 +43,12 @@ class PacketTracer {
   ~PacketTracer();
   PacketTracer(PacketTracer&&) noexcept;
 
-  /// Adds to light[target] what the primary rays of the tile that `maker` was started with bring,
-  /// each `weight` times; a ray's target is its row * columns + column. Everything is added in an
-  /// order that depends on the rays alone. Calling thread must flush denormals.
-  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, double weight,
-             PrimaryPackets::Maker& maker, std::span<float> light);
+  /// Adds to light[target] what the primary rays of some columns of the tile that `maker` was
+  /// started with bring, each `weight` times; a ray's target is its row * columns + column. Columns
+  /// begin and end at multiples of eight. Everything is added in an order that depends on the rays
+  /// alone. Calling thread must flush denormals.
+  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, ColumnRange columns,
+             double weight, PrimaryPackets::Maker& maker, std::span<float> light);
 
   /// The same for the valid lanes of one packet: lane r is of channel[r] and brings light[r], and
   /// the packet holds what it met. Lanes come from anywhere in a tile; neighbours should lie close

@@ -49,6 +49,12 @@ std::array<int, TilePlan::kRows> shifts_of(const TilePlan& plan) {
   return shifts;
 }
 
+/// A number that is not one leaves no bounds.
+void extend_or_spoil(double value, Interval& interval) {
+  if (std::isnan(value)) interval = {-HUGE_VAL, HUGE_VAL};
+  interval.extend(value);
+}
+
 /// What the kernel writes is in the arrays of a packet, one after the other.
 float* floats_of(RayPacket& packet) {
   return packet.rays.ray.org_x;
@@ -77,6 +83,8 @@ void PrimaryPackets::Maker::start(const Scene::Impl& scene, const Tile& tile,
   LENTICULE_CHECK(tile.columns == TilePlan::kColumns);
   tile_ = tile;
   refused_ = 0;
+  centred_ = footprint.centred();
+  start_mm_ = packets_.exact_.start_mm(scene);
   const TilePlan& plan = packets_.plan_;
   whole_ = true;
   for (int row = 0; row < TilePlan::kRows; ++row) {
@@ -86,7 +94,7 @@ void PrimaryPackets::Maker::start(const Scene::Impl& scene, const Tile& tile,
     end_column_[r] = row < tile.rows ? std::min(tile.columns, plan.row_subpixels() - of_first) : 0;
     whole_ = whole_ && first_column_[r] == 0 && end_column_[r] == tile.columns;
   }
-  fast_ = packets_.optics_ && footprint.centred() && set_pieces(scene);
+  fast_ = packets_.optics_ && centred_ && set_pieces(scene);
   if (!fast_) packets_.exact_.generate(scene, tile, footprint, 1.0, workspace_, rays_);
 }
 
@@ -128,13 +136,115 @@ bool PrimaryPackets::Maker::combine(const Scene::Impl& scene, Piece& piece) cons
   out.lens_step = static_cast<float>(rig.lens_step());
   out.x_step = static_cast<float>(rig.x_step_mm());
   out.safe = static_cast<float>(0.5 - rig.phase_error());
+  set_bounds(rig, in, piece.bounds);
   return set_shared(scene, piece);
+}
+
+/// Off the panel rows go on, so that more is bounded than there is.
+void PrimaryPackets::Maker::set_bounds(const optics::TileOptics& rig,
+                                       const optics::TileOptics::Tile& in, PieceBounds& out) {
+  out = {};
+  for (size_t r = 0; r < kLanes; ++r) {
+    for (size_t colour = 0; colour < 3; ++colour) {
+      for (size_t n = 0; n < 3; ++n) out.bend[n].extend(double{in.bend[colour][n][r]});
+      out.x0_mm.extend(in.x0_mm[colour][r]);
+    }
+    for (size_t n = 0; n < static_cast<size_t>(rig.coefficients()); ++n)
+      out.tangent[n].extend(double{in.tangent[n][r]});
+    for (size_t n = 0; n < out.shift_mm.size(); ++n)
+      out.shift_mm[n].extend(double{in.shift_mm[n][r]});
+    out.y_mm.extend(in.lens_y_mm[r]);
+    out.tan_y.extend(in.tan_y[r]);
+  }
+}
+
+bool PrimaryPackets::Maker::beam(ColumnRange columns, Beam& out) const {
+  if (!centred_) return false;
+  out = {};
+  out.start_mm = start_mm_;
+  if (!fast_) {
+    add_exact_to_beam(columns, out);
+  } else {
+    const int wide = packets_.optics_->columns();
+    for (int p = 0; p < static_cast<int>(pieces_.size()); ++p) {
+      const ColumnRange in_piece{std::max(columns.begin - p * wide, 0),
+                                 std::min(columns.end - p * wide, wide)};
+      if (in_piece.begin < in_piece.end)
+        add_to_beam(pieces_[static_cast<size_t>(p)], in_piece, out);
+    }
+  }
+  // Directions and places are rounded to single precision.
+  const double room = double{kRoundingMargin} * (out.x_mm.largest() + out.y_mm.largest());
+  out.x_mm = out.x_mm.widened(room);
+  out.y_mm = out.y_mm.widened(room);
+  out.tan_x = out.tan_x.widened(double{kRoundingMargin} * (1.0 + out.tan_x.largest()));
+  out.tan_y = out.tan_y.widened(double{kRoundingMargin} * (1.0 + out.tan_y.largest()));
+  constexpr double kHarmless = 1e9;
+  return std::max({out.x_mm.largest(), out.y_mm.largest(), out.tan_x.largest(), out.tan_y.largest(),
+                   std::abs(out.start_mm)}) < kHarmless;
+}
+
+namespace {
+
+/// Of a polynomial, wherever its argument lies in a range about zero.
+template <size_t kCount>
+Interval values_of(const std::array<Interval, kCount>& coefficients, size_t used,
+                   Interval argument) {
+  Interval sum = coefficients[0] + coefficients[1] * argument;
+  double power = argument.largest();
+  for (size_t n = 2; n < used; ++n) {
+    power *= argument.largest();
+    sum = sum.widened(coefficients[n].largest() * power);
+  }
+  return sum;
+}
+
+}  // namespace
+
+void PrimaryPackets::Maker::add_to_beam(const Piece& piece, ColumnRange columns, Beam& out) const {
+  if (!piece.touches_panel) return;
+  const optics::TileOptics& rig = *packets_.optics_;
+  const PieceBounds& of = piece.bounds;
+  constexpr double kMostOff = 0.501;  // lenses, from the nearest one
+  constexpr double kRounding = 1e-6;
+  const Interval c{double(columns.begin), double(columns.end - 1)};
+  const Interval argument = (of.bend[0] + c * (of.bend[1] + c * of.bend[2]))
+                                .widened(std::abs(rig.lens_step()) * kMostOff + kRounding);
+  const Interval shift = values_of(of.shift_mm, of.shift_mm.size(), argument);
+  const Interval along{rig.x_step_mm() * c.low, rig.x_step_mm() * c.high};
+  out.x_mm.extend(of.x0_mm + along + shift);
+  out.tan_x.extend(values_of(of.tangent, static_cast<size_t>(rig.coefficients()), argument));
+  out.y_mm.extend(of.y_mm);
+  out.tan_y.extend(of.tan_y);
+}
+
+void PrimaryPackets::Maker::add_exact_to_beam(ColumnRange columns, Beam& out) const {
+  for (size_t r = 0; r < kLanes; ++r) {
+    const PrimaryRays::Workspace::Row& row = workspace_.rows[r];
+    const int first = packets_.plan_.subpixel(tile_, 0, static_cast<int>(r));
+    const int end = std::min(row.end, first + columns.end) - row.first_evaluated;
+    for (int k = std::max(row.begin, first + columns.begin) - row.first_evaluated; k < end; ++k) {
+      const auto n = static_cast<size_t>(k);
+      extend_or_spoil(row.rays.lens_x_mm[n], out.x_mm);
+      extend_or_spoil(row.rays.tan_x[n], out.tan_x);
+      extend_or_spoil(row.rays.lens_y_mm[n], out.y_mm);
+      extend_or_spoil(row.rays.tan_y[n], out.tan_y);
+    }
+  }
+}
+
+uint64_t PrimaryPackets::Maker::count(ColumnRange columns) const {
+  uint64_t sum = 0;
+  for (size_t r = 0; r < kLanes; ++r)
+    sum += static_cast<uint64_t>(std::max(
+        0, std::min(columns.end, end_column_[r]) - std::max(columns.begin, first_column_[r])));
+  return sum;
 }
 
 /// What all columns of a row share.
 bool PrimaryPackets::Maker::set_shared(const Scene::Impl& scene, Piece& piece) const {
   packet_kernel::Tile& out = piece.kernel;
-  const double start = packets_.exact_.start_mm(scene);
+  const double start = start_mm_;
   const Affine& to_scene = scene.scene_from_panel;
   const Vec3f across(to_scene.column_x);
   out.start = static_cast<float>(start);
