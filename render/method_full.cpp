@@ -16,6 +16,7 @@
 #include "render/packet_tracer.h"
 #include "render/primary_packets.h"
 #include "render/skips/background.h"
+#include "render/skips/last_frame.h"
 
 namespace lenticule::render {
 namespace {
@@ -54,6 +55,7 @@ class FullMethod final : public Method {
     const frames::FrameGeometry& geometry = frame.geometry();
     LENTICULE_CHECK(geometry.width == width_ && geometry.height == height_ &&
                     geometry.format == frames::PixelFormat::Rgb8);
+    if (options_.copy_unchanged && last_.shows(scene.impl())) return copy_last(frame);
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};
     const BeamTester beams(scene.impl());
@@ -69,6 +71,7 @@ class FullMethod final : public Method {
         render_tile(scene.impl(), beams, plan_.tile(index), workers.local(), frame);
       });
     });
+    if (options_.copy_unchanged && !cancelled.load()) last_.keep(scene.impl(), frame);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
 
     RayCounts counts;
@@ -101,6 +104,15 @@ class FullMethod final : public Method {
     std::vector<float> light;
     PacketTracer tracer;
   };
+
+  RenderStatistics copy_last(frames::WovenFrame& frame) const {
+    const auto start = std::chrono::steady_clock::now();
+    frame = last_.frame();
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    return {.subpixels = frame.bytes().size(),
+            .copied_subpixels = frame.bytes().size(),
+            .seconds = elapsed.count()};
+  }
 
   void render_tile(const Scene::Impl& scene, const BeamTester& beams, const Tile& tile,
                    Worker& worker, frames::WovenFrame& frame) const {
@@ -153,6 +165,7 @@ class FullMethod final : public Method {
   std::vector<Footprint> samples_;
   int width_;
   int height_;
+  LastFrame last_;
   tbb::task_arena arena_;
 };
 

@@ -33,6 +33,7 @@ class Committer {
   void commit(const Surroundings& surroundings) {
     set_frame();
     scene_.content = scene_fingerprint(description_, surroundings, stage_);
+    scene_.picture = picture_fingerprint(scene_.content, stage_);
     add_materials();
     for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
