@@ -54,6 +54,7 @@ struct RunTotals {
     ++rendered;
     rays.subpixels += frame.subpixels;
     rays.primary_rays += frame.primary_rays;
+    rays.lights_left_out = std::max(rays.lights_left_out, frame.lights_left_out);
     rays.primary_rays_proved += frame.primary_rays_proved;
     rays.shadow_rays += frame.shadow_rays;
     rays.secondary_rays += frame.secondary_rays;
@@ -128,6 +129,7 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"subpixels", totals.rays.subpixels},
           {"primary_rays", totals.rays.primary_rays},
           {"primary_rays_proved", totals.rays.primary_rays_proved},
+          {"lights_left_out", totals.rays.lights_left_out},
           {"shadow_rays", totals.rays.shadow_rays},
           {"secondary_rays", totals.rays.secondary_rays},
           {"invalid_rays", totals.rays.invalid_rays},

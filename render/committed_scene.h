@@ -66,6 +66,7 @@ struct Scene::Impl {
   std::vector<Material> materials;
   std::vector<std::shared_ptr<const Texture>> textures;
   std::vector<SceneLight> lights;
+  size_t lights_left_out = 0;  ///< which bring nothing to anything
   Vec3 ambient;
   Backdrop backdrop;
   bool colour_managed = true;

@@ -55,6 +55,7 @@ struct RenderStatistics {
   uint64_t suspected_holes = 0;          ///< primary rays that went on where their neighbours ended
   uint64_t filled_holes = 0;             ///< and those that had slipped between triangles
   uint64_t primary_rays_proved = 0;      ///< of primary_rays: not traced, they meet nothing
+  uint64_t lights_left_out = 0;          ///< they bring nothing to anything in the scene
   uint64_t shadow_rays_proved = 0;       ///< of shadow_rays: not traced, nothing was in their way
   uint64_t shadow_rays_blocked = 0;      ///< of shadow_rays: not traced, something surely was
   uint64_t secondary_rays_proved = 0;    ///< of secondary_rays: not traced, they meet nothing

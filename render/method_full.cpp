@@ -82,6 +82,7 @@ class FullMethod final : public Method {
     }
     RenderStatistics statistics{.completed = !cancelled.load(),
                                 .subpixels = frame.bytes().size(),
+                                .lights_left_out = scene.impl().lights_left_out,
                                 .traced_subpixels = frame.bytes().size(),
                                 .seconds = elapsed.count(),
                                 .work = shares(ticks)};

@@ -13,6 +13,7 @@
 #include "render/scene_fingerprint.h"
 #include "render/shading_tables.h"
 #include "render/shaft_proofs.h"
+#include "render/skips/idle_lights.h"
 #include "render/user_geometry.h"
 
 namespace lenticule::render {
@@ -30,7 +31,7 @@ class Committer {
   Committer(const SceneDescription& description, const Stage& stage, Scene::Impl& scene)
       : description_(description), stage_(stage), scene_(scene) {}
 
-  void commit(const Surroundings& surroundings) {
+  void commit(const Surroundings& surroundings, IdleLights idle_lights) {
     set_frame();
     scene_.content = scene_fingerprint(description_, surroundings, stage_);
     scene_.picture = picture_fingerprint(scene_.content, stage_);
@@ -51,6 +52,7 @@ class Committer {
     scene_.backdrop.ahead = turned(scene_.backdrop.ahead);
     scene_.colour_managed = description_.colour_managed;
     scene_.textures = description_.textures;
+    if (idle_lights == IdleLights::LeaveOut) scene_.lights_left_out = remove_idle_lights(scene_);
     build();
   }
 
@@ -320,9 +322,9 @@ class Committer {
 }  // namespace
 
 Scene::Scene(const SceneDescription& description, const Stage& stage,
-             const Surroundings& surroundings, int threads)
+             const Surroundings& surroundings, int threads, IdleLights idle_lights)
     : impl_(std::make_unique<Impl>(threads)) {
-  Committer(description, stage, *impl_).commit(surroundings);
+  Committer(description, stage, *impl_).commit(surroundings, idle_lights);
 }
 
 Scene::~Scene() = default;
