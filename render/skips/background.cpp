@@ -15,12 +15,14 @@ int channel_at(const TilePlan& plan, const Tile& tile, int column, int row) {
 
 void fill_flat(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
                ColumnRange columns, float weight, std::span<float> light) {
-  for (int row = 0; row < TilePlan::kRows; ++row)
-    for (int column = columns.begin; column < columns.end; ++column) {
-      const int channel = channel_at(plan, tile, column, row);
-      light[static_cast<size_t>(row * tile.columns + column)] +=
-          weight * static_cast<float>(component(scene.backdrop.colour, channel));
+  for (int row = 0; row < TilePlan::kRows; ++row) {
+    float* out = light.data() + static_cast<size_t>(row * tile.columns);
+    for (int first = columns.begin; first < columns.begin + 3; ++first) {
+      const int channel = channel_at(plan, tile, first, row);
+      const float more = weight * static_cast<float>(component(scene.backdrop.colour, channel));
+      for (int column = first; column < columns.end; column += 3) out[column] += more;
     }
+  }
 }
 
 float seen_by(const Scene::Impl& scene, const RayPacket& packet, size_t r, int channel) {

@@ -72,13 +72,15 @@ BeamTester::BeamTester(const Scene::Impl& scene) : scene_(scene) {
   const bool straight = map.column_x == Vec3{map.column_x.x, 0.0, 0.0} &&
                         map.column_y == Vec3{0.0, map.column_y.y, 0.0} &&
                         map.column_z == Vec3{0.0, 0.0, map.column_z.z} && map.origin == Vec3{};
-  usable_ = straight && scene.tree != nullptr;
-  if (!usable_) return;
+  if (!straight || !scene.tree) return;
   panel_per_scene_ = {1.0 / map.column_x.x, 1.0 / map.column_y.y, 1.0 / map.column_z.z};
-  // Embree computes in the scene frame, whose numbers may be larger.
+  // Embree computes in the scene frame, whose numbers may be larger. Much larger ones may not be
+  // fit for it, and such rays stay black.
   const double stretch = std::max(largest(panel_per_scene_),
                                   largest({map.column_x.x, map.column_y.y, map.column_z.z}));
   margin_ = double{kRoundingMargin} * stretch;
+  constexpr double kMostStretch = 1e6;
+  usable_ = stretch < kMostStretch;
 }
 
 Vec3 BeamTester::on_panel(Vec3f point) const {

@@ -42,8 +42,8 @@ class BeamTester {
  public:
   explicit BeamTester(const Scene::Impl& scene);
 
-  /// False: no proof can be had, since the scene has too many primitives for a tree or is put on
-  /// the glass askew.
+  /// False: no proof can be had, since the scene has too many primitives for a tree, or is put on
+  /// the glass askew or a million times deeper or flatter than it is.
   [[nodiscard]] bool usable() const { return usable_; }
 
   /// True: no ray of the beam meets anything, Embree's roundings included. False: one may.
