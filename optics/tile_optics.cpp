@@ -420,9 +420,20 @@ std::unique_ptr<TileOptics> TileOptics::make(const OpticalModel& model, int colu
   return std::unique_ptr<TileOptics>(new TileOptics(std::move(impl)));
 }
 
+std::unique_ptr<TileOptics> TileOptics::make_first(const OpticalModel& model,
+                                                   std::span<const int> widths,
+                                                   std::span<const int, kRows> shifts) {
+  for (const int columns : widths)
+    if (auto made = make(model, columns, shifts)) return made;
+  return nullptr;
+}
+
 TileOptics::TileOptics(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 TileOptics::~TileOptics() = default;
 
+int TileOptics::columns() const {
+  return impl_->columns;
+}
 double TileOptics::phase_error() const {
   return impl_->phase_error;
 }

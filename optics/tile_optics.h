@@ -45,8 +45,14 @@ class TileOptics {
   /// pixel do not lie side by side. `columns` is the width of a tile.
   [[nodiscard]] static std::unique_ptr<TileOptics> make(const OpticalModel& model, int columns,
                                                         std::span<const int, kRows> shifts);
+  /// Of the first of these widths that make() takes: large pixels bend the phase more along a tile,
+  /// and narrower tiles cost more, but far less than the map.
+  [[nodiscard]] static std::unique_ptr<TileOptics> make_first(const OpticalModel& model,
+                                                              std::span<const int> widths,
+                                                              std::span<const int, kRows> shifts);
   ~TileOptics();
 
+  [[nodiscard]] int columns() const;
   [[nodiscard]] double phase_error() const;  ///< lenses
   [[nodiscard]] double lens_step() const;
   [[nodiscard]] double x_step_mm() const;

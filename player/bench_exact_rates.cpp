@@ -55,6 +55,8 @@ const std::vector<ExactVariant>& exact_variants() {
        [](render::RenderOptions& options) { options.use_shaft_proofs = false; }},
       {"weak rays traced, too",
        [](render::RenderOptions& options) { options.skip_weak_rays = false; }},
+      {"background traced, too",
+       [](render::RenderOptions& options) { options.skip_background = false; }},
       {"shading with AVX2 at most",
        [](render::RenderOptions& options) { options.isa = std::min(options.isa, Isa::Avx2); }},
       {"shading with SSE2", [](render::RenderOptions& options) { options.isa = Isa::Baseline; }},

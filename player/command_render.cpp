@@ -54,6 +54,8 @@ struct RunTotals {
     ++rendered;
     rays.subpixels += frame.subpixels;
     rays.primary_rays += frame.primary_rays;
+    rays.lights_left_out = std::max(rays.lights_left_out, frame.lights_left_out);
+    rays.primary_rays_proved += frame.primary_rays_proved;
     rays.shadow_rays += frame.shadow_rays;
     rays.secondary_rays += frame.secondary_rays;
     rays.ambient_rays += frame.ambient_rays;
@@ -66,6 +68,7 @@ struct RunTotals {
     rays.traced_subpixels += frame.traced_subpixels;
     rays.projected_subpixels += frame.projected_subpixels;
     rays.interpolated_subpixels += frame.interpolated_subpixels;
+    rays.copied_subpixels += frame.copied_subpixels;
     rays.missing_subpixels += frame.missing_subpixels;
     rays.mended_subpixels += frame.mended_subpixels;
     rays.audited_subpixels += frame.audited_subpixels;
@@ -129,6 +132,8 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"render_seconds", totals.rays.seconds},
           {"subpixels", totals.rays.subpixels},
           {"primary_rays", totals.rays.primary_rays},
+          {"primary_rays_proved", totals.rays.primary_rays_proved},
+          {"lights_left_out", totals.rays.lights_left_out},
           {"shadow_rays", totals.rays.shadow_rays},
           {"shadow_rays_proved", totals.rays.shadow_rays_proved},
           {"shadow_rays_blocked", totals.rays.shadow_rays_blocked},
@@ -142,6 +147,7 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"traced_subpixels", totals.rays.traced_subpixels},
           {"projected_subpixels", totals.rays.projected_subpixels},
           {"interpolated_subpixels", totals.rays.interpolated_subpixels},
+          {"copied_subpixels", totals.rays.copied_subpixels},
           {"missing_subpixels", totals.rays.missing_subpixels},
           {"mended_subpixels", totals.rays.mended_subpixels},
           {"audited_subpixels", totals.rays.audited_subpixels},
@@ -235,6 +241,7 @@ class RenderRun {
   static render::RenderOptions options_of(const RenderFlags& flags) {
     render::RenderOptions options = flags.options;
     options.keep_missing = !flags.missing.empty();
+    options.copy_unchanged = true;
     return options;
   }
 
@@ -285,7 +292,7 @@ class RenderRun {
 
   void report_reuse() const {
     const render::RenderStatistics& s = totals_.rays;
-    if (s.traced_subpixels == s.subpixels || s.subpixels == 0) return;
+    if (s.projected_subpixels + s.interpolated_subpixels == 0) return;
     const auto percent = [&s](uint64_t count) {
       return 100.0 * static_cast<double>(count) / static_cast<double>(s.subpixels);
     };

@@ -16,6 +16,7 @@
 #include "render/embree.h"
 #include "render/quadrics.h"
 #include "render/scene.h"
+#include "render/scene_fingerprint.h"
 #include "render/surroundings.h"
 
 namespace lenticule::render {
@@ -46,6 +47,7 @@ struct GeometryEntry {
   size_t mesh = 0;
 };
 
+class PrimitiveTree;
 class ShadingTables;
 class ShaftProofs;
 
@@ -64,6 +66,7 @@ struct Scene::Impl {
   std::vector<Material> materials;
   std::vector<std::shared_ptr<const Texture>> textures;
   std::vector<SceneLight> lights;
+  size_t lights_left_out = 0;  ///< which bring nothing to anything
   Vec3 ambient;
   Backdrop backdrop;
   bool colour_managed = true;
@@ -71,9 +74,11 @@ struct Scene::Impl {
   Affine scene_from_panel;       ///< from millimetres in the panel frame; its origin is zero
   double units_per_world = 1.0;  ///< scene units per world unit
   double near_mm = 0.0;          ///< panel z of the nearest point to be shown
-  uint64_t content = 0;          ///< scene_fingerprint()
+  Fingerprint content;           ///< scene_fingerprint()
+  Fingerprint picture;           ///< picture_fingerprint()
 
   std::unique_ptr<const ShadingTables> shading;  ///< of all the above
+  std::unique_ptr<const PrimitiveTree> tree;     ///< null if too large
   std::unique_ptr<ShaftProofs> proofs;  ///< grow while frames are rendered; null if too large
 };
 

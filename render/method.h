@@ -32,6 +32,12 @@ struct RenderOptions {
   /// out; the bytes are the same. Only with one sample per subpixel.
   bool skip_weak_rays = true;
   double tolerated_error = 2.0;  ///< code values, of method adaptive
+  /// Primary rays that are proved to meet nothing are not traced (render/skips/background.h); the
+  /// bytes are the same.
+  bool skip_background = true;
+  /// Frames whose scene and stage are those of the frame before are copied, not rendered. Method
+  /// full. Off unless asked for, since whoever times frames renders one again and again.
+  bool copy_unchanged = false;
   bool tiles_backwards = false;  ///< the bytes do not depend on the order; for tests
   ReuseOptions reuse{};          ///< of the methods that reuse points
   bool keep_missing = false;     ///< make Method::missing_subpixels()
@@ -52,11 +58,13 @@ struct RenderStatistics {
   uint64_t invalid_rays = 0;             ///< not finite, so not shown to Embree
   uint64_t suspected_holes = 0;          ///< primary rays that went on where their neighbours ended
   uint64_t filled_holes = 0;             ///< and those that had slipped between triangles
+  uint64_t primary_rays_proved = 0;      ///< of primary_rays: not traced, they meet nothing
+  uint64_t lights_left_out = 0;          ///< they bring nothing to anything in the scene
   uint64_t shadow_rays_proved = 0;       ///< of shadow_rays: not traced, nothing was in their way
   uint64_t shadow_rays_blocked = 0;      ///< of shadow_rays: not traced, something surely was
   uint64_t secondary_rays_proved = 0;    ///< of secondary_rays: not traced, they meet nothing
   uint64_t secondary_rays_too_weak = 0;  ///< left out, and not counted in secondary_rays
-  // How subpixels got their colour; the first three add up to `subpixels`.
+  // How subpixels got their colour; the first four add up to `subpixels`.
   uint64_t traced_subpixels = 0;
   uint64_t projected_subpixels = 0;     ///< from points of other micro-images or frames
   uint64_t interpolated_subpixels = 0;  ///< the mean of two neighbours
@@ -65,6 +73,7 @@ struct RenderStatistics {
   uint64_t audited_beyond = 0;          ///< of those: off by more than the tolerated error
   /// With 99 % confidence no larger a share of all subpixels is off by more than that.
   double beyond_bound = 0.0;
+  uint64_t copied_subpixels = 0;        ///< of a frame in which nothing had changed
   uint64_t missing_subpixels = 0;  ///< found empty by re-projection, then traced or interpolated
   double seconds = 0.0;
   /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.

@@ -15,6 +15,8 @@
 #include "render/denormals.h"
 #include "render/packet_tracer.h"
 #include "render/primary_packets.h"
+#include "render/skips/background.h"
+#include "render/skips/last_frame.h"
 
 namespace lenticule::render {
 namespace {
@@ -53,8 +55,10 @@ class FullMethod final : public Method {
     const frames::FrameGeometry& geometry = frame.geometry();
     LENTICULE_CHECK(geometry.width == width_ && geometry.height == height_ &&
                     geometry.format == frames::PixelFormat::Rgb8);
+    if (options_.copy_unchanged && last_.shows(scene.impl())) return copy_last(frame);
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};
+    const BeamTester beams(scene.impl());
     tbb::enumerable_thread_specific<Worker> workers([this] { return Worker(packets_, options_); });
     arena_.execute([&] {
       tbb::parallel_for(0, plan_.count(), [&](int number) {
@@ -64,9 +68,10 @@ class FullMethod final : public Method {
           return;
         }
         const int index = options_.tiles_backwards ? plan_.count() - 1 - number : number;
-        render_tile(scene.impl(), plan_.tile(index), workers.local(), frame);
+        render_tile(scene.impl(), beams, plan_.tile(index), workers.local(), frame);
       });
     });
+    if (options_.copy_unchanged && !cancelled.load()) last_.keep(scene.impl(), frame);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
 
     RayCounts counts;
@@ -77,10 +82,16 @@ class FullMethod final : public Method {
     }
     RenderStatistics statistics{.completed = !cancelled.load(),
                                 .subpixels = frame.bytes().size(),
+                                .lights_left_out = scene.impl().lights_left_out,
                                 .traced_subpixels = frame.bytes().size(),
                                 .seconds = elapsed.count(),
                                 .work = shares(ticks)};
     counts.report(statistics);
+    for (Worker& worker : workers) {
+      statistics.invalid_rays += worker.refused;
+      statistics.primary_rays += worker.background.filled();
+      statistics.primary_rays_proved += worker.background.filled();
+    }
     return statistics;
   }
 
@@ -89,12 +100,23 @@ class FullMethod final : public Method {
     Worker(const PrimaryPackets& packets, const RenderOptions& options)
         : maker(packets), tracer(options) {}
     PrimaryPackets::Maker maker;
+    Background background;
+    uint64_t refused = 0;
     std::vector<float> light;
     PacketTracer tracer;
   };
 
-  void render_tile(const Scene::Impl& scene, const Tile& tile, Worker& worker,
-                   frames::WovenFrame& frame) const {
+  RenderStatistics copy_last(frames::WovenFrame& frame) const {
+    const auto start = std::chrono::steady_clock::now();
+    frame = last_.frame();
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    return {.subpixels = frame.bytes().size(),
+            .copied_subpixels = frame.bytes().size(),
+            .seconds = elapsed.count()};
+  }
+
+  void render_tile(const Scene::Impl& scene, const BeamTester& beams, const Tile& tile,
+                   Worker& worker, frames::WovenFrame& frame) const {
     const FlushDenormals flush;
     WorkClock& clock = worker.tracer.clock();
     clock.turn_to(Work::MakeRays);
@@ -102,12 +124,27 @@ class FullMethod final : public Method {
     const double weight = 1.0 / static_cast<double>(samples_.size());
     for (size_t k = 0; k < samples_.size(); ++k) {
       worker.maker.start(scene, tile, samples_[k]);
-      worker.tracer.trace(scene, plan_, tile, {.number = static_cast<int>(k), .weight = weight},
-                          worker.maker, worker.light);
+      worker.refused += worker.maker.refused();
+      trace_tile(scene, beams, tile, {.number = static_cast<int>(k), .weight = weight}, worker);
     }
     clock.turn_to(Work::Write);
     write_tile(scene, tile, worker.light, frame);
     clock.turn_to(Work::Idle);
+  }
+
+  void trace_tile(const Scene::Impl& scene, const BeamTester& beams, const Tile& tile,
+                  PacketTracer::FootprintSample sample, Worker& worker) const {
+    const auto trace = [&](ColumnRange columns) {
+      worker.tracer.trace(scene, plan_, tile, columns, sample, worker.maker, worker.light);
+    };
+    if (!options_.skip_background) return trace({0, tile.columns});
+    for (const Background::Run& run : worker.background.runs(beams, worker.maker)) {
+      if (!run.empty)
+        trace(run.columns);
+      else
+        worker.background.fill(scene, plan_, tile, run.columns, sample.weight, worker.maker,
+                               worker.light);
+    }
   }
 
   void write_tile(const Scene::Impl& scene, const Tile& tile, const std::vector<float>& light,
@@ -130,6 +167,7 @@ class FullMethod final : public Method {
   std::vector<Footprint> samples_;
   int width_;
   int height_;
+  LastFrame last_;
   tbb::task_arena arena_;
 };
 

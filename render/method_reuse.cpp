@@ -15,6 +15,7 @@
 #include "render/denormals.h"
 #include "render/micro_image_sweep.h"
 #include "render/point_history.h"
+#include "render/texture.h"
 
 namespace lenticule::render {
 namespace {
@@ -60,14 +61,6 @@ bool is_cut(const Affine& next_from_last, const optics::Panel& panel, double mos
         if (!(moves <= most * std::hypot(width, height))) return true;
       }
   return false;
-}
-
-/// Frames of one file share their textures; others have equal ones.
-bool same_texture(const std::shared_ptr<const Texture>& a,
-                  const std::shared_ptr<const Texture>& b) {
-  if (a == b) return true;
-  return a && b && a->width == b->width && a->height == b->height && a->repeat_u == b->repeat_u &&
-         a->repeat_v == b->repeat_v && a->rgba == b->rgba;
 }
 
 class ReuseMethod final : public Method {
@@ -215,7 +208,7 @@ class ReuseMethod final : public Method {
   /// The frame that the history holds.
   struct Last {
     uint64_t number = 0;
-    uint64_t content = 0;
+    Fingerprint content;
     std::vector<std::shared_ptr<const Texture>> textures;
     Affine world_from_panel;
   };

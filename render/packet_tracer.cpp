@@ -197,7 +197,7 @@ void PacketTracer::Payoff::asked(bool packet_saved) {
 }
 
 void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
-                         FootprintSample sample, PrimaryPackets::Maker& maker,
+                         ColumnRange columns, FootprintSample sample, PrimaryPackets::Maker& maker,
                          std::span<float> light) {
   alignas(64) std::array<float, kPacket> weights;
   weights.fill(static_cast<float>(sample.weight));
@@ -205,7 +205,7 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
   // The colours of a column's lanes repeat every three columns.
   std::array<Colours, 3> colours;
   for (int k = 0; k < 3; ++k) colours[static_cast<size_t>(k)] = colours_of(scene, plan, tile, k);
-  for (int column = 0; column < tile.columns; column += kFewPackets) {
+  for (int column = columns.begin; column < columns.end; column += kFewPackets) {
     clock_.turn_to(Work::MakeRays);
     maker.columns(column, primary_);
     for (int k = 0; k < kFewPackets; ++k) {
@@ -218,7 +218,6 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
         out[row * static_cast<size_t>(tile.columns)] += lanes_.light[row];
     }
   }
-  counts_.invalid += maker.refused();
 }
 
 void PacketTracer::seed_column(const TilePlan& plan, const Tile& tile, int column, int sample) {

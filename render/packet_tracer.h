@@ -51,10 +51,11 @@ class PacketTracer {
     int number = 0;
     double weight = 1.0;
   };
-  /// Adds to light[target] what the primary rays of the tile that `maker` was started with bring,
-  /// each `weight` times; a ray's target is its row * columns + column. Everything is added in an
-  /// order that depends on the rays alone. Calling thread must flush denormals.
-  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile,
+  /// Adds to light[target] what the primary rays of some columns of the tile that `maker` was
+  /// started with bring, each `weight` times; a ray's target is its row * columns + column. Columns
+  /// begin and end at multiples of eight. Everything is added in an order that depends on the rays
+  /// alone. Calling thread must flush denormals.
+  void trace(const Scene::Impl& scene, const TilePlan& plan, const Tile& tile, ColumnRange columns,
              FootprintSample sample, PrimaryPackets::Maker& maker, std::span<float> light);
 
   /// The same for the valid lanes of one packet: lane r is of channel[r] and brings light[r], and

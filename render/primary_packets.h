@@ -12,6 +12,7 @@
 #include "optics/tile_optics.h"
 #include "render/primary_packets_kernel.h"
 #include "render/primary_rays.h"
+#include "render/skips/beam.h"
 
 namespace lenticule::render {
 
@@ -37,23 +38,50 @@ class PrimaryPackets {
     void prepare(std::span<RayPacket> packets) const;
     /// Rays of columns [column, column + out.size()) of the tile; `out` is not empty.
     void columns(int column, std::span<RayPacket> out);
+    /// Bounds of all rays of these columns. False, and `out` is unspecified, where they are not
+    /// known: samples off a subpixel's centre, rays that are not finite.
+    [[nodiscard]] bool beam(ColumnRange columns, Beam& out) const;
+    /// How many rays these columns have.
+    [[nodiscard]] uint64_t count(ColumnRange columns) const;
     /// Lanes of the last start() whose rays were not fit for Embree.
     [[nodiscard]] uint64_t refused() const { return refused_; }
 
    private:
-    void set_fast_tile(const Scene::Impl& scene);
-    void resolve(int column, RayPacket& out) const;
+    /// Of a piece's polynomials, over its rows and colours.
+    struct PieceBounds {
+      std::array<Interval, 3> bend;
+      std::array<Interval, optics::TileOptics::kMostCoefficients> tangent;
+      std::array<Interval, optics::TileOptics::kShiftCoefficients> shift_mm;
+      Interval x0_mm, y_mm, tan_y;
+    };
+    /// As wide as the rig's polynomials reach; one that does not touch the panel has no rays.
+    struct Piece {
+      bool touches_panel = false;
+      PieceBounds bounds;
+      optics::TileOptics::Tile optics;
+      packet_kernel::Tile kernel;
+    };
+    bool set_pieces(const Scene::Impl& scene);
+    bool combine(const Scene::Impl& scene, Piece& piece) const;
+    static void set_bounds(const optics::TileOptics& rig, const optics::TileOptics::Tile& in,
+                           PieceBounds& out);
+    void add_to_beam(const Piece& piece, ColumnRange columns, Beam& out) const;
+    void add_exact_to_beam(ColumnRange columns, Beam& out) const;
+    bool set_shared(const Scene::Impl& scene, Piece& piece) const;
+    void make_columns(const Piece& piece, int column, std::span<RayPacket> out) const;
+    void resolve(const Piece& piece, int column, RayPacket& out) const;
     void set_valid(int column, RayPacket& out) const;
     void copy_exact(int column, RayPacket& out);
 
     const PrimaryPackets& packets_;
     Tile tile_;
     bool fast_ = false;
+    bool centred_ = false;
+    double start_mm_ = 0.0;
     bool whole_ = false;  ///< no lane of the tile lies outside the panel
     std::array<int, TilePlan::kRows> first_column_{}, end_column_{};  ///< inside the panel
     uint64_t refused_ = 0;
-    optics::TileOptics::Tile optics_;
-    packet_kernel::Tile kernel_;
+    std::vector<Piece> pieces_;  ///< side by side
     PrimaryRays::Workspace workspace_;
     std::vector<PathRay> rays_;
   };

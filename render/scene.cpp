@@ -9,9 +9,11 @@
 #include "optics/error.h"
 #include "render/committed_scene.h"
 #include "render/lighting.h"
+#include "render/primitive_tree.h"
 #include "render/scene_fingerprint.h"
 #include "render/shading_tables.h"
 #include "render/shaft_proofs.h"
+#include "render/skips/idle_lights.h"
 #include "render/user_geometry.h"
 
 namespace lenticule::render {
@@ -20,7 +22,7 @@ namespace {
 /// Scene units; beyond, single precision says nothing and Embree would drop the primitive silently.
 constexpr double kFarthest = 1e15;
 
-/// With more primitives the tree of shafts takes longer to build than a frame gains by it.
+/// With more primitives the tree for proofs takes longer to build than a frame gains by it.
 constexpr size_t kMostProvable = size_t{1} << 19;
 
 /// Moves one description into the scene frame, checking every number on the way.
@@ -29,9 +31,10 @@ class Committer {
   Committer(const SceneDescription& description, const Stage& stage, Scene::Impl& scene)
       : description_(description), stage_(stage), scene_(scene) {}
 
-  void commit(const Surroundings& surroundings) {
+  void commit(const Surroundings& surroundings, IdleLights idle_lights) {
     set_frame();
     scene_.content = scene_fingerprint(description_, surroundings, stage_);
+    scene_.picture = picture_fingerprint(scene_.content, stage_);
     add_materials();
     for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
@@ -49,6 +52,7 @@ class Committer {
     scene_.backdrop.ahead = turned(scene_.backdrop.ahead);
     scene_.colour_managed = description_.colour_managed;
     scene_.textures = description_.textures;
+    if (idle_lights == IdleLights::LeaveOut) scene_.lights_left_out = remove_idle_lights(scene_);
     build();
   }
 
@@ -272,7 +276,9 @@ class Committer {
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
     scene_.shading = std::make_unique<const ShadingTables>(scene_);
-    if (primitives() <= kMostProvable) scene_.proofs = std::make_unique<ShaftProofs>(scene_);
+    if (primitives() > kMostProvable) return;
+    scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
+    scene_.proofs = std::make_unique<ShaftProofs>(scene_, *scene_.tree);
   }
 
   [[nodiscard]] size_t primitives() const {
@@ -316,9 +322,9 @@ class Committer {
 }  // namespace
 
 Scene::Scene(const SceneDescription& description, const Stage& stage,
-             const Surroundings& surroundings, int threads)
+             const Surroundings& surroundings, int threads, IdleLights idle_lights)
     : impl_(std::make_unique<Impl>(threads)) {
-  Committer(description, stage, *impl_).commit(surroundings);
+  Committer(description, stage, *impl_).commit(surroundings, idle_lights);
 }
 
 Scene::~Scene() = default;

@@ -20,6 +20,9 @@ struct Surroundings {
   Vec3 ground_colour{0.5, 0.5, 0.5};
 };
 
+/// Lights that bring nothing to anything (render/skips/idle_lights.h): the picture is the same.
+enum class IdleLights { LeaveOut, Keep };
+
 /// Built from a description without nodes (at_time). Coordinates inside are re-centred on the stage
 /// so that far-away scenes keep their precision.
 class Scene {
@@ -29,7 +32,7 @@ class Scene {
   /// not positive, indices out of range and surroundings that cannot be read; Error(Failed) for
   /// Embree's.
   Scene(const SceneDescription& description, const Stage& stage, const Surroundings& surroundings,
-        int threads = 0);
+        int threads = 0, IdleLights idle_lights = IdleLights::LeaveOut);
   ~Scene();
   Scene(const Scene&) = delete;
   Scene& operator=(const Scene&) = delete;

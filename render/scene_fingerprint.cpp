@@ -10,8 +10,10 @@ namespace {
 class Mixer {
  public:
   void add(uint64_t word) {
-    value_ = std::rotl(value_ ^ word, 29) * 0x9E3779B97F4A7C15U;
-    value_ ^= value_ >> 32;
+    value_.first = std::rotl(value_.first ^ word, 29) * 0x9E3779B97F4A7C15U;
+    value_.first ^= value_.first >> 32;
+    value_.second = (std::rotl(value_.second, 31) + word) * 0xC2B2AE3D27D4EB4FU;
+    value_.second ^= value_.second >> 29;
   }
   void add(double number) { add(std::bit_cast<uint64_t>(number)); }
   void add(float number) { add(uint64_t{std::bit_cast<uint32_t>(number)}); }
@@ -82,16 +84,16 @@ class Mixer {
     add(light.cos_outer);
   }
 
-  [[nodiscard]] uint64_t value() const { return value_; }
+  [[nodiscard]] Fingerprint value() const { return value_; }
 
  private:
-  uint64_t value_ = 0x243F6A8885A308D3U;
+  Fingerprint value_{0x243F6A8885A308D3U, 0x13198A2E03707344U};
 };
 
 }  // namespace
 
-uint64_t scene_fingerprint(const SceneDescription& scene, const Surroundings& surroundings,
-                           const Stage& stage) {
+Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings& surroundings,
+                              const Stage& stage) {
   Mixer mixer;
   mixer.add(scene.materials);
   mixer.add(scene.meshes);
@@ -110,6 +112,17 @@ uint64_t scene_fingerprint(const SceneDescription& scene, const Surroundings& su
     mixer.add(stage.world_from_panel.column_x);
     mixer.add(stage.world_from_panel.column_z);
   }
+  return mixer.value();
+}
+
+Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage) {
+  Mixer mixer;
+  mixer.add(scene.first);
+  mixer.add(scene.second);
+  const Affine& map = stage.world_from_panel;
+  for (const Vec3& column : {map.column_x, map.column_y, map.column_z, map.origin})
+    mixer.add(column);
+  mixer.add(stage.near_mm);
   return mixer.value();
 }
 

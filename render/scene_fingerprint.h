@@ -9,11 +9,22 @@
 
 namespace lenticule::render {
 
+/// Two mixes of the same numbers: two different scenes would have to agree in 128 bits.
+struct Fingerprint {
+  uint64_t first = 0;
+  uint64_t second = 0;
+  friend bool operator==(const Fingerprint&, const Fingerprint&) = default;
+};
+
 /// Of everything that decides about what points of the scene look like: geometry, materials, lights
 /// and surroundings, but not cameras, names and notes, nor the pixels of textures, which are
 /// compared by whoever needs it (every scene that is committed has a fingerprint). The stage
 /// decides only where the sun moves with it.
-[[nodiscard]] uint64_t scene_fingerprint(const SceneDescription& scene,
-                                         const Surroundings& surroundings, const Stage& stage);
+[[nodiscard]] Fingerprint scene_fingerprint(const SceneDescription& scene,
+                                            const Surroundings& surroundings, const Stage& stage);
+
+/// Of a scene together with where the stage puts it: all that a committed scene is made of, but for
+/// the pixels of textures and of the surroundings' picture.
+[[nodiscard]] Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage);
 
 }  // namespace lenticule::render

@@ -15,9 +15,7 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// What positions, directions and Embree's arithmetic may be wrong by, as a part of the
-/// coordinates: many roundings of single precision.
-constexpr float kMargin = 1.0F / (1 << 18);
+constexpr float kMargin = kRoundingMargin;
 /// New rays start 2^-19 of that off their own plane; whatever rises less is below them.
 constexpr float kFlatness = 1.0F / (1 << 22);
 /// Of products of unit vectors; less than kMargin.
@@ -28,8 +26,6 @@ constexpr float kLeastAscent = 1e-4F;
 /// Of the coordinates: directions are rounded by a few units in the last place, and new rays start
 /// 2^-19 off their plane.
 constexpr float kLevel = 1.0F;
-
-constexpr unsigned kMostDepth = 64;
 
 float largest(Vec3f v) {
   return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
@@ -340,125 +336,12 @@ class Obstacles {
   float squared_ = 0.0F;
 };
 
-struct BuiltNode {
-  bool leaf = false;
-};
-struct BuiltInner : BuiltNode {
-  std::array<const BuiltNode*, 2> child{};
-  std::array<RTCBounds, 2> bounds{};
-};
-struct BuiltLeaf : BuiltNode {
-  uint32_t geometry = 0;
-  uint32_t primitive = 0;
-};
-
-void* create_inner(RTCThreadLocalAllocator allocator, unsigned, void*) {
-  return new (rtcThreadLocalAlloc(allocator, sizeof(BuiltInner), 16)) BuiltInner;
-}
-void set_children(void* node, void** children, unsigned count, void*) {
-  for (unsigned i = 0; i < count; ++i)
-    static_cast<BuiltInner*>(node)->child[i] = static_cast<BuiltNode*>(children[i]);
-}
-void set_bounds(void* node, const RTCBounds** bounds, unsigned count, void*) {
-  for (unsigned i = 0; i < count; ++i) static_cast<BuiltInner*>(node)->bounds[i] = *bounds[i];
-}
-void* create_leaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* primitives, size_t,
-                  void*) {
-  auto* leaf = new (rtcThreadLocalAlloc(allocator, sizeof(BuiltLeaf), 16)) BuiltLeaf;
-  leaf->leaf = true;
-  leaf->geometry = primitives->geomID;
-  leaf->primitive = primitives->primID;
-  return static_cast<BuiltNode*>(leaf);
-}
-
-}  // namespace
-
-struct ShaftTester::Tree {
-  struct Release {
-    void operator()(RTCBVH tree) const noexcept { rtcReleaseBVH(tree); }
-  };
-  std::unique_ptr<std::remove_pointer_t<RTCBVH>, Release> bvh;
-  const BuiltNode* root = nullptr;
-};
-
-namespace {
-
-/// The boxes of all primitives, for Embree's builder.
-std::vector<RTCBuildPrimitive> boxes_of(const Scene::Impl& scene) {
-  std::vector<RTCBuildPrimitive> boxes;
-  const auto add = [&](size_t geometry, size_t primitive, Vec3f low, Vec3f high) {
-    boxes.push_back({.lower_x = low.x,
-                     .lower_y = low.y,
-                     .lower_z = low.z,
-                     .geomID = static_cast<unsigned>(geometry),
-                     .upper_x = high.x,
-                     .upper_y = high.y,
-                     .upper_z = high.z,
-                     .primID = static_cast<unsigned>(primitive)});
-  };
-  const auto add_ball = [&](size_t geometry, size_t primitive, Vec3 middle, double radius) {
-    const double reach = radius + double{kMargin} * (radius + double{largest(Vec3f(middle))});
-    const Vec3 half{reach, reach, reach};
-    add(geometry, primitive, Vec3f(middle - half), Vec3f(middle + half));
-  };
-  for (size_t g = 0; g < scene.geometries.size(); ++g) {
-    const GeometryEntry& entry = scene.geometries[g];
-    if (entry.kind == GeometryEntry::Kind::Spheres)
-      for (size_t i = 0; i < scene.spheres.size(); ++i)
-        add_ball(g, i, scene.spheres[i].centre, scene.spheres[i].radius);
-    if (entry.kind == GeometryEntry::Kind::Cones)
-      for (size_t i = 0; i < scene.cones.size(); ++i) {
-        const auto [low, high] = box_of(scene.cones[i]);
-        const double margin = double{kMargin} * double{largest(Vec3f(low)) + largest(Vec3f(high))};
-        const Vec3 room{margin, margin, margin};
-        add(g, i, Vec3f(low - room), Vec3f(high + room));
-      }
-    if (entry.kind != GeometryEntry::Kind::Mesh) continue;
-    const MeshShape& mesh = scene.meshes[entry.mesh];
-    for (size_t i = 0; i < mesh.triangles.size(); ++i) {
-      const Vec3f a = mesh.positions[mesh.triangles[i][0]];
-      const Vec3f b = mesh.positions[mesh.triangles[i][1]];
-      const Vec3f c = mesh.positions[mesh.triangles[i][2]];
-      add(g, i, {std::min({a.x, b.x, c.x}), std::min({a.y, b.y, c.y}), std::min({a.z, b.z, c.z})},
-          {std::max({a.x, b.x, c.x}), std::max({a.y, b.y, c.y}), std::max({a.z, b.z, c.z})});
-    }
-  }
-  return boxes;
-}
-
 float grown(const SphereShape& sphere) {
   const auto radius = static_cast<float>(sphere.radius);
   return radius + kMargin * (radius + largest(Vec3f(sphere.centre)));
 }
 
-/// Visits leaves whose boxes, and all those around them, are `wanted`, until one is `found`.
-/// False if none is. `unsure` is returned if there are too many boxes to be remembered.
-template <class Wanted, class Found>
-bool search(const BuiltNode* root, bool unsure, const Wanted& wanted, const Found& found) {
-  if (!root) return false;
-  std::array<const BuiltNode*, 2 * kMostDepth> waiting;
-  size_t count = 0;
-  waiting[count++] = root;
-  while (count > 0) {
-    const BuiltNode* node = waiting[--count];
-    if (node->leaf) {
-      if (found(*static_cast<const BuiltLeaf*>(node))) return true;
-      continue;
-    }
-    const auto& inner = *static_cast<const BuiltInner*>(node);
-    for (size_t i = 0; i < 2; ++i) {
-      const RTCBounds& box = inner.bounds[i];
-      if (!wanted(Vec3f{box.lower_x, box.lower_y, box.lower_z},
-                  Vec3f{box.upper_x, box.upper_y, box.upper_z}))
-        continue;
-      if (count == waiting.size()) return unsure;
-      waiting[count++] = inner.child[i];
-    }
-  }
-  return false;
-}
-
-bool blocks(const Scene::Impl& scene, const Obstacles& obstacles, const BuiltLeaf& leaf) {
+bool blocks(const Scene::Impl& scene, const Obstacles& obstacles, const PrimitiveTree::Leaf& leaf) {
   const GeometryEntry& entry = scene.geometries[leaf.geometry];
   if (entry.kind == GeometryEntry::Kind::Cones) return false;  // open: rays may pass lengthwise
   if (entry.kind == GeometryEntry::Kind::Spheres) {
@@ -472,7 +355,7 @@ bool blocks(const Scene::Impl& scene, const Obstacles& obstacles, const BuiltLea
 }
 
 bool misses_primitive(const Scene::Impl& scene, const Hull& hull, const Patch& from,
-                      const BuiltLeaf& leaf) {
+                      const PrimitiveTree::Leaf& leaf) {
   if (from.leaves_convex && leaf.geometry == from.geometry && leaf.primitive == from.primitive)
     return true;
   const GeometryEntry& entry = scene.geometries[leaf.geometry];
@@ -489,42 +372,25 @@ bool misses_primitive(const Scene::Impl& scene, const Hull& hull, const Patch& f
 
 }  // namespace
 
-ShaftTester::ShaftTester(const Scene::Impl& scene)
-    : scene_(scene), tree_(std::make_unique<Tree>()) {
-  std::vector<RTCBuildPrimitive> boxes = boxes_of(scene);
-  if (boxes.empty()) return;
-  tree_->bvh.reset(rtcNewBVH(scene.device.get()));
-  RTCBuildArguments arguments = rtcDefaultBuildArguments();
-  arguments.maxLeafSize = 1;
-  arguments.maxDepth = kMostDepth;
-  arguments.bvh = tree_->bvh.get();
-  arguments.primitives = boxes.data();
-  arguments.primitiveCount = boxes.size();
-  arguments.primitiveArrayCapacity = boxes.size();
-  arguments.createNode = create_inner;
-  arguments.setNodeChildren = set_children;
-  arguments.setNodeBounds = set_bounds;
-  arguments.createLeaf = create_leaf;
-  tree_->root = static_cast<const BuiltNode*>(rtcBuildBVH(&arguments));
-  scene.device.check("building the tree of shafts");
-}
-
-ShaftTester::~ShaftTester() = default;
+ShaftTester::ShaftTester(const Scene::Impl& scene, const PrimitiveTree& tree)
+    : scene_(scene), tree_(tree) {}
 
 bool ShaftTester::empty(const Shaft& shaft) const {
   const Hull hull(shaft);
-  const bool met = search(
-      tree_->root, true, [&](Vec3f low, Vec3f high) { return !hull.misses_box(low, high); },
-      [&](const BuiltLeaf& leaf) { return !misses_primitive(scene_, hull, shaft.from, leaf); });
+  const bool met = tree_.search(
+      true, [&](Vec3f low, Vec3f high) { return !hull.misses_box(low, high); },
+      [&](const PrimitiveTree::Leaf& leaf) {
+        return !misses_primitive(scene_, hull, shaft.from, leaf);
+      });
   return !met;
 }
 
 bool ShaftTester::blocked(const Shaft& shaft) const {
   if (!shaft.to_point) return false;
   const Obstacles obstacles(shaft);
-  return search(
-      tree_->root, false, [&](Vec3f low, Vec3f high) { return obstacles.reaches_box(low, high); },
-      [&](const BuiltLeaf& leaf) { return blocks(scene_, obstacles, leaf); });
+  return tree_.search(
+      false, [&](Vec3f low, Vec3f high) { return obstacles.reaches_box(low, high); },
+      [&](const PrimitiveTree::Leaf& leaf) { return blocks(scene_, obstacles, leaf); });
 }
 
 }  // namespace lenticule::render

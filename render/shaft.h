@@ -11,9 +11,9 @@
 #pragma once
 
 #include <cstdint>
-#include <memory>
 
 #include "render/committed_scene.h"
+#include "render/primitive_tree.h"
 #include "render/surface_cells.h"
 
 namespace lenticule::render {
@@ -55,11 +55,8 @@ struct Shaft {
 /// Immutable after construction; for any thread. Refers to the scene, whose shapes must stay.
 class ShaftTester {
  public:
-  /// Throws Error(Failed) with what Embree said.
-  explicit ShaftTester(const Scene::Impl& scene);
-  ~ShaftTester();
-  ShaftTester(const ShaftTester&) = delete;
-  ShaftTester& operator=(const ShaftTester&) = delete;
+  /// Both must outlive it; the tree is the scene's.
+  ShaftTester(const Scene::Impl& scene, const PrimitiveTree& tree);
 
   /// True: no ray of the shaft meets anything. False: one may.
   [[nodiscard]] bool empty(const Shaft& shaft) const;
@@ -68,9 +65,8 @@ class ShaftTester {
   [[nodiscard]] bool blocked(const Shaft& shaft) const;
 
  private:
-  struct Tree;
   const Scene::Impl& scene_;
-  std::unique_ptr<Tree> tree_;
+  const PrimitiveTree& tree_;
 };
 
 }  // namespace lenticule::render

@@ -24,9 +24,9 @@ size_t primitives_of(const Scene::Impl& scene, const GeometryEntry& entry) {
 
 }  // namespace
 
-ShaftProofs::ShaftProofs(const Scene::Impl& scene)
+ShaftProofs::ShaftProofs(const Scene::Impl& scene, const PrimitiveTree& tree)
     : scene_(scene),
-      tester_(std::make_shared<const ShaftTester>(scene)),
+      tester_(std::make_shared<const ShaftTester>(scene, tree)),
       answers_(size_t{1} << kAnswersLog2) {
   uint64_t first = 0;
   for (const GeometryEntry& entry : scene.geometries) {

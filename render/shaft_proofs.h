@@ -31,8 +31,8 @@ struct SoftSizes {
 /// room. An answer depends on the scene alone, never on who asked first.
 class ShaftProofs {
  public:
-  /// Throws Error(Failed) with what Embree said.
-  explicit ShaftProofs(const Scene::Impl& scene);
+  /// Both must outlive it; the tree is the scene's.
+  ShaftProofs(const Scene::Impl& scene, const PrimitiveTree& tree);
   ~ShaftProofs();
   ShaftProofs(const ShaftProofs&) = delete;
   ShaftProofs& operator=(const ShaftProofs&) = delete;

@@ -40,4 +40,11 @@ double texture_value(const Texture& texture, double u, double v, int channel) {
   return std::lerp(top, bottom, y.blend);
 }
 
+bool same_texture(const std::shared_ptr<const Texture>& a,
+                  const std::shared_ptr<const Texture>& b) {
+  if (a == b) return true;
+  return a && b && a->width == b->width && a->height == b->height && a->repeat_u == b->repeat_u &&
+         a->repeat_v == b->repeat_v && a->rgba == b->rgba;
+}
+
 }  // namespace lenticule::render

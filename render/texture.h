@@ -15,4 +15,8 @@ namespace lenticule::render {
 /// texture repeats or its border continues, as it says. A coordinate that is not finite is 0.
 [[nodiscard]] double texture_value(const Texture& texture, double u, double v, int channel);
 
+/// Frames of one file share their textures; others have equal ones. Null is the same as null.
+[[nodiscard]] bool same_texture(const std::shared_ptr<const Texture>& a,
+                                const std::shared_ptr<const Texture>& b);
+
 }  // namespace lenticule::render

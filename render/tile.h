@@ -17,6 +17,12 @@ struct Tile {
   int columns = 0;
 };
 
+/// Columns [begin, end) of a tile.
+struct ColumnRange {
+  int begin = 0;
+  int end = 0;
+};
+
 class TilePlan {
  public:
   static constexpr int kRows = 16;      ///< one packet

@@ -23,6 +23,8 @@ const sweep_kernel::Kernel& kernel_for(Isa isa) {
 }
 
 constexpr std::array<int, TileOptics::kRows> kUpright{};
+constexpr std::array kWidths{384, 192, 96};
+static_assert(kWidths.back() % (3 * sweep_kernel::kLanes) == 0);
 
 static_assert(sweep_kernel::kMostCoefficients == TileOptics::kMostCoefficients &&
               sweep_kernel::kShiftCoefficients == TileOptics::kShiftCoefficients);
@@ -60,21 +62,11 @@ RowPlanes::RowPlanes(const optics::OpticalModel& model, Isa isa)
   const bool parallel = std::isinf(eye.z_mm);
   inverse_z_ = parallel ? 0.0 : 1.0 / eye.z_mm;
   eye_tan_y_ = parallel ? eye.y : eye.y / eye.z_mm;
-  set_smooth();
+  smooth_ = TileOptics::make_first(model_, kWidths, kUpright);
+  columns_ = smooth_ ? static_cast<size_t>(smooth_->columns()) : 0;
   set_layout();
   top_mm_ = plane_at(0.0).lens_y_mm;
   rows_per_mm_ = 1.0 / (top_mm_ - plane_at(1.0).lens_y_mm);
-}
-
-/// Large pixels bend the phase more along a tile: narrower ones cost more, but far less than the
-/// map.
-void RowPlanes::set_smooth() {
-  for (const int columns : {384, 192, 96}) {
-    static_assert(96 % (3 * sweep_kernel::kLanes) == 0);
-    smooth_ = TileOptics::make(model_, columns, kUpright);
-    columns_ = static_cast<size_t>(columns);
-    if (smooth_) return;
-  }
 }
 
 void RowPlanes::set_layout() {

@@ -95,7 +95,6 @@ class RowPlanes {
     std::vector<double> heights_px;
     std::vector<uint8_t> plane;
   };
-  void set_smooth();
   void set_layout();
   [[nodiscard]] const LayoutRow& layout_row(int row) const;
 

@@ -77,11 +77,23 @@ double origin_tolerance(const optics::Rig& rig, const Scene::Impl& scene,
   return 4.0 * size / (1 << 24);
 }
 
+/// The kiosk's panel with pixels twice as large: its tiles take two parabolas each.
+optics::Rig coarse_kiosk_rig() {
+  optics::Rig rig = test::kiosk_rig();
+  rig.panel.width_px /= 2;
+  rig.panel.height_px /= 2;
+  rig.panel.pixel_width = rig.panel.pixel_height = Millimetres(0.31134);
+  rig.sheet.gap = Millimetres(4.476);
+  return rig;
+}
+
 TEST(PrimaryPackets, KioskComesFromPolynomials) {
   const Bench kiosk(test::kiosk_rig());
   EXPECT_TRUE(kiosk.packets.fast());
   const Bench upright(test::upright_rig());
   EXPECT_TRUE(upright.packets.fast());
+  const Bench coarse(coarse_kiosk_rig());
+  EXPECT_TRUE(coarse.packets.fast());
 }
 
 TEST(PrimaryPackets, RandomRigsAgreeWithTheMap) {
@@ -93,6 +105,7 @@ TEST(PrimaryPackets, RandomRigsAgreeWithTheMap) {
   for (int n = 0; n < 60; ++n) {
     const optics::Rig rig = n == 0   ? test::kiosk_rig()
                             : n == 1 ? test::upright_rig()
+                            : n == 2 ? coarse_kiosk_rig()
                                      : test::random_rig(random);
     const Bench bench(rig);
     const Scene& scene = n % 2 == 0 ? turned : straight;
@@ -119,11 +132,11 @@ TEST(PrimaryPackets, EveryInstructionSetGivesTheSameBits) {
   const auto description = testing::tiny_scenes().front().scene;
   for (const double turn : {0.0, 20.0}) {
     const Scene scene(description, testing::make_tiny_stage({.turn_degrees = turn}), {});
-    for (const optics::Rig& rig : {test::kiosk_rig(), test::upright_rig()}) {
+    for (const optics::Rig& rig : {test::kiosk_rig(), test::upright_rig(), coarse_kiosk_rig()}) {
       const auto tile_bits = [&](Isa isa, int index) {
         const Bench bench(rig, isa);
         PrimaryPackets::Maker maker(bench.packets);
-        const Tile tile = bench.plan.tile(index);
+        const Tile tile = bench.plan.tile(index % bench.plan.count());
         std::vector<RayPacket> made(static_cast<size_t>(tile.columns));
         init_packets(made);
         maker.start(scene.impl(), tile, bench.footprint);

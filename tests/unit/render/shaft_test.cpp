@@ -49,7 +49,7 @@ class BallOverFloor : public ::testing::Test {
   }
 
   Scene scene_{ball_over_floor(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
-  ShaftTester tester_{scene_.impl()};
+  ShaftTester tester_{scene_.impl(), *scene_.impl().tree};
 };
 
 constexpr float kCosine5Degrees = 0.99619F;

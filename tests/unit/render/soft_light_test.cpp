@@ -437,7 +437,7 @@ class SoftTile : public ::testing::Test {
 
   std::vector<float> whole(PacketTracer& tracer) {
     std::vector<float> light(static_cast<size_t>(tile_.columns) * TilePlan::kRows, 0.0F);
-    tracer.trace(scene_.impl(), plan_, tile_, {}, maker_, light);
+    tracer.trace(scene_.impl(), plan_, tile_, {0, tile_.columns}, {}, maker_, light);
     return light;
   }
 

@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bundles of primary rays, and proofs that they meet nothing.
+#pragma once
+
+#include <limits>
+
+#include "render/primitive_tree.h"
+
+namespace lenticule::render {
+
+/// Nothing until it is extended.
+struct Interval {
+  double low = std::numeric_limits<double>::infinity();
+  double high = -std::numeric_limits<double>::infinity();
+
+  void extend(double value) {
+    low = value < low ? value : low;
+    high = value > high ? value : high;
+  }
+  void extend(const Interval& other) {
+    extend(other.low);
+    extend(other.high);
+  }
+  [[nodiscard]] double largest() const { return -low > high ? -low : high; }
+  friend Interval operator+(Interval a, Interval b) { return {a.low + b.low, a.high + b.high}; }
+  /// Both ways by this much.
+  [[nodiscard]] Interval widened(double by) const { return {low - by, high + by}; }
+};
+[[nodiscard]] Interval operator*(Interval a, Interval b);
+
+/// All rays (x + tan_x z, y + tan_y z, z), z < start_mm, of these numbers, in the panel frame.
+struct Beam {
+  Interval x_mm, tan_x;
+  Interval y_mm, tan_y;
+  double start_mm = 0.0;
+
+  void extend(const Beam& other);
+};
+
+/// Of one scene, which must outlive it; for any thread.
+class BeamTester {
+ public:
+  explicit BeamTester(const Scene::Impl& scene);
+
+  /// False: no proof can be had, since the scene has too many primitives for a tree, or is put on
+  /// the glass askew or a million times deeper or flatter than it is.
+  [[nodiscard]] bool usable() const { return usable_; }
+
+  /// True: no ray of the beam meets anything, Embree's roundings included. False: one may.
+  [[nodiscard]] bool empty(const Beam& beam) const;
+
+ private:
+  [[nodiscard]] Vec3 on_panel(Vec3f point) const;
+  [[nodiscard]] bool misses_box(const Beam& beam, Vec3f low, Vec3f high) const;
+  [[nodiscard]] bool misses_primitive(const Beam& beam, const PrimitiveTree::Leaf& leaf) const;
+
+  const Scene::Impl& scene_;
+  bool usable_ = false;
+  Vec3 panel_per_scene_;  ///< along each axis
+  double margin_ = 0.0;   ///< of sizes
+};
+
+}  // namespace lenticule::render

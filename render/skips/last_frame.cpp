@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/skips/last_frame.h"
+
+#include <algorithm>
+
+#include "render/texture.h"
+
+namespace lenticule::render {
+
+bool LastFrame::shows(const Scene::Impl& scene) const {
+  return known_ && picture_ == scene.picture &&
+         std::ranges::equal(textures_, scene.textures, same_texture) &&
+         same_texture(environment_, scene.backdrop.environment);
+}
+
+void LastFrame::keep(const Scene::Impl& scene, const frames::WovenFrame& frame) {
+  frame_ = frame;
+  picture_ = scene.picture;
+  textures_ = scene.textures;
+  environment_ = scene.backdrop.environment;
+  known_ = true;
+}
+
+}  // namespace lenticule::render

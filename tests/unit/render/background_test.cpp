@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+// Rays that are proved to meet nothing: the bounds that the proofs are made of, and the bytes.
+#include "render/skips/background.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "render/method.h"
+#include "tests/support/random_rigs.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+bool holds(const Interval& interval, double value) {
+  return value >= interval.low && value <= interval.high;
+}
+
+/// Every ray that Embree would be shown lies within the bounds of its columns.
+void expect_bounds_hold(const optics::Rig& rig, const Scene& scene, int tile_index) {
+  const optics::OpticalModel model(rig);
+  const TilePlan plan(rig);
+  const PrimaryPackets packets(model, plan);
+  PrimaryPackets::Maker maker(packets);
+  const Tile tile = plan.tile(tile_index % plan.count());
+  maker.start(scene.impl(), tile, Footprint(model, {}));
+  std::vector<RayPacket> made(static_cast<size_t>(tile.columns));
+  init_packets(made);
+  maker.prepare(made);
+  maker.columns(0, made);
+  uint64_t rays = 0;
+  for (const ColumnRange columns :
+       {ColumnRange{0, 48}, ColumnRange{48, 384}, ColumnRange{0, 384}}) {
+    Beam beam;
+    ASSERT_TRUE(maker.beam(columns, beam));
+    uint64_t valid = 0;
+    for (int c = columns.begin; c < columns.end; ++c) {
+      const RayPacket& packet = made[static_cast<size_t>(c)];
+      const RTCRay16& ray = packet.rays.ray;
+      for (size_t r = 0; r < kPacket; ++r) {
+        if (packet.valid[r] == 0) continue;
+        ++valid;
+        // The scene's axes are the panel's here.
+        const double tan_x = double{ray.dir_x[r]} / double{ray.dir_z[r]};
+        const double tan_y = double{ray.dir_y[r]} / double{ray.dir_z[r]};
+        ASSERT_TRUE(holds(beam.tan_x, tan_x)) << c << ' ' << r;
+        ASSERT_TRUE(holds(beam.tan_y, tan_y)) << c << ' ' << r;
+        ASSERT_TRUE(holds(beam.x_mm, double{ray.org_x[r]} - tan_x * beam.start_mm)) << c;
+        ASSERT_TRUE(holds(beam.y_mm, double{ray.org_y[r]} - tan_y * beam.start_mm)) << c;
+      }
+    }
+    EXPECT_EQ(maker.count(columns), valid);
+    rays += valid;
+  }
+  EXPECT_GT(rays, 0U);
+}
+
+TEST(Beam, HoldsTheRaysOfRandomRigs) {
+  std::mt19937_64 random(20261122);
+  const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {});
+  for (int n = 0; n < 80; ++n) {
+    SCOPED_TRACE(n);
+    const optics::Rig rig = n == 0   ? test::kiosk_rig()
+                            : n == 1 ? test::upright_rig()
+                                     : test::random_rig(random);
+    const TilePlan plan(rig);
+    for (int k = 0; k < 6; ++k)
+      expect_bounds_hold(rig, scene,
+                         static_cast<int>(random() % static_cast<unsigned>(plan.count())));
+  }
+}
+
+/// Of one small triangle: beams that surround it are not empty, beams beside it are.
+TEST(Beam, IsEmptyBesideATriangleOnly) {
+  SceneDescription description;
+  description.materials.emplace_back();
+  description.meshes.push_back(
+      {.positions = {{0, 0, -1}, {1, 0, -1}, {0, 1, -1}}, .triangles = {{0, 1, 2}}});
+  const Stage stage = testing::make_tiny_stage({.mm_per_unit = 10.0});
+  const Scene scene(description, stage, {});
+  const BeamTester tester(scene.impl());
+  ASSERT_TRUE(tester.usable());
+  const auto empty = [&](double x, double y, double start) {
+    return tester.empty({.x_mm = {x - 1.0, x + 1.0},
+                         .tan_x = {-0.1, 0.1},
+                         .y_mm = {y - 1.0, y + 1.0},
+                         .tan_y = {-0.1, 0.1},
+                         .start_mm = start});
+  };
+  EXPECT_FALSE(empty(3.0, 3.0, 5.0));
+  EXPECT_FALSE(empty(11.9, 0.0, 5.0)) << "2 mm aside, of which 1 is the beam's and 1 its angle's";
+  EXPECT_TRUE(empty(12.1, 0.0, 5.0));
+  EXPECT_FALSE(empty(-1.9, 0.0, 5.0));
+  EXPECT_TRUE(empty(-2.1, 0.0, 5.0));
+  EXPECT_TRUE(empty(3.0, -2.1, 5.0));
+  EXPECT_TRUE(empty(3.0, 12.1, 5.0));
+  EXPECT_TRUE(empty(3.0, 3.0, -10.1)) << "starts behind it";
+  EXPECT_FALSE(empty(3.0, 3.0, -9.9));
+}
+
+std::vector<optics::Rig> some_rigs() {
+  std::vector<optics::Rig> rigs = {
+      testing::make_rig({.width = 300, .height = 140, .pixel_mm = 0.5}),
+      testing::make_rig({.width = 260, .height = 90, .slant = -0.2, .pixel_mm = 0.5}),
+      testing::make_rig({.width = 200, .height = 90, .layout = "cells", .pixel_mm = 0.6}),
+      testing::make_rig({.width = 200, .height = 90, .distance_mm = HUGE_VAL, .pixel_mm = 0.6})};
+  std::mt19937_64 random(5);
+  rigs.push_back(rigs.front());
+  rigs.back().sheet.residual = test::random_residual(random, 6, 4, 0.2);
+  return rigs;
+}
+
+const Surroundings kFlat{.background = Vec3{0.2, 0.5, 0.7}, .environment_file = {}};
+const Surroundings kSky{.background = {}, .sky = true, .environment_file = {}};
+const Surroundings kGround{.background = {}, .environment_file = {}, .ground = true};
+
+struct Counts {
+  uint64_t proved = 0;
+  uint64_t rays = 0;
+};
+
+void expect_same_bytes(const SceneDescription& description, const optics::Rig& rig,
+                       const Surroundings& surroundings, const RenderOptions& options,
+                       Counts& counts) {
+  const optics::OpticalModel model(rig);
+  const Stage stage = testing::make_tiny_stage({.mm_per_unit = 6.0});
+  const Scene scene(description, stage, surroundings);
+  const frames::FrameGeometry geometry{rig.panel.width_px, rig.panel.height_px,
+                                       frames::PixelFormat::Rgb8};
+  frames::WovenFrame skipped(geometry), traced(geometry);
+  const auto render = [&](bool skip, frames::WovenFrame& frame) {
+    RenderOptions with = options;
+    with.skip_background = skip;
+    return make_method("full", model, with)->render(scene, stage, frame);
+  };
+  const RenderStatistics with = render(true, skipped);
+  const RenderStatistics without = render(false, traced);
+  EXPECT_EQ(skipped, traced);
+  EXPECT_EQ(with.primary_rays, without.primary_rays);
+  EXPECT_EQ(with.invalid_rays, without.invalid_rays);
+  EXPECT_EQ(without.primary_rays_proved, 0U);
+  counts.proved += with.primary_rays_proved;
+  counts.rays += with.primary_rays;
+}
+
+TEST(Background, GivesTheSameBytesFilledAsTraced) {
+  Counts flat, sky;
+  for (const optics::Rig& rig : some_rigs())
+    for (const testing::NamedScene& named : testing::tiny_scenes()) {
+      SCOPED_TRACE(named.name);
+      expect_same_bytes(named.scene, rig, kFlat, {.cancelled = {}}, flat);
+      expect_same_bytes(named.scene, rig, kSky, {.cancelled = {}}, sky);
+    }
+  EXPECT_GT(flat.proved, flat.rays / 10);
+  EXPECT_LT(flat.proved, flat.rays);
+  EXPECT_EQ(flat.proved, sky.proved);
+}
+
+TEST(Background, GivesTheSameBytesWithSeveralSamplesAndAGround) {
+  Counts samples, ground;
+  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    SCOPED_TRACE(named.name);
+    expect_same_bytes(named.scene, some_rigs().front(), kSky, {.samples = 2, .cancelled = {}},
+                      samples);
+    expect_same_bytes(named.scene, some_rigs().front(), kGround, {.cancelled = {}}, ground);
+  }
+  EXPECT_LT(ground.proved, ground.rays);
+}
+
+/// Small things strewn over the glass, before and behind it: gaps of all sizes between them.
+TEST(Background, GivesTheSameBytesAroundRandomThings) {
+  std::mt19937_64 random(77);
+  std::uniform_real_distribution<double> place(-6.0, 6.0), size(0.02, 0.6);
+  Counts counts;
+  for (int n = 0; n < 12; ++n) {
+    SCOPED_TRACE(n);
+    SceneDescription scene;
+    scene.background = {0.3, 0.1, 0.6};
+    scene.materials.emplace_back();
+    for (int k = 0; k < 4; ++k) {
+      const Vec3 at{place(random), place(random) / 2.0, place(random)};
+      scene.spheres.push_back({.centre = at, .radius = size(random)});
+      const Vec3 low{place(random), place(random) / 2.0, place(random)};
+      scene.meshes.push_back(testing::box_mesh(low, low + Vec3{1, 1, 1} * size(random), 0));
+      scene.cones.push_back({.base = -at, .base_radius = size(random), .apex = low * 0.3 - at});
+    }
+    const std::vector<optics::Rig> rigs = some_rigs();
+    expect_same_bytes(scene, rigs[static_cast<size_t>(n) % rigs.size()], {}, {.cancelled = {}},
+                      counts);
+  }
+  EXPECT_GT(counts.proved, counts.rays / 10);
+}
+
+}  // namespace
+}  // namespace lenticule::render
