@@ -36,9 +36,6 @@ std::unique_ptr<Method> make_method(const std::string& name, const optics::Optic
   check_range("threads", options.threads, 0, kMostThreads);
   validate(options.soft);
   if (name == "full") return make_method_full(model, options);
-  // What it takes from other places is known of hard light alone.
-  if (name == "adaptive" && options.soft.any())
-    throw Error(ErrorKind::Usage, "method adaptive: takes no soft light", "method full does");
   if (name == "adaptive") return make_method_adaptive(model, options);
   if (const auto reuse = reuse_named(name)) {
     if (options.samples != 1)

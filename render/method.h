@@ -73,7 +73,7 @@ struct RenderStatistics {
   uint64_t audited_beyond = 0;          ///< of those: off by more than the tolerated error
   /// With 99 % confidence no larger a share of all subpixels is off by more than that.
   double beyond_bound = 0.0;
-  uint64_t copied_subpixels = 0;        ///< of a frame in which nothing had changed
+  uint64_t copied_subpixels = 0;   ///< of a frame in which nothing had changed
   uint64_t missing_subpixels = 0;  ///< found empty by re-projection, then traced or interpolated
   double seconds = 0.0;
   /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.

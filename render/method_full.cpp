@@ -55,7 +55,7 @@ class FullMethod final : public Method {
     const frames::FrameGeometry& geometry = frame.geometry();
     LENTICULE_CHECK(geometry.width == width_ && geometry.height == height_ &&
                     geometry.format == frames::PixelFormat::Rgb8);
-    if (options_.copy_unchanged && last_.shows(scene.impl())) return copy_last(frame);
+    if (options_.copy_unchanged && last_.shows(scene.impl())) return last_.copy_to(frame);
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};
     const BeamTester beams(scene.impl());
@@ -105,15 +105,6 @@ class FullMethod final : public Method {
     std::vector<float> light;
     PacketTracer tracer;
   };
-
-  RenderStatistics copy_last(frames::WovenFrame& frame) const {
-    const auto start = std::chrono::steady_clock::now();
-    frame = last_.frame();
-    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    return {.subpixels = frame.bytes().size(),
-            .copied_subpixels = frame.bytes().size(),
-            .seconds = elapsed.count()};
-  }
 
   void render_tile(const Scene::Impl& scene, const BeamTester& beams, const Tile& tile,
                    Worker& worker, frames::WovenFrame& frame) const {

@@ -312,7 +312,7 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   const Asking ask = worth_asking(scene, surfaces);
   if (ask.any()) find_cells(scene, packet, surfaces, generation.cells);
   const Asker asker{packet, generation};
-  add_own_light(scene, asker, weight, ask.around);
+  add_own_light(scene, asker, weight, ask.around, depth);
   add_lights(scene, asker, weight, ask, depth);
   if (depth == 0) {
     if (groups_ != nullptr || known_ != nullptr)
@@ -352,7 +352,7 @@ PacketTracer::Asking PacketTracer::worth_asking(const Scene::Impl& scene, const 
 }
 
 void PacketTracer::add_own_light(const Scene::Impl& scene, const Asker& asker, const float* weight,
-                                 bool ask) {
+                                 bool ask, size_t depth) {
   const Surfaces& surfaces = asker.generation.surfaces;
   if (!soft_.samples_ambient())
     return kernel_.add_own_light(scene.shading->tables(), surfaces, weight, lanes_.light);
@@ -363,9 +363,16 @@ void PacketTracer::add_own_light(const Scene::Impl& scene, const Asker& asker, c
       if (open(*soft_proofs_, asker, g, ShaftProofs::kAround)) open_lanes |= groups.lanes[g];
     around_payoff_.asked(open_lanes == lane_bits(surfaces.active));
   }
+  static constexpr std::array<float, kPacket> kNone{};
+  const bool is_first = depth == 0;
+  const KnownAround known =
+      known_ != nullptr && is_first
+          ? KnownAround{known_->around_lanes, std::span<const float, kPacket>(known_->around)}
+          : KnownAround{0, kNone};
   alignas(64) std::array<float, kPacket> ambient;
-  soft_.find_ambient(soft_packet(scene, asker.generation), open_lanes, lanes_.backdrop,
+  soft_.find_ambient(soft_packet(scene, asker.generation), open_lanes, known, lanes_.backdrop,
                      ambient.data(), clock_);
+  if (groups_ != nullptr && is_first) std::copy_n(soft_.share().data(), kPacket, notes_.around);
   kernel_.add_own_light_under(ambient.data(), surfaces, weight, lanes_.light);
 }
 
@@ -419,7 +426,7 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
   const std::vector<shading_kernel::Light>& lights = scene.shading->lights();
   for (size_t light = 0; light < lights.size(); ++light) {
     if (soft_.samples(lights[light])) {
-      add_soft_light(scene, asker, light, weight, ask.lamps);
+      add_soft_light(scene, asker, light, weight, ask.lamps, depth);
       continue;
     }
     const bool any = kernel_.shadow_rays(lights[light], asker.generation.surfaces, weight, rays);
@@ -447,7 +454,7 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
 
 /// Asks where the lamp's middle is before the surface; its rim may be, elsewhere.
 void PacketTracer::add_soft_light(const Scene::Impl& scene, const Asker& asker, size_t light,
-                                  const float* weight, bool ask) {
+                                  const float* weight, bool ask, size_t depth) {
   KnownLanes known;
   NewRays to_middle;
   to_middle.packet = &lanes_.shadow.org_x[0];
@@ -458,7 +465,13 @@ void PacketTracer::add_soft_light(const Scene::Impl& scene, const Asker& asker, 
     known = known_lanes(scene, asker, light, wanted);
     lamp_payoff_.asked((known.lit | known.blocked) == wanted);
   }
-  soft_.add_lamp(soft_packet(scene, asker.generation), light, known, weight, lanes_.light, clock_);
+  if (known_ != nullptr && depth == 0 && light < Known::kLights) {
+    known.lit |= known_->lit[light];
+    known.blocked |= known_->hidden[light];
+  }
+  const LampSeen seen = soft_.add_lamp(soft_packet(scene, asker.generation), light, known, weight,
+                                       lanes_.light, clock_);
+  if (groups_ != nullptr) note_lamp(seen, light, depth);
 }
 
 namespace {
@@ -493,6 +506,22 @@ void PacketTracer::note_shadows(const float* brings, uint32_t wanted, uint32_t r
   for (uint32_t r = 0; r < kPacket; ++r) {
     notes_.lit[r] |= (reached >> r & 1) << light;
     notes_.hidden[r] |= ((wanted & ~reached) >> r & 1) << light;
+  }
+}
+
+/// Half-shadows are told apart by their light alone.
+void PacketTracer::note_lamp(const LampSeen& seen, size_t light, size_t depth) {
+  uint32_t* way = depth == 0 ? notes_.way : notes_.secondary_way;
+  constexpr uint32_t kPartly = 0x1000;
+  const auto number = static_cast<uint32_t>(light);
+  for (uint32_t r = 0; r < kPacket; ++r) {
+    const uint32_t bit = 1U << r;
+    if ((seen.none & bit) != 0) way[r] += mixed(~branch_, number);
+    if ((seen.wanted & ~(seen.all | seen.none) & bit) != 0)
+      way[r] += mixed(~branch_, number + kPartly);
+    if (depth > 0 || light >= Known::kLights) continue;
+    notes_.lit[r] |= (seen.all >> r & 1) << light;
+    notes_.hidden[r] |= (seen.none >> r & 1) << light;
   }
 }
 

@@ -89,8 +89,11 @@ class PacketTracer {
     alignas(64) float secondary[kPacket];
     /// Of each of the first 32 lights a bit: it shines on the surface that the ray met itself, or
     /// something is in its way. Neither where it is behind.
+    /// Of a lamp with a size: all of it, none of it, or neither.
     alignas(64) uint32_t lit[kPacket];
     alignas(64) uint32_t hidden[kPacket];
+    /// Part of all directions that are free, where occlusion is sampled.
+    alignas(64) float around[kPacket];
   };
   [[nodiscard]] const Notes& notes() const { return notes_; }
 
@@ -101,6 +104,8 @@ class PacketTracer {
     uint32_t hidden[kLights];              ///< and those from which it is hidden
     uint32_t secondary_lanes;              ///< whose mirrored and refracted rays bring `secondary`
     alignas(64) float secondary[kPacket];
+    uint32_t around_lanes;  ///< whose `around` is that of Notes
+    alignas(64) float around[kPacket];
 
     /// A bit for each light, as in Notes.
     void set_lights(uint32_t lane, uint32_t shining, uint32_t not_seen);
@@ -189,13 +194,15 @@ class PacketTracer {
   void trace_packet(const Scene::Impl& scene, double row_mm, const Colours& colours,
                     const float* weight, RayPacket& packet);
   void shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight, size_t depth);
-  void add_own_light(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask);
+  void add_own_light(const Scene::Impl& scene, const Asker& asker, const float* weight, bool ask,
+                     size_t depth);
   [[nodiscard]] SoftPacket soft_packet(const Scene::Impl& scene,
                                        const Generation& generation) const;
   void note_surfaces(const RayPacket& packet, const shading_kernel::Surfaces& surfaces,
                      const float* weight, size_t depth);
   void note_shadows(const float* brings, uint32_t wanted, uint32_t reached, size_t light,
                     size_t depth);
+  void note_lamp(const LampSeen& seen, size_t light, size_t depth);
   void note_secondary();
   /// Lanes that are known to be lit, without tracing them or those that are known not to be.
   uint32_t take_known(size_t light, int* valid) const;
@@ -204,7 +211,7 @@ class PacketTracer {
   void add_backdrop(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
                     uint32_t lanes);
   void add_soft_light(const Scene::Impl& scene, const Asker& asker, size_t light,
-                      const float* weight, bool ask);
+                      const float* weight, bool ask, size_t depth);
   /// What to ask for proofs about.
   struct Asking {
     bool points = false;  ///< lights without

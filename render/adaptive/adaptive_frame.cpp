@@ -45,13 +45,16 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
 }
 
 void AdaptiveWorker::load_samples(int first_row, int picture, int first_column) {
+  std::array<uint32_t, kPacket> seeds{};
   for (int r = 0; r < static_cast<int>(kPacket); ++r) {
     const int row = first_row + r / kBlock, column = first_column + r % kBlock;
     const auto lane = static_cast<size_t>(r);
     packet_[0].valid[lane] = row < frame_.grid.rows() && column < frame_.grid.columns() ? -1 : 0;
+    seeds[lane] = sampling::subpixel_seed(row, column, 1 + picture);
     set_glass_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(row, picture, column), packet_[0],
                   lane);
   }
+  colours_.tracer().set_seeds(seeds);
 }
 
 void AdaptiveWorker::set_sample(int row, int picture, int column, size_t lane) {
@@ -59,7 +62,8 @@ void AdaptiveWorker::set_sample(int row, int picture, int column, size_t lane) {
                             .way = found_.notes.way[lane],
                             .lit = found_.notes.lit[lane],
                             .hidden = found_.notes.hidden[lane],
-                            .secondary_way = found_.notes.secondary_way[lane]};
+                            .secondary_way = found_.notes.secondary_way[lane],
+                            .around = found_.notes.around[lane]};
   for (size_t c = 0; c < 3; ++c) {
     sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
     sample.secondary[c] = found_.secondary[c][lane];
@@ -68,6 +72,7 @@ void AdaptiveWorker::set_sample(int row, int picture, int column, size_t lane) {
 }
 
 void AdaptiveWorker::take_samples(int first_row, int picture) {
+  colours_.tracer().multiply_samples(kFinerSamples);
   const auto noticed = frame_.plan.agreement.noticed(frame_.scene.colour_managed);
   for (int column = 0; column < frame_.grid.columns(); column += kBlock) {
     load_samples(first_row, picture, column);
@@ -83,6 +88,7 @@ void AdaptiveWorker::render_band(int first_row) {
   drawn_.clear();
   const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
   for (int row = first_row; row < end; ++row) render_row(first_row, row);
+  colours_.tracer().multiply_samples(kFinerSamples);
   uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   write_uncertain(first_row);
   audit_band(first_row);
@@ -198,6 +204,7 @@ void AdaptiveWorker::write_uncertain(int first_row) {
 }
 
 void AdaptiveWorker::audit_band(int first_row) {
+  colours_.tracer().multiply_samples(kFinerAudit);
   drawn_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   AuditCounts mending, judging;
   for (const UncertainSubpixels::Subpixel& s : drawn_.subpixels()) {
@@ -229,6 +236,7 @@ void AdaptiveWorker::mend_band(int first_row) {
                       .x_mm = x_mm_[at],
                       .tan_x = tan_x_[at]});
   }
+  colours_.tracer().multiply_samples(kFinerSamples);
   uncertain_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   write_uncertain(first_row);
   counts_.mended += count * static_cast<size_t>(end - first_row);

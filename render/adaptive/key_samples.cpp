@@ -25,7 +25,8 @@ Agreement Agreement::for_error(double codes) {
           .alike = parts(24.0),
           .bend = parts(4.0 * codes),
           .apart = static_cast<float>(parts(4.0 * codes)),
-          .secondary = static_cast<float>(2.0 * codes / 255.0)};
+          .secondary = static_cast<float>(2.0 * codes / 255.0),
+          .around = 0.25F};
 }
 
 KeySamples::KeySamples(const KeyGrid& grid)
@@ -46,7 +47,7 @@ void KeySamples::set(int row, int picture, int column, const Sample& sample) {
     values_[(3 * static_cast<size_t>(row) + c) * row_samples_ + in_row] = sample.value[c];
   groups_[at] = sample.group;
   ways_[at] = sample.way;
-  parts_[at] = {sample.lit, sample.hidden, sample.secondary_way, sample.secondary};
+  parts_[at] = {sample.lit, sample.hidden, sample.secondary_way, sample.secondary, sample.around};
 }
 
 /// Numbers of samples in a row of three, which may lie one above the other.
@@ -87,13 +88,17 @@ struct Corners {
   uint32_t way = 0;
   float sum = 0.0F, weights = 0.0F;
   float low = 1e9F, high = -1e9F;
+  float around = 0.0F, least_around = 1.0F, most_around = 0.0F;
 
-  void add(uint32_t secondary_way, float value, float weight) {
+  void add(uint32_t secondary_way, float value, float free, float weight) {
     constexpr float kLittle = 1e-3F;  // so that no corner weighs nothing
     if (count++ == 0) way = secondary_way;
     same_way = same_way && way == secondary_way;
     sum += (weight + kLittle) * value;
     weights += weight + kLittle;
+    around += (weight + kLittle) * free;
+    least_around = std::min(least_around, free);
+    most_around = std::max(most_around, free);
     low = std::min(low, value);
     high = std::max(high, value);
   }
@@ -133,6 +138,7 @@ KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreemen
       corners.settled.lit &= parts.lit;
       corners.settled.hidden &= parts.hidden;
       corners.add(parts.secondary_way, parts.secondary[static_cast<size_t>(p.channel)],
+                  parts.around,
                   (side == 0 ? 1.0F - of_right : of_right) *
                       (below ? p.rows.part[odd] : 1.0F - p.rows.part[odd]) *
                       (next ? of_next : 1.0F - of_next));
@@ -144,6 +150,8 @@ KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreemen
   const float most = corners.same_way ? agreement.secondary : 0.5F * agreement.secondary;
   settled.secondary_known = corners.apart(colour_managed) <= most;
   settled.secondary = corners.sum / corners.weights;
+  settled.around_known = corners.most_around - corners.least_around <= agreement.around;
+  settled.around = corners.around / corners.weights;
   return settled;
 }
 

@@ -18,6 +18,7 @@ struct Agreement {
   int bend = 0;         ///< second difference of three samples in a row
   float apart = 0;      ///< between two pictures
   float secondary = 0;  ///< light from mirrored and refracted rays, of 1
+  float around = 0;     ///< the part of free directions
 
   /// Less light than this on its way is not told apart. Dark linear light is encoded in more code
   /// values.
@@ -41,6 +42,7 @@ class KeySamples {
     uint32_t lit = 0, hidden = 0;
     uint32_t secondary_way = 0;
     std::array<float, 3> secondary{};
+    float around = 0.0F;
   };
   void set(int row, int picture, int column, const Sample& sample);
 
@@ -52,6 +54,8 @@ class KeySamples {
     uint32_t lit = 0, hidden = 0;  ///< as in Sample: what all agree on
     bool secondary_known = false;
     float secondary = 0.0F;
+    bool around_known = false;
+    float around = 0.0F;
   };
   struct Point {
     KeyGrid::Between rows;
@@ -78,6 +82,7 @@ class KeySamples {
   struct Parts {
     uint32_t lit, hidden, secondary_way;
     std::array<float, 3> secondary;
+    float around;
   };
   std::vector<Parts> parts_;
   std::vector<uint8_t> bends_;

@@ -14,6 +14,7 @@
 #include "render/adaptive/adaptive_frame.h"
 #include "render/denormals.h"
 #include "render/method_full.h"
+#include "render/skips/last_frame.h"
 
 namespace lenticule::render {
 namespace {
@@ -35,16 +36,17 @@ bool one_plane_a_row(const RowPlanes& planes) {
   return true;
 }
 
-/// Finding a proof costs as much as tracing many rays, and samples are few.
-RenderOptions without_proofs(RenderOptions options) {
-  options.use_shaft_proofs = false;
+/// Finding a proof costs as much as tracing many rays, and samples are few; but of soft light each
+/// has many.
+RenderOptions with_few_proofs(RenderOptions options) {
+  options.use_shaft_proofs = options.use_shaft_proofs && options.soft.any();
   return options;
 }
 
 class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
-      : options_(without_proofs(options)),
+      : options_(with_few_proofs(options)),
         planes_(model, options.isa),
         tiles_(model.rig()),
         plan_{options_, planes_, tiles_, lookup_kernel_for(options.isa),
@@ -59,6 +61,7 @@ class AdaptiveMethod final : public Method {
     const optics::Panel& panel = planes_.model().rig().panel;
     LENTICULE_CHECK(geometry.width == panel.width_px && geometry.height == panel.height_px &&
                     geometry.format == frames::PixelFormat::Rgb8);
+    if (options_.copy_unchanged && last_.shows(scene.impl())) return last_.copy_to(out);
     const auto start = std::chrono::steady_clock::now();
     cancelled_ = false;
     const KeyGrid grid(planes_, stage, spacing_for(planes_));
@@ -71,6 +74,7 @@ class AdaptiveMethod final : public Method {
     });
     RenderStatistics statistics = statistics_of(workers, out.bytes().size());
     statistics.completed = !cancelled_;
+    if (options_.copy_unchanged && !cancelled_) last_.keep(scene.impl(), out);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     statistics.seconds = elapsed.count();
     return statistics;
@@ -138,6 +142,7 @@ class AdaptiveMethod final : public Method {
   RowPlanes planes_;
   TilePlan tiles_;
   AdaptivePlan plan_;
+  LastFrame last_;
   std::atomic<bool> cancelled_{false};
   tbb::task_arena arena_;
 };

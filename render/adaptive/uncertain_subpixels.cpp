@@ -43,6 +43,7 @@ void UncertainSubpixels::load(const Scene::Impl& scene, double start_mm, int fir
     const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
     packet_[0].valid[r] = first + r < subpixels_.size() ? -1 : 0;
     channel_[r] = s.at % 3;
+    seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);  // method full's
     const RowPlane plane = planes_.plane_at(first_row + s.row + planes_.height_in_row(0));
     set_glass_ray(scene, start_mm,
                   {.x_mm = double{s.x_mm},
@@ -63,15 +64,18 @@ void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
     known_.set_lights(static_cast<uint32_t>(r), s.settled.lit, s.settled.hidden);
     if (s.settled.secondary_known) known_.secondary_lanes |= 1U << r;
     known_.secondary[r] = s.settled.secondary;
+    if (s.settled.around_known) known_.around_lanes |= 1U << r;
+    known_.around[r] = s.settled.around;
   }
 }
 
 template <class Trace>
 void UncertainSubpixels::each_packet(const Scene::Impl& scene, double start_mm, int first_row,
-                                     Trace&& trace) {
+                                     PacketTracer& tracer, Trace&& trace) {
   order();
   for (size_t first = 0; first < subpixels_.size(); first += kPacket) {
     load(scene, start_mm, first_row, first);
+    tracer.set_seeds(seeds_);
     trace(first);
     const size_t count = std::min(kPacket, subpixels_.size() - first);
     for (size_t r = 0; r < count; ++r) subpixels_[first + r].light = light_[r];
@@ -80,13 +84,13 @@ void UncertainSubpixels::each_packet(const Scene::Impl& scene, double start_mm, 
 
 void UncertainSubpixels::trace(const Scene::Impl& scene, double start_mm, int first_row,
                                PacketTracer& tracer) {
-  each_packet(scene, start_mm, first_row,
+  each_packet(scene, start_mm, first_row, tracer,
               [&](size_t) { tracer.trace_lanes(scene, plan_, channel_, packet_[0], light_); });
 }
 
 void UncertainSubpixels::shade(const Scene::Impl& scene, double start_mm, int first_row,
                                PacketTracer& tracer) {
-  each_packet(scene, start_mm, first_row, [&](size_t first) {
+  each_packet(scene, start_mm, first_row, tracer, [&](size_t first) {
     load_surfaces(start_mm, first);
     tracer.trace_known(scene, channel_, known_, packet_[0], light_);
   });

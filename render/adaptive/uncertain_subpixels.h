@@ -48,7 +48,8 @@ class UncertainSubpixels {
   void load(const Scene::Impl& scene, double start_mm, int first_row, size_t first);
   void load_surfaces(double start_mm, size_t first);
   template <class Trace>
-  void each_packet(const Scene::Impl& scene, double start_mm, int first_row, Trace&& trace);
+  void each_packet(const Scene::Impl& scene, double start_mm, int first_row, PacketTracer& tracer,
+                   Trace&& trace);
 
   const RowPlanes& planes_;
   const TilePlan& plan_;
@@ -56,6 +57,7 @@ class UncertainSubpixels {
   std::vector<uint32_t> first_of_column_;
   std::vector<RayPacket> packet_;  ///< one
   alignas(64) std::array<int32_t, kPacket> channel_{};
+  std::array<uint32_t, kPacket> seeds_{};
   alignas(64) std::array<float, kPacket> light_{};
   PacketTracer::Known known_{};
 };

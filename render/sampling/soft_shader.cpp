@@ -60,8 +60,8 @@ uint32_t SoftShader::unblocked(const Scene::Impl& scene, Coherence coherence, Wo
   return free & traced;
 }
 
-void SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes known,
-                          const float* weight, float* light, WorkClock& clock) {
+LampSeen SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes known,
+                              const float* weight, float* light, WorkClock& clock) {
   const shading_kernel::Light& shape = packet.scene.shading->lights()[lamp];
   const auto samples = static_cast<uint32_t>(options_.shadow_samples * factor_);
   alignas(64) std::array<float, kPacket> part;
@@ -69,14 +69,21 @@ void SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes know
   const sampling::SampleSet set =
       sampling::sample_set(packet.seeds, packet.path, sampling::use_of_light(lamp));
   shading_kernel::NewRays rays = into_rays();
+  uint32_t ever_wanted = 0, ever_seen = 0, ever_hidden = 0;
   for (uint32_t i = 0; i < samples; ++i) {
     const bool any = kernel_.lamp_rays(shape, radius(shape), sampling::sample_of(set, i),
                                        packet.surfaces, part.data(), rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
+    const uint32_t wanted = lane_bits(rays_.valid);
     const uint32_t seen = settle(known) | unblocked(packet.scene, Coherence::Coherent, clock);
+    ever_wanted |= wanted;
+    ever_seen |= seen;
+    ever_hidden |= wanted & ~seen;
     for (uint32_t r = 0; r < kPacket; ++r) light[r] += (seen >> r & 1) != 0 ? rays.weight[r] : 0.0F;
   }
+  return {
+      .wanted = ever_wanted, .all = ever_wanted & ~ever_hidden, .none = ever_wanted & ~ever_seen};
 }
 
 /// Makes rays to a lamp invalid whose fate is known; returns those that reach it.
@@ -132,17 +139,21 @@ SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t op
   return around;
 }
 
-void SoftShader::find_ambient(const SoftPacket& packet, uint32_t open, const float* backdrop,
-                              float* ambient, WorkClock& clock) {
-  const Around around = look_around(packet, open, clock);
+void SoftShader::find_ambient(const SoftPacket& packet, uint32_t open, const KnownAround& known,
+                              const float* backdrop, float* ambient, WorkClock& clock) {
+  const bool is_share = shares(packet.scene);
+  const uint32_t settled = is_share ? known.lanes : 0;
+  const Around around = look_around(packet, open | settled, clock);
   const int samples = ambient_samples();
   const float* const flat_ambient = packet.scene.shading->tables().ambient;
-  const bool pictured = lit_by_surroundings() && !packet.scene.backdrop.flat();
   for (size_t r = 0; r < kPacket; ++r) {
-    const float part = static_cast<float>(around.open[r]) / static_cast<float>(samples);
+    share_[r] = (settled >> r & 1) != 0
+                    ? known.share[r]
+                    : static_cast<float>(around.open[r]) / static_cast<float>(samples);
     const auto channel = static_cast<size_t>(packet.surfaces.channel[r]);
-    ambient[r] = pictured ? static_cast<float>(around.light[r] / samples)
-                          : part * (lit_by_surroundings() ? backdrop[r] : flat_ambient[channel]);
+    ambient[r] = is_share
+                     ? share_[r] * (lit_by_surroundings() ? backdrop[r] : flat_ambient[channel])
+                     : static_cast<float>(around.light[r] / samples);
   }
 }
 

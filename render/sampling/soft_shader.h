@@ -32,6 +32,19 @@ struct KnownLanes {
   uint32_t blocked = 0;
 };
 
+/// Lanes whose share of free directions is known; a bit each.
+struct KnownAround {
+  uint32_t lanes = 0;
+  std::span<const float, kPacket> share;
+};
+
+/// How much of a lamp was seen: lanes that sent rays to it, and those of which all or none arrived.
+struct LampSeen {
+  uint32_t wanted = 0;
+  uint32_t all = 0;
+  uint32_t none = 0;
+};
+
 /// Of one thread; allocates nothing once it is made.
 class SoftShader {
  public:
@@ -61,12 +74,19 @@ class SoftShader {
   };
   /// Adds to light[r] what lane r sends back of the lamp, weight[r] times. Arrays of sixteen,
   /// aligned to 64 bytes.
-  void add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes known, const float* weight,
-                float* light, WorkClock& clock);
+  LampSeen add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes known, const float* weight,
+                    float* light, WorkClock& clock);
   /// What reaches each lane from all around, in its channel, where `backdrop` is seen if that is
   /// flat. Arrays as above. The rays of lanes in `open`, a bit each, are known to meet nothing.
-  void find_ambient(const SoftPacket& packet, uint32_t open, const float* backdrop, float* ambient,
-                    WorkClock& clock);
+  /// What is `known` is used where shares() is true.
+  void find_ambient(const SoftPacket& packet, uint32_t open, const KnownAround& known,
+                    const float* backdrop, float* ambient, WorkClock& clock);
+  /// Whether light from all around is a share of one that is the same everywhere.
+  [[nodiscard]] bool shares(const Scene::Impl& scene) const {
+    return !lit_by_surroundings() || scene.backdrop.flat();
+  }
+  /// Of the lanes of the last find_ambient(), if it is.
+  [[nodiscard]] std::span<const float, kPacket> share() const { return share_; }
 
   [[nodiscard]] const Counts& counts() const { return counts_; }
 
@@ -96,6 +116,7 @@ class SoftShader {
   float sun_tangent_;
   int factor_ = 1;
   RayPacket rays_;
+  alignas(64) std::array<float, kPacket> share_{};
   Counts counts_;
 };
 

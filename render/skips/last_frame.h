@@ -7,15 +7,17 @@
 
 #include "frames/frame.h"
 #include "render/committed_scene.h"
+#include "render/method.h"
 
 namespace lenticule::render {
 
 /// Of one method, whose rig and options never change. Not to be used from two threads at once.
 class LastFrame {
  public:
-  /// Whether the scene, put where it is, would be rendered to the bytes of frame().
+  /// Whether the scene, put where it is, would be rendered to the bytes that are kept.
   [[nodiscard]] bool shows(const Scene::Impl& scene) const;
-  [[nodiscard]] const frames::WovenFrame& frame() const { return frame_; }
+  /// Copies those bytes.
+  RenderStatistics copy_to(frames::WovenFrame& frame) const;
 
   /// The whole frame that the scene was rendered to.
   void keep(const Scene::Impl& scene, const frames::WovenFrame& frame);

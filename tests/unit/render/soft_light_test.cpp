@@ -550,8 +550,6 @@ TEST(SoftLight, RefusesWhatMakesNoSense) {
       EXPECT_EQ(error.kind(), ErrorKind::Usage);
     }
   }
-  const optics::OpticalModel model(make_rig({}));
-  EXPECT_THROW((void)make_method("adaptive", model, with(only_shadows(4))), Error);
   EXPECT_NO_THROW(validate({.occlusion_samples = 1, .occlusion_distance_mm = inf}));
 }
 

@@ -184,6 +184,48 @@ TEST(MethodAdaptive, MendsWhatSamplesMiss) {
   EXPECT_LT(off.beyond, 0.08);
 }
 
+/// Soft light is a sum of samples, and noisy: the truth is full with many.
+TEST(MethodAdaptive, SoftLightIsAsGoodAsFulls) {
+  const auto with = [](int samples) {
+    return RenderOptions{.soft = {.shadow_samples = samples,
+                                  .lamp_radius_mm = 8.0,
+                                  .occlusion_samples = samples,
+                                  .occlusion_distance_mm = 20.0},
+                         .cancelled = {}};
+  };
+  const optics::Rig rig = make_rig({.width = 240, .height = 140, .pixel_mm = 0.33});
+  std::vector<testing::NamedScene> scenes = testing::tiny_scenes();
+  scenes.resize(3);
+  for (const testing::NamedScene& named : scenes) {
+    const frames::WovenFrame truth = rendered("full", named.scene, rig, with(128)).frame;
+    const Rendered full = rendered("full", named.scene, rig, with(16));
+    const Rendered adaptive = rendered("adaptive", named.scene, rig, with(16));
+    const double full_psnr = compare(truth, full.frame).psnr;
+    const Difference off = compare(truth, adaptive.frame);
+    EXPECT_GT(off.psnr, std::min(full_psnr, 44.0) - 1.0) << named.name;
+    EXPECT_LE(off.beyond, adaptive.statistics.beyond_bound + 0.01) << named.name;
+    EXPECT_EQ(adaptive.frame, rendered("adaptive", named.scene, rig, with(16)).frame);
+  }
+}
+
+TEST(MethodAdaptive, CopiesFramesInWhichNothingChanges) {
+  const optics::Rig rig = wide_rig();
+  const optics::OpticalModel model(rig);
+  const Stage stage = make_tiny_stage();
+  const auto method = make_method("adaptive", model, {.copy_unchanged = true, .cancelled = {}});
+  frames::WovenFrame first({rig.panel.width_px, rig.panel.height_px}), again = first;
+  SceneDescription description = testing::tiny_scenes().front().scene;
+  const auto render = [&](frames::WovenFrame& frame) {
+    const Scene scene(description, stage, {});
+    return method->render(scene, stage, frame).copied_subpixels;
+  };
+  EXPECT_EQ(render(first), 0U);
+  EXPECT_EQ(render(again), first.bytes().size());
+  EXPECT_EQ(first, again);
+  description.materials.front().colour = {0.1, 0.2, 0.3};
+  EXPECT_EQ(render(again), 0U);
+}
+
 TEST(MethodAdaptive, EndsEarlyWhenCancelled) {
   const optics::Rig rig = wide_rig();
   const optics::OpticalModel model(rig);
