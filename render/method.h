@@ -68,12 +68,12 @@ struct RenderStatistics {
   uint64_t traced_subpixels = 0;
   uint64_t projected_subpixels = 0;     ///< from points of other micro-images or frames
   uint64_t interpolated_subpixels = 0;  ///< the mean of two neighbours
+  uint64_t copied_subpixels = 0;        ///< of a frame in which nothing had changed
   uint64_t mended_subpixels = 0;        ///< traced after all, since an audit failed
   uint64_t audited_subpixels = 0;       ///< drawn at random and traced, too
   uint64_t audited_beyond = 0;          ///< of those: off by more than the tolerated error
   /// With 99 % confidence no larger a share of all subpixels is off by more than that.
   double beyond_bound = 0.0;
-  uint64_t copied_subpixels = 0;   ///< of a frame in which nothing had changed
   uint64_t missing_subpixels = 0;  ///< found empty by re-projection, then traced or interpolated
   double seconds = 0.0;
   /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.
