@@ -256,8 +256,11 @@ void PacketTracer::trace_noting(const Scene::Impl& scene, const TilePlan& plan,
   groups_ = &groups;
   noticed_ = noticed;
   notes_ = {};
+  traced_.clear();
+  memory_ = Memory::Writes;
   trace_lanes(scene, plan, channel, packet, light);
   note_secondary();
+  memory_ = Memory::Off;
   groups_ = nullptr;
 }
 
@@ -270,13 +273,16 @@ void PacketTracer::Known::set_lights(uint32_t lane, uint32_t shining, uint32_t n
 
 void PacketTracer::trace_known(const Scene::Impl& scene, std::span<const int32_t, kPacket> channel,
                                const Known& known, RayPacket& packet,
-                               std::span<float, kPacket> light) {
+                               std::span<float, kPacket> light, bool again) {
   known_ = &known;
+  memory_ = again ? Memory::Reads : Memory::Off;
+  recalled_ = 0;
   clock_.turn_to(Work::Shade);
   set_colours(colours_of(scene, channel));
   std::fill_n(notes_.secondary, kPacket, 0.0F);
   shade(scene, packet, kWhole.data(), 0);
   known_ = nullptr;
+  memory_ = Memory::Off;
   note_secondary();
   std::copy_n(lanes_.light, kPacket, light.data());
 }
@@ -438,14 +444,7 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
     if (ask.points) lit |= take_lit(scene, asker, light, rays.valid);
     const bool some_left = any_lane(rays.valid);
     if (ask.points) shadow_payoff_.asked(!some_left);
-    if (some_left) {
-      clock_.turn_to(Work::TraceShadows);
-      occluded16(rays.valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
-      clock_.turn_to(Work::Shade);
-    }
-    uint32_t reached = lit;
-    for (uint32_t r = 0; r < kPacket; ++r)
-      if (rays.valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F) reached |= 1U << r;
+    const uint32_t reached = lit | (some_left ? trace_shadows(scene, light) : 0);
     for (size_t r = 0; r < kPacket; ++r)
       if ((reached >> r & 1) != 0) lanes_.light[r] += rays.weight[r];
     if (groups_ != nullptr) note_shadows(rays.weight, wanted, reached, light, depth);
@@ -679,17 +678,69 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
   branch_ = branch;
 }
 
+PacketTracer::Traced* PacketTracer::remember(uint32_t what, const int* valid) {
+  if (memory_ != Memory::Writes) return nullptr;
+  Traced& noted = traced_.emplace_back();
+  noted.branch = branch_;
+  noted.what = what;
+  noted.lanes = lane_bits(valid);
+  return &noted;
+}
+
+/// Colours send the same rays in the same order, unless one has no weight in a colour: then packets
+/// are passed over, or lanes were not traced.
+const PacketTracer::Traced* PacketTracer::recall(uint32_t what, const int* valid) {
+  if (memory_ != Memory::Reads || branch_ == 0) return nullptr;  // 0: too deep to be told apart
+  const auto same = [&](const Traced& t) { return t.branch == branch_ && t.what == what; };
+  const auto found =
+      std::find_if(traced_.begin() + static_cast<std::ptrdiff_t>(recalled_), traced_.end(), same);
+  if (found == traced_.end() || (lane_bits(valid) & ~found->lanes) != 0) return nullptr;
+  recalled_ = static_cast<size_t>(found - traced_.begin()) + 1;
+  return &*found;
+}
+
+uint32_t PacketTracer::trace_shadows(const Scene::Impl& scene, size_t light) {
+  const auto what = static_cast<uint32_t>(light);
+  const int* valid = lanes_.shadow_valid;
+  if (const Traced* known = recall(what, valid)) return known->free & lane_bits(valid);
+  Traced* note = remember(what, valid);
+  clock_.turn_to(Work::TraceShadows);
+  occluded16(valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
+  clock_.turn_to(Work::Shade);
+  uint32_t free = 0;
+  for (uint32_t r = 0; r < kPacket; ++r)
+    if (valid[r] != 0 && lanes_.shadow.tfar[r] >= 0.0F) free |= 1U << r;
+  if (note != nullptr) note->free = free;
+  return free;
+}
+
+void PacketTracer::trace_secondary(const Scene::Impl& scene, RayPacket& packet, size_t depth) {
+  RTCRayHit16& rays = packet.rays;
+  if (const Traced* known = recall(kNotToLight, packet.valid)) {
+    std::copy_n(known->distance, kPacket, rays.ray.tfar);
+    std::copy_n(known->geometry, kPacket, rays.hit.geomID);
+    std::copy_n(known->primitive, kPacket, rays.hit.primID);
+    return;
+  }
+  Traced* note = remember(kNotToLight, packet.valid);
+  // Mirrored by curved surfaces twice, neighbours spread: there the packet traversal loses.
+  clock_.turn_to(Work::TraceSecondary);
+  intersect16(packet.valid, scene.embree.get(), rays,
+              depth == 0 ? Coherence::Coherent : Coherence::Incoherent);
+  clock_.turn_to(Work::Shade);
+  if (note == nullptr) return;
+  std::copy_n(rays.ray.tfar, kPacket, note->distance);
+  std::copy_n(rays.hit.geomID, kPacket, note->geometry);
+  std::copy_n(rays.hit.primID, kPacket, note->primitive);
+}
+
 void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& packet, size_t depth,
                           Turn turn) {
   const uint64_t traced = count_lanes(packet.valid);
   if (traced == 0) return;
   counts_.secondary += traced;
   std::fill_n(packet.rays.hit.geomID, kPacket, RTC_INVALID_GEOMETRY_ID);
-  // Mirrored by curved surfaces twice, neighbours spread: there the packet traversal loses.
-  clock_.turn_to(Work::TraceSecondary);
-  intersect16(packet.valid, scene.embree.get(), packet.rays,
-              depth == 0 ? Coherence::Coherent : Coherence::Incoherent);
-  clock_.turn_to(Work::Shade);
+  trace_secondary(scene, packet, depth);
   generations_[depth + 1].path = sampling::longer_path(generations_[depth].path, turn);
   shade(scene, packet, rays.weight, depth + 1);
 }

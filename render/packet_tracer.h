@@ -73,7 +73,7 @@ class PacketTracer {
   void multiply_samples(int factor) { soft_.multiply_samples(factor); }
 
   /// And notes() tells afterwards which way each lane's light came. Less light than `noticed` makes
-  /// no difference to that.
+  /// no difference to that. What rays met is remembered for trace_known().
   void trace_noting(const Scene::Impl& scene, const TilePlan& plan,
                     std::span<const int32_t, kPacket> channel, const SurfaceGroups& groups,
                     float noticed, RayPacket& packet, std::span<float, kPacket> light);
@@ -111,9 +111,11 @@ class PacketTracer {
     void set_lights(uint32_t lane, uint32_t shining, uint32_t not_seen);
   };
   /// As trace_lanes() for a packet that holds what its rays met first. Shading is exact; `known`
-  /// saves rays. Afterwards notes().secondary is right, other notes mean nothing.
+  /// saves rays. Afterwards notes().secondary is right, other notes mean nothing. `again`: the
+  /// packet is that of the last trace_noting(), in another colour, whose rays meet the same.
   void trace_known(const Scene::Impl& scene, std::span<const int32_t, kPacket> channel,
-                   const Known& known, RayPacket& packet, std::span<float, kPacket> light);
+                   const Known& known, RayPacket& packet, std::span<float, kPacket> light,
+                   bool again = false);
 
   [[nodiscard]] RayCounts counts() const;
   [[nodiscard]] WorkClock& clock() { return clock_; }
@@ -180,6 +182,24 @@ class PacketTracer {
   uint32_t take_open(const Scene::Impl& scene, const Asker& asker,
                      const shading_kernel::NewRays& rays, int* valid);
 
+  /// Of the lanes of lanes_.shadow_valid, those whose way to a light is free; a bit each.
+  uint32_t trace_shadows(const Scene::Impl& scene, size_t light);
+  void trace_secondary(const Scene::Impl& scene, RayPacket& packet, size_t depth);
+  /// What a packet of rays met, to be used once more for the same rays.
+  struct Traced {
+    uint32_t branch;  ///< of the rays, and
+    uint32_t what;    ///< the light that they went to, or kNotToLight
+    uint32_t lanes;   ///< a bit each
+    uint32_t free;    ///< lanes whose way to a light was free
+    float distance[kPacket];
+    uint32_t geometry[kPacket];
+    uint32_t primitive[kPacket];
+  };
+  static constexpr uint32_t kNotToLight = ~0U;
+  enum class Memory { Off, Writes, Reads };
+  Traced* remember(uint32_t what, const int* valid);
+  const Traced* recall(uint32_t what, const int* valid);
+
   /// Makes mirrored rays invalid that cannot change the code value of their subpixel.
   void leave_out_weak(const Scene::Impl& scene, shading_kernel::NewRays& rays, size_t depth);
 
@@ -241,7 +261,10 @@ class PacketTracer {
   const SurfaceGroups* groups_ = nullptr;  ///< of what is noted
   float noticed_ = 0.0F;
   const Known* known_ = nullptr;
-  uint32_t branch_ = 1;  ///< of mirrored and refracted rays
+  Memory memory_ = Memory::Off;
+  std::vector<Traced> traced_;  ///< in the order of tracing
+  size_t recalled_ = 0;         ///< those before are of no more use
+  uint32_t branch_ = 1;         ///< of mirrored and refracted rays
   Notes notes_;
   alignas(64) float weight_left_[kPacket];  ///< of primary rays whose secondary ones are not known
   static constexpr unsigned kAnswersLog2 = 10;

@@ -33,7 +33,7 @@ void ColourTracer::trace(const Scene::Impl& scene, const SurfaceGroups& groups, 
   const PacketTracer::Known known = lights_of(out.notes);
   for (const int c : kOthers) {
     channel.fill(c);
-    tracer_.trace_known(scene, channel, known, packet, light(c));
+    tracer_.trace_known(scene, channel, known, packet, light(c), true);
     std::copy_n(tracer_.notes().secondary, kPacket, out.secondary[c]);
   }
   for (size_t r = 0; r < kPacket; ++r) {

@@ -87,6 +87,26 @@ TEST_P(KnownLight, KnowingChangesNothing) {
   EXPECT_GT(saved, 100U);
 }
 
+/// The rays of one colour serve the others, whatever weight they have there.
+TEST_P(KnownLight, OtherColoursMeetTheSame) {
+  std::mt19937_64 random(7);
+  for (int round = 0; round < 100; ++round) {
+    aim(random);
+    channel_.fill(1);
+    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
+    for (const int32_t colour : {0, 2}) {
+      channel_.fill(colour);
+      const PacketTracer::Known nothing{};
+      RayPacket first = packet_, second = packet_;
+      tracer_.trace_known(impl(), channel_, nothing, first, known_light_, true);
+      const auto secondary = std::to_array(tracer_.notes().secondary);
+      tracer_.trace_known(impl(), channel_, nothing, second, light_);
+      ASSERT_EQ(light_, known_light_) << "colour " << colour;
+      ASSERT_EQ(secondary, std::to_array(tracer_.notes().secondary));
+    }
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(testing::tiny_scenes()),
                          [](const auto& named) {
                            std::string name = named.param.name;
