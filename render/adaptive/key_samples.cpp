@@ -20,12 +20,12 @@ int parts(double codes) {
 
 Agreement Agreement::for_error(double codes) {
   // Linear interpolation between samples whose second difference is b is off by b / 8 in the
-  // middle; along rows and columns both.
-  return {.unlike = parts(codes),
+  // middle. What corners differ by, or pictures, is shared out: half of it at most is error.
+  return {.unlike = parts(2.0 * codes),
           .alike = parts(24.0),
-          .bend = parts(4.0 * codes),
-          .apart = static_cast<float>(parts(4.0 * codes)),
-          .secondary = static_cast<float>(2.0 * codes / 255.0),
+          .bend = parts(8.0 * codes),
+          .apart = static_cast<float>(parts(8.0 * codes)),
+          .secondary = static_cast<float>(4.0 * codes / 255.0),
           .around = 0.25F};
 }
 

@@ -23,7 +23,7 @@ struct Agreement {
   /// Less light than this on its way is not told apart. Dark linear light is encoded in more code
   /// values.
   [[nodiscard]] float noticed(bool colour_managed) const {
-    return (colour_managed ? 0.05F : 0.25F) * secondary;
+    return (colour_managed ? 0.025F : 0.125F) * secondary;
   }
 
   /// For an error of so many code values.
