@@ -85,19 +85,6 @@ void apply_textures(const Scene::Impl& scene, const RayPacket& packet, Surfaces&
   }
 }
 
-void set_lane(RayPacket& packet, size_t r, Vec3 origin, Vec3 direction) {
-  const Vec3f o(origin);
-  const Vec3f d(direction);
-  RTCRay16& ray = packet.rays.ray;
-  ray.org_x[r] = o.x;
-  ray.org_y[r] = o.y;
-  ray.org_z[r] = o.z;
-  ray.dir_x[r] = d.x;
-  ray.dir_y[r] = d.y;
-  ray.dir_z[r] = d.z;
-  ray.tfar[r] = std::numeric_limits<float>::infinity();
-}
-
 struct alignas(64) Weights : std::array<float, kPacket> {};
 constexpr Weights all_of(float weight) {
   Weights weights{};
@@ -646,14 +633,14 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
                        double part) {
     rays.valid[r] = 0;
     brings.weight[r] = weight[r] * static_cast<float>(part);
-    set_lane(rays, r, {}, {0, 0, 1});
+    set_lane(rays, r, {}, Vec3f(Vec3{0, 0, 1}));
     if (brings.weight[r] == 0.0F) return;
     if (!fit_for_embree(origin, direction)) {
       ++counts_.invalid;
       return;
     }
     rays.valid[r] = -1;
-    set_lane(rays, r, origin, direction);
+    set_lane(rays, r, Vec3f(origin), Vec3f(direction));
   };
   for (size_t r = 0; r < kPacket; ++r) {
     Continuation on;

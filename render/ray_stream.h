@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -62,5 +63,17 @@ struct alignas(64) RayPacket {
   alignas(64) int valid[kPacket];
 };
 uint64_t load_packet(std::span<const PathRay> rays, RayPacket& packet);
+
+/// A ray without an end; what it met before is left as it is.
+inline void set_lane(RayPacket& packet, size_t lane, Vec3f origin, Vec3f direction) {
+  RTCRay16& ray = packet.rays.ray;
+  ray.org_x[lane] = origin.x;
+  ray.org_y[lane] = origin.y;
+  ray.org_z[lane] = origin.z;
+  ray.dir_x[lane] = direction.x;
+  ray.dir_y[lane] = direction.y;
+  ray.dir_z[lane] = direction.z;
+  ray.tfar[lane] = std::numeric_limits<float>::infinity();
+}
 
 }  // namespace lenticule::render

@@ -2,8 +2,6 @@
 // Rays from points of the glass into the scene, as Embree takes them.
 #pragma once
 
-#include <limits>
-
 #include "render/committed_scene.h"
 #include "render/ray_stream.h"
 
@@ -20,17 +18,9 @@ struct GlassRay {
 inline void set_glass_ray(const Scene::Impl& scene, double start_mm, const GlassRay& from,
                           RayPacket& packet, size_t lane) {
   const Affine& to_scene = scene.scene_from_panel;
-  const Vec3f origin(to_scene.point(
-      {from.x_mm + start_mm * from.tan_x, from.y_mm + start_mm * from.tan_y, start_mm}));
-  const Vec3f way(to_scene.vector({-from.tan_x, -from.tan_y, -1.0}));
-  RTCRay16& ray = packet.rays.ray;
-  ray.org_x[lane] = origin.x;
-  ray.org_y[lane] = origin.y;
-  ray.org_z[lane] = origin.z;
-  ray.dir_x[lane] = way.x;
-  ray.dir_y[lane] = way.y;
-  ray.dir_z[lane] = way.z;
-  ray.tfar[lane] = std::numeric_limits<float>::infinity();
+  const Vec3 origin{from.x_mm + start_mm * from.tan_x, from.y_mm + start_mm * from.tan_y, start_mm};
+  set_lane(packet, lane, Vec3f(to_scene.point(origin)),
+           Vec3f(to_scene.vector({-from.tan_x, -from.tan_y, -1.0})));
   packet.rays.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
 }
 
