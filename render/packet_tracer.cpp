@@ -329,10 +329,7 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
     counts_.secondary += static_cast<uint64_t>(std::popcount(open));
     add_backdrop(scene, generation.mirrored, rays.weight, open);
   }
-  const uint32_t branch = branch_;
-  branch_ = 2 * branch;
   follow(scene, rays, generation.mirrored, depth, Turn::Mirrored);
-  branch_ = branch;
 }
 
 PacketTracer::Asking PacketTracer::worth_asking(const Scene::Impl& scene, const Surfaces& met) {
@@ -431,7 +428,7 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
     if (ask.points) lit |= take_lit(scene, asker, light, rays.valid);
     const bool some_left = any_lane(rays.valid);
     if (ask.points) shadow_payoff_.asked(!some_left);
-    const uint32_t reached = lit | (some_left ? trace_shadows(scene, light) : 0);
+    const uint32_t reached = lit | (some_left ? trace_shadows(scene, light, depth) : 0);
     for (size_t r = 0; r < kPacket; ++r)
       if ((reached >> r & 1) != 0) lanes_.light[r] += rays.weight[r];
     if (groups_ != nullptr) note_shadows(rays.weight, wanted, reached, light, depth);
@@ -462,8 +459,8 @@ void PacketTracer::add_soft_light(const Scene::Impl& scene, const Asker& asker, 
 
 namespace {
 
-uint32_t mixed(uint32_t branch, uint32_t what) {
-  uint32_t key = branch * 0x9e3779b9U ^ (what + 1) * 0x85ebca6bU;
+uint32_t mixed(uint32_t path, uint32_t what) {
+  uint32_t key = path * 0x9e3779b9U ^ (what + 1) * 0x85ebca6bU;
   key ^= key >> 15;
   key *= 0x2c1b3c6dU;
   return key ^ key >> 13;
@@ -474,9 +471,10 @@ uint32_t mixed(uint32_t branch, uint32_t what) {
 void PacketTracer::note_surfaces(const RayPacket& packet, const Surfaces& surfaces,
                                  const float* weight, size_t depth) {
   uint32_t* way = depth == 0 ? notes_.way : notes_.secondary_way;
+  const uint32_t path = generations_[depth].path;
   for (size_t r = 0; r < kPacket; ++r) {
     if (surfaces.active[r] == 0 || (depth > 0 && weight[r] < noticed_)) continue;
-    way[r] += mixed(branch_, groups_->of(packet.rays.hit.geomID[r], packet.rays.hit.primID[r]));
+    way[r] += mixed(path, groups_->of(packet.rays.hit.geomID[r], packet.rays.hit.primID[r]));
   }
 }
 
@@ -484,9 +482,10 @@ void PacketTracer::note_surfaces(const RayPacket& packet, const Surfaces& surfac
 void PacketTracer::note_shadows(const float* brings, uint32_t wanted, uint32_t reached,
                                 size_t light, size_t depth) {
   uint32_t* way = depth == 0 ? notes_.way : notes_.secondary_way;
+  const uint32_t path = generations_[depth].path;
   for (uint32_t left = wanted & ~reached; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
-    if (brings[r] >= noticed_) way[r] += mixed(~branch_, static_cast<uint32_t>(light));
+    if (brings[r] >= noticed_) way[r] += mixed(~path, static_cast<uint32_t>(light));
   }
   if (depth > 0 || light >= Known::kLights) return;
   for (uint32_t r = 0; r < kPacket; ++r) {
@@ -498,13 +497,14 @@ void PacketTracer::note_shadows(const float* brings, uint32_t wanted, uint32_t r
 /// Half-shadows are told apart by their light alone.
 void PacketTracer::note_lamp(const LampSeen& seen, size_t light, size_t depth) {
   uint32_t* way = depth == 0 ? notes_.way : notes_.secondary_way;
+  const uint32_t path = generations_[depth].path;
   constexpr uint32_t kPartly = 0x1000;
   const auto number = static_cast<uint32_t>(light);
   for (uint32_t r = 0; r < kPacket; ++r) {
     const uint32_t bit = 1U << r;
-    if ((seen.none & bit) != 0) way[r] += mixed(~branch_, number);
+    if ((seen.none & bit) != 0) way[r] += mixed(~path, number);
     if ((seen.wanted & ~(seen.all | seen.none) & bit) != 0)
-      way[r] += mixed(~branch_, number + kPartly);
+      way[r] += mixed(~path, number + kPartly);
     if (depth > 0 || light >= Known::kLights) continue;
     notes_.lit[r] |= (seen.all >> r & 1) << light;
     notes_.hidden[r] |= (seen.none >> r & 1) << light;
@@ -655,20 +655,16 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
     set(generation.refracted, refracted, r, spawn_point(surface, Side::Far), on.transmit_direction,
         on.transmit_weight);
   }
-  const uint32_t branch = branch_;
-  branch_ = 2 * branch;
   ++glass_above_;
   follow(scene, mirrored, generation.mirrored, depth, Turn::Mirrored);
   --glass_above_;
-  branch_ = 2 * branch + 1;
   follow(scene, refracted, generation.refracted, depth, Turn::Refracted);
-  branch_ = branch;
 }
 
-PacketTracer::Traced* PacketTracer::remember(uint32_t what, const int* valid) {
+PacketTracer::Traced* PacketTracer::remember(uint32_t path, uint32_t what, const int* valid) {
   if (memory_ != Memory::Writes) return nullptr;
   Traced& noted = traced_.emplace_back();
-  noted.branch = branch_;
+  noted.path = path;
   noted.what = what;
   noted.lanes = lane_bits(valid);
   return &noted;
@@ -676,9 +672,9 @@ PacketTracer::Traced* PacketTracer::remember(uint32_t what, const int* valid) {
 
 /// Colours send the same rays in the same order, unless one has no weight in a colour: then packets
 /// are passed over, or lanes were not traced.
-const PacketTracer::Traced* PacketTracer::recall(uint32_t what, const int* valid) {
-  if (memory_ != Memory::Reads || branch_ == 0) return nullptr;  // 0: too deep to be told apart
-  const auto same = [&](const Traced& t) { return t.branch == branch_ && t.what == what; };
+const PacketTracer::Traced* PacketTracer::recall(uint32_t path, uint32_t what, const int* valid) {
+  if (memory_ != Memory::Reads) return nullptr;
+  const auto same = [&](const Traced& t) { return t.path == path && t.what == what; };
   const auto found =
       std::find_if(traced_.begin() + static_cast<std::ptrdiff_t>(recalled_), traced_.end(), same);
   if (found == traced_.end() || (lane_bits(valid) & ~found->lanes) != 0) return nullptr;
@@ -686,11 +682,12 @@ const PacketTracer::Traced* PacketTracer::recall(uint32_t what, const int* valid
   return &*found;
 }
 
-uint32_t PacketTracer::trace_shadows(const Scene::Impl& scene, size_t light) {
+uint32_t PacketTracer::trace_shadows(const Scene::Impl& scene, size_t light, size_t depth) {
+  const uint32_t path = generations_[depth].path;
   const auto what = static_cast<uint32_t>(light);
   const int* valid = lanes_.shadow_valid;
-  if (const Traced* known = recall(what, valid)) return known->free & lane_bits(valid);
-  Traced* note = remember(what, valid);
+  if (const Traced* known = recall(path, what, valid)) return known->free & lane_bits(valid);
+  Traced* note = remember(path, what, valid);
   clock_.turn_to(Work::TraceShadows);
   occluded16(valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
   clock_.turn_to(Work::Shade);
@@ -702,14 +699,15 @@ uint32_t PacketTracer::trace_shadows(const Scene::Impl& scene, size_t light) {
 }
 
 void PacketTracer::trace_secondary(const Scene::Impl& scene, RayPacket& packet, size_t depth) {
+  const uint32_t path = generations_[depth + 1].path;
   RTCRayHit16& rays = packet.rays;
-  if (const Traced* known = recall(kNotToLight, packet.valid)) {
+  if (const Traced* known = recall(path, kNotToLight, packet.valid)) {
     std::copy_n(known->distance, kPacket, rays.ray.tfar);
     std::copy_n(known->geometry, kPacket, rays.hit.geomID);
     std::copy_n(known->primitive, kPacket, rays.hit.primID);
     return;
   }
-  Traced* note = remember(kNotToLight, packet.valid);
+  Traced* note = remember(path, kNotToLight, packet.valid);
   // Mirrored by curved surfaces twice, neighbours spread: there the packet traversal loses.
   clock_.turn_to(Work::TraceSecondary);
   intersect16(packet.valid, scene.embree.get(), rays,
@@ -727,8 +725,8 @@ void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& pa
   if (traced == 0) return;
   counts_.secondary += traced;
   std::fill_n(packet.rays.hit.geomID, kPacket, RTC_INVALID_GEOMETRY_ID);
-  trace_secondary(scene, packet, depth);
   generations_[depth + 1].path = sampling::longer_path(generations_[depth].path, turn);
+  trace_secondary(scene, packet, depth);
   shade(scene, packet, rays.weight, depth + 1);
 }
 

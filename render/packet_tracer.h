@@ -183,22 +183,22 @@ class PacketTracer {
                      const shading_kernel::NewRays& rays, int* valid);
 
   /// Of the lanes of lanes_.shadow_valid, those whose way to a light is free; a bit each.
-  uint32_t trace_shadows(const Scene::Impl& scene, size_t light);
+  uint32_t trace_shadows(const Scene::Impl& scene, size_t light, size_t depth);
   void trace_secondary(const Scene::Impl& scene, RayPacket& packet, size_t depth);
   /// What a packet of rays met, to be used once more for the same rays.
   struct Traced {
-    uint32_t branch;  ///< of the rays, and
-    uint32_t what;    ///< the light that they went to, or kNotToLight
-    uint32_t lanes;   ///< a bit each
-    uint32_t free;    ///< lanes whose way to a light was free
+    uint32_t path;   ///< sampling::longer_path() of the rays, and
+    uint32_t what;   ///< the light that they went to, or kNotToLight
+    uint32_t lanes;  ///< a bit each
+    uint32_t free;   ///< lanes whose way to a light was free
     float distance[kPacket];
     uint32_t geometry[kPacket];
     uint32_t primitive[kPacket];
   };
   static constexpr uint32_t kNotToLight = ~0U;
   enum class Memory { Off, Writes, Reads };
-  Traced* remember(uint32_t what, const int* valid);
-  const Traced* recall(uint32_t what, const int* valid);
+  Traced* remember(uint32_t path, uint32_t what, const int* valid);
+  const Traced* recall(uint32_t path, uint32_t what, const int* valid);
 
   /// Makes mirrored rays invalid that cannot change the code value of their subpixel.
   void leave_out_weak(const Scene::Impl& scene, shading_kernel::NewRays& rays, size_t depth);
@@ -264,7 +264,6 @@ class PacketTracer {
   Memory memory_ = Memory::Off;
   std::vector<Traced> traced_;  ///< in the order of tracing
   size_t recalled_ = 0;         ///< those before are of no more use
-  uint32_t branch_ = 1;         ///< of mirrored and refracted rays
   Notes notes_;
   alignas(64) float weight_left_[kPacket];  ///< of primary rays whose secondary ones are not known
   static constexpr unsigned kAnswersLog2 = 10;
