@@ -60,19 +60,18 @@ void AdaptiveWorker::load_samples(int first_row, int picture, int first_column) 
 void AdaptiveWorker::set_sample(int row, int picture, int column, size_t lane) {
   KeySamples::Sample sample{.group = found_.group[lane],
                             .way = found_.notes.way[lane],
-                            .lit = found_.notes.lit[lane],
-                            .hidden = found_.notes.hidden[lane],
-                            .secondary_way = found_.notes.secondary_way[lane],
-                            .around = found_.notes.around[lane]};
+                            .light = {.lit = found_.notes.lit[lane],
+                                      .hidden = found_.notes.hidden[lane],
+                                      .secondary_way = found_.notes.secondary_way[lane],
+                                      .around = found_.notes.around[lane]}};
   for (size_t c = 0; c < 3; ++c) {
     sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
-    sample.secondary[c] = found_.secondary[c][lane];
+    sample.light.secondary[c] = found_.secondary[c][lane];
   }
   frame_.samples.set(row, picture, column, sample);
 }
 
 void AdaptiveWorker::take_samples(int first_row, int picture) {
-  colours_.tracer().multiply_samples(kFinerSamples);
   const auto noticed = frame_.plan.agreement.noticed(frame_.scene.colour_managed);
   for (int column = 0; column < frame_.grid.columns(); column += kBlock) {
     load_samples(first_row, picture, column);
@@ -88,7 +87,6 @@ void AdaptiveWorker::render_band(int first_row) {
   drawn_.clear();
   const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
   for (int row = first_row; row < end; ++row) render_row(first_row, row);
-  colours_.tracer().multiply_samples(kFinerSamples);
   uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   write_uncertain(first_row);
   audit_band(first_row);
@@ -169,18 +167,18 @@ uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
 void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& between) {
   const size_t count = frame_.plan.planes.row_subpixels();
   for (size_t at = 0; at < count; ++at) {
-    UncertainSubpixels::Subpixel s{
-        .at = static_cast<int32_t>(at),
-        .row = static_cast<uint16_t>(row - first_row),
-        .draw = draw_of(static_cast<uint32_t>(row), static_cast<uint32_t>(at)),
-        .x_mm = x_mm_[at],
-        .tan_x = tan_x_[at]};
-    if (s.draw != Draw::None) drawn_.add(s);
+    const Draw draw = draw_of(static_cast<uint32_t>(row), static_cast<uint32_t>(at));
+    const bool unknown = states_[at] == lookup_kernel::kUnknown;
     if (states_[at] == lookup_kernel::kNothing) codes_[at] = backdrop_code(row, at);
-    if (states_[at] != lookup_kernel::kUnknown) {
-      ++counts_.interpolated;
-      continue;
-    }
+    if (!unknown) ++counts_.interpolated;
+    if (!unknown && draw == Draw::None) continue;
+    UncertainSubpixels::Subpixel s{.at = static_cast<int32_t>(at),
+                                   .row = static_cast<uint16_t>(row - first_row),
+                                   .draw = draw,
+                                   .x_mm = x_mm_[at],
+                                   .tan_x = tan_x_[at]};
+    if (draw != Draw::None) drawn_.add(s);
+    if (!unknown) continue;
     ++counts_.shaded;
     const auto cut_number = static_cast<size_t>(swept_.cut[at]);
     const SweptCut& cut = swept_.cuts[cut_number];
@@ -206,6 +204,7 @@ void AdaptiveWorker::write_uncertain(int first_row) {
 void AdaptiveWorker::audit_band(int first_row) {
   colours_.tracer().multiply_samples(kFinerAudit);
   drawn_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+  colours_.tracer().multiply_samples(1);
   AuditCounts mending, judging;
   for (const UncertainSubpixels::Subpixel& s : drawn_.subpixels()) {
     uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
@@ -236,7 +235,6 @@ void AdaptiveWorker::mend_band(int first_row) {
                       .x_mm = x_mm_[at],
                       .tan_x = tan_x_[at]});
   }
-  colours_.tracer().multiply_samples(kFinerSamples);
   uncertain_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   write_uncertain(first_row);
   counts_.mended += count * static_cast<size_t>(end - first_row);

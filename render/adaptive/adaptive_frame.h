@@ -56,9 +56,9 @@ class AdaptiveWorker {
  public:
   static constexpr int kBand = TilePlan::kRows;  ///< rows
   static constexpr int kBlock = 4;               ///< rows and columns of samples in a packet
-  /// Samples of soft light take so many times the rays, and what is drawn for the audit: it is not
-  /// to judge by its own noise.
-  static constexpr int kFinerSamples = 1, kFinerAudit = 8;
+  /// What is drawn for the audit takes so many times the rays of soft light, not to judge by its
+  /// own noise.
+  static constexpr int kFinerAudit = 8;
 
   /// `frame` must outlive it.
   explicit AdaptiveWorker(AdaptiveFrame& frame);

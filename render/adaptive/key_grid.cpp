@@ -10,38 +10,6 @@
 namespace lenticule::render {
 namespace {
 
-struct Range {
-  double low = std::numeric_limits<double>::infinity();
-  double high = -std::numeric_limits<double>::infinity();
-  void extend(double value) {
-    low = std::min(low, value);
-    high = std::max(high, value);
-  }
-  [[nodiscard]] double width() const { return high - low; }
-};
-
-/// What the rays of a few rows start from and aim at.
-struct Reach {
-  Range glass, eyes;
-};
-
-Reach reach_of(const RowPlanes& planes) {
-  const double distance = planes.inverse_z() > 0.0 ? 1.0 / planes.inverse_z() : 0.0;
-  RowPlanes::Maker maker(planes);
-  PlaneRays rays;
-  Reach reach;
-  for (const int row : {0, planes.rows() / 2, planes.rows() - 1}) {
-    maker.make(row, 0, rays);
-    for (size_t n = 0; n < rays.count; ++n) {
-      const double x = rays.x_mm[n], tan = rays.tan_x[n];
-      if (!std::isfinite(x) || !std::isfinite(tan)) continue;
-      reach.glass.extend(x);
-      reach.eyes.extend(distance > 0.0 ? x + tan * distance : tan);
-    }
-  }
-  return reach;
-}
-
 /// How far a point moves on the glass from one picture to the next, at most.
 double furthest_move(const RowPlanes& planes, const Stage& stage, double eye_step) {
   double most = 0.0;
@@ -53,29 +21,53 @@ double furthest_move(const RowPlanes& planes, const Stage& stage, double eye_ste
   return most;
 }
 
+void extend(RayReach::Range& range, double value) {
+  range.low = std::min(range.low, value);
+  range.high = std::max(range.high, value);
+}
+
 }  // namespace
 
-KeySpacing spacing_for(const RowPlanes& planes) {
+/// A few rows tell: the others lie between them.
+RayReach reach_of(const RowPlanes& planes) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const double distance = planes.inverse_z() > 0.0 ? 1.0 / planes.inverse_z() : 0.0;
+  RowPlanes::Maker maker(planes);
+  PlaneRays rays;
+  RayReach reach{{kInfinity, -kInfinity}, {kInfinity, -kInfinity}};
+  for (const int row : {0, planes.rows() / 2, planes.rows() - 1}) {
+    maker.make(row, 0, rays);
+    for (size_t n = 0; n < rays.count; ++n) {
+      const double x = rays.x_mm[n], tan = rays.tan_x[n];
+      if (!std::isfinite(x) || !std::isfinite(tan)) continue;
+      extend(reach.glass_mm, x);
+      extend(reach.eyes, distance > 0.0 ? x + tan * distance : tan);
+    }
+  }
+  return reach;
+}
+
+KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach) {
   constexpr double kTenDegrees = 0.18;
   constexpr double kMostPictures = 16.0;
-  const Reach reach = reach_of(planes);
   const double wide = reach.eyes.width() * (planes.inverse_z() > 0.0 ? planes.inverse_z() : 1.0);
   const double apart = std::clamp(std::ceil(wide / kTenDegrees - 0.1), 1.0, kMostPictures - 1.0);
   return {.row_step = 4, .columns = 5.0, .pictures = 1 + static_cast<int>(apart)};
 }
 
-KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const KeySpacing& spacing)
+KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& reach,
+                 const KeySpacing& spacing)
     : planes_(planes), row_step_(spacing.row_step) {
   LENTICULE_CHECK(spacing.pictures >= 2 && spacing.row_step >= 1 && spacing.columns > 0.0);
   const optics::Panel& panel = planes.model().rig().panel;
-  const Reach reach = reach_of(planes);
   eye_first_ = reach.eyes.low;
   eye_step_ = std::max(reach.eyes.width() / (spacing.pictures - 1), 1e-6);
   x_step_ = spacing.columns * panel.pixel_width.value;
-  const double aside = std::min(furthest_move(planes, stage, eye_step_), reach.glass.width() / 4);
-  x_first_ = reach.glass.low - aside - x_step_;
+  const double aside =
+      std::min(furthest_move(planes, stage, eye_step_), reach.glass_mm.width() / 4);
+  x_first_ = reach.glass_mm.low - aside - x_step_;
   const int columns =
-      static_cast<int>(std::ceil((reach.glass.width() + 2.0 * aside) / x_step_)) + 3;
+      static_cast<int>(std::ceil((reach.glass_mm.width() + 2.0 * aside) / x_step_)) + 3;
   constexpr int kPadding = 16;
   rows_ = (planes.rows() - 1 + row_step_ / 2) / row_step_ + 2;
   height_px_ = planes.height_in_row(0);
@@ -110,6 +102,33 @@ GlassRay KeyGrid::ray(int row, int picture, int column) const {
   const double inverse_z = planes_.inverse_z();
   const double tan = inverse_z > 0.0 ? (eye - x) * inverse_z : eye;
   return {.x_mm = x, .y_mm = plane.lens_y_mm, .tan_x = tan, .tan_y = plane.tan_y};
+}
+
+std::array<KeyGrid::Place, 2> KeyGrid::places(float x_mm, float tan_x, float z_mm) const {
+  const lookup_kernel::Grid& grid = lookup_;
+  const float wider = 1.0F / (1.0F - z_mm * grid.inverse_z);
+  const float across = (x_mm + tan_x * z_mm) * wider;
+  const float depth = grid.distance > 0.0F ? z_mm * wider * grid.inverse_z : z_mm;
+  const float eye = grid.distance > 0.0F ? x_mm + tan_x * grid.distance : tan_x;
+  const float picture = (eye - grid.eye_first) * grid.pictures_per_eye;
+  const int left = std::clamp(static_cast<int>(picture), 0, grid.pictures - 2);
+  const float of_right = std::clamp(picture - static_cast<float>(left), 0.0F, 1.0F);
+  std::array<Place, 2> found;
+  for (int side = 0; side < 2; ++side) {
+    const int number = left + side;
+    Place& place = found[static_cast<size_t>(side)];
+    place.odd = number % 2;
+    place.weight = side == 0 ? 1.0F - of_right : of_right;
+    const float x = across - (grid.eye_first + static_cast<float>(number) * grid.eye_step) * depth;
+    const float column =
+        (x - grid.x_first) * grid.columns_per_mm + 0.5F * static_cast<float>(place.odd);
+    place.inside = column >= 0.0F && column < static_cast<float>(grid.columns - 1);
+    if (!place.inside) continue;
+    const int whole = static_cast<int>(column);
+    place.index = number * grid.stride + whole;
+    place.part = column - static_cast<float>(whole);
+  }
+  return found;
 }
 
 }  // namespace lenticule::render

@@ -7,6 +7,8 @@
 // an eye at e, at x - e z where e is the tangent of parallel rays.
 #pragma once
 
+#include <array>
+
 #include "render/adaptive/glass_rays.h"
 #include "render/adaptive/key_lookup_kernel.h"
 #include "render/row_sweep/row_planes.h"
@@ -21,16 +23,27 @@ struct KeySpacing {
   int pictures = 2;      ///< at least
 };
 
+/// Where the rays of a rig leave the glass, and to which places on the viewing line they go.
+struct RayReach {
+  struct Range {
+    double low, high;
+    [[nodiscard]] double width() const { return high - low; }
+  };
+  Range glass_mm, eyes;
+};
+[[nodiscard]] RayReach reach_of(const RowPlanes& planes);
+
 /// As many pictures as the viewing zone is wide: ten degrees apart, shading that depends on the
 /// view changes little, and all else not at all.
-[[nodiscard]] KeySpacing spacing_for(const RowPlanes& planes);
+[[nodiscard]] KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach);
 
 /// Immutable.
 class KeyGrid {
  public:
   /// Rays of the rig of `planes` see only what the pictures hold, but for what lies far off the
   /// glass at its left and right ends.
-  KeyGrid(const RowPlanes& planes, const Stage& stage, const KeySpacing& spacing);
+  KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& reach,
+          const KeySpacing& spacing);
 
   [[nodiscard]] int pictures() const { return lookup_.pictures; }
   [[nodiscard]] int columns() const { return lookup_.columns; }
@@ -50,6 +63,17 @@ class KeyGrid {
   [[nodiscard]] const lookup_kernel::Grid& lookup() const { return lookup_; }
 
   [[nodiscard]] GlassRay ray(int row, int picture, int column) const;
+
+  /// Where the point at z of a ray is found in the two pictures beside its view; the same as the
+  /// lookup kernel finds.
+  struct Place {
+    bool inside = false;
+    int index = 0;        ///< of the cell's left column, in a row of samples
+    float part = 0.0F;    ///< of the way to its right one
+    float weight = 0.0F;  ///< of the picture
+    int odd = 0;
+  };
+  [[nodiscard]] std::array<Place, 2> places(float x_mm, float tan_x, float z_mm) const;
 
  private:
   const RowPlanes& planes_;

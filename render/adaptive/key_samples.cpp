@@ -36,7 +36,7 @@ KeySamples::KeySamples(const KeyGrid& grid)
       values_(3 * row_samples_ * static_cast<size_t>(grid.rows()) + 2),
       groups_(row_samples_ * static_cast<size_t>(grid.rows())),
       ways_(groups_.size()),
-      parts_(groups_.size()),
+      lights_(groups_.size()),
       bends_(groups_.size()) {}
 
 void KeySamples::set(int row, int picture, int column, const Sample& sample) {
@@ -47,7 +47,7 @@ void KeySamples::set(int row, int picture, int column, const Sample& sample) {
     values_[(3 * static_cast<size_t>(row) + c) * row_samples_ + in_row] = sample.value[c];
   groups_[at] = sample.group;
   ways_[at] = sample.way;
-  parts_[at] = {sample.lit, sample.hidden, sample.secondary_way, sample.secondary, sample.around};
+  lights_[at] = sample.light;
 }
 
 /// Numbers of samples in a row of three, which may lie one above the other.
@@ -80,7 +80,7 @@ void KeySamples::mark_bends(int row, const Agreement& agreement) {
 
 namespace {
 
-/// What corners agree on, and the secondary light between them.
+/// What corners agree on, and the light between them.
 struct Corners {
   KeySamples::Settled settled{.lit = ~0U, .hidden = ~0U};
   int count = 0;
@@ -90,17 +90,21 @@ struct Corners {
   float low = 1e9F, high = -1e9F;
   float around = 0.0F, least_around = 1.0F, most_around = 0.0F;
 
-  void add(uint32_t secondary_way, float value, float free, float weight) {
+  void add(const KeySamples::Light& light, size_t channel, float weight) {
     constexpr float kLittle = 1e-3F;  // so that no corner weighs nothing
-    if (count++ == 0) way = secondary_way;
-    same_way = same_way && way == secondary_way;
-    sum += (weight + kLittle) * value;
-    weights += weight + kLittle;
-    around += (weight + kLittle) * free;
-    least_around = std::min(least_around, free);
-    most_around = std::max(most_around, free);
-    low = std::min(low, value);
-    high = std::max(high, value);
+    weight += kLittle;
+    if (count++ == 0) way = light.secondary_way;
+    same_way = same_way && way == light.secondary_way;
+    settled.lit &= light.lit;
+    settled.hidden &= light.hidden;
+    const float secondary = light.secondary[channel];
+    sum += weight * secondary;
+    weights += weight;
+    around += weight * light.around;
+    least_around = std::min(least_around, light.around);
+    most_around = std::max(most_around, light.around);
+    low = std::min(low, secondary);
+    high = std::max(high, secondary);
   }
   /// Encoding takes about the root of linear light.
   [[nodiscard]] float apart(bool colour_managed) const {
@@ -113,35 +117,18 @@ struct Corners {
 
 KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreement,
                                        bool colour_managed) const {
-  const lookup_kernel::Grid& grid = grid_.lookup();
-  const float wider = 1.0F / (1.0F - p.z * grid.inverse_z);
-  const float across = (p.x + p.tan * p.z) * wider;
-  const float depth = grid.distance > 0.0F ? p.z * wider * grid.inverse_z : p.z;
-  const float eye = grid.distance > 0.0F ? p.x + p.tan * grid.distance : p.tan;
-  const float picture = (eye - grid.eye_first) * grid.pictures_per_eye;
-  const int left = std::clamp(static_cast<int>(picture), 0, grid.pictures - 2);
-  const float of_right = std::clamp(picture - static_cast<float>(left), 0.0F, 1.0F);
   Corners corners;
-  for (int side = 0; side < 2; ++side) {
-    const int number = left + side, odd = number % 2;
-    const float x = across - (grid.eye_first + static_cast<float>(number) * grid.eye_step) * depth;
-    const float column = (x - grid.x_first) * grid.columns_per_mm + 0.5F * static_cast<float>(odd);
-    if (!(column >= 0.0F && column < static_cast<float>(grid.columns - 1))) continue;
-    const int whole = static_cast<int>(column);
-    const float of_next = column - static_cast<float>(whole);
+  for (const KeyGrid::Place& place : grid_.places(p.x, p.tan, p.z)) {
+    if (!place.inside) continue;
+    const float of_row_below = p.rows.part[place.odd];
     for (int corner = 0; corner < 4; ++corner) {
       const bool below = corner >= 2, next = corner % 2 != 0;
-      const size_t at = static_cast<size_t>(p.rows.above[odd] + below) * row_samples_ +
-                        static_cast<size_t>(number * grid.stride + whole + next);
+      const size_t at = static_cast<size_t>(p.rows.above[place.odd] + below) * row_samples_ +
+                        static_cast<size_t>(place.index + next);
       if (groups_[at] != p.group) continue;
-      const Parts& parts = parts_[at];
-      corners.settled.lit &= parts.lit;
-      corners.settled.hidden &= parts.hidden;
-      corners.add(parts.secondary_way, parts.secondary[static_cast<size_t>(p.channel)],
-                  parts.around,
-                  (side == 0 ? 1.0F - of_right : of_right) *
-                      (below ? p.rows.part[odd] : 1.0F - p.rows.part[odd]) *
-                      (next ? of_next : 1.0F - of_next));
+      corners.add(lights_[at], static_cast<size_t>(p.channel),
+                  place.weight * (below ? of_row_below : 1.0F - of_row_below) *
+                      (next ? place.part : 1.0F - place.part));
     }
   }
   constexpr int kFewCorners = 3;

@@ -35,14 +35,18 @@ class KeySamples {
  public:
   explicit KeySamples(const KeyGrid& grid);
 
-  struct Sample {
-    std::array<uint16_t, 3> value{};  ///< code values, in parts
-    uint32_t group = 0;               ///< SurfaceGroups
-    uint32_t way = 0;                 ///< PacketTracer::Notes, as those below
+  /// What a sample's light is made of, see PacketTracer::Notes.
+  struct Light {
     uint32_t lit = 0, hidden = 0;
     uint32_t secondary_way = 0;
     std::array<float, 3> secondary{};
     float around = 0.0F;
+  };
+  struct Sample {
+    std::array<uint16_t, 3> value{};  ///< code values, in parts
+    uint32_t group = 0;               ///< SurfaceGroups
+    uint32_t way = 0;                 ///< PacketTracer::Notes
+    Light light{};
   };
   void set(int row, int picture, int column, const Sample& sample);
 
@@ -79,12 +83,7 @@ class KeySamples {
   std::vector<uint16_t> values_;  ///< [row][channel][picture][column]
   std::vector<uint32_t> groups_;  ///< [row][picture][column]
   std::vector<uint32_t> ways_;
-  struct Parts {
-    uint32_t lit, hidden, secondary_way;
-    std::array<float, 3> secondary;
-    float around;
-  };
-  std::vector<Parts> parts_;
+  std::vector<Light> lights_;
   std::vector<uint8_t> bends_;
 };
 

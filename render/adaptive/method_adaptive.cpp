@@ -48,6 +48,7 @@ class AdaptiveMethod final : public Method {
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
       : options_(with_few_proofs(options)),
         planes_(model, options.isa),
+        reach_(reach_of(planes_)),
         tiles_(model.rig()),
         plan_{options_, planes_, tiles_, lookup_kernel_for(options.isa),
               Agreement::for_error(options.tolerated_error)},
@@ -64,7 +65,7 @@ class AdaptiveMethod final : public Method {
     if (options_.copy_unchanged && last_.shows(scene.impl())) return last_.copy_to(out);
     const auto start = std::chrono::steady_clock::now();
     cancelled_ = false;
-    const KeyGrid grid(planes_, stage, spacing_for(planes_));
+    const KeyGrid grid(planes_, stage, reach_, spacing_for(planes_, reach_));
     AdaptiveFrame frame(plan_, grid, scene, out);
     Workers workers([&] { return AdaptiveWorker(frame); });
     arena_.execute([&] {
@@ -140,6 +141,7 @@ class AdaptiveMethod final : public Method {
 
   RenderOptions options_;
   RowPlanes planes_;
+  RayReach reach_;
   TilePlan tiles_;
   AdaptivePlan plan_;
   LastFrame last_;

@@ -36,6 +36,12 @@ void UncertainSubpixels::order() {
   subpixels_.swap(ordered_);
 }
 
+void UncertainSubpixels::find_planes(int first_row) {
+  for (int row = 0; row < TilePlan::kRows; ++row)
+    plane_of_row_[static_cast<size_t>(row)] =
+        planes_.plane_at(first_row + row + planes_.height_in_row(0));
+}
+
 void UncertainSubpixels::load(const Scene::Impl& scene, double start_mm, int first_row,
                               size_t first) {
   for (size_t r = 0; r < kPacket; ++r) {
@@ -44,7 +50,7 @@ void UncertainSubpixels::load(const Scene::Impl& scene, double start_mm, int fir
     packet_[0].valid[r] = first + r < subpixels_.size() ? -1 : 0;
     channel_[r] = s.at % 3;
     seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);  // method full's
-    const RowPlane plane = planes_.plane_at(first_row + s.row + planes_.height_in_row(0));
+    const RowPlane& plane = plane_of_row_[s.row];
     set_glass_ray(scene, start_mm,
                   {.x_mm = double{s.x_mm},
                    .y_mm = plane.lens_y_mm,
@@ -73,6 +79,7 @@ template <class Trace>
 void UncertainSubpixels::each_packet(const Scene::Impl& scene, double start_mm, int first_row,
                                      PacketTracer& tracer, Trace&& trace) {
   order();
+  find_planes(first_row);
   for (size_t first = 0; first < subpixels_.size(); first += kPacket) {
     load(scene, start_mm, first_row, first);
     tracer.set_seeds(seeds_);

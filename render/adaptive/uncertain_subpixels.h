@@ -45,6 +45,7 @@ class UncertainSubpixels {
 
  private:
   void order();
+  void find_planes(int first_row);
   void load(const Scene::Impl& scene, double start_mm, int first_row, size_t first);
   void load_surfaces(double start_mm, size_t first);
   template <class Trace>
@@ -53,6 +54,7 @@ class UncertainSubpixels {
 
   const RowPlanes& planes_;
   const TilePlan& plan_;
+  std::array<RowPlane, TilePlan::kRows> plane_of_row_{};  ///< of the band
   std::vector<Subpixel> subpixels_, ordered_;
   std::vector<uint32_t> first_of_column_;
   std::vector<RayPacket> packet_;  ///< one
