@@ -6,24 +6,17 @@
 
 #include <cmath>
 #include <limits>
-#include <random>
 
 #include "error_matchers.h"
 #include "frames/compare.h"
 #include "frames/decoded_view.h"
+#include "tests/support/noise_frame.h"
 #include "tests/support/picture_oracle.h"
 
 namespace lenticule::frames {
 namespace {
 
 using test::error_of;
-
-WovenFrame noise(int width, int height, unsigned seed) {
-  std::mt19937 random(seed);
-  WovenFrame frame({.width = width, .height = height});
-  for (uint8_t& byte : frame.bytes()) byte = static_cast<uint8_t>(random() & 255U);
-  return frame;
-}
 
 /// Soft waves, and the same with an error that grows downward.
 WovenFrame waves(int width, int height, double error) {
@@ -52,8 +45,8 @@ TEST(Similarity, IsWhatTheDefinitionSays) {
       EXPECT_NEAR(*structural_similarity(a.view(), b.view()),
                   static_cast<double>(test::ssim_by_definition(a.view(), b.view())), 1e-10);
     }
-    const WovenFrame a = noise(width, height, 1);
-    const WovenFrame b = noise(width, height, 2);
+    const WovenFrame a = test::noise_frame(width, height, 1);
+    const WovenFrame b = test::noise_frame(width, height, 2);
     const double unlike = *structural_similarity(a.view(), b.view());
     EXPECT_NEAR(unlike, static_cast<double>(test::ssim_by_definition(a.view(), b.view())), 1e-10);
     EXPECT_LT(std::abs(unlike), 0.3);
@@ -83,16 +76,17 @@ TEST(Similarity, IsSymmetricAndFallsWithTheError) {
 }
 
 TEST(Similarity, NeedsAWholeWindow) {
-  const WovenFrame small = noise(10, 40, 1);
+  const WovenFrame small = test::noise_frame(10, 40, 1);
   EXPECT_FALSE(structural_similarity(small.view(), small.view()).has_value());
-  EXPECT_EQ(
-      error_of([&] { (void)structural_similarity(small.view(), noise(40, 10, 1).view()); }).kind(),
-      ErrorKind::Input);
+  EXPECT_EQ(error_of([&] {
+              (void)structural_similarity(small.view(), test::noise_frame(40, 10, 1).view());
+            }).kind(),
+            ErrorKind::Input);
 }
 
 TEST(Differences, AreWhatTheirDefinitionsSay) {
-  const WovenFrame a = noise(23, 9, 5);
-  const WovenFrame b = noise(23, 9, 6);
+  const WovenFrame a = test::noise_frame(23, 9, 5);
+  const WovenFrame b = test::noise_frame(23, 9, 6);
   const PictureDifference d = compare_pictures(a.view(), b.view());
   const auto close = [&](const Difference& one, int channel) {
     const auto mse = static_cast<double>(test::mse_by_definition(a.view(), b.view(), channel));

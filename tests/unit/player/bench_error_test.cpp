@@ -8,7 +8,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <random>
 
 #include "frames/compare.h"
 #include "frames/image_io.h"
@@ -18,6 +17,7 @@
 #include "player/bench_error_eyes.h"
 #include "player/bench_error_pictures.h"
 #include "render/method.h"
+#include "tests/support/noise_frame.h"
 
 namespace lenticule::player {
 namespace {
@@ -240,18 +240,11 @@ TEST(ErrorScenes, AsGltfAreNotTachyons) {
 
 // ---- pictures
 
-frames::WovenFrame noise(int width, int height, unsigned seed) {
-  std::mt19937 random(seed);
-  frames::WovenFrame frame({.width = width, .height = height});
-  for (uint8_t& byte : frame.bytes()) byte = static_cast<uint8_t>(random() & 255U);
-  return frame;
-}
-
 TEST(TileSheet, ShowsTheTileAndWhatTheEyeSeesThere) {
-  const frames::WovenFrame a = noise(200, 100, 1);
-  const frames::WovenFrame b = noise(200, 100, 2);
-  const frames::WovenFrame eye_a = noise(50, 20, 3);
-  const frames::WovenFrame eye_b = noise(50, 20, 4);
+  const frames::WovenFrame a = test::noise_frame(200, 100, 1);
+  const frames::WovenFrame b = test::noise_frame(200, 100, 2);
+  const frames::WovenFrame eye_a = test::noise_frame(50, 20, 3);
+  const frames::WovenFrame eye_b = test::noise_frame(50, 20, 4);
   const frames::Tile tile{.x = 40, .y = 0, .width = 96, .height = 96, .mse = 1.0};
   const frames::WovenFrame sheet = tile_sheet(a.view(), b.view(), eye_a.view(), eye_b.view(), tile);
   EXPECT_EQ(sheet.width(), 3 * 384 + 2 * 8);
@@ -306,14 +299,14 @@ TEST(ErrorEyes, SeeNothingBetweenEqualFramesAndSomethingBetweenOthers) {
   frames::BandWorkers workers(2);
   ErrorEyes eyes(model, workers);
   EyeFlicker flicker;
-  const frames::WovenFrame a = noise(48, 32, 1);
+  const frames::WovenFrame a = test::noise_frame(48, 32, 1);
   eyes.set_reference(a.view());
   for (const nlohmann::json& eye : eyes.compare(a.view(), flicker)) {
     EXPECT_NEAR(eye["ssim"], 1.0, 1e-12);
     EXPECT_EQ(eye["flip_mean"], 0.0);
     EXPECT_EQ(eye["flip_p99"], 0.0);
   }
-  const nlohmann::json unlike = eyes.compare(noise(48, 32, 2).view(), flicker);
+  const nlohmann::json unlike = eyes.compare(test::noise_frame(48, 32, 2).view(), flicker);
   ASSERT_EQ(unlike.size(), 3U);
   for (const nlohmann::json& eye : unlike) {
     EXPECT_LT(eye["ssim"].get<double>(), 0.5);

@@ -2,23 +2,15 @@
 // Flicker, and the differences of views that are worked out once for many frames.
 #include <gtest/gtest.h>
 
-#include <random>
-
 #include "error_matchers.h"
 #include "frames/measures/flicker.h"
 #include "frames/measures/view_map.h"
+#include "tests/support/noise_frame.h"
 
 namespace lenticule::frames {
 namespace {
 
 using test::error_of;
-
-WovenFrame noise(int width, int height, unsigned seed) {
-  std::mt19937 random(seed);
-  WovenFrame frame({.width = width, .height = height});
-  for (uint8_t& byte : frame.bytes()) byte = static_cast<uint8_t>(random() & 255U);
-  return frame;
-}
 
 WovenFrame plus(WovenFrame frame, int levels) {
   for (uint8_t& byte : frame.bytes()) byte = static_cast<uint8_t>(byte + levels);
@@ -58,9 +50,9 @@ TEST(Flicker, OfAnErrorThatComesAndGoesIsTheError) {
 
 TEST(Flicker, RefusesAnotherSize) {
   FlickerMeter meter;
-  const WovenFrame a = noise(8, 8, 1);
+  const WovenFrame a = test::noise_frame(8, 8, 1);
   (void)meter.add(a.view(), a.view());
-  const WovenFrame b = noise(9, 8, 1);
+  const WovenFrame b = test::noise_frame(9, 8, 1);
   EXPECT_EQ(error_of([&] { (void)meter.add(b.view(), b.view()); }).kind(), ErrorKind::Input);
   EXPECT_EQ(error_of([&] { (void)meter.add(a.view(), b.view()); }).kind(), ErrorKind::Input);
 }
@@ -81,8 +73,8 @@ optics::Rig small_rig() {
 
 TEST(ViewMap, AgreesWithTheViewsOneByOne) {
   const optics::OpticalModel model(small_rig());
-  const WovenFrame a = noise(61, 43, 1);
-  const WovenFrame b = noise(61, 43, 2);
+  const WovenFrame a = test::noise_frame(61, 43, 1);
+  const WovenFrame b = test::noise_frame(61, 43, 2);
   for (const int threads : {1, 3}) {
     BandWorkers workers(threads);
     for (const int views : {1, 8, 45}) {
@@ -101,7 +93,7 @@ TEST(ViewMap, RefusesOtherPicturesAndNoViews) {
   BandWorkers workers(1);
   EXPECT_EQ(error_of([&] { ViewMap(model, 0, workers); }).kind(), ErrorKind::Usage);
   const ViewMap map(model, 8, workers);
-  const WovenFrame a = noise(43, 61, 1);
+  const WovenFrame a = test::noise_frame(43, 61, 1);
   EXPECT_EQ(error_of([&] { (void)map.compare(a.view(), a.view(), workers); }).kind(),
             ErrorKind::Input);
 }
