@@ -62,6 +62,9 @@ struct RunTotals {
     rays.ambient_rays_proved += frame.ambient_rays_proved;
     rays.shadow_rays_proved += frame.shadow_rays_proved;
     rays.shadow_rays_blocked += frame.shadow_rays_blocked;
+    rays.secondary_rays_proved += frame.secondary_rays_proved;
+    rays.secondary_rays_too_weak += frame.secondary_rays_too_weak;
+    rays.rays_of_too_little += frame.rays_of_too_little;
     rays.invalid_rays += frame.invalid_rays;
     rays.suspected_holes += frame.suspected_holes;
     rays.filled_holes += frame.filled_holes;
@@ -138,6 +141,9 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"shadow_rays_proved", totals.rays.shadow_rays_proved},
           {"shadow_rays_blocked", totals.rays.shadow_rays_blocked},
           {"secondary_rays", totals.rays.secondary_rays},
+          {"secondary_rays_proved", totals.rays.secondary_rays_proved},
+          {"secondary_rays_too_weak", totals.rays.secondary_rays_too_weak},
+          {"rays_of_too_little", totals.rays.rays_of_too_little},
           {"ambient_rays", totals.rays.ambient_rays},
           {"ambient_rays_proved", totals.rays.ambient_rays_proved},
           {"invalid_rays", totals.rays.invalid_rays},

@@ -64,6 +64,7 @@ struct RenderStatistics {
   uint64_t shadow_rays_blocked = 0;      ///< of shadow_rays: not traced, something surely was
   uint64_t secondary_rays_proved = 0;    ///< of secondary_rays: not traced, they meet nothing
   uint64_t secondary_rays_too_weak = 0;  ///< left out, and not counted in secondary_rays
+  uint64_t rays_of_too_little = 0;       ///< left out by method adaptive, within its error
   // How subpixels got their colour; the first four add up to `subpixels`.
   uint64_t traced_subpixels = 0;
   uint64_t projected_subpixels = 0;     ///< from points of other micro-images or frames

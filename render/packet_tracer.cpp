@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <limits>
 
 #include "frames/srgb.h"
@@ -27,6 +28,7 @@ RayCounts& RayCounts::operator+=(const RayCounts& other) {
   shadow_blocked += other.shadow_blocked;
   secondary_proved += other.secondary_proved;
   secondary_too_weak += other.secondary_too_weak;
+  too_little += other.too_little;
   return *this;
 }
 
@@ -43,6 +45,7 @@ void RayCounts::report(RenderStatistics& statistics) const {
   statistics.shadow_rays_blocked = shadow_blocked;
   statistics.secondary_rays_proved = secondary_proved;
   statistics.secondary_rays_too_weak = secondary_too_weak;
+  statistics.rays_of_too_little = too_little;
 }
 
 namespace {
@@ -289,6 +292,7 @@ void PacketTracer::set_colours(const Colours& colours) {
   std::copy_n(colours.channel.data(), kPacket, lanes_.channel);
   std::copy_n(colours.backdrop.data(), kPacket, lanes_.backdrop);
   std::fill_n(lanes_.light, kPacket, 0.0F);
+  std::fill_n(lanes_.leeway, kPacket, tolerated_);
 }
 
 void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, const float* weight,
@@ -390,6 +394,18 @@ void PacketTracer::leave_out_weak(const Scene::Impl& scene, NewRays& rays, size_
   }
 }
 
+void PacketTracer::leave_out_little(const NewRays& rays, int* valid) {
+  for (size_t r = 0; r < kPacket; ++r) {
+    const float half = 0.5F * rays.weight[r];
+    const float off = std::abs(half);
+    if (valid[r] == 0 || !(off <= lanes_.leeway[r] && 2.0F * off <= tolerated_)) continue;
+    valid[r] = 0;
+    lanes_.leeway[r] -= off;
+    lanes_.light[r] += half;
+    ++counts_.too_little;
+  }
+}
+
 /// For the rays of `lanes`, which met nothing.
 void PacketTracer::add_backdrop(const Scene::Impl& scene, const RayPacket& packet,
                                 const float* weight, uint32_t lanes) {
@@ -422,9 +438,10 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
     const bool any = kernel_.shadow_rays(lights[light], asker.generation.surfaces, weight, rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
-    counts_.shadow += count_lanes(rays.valid);
-    const uint32_t wanted = lane_bits(rays.valid);
     uint32_t lit = known_ != nullptr && depth == 0 ? take_known(light, rays.valid) : 0;
+    if (tolerated_ > 0.0F) leave_out_little(rays, rays.valid);
+    const uint32_t wanted = lit | lane_bits(rays.valid);
+    counts_.shadow += static_cast<uint64_t>(std::popcount(wanted));
     if (ask.points) lit |= take_lit(scene, asker, light, rays.valid);
     const bool some_left = any_lane(rays.valid);
     if (ask.points) shadow_payoff_.asked(!some_left);
@@ -721,6 +738,7 @@ void PacketTracer::trace_secondary(const Scene::Impl& scene, RayPacket& packet, 
 
 void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& packet, size_t depth,
                           Turn turn) {
+  if (tolerated_ > 0.0F) leave_out_little(rays, packet.valid);
   const uint64_t traced = count_lanes(packet.valid);
   if (traced == 0) return;
   counts_.secondary += traced;

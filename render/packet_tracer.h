@@ -34,6 +34,7 @@ struct RayCounts {
   uint64_t shadow_blocked = 0;      ///< or to be blocked
   uint64_t secondary_proved = 0;    ///< not traced: nothing was known to be in that direction
   uint64_t secondary_too_weak = 0;  ///< left out: their light cannot change a code value
+  uint64_t too_little = 0;          ///< left out: see PacketTracer::tolerate()
 
   RayCounts& operator+=(const RayCounts& other);
   void report(RenderStatistics& statistics) const;
@@ -71,6 +72,11 @@ class PacketTracer {
   /// From now on, light that is sampled (RenderOptions::soft) takes that many times the rays; for
   /// those who trace few points and make many from each. At least 1, which it is at first.
   void multiply_samples(int factor) { soft_.multiply_samples(factor); }
+
+  /// From now on the light of a lane may be off by that much, if what shines into the scene is no
+  /// brighter than white: rays that bring little are not traced, and half of what they could bring
+  /// is added. 0, which it is at first, traces all.
+  void tolerate(float light) { tolerated_ = light; }
 
   /// And notes() tells afterwards which way each lane's light came. Less light than `noticed` makes
   /// no difference to that. What rays met is remembered for trace_known().
@@ -172,7 +178,8 @@ class PacketTracer {
     alignas(64) int32_t channel[kPacket];
     alignas(64) float backdrop[kPacket];  ///< where it is flat
     alignas(64) float light[kPacket];
-    uint32_t seed[kPacket] = {};  ///< where light is sampled
+    alignas(64) float leeway[kPacket];  ///< that it may still be off by
+    uint32_t seed[kPacket] = {};        ///< where light is sampled
     RTCRay16 shadow;
     alignas(64) int shadow_valid[kPacket];
   };
@@ -200,6 +207,8 @@ class PacketTracer {
   Traced* remember(uint32_t path, uint32_t what, const int* valid);
   const Traced* recall(uint32_t path, uint32_t what, const int* valid);
 
+  /// Makes rays invalid that bring so little that half of it will do, and adds that.
+  void leave_out_little(const shading_kernel::NewRays& rays, int* valid);
   /// Makes mirrored rays invalid that cannot change the code value of their subpixel.
   void leave_out_weak(const Scene::Impl& scene, shading_kernel::NewRays& rays, size_t depth);
 
@@ -257,6 +266,7 @@ class PacketTracer {
   Lanes lanes_;
   bool use_proofs_;
   bool skip_weak_;
+  float tolerated_ = 0.0F;
   int glass_above_ = 0;                    ///< packets whose refracted rays are still to come
   const SurfaceGroups* groups_ = nullptr;  ///< of what is noted
   float noticed_ = 0.0F;

@@ -107,6 +107,34 @@ TEST_P(KnownLight, OtherColoursMeetTheSame) {
   }
 }
 
+/// What is tolerated saves rays, and no lane is off by more: these scenes are no brighter than
+/// white by much.
+TEST_P(KnownLight, LeavesOutNoMoreThanIsTolerated) {
+  std::mt19937_64 random(8);
+  constexpr float kBrightest = 2.0F;
+  uint64_t exact_rays = 0, rays = 0;
+  const auto traced = [&] { return tracer_.counts().secondary + tracer_.counts().shadow; };
+  for (const float tolerated : {0.004F, 0.05F, 0.5F})
+    for (int round = 0; round < 100; ++round) {
+      aim(random);
+      RayPacket again = packet_;
+      const uint64_t before = traced();
+      tracer_.trace_lanes(impl(), plan_, channel_, packet_, light_);
+      const uint64_t between = traced();
+      tracer_.tolerate(tolerated);
+      tracer_.trace_lanes(impl(), plan_, channel_, again, known_light_);
+      tracer_.tolerate(0.0F);
+      exact_rays += between - before;
+      rays += traced() - between;
+      for (size_t r = 0; r < kPacket; ++r) {
+        if (packet_.valid[r] == 0) continue;
+        ASSERT_NEAR(light_[r], known_light_[r], kBrightest * tolerated + 1e-5F) << "lane " << r;
+      }
+    }
+  EXPECT_LT(rays, exact_rays);
+  EXPECT_GT(tracer_.counts().too_little, 0U);
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(testing::tiny_scenes()),
                          [](const auto& named) {
                            std::string name = named.param.name;
