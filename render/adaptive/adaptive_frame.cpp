@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 
 #include "render/adaptive/glass_rays.h"
 #include "render/primary_rays.h"
@@ -28,9 +29,9 @@ AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const 
       sweep(of.planes, whole),
       encoder(whole.impl().colour_managed),
       start_mm(primary_start_mm(scene.near_mm, of.planes.model().rig().viewing.distance.value)) {
-  for (int c = 0; c < 3; ++c)
-    backdrop[static_cast<size_t>(c)] =
-        encoder.code(static_cast<float>(component(scene.backdrop.colour, c)));
+  for (size_t at = 0; at < backdrop.size(); ++at)
+    backdrop[at] = encoder.code(
+        static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
 }
 
 AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
@@ -42,6 +43,13 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
       packet_(1),
       keys_(frame.grid.row_samples()) {
   init_packets(packet_);
+  judge_exactly(false);
+}
+
+void AdaptiveWorker::judge_exactly(bool exactly) {
+  PacketTracer& tracer = colours_.tracer();
+  tracer.multiply_samples(exactly ? kFinerAudit : 1);
+  tracer.tolerate(exactly ? 0.0F : frame_.plan.agreement.noticed(frame_.scene.colour_managed));
 }
 
 void AdaptiveWorker::load_samples(int first_row, int picture, int first_column) {
@@ -102,6 +110,7 @@ void AdaptiveWorker::render_row(int first_row, int row) {
     group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
   group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, where there are none
   look_up(between);
+  add_drawn(first_row, row);
   sort_row(first_row, row, between);
   std::copy_n(codes_.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
 }
@@ -163,37 +172,72 @@ uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
       static_cast<float>(backdrop_light(backdrop, normalized(way), static_cast<int>(at % 3))));
 }
 
-/// Gives colours to what sees nothing, and lists what is not known and what is audited.
-void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& between) {
-  const size_t count = frame_.plan.planes.row_subpixels();
-  for (size_t at = 0; at < count; ++at) {
-    const Draw draw = draw_of(static_cast<uint32_t>(row), static_cast<uint32_t>(at));
-    const bool unknown = states_[at] == lookup_kernel::kUnknown;
-    if (states_[at] == lookup_kernel::kNothing) codes_[at] = backdrop_code(row, at);
-    if (!unknown) ++counts_.interpolated;
-    if (!unknown && draw == Draw::None) continue;
-    UncertainSubpixels::Subpixel s{.at = static_cast<int32_t>(at),
-                                   .row = static_cast<uint16_t>(row - first_row),
-                                   .draw = draw,
-                                   .x_mm = x_mm_[at],
-                                   .tan_x = tan_x_[at]};
-    if (draw != Draw::None) drawn_.add(s);
-    if (!unknown) continue;
-    ++counts_.shaded;
-    const auto cut_number = static_cast<size_t>(swept_.cut[at]);
-    const SweptCut& cut = swept_.cuts[cut_number];
-    s.z_mm = swept_.z_mm[at];
-    s.geometry = cut.geometry;
-    s.primitive = cut.primitive;
-    s.settled = frame_.samples.settle({.rows = between,
-                                       .x = s.x_mm,
-                                       .tan = s.tan_x,
-                                       .z = s.z_mm,
-                                       .group = group_of_cut_[cut_number],
-                                       .channel = static_cast<int>(at % 3)},
-                                      frame_.plan.agreement, frame_.scene.colour_managed);
-    uncertain_.add(s);
+void AdaptiveWorker::add_drawn(int first_row, int row) {
+  const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
+  const auto add = [&](uint32_t at, Draw draw) {
+    if (at >= count) return;
+    drawn_.add({.at = static_cast<int32_t>(at),
+                .row = static_cast<uint16_t>(row - first_row),
+                .draw = draw,
+                .x_mm = x_mm_[at],
+                .tan_x = tan_x_[at]});
+  };
+  for (uint32_t stretch = 0; stretch * kDrawnOneIn < count; ++stretch) {
+    const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), stretch);
+    add(drawn.mending, Draw::Mending);
+    add(drawn.judging, Draw::Judging);
   }
+}
+
+void AdaptiveWorker::add_uncertain(int first_row, int row, size_t at,
+                                   const KeyGrid::Between& between) {
+  const auto cut_number = static_cast<size_t>(swept_.cut[at]);
+  const SweptCut& cut = swept_.cuts[cut_number];
+  const uint32_t group = group_of_cut_[cut_number];
+  const KeySamples::Point point{.rows = between,
+                                .x = x_mm_[at],
+                                .tan = tan_x_[at],
+                                .z = swept_.z_mm[at],
+                                .group = group,
+                                .channel = static_cast<int>(at % 3)};
+  uncertain_.add({.at = static_cast<int32_t>(at),
+                  .row = static_cast<uint16_t>(row - first_row),
+                  .x_mm = point.x,
+                  .tan_x = point.tan,
+                  .z_mm = point.z,
+                  .geometry = cut.geometry,
+                  .primitive = cut.primitive,
+                  .group = group,
+                  .settled = frame_.samples.settle(point, frame_.plan.agreement,
+                                                   frame_.scene.colour_managed)});
+}
+
+/// Gives colours to what sees nothing, and lists what is not known.
+void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& between) {
+  static_assert(lookup_kernel::kFound == 0 && lookup_kernel::kNothing == 1);
+  constexpr uint64_t kAllNothing = 0x0101010101010101;
+  const bool flat = frame_.scene.backdrop.flat();
+  const size_t count = frame_.plan.planes.row_subpixels();
+  uint64_t unknown = 0;
+  for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
+    uint64_t eight;  // states; there is room for a few more than there are subpixels
+    std::memcpy(&eight, states_.data() + first, sizeof eight);
+    if (eight == 0) continue;
+    if (flat && eight == kAllNothing) {
+      std::memcpy(codes_.data() + first, frame_.backdrop.data() + first % frame_.backdrop.size(),
+                  sizeof eight);
+      continue;
+    }
+    const size_t end = std::min(first + sizeof eight, count);
+    for (size_t at = first; at < end; ++at) {
+      if (states_[at] == lookup_kernel::kNothing) codes_[at] = backdrop_code(row, at);
+      if (states_[at] != lookup_kernel::kUnknown) continue;
+      add_uncertain(first_row, row, at, between);
+      ++unknown;
+    }
+  }
+  counts_.shaded += unknown;
+  counts_.interpolated += count - unknown;
 }
 
 void AdaptiveWorker::write_uncertain(int first_row) {
@@ -202,9 +246,9 @@ void AdaptiveWorker::write_uncertain(int first_row) {
 }
 
 void AdaptiveWorker::audit_band(int first_row) {
-  colours_.tracer().multiply_samples(kFinerAudit);
+  judge_exactly(true);
   drawn_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
-  colours_.tracer().multiply_samples(1);
+  judge_exactly(false);
   AuditCounts mending, judging;
   for (const UncertainSubpixels::Subpixel& s : drawn_.subpixels()) {
     uint8_t& code = frame_.out.row(first_row + s.row)[s.at];

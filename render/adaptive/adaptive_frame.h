@@ -40,7 +40,7 @@ struct AdaptiveFrame {
   RowSweep sweep;
   LightEncoder encoder;
   double start_mm;
-  std::array<uint8_t, 3> backdrop{};  ///< codes, where it is flat
+  std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, where it is flat
 };
 
 /// How the subpixels of a thread's bands got their colour.
@@ -72,12 +72,16 @@ class AdaptiveWorker {
   [[nodiscard]] RayCounts rays() { return colours_.tracer().counts(); }
 
  private:
+  /// For the audit. Otherwise rays are left out that bring little.
+  void judge_exactly(bool exactly);
   void load_samples(int first_row, int picture, int first_column);
   void set_sample(int row, int picture, int column, size_t lane);
   void render_row(int first_row, int row);
   void arrange_rays();
   void look_up(const KeyGrid::Between& between);
   void find_cells(const KeyGrid::Between& between);
+  void add_drawn(int first_row, int row);
+  void add_uncertain(int first_row, int row, size_t at, const KeyGrid::Between& between);
   void sort_row(int first_row, int row, const KeyGrid::Between& between);
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
   void write_uncertain(int first_row);

@@ -48,10 +48,10 @@ RayReach reach_of(const RowPlanes& planes) {
 }
 
 KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach) {
-  constexpr double kTenDegrees = 0.18;
+  constexpr double kFurthestApart = 0.22;
   constexpr double kMostPictures = 16.0;
   const double wide = reach.eyes.width() * (planes.inverse_z() > 0.0 ? planes.inverse_z() : 1.0);
-  const double apart = std::clamp(std::ceil(wide / kTenDegrees - 0.1), 1.0, kMostPictures - 1.0);
+  const double apart = std::clamp(std::ceil(wide / kFurthestApart - 0.1), 1.0, kMostPictures - 1.0);
   return {.row_step = 4, .columns = 5.0, .pictures = 1 + static_cast<int>(apart)};
 }
 

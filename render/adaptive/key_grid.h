@@ -33,7 +33,7 @@ struct RayReach {
 };
 [[nodiscard]] RayReach reach_of(const RowPlanes& planes);
 
-/// As many pictures as the viewing zone is wide: ten degrees apart, shading that depends on the
+/// As many pictures as the viewing zone is wide: a dozen degrees apart, shading that depends on the
 /// view changes little, and all else not at all.
 [[nodiscard]] KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach);
 

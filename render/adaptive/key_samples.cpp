@@ -25,8 +25,9 @@ Agreement Agreement::for_error(double codes) {
           .alike = parts(24.0),
           .bend = parts(8.0 * codes),
           .apart = static_cast<float>(parts(8.0 * codes)),
-          .secondary = static_cast<float>(4.0 * codes / 255.0),
-          .around = 0.25F};
+          .secondary = static_cast<float>(8.0 * codes / 255.0),
+          .around = 0.25F,
+          .little = static_cast<float>(0.5 * codes / 255.0)};
 }
 
 KeySamples::KeySamples(const KeyGrid& grid)

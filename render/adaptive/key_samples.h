@@ -19,11 +19,12 @@ struct Agreement {
   float apart = 0;      ///< between two pictures
   float secondary = 0;  ///< light from mirrored and refracted rays, of 1
   float around = 0;     ///< the part of free directions
+  float little = 0;     ///< light, of 1, that makes no difference
 
-  /// Less light than this on its way is not told apart. Dark linear light is encoded in more code
-  /// values.
+  /// Less light than this on its way is not told apart, and half of it will do. Dark linear light
+  /// is encoded in more code values.
   [[nodiscard]] float noticed(bool colour_managed) const {
-    return (colour_managed ? 0.025F : 0.125F) * secondary;
+    return colour_managed ? 0.2F * little : little;
   }
 
   /// For an error of so many code values.

@@ -94,8 +94,9 @@ Joined join_triangles(const MeshShape& mesh) {
 
 uint32_t group_number(const Scene::Impl& scene, int material, uint32_t count) {
   const Material& m = scene.materials[static_cast<size_t>(material)];
-  const bool view = m.specular > 0.0 || m.transmittance > 0.0;
-  return (count + 1) << 1 | (view ? 1U : 0U);
+  const bool glass = m.transmittance > 0.0;
+  const bool view = m.specular > 0.0 || glass;
+  return (count + 1) << 2 | (glass ? 2U : 0U) | (view ? 1U : 0U);
 }
 
 }  // namespace

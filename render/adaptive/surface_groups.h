@@ -25,6 +25,9 @@ class SurfaceGroups {
   /// Whether a point of the surface may look different from different places: it mirrors, shines or
   /// lets light through.
   [[nodiscard]] static constexpr bool depends_on_view(uint32_t group) { return (group & 1U) != 0; }
+  [[nodiscard]] static constexpr bool lets_light_through(uint32_t group) {
+    return (group & 2U) != 0;
+  }
 
  private:
   void add_mesh(const Scene::Impl& scene, const MeshShape& mesh);

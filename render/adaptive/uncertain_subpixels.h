@@ -26,7 +26,7 @@ class UncertainSubpixels {
     float light = 0.0F;  ///< found by tracing
     // Only where the surface is known:
     float z_mm = 0.0F;
-    uint32_t geometry = 0, primitive = 0;
+    uint32_t geometry = 0, primitive = 0, group = 0;
     KeySamples::Settled settled{};
   };
 

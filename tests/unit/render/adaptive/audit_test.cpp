@@ -43,13 +43,19 @@ TEST(Audit, DrawsWithoutFavour) {
   constexpr uint32_t kRows = 64, kColumns = 11520;
   uint64_t mending = 0, judging = 0, odd_rows = 0;
   std::array<uint64_t, 3> channels{};
+  std::array<uint64_t, 4> quarters{};
   for (uint32_t row = 0; row < kRows; ++row)
-    for (uint32_t at = 0; at < kColumns; ++at) {
-      const Draw draw = draw_of(row, at);
-      if (draw == Draw::None) continue;
-      ++(draw == Draw::Mending ? mending : judging);
-      odd_rows += row % 2;
-      ++channels[at % 3];
+    for (uint32_t stretch = 0; stretch * kDrawnOneIn < kColumns; ++stretch) {
+      const DrawnPair drawn = drawn_of(row, stretch);
+      ASSERT_NE(drawn.mending, drawn.judging);
+      for (const uint32_t at : {drawn.mending, drawn.judging}) {
+        ASSERT_EQ(at / kDrawnOneIn, stretch);
+        if (at >= kColumns) continue;
+        ++(at == drawn.mending ? mending : judging);
+        odd_rows += row % 2;
+        ++channels[at % 3];
+        ++quarters[at % kDrawnOneIn / (kDrawnOneIn / 4)];
+      }
     }
   const double expected = double{kRows} * kColumns / kDrawnOneIn;
   const double deviation = 5.0 * std::sqrt(expected);
@@ -58,6 +64,8 @@ TEST(Audit, DrawsWithoutFavour) {
   EXPECT_NEAR(static_cast<double>(odd_rows), expected, deviation);
   for (const uint64_t drawn : channels)
     EXPECT_NEAR(static_cast<double>(drawn), 2.0 * expected / 3.0, deviation);
+  for (const uint64_t drawn : quarters)
+    EXPECT_NEAR(static_cast<double>(drawn), 2.0 * expected / 4.0, deviation);
 }
 
 }  // namespace
