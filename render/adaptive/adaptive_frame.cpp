@@ -52,20 +52,7 @@ void AdaptiveWorker::judge_exactly(bool exactly) {
   tracer.tolerate(exactly ? 0.0F : frame_.plan.agreement.noticed(frame_.scene.colour_managed));
 }
 
-void AdaptiveWorker::load_samples(int first_row, int picture, int first_column) {
-  std::array<uint32_t, kPacket> seeds{};
-  for (int r = 0; r < static_cast<int>(kPacket); ++r) {
-    const int row = first_row + r / kBlock, column = first_column + r % kBlock;
-    const auto lane = static_cast<size_t>(r);
-    packet_[0].valid[lane] = row < frame_.grid.rows() && column < frame_.grid.columns() ? -1 : 0;
-    seeds[lane] = sampling::subpixel_seed(row, column, 1 + picture);
-    set_glass_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(row, picture, column), packet_[0],
-                  lane);
-  }
-  colours_.tracer().set_seeds(seeds);
-}
-
-void AdaptiveWorker::set_sample(int row, int picture, int column, size_t lane) {
+void AdaptiveWorker::set_sample(int picture, size_t lane) {
   KeySamples::Sample sample{.group = found_.group[lane],
                             .way = found_.notes.way[lane],
                             .light = {.lit = found_.notes.lit[lane],
@@ -76,18 +63,54 @@ void AdaptiveWorker::set_sample(int row, int picture, int column, size_t lane) {
     sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
     sample.light.secondary[c] = found_.secondary[c][lane];
   }
-  frame_.samples.set(row, picture, column, sample);
+  frame_.samples.set(sample_places_[lane].row, picture, sample_places_[lane].column, sample);
 }
 
-void AdaptiveWorker::take_samples(int first_row, int picture) {
-  const auto noticed = frame_.plan.agreement.noticed(frame_.scene.colour_managed);
-  for (int column = 0; column < frame_.grid.columns(); column += kBlock) {
-    load_samples(first_row, picture, column);
-    colours_.trace(frame_.scene, frame_.groups, noticed, packet_[0], found_);
-    for (int r = 0; r < static_cast<int>(kPacket); ++r)
-      if (packet_[0].valid[static_cast<size_t>(r)] != 0)
-        set_sample(first_row + r / kBlock, picture, column + r % kBlock, static_cast<size_t>(r));
+/// Those that are listed; idle lanes repeat the last.
+void AdaptiveWorker::trace_samples(int picture) {
+  if (listed_ == 0) return;
+  std::array<uint32_t, kPacket> seeds{};
+  for (size_t lane = 0; lane < kPacket; ++lane) {
+    const SamplePlace& place = sample_places_[std::min(lane, listed_ - 1)];
+    packet_[0].valid[lane] = lane < listed_ ? -1 : 0;
+    seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + picture);
+    set_glass_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(place.row, picture, place.column),
+                  packet_[0], lane);
   }
+  colours_.tracer().set_seeds(seeds);
+  colours_.trace(frame_.scene, frame_.groups,
+                 frame_.plan.agreement.noticed(frame_.scene.colour_managed), packet_[0], found_);
+  for (size_t lane = 0; lane < listed_; ++lane) set_sample(picture, lane);
+  listed_ = 0;
+}
+
+void AdaptiveWorker::list_sample(int picture, SamplePlace place) {
+  if (place.row >= frame_.grid.rows() || place.column >= frame_.grid.columns()) return;
+  sample_places_[listed_++] = place;
+  if (listed_ == kPacket) trace_samples(picture);
+}
+
+void AdaptiveWorker::take_coarse_samples(int first_row, int picture) {
+  constexpr int kStep = KeySamples::kCoarse;
+  for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
+    for (int n = 0; n < kBlock * kBlock; ++n)
+      list_sample(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep});
+  trace_samples(picture);
+}
+
+/// The noise of light that is sampled wants as many samples as there are.
+void AdaptiveWorker::take_other_samples(int first_row, int picture) {
+  constexpr int kStep = KeySamples::kCoarse;
+  const bool may_fill = !frame_.plan.options.soft.any();
+  const int end = std::min(first_row + kSampleRows, frame_.grid.rows());
+  for (int row = first_row; row < end; row += kStep)
+    for (int column = 0; column < frame_.grid.columns(); column += kStep) {
+      if (may_fill && frame_.samples.fill(row, picture, column, frame_.plan.agreement)) continue;
+      for (const SamplePlace& place : {SamplePlace{row, column + 1}, SamplePlace{row + 1, column},
+                                       SamplePlace{row + 1, column + 1}})
+        list_sample(picture, place);
+    }
+  trace_samples(picture);
 }
 
 void AdaptiveWorker::render_band(int first_row) {

@@ -55,7 +55,8 @@ struct AdaptiveCounts {
 class AdaptiveWorker {
  public:
   static constexpr int kBand = TilePlan::kRows;  ///< rows
-  static constexpr int kBlock = 4;               ///< rows and columns of samples in a packet
+  static constexpr int kBlock = 4;  ///< rows and columns of samples in a packet of coarse ones
+  static constexpr int kSampleRows = kBlock * KeySamples::kCoarse;
   /// What is drawn for the audit takes so many times the rays of soft light, not to judge by its
   /// own noise.
   static constexpr int kFinerAudit = 8;
@@ -63,8 +64,10 @@ class AdaptiveWorker {
   /// `frame` must outlive it.
   explicit AdaptiveWorker(AdaptiveFrame& frame);
 
-  /// kBlock rows of samples of one picture.
-  void take_samples(int first_row, int picture);
+  /// The coarse samples of kSampleRows rows of one picture.
+  void take_coarse_samples(int first_row, int picture);
+  /// The others, when coarse ones of those rows and of those below are there.
+  void take_other_samples(int first_row, int picture);
   /// kBand rows of the panel.
   void render_band(int first_row);
 
@@ -74,8 +77,12 @@ class AdaptiveWorker {
  private:
   /// For the audit. Otherwise rays are left out that bring little.
   void judge_exactly(bool exactly);
-  void load_samples(int first_row, int picture, int first_column);
-  void set_sample(int row, int picture, int column, size_t lane);
+  struct SamplePlace {
+    int row, column;
+  };
+  void list_sample(int picture, SamplePlace place);
+  void trace_samples(int picture);
+  void set_sample(int picture, size_t lane);
   void render_row(int first_row, int row);
   void arrange_rays();
   void look_up(const KeyGrid::Between& between);
@@ -99,6 +106,8 @@ class AdaptiveWorker {
   UncertainSubpixels uncertain_;
   UncertainSubpixels drawn_;
   std::vector<RayPacket> packet_;  ///< one
+  std::array<SamplePlace, kPacket> sample_places_{};
+  size_t listed_ = 0;  ///< of sample_places_
   std::vector<uint32_t> keys_;
   std::array<int, 2> keys_row_{-1, -1};
   std::vector<uint32_t> group_of_cut_;

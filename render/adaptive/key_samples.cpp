@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <span>
 
 #include "render/adaptive/surface_groups.h"
 
@@ -21,7 +22,8 @@ int parts(double codes) {
 Agreement Agreement::for_error(double codes) {
   // Linear interpolation between samples whose second difference is b is off by b / 8 in the
   // middle. What corners differ by, or pictures, is shared out: half of it at most is error.
-  return {.unlike = parts(2.0 * codes),
+  return {.coarse = parts(4.0 * codes),
+          .unlike = parts(2.0 * codes),
           .alike = parts(24.0),
           .bend = parts(8.0 * codes),
           .apart = static_cast<float>(parts(8.0 * codes)),
@@ -40,6 +42,35 @@ KeySamples::KeySamples(const KeyGrid& grid)
       lights_(groups_.size()),
       bends_(groups_.size()) {}
 
+namespace {
+
+bool show_one_thing(std::span<const KeySamples::Sample, 4> corners, int most_apart) {
+  const KeySamples::Sample& first = corners[0];
+  for (const KeySamples::Sample& corner : corners)
+    if (corner.group != first.group || corner.way != first.way ||
+        corner.light.lit != first.light.lit || corner.light.hidden != first.light.hidden)
+      return false;
+  for (size_t c = 0; c < 3; ++c) {
+    const auto [low, high] = std::minmax({int{corners[0].value[c]}, int{corners[1].value[c]},
+                                          int{corners[2].value[c]}, int{corners[3].value[c]}});
+    if (high - low > most_apart) return false;
+  }
+  return true;
+}
+
+/// Of two samples that show one thing.
+KeySamples::Sample middle(const KeySamples::Sample& a, const KeySamples::Sample& b) {
+  KeySamples::Sample between = a;
+  for (size_t c = 0; c < 3; ++c) {
+    between.value[c] = static_cast<uint16_t>((a.value[c] + b.value[c] + 1) / 2);
+    between.light.secondary[c] = 0.5F * (a.light.secondary[c] + b.light.secondary[c]);
+  }
+  between.light.around = 0.5F * (a.light.around + b.light.around);
+  return between;
+}
+
+}  // namespace
+
 void KeySamples::set(int row, int picture, int column, const Sample& sample) {
   const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_.stride()) +
                         static_cast<size_t>(column);
@@ -49,6 +80,48 @@ void KeySamples::set(int row, int picture, int column, const Sample& sample) {
   groups_[at] = sample.group;
   ways_[at] = sample.way;
   lights_[at] = sample.light;
+}
+
+/// Whether the coarse samples around a cell of four, in one picture, show the surface as its first
+/// does where they show it: thin shadows and reflections that lie between samples are seen beside.
+bool KeySamples::is_quiet(int top, size_t in_row, int left) const {
+  constexpr int kAround = 3 * kCoarse;
+  const auto place = [&](int r, int c) {
+    return static_cast<size_t>(r) * row_samples_ + in_row + static_cast<size_t>(c);
+  };
+  const size_t first = place(top, left);
+  const int end_row = std::min(top + kCoarse + kAround, grid_.rows() - 1);
+  const int end_column = std::min(left + kCoarse + kAround, grid_.columns() - 1);
+  for (int r = std::max(top - kAround, 0); r <= end_row; r += kCoarse)
+    for (int c = std::max(left - kAround, 0); c <= end_column; c += kCoarse)
+      if (groups_[place(r, c)] == groups_[first] && ways_[place(r, c)] != ways_[first])
+        return false;
+  return true;
+}
+
+std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, int left) const {
+  std::array<Sample, 4> corners;
+  for (size_t n = 0; n < 4; ++n) {
+    const size_t row = static_cast<size_t>(top) + (n >= 2 ? kCoarse : 0);
+    const size_t column = in_row + static_cast<size_t>(left) + (n % 2 != 0 ? kCoarse : 0);
+    const size_t at = row * row_samples_ + column;
+    corners[n] = {.group = groups_[at], .way = ways_[at], .light = lights_[at]};
+    for (size_t c = 0; c < 3; ++c)
+      corners[n].value[c] = values_[(3 * row + c) * row_samples_ + column];
+  }
+  return corners;
+}
+
+bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement) {
+  if (top + kCoarse >= grid_.rows() || left + kCoarse >= grid_.columns()) return false;
+  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_.stride());
+  const std::array<Sample, 4> corner = corners(top, in_row, left);
+  if (!show_one_thing(corner, agreement.coarse) || !is_quiet(top, in_row, left)) return false;
+  const Sample above = middle(corner[0], corner[1]), below = middle(corner[2], corner[3]);
+  set(top, picture, left + 1, above);
+  set(top + 1, picture, left, middle(corner[0], corner[2]));
+  set(top + 1, picture, left + 1, middle(above, below));
+  return true;
 }
 
 /// Numbers of samples in a row of three, which may lie one above the other.

@@ -13,6 +13,7 @@ namespace lenticule::render {
 
 /// How much samples may differ, in parts of a code value (lookup_kernel::kCodeParts).
 struct Agreement {
+  int coarse = 0;       ///< of samples twice as far apart, with none between them
   int unlike = 0;       ///< where light came another way: another shadow, another thing mirrored
   int alike = 0;        ///< where it came the same way
   int bend = 0;         ///< second difference of three samples in a row
@@ -51,6 +52,12 @@ class KeySamples {
   };
   void set(int row, int picture, int column, const Sample& sample);
 
+  /// Every other sample of every other row is traced first: those with even numbers.
+  static constexpr int kCoarse = 2;
+  /// Sets the three samples to the right of and below a coarse one to what lies between coarse
+  /// ones, where those show one thing and differ little; false, and nothing set, elsewhere.
+  bool fill(int top, int picture, int left, const Agreement& agreement);
+
   [[nodiscard]] const uint16_t* values() const { return values_.data(); }
   [[nodiscard]] size_t row_samples() const { return row_samples_; }
 
@@ -78,6 +85,8 @@ class KeySamples {
 
  private:
   [[nodiscard]] int range(size_t value) const;
+  [[nodiscard]] std::array<Sample, 4> corners(int top, size_t in_row, int left) const;
+  [[nodiscard]] bool is_quiet(int top, size_t in_row, int left) const;
 
   const KeyGrid& grid_;
   size_t row_samples_;

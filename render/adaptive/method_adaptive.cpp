@@ -100,10 +100,14 @@ class AdaptiveMethod final : public Method {
   }
 
   void take_samples(AdaptiveFrame& frame, Workers& workers) {
-    const int blocks = (frame.grid.rows() + AdaptiveWorker::kBlock - 1) / AdaptiveWorker::kBlock;
+    constexpr int kRows = AdaptiveWorker::kSampleRows;
     const int pictures = frame.grid.pictures();
-    in_parallel(blocks * pictures, [&](int n) {
-      workers.local().take_samples(n / pictures * AdaptiveWorker::kBlock, n % pictures);
+    const int blocks = (frame.grid.rows() + kRows - 1) / kRows * pictures;
+    in_parallel(blocks, [&](int n) {
+      workers.local().take_coarse_samples(n / pictures * kRows, n % pictures);
+    });
+    in_parallel(blocks, [&](int n) {
+      workers.local().take_other_samples(n / pictures * kRows, n % pictures);
     });
   }
 

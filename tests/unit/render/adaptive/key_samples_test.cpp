@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// Samples that are not traced, since those around them say what they show.
+#include "render/adaptive/key_samples.h"
+
+#include <gtest/gtest.h>
+
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr int kCode = lookup_kernel::kCodeParts;
+
+class FilledSamples : public ::testing::Test {
+ protected:
+  FilledSamples()
+      : rig_(testing::make_rig({.width = 96, .height = 96})),
+        model_(rig_),
+        planes_(model_, Isa::Baseline),
+        grid_(planes_, testing::make_tiny_stage(), reach_of(planes_),
+              {.row_step = 2, .columns = 2.0, .pictures = 2}),
+        samples_(grid_) {
+    for (int row = 0; row < grid_.rows(); ++row)
+      for (int column = 0; column < grid_.columns(); ++column) set(row, column, slope(row, column));
+  }
+
+  /// Light that falls off evenly; its parts are whole between samples, too.
+  static KeySamples::Sample slope(int row, int column) {
+    const auto value = static_cast<uint16_t>(8000 + 16 * row + 8 * column);
+    const auto secondary = 0.001F * static_cast<float>(row + column);
+    return {.value = {value, static_cast<uint16_t>(value + 1000), value},
+            .group = 4,
+            .way = 77,
+            .light = {.lit = 1, .hidden = 2, .secondary = {secondary, secondary, secondary}}};
+  }
+  void set(int row, int column, const KeySamples::Sample& sample) {
+    samples_.set(row, kPicture, column, sample);
+  }
+  [[nodiscard]] int value(int row, int column, int channel) const {
+    const auto in_row = static_cast<size_t>(kPicture * grid_.stride() + column);
+    return samples_
+        .values()[static_cast<size_t>(3 * row + channel) * samples_.row_samples() + in_row];
+  }
+  bool fill() { return samples_.fill(kTop, kPicture, kLeft, agreement_); }
+
+  static constexpr int kPicture = 1, kTop = 16, kLeft = 20;
+  optics::Rig rig_;
+  optics::OpticalModel model_;
+  RowPlanes planes_;
+  KeyGrid grid_;
+  KeySamples samples_;
+  Agreement agreement_ = Agreement::for_error(2.0);
+};
+
+TEST_F(FilledSamples, LieBetweenThoseAround) {
+  for (const auto& [row, column] : {std::pair{0, 1}, {1, 0}, {1, 1}})
+    set(kTop + row, kLeft + column, {.value = {1, 2, 3}, .group = 8, .way = 5});
+  ASSERT_TRUE(fill());
+  for (int row = 0; row < 3; ++row)
+    for (int column = 0; column < 3; ++column)
+      for (int channel = 0; channel < 3; ++channel)
+        EXPECT_EQ(value(kTop + row, kLeft + column, channel),
+                  slope(kTop + row, kLeft + column).value[static_cast<size_t>(channel)]);
+  // And show the same: a cell of them has a key.
+  std::vector<uint32_t> keys(static_cast<size_t>(grid_.stride()));
+  samples_.find_cells(kTop, kPicture, agreement_, keys.data());
+  EXPECT_EQ(keys[kLeft], 4U);
+  EXPECT_EQ(keys[kLeft + 1], 4U);
+}
+
+TEST_F(FilledSamples, AreTracedWhereCornersDiffer) {
+  const auto fails_with = [&](const KeySamples::Sample& corner) {
+    set(kTop + 2, kLeft + 2, corner);
+    const bool fails = !fill();
+    set(kTop + 2, kLeft + 2, slope(kTop + 2, kLeft + 2));
+    return fails && fill();
+  };
+  KeySamples::Sample other = slope(kTop + 2, kLeft + 2);
+  other.group = 8;
+  EXPECT_TRUE(fails_with(other)) << "another surface";
+  other = slope(kTop + 2, kLeft + 2);
+  other.light.hidden = 0;
+  EXPECT_TRUE(fails_with(other)) << "another light";
+  for (size_t c = 0; c < 3; ++c) {
+    other = slope(kTop + 2, kLeft + 2);
+    other.value[c] = static_cast<uint16_t>(other.value[c] + 8 * kCode);
+    EXPECT_TRUE(fails_with(other)) << "brighter in channel " << c;
+  }
+}
+
+/// A shadow that is thinner than samples lie apart shows somewhere beside; another surface that
+/// does is no reason.
+TEST_F(FilledSamples, AreTracedWhereSomethingIsNear) {
+  KeySamples::Sample shadow = slope(kTop, kLeft);
+  shadow.way = 78;
+  for (const auto& [row, column, filled] : {std::tuple{-6, 0, false},
+                                            {0, 8, false},
+                                            {8, 8, false},
+                                            {-6, -6, false},
+                                            {-8, 0, true},
+                                            {0, -8, true},
+                                            {10, 2, true}}) {
+    SCOPED_TRACE(::testing::Message() << row << ", " << column);
+    set(kTop + row, kLeft + column, shadow);
+    EXPECT_EQ(fill(), filled);
+    KeySamples::Sample elsewhere = shadow;
+    elsewhere.group = 8;
+    set(kTop + row, kLeft + column, elsewhere);
+    EXPECT_TRUE(fill());
+    set(kTop + row, kLeft + column, slope(kTop + row, kLeft + column));
+  }
+}
+
+TEST_F(FilledSamples, AreTracedAtTheEnds) {
+  EXPECT_TRUE(samples_.fill(0, kPicture, 0, agreement_));
+  const int last_row = (grid_.rows() - 1) / 2 * 2, last_column = (grid_.columns() - 1) / 2 * 2;
+  EXPECT_FALSE(samples_.fill(last_row, kPicture, 0, agreement_));
+  EXPECT_FALSE(samples_.fill(0, kPicture, last_column, agreement_));
+}
+
+}  // namespace
+}  // namespace lenticule::render
