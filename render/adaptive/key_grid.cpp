@@ -47,11 +47,11 @@ RayReach reach_of(const RowPlanes& planes) {
   return reach;
 }
 
-KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach) {
-  constexpr double kFurthestApart = 0.22;
+KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach, bool shiny) {
+  const double furthest_apart = shiny ? 0.18 : 0.22;  // radians
   constexpr double kMostPictures = 16.0;
   const double wide = reach.eyes.width() * (planes.inverse_z() > 0.0 ? planes.inverse_z() : 1.0);
-  const double apart = std::clamp(std::ceil(wide / kFurthestApart - 0.1), 1.0, kMostPictures - 1.0);
+  const double apart = std::clamp(std::ceil(wide / furthest_apart - 0.1), 1.0, kMostPictures - 1.0);
   return {.row_step = 4, .columns = 5.0, .pictures = 1 + static_cast<int>(apart)};
 }
 
@@ -72,11 +72,14 @@ KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& re
   rows_ = (planes.rows() - 1 + row_step_ / 2) / row_step_ + 2;
   height_px_ = planes.height_in_row(0);
   const double inverse_z = planes.inverse_z();
+  constexpr double kNear = 0.027;  // radians: a degree and a half
+  const double angle = eye_step_ * (inverse_z > 0.0 ? inverse_z : 1.0);
   lookup_ = {.x_first = static_cast<float>(x_first_),
              .columns_per_mm = static_cast<float>(1.0 / x_step_),
              .eye_first = static_cast<float>(eye_first_),
              .eye_step = static_cast<float>(eye_step_),
              .pictures_per_eye = static_cast<float>(1.0 / eye_step_),
+             .near = static_cast<float>(std::min(kNear / angle, 0.5)),
              .inverse_z = static_cast<float>(inverse_z),
              .distance = inverse_z > 0.0 ? static_cast<float>(1.0 / inverse_z) : 0.0F,
              .pictures = spacing.pictures,

@@ -33,9 +33,10 @@ struct RayReach {
 };
 [[nodiscard]] RayReach reach_of(const RowPlanes& planes);
 
-/// As many pictures as the viewing zone is wide: a dozen degrees apart, shading that depends on the
-/// view changes little, and all else not at all.
-[[nodiscard]] KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach);
+/// As many pictures as the viewing zone is wide. A dozen degrees apart, shading that depends on the
+/// view changes little, and all else not at all; ten where scenes are `shiny`: what is mirrored or
+/// seen through glass moves from one to the next, and a thin thing may show in neither.
+[[nodiscard]] KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach, bool shiny);
 
 /// Immutable.
 class KeyGrid {

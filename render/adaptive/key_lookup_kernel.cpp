@@ -131,11 +131,10 @@ inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row&
   const Masks agree = both & (absolute(from_a - from_b) <= row.most_apart);
   // Where the other picture does not see the surface, one is enough for what looks the same from
   // everywhere, and for the rest if it is near.
-  constexpr float kNear = 0.25F;
   const Masks any_view = (group & 1) == 0;
   const Masks uneven = group | static_cast<int32_t>(kUneven);
-  const Masks only_a = in_a & ~in_b & (key_b != uneven) & (any_view | (part < kNear));
-  const Masks only_b = in_b & ~in_a & (key_a != uneven) & (any_view | (part > 1.0F - kNear));
+  const Masks only_a = in_a & ~in_b & (key_b != uneven) & (any_view | (part < grid.near));
+  const Masks only_b = in_b & ~in_a & (key_a != uneven) & (any_view | (part > 1.0F - grid.near));
   Floats value = mix(from_a, from_b, part);
   value = select(only_a, from_a, select(only_b, from_b, value));
   const Masks found = agree | only_a | only_b;

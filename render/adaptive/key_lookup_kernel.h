@@ -19,6 +19,7 @@ struct Grid {
   float eye_first;
   float eye_step;
   float pictures_per_eye;
+  float near;       ///< part of the way between pictures in which one is enough for shiny things
   float inverse_z;  ///< 1 / Z, 0 where rays are parallel
   float distance;   ///< Z, 0 where rays are parallel
   int pictures;

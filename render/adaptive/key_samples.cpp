@@ -192,8 +192,10 @@ struct Corners {
 KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreement,
                                        bool colour_managed) const {
   Corners corners;
+  float weight_of_pictures = 0.0F;  // that show the surface
   for (const KeyGrid::Place& place : grid_.places(p.x, p.tan, p.z)) {
     if (!place.inside) continue;
+    const int before = corners.count;
     const float of_row_below = p.rows.part[place.odd];
     for (int corner = 0; corner < 4; ++corner) {
       const bool below = corner >= 2, next = corner % 2 != 0;
@@ -204,12 +206,15 @@ KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreemen
                   place.weight * (below ? of_row_below : 1.0F - of_row_below) *
                       (next ? place.part : 1.0F - place.part));
     }
+    if (corners.count > before) weight_of_pictures += place.weight;
   }
   constexpr int kFewCorners = 3;
   if (corners.count < kFewCorners) return {};
   Settled settled = corners.settled;
   const float most = corners.same_way ? agreement.secondary : 0.5F * agreement.secondary;
-  settled.secondary_known = corners.apart(colour_managed) <= most;
+  // From other places, other things are mirrored.
+  const bool from_near = weight_of_pictures >= 1.0F - grid_.lookup().near;
+  settled.secondary_known = from_near && corners.apart(colour_managed) <= most;
   settled.secondary = corners.sum / corners.weights;
   settled.around_known = corners.most_around - corners.least_around <= agreement.around;
   settled.around = corners.around / corners.weights;

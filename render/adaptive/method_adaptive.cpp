@@ -43,6 +43,12 @@ RenderOptions with_few_proofs(RenderOptions options) {
   return options;
 }
 
+bool is_shiny(const Scene::Impl& scene) {
+  return std::any_of(scene.materials.begin(), scene.materials.end(), [](const Material& material) {
+    return material.specular > 0.0 || material.transmittance > 0.0;
+  });
+}
+
 class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
@@ -65,7 +71,8 @@ class AdaptiveMethod final : public Method {
     if (options_.copy_unchanged && last_.shows(scene.impl())) return last_.copy_to(out);
     const auto start = std::chrono::steady_clock::now();
     cancelled_ = false;
-    const KeyGrid grid(planes_, stage, reach_, spacing_for(planes_, reach_));
+    const KeyGrid grid(planes_, stage, reach_,
+                       spacing_for(planes_, reach_, is_shiny(scene.impl())));
     AdaptiveFrame frame(plan_, grid, scene, out);
     Workers workers([&] { return AdaptiveWorker(frame); });
     arena_.execute([&] {

@@ -54,6 +54,7 @@ Case::Case(std::mt19937_64& random, bool parallel) {
           .eye_first = parallel ? -0.2F : -60.0F,
           .eye_step = parallel ? 0.2F : 60.0F,
           .pictures_per_eye = parallel ? 5.0F : 1.0F / 60.0F,
+          .near = 0.25F,
           .inverse_z = parallel ? 0.0F : 1.0F / 700.0F,
           .distance = parallel ? 0.0F : 700.0F,
           .pictures = 3,
