@@ -23,17 +23,6 @@ using render::SceneDescription;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Fails of a list of cases, by name.
-struct Failures {
-  Tally tally;
-  std::string names;
-
-  void check(const std::string& name, bool good) {
-    tally.check(good);
-    if (!good) names += (names.empty() ? "failed: " : ", ") + name;
-  }
-};
-
 /// An error for people: what, and a cause.
 bool refuses(const std::function<void()>& attempt) {
   try {
@@ -52,7 +41,7 @@ SceneDescription ball_scene() {
   return scene;
 }
 
-void refuse_values(double bad, Failures& failures) {
+void refuse_values(double bad, NamedFailures& failures) {
   const auto expect = [&](const char* name, const std::function<void(SceneDescription&)>& spoil) {
     SceneDescription scene = ball_scene();
     spoil(scene);
@@ -79,7 +68,7 @@ void refuse_values(double bad, Failures& failures) {
   });
 }
 
-void refuse_shapes(Failures& failures) {
+void refuse_shapes(NamedFailures& failures) {
   const auto expect = [&](const char* name, const std::function<void(SceneDescription&)>& spoil) {
     SceneDescription scene = ball_scene();
     spoil(scene);
@@ -112,7 +101,7 @@ void add_nothing(SceneDescription& scene) {
                                      triangles.end());
 }
 
-void compare_with_clean(Failures& failures) {
+void compare_with_clean(NamedFailures& failures) {
   SceneDescription scene = ball_scene();
   const frames::WovenFrame clean = render_small(scene, plain_stage(), small_rig(), 1);
   add_nothing(scene);
@@ -150,7 +139,7 @@ class Files {
   std::filesystem::path folder_;
 };
 
-void load_files(Failures& failures) {
+void load_files(NamedFailures& failures) {
   const Files files;
   const auto refused = [&](const char* name, const char* text) {
     failures.check(name, refuses([&] { (void)files.load(name, text); }));
@@ -176,7 +165,7 @@ void load_files(Failures& failures) {
 }  // namespace
 
 StabilityRow stability_degenerate(const StabilitySize&) {
-  Failures failures;
+  NamedFailures failures;
   for (const double bad : {kNan, kInfinity, -kInfinity}) refuse_values(bad, failures);
   refuse_shapes(failures);
   compare_with_clean(failures);
@@ -186,7 +175,7 @@ StabilityRow stability_degenerate(const StabilitySize&) {
           .samples_are = "cases",
           .failures = failures.tally.failures,
           .failures_are = "neither refused nor harmless",
-          .note = failures.names};
+          .note = failures.names()};
 }
 
 }  // namespace lenticule::player

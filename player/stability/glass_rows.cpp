@@ -30,13 +30,7 @@ void add_stripes(render::SceneDescription& scene) {
 }
 
 optics::Rig rig_of(const StabilitySize& size) {
-  optics::Rig rig = small_rig();
-  if (!size.full) return rig;
-  rig.panel.width_px *= 4;
-  rig.panel.height_px *= 4;
-  rig.panel.pixel_width.value /= 4;
-  rig.panel.pixel_height.value /= 4;
-  return rig;
+  return finer(small_rig(), size.full ? 4 : 1);
 }
 
 /// A box turned about two axes, so that its far faces are met beyond the critical angle.

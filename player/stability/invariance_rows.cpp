@@ -14,13 +14,7 @@ namespace {
 constexpr double kMmPerUnit = 12.0;
 
 optics::Rig rig_of(const StabilitySize& size) {
-  optics::Rig rig = small_rig();
-  const int finer = size.full ? 8 : 1;
-  rig.panel.width_px *= finer;
-  rig.panel.height_px *= finer;
-  rig.panel.pixel_width.value /= finer;
-  rig.panel.pixel_height.value /= finer;
-  return rig;
+  return finer(small_rig(), size.full ? 8 : 1);
 }
 
 frames::WovenFrame picture(const StabilitySize& size, double scale, Vec3 offset) {

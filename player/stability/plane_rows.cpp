@@ -16,18 +16,6 @@
 #include "render/probe.h"
 
 namespace lenticule::player {
-namespace {
-
-/// Sixteen times as many pixels on a panel of the same size.
-void make_finer(optics::Rig& rig) {
-  rig.panel.width_px *= 4;
-  rig.panel.height_px *= 4;
-  rig.panel.pixel_width.value /= 4;
-  rig.panel.pixel_height.value /= 4;
-}
-
-}  // namespace
-
 StabilityRow stability_coplanar(const StabilitySize& size) {
   render::SceneDescription scene = dark_scene({0, 0, 0});
   scene.materials = {glowing({0.4, 0.4, 0.4}), glowing({0.8, 0.8, 0.8})};
@@ -37,7 +25,7 @@ StabilityRow stability_coplanar(const StabilitySize& size) {
   }
   optics::Rig rig = small_rig();
   rig.panel.width_px *= 2;  // the panel gets wider, but not wider than the sheets
-  if (size.full) make_finer(rig);
+  if (size.full) rig = finer(rig, 4);
   Tally tally;
   const frames::WovenFrame first = render_small(scene, plain_stage(), rig, 1);
   for (const uint8_t code : first.bytes()) tally.check(code == 102 || code == 204);
@@ -155,7 +143,7 @@ StabilityRow stability_through_eye(const StabilitySize& size) {
   scene.meshes[2].material = 2;
   scene.spheres = {{.centre = {21.1, 3.3, 0.9}, .radius = 9.7, .material = 3}};
   optics::Rig rig = small_rig();
-  if (size.full) make_finer(rig);
+  if (size.full) rig = finer(rig, 4);
   StabilityRow row = compare_with_oracle(scene, rig, size);
   row.stressed = "a beam, walls and a ball through the glass and the plane of the eyes";
   return row;

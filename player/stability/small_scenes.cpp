@@ -7,7 +7,6 @@
 
 #include "optics/error.h"
 #include "player/interrupt.h"
-#include "render/method.h"
 
 namespace lenticule::player {
 namespace {
@@ -171,12 +170,28 @@ frames::WovenFrame render_small(const SceneDescription& description, const rende
                                 const optics::Rig& rig, int threads) {
   const optics::OpticalModel model(rig);
   const render::Scene scene(description, stage, {}, threads);
-  frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px, frames::PixelFormat::Rgb8});
   const auto method =
       render::make_method("full", model, {.threads = threads, .cancelled = interrupted});
-  if (method->render(scene, stage, frame).invalid_rays != 0)
-    throw Error(ErrorKind::Failed, description.source + ": rays that are not finite");
-  return frame;
+  return next_frame(*method, scene, stage, rig).frame;
+}
+
+SmallFrame next_frame(render::Method& method, const render::Scene& scene,
+                      const render::Stage& stage, const optics::Rig& rig) {
+  SmallFrame out{
+      frames::WovenFrame({rig.panel.width_px, rig.panel.height_px, frames::PixelFormat::Rgb8}), {}};
+  out.statistics = method.render(scene, stage, out.frame);
+  if (out.statistics.invalid_rays != 0)
+    throw Error(ErrorKind::Failed, "stability: rays that are not finite",
+                "this is a fault of the renderer");
+  return out;
+}
+
+optics::Rig finer(optics::Rig rig, int times) {
+  rig.panel.width_px *= times;
+  rig.panel.height_px *= times;
+  rig.panel.pixel_width.value /= times;
+  rig.panel.pixel_height.value /= times;
+  return rig;
 }
 
 Material glowing(Vec3 colour) {

@@ -4,6 +4,7 @@
 
 #include "frames/frame.h"
 #include "optics/rig.h"
+#include "render/method.h"
 #include "render/scene.h"
 #include "render/scene_description.h"
 #include "render/stage.h"
@@ -39,6 +40,18 @@ struct PlainStage {
 [[nodiscard]] frames::WovenFrame render_small(const render::SceneDescription& scene,
                                               const render::Stage& stage, const optics::Rig& rig,
                                               int threads);
+
+struct SmallFrame {
+  frames::WovenFrame frame;
+  render::RenderStatistics statistics;
+};
+/// The method's next frame; `rig` is the one that it was made for. Throws Error(Failed) where a ray
+/// was not finite.
+[[nodiscard]] SmallFrame next_frame(render::Method& method, const render::Scene& scene,
+                                    const render::Stage& stage, const optics::Rig& rig);
+
+/// The same panel with so many times the pixels along each side.
+[[nodiscard]] optics::Rig finer(optics::Rig rig, int times);
 
 /// A material that shines by itself and does nothing else.
 [[nodiscard]] render::Material glowing(Vec3 colour);

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <mutex>
+#include <string>
 
 namespace lenticule::player {
 
@@ -29,6 +30,22 @@ struct Tally {
     worst = std::max(worst, other.worst);
     return *this;
   }
+};
+
+/// Checks that have names, for the note of a row.
+class NamedFailures {
+ public:
+  void check(const std::string& name, bool good) {
+    tally.check(good);
+    if (!good) names_ += (names_.empty() ? "failed: " : ", ") + name;
+  }
+  /// Empty if nothing failed.
+  [[nodiscard]] const std::string& names() const { return names_; }
+
+  Tally tally;
+
+ private:
+  std::string names_;
 };
 
 /// The order of additions does not matter: sums of integers, and a maximum.
