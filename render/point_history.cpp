@@ -159,13 +159,17 @@ float PointHistory::depth(int row, int subpixel) const {
                              : -from_ordered(static_cast<uint32_t>(arrival >> 32));
 }
 
-/// Whether what lies on both sides, beside or above and below, is nearer by more than a surface can
-/// be hollow.
-bool PointHistory::shows_through(int row, int subpixel, float z) const {
+/// Whether something nearer lies beside it, or the end of the panel, from where anything may come:
+/// outlines move by parts of a subpixel, and each point that is traced there begins in the middle
+/// of its own, so that none of them would ever arrive on what it comes to hide.
+bool PointHistory::may_be_hidden(int row, int subpixel, float z) const {
   const auto margin = static_cast<float>(reach(double{z}));
-  const auto between = [&](float one, float other) { return std::min(one, other) > z + margin; };
-  return between(depth(row, subpixel - 3), depth(row, subpixel + 3)) ||
-         between(depth(row - 1, subpixel + slant_step_), depth(row + 1, subpixel - slant_step_));
+  const auto hides = [&](int other_row, int other) {
+    const float nearest = depth(other_row, other);
+    return std::isnan(nearest) || nearest > z + margin;
+  };
+  return hides(row, subpixel - 3) || hides(row, subpixel + 3) ||
+         hides(row - 1, subpixel + slant_step_) || hides(row + 1, subpixel - slant_step_);
 }
 
 bool PointHistory::agrees(int row, int subpixel, const Point& point, float agreement) const {
@@ -199,7 +203,7 @@ void PointHistory::take(const Tile& tile, float agreement, std::span<Column> col
       // The lens's border lies elsewhere than it was taken to.
       if (std::abs(across) > 0.9 * far) continue;
       if (!still_ &&
-          (shows_through(row, subpixel, point.z) || !agrees(row, subpixel, point, agreement)))
+          (may_be_hidden(row, subpixel, point.z) || !agrees(row, subpixel, point, agreement)))
         continue;
       column.flag[lane] = reprojection::kProjected;
       column.z[lane] = point.z;

@@ -32,9 +32,9 @@ class PointHistory {
   /// could show a point, the one nearest to where it was seen. `columns` have the tile's rays.
   void project(const Tile& tile, std::span<const reprojection::Column> columns);
   /// Puts what has arrived into the empty subpixels of a tile. Of points for one subpixel the one
-  /// nearest to the eye is taken, and none if it lies behind what is seen on both sides of it: it
-  /// shows through a gap then.
-  /// A point that lies beside its ray or row shows what belongs there: it is not taken where codes
+  /// nearest to the eye is taken. While anything moves, none is that lies behind what is seen
+  /// beside it, or at the panel's border: it may show through a gap, or be hidden by what comes. A
+  /// point that lies beside its ray or row shows what belongs there: it is not taken where codes
   /// beside it, in its channel, say that this is wrong by more than `agreement`.
   void take(const Tile& tile, float agreement, std::span<reprojection::Column> columns) const;
   /// Remembers the points of a tile that is finished.
@@ -71,7 +71,7 @@ class PointHistory {
   /// Depth of what arrived at a subpixel; -infinity for nothing, NaN beside the panel.
   [[nodiscard]] float depth(int row, int subpixel) const;
   [[nodiscard]] bool agrees(int row, int subpixel, const Point& point, float agreement) const;
-  [[nodiscard]] bool shows_through(int row, int subpixel, float z) const;
+  [[nodiscard]] bool may_be_hidden(int row, int subpixel, float z) const;
 
   const optics::OpticalModel& model_;
   const TilePlan& plan_;

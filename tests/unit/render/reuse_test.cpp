@@ -294,6 +294,39 @@ TEST(ReuseMethods, KeepTheOrderOfDepth) {
   }
 }
 
+/// A pane comes nearer by a tenth of a row a frame: its outlines grow over the background, and what
+/// enters at the panel's border was seen in no frame before.
+TEST(ReuseMethods, OverTimeOutlinesKeepUpWithWhatMovesSlowly) {
+  SceneDescription scene;
+  scene.colour_managed = false;
+  scene.ambient = Vec3{1, 1, 1};
+  scene.background = {0, 0, 1};
+  scene.materials = {Material{.name = "red", .colour = {1, 0, 0}}};
+  scene.meshes = {testing::rectangle_mesh({-1.5, -1, 0}, {3, 0, 0}, {0, 1, 0}, 0),
+                  testing::rectangle_mesh({-9, 2.1, 0}, {18, 0, 0}, {0, 9, 0}, 0)};
+  const optics::Rig rig = small_rig();
+  std::vector<Stage> stages;
+  for (int n = 0; n < 15; ++n)
+    stages.push_back(make_tiny_stage({.centre = {0, 0.01 * n, 0}, .mm_per_unit = 6.0}));
+  const Rendered full = rendered("full", scene, rig, stages);
+  for (const char* name : {"temporal", "hybrid"}) {
+    const Rendered made = rendered(name, scene, rig, stages);
+    EXPECT_GT(made.statistics.back().projected_subpixels, full.frames.back().bytes().size() / 3);
+    for (size_t n = 0; n < stages.size(); ++n) {
+      int strange = 0;
+      for (int j = 0; j < rig.panel.height_px; ++j)
+        for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
+          bool shown = false;  // one row up or down, where outlines may be
+          for (const int row : {j - 1, j, j + 1})
+            shown = shown || (row >= 0 && row < rig.panel.height_px &&
+                              full.frames[n].row(row)[s] == made.frames[n].row(j)[s]);
+          strange += shown ? 0 : 1;
+        }
+      EXPECT_EQ(strange, 0) << name << " frame " << n;
+    }
+  }
+}
+
 TEST(ReuseMethods, TakeOneSampleOnly) {
   const optics::OpticalModel model(small_rig());
   for (const std::string& name : reusing_methods())
