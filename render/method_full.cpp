@@ -115,8 +115,8 @@ class FullMethod final : public Method {
     const double weight = 1.0 / static_cast<double>(samples_.size());
     for (size_t k = 0; k < samples_.size(); ++k) {
       worker.maker.start(scene, tile, samples_[k]);
-      worker.refused += worker.maker.refused();
       trace_tile(scene, beams, tile, {.number = static_cast<int>(k), .weight = weight}, worker);
+      worker.refused += worker.maker.refused();  // they are found out as packets are made
     }
     clock.turn_to(Work::Write);
     write_tile(scene, tile, worker.light, frame);
