@@ -14,6 +14,7 @@
 #include "render/adaptive/adaptive_frame.h"
 #include "render/denormals.h"
 #include "render/method_full.h"
+#include "render/primary_rays.h"
 #include "render/skips/last_frame.h"
 
 namespace lenticule::render {
@@ -33,6 +34,24 @@ bool one_plane_a_row(const RowPlanes& planes) {
   for (int row = 0; row < planes.rows(); ++row)
     if (planes.planes_of(row) != 1 || planes.height_in_row(row) != planes.height_in_row(0))
       return false;
+  return true;
+}
+
+/// Whether Embree takes every ray of the rig that is put into the scene as glass_rays.h does: their
+/// components are linear in place and direction, so that the outermost tell.
+bool rays_fit(const Scene::Impl& scene, const RowPlanes& planes, const RayReach& reach) {
+  const double start_mm =
+      primary_start_mm(scene.near_mm, planes.model().rig().viewing.distance.value);
+  for (const double y_px : {0.0, static_cast<double>(planes.rows())})
+    for (const double x : {reach.glass_mm.low, reach.glass_mm.high})
+      for (const double eye : {reach.eyes.low, reach.eyes.high}) {
+        const RowPlane plane = planes.plane_at(y_px);
+        const double tan = planes.inverse_z() > 0.0 ? (eye - x) * planes.inverse_z() : eye;
+        const Affine& to_scene = scene.scene_from_panel;
+        const Vec3 from{x + start_mm * tan, plane.lens_y_mm + start_mm * plane.tan_y, start_mm};
+        if (!fit_for_embree(to_scene.point(from), to_scene.vector({-tan, -plane.tan_y, -1.0})))
+          return false;
+      }
   return true;
 }
 
@@ -69,6 +88,7 @@ class AdaptiveMethod final : public Method {
     LENTICULE_CHECK(geometry.width == panel.width_px && geometry.height == panel.height_px &&
                     geometry.format == frames::PixelFormat::Rgb8);
     if (options_.copy_unchanged && last_.shows(scene.impl())) return last_.copy_to(out);
+    if (!rays_fit(scene.impl(), planes_, reach_)) return full().render(scene, stage, out);
     const auto start = std::chrono::steady_clock::now();
     cancelled_ = false;
     const KeyGrid grid(planes_, stage, reach_,
@@ -89,6 +109,13 @@ class AdaptiveMethod final : public Method {
   }
 
  private:
+  /// For stages so flat or so deep that rays leave the range of numbers: it knows ray by ray what
+  /// to do with them.
+  Method& full() {
+    if (!full_) full_ = make_method_full(planes_.model(), options_);
+    return *full_;
+  }
+
   using Workers = tbb::enumerable_thread_specific<AdaptiveWorker>;
 
   /// Asked before each piece of work.
@@ -156,6 +183,7 @@ class AdaptiveMethod final : public Method {
   TilePlan tiles_;
   AdaptivePlan plan_;
   LastFrame last_;
+  std::unique_ptr<Method> full_;  ///< made when it is needed
   std::atomic<bool> cancelled_{false};
   tbb::task_arena arena_;
 };

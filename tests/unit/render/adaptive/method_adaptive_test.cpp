@@ -226,6 +226,30 @@ TEST(MethodAdaptive, CopiesFramesInWhichNothingChanges) {
   EXPECT_EQ(render(again), 0U);
 }
 
+/// Of a stage that is squeezed too flat Embree takes no ray: subpixels are black, not background.
+TEST(MethodAdaptive, ShowsWhatFullDoesWhereRaysAreNotFit) {
+  const optics::Rig rig = make_rig({.width = 120, .height = 60, .pixel_mm = 0.6});
+  const optics::OpticalModel model(rig);
+  SceneDescription description = testing::tiny_scenes().front().scene;
+  description.background = {0.2, 0.5, 0.7};
+  for (const double depth_scale : {1e-22, 3e-19, 1e-17, 1e-3}) {
+    const Stage stage = make_tiny_stage({.depth_scale = depth_scale});
+    const Scene scene(description, stage, {}, 1);
+    frames::WovenFrame full({rig.panel.width_px, rig.panel.height_px}), adaptive = full;
+    const auto render = [&](const char* name, frames::WovenFrame& frame) {
+      return make_method(name, model, {})->render(scene, stage, frame);
+    };
+    const uint64_t invalid = render("full", full).invalid_rays;
+    EXPECT_EQ(render("adaptive", adaptive).invalid_rays, invalid) << depth_scale;
+    EXPECT_EQ(invalid, depth_scale < 1e-20 ? full.bytes().size() : 0U) << depth_scale;
+    if (depth_scale < 1e-18) {
+      EXPECT_EQ(adaptive, full) << depth_scale;
+    } else {
+      EXPECT_GT(compare(full, adaptive).psnr, 33.0) << depth_scale;
+    }
+  }
+}
+
 TEST(MethodAdaptive, EndsEarlyWhenCancelled) {
   const optics::Rig rig = wide_rig();
   const optics::OpticalModel model(rig);
