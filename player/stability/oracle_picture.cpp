@@ -17,7 +17,7 @@ namespace lenticule::player {
 namespace {
 
 constexpr int kDepth = 5;              // as renders do by default
-constexpr Real kHair = 2e-5L;          // mm
+constexpr double kHair = 2e-5;         // mm
 constexpr Real kMostStartOff = 5e-5L;  // mm: 2^-20 of (largest coordinate + radius), 50 mm
 constexpr Real kNearest = 0.99L;       // of the viewing distance: rays start no nearer to the eye
 
@@ -46,24 +46,23 @@ Real code_of(const render::SceneDescription& scene, const OracleLine& line, int 
   return 255 * std::clamp(oracle_light(scene, line, channel, kDepth, start_off), Real(0), Real(1));
 }
 
-enum class Verdict { Same, BesideOnly, Different };
+}  // namespace
 
-Verdict compare(const render::SceneDescription& scene, const optics::Rig& rig, int i, int j,
-                int channel, uint8_t code) {
+OracleVerdict ask_oracle(const render::SceneDescription& scene, const optics::Rig& rig,
+                         SubpixelCode shown, double hair_mm) {
+  const Real hair = hair_mm;
   const auto same = [&](Move move, Real start_off = 0) {
-    const Real truth = code_of(scene, line_of(rig, i, j, channel, move), channel, start_off);
-    return std::fabs(truth - Real(code)) <= 1;
+    const OracleLine line = line_of(rig, shown.i, shown.j, shown.channel, move);
+    return std::fabs(code_of(scene, line, shown.channel, start_off) - Real(shown.code)) <= 1;
   };
-  if (same({})) return Verdict::Same;
-  for (const Move move : std::array<Move, 4>{{{kHair, 0}, {-kHair, 0}, {0, kHair}, {0, -kHair}}})
-    if (same(move)) return Verdict::BesideOnly;
+  if (same({})) return OracleVerdict::Same;
+  for (const Move move : std::array<Move, 4>{{{hair, 0}, {-hair, 0}, {0, hair}, {0, -hair}}})
+    if (same(move)) return OracleVerdict::BesideOnly;
   // Later rays graze outlines, too, and the renderer's start off their surfaces.
   for (const Real start_off : {kMostStartOff / 4, kMostStartOff / 2, kMostStartOff})
-    if (same({}, start_off)) return Verdict::BesideOnly;
-  return Verdict::Different;
+    if (same({}, start_off)) return OracleVerdict::BesideOnly;
+  return OracleVerdict::Different;
 }
-
-}  // namespace
 
 StabilityRow compare_with_oracle(const render::SceneDescription& scene, const optics::Rig& rig,
                                  const StabilitySize& size) {
@@ -74,9 +73,10 @@ StabilityRow compare_with_oracle(const render::SceneDescription& scene, const op
     Tally tally;
     const int j = static_cast<int>(row);
     for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
-      const Verdict verdict = compare(scene, rig, s / 3, j, s % 3, frame.row(j)[s]);
-      tally.check(verdict != Verdict::Different);
-      if (verdict == Verdict::BesideOnly) ++beside;
+      const OracleVerdict verdict =
+          ask_oracle(scene, rig, {s / 3, j, s % 3, frame.row(j)[s]}, kHair);
+      tally.check(verdict != OracleVerdict::Different);
+      if (verdict == OracleVerdict::BesideOnly) ++beside;
     }
     shared.add(tally);
   });
