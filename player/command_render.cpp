@@ -15,7 +15,7 @@
 #include "player/interrupt.h"
 #include "player/progress.h"
 #include "player/scene_sequence.h"
-#include "player/triple.h"
+#include "player/staging_flags.h"
 #include "render/loaders/camera_path.h"
 #include "render/method.h"
 
@@ -32,11 +32,7 @@ struct RenderFlags {
   std::string output;
   std::string missing;
   render::RenderOptions options;
-  render::StageOptions stage;
-  std::string centre;
-  std::string background;
-  std::string ground_colour;
-  render::Surroundings surroundings;
+  StagingFlags staging;
   double ring_timeout = 10.0;
   bool resume = false;
   bool json = false;
@@ -83,13 +79,7 @@ struct RunTotals {
 
 /// Flags that are made of several numbers, and those whose limits the parser does not know.
 void complete(RenderFlags& flags) {
-  if (!flags.centre.empty()) flags.stage.centre = parse_triple("--centre", flags.centre);
-  if (!flags.background.empty())
-    flags.surroundings.background = parse_triple("--background", flags.background);
-  if (!flags.ground_colour.empty()) {
-    flags.surroundings.ground = true;
-    flags.surroundings.ground_colour = parse_triple("--ground-colour", flags.ground_colour);
-  }
+  flags.staging.complete();
   if (!(flags.ring_timeout >= 0.0) || flags.ring_timeout > 86400.0)
     throw Error(ErrorKind::Usage, "--ring-timeout: not between 0 and 86400 seconds");
 }
@@ -196,7 +186,7 @@ class RenderRun {
     const render::SceneDescription reference =
         scene_of(scenes_, cameras_, scenes_.reference_frame());
     print_notes(reference);
-    stages_.emplace(reference, model_, flags.stage);
+    stages_.emplace(reference, model_, flags.staging.stage);
     print_stage(stages_->reference());
     output_ = open_output({.target = flags.output,
                            .range = range_,
@@ -279,7 +269,7 @@ class RenderRun {
     const render::SceneDescription description = scene_of(scenes_, cameras_, number);
     stage_ = stages_->at(description);
     scene_.reset();
-    scene_ = std::make_unique<render::Scene>(description, stage_, flags_.surroundings,
+    scene_ = std::make_unique<render::Scene>(description, stage_, flags_.staging.surroundings,
                                              flags_.options.threads);
   }
 
@@ -336,39 +326,6 @@ class RenderRun {
   std::unique_ptr<render::Scene> scene_;
   RunTotals totals_;
 };
-
-void declare_stage_flags(CLI::App& app, RenderFlags& flags) {
-  constexpr const char* kGroup = "Stage";
-  app.add_option("--centre", flags.centre, "X,Y,Z of the scene that lies at the panel's centre")
-      ->group(kGroup);
-  app.add_option("--mm-per-unit", flags.stage.mm_per_unit, "size of a scene unit on the glass")
-      ->group(kGroup);
-  app.add_option("--depth-scale", flags.stage.depth_scale,
-                 "depth relative to width and height; 1 is undistorted")
-      ->group(kGroup);
-  app.add_option("--depth-budget", flags.stage.depth_budget,
-                 "how far a fitted scene may leave the glass, in depths of field of the sheet")
-      ->group(kGroup)
-      ->capture_default_str();
-  app.add_option("--fill", flags.stage.fill, "part of the panel that a fitted scene fills")
-      ->group(kGroup)
-      ->capture_default_str();
-  app.add_option("--turn", flags.stage.turn_degrees, "turn the scene about the vertical, degrees")
-      ->group(kGroup)
-      ->capture_default_str();
-}
-
-void declare_surroundings_flags(CLI::App& app, RenderFlags& flags) {
-  constexpr const char* kGroup = "Surroundings";
-  app.add_option("--background", flags.background, "R,G,B instead of the scene's")->group(kGroup);
-  app.add_flag("--sky", flags.surroundings.sky, "a sky instead of a flat background")
-      ->group(kGroup);
-  app.add_option("--environment", flags.surroundings.environment_file,
-                 "latitude-longitude picture instead of a flat background")
-      ->group(kGroup);
-  app.add_flag("--ground", flags.surroundings.ground, "a plane under the scene")->group(kGroup);
-  app.add_option("--ground-colour", flags.ground_colour, "R,G,B of that plane")->group(kGroup);
-}
 
 void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft) {
   constexpr const char* kGroup = "Soft light (rays for each shaded point)";
@@ -436,8 +393,8 @@ Run declare_render(CLI::App& app) {
                  "seconds to wait for a player, also for one that restarts")
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print what was done as JSON");
-  declare_stage_flags(app, *flags);
-  declare_surroundings_flags(app, *flags);
+  declare_stage_flags(app, flags->staging);
+  declare_surroundings_flags(app, flags->staging);
   declare_soft_light_flags(app, flags->options.soft);
   return [flags]() -> ExitCode {
     complete(*flags);

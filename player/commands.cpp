@@ -16,6 +16,7 @@ Run declare_convert(CLI::App& app);
 Run declare_calibrate(CLI::App& app);
 Run declare_rig(CLI::App& app);
 Run declare_panels(CLI::App& app);
+Run declare_depth(CLI::App& app);
 Run declare_doctor(CLI::App& app);
 Run declare_scene(CLI::App& app);
 Run declare_bench(CLI::App& app);
@@ -43,6 +44,9 @@ const std::vector<Command>& commands() {
        declare_convert},
       {"calibrate", "find the lens sheet's pitch, slant, offset and gap",
        "lenticule calibrate show fringes --rig kiosk-27-4k.toml --display kms", declare_calibrate},
+      {"depth", "tell how deep a scene is for a panel, and how much of it is shown sharply",
+       "lenticule depth teapot.nff --rig kiosk-27-4k.toml --depth-budget 4 --svg depth.svg",
+       declare_depth},
       {"rig", "show, check, import and export rig files",
        "lenticule rig import visual.json -o portrait.toml", declare_rig},
       {"panels", "list connected panels, their identity, modes and matching rigs",

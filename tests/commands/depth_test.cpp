@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule depth as users run it.
+#include <nlohmann/json.hpp>
+
+#include "frames/image_io.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+class DepthCommand : public CommandTest {
+ protected:
+  static std::vector<std::string> arguments(std::vector<std::string> words,
+                                            const std::vector<std::string>& more) {
+    for (const char* word : {"--rig", "scenes/rigs/tiny.toml"})
+      words.push_back(word[0] == '-' ? word : source_file(word));
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  static ProcessResult depth(const std::string& scene, const std::vector<std::string>& more) {
+    return run(arguments({"depth", scene}, more));
+  }
+};
+
+TEST_F(DepthCommand, SaysHowDeepASceneIs) {
+  const ProcessResult flat = depth("builtin:balls:2", {"--json"});
+  ASSERT_EQ(flat.exit_code, 0) << flat.err;
+  const auto fits = nlohmann::json::parse(flat.out);
+  EXPECT_DOUBLE_EQ(fits.at("depth_of_field_mm"), 6.0 * 7.7);
+  EXPECT_LT(fits.at("depth_of_field_at_edge_mm"), fits["depth_of_field_mm"]);
+  EXPECT_EQ(fits.at("subpixels"), 48 * 32 * 3);
+  const ProcessResult deep =
+      depth("builtin:balls:2", {"--json", "--depth-budget", "6", "--svg", path("depth.svg"),
+                                "--picture", path("depth.png")});
+  ASSERT_EQ(deep.exit_code, 0) << deep.err;
+  const auto json = nlohmann::json::parse(deep.out);
+  EXPECT_LT(json.at("share_within"), fits.at("share_within"));
+  const auto share = [&](const char* key) { return json.at(key).get<double>(); };
+  EXPECT_NEAR(share("share_within") + share("share_in_front") + share("share_behind") +
+                  share("share_nothing"),
+              1.0, 1e-12);
+  EXPECT_LE(share("share_at_glass"), share("share_within"));
+  uint64_t seen = 0;
+  for (const auto& bin : json.at("bins")) seen += bin.at("subpixels").get<uint64_t>();
+  EXPECT_NEAR(static_cast<double>(seen), (1.0 - share("share_nothing")) * 48 * 32 * 3, 0.5);
+  EXPECT_GT(std::filesystem::file_size(path("depth.svg")), 500U);
+  EXPECT_EQ(frames::read_woven(path("depth.png")).width(), 48);
+}
+
+TEST_F(DepthCommand, PrintsATableAndAddsUpFrames) {
+  const ProcessResult one = depth("builtin:teapot:2", {});
+  ASSERT_EQ(one.exit_code, 0) << one.err;
+  for (const char* text : {"depth of field", "in front, beyond it", "at the glass", "share"})
+    EXPECT_NE(one.out.find(text), std::string::npos) << text;
+  const ProcessResult two = depth("builtin:teapot:2", {"--frames", "0:2", "--json"});
+  const auto json = nlohmann::json::parse(two.out);
+  EXPECT_EQ(json.at("frames"), 2);
+  EXPECT_EQ(json.at("subpixels"), 2 * 48 * 32 * 3);
+}
+
+TEST_F(DepthCommand, WhatCannotBeMeantIsRefused) {
+  EXPECT_EQ(depth("builtin:none-such", {}).exit_code, 4);
+  EXPECT_EQ(depth("builtin:teapot:2", {"--depth-budget", "-1"}).exit_code, 2);
+  EXPECT_EQ(depth("builtin:teapot:2", {"--picture", path("x.doc")}).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace lenticule::test
