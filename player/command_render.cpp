@@ -33,6 +33,7 @@ struct RenderFlags {
   std::string missing;
   render::RenderOptions options;
   StagingFlags staging;
+  std::string prefilter = "off";
   double ring_timeout = 10.0;
   bool resume = false;
   bool json = false;
@@ -72,6 +73,9 @@ struct RunTotals {
     rays.mended_subpixels += frame.mended_subpixels;
     rays.audited_subpixels += frame.audited_subpixels;
     rays.audited_beyond += frame.audited_beyond;
+    rays.prefiltered_subpixels += frame.prefiltered_subpixels;
+    rays.prefilter_rays += frame.prefilter_rays;
+    rays.prefilter_rays_left_out += frame.prefilter_rays_left_out;
     rays.beyond_bound = std::max(rays.beyond_bound, frame.beyond_bound);
     rays.seconds += frame.seconds;
   }
@@ -80,6 +84,7 @@ struct RunTotals {
 /// Flags that are made of several numbers, and those whose limits the parser does not know.
 void complete(RenderFlags& flags) {
   flags.staging.complete();
+  flags.options.prefilter = render::prefilter_named(flags.prefilter);
   if (!(flags.ring_timeout >= 0.0) || flags.ring_timeout > 86400.0)
     throw Error(ErrorKind::Usage, "--ring-timeout: not between 0 and 86400 seconds");
 }
@@ -115,6 +120,7 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"rig_fingerprint", optics::fingerprint(rig)},
           {"method", flags.method},
           {"samples", flags.options.samples},
+          {"prefilter", flags.prefilter},
           {"output", flags.output},
           {"width", rig.panel.width_px},
           {"height", rig.panel.height_px},
@@ -149,6 +155,9 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"audited_subpixels", totals.rays.audited_subpixels},
           {"audited_beyond", totals.rays.audited_beyond},
           {"beyond_bound", totals.rays.beyond_bound},
+          {"prefiltered_subpixels", totals.rays.prefiltered_subpixels},
+          {"prefilter_rays", totals.rays.prefilter_rays},
+          {"prefilter_rays_left_out", totals.rays.prefilter_rays_left_out},
           {"stage", stage_json(stage)}};
 }
 
@@ -382,6 +391,13 @@ Run declare_render(CLI::App& app) {
                  "0 means all cores, but one of four or more for the player of a ring")
       ->capture_default_str();
   app.add_option("--samples", flags->options.samples, "rays per subpixel, inside its area")
+      ->capture_default_str();
+  app.add_option("--prefilter", flags->prefilter,
+                 "average over what a lens shows of a subpixel: off, depth (what lies beyond the "
+                 "sheet's depth of field) or beam (everything)")
+      ->capture_default_str();
+  app.add_option("--prefilter-samples", flags->options.prefilter_samples,
+                 "rays per subpixel that is averaged, at most")
       ->capture_default_str();
   app.add_option("--max-depth", flags->options.max_depth, "of reflections and refractions")
       ->capture_default_str();

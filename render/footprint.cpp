@@ -35,9 +35,10 @@ std::vector<SubpixelPlace> footprint_samples(int count) {
 }
 
 Footprint::Footprint(const optics::OpticalModel& model, SubpixelPlace place)
-    : centred_(place.x == 0.0 && place.y == 0.0),
+    : centred_(place.x == 0.0 && place.y == 0.0 && place.lens == 0.0),
       gap_mm_(model.rig().sheet.gap.value),
-      shape_(1.0 - model.rig().sheet.refraction_shape) {
+      shape_(1.0 - model.rig().sheet.refraction_shape),
+      across_lens_mm_(place.lens * model.pitch_mm()) {
   const optics::Rig& rig = model.rig();
   const double pixel_width = rig.panel.pixel_width.value;
   const double pixel_height = rig.panel.pixel_height.value;
@@ -51,14 +52,21 @@ Footprint::Footprint(const optics::OpticalModel& model, SubpixelPlace place)
   lens_dy_mm_ = -lens_rows_down * pixel_height;
   lens_dx_mm_ = -lens_rows_down * rig.sheet.slant * pixel_width;
   shift_dx_mm_ = lens_dx_mm_ - dx;
-  tan_y_per_mm_ = std::isinf(distance) ? 0.0 : -1.0 / distance;
+  tan_per_mm_ = std::isinf(distance) ? 0.0 : -1.0 / distance;
 }
 
 PanelRay Footprint::moved(const PanelRay& centre) const {
+  PanelRay ray = through_apex(centre);
+  ray.x_mm += across_lens_mm_;
+  ray.tan_x += across_lens_mm_ * tan_per_mm_;
+  return ray;
+}
+
+PanelRay Footprint::through_apex(const PanelRay& centre) const {
   PanelRay ray;
   ray.x_mm = centre.x_mm + lens_dx_mm_;
   ray.y_mm = centre.y_mm + lens_dy_mm_;
-  ray.tan_y = centre.tan_y + lens_dy_mm_ * tan_y_per_mm_;
+  ray.tan_y = centre.tan_y + lens_dy_mm_ * tan_per_mm_;
   ray.tan_x = centre.tan_x;
   if (!(gap_mm_ > 0.0)) return ray;
   // Delta_x / g of the centre by the law of the sheet, moved, and the law solved for the tangent.

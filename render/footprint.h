@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The angular footprint of a subpixel: where samples inside its area send their rays.
+// The footprint of a subpixel: where samples inside its area, and across its lens, send their rays.
 #pragma once
 
 #include <vector>
@@ -8,11 +8,13 @@
 
 namespace lenticule::render {
 
-/// A place inside a subpixel relative to its centre, in parts of its width and height:
-/// [-1/2, 1/2) each, x to the right, y down.
+/// A place inside a subpixel relative to its centre, in parts of its width and height, and across
+/// its lens relative to the apex line, in parts of the lens pitch: [-1/2, 1/2) each, x and lens to
+/// the right, y down.
 struct SubpixelPlace {
   double x = 0.0;
   double y = 0.0;
+  double lens = 0.0;
 };
 
 /// A fixed stratified pattern (Hammersley points); one sample is the centre.
@@ -34,7 +36,8 @@ class Footprint {
   /// The lens point moves along the lens's apex line with the row; what the place is off the lens
   /// then, bends the ray by the sheet's refraction law. What varies slowly (the residual map, the
   /// exact law's vertical shift) is taken as constant across the subpixel: below a hundredth
-  /// of a subpixel.
+  /// of a subpixel. An eye sees a lens in one colour all across: beside the apex line, rays go to
+  /// the place on the viewing line that the ray through the apex line goes to.
   [[nodiscard]] PanelRay displaced(const PanelRay& centre) const {
     return centred_ ? centre : moved(centre);
   }
@@ -42,14 +45,16 @@ class Footprint {
 
  private:
   [[nodiscard]] PanelRay moved(const PanelRay& centre) const;
+  [[nodiscard]] PanelRay through_apex(const PanelRay& centre) const;
 
   bool centred_;
   double lens_dx_mm_;  ///< of the lens point
   double lens_dy_mm_;
   double shift_dx_mm_;  ///< of lens point minus panel point
   double gap_mm_;
-  double shape_;  ///< 1 - nu
-  double tan_y_per_mm_;
+  double shape_;       ///< 1 - nu
+  double tan_per_mm_;  ///< of tan_x and tan_y, by the place on the glass
+  double across_lens_mm_;
 };
 
 }  // namespace lenticule::render

@@ -21,6 +21,18 @@ void check_range(const char* what, int value, int low, int high) {
     throw Error(ErrorKind::Usage, fmt::format("{} {}: not in {} ... {}", what, value, low, high));
 }
 
+void check_prefilter(const std::string& method, const RenderOptions& options) {
+  if (options.prefilter == Prefilter::Off) return;
+  check_range("prefilter samples", options.prefilter_samples, 3, kMostSamples);
+  if (method != "full")
+    throw Error(ErrorKind::Usage, fmt::format("method {}: does not prefilter", method),
+                "method full does");
+  if (options.samples != 1)
+    throw Error(ErrorKind::Usage,
+                fmt::format("samples {}: a prefilter chooses its own", options.samples),
+                "--prefilter-samples says how many they may be");
+}
+
 }  // namespace
 
 const std::vector<std::string>& method_names() {
@@ -35,6 +47,7 @@ std::unique_ptr<Method> make_method(const std::string& name, const optics::Optic
   check_range("max depth", options.max_depth, 0, kMostDepth);
   check_range("threads", options.threads, 0, kMostThreads);
   validate(options.soft);
+  check_prefilter(name, options);
   if (name == "full") return make_method_full(model, options);
   if (name == "adaptive") return make_method_adaptive(model, options);
   if (const auto reuse = reuse_named(name)) {

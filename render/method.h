@@ -12,6 +12,7 @@
 #include "frames/frame.h"
 #include "optics/cpu.h"
 #include "optics/model.h"
+#include "render/depth_budget/prefilter.h"
 #include "render/reuse_options.h"
 #include "render/sampling/soft_light.h"
 #include "render/scene.h"
@@ -21,11 +22,14 @@
 namespace lenticule::render {
 
 struct RenderOptions {
-  int threads = 0;       ///< 0 = all cores
-  int samples = 1;       ///< per subpixel, inside its angular footprint; 1 = the centre
-  int max_depth = 5;     ///< of reflections and refractions
-  SoftLight soft{};      ///< lamps that have a size, light from all around
-  Isa isa = best_isa();  ///< of our own loops; the bytes do not depend on it
+  int threads = 0;  ///< 0 = all cores
+  int samples = 1;  ///< per subpixel, inside its angular footprint; 1 = the centre
+  /// What is averaged over the beam of its subpixel, of method full; with one of `samples`.
+  Prefilter prefilter = Prefilter::Off;
+  int prefilter_samples = 17;  ///< rays of such a subpixel; with Prefilter::Depth, at most
+  int max_depth = 5;           ///< of reflections and refractions
+  SoftLight soft{};            ///< lamps that have a size, light from all around
+  Isa isa = best_isa();        ///< of our own loops; the bytes do not depend on it
   /// Rays that are proved to meet nothing are not traced (render/shaft.h); the bytes are the same.
   bool use_shaft_proofs = true;
   /// Mirrored rays that cannot change their subpixel's code value, whatever they meet, are left
@@ -75,6 +79,9 @@ struct RenderStatistics {
   uint64_t audited_beyond = 0;          ///< of those: off by more than the tolerated error
   /// With 99 % confidence no larger a share of all subpixels is off by more than that.
   double beyond_bound = 0.0;
+  uint64_t prefiltered_subpixels = 0;    ///< averaged over their beams by Prefilter::Depth
+  uint64_t prefilter_rays = 0;           ///< of primary_rays: for those, beside the middle ones
+  uint64_t prefilter_rays_left_out = 0;  ///< not traced: neighbours were alike
   uint64_t missing_subpixels = 0;  ///< found empty by re-projection, then traced or interpolated
   double seconds = 0.0;
   /// Shares of the workers' time, which add up to 1; zeros unless they were asked for.

@@ -9,10 +9,12 @@
 #include <array>
 #include <chrono>
 #include <numeric>
+#include <optional>
 
 #include "frames/srgb.h"
 #include "optics/error.h"
 #include "render/denormals.h"
+#include "render/depth_budget/depth_prefilter.h"
 #include "render/packet_tracer.h"
 #include "render/primary_packets.h"
 #include "render/skips/background.h"
@@ -38,17 +40,23 @@ std::array<double, kWorks> shares(std::array<uint64_t, kWorks> ticks) {
   return parts;
 }
 
+/// What a weak ray changes is known of one ray a subpixel, not of a sum.
+RenderOptions with_rays_that_add_up(RenderOptions options) {
+  if (options.prefilter == Prefilter::Beam) options.skip_weak_rays = false;
+  return options;
+}
+
 class FullMethod final : public Method {
  public:
   FullMethod(const optics::OpticalModel& model, const RenderOptions& options)
-      : options_(options),
+      : options_(with_rays_that_add_up(options)),
         plan_(model.rig()),
         packets_(model, plan_, options.isa),
         width_(model.rig().panel.width_px),
         height_(model.rig().panel.height_px),
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {
-    for (const SubpixelPlace place : footprint_samples(options.samples))
-      samples_.emplace_back(model, place);
+    for (const SubpixelPlace place : places(options)) samples_.emplace_back(model, place);
+    if (options.prefilter == Prefilter::Depth) prefilter_.emplace(model, plan_, options);
   }
 
   RenderStatistics render(const Scene& scene, const Stage&, frames::WovenFrame& frame) override {
@@ -59,7 +67,8 @@ class FullMethod final : public Method {
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};
     const BeamTester beams(scene.impl());
-    tbb::enumerable_thread_specific<Worker> workers([this] { return Worker(packets_, options_); });
+    tbb::enumerable_thread_specific<Worker> workers(
+        [&] { return Worker(packets_, options_, prefilter_, scene.impl()); });
     arena_.execute([&] {
       tbb::parallel_for(0, plan_.count(), [&](int number) {
         if (cancelled.load(std::memory_order_relaxed)) return;
@@ -75,9 +84,14 @@ class FullMethod final : public Method {
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
 
     RayCounts counts;
+    PrefilterCounts prefiltered;
     std::array<uint64_t, kWorks> ticks{};
     for (Worker& worker : workers) {
       counts += worker.tracer.counts();
+      if (worker.prefilter) {
+        counts += worker.prefilter->rays();
+        prefiltered += worker.prefilter->counts();
+      }
       for (size_t w = 0; w < kWorks; ++w) ticks[w] += worker.tracer.clock().ticks()[w];
     }
     RenderStatistics statistics{.completed = !cancelled.load(),
@@ -92,19 +106,35 @@ class FullMethod final : public Method {
       statistics.primary_rays += worker.background.filled();
       statistics.primary_rays_proved += worker.background.filled();
     }
+    report(prefiltered, statistics);
     return statistics;
   }
 
  private:
   struct Worker {
-    Worker(const PrimaryPackets& packets, const RenderOptions& options)
-        : maker(packets), tracer(options) {}
+    Worker(const PrimaryPackets& packets, const RenderOptions& options,
+           const std::optional<DepthPrefilter>& depth, const Scene::Impl& scene)
+        : maker(packets), tracer(options) {
+      if (depth) prefilter.emplace(*depth, scene);
+    }
     PrimaryPackets::Maker maker;
     Background background;
     uint64_t refused = 0;
     std::vector<float> light;
     PacketTracer tracer;
+    std::optional<DepthPrefilter::Worker> prefilter;
   };
+
+  static std::vector<SubpixelPlace> places(const RenderOptions& options) {
+    return options.prefilter == Prefilter::Beam ? beam_samples(options.prefilter_samples)
+                                                : footprint_samples(options.samples);
+  }
+
+  static void report(const PrefilterCounts& counts, RenderStatistics& statistics) {
+    statistics.prefiltered_subpixels = counts.averaged;
+    statistics.prefilter_rays = counts.rays;
+    statistics.prefilter_rays_left_out = counts.rays_left_out;
+  }
 
   void render_tile(const Scene::Impl& scene, const BeamTester& beams, const Tile& tile,
                    Worker& worker, frames::WovenFrame& frame) const {
@@ -113,11 +143,14 @@ class FullMethod final : public Method {
     clock.turn_to(Work::MakeRays);
     worker.light.assign(static_cast<size_t>(tile.columns) * TilePlan::kRows, 0.0F);
     const double weight = 1.0 / static_cast<double>(samples_.size());
+    DepthNotes* depths = worker.prefilter ? &worker.prefilter->start(tile) : nullptr;
     for (size_t k = 0; k < samples_.size(); ++k) {
       worker.maker.start(scene, tile, samples_[k]);
-      trace_tile(scene, beams, tile, {.number = static_cast<int>(k), .weight = weight}, worker);
+      trace_tile(scene, beams, tile,
+                 {.number = static_cast<int>(k), .weight = weight, .depths = depths}, worker);
       worker.refused += worker.maker.refused();  // they are found out as packets are made
     }
+    if (worker.prefilter) worker.prefilter->average(tile, worker.maker, worker.light);
     clock.turn_to(Work::Write);
     write_tile(scene, tile, worker.light, frame);
     clock.turn_to(Work::Idle);
@@ -156,6 +189,7 @@ class FullMethod final : public Method {
   TilePlan plan_;
   PrimaryPackets packets_;
   std::vector<Footprint> samples_;
+  std::optional<DepthPrefilter> prefilter_;
   int width_;
   int height_;
   LastFrame last_;

@@ -9,6 +9,7 @@
 
 #include "frames/srgb.h"
 #include "render/adaptive/surface_groups.h"
+#include "render/depth_budget/depth_notes.h"
 #include "render/lane_masks.h"
 #include "render/shading.h"
 #include "render/shading_tables.h"
@@ -203,6 +204,7 @@ void PacketTracer::trace(const Scene::Impl& scene, const TilePlan& plan, const T
       const Colours& of_column = colours[static_cast<size_t>((column + k) % 3)];
       if (is_soft_) seed_column(plan, tile, column + k, sample.number);
       trace_packet(scene, plan.row_mm(), of_column, weights.data(), packet);
+      if (sample.depths != nullptr) sample.depths->note(column + k, packet);
       float* out = light.data() + column + k;
       for (size_t row = 0; row < kPacket; ++row)
         out[row * static_cast<size_t>(tile.columns)] += lanes_.light[row];

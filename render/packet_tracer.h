@@ -20,6 +20,7 @@
 
 namespace lenticule::render {
 
+class DepthNotes;
 class SurfaceGroups;
 
 struct RayCounts {
@@ -51,6 +52,7 @@ class PacketTracer {
   struct FootprintSample {
     int number = 0;
     double weight = 1.0;
+    DepthNotes* depths = nullptr;  ///< told of every packet, unless null
   };
   /// Adds to light[target] what the primary rays of some columns of the tile that `maker` was
   /// started with bring, each `weight` times; a ray's target is its row * columns + column. Columns

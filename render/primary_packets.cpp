@@ -62,6 +62,18 @@ float* floats_of(RayPacket& packet) {
 
 }  // namespace
 
+PanelRay panel_ray(const Affine& panel_from_scene, const RayPacket& packet, size_t lane) {
+  const RTCRay16& rays = packet.rays.ray;
+  const Vec3 from = panel_from_scene.point({rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]});
+  const Vec3 way = panel_from_scene.vector({rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]});
+  const double tan_x = way.x / way.z;
+  const double tan_y = way.y / way.z;
+  return {.x_mm = from.x - from.z * tan_x,
+          .y_mm = from.y - from.z * tan_y,
+          .tan_x = tan_x,
+          .tan_y = tan_y};
+}
+
 void init_packets(std::span<RayPacket> packets) {
   for (RayPacket& packet : packets)
     (void)load_packet({}, packet), std::fill_n(packet.valid, kLanes, -1);

@@ -96,6 +96,10 @@ class PrimaryPackets {
   const packet_kernel::Kernel& kernel_;
 };
 
+/// The line of a lane's ray in the panel frame.
+[[nodiscard]] PanelRay panel_ray(const Affine& panel_from_scene, const RayPacket& packet,
+                                 size_t lane);
+
 /// Sets what no ray changes: t_near, time, mask, numbers.
 void init_packets(std::span<RayPacket> packets);
 

@@ -124,19 +124,15 @@ void PrimaryProbe::lines(int tile_index, std::vector<Line>& out) const {
   out.clear();
   for (int column = 0; column < tile.columns; ++column) {
     maker.columns(column, packets);
-    const RTCRay16& rays = packets[0].rays.ray;
     for (size_t r = 0; r < kPacket; ++r) {
       if (packets[0].valid[r] == 0) continue;
-      const Vec3 from = panel_from_scene.point({rays.org_x[r], rays.org_y[r], rays.org_z[r]});
-      const Vec3 way = panel_from_scene.vector({rays.dir_x[r], rays.dir_y[r], rays.dir_z[r]});
-      const double tan_x = way.x / way.z;
-      const double tan_y = way.y / way.z;
+      const PanelRay line = panel_ray(panel_from_scene, packets[0], r);
       out.push_back({.row = tile.row_begin + static_cast<int>(r),
                      .subpixel = impl_->plan.subpixel(tile, column, static_cast<int>(r)),
-                     .x_mm = from.x - from.z * tan_x,
-                     .y_mm = from.y - from.z * tan_y,
-                     .tan_x = tan_x,
-                     .tan_y = tan_y});
+                     .x_mm = line.x_mm,
+                     .y_mm = line.y_mm,
+                     .tan_x = line.tan_x,
+                     .tan_y = line.tan_y});
     }
   }
 }

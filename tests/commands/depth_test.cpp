@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule depth as users run it.
+// lenticule depth and render --prefilter as users run them.
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"
@@ -19,6 +19,10 @@ class DepthCommand : public CommandTest {
   }
   static ProcessResult depth(const std::string& scene, const std::vector<std::string>& more) {
     return run(arguments({"depth", scene}, more));
+  }
+  ProcessResult render(const std::string& name, const std::vector<std::string>& more) {
+    return run(arguments(
+        {"render", "builtin:balls:2", "--depth-budget", "6", "--json", "-o", path(name)}, more));
   }
 };
 
@@ -58,7 +62,34 @@ TEST_F(DepthCommand, PrintsATableAndAddsUpFrames) {
   EXPECT_EQ(json.at("subpixels"), 2 * 48 * 32 * 3);
 }
 
+TEST_F(DepthCommand, PrefilterIsAskedFor) {
+  const auto off = render("off.png", {});
+  ASSERT_EQ(off.exit_code, 0) << off.err;
+  ASSERT_EQ(render("named.png", {"--prefilter", "off"}).exit_code, 0);
+  const auto deep = render("depth.png", {"--prefilter", "depth", "--prefilter-samples", "9"});
+  ASSERT_EQ(deep.exit_code, 0) << deep.err;
+  const auto frame = [&](const char* name) { return frames::read_woven(path(name)); };
+  EXPECT_EQ(frame("off.png"), frame("named.png"));
+  EXPECT_FALSE(frame("off.png") == frame("depth.png"));
+  const auto counts = nlohmann::json::parse(deep.out);
+  EXPECT_EQ(counts.at("prefilter"), "depth");
+  EXPECT_GT(counts.at("prefiltered_subpixels"), 0);
+  EXPECT_GT(counts.at("prefilter_rays"), 0);
+  EXPECT_EQ(nlohmann::json::parse(off.out).at("prefilter_rays"), 0);
+}
+
 TEST_F(DepthCommand, WhatCannotBeMeantIsRefused) {
+  for (const auto& [more, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{"--prefilter", "blur"}, "prefilter 'blur': unknown"},
+           {{"--prefilter", "depth", "--method", "adaptive"},
+            "method adaptive: does not prefilter"},
+           {{"--prefilter", "beam", "--samples", "4"}, "samples 4: a prefilter chooses its own"},
+           {{"--prefilter", "depth", "--prefilter-samples", "1"},
+            "prefilter samples 1: not in 3 ... 1024"}}) {
+    const ProcessResult result = render("x.png", more);
+    EXPECT_EQ(result.exit_code, 2);
+    EXPECT_NE(result.err.find(said), std::string::npos) << result.err;
+  }
   EXPECT_EQ(depth("builtin:none-such", {}).exit_code, 4);
   EXPECT_EQ(depth("builtin:teapot:2", {"--depth-budget", "-1"}).exit_code, 2);
   EXPECT_EQ(depth("builtin:teapot:2", {"--picture", path("x.doc")}).exit_code, 2);

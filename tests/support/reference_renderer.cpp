@@ -319,36 +319,46 @@ class Tracer {
   double least_step_;
 };
 
-double encoded(double light, bool colour_managed) {
+}  // namespace
+
+double reference_code(double light, bool colour_managed) {
   const double clipped = std::min(std::max(light, 0.0), 1.0);
   if (!colour_managed) return 255.0 * clipped;
   return 255.0 *
          (clipped <= 0.0031308 ? 12.92 * clipped : 1.055 * std::pow(clipped, 1 / 2.4) - 0.055);
 }
 
-}  // namespace
+double reference_light(const SceneDescription& scene, const render::Stage& stage,
+                       const ReferenceLine& line, double start_mm, int channel,
+                       const ReferenceOptions& options, uint32_t seed) {
+  const Affine& world_from_panel = stage.world_from_panel;
+  const Vec3 into_glass = world_from_panel.vector({-line.tan_x, -line.tan_y, -1.0});
+  const Axes axes{normalized(world_from_panel.column_x), normalized(world_from_panel.column_y),
+                  normalized(world_from_panel.column_z)};
+  const Tracer tracer(
+      scene, options,
+      {.axes = axes, .world_per_mm = length(world_from_panel.column_x), .seed = seed});
+  const Vec3 on_glass = world_from_panel.point({line.x_mm, line.y_mm, 0.0});
+  const Vec3 colour = tracer.trace({on_glass, normalized(into_glass)},
+                                   -start_mm * length(into_glass), 0, {}, kReferencePath);
+  return channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
+}
 
 double reference_subpixel(const SceneDescription& scene, const render::Stage& stage,
                           const optics::OpticalModel& model, int i, int j, int channel,
                           const ReferenceOptions& options) {
   const optics::SubpixelRay ray = model.ray(i, j, channel);
-  const Affine& world_from_panel = stage.world_from_panel;
-  const Vec3 lens{ray.lens_x_mm + options.move_x_mm, ray.lens_y_mm + options.move_y_mm, 0.0};
-  const Vec3 into_glass = world_from_panel.vector(
-      {-(ray.tan_x + options.move_tan), -(ray.tan_y + options.move_tan), -1.0});
   // The line is followed from just before the eye, through the lens, into the glass.
   const double start_mm =
       options.from_near_plane ? stage.near_mm : 0.99 * model.rig().viewing.distance.value;
-  const Axes axes{normalized(world_from_panel.column_x), normalized(world_from_panel.column_y),
-                  normalized(world_from_panel.column_z)};
-  const Tracer tracer(scene, options,
-                      {.axes = axes,
-                       .world_per_mm = length(world_from_panel.column_x),
-                       .seed = reference_seed(j, 3 * i + channel, 0)});
-  const Vec3 colour = tracer.trace({world_from_panel.point(lens), normalized(into_glass)},
-                                   -start_mm * length(into_glass), 0, {}, kReferencePath);
-  const double light = channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
-  return encoded(light, scene.colour_managed);
+  const double light =
+      reference_light(scene, stage,
+                      {.x_mm = ray.lens_x_mm + options.move_x_mm,
+                       .y_mm = ray.lens_y_mm + options.move_y_mm,
+                       .tan_x = ray.tan_x + options.move_tan,
+                       .tan_y = ray.tan_y + options.move_tan},
+                      start_mm, channel, options, reference_seed(j, 3 * i + channel, 0));
+  return reference_code(light, scene.colour_managed);
 }
 
 }  // namespace lenticule::testing

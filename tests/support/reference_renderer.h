@@ -4,6 +4,8 @@
 // for tests; it shares no code with render/ beyond the scene description.
 #pragma once
 
+#include <cstdint>
+
 #include "optics/model.h"
 #include "render/sampling/soft_light.h"
 #include "render/scene_description.h"
@@ -30,5 +32,20 @@ struct ReferenceOptions {
                                         const render::Stage& stage,
                                         const optics::OpticalModel& model, int i, int j,
                                         int channel, const ReferenceOptions& options = {});
+
+/// The light of one channel that comes along the line through (x_mm, y_mm, 0) in direction (tan_x,
+/// tan_y, 1) of the panel frame, from `start_mm` on: linear in colour-managed scenes, else parts of
+/// the largest code.
+struct ReferenceLine {
+  double x_mm = 0.0, y_mm = 0.0;
+  double tan_x = 0.0, tan_y = 0.0;
+};
+[[nodiscard]] double reference_light(const render::SceneDescription& scene,
+                                     const render::Stage& stage, const ReferenceLine& line,
+                                     double start_mm, int channel,
+                                     const ReferenceOptions& options = {}, uint32_t seed = 0);
+
+/// The code value of such light, not rounded.
+[[nodiscard]] double reference_code(double light, bool colour_managed);
 
 }  // namespace lenticule::testing
