@@ -392,9 +392,10 @@ Run declare_render(CLI::App& app) {
       ->capture_default_str();
   app.add_option("--samples", flags->options.samples, "rays per subpixel, inside its area")
       ->capture_default_str();
-  app.add_option("--prefilter", flags->prefilter,
-                 "average over what a lens shows of a subpixel: off, depth (what lies beyond the "
-                 "sheet's depth of field) or beam (everything)")
+  app.add_option(
+         "--prefilter", flags->prefilter,
+         "average over the beam that a lens makes of a subpixel: off, depth (what lies beyond "
+         "the sheet's depth of field), beam (everything) or exhaustive (everything, slowly)")
       ->capture_default_str();
   app.add_option("--prefilter-samples", flags->options.prefilter_samples,
                  "rays per subpixel that is averaged, at most")

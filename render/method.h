@@ -26,7 +26,7 @@ struct RenderOptions {
   int samples = 1;  ///< per subpixel, inside its angular footprint; 1 = the centre
   /// What is averaged over the beam of its subpixel, of method full; with one of `samples`.
   Prefilter prefilter = Prefilter::Off;
-  int prefilter_samples = 17;  ///< rays of such a subpixel; with Prefilter::Depth, at most
+  int prefilter_samples = 17;  ///< rays of such a subpixel; but for Exhaustive, at most
   int max_depth = 5;           ///< of reflections and refractions
   SoftLight soft{};            ///< lamps that have a size, light from all around
   Isa isa = best_isa();        ///< of our own loops; the bytes do not depend on it
@@ -79,7 +79,7 @@ struct RenderStatistics {
   uint64_t audited_beyond = 0;          ///< of those: off by more than the tolerated error
   /// With 99 % confidence no larger a share of all subpixels is off by more than that.
   double beyond_bound = 0.0;
-  uint64_t prefiltered_subpixels = 0;    ///< averaged over their beams by Prefilter::Depth
+  uint64_t prefiltered_subpixels = 0;    ///< averaged over their beams, but for Exhaustive
   uint64_t prefilter_rays = 0;           ///< of primary_rays: for those, beside the middle ones
   uint64_t prefilter_rays_left_out = 0;  ///< not traced: neighbours were alike
   uint64_t missing_subpixels = 0;  ///< found empty by re-projection, then traced or interpolated

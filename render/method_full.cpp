@@ -42,7 +42,7 @@ std::array<double, kWorks> shares(std::array<uint64_t, kWorks> ticks) {
 
 /// What a weak ray changes is known of one ray a subpixel, not of a sum.
 RenderOptions with_rays_that_add_up(RenderOptions options) {
-  if (options.prefilter == Prefilter::Beam) options.skip_weak_rays = false;
+  if (options.prefilter == Prefilter::Exhaustive) options.skip_weak_rays = false;
   return options;
 }
 
@@ -56,7 +56,8 @@ class FullMethod final : public Method {
         height_(model.rig().panel.height_px),
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {
     for (const SubpixelPlace place : places(options)) samples_.emplace_back(model, place);
-    if (options.prefilter == Prefilter::Depth) prefilter_.emplace(model, plan_, options);
+    if (options.prefilter == Prefilter::Depth || options.prefilter == Prefilter::Beam)
+      prefilter_.emplace(model, plan_, options);
   }
 
   RenderStatistics render(const Scene& scene, const Stage&, frames::WovenFrame& frame) override {
@@ -126,8 +127,8 @@ class FullMethod final : public Method {
   };
 
   static std::vector<SubpixelPlace> places(const RenderOptions& options) {
-    return options.prefilter == Prefilter::Beam ? beam_samples(options.prefilter_samples)
-                                                : footprint_samples(options.samples);
+    return options.prefilter == Prefilter::Exhaustive ? beam_samples(options.prefilter_samples)
+                                                      : footprint_samples(options.samples);
   }
 
   static void report(const PrefilterCounts& counts, RenderStatistics& statistics) {

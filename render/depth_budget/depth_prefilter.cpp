@@ -36,20 +36,20 @@ DepthPrefilter::DepthPrefilter(const optics::OpticalModel& model, const TilePlan
       depth_of_field_(model),
       least_depth_of_field_mm_(depth_of_field_.least_mm()),
       options_(for_sums(options)),
+      everything_(options.prefilter == Prefilter::Beam),
       distance_mm_(model.rig().viewing.distance.value),
       reach_(std::clamp(static_cast<int>(std::ceil(model.rig().sheet.pitch.value / kColours)), 1,
                         kFarthestNeighbour)) {
   // All numbers that beam_rays() may say.
-  for (double depth = 1.5; depth < 2.0 * options.prefilter_samples; depth *= 1.2)
+  for (double depth = 0.0; depth < 2.0 * options.prefilter_samples; depth += 0.5)
     beams_.try_emplace(beam_rays(depth, options.prefilter_samples));
-  beams_.try_emplace(beam_rays(1.001, options.prefilter_samples));
   for (auto& [rays, footprints] : beams_)
     for (const SubpixelPlace place : beam_samples(rays)) footprints.emplace_back(model, place);
 }
 
 int DepthPrefilter::rays_for(double z_mm, const PanelRay& middle) const {
-  return beam_rays(std::abs(z_mm) / depth_of_field_.along_mm(middle.tan_x, middle.tan_y),
-                   options_.prefilter_samples);
+  const double depth = std::abs(z_mm) / depth_of_field_.along_mm(middle.tan_x, middle.tan_y);
+  return everything_ || depth > 1.0 ? beam_rays(depth, options_.prefilter_samples) : 1;
 }
 
 DepthPrefilter::Worker::Worker(const DepthPrefilter& prefilter, const Scene::Impl& scene)
@@ -80,11 +80,10 @@ void DepthPrefilter::Worker::average(const Tile& tile, PrimaryPackets::Maker& ma
     light[s.target] = (light[s.target] + s.sum) / static_cast<float>(s.rays);
 }
 
-/// False where all of the tile lies within the depth of field, which is least for oblique rays.
+/// False where nothing of the tile is averaged.
 bool DepthPrefilter::Worker::encode(std::span<const float> light) {
-  const double least = prefilter_.least_depth_of_field_mm_;
-  if (std::ranges::all_of(notes_.z_mm(), [&](float z) { return std::abs(z) <= least; }))
-    return false;
+  const auto left = [&](float z) { return prefilter_.surely_left(double{z}); };
+  if (std::ranges::all_of(notes_.z_mm(), left)) return false;
   codes_.resize(light.size());
   std::ranges::transform(light, codes_.begin(), [&](float l) { return encoder_.code(l); });
   return true;
@@ -98,7 +97,7 @@ void DepthPrefilter::Worker::list_column(const Tile& tile, int column,
     if (subpixel < 0 || subpixel >= prefilter_.plan_.row_subpixels()) continue;
     const int target = row * tile.columns + column;
     const double z_mm = notes_.z_mm()[static_cast<size_t>(target)];
-    if (std::abs(z_mm) <= prefilter_.least_depth_of_field_mm_) continue;
+    if (prefilter_.surely_left(z_mm)) continue;
     if (!made) maker.columns(column, packet_);
     made = true;
     const auto lane = static_cast<size_t>(row);

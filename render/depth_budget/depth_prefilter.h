@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Method full with Prefilter::Depth: what the primary rays of a tile met beyond the depth of field
-// is averaged over the beams of its subpixels.
+// Method full with Prefilter::Depth or Beam: what the primary rays of a tile met, beyond the depth
+// of field or anywhere, is averaged over the beams of its subpixels.
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <span>
@@ -43,9 +44,10 @@ class DepthPrefilter {
     /// Begins a tile. Every packet of primary rays has to pass through the notes.
     DepthNotes& start(const Tile& tile);
     /// `light` has one ray of each subpixel, by row * columns + column, of the tile that `maker`
-    /// was started with; subpixels that saw something beyond the depth of field get the mean over
-    /// their beams. Where the neighbours of the same colour, a lens to both sides and a row above
-    /// and below, have the same code but for kAgreement, that is the mean, and no ray is traced.
+    /// was started with; subpixels that saw something beyond the depth of field, or all, get the
+    /// mean over their beams. Where the neighbours of the same colour, a lens to both sides and a
+    /// row above and below, have the same code but for kAgreement, that is the mean, and no ray is
+    /// traced.
     void average(const Tile& tile, PrimaryPackets::Maker& maker, std::span<float> light);
 
     [[nodiscard]] const PrefilterCounts& counts() const { return counts_; }
@@ -86,12 +88,18 @@ class DepthPrefilter {
   static constexpr int kAgreement = 2;
 
  private:
+  /// 1 for what is not averaged.
   [[nodiscard]] int rays_for(double z_mm, const PanelRay& middle) const;
+  /// Whether nothing at that depth is averaged, whatever its ray.
+  [[nodiscard]] bool surely_left(double z_mm) const {
+    return !everything_ && std::abs(z_mm) <= least_depth_of_field_mm_;
+  }
 
   const TilePlan& plan_;
   DepthOfField depth_of_field_;
   double least_depth_of_field_mm_;
   RenderOptions options_;
+  bool everything_;
   double distance_mm_;
   int reach_;  ///< same-coloured subpixels to either side that make up a lens
   std::map<int, std::vector<Footprint>> beams_;  ///< by number of rays

@@ -46,8 +46,9 @@ Prefilter prefilter_named(const std::string& name) {
   if (name == "off") return Prefilter::Off;
   if (name == "depth") return Prefilter::Depth;
   if (name == "beam") return Prefilter::Beam;
+  if (name == "exhaustive") return Prefilter::Exhaustive;
   throw Error(ErrorKind::Usage, fmt::format("prefilter '{}': unknown", name),
-              "there are: off, depth, beam");
+              "there are: off, depth, beam, exhaustive");
 }
 
 std::vector<SubpixelPlace> beam_samples(int count) {
@@ -63,9 +64,8 @@ std::vector<SubpixelPlace> beam_samples(int count) {
 }
 
 int beam_rays(double depth, int most) {
-  if (!(depth > 1.0)) return 1;
   const double wanted = 2.0 * (1.0 + depth);
-  int rays = 3;
+  int rays = 5;
   while (rays < most && rays < wanted) rays = 2 * rays - 1;
   return rays <= most ? rays : largest_odd(most);
 }

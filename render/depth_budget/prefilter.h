@@ -20,12 +20,13 @@ namespace lenticule::render {
 
 /// What is averaged over its beam; all else is one ray, through the middle.
 enum class Prefilter {
-  Off,    ///< nothing
-  Depth,  ///< what is seen beyond the depth of field
-  Beam,   ///< everything
+  Off,         ///< nothing
+  Depth,       ///< what is seen beyond the depth of field, unless all around it looks the same
+  Beam,        ///< everything, unless all around it looks the same
+  Exhaustive,  ///< everything, always with as many rays: what the others are measured against
 };
 
-/// "off", "depth" or "beam"; throws Error(Usage) otherwise.
+/// "off", "depth", "beam" or "exhaustive"; throws Error(Usage) otherwise.
 [[nodiscard]] Prefilter prefilter_named(const std::string& name);
 
 /// Places inside a subpixel's beam that stand for all of it alike: evenly over the subpixel's width
@@ -33,8 +34,8 @@ enum class Prefilter {
 /// other side of the middle, and the first is the middle. `count` is odd; of an even one, one less.
 [[nodiscard]] std::vector<SubpixelPlace> beam_samples(int count);
 
-/// Rays for what lies at `depth` depths of field from the glass: one within it; beyond, two for
-/// each lens pitch that the beam is wide, rounded up to 2^k + 1, but no more than `most`.
+/// Rays over the beam for what lies at `depth` depths of field from the glass: two for each lens
+/// pitch that the beam is wide, rounded up to 2^k + 1, but no more than `most`.
 [[nodiscard]] int beam_rays(double depth, int most);
 
 }  // namespace lenticule::render

@@ -55,10 +55,9 @@ TEST(BeamSamples, FillTheBeamEvenly) {
   }
 }
 
-TEST(BeamRays, AreOneWithinTheDepthOfFieldAndGrowWithTheDepth) {
-  EXPECT_EQ(beam_rays(0.0, 17), 1);
-  EXPECT_EQ(beam_rays(1.0, 17), 1);
-  EXPECT_EQ(beam_rays(std::nan(""), 17), 1);
+TEST(BeamRays, GrowWithTheDepth) {
+  EXPECT_EQ(beam_rays(0.0, 17), 5);
+  EXPECT_EQ(beam_rays(1.0, 17), 5);
   EXPECT_EQ(beam_rays(1.01, 17), 5);
   EXPECT_EQ(beam_rays(1.5, 17), 5);
   EXPECT_EQ(beam_rays(3.5, 17), 9);
@@ -69,24 +68,25 @@ TEST(BeamRays, AreOneWithinTheDepthOfFieldAndGrowWithTheDepth) {
 
 TEST(BeamRays, NeverAreMoreThanAllowedAndAlwaysOdd) {
   for (const int most : {3, 4, 8, 16, 17, 100, 1024})
-    for (double depth = 1.01; depth < 1000.0; depth *= 1.3) {
+    for (double depth = 0.01; depth < 1000.0; depth *= 1.3) {
       EXPECT_LE(beam_rays(depth, most), most);
       EXPECT_EQ(beam_rays(depth, most) % 2, 1);
       EXPECT_GE(beam_rays(depth, most), 3);
     }
 }
 
-TEST(PrefilterName, IsOneOfThree) {
+TEST(PrefilterName, IsOneOfFour) {
   EXPECT_EQ(prefilter_named("off"), Prefilter::Off);
   EXPECT_EQ(prefilter_named("depth"), Prefilter::Depth);
   EXPECT_EQ(prefilter_named("beam"), Prefilter::Beam);
+  EXPECT_EQ(prefilter_named("exhaustive"), Prefilter::Exhaustive);
   try {
     (void)prefilter_named("blur");
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::Usage);
     EXPECT_STREQ(error.what(), "prefilter 'blur': unknown");
-    EXPECT_EQ(error.hint(), "there are: off, depth, beam");
+    EXPECT_EQ(error.hint(), "there are: off, depth, beam, exhaustive");
   }
 }
 
