@@ -98,6 +98,11 @@ void DepthPrefilter::Worker::list_column(const Tile& tile, int column,
     const int target = row * tile.columns + column;
     const double z_mm = notes_.z_mm()[static_cast<size_t>(target)];
     if (prefilter_.surely_left(z_mm)) continue;
+    if (neighbours_agree(tile, column, row)) {
+      // Of the ray it is not worth asking how oblique it is.
+      counts_.rays_left_out += static_cast<uint64_t>(prefilter_.rays_for(z_mm, {}) - 1);
+      continue;
+    }
     if (!made) maker.columns(column, packet_);
     made = true;
     const auto lane = static_cast<size_t>(row);
@@ -105,16 +110,13 @@ void DepthPrefilter::Worker::list_column(const Tile& tile, int column,
     const PanelRay middle = panel_ray(panel_from_scene_, packet_[0], lane);
     const int rays = prefilter_.rays_for(z_mm, middle);
     if (rays == 1) continue;
-    if (neighbours_agree(tile, column, row)) {
-      counts_.rays_left_out += static_cast<uint64_t>(rays - 1);
-      continue;
-    }
     ++counts_.averaged;
     counts_.rays += static_cast<uint64_t>(rays - 1);
     listed_.push_back({.target = static_cast<uint32_t>(target),
                        .subpixel = subpixel,
                        .row = row,
                        .rays = rays,
+                       .places = &prefilter_.beams_.at(rays),
                        .middle = middle});
   }
 }
@@ -148,8 +150,7 @@ void DepthPrefilter::Worker::load(const Tile& tile, std::span<const Listed> subp
     if (!takes_part && number >= s.rays) continue;
     channel_[r] = s.subpixel % kColours;
     seeds_[r] = sampling::subpixel_seed(tile.row_begin + s.row, s.subpixel, number);
-    const Footprint& place = prefilter_.beams_.at(s.rays)[static_cast<size_t>(number)];
-    const PanelRay ray = place.displaced(s.middle);
+    const PanelRay ray = (*s.places)[static_cast<size_t>(number)].displaced(s.middle);
     set_glass_ray(scene_, start_mm_,
                   {.x_mm = ray.x_mm, .y_mm = ray.y_mm, .tan_x = ray.tan_x, .tan_y = ray.tan_y},
                   packet_[0], r);

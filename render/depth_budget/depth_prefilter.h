@@ -59,6 +59,7 @@ class DepthPrefilter {
       int32_t subpixel = 0;  ///< of its row
       int32_t row = 0;       ///< of the tile
       int rays = 0;
+      const std::vector<Footprint>* places = nullptr;  ///< of the rays
       PanelRay middle;
       float sum = 0.0F;  ///< of the rays beside the middle
     };
