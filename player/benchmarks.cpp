@@ -16,6 +16,7 @@ namespace lenticule::player {
 
 // One file per benchmark; each defines its function.
 Run declare_bench_codec(CLI::App& app);
+Run declare_bench_depth(CLI::App& app);
 Run declare_bench_error(CLI::App& app);
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
@@ -46,6 +47,8 @@ const std::vector<Benchmark>& benchmarks() {
   static const std::vector<Benchmark> table = {
       {"codec", "size and speed of the sequence container beside other lossless ways",
        declare_bench_codec},
+      {"depth", "prefiltered and plain rays in deep scenes, against the means over whole beams",
+       declare_bench_depth},
       {"error", "run time against error of every render method, and pictures of the worst places",
        declare_bench_error},
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",

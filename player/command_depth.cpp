@@ -32,10 +32,6 @@ struct DepthFlags {
   bool json = false;
 };
 
-nlohmann::json finite_or_null(double value) {
-  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
-}
-
 struct Measured {
   render::DepthHistogram histogram;
   uint64_t frames = 0;
@@ -83,6 +79,7 @@ nlohmann::json bins_json(const render::DepthHistogram& histogram) {
   return bins;
 }
 
+/// Numbers that are not finite are written as null.
 nlohmann::json report_json(const DepthFlags& flags, const optics::OpticalModel& model,
                            const Measured& measured) {
   const render::DepthHistogram& h = measured.histogram;
@@ -98,8 +95,8 @@ nlohmann::json report_json(const DepthFlags& flags, const optics::OpticalModel& 
           {"depth_of_field_mm", straight_mm},
           {"depth_of_field_at_edge_mm", measured.obliquest_mm},
           {"views", model.rig().sheet.pitch.value},
-          {"nearest_mm", finite_or_null(h.nearest_mm())},
-          {"farthest_mm", finite_or_null(h.farthest_mm())},
+          {"nearest_mm", h.nearest_mm()},
+          {"farthest_mm", h.farthest_mm()},
           {"share_within", share(h.within())},
           {"share_at_glass", share(h.at_glass())},
           {"share_in_front", share(h.in_front())},
@@ -118,7 +115,7 @@ void print_report(const nlohmann::json& r) {
   fmt::print(
       "depth of field             {:>6.2f} mm, {:.2f} mm at the panel's left and right edge\n",
       field_mm, number("depth_of_field_at_edge_mm"));
-  if (!r["nearest_mm"].is_null())
+  if (std::isfinite(number("nearest_mm")))
     fmt::print(
         "content                    from z = {:.1f} to {:.1f} mm: {:.2f} and {:.2f} depths\n",
         number("nearest_mm"), number("farthest_mm"), number("nearest_mm") / field_mm,

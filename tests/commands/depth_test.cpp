@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule depth and render --prefilter as users run them.
+// lenticule depth, render --prefilter and bench depth as users run them.
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"
@@ -22,20 +22,20 @@ class DepthCommand : public CommandTest {
   }
   ProcessResult render(const std::string& name, const std::vector<std::string>& more) {
     return run(arguments(
-        {"render", "builtin:balls:2", "--depth-budget", "6", "--json", "-o", path(name)}, more));
+        {"render", "builtin:tree:3", "--depth-budget", "6", "--json", "-o", path(name)}, more));
   }
 };
 
 TEST_F(DepthCommand, SaysHowDeepASceneIs) {
-  const ProcessResult flat = depth("builtin:balls:2", {"--json"});
+  const ProcessResult flat = depth("builtin:tree:3", {"--json", "--depth-scale", "0.1"});
   ASSERT_EQ(flat.exit_code, 0) << flat.err;
   const auto fits = nlohmann::json::parse(flat.out);
   EXPECT_DOUBLE_EQ(fits.at("depth_of_field_mm"), 6.0 * 7.7);
   EXPECT_LT(fits.at("depth_of_field_at_edge_mm"), fits["depth_of_field_mm"]);
   EXPECT_EQ(fits.at("subpixels"), 48 * 32 * 3);
   const ProcessResult deep =
-      depth("builtin:balls:2", {"--json", "--depth-budget", "6", "--svg", path("depth.svg"),
-                                "--picture", path("depth.png")});
+      depth("builtin:tree:3", {"--json", "--depth-budget", "6", "--svg", path("depth.svg"),
+                               "--picture", path("depth.png")});
   ASSERT_EQ(deep.exit_code, 0) << deep.err;
   const auto json = nlohmann::json::parse(deep.out);
   EXPECT_LT(json.at("share_within"), fits.at("share_within"));
@@ -90,9 +90,25 @@ TEST_F(DepthCommand, WhatCannotBeMeantIsRefused) {
     EXPECT_EQ(result.exit_code, 2);
     EXPECT_NE(result.err.find(said), std::string::npos) << result.err;
   }
-  EXPECT_EQ(depth("builtin:none-such", {}).exit_code, 4);
+  EXPECT_EQ(depth("builtin:none-such", {}).exit_code, 2);
   EXPECT_EQ(depth("builtin:teapot:2", {"--depth-budget", "-1"}).exit_code, 2);
   EXPECT_EQ(depth("builtin:teapot:2", {"--picture", path("x.doc")}).exit_code, 2);
+}
+
+TEST_F(DepthCommand, BenchMeasuresEveryWay) {
+  const ProcessResult result =
+      run({"bench", "depth", "tree:3", "--rig", source_file("scenes/rigs/tiny.toml"), "--frames",
+           "2", "--truth", "33", "--json", "--pictures", path("worst")});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto course = nlohmann::json::parse(result.out).at("courses").at(0);
+  EXPECT_GT(course.at("share_beyond"), 0.1);
+  ASSERT_GE(course.at("ways").size(), 6U);
+  for (const auto& way : course["ways"]) {
+    ASSERT_EQ(way.at("frames").size(), 2U);
+    for (const char* figure : {"mse", "seen_mse", "flip_mean", "flicker_views", "cpu_s"})
+      EXPECT_GE(way["frames"][1].at(figure).get<double>(), 0.0) << figure;
+  }
+  EXPECT_FALSE(listing().empty());
 }
 
 }  // namespace
