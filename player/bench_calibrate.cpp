@@ -3,6 +3,7 @@
 // by the truth that only the bench knows.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <memory>

@@ -3,6 +3,7 @@
 // against many rays over the whole beam of every subpixel.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <array>
 #include <cmath>
 #include <memory>

@@ -2,6 +2,7 @@
 // lenticule bench reuse: what the methods that reuse points save, and what they cost in error.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
 #include <optional>

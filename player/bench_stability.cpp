@@ -2,6 +2,7 @@
 // lenticule bench stability: where numbers usually break, measured against oracles in long double.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <memory>
 

@@ -3,6 +3,7 @@
 // measured from outside on the program itself.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
 #include <filesystem>

@@ -3,6 +3,7 @@
 // turns, and how often they disagree.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <memory>
 
 #include "player/bench.h"

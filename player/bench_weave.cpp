@@ -3,6 +3,7 @@
 // threads and kernel, in interleaved runs.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cstring>

@@ -3,6 +3,7 @@
 // folders of all patterns.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <filesystem>
 #include <memory>
 #include <optional>

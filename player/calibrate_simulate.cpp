@@ -2,6 +2,7 @@
 // lenticule calibrate simulate: a whole calibration on the simulated bench, to learn and to try.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <filesystem>
 #include <memory>

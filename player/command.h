@@ -2,13 +2,17 @@
 // How a command plugs into the program: one file per command, one line in commands.cpp.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "player/exit_code.h"
+
+// Its header takes seconds to compile; only those who declare flags include it.
+namespace CLI {
+class App;
+}
 
 namespace lenticule::player {
 

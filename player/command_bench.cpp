@@ -2,6 +2,7 @@
 // lenticule bench: lists and runs the benchmarks of benchmarks.cpp.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <map>
 #include <memory>
 

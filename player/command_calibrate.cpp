@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule calibrate: finds the right way by its word.
+#include <CLI/CLI.hpp>
+
 #include "optics/error.h"
 #include "player/calibrate.h"
 

@@ -2,6 +2,7 @@
 // lenticule compare: how far one picture, or one sequence, is from another.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <memory>
 #include <optional>
 #include <string>

@@ -2,6 +2,7 @@
 // lenticule completion: shell completion made from the same tables as --help.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <memory>
 #include <string>
 #include <vector>

@@ -3,6 +3,7 @@
 // woven or taken apart, no pixel changes on the way.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <memory>

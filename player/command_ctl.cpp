@@ -2,6 +2,7 @@
 // lenticule ctl: steers a player that runs with --control.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <memory>

@@ -2,6 +2,7 @@
 // lenticule depth: how deep a scene is for a panel, in depths of field of its lens sheet.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <memory>
 

@@ -2,6 +2,7 @@
 // lenticule doctor: would every subpixel reach the glass as it is, and if not, what helps.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
 

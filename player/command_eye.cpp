@@ -2,6 +2,7 @@
 // lenticule eye: what an eye at one place sees on a woven frame.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <charconv>
 #include <memory>
 #include <string>

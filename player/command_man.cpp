@@ -2,6 +2,7 @@
 // lenticule man: the manual page, made from the same tables as --help.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <string>
 
 #include "player/command.h"

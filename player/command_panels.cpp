@@ -2,6 +2,7 @@
 // lenticule panels: the panels that are connected, and the rig of each.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <filesystem>
 #include <memory>

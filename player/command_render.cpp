@@ -2,6 +2,7 @@
 // lenticule render: a scene becomes woven frames.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
 #include <memory>

@@ -2,6 +2,7 @@
 // lenticule rig show|check|import|export|trim
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <memory>

@@ -2,6 +2,7 @@
 // lenticule scene: lists and writes the built-in scenes.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/command_tree.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 
 namespace lenticule::player {

@@ -2,6 +2,7 @@
 // lenticule weave: one set of views, wherever it comes from, becomes the woven frame of a rig.
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
 #include <optional>

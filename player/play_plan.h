@@ -4,7 +4,6 @@
 
 #include <sys/types.h>
 
-#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -15,6 +14,10 @@
 #include "player/live_trim.h"
 #include "player/playback.h"
 #include "player/source_open.h"
+
+namespace CLI {
+class App;
+}
 
 namespace lenticule::player {
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/staging_flags.h"
 
+#include <CLI/CLI.hpp>
+
 #include "player/triple.h"
 
 namespace lenticule::player {

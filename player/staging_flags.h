@@ -2,11 +2,14 @@
 // Flags of commands that put a scene on the glass: how it lies there, and what is around it.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <string>
 
 #include "render/scene.h"
 #include "render/stage.h"
+
+namespace CLI {
+class App;
+}
 
 namespace lenticule::player {
 
