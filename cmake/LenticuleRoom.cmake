@@ -35,17 +35,14 @@ function(lenticule_isa_variants name kernel)
   endforeach()
 endfunction()
 
-# GoogleTest's headers are most of what compiling a test is: gcc reads them precompiled, once for all
-# test programs. Tests are optimised less than what they test: they are compiled far more often than
+# GoogleTest's headers are most of what compiling a test is: they are precompiled, once for all test
+# programs. Tests are optimised less than what they test: they are compiled far more often than
 # their own code runs.
 function(lenticule_test_headers name)
   # Three warnings of gcc are wrong at -O1: it inlines half of an allocation's pair, and misjudges the
   # length of short strings.
   target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>
     $<$<CXX_COMPILER_ID:GNU>:-Wno-mismatched-new-delete;-Wno-array-bounds;-Wno-stringop-overflow>)
-  if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    return()
-  endif()
   if(NOT TARGET lenticule_test_headers)
     set(source ${PROJECT_BINARY_DIR}/test_headers.cpp)
     if(NOT EXISTS ${source})
