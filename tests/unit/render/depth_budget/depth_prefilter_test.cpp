@@ -107,6 +107,19 @@ TEST(DepthPrefilter, ChangesNothingThatIsSharp) {
   EXPECT_GT(changed, 500);
 }
 
+/// Codes of the same colour, a lens's worth to both sides and one above and below, in the same band
+/// of sixteen rows.
+bool all_alike_around(const frames::WovenFrame& full, int reach, int j, int s) {
+  for (int r = std::max(j - 1, 0); r <= std::min(j + 1, full.height() - 1); ++r) {
+    if (r / 16 != j / 16) continue;
+    const int far = r == j ? reach : 1;
+    for (int at = s - 3 * far; at <= s + 3 * far; at += 3)
+      if (at >= 0 && at < 3 * full.width() && std::abs(full.row(r)[at] - full.row(j)[s]) > 2)
+        return false;
+  }
+  return true;
+}
+
 /// What it says of its neighbours' codes and of its beam, by the oracle.
 void expect_means_over_the_beam(Prefilter prefilter) {
   constexpr int kWidth = 12, kHeight = 8, kRow = 3 * kWidth;
@@ -123,13 +136,7 @@ void expect_means_over_the_beam(Prefilter prefilter) {
         const auto n = static_cast<size_t>(j * kRow + s);
         const int rays = beam_rays(std::abs(depth_of[n]), 17);
         if (prefilter == Prefilter::Depth && std::abs(depth_of[n]) <= 1.0) continue;
-        bool agree = true;
-        for (int r = std::max(j - 1, 0); r <= std::min(j + 1, kHeight - 1); ++r)
-          for (int k = r == j ? -3 : -1; k <= (r == j ? 3 : 1); ++k) {
-            const int at = s + 3 * k;
-            if (at >= 0 && at < kRow && std::abs(code(r, at) - code(j, s)) > 2) agree = false;
-          }
-        if (agree) {
+        if (all_alike_around(full.frame, 3, j, s)) {
           ++left_out;
           EXPECT_EQ(int{depth.frame.row(j)[s]}, code(j, s));
           continue;
@@ -173,6 +180,23 @@ TEST(DepthPrefilter, GivesTheSameBytesHoweverTheWorkIsDone) {
         EXPECT_EQ(one.frame, rendered(named.scene, deep_stage(), model, options).frame);
       }
     }
+}
+
+/// Whose neighbours are asked, subpixel by subpixel: counted, and by their bytes.
+TEST(DepthPrefilter, TracesNothingWhereAllAroundIsAlike) {
+  const optics::OpticalModel model(make_rig({.width = 60, .height = 40}));
+  for (const testing::NamedScene& named : testing::tiny_scenes()) {
+    const Rendered full = rendered(named.scene, deep_stage(), model, with(Prefilter::Off));
+    const Rendered beam = rendered(named.scene, deep_stage(), model, with(Prefilter::Beam));
+    uint64_t averaged = 0;
+    for (int j = 0; j < 40; ++j)
+      for (int s = 0; s < 180; ++s)
+        if (all_alike_around(full.frame, 3, j, s))
+          EXPECT_EQ(full.frame.row(j)[s], beam.frame.row(j)[s]) << named.name;
+        else
+          ++averaged;
+    EXPECT_EQ(beam.statistics.prefiltered_subpixels, averaged) << named.name;
+  }
 }
 
 TEST(DepthPrefilter, CountsItsRays) {
