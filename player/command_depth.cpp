@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cmath>
+#include <map>
 #include <memory>
 
 #include "frames/image_io.h"
@@ -110,6 +111,22 @@ void print_line(const char* what, double share, const std::string& where) {
   fmt::print("{:<26} {:>6.2f} %   {}\n", what, 100.0 * share, where);
 }
 
+/// Bins are a half wide up to two depths of field, and a whole beyond: enough to be read.
+void print_histogram(const nlohmann::json& r) {
+  const auto group_of = [](double begin) {
+    return begin >= -2.0 && begin < 2.0 ? std::floor(2.0 * begin) / 2.0 : std::floor(begin);
+  };
+  std::map<double, double> shares;
+  for (const auto& bin : r["bins"])
+    shares[group_of(bin["begin"].get<double>())] +=
+        bin["subpixels"].get<double>() / r["subpixels"].get<double>();
+  fmt::print("\n  depths of field    share\n");
+  for (const auto& [begin, share] : shares)
+    fmt::print("  {:>5.1f} to {:>5.1f}  {:>6.2f} %  {}\n", begin,
+               begin + (begin >= -2.0 && begin < 2.0 ? 0.5 : 1.0), 100.0 * share,
+               std::string(static_cast<size_t>(std::lround(50.0 * share)), '#'));
+}
+
 void print_report(const nlohmann::json& r) {
   const auto number = [&](const char* key) { return r[key].get<double>(); };
   const double field_mm = number("depth_of_field_mm");
@@ -127,13 +144,7 @@ void print_report(const nlohmann::json& r) {
              fmt::format("within {:.2f} mm: the same in all views", field_mm / number("views")));
   print_line("behind, beyond it", number("share_behind"), "averages over lenses");
   print_line("nothing", number("share_nothing"), "");
-  fmt::print("\n  depths of field        share\n");
-  for (const auto& bin : r["bins"]) {
-    const double share = bin["subpixels"].get<double>() / number("subpixels");
-    fmt::print("  {:>7.3f} to {:>7.3f}  {:>6.2f} %  {}\n", bin["begin"].get<double>(),
-               bin["end"].get<double>(), 100.0 * share,
-               std::string(static_cast<size_t>(std::lround(50.0 * share)), '#'));
-  }
+  print_histogram(r);
 }
 
 /// Steps, bin by bin.
