@@ -16,7 +16,7 @@ class PlayPlanTest : public testing::Test {
   PlayFlags flags;
   void SetUp() override {
     flags.source = "ring:/nowhere";
-    flags.rig = std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml";
+    flags.rig = LENTICULE_SOURCE_DIR "/scenes/rigs/tiny.toml";
     flags.display = "kms";
   }
   [[nodiscard]] ErrorKind failure() const {
