@@ -288,7 +288,7 @@ void AdaptiveWorker::audit_band(int first_row) {
   counts_.audit += judging;
 }
 
-/// Traces every subpixel of the band, as method full does.
+/// Traces every subpixel of the band, as method full does: no ray is left out.
 void AdaptiveWorker::mend_band(int first_row) {
   const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
   const size_t count = frame_.plan.planes.row_subpixels();
@@ -302,7 +302,9 @@ void AdaptiveWorker::mend_band(int first_row) {
                       .x_mm = x_mm_[at],
                       .tan_x = tan_x_[at]});
   }
+  colours_.tracer().tolerate(0.0F);
   uncertain_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+  judge_exactly(false);
   write_uncertain(first_row);
   counts_.mended += count * static_cast<size_t>(end - first_row);
 }
