@@ -97,7 +97,7 @@ KeyGrid::Between KeyGrid::between(int panel_row) const {
   return between;
 }
 
-GlassRay KeyGrid::ray(int row, int picture, int column) const {
+PanelRay KeyGrid::ray(int row, int picture, int column) const {
   const int odd = picture % 2;
   const RowPlane plane = planes_.plane_at(row * row_step_ - odd * (row_step_ / 2) + height_px_);
   const double x = x_first_ + (column - 0.5 * odd) * x_step_;

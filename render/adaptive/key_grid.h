@@ -63,7 +63,7 @@ class KeyGrid {
   }
   [[nodiscard]] const lookup_kernel::Grid& lookup() const { return lookup_; }
 
-  [[nodiscard]] GlassRay ray(int row, int picture, int column) const;
+  [[nodiscard]] PanelRay ray(int row, int picture, int column) const;
 
   /// Where the point at z of a ray is found in the two pictures beside its view; the same as the
   /// lookup kernel finds.

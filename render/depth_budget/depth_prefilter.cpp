@@ -150,9 +150,7 @@ void DepthPrefilter::Worker::load(const Tile& tile, std::span<const Listed> subp
     if (!takes_part && number >= s.rays) continue;
     channel_[r] = s.subpixel % kColours;
     seeds_[r] = sampling::subpixel_seed(tile.row_begin + s.row, s.subpixel, number);
-    const PanelRay ray = (*s.places)[static_cast<size_t>(number)].displaced(s.middle);
-    set_glass_ray(scene_, start_mm_,
-                  {.x_mm = ray.x_mm, .y_mm = ray.y_mm, .tan_x = ray.tan_x, .tan_y = ray.tan_y},
+    set_glass_ray(scene_, start_mm_, (*s.places)[static_cast<size_t>(number)].displaced(s.middle),
                   packet_[0], r);
   }
 }

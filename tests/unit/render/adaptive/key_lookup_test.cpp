@@ -233,7 +233,7 @@ TEST(KeyGrid, PointsLieWhereTheSamplesSeeThem) {
     for (int n = 0; n < 300; ++n) {
       const int picture = static_cast<int>(random() % 3);
       const int column = static_cast<int>(random() % static_cast<uint64_t>(grid.columns()));
-      const GlassRay ray = grid.ray(2, picture, column);
+      const PanelRay ray = grid.ray(2, picture, column);
       const auto places = grid.places(static_cast<float>(ray.x_mm), static_cast<float>(ray.tan_x),
                                       static_cast<float>(depth(random)));
       const int number = picture * lookup.stride + column;
