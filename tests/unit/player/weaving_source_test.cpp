@@ -129,7 +129,7 @@ TEST_F(WeavingSourceTest, PlaysASequenceInOrderLoopAfterLoop) {
       source.release(lent.token);
     }
     LentFrame none;
-    EXPECT_EQ(source.pull(none), PullStatus::End);
+    EXPECT_EQ(pull_soon(source, none), PullStatus::End);
     ASSERT_TRUE(source.rewind());
   }
 }
