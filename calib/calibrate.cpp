@@ -134,7 +134,7 @@ void start_from(const ViewpointMeasurement& seen, SheetStart& start, const optic
 
 /// Places again and gaps again: a wrong gap puts the camera at a wrong distance, a little.
 std::vector<GapCandidate> Calibrator::search_again(const GapCandidate& better) {
-  SheetValues sheet = start_.values;
+  SheetParameters sheet = start_.values;
   sheet[kGap] = better.gap_mm;
   sheet[kShape] = better.shape;
   if (std::optional<PoseFit> again = fit_poses(views_, sheet, panel_)) poses_ = again;

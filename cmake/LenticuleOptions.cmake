@@ -34,8 +34,14 @@ target_compile_features(lenticule_options INTERFACE cxx_std_20)
 target_compile_options(lenticule_options INTERFACE -ffp-contract=off -fno-math-errno)
 target_compile_definitions(lenticule_options INTERFACE LENTICULE_VERSION="${PROJECT_VERSION}")
 
+# A batch's source keeps names to itself that another's locals may shadow, and types that are no
+# header's: clang-tidy, which knows each source, and builds without batches tell of those.
+set(LENTICULE_SOURCE_WARNINGS -Wshadow)
+if(LENTICULE_BATCHES)
+  set(LENTICULE_SOURCE_WARNINGS $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
+endif()
 target_compile_options(lenticule_options INTERFACE
-  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Wimplicit-fallthrough -Wconversion
+  -Wall -Wextra -Wpedantic ${LENTICULE_SOURCE_WARNINGS} -Wnon-virtual-dtor -Wimplicit-fallthrough -Wconversion
   -Wno-sign-conversion $<$<COMPILE_LANGUAGE:CXX>:-Wold-style-cast>
   $<$<BOOL:${LENTICULE_WERROR}>:-Werror>)
 

@@ -14,7 +14,7 @@ ViewsSource::ViewsSource(std::shared_ptr<const LiveTrim> trim) : trim_(std::move
 void ViewsSource::weave() {
   version_ = trim_->version();
   newest_ = std::make_shared<const frames::WovenFrame>(
-      calib::draw_chart({.pattern = calib::Pattern::NumberedViews, .rig = trim_->rig()}));
+      calib::draw_chart({.pattern = calib::ChartPattern::NumberedViews, .rig = trim_->rig()}));
 }
 
 frames::PullStatus ViewsSource::pull(frames::LentFrame& out) {

@@ -9,7 +9,7 @@
 
 namespace lenticule::calib {
 
-enum class Pattern {
+enum class ChartPattern {
   PixelLines,    ///< lines of one pixel, to see whether the link leaves pixels alone
   Bands,         ///< a comb per band, each with another pitch
   Comb,          ///< white where the eye should look, |place| < 1/8; black elsewhere
@@ -17,12 +17,12 @@ enum class Pattern {
   NumberedViews  ///< every view shows its number, the leftmost 0
 };
 
-/// Bands of Pattern::Bands, from the top; pitches rise from one to the next, and the middle one has
-/// the rig's own.
+/// Bands of ChartPattern::Bands, from the top; pitches rise from one to the next, and the middle
+/// one has the rig's own.
 inline constexpr int kBands = 25;
 
 struct Chart {
-  Pattern pattern = Pattern::Comb;
+  ChartPattern pattern = ChartPattern::Comb;
   /// As edited; its viewing line is where the eye is that looks at the chart.
   optics::Rig rig = {};
   /// Bands: the pitches are the rig's times 1 - reach ... 1 + reach.

@@ -207,19 +207,19 @@ void ChartPainter::paint_rows(int begin, int end, WovenFrame& frame) const {
   for (int j = begin; j < end; ++j) {
     uint8_t* const row = frame.row(j);
     std::fill_n(row, frame.geometry().row_bytes(), uint8_t{0});
-    if (p.chart.pattern == Pattern::PixelLines) {
+    if (p.chart.pattern == ChartPattern::PixelLines) {
       p.line_row(j, row);
       continue;
     }
     p.phases.evaluate(j, 0, panel.width_px, phase);
     switch (p.chart.pattern) {
-      case Pattern::Bands:
+      case ChartPattern::Bands:
         p.band_row(phase, j, row);
         break;
-      case Pattern::TwoViews:
+      case ChartPattern::TwoViews:
         p.two_view_row(phase, row);
         break;
-      case Pattern::NumberedViews:
+      case ChartPattern::NumberedViews:
         p.number_row(phase, j, row);
         break;
       default:

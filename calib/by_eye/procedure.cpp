@@ -322,22 +322,22 @@ double Procedure::eye_distance_mm() const {
   return state_.step == Step::GapByDistance ? state_.second_distance_mm : distance_mm_;
 }
 
-Pattern Procedure::pattern() const {
+ChartPattern Procedure::pattern() const {
   switch (state_.step) {
     case Step::Prepare:
-      return Pattern::PixelLines;
+      return ChartPattern::PixelLines;
     case Step::RoughPitch:
-      return Pattern::Bands;
+      return ChartPattern::Bands;
     case Step::Slant:
     case Step::Pitch:
     case Step::GapByDistance:
-      return other_pattern_ ? Pattern::TwoViews : Pattern::Comb;
+      return other_pattern_ ? ChartPattern::TwoViews : ChartPattern::Comb;
     case Step::Offset:
     case Step::Check:
     case Step::GapByFlips:
-      return other_pattern_ ? Pattern::Comb : Pattern::TwoViews;
+      return other_pattern_ ? ChartPattern::Comb : ChartPattern::TwoViews;
     default:
-      return other_pattern_ ? Pattern::TwoViews : Pattern::NumberedViews;
+      return other_pattern_ ? ChartPattern::TwoViews : ChartPattern::NumberedViews;
   }
 }
 

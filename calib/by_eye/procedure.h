@@ -112,7 +112,7 @@ class Procedure {
   [[nodiscard]] optics::Rig rig_of(const State& state) const;
   [[nodiscard]] std::string problem_of(const State& state) const;
   [[nodiscard]] double presses_of(const KeyPress& press) const;
-  [[nodiscard]] Pattern pattern() const;
+  [[nodiscard]] ChartPattern pattern() const;
 
   optics::Rig start_rig_;
   double distance_mm_;

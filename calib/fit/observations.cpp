@@ -22,8 +22,9 @@ SheetStart sheet_start(const optics::Rig& rig) {
   return start;
 }
 
-void put_sheet(const SheetValues& values, const KnotGrid& grid, const std::vector<double>& knots,
-               const optics::Panel& panel, optics::LensSheet& sheet) {
+void put_sheet(const SheetParameters& values, const KnotGrid& grid,
+               const std::vector<double>& knots, const optics::Panel& panel,
+               optics::LensSheet& sheet) {
   sheet.pitch = Subpixels(1.5 * panel.width_px / values[kAcross]);
   sheet.slant = values[kDown] / values[kAcross] * panel.width_px / panel.height_px;
   sheet.offset = Lenses(values[kOffset] - std::floor(values[kOffset] + 0.5));

@@ -14,7 +14,7 @@ namespace lenticule::calib {
 
 using CameraValues = std::array<double, kCameraCount>;
 using PoseValues = std::array<double, kPoseCount>;
-using SheetValues = std::array<double, kSheetCount>;
+using SheetParameters = std::array<double, kSheetCount>;
 
 /// One block's phase: what the fringes show there, theta / 2 pi = s / pitch - Phi (mod 1).
 struct PhaseObservation {
@@ -34,7 +34,7 @@ struct View {
 
 /// The starting point: what the rig file says, and what is held when it cannot be told.
 struct SheetStart {
-  SheetValues values{};
+  SheetParameters values{};
   double gap_tolerance = 0.5;     ///< relative standard deviation of the gap believed in
   double shape_tolerance = 0.15;  ///< standard deviation of the refraction shape believed in
 };
@@ -42,14 +42,15 @@ struct SheetStart {
 struct FitValues {
   CameraValues camera{};
   std::vector<PoseValues> poses;
-  SheetValues sheet{};
+  SheetParameters sheet{};
   std::vector<double> knots;  ///< of the residual map
 };
 
 [[nodiscard]] SheetStart sheet_start(const optics::Rig& rig);
 /// Writes pitch, slant, offset, gap, shape and residual map into a sheet.
-void put_sheet(const SheetValues& values, const KnotGrid& grid, const std::vector<double>& knots,
-               const optics::Panel& panel, optics::LensSheet& sheet);
+void put_sheet(const SheetParameters& values, const KnotGrid& grid,
+               const std::vector<double>& knots, const optics::Panel& panel,
+               optics::LensSheet& sheet);
 
 [[nodiscard]] View view_of(const ViewpointMeasurement& measured, const optics::Panel& panel);
 

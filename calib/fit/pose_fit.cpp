@@ -60,7 +60,8 @@ std::optional<PoseValues> first_pose(const View& view, const CameraValues& camer
 /// One bundle of all views from a given first focal length.
 class PoseBundle {
  public:
-  PoseBundle(const std::vector<View>& views, const SheetValues& sheet, const optics::Panel& panel)
+  PoseBundle(const std::vector<View>& views, const SheetParameters& sheet,
+             const optics::Panel& panel)
       : views_(views), panel_(panel), sheet_(sheet) {}
 
   std::optional<PoseFit> from(double focal_widths, int rounds) {
@@ -105,13 +106,13 @@ class PoseBundle {
 
   const std::vector<View>& views_;
   const optics::Panel& panel_;
-  SheetValues sheet_;
+  SheetParameters sheet_;
   PoseFit fit_;
 };
 
 }  // namespace
 
-std::optional<PoseFit> fit_poses(const std::vector<View>& views, const SheetValues& sheet,
+std::optional<PoseFit> fit_poses(const std::vector<View>& views, const SheetParameters& sheet,
                                  const optics::Panel& panel) {
   for (const View& view : views)
     if (view.geometry.size() < 12) return std::nullopt;

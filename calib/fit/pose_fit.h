@@ -18,7 +18,7 @@ struct PoseFit {
 /// the focal length. Empty if no such camera exists. With views that all face the panel squarely
 /// the focal length follows a loose belief of 0.9 picture widths.
 [[nodiscard]] std::optional<PoseFit> fit_poses(const std::vector<View>& views,
-                                               const SheetValues& sheet,
+                                               const SheetParameters& sheet,
                                                const optics::Panel& panel);
 
 }  // namespace lenticule::calib

@@ -39,7 +39,7 @@ Prediction::Prediction(const JointFit& fit, const KnotGrid& grid, const optics::
 
 /// Another pitch changes the phase in proportion to the lenses across and down.
 void Prediction::add(const LawError& law) {
-  const SheetValues& s = fit_.values.sheet;
+  const SheetParameters& s = fit_.values.sheet;
   VectorXd pitch = VectorXd::Zero(covariance_.rows());
   pitch[kAcross] = law.pitch_lenses;
   pitch[kDown] = law.pitch_lenses * s[kDown] / s[kAcross];
@@ -57,7 +57,7 @@ double Prediction::map_at(Vec2 panel_px) const {
   return sum;
 }
 
-double Prediction::phase(const SheetValues& sheet, Vec2 panel_px, const Vec3& eye_mm) const {
+double Prediction::phase(const SheetParameters& sheet, Vec2 panel_px, const Vec3& eye_mm) const {
   const PoseValues pose{0, 0, 0, eye_mm.x, eye_mm.y, eye_mm.z};
   const PlanePoint<double> wanted{panel_.x_mm(panel_px.x), panel_.y_mm(panel_px.y)};
   PlanePoint<double> lens = wanted;
@@ -72,7 +72,7 @@ double Prediction::phase(const SheetValues& sheet, Vec2 panel_px, const Vec3& ey
 VectorXd Prediction::gradient(Vec2 panel_px, const Vec3& eye_mm) const {
   VectorXd out = VectorXd::Zero(covariance_.rows());
   for (int k = 0; k < kSheetCount; ++k) {
-    SheetValues more = fit_.values.sheet, less = more;
+    SheetParameters more = fit_.values.sheet, less = more;
     const double step = 1e-4 * std::max(1e-2, std::abs(more[static_cast<size_t>(k)]));
     more[static_cast<size_t>(k)] += step;
     less[static_cast<size_t>(k)] -= step;
@@ -107,7 +107,7 @@ EffectiveLine Prediction::effective_line(const Vec3& eye_mm) const {
 }
 
 SheetReport Prediction::sheet_report() const {
-  const SheetValues& s = fit_.values.sheet;
+  const SheetParameters& s = fit_.values.sheet;
   const double pitch = 1.5 * panel_.width_px / s[kAcross];
   const double aspect = static_cast<double>(panel_.width_px) / panel_.height_px;
   const double slant = s[kDown] / s[kAcross] * aspect;

@@ -18,7 +18,7 @@ struct EffectiveLine {
 };
 
 struct SheetReport {
-  std::vector<Parameter> parameters;  ///< in the order of SheetValues
+  std::vector<Parameter> parameters;  ///< in the order of SheetParameters
   std::vector<std::vector<double>> correlations;
 };
 
@@ -46,7 +46,7 @@ class Prediction {
   void add(const LawError& law);
   /// d Phi / d (sheet, knots) at a panel point for an eye.
   [[nodiscard]] Eigen::VectorXd gradient(Vec2 panel_px, const Vec3& eye_mm) const;
-  [[nodiscard]] double phase(const SheetValues& sheet, Vec2 panel_px, const Vec3& eye_mm) const;
+  [[nodiscard]] double phase(const SheetParameters& sheet, Vec2 panel_px, const Vec3& eye_mm) const;
   [[nodiscard]] double map_at(Vec2 panel_px) const;
 
   const JointFit& fit_;

@@ -80,7 +80,7 @@ TEST_F(LiveTrimTest, ViewsFollowWhileLentFramesStay) {
   const auto trim = std::make_shared<LiveTrim>(rig_file_);
   ViewsSource source(trim);
   const auto woven_for = [](const optics::Rig& rig) {
-    return calib::draw_chart({.pattern = calib::Pattern::NumberedViews, .rig = rig});
+    return calib::draw_chart({.pattern = calib::ChartPattern::NumberedViews, .rig = rig});
   };
   const auto same = [](const frames::FrameView& a, const frames::WovenFrame& b) {
     return std::equal(a.bytes.begin(), a.bytes.end(), b.bytes().begin(), b.bytes().end());

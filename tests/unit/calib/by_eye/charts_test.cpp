@@ -62,7 +62,7 @@ bool lit(const WovenFrame& frame, const Place& p) {
 
 TEST(Charts, ACombLightsAQuarterOfEveryLens) {
   const optics::Rig rig = chart_rig();
-  const WovenFrame frame = draw_chart({.pattern = Pattern::Comb, .rig = rig});
+  const WovenFrame frame = draw_chart({.pattern = ChartPattern::Comb, .rig = rig});
   for (const Place& p : random_places(rig)) {
     if (std::abs(std::abs(p.place) - 0.125) < 1e-7) continue;
     ASSERT_EQ(lit(frame, p), std::abs(p.place) < 0.125) << p.i << ' ' << p.j << ' ' << p.channel;
@@ -73,7 +73,7 @@ TEST(Charts, BandsAreCombsOfTheirOwnPitch) {
   const optics::Rig rig = chart_rig();
   constexpr double kReach = 0.1;
   const WovenFrame frame =
-      draw_chart({.pattern = Pattern::Bands, .rig = rig, .band_reach = kReach, .cursor = 0});
+      draw_chart({.pattern = ChartPattern::Bands, .rig = rig, .band_reach = kReach, .cursor = 0});
   for (const int band : {1, 7, 12, 24}) {
     optics::Rig own = rig;
     const SheetValues seen = sheet_values(rig, 600.0);
@@ -93,8 +93,8 @@ TEST(Charts, BandsAreCombsOfTheirOwnPitch) {
 }
 
 TEST(Charts, TheMarkedBandIsBlueAtBothEnds) {
-  const WovenFrame frame =
-      draw_chart({.pattern = Pattern::Bands, .rig = chart_rig(), .band_reach = 0.01, .cursor = 3});
+  const WovenFrame frame = draw_chart(
+      {.pattern = ChartPattern::Bands, .rig = chart_rig(), .band_reach = 0.01, .cursor = 3});
   for (const int x : {0, 460})
     for (const int band : {2, 3, 4}) {
       int blue = 0;
@@ -108,7 +108,7 @@ TEST(Charts, TheMarkedBandIsBlueAtBothEnds) {
 
 TEST(Charts, TwoViewsAreRedForTheLeftEyeAndGreenForTheRight) {
   const optics::Rig rig = chart_rig();
-  const WovenFrame frame = draw_chart({.pattern = Pattern::TwoViews, .rig = rig});
+  const WovenFrame frame = draw_chart({.pattern = ChartPattern::TwoViews, .rig = rig});
   for (const Place& p : random_places(rig)) {
     if (std::abs(p.place) < 1e-7 || std::abs(p.place) > 0.5 - 1e-7) continue;
     const bool wanted = p.channel == 0 ? p.place > 0 : p.channel == 1 && p.place < 0;
@@ -131,7 +131,7 @@ TEST(Charts, TwoViewsAreRedForTheLeftEyeAndGreenForTheRight) {
 /// Three numbers at 7.6 subpixels a lens: 0 has 19 dots, 1 has 13 and 2 has 15.
 TEST(Charts, NumbersCountUpToTheRight) {
   const optics::Rig rig = chart_rig();
-  const WovenFrame frame = draw_chart({.pattern = Pattern::NumberedViews, .rig = rig});
+  const WovenFrame frame = draw_chart({.pattern = ChartPattern::NumberedViews, .rig = rig});
   const optics::OpticalModel model(rig);
   const double lobe = model.lobe_width_mm(600.0);
   const auto light_at = [&](double x_mm) {
@@ -147,7 +147,7 @@ TEST(Charts, NumbersCountUpToTheRight) {
 }
 
 TEST(Charts, PixelLinesAreOnePixelWide) {
-  const WovenFrame frame = draw_chart({.pattern = Pattern::PixelLines, .rig = chart_rig()});
+  const WovenFrame frame = draw_chart({.pattern = ChartPattern::PixelLines, .rig = chart_rig()});
   for (const int j : {0, 1, 100}) {
     for (int i = 0; i < 480; ++i) {
       const uint8_t* p = frame.row(j) + 3 * static_cast<ptrdiff_t>(i);
@@ -158,7 +158,7 @@ TEST(Charts, PixelLinesAreOnePixelWide) {
 }
 
 TEST(Charts, WordsAndMagnifierStayInTheirPlaces) {
-  Chart chart{.pattern = Pattern::Comb, .rig = chart_rig()};
+  Chart chart{.pattern = ChartPattern::Comb, .rig = chart_rig()};
   const WovenFrame plain = draw_chart(chart);
   chart.magnifier = true;
   chart.words = {"2 of 9: slant", std::string(2000, 'x')};
@@ -181,8 +181,9 @@ TEST(Charts, SmallestAndOddestPanelsAreDrawn) {
     optics::Rig rig = chart_rig();
     rig.panel.width_px = width;
     rig.panel.height_px = height;
-    for (const Pattern pattern : {Pattern::PixelLines, Pattern::Bands, Pattern::Comb,
-                                  Pattern::TwoViews, Pattern::NumberedViews}) {
+    for (const ChartPattern pattern :
+         {ChartPattern::PixelLines, ChartPattern::Bands, ChartPattern::Comb, ChartPattern::TwoViews,
+          ChartPattern::NumberedViews}) {
       const WovenFrame frame = draw_chart({.pattern = pattern,
                                            .rig = rig,
                                            .band_reach = 0.1,

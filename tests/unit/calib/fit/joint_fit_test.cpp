@@ -26,7 +26,7 @@ class FitStage {
 
   [[nodiscard]] const std::vector<View>& views() const { return views_; }
   [[nodiscard]] const optics::Panel& panel() const { return panel_; }
-  [[nodiscard]] const SheetValues& truth() const { return truth_; }
+  [[nodiscard]] const SheetParameters& truth() const { return truth_; }
   [[nodiscard]] SheetStart start(double gap_factor) const {
     SheetStart start{.values = truth_};
     start.values[kGap] *= gap_factor;
@@ -79,7 +79,7 @@ class FitStage {
 
   std::mt19937 random_;
   optics::Panel panel_;
-  SheetValues truth_{};
+  SheetParameters truth_{};
   std::vector<View> views_;
 };
 

@@ -29,7 +29,7 @@ optics::Rig rig_with_map() {
 TEST(Projection, PhasesAreTheOpticalModels) {
   const optics::Rig rig = rig_with_map();
   const optics::OpticalModel model(rig);
-  const SheetValues sheet = sheet_start(rig).values;
+  const SheetParameters sheet = sheet_start(rig).values;
   std::mt19937 random(9);
   std::uniform_real_distribution<double> share(-1.0, 1.0);
   for (int n = 0; n < 300; ++n) {

@@ -111,7 +111,7 @@ TEST(WidePatterns, SeeALongerGapAlongTheLensesAndOneLongerStillAcross) {
   panel.height_px = 1000;
   panel.pixel_width = panel.pixel_height = Millimetres(0.1);
   const PoseValues pose{0, 0, 0, 200.0, 100.0, 500.0};
-  SheetValues sheet{250.0, 0.0, 0.0, 2.0, 0.4, 0.0, 0.0};  // upright
+  SheetParameters sheet{250.0, 0.0, 0.0, 2.0, 0.4, 0.0, 0.0};  // upright
   const PlanePoint<double> lens{10.0, -20.0};
   const PlanePoint<double> plain = panel_point(pose.data(), sheet.data(), lens);
   sheet[kSag] = 0.03;
