@@ -87,12 +87,12 @@ inline Doubles first_root(const Doubles& low, const Wide& low_counts, const Doub
 inline Doubles distance(const Sphere& sphere, const Vector& origin, const Vector& direction,
                         const Doubles& near, const Doubles& far) {
   const Vector centre = spread(sphere.centre);
-  const Doubles squared = dot(direction, direction);
-  const Doubles nearest = dot(centre - origin, direction) / squared;
+  const Doubles per_squared = 1.0 / dot(direction, direction);
+  const Doubles nearest = dot(centre - origin, direction) * per_squared;
   const Vector off = origin + direction * nearest - centre;
-  const Doubles half_squared = (sphere.radius * sphere.radius - dot(off, off)) / squared;
-  const Wide meets = half_squared >= 0.0;
-  const Doubles half = root(meets ? half_squared : Doubles{});
+  const Doubles inside = sphere.radius * sphere.radius - dot(off, off);
+  const Wide meets = inside >= 0.0;
+  const Doubles half = root(meets ? inside * per_squared : Doubles{});
   return first_root(nearest - half, meets, nearest + half, meets, near, far);
 }
 

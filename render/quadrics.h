@@ -2,6 +2,10 @@
 // Spheres and open cones met by rays, in closed form and double precision.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
 #include "optics/vec.h"
 
 namespace lenticule::render {
@@ -32,11 +36,12 @@ struct Roots {
 
 /// Real roots of a t^2 + 2 half_b t + c, without the cancellation of the textbook formula; a may be
 /// zero. A double root counts twice.
-[[nodiscard]] Roots quadratic_roots(double a, double half_b, double c);
+[[nodiscard]] inline Roots quadratic_roots(double a, double half_b, double c);
 
-/// `direction` need not have unit length.
-[[nodiscard]] Roots meet(const SphereShape& sphere, Vec3 origin, Vec3 direction);
-[[nodiscard]] Roots meet(const ConeShape& cone, Vec3 origin, Vec3 direction);
+/// `direction` need not have unit length. Defined here because Embree asks ray by ray where few
+/// rays of a packet are left: a call takes longer than the answer.
+[[nodiscard]] inline Roots meet(const SphereShape& sphere, Vec3 origin, Vec3 direction);
+[[nodiscard]] inline Roots meet(const ConeShape& cone, Vec3 origin, Vec3 direction);
 
 /// The first root in (t_min, t_max), or t_max where there is none.
 [[nodiscard]] inline double first_root(const Roots& roots, double t_min, double t_max) {
@@ -62,5 +67,47 @@ struct Box {
 };
 [[nodiscard]] Box box_of(const SphereShape& sphere);
 [[nodiscard]] Box box_of(const ConeShape& cone);
+
+inline Roots quadratic_roots(double a, double half_b, double c) {
+  const double discriminant = half_b * half_b - a * c;
+  if (!(discriminant >= 0.0)) return {};
+  // Both terms of q have one sign, so nothing cancels; the other root follows from the product.
+  const double q = -(half_b + std::copysign(std::sqrt(discriminant), half_b));
+  if (q == 0.0) return a == 0.0 ? Roots{} : Roots{.count = 2, .t = {0.0, 0.0}};
+  if (a == 0.0) return {.count = 1, .t = {c / q, 0.0}};
+  const auto [low, high] = std::minmax({q / a, c / q});
+  return {.count = 2, .t = {low, high}};
+}
+
+inline Roots meet(const SphereShape& sphere, Vec3 origin, Vec3 direction) {
+  // From the point of the line nearest to the centre: no large squares cancel, however far away the
+  // ray starts.
+  const double per_squared = 1.0 / dot(direction, direction);
+  const double nearest = dot(sphere.centre - origin, direction) * per_squared;
+  const Vec3 off_centre = origin + direction * nearest - sphere.centre;
+  const double inside = sphere.radius * sphere.radius - dot(off_centre, off_centre);
+  if (!(inside >= 0.0)) return {};
+  const double half_chord = std::sqrt(inside * per_squared);
+  return {.count = 2, .t = {nearest - half_chord, nearest + half_chord}};
+}
+
+inline Roots meet(const ConeShape& cone, Vec3 origin, Vec3 direction) {
+  const Vec3 from_base = origin - cone.base;
+  const double along = dot(from_base, cone.axis);
+  const double along_step = dot(direction, cone.axis);
+  const Vec3 across = from_base - cone.axis * along;
+  const Vec3 across_step = direction - cone.axis * along_step;
+  const double radius = cone.base_radius + cone.slope * along;
+  const double radius_step = cone.slope * along_step;
+  const Roots whole = quadratic_roots(dot(across_step, across_step) - radius_step * radius_step,
+                                      dot(across, across_step) - radius * radius_step,
+                                      dot(across, across) - radius * radius);
+  Roots kept;
+  for (int i = 0; i < whole.count; ++i) {
+    const double s = along + whole.t[i] * along_step;
+    if (s >= 0.0 && s <= cone.height) kept.t[kept.count++] = whole.t[i];
+  }
+  return kept;
+}
 
 }  // namespace lenticule::render

@@ -19,12 +19,12 @@ constexpr double kMostBeyond = 0.03;
 }  // namespace
 
 AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& whole,
-                             frames::WovenFrame& frame)
+                             KeySamples& memory, frames::WovenFrame& frame)
     : plan(of),
       grid(keys),
       scene(whole.impl()),
       out(frame),
-      samples(keys),
+      samples(memory),
       groups(whole.impl()),
       sweep(of.planes, whole),
       encoder(whole.impl().colour_managed),
@@ -32,6 +32,7 @@ AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const 
   for (size_t at = 0; at < backdrop.size(); ++at)
     backdrop[at] = encoder.code(
         static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
+  samples.begin(keys);
 }
 
 AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)

@@ -28,14 +28,15 @@ struct AdaptivePlan {
 
 /// Shared by the threads: first samples are taken, then bends marked, then bands of rows rendered.
 struct AdaptiveFrame {
-  AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& scene,
+  /// `memory` is taken for the samples.
+  AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& scene, KeySamples& memory,
                 frames::WovenFrame& frame);
 
   const AdaptivePlan& plan;
   const KeyGrid& grid;
   const Scene::Impl& scene;
   frames::WovenFrame& out;
-  KeySamples samples;
+  KeySamples& samples;
   SurfaceGroups groups;
   RowSweep sweep;
   LightEncoder encoder;

@@ -124,6 +124,10 @@ inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row&
   const Masks key_a = gather(interval.key, a.index) & a.inside;
   const Masks key_b = gather(interval.key, b.index) & b.inside;
   const Masks in_a = (key_a == group) & seen, in_b = (key_b == group) & seen;
+  if (!any(in_a | in_b)) {
+    write(select(seen, Masks::of(kUnknown), Masks::of(kNothing)), states + at);
+    return;
+  }
   const Floats from_a = value_at(interval, a, plane);
   const Floats from_b = value_at(interval, b, plane);
 

@@ -32,15 +32,21 @@ Agreement Agreement::for_error(double codes) {
           .little = static_cast<float>(0.5 * codes / 255.0)};
 }
 
-KeySamples::KeySamples(const KeyGrid& grid)
-    : grid_(grid),
-      row_samples_(grid.row_samples()),
-      // The lookup reads an element past the one that it asks for.
-      values_(3 * row_samples_ * static_cast<size_t>(grid.rows()) + 2),
-      groups_(row_samples_ * static_cast<size_t>(grid.rows())),
-      ways_(groups_.size()),
-      lights_(groups_.size()),
-      bends_(groups_.size()) {}
+void KeySamples::begin(const KeyGrid& grid) {
+  grid_ = &grid;
+  if (rows_ == grid.rows() && columns_ == grid.columns() && row_samples_ == grid.row_samples())
+    return;
+  rows_ = grid.rows();
+  columns_ = grid.columns();
+  row_samples_ = grid.row_samples();
+  const size_t count = row_samples_ * static_cast<size_t>(rows_);
+  // What pads the rows stays zero. The lookup reads an element past the one that it asks for.
+  values_.assign(3 * count + 2, 0);
+  groups_.assign(count, 0);
+  ways_.assign(count, 0);
+  lights_.assign(count, {});
+  bends_.assign(count, 0);
+}
 
 namespace {
 
@@ -72,7 +78,7 @@ KeySamples::Sample middle(const KeySamples::Sample& a, const KeySamples::Sample&
 }  // namespace
 
 void KeySamples::set(int row, int picture, int column, const Sample& sample) {
-  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_.stride()) +
+  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_->stride()) +
                         static_cast<size_t>(column);
   const size_t at = static_cast<size_t>(row) * row_samples_ + in_row;
   for (size_t c = 0; c < 3; ++c)
@@ -90,8 +96,9 @@ bool KeySamples::is_quiet(int top, size_t in_row, int left) const {
     return static_cast<size_t>(r) * row_samples_ + in_row + static_cast<size_t>(c);
   };
   const size_t first = place(top, left);
-  const int end_row = std::min(top + kCoarse + kAround, grid_.rows() - 1);
-  const int end_column = std::min(left + kCoarse + kAround, grid_.columns() - 1);
+  if (groups_[first] == SurfaceGroups::kNothing) return true;  // its ways are all the same
+  const int end_row = std::min(top + kCoarse + kAround, rows_ - 1);
+  const int end_column = std::min(left + kCoarse + kAround, columns_ - 1);
   for (int r = std::max(top - kAround, 0); r <= end_row; r += kCoarse)
     for (int c = std::max(left - kAround, 0); c <= end_column; c += kCoarse)
       if (groups_[place(r, c)] == groups_[first] && ways_[place(r, c)] != ways_[first])
@@ -113,8 +120,8 @@ std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, in
 }
 
 bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement) {
-  if (top + kCoarse >= grid_.rows() || left + kCoarse >= grid_.columns()) return false;
-  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_.stride());
+  if (top + kCoarse >= rows_ || left + kCoarse >= columns_) return false;
+  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_->stride());
   const std::array<Sample, 4> corner = corners(top, in_row, left);
   if (!show_one_thing(corner, agreement.coarse) || !is_quiet(top, in_row, left)) return false;
   const Sample above = middle(corner[0], corner[1]), below = middle(corner[2], corner[3]);
@@ -128,7 +135,7 @@ bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement
 void KeySamples::mark_bends(int row, const Agreement& agreement) {
   const size_t first = static_cast<size_t>(row) * row_samples_;
   const size_t above = row > 0 ? first - row_samples_ : first;
-  const size_t below = row + 1 < grid_.rows() ? first + row_samples_ : first;
+  const size_t below = row + 1 < rows_ ? first + row_samples_ : first;
   const auto alike = [&](size_t a, size_t b) {
     return groups_[a] == groups_[b] && ways_[a] == ways_[b];
   };
@@ -193,7 +200,7 @@ KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreemen
                                        bool colour_managed) const {
   Corners corners;
   float weight_of_pictures = 0.0F;  // that show the surface
-  for (const KeyGrid::Place& place : grid_.places(p.x, p.tan, p.z)) {
+  for (const KeyGrid::Place& place : grid_->places(p.x, p.tan, p.z)) {
     if (!place.inside) continue;
     const int before = corners.count;
     const float of_row_below = p.rows.part[place.odd];
@@ -213,7 +220,7 @@ KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreemen
   Settled settled = corners.settled;
   const float most = corners.same_way ? agreement.secondary : 0.5F * agreement.secondary;
   // From other places, other things are mirrored.
-  const bool from_near = weight_of_pictures >= 1.0F - grid_.lookup().near;
+  const bool from_near = weight_of_pictures >= 1.0F - grid_->lookup().near;
   settled.secondary_known = from_near && corners.apart(colour_managed) <= most;
   settled.secondary = corners.sum / corners.weights;
   settled.around_known = corners.most_around - corners.least_around <= agreement.around;
@@ -223,9 +230,9 @@ KeySamples::Settled KeySamples::settle(const Point& p, const Agreement& agreemen
 
 void KeySamples::find_cells(int row, int picture, const Agreement& agreement,
                             uint32_t* keys) const {
-  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_.stride());
+  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_->stride());
   const size_t first = static_cast<size_t>(row) * row_samples_ + in_row;
-  const auto last = static_cast<size_t>(grid_.stride()) - 1;
+  const auto last = static_cast<size_t>(grid_->stride()) - 1;
   keys[last] = 0;
   for (size_t n = 0; n < last; ++n) {
     const size_t at = first + n;

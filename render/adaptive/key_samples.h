@@ -35,7 +35,11 @@ struct Agreement {
 /// One frame's samples. Rows may be filled by different threads; cells are read-only afterwards.
 class KeySamples {
  public:
-  explicit KeySamples(const KeyGrid& grid);
+  KeySamples() = default;
+  explicit KeySamples(const KeyGrid& grid) { begin(grid); }
+  /// Another frame, whose grid outlives its use. Memory is kept where the grid is as large as the
+  /// last one: all samples must be set again.
+  void begin(const KeyGrid& grid);
 
   /// What a sample's light is made of, see PacketTracer::Notes.
   struct Light {
@@ -88,8 +92,9 @@ class KeySamples {
   [[nodiscard]] std::array<Sample, 4> corners(int top, size_t in_row, int left) const;
   [[nodiscard]] bool is_quiet(int top, size_t in_row, int left) const;
 
-  const KeyGrid& grid_;
-  size_t row_samples_;
+  const KeyGrid* grid_ = nullptr;
+  int rows_ = 0, columns_ = 0;
+  size_t row_samples_ = 0;
   std::vector<uint16_t> values_;  ///< [row][channel][picture][column]
   std::vector<uint32_t> groups_;  ///< [row][picture][column]
   std::vector<uint32_t> ways_;

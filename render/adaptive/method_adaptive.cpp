@@ -93,7 +93,7 @@ class AdaptiveMethod final : public Method {
     cancelled_ = false;
     const KeyGrid grid(planes_, stage, reach_,
                        spacing_for(planes_, reach_, is_shiny(scene.impl())));
-    AdaptiveFrame frame(plan_, grid, scene, out);
+    AdaptiveFrame frame(plan_, grid, scene, samples_, out);
     Workers workers([&] { return AdaptiveWorker(frame); });
     arena_.execute([&] {
       take_samples(frame, workers);
@@ -183,6 +183,7 @@ class AdaptiveMethod final : public Method {
   TilePlan tiles_;
   AdaptivePlan plan_;
   LastFrame last_;
+  KeySamples samples_;            ///< their memory is kept from frame to frame
   std::unique_ptr<Method> full_;  ///< made when it is needed
   std::atomic<bool> cancelled_{false};
   tbb::task_arena arena_;
