@@ -72,6 +72,7 @@ class AdaptiveMethod final : public Method {
  public:
   AdaptiveMethod(const optics::OpticalModel& model, const RenderOptions& options)
       : options_(with_few_proofs(options)),
+        full_options_(options),
         planes_(model, options.isa),
         reach_(reach_of(planes_)),
         tiles_(model.rig()),
@@ -95,14 +96,18 @@ class AdaptiveMethod final : public Method {
                        spacing_for(planes_, reach_, is_shiny(scene.impl())));
     AdaptiveFrame frame(plan_, grid, scene, samples_, out);
     Workers workers([&] { return AdaptiveWorker(frame); });
+    bool pays = true;
     arena_.execute([&] {
       take_samples(frame, workers);
       mark_bends(frame);
-      render_bands(workers);
+      render_bands(workers, Bands::OnTrial);
+      pays = trial_pays(workers);
+      if (pays) render_bands(workers, Bands::Others);
     });
-    RenderStatistics statistics = statistics_of(workers, out.bytes().size());
-    statistics.completed = !cancelled_;
-    if (options_.copy_unchanged && !cancelled_) last_.keep(scene.impl(), out);
+    RenderStatistics statistics =
+        pays ? statistics_of(workers, out.bytes().size()) : full().render(scene, stage, out);
+    statistics.completed = statistics.completed && !cancelled_;
+    if (options_.copy_unchanged && statistics.completed) last_.keep(scene.impl(), out);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     statistics.seconds = elapsed.count();
     return statistics;
@@ -110,9 +115,9 @@ class AdaptiveMethod final : public Method {
 
  private:
   /// For stages so flat or so deep that rays leave the range of numbers: it knows ray by ray what
-  /// to do with them.
+  /// to do with them. And for frames of which the audit sends most back.
   Method& full() {
-    if (!full_) full_ = make_method_full(planes_.model(), options_);
+    if (!full_) full_ = make_method_full(planes_.model(), full_options_);
     return *full_;
   }
 
@@ -150,10 +155,30 @@ class AdaptiveMethod final : public Method {
                 [&](int row) { frame.samples.mark_bends(row, plan_.agreement); });
   }
 
-  void render_bands(Workers& workers) {
+  /// A few bands, spread over the frame, tell whether the others are worth it.
+  enum class Bands { OnTrial, Others };
+  static bool is_on_trial(int band) {
+    constexpr int kOneIn = 16;
+    return band % kOneIn == kOneIn / 2;
+  }
+
+  void render_bands(Workers& workers, Bands which) {
     constexpr int kBand = AdaptiveWorker::kBand;
-    in_parallel((planes_.rows() + kBand - 1) / kBand,
-                [&](int band) { workers.local().render_band(band * kBand); });
+    in_parallel((planes_.rows() + kBand - 1) / kBand, [&](int band) {
+      if (is_on_trial(band) == (which == Bands::OnTrial)) workers.local().render_band(band * kBand);
+    });
+  }
+
+  /// What is sent back is traced twice. Where four fifths of what was on trial were, method full
+  /// takes less time for the whole frame; a single band says too little.
+  bool trial_pays(Workers& workers) const {
+    uint64_t rendered = 0, mended = 0;
+    for (AdaptiveWorker& worker : workers) {
+      rendered += worker.counts().interpolated + worker.counts().shaded;
+      mended += worker.counts().mended;
+    }
+    const uint64_t band = static_cast<uint64_t>(AdaptiveWorker::kBand) * planes_.row_subpixels();
+    return rendered <= band || 5 * mended <= 4 * rendered;
   }
 
   static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {
@@ -178,6 +203,7 @@ class AdaptiveMethod final : public Method {
   }
 
   RenderOptions options_;
+  RenderOptions full_options_;
   RowPlanes planes_;
   RayReach reach_;
   TilePlan tiles_;

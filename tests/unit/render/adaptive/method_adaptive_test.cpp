@@ -154,8 +154,9 @@ TEST(MethodAdaptive, ShowsSkiesAndEmptyScenesAsFullDoes) {
   }
 }
 
-/// Samples a few pixels apart know nothing of such detail: the audit finds it out.
-TEST(MethodAdaptive, MendsWhatSamplesMiss) {
+/// A sheet in the glass with as many stripes as there are rows of samples, nearly: each row of
+/// samples sees one shade.
+SceneDescription finely_striped(const optics::Rig& rig) {
   SceneDescription scene;
   scene.colour_managed = false;
   scene.ambient = Vec3{1, 1, 1};
@@ -165,23 +166,40 @@ TEST(MethodAdaptive, MendsWhatSamplesMiss) {
   scene.background = {1, 1, 1};
   auto stripes = std::make_shared<Texture>();
   stripes->width = 1;
-  // As many stripes as there are rows of samples, nearly: each row of samples sees one shade.
-  stripes->height = 4 * 60;
+  stripes->height = rig.panel.height_px;
   for (int n = 0; n < stripes->height; ++n)
     for (int c = 0; c < 4; ++c) stripes->rgba.push_back(n % 4 == 1 || n % 4 == 3 ? 0.2F : 0.9F);
   scene.textures = {stripes};
-  TriangleMesh sheet = testing::rectangle_mesh({-40, -24, 0}, {80, 0, 0}, {0, 48, 0}, 0);
+  const double width = rig.panel.width_px * rig.panel.pixel_width.value;
+  const double height = rig.panel.height_px * rig.panel.pixel_height.value;
+  TriangleMesh sheet =
+      testing::rectangle_mesh({-width / 2, -height / 2, 0}, {width, 0, 0}, {0, height, 0}, 0);
   for (const Vec3& p : sheet.positions)
     sheet.uvs.push_back(
-        {static_cast<float>((p.x + 40.0) / 80.0), static_cast<float>((24.0 - p.y) / 48.0)});
+        {static_cast<float>(p.x / width + 0.5), static_cast<float>(0.5 - p.y / height)});
   scene.meshes = {sheet};
-  const optics::Rig rig = wide_rig();
+  return scene;
+}
+
+struct Pair {
+  frames::WovenFrame full, adaptive;
+  RenderStatistics statistics;  ///< of adaptive
+};
+
+Pair rendered_striped(const optics::Rig& rig) {
   const optics::OpticalModel model(rig);
   const Stage stage = make_tiny_stage({.mm_per_unit = 1.0});
-  const Scene committed(scene, stage, {}, 1);
-  frames::WovenFrame full({rig.panel.width_px, rig.panel.height_px}), adaptive = full;
-  (void)make_method("full", model, {})->render(committed, stage, full);
-  const RenderStatistics s = make_method("adaptive", model, {})->render(committed, stage, adaptive);
+  const Scene committed(finely_striped(rig), stage, {}, 1);
+  const frames::FrameGeometry geometry{rig.panel.width_px, rig.panel.height_px};
+  Pair out{frames::WovenFrame(geometry), frames::WovenFrame(geometry), {}};
+  (void)make_method("full", model, {})->render(committed, stage, out.full);
+  out.statistics = make_method("adaptive", model, {})->render(committed, stage, out.adaptive);
+  return out;
+}
+
+/// Samples a few pixels apart know nothing of such detail: the audit finds it out.
+TEST(MethodAdaptive, MendsWhatSamplesMiss) {
+  const auto [full, adaptive, s] = rendered_striped(wide_rig());
   const Difference off = compare(full, adaptive);
   EXPECT_LE(off.beyond, s.beyond_bound);
   EXPECT_LT(off.beyond, 0.08);
@@ -189,6 +207,15 @@ TEST(MethodAdaptive, MendsWhatSamplesMiss) {
   uint64_t other = 0;  // a rounding may take a ray over a stripe's edge
   for (size_t n = 0; n < full.bytes().size(); ++n) other += full.bytes()[n] != adaptive.bytes()[n];
   EXPECT_LE(other, s.subpixels / 1000) << "what is mended is as full renders it";
+}
+
+TEST(MethodAdaptive, LeavesFramesToFullWhereItWouldMendMostOfThem) {
+  const auto [full, adaptive, s] =
+      rendered_striped(make_rig({.width = 120, .height = 640, .pixel_mm = 0.2}));
+  EXPECT_EQ(full, adaptive);
+  EXPECT_TRUE(s.completed);
+  EXPECT_EQ(s.traced_subpixels, s.subpixels);
+  EXPECT_EQ(s.mended_subpixels, 0U);
 }
 
 /// Soft light is a sum of samples, and noisy: the truth is full with many.
