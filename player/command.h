@@ -38,4 +38,7 @@ struct Command {
 /// the two cannot disagree.
 void print_json(const nlohmann::json& value);
 
+/// JSON has no infinity; null stands for it.
+[[nodiscard]] nlohmann::json finite_or_null(double value);
+
 }  // namespace lenticule::player

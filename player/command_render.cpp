@@ -4,7 +4,6 @@
 
 #include <CLI/CLI.hpp>
 #include <chrono>
-#include <cmath>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -100,10 +99,6 @@ void print_stage(const render::Stage& stage) {
 
 void print_notes(const render::SceneDescription& scene) {
   for (const std::string& note : scene.notes) fmt::print(stderr, "{}: {}\n", scene.source, note);
-}
-
-nlohmann::json finite_or_null(double value) {
-  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json(nullptr);
 }
 
 nlohmann::json stage_json(const render::Stage& stage) {

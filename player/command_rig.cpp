@@ -44,11 +44,6 @@ double degrees(double tangent) {
   return std::atan(tangent) * 180.0 / std::numbers::pi;
 }
 
-/// JSON has no infinity; null stands for it.
-json finite_or_null(double value) {
-  return std::isfinite(value) ? json(value) : json();
-}
-
 /// As lines of text, sections indented: what the JSON says and nothing else.
 void print_text(const json& value, int indent = 0) {
   for (const auto& [key, member] : value.items()) {

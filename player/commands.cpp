@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 
 #include "player/command.h"
 
@@ -68,6 +69,10 @@ const std::vector<Command>& commands() {
 
 void print_json(const nlohmann::json& value) {
   fmt::print("{}\n", value.dump(2));
+}
+
+nlohmann::json finite_or_null(double value) {
+  return std::isfinite(value) ? nlohmann::json(value) : nlohmann::json();
 }
 
 }  // namespace lenticule::player
