@@ -208,6 +208,13 @@ inline uint32_t bits(const Masks& masks) {
 inline bool any(const Masks& masks) {
   return bits(masks) != 0;
 }
+/// The lanes whose bit is set.
+inline Masks lanes_of(uint32_t bits) {
+  alignas(64) static constexpr uint32_t kBit[16] = {
+      1U << 0, 1U << 1, 1U << 2,  1U << 3,  1U << 4,  1U << 5,  1U << 6,  1U << 7,
+      1U << 8, 1U << 9, 1U << 10, 1U << 11, 1U << 12, 1U << 13, 1U << 14, 1U << 15};
+  return (words_in(kBit) & bits) != 0U;
+}
 
 inline Floats min(const Floats& a, const Floats& b) {
   return select(a < b, a, b);

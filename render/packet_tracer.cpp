@@ -256,11 +256,28 @@ void PacketTracer::trace_noting(const Scene::Impl& scene, const TilePlan& plan,
   groups_ = nullptr;
 }
 
-void PacketTracer::Known::set_lights(uint32_t lane, uint32_t shining, uint32_t not_seen) {
-  for (uint32_t left = shining; left != 0; left &= left - 1)
-    lit[std::countr_zero(left)] |= 1U << lane;
-  for (uint32_t left = not_seen; left != 0; left &= left - 1)
-    hidden[std::countr_zero(left)] |= 1U << lane;
+namespace {
+
+/// From a bit for each light, by lane, to a bit for each lane, by light.
+void by_light(std::span<const uint32_t, kPacket> of_lanes,
+              std::span<uint32_t, PacketTracer::Known::kLights> lanes) {
+  uint32_t any = 0;
+  for (const uint32_t of_lane : of_lanes) any |= of_lane;
+  std::fill(lanes.begin(), lanes.end(), 0U);
+  for (uint32_t left = any; left != 0; left &= left - 1) {
+    const uint32_t light = left & (0U - left);
+    int has[kPacket];
+    for (size_t r = 0; r < kPacket; ++r) has[r] = (of_lanes[r] & light) != 0 ? -1 : 0;
+    lanes[static_cast<size_t>(std::countr_zero(light))] = lane_bits(has);
+  }
+}
+
+}  // namespace
+
+void PacketTracer::Known::set_lights(std::span<const uint32_t, kPacket> shining,
+                                     std::span<const uint32_t, kPacket> not_seen) {
+  by_light(shining, lit);
+  by_light(not_seen, hidden);
 }
 
 void PacketTracer::trace_known(const Scene::Impl& scene, std::span<const int32_t, kPacket> channel,
@@ -397,15 +414,9 @@ void PacketTracer::leave_out_weak(const Scene::Impl& scene, NewRays& rays, size_
 }
 
 void PacketTracer::leave_out_little(const NewRays& rays, int* valid) {
-  for (size_t r = 0; r < kPacket; ++r) {
-    const float half = 0.5F * rays.weight[r];
-    const float off = std::abs(half);
-    if (valid[r] == 0 || !(off <= lanes_.leeway[r] && 2.0F * off <= tolerated_)) continue;
-    valid[r] = 0;
-    lanes_.leeway[r] -= off;
-    lanes_.light[r] += half;
-    ++counts_.too_little;
-  }
+  const uint32_t left_out =
+      kernel_.leave_out(tolerated_, rays.weight, valid, lanes_.leeway, lanes_.light);
+  counts_.too_little += static_cast<uint64_t>(std::popcount(left_out));
 }
 
 /// For the rays of `lanes`, which met nothing.
@@ -413,8 +424,8 @@ void PacketTracer::add_backdrop(const Scene::Impl& scene, const RayPacket& packe
                                 const float* weight, uint32_t lanes) {
   if (lanes == 0) return;
   if (scene.backdrop.flat()) {
-    for (uint32_t r = 0; r < kPacket; ++r)
-      lanes_.light[r] += (lanes >> r & 1) != 0 ? weight[r] * lanes_.backdrop[r] : 0.0F;
+    for (size_t r = 0; r < kPacket; ++r)
+      lanes_.light[r] += (lanes & kLaneBit[r]) != 0 ? weight[r] * lanes_.backdrop[r] : 0.0F;
     return;
   }
   for (uint32_t left = lanes; left != 0; left &= left - 1) {
@@ -448,8 +459,7 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
     const bool some_left = any_lane(rays.valid);
     if (ask.points) shadow_payoff_.asked(!some_left);
     const uint32_t reached = lit | (some_left ? trace_shadows(scene, light, depth) : 0);
-    for (size_t r = 0; r < kPacket; ++r)
-      if ((reached >> r & 1) != 0) lanes_.light[r] += rays.weight[r];
+    kernel_.add_light(reached, rays.weight, lanes_.light);
     if (groups_ != nullptr) note_shadows(rays.weight, wanted, reached, light, depth);
   }
 }
@@ -546,11 +556,9 @@ uint32_t PacketTracer::take_known(size_t light, int* valid) const {
 }
 
 const float* PacketTracer::add_known_secondary(const float* weight) {
-  for (uint32_t r = 0; r < kPacket; ++r) {
-    const bool is_known = (known_->secondary_lanes >> r & 1) != 0;
-    weight_left_[r] = is_known ? 0.0F : weight[r];
-    if (is_known) lanes_.light[r] += known_->secondary[r];
-  }
+  kernel_.add_light(known_->secondary_lanes, known_->secondary, lanes_.light);
+  for (size_t r = 0; r < kPacket; ++r)
+    weight_left_[r] = (known_->secondary_lanes & kLaneBit[r]) != 0 ? 0.0F : weight[r];
   return weight_left_;
 }
 

@@ -70,6 +70,7 @@ class PacketTracer {
   /// sampling::subpixel_seed() of the lanes of the packets that follow, of trace_lanes() and its
   /// like; needed where light is sampled (RenderOptions::soft).
   void set_seeds(std::span<const uint32_t, kPacket> seeds);
+  [[nodiscard]] bool needs_seeds() const { return is_soft_; }
 
   /// From now on, light that is sampled (RenderOptions::soft) takes that many times the rays; for
   /// those who trace few points and make many from each. At least 1, which it is at first.
@@ -115,8 +116,9 @@ class PacketTracer {
     uint32_t around_lanes;  ///< whose `around` is that of Notes
     alignas(64) float around[kPacket];
 
-    /// A bit for each light, as in Notes.
-    void set_lights(uint32_t lane, uint32_t shining, uint32_t not_seen);
+    /// By lane, a bit for each light, as in Notes.
+    void set_lights(std::span<const uint32_t, kPacket> shining,
+                    std::span<const uint32_t, kPacket> not_seen);
   };
   /// As trace_lanes() for a packet that holds what its rays met first. Shading is exact; `known`
   /// saves rays. Afterwards notes().secondary is right, other notes mean nothing. `again`: the

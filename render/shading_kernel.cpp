@@ -472,6 +472,23 @@ bool mirrored_rays(const Surfaces& s, const float* weight, NewRays& out) {
   return write_rays(vector_at(s.start), away, Floats::of(__builtin_inff()), wanted, out);
 }
 
+void add_light(uint32_t lanes, const float* brings, float* light) {
+  floats_at(light) = floats_at(light) + select(lanes_of(lanes), floats_at(brings), Floats{});
+}
+
+uint32_t leave_out(float most, const float* brings, int32_t* valid, float* leeway, float* light) {
+  const Floats half = 0.5F * floats_at(brings);
+  const Floats off = absolute(half);
+  const Masks little =
+      masks_at(valid) & (off <= floats_at(leeway)) & (2.0F * off <= Floats::of(most));
+  const uint32_t lanes = bits(little);
+  if (lanes == 0) return 0;
+  masks_at(valid) = masks_at(valid) & ~little;
+  floats_at(leeway) = floats_at(leeway) - select(little, off, Floats{});
+  floats_at(light) = floats_at(light) + select(little, half, Floats{});
+  return lanes;
+}
+
 }  // namespace
 
 extern const shading_kernel::Kernel kShadingKernel;
@@ -482,6 +499,8 @@ const shading_kernel::Kernel kShadingKernel{.find_surfaces = find_surfaces,
                                             .shadow_rays = shadow_rays,
                                             .lamp_rays = lamp_rays,
                                             .ambient_rays = ambient_rays,
-                                            .mirrored_rays = mirrored_rays};
+                                            .mirrored_rays = mirrored_rays,
+                                            .add_light = add_light,
+                                            .leave_out = leave_out};
 
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -137,6 +137,12 @@ struct Kernel {
   bool (*ambient_rays)(float far, const Sample&, const Surfaces&, NewRays&);
   /// Mirrored rays. False if there are none.
   bool (*mirrored_rays)(const Surfaces&, const float* weight, NewRays&);
+  /// Adds what some lanes' rays bring to their light.
+  void (*add_light)(uint32_t lanes, const float* brings, float* light);
+  /// Makes rays invalid that bring at most `most`, as long as half of it is within what a lane's
+  /// light may still be off by; adds that half instead. Returns those lanes.
+  uint32_t (*leave_out)(float most, const float* brings, int32_t* valid, float* leeway,
+                        float* light);
 };
 
 }  // namespace lenticule::render::shading_kernel

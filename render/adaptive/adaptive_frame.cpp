@@ -41,6 +41,8 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
       sweep_(frame.sweep),
       uncertain_(frame.plan.planes, frame.plan.tiles),
       drawn_(frame.plan.planes, frame.plan.tiles),
+      settler_(frame.samples, frame.grid, frame.plan.agreement, frame.scene.colour_managed,
+               frame.plan.options.soft.any()),
       packet_(1),
       keys_(frame.grid.row_samples()) {
   init_packets(packet_);
@@ -74,7 +76,8 @@ void AdaptiveWorker::trace_samples(int picture) {
   for (size_t lane = 0; lane < kPacket; ++lane) {
     const SamplePlace& place = sample_places_[std::min(lane, listed_ - 1)];
     packet_[0].valid[lane] = lane < listed_ ? -1 : 0;
-    seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + picture);
+    if (colours_.tracer().needs_seeds())
+      seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + picture);
     set_glass_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(place.row, picture, place.column),
                   packet_[0], lane);
   }
@@ -136,7 +139,7 @@ void AdaptiveWorker::render_row(int first_row, int row) {
   look_up(between);
   add_drawn(first_row, row);
   sort_row(first_row, row, between);
-  std::copy_n(codes_.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
+  std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
 }
 
 /// Those of even and of odd pictures change in different rows.
@@ -167,10 +170,30 @@ void AdaptiveWorker::arrange_rays() {
   tan_x_ = arranged_tan_.data();
 }
 
+void AdaptiveWorker::FoundRow::resize(size_t count) {
+  for (auto* bytes : {&codes, &states}) bytes->resize(count);
+  for (auto* numbers : {&left, &cell[0], &cell[1]}) numbers->resize(count);
+  for (auto* parts : {&of_right, &part[0], &part[1]}) parts->resize(count);
+}
+
+lookup_kernel::Found AdaptiveWorker::FoundRow::arrays() {
+  return {.codes = codes.data(),
+          .states = states.data(),
+          .left = left.data(),
+          .of_right = of_right.data(),
+          .cell = {cell[0].data(), cell[1].data()},
+          .part = {part[0].data(), part[1].data()}};
+}
+
+std::array<LightSettler::Place, 2> AdaptiveWorker::FoundRow::places(size_t at) const {
+  const auto odd = static_cast<size_t>(left[at] & 1);
+  return {LightSettler::Place{cell[0][at], part[0][at], 1.0F - of_right[at], odd},
+          LightSettler::Place{cell[1][at], part[1][at], of_right[at], 1 - odd}};
+}
+
 void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
   const size_t count = frame_.plan.planes.row_subpixels();
-  codes_.resize(count + lookup_kernel::kLanes);
-  states_.resize(count + lookup_kernel::kLanes);
+  found_row_.resize(count + lookup_kernel::kLanes);
   const lookup_kernel::Interval interval{.key = keys_.data(),
                                          .values = frame_.samples.values(),
                                          .plane = static_cast<int>(frame_.samples.row_samples()),
@@ -183,7 +206,7 @@ void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
                                .group = group_of_cut_.data(),
                                .count = static_cast<int>(count),
                                .most_apart = frame_.plan.agreement.apart};
-  frame_.plan.kernel.look_up(frame_.grid.lookup(), interval, row, codes_.data(), states_.data());
+  frame_.plan.kernel.look_up(frame_.grid.lookup(), interval, row, found_row_.arrays());
 }
 
 uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
@@ -218,22 +241,20 @@ void AdaptiveWorker::add_uncertain(int first_row, int row, size_t at,
   const auto cut_number = static_cast<size_t>(swept_.cut[at]);
   const SweptCut& cut = swept_.cuts[cut_number];
   const uint32_t group = group_of_cut_[cut_number];
-  const KeySamples::Point point{.rows = between,
-                                .x = x_mm_[at],
-                                .tan = tan_x_[at],
-                                .z = swept_.z_mm[at],
-                                .group = group,
-                                .channel = static_cast<int>(at % 3)};
-  uncertain_.add({.at = static_cast<int32_t>(at),
-                  .row = static_cast<uint16_t>(row - first_row),
-                  .x_mm = point.x,
-                  .tan_x = point.tan,
-                  .z_mm = point.z,
-                  .geometry = cut.geometry,
-                  .primitive = cut.primitive,
-                  .group = group,
-                  .settled = frame_.samples.settle(point, frame_.plan.agreement,
-                                                   frame_.scene.colour_managed)});
+  UncertainSubpixels::Subpixel& added = uncertain_.add();
+  added.at = static_cast<int32_t>(at);
+  added.row = static_cast<uint16_t>(row - first_row);
+  added.x_mm = x_mm_[at];
+  added.tan_x = tan_x_[at];
+  added.z_mm = swept_.z_mm[at];
+  added.geometry = cut.geometry;
+  added.primitive = cut.primitive;
+  added.group = group;
+  settler_.settle({.rows = between,
+                   .places = found_row_.places(at),
+                   .group = group,
+                   .channel = static_cast<int>(at % 3)},
+                  added.settled);
 }
 
 /// Gives colours to what sees nothing, and lists what is not known.
@@ -245,17 +266,18 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   uint64_t unknown = 0;
   for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
     uint64_t eight;  // states; there is room for a few more than there are subpixels
-    std::memcpy(&eight, states_.data() + first, sizeof eight);
+    std::memcpy(&eight, found_row_.states.data() + first, sizeof eight);
     if (eight == 0) continue;
     if (flat && eight == kAllNothing) {
-      std::memcpy(codes_.data() + first, frame_.backdrop.data() + first % frame_.backdrop.size(),
-                  sizeof eight);
+      std::memcpy(found_row_.codes.data() + first,
+                  frame_.backdrop.data() + first % frame_.backdrop.size(), sizeof eight);
       continue;
     }
     const size_t end = std::min(first + sizeof eight, count);
     for (size_t at = first; at < end; ++at) {
-      if (states_[at] == lookup_kernel::kNothing) codes_[at] = backdrop_code(row, at);
-      if (states_[at] != lookup_kernel::kUnknown) continue;
+      if (found_row_.states[at] == lookup_kernel::kNothing)
+        found_row_.codes[at] = backdrop_code(row, at);
+      if (found_row_.states[at] != lookup_kernel::kUnknown) continue;
       add_uncertain(first_row, row, at, between);
       ++unknown;
     }

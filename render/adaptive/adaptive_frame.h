@@ -11,6 +11,7 @@
 #include "render/adaptive/colour_tracer.h"
 #include "render/adaptive/key_samples.h"
 #include "render/adaptive/light_encoder.h"
+#include "render/adaptive/light_settler.h"
 #include "render/adaptive/surface_groups.h"
 #include "render/adaptive/uncertain_subpixels.h"
 #include "render/row_sweep/row_sweep.h"
@@ -106,13 +107,24 @@ class AdaptiveWorker {
   std::vector<float> arranged_x_, arranged_tan_;
   UncertainSubpixels uncertain_;
   UncertainSubpixels drawn_;
+  LightSettler settler_;
   std::vector<RayPacket> packet_;  ///< one
   std::array<SamplePlace, kPacket> sample_places_{};
   size_t listed_ = 0;  ///< of sample_places_
   std::vector<uint32_t> keys_;
   std::array<int, 2> keys_row_{-1, -1};
   std::vector<uint32_t> group_of_cut_;
-  std::vector<uint8_t> codes_, states_;
+  /// What a row's look-up found, see lookup_kernel::Found.
+  struct FoundRow {
+    std::vector<uint8_t> codes, states;
+    std::vector<int32_t> left, cell[2];
+    std::vector<float> of_right, part[2];
+
+    void resize(size_t count);
+    [[nodiscard]] lookup_kernel::Found arrays();
+    [[nodiscard]] std::array<LightSettler::Place, 2> places(size_t at) const;
+  };
+  FoundRow found_row_;
   AdaptiveCounts counts_;
 };
 

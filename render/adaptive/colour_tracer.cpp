@@ -14,7 +14,7 @@ constexpr int kOthers[] = {0, 2};
 /// The lights that reach a surface are the same in all colours.
 PacketTracer::Known lights_of(const PacketTracer::Notes& notes) {
   PacketTracer::Known known{};
-  for (uint32_t r = 0; r < kPacket; ++r) known.set_lights(r, notes.lit[r], notes.hidden[r]);
+  known.set_lights(notes.lit, notes.hidden);
   known.around_lanes = (1U << kPacket) - 1;
   std::copy_n(notes.around, kPacket, known.around);
   return known;

@@ -107,31 +107,4 @@ PanelRay KeyGrid::ray(int row, int picture, int column) const {
   return {.x_mm = x, .y_mm = plane.lens_y_mm, .tan_x = tan, .tan_y = plane.tan_y};
 }
 
-std::array<KeyGrid::Place, 2> KeyGrid::places(float x_mm, float tan_x, float z_mm) const {
-  const lookup_kernel::Grid& grid = lookup_;
-  const float wider = 1.0F / (1.0F - z_mm * grid.inverse_z);
-  const float across = (x_mm + tan_x * z_mm) * wider;
-  const float depth = grid.distance > 0.0F ? z_mm * wider * grid.inverse_z : z_mm;
-  const float eye = grid.distance > 0.0F ? x_mm + tan_x * grid.distance : tan_x;
-  const float picture = (eye - grid.eye_first) * grid.pictures_per_eye;
-  const int left = std::clamp(static_cast<int>(picture), 0, grid.pictures - 2);
-  const float of_right = std::clamp(picture - static_cast<float>(left), 0.0F, 1.0F);
-  std::array<Place, 2> found;
-  for (int side = 0; side < 2; ++side) {
-    const int number = left + side;
-    Place& place = found[static_cast<size_t>(side)];
-    place.odd = number % 2;
-    place.weight = side == 0 ? 1.0F - of_right : of_right;
-    const float x = across - (grid.eye_first + static_cast<float>(number) * grid.eye_step) * depth;
-    const float column =
-        (x - grid.x_first) * grid.columns_per_mm + 0.5F * static_cast<float>(place.odd);
-    place.inside = column >= 0.0F && column < static_cast<float>(grid.columns - 1);
-    if (!place.inside) continue;
-    const int whole = static_cast<int>(column);
-    place.index = number * grid.stride + whole;
-    place.part = column - static_cast<float>(whole);
-  }
-  return found;
-}
-
 }  // namespace lenticule::render

@@ -7,8 +7,6 @@
 // an eye at e, at x - e z where e is the tangent of parallel rays.
 #pragma once
 
-#include <array>
-
 #include "render/adaptive/glass_rays.h"
 #include "render/adaptive/key_lookup_kernel.h"
 #include "render/row_sweep/row_planes.h"
@@ -64,17 +62,6 @@ class KeyGrid {
   [[nodiscard]] const lookup_kernel::Grid& lookup() const { return lookup_; }
 
   [[nodiscard]] PanelRay ray(int row, int picture, int column) const;
-
-  /// Where the point at z of a ray is found in the two pictures beside its view; the same as the
-  /// lookup kernel finds.
-  struct Place {
-    bool inside = false;
-    int index = 0;        ///< of the cell's left column, in a row of samples
-    float part = 0.0F;    ///< of the way to its right one
-    float weight = 0.0F;  ///< of the picture
-    int odd = 0;
-  };
-  [[nodiscard]] std::array<Place, 2> places(float x_mm, float tan_x, float z_mm) const;
 
  private:
   const RowPlanes& planes_;

@@ -76,11 +76,21 @@ inline Floats value_at(const Interval& interval, const Place& place, const Masks
   return mix(above, below, part);
 }
 
+/// Values of 0 to 255.
 inline void write(const Masks& values, uint8_t* out) {
 #if defined(__AVX512F__)
   _mm_storeu_si128(
       reinterpret_cast<__m128i*>(out),
       _mm512_maskz_cvtepi32_epi8(kAllLanes, reinterpret_cast<__m512i>(values.part[0])));
+#elif defined(__AVX2__)
+  const auto low = reinterpret_cast<__m256i>(values.part[0]);
+  const auto high = reinterpret_cast<__m256i>(values.part[1]);
+  // Packed within halves: lanes 0-3, 8-11, 4-7 and 12-15 lie in that order.
+  const __m256i words = _mm256_packs_epi32(low, high);
+  const __m256i ordered = _mm256_permute4x64_epi64(words, 0xd8);
+  _mm_storeu_si128(
+      reinterpret_cast<__m128i*>(out),
+      _mm_packus_epi16(_mm256_castsi256_si128(ordered), _mm256_extracti128_si256(ordered, 1)));
 #else
   for (int r = 0; r < kLanes; ++r) out[r] = static_cast<uint8_t>(values[r]);
 #endif
@@ -96,17 +106,30 @@ inline Masks load(const int32_t* from) {
   __builtin_memcpy(&out, from, sizeof out);
   return out;
 }
+inline void store(const Floats& values, float* to) {
+  __builtin_memcpy(to, &values, sizeof values);
+}
+inline void store(const Masks& values, int32_t* to) {
+  __builtin_memcpy(to, &values, sizeof values);
+}
 
-/// Colours of sixteen subpixels; `plane` says where each one's channel begins.
-inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row& row, int at,
-                          const Masks& plane, uint8_t* codes, uint8_t* states) {
-  const Masks cut = load(row.cut + at);
-  const Masks seen = cut >= 0;
-  if (!any(seen)) {
-    write(Masks::of(kNothing), states + at);
-    return;
-  }
-  const Masks group = gather(row.group, select(seen, cut, Masks{})) & seen;
+/// Where the points of sixteen subpixels lie in the two pictures beside their views.
+struct Places {
+  Masks left;
+  Floats part;
+  Place a, b;
+};
+
+inline void write(const Places& places, int at, const Found& out) {
+  store(places.left, out.left + at);
+  store(clamp01(places.part), out.of_right + at);
+  store(select(places.a.inside, places.a.index, Masks::of(-1)), out.cell[0] + at);
+  store(select(places.b.inside, places.b.index, Masks::of(-1)), out.cell[1] + at);
+  store(places.a.part, out.part[0] + at);
+  store(places.b.part, out.part[1] + at);
+}
+
+inline Places places_of(const Grid& grid, const Row& row, int at, const Masks& seen) {
   const Floats x = load(row.x + at), tan = load(row.tan + at);
   const Floats z = select(seen, load(row.z + at), Floats{});
   // Seen from e, the point (x + tan z, z) is at across - e depth.
@@ -119,13 +142,29 @@ inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row&
   const Floats part = picture - to_floats(left);
 
   const Floats first = across - (grid.eye_first + to_floats(left) * grid.eye_step) * depth;
-  const Place a = place_in(grid, left, first);
-  const Place b = place_in(grid, left + 1, first - depth * grid.eye_step);
+  return {left, part, place_in(grid, left, first),
+          place_in(grid, left + 1, first - depth * grid.eye_step)};
+}
+
+/// Colours of sixteen subpixels; `plane` says where each one's channel begins.
+inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row& row, int at,
+                          const Masks& plane, const Found& out) {
+  const Masks cut = load(row.cut + at);
+  const Masks seen = cut >= 0;
+  if (!any(seen)) {
+    write(Masks::of(kNothing), out.states + at);
+    return;
+  }
+  const Masks group = gather(row.group, select(seen, cut, Masks{})) & seen;
+  const Places places = places_of(grid, row, at, seen);
+  const Place &a = places.a, &b = places.b;
+  const Floats& part = places.part;
   const Masks key_a = gather(interval.key, a.index) & a.inside;
   const Masks key_b = gather(interval.key, b.index) & b.inside;
   const Masks in_a = (key_a == group) & seen, in_b = (key_b == group) & seen;
   if (!any(in_a | in_b)) {
-    write(select(seen, Masks::of(kUnknown), Masks::of(kNothing)), states + at);
+    write(select(seen, Masks::of(kUnknown), Masks::of(kNothing)), out.states + at);
+    write(places, at, out);
     return;
   }
   const Floats from_a = value_at(interval, a, plane);
@@ -143,13 +182,13 @@ inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row&
   value = select(only_a, from_a, select(only_b, from_b, value));
   const Masks found = agree | only_a | only_b;
   const Floats held = min(max(value, Floats{}), Floats::of(255.0F * kCodeParts));
-  write(to_integers(held * (1.0F / kCodeParts) + 0.5F), codes + at);
+  write(to_integers(held * (1.0F / kCodeParts) + 0.5F), out.codes + at);
   write(select(found, Masks::of(kFound), select(seen, Masks::of(kUnknown), Masks::of(kNothing))),
-        states + at);
+        out.states + at);
+  if (any(seen & ~found)) write(places, at, out);
 }
 
-void look_up(const Grid& grid, const Interval& interval, const Row& row, uint8_t* codes,
-             uint8_t* states) {
+void look_up(const Grid& grid, const Interval& interval, const Row& row, const Found& out) {
   Masks plane[3];
   for (int turn = 0; turn < 3; ++turn) {
     int32_t lanes[kLanes];
@@ -157,7 +196,7 @@ void look_up(const Grid& grid, const Interval& interval, const Row& row, uint8_t
     plane[turn] = load(lanes);
   }
   for (int at = 0, turn = 0; at < row.count; at += kLanes, turn = turn == 2 ? 0 : turn + 1)
-    look_up_lanes(grid, interval, row, at, plane[turn], codes, states);
+    look_up_lanes(grid, interval, row, at, plane[turn], out);
 }
 
 }  // namespace

@@ -54,8 +54,19 @@ struct Row {
 
 enum State : uint8_t { kFound = 0, kNothing = 1, kUnknown = 2 };
 
+/// Of each subpixel; arrays have room for a multiple of kLanes.
+struct Found {
+  uint8_t* codes;   ///< of those that were found
+  uint8_t* states;  ///< State
+  // Where the points of the others lie in the pictures on both sides of their view:
+  int32_t* left;     ///< number of the one to the left
+  float* of_right;   ///< weight of the other, 0 to 1
+  int32_t* cell[2];  ///< index of a cell's left column in a row of samples, -1 outside; of both
+  float* part[2];    ///< of the way to its right column
+};
+
 struct Kernel {
-  void (*look_up)(const Grid&, const Interval&, const Row&, uint8_t* codes, uint8_t* states);
+  void (*look_up)(const Grid&, const Interval&, const Row&, const Found&);
 };
 
 }  // namespace lenticule::render::lookup_kernel

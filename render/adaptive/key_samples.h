@@ -65,22 +65,9 @@ class KeySamples {
   [[nodiscard]] const uint16_t* values() const { return values_.data(); }
   [[nodiscard]] size_t row_samples() const { return row_samples_; }
 
-  /// What the samples around a subpixel settle of it.
-  struct Settled {
-    uint32_t lit = 0, hidden = 0;  ///< as in Sample: what all agree on
-    bool secondary_known = false;
-    float secondary = 0.0F;
-    bool around_known = false;
-    float around = 0.0F;
-  };
-  struct Point {
-    KeyGrid::Between rows;
-    float x, tan, z;
-    uint32_t group;
-    int channel;
-  };
-  [[nodiscard]] Settled settle(const Point& point, const Agreement& agreement,
-                               bool colour_managed) const;
+  /// Of the sample at an index [row][picture][column].
+  [[nodiscard]] uint32_t group(size_t at) const { return groups_[at]; }
+  [[nodiscard]] const Light& light(size_t at) const { return lights_[at]; }
 
   /// Marks samples that bend too much between their neighbours in their row and in those around.
   void mark_bends(int row, const Agreement& agreement);

@@ -51,14 +51,12 @@ void UncertainSubpixels::find_planes(int first_row) {
         planes_.plane_at(first_row + row + planes_.height_in_row(0));
 }
 
-void UncertainSubpixels::load(const Scene::Impl& scene, double start_mm, int first_row,
-                              size_t first) {
+void UncertainSubpixels::load(const Scene::Impl& scene, double start_mm, size_t first) {
   for (size_t r = 0; r < kPacket; ++r) {
     // Idle lanes repeat the last.
     const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
     packet_[0].valid[r] = first + r < subpixels_.size() ? -1 : 0;
     channel_[r] = s.at % 3;
-    seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);  // method full's
     const RowPlane& plane = plane_of_row_[s.row];
     set_glass_ray(scene, start_mm,
                   {.x_mm = double{s.x_mm},
@@ -69,19 +67,30 @@ void UncertainSubpixels::load(const Scene::Impl& scene, double start_mm, int fir
   }
 }
 
+/// Those of method full.
+void UncertainSubpixels::find_seeds(int first_row, size_t first) {
+  for (size_t r = 0; r < kPacket; ++r) {
+    const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
+    seeds_[r] = sampling::subpixel_seed(first_row + s.row, s.at, 0);
+  }
+}
+
 void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
-  known_ = {};
+  std::array<uint32_t, kPacket> lit, hidden;
+  known_.secondary_lanes = known_.around_lanes = 0;
   for (size_t r = 0; r < kPacket; ++r) {
     const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
     packet_[0].rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // 1 is a millimetre of z
     packet_[0].rays.hit.geomID[r] = s.geometry;
     packet_[0].rays.hit.primID[r] = s.primitive;
-    known_.set_lights(static_cast<uint32_t>(r), s.settled.lit, s.settled.hidden);
+    lit[r] = s.settled.lit;
+    hidden[r] = s.settled.hidden;
     if (s.settled.secondary_known) known_.secondary_lanes |= 1U << r;
     known_.secondary[r] = s.settled.secondary;
     if (s.settled.around_known) known_.around_lanes |= 1U << r;
     known_.around[r] = s.settled.around;
   }
+  known_.set_lights(lit, hidden);
 }
 
 template <class Trace>
@@ -90,8 +99,11 @@ void UncertainSubpixels::each_packet(const Scene::Impl& scene, double start_mm, 
   order();
   find_planes(first_row);
   for (size_t first = 0; first < subpixels_.size(); first += kPacket) {
-    load(scene, start_mm, first_row, first);
-    tracer.set_seeds(seeds_);
+    load(scene, start_mm, first);
+    if (tracer.needs_seeds()) {
+      find_seeds(first_row, first);
+      tracer.set_seeds(seeds_);
+    }
     trace(first);
     const size_t count = std::min(kPacket, subpixels_.size() - first);
     for (size_t r = 0; r < count; ++r) subpixels_[first + r].light = light_[r];

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "render/adaptive/audit.h"
-#include "render/adaptive/key_samples.h"
+#include "render/adaptive/light_settler.h"
 #include "render/packet_tracer.h"
 #include "render/row_sweep/row_planes.h"
 #include "render/tile.h"
@@ -27,7 +27,7 @@ class UncertainSubpixels {
     // Only where the surface is known:
     float z_mm = 0.0F;
     uint32_t geometry = 0, primitive = 0, group = 0;
-    KeySamples::Settled settled{};
+    SettledLight settled{};
   };
 
   /// Both must outlive it.
@@ -35,6 +35,8 @@ class UncertainSubpixels {
 
   void clear() { subpixels_.clear(); }
   void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
+  /// One more, to be filled in place: copies of what was just written wait for it.
+  [[nodiscard]] Subpixel& add() { return subpixels_.emplace_back(); }
 
   /// Traces all as method full does. Rows are counted from `first_row`; afterwards subpixels have
   /// another order. Calling thread must flush denormals.
@@ -46,7 +48,8 @@ class UncertainSubpixels {
  private:
   void order();
   void find_planes(int first_row);
-  void load(const Scene::Impl& scene, double start_mm, int first_row, size_t first);
+  void load(const Scene::Impl& scene, double start_mm, size_t first);
+  void find_seeds(int first_row, size_t first);
   void load_surfaces(double start_mm, size_t first);
   template <class Trace>
   void each_packet(const Scene::Impl& scene, double start_mm, int first_row, PacketTracer& tracer,

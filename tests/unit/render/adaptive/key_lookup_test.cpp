@@ -103,15 +103,18 @@ void Case::draw_row(std::mt19937_64& random, bool parallel) {
 }
 
 /// What one subpixel finds, in double precision.
-struct Found {
+struct Expected {
   uint8_t state = lookup_kernel::kUnknown;
   double code = 0.0;
   bool close_call = false;  ///< a rounding may decide otherwise
+  double left = 0.0, of_right = 0.0;
+  double column[2] = {};  ///< in the pictures on both sides, from the left end of a row of samples
 };
 
 struct InPicture {
   uint32_t key = 0;
   double value = 0.0;
+  double column = 0.0;  ///< -1 outside
   bool close_call = false;
 };
 
@@ -120,10 +123,11 @@ InPicture in_picture(const Case& c, int picture, double x_glass, int channel) {
   const double column =
       (x_glass - double{c.grid.x_first}) * double{c.grid.columns_per_mm} + 0.5 * odd;
   const double off = std::abs(column - std::round(column));
-  InPicture found{.close_call = off < 1e-3};
+  InPicture found{.column = -1.0, .close_call = off < 1e-3};
   if (!(column >= 0.0) || !(column < c.grid.columns - 1)) return found;
   const auto whole = static_cast<size_t>(column);
   const size_t at = static_cast<size_t>(picture * c.grid.stride) + whole;
+  found.column = picture * c.grid.stride + column;
   found.key = c.keys[at];
   const auto value = [&](size_t row) {
     const size_t index =
@@ -137,7 +141,7 @@ InPicture in_picture(const Case& c, int picture, double x_glass, int channel) {
   return found;
 }
 
-Found oracle(const Case& c, int n) {
+Expected oracle(const Case& c, int n) {
   const auto s = static_cast<size_t>(n);
   if (c.cuts[s] < 0) return {.state = lookup_kernel::kNothing};
   const bool parallel = c.grid.distance == 0.0F;
@@ -155,10 +159,13 @@ Found oracle(const Case& c, int n) {
   const InPicture b = in_picture(c, left + 1, glass(left + 1), n % 3);
   const uint32_t group = c.groups[static_cast<size_t>(c.cuts[s])];
   const double apart = std::abs(a.value - b.value);
-  Found found{.close_call = a.close_call || b.close_call ||
-                            std::abs(number - std::round(number)) < 1e-3 ||
-                            std::abs(apart - 600.0) < 2.0 || std::abs(part - 0.25) < 1e-3 ||
-                            std::abs(part - 0.75) < 1e-3};
+  Expected found{.close_call = a.close_call || b.close_call ||
+                               std::abs(number - std::round(number)) < 1e-3 ||
+                               std::abs(apart - 600.0) < 2.0 || std::abs(part - 0.25) < 1e-3 ||
+                               std::abs(part - 0.75) < 1e-3,
+                 .left = static_cast<double>(left),
+                 .of_right = std::clamp(part, 0.0, 1.0),
+                 .column = {a.column, b.column}};
   const bool any_view = group % 2 == 0;
   const uint32_t uneven = group | lookup_kernel::kUneven;
   double value = 0.0;
@@ -178,6 +185,33 @@ Found oracle(const Case& c, int n) {
   return found;
 }
 
+/// Room for what a row finds.
+struct FoundArrays {
+  static constexpr size_t kRoom = kCount + 16;
+  std::vector<uint8_t> codes = std::vector<uint8_t>(kRoom), states = codes;
+  std::vector<int32_t> left = std::vector<int32_t>(kRoom), cell[2] = {left, left};
+  std::vector<float> of_right = std::vector<float>(kRoom), part[2] = {of_right, of_right};
+
+  [[nodiscard]] lookup_kernel::Found found() {
+    return {.codes = codes.data(),
+            .states = states.data(),
+            .left = left.data(),
+            .of_right = of_right.data(),
+            .cell = {cell[0].data(), cell[1].data()},
+            .part = {part[0].data(), part[1].data()}};
+  }
+  void expect_places(const Expected& expected, size_t at) const {
+    EXPECT_EQ(left[at], expected.left);
+    EXPECT_NEAR(double{of_right[at]}, expected.of_right, 1e-4);
+    for (const size_t side : {0U, 1U}) {
+      EXPECT_EQ(cell[side][at], std::floor(expected.column[side]));
+      if (cell[side][at] >= 0) {
+        EXPECT_NEAR(cell[side][at] + double{part[side][at]}, expected.column[side], 1e-3);
+      }
+    }
+  }
+};
+
 class KeyLookup : public ::testing::TestWithParam<Isa> {};
 
 TEST_P(KeyLookup, FindsWhatDoublePrecisionFinds) {
@@ -185,16 +219,18 @@ TEST_P(KeyLookup, FindsWhatDoublePrecisionFinds) {
   int found = 0, unknown = 0;
   for (int round = 0; round < 60; ++round) {
     const Case c(random, round % 2 != 0);
-    std::vector<uint8_t> codes(kCount + 16), states(kCount + 16);
-    kernel_for(GetParam()).look_up(c.grid, c.interval, c.row, codes.data(), states.data());
+    FoundArrays arrays;
+    kernel_for(GetParam()).look_up(c.grid, c.interval, c.row, arrays.found());
+    const auto &codes = arrays.codes, &states = arrays.states;
     for (int n = 0; n < kCount; ++n) {
-      const Found expected = oracle(c, n);
+      const Expected expected = oracle(c, n);
       if (expected.close_call) continue;
       const auto s = static_cast<size_t>(n);
       ASSERT_EQ(states[s], expected.state) << "round " << round << " subpixel " << n;
       if (states[s] == lookup_kernel::kFound) {
         ASSERT_NEAR(double{static_cast<double>(codes[s])}, expected.code, 0.51);
       }
+      if (states[s] == lookup_kernel::kUnknown) arrays.expect_places(expected, s);
       found += states[s] == lookup_kernel::kFound ? 1 : 0;
       unknown += states[s] == lookup_kernel::kUnknown ? 1 : 0;
     }
@@ -207,18 +243,52 @@ TEST_P(KeyLookup, GivesTheSameBytesAsThePlainKernel) {
   std::mt19937_64 random(12);
   for (int round = 0; round < 60; ++round) {
     const Case c(random, round % 2 != 0);
-    std::vector<uint8_t> codes(kCount + 16), states(codes), plain_codes(codes), plain_states(codes);
-    kernel_for(GetParam()).look_up(c.grid, c.interval, c.row, codes.data(), states.data());
-    isa_baseline::kLookupKernel.look_up(c.grid, c.interval, c.row, plain_codes.data(),
-                                        plain_states.data());
-    ASSERT_EQ(states, plain_states);
-    ASSERT_EQ(codes, plain_codes);
+    FoundArrays best, plain;
+    kernel_for(GetParam()).look_up(c.grid, c.interval, c.row, best.found());
+    isa_baseline::kLookupKernel.look_up(c.grid, c.interval, c.row, plain.found());
+    ASSERT_EQ(best.states, plain.states);
+    ASSERT_EQ(best.codes, plain.codes);
+    for (size_t n = 0; n < kCount; ++n) {
+      if (best.states[n] != lookup_kernel::kUnknown) continue;
+      ASSERT_EQ(best.left[n], plain.left[n]);
+      ASSERT_EQ(best.of_right[n], plain.of_right[n]);
+      for (const size_t side : {0U, 1U}) {
+        ASSERT_EQ(best.cell[side][n], plain.cell[side][n]);
+        ASSERT_EQ(best.part[side][n], plain.part[side][n]);
+      }
+    }
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(InstructionSets, KeyLookup,
                          ::testing::ValuesIn(test::instruction_sets_of_this_machine()),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
+
+/// What is found of one point of a ray, of which samples know nothing.
+FoundArrays look_up_alone(const Grid& grid, const PanelRay& ray, float z) {
+  constexpr size_t kLanes = lookup_kernel::kLanes;
+  const std::vector<float> x(kLanes, static_cast<float>(ray.x_mm));
+  const std::vector<float> tan(kLanes, static_cast<float>(ray.tan_x)), depth(kLanes, z);
+  const std::vector<int32_t> cut(kLanes, 0);
+  const std::vector<uint32_t> group(1, 2), keys(static_cast<size_t>(grid.pictures * grid.stride));
+  const std::vector<uint16_t> values(6 * keys.size() + 2);
+  const Interval interval{.key = keys.data(),
+                          .values = values.data(),
+                          .plane = grid.pictures * grid.stride,
+                          .row = {},
+                          .part = {}};
+  FoundArrays arrays;
+  isa_baseline::kLookupKernel.look_up(grid, interval,
+                                      {.x = x.data(),
+                                       .tan = tan.data(),
+                                       .z = depth.data(),
+                                       .cut = cut.data(),
+                                       .group = group.data(),
+                                       .count = kLanes,
+                                       .most_apart = 0.0F},
+                                      arrays.found());
+  return arrays;
+}
 
 /// A point on a sample's ray is found at just that sample.
 TEST(KeyGrid, PointsLieWhereTheSamplesSeeThem) {
@@ -234,13 +304,16 @@ TEST(KeyGrid, PointsLieWhereTheSamplesSeeThem) {
       const int picture = static_cast<int>(random() % 3);
       const int column = static_cast<int>(random() % static_cast<uint64_t>(grid.columns()));
       const PanelRay ray = grid.ray(2, picture, column);
-      const auto places = grid.places(static_cast<float>(ray.x_mm), static_cast<float>(ray.tan_x),
-                                      static_cast<float>(depth(random)));
+      const auto found_arrays = look_up_alone(lookup, ray, static_cast<float>(depth(random)));
       const int number = picture * lookup.stride + column;
       bool found = false;
-      for (const KeyGrid::Place& place : places)
-        found |= place.inside && place.weight > 0.99F &&
-                 std::abs(static_cast<float>(place.index - number) + place.part) < 1e-2F;
+      for (const size_t side : {0U, 1U}) {
+        const float of_right = found_arrays.of_right[0];
+        const int off = found_arrays.cell[side][0] - number;
+        found |= found_arrays.cell[side][0] >= 0 &&
+                 (side == 0 ? 1.0F - of_right : of_right) > 0.99F &&
+                 std::abs(static_cast<float>(off) + found_arrays.part[side][0]) < 1e-2F;
+      }
       EXPECT_TRUE(found || column == 0 || column + 1 == grid.columns());
     }
   }

@@ -68,10 +68,10 @@ TEST_P(KnownLight, KnowingChangesNothing) {
     const PacketTracer::Notes notes = tracer_.notes();
     PacketTracer::Known known{};
     tracer_.trace_known(impl(), channel_, known, packet_, known_light_);
+    known.set_lights(notes.lit, notes.hidden);
     for (size_t r = 0; r < kPacket; ++r) {
       if (packet_.valid[r] == 0) continue;
       ASSERT_NEAR(light_[r], known_light_[r], 1e-5) << "nothing known, lane " << r;
-      known.set_lights(static_cast<uint32_t>(r), notes.lit[r], notes.hidden[r]);
       known.secondary_lanes |= 1U << r;
       known.secondary[r] = notes.secondary[r];
     }

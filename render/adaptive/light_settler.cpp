@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/adaptive/light_settler.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lenticule::render {
+namespace {
+
+/// Encoding takes about the root of linear light.
+float apart(float low, float high, bool colour_managed) {
+  return colour_managed ? std::sqrt(std::max(high, 0.0F)) - std::sqrt(std::max(low, 0.0F))
+                        : high - low;
+}
+
+}  // namespace
+
+LightSettler::LightSettler(const KeySamples& samples, const KeyGrid& grid,
+                           const Agreement& agreement, bool colour_managed, bool finds_around)
+    : samples_(samples),
+      grid_(grid),
+      agreement_(agreement),
+      colour_managed_(colour_managed),
+      finds_around_(finds_around),
+      remembered_(grid.row_samples()) {}
+
+void LightSettler::Corners::add(const KeySamples::Light& light) {
+  if (count++ == 0) {
+    way = light.secondary_way;
+    low = high = light.secondary;
+  }
+  same_way = same_way && way == light.secondary_way;
+  lit &= light.lit;
+  hidden &= light.hidden;
+  for (size_t c = 0; c < 3; ++c) {
+    low[c] = std::min(low[c], light.secondary[c]);
+    high[c] = std::max(high[c], light.secondary[c]);
+  }
+  least_around = std::min(least_around, light.around);
+  most_around = std::max(most_around, light.around);
+}
+
+/// Of another cell, and of the same surface.
+void LightSettler::Corners::add(const Corners& other) {
+  if (other.count == 0) return;
+  if (count == 0) {
+    *this = other;
+    return;
+  }
+  count += other.count;
+  same_way = same_way && other.same_way && way == other.way;
+  lit &= other.lit;
+  hidden &= other.hidden;
+  for (size_t c = 0; c < 3; ++c) {
+    low[c] = std::min(low[c], other.low[c]);
+    high[c] = std::max(high[c], other.high[c]);
+  }
+  least_around = std::min(least_around, other.least_around);
+  most_around = std::max(most_around, other.most_around);
+}
+
+template <class Use>
+void LightSettler::each_corner(const Point& point, const Place& place, const Use& use) const {
+  const float of_row_below = point.rows.part[place.odd];
+  const size_t above = static_cast<size_t>(point.rows.above[place.odd]) * samples_.row_samples() +
+                       static_cast<size_t>(place.cell);
+  for (int corner = 0; corner < 4; ++corner) {
+    const bool below = corner >= 2, next = corner % 2 != 0;
+    const size_t at = above + (below ? samples_.row_samples() : 0) + (next ? 1 : 0);
+    if (samples_.group(at) != point.group) continue;
+    use(at, (below ? of_row_below : 1.0F - of_row_below) * (next ? place.part : 1.0F - place.part));
+  }
+}
+
+const LightSettler::Corners& LightSettler::corners_of(const Point& point, const Place& place) {
+  Corners& corners = remembered_[static_cast<size_t>(place.cell)];
+  const int row = point.rows.above[place.odd];
+  if (corners.row == row && corners.group == point.group) return corners;
+  corners = {.group = point.group, .row = row};
+  each_corner(point, place, [&](size_t at, float) { corners.add(samples_.light(at)); });
+  return corners;
+}
+
+LightSettler::Blend LightSettler::blend(const Point& point) const {
+  constexpr float kLittle = 1e-3F;  // so that no corner weighs nothing
+  const auto channel = static_cast<size_t>(point.channel);
+  Blend sum;
+  float weights = 0.0F;
+  for (const Place& place : point.places) {
+    if (place.cell < 0) continue;
+    each_corner(point, place, [&](size_t at, float in_cell) {
+      const float weight = place.weight * in_cell + kLittle;
+      sum.secondary += weight * samples_.light(at).secondary[channel];
+      sum.around += weight * samples_.light(at).around;
+      weights += weight;
+    });
+  }
+  return {.secondary = sum.secondary / weights, .around = sum.around / weights};
+}
+
+void LightSettler::settle(const Point& point, SettledLight& out) {
+  Corners corners{.group = point.group};
+  float weight_of_pictures = 0.0F;  // that show the surface
+  for (const Place& place : point.places) {
+    if (place.cell < 0) continue;
+    const Corners& of_cell = corners_of(point, place);
+    if (of_cell.count > 0) weight_of_pictures += place.weight;
+    corners.add(of_cell);
+  }
+  constexpr int kFewCorners = 3;
+  out = {};
+  if (corners.count < kFewCorners) return;
+  out.lit = corners.lit;
+  out.hidden = corners.hidden;
+  const float most = corners.same_way ? agreement_.secondary : 0.5F * agreement_.secondary;
+  const auto channel = static_cast<size_t>(point.channel);
+  const float low = corners.low[channel], high = corners.high[channel];
+  // From other places, other things are mirrored.
+  const bool from_near = weight_of_pictures >= 1.0F - grid_.lookup().near;
+  out.secondary_known = from_near && apart(low, high, colour_managed_) <= most;
+  out.around_known =
+      finds_around_ && corners.most_around - corners.least_around <= agreement_.around;
+  const bool dark = low == 0.0F && high == 0.0F;
+  if (!out.around_known && (!out.secondary_known || dark)) return;
+  const Blend blended = blend(point);
+  out.secondary = blended.secondary;
+  out.around = blended.around;
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the samples around a subpixel that is shaded by itself settle of its light.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "render/adaptive/key_samples.h"
+
+namespace lenticule::render {
+
+struct SettledLight {
+  uint32_t lit = 0, hidden = 0;  ///< as in PacketTracer::Notes: what all samples agree on
+  bool secondary_known = false;
+  float secondary = 0.0F;  ///< only where it is known
+  bool around_known = false;
+  float around = 0.0F;  ///< only where it is known
+};
+
+/// Of one thread and frame. What the four samples around a cell say is asked once for all subpixels
+/// that see into it.
+class LightSettler {
+ public:
+  /// `samples` and `grid` must outlive it, and must not change. `finds_around`: occlusion is
+  /// sampled.
+  LightSettler(const KeySamples& samples, const KeyGrid& grid, const Agreement& agreement,
+               bool colour_managed, bool finds_around);
+
+  /// Where a point lies in a picture beside its view, see lookup_kernel::Found.
+  struct Place {
+    int cell;      ///< -1 outside
+    float part;    ///< of the way to the cell's right column
+    float weight;  ///< of the picture
+    size_t odd;    ///< 1 of pictures with odd numbers
+  };
+  struct Point {
+    KeyGrid::Between rows;
+    std::array<Place, 2> places;
+    uint32_t group;  ///< the surface seen
+    int channel;
+  };
+  /// Only samples that show the surface count; there must be a few.
+  void settle(const Point& point, SettledLight& out);
+
+ private:
+  /// What the corners of a cell that show a surface agree on.
+  struct Corners {
+    uint32_t group = 0;
+    int row = -1;  ///< of the upper two
+    int count = 0;
+    bool same_way = true;
+    uint32_t way = 0;
+    uint32_t lit = ~0U, hidden = ~0U;
+    std::array<float, 3> low{}, high{};
+    float least_around = 1.0F, most_around = 0.0F;
+
+    void add(const KeySamples::Light& light);
+    void add(const Corners& other);
+  };
+  struct Blend {
+    float secondary = 0.0F, around = 0.0F;
+  };
+  const Corners& corners_of(const Point& point, const Place& place);
+  /// Calls `use(index, weight)` for each corner of a cell.
+  template <class Use>
+  void each_corner(const Point& point, const Place& place, const Use& use) const;
+  [[nodiscard]] Blend blend(const Point& point) const;
+
+  const KeySamples& samples_;
+  const KeyGrid& grid_;
+  Agreement agreement_;
+  bool colour_managed_, finds_around_;
+  std::vector<Corners> remembered_;  ///< by place in a row of samples
+};
+
+}  // namespace lenticule::render
