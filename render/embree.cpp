@@ -3,12 +3,32 @@
 
 #include <fmt/format.h>
 
+#include <atomic>
 #include <mutex>
 #include <utility>
 
 #include "optics/error.h"
 
 namespace lenticule::render {
+
+namespace {
+
+/// The same for all devices: they have the machine's instruction set.
+std::atomic<int> widest{16};
+
+int widest_packet_of(RTCDevice device) {
+  const auto supports = [&](RTCDeviceProperty width) {
+    return rtcGetDeviceProperty(device, width) != 0;
+  };
+  if (supports(RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED)) return 16;
+  return supports(RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) ? 8 : 4;
+}
+
+}  // namespace
+
+int widest_packet() {
+  return widest.load(std::memory_order_relaxed);
+}
 
 /// Embree calls back from any of its threads.
 struct EmbreeDevice::Report {
@@ -31,6 +51,7 @@ EmbreeDevice::EmbreeDevice(int threads) : report_(std::make_unique<Report>()) {
     throw Error(ErrorKind::Failed,
                 fmt::format("embree: cannot start (code {})", int{rtcGetDeviceError(nullptr)}));
   rtcSetDeviceErrorFunction(device_.get(), &Report::on_error, report_.get());
+  widest.store(widest_packet_of(device_.get()), std::memory_order_relaxed);
 }
 
 EmbreeDevice::~EmbreeDevice() = default;

@@ -10,6 +10,7 @@
 #include "frames/srgb.h"
 #include "render/adaptive/surface_groups.h"
 #include "render/depth_budget/depth_notes.h"
+#include "render/embree_packets.h"
 #include "render/lane_masks.h"
 #include "render/shading.h"
 #include "render/shading_tables.h"

@@ -7,6 +7,7 @@
 #include "optics/error.h"
 #include "render/committed_scene.h"
 #include "render/denormals.h"
+#include "render/embree_packets.h"
 #include "render/hole_guard.h"
 #include "render/primary_packets.h"
 #include "render/shading_tables.h"

@@ -31,11 +31,11 @@ using Masks = int32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(
 using Doubles = double __attribute__((vector_size(8 * kStep)));
 using Wide = int64_t __attribute__((vector_size(8 * kStep)));  // -1 is true
 
-inline Floats& floats_at(float* rays, int field, int first) {
-  return *reinterpret_cast<Floats*>(rays + field * kLanes + first);
+inline Floats& floats_at(const Packet& packet, int field, int first) {
+  return *reinterpret_cast<Floats*>(packet.rays + field * packet.lanes + first);
 }
-inline Words& words_at(float* rays, int field, int first) {
-  return *reinterpret_cast<Words*>(rays + field * kLanes + first);
+inline Words& words_at(const Packet& packet, int field, int first) {
+  return *reinterpret_cast<Words*>(packet.rays + field * packet.lanes + first);
 }
 inline Doubles wide(const Floats& v) {
   return __builtin_convertvector(v, Doubles);
@@ -56,9 +56,9 @@ inline Doubles root(const Doubles& v) {
 struct Vector {
   Doubles x, y, z;
 };
-inline Vector vector_at(float* rays, int field, int first) {
-  return {wide(floats_at(rays, field, first)), wide(floats_at(rays, field + 1, first)),
-          wide(floats_at(rays, field + 2, first))};
+inline Vector vector_at(const Packet& packet, int field, int first) {
+  return {wide(floats_at(packet, field, first)), wide(floats_at(packet, field + 1, first)),
+          wide(floats_at(packet, field + 2, first))};
 }
 inline Doubles dot(const Vector& a, const Vector& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
@@ -130,25 +130,28 @@ inline Doubles distance(const Cone& cone, const Vector& origin, const Vector& di
 }
 
 template <class Shape>
-inline Doubles distance(const Shape& shape, float* rays, int first) {
-  return distance(shape, vector_at(rays, packet_kernel::kOriginX, first),
-                  vector_at(rays, packet_kernel::kDirectionX, first),
-                  wide(floats_at(rays, packet_kernel::kTNear, first)),
-                  wide(floats_at(rays, packet_kernel::kTFar, first)));
+inline Doubles distance(const Shape& shape, const Packet& packet, int first) {
+  return distance(shape, vector_at(packet, packet_kernel::kOriginX, first),
+                  vector_at(packet, packet_kernel::kDirectionX, first),
+                  wide(floats_at(packet, packet_kernel::kTNear, first)),
+                  wide(floats_at(packet, packet_kernel::kTFar, first)));
+}
+
+inline Masks& valid_at(const Packet& packet, int first) {
+  return *reinterpret_cast<Masks*>(packet.valid + first);
 }
 
 template <class Shape>
-void intersect(const Shape& shape, uint32_t geometry, uint32_t primitive, int32_t* valid,
-               float* rays) {
-  for (int first = 0; first < kLanes; first += kStep) {
-    Masks& lanes = *reinterpret_cast<Masks*>(valid + first);
-    Floats& far = floats_at(rays, packet_kernel::kTFar, first);
-    const Floats t = __builtin_convertvector(distance(shape, rays, first), Floats);
+void intersect(const Shape& shape, uint32_t geometry, uint32_t primitive, const Packet& packet) {
+  for (int first = 0; first < packet.lanes; first += kStep) {
+    Masks& lanes = valid_at(packet, first);
+    Floats& far = floats_at(packet, packet_kernel::kTFar, first);
+    const Floats t = __builtin_convertvector(distance(shape, packet, first), Floats);
     // Rounded to the ray's precision it may no longer be in front of what is known.
     const Masks met = lanes & (t < far);
     far = met ? t : far;
     const auto set = [&](int field, uint32_t value) {
-      Words& words = words_at(rays, field, first);
+      Words& words = words_at(packet, field, first);
       words = met ? Words{} + value : words;
     };
     set(packet_kernel::kPrimitive, primitive);
@@ -159,11 +162,11 @@ void intersect(const Shape& shape, uint32_t geometry, uint32_t primitive, int32_
 }
 
 template <class Shape>
-void occlude(const Shape& shape, int32_t* valid, float* rays) {
-  for (int first = 0; first < kLanes; first += kStep) {
-    Masks& lanes = *reinterpret_cast<Masks*>(valid + first);
-    Floats& far = floats_at(rays, packet_kernel::kTFar, first);
-    const Wide nearer = distance(shape, rays, first) < wide(far);
+void occlude(const Shape& shape, const Packet& packet) {
+  for (int first = 0; first < packet.lanes; first += kStep) {
+    Masks& lanes = valid_at(packet, first);
+    Floats& far = floats_at(packet, packet_kernel::kTFar, first);
+    const Wide nearer = distance(shape, packet, first) < wide(far);
     const Masks met = lanes & __builtin_convertvector(nearer, Masks);
     far = met ? Floats{} - __builtin_inff() : far;
     lanes = met;
@@ -173,7 +176,8 @@ void occlude(const Shape& shape, int32_t* valid, float* rays) {
 }  // namespace
 
 extern const quadric_kernel::Kernel kQuadricKernel;
-const quadric_kernel::Kernel kQuadricKernel{.intersect_sphere = intersect<Sphere>,
+const quadric_kernel::Kernel kQuadricKernel{.step = kStep,
+                                            .intersect_sphere = intersect<Sphere>,
                                             .occlude_sphere = occlude<Sphere>,
                                             .intersect_cone = intersect<Cone>,
                                             .occlude_cone = occlude<Cone>};

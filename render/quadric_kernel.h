@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen rays against one sphere or cone, compiled once per instruction set. The formulas, their
-// order and so every bit are those of render/quadrics.cpp. Plain data only: nothing here may bring
-// a shared inline function into a file that is compiled for AVX-512.
+// Packets of rays against one sphere or cone, compiled once per instruction set. The formulas,
+// their order and so every bit are those of render/quadrics.cpp. Plain data only: nothing here may
+// bring a shared inline function into a file that is compiled for AVX-512.
 #pragma once
 
 #include <cstdint>
 
 namespace lenticule::render::quadric_kernel {
 
-inline constexpr int kLanes = 16;
+inline constexpr int kMostLanes = 16;
 
 struct Sphere {
   double centre[3];
@@ -23,16 +23,22 @@ struct Cone {
   double slope;
 };
 
-/// What Embree calls for packets of sixteen. `rays` begins with the origins, in Embree's layout
-/// (see packet_kernel::Field); a shadow ray has no more than the first twelve arrays. Lanes where
-/// `valid` is zero stay as they are; then valid becomes -1 where the shape was met, 0 elsewhere.
+/// A packet as Embree has it: arrays of `lanes` elements each, beginning with the origins (see
+/// packet_kernel::Field); a shadow ray has no more than the first twelve. Lanes where `valid` is
+/// zero stay as they are; then valid becomes -1 where the shape was met, 0 elsewhere.
+struct Packet {
+  int lanes;  ///< a multiple of Kernel::step, at most kMostLanes
+  int32_t* valid;
+  float* rays;
+};
+
+/// What Embree calls for packets.
 struct Kernel {
-  void (*intersect_sphere)(const Sphere&, uint32_t geometry, uint32_t primitive, int32_t* valid,
-                           float* rays);
-  void (*occlude_sphere)(const Sphere&, int32_t* valid, float* rays);
-  void (*intersect_cone)(const Cone&, uint32_t geometry, uint32_t primitive, int32_t* valid,
-                         float* rays);
-  void (*occlude_cone)(const Cone&, int32_t* valid, float* rays);
+  int step;
+  void (*intersect_sphere)(const Sphere&, uint32_t geometry, uint32_t primitive, const Packet&);
+  void (*occlude_sphere)(const Sphere&, const Packet&);
+  void (*intersect_cone)(const Cone&, uint32_t geometry, uint32_t primitive, const Packet&);
+  void (*occlude_cone)(const Cone&, const Packet&);
 };
 
 }  // namespace lenticule::render::quadric_kernel

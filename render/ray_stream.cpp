@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "render/embree_packets.h"
+
 namespace lenticule::render {
 namespace {
 

@@ -63,27 +63,42 @@ quadric_kernel::Cone lanes_shape(const ConeShape& cone) {
   return out;
 }
 void intersect_packet(const SphereShape& shape, const RTCIntersectFunctionNArguments& arguments,
-                      int* valid) {
-  kernel().intersect_sphere(lanes_shape(shape), arguments.geomID, arguments.primID, valid,
-                            reinterpret_cast<float*>(arguments.rayhit));
+                      const quadric_kernel::Packet& packet) {
+  kernel().intersect_sphere(lanes_shape(shape), arguments.geomID, arguments.primID, packet);
 }
 void intersect_packet(const ConeShape& shape, const RTCIntersectFunctionNArguments& arguments,
-                      int* valid) {
-  kernel().intersect_cone(lanes_shape(shape), arguments.geomID, arguments.primID, valid,
-                          reinterpret_cast<float*>(arguments.rayhit));
+                      const quadric_kernel::Packet& packet) {
+  kernel().intersect_cone(lanes_shape(shape), arguments.geomID, arguments.primID, packet);
 }
-void occlude_packet(const SphereShape& shape, float* rays, int* valid) {
-  kernel().occlude_sphere(lanes_shape(shape), valid, rays);
+void occlude_packet(const SphereShape& shape, const quadric_kernel::Packet& packet) {
+  kernel().occlude_sphere(lanes_shape(shape), packet);
 }
-void occlude_packet(const ConeShape& shape, float* rays, int* valid) {
-  kernel().occlude_cone(lanes_shape(shape), valid, rays);
+void occlude_packet(const ConeShape& shape, const quadric_kernel::Packet& packet) {
+  kernel().occlude_cone(lanes_shape(shape), packet);
+}
+
+/// The lanes of a packet that Embree asks about, which the kernel may write.
+struct AskedLanes {
+  alignas(64) std::array<int, quadric_kernel::kMostLanes> valid;
+
+  template <class Arguments>
+  explicit AskedLanes(const Arguments& arguments) {
+    std::copy_n(arguments.valid, arguments.N, valid.begin());
+  }
+  quadric_kernel::Packet packet(unsigned lanes, void* rays) {
+    return {
+        .lanes = static_cast<int>(lanes), .valid = valid.data(), .rays = static_cast<float*>(rays)};
+  }
+};
+bool takes_packets_of(unsigned lanes) {
+  return lanes <= quadric_kernel::kMostLanes && lanes % static_cast<unsigned>(kernel().step) == 0;
 }
 
 /// Embree 4 wants to be told what was met; in Embree 3 `valid` is only to be read.
 template <class Arguments>
-void report(const Arguments& arguments, const std::array<int, quadric_kernel::kLanes>& met) {
+void report(const Arguments& arguments, const AskedLanes& met) {
 #if LENTICULE_EMBREE_MAJOR >= 4
-  std::copy(met.begin(), met.end(), arguments.valid);
+  std::copy_n(met.valid.begin(), arguments.N, arguments.valid);
 #else
   static_cast<void>(arguments);
   static_cast<void>(met);
@@ -104,11 +119,10 @@ template <class Shape>
 void intersect(const RTCIntersectFunctionNArguments* arguments) {
   const Shape& shape = shape_of<Shape>(arguments->geometryUserPtr, arguments->primID);
   const unsigned n = arguments->N;
-  if (n == quadric_kernel::kLanes) {
-    std::array<int, quadric_kernel::kLanes> valid;
-    std::copy_n(arguments->valid, n, valid.begin());
-    intersect_packet(shape, *arguments, valid.data());
-    return report(*arguments, valid);
+  if (takes_packets_of(n)) {
+    AskedLanes lanes(*arguments);
+    intersect_packet(shape, *arguments, lanes.packet(n, arguments->rayhit));
+    return report(*arguments, lanes);
   }
   RTCRayN* ray = RTCRayHitN_RayN(arguments->rayhit, n);
   RTCHitN* hit = RTCRayHitN_HitN(arguments->rayhit, n);
@@ -132,11 +146,10 @@ template <class Shape>
 void occlude(const RTCOccludedFunctionNArguments* arguments) {
   const Shape& shape = shape_of<Shape>(arguments->geometryUserPtr, arguments->primID);
   const unsigned n = arguments->N;
-  if (n == quadric_kernel::kLanes) {
-    std::array<int, quadric_kernel::kLanes> valid;
-    std::copy_n(arguments->valid, n, valid.begin());
-    occlude_packet(shape, reinterpret_cast<float*>(arguments->ray), valid.data());
-    return report(*arguments, valid);
+  if (takes_packets_of(n)) {
+    AskedLanes lanes(*arguments);
+    occlude_packet(shape, lanes.packet(n, arguments->ray));
+    return report(*arguments, lanes);
   }
   for (unsigned i = 0; i < n; ++i) {
     if (arguments->valid[i] == 0) continue;

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "render/denormals.h"
+#include "render/embree_packets.h"
 #include "render/primary_packets.h"
 
 namespace lenticule::render {

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "render/embree_packets.h"
 #include "render/lane_masks.h"
 #include "render/primary_packets.h"
 #include "render/shading_tables.h"

@@ -7,6 +7,7 @@
 #include <limits>
 #include <random>
 
+#include "render/embree_packets.h"
 #include "render/shading.h"
 #include "render/shading_tables.h"
 #include "tests/support/tiny_scenes.h"

@@ -6,8 +6,10 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "render/committed_scene.h"
+#include "render/embree_packets.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -183,6 +185,42 @@ TEST(InOneOctant, AsksForTheSignsThatEmbreeSees) {
   EXPECT_FALSE(all(-0.5F, 0.25F));
   valid[7] = 0;
   EXPECT_TRUE(in_one_octant(valid, rays)) << "an empty lane counts";
+}
+
+/// Embree takes packets in the width of its vectors; whatever that is, rays meet the same.
+TEST_F(RayStream, PacketsOfAllWidthsMeetTheSame) {
+  std::mt19937_64 random(4);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  int met = 0;
+  for (int round = 0; round < 400; ++round) {
+    std::vector<PathRay> rays(kPacket);
+    for (PathRay& one : rays)
+      if (random() % 4 != 0)
+        one = ray({any(random), 6.0 + any(random), any(random)},
+                  normalized(Vec3{any(random), any(random) - 4.0, any(random)}));
+    RayPacket packet;
+    ASSERT_EQ(load_packet(rays, packet), 0U);
+    for (const Coherence coherence : {Coherence::Coherent, Coherence::Incoherent}) {
+      RayPacket widest = packet;
+      intersect16(widest.valid, embree_, widest.rays, coherence, 16);
+      for (const int width : {8, 4}) {
+        RayPacket narrow = packet;
+        RTCRay16 shadow = packet.rays.ray;
+        intersect16(narrow.valid, embree_, narrow.rays, coherence, width);
+        occluded16(narrow.valid, embree_, shadow, coherence, width);
+        for (size_t r = 0; r < kPacket; ++r) {
+          ASSERT_EQ(narrow.rays.hit.geomID[r], widest.rays.hit.geomID[r]) << width;
+          ASSERT_EQ(narrow.rays.hit.primID[r], widest.rays.hit.primID[r]) << width;
+          const bool meets = widest.rays.hit.geomID[r] != RTC_INVALID_GEOMETRY_ID;
+          ASSERT_EQ(shadow.tfar[r] < 0.0F, meets) << width;
+          if (!meets) continue;
+          ASSERT_NEAR(narrow.rays.ray.tfar[r], widest.rays.ray.tfar[r], 1e-5F) << width;
+          ++met;
+        }
+      }
+    }
+  }
+  EXPECT_GT(met, 5000);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <random>
 
 #include "optics/cpu.h"
+#include "render/embree_packets.h"
 #include "render/octahedron.h"
 #include "render/ray_stream.h"
 #include "render/shading.h"

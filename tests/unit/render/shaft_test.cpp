@@ -7,6 +7,7 @@
 #include <cmath>
 #include <random>
 
+#include "render/embree_packets.h"
 #include "render/octahedron.h"
 #include "render/ray_stream.h"
 #include "render/shading_tables.h"
