@@ -14,15 +14,32 @@ struct Neighbours {
   double blend = 0.0;
 };
 
+/// How far a coordinate lies beyond the whole number below it. Beyond 2^52 there is nothing
+/// between. Written out: without SSE4 std::floor is a call, and this is asked for every point.
+double beyond_whole(double coordinate) {
+  constexpr double kWhole = 4503599627370496.0;
+  if (!(std::abs(coordinate) < kWhole)) return 0.0;
+  const double beyond = coordinate - static_cast<double>(static_cast<int64_t>(coordinate));
+  return beyond < 0.0 ? beyond + 1.0 : beyond;
+}
+
 Neighbours neighbours(double coordinate, int size, bool repeat) {
   if (!std::isfinite(coordinate)) coordinate = 0.0;
   // Brought near the picture first, so that huge coordinates neither overflow nor lose the blend.
-  coordinate = repeat ? coordinate - std::floor(coordinate) : std::clamp(coordinate, 0.0, 1.0);
-  const double texel = coordinate * size - 0.5;
-  const double below = std::floor(texel);
-  const int first = static_cast<int>(below);
-  const auto wrap = [&](int i) { return repeat ? (i + size) % size : std::clamp(i, 0, size - 1); };
-  return {wrap(first), wrap(first + 1), texel - below};
+  coordinate = repeat ? beyond_whole(coordinate) : std::clamp(coordinate, 0.0, 1.0);
+  // From half a texel before the first to half a texel before the end: at least 0, made whole by
+  // leaving out what is behind the point, and one less again.
+  const double texel = coordinate * size + 0.5;
+  const int second = static_cast<int>(texel);
+  const int first = second - 1;
+  const double blend = texel - second;
+  if (repeat) return {first < 0 ? size - 1 : first, second >= size ? 0 : second, blend};
+  return {std::max(first, 0), std::min(second, size - 1), blend};
+}
+
+/// Parts are below 1, so that this stays between the two.
+double blended(double a, double b, double part) {
+  return a + part * (b - a);
 }
 
 }  // namespace
@@ -35,9 +52,9 @@ double texture_value(const Texture& texture, double u, double v, int channel) {
         static_cast<size_t>(row) * static_cast<size_t>(texture.width) + static_cast<size_t>(column);
     return double{texture.rgba[index * 4 + static_cast<size_t>(channel)]};
   };
-  const double top = std::lerp(texel(x.first, y.first), texel(x.second, y.first), x.blend);
-  const double bottom = std::lerp(texel(x.first, y.second), texel(x.second, y.second), x.blend);
-  return std::lerp(top, bottom, y.blend);
+  const double top = blended(texel(x.first, y.first), texel(x.second, y.first), x.blend);
+  const double bottom = blended(texel(x.first, y.second), texel(x.second, y.second), x.blend);
+  return blended(top, bottom, y.blend);
 }
 
 bool same_texture(const std::shared_ptr<const Texture>& a,
