@@ -32,6 +32,7 @@ AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const 
   for (size_t at = 0; at < backdrop.size(); ++at)
     backdrop[at] = encoder.code(
         static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
+  if (scene.backdrop.flat()) eyes = keys.eyes();
   samples.begin(keys);
 }
 
@@ -130,7 +131,7 @@ void AdaptiveWorker::render_band(int first_row) {
 void AdaptiveWorker::render_row(int first_row, int row) {
   const KeyGrid::Between between = frame_.grid.between(row);
   find_cells(between);
-  sweep_.sweep(row, swept_);
+  sweep_.sweep(row, swept_, frame_.eyes);
   arrange_rays();
   group_of_cut_.clear();
   for (const SweptCut& cut : swept_.cuts)
@@ -221,13 +222,16 @@ uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
 
 void AdaptiveWorker::add_drawn(int first_row, int row) {
   const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
+  const PlaneRays& rays = sweep_.rays();
   const auto add = [&](uint32_t at, Draw draw) {
     if (at >= count) return;
+    const bool made = !rays.subpixel.empty() || (at >= rays.first && at < rays.count);
+    const auto ray = made ? RowPlanes::Maker::Ray{x_mm_[at], tan_x_[at]} : sweep_.ray(at);
     drawn_.add({.at = static_cast<int32_t>(at),
                 .row = static_cast<uint16_t>(row - first_row),
                 .draw = draw,
-                .x_mm = x_mm_[at],
-                .tan_x = tan_x_[at]});
+                .x_mm = ray.x_mm,
+                .tan_x = ray.tan_x});
   };
   for (uint32_t stretch = 0; stretch * kDrawnOneIn < count; ++stretch) {
     const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), stretch);

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "frames/frame.h"
@@ -43,6 +44,8 @@ struct AdaptiveFrame {
   LightEncoder encoder;
   double start_mm;
   std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, where it is flat
+  /// Where it is: rays that are far from everything are not made.
+  std::optional<EyeRange> eyes;
 };
 
 /// How the subpixels of a thread's bands got their colour.

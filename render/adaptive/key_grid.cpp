@@ -61,6 +61,8 @@ KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& re
   LENTICULE_CHECK(spacing.pictures >= 2 && spacing.row_step >= 1 && spacing.columns > 0.0);
   const optics::Panel& panel = planes.model().rig().panel;
   eye_first_ = reach.eyes.low;
+  const double generous = 0.5 * reach.eyes.width();
+  eyes_ = {reach.eyes.low - generous, reach.eyes.high + generous};
   eye_step_ = std::max(reach.eyes.width() / (spacing.pictures - 1), 1e-6);
   x_step_ = spacing.columns * panel.pixel_width.value;
   const double aside =

@@ -10,6 +10,7 @@
 #include "render/adaptive/glass_rays.h"
 #include "render/adaptive/key_lookup_kernel.h"
 #include "render/row_sweep/row_planes.h"
+#include "render/row_sweep/row_sweep.h"
 #include "render/stage.h"
 
 namespace lenticule::render {
@@ -46,6 +47,8 @@ class KeyGrid {
 
   [[nodiscard]] int pictures() const { return lookup_.pictures; }
   [[nodiscard]] int columns() const { return lookup_.columns; }
+  /// Places on the viewing line that the rig's rays go to, a good deal generous.
+  [[nodiscard]] EyeRange eyes() const { return eyes_; }
   /// Elements from one picture's row to the next; a few more than there are columns.
   [[nodiscard]] int stride() const { return lookup_.stride; }
   [[nodiscard]] int rows() const { return rows_; }
@@ -71,6 +74,7 @@ class KeyGrid {
   double height_px_ = 0.0;  ///< of subpixels in their row
   double x_first_ = 0.0, x_step_ = 0.0;
   double eye_first_ = 0.0, eye_step_ = 0.0;
+  EyeRange eyes_{};
 };
 
 }  // namespace lenticule::render

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numeric>
 
 namespace lenticule::render {
 namespace {
@@ -48,7 +49,7 @@ void PlaneCells::number_lenses(const PlaneRays& rays) {
   const int32_t* lens = rays.lens.data();
   first_.clear();
   int32_t places = 0;
-  for (int32_t n = 0, guess = 1; n < count;) {
+  for (auto n = static_cast<int32_t>(rays.first), guess = 1; n < count;) {
     first_.push_back(n);
     // Lenses have one or two different numbers of places.
     int32_t end = std::min(n + guess, count);
@@ -59,9 +60,10 @@ void PlaneCells::number_lenses(const PlaneRays& rays) {
     n = end;
   }
   // Where lenses are very unequal, each ray counts as a lens.
-  if (static_cast<size_t>(places) * stride_for(first_.size()) > 16 * rays.count + 4096) {
-    first_.resize(rays.count);
-    for (int32_t n = 0; n < count; ++n) first_[static_cast<size_t>(n)] = n;
+  const size_t made = rays.count - rays.first;
+  if (static_cast<size_t>(places) * stride_for(first_.size()) > 16 * made + 4096) {
+    first_.resize(made);
+    std::iota(first_.begin(), first_.end(), static_cast<int32_t>(rays.first));
     places = 1;
   }
   cells_.lenses = static_cast<int>(first_.size());
@@ -93,7 +95,7 @@ void PlaneCells::set_steps(double inverse_z, const PlaneRays& rays) {
   const auto lenses = static_cast<size_t>(cells_.lenses);
   double step = 1.0;
   if (lenses > 1) {
-    const double left = rays.x_mm[0];
+    const double left = rays.x_mm[rays.first];
     const double right = rays.x_mm[static_cast<size_t>(first_[lenses - 1])];
     step = (right - left) / (cells_.lenses - 1);
   }

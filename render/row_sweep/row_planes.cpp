@@ -102,6 +102,10 @@ RowPlane RowPlanes::plane_at(double y_px) const {
   return {.lens_y_mm = panel_y_mm + gap * tan_y, .tan_y = tan_y};
 }
 
+RowPlane RowPlanes::plane_of(int row, size_t plane) const {
+  return plane_at(row + layout_row(row).heights_px[plane]);
+}
+
 RowRange RowPlanes::rows_between(double low_mm, double high_mm) const {
   constexpr double kGenerous = 1e-3;
   const double far = rows() + 8.0;
@@ -114,11 +118,10 @@ RowRange RowPlanes::rows_between(double low_mm, double high_mm) const {
 
 RowPlanes::Maker::Maker(const RowPlanes& planes) : planes_(planes) {}
 
-void RowPlanes::Maker::make(int row, size_t plane, PlaneRays& out) {
+void RowPlanes::Maker::make(int row, size_t plane, PlaneRays& out, const GlassRange& within) {
   LENTICULE_CHECK(row >= 0 && row < planes_.rows() && plane < planes_.planes_of(row));
-  const LayoutRow& layout = planes_.layout_row(row);
-  out.plane = planes_.plane_at(row + layout.heights_px[plane]);
-  if (!planes_.smooth_ || !make_smooth(row, out)) make_exact(row, plane, out);
+  out.plane = planes_.plane_of(row, plane);
+  if (!planes_.smooth_ || !make_smooth(row, out, within)) make_exact(row, plane, out);
 }
 
 /// The tiles of a band of rows, side by side.
@@ -135,34 +138,72 @@ bool RowPlanes::Maker::expand(int band) {
   return band_smooth_;
 }
 
-bool RowPlanes::Maker::make_smooth(int row, PlaneRays& out) {
+RowPiece RowPlanes::Maker::piece(size_t tile) const {
+  return piece_of(*planes_.smooth_, tiles_[tile], static_cast<size_t>(in_band_));
+}
+
+/// Lens points do not go back along a row by more than one lens, and a tile's rays may begin in the
+/// middle of one.
+RowPlanes::Maker::Tiles RowPlanes::Maker::tiles_within(const GlassRange& within) const {
+  Tiles tiles{0, tiles_.size()};
+  if (within.low_mm == GlassRange{}.low_mm && within.high_mm == GlassRange{}.high_mm) return tiles;
+  const double room = 3.0 * planes_.model_.pitch_mm();
+  const auto starts_at = [&](size_t tile) {
+    const Ray first = make_one(tile * planes_.columns_);
+    return double{first.x_mm};
+  };
+  while (tiles.begin + 1 < tiles.end && starts_at(tiles.begin + 1) < within.low_mm - room)
+    ++tiles.begin;
+  while (tiles.end > tiles.begin + 1 && starts_at(tiles.end - 1) > within.high_mm + room)
+    --tiles.end;
+  return tiles;
+}
+
+RowPlanes::Maker::Ray RowPlanes::Maker::make_one(size_t subpixel) const {
+  const size_t tile = subpixel / planes_.columns_;
+  const auto column = static_cast<int>(subpixel % planes_.columns_);
+  const double off = planes_.smooth_->exact_off(tiles_[tile], column, in_band_);
+  Ray ray;
+  planes_.kernel_.make_ray(piece(tile), column, static_cast<float>(off), &ray.x_mm, &ray.tan_x);
+  return ray;
+}
+
+bool RowPlanes::Maker::make_smooth(int row, PlaneRays& out, const GlassRange& within) {
   if (!expand(row / TileOptics::kRows)) return false;
-  out.count = planes_.row_subpixels();
+  in_band_ = row % TileOptics::kRows;
+  const Tiles tiles = tiles_within(within);
+  out.first = tiles.begin * planes_.columns_;
+  out.count = std::min(tiles.end * planes_.columns_, planes_.row_subpixels());
   out.subpixel.clear();
-  out.x_mm.resize(tiles_.size() * planes_.columns_);
+  out.x_mm.resize(std::max(out.x_mm.size(), tiles_.size() * planes_.columns_));
   out.tan_x.resize(out.x_mm.size());
   out.lens.resize(out.x_mm.size());
-  const int in_band = row % TileOptics::kRows;
-  for (size_t t = 0; t < tiles_.size(); ++t) {
-    const RowPiece piece = piece_of(*planes_.smooth_, tiles_[t], static_cast<size_t>(in_band));
-    const size_t at = t * planes_.columns_;
-    const auto count = static_cast<int>(std::min(planes_.columns_, out.count - at));
-    float* x = out.x_mm.data() + at;
-    float* tan = out.tan_x.data() + at;
-    int32_t* lens = out.lens.data() + at;
-    const int whole = (count + sweep_kernel::kLanes - 1) / sweep_kernel::kLanes;
-    if (planes_.kernel_.make_rays(piece, whole * sweep_kernel::kLanes, x, tan, lens)) [[unlikely]]
-      resolve(piece, t, in_band, count, x, tan, lens);
-  }
+  for (size_t t = tiles.begin; t < tiles.end; ++t) make_tile(t, out);
+  if (out.first == 0) return true;
+  // Begin with a whole lens: the places of half a one lie elsewhere than those of all others.
+  while (out.first + 1 < out.count && out.lens[out.first] == out.lens[out.first + 1]) ++out.first;
+  if (out.first + 1 < out.count) ++out.first;
   return true;
 }
 
+void RowPlanes::Maker::make_tile(size_t tile, PlaneRays& out) const {
+  const RowPiece row = piece(tile);
+  const size_t at = tile * planes_.columns_;
+  const auto count = static_cast<int>(std::min(planes_.columns_, planes_.row_subpixels() - at));
+  float* x = out.x_mm.data() + at;
+  float* tan = out.tan_x.data() + at;
+  int32_t* lens = out.lens.data() + at;
+  const int whole = (count + sweep_kernel::kLanes - 1) / sweep_kernel::kLanes;
+  if (planes_.kernel_.make_rays(row, whole * sweep_kernel::kLanes, x, tan, lens)) [[unlikely]]
+    resolve(row, tile, count, x, tan, lens);
+}
+
 /// Asks the map itself where the polynomials cannot tell the lens.
-void RowPlanes::Maker::resolve(const RowPiece& piece, size_t tile, int row, int count, float* x,
-                               float* tan, int32_t* lens) const {
+void RowPlanes::Maker::resolve(const RowPiece& piece, size_t tile, int count, float* x, float* tan,
+                               int32_t* lens) const {
   for (int c = 0; c < count; ++c) {
     if (!planes_.kernel_.uncertain(piece, c)) continue;
-    const double off = planes_.smooth_->exact_off(tiles_[tile], c, row);
+    const double off = planes_.smooth_->exact_off(tiles_[tile], c, in_band_);
     const double* phase = piece.phase[c % 3];
     lens[c] = static_cast<int32_t>(std::lround(phase[0] + c * (phase[1] + c * phase[2]) - off));
     planes_.kernel_.make_ray(piece, c, static_cast<float>(off), x + c, tan + c);
@@ -185,6 +226,7 @@ void RowPlanes::Maker::make_exact(int row, size_t plane, PlaneRays& out) {
   };
   if (!std::is_sorted(order_.begin(), order_.end(), before))
     std::sort(order_.begin(), order_.end(), before);
+  out.first = 0;
   out.count = order_.size();
   out.subpixel = order_;
   out.x_mm.resize(out.count);

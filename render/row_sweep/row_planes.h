@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -24,9 +25,17 @@ struct RowPlane {
   double tan_y = 0.0;
 };
 
-/// The rays of one plane by lens, and under one lens from left to right.
+/// A stretch of the glass from left to right.
+struct GlassRange {
+  double low_mm = -std::numeric_limits<double>::infinity();
+  double high_mm = std::numeric_limits<double>::infinity();
+};
+
+/// The rays of one plane by lens, and under one lens from left to right: those from `first` on and
+/// before `count`. What arrays have elsewhere means nothing.
 struct PlaneRays {
   RowPlane plane;
+  size_t first = 0;
   size_t count = 0;
   std::vector<float> x_mm;  ///< on the glass; may have more than `count` elements
   std::vector<float> tan_x;
@@ -62,6 +71,7 @@ class RowPlanes {
 
   /// The plane of subpixels whose centres lie at this height on the panel, in pixels down.
   [[nodiscard]] RowPlane plane_at(double y_px) const;
+  [[nodiscard]] RowPlane plane_of(int row, size_t plane) const;
   /// Of the first subpixel of the row, in pixels below the row's upper edge.
   [[nodiscard]] double height_in_row(int row) const { return layout_row(row).heights_px.front(); }
 
@@ -70,19 +80,33 @@ class RowPlanes {
    public:
     /// `planes` must outlive it.
     explicit Maker(const RowPlanes& planes);
-    /// Does not allocate once it has made a row of the kind.
-    void make(int row, size_t plane, PlaneRays& out);
+    /// Does not allocate once it has made a row of the kind. Rays that leave the glass beyond
+    /// `within` may be left out.
+    void make(int row, size_t plane, PlaneRays& out, const GlassRange& within = {});
+    /// That of one subpixel of the row that was made last, if it was left out.
+    struct Ray {
+      float x_mm, tan_x;
+    };
+    [[nodiscard]] Ray make_one(size_t subpixel) const;
 
    private:
-    bool make_smooth(int row, PlaneRays& out);
+    bool make_smooth(int row, PlaneRays& out, const GlassRange& within);
+    [[nodiscard]] sweep_kernel::RowPiece piece(size_t tile) const;
+    /// Tiles whose rays may leave the glass there: from the first to before the second.
+    struct Tiles {
+      size_t begin, end;
+    };
+    [[nodiscard]] Tiles tiles_within(const GlassRange& within) const;
+    void make_tile(size_t tile, PlaneRays& out) const;
     bool expand(int band);
-    void resolve(const sweep_kernel::RowPiece& piece, size_t tile, int row, int count, float* x,
-                 float* tan, int32_t* lens) const;
+    void resolve(const sweep_kernel::RowPiece& piece, size_t tile, int count, float* x, float* tan,
+                 int32_t* lens) const;
     void make_exact(int row, size_t plane, PlaneRays& out);
 
     const RowPlanes& planes_;
     std::vector<optics::TileOptics::Tile> tiles_;  ///< of one band of rows
     int band_ = -1;
+    int in_band_ = 0;  ///< the row of the band that was made last
     bool band_smooth_ = false;
     optics::RowRays rays_;
     int evaluated_row_ = -1;

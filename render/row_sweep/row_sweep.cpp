@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/row_sweep/row_sweep.h"
 
+#include <algorithm>
+#include <limits>
+
 #include "render/primary_rays.h"
 
 namespace lenticule::render {
@@ -23,18 +26,47 @@ RowSweep::RowSweep(const RowPlanes& planes, const Scene& scene)
 
 RowSweep::Worker::Worker(const RowSweep& sweep) : sweep_(sweep), maker_(sweep.planes_) {}
 
-void RowSweep::Worker::sweep(int row, SweptRow& out) {
+void RowSweep::Worker::sweep(int row, SweptRow& out, const std::optional<EyeRange>& eyes) {
   out.cuts.clear();
   for (size_t plane = 0; plane < sweep_.planes_.planes_of(row); ++plane)
-    sweep_plane(row, plane, out);
+    sweep_plane(row, plane, out, eyes);
 }
 
-void RowSweep::Worker::sweep_plane(int row, size_t plane, SweptRow& out) {
+/// Where rays leave the glass that go to `eyes` and meet a cut: from one place, a cut is seen
+/// between its ends, and what lies between two places is seen between.
+GlassRange RowSweep::Worker::range_of_cuts(const EyeRange& eyes) const {
+  constexpr double kTooNear = 0.995;  // of the way to the viewing line: seen from anywhere
+  const double inverse_z = sweep_.planes_.inverse_z();
+  GlassRange range{.low_mm = std::numeric_limits<double>::infinity(),
+                   .high_mm = -std::numeric_limits<double>::infinity()};
+  const auto add = [&](const sweep_kernel::Reach& reach) {
+    for (const int end : {0, 1}) {
+      const double z = reach.z[end];
+      if (!(z * inverse_z < kTooNear)) return false;
+      const double wider = 1.0 / (1.0 - z * inverse_z);
+      const double depth = inverse_z > 0.0 ? z * wider * inverse_z : z;
+      for (const double x : {double{reach.x_low[end]}, double{reach.x_high[end]}})
+        for (const double eye : {eyes.low, eyes.high}) {
+          range.low_mm = std::min(range.low_mm, x * wider - eye * depth);
+          range.high_mm = std::max(range.high_mm, x * wider - eye * depth);
+        }
+    }
+    return true;
+  };
+  for (const sweep_kernel::Segment& segment : cuts_.segments)
+    if (!add(segment.reach)) return {};
+  for (const sweep_kernel::Conic& conic : cuts_.conics)
+    if (!add(conic.reach)) return {};
+  return range;
+}
+
+void RowSweep::Worker::sweep_plane(int row, size_t plane, SweptRow& out,
+                                   const std::optional<EyeRange>& eyes) {
   const sweep_kernel::Kernel& kernel = sweep_.planes_.kernel();
-  maker_.make(row, plane, rays_);
-  cells_.arrange(kernel, sweep_.planes_.inverse_z(), rays_);
   auto number = static_cast<int32_t>(out.cuts.size());
-  sweep_.primitives_.cut(row, rays_.plane, cuts_, out.cuts);
+  sweep_.primitives_.cut(row, sweep_.planes_.plane_of(row, plane), cuts_, out.cuts);
+  maker_.make(row, plane, rays_, eyes ? range_of_cuts(*eyes) : GlassRange{});
+  cells_.arrange(kernel, sweep_.planes_.inverse_z(), rays_);
   const auto segments = static_cast<int>(cuts_.segments.size());
   kernel.segments(cells_.cells(), cells_.spread(), sweep_.start_mm_, cuts_.segments.data(),
                   segments, number);
@@ -44,6 +76,19 @@ void RowSweep::Worker::sweep_plane(int row, size_t plane, SweptRow& out) {
   collect(out);
 }
 
+/// Where no rays were made.
+void RowSweep::Worker::see_nothing_beyond(SweptRow& out) const {
+  const auto clear = [&](size_t begin, size_t end) {
+    const auto from = static_cast<std::ptrdiff_t>(begin), to = static_cast<std::ptrdiff_t>(end);
+    std::fill(out.cut.begin() + from, out.cut.begin() + to, SweptRow::kNothing);
+    std::fill(out.z_mm.begin() + from, out.z_mm.begin() + to,
+              -std::numeric_limits<float>::infinity());
+    std::fill(out.along.begin() + from, out.along.begin() + to, 0.0F);
+  };
+  clear(0, rays_.first);
+  clear(rays_.count, sweep_.planes_.row_subpixels());
+}
+
 void RowSweep::Worker::collect(SweptRow& out) {
   const bool in_order = rays_.subpixel.empty();
   make_room(sweep_.planes_.row_subpixels() + sweep_kernel::kLanes, out);
@@ -51,7 +96,7 @@ void RowSweep::Worker::collect(SweptRow& out) {
   make_room(cells_.padded_rays(), target);
   sweep_.planes_.kernel().to_rays(cells_.cells(), cells_.first(), target.z_mm.data(),
                                   target.along.data(), target.cut.data());
-  if (in_order) return;
+  if (in_order) return see_nothing_beyond(out);
   for (size_t n = 0; n < rays_.count; ++n) {
     const auto s = static_cast<size_t>(rays_.subpixel[n]);
     out.cut[s] = by_lens_.cut[n];

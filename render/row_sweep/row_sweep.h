@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "render/row_sweep/plane_cells.h"
@@ -24,6 +25,11 @@ struct SweptRow {
   std::vector<SweptCut> cuts;
 };
 
+/// Places on the viewing line that rays go to, mm; tangents of parallel ones.
+struct EyeRange {
+  double low, high;
+};
+
 /// Of one scene on one rig; immutable, safe from any thread. What is nearer than method full's near
 /// bound is left out here, too. Of surfaces at the same depth one is seen, always the same.
 class RowSweep {
@@ -37,13 +43,20 @@ class RowSweep {
    public:
     /// `sweep` must outlive it.
     explicit Worker(const RowSweep& sweep);
-    void sweep(int row, SweptRow& out);
+    /// If all rays go to `eyes`, those that are far from everything need not be made.
+    void sweep(int row, SweptRow& out, const std::optional<EyeRange>& eyes = {});
     /// The rays of the last row's last plane.
     [[nodiscard]] const PlaneRays& rays() const { return rays_; }
+    /// One that was not made.
+    [[nodiscard]] RowPlanes::Maker::Ray ray(size_t subpixel) const {
+      return maker_.make_one(subpixel);
+    }
 
    private:
-    void sweep_plane(int row, size_t plane, SweptRow& out);
+    void sweep_plane(int row, size_t plane, SweptRow& out, const std::optional<EyeRange>& eyes);
+    [[nodiscard]] GlassRange range_of_cuts(const EyeRange& eyes) const;
     void collect(SweptRow& out);
+    void see_nothing_beyond(SweptRow& out) const;
 
     const RowSweep& sweep_;
     RowPlanes::Maker maker_;
