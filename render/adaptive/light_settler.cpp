@@ -25,30 +25,22 @@ LightSettler::LightSettler(const KeySamples& samples, const KeyGrid& grid,
       remembered_(grid.row_samples()) {}
 
 void LightSettler::Corners::add(const KeySamples::Light& light) {
-  if (count++ == 0) {
-    way = light.secondary_way;
-    low = high = light.secondary;
-  }
-  same_way = same_way && way == light.secondary_way;
-  lit &= light.lit;
-  hidden &= light.hidden;
-  for (size_t c = 0; c < 3; ++c) {
-    low[c] = std::min(low[c], light.secondary[c]);
-    high[c] = std::max(high[c], light.secondary[c]);
-  }
-  least_around = std::min(least_around, light.around);
-  most_around = std::max(most_around, light.around);
+  add(Corners{.count = 1,
+              .way = light.secondary_way,
+              .lit = light.lit,
+              .hidden = light.hidden,
+              .low = light.secondary,
+              .high = light.secondary,
+              .least_around = light.around,
+              .most_around = light.around});
 }
 
-/// Of another cell, and of the same surface.
+/// Of the same surface.
 void LightSettler::Corners::add(const Corners& other) {
   if (other.count == 0) return;
-  if (count == 0) {
-    *this = other;
-    return;
-  }
-  count += other.count;
+  if (count == 0) way = other.way;
   same_way = same_way && other.same_way && way == other.way;
+  count += other.count;
   lit &= other.lit;
   hidden &= other.hidden;
   for (size_t c = 0; c < 3; ++c) {

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "render/adaptive/key_samples.h"
@@ -46,13 +47,14 @@ class LightSettler {
  private:
   /// What the corners of a cell that show a surface agree on.
   struct Corners {
+    static constexpr float kMost = std::numeric_limits<float>::infinity();
     uint32_t group = 0;
     int row = -1;  ///< of the upper two
     int count = 0;
     bool same_way = true;
     uint32_t way = 0;
     uint32_t lit = ~0U, hidden = ~0U;
-    std::array<float, 3> low{}, high{};
+    std::array<float, 3> low{kMost, kMost, kMost}, high{-kMost, -kMost, -kMost};
     float least_around = 1.0F, most_around = 0.0F;
 
     void add(const KeySamples::Light& light);
