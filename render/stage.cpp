@@ -9,26 +9,16 @@
 #include <vector>
 
 #include "optics/error.h"
+#include "render/interval.h"
 #include "render/loaders/camera_pose.h"
 
 namespace lenticule::render {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// Of the distance to the look-at point: what lies farther away does not squeeze the depth.
 constexpr double kBackdropDistance = 3.0;
 /// Of the way from the glass to the eye: nothing may come nearer.
 constexpr double kNearestToEye = 0.5;
-
-struct Interval {
-  double low = kInfinity;
-  double high = -kInfinity;
-  [[nodiscard]] bool empty() const { return !(low <= high); }
-  void extend(double value) {
-    low = std::min(low, value);
-    high = std::max(high, value);
-  }
-};
 
 /// Rows are the panel's axes in world coordinates: right, up, toward the viewer.
 struct Orientation {
@@ -263,7 +253,7 @@ double fitting_depth_scale(const Interval& z, double budget_mm, double viewing_d
 
 /// The plane where the camera starts to see, z in mm before any depth scale.
 double camera_plane(const SceneDescription& scene, const Framing& framing) {
-  if (scene.cameras.empty()) return kInfinity;
+  if (scene.cameras.empty()) return std::numeric_limits<double>::infinity();
   const Camera& camera = scene.cameras.front();
   const double hither = std::min(camera.hither, length(camera.at - camera.from));
   return (framing.orientation.turned(camera.from - framing.centre).z - hither) *

@@ -43,9 +43,10 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
       uncertain_(frame.plan.planes, frame.plan.tiles),
       drawn_(frame.plan.planes, frame.plan.tiles),
       settler_(frame.samples, frame.grid, frame.plan.agreement, frame.scene.colour_managed,
-               frame.plan.options.soft.any()),
+               frame.plan.options.soft.samples_ambient()),
       packet_(1),
-      keys_(frame.grid.row_samples()) {
+      keys_(frame.grid.row_samples()),
+      found_row_(frame.plan.planes.row_subpixels()) {
   init_packets(packet_);
   judge_exactly(false);
 }
@@ -160,9 +161,9 @@ void AdaptiveWorker::arrange_rays() {
   x_mm_ = rays.x_mm.data();
   tan_x_ = rays.tan_x.data();
   if (rays.subpixel.empty()) return;
-  arranged_x_.resize(rays.count + lookup_kernel::kLanes);
-  arranged_tan_.resize(rays.count + lookup_kernel::kLanes);
-  for (size_t n = 0; n < rays.count; ++n) {
+  arranged_x_.resize(rays.end + lookup_kernel::kLanes);
+  arranged_tan_.resize(rays.end + lookup_kernel::kLanes);
+  for (size_t n = 0; n < rays.end; ++n) {
     const auto at = static_cast<size_t>(rays.subpixel[n]);
     arranged_x_[at] = rays.x_mm[n];
     arranged_tan_[at] = rays.tan_x[n];
@@ -171,10 +172,11 @@ void AdaptiveWorker::arrange_rays() {
   tan_x_ = arranged_tan_.data();
 }
 
-void AdaptiveWorker::FoundRow::resize(size_t count) {
-  for (auto* bytes : {&codes, &states}) bytes->resize(count);
-  for (auto* numbers : {&left, &cell[0], &cell[1]}) numbers->resize(count);
-  for (auto* parts : {&of_right, &part[0], &part[1]}) parts->resize(count);
+AdaptiveWorker::FoundRow::FoundRow(size_t subpixels) {
+  const size_t room = subpixels + lookup_kernel::kLanes;
+  for (auto* bytes : {&codes, &states}) bytes->resize(room);
+  for (auto* numbers : {&left, &cell[0], &cell[1]}) numbers->resize(room);
+  for (auto* parts : {&of_right, &part[0], &part[1]}) parts->resize(room);
 }
 
 lookup_kernel::Found AdaptiveWorker::FoundRow::arrays() {
@@ -194,7 +196,6 @@ std::array<LightSettler::Place, 2> AdaptiveWorker::FoundRow::places(size_t at) c
 
 void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
   const size_t count = frame_.plan.planes.row_subpixels();
-  found_row_.resize(count + lookup_kernel::kLanes);
   const lookup_kernel::Interval interval{.key = keys_.data(),
                                          .values = frame_.samples.values(),
                                          .plane = static_cast<int>(frame_.samples.row_samples()),
@@ -225,7 +226,7 @@ void AdaptiveWorker::add_drawn(int first_row, int row) {
   const PlaneRays& rays = sweep_.rays();
   const auto add = [&](uint32_t at, Draw draw) {
     if (at >= count) return;
-    const bool made = !rays.subpixel.empty() || (at >= rays.first && at < rays.count);
+    const bool made = !rays.subpixel.empty() || (at >= rays.first && at < rays.end);
     const auto ray = made ? RowPlanes::Maker::Ray{x_mm_[at], tan_x_[at]} : sweep_.ray(at);
     drawn_.add({.at = static_cast<int32_t>(at),
                 .row = static_cast<uint16_t>(row - first_row),

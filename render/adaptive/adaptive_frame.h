@@ -45,7 +45,7 @@ struct AdaptiveFrame {
   double start_mm;
   std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, where it is flat
   /// Where it is: rays that are far from everything are not made.
-  std::optional<EyeRange> eyes;
+  std::optional<Interval> eyes;
 };
 
 /// How the subpixels of a thread's bands got their colour.
@@ -123,7 +123,7 @@ class AdaptiveWorker {
     std::vector<int32_t> left, cell[2];
     std::vector<float> of_right, part[2];
 
-    void resize(size_t count);
+    explicit FoundRow(size_t subpixels);
     [[nodiscard]] lookup_kernel::Found arrays();
     [[nodiscard]] std::array<LightSettler::Place, 2> places(size_t at) const;
   };

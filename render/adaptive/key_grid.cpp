@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "optics/error.h"
 
@@ -21,27 +20,21 @@ double furthest_move(const RowPlanes& planes, const Stage& stage, double eye_ste
   return most;
 }
 
-void extend(RayReach::Range& range, double value) {
-  range.low = std::min(range.low, value);
-  range.high = std::max(range.high, value);
-}
-
 }  // namespace
 
 /// A few rows tell: the others lie between them.
 RayReach reach_of(const RowPlanes& planes) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const double distance = planes.inverse_z() > 0.0 ? 1.0 / planes.inverse_z() : 0.0;
   RowPlanes::Maker maker(planes);
   PlaneRays rays;
-  RayReach reach{{kInfinity, -kInfinity}, {kInfinity, -kInfinity}};
+  RayReach reach;
   for (const int row : {0, planes.rows() / 2, planes.rows() - 1}) {
     maker.make(row, 0, rays);
-    for (size_t n = 0; n < rays.count; ++n) {
+    for (size_t n = 0; n < rays.end; ++n) {
       const double x = rays.x_mm[n], tan = rays.tan_x[n];
       if (!std::isfinite(x) || !std::isfinite(tan)) continue;
-      extend(reach.glass_mm, x);
-      extend(reach.eyes, distance > 0.0 ? x + tan * distance : tan);
+      reach.glass_mm.extend(x);
+      reach.eyes.extend(distance > 0.0 ? x + tan * distance : tan);
     }
   }
   return reach;
@@ -61,8 +54,7 @@ KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& re
   LENTICULE_CHECK(spacing.pictures >= 2 && spacing.row_step >= 1 && spacing.columns > 0.0);
   const optics::Panel& panel = planes.model().rig().panel;
   eye_first_ = reach.eyes.low;
-  const double generous = 0.5 * reach.eyes.width();
-  eyes_ = {reach.eyes.low - generous, reach.eyes.high + generous};
+  eyes_ = reach.eyes.widened(0.5 * reach.eyes.width());
   eye_step_ = std::max(reach.eyes.width() / (spacing.pictures - 1), 1e-6);
   x_step_ = spacing.columns * panel.pixel_width.value;
   const double aside =

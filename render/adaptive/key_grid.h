@@ -9,8 +9,8 @@
 
 #include "render/adaptive/glass_rays.h"
 #include "render/adaptive/key_lookup_kernel.h"
+#include "render/interval.h"
 #include "render/row_sweep/row_planes.h"
-#include "render/row_sweep/row_sweep.h"
 #include "render/stage.h"
 
 namespace lenticule::render {
@@ -24,11 +24,8 @@ struct KeySpacing {
 
 /// Where the rays of a rig leave the glass, and to which places on the viewing line they go.
 struct RayReach {
-  struct Range {
-    double low, high;
-    [[nodiscard]] double width() const { return high - low; }
-  };
-  Range glass_mm, eyes;
+  Interval glass_mm;
+  Interval eyes;  ///< mm; tangents of parallel rays
 };
 [[nodiscard]] RayReach reach_of(const RowPlanes& planes);
 
@@ -48,7 +45,7 @@ class KeyGrid {
   [[nodiscard]] int pictures() const { return lookup_.pictures; }
   [[nodiscard]] int columns() const { return lookup_.columns; }
   /// Places on the viewing line that the rig's rays go to, a good deal generous.
-  [[nodiscard]] EyeRange eyes() const { return eyes_; }
+  [[nodiscard]] Interval eyes() const { return eyes_; }
   /// Elements from one picture's row to the next; a few more than there are columns.
   [[nodiscard]] int stride() const { return lookup_.stride; }
   [[nodiscard]] int rows() const { return rows_; }
@@ -74,7 +71,7 @@ class KeyGrid {
   double height_px_ = 0.0;  ///< of subpixels in their row
   double x_first_ = 0.0, x_step_ = 0.0;
   double eye_first_ = 0.0, eye_step_ = 0.0;
-  EyeRange eyes_{};
+  Interval eyes_{};
 };
 
 }  // namespace lenticule::render

@@ -23,8 +23,8 @@ struct SettledLight {
 /// that see into it.
 class LightSettler {
  public:
-  /// `samples` and `grid` must outlive it, and must not change. `finds_around`: occlusion is
-  /// sampled.
+  /// `samples` and `grid` must outlive it, and must not change. `finds_around`: ambient
+  /// light is sampled.
   LightSettler(const KeySamples& samples, const KeyGrid& grid, const Agreement& agreement,
                bool colour_managed, bool finds_around);
 

@@ -36,7 +36,7 @@ size_t stride_for(size_t lenses) {
 void PlaneCells::arrange(const sweep_kernel::Kernel& kernel, double inverse_z, PlaneRays& rays) {
   number_lenses(rays);
   set_buffers();
-  padded_rays_ = rays.count + static_cast<size_t>(cells_.places) + 2 * kLanes;
+  padded_rays_ = rays.end + static_cast<size_t>(cells_.places) + 2 * kLanes;
   if (rays.x_mm.size() < padded_rays_) rays.x_mm.resize(padded_rays_);
   if (rays.tan_x.size() < padded_rays_) rays.tan_x.resize(padded_rays_);
   set_steps(inverse_z, rays);
@@ -45,7 +45,7 @@ void PlaneCells::arrange(const sweep_kernel::Kernel& kernel, double inverse_z, P
 }
 
 void PlaneCells::number_lenses(const PlaneRays& rays) {
-  const auto count = static_cast<int32_t>(rays.count);
+  const auto count = static_cast<int32_t>(rays.end);
   const int32_t* lens = rays.lens.data();
   first_.clear();
   int32_t places = 0;
@@ -60,7 +60,7 @@ void PlaneCells::number_lenses(const PlaneRays& rays) {
     n = end;
   }
   // Where lenses are very unequal, each ray counts as a lens.
-  const size_t made = rays.count - rays.first;
+  const size_t made = rays.end - rays.first;
   if (static_cast<size_t>(places) * stride_for(first_.size()) > 16 * made + 4096) {
     first_.resize(made);
     std::iota(first_.begin(), first_.end(), static_cast<int32_t>(rays.first));

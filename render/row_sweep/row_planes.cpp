@@ -118,10 +118,10 @@ RowRange RowPlanes::rows_between(double low_mm, double high_mm) const {
 
 RowPlanes::Maker::Maker(const RowPlanes& planes) : planes_(planes) {}
 
-void RowPlanes::Maker::make(int row, size_t plane, PlaneRays& out, const GlassRange& within) {
+void RowPlanes::Maker::make(int row, size_t plane, PlaneRays& out, const Interval& within_mm) {
   LENTICULE_CHECK(row >= 0 && row < planes_.rows() && plane < planes_.planes_of(row));
   out.plane = planes_.plane_of(row, plane);
-  if (!planes_.smooth_ || !make_smooth(row, out, within)) make_exact(row, plane, out);
+  if (!planes_.smooth_ || !make_smooth(row, out, within_mm)) make_exact(row, plane, out);
 }
 
 /// The tiles of a band of rows, side by side.
@@ -144,17 +144,16 @@ RowPiece RowPlanes::Maker::piece(size_t tile) const {
 
 /// Lens points do not go back along a row by more than one lens, and a tile's rays may begin in the
 /// middle of one.
-RowPlanes::Maker::Tiles RowPlanes::Maker::tiles_within(const GlassRange& within) const {
+RowPlanes::Maker::Tiles RowPlanes::Maker::tiles_within(const Interval& within_mm) const {
   Tiles tiles{0, tiles_.size()};
-  if (within.low_mm == GlassRange{}.low_mm && within.high_mm == GlassRange{}.high_mm) return tiles;
   const double room = 3.0 * planes_.model_.pitch_mm();
   const auto starts_at = [&](size_t tile) {
     const Ray first = make_one(tile * planes_.columns_);
     return double{first.x_mm};
   };
-  while (tiles.begin + 1 < tiles.end && starts_at(tiles.begin + 1) < within.low_mm - room)
+  while (tiles.begin + 1 < tiles.end && starts_at(tiles.begin + 1) < within_mm.low - room)
     ++tiles.begin;
-  while (tiles.end > tiles.begin + 1 && starts_at(tiles.end - 1) > within.high_mm + room)
+  while (tiles.end > tiles.begin + 1 && starts_at(tiles.end - 1) > within_mm.high + room)
     --tiles.end;
   return tiles;
 }
@@ -168,12 +167,12 @@ RowPlanes::Maker::Ray RowPlanes::Maker::make_one(size_t subpixel) const {
   return ray;
 }
 
-bool RowPlanes::Maker::make_smooth(int row, PlaneRays& out, const GlassRange& within) {
+bool RowPlanes::Maker::make_smooth(int row, PlaneRays& out, const Interval& within_mm) {
   if (!expand(row / TileOptics::kRows)) return false;
   in_band_ = row % TileOptics::kRows;
-  const Tiles tiles = tiles_within(within);
+  const Tiles tiles = tiles_within(within_mm);
   out.first = tiles.begin * planes_.columns_;
-  out.count = std::min(tiles.end * planes_.columns_, planes_.row_subpixels());
+  out.end = std::min(tiles.end * planes_.columns_, planes_.row_subpixels());
   out.subpixel.clear();
   out.x_mm.resize(std::max(out.x_mm.size(), tiles_.size() * planes_.columns_));
   out.tan_x.resize(out.x_mm.size());
@@ -181,8 +180,8 @@ bool RowPlanes::Maker::make_smooth(int row, PlaneRays& out, const GlassRange& wi
   for (size_t t = tiles.begin; t < tiles.end; ++t) make_tile(t, out);
   if (out.first == 0) return true;
   // Begin with a whole lens: the places of half a one lie elsewhere than those of all others.
-  while (out.first + 1 < out.count && out.lens[out.first] == out.lens[out.first + 1]) ++out.first;
-  if (out.first + 1 < out.count) ++out.first;
+  while (out.first + 1 < out.end && out.lens[out.first] == out.lens[out.first + 1]) ++out.first;
+  if (out.first + 1 < out.end) ++out.first;
   return true;
 }
 
@@ -227,12 +226,12 @@ void RowPlanes::Maker::make_exact(int row, size_t plane, PlaneRays& out) {
   if (!std::is_sorted(order_.begin(), order_.end(), before))
     std::sort(order_.begin(), order_.end(), before);
   out.first = 0;
-  out.count = order_.size();
+  out.end = order_.size();
   out.subpixel = order_;
-  out.x_mm.resize(out.count);
-  out.tan_x.resize(out.count);
-  out.lens.resize(out.count);
-  for (size_t n = 0; n < out.count; ++n) {
+  out.x_mm.resize(out.end);
+  out.tan_x.resize(out.end);
+  out.lens.resize(out.end);
+  for (size_t n = 0; n < out.end; ++n) {
     const auto s = static_cast<size_t>(order_[n]);
     out.x_mm[n] = static_cast<float>(rays_.lens_x_mm[s]);
     out.tan_x[n] = static_cast<float>(rays_.tan_x[s]);

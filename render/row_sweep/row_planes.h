@@ -8,12 +8,12 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <memory>
 #include <vector>
 
 #include "optics/row_rays.h"
 #include "optics/tile_optics.h"
+#include "render/interval.h"
 #include "render/row_sweep/row_buckets.h"
 #include "render/row_sweep/row_sweep_kernel.h"
 
@@ -25,19 +25,13 @@ struct RowPlane {
   double tan_y = 0.0;
 };
 
-/// A stretch of the glass from left to right.
-struct GlassRange {
-  double low_mm = -std::numeric_limits<double>::infinity();
-  double high_mm = std::numeric_limits<double>::infinity();
-};
-
-/// The rays of one plane by lens, and under one lens from left to right: those from `first` on and
-/// before `count`. What arrays have elsewhere means nothing.
+/// The rays of one plane by lens, and under one lens from left to right: those from `first` on,
+/// before `end`. What arrays have elsewhere means nothing.
 struct PlaneRays {
   RowPlane plane;
   size_t first = 0;
-  size_t count = 0;
-  std::vector<float> x_mm;  ///< on the glass; may have more than `count` elements
+  size_t end = 0;
+  std::vector<float> x_mm;  ///< on the glass
   std::vector<float> tan_x;
   std::vector<int32_t> lens;      ///< ascending
   std::vector<int32_t> subpixel;  ///< of the row; empty if ray n is that of subpixel n
@@ -81,8 +75,8 @@ class RowPlanes {
     /// `planes` must outlive it.
     explicit Maker(const RowPlanes& planes);
     /// Does not allocate once it has made a row of the kind. Rays that leave the glass beyond
-    /// `within` may be left out.
-    void make(int row, size_t plane, PlaneRays& out, const GlassRange& within = {});
+    /// `within_mm` may be left out.
+    void make(int row, size_t plane, PlaneRays& out, const Interval& within_mm = kEverywhere);
     /// That of one subpixel of the row that was made last, if it was left out.
     struct Ray {
       float x_mm, tan_x;
@@ -90,13 +84,13 @@ class RowPlanes {
     [[nodiscard]] Ray make_one(size_t subpixel) const;
 
    private:
-    bool make_smooth(int row, PlaneRays& out, const GlassRange& within);
+    bool make_smooth(int row, PlaneRays& out, const Interval& within_mm);
     [[nodiscard]] sweep_kernel::RowPiece piece(size_t tile) const;
     /// Tiles whose rays may leave the glass there: from the first to before the second.
     struct Tiles {
       size_t begin, end;
     };
-    [[nodiscard]] Tiles tiles_within(const GlassRange& within) const;
+    [[nodiscard]] Tiles tiles_within(const Interval& within_mm) const;
     void make_tile(size_t tile, PlaneRays& out) const;
     bool expand(int band);
     void resolve(const sweep_kernel::RowPiece& piece, size_t tile, int count, float* x, float* tan,

@@ -26,7 +26,7 @@ RowSweep::RowSweep(const RowPlanes& planes, const Scene& scene)
 
 RowSweep::Worker::Worker(const RowSweep& sweep) : sweep_(sweep), maker_(sweep.planes_) {}
 
-void RowSweep::Worker::sweep(int row, SweptRow& out, const std::optional<EyeRange>& eyes) {
+void RowSweep::Worker::sweep(int row, SweptRow& out, const std::optional<Interval>& eyes) {
   out.cuts.clear();
   for (size_t plane = 0; plane < sweep_.planes_.planes_of(row); ++plane)
     sweep_plane(row, plane, out, eyes);
@@ -34,11 +34,10 @@ void RowSweep::Worker::sweep(int row, SweptRow& out, const std::optional<EyeRang
 
 /// Where rays leave the glass that go to `eyes` and meet a cut: from one place, a cut is seen
 /// between its ends, and what lies between two places is seen between.
-GlassRange RowSweep::Worker::range_of_cuts(const EyeRange& eyes) const {
+Interval RowSweep::Worker::range_of_cuts_mm(const Interval& eyes) const {
   constexpr double kTooNear = 0.995;  // of the way to the viewing line: seen from anywhere
   const double inverse_z = sweep_.planes_.inverse_z();
-  GlassRange range{.low_mm = std::numeric_limits<double>::infinity(),
-                   .high_mm = -std::numeric_limits<double>::infinity()};
+  Interval range;
   const auto add = [&](const sweep_kernel::Reach& reach) {
     for (const int end : {0, 1}) {
       const double z = reach.z[end];
@@ -46,26 +45,23 @@ GlassRange RowSweep::Worker::range_of_cuts(const EyeRange& eyes) const {
       const double wider = 1.0 / (1.0 - z * inverse_z);
       const double depth = inverse_z > 0.0 ? z * wider * inverse_z : z;
       for (const double x : {double{reach.x_low[end]}, double{reach.x_high[end]}})
-        for (const double eye : {eyes.low, eyes.high}) {
-          range.low_mm = std::min(range.low_mm, x * wider - eye * depth);
-          range.high_mm = std::max(range.high_mm, x * wider - eye * depth);
-        }
+        for (const double eye : {eyes.low, eyes.high}) range.extend(x * wider - eye * depth);
     }
     return true;
   };
   for (const sweep_kernel::Segment& segment : cuts_.segments)
-    if (!add(segment.reach)) return {};
+    if (!add(segment.reach)) return kEverywhere;
   for (const sweep_kernel::Conic& conic : cuts_.conics)
-    if (!add(conic.reach)) return {};
+    if (!add(conic.reach)) return kEverywhere;
   return range;
 }
 
 void RowSweep::Worker::sweep_plane(int row, size_t plane, SweptRow& out,
-                                   const std::optional<EyeRange>& eyes) {
+                                   const std::optional<Interval>& eyes) {
   const sweep_kernel::Kernel& kernel = sweep_.planes_.kernel();
   auto number = static_cast<int32_t>(out.cuts.size());
   sweep_.primitives_.cut(row, sweep_.planes_.plane_of(row, plane), cuts_, out.cuts);
-  maker_.make(row, plane, rays_, eyes ? range_of_cuts(*eyes) : GlassRange{});
+  maker_.make(row, plane, rays_, eyes ? range_of_cuts_mm(*eyes) : kEverywhere);
   cells_.arrange(kernel, sweep_.planes_.inverse_z(), rays_);
   const auto segments = static_cast<int>(cuts_.segments.size());
   kernel.segments(cells_.cells(), cells_.spread(), sweep_.start_mm_, cuts_.segments.data(),
@@ -86,7 +82,7 @@ void RowSweep::Worker::see_nothing_beyond(SweptRow& out) const {
     std::fill(out.along.begin() + from, out.along.begin() + to, 0.0F);
   };
   clear(0, rays_.first);
-  clear(rays_.count, sweep_.planes_.row_subpixels());
+  clear(rays_.end, sweep_.planes_.row_subpixels());
 }
 
 void RowSweep::Worker::collect(SweptRow& out) {
@@ -97,7 +93,7 @@ void RowSweep::Worker::collect(SweptRow& out) {
   sweep_.planes_.kernel().to_rays(cells_.cells(), cells_.first(), target.z_mm.data(),
                                   target.along.data(), target.cut.data());
   if (in_order) return see_nothing_beyond(out);
-  for (size_t n = 0; n < rays_.count; ++n) {
+  for (size_t n = 0; n < rays_.end; ++n) {
     const auto s = static_cast<size_t>(rays_.subpixel[n]);
     out.cut[s] = by_lens_.cut[n];
     out.z_mm[s] = by_lens_.z_mm[n];

@@ -25,11 +25,6 @@ struct SweptRow {
   std::vector<SweptCut> cuts;
 };
 
-/// Places on the viewing line that rays go to, mm; tangents of parallel ones.
-struct EyeRange {
-  double low, high;
-};
-
 /// Of one scene on one rig; immutable, safe from any thread. What is nearer than method full's near
 /// bound is left out here, too. Of surfaces at the same depth one is seen, always the same.
 class RowSweep {
@@ -43,8 +38,9 @@ class RowSweep {
    public:
     /// `sweep` must outlive it.
     explicit Worker(const RowSweep& sweep);
-    /// If all rays go to `eyes`, those that are far from everything need not be made.
-    void sweep(int row, SweptRow& out, const std::optional<EyeRange>& eyes = {});
+    /// If all rays go to `eyes` on the viewing line (mm; tangents of parallel rays), those that are
+    /// far from everything need not be made.
+    void sweep(int row, SweptRow& out, const std::optional<Interval>& eyes = {});
     /// The rays of the last row's last plane.
     [[nodiscard]] const PlaneRays& rays() const { return rays_; }
     /// One that was not made.
@@ -53,8 +49,8 @@ class RowSweep {
     }
 
    private:
-    void sweep_plane(int row, size_t plane, SweptRow& out, const std::optional<EyeRange>& eyes);
-    [[nodiscard]] GlassRange range_of_cuts(const EyeRange& eyes) const;
+    void sweep_plane(int row, size_t plane, SweptRow& out, const std::optional<Interval>& eyes);
+    [[nodiscard]] Interval range_of_cuts_mm(const Interval& eyes) const;
     void collect(SweptRow& out);
     void see_nothing_beyond(SweptRow& out) const;
 

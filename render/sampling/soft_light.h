@@ -21,9 +21,10 @@ struct SoftLight {
   /// Toward the surroundings, whose light then takes the place of the flat ambient light; 0 = flat.
   int environment_samples = 0;
 
-  [[nodiscard]] bool any() const {
-    return shadow_samples > 0 || occlusion_samples > 0 || environment_samples > 0;
+  [[nodiscard]] bool samples_ambient() const {
+    return occlusion_samples > 0 || environment_samples > 0;
   }
+  [[nodiscard]] bool any() const { return shadow_samples > 0 || samples_ambient(); }
 };
 
 /// Throws Error(Usage) for numbers that are negative, too large or not finite, and where both

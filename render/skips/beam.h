@@ -2,30 +2,11 @@
 // Bundles of primary rays, and proofs that they meet nothing.
 #pragma once
 
-#include <limits>
-
+#include "render/interval.h"
 #include "render/primitive_tree.h"
 
 namespace lenticule::render {
 
-/// Nothing until it is extended.
-struct Interval {
-  double low = std::numeric_limits<double>::infinity();
-  double high = -std::numeric_limits<double>::infinity();
-
-  void extend(double value) {
-    low = value < low ? value : low;
-    high = value > high ? value : high;
-  }
-  void extend(const Interval& other) {
-    extend(other.low);
-    extend(other.high);
-  }
-  [[nodiscard]] double largest() const { return -low > high ? -low : high; }
-  friend Interval operator+(Interval a, Interval b) { return {a.low + b.low, a.high + b.high}; }
-  /// Both ways by this much.
-  [[nodiscard]] Interval widened(double by) const { return {low - by, high + by}; }
-};
 [[nodiscard]] Interval operator*(Interval a, Interval b);
 
 /// All rays (x + tan_x z, y + tan_y z, z), z < start_mm, of these numbers, in the panel frame.

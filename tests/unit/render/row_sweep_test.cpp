@@ -410,17 +410,17 @@ struct LeftOut {
 
 /// A row of which the rays far from everything are not made sees what the whole row sees.
 void expect_same_row(RowSweep::Worker& whole, RowSweep::Worker& partly, int row,
-                     const EyeRange& eyes, LeftOut& left_out) {
+                     const Interval& eyes, LeftOut& left_out) {
   SweptRow all, some;
   whole.sweep(row, all);
   partly.sweep(row, some, eyes);
   const PlaneRays &made = whole.rays(), &few = partly.rays();
-  left_out.of += made.count;
-  for (size_t s = 0; s < made.count; ++s) {
+  left_out.of += made.end;
+  for (size_t s = 0; s < made.end; ++s) {
     ASSERT_EQ(all.cut[s], some.cut[s]) << "row " << row << " subpixel " << s;
     ASSERT_EQ(all.z_mm[s], some.z_mm[s]);
     ASSERT_EQ(all.along[s], some.along[s]);
-    if (s >= few.first && s < few.count) {
+    if (s >= few.first && s < few.end) {
       ASSERT_EQ(made.x_mm[s], few.x_mm[s]);
       ASSERT_EQ(made.tan_x[s], few.tan_x[s]);
       continue;
@@ -438,7 +438,7 @@ TEST(RowSweep, LeavesOutRaysThatAreFarFromEverything) {
     const optics::OpticalModel model(rig.rig);
     const RowPlanes planes(model);
     const RayReach reach = reach_of(planes);
-    const EyeRange eyes{reach.eyes.low - 5.0, reach.eyes.high + 5.0};
+    const Interval eyes = reach.eyes.widened(5.0);
     LeftOut left_out;
     for (int round = 0; round < 12; ++round) {
       SceneDescription things = strewn_things(random);
