@@ -347,6 +347,8 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
   if (!any) return;
   if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
     leave_out_weak(scene, rays, depth);
+  // Before proofs, which are asked for or not as it has paid so far.
+  leave_out_little(rays, generation.mirrored.valid);
   if (ask.mirrored) {
     const uint32_t open = take_open(scene, asker, rays, generation.mirrored.valid);
     mirrored_payoff_.asked(!any_lane(generation.mirrored.valid));
@@ -415,6 +417,7 @@ void PacketTracer::leave_out_weak(const Scene::Impl& scene, NewRays& rays, size_
 }
 
 void PacketTracer::leave_out_little(const NewRays& rays, int* valid) {
+  if (!(tolerated_ > 0.0F)) return;
   const uint32_t left_out =
       kernel_.leave_out(tolerated_, rays.weight, valid, lanes_.leeway, lanes_.light);
   counts_.too_little += static_cast<uint64_t>(std::popcount(left_out));
@@ -453,7 +456,7 @@ void PacketTracer::add_lights(const Scene::Impl& scene, const Asker& asker, cons
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     uint32_t lit = known_ != nullptr && depth == 0 ? take_known(light, rays.valid) : 0;
-    if (tolerated_ > 0.0F) leave_out_little(rays, rays.valid);
+    leave_out_little(rays, rays.valid);
     const uint32_t wanted = lit | lane_bits(rays.valid);
     counts_.shadow += static_cast<uint64_t>(std::popcount(wanted));
     if (ask.points) lit |= take_lit(scene, asker, light, rays.valid);
@@ -684,8 +687,10 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
         on.transmit_weight);
   }
   ++glass_above_;
+  leave_out_little(mirrored, generation.mirrored.valid);
   follow(scene, mirrored, generation.mirrored, depth, Turn::Mirrored);
   --glass_above_;
+  leave_out_little(refracted, generation.refracted.valid);
   follow(scene, refracted, generation.refracted, depth, Turn::Refracted);
 }
 
@@ -749,7 +754,6 @@ void PacketTracer::trace_secondary(const Scene::Impl& scene, RayPacket& packet, 
 
 void PacketTracer::follow(const Scene::Impl& scene, NewRays& rays, RayPacket& packet, size_t depth,
                           Turn turn) {
-  if (tolerated_ > 0.0F) leave_out_little(rays, packet.valid);
   const uint64_t traced = count_lanes(packet.valid);
   if (traced == 0) return;
   counts_.secondary += traced;

@@ -117,6 +117,26 @@ TEST(MethodAdaptive, GivesTheSameBytesHoweverTheWorkIsDone) {
   }
 }
 
+/// With soft light it asks for proofs, when and where depends on what they brought before: rays
+/// that bring little are left out whether or not a proof could be had.
+TEST(MethodAdaptive, ProofsChangeNoByteOfSoftLight) {
+  for (testing::NamedScene& named : testing::tiny_scenes()) {
+    // What is mirrored brings one code value at most.
+    named.scene.background = {1.0, 1.0, 1.0};
+    for (Material& material : named.scene.materials) material.specular = 0.0035;
+    const RenderOptions with{.threads = 1, .soft = {.occlusion_samples = 4}, .cancelled = {}};
+    RenderOptions without = with, otherwise = with;
+    without.use_shaft_proofs = false;
+    otherwise.threads = 3;
+    otherwise.tiles_backwards = true;
+    const Rendered one = rendered("adaptive", named.scene, wide_rig(), with);
+    EXPECT_EQ(one.frame, rendered("adaptive", named.scene, wide_rig(), without).frame)
+        << named.name;
+    EXPECT_EQ(one.frame, rendered("adaptive", named.scene, wide_rig(), otherwise).frame)
+        << named.name;
+  }
+}
+
 /// Residual maps, parallel zones, wide lobes and unusual orders of subpixels.
 TEST(MethodAdaptive, IsCloseToFullOnEveryKindOfRig) {
   std::vector<optics::Rig> rigs = {
