@@ -38,6 +38,8 @@ inline constexpr uint32_t kLaneBit[kPacket] = {
     1U << 0, 1U << 1, 1U << 2,  1U << 3,  1U << 4,  1U << 5,  1U << 6,  1U << 7,
     1U << 8, 1U << 9, 1U << 10, 1U << 11, 1U << 12, 1U << 13, 1U << 14, 1U << 15};
 
+inline constexpr uint32_t kAllLanes = (1U << kPacket) - 1;
+
 /// Makes lanes invalid.
 inline void take_lanes(uint32_t lanes, int* valid) {
   if (lanes == 0) return;

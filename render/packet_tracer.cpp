@@ -379,24 +379,27 @@ void PacketTracer::add_own_light(const Scene::Impl& scene, const Asker& asker, c
       if (open(*soft_proofs_, asker, g, ShaftProofs::kAround)) open_lanes |= groups.lanes[g];
     around_payoff_.asked(open_lanes == lane_bits(surfaces.active));
   }
-  static constexpr std::array<float, kPacket> kNone{};
   const bool is_first = depth == 0;
-  const KnownAround known =
-      known_ != nullptr && is_first
-          ? KnownAround{known_->around_lanes, std::span<const float, kPacket>(known_->around)}
-          : KnownAround{0, kNone};
+  KnownShare known;
+  if (known_ != nullptr && is_first) known = known_->around;
+  const uint32_t path = generations_[depth].path;
+  recall_share(path, kAllAround, known);
   alignas(64) std::array<float, kPacket> ambient;
-  soft_.find_ambient(soft_packet(scene, asker.generation), open_lanes, known, lanes_.backdrop,
-                     ambient.data(), clock_);
-  if (groups_ != nullptr && is_first) std::copy_n(soft_.share().data(), kPacket, notes_.around);
+  soft_.find_ambient(soft_packet(scene, asker.generation), open_lanes, known, weight,
+                     lanes_.backdrop, ambient.data(), clock_);
+  if (soft_.shares(scene)) remember_share(path, kAllAround, soft_.share());
+  if (groups_ != nullptr && is_first) note_shares(soft_.share(), notes_.around);
   kernel_.add_own_light_under(ambient.data(), surfaces, weight, lanes_.light);
 }
 
 SoftPacket PacketTracer::soft_packet(const Scene::Impl& scene, const Generation& generation) const {
-  return {.scene = scene,
-          .surfaces = generation.surfaces,
-          .seeds = std::span<const uint32_t, kPacket>(lanes_.seed),
-          .path = generation.path};
+  return {
+      .scene = scene,
+      .surfaces = generation.surfaces,
+      .seeds = std::span<const uint32_t, kPacket>(lanes_.seed),
+      .path = generation.path,
+      // What is noted serves many subpixels, whose noise is then the same.
+      .noticed = groups_ != nullptr && &generation == &generations_.front() ? 0.0F : tolerated_};
 }
 
 /// All that a subpixel will get from elsewhere is in lanes_.light by now: what is left to add lies
@@ -481,12 +484,20 @@ void PacketTracer::add_soft_light(const Scene::Impl& scene, const Asker& asker, 
     known = known_lanes(scene, asker, light, wanted);
     lamp_payoff_.asked((known.lit | known.blocked) == wanted);
   }
+  KnownShare shares;
   if (known_ != nullptr && depth == 0 && light < Known::kLights) {
     known.lit |= known_->lit[light];
     known.blocked |= known_->hidden[light];
+    if (light < kLamps) shares = known_->seen[light];
+    shares.set(known_->lit[light], 1.0F);
+    shares.set(known_->hidden[light], 0.0F);
   }
-  const LampSeen seen = soft_.add_lamp(soft_packet(scene, asker.generation), light, known, weight,
-                                       lanes_.light, clock_);
+  const uint32_t path = generations_[depth].path;
+  const auto what = static_cast<uint32_t>(light);
+  if (soft_.integrates_lamps()) recall_share(path, what, shares);
+  const LampSeen seen = soft_.add_lamp(soft_packet(scene, asker.generation), light, known, shares,
+                                       weight, lanes_.light, clock_);
+  remember_share(path, what, seen.share);
   if (groups_ != nullptr) note_lamp(seen, light, depth);
 }
 
@@ -536,12 +547,18 @@ void PacketTracer::note_lamp(const LampSeen& seen, size_t light, size_t depth) {
   for (uint32_t r = 0; r < kPacket; ++r) {
     const uint32_t bit = 1U << r;
     if ((seen.none & bit) != 0) way[r] += mixed(~path, number);
-    if ((seen.wanted & ~(seen.all | seen.none) & bit) != 0)
+    if ((seen.share.lanes & ~(seen.all | seen.none) & bit) != 0)
       way[r] += mixed(~path, number + kPartly);
     if (depth > 0 || light >= Known::kLights) continue;
     notes_.lit[r] |= (seen.all >> r & 1) << light;
     notes_.hidden[r] |= (seen.none >> r & 1) << light;
   }
+  if (depth == 0 && light < kLamps) note_shares(seen.share, notes_.seen[light]);
+}
+
+void PacketTracer::note_shares(const KnownShare& shares, float* notes) {
+  for (size_t r = 0; r < kPacket; ++r)
+    notes[r] = (shares.lanes & kLaneBit[r]) != 0 ? shares.share[r] : kNoShare;
 }
 
 void PacketTracer::note_secondary() {
@@ -694,33 +711,46 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
   follow(scene, refracted, generation.refracted, depth, Turn::Refracted);
 }
 
-PacketTracer::Traced* PacketTracer::remember(uint32_t path, uint32_t what, const int* valid) {
+PacketTracer::Traced* PacketTracer::remember(uint32_t path, uint32_t what, uint32_t lanes) {
   if (memory_ != Memory::Writes) return nullptr;
   Traced& noted = traced_.emplace_back();
   noted.path = path;
   noted.what = what;
-  noted.lanes = lane_bits(valid);
+  noted.lanes = lanes;
   return &noted;
 }
 
 /// Colours send the same rays in the same order, unless one has no weight in a colour: then packets
 /// are passed over, or lanes were not traced.
-const PacketTracer::Traced* PacketTracer::recall(uint32_t path, uint32_t what, const int* valid) {
+const PacketTracer::Traced* PacketTracer::recall(uint32_t path, uint32_t what) {
   if (memory_ != Memory::Reads) return nullptr;
   const auto same = [&](const Traced& t) { return t.path == path && t.what == what; };
   const auto found =
       std::find_if(traced_.begin() + static_cast<std::ptrdiff_t>(recalled_), traced_.end(), same);
-  if (found == traced_.end() || (lane_bits(valid) & ~found->lanes) != 0) return nullptr;
+  if (found == traced_.end()) return nullptr;
   recalled_ = static_cast<size_t>(found - traced_.begin()) + 1;
   return &*found;
+}
+
+void PacketTracer::remember_share(uint32_t path, uint32_t what, const KnownShare& share) {
+  if (Traced* note = remember(path, what, share.lanes))
+    std::copy_n(share.share.data(), kPacket, note->share);
+}
+
+/// What is known already is as good.
+void PacketTracer::recall_share(uint32_t path, uint32_t what, KnownShare& known) {
+  if (const Traced* found = recall(path, what))
+    known.set(found->lanes & ~known.lanes, found->share);
 }
 
 uint32_t PacketTracer::trace_shadows(const Scene::Impl& scene, size_t light, size_t depth) {
   const uint32_t path = generations_[depth].path;
   const auto what = static_cast<uint32_t>(light);
   const int* valid = lanes_.shadow_valid;
-  if (const Traced* known = recall(path, what, valid)) return known->free & lane_bits(valid);
-  Traced* note = remember(path, what, valid);
+  const uint32_t lanes = lane_bits(valid);
+  if (const Traced* known = recall(path, what); known != nullptr && (lanes & ~known->lanes) == 0)
+    return known->free & lanes;
+  Traced* note = remember(path, what, lanes);
   clock_.turn_to(Work::TraceShadows);
   occluded16(valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
   clock_.turn_to(Work::Shade);
@@ -734,13 +764,15 @@ uint32_t PacketTracer::trace_shadows(const Scene::Impl& scene, size_t light, siz
 void PacketTracer::trace_secondary(const Scene::Impl& scene, RayPacket& packet, size_t depth) {
   const uint32_t path = generations_[depth + 1].path;
   RTCRayHit16& rays = packet.rays;
-  if (const Traced* known = recall(path, kNotToLight, packet.valid)) {
+  const uint32_t lanes = lane_bits(packet.valid);
+  if (const Traced* known = recall(path, kNotToLight);
+      known != nullptr && (lanes & ~known->lanes) == 0) {
     std::copy_n(known->distance, kPacket, rays.ray.tfar);
     std::copy_n(known->geometry, kPacket, rays.hit.geomID);
     std::copy_n(known->primitive, kPacket, rays.hit.primID);
     return;
   }
-  Traced* note = remember(path, kNotToLight, packet.valid);
+  Traced* note = remember(path, kNotToLight, lanes);
   // Mirrored by curved surfaces twice, neighbours spread: there the packet traversal loses.
   clock_.turn_to(Work::TraceSecondary);
   intersect16(packet.valid, scene.embree.get(), rays,

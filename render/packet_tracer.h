@@ -75,6 +75,8 @@ class PacketTracer {
   /// From now on, light that is sampled (RenderOptions::soft) takes that many times the rays; for
   /// those who trace few points and make many from each. At least 1, which it is at first.
   void multiply_samples(int factor) { soft_.multiply_samples(factor); }
+  /// See SoftShader; off at first.
+  void integrate_lamps(bool integrate) { soft_.integrate_lamps(integrate); }
 
   /// From now on the light of a lane may be off by that much, if what shines into the scene is no
   /// brighter than white: rays that bring little are not traced, and half of what they could bring
@@ -87,6 +89,9 @@ class PacketTracer {
                     std::span<const int32_t, kPacket> channel, const SurfaceGroups& groups,
                     float noticed, RayPacket& packet, std::span<float, kPacket> light);
 
+  /// Lights whose shares are told.
+  static constexpr size_t kLamps = 8;
+  static constexpr float kNoShare = -1.0F;
   /// How a lane's light came, of the last trace_noting().
   struct Notes {
     /// Numbers for the surfaces met and the lights hidden from them, as far as they could matter:
@@ -101,8 +106,12 @@ class PacketTracer {
     /// Of a lamp with a size: all of it, none of it, or neither.
     alignas(64) uint32_t lit[kPacket];
     alignas(64) uint32_t hidden[kPacket];
-    /// Part of all directions that are free, where occlusion is sampled.
+    /// Part of all directions that are free, where occlusion is sampled; kNoShare on surfaces that
+    /// reflect no such light.
     alignas(64) float around[kPacket];
+    /// Of the first lamps with a size the share of their light that reaches a lane's surface;
+    /// kNoShare where they would not shine on it anyway.
+    alignas(64) float seen[kLamps][kPacket];
   };
   [[nodiscard]] const Notes& notes() const { return notes_; }
 
@@ -113,8 +122,8 @@ class PacketTracer {
     uint32_t hidden[kLights];              ///< and those from which it is hidden
     uint32_t secondary_lanes;              ///< whose mirrored and refracted rays bring `secondary`
     alignas(64) float secondary[kPacket];
-    uint32_t around_lanes;  ///< whose `around` is that of Notes
-    alignas(64) float around[kPacket];
+    KnownShare around;        ///< as in Notes
+    KnownShare seen[kLamps];  ///< the same; used where lamps are integrated
 
     /// By lane, a bit for each light, as in Notes.
     void set_lights(std::span<const uint32_t, kPacket> shining,
@@ -205,11 +214,15 @@ class PacketTracer {
     float distance[kPacket];
     uint32_t geometry[kPacket];
     uint32_t primitive[kPacket];
+    float share[kPacket];  ///< of a lamp, or of free directions
   };
   static constexpr uint32_t kNotToLight = ~0U;
+  static constexpr uint32_t kAllAround = ~1U;
   enum class Memory { Off, Writes, Reads };
-  Traced* remember(uint32_t path, uint32_t what, const int* valid);
-  const Traced* recall(uint32_t path, uint32_t what, const int* valid);
+  Traced* remember(uint32_t path, uint32_t what, uint32_t lanes);
+  const Traced* recall(uint32_t path, uint32_t what);
+  void remember_share(uint32_t path, uint32_t what, const KnownShare& share);
+  void recall_share(uint32_t path, uint32_t what, KnownShare& known);
 
   /// Makes rays invalid that bring so little that half of it will do, and adds that.
   void leave_out_little(const shading_kernel::NewRays& rays, int* valid);
@@ -236,6 +249,7 @@ class PacketTracer {
   void note_shadows(const float* brings, uint32_t wanted, uint32_t reached, size_t light,
                     size_t depth);
   void note_lamp(const LampSeen& seen, size_t light, size_t depth);
+  static void note_shares(const KnownShare& shares, float* notes);
   void note_secondary();
   /// Lanes that are known to be lit, without tracing them or those that are known not to be.
   uint32_t take_known(size_t light, int* valid) const;

@@ -366,6 +366,13 @@ inline Arrival arrival(const Light& light, const Floats3& way, const Surfaces& s
   return at;
 }
 
+/// From a point of the unit disc that stands for the lamp's own.
+inline Arrival arrival_from(const Light& light, const Disc& disc, const Floats2& at,
+                            const Surfaces& s) {
+  const Floats3 way = disc.way_to(at);
+  return arrival(light, light.kind == Light::kDirectional ? unit(way) : way, s);
+}
+
 /// Lambert plus Phong's highlight; zero where the light is behind the surface.
 inline Floats reflected(const Surfaces& s, const Arrival& light) {
   const Floats3 smooth = vector_at(s.smooth);
@@ -434,9 +441,25 @@ bool shadow_rays(const Light& light, const Surfaces& s, const float* weight, New
 
 bool lamp_rays(const Light& light, float radius, const Sample& sample, const Surfaces& s,
                const float* weight, NewRays& out) {
-  Floats3 way = way_to_disc(way_to(light, s), radius, sample);
-  if (light.kind == Light::kDirectional) way = unit(way);
-  return rays_toward(arrival(light, way, s), s, weight, out);
+  return rays_toward(arrival_from(light, Disc(way_to(light, s), radius), on_disc(sample), s), s,
+                     weight, out);
+}
+
+LampLanes whole_lamp(const Light& light, float radius, const Surfaces& s, const float* weight,
+                     float* brings) {
+  const Disc disc(way_to(light, s), radius);
+  Floats sum{};
+  Masks all = Masks::of(-1), some{};
+  for (int n = 0; n < kDiscPoints; ++n) {
+    const Floats2 at{Floats::of(kDiscPoint[n][0]), Floats::of(kDiscPoint[n][1])};
+    const Floats from_there = floats_at(weight) * reflected(s, arrival_from(light, disc, at, s));
+    const Masks shines = masks_at(s.active) & (from_there != 0.0F);
+    all = all & shines;
+    some = some | shines;
+    sum = sum + kDiscWeight[n] * from_there;
+  }
+  floats_at(brings) = sum;
+  return {.whole = bits(all), .partly = bits(some & ~all)};
 }
 
 bool ambient_rays(float far, const Sample& sample, const Surfaces& s, NewRays& out) {
@@ -498,6 +521,7 @@ const shading_kernel::Kernel kShadingKernel{.find_surfaces = find_surfaces,
                                             .add_own_light_under = add_own_light_under,
                                             .shadow_rays = shadow_rays,
                                             .lamp_rays = lamp_rays,
+                                            .whole_lamp = whole_lamp,
                                             .ambient_rays = ambient_rays,
                                             .mirrored_rays = mirrored_rays,
                                             .add_light = add_light,

@@ -115,6 +115,12 @@ struct CellGroups {
   int32_t place[kLanes];   ///< where it lies on its primitive, see render/surface_cells.h
 };
 
+/// Lanes, a bit each, on which all of a lamp would shine, and those on which some of it would.
+struct LampLanes {
+  uint32_t whole;
+  uint32_t partly;
+};
+
 struct Kernel {
   /// From a packet that Embree has intersected and the lanes that were valid. False, and nothing
   /// written but `active`, if no lane met anything.
@@ -132,6 +138,10 @@ struct Kernel {
   /// scene units, of a directional light the tangent of the angle at which it is seen.
   bool (*lamp_rays)(const Light&, float radius, const Sample&, const Surfaces&, const float* weight,
                     NewRays&);
+  /// What the whole disc brings if nothing is in the way, by quadrature; 0 where no surface is.
+  /// `radius` as above.
+  LampLanes (*whole_lamp)(const Light&, float radius, const Surfaces&, const float* weight,
+                          float* brings);
   /// Rays of length `far` from diffuse surfaces to all that lies before them, as dense as the
   /// cosine to the shading normal says. Their weight is 1. False if there are none.
   bool (*ambient_rays)(float far, const Sample&, const Surfaces&, NewRays&);

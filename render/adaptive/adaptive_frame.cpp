@@ -43,11 +43,12 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
       uncertain_(frame.plan.planes, frame.plan.tiles),
       drawn_(frame.plan.planes, frame.plan.tiles),
       settler_(frame.samples, frame.grid, frame.plan.agreement, frame.scene.colour_managed,
-               frame.plan.options.soft.samples_ambient()),
+               frame.plan.options.soft),
       packet_(1),
       keys_(frame.grid.row_samples()),
       found_row_(frame.plan.planes.row_subpixels()) {
   init_packets(packet_);
+  colours_.tracer().integrate_lamps(true);
   judge_exactly(false);
 }
 
@@ -64,6 +65,8 @@ void AdaptiveWorker::set_sample(int picture, size_t lane) {
                                       .hidden = found_.notes.hidden[lane],
                                       .secondary_way = found_.notes.secondary_way[lane],
                                       .around = found_.notes.around[lane]}};
+  for (size_t lamp = 0; lamp < sample.light.seen.size(); ++lamp)
+    sample.light.seen[lamp] = KeySamples::Light::parts_of_lamp(found_.notes.seen[lamp][lane]);
   for (size_t c = 0; c < 3; ++c) {
     sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
     sample.light.secondary[c] = found_.secondary[c][lane];
@@ -304,16 +307,42 @@ void AdaptiveWorker::audit_band(int first_row) {
   for (const UncertainSubpixels::Subpixel& s : drawn_.subpixels()) {
     uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
     const uint8_t exact = frame_.encoder.code(s.light);
-    const int off = std::abs(int{code} - int{exact});
-    const bool beyond = off > frame_.plan.options.tolerated_error;
-    (s.draw == Draw::Mending ? mending : judging) += {.drawn = 1, .beyond = beyond ? 1U : 0U};
+    const uint64_t beyond = is_beyond(code, exact) ? 1 : 0;
+    (s.draw == Draw::Mending ? mending : judging) += {.drawn = 1, .beyond = beyond};
     code = exact;
   }
+  if (needs_mending(mending, kMostBeyond) && frame_.plan.options.soft.any())
+    mending.beyond -= std::min(mending.beyond, count_noise(first_row));
   if (needs_mending(mending, kMostBeyond)) {
     mend_band(first_row);
     judging.beyond = 0;
   }
   counts_.audit += judging;
+}
+
+bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
+  return std::abs(int{code} - int{exact}) > frame_.plan.options.tolerated_error;
+}
+
+/// How many of those that were drawn for mending method full has beyond the tolerated error, for
+/// the noise of its samples. What was drawn is exact in the frame.
+uint64_t AdaptiveWorker::count_noise(int first_row) {
+  trace_as_full(drawn_, first_row);
+  uint64_t beyond = 0;
+  for (const UncertainSubpixels::Subpixel& s : drawn_.subpixels())
+    if (s.draw == Draw::Mending &&
+        is_beyond(frame_.encoder.code(s.light), frame_.out.row(first_row + s.row)[s.at]))
+      ++beyond;
+  return beyond;
+}
+
+/// With as many samples, and no ray left out.
+void AdaptiveWorker::trace_as_full(UncertainSubpixels& subpixels, int first_row) {
+  colours_.tracer().tolerate(0.0F);
+  colours_.tracer().integrate_lamps(false);
+  subpixels.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+  colours_.tracer().integrate_lamps(true);
+  judge_exactly(false);
 }
 
 /// Traces every subpixel of the band, as method full does: no ray is left out.
@@ -330,9 +359,7 @@ void AdaptiveWorker::mend_band(int first_row) {
                       .x_mm = x_mm_[at],
                       .tan_x = tan_x_[at]});
   }
-  colours_.tracer().tolerate(0.0F);
-  uncertain_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
-  judge_exactly(false);
+  trace_as_full(uncertain_, first_row);
   write_uncertain(first_row);
   counts_.mended += count * static_cast<size_t>(end - first_row);
 }

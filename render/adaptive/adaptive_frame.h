@@ -64,7 +64,7 @@ class AdaptiveWorker {
   static constexpr int kSampleRows = kBlock * KeySamples::kCoarse;
   /// What is drawn for the audit takes so many times the rays of soft light, not to judge by its
   /// own noise.
-  static constexpr int kFinerAudit = 8;
+  static constexpr int kFinerAudit = 4;
 
   /// `frame` must outlive it.
   explicit AdaptiveWorker(AdaptiveFrame& frame);
@@ -98,6 +98,9 @@ class AdaptiveWorker {
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
   void write_uncertain(int first_row);
   void audit_band(int first_row);
+  [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
+  uint64_t count_noise(int first_row);
+  void trace_as_full(UncertainSubpixels& subpixels, int first_row);
   void mend_band(int first_row);
 
   AdaptiveFrame& frame_;

@@ -15,8 +15,6 @@ constexpr int kOthers[] = {0, 2};
 PacketTracer::Known lights_of(const PacketTracer::Notes& notes) {
   PacketTracer::Known known{};
   known.set_lights(notes.lit, notes.hidden);
-  known.around_lanes = (1U << kPacket) - 1;
-  std::copy_n(notes.around, kPacket, known.around);
   return known;
 }
 

@@ -29,6 +29,7 @@ Agreement Agreement::for_error(double codes) {
           .apart = static_cast<float>(parts(8.0 * codes)),
           .secondary = static_cast<float>(8.0 * codes / 255.0),
           .around = 0.25F,
+          .seen = 0.75F,
           .little = static_cast<float>(0.5 * codes / 255.0)};
 }
 
@@ -72,6 +73,8 @@ KeySamples::Sample middle(const KeySamples::Sample& a, const KeySamples::Sample&
     between.light.secondary[c] = 0.5F * (a.light.secondary[c] + b.light.secondary[c]);
   }
   between.light.around = 0.5F * (a.light.around + b.light.around);
+  for (size_t n = 0; n < between.light.seen.size(); ++n)
+    between.light.seen[n] = static_cast<uint8_t>((a.light.seen[n] + b.light.seen[n] + 1) / 2);
   return between;
 }
 

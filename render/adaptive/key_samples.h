@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "render/adaptive/key_grid.h"
+#include "render/packet_tracer.h"
 
 namespace lenticule::render {
 
@@ -20,6 +21,7 @@ struct Agreement {
   float apart = 0;      ///< between two pictures
   float secondary = 0;  ///< light from mirrored and refracted rays, of 1
   float around = 0;     ///< the part of free directions
+  float seen = 0;       ///< and of a lamp
   float little = 0;     ///< light, of 1, that makes no difference
 
   /// Less light than this on its way is not told apart, and half of it will do. Dark linear light
@@ -47,6 +49,14 @@ class KeySamples {
     uint32_t secondary_way = 0;
     std::array<float, 3> secondary{};
     float around = 0.0F;
+    /// Of lamps, in parts of kWholeLamp; kNotShining for PacketTracer::kNoShare.
+    std::array<uint8_t, PacketTracer::kLamps> seen{};
+
+    static constexpr int kWholeLamp = 240;
+    static constexpr uint8_t kNotShining = 255;
+    [[nodiscard]] static uint8_t parts_of_lamp(float share) {
+      return share < 0.0F ? kNotShining : static_cast<uint8_t>(share * kWholeLamp + 0.5F);
+    }
   };
   struct Sample {
     std::array<uint16_t, 3> value{};  ///< code values, in parts

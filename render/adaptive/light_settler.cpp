@@ -13,16 +13,35 @@ float apart(float low, float high, bool colour_managed) {
                         : high - low;
 }
 
+constexpr int kFinerParts = SettledLight::kWholeLamp / KeySamples::Light::kWholeLamp;
+
 }  // namespace
 
 LightSettler::LightSettler(const KeySamples& samples, const KeyGrid& grid,
-                           const Agreement& agreement, bool colour_managed, bool finds_around)
+                           const Agreement& agreement, bool colour_managed, const SoftLight& soft)
     : samples_(samples),
       grid_(grid),
       agreement_(agreement),
       colour_managed_(colour_managed),
-      finds_around_(finds_around),
+      finds_around_(soft.samples_ambient()),
+      finds_lamps_(soft.shadow_samples > 0),
       remembered_(grid.row_samples()) {}
+
+LightSettler::Lamps::Lamps(const KeySamples::Light& light) : least(light.seen) {
+  for (size_t n = 0; n < least.size(); ++n) {
+    const bool shines = light.seen[n] != KeySamples::Light::kNotShining;
+    count[n] = shines ? 1 : 0;
+    most[n] = shines ? light.seen[n] : 0;
+  }
+}
+
+void LightSettler::Lamps::add(const Lamps& other) {
+  for (size_t n = 0; n < least.size(); ++n) {
+    count[n] = static_cast<uint8_t>(count[n] + other.count[n]);
+    least[n] = std::min(least[n], other.least[n]);
+    most[n] = std::max(most[n], other.most[n]);
+  }
+}
 
 void LightSettler::Corners::add(const KeySamples::Light& light) {
   add(Corners{.count = 1,
@@ -32,7 +51,8 @@ void LightSettler::Corners::add(const KeySamples::Light& light) {
               .low = light.secondary,
               .high = light.secondary,
               .least_around = light.around,
-              .most_around = light.around});
+              .most_around = light.around,
+              .lamps = Lamps(light)});
 }
 
 /// Of the same surface.
@@ -49,6 +69,7 @@ void LightSettler::Corners::add(const Corners& other) {
   }
   least_around = std::min(least_around, other.least_around);
   most_around = std::max(most_around, other.most_around);
+  lamps.add(other.lamps);
 }
 
 template <class Use>
@@ -73,21 +94,47 @@ const LightSettler::Corners& LightSettler::corners_of(const Point& point, const 
   return corners;
 }
 
-LightSettler::Blend LightSettler::blend(const Point& point) const {
+/// Where a lamp shines on a few corners only, it hardly shines.
+void LightSettler::settle_lamps(const Lamps& lamps, SettledLight& out) const {
+  constexpr int kFew = 2;
+  const auto most = static_cast<int>(agreement_.seen * KeySamples::Light::kWholeLamp);
+  for (size_t n = 0; n < lamps.count.size(); ++n) {
+    const int apart = lamps.most[n] - lamps.least[n];
+    const bool known = lamps.count[n] >= kFew && apart <= most;
+    if (known) out.lamps_known |= 1U << n;
+    if (known) out.apart[n] = static_cast<uint16_t>(apart * kFinerParts);
+    const bool wanted = !known && lamps.count[n] > 0;
+    if (wanted && out.wanted == SettledLight::kNoSamples) out.wanted = static_cast<uint8_t>(n);
+  }
+}
+
+/// Means of the corners, whether they are of use or not.
+void LightSettler::blend(const Point& point, SettledLight& out) const {
   constexpr float kLittle = 1e-3F;  // so that no corner weighs nothing
   const auto channel = static_cast<size_t>(point.channel);
-  Blend sum;
-  float weights = 0.0F;
+  float secondary = 0.0F, around = 0.0F, weights = 0.0F;
+  std::array<float, PacketTracer::kLamps> seen{}, weights_of_lamps{};
   for (const Place& place : point.places) {
     if (place.cell < 0) continue;
     each_corner(point, place, [&](size_t at, float in_cell) {
       const float weight = place.weight * in_cell + kLittle;
-      sum.secondary += weight * samples_.light(at).secondary[channel];
-      sum.around += weight * samples_.light(at).around;
+      const KeySamples::Light& light = samples_.light(at);
+      secondary += weight * light.secondary[channel];
+      around += weight * light.around;
       weights += weight;
+      if (out.lamps_known == 0) return;
+      for (size_t n = 0; n < seen.size(); ++n) {
+        const bool shines = light.seen[n] != KeySamples::Light::kNotShining;
+        seen[n] += shines ? weight * static_cast<float>(light.seen[n]) : 0.0F;
+        weights_of_lamps[n] += shines ? weight : 0.0F;
+      }
     });
   }
-  return {.secondary = sum.secondary / weights, .around = sum.around / weights};
+  out.secondary = secondary / weights;
+  out.around = around / weights;
+  for (size_t n = 0; n < seen.size(); ++n)
+    if (weights_of_lamps[n] > 0.0F)
+      out.seen[n] = static_cast<uint16_t>(seen[n] / weights_of_lamps[n] * kFinerParts + 0.5F);
 }
 
 void LightSettler::settle(const Point& point, SettledLight& out) {
@@ -101,6 +148,7 @@ void LightSettler::settle(const Point& point, SettledLight& out) {
   }
   constexpr int kFewCorners = 3;
   out = {};
+  if (finds_around_ || finds_lamps_) out.wanted = SettledLight::kAllSamples;
   if (corners.count < kFewCorners) return;
   out.lit = corners.lit;
   out.hidden = corners.hidden;
@@ -110,13 +158,12 @@ void LightSettler::settle(const Point& point, SettledLight& out) {
   // From other places, other things are mirrored.
   const bool from_near = weight_of_pictures >= 1.0F - grid_.lookup().near;
   out.secondary_known = from_near && apart(low, high, colour_managed_) <= most;
-  out.around_known =
-      finds_around_ && corners.most_around - corners.least_around <= agreement_.around;
+  out.around_known = finds_around_ && corners.least_around >= 0.0F &&
+                     corners.most_around - corners.least_around <= agreement_.around;
+  if (out.around_known || !finds_around_) out.wanted = SettledLight::kNoSamples;
+  if (finds_lamps_) settle_lamps(corners.lamps, out);
   const bool dark = low == 0.0F && high == 0.0F;
-  if (!out.around_known && (!out.secondary_known || dark)) return;
-  const Blend blended = blend(point);
-  out.secondary = blended.secondary;
-  out.around = blended.around;
+  if (out.around_known || out.lamps_known != 0 || (out.secondary_known && !dark)) blend(point, out);
 }
 
 }  // namespace lenticule::render

@@ -16,17 +16,26 @@ struct SettledLight {
   bool secondary_known = false;
   float secondary = 0.0F;  ///< only where it is known
   bool around_known = false;
-  float around = 0.0F;  ///< only where it is known
+  float around = 0.0F;       ///< only where it is known
+  uint32_t lamps_known = 0;  ///< a bit for each lamp of which a known share is
+  std::array<uint16_t, PacketTracer::kLamps> seen{};   ///< in parts of kWholeLamp
+  std::array<uint16_t, PacketTracer::kLamps> apart{};  ///< by how much samples differ, the same
+
+  /// What rays of sampled light are wanted for: the first lamp that is not known, or one of these.
+  uint8_t wanted = kNoSamples;
+
+  static constexpr uint8_t kAllSamples = PacketTracer::kLamps;  ///< around, or too little is known
+  static constexpr uint8_t kNoSamples = PacketTracer::kLamps + 1;
+  static constexpr int kWholeLamp = 256 * KeySamples::Light::kWholeLamp;
 };
 
 /// Of one thread and frame. What the four samples around a cell say is asked once for all subpixels
 /// that see into it.
 class LightSettler {
  public:
-  /// `samples` and `grid` must outlive it, and must not change. `finds_around`: ambient
-  /// light is sampled.
+  /// `samples` and `grid` must outlive it, and must not change. `soft`: what is sampled.
   LightSettler(const KeySamples& samples, const KeyGrid& grid, const Agreement& agreement,
-               bool colour_managed, bool finds_around);
+               bool colour_managed, const SoftLight& soft);
 
   /// Where a point lies in a picture beside its view, see lookup_kernel::Found.
   struct Place {
@@ -45,6 +54,14 @@ class LightSettler {
   void settle(const Point& point, SettledLight& out);
 
  private:
+  /// Of the corners on which a lamp would shine: how many, and the parts that are seen from them.
+  struct Lamps {
+    std::array<uint8_t, PacketTracer::kLamps> count{}, least, most{};
+
+    Lamps() { least.fill(KeySamples::Light::kNotShining); }
+    explicit Lamps(const KeySamples::Light& light);
+    void add(const Lamps& other);
+  };
   /// What the corners of a cell that show a surface agree on.
   struct Corners {
     static constexpr float kMost = std::numeric_limits<float>::infinity();
@@ -56,23 +73,22 @@ class LightSettler {
     uint32_t lit = ~0U, hidden = ~0U;
     std::array<float, 3> low{kMost, kMost, kMost}, high{-kMost, -kMost, -kMost};
     float least_around = 1.0F, most_around = 0.0F;
+    Lamps lamps{};
 
     void add(const KeySamples::Light& light);
     void add(const Corners& other);
-  };
-  struct Blend {
-    float secondary = 0.0F, around = 0.0F;
   };
   const Corners& corners_of(const Point& point, const Place& place);
   /// Calls `use(index, weight)` for each corner of a cell.
   template <class Use>
   void each_corner(const Point& point, const Place& place, const Use& use) const;
-  [[nodiscard]] Blend blend(const Point& point) const;
+  void settle_lamps(const Lamps& lamps, SettledLight& out) const;
+  void blend(const Point& point, SettledLight& out) const;
 
   const KeySamples& samples_;
   const KeyGrid& grid_;
   Agreement agreement_;
-  bool colour_managed_, finds_around_;
+  bool colour_managed_, finds_around_, finds_lamps_;
   std::vector<Corners> remembered_;  ///< by place in a row of samples
 };
 

@@ -2,6 +2,7 @@
 #include "render/adaptive/uncertain_subpixels.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstdlib>
 
 #include "render/adaptive/glass_rays.h"
@@ -15,10 +16,12 @@ constexpr size_t kTogether = 16;
 
 /// Packets are of one kind where they can: a lane that sends rays costs almost what sixteen do, and
 /// glass is followed lane by lane.
-constexpr size_t kKinds = 3;
+constexpr size_t kWays = 3;
+constexpr size_t kKinds = kWays * (SettledLight::kNoSamples + 1);
 size_t kind_of(const UncertainSubpixels::Subpixel& s) {
-  if (s.settled.secondary_known) return 0;
-  return SurfaceGroups::lets_light_through(s.group) ? 2 : 1;
+  const size_t sampled = kWays * s.settled.wanted;
+  if (s.settled.secondary_known) return sampled;
+  return sampled + (SurfaceGroups::lets_light_through(s.group) ? 2 : 1);
 }
 
 }  // namespace
@@ -77,7 +80,8 @@ void UncertainSubpixels::find_seeds(int first_row, size_t first) {
 
 void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
   std::array<uint32_t, kPacket> lit, hidden;
-  known_.secondary_lanes = known_.around_lanes = 0;
+  known_.secondary_lanes = known_.around.lanes = 0;
+  for (KnownShare& seen : known_.seen) seen.lanes = 0;
   for (size_t r = 0; r < kPacket; ++r) {
     const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
     packet_[0].rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // 1 is a millimetre of z
@@ -87,8 +91,15 @@ void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
     hidden[r] = s.settled.hidden;
     if (s.settled.secondary_known) known_.secondary_lanes |= 1U << r;
     known_.secondary[r] = s.settled.secondary;
-    if (s.settled.around_known) known_.around_lanes |= 1U << r;
-    known_.around[r] = s.settled.around;
+    if (s.settled.around_known) known_.around.lanes |= 1U << r;
+    known_.around.share[r] = s.settled.around;
+    for (uint32_t left = s.settled.lamps_known; left != 0; left &= left - 1) {
+      const auto lamp = static_cast<size_t>(std::countr_zero(left));
+      known_.seen[lamp].lanes |= 1U << r;
+      constexpr float kPart = 1.0F / SettledLight::kWholeLamp;
+      known_.seen[lamp].share[r] = kPart * static_cast<float>(s.settled.seen[lamp]);
+      known_.seen[lamp].apart[r] = kPart * static_cast<float>(s.settled.apart[lamp]);
+    }
   }
   known_.set_lights(lit, hidden);
 }

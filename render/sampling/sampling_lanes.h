@@ -78,12 +78,32 @@ inline Floats3 cosine_direction(const Floats3& normal, const sampling::Sample& s
   return basis.x * at.x + basis.y * at.y + normal * height;
 }
 
-/// The way to a disc's middle, bent to a point of the disc, which faces the lanes.
-inline Floats3 way_to_disc(const Floats3& way, float radius, const sampling::Sample& sample) {
-  const Floats2 at = on_disc(sample);
-  const Basis basis = across(unit(way));
-  return way + (basis.x * at.x + basis.y * at.y) * Floats::of(radius);
-}
+/// A disc that faces the lanes.
+struct Disc {
+  Floats3 way;  ///< to its middle
+  float radius;
+  Basis basis;
+
+  Disc(const Floats3& to_middle, float of_radius)
+      : way(to_middle), radius(of_radius), basis(across(unit(to_middle))) {}
+  /// The way to a point of the unit disc.
+  Floats3 way_to(const Floats2& at) const {
+    return way + (basis.x * at.x + basis.y * at.y) * Floats::of(radius);
+  }
+};
+
+/// Points of the unit disc, all of one weight but the first, at which polynomials of degree 5 are
+/// integrated exactly (Radon's seven).
+inline constexpr int kDiscPoints = 7;
+inline constexpr float kDiscPoint[kDiscPoints][2] = {{0.0F, 0.0F},
+                                                     {0.81649658F, 0.0F},
+                                                     {0.40824829F, 0.70710678F},
+                                                     {-0.40824829F, 0.70710678F},
+                                                     {-0.81649658F, 0.0F},
+                                                     {-0.40824829F, -0.70710678F},
+                                                     {0.40824829F, -0.70710678F}};
+inline constexpr float kDiscWeight[kDiscPoints] = {0.25F,  0.125F, 0.125F, 0.125F,
+                                                   0.125F, 0.125F, 0.125F};
 
 }  // namespace
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -14,6 +14,16 @@
 
 namespace lenticule::render {
 
+namespace {
+
+/// So many lie in all quarters of a disc: where all of a lamp would shine, one of them would.
+constexpr int kFewSamples = 4;
+
+/// By so many times what is noticed samples may differ between which a share is interpolated.
+constexpr float kMostApart = 8.0F;
+
+}  // namespace
+
 SoftShader::SoftShader(const SoftLight& options, Isa isa)
     : options_(options),
       kernel_(shading_kernel_for(isa)),
@@ -61,17 +71,117 @@ uint32_t SoftShader::unblocked(const Scene::Impl& scene, Coherence coherence, Wo
   return free & traced;
 }
 
-LampSeen SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes known,
-                              const float* weight, float* light, WorkClock& clock) {
+/// N samples of light are off by about light N^-3/4 / 50, so that what brings less needs fewer.
+/// What brings kMuch takes all that are asked for if a code value is noticed.
+uint32_t SoftShader::samples_for(float light, float noticed, int asked) const {
+  constexpr float kMuch = 0.15F, kCode = 1.0F / 255;
+  constexpr float kHalvesSamples = 0.5946F;  // 2^-3/4
+  int samples = asked * factor_;
+  float enough = kMuch / kCode * noticed * kHalvesSamples;
+  for (; light <= enough && samples / 2 >= kFewSamples; enough *= kHalvesSamples) samples /= 2;
+  return static_cast<uint32_t>(samples);
+}
+
+void KnownShare::set(uint32_t of_lanes, float value) {
+  lanes |= of_lanes;
+  for (size_t r = 0; r < kPacket; ++r) share[r] = (of_lanes & kLaneBit[r]) != 0 ? value : share[r];
+}
+
+void KnownShare::set(uint32_t of_lanes, std::span<const float, kPacket> values) {
+  lanes |= of_lanes;
+  for (size_t r = 0; r < kPacket; ++r)
+    share[r] = (of_lanes & kLaneBit[r]) != 0 ? values[r] : share[r];
+}
+
+LampSeen SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes proved,
+                              const KnownShare& shares, const float* weight, float* light,
+                              WorkClock& clock) {
+  if (integrates_) return integrate_lamp(packet, lamp, proved, shares, weight, light, clock);
+  const LampSamples all{.count = static_cast<uint32_t>(options_.shadow_samples * factor_),
+                        .weight = weight,
+                        .added = kAllLanes};
+  return sample_lamp(packet, lamp, all, proved, light, clock);
+}
+
+/// Where all of the lamp would shine, its light is the integral times the share that is seen, of
+/// which a proof says the same as rays do: no byte depends on what happens to be proved. Where a
+/// part is below the horizon, what is not known is the sum of the samples.
+LampSeen SoftShader::integrate_lamp(const SoftPacket& packet, size_t lamp, KnownLanes proved,
+                                    const KnownShare& shares, const float* weight, float* light,
+                                    WorkClock& clock) {
   const shading_kernel::Light& shape = packet.scene.shading->lights()[lamp];
-  const auto samples = static_cast<uint32_t>(options_.shadow_samples * factor_);
+  alignas(64) std::array<float, kPacket> brings, of_sampled;
+  const shading_kernel::LampLanes shines =
+      kernel_.whole_lamp(shape, radius(shape), packet.surfaces, weight, brings.data());
+  const uint32_t settled = agreeing(shares, brings.data(), packet.noticed);
+  const uint32_t partly = shines.partly & ~settled;
+  const uint32_t wanted = partly | (shines.whole & ~settled);
+  const uint32_t sampled = partly | (wanted & ~(proved.lit | proved.blocked));
+  LampSeen seen;
+  if (sampled != 0) {
+    float most = 0.0F;
+    for (size_t r = 0; r < kPacket; ++r) {
+      of_sampled[r] = (sampled & kLaneBit[r]) != 0 ? weight[r] : 0.0F;
+      most = std::max(most, (wanted & kLaneBit[r]) != 0 ? brings[r] : 0.0F);
+    }
+    const uint32_t enough = samples_for(most, packet.noticed, options_.shadow_samples);
+    const LampSamples some{.count = std::max(enough, uint32_t{kFewSamples}),
+                           .weight = of_sampled.data(),
+                           .added = partly};
+    seen = sample_lamp(packet, lamp, some, proved, light, clock);
+  }
+  seen.share.set(settled, shares.share);
+  const uint32_t of_proofs = wanted & ~sampled;
+  seen.share.set(proved.lit & of_proofs, 1.0F);
+  seen.share.set(proved.blocked & of_proofs, 0.0F);
+  seen.share.lanes &= shines.whole | shines.partly;
+  add_shares(seen, seen.share.lanes & ~partly, brings.data(), light);
+  const uint32_t unsampled = seen.share.lanes & ~sampled;
+  count_known({.lit = unsampled & ~seen.none, .blocked = unsampled & seen.none});
+  return seen;
+}
+
+/// Lanes whose shares were found from light that does not differ much.
+uint32_t SoftShader::agreeing(const KnownShare& shares, const float* brings, float noticed) {
+  const float most = kMostApart * noticed;
+  uint32_t lanes = 0;
+  for (size_t r = 0; r < kPacket; ++r)
+    lanes |= shares.apart[r] * brings[r] <= most ? shares.lanes & kLaneBit[r] : 0;
+  return lanes;
+}
+
+/// Of some lanes; also finds out of which all or none is seen.
+void SoftShader::add_shares(LampSeen& seen, uint32_t lanes, const float* brings, float* light) {
+  for (size_t r = 0; r < kPacket; ++r) {
+    const uint32_t bit = lanes & kLaneBit[r];
+    const float share = seen.share.share[r];
+    light[r] += bit != 0 ? share * brings[r] : 0.0F;
+    seen.all |= share == 1.0F ? bit : 0;
+    seen.none |= share == 0.0F ? bit : 0;
+  }
+}
+
+void SoftShader::count_known(KnownLanes known) {
+  const auto rays = [&](uint32_t lanes) {
+    return static_cast<uint64_t>(options_.shadow_samples * factor_) *
+           static_cast<uint64_t>(std::popcount(lanes));
+  };
+  counts_.shadow += rays(known.lit | known.blocked);
+  counts_.shadow_proved += rays(known.lit);
+  counts_.shadow_blocked += rays(known.blocked);
+}
+
+LampSeen SoftShader::sample_lamp(const SoftPacket& packet, size_t lamp, const LampSamples& asked,
+                                 KnownLanes known, float* light, WorkClock& clock) {
+  const shading_kernel::Light& shape = packet.scene.shading->lights()[lamp];
   alignas(64) std::array<float, kPacket> part;
-  for (size_t r = 0; r < kPacket; ++r) part[r] = weight[r] / static_cast<float>(samples);
+  alignas(64) std::array<float, kPacket> arriving{}, arrived{};
+  for (size_t r = 0; r < kPacket; ++r) part[r] = asked.weight[r] / static_cast<float>(asked.count);
   const sampling::SampleSet set =
       sampling::sample_set(packet.seeds, packet.path, sampling::use_of_light(lamp));
   shading_kernel::NewRays rays = into_rays();
   uint32_t ever_wanted = 0, ever_seen = 0, ever_hidden = 0;
-  for (uint32_t i = 0; i < samples; ++i) {
+  for (uint32_t i = 0; i < asked.count; ++i) {
     const bool any = kernel_.lamp_rays(shape, radius(shape), sampling::sample_of(set, i),
                                        packet.surfaces, part.data(), rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
@@ -81,10 +191,18 @@ LampSeen SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes 
     ever_wanted |= wanted;
     ever_seen |= seen;
     ever_hidden |= wanted & ~seen;
-    for (uint32_t r = 0; r < kPacket; ++r) light[r] += (seen >> r & 1) != 0 ? rays.weight[r] : 0.0F;
+    for (size_t r = 0; r < kPacket; ++r) {
+      const float brought = (seen & kLaneBit[r]) != 0 ? rays.weight[r] : 0.0F;
+      light[r] += (asked.added & kLaneBit[r]) != 0 ? brought : 0.0F;
+      arrived[r] += brought;
+      arriving[r] += (wanted & kLaneBit[r]) != 0 ? rays.weight[r] : 0.0F;
+    }
   }
-  return {
-      .wanted = ever_wanted, .all = ever_wanted & ~ever_hidden, .none = ever_wanted & ~ever_seen};
+  for (size_t r = 0; r < kPacket; ++r)
+    if (arriving[r] != 0.0F) arrived[r] /= arriving[r];
+  LampSeen seen{.all = ever_wanted & ~ever_hidden, .none = ever_wanted & ~ever_seen};
+  seen.share.set(ever_wanted, arrived);
+  return seen;
 }
 
 /// Makes rays to a lamp invalid whose fate is known; returns those that reach it.
@@ -111,12 +229,11 @@ void SoftShader::add_surroundings(const SoftPacket& packet, uint32_t lanes,
   }
 }
 
-SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t open,
-                                           WorkClock& clock) {
+SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t samples,
+                                           uint32_t open, WorkClock& clock) {
   const bool pictured = lit_by_surroundings() && !packet.scene.backdrop.flat();
   const float far = lit_by_surroundings() ? std::numeric_limits<float>::infinity()
                                           : static_cast<float>(options_.occlusion_distance_mm);
-  const auto samples = static_cast<uint32_t>(ambient_samples());
   const sampling::SampleSet set =
       sampling::sample_set(packet.seeds, packet.path, sampling::kUseAmbient);
   shading_kernel::NewRays rays = into_rays();
@@ -126,6 +243,7 @@ SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t op
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     const uint32_t wanted = lane_bits(rays_.valid);
     const uint32_t known = open & wanted;
+    around.lanes |= wanted;
     // All samples want the same lanes: one that has nothing to trace speaks for the others.
     const uint32_t of_known = known == wanted ? samples : 1;
     counts_.ambient += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(wanted));
@@ -140,21 +258,26 @@ SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t op
   return around;
 }
 
-void SoftShader::find_ambient(const SoftPacket& packet, uint32_t open, const KnownAround& known,
-                              const float* backdrop, float* ambient, WorkClock& clock) {
+void SoftShader::find_ambient(const SoftPacket& packet, uint32_t open, const KnownShare& known,
+                              const float* weight, const float* backdrop, float* ambient,
+                              WorkClock& clock) {
   const bool is_share = shares(packet.scene);
   const uint32_t settled = is_share ? known.lanes : 0;
-  const Around around = look_around(packet, open | settled, clock);
-  const int samples = ambient_samples();
   const float* const flat_ambient = packet.scene.shading->tables().ambient;
+  const float brightest =
+      lit_by_surroundings() ? 1.0F : *std::max_element(flat_ambient, flat_ambient + 3);
+  const uint32_t samples = samples_for(brightest * *std::max_element(weight, weight + kPacket),
+                                       packet.noticed, ambient_samples());
+  const Around around = look_around(packet, samples, open | settled, clock);
+  share_.lanes = around.lanes;
   for (size_t r = 0; r < kPacket; ++r) {
-    share_[r] = (settled >> r & 1) != 0
-                    ? known.share[r]
-                    : static_cast<float>(around.open[r]) / static_cast<float>(samples);
+    share_.share[r] = (settled >> r & 1) != 0
+                          ? known.share[r]
+                          : static_cast<float>(around.open[r]) / static_cast<float>(samples);
     const auto channel = static_cast<size_t>(packet.surfaces.channel[r]);
-    ambient[r] = is_share
-                     ? share_[r] * (lit_by_surroundings() ? backdrop[r] : flat_ambient[channel])
-                     : static_cast<float>(around.light[r] / samples);
+    ambient[r] =
+        is_share ? share_.share[r] * (lit_by_surroundings() ? backdrop[r] : flat_ambient[channel])
+                 : static_cast<float>(around.light[r] / samples);
   }
 }
 

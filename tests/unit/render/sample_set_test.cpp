@@ -189,6 +189,92 @@ TEST_P(SampleRays, ToLampsAreTheOracles) {
   EXPECT_GT(rays, 2000);
 }
 
+/// What a lamp brings to a lane from one direction, Lambert and Phong.
+struct Reflection {
+  Vec3 geometric, smooth, view;
+  double specular, shine;
+
+  [[nodiscard]] double of(Vec3 toward) const {
+    const double cosine = dot(toward, smooth);
+    if (cosine <= 0.0 || dot(toward, geometric) <= 0.0) return 0.0;
+    const double along = dot(toward, view) - 2.0 * cosine * dot(smooth, view);
+    return cosine + (along > 0.0 ? specular * std::pow(along, shine) : 0.0);
+  }
+};
+
+/// By a spiral of many points of equal areas.
+double mean_over_disc(const Reflection& reflection, Vec3 middle, double radius, int& hidden) {
+  constexpr int kPoints = 20000;
+  const double golden = std::numbers::pi * (3.0 - std::sqrt(5.0));
+  double sum = 0.0;
+  for (int n = 0; n < kPoints; ++n) {
+    const double at = std::sqrt((n + 0.5) / kPoints);
+    const Vec3 on_disc{at * std::cos(golden * n), at * std::sin(golden * n), 0.0};
+    const double light = reflection.of(
+        normalized(middle + testing::reference_turned(on_disc, normalized(middle)) * radius));
+    sum += light;
+    hidden += light == 0.0 ? 1 : 0;
+  }
+  return sum / kPoints;
+}
+
+TEST_P(SampleRays, WholeLampsAreTheIntegralOverTheirDisc) {
+  std::mt19937_64 random(8);
+  shading_kernel::Light lamp{};
+  lamp.colour[0] = 1.0F;
+  alignas(64) std::array<float, kPacket> brings;
+  int whole = 0, partly = 0, none = 0;
+  for (int round = 0; round < 8; ++round) {
+    face_anywhere(random);
+    const bool sun = round % 2 == 1;
+    lamp.kind = sun ? shading_kernel::Light::kDirectional : shading_kernel::Light::kPoint;
+    const Vec3 middle = any_direction(random) * (sun ? 1.0 : 90.0);
+    const double radius = sun ? 0.2 : 18.0;
+    for (int k = 0; k < 3; ++k) {
+      const double part = k == 0 ? middle.x : k == 1 ? middle.y : middle.z;
+      lamp.position[k] = static_cast<float>(part);
+      lamp.direction[k] = static_cast<float>(-part);
+    }
+    std::array<Reflection, kPacket> reflections;
+    for (size_t r = 0; r < kPacket; ++r) {
+      reflections[r] = {geometric_[r], smooth_[r], any_direction(random), r % 2 == 0 ? 0.5 : 0.0,
+                        12.0};
+      surfaces_.specular[r] = static_cast<float>(reflections[r].specular);
+      surfaces_.shine[r] = 12.0F;
+      set(surfaces_.view, r, reflections[r].view);
+    }
+    surfaces_.active[3] = 0;
+    const shading_kernel::LampLanes lanes =
+        kernel_.whole_lamp(lamp, static_cast<float>(radius), surfaces_, weight_, brings.data());
+    EXPECT_EQ(lanes.whole & lanes.partly, 0U);
+    for (size_t r = 0; r < kPacket; ++r) {
+      const bool is_whole = (lanes.whole >> r & 1) != 0, is_partly = (lanes.partly >> r & 1) != 0;
+      if (r == 3) {
+        EXPECT_FALSE(is_whole || is_partly);
+        continue;
+      }
+      int hidden = 0;
+      const double expected = mean_over_disc(reflections[r], middle, radius, hidden);
+      if (hidden == 0) {
+        EXPECT_TRUE(is_whole);
+        EXPECT_NEAR(double{brings[r]}, expected, 2e-3) << "lane " << r;
+        ++whole;
+      } else if (is_partly || is_whole) {
+        // The horizon is a kink, which no quadrature of few points knows.
+        EXPECT_NEAR(double{brings[r]}, expected, 2e-2) << "lane " << r;
+        ++partly;
+      } else {
+        EXPECT_EQ(brings[r], 0.0F);
+        EXPECT_LT(expected, 5e-3);
+        ++none;
+      }
+    }
+  }
+  EXPECT_GT(whole, 20);
+  EXPECT_GT(partly, 5);
+  EXPECT_GT(none, 20);
+}
+
 /// And of the baseline with itself, which is all that some machines can compare.
 TEST_P(SampleRays, HaveTheSameBitsAsTheBaseline) {
   std::mt19937_64 random(9);
@@ -201,12 +287,14 @@ TEST_P(SampleRays, HaveTheSameBitsAsTheBaseline) {
     const sampling::SampleSet set = sampling::sample_set(seeds_, i, i);
     const sampling::Sample sample = sampling::sample_of(set, i);
     std::array<Made, 2> around, toward;
+    alignas(64) std::array<std::array<float, kPacket>, 2> brings;
     for (size_t k = 0; k < 2; ++k) {
       clear(around[k]);
       clear(toward[k]);
       const shading_kernel::Kernel& kernel = k == 0 ? plain : kernel_;
       kernel.ambient_rays(7.0F, sample, surfaces_, around[k].rays);
       kernel.lamp_rays(lamp, 20.0F, sample, surfaces_, weight_, toward[k].rays);
+      kernel.whole_lamp(lamp, 20.0F, surfaces_, weight_, brings[k].data());
       for (Made* made : {&around[k], &toward[k]}) {
         made->rays.packet = nullptr;
         made->rays.valid = nullptr;
@@ -214,6 +302,7 @@ TEST_P(SampleRays, HaveTheSameBitsAsTheBaseline) {
     }
     ASSERT_EQ(std::memcmp(&around[0], &around[1], sizeof(Made)), 0) << i;
     ASSERT_EQ(std::memcmp(&toward[0], &toward[1], sizeof(Made)), 0) << i;
+    ASSERT_EQ(brings[0], brings[1]) << i;
   }
 }
 

@@ -7,19 +7,27 @@
 
 #include "render/adaptive/colour_tracer.h"
 #include "render/packet_tracer.h"
+#include "render/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
 namespace {
 
+std::string name_of(const ::testing::TestParamInfo<testing::NamedScene>& named) {
+  std::string name = named.param.name;
+  for (char& c : name)
+    if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
+  return name;
+}
+
 class KnownLight : public ::testing::TestWithParam<testing::NamedScene> {
  protected:
-  KnownLight()
+  explicit KnownLight(const SoftLight& soft = {})
       : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1),
         rig_(testing::make_rig({})),
         plan_(rig_),
         groups_(scene_.impl()),
-        tracer_(RenderOptions{.cancelled = {}}) {}
+        tracer_(RenderOptions{.soft = soft, .cancelled = {}}) {}
 
   /// Neighbouring rays toward the middle of the scene.
   void aim(std::mt19937_64& random) {
@@ -135,13 +143,118 @@ TEST_P(KnownLight, LeavesOutNoMoreThanIsTolerated) {
   EXPECT_GT(tracer_.counts().too_little, 0U);
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(testing::tiny_scenes()),
-                         [](const auto& named) {
-                           std::string name = named.param.name;
-                           for (char& c : name)
-                             if (!std::isalnum(static_cast<unsigned char>(c))) c = '_';
-                           return name;
-                         });
+/// The same with light that is sampled.
+class KnownSoftLight : public KnownLight {
+ protected:
+  static constexpr SoftLight kSoft{.shadow_samples = 16,
+                                   .lamp_radius_mm = 8.0,
+                                   .occlusion_samples = 16,
+                                   .occlusion_distance_mm = 20.0};
+  /// Codes; samples of a lamp that is partly below the horizon are summed, not integrated.
+  static constexpr double kNear = 4.0 / 255.0;
+
+  KnownSoftLight() : KnownLight(kSoft) {
+    tracer_.integrate_lamps(true);
+    std::array<uint32_t, kPacket> seeds;
+    for (size_t r = 0; r < kPacket; ++r)
+      seeds[r] = sampling::subpixel_seed(3, static_cast<int>(r), 0);
+    tracer_.set_seeds(seeds);
+  }
+  [[nodiscard]] uint64_t traced() const {
+    const RayCounts counts = tracer_.counts();
+    return counts.shadow - counts.shadow_proved - counts.shadow_blocked + counts.ambient -
+           counts.ambient_proved;
+  }
+};
+
+TEST_P(KnownSoftLight, OtherColoursSendNoRaysToLampsAndAround) {
+  std::mt19937_64 random(9);
+  int compared = 0, near = 0;
+  for (int round = 0; round < 60; ++round) {
+    aim(random);
+    channel_.fill(1);
+    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
+    channel_.fill(0);
+    const PacketTracer::Known nothing{};
+    RayPacket first = packet_, second = packet_;
+    const uint64_t before = traced();
+    tracer_.trace_known(impl(), channel_, nothing, first, known_light_, true);
+    const uint64_t between = traced();
+    tracer_.trace_known(impl(), channel_, nothing, second, light_);
+    EXPECT_LE(10 * (between - before), traced() - between);
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (packet_.valid[r] == 0) continue;
+      ++compared;
+      near += std::abs(light_[r] - known_light_[r]) < kNear ? 1 : 0;
+    }
+  }
+  EXPECT_GE(near, 0.99 * compared);
+}
+
+/// What the notes say of lamps and of what is around is enough to shade the first surface.
+TEST_P(KnownSoftLight, SharesOfTheNotesAreAsGoodAsRays) {
+  std::mt19937_64 random(10);
+  int compared = 0, near = 0;
+  for (int round = 0; round < 60; ++round) {
+    aim(random);
+    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
+    const PacketTracer::Notes& notes = tracer_.notes();
+    PacketTracer::Known known{};
+    for (size_t r = 0; r < kPacket; ++r) {
+      known.secondary_lanes |= 1U << r;
+      known.secondary[r] = notes.secondary[r];
+      const auto tell = [&](KnownShare& share, float value) {
+        if (value == PacketTracer::kNoShare) return;
+        ASSERT_GE(value, 0.0F);
+        ASSERT_LE(value, 1.0F);
+        share.lanes |= 1U << r;
+        share.share[r] = value;
+      };
+      tell(known.around, notes.around[r]);
+      for (size_t lamp = 0; lamp < impl().shading->lights().size(); ++lamp)
+        tell(known.seen[lamp], notes.seen[lamp][r]);
+    }
+    RayPacket again = packet_;
+    const uint64_t before = traced();
+    tracer_.trace_known(impl(), channel_, known, again, known_light_);
+    EXPECT_EQ(traced(), before);
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (packet_.valid[r] == 0) continue;
+      ++compared;
+      near += std::abs(light_[r] - known_light_[r]) < kNear ? 1 : 0;
+    }
+  }
+  EXPECT_GE(near, 0.99 * compared);
+}
+
+/// Shares of integrals are nearer to the truth than sums of as many samples.
+TEST_P(KnownSoftLight, IntegralsAreNoWorseThanSums) {
+  std::mt19937_64 random(11);
+  double of_sums = 0.0, of_integrals = 0.0;
+  alignas(64) std::array<float, kPacket> truth{};
+  const auto light = [&](bool integrate, int factor) {
+    RayPacket packet = packet_;
+    tracer_.integrate_lamps(integrate);
+    tracer_.multiply_samples(factor);
+    tracer_.trace_lanes(impl(), plan_, channel_, packet, light_);
+    return light_;
+  };
+  for (int round = 0; round < 60; ++round) {
+    aim(random);
+    truth = light(false, 64);
+    const auto sums = light(false, 1), integrals = light(true, 1);
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (packet_.valid[r] == 0) continue;
+      of_sums += std::pow(double{sums[r]} - double{truth[r]}, 2.0);
+      of_integrals += std::pow(double{integrals[r]} - double{truth[r]}, 2.0);
+    }
+  }
+  EXPECT_LE(of_integrals, 1.02 * of_sums);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(testing::tiny_scenes()), name_of);
+INSTANTIATE_TEST_SUITE_P(Scenes, KnownSoftLight, ::testing::ValuesIn(testing::tiny_scenes()),
+                         name_of);
 
 /// A ball over a floor: the notes tell the shadow from the lit floor, and one surface from another.
 TEST(Notes, TellShadowsAndSurfacesApart) {

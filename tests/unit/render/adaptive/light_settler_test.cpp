@@ -13,6 +13,8 @@
 namespace lenticule::render {
 namespace {
 
+constexpr SoftLight kSoft{.shadow_samples = 16, .occlusion_samples = 16};
+
 /// Of corners that show the surface; weights as they count.
 struct Corner {
   KeySamples::Light light;
@@ -41,7 +43,11 @@ class SettledSamples : public ::testing::Test {
     sample.light = {.lit = one_in(8) ? 1U : 3U,
                     .hidden = one_in(8) ? 0U : 4U,
                     .secondary_way = one_in(12) ? 5U : 6U,
-                    .around = 0.5F + 0.05F * static_cast<float>(random_() % 6)};
+                    .around = one_in(12) ? PacketTracer::kNoShare
+                                         : 0.5F + 0.05F * static_cast<float>(random_() % 6)};
+    for (size_t lamp = 0; lamp < sample.light.seen.size(); ++lamp)
+      sample.light.seen[lamp] = one_in(4) ? KeySamples::Light::kNotShining
+                                          : static_cast<uint8_t>(random_() % (30 * lamp + 1));
     for (float& light : sample.light.secondary)
       light = one_in(3) ? 0.0F : 0.02F * static_cast<float>(random_() % 5);
     return sample;
@@ -96,6 +102,8 @@ class SettledSamples : public ::testing::Test {
     if (corners.size() < 3) {
       EXPECT_EQ(settled.lit | settled.hidden, 0U);
       EXPECT_FALSE(settled.secondary_known || settled.around_known);
+      EXPECT_EQ(settled.lamps_known, 0U);
+      EXPECT_EQ(settled.wanted, SettledLight::kAllSamples);
       return;
     }
     uint32_t lit = ~0U, hidden = ~0U;
@@ -127,12 +135,42 @@ class SettledSamples : public ::testing::Test {
       ++known_;
     }
     if (std::abs(most - least - double{agreement_.around}) > 1e-6) {
-      EXPECT_EQ(settled.around_known, most - least < double{agreement_.around});
+      EXPECT_EQ(settled.around_known, least >= 0.0 && most - least < double{agreement_.around});
     }
     if (settled.around_known) {
       EXPECT_NEAR(double{settled.around}, around / sum, 1e-6);
     }
     ++settled_;
+    uint8_t wanted = settled.around_known ? SettledLight::kNoSamples : SettledLight::kAllSamples;
+    for (size_t lamp = 0; lamp < PacketTracer::kLamps; ++lamp)
+      if (!expect_lamp(corners, settled, lamp) && wanted == SettledLight::kNoSamples)
+        wanted = static_cast<uint8_t>(lamp);
+    EXPECT_EQ(settled.wanted, wanted);
+  }
+
+  /// False where rays to the lamp are wanted.
+  bool expect_lamp(const std::vector<Corner>& corners, const SettledLight& settled, size_t lamp) {
+    int low = 255, high = 0, shining = 0;
+    double sum = 0.0, weights = 0.0;
+    for (const Corner& corner : corners) {
+      const uint8_t seen = corner.light.seen[lamp];
+      if (seen == KeySamples::Light::kNotShining) continue;
+      ++shining;
+      low = std::min(low, int{seen});
+      high = std::max(high, int{seen});
+      sum += corner.weight * seen;
+      weights += corner.weight;
+    }
+    const double apart = static_cast<double>(high - low) / KeySamples::Light::kWholeLamp;
+    const bool expected = shining >= 2 && apart <= double{agreement_.seen};
+    EXPECT_EQ((settled.lamps_known >> lamp & 1) != 0, expected);
+    if (expected) {
+      ++(high == low ? same_lamps_ : other_lamps_);
+      EXPECT_NEAR(static_cast<double>(settled.seen[lamp]) / SettledLight::kWholeLamp,
+                  sum / weights / KeySamples::Light::kWholeLamp, 1e-4);
+      EXPECT_NEAR(static_cast<double>(settled.apart[lamp]) / SettledLight::kWholeLamp, apart, 1e-4);
+    }
+    return expected || shining == 0;
   }
 
   optics::Rig rig_;
@@ -142,12 +180,12 @@ class SettledSamples : public ::testing::Test {
   KeySamples samples_;
   Agreement agreement_ = Agreement::for_error(2.0);
   std::mt19937_64 random_{3};
-  int settled_ = 0, known_ = 0;
+  int settled_ = 0, known_ = 0, same_lamps_ = 0, other_lamps_ = 0;
 };
 
 TEST_F(SettledSamples, AgreeWhereAllCornersDo) {
   for (const bool colour_managed : {false, true}) {
-    LightSettler settler(samples_, grid_, agreement_, colour_managed, true);
+    LightSettler settler(samples_, grid_, agreement_, colour_managed, kSoft);
     for (int row = 0; row < planes_.rows(); ++row)
       for (int n = 0; n < 300; ++n) {
         const LightSettler::Point point = draw_point(row);
@@ -159,15 +197,17 @@ TEST_F(SettledSamples, AgreeWhereAllCornersDo) {
   EXPECT_GT(settled_, 10000);
   EXPECT_GT(known_, 500);
   EXPECT_GT(settled_ - known_, 500);
+  EXPECT_GT(same_lamps_, 500);
+  EXPECT_GT(other_lamps_, 500);
 }
 
 /// Cells are remembered by row and surface, whatever was asked before.
 TEST_F(SettledSamples, DoNotDependOnWhatWasAskedBefore) {
-  LightSettler used(samples_, grid_, agreement_, false, true);
+  LightSettler used(samples_, grid_, agreement_, false, kSoft);
   for (int n = 0; n < 3000; ++n) {
     const auto row = static_cast<int>(random_() % static_cast<uint64_t>(planes_.rows()));
     const LightSettler::Point point = draw_point(row);
-    LightSettler fresh(samples_, grid_, agreement_, false, true);
+    LightSettler fresh(samples_, grid_, agreement_, false, kSoft);
     SettledLight once, again;
     used.settle(point, once);
     fresh.settle(point, again);
@@ -177,16 +217,22 @@ TEST_F(SettledSamples, DoNotDependOnWhatWasAskedBefore) {
     ASSERT_EQ(once.secondary, again.secondary);
     ASSERT_EQ(once.around_known, again.around_known);
     ASSERT_EQ(once.around, again.around);
+    ASSERT_EQ(once.wanted, again.wanted);
+    ASSERT_EQ(once.lamps_known, again.lamps_known);
+    ASSERT_EQ(once.seen, again.seen);
+    ASSERT_EQ(once.apart, again.apart);
   }
 }
 
 /// Where occlusion is not sampled, nobody asks for it.
 TEST_F(SettledSamples, LeaveOutWhatNobodyAsksFor) {
-  LightSettler settler(samples_, grid_, agreement_, false, false);
+  LightSettler settler(samples_, grid_, agreement_, false, {});
   for (int n = 0; n < 500; ++n) {
     SettledLight settled;
     settler.settle(draw_point(7), settled);
     EXPECT_FALSE(settled.around_known);
+    EXPECT_EQ(settled.lamps_known, 0U);
+    EXPECT_EQ(settled.wanted, SettledLight::kNoSamples);
   }
 }
 

@@ -124,16 +124,22 @@ TEST(MethodAdaptive, ProofsChangeNoByteOfSoftLight) {
     // What is mirrored brings one code value at most.
     named.scene.background = {1.0, 1.0, 1.0};
     for (Material& material : named.scene.materials) material.specular = 0.0035;
-    const RenderOptions with{.threads = 1, .soft = {.occlusion_samples = 4}, .cancelled = {}};
-    RenderOptions without = with, otherwise = with;
-    without.use_shaft_proofs = false;
-    otherwise.threads = 3;
-    otherwise.tiles_backwards = true;
-    const Rendered one = rendered("adaptive", named.scene, wide_rig(), with);
-    EXPECT_EQ(one.frame, rendered("adaptive", named.scene, wide_rig(), without).frame)
-        << named.name;
-    EXPECT_EQ(one.frame, rendered("adaptive", named.scene, wide_rig(), otherwise).frame)
-        << named.name;
+    const SoftLight around{.occlusion_samples = 4, .occlusion_distance_mm = 10.0};
+    SoftLight of_lamps = around;
+    of_lamps.shadow_samples = 16;
+    of_lamps.lamp_radius_mm = 6.0;
+    for (const SoftLight& soft : {around, of_lamps}) {
+      const RenderOptions with{.threads = 1, .soft = soft, .cancelled = {}};
+      RenderOptions without = with, otherwise = with;
+      without.use_shaft_proofs = false;
+      otherwise.threads = 3;
+      otherwise.tiles_backwards = true;
+      const Rendered one = rendered("adaptive", named.scene, wide_rig(), with);
+      EXPECT_EQ(one.frame, rendered("adaptive", named.scene, wide_rig(), without).frame)
+          << named.name;
+      EXPECT_EQ(one.frame, rendered("adaptive", named.scene, wide_rig(), otherwise).frame)
+          << named.name;
+    }
   }
 }
 
@@ -259,6 +265,24 @@ TEST(MethodAdaptive, SoftLightIsAsGoodAsFulls) {
     EXPECT_GT(off.psnr, std::min(full_psnr, 44.0) - 1.0) << named.name;
     EXPECT_LE(off.beyond, adaptive.statistics.beyond_bound + 0.01) << named.name;
     EXPECT_EQ(adaptive.frame, rendered("adaptive", named.scene, rig, with(16)).frame);
+  }
+}
+
+/// Green, which says how the light came, sees nothing of them.
+TEST(MethodAdaptive, SoftLightFallsOnSurfacesOfOneColour) {
+  for (const Vec3 colour : {Vec3{0.9, 0, 0}, Vec3{0, 0, 0.9}}) {
+    SceneDescription scene = testing::tiny_scenes().front().scene;
+    for (Material& material : scene.materials) material.colour = colour;
+    scene.ambient = {0.5, 0.5, 0.5};
+    const RenderOptions options{.soft = {.shadow_samples = 16,
+                                         .lamp_radius_mm = 8.0,
+                                         .occlusion_samples = 16,
+                                         .occlusion_distance_mm = 20.0},
+                                .cancelled = {}};
+    const frames::WovenFrame full = rendered("full", scene, wide_rig(), options).frame;
+    const Rendered adaptive = rendered("adaptive", scene, wide_rig(), options);
+    EXPECT_EQ(adaptive.statistics.mended_subpixels, 0U);
+    EXPECT_GT(compare(full, adaptive.frame).psnr, 42.0);
   }
 }
 
