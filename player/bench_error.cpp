@@ -12,6 +12,7 @@
 #include "player/bench_exact.h"
 #include "player/interrupt.h"
 #include "player/progress.h"
+#include "player/soft_light_flags.h"
 #include "render/method.h"
 
 namespace lenticule::player {
@@ -33,6 +34,7 @@ struct ErrorFlags {
   bool json = false;
   std::string svg;
   std::string pictures;
+  render::SoftLight soft;
 };
 
 /// As wide as a quick run's panel may be.
@@ -56,7 +58,8 @@ constexpr double kMostPeerMrays = 2.0;
 nlohmann::json beside_tachyon(const ErrorFlags& flags, const optics::Rig& rig,
                               const ErrorScene& scene) {
   const auto name = scene.name_for_peers();
-  if (flags.no_peers || !name || interrupted()) return {};
+  const bool comparable = name && !flags.soft.any();  // it has hard shadows only
+  if (flags.no_peers || !comparable || interrupted()) return {};
   ExactFlags exact;
   exact.rig_instead = rig;
   exact.only_peer = "Tachyon";
@@ -91,6 +94,9 @@ class ErrorRun {
     if (flags_.json)
       print_json({{"machine", machine_json()},
                   {"runs", flags_.runs},
+                  {"soft_shadows", flags_.soft.shadow_samples},
+                  {"occlusion", flags_.soft.occlusion_samples},
+                  {"environment_light", flags_.soft.environment_samples},
                   {"bound", bound_of_all(courses_)},
                   {"courses", courses_}});
     else
@@ -128,6 +134,7 @@ class ErrorRun {
                                                .frames = flags_.frames,
                                                .threads = flags_.threads,
                                                .depth = flags_.depth,
+                                               .soft = flags_.soft,
                                                .runs = flags_.runs,
                                                .pictures = flags_.pictures},
                                               scene, done);
@@ -197,6 +204,7 @@ Run declare_bench_error(CLI::App& app) {
       "--pictures", flags->pictures,
       "folder for the worst places: reference, test, difference; below, what an eye sees");
   app.add_flag("--json", flags->json, "print as JSON");
+  declare_soft_light_flags(app, flags->soft);
   app.footer(
       "Example:\n  lenticule bench error tree gears --rig kiosk-27-1080.toml --errors 1,4 "
       "--svg error.svg --pictures worst");

@@ -13,6 +13,7 @@
 #include "optics/rig.h"
 #include "player/scene_sequence.h"
 #include "player/scratch_folder.h"
+#include "render/sampling/soft_light.h"
 
 namespace lenticule::player {
 
@@ -62,6 +63,7 @@ struct ErrorSetup {
   int frames = 6;  ///< of a moving course
   int threads = 0;
   int depth = 5;
+  render::SoftLight soft{};
   int runs = 1;            ///< times are medians of these
   std::string pictures{};  ///< folder for the worst tiles; empty = none
 };

@@ -109,6 +109,7 @@ class CourseRun {
     render::RenderOptions options;
     options.threads = setup_.threads;
     options.max_depth = setup_.depth;
+    options.soft = setup_.soft;
     options.cancelled = [] { return interrupted(); };
     if (entrant.tolerated) options.tolerated_error = *entrant.tolerated;
     Contestant& one = contestants_.emplace_back();

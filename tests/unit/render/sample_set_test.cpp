@@ -13,6 +13,7 @@
 
 #include "render/ray_stream.h"
 #include "render/shading_tables.h"
+#include "render/texture.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/reference_sampling.h"
 
@@ -100,6 +101,15 @@ class SampleRays : public ::testing::TestWithParam<Isa> {
     lanes[2][r] = static_cast<float>(v.z);
   }
 
+  /// A sun or a lamp in that direction, or there.
+  static void place(shading_kernel::Light& lamp, bool sun, Vec3 middle) {
+    lamp.kind = sun ? shading_kernel::Light::kDirectional : shading_kernel::Light::kPoint;
+    for (int k = 0; k < 3; ++k) {
+      lamp.position[k] = static_cast<float>(component(middle, k));
+      lamp.direction[k] = -lamp.position[k];
+    }
+  }
+
   static void clear(Made& made) {
     std::memset(static_cast<void*>(&made), 0, sizeof made);
     made.rays.packet = &made.packet.rays.ray.org_x[0];
@@ -160,14 +170,9 @@ TEST_P(SampleRays, ToLampsAreTheOracles) {
   for (uint32_t i = 0; i < 500; ++i) {
     face_anywhere(random);
     const bool sun = i % 2 == 1;
-    lamp.kind = sun ? shading_kernel::Light::kDirectional : shading_kernel::Light::kPoint;
     const Vec3 middle = any_direction(random) * (sun ? 1.0 : 90.0);
     const double radius = sun ? 0.3 : 25.0;
-    for (int k = 0; k < 3; ++k) {
-      const double part = k == 0 ? middle.x : k == 1 ? middle.y : middle.z;
-      lamp.position[k] = static_cast<float>(part);
-      lamp.direction[k] = static_cast<float>(-part);
-    }
+    place(lamp, sun, middle);
     Made made;
     clear(made);
     kernel_.lamp_rays(lamp, static_cast<float>(radius), sampling::sample_of(set, i), surfaces_,
@@ -227,14 +232,9 @@ TEST_P(SampleRays, WholeLampsAreTheIntegralOverTheirDisc) {
   for (int round = 0; round < 8; ++round) {
     face_anywhere(random);
     const bool sun = round % 2 == 1;
-    lamp.kind = sun ? shading_kernel::Light::kDirectional : shading_kernel::Light::kPoint;
     const Vec3 middle = any_direction(random) * (sun ? 1.0 : 90.0);
     const double radius = sun ? 0.2 : 18.0;
-    for (int k = 0; k < 3; ++k) {
-      const double part = k == 0 ? middle.x : k == 1 ? middle.y : middle.z;
-      lamp.position[k] = static_cast<float>(part);
-      lamp.direction[k] = static_cast<float>(-part);
-    }
+    place(lamp, sun, middle);
     std::array<Reflection, kPacket> reflections;
     for (size_t r = 0; r < kPacket; ++r) {
       reflections[r] = {geometric_[r], smooth_[r], any_direction(random), r % 2 == 0 ? 0.5 : 0.0,

@@ -165,11 +165,19 @@ class KnownSoftLight : public KnownLight {
     return counts.shadow - counts.shadow_proved - counts.shadow_blocked + counts.ambient -
            counts.ambient_proved;
   }
+  void compare() {
+    for (size_t r = 0; r < kPacket; ++r) {
+      if (packet_.valid[r] == 0) continue;
+      ++compared_;
+      near_ += std::abs(light_[r] - known_light_[r]) < kNear ? 1 : 0;
+    }
+  }
+
+  int compared_ = 0, near_ = 0;
 };
 
 TEST_P(KnownSoftLight, OtherColoursSendNoRaysToLampsAndAround) {
   std::mt19937_64 random(9);
-  int compared = 0, near = 0;
   for (int round = 0; round < 60; ++round) {
     aim(random);
     channel_.fill(1);
@@ -182,19 +190,14 @@ TEST_P(KnownSoftLight, OtherColoursSendNoRaysToLampsAndAround) {
     const uint64_t between = traced();
     tracer_.trace_known(impl(), channel_, nothing, second, light_);
     EXPECT_LE(10 * (between - before), traced() - between);
-    for (size_t r = 0; r < kPacket; ++r) {
-      if (packet_.valid[r] == 0) continue;
-      ++compared;
-      near += std::abs(light_[r] - known_light_[r]) < kNear ? 1 : 0;
-    }
+    compare();
   }
-  EXPECT_GE(near, 0.99 * compared);
+  EXPECT_GE(near_, 0.99 * compared_);
 }
 
 /// What the notes say of lamps and of what is around is enough to shade the first surface.
 TEST_P(KnownSoftLight, SharesOfTheNotesAreAsGoodAsRays) {
   std::mt19937_64 random(10);
-  int compared = 0, near = 0;
   for (int round = 0; round < 60; ++round) {
     aim(random);
     tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
@@ -218,13 +221,9 @@ TEST_P(KnownSoftLight, SharesOfTheNotesAreAsGoodAsRays) {
     const uint64_t before = traced();
     tracer_.trace_known(impl(), channel_, known, again, known_light_);
     EXPECT_EQ(traced(), before);
-    for (size_t r = 0; r < kPacket; ++r) {
-      if (packet_.valid[r] == 0) continue;
-      ++compared;
-      near += std::abs(light_[r] - known_light_[r]) < kNear ? 1 : 0;
-    }
+    compare();
   }
-  EXPECT_GE(near, 0.99 * compared);
+  EXPECT_GE(near_, 0.99 * compared_);
 }
 
 /// Shares of integrals are nearer to the truth than sums of as many samples.
