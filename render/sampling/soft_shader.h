@@ -40,6 +40,7 @@ struct KnownShare {
   alignas(64) std::array<float, kPacket> share{};
   alignas(64) std::array<float, kPacket> apart{};  ///< what it was found from differs by
 
+  /// Exactly.
   void set(uint32_t of_lanes, float value);
   void set(uint32_t of_lanes, std::span<const float, kPacket> values);
 };
