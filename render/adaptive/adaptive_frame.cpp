@@ -199,7 +199,7 @@ std::array<LightSettler::Place, 2> AdaptiveWorker::FoundRow::places(size_t at) c
 
 void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
   const size_t count = frame_.plan.planes.row_subpixels();
-  const lookup_kernel::Interval interval{.key = keys_.data(),
+  const lookup_kernel::SampleRows interval{.key = keys_.data(),
                                          .values = frame_.samples.values(),
                                          .plane = static_cast<int>(frame_.samples.row_samples()),
                                          .row = {between.above[0], between.above[1]},

@@ -67,7 +67,7 @@ inline Floats along(const Masks& pair, const Floats& part) {
   return mix(to_floats(pair & 0xffff), to_floats((pair >> 16) & 0xffff), part);
 }
 
-inline Floats value_at(const Interval& interval, const Place& place, const Masks& plane) {
+inline Floats value_at(const SampleRows& interval, const Place& place, const Masks& plane) {
   const Masks row = select(place.odd, Masks::of(interval.row[1]), Masks::of(interval.row[0]));
   const Floats part = select(place.odd, Floats::of(interval.part[1]), Floats::of(interval.part[0]));
   const Masks index = row * (3 * interval.plane) + plane + place.index;
@@ -147,7 +147,7 @@ inline Places places_of(const Grid& grid, const Row& row, int at, const Masks& s
 }
 
 /// Colours of sixteen subpixels; `plane` says where each one's channel begins.
-inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row& row, int at,
+inline void look_up_lanes(const Grid& grid, const SampleRows& interval, const Row& row, int at,
                           const Masks& plane, const Found& out) {
   const Masks cut = load(row.cut + at);
   const Masks seen = cut >= 0;
@@ -188,7 +188,7 @@ inline void look_up_lanes(const Grid& grid, const Interval& interval, const Row&
   if (any(seen & ~found)) write(places, at, out);
 }
 
-void look_up(const Grid& grid, const Interval& interval, const Row& row, const Found& out) {
+void look_up(const Grid& grid, const SampleRows& interval, const Row& row, const Found& out) {
   Masks plane[3];
   for (int turn = 0; turn < 3; ++turn) {
     int32_t lanes[kLanes];

@@ -32,7 +32,7 @@ inline constexpr uint32_t kUneven = 0x80000000U;
 
 /// The rows of samples around a row of the panel: of even pictures, and of odd ones, which lie half
 /// a step higher.
-struct Interval {
+struct SampleRows {
   const uint32_t* key;  ///< [picture][column]: the surface that a cell's corners all show, or 0
   /// All samples of the frame: [row][channel][picture][column].
   const uint16_t* values;
@@ -66,7 +66,7 @@ struct Found {
 };
 
 struct Kernel {
-  void (*look_up)(const Grid&, const Interval&, const Row&, const Found&);
+  void (*look_up)(const Grid&, const SampleRows&, const Row&, const Found&);
 };
 
 }  // namespace lenticule::render::lookup_kernel

@@ -81,7 +81,8 @@ class KeySamples {
 
   /// Marks samples that bend too much between their neighbours in their row and in those around.
   void mark_bends(int row, const Agreement& agreement);
-  /// Keys of the cells between rows `row` and `row` + 1 of a picture, see lookup_kernel::Interval.
+  /// Keys of the cells between rows `row` and `row` + 1 of a picture, see
+  /// lookup_kernel::SampleRows.
   void find_cells(int row, int picture, const Agreement& agreement, uint32_t* keys) const;
 
  private:

@@ -18,9 +18,9 @@ namespace lenticule::render {
 namespace {
 
 using lookup_kernel::Grid;
-using lookup_kernel::Interval;
 using lookup_kernel::Kernel;
 using lookup_kernel::Row;
+using lookup_kernel::SampleRows;
 
 const Kernel& kernel_for(Isa isa) {
 #if defined(__x86_64__)
@@ -38,7 +38,7 @@ struct Case {
   std::vector<uint16_t> values;
   std::vector<float> x, tan, z;
   std::vector<int32_t> cuts;
-  Interval interval{};
+  SampleRows interval{};
   Row row{};
 
   Case(std::mt19937_64& random, bool parallel);
@@ -272,11 +272,11 @@ FoundArrays look_up_alone(const Grid& grid, const PanelRay& ray, float z) {
   const std::vector<int32_t> cut(kLanes, 0);
   const std::vector<uint32_t> group(1, 2), keys(static_cast<size_t>(grid.pictures * grid.stride));
   const std::vector<uint16_t> values(6 * keys.size() + 2);
-  const Interval interval{.key = keys.data(),
-                          .values = values.data(),
-                          .plane = grid.pictures * grid.stride,
-                          .row = {},
-                          .part = {}};
+  const SampleRows interval{.key = keys.data(),
+                            .values = values.data(),
+                            .plane = grid.pictures * grid.stride,
+                            .row = {},
+                            .part = {}};
   FoundArrays arrays;
   isa_baseline::kLookupKernel.look_up(grid, interval,
                                       {.x = x.data(),
