@@ -60,7 +60,10 @@ Playlist Reader::read(std::string_view text) const {
   Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = 1};
   for (const auto& [key, node] : root) {
     if (key.str() == "format") {
-      if (node.value<int64_t>() != 1) fail(node, "format: this program reads format 1");
+      // Asking any number for its whole value is undefined where it is too large.
+      const auto* const format = node.as_integer();
+      if (format == nullptr || format->get() != 1)
+        fail(node, "format: this program reads format 1");
     } else if (key.str() == "loop") {
       list.rounds = loops(node);
     } else if (key.str() == "default") {

@@ -96,6 +96,8 @@ TEST(PlaylistFile, ComplaintsNameTheLineAndTheReason) {
   EXPECT_THAT(complaint("[[item]]\nloops = 2\n"), testing::HasSubstr("no source"));
   EXPECT_THAT(complaint("item = 3\n"), testing::HasSubstr("list.toml:1: item: not an array"));
   EXPECT_THAT(complaint("format = 2\n" + item), testing::HasSubstr("list.toml:1: format"));
+  EXPECT_THAT(complaint("format = 2e41\n" + item), testing::HasSubstr("list.toml:1: format"));
+  EXPECT_THAT(complaint("format = 1.0\n" + item), testing::HasSubstr("list.toml:1: format"));
   EXPECT_THAT(complaint(item + "schedule = {days = [\"noday\"]}\n"),
               testing::HasSubstr(":3: not a day"));
   EXPECT_THAT(complaint(item + "schedule = {from = \"8:00\"}\n"),
