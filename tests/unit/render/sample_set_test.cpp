@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -207,20 +208,26 @@ struct Reflection {
   }
 };
 
+struct OverDisc {
+  double mean = 0.0, largest = 0.0;
+  int hidden = 0;  ///< points from where nothing comes
+};
+
 /// By a spiral of many points of equal areas.
-double mean_over_disc(const Reflection& reflection, Vec3 middle, double radius, int& hidden) {
+OverDisc over_disc(const Reflection& reflection, Vec3 middle, double radius) {
   constexpr int kPoints = 20000;
   const double golden = std::numbers::pi * (3.0 - std::sqrt(5.0));
-  double sum = 0.0;
+  OverDisc over;
   for (int n = 0; n < kPoints; ++n) {
     const double at = std::sqrt((n + 0.5) / kPoints);
     const Vec3 on_disc{at * std::cos(golden * n), at * std::sin(golden * n), 0.0};
     const double light = reflection.of(
         normalized(middle + testing::reference_turned(on_disc, normalized(middle)) * radius));
-    sum += light;
-    hidden += light == 0.0 ? 1 : 0;
+    over.mean += light / kPoints;
+    over.largest = std::max(over.largest, light);
+    over.hidden += light == 0.0 ? 1 : 0;
   }
-  return sum / kPoints;
+  return over;
 }
 
 TEST_P(SampleRays, WholeLampsAreTheIntegralOverTheirDisc) {
@@ -253,19 +260,19 @@ TEST_P(SampleRays, WholeLampsAreTheIntegralOverTheirDisc) {
         EXPECT_FALSE(is_whole || is_partly);
         continue;
       }
-      int hidden = 0;
-      const double expected = mean_over_disc(reflections[r], middle, radius, hidden);
-      if (hidden == 0) {
+      const OverDisc over = over_disc(reflections[r], middle, radius);
+      if (over.hidden == 0) {
         EXPECT_TRUE(is_whole);
-        EXPECT_NEAR(double{brings[r]}, expected, 2e-3) << "lane " << r;
+        EXPECT_NEAR(double{brings[r]}, over.mean, 2e-3) << "lane " << r;
         ++whole;
       } else if (is_partly || is_whole) {
-        // The horizon is a kink, which no quadrature of few points knows.
-        EXPECT_NEAR(double{brings[r]}, expected, 2e-2) << "lane " << r;
+        // A straight edge across the disc, the horizon of a bent normal, leaves the seven points
+        // wrong by half of the middle's weight at most.
+        EXPECT_NEAR(double{brings[r]}, over.mean, 0.13 * over.largest) << "lane " << r;
         ++partly;
       } else {
         EXPECT_EQ(brings[r], 0.0F);
-        EXPECT_LT(expected, 5e-3);
+        EXPECT_LT(over.mean, 0.13 * over.largest + 1e-9);
         ++none;
       }
     }
