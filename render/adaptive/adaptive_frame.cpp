@@ -200,10 +200,10 @@ std::array<LightSettler::Place, 2> AdaptiveWorker::FoundRow::places(size_t at) c
 void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
   const size_t count = frame_.plan.planes.row_subpixels();
   const lookup_kernel::SampleRows interval{.key = keys_.data(),
-                                         .values = frame_.samples.values(),
-                                         .plane = static_cast<int>(frame_.samples.row_samples()),
-                                         .row = {between.above[0], between.above[1]},
-                                         .part = {between.part[0], between.part[1]}};
+                                           .values = frame_.samples.values(),
+                                           .plane = static_cast<int>(frame_.samples.row_samples()),
+                                           .row = {between.above[0], between.above[1]},
+                                           .part = {between.part[0], between.part[1]}};
   const lookup_kernel::Row row{.x = x_mm_,
                                .tan = tan_x_,
                                .z = swept_.z_mm.data(),
