@@ -2,19 +2,11 @@
 // Tells whether two frames show the same scene, apart from the camera.
 #pragma once
 
-#include <cstdint>
-
+#include "render/fingerprint.h"
 #include "render/scene.h"
 #include "render/scene_description.h"
 
 namespace lenticule::render {
-
-/// Two mixes of the same numbers: two different scenes would have to agree in 128 bits.
-struct Fingerprint {
-  uint64_t first = 0;
-  uint64_t second = 0;
-  friend bool operator==(const Fingerprint&, const Fingerprint&) = default;
-};
 
 /// Of everything that decides about what points of the scene look like: geometry, materials, lights
 /// and surroundings, but not cameras, names and notes, nor the pixels of textures, which are

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tells whether two things are made of the same numbers.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+namespace lenticule::render {
+
+/// Two mixes of the same numbers: two different things would have to agree in 128 bits.
+struct Fingerprint {
+  uint64_t first = 0;
+  uint64_t second = 0;
+  friend bool operator==(const Fingerprint&, const Fingerprint&) = default;
+};
+
+/// Makes one, of words in their order.
+class WordMixer {
+ public:
+  void add(uint64_t word) {
+    value_.first = std::rotl(value_.first ^ word, 29) * 0x9E3779B97F4A7C15U;
+    value_.first ^= value_.first >> 32;
+    value_.second = (std::rotl(value_.second, 31) + word) * 0xC2B2AE3D27D4EB4FU;
+    value_.second ^= value_.second >> 29;
+  }
+  void add(double number) { add(std::bit_cast<uint64_t>(number)); }
+  void add(float number) { add(uint64_t{std::bit_cast<uint32_t>(number)}); }
+  void add(bool flag) { add(uint64_t{flag}); }
+  void add(int number) { add(static_cast<uint64_t>(number)); }
+  void add(uint32_t number) { add(uint64_t{number}); }
+
+  [[nodiscard]] Fingerprint value() const { return value_; }
+
+ private:
+  Fingerprint value_{0x243F6A8885A308D3U, 0x13198A2E03707344U};
+};
+
+}  // namespace lenticule::render
