@@ -39,8 +39,9 @@ struct RenderOptions {
   /// Primary rays that are proved to meet nothing are not traced (render/skips/background.h); the
   /// bytes are the same.
   bool skip_background = true;
-  /// Frames whose scene and stage are those of the frame before are copied, not rendered. Method
-  /// full. Off unless asked for, since whoever times frames renders one again and again.
+  /// Frames whose scene and stage are those of the frame before are copied, not rendered. Methods
+  /// full and adaptive, which keeps parts, too (docs/rendering.md). Off unless asked for, since
+  /// whoever times frames renders one again and again.
   bool copy_unchanged = false;
   bool tiles_backwards = false;  ///< the bytes do not depend on the order; for tests
   ReuseOptions reuse{};          ///< of the methods that reuse points

@@ -34,6 +34,13 @@ AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const 
         static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
   if (scene.backdrop.flat()) eyes = keys.eyes();
   samples.begin(keys);
+  bands.resize(
+      static_cast<size_t>((of.planes.rows() + AdaptiveWorker::kBand - 1) / AdaptiveWorker::kBand));
+}
+
+void AdaptiveFrame::keep(const Kept& what) {
+  kept = what;
+  samples.watch_changes();
 }
 
 AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
@@ -99,11 +106,17 @@ void AdaptiveWorker::list_sample(int picture, SamplePlace place) {
   if (listed_ == kPacket) trace_samples(picture);
 }
 
+void AdaptiveWorker::list_unless_kept(int picture, SamplePlace place) {
+  if (!frame_.kept.at(frame_.grid.panel_row(place.row, picture),
+                      frame_.grid.ray(place.row, picture, place.column).x_mm))
+    list_sample(picture, place);
+}
+
 void AdaptiveWorker::take_coarse_samples(int first_row, int picture) {
   constexpr int kStep = KeySamples::kCoarse;
   for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
     for (int n = 0; n < kBlock * kBlock; ++n)
-      list_sample(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep});
+      list_unless_kept(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep});
   trace_samples(picture);
 }
 
@@ -114,10 +127,11 @@ void AdaptiveWorker::take_other_samples(int first_row, int picture) {
   const int end = std::min(first_row + kSampleRows, frame_.grid.rows());
   for (int row = first_row; row < end; row += kStep)
     for (int column = 0; column < frame_.grid.columns(); column += kStep) {
+      const bool were_filled = frame_.samples.is_filled(row, picture, column);
       if (may_fill && frame_.samples.fill(row, picture, column, frame_.plan.agreement)) continue;
       for (const SamplePlace& place : {SamplePlace{row, column + 1}, SamplePlace{row + 1, column},
                                        SamplePlace{row + 1, column + 1}})
-        list_sample(picture, place);
+        were_filled ? list_sample(picture, place) : list_unless_kept(picture, place);
     }
   trace_samples(picture);
 }
@@ -126,10 +140,37 @@ void AdaptiveWorker::render_band(int first_row) {
   uncertain_.clear();
   drawn_.clear();
   const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
-  for (int row = first_row; row < end; ++row) render_row(first_row, row);
+  const bool is_kept = is_whole_band_kept(first_row);
+  for (int row = first_row; row < end; ++row)
+    is_kept ? copy_row(first_row, row) : render_row(first_row, row);
   uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   write_uncertain(first_row);
-  audit_band(first_row);
+  audit_band(first_row, is_kept ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
+                                : AdaptiveFrame::Band{});
+}
+
+/// Nothing that its subpixels see changed, nor any sample that they are interpolated between. What
+/// was mended is not what would be found again.
+bool AdaptiveWorker::is_whole_band_kept(int first_row) const {
+  const int band = first_row / kBand;
+  const AdaptiveFrame::Kept& kept = frame_.kept;
+  if (kept.parts == nullptr || !kept.parts->whole_band(band)) return false;
+  if ((*kept.bands)[static_cast<size_t>(band)].mended) return false;
+  const KeyGrid::Between first = frame_.grid.between(first_row);
+  const KeyGrid::Between last =
+      frame_.grid.between(std::min(first_row + kBand, frame_.plan.planes.rows()) - 1);
+  return !frame_.samples.rows_changed(std::min(first.above[0], first.above[1]),
+                                      std::max(last.above[0], last.above[1]) + 1);
+}
+
+/// The same of a subpixel. What is drawn for the audit has not its own code in the frame before.
+bool AdaptiveWorker::is_kept(int row, size_t at, const KeyGrid::Between& between) const {
+  if (!frame_.kept.at(row, double{x_mm_[at]})) return false;
+  if ((*frame_.kept.bands)[static_cast<size_t>(row / kBand)].mended) return false;
+  const auto n = static_cast<uint32_t>(at);
+  const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), n / kDrawnOneIn);
+  if (n == drawn.mending || n == drawn.judging) return false;
+  return settler_.is_as_before(between, found_row_.places(at));
 }
 
 void AdaptiveWorker::render_row(int first_row, int row) {
@@ -145,6 +186,15 @@ void AdaptiveWorker::render_row(int first_row, int row) {
   add_drawn(first_row, row);
   sort_row(first_row, row, between);
   std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
+}
+
+void AdaptiveWorker::copy_row(int first_row, int row) {
+  const size_t count = frame_.plan.planes.row_subpixels();
+  std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
+  counts_.copied += count;
+  sweep_.pass_over(row);
+  arrange_rays();
+  add_drawn(first_row, row);
 }
 
 /// Those of even and of odd pictures change in different rows.
@@ -271,7 +321,7 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   constexpr uint64_t kAllNothing = 0x0101010101010101;
   const bool flat = frame_.scene.backdrop.flat();
   const size_t count = frame_.plan.planes.row_subpixels();
-  uint64_t unknown = 0;
+  uint64_t unknown = 0, copied = 0;
   for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
     uint64_t eight;  // states; there is room for a few more than there are subpixels
     std::memcpy(&eight, found_row_.states.data() + first, sizeof eight);
@@ -286,12 +336,18 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
       if (found_row_.states[at] == lookup_kernel::kNothing)
         found_row_.codes[at] = backdrop_code(row, at);
       if (found_row_.states[at] != lookup_kernel::kUnknown) continue;
+      if (is_kept(row, at, between)) {
+        found_row_.codes[at] = frame_.kept.frame->row(row)[at];
+        ++copied;
+        continue;
+      }
       add_uncertain(first_row, row, at, between);
       ++unknown;
     }
   }
   counts_.shaded += unknown;
-  counts_.interpolated += count - unknown;
+  counts_.copied += copied;
+  counts_.interpolated += count - unknown - copied;
 }
 
 void AdaptiveWorker::write_uncertain(int first_row) {
@@ -299,7 +355,8 @@ void AdaptiveWorker::write_uncertain(int first_row) {
     frame_.out.row(first_row + s.row)[s.at] = frame_.encoder.code(s.light);
 }
 
-void AdaptiveWorker::audit_band(int first_row) {
+/// `known`: of a band that was copied, in which all that was drawn is exact already.
+void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
   judge_exactly(true);
   drawn_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
   judge_exactly(false);
@@ -311,11 +368,16 @@ void AdaptiveWorker::audit_band(int first_row) {
     (s.draw == Draw::Mending ? mending : judging) += {.drawn = 1, .beyond = beyond};
     code = exact;
   }
+  AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
+  mending.beyond = std::min(mending.drawn, mending.beyond + known.mending.beyond);
+  judging.beyond = std::min(judging.drawn, judging.beyond + known.judging.beyond);
+  band = {.mending = mending, .judging = judging};
   if (needs_mending(mending, kMostBeyond) && frame_.plan.options.soft.any())
     mending.beyond -= std::min(mending.beyond, count_noise(first_row));
   if (needs_mending(mending, kMostBeyond)) {
     mend_band(first_row);
     judging.beyond = 0;
+    band.mended = true;
   }
   counts_.audit += judging;
 }

@@ -10,6 +10,7 @@
 #include "frames/frame.h"
 #include "render/adaptive/audit.h"
 #include "render/adaptive/colour_tracer.h"
+#include "render/adaptive/kept_parts.h"
 #include "render/adaptive/key_samples.h"
 #include "render/adaptive/light_encoder.h"
 #include "render/adaptive/light_settler.h"
@@ -46,12 +47,34 @@ struct AdaptiveFrame {
   std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, where it is flat
   /// Where it is: rays that are far from everything are not made.
   std::optional<Interval> eyes;
+
+  /// What the audit said of a band.
+  struct Band {
+    AuditCounts mending, judging;
+    bool mended = false;
+  };
+  std::vector<Band> bands;
+
+  /// What looks as it did before: samples there are those of `memory`.
+  struct Kept {
+    const KeptParts* parts = nullptr;  ///< null: nothing
+    const frames::WovenFrame* frame = nullptr;
+    const std::vector<Band>* bands = nullptr;
+
+    [[nodiscard]] bool at(int row, double x_mm) const {
+      return parts != nullptr && parts->at(row, x_mm);
+    }
+  };
+  Kept kept;
+  /// What it points to must outlive it, too.
+  void keep(const Kept& what);
 };
 
 /// How the subpixels of a thread's bands got their colour.
 struct AdaptiveCounts {
   uint64_t interpolated = 0;  ///< between samples, or nothing was seen
   uint64_t shaded = 0;        ///< by themselves, with light that samples settled or that was traced
+  uint64_t copied = 0;        ///< looked the same in the frame before
   uint64_t mended = 0;        ///< traced in full, in bands that the audit sent back
   AuditCounts audit;          ///< of frames as they are delivered
 };
@@ -86,9 +109,13 @@ class AdaptiveWorker {
     int row, column;
   };
   void list_sample(int picture, SamplePlace place);
+  void list_unless_kept(int picture, SamplePlace place);
   void trace_samples(int picture);
   void set_sample(int picture, size_t lane);
   void render_row(int first_row, int row);
+  void copy_row(int first_row, int row);
+  [[nodiscard]] bool is_whole_band_kept(int first_row) const;
+  [[nodiscard]] bool is_kept(int row, size_t at, const KeyGrid::Between& between) const;
   void arrange_rays();
   void look_up(const KeyGrid::Between& between);
   void find_cells(const KeyGrid::Between& between);
@@ -97,7 +124,7 @@ class AdaptiveWorker {
   void sort_row(int first_row, int row, const KeyGrid::Between& between);
   [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
   void write_uncertain(int first_row);
-  void audit_band(int first_row);
+  void audit_band(int first_row, const AdaptiveFrame::Band& known);
   [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
   uint64_t count_noise(int first_row);
   void trace_as_full(UncertainSubpixels& subpixels, int first_row);

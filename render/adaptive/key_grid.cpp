@@ -50,15 +50,17 @@ KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach, bool shin
 
 KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& reach,
                  const KeySpacing& spacing)
-    : planes_(planes), row_step_(spacing.row_step) {
+    : planes_(&planes), row_step_(spacing.row_step) {
   LENTICULE_CHECK(spacing.pictures >= 2 && spacing.row_step >= 1 && spacing.columns > 0.0);
   const optics::Panel& panel = planes.model().rig().panel;
   eye_first_ = reach.eyes.low;
   eyes_ = reach.eyes.widened(0.5 * reach.eyes.width());
   eye_step_ = std::max(reach.eyes.width() / (spacing.pictures - 1), 1e-6);
   x_step_ = spacing.columns * panel.pixel_width.value;
-  const double aside =
-      std::min(furthest_move(planes, stage, eye_step_), reach.glass_mm.width() / 4);
+  // In whole steps, so that samples stay where they are when the nearest thing moves a little.
+  const double aside = x_step_ * std::ceil(std::min(furthest_move(planes, stage, eye_step_),
+                                                    reach.glass_mm.width() / 4) /
+                                           x_step_);
   x_first_ = reach.glass_mm.low - aside - x_step_;
   const int columns =
       static_cast<int>(std::ceil((reach.glass_mm.width() + 2.0 * aside) / x_step_)) + 3;
@@ -91,12 +93,22 @@ KeyGrid::Between KeyGrid::between(int panel_row) const {
   return between;
 }
 
+int KeyGrid::panel_row(int row, int picture) const {
+  return std::clamp(row * row_step_ - picture % 2 * (row_step_ / 2), 0, planes_->rows() - 1);
+}
+
+bool KeyGrid::is_same(const KeyGrid& other) const {
+  return rows_ == other.rows_ && columns() == other.columns() && pictures() == other.pictures() &&
+         row_step_ == other.row_step_ && x_first_ == other.x_first_ && x_step_ == other.x_step_ &&
+         eye_first_ == other.eye_first_ && eye_step_ == other.eye_step_;
+}
+
 PanelRay KeyGrid::ray(int row, int picture, int column) const {
   const int odd = picture % 2;
-  const RowPlane plane = planes_.plane_at(row * row_step_ - odd * (row_step_ / 2) + height_px_);
+  const RowPlane plane = planes_->plane_at(row * row_step_ - odd * (row_step_ / 2) + height_px_);
   const double x = x_first_ + (column - 0.5 * odd) * x_step_;
   const double eye = eye_first_ + picture * eye_step_;
-  const double inverse_z = planes_.inverse_z();
+  const double inverse_z = planes_->inverse_z();
   const double tan = inverse_z > 0.0 ? (eye - x) * inverse_z : eye;
   return {.x_mm = x, .y_mm = plane.lens_y_mm, .tan_x = tan, .tan_y = plane.tan_y};
 }

@@ -34,11 +34,11 @@ struct RayReach {
 /// seen through glass moves from one to the next, and a thin thing may show in neither.
 [[nodiscard]] KeySpacing spacing_for(const RowPlanes& planes, const RayReach& reach, bool shiny);
 
-/// Immutable.
+/// Immutable, but for being replaced.
 class KeyGrid {
  public:
-  /// Rays of the rig of `planes` see only what the pictures hold, but for what lies far off the
-  /// glass at its left and right ends.
+  /// `planes` must outlive it. Rays of their rig see only what the pictures hold, but for what lies
+  /// far off the glass at its left and right ends.
   KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& reach,
           const KeySpacing& spacing);
 
@@ -62,9 +62,13 @@ class KeyGrid {
   [[nodiscard]] const lookup_kernel::Grid& lookup() const { return lookup_; }
 
   [[nodiscard]] PanelRay ray(int row, int picture, int column) const;
+  /// The row of the panel that a sample lies in or next to.
+  [[nodiscard]] int panel_row(int row, int picture) const;
+  /// Of one rig: whether samples lie in the same places.
+  [[nodiscard]] bool is_same(const KeyGrid& other) const;
 
  private:
-  const RowPlanes& planes_;
+  const RowPlanes* planes_;
   lookup_kernel::Grid lookup_{};
   int rows_ = 0;
   int row_step_ = 0;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <span>
+#include <utility>
 
 #include "render/adaptive/surface_groups.h"
 
@@ -35,6 +36,7 @@ Agreement Agreement::for_error(double codes) {
 
 void KeySamples::begin(const KeyGrid& grid) {
   grid_ = &grid;
+  watches_changes_ = false;
   if (rows_ == grid.rows() && columns_ == grid.columns() && row_samples_ == grid.row_samples())
     return;
   rows_ = grid.rows();
@@ -46,7 +48,12 @@ void KeySamples::begin(const KeyGrid& grid) {
   groups_.assign(count, 0);
   ways_.assign(count, 0);
   lights_.assign(count, {});
-  bends_.assign(count, 0);
+  for (auto* flags : {&bends_, &filled_, &changed_}) flags->assign(count, 0);
+}
+
+void KeySamples::watch_changes() {
+  std::fill(changed_.begin(), changed_.end(), uint8_t{0});
+  watches_changes_ = true;
 }
 
 namespace {
@@ -81,14 +88,33 @@ KeySamples::Sample middle(const KeySamples::Sample& a, const KeySamples::Sample&
 }  // namespace
 
 void KeySamples::set(int row, int picture, int column, const Sample& sample) {
-  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_->stride()) +
-                        static_cast<size_t>(column);
-  const size_t at = static_cast<size_t>(row) * row_samples_ + in_row;
-  for (size_t c = 0; c < 3; ++c)
-    values_[(3 * static_cast<size_t>(row) + c) * row_samples_ + in_row] = sample.value[c];
+  const size_t at = index(row, picture, column);
+  std::array<uint16_t, 3> before{};
+  for (size_t c = 0; c < 3; ++c) {
+    uint16_t& value =
+        values_[(3 * static_cast<size_t>(row) + c) * row_samples_ + in_row(picture, column)];
+    before[c] = std::exchange(value, sample.value[c]);
+  }
+  if (watches_changes_ && (before != sample.value || groups_[at] != sample.group ||
+                           ways_[at] != sample.way || lights_[at] != sample.light))
+    changed_[at] = 1;
   groups_[at] = sample.group;
   ways_[at] = sample.way;
   lights_[at] = sample.light;
+}
+
+bool KeySamples::cell_changed(int row, size_t in_row) const {
+  const uint8_t* above = changed_.data() + static_cast<size_t>(row) * row_samples_ + in_row;
+  const uint8_t* below = above + row_samples_;
+  return (above[0] | above[1] | below[0] | below[1]) != 0;
+}
+
+bool KeySamples::rows_changed(int first, int last) const {
+  const auto begin =
+      changed_.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(first) * row_samples_);
+  const auto end =
+      changed_.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(last + 1) * row_samples_);
+  return std::any_of(begin, end, [](uint8_t changed) { return changed != 0; });
 }
 
 /// Whether the coarse samples around a cell of four, in one picture, show the surface as its first
@@ -124,9 +150,11 @@ std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, in
 
 bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement) {
   if (top + kCoarse >= rows_ || left + kCoarse >= columns_) return false;
-  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_->stride());
-  const std::array<Sample, 4> corner = corners(top, in_row, left);
-  if (!show_one_thing(corner, agreement.coarse) || !is_quiet(top, in_row, left)) return false;
+  const size_t first = in_row(picture, 0);
+  const std::array<Sample, 4> corner = corners(top, first, left);
+  const bool fills = show_one_thing(corner, agreement.coarse) && is_quiet(top, first, left);
+  filled_[index(top, picture, left)] = fills ? 1 : 0;
+  if (!fills) return false;
   const Sample above = middle(corner[0], corner[1]), below = middle(corner[2], corner[3]);
   set(top, picture, left + 1, above);
   set(top + 1, picture, left, middle(corner[0], corner[2]));
@@ -145,7 +173,6 @@ void KeySamples::mark_bends(int row, const Agreement& agreement) {
   const auto bend = [&](size_t a, size_t b, size_t c) {  // indices of values
     return std::abs(int{values_[a]} - 2 * int{values_[b]} + int{values_[c]});
   };
-  std::fill_n(bends_.begin() + static_cast<std::ptrdiff_t>(first), row_samples_, uint8_t{0});
   const bool has_column = above != first && below != first;
   for (size_t n = 1; n + 1 < row_samples_; ++n) {
     const size_t at = first + n;
@@ -158,7 +185,8 @@ void KeySamples::mark_bends(int row, const Agreement& agreement) {
       if (in_column)
         most = std::max(most, bend(value - 3 * row_samples_, value, value + 3 * row_samples_));
     }
-    bends_[at] = most > agreement.bend ? 1 : 0;
+    const uint8_t bends = most > agreement.bend ? 1 : 0;
+    if (std::exchange(bends_[at], bends) != bends) changed_[at] = 1;
   }
 }
 

@@ -39,9 +39,11 @@ class KeySamples {
  public:
   KeySamples() = default;
   explicit KeySamples(const KeyGrid& grid) { begin(grid); }
-  /// Another frame, whose grid outlives its use. Memory is kept where the grid is as large as the
-  /// last one: all samples must be set again.
+  /// Another frame, whose grid outlives its use. Where the grid is as large as the last one,
+  /// samples that are not set again stay those of the frame before.
   void begin(const KeyGrid& grid);
+  /// From here on, samples that are set to something else than they were count as changed.
+  void watch_changes();
 
   /// What a sample's light is made of, see PacketTracer::Notes.
   struct Light {
@@ -54,6 +56,7 @@ class KeySamples {
 
     static constexpr int kWholeLamp = 240;
     static constexpr uint8_t kNotShining = 255;
+    friend bool operator==(const Light&, const Light&) = default;
     [[nodiscard]] static uint8_t parts_of_lamp(float share) {
       return share < 0.0F ? kNotShining : static_cast<uint8_t>(share * kWholeLamp + 0.5F);
     }
@@ -71,6 +74,10 @@ class KeySamples {
   /// Sets the three samples to the right of and below a coarse one to what lies between coarse
   /// ones, where those show one thing and differ little; false, and nothing set, elsewhere.
   bool fill(int top, int picture, int left, const Agreement& agreement);
+  /// Whether they were, when last asked for.
+  [[nodiscard]] bool is_filled(int top, int picture, int left) const {
+    return filled_[index(top, picture, left)] != 0;
+  }
 
   [[nodiscard]] const uint16_t* values() const { return values_.data(); }
   [[nodiscard]] size_t row_samples() const { return row_samples_; }
@@ -81,11 +88,23 @@ class KeySamples {
 
   /// Marks samples that bend too much between their neighbours in their row and in those around.
   void mark_bends(int row, const Agreement& agreement);
+  /// Whether a sample changed since watch_changes(), or its bends did: of the cell whose upper left
+  /// corner has that index in its row, and of whole rows.
+  [[nodiscard]] bool cell_changed(int row, size_t in_row) const;
+  [[nodiscard]] bool rows_changed(int first, int last) const;
+
   /// Keys of the cells between rows `row` and `row` + 1 of a picture, see
   /// lookup_kernel::SampleRows.
   void find_cells(int row, int picture, const Agreement& agreement, uint32_t* keys) const;
 
  private:
+  [[nodiscard]] size_t in_row(int picture, int column) const {
+    return static_cast<size_t>(picture) * static_cast<size_t>(grid_->stride()) +
+           static_cast<size_t>(column);
+  }
+  [[nodiscard]] size_t index(int row, int picture, int column) const {
+    return static_cast<size_t>(row) * row_samples_ + in_row(picture, column);
+  }
   [[nodiscard]] int range(size_t value) const;
   [[nodiscard]] std::array<Sample, 4> corners(int top, size_t in_row, int left) const;
   [[nodiscard]] bool is_quiet(int top, size_t in_row, int left) const;
@@ -98,6 +117,9 @@ class KeySamples {
   std::vector<uint32_t> ways_;
   std::vector<Light> lights_;
   std::vector<uint8_t> bends_;
+  std::vector<uint8_t> filled_;  ///< of coarse samples: the three beside them
+  std::vector<uint8_t> changed_;
+  bool watches_changes_ = false;
 };
 
 }  // namespace lenticule::render

@@ -137,6 +137,14 @@ void LightSettler::blend(const Point& point, SettledLight& out) const {
       out.seen[n] = static_cast<uint16_t>(seen[n] / weights_of_lamps[n] * kFinerParts + 0.5F);
 }
 
+bool LightSettler::is_as_before(const KeyGrid::Between& rows,
+                                const std::array<Place, 2>& places) const {
+  return std::ranges::none_of(places, [&](const Place& place) {
+    return place.cell >= 0 &&
+           samples_.cell_changed(rows.above[place.odd], static_cast<size_t>(place.cell));
+  });
+}
+
 void LightSettler::settle(const Point& point, SettledLight& out) {
   Corners corners{.group = point.group};
   float weight_of_pictures = 0.0F;  // that show the surface

@@ -52,6 +52,9 @@ class LightSettler {
   };
   /// Only samples that show the surface count; there must be a few.
   void settle(const Point& point, SettledLight& out);
+  /// Whether no sample around it changed (KeySamples::cell_changed).
+  [[nodiscard]] bool is_as_before(const KeyGrid::Between& rows,
+                                  const std::array<Place, 2>& places) const;
 
  private:
   /// Of the corners on which a lamp would shine: how many, and the parts that are seen from them.

@@ -9,6 +9,9 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "optics/error.h"
 #include "render/adaptive/adaptive_frame.h"
@@ -89,12 +92,24 @@ class AdaptiveMethod final : public Method {
     LENTICULE_CHECK(geometry.width == panel.width_px && geometry.height == panel.height_px &&
                     geometry.format == frames::PixelFormat::Rgb8);
     if (options_.copy_unchanged && last_.shows(scene.impl())) return last_.copy_to(out);
-    if (!rays_fit(scene.impl(), planes_, reach_)) return full().render(scene, stage, out);
+    if (!rays_fit(scene.impl(), planes_, reach_)) {
+      before_ = {};
+      return full().render(scene, stage, out);
+    }
     const auto start = std::chrono::steady_clock::now();
     cancelled_ = false;
     const KeyGrid grid(planes_, stage, reach_,
                        spacing_for(planes_, reach_, is_shiny(scene.impl())));
     AdaptiveFrame frame(plan_, grid, scene, samples_, out);
+    const Before before = std::exchange(before_, {});
+    Before now;
+    std::optional<KeptParts> kept;
+    if (options_.copy_unchanged) {
+      now = {SceneThings(scene.impl()), grid, frame.groups, {}};
+      if (before.grid && before.grid->is_same(grid) && *before.groups == frame.groups)
+        kept.emplace(planes_, grid.eyes(), scene.impl(), options_.soft, before.things, now.things);
+      if (kept && kept->any()) frame.keep({&*kept, &last_.frame(), &before.bands});
+    }
     Workers workers([&] { return AdaptiveWorker(frame); });
     bool pays = true;
     arena_.execute([&] {
@@ -107,7 +122,11 @@ class AdaptiveMethod final : public Method {
     RenderStatistics statistics =
         pays ? statistics_of(workers, out.bytes().size()) : full().render(scene, stage, out);
     statistics.completed = statistics.completed && !cancelled_;
-    if (options_.copy_unchanged && statistics.completed) last_.keep(scene.impl(), out);
+    if (options_.copy_unchanged && statistics.completed) {
+      last_.keep(scene.impl(), out);
+      now.bands = std::move(frame.bands);
+      if (pays) before_ = std::move(now);  // or the last frame is not of these samples
+    }
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     statistics.seconds = elapsed.count();
     return statistics;
@@ -174,7 +193,8 @@ class AdaptiveMethod final : public Method {
   bool trial_pays(Workers& workers) const {
     uint64_t rendered = 0, mended = 0;
     for (AdaptiveWorker& worker : workers) {
-      rendered += worker.counts().interpolated + worker.counts().shaded;
+      const AdaptiveCounts& counts = worker.counts();
+      rendered += counts.interpolated + counts.shaded + counts.copied;
       mended += worker.counts().mended;
     }
     const uint64_t band = static_cast<uint64_t>(AdaptiveWorker::kBand) * planes_.row_subpixels();
@@ -188,12 +208,14 @@ class AdaptiveMethod final : public Method {
       rays += worker.rays();
       counts.interpolated += worker.counts().interpolated;
       counts.shaded += worker.counts().shaded;
+      counts.copied += worker.counts().copied;
       counts.mended += worker.counts().mended;
       counts.audit += worker.counts().audit;
     }
     RenderStatistics statistics{.subpixels = subpixels,
                                 .traced_subpixels = counts.shaded,
                                 .interpolated_subpixels = counts.interpolated,
+                                .copied_subpixels = counts.copied,
                                 .mended_subpixels = counts.mended,
                                 .audited_subpixels = counts.audit.drawn,
                                 .audited_beyond = counts.audit.beyond,
@@ -209,6 +231,14 @@ class AdaptiveMethod final : public Method {
   TilePlan tiles_;
   AdaptivePlan plan_;
   LastFrame last_;
+  /// What the samples, and the last frame, were made of.
+  struct Before {
+    SceneThings things;
+    std::optional<KeyGrid> grid;
+    std::optional<SurfaceGroups> groups;
+    std::vector<AdaptiveFrame::Band> bands;
+  };
+  Before before_;
   KeySamples samples_;            ///< their memory is kept from frame to frame
   std::unique_ptr<Method> full_;  ///< made when it is needed
   std::atomic<bool> cancelled_{false};

@@ -28,6 +28,7 @@ class SurfaceGroups {
   [[nodiscard]] static constexpr bool lets_light_through(uint32_t group) {
     return (group & 2U) != 0;
   }
+  friend bool operator==(const SurfaceGroups&, const SurfaceGroups&) = default;
 
  private:
   void add_mesh(const Scene::Impl& scene, const MeshShape& mesh);

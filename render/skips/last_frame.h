@@ -19,6 +19,8 @@ class LastFrame {
   /// Copies those bytes.
   RenderStatistics copy_to(frames::WovenFrame& frame) const;
 
+  [[nodiscard]] const frames::WovenFrame& frame() const { return frame_; }
+
   /// The whole frame that the scene was rendered to.
   void keep(const Scene::Impl& scene, const frames::WovenFrame& frame);
 
