@@ -3,60 +3,30 @@
 
 #include <algorithm>
 
+#include "render/scene_mixer.h"
 #include "render/texture.h"
 
 namespace lenticule::render {
 namespace {
-
-class Mixer : public WordMixer {
- public:
-  using WordMixer::add;
-  void add(const Vec3& v) {
-    add(v.x);
-    add(v.y);
-    add(v.z);
-  }
-  void add(const Vec3f& v) {
-    add(v.x);
-    add(v.y);
-    add(v.z);
-  }
-  template <class T, size_t N>
-  void add(const std::array<T, N>& values) {
-    for (const T& value : values) add(value);
-  }
-  template <class T>
-  void add(const std::vector<T>& values) {
-    add(uint64_t{values.size()});
-    for (const T& value : values) add(value);
-  }
-};
 
 Vec3 in_double(const Vec3f& v) {
   return {double{v.x}, double{v.y}, double{v.z}};
 }
 
 Fingerprint made_of(const MeshShape& mesh) {
-  Mixer mixer;
-  mixer.add(mesh.material);
-  mixer.add(mesh.positions);
-  mixer.add(mesh.triangles);
-  mixer.add(mesh.normals);
-  mixer.add(mesh.uvs);
+  SceneMixer mixer;
+  mixer.add_mesh(mesh);
   return mixer.value();
 }
 
 Fingerprint made_of(const SphereShape& sphere) {
-  Mixer mixer;
-  mixer.add(sphere.centre);
-  mixer.add(sphere.radius);
-  mixer.add(sphere.inward);
-  mixer.add(sphere.material);
+  SceneMixer mixer;
+  mixer.add_sphere(sphere);
   return mixer.value();
 }
 
 Fingerprint made_of(const ConeShape& cone) {
-  Mixer mixer;
+  SceneMixer mixer;
   for (const Vec3& v : {cone.base, cone.axis}) mixer.add(v);
   for (const double number : {cone.height, cone.base_radius, cone.slope}) mixer.add(number);
   mixer.add(cone.inward);
@@ -78,31 +48,12 @@ Bounds bounds_of(const Shape& shape) {
   return {box.low, box.high};
 }
 
-void add_material(Mixer& mixer, const Material& material) {
-  for (const Vec3& colour : {material.colour, material.emission}) mixer.add(colour);
-  for (const double number : {material.diffuse, material.specular, material.shine,
-                              material.transmittance, material.refraction_index})
-    mixer.add(number);
-  mixer.add(material.tinted_specular);
-  mixer.add(material.two_sided);
-  mixer.add(material.texture);
-}
-
-void add_light(Mixer& mixer, const SceneLight& light) {
-  mixer.add(static_cast<int>(light.kind));
-  for (const Vec3& v : {light.position, light.direction, light.colour}) mixer.add(v);
-  mixer.add(light.falls_off);
-  mixer.add(light.cos_inner);
-  mixer.add(light.cos_outer);
-}
-
 /// Where rays start is left out: nothing is before it, or the camera says so, which is in the map.
 Fingerprint rest_of(const Scene::Impl& scene) {
-  Mixer mixer;
-  mixer.add(uint64_t{scene.materials.size()});
-  for (const Material& material : scene.materials) add_material(mixer, material);
+  SceneMixer mixer;
+  mixer.add(scene.materials);
   mixer.add(uint64_t{scene.lights.size()});
-  for (const SceneLight& light : scene.lights) add_light(mixer, light);
+  for (const SceneLight& light : scene.lights) mixer.add_light(light);
   const Affine& map = scene.scene_from_panel;
   for (const Vec3& v : {scene.ambient, scene.backdrop.colour, scene.backdrop.up,
                         scene.backdrop.ahead, map.column_x, map.column_y, map.column_z, map.origin})

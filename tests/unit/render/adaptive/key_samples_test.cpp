@@ -118,5 +118,78 @@ TEST_F(FilledSamples, AreTracedAtTheEnds) {
   EXPECT_FALSE(samples_.fill(0, kPicture, last_column, agreement_));
 }
 
+TEST_F(FilledSamples, AreKnownAsSuch) {
+  const auto is_filled = [&] { return samples_.is_filled(kTop, kPicture, kLeft); };
+  EXPECT_FALSE(is_filled());
+  ASSERT_TRUE(fill());
+  EXPECT_TRUE(is_filled());
+  KeySamples::Sample other = slope(kTop, kLeft);
+  other.group = 8;
+  set(kTop, kLeft, other);
+  samples_.begin(grid_);
+  EXPECT_TRUE(is_filled()) << "the frame before";
+  ASSERT_FALSE(fill());
+  EXPECT_FALSE(is_filled());
+}
+
+class ChangedSamples : public FilledSamples {
+ protected:
+  ChangedSamples() {
+    mark_bends();
+    samples_.watch_changes();
+  }
+  void mark_bends() {
+    for (int row = 0; row < grid_.rows(); ++row) samples_.mark_bends(row, agreement_);
+  }
+  [[nodiscard]] bool cell_changed(int row, int column) const {
+    return samples_.cell_changed(row, static_cast<size_t>(kPicture * grid_.stride() + column));
+  }
+};
+
+TEST_F(ChangedSamples, AreNoneWhereAllIsSetAgain) {
+  for (int row = 0; row < grid_.rows(); ++row)
+    for (int column = 0; column < grid_.columns(); ++column) set(row, column, slope(row, column));
+  mark_bends();
+  EXPECT_FALSE(samples_.rows_changed(0, grid_.rows() - 1));
+}
+
+/// Whatever is another: all four cells around it, and no others, know it.
+TEST_F(ChangedSamples, AreCornersOfFourCells) {
+  const KeySamples::Sample same = slope(kTop, kLeft);
+  std::vector<KeySamples::Sample> others(7, same);
+  others[0].value[2] += 1;
+  others[1].group += 1;
+  others[2].way += 1;
+  others[3].light.hidden += 1;
+  others[4].light.secondary[1] += 0.1F;
+  others[5].light.around += 0.1F;
+  others[6].light.seen[0] += 1;
+  for (const KeySamples::Sample& other : others) {
+    set(kTop, kLeft, same);
+    samples_.watch_changes();
+    set(kTop, kLeft, other);
+    for (int row = kTop - 2; row <= kTop + 1; ++row)
+      for (int column = kLeft - 2; column <= kLeft + 1; ++column)
+        EXPECT_EQ(cell_changed(row, column),
+                  row >= kTop - 1 && row <= kTop && column >= kLeft - 1 && column <= kLeft)
+            << row << ", " << column;
+    EXPECT_TRUE(samples_.rows_changed(kTop, kTop));
+    EXPECT_FALSE(samples_.rows_changed(0, kTop - 1));
+    EXPECT_FALSE(samples_.rows_changed(kTop + 1, grid_.rows() - 1));
+  }
+}
+
+/// They say whether a cell may be interpolated in, though they are as they were themselves.
+TEST_F(ChangedSamples, AreThoseBesideANewBend) {
+  KeySamples::Sample brighter = slope(kTop, kLeft);
+  for (uint16_t& value : brighter.value) value = static_cast<uint16_t>(value + 20 * kCode);
+  set(kTop, kLeft, brighter);
+  EXPECT_FALSE(cell_changed(kTop, kLeft + 1));
+  mark_bends();
+  EXPECT_TRUE(cell_changed(kTop, kLeft + 1));
+  EXPECT_TRUE(cell_changed(kTop + 1, kLeft));
+  EXPECT_FALSE(cell_changed(kTop, kLeft + 2));
+}
+
 }  // namespace
 }  // namespace lenticule::render
