@@ -4,6 +4,7 @@
 #include "render/scene_mixer.h"
 
 namespace lenticule::render {
+
 Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings& surroundings,
                               const Stage& stage) {
   SceneMixer mixer;
