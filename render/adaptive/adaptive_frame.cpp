@@ -72,8 +72,9 @@ void AdaptiveWorker::set_sample(int picture, size_t lane) {
                                       .hidden = found_.notes.hidden[lane],
                                       .secondary_way = found_.notes.secondary_way[lane],
                                       .around = found_.notes.around[lane]}};
-  for (size_t lamp = 0; lamp < sample.light.seen.size(); ++lamp)
-    sample.light.seen[lamp] = KeySamples::Light::parts_of_lamp(found_.notes.seen[lamp][lane]);
+  if (frame_.plan.options.soft.shadow_samples > 0)
+    for (size_t lamp = 0; lamp < sample.light.seen.size(); ++lamp)
+      sample.light.seen[lamp] = KeySamples::Light::parts_of_lamp(found_.notes.seen[lamp][lane]);
   for (size_t c = 0; c < 3; ++c) {
     sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
     sample.light.secondary[c] = found_.secondary[c][lane];
@@ -312,7 +313,7 @@ void AdaptiveWorker::add_uncertain(int first_row, int row, size_t at,
                    .places = found_row_.places(at),
                    .group = group,
                    .channel = static_cast<int>(at % 3)},
-                  added.settled);
+                  added.settled, uncertain_.lamps());
 }
 
 /// Gives colours to what sees nothing, and lists what is not known.
@@ -320,6 +321,7 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   static_assert(lookup_kernel::kFound == 0 && lookup_kernel::kNothing == 1);
   constexpr uint64_t kAllNothing = 0x0101010101010101;
   const bool flat = frame_.scene.backdrop.flat();
+  const bool may_keep = frame_.kept.parts != nullptr;
   const size_t count = frame_.plan.planes.row_subpixels();
   uint64_t unknown = 0, copied = 0;
   for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
@@ -336,7 +338,7 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
       if (found_row_.states[at] == lookup_kernel::kNothing)
         found_row_.codes[at] = backdrop_code(row, at);
       if (found_row_.states[at] != lookup_kernel::kUnknown) continue;
-      if (is_kept(row, at, between)) {
+      if (may_keep && is_kept(row, at, between)) {
         found_row_.codes[at] = frame_.kept.frame->row(row)[at];
         ++copied;
         continue;

@@ -13,7 +13,7 @@ float apart(float low, float high, bool colour_managed) {
                         : high - low;
 }
 
-constexpr int kFinerParts = SettledLight::kWholeLamp / KeySamples::Light::kWholeLamp;
+constexpr int kFinerParts = SettledLamps::kWholeLamp / KeySamples::Light::kWholeLamp;
 
 }  // namespace
 
@@ -25,13 +25,15 @@ LightSettler::LightSettler(const KeySamples& samples, const KeyGrid& grid,
       colour_managed_(colour_managed),
       finds_around_(soft.samples_ambient()),
       finds_lamps_(soft.shadow_samples > 0),
-      remembered_(grid.row_samples()) {}
+      remembered_(grid.row_samples()),
+      remembered_lamps_(finds_lamps_ ? grid.row_samples() : 0) {}
 
-LightSettler::Lamps::Lamps(const KeySamples::Light& light) : least(light.seen) {
+void LightSettler::Lamps::add(const KeySamples::Light& light) {
   for (size_t n = 0; n < least.size(); ++n) {
-    const bool shines = light.seen[n] != KeySamples::Light::kNotShining;
-    count[n] = shines ? 1 : 0;
-    most[n] = shines ? light.seen[n] : 0;
+    if (light.seen[n] == KeySamples::Light::kNotShining) continue;
+    ++count[n];
+    least[n] = std::min(least[n], light.seen[n]);
+    most[n] = std::max(most[n], light.seen[n]);
   }
 }
 
@@ -51,8 +53,7 @@ void LightSettler::Corners::add(const KeySamples::Light& light) {
               .low = light.secondary,
               .high = light.secondary,
               .least_around = light.around,
-              .most_around = light.around,
-              .lamps = Lamps(light)});
+              .most_around = light.around});
 }
 
 /// Of the same surface.
@@ -69,7 +70,6 @@ void LightSettler::Corners::add(const Corners& other) {
   }
   least_around = std::min(least_around, other.least_around);
   most_around = std::max(most_around, other.most_around);
-  lamps.add(other.lamps);
 }
 
 template <class Use>
@@ -91,50 +91,76 @@ const LightSettler::Corners& LightSettler::corners_of(const Point& point, const 
   if (corners.row == row && corners.group == point.group) return corners;
   corners = {.group = point.group, .row = row};
   each_corner(point, place, [&](size_t at, float) { corners.add(samples_.light(at)); });
+  if (finds_lamps_) {
+    Lamps& lamps = remembered_lamps_[static_cast<size_t>(place.cell)];
+    lamps = {};
+    each_corner(point, place, [&](size_t at, float) { lamps.add(samples_.light(at)); });
+  }
   return corners;
 }
 
-/// Where a lamp shines on a few corners only, it hardly shines.
-void LightSettler::settle_lamps(const Lamps& lamps, SettledLight& out) const {
+/// Of cells that corners_of() was asked for. Where a lamp shines on a few corners only, it hardly
+/// shines.
+SettledLamps LightSettler::settle_lamps(const Point& point, SettledLight& out) const {
   constexpr int kFew = 2;
   const auto most = static_cast<int>(agreement_.seen * KeySamples::Light::kWholeLamp);
+  Lamps lamps;
+  for (const Place& place : point.places)
+    if (place.cell >= 0) lamps.add(remembered_lamps_[static_cast<size_t>(place.cell)]);
+  SettledLamps settled;
   for (size_t n = 0; n < lamps.count.size(); ++n) {
     const int apart = lamps.most[n] - lamps.least[n];
     const bool known = lamps.count[n] >= kFew && apart <= most;
-    if (known) out.lamps_known |= 1U << n;
-    if (known) out.apart[n] = static_cast<uint16_t>(apart * kFinerParts);
+    if (known) out.lamps_known = static_cast<uint8_t>(out.lamps_known | 1U << n);
+    if (known) settled.apart[n] = static_cast<uint16_t>(apart * kFinerParts);
     const bool wanted = !known && lamps.count[n] > 0;
     if (wanted && out.wanted == SettledLight::kNoSamples) out.wanted = static_cast<uint8_t>(n);
   }
+  if (out.lamps_known != 0) blend_lamps(point, settled);
+  return settled;
 }
+
+namespace {
+
+constexpr float kLittle = 1e-3F;  // so that no corner weighs nothing
+
+}  // namespace
 
 /// Means of the corners, whether they are of use or not.
 void LightSettler::blend(const Point& point, SettledLight& out) const {
-  constexpr float kLittle = 1e-3F;  // so that no corner weighs nothing
   const auto channel = static_cast<size_t>(point.channel);
   float secondary = 0.0F, around = 0.0F, weights = 0.0F;
-  std::array<float, PacketTracer::kLamps> seen{}, weights_of_lamps{};
+  for (const Place& place : point.places) {
+    if (place.cell < 0) continue;
+    each_corner(point, place, [&](size_t at, float in_cell) {
+      const float weight = place.weight * in_cell + kLittle;
+      secondary += weight * samples_.light(at).secondary[channel];
+      around += weight * samples_.light(at).around;
+      weights += weight;
+    });
+  }
+  out.secondary = secondary / weights;
+  out.around = around / weights;
+}
+
+/// The same, of the corners on which they shine.
+void LightSettler::blend_lamps(const Point& point, SettledLamps& out) const {
+  std::array<float, PacketTracer::kLamps> seen{}, weights{};
   for (const Place& place : point.places) {
     if (place.cell < 0) continue;
     each_corner(point, place, [&](size_t at, float in_cell) {
       const float weight = place.weight * in_cell + kLittle;
       const KeySamples::Light& light = samples_.light(at);
-      secondary += weight * light.secondary[channel];
-      around += weight * light.around;
-      weights += weight;
-      if (out.lamps_known == 0) return;
       for (size_t n = 0; n < seen.size(); ++n) {
         const bool shines = light.seen[n] != KeySamples::Light::kNotShining;
         seen[n] += shines ? weight * static_cast<float>(light.seen[n]) : 0.0F;
-        weights_of_lamps[n] += shines ? weight : 0.0F;
+        weights[n] += shines ? weight : 0.0F;
       }
     });
   }
-  out.secondary = secondary / weights;
-  out.around = around / weights;
   for (size_t n = 0; n < seen.size(); ++n)
-    if (weights_of_lamps[n] > 0.0F)
-      out.seen[n] = static_cast<uint16_t>(seen[n] / weights_of_lamps[n] * kFinerParts + 0.5F);
+    if (weights[n] > 0.0F)
+      out.seen[n] = static_cast<uint16_t>(seen[n] / weights[n] * kFinerParts + 0.5F);
 }
 
 bool LightSettler::is_as_before(const KeyGrid::Between& rows,
@@ -145,7 +171,7 @@ bool LightSettler::is_as_before(const KeyGrid::Between& rows,
   });
 }
 
-void LightSettler::settle(const Point& point, SettledLight& out) {
+void LightSettler::settle(const Point& point, SettledLight& out, std::vector<SettledLamps>& lamps) {
   Corners corners{.group = point.group};
   float weight_of_pictures = 0.0F;  // that show the surface
   for (const Place& place : point.places) {
@@ -169,9 +195,13 @@ void LightSettler::settle(const Point& point, SettledLight& out) {
   out.around_known = finds_around_ && corners.least_around >= 0.0F &&
                      corners.most_around - corners.least_around <= agreement_.around;
   if (out.around_known || !finds_around_) out.wanted = SettledLight::kNoSamples;
-  if (finds_lamps_) settle_lamps(corners.lamps, out);
+  if (finds_lamps_) {
+    const SettledLamps settled = settle_lamps(point, out);
+    out.lamps = static_cast<uint32_t>(lamps.size());
+    if (out.lamps_known != 0) lamps.push_back(settled);
+  }
   const bool dark = low == 0.0F && high == 0.0F;
-  if (out.around_known || out.lamps_known != 0 || (out.secondary_known && !dark)) blend(point, out);
+  if (out.around_known || (out.secondary_known && !dark)) blend(point, out);
 }
 
 }  // namespace lenticule::render

@@ -96,9 +96,10 @@ void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
     for (uint32_t left = s.settled.lamps_known; left != 0; left &= left - 1) {
       const auto lamp = static_cast<size_t>(std::countr_zero(left));
       known_.seen[lamp].lanes |= 1U << r;
-      constexpr float kPart = 1.0F / SettledLight::kWholeLamp;
-      known_.seen[lamp].share[r] = kPart * static_cast<float>(s.settled.seen[lamp]);
-      known_.seen[lamp].apart[r] = kPart * static_cast<float>(s.settled.apart[lamp]);
+      constexpr float kPart = 1.0F / SettledLamps::kWholeLamp;
+      const SettledLamps& lamps = lamps_[s.settled.lamps];
+      known_.seen[lamp].share[r] = kPart * static_cast<float>(lamps.seen[lamp]);
+      known_.seen[lamp].apart[r] = kPart * static_cast<float>(lamps.apart[lamp]);
     }
   }
   known_.set_lights(lit, hidden);

@@ -33,10 +33,15 @@ class UncertainSubpixels {
   /// Both must outlive it.
   UncertainSubpixels(const RowPlanes& planes, const TilePlan& plan);
 
-  void clear() { subpixels_.clear(); }
+  void clear() {
+    subpixels_.clear();
+    lamps_.clear();
+  }
   void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
   /// One more, to be filled in place: copies of what was just written wait for it.
   [[nodiscard]] Subpixel& add() { return subpixels_.emplace_back(); }
+  /// What SettledLight::lamps counts.
+  [[nodiscard]] std::vector<SettledLamps>& lamps() { return lamps_; }
 
   /// Traces all as method full does. Rows are counted from `first_row`; afterwards subpixels have
   /// another order. Calling thread must flush denormals.
@@ -59,6 +64,7 @@ class UncertainSubpixels {
   const TilePlan& plan_;
   std::array<RowPlane, TilePlan::kRows> plane_of_row_{};  ///< of the band
   std::vector<Subpixel> subpixels_, ordered_;
+  std::vector<SettledLamps> lamps_;
   std::vector<uint32_t> first_of_column_;
   std::vector<RayPacket> packet_;  ///< one
   alignas(64) std::array<int32_t, kPacket> channel_{};
