@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the tests call exact, in order and on time: these judge the judges. Needs no machine."""
 
+import contextlib
+import importlib.machinery
+import importlib.util
+import io
+import pathlib
 import unittest
 from fractions import Fraction
 
@@ -9,6 +14,8 @@ from numbered_frames import NumberedPictures
 from test_cadence import FRAMES, shown_frames, unplanned_repeats
 from test_frames import changes
 from vkms import FrameCrc
+from vm import Machine, MachineStalled, VmError
+from vm_test import Test
 
 REFRESH = Fraction(60)
 NUMBERS = {1000 + number: number for number in range(FRAMES)}
@@ -74,6 +81,68 @@ class Cadences(unittest.TestCase):
 
     def test_changes_are_what_came_after_something_else(self):
         self.assertEqual(changes([1, 1, 2, 2, 1]), [1, 2, 1])
+
+
+def load_runner():
+    path = str(pathlib.Path(__file__).with_name("run"))
+    loader = importlib.machinery.SourceFileLoader("run", path)
+    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("run", loader))
+    loader.exec_module(module)
+    return module
+
+
+class Bench:
+    """Stands for machines; notes how many there were."""
+
+    def __init__(self):
+        self.booted = 0
+        self._up = False
+
+    def for_test(self, _):
+        self.booted += not self._up
+        self._up = True
+        return self
+
+    def drop(self):
+        self._up = False
+
+    def logs(self):
+        return ""
+
+    def end_processes(self):
+        pass
+
+
+class Runner(unittest.TestCase):
+    def outcome(self, *problems):
+        """Counts after a test that meets these problems, one at each attempt, and machines used."""
+        runner, bench, left = load_runner(), Bench(), list(problems)
+
+        def function(_):
+            if left:
+                raise left.pop(0)
+
+        tally, printed = runner.Tally(), io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            runner.run_test(Test("a.b", Machine(), False, False, function), bench, tally)
+            tally.close()
+        counts = tally.counts
+        return counts["passed"], counts["failed"], bench.booted, printed.getvalue()
+
+    def test_a_machine_that_stalls_is_replaced_once_and_shown(self):
+        self.assertEqual(self.outcome()[:3], (1, 0, 1))
+        passed, failed, booted, printed = self.outcome(MachineStalled("its kernel says x"))
+        self.assertEqual((passed, failed, booted), (1, 0, 2))
+        self.assertIn("stalled", printed)
+        self.assertIn("its kernel says x", printed)
+        self.assertIn("were replaced: 1", printed)
+
+    def test_two_machines_that_stall_are_a_failure(self):
+        self.assertEqual(self.outcome(MachineStalled("x"), MachineStalled("y"))[:3], (0, 1, 2))
+
+    def test_whatever_else_goes_wrong_is_a_failure_at_once(self):
+        for problem in [VmError("the machine ended by itself"), AssertionError("not exact")]:
+            self.assertEqual(self.outcome(problem)[:3], (0, 1, 1))
 
 
 if __name__ == "__main__":

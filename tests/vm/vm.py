@@ -10,6 +10,7 @@ that both sides see. Every wait has an end, QEMU dies with this process, and not
 does reaches the host's files outside that folder.
 """
 
+import contextlib
 import ctypes
 import dataclasses
 import os
@@ -34,11 +35,15 @@ KVM_PROBE_SECONDS = 20
 KERNEL_ARGUMENTS = (
     "console=ttyS0 panic=-1 loglevel=4 mitigations=off audit=0 apparmor=0 nowatchdog "
     "no_timer_check rcupdate.rcu_expedited=1 vt.global_cursor_default=0 consoleblank=0 "
-    "random.trust_cpu=on")
+    "random.trust_cpu=on sysrq_always_enabled")
 
 
 class VmError(Exception):
     """The machine itself failed: it did not start, died, or stopped answering."""
+
+
+class MachineStalled(VmError):
+    """It runs, but not even a SIGKILL takes effect any more: nothing that a program could have done."""
 
 
 class CommandFailed(AssertionError):
@@ -125,7 +130,8 @@ class Process:
         if self.code is None:
             self._vm.request(f"kill {self.number}")
             if not self._vm.listen(20, until=lambda: self.code is not None):
-                raise VmError(f"'{self.command}' survived SIGKILL for 20 s")
+                raise MachineStalled(f"'{self.command}' survived SIGKILL for 20 s\n"
+                                     f"{self._vm.state_of_kernel()}")
 
     def wait_for_line(self, text, timeout):
         """Waits until its standard output has a line that begins with text; returns that line."""
@@ -265,6 +271,15 @@ class VirtualMachine:
         self.check(["udevadm", "trigger", "--action=add", "--subsystem-match=drm",
                     "--subsystem-match=video4linux", "--subsystem-match=graphics"])
         self.check(["udevadm", "settle", "--timeout=30"])
+
+    def state_of_kernel(self):
+        """Which of its tasks are blocked where; asks by keyboard, so that nothing else need work."""
+        for question in ["w", "l"]:
+            with contextlib.suppress(qmp.QmpError):
+                self.qmp("send-key", keys=[{"type": "qcode", "data": key}
+                                           for key in ["alt", "sysrq", question]])
+            time.sleep(2)
+        return self.logs(300)
 
     def kernel_log(self):
         return self.check(["dmesg"]).stdout
