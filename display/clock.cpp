@@ -11,7 +11,7 @@
 #include <cstring>
 #include <ctime>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 namespace {

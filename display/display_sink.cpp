@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "display/display_sink.h"
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 

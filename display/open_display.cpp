@@ -6,9 +6,9 @@
 #include <charconv>
 #include <optional>
 
+#include "base/error.h"
 #include "display/kms/output_key.h"
 #include "display/virtual/virtual_display.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 
 namespace lenticule::display {
 

@@ -16,9 +16,9 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "display/scanout_format.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

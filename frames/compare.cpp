@@ -8,9 +8,9 @@
 #include <cmath>
 #include <cstdlib>
 
+#include "base/error.h"
 #include "frames/quilt.h"
 #include "frames/weave.h"
-#include "optics/error.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::frames {

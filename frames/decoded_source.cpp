@@ -11,7 +11,7 @@
 #include <system_error>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -12,8 +12,8 @@
 #include <thread>
 #include <vector>
 
+#include "base/unique_fd.h"
 #include "frames/frame_source.h"
-#include "frames/ring/unique_fd.h"
 
 namespace lenticule::frames {
 

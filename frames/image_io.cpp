@@ -4,10 +4,10 @@
 
 #include <fmt/format.h>
 
-#include "frames/atomic_file.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "frames/image_format.h"
 #include "frames/picture_codec.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -6,8 +6,8 @@
 #include <memory>
 #include <utility>
 
+#include "base/error.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <utility>
 
+#include "base/error.h"
 #include "frames/image_sequence.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -7,7 +7,7 @@
 #include <numeric>
 #include <optional>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 namespace {

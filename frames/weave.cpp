@@ -7,8 +7,8 @@
 #include <array>
 #include <cmath>
 
+#include "base/error.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

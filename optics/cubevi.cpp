@@ -7,9 +7,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/error.h"
 #include "optics/calibration_import.h"
 #include "optics/effective_sheet.h"
-#include "optics/error.h"
 #include "optics/json_fields.h"
 
 namespace lenticule::optics {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/rig.h"
 
 namespace lenticule::optics {

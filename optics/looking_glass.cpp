@@ -12,9 +12,9 @@
 #include <numeric>
 #include <optional>
 
+#include "base/error.h"
 #include "optics/calibration_import.h"
 #include "optics/effective_sheet.h"
-#include "optics/error.h"
 #include "optics/json_fields.h"
 
 namespace lenticule::optics {

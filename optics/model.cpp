@@ -11,7 +11,7 @@
 #include <cmath>
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/residual_spline.h"
 
 namespace lenticule::optics {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::optics {
 namespace {

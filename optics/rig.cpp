@@ -9,7 +9,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::optics {
 namespace {

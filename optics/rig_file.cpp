@@ -9,8 +9,8 @@
 #include <limits>
 #include <numeric>
 
-#include "optics/error.h"
-#include "optics/text_file.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "optics/toml_text.h"
 
 namespace lenticule::optics {

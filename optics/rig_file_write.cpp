@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cctype>
 
+#include "base/file.h"
 #include "optics/rig_file.h"
-#include "optics/text_file.h"
 
 namespace lenticule::optics {
 namespace {

@@ -7,7 +7,7 @@
 #include <array>
 #include <cmath>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/residual_spline.h"
 #include "optics/row_rays_kernel.h"
 

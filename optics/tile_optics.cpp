@@ -12,7 +12,7 @@
 #include <numbers>
 #include <vector>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::optics {

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "optics/error.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "optics/rig_file.h"
-#include "optics/text_file.h"
 #include "optics/toml_text.h"
 
 namespace lenticule::optics {

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <memory>
 
+#include "base/error.h"
 #include "calib/simulation/trial.h"
-#include "optics/error.h"
 #include "player/bench.h"
 #include "player/bench_calibrate_stress.h"
 #include "player/interrupt.h"

@@ -5,8 +5,8 @@
 
 #include <chrono>
 
+#include "base/error.h"
 #include "calib/simulation/stress_cases.h"
-#include "optics/error.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
 #include "player/progress.h"

@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/sequence/codec_trial.h"
-#include "optics/error.h"
 #include "player/bench.h"
 #include "player/bench_scene.h"
 #include "player/child_process.h"

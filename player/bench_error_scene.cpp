@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <fstream>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/bench_error.h"
 #include "player/bench_scene.h"
 #include "player/gltf_writer.h"

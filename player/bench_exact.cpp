@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
 

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <thread>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
 #include "player/bench_timing.h"

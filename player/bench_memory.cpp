@@ -15,7 +15,7 @@
 #include <memory>
 #include <thread>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/bench.h"
 #include "player/bench_scene.h"
 #include "player/interrupt.h"

@@ -10,8 +10,8 @@
 #include <filesystem>
 #include <memory>
 
-#include "frames/atomic_file.h"
-#include "optics/error.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "optics/trim.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
@@ -79,13 +79,12 @@ class PaperState {
     content_["spans"][key] = measured;
     if (file_.empty()) return;
     const std::string text = content_.dump(1) + "\n";
-    frames::write_file_atomically(file_,
-                                  {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+    write_file_atomically(file_, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
   }
 
  private:
   void load() {
-    const std::vector<uint8_t> bytes = frames::read_whole_file(file_, kMostStateBytes);
+    const std::vector<uint8_t> bytes = read_whole_file(file_, kMostStateBytes);
     const nlohmann::json known = nlohmann::json::parse(bytes, nullptr, false);
     if (!known.is_object() || !known.contains("settings") || !known.contains("spans") ||
         !known["spans"].is_object())

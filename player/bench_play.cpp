@@ -14,10 +14,10 @@
 #include <memory>
 #include <vector>
 
+#include "base/error.h"
 #include "display/virtual/virtual_display.h"
 #include "frames/ring/ring_player.h"
 #include "frames/ring/ring_renderer.h"
-#include "optics/error.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
 #include "player/playback.h"

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <memory>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
 #include "player/progress.h"

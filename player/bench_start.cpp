@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
 #include "player/bench.h"
 #include "player/interrupt.h"

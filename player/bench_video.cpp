@@ -11,9 +11,9 @@
 #include <memory>
 #include <thread>
 
+#include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
-#include "optics/error.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
 #include "player/scratch_folder.h"

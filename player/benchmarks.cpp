@@ -9,7 +9,7 @@
 #include <string_view>
 #include <thread>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 #include "optics/trim.h"
 #include "player/bench.h"
 

@@ -14,12 +14,12 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "calib/by_eye/charts.h"
 #include "calib/by_eye/procedure.h"
 #include "calib/report/rig_record.h"
 #include "display/display_sink.h"
 #include "display/open_display.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/calibrate.h"

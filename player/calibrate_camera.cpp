@@ -10,11 +10,11 @@
 #include <cmath>
 #include <memory>
 
+#include "base/error.h"
 #include "calib/calibrate.h"
 #include "calib/cameras/v4l2_camera.h"
 #include "display/display_sink.h"
 #include "display/open_display.h"
-#include "optics/error.h"
 #include "optics/trim.h"
 #include "player/calibrate.h"
 #include "player/calibrate_result.h"

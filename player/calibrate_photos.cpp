@@ -8,12 +8,12 @@
 #include <memory>
 #include <optional>
 
+#include "base/error.h"
 #include "calib/calibrate.h"
 #include "calib/photo/photo_folder.h"
 #include "calib/photo/single_photo.h"
 #include "calib/photo/tag_chart.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 #include "optics/trim.h"
 #include "player/calibrate.h"
 #include "player/calibrate_result.h"

@@ -6,11 +6,11 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 
+#include "base/file.h"
 #include "calib/report/report_html.h"
 #include "calib/report/report_json.h"
 #include "calib/report/report_words.h"
 #include "optics/rig_file.h"
-#include "optics/text_file.h"
 #include "optics/trim.h"
 
 namespace lenticule::player {
@@ -54,7 +54,7 @@ ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDeta
                               const ResultFlags& flags) {
   details.temperature_celsius = flags.temperature;
   const std::string report = flags.report.empty() ? report_beside(flags.output) : flags.report;
-  optics::write_text_file(report, calib::report_html(found, details));
+  write_text_file(report, calib::report_html(found, details));
   json files = {{"report", report}, {"rig", nullptr}, {"old_rig_kept_as", nullptr}};
   const bool saved = found.verdict != calib::Verdict::Refused;
   if (saved) {

@@ -7,13 +7,13 @@
 #include <algorithm>
 #include <memory>
 
+#include "base/error.h"
 #include "calib/measure/viewpoint.h"
 #include "calib/photo/tag_chart.h"
 #include "display/display_sink.h"
 #include "display/open_display.h"
 #include "frames/image_io.h"
 #include "optics/effective_sheet.h"
-#include "optics/error.h"
 #include "optics/trim.h"
 #include "player/calibrate.h"
 #include "player/interrupt.h"

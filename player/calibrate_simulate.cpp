@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <memory>
 
+#include "base/error.h"
 #include "calib/simulation/trial.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
 #include "player/calibrate.h"
 #include "player/calibrate_result.h"

@@ -16,7 +16,7 @@
 #include <filesystem>
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/interrupt.h"
 
 extern char** environ;

@@ -2,7 +2,7 @@
 // lenticule calibrate: finds the right way by its word.
 #include <CLI/CLI.hpp>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/calibrate.h"
 
 namespace lenticule::player {

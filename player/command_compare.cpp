@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/compare.h"
 #include "frames/image_io.h"
 #include "frames/quilt.h"
-#include "optics/error.h"
 #include "optics/trim.h"
 #include "player/command.h"
 #include "player/compare_report.h"

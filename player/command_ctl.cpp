@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/command.h"
 #include "player/control/control_client.h"
 #include "player/control/control_protocol.h"

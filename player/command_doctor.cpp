@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <memory>
 
+#include "base/error.h"
 #include "display/kms/inspect.h"
 #include "display/kms/output_key.h"
-#include "optics/error.h"
 #include "player/command.h"
 #include "player/panel_json.h"
 

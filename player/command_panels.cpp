@@ -8,8 +8,8 @@
 #include <memory>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/inspect.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/command.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/command.h"
 #include "player/interrupt.h"
 #include "player/play_plan.h"

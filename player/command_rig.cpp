@@ -8,14 +8,14 @@
 #include <memory>
 #include <numbers>
 
+#include "base/error.h"
+#include "base/file.h"
 #include "frames/quilt.h"
 #include "frames/weaving/mpv_shader.h"
 #include "optics/calibration_import.h"
 #include "optics/effective_sheet.h"
-#include "optics/error.h"
 #include "optics/model.h"
 #include "optics/rig_file.h"
-#include "optics/text_file.h"
 #include "optics/trim.h"
 #include "player/command.h"
 
@@ -216,7 +216,7 @@ Import import_as(const std::string& format, const std::string& text, const std::
 }
 
 ExitCode import_calibration(const RigOptions& options) {
-  const std::string text = optics::read_text_file(options.file, kMaxCalibrationBytes);
+  const std::string text = read_text_file(options.file, kMaxCalibrationBytes);
   const std::string format = options.format == "auto" ? recognised_format(text) : options.format;
   const auto [rig, inverted_views] = import_as(format, text, options.file);
   optics::save_rig(rig, options.output);
@@ -264,7 +264,7 @@ frames::QuiltLayout quilt_layout(const std::string& text) {
 ExitCode export_shader(const RigOptions& options) {
   const Rig rig = optics::load_trimmed_rig(options.file);
   const frames::QuiltLayout layout = quilt_layout(options.quilt);
-  optics::write_text_file(options.mpv_shader, frames::mpv_shader(rig, layout));
+  write_text_file(options.mpv_shader, frames::mpv_shader(rig, layout));
   print_result({{"output", options.mpv_shader},
                 {"columns", layout.columns},
                 {"rows", layout.rows},
@@ -284,7 +284,7 @@ ExitCode export_calibration(const RigOptions& options) {
       options.format == "cubevi" ? optics::export_cubevi(rig) : optics::export_looking_glass(rig);
   const double error =
       largest_phase_error(rig, import_as(options.format, text, options.output).rig);
-  optics::write_text_file(options.output, text);
+  write_text_file(options.output, text);
   if (error > 0.01) {
     fmt::print(stderr,
                "lenticule: {}: up to {:.3f} lens off at the panel's edges\n"

@@ -11,8 +11,8 @@
 #include <optional>
 #include <utility>
 
-#include "frames/atomic_file.h"
-#include "optics/error.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "player/built_in_scene.h"
 #include "player/command.h"
 #include "player/gltf_writer.h"
@@ -79,7 +79,7 @@ void write_to_standard_output(const std::string& text) {
 }
 
 void write_text(const std::string& file, const std::string& text) {
-  frames::write_file_atomically(file, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+  write_file_atomically(file, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
 }
 
 /// A scene as the text of a file, and what the format cannot say.

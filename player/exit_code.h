@@ -2,7 +2,7 @@
 // The exit codes of every command; scripts depend on them (docs/player.md).
 #pragma once
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 

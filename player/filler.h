@@ -11,10 +11,10 @@
 #include <optional>
 #include <string>
 
+#include "base/wake_fd.h"
 #include "display/display.h"
 #include "frames/frame_source.h"
 #include "player/play_statistics.h"
-#include "player/wake_fd.h"
 
 namespace lenticule::player {
 

@@ -11,9 +11,9 @@
 #include <cstring>
 #include <filesystem>
 
+#include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/ring/ring_renderer.h"
-#include "optics/error.h"
 #include "player/interrupt.h"
 #include "player/sequence_output.h"
 

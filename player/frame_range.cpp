@@ -5,7 +5,7 @@
 
 #include <charconv>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 namespace {

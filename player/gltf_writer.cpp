@@ -13,10 +13,10 @@
 #include <span>
 #include <utility>
 
-#include "frames/atomic_file.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 #include "player/scratch_folder.h"
 
 namespace lenticule::player {
@@ -60,7 +60,7 @@ std::vector<uint8_t> png_of(const render::SceneDescription& scene, const render:
   const ScratchFolder folder;
   const std::string file = folder.file("texture.png");
   frames::write_woven(picture.view(), file);
-  return frames::read_whole_file(file, std::numeric_limits<uint32_t>::max());
+  return read_whole_file(file, std::numeric_limits<uint32_t>::max());
 }
 
 void check(const render::SceneDescription& scene) {

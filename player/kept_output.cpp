@@ -17,8 +17,8 @@ constexpr const char* kCardName = "lenticule-card";
 constexpr const char* kStateName = "lenticule-output";
 
 /// Sealed, so that what the successor checks is what it then uses. Empty on failure.
-frames::UniqueFd state_file(const display::HandoverState& state) {
-  frames::UniqueFd file(memfd_create(kStateName, MFD_CLOEXEC | MFD_ALLOW_SEALING));
+UniqueFd state_file(const display::HandoverState& state) {
+  UniqueFd file(memfd_create(kStateName, MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!file) return {};
   const auto bytes = display::handover_bytes(state);
   if (write(file.get(), bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size()))
@@ -39,7 +39,7 @@ std::optional<display::HandoverState> read_state(int file) {
 
 void keep_output(const ServiceManager& manager, const display::KmsDisplay& display) {
   if (!manager.present()) return;
-  const frames::UniqueFd state = state_file(display.handover());
+  const UniqueFd state = state_file(display.handover());
   if (!state) return forget_output(manager);
   manager.keep(kCardName, display.card_fd());
   manager.keep(kStateName, state.get());

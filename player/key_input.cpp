@@ -8,8 +8,8 @@
 #include <array>
 #include <cerrno>
 
-#include "optics/error.h"
-#include "optics/text_file.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "player/interrupt.h"
 #include "player/raw_terminal.h"
 
@@ -105,7 +105,7 @@ std::string read_standard_input() {
 std::unique_ptr<KeyInput> open_key_input(const std::string& script) {
   if (!script.empty())
     return std::make_unique<ScriptKeys>(
-        calib::parse_key_script(optics::read_text_file(script, kMaxScriptBytes), script));
+        calib::parse_key_script(read_text_file(script, kMaxScriptBytes), script));
   if (isatty(STDIN_FILENO) == 1) return std::make_unique<TerminalKeys>();
   return std::make_unique<ScriptKeys>(
       calib::parse_key_script(read_standard_input(), "standard input"));

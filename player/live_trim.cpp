@@ -5,7 +5,7 @@
 
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/rig_file.h"
 
 namespace lenticule::player {

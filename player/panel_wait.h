@@ -8,9 +8,9 @@
 #include <optional>
 #include <string>
 
+#include "base/error.h"
 #include "display/kms/kms_display.h"
 #include "display/kms/panel_search.h"
-#include "optics/error.h"
 #include "player/panel_card.h"
 #include "player/playback.h"
 

@@ -9,7 +9,7 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/pov_writer.h"
 #include "scenes/nff_writer.h"
 

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <system_error>
 
+#include "base/error.h"
 #include "frames/image_format.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 
 namespace lenticule::player {
 namespace {

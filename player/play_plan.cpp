@@ -8,7 +8,7 @@
 #include <charconv>
 #include <memory>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/trim.h"
 #include "player/card_texts.h"
 #include "player/control/control_peer.h"

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/file.h"
 #include "display/open_display.h"
-#include "frames/atomic_file.h"
 #include "player/card_texts.h"
 #include "player/command.h"
 #include "player/interrupt.h"
@@ -279,8 +279,8 @@ void PlayRun::write_stats(nlohmann::ordered_json statistics) {
   steered_->complete(statistics);
   if (flags_.stats.empty()) return;
   const std::string text = statistics.dump(2) + "\n";
-  frames::write_file_atomically(
-      flags_.stats, std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
+  write_file_atomically(flags_.stats,
+                        std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
 }
 
 PlayReport PlayRun::nothing_yet(const char* outcome) const {

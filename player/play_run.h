@@ -8,8 +8,8 @@
 #include <optional>
 #include <string>
 
+#include "base/error.h"
 #include "display/kms/kms_display.h"
-#include "optics/error.h"
 #include "player/exit_code.h"
 #include "player/panel_wait.h"
 #include "player/play_plan.h"

@@ -9,7 +9,7 @@
 #include <atomic>
 #include <thread>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 namespace {

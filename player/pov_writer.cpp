@@ -8,7 +8,7 @@
 #include <numbers>
 #include <span>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 namespace {

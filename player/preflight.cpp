@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "display/open_display.h"
-#include "optics/error.h"
 #include "player/command.h"
 #include "player/interrupt.h"
 #include "player/steered_play.h"

@@ -8,11 +8,11 @@
 #include <cstdint>
 #include <optional>
 
+#include "base/wake_fd.h"
 #include "display/display.h"
 #include "player/filler.h"
 #include "player/pacing.h"
 #include "player/play_statistics.h"
-#include "player/wake_fd.h"
 
 namespace lenticule::player {
 

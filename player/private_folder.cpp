@@ -15,7 +15,7 @@
 #include <string_view>
 #include <system_error>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/start_history.h"
 
 namespace lenticule::player {

@@ -3,8 +3,8 @@
 
 #include <poll.h>
 
+#include "base/error.h"
 #include "display/kms/panel_search.h"
-#include "optics/error.h"
 #include "player/card_texts.h"
 #include "player/interrupt.h"
 #include "player/panel_card.h"

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/built_in_scene.h"
 
 namespace lenticule::player {

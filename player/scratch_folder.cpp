@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <system_error>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 

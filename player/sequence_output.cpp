@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "base/error.h"
 #include "frames/sequence/sequence_writer.h"
-#include "optics/error.h"
 
 namespace lenticule::player {
 namespace {

@@ -62,7 +62,7 @@ std::vector<KeptDescriptor> take_kept_descriptors() {
   const int count = sd_listen_fds_with_names(1, &names);
   std::vector<KeptDescriptor> kept;
   for (int i = 0; i < count; ++i) {
-    kept.push_back({names[i], frames::UniqueFd(SD_LISTEN_FDS_START + i)});
+    kept.push_back({names[i], UniqueFd(SD_LISTEN_FDS_START + i)});
     std::free(names[i]);
   }
   std::free(names);

@@ -8,14 +8,14 @@
 #include <string>
 #include <vector>
 
-#include "frames/ring/unique_fd.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::player {
 
 /// What our predecessor asked to be kept.
 struct KeptDescriptor {
   std::string name;
-  frames::UniqueFd fd;
+  UniqueFd fd;
 };
 
 /// Nothing here throws for what the manager does or does not: a player plays on without one. One

@@ -8,10 +8,10 @@
 #include <filesystem>
 #include <utility>
 
+#include "base/error.h"
 #include "frames/image_sequence.h"
 #include "frames/ring/ring_player.h"
 #include "frames/sequence/sequence_source.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
 #include "player/content/content_open.h"
 #include "player/still_source.h"

@@ -11,7 +11,7 @@
 #include <span>
 #include <string_view>
 
-#include "frames/atomic_file.h"
+#include "base/file.h"
 
 namespace lenticule::player {
 namespace {
@@ -43,7 +43,7 @@ StartHistory::StartHistory(const std::filesystem::path& folder, std::chrono::sec
 
 /// "SECONDS REASON" per line; what is not that, too old or in the future is left out.
 void StartHistory::read(std::chrono::seconds now) {
-  const std::vector<uint8_t> bytes = frames::read_whole_file(file_, kMaxFileBytes);
+  const std::vector<uint8_t> bytes = read_whole_file(file_, kMaxFileBytes);
   std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   while (!text.empty() && before_.size() < kMaxStarts) {
     const std::string_view line = text.substr(0, text.find('\n'));
@@ -83,8 +83,8 @@ void StartHistory::write(const std::vector<Start>& starts) const noexcept {
     std::string text;
     for (const Start& start : starts)
       text += fmt::format("{} {}\n", start.at.count(), start.reason);
-    frames::write_file_atomically(
-        file_, std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
+    write_file_atomically(file_,
+                          std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
   } catch (const std::exception&) {
     return;  // a full or read-only disk keeps nobody from playing
   }

@@ -7,7 +7,7 @@
 #include <csignal>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 namespace {

@@ -10,8 +10,8 @@
 #include <iterator>
 #include <limits>
 
+#include "base/error.h"
 #include "calib/report/plain_text.h"
-#include "optics/error.h"
 
 namespace lenticule::player {
 namespace {

@@ -8,7 +8,7 @@
 #include <array>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <thread>
 
+#include "base/wake_fd.h"
 #include "player/key_input.h"
 #include "player/live_trim.h"
-#include "player/wake_fd.h"
 
 namespace lenticule::player {
 

@@ -6,7 +6,7 @@
 #include <array>
 #include <charconv>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 

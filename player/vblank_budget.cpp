@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "display/scanout_format.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "frames/weaving/fast_weaver.h"
 #include "frames/weaving/quilt_file.h"
 #include "frames/weaving/reweave.h"
-#include "optics/error.h"
 #include "player/bench.h"
 #include "player/bench_scene.h"
 #include "player/interrupt.h"

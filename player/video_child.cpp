@@ -14,7 +14,7 @@
 #include <cstring>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/json_fields.h"
 
 extern char** environ;

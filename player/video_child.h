@@ -14,8 +14,8 @@
 #include <thread>
 #include <vector>
 
+#include "base/wake_fd.h"
 #include "player/video_probe.h"
-#include "player/wake_fd.h"
 
 namespace lenticule::player {
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "frames/ring/ring_layout.h"
-#include "optics/error.h"
 #include "optics/json_fields.h"
 
 namespace lenticule::player {

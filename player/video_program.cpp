@@ -10,7 +10,7 @@
 #include <string_view>
 #include <system_error>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/json_fields.h"
 #include "player/child_process.h"
 #include "player/exit_code.h"

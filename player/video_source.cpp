@@ -8,9 +8,9 @@
 #include <deque>
 #include <utility>
 
+#include "base/error.h"
+#include "base/unique_fd.h"
 #include "frames/ring/ring_player.h"
-#include "frames/ring/unique_fd.h"
-#include "optics/error.h"
 #include "player/exit_code.h"
 #include "player/private_folder.h"
 #include "player/video/frame_number.h"
@@ -106,7 +106,7 @@ class Source final : public VideoSource {
   const uint64_t slots_;
   const PrivateFolder folder_;
   std::unique_ptr<frames::RingPlayer> ring_;
-  frames::UniqueFd events_;
+  UniqueFd events_;
 
   uint64_t loop_ = 0;                      ///< that pull() is in
   uint64_t next_ = 0;                      ///< frame that pull() expects

@@ -21,8 +21,8 @@
 #include <thread>
 #include <vector>
 
-#include "frames/ring/unique_fd.h"
-#include "optics/error.h"
+#include "base/error.h"
+#include "base/unique_fd.h"
 #include "optics/json_fields.h"
 #include "player/video_program.h"
 
@@ -34,7 +34,6 @@ namespace {
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
-using frames::UniqueFd;
 
 constexpr auto kPatience = 60s;
 constexpr size_t kMostWords = 4096;

@@ -9,7 +9,7 @@
 #include <exception>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/content/content_open.h"
 
 namespace lenticule::player {

@@ -15,11 +15,11 @@
 #include <thread>
 #include <vector>
 
+#include "base/wake_fd.h"
 #include "frames/frame_source.h"
 #include "frames/views_input/view_input.h"
 #include "player/content/loom.h"
 #include "player/rig_watch.h"
-#include "player/wake_fd.h"
 
 namespace lenticule::player {
 

@@ -7,7 +7,7 @@
 #include <mutex>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::render {
 

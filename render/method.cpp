@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/adaptive/method_adaptive.h"
 #include "render/method_full.h"
 #include "render/method_reuse.h"

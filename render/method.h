@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "base/cpu.h"
 #include "frames/frame.h"
-#include "optics/cpu.h"
 #include "optics/model.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/reuse_options.h"

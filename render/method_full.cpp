@@ -11,8 +11,8 @@
 #include <numeric>
 #include <optional>
 
+#include "base/error.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 #include "render/denormals.h"
 #include "render/depth_budget/depth_prefilter.h"
 #include "render/packet_tracer.h"

@@ -10,7 +10,7 @@
 #include <cmath>
 #include <optional>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/committed_scene.h"
 #include "render/denormals.h"
 #include "render/micro_image_sweep.h"

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "base/error.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 
 namespace lenticule::render {
 namespace {

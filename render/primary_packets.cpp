@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::render {
 namespace {

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 #include "optics/tile_optics.h"
 #include "render/primary_packets_kernel.h"
 #include "render/primary_rays.h"

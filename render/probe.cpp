@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/committed_scene.h"
 #include "render/denormals.h"
 #include "render/embree_packets.h"

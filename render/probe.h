@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 #include "optics/model.h"
 #include "render/scene.h"
 

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/committed_scene.h"
 #include "render/lighting.h"
 #include "render/primitive_tree.h"

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 #include "render/committed_scene.h"
 #include "render/shading_kernel.h"
 #include "render/surface_cells.h"

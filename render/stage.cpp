@@ -8,7 +8,7 @@
 #include <numbers>
 #include <vector>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/interval.h"
 #include "render/loaders/camera_pose.h"
 

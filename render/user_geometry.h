@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 #include "render/embree.h"
 #include "render/quadric_kernel.h"
 #include "render/quadrics.h"

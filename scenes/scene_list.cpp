@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "scenes/scene_functions.h"
 
 namespace lenticule::scenes {

@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "calib/rows.h"
 #include "frames/bitmap_font.h"
 #include "frames/compare.h"
 #include "frames/text.h"
-#include "optics/error.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::calib {

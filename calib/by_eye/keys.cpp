@@ -8,7 +8,7 @@
 #include <charconv>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -8,10 +8,10 @@
 #include <cerrno>
 #include <cstring>
 
+#include "base/error.h"
 #include "calib/cameras/format_choice.h"
 #include "calib/cameras/v4l2_camera.h"
 #include "calib/cameras/v4l2_failure.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -8,8 +8,8 @@
 #include <cerrno>
 #include <chrono>
 
+#include "base/error.h"
 #include "calib/cameras/v4l2_failure.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

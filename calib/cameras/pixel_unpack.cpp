@@ -5,8 +5,8 @@
 
 #include <algorithm>
 
+#include "base/error.h"
 #include "calib/cameras/bayer.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -9,6 +9,7 @@
 #include <cmath>
 #include <utility>
 
+#include "base/error.h"
 #include "calib/cameras/camera_controls.h"
 #include "calib/cameras/camera_list.h"
 #include "calib/cameras/capture_stream.h"
@@ -17,7 +18,6 @@
 #include "calib/cameras/pixel_unpack.h"
 #include "calib/cameras/v4l2_device.h"
 #include "calib/cameras/v4l2_failure.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

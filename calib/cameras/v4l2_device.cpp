@@ -20,7 +20,7 @@
 #include <string_view>
 #include <utility>
 
-#include "frames/ring/unique_fd.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::calib {
 namespace {
@@ -32,7 +32,7 @@ constexpr Nanoseconds kLongestPoll = std::chrono::hours{1};
 
 class LinuxDevice final : public V4l2Device {
  public:
-  explicit LinuxDevice(frames::UniqueFd fd) : fd_(std::move(fd)) {}
+  explicit LinuxDevice(UniqueFd fd) : fd_(std::move(fd)) {}
 
   [[nodiscard]] int control(unsigned long request, void* argument) noexcept override {
     return ::ioctl(fd_.get(), request, argument) < 0 ? errno : 0;
@@ -59,7 +59,7 @@ class LinuxDevice final : public V4l2Device {
   }
 
  private:
-  frames::UniqueFd fd_;
+  UniqueFd fd_;
 };
 
 /// "video12" -> 12, anything else -> -1.
@@ -129,7 +129,7 @@ class LinuxSystem final : public V4l2System {
     struct stat status {};
     if (::stat(path.c_str(), &status) != 0) return {.device = nullptr, .error = errno};
     if (!S_ISCHR(status.st_mode)) return {.device = nullptr, .error = ENOTTY};
-    frames::UniqueFd fd(::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
+    UniqueFd fd(::open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC | O_NOCTTY));
     if (!fd) return {.device = nullptr, .error = errno};
     return {.device = std::make_unique<LinuxDevice>(std::move(fd)), .error = 0};
   }

@@ -4,8 +4,8 @@
 
 #include <string>
 
+#include "base/error.h"
 #include "calib/cameras/v4l2_device.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 

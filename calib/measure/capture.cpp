@@ -5,7 +5,7 @@
 
 #include <future>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/measure/grey.h"
 
+#include "base/error.h"
 #include "calib/rows.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 

@@ -8,12 +8,12 @@
 #include <numbers>
 #include <numeric>
 
+#include "base/error.h"
 #include "calib/measure/geometry.h"
 #include "calib/measure/lens_spot.h"
 #include "calib/measure/link_check.h"
 #include "calib/measure/visible_pixels.h"
 #include "optics/effective_sheet.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

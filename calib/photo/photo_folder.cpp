@@ -7,8 +7,8 @@
 #include <array>
 #include <system_error>
 
+#include "base/error.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

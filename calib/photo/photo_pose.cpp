@@ -10,7 +10,7 @@
 #include <limits>
 #include <numbers>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::calib {
 namespace {

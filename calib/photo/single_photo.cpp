@@ -9,12 +9,12 @@
 #include <limits>
 #include <optional>
 
+#include "base/error.h"
 #include "calib/photo/fringe_blocks.h"
 #include "calib/photo/fringe_start.h"
 #include "calib/photo/phase_plane.h"
 #include "calib/photo/sheet_map.h"
 #include "calib/photo/tag_finder.h"
-#include "optics/error.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {

@@ -7,9 +7,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/error.h"
 #include "calib/photo/tag_family.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <memory>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::calib {
 

@@ -9,8 +9,8 @@
 #include <memory>
 #include <utility>
 
+#include "base/error.h"
 #include "calib/photo/tag_family.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

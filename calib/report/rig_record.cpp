@@ -18,11 +18,11 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
+#include "base/file.h"
 #include "calib/report/plain_text.h"
 #include "calib/report/report_words.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
-#include "optics/text_file.h"
 
 namespace lenticule::calib {
 namespace {
@@ -227,14 +227,14 @@ class RemovedAtEnd {
 };
 
 std::filesystem::path copy_beside(const std::filesystem::path& file) {
-  const std::string text = optics::read_text_file(file, kMaxFileBytes);
+  const std::string text = read_text_file(file, kMaxFileBytes);
   const CopyName name(file);
   // Under a name of our own first, so that a numbered copy is whole from its first moment.
   static std::atomic<uint64_t> counter{0};
   const auto working =
       name.folder / fmt::format(".{}.copy-{}-{}", name.stem, ::getpid(), counter++);
   RemovedAtEnd removed(working);
-  optics::write_text_file(working, text);
+  write_text_file(working, text);
   constexpr int kTries = 1000;  // others may take numbers, too, but not for ever
   uint64_t number = highest_number(name);
   for (int i = 0; i < kTries; ++i) {

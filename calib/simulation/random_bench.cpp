@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::calib {
 namespace {

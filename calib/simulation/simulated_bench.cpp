@@ -8,6 +8,7 @@
 #include <numbers>
 #include <utility>
 
+#include "base/error.h"
 #include "calib/rows.h"
 #include "calib/simulation/camera_rays.h"
 #include "calib/simulation/driven_panel.h"
@@ -16,7 +17,6 @@
 #include "calib/simulation/sample_map.h"
 #include "calib/simulation/sensor.h"
 #include "calib/simulation/sheet_shape.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -5,10 +5,10 @@
 #include <cmath>
 #include <string>
 
+#include "base/error.h"
 #include "calib/simulation/simulated_camera.h"
 #include "calib/simulation/simulated_link.h"
 #include "calib/simulation/simulated_sheet.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -4,9 +4,9 @@
 #include <chrono>
 #include <cmath>
 
+#include "base/error.h"
 #include "calib/photo/single_photo.h"
 #include "calib/simulation/stress_cases.h"
-#include "optics/error.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {

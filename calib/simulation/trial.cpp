@@ -8,8 +8,8 @@
 #include <limits>
 #include <numbers>
 
+#include "base/error.h"
 #include "calib/simulation/random_bench.h"
-#include "optics/error.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {

@@ -3,7 +3,7 @@
 
 #include <cerrno>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 

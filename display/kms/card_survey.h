@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/drm_device.h"
 #include "display/kms/output_choice.h"
 #include "display/kms/session.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 

@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <utility>
 
+#include "base/error.h"
 #include "display/kms/drm_handles.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {
@@ -79,7 +79,7 @@ bool same_device(const std::string& a, const std::string& b) {
   return std::filesystem::weakly_canonical(a, error) == std::filesystem::weakly_canonical(b, error);
 }
 
-DrmDevice::DrmDevice(std::shared_ptr<Session> session, frames::UniqueFd fd, std::string path)
+DrmDevice::DrmDevice(std::shared_ptr<Session> session, UniqueFd fd, std::string path)
     : session_(std::move(session)), fd_(std::move(fd)), path_(std::move(path)) {
   if (drmIsKMS(fd_.get()) == 0)
     throw Error(ErrorKind::Device, fmt::format("{}: a card without outputs", path_));
@@ -88,12 +88,11 @@ DrmDevice::DrmDevice(std::shared_ptr<Session> session, frames::UniqueFd fd, std:
 }
 
 DrmDevice DrmDevice::open(std::shared_ptr<Session> session, const DrmNode& node) {
-  frames::UniqueFd fd = session->open_device(node.path);
+  UniqueFd fd = session->open_device(node.path);
   return {std::move(session), std::move(fd), node.path};
 }
 
-DrmDevice DrmDevice::adopt(std::shared_ptr<Session> session, frames::UniqueFd fd,
-                           std::string path) {
+DrmDevice DrmDevice::adopt(std::shared_ptr<Session> session, UniqueFd fd, std::string path) {
   return {std::move(session), std::move(fd), std::move(path)};
 }
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "base/unique_fd.h"
 #include "display/kms/session.h"
-#include "frames/ring/unique_fd.h"
 
 namespace lenticule::display {
 
@@ -43,7 +43,7 @@ class DrmDevice {
   static DrmDevice open(std::shared_ptr<Session> session, const DrmNode& node);
   /// Takes over a descriptor that another process left open. Throws Error(Device) unless it is a
   /// card with outputs.
-  static DrmDevice adopt(std::shared_ptr<Session> session, frames::UniqueFd fd, std::string path);
+  static DrmDevice adopt(std::shared_ptr<Session> session, UniqueFd fd, std::string path);
   DrmDevice(DrmDevice&& other) noexcept = default;
   ~DrmDevice();
 
@@ -54,10 +54,10 @@ class DrmDevice {
   [[nodiscard]] Session& session() const { return *session_; }
 
  private:
-  DrmDevice(std::shared_ptr<Session> session, frames::UniqueFd fd, std::string path);
+  DrmDevice(std::shared_ptr<Session> session, UniqueFd fd, std::string path);
 
   std::shared_ptr<Session> session_;
-  frames::UniqueFd fd_;
+  UniqueFd fd_;
   std::string path_;
   std::string driver_;
   DrmCaps caps_;

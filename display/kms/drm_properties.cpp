@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cstring>
 
+#include "base/error.h"
 #include "display/kms/drm_handles.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

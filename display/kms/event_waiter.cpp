@@ -7,7 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 

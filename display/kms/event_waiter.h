@@ -4,8 +4,8 @@
 
 #include <array>
 
+#include "base/unique_fd.h"
 #include "display/clock.h"
-#include "frames/ring/unique_fd.h"
 
 namespace lenticule::display {
 
@@ -32,7 +32,7 @@ class EventWaiter {
   void add(int fd, Source source);
   void watch_wake(int fd) noexcept;
 
-  frames::UniqueFd epoll_;
+  UniqueFd epoll_;
   int wake_fd_ = -1;
 };
 

@@ -8,10 +8,10 @@
 #include <string_view>
 #include <utility>
 
+#include "base/error.h"
 #include "display/kms/drm_events.h"
 #include "display/kms/mode_choice.h"
 #include "display/kms/output_choice.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

@@ -7,13 +7,13 @@
 #include <cstring>
 #include <utility>
 
+#include "base/error.h"
 #include "display/kms/connector.h"
 #include "display/kms/kms_output.h"
 #include "display/kms/mode_choice.h"
 #include "display/kms/output_choice.h"
 #include "display/kms/panel_facts.h"
 #include "display/kms/scanout_pool.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

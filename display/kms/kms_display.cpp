@@ -6,13 +6,13 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/error.h"
 #include "display/kms/event_waiter.h"
 #include "display/kms/flip_engine.h"
 #include "display/kms/inherit_output.h"
 #include "display/kms/kms_counters.h"
 #include "display/kms/open_kms.h"
 #include "display/kms/panel_guard.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

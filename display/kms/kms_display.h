@@ -25,7 +25,7 @@ enum class ExitPolicy {
 
 /// What a player before us left: see handover.h.
 struct InheritedOutput {
-  frames::UniqueFd card;
+  UniqueFd card;
   HandoverState state;
 };
 

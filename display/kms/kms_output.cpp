@@ -7,8 +7,8 @@
 #include <cstring>
 #include <utility>
 
+#include "base/error.h"
 #include "display/kms/drm_handles.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

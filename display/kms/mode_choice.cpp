@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 namespace {

@@ -7,12 +7,12 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/card_survey.h"
 #include "display/kms/drm_device.h"
 #include "display/kms/inherit_output.h"
 #include "display/kms/mode_choice.h"
 #include "display/kms/output_choice.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/connector.h"
 #include "display/kms/output_wish.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 

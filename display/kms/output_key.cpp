@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <charconv>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 namespace {

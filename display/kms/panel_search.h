@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/inspect.h"
 #include "display/kms/kms_display.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 

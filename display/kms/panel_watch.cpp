@@ -11,7 +11,7 @@
 #include <cstring>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 namespace {
@@ -22,20 +22,20 @@ constexpr Nanoseconds kDebounce = std::chrono::milliseconds(200);
 constexpr Nanoseconds kSlowLook = std::chrono::seconds(30);
 constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
 
-frames::UniqueFd make_eventfd() {
-  frames::UniqueFd fd(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+UniqueFd make_eventfd() {
+  UniqueFd fd(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
   if (!fd)
     throw Error(ErrorKind::Failed, fmt::format("kms: no eventfd: {}", std::strerror(errno)),
                 "raise the limit of open files");
   return fd;
 }
 
-void signal(const frames::UniqueFd& fd) noexcept {
+void signal(const UniqueFd& fd) noexcept {
   const uint64_t one = 1;
   (void)!write(fd.get(), &one, sizeof(one));
 }
 
-void drain(const frames::UniqueFd& fd) noexcept {
+void drain(const UniqueFd& fd) noexcept {
   uint64_t count = 0;
   (void)!read(fd.get(), &count, sizeof(count));
 }

@@ -7,10 +7,10 @@
 #include <optional>
 #include <thread>
 
+#include "base/unique_fd.h"
 #include "display/clock.h"
 #include "display/kms/connector.h"
 #include "display/kms/platform.h"
-#include "frames/ring/unique_fd.h"
 
 namespace lenticule::display {
 
@@ -54,8 +54,8 @@ class PanelWatch {
   std::unique_ptr<HotplugMonitor> monitor_;
   std::shared_ptr<Clock> clock_;
   Running running_;
-  frames::UniqueFd poke_;  ///< eventfd: request_probe() and the end
-  frames::UniqueFd told_;  ///< eventfd: there is news
+  UniqueFd poke_;  ///< eventfd: request_probe() and the end
+  UniqueFd told_;  ///< eventfd: there is news
 
   // Of the thread that looks.
   bool connected_;

@@ -8,8 +8,8 @@
 #include <optional>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/drm_handles.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

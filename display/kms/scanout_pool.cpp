@@ -9,8 +9,8 @@
 #include <cstring>
 #include <utility>
 
+#include "base/error.h"
 #include "display/scanout_format.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

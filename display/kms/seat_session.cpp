@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/session.h"
-#include "optics/error.h"
 
 // This header of 0.7 does not say that its functions are C's.
 extern "C" {
@@ -42,13 +42,13 @@ class SeatSession final : public Session {
   SeatSession& operator=(const SeatSession&) = delete;
 
   // libseat keeps its own descriptor per device; ours is a copy that we may close.
-  [[nodiscard]] frames::UniqueFd open_device(const std::string& path) override {
+  [[nodiscard]] UniqueFd open_device(const std::string& path) override {
     int opened = -1;
     const int device = libseat_open_device(seat_, path.c_str(), &opened);
     if (device < 0)
       throw Error(ErrorKind::Device, fmt::format("{}: seat: {}", path, std::strerror(errno)),
                   "the session must be the active one of its seat");
-    frames::UniqueFd fd(opened);
+    UniqueFd fd(opened);
     devices_.emplace_back(fd.get(), device);
     return fd;
   }

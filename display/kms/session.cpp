@@ -8,15 +8,15 @@
 #include <cerrno>
 #include <cstring>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 namespace {
 
 class DirectSession final : public Session {
  public:
-  [[nodiscard]] frames::UniqueFd open_device(const std::string& path) override {
-    frames::UniqueFd fd(open(path.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK));
+  [[nodiscard]] UniqueFd open_device(const std::string& path) override {
+    UniqueFd fd(open(path.c_str(), O_RDWR | O_CLOEXEC | O_NONBLOCK));
     if (fd) return fd;
     throw Error(ErrorKind::Device, fmt::format("{}: {}", path, std::strerror(errno)),
                 errno == EACCES ? "add the user to the group 'video'" : "");

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "frames/ring/unique_fd.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::display {
 
@@ -20,7 +20,7 @@ class Session {
  public:
   virtual ~Session() = default;
   /// Throws Error(Device) naming the path.
-  [[nodiscard]] virtual frames::UniqueFd open_device(const std::string& path) = 0;
+  [[nodiscard]] virtual UniqueFd open_device(const std::string& path) = 0;
   /// Called before the descriptor is closed.
   virtual void close_device(int fd) noexcept = 0;
   /// Whether we are master of the card, after trying to become it.

@@ -4,8 +4,8 @@
 #include <cstring>
 #include <new>
 
+#include "base/error.h"
 #include "display/scanout_format.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "display/vblank_timeline.h"
 #include "display/virtual/recording_thread.h"
 #include "display/virtual/virtual_buffer.h"
-#include "optics/error.h"
 
 namespace lenticule::display {
 namespace {

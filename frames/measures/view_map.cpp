@@ -5,9 +5,9 @@
 
 #include <algorithm>
 
+#include "base/error.h"
 #include "frames/quilt.h"
 #include "frames/weave.h"
-#include "optics/error.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::frames {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "base/error.h"
 #include "frames/compare.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

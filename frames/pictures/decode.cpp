@@ -11,10 +11,10 @@
 #include <memory>
 #include <optional>
 
+#include "base/error.h"
 #include "frames/image_format.h"
 #include "frames/pictures/oiio_setup.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 
 namespace lenticule::frames::pictures {
 namespace {

@@ -11,9 +11,9 @@
 #include <memory>
 #include <mutex>
 
+#include "base/error.h"
 #include "frames/pictures/oiio_setup.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 
 namespace lenticule::frames::pictures {
 namespace {

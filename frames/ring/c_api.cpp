@@ -7,9 +7,9 @@
 #include <new>
 #include <string>
 
+#include "base/error.h"
 #include "frames/ring/ring_renderer.h"
 #include "include/lenticule.h"
-#include "optics/error.h"
 
 using lenticule::frames::RendererHello;
 using lenticule::frames::RingRenderer;

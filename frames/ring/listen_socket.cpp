@@ -9,7 +9,7 @@
 #include <cstring>
 #include <thread>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -10,7 +10,7 @@
 #include <filesystem>
 #include <optional>
 
-#include "frames/ring/unique_fd.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::frames {
 

@@ -11,7 +11,7 @@
 #include <new>
 #include <string>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 namespace {

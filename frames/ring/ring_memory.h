@@ -5,10 +5,10 @@
 
 #include <span>
 
+#include "base/unique_fd.h"
 #include "frames/ring/mapping.h"
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_player.h"
-#include "frames/ring/unique_fd.h"
 
 namespace lenticule::frames {
 

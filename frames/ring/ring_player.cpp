@@ -14,11 +14,11 @@
 #include <cstring>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/ring/listen_socket.h"
 #include "frames/ring/ring_memory.h"
 #include "frames/ring/ring_protocol.h"
 #include "frames/ring/slot_ledger.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

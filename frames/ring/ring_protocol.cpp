@@ -8,7 +8,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 namespace {

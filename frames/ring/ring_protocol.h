@@ -11,9 +11,9 @@
 #include <string_view>
 #include <type_traits>
 
+#include "base/unique_fd.h"
 #include "frames/ring/ring_renderer.h"
 #include "frames/ring/slot_entry.h"
-#include "frames/ring/unique_fd.h"
 
 namespace lenticule::frames {
 

@@ -12,11 +12,11 @@
 #include <new>
 #include <thread>
 
+#include "base/error.h"
 #include "frames/ring/listen_socket.h"
 #include "frames/ring/mapping.h"
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_protocol.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 namespace {

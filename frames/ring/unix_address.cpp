@@ -2,8 +2,8 @@
 // From a path to what connect() and bind() take.
 #include <cstring>
 
+#include "base/error.h"
 #include "frames/ring/listen_socket.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 

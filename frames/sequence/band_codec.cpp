@@ -6,9 +6,9 @@
 #include <cstring>
 #include <new>
 
+#include "base/error.h"
 #include "frames/sequence/little_endian.h"
 #include "frames/sequence/tap_variants.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

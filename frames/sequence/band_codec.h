@@ -9,8 +9,8 @@
 #include <span>
 #include <vector>
 
+#include "base/cpu.h"
 #include "frames/sequence/tap_kernel.h"
-#include "optics/cpu.h"
 
 namespace lenticule::frames {
 

@@ -7,10 +7,10 @@
 #include <optional>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/sequence_format.h"
 #include "frames/sequence/tap_choice.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

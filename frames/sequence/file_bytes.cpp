@@ -10,7 +10,7 @@
 #include <limits>
 #include <system_error>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 namespace {

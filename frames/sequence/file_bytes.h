@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <span>
 
-#include "frames/ring/unique_fd.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::frames {
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
 #include "frames/sequence/sequence_format.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

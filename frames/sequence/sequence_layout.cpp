@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <array>
 
+#include "base/error.h"
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/little_endian.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

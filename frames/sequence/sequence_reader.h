@@ -7,8 +7,8 @@
 #include <functional>
 #include <vector>
 
+#include "base/unique_fd.h"
 #include "frames/frame.h"
-#include "frames/ring/unique_fd.h"
 #include "frames/sequence/frame_decoder.h"
 #include "frames/sequence/sequence_layout.h"
 

@@ -11,12 +11,12 @@
 #include <cstring>
 #include <system_error>
 
-#include "frames/atomic_file.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/frame_decoder.h"
 #include "frames/sequence/little_endian.h"
 #include "frames/sequence/tap_choice.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -8,8 +8,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "base/unique_fd.h"
 #include "frames/frame.h"
-#include "frames/ring/unique_fd.h"
 #include "frames/sequence/band_codec.h"
 #include "frames/sequence/band_workers.h"
 #include "frames/sequence/sequence_layout.h"

@@ -2,8 +2,8 @@
 // The tap kernel's functions for an instruction set.
 #pragma once
 
+#include "base/cpu.h"
 #include "frames/sequence/tap_kernel.h"
-#include "optics/cpu.h"
 
 namespace lenticule::frames {
 

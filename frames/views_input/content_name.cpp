@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 namespace {

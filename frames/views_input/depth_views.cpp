@@ -7,9 +7,9 @@
 #include <cmath>
 #include <limits>
 
+#include "base/error.h"
 #include "frames/quilt.h"
 #include "frames/weaving/fixed_light.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

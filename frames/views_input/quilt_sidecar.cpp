@@ -7,9 +7,9 @@
 #include <cmath>
 #include <span>
 
-#include "optics/error.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "optics/json_fields.h"
-#include "optics/text_file.h"
 
 namespace lenticule::frames {
 namespace {
@@ -160,7 +160,7 @@ std::optional<QuiltSidecar> read_sidecar_of(const std::filesystem::path& picture
   const std::filesystem::path file = sidecar_of(picture);
   std::error_code ignored;
   if (file == picture || !std::filesystem::exists(file, ignored)) return std::nullopt;
-  return parse_quilt_sidecar(optics::read_text_file(file, kMaxSidecarBytes), file.string());
+  return parse_quilt_sidecar(read_text_file(file, kMaxSidecarBytes), file.string());
 }
 
 }  // namespace lenticule::frames

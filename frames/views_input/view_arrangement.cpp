@@ -3,9 +3,9 @@
 
 #include <fmt/format.h>
 
+#include "base/error.h"
 #include "frames/decoded_view.h"
 #include "frames/weaving/reweave.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::frames {
 

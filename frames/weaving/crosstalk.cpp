@@ -7,8 +7,8 @@
 #include <cmath>
 #include <utility>
 
+#include "base/error.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -9,8 +9,8 @@
 #include <cstring>
 #include <utility>
 
+#include "base/error.h"
 #include "frames/weaving/fixed_light.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 

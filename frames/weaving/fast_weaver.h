@@ -11,11 +11,11 @@
 #include <thread>
 #include <vector>
 
+#include "base/cpu.h"
 #include "frames/frame.h"
 #include "frames/quilt.h"
 #include "frames/weave.h"
 #include "frames/weaving/weave_plan.h"
-#include "optics/cpu.h"
 
 namespace lenticule::frames {
 

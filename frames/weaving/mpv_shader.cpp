@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "base/error.h"
 #include "optics/effective_sheet.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/error.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -8,10 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/decoded_view.h"
 #include "frames/srgb.h"
 #include "frames/weave.h"
-#include "optics/error.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::frames {

@@ -10,7 +10,7 @@
 #include <limits>
 #include <thread>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::frames {

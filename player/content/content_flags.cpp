@@ -8,7 +8,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 namespace {

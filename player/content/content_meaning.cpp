@@ -5,10 +5,10 @@
 
 #include <cmath>
 
+#include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/views_input/quilt_sidecar.h"
-#include "optics/error.h"
 #include "player/source_names.h"
 
 namespace lenticule::player {

@@ -8,10 +8,10 @@
 #include <chrono>
 #include <utility>
 
+#include "base/error.h"
 #include "frames/image_sequence.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/weaving/reweave.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/interrupt.h"

@@ -6,9 +6,9 @@
 #include <chrono>
 #include <utility>
 
+#include "base/error.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/weaving/quilt_file.h"
-#include "optics/error.h"
 #include "player/interrupt.h"
 
 namespace lenticule::player {

@@ -10,11 +10,11 @@
 #include <system_error>
 #include <utility>
 
+#include "base/error.h"
+#include "base/file.h"
 #include "frames/image_io.h"
 #include "frames/views_input/quilt_sidecar.h"
 #include "frames/weaving/quilt_file.h"
-#include "optics/error.h"
-#include "optics/text_file.h"
 #include "player/content/content_meaning.h"
 #include "player/source_names.h"
 #include "player/video_program.h"
@@ -127,7 +127,7 @@ void write_sidecar(const std::string& target, uint64_t first, const frames::Quil
   nlohmann::json sidecar = {
       {"columns", layout.columns}, {"rows", layout.rows}, {"viewCount", layout.view_count()}};
   if (layout.aspect) sidecar["aspect"] = *layout.aspect;
-  optics::write_text_file(frames::sidecar_of(picture), sidecar.dump(2) + "\n");
+  write_text_file(frames::sidecar_of(picture), sidecar.dump(2) + "\n");
 }
 
 }  // namespace

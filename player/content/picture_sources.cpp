@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <thread>
 
+#include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
 #include "frames/sequence/sequence_source.h"
-#include "optics/error.h"
 #include "player/video_program.h"
 #include "player/video_source.h"
 

@@ -13,8 +13,8 @@
 #include <thread>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/ring/listen_socket.h"
-#include "optics/error.h"
 
 namespace lenticule::player {
 namespace {
@@ -42,7 +42,7 @@ ControlClient::ControlClient(const std::string& socket, std::chrono::millisecond
   const frames::UnixAddress address = frames::unix_address(socket);
   const auto deadline = Clock::now() + patience;
   do {
-    fd_ = frames::UniqueFd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    fd_ = UniqueFd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     if (fd_ && ::connect(fd_.get(), address.get(), address.bytes) == 0) return;
     if (errno != EAGAIN && errno != EINTR) break;  // else its queue is full
     std::this_thread::sleep_for(std::chrono::milliseconds(10));

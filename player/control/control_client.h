@@ -7,7 +7,7 @@
 #include <optional>
 #include <string>
 
-#include "frames/ring/unique_fd.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::player {
 
@@ -29,7 +29,7 @@ class ControlClient {
 
   std::string socket_;
   std::chrono::milliseconds patience_;
-  frames::UniqueFd fd_;
+  UniqueFd fd_;
   std::string in_;
 };
 

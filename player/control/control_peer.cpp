@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <array>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 

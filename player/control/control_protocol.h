@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 

@@ -23,7 +23,7 @@ constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 constexpr int kTickMs = 500;
 
 /// Best effort: a connection that is about to be closed is told why, if it can take it at once.
-void tell_and_close(const frames::UniqueFd& fd, const Error& error) {
+void tell_and_close(const UniqueFd& fd, const Error& error) {
   const std::string line = error_line(nullptr, error);
   (void)::send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
 }
@@ -119,7 +119,7 @@ void ControlServer::serve_once() {
 void ControlServer::accept_all() {
   std::erase_if(clients_, [](const auto& client) { return client->dead; });
   for (int k = 0; k < kAcceptsAtOnce; ++k) {
-    frames::UniqueFd fd = socket_.accept();
+    UniqueFd fd = socket_.accept();
     if (fd) {
       admit(std::move(fd));
     } else {
@@ -130,7 +130,7 @@ void ControlServer::accept_all() {
   }
 }
 
-void ControlServer::admit(frames::UniqueFd fd) {
+void ControlServer::admit(UniqueFd fd) {
   const std::optional<ControlPeer> peer = options_.peer(fd.get());
   const ControlRights rights = peer ? rights_of(*peer, policy_) : ControlRights::None;
   if (rights == ControlRights::None) {

@@ -15,10 +15,10 @@
 #include <variant>
 #include <vector>
 
+#include "base/wake_fd.h"
 #include "frames/ring/listen_socket.h"
 #include "player/control/control_peer.h"
 #include "player/control/control_protocol.h"
-#include "player/wake_fd.h"
 
 namespace lenticule::player {
 
@@ -73,7 +73,7 @@ class ControlServer {
  private:
   using Clock = std::chrono::steady_clock;
   struct Client {
-    frames::UniqueFd fd;
+    UniqueFd fd;
     uint64_t number = 0;
     ControlRights rights = ControlRights::None;
     std::string in{};
@@ -105,7 +105,7 @@ class ControlServer {
   void serve_once();
   [[nodiscard]] bool reads(const Client& client) const;
   void accept_all();
-  void admit(frames::UniqueFd fd);
+  void admit(UniqueFd fd);
   void receive(Client& client);
   void take_lines(Client& client);
   void take_line(Client& client, const std::string& line);

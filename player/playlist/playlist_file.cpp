@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <array>
 
-#include "optics/error.h"
-#include "optics/text_file.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "optics/toml_text.h"
 #include "player/playlist/playlist.h"
 #include "player/source_names.h"
@@ -246,8 +246,7 @@ Playlist parse_playlist(std::string_view toml, const std::string& name,
 }
 
 Playlist load_playlist(const std::filesystem::path& file) {
-  return parse_playlist(optics::read_text_file(file, kMaxPlaylistBytes), file.string(),
-                        file.parent_path());
+  return parse_playlist(read_text_file(file, kMaxPlaylistBytes), file.string(), file.parent_path());
 }
 
 }  // namespace lenticule::player

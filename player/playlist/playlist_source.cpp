@@ -27,8 +27,8 @@ constexpr frames::Rate kStillRate{4, 1};
 constexpr auto kLongestJump = std::chrono::seconds(30);
 constexpr size_t kRemembered = 64;
 
-frames::UniqueFd checked(int fd) {
-  if (fd >= 0) return frames::UniqueFd(fd);
+UniqueFd checked(int fd) {
+  if (fd >= 0) return UniqueFd(fd);
   throw Error(ErrorKind::Failed, fmt::format("playlist: no descriptor: {}", std::strerror(errno)),
               "raise the limit of open files");
 }

@@ -15,9 +15,9 @@
 #include <thread>
 #include <vector>
 
+#include "base/error.h"
+#include "base/unique_fd.h"
 #include "frames/frame_source.h"
-#include "frames/ring/unique_fd.h"
-#include "optics/error.h"
 #include "player/playlist/playlist.h"
 #include "player/source_open.h"
 
@@ -200,8 +200,8 @@ class PlaylistSource final : public frames::FrameSource {
 
   const PlaylistSourceOptions options_;
   frames::Rate display_rate_{60, 1};
-  frames::UniqueFd wake_;
-  frames::UniqueFd poll_;  ///< wakes for wake_ and for what the current item waits for
+  UniqueFd wake_;
+  UniqueFd poll_;  ///< wakes for wake_ and for what the current item waits for
 
   // Filling thread only.
   std::unique_ptr<Play> current_;

@@ -10,7 +10,7 @@
 #include <functional>
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/stability/rows.h"
 #include "player/stability/small_scenes.h"
 #include "player/stability/tally.h"

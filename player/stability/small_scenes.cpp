@@ -5,7 +5,7 @@
 #include <limits>
 #include <numbers>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/interrupt.h"
 
 namespace lenticule::player {

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/video/descriptor_io.h"
 
 namespace lenticule::video {

@@ -17,7 +17,7 @@
 #include <cstring>
 #include <string>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/video/seccomp_filter.h"
 
 namespace lenticule::video {

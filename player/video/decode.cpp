@@ -10,9 +10,9 @@
 #include <thread>
 #include <utility>
 
+#include "base/error.h"
+#include "base/unique_fd.h"
 #include "frames/ring/ring_renderer.h"
-#include "frames/ring/unique_fd.h"
-#include "optics/error.h"
 #include "player/video/clip_reader.h"
 #include "player/video/confinement.h"
 #include "player/video/frame_number.h"
@@ -229,7 +229,7 @@ void Feed::report_broken() {
 int run_decode(const DecodeRequest& request) {
   if (request.parent > 0 && !die_with(request.parent)) return 1;
   volunteer_for_oom();
-  const frames::UniqueFd input(open_clip_file(request.file));
+  const UniqueFd input(open_clip_file(request.file));
   const auto ring = frames::RingRenderer::connect(request.ring,
                                                   {.name = "lenticule-video",
                                                    .rig_fingerprint = request.rig_fingerprint,

@@ -6,7 +6,7 @@
 
 #include <cerrno>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::video {
 namespace {

@@ -14,10 +14,10 @@
 #include <tuple>
 #include <vector>
 
+#include "base/error.h"
+#include "base/unique_fd.h"
 #include "frames/rational.h"
 #include "frames/ring/ring_layout.h"
-#include "frames/ring/unique_fd.h"
-#include "optics/error.h"
 #include "player/video/confinement.h"
 #include "player/video/descriptor_io.h"
 #include "player/video/pixel_convert.h"
@@ -233,8 +233,7 @@ class OutputFile {
     if (name_ == "-") return;
     const std::filesystem::path path(name_);
     temporary_ = path.parent_path() / fmt::format(".lenticule-video-{}.tmp", getpid());
-    file_ =
-        frames::UniqueFd(::open(temporary_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
+    file_ = UniqueFd(::open(temporary_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
     if (!file_) cannot_write(name_, std::strerror(errno));
   }
   ~OutputFile() {
@@ -254,7 +253,7 @@ class OutputFile {
  private:
   std::string name_;
   std::filesystem::path temporary_;
-  frames::UniqueFd file_;
+  UniqueFd file_;
 };
 
 void check(const EncodeRequest& request) {

@@ -10,7 +10,7 @@
 #include <functional>
 #include <map>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/exit_code.h"
 #include "player/video/av_handles.h"
 #include "player/video/subcommands.h"

@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "frames/ring/unique_fd.h"
+#include "base/unique_fd.h"
 #include "player/video/clip_reader.h"
 #include "player/video/confinement.h"
 #include "player/video/subcommands.h"
@@ -64,7 +64,7 @@ json describe(AVFormatContext& format, AVStream& stream) {
 }  // namespace
 
 int run_probe(const std::string& file) {
-  const frames::UniqueFd input(open_clip_file(file));
+  const UniqueFd input(open_clip_file(file));
   alarm(kSeconds);  // a file that takes longer to understand ends the program
   confine(kMemoryBytes);
   const int fd = input.get();

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::render {
 namespace {

@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/adaptive/adaptive_frame.h"
 #include "render/denormals.h"
 #include "render/method_full.h"

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::render {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <span>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/limits.h"
 

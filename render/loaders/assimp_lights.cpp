@@ -7,7 +7,7 @@
 #include <numbers>
 #include <span>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/limits.h"
 #include "render/stage.h"

@@ -8,7 +8,7 @@
 #include <assimp/Importer.hpp>
 #include <memory>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/loaders/animation.h"
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/guarded_files.h"

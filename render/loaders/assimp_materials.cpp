@@ -10,9 +10,9 @@
 #include <optional>
 #include <span>
 
+#include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/limits.h"
 

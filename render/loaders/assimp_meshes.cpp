@@ -5,7 +5,7 @@
 #include <cmath>
 #include <span>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/mesh_cleanup.h"

@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include "frames/atomic_file.h"
-#include "optics/error.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "render/loaders/camera_pose.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/text_reader.h"
@@ -61,7 +61,7 @@ std::vector<Camera> parse_camera_path(std::string_view text, const std::string& 
 }
 
 std::vector<Camera> load_camera_path(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = frames::read_whole_file(file, kMaxPathFileBytes);
+  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxPathFileBytes);
   return parse_camera_path({reinterpret_cast<const char*>(bytes.data()), bytes.size()},
                            file.string());
 }

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "frames/atomic_file.h"
-#include "optics/error.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "render/loaders/limits.h"
 
 namespace lenticule::render {
@@ -61,8 +61,7 @@ bool GuardedFiles::Exists(const char* file) const {
 Assimp::IOStream* GuardedFiles::Open(const char* file, const char* mode) {
   if (std::string_view(mode).find_first_of("wa+") != std::string_view::npos) return nullptr;
   try {
-    return std::make_unique<BytesStream>(frames::read_whole_file(file, kMaxSceneFileBytes))
-        .release();
+    return std::make_unique<BytesStream>(read_whole_file(file, kMaxSceneFileBytes)).release();
   } catch (const Error&) {
     return nullptr;  // assimp's way of being told that a file cannot be read
   }

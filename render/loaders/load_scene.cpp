@@ -2,7 +2,7 @@
 // Chooses the loader for a file.
 #include <fmt/format.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/loaders/assimp_loader.h"
 #include "render/loaders/nff.h"
 #include "render/loaders/scene_extension.h"

@@ -8,8 +8,8 @@
 #include <limits>
 #include <map>
 
-#include "frames/atomic_file.h"
-#include "optics/error.h"
+#include "base/error.h"
+#include "base/file.h"
 #include "render/loaders/camera_pose.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/polygon.h"
@@ -276,7 +276,7 @@ SceneDescription parse_nff(std::string_view text, const std::string& source) {
 }
 
 SceneDescription load_nff(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = frames::read_whole_file(file, kMaxSceneFileBytes);
+  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxSceneFileBytes);
   return parse_nff({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, file.string());
 }
 

@@ -6,7 +6,7 @@
 #include <charconv>
 #include <cmath>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/loaders/limits.h"
 
 namespace lenticule::render {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::render {
 namespace {

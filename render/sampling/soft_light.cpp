@@ -5,7 +5,7 @@
 
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::render {
 namespace {

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <span>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 #include "render/committed_scene.h"
 #include "render/ray_stream.h"
 #include "render/sampling/sample_set.h"

@@ -3,14 +3,15 @@
 # a room may include itself and those below it, and a library belongs to the rooms that wrap it.
 cmake_minimum_required(VERSION 3.25)
 
-set(rooms optics frames scenes render display calib player)
-set(optics_may optics)
-set(frames_may optics frames)
-set(scenes_may optics scenes)
-set(render_may optics frames render)
-set(display_may optics frames display)
-set(calib_may optics frames calib)
-set(player_may optics frames scenes render display calib player)
+set(rooms base optics frames scenes render display calib player)
+set(base_may base)
+set(optics_may base optics)
+set(frames_may base optics frames)
+set(scenes_may base optics scenes)
+set(render_may base optics frames render)
+set(display_may base optics frames display)
+set(calib_may base optics frames calib)
+set(player_may base optics frames scenes render display calib player)
 
 # library header pattern -> rooms that may name it
 set(libraries embree OpenImageIO assimp tbb "toml" xf86drm libudev libseat "linux/videodev2" ceres Eigen unsupported/Eigen CLI systemd turbojpeg apriltag zstd lz4 libav)

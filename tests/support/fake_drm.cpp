@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cerrno>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::testing {
 namespace {
@@ -45,12 +45,12 @@ class FakeClock final : public display::Clock {
 class FakeSession final : public display::Session {
  public:
   explicit FakeSession(FakeDrm& machine) : machine_(machine) {}
-  [[nodiscard]] frames::UniqueFd open_device(const std::string& path) override {
+  [[nodiscard]] UniqueFd open_device(const std::string& path) override {
     FakeCard* card = machine_.card_at(path);
     if (card == nullptr || card->gone)
       throw Error(ErrorKind::Device, path + ": No such file or directory");
     if (card->forbidden) throw Error(ErrorKind::Device, path + ": Permission denied");
-    return frames::UniqueFd(card->open_end());
+    return UniqueFd(card->open_end());
   }
   void close_device(int fd) noexcept override {
     if (FakeCard* card = machine_.card_of(fd)) card->closed(fd);

@@ -10,8 +10,8 @@
 #include <cstring>
 #include <numeric>
 
+#include "base/error.h"
 #include "fake_drm.h"
-#include "optics/error.h"
 
 namespace lenticule::testing {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 
 namespace lenticule::test {
 

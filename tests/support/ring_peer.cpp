@@ -96,9 +96,9 @@ std::vector<std::optional<uint64_t>> pull_all(frames::RingPlayer& player) {
   return ids;
 }
 
-frames::UniqueFd knock(const std::filesystem::path& socket) {
+UniqueFd knock(const std::filesystem::path& socket) {
   const frames::UnixAddress address = frames::unix_address(socket);
-  frames::UniqueFd fd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+  UniqueFd fd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
   if (!fd || ::connect(fd.get(), address.get(), address.bytes) != 0)
     throw std::runtime_error("cannot connect to " + socket.string());
   return fd;

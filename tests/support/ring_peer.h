@@ -11,11 +11,11 @@
 #include <span>
 #include <vector>
 
+#include "base/unique_fd.h"
 #include "frames/ring/mapping.h"
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_player.h"
 #include "frames/ring/ring_renderer.h"
-#include "frames/ring/unique_fd.h"
 
 namespace lenticule::test {
 
@@ -64,7 +64,7 @@ void serviced(frames::RingPlayer& player, const std::function<void()>& body);
 [[nodiscard]] std::vector<std::optional<uint64_t>> pull_all(frames::RingPlayer& player);
 
 /// A connected SEQPACKET socket, nothing said yet.
-[[nodiscard]] frames::UniqueFd knock(const std::filesystem::path& socket);
+[[nodiscard]] UniqueFd knock(const std::filesystem::path& socket);
 
 /// A renderer without manners: shakes hands properly, then lets the test do anything to the shared
 /// memory and the socket. Waits at most 20 s for the player.
@@ -83,9 +83,9 @@ class RawRenderer {
   void hang_up() { socket_.reset(); }
 
  private:
-  frames::UniqueFd socket_;
-  frames::UniqueFd memory_fd_;
-  frames::UniqueFd published_event_;
+  UniqueFd socket_;
+  UniqueFd memory_fd_;
+  UniqueFd published_event_;
   frames::Epoch epoch_ = 0;
   frames::RingLayout layout_;
   frames::Mapping memory_;

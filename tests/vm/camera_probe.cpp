@@ -12,8 +12,8 @@
 #include <map>
 #include <thread>
 
+#include "base/error.h"
 #include "calib/cameras/v4l2_camera.h"
-#include "optics/error.h"
 #include "video_node.h"
 
 namespace lenticule::vm {

@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "base/error.h"
 #include "calib/cameras/pixel_unpack.h"
-#include "optics/error.h"
 
 namespace {
 

@@ -3,8 +3,8 @@
 // have.
 #include <string_view>
 
+#include "base/error.h"
 #include "frames/views_input/quilt_sidecar.h"
-#include "optics/error.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace lenticule::frames;

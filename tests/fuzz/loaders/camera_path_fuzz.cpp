@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/loaders/camera_path.h"
 #include "render/loaders/camera_pose.h"
 

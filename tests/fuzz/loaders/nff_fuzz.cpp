@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/loaders/nff.h"
 
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/model.h"
 #include "optics/rig_file.h"
 

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/trim.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <string_view>
 
+#include "base/error.h"
 #include "optics/calibration_import.h"
-#include "optics/error.h"
 #include "optics/model.h"
 
 namespace {

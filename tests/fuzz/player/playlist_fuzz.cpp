@@ -2,7 +2,7 @@
 // Any bytes as a playlist: an Error with a line, or a list that can be walked through.
 #include <string_view>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/playlist/playlist.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {

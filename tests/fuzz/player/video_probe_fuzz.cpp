@@ -2,8 +2,8 @@
 // Any bytes as what lenticule-video says: an Error, or streams that a ring can be made for.
 #include <string_view>
 
+#include "base/error.h"
 #include "frames/ring/ring_layout.h"
-#include "optics/error.h"
 #include "player/video_probe.h"
 
 namespace {

@@ -6,10 +6,10 @@
 #include <memory>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/ring/ring_layout.h"
 #include "frames/ring/ring_protocol.h"
 #include "frames/ring/slot_ledger.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -8,10 +8,10 @@
 #include <algorithm>
 #include <vector>
 
+#include "base/error.h"
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/frame_decoder.h"
 #include "frames/sequence/little_endian.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

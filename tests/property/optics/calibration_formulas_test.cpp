@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "base/error.h"
 #include "optics/calibration_import.h"
-#include "optics/error.h"
 #include "optics/model.h"
 #include "tests/support/random_rigs.h"
 

@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "base/error.h"
 #include "display/virtual/virtual_display.h"
-#include "optics/error.h"
 #include "tests/support/fake_source.h"
 
 namespace lenticule::display {

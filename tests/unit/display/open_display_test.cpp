@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::display {
 namespace {

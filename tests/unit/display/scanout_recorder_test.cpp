@@ -10,9 +10,9 @@
 #include <sstream>
 #include <vector>
 
+#include "base/error.h"
 #include "display/scanout_format.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 #include "tests/support/fake_source.h"
 
 namespace lenticule::display {

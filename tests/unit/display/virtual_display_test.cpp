@@ -5,8 +5,8 @@
 
 #include <atomic>
 
+#include "base/error.h"
 #include "display/vblank_timeline.h"
-#include "optics/error.h"
 #include "tests/support/fake_source.h"
 #include "tests/support/scripted_faults.h"
 

@@ -19,7 +19,7 @@ class Handover : public KmsStage {
     left->state = show->handover();
     // The same open file under another number, as a descriptor store keeps it.
     const int old_fd = show->card_fd();
-    left->card = frames::UniqueFd(fcntl(old_fd, F_DUPFD_CLOEXEC, 0));
+    left->card = UniqueFd(fcntl(old_fd, F_DUPFD_CLOEXEC, 0));
     const int ours = card.ends.at(old_fd);
     card.ends.erase(old_fd);
     card.ends[left->card.get()] = ours;
@@ -105,7 +105,7 @@ TEST_F(Handover, AFreshStartUsesTheCardButNoBufferOfTheDead) {
 
 TEST_F(Handover, DescriptorThatIsNoCardIsNotUsed) {
   options.inherited = std::make_shared<display::InheritedOutput>();
-  options.inherited->card = frames::UniqueFd(::open("/dev/null", O_RDWR | O_CLOEXEC));
+  options.inherited->card = UniqueFd(::open("/dev/null", O_RDWR | O_CLOEXEC));
   open();
   flip(1);
   expect_on_glass(1);

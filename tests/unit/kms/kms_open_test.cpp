@@ -4,9 +4,9 @@
 
 #include <cerrno>
 
+#include "base/error.h"
 #include "display/kms/inspect.h"
 #include "kms_stage.h"
-#include "optics/error.h"
 
 namespace lenticule::testing {
 

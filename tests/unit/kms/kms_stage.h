@@ -7,8 +7,8 @@
 #include <memory>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/kms_display.h"
-#include "optics/error.h"
 #include "tests/support/fake_drm.h"
 
 namespace lenticule::testing {

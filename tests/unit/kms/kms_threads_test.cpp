@@ -19,7 +19,7 @@ class KmsThreads : public KmsStage {
 };
 
 TEST_F(KmsThreads, PanelIsAskedOnAThreadOfItsOwn) {
-  const frames::UniqueFd fd = options.session->open_device(card.path);
+  const UniqueFd fd = options.session->open_device(card.path);
   const auto seen = display::read_connector(fd.get(), connector->id, display::Probe::Cached);
   ASSERT_TRUE(seen);
   {

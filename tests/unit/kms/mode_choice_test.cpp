@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/fake_drm.h"
 
 namespace lenticule::testing {

@@ -6,7 +6,7 @@
 
 #include <string>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule {
 

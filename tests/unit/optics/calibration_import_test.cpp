@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::optics {
 namespace {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {

@@ -11,7 +11,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {

@@ -7,7 +7,7 @@
 #include <functional>
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/model.h"
 #include "tests/support/random_rigs.h"
 

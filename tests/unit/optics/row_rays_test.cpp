@@ -5,7 +5,7 @@
 
 #include <cstring>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/random_rigs.h"
 

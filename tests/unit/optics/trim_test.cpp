@@ -11,7 +11,7 @@
 #include <fstream>
 #include <sstream>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/model.h"
 #include "optics/rig_file.h"
 #include "tests/support/random_rigs.h"

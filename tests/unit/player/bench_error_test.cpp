@@ -9,9 +9,9 @@
 #include <cmath>
 #include <limits>
 
+#include "base/error.h"
 #include "frames/compare.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
 #include "player/bench.h"
 #include "player/bench_error_eyes.h"

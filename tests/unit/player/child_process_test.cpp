@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 namespace {

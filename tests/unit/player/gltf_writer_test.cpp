@@ -8,7 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/built_in_scene.h"
 #include "player/scratch_folder.h"
 #include "render/stage.h"

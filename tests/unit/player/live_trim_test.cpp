@@ -13,8 +13,8 @@
 #include <filesystem>
 #include <string>
 
+#include "base/error.h"
 #include "calib/by_eye/charts.h"
-#include "optics/error.h"
 #include "optics/rig_file.h"
 #include "player/raw_terminal.h"
 #include "player/views_source.h"

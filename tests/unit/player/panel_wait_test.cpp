@@ -8,9 +8,9 @@
 #include <functional>
 #include <vector>
 
+#include "base/wake_fd.h"
 #include "display/test_card.h"
 #include "player/card_texts.h"
-#include "player/wake_fd.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::player {

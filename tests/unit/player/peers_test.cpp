@@ -7,7 +7,7 @@
 
 #include <memory>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/pov_writer.h"
 #include "render/loaders/nff.h"
 #include "scenes/scene_list.h"

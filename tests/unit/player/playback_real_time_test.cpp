@@ -5,8 +5,8 @@
 
 #include <thread>
 
+#include "base/error.h"
 #include "display/virtual/virtual_display.h"
-#include "optics/error.h"
 #include "player/playback.h"
 #include "tests/support/fake_source.h"
 

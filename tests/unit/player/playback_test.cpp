@@ -7,8 +7,8 @@
 
 #include <utility>
 
+#include "base/error.h"
 #include "display/virtual/virtual_display.h"
-#include "optics/error.h"
 #include "tests/support/fake_source.h"
 #include "tests/support/scripted_faults.h"
 

@@ -31,7 +31,7 @@ constexpr int kPatienceMs = 5000;
 
 struct Message {
   std::string text;
-  frames::UniqueFd fd;
+  UniqueFd fd;
 };
 
 /// A service manager's end of $NOTIFY_SOCKET.
@@ -79,18 +79,18 @@ class ListeningManager {
       if (c->cmsg_type != SCM_RIGHTS) continue;
       int fd = -1;
       std::memcpy(&fd, CMSG_DATA(c), sizeof(fd));
-      message.fd = frames::UniqueFd(fd);
+      message.fd = UniqueFd(fd);
     }
     return message;
   }
 
  private:
-  frames::UniqueFd socket_;
+  UniqueFd socket_;
   std::filesystem::path folder_;
 };
 
-frames::UniqueFd memory_file(const std::vector<uint8_t>& bytes) {
-  frames::UniqueFd file(memfd_create("test", MFD_CLOEXEC));
+UniqueFd memory_file(const std::vector<uint8_t>& bytes) {
+  UniqueFd file(memfd_create("test", MFD_CLOEXEC));
   EXPECT_EQ(write(file.get(), bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
   return file;
 }
@@ -141,7 +141,7 @@ TEST(ServiceManager, KnowsItsWatchdog) {
 
 TEST(ServiceManager, ReplacesWhatItKeptUnderThatName) {
   ListeningManager listener;
-  const frames::UniqueFd file = memory_file({1, 2, 3});
+  const UniqueFd file = memory_file({1, 2, 3});
   ServiceManager().keep("card", file.get());
   EXPECT_EQ(listener.next().text, "FDSTOREREMOVE=1\nFDNAME=card");
   const Message kept = listener.next();
@@ -150,7 +150,7 @@ TEST(ServiceManager, ReplacesWhatItKeptUnderThatName) {
 }
 
 TEST(KeptDescriptors, ComeWithTheirNamesAndOnlyOnce) {
-  const frames::UniqueFd file = memory_file({7});
+  const UniqueFd file = memory_file({7});
   const pid_t child = fork();
   if (child == 0) {  // descriptors have to be number 3 and up
     const int high = fcntl(file.get(), F_DUPFD, 100);

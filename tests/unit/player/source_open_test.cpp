@@ -8,8 +8,8 @@
 
 #include <filesystem>
 
+#include "base/error.h"
 #include "frames/image_io.h"
-#include "optics/error.h"
 #include "tests/support/fake_source.h"
 
 namespace lenticule::player {

@@ -6,7 +6,7 @@
 
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::player {
 namespace {

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <optional>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/video/pixel_convert.h"
 #include "tests/unit/player/video_stage.h"
 

@@ -8,8 +8,8 @@
 #include <cerrno>
 #include <csignal>
 
+#include "base/error.h"
 #include "frames/ring/ring_player.h"
-#include "optics/error.h"
 #include "player/video/frame_number.h"
 #include "tests/unit/player/video_stage.h"
 

@@ -4,7 +4,7 @@
 
 #include <gmock/gmock.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {

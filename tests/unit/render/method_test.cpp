@@ -6,7 +6,7 @@
 #include <atomic>
 #include <cmath>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

@@ -11,7 +11,7 @@
 #include <random>
 #include <vector>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 #include "render/embree.h"
 #include "render/quadrics.h"
 #include "render/user_geometry.h"

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "optics/eye_simulator.h"
 #include "render/denormals.h"
 #include "render/method.h"

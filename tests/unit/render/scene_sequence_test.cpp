@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::player {

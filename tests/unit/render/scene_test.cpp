@@ -8,7 +8,7 @@
 #include <functional>
 #include <limits>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/committed_scene.h"
 #include "tests/support/tiny_scenes.h"
 

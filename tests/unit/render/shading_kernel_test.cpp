@@ -9,7 +9,7 @@
 #include <cstring>
 #include <random>
 
-#include "optics/cpu.h"
+#include "base/cpu.h"
 #include "render/embree_packets.h"
 #include "render/octahedron.h"
 #include "render/ray_stream.h"

@@ -12,8 +12,8 @@
 #include <limits>
 #include <numbers>
 
+#include "base/error.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 #include "render/committed_scene.h"
 #include "render/denormals.h"
 #include "render/method.h"

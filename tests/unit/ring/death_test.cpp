@@ -10,7 +10,7 @@
 #include <random>
 #include <thread>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/ring_peer.h"
 
 namespace lenticule::frames {

@@ -11,8 +11,8 @@
 #include <random>
 #include <thread>
 
+#include "base/error.h"
 #include "frames/ring/ring_protocol.h"
-#include "optics/error.h"
 #include "tests/support/ring_peer.h"
 
 namespace lenticule::frames {

@@ -5,8 +5,8 @@
 
 #include <cstring>
 
+#include "base/error.h"
 #include "frames/ring/ring_protocol.h"
-#include "optics/error.h"
 
 namespace lenticule::frames {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <thread>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/ring_peer.h"
 
 namespace lenticule::frames {

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <thread>
 
+#include "base/error.h"
 #include "frames/ring/listen_socket.h"
-#include "optics/error.h"
 #include "tests/support/ring_peer.h"
 
 namespace lenticule::frames {

@@ -8,7 +8,7 @@
 #include <set>
 #include <sstream>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::scenes {
 namespace {

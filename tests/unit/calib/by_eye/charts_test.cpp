@@ -8,8 +8,8 @@
 #include <numeric>
 #include <random>
 
+#include "base/error.h"
 #include "calib/by_eye/sheet_values.h"
-#include "optics/error.h"
 #include "optics/eye_simulator.h"
 #include "optics/model.h"
 

@@ -8,7 +8,7 @@
 #include <random>
 #include <string>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule::calib {
 namespace {

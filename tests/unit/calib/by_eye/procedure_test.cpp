@@ -9,8 +9,8 @@
 #include <limits>
 #include <random>
 
+#include "base/error.h"
 #include "optics/effective_sheet.h"
-#include "optics/error.h"
 #include "optics/model.h"
 
 namespace lenticule::calib {

@@ -5,9 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "base/error.h"
 #include "calib/measure/viewpoint.h"
 #include "calib/simulation/trial.h"
-#include "optics/error.h"
 
 namespace lenticule::calib {
 namespace {

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <set>
 
+#include "base/error.h"
 #include "bench_stage.h"
 #include "calib/simulation/light_timing.h"
 #include "calib/simulation/random_bench.h"
 #include "calib/simulation/simulated_bench.h"
-#include "optics/error.h"
 
 namespace lenticule::calib::test {
 namespace {

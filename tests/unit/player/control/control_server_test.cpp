@@ -85,19 +85,19 @@ class ControlSocket : public testing::Test {
   }
   [[nodiscard]] ControlClient client() const { return {socket, kPatience}; }
   /// A connection without manners.
-  [[nodiscard]] frames::UniqueFd raw() const {
+  [[nodiscard]] UniqueFd raw() const {
     const frames::UnixAddress address = frames::unix_address(socket);
-    frames::UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     EXPECT_EQ(::connect(fd.get(), address.get(), address.bytes), 0) << std::strerror(errno);
     const timeval patience{.tv_sec = 30, .tv_usec = 0};
     (void)::setsockopt(fd.get(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     return fd;
   }
-  static void say(const frames::UniqueFd& fd, const std::string& text) {
+  static void say(const UniqueFd& fd, const std::string& text) {
     (void)::send(fd.get(), text.data(), text.size(), MSG_NOSIGNAL);
   }
   /// Everything up to the end of the connection.
-  static std::string hear_all(const frames::UniqueFd& fd) {
+  static std::string hear_all(const UniqueFd& fd) {
     std::string all;
     std::array<char, 4096> bytes{};
     ssize_t got = 0;
@@ -149,7 +149,7 @@ TEST_F(ControlSocket, IsForItsOwnerAloneAndGoesWithThePlayer) {
 TEST_F(ControlSocket, ReplacesADeadSocketAndNothingElse) {
   {
     const frames::UnixAddress address = frames::unix_address(socket);
-    const frames::UniqueFd dead(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+    const UniqueFd dead(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
     ASSERT_EQ(::bind(dead.get(), address.get(), address.bytes), 0);
   }
   serve();
@@ -165,7 +165,7 @@ TEST_F(ControlSocket, ReplacesADeadSocketAndNothingElse) {
 
 TEST_F(ControlSocket, StrangersAreToldSoAndClosed) {
   serve({.peer = [](int) { return ControlPeer{.uid = geteuid() + 1, .groups = {}}; }});
-  const frames::UniqueFd stranger = raw();
+  const UniqueFd stranger = raw();
   say(stranger, "{\"do\":\"quit\"}\n");
   EXPECT_THAT(hear_all(stranger), testing::HasSubstr("another user's player"));
   EXPECT_TRUE(player.verbs().empty());
@@ -177,7 +177,7 @@ TEST_F(ControlSocket, StrangersAreToldSoAndClosed) {
 
 TEST_F(ControlSocket, HalfLinesWaitAndPipelinedOnesComeInOrder) {
   serve();
-  const frames::UniqueFd slow = raw();
+  const UniqueFd slow = raw();
   say(slow, "{\"id\":1,\"do\":");
   ControlClient other = client();
   EXPECT_EQ(ask(other, {{"do", "stats"}})["verb"], "stats");
@@ -194,7 +194,7 @@ TEST_F(ControlSocket, HalfLinesWaitAndPipelinedOnesComeInOrder) {
 
 TEST_F(ControlSocket, GarbageIsAnsweredAndEndlessLinesEndTheConnection) {
   serve();
-  const frames::UniqueFd noisy = raw();
+  const UniqueFd noisy = raw();
   say(noisy, "\xff\x01garbage\n{}\n[1,2]\n");
   say(noisy, std::string(2 * kMaxControlLine, 'a'));
   const std::string heard = hear_all(noisy);
@@ -206,9 +206,9 @@ TEST_F(ControlSocket, GarbageIsAnsweredAndEndlessLinesEndTheConnection) {
 
 TEST_F(ControlSocket, AThousandClientsAreServedOrTurnedAway) {
   serve();
-  std::vector<frames::UniqueFd> all;
+  std::vector<UniqueFd> all;
   for (int k = 0; k < 1000; ++k) {
-    frames::UniqueFd fd = raw();
+    UniqueFd fd = raw();
     say(fd, "{\"do\":\"status\"}\n");
     if (all.size() < 100) all.push_back(std::move(fd));
   }
@@ -230,7 +230,7 @@ TEST_F(ControlSocket, AThousandClientsAreServedOrTurnedAway) {
 
 TEST_F(ControlSocket, AClientThatNeverReadsIsDroppedAndHurtsNobody) {
   serve({.limits = {.events_per_second = 1'000'000}});
-  const frames::UniqueFd deaf = raw();
+  const UniqueFd deaf = raw();
   say(deaf, "{\"do\":\"subscribe\"}\n");
   ControlClient listener = client();
   EXPECT_EQ(ask(listener, {{"do", "subscribe"}})["subscribed"], true);
@@ -247,7 +247,7 @@ TEST_F(ControlSocket, AClientThatNeverReadsIsDroppedAndHurtsNobody) {
 TEST_F(ControlSocket, RequestsOfAClientThatNeverReadsAreNotReadForEver) {
   serve();
   player.fill_answers(10'000);
-  const frames::UniqueFd deaf = raw();
+  const UniqueFd deaf = raw();
   ASSERT_EQ(::fcntl(deaf.get(), F_SETFL, O_NONBLOCK), 0);
   const std::string request = "{\"do\":\"status\"}\n";
   uint64_t sent = 0;

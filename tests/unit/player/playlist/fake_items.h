@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/playlist/playlist_source.h"
 #include "tests/support/fake_source.h"
 

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "player/playlist/playlist.h"
 
 namespace lenticule::player {

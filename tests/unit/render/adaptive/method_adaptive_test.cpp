@@ -8,7 +8,7 @@
 #include <limits>
 #include <random>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"

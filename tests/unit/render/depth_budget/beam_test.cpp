@@ -7,7 +7,7 @@
 #include <limits>
 #include <set>
 
-#include "optics/error.h"
+#include "base/error.h"
 #include "render/depth_budget/prefilter.h"
 #include "tests/support/beam_oracle.h"
 #include "tests/support/tiny_scenes.h"

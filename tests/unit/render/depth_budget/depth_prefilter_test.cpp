@@ -8,8 +8,8 @@
 #include <limits>
 #include <numbers>
 
+#include "base/error.h"
 #include "frames/srgb.h"
-#include "optics/error.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/method.h"
 #include "tests/support/beam_oracle.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/error.h"
+#include "base/error.h"
 
 #include <cstdio>
 #include <cstdlib>

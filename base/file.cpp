@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "frames/atomic_file.h"
+#include "base/file.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -11,9 +11,9 @@
 #include <system_error>
 #include <utility>
 
-#include "optics/error.h"
+#include "base/error.h"
 
-namespace lenticule::frames {
+namespace lenticule {
 namespace {
 
 std::string reason(int error) {
@@ -27,6 +27,14 @@ std::string reason(int error) {
 
 [[noreturn]] void fail_read(const std::filesystem::path& file, const std::string& cause) {
   throw Error(ErrorKind::Input, fmt::format("{}: cannot read: {}", file.string(), cause));
+}
+
+/// "3 MiB, at most 1 MiB are read", in bytes where they are fewer.
+std::string too_large(uint64_t size, uint64_t limit_bytes) {
+  constexpr uint64_t kMebibyte = 1 << 20;
+  if (limit_bytes < kMebibyte)
+    return fmt::format("{} bytes, at most {} bytes are read", size, limit_bytes);
+  return fmt::format("{} MiB, at most {} MiB are read", size / kMebibyte, limit_bytes / kMebibyte);
 }
 
 class Descriptor {
@@ -108,6 +116,40 @@ int create_new(TemporaryName& name) {
   return ::open(name.c_str(), kFlags, 0666);
 }
 
+/// The rename reaches the disk with the folder. Where a folder cannot be synchronised, the file is
+/// whole all the same.
+void sync_folder_of(const std::filesystem::path& file) {
+  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
+  const Descriptor directory(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (directory.get() >= 0) (void)::fsync(directory.get());
+}
+
+/// Reads to the end of a regular file into `Bytes`, a container of bytes.
+template <class Bytes>
+Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
+  // O_NONBLOCK: opening a pipe must not wait for its other end.
+  Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (in.get() < 0) fail_read(file, reason(errno));
+  struct stat status {};
+  if (::fstat(in.get(), &status) != 0) fail_read(file, reason(errno));
+  if (S_ISDIR(status.st_mode)) fail_read(file, reason(EISDIR));
+  if (!S_ISREG(status.st_mode)) fail_read(file, "not a regular file");
+  const auto size = static_cast<uint64_t>(status.st_size);
+  if (size > limit_bytes) fail_read(file, too_large(size, limit_bytes));
+
+  Bytes bytes(size, {});
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t n = ::read(in.get(), bytes.data() + done, bytes.size() - done);
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) fail_read(file, reason(errno));
+    if (n == 0) break;  // the file shrank meanwhile; its parser finds it truncated
+    done += static_cast<size_t>(n);
+  }
+  bytes.resize(done);
+  return bytes;
+}
+
 }  // namespace
 
 void write_file_atomically(const std::filesystem::path& file, std::span<const uint8_t> bytes) {
@@ -118,31 +160,19 @@ void write_file_atomically(const std::filesystem::path& file, std::span<const ui
   if (!write_all(out.get(), bytes) || ::fsync(out.get()) != 0) fail_write(file, errno);
   if (!out.close_reporting()) fail_write(file, errno);
   if (!temporary.rename_to(target)) fail_write(file, errno);
+  sync_folder_of(target);
 }
 
 std::vector<uint8_t> read_whole_file(const std::filesystem::path& file, uint64_t limit_bytes) {
-  // O_NONBLOCK: opening a pipe must not wait for its other end.
-  Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-  if (in.get() < 0) fail_read(file, reason(errno));
-  struct stat status {};
-  if (::fstat(in.get(), &status) != 0) fail_read(file, reason(errno));
-  if (S_ISDIR(status.st_mode)) fail_read(file, reason(EISDIR));
-  if (!S_ISREG(status.st_mode)) fail_read(file, "not a regular file");
-  const auto size = static_cast<uint64_t>(status.st_size);
-  if (size > limit_bytes)
-    fail_read(file, fmt::format("{} MiB, at most {} MiB are read", size >> 20, limit_bytes >> 20));
-
-  std::vector<uint8_t> bytes(size);
-  size_t done = 0;
-  while (done < bytes.size()) {
-    const ssize_t n = ::read(in.get(), bytes.data() + done, bytes.size() - done);
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) fail_read(file, reason(errno));
-    if (n == 0) break;  // it shrank meanwhile; whoever decodes it finds it truncated
-    done += static_cast<size_t>(n);
-  }
-  bytes.resize(done);
-  return bytes;
+  return read_file<std::vector<uint8_t>>(file, limit_bytes);
 }
 
-}  // namespace lenticule::frames
+std::string read_text_file(const std::filesystem::path& file, uint64_t limit_bytes) {
+  return read_file<std::string>(file, limit_bytes);
+}
+
+void write_text_file(const std::filesystem::path& file, std::string_view text) {
+  write_file_atomically(file, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+}
+
+}  // namespace lenticule

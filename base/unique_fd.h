@@ -6,7 +6,7 @@
 
 #include <utility>
 
-namespace lenticule::frames {
+namespace lenticule {
 
 class UniqueFd {
  public:
@@ -29,4 +29,4 @@ class UniqueFd {
   int fd_ = -1;
 };
 
-}  // namespace lenticule::frames
+}  // namespace lenticule

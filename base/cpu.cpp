@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "optics/cpu.h"
+#include "base/cpu.h"
 
 #include <algorithm>
 #include <cstdlib>
 #include <string>
 
-#include "optics/error.h"
+#include "base/error.h"
 
 namespace lenticule {
 namespace {

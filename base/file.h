@@ -5,9 +5,11 @@
 #include <cstdint>
 #include <filesystem>
 #include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
-namespace lenticule::frames {
+namespace lenticule {
 
 /// Replaces `file` with `bytes`; readers see the old file or the whole new one. A symbolic link
 /// keeps pointing at the file it names. Throws Error(Failed) naming file and cause; nothing is left
@@ -19,4 +21,8 @@ void write_file_atomically(const std::filesystem::path& file, std::span<const ui
 [[nodiscard]] std::vector<uint8_t> read_whole_file(const std::filesystem::path& file,
                                                    uint64_t limit_bytes);
 
-}  // namespace lenticule::frames
+/// The same two for text.
+[[nodiscard]] std::string read_text_file(const std::filesystem::path& file, uint64_t limit_bytes);
+void write_text_file(const std::filesystem::path& file, std::string_view text);
+
+}  // namespace lenticule

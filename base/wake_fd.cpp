@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/wake_fd.h"
+#include "base/wake_fd.h"
 
 #include <fmt/format.h>
 #include <sys/eventfd.h>
@@ -8,9 +8,9 @@
 #include <cerrno>
 #include <cstring>
 
-#include "optics/error.h"
+#include "base/error.h"
 
-namespace lenticule::player {
+namespace lenticule {
 
 WakeFd::WakeFd() : fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
   if (fd_ < 0)
@@ -31,4 +31,4 @@ void WakeFd::drain() noexcept {
   (void)eventfd_read(fd_, &count);
 }
 
-}  // namespace lenticule::player
+}  // namespace lenticule

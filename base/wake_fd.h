@@ -2,7 +2,7 @@
 // An eventfd: one thread taps another on the shoulder, and poll() feels it.
 #pragma once
 
-namespace lenticule::player {
+namespace lenticule {
 
 class WakeFd {
  public:
@@ -21,4 +21,4 @@ class WakeFd {
   int fd_;
 };
 
-}  // namespace lenticule::player
+}  // namespace lenticule
