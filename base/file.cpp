@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/file_kind.h"
 
 namespace lenticule {
 namespace {
@@ -27,6 +28,12 @@ std::string reason(int error) {
 
 [[noreturn]] void fail_read(const std::filesystem::path& file, const std::string& cause) {
   throw Error(ErrorKind::Input, fmt::format("{}: cannot read: {}", file.string(), cause));
+}
+
+void require_regular(const std::filesystem::path& file, mode_t mode) {
+  if (S_ISDIR(mode)) fail_read(file, reason(EISDIR));
+  if (!S_ISREG(mode))
+    fail_read(file, fmt::format("it is {}, not a regular file", kind_of_file(mode)));
 }
 
 /// "3 MiB, at most 1 MiB are read", in bytes where they are fewer.
@@ -93,7 +100,7 @@ std::filesystem::path resolve_target(const std::filesystem::path& file) {
   if (std::filesystem::is_directory(status)) fail_write(file, EISDIR);
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Failed,
-                fmt::format("{}: cannot write: not a regular file", file.string()));
+                fmt::format("{}: cannot write: it is not a regular file", file.string()));
   return target;
 }
 
@@ -127,13 +134,14 @@ void sync_folder_of(const std::filesystem::path& file) {
 /// Reads to the end of a regular file into `Bytes`, a container of bytes.
 template <class Bytes>
 Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
-  // O_NONBLOCK: opening a pipe must not wait for its other end.
-  Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-  if (in.get() < 0) fail_read(file, reason(errno));
   struct stat status {};
-  if (::fstat(in.get(), &status) != 0) fail_read(file, reason(errno));
-  if (S_ISDIR(status.st_mode)) fail_read(file, reason(EISDIR));
-  if (!S_ISREG(status.st_mode)) fail_read(file, "not a regular file");
+  // Looked at first: opening alone makes some devices do something.
+  if (::stat(file.c_str(), &status) != 0) fail_read(file, reason(errno));
+  require_regular(file, status.st_mode);
+  // O_NONBLOCK: opening a pipe that took the name since must not wait for its other end.
+  Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
+  if (in.get() < 0 || ::fstat(in.get(), &status) != 0) fail_read(file, reason(errno));
+  require_regular(file, status.st_mode);
   const auto size = static_cast<uint64_t>(status.st_size);
   if (size > limit_bytes) fail_read(file, too_large(size, limit_bytes));
 

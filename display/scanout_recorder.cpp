@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "display/scanout_recorder.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <unistd.h>
 #include <xxhash.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -17,6 +19,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/unique_fd.h"
 #include "display/scanout_format.h"
 #include "frames/image_io.h"
 
@@ -25,62 +28,128 @@ namespace {
 
 namespace fs = std::filesystem;
 
-[[noreturn]] void fail(const fs::path& file, int error) {
-  throw Error(ErrorKind::Failed,
-              fmt::format("{}: cannot write: {}", file.string(), std::strerror(error)),
+[[noreturn]] void fail(const fs::path& file, const std::string& cause) {
+  throw Error(ErrorKind::Failed, fmt::format("{}: cannot write: {}", file.string(), cause),
               "record to a folder that exists, is writable and has room");
 }
 
+std::string message_of(int error) {
+  return std::generic_category().message(error);
+}
+
+/// Throws unless all of a recording is on the disk.
+void require_whole(const fs::path& place, uint64_t lost, const std::string& reason) {
+  if (lost > 0)
+    fail(place, fmt::format("{}: {} frames that were on the glass are missing",
+                            reason.empty() ? "there was no room for a while" : reason, lost));
+  if (!reason.empty()) fail(place, reason);
+}
+
+/// Lines that the disk does not take wait in memory, as many as fit.
 class ChecksumRecorder final : public ScanoutRecorder {
  public:
   explicit ChecksumRecorder(fs::path file)
-      : file_(std::move(file)),
-        partial_(file_.string() + fmt::format(".partial-{}", getpid())),
-        stream_(std::fopen(partial_.c_str(), "we")) {
-    if (stream_ == nullptr) fail(file_, errno);
+      : file_(std::move(file)), partial_(file_.string() + fmt::format(".partial-{}", getpid())) {
     if (hash_ == nullptr) throw std::bad_alloc();
+    require_writable_place(file_);
+    waiting_.reserve(kMostWaiting);
     // Anybody can check the figures: xxhsum -H1 on the raw RGB bytes.
-    fmt::print(stream_, "# vblank frame xxh64-of-rgb\n");
+    waiting_ = "# vblank frame xxh64-of-rgb\n";
+    try_to_write();  // what is wrong already is said at the start
   }
 
   ~ChecksumRecorder() override {
-    if (stream_ == nullptr) return;
-    std::fclose(stream_);
-    unlink(partial_.c_str());
+    if (fd_) unlink(partial_.c_str());
   }
   ChecksumRecorder(const ChecksumRecorder&) = delete;
   ChecksumRecorder& operator=(const ChecksumRecorder&) = delete;
 
   void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept override {
-    if (error_ != 0) return;
-    note_skipped(shown.skipped_before);
-    note(std::fprintf(stream_, "%ju %ju %016jx\n", uintmax_t{shown.sequence}, uintmax_t{shown.id},
-                      uintmax_t{checksum(scanout)}));
+    unrecorded_ += shown.skipped_before;
+    skips_noted_ += shown.skipped_before;
+    std::array<char, kLongestLine> line{};
+    const int length =
+        std::snprintf(line.data(), line.size(), "%ju %ju %016jx\n", uintmax_t{shown.sequence},
+                      uintmax_t{shown.id}, uintmax_t{checksum(scanout)});
+    if (!add({line.data(), static_cast<size_t>(length)})) {
+      ++unrecorded_;
+      count_lost(1);
+    }
+    if (waiting_.size() >= kWorthWriting && writes().due()) try_to_write();
   }
 
   void finish() override {
-    if (stream_ == nullptr) return;
+    if (std::exchange(finished_, true)) return;
     // After the last that was recorded; whoever calls record() need not count.
-    note_skipped(std::max(skipped(), skipped_noted_) - skipped_noted_);
-    std::FILE* const stream = std::exchange(stream_, nullptr);
-    const bool flushed = std::fflush(stream) == 0;
-    if (!flushed) note(-1);
-    if (std::fclose(stream) != 0) note(-1);
-    if (error_ == 0 && std::rename(partial_.c_str(), file_.c_str()) != 0) note(-1);
-    if (error_ == 0) return;
-    unlink(partial_.c_str());
-    fail(file_, error_);
+    unrecorded_ += std::max(skipped(), skips_noted_) - skips_noted_;
+    if (unrecorded_ > 0) waiting_ += note_of(std::exchange(unrecorded_, 0));
+    try_to_write();
+    std::string reason = writes().state().reason;
+    count_lost(leave_whole_lines());
+    if (!fd_) return require_whole(file_, lost(), reason);
+    fd_.reset();
+    if (std::rename(partial_.c_str(), file_.c_str()) != 0) {
+      reason = message_of(errno);
+      unlink(partial_.c_str());
+    }
+    require_whole(file_, lost(), reason);
   }
 
  private:
-  void note_skipped(uint64_t frames) noexcept {
-    if (frames == 0) return;
-    skipped_noted_ += frames;
-    note(std::fprintf(stream_, "# %ju not recorded\n", uintmax_t{frames}));
+  static constexpr size_t kLongestLine = 80;
+  static constexpr size_t kWorthWriting = 4096;
+  static constexpr size_t kMostWaiting = size_t{1} << 20;
+
+  static std::string note_of(uint64_t frames) { return fmt::format("# {} not recorded\n", frames); }
+
+  /// False if there is no room for the line, and for the note that goes before it.
+  bool add(std::string_view line) noexcept {
+    if (waiting_.size() + 2 * kLongestLine > kMostWaiting) return false;
+    if (unrecorded_ > 0) {
+      std::array<char, kLongestLine> note{};
+      const int length = std::snprintf(note.data(), note.size(), "# %ju not recorded\n",
+                                       uintmax_t{std::exchange(unrecorded_, 0)});
+      waiting_.append(note.data(), static_cast<size_t>(length));
+    }
+    waiting_.append(line);
+    return true;
   }
 
-  void note(int written) noexcept {
-    if (written < 0 && error_ == 0) error_ = errno != 0 ? errno : EIO;
+  /// Writes what waits, as far as the disk takes it.
+  void try_to_write() noexcept {
+    constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW;
+    if (!fd_) fd_ = UniqueFd(::open(partial_.c_str(), kFlags, 0666));
+    size_t done = 0;
+    while (fd_ && done < waiting_.size()) {
+      const ssize_t n = ::write(fd_.get(), waiting_.data() + done, waiting_.size() - done);
+      if (n < 0 && errno == EINTR) continue;
+      if (n <= 0) break;
+      done += static_cast<size_t>(n);
+    }
+    const bool all = fd_ && done == waiting_.size();
+    if (all)
+      writes().succeeded();
+    else
+      writes().failed(strerrordesc_np(errno));
+    const size_t line_end = waiting_.rfind('\n', done - 1);
+    const bool has_line = done > 0 && line_end < done;
+    torn_ = has_line ? done - line_end - 1 : torn_ + done;
+    waiting_.erase(0, done);
+  }
+
+  /// Takes back the beginning of a line whose rest the disk does not take. Returns the frames whose
+  /// lines are not there.
+  uint64_t leave_whole_lines() noexcept {
+    if (fd_ && torn_ > 0 && !waiting_.empty()) {
+      const off_t end = ::lseek(fd_.get(), 0, SEEK_CUR);
+      (void)!::ftruncate(fd_.get(), end - static_cast<off_t>(torn_));
+    }
+    uint64_t frames = 0;
+    for (size_t begin = 0; begin < waiting_.size();) {
+      if (waiting_[begin] != '#') ++frames;
+      begin = std::min(waiting_.find('\n', begin), waiting_.size() - 1) + 1;
+    }
+    return frames;
   }
 
   uint64_t checksum(const ScanoutView& scanout) noexcept {
@@ -95,9 +164,12 @@ class ChecksumRecorder final : public ScanoutRecorder {
 
   fs::path file_;
   fs::path partial_;
-  std::FILE* stream_;
-  int error_ = 0;
-  uint64_t skipped_noted_ = 0;
+  UniqueFd fd_;
+  std::string waiting_;       ///< lines that are not written yet; the first may be torn
+  size_t torn_ = 0;           ///< bytes at the file's end that are the beginning of a line
+  uint64_t unrecorded_ = 0;   ///< frames to be noted before the next line
+  uint64_t skips_noted_ = 0;  ///< of skipped()
+  bool finished_ = false;
   std::vector<uint8_t> row_;
   std::unique_ptr<XXH64_state_t, decltype(&XXH64_freeState)> hash_{XXH64_createState(),
                                                                    &XXH64_freeState};
@@ -108,29 +180,37 @@ class PngRecorder final : public ScanoutRecorder {
   explicit PngRecorder(fs::path folder) : folder_(std::move(folder)) {
     std::error_code error;
     fs::create_directories(folder_, error);
-    if (error) fail(folder_, error.value());
+    made_ = !error;
+    if (made_) return;
+    const bool disk = error == std::errc::no_space_on_device ||
+                      error == std::errc::read_only_file_system ||
+                      error == std::errc::permission_denied;
+    if (!disk) fail(folder_, error.message());
+    writes().failed(error.message().c_str());
   }
 
   void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept override {
-    if (failure_) return;
+    if (!writes().due()) return count_lost(1);
     try {
+      // A folder that is removed while it is recorded to is not made again.
+      if (!made_) made_ = fs::create_directories(folder_) || fs::is_directory(folder_);
       if (frame_.geometry() != scanout.geometry) frame_ = frames::WovenFrame(scanout.geometry);
       for (int j = 0; j < scanout.geometry.height; ++j)
         pack_row(scanout.row(j), frame_.row(j), static_cast<size_t>(scanout.geometry.width));
       frames::write_woven(frame_.view(), folder_ / fmt::format("{:08}.png", shown.id));
-    } catch (...) {
-      failure_ = std::current_exception();
+      writes().succeeded();
+    } catch (const std::exception& error) {
+      writes().failed(error.what());
+      count_lost(1);
     }
   }
 
-  void finish() override {
-    if (failure_) std::rethrow_exception(failure_);
-  }
+  void finish() override { require_whole(folder_, lost(), writes().state().reason); }
 
  private:
   fs::path folder_;
+  bool made_ = false;
   frames::WovenFrame frame_;
-  std::exception_ptr failure_;
 };
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+#include "base/retried_writes.h"
 #include "frames/frame.h"
 
 namespace lenticule::display {
@@ -33,17 +34,18 @@ struct ShownFrame {
   uint64_t skipped_before = 0;
 };
 
-/// One thread at a time, apart from the count.
+/// One thread at a time, apart from the counts.
 class ScanoutRecorder {
  public:
   ScanoutRecorder() = default;
   virtual ~ScanoutRecorder() = default;
   ScanoutRecorder(const ScanoutRecorder&) = delete;
   ScanoutRecorder& operator=(const ScanoutRecorder&) = delete;
-  /// Never fails here: the first failure is kept for finish(), later frames are ignored.
+  /// Never fails here: what the disk does not take is tried again for a while, then counted as
+  /// lost, and recording goes on once there is room.
   virtual void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept = 0;
-  /// Completes the recording. Throws Error(Failed) if any of it did not reach the disk. Without it,
-  /// an unfinished file is removed.
+  /// Completes the recording, whose whole part stays. Throws Error(Failed) if any of it did not
+  /// reach the disk. Without it, an unfinished file is removed.
   virtual void finish() = 0;
 
   /// Any thread: frames that were on the glass and came too fast to be recorded.
@@ -51,14 +53,24 @@ class ScanoutRecorder {
     return skipped_.load(std::memory_order_relaxed);
   }
   void count_skipped() noexcept { skipped_.fetch_add(1, std::memory_order_relaxed); }
+  /// Any thread: frames that the disk did not take.
+  [[nodiscard]] uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
+  /// Any thread: how the writes go.
+  [[nodiscard]] RetriedWrites& writes() noexcept { return writes_; }
+
+ protected:
+  void count_lost(uint64_t frames) noexcept { lost_.fetch_add(frames, std::memory_order_relaxed); }
 
  private:
   std::atomic<uint64_t> skipped_{0};
+  std::atomic<uint64_t> lost_{0};
+  RetriedWrites writes_;
 };
 
 /// "checksums:FILE": one line "SEQUENCE ID XXH64" per shown frame, over the RGB bytes.
 /// "png:DIR": DIR/00000042.png per shown frame, named by its id.
-/// Throws Error(Usage) for other text and Error(Failed) when the place cannot be written.
+/// Throws Error(Usage) for other text and Error(Failed) for a place that can never be written: a
+/// folder that does not exist, a name that is no regular file's. A full disk may change.
 [[nodiscard]] std::shared_ptr<ScanoutRecorder> open_recorder(std::string_view spec);
 
 }  // namespace lenticule::display

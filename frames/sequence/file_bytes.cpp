@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "base/error.h"
+#include "base/file_kind.h"
 
 namespace lenticule::frames {
 namespace {
@@ -23,13 +24,19 @@ bool fits_offset(uint64_t offset, size_t bytes) {
 }  // namespace
 
 UniqueFd open_regular_file(const std::filesystem::path& file) {
-  UniqueFd fd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
-  if (!fd)
+  const auto fail_to_open = [&] {
     throw Error(ErrorKind::Input, fmt::format("{}: cannot open: {}", file.string(),
                                               std::generic_category().message(errno)));
+  };
   struct stat status {};
-  if (::fstat(fd.get(), &status) != 0 || !S_ISREG(status.st_mode))
-    throw Error(ErrorKind::Input, fmt::format("{}: not a file", file.string()));
+  // Looked at first: opening alone makes some devices do something.
+  if (::stat(file.c_str(), &status) != 0) fail_to_open();
+  const bool regular = S_ISREG(status.st_mode);
+  UniqueFd fd(regular ? ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY) : -1);
+  if (regular && (!fd || ::fstat(fd.get(), &status) != 0)) fail_to_open();
+  if (!S_ISREG(status.st_mode))
+    throw Error(ErrorKind::Input, fmt::format("{}: it is {}, not a regular file", file.string(),
+                                              kind_of_file(status.st_mode)));
   return fd;
 }
 

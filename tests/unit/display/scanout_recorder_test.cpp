@@ -4,8 +4,11 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <fstream>
 #include <sstream>
 #include <vector>
@@ -109,6 +112,92 @@ TEST_F(Recorder, RefusesPlacesAndKindsThatAreNone) {
   EXPECT_EQ(kind_of("checksums:" + path("none/sums.txt")), ErrorKind::Failed);
   std::ofstream(path("file")) << "not a folder";
   EXPECT_EQ(kind_of("png:" + path("file/shown")), ErrorKind::Failed);
+}
+
+/// Lets files of this process grow no further, as a full disk would, until it is gone.
+class FullDisk {
+ public:
+  explicit FullDisk(rlim_t largest_file) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit full{largest_file, before_.rlim_max};
+    EXPECT_EQ(setrlimit(RLIMIT_FSIZE, &full), 0);
+  }
+  ~FullDisk() { setrlimit(RLIMIT_FSIZE, &before_); }
+  FullDisk(const FullDisk&) = delete;
+  FullDisk& operator=(const FullDisk&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(Recorder, LinesThatAFullDiskDoesNotTakeAreWrittenWhenThereIsRoomAgain) {
+  const auto recorder = open_recorder("checksums:" + path("sums.txt"));
+  const Scanout scanout(1);
+  {
+    const FullDisk full(1000);  // in the middle of a line
+    for (uint64_t id = 0; id < 500; ++id)
+      recorder->record({.sequence = id, .id = id}, scanout.view());
+    EXPECT_GE(recorder->writes().state().failures, 1u);
+    EXPECT_FALSE(recorder->writes().state().reason.empty());
+  }
+  recorder->finish();
+  EXPECT_EQ(recorder->lost(), 0u);
+  std::ifstream file(path("sums.txt"));
+  std::string line;
+  std::getline(file, line);
+  for (uint64_t id = 0; id < 500; ++id) {
+    ASSERT_TRUE(std::getline(file, line));
+    EXPECT_EQ(line, fmt::format("{} {} {:016x}", id, id, test::checksum_of(scanout.frame.view())));
+  }
+  EXPECT_FALSE(std::getline(file, line));
+}
+
+TEST_F(Recorder, WhatAFullDiskTookStaysInWholeLinesAndTheRestIsCounted) {
+  const auto recorder = open_recorder("checksums:" + path("sums.txt"));
+  const Scanout scanout(1);
+  const FullDisk full(1000);
+  for (uint64_t id = 0; id < 500; ++id)
+    recorder->record({.sequence = id, .id = id}, scanout.view());
+  EXPECT_THROW(recorder->finish(), Error);
+  std::ifstream file(path("sums.txt"));
+  uint64_t lines = 0;
+  for (std::string line; std::getline(file, line); ++lines)
+    if (lines > 0) {
+      EXPECT_EQ(line, fmt::format("{} {} {:016x}", lines - 1, lines - 1,
+                                  test::checksum_of(scanout.frame.view())));
+    }
+  EXPECT_GT(lines, 10u);
+  EXPECT_EQ(recorder->lost(), 500 - (lines - 1));
+}
+
+TEST_F(Recorder, AFullDiskIsNoReasonNotToBegin) {
+  const FullDisk full(0);
+  const auto recorder = open_recorder("checksums:" + path("sums.txt"));
+  EXPECT_EQ(recorder->writes().state().failures, 1u);
+}
+
+TEST_F(Recorder, ANameThatIsNoRegularFileIsRefusedAtOnce) {
+  ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
+  for (const std::string& name : {path("pipe"), std::string("/dev/null"), folder.string()})
+    EXPECT_THROW((void)open_recorder("checksums:" + name), Error) << name;
+  EXPECT_THROW((void)open_recorder("png:" + path("pipe")), Error);
+}
+
+TEST_F(Recorder, PicturesGoOnOnceThereIsRoomAndTheLostOnesAreCounted) {
+  const auto recorder = open_recorder("png:" + path("shown"));
+  {
+    const FullDisk full(10);
+    recorder->record({.id = 1}, Scanout(1).view());
+    recorder->record({.id = 2}, Scanout(2).view());  // not tried: the first was just refused
+  }
+  EXPECT_EQ(recorder->writes().state().failures, 1u);
+  recorder->writes().try_at_once();
+  recorder->record({.id = 3}, Scanout(3).view());
+  EXPECT_EQ(recorder->lost(), 2u);
+  EXPECT_TRUE(recorder->writes().state().reason.empty());
+  EXPECT_EQ(frames::read_woven(folder / "shown" / "00000003.png"), Scanout(3).frame);
+  EXPECT_THROW(recorder->finish(), Error) << "it is not whole";
 }
 
 TEST_F(Recorder, ReportsAtTheEndThatAPictureCouldNotBeWritten) {

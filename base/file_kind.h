@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+// The kinds of files in words, for messages about names that are no regular files.
+#pragma once
+
+#include <sys/stat.h>
+
+namespace lenticule {
+
+/// Returns "a folder", "a pipe", "a socket", "a device" or "a regular file".
+[[nodiscard]] inline const char* kind_of_file(mode_t mode) noexcept {
+  if (S_ISREG(mode)) return "a regular file";
+  if (S_ISDIR(mode)) return "a folder";
+  if (S_ISFIFO(mode)) return "a pipe";
+  if (S_ISSOCK(mode)) return "a socket";
+  return "a device";
+}
+
+}  // namespace lenticule
