@@ -52,17 +52,58 @@ std::string LiveTrim::press(const KeyPress& press) {
   } catch (const std::exception& error) {
     return fmt::format("the trim stays: {}", error.what());
   }
-  return fmt::format("trim: offset {:+.3f} lenses, pitch {:+.1e}, in {}", wanted.offset.value,
-                     wanted.pitch_relative, optics::trim_file_of(rig_file_).string());
+  const std::string numbers = fmt::format("trim: offset {:+.3f} lenses, pitch {:+.1e}",
+                                          wanted.offset.value, wanted.pitch_relative);
+  if (!saved_) return fmt::format("{}, not saved yet: {}", numbers, writes_.state().reason);
+  return fmt::format("{}, in {}", numbers, optics::trim_file_of(rig_file_).string());
 }
 
 /// Under the lock.
 void LiveTrim::take(const optics::Trim& wanted) {
   optics::validate_trim(wanted, rig_file_.string());
   optics::validate_rig(optics::trimmed(calibrated_, wanted), rig_file_.string());
-  optics::save_trim(wanted, rig_file_);
   trim_ = wanted;
+  save();
   version_.fetch_add(1, std::memory_order_release);
+}
+
+/// Under the lock.
+void LiveTrim::save() noexcept {
+  try {
+    optics::save_trim(trim_, rig_file_);
+    saved_ = true;
+    writes_.succeeded();
+  } catch (const std::exception& error) {
+    saved_ = false;
+    writes_.failed(error.what());
+  }
+}
+
+void LiveTrim::save_again() {
+  const std::lock_guard lock(mutex_);
+  if (!saved_ && writes_.due()) save();
+}
+
+std::optional<optics::Trim> LiveTrim::unsaved() const {
+  const std::lock_guard lock(mutex_);
+  return saved_ ? std::nullopt : std::optional(trim_);
+}
+
+void LiveTrim::follow_files() {
+  const std::lock_guard lock(mutex_);
+  try {
+    optics::Rig calibrated = optics::load_rig(rig_file_);
+    const optics::Trim trim = saved_ ? optics::load_trim(rig_file_) : trim_;
+    const bool same_panel = calibrated.panel.width_px == calibrated_.panel.width_px &&
+                            calibrated.panel.height_px == calibrated_.panel.height_px;
+    if (!same_panel || (calibrated == calibrated_ && trim == trim_)) return;
+    optics::validate_rig(optics::trimmed(calibrated, trim), rig_file_.string());
+    calibrated_ = std::move(calibrated);
+    trim_ = trim;
+    version_.fetch_add(1, std::memory_order_release);
+  } catch (const std::exception&) {
+    return;  // whoever follows the rig says why
+  }
 }
 
 optics::Trim LiveTrim::change(const std::function<optics::Trim(const optics::Trim&)>& changed) {

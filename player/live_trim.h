@@ -8,8 +8,10 @@
 #include <filesystem>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <string>
 
+#include "base/retried_writes.h"
 #include "calib/by_eye/keys.h"
 #include "optics/trim.h"
 
@@ -26,14 +28,25 @@ class LiveTrim {
   explicit LiveTrim(std::filesystem::path rig_file);
 
   /// Changes the trim, saves it, and says in one sentence what came of it. Escape takes back all
-  /// presses since the start. Empty for keys that mean nothing here. Does not throw: what cannot be
-  /// saved is not changed, and is said.
+  /// presses since the start. Empty for keys that mean nothing here. Does not throw: what is no
+  /// trim changes nothing, what cannot be saved holds for now and is saved later, and both are
+  /// said.
   [[nodiscard]] std::string press(const calib::KeyPress& press);
 
   /// The same by numbers; returns what the trim is then. Throws Error(Input) for what is no trim of
-  /// this rig and Error(Failed) if it cannot be saved; nothing is changed then.
+  /// this rig; nothing is changed then.
   optics::Trim change(const std::function<optics::Trim(const optics::Trim&)>& changed);
   [[nodiscard]] optics::Trim trim() const;
+
+  /// The trim as long as it could not be saved.
+  [[nodiscard]] std::optional<optics::Trim> unsaved() const;
+  /// Saves what could not be saved, if it is time to try again.
+  void save_again();
+  /// How saving goes.
+  [[nodiscard]] RetriedWrites& writes() { return writes_; }
+  /// Reads the rig and its trim again: somebody replaced them. A trim that is not saved yet stays,
+  /// and so does everything where the files cannot be used.
+  void follow_files();
 
   /// With the trim in it.
   [[nodiscard]] optics::Rig rig() const;
@@ -42,13 +55,16 @@ class LiveTrim {
 
  private:
   void take(const optics::Trim& wanted);
+  void save() noexcept;
   [[nodiscard]] optics::Trim after(const calib::KeyPress& press) const;
 
   std::filesystem::path rig_file_;
   optics::Rig calibrated_;
   optics::Trim at_start_;
-  mutable std::mutex mutex_;  ///< guards trim_
+  mutable std::mutex mutex_;  ///< guards calibrated_ and the next three
   optics::Trim trim_;
+  bool saved_ = true;
+  RetriedWrites writes_;
   std::atomic<uint64_t> version_{1};
 };
 

@@ -228,7 +228,8 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
       flags.source == kViewsSource || is_playlist_file(flags.source) || !flags.control.empty();
   if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(flags.rig);
   plan.source.trim = plan.trim;
-  const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
+  plan.source.rig = std::make_shared<FollowedRig>(flags.rig, plan.trim);
+  const optics::Rig rig = plan.source.rig->rig();
   plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
   plan.source.slots = slots_of(flags, plan.source.panel);
   plan.source.rig_fingerprint = optics::fingerprint(rig);

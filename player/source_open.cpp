@@ -137,6 +137,7 @@ OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning&
   opened.source = std::make_unique<WeavingSource>(
       open_views(content, meaning),
       WeavingSourceOptions{.rig_file = request.rig_file,
+                           .rig = request.rig,
                            .name = request.text,
                            .loom = {.weave = weave_options(request.weaving),
                                     .crosstalk = request.weaving.crosstalk,

@@ -12,6 +12,7 @@
 #include "display/test_card.h"
 #include "frames/frame_source.h"
 #include "player/content/content_flags.h"
+#include "player/followed_rig.h"
 #include "player/frame_range.h"
 #include "player/live_trim.h"
 #include "player/source_names.h"
@@ -31,6 +32,7 @@ struct SourceRequest {
   std::string rig_fingerprint = {};
   std::string rig_name = {};  ///< for messages
   std::string rig_file = {};  ///< what is woven here is woven for it, and again when it changes
+  std::shared_ptr<FollowedRig> rig = nullptr;  ///< that of the file, for all that is woven here
   int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
   std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern, container or video
   /// Where the first round begins, if the kind can: a hint, frames tell their numbers.

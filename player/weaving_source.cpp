@@ -31,7 +31,7 @@ WeavingSource::WeavingSource(std::unique_ptr<frames::ViewInput> input,
       input_(std::move(input)),
       still_(input_->frame_count() == uint64_t{1}),
       rate_(still_ ? std::optional(kStillRate) : options.rate),
-      rig_(options.rig_file),
+      rig_(options.rig ? options.rig : std::make_shared<FollowedRig>(options.rig_file)),
       count_(input_->frame_count()) {
   if (!rate_) rate_ = input_->rate();
   start();
@@ -51,10 +51,11 @@ WeavingSource::~WeavingSource() {
 }
 
 void WeavingSource::start() {
-  const std::optional<optics::Rig> rig = rig_.changed();
-  if (!rig) throw Error(ErrorKind::Input, rig_.complaint());
-  geometry_ = {.width = rig->panel.width_px, .height = rig->panel.height_px};
-  loom_ = loom_for(*rig);
+  rig_->look();
+  rig_version_ = rig_->version();
+  const optics::Rig rig = rig_->rig();
+  geometry_ = {.width = rig.panel.width_px, .height = rig.panel.height_px};
+  loom_ = loom_for(rig);
   plans_ = 1;
   slots_.resize(static_cast<size_t>(std::max(options_.pool_frames, kFewestSlots)));
   for (Slot& slot : slots_) slot.frame = frames::WovenFrame(geometry_);
@@ -90,28 +91,17 @@ void WeavingSource::watch() noexcept {
 }
 
 void WeavingSource::look_at_rig() {
-  const std::optional<optics::Rig> rig = rig_.changed();
-  if (!rig) return tell_complaint();
-  const frames::FrameGeometry panel{.width = rig->panel.width_px, .height = rig->panel.height_px};
-  if (panel != geometry_) {
-    fmt::print(stderr, "{}: the panel became another one: still woven for the old\n",
-               options_.rig_file);
-    return;
-  }
-  std::shared_ptr<Loom> loom = loom_for(*rig);
+  rig_->look();
+  const uint64_t version = rig_->version();
+  if (version == rig_version_) return;
+  rig_version_ = version;
+  std::shared_ptr<Loom> loom = loom_for(rig_->rig());
   {
     const std::lock_guard lock(mutex_);
     loom_.swap(loom);
     ++plans_;
   }
   changed_.notify_all();
-}
-
-/// Once per change.
-void WeavingSource::tell_complaint() {
-  if (told_ == rig_.complaint()) return;
-  told_ = rig_.complaint();
-  if (!told_.empty()) fmt::print(stderr, "still woven for the old rig: {}\n", told_);
 }
 
 // --- the worker -----------------------------------------------------------------------------

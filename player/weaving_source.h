@@ -19,13 +19,14 @@
 #include "frames/frame_source.h"
 #include "frames/views_input/view_input.h"
 #include "player/content/loom.h"
-#include "player/rig_watch.h"
+#include "player/followed_rig.h"
 
 namespace lenticule::player {
 
 struct WeavingSourceOptions {
   std::string rig_file = {};
-  std::string name = {};  ///< for messages
+  std::shared_ptr<FollowedRig> rig = nullptr;  ///< that of the file if null
+  std::string name = {};                       ///< for messages
   LoomOptions loom = {};
   int pool_frames = 8;                              ///< woven frames kept ready, at least 3
   std::optional<frames::Rate> rate = std::nullopt;  ///< in place of the input's
@@ -78,7 +79,6 @@ class WeavingSource final : public frames::FrameSource {
   [[nodiscard]] std::shared_ptr<Loom> loom_for(const optics::Rig& rig) const;
   void watch() noexcept;
   void look_at_rig();
-  void tell_complaint();
   void work() noexcept;
   [[nodiscard]] std::shared_ptr<Loom> newest_loom();
   bool weave_still(std::shared_ptr<Loom>& used);
@@ -97,8 +97,8 @@ class WeavingSource final : public frames::FrameSource {
   const bool still_;
   frames::FrameGeometry geometry_;
   std::optional<frames::Rate> rate_;
-  RigWatch rig_;
-  std::string told_;  ///< the watcher's
+  const std::shared_ptr<FollowedRig> rig_;
+  uint64_t rig_version_ = 0;  ///< that was woven for; the watcher's
   WakeFd wake_;
   std::atomic<uint64_t> plans_{0};
   bool at_end_ = false;  ///< the worker's: of the input, and not rewound

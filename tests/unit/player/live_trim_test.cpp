@@ -11,11 +11,13 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <string>
 
 #include "base/error.h"
 #include "calib/by_eye/charts.h"
 #include "optics/rig_file.h"
+#include "player/followed_rig.h"
 #include "player/raw_terminal.h"
 #include "player/views_source.h"
 
@@ -66,14 +68,85 @@ TEST_F(LiveTrimTest, OtherKeysMeanNothing) {
   EXPECT_FALSE(fs::exists(optics::trim_file_of(rig_file_)));
 }
 
-TEST_F(LiveTrimTest, WhatCannotBeSavedIsNotChanged) {
+TEST_F(LiveTrimTest, WhatIsNoTrimIsNotChanged) {
   LiveTrim trim(rig_file_);
   for (int n = 0; n < 10; ++n) (void)trim.press({Key::Right, Stride::Coarse});
   EXPECT_THAT(trim.press({Key::Right, Stride::Coarse}), HasSubstr("the trim stays"));
   EXPECT_NEAR(optics::load_trim(rig_file_).offset.value, 1.0, 1e-12);
-  fs::remove_all(folder_);
-  EXPECT_THAT(trim.press({Key::Left}), HasSubstr("the trim stays"));
-  EXPECT_NEAR(trim.rig().sheet.offset.value, rig_.sheet.offset.value + 1.0, 1e-12);
+}
+
+TEST_F(LiveTrimTest, WhatCannotBeSavedHoldsAndIsSavedLater) {
+  LiveTrim trim(rig_file_);
+  const fs::path away = folder_.string() + "-away";
+  fs::rename(folder_, away);
+  EXPECT_THAT(trim.press({Key::Left}), HasSubstr("not saved yet"));
+  EXPECT_NEAR(trim.rig().sheet.offset.value, rig_.sheet.offset.value - 0.01, 1e-12);
+  EXPECT_EQ(trim.unsaved(), (optics::Trim{Lenses(-0.01), 0.0}));
+  EXPECT_EQ(trim.writes().state().failures, 1u);
+  fs::rename(away, folder_);
+  trim.writes().try_at_once();
+  trim.save_again();
+  EXPECT_EQ(optics::load_trim(rig_file_), (optics::Trim{Lenses(-0.01), 0.0}));
+  EXPECT_EQ(trim.unsaved(), std::nullopt);
+  EXPECT_EQ(trim.writes().state().reason, "");
+}
+
+TEST_F(LiveTrimTest, FollowsFilesThatSomebodyElseReplaced) {
+  LiveTrim trim(rig_file_);
+  optics::save_trim({Lenses(0.25), 0.0}, rig_file_);
+  trim.follow_files();
+  EXPECT_EQ(trim.rig(), optics::load_trimmed_rig(rig_file_));
+  optics::Rig other = rig_;
+  other.sheet.offset = Lenses(0.125);
+  optics::save_rig(other, rig_file_);
+  trim.follow_files();
+  EXPECT_EQ(trim.rig(), optics::load_trimmed_rig(rig_file_));
+  const uint64_t version = trim.version();
+  std::ofstream(rig_file_) << "this is no rig";
+  trim.follow_files();
+  other.panel.width_px += 1;
+  optics::save_rig(other, rig_file_);
+  trim.follow_files();
+  EXPECT_EQ(trim.version(), version) << "nothing that can be used is followed by nothing";
+}
+
+class FollowedRigTest : public LiveTrimTest {};
+
+TEST_F(FollowedRigTest, KeepsTheLastGoodRigAndSaysWhy) {
+  FollowedRig rig(rig_file_);
+  EXPECT_EQ(rig.rig(), rig_);
+  std::ofstream(rig_file_) << "broken [";
+  rig.look();
+  EXPECT_EQ(rig.rig(), rig_);
+  EXPECT_THAT(rig.complaint(), HasSubstr("tiny.toml:1"));
+  optics::Rig other = rig_;
+  other.panel.width_px += 1;
+  optics::save_rig(other, rig_file_);
+  rig.look();
+  EXPECT_EQ(rig.rig(), rig_);
+  EXPECT_THAT(rig.complaint(), HasSubstr("is for a panel of"));
+  EXPECT_EQ(rig.version(), 1u);
+  other.panel = rig_.panel;
+  other.sheet.offset = Lenses(0.125);
+  optics::save_rig(other, rig_file_);
+  rig.look();
+  EXPECT_EQ(rig.rig(), other);
+  EXPECT_EQ(rig.complaint(), "");
+  EXPECT_EQ(rig.version(), 2u);
+  fs::remove(rig_file_);
+  rig.look();
+  EXPECT_EQ(rig.rig(), other);
+  EXPECT_THAT(rig.complaint(), HasSubstr("tiny.toml"));
+}
+
+TEST_F(FollowedRigTest, ATrimThatIsNotSavedYetIsFollowed) {
+  const auto trim = std::make_shared<LiveTrim>(rig_file_);
+  FollowedRig rig(rig_file_, trim);
+  fs::create_directories(optics::trim_file_of(rig_file_) / "in the way");
+  EXPECT_THAT(trim->press({Key::Right, Stride::Coarse}), HasSubstr("not saved yet"));
+  rig.look();
+  EXPECT_EQ(rig.rig(), trim->rig());
+  EXPECT_NE(rig.rig(), rig_);
 }
 
 TEST_F(LiveTrimTest, ViewsFollowWhileLentFramesStay) {

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// The file of --stats on disks that are full, gone, or come back.
+#include "player/statistics_file.h"
+
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+#include "base/error.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+class StatisticsFileTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "lenticule-stats-XXXXXX").string();
+    folder_ = ::mkdtemp(name.data());
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  [[nodiscard]] std::string text() const {
+    std::stringstream text;
+    text << std::ifstream(folder_ / "stats.json").rdbuf();
+    return text.str();
+  }
+  template <typename Condition>
+  [[nodiscard]] static bool comes_true(Condition condition) {
+    const auto deadline = std::chrono::steady_clock::now() + seconds(60);
+    while (!condition() && std::chrono::steady_clock::now() < deadline)
+      std::this_thread::sleep_for(milliseconds(5));
+    return condition();
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(StatisticsFileTest, HoldsTheNewestTextAtTheEnd) {
+  StatisticsFile file(folder_ / "stats.json");
+  for (int k = 0; k < 100; ++k) file.write(std::to_string(k));
+  EXPECT_EQ(file.finish(seconds(60)), "");
+  EXPECT_EQ(text(), "99");
+}
+
+TEST_F(StatisticsFileTest, AFolderThatGoesAndComesIsWrittenToAgain) {
+  StatisticsFile file(folder_ / "stats.json");
+  fs::remove_all(folder_);
+  file.write("a");
+  ASSERT_TRUE(comes_true([&] { return file.state().failures == 1; }));
+  EXPECT_NE(file.state().reason.find("stats.json"), std::string::npos) << file.state().reason;
+  fs::create_directories(folder_);
+  file.write("b");
+  ASSERT_TRUE(comes_true([&] { return file.state().reason.empty(); }));
+  EXPECT_EQ(text(), "b");
+}
+
+TEST_F(StatisticsFileTest, SaysAtTheEndWhatIsNotThere) {
+  StatisticsFile file(folder_ / "stats.json");
+  fs::remove_all(folder_);
+  file.write("a");
+  EXPECT_NE(file.finish(seconds(60)).find("stats.json: cannot write"), std::string::npos);
+}
+
+TEST_F(StatisticsFileTest, RefusesNamesThatCanNeverBeWritten) {
+  EXPECT_THROW(StatisticsFile(folder_ / "none" / "stats.json"), Error);
+  EXPECT_THROW(StatisticsFile{folder_}, Error);
+  ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+  EXPECT_THROW(StatisticsFile(folder_ / "pipe"), Error);
+  std::ofstream(folder_ / "file") << "x";
+  EXPECT_THROW(StatisticsFile(folder_ / "file" / "stats.json"), Error);
+}
+
+TEST(RetriedWritesTest, PausesGrowToHalfAMinuteAndEndWithASuccess) {
+  RetriedWrites writes;
+  RetriedWrites::Clock::time_point now{};
+  EXPECT_TRUE(writes.due(now));
+  for (const int pause : {1, 2, 4, 8, 16, 30, 30}) {
+    writes.failed("full", now);
+    EXPECT_FALSE(writes.due(now + seconds(pause) - milliseconds(1))) << pause;
+    now += seconds(pause);
+    EXPECT_TRUE(writes.due(now)) << pause;
+  }
+  EXPECT_EQ(writes.state().failures, 7u);
+  writes.succeeded();
+  EXPECT_EQ(writes.state().reason, "");
+  writes.failed("full", now);
+  EXPECT_TRUE(writes.due(now + seconds(1)));
+  EXPECT_FALSE(writes.due(now));
+  writes.try_at_once();
+  EXPECT_TRUE(writes.due(now));
+}
+
+}  // namespace
+}  // namespace lenticule::player
