@@ -173,8 +173,10 @@ void SteeredPlay::complete(ordered_json& statistics) {
   }
   if (server_) {
     const ControlCounts counts = server_->counts();
-    statistics["control"] = {
-        {"accepted", counts.accepted}, {"refused", counts.refused}, {"dropped", counts.dropped}};
+    statistics["control"] = {{"accepted", counts.accepted},
+                             {"refused", counts.refused},
+                             {"dropped", counts.dropped},
+                             {"displaced", counts.displaced}};
   }
   if (controls_) controls_->tell_statistics(statistics);
 }

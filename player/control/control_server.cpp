@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <tuple>
 #include <utility>
 
 namespace lenticule::player {
@@ -18,7 +19,8 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr size_t kMaxQueuedEvents = 256;
-constexpr int kAcceptsAtOnce = 64;
+/// Fewer than there is room for: whoever gets in is heard before he may have to make room.
+constexpr int kAcceptsAtOnce = 8;
 constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 constexpr int kTickMs = 500;
 
@@ -62,7 +64,10 @@ void ControlServer::publish(ordered_json event) {
 }
 
 ControlCounts ControlServer::counts() const {
-  return {.accepted = accepted_.load(), .refused = refused_.load(), .dropped = dropped_.load()};
+  return {.accepted = accepted_.load(),
+          .refused = refused_.load(),
+          .dropped = dropped_.load(),
+          .displaced = displaced_.load()};
 }
 
 /// Whatever goes wrong here is no reason for the playing to end.
@@ -138,12 +143,12 @@ void ControlServer::admit(UniqueFd fd) {
     return tell_and_close(fd, {ErrorKind::Device, "control: another user's player",
                                "be its user, root, or in the group of --control-group"});
   }
-  if (clients_.size() >= options_.limits.clients) {
+  if (clients_.size() >= options_.limits.clients && !make_room(rights)) {
     refused_.fetch_add(1);
     return tell_and_close(
         fd, {ErrorKind::Device,
-             fmt::format("control: {} clients are connected already", options_.limits.clients),
-             "close one of them"});
+             fmt::format("control: {} clients are connected and busy", options_.limits.clients),
+             "close one of them, or come back when one is idle"});
   }
   accepted_.fetch_add(1);
   auto client = std::make_unique<Client>();
@@ -151,8 +156,34 @@ void ControlServer::admit(UniqueFd fd) {
   client->number = next_client_++;
   client->rights = rights;
   client->event_tokens = options_.limits.events_per_second;
-  client->tokens_at = client->took_at = Clock::now();
+  client->tokens_at = client->took_at = client->asked_at = Clock::now();
   clients_.push_back(std::move(client));
+}
+
+/// Drops the client that has been idle for longest: those who only listen after those who do
+/// nothing, the owner's after the group's. For the owner and root somebody always goes, for others
+/// nobody who asked for something lately.
+bool ControlServer::make_room(ControlRights newcomer) {
+  const Clock::time_point idle_since = Clock::now() - options_.limits.idle;
+  const bool always = newcomer == ControlRights::Everything;
+  const auto is_busy = [](const Client& client) {
+    return client.unanswered > 0 || !client.out.empty();
+  };
+  const auto order = [&](const std::unique_ptr<Client>& client) {
+    return std::tuple(is_busy(*client), client->subscribed,
+                      client->rights == ControlRights::Everything, client->asked_at);
+  };
+  const auto victim =
+      std::min_element(clients_.begin(), clients_.end(),
+                       [&](const auto& a, const auto& b) { return order(a) < order(b); });
+  if (victim == clients_.end()) return false;
+  const bool idle = !is_busy(**victim) && (*victim)->asked_at <= idle_since;
+  if (!idle && !always) return false;
+  displaced_.fetch_add(1);
+  tell_and_close((*victim)->fd, {ErrorKind::Device, "control: another client needs the place",
+                                 "connect again when there is something to ask"});
+  clients_.erase(victim);
+  return true;
 }
 
 void ControlServer::receive(Client& client) {
@@ -197,6 +228,7 @@ void ControlServer::take_lines(Client& client) {
 
 void ControlServer::take_line(Client& client, const std::string& line) {
   json id;
+  client.asked_at = Clock::now();
   try {
     const ControlRequest request = parse_control_request(line, id);
     if (request.verb == ControlVerb::Subscribe) {

@@ -41,6 +41,8 @@ struct ControlLimits {
   size_t waiting_bytes = 64u << 10;   ///< of output, above which nothing more is read of a client
   size_t dropped_bytes = 256u << 10;  ///< of output, above which it is dropped
   std::chrono::milliseconds stuck = std::chrono::seconds(10);  ///< that take nothing are dropped
+  /// Without a request for so long, a client may have to make room for somebody else's.
+  std::chrono::milliseconds idle = std::chrono::seconds(2);
   int events_per_second = 50;  ///< to one client; more are counted and left out
 };
 
@@ -54,8 +56,9 @@ struct ControlServerOptions {
 
 struct ControlCounts {
   uint64_t accepted = 0;
-  uint64_t refused = 0;  ///< strangers, and those too many
-  uint64_t dropped = 0;  ///< for lines too long or output not taken
+  uint64_t refused = 0;    ///< strangers, and those too many
+  uint64_t dropped = 0;    ///< for lines too long or output not taken
+  uint64_t displaced = 0;  ///< to make room for others
 };
 
 class ControlServer {
@@ -87,6 +90,7 @@ class ControlServer {
     uint64_t events_left_out = 0;
     Clock::time_point tokens_at{};
     Clock::time_point took_at{};
+    Clock::time_point asked_at{};  ///< its last whole request, or when it came
   };
   /// What comes from other threads. Answers may come when the server is gone.
   struct Inbox {
@@ -106,6 +110,7 @@ class ControlServer {
   [[nodiscard]] bool reads(const Client& client) const;
   void accept_all();
   void admit(UniqueFd fd);
+  [[nodiscard]] bool make_room(ControlRights newcomer);
   void receive(Client& client);
   void take_lines(Client& client);
   void take_line(Client& client, const std::string& line);
@@ -126,6 +131,7 @@ class ControlServer {
   std::atomic<uint64_t> accepted_{0};
   std::atomic<uint64_t> refused_{0};
   std::atomic<uint64_t> dropped_{0};
+  std::atomic<uint64_t> displaced_{0};
   std::atomic<bool> stopping_{false};
   std::thread thread_;  // last: it uses everything above
 };
