@@ -45,6 +45,9 @@ ExitCode play_with(const PlayFlags& flags, const ServiceManager& manager, const 
 ExitCode run_play(const PlayFlags& flags) {
   if (flags.preflight) return run_preflight(flags, make_plan(flags, false));
   const ServiceManager manager;
+  check_display_choice(flags, manager.present());
+  const bool may_reload = manager.present() || !flags.control.empty();
+  if (may_reload && !has_terminal()) reload_at_hangup();
   StartHistory history(runtime_folder(), time_since_boot());
   try {
     const ExitCode code = play_with(flags, manager, safe_start(flags, history));

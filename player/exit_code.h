@@ -13,6 +13,7 @@ enum ExitCode : int {
   kDevice = 3,
   kInput = 4,
   kQuality = 5,
+  kHungUp = 129,
   kInterrupted = 130,
   kTerminated = 143,
 };

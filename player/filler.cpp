@@ -236,7 +236,14 @@ bool Filler::copy_shown(frames::WovenFrame& into, milliseconds patience) {
 
 Filler::Step Filler::begin_next_loop() {
   if (between_sequences_.load()) return Step::NoFrame;
-  if (frames_this_loop_ == 0) return end(State::Failed, "the sequence holds no frame");
+  if (frames_this_loop_ == 0) {
+    // What can begin again would be empty again. A ring waits for the next renderer.
+    const bool another_may_come = options_.loops == kForever && !source_.rewind();
+    if (!another_may_come) return end(State::Failed, "the sequence holds no frame");
+    between_sequences_.store(true);
+    notify_presenter();
+    return Step::NoFrame;
+  }
   frames_this_loop_ = 0;
   statistics_.loops.add();
   if (statistics_.loops.get() == options_.loops) return end(State::Ended, "");

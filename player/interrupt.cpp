@@ -7,6 +7,7 @@
 #include <atomic>
 #include <csignal>
 
+#include "base/unique_fd.h"
 #include "display/kms/graphics_console.h"
 #include "player/raw_terminal.h"
 
@@ -14,11 +15,18 @@ namespace lenticule::player {
 namespace {
 
 std::atomic<int> g_signal{0};
+std::atomic<bool> g_reloads{false};
+std::atomic<bool> g_reload_wanted{false};
 int g_pipe[2] = {-1, -1};
 
 extern "C" void on_interrupt(int signal) {
+  if (signal == SIGHUP && g_reloads.load()) {
+    g_reload_wanted.store(true);
+    return;
+  }
   int none = 0;
   if (!g_signal.compare_exchange_strong(none, signal)) {
+    if (signal == SIGHUP) return;  // the shell and the kernel send one each
     restore_terminal_now();
     display::restore_console_now();
     _exit(128 + signal);
@@ -37,8 +45,24 @@ void install_interrupt_handlers() {
   sigemptyset(&action.sa_mask);
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  struct sigaction before {};
+  if (sigaction(SIGHUP, nullptr, &before) == 0 && before.sa_handler != SIG_IGN)
+    sigaction(SIGHUP, &action, nullptr);
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);  // a write beyond a size limit fails like a full disk
+}
+
+bool has_terminal() noexcept {
+  return static_cast<bool>(
+      UniqueFd(::open("/dev/tty", O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC)));
+}
+
+void reload_at_hangup() noexcept {
+  g_reloads.store(true);
+}
+
+bool take_reload_request() noexcept {
+  return g_reload_wanted.exchange(false);
 }
 
 int interrupt_signal() noexcept {
@@ -53,6 +77,8 @@ ExitCode interrupt_exit_code() noexcept {
   switch (interrupt_signal()) {
     case 0:
       return kOk;
+    case SIGHUP:
+      return kHungUp;
     case SIGTERM:
       return kTerminated;
     default:

@@ -128,6 +128,7 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("--display", flags.display,
                  "kms, kms:CONNECTOR, kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., or "
                  "virtual, virtual:3840x2160@60, virtual:3840x2160@59.94,jitter_us=500")
+      ->each([&flags](const std::string&) { flags.display_named = true; })
       ->capture_default_str();
   app.add_option("--clock", flags.clock,
                  "of a virtual display: real, or simulated (as fast as the source can)")
@@ -191,6 +192,20 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                "play nothing: read the source, or each item of a list, for some seconds, and say "
                "whether disk and decoder keep up (exit code 5 if not)");
   app.add_flag("--json", flags.json, "print the statistics as JSON at the end");
+}
+
+void check_display_choice(const PlayFlags& flags, bool service) {
+  if (flags.display_named) return;
+  const auto refuse = [](const std::string& what) {
+    throw Error(ErrorKind::Usage, what,
+                "add --display kms, or --display virtual where nobody has to see it");
+  };
+  if (service) refuse("--display: a service is told what it plays on");
+  if (!flags.wait_for_panel.empty()) refuse("--wait-for-panel: no panel is named");
+  if (!flags.on_exit.empty()) refuse("--on-exit: no panel is named");
+  fmt::print(stderr,
+             "no display is named: played on the virtual display, which nobody sees "
+             "(--display kms is a panel)\n");
 }
 
 PlayPlan make_plan(const PlayFlags& flags, bool service) {

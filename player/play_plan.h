@@ -26,6 +26,7 @@ struct PlayFlags {
   std::string source;
   std::string rig;
   std::string display = "virtual";
+  bool display_named = false;  ///< on the command line
   std::string clock = "real";
   std::string fps;
   std::string loop;
@@ -53,6 +54,10 @@ struct PlayFlags {
 };
 
 void declare_flags(CLI::App& app, PlayFlags& flags);
+
+/// Says in one line that nobody will see the virtual display where no display was named. Throws
+/// Error(Usage) where a panel was meant: for a service, and with flags that are about panels.
+void check_display_choice(const PlayFlags& flags, bool service);
 
 struct PlayPlan {
   /// Null unless the trim can change while playing, or the rig's own views may be played.

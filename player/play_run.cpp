@@ -4,12 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <span>
 #include <utility>
 #include <vector>
 
-#include "base/file.h"
 #include "display/open_display.h"
+#include "optics/trim.h"
 #include "player/card_texts.h"
 #include "player/command.h"
 #include "player/interrupt.h"
@@ -80,6 +79,7 @@ PlayRun::~PlayRun() {
 }
 
 ExitCode PlayRun::run() {
+  if (!flags_.stats.empty()) stats_file_.emplace(flags_.stats);
   steered_.emplace(flags_, plan_, trim_advice(plan_.source));
   if (safe_.card_first)
     trouble_ = crash_loop(safe_);
@@ -154,6 +154,7 @@ void PlayRun::tell_waiting(const PanelWaiting& waiting) {
   manager_.status(fmt::format("waiting for the panel{}: {}",
                               waiting.card_shown ? ", test card shown" : "", why));
   if (waiting.panel_missing) manager_.ping();
+  look_after_files();
   nlohmann::ordered_json statistics = statistics_json(lost_);
   statistics["waiting_for"] = {{"reason", why},
                                {"panel_missing", waiting.panel_missing},
@@ -227,13 +228,13 @@ PlayResult PlayRun::play_card() {
 PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions options) {
   Progress progress("playing", "frames", frames_to_show(source, options.loops));
   options.on_report = [&](const PlayReport& report) {
+    look_after_files();
     steered_->report(report);
     write_stats(statistics_json(report));
     service_->report(report);
     progress.update(report.pace.shown, progress_note(report));
   };
   if (panel_) options.bring_back = [this](const LostDisplay& lost) { return bring_back(lost); };
-  // A place that cannot be written is found out now, not after an evening's playing.
   write_stats(statistics_json(nothing_yet("starting")));
   PlayResult result = play(*display_, source, options);
   progress.update(result.report.pace.shown, progress_note(result.report));
@@ -257,6 +258,67 @@ bool PlayRun::goes_on_after(const PlayResult& result) {
   return true;
 }
 
+// --- files beside the film ------------------------------------------------------------------
+
+/// About once a second.
+void PlayRun::look_after_files() {
+  if (take_reload_request()) reload();
+  if (plan_.trim) plan_.trim->save_again();
+  follow_rig();
+  tell_write_trouble();
+}
+
+std::vector<PlayRun::WrittenFile> PlayRun::written_files() {
+  std::vector<WrittenFile> files;
+  if (stats_file_) files.push_back({flags_.stats, stats_file_->state()});
+  if (plan_.display.recorder)
+    files.push_back({flags_.record, plan_.display.recorder->writes().state()});
+  if (plan_.trim)
+    files.push_back({optics::trim_file_of(flags_.rig).string(), plan_.trim->writes().state()});
+  return files;
+}
+
+/// Once for each that begins to fail, and when it works again.
+void PlayRun::tell_write_trouble() {
+  std::string all;
+  for (const WrittenFile& file : written_files()) {
+    const std::string& reason = file.state.reason;
+    if (!reason.empty()) {
+      const bool names_it = reason.find(": ") != std::string::npos;
+      const std::string what = names_it ? reason : fmt::format("{}: {}", file.name, reason);
+      all += all.empty() ? what : ", " + what;
+      if (cannot_write_.insert(file.name).second)
+        fmt::print(stderr, "{}; playing goes on, and it is tried again\n", what);
+    } else if (cannot_write_.erase(file.name) > 0) {
+      fmt::print(stderr, "{}: written again after {} failures\n", file.name, file.state.failures);
+    }
+  }
+  if (!rig_trouble_.empty()) all += all.empty() ? rig_trouble_ : ", " + rig_trouble_;
+  if (service_) service_->set_warning(all);
+}
+
+void PlayRun::follow_rig() {
+  FollowedRig& rig = *plan_.source.rig;
+  rig.look();
+  const uint64_t version = rig.version();
+  if (std::exchange(rig_version_, version) != version && plan_.trim) plan_.trim->follow_files();
+  const std::string complaint = rig.complaint();
+  if (std::exchange(rig_trouble_, complaint) == complaint) return;
+  if (complaint.empty())
+    fmt::print(stderr, "{}: can be used again\n", flags_.rig);
+  else
+    fmt::print(stderr, "{}; the rig stays what it was\n", complaint);
+}
+
+void PlayRun::reload() {
+  fmt::print(stderr, "reloading: rig, list and films are looked at again\n");
+  plan_.source.rig->read_again();
+  steered_->look_again();
+  if (stats_file_) stats_file_->try_at_once();
+  if (plan_.display.recorder) plan_.display.recorder->writes().try_at_once();
+  if (plan_.trim) plan_.trim->writes().try_at_once();
+}
+
 // --- telling --------------------------------------------------------------------------------
 
 /// The report, and what a graphics card and a careful start add to it.
@@ -276,11 +338,16 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
 }
 
 void PlayRun::write_stats(nlohmann::ordered_json statistics) {
+  statistics["write_trouble"] = nlohmann::ordered_json::array();
+  for (const WrittenFile& file : written_files())
+    if (file.state.failures > 0)
+      statistics["write_trouble"].push_back(
+          {{"object", file.name}, {"cause", file.state.reason}, {"failures", file.state.failures}});
+  statistics["rig_trouble"] = rig_trouble_;
   steered_->complete(statistics);
-  if (flags_.stats.empty()) return;
-  const std::string text = statistics.dump(2) + "\n";
-  write_file_atomically(flags_.stats,
-                        std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
+  if (stats_file_)
+    stats_file_->write(
+        statistics.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
 }
 
 PlayReport PlayRun::nothing_yet(const char* outcome) const {
@@ -308,11 +375,15 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
   steered_->complete(statistics);
   manager_.stopping(outcome_name(result.outcome));
   trim_keys_.reset();
+  if (plan_.trim) plan_.trim->writes().try_at_once();
+  look_after_files();
   service_.reset();
   kms_ = nullptr;
   display_.reset();  // completes the recording
   if (plan_.display.recorder) statistics["recording"] = finish_recording();
-  write_stats(statistics);
+  finish_statistics(statistics);
+  if (output_trouble_ && result.outcome != PlayOutcome::Finished)
+    fmt::print(stderr, "{}\n", output_trouble_->what());
   if (flags_.json)
     print_json(statistics);
   else
@@ -320,26 +391,36 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
   return exit_code_after(result);
 }
 
-nlohmann::ordered_json PlayRun::finish_recording() const {
+void PlayRun::finish_statistics(const nlohmann::ordered_json& statistics) {
+  constexpr auto kLastPatience = std::chrono::seconds(10);
+  write_stats(statistics);
+  if (!stats_file_) return;
+  const std::string why = stats_file_->finish(kLastPatience);
+  if (!why.empty() && !output_trouble_) output_trouble_.emplace(ErrorKind::Failed, why);
+}
+
+nlohmann::ordered_json PlayRun::finish_recording() {
   display::ScanoutRecorder& recorder = *plan_.display.recorder;
-  recorder.finish();
+  try {
+    recorder.finish();
+  } catch (const Error& error) {
+    output_trouble_ = error;
+  }
   const uint64_t skipped = recorder.skipped();
   if (skipped > 0)
     fmt::print(stderr,
                "{}: {} frames that were on the glass came too fast and are not recorded\n"
                "  record checksums, or fewer frames a second, or with --clock simulated\n",
                flags_.record, skipped);
-  return {{"place", flags_.record}, {"skipped", skipped}};
+  return {{"place", flags_.record}, {"skipped", skipped}, {"lost", recorder.lost()}};
 }
 
 ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
   switch (result.outcome) {
     case PlayOutcome::Finished:
       if (trouble_) throw Error(*trouble_);
-      if (const std::string why = steered_->failure(); !why.empty())
-        throw Error(ErrorKind::Input, why.find(": ") == std::string::npos
-                                          ? fmt::format("{}: {}", flags_.source, why)
-                                          : why);
+      if (const std::string why = steered_->failure(); !why.empty()) throw list_trouble(why);
+      if (output_trouble_) throw Error(*output_trouble_);
       return kOk;
     case PlayOutcome::Stopped:
       return interrupt_exit_code();
@@ -352,6 +433,11 @@ ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
   return kFailed;
 }
 
+Error PlayRun::list_trouble(const std::string& why) const {
+  const bool names_its_object = why.find(": ") != std::string::npos;
+  return {ErrorKind::Input, names_its_object ? why : fmt::format("{}: {}", flags_.source, why)};
+}
+
 Error PlayRun::source_trouble(const PlayResult& result) const {
   const auto trouble = [&](ErrorKind kind, const std::string& what, const std::string& hint) {
     return Error(kind, fmt::format("{}: {}", flags_.source, what), hint);
@@ -359,9 +445,11 @@ Error PlayRun::source_trouble(const PlayResult& result) const {
   if (result.outcome == PlayOutcome::SourceStalled)
     return trouble(ErrorKind::Failed, fmt::format("no frame came for {} s", flags_.wait),
                    opened_.stall_hint);
-  const std::string obstacle = opened_.loop_obstacle ? opened_.loop_obstacle() : "";
-  return trouble(opened_.loop_obstacle ? ErrorKind::Failed : ErrorKind::Input, result.failure,
-                 obstacle);
+  if (const std::string why = steered_->failure(); !why.empty()) return list_trouble(why);
+  const bool empty = result.report.filled == 0;
+  const bool cannot_loop = opened_.loop_obstacle && !empty;
+  return trouble(cannot_loop ? ErrorKind::Failed : ErrorKind::Input, result.failure,
+                 cannot_loop ? opened_.loop_obstacle() : "");
 }
 
 Error PlayRun::lost_display() const {

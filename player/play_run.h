@@ -6,7 +6,9 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "display/kms/kms_display.h"
@@ -17,6 +19,7 @@
 #include "player/playback.h"
 #include "player/service_manager.h"
 #include "player/source_open.h"
+#include "player/statistics_file.h"
 #include "player/steered_play.h"
 #include "player/trim_keys.h"
 
@@ -62,6 +65,17 @@ class PlayRun {
   [[nodiscard]] std::optional<uint64_t> vblanks_left() const;
   [[nodiscard]] bool time_is_over() const;
 
+  // Files beside the film.
+  struct WrittenFile {
+    std::string name;
+    WriteState state;
+  };
+  [[nodiscard]] std::vector<WrittenFile> written_files();
+  void look_after_files();
+  void tell_write_trouble();
+  void follow_rig();
+  void reload();
+
   // Telling.
   void announce() const;
   void write_stats(nlohmann::ordered_json statistics);
@@ -69,9 +83,11 @@ class PlayRun {
   [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
 
   // The end.
-  [[nodiscard]] nlohmann::ordered_json finish_recording() const;
+  [[nodiscard]] nlohmann::ordered_json finish_recording();
+  void finish_statistics(const nlohmann::ordered_json& statistics);
   [[nodiscard]] ExitCode conclude(const PlayResult& result);
   [[nodiscard]] ExitCode exit_code_after(const PlayResult& result) const;
+  [[nodiscard]] Error list_trouble(const std::string& why) const;
   [[nodiscard]] Error source_trouble(const PlayResult& result) const;
   [[nodiscard]] Error lost_display() const;
 
@@ -91,6 +107,12 @@ class PlayRun {
   std::optional<display::Nanoseconds> end_;  ///< of the time asked for, display clock
   bool kept_ = false;                        ///< the manager has a copy of the card
   std::optional<TrimKeys> trim_keys_;
+  std::optional<StatisticsFile> stats_file_;
+  std::set<std::string> cannot_write_;  ///< names of files of which it was said
+  std::string rig_trouble_;
+  uint64_t rig_version_ = 1;
+  /// What is not whole at the end although it was asked for.
+  std::optional<Error> output_trouble_;
   std::string told_;  ///< why it waits, said once
   PlayReport lost_;   ///< while a panel is waited for
 };

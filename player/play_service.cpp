@@ -50,6 +50,7 @@ void PlayService::report(const PlayReport& report) {
   const display::KmsStatistics* const statistics = kms ? &*kms : nullptr;
   std::string text = status_text(report, statistics, exactness ? &*exactness : nullptr);
   if (!trouble_.empty()) text = "test card shown: " + trouble_ + "; " + text;
+  if (!warning_.empty()) text += "; " + warning_;
   if (!ready_ && report.first_frame_ms > 0) {
     ready_ = true;
     manager_.ready(text);

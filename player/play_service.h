@@ -32,6 +32,8 @@ class PlayService {
   void keep_again();
   /// What is wrong although something is shown, for the status line; empty = nothing.
   void set_trouble(const std::string& trouble) { trouble_ = trouble; }
+  /// What is wrong beside the picture, for the end of the status line; empty = nothing.
+  void set_warning(const std::string& warning) { warning_ = warning; }
 
  private:
   const ServiceManager& manager_;
@@ -39,6 +41,7 @@ class PlayService {
   Heartbeat heartbeat_;
   bool ready_ = false;
   std::string trouble_;
+  std::string warning_;
   std::chrono::steady_clock::time_point last_beat_;
 };
 

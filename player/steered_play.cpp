@@ -5,9 +5,11 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <filesystem>
 #include <utility>
 
 #include "base/error.h"
+#include "player/content/followed_files.h"
 
 namespace lenticule::player {
 namespace {
@@ -15,6 +17,16 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr size_t kMaxComplaints = 1000;
+
+bool folder_exists(const std::filesystem::path& file) {
+  std::error_code error;
+  return std::filesystem::is_directory(file.has_parent_path() ? file.parent_path() : ".", error);
+}
+
+/// A file that is shown for ever may be replaced meanwhile.
+bool is_followed(const PlayPlan& plan) {
+  return plan.playback.loops == kForever && !marks_of_source(plan.source.text).empty();
+}
 
 /// As Ctrl-C would: every wait of the player listens to that.
 void quit_in_good_order() {
@@ -46,6 +58,12 @@ ItemOpener item_opener(const SourceRequest& like) {
   };
 }
 
+ItemLook item_look(const SourceRequest& like) {
+  return [content = like.content, of = like.content_of](const PlaylistItem& item) {
+    return marks_of_source(item.source, item.source == of ? content : ContentFlags{});
+  };
+}
+
 SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std::string& advice)
     : flags_(flags), plan_(plan), is_list_(is_playlist_file(flags.source)) {
   if (is_list_ && plan.source.frames)
@@ -70,6 +88,22 @@ SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std
       ControlServerOptions{.socket = flags.control, .group = plan.control_group}, *controls_);
 }
 
+/// A disk that is full keeps nobody from playing: the socket is tried again.
+void SteeredPlay::listen() {
+  try {
+    server_ = std::make_unique<ControlServer>(
+        ControlServerOptions{.socket = flags_.control, .group = plan_.control_group}, *controls_);
+    serving_.store(server_.get());
+    listening_.succeeded();
+  } catch (const Error& error) {
+    const bool may_change = error.kind() == ErrorKind::Failed && folder_exists(flags_.control);
+    const bool first = listening_.state().failures == 0;
+    if (first && !may_change) throw;
+    if (first) fmt::print(stderr, "{}; playing goes on, and it is tried again\n", error.what());
+    listening_.failed(error.what());
+  }
+}
+
 SteeredPlay::~SteeredPlay() {
   let_go();
 }
@@ -81,20 +115,25 @@ void SteeredPlay::let_go() {
 
 void SteeredPlay::open(OpenedSource& opened) {
   let_go();
-  if (!is_list_ && !controls_) {
+  if (!is_list_ && !controls_ && !is_followed(plan_)) {
     opened = open_source(plan_.source);
     return;
   }
   opened = {};
   auto source = std::make_unique<PlaylistSource>(
       std::make_shared<const Playlist>(read_playlist(flags_.source, flags_, plan_)),
-      PlaylistSourceOptions{.panel = plan_.source.panel,
-                            .open = item_opener(plan_.source),
-                            .rate = plan_.playback.content,
-                            .on_event = [this](const PlaylistEvent& event) { on_item(event); }});
+      PlaylistSourceOptions{
+          .panel = plan_.source.panel,
+          .open = item_opener(plan_.source),
+          .rate = plan_.playback.content,
+          .on_event = [this](const PlaylistEvent& event) { on_item(event); },
+          .look_at = item_look(plan_.source),
+          .read_list =
+              [this](const std::string& name) { return read_playlist(name, flags_, plan_); }});
   source->open_first();
   source_ = source.get();
   opened.source = std::move(source);
+  opened.damaged_frames = [list = source_] { return list->damaged_frames(); };
   if (controls_) controls_->steer(source_);
 }
 
@@ -112,7 +151,7 @@ void SteeredPlay::tell_state(const std::string& state) {
 }
 
 void SteeredPlay::publish(ordered_json event) {
-  if (server_) server_->publish(std::move(event));
+  if (ControlServer* const server = serving_.load()) server->publish(std::move(event));
 }
 
 /// On the list's threads.
@@ -124,17 +163,31 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
       return publish({{"event", "seam"}, {"source", event.source}});
     case PlaylistEvent::Kind::ItemSkipped:
       publish({{"event", "bad_item"}, {"source", event.source}, {"cause", event.detail}});
-      break;
+      return complain("left out", event);
+    case PlaylistEvent::Kind::Kept:
+      publish({{"event", "not_replaced"}, {"source", event.source}, {"cause", event.detail}});
+      return complain("the one before goes on", event);
+    case PlaylistEvent::Kind::Replaced:
+      fmt::print(stderr, "{}: was replaced, and is played as it is now\n", event.source);
+      return publish({{"event", "replaced"}, {"source", event.source}});
   }
+}
+
+void SteeredPlay::complain(const std::string& how, const PlaylistEvent& event) {
   const bool named = event.detail.starts_with(event.source);
   const std::string complaint = named ? event.detail : event.source + ": " + event.detail;
   const std::lock_guard lock(told_mutex_);
   if (told_.size() < kMaxComplaints && told_.insert(complaint).second)
-    fmt::print(stderr, "left out: {}\n", complaint);
+    fmt::print(stderr, "{}: {}\n", how, complaint);
+}
+
+void SteeredPlay::look_again() {
+  if (source_ != nullptr) source_->look_again();
 }
 
 void SteeredPlay::report(const PlayReport& report) {
   const auto now = std::chrono::steady_clock::now();
+  if (controls_ && !server_ && listening_.due(now)) listen();
   (void)pace_.look(report, now);
   if (const auto warning = pace_.warning(now)) {
     fmt::print(stderr, "{}\n", *warning);

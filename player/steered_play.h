@@ -24,6 +24,9 @@ namespace lenticule::player {
 /// Opens items as the plan's source would be opened.
 [[nodiscard]] ItemOpener item_opener(const SourceRequest& like);
 
+/// Looks at items' files; the plan's flags are about its own source.
+[[nodiscard]] ItemLook item_look(const SourceRequest& like);
+
 /// On the player's main thread. Does nothing but watch the source's pace for a plain source without
 /// a control socket.
 class SteeredPlay {
@@ -40,6 +43,8 @@ class SteeredPlay {
   void let_go();
   /// What the playback is to know.
   void prepare(PlaybackOptions& options, frames::Rate refresh);
+  /// Looks at the list's and the item's files now.
+  void look_again();
   /// One word, and as an event if it changed.
   void tell_state(const std::string& state);
   /// About once a second: adds to the statistics, warns, tells those who listen.
@@ -49,7 +54,9 @@ class SteeredPlay {
   [[nodiscard]] std::string failure() const;
 
  private:
+  void listen();
   void on_item(const PlaylistEvent& event);
+  void complain(const std::string& how, const PlaylistEvent& event);
   void publish(nlohmann::ordered_json event);
   void publish_changes(const PlayReport& report);
 
@@ -58,6 +65,8 @@ class SteeredPlay {
   const bool is_list_;
   std::unique_ptr<PlayControls> controls_;
   std::unique_ptr<ControlServer> server_;
+  std::atomic<ControlServer*> serving_{nullptr};  ///< server_, for all threads
+  RetriedWrites listening_;                       ///< tries to have the socket
   PlaylistSource* source_ = nullptr;
   SourcePace pace_;
   PlayReport before_;

@@ -143,6 +143,8 @@ ordered_json PlayControls::status() const {
     json["last_trouble"] = status.last_trouble;
   }
   if (options_.trim) json["trim"] = trim_json(options_.trim->trim());
+  for (const char* key : {"write_trouble", "rig_trouble"})
+    if (statistics_.contains(key)) json[key] = statistics_[key];
   return json;
 }
 
@@ -212,6 +214,8 @@ ordered_json PlayControls::change_trim(const ControlRequest& request) {
                         .pitch_relative = request.pitch_relative.value_or(trim.pitch_relative)};
   });
   ordered_json json = trim_json(now);
+  json["saved"] = !options_.trim->unsaved();
+  if (!json["saved"]) json["trouble"] = options_.trim->writes().state().reason;
   if (!options_.trim_advice.empty()) json["advice"] = options_.trim_advice;
   return json;
 }

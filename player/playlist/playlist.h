@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/file_mark.h"
 #include "frames/rational.h"
 #include "player/filler.h"
 #include "player/frame_range.h"
@@ -46,6 +47,7 @@ struct PlaylistItem {
   bool waits_until_primed = false;
   double wait_s = 10.0;  ///< without a frame, after which it is skipped
 
+  friend bool operator==(const PlaylistItem&, const PlaylistItem&) = default;
   [[nodiscard]] bool permitted(LocalTime time) const {
     return !schedule || schedule->permits(time);
   }
@@ -56,6 +58,7 @@ struct Playlist {
   std::vector<PlaylistItem> items;
   std::optional<PlaylistItem> standby;  ///< for times that no item is for
   uint64_t rounds = 1;                  ///< or kForever
+  std::optional<FileMark> file{};       ///< as it was when it was read; none if it is no file's
 };
 
 inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;

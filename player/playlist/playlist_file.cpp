@@ -246,7 +246,11 @@ Playlist parse_playlist(std::string_view toml, const std::string& name,
 }
 
 Playlist load_playlist(const std::filesystem::path& file) {
-  return parse_playlist(read_text_file(file, kMaxPlaylistBytes), file.string(), file.parent_path());
+  const FileMark mark = mark_of(file);  // before it is read: a change since then is noticed
+  Playlist list =
+      parse_playlist(read_text_file(file, kMaxPlaylistBytes), file.string(), file.parent_path());
+  list.file = mark;
+  return list;
 }
 
 }  // namespace lenticule::player

@@ -101,13 +101,17 @@ PullStatus PlaylistSource::pull_current(LentFrame& out) {
     case PullStatus::NotYet:
       idle_ = play.waits_for_renderer;
       want_next_in_time();
+      if (play.pulled_this_round == 0 && is_outdated()) {
+        leave_current();
+        return PullStatus::End;
+      }
       if (!waited_too_long(play)) return PullStatus::NotYet;
       break_current(fmt::format("no frame came for {} s", play.item.wait_s));
       return PullStatus::End;
     case PullStatus::End:
       if (play.waits_for_renderer) {
         idle_ = true;
-        if (!waited_too_long(play)) return PullStatus::NotYet;
+        if (!waited_too_long(play) && !is_outdated()) return PullStatus::NotYet;
         leave_current();
       } else if (!goes_round(play)) {
         leave_current();
@@ -243,18 +247,21 @@ bool PlaylistSource::next_is_there() const {
 /// At the end of a round: true if the same item goes on, or was found to be broken.
 bool PlaylistSource::goes_round(Play& play) {
   ++play.loops_done;
-  if (std::exchange(play.pulled_this_round, 0) == 0) {
-    break_current("it holds no frame");
-    return true;
-  }
   const bool limited = frame_limit(play).has_value() && play.index;
   const uint64_t loops = loops_of(play);
+  if (std::exchange(play.pulled_this_round, 0) == 0) {
+    // The only item is a ring that plays for ever: the next renderer may have frames.
+    play.waits_for_renderer = is_alone(play) && loops == kForever && play.opened.loop_obstacle;
+    if (!play.waits_for_renderer) break_current("it holds no frame");
+    return true;
+  }
   bool more = limited || loops == kForever || play.loops_done < loops;
   if (!play.index)
     more = !next_is_there();
   else if (!limited && loops == kForever)
     more = play.item.permitted(options_.local_time());
-  if (!more) return false;
+  if (!more || is_outdated()) return false;
+  if (takes_replacement(play)) return true;
   if (play.opened.source->rewind()) {
     if (!is_still(play.opened)) tell(PlaylistEvent::Kind::Seam, play.item.source);
   } else if (play.opened.loop_obstacle && (limited || loops == kForever)) {
@@ -262,6 +269,29 @@ bool PlaylistSource::goes_round(Play& play) {
   } else {
     break_current("it cannot be played again");
   }
+  return true;
+}
+
+/// The list was replaced by one that has other plans.
+bool PlaylistSource::is_outdated() const {
+  const std::lock_guard lock(mutex_);
+  return outdated_;
+}
+
+/// At a seam: goes on with the same item's new files, if there are any.
+bool PlaylistSource::takes_replacement(Play& play) {
+  std::unique_ptr<Play> fresh;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!replacement_ || replacement_->number != play.number) return false;
+    fresh = std::move(replacement_);
+  }
+  fresh->pulled = play.pulled;  // its time goes on
+  fresh->loops_done = play.loops_done;
+  const std::string source = play.item.source;
+  leave_current();
+  begin(std::move(fresh));
+  tell(PlaylistEvent::Kind::Replaced, source);
   return true;
 }
 
@@ -322,6 +352,13 @@ void PlaylistSource::begin(std::unique_ptr<Play> play) {
   next_asked_ = false;
   watch(*current_, true);
   const std::lock_guard lock(mutex_);
+  followed_ = {.number = current_->number,
+               .item = current_->item,
+               .files = current_->files,
+               .seen = current_->files,
+               .damaged_frames = current_->opened.damaged_frames};
+  outdated_ = false;
+  if (replacement_) trash_.push_back(std::move(replacement_));
   status_.list = current_->list->name;
   status_.items = current_->list->items.size();
   status_.source = current_->item.source;
@@ -336,6 +373,11 @@ void PlaylistSource::begin(std::unique_ptr<Play> play) {
 void PlaylistSource::leave_current() {
   if (!current_) return;
   watch(*current_, false);
+  {
+    const std::lock_guard lock(mutex_);
+    if (followed_.damaged_frames) damaged_before_ += followed_.damaged_frames();
+    followed_ = {};
+  }
   if (current_->lent > 0)
     retired_.push_back(std::move(current_));
   else

@@ -28,11 +28,18 @@ struct PlaylistEvent {
     ItemStarted,  ///< its first frame was taken; the glass has it a few frames later
     Seam,         ///< it begins again, without a gap
     ItemSkipped,  ///< it cannot be played, or not any further
+    Replaced,     ///< the list, or the item's file, is another one, and is played from now on
+    Kept,         ///< another one is there and cannot be played: the old one goes on
   };
   Kind kind = Kind::ItemStarted;
   std::string source;
-  std::string detail;  ///< why it was skipped
+  std::string detail;  ///< why it was skipped, or kept
 };
+
+/// Looks at the files of an item; two looks are equal as long as nobody replaced one. Any thread.
+using ItemLook = std::function<std::vector<FileMark>(const PlaylistItem& item)>;
+/// Reads a list again. Throws Error. Any thread; may take long.
+using ListReader = std::function<Playlist(const std::string& name)>;
 
 /// Opens an item from its frame `first_frame` on, as open_source() does. Any thread; may take long.
 using ItemOpener = std::function<OpenedSource(const PlaylistItem& item, uint64_t first_frame)>;
@@ -45,6 +52,10 @@ struct PlaylistSourceOptions {
   std::function<LocalTime()> local_time = local_time_now;
   /// From the filling thread or the opening one; must not call back.
   std::function<void(const PlaylistEvent&)> on_event = nullptr;
+  /// By which files that were replaced are noticed, within two or three seconds: a list at once, an
+  /// item at its next seam. Null = they are not.
+  ItemLook look_at = nullptr;
+  ListReader read_list = nullptr;
 };
 
 /// Where to go instead.
@@ -96,7 +107,12 @@ class PlaylistSource final : public frames::FrameSource {
   void set_loops(uint64_t loops);
   /// While it is held, the list does not end: it is paused, and may be sent elsewhere.
   void hold(bool held);
+  /// Looks at list and item without waiting for the next second, and reads the list even if it is
+  /// the same.
+  void look_again();
   [[nodiscard]] PlaylistStatus status() const;
+  /// Frames so far, of all items, that were damaged in their file and replaced.
+  [[nodiscard]] uint64_t damaged_frames() const;
   /// The source that a frame's `item` came from, as long as it is remembered; empty otherwise.
   [[nodiscard]] std::string source_of(uint32_t play) const;
   /// Its place in the list, if it is remembered and in the list.
@@ -127,6 +143,7 @@ class PlaylistSource final : public frames::FrameSource {
     std::optional<size_t> index;  ///< none: standby
     uint64_t rounds_done = 0;     ///< of the list, when it was chosen
     uint64_t first_frame = 0;
+    std::vector<FileMark> files;  ///< as they were before it was opened
     OpenedSource opened;
 
     uint32_t number = 0;  ///< counted over everything that began
@@ -155,6 +172,14 @@ class PlaylistSource final : public frames::FrameSource {
     JumpDone done;
     SteadyTime since{};
   };
+  /// What the opening thread watches: the item that is playing.
+  struct Followed {
+    uint32_t number = 0;  ///< 0: nothing
+    PlaylistItem item{};
+    std::vector<FileMark> files{};
+    std::vector<FileMark> seen{};  ///< at the last look
+    std::function<uint64_t()> damaged_frames{};
+  };
   struct Began {
     uint32_t number = 0;
     std::string source;
@@ -171,6 +196,8 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] bool waited_too_long(Play& play) const;
   void begin(std::unique_ptr<Play> play);
   void leave_current();
+  [[nodiscard]] bool takes_replacement(Play& play);
+  [[nodiscard]] bool is_outdated() const;
   void break_current(const std::string& why);
   void throw_away(std::unique_ptr<Play> play);
   void want_next_in_time();
@@ -192,6 +219,11 @@ class PlaylistSource final : public frames::FrameSource {
   void open_next(std::unique_lock<std::mutex>& lock);
   [[nodiscard]] std::unique_ptr<Play> open_play(const PlaylistItem& item, uint64_t frame) const;
   void note_opened(std::unique_ptr<Play> play, const NextItem& pick);
+  [[nodiscard]] bool is_time_to_look() const;
+  void look_at_files(std::unique_lock<std::mutex>& lock);
+  void look_at_list(std::unique_lock<std::mutex>& lock, bool at_once);
+  void look_at_item(std::unique_lock<std::mutex>& lock);
+  void take_list(Playlist list);
 
   // Either.
   void count_skipped(const std::string& source, const std::string& why);
@@ -233,6 +265,13 @@ class PlaylistSource final : public frames::FrameSource {
   std::optional<Wish> wish_;
   uint64_t wish_serial_ = 0;
   std::vector<std::unique_ptr<Play>> trash_;
+  Followed followed_;
+  std::unique_ptr<Play> replacement_;  ///< for the item of followed_, from its next seam on
+  std::optional<FileMark> list_seen_;  ///< at the last look
+  bool outdated_ = false;  ///< the item that is playing is not in the list any more as it was
+  bool look_now_ = false;
+  SteadyTime look_at_{};
+  uint64_t damaged_before_ = 0;  ///< by items that are over
   std::deque<Began> began_;
   PlaylistStatus status_;
   bool stopping_ = false;

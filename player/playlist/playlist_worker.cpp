@@ -14,6 +14,8 @@ using SteadyClock = std::chrono::steady_clock;
 
 /// When nothing can be played, or nothing is for this time.
 constexpr auto kRetry = std::chrono::seconds(1);
+/// Between two looks at the files. What is new has to be the same twice: it may be being written.
+constexpr auto kLook = std::chrono::seconds(1);
 
 }  // namespace
 
@@ -23,6 +25,7 @@ std::unique_ptr<PlaylistSource::Play> PlaylistSource::open_play(const PlaylistIt
   play->item = item;
   play->first_frame = frame;
   play->skips_to_first = frame > 0;
+  if (options_.look_at) play->files = options_.look_at(item);
   play->opened = options_.open(item, frame);
   const frames::FrameSource& source = *play->opened.source;
   const frames::FrameGeometry size = source.geometry();
@@ -65,6 +68,8 @@ void PlaylistSource::work() {
       open_wish(lock);
     } else if (next_wanted_ && !next_ && !list_over_ && SteadyClock::now() >= retry_at_) {
       open_next(lock);
+    } else if (is_time_to_look()) {
+      look_at_files(lock);
     } else {
       work_there_.wait_for(lock, kRetry);
     }
@@ -161,6 +166,140 @@ void PlaylistSource::note_opened(std::unique_ptr<Play> play, const NextItem& pic
   next_ = std::move(play);
   next_wanted_ = false;
   wake_filler();
+}
+
+// --- files that are replaced ----------------------------------------------------------------
+
+bool PlaylistSource::is_time_to_look() const {
+  const bool follows = options_.look_at || options_.read_list;
+  return follows && !ended_ && (look_now_ || SteadyClock::now() >= look_at_);
+}
+
+void PlaylistSource::look_at_files(std::unique_lock<std::mutex>& lock) {
+  look_at_ = SteadyClock::now() + kLook;
+  const bool at_once = std::exchange(look_now_, false);
+  look_at_list(lock, at_once);
+  look_at_item(lock);
+}
+
+/// A list that cannot be read is not tried again before it is another one.
+void PlaylistSource::look_at_list(std::unique_lock<std::mutex>& lock, bool at_once) {
+  const auto list = list_;
+  if (!options_.read_list || !list->file) return;
+  lock.unlock();
+  const FileMark now = mark_of(list->name);
+  lock.lock();
+  const bool steady = std::exchange(list_seen_, now) == now;
+  const bool is_new = now != *list->file;
+  if (list != list_ || !(at_once || (is_new && steady))) return;
+  lock.unlock();
+  std::optional<Playlist> read;
+  std::string why;
+  try {
+    read = options_.read_list(list->name);
+  } catch (const std::exception& error) {
+    why = error.what();
+  }
+  lock.lock();
+  if (list != list_) return;
+  if (read) {
+    take_list(std::move(*read));
+  } else {
+    auto kept = std::make_shared<Playlist>(*list);
+    kept->file = now;
+    list_ = std::move(kept);
+  }
+  lock.unlock();
+  tell(read ? PlaylistEvent::Kind::Replaced : PlaylistEvent::Kind::Kept, list->name, why);
+  lock.lock();
+}
+
+/// Under the lock. The item that is playing goes on if the new list has it too, and ends with its
+/// round otherwise; then comes what follows it in the new list.
+void PlaylistSource::take_list(Playlist list) {
+  auto taken = std::make_shared<const Playlist>(std::move(list));
+  const std::vector<PlaylistItem>& items = taken->items;
+  const auto place_of = [&](auto&& is_it) -> std::optional<size_t> {
+    const auto found = std::find_if(items.begin(), items.end(), is_it);
+    if (found == items.end()) return std::nullopt;
+    return static_cast<size_t>(found - items.begin());
+  };
+  const PlaylistItem& playing = followed_.item;
+  const bool plays_item = followed_.number != 0 && !on_standby_;
+  outdated_ = on_standby_ && taken->standby != playing;
+  if (plays_item) {
+    const auto is_same = [&](const PlaylistItem& item) { return item == playing; };
+    const auto here = status_.item.value_or(items.size());
+    const auto same = here < items.size() && is_same(items[here]) ? here : place_of(is_same);
+    outdated_ = !same;
+    // What was changed about the item itself begins with it.
+    const auto changed =
+        place_of([&](const PlaylistItem& item) { return item.source == playing.source; });
+    const bool comes_first = !same && changed.value_or(0) == 0;
+    position_ = same ? same : changed;
+    if (comes_first) position_.reset();
+    if (!same && position_) --*position_;
+    if (same) status_.item = same;
+  } else if (position_ && *position_ >= items.size()) {
+    position_.reset();
+  }
+  next_wanted_ = next_wanted_ || next_;
+  if (next_) trash_.push_back(std::move(next_));
+  list_over_ = nothing_for_now_ = false;
+  retry_at_ = {};
+  broken_in_a_row_ = 0;
+  status_.items = items.size();
+  list_ = std::move(taken);
+  wake_filler();
+}
+
+/// A film that is about to end is opened anew anyway.
+void PlaylistSource::look_at_item(std::unique_lock<std::mutex>& lock) {
+  if (!options_.look_at || followed_.number == 0 || next_ || next_wanted_ || wish_ || outdated_)
+    return;
+  const uint32_t number = followed_.number;
+  const PlaylistItem item = followed_.item;
+  if (followed_.files.empty()) return;
+  lock.unlock();
+  const std::vector<FileMark> now = options_.look_at(item);
+  lock.lock();
+  if (followed_.number != number) return;
+  const bool steady = std::exchange(followed_.seen, now) == now;
+  if (!steady || now == followed_.files) return;
+  followed_.files = now;
+  lock.unlock();
+  std::unique_ptr<Play> play;
+  std::string why;
+  try {
+    play = open_play(item, 0);
+  } catch (const std::exception& error) {
+    why = error.what();
+  }
+  lock.lock();
+  if (!play) {
+    lock.unlock();
+    tell(PlaylistEvent::Kind::Kept, item.source, why);
+    lock.lock();
+    return;
+  }
+  if (replacement_) trash_.push_back(std::move(replacement_));
+  play->number = number;
+  play->list = list_;
+  play->index = status_.item;
+  play->rounds_done = status_.rounds_done;
+  replacement_ = std::move(play);
+  if (followed_.number != number) trash_.push_back(std::move(replacement_));
+}
+
+void PlaylistSource::look_again() {
+  const std::lock_guard lock(mutex_);
+  look_now_ = true;
+  work_there_.notify_all();
+}
+
+uint64_t PlaylistSource::damaged_frames() const {
+  const std::lock_guard lock(mutex_);
+  return damaged_before_ + (followed_.damaged_frames ? followed_.damaged_frames() : 0);
 }
 
 // --- anybody --------------------------------------------------------------------------------
