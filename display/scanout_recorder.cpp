@@ -40,7 +40,7 @@ class ChecksumRecorder final : public ScanoutRecorder {
     if (stream_ == nullptr) fail(file_, errno);
     if (hash_ == nullptr) throw std::bad_alloc();
     // Anybody can check the figures: xxhsum -H1 on the raw RGB bytes.
-    fmt::print(stream_, "# vblank frame xxh64-of-rgb\n");
+    note(std::fputs("# vblank frame xxh64-of-rgb\n", stream_));
   }
 
   ~ChecksumRecorder() override {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/file.h"
+#include "base/print.h"
 #include "display/open_display.h"
 #include "player/card_texts.h"
 #include "player/command.h"
@@ -150,7 +151,7 @@ void PlayRun::let_go() {
 void PlayRun::tell_waiting(const PanelWaiting& waiting) {
   const std::string why = waiting.reason.what();
   steered_->tell_state("waiting for the panel");
-  if (std::exchange(told_, why) != why) fmt::print(stderr, "waiting for the panel: {}\n", why);
+  if (std::exchange(told_, why) != why) say("waiting for the panel: {}\n", why);
   manager_.status(fmt::format("waiting for the panel{}: {}",
                               waiting.card_shown ? ", test card shown" : "", why));
   if (waiting.panel_missing) manager_.ping();
@@ -163,7 +164,7 @@ void PlayRun::tell_waiting(const PanelWaiting& waiting) {
 
 Comeback PlayRun::bring_back(const LostDisplay& lost) {
   lost_ = lost.report;
-  fmt::print(stderr, "{}: lost\n", lost.report.display);
+  say("{}: lost\n", lost.report.display);
   steered_->tell_state("display lost");
   const Comeback comeback = panel_->bring_back(*kms_, lost);
   told_.clear();
@@ -171,7 +172,7 @@ Comeback PlayRun::bring_back(const LostDisplay& lost) {
   kept_ = manager_.present();
   service_->keep_again();
   steered_->tell_state("playing");
-  fmt::print(stderr, "{}: back, {}\n", kms_->mode().name, kms_->exactness().summary());
+  say("{}: back, {}\n", kms_->mode().name, kms_->exactness().summary());
   return comeback;
 }
 
@@ -210,7 +211,7 @@ PlayResult PlayRun::play_source() {
 }
 
 PlayResult PlayRun::play_card() {
-  fmt::print(stderr, "{}\n", trouble_->what());
+  say("{}\n", trouble_->what());
   steered_->tell_state("test card");
   service_->set_trouble(trouble_->what());
   StillSource card(
@@ -278,7 +279,7 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
 void PlayRun::write_stats(nlohmann::ordered_json statistics) {
   steered_->complete(statistics);
   if (flags_.stats.empty()) return;
-  const std::string text = statistics.dump(2) + "\n";
+  const std::string text = json_text(statistics, 2) + "\n";
   write_file_atomically(flags_.stats,
                         std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
 }
@@ -294,11 +295,10 @@ PlayReport PlayRun::nothing_yet(const char* outcome) const {
 /// Once, for people and the journal.
 void PlayRun::announce() const {
   if (kms_ != nullptr)
-    fmt::print(stderr, "{}: {}, {}\n", display_->mode().name, kms_->exactness().summary(),
-               kms_->took_over() ? "taken over without a modeset" : "lit by a modeset");
+    say("{}: {}, {}\n", display_->mode().name, kms_->exactness().summary(),
+        kms_->took_over() ? "taken over without a modeset" : "lit by a modeset");
   if (!trouble_ && !opened_.stall_hint.empty())
-    fmt::print(stderr, "playing {} on {}: waiting for a renderer\n", flags_.source,
-               display_->mode().name);
+    say("playing {} on {}: waiting for a renderer\n", flags_.source, display_->mode().name);
 }
 
 // --- the end --------------------------------------------------------------------------------
@@ -316,7 +316,7 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
   if (flags_.json)
     print_json(statistics);
   else
-    fmt::print(stderr, "{}\n", summary_text(result.report));
+    say("{}\n", Verbatim{summary_text(result.report)});
   return exit_code_after(result);
 }
 
@@ -325,10 +325,9 @@ nlohmann::ordered_json PlayRun::finish_recording() const {
   recorder.finish();
   const uint64_t skipped = recorder.skipped();
   if (skipped > 0)
-    fmt::print(stderr,
-               "{}: {} frames that were on the glass came too fast and are not recorded\n"
-               "  record checksums, or fewer frames a second, or with --clock simulated\n",
-               flags_.record, skipped);
+    say("{}: {} frames that were on the glass came too fast and are not recorded\n"
+        "  record checksums, or fewer frames a second, or with --clock simulated\n",
+        flags_.record, skipped);
   return {{"place", flags_.record}, {"skipped", skipped}};
 }
 

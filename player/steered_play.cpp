@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/steered_play.h"
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <csignal>
 #include <utility>
 
 #include "base/error.h"
+#include "base/print.h"
 
 namespace lenticule::player {
 namespace {
@@ -130,14 +130,14 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
   const std::string complaint = named ? event.detail : event.source + ": " + event.detail;
   const std::lock_guard lock(told_mutex_);
   if (told_.size() < kMaxComplaints && told_.insert(complaint).second)
-    fmt::print(stderr, "left out: {}\n", complaint);
+    say("left out: {}\n", complaint);
 }
 
 void SteeredPlay::report(const PlayReport& report) {
   const auto now = std::chrono::steady_clock::now();
   (void)pace_.look(report, now);
   if (const auto warning = pace_.warning(now)) {
-    fmt::print(stderr, "{}\n", *warning);
+    say("{}\n", *warning);
     publish({{"event", "too_slow"}, {"figures", to_json(pace_.figures())}});
   }
   publish_changes(report);

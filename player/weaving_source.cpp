@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/weaving_source.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <exception>
 #include <utility>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/content/content_open.h"
 
 namespace lenticule::player {
@@ -84,7 +82,7 @@ void WeavingSource::watch() noexcept {
     try {
       look_at_rig();
     } catch (const std::exception& error) {
-      fmt::print(stderr, "{}: still woven for the old rig: {}\n", options_.rig_file, error.what());
+      say("{}: still woven for the old rig: {}\n", options_.rig_file, error.what());
     }
   }
 }
@@ -94,8 +92,7 @@ void WeavingSource::look_at_rig() {
   if (!rig) return tell_complaint();
   const frames::FrameGeometry panel{.width = rig->panel.width_px, .height = rig->panel.height_px};
   if (panel != geometry_) {
-    fmt::print(stderr, "{}: the panel became another one: still woven for the old\n",
-               options_.rig_file);
+    say("{}: the panel became another one: still woven for the old\n", options_.rig_file);
     return;
   }
   std::shared_ptr<Loom> loom = loom_for(*rig);
@@ -111,7 +108,7 @@ void WeavingSource::look_at_rig() {
 void WeavingSource::tell_complaint() {
   if (told_ == rig_.complaint()) return;
   told_ = rig_.complaint();
-  if (!told_.empty()) fmt::print(stderr, "still woven for the old rig: {}\n", told_);
+  if (!told_.empty()) say("still woven for the old rig: {}\n", told_);
 }
 
 // --- the worker -----------------------------------------------------------------------------
