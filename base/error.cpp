@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "base/error.h"
 
-#include <cstdio>
 #include <cstdlib>
+
+#include "base/print.h"
 
 namespace lenticule {
 
 void check_failed(const char* file, int line, const char* condition) noexcept {
-  std::fprintf(stderr, "%s:%d: this must hold and does not: %s\n", file, line, condition);
+  say("{}:{}: this must hold and does not: {}\n", file, line, condition);
   std::abort();
 }
 

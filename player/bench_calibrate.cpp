@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule bench calibrate: calibrations of sheets drawn at random on the simulated bench, judged
 // by the truth that only the bench knows.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -9,6 +8,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "calib/simulation/trial.h"
 #include "player/bench.h"
 #include "player/bench_calibrate_stress.h"
@@ -84,7 +84,7 @@ const char* outcome_of(const json& draw) {
 
 void print_draw(const json& draw) {
   const auto number = [&](const char* key) { return draw[key].get<double>(); };
-  fmt::print(
+  print_out(
       "{:>5} {:>7.3f} {:>8.4f} {:>6.3f} {:>5.3f} | {:<8} {:>7.4f} {:>8.1e} {:>8.1e} "
       "{:>8.1e} {:>7.4f} {:>8.1e} {:>6.1f}\n",
       draw["seed"].get<uint64_t>(), number("pitch_subpx"), number("slant"),
@@ -93,9 +93,9 @@ void print_draw(const json& draw) {
       number("single_effective_pitch_error"), number("wall_seconds"));
   if (outcome_of(draw) == std::string("refused")) {
     const std::string failure = draw["failure"];
-    fmt::print("      {}\n", failure.empty() && !draw["reasons"].empty()
-                                 ? draw["reasons"][0].get<std::string>()
-                                 : failure);
+    print_out("      {}\n", failure.empty() && !draw["reasons"].empty()
+                                ? draw["reasons"][0].get<std::string>()
+                                : failure);
   }
 }
 
@@ -161,25 +161,25 @@ json summary_of(const json& draws) {
 }
 
 void print_summary(const json& summary) {
-  fmt::print("\n{} draws: {} good, {} refused, {} wrong; longest capture of a viewpoint {:.1f} s\n",
-             summary["draws"].get<int>(), summary["good"].get<int>(), summary["refused"].get<int>(),
-             summary["wrong"].get<int>(), summary["longest_capture_seconds"].get<double>());
-  fmt::print("{:<32} {:>10} {:>10}\n", "of those that are trusted", "median", "largest");
+  print_out("\n{} draws: {} good, {} refused, {} wrong; longest capture of a viewpoint {:.1f} s\n",
+            summary["draws"].get<int>(), summary["good"].get<int>(), summary["refused"].get<int>(),
+            summary["wrong"].get<int>(), summary["longest_capture_seconds"].get<double>());
+  print_out("{:<32} {:>10} {:>10}\n", "of those that are trusted", "median", "largest");
   for (const auto& [key, value] : summary.items())
     if (value.is_object() && value.contains("median"))
-      fmt::print("{:<32} {:>10.2g} {:>10.2g}\n", key, value["median"].get<double>(),
-                 value["largest"].get<double>());
+      print_out("{:<32} {:>10.2g} {:>10.2g}\n", key, value["median"].get<double>(),
+                value["largest"].get<double>());
   const json& scatter = summary["error_per_standard_error"];
   if (scatter["pitch"].is_number())
-    fmt::print("errors in standard errors, rms: pitch {:.2f}, slant {:.2f}, gap {:.2f}\n",
-               scatter["pitch"].get<double>(), scatter["slant"].get<double>(),
-               scatter["gap"].get<double>());
+    print_out("errors in standard errors, rms: pitch {:.2f}, slant {:.2f}, gap {:.2f}\n",
+              scatter["pitch"].get<double>(), scatter["slant"].get<double>(),
+              scatter["gap"].get<double>());
 }
 
 ExitCode run_calibrate_bench(const CalibrateFlags& flags) {
   json draws = json::array();
   if (!flags.json)
-    fmt::print(
+    print_out(
         "{}\n{:>5} {:>7} {:>8} {:>6} {:>5} | {:<8} {:>7} {:>8} {:>8} {:>8} {:>7} {:>8} "
         "{:>6}\n",
         machine_text(), "seed", "pitch", "slant", "bent", "noise", "outcome", "worst", "pitch",
@@ -192,7 +192,7 @@ ExitCode run_calibrate_bench(const CalibrateFlags& flags) {
     draws.push_back(json_of(seed, trial, calib::run_trial(trial)));
     if (interrupted()) break;
     if (!flags.json) print_draw(draws.back());
-    std::fflush(stdout);
+    flush_results();
   }
   const json summary = summary_of(draws);
   if (flags.json)

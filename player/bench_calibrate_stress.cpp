@@ -6,6 +6,7 @@
 #include <chrono>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "calib/simulation/stress_cases.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
@@ -62,28 +63,28 @@ json json_of(const StressCase& one, const StressLimits& limits, const StressOutc
 }
 
 void print_head(bool full) {
-  fmt::print("machine {}, {} size\n", machine_text(), full ? "full" : "small");
-  fmt::print("{:<15} {:<38} {:<9} {:>7} {:>7} {:>7} {:>8} {:<16} {:>7} {:>7} {:>8} {:<6}\n", "case",
-             "what", "outcome", "flat", "worst", "map", "pitch", "demand", "flat", "worst", "pitch",
-             "held");
+  print_out("machine {}, {} size\n", machine_text(), full ? "full" : "small");
+  print_out("{:<15} {:<38} {:<9} {:>7} {:>7} {:>7} {:>8} {:<16} {:>7} {:>7} {:>8} {:<6}\n", "case",
+            "what", "outcome", "flat", "worst", "map", "pitch", "demand", "flat", "worst", "pitch",
+            "held");
 }
 
 void print_case(const StressCase& one, const StressLimits& limits, const StressOutcome& outcome) {
-  fmt::print("{:<15} {:<38} {:<9} ", one.name, one.what, outcome.verdict);
+  print_out("{:<15} {:<38} {:<9} ", one.name, one.what, outcome.verdict);
   if (outcome.measured)
-    fmt::print("{:>7.4f} {:>7.4f} {:>7.4f} {:>8.1e} ", outcome.flat_lenses,
-               outcome.errors.worst_lenses, outcome.errors.map_rms_lenses, outcome.pitch);
+    print_out("{:>7.4f} {:>7.4f} {:>7.4f} {:>8.1e} ", outcome.flat_lenses,
+              outcome.errors.worst_lenses, outcome.errors.map_rms_lenses, outcome.pitch);
   else
-    fmt::print("{:>7} {:>7} {:>7} {:>8} ", "-", "-", "-", "-");
+    print_out("{:>7} {:>7} {:>7} {:>8} ", "-", "-", "-", "-");
   if (one.demand == StressDemand::Detected)
-    fmt::print("{:<16} {:>7} {:>7} {:>8} ", name_of(one.demand), "-", "-", "-");
+    print_out("{:<16} {:>7} {:>7} {:>8} ", name_of(one.demand), "-", "-", "-");
   else
-    fmt::print("{:<16} {:>7.4f} {:>7.4f} {:>8.1e} ", name_of(one.demand), limits.flat_lenses,
-               limits.worst_lenses, limits.pitch);
-  fmt::print("{}\n", outcome.held ? "yes" : "MISSED");
+    print_out("{:<16} {:>7.4f} {:>7.4f} {:>8.1e} ", name_of(one.demand), limits.flat_lenses,
+              limits.worst_lenses, limits.pitch);
+  print_out("{}\n", outcome.held ? "yes" : "MISSED");
   if (!outcome.held || one.demand != StressDemand::Good)
-    fmt::print("    {}\n", outcome.said.empty() ? "nothing is said" : outcome.said);
-  if (!outcome.held && !one.shortfall.empty()) fmt::print("    known: {}\n", one.shortfall);
+    print_out("    {}\n", outcome.said.empty() ? "nothing is said" : outcome.said);
+  if (!outcome.held && !one.shortfall.empty()) print_out("    known: {}\n", one.shortfall);
 }
 
 }  // namespace
@@ -100,13 +101,13 @@ ExitCode run_calibrate_stress(const CalibrateStressFlags& flags) {
     const StressLimits limits = calib::limits_at(one, size);
     rows.push_back(json_of(one, limits, outcome));
     if (!flags.json) print_case(one, limits, outcome);
-    std::fflush(stdout);
+    flush_results();
     missed += outcome.held ? 0 : 1;
   }
   if (flags.json)
     print_json({{"machine", machine_json()}, {"full", flags.full}, {"cases", rows}});
   else
-    fmt::print("\n{} cases, {} missed\n", rows.size(), missed);
+    print_out("\n{} cases, {} missed\n", rows.size(), missed);
   return missed == 0 ? kOk : kQuality;
 }
 

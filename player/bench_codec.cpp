@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule bench codec: how small frames become in a container and how fast they come out again,
 // beside what else could be done with them.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -14,6 +13,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "frames/image_io.h"
 #include "frames/sequence/codec_trial.h"
 #include "player/bench.h"
@@ -185,15 +185,15 @@ nlohmann::json frame_json(const std::string& name, const frames::WovenFrame& fra
 }
 
 void print_frame(const nlohmann::json& frame) {
-  fmt::print("\n{} ({} x {})\n", frame["frame"].get<std::string>(), frame["width"].get<int>(),
-             frame["height"].get<int>());
-  fmt::print("{:<20} {:>9} {:>10} {:>10} {:>8} {:>8}\n", "", "MB", "encode ms", "decode ms", "size",
-             "decode");
+  print_out("\n{} ({} x {})\n", frame["frame"].get<std::string>(), frame["width"].get<int>(),
+            frame["height"].get<int>());
+  print_out("{:<20} {:>9} {:>10} {:>10} {:>8} {:>8}\n", "", "MB", "encode ms", "decode ms", "size",
+            "decode");
   for (const auto& row : frame["codecs"])
-    fmt::print("{:<20} {:>9.2f} {:>10.1f} {:>10.1f} {:>8.2f} {:>8.2f}\n",
-               row["codec"].get<std::string>(), 1e-6 * row["bytes"].get<double>(),
-               row["encode_ms"].get<double>(), row["decode_ms"].get<double>(),
-               row["size_to_baseline"].get<double>(), row["decode_to_baseline"].get<double>());
+    print_out("{:<20} {:>9.2f} {:>10.1f} {:>10.1f} {:>8.2f} {:>8.2f}\n",
+              row["codec"].get<std::string>(), 1e-6 * row["bytes"].get<double>(),
+              row["encode_ms"].get<double>(), row["decode_ms"].get<double>(),
+              row["size_to_baseline"].get<double>(), row["decode_to_baseline"].get<double>());
 }
 
 /// A corner of the panel shows the same pixels per lens in a quarter of the time.
@@ -220,8 +220,8 @@ ExitCode run(const CodecFlags& flags) {
     if (!flags.json) print_frame(frames.back());
   };
   if (!flags.json)
-    fmt::print("{}\none thread, processor time; size and decode time relative to \"{}\"\n",
-               machine_text(), kBaseline);
+    print_out("{}\none thread, processor time; size and decode time relative to \"{}\"\n",
+              machine_text(), kBaseline);
   for (const std::string& picture : flags.pictures) take(picture, frames::read_woven(picture));
   for (const std::string& scene : flags.scenes) {
     if (flags.pictures.empty() && !interrupted()) take(scene, render_scene(scene, rig));

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <memory>
 
+#include "base/print.h"
 #include "frames/compare.h"
 #include "frames/decoded_view.h"
 #include "frames/image_io.h"
@@ -212,12 +213,12 @@ class DepthCourse {
 
 /// Of the frames' figures the means, and of what lies beyond and within.
 void print_course(const nlohmann::json& course) {
-  fmt::print("{}, {}, {:g} depths of field: {:.0f} % beyond one; truth: {} rays\n",
-             course["scene"].get<std::string>(), course["rig"].get<std::string>(),
-             course["depth_budget"].get<double>(), 100.0 * course["share_beyond"].get<double>(),
-             course["truth_rays"].get<int>());
-  fmt::print("  {:<11} {:>7} {:>6} {:>6} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}\n", "", "cpu s",
-             "times", "rays", "left out", "PSNR", "beyond", "seen", "FLIP", "frames", "views");
+  print_out("{}, {}, {:g} depths of field: {:.0f} % beyond one; truth: {} rays\n",
+            course["scene"].get<std::string>(), course["rig"].get<std::string>(),
+            course["depth_budget"].get<double>(), 100.0 * course["share_beyond"].get<double>(),
+            course["truth_rays"].get<int>());
+  print_out("  {:<11} {:>7} {:>6} {:>6} {:>8} {:>7} {:>7} {:>7} {:>7} {:>8} {:>8}\n", "", "cpu s",
+            "times", "rays", "left out", "PSNR", "beyond", "seen", "FLIP", "frames", "views");
   double first_cpu_s = 0.0;
   for (const auto& way : course["ways"]) {
     const auto& frames = way["frames"];
@@ -229,7 +230,7 @@ void print_course(const nlohmann::json& course) {
     };
     const double cpu_s = mean("cpu_s");
     if (first_cpu_s == 0.0) first_cpu_s = cpu_s;
-    fmt::print(
+    print_out(
         "  {:<11} {:>7.2f} {:>6.2f} {:>6.2f} {:>8.2f} {:>7} {:>7} {:>7} {:>7.4f} {:>8.3f} "
         "{:>8.3f}\n",
         way["name"].get<std::string>(), cpu_s, cpu_s / first_cpu_s, mean("rays_per_subpixel"),
@@ -237,7 +238,7 @@ void print_course(const nlohmann::json& course) {
         decibels(psnr_or_null(mean("mse_beyond"))), decibels(psnr_or_null(mean("seen_mse"))),
         mean("flip_mean"), mean("flicker_frames", 1), mean("flicker_views"));
   }
-  fmt::print("\n");
+  print_out("\n");
 }
 
 }  // namespace

@@ -2,12 +2,11 @@
 // lenticule bench error: what each render method takes, and what it costs in error.
 #include "player/bench_error.h"
 
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
 
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
 #include "player/interrupt.h"
@@ -142,8 +141,8 @@ class ErrorRun {
       summarize_errors(measured, tachyon);
       if (!flags_.json) {
         if (courses_.empty())
-          fmt::print("machine   {}\ntimes     medians of {} run(s) by turns\n\n", machine_text(),
-                     flags_.runs);
+          print_out("machine   {}\ntimes     medians of {} run(s) by turns\n\n", machine_text(),
+                    flags_.runs);
         print_error_course(measured);
       }
       courses_.push_back(std::move(measured));

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <set>
 
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_error.h"
 #include "player/svg_plot.h"
@@ -25,18 +26,17 @@ constexpr const char* kTimeRow =
     "  {:<14} {:>9} {:>9} {:>9} {:>7} {:>7} {:>7} {:>7} {:>6} {:>8} {:>7}\n";
 
 void print_times(const json& methods) {
-  fmt::print(kTimeRow, "time", "ms/frame", "first", "later", "saved", "later", "CPU", "later",
-             "rays", "Tachyon", "copies");
+  print_out(kTimeRow, "time", "ms/frame", "first", "later", "saved", "later", "CPU", "later",
+            "rays", "Tachyon", "copies");
   for (const json& m : methods) {
     const std::string name = m["name"];
     if (m["missing"].get<bool>()) continue;
-    fmt::print(kTimeRow, name, text(m, "seconds_per_frame", "{:.2f}", 1e3),
-               text(m, "first_s", "{:.2f}", 1e3), text(m, "later_s", "{:.2f}", 1e3),
-               text(m, "saved", "{:.0f} %", 100), text(m, "later_saved", "{:.0f} %", 100),
-               text(m, "cpu_of_full", "{:.0f} %", 100),
-               text(m, "later_cpu_of_full", "{:.0f} %", 100),
-               text(m, "rays_per_subpixel", "{:.2f}"), text(m, "over_tachyon", "{:.1f} x"),
-               text(m, "over_copy", "{:.0f}"));
+    print_out(kTimeRow, name, text(m, "seconds_per_frame", "{:.2f}", 1e3),
+              text(m, "first_s", "{:.2f}", 1e3), text(m, "later_s", "{:.2f}", 1e3),
+              text(m, "saved", "{:.0f} %", 100), text(m, "later_saved", "{:.0f} %", 100),
+              text(m, "cpu_of_full", "{:.0f} %", 100),
+              text(m, "later_cpu_of_full", "{:.0f} %", 100), text(m, "rays_per_subpixel", "{:.2f}"),
+              text(m, "over_tachyon", "{:.1f} x"), text(m, "over_copy", "{:.0f}"));
   }
 }
 
@@ -44,7 +44,8 @@ void print_missing(const json& methods) {
   std::set<std::string> names;
   for (const json& m : methods)
     if (m["missing"].get<bool>()) names.insert(m["method"]);
-  if (!names.empty()) fmt::print("  not in this build: {}\n", fmt::join(names, ", "));
+  if (!names.empty())
+    print_out("  not in this build: {}\n", fmt::format("{}", fmt::join(names, ", ")));
 }
 
 std::string bound_text(const json& bound) {
@@ -58,19 +59,19 @@ constexpr const char* kErrorRow =
     "{:>12}\n";
 
 void print_errors(const json& methods) {
-  fmt::print(kErrorRow, "error", "PSNR", "worst", "view", "max", "over E", "bound", "over 8",
-             "over 32", "SSIM", "worst", "FLIP", "99 %", "flicker", "max", "within bound");
+  print_out(kErrorRow, "error", "PSNR", "worst", "view", "max", "over E", "bound", "over 8",
+            "over 32", "SSIM", "worst", "FLIP", "99 %", "flicker", "max", "within bound");
   for (const json& m : methods) {
     if (!m.contains("psnr_mean_db")) continue;
-    fmt::print(kErrorRow, m["name"].get<std::string>(), decibels(m["psnr_mean_db"]),
-               decibels(m["psnr_worst_db"]), decibels(m["worst_view_psnr_db"]),
-               text(m, "max", "{:.0f}"), text(m, "share_over_e", "{:.4f} %", 100),
-               text(m["bound"], "mean_bound", "{:.4f} %", 100),
-               text(m, "share_over_8", "{:.3f} %", 100), text(m, "share_over_32", "{:.3f} %", 100),
-               text(m, "ssim_mean", "{:.4f}"), text(m, "ssim_worst", "{:.4f}"),
-               text(m, "flip_mean", "{:.4f}"), text(m, "flip_p99_worst", "{:.3f}"),
-               text(m, "flicker_mean", "{:.4f}"), text(m, "flicker_largest", "{:.0f}"),
-               bound_text(m["bound"]));
+    print_out(kErrorRow, m["name"].get<std::string>(), decibels(m["psnr_mean_db"]),
+              decibels(m["psnr_worst_db"]), decibels(m["worst_view_psnr_db"]),
+              text(m, "max", "{:.0f}"), text(m, "share_over_e", "{:.4f} %", 100),
+              text(m["bound"], "mean_bound", "{:.4f} %", 100),
+              text(m, "share_over_8", "{:.3f} %", 100), text(m, "share_over_32", "{:.3f} %", 100),
+              text(m, "ssim_mean", "{:.4f}"), text(m, "ssim_worst", "{:.4f}"),
+              text(m, "flip_mean", "{:.4f}"), text(m, "flip_p99_worst", "{:.3f}"),
+              text(m, "flicker_mean", "{:.4f}"), text(m, "flicker_largest", "{:.0f}"),
+              bound_text(m["bound"]));
   }
 }
 
@@ -94,28 +95,27 @@ std::string tachyon_text(const json& tachyon) {
 }  // namespace
 
 void print_error_course(const json& course) {
-  fmt::print("{}, {}, {}: {:.2f} M subpixels, copying them takes {:.2f} ms{}\n",
-             course["scene"].get<std::string>(), course["rig"].get<std::string>(),
-             course["course"].get<std::string>(), course["subpixels"].get<double>() / 1e6,
-             1e3 * course["copy_s"].get<double>(), tachyon_text(course["tachyon"]));
+  print_out("{}, {}, {}: {:.2f} M subpixels, copying them takes {:.2f} ms{}\n",
+            course["scene"].get<std::string>(), course["rig"].get<std::string>(),
+            course["course"].get<std::string>(), course["subpixels"].get<double>() / 1e6,
+            1e3 * course["copy_s"].get<double>(), tachyon_text(course["tachyon"]));
   print_times(course["methods"]);
   print_errors(course["methods"]);
   print_missing(course["methods"]);
   for (const json& picture : course["pictures"])
-    fmt::print("  {}: frame {}, pixel {}, {}, MSE {:.1f}\n", picture["file"].get<std::string>(),
-               picture["frame"].get<int>(), picture["x"].get<int>(), picture["y"].get<int>(),
-               picture["mse"].get<double>());
-  fmt::print("\n");
+    print_out("  {}: frame {}, pixel {}, {}, MSE {:.1f}\n", picture["file"].get<std::string>(),
+              picture["frame"].get<int>(), picture["x"].get<int>(), picture["y"].get<int>(),
+              picture["mse"].get<double>());
+  print_out("\n");
 }
 
 void print_bound_of_all(const json& courses) {
   const json all = bound_of_all(courses);
   if (all.is_null()) return;
-  fmt::print("the true share beyond E was within the reported bound in {:.1f} % of {} frames",
-             all["within_percent"].get<double>(), all["frames"].get<int>());
+  print_out("the true share beyond E was within the reported bound in {:.1f} % of {} frames",
+            all["within_percent"].get<double>(), all["frames"].get<int>());
   const double excess = all["largest_excess"].get<double>();
-  fmt::print("{}\n",
-             excess > 0.0 ? fmt::format(", at most {:.4f} % above it", 100.0 * excess) : "");
+  print_out("{}\n", excess > 0.0 ? fmt::format(", at most {:.4f} % above it", 100.0 * excess) : "");
 }
 
 void plot_errors(const json& courses, const std::string& file) {

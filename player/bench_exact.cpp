@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
 
@@ -23,14 +24,14 @@ nlohmann::json heading(const ExactFlags& flags) {
 }
 
 void print_heading(const nlohmann::json& r) {
-  fmt::print("machine   {}\n", machine_text());
-  fmt::print("rig       {}, {}x{}\n", r["rig"].get<std::string>(), r["width"].get<int>(),
-             r["height"].get<int>());
+  print_out("machine   {}\n", machine_text());
+  print_out("rig       {}, {}x{}\n", r["rig"].get<std::string>(), r["width"].get<int>(),
+            r["height"].get<int>());
   const int lights = r["lights"].get<int>();
-  fmt::print("frames    {} generation(s) of mirrored rays, {}, medians of {} run(s) by turns\n",
-             r["depth"].get<int>(),
-             lights == 0 ? "all lights" : fmt::format("at most {} lights", lights),
-             r["runs"].get<int>());
+  print_out("frames    {} generation(s) of mirrored rays, {}, medians of {} run(s) by turns\n",
+            r["depth"].get<int>(),
+            lights == 0 ? "all lights" : fmt::format("at most {} lights", lights),
+            r["runs"].get<int>());
 }
 
 /// One part of the benchmark: measured, kept under its name, printed unless all is printed as JSON.
@@ -63,9 +64,9 @@ class Parts {
  private:
   void keep(const char* name, nlohmann::json part, void (*print)(const nlohmann::json&)) {
     if (!flags_.json) {
-      fmt::print("\n");
+      print_out("\n");
       print(part);
-      std::fflush(stdout);  // the next part may take minutes
+      flush_results();  // the next part may take minutes
     }
     result_[name].push_back(std::move(part));
   }

@@ -9,6 +9,7 @@
 #include <memory>
 #include <thread>
 
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
 #include "player/bench_timing.h"
@@ -203,15 +204,15 @@ nlohmann::json measure_growth(const ExactFlags& flags) {
 }
 
 void print_growth(const nlohmann::json& growth) {
-  fmt::print("{}: {}\n", growth["name"].get<std::string>(), growth["scene"].get<std::string>());
-  fmt::print("  {:>38} {:>14} {:>11} {:>9} {:>9}\n", growth["x_label"].get<std::string>(),
-             "visibility ns", "frame ns", "frame s", "rays");
+  print_out("{}: {}\n", growth["name"].get<std::string>(), growth["scene"].get<std::string>());
+  print_out("  {:>38} {:>14} {:>11} {:>9} {:>9}\n", growth["x_label"].get<std::string>(),
+            "visibility ns", "frame ns", "frame s", "rays");
   for (const auto& row : growth["rows"]) {
-    fmt::print("  {:>38.10g} {:>14.2f} {:>11.2f} {:>9.3f} {:>9.2f}", row["x"].get<double>(),
-               row["visibility_ns"].get<double>(), row["frame_ns"].get<double>(),
-               row["frame_seconds"].get<double>(), row["rays_per_subpixel"].get<double>());
-    if (row.contains("speed_up")) fmt::print("   {:.2f} x", row["speed_up"].get<double>());
-    fmt::print("\n");
+    print_out("  {:>38.10g} {:>14.2f} {:>11.2f} {:>9.3f} {:>9.2f}", row["x"].get<double>(),
+              row["visibility_ns"].get<double>(), row["frame_ns"].get<double>(),
+              row["frame_seconds"].get<double>(), row["rays_per_subpixel"].get<double>());
+    if (row.contains("speed_up")) print_out("   {:.2f} x", row["speed_up"].get<double>());
+    print_out("\n");
   }
 }
 

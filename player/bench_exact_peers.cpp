@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
 #include "player/bench_timing.h"
@@ -147,22 +148,21 @@ nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene) 
 }
 
 void print_peers(const nlohmann::json& r) {
-  fmt::print("{}: {} threads each; theirs a picture of {} x {}\n", r["scene"].get<std::string>(),
-             r["threads"].get<int>(), r["width"].get<int>(), r["height"].get<int>());
-  fmt::print("  {:<10} {:>8.2f} M primary rays/s {:>9.2f} s\n", "ours",
-             r["ours_mray_s"].get<double>(), r["ours_seconds"].get<double>());
+  print_out("{}: {} threads each; theirs a picture of {} x {}\n", r["scene"].get<std::string>(),
+            r["threads"].get<int>(), r["width"].get<int>(), r["height"].get<int>());
+  print_out("  {:<10} {:>8.2f} M primary rays/s {:>9.2f} s\n", "ours",
+            r["ours_mray_s"].get<double>(), r["ours_seconds"].get<double>());
   for (const auto& row : r["rows"]) {
-    fmt::print("  {:<10} ", row["name"].get<std::string>());
+    print_out("  {:<10} ", row["name"].get<std::string>());
     if (row.contains("mray_s"))
-      fmt::print("{:>8.3f} M primary rays/s {:>9.2f} s, ours {:.1f} x", row["mray_s"].get<double>(),
-                 row["seconds"].get<double>(), row["ours_over_theirs"].get<double>());
+      print_out("{:>8.3f} M primary rays/s {:>9.2f} s, ours {:.1f} x", row["mray_s"].get<double>(),
+                row["seconds"].get<double>(), row["ours_over_theirs"].get<double>());
     if (row.contains("target") && row["target"].get<double>() > 0.0)
-      fmt::print(" (at least {:.0f} x: {})", row["target"].get<double>(),
-                 row["within_target"].get<bool>() ? "met" : "missed");
+      print_out(" (at least {:.0f} x: {})", row["target"].get<double>(),
+                row["within_target"].get<bool>() ? "met" : "missed");
     if (row.contains("failure"))
-      fmt::print("{}{}", row.contains("mray_s") ? "; then " : "",
-                 row["failure"].get<std::string>());
-    fmt::print("\n");
+      print_out("{}{}", row.contains("mray_s") ? "; then " : "", row["failure"].get<std::string>());
+    print_out("\n");
   }
 }
 

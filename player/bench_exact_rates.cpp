@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule bench exact --rates
-#include <fmt/format.h>
 
 #include <algorithm>
 
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
 #include "player/bench_timing.h"
@@ -93,29 +93,29 @@ nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene) 
 
 void print_rates(const nlohmann::json& r) {
   const auto millions = [&r](const char* key) { return r[key].get<double>() / 1e6; };
-  fmt::print("{}: {} primitives, {} lights", r["scene"].get<std::string>(),
-             r["primitives"].get<uint64_t>(), r["lights"].get<int>());
+  print_out("{}: {} primitives, {} lights", r["scene"].get<std::string>(),
+            r["primitives"].get<uint64_t>(), r["lights"].get<int>());
   if (const int dropped = r["lights_dropped"].get<int>(); dropped > 0)
-    fmt::print(" ({} more dropped)", dropped);
-  fmt::print("; {:.3g} M primary, {:.3g} M shadow, {:.3g} M mirrored rays\n",
-             millions("primary_rays"), millions("shadow_rays"), millions("secondary_rays"));
-  fmt::print(
+    print_out(" ({} more dropped)", dropped);
+  print_out("; {:.3g} M primary, {:.3g} M shadow, {:.3g} M mirrored rays\n",
+            millions("primary_rays"), millions("shadow_rays"), millions("secondary_rays"));
+  print_out(
       "  proved to meet nothing: {:.3g} M shadow, {:.3g} M mirrored rays; to be blocked: "
       "{:.3g} M shadow rays\n",
       millions("shadow_rays_proved"), millions("secondary_rays_proved"),
       millions("shadow_rays_blocked"));
   const auto share = [&r](const char* key) { return 100.0 * r["shares"][key].get<double>(); };
-  fmt::print(
+  print_out(
       "  of the time: rays {:.0f} %, Embree {:.0f} % primary, {:.0f} % shadow, {:.0f} % "
       "mirrored, shading {:.0f} %, writing {:.0f} %\n",
       share("make_rays"), share("embree_primary"), share("embree_shadow"),
       share("embree_secondary"), share("shade"), share("write"));
-  fmt::print("  {:<28} {:>8} {:>12} {:>14} {:>9}\n", "", "Mray/s", "ns/subpixel", "of visibility",
-             "peak MiB");
+  print_out("  {:<28} {:>8} {:>12} {:>14} {:>9}\n", "", "Mray/s", "ns/subpixel", "of visibility",
+            "peak MiB");
   for (const auto& row : r["rows"])
-    fmt::print("  {:<28} {:>8.1f} {:>12.2f} {:>14.2f} {:>9.0f}\n", row["name"].get<std::string>(),
-               row["mray_s"].get<double>(), row["ns_per_subpixel"].get<double>(),
-               row["of_visibility"].get<double>(), row["peak_resident_mib"].get<double>());
+    print_out("  {:<28} {:>8.1f} {:>12.2f} {:>14.2f} {:>9.0f}\n", row["name"].get<std::string>(),
+              row["mray_s"].get<double>(), row["ns_per_subpixel"].get<double>(),
+              row["of_visibility"].get<double>(), row["peak_resident_mib"].get<double>());
 }
 
 }  // namespace lenticule::player

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule bench exact --upright: what slanted lenses of a broken pitch cost over upright ones.
-#include <fmt/format.h>
 
 #include <cmath>
 
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
 #include "player/bench_timing.h"
@@ -52,13 +52,13 @@ nlohmann::json measure_upright(const ExactFlags& flags, const std::string& scene
 
 void print_upright(const nlohmann::json& r) {
   const auto number = [&r](const char* key) { return r[key].get<double>(); };
-  fmt::print("{}: slanted against upright with {:.0f} subpixels per lens\n",
-             r["scene"].get<std::string>(), number("upright_pitch_subpx"));
-  fmt::print("  visibility     {:8.2f} {:8.2f} ns/subpixel\n", number("slanted_visibility_ns"),
-             number("upright_visibility_ns"));
-  fmt::print("  whole frame    {:8.2f} {:8.2f} ns/subpixel, ratio {:.2f} (at most {:.2f}: {})\n",
-             number("slanted_frame_ns"), number("upright_frame_ns"), number("slanted_over_upright"),
-             number("target"), r["within_target"].get<bool>() ? "met" : "missed");
+  print_out("{}: slanted against upright with {:.0f} subpixels per lens\n",
+            r["scene"].get<std::string>(), number("upright_pitch_subpx"));
+  print_out("  visibility     {:8.2f} {:8.2f} ns/subpixel\n", number("slanted_visibility_ns"),
+            number("upright_visibility_ns"));
+  print_out("  whole frame    {:8.2f} {:8.2f} ns/subpixel, ratio {:.2f} (at most {:.2f}: {})\n",
+            number("slanted_frame_ns"), number("upright_frame_ns"), number("slanted_over_upright"),
+            number("target"), r["within_target"].get<bool>() ? "met" : "missed");
 }
 
 }  // namespace lenticule::player

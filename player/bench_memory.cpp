@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_scene.h"
 #include "player/interrupt.h"
@@ -46,13 +47,12 @@ void render_one(const MemoryFlags& flags) {
   try {
     render_one(flags);
   } catch (const Error& error) {
-    fmt::print(stderr, "lenticule: {}\n", error.what());
+    say("lenticule: {}\n", error.what());
     code = exit_code_of(error.kind());
   } catch (const std::exception& error) {
-    fmt::print(stderr, "lenticule: {}\n", error.what());
+    say("lenticule: {}\n", error.what());
     code = kFailed;
   }
-  std::fflush(stderr);
   _exit(code);
 }
 
@@ -102,7 +102,7 @@ ExitCode run(const MemoryFlags& flags) {
                 {"limit_mib", flags.limit_mib},
                 {"within_limit", within}});
   else
-    fmt::print("peak resident    {:.1f} MiB (limit {:.0f} MiB)\n", end.peak_mib, flags.limit_mib);
+    print_out("peak resident    {:.1f} MiB (limit {:.0f} MiB)\n", end.peak_mib, flags.limit_mib);
   return within ? kOk : kQuality;
 }
 

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/print.h"
 #include "optics/trim.h"
 #include "player/bench.h"
 #include "player/bench_exact.h"
@@ -187,9 +188,9 @@ class PaperRun {
                   {"teapot", teapot_}});
       return;
     }
-    fmt::print("machine   {}\nrig       {}, {}x{}\n", machine_text(), setup_.rig.name,
-               setup_.rig.panel.width_px, setup_.rig.panel.height_px);
-    fmt::print(
+    print_out("machine   {}\nrig       {}, {}x{}\n", machine_text(), setup_.rig.name,
+              setup_.rig.panel.width_px, setup_.rig.panel.height_px);
+    print_out(
         "frames    spans of {} in a row, medians of {} run(s) by turns; a scene is built anew "
         "for each, shown apart\n\n",
         flags_.quick ? "8 to 14" : "16", setup_.runs);

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_paper.h"
 #include "player/svg_plot.h"
@@ -36,11 +37,11 @@ std::string published_saving(const PublishedTimes& times, double seconds) {
 void print_quality_row(const PublishedQuality& published, const nlohmann::json& figures) {
   const auto mse = [&](size_t c) { return figures["mse"][c].get<double>(); };
   const double mean = (mse(0) + mse(1) + mse(2)) / 3.0;
-  fmt::print("  {:>5} {:>10.2f} {:>7.2f} {:>9.2f} {:>7.2f} {:>7.2f} {:>7.2f} {:>7.2f} {:>7.2f}\n",
-             published.frame, published.column, published.psnr_db, std::sqrt(published.column),
-             mean, std::sqrt(mean), mean > 0.0 ? psnr_of(mean) : INFINITY,
-             std::sqrt(std::max({mse(0), mse(1), mse(2)})),
-             std::sqrt(figures["worst_view_mse"].get<double>()));
+  print_out("  {:>5} {:>10.2f} {:>7.2f} {:>9.2f} {:>7.2f} {:>7.2f} {:>7.2f} {:>7.2f} {:>7.2f}\n",
+            published.frame, published.column, published.psnr_db, std::sqrt(published.column), mean,
+            std::sqrt(mean), mean > 0.0 ? psnr_of(mean) : INFINITY,
+            std::sqrt(std::max({mse(0), mse(1), mse(2)})),
+            std::sqrt(figures["worst_view_mse"].get<double>()));
 }
 
 const nlohmann::json* frame_of(const std::vector<nlohmann::json>& spans, int number) {
@@ -83,11 +84,11 @@ std::span<const PublishedQuality> published_quality() {
 
 void print_quality_table(const std::vector<nlohmann::json>& teapot_spans) {
   for (const char* method : {"hybrid", "hybrid-literal"}) {
-    fmt::print("table 1: teapot, {} against full\n", method);
-    fmt::print("  {:>5} {:>10} {:>7} {:>9} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "", "paper's", "",
-               "its", "ours", "", "", "worst", "worst");
-    fmt::print("  {:>5} {:>10} {:>7} {:>9} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "frame", "\"RMSE\"",
-               "PSNR", "root", "MSE", "RMSE", "PSNR", "channel", "view");
+    print_out("table 1: teapot, {} against full\n", method);
+    print_out("  {:>5} {:>10} {:>7} {:>9} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "", "paper's", "",
+              "its", "ours", "", "", "worst", "worst");
+    print_out("  {:>5} {:>10} {:>7} {:>9} {:>7} {:>7} {:>7} {:>7} {:>7}\n", "frame", "\"RMSE\"",
+              "PSNR", "root", "MSE", "RMSE", "PSNR", "channel", "view");
     bool any = false;
     for (const PublishedQuality& published : published_quality()) {
       const nlohmann::json* frame = frame_of(teapot_spans, published.frame);
@@ -95,9 +96,9 @@ void print_quality_table(const std::vector<nlohmann::json>& teapot_spans) {
       print_quality_row(published, (*frame)["methods"][method]);
       any = true;
     }
-    if (!any) fmt::print("  none of its frames was rendered\n");
+    if (!any) print_out("  none of its frames was rendered\n");
   }
-  fmt::print(
+  print_out(
       "  The paper's PSNR follows from its column if that is the mean squared error (MSE);\n"
       "  its root is what RMSE means. Worst channel and view: RMSE.\n\n");
 }
@@ -106,11 +107,11 @@ void print_time_table(const nlohmann::json& summaries) {
   constexpr const char* kRow =
       "  {:<12} {:>6} {:>8} {:>8} | {:>6} {:>7} {:>8} | {:>6} {:>7} {:>8} | {:>8} {:>7} {:>8} | "
       "{}\n";
-  fmt::print("table 2: time saved against full, for whole sequences\n");
-  fmt::print(kRow, "", "", "full, s", "", "lens-", "view", "", "inter-", "polate", "", "temporal",
-             "hybrid", "", "Tachyon");
-  fmt::print(kRow, "scene", "frames", "paper", "ours", "paper", "ours", "literal", "paper", "ours",
-             "literal", "ours", "ours", "literal", "Mray/s");
+  print_out("table 2: time saved against full, for whole sequences\n");
+  print_out(kRow, "", "", "full, s", "", "lens-", "view", "", "inter-", "polate", "", "temporal",
+            "hybrid", "", "Tachyon");
+  print_out(kRow, "scene", "frames", "paper", "ours", "paper", "ours", "literal", "paper", "ours",
+            "literal", "ours", "ours", "literal", "Mray/s");
   for (const nlohmann::json& summary : summaries) {
     const std::string scene = summary["scene"];
     const auto found = std::ranges::find_if(
@@ -122,41 +123,40 @@ void print_time_table(const nlohmann::json& summaries) {
     const auto saved = [&](const char* method) { return saved_of(summary, method); };
     const int frames = summary["frames_of_sequence"];
     const nlohmann::json* full = method_of(summary, "full");
-    fmt::print(kRow, scene, frames, known ? fmt::format("{:.0f}", found->full_s) : "-",
-               fmt::format("{:.1f}", (*full)["seconds_per_frame"].get<double>() * frames),
-               published(&PublishedTimes::lens_view_s), saved("lens-view"),
-               saved("lens-view-literal"), published(&PublishedTimes::interpolate_s),
-               saved("interpolate"), saved("interpolate-literal"), saved("temporal"),
-               saved("hybrid"), saved("hybrid-literal"),
-               summary.value("tachyon", std::string("-")));
+    print_out(kRow, scene, frames, known ? fmt::format("{:.0f}", found->full_s) : "-",
+              fmt::format("{:.1f}", (*full)["seconds_per_frame"].get<double>() * frames),
+              published(&PublishedTimes::lens_view_s), saved("lens-view"),
+              saved("lens-view-literal"), published(&PublishedTimes::interpolate_s),
+              saved("interpolate"), saved("interpolate-literal"), saved("temporal"),
+              saved("hybrid"), saved("hybrid-literal"), summary.value("tachyon", std::string("-")));
   }
-  fmt::print(
+  print_out(
       "  Ours: seconds per measured frame times the frames of the sequence; a saving below 0\n"
       "  takes longer than full. Tachyon: millions of primary rays a second, full beside it.\n\n");
 }
 
 void print_method_table(const nlohmann::json& summary) {
-  fmt::print("{}: {} of {} frames measured\n", summary["scene"].get<std::string>(),
-             summary["frames"].get<int>(), summary["frames_of_sequence"].get<int>());
-  fmt::print(
+  print_out("{}: {} of {} frames measured\n", summary["scene"].get<std::string>(),
+            summary["frames"].get<int>(), summary["frames_of_sequence"].get<int>());
+  print_out(
       "  {:<19} {:>9} {:>9} {:>9} {:>6} {:>6} {:>7} {:>7} {:>6} {:>11} {:>6} {:>4} {:>7} {:>7}\n",
       "", "ms/frame", "CPU ms", "build ms", "saved", "rays", "traced", "missing", "PSNR",
       "worst frame", "view", "max", "over 8", "over 32");
   for (const nlohmann::json& m : summary["methods"]) {
     const auto number = [&m](const char* key) { return m[key].get<double>(); };
-    fmt::print("  {:<19} {:>9.2f} {:>9.2f} {:>9.2f} {:>4.0f} % {:>6.2f} {:>5.1f} % {:>5.1f} % ",
-               m["name"].get<std::string>(), 1e3 * number("seconds_per_frame"),
-               1e3 * number("cpu_seconds_per_frame"), 1e3 * number("build_seconds_per_frame"),
-               100 * number("saved"), number("rays_per_subpixel"), 100 * number("traced"),
-               100 * number("missing"));
+    print_out("  {:<19} {:>9.2f} {:>9.2f} {:>9.2f} {:>4.0f} % {:>6.2f} {:>5.1f} % {:>5.1f} % ",
+              m["name"].get<std::string>(), 1e3 * number("seconds_per_frame"),
+              1e3 * number("cpu_seconds_per_frame"), 1e3 * number("build_seconds_per_frame"),
+              100 * number("saved"), number("rays_per_subpixel"), 100 * number("traced"),
+              100 * number("missing"));
     if (m["name"] == "full")
-      fmt::print("{:>6}\n", "-");
+      print_out("{:>6}\n", "-");
     else
-      fmt::print("{:>6} {:>11} {:>6} {:>4} {:>5.2f} % {:>5.2f} %\n", decibels(m["psnr_mean_db"]),
-                 decibels(m["psnr_worst_db"]), decibels(m["worst_view_psnr_db"]),
-                 m["max"].get<int>(), 100 * number("share_over_8"), 100 * number("share_over_32"));
+      print_out("{:>6} {:>11} {:>6} {:>4} {:>5.2f} % {:>5.2f} %\n", decibels(m["psnr_mean_db"]),
+                decibels(m["psnr_worst_db"]), decibels(m["worst_view_psnr_db"]),
+                m["max"].get<int>(), 100 * number("share_over_8"), 100 * number("share_over_32"));
   }
-  fmt::print("\n");
+  print_out("\n");
 }
 
 void plot_summary(const nlohmann::json& summary, const std::string& folder) {

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "display/virtual/virtual_display.h"
 #include "frames/ring/ring_player.h"
 #include "frames/ring/ring_renderer.h"
@@ -140,7 +141,7 @@ nlohmann::json row_json(const Row& row) {
 
 void print_row(const nlohmann::json& row) {
   const auto mebibytes = [&row](const char* key) { return row[key].get<uint64_t>() / kMebibyte; };
-  fmt::print(
+  print_out(
       "{:>4}x{:<4} {:>7} frames {:>7.0f}/s  copy {:>6.2f} ms  memory {:>4} -> {:>4} MiB of "
       "{:>4} allowed ({} MiB without library files)\n",
       row["width"].get<int>(), row["height"].get<int>(), row["frames"].get<uint64_t>(),
@@ -174,7 +175,7 @@ ExitCode run_bench_play(const BenchFlags& flags) {
                 {"vblank_budget", budget}});
   } else {
     print_vblank_budget(budget);
-    fmt::print("{}\n", machine_text());
+    print_out("{}\n", machine_text());
   }
   return within ? kOk : kQuality;
 }

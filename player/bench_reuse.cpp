@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule bench reuse: what the methods that reuse points save, and what they cost in error.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
 #include <optional>
 
+#include "base/print.h"
 #include "frames/compare.h"
 #include "player/bench.h"
 #include "player/bench_scene.h"
@@ -198,12 +198,12 @@ nlohmann::json measure_scene(const ReuseFlags& flags, const std::string& name,
 }
 
 void print_scene(const nlohmann::json& measured) {
-  fmt::print("\n{:<32} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>4} {:>8}\n",
-             measured["scene"].get<std::string>(), "seconds", "saved", "reused", "missing", "mean",
-             "PSNR", "worst", "max", "over 32");
+  print_out("\n{:<32} {:>8} {:>7} {:>7} {:>7} {:>7} {:>7} {:>7} {:>4} {:>8}\n",
+            measured["scene"].get<std::string>(), "seconds", "saved", "reused", "missing", "mean",
+            "PSNR", "worst", "max", "over 32");
   for (const auto& row : measured["rows"]) {
     const auto percent = [&row](const char* key) { return 100.0 * row[key].get<double>(); };
-    fmt::print(
+    print_out(
         "{:<32} {:>8.4f} {:>5.0f} % {:>5.1f} % {:>5.1f} % {:>5.1f} % {:>7} {:>7} {:>4} {:>6.2f} "
         "%\n",
         row["name"].get<std::string>(), row["seconds"].get<double>(), percent("time_saved"),
@@ -220,7 +220,7 @@ ExitCode run_reuse(const ReuseFlags& flags) {
                            {"rig", bench_rig(flags.rig).name},
                            {"scenes", nlohmann::json::array()}};
   if (!flags.json)
-    fmt::print("machine   {}\nrig       {}\n", machine_text(), report["rig"].get<std::string>());
+    print_out("machine   {}\nrig       {}\n", machine_text(), report["rig"].get<std::string>());
   for (const std::string& scene : flags.scenes) {
     if (interrupted()) break;
     report["scenes"].push_back(measure_scene(flags, scene, ways));

@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
 #include "player/progress.h"
@@ -55,8 +56,8 @@ ExitCode run(const StabilityFlags& flags) {
     result["machine"] = machine_json();
     print_json(result);
   } else {
-    fmt::print("machine {}, {} size\n{}", machine_text(), flags.full ? "full" : "quick",
-               to_text(report));
+    print_out("machine {}, {} size\n{}", machine_text(), flags.full ? "full" : "quick",
+              Verbatim{to_text(report)});
   }
   return passes(report) ? kOk : kQuality;
 }

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
 #include "player/bench.h"
@@ -90,12 +91,12 @@ ExitCode run(const StartFlags& flags) {
     print_json(result);
     return kOk;
   }
-  fmt::print("{}\n{} x {}, one PNG, virtual display, medians of {} runs\n", machine_text(),
-             rig.panel.width_px, rig.panel.height_px, flags.runs);
-  fmt::print("loading the program        {:7.0f} ms\n", result["program_ms"].get<double>());
-  fmt::print("main() to the first frame  {:7.0f} ms\n", result["first_frame_ms"].get<double>());
-  fmt::print("start to the first frame   {:7.0f} ms\n",
-             result["start_to_first_frame_ms"].get<double>());
+  print_out("{}\n{} x {}, one PNG, virtual display, medians of {} runs\n", machine_text(),
+            rig.panel.width_px, rig.panel.height_px, flags.runs);
+  print_out("loading the program        {:7.0f} ms\n", result["program_ms"].get<double>());
+  print_out("main() to the first frame  {:7.0f} ms\n", result["first_frame_ms"].get<double>());
+  print_out("start to the first frame   {:7.0f} ms\n",
+            result["start_to_first_frame_ms"].get<double>());
   return kOk;
 }
 

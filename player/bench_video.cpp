@@ -12,6 +12,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
 #include "player/bench.h"
@@ -146,14 +147,14 @@ double frames_per_second(const Way& way, int frames) {
 }
 
 void print_ways(const nlohmann::json& report) {
-  fmt::print("machine   {}\nframes    {}x{}\n\n", machine_text(), report["width"].get<int>(),
-             report["height"].get<int>());
-  fmt::print("{:<8} {:>9} {:>11} {:>10} {:>7}\n", "stored", "MB/frame", "written/s", "decoded/s",
-             "x png");
+  print_out("machine   {}\nframes    {}x{}\n\n", machine_text(), report["width"].get<int>(),
+            report["height"].get<int>());
+  print_out("{:<8} {:>9} {:>11} {:>10} {:>7}\n", "stored", "MB/frame", "written/s", "decoded/s",
+            "x png");
   for (const auto& row : report["rows"])
-    fmt::print("{:<8} {:>9.1f} {:>11.1f} {:>10.1f} {:>7.2f}\n", row["name"].get<std::string>(),
-               row["megabytes_per_frame"].get<double>(), row["written_per_s"].get<double>(),
-               row["decoded_per_s"].get<double>(), row["times_png"].get<double>());
+    print_out("{:<8} {:>9.1f} {:>11.1f} {:>10.1f} {:>7.2f}\n", row["name"].get<std::string>(),
+              row["megabytes_per_frame"].get<double>(), row["written_per_s"].get<double>(),
+              row["decoded_per_s"].get<double>(), row["times_png"].get<double>());
 }
 
 ExitCode run_video(const VideoFlags& given) {

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule bench visibility: the row sweep against Embree's packets and against bare writing, by
 // turns, and how often they disagree.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
 
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/bench_scene.h"
 #include "player/bench_timing.h"
@@ -91,19 +91,19 @@ nlohmann::json measure(const VisibilityFlags& flags, const optics::Rig& rig,
 }
 
 void print(const nlohmann::json& r) {
-  fmt::print(
+  print_out(
       "{}, {}: {} primitives; other ids {:.2f}, elsewhere {:.2f}, one sees none {:.2f} per "
       "million, z within "
       "{:.2g} mm\n",
       r["scene"].get<std::string>(), r["rig"].get<std::string>(), r["primitives"].get<uint64_t>(),
       r["other_ids_per_million"].get<double>(), r["elsewhere_per_million"].get<double>(),
       r["one_sees_none_per_million"].get<double>(), r["depth_difference_mm"].get<double>());
-  fmt::print("  {:>7} {:>12} {:>9} {:>9} {:>9} {:>9} {:>9} {:>11} {:>14}\n", "threads",
-             "bare Embree", "packets", "sweep", "- before", "- rays", "writing", "bare/sweep",
-             "packets/sweep");
+  print_out("  {:>7} {:>12} {:>9} {:>9} {:>9} {:>9} {:>9} {:>11} {:>14}\n", "threads",
+            "bare Embree", "packets", "sweep", "- before", "- rays", "writing", "bare/sweep",
+            "packets/sweep");
   for (const auto& t : r["times"]) {
     const auto ns = [&](const char* key) { return t[key].get<double>(); };
-    fmt::print(
+    print_out(
         "  {:>7} {:>12.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>9.2f} {:>11.2f} {:>14.2f}\n",
         t["threads"].get<int>(), ns("bare_embree_ns"), ns("packets_ns"), ns("sweep_ns"),
         ns("sweep_prepare_ns"), ns("sweep_rays_ns"), ns("write_ns"), ns("bare_embree_per_sweep"),
@@ -117,7 +117,7 @@ ExitCode run(VisibilityFlags flags) {
   std::vector<optics::Rig> rigs = {rig};
   if (!flags.quick) rigs.push_back(coarser_rig(rig, 2));
   nlohmann::json results = nlohmann::json::array();
-  if (!flags.json) fmt::print("{}; nanoseconds per subpixel\n", machine_text());
+  if (!flags.json) print_out("{}; nanoseconds per subpixel\n", machine_text());
   for (const optics::Rig& one : rigs)
     for (const std::string& scene : flags.scenes) {
       if (interrupted()) return kInterrupted;

@@ -11,6 +11,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/print.h"
 #include "frames/weaving/fast_weaver.h"
 #include "player/bench.h"
 #include "player/interrupt.h"
@@ -176,15 +177,15 @@ nlohmann::json to_json(const CaseResult& r) {
 }
 
 void print_table(const std::vector<CaseResult>& results) {
-  fmt::print(
+  print_out(
       "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8} {:>9} {:>7} | {:>8} {:>9} {:>7} | {:>9} {:>8}\n", "",
       "", "", "", "", "median", "of clock", "", "least of", "a thread", "", "", "");
-  fmt::print(
+  print_out(
       "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8} {:>9} {:>7} | {:>8} {:>9} {:>7} | {:>9} {:>8}\n",
       "views", "of", "filter", "threads", "kernel", "copy ms", "weave ms", "ratio", "copy ms",
       "weave ms", "ratio", "reference", "plan ms");
   for (const CaseResult& r : results)
-    fmt::print(
+    print_out(
         "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8.2f} {:>9.2f} {:>7.2f} | {:>8.2f} {:>9.2f} {:>7.2f} "
         "| "
         "{:>9.0f} {:>8.0f}\n",
@@ -212,8 +213,8 @@ ExitCode run(const WeaveBenchFlags& flags) {
                 {"cases", rows}});
     return kOk;
   }
-  fmt::print("{}\n{}, {} x {}\n", machine_text(), model.rig().name, model.rig().panel.width_px,
-             model.rig().panel.height_px);
+  print_out("{}\n{}, {} x {}\n", machine_text(), model.rig().name, model.rig().panel.width_px,
+            model.rig().panel.height_px);
   print_table(results);
   return kOk;
 }

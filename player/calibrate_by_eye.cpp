@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "calib/by_eye/charts.h"
 #include "calib/by_eye/procedure.h"
 #include "calib/report/rig_record.h"
@@ -149,7 +150,7 @@ class ByEyeRun {
       else
         wait();
     }
-    if (keys_->is_person()) fmt::print(stderr, "\n");
+    if (keys_->is_person()) say("\n");
     finish_recording();
     if (interrupted()) return interrupt_exit_code();
     return conclude();
@@ -190,18 +191,19 @@ class ByEyeRun {
 
   void tell_step() const {
     const calib::Guide guide = procedure_.guide();
-    fmt::print(stderr, "{}{}\n  {}\n", keys_->is_person() ? "\n\n" : "", guide.title, guide.task);
-    for (const std::string& sentence : guide.wrong) fmt::print(stderr, "  - {}\n", sentence);
-    fmt::print(stderr, "  {}\n", guide.keys);
+    if (keys_->is_person()) say("\n\n");
+    say("{}\n  {}\n", guide.title, guide.task);
+    for (const std::string& sentence : guide.wrong) say("  - {}\n", sentence);
+    say("  {}\n", guide.keys);
   }
 
   /// One line that is written over, for people; a line each for logs.
   void tell_numbers() const {
     const std::string note = procedure_.note().empty() ? "" : " (" + procedure_.note() + ")";
     if (keys_->is_person())
-      fmt::print(stderr, "\r\x1b[K{}{}", procedure_.numbers(), note);
+      say("\r\x1b[K{}{}", procedure_.numbers(), note);
     else
-      fmt::print(stderr, "  {}{}\n", procedure_.numbers(), note);
+      say("  {}{}\n", procedure_.numbers(), note);
   }
 
   /// Nothing is shown any more; the panel is what it was before.
@@ -210,7 +212,7 @@ class ByEyeRun {
     if (!request_.recorder) return;
     request_.recorder->finish();
     if (const uint64_t skipped = request_.recorder->skipped(); skipped > 0)
-      fmt::print(stderr, "{}: {} charts came too fast to be recorded\n", flags_.record, skipped);
+      say("{}: {} charts came too fast to be recorded\n", flags_.record, skipped);
   }
 
   ExitCode conclude() {
@@ -249,20 +251,19 @@ class ByEyeRun {
 
   void print_text(const optics::Rig& rig, bool saved, const std::string& kept) const {
     if (!saved) {
-      fmt::print("nothing was saved\n");
+      print_out("nothing was saved\n");
       return;
     }
-    if (!kept.empty()) fmt::print(stderr, "the old rig is kept as {}\n", kept);
+    if (!kept.empty()) say("the old rig is kept as {}\n", kept);
     const double design = rig.viewing.distance.value;
     if (!procedure_.gap_was_found() && procedure_.distance_mm() != design)
-      fmt::print(stderr,
-                 "lenticule: calibrated from {:g} mm, used from {:g} mm, and the gap was taken "
-                 "over\n  the pitch is as good as the gap; find that too, or calibrate from where "
-                 "viewers are\n",
-                 procedure_.distance_mm(), design);
-    fmt::print("{}: pitch {:.6f}, slant {:.6f}, offset {:.4f}, gap {:.4f} mm, fingerprint {}\n",
-               flags_.output, rig.sheet.pitch.value, rig.sheet.slant, rig.sheet.offset.value,
-               rig.sheet.gap.value, optics::fingerprint(rig));
+      say("lenticule: calibrated from {:g} mm, used from {:g} mm, and the gap was taken "
+          "over\n  the pitch is as good as the gap; find that too, or calibrate from where "
+          "viewers are\n",
+          procedure_.distance_mm(), design);
+    print_out("{}: pitch {:.6f}, slant {:.6f}, offset {:.4f}, gap {:.4f} mm, fingerprint {}\n",
+              flags_.output, rig.sheet.pitch.value, rig.sheet.slant, rig.sheet.offset.value,
+              rig.sheet.gap.value, optics::fingerprint(rig));
   }
 
   const ByEyeFlags& flags_;

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "calib/calibrate.h"
 #include "calib/cameras/v4l2_camera.h"
 #include "display/display_sink.h"
@@ -74,16 +75,17 @@ ExitCode list_all(bool as_json) {
     print_json(all);
     return kOk;
   }
-  if (all.empty()) fmt::print("no camera\n");
+  if (all.empty()) print_out("no camera\n");
   for (const json& camera : all) {
-    fmt::print("{}  {}  {}\n", camera["path"].get<std::string>(), camera["name"].get<std::string>(),
-               camera["stable_path"].get<std::string>());
+    print_out("{}  {}  {}\n", camera["path"].get<std::string>(), camera["name"].get<std::string>(),
+              camera["stable_path"].get<std::string>());
     if (!camera["problem"].get<std::string>().empty())
-      fmt::print("  {}\n", camera["problem"].get<std::string>());
+      print_out("  {}\n", camera["problem"].get<std::string>());
     for (const json& format : camera["formats"])
-      fmt::print("  {}{}: {}\n", format["pixel_format"].get<std::string>(),
-                 format["usable"].get<bool>() ? "" : " (not usable)",
-                 fmt::join(format["sizes"].get<std::vector<std::string>>(), ", "));
+      print_out(
+          "  {}{}: {}\n", format["pixel_format"].get<std::string>(),
+          format["usable"].get<bool>() ? "" : " (not usable)",
+          fmt::format("{}", fmt::join(format["sizes"].get<std::vector<std::string>>(), ", ")));
   }
   return kOk;
 }
@@ -102,8 +104,7 @@ class CameraRun {
     calib::V4l2Options options = flags.camera;
     options.refresh_hz = display_->mode().refresh.hertz();
     camera_ = calib::open_v4l2_camera(options);
-    for (const std::string& unlocked : camera_->facts().unlocked)
-      fmt::print(stderr, "camera: {}\n", unlocked);
+    for (const std::string& unlocked : camera_->facts().unlocked) say("camera: {}\n", unlocked);
   }
 
   ExitCode run() {
@@ -141,11 +142,10 @@ class CameraRun {
   /// The white panel is shown meanwhile, and pictures of it tell whether camera and light are
   /// right.
   void wait_for_person(const Place& place, int number) {
-    fmt::print(stderr,
-               "\nViewpoint {} of {}: put the camera {}.\n"
-               "The whole panel must be in the picture, which it should nearly fill. Then press "
-               "enter.\n",
-               number + 1, flags_.viewpoints, place.where);
+    say("\nViewpoint {} of {}: put the camera {}.\n"
+        "The whole panel must be in the picture, which it should nearly fill. Then press "
+        "enter.\n",
+        number + 1, flags_.viewpoints, place.where);
     while (!interrupted() && !enter_pressed()) {
       calib::CameraPicture picture;
       const calib::GrabStatus status = camera_->grab(picture, std::chrono::seconds(1));
@@ -154,9 +154,9 @@ class CameraRun {
                     "nothing was written; connect it again and start over");
       if (status != calib::GrabStatus::Ready) continue;
       if (!flags_.preview.empty()) write_picture(picture, flags_.preview);
-      if (isatty(STDERR_FILENO) != 0) fmt::print(stderr, "\r\x1b[K  {}", light_of(picture));
+      if (isatty(STDERR_FILENO) != 0) say("\r\x1b[K  {}", light_of(picture));
     }
-    fmt::print(stderr, "\n");
+    say("\n");
   }
 
   /// Looks for half a second.
@@ -198,11 +198,10 @@ class CameraRun {
   }
 
   static void tell(const calib::ViewpointMeasurement& m) {
-    fmt::print(stderr,
-               "  effective pitch {:.6f} subpixels, slant {:.6f}, contrast {:.0f} %, {:.0f} % of "
-               "the panel, {} pictures late, {} unsettled, {} damaged\n",
-               m.line.pitch_subpx(), m.line.slant(), 100.0 * m.contrast, 100.0 * m.covered,
-               m.counts.late, m.counts.unsettled, m.counts.corrupt);
+    say("  effective pitch {:.6f} subpixels, slant {:.6f}, contrast {:.0f} %, {:.0f} % of "
+        "the panel, {} pictures late, {} unsettled, {} damaged\n",
+        m.line.pitch_subpx(), m.line.slant(), 100.0 * m.contrast, 100.0 * m.covered, m.counts.late,
+        m.counts.unsettled, m.counts.corrupt);
   }
 
   const CameraFlags& flags_;

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "calib/calibrate.h"
 #include "calib/photo/photo_folder.h"
 #include "calib/photo/single_photo.h"
@@ -64,7 +65,7 @@ ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
   if (flags.result.json)
     print_json({{"folder", flags.write_patterns}, {"patterns", patterns.size()}});
   else
-    fmt::print(
+    print_out(
         "{}: {} patterns. Show each full-screen (lenticule play), photograph it from the same\n"
         "place with everything on manual, and give the folder of photographs to calibrate "
         "photos.\n",

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/calibrate_result.h"
 
-#include <fmt/format.h>
-
 #include <CLI/CLI.hpp>
 #include <filesystem>
 
 #include "base/file.h"
+#include "base/print.h"
 #include "calib/report/report_html.h"
 #include "calib/report/report_json.h"
 #include "calib/report/report_words.h"
@@ -27,15 +26,15 @@ std::string report_beside(const std::string& rig_file) {
 }
 
 void print_text(const calib::Calibration& found, const json& files) {
-  fmt::print("{}\n{}\n", calib::verdict_headline(found.verdict), calib::verdict_explained(found));
-  for (const std::string& reason : found.reasons) fmt::print("  - {}\n", reason);
-  for (const std::string& finding : found.link.findings) fmt::print("  - {}\n", finding);
-  for (const std::string& warning : found.warnings) fmt::print("  note: {}\n", warning);
+  print_out("{}\n{}\n", calib::verdict_headline(found.verdict), calib::verdict_explained(found));
+  for (const std::string& reason : found.reasons) print_out("  - {}\n", reason);
+  for (const std::string& finding : found.link.findings) print_out("  - {}\n", finding);
+  for (const std::string& warning : found.warnings) print_out("  note: {}\n", warning);
   for (const calib::Parameter& p : found.parameters)
-    fmt::print("  {:<28} {} {}\n", p.name, calib::with_error(p.estimate), p.unit);
-  for (const std::string& advice : calib::advice(found)) fmt::print("  next: {}\n", advice);
+    print_out("  {:<28} {} {}\n", p.name, calib::with_error(p.estimate), p.unit);
+  for (const std::string& advice : calib::advice(found)) print_out("  next: {}\n", advice);
   for (const auto& [what, file] : files.items())
-    if (file.is_string()) fmt::print("{}: {}\n", what, file.get<std::string>());
+    if (file.is_string()) print_out("{}: {}\n", what, file.get<std::string>());
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "calib/measure/viewpoint.h"
 #include "calib/photo/tag_chart.h"
 #include "display/display_sink.h"
@@ -147,7 +148,7 @@ ExitCode show(const ShowFlags& flags) {
     if (flags.json)
       print_json({{"pattern", flags.pattern}, {"output", flags.output}});
     else
-      fmt::print("{}: {}\n", flags.output, flags.pattern);
+      print_out("{}: {}\n", flags.output, flags.pattern);
     return kOk;
   }
   display::DisplayRequest request{.spec = flags.display, .panel = frame.geometry()};
@@ -156,8 +157,8 @@ ExitCode show(const ShowFlags& flags) {
   display::DisplaySink sink(*display);
   if (sink.show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
     throw Error(ErrorKind::Device, "display: the pattern did not get onto the glass");
-  fmt::print(stderr, "{} on {}{}\n", flags.pattern, display->mode().name,
-             flags.seconds > 0.0 ? "" : ", until Ctrl-C");
+  say("{} on {}{}\n", flags.pattern, display->mode().name,
+      flags.seconds > 0.0 ? "" : ", until Ctrl-C");
   hold(*display, flags.seconds);
   if (flags.json) print_json({{"pattern", flags.pattern}, {"display", display->mode().name}});
   return flags.seconds > 0.0 && interrupted() ? interrupt_exit_code() : kOk;

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "calib/simulation/trial.h"
 #include "optics/rig_file.h"
 #include "player/calibrate.h"
@@ -50,9 +51,9 @@ calib::Trial trial_of(const SimulateFlags& flags) {
 }
 
 void print_truth(const calib::Trial& trial, const calib::TrialResult& result) {
-  fmt::print("\nthe truth of the bench: pitch {:.6f} subpixels, slant {:.6f}, offset {:.4f}\n",
-             trial.sheet.pitch_subpx, trial.sheet.slant, trial.sheet.offset_lenses);
-  fmt::print(
+  print_out("\nthe truth of the bench: pitch {:.6f} subpixels, slant {:.6f}, offset {:.4f}\n",
+            trial.sheet.pitch_subpx, trial.sheet.slant, trial.sheet.offset_lenses);
+  print_out(
       "error of the rig: pitch {:.1e} (relative), slant {:.1e} px/px, gap {:.1e} (relative), "
       "phase {:.4f} lens at worst for any eye of the zone\n",
       result.errors.pitch, result.errors.slant, result.errors.gap, result.errors.worst_lenses);

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 
+#include "base/print.h"
 #include "player/bench.h"
 #include "player/command.h"
 
@@ -24,8 +25,8 @@ Run declare_list(CLI::App& app) {
       return kOk;
     }
     for (const auto& entry : list)
-      fmt::print("{:<10} {}\n", entry["name"].get<std::string>(),
-                 entry["summary"].get<std::string>());
+      print_out("{:<10} {}\n", entry["name"].get<std::string>(),
+                entry["summary"].get<std::string>());
     return kOk;
   };
 }

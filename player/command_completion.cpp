@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "base/print.h"
 #include "player/command.h"
 #include "player/command_tree.h"
 
@@ -80,7 +81,7 @@ Run declare_completion(CLI::App& app) {
     const std::string script = *shell == "bash"  ? bash_script(root)
                                : *shell == "zsh" ? zsh_script(root)
                                                  : fish_script(root);
-    fmt::print("{}", script);
+    print_out("{}", Verbatim{script});
     return kOk;
   };
 }

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "base/print.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/weaving/quilt_file.h"
 #include "optics/rig_file.h"
@@ -277,9 +278,8 @@ class ConvertRun {
   }
 
   void report() const {
-    if (replaced_ > 0)
-      fmt::print(stderr, "{}: {} damaged frames were replaced\n", flags_.input, replaced_);
-    if (written_ != flags_.output) fmt::print(stderr, "{}\n", written_);
+    if (replaced_ > 0) say("{}: {} damaged frames were replaced\n", flags_.input, replaced_);
+    if (written_ != flags_.output) say("{}\n", written_);
     if (!flags_.json) return;
     print_json({{"input", flags_.input},
                 {"output", written_},

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule ctl: steers a player that runs with --control.
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdlib>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/command.h"
 #include "player/control/control_client.h"
 #include "player/control/control_protocol.h"
@@ -81,17 +81,17 @@ void print_text(const ordered_json& value, const std::string& name) {
     for (const auto& [key, inner] : value.items())
       print_text(inner, name.empty() ? key : name + "." + key);
   else
-    fmt::print("{}: {}\n", name,
-               value.is_null()     ? "-"
-               : value.is_string() ? value.get<std::string>()
-                                   : value.dump());
+    print_out("{}: {}\n", name,
+              value.is_null()     ? "-"
+              : value.is_string() ? value.get<std::string>()
+                                  : json_text(value));
 }
 
 void print_answer(ordered_json answer, bool as_json) {
   answer.erase("id");
   answer.erase("ok");
   if (as_json)
-    fmt::print("{}\n", answer.dump(2));
+    print_out("{}\n", Verbatim{json_text(answer, 2)});
   else
     print_text(answer, "");
 }
@@ -127,8 +127,8 @@ ExitCode stream_events(ControlClient& client, const CtlFlags& flags) {
     const auto event = client.receive(std::chrono::seconds(1), interrupt_fd());
     if (interrupted()) return interrupt_exit_code();
     if (!event) continue;
-    fmt::print("{}\n", event->dump());
-    std::fflush(stdout);
+    print_out("{}\n", json_text(*event));
+    flush_results();
     ++printed;
   }
   return kOk;

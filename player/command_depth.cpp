@@ -7,6 +7,7 @@
 #include <map>
 #include <memory>
 
+#include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
@@ -108,7 +109,7 @@ nlohmann::json report_json(const DepthFlags& flags, const optics::OpticalModel& 
 }
 
 void print_line(const char* what, double share, const std::string& where) {
-  fmt::print("{:<26} {:>6.2f} %   {}\n", what, 100.0 * share, where);
+  print_out("{:<26} {:>6.2f} %   {}\n", what, 100.0 * share, where);
 }
 
 /// Bins are a half wide up to two depths of field, and a whole beyond: enough to be read.
@@ -120,24 +121,23 @@ void print_histogram(const nlohmann::json& r) {
   for (const auto& bin : r["bins"])
     shares[group_of(bin["begin"].get<double>())] +=
         bin["subpixels"].get<double>() / r["subpixels"].get<double>();
-  fmt::print("\n  depths of field    share\n");
+  print_out("\n  depths of field    share\n");
   for (const auto& [begin, share] : shares)
-    fmt::print("  {:>5.1f} to {:>5.1f}  {:>6.2f} %  {}\n", begin,
-               begin + (begin >= -2.0 && begin < 2.0 ? 0.5 : 1.0), 100.0 * share,
-               std::string(static_cast<size_t>(std::lround(50.0 * share)), '#'));
+    print_out("  {:>5.1f} to {:>5.1f}  {:>6.2f} %  {}\n", begin,
+              begin + (begin >= -2.0 && begin < 2.0 ? 0.5 : 1.0), 100.0 * share,
+              std::string(static_cast<size_t>(std::lround(50.0 * share)), '#'));
 }
 
 void print_report(const nlohmann::json& r) {
   const auto number = [&](const char* key) { return r[key].get<double>(); };
   const double field_mm = number("depth_of_field_mm");
-  fmt::print(
+  print_out(
       "depth of field             {:>6.2f} mm, {:.2f} mm at the panel's left and right edge\n",
       field_mm, number("depth_of_field_at_edge_mm"));
   if (std::isfinite(number("nearest_mm")))
-    fmt::print(
-        "content                    from z = {:.1f} to {:.1f} mm: {:.2f} and {:.2f} depths\n",
-        number("nearest_mm"), number("farthest_mm"), number("nearest_mm") / field_mm,
-        number("farthest_mm") / field_mm);
+    print_out("content                    from z = {:.1f} to {:.1f} mm: {:.2f} and {:.2f} depths\n",
+              number("nearest_mm"), number("farthest_mm"), number("nearest_mm") / field_mm,
+              number("farthest_mm") / field_mm);
   print_line("in front, beyond it", number("share_in_front"), "averages over lenses");
   print_line("within it", number("share_within"), "sharp");
   print_line("- at the glass", number("share_at_glass"),

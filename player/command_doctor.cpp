@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "display/kms/inspect.h"
 #include "display/kms/output_key.h"
 #include "player/command.h"
@@ -39,39 +40,39 @@ void print_cards(const nlohmann::json& cards) {
   for (const auto& card : cards) {
     const std::string problem = text_of(card["problem"]);
     const auto& counts = card["counts_vblanks"];
-    fmt::print("{} ({}, driver {}): {}; {}\n", text_of(card["path"]), text_of(card["bus"]),
-               card["driver"].get<std::string>().empty() ? "?" : text_of(card["driver"]),
-               !problem.empty()                       ? problem
-               : card["master_available"].get<bool>() ? "free to use"
-                                                      : "another program is master",
-               counts.is_null()     ? "vblank counter not known while its outputs are off"
-               : counts.get<bool>() ? "counts vblanks"
-                                    : "has no vblank counter, time is used instead");
+    print_out("{} ({}, driver {}): {}; {}\n", text_of(card["path"]), text_of(card["bus"]),
+              card["driver"].get<std::string>().empty() ? "?" : text_of(card["driver"]),
+              !problem.empty()                       ? problem
+              : card["master_available"].get<bool>() ? "free to use"
+                                                     : "another program is master",
+              counts.is_null()     ? "vblank counter not known while its outputs are off"
+              : counts.get<bool>() ? "counts vblanks"
+                                   : "has no vblank counter, time is used instead");
   }
 }
 
 void print_properties(const nlohmann::json& properties) {
   if (properties.empty()) return;
-  fmt::print("  {:<10} {:<24} {:<16} {:<12} {}\n", "object", "property", "found", "wanted",
-             "outcome");
+  print_out("  {:<10} {:<24} {:<16} {:<12} {}\n", "object", "property", "found", "wanted",
+            "outcome");
   for (const auto& row : properties)
-    fmt::print("  {:<10} {:<24} {:<16} {:<12} {}\n", text_of(row["object"]),
-               text_of(row["property"]), text_of(row["found"]), text_of(row["wanted"]),
-               text_of(row["outcome"]));
+    print_out("  {:<10} {:<24} {:<16} {:<12} {}\n", text_of(row["object"]),
+              text_of(row["property"]), text_of(row["found"]), text_of(row["wanted"]),
+              text_of(row["outcome"]));
 }
 
 void print_output(const nlohmann::json& output) {
   const nlohmann::json& panel = output["panel"];
   const nlohmann::json& exactness = output["exactness"];
-  fmt::print("{} on {}\n", text_of(panel["connector"]), text_of(panel["card"]));
+  print_out("{} on {}\n", text_of(panel["connector"]), text_of(panel["card"]));
   print_properties(exactness["properties"]);
   if (!text_of(output["problem"]).empty())
-    fmt::print("  cannot be used: {}\n", text_of(output["problem"]));
-  fmt::print("  EXACT {}{}\n", text_of(exactness["exact"]),
-             output["tested"].get<bool>() ? "" : " (not tested with the driver)");
-  for (const auto& reason : exactness["reasons"]) fmt::print("    because {}\n", text_of(reason));
-  for (const auto& remedy : exactness["remedies"]) fmt::print("    try: {}\n", text_of(remedy));
-  if (!text_of(output["remedy"]).empty()) fmt::print("    try: {}\n", text_of(output["remedy"]));
+    print_out("  cannot be used: {}\n", text_of(output["problem"]));
+  print_out("  EXACT {}{}\n", text_of(exactness["exact"]),
+            output["tested"].get<bool>() ? "" : " (not tested with the driver)");
+  for (const auto& reason : exactness["reasons"]) print_out("    because {}\n", text_of(reason));
+  for (const auto& remedy : exactness["remedies"]) print_out("    try: {}\n", text_of(remedy));
+  if (!text_of(output["remedy"]).empty()) print_out("    try: {}\n", text_of(output["remedy"]));
 }
 
 void print_text(const nlohmann::json& json) {

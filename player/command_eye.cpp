@@ -7,6 +7,7 @@
 #include <memory>
 #include <string>
 
+#include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/eye_simulator.h"
 #include "optics/trim.h"
@@ -80,8 +81,8 @@ ExitCode run_eye(const EyeFlags& flags) {
   if (flags.json)
     print_json(done);
   else
-    fmt::print("{}: {} x {}, seen from {}, {}, {} mm\n", done["output"].get<std::string>(),
-               seen.width, seen.height, eye.x, eye.y, eye.z_mm);
+    print_out("{}: {} x {}, seen from {}, {}, {} mm\n", done["output"].get<std::string>(),
+              seen.width, seen.height, eye.x, eye.y, eye.z_mm);
   return kOk;
 }
 

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
+#include "base/print.h"
 #include "player/command.h"
 #include "player/command_tree.h"
 
@@ -87,7 +88,7 @@ std::string manual(const CLI::App& root) {
 
 Run declare_man(CLI::App& app) {
   return [&app] {
-    fmt::print("{}", manual(*app.get_parent()));
+    print_out("{}", Verbatim{manual(*app.get_parent())});
     return kOk;
   };
 }

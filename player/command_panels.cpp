@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "display/kms/inspect.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
@@ -42,7 +43,7 @@ std::vector<NamedRig> load_rigs(const std::string& folder) {
     try {
       rigs.push_back({entry.path().string(), optics::load_rig(entry.path())});
     } catch (const Error& problem) {
-      fmt::print(stderr, "lenticule: {}\n", problem.what());
+      say("lenticule: {}\n", problem.what());
     }
   }
   std::sort(rigs.begin(), rigs.end(),
@@ -86,36 +87,36 @@ std::string text_of(const nlohmann::json& value) {
 void print_identity(const nlohmann::json& panel) {
   const nlohmann::json& identity = panel["identity"];
   if (identity.is_null()) {
-    fmt::print("  EDID        {}\n", text_of(panel["edid"]));
+    print_out("  EDID        {}\n", text_of(panel["edid"]));
     return;
   }
-  fmt::print("  panel       {} 0x{:04x} serial '{}' name '{}'\n", text_of(identity["manufacturer"]),
-             identity["product"].get<unsigned>(), text_of(identity["serial"]),
-             text_of(identity["name"]));
-  fmt::print("  EDID        sha256 {}\n", text_of(identity["edid_sha256"]));
+  print_out("  panel       {} 0x{:04x} serial '{}' name '{}'\n", text_of(identity["manufacturer"]),
+            identity["product"].get<unsigned>(), text_of(identity["serial"]),
+            text_of(identity["name"]));
+  print_out("  EDID        sha256 {}\n", text_of(identity["edid_sha256"]));
 }
 
 void print_panel(const nlohmann::json& panel, bool with_rigs) {
   const bool connected = panel["connected"].get<bool>();
-  fmt::print("{} on {}: {}\n", text_of(panel["connector"]), text_of(panel["card"]),
-             connected ? "connected" : "nothing connected");
+  print_out("{} on {}: {}\n", text_of(panel["connector"]), text_of(panel["card"]),
+            connected ? "connected" : "nothing connected");
   if (!connected) return;
   print_identity(panel);
-  fmt::print("  size        {} x {} mm\n", panel["width_mm"].get<unsigned>(),
-             panel["height_mm"].get<unsigned>());
+  print_out("  size        {} x {} mm\n", panel["width_mm"].get<unsigned>(),
+            panel["height_mm"].get<unsigned>());
   for (const auto& mode : panel["modes"])
-    fmt::print("  mode        {}x{} at {} = {:.4f} Hz{}{}\n", mode["width_px"].get<int>(),
-               mode["height_px"].get<int>(), text_of(mode["refresh"]),
-               mode["refresh_hz"].get<double>(), mode["preferred"].get<bool>() ? " (own)" : "",
-               mode["usable"].get<bool>() ? "" : " (interlaced or doubled)");
-  for (const auto& rig : panel["rigs"]) fmt::print("  rig         {}\n", text_of(rig));
-  if (with_rigs && panel["rigs"].empty()) fmt::print("  rig         none names this panel\n");
+    print_out("  mode        {}x{} at {} = {:.4f} Hz{}{}\n", mode["width_px"].get<int>(),
+              mode["height_px"].get<int>(), text_of(mode["refresh"]),
+              mode["refresh_hz"].get<double>(), mode["preferred"].get<bool>() ? " (own)" : "",
+              mode["usable"].get<bool>() ? "" : " (interlaced or doubled)");
+  for (const auto& rig : panel["rigs"]) print_out("  rig         {}\n", text_of(rig));
+  if (with_rigs && panel["rigs"].empty()) print_out("  rig         none names this panel\n");
 }
 
 void print_text(const nlohmann::json& json, bool with_rigs) {
   for (const auto& card : json["cards"])
     if (!text_of(card["problem"]).empty())
-      fmt::print("{}: {}\n", text_of(card["path"]), text_of(card["problem"]));
+      print_out("{}: {}\n", text_of(card["path"]), text_of(card["problem"]));
   for (const auto& panel : json["panels"]) print_panel(panel, with_rigs);
 }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule play
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
@@ -8,6 +7,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/command.h"
 #include "player/interrupt.h"
 #include "player/play_plan.h"
@@ -35,7 +35,7 @@ SafeStart safe_start(const PlayFlags& flags, const StartHistory& history) {
 
 ExitCode play_with(const PlayFlags& flags, const ServiceManager& manager, const SafeStart& safe) {
   if (safe.failures >= kFailuresUntilSafe)
-    fmt::print(stderr, "{} starts failed within two minutes: starting with care\n", safe.failures);
+    say("{} starts failed within two minutes: starting with care\n", safe.failures);
   if (!safe.on) return PlayRun(flags, make_plan(flags, manager.present()), manager, safe).run();
   std::optional<PlayPlan> plan = plan_when_rig_is_right(flags, manager);
   if (!plan) return interrupt_exit_code();

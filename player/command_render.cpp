@@ -8,6 +8,7 @@
 #include <optional>
 #include <thread>
 
+#include "base/print.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/command.h"
@@ -91,15 +92,13 @@ void complete(RenderFlags& flags) {
 }
 
 void print_stage(const render::Stage& stage) {
-  fmt::print(stderr, "stage: {:.4g} mm per unit, depth {:.3g} times; ", stage.mm_per_unit,
-             stage.depth_scale);
-  fmt::print(stderr, "from {:.1f} mm before the glass to {:.1f} mm behind it; ", stage.near_mm,
-             -stage.far_mm);
-  fmt::print(stderr, "sharp within {:.1f} mm\n", stage.depth_of_field_mm);
+  say("stage: {:.4g} mm per unit, depth {:.3g} times; ", stage.mm_per_unit, stage.depth_scale);
+  say("from {:.1f} mm before the glass to {:.1f} mm behind it; ", stage.near_mm, -stage.far_mm);
+  say("sharp within {:.1f} mm\n", stage.depth_of_field_mm);
 }
 
 void print_notes(const render::SceneDescription& scene) {
-  for (const std::string& note : scene.notes) fmt::print(stderr, "{}: {}\n", scene.source, note);
+  for (const std::string& note : scene.notes) say("{}: {}\n", scene.source, note);
 }
 
 nlohmann::json stage_json(const render::Stage& stage) {
@@ -288,7 +287,7 @@ class RenderRun {
   void report() const {
     if (flags_.json) print_json(result_json(flags_, rig_, stages_->reference(), totals_));
     if (totals_.rays.invalid_rays > 0)
-      fmt::print(stderr, "{} rays were not finite and stay black\n", totals_.rays.invalid_rays);
+      say("{} rays were not finite and stay black\n", totals_.rays.invalid_rays);
     report_reuse();
   }
 
@@ -299,22 +298,20 @@ class RenderRun {
       return 100.0 * static_cast<double>(count) / static_cast<double>(s.subpixels);
     };
     if (s.audited_subpixels > 0) return report_audit(percent(s.traced_subpixels));
-    fmt::print(stderr,
-               "subpixels: {:.1f} % traced, {:.1f} % re-projected, {:.1f} % interpolated; "
-               "{:.1f} % were missing after re-projection\n",
-               percent(s.traced_subpixels), percent(s.projected_subpixels),
-               percent(s.interpolated_subpixels), percent(s.missing_subpixels));
+    say("subpixels: {:.1f} % traced, {:.1f} % re-projected, {:.1f} % interpolated; "
+        "{:.1f} % were missing after re-projection\n",
+        percent(s.traced_subpixels), percent(s.projected_subpixels),
+        percent(s.interpolated_subpixels), percent(s.missing_subpixels));
   }
 
   void report_audit(double shaded_percent) const {
     const render::RenderStatistics& s = totals_.rays;
-    fmt::print(stderr,
-               "subpixels: {:.1f} % shaded by themselves; of {} drawn and traced, {} were off by "
-               "more than {:g} code values; in no frame more than {:.2g} % of all (99 % sure)\n",
-               shaded_percent, s.audited_subpixels, s.audited_beyond,
-               flags_.options.tolerated_error, 100.0 * s.beyond_bound);
+    say("subpixels: {:.1f} % shaded by themselves; of {} drawn and traced, {} were off by "
+        "more than {:g} code values; in no frame more than {:.2g} % of all (99 % sure)\n",
+        shaded_percent, s.audited_subpixels, s.audited_beyond, flags_.options.tolerated_error,
+        100.0 * s.beyond_bound);
     if (s.mended_subpixels > 0)
-      fmt::print(stderr, "{} subpixels were off too often and were traced\n", s.mended_subpixels);
+      say("{} subpixels were off too often and were traced\n", s.mended_subpixels);
   }
 
   const RenderFlags& flags_;

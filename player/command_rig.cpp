@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/print.h"
 #include "frames/quilt.h"
 #include "frames/weaving/mpv_shader.h"
 #include "optics/calibration_import.h"
@@ -48,18 +49,18 @@ double degrees(double tangent) {
 void print_text(const json& value, int indent = 0) {
   for (const auto& [key, member] : value.items()) {
     if (member.is_object()) {
-      fmt::print("{:{}}{}\n", "", indent, key);
+      print_out("{:{}}{}\n", "", indent, key);
       print_text(member, indent + 2);
     } else if (member.is_array() && !member.empty() && member.front().is_string()) {
       for (const json& line : member)
-        fmt::print("{:{}}{}: {}\n", "", indent, key, line.get<std::string>());
+        print_out("{:{}}{}: {}\n", "", indent, key, line.get<std::string>());
     } else {
       const std::string text = member.is_null()     ? "infinite"
                                : member.is_string() ? member.get<std::string>()
                                : member.is_number_float()
                                    ? fmt::format("{:.7g}", member.get<double>())
-                                   : member.dump();
-      fmt::print("{:{}}{:<{}} {}\n", "", indent, key, 26 - indent, text);
+                                   : json_text(member);
+      print_out("{:{}}{:<{}} {}\n", "", indent, key, 26 - indent, text);
     }
   }
 }
@@ -181,9 +182,9 @@ ExitCode check(const RigOptions& options) {
     if (options.as_json) {
       print_json({{"file", options.file}, {"valid", true}, {"warnings", warnings}});
     } else {
-      for (const std::string& warning : warnings) fmt::print("warning: {}\n", warning);
-      fmt::print("{}: valid, {} warning{}\n", options.file, warnings.size(),
-                 warnings.size() == 1 ? "" : "s");
+      for (const std::string& warning : warnings) print_out("warning: {}\n", warning);
+      print_out("{}: valid, {} warning{}\n", options.file, warnings.size(),
+                warnings.size() == 1 ? "" : "s");
     }
     return kOk;
   } catch (const Error& error) {
@@ -221,10 +222,9 @@ ExitCode import_calibration(const RigOptions& options) {
   const auto [rig, inverted_views] = import_as(format, text, options.file);
   optics::save_rig(rig, options.output);
   if (inverted_views)
-    fmt::print(stderr,
-               "lenticule: {}: invView is 0: its views are numbered from the right\n"
-               "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
-               options.file);
+    say("lenticule: {}: invView is 0: its views are numbered from the right\n"
+        "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
+        options.file);
   print_result({{"format", format},
                 {"output", options.output},
                 {"name", rig.name},
@@ -286,10 +286,9 @@ ExitCode export_calibration(const RigOptions& options) {
       largest_phase_error(rig, import_as(options.format, text, options.output).rig);
   write_text_file(options.output, text);
   if (error > 0.01) {
-    fmt::print(stderr,
-               "lenticule: {}: up to {:.3f} lens off at the panel's edges\n"
-               "  the format has no viewing distance and no refraction\n",
-               options.output, error);
+    say("lenticule: {}: up to {:.3f} lens off at the panel's edges\n"
+        "  the format has no viewing distance and no refraction\n",
+        options.output, error);
   }
   print_result({{"format", options.format},
                 {"output", options.output},
@@ -314,10 +313,9 @@ ExitCode change_trim(const RigOptions& options) {
                 {"fingerprint", fingerprint}},
                options.as_json);
   if (fingerprint != optics::fingerprint(optics::trimmed(rig, before)))
-    fmt::print(stderr,
-               "lenticule: {}: another rig from now on, frames made before are not for it\n"
-               "  render or weave again; players and renderers take the trim at their next start\n",
-               options.file);
+    say("lenticule: {}: another rig from now on, frames made before are not for it\n"
+        "  render or weave again; players and renderers take the trim at their next start\n",
+        options.file);
   return kOk;
 }
 

@@ -3,9 +3,6 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -13,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/print.h"
 #include "player/built_in_scene.h"
 #include "player/command.h"
 #include "player/gltf_writer.h"
@@ -63,7 +61,7 @@ std::string frames_text(int frames) {
 
 void print_list(const nlohmann::json& list) {
   for (const auto& scene : list)
-    fmt::print(
+    print_out(
         "{0:<12} {1}\n{2:<12} {3} primitives, {4} lights, {5}{6}\n"
         "{2:<12} size {7} (1..{8}): {9}\n",
         scene["name"].get<std::string>(), scene["summary"].get<std::string>(), "",
@@ -71,11 +69,6 @@ void print_list(const nlohmann::json& list) {
         frames_text(scene["frames"].get<int>()),
         scene["wears_pictures"].get<bool>() ? ", pictures" : "", scene["default_size"].get<int>(),
         scene["largest_size"].get<int>(), scene["size_meaning"].get<std::string>());
-}
-
-void write_to_standard_output(const std::string& text) {
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
-    throw Error(ErrorKind::Failed, fmt::format("standard output: {}", std::strerror(errno)));
 }
 
 void write_text(const std::string& file, const std::string& text) {
@@ -118,7 +111,7 @@ void write_one(const SceneFlags& flags) {
                 "'lenticule scene list --json' prints what there is");
   const scenes::BuiltInScene& scene = scenes::find_scene(flags.name);
   const Written written = written_as(flags.output, scene, flags);
-  if (to_standard_output) return write_to_standard_output(written.text);
+  if (to_standard_output) return print_out("{}", Verbatim{written.text});
   nlohmann::json done = {{"name", scene.name},
                          {"size", flags.size.value_or(scene.default_size)},
                          {"frame", flags.frame},
@@ -132,8 +125,7 @@ void write_one(const SceneFlags& flags) {
     done.update(to_json(scenes::build_scene(scene, flags.size, flags.frame).counts));
     done.update(
         {{"output", flags.output}, {"bytes", written.text.size()}, {"notes", written.notes}});
-    for (const std::string& note : written.notes)
-      fmt::print(stderr, "{}: {}\n", flags.output, note);
+    for (const std::string& note : written.notes) say("{}: {}\n", flags.output, note);
   }
   if (flags.json) print_json(done);
 }

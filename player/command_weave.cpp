@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 
+#include "base/print.h"
 #include "frames/image_io.h"
 #include "frames/quilt.h"
 #include "frames/weave.h"
@@ -109,10 +110,10 @@ nlohmann::json report(const WeaveFlags& flags, const frames::ViewSet& views,
 }
 
 void print_report(const nlohmann::json& done) {
-  fmt::print("{}: {} x {}, woven from {} views of {} x {}, {}\n", done["output"].get<std::string>(),
-             done["width"].get<int>(), done["height"].get<int>(), done["views"].get<int>(),
-             done["view_width"].get<int>(), done["view_height"].get<int>(),
-             done["filter"].get<std::string>());
+  print_out("{}: {} x {}, woven from {} views of {} x {}, {}\n", done["output"].get<std::string>(),
+            done["width"].get<int>(), done["height"].get<int>(), done["views"].get<int>(),
+            done["view_width"].get<int>(), done["view_height"].get<int>(),
+            done["filter"].get<std::string>());
 }
 
 ExitCode run_weave(const WeaveFlags& flags) {
@@ -125,7 +126,7 @@ ExitCode run_weave(const WeaveFlags& flags) {
       compensated(input->views(), flags.weaving.crosstalk, model.rig(), kept);
   if (interrupted()) return interrupt_exit_code();
   if (!flags.quilt.empty())
-    fmt::print(stderr, "{}: the views\n", frames::write_quilt(views, flags.quilt).string());
+    say("{}: the views\n", frames::write_quilt(views, flags.quilt).string());
 
   const optics::Panel& panel = model.rig().panel;
   frames::WovenFrame frame({.width = panel.width_px, .height = panel.height_px});

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <cmath>
 
+#include "base/print.h"
 #include "player/command.h"
 
 namespace lenticule::player {
@@ -68,7 +68,7 @@ const std::vector<Command>& commands() {
 }
 
 void print_json(const nlohmann::json& value) {
-  fmt::print("{}\n", value.dump(2));
+  print_out("{}\n", Verbatim{json_text(value, 2)});
 }
 
 nlohmann::json finite_or_null(double value) {

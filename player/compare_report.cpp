@@ -6,6 +6,7 @@
 #include <array>
 #include <string>
 
+#include "base/print.h"
 #include "frames/decoded_view.h"
 #include "frames/image_io.h"
 #include "frames/similarity.h"
@@ -63,14 +64,14 @@ std::string share_text(const json& figures, int level) {
 }
 
 void print_heading() {
-  fmt::print("{:<{}} {:>11} {:>9} {:>10} {:>4} {:>10} {:>10} {:>10} {:>7}\n", "", kLabelWidth,
-             "PSNR", "RMSE", "MSE", "max", "over 1", "over 8", "over 32", "SSIM");
+  print_out("{:<{}} {:>11} {:>9} {:>10} {:>4} {:>10} {:>10} {:>10} {:>7}\n", "", kLabelWidth,
+            "PSNR", "RMSE", "MSE", "max", "over 1", "over 8", "over 32", "SSIM");
 }
 
 void print_line(const std::string& label, const json& d, const std::string& ssim = "") {
-  fmt::print("{:<{}} {:>11} {:>9.4f} {:>10.4f} {:>4} {:>10} {:>10} {:>10} {:>7}\n", label,
-             kLabelWidth, psnr_text(d), d["rmse"].get<double>(), d["mse"].get<double>(),
-             d["max"].get<int>(), share_text(d, 1), share_text(d, 8), share_text(d, 32), ssim);
+  print_out("{:<{}} {:>11} {:>9.4f} {:>10.4f} {:>4} {:>10} {:>10} {:>10} {:>7}\n", label,
+            kLabelWidth, psnr_text(d), d["rmse"].get<double>(), d["mse"].get<double>(),
+            d["max"].get<int>(), share_text(d, 1), share_text(d, 8), share_text(d, 32), ssim);
 }
 
 void print_channels(const json& figures, const std::string& prefix = "") {
@@ -80,22 +81,22 @@ void print_channels(const json& figures, const std::string& prefix = "") {
 }
 
 void print_views(const json& frame) {
-  fmt::print("subpixels of each view, and what an eye there sees\n");
+  print_out("subpixels of each view, and what an eye there sees\n");
   for (size_t n = 0; n < frame["views"].size(); ++n) {
     const json& view = frame["views"][n];
     print_line(fmt::format("view {}", n), view);
     print_line("  seen", view["seen"]["total"], text_of(view["seen"], "ssim", "{:.4f}"));
   }
-  fmt::print("worst view: {}\n", frame["worst_view"].get<int>());
+  print_out("worst view: {}\n", frame["worst_view"].get<int>());
 }
 
 void print_means(const json& report) {
-  fmt::print("over {} frames (MSE pooled; SSIM the mean over frames)\n", report["frames"].size());
+  print_out("over {} frames (MSE pooled; SSIM the mean over frames)\n", report["frames"].size());
   print_channels(report["means"], "all ");
-  fmt::print("means of frames: RMSE {:.4f}, PSNR {}\n", report["means"]["mean_rmse"].get<double>(),
-             report["means"]["mean_psnr_db"].is_null()
-                 ? "equal"
-                 : fmt::format("{:.2f} dB", report["means"]["mean_psnr_db"].get<double>()));
+  print_out("means of frames: RMSE {:.4f}, PSNR {}\n", report["means"]["mean_rmse"].get<double>(),
+            report["means"]["mean_psnr_db"].is_null()
+                ? "equal"
+                : fmt::format("{:.2f} dB", report["means"]["mean_psnr_db"].get<double>()));
   if (!report["means"].contains("views")) return;
   for (size_t n = 0; n < report["means"]["views"].size(); ++n) {
     const json& view = report["means"]["views"][n];
@@ -107,7 +108,7 @@ void print_means(const json& report) {
 void print_readings(const json& whole) {
   const json& total = whole["total"];
   if (total["psnr_db"].is_null()) return;
-  fmt::print(
+  print_out(
       "a published \"RMSE\" may be either: {:.4f} if it is the root, {:.4f} if the table holds "
       "mean squares (10 log10(255^2 / it) is then its PSNR)\n",
       total["rmse"].get<double>(), total["mse"].get<double>());
@@ -119,13 +120,13 @@ void print_sequence(const json& report) {
   for (size_t n = 0; n < frames.size(); ++n)
     print_line(fmt::format("frame {}", n), frames[n]["total"]);
   print_means(report);
-  fmt::print("worst frame: {} ({}, {})\n", report["worst_frame"].get<size_t>(),
-             report["worst"]["test"].get<std::string>(), psnr_text(report["worst"]["total"]));
+  print_out("worst frame: {} ({}, {})\n", report["worst_frame"].get<size_t>(),
+            report["worst"]["test"].get<std::string>(), psnr_text(report["worst"]["total"]));
   if (report.contains("worst_view")) {
     const json& worst = report["worst_view"];
-    fmt::print("worst view: {} of frame {} (seen {}, SSIM {})\n", worst["view"].get<int>(),
-               worst["frame"].get<size_t>(), psnr_text(worst["seen"]["total"]),
-               text_of(worst["seen"], "ssim", "{:.4f}"));
+    print_out("worst view: {} of frame {} (seen {}, SSIM {})\n", worst["view"].get<int>(),
+              worst["frame"].get<size_t>(), psnr_text(worst["seen"]["total"]),
+              text_of(worst["seen"], "ssim", "{:.4f}"));
   }
   print_readings(report["means"]);
 }

@@ -15,6 +15,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/text.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "player/scratch_folder.h"
@@ -253,7 +254,7 @@ class GltfWriter {
         json::array({{{"byteLength", buffer_.size()},
                       {"uri", "data:application/octet-stream;base64," + base64(buffer_)}}});
     out_.notes.emplace_back("materials: the nearest of glTF's, which are not Whitted's");
-    out_.json = root_.dump();
+    out_.json = json_text(root_);
     out_.json += '\n';
   }
 

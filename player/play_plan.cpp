@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "optics/trim.h"
 #include "player/card_texts.h"
 #include "player/control/control_peer.h"
@@ -203,9 +204,8 @@ void check_display_choice(const PlayFlags& flags, bool service) {
   if (service) refuse("--display: a service is told what it plays on");
   if (!flags.wait_for_panel.empty()) refuse("--wait-for-panel: no panel is named");
   if (!flags.on_exit.empty()) refuse("--on-exit: no panel is named");
-  fmt::print(stderr,
-             "no display is named: played on the virtual display, which nobody sees "
-             "(--display kms is a panel)\n");
+  say("no display is named: played on the virtual display, which nobody sees "
+      "(--display kms is a panel)\n");
 }
 
 PlayPlan make_plan(const PlayFlags& flags, bool service) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/print.h"
 #include "display/open_display.h"
 #include "optics/trim.h"
 #include "player/card_texts.h"
@@ -150,7 +151,7 @@ void PlayRun::let_go() {
 void PlayRun::tell_waiting(const PanelWaiting& waiting) {
   const std::string why = waiting.reason.what();
   steered_->tell_state("waiting for the panel");
-  if (std::exchange(told_, why) != why) fmt::print(stderr, "waiting for the panel: {}\n", why);
+  if (std::exchange(told_, why) != why) say("waiting for the panel: {}\n", why);
   manager_.status(fmt::format("waiting for the panel{}: {}",
                               waiting.card_shown ? ", test card shown" : "", why));
   if (waiting.panel_missing) manager_.ping();
@@ -164,7 +165,7 @@ void PlayRun::tell_waiting(const PanelWaiting& waiting) {
 
 Comeback PlayRun::bring_back(const LostDisplay& lost) {
   lost_ = lost.report;
-  fmt::print(stderr, "{}: lost\n", lost.report.display);
+  say("{}: lost\n", lost.report.display);
   steered_->tell_state("display lost");
   const Comeback comeback = panel_->bring_back(*kms_, lost);
   told_.clear();
@@ -172,7 +173,7 @@ Comeback PlayRun::bring_back(const LostDisplay& lost) {
   kept_ = manager_.present();
   service_->keep_again();
   steered_->tell_state("playing");
-  fmt::print(stderr, "{}: back, {}\n", kms_->mode().name, kms_->exactness().summary());
+  say("{}: back, {}\n", kms_->mode().name, kms_->exactness().summary());
   return comeback;
 }
 
@@ -211,7 +212,7 @@ PlayResult PlayRun::play_source() {
 }
 
 PlayResult PlayRun::play_card() {
-  fmt::print(stderr, "{}\n", trouble_->what());
+  say("{}\n", trouble_->what());
   steered_->tell_state("test card");
   service_->set_trouble(trouble_->what());
   StillSource card(
@@ -288,9 +289,9 @@ void PlayRun::tell_write_trouble() {
       const std::string what = names_it ? reason : fmt::format("{}: {}", file.name, reason);
       all += all.empty() ? what : ", " + what;
       if (cannot_write_.insert(file.name).second)
-        fmt::print(stderr, "{}; playing goes on, and it is tried again\n", what);
+        say("{}; playing goes on, and it is tried again\n", what);
     } else if (cannot_write_.erase(file.name) > 0) {
-      fmt::print(stderr, "{}: written again after {} failures\n", file.name, file.state.failures);
+      say("{}: written again after {} failures\n", file.name, file.state.failures);
     }
   }
   if (!rig_trouble_.empty()) all += all.empty() ? rig_trouble_ : ", " + rig_trouble_;
@@ -305,13 +306,13 @@ void PlayRun::follow_rig() {
   const std::string complaint = rig.complaint();
   if (std::exchange(rig_trouble_, complaint) == complaint) return;
   if (complaint.empty())
-    fmt::print(stderr, "{}: can be used again\n", flags_.rig);
+    say("{}: can be used again\n", flags_.rig);
   else
-    fmt::print(stderr, "{}; the rig stays what it was\n", complaint);
+    say("{}; the rig stays what it was\n", complaint);
 }
 
 void PlayRun::reload() {
-  fmt::print(stderr, "reloading: rig, list and films are looked at again\n");
+  say("reloading: rig, list and films are looked at again\n");
   plan_.source.rig->read_again();
   steered_->look_again();
   if (stats_file_) stats_file_->try_at_once();
@@ -345,9 +346,7 @@ void PlayRun::write_stats(nlohmann::ordered_json statistics) {
           {{"object", file.name}, {"cause", file.state.reason}, {"failures", file.state.failures}});
   statistics["rig_trouble"] = rig_trouble_;
   steered_->complete(statistics);
-  if (stats_file_)
-    stats_file_->write(
-        statistics.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+  if (stats_file_) stats_file_->write(json_text(statistics, 2) + "\n");
 }
 
 PlayReport PlayRun::nothing_yet(const char* outcome) const {
@@ -361,11 +360,10 @@ PlayReport PlayRun::nothing_yet(const char* outcome) const {
 /// Once, for people and the journal.
 void PlayRun::announce() const {
   if (kms_ != nullptr)
-    fmt::print(stderr, "{}: {}, {}\n", display_->mode().name, kms_->exactness().summary(),
-               kms_->took_over() ? "taken over without a modeset" : "lit by a modeset");
+    say("{}: {}, {}\n", display_->mode().name, kms_->exactness().summary(),
+        kms_->took_over() ? "taken over without a modeset" : "lit by a modeset");
   if (!trouble_ && !opened_.stall_hint.empty())
-    fmt::print(stderr, "playing {} on {}: waiting for a renderer\n", flags_.source,
-               display_->mode().name);
+    say("playing {} on {}: waiting for a renderer\n", flags_.source, display_->mode().name);
 }
 
 // --- the end --------------------------------------------------------------------------------
@@ -383,11 +381,11 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
   if (plan_.display.recorder) statistics["recording"] = finish_recording();
   finish_statistics(statistics);
   if (output_trouble_ && result.outcome != PlayOutcome::Finished)
-    fmt::print(stderr, "{}\n", output_trouble_->what());
+    say("{}\n", output_trouble_->what());
   if (flags_.json)
     print_json(statistics);
   else
-    fmt::print(stderr, "{}\n", summary_text(result.report));
+    say("{}\n", Verbatim{summary_text(result.report)});
   return exit_code_after(result);
 }
 
@@ -408,10 +406,9 @@ nlohmann::ordered_json PlayRun::finish_recording() {
   }
   const uint64_t skipped = recorder.skipped();
   if (skipped > 0)
-    fmt::print(stderr,
-               "{}: {} frames that were on the glass came too fast and are not recorded\n"
-               "  record checksums, or fewer frames a second, or with --clock simulated\n",
-               flags_.record, skipped);
+    say("{}: {} frames that were on the glass came too fast and are not recorded\n"
+        "  record checksums, or fewer frames a second, or with --clock simulated\n",
+        flags_.record, skipped);
   return {{"place", flags_.record}, {"skipped", skipped}, {"lost", recorder.lost()}};
 }
 

@@ -8,6 +8,8 @@
 #include <cstdio>
 #include <fstream>
 
+#include "base/text.h"
+
 namespace lenticule::player {
 namespace {
 
@@ -133,10 +135,10 @@ std::string summary_text(const PlayReport& report) {
       "after start-up), {} missed, {} dropped\n"
       "first frame after {:.0f} ms; submit to flip {:.1f} ms median, copy {:.1f} ms median, {:.1f} "
       "ms at most; {} MiB resident",
-      report.source, report.display, pace.shown, pace.vblanks, pace.repeated_planned,
-      pace.repeated_underrun, pace.underruns, pace.underruns_after_start, pace.missed, pace.dropped,
-      report.first_frame_ms, report.submit_to_flip.p50_us / 1000, report.copy.p50_us / 1000,
-      report.copy.max_us / 1000, report.memory.total >> 20);
+      escaped(report.source), escaped(report.display), pace.shown, pace.vblanks,
+      pace.repeated_planned, pace.repeated_underrun, pace.underruns, pace.underruns_after_start,
+      pace.missed, pace.dropped, report.first_frame_ms, report.submit_to_flip.p50_us / 1000,
+      report.copy.p50_us / 1000, report.copy.max_us / 1000, report.memory.total >> 20);
 }
 
 }  // namespace lenticule::player

@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/preflight.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <string>
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "display/open_display.h"
 #include "player/command.h"
 #include "player/interrupt.h"
@@ -51,11 +50,11 @@ ordered_json examine(const PlaylistItem& item, const PlayFlags& flags, const Pla
 void print_row(const ordered_json& row) {
   const auto& figures = row["figures"];
   const auto source = row["source"].get<std::string>();
-  if (figures.is_null()) return fmt::print("{}: a ring is not read\n", source);
-  fmt::print("{}: {}: needs {:.1f} frames/s ({:.0f} MB/s), {:.1f} frames/s ({:.0f} MB/s) came\n",
-             source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
-             figures["needed_frames_per_s"].get<double>(), figures["needed_mb_per_s"].get<double>(),
-             figures["seen_frames_per_s"].get<double>(), figures["seen_mb_per_s"].get<double>());
+  if (figures.is_null()) return print_out("{}: a ring is not read\n", source);
+  print_out("{}: {}: needs {:.1f} frames/s ({:.0f} MB/s), {:.1f} frames/s ({:.0f} MB/s) came\n",
+            source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
+            figures["needed_frames_per_s"].get<double>(), figures["needed_mb_per_s"].get<double>(),
+            figures["seen_frames_per_s"].get<double>(), figures["seen_mb_per_s"].get<double>());
 }
 
 }  // namespace
@@ -73,7 +72,7 @@ ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
   const bool too_slow = std::any_of(rows.begin(), rows.end(), [](const ordered_json& row) {
     return !row["figures"].is_null() && row["figures"]["too_slow"].get<bool>();
   });
-  if (flags.json) fmt::print("{}\n", rows.dump(2));
+  if (flags.json) print_out("{}\n", Verbatim{json_text(rows, 2)});
   return too_slow ? kQuality : kOk;
 }
 

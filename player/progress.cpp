@@ -10,6 +10,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "base/print.h"
+
 namespace lenticule::player {
 namespace {
 
@@ -42,7 +44,7 @@ Progress::Progress(std::string label, std::string unit, uint64_t total, Progress
       last_draw_(start_) {}
 
 Progress::~Progress() {
-  if (!finished_ && drawn_ && terminal_) std::fputc('\n', stderr);
+  if (!finished_ && drawn_ && terminal_) say("\n");
 }
 
 void Progress::update(uint64_t done, const std::string& note) {
@@ -77,7 +79,7 @@ void Progress::draw(bool final) {
                                  {"unit", unit_},
                                  {"rate_per_s", rate},
                                  {"eta_ms", static_cast<int64_t>(remaining * 1000)}};
-    fmt::print(stderr, "{}\n", line.dump());
+    say("{}\n", json_text(line));
     return;
   }
 
@@ -88,7 +90,7 @@ void Progress::draw(bool final) {
             : (remaining > 0 ? fmt::format("{} left", format_seconds(remaining)) : std::string());
   const std::string tail = note_.empty() ? when : fmt::format("{}  {}", when, note_);
   if (!terminal_) {
-    fmt::print(stderr, "{}: {}, {:.2f}/s, {}\n", label_, count, rate, tail);
+    say("{}: {}, {:.2f}/s, {}\n", label_, count, rate, tail);
     return;
   }
   std::string bar;
@@ -97,9 +99,8 @@ void Progress::draw(bool final) {
         kBarWidth * std::min(1.0, static_cast<double>(done_) / static_cast<double>(total_)));
     bar = fmt::format("[{}{}] ", std::string(filled, '#'), std::string(kBarWidth - filled, ' '));
   }
-  fmt::print(stderr, "\r\033[K{} {}{}  {:.2f}/s  {}{}", label_, bar, count, rate, tail,
-             final ? "\n" : "");
-  std::fflush(stderr);
+  say("\r\033[K{} {}{}  {:.2f}/s  {}", label_, bar, count, rate, tail);
+  if (final) say("\n");
 }
 
 }  // namespace lenticule::player

@@ -4,20 +4,11 @@
 #include <fmt/format.h>
 #include <systemd/sd-daemon.h>
 
-#include <algorithm>
 #include <cstdlib>
 
+#include "base/text.h"
+
 namespace lenticule::player {
-namespace {
-
-/// A message is lines KEY=value: a text must not become a line of its own.
-std::string one_line(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < ' '; }, ' ');
-  return text;
-}
-
-}  // namespace
 
 ServiceManager::ServiceManager() {
   const char* const socket = std::getenv("NOTIFY_SOCKET");
@@ -31,16 +22,17 @@ void ServiceManager::tell(const std::string& text) const noexcept {
   if (present_) (void)sd_notify(0, text.c_str());
 }
 
+// A message is lines KEY=value: escaped, a text does not become a line of its own.
 void ServiceManager::status(const std::string& text) const noexcept {
-  tell("STATUS=" + one_line(text));
+  tell("STATUS=" + escaped(text));
 }
 
 void ServiceManager::ready(const std::string& text) const noexcept {
-  tell("READY=1\nSTATUS=" + one_line(text));
+  tell("READY=1\nSTATUS=" + escaped(text));
 }
 
 void ServiceManager::stopping(const std::string& text) const noexcept {
-  tell("STOPPING=1\nSTATUS=" + one_line(text));
+  tell("STOPPING=1\nSTATUS=" + escaped(text));
 }
 
 void ServiceManager::ping() const noexcept {

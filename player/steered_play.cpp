@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/steered_play.h"
 
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/content/followed_files.h"
 
 namespace lenticule::player {
@@ -99,7 +99,7 @@ void SteeredPlay::listen() {
     const bool may_change = error.kind() == ErrorKind::Failed && folder_exists(flags_.control);
     const bool first = listening_.state().failures == 0;
     if (first && !may_change) throw;
-    if (first) fmt::print(stderr, "{}; playing goes on, and it is tried again\n", error.what());
+    if (first) say("{}; playing goes on, and it is tried again\n", error.what());
     listening_.failed(error.what());
   }
 }
@@ -168,7 +168,7 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
       publish({{"event", "not_replaced"}, {"source", event.source}, {"cause", event.detail}});
       return complain("the one before goes on", event);
     case PlaylistEvent::Kind::Replaced:
-      fmt::print(stderr, "{}: was replaced, and is played as it is now\n", event.source);
+      say("{}: was replaced, and is played as it is now\n", event.source);
       return publish({{"event", "replaced"}, {"source", event.source}});
   }
 }
@@ -178,7 +178,7 @@ void SteeredPlay::complain(const std::string& how, const PlaylistEvent& event) {
   const std::string complaint = named ? event.detail : event.source + ": " + event.detail;
   const std::lock_guard lock(told_mutex_);
   if (told_.size() < kMaxComplaints && told_.insert(complaint).second)
-    fmt::print(stderr, "{}: {}\n", how, complaint);
+    say("{}: {}\n", how, complaint);
 }
 
 void SteeredPlay::look_again() {
@@ -190,7 +190,7 @@ void SteeredPlay::report(const PlayReport& report) {
   if (controls_ && !server_ && listening_.due(now)) listen();
   (void)pace_.look(report, now);
   if (const auto warning = pace_.warning(now)) {
-    fmt::print(stderr, "{}\n", *warning);
+    say("{}\n", *warning);
     publish({{"event", "too_slow"}, {"figures", to_json(pace_.figures())}});
   }
   publish_changes(report);

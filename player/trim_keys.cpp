@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/trim_keys.h"
 
-#include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>
 
@@ -9,6 +8,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/print.h"
 
 namespace lenticule::player {
 namespace {
@@ -45,8 +45,8 @@ void TrimKeys::listen() noexcept {
 /// On a line of its own, over the progress that may be there.
 void TrimKeys::tell(const std::string& sentence) {
   if (sentence.empty()) return;
-  fmt::print(stderr, "\r\x1b[K{}\n", sentence);
-  if (!advice_.empty()) fmt::print(stderr, "{}\n", std::exchange(advice_, {}));
+  say("\r\x1b[K{}\n", sentence);
+  if (!advice_.empty()) say("{}\n", std::exchange(advice_, {}));
 }
 
 }  // namespace lenticule::player

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "display/scanout_format.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
@@ -110,16 +111,16 @@ nlohmann::json measure_vblank_budget(const optics::Rig& rig, int runs) {
 }
 
 void print_vblank_budget(const nlohmann::json& rows) {
-  fmt::print("\none core's time per frame, and its part of a vblank at 60 Hz\n");
-  fmt::print("{:<36} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "", "decode ms", "weave ms", "copy ms",
-             "total ms", "of vblank");
+  print_out("\none core's time per frame, and its part of a vblank at 60 Hz\n");
+  print_out("{:<36} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "", "decode ms", "weave ms", "copy ms",
+            "total ms", "of vblank");
   const auto cell = [](const nlohmann::json& value) {
     return value.is_null() ? std::string("-") : fmt::format("{:.2f}", value.get<double>());
   };
   for (const nlohmann::json& row : rows)
-    fmt::print("{:<36} {:>9} {:>9} {:>9} {:>9} {:>8.0f}%\n", row["source"].get<std::string>(),
-               cell(row["decode_ms"]), cell(row["weave_ms"]), cell(row["copy_ms"]),
-               cell(row["total_ms"]), 100.0 * row["part_of_vblank"].get<double>());
+    print_out("{:<36} {:>9} {:>9} {:>9} {:>9} {:>8.0f}%\n", row["source"].get<std::string>(),
+              cell(row["decode_ms"]), cell(row["weave_ms"]), cell(row["copy_ms"]),
+              cell(row["total_ms"]), 100.0 * row["part_of_vblank"].get<double>());
 }
 
 }  // namespace lenticule::player

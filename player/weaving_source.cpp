@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/weaving_source.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <exception>
 #include <utility>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/content/content_open.h"
 
 namespace lenticule::player {
@@ -85,7 +83,7 @@ void WeavingSource::watch() noexcept {
     try {
       look_at_rig();
     } catch (const std::exception& error) {
-      fmt::print(stderr, "{}: still woven for the old rig: {}\n", options_.rig_file, error.what());
+      say("{}: still woven for the old rig: {}\n", options_.rig_file, error.what());
     }
   }
 }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "frames/ring/listen_socket.h"
 
 namespace lenticule::player {
@@ -52,8 +53,7 @@ ControlClient::ControlClient(const std::string& socket, std::chrono::millisecond
 }
 
 void ControlClient::send(const ordered_json& request) {
-  const std::string line =
-      request.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+  const std::string line = json_text(request) + "\n";
   const auto deadline = Clock::now() + patience_;
   for (size_t sent = 0; sent < line.size();) {
     const ssize_t more = ::send(fd_.get(), line.data() + sent, line.size() - sent, MSG_NOSIGNAL);

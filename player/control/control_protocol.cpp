@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/text.h"
+
 namespace lenticule::player {
 namespace {
 
@@ -131,7 +133,7 @@ void check_complete(const ControlRequest& request, const json& line) {
 }
 
 std::string dump(const ordered_json& line) {
-  return line.dump(-1, ' ', false, ordered_json::error_handler_t::replace) + "\n";
+  return json_text(line) + "\n";
 }
 
 }  // namespace

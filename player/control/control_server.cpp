@@ -12,6 +12,8 @@
 #include <tuple>
 #include <utility>
 
+#include "base/print.h"
+
 namespace lenticule::player {
 namespace {
 
@@ -76,7 +78,7 @@ void ControlServer::serve() noexcept {
     try {
       serve_once();
     } catch (const std::exception& error) {
-      fmt::print(stderr, "control: {}\n", error.what());
+      say("control: {}\n", error.what());
       for (const auto& client : clients_) client->dead = true;
     }
     std::erase_if(clients_, [](const auto& client) { return client->dead; });

@@ -1,16 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule-video decode: a file's frames into a player's ring.
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
+#include <string_view>
 #include <thread>
 #include <utility>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "base/unique_fd.h"
 #include "frames/ring/ring_renderer.h"
 #include "player/video/clip_reader.h"
@@ -44,9 +48,16 @@ uint64_t memory_for(const frames::FrameGeometry& geometry) {
   return kMemoryBytes + pixels * kMostBytesPerPixel * kPicturesAtATime;
 }
 
-void say(const json& event) {
-  const std::string line = event.dump(-1, ' ', true, json::error_handler_t::replace) + "\n";
-  std::fputs(line.c_str(), stderr);
+/// Tells the player, which reads our standard error and needs every event.
+void report_event(const json& event) {
+  const std::string text = json_text(event) + "\n";
+  std::string_view rest = text;
+  while (!rest.empty()) {
+    const ssize_t n = write(STDERR_FILENO, rest.data(), rest.size());
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return;  // the player is gone
+    rest.remove_prefix(static_cast<size_t>(n));
+  }
 }
 
 /// Feeds one ring from one clip until one of them is over.
@@ -213,7 +224,7 @@ void Feed::report_position(uint64_t frame) {
   last_report_ = now;
   json event = {{"event", "position"}, {"frame", frame}, {"time", nullptr}};
   if (clip_.time() != AV_NOPTS_VALUE) event["time"] = clip_.time();
-  say(event);
+  report_event(event);
   report_broken();
 }
 
@@ -221,7 +232,8 @@ void Feed::report_broken() {
   const uint64_t broken = clip_.broken_packets() + wrong_size_;
   if (broken == reported_broken_) return;
   reported_broken_ = broken;
-  say({{"event", "broken"}, {"packets", clip_.broken_packets()}, {"wrong_size", wrong_size_}});
+  report_event(
+      {{"event", "broken"}, {"packets", clip_.broken_packets()}, {"wrong_size", wrong_size_}});
 }
 
 }  // namespace
@@ -241,7 +253,7 @@ int run_decode(const DecodeRequest& request) {
   ClipReader clip(fd, request.file, request.stream, bounded_threads(request.threads));
   Feed feed(request, *ring, clip);
   const bool finished = feed.run();
-  say({{"event", finished ? "end" : "player_gone"}, {"published", feed.published()}});
+  report_event({{"event", finished ? "end" : "player_gone"}, {"published", feed.published()}});
   return finished ? 0 : 1;
 }
 

@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule-video: everything that FFmpeg does for lenticule, in a process that may crash.
-#include <fcntl.h>
-#include <fmt/format.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
-#include <cstdio>
 #include <exception>
 #include <functional>
 #include <map>
 
 #include "base/error.h"
+#include "base/print.h"
 #include "player/exit_code.h"
 #include "player/video/av_handles.h"
 #include "player/video/subcommands.h"
@@ -18,6 +15,7 @@
 namespace {
 
 using namespace lenticule::video;
+using lenticule::say;
 using lenticule::player::ExitCode;
 using Run = std::function<int()>;
 
@@ -25,11 +23,11 @@ int run_reporting_errors(const Run& run) {
   try {
     return run();
   } catch (const lenticule::Error& error) {
-    std::fputs(fmt::format("lenticule-video: {}\n", error.what()).c_str(), stderr);
-    if (!error.hint().empty()) std::fputs(fmt::format("  {}\n", error.hint()).c_str(), stderr);
+    say("lenticule-video: {}\n", error.what());
+    if (!error.hint().empty()) say("  {}\n", error.hint());
     return lenticule::player::exit_code_of(error.kind());
   } catch (const std::exception& error) {
-    std::fputs(fmt::format("lenticule-video: {}\n", error.what()).c_str(), stderr);
+    say("lenticule-video: {}\n", error.what());
     return ExitCode::kFailed;
   }
 }
@@ -80,19 +78,10 @@ Run declare_encode(CLI::App& app) {
   return [request] { return run_encode(*request); };
 }
 
-/// A closed standard descriptor's number would go to the next file that is opened.
-void fill_standard_descriptors() {
-  int fd = 0;
-  do {
-    fd = open("/dev/null", O_RDWR | O_CLOEXEC);
-  } while (fd >= 0 && fd <= STDERR_FILENO);
-  if (fd >= 0) close(fd);
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
-  fill_standard_descriptors();
+  lenticule::prepare_standard_streams();
   av_log_set_level(AV_LOG_QUIET);  // what matters is told by error codes, in our words
   CLI::App app{"Reads and writes video files for lenticule, in a process of its own."};
   app.name("lenticule-video");
@@ -109,7 +98,7 @@ int main(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return app.exit(error);
-    fmt::print(stderr, "lenticule-video: {}\n  see lenticule-video --help\n", error.what());
+    say("lenticule-video: {}\n  see lenticule-video --help\n", error.what());
     return ExitCode::kUsage;
   }
   return run_reporting_errors(runs.at(app.get_subcommands().front()));

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule-video probe: what is in a file, as JSON.
-#include <fmt/format.h>
 #include <unistd.h>
 
 #include <nlohmann/json.hpp>
 
+#include "base/print.h"
 #include "base/unique_fd.h"
 #include "player/video/clip_reader.h"
 #include "player/video/confinement.h"
@@ -78,8 +78,9 @@ int run_probe(const std::string& file) {
     streams.push_back(describe(format, stream));
   }
   const json report = {{"container", format.iformat->name}, {"streams", streams}};
-  fmt::print("{}\n", report.dump(2, ' ', true, json::error_handler_t::replace));
-  return std::fflush(stdout) == 0 ? 0 : 1;
+  print_out("{}\n", Verbatim{json_text(report, 2)});
+  flush_results();
+  return 0;
 }
 
 }  // namespace lenticule::video

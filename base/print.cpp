@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/print.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <climits>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <iterator>
+
+#include "base/error.h"
+
+namespace lenticule {
+namespace {
+
+constexpr int kPatienceMilliseconds = 250;
+
+std::atomic<uint64_t> g_dropped{0};
+std::atomic<bool> g_stuck{false};  ///< standard error took nothing when it was last asked
+
+/// Waits until standard error takes PIPE_BUF bytes without blocking. Where it did not before, does
+/// not wait again until it does.
+bool wait_for_standard_error() noexcept {
+  pollfd error{STDERR_FILENO, POLLOUT, 0};
+  int ready = 0;
+  do {
+    ready = poll(&error, 1, g_stuck ? 0 : kPatienceMilliseconds);
+  } while (ready < 0 && errno == EINTR);
+  g_stuck = ready == 0;
+  return ready != 0;
+}
+
+[[noreturn]] void cannot_write(int error) {
+  throw Error(ErrorKind::Failed, fmt::format("standard output: cannot write: {}",
+                                             std::strerror(error != 0 ? error : EIO)));
+}
+
+}  // namespace
+
+namespace print_detail {
+
+void write_diagnostic(std::string_view text) noexcept {
+  while (!text.empty() && wait_for_standard_error()) {
+    const ssize_t n = write(STDERR_FILENO, text.data(), std::min<size_t>(text.size(), PIPE_BUF));
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) break;
+    text.remove_prefix(static_cast<size_t>(n));
+  }
+  g_dropped += static_cast<uint64_t>(std::count(text.begin(), text.end(), '\n'));
+}
+
+void format_diagnostic(fmt::string_view format, fmt::format_args arguments) {
+  fmt::memory_buffer text;
+  fmt::vformat_to(std::back_inserter(text), format, arguments);
+  write_diagnostic({text.data(), text.size()});
+}
+
+void format_result(fmt::string_view format, fmt::format_args arguments) {
+  fmt::memory_buffer text;
+  fmt::vformat_to(std::back_inserter(text), format, arguments);
+  errno = 0;
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size()) cannot_write(errno);
+}
+
+void count_dropped_line() noexcept {
+  ++g_dropped;
+}
+
+}  // namespace print_detail
+
+uint64_t dropped_log_lines() noexcept {
+  return g_dropped;
+}
+
+void flush_results() {
+  errno = 0;
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) cannot_write(errno);
+}
+
+void finish_results() {
+  flush_results();
+  const int copy = fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, 0);
+  if (copy >= 0 && close(copy) != 0 && errno != EINTR) cannot_write(errno);
+}
+
+void prepare_standard_streams() noexcept {
+  for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    if (fcntl(fd, F_GETFD) >= 0) continue;
+    // The lowest free number is this one.
+    (void)!open("/dev/null", fd == STDOUT_FILENO ? O_RDONLY : O_RDWR);
+  }
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+}  // namespace lenticule

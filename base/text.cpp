@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/text.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+
+namespace lenticule {
+namespace {
+
+struct CodeRange {
+  uint32_t first;
+  uint32_t last;
+};
+
+/// Characters that are never printed as they are. Marks that join letters (U+200C, U+200D) belong
+/// to the writing of several languages and stay.
+constexpr std::array kEscaped = {
+    CodeRange{0x00, 0x1F},        // control characters
+    CodeRange{0x7F, 0x9F},        // DEL and the second set of control characters
+    CodeRange{0xAD, 0xAD},        // soft hyphen: invisible
+    CodeRange{0x61C, 0x61C},      // Arabic letter mark
+    CodeRange{0x200B, 0x200B},    // zero-width space
+    CodeRange{0x200E, 0x200F},    // left-to-right and right-to-left marks
+    CodeRange{0x2028, 0x202E},    // line and paragraph ends, direction overrides
+    CodeRange{0x2060, 0x206F},    // invisible operators, direction isolates
+    CodeRange{0xD800, 0xDFFF},    // halves of pairs
+    CodeRange{0xFEFF, 0xFEFF},    // byte order mark
+    CodeRange{0xFFF9, 0xFFFB},    // annotation marks
+    CodeRange{0xFFFE, 0xFFFF},    // not characters
+    CodeRange{0xE0000, 0xE007F},  // tags: invisible
+};
+
+bool is_continuation(char c) {
+  return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;
+}
+
+/// Returns how many bytes a character has that begins with `lead`; 0 for a byte that begins none.
+size_t announced_length(unsigned char lead) {
+  if (lead < 0x80) return 1;
+  if (lead >= 0xC2 && lead <= 0xDF) return 2;
+  if (lead >= 0xE0 && lead <= 0xEF) return 3;
+  if (lead >= 0xF0 && lead <= 0xF4) return 4;
+  return 0;
+}
+
+uint32_t code_point(std::string_view character) {
+  const auto lead = static_cast<unsigned char>(character[0]);
+  if (character.size() == 1) return lead;
+  uint32_t code = lead & (0xFFU >> (character.size() + 1));
+  for (const char c : character.substr(1)) code = code << 6 | (static_cast<unsigned char>(c) & 63U);
+  return code;
+}
+
+/// Long forms of short codes are not UTF-8.
+bool is_printable(uint32_t code, size_t length) {
+  if ((length == 3 && code < 0x800) || (length == 4 && (code < 0x10000 || code > 0x10FFFF)))
+    return false;
+  return std::none_of(kEscaped.begin(), kEscaped.end(), [code](const CodeRange& range) {
+    return code >= range.first && code <= range.last;
+  });
+}
+
+/// Returns the printable character at the start of `text`, empty if there is none.
+std::string_view character_at_start(std::string_view text) {
+  const size_t length = announced_length(static_cast<unsigned char>(text[0]));
+  if (length == 0 || length > text.size()) return {};
+  for (size_t i = 1; i < length; ++i)
+    if (!is_continuation(text[i])) return {};
+  const std::string_view character = text.substr(0, length);
+  return is_printable(code_point(character), length) ? character : std::string_view{};
+}
+
+}  // namespace
+
+std::string escaped(std::string_view text) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  std::string out;
+  out.reserve(text.size());
+  while (!text.empty()) {
+    const std::string_view character = character_at_start(text);
+    if (!character.empty()) {
+      out += character;
+      text.remove_prefix(character.size());
+      continue;
+    }
+    const auto byte = static_cast<unsigned char>(text[0]);
+    out += {'\\', 'x', kDigits[byte >> 4U], kDigits[byte & 15U]};
+    text.remove_prefix(1);
+  }
+  return out;
+}
+
+std::string clipped(std::string text, size_t bytes) {
+  constexpr std::string_view kMore = "...";
+  if (text.size() <= bytes) return text;
+  size_t end = bytes - kMore.size();
+  while (end > 0 && is_continuation(text[end])) --end;
+  text.resize(end);
+  return text += kMore;
+}
+
+}  // namespace lenticule

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// Text from files, devices and peers, made fit for terminals, logs and JSON. Any thread.
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+
+namespace lenticule {
+
+/// Returns `text` as printable UTF-8 on one line. Every byte of a control character (line ends and
+/// tabs too), of a character that is invisible or turns the direction of writing, and of what is
+/// not UTF-8 becomes \x and two hexadecimal digits: "\x1b[2J".
+[[nodiscard]] std::string escaped(std::string_view text);
+
+/// Returns at most `bytes` of `text`; what is longer ends in "..." after a whole character. `text`
+/// must be UTF-8 and `bytes` 3 at least.
+[[nodiscard]] std::string clipped(std::string text, size_t bytes);
+
+/// Returns JSON in ASCII, which holds no escape sequence and is valid whatever bytes its texts
+/// have: what is not UTF-8 becomes U+FFFD. `Json` is nlohmann::json or ordered_json.
+template <class Json>
+[[nodiscard]] std::string json_text(const Json& value, int indent = -1) {
+  return value.dump(indent, ' ', true, Json::error_handler_t::replace);
+}
+
+}  // namespace lenticule
