@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looking Glass visual.json. With Pl lenses over the panel's width, s = slope (negative if the
-// image is flipped) and c = 0, 1, 2 from left to right, a pixel's lens coordinate there is
-//   z_c = (Pl / W) (i + 1/2 + c/3 + (H - Y) / s) - center,
-// so R sits on the pixel's centre and all stripes are a third of a pixel right of where ours are.
+// Looking Glass visual.json. With Pl lenses over the panel's width, s = 1 (-1 with flipImageX) and
+// c = 0, 1, 2 for R, G, B (2, 1, 0 with flipSubp), a stripe's lens coordinate there is
+//   z_c = (Pl / W) (i + 1/2 + s c/3 + s (H - Y) / slope) - center.
+// So one stripe sits on the pixel's centre, and all are a third of a pixel right of where ours are,
+// or with flipImageX a third left, in reverse order.
 // Cells state their offsets from the pixel's centre instead, v upward. lambda = z - 1/2.
 #include <fmt/format.h>
 
@@ -168,17 +169,20 @@ LookingGlassImport import_looking_glass(std::string_view json, const std::string
   const nlohmann::json* cells = file.find("subpixelCells");
   const bool has_cells = cells != nullptr && !cells->empty();
   refuse_what_rigs_cannot_say(file);
-  // Cells say themselves where red and blue are: with them flipSubp says nothing.
+  const bool flipped = file.flag("flipImageX");
+  const bool reversed = flipped != file.flag("flipSubp");
+  // Cells say themselves where red and blue are: with them the flips say nothing about it.
   rig.panel.layout = has_cells ? cell_layout(file, *cells, rig.panel.height_px)
-                               : SubpixelLayout::named(file.flag("flipSubp") ? "bgr" : "rgb");
+                               : SubpixelLayout::named(reversed ? "bgr" : "rgb");
 
-  const double tilt_slope = file.flag("flipImageX") ? -slope : slope;
+  const double tilt_slope = flipped ? -slope : slope;
+  const double stripe_bias_px = flipped ? -kStripeBiasPx : kStripeBiasPx;
   const double lenses_across = pitch * rig.panel.width_px / dpi * std::cos(std::atan(1.0 / slope));
   const double lenses_per_px = lenses_across / rig.panel.width_px;
   rig.sheet.pitch = Subpixels(3.0 / lenses_per_px);
   rig.sheet.slant = -1.0 / tilt_slope;
   rig.sheet.offset = Lenses(without_whole_lenses(
-      centre_coordinate(rig.panel, lenses_per_px, tilt_slope, has_cells ? 0.0 : kStripeBiasPx) -
+      centre_coordinate(rig.panel, lenses_per_px, tilt_slope, has_cells ? 0.0 : stripe_bias_px) -
       center - 0.5));
 
   double cone = file.number_or("viewCone", kUsualConeDegrees);

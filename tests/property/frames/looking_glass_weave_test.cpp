@@ -10,6 +10,7 @@
 #include "frames/weave.h"
 #include "frames/weaving/fast_weaver.h"
 #include "optics/calibration_import.h"
+#include "tests/support/looking_glass_oracle.h"
 
 namespace lenticule::frames {
 namespace {
@@ -21,8 +22,8 @@ struct VisualFile {
   int cell_mode;  ///< -1: stripes
 };
 
-/// R, G, B offsets (x, y upward) of the four cells that the patterns choose from.
-using Cell = std::array<std::array<double, 2>, 3>;
+/// The four cells that the patterns choose from.
+using Cell = test::LookingGlassCell;
 constexpr std::array<Cell, 4> kCells = {{{{{-0.25, 0.25}, {0.25, 0.25}, {0.0, -0.25}}},
                                          {{{-0.25, -0.25}, {0.25, -0.25}, {0.0, 0.25}}},
                                          {{{-0.3, 0.1}, {0.2, 0.2}, {0.1, -0.3}}},
@@ -46,39 +47,22 @@ std::string json_of(const VisualFile& f) {
       f.flip_subpixels ? 1 : 0, f.inverted ? 1 : 0, cell_keys);
 }
 
-double fract(double x) {
-  return x - std::floor(x);
-}
-
-int cell_index(int mode, int x, int y) {
-  switch (mode) {
-    case 1:
-      return (x + y) % 2;
-    case 2:
-      return x % 2;
-    case 3:
-      return (y + 2 * (x % 2)) % 4;
-    case 4:
-      return y % 2;
-    default:
-      return 0;
-  }
-}
-
 /// The published position among the views, in [0, 1): the view is floor(position * views).
 double published_position(const VisualFile& f, int i, int j, int channel) {
-  const double lenses = f.pitch * f.width / f.dpi * std::cos(std::atan(1.0 / f.slope));
-  const double tilt = f.height / (f.width * f.slope) * (f.flip_x ? -1.0 : 1.0);
-  const int y = f.height - 1 - j;  // from the bottom
-  const double u = (i + 0.5) / f.width, v = (y + 0.5) / f.height;
-  if (f.cell_mode >= 0) {
-    const auto& offset = kCells[size_t(cell_index(f.cell_mode, i, y))][size_t(channel)];
-    return 1.0 - fract(((u + offset[0] / f.width) + (v + offset[1] / f.height) * tilt) * lenses -
-                       f.center);
-  }
-  const int stripe = f.flip_subpixels ? 2 - channel : channel;
-  const double z = fract((u + stripe / (3.0 * f.width) + v * tilt) * lenses - f.center);
-  return f.inverted ? 1.0 - z : z;
+  const test::LookingGlassFile numbers = {
+      .width = double(f.width),
+      .height = double(f.height),
+      .pitch = f.pitch,
+      .slope = f.slope,
+      .center = f.center,
+      .dpi = f.dpi,
+      .flip_x = f.flip_x,
+      .flip_subpixels = f.flip_subpixels,
+      .inverted = f.inverted,
+  };
+  if (f.cell_mode < 0) return test::looking_glass::stripe_view(numbers, i, j, channel);
+  const size_t cell = test::looking_glass::cell_index(f.cell_mode, i, f.height - 1 - j);
+  return test::looking_glass::cell_view(numbers, kCells[cell], i, j, channel);
 }
 
 class PublishedWeave : public ::testing::TestWithParam<VisualFile> {};
@@ -126,6 +110,8 @@ INSTANTIATE_TEST_SUITE_P(
     ::testing::Values(kPortrait, changed([](VisualFile& f) { f.inverted = false; }),
                       changed([](VisualFile& f) { f.flip_x = true; }),
                       changed([](VisualFile& f) { f.flip_subpixels = true; }),
+                      changed([](VisualFile& f) { f.flip_x = f.flip_subpixels = true; }),
+                      changed([](VisualFile& f) { f.flip_x = true, f.inverted = false; }),
                       changed([](VisualFile& f) { f.slope = 5.317; }),
                       changed([](VisualFile& f) { f.width = 255, f.height = 143; }),
                       changed([](VisualFile& f) { f.cell_mode = 0; }),

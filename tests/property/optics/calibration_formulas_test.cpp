@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "optics/calibration_import.h"
 #include "optics/model.h"
+#include "tests/support/looking_glass_oracle.h"
 #include "tests/support/random_rigs.h"
 
 namespace lenticule::optics {
@@ -53,24 +54,20 @@ double our_phase(const OpticalModel& model, int i, int j, int c) {
 
 // --- Looking Glass, stripes
 
-double lenses_across(const json& file) {
-  return number(file, "pitch") * number(file, "screenW") / number(file, "DPI") *
-         std::cos(std::atan(1.0 / number(file, "slope")));
+test::LookingGlassFile numbers_of(const json& file) {
+  return {.width = number(file, "screenW"),
+          .height = number(file, "screenH"),
+          .pitch = number(file, "pitch"),
+          .slope = number(file, "slope"),
+          .center = number(file, "center"),
+          .dpi = number(file, "DPI"),
+          .flip_x = number(file, "flipImageX") != 0.0,
+          .flip_subpixels = number(file, "flipSubp") != 0.0,
+          .inverted = number(file, "invView") != 0.0};
 }
 
-double tilt_of(const json& file) {
-  const double tilt = number(file, "screenH") / (number(file, "screenW") * number(file, "slope"));
-  return number(file, "flipImageX") != 0.0 ? -tilt : tilt;
-}
-
-/// The view fraction of the classic shader, before invView.
-double classic_fraction(const json& file, int i, int j, int channel) {
-  const double w = number(file, "screenW"), h = number(file, "screenH");
-  const double u = (i + 0.5) / w, v = (h - 1 - j + 0.5) / h;
-  const int c = number(file, "flipSubp") != 0.0 ? 2 - channel : channel;
-  const double z =
-      (u + c / (3.0 * w) + v * tilt_of(file)) * lenses_across(file) - number(file, "center");
-  return fract(z);
+double classic_coordinate(const json& file, int i, int j, int channel) {
+  return test::looking_glass::stripe_coordinate(numbers_of(file), i, j, channel);
 }
 
 json random_visual(std::mt19937_64& random, bool wrap) {
@@ -102,11 +99,36 @@ TEST(LookingGlassImport, GivesTheClassicShadersPhases) {
     for (int n = 0; n < 60; ++n) {
       const auto [i, j] = sample(random, n, panel.width_px, panel.height_px);
       for (int c = 0; c < 3; ++c) {
-        ASSERT_LT(apart(our_phase(model, i, j, c) + 0.5, classic_fraction(file, i, j, c)), 1e-6)
+        ASSERT_LT(apart(our_phase(model, i, j, c) + 0.5, classic_coordinate(file, i, j, c)), 1e-6)
             << "pixel " << i << ", " << j << " channel " << c;
       }
     }
   }
+}
+
+/// A device of the first generation that is built mirrored: red is on the right of each pixel.
+TEST(LookingGlassImport, FlipImageXReversesLensesAndSubpixels) {
+  const json file = {{"pitch", 47.56},  {"slope", 5.48},   {"center", 0.2}, {"DPI", 338},
+                     {"screenW", 2560}, {"screenH", 1600}, {"invView", 1},  {"flipImageX", 1},
+                     {"flipImageY", 0}, {"flipSubp", 0},   {"viewCone", 40}};
+  const Rig rig = import_looking_glass(file.dump(), "classic").rig;
+  EXPECT_EQ(rig.panel.layout.name(), "bgr");
+  EXPECT_NEAR(rig.sheet.slant, 1.0 / 5.48, 1e-12);
+  const OpticalModel model(rig);
+  for (const auto& [i, j] : {Pixel{0, 0}, Pixel{2559, 0}, Pixel{0, 1599}, Pixel{2559, 1599}})
+    for (int c = 0; c < 3; ++c)
+      EXPECT_LT(apart(0.5 - our_phase(model, i, j, c),
+                      test::looking_glass::stripe_view(numbers_of(file), i, j, c)),
+                1e-9);
+}
+
+TEST(LookingGlassImport, BothFlipsLeaveTheSubpixelsInOrder) {
+  json file = {{"pitch", 47.56}, {"slope", 5.48},   {"center", 0.2},
+               {"DPI", 338},     {"screenW", 2560}, {"screenH", 1600},
+               {"invView", 0},   {"flipImageX", 1}, {"flipSubp", 1}};
+  EXPECT_EQ(import_looking_glass(file.dump(), "classic").rig.panel.layout.name(), "rgb");
+  file["flipImageX"] = 0;
+  EXPECT_EQ(import_looking_glass(file.dump(), "classic").rig.panel.layout.name(), "bgr");
 }
 
 TEST(LookingGlassImport, KnowsThePortraitSample) {
@@ -127,32 +149,17 @@ TEST(LookingGlassImport, KnowsThePortraitSample) {
 
 // --- Looking Glass, cells
 
-int cell_index(int mode, int x, int y) {
-  switch (mode) {
-    case 1:
-      return (x + y) % 2;
-    case 2:
-      return x % 2;
-    case 3:
-      return (y + 2 * (x % 2)) % 4;
-    case 4:
-      return y % 2;
-    default:
-      return 0;
-  }
-}
-
 double cell_view(const json& file, int i, int j, int channel) {
-  const double w = number(file, "screenW"), h = number(file, "screenH");
-  const int y = static_cast<int>(h) - 1 - j;
+  const int y = static_cast<int>(number(file, "screenH")) - 1 - j;
   const json& cells = file.at("subpixelCells");
-  const auto index = static_cast<size_t>(cell_index(file.at("CellPatternMode").get<int>(), i, y));
+  const size_t index = test::looking_glass::cell_index(file.at("CellPatternMode").get<int>(), i, y);
   const json& cell = cells.at(index % cells.size());
-  constexpr std::array<const char*, 3> kNames{"R", "G", "B"};
-  const std::string name = kNames[static_cast<size_t>(channel)];
-  const double u = (i + 0.5 + cell.at(name + "OffsetX").get<double>()) / w;
-  const double v = (y + 0.5 + cell.at(name + "OffsetY").get<double>()) / h;
-  return 1.0 - fract((u + v * tilt_of(file)) * lenses_across(file) - number(file, "center"));
+  const auto of = [&cell](const char* key) { return cell.at(key).get<double>(); };
+  return test::looking_glass::cell_view(numbers_of(file),
+                                        {{{of("ROffsetX"), of("ROffsetY")},
+                                          {of("GOffsetX"), of("GOffsetY")},
+                                          {of("BOffsetX"), of("BOffsetY")}}},
+                                        i, j, channel);
 }
 
 json random_cells(std::mt19937_64& random, size_t count) {
@@ -232,7 +239,7 @@ TEST(LookingGlassExport, SaysTheSamePhasesInItsOwnTerms) {
     for (int n = 0; n < 60; ++n) {
       const auto [i, j] = sample(random, n, rig.panel.width_px, rig.panel.height_px);
       for (int c = 0; c < 3; ++c) {
-        ASSERT_LT(apart(our_phase(model, i, j, c) + 0.5, classic_fraction(file, i, j, c)), 1e-6);
+        ASSERT_LT(apart(our_phase(model, i, j, c) + 0.5, classic_coordinate(file, i, j, c)), 1e-6);
       }
     }
   }
