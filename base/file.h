@@ -16,6 +16,10 @@ namespace lenticule {
 /// behind then. Safe from any thread.
 void write_file_atomically(const std::filesystem::path& file, std::span<const uint8_t> bytes);
 
+/// Makes a rename in the file's folder last. Where a folder cannot be synchronised, nothing
+/// happens: the file is whole all the same.
+void sync_folder_of(const std::filesystem::path& file) noexcept;
+
 /// The whole file. Throws Error(Input) naming file and cause: missing, not a regular file (never
 /// waits for a pipe), larger than `limit_bytes`.
 [[nodiscard]] std::vector<uint8_t> read_whole_file(const std::filesystem::path& file,

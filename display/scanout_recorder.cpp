@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/unique_fd.h"
+#include "base/temporary.h"
 #include "display/scanout_format.h"
 #include "frames/image_io.h"
 
@@ -48,8 +48,7 @@ void require_whole(const fs::path& place, uint64_t lost, const std::string& reas
 /// Lines that the disk does not take wait in memory, as many as fit.
 class ChecksumRecorder final : public ScanoutRecorder {
  public:
-  explicit ChecksumRecorder(fs::path file)
-      : file_(std::move(file)), partial_(file_.string() + fmt::format(".partial-{}", getpid())) {
+  explicit ChecksumRecorder(fs::path file) : file_(std::move(file)) {
     if (hash_ == nullptr) throw std::bad_alloc();
     require_writable_place(file_);
     waiting_.reserve(kMostWaiting);
@@ -57,12 +56,6 @@ class ChecksumRecorder final : public ScanoutRecorder {
     waiting_ = "# vblank frame xxh64-of-rgb\n";
     try_to_write();  // what is wrong already is said at the start
   }
-
-  ~ChecksumRecorder() override {
-    if (fd_) unlink(partial_.c_str());
-  }
-  ChecksumRecorder(const ChecksumRecorder&) = delete;
-  ChecksumRecorder& operator=(const ChecksumRecorder&) = delete;
 
   void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept override {
     unrecorded_ += shown.skipped_before;
@@ -86,12 +79,8 @@ class ChecksumRecorder final : public ScanoutRecorder {
     try_to_write();
     std::string reason = writes().state().reason;
     count_lost(leave_whole_lines());
-    if (!fd_) return require_whole(file_, lost(), reason);
-    fd_.reset();
-    if (std::rename(partial_.c_str(), file_.c_str()) != 0) {
-      reason = message_of(errno);
-      unlink(partial_.c_str());
-    }
+    if (unfinished_.unfinished())
+      if (const int error = unfinished_.keep()) reason = message_of(error);
     require_whole(file_, lost(), reason);
   }
 
@@ -117,16 +106,16 @@ class ChecksumRecorder final : public ScanoutRecorder {
 
   /// Writes what waits, as far as the disk takes it.
   void try_to_write() noexcept {
-    constexpr int kFlags = O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW;
-    if (!fd_) fd_ = UniqueFd(::open(partial_.c_str(), kFlags, 0666));
+    if (!unfinished_.unfinished()) errno = unfinished_.create(file_);
+    const bool open = unfinished_.unfinished();
     size_t done = 0;
-    while (fd_ && done < waiting_.size()) {
-      const ssize_t n = ::write(fd_.get(), waiting_.data() + done, waiting_.size() - done);
+    while (open && done < waiting_.size()) {
+      const ssize_t n = ::write(unfinished_.fd(), waiting_.data() + done, waiting_.size() - done);
       if (n < 0 && errno == EINTR) continue;
       if (n <= 0) break;
       done += static_cast<size_t>(n);
     }
-    const bool all = fd_ && done == waiting_.size();
+    const bool all = open && done == waiting_.size();
     if (all)
       writes().succeeded();
     else
@@ -140,9 +129,9 @@ class ChecksumRecorder final : public ScanoutRecorder {
   /// Takes back the beginning of a line whose rest the disk does not take. Returns the frames whose
   /// lines are not there.
   uint64_t leave_whole_lines() noexcept {
-    if (fd_ && torn_ > 0 && !waiting_.empty()) {
-      const off_t end = ::lseek(fd_.get(), 0, SEEK_CUR);
-      (void)!::ftruncate(fd_.get(), end - static_cast<off_t>(torn_));
+    if (unfinished_.unfinished() && torn_ > 0 && !waiting_.empty()) {
+      const off_t end = ::lseek(unfinished_.fd(), 0, SEEK_CUR);
+      (void)!::ftruncate(unfinished_.fd(), end - static_cast<off_t>(torn_));
     }
     uint64_t frames = 0;
     for (size_t begin = 0; begin < waiting_.size();) {
@@ -163,8 +152,7 @@ class ChecksumRecorder final : public ScanoutRecorder {
   }
 
   fs::path file_;
-  fs::path partial_;
-  UniqueFd fd_;
+  TemporaryFile unfinished_;
   std::string waiting_;       ///< lines that are not written yet; the first may be torn
   size_t torn_ = 0;           ///< bytes at the file's end that are the beginning of a line
   uint64_t unrecorded_ = 0;   ///< frames to be noted before the next line

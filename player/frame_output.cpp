@@ -2,16 +2,13 @@
 #include "player/frame_output.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <chrono>
-#include <cstdlib>
-#include <cstring>
 #include <filesystem>
 
 #include "base/error.h"
+#include "base/temporary.h"
 #include "frames/image_io.h"
 #include "frames/ring/ring_renderer.h"
 #include "player/interrupt.h"
@@ -33,13 +30,7 @@ void require_writable_folder(const fs::path& file) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   std::error_code error;
   fs::create_directory(folder, error);  // an existing one is no error; what is wrong shows below
-  std::string probe = (folder / ".lenticule-XXXXXX").string();
-  const int fd = mkstemp(probe.data());
-  if (fd < 0)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: cannot write there: {}", folder.string(), std::strerror(errno)));
-  close(fd);
-  unlink(probe.c_str());
+  const TemporaryFile probe(file);
 }
 
 class PictureFiles final : public FrameOutput {

@@ -4,6 +4,8 @@
 
 #include <filesystem>
 
+#include "base/temporary.h"
+
 namespace lenticule::player {
 
 /// Mode 0700, under the service's or the user's runtime folder, or /tmp; gone with this object, or
@@ -11,13 +13,10 @@ namespace lenticule::player {
 class PrivateFolder {
  public:
   PrivateFolder();
-  ~PrivateFolder();
-  PrivateFolder(const PrivateFolder&) = delete;
-  PrivateFolder& operator=(const PrivateFolder&) = delete;
-  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  [[nodiscard]] const std::filesystem::path& path() const { return folder_.path(); }
 
  private:
-  std::filesystem::path path_;
+  TemporaryFolder folder_;
 };
 
 }  // namespace lenticule::player

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <filesystem>
 #include <string>
+
+#include "base/temporary.h"
 
 namespace lenticule::player {
 
@@ -10,15 +11,12 @@ namespace lenticule::player {
 class ScratchFolder {
  public:
   ScratchFolder();
-  ~ScratchFolder();
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
   [[nodiscard]] std::string file(const std::string& name) const {
-    return (folder_ / name).string();
+    return (folder_.path() / name).string();
   }
 
  private:
-  std::filesystem::path folder_;
+  TemporaryFolder folder_;
 };
 
 }  // namespace lenticule::player

@@ -11,7 +11,6 @@
 #include <unistd.h>
 
 #include <array>
-#include <atomic>
 #include <cerrno>
 #include <chrono>
 #include <csignal>
@@ -22,6 +21,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/temporary.h"
 #include "base/unique_fd.h"
 #include "optics/json_fields.h"
 #include "player/video_program.h"
@@ -40,11 +40,6 @@ constexpr size_t kMostWords = 4096;
 
 [[noreturn]] void cannot_write(const fs::path& file, const std::string& cause) {
   throw Error(ErrorKind::Failed, fmt::format("{}: cannot write: {}", file.string(), cause));
-}
-
-fs::path temporary_beside(const fs::path& file) {
-  static std::atomic<uint64_t> counter{0};
-  return file.parent_path() / fmt::format(".lenticule-{}-video-{}.tmp", getpid(), counter++);
 }
 
 }  // namespace
@@ -68,8 +63,7 @@ class VideoWriter::Encoder {
   [[noreturn]] void give_up();
 
   VideoWriterOptions options_;
-  fs::path temporary_;
-  UniqueFd file_;
+  TemporaryFile file_;
   UniqueFd input_;   ///< our end of its standard input
   UniqueFd errors_;  ///< our end of its standard error
   std::string words_;
@@ -77,17 +71,9 @@ class VideoWriter::Encoder {
 };
 
 VideoWriter::Encoder::Encoder(const VideoWriterOptions& options)
-    : options_(options), temporary_(temporary_beside(options.file)) {
+    : options_(options), file_(options.file) {
   if (options_.program.empty()) options_.program = find_video_program();
-  file_ = UniqueFd(
-      ::open(temporary_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666));
-  if (!file_) cannot_write(options_.file, std::strerror(errno));
-  try {
-    start();
-  } catch (...) {
-    ::unlink(temporary_.c_str());
-    throw;
-  }
+  start();
 }
 
 VideoWriter::Encoder::~Encoder() {
@@ -96,7 +82,6 @@ VideoWriter::Encoder::~Encoder() {
     while (waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
     }
   }
-  if (!temporary_.empty()) ::unlink(temporary_.c_str());
 }
 
 std::vector<std::string> VideoWriter::Encoder::arguments() const {
@@ -129,7 +114,7 @@ void VideoWriter::Encoder::start() {
   posix_spawn_file_actions_t actions;
   posix_spawn_file_actions_init(&actions);
   posix_spawn_file_actions_adddup2(&actions, child_in.get(), STDIN_FILENO);
-  posix_spawn_file_actions_adddup2(&actions, file_.get(), STDOUT_FILENO);
+  posix_spawn_file_actions_adddup2(&actions, file_.fd(), STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&actions, child_err.get(), STDERR_FILENO);
   const std::vector<std::string> words = arguments();
   std::vector<char*> argv;
@@ -190,9 +175,7 @@ void VideoWriter::Encoder::finish() {
   if (!wait_until(Clock::now() + kPatience, status) || !WIFEXITED(status) ||
       WEXITSTATUS(status) != 0)
     give_up();
-  if (::rename(temporary_.c_str(), options_.file.c_str()) != 0)
-    cannot_write(options_.file, std::strerror(errno));
-  temporary_.clear();
+  file_.replace_target();
 }
 
 /// Its reason if it has one; a broken pipe is only the consequence.

@@ -72,10 +72,4 @@ bool write_at(int fd, uint64_t offset, std::span<const uint8_t> from) noexcept {
   return true;
 }
 
-void sync_folder_of(const std::filesystem::path& file) noexcept {
-  const UniqueFd folder(::open(file.has_parent_path() ? file.parent_path().c_str() : ".",
-                               O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-  if (folder) static_cast<void>(::fsync(folder.get()));
-}
-
 }  // namespace lenticule::frames

@@ -22,7 +22,4 @@ namespace lenticule::frames {
 /// False if not all could be written; errno says why.
 [[nodiscard]] bool write_at(int fd, uint64_t offset, std::span<const uint8_t> from) noexcept;
 
-/// Makes a rename in the file's folder last. Errors are ignored: not every file system can.
-void sync_folder_of(const std::filesystem::path& file) noexcept;
-
 }  // namespace lenticule::frames

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // lenticule-video encode: raw frames from standard input into a lossless Matroska file.
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -10,12 +9,12 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
-#include <filesystem>
+#include <optional>
 #include <tuple>
 #include <vector>
 
 #include "base/error.h"
-#include "base/unique_fd.h"
+#include "base/temporary.h"
 #include "frames/rational.h"
 #include "frames/ring/ring_layout.h"
 #include "player/video/confinement.h"
@@ -231,29 +230,18 @@ class OutputFile {
  public:
   explicit OutputFile(const std::string& name) : name_(name) {
     if (name_ == "-") return;
-    const std::filesystem::path path(name_);
-    temporary_ = path.parent_path() / fmt::format(".lenticule-video-{}.tmp", getpid());
-    file_ = UniqueFd(::open(temporary_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
-    if (!file_) cannot_write(name_, std::strerror(errno));
+    file_.emplace(name_);
   }
-  ~OutputFile() {
-    if (file_ && !temporary_.empty()) ::unlink(temporary_.c_str());
-  }
-  OutputFile(const OutputFile&) = delete;
-  OutputFile& operator=(const OutputFile&) = delete;
 
-  [[nodiscard]] int fd() const { return file_ ? file_.get() : STDOUT_FILENO; }
+  [[nodiscard]] int fd() const { return file_ ? file_->fd() : STDOUT_FILENO; }
   void keep() {
-    if (fsync(fd()) != 0) cannot_write(name_, std::strerror(errno));
-    if (!file_) return;
-    if (::rename(temporary_.c_str(), name_.c_str()) != 0) cannot_write(name_, std::strerror(errno));
-    temporary_.clear();
+    if (file_) return file_->replace_target();
+    if (fsync(STDOUT_FILENO) != 0) cannot_write(name_, std::strerror(errno));
   }
 
  private:
   std::string name_;
-  std::filesystem::path temporary_;
-  UniqueFd file_;
+  std::optional<TemporaryFile> file_;
 };
 
 void check(const EncodeRequest& request) {

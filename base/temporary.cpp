@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/temporary.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <mutex>
+#include <set>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "base/error.h"
+#include "base/file.h"
+
+namespace lenticule {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kFilePrefix = ".lenticule-";
+constexpr std::string_view kFileSuffix = ".unfinished";
+constexpr std::string_view kFolderPrefix = ".lenticule-unfinished-";
+constexpr std::string_view kFolderEnd = "XXXXXX";
+/// A process that sweeps holds a lock for a moment; so many names in a row it does not take.
+constexpr int kAttempts = 100;
+/// Folders remembered as swept; a process that writes into more of them sweeps some once more.
+constexpr size_t kMostFolders = 256;
+/// For targets such as pipes.
+constexpr int kNotRegular = EINVAL;
+
+std::string reason(int error) {
+  return std::generic_category().message(error);
+}
+
+/// Returns true if `path` still names the open file.
+bool names(const fs::path& path, int fd) noexcept {
+  struct stat open_file {};
+  struct stat named {};
+  return ::fstat(fd, &open_file) == 0 && ::lstat(path.c_str(), &named) == 0 &&
+         open_file.st_dev == named.st_dev && open_file.st_ino == named.st_ino;
+}
+
+/// Takes the owner's lock on what was just made. False if a sweeper came in between; where there
+/// are no locks nothing is swept either.
+bool hold(const fs::path& path, int fd) noexcept {
+  if (::flock(fd, LOCK_EX | LOCK_NB) != 0) return errno != EWOULDBLOCK;
+  return names(path, fd);
+}
+
+/// Removes a file or folder of this user whose owner's lock can be taken.
+bool remove_leftover(const fs::path& path) {
+  struct stat status {};
+  if (::lstat(path.c_str(), &status) != 0 || status.st_uid != ::geteuid()) return false;
+  const bool folder = S_ISDIR(status.st_mode);
+  if (!folder && !S_ISREG(status.st_mode)) return false;
+  const int access = folder ? O_RDONLY | O_DIRECTORY : O_RDWR;
+  const UniqueFd fd(::open(path.c_str(), access | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  if (!fd || ::flock(fd.get(), LOCK_EX | LOCK_NB) != 0 || !names(path, fd.get())) return false;
+  if (!folder) return ::unlink(path.c_str()) == 0;
+  std::error_code error;
+  fs::remove_all(path, error);
+  return !error;
+}
+
+bool is_our_name(std::string_view name) {
+  const bool file = name.starts_with(kFilePrefix) && name.ends_with(kFileSuffix);
+  const bool folder =
+      name.starts_with(kFolderPrefix) && name.size() == kFolderPrefix.size() + kFolderEnd.size();
+  return file || folder;
+}
+
+size_t sweep(const fs::path& folder) noexcept {
+  size_t removed = 0;
+  try {
+    std::error_code error;
+    for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+         entry.increment(error)) {
+      const bool ours = is_our_name(entry->path().filename().string());
+      if (ours && remove_leftover(entry->path())) ++removed;
+    }
+  } catch (const std::exception&) {  // out of memory: the next start has another chance
+  }
+  return removed;
+}
+
+/// Sweeps a folder when this process first writes there: frames go into it by the thousand.
+void sweep_once(const fs::path& folder) {
+  static std::mutex mutex;
+  static std::set<std::string> swept;
+  {
+    const std::lock_guard lock(mutex);
+    if (swept.size() >= kMostFolders) swept.clear();
+    if (!swept.insert(folder.string()).second) return;
+  }
+  (void)sweep(folder);
+}
+
+fs::path folder_of(const fs::path& file) {
+  return file.has_parent_path() ? file.parent_path() : fs::path(".");
+}
+
+/// Short whatever the target's name, so that it exists wherever the target can.
+fs::path temporary_beside(const fs::path& target) {
+  static std::atomic<uint64_t> counter{0};
+  return target.parent_path() /
+         fmt::format("{}{}-{}{}", kFilePrefix, ::getpid(), counter++, kFileSuffix);
+}
+
+}  // namespace
+
+size_t sweep_leftovers(const fs::path& folder) noexcept {
+  return sweep(folder);
+}
+
+// --- files -------------------------------------------------------------------------------------
+
+TemporaryFile::TemporaryFile(const fs::path& target) {
+  if (const int error = create(target)) fail(error);
+}
+
+TemporaryFile::~TemporaryFile() {
+  if (!name_.empty()) ::unlink(name_.c_str());
+}
+
+int TemporaryFile::create(const fs::path& target) {
+  LENTICULE_CHECK(name_.empty());
+  said_ = target;
+  if (const int error = resolve()) return error;
+  sweep_once(folder_of(target_));
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    const int error = create_once();
+    if (error != EEXIST) return error;
+  }
+  return EBUSY;
+}
+
+/// Follows links: the link itself must survive the rename.
+int TemporaryFile::resolve() {
+  std::error_code absent;  // a file that is not there yet is no error
+  target_ = said_;
+  if (fs::is_symlink(said_, absent)) {
+    std::error_code error;
+    target_ = fs::weakly_canonical(said_, error);
+    if (error) return error.value();
+  }
+  const auto status = fs::status(target_, absent);
+  if (fs::is_directory(status)) return EISDIR;
+  return fs::exists(status) && !fs::is_regular_file(status) ? kNotRegular : 0;
+}
+
+/// EEXIST for a name that is taken: a process that was killed may have had our number, and its file
+/// may not be ours to remove.
+int TemporaryFile::create_once() {
+  const fs::path name = temporary_beside(target_);
+  const int fd = ::open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (fd < 0) return errno;
+  file_ = UniqueFd(fd);
+  if (!hold(name, fd)) return EEXIST;  // swept
+  name_ = name;
+  return 0;
+}
+
+void TemporaryFile::fail(int error) const {
+  const std::string cause = error == kNotRegular ? "it is not a regular file" : reason(error);
+  throw Error(ErrorKind::Failed, fmt::format("{}: cannot write: {}", said_.string(), cause),
+              error == ENOSPC || error == EDQUOT ? "free some space, or write somewhere else" : "");
+}
+
+int TemporaryFile::keep() {
+  LENTICULE_CHECK(!name_.empty());
+  if (::fsync(file_.get()) != 0) return errno;
+  // Some network file systems report a full disk no sooner than at a close. The lock stays.
+  const int copy = ::fcntl(file_.get(), F_DUPFD_CLOEXEC, 0);
+  if (copy < 0 || ::close(copy) != 0) return errno;
+  if (::rename(name_.c_str(), target_.c_str()) != 0) return errno;
+  name_.clear();
+  sync_folder_of(target_);
+  return 0;
+}
+
+void TemporaryFile::replace_target() {
+  if (const int error = keep()) fail(error);
+}
+
+// --- folders -----------------------------------------------------------------------------------
+
+TemporaryFolder::TemporaryFolder(const fs::path& parent) {
+  (void)sweep_leftovers(parent);
+  for (int attempt = 0; attempt < kAttempts; ++attempt) {
+    std::string name = (parent / fmt::format("{}{}", kFolderPrefix, kFolderEnd)).string();
+    if (::mkdtemp(name.data()) == nullptr)
+      throw Error(ErrorKind::Failed, fmt::format("{}: cannot be made: {}", name, reason(errno)));
+    path_ = name;
+    lock_ = UniqueFd(::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (lock_ && hold(path_, lock_.get())) return;
+  }
+  throw Error(ErrorKind::Failed, fmt::format("{}: no folder can be made there", parent.string()));
+}
+
+TemporaryFolder::~TemporaryFolder() {
+  std::error_code ignored;
+  fs::remove_all(path_, ignored);
+}
+
+}  // namespace lenticule
