@@ -93,6 +93,7 @@ SequenceWriter::SequenceWriter(fs::path file, const SequenceInfo& info,
   for (int worker = 0; worker < workers_.count(); ++worker)
     encoders_.emplace_back(layout_.header.band_bytes(0));
   bands_.resize(static_cast<size_t>(layout_.header.bands()));
+  recall();
   last_sync_ = std::chrono::steady_clock::now();
 }
 
@@ -141,6 +142,28 @@ void SequenceWriter::go_on(const fs::path& there, const SequenceInfo& info) {
     fail("cannot be cut", errno);
 }
 
+/// Restores what the next frame is made from: the frame before, where its bands lie, and the taps.
+/// A file that is resumed is then the same, byte by byte, as one that was written in one run.
+void SequenceWriter::recall() {
+  in_step_ = true;
+  previous_.clear();
+  if (frame_count() == 0) return;
+  const uint64_t last = frame_count() - 1;
+  FrameDecoder decoder(fd_.get(), layout_);
+  WovenFrame frame(layout_.header.geometry);
+  std::vector<BandEntry> entries(bands_.size());
+  std::vector<uint8_t> table(layout_.header.table_bytes());
+  in_step_ = decoder.decode(last - last % kTapInterval, frame.bytes());
+  if (in_step_) taps_ = choose_taps(frame.view(), layout_.header.band_rows);
+  in_step_ = in_step_ && decoder.decode(last, frame.bytes()) &&
+             read_band_table(fd_.get(), layout_, last, entries, table);
+  if (!in_step_)
+    throw Error(ErrorKind::Failed,
+                fmt::format("{}: frame {} cannot be read back", part_.string(), last));
+  for (size_t band = 0; band < bands_.size(); ++band) bands_[band].entry = entries[band];
+  previous_.assign(frame.bytes().begin(), frame.bytes().end());
+}
+
 void SequenceWriter::encode_band(const FrameView& frame, int index, int worker) {
   const size_t offset = layout_.header.band_offset(index);
   const size_t bytes = layout_.header.band_bytes(index);
@@ -182,14 +205,14 @@ void SequenceWriter::append(const FrameView& frame) {
   if (frame_count() == kMaxSequenceFrames)
     throw Error(ErrorKind::Failed, fmt::format("{}: holds {} frames, no more fit", part_.string(),
                                                kMaxSequenceFrames));
-  if (previous_.empty() || frame_count() % kTapInterval == 0)
-    taps_ = choose_taps(frame, layout_.header.band_rows);
+  if (!in_step_) recall();
+  if (frame_count() % kTapInterval == 0) taps_ = choose_taps(frame, layout_.header.band_rows);
   workers_.run(layout_.header.bands(),
                [&](int band, int worker) { encode_band(frame, band, worker); });
   lay_out_record();
   if (!write_at(fd_.get(), layout_.data_end, record_)) {
     const int error = errno;
-    previous_.clear();  // the bands' entries are no longer those of a frame in the file
+    in_step_ = false;  // the bands' entries are no longer those of a frame in the file
     static_cast<void>(::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end)));
     fail("cannot write", error);
   }

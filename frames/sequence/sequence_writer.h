@@ -17,7 +17,8 @@
 namespace lenticule::frames {
 
 struct SequenceWriterOptions {
-  /// Go on after the last whole frame of FILE.part, or of a FILE that is finished.
+  /// Go on after the last whole frame of FILE.part, or of a FILE that is finished. The result has
+  /// the same bytes as one that was written in one run.
   bool resume = false;
   int threads = 0;  ///< that compress; 0 means all cores
 };
@@ -53,6 +54,7 @@ class SequenceWriter {
   void go_on(const std::filesystem::path& there, const SequenceInfo& info);
   void open_and_lock(const std::filesystem::path& there);
   void encode_band(const FrameView& frame, int band, int worker);
+  void recall();
   void lay_out_record();
   void sync_now_and_then();
   [[noreturn]] void fail(const char* what, int error) const;
@@ -67,6 +69,7 @@ class SequenceWriter {
   std::vector<Band> bands_;
   std::vector<uint8_t> previous_;  ///< pixels of the last frame appended, empty at first
   std::vector<uint8_t> record_;
+  bool in_step_ = false;  ///< taps_, bands_ and previous_ are those of the last frame in the file
   std::chrono::steady_clock::time_point last_sync_;
   bool finished_ = false;
 };

@@ -56,6 +56,71 @@ std::vector<uint64_t> write_unfinished(const std::filesystem::path& file) {
   return ends;
 }
 
+/// Frames of every kind: some bands of a frame are those of the frame before, some contents are
+/// predicted by other taps than the contents that came 32 frames earlier.
+WovenFrame film_frame(int n) {
+  const Content content = n / 20 % 2 == 0 ? Content::Lenses : Content::Ramp;
+  WovenFrame frame = make_frame(kGeometry, content, n / 4);
+  if (n % 3 == 0) frame.row(kGeometry.height - 1)[5] = static_cast<uint8_t>(n);
+  return frame;
+}
+
+constexpr int kFilmFrames = 75;
+
+void write_film(const std::filesystem::path& file, int until, bool resume) {
+  SequenceWriter writer(file, info_of(kGeometry), {.resume = resume, .threads = 2});
+  for (auto n = static_cast<int>(writer.frame_count()); n < until; ++n)
+    writer.append(film_frame(n).view());
+  if (until == kFilmFrames) writer.finish();
+}
+
+TEST(SequenceKill, ResumedAfterAnyCutTheFileHasTheBytesOfOneRun) {
+  const ScratchFolder folder;
+  write_film(folder / "whole.lts", kFilmFrames, false);
+  const std::vector<uint8_t> whole = test::read_bytes(folder / "whole.lts");
+  const uint64_t begin =
+      SequenceWriter(folder / "empty.lts", info_of(kGeometry), {.threads = 1}).bytes_written();
+  std::mt19937_64 random(12);
+  for (int trial = 0; trial < 150; ++trial) {
+    std::vector<uint8_t> cut = whole;
+    if (trial > 0) cut.resize(begin + random() % (whole.size() - begin));
+    const char* name = trial % 2 == 0 ? "a.lts.part" : "a.lts";  // a finished file may be cut, too
+    test::write_bytes(folder / name, cut);
+    write_film(folder / "a.lts", kFilmFrames, true);
+    ASSERT_EQ(test::read_bytes(folder / "a.lts"), whole) << "cut at " << cut.size();
+    std::filesystem::remove(folder / "a.lts");
+  }
+}
+
+TEST(SequenceKill, ResumedAfterEveryFrameTheFileHasTheBytesOfOneRun) {
+  const ScratchFolder folder;
+  write_film(folder / "whole.lts", kFilmFrames, false);
+  for (int until = 0; until <= kFilmFrames; ++until) write_film(folder / "a.lts", until, true);
+  EXPECT_EQ(test::read_bytes(folder / "a.lts"), test::read_bytes(folder / "whole.lts"));
+}
+
+TEST(SequenceKill, ResumedAfterKillsTheFileHasTheBytesOfOneRun) {
+  std::mt19937 random(4);
+  const ScratchFolder folder;
+  write_film(folder / "whole.lts", kFilmFrames, false);
+  for (int trial = 0; trial < 8; ++trial) {
+    for (int kills = 0; kills < 6; ++kills) {
+      const pid_t child = ::fork();
+      if (child == 0) {
+        write_film(folder / "a.lts", kFilmFrames, true);
+        _exit(0);
+      }
+      ASSERT_GT(child, 0);
+      ::usleep(static_cast<useconds_t>(random() % 8000));
+      ::kill(child, SIGKILL);
+      ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+    }
+    write_film(folder / "a.lts", kFilmFrames, true);
+    ASSERT_EQ(test::read_bytes(folder / "a.lts"), test::read_bytes(folder / "whole.lts"));
+    std::filesystem::remove(folder / "a.lts");
+  }
+}
+
 TEST(SequenceKill, CutAnywhereKeepsEveryWholeFrame) {
   const ScratchFolder folder;
   const std::vector<uint64_t> ends = write_unfinished(folder / "whole.lts");
