@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <locale>
+#include <sstream>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -29,6 +31,11 @@ double number_at(const toml::node& node, const std::string& source) {
   if (const auto* real = node.as_floating_point()) return real->get();
   if (const auto* whole = node.as_integer()) return static_cast<double>(whole->get());
   fail_at(source, node.source().begin.line, "not a number");
+}
+
+bool within_limits(const Trim& trim) {
+  return std::abs(trim.offset.value) <= kMaxTrimOffsetLenses &&
+         std::abs(trim.pitch_relative) <= kMaxTrimPitch;
 }
 
 }  // namespace
@@ -112,13 +119,61 @@ void save_trim(const Trim& trim, const std::filesystem::path& rig_file) {
                 fmt::format("{}: cannot remove: {}", file.string(), error.message()));
 }
 
-Rig load_trimmed_rig(const std::filesystem::path& rig_file) {
+RigIdentity identity_of(const Rig& calibrated, const Trim& trim) {
+  std::string calibration = fingerprint(calibrated);
+  if (trim.empty()) return {.fingerprint = calibration, .calibration = calibration, .trim = {}};
+  return {.fingerprint = fingerprint(trimmed(calibrated, trim)),
+          .calibration = std::move(calibration),
+          .trim = trim};
+}
+
+std::string to_text(const RigIdentity& identity) {
+  if (identity.trim.empty()) return identity.fingerprint;
+  return fmt::format("{} trims {} {} {}", identity.fingerprint, identity.calibration,
+                     identity.trim.offset.value, identity.trim.pitch_relative);
+}
+
+RigIdentity parse_identity(std::string_view text) {
+  const RigIdentity plain = {
+      .fingerprint = std::string(text), .calibration = std::string(text), .trim = {}};
+  RigIdentity identity;
+  std::istringstream words{std::string(text)};
+  words.imbue(std::locale::classic());
+  std::string verb;
+  words >> identity.fingerprint >> verb >> identity.calibration >> identity.trim.offset.value >>
+      identity.trim.pitch_relative;
+  if (!words || !words.eof() || verb != "trims" || to_text(identity) != text) return plain;
+  return within_limits(identity.trim) ? identity : plain;
+}
+
+RigMatch match(const RigIdentity& frames, const RigIdentity& rig) {
+  const bool stated = !frames.fingerprint.empty() && !rig.fingerprint.empty();
+  if (!stated || frames.fingerprint == rig.fingerprint) return RigMatch::Same;
+  return frames.calibration == rig.calibration ? RigMatch::Trimmed : RigMatch::Other;
+}
+
+std::string trim_difference(const RigIdentity& frames, const RigIdentity& rig) {
+  const Trim change = changed_by(rig.trim, -frames.trim.offset.value, -frames.trim.pitch_relative);
+  std::string by;
+  if (change.offset.value != 0.0) by = fmt::format("{:+.4g} lens", change.offset.value);
+  if (change.pitch_relative != 0.0)
+    by += fmt::format("{}{:+.3g} of the pitch", by.empty() ? "" : " and ", change.pitch_relative);
+  return fmt::format("woven for the rig before the trim by {}; it is shown as it was woven", by);
+}
+
+TrimmedRig load_rig_and_identity(const std::filesystem::path& rig_file) {
   const Trim trim = load_trim(rig_file);
   Rig rig = load_rig(rig_file);
-  if (trim.empty()) return rig;
-  rig = trimmed(std::move(rig), trim);
-  validate_rig(rig, trim_file_of(rig_file).string());
-  return rig;
+  RigIdentity identity = identity_of(rig, trim);
+  if (!trim.empty()) {
+    rig = trimmed(std::move(rig), trim);
+    validate_rig(rig, trim_file_of(rig_file).string());
+  }
+  return {.rig = std::move(rig), .identity = std::move(identity)};
+}
+
+Rig load_trimmed_rig(const std::filesystem::path& rig_file) {
+  return load_rig_and_identity(rig_file).rig;
 }
 
 }  // namespace lenticule::optics

@@ -3,8 +3,8 @@
 // kept apart from the rig, in a file beside it (kiosk.toml -> kiosk.trim.toml), so that the
 // calibration stays what it was.
 //
-// A trimmed rig is another rig, with a fingerprint of its own: frames made before a trim are not
-// for it.
+// A trimmed rig has other numbers and so a fingerprint of its own. Its RigIdentity also carries the
+// calibration's: frames made before a trim stay playable, and it can be said how far off they are.
 #pragma once
 
 #include <filesystem>
@@ -50,8 +50,40 @@ void validate_trim(const Trim& trim, const std::string& context);
 /// Error(Failed), and Error(Input) as validate_trim().
 void save_trim(const Trim& trim, const std::filesystem::path& rig_file);
 
-/// The door for everything that makes or shows frames: the rig with the trim beside it. Throws
+/// RigIdentity says which rig frames are made for, or which rig a player shows them with.
+struct RigIdentity {
+  std::string fingerprint;  ///< of the rig with the trim in it; empty: not stated
+  std::string calibration;  ///< of the rig without it
+  Trim trim;
+  friend bool operator==(const RigIdentity&, const RigIdentity&) = default;
+};
+[[nodiscard]] RigIdentity identity_of(const Rig& calibrated, const Trim& trim);
+
+/// The text of an identity, at most 127 bytes: the fingerprint alone without a trim, else
+/// "FINGERPRINT trims CALIBRATION OFFSET PITCH".
+[[nodiscard]] std::string to_text(const RigIdentity& identity);
+/// Reads such a text. Any other text is a fingerprint of which no more is known.
+[[nodiscard]] RigIdentity parse_identity(std::string_view text);
+
+enum class RigMatch {
+  Same,     ///< the same numbers, or one of the two is not stated
+  Trimmed,  ///< the same calibration with another trim
+  Other,
+};
+[[nodiscard]] RigMatch match(const RigIdentity& frames, const RigIdentity& rig);
+
+/// Says how frames that match Trimmed differ from `rig` in one sentence without a full stop: "woven
+/// before the rig was trimmed by +0.010 lenses: ...".
+[[nodiscard]] std::string trim_difference(const RigIdentity& frames, const RigIdentity& rig);
+
+struct TrimmedRig {
+  Rig rig;
+  RigIdentity identity;
+};
+/// Loads the rig with the trim beside it: for everything that makes or shows frames. Throws
 /// Error(Input) for either file, or where the two make no valid rig.
+[[nodiscard]] TrimmedRig load_rig_and_identity(const std::filesystem::path& rig_file);
+/// The same without the identity.
 [[nodiscard]] Rig load_trimmed_rig(const std::filesystem::path& rig_file);
 
 }  // namespace lenticule::optics

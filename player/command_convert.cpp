@@ -19,6 +19,7 @@
 #include "player/command.h"
 #include "player/content/convert_input.h"
 #include "player/content/convert_output.h"
+#include "player/existing_output.h"
 #include "player/interrupt.h"
 #include "player/progress.h"
 
@@ -40,6 +41,7 @@ struct ConvertFlags {
   ContentFlags content;
   WeavingFlags weaving;
   bool resume = false;
+  bool overwrite = false;
   bool replace_damaged = false;
   bool json = false;
 };
@@ -51,7 +53,7 @@ enum class Result { Woven, Quilt };
 class ConvertPlan {
  public:
   explicit ConvertPlan(const ConvertFlags& flags) : flags_(flags) {
-    if (!flags.rig.empty()) rig = optics::load_trimmed_rig(flags.rig);
+    if (!flags.rig.empty()) rig = optics::load_rig_and_identity(flags.rig);
     const bool views_wanted = flags.as == "quilt" || is_view_files(flags.output);
     meaning = meaning_of(what(views_wanted));
     const bool has_views = meaning.kind != Kind::Woven;
@@ -64,11 +66,11 @@ class ConvertPlan {
     MeaningRequest request{.text = flags_.input, .flags = flags_.content};
     // Whichever rig woven frames are for: to get views they are taken apart.
     if (views_wanted) request.flags.reweave = true;
-    if (rig && !views_wanted) request.rig_fingerprint = optics::fingerprint(*rig);
+    if (rig && !views_wanted) request.rig_fingerprint = rig->identity.fingerprint;
     return request;
   }
 
-  std::optional<optics::Rig> rig;
+  std::optional<optics::TrimmedRig> rig;
   ContentMeaning meaning;
   Result result = Result::Woven;
 
@@ -152,7 +154,7 @@ class ConvertRun {
       return {
           .loom = nullptr, .geometry = frames::quilt_geometry(shape_, layout_), .layout = layout_};
     }
-    const optics::Rig& rig = plan_.rig.value();
+    const optics::Rig& rig = plan_.rig.value().rig;
     const LoomOptions options{.weave = weave_options(flags_.weaving),
                               .crosstalk = flags_.weaving.crosstalk,
                               .threads = all_threads()};
@@ -211,10 +213,13 @@ class ConvertRun {
                                                 shape_.count, frames::kMaxSequenceViews));
   }
 
-  void state_rig(const optics::Rig& rig) {
+  void state_rig(const optics::TrimmedRig& loaded) {
+    const optics::Rig& rig = loaded.rig;
     const frames::FrameGeometry panel{.width = rig.panel.width_px, .height = rig.panel.height_px};
-    const std::string fingerprint = optics::fingerprint(rig);
-    if (!info_.rig_fingerprint.empty() && info_.rig_fingerprint != fingerprint)
+    const optics::RigMatch matched = optics::match(frames::rig_of(info_), loaded.identity);
+    // Woven before the rig was trimmed: the file goes on saying for which trim.
+    if (matched == optics::RigMatch::Trimmed) return;
+    if (matched == optics::RigMatch::Other)
       throw Error(ErrorKind::Input,
                   fmt::format("{}: was made for another rig than {}", flags_.input, flags_.rig),
                   "--reweave takes the frames apart and weaves them for this one; or leave out "
@@ -225,18 +230,20 @@ class ConvertRun {
           fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", flags_.input,
                       info_.geometry.width, info_.geometry.height, panel.width, panel.height),
           "woven frames fit one panel, pixel for pixel: name the rig they were made for");
-    info_.rig_fingerprint = fingerprint;
+    frames::state_rig(info_, loaded.identity);
     info_.rig_toml = optics::rig_to_toml(rig);
   }
 
   void open_output() {
+    if (info_.made_from.empty()) info_.made_from = made_from(flags_.input);
     ConvertTarget target{.request = {.target = flags_.output,
                                      .range = {.begin = info_.first_frame,
                                                .end = info_.first_frame + range_.count()},
                                      .geometry = info_.geometry,
-                                     .rig_fingerprint = info_.rig_fingerprint,
+                                     .rig = frames::rig_of(info_),
                                      .rate = info_.rate,
                                      .resume = flags_.resume,
+                                     .overwrite = flags_.overwrite,
                                      .sequence = info_}};
     if (plan_.result == Result::Quilt) target.quilt = layout_;
     written_ = target_name(target);
@@ -335,7 +342,9 @@ Run declare_convert(CLI::App& app) {
   app.add_option("--frames", flags->frames, "A:B converts frames A to B - 1, counted from 0");
   declare_content_flags(app, flags->content);
   declare_weaving_flags(app, flags->weaving);
-  app.add_flag("--resume", flags->resume, "go on where an earlier run was stopped");
+  CLI::Option* const resume =
+      app.add_flag("--resume", flags->resume, "go on where an earlier run was stopped");
+  app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
   app.add_flag("--replace-damaged", flags->replace_damaged,
                "repeat the frame before a damaged one instead of ending");
   app.add_flag("--json", flags->json, "print what was done as JSON");

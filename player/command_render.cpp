@@ -12,6 +12,7 @@
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/command.h"
+#include "player/existing_output.h"
 #include "player/frame_output.h"
 #include "player/interrupt.h"
 #include "player/progress.h"
@@ -38,6 +39,7 @@ struct RenderFlags {
   std::string prefilter = "off";
   double ring_timeout = 10.0;
   bool resume = false;
+  bool overwrite = false;
   bool json = false;
 };
 
@@ -182,7 +184,7 @@ class RenderRun {
       : flags_(flags),
         range_(parse_frame_range(flags.frames)),
         rate_(frames::parse_rate(flags.fps)),
-        rig_(optics::load_trimmed_rig(flags.rig)),
+        loaded_(optics::load_rig_and_identity(flags.rig)),
         model_(rig_),
         method_(render::make_method(flags.method, model_, options_of(flags))),
         scenes_(flags.scene, rate_) {
@@ -193,25 +195,11 @@ class RenderRun {
     print_notes(reference);
     stages_.emplace(reference, model_, flags.staging.stage);
     print_stage(stages_->reference());
-    output_ = open_output({.target = flags.output,
-                           .range = range_,
-                           .geometry = geometry(),
-                           .rig_fingerprint = optics::fingerprint(rig_),
-                           .rate = rate_,
-                           .ring_timeout_seconds = flags.ring_timeout,
-                           .rig_toml = optics::rig_to_toml(rig_),
-                           .resume = flags.resume});
+    output_ = open_output(output_request(flags.output));
     if (flags.missing.empty()) return;
     if (method_->missing_subpixels() == nullptr)
       throw Error(ErrorKind::Usage, fmt::format("--missing: method {} leaves none", flags.method));
-    missing_ = open_output({.target = flags.missing,
-                            .range = range_,
-                            .geometry = geometry(),
-                            .rig_fingerprint = optics::fingerprint(rig_),
-                            .rate = rate_,
-                            .ring_timeout_seconds = flags.ring_timeout,
-                            .rig_toml = optics::rig_to_toml(rig_),
-                            .resume = flags.resume});
+    missing_ = open_output(output_request(flags.missing));
   }
 
   ExitCode run() {
@@ -237,6 +225,19 @@ class RenderRun {
  private:
   [[nodiscard]] frames::FrameGeometry geometry() const {
     return {rig_.panel.width_px, rig_.panel.height_px, frames::PixelFormat::Rgb8};
+  }
+
+  [[nodiscard]] OutputRequest output_request(const std::string& target) const {
+    return {.target = target,
+            .range = range_,
+            .geometry = geometry(),
+            .rig = loaded_.identity,
+            .rate = rate_,
+            .ring_timeout_seconds = flags_.ring_timeout,
+            .rig_toml = optics::rig_to_toml(rig_),
+            .made_from = made_from(flags_.scene, flags_.camera),
+            .resume = flags_.resume,
+            .overwrite = flags_.overwrite};
   }
 
   static render::RenderOptions options_of(const RenderFlags& flags) {
@@ -317,7 +318,8 @@ class RenderRun {
   const RenderFlags& flags_;
   FrameRange range_;
   frames::Rate rate_;
-  optics::Rig rig_;
+  optics::TrimmedRig loaded_;
+  const optics::Rig& rig_ = loaded_.rig;
   optics::OpticalModel model_;
   std::unique_ptr<render::Method> method_;
   SceneSequence scenes_;
@@ -369,7 +371,9 @@ Run declare_render(CLI::App& app) {
   app.add_option("-o,--output", flags->output,
                  "picture file, pattern ('out/%05d.png'), FILE.lts or ring:SOCKET")
       ->required();
-  app.add_flag("--resume", flags->resume, "leave out frames that are there already");
+  CLI::Option* const resume =
+      app.add_flag("--resume", flags->resume, "leave out frames that are there already");
+  app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
   app.add_option("--ring-timeout", flags->ring_timeout,
                  "seconds to wait for a player, also for one that restarts")
       ->capture_default_str();

@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
+#include "calib/report/rig_record.h"
 #include "frames/quilt.h"
 #include "frames/weaving/mpv_shader.h"
 #include "optics/calibration_import.h"
@@ -220,7 +221,8 @@ ExitCode import_calibration(const RigOptions& options) {
   const std::string text = read_text_file(options.file, kMaxCalibrationBytes);
   const std::string format = options.format == "auto" ? recognised_format(text) : options.format;
   const auto [rig, inverted_views] = import_as(format, text, options.file);
-  optics::save_rig(rig, options.output);
+  const std::filesystem::path kept = calib::save_with_history(rig, options.output);
+  optics::save_trim({}, options.output);  // one that is there was that of the rig before
   if (inverted_views)
     say("lenticule: {}: invView is 0: its views are numbered from the right\n"
         "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
@@ -232,7 +234,8 @@ ExitCode import_calibration(const RigOptions& options) {
                 {"pitch_subpx", rig.sheet.pitch.value},
                 {"slant", rig.sheet.slant},
                 {"gap_mm", rig.sheet.gap.value},
-                {"views_inverted", inverted_views}},
+                {"views_inverted", inverted_views},
+                {"old_rig_kept_as", kept.empty() ? json() : json(kept.string())}},
                options.as_json);
   return kOk;
 }
@@ -313,8 +316,9 @@ ExitCode change_trim(const RigOptions& options) {
                 {"fingerprint", fingerprint}},
                options.as_json);
   if (fingerprint != optics::fingerprint(optics::trimmed(rig, before)))
-    say("lenticule: {}: another rig from now on, frames made before are not for it\n"
-        "  render or weave again; players and renderers take the trim at their next start\n",
+    say("lenticule: {}: trimmed; films that were woven before are shown as they were woven\n"
+        "  render or weave again to have the trim in them; players and renderers take it at their "
+        "next start\n",
         options.file);
   return kOk;
 }

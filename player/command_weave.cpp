@@ -18,6 +18,7 @@
 #include "optics/trim.h"
 #include "player/command.h"
 #include "player/content/content_open.h"
+#include "player/existing_output.h"
 #include "player/interrupt.h"
 #include "player/progress.h"
 
@@ -33,6 +34,7 @@ struct WeaveFlags {
   WeavingFlags weaving;
   std::string quilt;
   bool reference = false;
+  bool overwrite = false;
   bool json = false;
 };
 
@@ -120,6 +122,11 @@ ExitCode run_weave(const WeaveFlags& flags) {
   const frames::WeaveOptions options = weave_options(flags.weaving);
   frames::check_writable_format(flags.output);
   const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
+  const optics::Panel& panel = model.rig().panel;
+  const frames::FrameGeometry geometry{.width = panel.width_px, .height = panel.height_px};
+  require_replaceable_pictures(
+      {.target = flags.output, .range = {.begin = 0, .end = 1}, .overwrite = flags.overwrite},
+      geometry, [&flags](uint64_t) { return flags.output; });
   const std::unique_ptr<frames::ViewInput> input = load_views(flags, model.rig());
   std::optional<frames::ViewSet> kept;
   const frames::ViewSet& views =
@@ -128,8 +135,7 @@ ExitCode run_weave(const WeaveFlags& flags) {
   if (!flags.quilt.empty())
     say("{}: the views\n", frames::write_quilt(views, flags.quilt).string());
 
-  const optics::Panel& panel = model.rig().panel;
-  frames::WovenFrame frame({.width = panel.width_px, .height = panel.height_px});
+  frames::WovenFrame frame(geometry);
   if (!flags.reference)
     frame = frames::weave_fast(views, model, options, all_threads());
   else if (!weave_by_reference(views, model, options, frame))
@@ -161,6 +167,7 @@ Run declare_weave(CLI::App& app) {
   app.add_option("--quilt", flags->quilt,
                  "also write the views, as they are woven, as a quilt; its layout is added to the "
                  "name");
+  app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
   app.add_flag("--reference", flags->reference,
                "weave slowly, in double precision: what the fast weaver is tested against");
   app.add_flag("--json", flags->json, "print what was done as JSON");

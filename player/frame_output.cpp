@@ -11,6 +11,7 @@
 #include "base/temporary.h"
 #include "frames/image_io.h"
 #include "frames/ring/ring_renderer.h"
+#include "player/existing_output.h"
 #include "player/interrupt.h"
 #include "player/sequence_output.h"
 
@@ -47,6 +48,7 @@ class PictureFiles final : public FrameOutput {
     single_ = request.target;
     frames::check_writable_format(file(request.range.begin));
     require_writable_folder(file(request.range.begin));
+    require_replaceable_pictures(request, geometry_, [this](uint64_t n) { return file(n); });
   }
 
   bool has(uint64_t frame) const override {
@@ -83,7 +85,7 @@ class RingOutput final : public FrameOutput {
         patience_(request.ring_timeout_seconds) {
     if (socket_.empty())
       throw Error(ErrorKind::Usage, "-o ring: no socket named", "for example -o ring:/run/x.sock");
-    hello_.rig_fingerprint = request.rig_fingerprint;
+    hello_.rig_fingerprint = optics::to_text(request.rig);
     hello_.rate = request.rate;
     hello_.frame_count = request.range.count();
     connect();
@@ -148,6 +150,7 @@ std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
   if (request.target.starts_with(kRing)) return std::make_unique<RingOutput>(request);
   if (request.target.ends_with(".lts")) {
     require_writable_folder(request.target);
+    require_replaceable_film(request);
     return open_sequence_output(request);
   }
   return std::make_unique<PictureFiles>(request);

@@ -9,7 +9,7 @@
 #include "frames/frame.h"
 #include "frames/rational.h"
 #include "frames/sequence/sequence_info.h"
-#include "optics/rig.h"
+#include "optics/trim.h"
 #include "player/scene_sequence.h"
 
 namespace lenticule::player {
@@ -35,11 +35,13 @@ struct OutputRequest {
   std::string target;  ///< pattern, file, FILE.lts or ring:SOCKET
   FrameRange range;
   frames::FrameGeometry geometry;
-  std::string rig_fingerprint;
+  optics::RigIdentity rig;  ///< empty for frames that are not woven, or for a rig nobody named
   frames::Rate rate;
   double ring_timeout_seconds = 10.0;
-  std::string rig_toml = {};  ///< kept in a container
-  bool resume = false;        ///< has() is going to be asked: what is there is gone on with
+  std::string rig_toml = {};   ///< kept in a container
+  std::string made_from = {};  ///< as frames::SequenceInfo has it
+  bool resume = false;         ///< has() is going to be asked: what is there is gone on with
+  bool overwrite = false;      ///< whatever is there may be replaced
   /// What a container says of its frames; made from the above unless given.
   std::optional<frames::SequenceInfo> sequence = std::nullopt;
 };

@@ -118,6 +118,11 @@ optics::Trim LiveTrim::trim() const {
   return trim_;
 }
 
+optics::RigIdentity LiveTrim::identity() const {
+  const std::lock_guard lock(mutex_);
+  return optics::identity_of(calibrated_, trim_);
+}
+
 optics::Rig LiveTrim::rig() const {
   const std::lock_guard lock(mutex_);
   return optics::trimmed(calibrated_, trim_);

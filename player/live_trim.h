@@ -50,6 +50,7 @@ class LiveTrim {
 
   /// With the trim in it.
   [[nodiscard]] optics::Rig rig() const;
+  [[nodiscard]] optics::RigIdentity identity() const;
   /// Another number after every change.
   [[nodiscard]] uint64_t version() const { return version_.load(std::memory_order_acquire); }
 

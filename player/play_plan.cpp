@@ -247,7 +247,8 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   const optics::Rig rig = plan.source.rig->rig();
   plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
   plan.source.slots = slots_of(flags, plan.source.panel);
-  plan.source.rig_fingerprint = optics::fingerprint(rig);
+  plan.source.identity = optics::load_rig_and_identity(flags.rig).identity;
+  plan.source.warnings = std::make_shared<RigWarnings>();
   plan.source.rig_name = rig.name;
   plan.source.card = rig_card(rig, flags.rig);
   plan.display.panel = plan.source.panel;

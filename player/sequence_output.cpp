@@ -16,7 +16,8 @@ frames::SequenceInfo info_of(const OutputRequest& request) {
   info.geometry = request.geometry;
   info.rate = request.rate;
   info.first_frame = request.range.begin;
-  info.rig_fingerprint = request.rig_fingerprint;
+  frames::state_rig(info, request.rig);
+  info.made_from = request.made_from;
   info.rig_toml = request.rig_toml;
   return info;
 }

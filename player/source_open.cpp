@@ -24,6 +24,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
+optics::RigIdentity present_rig(const SourceRequest& request) {
+  return request.trim ? request.trim->identity() : request.identity;
+}
+
 OpenedSource open_ring(const SourceRequest& request, const std::string& socket) {
   if (socket.empty())
     throw Error(ErrorKind::Usage, "source 'ring:': no socket", "write ring:/run/user/1000/panel");
@@ -34,7 +38,11 @@ OpenedSource open_ring(const SourceRequest& request, const std::string& socket) 
       frames::RingPlayer::open({.socket = socket,
                                 .geometry = request.panel,
                                 .slots = request.slots,
-                                .rig_fingerprint = request.rig_fingerprint,
+                                .rig_fingerprint = optics::to_text(present_rig(request)),
+                                .on_other_trim =
+                                    [warnings = request.warnings](const std::string& difference) {
+                                      if (warnings) warnings->add(difference);
+                                    },
                                 .keep_for_loop = request.plays_again});
   OpenedSource opened;
   opened.loop_obstacle = [player = ring.get()] { return player->statistics().loop_obstacle; };
@@ -95,13 +103,21 @@ std::string kept_rig_name(const frames::SequenceInfo& info) {
 }
 
 void require_same_rig(const SourceRequest& request, const frames::SequenceInfo& info) {
-  if (info.rig_fingerprint.empty() || info.rig_fingerprint == request.rig_fingerprint) return;
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", request.text,
-                          kept_rig_name(info), info.rig_fingerprint, request.rig_name,
-                          request.rig_fingerprint),
-              "woven frames fit one panel: render them for this rig, or say --reweave, which takes "
-              "them apart and costs sharpness");
+  const optics::RigIdentity theirs = frames::rig_of(info), ours = present_rig(request);
+  const optics::RigMatch matched = optics::match(theirs, ours);
+  if (matched == optics::RigMatch::Same) return;
+  if (matched == optics::RigMatch::Trimmed) {
+    if (request.warnings)
+      request.warnings->add(
+          fmt::format("{}: {}", request.text, optics::trim_difference(theirs, ours)));
+    return;
+  }
+  throw Error(
+      ErrorKind::Input,
+      fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", request.text,
+                  kept_rig_name(info), info.rig_fingerprint, request.rig_name, ours.fingerprint),
+      "woven frames fit one panel: render them for this rig, or say --reweave, which takes "
+      "them apart and costs sharpness");
 }
 
 OpenedSource open_sequence(const SourceRequest& request) {
@@ -122,7 +138,7 @@ MeaningRequest meaning_request(const SourceRequest& request) {
   const bool meant = request.content_of == request.text;
   return {.text = request.text,
           .flags = meant ? request.content : ContentFlags{},
-          .rig_fingerprint = request.rig_fingerprint};
+          .rig_fingerprint = present_rig(request).fingerprint};
 }
 
 /// Quilts are large: a few of them, and as many woven frames as were asked for.

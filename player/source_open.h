@@ -15,6 +15,7 @@
 #include "player/followed_rig.h"
 #include "player/frame_range.h"
 #include "player/live_trim.h"
+#include "player/rig_warnings.h"
 #include "player/source_names.h"
 
 namespace lenticule::player {
@@ -29,8 +30,8 @@ struct SourceRequest {
   std::string content_of = {};
   WeavingFlags weaving = {};
   frames::FrameGeometry panel = {};
-  std::string rig_fingerprint = {};
-  std::string rig_name = {};  ///< for messages
+  optics::RigIdentity identity = {};  ///< of the rig at the start; `trim` knows the present one
+  std::string rig_name = {};          ///< for messages
   std::string rig_file = {};  ///< what is woven here is woven for it, and again when it changes
   std::shared_ptr<FollowedRig> rig = nullptr;  ///< that of the file, for all that is woven here
   int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
@@ -40,6 +41,8 @@ struct SourceRequest {
   bool plays_again = false;                        ///< frames are kept for a loop where they fit
   display::CardText card = {};                     ///< what a test card says
   std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of "views"
+  /// Told what is shown although it is not what the rig asks for. Null: not told.
+  std::shared_ptr<RigWarnings> warnings = nullptr;
 };
 
 /// Views, woven here: whatever its rig becomes, it follows. Looks at sidecars and containers'

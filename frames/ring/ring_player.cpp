@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/ring/ring_player.h"
 
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
@@ -19,6 +20,7 @@
 #include "frames/ring/ring_memory.h"
 #include "frames/ring/ring_protocol.h"
 #include "frames/ring/slot_ledger.h"
+#include "optics/trim.h"
 
 namespace lenticule::frames {
 namespace {
@@ -117,6 +119,8 @@ class Player final : public RingPlayer {
   [[nodiscard]] std::optional<Refusal> reason_to_refuse(const UniqueFd& socket,
                                                         const Packet& packet,
                                                         RendererHello& hello) const;
+  [[nodiscard]] bool is_rig_welcome(const RendererHello& hello) const;
+  void tell_other_trim(const RendererHello& hello) const;
   [[nodiscard]] std::optional<Refusal> let_in(UniqueFd& socket, RendererHello hello);
   void serve_tenant();
   [[nodiscard]] Standing obey(const Packet& packet);
@@ -126,6 +130,7 @@ class Player final : public RingPlayer {
   void say_freed() const noexcept;
 
   const RingOptions options_;
+  const optics::RigIdentity rig_ = optics::parse_identity(options_.rig_fingerprint);
   RingMemory memory_;
   SlotLedger ledger_;
   ListenSocket listener_;
@@ -238,6 +243,20 @@ void Player::answer_hello(UniqueFd socket, const Packet& packet) {
   (void)send_message(socket.get(), make_refuse(refusal->reason, refusal->text));
 }
 
+bool Player::is_rig_welcome(const RendererHello& hello) const {
+  if (rig_.fingerprint.empty()) return true;
+  if (hello.rig_fingerprint.empty()) return false;
+  return optics::match(optics::parse_identity(hello.rig_fingerprint), rig_) !=
+         optics::RigMatch::Other;
+}
+
+void Player::tell_other_trim(const RendererHello& hello) const {
+  const optics::RigIdentity theirs = optics::parse_identity(hello.rig_fingerprint);
+  if (options_.on_other_trim && optics::match(theirs, rig_) == optics::RigMatch::Trimmed)
+    options_.on_other_trim(
+        fmt::format("renderer '{}': {}", hello.name, optics::trim_difference(theirs, rig_)));
+}
+
 std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Packet& packet,
                                                 RendererHello& hello) const {
   const auto peer = credentials(socket);
@@ -254,10 +273,10 @@ std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Pa
   }
   if (const char* problem = read_hello(packet.bytes(), hello))
     return Refusal{RefuseReason::BadHello, std::string("bad hello: ") + problem};
-  if (!options_.rig_fingerprint.empty() && hello.rig_fingerprint != options_.rig_fingerprint)
+  if (!is_rig_welcome(hello))
     return Refusal{
         RefuseReason::OtherRig,
-        "the player's rig is " + options_.rig_fingerprint + ", the renderer's is " +
+        "the player's rig is " + rig_.fingerprint + ", the renderer's is " +
             (hello.rig_fingerprint.empty() ? std::string("not stated") : hello.rig_fingerprint)};
   if (tenant_) return Refusal{RefuseReason::Busy, "busy: '" + hello_.name + "' is connected"};
   if (options_.slots - ledger_.shut() < kMinUsableSlots)
@@ -287,6 +306,7 @@ std::optional<Refusal> Player::let_in(UniqueFd& socket, RendererHello hello) {
   tenant.socket = std::move(socket);
   tenant_ = std::move(tenant);
   hello_ = std::move(hello);
+  tell_other_trim(hello_);
   ++renderers_;
   ledger_.begin_tenancy(hello_.frame_count);
   return std::nullopt;

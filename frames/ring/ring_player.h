@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,8 +22,12 @@ struct RingOptions {
   std::filesystem::path socket;  ///< created with mode 0600; a dead one of ours is replaced
   FrameGeometry geometry;        ///< Rgb8 so far
   int slots = 8;  ///< 3 ... 4096; refused when they would take more than half of the free memory
-  /// Fingerprint of the rig that frames must be rendered for (see optics/rig.h); empty = any.
+  /// The rig that frames must be rendered for, as optics::to_text(RigIdentity) says it: a
+  /// fingerprint, and what it is a trim of; empty = any. Frames for another trim of the same
+  /// calibration are taken, too.
   std::string rig_fingerprint;
+  /// Told in one sentence when a renderer with another trim is let in. On the thread of pull().
+  std::function<void(const std::string&)> on_other_trim = nullptr;
   /// Keep every frame of a sequence that fits the ring, so that rewind() works without a renderer.
   /// A sequence fits if it has at most `slots` frames. As long as that may be, shown frames stay in
   /// their slots; when the renderer asks for one slot more than there are, slots are recycled from

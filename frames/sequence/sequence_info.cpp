@@ -57,12 +57,13 @@ class Fields {
     if (value == 0) fail(source_, key, "zero");
     return value;
   }
-  [[nodiscard]] double number_or_zero(const char* key, double most) const {
+  [[nodiscard]] double number_or_zero(const char* key, double most, double least = 0.0) const {
     const json* value = find(key);
     if (value == nullptr) return 0.0;
     if (!value->is_number()) fail(source_, key, "not a number");
     const double number = value->get<double>();
-    if (!(number >= 0.0) || number > most) fail(source_, key, fmt::format("not in 0 to {}", most));
+    if (!(number >= least && number <= most))
+      fail(source_, key, fmt::format("not in {} to {}", least, most));
     return number;
   }
   [[nodiscard]] const std::string& source() const { return source_; }
@@ -124,7 +125,27 @@ void parse_loop(const Fields& fields, SequenceInfo& info) {
     fail(fields.source(), "loop", "ends before it begins");
 }
 
+void parse_rig_trim(const Fields& fields, SequenceInfo& info) {
+  info.rig_calibration = fields.text("calibration");
+  if (info.rig_calibration.empty()) return;
+  constexpr double kOffset = optics::kMaxTrimOffsetLenses, kPitch = optics::kMaxTrimPitch;
+  info.rig_trim = {.offset = Lenses(fields.number_or_zero("offset_lenses", kOffset, -kOffset)),
+                   .pitch_relative = fields.number_or_zero("pitch_relative", kPitch, -kPitch)};
+}
+
 }  // namespace
+
+optics::RigIdentity rig_of(const SequenceInfo& info) {
+  return {.fingerprint = info.rig_fingerprint,
+          .calibration = info.rig_calibration.empty() ? info.rig_fingerprint : info.rig_calibration,
+          .trim = info.rig_trim};
+}
+
+void state_rig(SequenceInfo& info, const optics::RigIdentity& rig) {
+  info.rig_fingerprint = rig.fingerprint;
+  info.rig_calibration = rig.trim.empty() ? std::string() : rig.calibration;
+  info.rig_trim = rig.trim;
+}
 
 std::string sequence_info_to_json(const SequenceInfo& info) {
   json object = {{"kind", info.kind == SequenceKind::Woven ? "woven" : "views"},
@@ -136,6 +157,11 @@ std::string sequence_info_to_json(const SequenceInfo& info) {
       json::array({json(info.loop_begin), info.loop_end ? json(*info.loop_end) : json(nullptr)});
   if (!info.rig_fingerprint.empty()) object["rig_fingerprint"] = info.rig_fingerprint;
   if (!info.rig_toml.empty()) object["rig_toml"] = info.rig_toml;
+  if (!info.rig_calibration.empty())
+    object["rig_trim"] = {{"calibration", info.rig_calibration},
+                          {"offset_lenses", info.rig_trim.offset.value},
+                          {"pitch_relative", info.rig_trim.pitch_relative}};
+  if (!info.made_from.empty()) object["made_from"] = info.made_from;
   if (info.views) object["views"] = views_json(*info.views);
   return object.dump(1, ' ', false, json::error_handler_t::replace);
 }
@@ -157,6 +183,8 @@ SequenceInfo parse_sequence_info(std::string_view text, const FrameGeometry& geo
   parse_loop(fields, info);
   info.rig_fingerprint = fields.text("rig_fingerprint");
   info.rig_toml = fields.text("rig_toml");
+  if (const json* trim = fields.find("rig_trim")) parse_rig_trim(Fields(*trim, source), info);
+  info.made_from = fields.text("made_from");
   info.software = fields.text("software");
   if (info.kind == SequenceKind::Views) info.views = parse_views(fields, geometry);
   return info;

@@ -9,6 +9,7 @@
 
 #include "frames/frame.h"
 #include "frames/rational.h"
+#include "optics/trim.h"
 
 namespace lenticule::frames {
 
@@ -41,6 +42,12 @@ struct SequenceInfo {
   /// Of a woven sequence: the rig it was made for, and that rig's whole file.
   std::string rig_fingerprint;
   std::string rig_toml;
+  /// Of a rig with a trim in it: the fingerprint without the trim, and the trim. Empty without.
+  std::string rig_calibration;
+  optics::Trim rig_trim;
+  /// The scene or the input that the frames were made from: its name and the folder's. Empty:
+  /// not stated.
+  std::string made_from;
   std::optional<SequenceViews> views;  ///< of a sequence of views
   std::string software;                ///< what wrote it
   friend bool operator==(const SequenceInfo&, const SequenceInfo&) = default;
@@ -48,6 +55,10 @@ struct SequenceInfo {
 
 inline constexpr size_t kMaxMetadataBytes = size_t{4} << 20;
 inline constexpr int kMaxSequenceViews = 1024;
+
+/// The three members about the rig as one, and back.
+[[nodiscard]] optics::RigIdentity rig_of(const SequenceInfo& info);
+void state_rig(SequenceInfo& info, const optics::RigIdentity& rig);
 
 /// All but the geometry, which the file's header has.
 [[nodiscard]] std::string sequence_info_to_json(const SequenceInfo& info);

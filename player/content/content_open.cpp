@@ -157,14 +157,18 @@ optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& me
                   "name it: --from-rig RIG.toml");
     return optics::parse_rig(meaning.rig_toml, request.what.text + ": its rig");
   }
-  optics::Rig rig = optics::load_trimmed_rig(flags.from_rig);
+  auto [rig, identity] = optics::load_rig_and_identity(flags.from_rig);
   if (!frames::is_sequence_name(request.what.text)) return rig;
   const frames::SequenceReader reader(request.what.text);
   const std::string& kept = reader.info().rig_fingerprint;
-  if (!kept.empty() && kept != optics::fingerprint(rig))
+  const optics::RigMatch matched = optics::match(frames::rig_of(reader.info()), identity);
+  // Woven before the rig was trimmed: the rig in the file is the one that the frames are for.
+  if (matched == optics::RigMatch::Trimmed && !reader.info().rig_toml.empty())
+    return optics::parse_rig(reader.info().rig_toml, request.what.text + ": its rig");
+  if (matched != optics::RigMatch::Same)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: was woven for another rig ({}) than {} ({})", request.what.text,
-                            kept, flags.from_rig, optics::fingerprint(rig)),
+                            kept, flags.from_rig, identity.fingerprint),
                 "say --reweave in place of --from-rig: the rig is in the file");
   return rig;
 }

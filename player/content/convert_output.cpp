@@ -16,6 +16,7 @@
 #include "frames/views_input/quilt_sidecar.h"
 #include "frames/weaving/quilt_file.h"
 #include "player/content/content_meaning.h"
+#include "player/existing_output.h"
 #include "player/source_names.h"
 #include "player/video_program.h"
 #include "player/video_writer.h"
@@ -49,6 +50,7 @@ std::unique_ptr<FrameOutput> open_video_output(const OutputRequest& request) {
     throw Error(ErrorKind::Usage,
                 fmt::format("-o {}: videos are written as Matroska", request.target),
                 "name it FILE.mkv");
+  require_replaceable_video(request);
   return std::make_unique<VideoOutput>(request);
 }
 
@@ -73,6 +75,10 @@ class ViewFilesOutput final : public FrameOutput {
             "a folder per view, for example -o 'views:view%02d/%05d.png'");
     }
     frames::check_writable_format(file(0, request.range.begin));
+    require_replaceable_pictures(request,
+                                 {.width = request.geometry.width / layout.columns,
+                                  .height = request.geometry.height / layout.rows},
+                                 [this](uint64_t frame) { return file(0, frame); });
   }
 
   /// The last view's picture is written last.
