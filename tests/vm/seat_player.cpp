@@ -36,7 +36,7 @@ int play(const char* source, const char* rig_file) {
   player::SourceRequest request;
   request.text = source;
   request.panel = panel;
-  request.rig_fingerprint = optics::fingerprint(rig);
+  request.identity = optics::identity_of(rig, {});
   request.plays_again = true;
   const player::OpenedSource opened = player::open_source(request);
   player::PlaybackOptions playback;

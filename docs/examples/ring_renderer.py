@@ -1,0 +1,123 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""A renderer that speaks the ring's protocol by itself, from docs/ring.md.
+
+    ring_renderer.py SOCKET FRAMES FINGERPRINT    the fingerprint is that of `lenticule rig show`
+
+Byte x of row y of frame n is x + 3 y + 7 n, modulo 256. Needs nothing but Python 3.9 and, for
+atomic numbers, the libatomic.so.1 that comes with gcc.
+"""
+
+import ctypes
+import fcntl
+import mmap
+import os
+import select
+import socket
+import struct
+import sys
+
+MAGIC, VERSION = 0x474E524C, 1
+HELLO, ACCEPT, REFUSE, WANTED, GOODBYE = 1, 2, 3, 4, 6
+FREE, WRITING, READY = 1, 2, 3
+HEADER = struct.Struct("=8s6I7Q")
+ACQUIRE, RELEASE, RELAXED = 2, 3, 0  # __ATOMIC_ACQUIRE and so on
+F_GET_SEALS, F_SEAL_SHRINK = 1034, 0x0002
+
+atomic = ctypes.CDLL("libatomic.so.1")
+compare_exchange = getattr(atomic, "__atomic_compare_exchange_4")
+compare_exchange.restype = ctypes.c_bool
+compare_exchange.argtypes = [
+    ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint32, ctypes.c_int, ctypes.c_int]
+fetch_add = getattr(atomic, "__atomic_fetch_add_4")
+fetch_add.argtypes = [ctypes.c_void_p, ctypes.c_uint32, ctypes.c_int]
+
+
+def message(kind, body=b""):
+    return struct.pack("=4I", MAGIC, VERSION, kind, 16 + len(body)) + body
+
+
+def change(address, before, after, order):
+    """Puts `after` where `before` is; False if something else is there."""
+    expected = ctypes.c_uint32(before)
+    return compare_exchange(address, ctypes.byref(expected), after, order, RELAXED)
+
+
+class Ring:
+    def __init__(self, path, frames, fingerprint):
+        self.player = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.player.connect(path)
+        body = struct.pack("=64s128sqqQII", b"ring_renderer.py", fingerprint.encode(), 60, 1,
+                           frames, 1, 0)
+        self.player.send(message(HELLO, body))
+        answer, fds, _, _ = socket.recv_fds(self.player, 257, 2)
+        kind = struct.unpack_from("=4I", answer)[2]
+        if kind == REFUSE:
+            sys.exit("refused: " + answer[24:].split(b"\0")[0].decode())
+        if kind != ACCEPT or len(fds) != 2:
+            sys.exit("this is no player")
+        memory, self.published = fds
+        size, self.epoch = struct.unpack_from("=QI", answer, 16)
+        if not fcntl.fcntl(memory, F_GET_SEALS) & F_SEAL_SHRINK or os.fstat(memory).st_size != size:
+            sys.exit("the memory can shrink")
+        self.memory = mmap.mmap(memory, size)
+        (magic, abi, endian, self.slots, pixels, self.width, self.height, self.row_bytes,
+         self.frame_bytes, self.table, self.entry_bytes, self.first, self.stride,
+         _) = HEADER.unpack_from(self.memory)
+        if (magic, abi, endian, pixels) != (b"LNTCRING", 1, 0x01020304, 1):
+            sys.exit("another kind of ring")
+        self.base = ctypes.addressof(ctypes.c_char.from_buffer(self.memory))
+        self.order = 0
+
+    def entry(self, slot):
+        return self.table + slot * self.entry_bytes
+
+    def word(self, state):
+        return self.epoch << 3 | state
+
+    def acquire(self):
+        """Returns a slot that is ours to write. Waits as long as there is a player."""
+        asked = False
+        while True:
+            for slot in range(self.slots):
+                address = self.base + self.entry(slot)
+                if change(address, self.word(FREE), self.word(WRITING), ACQUIRE):
+                    return slot
+            if not asked:
+                self.player.send(message(WANTED))
+                asked = True
+            if select.select([self.player], [], [], 0.1)[0] and not self.player.recv(257):
+                sys.exit("the player is gone")
+
+    def write(self, slot, frame):
+        begin = self.first + slot * self.stride
+        self.memory[begin:begin + self.frame_bytes] = frame
+
+    def publish(self, slot, number):
+        at = self.entry(slot)
+        struct.pack_into("=QQ", self.memory, at + 8, number, self.order)
+        if not change(self.base + at, self.word(WRITING), self.word(READY), RELEASE):
+            sys.exit("the player has withdrawn the slot")
+        self.order += 1
+        os.write(self.published, struct.pack("=Q", 1))
+        fetch_add(self.base + 192, 1, RELAXED)
+
+    def finish(self):
+        self.player.send(message(GOODBYE, struct.pack("=Q", self.order)))
+
+
+def main():
+    if len(sys.argv) != 4:
+        sys.exit("usage: ring_renderer.py SOCKET FRAMES FINGERPRINT")
+    frames = int(sys.argv[2])
+    ring = Ring(sys.argv[1], frames, sys.argv[3])
+    for number in range(frames):
+        slot = ring.acquire()
+        ring.write(slot, bytes((x + 3 * y + 7 * number) % 256
+                               for y in range(ring.height) for x in range(ring.row_bytes)))
+        ring.publish(slot, number)
+    ring.finish()
+
+
+if __name__ == "__main__":
+    main()
