@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <numeric>
+#include <utility>
+#include <vector>
 
 namespace lenticule {
 namespace {
@@ -71,6 +74,21 @@ std::string_view character_at_start(std::string_view text) {
   return is_printable(code_point(character), length) ? character : std::string_view{};
 }
 
+/// Returns the edits that turn one word into the other.
+size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), size_t{0});
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = std::exchange(row[0], i);
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t replaced = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, replaced});
+    }
+  }
+  return row[b.size()];
+}
+
 }  // namespace
 
 std::string escaped(std::string_view text) {
@@ -91,13 +109,28 @@ std::string escaped(std::string_view text) {
   return out;
 }
 
-std::string clipped(std::string text, size_t bytes) {
+std::string shortened(std::string text, size_t bytes) {
   constexpr std::string_view kMore = "...";
   if (text.size() <= bytes) return text;
   size_t end = bytes - kMore.size();
   while (end > 0 && is_continuation(text[end])) --end;
   text.resize(end);
   return text += kMore;
+}
+
+std::optional<std::string_view> nearest_word(std::string_view word,
+                                             std::span<const std::string_view> known) {
+  constexpr size_t kLongest = 64;  // nothing that is known is that long
+  word = word.substr(0, kLongest);
+  std::optional<std::string_view> nearest;
+  size_t least = std::max<size_t>(1, word.size() / 2);
+  for (const std::string_view candidate : known) {
+    const size_t distance = edit_distance(candidate, word);
+    if (distance > least || (nearest && distance == least)) continue;
+    nearest = candidate;
+    least = distance;
+  }
+  return nearest;
 }
 
 }  // namespace lenticule

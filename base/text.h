@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -15,7 +17,12 @@ namespace lenticule {
 
 /// Returns at most `bytes` of `text`; what is longer ends in "..." after a whole character. `text`
 /// must be UTF-8 and `bytes` 3 at least.
-[[nodiscard]] std::string clipped(std::string text, size_t bytes);
+[[nodiscard]] std::string shortened(std::string text, size_t bytes);
+
+/// Returns the word of `known` that `word` may have been meant for: the one that is fewest edits
+/// (insert, delete, replace a letter) away, if they are at most half of the word.
+[[nodiscard]] std::optional<std::string_view> nearest_word(std::string_view word,
+                                                           std::span<const std::string_view> known);
 
 /// Returns JSON in ASCII, which holds no escape sequence and is valid whatever bytes its texts
 /// have: what is not UTF-8 becomes U+FFFD. `Json` is nlohmann::json or ordered_json.

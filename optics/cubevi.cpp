@@ -74,7 +74,7 @@ Rig import_cubevi(std::string_view json, const std::string& source) {
   if (const nlohmann::json* grid = file.find("grid")) {
     rig.sheet.residual = read_grid(file, *grid, interval);
   }
-  rig.provenance = {{"source", printable(source)},
+  rig.provenance = {{"source", foreign_text(source)},
                     {"imported_from", "CubeVi values"},
                     {"pitch", "effective, reference distance unknown"}};
   if (!knows_size) rig.provenance.emplace_back("pixel_size", "assumed, not in the file");

@@ -7,9 +7,15 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "optics/rig.h"
 
 namespace lenticule::optics {
+namespace {
+
+constexpr size_t kMostTextBytes = 1024;
+
+}  // namespace
 
 JsonFields::JsonFields(const nlohmann::json& object, std::string source)
     : object_(object), source_(std::move(source)) {
@@ -66,16 +72,12 @@ nlohmann::json parse_json(std::string_view text, const std::string& source) {
   try {
     return nlohmann::json::parse(text);
   } catch (const nlohmann::json::exception& error) {
-    throw Error(ErrorKind::Input, fmt::format("{}: {}", source, printable(error.what())));
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", source, foreign_text(error.what())));
   }
 }
 
-std::string printable(std::string_view text) {
-  std::string out(text.substr(0, 1024));
-  for (char& c : out) {
-    if (c < ' ' || c > '~') c = '?';
-  }
-  return out;
+std::string foreign_text(std::string_view text) {
+  return shortened(escaped(text), kMostTextBytes);
 }
 
 }  // namespace lenticule::optics

@@ -33,10 +33,10 @@ class JsonFields {
   std::string source_;
 };
 
+/// Returns `text` fit for a rig file: escaped and not too long.
+[[nodiscard]] std::string foreign_text(std::string_view text);
+
 /// Throws Error(Input) "source: cause" for what is not JSON.
 [[nodiscard]] nlohmann::json parse_json(std::string_view text, const std::string& source);
-
-/// `text` with whatever is not printable ASCII replaced, for provenance.
-[[nodiscard]] std::string printable(std::string_view text);
 
 }  // namespace lenticule::optics

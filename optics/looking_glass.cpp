@@ -162,7 +162,7 @@ LookingGlassImport import_looking_glass(std::string_view json, const std::string
   if (!(dpi > 0.0)) file.fail("DPI", "not greater than 0");
 
   Rig rig;
-  rig.name = "Looking Glass " + printable(file.text_or("serial", "display"));
+  rig.name = "Looking Glass " + foreign_text(file.text_or("serial", "display"));
   rig.panel.width_px = file.side("screenW");
   rig.panel.height_px = file.side("screenH");
   rig.panel.pixel_width = rig.panel.pixel_height = Millimetres(kMmPerInch / dpi);
@@ -189,7 +189,7 @@ LookingGlassImport import_looking_glass(std::string_view json, const std::string
   if (!(cone > 0.0 && cone < 170.0)) cone = kUsualConeDegrees;
   rig.sheet.gap =
       Millimetres(gap_for_cone(rig.sheet.pitch.value * rig.panel.pixel_width.value / 3.0, cone));
-  rig.provenance = {{"source", printable(source)},
+  rig.provenance = {{"source", foreign_text(source)},
                     {"imported_from", "Looking Glass visual.json"},
                     {"pitch", "effective, reference distance unknown"}};
   validate_rig(rig, source);
@@ -215,7 +215,7 @@ std::string export_looking_glass(const Rig& rig, const LookingGlassViews& views)
 
   const auto wrapped = [](double value) { return nlohmann::json{{"value", value}}; };
   nlohmann::json out = {{"configVersion", "1.0"},
-                        {"serial", printable(rig.name)},
+                        {"serial", foreign_text(rig.name)},
                         {"pitch", wrapped(lenses_per_px * dpi / std::cos(std::atan(1.0 / slope)))},
                         {"slope", wrapped(slope)},
                         {"center", wrapped(without_whole_lenses(center))},

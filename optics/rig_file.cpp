@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <initializer_list>
 #include <limits>
-#include <numeric>
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/text.h"
 #include "optics/toml_text.h"
 
 namespace lenticule::optics {
@@ -18,21 +18,6 @@ namespace {
 
 constexpr size_t kMaxFileBytes = 16u << 20;
 constexpr int64_t kFormat = 1;
-
-/// Edits (insert, delete, replace a letter) that turn one word into the other.
-size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), size_t{0});
-  for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = std::exchange(row[0], i);
-    for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t replaced = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, replaced});
-    }
-  }
-  return row[b.size()];
-}
 
 /// One table of the file: reads members by key and reports what is wrong with "source:line:".
 class Section {
@@ -50,11 +35,9 @@ class Section {
     for (const auto& [key, value] : table_) {
       const std::string_view word = key.str();
       if (std::find(known.begin(), known.end(), word) != known.end()) continue;
-      const auto nearest = std::min_element(known.begin(), known.end(), [&](auto a, auto b) {
-        return edit_distance(a, clipped(word)) < edit_distance(b, clipped(word));
-      });
+      const auto nearest = nearest_word(word, {known.begin(), known.size()});
       fail(key.source().begin.line, fmt::format("unknown key '{}'", full_name(clipped(word))),
-           fmt::format("did you mean '{}'?", *nearest));
+           nearest ? fmt::format("did you mean '{}'?", *nearest) : std::string());
     }
   }
 

@@ -4,44 +4,58 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <exception>
 #include <map>
 #include <new>
+#include <sstream>
+#include <string_view>
 
 #include "base/print.h"
 #include "player/command.h"
+#include "player/error_report.h"
 #include "player/interrupt.h"
+#include "player/usage_error.h"
 
 namespace {
 
 using lenticule::Error;
-using lenticule::finish_results;
-using lenticule::prepare_standard_streams;
-using lenticule::say;
+using lenticule::ErrorKind;
 using namespace lenticule::player;
 
-ExitCode run_reporting_errors(const Run& run) {
+ExitCode run_reporting_errors(const Run& run, bool as_json) {
   try {
     const ExitCode code = run();
-    finish_results();
+    lenticule::finish_results();
     return code;
   } catch (const Error& error) {
-    say("lenticule: {}\n", error.what());
-    if (!error.hint().empty()) say("  {}\n", error.hint());
-    return exit_code_of(error.kind());
+    return report_error(error, as_json);
   } catch (const std::bad_alloc&) {
-    say("lenticule: out of memory\n  use a smaller panel or fewer ring slots\n");
-    return kFailed;
+    return report_error({ErrorKind::Failed, "out of memory", "use a smaller panel or fewer slots"},
+                        as_json);
   } catch (const std::exception& error) {
-    say("lenticule: {}\n", error.what());
-    return kFailed;
+    return report_error({ErrorKind::Failed, error.what()}, as_json);
   }
+}
+
+/// Help and version are results.
+ExitCode print_help(const CLI::App& app, const CLI::ParseError& request) {
+  std::ostringstream text;
+  app.exit(request, text, text);
+  lenticule::print_out("{}", lenticule::Verbatim{text.view()});
+  return kOk;
+}
+
+/// Flags may be what cannot be parsed, so that this one is looked for by itself.
+bool asks_for_json(int argc, char** argv) {
+  return std::any_of(argv, argv + argc,
+                     [](const char* argument) { return std::string_view(argument) == "--json"; });
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  prepare_standard_streams();
+  lenticule::prepare_standard_streams();
   install_interrupt_handlers();
 
   CLI::App app{"Renders, weaves and plays pictures for lenticular 3-D displays."};
@@ -57,14 +71,13 @@ int main(int argc, char** argv) {
     runs[sub] = command.declare(*sub);
   }
 
+  const bool as_json = asks_for_json(argc, argv);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);  // --help, --version
-    const auto chosen = app.get_subcommands();
-    say("lenticule: {}\n  see lenticule {}--help\n", error.what(),
-        chosen.empty() ? "" : chosen.front()->get_name() + " ");
-    return kUsage;
+    if (error.get_exit_code() == 0)
+      return run_reporting_errors([&] { return print_help(app, error); }, as_json);
+    return report_error(usage_error(app, error), as_json);
   }
-  return run_reporting_errors(runs.at(app.get_subcommands().front()));
+  return run_reporting_errors(runs.at(app.get_subcommands().front()), as_json);
 }

@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <fstream>
 
-#include "base/text.h"
+#include "base/print.h"
 
 namespace lenticule::player {
 namespace {
@@ -124,7 +124,8 @@ nlohmann::ordered_json to_json(const PlayReport& report) {
                 {{"total", report.memory.total},
                  {"anonymous", report.memory.anonymous},
                  {"shared", report.memory.shared},
-                 {"peak", report.memory.peak}}}});
+                 {"peak", report.memory.peak}}},
+               {"log_lines_dropped", dropped_log_lines()}});
   return json;
 }
 

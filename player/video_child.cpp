@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "optics/json_fields.h"
+#include "base/text.h"
 
 extern char** environ;
 
@@ -193,7 +193,7 @@ void VideoChild::hear(std::string_view line) {
   const std::lock_guard lock(mutex_);
   if (!event) {
     // The first line of words is the cause, those after it are the remedy.
-    if (last_words_.empty()) last_words_ = optics::printable(line.substr(0, 500));
+    if (last_words_.empty()) last_words_ = escaped(line.substr(0, 500));
     return;
   }
   if (event->kind == VideoEvent::Kind::Position && event->time) position_ = event;

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "frames/ring/ring_layout.h"
 #include "optics/json_fields.h"
 
@@ -33,7 +34,7 @@ std::optional<uint64_t> count(const json* value, uint64_t most) {
 std::string name(const JsonFields& fields, const std::string& key) {
   const json* const value = fields.find(key);
   if (value == nullptr || !value->is_string()) return {};
-  return optics::printable(value->get<std::string>().substr(0, kMostName));
+  return escaped(value->get<std::string>().substr(0, kMostName));
 }
 
 std::optional<frames::Rate> rate(const JsonFields& fields) {

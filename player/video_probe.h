@@ -20,7 +20,7 @@ struct VideoStream {
   std::optional<frames::Rate> rate;  ///< the stream's average
   std::optional<uint64_t> frames;    ///< as the container claims
   std::optional<double> duration_s;
-  std::string codec;         ///< printable ASCII, as all text here
+  std::string codec;         ///< escaped, as all text here
   std::string pixel_format;  ///< FFmpeg's name
   std::string sampling;      ///< "rgb", "grey", "4:4:4", "4:2:0", ...
   bool exact = false;        ///< every code arrives as it was stored

@@ -11,7 +11,7 @@
 #include <system_error>
 
 #include "base/error.h"
-#include "optics/json_fields.h"
+#include "base/text.h"
 #include "player/child_process.h"
 #include "player/exit_code.h"
 
@@ -26,7 +26,7 @@ constexpr std::chrono::seconds kProbeLimit{30};
 /// "lenticule-video: FILE: cause" without the program's name.
 std::string first_line(const std::string& output) {
   constexpr std::string_view kPrefix = "lenticule-video: ";
-  std::string line = optics::printable(output.substr(0, std::min(output.find('\n'), size_t{500})));
+  std::string line = escaped(output.substr(0, std::min(output.find('\n'), size_t{500})));
   if (line.starts_with(kPrefix)) line.erase(0, kPrefix.size());
   return line;
 }

@@ -22,8 +22,8 @@
 
 #include "base/error.h"
 #include "base/temporary.h"
+#include "base/text.h"
 #include "base/unique_fd.h"
-#include "optics/json_fields.h"
 #include "player/video_program.h"
 
 extern char** environ;
@@ -183,7 +183,7 @@ void VideoWriter::Encoder::give_up() {
   int status = 0;
   if (pid_ > 0 && !wait_until(Clock::now() + 1s, status)) words_ += "the encoder does not go on";
   const std::string line = words_.substr(0, words_.find('\n'));
-  cannot_write(options_.file, line.empty() ? "the encoder crashed" : optics::printable(line));
+  cannot_write(options_.file, line.empty() ? "the encoder crashed" : escaped(line));
 }
 
 VideoWriter::VideoWriter(const VideoWriterOptions& options)

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "calib/report/plain_text.h"
+#include "base/text.h"
 #include "calib/report/report_words.h"
 
 namespace lenticule::calib {
@@ -24,7 +24,7 @@ json numbers(const std::vector<double>& values) {
 
 json texts(const std::vector<std::string>& lines) {
   json out = json::array();
-  for (const std::string& line : lines) out.push_back(printable(line));
+  for (const std::string& line : lines) out.push_back(escaped(line));
   return out;
 }
 
@@ -41,14 +41,14 @@ json field(const PanelField& f) {
 }
 
 json parameter(const Parameter& p) {
-  return {{"name", printable(p.name)},
-          {"unit", printable(p.unit)},
+  return {{"name", escaped(p.name)},
+          {"unit", escaped(p.unit)},
           {"value", number(p.estimate.value)},
           {"sigma", number(p.estimate.sigma)}};
 }
 
 json viewpoint(const Viewpoint& v) {
-  return {{"name", printable(v.name)},
+  return {{"name", escaped(v.name)},
           {"eye_mm", vector(v.eye_mm)},
           {"eye_sigma_mm", vector(v.eye_sigma_mm)},
           {"tilt_degrees", number(v.tilt_degrees)},
@@ -112,10 +112,10 @@ json sheet(const optics::LensSheet& s) {
 }
 
 json identity(const optics::PanelIdentity& id) {
-  return {{"manufacturer", printable(id.manufacturer)},
+  return {{"manufacturer", escaped(id.manufacturer)},
           {"product", id.product ? json(*id.product) : json(nullptr)},
-          {"serial", printable(id.serial)},
-          {"edid_sha256", printable(id.edid_sha256)}};
+          {"serial", escaped(id.serial)},
+          {"edid_sha256", escaped(id.edid_sha256)}};
 }
 
 json panel(const optics::Panel& p) {
@@ -128,12 +128,12 @@ json panel(const optics::Panel& p) {
 
 json provenance(const std::vector<std::pair<std::string, std::string>>& entries) {
   json out = json::array();
-  for (const auto& [key, text] : entries) out.push_back({printable(key), printable(text)});
+  for (const auto& [key, text] : entries) out.push_back({escaped(key), escaped(text)});
   return out;
 }
 
 json rig(const optics::Rig& r) {
-  return {{"name", printable(r.name)},
+  return {{"name", escaped(r.name)},
           {"fingerprint", optics::fingerprint(r)},
           {"panel", panel(r.panel)},
           {"sheet", sheet(r.sheet)},
@@ -175,16 +175,16 @@ json report_json(const Calibration& calibration, const RecordDetails& details) {
   json out = report_json(calibration);
   const CameraFacts& used = details.camera;
   out["when"] = iso_utc(details.when);
-  out["method"] = printable(details.method);
+  out["method"] = escaped(details.method);
   out["temperature_celsius"] =
       details.temperature_celsius ? number(*details.temperature_celsius) : json(nullptr);
-  out["camera_used"] = {{"name", printable(used.name)},
-                        {"identity", printable(used.identity)},
+  out["camera_used"] = {{"name", escaped(used.name)},
+                        {"identity", escaped(used.identity)},
                         {"width_px", used.width},
                         {"height_px", used.height},
                         {"channels", used.channels},
                         {"frames_per_second", number(used.frames_per_second)},
-                        {"pixel_format", printable(used.pixel_format)},
+                        {"pixel_format", escaped(used.pixel_format)},
                         {"unlocked", texts(used.unlocked)}};
   return out;
 }

@@ -20,7 +20,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "calib/report/plain_text.h"
+#include "base/text.h"
 #include "calib/report/report_words.h"
 #include "optics/rig_file.h"
 
@@ -51,7 +51,7 @@ std::optional<uint64_t> history_number(std::string_view key) {
 }
 
 void add(Entries& entries, std::string key, const std::string& text) {
-  if (!text.empty()) entries.emplace_back(std::move(key), clipped(printable(text), kMaxTextBytes));
+  if (!text.empty()) entries.emplace_back(std::move(key), shortened(escaped(text), kMaxTextBytes));
 }
 
 std::string joined(const std::vector<std::string>& texts) {
@@ -148,7 +148,7 @@ History history_of(const Entries& provenance) {
     }
   }
   if (!last.empty())
-    history.states.emplace_back(newest + 1, clipped(printable(last), kMaxTextBytes));
+    history.states.emplace_back(newest + 1, shortened(escaped(last), kMaxTextBytes));
   std::sort(history.states.begin(), history.states.end(), std::greater<>());
   return history;
 }

@@ -5,6 +5,7 @@
 
 #include <utility>
 
+#include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/eye_simulator.h"
 
@@ -125,7 +126,8 @@ ordered_json PlayControls::status() const {
   const std::lock_guard lock(mutex_);
   const bool playing = state_ == "playing";
   ordered_json json = {{"state", playing && playback_.paused() ? "paused" : state_},
-                       {"frames_shown", glass.frames}};
+                       {"frames_shown", glass.frames},
+                       {"log_lines_dropped", dropped_log_lines()}};
   json["on_glass"] = nullptr;
   if (source_ != nullptr) {
     const auto play = static_cast<uint32_t>(glass.item);

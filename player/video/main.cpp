@@ -5,6 +5,7 @@
 #include <exception>
 #include <functional>
 #include <map>
+#include <sstream>
 
 #include "base/error.h"
 #include "base/print.h"
@@ -21,7 +22,9 @@ using Run = std::function<int()>;
 
 int run_reporting_errors(const Run& run) {
   try {
-    return run();
+    const int code = run();
+    lenticule::flush_results();
+    return code;
   } catch (const lenticule::Error& error) {
     say("lenticule-video: {}\n", error.what());
     if (!error.hint().empty()) say("  {}\n", error.hint());
@@ -30,6 +33,13 @@ int run_reporting_errors(const Run& run) {
     say("lenticule-video: {}\n", error.what());
     return ExitCode::kFailed;
   }
+}
+
+int print_help(const CLI::App& app, const CLI::ParseError& request) {
+  std::ostringstream text;
+  app.exit(request, text, text);
+  lenticule::print_out("{}", lenticule::Verbatim{text.view()});
+  return ExitCode::kOk;
 }
 
 Run declare_probe(CLI::App& app) {
@@ -97,7 +107,8 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0) return app.exit(error);
+    if (error.get_exit_code() == 0)
+      return run_reporting_errors([&] { return print_help(app, error); });
     say("lenticule-video: {}\n  see lenticule-video --help\n", error.what());
     return ExitCode::kUsage;
   }

@@ -79,7 +79,6 @@ int run_probe(const std::string& file) {
   }
   const json report = {{"container", format.iformat->name}, {"streams", streams}};
   print_out("{}\n", Verbatim{json_text(report, 2)});
-  flush_results();
   return 0;
 }
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Greps include lines and fails on an arrow that docs/architecture.md does not allow:
 # a room may include itself and those below it, and a library belongs to the rooms that wrap it.
+# Fails on a place that prints by itself, too: base/print.h is the only one that may.
 cmake_minimum_required(VERSION 3.25)
 
 set(rooms base optics frames scenes render display calib player)
@@ -35,10 +36,22 @@ set(zstd_rooms frames)
 set(lz4_rooms frames)
 set(libav_rooms player)
 
+# What prints to standard output or error. Formatting into a text and writing to an open file stay.
+set(printing "fmt::print *\\(|std::(cout|cerr|clog)|[^a-z_](v?printf|vfprintf|puts|putchar|perror|psignal|v?dprintf) *\\(|[^a-z_](stdout|stderr)[^a-z_]")
+
 set(wrong "")
 foreach(room IN LISTS rooms)
   file(GLOB_RECURSE files RELATIVE ${SOURCE_DIR} ${SOURCE_DIR}/${room}/*.h ${SOURCE_DIR}/${room}/*.cpp)
   foreach(file IN LISTS files)
+    # A check of our own that fails prints before it aborts.
+    if(NOT file MATCHES "^base/(print|error).cpp$")
+      file(STRINGS ${SOURCE_DIR}/${file} prints REGEX "${printing}")
+      foreach(line IN LISTS prints)
+        if(NOT line MATCHES "^[ \t]*//")
+          list(APPEND wrong "${file} may not print by itself, use base/print.h: ${line}")
+        endif()
+      endforeach()
+    endif()
     file(STRINGS ${SOURCE_DIR}/${file} includes REGEX "^[ \t]*#[ \t]*include")
     foreach(line IN LISTS includes)
       if(line MATCHES "include[ \t]+\"([a-z_]+)/([^\"]+)\"")
@@ -59,6 +72,6 @@ endforeach()
 
 if(wrong)
   list(JOIN wrong "\n  " text)
-  message(FATAL_ERROR "wrong arrows:\n  ${text}")
+  message(FATAL_ERROR "wrong:\n  ${text}")
 endif()
-message(STATUS "every include line points the right way")
+message(STATUS "every include line points the right way, and one place prints")

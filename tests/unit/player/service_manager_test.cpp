@@ -127,7 +127,7 @@ TEST(ServiceManager, SaysHowItIs) {
 TEST(ServiceManager, KeepsAStatusFromBecomingACommand) {
   ListeningManager listener;
   ServiceManager().status("panel 'x'\nWATCHDOG=1");
-  EXPECT_EQ(listener.next().text, "STATUS=panel 'x' WATCHDOG=1");
+  EXPECT_EQ(listener.next().text, "STATUS=panel 'x'\\x0aWATCHDOG=1");
 }
 
 TEST(ServiceManager, KnowsItsWatchdog) {
