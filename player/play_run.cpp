@@ -331,6 +331,8 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
     json["kms"]["took_over"] = kms_->took_over();
   }
   if (opened_.damaged_frames) json["damaged_frames"] = opened_.damaged_frames();
+  if (const auto warnings = plan_.source.warnings->all(); !warnings.empty())
+    json["rig_warnings"] = warnings;
   if (safe_.on) {
     json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};
     if (trouble_) json["safe_start"]["trouble"] = trouble_->what();

@@ -65,9 +65,7 @@ struct Obstacle {
                                 const std::string& text) {
   const ErrorKind kind = reason == RefuseReason::Forbidden ? ErrorKind::Device : ErrorKind::Input;
   const char* hint = reason == RefuseReason::OtherRig
-                         ? "render with the rig file that the player was started with; a trim that "
-                           "was changed meanwhile "
-                           "makes it another rig: start both again"
+                         ? "render with the rig file that the player was started with"
                          : "";
   throw Error(kind, path + ": the player refused: " + text, hint);
 }

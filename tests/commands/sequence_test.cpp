@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sequence containers on the command line: rendered, resumed, played, converted, refused.
+#include <csignal>
+#include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"
@@ -58,6 +61,168 @@ TEST_F(SequenceCommand, RefusesAnotherRigNamingBoth) {
   EXPECT_NE(played.err.find("'64 lenses"), std::string::npos) << played.err;
   EXPECT_EQ(render("0:4", "film.lts", kOther).exit_code, 4);
   EXPECT_TRUE(std::filesystem::exists(path("film.lts")));
+}
+
+/// A film, then a trim: what was woven before plays on and says how far off it is.
+TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
+  std::filesystem::copy_file(kTiny, path("rig.toml"));
+  const std::string rig = path("rig.toml");
+  const std::vector<std::string> play = {"play",    path("film.lts"), "--rig",
+                                         rig,       "--display",      "virtual",
+                                         "--clock", "simulated",      "--json"};
+  ASSERT_EQ(render("0:3", "film.lts", rig).exit_code, 0);
+  const ProcessResult before = run(play);
+  ASSERT_EQ(before.exit_code, 0) << before.err;
+  EXPECT_EQ(before.err.find("trim"), std::string::npos) << before.err;
+
+  ASSERT_EQ(run({"rig", "trim", rig, "--offset-by", "0.01"}).exit_code, 0);
+  const ProcessResult after = run(play);
+  ASSERT_EQ(after.exit_code, 0) << after.err;
+  EXPECT_EQ(nlohmann::json::parse(after.out)["shown"], 3);
+  EXPECT_NE(after.err.find("film.lts: woven for the rig before the trim by +0.01 lens"),
+            std::string::npos)
+      << after.err;
+  // The same in a list, whose rounds do not repeat the warning.
+  write("list.toml", "format = 1\n[[item]]\nsource = \"film.lts\"\n");
+  const ProcessResult list = run({"play", path("list.toml"), "--rig", rig, "--display", "virtual",
+                                  "--clock", "simulated", "--loop", "3"});
+  ASSERT_EQ(list.exit_code, 0) << list.err;
+  const size_t first = list.err.find("before the trim");
+  EXPECT_NE(first, std::string::npos) << list.err;
+  EXPECT_EQ(list.err.find("before the trim", first + 1), std::string::npos) << list.err;
+
+  // A film of the trimmed rig plays without a word, and with one once the trim is taken back.
+  ASSERT_EQ(run({"render", "builtin:demo", "--rig", rig, "--frames", "0:3", "-o", path("film.lts")})
+                .exit_code,
+            0)
+      << "another trim is no other rig";
+  EXPECT_EQ(run(play).err.find("trim"), std::string::npos);
+  ASSERT_EQ(run({"rig", "trim", rig, "--reset"}).exit_code, 0);
+  const ProcessResult reset = run(play);
+  EXPECT_EQ(reset.exit_code, 0);
+  EXPECT_NE(reset.err.find("before the trim by -0.01 lens"), std::string::npos) << reset.err;
+  // It is still another rig's film for another rig.
+  EXPECT_EQ(run({"play", path("film.lts"), "--rig", kOther, "--display", "virtual"}).exit_code, 4);
+}
+
+TEST_F(SequenceCommand, ARendererWithoutThePlayersTrimIsLetIn) {
+  std::filesystem::copy_file(kTiny, path("trimmed.toml"));
+  ASSERT_EQ(run({"rig", "trim", path("trimmed.toml"), "--offset-by", "0.02"}).exit_code, 0);
+  BackgroundProcess player(program({"play", "ring:" + path("ring"), "--rig", path("trimmed.toml"),
+                                    "--display", "virtual", "--json"}));
+  const ProcessResult rendered = run({"render", "builtin:demo", "--rig", kTiny, "--frames", "0:5",
+                                      "--ring-timeout", "60", "-o", "ring:" + path("ring")});
+  EXPECT_EQ(rendered.exit_code, 0) << rendered.err;
+  const ProcessResult played = player.wait(std::chrono::seconds(60));
+  EXPECT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_NE(played.err.find("before the trim by +0.02 lens"), std::string::npos) << played.err;
+  const auto warnings = nlohmann::json::parse(played.out).at("rig_warnings");
+  EXPECT_EQ(warnings.size(), 1u) << played.out;
+}
+
+TEST_F(SequenceCommand, AnotherFilmIsReplacedOnlyWithOverwrite) {
+  const auto again = [&](const std::string& scene, const std::string& rig, const std::string& to,
+                         std::vector<std::string> more = {}) {
+    more.insert(more.begin(), {"render", scene, "--rig", rig, "--frames", "0:2", "-o", path(to)});
+    return run(more);
+  };
+  ASSERT_EQ(again("builtin:demo", kTiny, "film.lts").exit_code, 0);
+  EXPECT_EQ(again("builtin:demo", kTiny, "film.lts").exit_code, 0) << "the same film";
+  std::ifstream kept(path("film.lts"), std::ios::binary);
+  const std::string bytes{std::istreambuf_iterator<char>(kept), {}};
+  const auto unchanged = [&] {
+    std::ifstream now(path("film.lts"), std::ios::binary);
+    return std::string{std::istreambuf_iterator<char>(now), {}} == bytes;
+  };
+  const ProcessResult scene = again("builtin:rings", kTiny, "film.lts");
+  EXPECT_EQ(scene.exit_code, 4);
+  EXPECT_NE(scene.err.find("made from builtin:demo, not from builtin:rings"), std::string::npos)
+      << scene.err;
+  EXPECT_NE(scene.err.find("--overwrite"), std::string::npos) << scene.err;
+  EXPECT_EQ(again("builtin:demo", kOther, "film.lts").exit_code, 4);
+  EXPECT_TRUE(unchanged());
+  EXPECT_EQ(again("builtin:rings", kTiny, "film.lts", {"--resume", "--overwrite"}).exit_code, 2);
+  EXPECT_EQ(again("builtin:rings", kTiny, "film.lts", {"--overwrite"}).exit_code, 0);
+  EXPECT_FALSE(unchanged());
+
+  // What was begun counts, and so does what is no film.
+  std::filesystem::rename(path("film.lts"), path("begun.lts.part"));
+  EXPECT_EQ(again("builtin:demo", kTiny, "begun.lts").exit_code, 4);
+  write("notes.lts", "not a film");
+  EXPECT_EQ(again("builtin:demo", kTiny, "notes.lts").exit_code, 4);
+  EXPECT_EQ(run({"convert", path("notes.lts"), "-o", path("x.lts")}).exit_code, 4);
+}
+
+TEST_F(SequenceCommand, PicturesOfAnotherPanelAndVideosAreReplacedOnlyWithOverwrite) {
+  ASSERT_EQ(render("0:2", "%02d.png").exit_code, 0);
+  const auto again = [&](const std::string& rig, std::vector<std::string> more = {}) {
+    more.insert(more.begin(), {"render", "builtin:demo", "--rig", rig, "--frames", "0:2", "-o",
+                               path("%02d.png")});
+    return run(more);
+  };
+  EXPECT_EQ(again(kTiny).exit_code, 0);
+  const ProcessResult other = again(kOther);
+  EXPECT_EQ(other.exit_code, 4);
+  EXPECT_NE(other.err.find("00.png: is there already"), std::string::npos) << other.err;
+  EXPECT_EQ(again(kOther, {"--overwrite"}).exit_code, 0);
+  write("01.png", "not a picture");
+  EXPECT_EQ(again(kOther).exit_code, 4);
+  ASSERT_EQ(again(kOther, {"--overwrite"}).exit_code, 0);
+
+  const std::vector<std::string> convert = {"convert", path("%02d.png"), "-o", path("film.mkv")};
+  ASSERT_EQ(run(convert).exit_code, 0);
+  const ProcessResult video = run(convert);
+  EXPECT_EQ(video.exit_code, 4) << video.err;
+  std::vector<std::string> overwrite = convert;
+  overwrite.emplace_back("--overwrite");
+  EXPECT_EQ(run(overwrite).exit_code, 0);
+}
+
+TEST_F(SequenceCommand, KilledAtAnyMomentAndResumedTheFileHasTheBytesOfOneRun) {
+  const auto arguments = [&](const std::string& to) {
+    return program(
+        {"render", "builtin:demo", "--rig", kTiny, "--frames", "0:40", "--resume", "-o", path(to)});
+  };
+  ASSERT_EQ(run_process(arguments("whole.lts")).exit_code, 0);
+  for (int kills = 0; kills < 12; ++kills) {
+    BackgroundProcess writer(arguments("film.lts"));
+    usleep(static_cast<useconds_t>(20000 + 15000 * kills));
+    writer.signal(SIGKILL);
+    (void)writer.wait(std::chrono::seconds(60));
+  }
+  ASSERT_EQ(run_process(arguments("film.lts")).exit_code, 0);
+  const auto bytes = [&](const std::string& name) {
+    std::ifstream file(path(name), std::ios::binary);
+    return std::string{std::istreambuf_iterator<char>(file), {}};
+  };
+  EXPECT_TRUE(bytes("film.lts") == bytes("whole.lts"));
+  EXPECT_EQ(listing(), (std::vector<std::string>{"film.lts", "whole.lts"}));
+}
+
+/// Whatever a killed renderer or encoder was writing when it died.
+TEST_F(SequenceCommand, WhatKilledWritersLeftIsGoneAfterTheNextRun) {
+  const std::vector<std::string> pictures =
+      program({"render", "builtin:demo", "--rig", kTiny, "--frames", "0:400", "-o",
+               path("out/%03d.png"), "--overwrite"});
+  const std::vector<std::string> video =
+      program({"convert", path("film.lts"), "--overwrite", "-o", path("out/film.mkv")});
+  ASSERT_EQ(render("0:30", "film.lts").exit_code, 0);
+  for (int kills = 0; kills < 12; ++kills) {
+    BackgroundProcess writer(kills % 2 == 0 ? pictures : video);
+    usleep(static_cast<useconds_t>(30000 + 20000 * kills));
+    writer.signal(SIGKILL);
+    (void)writer.wait(std::chrono::seconds(60));
+  }
+  // The encoder of a killed run may take a moment to see that nothing comes any more.
+  size_t left = 1;
+  for (int tries = 0; tries < 50 && left > 0; ++tries) {
+    ASSERT_EQ(run_process(video).exit_code, 0);
+    const std::vector<std::string> names = listing();
+    left = static_cast<size_t>(std::count_if(names.begin(), names.end(), [](const auto& name) {
+      return name.find(".lenticule") != std::string::npos;
+    }));
+  }
+  EXPECT_EQ(left, 0u);
 }
 
 TEST_F(SequenceCommand, ConvertKeepsTheRigAndRefusesAWrongOne) {

@@ -75,6 +75,58 @@ TEST(Trim, StepsBackAndForthEndWhereTheyBegan) {
   EXPECT_TRUE(trim.empty());
 }
 
+TEST(RigIdentity, KeepsTheCalibrationThroughATrim) {
+  const Rig rig = test::kiosk_rig();
+  const RigIdentity plain = identity_of(rig, {});
+  const RigIdentity trimmed_once = identity_of(rig, {Lenses(0.01), 0.0});
+  const RigIdentity trimmed_more = identity_of(rig, {Lenses(0.03), -1e-5});
+  EXPECT_EQ(plain.fingerprint, fingerprint(rig));
+  EXPECT_EQ(trimmed_once.calibration, fingerprint(rig));
+  EXPECT_EQ(trimmed_once.fingerprint, fingerprint(trimmed(rig, trimmed_once.trim)));
+  EXPECT_EQ(match(plain, plain), RigMatch::Same);
+  EXPECT_EQ(match(trimmed_once, trimmed_once), RigMatch::Same);
+  EXPECT_EQ(match(plain, trimmed_once), RigMatch::Trimmed);
+  EXPECT_EQ(match(trimmed_once, plain), RigMatch::Trimmed);
+  EXPECT_EQ(match(trimmed_once, trimmed_more), RigMatch::Trimmed);
+  EXPECT_THAT(trim_difference(plain, trimmed_once), HasSubstr("before the trim by +0.01 lens;"));
+  EXPECT_THAT(trim_difference(trimmed_once, trimmed_more),
+              HasSubstr("+0.02 lens and -1e-05 of the pitch"));
+}
+
+TEST(RigIdentity, OfAnotherCalibrationMatchesWithNoTrim) {
+  Rig other = test::kiosk_rig();
+  other.sheet.gap = other.sheet.gap * 1.01;
+  const Trim trim{Lenses(0.01), 0.0};
+  EXPECT_EQ(match(identity_of(other, {}), identity_of(test::kiosk_rig(), {})), RigMatch::Other);
+  EXPECT_EQ(match(identity_of(other, trim), identity_of(test::kiosk_rig(), trim)), RigMatch::Other);
+  EXPECT_EQ(match(identity_of(other, trim), identity_of(test::kiosk_rig(), {})), RigMatch::Other);
+}
+
+TEST(RigIdentity, IsReadFromItsText) {
+  const Rig rig = test::kiosk_rig();
+  for (const Trim trim : {Trim{}, Trim{Lenses(0.01), 0.0}, Trim{Lenses(-0.123456789012), 3.3e-5},
+                          Trim{Lenses(1.0), -0.01}}) {
+    const RigIdentity identity = identity_of(rig, trim);
+    EXPECT_LT(to_text(identity).size(), 128u);
+    EXPECT_EQ(parse_identity(to_text(identity)), identity);
+  }
+}
+
+TEST(RigIdentity, AnyOtherTextIsAFingerprintAndNoMore) {
+  const std::string calibration = fingerprint(test::kiosk_rig());
+  for (const std::string& text :
+       {std::string(), std::string("beef"), "beef trims " + calibration,
+        "beef trims " + calibration + " 0.01", "beef trims " + calibration + " 0.01 0 0",
+        "beef trims " + calibration + " 2 0", "beef trims " + calibration + " nan 0",
+        "beef of " + calibration + " 0.01 0", "beef trims " + calibration + " 0.010 0"}) {
+    const RigIdentity read = parse_identity(text);
+    EXPECT_EQ(read.fingerprint, text);
+    EXPECT_TRUE(read.trim.empty());
+    if (!text.empty())
+      EXPECT_EQ(match(read, identity_of(test::kiosk_rig(), {})), RigMatch::Other) << text;
+  }
+}
+
 TEST_F(TrimFile, IsReadAsItWasWritten) {
   EXPECT_EQ(load_trimmed_rig(rig_file_), test::kiosk_rig()) << "no file, no trim";
   const Trim trim{Lenses(-0.1234567890123), 3.3e-5};

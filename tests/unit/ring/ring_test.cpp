@@ -297,6 +297,26 @@ TEST_F(Ring, RefusesFramesForAnotherRig) {
       {.name = "x", .rig_fingerprint = "0123456789abcdef", .rate = {}, .frame_count = {}}));
 }
 
+TEST_F(Ring, TakesFramesForAnotherTrimOfItsRigAndTellsSo) {
+  RingOptions options = small_ring(folder_.socket());
+  options.rig_fingerprint = "0123456789abcdef trims fedcba9876543210 0.01 0";
+  std::vector<std::string> told;
+  options.on_other_trim = [&](const std::string& difference) { told.push_back(difference); };
+  open(options);
+  for (const char* same : {"0123456789abcdef", "0123456789abcdef trims fedcba9876543210 0.01 0"})
+    (void)connect({.name = "x", .rig_fingerprint = same, .rate = {}, .frame_count = {}});
+  EXPECT_TRUE(told.empty());
+  for (const char* trimmed : {"fedcba9876543210", "beef trims fedcba9876543210 0.03 0"})
+    (void)connect({.name = "x", .rig_fingerprint = trimmed, .rate = {}, .frame_count = {}});
+  ASSERT_EQ(told.size(), 2u);
+  EXPECT_NE(told[0].find("+0.01 lens"), std::string::npos) << told[0];
+  EXPECT_NE(told[1].find("-0.02 lens"), std::string::npos) << told[1];
+  for (const char* other : {"beef", "fedcba9876543210 trims beef 0.01 0"})
+    EXPECT_THROW(
+        (void)connect({.name = "x", .rig_fingerprint = other, .rate = {}, .frame_count = {}}),
+        Error);
+}
+
 TEST_F(Ring, HeartbeatMovesWhileTheRendererWorks) {
   open();
   const auto renderer = connect();

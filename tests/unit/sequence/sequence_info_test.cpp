@@ -23,6 +23,12 @@ SequenceInfo round_trip(const SequenceInfo& info) {
 TEST(SequenceInfo, RoundTrips) {
   SequenceInfo info = test::info_of(kGeometry);
   EXPECT_EQ(round_trip(info), info);
+  state_rig(info, {.fingerprint = "0123456789abcdef",
+                   .calibration = "fedcba9876543210",
+                   .trim = {.offset = Lenses(-0.01), .pitch_relative = 1e-5}});
+  info.made_from = "scenes/demo.nff";
+  EXPECT_EQ(round_trip(info), info);
+  EXPECT_EQ(rig_of(round_trip(info)).calibration, "fedcba9876543210");
   info.first_frame = 17;
   info.loop_begin = 3;
   info.loop_end = 9;
@@ -58,6 +64,9 @@ TEST(SequenceInfo, NamesWhatIsWrong) {
   EXPECT_THAT(cause(R"({"kind": "woven", "rate": [24]})"), HasSubstr("rate"));
   EXPECT_THAT(cause(R"({"kind": "woven", "rate": [24, 1], "loop": [5, 5]})"), HasSubstr("loop"));
   EXPECT_THAT(cause(R"({"kind": "woven", "rate": [24, 1], "rig_toml": 5})"), HasSubstr("rig_toml"));
+  EXPECT_THAT(cause(R"({"kind": "woven", "rate": [24, 1], "rig_trim":
+                        {"calibration": "beef", "offset_lenses": 2}})"),
+              HasSubstr("offset_lenses: not in -1 to 1"));
   EXPECT_THAT(cause(R"({"kind": "views", "rate": [24, 1]})"), HasSubstr("views: missing"));
   EXPECT_THAT(cause(R"({"kind": "views", "rate": [24, 1], "views":
                         {"count": 9, "columns": 2, "rows": 2, "order": "left-to-right"}})"),
