@@ -10,10 +10,10 @@
 #include <charconv>
 #include <csignal>
 #include <cstdlib>
-#include <cstring>
 #include <string>
 #include <string_view>
 #include <system_error>
+#include <vector>
 
 #include "base/error.h"
 #include "player/start_history.h"
@@ -27,13 +27,14 @@ constexpr std::string_view kPrefix = "lenticule-video-";
 /// What a socket's whole path may take, less the names below the folder.
 constexpr size_t kMostPath = 50;
 
-fs::path parent_folder() {
+/// Where such folders may be, the best first: any of them may be missing, full or read-only.
+std::vector<fs::path> parent_folders() {
   const char* const users = std::getenv("XDG_RUNTIME_DIR");
-  for (const fs::path& folder : {runtime_folder(), fs::path(users != nullptr ? users : "")}) {
-    const std::string text = folder.string();
-    if (!text.empty() && text.size() <= kMostPath && access(text.c_str(), W_OK) == 0) return folder;
-  }
-  return "/tmp";
+  std::vector<fs::path> folders;
+  for (const fs::path& folder : {runtime_folder(), fs::path(users != nullptr ? users : ""),
+                                 fs::path("/tmp"), fs::path("/dev/shm"), fs::path("/var/tmp")})
+    if (!folder.empty() && folder.string().size() <= kMostPath) folders.push_back(folder);
+  return folders;
 }
 
 /// The process in a name that create_folder() made; 0 for other names.
@@ -63,13 +64,19 @@ void remove_orphans(const fs::path& parent) {
 }  // namespace
 
 PrivateFolder::PrivateFolder() {
-  const fs::path parent = parent_folder();
-  remove_orphans(parent);
-  std::string name = (parent / fmt::format("{}{}-XXXXXX", kPrefix, getpid())).string();
-  if (mkdtemp(name.data()) == nullptr)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: cannot be made: {}", name, std::strerror(errno)));
-  path_ = name;
+  std::string tried;
+  for (const fs::path& parent : parent_folders()) {
+    remove_orphans(parent);
+    std::string name = (parent / fmt::format("{}{}-XXXXXX", kPrefix, getpid())).string();
+    if (mkdtemp(name.data()) != nullptr) {
+      path_ = name;
+      return;
+    }
+    const std::string cause = std::generic_category().message(errno);
+    tried += fmt::format("{}{}: {}", tried.empty() ? "" : ", ", parent.string(), cause);
+  }
+  throw Error(ErrorKind::Failed, fmt::format("no folder for a socket can be made: {}", tried),
+              "free some space in one of these folders");
 }
 
 PrivateFolder::~PrivateFolder() {

@@ -6,8 +6,9 @@
 
 namespace lenticule::player {
 
-/// Mode 0700, under the service's or the user's runtime folder, or /tmp; gone with this object, or
-/// with the next one that finds its process dead. Throws Error(Failed).
+/// Mode 0700, under the service's or the user's runtime folder, /tmp, /dev/shm or /var/tmp,
+/// whichever first can be written; gone with this object, or with the next one that finds its
+/// process dead. Throws Error(Failed) where none can.
 class PrivateFolder {
  public:
   PrivateFolder();
