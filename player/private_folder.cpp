@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/private_folder.h"
 
-#include <unistd.h>
+#include <fmt/format.h>
 
 #include <cstdlib>
 #include <string>
+#include <vector>
 
+#include "base/error.h"
 #include "player/start_history.h"
 
 namespace lenticule::player {
@@ -16,17 +18,30 @@ namespace fs = std::filesystem;
 /// What a socket's whole path may take, less the names below the folder.
 constexpr size_t kMostPath = 50;
 
-fs::path parent_folder() {
+/// Where such folders may be, the best first: any of them may be missing, full or read-only.
+std::vector<fs::path> parent_folders() {
   const char* const users = std::getenv("XDG_RUNTIME_DIR");
-  for (const fs::path& folder : {runtime_folder(), fs::path(users != nullptr ? users : "")}) {
-    const std::string text = folder.string();
-    if (!text.empty() && text.size() <= kMostPath && access(text.c_str(), W_OK) == 0) return folder;
-  }
-  return "/tmp";
+  std::vector<fs::path> folders;
+  for (const fs::path& folder : {runtime_folder(), fs::path(users != nullptr ? users : ""),
+                                 fs::path("/tmp"), fs::path("/dev/shm"), fs::path("/var/tmp")})
+    if (!folder.empty() && folder.string().size() <= kMostPath) folders.push_back(folder);
+  return folders;
 }
 
 }  // namespace
 
-PrivateFolder::PrivateFolder() : folder_(parent_folder()) {}
+PrivateFolder::PrivateFolder() {
+  std::string tried;
+  for (const fs::path& parent : parent_folders()) {
+    try {
+      folder_.emplace(parent);
+      return;
+    } catch (const Error& error) {
+      tried += fmt::format("{}{}", tried.empty() ? "" : ", ", error.what());
+    }
+  }
+  throw Error(ErrorKind::Failed, fmt::format("no folder for a socket can be made: {}", tried),
+              "free some space in one of these folders");
+}
 
 }  // namespace lenticule::player

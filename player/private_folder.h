@@ -3,20 +3,22 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
 #include "base/temporary.h"
 
 namespace lenticule::player {
 
-/// Mode 0700, under the service's or the user's runtime folder, or /tmp; gone with this object, or
-/// with the next one that finds its process dead. Throws Error(Failed).
+/// Mode 0700, under the service's or the user's runtime folder, /tmp, /dev/shm or /var/tmp,
+/// whichever first can be written; gone with this object, or with the next one that finds its
+/// process dead. Throws Error(Failed) where none can.
 class PrivateFolder {
  public:
   PrivateFolder();
-  [[nodiscard]] const std::filesystem::path& path() const { return folder_.path(); }
+  [[nodiscard]] const std::filesystem::path& path() const { return folder_->path(); }
 
  private:
-  TemporaryFolder folder_;
+  std::optional<TemporaryFolder> folder_;  ///< empty only while it is being made
 };
 
 }  // namespace lenticule::player

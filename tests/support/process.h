@@ -43,6 +43,7 @@ class BackgroundProcess {
   BackgroundProcess& operator=(const BackgroundProcess&) = delete;
 
   void signal(int number) const;
+  [[nodiscard]] pid_t pid() const { return pid_; }
   /// The result once it has ended, waiting at most `timeout`.
   [[nodiscard]] ProcessResult wait(std::chrono::seconds timeout);
 

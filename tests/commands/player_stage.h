@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// Players that run beside a test, are asked over their control sockets, and have a film to play.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "frames/image_io.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+
+/// Long enough for the slowest machine; a test that needs it has failed.
+inline constexpr std::chrono::seconds kPlayerPatience{60};
+
+class PlayerTest : public CommandTest {
+ protected:
+  using json = nlohmann::json;
+  static constexpr frames::FrameGeometry kPanel{.width = 48, .height = 32};  // of tiny.toml
+  static constexpr int kFilmFrames = 6;
+
+  void SetUp() override {
+    CommandTest::SetUp();
+    std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), path("rig.toml"));
+  }
+  void TearDown() override {
+    player_.reset();  // it writes into the folder
+    CommandTest::TearDown();
+  }
+
+  /// One picture, every pixel of which has this value; put in place of what was there.
+  void write_picture(const std::string& name, uint8_t level,
+                     frames::FrameGeometry size = kPanel) const {
+    frames::WovenFrame frame(size);
+    std::fill(frame.bytes().begin(), frame.bytes().end(), level);
+    const std::filesystem::path file = path(name);
+    frames::write_woven(frame.view(), file);
+  }
+  /// film/000.png ...: frame k has level + k.
+  void write_film(const std::string& folder, uint8_t level) const {
+    std::filesystem::create_directories(path(folder));
+    for (int k = 0; k < kFilmFrames; ++k)
+      write_picture(folder + "/00" + std::to_string(k) + ".png", static_cast<uint8_t>(level + k));
+  }
+
+  /// `play SOURCE` with rig, virtual display and a control socket; `wrapper` begins the command.
+  [[nodiscard]] std::vector<std::string> play_words(const std::string& source,
+                                                    std::vector<std::string> more = {}) const {
+    std::vector<std::string> words = {
+        LENTICULE_PROGRAM,  "play",      source,        "--rig", path("rig.toml"), "--display",
+        "virtual:48x32@60", "--control", path("c.sock")};
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  }
+  void start(const std::vector<std::string>& words) {
+    socket_ = path("c.sock");
+    player_ = std::make_unique<BackgroundProcess>(words);
+  }
+  [[nodiscard]] ProcessResult ctl(std::vector<std::string> words) const {
+    words.insert(words.begin(), {"ctl", "--json", "--socket", socket_});
+    return run(words);
+  }
+  /// What a verb answers; null where it does not succeed.
+  [[nodiscard]] json asked(const std::vector<std::string>& words) const {
+    const ProcessResult result = ctl(words);
+    return result.exit_code == 0 ? json::parse(result.out) : json();
+  }
+  [[nodiscard]] json status() const {
+    const json status = asked({"status"});
+    return status.is_object() ? status : json::object();
+  }
+  [[nodiscard]] uint64_t frames_shown() const {
+    return status().value("frames_shown", uint64_t{0});
+  }
+  [[nodiscard]] static bool comes_true(const std::function<bool()>& condition) {
+    const auto deadline = std::chrono::steady_clock::now() + kPlayerPatience;
+    while (!condition()) {
+      if (std::chrono::steady_clock::now() > deadline) return false;
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    }
+    return true;
+  }
+  /// So many more frames reach the glass.
+  [[nodiscard]] bool film_goes_on(uint64_t frames = 30) const {
+    const uint64_t before = frames_shown();
+    return comes_true([&] { return frames_shown() >= before + frames; });
+  }
+  [[nodiscard]] bool says_about(const char* key, const std::string& text) const {
+    return status().value(key, json()).dump().find(text) != std::string::npos;
+  }
+  /// Every pixel of the frame on the glass; -1 where they differ or cannot be had.
+  [[nodiscard]] int level_on_glass() const {
+    if (ctl({"snapshot", path("snap.png")}).exit_code != 0) return -1;
+    const frames::WovenFrame snap = frames::read_woven(path("snap.png"));
+    for (const uint8_t byte : snap.bytes())
+      if (byte != snap.bytes()[0]) return -1;
+    return snap.bytes()[0];
+  }
+  ProcessResult quit() {
+    EXPECT_EQ(ctl({"quit"}).exit_code, 0);
+    return player_->wait(kPlayerPatience);
+  }
+
+  std::string socket_;
+  std::unique_ptr<BackgroundProcess> player_;
+};
+
+}  // namespace lenticule::test
