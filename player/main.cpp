@@ -11,6 +11,7 @@
 #include <map>
 #include <new>
 
+#include "base/cpu.h"
 #include "player/command.h"
 #include "player/interrupt.h"
 
@@ -54,6 +55,12 @@ void fill_standard_descriptors() {
 int main(int argc, char** argv) {
   fill_standard_descriptors();
   install_interrupt_handlers();
+  // Before the commands are declared: their defaults name an instruction set.
+  const ExitCode environment = run_reporting_errors([] {
+    static_cast<void>(lenticule::best_isa());
+    return kOk;
+  });
+  if (environment != kOk) return environment;
 
   CLI::App app{"Renders, weaves and plays pictures for lenticular 3-D displays."};
   app.name("lenticule");

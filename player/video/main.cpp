@@ -10,6 +10,7 @@
 #include <functional>
 #include <map>
 
+#include "base/cpu.h"
 #include "base/error.h"
 #include "player/exit_code.h"
 #include "player/video/av_handles.h"
@@ -93,6 +94,11 @@ void fill_standard_descriptors() {
 
 int main(int argc, char** argv) {
   fill_standard_descriptors();
+  const int environment = run_reporting_errors([] {
+    static_cast<void>(lenticule::best_isa());
+    return ExitCode::kOk;
+  });
+  if (environment != ExitCode::kOk) return environment;
   av_log_set_level(AV_LOG_QUIET);  // what matters is told by error codes, in our words
   CLI::App app{"Reads and writes video files for lenticule, in a process of its own."};
   app.name("lenticule-video");
