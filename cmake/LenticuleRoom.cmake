@@ -15,7 +15,7 @@ endfunction()
 #   functions into `namespace LENTICULE_ISA_NAMESPACE` (isa_baseline, isa_avx2, isa_avx512) and must
 #   include nothing that defines non-inline or inline functions shared with other files, so that no
 #   AVX-512 copy of a shared inline function can be picked by the linker.
-#   base/cpu.h chooses among the variants at run time.
+#   base/cpu.h declares the variants and selects among them at run time.
 function(lenticule_isa_variants name kernel)
   set(variants baseline)
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")

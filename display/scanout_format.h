@@ -15,7 +15,7 @@ void expand_row(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept;
 /// The way back; the X byte is ignored.
 void pack_row(const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept;
 
-/// The same with a given instruction set, which the machine must support.
+/// The same with a given instruction set, or the best below it that the machine has.
 void expand_row(Isa isa, const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept;
 void pack_row(Isa isa, const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept;
 

@@ -20,8 +20,6 @@ void pack_pixel(uint32_t xrgb, uint8_t* rgb) noexcept {
   rgb[2] = static_cast<uint8_t>(xrgb);
 }
 
-}  // namespace
-
 #if defined(__AVX2__)
 
 // Eight pixels a step: 12 bytes into each half of the register, swapped to B G R 0 in place. Every
@@ -71,5 +69,9 @@ void pack_row(const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept {
 }
 
 #endif
+
+}  // namespace
+
+const ScanoutKernel kScanoutKernel{.expand_row = expand_row, .pack_row = pack_row};
 
 }  // namespace lenticule::display::LENTICULE_ISA_NAMESPACE

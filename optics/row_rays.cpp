@@ -24,15 +24,7 @@ constexpr int kBlockPixels = kBlock / 3;
 constexpr int kMaxSteps = 40;
 
 const Kernel& kernel_for(Isa isa) {
-  if (!isa_supported(isa)) {
-    throw Error(ErrorKind::Usage,
-                std::string("instruction set ") + isa_name(isa) + ": this machine cannot run it");
-  }
-#if defined(__x86_64__)
-  if (isa == Isa::Avx512) return isa_avx512::kRowKernel;
-  if (isa == Isa::Avx2) return isa_avx2::kRowKernel;
-#endif
-  return isa_baseline::kRowKernel;
+  return LENTICULE_SELECT_KERNEL(isa, kRowKernel);
 }
 
 Constants constants_of(const OpticalModel& model) {

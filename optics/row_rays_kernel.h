@@ -5,6 +5,8 @@
 
 #include <cstdint>
 
+#include "base/cpu.h"
+
 namespace lenticule::optics::row_kernel {
 
 /// Subpixels per call at most; the intermediate values of a block stay in the L1 cache.
@@ -64,12 +66,6 @@ struct Kernel {
 
 }  // namespace lenticule::optics::row_kernel
 
-namespace lenticule::optics::isa_baseline {
-extern const row_kernel::Kernel kRowKernel;
-}
-namespace lenticule::optics::isa_avx2 {
-extern const row_kernel::Kernel kRowKernel;
-}
-namespace lenticule::optics::isa_avx512 {
-extern const row_kernel::Kernel kRowKernel;
+namespace lenticule::optics {
+LENTICULE_DECLARE_KERNEL(row_kernel::Kernel, kRowKernel)
 }

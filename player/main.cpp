@@ -11,6 +11,7 @@
 #include <sstream>
 #include <string_view>
 
+#include "base/cpu.h"
 #include "base/print.h"
 #include "player/command.h"
 #include "player/error_report.h"
@@ -57,6 +58,12 @@ bool asks_for_json(int argc, char** argv) {
 int main(int argc, char** argv) {
   lenticule::prepare_standard_streams();
   install_interrupt_handlers();
+  // Before the commands are declared: their defaults name an instruction set.
+  const ExitCode environment = run_reporting_errors([] {
+    static_cast<void>(lenticule::best_isa());
+    return kOk;
+  });
+  if (environment != kOk) return environment;
 
   CLI::App app{"Renders, weaves and plays pictures for lenticular 3-D displays."};
   app.name("lenticule");

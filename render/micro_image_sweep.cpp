@@ -20,12 +20,7 @@ constexpr int kPacketsAtOnce = 8;
 static_assert(TilePlan::kColumns % kPacketsAtOnce == 0);
 
 const reprojection::Kernel& kernel_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::Avx512) return isa_avx512::kReprojectionKernel;
-  if (isa == Isa::Avx2) return isa_avx2::kReprojectionKernel;
-#endif
-  static_cast<void>(isa);
-  return isa_baseline::kReprojectionKernel;
+  return LENTICULE_SELECT_KERNEL(isa, kReprojectionKernel);
 }
 
 reprojection::Rules rules_of(const ReuseOptions& reuse, const optics::Rig& rig) {

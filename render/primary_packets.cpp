@@ -34,12 +34,7 @@ constexpr std::array kPieceColumns{TilePlan::kColumns, TilePlan::kColumns / 2,
 static_assert(kPieceColumns.back() % 3 == 0);
 
 const packet_kernel::Kernel& kernel_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::Avx512) return isa_avx512::kPacketKernel;
-  if (isa == Isa::Avx2) return isa_avx2::kPacketKernel;
-#endif
-  static_cast<void>(isa);
-  return isa_baseline::kPacketKernel;
+  return LENTICULE_SELECT_KERNEL(isa, kPacketKernel);
 }
 
 std::array<int, TilePlan::kRows> shifts_of(const TilePlan& plan) {

@@ -5,6 +5,8 @@
 
 #include <cstdint>
 
+#include "base/cpu.h"
+
 namespace lenticule::render::packet_kernel {
 
 inline constexpr int kLanes = 16;
@@ -79,12 +81,6 @@ struct Kernel {
 
 }  // namespace lenticule::render::packet_kernel
 
-namespace lenticule::render::isa_baseline {
-extern const packet_kernel::Kernel kPacketKernel;
-}
-namespace lenticule::render::isa_avx2 {
-extern const packet_kernel::Kernel kPacketKernel;
-}
-namespace lenticule::render::isa_avx512 {
-extern const packet_kernel::Kernel kPacketKernel;
+namespace lenticule::render {
+LENTICULE_DECLARE_KERNEL(packet_kernel::Kernel, kPacketKernel)
 }

@@ -6,6 +6,8 @@
 
 #include <cstdint>
 
+#include "base/cpu.h"
+
 namespace lenticule::render::quadric_kernel {
 
 inline constexpr int kMostLanes = 16;
@@ -43,12 +45,6 @@ struct Kernel {
 
 }  // namespace lenticule::render::quadric_kernel
 
-namespace lenticule::render::isa_baseline {
-extern const quadric_kernel::Kernel kQuadricKernel;
-}
-namespace lenticule::render::isa_avx2 {
-extern const quadric_kernel::Kernel kQuadricKernel;
-}
-namespace lenticule::render::isa_avx512 {
-extern const quadric_kernel::Kernel kQuadricKernel;
+namespace lenticule::render {
+LENTICULE_DECLARE_KERNEL(quadric_kernel::Kernel, kQuadricKernel)
 }

@@ -9,6 +9,8 @@
 
 #include <cstdint>
 
+#include "base/cpu.h"
+
 namespace lenticule::render::reprojection {
 
 inline constexpr int kLanes = 16;    ///< rows of a tile
@@ -112,12 +114,6 @@ struct Kernel {
 
 }  // namespace lenticule::render::reprojection
 
-namespace lenticule::render::isa_baseline {
-extern const reprojection::Kernel kReprojectionKernel;
-}
-namespace lenticule::render::isa_avx2 {
-extern const reprojection::Kernel kReprojectionKernel;
-}
-namespace lenticule::render::isa_avx512 {
-extern const reprojection::Kernel kReprojectionKernel;
+namespace lenticule::render {
+LENTICULE_DECLARE_KERNEL(reprojection::Kernel, kReprojectionKernel)
 }

@@ -10,6 +10,7 @@
 
 #include <cstdint>
 
+#include "base/cpu.h"
 #include "render/sampling/sample_data.h"
 
 namespace lenticule::render::shading_kernel {
@@ -157,12 +158,6 @@ struct Kernel {
 
 }  // namespace lenticule::render::shading_kernel
 
-namespace lenticule::render::isa_baseline {
-extern const shading_kernel::Kernel kShadingKernel;
-}
-namespace lenticule::render::isa_avx2 {
-extern const shading_kernel::Kernel kShadingKernel;
-}
-namespace lenticule::render::isa_avx512 {
-extern const shading_kernel::Kernel kShadingKernel;
+namespace lenticule::render {
+LENTICULE_DECLARE_KERNEL(shading_kernel::Kernel, kShadingKernel)
 }

@@ -176,12 +176,7 @@ SurfaceCell cell_of(const RTCRayHit16& packet, const shading_kernel::Surfaces& s
 }
 
 const shading_kernel::Kernel& shading_kernel_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::Avx512) return isa_avx512::kShadingKernel;
-  if (isa == Isa::Avx2) return isa_avx2::kShadingKernel;
-#endif
-  static_cast<void>(isa);
-  return isa_baseline::kShadingKernel;
+  return LENTICULE_SELECT_KERNEL(isa, kShadingKernel);
 }
 
 }  // namespace lenticule::render

@@ -182,12 +182,7 @@ EmbreeGeometry make_geometry(RTCDevice device, const std::vector<Shape>& shapes)
 }  // namespace
 
 const quadric_kernel::Kernel& quadric_kernel_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::Avx512) return isa_avx512::kQuadricKernel;
-  if (isa == Isa::Avx2) return isa_avx2::kQuadricKernel;
-#endif
-  static_cast<void>(isa);
-  return isa_baseline::kQuadricKernel;
+  return LENTICULE_SELECT_KERNEL(isa, kQuadricKernel);
 }
 
 EmbreeGeometry make_sphere_geometry(RTCDevice device, const std::vector<SphereShape>& spheres) {

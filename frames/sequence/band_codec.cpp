@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "frames/sequence/little_endian.h"
-#include "frames/sequence/tap_variants.h"
+#include "frames/sequence/tap_kernel.h"
 
 namespace lenticule::frames {
 namespace {
@@ -49,25 +49,8 @@ size_t blocks_of(size_t band_bytes) {
 
 }  // namespace
 
-const TapFunctions& tap_functions(Isa isa) {
-#define LENTICULE_TAP_FUNCTIONS(name)                                                \
-  {                                                                                  \
-    name::decode_blocks, name::encode_blocks, name::tap_cost, name::count_residuals, \
-        name::count_bits                                                             \
-  }
-  static constexpr TapFunctions kBaseline = LENTICULE_TAP_FUNCTIONS(isa_baseline);
-#if defined(__x86_64__)
-  static constexpr TapFunctions kAvx2 = LENTICULE_TAP_FUNCTIONS(isa_avx2);
-  static constexpr TapFunctions kAvx512 = LENTICULE_TAP_FUNCTIONS(isa_avx512);
-  if (isa == Isa::Avx512) return kAvx512;
-  if (isa == Isa::Avx2) return kAvx2;
-#endif
-  LENTICULE_CHECK(isa_supported(isa));
-  return kBaseline;
-}
-
 struct BandEncoder::State {
-  State(size_t max_band_bytes, const TapFunctions& functions)
+  State(size_t max_band_bytes, const TapKernel& functions)
       : kernel(functions),
         compressor(make_compressor()),
         modes(blocks_of(max_band_bytes)),
@@ -90,7 +73,7 @@ struct BandEncoder::State {
     payload.insert(payload.end(), stored.begin(), stored.end());
   }
 
-  const TapFunctions& kernel;
+  const TapKernel& kernel;
   Compressor compressor;
   std::vector<uint8_t> modes;
   std::vector<uint8_t> masks;
@@ -100,7 +83,7 @@ struct BandEncoder::State {
 };
 
 BandEncoder::BandEncoder(size_t max_band_bytes, Isa isa)
-    : state_(std::make_unique<State>(max_band_bytes, tap_functions(isa))) {}
+    : state_(std::make_unique<State>(max_band_bytes, LENTICULE_SELECT_KERNEL(isa, kTapKernel))) {}
 BandEncoder::~BandEncoder() = default;
 BandEncoder::BandEncoder(BandEncoder&&) noexcept = default;
 BandEncoder& BandEncoder::operator=(BandEncoder&&) noexcept = default;
@@ -144,7 +127,7 @@ bool BandEncoder::encode_as(BandCodec codec, std::span<const uint8_t> band, cons
 }
 
 struct BandDecoder::State {
-  State(size_t max_band_bytes, const TapFunctions& functions)
+  State(size_t max_band_bytes, const TapKernel& functions)
       : kernel(functions),
         decompressor(make_decompressor()),
         modes(blocks_of(max_band_bytes)),
@@ -204,7 +187,7 @@ struct BandDecoder::State {
                                 band.data(), band.size());
   }
 
-  const TapFunctions& kernel;
+  const TapKernel& kernel;
   Decompressor decompressor;
   std::vector<uint8_t> modes;
   std::vector<uint8_t> masks;
@@ -212,7 +195,7 @@ struct BandDecoder::State {
 };
 
 BandDecoder::BandDecoder(size_t max_band_bytes, Isa isa)
-    : state_(std::make_unique<State>(max_band_bytes, tap_functions(isa))) {}
+    : state_(std::make_unique<State>(max_band_bytes, LENTICULE_SELECT_KERNEL(isa, kTapKernel))) {}
 BandDecoder::~BandDecoder() = default;
 BandDecoder::BandDecoder(BandDecoder&&) noexcept = default;
 BandDecoder& BandDecoder::operator=(BandDecoder&&) noexcept = default;

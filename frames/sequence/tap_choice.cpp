@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "frames/sequence/tap_variants.h"
+#include "frames/sequence/tap_kernel.h"
 
 namespace lenticule::frames {
 namespace {
@@ -53,7 +53,7 @@ std::vector<size_t> sample_blocks(const FrameGeometry& geometry, int band_rows) 
 /// costs[c * starts.size() + s]: of sample s predicted from candidate c.
 std::vector<uint8_t> measure(const FrameView& frame, const std::vector<uint32_t>& distances,
                              const std::vector<size_t>& starts) {
-  const TapFunctions& kernel = tap_functions(best_isa());
+  const TapKernel& kernel = LENTICULE_SELECT_KERNEL(best_isa(), kTapKernel);
   std::vector<uint8_t> costs;
   costs.reserve(distances.size() * starts.size());
   for (const uint32_t distance : distances) {

@@ -188,8 +188,6 @@ void copy_run(const uint8_t* from, uint8_t* to) noexcept {
   for (size_t i = 0; i < kRunBlocks * kBlockBytes; i += kBlockBytes) store(load(from + i), to + i);
 }
 
-}  // namespace
-
 bool decode_blocks(const TapTable& taps, const TapStreams& in, uint8_t* out,
                    size_t bytes) noexcept {
   const uint8_t* masks = in.masks;
@@ -260,5 +258,13 @@ size_t count_bits(const uint8_t* masks, size_t bytes) noexcept {
     bits += static_cast<size_t>(__builtin_popcount(load_mask(masks + i)));
   return bits;
 }
+
+}  // namespace
+
+const TapKernel kTapKernel{.decode_blocks = decode_blocks,
+                           .encode_blocks = encode_blocks,
+                           .tap_cost = tap_cost,
+                           .count_residuals = count_residuals,
+                           .count_bits = count_bits};
 
 }  // namespace lenticule::frames::LENTICULE_ISA_NAMESPACE

@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "base/cpu.h"
+
 namespace lenticule::frames {
 
 inline constexpr size_t kBlockBytes = 32;    ///< predicted from one place
@@ -36,25 +38,21 @@ struct TapOutput {
   size_t value_bytes = 0;
 };
 
+/// The inner loops.
+struct TapKernel {
+  /// False if a mode names a place that is not there, or the values do not come out even; `out`
+  /// holds anything then. The masks must have been counted before.
+  bool (*decode_blocks)(const TapTable& taps, const TapStreams& in, uint8_t* out,
+                        size_t bytes) noexcept;
+  /// Chooses the cheapest tap of every block.
+  void (*encode_blocks)(const TapTable& taps, const uint8_t* band, size_t bytes,
+                        TapOutput& out) noexcept;
+  /// Returns the cost of `block` if it were predicted from `from`, 0..5 * kBlockBytes.
+  int (*tap_cost)(const uint8_t* block, const uint8_t* from) noexcept;
+  size_t (*count_residuals)(const uint8_t* modes, size_t count) noexcept;
+  size_t (*count_bits)(const uint8_t* masks, size_t bytes) noexcept;
+};
+
+LENTICULE_DECLARE_KERNEL(TapKernel, kTapKernel)
+
 }  // namespace lenticule::frames
-
-/// decode_blocks: false if a mode names a place that is not there, or the values do not come out
-/// even; `out` holds anything then. The masks must have been counted before.
-/// encode_blocks: chooses the cheapest tap of every block.
-/// tap_cost: what `block` would cost if it were predicted from `from`, 0..5 * kBlockBytes.
-#define LENTICULE_DECLARE_TAP_KERNEL(name)                                                   \
-  namespace lenticule::frames::name {                                                        \
-  [[nodiscard]] bool decode_blocks(const TapTable& taps, const TapStreams& in, uint8_t* out, \
-                                   size_t bytes) noexcept;                                   \
-  void encode_blocks(const TapTable& taps, const uint8_t* band, size_t bytes,                \
-                     TapOutput& out) noexcept;                                               \
-  [[nodiscard]] int tap_cost(const uint8_t* block, const uint8_t* from) noexcept;            \
-  [[nodiscard]] size_t count_residuals(const uint8_t* modes, size_t count) noexcept;         \
-  [[nodiscard]] size_t count_bits(const uint8_t* masks, size_t bytes) noexcept;              \
-  }
-
-LENTICULE_DECLARE_TAP_KERNEL(isa_baseline)
-#if defined(__x86_64__)
-LENTICULE_DECLARE_TAP_KERNEL(isa_avx2)
-LENTICULE_DECLARE_TAP_KERNEL(isa_avx512)
-#endif

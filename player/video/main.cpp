@@ -7,6 +7,7 @@
 #include <map>
 #include <sstream>
 
+#include "base/cpu.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "player/exit_code.h"
@@ -92,6 +93,11 @@ Run declare_encode(CLI::App& app) {
 
 int main(int argc, char** argv) {
   lenticule::prepare_standard_streams();
+  const int environment = run_reporting_errors([] {
+    static_cast<void>(lenticule::best_isa());
+    return ExitCode::kOk;
+  });
+  if (environment != ExitCode::kOk) return environment;
   av_log_set_level(AV_LOG_QUIET);  // what matters is told by error codes, in our words
   CLI::App app{"Reads and writes video files for lenticule, in a process of its own."};
   app.name("lenticule-video");

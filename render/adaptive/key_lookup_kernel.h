@@ -5,6 +5,8 @@
 
 #include <cstdint>
 
+#include "base/cpu.h"
+
 namespace lenticule::render::lookup_kernel {
 
 inline constexpr int kLanes = 16;
@@ -71,12 +73,6 @@ struct Kernel {
 
 }  // namespace lenticule::render::lookup_kernel
 
-namespace lenticule::render::isa_baseline {
-extern const lookup_kernel::Kernel kLookupKernel;
-}
-namespace lenticule::render::isa_avx2 {
-extern const lookup_kernel::Kernel kLookupKernel;
-}
-namespace lenticule::render::isa_avx512 {
-extern const lookup_kernel::Kernel kLookupKernel;
+namespace lenticule::render {
+LENTICULE_DECLARE_KERNEL(lookup_kernel::Kernel, kLookupKernel)
 }

@@ -24,12 +24,7 @@ namespace lenticule::render {
 namespace {
 
 const lookup_kernel::Kernel& lookup_kernel_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::Avx512) return isa_avx512::kLookupKernel;
-  if (isa == Isa::Avx2) return isa_avx2::kLookupKernel;
-#endif
-  static_cast<void>(isa);
-  return isa_baseline::kLookupKernel;
+  return LENTICULE_SELECT_KERNEL(isa, kLookupKernel);
 }
 
 /// Every subpixel of a row lies at one height, as stripes side by side do.

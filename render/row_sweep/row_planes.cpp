@@ -14,12 +14,7 @@ using optics::TileOptics;
 using sweep_kernel::RowPiece;
 
 const sweep_kernel::Kernel& kernel_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::Avx512) return isa_avx512::kSweepKernel;
-  if (isa == Isa::Avx2) return isa_avx2::kSweepKernel;
-#endif
-  static_cast<void>(isa);
-  return isa_baseline::kSweepKernel;
+  return LENTICULE_SELECT_KERNEL(isa, kSweepKernel);
 }
 
 constexpr std::array<int, TileOptics::kRows> kUpright{};

@@ -9,6 +9,8 @@
 
 #include <cstdint>
 
+#include "base/cpu.h"
+
 namespace lenticule::render::sweep_kernel {
 
 inline constexpr int kLanes = 16;
@@ -104,12 +106,6 @@ struct Kernel {
 
 }  // namespace lenticule::render::sweep_kernel
 
-namespace lenticule::render::isa_baseline {
-extern const sweep_kernel::Kernel kSweepKernel;
-}
-namespace lenticule::render::isa_avx2 {
-extern const sweep_kernel::Kernel kSweepKernel;
-}
-namespace lenticule::render::isa_avx512 {
-extern const sweep_kernel::Kernel kSweepKernel;
+namespace lenticule::render {
+LENTICULE_DECLARE_KERNEL(sweep_kernel::Kernel, kSweepKernel)
 }

@@ -76,5 +76,29 @@ TEST(Help, AFullStandardOutputIsAFailureNotASuccess) {
   EXPECT_EQ(result.exit_code, 1) << result.err;
 }
 
+void expect_refuses_the_instruction_set(const std::vector<std::string>& command) {
+  std::vector<std::string> arguments = {"/usr/bin/env", "LENTICULE_ISA=sse2"};
+  arguments.insert(arguments.end(), command.begin(), command.end());
+  const ProcessResult result = run_process(arguments);
+  EXPECT_EQ(result.exit_code, 2) << command[1] << ": signal " << result.signal;
+  EXPECT_TRUE(result.out.empty()) << result.out;
+  EXPECT_NE(result.err.find("LENTICULE_ISA: no instruction set 'sse2'"), std::string::npos)
+      << command[1] << ": " << result.err;
+  EXPECT_NE(result.err.find("baseline, avx2 or avx512"), std::string::npos) << result.err;
+}
+
+TEST(Environment, AnUnknownInstructionSetIsAUsageErrorOfEveryCommand) {
+  for (const std::string& name : command_names_from_help())
+    expect_refuses_the_instruction_set(program({name}));
+  expect_refuses_the_instruction_set({LENTICULE_VIDEO_PROGRAM, "probe", "none.mkv"});
+}
+
+TEST(Environment, AnInstructionSetThatTheProcessorLacksGivesTheBestBelowIt) {
+  const ProcessResult result = run_process(
+      {"/usr/bin/env", "LENTICULE_ISA=avx512", LENTICULE_PROGRAM, "render", "builtin:demo", "--rig",
+       source_file("scenes/rigs/tiny.toml"), "-o", "/dev/null"});
+  EXPECT_EQ(result.exit_code, 0) << result.signal << ": " << result.err;
+}
+
 }  // namespace
 }  // namespace lenticule::test

@@ -2,6 +2,7 @@
 # Greps include lines and fails on an arrow that docs/architecture.md does not allow:
 # a room may include itself and those below it, and a library belongs to the rooms that wrap it.
 # Fails on a place that prints by itself, too: base/print.h is the only one that may.
+# Kernels for instruction sets that a processor may lack are named by base/cpu.h alone, which asks it.
 cmake_minimum_required(VERSION 3.25)
 
 set(rooms base optics frames scenes render display calib player)
@@ -67,6 +68,10 @@ foreach(room IN LISTS rooms)
         endforeach()
       endif()
     endforeach()
+    file(STRINGS ${SOURCE_DIR}/${file} kernels REGEX "isa_avx[0-9]+::")
+    if(kernels AND NOT file STREQUAL "base/cpu.h")
+      list(APPEND wrong "${file} may not name kernels of one instruction set")
+    endif()
   endforeach()
 endforeach()
 

@@ -51,7 +51,7 @@ TEST_P(ScanoutFormat, PacksBackWhateverTheXByteHolds) {
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, ScanoutFormat,
-                         testing::ValuesIn(test::instruction_sets_of_this_machine()),
+                         testing::ValuesIn(test::every_instruction_set()),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
 
 }  // namespace

@@ -148,7 +148,6 @@ TEST(PrimaryPackets, EveryInstructionSetGivesTheSameBits) {
         return bits;
       };
       for (const Isa isa : {Isa::Avx2, Isa::Avx512}) {
-        if (!isa_supported(isa)) continue;
         for (const int index : {0, 700, 2000})
           EXPECT_EQ(tile_bits(isa, index), tile_bits(Isa::Baseline, index)) << isa_name(isa);
       }

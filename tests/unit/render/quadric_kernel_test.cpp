@@ -182,7 +182,7 @@ TEST_P(QuadricKernel, MeetsConesAsOneRayDoes) {
 }
 
 INSTANTIATE_TEST_SUITE_P(InstructionSets, QuadricKernel,
-                         ::testing::ValuesIn(test::instruction_sets_of_this_machine()),
+                         ::testing::ValuesIn(test::every_instruction_set()),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
 
 }  // namespace

@@ -141,7 +141,7 @@ TEST_P(SoftLightOfTinyScenes, HasTheSameBytesHoweverTheWorkIsDone) {
     options.threads = 3;
     EXPECT_EQ(plain, picture(GetParam().scene, rig, make_tiny_stage(), options).frame);
     options.tiles_backwards = true;
-    for (const Isa isa : test::instruction_sets_of_this_machine()) {
+    for (const Isa isa : test::every_instruction_set()) {
       options.isa = isa;
       EXPECT_EQ(plain, picture(GetParam().scene, rig, make_tiny_stage(), options).frame)
           << isa_name(isa);

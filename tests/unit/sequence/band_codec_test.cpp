@@ -37,7 +37,7 @@ bool encode_everywhere(BandCodec codec, std::span<const uint8_t> band, const Tap
                        std::vector<uint8_t>& payload) {
   bool encoded = false;
   bool first = true;
-  for (const Isa isa : test::instruction_sets_of_this_machine()) {
+  for (const Isa isa : test::every_instruction_set()) {
     std::vector<uint8_t> bytes;
     encoded = BandEncoder(band.size(), isa).encode_as(codec, band, taps, bytes);
     if (!first) {
@@ -63,7 +63,7 @@ TEST(BandCodec, RoundTripsWithEveryCodecTapSetAndInstructionSet) {
             ASSERT_EQ(oracle_decode_taps(payload, frame.bytes().size()),
                       std::vector<uint8_t>(frame.bytes().begin(), frame.bytes().end()));
           }
-          for (const Isa isa : test::instruction_sets_of_this_machine()) {
+          for (const Isa isa : test::every_instruction_set()) {
             std::vector<uint8_t> band(frame.bytes().size(), 0xee);
             ASSERT_TRUE(BandDecoder(band.size(), isa).decode(codec, payload, band));
             ASSERT_TRUE(std::equal(band.begin(), band.end(), frame.bytes().begin()));
@@ -172,7 +172,7 @@ TEST(BandDecoder, SurvivesAnyBytes) {
   std::mt19937 random(7);
   std::vector<uint8_t> band(frame.bytes().size());
   int refused = 0;
-  for (const Isa isa : test::instruction_sets_of_this_machine()) {
+  for (const Isa isa : test::every_instruction_set()) {
     BandDecoder decoder(frame.bytes().size(), isa);
     for (int i = 0; i < 3000; ++i) {
       std::vector<uint8_t> spoilt = payload;

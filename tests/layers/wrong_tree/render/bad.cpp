@@ -1,2 +1,6 @@
 // A wrong library, for the test of the check.
 #include <xf86drm.h>
+
+int best() {
+  return isa_avx512::kBest;
+}

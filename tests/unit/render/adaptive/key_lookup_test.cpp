@@ -22,15 +22,6 @@ using lookup_kernel::Kernel;
 using lookup_kernel::Row;
 using lookup_kernel::SampleRows;
 
-const Kernel& kernel_for(Isa isa) {
-#if defined(__x86_64__)
-  if (isa == Isa::Avx2) return isa_avx2::kLookupKernel;
-  if (isa == Isa::Avx512) return isa_avx512::kLookupKernel;
-#endif
-  static_cast<void>(isa);
-  return isa_baseline::kLookupKernel;
-}
-
 /// A row of random rays and surfaces before random samples, most of which agree.
 struct Case {
   Grid grid{};
@@ -220,7 +211,8 @@ TEST_P(KeyLookup, FindsWhatDoublePrecisionFinds) {
   for (int round = 0; round < 60; ++round) {
     const Case c(random, round % 2 != 0);
     FoundArrays arrays;
-    kernel_for(GetParam()).look_up(c.grid, c.interval, c.row, arrays.found());
+    LENTICULE_SELECT_KERNEL(GetParam(), kLookupKernel)
+        .look_up(c.grid, c.interval, c.row, arrays.found());
     const auto &codes = arrays.codes, &states = arrays.states;
     for (int n = 0; n < kCount; ++n) {
       const Expected expected = oracle(c, n);
@@ -244,7 +236,8 @@ TEST_P(KeyLookup, GivesTheSameBytesAsThePlainKernel) {
   for (int round = 0; round < 60; ++round) {
     const Case c(random, round % 2 != 0);
     FoundArrays best, plain;
-    kernel_for(GetParam()).look_up(c.grid, c.interval, c.row, best.found());
+    LENTICULE_SELECT_KERNEL(GetParam(), kLookupKernel)
+        .look_up(c.grid, c.interval, c.row, best.found());
     isa_baseline::kLookupKernel.look_up(c.grid, c.interval, c.row, plain.found());
     ASSERT_EQ(best.states, plain.states);
     ASSERT_EQ(best.codes, plain.codes);
@@ -261,7 +254,7 @@ TEST_P(KeyLookup, GivesTheSameBytesAsThePlainKernel) {
 }
 
 INSTANTIATE_TEST_SUITE_P(InstructionSets, KeyLookup,
-                         ::testing::ValuesIn(test::instruction_sets_of_this_machine()),
+                         ::testing::ValuesIn(test::every_instruction_set()),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
 
 /// What is found of one point of a ray, of which samples know nothing.

@@ -112,7 +112,7 @@ TEST(MethodAdaptive, GivesTheSameBytesHoweverTheWorkIsDone) {
     };
     same({.threads = 3, .cancelled = {}});
     same({.threads = 8, .tiles_backwards = true, .cancelled = {}});
-    for (const Isa isa : test::instruction_sets_of_this_machine())
+    for (const Isa isa : test::every_instruction_set())
       same({.threads = 1, .isa = isa, .cancelled = {}});
   }
 }

@@ -175,7 +175,7 @@ TEST(DepthPrefilter, GivesTheSameBytesHoweverTheWorkIsDone) {
       options.use_shaft_proofs = false;
       options.skip_background = false;
       EXPECT_EQ(one.frame, rendered(named.scene, deep_stage(), model, options).frame);
-      for (const Isa isa : test::instruction_sets_of_this_machine()) {
+      for (const Isa isa : test::every_instruction_set()) {
         options.isa = isa;
         EXPECT_EQ(one.frame, rendered(named.scene, deep_stage(), model, options).frame);
       }

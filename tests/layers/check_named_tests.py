@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fails where a page of docs/ names a test that does not exist.
+
+Usage: check_named_tests.py SOURCE_DIR
+
+What counts as a test's name, in backticks: Suite.Name or Instances/Suite.Name of GoogleTest, .Name of
+the suite named before it, test_FILE.NAME of tests/vm, fuzz.replay.NAME, and scripts/NAME.
+"""
+
+import pathlib
+import re
+import sys
+
+DECLARED = re.compile(r"\bTEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)\s*\)")
+TYPED = re.compile(r"\bTYPED_TEST(?:_P)?\(\s*(\w+),\s*(\w+)\s*\)")
+VM_TEST = re.compile(r"@vm_test\([^@]*?\)\ndef (\w+)\(")
+FUZZ = re.compile(r"lenticule_fuzz\((\w+)")
+GOOGLE = re.compile(r"(?:\w+/)?([A-Z]\w*)\.([A-Z]\w+)")
+
+
+def existing(source):
+    """Names of every test in the tree."""
+    names = set()
+    for path in (source / "tests").rglob("*.cpp"):
+        text = path.read_text()
+        for found in (*DECLARED.finditer(text), *TYPED.finditer(text)):
+            names.add(".".join(found.groups()))
+    for path in (source / "tests" / "vm").glob("test_*.py"):
+        names |= {f"{path.stem}.{name}" for name in VM_TEST.findall(path.read_text())}
+    for path in (source / "tests").rglob("CMakeLists.txt"):
+        names |= {f"fuzz.replay.{name}" for name in FUZZ.findall(path.read_text())}
+    names |= {f"scripts/{path.name}" for path in (source / "scripts").glob("*")}
+    return names
+
+
+def named(text):
+    """(line number, name) of every test that a page names."""
+    suite = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        for word in re.findall(r"`([^`]+)`", line):
+            if found := GOOGLE.fullmatch(word):
+                suite = found.group(1)
+                yield number, f"{suite}.{found.group(2)}"
+            elif re.fullmatch(r"\.[A-Z]\w+", word):
+                yield number, suite + word
+            elif re.fullmatch(r"test_\w+\.(?!py$)\w+|fuzz\.replay\.[a-z]\w*|scripts/[\w-]+", word):
+                yield number, word
+
+
+def main():
+    source = pathlib.Path(sys.argv[1])
+    there = existing(source)
+    wrong = [f"{path.relative_to(source)}:{number}: no test {name}"
+             for path in sorted((source / "docs").rglob("*.md"))
+             for number, name in named(path.read_text()) if name not in there]
+    if wrong:
+        sys.exit("\n".join(wrong))
+    print(f"every named test exists, of {len(there)}")
+
+
+main()
