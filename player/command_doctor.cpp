@@ -60,6 +60,10 @@ void print_properties(const nlohmann::json& properties) {
                text_of(row["outcome"]));
 }
 
+void print_list(const char* label, const nlohmann::json& lines) {
+  for (const auto& line : lines) fmt::print("    {} {}\n", label, text_of(line));
+}
+
 void print_output(const nlohmann::json& output) {
   const nlohmann::json& panel = output["panel"];
   const nlohmann::json& exactness = output["exactness"];
@@ -69,8 +73,11 @@ void print_output(const nlohmann::json& output) {
     fmt::print("  cannot be used: {}\n", text_of(output["problem"]));
   fmt::print("  EXACT {}{}\n", text_of(exactness["exact"]),
              output["tested"].get<bool>() ? "" : " (not tested with the driver)");
-  for (const auto& reason : exactness["reasons"]) fmt::print("    because {}\n", text_of(reason));
-  for (const auto& remedy : exactness["remedies"]) fmt::print("    try: {}\n", text_of(remedy));
+  print_list("because", exactness["reasons"]);
+  print_list("could not see:", exactness["unseen"]);
+  print_list("note:", exactness["remarks"]);
+  print_list("proved:", exactness["proved"]);
+  print_list("try:", exactness["remedies"]);
   if (!text_of(output["remedy"]).empty()) fmt::print("    try: {}\n", text_of(output["remedy"]));
 }
 
@@ -79,12 +86,18 @@ void print_text(const nlohmann::json& json) {
   for (const auto& output : json["outputs"]) print_output(output);
 }
 
-/// kDevice when nothing can be shown anywhere, kQuality when what is shown would be altered.
+/// kDevice when nothing can be shown anywhere, kQuality when what is shown would be altered, and
+/// kFailed when the question could not be answered. Of several panels the worst answer counts.
 ExitCode verdict_of(const nlohmann::json& outputs) {
   const auto usable = [](const auto& output) { return text_of(output["problem"]).empty(); };
-  const auto altered = [](const auto& output) { return output["exactness"]["exact"] == "no"; };
+  const auto answers = [&](display::Verdict verdict) {
+    return std::any_of(outputs.begin(), outputs.end(), [&](const auto& output) {
+      return output["exactness"]["exact"] == display::verdict_name(verdict);
+    });
+  };
   if (std::none_of(outputs.begin(), outputs.end(), usable)) return kDevice;
-  return std::any_of(outputs.begin(), outputs.end(), altered) ? kQuality : kOk;
+  if (answers(display::Verdict::No)) return kQuality;
+  return answers(display::Verdict::Unknown) ? kFailed : kOk;
 }
 
 }  // namespace

@@ -63,7 +63,8 @@ class PlayRun {
   [[nodiscard]] bool time_is_over() const;
 
   // Telling.
-  void announce() const;
+  void tell_exactness();
+  void announce();
   void write_stats(nlohmann::ordered_json statistics);
   [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
   [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
@@ -91,6 +92,7 @@ class PlayRun {
   std::optional<display::Nanoseconds> end_;  ///< of the time asked for, display clock
   bool kept_ = false;                        ///< the manager has a copy of the card
   std::optional<TrimKeys> trim_keys_;
+  std::string told_exactness_;
   std::string told_;  ///< why it waits, said once
   PlayReport lost_;   ///< while a panel is waited for
 };
