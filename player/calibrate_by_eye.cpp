@@ -65,6 +65,7 @@ struct ByEyeFlags {
   std::string keys;
   std::string record;
   std::optional<double> distance_mm;
+  bool allow_inexact = false;
   bool json = false;
 };
 
@@ -81,6 +82,7 @@ display::DisplayRequest display_request(const ByEyeFlags& flags, const optics::R
       .spec = flags.display, .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px}};
   request.recorder = recorder_of(flags);
   if (display::is_kms_spec(flags.display)) request.kms.wish.identity = rig.identity;
+  request.kms.allow_inexact = flags.allow_inexact;
   return request;
 }
 
@@ -287,6 +289,8 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
   way->add_option("--display", flags->display,
                   "kms, kms:CONNECTOR, or virtual, as for lenticule play")
       ->capture_default_str();
+  way->add_flag("--allow-inexact", flags->allow_inexact,
+                "with kms: show patterns even where it is known that subpixels arrive changed");
   way->add_option("-o,--output", flags->output,
                   "rig file to write; one that is there is kept under a number (RIG.1.toml)")
       ->required();

@@ -33,6 +33,7 @@ struct CameraFlags {
   std::string display = "kms";
   calib::V4l2Options camera;
   bool list = false;
+  bool allow_inexact = false;
   int viewpoints = 3;
   bool no_prompts = false;
   int settle_ms = 150;
@@ -99,6 +100,7 @@ class CameraRun {
         .spec = flags.display,
         .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px}};
     if (display::is_kms_spec(flags.display)) request.kms.wish.identity = rig.identity;
+    request.kms.allow_inexact = flags.allow_inexact;
     display_ = display::open_display(request);
     sink_ = std::make_unique<display::DisplaySink>(*display_);
     calib::V4l2Options options = flags.camera;
@@ -240,6 +242,8 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
   CLI::Option* rig = way->add_option("--rig", flags->rig, "rig file to start from");
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->capture_default_str();
+  way->add_flag("--allow-inexact", flags->allow_inexact,
+                "with kms: show patterns even where it is known that subpixels arrive changed");
   declare_camera_flags(*way, *flags);
   way->add_option("--viewpoints", flags->viewpoints,
                   "places of the camera; one gives a rig for that eye only")

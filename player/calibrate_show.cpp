@@ -35,6 +35,7 @@ struct ShowFlags {
   double pitch_factor = 1.0;
   std::string channel = "all";
   double seconds = 0.0;
+  bool allow_inexact = false;
   bool json = false;
 };
 
@@ -153,6 +154,7 @@ ExitCode show(const ShowFlags& flags) {
   }
   display::DisplayRequest request{.spec = flags.display, .panel = frame.geometry()};
   if (display::is_kms_spec(flags.display)) request.kms.wish.identity = model.rig().identity;
+  request.kms.allow_inexact = flags.allow_inexact;
   const auto display = display::open_display(request);
   display::DisplaySink sink(*display);
   if (sink.show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
@@ -182,6 +184,8 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
   way->add_option("--rig", flags->rig, "rig file")->required();
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->capture_default_str();
+  way->add_flag("--allow-inexact", flags->allow_inexact,
+                "with kms: show patterns even where it is known that subpixels arrive changed");
   way->add_option("-o,--output", flags->output, "write a picture instead: .png, .tif, .ppm");
   way->add_option("--phase", flags->phase, "of fringes and waves, in turns; of a comb, in lenses")
       ->capture_default_str();

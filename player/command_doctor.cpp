@@ -61,6 +61,10 @@ void print_properties(const nlohmann::json& properties) {
               text_of(row["outcome"]));
 }
 
+void print_list(const char* label, const nlohmann::json& lines) {
+  for (const auto& line : lines) print_out("    {} {}\n", label, text_of(line));
+}
+
 void print_output(const nlohmann::json& output) {
   const nlohmann::json& panel = output["panel"];
   const nlohmann::json& exactness = output["exactness"];
@@ -70,8 +74,11 @@ void print_output(const nlohmann::json& output) {
     print_out("  cannot be used: {}\n", text_of(output["problem"]));
   print_out("  EXACT {}{}\n", text_of(exactness["exact"]),
             output["tested"].get<bool>() ? "" : " (not tested with the driver)");
-  for (const auto& reason : exactness["reasons"]) print_out("    because {}\n", text_of(reason));
-  for (const auto& remedy : exactness["remedies"]) print_out("    try: {}\n", text_of(remedy));
+  print_list("because", exactness["reasons"]);
+  print_list("could not see:", exactness["unseen"]);
+  print_list("note:", exactness["remarks"]);
+  print_list("proved:", exactness["proved"]);
+  print_list("try:", exactness["remedies"]);
   if (!text_of(output["remedy"]).empty()) print_out("    try: {}\n", text_of(output["remedy"]));
 }
 
@@ -80,12 +87,18 @@ void print_text(const nlohmann::json& json) {
   for (const auto& output : json["outputs"]) print_output(output);
 }
 
-/// kDevice when nothing can be shown anywhere, kQuality when what is shown would be altered.
+/// kDevice when nothing can be shown anywhere, kQuality when what is shown would be altered, and
+/// kFailed when the question could not be answered. Of several panels the worst answer counts.
 ExitCode verdict_of(const nlohmann::json& outputs) {
   const auto usable = [](const auto& output) { return text_of(output["problem"]).empty(); };
-  const auto altered = [](const auto& output) { return output["exactness"]["exact"] == "no"; };
+  const auto answers = [&](display::Verdict verdict) {
+    return std::any_of(outputs.begin(), outputs.end(), [&](const auto& output) {
+      return output["exactness"]["exact"] == display::verdict_name(verdict);
+    });
+  };
   if (std::none_of(outputs.begin(), outputs.end(), usable)) return kDevice;
-  return std::any_of(outputs.begin(), outputs.end(), altered) ? kQuality : kOk;
+  if (answers(display::Verdict::No)) return kQuality;
+  return answers(display::Verdict::Unknown) ? kFailed : kOk;
 }
 
 }  // namespace

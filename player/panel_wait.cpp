@@ -33,6 +33,7 @@ display::KmsOptions with_services(display::KmsOptions options) {
 /// Whoever would hold the last frame for a successor leaves no card behind.
 display::KmsOptions for_cards(display::KmsOptions options) {
   if (options.exit == display::ExitPolicy::Hold) options.exit = display::ExitPolicy::Black;
+  options.allow_inexact = true;  // words can be read all the same
   return options;
 }
 
@@ -144,6 +145,8 @@ bool PanelWait::succeeds(const Attempt& attempt) {
   } catch (const Error& error) {
     refusal_ = error;
     if (options_.let_go) options_.let_go();
+    // The panel is there and the driver alters pictures: waiting changes nothing.
+    if (error.kind() == ErrorKind::Quality) throw;
     return false;
   }
 }

@@ -67,6 +67,7 @@ display::KmsOptions kms_options(const PlayFlags& flags, const optics::Rig& rig, 
   display::KmsOptions options;
   options.wish.identity = rig.identity;
   options.exit = exit_policy(flags.on_exit, service);
+  options.allow_inexact = flags.allow_inexact;
   return options;
 }
 
@@ -167,6 +168,9 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
          "with kms: restore what was shown before, hold the last frame for the next player, "
          "or black (default: hold as a service, else restore)")
       ->check(CLI::IsMember({"restore", "hold", "black"}));
+  app.add_flag("--allow-inexact", flags.allow_inexact,
+               "with kms: show frames even where it is known that subpixels arrive changed "
+               "('lenticule doctor' says what changes them)");
   app.add_flag(
       "--safe", flags.safe,
       "start with care: take nothing over from a player before, no real-time priority, and "

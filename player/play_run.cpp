@@ -173,7 +173,8 @@ Comeback PlayRun::bring_back(const LostDisplay& lost) {
   kept_ = manager_.present();
   service_->keep_again();
   steered_->tell_state("playing");
-  say("{}: back, {}\n", kms_->mode().name, kms_->exactness().summary());
+  told_exactness_ = kms_->exactness().summary();
+  say("{}: back, {}\n", kms_->mode().name, told_exactness_);
   return comeback;
 }
 
@@ -233,6 +234,7 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
     steered_->report(report);
     write_stats(statistics_json(report));
     service_->report(report);
+    tell_exactness();
     progress.update(report.pace.shown, progress_note(report));
   };
   if (panel_) options.bring_back = [this](const LostDisplay& lost) { return bring_back(lost); };
@@ -359,10 +361,19 @@ PlayReport PlayRun::nothing_yet(const char* outcome) const {
   return report;
 }
 
+/// When it has become another.
+void PlayRun::tell_exactness() {
+  if (kms_ == nullptr) return;
+  const std::string exactness = kms_->exactness().summary();
+  if (std::exchange(told_exactness_, exactness) != exactness)
+    say("{}: now {}\n", display_->mode().name, exactness);
+}
+
 /// Once, for people and the journal.
-void PlayRun::announce() const {
+void PlayRun::announce() {
+  if (kms_ != nullptr) told_exactness_ = kms_->exactness().summary();
   if (kms_ != nullptr)
-    say("{}: {}, {}\n", display_->mode().name, kms_->exactness().summary(),
+    say("{}: {}, {}\n", display_->mode().name, told_exactness_,
         kms_->took_over() ? "taken over without a modeset" : "lit by a modeset");
   if (!trouble_ && !opened_.stall_hint.empty())
     say("playing {} on {}: waiting for a renderer\n", flags_.source, display_->mode().name);

@@ -77,7 +77,8 @@ class PlayRun {
   void reload();
 
   // Telling.
-  void announce() const;
+  void tell_exactness();
+  void announce();
   void write_stats(nlohmann::ordered_json statistics);
   [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
   [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
@@ -113,6 +114,7 @@ class PlayRun {
   uint64_t rig_version_ = 1;
   /// What is not whole at the end although it was asked for.
   std::optional<Error> output_trouble_;
+  std::string told_exactness_;
   std::string told_;  ///< why it waits, said once
   PlayReport lost_;   ///< while a panel is waited for
 };

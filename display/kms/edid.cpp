@@ -8,6 +8,9 @@
 #include <array>
 #include <cctype>
 #include <numeric>
+#include <utility>
+
+#include "display/kms/edid_extensions.h"
 
 namespace lenticule::display {
 namespace {
@@ -17,7 +20,7 @@ constexpr std::array<size_t, 4> kDescriptors = {54, 72, 90, 108};
 constexpr size_t kDescriptorText = 13;
 constexpr uint8_t kTagSerial = 0xff;
 constexpr uint8_t kTagName = 0xfc;
-constexpr uint8_t kTagCta = 0x02;
+constexpr size_t kFeatures = 24;
 
 using Block = std::span<const uint8_t, kEdidBlockBytes>;
 
@@ -25,14 +28,13 @@ bool sums_to_zero(std::span<const uint8_t> block) {
   return static_cast<uint8_t>(std::accumulate(block.begin(), block.end(), 0U)) == 0;
 }
 
-/// Three letters of five bits each; anything but A..Z becomes '?'.
+/// Three letters of five bits each. 0 and 27 to 31 are no letters; they become the characters
+/// before and after them in ASCII ("@[\]^_"), as the kernel and edid-decode write them.
 std::string manufacturer_of(Block block) {
   const unsigned packed = static_cast<unsigned>(block[8]) << 8 | block[9];
   std::string letters;
-  for (const int shift : {10, 5, 0}) {
-    const unsigned letter = packed >> shift & 31U;
-    letters += letter >= 1 && letter <= 26 ? static_cast<char>('A' + letter - 1) : '?';
-  }
+  for (const int shift : {10, 5, 0})
+    letters += static_cast<char>('@' + static_cast<char>(packed >> shift & 31U));
   return letters;
 }
 
@@ -73,34 +75,34 @@ std::string sha256_hex(std::span<const uint8_t> bytes) {
   return hex;
 }
 
-/// EDID 1.4 says it in the feature byte of a digital base block, CTA-861 in its own block.
+bool is_digital_1_4(Block block) {
+  return (block[20] & 0x80) != 0 && block[18] == 1 && block[19] >= 4;
+}
+
+/// Older revisions tell the kind of an analogue display with the same bits.
 bool base_offers_ycbcr(Block block) {
   constexpr uint8_t kColourFormats = 0x18;
-  const bool digital = (block[20] & 0x80) != 0;
-  const bool revision_1_4 = block[18] == 1 && block[19] >= 4;
-  return digital && revision_1_4 && (block[24] & kColourFormats) != 0;
+  return is_digital_1_4(block) && (block[kFeatures] & kColourFormats) != 0;
 }
 
-bool extension_offers_ycbcr(std::span<const uint8_t> extension) {
-  constexpr uint8_t kYcbcr444And422 = 0x30;
-  return extension[0] == kTagCta && (extension[3] & kYcbcr444And422) != 0;
+std::optional<int> bits_per_colour(Block block) {
+  const int code = block[20] >> 4 & 7;
+  if (!is_digital_1_4(block) || code < 1 || code > 6) return std::nullopt;
+  return 4 + 2 * code;
 }
 
-bool offers_ycbcr(std::span<const uint8_t> bytes) {
-  if (base_offers_ycbcr(bytes.first<kEdidBlockBytes>())) return true;
-  for (size_t at = kEdidBlockBytes; at + kEdidBlockBytes <= bytes.size(); at += kEdidBlockBytes)
-    if (extension_offers_ycbcr(bytes.subspan(at, kEdidBlockBytes))) return true;
-  return false;
-}
-
-/// A descriptor that begins with a pixel clock of zero is text, not a timing.
-std::optional<PixelSize> first_timing(Block block) {
-  const auto timing = block.subspan(kDescriptors[0], 18);
-  const bool has_clock = timing[0] != 0 || timing[1] != 0;
+/// Of the first detailed timing, where the feature byte says that it is the panel's own. A
+/// descriptor that begins with a pixel clock of zero is text, not a timing.
+std::optional<PixelSize> base_native(Block block) {
+  constexpr uint8_t kFirstIsNative = 0x02;
+  const auto has_clock = [&](size_t at) { return block[at] != 0 || block[at + 1] != 0; };
+  const auto first = std::find_if(kDescriptors.begin(), kDescriptors.end(), has_clock);
+  if ((block[kFeatures] & kFirstIsNative) == 0 || first == kDescriptors.end()) return std::nullopt;
+  const auto timing = block.subspan(*first, 18);
   const bool interlaced = (timing[17] & 0x80) != 0;
   const PixelSize size{.width = timing[2] | (timing[4] & 0xf0) << 4,
                        .height = timing[5] | (timing[7] & 0xf0) << 4};
-  if (!has_clock || interlaced || size.width == 0 || size.height == 0) return std::nullopt;
+  if (interlaced || size.width == 0 || size.height == 0) return std::nullopt;
   return size;
 }
 
@@ -110,6 +112,12 @@ EdidProblem problem_of(std::span<const uint8_t> bytes) {
   if (!std::equal(kHeader.begin(), kHeader.end(), bytes.begin())) return EdidProblem::BadHeader;
   if (!sums_to_zero(bytes.first(kEdidBlockBytes))) return EdidProblem::BadChecksum;
   return EdidProblem::None;
+}
+
+/// In rigs of earlier versions '?' stands for what is no letter.
+bool same_maker(const std::string& wanted, const std::string& panel) {
+  return std::equal(wanted.begin(), wanted.end(), panel.begin(), panel.end(),
+                    [](char x, char y) { return x == y || (x == '?' && (y < 'A' || y > 'Z')); });
 }
 
 bool same_hex(const std::string& a, const std::string& b) {
@@ -136,6 +144,14 @@ const char* edid_problem_name(EdidProblem problem) {
   return "?";
 }
 
+std::vector<PixelSize> EdidReading::native_sizes() const {
+  std::vector<PixelSize> sizes;
+  const auto& displayid = displayid_native ? displayid_native : displayid_preferred;
+  for (const auto& size : {displayid, base_native})
+    if (size && std::find(sizes.begin(), sizes.end(), *size) == sizes.end()) sizes.push_back(*size);
+  return sizes;
+}
+
 std::string EdidIdentity::serial() const {
   if (!serial_text.empty()) return serial_text;
   return serial_number == 0 ? std::string() : std::to_string(serial_number);
@@ -151,13 +167,19 @@ EdidReading read_edid(std::span<const uint8_t> bytes) {
                                   .serial_text = text_with_tag(block, kTagSerial),
                                   .name = text_with_tag(block, kTagName),
                                   .sha256 = sha256_hex(block)};
-  reading.offers_ycbcr = offers_ycbcr(bytes);
-  reading.first_timing = first_timing(block);
+  EdidExtensions extensions = read_extensions(bytes);
+  reading.offers_ycbcr = base_offers_ycbcr(block) || extensions.offers_ycbcr;
+  reading.only_as_420 = std::move(extensions.only_as_420);
+  reading.bits_per_colour = bits_per_colour(block);
+  reading.base_native = base_native(block);
+  reading.displayid_native = extensions.displayid_native;
+  reading.displayid_preferred = extensions.displayid_preferred;
   return reading;
 }
 
 bool matches(const optics::PanelIdentity& wanted, const EdidIdentity& panel) {
-  if (!wanted.manufacturer.empty() && wanted.manufacturer != panel.manufacturer) return false;
+  if (!wanted.manufacturer.empty() && !same_maker(wanted.manufacturer, panel.manufacturer))
+    return false;
   if (wanted.product && *wanted.product != panel.product) return false;
   if (!wanted.serial.empty() && wanted.serial != panel.serial_text &&
       wanted.serial != std::to_string(panel.serial_number))

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "optics/rig.h"
 
@@ -24,7 +25,7 @@ enum class EdidProblem {
 [[nodiscard]] const char* edid_problem_name(EdidProblem problem);
 
 struct EdidIdentity {
-  std::string manufacturer;  ///< three letters
+  std::string manufacturer;  ///< three letters, or "@[\]^_" for codes that are none
   uint32_t product = 0;
   uint32_t serial_number = 0;  ///< often 0, often shared by a whole series
   std::string serial_text;     ///< printable characters only, may be empty
@@ -49,9 +50,17 @@ struct EdidReading {
   std::optional<EdidIdentity> identity{};
   /// The sink says that it takes YCbCr; then a driver may choose it and alter every subpixel.
   bool offers_ycbcr = false;
-  /// Of the first detailed timing, which describes the panel itself; none if it is missing or
-  /// interlaced.
-  std::optional<PixelSize> first_timing{};
+  /// Television modes (VICs) that it takes as YCbCr 4:2:0 and not otherwise.
+  std::vector<uint8_t> only_as_420{};
+  std::optional<int> bits_per_colour{};
+  /// Of the first detailed timing, if the EDID calls it the panel's own; none if it is interlaced.
+  std::optional<PixelSize> base_native{};
+  std::optional<PixelSize> displayid_native{};
+  std::optional<PixelSize> displayid_preferred{};  ///< the first progressive one
+
+  /// What the EDID calls the panel's own size: DisplayID's word first, then the first detailed
+  /// timing's if that differs. Empty where it does not say.
+  [[nodiscard]] std::vector<PixelSize> native_sizes() const;
 };
 
 /// Never throws for what the bytes say; extension blocks may be missing or damaged.

@@ -5,88 +5,192 @@
 #include <xf86drmMode.h>
 
 #include <algorithm>
-#include <array>
 #include <string_view>
+#include <utility>
+
+#include "display/kms/driver_paths.h"
+#include "display/kms/link_readings.h"
 
 namespace lenticule::display {
 namespace {
 
-/// Drivers that send pictures compressed, or show old ones.
-struct DriverFault {
-  const char* driver;
-  const char* cause;
-};
-constexpr std::array kDriverFaults = {
-    DriverFault{"udl", "the USB adapter compresses pictures"},
-    DriverFault{"evdi", "the USB adapter compresses pictures"},
-    DriverFault{"gud", "the USB adapter may compress pictures"},
-    DriverFault{"vmwgfx", "the driver may keep showing an old frame"},
-};
+constexpr const char* kOtherOutput = "use an output of a graphics card";
 
 bool has_link(uint32_t connector_type) {
   return connector_type != DRM_MODE_CONNECTOR_VIRTUAL &&
          connector_type != DRM_MODE_CONNECTOR_WRITEBACK;
 }
 
+bool is_hdmi(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_HDMIA || type == DRM_MODE_CONNECTOR_HDMIB;
+}
+
+bool is_analogue(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_VGA || type == DRM_MODE_CONNECTOR_DVIA ||
+         type == DRM_MODE_CONNECTOR_Composite || type == DRM_MODE_CONNECTOR_SVIDEO ||
+         type == DRM_MODE_CONNECTOR_Component || type == DRM_MODE_CONNECTOR_TV ||
+         type == DRM_MODE_CONNECTOR_9PinDIN;
+}
+
+/// Links that may carry a compressed picture.
+bool may_compress(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_DisplayPort || type == DRM_MODE_CONNECTOR_eDP ||
+         type == DRM_MODE_CONNECTOR_DSI || type == DRM_MODE_CONNECTOR_USB;
+}
+
 bool names_encoding(const AuditRow& row) {
   return row.outcome != AuditOutcome::Refused && row.outcome != AuditOutcome::Foreign &&
+         row.outcome != AuditOutcome::ReadOnly &&
          (row.property == "Output format" || row.property == "output_color_format" ||
-          row.property == "color_format" || row.property == "color format");
+          row.property == "hdmi_output_format" || row.property == "color_format" ||
+          row.property == "color format");
 }
 
 bool forces_full_range(const AuditRow& row) {
-  return row.property == "Broadcast RGB" && row.now == row.wanted;
-}
-
-bool is_hdmi(uint32_t type) {
-  return type == DRM_MODE_CONNECTOR_HDMIA || type == DRM_MODE_CONNECTOR_HDMIB;
+  return (row.property == "Broadcast RGB" || row.property == "hdmi_quant_range") &&
+         row.now == row.wanted;
 }
 
 bool is_wrong(const AuditRow& row) {
   return row.outcome == AuditOutcome::Refused || row.outcome == AuditOutcome::ReadOnly;
 }
 
-void add(ExactnessReport& report, Verdict verdict, std::string reason, std::string remedy) {
-  if (verdict == Verdict::No || report.verdict == Verdict::Yes) report.verdict = verdict;
-  report.reasons.push_back(std::move(reason));
+void add_remedy(ExactnessReport& report, std::string remedy) {
   if (!remedy.empty() &&
       std::find(report.remedies.begin(), report.remedies.end(), remedy) == report.remedies.end())
     report.remedies.push_back(std::move(remedy));
 }
 
-void judge_rows(ExactnessReport& report) {
-  const std::vector<AuditRow> rows = report.rows;
-  for (const AuditRow& row : rows) {
-    const std::string fact =
-        fmt::format("{} '{}' is {}: {}", row.object, row.property, row.now, row.effect);
-    if (is_wrong(row) && row.alters_pixels) add(report, Verdict::No, fact, row.remedy);
-    if (row.outcome == AuditOutcome::Foreign && row.alters_pixels)
-      add(report, Verdict::Unknown, fact + " unless that value is neutral", row.remedy);
+void add_wrong(ExactnessReport& report, std::string reason, std::string remedy) {
+  report.reasons.push_back(std::move(reason));
+  add_remedy(report, std::move(remedy));
+}
+
+void add_unseen(ExactnessReport& report, std::string what, std::string remedy) {
+  report.unseen.push_back(std::move(what));
+  add_remedy(report, std::move(remedy));
+}
+
+void judge_row(ExactnessReport& report, const AuditRow& row) {
+  const std::string fact =
+      fmt::format("{} '{}' is {}: {}", row.object, row.property, row.now, row.effect);
+  if (!row.alters_pixels) {
+    if (row.object != "link" || !is_wrong(row)) return;
+    report.remarks.push_back(fact);
+    return add_remedy(report, row.remedy);
+  }
+  switch (row.outcome) {
+    case AuditOutcome::Neutral:
+    case AuditOutcome::Forced:
+      return report.proved.push_back(
+          fmt::format("{} '{}' is {}", row.object, row.property, row.now));
+    case AuditOutcome::Planned:
+      return report.proved.push_back(
+          fmt::format("{} '{}' would be set to {}", row.object, row.property, row.wanted));
+    case AuditOutcome::Refused:
+    case AuditOutcome::ReadOnly:
+      return add_wrong(report, fact, row.remedy);
+    case AuditOutcome::Foreign:
+      return add_unseen(report, fact + " unless that value is neutral", row.remedy);
   }
 }
 
 void judge_driver(ExactnessReport& report, const LinkFacts& link) {
-  for (const DriverFault& fault : kDriverFaults)
-    if (link.driver == fault.driver)
-      add(report, Verdict::No, fmt::format("driver {}: {}", fault.driver, fault.cause),
-          "use an output of a graphics card");
+  const DriverPath* const path = find_driver_path(link.driver);
+  if (path == nullptr) {
+    if (link.connector_type == DRM_MODE_CONNECTOR_SPI)
+      return add_wrong(
+          report, fmt::format("driver {}: panels on SPI get 16-bit colours (RGB565)", link.driver),
+          kOtherOutput);
+    return add_unseen(
+        report,
+        fmt::format("driver {}: whether it converts frames inside is not known", link.driver), "");
+  }
+  const std::string fact = fmt::format("driver {}: {}", link.driver, path->fact);
+  if (path->kind == PathKind::Alters) return add_wrong(report, fact, kOtherOutput);
+  report.proved.push_back(fact);
+}
+
+void judge_placement(ExactnessReport& report, const LinkFacts& link) {
+  if (!link.one_to_one) return;
+  if (*link.one_to_one)
+    report.proved.emplace_back("the plane shows the frame pixel for pixel");
+  else
+    add_wrong(report, "the plane does not show the frame pixel for pixel", "");
+}
+
+template <typename Test>
+bool any_row(const ExactnessReport& report, const Test& test) {
+  return std::any_of(report.rows.begin(), report.rows.end(), test);
+}
+
+bool has_link_row(const ExactnessReport& report, std::string_view property) {
+  return any_row(report, [&](const AuditRow& row) {
+    return row.object == "link" && row.property == property;
+  });
+}
+
+void judge_encoding(ExactnessReport& report, const LinkFacts& link) {
+  if (any_row(report, names_encoding)) {
+    report.proved.emplace_back("the driver was told to send RGB");
+    return;
+  }
+  if (link.only_as_420)
+    return add_wrong(report, "the panel takes this mode as YCbCr 4:2:0 only",
+                     "ask for a lower refresh, or use DisplayPort");
+  if (link.edid_known && !link.offers_ycbcr) {
+    report.proved.emplace_back("the panel takes RGB only");
+    return;
+  }
+  add_unseen(report,
+             link.edid_known
+                 ? "the panel also takes YCbCr, and the driver does not say what it sends"
+                 : "without a valid EDID it is not known what the link carries",
+             "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
+}
+
+void judge_range(ExactnessReport& report, const LinkFacts& link) {
+  if (!is_hdmi(link.connector_type)) return;
+  if (any_row(report, forces_full_range)) {
+    report.proved.emplace_back("the driver was told to send the full range of values");
+    return;
+  }
+  add_unseen(report, "the driver cannot be told to send the full range of values",
+             "set the panel's input to full range, and use its own mode rather than a television "
+             "one");
+}
+
+void judge_depth(ExactnessReport& report, const LinkFacts& link) {
+  if (link.bits_per_colour && *link.bits_per_colour < 8)
+    add_wrong(report,
+              fmt::format("the panel takes {} bits per colour: low bits are cut off or dithered",
+                          *link.bits_per_colour),
+              "use a panel of 8 bits per colour");
+  constexpr const char* kLook =
+      "run 'lenticule doctor' as root, whom the driver may tell; look at a test card of "
+      "single-step ramps";
+  if (!has_link_row(report, kDepthRow))
+    add_unseen(report, "bits per colour and dithering of the link cannot be read back", kLook);
+  if (may_compress(link.connector_type) && !has_link_row(report, kCompressionRow))
+    add_unseen(report, "whether the link compresses the picture (DSC) cannot be read back", kLook);
 }
 
 void judge_link(ExactnessReport& report, const LinkFacts& link) {
-  if (!has_link(link.connector_type)) return;
-  const auto any = [&](bool (*test)(const AuditRow&)) {
-    return std::any_of(report.rows.begin(), report.rows.end(), test);
-  };
-  if (!any(names_encoding) && (link.offers_ycbcr || !link.edid_known))
-    add(report, Verdict::Unknown,
-        link.edid_known ? "the panel also takes YCbCr, and the driver does not say what it sends"
-                        : "without a valid EDID nobody knows what the link carries",
-        "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
-  if (is_hdmi(link.connector_type) && !any(forces_full_range))
-    add(report, Verdict::Unknown, "the driver cannot be told to send the full range of values",
-        "set the panel's input to full range, and use its own mode rather than a television one");
-  add(report, Verdict::Unknown, "bits per colour and dithering of the link cannot be read back",
-      "look at a test card of single-step ramps, and read output_bpc in debugfs as root");
+  if (!has_link(link.connector_type)) {
+    report.proved.emplace_back("a virtual output has no link");
+    return;
+  }
+  if (is_analogue(link.connector_type))
+    add_wrong(report, "the link is analogue: the panel measures values anew",
+              "use a digital connector");
+  judge_encoding(report, link);
+  judge_range(report, link);
+  judge_depth(report, link);
+  if (link.other_native_size)
+    add_unseen(report,
+               "the EDID calls another size the panel's own: a bridge or an adapter may scale",
+               "connect the panel without an adapter, or load the EDID of what is sent "
+               "(drm.edid_firmware=)");
 }
 
 }  // namespace
@@ -98,7 +202,7 @@ const char* verdict_name(Verdict verdict) {
     case Verdict::No:
       return "no";
     case Verdict::Unknown:
-      return "unknown";
+      return "cannot tell";
   }
   return "?";
 }
@@ -122,9 +226,26 @@ const char* outcome_name(AuditOutcome outcome) {
 }
 
 std::string ExactnessReport::summary() const {
+  const std::vector<std::string>& why = reasons.empty() ? unseen : reasons;
   std::string text = fmt::format("EXACT {}", verdict_name(verdict));
-  for (size_t i = 0; i < reasons.size(); ++i) text += (i == 0 ? " (" : "; ") + reasons[i];
-  return reasons.empty() ? text : text + ")";
+  for (size_t i = 0; i < why.size(); ++i) text += (i == 0 ? " (" : "; ") + why[i];
+  return why.empty() ? text : text + ")";
+}
+
+void ExactnessReport::conclude() {
+  verdict = !reasons.empty() ? Verdict::No : !unseen.empty() ? Verdict::Unknown : Verdict::Yes;
+}
+
+bool lost_a_setting(const ExactnessReport& before, const ExactnessReport& after) {
+  const auto held = [](const AuditRow& row) {
+    return row.outcome == AuditOutcome::Neutral || row.outcome == AuditOutcome::Forced;
+  };
+  return std::any_of(after.rows.begin(), after.rows.end(), [&](const AuditRow& row) {
+    if (row.outcome != AuditOutcome::Refused) return false;
+    return std::any_of(before.rows.begin(), before.rows.end(), [&](const AuditRow& old) {
+      return old.object == row.object && old.property == row.property && held(old);
+    });
+  });
 }
 
 const PropertyTable& PipeTables::of(KmsObject object) const {
@@ -183,14 +304,17 @@ AuditRow ExactnessAudit::row_of(const Item& item, const std::optional<PipeTables
   return row;
 }
 
-AuditRow ExactnessAudit::row_of(const Leftover& leftover) const {
-  const std::string found = leftover.found.text_of(leftover.found.value);
-  const bool neutral = leftover.wanted == leftover.found.value;
+AuditRow ExactnessAudit::row_of(const Leftover& leftover,
+                                const std::optional<PipeTables>& now) const {
+  const Property* after =
+      now ? now->of(leftover.rule->object).find(leftover.rule->property) : nullptr;
+  const uint64_t value = after != nullptr ? after->value : leftover.found.value;
+  const bool neutral = leftover.wanted == value;
   return {.object = object_name(leftover.rule->object),
           .property = leftover.found.name,
-          .found = found,
+          .found = leftover.found.text_of(leftover.found.value),
           .wanted = leftover.wanted ? leftover.found.text_of(*leftover.wanted) : "?",
-          .now = found,
+          .now = leftover.found.text_of(value),
           .outcome = neutral           ? AuditOutcome::Neutral
                      : leftover.wanted ? AuditOutcome::ReadOnly
                                        : AuditOutcome::Foreign,
@@ -201,13 +325,15 @@ AuditRow ExactnessAudit::row_of(const Leftover& leftover) const {
 
 ExactnessReport ExactnessAudit::report(const LinkFacts& link, const std::optional<PipeTables>& now,
                                        const std::vector<AuditRow>& further) const {
-  ExactnessReport report{.verdict = Verdict::Yes};
+  ExactnessReport report;
   for (const Item& item : items_) report.rows.push_back(row_of(item, now));
-  for (const Leftover& leftover : leftovers_) report.rows.push_back(row_of(leftover));
+  for (const Leftover& leftover : leftovers_) report.rows.push_back(row_of(leftover, now));
   report.rows.insert(report.rows.end(), further.begin(), further.end());
-  judge_rows(report);
+  for (const AuditRow& row : report.rows) judge_row(report, row);
   judge_driver(report, link);
+  judge_placement(report, link);
   judge_link(report, link);
+  report.conclude();
   return report;
 }
 

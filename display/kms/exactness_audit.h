@@ -24,13 +24,23 @@ struct PipeTables {
                                                       uint32_t plane);
 };
 
-/// What happens after the scan-out, beyond any property.
+/// What happens beside and after the scan-out, beyond any property.
 struct LinkFacts {
   uint32_t connector_type = 0;  ///< DRM_MODE_CONNECTOR_*
   std::string driver;
   bool edid_known = false;
   bool offers_ycbcr = false;
+  /// The panel takes this mode as YCbCr 4:2:0 and not otherwise.
+  bool only_as_420 = false;
+  std::optional<int> bits_per_colour;
+  /// The EDID calls another size the panel's own.
+  bool other_native_size = false;
+  /// None when nothing was committed.
+  std::optional<bool> one_to_one;
 };
+
+/// True if a property that was neutral in `before` is not in `after`.
+[[nodiscard]] bool lost_a_setting(const ExactnessReport& before, const ExactnessReport& after);
 
 class ExactnessAudit {
  public:
@@ -62,7 +72,8 @@ class ExactnessAudit {
   };
 
   [[nodiscard]] AuditRow row_of(const Item& item, const std::optional<PipeTables>& now) const;
-  [[nodiscard]] AuditRow row_of(const Leftover& leftover) const;
+  [[nodiscard]] AuditRow row_of(const Leftover& leftover,
+                                const std::optional<PipeTables>& now) const;
 
   std::vector<Item> items_;
   std::vector<Leftover> leftovers_;

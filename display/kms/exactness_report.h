@@ -8,10 +8,11 @@
 namespace lenticule::display {
 
 enum class Verdict {
-  Yes,
-  No,
-  Unknown,  ///< nothing is known to be wrong, but something cannot be read back
+  Yes,      ///< proved: everything that could change a subpixel was looked at and does not
+  No,       ///< something changes subpixels
+  Unknown,  ///< nothing is known to be wrong, but something could not be seen
 };
+/// "yes", "no" or "cannot tell"
 [[nodiscard]] const char* verdict_name(Verdict verdict);
 
 enum class AuditOutcome {
@@ -25,7 +26,7 @@ enum class AuditOutcome {
 [[nodiscard]] const char* outcome_name(AuditOutcome outcome);
 
 struct AuditRow {
-  std::string object;    ///< "connector", "crtc" or "plane"
+  std::string object;    ///< "connector", "crtc", "plane" or "link"
   std::string property;  ///< as the kernel calls it
   std::string found;     ///< before we came
   std::string wanted;
@@ -38,12 +39,17 @@ struct AuditRow {
 
 struct ExactnessReport {
   Verdict verdict = Verdict::Unknown;
-  std::vector<std::string> reasons{};   ///< for anything but Yes
+  std::vector<std::string> proved{};    ///< what was looked at and leaves subpixels as they are
+  std::vector<std::string> reasons{};   ///< what changes them
+  std::vector<std::string> unseen{};    ///< what could not be seen
+  std::vector<std::string> remarks{};   ///< what changes the timing, not the pixels
   std::vector<std::string> remedies{};  ///< what a person can do about it
   std::vector<AuditRow> rows{};
 
   /// "EXACT no (connector 'underscan' is on: the picture is scaled)"
   [[nodiscard]] std::string summary() const;
+  /// Draws the verdict from the lists.
+  void conclude();
 };
 
 }  // namespace lenticule::display

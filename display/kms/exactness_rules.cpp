@@ -39,6 +39,31 @@ constexpr std::array kRules = {
                   Pixels,
                   "values are squeezed into 16..235",
                   kCable},
+    // Rockchip's own names, of its kernels and of those who copied its HDMI driver.
+    ExactnessRule{Connector,
+                  "hdmi_output_format",
+                  Named,
+                  0,
+                  {"output_rgb", "rgb", "RGB", "rgb888"},
+                  Pixels,
+                  kEncoded,
+                  kCable},
+    ExactnessRule{Connector,
+                  "hdmi_quant_range",
+                  Named,
+                  0,
+                  {"full"},
+                  Pixels,
+                  "values are squeezed into 16..235",
+                  kCable},
+    ExactnessRule{Connector,
+                  "hdmi_output_depth",
+                  Named,
+                  0,
+                  {"24bit"},
+                  Processing,
+                  "the link may use another encoding",
+                  kDriver},
     ExactnessRule{Connector, "Colorspace", Named, 0, {"Default"}, Pixels, kToned, kDriver},
     ExactnessRule{Connector, "HDR_OUTPUT_METADATA", Number, 0, {}, Pixels, kToned, kDriver},
     ExactnessRule{Connector,
@@ -49,6 +74,15 @@ constexpr std::array kRules = {
                   Processing,
                   "a television may sharpen and overscan",
                   kMenu},
+    // Televisions' knobs, which Rockchip's kernels have on every connector: 50 is neutral there.
+    ExactnessRule{Connector, "brightness", Centre, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Connector, "contrast", Centre, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Connector, "saturation", Centre, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Connector, "hue", Centre, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Connector, "sharpness", Kept, 0, {}, Pixels, "edges are sharpened", kDriver},
+    ExactnessRule{
+        Connector, "flicker reduction", Number, 0, {}, Pixels, "lines are mixed", kDriver},
+    ExactnessRule{Connector, "overscan", Number, 0, {}, Pixels, kScaled, kDriver},
     ExactnessRule{Connector, "underscan", Named, 0, {"off"}, Pixels, kScaled, kDriver},
     ExactnessRule{Connector, "underscan hborder", Number, 0, {}, Pixels, kScaled, kDriver},
     ExactnessRule{Connector, "underscan vborder", Number, 0, {}, Pixels, kScaled, kDriver},
@@ -67,6 +101,14 @@ constexpr std::array kRules = {
                   Number,
                   0,
                   {},
+                  Pixels,
+                  "brightness follows the picture",
+                  "boot with amdgpu.abmlevel=0"},
+    ExactnessRule{Connector,
+                  "adaptive backlight modulation",
+                  Named,
+                  0,
+                  {"off"},
                   Pixels,
                   "brightness follows the picture",
                   "boot with amdgpu.abmlevel=0"},
@@ -138,6 +180,10 @@ constexpr std::array kRules = {
                   Processing,
                   "alpha would count",
                   kDriver},
+    ExactnessRule{Plane, "brightness", Centre, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "contrast", Centre, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "saturation", Centre, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Plane, "hue", Centre, 0, {}, Pixels, kMixed, kDriver},
     ExactnessRule{Plane, "SCALING_FILTER", Named, 0, {"Default"}, Processing, kScaled, kDriver},
     ExactnessRule{Plane, "COLOR_PIPELINE", Named, 0, {"Bypass"}, Pixels, kToned, kDriver},
     ExactnessRule{Plane, "AMD_PLANE_DEGAMMA_TF", Named, 0, {"Default"}, Pixels, kToned, kDriver},
@@ -194,6 +240,9 @@ std::optional<uint64_t> neutral_value(const ExactnessRule& rule, const Property&
       return first_named(rule, property);
     case Maximum:
       return property.maximum;
+    case Centre:
+      if (property.is_range() && property.minimum == 0 && property.maximum == 100) return 50;
+      return std::nullopt;
   }
   return std::nullopt;
 }

@@ -20,6 +20,7 @@ enum class Neutral {
   Number,   ///< `number`
   Named,    ///< the enumerator with one of `names`, the first that exists
   Maximum,  ///< the largest value of the range
+  Centre,   ///< the middle of 0 ... 100; of other ranges it is not known
   Kept,     ///< read only: it must be one of `names` (or `number`), nobody may write it
 };
 

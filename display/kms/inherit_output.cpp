@@ -84,7 +84,8 @@ std::optional<LitOutput> try_inherit(const KmsOptions& options, DrmDevice& devic
   lit.front = buffer_on_glass(fd, state, buffers);
   lit.output = std::make_unique<KmsOutput>(
       std::move(device),
-      OutputTarget{.connector = std::move(*connector), .mode = *mode, .pipe = pipe});
+      OutputTarget{.connector = std::move(*connector), .mode = *mode, .pipe = pipe},
+      options.platform);
   lit.buffers = std::move(buffers);
   if (lit.front == nullptr) lit.front = lit.buffers.front().get();
   lit.output->light_up(lit.front->framebuffer(), *options.clock, RunningMode::TakeOver);

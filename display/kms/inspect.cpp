@@ -93,7 +93,7 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
   OutputTarget target{.connector = connector,
                       .mode = require_mode(connector, geometry, std::nullopt)};
   target.pipe = choose_pipe(fd, connector);
-  KmsOutput output(std::move(device), std::move(target));
+  KmsOutput output(std::move(device), std::move(target), platform);
   const BorrowedMastery mastery(output.device());
   diagnosis.tested = mastery.held();
   if (!mastery.held()) {

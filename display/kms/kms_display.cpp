@@ -128,6 +128,14 @@ void AtomicKmsDisplay::light_up() {
   lit_ = light_output(options_);
   options_.inherited.reset();
   lit_.front->set_state(ScanoutState::OnGlass);
+  try {
+    require_exact(options_, *lit_.output);
+  } catch (...) {
+    close(ExitPolicy::Restore);  // a refused picture is not held for anybody
+    throw;
+  }
+  // From now on an exhibition goes on, and says what became of it.
+  options_.allow_inexact = true;
   const OutputTarget& target = lit_.output->target();
   const DrmDevice& device = lit_.output->device();
   mode_ = {.geometry = options_.wish.panel,

@@ -38,6 +38,8 @@ struct KmsOptions {
   /// Nothing is taken over: neither inherited buffers (an inherited card still is, being master)
   /// nor a mode that runs already.
   bool fresh = false;
+  /// Shown even where it is known that subpixels arrive changed.
+  bool allow_inexact = false;
   /// Used once, by the opening.
   std::shared_ptr<InheritedOutput> inherited;
 
@@ -82,11 +84,13 @@ struct KmsStatistics {
 /// gets its event, late perhaps. A modeset may take seconds there. After Lost, reconnect().
 class KmsDisplay : public Display {
  public:
-  /// Opens again after Lost, by the same wish; buffers from before are void. Throws Error as
-  /// open_kms_display() does; the card is closed then, and it may be called again. Nobody else may
-  /// use the display. While another process holds a copy of card_fd(), that one may stay master.
+  /// Opens again after Lost, by the same wish, exact or not; buffers from before are void. Throws
+  /// Error as open_kms_display() does; the card is closed then, and it may be called again. Nobody
+  /// else may use the display. While another process holds a copy of card_fd(), that one may stay
+  /// master.
   virtual void reconnect() = 0;
   [[nodiscard]] virtual KmsStatistics statistics() const noexcept = 0;
+  /// Renewed every few seconds, and soon after a change that the kernel tells of.
   [[nodiscard]] virtual ExactnessReport exactness() const = 0;
   /// True if the first picture needed no modeset.
   [[nodiscard]] virtual bool took_over() const noexcept = 0;
@@ -97,7 +101,8 @@ class KmsDisplay : public Display {
 };
 
 /// Throws Error(Device) when there is no such output, it is not ours to use or the driver refuses;
-/// Error(Input) when the panel is not the rig's, or has no such mode. Both list what there is.
+/// Error(Quality) when it would change subpixels and that was not allowed; Error(Input) when the
+/// panel is not the rig's, or has no such mode. Both list what there is.
 [[nodiscard]] std::unique_ptr<KmsDisplay> open_kms_display(const KmsOptions& options);
 
 }  // namespace lenticule::display

@@ -3,12 +3,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
 
 #include "base/error.h"
 #include "display/kms/drm_handles.h"
+#include "display/kms/television_modes.h"
 
 namespace lenticule::display {
 namespace {
@@ -63,14 +65,18 @@ const char* hint_for(int error) {
 
 }  // namespace
 
-KmsOutput::KmsOutput(DrmDevice device, OutputTarget target)
+KmsOutput::KmsOutput(DrmDevice device, OutputTarget target, std::shared_ptr<KmsPlatform> platform)
     : device_(std::move(device)),
       target_(std::move(target)),
       tables_(read_tables(device_.fd(), target_)),
       audit_(tables_),
       gamma_(device_.fd(), tables_.crtc),
       mode_blob_(make_mode_blob(device_.fd(), target_.mode)),
-      framebuffer_property_(tables_.plane.require("FB_ID")) {}
+      framebuffer_property_(tables_.plane.require("FB_ID")),
+      platform_(std::move(platform)),
+      link_(link_facts()),
+      place_{
+          .card = device_.path(), .connector = target_.connector.name, .crtc = target_.pipe.crtc} {}
 
 std::vector<PropertySetting> KmsOutput::plane_settings(uint32_t framebuffer) const {
   const PropertyTable& plane = tables_.plane;
@@ -271,20 +277,72 @@ void KmsOutput::settle() {
       PipeTables::read(device_.fd(), target_.connector.id, target_.pipe.crtc, target_.pipe.plane));
 }
 
-void KmsOutput::update_report(const std::optional<PipeTables>& now) {
-  std::vector<AuditRow> further;
-  if (const auto ramp = gamma_.row(now.has_value())) further.push_back(*ramp);
-  ExactnessReport report = audit_.report({.connector_type = target_.connector.type,
-                                          .driver = device_.driver(),
-                                          .edid_known = target_.connector.edid.identity.has_value(),
-                                          .offers_ycbcr = target_.connector.edid.offers_ycbcr},
-                                         now, further);
-  if (now && !placed_one_to_one(*now)) {
-    report.verdict = Verdict::No;
-    report.reasons.emplace_back("the plane does not show the frame pixel for pixel");
+LinkFacts KmsOutput::link_facts() const {
+  const EdidReading& edid = target_.connector.edid;
+  const PixelSize size{target_.mode.hdisplay, target_.mode.vdisplay};
+  const std::vector<PixelSize> native = edid.native_sizes();
+  return {.connector_type = target_.connector.type,
+          .driver = device_.driver(),
+          .edid_known = edid.identity.has_value(),
+          .offers_ycbcr = edid.offers_ycbcr,
+          .only_as_420 = is_one_of(target_.mode, edid.only_as_420),
+          .bits_per_colour = edid.bits_per_colour,
+          .other_native_size =
+              !native.empty() && std::find(native.begin(), native.end(), size) == native.end(),
+          .one_to_one = std::nullopt};
+}
+
+void KmsOutput::renew_connector(ConnectorInfo connector) {
+  target_.connector = std::move(connector);
+  LinkFacts facts = link_facts();
+  const std::lock_guard lock(mutex_);
+  link_ = std::move(facts);
+}
+
+ExactnessReport KmsOutput::make_report(const std::optional<PipeTables>& now, AuditDepth depth) {
+  LinkFacts link;
+  LinkPlace place;
+  std::vector<AuditRow> debugfs_rows;
+  {
+    const std::lock_guard lock(mutex_);
+    link = link_;
+    place = place_;
+    debugfs_rows = debugfs_rows_;
   }
+  if (now) link.one_to_one = placed_one_to_one(*now);
+  std::vector<AuditRow> further = read_sysfs_rows(*platform_, place);
+  if (depth == AuditDepth::Everything) {
+    debugfs_rows = read_debugfs_rows(*platform_, place);
+    const std::lock_guard lock(mutex_);
+    debugfs_rows_ = debugfs_rows;
+  }
+  further.insert(further.end(), debugfs_rows.begin(), debugfs_rows.end());
+  if (const auto ramp = gamma_.row(now.has_value())) further.push_back(*ramp);
+  return audit_.report(link, now, further);
+}
+
+void KmsOutput::update_report(const std::optional<PipeTables>& now) {
+  ExactnessReport report = make_report(now, AuditDepth::Everything);
   const std::lock_guard lock(mutex_);
   report_ = std::move(report);
+  ++reports_by_owner_;
+}
+
+bool KmsOutput::audit_again(AuditDepth depth) {
+  uint64_t before = 0;
+  {
+    const std::lock_guard lock(mutex_);
+    before = reports_by_owner_;
+  }
+  const auto now = PipeTables::read(device_.fd(), tables_.connector.object(), tables_.crtc.object(),
+                                    tables_.plane.object());
+  if (!now) return false;  // the connector is gone, which the panel's state says
+  ExactnessReport report = make_report(now, depth);
+  const std::lock_guard lock(mutex_);
+  if (reports_by_owner_ != before) return false;
+  const bool lost = lost_a_setting(report_, report);
+  report_ = std::move(report);
+  return lost;
 }
 
 ExactnessReport KmsOutput::report() const {

@@ -3,6 +3,7 @@
 // how to ask the kernel; when to ask is the display's business.
 #pragma once
 
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -14,7 +15,9 @@
 #include "display/kms/drm_device.h"
 #include "display/kms/exactness_audit.h"
 #include "display/kms/legacy_gamma.h"
+#include "display/kms/link_readings.h"
 #include "display/kms/pipe_choice.h"
+#include "display/kms/platform.h"
 #include "display/kms/saved_state.h"
 
 namespace lenticule::display {
@@ -28,12 +31,18 @@ struct OutputTarget {
 /// What becomes of a mode that the panel runs in already.
 enum class RunningMode { TakeOver, SetAnew };
 
+/// How far a repeated audit looks.
+enum class AuditDepth {
+  Properties,  ///< and sysfs: costs flips nothing
+  Everything,  ///< the driver's debug files too, for which it takes its locks
+};
+
 /// Calls that return int return 0 or a negative errno, and do not throw. One thread, except
-/// report().
+/// report() and audit_again().
 class KmsOutput {
  public:
   /// Throws Error(Device) when the driver lacks what atomic modesetting needs.
-  KmsOutput(DrmDevice device, OutputTarget target);
+  KmsOutput(DrmDevice device, OutputTarget target, std::shared_ptr<KmsPlatform> platform);
 
   /// The first picture: without a modeset if the panel runs in this mode already and may be taken
   /// over, else with one that was tested before. Forces every property of the audit that the driver
@@ -43,6 +52,8 @@ class KmsOutput {
   /// one.
   [[nodiscard]] bool take_over(uint32_t framebuffer);
 
+  /// Makes a report of what can be known before anything is tested or shown.
+  void foresee() { update_report(std::nullopt); }
   /// What light_up() would do, asked of the driver but not done: 0 or a negative errno. The report
   /// then says what would be forced and what would be refused.
   [[nodiscard]] int rehearse(uint32_t framebuffer);
@@ -54,9 +65,7 @@ class KmsOutput {
   /// A whole modeset, waited for.
   [[nodiscard]] int relight(uint32_t framebuffer) noexcept;
   /// What the panel says by now, for reports.
-  void renew_connector(ConnectorInfo connector) noexcept {
-    target_.connector = std::move(connector);
-  }
+  void renew_connector(ConnectorInfo connector);
   /// Switches the CRTC off.
   [[nodiscard]] int blank() noexcept;
   /// Puts back what light_up() found.
@@ -71,6 +80,10 @@ class KmsOutput {
   [[nodiscard]] bool took_over() const { return took_over_; }
   /// Any thread.
   [[nodiscard]] ExactnessReport report() const;
+  /// Reads everything again and renews the report; changes nothing on the output. True if a
+  /// property that was neutral is not any more, so that relight() would help. Any thread, once
+  /// light_up() or take_over() has returned; flips do not wait for it.
+  [[nodiscard]] bool audit_again(AuditDepth depth);
 
  private:
   [[nodiscard]] std::vector<PropertySetting> plane_settings(uint32_t framebuffer) const;
@@ -85,6 +98,8 @@ class KmsOutput {
   [[noreturn]] void fail(int error) const;
   void remember(uint32_t framebuffer);
   void settle();
+  [[nodiscard]] LinkFacts link_facts() const;
+  [[nodiscard]] ExactnessReport make_report(const std::optional<PipeTables>& now, AuditDepth depth);
   void update_report(const std::optional<PipeTables>& now);
 
   DrmDevice device_;
@@ -98,8 +113,14 @@ class KmsOutput {
   uint32_t framebuffer_property_ = 0;
   bool took_over_ = false;
 
-  mutable std::mutex mutex_;  ///< guards report_
+  std::shared_ptr<KmsPlatform> platform_;
+
+  mutable std::mutex mutex_;  ///< guards the following
+  LinkFacts link_;
+  LinkPlace place_;
+  std::vector<AuditRow> debugfs_rows_;
   ExactnessReport report_;
+  uint64_t reports_by_owner_ = 0;  ///< one that an audit began before is older, and dropped
 };
 
 }  // namespace lenticule::display

@@ -85,8 +85,7 @@ std::vector<PixelSize> native_sizes(const ConnectorInfo& connector) {
   for (const drmModeModeInfo& mode : connector.modes)
     if (is_preferred(mode) && std::find(sizes.begin(), sizes.end(), size_of(mode)) == sizes.end())
       sizes.push_back(size_of(mode));
-  if (sizes.empty() && connector.edid.first_timing) sizes = {*connector.edid.first_timing};
-  return sizes;
+  return sizes.empty() ? connector.edid.native_sizes() : sizes;
 }
 
 bool may_be_native(const ConnectorInfo& connector, PixelSize size) {

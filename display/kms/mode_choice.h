@@ -12,9 +12,9 @@
 namespace lenticule::display {
 
 /// The sizes that are the panel's own, pixel for pixel; it would scale a picture of any other size,
-/// even one that it lists. Those of the modes that the kernel prefers, else that of the EDID's
-/// first detailed timing. Empty where nobody knows: without an EDID a preferred mode is the
-/// driver's choice, as in virtual machines.
+/// even one that it lists. Those of the modes that the kernel prefers, else what the EDID calls its
+/// own (EdidReading::native_sizes()). Empty where nobody knows: without an EDID a preferred mode is
+/// the driver's choice, as in virtual machines.
 [[nodiscard]] std::vector<PixelSize> native_sizes(const ConnectorInfo& connector);
 /// True as well where nobody knows.
 [[nodiscard]] bool may_be_native(const ConnectorInfo& connector, PixelSize size);

@@ -66,7 +66,9 @@ LitOutput light_new_output(const KmsOptions& options, std::optional<DrmDevice> i
   target.pipe = choose_pipe(device.fd(), target.connector);
 
   LitOutput lit;
-  lit.output = std::make_unique<KmsOutput>(std::move(device), std::move(target));
+  lit.output = std::make_unique<KmsOutput>(std::move(device), std::move(target), options.platform);
+  lit.output->foresee();
+  require_exact(options, *lit.output);  // before anything is shown, where it can be known
   lit.buffers = make_scanout_pool(lit.output->device().fd(), options.platform, options.wish.panel,
                                   options.buffers);
   lit.front = lit.buffers.front().get();
@@ -76,6 +78,19 @@ LitOutput light_new_output(const KmsOptions& options, std::optional<DrmDevice> i
 }
 
 }  // namespace
+
+void require_exact(const KmsOptions& options, const KmsOutput& output) {
+  const ExactnessReport report = output.report();
+  if (options.allow_inexact || report.verdict != Verdict::No) return;
+  std::string why;
+  for (const std::string& reason : report.reasons) why += (why.empty() ? "" : "; ") + reason;
+  std::string hint;
+  for (const std::string& remedy : report.remedies) hint += remedy + ", or ";
+  throw Error(ErrorKind::Quality,
+              fmt::format("{} on {}: subpixels would not arrive as they are: {}",
+                          output.target().connector.name, output.device().path(), why),
+              hint + "show it all the same with --allow-inexact");
+}
 
 LitOutput light_output(const KmsOptions& options) {
   std::optional<DrmDevice> card;

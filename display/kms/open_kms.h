@@ -10,4 +10,7 @@ namespace lenticule::display {
 /// `options` with all services filled in. Throws as open_kms_display().
 [[nodiscard]] LitOutput light_output(const KmsOptions& options);
 
+/// Throws Error(Quality) if the output is known to change subpixels and that is not allowed.
+void require_exact(const KmsOptions& options, const KmsOutput& output);
+
 }  // namespace lenticule::display

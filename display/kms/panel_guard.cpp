@@ -39,8 +39,13 @@ PanelGuard::PanelGuard(KmsOutput& output, const OutputWish& wish,
       wish_(wish),
       clock_(std::move(clock)),
       counters_(counters),
-      watch_(output.device().fd(), output.target().connector, std::move(monitor), clock_,
-             running_by(*clock_)),
+      watch_(
+          output.device().fd(), output.target().connector, std::move(monitor), clock_,
+          running_by(*clock_),
+          {.audit =
+               [&output](bool news) {
+                 return output.audit_again(news ? AuditDepth::Everything : AuditDepth::Properties);
+               }}),
       look_at_(kNever) {
   counters_.panel.store(PanelState::Showing, std::memory_order_relaxed);
 }
@@ -64,14 +69,16 @@ PanelGuard::Advice PanelGuard::follow(bool news_waiting) noexcept {
     look_at_ = kNever;
     watch_.request_probe();
   }
+  const Advice without_news = watch_.take_wish_to_relight() ? Advice::Relight : Advice::GoOn;
   const auto news = watch_.take_news();
-  if (!news) return Advice::GoOn;
+  if (!news) return without_news;
   counters_.hotplugs.add();
   try {
-    return heed(*news);
+    const Advice advice = heed(*news);
+    return advice == Advice::GoOn ? without_news : advice;
   } catch (...) {
     look_again();  // no memory to judge it
-    return Advice::GoOn;
+    return without_news;
   }
 }
 

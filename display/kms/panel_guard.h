@@ -17,7 +17,7 @@ namespace lenticule::display {
 [[nodiscard]] PanelState judge_panel(const ConnectorInfo* connector, const OutputWish& wish,
                                      const drmModeModeInfo& mode);
 
-/// One thread.
+/// One thread. The output is audited again while it is watched.
 class PanelGuard {
  public:
   /// Borrows `output`, whose connector it keeps up to date, `wish` and `counters`.
@@ -33,7 +33,7 @@ class PanelGuard {
 
   enum class Advice {
     GoOn,
-    Relight,  ///< it is back, or its link must be trained again
+    Relight,  ///< it is back, its link must be trained again, or a property was changed
     GoDark,   ///< frames woven for another panel are wrong for every eye: better none
   };
   /// Hears the news and judges them.

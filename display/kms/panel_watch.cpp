@@ -20,6 +20,7 @@ namespace {
 constexpr Nanoseconds kDebounce = std::chrono::milliseconds(200);
 /// In case news is lost, or a sandbox keeps it out.
 constexpr Nanoseconds kSlowLook = std::chrono::seconds(30);
+constexpr Nanoseconds kBetweenAudits = std::chrono::seconds(3);
 constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
 
 UniqueFd make_eventfd() {
@@ -44,17 +45,19 @@ void drain(const UniqueFd& fd) noexcept {
 
 PanelWatch::PanelWatch(int card_fd, const ConnectorInfo& seen,
                        std::unique_ptr<HotplugMonitor> monitor, std::shared_ptr<Clock> clock,
-                       Running running)
+                       Running running, PanelChores chores)
     : card_fd_(card_fd),
       connector_id_(seen.id),
       monitor_(std::move(monitor)),
       clock_(std::move(clock)),
       running_(running),
+      chores_(std::move(chores)),
       poke_(make_eventfd()),
       told_(make_eventfd()),
       connected_(seen.connected),
       link_bad_(seen.link_bad),
-      slow_look_at_(clock_->now() + kSlowLook) {
+      slow_look_at_(clock_->now() + kSlowLook),
+      audit_at_(chores_.audit ? clock_->now() + kBetweenAudits : Nanoseconds::max()) {
   if (running_ == Running::OwnThread) thread_ = std::thread([this] { run(); });
 }
 
@@ -73,7 +76,7 @@ int PanelWatch::fd() const noexcept {
 
 Nanoseconds PanelWatch::next_step() const noexcept {
   if (running_ == Running::OwnThread) return Nanoseconds::max();
-  return std::min(probe_at_.value_or(Nanoseconds::max()), slow_look_at_);
+  return std::min({probe_at_.value_or(Nanoseconds::max()), slow_look_at_, audit_at_});
 }
 
 void PanelWatch::step() noexcept {
@@ -89,6 +92,10 @@ std::optional<PanelNews> PanelWatch::take_news() noexcept {
   drain(told_);
   const std::lock_guard lock(mutex_);
   return std::exchange(news_, std::nullopt);
+}
+
+bool PanelWatch::take_wish_to_relight() noexcept {
+  return relight_wished_.exchange(false, std::memory_order_relaxed);
 }
 
 void PanelWatch::request_probe() noexcept {
@@ -107,7 +114,8 @@ void PanelWatch::run() noexcept {
       if (stopping_) return;
     }
     const Nanoseconds now = clock_->now();
-    const Nanoseconds until = std::min(probe_at_.value_or(slow_look_at_), slow_look_at_);
+    const Nanoseconds until =
+        std::min({probe_at_.value_or(slow_look_at_), slow_look_at_, audit_at_});
     const auto sleep = std::clamp(until - now, Nanoseconds{0}, kLongestSleep);
     std::array<pollfd, 2> entries = {pollfd{.fd = poke_.get(), .events = POLLIN, .revents = 0},
                                      pollfd{.fd = monitor_->fd(), .events = POLLIN, .revents = 0}};
@@ -124,7 +132,9 @@ void PanelWatch::run() noexcept {
 
 /// One round: hears the news, and probes if it is time.
 void PanelWatch::look(Nanoseconds now) {
-  if (monitor_->drain() && !probe_at_) probe_at_ = now + kDebounce;
+  const bool news = monitor_->drain();
+  if (news && !probe_at_) probe_at_ = now + kDebounce;
+  audit_if_due(now, news);
   bool asked = false;
   {
     const std::lock_guard lock(mutex_);
@@ -139,6 +149,20 @@ void PanelWatch::look(Nanoseconds now) {
   if (!asked && (!probe_at_ || now < *probe_at_)) return;
   probe_at_.reset();
   probe();
+}
+
+/// After news as soon as a burst of it is over.
+void PanelWatch::audit_if_due(Nanoseconds now, bool news) {
+  if (!chores_.audit) return;
+  if (news && !audit_has_news_) {
+    audit_has_news_ = true;
+    audit_at_ = std::min(audit_at_, now + kDebounce);
+  }
+  if (now < audit_at_) return;
+  audit_at_ = now + kBetweenAudits;
+  if (!chores_.audit(std::exchange(audit_has_news_, false))) return;
+  relight_wished_.store(true, std::memory_order_relaxed);
+  signal(told_);
 }
 
 void PanelWatch::probe() {

@@ -2,6 +2,8 @@
 // Keeps an eye on one connector: hotplug news, and a slow look of its own in case none comes.
 #pragma once
 
+#include <atomic>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -19,6 +21,13 @@ struct PanelNews {
   std::optional<ConnectorInfo> connector;
 };
 
+/// What is done on the thread that looks, besides looking.
+struct PanelChores {
+  /// Every few seconds, and with `news` soon after any news: true if relighting would help. Null:
+  /// nothing.
+  std::function<bool(bool news)> audit;
+};
+
 /// Probing a panel may take hundreds of milliseconds, so in real time it happens on a thread of its
 /// own; in simulated time inside step(). Borrows the card's descriptor.
 class PanelWatch {
@@ -27,7 +36,7 @@ class PanelWatch {
 
   /// Throws Error(Failed) without descriptors or threads.
   PanelWatch(int card_fd, const ConnectorInfo& seen, std::unique_ptr<HotplugMonitor> monitor,
-             std::shared_ptr<Clock> clock, Running running);
+             std::shared_ptr<Clock> clock, Running running, PanelChores chores = {});
   ~PanelWatch();
   PanelWatch(const PanelWatch&) = delete;
   PanelWatch& operator=(const PanelWatch&) = delete;
@@ -40,12 +49,15 @@ class PanelWatch {
 
   /// What changed since the last time, if anything did.
   [[nodiscard]] std::optional<PanelNews> take_news() noexcept;
+  /// True once after an audit that asked for relighting.
+  [[nodiscard]] bool take_wish_to_relight() noexcept;
   /// Look now, and tell even if nothing changed. Any thread.
   void request_probe() noexcept;
 
  private:
   void run() noexcept;
   void look(Nanoseconds now);
+  void audit_if_due(Nanoseconds now, bool news);
   void probe();
   void tell(std::optional<ConnectorInfo> connector);
 
@@ -54,6 +66,7 @@ class PanelWatch {
   std::unique_ptr<HotplugMonitor> monitor_;
   std::shared_ptr<Clock> clock_;
   Running running_;
+  PanelChores chores_;
   UniqueFd poke_;  ///< eventfd: request_probe() and the end
   UniqueFd told_;  ///< eventfd: there is news
 
@@ -62,6 +75,10 @@ class PanelWatch {
   bool link_bad_;
   std::optional<Nanoseconds> probe_at_;
   Nanoseconds slow_look_at_;
+  Nanoseconds audit_at_;
+  bool audit_has_news_ = false;
+
+  std::atomic<bool> relight_wished_{false};
 
   std::mutex mutex_;  ///< guards the following
   std::optional<PanelNews> news_;

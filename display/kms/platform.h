@@ -5,6 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 
 #include "display/display.h"
 #include "display/kms/graphics_console.h"
@@ -31,6 +33,9 @@ class KmsPlatform {
   [[nodiscard]] virtual Nanoseconds time_asleep() const noexcept = 0;
   /// Never null; a monitor that cannot listen stays silent.
   [[nodiscard]] virtual std::unique_ptr<HotplugMonitor> watch_hotplug() = 0;
+  /// The text of a file of sysfs or debugfs, its first 64 KiB; none if it cannot be read. Any
+  /// thread.
+  [[nodiscard]] virtual std::optional<std::string> read_kernel_file(const std::string& path) = 0;
   /// Never null.
   [[nodiscard]] virtual std::shared_ptr<TerminalCalls> terminal() = 0;
 };

@@ -120,6 +120,12 @@ class FakePlatform final : public display::KmsPlatform {
     if (machine_.no_hotplug_monitor) throw Error(ErrorKind::Failed, "no more descriptors");
     return std::make_unique<FakeMonitor>(machine_);
   }
+  [[nodiscard]] std::optional<std::string> read_kernel_file(const std::string& path) override {
+    const std::lock_guard lock(machine_.kernel_files_mutex);
+    const auto found = machine_.kernel_files.find(path);
+    if (found == machine_.kernel_files.end()) return std::nullopt;
+    return found->second;
+  }
   [[nodiscard]] std::shared_ptr<display::TerminalCalls> terminal() override {
     return machine_.terminal;
   }

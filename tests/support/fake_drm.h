@@ -12,6 +12,7 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -252,6 +253,9 @@ class FakeDrm {
 
   std::vector<std::unique_ptr<FakeCard>> cards;
   std::shared_ptr<FakeTerminal> terminal = std::make_shared<FakeTerminal>();
+  /// Of sysfs and debugfs, by path.
+  std::map<std::string, std::string> kernel_files;
+  std::mutex kernel_files_mutex;  ///< the player's other threads read them
   int mappings_alive = 0;
   bool no_hotplug_monitor = false;  ///< watching for news throws
 

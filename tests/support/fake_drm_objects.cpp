@@ -134,6 +134,8 @@ const char* drmModeGetConnectorTypeName(uint32_t type) {
       return "HDMI-A";
     case DRM_MODE_CONNECTOR_DisplayPort:
       return "DP";
+    case DRM_MODE_CONNECTOR_eDP:
+      return "eDP";
     case DRM_MODE_CONNECTOR_VIRTUAL:
       return "Virtual";
     default:

@@ -10,10 +10,9 @@ namespace {
 void read(std::span<const uint8_t> bytes) {
   using namespace lenticule::display;
   const EdidReading reading = read_edid(bytes);
-  if (reading.first_timing &&
-      (reading.first_timing->width < 1 || reading.first_timing->width > 4095 ||
-       reading.first_timing->height < 1 || reading.first_timing->height > 4095))
-    std::abort();
+  for (const PixelSize size : reading.native_sizes())
+    if (size.width < 1 || size.width > 65536 || size.height < 1 || size.height > 65536)
+      std::abort();
   if (reading.identity.has_value() != (reading.problem == EdidProblem::None)) std::abort();
   if (!reading.identity) return;
   if (!matches(identity_for_rig(*reading.identity), *reading.identity)) std::abort();

@@ -45,6 +45,24 @@ TEST(Edid, ProblemsAreNamedAndGiveNoIdentity) {
   EXPECT_EQ(read_edid(bytes).problem, EdidProblem::BadHeader);
 }
 
+TEST(Edid, MakerCodesThatAreNoLettersKeepTheirCode) {
+  auto bytes = EdidMaker{}.bytes();
+  const auto set = [&](size_t at, uint8_t value) {
+    bytes[127] = static_cast<uint8_t>(bytes[127] + bytes[at] - value);
+    bytes[at] = value;
+  };
+  set(8, 0);
+  set(9, 0);
+  EXPECT_EQ(read_edid(bytes).identity->manufacturer, "@@@");
+  set(8, 0x7f);
+  set(9, 0xfb);
+  EXPECT_EQ(read_edid(bytes).identity->manufacturer, "__[");
+  EXPECT_TRUE(
+      display::matches({.manufacturer = "???", .product = {}, .serial = {}, .edid_sha256 = {}},
+                       *read_edid(bytes).identity))
+      << "as rigs of earlier versions have it";
+}
+
 TEST(Edid, UnprintableTextIsLeftOut) {
   const auto reading = read_edid(EdidMaker{.name = "A\x1b[31mB\x07"}.bytes());
   EXPECT_EQ(reading.identity->name, "A[31mB");
@@ -56,6 +74,8 @@ TEST(Edid, TellsWhetherThePanelTakesYcbcr) {
   auto with_extension = EdidMaker{}.bytes();
   with_extension.resize(256, 0);
   with_extension[128] = 2;
+  with_extension[128 + 1] = 3;
+  with_extension[128 + 2] = 4;
   EXPECT_FALSE(read_edid(with_extension).offers_ycbcr);
   with_extension[128 + 3] = 0x20;
   EXPECT_TRUE(read_edid(with_extension).offers_ycbcr);
@@ -64,16 +84,16 @@ TEST(Edid, TellsWhetherThePanelTakesYcbcr) {
 }
 
 TEST(Edid, FirstDetailedTimingTellsThePanelsPixels) {
-  EXPECT_EQ(read_edid(EdidMaker{.width = 3840, .height = 2160}.bytes()).first_timing,
+  EXPECT_EQ(read_edid(EdidMaker{.width = 3840, .height = 2160}.bytes()).base_native,
             (display::PixelSize{3840, 2160}));
-  EXPECT_EQ(read_edid(EdidMaker{.width = 4095, .height = 15}.bytes()).first_timing,
+  EXPECT_EQ(read_edid(EdidMaker{.width = 4095, .height = 15}.bytes()).base_native,
             (display::PixelSize{4095, 15}));
-  EXPECT_FALSE(read_edid(EdidMaker{}.bytes()).first_timing);
+  EXPECT_FALSE(read_edid(EdidMaker{}.bytes()).base_native);
   EXPECT_FALSE(
-      read_edid(EdidMaker{.width = 1920, .height = 540, .interlaced = true}.bytes()).first_timing);
+      read_edid(EdidMaker{.width = 1920, .height = 540, .interlaced = true}.bytes()).base_native);
   auto damaged = EdidMaker{.width = 3840, .height = 2160}.bytes();
   damaged[60] ^= 1;
-  EXPECT_FALSE(read_edid(damaged).first_timing);
+  EXPECT_FALSE(read_edid(damaged).base_native);
 }
 
 TEST(Edid, RigMatchesByEveryMemberThatItNames) {

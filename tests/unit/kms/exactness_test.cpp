@@ -4,7 +4,9 @@
 
 #include <set>
 
+#include "display/kms/driver_paths.h"
 #include "display/kms/exactness_rules.h"
+#include "display/kms/television_modes.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {
@@ -12,11 +14,49 @@ namespace lenticule::testing {
 using display::AuditOutcome;
 using display::AuditRow;
 using display::Verdict;
+using ::testing::Contains;
 using ::testing::HasSubstr;
 
 class Exactness : public KmsStage {
  protected:
-  Exactness() { connector->type = DRM_MODE_CONNECTOR_VIRTUAL; }
+  Exactness() {
+    connector->type = DRM_MODE_CONNECTOR_VIRTUAL;
+    card.driver = "virtio_gpu";  // known to hand frames on as they are
+  }
+
+  void open_even_if_inexact() {
+    options.allow_inexact = true;
+    open();
+  }
+  /// Opening must fail for this reason, and nothing of ours may be left on the panel.
+  void expect_refused(const std::string& reason) {
+    try {
+      open();
+      ADD_FAILURE() << "not refused: " << show->exactness().summary();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::Quality);
+      EXPECT_THAT(error.what(), HasSubstr(reason));
+      EXPECT_THAT(error.hint(), HasSubstr("--allow-inexact"));
+    }
+  }
+  void become_edp_of_i915() {
+    card.driver = "i915";
+    connector->type = DRM_MODE_CONNECTOR_eDP;
+  }
+  [[nodiscard]] std::string debugfs(const std::string& file) const {
+    return "/sys/kernel/debug/dri/0/" + file;
+  }
+  [[nodiscard]] std::string crtc_section(const std::string& text) const {
+    return "[CRTC:1:pipe Z]:\n\tdither=yes, bpp=18\n[CRTC:" + std::to_string(crtc) +
+           ":pipe A]:\n\t" + text + "\n";
+  }
+  /// Debug files that an i915 of root tells everything in.
+  void tell_all_in_debugfs() {
+    machine.kernel_files[debugfs("i915_display_info")] =
+        crtc_section("pipe src=24x6+0+0, dither=no, bpp=24");
+    machine.kernel_files[debugfs("eDP-1/i915_dsc_fec_support")] =
+        "DSC_Enabled: no\nDSC_Sink_Support: no\n";
+  }
 
   FakeProperty& add_enum(uint32_t object, const std::string& name, uint64_t value,
                          std::vector<std::pair<std::string, uint64_t>> enums) {
@@ -110,7 +150,7 @@ TEST_F(Exactness, ColourVibranceOfOneIsNotTheMiddleOfItsRange) {
 TEST_F(Exactness, RefusedSettingIsFoundAndTheRestIsStillForced) {
   add_enum(connector->id, "underscan", 1, {{"off", 0}, {"on", 1}}).refuses = 0;
   add_range(connector->id, "abm level", 3, 4);
-  open();
+  open_even_if_inexact();
   EXPECT_EQ(card.value(connector->id, "underscan"), 1U);
   EXPECT_EQ(card.value(connector->id, "abm level"), 0U);
   EXPECT_EQ(row("underscan").outcome, AuditOutcome::Refused);
@@ -123,7 +163,7 @@ TEST_F(Exactness, RefusedSettingIsFoundAndTheRestIsStillForced) {
 TEST_F(Exactness, DriverThatSaysYesAndDoesNothingIsFoundOut) {
   add_enum(connector->id, "Broadcast RGB", 0, {{"Automatic", 0}, {"Full", 1}}).ignores_writes =
       true;
-  open();
+  open_even_if_inexact();
   EXPECT_EQ(row("Broadcast RGB").outcome, AuditOutcome::Refused);
   EXPECT_EQ(show->exactness().verdict, Verdict::No);
 }
@@ -131,7 +171,7 @@ TEST_F(Exactness, DriverThatSaysYesAndDoesNothingIsFoundOut) {
 TEST_F(Exactness, ReadOnlyPropertyIsNeverWrittenButReported) {
   add_enum(connector->id, "panel orientation", 1, {{"Normal", 0}, {"Upside Down", 1}}).flags |=
       DRM_MODE_PROP_IMMUTABLE;
-  open();
+  open_even_if_inexact();
   EXPECT_EQ(row("panel orientation").outcome, AuditOutcome::ReadOnly);
   EXPECT_EQ(show->exactness().verdict, Verdict::No);
 }
@@ -155,13 +195,13 @@ TEST_F(Exactness, RealLinkIsUnknownBecauseItCannotBeReadBack) {
 
 TEST_F(Exactness, CompressingAdapterIsNotExact) {
   card.driver = "evdi";
-  open();
+  open_even_if_inexact();
   EXPECT_EQ(show->exactness().verdict, Verdict::No);
 }
 
 TEST_F(Exactness, ScaledPlaneIsNotExact) {
   card.object(card.primary_of(crtc)).find("CRTC_W")->ignores_writes = true;
-  open();
+  open_even_if_inexact();
   EXPECT_EQ(show->exactness().verdict, Verdict::No);
 }
 
@@ -174,6 +214,231 @@ TEST_F(Exactness, SettingsAreForcedAgainAfterSomebodyElseDrew) {
   machine.sleep(seconds(10));
   idle(seconds(1));
   EXPECT_EQ(card.value(connector->id, name), 0U);
+}
+
+// --- refused, or said ---------------------------------------------------------------------
+
+TEST_F(Exactness, DriverThatConvertsIsRefusedBeforeAnythingIsShown) {
+  for (const display::DriverPath& path : display::driver_paths()) {
+    if (path.kind != display::PathKind::Alters) continue;
+    card.driver = path.driver;
+    expect_refused(path.fact);
+    EXPECT_EQ(card.modesets + card.blocking_commits, 0) << path.driver;
+  }
+}
+
+TEST_F(Exactness, CirrusIsKnownToCutColours) {
+  card.driver = "cirrus";
+  expect_refused("RGB565");
+  open_even_if_inexact();
+  EXPECT_EQ(show->exactness().verdict, Verdict::No);
+  EXPECT_THAT(show->exactness().summary(), HasSubstr("driver cirrus"));
+}
+
+TEST_F(Exactness, AnyPanelOnSpiIsRefused) {
+  card.driver = "some-new-panel";
+  connector->type = DRM_MODE_CONNECTOR_SPI;
+  expect_refused("RGB565");
+}
+
+TEST_F(Exactness, DriverThatIsNotKnownCannotBeTold) {
+  card.driver = "brandnew";
+  open();
+  EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
+  EXPECT_THAT(show->exactness().summary(), HasSubstr("brandnew"));
+}
+
+TEST_F(Exactness, RefusedPictureIsTakenBack) {
+  card.show_console(connector->id, crtc);
+  const uint64_t console = card.value(card.primary_of(crtc), "FB_ID");
+  add_enum(connector->id, "Broadcast RGB", 0, {{"Automatic", 0}, {"Full", 1}}).ignores_writes =
+      true;
+  options.exit = display::ExitPolicy::Hold;
+  expect_refused("Broadcast RGB");
+  EXPECT_EQ(card.value(card.primary_of(crtc), "FB_ID"), console);
+}
+
+TEST_F(Exactness, AnalogueLinkIsNotExact) {
+  connector->type = DRM_MODE_CONNECTOR_VGA;
+  expect_refused("analogue");
+}
+
+TEST_F(Exactness, ExactAnswerListsWhatWasProved) {
+  open();
+  const auto report = show->exactness();
+  EXPECT_THAT(report.proved, Contains(HasSubstr("driver virtio_gpu")));
+  EXPECT_THAT(report.proved, Contains(HasSubstr("pixel for pixel")));
+  EXPECT_THAT(report.proved, Contains(HasSubstr("'GAMMA_LUT' is none")));
+  EXPECT_TRUE(report.reasons.empty());
+  EXPECT_TRUE(report.unseen.empty());
+}
+
+// --- what no property tells -----------------------------------------------------------------
+
+TEST_F(Exactness, RealLinkIsExactOnlyWhereTheDriverTellsAll) {
+  become_edp_of_i915();
+  open();
+  EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
+  EXPECT_THAT(show->exactness().unseen, Contains(HasSubstr("DSC")));
+  EXPECT_THAT(show->exactness().unseen, Contains(HasSubstr("dithering")));
+  show.reset();
+  tell_all_in_debugfs();
+  open();
+  EXPECT_EQ(show->exactness().summary(), "EXACT yes");
+}
+
+TEST_F(Exactness, CompressedLinkIsNotExact) {
+  become_edp_of_i915();
+  tell_all_in_debugfs();
+  machine.kernel_files[debugfs("eDP-1/i915_dsc_fec_support")] = "DSC_Enabled: yes\n";
+  expect_refused("'DSC' is yes");
+  machine.kernel_files.clear();
+  machine.kernel_files[debugfs("eDP-1/dsc_clock_en")] = std::string("1\n\0\0", 4);
+  card.driver = "amdgpu";
+  expect_refused("'DSC' is 1");
+}
+
+TEST_F(Exactness, DitheredOrShallowLinkIsNotExact) {
+  become_edp_of_i915();
+  tell_all_in_debugfs();
+  machine.kernel_files[debugfs("i915_display_info")] = crtc_section("dither=yes, bpp=18");
+  expect_refused("dither");
+}
+
+TEST_F(Exactness, PanelOfSixBitsIsNotExact) {
+  connector->type = DRM_MODE_CONNECTOR_eDP;
+  auto edid = EdidMaker{.serial_text = "ONE"}.bytes();
+  edid[20] = 0x95;
+  edid[127] = static_cast<uint8_t>(edid[127] + 0xa5 - 0x95);
+  card.set_edid(connector->id, edid);
+  expect_refused("6 bits per colour");
+}
+
+TEST_F(Exactness, PowerSavingThatFollowsThePictureIsNotExact) {
+  machine.kernel_files["/sys/class/drm/card0-Virtual-1/amdgpu/panel_power_savings"] = "3\n";
+  expect_refused("panel_power_savings");
+  machine.kernel_files["/sys/class/drm/card0-Virtual-1/amdgpu/panel_power_savings"] = "0\n";
+  open();
+  EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
+}
+
+TEST_F(Exactness, SelfRefreshIsRemarkedAndChangesNoPixel) {
+  become_edp_of_i915();
+  tell_all_in_debugfs();
+  machine.kernel_files[debugfs("eDP-1/i915_psr_status")] =
+      "Sink support: yes\nPSR mode: PSR1 enabled\n";
+  machine.kernel_files[debugfs("i915_drrs_status")] = crtc_section("DRRS Enabled: yes");
+  open();
+  EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
+  EXPECT_THAT(show->exactness().remarks, Contains(HasSubstr("PSR")));
+  EXPECT_THAT(show->exactness().remarks, Contains(HasSubstr("DRRS")));
+}
+
+TEST_F(Exactness, RockchipSendsRgbOfFullRange) {
+  connector->type = DRM_MODE_CONNECTOR_HDMIA;
+  add_enum(connector->id, "hdmi_output_format", 1, {{"output_rgb", 0}, {"output_ycbcr444", 1}});
+  add_enum(connector->id, "hdmi_quant_range", 0, {{"default", 0}, {"limit", 1}, {"full", 2}});
+  open();
+  EXPECT_EQ(card.value(connector->id, "hdmi_output_format"), 0U);
+  EXPECT_EQ(card.value(connector->id, "hdmi_quant_range"), 2U);
+  EXPECT_THAT(show->exactness().proved, Contains(HasSubstr("send RGB")));
+  EXPECT_THAT(show->exactness().proved, Contains(HasSubstr("full range")));
+}
+
+TEST_F(Exactness, KnobsOfTelevisionsAreCentredWhereTheirCentreIsKnown) {
+  for (const char* knob : {"brightness", "contrast", "saturation", "hue"}) {
+    add_range(connector->id, knob, 70, 100);
+    add_range(card.primary_of(crtc), knob, 30, 100);
+  }
+  open();
+  for (const char* knob : {"brightness", "contrast", "saturation", "hue"}) {
+    EXPECT_EQ(card.value(connector->id, knob), 50U);
+    EXPECT_EQ(card.value(card.primary_of(crtc), knob), 50U);
+  }
+  EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
+}
+
+TEST_F(Exactness, KnobOfAnotherRangeCannotBeTold) {
+  add_range(connector->id, "brightness", 70, 255);
+  open();
+  EXPECT_EQ(card.value(connector->id, "brightness"), 70U);
+  EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
+}
+
+TEST_F(Exactness, AnotherNativeSizeInTheEdidCannotBeTold) {
+  connector->type = DRM_MODE_CONNECTOR_eDP;
+  card.set_edid(connector->id,
+                EdidMaker{.serial_text = "ONE", .width = 3840, .height = 2160}.bytes());
+  open();
+  EXPECT_THAT(show->exactness().unseen, Contains(HasSubstr("bridge")));
+}
+
+TEST(TelevisionModes, ModeThatComesAs420OnlyIsFoundByItsTimings) {
+  drmModeModeInfo mode = make_mode(3840, 2160, 60);
+  mode.htotal = 4400;
+  mode.vtotal = 2250;
+  mode.clock = 594000;
+  const std::vector<uint8_t> vics = {97};
+  EXPECT_TRUE(display::is_one_of(mode, vics));
+  EXPECT_FALSE(display::is_one_of(mode, std::vector<uint8_t>{96}));
+  mode.clock = 593407;  // 59.94
+  EXPECT_TRUE(display::is_one_of(mode, vics));
+  mode.htotal = 4000;  // the same size with reduced blanking is another mode
+  mode.vtotal = 2222;
+  mode.clock = 533250;
+  EXPECT_FALSE(display::is_one_of(mode, vics));
+}
+
+// --- while playing --------------------------------------------------------------------------
+
+TEST_F(Exactness, PropertyThatIsChangedWhilePlayingIsPutBack) {
+  open();
+  flip(1);
+  card.object(crtc).find("GAMMA_LUT")->value = card.add_blob({1, 2, 3});
+  idle(seconds(4));
+  EXPECT_EQ(card.value(crtc, "GAMMA_LUT"), 0U);
+  EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
+  EXPECT_EQ(show->statistics().modesets, 1U);
+}
+
+TEST_F(Exactness, ChangeThatCannotBePutBackIsSaidAndPlayingGoesOn) {
+  add_enum(connector->id, "privacy-screen hw-state", 0, {{"Disabled", 0}, {"Enabled", 1}}).flags |=
+      DRM_MODE_PROP_IMMUTABLE;
+  open();
+  flip(1);
+  EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
+  card.object(connector->id).find("privacy-screen hw-state")->value = 1;
+  idle(seconds(4));
+  EXPECT_EQ(show->exactness().verdict, Verdict::No);
+  flip(2);
+  EXPECT_EQ(show->statistics().modesets, 0U);
+}
+
+TEST_F(Exactness, NewsOfTheKernelMakesTheAuditComeSooner) {
+  open();
+  machine.kernel_files["/sys/class/drm/card0-Virtual-1/amdgpu/panel_power_savings"] = "2\n";
+  machine.announce_hotplug();
+  idle(milliseconds(500));
+  EXPECT_EQ(show->exactness().verdict, Verdict::No);
+}
+
+TEST_F(Exactness, DriverThatKeepsItsValueIsRelitOnceAndNotForEver) {
+  open();
+  FakeProperty* gamma = card.object(crtc).find("GAMMA_LUT");
+  gamma->value = card.add_blob({1});
+  gamma->ignores_writes = true;
+  idle(seconds(60));
+  EXPECT_EQ(show->exactness().verdict, Verdict::No);
+  EXPECT_EQ(show->statistics().modesets, 1U);
+}
+
+TEST(DriverPaths, EachIsNamedOnceWithItsSource) {
+  std::set<std::string> seen;
+  for (const display::DriverPath& path : display::driver_paths()) {
+    EXPECT_TRUE(seen.insert(path.driver).second) << path.driver;
+    EXPECT_FALSE(std::string(path.fact).empty()) << path.driver;
+    EXPECT_THAT(path.source, HasSubstr(" ")) << path.driver;
+  }
 }
 
 TEST(ExactnessRules, NameEachPropertyOfAnObjectOnce) {

@@ -35,7 +35,7 @@ ConnectorInfo panel_of(const std::vector<drmModeModeInfo>& modes,
                        std::optional<PixelSize> first_timing = std::nullopt) {
   return {.name = "HDMI-A-1",
           .modes = modes,
-          .edid = {.problem = EdidProblem::None, .first_timing = first_timing}};
+          .edid = {.problem = EdidProblem::None, .base_native = first_timing}};
 }
 
 TEST(ModeChoice, RefreshIsTheExactFraction) {

@@ -26,7 +26,8 @@ TEST(PlainText, EveryPairOfBytesIsFitForARigFile) {
 }
 
 TEST(PlainText, HtmlShowsMarkupInsteadOfObeyingIt) {
-  EXPECT_EQ(html_escaped("<b a='1' c=\"2\">&\n"), "&lt;b a=&#39;1&#39; c=&quot;2&quot;&gt;&amp;\\x0a");
+  EXPECT_EQ(html_escaped("<b a='1' c=\"2\">&\n"),
+            "&lt;b a=&#39;1&#39; c=&quot;2&quot;&gt;&amp;\\x0a");
 }
 
 }  // namespace
