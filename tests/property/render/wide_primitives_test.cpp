@@ -44,7 +44,8 @@ struct Materials {
   double ball_transmittance = 0.0;
 };
 
-/// Two balls, one of them of triangles, and a rod that stand on y = -1 before a lamp.
+/// Two balls, one of them of triangles, and a rod that stand on y = -1 before a lamp, in a dome
+/// that hides where grounds end.
 SceneDescription things(const Materials& of) {
   SceneDescription scene;
   scene.background = {0.1, 0.2, 0.4};
@@ -56,8 +57,10 @@ SceneDescription things(const Materials& of) {
                       .diffuse = 0.6,
                       .specular = of.ball_specular,
                       .transmittance = of.ball_transmittance,
-                      .refraction_index = 1.5}};
-  scene.spheres = {{.centre = {0.3, 0, 0}, .radius = 1.0, .material = 1}};
+                      .refraction_index = 1.5},
+                     {.colour = {0.4, 0.5, 0.9}, .diffuse = 0.7}};
+  scene.spheres = {{.centre = {0.3, 0, 0}, .radius = 1.0, .material = 1},
+                   {.centre = {0, 0, 0}, .radius = 19.0, .inward = true, .material = 2}};
   scene.meshes = {testing::ball_mesh({2, -0.3, -1}, 0.7, 8, 1)};
   scene.cones = {{.base = {-1.7, -1, 0.2},
                   .base_radius = 0.2,
@@ -102,7 +105,7 @@ TEST(WidePrimitives, AWallAsLargeIsSeenInMirrorsAsItIs) {
   const optics::Rig rig = rig_of(96, 64);
   const auto between_walls = [](double half_size) {
     SceneDescription scene = on_square(things(kKinds[1]), half_size);
-    scene.meshes.push_back(testing::rectangle_mesh({-half_size, -half_size, -4},
+    scene.meshes.push_back(testing::rectangle_mesh({-half_size, -half_size, -4 - 0.01 * half_size},
                                                    {2.0 * half_size, 0, 0.02 * half_size},
                                                    {0, 2.0 * half_size, 0}, 1));
     return scene;
@@ -156,7 +159,8 @@ bool lies_on_an_edge(const SceneDescription& scene, const Stage& stage,
   return false;
 }
 
-/// Subpixels that differ by more than a code value; all must lie on an edge, and few may.
+/// Subpixels that differ by more than a code value must lie on an edge, and a quarter of a percent
+/// may.
 int expect_as_the_oracle_says(const SceneDescription& scene, const std::string& name) {
   const optics::Rig rig = rig_of(48, 32);
   const Stage stage = stage_of();
@@ -174,7 +178,7 @@ int expect_as_the_oracle_says(const SceneDescription& scene, const std::string& 
             << name << " subpixel " << i << ", " << j << ", " << channel << ": oracle " << expected
             << ", full " << code;
       }
-  EXPECT_LE(on_edges, 6) << name;
+  EXPECT_LE(on_edges, 3 * frame.width() * frame.height() / 400) << name;
   return on_edges;
 }
 
