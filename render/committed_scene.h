@@ -18,6 +18,7 @@
 #include "render/scene.h"
 #include "render/scene_fingerprint.h"
 #include "render/surroundings.h"
+#include "render/wide_triangle.h"
 
 namespace lenticule::render {
 
@@ -28,6 +29,12 @@ struct MeshShape {
   std::vector<Vec3f> normals;             ///< per vertex, or empty
   std::vector<std::array<float, 2>> uvs;  ///< per vertex, or empty
   int material = 0;
+
+  static constexpr uint32_t kNotWide = ~0U;
+  /// By triangle: its number in Scene::Impl::wide_triangles, or kNotWide. Empty if none is wide.
+  std::vector<uint32_t> wide;
+  /// What Embree meets as triangles: the same, but wide ones are points. Empty if none is wide.
+  std::vector<std::array<uint32_t, 3>> narrow_triangles;
 };
 
 /// A light in the scene frame.
@@ -60,6 +67,7 @@ struct Scene::Impl {
   std::vector<MeshShape> meshes;
   std::vector<SphereShape> spheres;
   std::vector<ConeShape> cones;
+  std::vector<WideTriangle> wide_triangles;
   std::vector<GeometryEntry> geometries;  ///< by Embree's geometry number
   EmbreeScene embree;
 
@@ -80,6 +88,16 @@ struct Scene::Impl {
   std::unique_ptr<const ShadingTables> shading;  ///< of all the above
   std::unique_ptr<const PrimitiveTree> tree;     ///< null if too large
   std::unique_ptr<ShaftProofs> proofs;  ///< grow while frames are rendered; null if too large
+
+  /// Null for triangles that are not wide.
+  [[nodiscard]] const WideTriangle* wide_triangle(const MeshShape& mesh, uint32_t triangle) const {
+    if (mesh.wide.empty() || mesh.wide[triangle] == MeshShape::kNotWide) return nullptr;
+    return &wide_triangles[mesh.wide[triangle]];
+  }
 };
+
+/// In the scene frame, those of wide triangles in double precision.
+[[nodiscard]] std::array<Vec3, 3> corners_of(const Scene::Impl& scene, const MeshShape& mesh,
+                                             uint32_t triangle);
 
 }  // namespace lenticule::render

@@ -337,13 +337,13 @@ void PacketTracer::shade(const Scene::Impl& scene, const RayPacket& packet, cons
     if (known_ != nullptr) weight = add_known_secondary(weight);
   }
   if (depth + 1 == generations_.size()) return;
-  if (surfaces.any_transmits) return follow_glass(scene, packet, generation, weight, depth);
-  if (!surfaces.any_specular) return;
+  if (!surfaces.any_specular && !surfaces.any_transmits) return;
   NewRays& rays = generation.mirrored_rays;
   rays.packet = &generation.mirrored.rays.ray.org_x[0];
   rays.valid = generation.mirrored.valid;
   const bool any = kernel_.mirrored_rays(surfaces, weight, rays);
   counts_.invalid += static_cast<uint64_t>(rays.refused);
+  if (surfaces.any_transmits) return follow_glass(scene, packet, generation, weight, depth);
   if (!any) return;
   if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
     leave_out_weak(scene, rays, depth);
@@ -670,8 +670,9 @@ uint32_t PacketTracer::take_open(const Scene::Impl& scene, const Asker& asker, c
   return empty;
 }
 
-/// Packets with glass in them: mirrored and refracted rays lane by lane, since total reflection
-/// moves light from the one to the other.
+/// Packets with glass in them. Where a lane met glass, its mirrored and refracted rays are made by
+/// themselves, since total reflection moves light from the one to the other; other lanes keep the
+/// mirrored rays that they have in any packet.
 void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packet,
                                 Generation& generation, const float* weight, size_t depth) {
   const Surfaces& s = generation.surfaces;
@@ -691,13 +692,14 @@ void PacketTracer::follow_glass(const Scene::Impl& scene, const RayPacket& packe
     set_lane(rays, r, Vec3f(origin), Vec3f(direction));
   };
   for (size_t r = 0; r < kPacket; ++r) {
-    Continuation on;
-    Surface surface;
-    if (s.active[r] != 0) {
-      Vec3 direction;
-      surface = exact_surface(scene, packet, s.channel[r], r, direction);
-      on = continuation(surface, direction);
+    if (s.active[r] == 0 ||
+        !(scene.materials[static_cast<size_t>(s.material[r])].transmittance > 0.0)) {
+      set(generation.refracted, refracted, r, {}, {}, 0.0);
+      continue;
     }
+    Vec3 direction;
+    const Surface surface = exact_surface(scene, packet, s.channel[r], r, direction);
+    const Continuation on = continuation(surface, direction);
     set(generation.mirrored, mirrored, r, spawn_point(surface, Side::Viewer), on.mirror_direction,
         on.mirror_weight);
     set(generation.refracted, refracted, r, spawn_point(surface, Side::Far), on.transmit_direction,

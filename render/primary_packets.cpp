@@ -87,6 +87,42 @@ PrimaryPackets::Maker::Maker(const PrimaryPackets& packets) : packets_(packets) 
 
 void PrimaryPackets::Maker::start(const Scene::Impl& scene, const Tile& tile,
                                   const Footprint& footprint) {
+  begin(scene, tile, footprint);
+  if (!fast_) packets_.exact_.generate(scene, tile, footprint, 1.0, workspace_, rays_);
+}
+
+void PrimaryPackets::Maker::start_few(const Scene::Impl& scene, const Tile& tile,
+                                      const Footprint& centre) {
+  begin(scene, tile, centre);
+  scene_ = &scene;
+  centre_ = &centre;
+  if (column_.empty()) {
+    column_.resize(1);
+    init_packets(column_);
+  }
+  prepare(column_);
+}
+
+void PrimaryPackets::Maker::ray(int column, int row, RayPacket& out, size_t lane) {
+  const auto r = static_cast<size_t>(row);
+  LENTICULE_CHECK(column >= first_column_[r] && column < end_column_[r]);
+  RayPacket& made = column_.front();
+  if (fast_) {
+    columns(column, column_);
+  } else {
+    const int subpixel = packets_.plan_.subpixel(tile_, column, row);
+    const PathRay ray =
+        packets_.exact_.one(*scene_, tile_.row_begin + row, subpixel, *centre_, of_pixel_);
+    set_lane(made, r, Vec3f(ray.origin), Vec3f(ray.direction));
+  }
+  const RTCRay16& from = made.rays.ray;
+  set_lane(out, lane, {from.org_x[r], from.org_y[r], from.org_z[r]},
+           {from.dir_x[r], from.dir_y[r], from.dir_z[r]});
+  out.rays.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
+}
+
+void PrimaryPackets::Maker::begin(const Scene::Impl& scene, const Tile& tile,
+                                  const Footprint& footprint) {
   LENTICULE_CHECK(tile.columns == TilePlan::kColumns);
   tile_ = tile;
   refused_ = 0;
@@ -102,7 +138,6 @@ void PrimaryPackets::Maker::start(const Scene::Impl& scene, const Tile& tile,
     whole_ = whole_ && first_column_[r] == 0 && end_column_[r] == tile.columns;
   }
   fast_ = packets_.optics_ && centred_ && set_pieces(scene);
-  if (!fast_) packets_.exact_.generate(scene, tile, footprint, 1.0, workspace_, rays_);
 }
 
 /// False where the polynomials do not reach or a number is not fit for Embree.

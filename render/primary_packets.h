@@ -36,6 +36,11 @@ class PrimaryPackets {
     /// Packets have to pass here after each start() before they go to columns(), and through
     /// init_packets() once before.
     void prepare(std::span<RayPacket> packets) const;
+    /// The same for few rays: instead of columns(), ray() may be asked for. Samples are taken in
+    /// the subpixels' centres.
+    void start_few(const Scene::Impl& scene, const Tile& tile, const Footprint& centre);
+    /// Sets a lane to what columns() makes of a subpixel of the tile that is on the panel.
+    void ray(int column, int row, RayPacket& out, size_t lane);
     /// Rays of columns [column, column + out.size()) of the tile; `out` is not empty.
     void columns(int column, std::span<RayPacket> out);
     /// Bounds of all rays of these columns. False, and `out` is unspecified, where they are not
@@ -61,6 +66,7 @@ class PrimaryPackets {
       optics::TileOptics::Tile optics;
       packet_kernel::Tile kernel;
     };
+    void begin(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint);
     bool set_pieces(const Scene::Impl& scene);
     bool combine(const Scene::Impl& scene, Piece& piece) const;
     static void set_bounds(const optics::TileOptics& rig, const optics::TileOptics::Tile& in,
@@ -84,6 +90,11 @@ class PrimaryPackets {
     std::vector<Piece> pieces_;  ///< side by side
     PrimaryRays::Workspace workspace_;
     std::vector<PathRay> rays_;
+    // Of start_few():
+    const Scene::Impl* scene_ = nullptr;
+    const Footprint* centre_ = nullptr;
+    std::vector<RayPacket> column_;  ///< one
+    optics::RowRays of_pixel_;
   };
 
   /// False where every tile is made by the map itself.

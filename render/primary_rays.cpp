@@ -32,11 +32,28 @@ void PrimaryRays::evaluate_rows(const Tile& tile, Workspace& workspace) const {
   }
 }
 
+PathRay PrimaryRays::ray_of(const Scene::Impl& scene, const optics::RowRays& row, size_t k,
+                            const Footprint& footprint, double start) const {
+  const PanelRay line =
+      footprint.displaced({row.lens_x_mm[k], row.lens_y_mm[k], row.tan_x[k], row.tan_y[k]});
+  const Affine& scene_from_panel = scene.scene_from_panel;
+  const Vec3 way = scene_from_panel.vector({-line.tan_x, -line.tan_y, -1.0});
+  return {.origin = scene_from_panel.point(
+              {line.x_mm + start * line.tan_x, line.y_mm + start * line.tan_y, start}),
+          .direction = way * (1.0 / length(way))};
+}
+
+PathRay PrimaryRays::one(const Scene::Impl& scene, int row, int subpixel,
+                         const Footprint& footprint, optics::RowRays& scratch) const {
+  const int i = subpixel / 3;
+  evaluator_.evaluate(row, i, i + 1, scratch);
+  return ray_of(scene, scratch, static_cast<size_t>(subpixel - 3 * i), footprint, start_mm(scene));
+}
+
 void PrimaryRays::generate(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint,
                            double weight, Workspace& workspace, std::vector<PathRay>& rays) const {
   evaluate_rows(tile, workspace);
   const double start = start_mm(scene);
-  const Affine& scene_from_panel = scene.scene_from_panel;
   rays.resize(static_cast<size_t>(tile.columns) * TilePlan::kRows);
   PathRay* ray = rays.data();
   // Column by column, so that the packets are written one after the other.
@@ -49,12 +66,7 @@ void PrimaryRays::generate(const Scene::Impl& scene, const Tile& tile, const Foo
         continue;
       }
       const auto k = static_cast<size_t>(s - in.first_evaluated);
-      const PanelRay line = footprint.displaced(
-          {in.rays.lens_x_mm[k], in.rays.lens_y_mm[k], in.rays.tan_x[k], in.rays.tan_y[k]});
-      const Vec3 way = scene_from_panel.vector({-line.tan_x, -line.tan_y, -1.0});
-      ray->origin = scene_from_panel.point(
-          {line.x_mm + start * line.tan_x, line.y_mm + start * line.tan_y, start});
-      ray->direction = way * (1.0 / length(way));
+      *ray = ray_of(scene, in.rays, k, footprint, start);
       ray->weight = weight;
       ray->target = static_cast<uint32_t>(row * tile.columns + column);
       ray->channel = s % 3;

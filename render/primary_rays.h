@@ -41,10 +41,16 @@ class PrimaryRays {
   void generate(const Scene::Impl& scene, const Tile& tile, const Footprint& footprint,
                 double weight, Workspace& workspace, std::vector<PathRay>& rays) const;
 
+  /// The same ray of one subpixel of a row, without weight and target.
+  [[nodiscard]] PathRay one(const Scene::Impl& scene, int row, int subpixel,
+                            const Footprint& footprint, optics::RowRays& scratch) const;
+
   /// primary_start_mm of a scene.
   [[nodiscard]] double start_mm(const Scene::Impl& scene) const;
 
  private:
+  [[nodiscard]] PathRay ray_of(const Scene::Impl& scene, const optics::RowRays& row, size_t k,
+                               const Footprint& footprint, double start) const;
   void evaluate_rows(const Tile& tile, Workspace& workspace) const;
 
   const TilePlan& plan_;

@@ -33,22 +33,26 @@ std::vector<RTCBuildPrimitive> boxes_of(const Scene::Impl& scene) {
     const Vec3 half{reach, reach, reach};
     add(geometry, primitive, Vec3f(middle - half), Vec3f(middle + half));
   };
+  const auto add_with_room = [&](size_t geometry, size_t primitive, const Box& box) {
+    const double margin =
+        double{kRoundingMargin} * double{largest(Vec3f(box.low)) + largest(Vec3f(box.high))};
+    const Vec3 room{margin, margin, margin};
+    add(geometry, primitive, Vec3f(box.low - room), Vec3f(box.high + room));
+  };
   for (size_t g = 0; g < scene.geometries.size(); ++g) {
     const GeometryEntry& entry = scene.geometries[g];
     if (entry.kind == GeometryEntry::Kind::Spheres)
       for (size_t i = 0; i < scene.spheres.size(); ++i)
         add_ball(g, i, scene.spheres[i].centre, scene.spheres[i].radius);
     if (entry.kind == GeometryEntry::Kind::Cones)
-      for (size_t i = 0; i < scene.cones.size(); ++i) {
-        const auto [low, high] = box_of(scene.cones[i]);
-        const double margin =
-            double{kRoundingMargin} * double{largest(Vec3f(low)) + largest(Vec3f(high))};
-        const Vec3 room{margin, margin, margin};
-        add(g, i, Vec3f(low - room), Vec3f(high + room));
-      }
+      for (size_t i = 0; i < scene.cones.size(); ++i) add_with_room(g, i, box_of(scene.cones[i]));
     if (entry.kind != GeometryEntry::Kind::Mesh) continue;
     const MeshShape& mesh = scene.meshes[entry.mesh];
     for (size_t i = 0; i < mesh.triangles.size(); ++i) {
+      if (const WideTriangle* wide = scene.wide_triangle(mesh, static_cast<uint32_t>(i))) {
+        add_with_room(g, i, box_of(*wide));
+        continue;
+      }
       const Vec3f a = mesh.positions[mesh.triangles[i][0]];
       const Vec3f b = mesh.positions[mesh.triangles[i][1]];
       const Vec3f c = mesh.positions[mesh.triangles[i][2]];

@@ -17,7 +17,7 @@ namespace lenticule::render {
 inline constexpr float kRoundingMargin = 1.0F / (1 << 18);
 
 /// Immutable, safe from any thread. Boxes are in the scene frame; those of spheres and cones are a
-/// margin wider than their shapes, those of triangles hold their corners.
+/// margin wider than their shapes, and those of wide triangles; those of others hold their corners.
 class PrimitiveTree {
  public:
   /// Embree's numbers.

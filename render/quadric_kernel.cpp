@@ -129,6 +129,28 @@ inline Doubles distance(const Cone& cone, const Vector& origin, const Vector& di
   return first_root(low, on_cone(low), high, on_cone(high), near, far);
 }
 
+inline Doubles absolute(const Doubles& v) {
+  return reinterpret_cast<Doubles>(reinterpret_cast<Wide>(v) & 0x7fffffffffffffff);
+}
+inline Doubles larger(const Doubles& a, const Doubles& b) {
+  return a < b ? b : a;
+}
+
+inline Doubles distance(const Triangle& triangle, const Vector& origin, const Vector& direction,
+                        const Doubles& near, const Doubles& far) {
+  const Vector corner = spread(triangle.corner), normal = spread(triangle.normal);
+  const Vector from_corner = origin - corner;
+  const Doubles t = -dot(from_corner, normal) / dot(direction, normal);
+  const Vector at = from_corner + direction * t;
+  const Vector p = at + corner;
+  const Doubles room =
+      triangle.edge_room * larger(larger(absolute(p.x), absolute(p.y)), absolute(p.z));
+  const Doubles u = dot(at, spread(triangle.u_axis)), v = dot(at, spread(triangle.v_axis));
+  const Wide inside = (u >= -(room * triangle.slope[0])) & (v >= -(room * triangle.slope[1])) &
+                      (u + v <= 1.0 + room * triangle.slope[2]);
+  return first_root(t, inside, t, inside, near, far);
+}
+
 template <class Shape>
 inline Doubles distance(const Shape& shape, const Packet& packet, int first) {
   return distance(shape, vector_at(packet, packet_kernel::kOriginX, first),
@@ -180,6 +202,8 @@ const quadric_kernel::Kernel kQuadricKernel{.step = kStep,
                                             .intersect_sphere = intersect<Sphere>,
                                             .occlude_sphere = occlude<Sphere>,
                                             .intersect_cone = intersect<Cone>,
-                                            .occlude_cone = occlude<Cone>};
+                                            .occlude_cone = occlude<Cone>,
+                                            .intersect_triangle = intersect<Triangle>,
+                                            .occlude_triangle = occlude<Triangle>};
 
 }  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

@@ -30,6 +30,14 @@ Vec3 outer_normal(const ConeShape& cone, Vec3 point) {
   return cone.inward ? -outward : outward;
 }
 
+double extent_of(const SphereShape& sphere) {
+  return sphere.radius;
+}
+
+double extent_of(const ConeShape& cone) {
+  return std::max({cone.height, cone.base_radius, cone.base_radius + cone.slope * cone.height});
+}
+
 Vec3 disc_extent(Vec3 unit_normal, double radius) {
   const auto side = [&](double n) { return radius * std::sqrt(std::max(0.0, 1.0 - n * n)); };
   return {side(unit_normal.x), side(unit_normal.y), side(unit_normal.z)};

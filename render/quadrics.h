@@ -58,6 +58,10 @@ struct Roots {
 [[nodiscard]] Vec3 outer_normal(const SphereShape& sphere, Vec3 point);
 [[nodiscard]] Vec3 outer_normal(const ConeShape& cone, Vec3 point);
 
+/// The largest of its lengths.
+[[nodiscard]] double extent_of(const SphereShape& sphere);
+[[nodiscard]] double extent_of(const ConeShape& cone);
+
 /// Half the size of the box around a disc, along each axis.
 [[nodiscard]] Vec3 disc_extent(Vec3 unit_normal, double radius);
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 
 #include "base/error.h"
 #include "render/committed_scene.h"
@@ -179,11 +180,15 @@ class Committer {
     shape.triangles = mesh.triangles;
     shape.uvs = mesh.uvs;
     shape.positions.reserve(mesh.positions.size() + 1);
+    std::vector<Vec3> exact;
+    exact.reserve(mesh.positions.size());
     for (const Vec3& position : mesh.positions) {
       const Vec3 p = scene_point(position, "mesh", mesh.name);
       see(p);
+      exact.push_back(p);
       shape.positions.emplace_back(p);
     }
+    find_wide_triangles(exact, shape);
     shape.positions.emplace_back();
     shape.normals.reserve(mesh.normals.size());
     for (const Vec3& normal : mesh.normals) {
@@ -191,6 +196,25 @@ class Committer {
       shape.normals.emplace_back(turned(normal));
     }
     scene_.meshes.push_back(std::move(shape));
+  }
+
+  void find_wide_triangles(const std::vector<Vec3>& positions, MeshShape& shape) {
+    const auto geometry = static_cast<uint32_t>(scene_.meshes.size());
+    for (size_t n = 0; n < shape.triangles.size(); ++n) {
+      const std::array<uint32_t, 3>& triangle = shape.triangles[n];
+      const std::array<Vec3, 3> corner = {positions[triangle[0]], positions[triangle[1]],
+                                          positions[triangle[2]]};
+      if (!is_wide(corner)) continue;
+      if (shape.wide.empty()) {
+        shape.wide.assign(shape.triangles.size(), MeshShape::kNotWide);
+        shape.narrow_triangles = shape.triangles;
+      }
+      shape.wide[n] = static_cast<uint32_t>(scene_.wide_triangles.size());
+      shape.narrow_triangles[n] = {triangle[0], triangle[0], triangle[0]};
+      WideTriangle& wide = scene_.wide_triangles.emplace_back(make_wide_triangle(corner));
+      wide.geometry = geometry;
+      wide.primitive = static_cast<uint32_t>(n);
+    }
   }
 
   void add_sphere(const Sphere& sphere) {
@@ -273,6 +297,8 @@ class Committer {
       attach(make_sphere_geometry(device, scene_.spheres), {GeometryEntry::Kind::Spheres});
     if (!scene_.cones.empty())
       attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones});
+    if (!scene_.wide_triangles.empty())
+      attach_last(make_wide_geometry(device, scene_.wide_triangles));
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
     scene_.shading = std::make_unique<const ShadingTables>(scene_);
@@ -292,20 +318,25 @@ class Committer {
     if (!geometry) return geometry;
     rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                mesh.positions.data(), 0, sizeof(Vec3f), mesh.positions.size() - 1);
+    const auto& triangles = mesh.wide.empty() ? mesh.triangles : mesh.narrow_triangles;
     rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
-                               mesh.triangles.data(), 0, sizeof(mesh.triangles[0]),
-                               mesh.triangles.size());
+                               triangles.data(), 0, sizeof(triangles[0]), triangles.size());
     rtcSetGeometryMask(geometry.get(), ~0U);
     rtcCommitGeometry(geometry.get());
     return geometry;
   }
 
   void attach(EmbreeGeometry geometry, GeometryEntry entry) {
+    attach_last(std::move(geometry));
+    scene_.geometries.push_back(entry);
+  }
+
+  /// Without an entry: its rays are told the numbers of other geometries.
+  void attach_last(EmbreeGeometry geometry) {
     scene_.device.check(description_.source);
     LENTICULE_CHECK(geometry != nullptr);
     rtcAttachGeometryByID(scene_.embree.get(), geometry.get(),
                           static_cast<unsigned>(scene_.geometries.size()));
-    scene_.geometries.push_back(entry);
   }
 
   const SceneDescription& description_;
@@ -330,6 +361,12 @@ Scene::Scene(const SceneDescription& description, const Stage& stage,
 Scene::~Scene() = default;
 
 Scene::Impl::Impl(int threads) : device(threads) {}
+
+std::array<Vec3, 3> corners_of(const Scene::Impl& scene, const MeshShape& mesh, uint32_t triangle) {
+  if (const WideTriangle* wide = scene.wide_triangle(mesh, triangle)) return wide->corner;
+  const auto& [a, b, c] = mesh.triangles[triangle];
+  return {Vec3(mesh.positions[a]), Vec3(mesh.positions[b]), Vec3(mesh.positions[c])};
+}
 Scene::Impl::~Impl() = default;
 
 }  // namespace lenticule::render

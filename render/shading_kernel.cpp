@@ -12,8 +12,8 @@ namespace {
 using namespace shading_kernel;
 using packet_kernel::Field;
 
-/// New rays start this part of (largest coordinate + extent of the primitive) off the surface:
-/// roundings of single precision, see docs/rendering.md.
+/// New rays start this part of (largest coordinate + extent of the primitive, or the reach of a
+/// wide one) off the surface: roundings of single precision, see docs/rendering.md.
 constexpr float kSpawnOffset = 1.0F / (1 << 19);
 /// An occluder this close to the light, as a part of the way, is the lamp itself.
 constexpr float kLampClearance = 1.0F / (1 << 18);
@@ -106,9 +106,36 @@ inline void set_paint(const Material& m, int32_t number, const Masks& where, con
   paint.number = select(where, Masks::of(number), paint.number);
 }
 
+/// Wide shapes that a packet met, and by which lanes.
+struct WideShapes {
+  struct One {
+    Masks lanes;
+    const WideTriangle* triangle;  ///< or null
+    const WideQuadric* quadric;
+    bool is_cone;
+    float outward;
+  };
+  int count = 0;
+  One shape[kLanes];
+
+  void add(const One& one) { shape[count++] = one; }
+};
+
+inline void add_if_wide(const Geometry& geometry, uint32_t primitive, const Masks& where,
+                        WideShapes& wide) {
+  const Mesh& mesh = geometry.mesh;
+  if (geometry.kind != Geometry::kMesh) {
+    const Quadric& q = geometry.quadrics[primitive];
+    if (q.wide != nullptr)
+      wide.add({where, nullptr, q.wide, geometry.kind == Geometry::kCones, q.outward});
+  } else if (mesh.wide != nullptr && mesh.wide[primitive] != kNotWide) {
+    wide.add({where, mesh.wide_triangles + mesh.wide[primitive], nullptr, false, 1.0F});
+  }
+}
+
 /// Walks over the different primitives of a packet; neighbouring rays meet few.
 inline void gather(const Tables& tables, const float* packet, const Masks& active, Primitives& p,
-                   Paint& paint, Surfaces& out) {
+                   WideShapes& wide, Paint& paint, Surfaces& out) {
   const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
   const Words& primitive = words_at(packet + packet_kernel::kPrimitive * kLanes);
   const Masks& channel = masks_at(out.channel);
@@ -127,6 +154,7 @@ inline void gather(const Tables& tables, const float* packet, const Masks& activ
       set_quadric(shape.quadrics[number], shape.kind == Geometry::kCones, where, p);
       material = shape.quadrics[number].material;
     }
+    add_if_wide(shape, number, where, wide);
     const Material& m = tables.materials[material];
     set_paint(m, material, where, channel, paint);
     out.any_textured |= m.textured;
@@ -146,6 +174,131 @@ struct Point {
   Masks cell_u, cell_v, cell_w, divisions, divisions_along;
 };
 
+/// Sixteen points in double precision. Loops over lanes become vectors of the instruction set.
+struct alignas(64) DoublePoints {
+  double x[kLanes], y[kLanes], z[kLanes];
+};
+
+/// Where rays met wide shapes.
+struct WidePoints {
+  Masks lanes;
+  Floats3 at, outer;
+  Floats u, v, reach;
+};
+
+/// Points of one shape before they are put to the others. Lanes that met something else hold
+/// anything.
+struct alignas(64) WideLanes {
+  float at[3][kLanes], outer[3][kLanes];
+  float u[kLanes], v[kLanes];
+};
+
+inline void find_met(const float* packet, DoublePoints& met) {
+  const auto at = [packet](Field which, int r) { return double{packet[which * kLanes + r]}; };
+  for (int r = 0; r < kLanes; ++r) {
+    const double t = at(packet_kernel::kTFar, r);
+    met.x[r] = at(packet_kernel::kOriginX, r) + at(packet_kernel::kDirectionX, r) * t;
+    met.y[r] = at(packet_kernel::kOriginY, r) + at(packet_kernel::kDirectionY, r) * t;
+    met.z[r] = at(packet_kernel::kOriginZ, r) + at(packet_kernel::kDirectionZ, r) * t;
+  }
+}
+
+inline double clamped01(double v) {
+  return v > 0.0 ? (v < 1.0 ? v : 1.0) : 0.0;
+}
+
+inline void put(WideLanes& out, int r, double x, double y, double z) {
+  out.at[0][r] = static_cast<float>(x);
+  out.at[1][r] = static_cast<float>(y);
+  out.at[2][r] = static_cast<float>(z);
+}
+inline void put_outer(WideLanes& out, int r, double x, double y, double z) {
+  out.outer[0][r] = static_cast<float>(x);
+  out.outer[1][r] = static_cast<float>(y);
+  out.outer[2][r] = static_cast<float>(z);
+}
+
+/// Brought into the triangle's plane and inside the triangle.
+inline void on_wide_triangle(const WideTriangle& t, const DoublePoints& met, WideLanes& out) {
+  for (int r = 0; r < kLanes; ++r) {
+    const double x = met.x[r] - t.corner[0], y = met.y[r] - t.corner[1], z = met.z[r] - t.corner[2];
+    const double u = clamped01(x * t.u_axis[0] + y * t.u_axis[1] + z * t.u_axis[2]);
+    const double v = clamped01(x * t.v_axis[0] + y * t.v_axis[1] + z * t.v_axis[2]);
+    const double sum = u + v;
+    const double shrink = sum > 1.0 ? 1.0 / sum : 1.0;
+    const double a = u * shrink, b = v * shrink;
+    put(out, r, t.corner[0] + (t.edge1[0] * a + t.edge2[0] * b),
+        t.corner[1] + (t.edge1[1] * a + t.edge2[1] * b),
+        t.corner[2] + (t.edge1[2] * a + t.edge2[2] * b));
+    put_outer(out, r, t.normal[0], t.normal[1], t.normal[2]);
+    out.u[r] = static_cast<float>(a);
+    out.v[r] = static_cast<float>(b);
+  }
+}
+
+inline double per_length(double x, double y, double z) {
+  const double length = __builtin_sqrt(x * x + y * y + z * z);
+  return length > 0.0 ? 1.0 / length : 0.0;
+}
+
+inline void on_wide_sphere(const WideQuadric& s, float outward, const DoublePoints& met,
+                           WideLanes& out) {
+  const double side = outward;
+  for (int r = 0; r < kLanes; ++r) {
+    const double x = met.x[r] - s.centre[0], y = met.y[r] - s.centre[1], z = met.z[r] - s.centre[2];
+    const double scale = per_length(x, y, z);
+    const double nx = x * scale, ny = y * scale, nz = z * scale;
+    put(out, r, s.centre[0] + nx * s.radius, s.centre[1] + ny * s.radius,
+        s.centre[2] + nz * s.radius);
+    put_outer(out, r, nx * side, ny * side, nz * side);
+    out.u[r] = out.v[r] = 0.0F;
+  }
+}
+
+/// At the tip there is no normal.
+inline void on_wide_cone(const WideQuadric& c, float outward, const DoublePoints& met,
+                         WideLanes& out) {
+  for (int r = 0; r < kLanes; ++r) {
+    const double x = met.x[r] - c.centre[0], y = met.y[r] - c.centre[1], z = met.z[r] - c.centre[2];
+    const double along = x * c.axis[0] + y * c.axis[1] + z * c.axis[2];
+    const double ax = x - c.axis[0] * along, ay = y - c.axis[1] * along, az = z - c.axis[2] * along;
+    const double scale = per_length(ax, ay, az);
+    const double nx = ax * scale, ny = ay * scale, nz = az * scale;
+    const double low = along > 0.0 ? along : 0.0;
+    const double s = low < c.height ? low : c.height;
+    const double radius = c.radius + c.slope * s;
+    put(out, r, c.centre[0] + (c.axis[0] * s + nx * radius),
+        c.centre[1] + (c.axis[1] * s + ny * radius), c.centre[2] + (c.axis[2] * s + nz * radius));
+    const double ox = nx - c.axis[0] * c.slope, oy = ny - c.axis[1] * c.slope,
+                 oz = nz - c.axis[2] * c.slope;
+    const double side = scale > 0.0 ? per_length(ox, oy, oz) * double{outward} : 0.0;
+    put_outer(out, r, ox * side, oy * side, oz * side);
+    out.u[r] = out.v[r] = 0.0F;
+  }
+}
+
+inline void find_wide_points(const float* packet, const WideShapes& shapes, WidePoints& out) {
+  DoublePoints met;
+  find_met(packet, met);
+  for (int n = 0; n < shapes.count; ++n) {
+    const WideShapes::One& one = shapes.shape[n];
+    WideLanes lanes;
+    if (one.triangle != nullptr)
+      on_wide_triangle(*one.triangle, met, lanes);
+    else if (one.is_cone)
+      on_wide_cone(*one.quadric, one.outward, met, lanes);
+    else
+      on_wide_sphere(*one.quadric, one.outward, met, lanes);
+    const double reach = one.triangle != nullptr ? one.triangle->reach : one.quadric->reach;
+    out.lanes = out.lanes | one.lanes;
+    out.at = select(one.lanes, vector_at(lanes.at), out.at);
+    out.outer = select(one.lanes, vector_at(lanes.outer), out.outer);
+    out.u = select(one.lanes, floats_at(lanes.u), out.u);
+    out.v = select(one.lanes, floats_at(lanes.v), out.v);
+    set(one.lanes, static_cast<float>(reach), out.reach);
+  }
+}
+
 /// Into how many cells a length is cut: at least one.
 inline Masks cells_along(const Floats& length, float most) {
   const Floats cells = length * (1.0F / kCellSize);
@@ -161,7 +314,8 @@ inline Masks cells_around(const Floats& radius, float most) {
 /// `met` is brought into the triangle's plane and inside the triangle: at an edge, Embree may have
 /// chosen the neighbour. Lengths are taken relative to the triangle, so that none is too small or
 /// too large to be squared.
-inline void on_triangles(const Primitives& p, const Floats3& met, Point& out) {
+inline void on_triangles(const Primitives& p, const Floats3& met, const WidePoints* wide,
+                         Point& out) {
   const Floats extent = max(largest(p.edge1), largest(p.edge2));
   const Floats scale = select(p.triangles, 1.0F / extent, Floats{});
   const Floats3 e1 = p.edge1 * scale, e2 = p.edge2 * scale;
@@ -175,6 +329,10 @@ inline void on_triangles(const Primitives& p, const Floats3& met, Point& out) {
   const Floats shrink = select(sum > 1.0F, 1.0F / sum, Floats::of(1.0F));
   u = u * shrink;
   v = v * shrink;
+  if (wide != nullptr) {
+    u = select(wide->lanes, wide->u, u);
+    v = select(wide->lanes, wide->v, v);
+  }
   out.at = p.a + (p.edge1 * u + p.edge2 * v);
   out.outer = unit(normal);
   const Floats3 smooth = p.normal_a * ((1.0F - u) - v) + (p.normal_b * u + p.normal_c * v);
@@ -232,6 +390,13 @@ inline void on_cones(const Primitives& p, const Floats3& met, Point& out) {
   out.cell_w = select(p.cones, clamp_index(to_integers(part), along_count), out.cell_w);
 }
 
+/// In place of what single precision says of them.
+inline void put_wide(const WidePoints& wide, Point& out) {
+  out.at = select(wide.lanes, wide.at, out.at);
+  out.outer = select(wide.lanes, wide.outer, out.outer);
+  out.offset = select(wide.lanes, kSpawnOffset * (largest(wide.at) + wide.reach), out.offset);
+}
+
 inline void write_point(const Floats3& view, const Point& point, Surfaces& out) {
   // At the tip of a cone there is no normal; the way back serves.
   const Masks lost = dot(point.outer, point.outer) == 0.0F;
@@ -275,7 +440,14 @@ bool find_surfaces(const Tables& tables, const float* packet, const int32_t* val
   out.any_textured = out.any_transmits = out.any_specular = 0;
   Primitives primitives{};
   Paint paint{};
-  gather(tables, packet, active, primitives, paint, out);
+  WideShapes shapes;
+  gather(tables, packet, active, primitives, shapes, paint, out);
+  WidePoints wide;
+  const bool has_wide = shapes.count > 0;
+  if (has_wide) {
+    wide = {};
+    find_wide_points(packet, shapes, wide);
+  }
 
   const Floats3 direction{field(packet, packet_kernel::kDirectionX),
                           field(packet, packet_kernel::kDirectionY),
@@ -285,9 +457,10 @@ bool find_surfaces(const Tables& tables, const float* packet, const int32_t* val
                        field(packet, packet_kernel::kOriginZ)};
   const Floats3 met = origin + direction * field(packet, packet_kernel::kTFar);
   Point point{};
-  if (any(primitives.triangles)) on_triangles(primitives, met, point);
+  if (any(primitives.triangles)) on_triangles(primitives, met, has_wide ? &wide : nullptr, point);
   if (any(primitives.spheres)) on_spheres(primitives, met, point);
   if (any(primitives.cones)) on_cones(primitives, met, point);
+  if (has_wide) put_wide(wide, point);
   write_point(unit(direction), point, out);
   write_paint(paint, out);
   return true;

@@ -28,11 +28,33 @@ struct Material {
   int32_t textured;  ///< the caller multiplies colours
 };
 
+/// Met in double precision, see render/wide_triangle.h.
+struct WideTriangle {
+  double corner[3];
+  double edge1[3], edge2[3];
+  double normal[3];
+  double u_axis[3], v_axis[3];
+  double reach;
+};
+inline constexpr uint32_t kNotWide = ~0U;
+
 struct Mesh {
   const float* positions;     ///< x, y, z of each vertex
   const uint32_t* triangles;  ///< three vertices each
   const float* normals;       ///< unit, x, y, z of each vertex, or null
   int32_t material;
+  const uint32_t* wide;  ///< by triangle, in `wide_triangles` or kNotWide; null if none is wide
+  const WideTriangle* wide_triangles;
+};
+
+/// Where a wide sphere or cone is.
+struct WideQuadric {
+  double centre[3];
+  double radius;
+  double axis[3];
+  double height;
+  double slope;
+  double reach;
 };
 
 /// A sphere or an open cone; see render/quadrics.h.
@@ -44,6 +66,7 @@ struct Quadric {
   float slope;
   float outward;  ///< 1, or -1 where the inside is the outer side
   int32_t material;
+  const WideQuadric* wide;  ///< null if it is not
 };
 
 struct Geometry {

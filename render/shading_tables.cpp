@@ -70,14 +70,65 @@ shading_kernel::Light table_entry(const SceneLight& light, double units_per_worl
   return out;
 }
 
-shading_kernel::Geometry table_entry(const MeshShape& mesh) {
+void write(Vec3 v, double (&out)[3]) {
+  out[0] = v.x;
+  out[1] = v.y;
+  out[2] = v.z;
+}
+
+shading_kernel::WideTriangle wide_entry(const WideTriangle& triangle) {
+  shading_kernel::WideTriangle out{};
+  write(triangle.corner[0], out.corner);
+  write(triangle.corner[1] - triangle.corner[0], out.edge1);
+  write(triangle.corner[2] - triangle.corner[0], out.edge2);
+  write(triangle.normal, out.normal);
+  write(triangle.u_axis, out.u_axis);
+  write(triangle.v_axis, out.v_axis);
+  out.reach = triangle.reach;
+  return out;
+}
+
+shading_kernel::WideQuadric wide_entry(const SphereShape& sphere) {
+  shading_kernel::WideQuadric out{};
+  write(sphere.centre, out.centre);
+  out.radius = sphere.radius;
+  out.reach = wide_reach(sphere.radius);
+  return out;
+}
+
+shading_kernel::WideQuadric wide_entry(const ConeShape& cone) {
+  shading_kernel::WideQuadric out{};
+  write(cone.base, out.centre);
+  write(cone.axis, out.axis);
+  out.radius = cone.base_radius;
+  out.height = cone.height;
+  out.slope = cone.slope;
+  out.reach = wide_reach(extent_of(cone));
+  return out;
+}
+
+/// Adds what shading reads of shapes, and of wide ones what it reads in double precision.
+template <class Shape>
+void add_shapes(const std::vector<Shape>& shapes, std::vector<shading_kernel::Quadric>& out,
+                std::deque<shading_kernel::WideQuadric>& wide) {
+  for (const Shape& shape : shapes) {
+    shading_kernel::Quadric& entry = out.emplace_back(table_entry(shape));
+    if (extent_of(shape) > kWidest) entry.wide = &wide.emplace_back(wide_entry(shape));
+  }
+}
+
+shading_kernel::Geometry table_entry(const MeshShape& mesh,
+                                     const std::vector<shading_kernel::WideTriangle>& wide) {
   static_assert(sizeof(Vec3f) == 3 * sizeof(float));
+  static_assert(MeshShape::kNotWide == shading_kernel::kNotWide);
   shading_kernel::Geometry out{};
   out.kind = shading_kernel::Geometry::kMesh;
   out.mesh = {.positions = &mesh.positions.data()->x,
               .triangles = mesh.triangles.data()->data(),
               .normals = mesh.normals.empty() ? nullptr : &mesh.normals.data()->x,
-              .material = mesh.material};
+              .material = mesh.material,
+              .wide = mesh.wide.empty() ? nullptr : mesh.wide.data(),
+              .wide_triangles = wide.data()};
   return out;
 }
 
@@ -140,14 +191,16 @@ ShadingTables::ShadingTables(const Scene::Impl& scene) {
     most_kept_ = std::max(most_kept_, kept_by(m));
   }
   for (const Material& material : scene.materials) materials_.push_back(table_entry(material));
-  for (const SphereShape& sphere : scene.spheres) spheres_.push_back(table_entry(sphere));
-  for (const ConeShape& cone : scene.cones) cones_.push_back(table_entry(cone));
+  add_shapes(scene.spheres, spheres_, wide_quadrics_);
+  add_shapes(scene.cones, cones_, wide_quadrics_);
+  for (const WideTriangle& triangle : scene.wide_triangles)
+    wide_triangles_.push_back(wide_entry(triangle));
   for (const SceneLight& light : scene.lights)
     lights_.push_back(table_entry(light, scene.units_per_world));
   for (const GeometryEntry& entry : scene.geometries) {
     switch (entry.kind) {
       case GeometryEntry::Kind::Mesh:
-        geometries_.push_back(table_entry(scene.meshes[entry.mesh]));
+        geometries_.push_back(table_entry(scene.meshes[entry.mesh], wide_triangles_));
         break;
       case GeometryEntry::Kind::Spheres:
         geometries_.push_back(

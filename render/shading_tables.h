@@ -2,6 +2,7 @@
 // A scene's materials, shapes and lights as render/shading_kernel.h reads them.
 #pragma once
 
+#include <deque>
 #include <vector>
 
 #include "base/cpu.h"
@@ -31,6 +32,8 @@ class ShadingTables {
   std::vector<shading_kernel::Material> materials_;
   std::vector<shading_kernel::Quadric> spheres_;
   std::vector<shading_kernel::Quadric> cones_;
+  std::deque<shading_kernel::WideQuadric> wide_quadrics_;  ///< stay where they are
+  std::vector<shading_kernel::WideTriangle> wide_triangles_;
   std::vector<shading_kernel::Geometry> geometries_;
   std::vector<shading_kernel::Light> lights_;
   shading_kernel::Tables tables_{};

@@ -37,8 +37,9 @@ struct Sized {
   float extent = 0.0F;
 };
 
-Sized triangle_patch(const MeshShape& mesh, const SurfaceCell& cell) {
+Sized triangle_patch(const Scene::Impl& scene, const MeshShape& mesh, const SurfaceCell& cell) {
   const std::array<uint32_t, 3>& corners = mesh.triangles[cell.primitive];
+  const WideTriangle* wide = scene.wide_triangle(mesh, cell.primitive);
   const Vec3f a = mesh.positions[corners[0]];
   const Vec3f edge1 = mesh.positions[corners[1]] - a;
   const Vec3f edge2 = mesh.positions[corners[2]] - a;
@@ -51,13 +52,19 @@ Sized triangle_patch(const MeshShape& mesh, const SurfaceCell& cell) {
   for (const float du : {0.0F, 1.0F})
     for (const float dv : {0.0F, 1.0F})
       patch.radius = std::max(patch.radius, length(at(du, dv) - patch.centre));
-  const Vec3 outer = normalized(cross(Vec3(edge1), Vec3(edge2)));
+  const Vec3 outer = wide != nullptr ? wide->normal : normalized(cross(Vec3(edge1), Vec3(edge2)));
   const Vec3 normal = cell.outer_side ? outer : -outer;
   const float extent = std::max(largest(edge1), largest(edge2));
   patch.normal = Vec3f(normal);
-  patch.height =
-      static_cast<float>(dot(normal, Vec3(a))) + kFlatness * (largest(patch.centre) + extent);
-  patch.level = kLevel * (largest(patch.centre) - patch.radius + extent);
+  // Rays of wide triangles start less than their extent says off them.
+  const float reach = wide != nullptr ? static_cast<float>(wide->reach) : extent;
+  const float near = std::max(0.0F, largest(patch.centre) - patch.radius);
+  const Vec3 corner = wide != nullptr ? wide->corner[0] : Vec3(a);
+  const float rises = kFlatness * ((wide != nullptr ? near : largest(patch.centre)) + reach);
+  patch.exact_normal = normal;
+  patch.exact_height = dot(normal, corner) + double{rises};
+  patch.height = static_cast<float>(dot(normal, corner)) + rises;
+  patch.level = kLevel * (largest(patch.centre) - patch.radius + reach);
   return {patch, extent};
 }
 
@@ -105,7 +112,7 @@ Patch patch_of(const Scene::Impl& scene, const SurfaceCell& cell) {
   Sized sized;
   switch (entry.kind) {
     case GeometryEntry::Kind::Mesh:
-      sized = triangle_patch(scene.meshes[entry.mesh], cell);
+      sized = triangle_patch(scene, scene.meshes[entry.mesh], cell);
       break;
     case GeometryEntry::Kind::Spheres:
       sized = sphere_patch(scene.spheres[cell.primitive], cell);
@@ -194,8 +201,31 @@ class Hull {
     if (above_ &&
         std::max({dot(from.normal, a), dot(from.normal, b), dot(from.normal, c)}) <= from.height)
       return true;
+    return passes_triangle(a, b, c, 0.0F);
+  }
+
+  /// Of their corners single precision says too little.
+  [[nodiscard]] bool misses_wide_triangle(const WideTriangle& triangle) const {
+    const auto& [a, b, c] = triangle.corner;
+    const Patch& from = shaft_.from;
+    if (above_ && std::max({dot(from.exact_normal, a), dot(from.exact_normal, b),
+                            dot(from.exact_normal, c)}) <= from.exact_height)
+      return true;
+    const float room = kMargin * (largest(Vec3f(a)) + largest(Vec3f(b)) + largest(Vec3f(c)));
+    return passes_triangle(Vec3f(a), Vec3f(b), Vec3f(c), room);
+  }
+
+  [[nodiscard]] bool misses_sphere(Vec3f centre, float radius) const {
+    const Vec3f n = toward(centre);
+    return dot(centre, n) - radius > reach(n);
+  }
+
+ private:
+  /// Whether a plane lies between the hull and a triangle whose corners are rounded by at most
+  /// `room`.
+  [[nodiscard]] bool passes_triangle(Vec3f a, Vec3f b, Vec3f c, float room) const {
     const auto apart = [&](Vec3f n) {
-      return std::min({dot(a, n), dot(b, n), dot(c, n)}) > reach(n);
+      return std::min({dot(a, n), dot(b, n), dot(c, n)}) - room > reach(n);
     };
     if (apart(toward((a + b + c) * (1.0F / 3.0F)))) return true;
     const Vec3f plane = normalized(cross(b - a, c - a));
@@ -207,12 +237,6 @@ class Hull {
     return false;
   }
 
-  [[nodiscard]] bool misses_sphere(Vec3f centre, float radius) const {
-    const Vec3f n = toward(centre);
-    return dot(centre, n) - radius > reach(n);
-  }
-
- private:
   /// A normal across the axis, turned back so far that the cone of directions lies behind it.
   [[nodiscard]] Vec3f lean(Vec3f across) const {
     return shaft_.to_point ? across : across * shaft_.cosine - shaft_.axis * shaft_.sine;
@@ -365,6 +389,8 @@ bool misses_primitive(const Scene::Impl& scene, const Hull& hull, const Patch& f
     return hull.misses_sphere(Vec3f(sphere.centre), grown(sphere));
   }
   const MeshShape& mesh = scene.meshes[entry.mesh];
+  if (const WideTriangle* wide = scene.wide_triangle(mesh, leaf.primitive))
+    return hull.misses_wide_triangle(*wide);
   const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
   return hull.misses_triangle(mesh.positions[corners[0]], mesh.positions[corners[1]],
                               mesh.positions[corners[2]]);

@@ -26,6 +26,9 @@ struct Patch {
   bool flat = false;
   Vec3f normal{};
   float height = 0.0F;
+  /// The same plane in double precision, for wide triangles.
+  Vec3 exact_normal{};
+  double exact_height = 0.0;
   /// Rays that leave along the plane are above it at least that far.
   float level = 0.0F;
   /// Rays cannot meet the primitive that they leave.

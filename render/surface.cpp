@@ -9,9 +9,10 @@
 namespace lenticule::render {
 namespace {
 
-// New rays start this part of (their largest coordinate + the primitive's extent there) off the
-// surface: 16 roundings of single precision, which bounds what rounding the start of the ray and
-// intersecting the same primitive again can be wrong by. No length of the scene is built into it.
+// New rays start this part of (their largest coordinate + the primitive's extent there, or the
+// reach of a wide one) off the surface: 16 roundings of single precision, which bounds what
+// rounding the start of the ray and intersecting the same primitive again can be wrong by. No
+// length of the scene is built into it.
 constexpr double kSpawnOffset = 1.0 / (1 << 20);
 
 // Below this sine between ray and plane, the plane says too little about where they meet.
@@ -65,9 +66,10 @@ double textured_colour(const Scene::Impl& scene, const Material& material, const
 Surface on_mesh(const Scene::Impl& scene, const MeshShape& mesh, const PathRay& ray,
                 const Hit& hit) {
   const std::array<uint32_t, 3>& triangle = mesh.triangles[hit.primitive];
-  const Vec3 a(mesh.positions[triangle[0]]);
-  const Vec3 edge1 = Vec3(mesh.positions[triangle[1]]) - a;
-  const Vec3 edge2 = Vec3(mesh.positions[triangle[2]]) - a;
+  const std::array<Vec3, 3> corner = corners_of(scene, mesh, hit.primitive);
+  const Vec3 a = corner[0];
+  const Vec3 edge1 = corner[1] - a;
+  const Vec3 edge2 = corner[2] - a;
   const Barycentric at = meet_triangle(a, edge1, edge2, ray, hit.distance);
 
   Surface surface;
@@ -77,7 +79,8 @@ Surface on_mesh(const Scene::Impl& scene, const MeshShape& mesh, const PathRay& 
         normalized(Vec3(mesh.normals[triangle[0]]) * (1.0 - at.u - at.v) +
                    Vec3(mesh.normals[triangle[1]]) * at.u + Vec3(mesh.normals[triangle[2]]) * at.v);
   face_viewer(surface, ray.direction, normalized(cross(edge1, edge2)));
-  const double extent = std::max(largest_coordinate(edge1), largest_coordinate(edge2));
+  const WideTriangle* wide = scene.wide_triangle(mesh, hit.primitive);
+  const double extent = wide != nullptr ? wide->reach : extent_of(corner);
   surface.spawn_offset = kSpawnOffset * (largest_coordinate(surface.point) + extent);
   surface.material = &scene.materials[static_cast<size_t>(mesh.material)];
   surface.colour = textured_colour(scene, *surface.material, mesh, hit.primitive, at, ray.channel);

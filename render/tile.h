@@ -31,6 +31,8 @@ class TilePlan {
   explicit TilePlan(const optics::Rig& rig);
 
   [[nodiscard]] int count() const { return bands_ * per_band_; }
+  /// Tiles of kRows rows; they are numbered from left to right.
+  [[nodiscard]] int per_band() const { return per_band_; }
   [[nodiscard]] Tile tile(int index) const;
 
   /// How many subpixels to the left a column has moved `row` rows below the tile's first.

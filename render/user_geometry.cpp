@@ -62,6 +62,29 @@ quadric_kernel::Cone lanes_shape(const ConeShape& cone) {
   write(cone.axis, out.axis);
   return out;
 }
+quadric_kernel::Triangle lanes_shape(const WideTriangle& triangle) {
+  quadric_kernel::Triangle out{
+      .corner = {}, .normal = {}, .u_axis = {}, .v_axis = {}, .slope = {}, .edge_room = kEdgeRoom};
+  write(triangle.corner[0], out.corner);
+  write(triangle.normal, out.normal);
+  write(triangle.u_axis, out.u_axis);
+  write(triangle.v_axis, out.v_axis);
+  write(triangle.slope, out.slope);
+  return out;
+}
+
+/// What rays are told that they met.
+struct Numbers {
+  uint32_t geometry, primitive;
+};
+template <class Shape>
+Numbers numbers_of(const Shape&, const RTCIntersectFunctionNArguments& arguments) {
+  return {arguments.geomID, arguments.primID};
+}
+Numbers numbers_of(const WideTriangle& triangle, const RTCIntersectFunctionNArguments&) {
+  return {triangle.geometry, triangle.primitive};
+}
+
 void intersect_packet(const SphereShape& shape, const RTCIntersectFunctionNArguments& arguments,
                       const quadric_kernel::Packet& packet) {
   kernel().intersect_sphere(lanes_shape(shape), arguments.geomID, arguments.primID, packet);
@@ -69,6 +92,13 @@ void intersect_packet(const SphereShape& shape, const RTCIntersectFunctionNArgum
 void intersect_packet(const ConeShape& shape, const RTCIntersectFunctionNArguments& arguments,
                       const quadric_kernel::Packet& packet) {
   kernel().intersect_cone(lanes_shape(shape), arguments.geomID, arguments.primID, packet);
+}
+void intersect_packet(const WideTriangle& shape, const RTCIntersectFunctionNArguments&,
+                      const quadric_kernel::Packet& packet) {
+  kernel().intersect_triangle(lanes_shape(shape), shape.geometry, shape.primitive, packet);
+}
+void occlude_packet(const WideTriangle& shape, const quadric_kernel::Packet& packet) {
+  kernel().occlude_triangle(lanes_shape(shape), packet);
 }
 void occlude_packet(const SphereShape& shape, const quadric_kernel::Packet& packet) {
   kernel().occlude_sphere(lanes_shape(shape), packet);
@@ -124,6 +154,7 @@ void intersect(const RTCIntersectFunctionNArguments* arguments) {
     intersect_packet(shape, *arguments, lanes.packet(n, arguments->rayhit));
     return report(*arguments, lanes);
   }
+  const Numbers numbers = numbers_of(shape, *arguments);
   RTCRayN* ray = RTCRayHitN_RayN(arguments->rayhit, n);
   RTCHitN* hit = RTCRayHitN_HitN(arguments->rayhit, n);
   for (unsigned i = 0; i < n; ++i) {
@@ -136,8 +167,8 @@ void intersect(const RTCIntersectFunctionNArguments* arguments) {
 #endif
     if (!met) continue;
     RTCRayN_tfar(ray, n, i) = t;
-    RTCHitN_geomID(hit, n, i) = arguments->geomID;
-    RTCHitN_primID(hit, n, i) = arguments->primID;
+    RTCHitN_geomID(hit, n, i) = numbers.geometry;
+    RTCHitN_primID(hit, n, i) = numbers.primitive;
     RTCHitN_instID(hit, n, i, 0) = RTC_INVALID_GEOMETRY_ID;
   }
 }
@@ -191,6 +222,10 @@ EmbreeGeometry make_sphere_geometry(RTCDevice device, const std::vector<SphereSh
 
 EmbreeGeometry make_cone_geometry(RTCDevice device, const std::vector<ConeShape>& cones) {
   return make_geometry(device, cones);
+}
+
+EmbreeGeometry make_wide_geometry(RTCDevice device, const std::vector<WideTriangle>& triangles) {
+  return make_geometry(device, triangles);
 }
 
 }  // namespace lenticule::render

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Spheres and cones as Embree user geometry: exact outlines, no tessellation.
+// Spheres, cones and wide triangles as Embree user geometry: exact outlines, no tessellation.
 #pragma once
 
 #include <vector>
@@ -8,6 +8,7 @@
 #include "render/embree.h"
 #include "render/quadric_kernel.h"
 #include "render/quadrics.h"
+#include "render/wide_triangle.h"
 
 namespace lenticule::render {
 
@@ -17,6 +18,9 @@ namespace lenticule::render {
                                                   const std::vector<SphereShape>& spheres);
 [[nodiscard]] EmbreeGeometry make_cone_geometry(RTCDevice device,
                                                 const std::vector<ConeShape>& cones);
+/// Rays that meet them are told the numbers of the mesh and the triangle.
+[[nodiscard]] EmbreeGeometry make_wide_geometry(RTCDevice device,
+                                                const std::vector<WideTriangle>& triangles);
 
 /// What packets are met with; the machine must support it.
 [[nodiscard]] const quadric_kernel::Kernel& quadric_kernel_for(Isa isa);

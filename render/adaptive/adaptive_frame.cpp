@@ -28,7 +28,8 @@ AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const 
       groups(whole.impl()),
       sweep(of.planes, whole),
       encoder(whole.impl().colour_managed),
-      start_mm(primary_start_mm(scene.near_mm, of.planes.model().rig().viewing.distance.value)) {
+      start_mm(primary_start_mm(scene.near_mm, of.planes.model().rig().viewing.distance.value)),
+      beams(whole.impl()) {
   for (size_t at = 0; at < backdrop.size(); ++at)
     backdrop[at] = encoder.code(
         static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
@@ -48,7 +49,7 @@ AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
       colours_(frame.plan.options, frame.plan.tiles),
       sweep_(frame.sweep),
       uncertain_(frame.plan.planes, frame.plan.tiles),
-      drawn_(frame.plan.planes, frame.plan.tiles),
+      drawn_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
       settler_(frame.samples, frame.grid, frame.plan.agreement, frame.scene.colour_managed,
                frame.plan.options.soft),
       packet_(1),
@@ -193,8 +194,6 @@ void AdaptiveWorker::copy_row(int first_row, int row) {
   const size_t count = frame_.plan.planes.row_subpixels();
   std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
   counts_.copied += count;
-  sweep_.pass_over(row);
-  arrange_rays();
   add_drawn(first_row, row);
 }
 
@@ -277,16 +276,11 @@ uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
 
 void AdaptiveWorker::add_drawn(int first_row, int row) {
   const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
-  const PlaneRays& rays = sweep_.rays();
   const auto add = [&](uint32_t at, Draw draw) {
-    if (at >= count) return;
-    const bool made = !rays.subpixel.empty() || (at >= rays.first && at < rays.end);
-    const auto ray = made ? RowPlanes::Maker::Ray{x_mm_[at], tan_x_[at]} : sweep_.ray(at);
-    drawn_.add({.at = static_cast<int32_t>(at),
-                .row = static_cast<uint16_t>(row - first_row),
-                .draw = draw,
-                .x_mm = ray.x_mm,
-                .tan_x = ray.tan_x});
+    if (at < count)
+      drawn_.add({.at = static_cast<int32_t>(at),
+                  .row = static_cast<uint16_t>(row - first_row),
+                  .draw = draw});
   };
   for (uint32_t stretch = 0; stretch * kDrawnOneIn < count; ++stretch) {
     const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), stretch);
@@ -360,10 +354,10 @@ void AdaptiveWorker::write_uncertain(int first_row) {
 /// `known`: of a band that was copied, in which all that was drawn is exact already.
 void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
   judge_exactly(true);
-  drawn_.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+  drawn_.trace(frame_.scene, first_row, colours_.tracer());
   judge_exactly(false);
   AuditCounts mending, judging;
-  for (const UncertainSubpixels::Subpixel& s : drawn_.subpixels()) {
+  for (const DrawnSubpixels::Subpixel& s : drawn_.subpixels()) {
     uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
     const uint8_t exact = frame_.encoder.code(s.light);
     const uint64_t beyond = is_beyond(code, exact) ? 1 : 0;
@@ -391,41 +385,34 @@ bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
 /// How many of those that were drawn for mending method full has beyond the tolerated error, for
 /// the noise of its samples. What was drawn is exact in the frame.
 uint64_t AdaptiveWorker::count_noise(int first_row) {
-  trace_as_full(drawn_, first_row);
+  colours_.tracer().tolerate(0.0F);
+  colours_.tracer().integrate_lamps(false);
+  drawn_.trace(frame_.scene, first_row, colours_.tracer());
+  colours_.tracer().integrate_lamps(true);
+  judge_exactly(false);
   uint64_t beyond = 0;
-  for (const UncertainSubpixels::Subpixel& s : drawn_.subpixels())
+  for (const DrawnSubpixels::Subpixel& s : drawn_.subpixels())
     if (s.draw == Draw::Mending &&
         is_beyond(frame_.encoder.code(s.light), frame_.out.row(first_row + s.row)[s.at]))
       ++beyond;
   return beyond;
 }
 
-/// With as many samples, and no ray left out.
-void AdaptiveWorker::trace_as_full(UncertainSubpixels& subpixels, int first_row) {
-  colours_.tracer().tolerate(0.0F);
-  colours_.tracer().integrate_lamps(false);
-  subpixels.trace(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
-  colours_.tracer().integrate_lamps(true);
-  judge_exactly(false);
+/// Renders the band as method full does, to the last byte.
+void AdaptiveWorker::mend_band(int first_row) {
+  if (!full_)
+    full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);
+  const TilePlan& plan = frame_.plan.tiles;
+  const int first_tile = first_row / kBand * plan.per_band();
+  for (int n = 0; n < plan.per_band(); ++n) full_->render(plan.tile(first_tile + n), frame_.out);
+  const int rows = std::min(kBand, frame_.plan.planes.rows() - first_row);
+  counts_.mended += frame_.plan.planes.row_subpixels() * static_cast<size_t>(rows);
 }
 
-/// Traces every subpixel of the band, as method full does: no ray is left out.
-void AdaptiveWorker::mend_band(int first_row) {
-  const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
-  const size_t count = frame_.plan.planes.row_subpixels();
-  uncertain_.clear();
-  for (int row = first_row; row < end; ++row) {
-    sweep_.sweep(row, swept_);
-    arrange_rays();
-    for (size_t at = 0; at < count; ++at)
-      uncertain_.add({.at = static_cast<int32_t>(at),
-                      .row = static_cast<uint16_t>(row - first_row),
-                      .x_mm = x_mm_[at],
-                      .tan_x = tan_x_[at]});
-  }
-  trace_as_full(uncertain_, first_row);
-  write_uncertain(first_row);
-  counts_.mended += count * static_cast<size_t>(end - first_row);
+RayCounts AdaptiveWorker::rays() {
+  RayCounts counts = colours_.tracer().counts();
+  if (full_) counts += full_->rays();
+  return counts;
 }
 
 }  // namespace lenticule::render

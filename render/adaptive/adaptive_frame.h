@@ -4,18 +4,21 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "frames/frame.h"
 #include "render/adaptive/audit.h"
 #include "render/adaptive/colour_tracer.h"
+#include "render/adaptive/drawn_subpixels.h"
 #include "render/adaptive/kept_parts.h"
 #include "render/adaptive/key_samples.h"
 #include "render/adaptive/light_encoder.h"
 #include "render/adaptive/light_settler.h"
 #include "render/adaptive/surface_groups.h"
 #include "render/adaptive/uncertain_subpixels.h"
+#include "render/full_tiles.h"
 #include "render/row_sweep/row_sweep.h"
 
 namespace lenticule::render {
@@ -24,7 +27,9 @@ namespace lenticule::render {
 struct AdaptivePlan {
   const RenderOptions& options;
   const RowPlanes& planes;
-  const TilePlan& tiles;
+  const FullTiles& full;
+  const TilePlan& tiles;    ///< of `full`
+  const Footprint& centre;  ///< of subpixels
   const lookup_kernel::Kernel& kernel;
   Agreement agreement;
 };
@@ -44,6 +49,7 @@ struct AdaptiveFrame {
   RowSweep sweep;
   LightEncoder encoder;
   double start_mm;
+  BeamTester beams;
   std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, where it is flat
   /// Where it is: rays that are far from everything are not made.
   std::optional<Interval> eyes;
@@ -100,7 +106,9 @@ class AdaptiveWorker {
   void render_band(int first_row);
 
   [[nodiscard]] const AdaptiveCounts& counts() const { return counts_; }
-  [[nodiscard]] RayCounts rays() { return colours_.tracer().counts(); }
+  [[nodiscard]] RayCounts rays();
+  /// See FullTiles::Worker.
+  [[nodiscard]] uint64_t background() const { return full_ ? full_->background() : 0; }
 
  private:
   /// For the audit. Otherwise rays are left out that bring little.
@@ -127,7 +135,6 @@ class AdaptiveWorker {
   void audit_band(int first_row, const AdaptiveFrame::Band& known);
   [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
   uint64_t count_noise(int first_row);
-  void trace_as_full(UncertainSubpixels& subpixels, int first_row);
   void mend_band(int first_row);
 
   AdaptiveFrame& frame_;
@@ -139,7 +146,8 @@ class AdaptiveWorker {
   const float* tan_x_ = nullptr;
   std::vector<float> arranged_x_, arranged_tan_;
   UncertainSubpixels uncertain_;
-  UncertainSubpixels drawn_;
+  DrawnSubpixels drawn_;
+  std::unique_ptr<FullTiles::Worker> full_;  ///< made when a band is mended
   LightSettler settler_;
   std::vector<RayPacket> packet_;  ///< one
   std::array<SamplePlace, kPacket> sample_places_{};

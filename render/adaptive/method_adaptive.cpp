@@ -73,8 +73,14 @@ class AdaptiveMethod final : public Method {
         full_options_(options),
         planes_(model, options.isa),
         reach_(reach_of(planes_)),
-        tiles_(model.rig()),
-        plan_{options_, planes_, tiles_, lookup_kernel_for(options.isa),
+        full_tiles_(model, options),
+        centre_(model, footprint_samples(1).front()),
+        plan_{options_,
+              planes_,
+              full_tiles_,
+              full_tiles_.plan(),
+              centre_,
+              lookup_kernel_for(options.isa),
               Agreement::for_error(options.tolerated_error)},
         arena_(options.threads > 0 ? options.threads : tbb::task_arena::automatic) {}
 
@@ -199,8 +205,10 @@ class AdaptiveMethod final : public Method {
   static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {
     RayCounts rays;
     AdaptiveCounts counts;
+    uint64_t background = 0;
     for (AdaptiveWorker& worker : workers) {
       rays += worker.rays();
+      background += worker.background();
       counts.interpolated += worker.counts().interpolated;
       counts.shaded += worker.counts().shaded;
       counts.copied += worker.counts().copied;
@@ -216,6 +224,8 @@ class AdaptiveMethod final : public Method {
                                 .audited_beyond = counts.audit.beyond,
                                 .beyond_bound = bound_of_share(counts.audit)};
     rays.report(statistics);
+    statistics.primary_rays += background;
+    statistics.primary_rays_proved += background;
     return statistics;
   }
 
@@ -223,7 +233,8 @@ class AdaptiveMethod final : public Method {
   RenderOptions full_options_;
   RowPlanes planes_;
   RayReach reach_;
-  TilePlan tiles_;
+  FullTiles full_tiles_;
+  Footprint centre_;
   AdaptivePlan plan_;
   LastFrame last_;
   /// What the samples, and the last frame, were made of.

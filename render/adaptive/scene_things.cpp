@@ -13,19 +13,22 @@ Vec3 in_double(const Vec3f& v) {
   return {double{v.x}, double{v.y}, double{v.z}};
 }
 
-Fingerprint made_of(const MeshShape& mesh) {
+Fingerprint made_of(const Scene::Impl& scene, const MeshShape& mesh) {
   SceneMixer mixer;
   mixer.add_mesh(mesh);
+  for (const uint32_t number : mesh.wide)
+    if (number != MeshShape::kNotWide)
+      for (const Vec3& corner : scene.wide_triangles[number].corner) mixer.add(corner);
   return mixer.value();
 }
 
-Fingerprint made_of(const SphereShape& sphere) {
+Fingerprint made_of(const Scene::Impl&, const SphereShape& sphere) {
   SceneMixer mixer;
   mixer.add_sphere(sphere);
   return mixer.value();
 }
 
-Fingerprint made_of(const ConeShape& cone) {
+Fingerprint made_of(const Scene::Impl&, const ConeShape& cone) {
   SceneMixer mixer;
   for (const Vec3& v : {cone.base, cone.axis}) mixer.add(v);
   for (const double number : {cone.height, cone.base_radius, cone.slope}) mixer.add(number);
@@ -78,7 +81,7 @@ SceneThings::SceneThings(const Scene::Impl& scene)
     for (const auto& shape : shapes) {
       const Material& material = scene.materials[static_cast<size_t>(shape.material)];
       things.push_back(
-          {.made_of = render::made_of(shape),
+          {.made_of = render::made_of(scene, shape),
            .box = bounds_of(shape),
            .depends_on_view = material.specular > 0.0 || material.transmittance > 0.0});
     }

@@ -70,6 +70,27 @@ void UncertainSubpixels::load(const Scene::Impl& scene, double start_mm, size_t 
   }
 }
 
+namespace {
+
+const WideTriangle* wide_triangle_of(const Scene::Impl& scene,
+                                     const UncertainSubpixels::Subpixel& s) {
+  if (scene.wide_triangles.empty()) return nullptr;
+  const GeometryEntry& entry = scene.geometries[s.geometry];
+  if (entry.kind != GeometryEntry::Kind::Mesh) return nullptr;
+  return scene.wide_triangle(scene.meshes[entry.mesh], s.primitive);
+}
+
+/// Of cuts as long as those of wide triangles, single precision does not tell it well.
+void set_distance(const WideTriangle& triangle, RayPacket& packet, size_t r) {
+  RTCRay16& ray = packet.rays.ray;
+  const Vec3 origin{double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}};
+  const Vec3 way{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
+  const Roots roots = meet(triangle, origin, way);
+  if (roots.count > 0 && roots.t[0] > 0.0) ray.tfar[r] = static_cast<float>(roots.t[0]);
+}
+
+}  // namespace
+
 /// Those of method full.
 void UncertainSubpixels::find_seeds(int first_row, size_t first) {
   for (size_t r = 0; r < kPacket; ++r) {
@@ -78,7 +99,7 @@ void UncertainSubpixels::find_seeds(int first_row, size_t first) {
   }
 }
 
-void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
+void UncertainSubpixels::load_surfaces(const Scene::Impl& scene, double start_mm, size_t first) {
   std::array<uint32_t, kPacket> lit, hidden;
   known_.secondary_lanes = known_.around.lanes = 0;
   for (KnownShare& seen : known_.seen) seen.lanes = 0;
@@ -87,6 +108,7 @@ void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
     packet_[0].rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // 1 is a millimetre of z
     packet_[0].rays.hit.geomID[r] = s.geometry;
     packet_[0].rays.hit.primID[r] = s.primitive;
+    if (const WideTriangle* wide = wide_triangle_of(scene, s)) set_distance(*wide, packet_[0], r);
     lit[r] = s.settled.lit;
     hidden[r] = s.settled.hidden;
     if (s.settled.secondary_known) known_.secondary_lanes |= 1U << r;
@@ -105,9 +127,8 @@ void UncertainSubpixels::load_surfaces(double start_mm, size_t first) {
   known_.set_lights(lit, hidden);
 }
 
-template <class Trace>
-void UncertainSubpixels::each_packet(const Scene::Impl& scene, double start_mm, int first_row,
-                                     PacketTracer& tracer, Trace&& trace) {
+void UncertainSubpixels::shade(const Scene::Impl& scene, double start_mm, int first_row,
+                               PacketTracer& tracer) {
   order();
   find_planes(first_row);
   for (size_t first = 0; first < subpixels_.size(); first += kPacket) {
@@ -116,24 +137,11 @@ void UncertainSubpixels::each_packet(const Scene::Impl& scene, double start_mm, 
       find_seeds(first_row, first);
       tracer.set_seeds(seeds_);
     }
-    trace(first);
+    load_surfaces(scene, start_mm, first);
+    tracer.trace_known(scene, channel_, known_, packet_[0], light_);
     const size_t count = std::min(kPacket, subpixels_.size() - first);
     for (size_t r = 0; r < count; ++r) subpixels_[first + r].light = light_[r];
   }
-}
-
-void UncertainSubpixels::trace(const Scene::Impl& scene, double start_mm, int first_row,
-                               PacketTracer& tracer) {
-  each_packet(scene, start_mm, first_row, tracer,
-              [&](size_t) { tracer.trace_lanes(scene, plan_, channel_, packet_[0], light_); });
-}
-
-void UncertainSubpixels::shade(const Scene::Impl& scene, double start_mm, int first_row,
-                               PacketTracer& tracer) {
-  each_packet(scene, start_mm, first_row, tracer, [&](size_t first) {
-    load_surfaces(start_mm, first);
-    tracer.trace_known(scene, channel_, known_, packet_[0], light_);
-  });
 }
 
 }  // namespace lenticule::render

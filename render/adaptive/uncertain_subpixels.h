@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "render/adaptive/audit.h"
 #include "render/adaptive/light_settler.h"
 #include "render/packet_tracer.h"
 #include "render/row_sweep/row_planes.h"
@@ -21,7 +20,6 @@ class UncertainSubpixels {
   struct Subpixel {
     int32_t at = 0;    ///< 3 i + channel
     uint16_t row = 0;  ///< of the band
-    Draw draw = Draw::None;
     float x_mm = 0.0F, tan_x = 0.0F;
     float light = 0.0F;  ///< found by tracing
     // Only where the surface is known:
@@ -43,10 +41,9 @@ class UncertainSubpixels {
   /// What SettledLight::lamps counts.
   [[nodiscard]] std::vector<SettledLamps>& lamps() { return lamps_; }
 
-  /// Traces all as method full does. Rows are counted from `first_row`; afterwards subpixels have
-  /// another order. Calling thread must flush denormals.
-  void trace(const Scene::Impl& scene, double start_mm, int first_row, PacketTracer& tracer);
-  /// Shades all on the surfaces that they are known to see, and traces what is not settled.
+  /// Shades all on the surfaces that they are known to see, and traces what is not settled. Rows
+  /// are counted from `first_row`; afterwards subpixels have another order. Calling thread must
+  /// flush denormals.
   void shade(const Scene::Impl& scene, double start_mm, int first_row, PacketTracer& tracer);
   [[nodiscard]] const std::vector<Subpixel>& subpixels() const { return subpixels_; }
 
@@ -55,10 +52,7 @@ class UncertainSubpixels {
   void find_planes(int first_row);
   void load(const Scene::Impl& scene, double start_mm, size_t first);
   void find_seeds(int first_row, size_t first);
-  void load_surfaces(double start_mm, size_t first);
-  template <class Trace>
-  void each_packet(const Scene::Impl& scene, double start_mm, int first_row, PacketTracer& tracer,
-                   Trace&& trace);
+  void load_surfaces(const Scene::Impl& scene, double start_mm, size_t first);
 
   const RowPlanes& planes_;
   const TilePlan& plan_;

@@ -41,14 +41,8 @@ class RowSweep {
     /// If all rays go to `eyes` on the viewing line (mm; tangents of parallel rays), those that are
     /// far from everything need not be made.
     void sweep(int row, SweptRow& out, const std::optional<Interval>& eyes = {});
-    /// Makes hardly any rays, and sees nothing: for ray(), in rows of one plane.
-    void pass_over(int row) { maker_.make(row, 0, rays_, Interval{0.0, 0.0}); }
     /// The rays of the last row's last plane.
     [[nodiscard]] const PlaneRays& rays() const { return rays_; }
-    /// One that was not made.
-    [[nodiscard]] RowPlanes::Maker::Ray ray(size_t subpixel) const {
-      return maker_.make_one(subpixel);
-    }
 
    private:
     void sweep_plane(int row, size_t plane, SweptRow& out, const std::optional<Interval>& eyes);

@@ -58,6 +58,40 @@ CutEnd cut_edge(const CornerSide& negative, const CornerSide& positive) {
   return end;
 }
 
+CutEnd between(const CutEnd& a, const CutEnd& b, double part) {
+  CutEnd end{.x = a.x + part * (b.x - a.x), .z = a.z + part * (b.z - a.z)};
+  for (int n = 0; n < 3; ++n) end.weight[n] = a.weight[n] + part * (b.weight[n] - a.weight[n]);
+  return end;
+}
+
+/// Calls `use(begin, end)` for pieces of a cut that are not much longer than they are far away:
+/// single precision says where such a piece is.
+template <class Use>
+void each_piece(const CutEnd& a, const CutEnd& b, const Use& use) {
+  const double dx = b.x - a.x, dz = b.z - a.z;
+  const double squared = dx * dx + dz * dz;
+  if (!(squared > kWidest * kWidest)) return use(a, b);
+  constexpr double kLonger = 8.0;
+  const double nearest = -(a.x * dx + a.z * dz) / squared;
+  double step = kWidest / std::sqrt(squared);
+  std::vector<double> breaks = {0.0};
+  const auto add = [&](double part) {
+    if (part > 0.0 && part < 1.0) breaks.push_back(part);
+  };
+  for (; nearest - step > 0.0 || nearest + step < 1.0; step *= kLonger) {
+    add(nearest - step);
+    add(nearest + step);
+  }
+  breaks.push_back(1.0);
+  std::sort(breaks.begin(), breaks.end());
+  CutEnd begin = a;
+  for (size_t n = 1; n < breaks.size(); ++n) {
+    const CutEnd end = n + 1 < breaks.size() ? between(a, b, breaks[n]) : b;
+    use(begin, end);
+    begin = end;
+  }
+}
+
 /// Moves an end that lies before z = start there; for ranges only.
 CutEnd behind(const CutEnd& end, const CutEnd& other, double start) {
   if (end.z <= start) return end;
@@ -220,8 +254,14 @@ void SweepPrimitives::add_mesh(const MeshShape& mesh, uint32_t geometry) {
   triangles_.reserve(triangles_.size() + mesh.triangles.size());
   for (size_t n = 0; n < mesh.triangles.size(); ++n) {
     const auto& t = mesh.triangles[n];
-    triangles_.push_back(
-        {{first + t[0], first + t[1], first + t[2]}, geometry, static_cast<uint32_t>(n)});
+    const auto number = static_cast<uint32_t>(n);
+    if (const WideTriangle* wide = scene_.wide_triangle(mesh, number)) {
+      const auto own = static_cast<uint32_t>(corners_.size());
+      for (const Vec3& corner : wide->corner) corners_.push_back(panel_from_scene_.point(corner));
+      triangles_.push_back({{own, own + 1, own + 2}, geometry, number, true});
+      continue;
+    }
+    triangles_.push_back({{first + t[0], first + t[1], first + t[2]}, geometry, number, false});
   }
 }
 
@@ -309,11 +349,14 @@ void SweepPrimitives::cut_triangle(const Triangle& triangle, const RowPlane& pla
   const bool alone_above = alone.side >= 0.0;
   const CutEnd a = alone_above ? cut_edge(next, alone) : cut_edge(alone, next);
   const CutEnd b = alone_above ? cut_edge(other, alone) : cut_edge(alone, other);
-  if (!(std::min(a.z, b.z) <= start_mm_)) return;
-  out.segments.push_back(segment_of(a, b, start_mm_));
-  described.push_back(described_segment(a, b, out.segments.back()));
-  described.back().geometry = triangle.geometry;
-  described.back().primitive = triangle.primitive;
+  const auto add = [&](const CutEnd& begin, const CutEnd& end) {
+    if (!(std::min(begin.z, end.z) <= start_mm_)) return;
+    out.segments.push_back(segment_of(begin, end, start_mm_));
+    described.push_back(described_segment(begin, end, out.segments.back()));
+    described.back().geometry = triangle.geometry;
+    described.back().primitive = triangle.primitive;
+  };
+  triangle.wide ? each_piece(a, b, add) : add(a, b);
 }
 
 SweepPrimitives::Quadric SweepPrimitives::quadric(uint32_t number) const {

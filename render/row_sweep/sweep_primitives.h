@@ -43,6 +43,7 @@ class SweepPrimitives {
     uint32_t corner[3];  ///< in corners_
     uint32_t geometry;
     uint32_t primitive;
+    bool wide;
   };
   struct Quadric;
 

@@ -27,7 +27,7 @@ struct Line {
   Vec3 way;  // unit
 };
 
-/// Names one primitive, so that a flat one is not met again by a ray that starts on it.
+/// Names one primitive, so that it is not met again where a ray starts on it, however large it is.
 struct Primitive {
   const void* list = nullptr;
   size_t index = 0;
@@ -40,7 +40,7 @@ struct Meeting {
   Vec3 interpolated{};  // or zero
   const Material* material = nullptr;
   Vec3 colour{};
-  Primitive flat{};  // set for triangles only
+  Primitive primitive{};
 };
 
 Vec3 mix(Vec3 a, Vec3 b, Vec3 c, double wa, double wb, double wc) {
@@ -94,7 +94,7 @@ void meet_triangle(const SceneDescription& scene, const TriangleMesh& mesh, size
   nearest = {.t = t, .outward = normalized(normal)};
   nearest.material = &scene.materials[static_cast<size_t>(mesh.material)];
   nearest.colour = nearest.material->colour;
-  nearest.flat = {&mesh, index};
+  nearest.primitive = {&mesh, index};
   if (!mesh.normals.empty())
     nearest.interpolated =
         normalized(mix(mesh.normals[ia], mesh.normals[ib], mesh.normals[ic], wa, wb, wc));
@@ -107,26 +107,35 @@ void meet_triangle(const SceneDescription& scene, const TriangleMesh& mesh, size
   }
 }
 
+/// Of two roots, one of which is where the line starts, the other.
+double other_root(double a, double b) {
+  return std::abs(a) > std::abs(b) ? a : b;
+}
+
 /// By the closest approach of the line to the centre.
-void meet_sphere(const SceneDescription& scene, const Sphere& sphere, const Line& line,
-                 double t_min, Meeting& nearest) {
+void meet_sphere(const SceneDescription& scene, size_t index, const Line& line, double t_min,
+                 bool starts_on_it, Meeting& nearest) {
+  const Sphere& sphere = scene.spheres[index];
   const double middle = dot(sphere.centre - line.from, line.way);
   const Vec3 closest = line.from + line.way * middle - sphere.centre;
   const double half_chord_squared = sphere.radius * sphere.radius - dot(closest, closest);
   if (half_chord_squared < 0.0) return;
   const double half_chord = std::sqrt(half_chord_squared);
   for (const double t : {middle - half_chord, middle + half_chord}) {
+    if (starts_on_it && t != other_root(middle - half_chord, middle + half_chord)) continue;
     if (!(t > t_min) || !(t < nearest.t)) continue;
     const Vec3 outward = normalized(line.from + line.way * t - sphere.centre);
     nearest = {.t = t, .outward = sphere.inward ? -outward : outward};
     nearest.material = &scene.materials[static_cast<size_t>(sphere.material)];
+    nearest.primitive = {&scene.spheres, index};
     nearest.colour = nearest.material->colour;
   }
 }
 
 /// In coordinates whose z runs from base to apex: x^2 + y^2 = (r0 + k z)^2.
-void meet_cone(const SceneDescription& scene, const Cone& cone, const Line& line, double t_min,
-               Meeting& nearest) {
+void meet_cone(const SceneDescription& scene, size_t index, const Line& line, double t_min,
+               bool starts_on_it, Meeting& nearest) {
+  const Cone& cone = scene.cones[index];
   const double height = length(cone.apex - cone.base);
   const Vec3 z = normalized(cone.apex - cone.base);
   const Vec3 x = normalized(cross(std::abs(z.x) < 0.6 ? Vec3{1, 0, 0} : Vec3{0, 1, 0}, z));
@@ -134,20 +143,26 @@ void meet_cone(const SceneDescription& scene, const Cone& cone, const Line& line
   const Vec3 o = line.from - cone.base;
   const Vec3 p{dot(o, x), dot(o, y), dot(o, z)};
   const Vec3 d{dot(line.way, x), dot(line.way, y), dot(line.way, z)};
+  // Of large cones, double precision loses what is left of the squares.
+  using Real = long double;
   const double k = (cone.apex_radius - cone.base_radius) / height;
-  const double r = cone.base_radius + k * p.z;
-  const double a = d.x * d.x + d.y * d.y - k * k * d.z * d.z;
-  const double b = 2 * (p.x * d.x + p.y * d.y - k * r * d.z);
-  const double c = p.x * p.x + p.y * p.y - r * r;
-  if (a == 0.0 || b * b - 4 * a * c < 0.0) return;
-  const double root = std::sqrt(b * b - 4 * a * c);
-  for (const double t : {(-b - root) / (2 * a), (-b + root) / (2 * a)}) {
+  const Real r = Real{cone.base_radius} + Real{k} * p.z;
+  const Real a = Real{d.x} * d.x + Real{d.y} * d.y - Real{k} * k * d.z * d.z;
+  const Real b = 2 * (Real{p.x} * d.x + Real{p.y} * d.y - k * r * d.z);
+  const Real c = Real{p.x} * p.x + Real{p.y} * p.y - r * r;
+  if (a == 0.0L || b * b - 4 * a * c < 0.0L) return;
+  const Real root = std::sqrt(b * b - 4 * a * c);
+  const auto first = static_cast<double>((-b - root) / (2 * a));
+  const auto second = static_cast<double>((-b + root) / (2 * a));
+  for (const double t : {first, second}) {
+    if (starts_on_it && t != other_root(first, second)) continue;
     const Vec3 q = p + d * t;
     if (!(t > t_min) || !(t < nearest.t) || q.z < 0.0 || q.z > height) continue;
     const double radius = cone.base_radius + k * q.z;
     const Vec3 outward = normalized(x * q.x + y * q.y - z * (k * radius));
     nearest = {.t = t, .outward = cone.inward ? -outward : outward};
     nearest.material = &scene.materials[static_cast<size_t>(cone.material)];
+    nearest.primitive = {&scene.cones, index};
     nearest.colour = nearest.material->colour;
   }
 }
@@ -157,8 +172,10 @@ Meeting meet_all(const SceneDescription& scene, const Line& line, double t_min, 
   for (const TriangleMesh& mesh : scene.meshes)
     for (size_t k = 0; k < mesh.triangles.size(); ++k)
       if (!(Primitive{&mesh, k} == except)) meet_triangle(scene, mesh, k, line, t_min, nearest);
-  for (const Sphere& sphere : scene.spheres) meet_sphere(scene, sphere, line, t_min, nearest);
-  for (const Cone& cone : scene.cones) meet_cone(scene, cone, line, t_min, nearest);
+  for (size_t k = 0; k < scene.spheres.size(); ++k)
+    meet_sphere(scene, k, line, t_min, Primitive{&scene.spheres, k} == except, nearest);
+  for (size_t k = 0; k < scene.cones.size(); ++k)
+    meet_cone(scene, k, line, t_min, Primitive{&scene.cones, k} == except, nearest);
   return nearest;
 }
 
@@ -223,8 +240,8 @@ class Tracer {
     if (material.transmittance > 0.0) {
       const auto bent = bend(line.way, facing, smooth, material.refraction_index, outside);
       if (bent)
-        light += through_weight *
-                 trace({point, *bent}, least_step_, depth + 1, at.flat, reference_path(path, true));
+        light += through_weight * trace({point, *bent}, least_step_, depth + 1, at.primitive,
+                                        reference_path(path, true));
       else
         mirror_weight += through_weight;
     }
@@ -232,7 +249,7 @@ class Tracer {
     Vec3 mirrored = line.way - smooth * (2 * dot(line.way, smooth));
     if (dot(mirrored, facing) <= 0.0) mirrored = line.way - facing * (2 * dot(line.way, facing));
     return light + mirror_weight * trace({point, normalized(mirrored)}, least_step_, depth + 1,
-                                         at.flat, reference_path(path, false));
+                                         at.primitive, reference_path(path, false));
   }
 
  private:
@@ -250,7 +267,8 @@ class Tracer {
           reference_cosine_direction(at, subpixel_.axes.in_panel(place.smooth)));
       // Below the surface itself: mirrored about it.
       if (dot(way, place.facing) < 0.0) way = way - place.facing * (2 * dot(way, place.facing));
-      if (!(meet_all(scene_, {place.point, way}, least_step_, place.at.flat).t < reach)) ++open;
+      if (!(meet_all(scene_, {place.point, way}, least_step_, place.at.primitive).t < reach))
+        ++open;
     }
     return (surroundings ? scene_.background : ambient_of(scene_)) * (double(open) / count);
   }
@@ -279,7 +297,8 @@ class Tracer {
     const Vec3 way = normalized(whole_way);
     const double distance = sun ? kFar : length(whole_way);
     if (dot(way, place.smooth) <= 0.0 || dot(way, place.facing) <= 0.0) return {};
-    if (meet_all(scene_, {place.point, way}, least_step_, place.at.flat).t < distance) return {};
+    if (meet_all(scene_, {place.point, way}, least_step_, place.at.primitive).t < distance)
+      return {};
     Vec3 arriving = lamp.colour;
     if (lamp.kind == Light::Kind::Spot) {
       const double cosine = dot(-way, normalized(lamp.direction));

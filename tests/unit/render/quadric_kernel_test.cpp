@@ -15,6 +15,7 @@
 #include "render/embree.h"
 #include "render/quadrics.h"
 #include "render/user_geometry.h"
+#include "render/wide_triangle.h"
 #include "tests/support/instruction_sets.h"
 
 namespace lenticule::render {
@@ -176,6 +177,40 @@ TEST_P(QuadricKernel, MeetsConesAsOneRayDoes) {
     });
     expect_same_shadows(
         cone, [&](const quadric_kernel::Packet& rays) { kernel().occlude_cone(lanes, rays); });
+    ASSERT_FALSE(HasFailure()) << "round " << round;
+  }
+  EXPECT_GT(met, 2500);
+}
+
+TEST_P(QuadricKernel, MeetsWideTrianglesAsOneRayDoes) {
+  const auto copy = [](Vec3 v, double(&out)[3]) {
+    out[0] = v.x;
+    out[1] = v.y;
+    out[2] = v.z;
+  };
+  int met = 0;
+  for (int round = 0; round < 3000; ++round) {
+    const double size = std::pow(10.0, round % 7);
+    const Vec3 along = vector() * size, aside = vector() * size;
+    const Vec3 corner = vector() - along * 0.3 - aside * 0.3;
+    const WideTriangle triangle = make_wide_triangle({corner, corner + along, corner + aside});
+    quadric_kernel::Triangle lanes{.corner = {},
+                                   .normal = {},
+                                   .u_axis = {},
+                                   .v_axis = {},
+                                   .slope = {},
+                                   .edge_room = kEdgeRoom};
+    copy(corner, lanes.corner);
+    copy(triangle.normal, lanes.normal);
+    copy(triangle.u_axis, lanes.u_axis);
+    copy(triangle.v_axis, lanes.v_axis);
+    copy(triangle.slope, lanes.slope);
+    met += expect_same_hits(triangle, [&](const quadric_kernel::Packet& rays) {
+      kernel().intersect_triangle(lanes, 5, 6, rays);
+    });
+    expect_same_shadows(triangle, [&](const quadric_kernel::Packet& rays) {
+      kernel().occlude_triangle(lanes, rays);
+    });
     ASSERT_FALSE(HasFailure()) << "round " << round;
   }
   EXPECT_GT(met, 2500);
