@@ -127,20 +127,11 @@ void sync_folder_of(const std::filesystem::path& file) {
 /// Reads to the end of a regular file into `Bytes`, a container of bytes.
 template <class Bytes>
 Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
-  // O_NONBLOCK: opening a pipe must not wait for its other end.
-  Descriptor in(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
-  if (in.get() < 0) fail_read(file, reason(errno));
-  struct stat status {};
-  if (::fstat(in.get(), &status) != 0) fail_read(file, reason(errno));
-  if (S_ISDIR(status.st_mode)) fail_read(file, reason(EISDIR));
-  if (!S_ISREG(status.st_mode)) fail_read(file, "not a regular file");
-  const auto size = static_cast<uint64_t>(status.st_size);
-  if (size > limit_bytes) fail_read(file, too_large(size, limit_bytes));
-
-  Bytes bytes(size, {});
+  const OpenedFile in = open_regular_file(file, limit_bytes);
+  Bytes bytes(in.bytes, {});
   size_t done = 0;
   while (done < bytes.size()) {
-    const ssize_t n = ::read(in.get(), bytes.data() + done, bytes.size() - done);
+    const ssize_t n = ::read(in.descriptor.get(), bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) fail_read(file, reason(errno));
     if (n == 0) break;  // the file shrank meanwhile; its parser finds it truncated
@@ -151,6 +142,19 @@ Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
 }
 
 }  // namespace
+
+OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_bytes) {
+  // O_NONBLOCK: opening a pipe must not wait for its other end.
+  OpenedFile opened{UniqueFd(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)), 0};
+  if (!opened.descriptor) fail_read(file, reason(errno));
+  struct stat status {};
+  if (::fstat(opened.descriptor.get(), &status) != 0) fail_read(file, reason(errno));
+  if (S_ISDIR(status.st_mode)) fail_read(file, reason(EISDIR));
+  if (!S_ISREG(status.st_mode)) fail_read(file, "not a regular file");
+  opened.bytes = static_cast<uint64_t>(status.st_size);
+  if (opened.bytes > limit_bytes) fail_read(file, too_large(opened.bytes, limit_bytes));
+  return opened;
+}
 
 void write_file_atomically(const std::filesystem::path& file, std::span<const uint8_t> bytes) {
   const std::filesystem::path target = resolve_target(file);

@@ -9,12 +9,21 @@
 #include <string_view>
 #include <vector>
 
+#include "base/unique_fd.h"
+
 namespace lenticule {
 
 /// Replaces `file` with `bytes`; readers see the old file or the whole new one. A symbolic link
 /// keeps pointing at the file it names. Throws Error(Failed) naming file and cause; nothing is left
 /// behind then. Safe from any thread.
 void write_file_atomically(const std::filesystem::path& file, std::span<const uint8_t> bytes);
+
+struct OpenedFile {
+  UniqueFd descriptor;
+  uint64_t bytes = 0;
+};
+/// Opens a regular file for reading. Throws as read_whole_file() does.
+[[nodiscard]] OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_bytes);
 
 /// The whole file. Throws Error(Input) naming file and cause: missing, not a regular file (never
 /// waits for a pipe), larger than `limit_bytes`.

@@ -12,6 +12,7 @@
 #include <new>
 
 #include "player/command.h"
+#include "player/confined_pictures.h"
 #include "player/interrupt.h"
 
 namespace {
@@ -54,6 +55,8 @@ void fill_standard_descriptors() {
 int main(int argc, char** argv) {
   fill_standard_descriptors();
   install_interrupt_handlers();
+  const ConfinedPictures pictures;
+  lenticule::frames::use_picture_reader(&pictures);
 
   CLI::App app{"Renders, weaves and plays pictures for lenticular 3-D displays."};
   app.name("lenticule");

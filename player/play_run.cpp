@@ -267,7 +267,7 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
     json["kms"] = to_json(kms_->statistics());
     json["kms"]["took_over"] = kms_->took_over();
   }
-  if (opened_.damaged_frames) json["damaged_frames"] = opened_.damaged_frames();
+  if (opened_.source) json.update(to_json(opened_.source->damage()));
   if (safe_.on) {
     json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};
     if (trouble_) json["safe_start"]["trouble"] = trouble_->what();
@@ -317,6 +317,9 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
     print_json(statistics);
   else
     fmt::print(stderr, "{}\n", summary_text(result.report));
+  if (const auto damage = opened_.source ? opened_.source->damage() : frames::FrameDamage{};
+      damage.any())
+    fmt::print(stderr, "{}: {}\n", flags_.source, damage_text(damage));
   return exit_code_after(result);
 }
 

@@ -122,15 +122,22 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
       return publish({{"event", "item_started"}, {"source", event.source}});
     case PlaylistEvent::Kind::Seam:
       return publish({{"event", "seam"}, {"source", event.source}});
+    case PlaylistEvent::Kind::ItemDamaged:
+      publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
+      return complain("damaged", event);
     case PlaylistEvent::Kind::ItemSkipped:
       publish({{"event", "bad_item"}, {"source", event.source}, {"cause", event.detail}});
-      break;
+      return complain("left out", event);
   }
+}
+
+/// Once for each cause.
+void SteeredPlay::complain(const char* what, const PlaylistEvent& event) {
   const bool named = event.detail.starts_with(event.source);
   const std::string complaint = named ? event.detail : event.source + ": " + event.detail;
   const std::lock_guard lock(told_mutex_);
   if (told_.size() < kMaxComplaints && told_.insert(complaint).second)
-    fmt::print(stderr, "left out: {}\n", complaint);
+    fmt::print(stderr, "{}: {}\n", what, complaint);
 }
 
 void SteeredPlay::report(const PlayReport& report) {
@@ -169,7 +176,13 @@ void SteeredPlay::complete(ordered_json& statistics) {
                               {"items_started", status.started},
                               {"seams", status.seams},
                               {"items_skipped", status.skipped},
-                              {"last_trouble", status.last_trouble}};
+                              {"last_trouble", status.last_trouble},
+                              {"damaged_items", ordered_json::array()}};
+    for (const auto& [source, damage] : status.damaged_items) {
+      ordered_json item = {{"source", source}};
+      item.update(to_json(damage));
+      statistics["playlist"]["damaged_items"].push_back(std::move(item));
+    }
   }
   if (server_) {
     const ControlCounts counts = server_->counts();

@@ -50,6 +50,7 @@ class SteeredPlay {
 
  private:
   void on_item(const PlaylistEvent& event);
+  void complain(const char* what, const PlaylistEvent& event);
   void publish(nlohmann::ordered_json event);
   void publish_changes(const PlayReport& report);
 

@@ -141,6 +141,7 @@ ordered_json PlayControls::status() const {
     json["opening"] = status.opening;
     json["items_skipped"] = status.skipped;
     json["last_trouble"] = status.last_trouble;
+    json.update(to_json(status.damage));
   }
   if (options_.trim) json["trim"] = trim_json(options_.trim->trim());
   return json;

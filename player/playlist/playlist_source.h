@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -28,6 +29,7 @@ struct PlaylistEvent {
     ItemStarted,  ///< its first frame was taken; the glass has it a few frames later
     Seam,         ///< it begins again, without a gap
     ItemSkipped,  ///< it cannot be played, or not any further
+    ItemDamaged,  ///< it was played, but some of its frames did not come as they were made
   };
   Kind kind = Kind::ItemStarted;
   std::string source;
@@ -70,6 +72,9 @@ struct PlaylistStatus {
   uint64_t seams = 0;
   uint64_t skipped = 0;
   std::string last_trouble{};
+  frames::FrameDamage damage{};  ///< of all items, so far
+  /// The items that had any, by source.
+  std::map<std::string, frames::FrameDamage> damaged_items{};
   bool opening = false;  ///< somewhere else is being opened
 };
 
@@ -116,6 +121,7 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] std::string failure() const override { return {}; }
   [[nodiscard]] bool nothing_owed() const override { return idle_; }
   [[nodiscard]] uint64_t cut() const override { return cut_; }
+  [[nodiscard]] frames::FrameDamage damage() const override;
 
  private:
   using SteadyTime = std::chrono::steady_clock::time_point;
@@ -134,6 +140,7 @@ class PlaylistSource final : public frames::FrameSource {
     uint64_t pulled_this_round = 0;
     uint64_t loops_done = 0;
     uint64_t lent = 0;
+    frames::FrameDamage damage{};  ///< as far as it is counted in the status
     bool skips_to_first = false;
     bool waits_for_renderer = false;  ///< a ring between two sequences
     SteadyTime waiting_since{};
@@ -171,6 +178,7 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] bool waited_too_long(Play& play) const;
   void begin(std::unique_ptr<Play> play);
   void leave_current();
+  void count_damage(Play& play);
   void break_current(const std::string& why);
   void throw_away(std::unique_ptr<Play> play);
   void want_next_in_time();

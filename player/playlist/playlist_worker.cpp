@@ -228,6 +228,11 @@ PlaylistStatus PlaylistSource::status() const {
   return status;
 }
 
+frames::FrameDamage PlaylistSource::damage() const {
+  const std::lock_guard lock(mutex_);
+  return status_.damage;
+}
+
 std::string PlaylistSource::source_of(uint32_t play) const {
   const std::lock_guard lock(mutex_);
   for (const Began& one : began_)
