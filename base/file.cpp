@@ -57,21 +57,11 @@ bool write_all(int fd, std::span<const uint8_t> bytes) {
 /// Reads to the end of a regular file into `Bytes`, a container of bytes.
 template <class Bytes>
 Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
-  struct stat status {};
-  // Looked at first: opening alone makes some devices do something.
-  if (::stat(file.c_str(), &status) != 0) fail_read(file, reason(errno));
-  require_regular(file, status.st_mode);
-  // O_NONBLOCK: opening a pipe that took the name since must not wait for its other end.
-  const UniqueFd in(::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY));
-  if (!in || ::fstat(in.get(), &status) != 0) fail_read(file, reason(errno));
-  require_regular(file, status.st_mode);
-  const auto size = static_cast<uint64_t>(status.st_size);
-  if (size > limit_bytes) fail_read(file, too_large(size, limit_bytes));
-
-  Bytes bytes(size, {});
+  const OpenedFile in = open_regular_file(file, limit_bytes);
+  Bytes bytes(in.bytes, {});
   size_t done = 0;
   while (done < bytes.size()) {
-    const ssize_t n = ::read(in.get(), bytes.data() + done, bytes.size() - done);
+    const ssize_t n = ::read(in.descriptor.get(), bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) fail_read(file, reason(errno));
     if (n == 0) break;  // the file shrank meanwhile; its parser finds it truncated
@@ -82,6 +72,22 @@ Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
 }
 
 }  // namespace
+
+OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_bytes) {
+  struct stat status {};
+  // Looked at first: opening alone makes some devices do something.
+  if (::stat(file.c_str(), &status) != 0) fail_read(file, reason(errno));
+  require_regular(file, status.st_mode);
+  // O_NONBLOCK: opening a pipe that took the name since must not wait for its other end.
+  constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY;
+  OpenedFile opened{UniqueFd(::open(file.c_str(), kFlags)), 0};
+  if (!opened.descriptor || ::fstat(opened.descriptor.get(), &status) != 0)
+    fail_read(file, reason(errno));
+  require_regular(file, status.st_mode);
+  opened.bytes = static_cast<uint64_t>(status.st_size);
+  if (opened.bytes > limit_bytes) fail_read(file, too_large(opened.bytes, limit_bytes));
+  return opened;
+}
 
 void write_file_atomically(const std::filesystem::path& file, std::span<const uint8_t> bytes) {
   TemporaryFile out(file);

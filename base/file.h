@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/unique_fd.h"
+
 namespace lenticule {
 
 /// Replaces `file` with `bytes`; readers see the old file or the whole new one. A symbolic link
@@ -19,6 +21,13 @@ void write_file_atomically(const std::filesystem::path& file, std::span<const ui
 /// Makes a rename in the file's folder last. Where a folder cannot be synchronised, nothing
 /// happens: the file is whole all the same.
 void sync_folder_of(const std::filesystem::path& file) noexcept;
+
+struct OpenedFile {
+  UniqueFd descriptor;
+  uint64_t bytes = 0;
+};
+/// Opens a regular file for reading. Throws as read_whole_file() does.
+[[nodiscard]] OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_bytes);
 
 /// The whole file. Throws Error(Input) naming file and cause: missing, not a regular file (never
 /// waits for a pipe), larger than `limit_bytes`.

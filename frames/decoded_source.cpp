@@ -53,7 +53,6 @@ void DecodedSource::make_slots() {
   const uint64_t pool = static_cast<uint64_t>(std::max(rounds_.pool_frames, kMinPoolFrames));
   resident_ = pool >= count && rounds_.loop == rounds_.first;
   slots_.resize(resident_ ? count : std::clamp<uint64_t>(count, kMinPoolFrames, pool));
-  for (Slot& slot : slots_) slot.frame = WovenFrame(rounds_.geometry);
 }
 
 uint64_t DecodedSource::frame_of(uint64_t ticket) const {

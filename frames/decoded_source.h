@@ -25,7 +25,7 @@ struct DecodedRounds {
   uint64_t first = 0, loop = 0, last = 0;
   /// With how many frames of them left out the first round begins; less than last - first.
   uint64_t skipped = 0;
-  int pool_frames = 8;      ///< decoded frames in memory at most, at least 2; allocated at once
+  int pool_frames = 8;      ///< decoded frames in memory at most, at least 2
   int decoder_threads = 1;  ///< brought into 1..kMaxDecoderThreads
 };
 
@@ -36,9 +36,9 @@ class FrameDecoding {
 
   /// Asked once.
   [[nodiscard]] virtual DecodedRounds rounds() const = 0;
-  /// Called by several threads at a time, each with a number of its own. Fills `to`; an empty text,
-  /// or why there is no such frame. `next` is the frame that will probably be asked for after this
-  /// one. May throw: that counts as a failure.
+  /// Called by several threads at a time, each with a number of its own. Fills `to`, which is
+  /// empty or a frame of that geometry; an empty text, or why there is no such frame. `next` is the
+  /// frame that will probably be asked for after this one. May throw: that counts as a failure.
   [[nodiscard]] virtual std::string decode(int thread, uint64_t frame, uint64_t next,
                                            WovenFrame& to) = 0;
 };

@@ -27,6 +27,22 @@ struct LentFrame {
   uint32_t item = 0;  ///< of a source that plays one thing after the other: which of them
 };
 
+/// Frames of a source that did not come as they were made.
+struct FrameDamage {
+  uint64_t damaged = 0;   ///< could not be read, or only with errors
+  uint64_t missing = 0;   ///< are not in the file, which says that they are
+  uint64_t repeated = 0;  ///< another frame was shown in place of a damaged one
+
+  [[nodiscard]] bool any() const { return damaged + missing + repeated > 0; }
+  FrameDamage& operator+=(const FrameDamage& other) {
+    damaged += other.damaged;
+    missing += other.missing;
+    repeated += other.repeated;
+    return *this;
+  }
+  friend bool operator==(const FrameDamage&, const FrameDamage&) = default;
+};
+
 class FrameSource {
  public:
   virtual ~FrameSource() = default;
@@ -57,6 +73,11 @@ class FrameSource {
   virtual void service() = 0;
 
   [[nodiscard]] virtual std::string failure() const = 0;
+
+  /// So far. Safe from any thread.
+  [[nodiscard]] virtual FrameDamage damage() const { return {}; }
+  /// A pixel's width over its height, as the file says. Woven frames have square ones.
+  [[nodiscard]] virtual double pixel_aspect() const { return 1.0; }
 
   /// Nothing is ready, and nothing is late either: what is on the glass may stay there.
   [[nodiscard]] virtual bool nothing_owed() const { return false; }

@@ -63,6 +63,27 @@ bool jpeg_reaches_end(Bytes bytes) {
   return false;
 }
 
+/// Walks the attributes (name, type, length, value) to the empty name that ends the header.
+bool exr_header_fits(Bytes bytes) {
+  constexpr size_t kMagicAndVersion = 8;
+  size_t at = kMagicAndVersion;
+  const auto skip_text = [&] {
+    while (at < bytes.size() && bytes[at] != 0) ++at;
+    ++at;
+  };
+  while (at < bytes.size() && bytes[at] != 0) {
+    skip_text();
+    skip_text();
+    if (at + 4 > bytes.size()) return false;
+    const size_t length = size_t{bytes[at]} | size_t{bytes[at + 1]} << 8 |
+                          size_t{bytes[at + 2]} << 16 | size_t{bytes[at + 3]} << 24;
+    at += 4;
+    if (length > bytes.size() - at) return false;
+    at += length;
+  }
+  return at < bytes.size();
+}
+
 struct Name {
   std::string_view extension;
   ImageFormat format;
@@ -138,6 +159,10 @@ bool reaches_end_mark(ImageFormat format, std::span<const uint8_t> bytes) {
   if (format == ImageFormat::Png) return png_reaches_end(bytes);
   if (format == ImageFormat::Jpeg) return jpeg_reaches_end(bytes);
   return true;
+}
+
+bool header_fits(ImageFormat format, std::span<const uint8_t> bytes) {
+  return format != ImageFormat::Exr || exr_header_fits(bytes);
 }
 
 }  // namespace lenticule::frames

@@ -24,4 +24,8 @@ enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr };
 /// that their decoders notice by themselves: always true for them.
 [[nodiscard]] bool reaches_end_mark(ImageFormat format, std::span<const uint8_t> bytes);
 
+/// False if an EXR's header states attributes longer than the file. Its decoder would allocate
+/// them. Always true for other formats.
+[[nodiscard]] bool header_fits(ImageFormat format, std::span<const uint8_t> bytes);
+
 }  // namespace lenticule::frames

@@ -4,6 +4,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <optional>
+#include <utility>
+
 #include "base/error.h"
 #include "base/file.h"
 #include "frames/image_format.h"
@@ -31,33 +37,153 @@ ImageFormat writable_format(const std::filesystem::path& file) {
               "end the name in .png, .tif, .tiff, .exr or .ppm");
 }
 
+class InThisProcess final : public PictureFileReader {
+ public:
+  PictureInfo probe(const std::filesystem::path& file) const override {
+    return picture_codec().probe(read_whole_file(file, kMaxFileBytes), file.string());
+  }
+  void read(const std::filesystem::path& file, PictureSink& sink) const override {
+    picture_codec().decode_codes(read_whole_file(file, kMaxFileBytes), file.string(), sink);
+  }
+};
+
+std::atomic<const PictureFileReader*> chosen_reader{nullptr};
+
+const PictureFileReader& reader() {
+  static const InThisProcess in_this_process;
+  const PictureFileReader* const chosen = chosen_reader.load();
+  return chosen != nullptr ? *chosen : in_this_process;
+}
+
+void refuse_tags_of_woven(const std::filesystem::path& file, const PictureInfo& info) {
+  constexpr double kSquare = 0.005;
+  if (info.orientation != Orientation::Upright)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its orientation tag is {}, and woven frames are never turned",
+                            file.string(), static_cast<int>(info.orientation)),
+                "remove the tag, or turn the views before they are woven");
+  if (std::abs(info.pixel_aspect - 1.0) > kSquare)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its pixels are tagged {:.3g} times as wide as high, and woven "
+                            "frames are never scaled",
+                            file.string(), info.pixel_aspect),
+                "remove the tag, or scale the views before they are woven");
+}
+
+/// Fills a frame that it allocates when the first rows are decoded, so that a header that lies
+/// costs no memory.
+class FrameSink final : public PictureSink {
+ public:
+  FrameSink(const std::filesystem::path& file, WovenFrame& frame, PictureUse use,
+            std::optional<FrameGeometry> expected)
+      : file_(file), frame_(frame), use_(use), expected_(expected) {}
+
+  void accept(const PictureInfo& info) override {
+    if (use_ == PictureUse::Woven) refuse_tags_of_woven(file_, info);
+    info_ = info;
+    const FrameGeometry found = turned_geometry(info.geometry, info.orientation);
+    if (expected_ && found != *expected_)
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: {} x {} pixels where {} x {} are expected", file_.string(),
+                              found.width, found.height, expected_->width, expected_->height));
+  }
+  std::span<uint8_t> rows(int y, int rows) override {
+    WovenFrame& stored = turns() ? stored_ : frame_;
+    if (stored.geometry() != info_.geometry) stored = WovenFrame(info_.geometry);
+    const size_t row = info_.geometry.row_bytes();
+    return stored.bytes().subspan(static_cast<size_t>(y) * row, static_cast<size_t>(rows) * row);
+  }
+  void finish() {
+    if (!turns()) return;
+    const FrameGeometry upright = turned_geometry(info_.geometry, info_.orientation);
+    if (frame_.geometry() != upright) frame_ = WovenFrame(upright);
+    turn_upright(stored_.bytes(), info_.geometry, info_.orientation, frame_.bytes());
+  }
+
+ private:
+  [[nodiscard]] bool turns() const { return info_.orientation != Orientation::Upright; }
+
+  const std::filesystem::path& file_;
+  WovenFrame& frame_;
+  PictureUse use_;
+  std::optional<FrameGeometry> expected_;
+  PictureInfo info_;
+  WovenFrame stored_;
+};
+
+void read_into(const std::filesystem::path& file, WovenFrame& frame, PictureUse use,
+               std::optional<FrameGeometry> expected) {
+  FrameSink sink(file, frame, use, expected);
+  reader().read(file, sink);
+  sink.finish();
+}
+
 }  // namespace
 
-WovenFrame read_woven(const std::filesystem::path& file) {
-  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxFileBytes);
+void use_picture_reader(const PictureFileReader* reader) noexcept {
+  chosen_reader.store(reader);
+}
+
+WovenFrame read_woven(const std::filesystem::path& file, PictureUse use) {
   WovenFrame frame;
-  picture_codec().decode_codes(bytes, file.string(),
-                               [&](const FrameGeometry& geometry) -> WovenFrame& {
-                                 frame = WovenFrame(geometry);
-                                 return frame;
-                               });
+  read_into(file, frame, use, std::nullopt);
   return frame;
 }
 
+void read_woven_into(const std::filesystem::path& file, const FrameGeometry& expected,
+                     WovenFrame& frame, PictureUse use) {
+  read_into(file, frame, use, expected);
+}
+
 void read_woven_into(const std::filesystem::path& file, WovenFrame& frame) {
-  const std::vector<uint8_t> bytes = read_whole_file(file, kMaxFileBytes);
-  picture_codec().decode_codes(
-      bytes, file.string(), [&](const FrameGeometry& found) -> WovenFrame& {
-        if (found != frame.geometry())
-          throw Error(ErrorKind::Input,
-                      fmt::format("{}: {} x {} pixels where {} x {} are expected", file.string(),
-                                  found.width, found.height, frame.width(), frame.height()));
-        return frame;
-      });
+  read_into(file, frame, PictureUse::Woven, frame.geometry());
+}
+
+PictureInfo probe_picture(const std::filesystem::path& file, PictureUse use) {
+  const PictureInfo info = reader().probe(file);
+  if (use == PictureUse::Woven) refuse_tags_of_woven(file, info);
+  return info;
 }
 
 FrameGeometry probe_image(const std::filesystem::path& file) {
-  return picture_codec().probe(read_whole_file(file, kMaxFileBytes), file.string());
+  const PictureInfo info = probe_picture(file, PictureUse::Views);
+  return turned_geometry(info.geometry, info.orientation);
+}
+
+FrameGeometry turned_geometry(const FrameGeometry& stored, Orientation orientation) {
+  FrameGeometry turned = stored;
+  if (orientation >= Orientation::Transposed) std::swap(turned.width, turned.height);
+  return turned;
+}
+
+double upright_pixel_aspect(const PictureInfo& info) {
+  return info.orientation >= Orientation::Transposed ? 1.0 / info.pixel_aspect : info.pixel_aspect;
+}
+
+void turn_upright(std::span<const uint8_t> stored, const FrameGeometry& geometry,
+                  Orientation orientation, std::span<uint8_t> upright) {
+  const FrameGeometry to = turned_geometry(geometry, orientation);
+  const bool swaps = orientation >= Orientation::Transposed;
+  // Which of the stored columns and rows are counted from the far end.
+  const bool from_right =
+      orientation == Orientation::Mirrored || orientation == Orientation::HalfTurn ||
+      orientation == Orientation::Transversed || orientation == Orientation::ThreeQuarterTurn;
+  const bool from_bottom =
+      orientation == Orientation::HalfTurn || orientation == Orientation::UpsideDown ||
+      orientation == Orientation::QuarterTurn || orientation == Orientation::Transversed;
+  LENTICULE_CHECK(stored.size() == geometry.frame_bytes() && upright.size() == stored.size());
+  uint8_t* out = upright.data();
+  for (int y = 0; y < to.height; ++y) {
+    for (int x = 0; x < to.width; ++x, out += 3) {
+      int column = swaps ? y : x;
+      int row = swaps ? x : y;
+      if (from_right) column = geometry.width - 1 - column;
+      if (from_bottom) row = geometry.height - 1 - row;
+      const uint8_t* const in = stored.data() + static_cast<size_t>(row) * geometry.row_bytes() +
+                                static_cast<size_t>(column) * 3;
+      std::copy(in, in + 3, out);
+    }
+  }
 }
 
 FloatImage read_texture(const std::filesystem::path& file) {

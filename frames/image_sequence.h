@@ -5,11 +5,15 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "frames/decoded_source.h"
+#include "frames/image_io.h"
 
 namespace lenticule::frames {
 
@@ -27,6 +31,11 @@ struct ImageSequenceOptions {
   /// Number of the file with which the first round begins, later ones beginning with the first;
   /// less than there are.
   uint64_t first = 0;
+  PictureUse use = PictureUse::Woven;
+  /// Fewer than pool_frames are kept where they would take more; at least 2.
+  uint64_t pool_bytes = std::numeric_limits<uint64_t>::max();
+  /// Called with what the first file's header says, before anything is allocated; throws to refuse.
+  std::function<void(const PictureInfo&)> accept = nullptr;
 };
 
 /// All files must have the first one's size. The first file is opened by the constructor, which
@@ -36,6 +45,13 @@ class ImageSequence final : public DecodedSource {
  public:
   explicit ImageSequence(std::vector<std::filesystem::path> files,
                          const ImageSequenceOptions& options = {});
+  [[nodiscard]] double pixel_aspect() const override { return pixel_aspect_; }
+
+ private:
+  class Files;
+  explicit ImageSequence(std::unique_ptr<Files> files);
+
+  double pixel_aspect_;
 };
 
 }  // namespace lenticule::frames

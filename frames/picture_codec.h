@@ -5,7 +5,7 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
+#include <filesystem>
 #include <span>
 #include <string>
 #include <vector>
@@ -16,19 +16,27 @@
 
 namespace lenticule::frames {
 
+/// Receives the code values of one picture, in one thread.
+class PictureSink {
+ public:
+  virtual ~PictureSink() = default;
+  /// Called once, with what the header says, before anything is decoded; throws to refuse it.
+  virtual void accept(const PictureInfo& info) = 0;
+  /// Returns the memory for packed RGB rows from row `y` on: for one row at least, and for `rows`
+  /// of them at most. The rows of the call before are complete by then. May throw.
+  [[nodiscard]] virtual std::span<uint8_t> rows(int y, int rows) = 0;
+};
+
 /// The interface between the program and the module; both are of one build. Every function is safe
 /// from any thread and throws Error as its caller in image_io.h says. `name` is for messages.
 class PictureCodec {
  public:
   virtual ~PictureCodec() = default;
 
-  [[nodiscard]] virtual FrameGeometry probe(std::span<const uint8_t> bytes,
-                                            const std::string& name) const = 0;
-  /// `prepare` is called once, after the first rows are decoded, and returns the frame of that
-  /// geometry to fill; it may throw.
-  using Prepare = std::function<WovenFrame&(const FrameGeometry&)>;
+  [[nodiscard]] virtual PictureInfo probe(std::span<const uint8_t> bytes,
+                                          const std::string& name) const = 0;
   virtual void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
-                            const Prepare& prepare) const = 0;
+                            PictureSink& sink) const = 0;
   [[nodiscard]] virtual FloatImage decode_light(std::span<const uint8_t> bytes,
                                                 const std::string& name) const = 0;
   [[nodiscard]] virtual std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
@@ -43,5 +51,18 @@ class PictureCodec {
 /// that is not its own.
 using PictureCodecEntry = const PictureCodec* (*)(const char* version) noexcept;
 inline constexpr const char* kPictureCodecEntry = "lenticule_picture_codec";
+
+/// Reads the code values of picture files. Every function is safe from any thread and throws as
+/// probe_picture() and read_woven() do.
+class PictureFileReader {
+ public:
+  virtual ~PictureFileReader() = default;
+  [[nodiscard]] virtual PictureInfo probe(const std::filesystem::path& file) const = 0;
+  virtual void read(const std::filesystem::path& file, PictureSink& sink) const = 0;
+};
+
+/// Makes image_io.h read code values through `reader`, which must live until the process ends or
+/// null is set. Null: this process decodes them itself.
+void use_picture_reader(const PictureFileReader* reader) noexcept;
 
 }  // namespace lenticule::frames

@@ -16,7 +16,6 @@ namespace {
 
 constexpr double kMinAspect = 0.01;
 constexpr double kMaxAspect = 100.0;
-constexpr uint64_t kMaxViewBytes = uint64_t{8} << 30;
 
 bool sensible_aspect(double aspect) {
   return aspect >= kMinAspect && aspect <= kMaxAspect;
@@ -164,7 +163,7 @@ void ViewSet::set_aspect(std::optional<double> aspect, const std::string& name) 
 
 ViewSet read_quilt(const std::filesystem::path& file, const QuiltLayout& layout) {
   check_quilt_layout(layout, file.string());
-  return ViewSet(read_woven(file), layout, file.string());
+  return ViewSet(read_woven(file, PictureUse::Views), layout, file.string());
 }
 
 ViewSet read_views(const FilePattern& pattern, std::optional<double> aspect) {
@@ -172,20 +171,27 @@ ViewSet read_views(const FilePattern& pattern, std::optional<double> aspect) {
 }
 
 ViewSet read_views(const std::vector<std::filesystem::path>& files, const std::string& name,
-                   std::optional<double> aspect) {
+                   std::optional<double> aspect, uint64_t most_bytes) {
   LENTICULE_CHECK(!files.empty());
-  const FrameGeometry geometry = probe_image(files.front());
+  const PictureInfo first = probe_picture(files.front(), PictureUse::Views);
+  const FrameGeometry geometry = turned_geometry(first.geometry, first.orientation);
   if (files.size() > static_cast<size_t>(kMaxViews) ||
-      geometry.frame_bytes() > kMaxViewBytes / files.size())
-    throw Error(ErrorKind::Input, fmt::format("{}: {} views of {} x {} pixels are too many to hold",
-                                              name, files.size(), geometry.width, geometry.height));
-  std::vector<WovenFrame> views;
-  views.reserve(files.size());
-  for (const auto& file : files) {
-    views.emplace_back(geometry);
-    read_woven_into(file, views.back());
-  }
+      geometry.frame_bytes() > most_bytes / files.size())
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: {} views of {} x {} pixels; at most {} views and {} MiB are held", name,
+                    files.size(), geometry.width, geometry.height, kMaxViews, most_bytes >> 20),
+        "use fewer or smaller views");
+  std::vector<WovenFrame> views(files.size());
+  for (size_t k = 0; k < files.size(); ++k)
+    read_woven_into(files[k], geometry, views[k], PictureUse::Views);
+  if (!aspect) aspect = stated_aspect(geometry, upright_pixel_aspect(first));
   return ViewSet(std::move(views), aspect);
+}
+
+std::optional<double> stated_aspect(const FrameGeometry& picture, double pixel_aspect) {
+  if (pixel_aspect == 1.0) return std::nullopt;
+  return picture.width * pixel_aspect / picture.height;
 }
 
 }  // namespace lenticule::frames

@@ -96,14 +96,24 @@ class ViewSet {
   double aspect_ = 1.0;
 };
 
+/// The aspect that pixels of that shape give a picture; empty for square ones, which say nothing.
+[[nodiscard]] std::optional<double> stated_aspect(const FrameGeometry& picture,
+                                                  double pixel_aspect);
+
+/// All views of one moment together take no more, unless a caller allows less.
+inline constexpr uint64_t kMostViewBytes = uint64_t{8} << 30;
+
 /// Reads and cuts a quilt file.
 [[nodiscard]] ViewSet read_quilt(const std::filesystem::path& file, const QuiltLayout& layout);
 
 /// Reads one picture per view, the leftmost camera's first. Throws Error(Input), that of the set
-/// itself beginning with `name`, for sizes that differ or more than 8 GiB of pixels.
+/// itself beginning with `name`, for sizes that differ or more bytes of pixels than `most_bytes`.
+/// Pictures are turned as their tags say, and the shape of their pixels counts unless `aspect` is
+/// given.
 [[nodiscard]] ViewSet read_views(const std::vector<std::filesystem::path>& files,
                                  const std::string& name,
-                                 std::optional<double> aspect = std::nullopt);
+                                 std::optional<double> aspect = std::nullopt,
+                                 uint64_t most_bytes = kMostViewBytes);
 /// The same of a pattern; the lowest number is the leftmost camera. Throws Error(Input) also for no
 /// files and a missing number.
 [[nodiscard]] ViewSet read_views(const FilePattern& pattern,

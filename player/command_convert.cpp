@@ -21,6 +21,7 @@
 #include "player/content/convert_output.h"
 #include "player/existing_output.h"
 #include "player/interrupt.h"
+#include "player/play_statistics.h"
 #include "player/progress.h"
 
 namespace lenticule::player {
@@ -42,7 +43,7 @@ struct ConvertFlags {
   WeavingFlags weaving;
   bool resume = false;
   bool overwrite = false;
-  bool replace_damaged = false;
+  bool keep_damaged = false;
   bool json = false;
 };
 
@@ -182,13 +183,38 @@ class ConvertRun {
     const std::vector<uint64_t> damaged =
         reader.find_damaged([](uint64_t) { return !interrupted(); });
     if (damaged.empty()) return;
-    if (!flags_.replace_damaged) fail_damaged(damaged.front());
+    if (!flags_.keep_damaged) fail_damaged_container(damaged);
     replaced_ = damaged.size();
   }
 
+  [[noreturn]] void fail_damaged_container(const std::vector<uint64_t>& damaged) const {
+    LENTICULE_CHECK(!damaged.empty());
+    throw Error(ErrorKind::Failed,
+                fmt::format("{}: {} damaged, the first of them frame {}", flags_.input,
+                            damaged.size() == 1 ? "1 frame is"
+                                                : fmt::format("{} frames are", damaged.size()),
+                            damaged.front()),
+                "--keep-damaged repeats the frame before each of them");
+  }
+
+  /// Counts them all first: how much is lost decides on what to do.
   [[noreturn]] void fail_damaged(uint64_t number) const {
-    throw Error(ErrorKind::Input, fmt::format("{}: frame {} is damaged", flags_.input, number),
-                "--replace-damaged repeats the frame before");
+    std::vector<uint64_t> damaged =
+        frames::SequenceReader(flags_.input).find_damaged([](uint64_t) { return !interrupted(); });
+    std::erase_if(damaged, [&](uint64_t n) { return n < range_.begin || n >= range_.end; });
+    if (damaged.empty()) damaged.push_back(number);
+    fail_damaged_container(damaged);
+  }
+
+  /// Frames that a decoder left out or mended.
+  void refuse_damage_of_sources() const {
+    const frames::FrameDamage damage = input_->damage();
+    if (!damage.any() || flags_.keep_damaged) return;
+    throw Error(
+        ErrorKind::Failed,
+        fmt::format("{}: {} of {} frames are damaged, {} are missing", flags_.input, damage.damaged,
+                    converted_ + damage.damaged + damage.missing, damage.missing),
+        "--keep-damaged converts what can be read");
   }
 
   /// Loop points belong to the whole sequence.
@@ -267,14 +293,14 @@ class ConvertRun {
     const ReadResult result = input_->read(number, frame);
     if (result == ReadResult::Ok) last_good_ = number;
     if (result != ReadResult::Damaged) return result == ReadResult::Ok;
-    if (!flags_.replace_damaged || !last_good_ ||
-        input_->read(*last_good_, frame) != ReadResult::Ok)
+    if (!flags_.keep_damaged || !last_good_ || input_->read(*last_good_, frame) != ReadResult::Ok)
       fail_damaged(number);
     ++replaced_;
     return true;
   }
 
   void finish() {
+    refuse_damage_of_sources();
     const uint64_t done = converted_ + skipped_;
     const bool short_of_range = wanted_ && done < range_.count();
     if (done == 0 || short_of_range)
@@ -286,6 +312,8 @@ class ConvertRun {
 
   void report() const {
     if (replaced_ > 0) say("{}: {} damaged frames were replaced\n", flags_.input, replaced_);
+    const frames::FrameDamage damage = input_->damage();
+    if (damage.any()) say("{}: {}\n", flags_.input, damage_text(damage));
     if (written_ != flags_.output) say("{}\n", written_);
     if (!flags_.json) return;
     print_json({{"input", flags_.input},
@@ -297,6 +325,8 @@ class ConvertRun {
                 {"frames_converted", converted_},
                 {"frames_skipped", skipped_},
                 {"frames_replaced", replaced_},
+                {"frames_damaged", damage.damaged},
+                {"frames_missing", damage.missing},
                 {"rate", frames::to_string(info_.rate)},
                 {"interrupted", interrupted()},
                 {"seconds", seconds_}});
@@ -345,8 +375,9 @@ Run declare_convert(CLI::App& app) {
   CLI::Option* const resume =
       app.add_flag("--resume", flags->resume, "go on where an earlier run was stopped");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
-  app.add_flag("--replace-damaged", flags->replace_damaged,
-               "repeat the frame before a damaged one instead of ending");
+  app.add_flag("--keep-damaged,--replace-damaged", flags->keep_damaged,
+               "convert a damaged input, too: the frame before a damaged one is repeated, or a "
+               "video's damaged frame left out");
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags]() -> ExitCode { return ConvertRun(*flags).run(); };
 }

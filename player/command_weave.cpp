@@ -20,6 +20,7 @@
 #include "player/content/content_open.h"
 #include "player/existing_output.h"
 #include "player/interrupt.h"
+#include "player/play_statistics.h"
 #include "player/progress.h"
 
 namespace lenticule::player {
@@ -35,6 +36,7 @@ struct WeaveFlags {
   std::string quilt;
   bool reference = false;
   bool overwrite = false;
+  bool keep_damaged = false;
   bool json = false;
 };
 
@@ -118,6 +120,13 @@ void print_report(const nlohmann::json& done) {
             done["filter"].get<std::string>());
 }
 
+void refuse_damage(frames::ViewInput& input, const WeaveFlags& flags) {
+  const frames::FrameDamage damage = await_damage(input);
+  if (damage.any() && !flags.keep_damaged)
+    throw Error(ErrorKind::Failed, fmt::format("{}: {}", flags.input, damage_text(damage)),
+                "--keep-damaged weaves what can be read in place of a damaged frame");
+}
+
 ExitCode run_weave(const WeaveFlags& flags) {
   const frames::WeaveOptions options = weave_options(flags.weaving);
   frames::check_writable_format(flags.output);
@@ -140,9 +149,9 @@ ExitCode run_weave(const WeaveFlags& flags) {
     frame = frames::weave_fast(views, model, options, all_threads());
   else if (!weave_by_reference(views, model, options, frame))
     return interrupt_exit_code();
-  frames::write_woven(frame.view(), flags.output);
-
   const nlohmann::json done = report(flags, views, options, model.rig());
+  refuse_damage(*input, flags);
+  frames::write_woven(frame.view(), flags.output);
   if (flags.json)
     print_json(done);
   else
@@ -170,6 +179,8 @@ Run declare_weave(CLI::App& app) {
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
   app.add_flag("--reference", flags->reference,
                "weave slowly, in double precision: what the fast weaver is tested against");
+  app.add_flag("--keep-damaged", flags->keep_damaged,
+               "weave from a damaged input, too: another frame may stand in for the one asked for");
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags] { return run_weave(*flags); };
 }

@@ -14,6 +14,7 @@
 #include "base/cpu.h"
 #include "base/print.h"
 #include "player/command.h"
+#include "player/confined_pictures.h"
 #include "player/error_report.h"
 #include "player/interrupt.h"
 #include "player/usage_error.h"
@@ -64,6 +65,8 @@ int main(int argc, char** argv) {
     return kOk;
   });
   if (environment != kOk) return environment;
+  const ConfinedPictures pictures;
+  lenticule::frames::use_picture_reader(&pictures);
 
   CLI::App app{"Renders, weaves and plays pictures for lenticular 3-D displays."};
   app.name("lenticule");

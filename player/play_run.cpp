@@ -332,7 +332,7 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
     json["kms"] = to_json(kms_->statistics());
     json["kms"]["took_over"] = kms_->took_over();
   }
-  if (opened_.damaged_frames) json["damaged_frames"] = opened_.damaged_frames();
+  if (opened_.source) json.update(to_json(opened_.source->damage()));
   if (const auto warnings = plan_.source.warnings->all(); !warnings.empty())
     json["rig_warnings"] = warnings;
   if (safe_.on) {
@@ -399,6 +399,9 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
     print_json(statistics);
   else
     say("{}\n", Verbatim{summary_text(result.report)});
+  if (const auto damage = opened_.source ? opened_.source->damage() : frames::FrameDamage{};
+      damage.any())
+    say("{}: {}\n", flags_.source, damage_text(damage));
   return exit_code_after(result);
 }
 

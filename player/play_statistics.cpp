@@ -129,6 +129,17 @@ nlohmann::ordered_json to_json(const PlayReport& report) {
   return json;
 }
 
+ordered_json to_json(const frames::FrameDamage& damage) {
+  return {{"damaged_frames", damage.damaged},
+          {"missing_frames", damage.missing},
+          {"repeated_frames", damage.repeated}};
+}
+
+std::string damage_text(const frames::FrameDamage& damage) {
+  return fmt::format("{} frames damaged, {} missing, {} repeated", damage.damaged, damage.missing,
+                     damage.repeated);
+}
+
 std::string summary_text(const PlayReport& report) {
   const PaceCounts& pace = report.pace;
   return fmt::format(

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "frames/frame.h"
+#include "frames/frame_source.h"
 #include "frames/rational.h"
 #include "player/latency_histogram.h"
 #include "player/pacing.h"
@@ -144,6 +145,9 @@ struct PlayReport {
 };
 
 [[nodiscard]] nlohmann::ordered_json to_json(const PlayReport& report);
+[[nodiscard]] nlohmann::ordered_json to_json(const frames::FrameDamage& damage);
+/// "12 frames damaged, 3 missing, 0 repeated"
+[[nodiscard]] std::string damage_text(const frames::FrameDamage& damage);
 /// Two lines for people.
 [[nodiscard]] std::string summary_text(const PlayReport& report);
 

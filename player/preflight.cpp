@@ -36,25 +36,47 @@ frames::Rate needed_rate(const PlaylistItem& item, const frames::FrameSource& so
 }
 
 ordered_json examine(const PlaylistItem& item, const PlayFlags& flags, const PlayPlan& plan) {
-  ordered_json row = {{"source", item.source}};
-  if (item.source.starts_with("ring:")) {
-    row["figures"] = nullptr;  // it comes from a renderer, which sends when it likes
-    return row;
+  ordered_json row = {
+      {"source", item.source}, {"figures", nullptr}, {"problems", ordered_json::array()}};
+  const bool is_ring = item.source.starts_with("ring:");
+  if (is_ring) return row;  // it comes from a renderer, which sends when it likes
+  try {
+    OpenedSource opened = item_opener(plan.source)(item, 0);
+    const frames::FrameGeometry size = opened.source->geometry();
+    if (size != plan.source.panel)
+      row["problems"].push_back(fmt::format("frames of {}x{} pixels, but the panel has {}x{}",
+                                            size.width, size.height, plan.source.panel.width,
+                                            plan.source.panel.height));
+    const frames::Rate rate = needed_rate(item, *opened.source, flags, plan);
+    try {
+      row["figures"] = to_json(measure_source(*opened.source, rate, kLongest));
+    } catch (const Error& error) {
+      row["problems"].push_back(error.what());
+    }
+    const frames::FrameDamage damage = opened.source->damage();
+    row.update(to_json(damage));
+    if (damage.any()) row["problems"].push_back(damage_text(damage));
+  } catch (const Error& error) {
+    row["problems"].push_back(error.what());
   }
-  OpenedSource opened = item_opener(plan.source)(item, 0);
-  const frames::Rate rate = needed_rate(item, *opened.source, flags, plan);
-  row["figures"] = to_json(measure_source(*opened.source, rate, kLongest));
   return row;
 }
 
 void print_row(const ordered_json& row) {
   const auto& figures = row["figures"];
   const auto source = row["source"].get<std::string>();
-  if (figures.is_null()) return print_out("{}: a ring is not read\n", source);
-  print_out("{}: {}: needs {:.1f} frames/s ({:.0f} MB/s), {:.1f} frames/s ({:.0f} MB/s) came\n",
-            source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
-            figures["needed_frames_per_s"].get<double>(), figures["needed_mb_per_s"].get<double>(),
-            figures["seen_frames_per_s"].get<double>(), figures["seen_mb_per_s"].get<double>());
+  for (const auto& problem : row["problems"]) {
+    const auto text = problem.get<std::string>();
+    print_out("{}\n", text.starts_with(source) ? text : source + ": " + text);
+  }
+  if (!figures.is_null())
+    print_out("{}: {}: needs {:.1f} frames/s ({:.0f} MB/s), {:.1f} frames/s ({:.0f} MB/s) came\n",
+              source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
+              figures["needed_frames_per_s"].get<double>(),
+              figures["needed_mb_per_s"].get<double>(), figures["seen_frames_per_s"].get<double>(),
+              figures["seen_mb_per_s"].get<double>());
+  else if (row["problems"].empty())
+    print_out("{}: a ring is not read\n", source);
 }
 
 }  // namespace
@@ -72,7 +94,10 @@ ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
   const bool too_slow = std::any_of(rows.begin(), rows.end(), [](const ordered_json& row) {
     return !row["figures"].is_null() && row["figures"]["too_slow"].get<bool>();
   });
+  const bool bad = std::any_of(rows.begin(), rows.end(),
+                               [](const ordered_json& row) { return !row["problems"].empty(); });
   if (flags.json) print_out("{}\n", Verbatim{json_text(rows, 2)});
+  if (bad) return kInput;
   return too_slow ? kQuality : kOk;
 }
 

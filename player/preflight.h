@@ -7,8 +7,9 @@
 
 namespace lenticule::player {
 
-/// Reads the source, or every item of a list, and prints a line for each. kQuality if one is too
-/// slow. Throws Error(Input) for the first one that cannot be read.
+/// Reads the source, or a sample of every item of a list, and prints a line for each: all that is
+/// wrong with all of them. kInput if one cannot be played or is damaged, else kQuality if one is
+/// too slow.
 [[nodiscard]] ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan);
 
 }  // namespace lenticule::player

@@ -79,17 +79,16 @@ PictureRequest picture_request(const SourceRequest& request) {
           .pool_frames = std::max(request.slots, 2),
           .decoder_threads = decoding_threads(),
           .plays_again = request.plays_again,
-          .before_weaving = false};
+          .before_weaving = false,
+          .plays = true};
 }
 
 OpenedSource open_woven_pictures(const SourceRequest& request) {
   refuse_other_kinds(request.text);
   OpenedSource opened;
-  opened.source = open_pictures(request.text, picture_request(request));
-  const bool one_of_many = frames::FilePattern::looks_like_pattern(request.text);
-  require_panel_size(
-      request, opened.source->geometry(),
-      one_of_many ? frames::list_frame_files(request.text).front().string() : request.text);
+  PictureRequest how = picture_request(request);
+  how.size = request.panel;
+  opened.source = open_pictures(request.text, how);
   return opened;
 }
 
@@ -125,12 +124,8 @@ OpenedSource open_sequence(const SourceRequest& request) {
   const frames::SequenceReader reader(request.text);
   require_same_rig(request, reader.info());
   require_panel_size(request, reader.geometry(), request.text);
-  std::unique_ptr<frames::FrameSource> pictures =
-      open_pictures(request.text, picture_request(request));
   OpenedSource opened;
-  if (auto* const sequence = dynamic_cast<frames::SequenceSource*>(pictures.get()))
-    opened.damaged_frames = [sequence] { return sequence->damaged_frames(); };
-  opened.source = std::move(pictures);
+  opened.source = open_pictures(request.text, picture_request(request));
   return opened;
 }
 

@@ -54,8 +54,6 @@ struct OpenedSource {
   /// To be asked after playing, as long as `source` is there: why the sequence could not be played
   /// again, or empty. Null for sources that always can.
   std::function<std::string()> loop_obstacle;
-  /// Frames so far that were damaged in their file and replaced. Null where none can be.
-  std::function<uint64_t()> damaged_frames;
   /// What to do when nothing comes, or empty.
   std::string stall_hint;
 };

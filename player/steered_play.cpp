@@ -133,7 +133,6 @@ void SteeredPlay::open(OpenedSource& opened) {
   source->open_first();
   source_ = source.get();
   opened.source = std::move(source);
-  opened.damaged_frames = [list = source_] { return list->damaged_frames(); };
   if (controls_) controls_->steer(source_);
 }
 
@@ -161,6 +160,9 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
       return publish({{"event", "item_started"}, {"source", event.source}});
     case PlaylistEvent::Kind::Seam:
       return publish({{"event", "seam"}, {"source", event.source}});
+    case PlaylistEvent::Kind::ItemDamaged:
+      publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
+      return complain("damaged", event);
     case PlaylistEvent::Kind::ItemSkipped:
       publish({{"event", "bad_item"}, {"source", event.source}, {"cause", event.detail}});
       return complain("left out", event);
@@ -222,7 +224,13 @@ void SteeredPlay::complete(ordered_json& statistics) {
                               {"items_started", status.started},
                               {"seams", status.seams},
                               {"items_skipped", status.skipped},
-                              {"last_trouble", status.last_trouble}};
+                              {"last_trouble", status.last_trouble},
+                              {"damaged_items", ordered_json::array()}};
+    for (const auto& [source, damage] : status.damaged_items) {
+      ordered_json item = {{"source", source}};
+      item.update(to_json(damage));
+      statistics["playlist"]["damaged_items"].push_back(std::move(item));
+    }
   }
   if (server_) {
     const ControlCounts counts = server_->counts();

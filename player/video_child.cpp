@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -16,46 +15,13 @@
 
 #include "base/error.h"
 #include "base/text.h"
-
-extern char** environ;
+#include "player/spawn_program.h"
 
 namespace lenticule::player {
 namespace {
 
 constexpr size_t kMostLine = 4096;
 constexpr int kPollMilliseconds = 200;
-
-/// Dispositions and masks are not for others to inherit, and Ctrl-C is for us alone.
-void set_signals(posix_spawnattr_t& attributes) {
-  sigset_t none;
-  sigset_t all;
-  sigemptyset(&none);
-  sigfillset(&all);
-  posix_spawnattr_setsigmask(&attributes, &none);
-  posix_spawnattr_setsigdefault(&attributes, &all);
-  posix_spawnattr_setflags(&attributes,
-                           POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-}
-
-/// 0, or why not. The child's input and output are /dev/null, its standard error is `errors`.
-int spawn(const std::vector<std::string>& arguments, int errors, pid_t& pid) {
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
-  posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
-  posix_spawnattr_t attributes;
-  posix_spawnattr_init(&attributes);
-  set_signals(attributes);
-  std::vector<char*> argv;
-  argv.reserve(arguments.size() + 1);
-  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
-  argv.push_back(nullptr);
-  const int error = posix_spawn(&pid, argv[0], &actions, &attributes, argv.data(), environ);
-  posix_spawnattr_destroy(&attributes);
-  posix_spawn_file_actions_destroy(&actions);
-  return error;
-}
 
 }  // namespace
 
@@ -81,6 +47,8 @@ VideoChild::~VideoChild() {
 void VideoChild::start(std::vector<std::string> arguments) {
   LENTICULE_CHECK(!present_ && arguments.size() >= 2);
   present_ = true;
+  broken_.store(0);
+  rounds_.store(0);
   arguments.insert(arguments.begin() + 2, {"--parent", std::to_string(getpid())});
   {
     const std::lock_guard lock(mutex_);
@@ -104,6 +72,11 @@ std::optional<ChildEnd> VideoChild::take_end() {
   ended_.drain();
   present_ = false;
   return std::exchange(end_, std::nullopt);
+}
+
+void VideoChild::expect_frames(std::optional<uint64_t> expected) {
+  const std::lock_guard lock(mutex_);
+  expected_ = expected;
 }
 
 pid_t VideoChild::pid() const {
@@ -141,7 +114,7 @@ bool VideoChild::launch(const std::vector<std::string>& arguments, int& errors) 
   int error = pipe2(pipe.data(), O_CLOEXEC) == 0 ? 0 : errno;
   pid_t pid = -1;
   if (error == 0) {
-    error = spawn(arguments, pipe[1], pid);
+    error = spawn_program(arguments, {{pipe[1], STDERR_FILENO}}, pid);
     close(pipe[1]);
     if (error != 0) close(pipe[0]);
   }
@@ -198,6 +171,10 @@ void VideoChild::hear(std::string_view line) {
   }
   if (event->kind == VideoEvent::Kind::Position && event->time) position_ = event;
   if (event->kind == VideoEvent::Kind::Broken) broken_.store(event->broken);
+  const uint64_t known = event->frame + event->left_out;
+  if (event->kind != VideoEvent::Kind::Clip) return;
+  if (expected_ && known < *expected_) missing_.fetch_add(*expected_ - known);
+  rounds_.fetch_add(1);
 }
 
 /// A child that closed its standard error and lives on is not one of ours any more.

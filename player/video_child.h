@@ -52,7 +52,13 @@ class VideoChild {
   [[nodiscard]] uint64_t events() const { return events_.load(); }
   /// Its latest position with a time stamp.
   [[nodiscard]] std::optional<VideoEvent> position() const;
+  /// Frames and packets that the present child left out, or found faulty.
   [[nodiscard]] uint64_t broken() const { return broken_.load(); }
+  /// Frames that are not in the clip though it should have `expected` of them: of all rounds.
+  [[nodiscard]] uint64_t missing() const { return missing_.load(); }
+  /// Rounds of the clip that the present child has come to the end of.
+  [[nodiscard]] uint64_t rounds() const { return rounds_.load(); }
+  void expect_frames(std::optional<uint64_t> expected);
   /// Readable when the child has ended.
   [[nodiscard]] int wake_fd() const { return ended_.fd(); }
 
@@ -79,7 +85,10 @@ class VideoChild {
   bool present_ = false;  ///< the owner's view
   std::atomic<uint64_t> events_{0};
   std::atomic<uint64_t> broken_{0};
-  std::thread keeper_;  // last: uses everything above
+  std::atomic<uint64_t> missing_{0};
+  std::atomic<uint64_t> rounds_{0};
+  std::optional<uint64_t> expected_;  ///< under the mutex
+  std::thread keeper_;                // last: uses everything above
 };
 
 }  // namespace lenticule::player

@@ -72,6 +72,34 @@ frames::FrameGeometry geometry(const JsonFields& fields) {
   return size;
 }
 
+/// 1 for tags that make no sense.
+double pixel_aspect(const JsonFields& fields) {
+  constexpr uint64_t kMost = 0x7fffffff;
+  constexpr double kMostAspect = 16.0;
+  const json* const value = fields.find("sample_aspect");
+  if (value == nullptr || !value->is_array() || value->size() != 2) return 1.0;
+  const auto across = count(&(*value)[0], kMost);
+  const auto down = count(&(*value)[1], kMost);
+  if (!across || !down || *across == 0 || *down == 0) return 1.0;
+  const double aspect = static_cast<double>(*across) / static_cast<double>(*down);
+  return aspect > 1.0 / kMostAspect && aspect < kMostAspect ? aspect : 1.0;
+}
+
+std::optional<frames::Orientation> orientation(const JsonFields& fields) {
+  const json* const value = fields.find("orientation");
+  if (value == nullptr) return frames::Orientation::Upright;
+  const auto number = count(value, 8);
+  if (!number || *number < 1) return std::nullopt;
+  return static_cast<frames::Orientation>(*number);
+}
+
+std::optional<VideoStereo> stereo(const JsonFields& fields) {
+  const json* const value = fields.find("stereo");
+  if (value == nullptr || !value->is_object()) return std::nullopt;
+  const JsonFields tag(*value, fields.source());
+  return VideoStereo{.layout = name(tag, "layout"), .right_first = tag.flag("right_first")};
+}
+
 VideoStream parse_stream(const json& object, const std::string& source) {
   const JsonFields fields(object, source);
   const auto index = count(fields.find("index"), kMostStreams * kMostStreams);
@@ -81,6 +109,10 @@ VideoStream parse_stream(const json& object, const std::string& source) {
           .rate = rate(fields),
           .frames = count(fields.find("frames"), kMostFrames),
           .duration_s = duration(fields),
+          .expected_frames = count(fields.find("expected_frames"), kMostFrames),
+          .pixel_aspect = pixel_aspect(fields),
+          .orientation = orientation(fields),
+          .stereo = stereo(fields),
           .codec = name(fields, "codec"),
           .pixel_format = name(fields, "pixel_format"),
           .sampling = name(fields, "sampling"),
@@ -123,7 +155,12 @@ std::optional<VideoEvent> parse_video_event(std::string_view line) {
   } else if (*find("event") == "broken") {
     event.kind = VideoEvent::Kind::Broken;
     event.broken = count(find("packets"), kMostFrames).value_or(0) +
-                   count(find("wrong_size"), kMostFrames).value_or(0);
+                   count(find("wrong_size"), kMostFrames).value_or(0) +
+                   count(find("faulty"), kMostFrames).value_or(0);
+  } else if (*find("event") == "clip") {
+    event.kind = VideoEvent::Kind::Clip;
+    event.frame = count(find("frames"), kMostFrames).value_or(0);
+    event.left_out = count(find("left_out"), kMostFrames).value_or(0);
   }
   return event;
 }

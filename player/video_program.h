@@ -16,7 +16,8 @@ namespace lenticule::player {
 /// True for the names of files that lenticule-video reads: .mkv, .webm, .mp4, .mov, .avi, .nut, ...
 [[nodiscard]] bool looks_like_video(const std::filesystem::path& file);
 
-/// Runs `lenticule-video probe`, half a minute at most. Throws Error(Input) in its words when the
+/// Runs `lenticule-video probe`, half a minute at most, or remembers what it said about the same
+/// state of the same file. Throws Error(Input) in its words when the
 /// file is no video, Error(Failed) when the program does not work. An empty `program` is searched
 /// for.
 [[nodiscard]] std::vector<VideoStream> probe_video(const std::filesystem::path& file,

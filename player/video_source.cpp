@@ -5,6 +5,8 @@
 #include <sys/epoll.h>
 
 #include <algorithm>
+#include <atomic>
+#include <cmath>
 #include <deque>
 #include <utility>
 
@@ -40,11 +42,35 @@ const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
               "see lenticule-video probe");
 }
 
+frames::FrameGeometry upright_geometry(const VideoStream& stream) {
+  return frames::turned_geometry(stream.geometry, *stream.orientation);
+}
+
+/// Woven frames are shown as they are or not at all.
+void refuse_tags_of_woven(const VideoStream& stream, const std::string& file) {
+  constexpr double kSquare = 0.005;
+  if (stream.orientation != frames::Orientation::Upright)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: is tagged to be turned, and woven frames are never turned", file),
+                "remove its rotation, or turn the views before they are woven");
+  if (std::abs(stream.pixel_aspect - 1.0) > kSquare)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its pixels are tagged {:.3g} times as wide as high, and woven "
+                            "frames are never scaled",
+                            file, stream.pixel_aspect),
+                "remove the sample aspect ratio, or scale the views before they are woven");
+}
+
 void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
   const std::string file = request.file.string();
   if (!stream.refusal.empty())
     throw Error(ErrorKind::Input, fmt::format("{}: {}", file, stream.refusal),
                 "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
+  if (!stream.orientation)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: is tagged to be turned by other than quarter turns", file),
+                "remove its rotation");
+  if (!request.before_weaving) refuse_tags_of_woven(stream, file);
   if (!stream.full_chroma && !request.before_weaving)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {} chroma ({}) mixes the colours of neighbouring subpixels", file,
@@ -55,7 +81,14 @@ void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
 VideoStream suitable_stream(const VideoRequest& request) {
   const VideoStream stream = choose_stream(probe_video(request.file, request.program), request);
   refuse_unsuitable(stream, request);
+  if (request.accept) request.accept(upright_geometry(stream));
   return stream;
+}
+
+uint64_t slots_for(const VideoStream& stream, const VideoRequest& request) {
+  const uint64_t fit = request.most_bytes / stream.geometry.frame_bytes();
+  const auto most = static_cast<uint64_t>(std::max(request.slots, kLeastSlots));
+  return std::clamp<uint64_t>(fit, kLeastSlots, most);
 }
 
 class Source final : public VideoSource {
@@ -64,18 +97,29 @@ class Source final : public VideoSource {
       : request_(request),
         program_(request.program.empty() ? find_video_program() : request.program),
         stream_(suitable_stream(request)),
-        slots_(static_cast<uint64_t>(std::max(request.slots, kLeastSlots))),
+        upright_(upright_geometry(stream_)),
+        slots_(slots_for(stream_, request)),
         ring_(frames::RingPlayer::open({.socket = folder_.path() / "ring",
-                                        .geometry = stream_.geometry,
+                                        .geometry = upright_,
                                         .slots = static_cast<int>(slots_),
                                         .rig_fingerprint = {}})),
         events_(::epoll_create1(EPOLL_CLOEXEC)) {
     if (!events_ || !watch(ring_->wake_fd()) || !watch(child_.wake_fd()))
       throw Error(ErrorKind::Failed, "video: no descriptor is left");
+    // A range ends where it was told to; of the last frame a container may be wrong.
+    if (!request_.frames) child_.expect_frames(stream_.expected_frames);
     begin_child();
   }
 
-  [[nodiscard]] frames::FrameGeometry geometry() const override { return stream_.geometry; }
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return upright_; }
+  [[nodiscard]] frames::FrameDamage damage() const override {
+    return {.damaged = broken_before_.load() + child_.broken(), .missing = child_.missing()};
+  }
+  [[nodiscard]] double pixel_aspect() const override {
+    return frames::upright_pixel_aspect({.geometry = stream_.geometry,
+                                         .orientation = *stream_.orientation,
+                                         .pixel_aspect = stream_.pixel_aspect});
+  }
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return stream_.rate; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override { return frames_in_loop_; }
   [[nodiscard]] PullStatus pull(frames::LentFrame& out) override;
@@ -103,6 +147,7 @@ class Source final : public VideoSource {
   const VideoRequest request_;
   const std::filesystem::path program_;
   const VideoStream stream_;
+  const frames::FrameGeometry upright_;
   const uint64_t slots_;
   const PrivateFolder folder_;
   std::unique_ptr<frames::RingPlayer> ring_;
@@ -124,6 +169,7 @@ class Source final : public VideoSource {
 
   std::deque<Clock::time_point> restarts_;
   VideoStatistics counts_;
+  std::atomic<uint64_t> broken_before_{0};  ///< by decoders before the present one
   bool child_showed_life_ = false;
   bool killed_ = false;
   uint64_t signs_ = 0;
@@ -157,6 +203,8 @@ PullStatus Source::pull(frames::LentFrame& out) {
     case PullStatus::End:
       // A decoder that was replaced after its last frame leaves an empty sequence behind.
       if (request_.plays_again || next_ == 0) break;
+      // What it left out is known when it has said so, or is dead.
+      if (child_.present() && child_.rounds() == 0) break;
       at_end_ = true;
       frames_in_loop_ = next_;
       return PullStatus::End;
@@ -227,6 +275,10 @@ void Source::begin_child() {
   if (request_.plays_again) arguments.emplace_back("--loop");
   if (request_.before_weaving) arguments.emplace_back("--before-weaving");
   arguments.insert(arguments.end(), {"--", request_.file.string()});
+  if (*stream_.orientation != frames::Orientation::Upright)
+    arguments.insert(arguments.end() - 2,
+                     {"--orientation", std::to_string(static_cast<int>(*stream_.orientation))});
+  broken_before_.fetch_add(child_.broken());
   child_loop_ = loop_;
   child_showed_life_ = killed_ = false;
   last_sign_ = last_look_ = Clock::now();

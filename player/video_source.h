@@ -6,6 +6,8 @@
 #include <chrono>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,6 +27,10 @@ struct VideoRequest {
   bool plays_again = false;
   /// 4:2:0 and 4:2:2 are let through: the frames are quilts or the like and will be woven.
   bool before_weaving = false;
+  /// Called with the size of the frames before memory for them is made; throws to refuse it.
+  std::function<void(const frames::FrameGeometry&)> accept = nullptr;
+  /// Fewer than `slots` frames are kept where they would take more; at least 4.
+  uint64_t most_bytes = std::numeric_limits<uint64_t>::max();
   std::filesystem::path program = {};  ///< lenticule-video; empty = where it is installed
   /// A decoder that has a free slot and gives no sign of life for so long is killed.
   std::chrono::milliseconds patience{5000};

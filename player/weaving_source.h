@@ -59,6 +59,7 @@ class WeavingSource final : public frames::FrameSource {
   [[nodiscard]] int wake_fd() const override { return wake_.fd(); }
   void service() override { wake_.drain(); }
   [[nodiscard]] std::string failure() const override;
+  [[nodiscard]] frames::FrameDamage damage() const override { return input_->damage(); }
 
   /// Plans that were made so far.
   [[nodiscard]] uint64_t plans() const { return plans_.load(); }

@@ -10,6 +10,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <string_view>
 
 #include "base/error.h"
 #include "frames/image_format.h"
@@ -32,6 +33,12 @@ struct Band {
   Sample sample = Sample::U8;
   const uint8_t* data = nullptr;
 
+  /// `count` of its rows from row `first` on.
+  [[nodiscard]] Band part(int first, int count, int width) const {
+    const size_t sample_bytes = sample == Sample::U8 ? 1 : sample == Sample::U16 ? 2 : 4;
+    const size_t row = static_cast<size_t>(width) * static_cast<size_t>(channels) * sample_bytes;
+    return {y + first, count, channels, sample, data + static_cast<size_t>(first) * row};
+  }
   /// Which channel holds red, green or blue: one or two channels are grey (and alpha).
   [[nodiscard]] int colour_channel(int c) const { return channels >= 3 ? c : 0; }
 };
@@ -56,6 +63,14 @@ class PictureMemory final : public OIIO::Filesystem::IOMemReader {
   bool ran_out_ = false;
 };
 
+const char* unknown_kind(std::span<const uint8_t> bytes) {
+  if (bytes.empty()) return "empty file";
+  constexpr std::string_view kBox = "ftyp";
+  const bool heif = bytes.size() >= 8 && std::equal(kBox.begin(), kBox.end(), bytes.begin() + 4);
+  return heif ? "HEIF and AVIF pictures are not read, nor their stereo tags; convert it to PNG"
+              : "not a known picture";
+}
+
 class PictureReader {
  public:
   /// Opens the picture and holds its header against the limits. `bytes` must outlive the reader.
@@ -63,15 +78,21 @@ class PictureReader {
       : name_(std::move(name)), memory_(bytes.data(), bytes.size()) {
     set_up_oiio();
     format_ = detect_format(bytes, name_);
-    if (format_ == ImageFormat::Unknown) fail(bytes.empty() ? "empty file" : "not a known picture");
+    if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
     // Before any decoder: libpng would talk about it on standard error.
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
+    if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
     open();
     check_header(bytes.size(), max_pixels);
   }
 
   [[nodiscard]] int width() const { return spec().width; }
   [[nodiscard]] int height() const { return spec().height; }
+  [[nodiscard]] PictureInfo info() const {
+    return {.geometry = {.width = width(), .height = height()},
+            .orientation = orientation(),
+            .pixel_aspect = pixel_aspect()};
+  }
   /// Index of alpha among a band's channels, or -1.
   [[nodiscard]] int alpha_channel() const {
     return spec().alpha_channel < channels_read() ? spec().alpha_channel : -1;
@@ -104,6 +125,26 @@ class PictureReader {
   [[nodiscard]] OIIO::TypeDesc sample_type() const {
     if (sample_ == Sample::U8) return OIIO::TypeDesc::UINT8;
     return sample_ == Sample::U16 ? OIIO::TypeDesc::UINT16 : OIIO::TypeDesc::FLOAT;
+  }
+
+  /// Upright where the tag is missing or no such number.
+  [[nodiscard]] Orientation orientation() const {
+    // The reader of Targa has turned them already.
+    if (format_ == ImageFormat::Targa) return Orientation::Upright;
+    const int tag = spec().get_int_attribute("Orientation", 1);
+    return tag >= 1 && tag <= 8 ? static_cast<Orientation>(tag) : Orientation::Upright;
+  }
+
+  /// From pixels per length where a format has that. 1 for tags that make no sense.
+  [[nodiscard]] double pixel_aspect() const {
+    constexpr double kMost = 16.0;
+    const float across = spec().get_float_attribute("XResolution", 0.0f);
+    const float down = spec().get_float_attribute("YResolution", 0.0f);
+    const double aspect =
+        across > 0.0f && down > 0.0f && format_ != ImageFormat::Exr
+            ? static_cast<double>(down) / static_cast<double>(across)
+            : static_cast<double>(spec().get_float_attribute("PixelAspectRatio", 1.0f));
+    return aspect > 1.0 / kMost && aspect < kMost ? aspect : 1.0;
   }
 
   void open() {
@@ -242,18 +283,21 @@ void light_from_band(const Band& band, int width, int alpha, float* out) {
 
 }  // namespace
 
-FrameGeometry probe(std::span<const uint8_t> bytes, const std::string& name) {
-  const PictureReader reader(bytes, name, kMaxImagePixels);
-  return {reader.width(), reader.height()};
+PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name) {
+  return PictureReader(bytes, name, kMaxImagePixels).info();
 }
 
-void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
-                  const PictureCodec::Prepare& prepare) {
+void decode_codes(std::span<const uint8_t> bytes, const std::string& name, PictureSink& sink) {
   PictureReader reader(bytes, name, kMaxImagePixels);
-  WovenFrame* frame = nullptr;
+  sink.accept(reader.info());
   reader.read([&](const Band& band) {
-    if (frame == nullptr) frame = &prepare(FrameGeometry{reader.width(), reader.height()});
-    codes_from_band(band, reader.width(), frame->row(band.y));
+    const size_t row = size_t{3} * static_cast<size_t>(reader.width());
+    for (int done = 0; done < band.rows;) {
+      const std::span<uint8_t> out = sink.rows(band.y + done, band.rows - done);
+      const Band part = band.part(done, static_cast<int>(out.size() / row), reader.width());
+      codes_from_band(part, reader.width(), out.data());
+      done += part.rows;
+    }
   });
 }
 

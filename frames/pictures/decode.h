@@ -6,9 +6,8 @@
 
 namespace lenticule::frames::pictures {
 
-[[nodiscard]] FrameGeometry probe(std::span<const uint8_t> bytes, const std::string& name);
-void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
-                  const PictureCodec::Prepare& prepare);
+[[nodiscard]] PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name);
+void decode_codes(std::span<const uint8_t> bytes, const std::string& name, PictureSink& sink);
 [[nodiscard]] FloatImage decode_light(std::span<const uint8_t> bytes, const std::string& name);
 
 }  // namespace lenticule::frames::pictures

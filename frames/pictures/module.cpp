@@ -10,12 +10,12 @@ namespace {
 
 class OiioCodec final : public PictureCodec {
  public:
-  FrameGeometry probe(std::span<const uint8_t> bytes, const std::string& name) const override {
+  PictureInfo probe(std::span<const uint8_t> bytes, const std::string& name) const override {
     return pictures::probe(bytes, name);
   }
   void decode_codes(std::span<const uint8_t> bytes, const std::string& name,
-                    const Prepare& prepare) const override {
-    pictures::decode_codes(bytes, name, prepare);
+                    PictureSink& sink) const override {
+    pictures::decode_codes(bytes, name, sink);
   }
   FloatImage decode_light(std::span<const uint8_t> bytes, const std::string& name) const override {
     return pictures::decode_light(bytes, name);

@@ -50,6 +50,7 @@ class SequenceSource::Frames final : public FrameDecoding {
 
   std::string decode(int thread, uint64_t frame, uint64_t next, WovenFrame& to) override {
     reader_.will_need(next);
+    if (to.geometry() != reader_.geometry()) to = WovenFrame(reader_.geometry());
     const bool decoded = decode_or_replace(decoders_[static_cast<size_t>(thread)], frame, to);
     if (spare_cache_) reader_.done_with(frame);
     return decoded ? std::string()

@@ -39,6 +39,9 @@ class SequenceSource final : public DecodedSource {
   [[nodiscard]] const SequenceInfo& info() const;
   /// Frames that were decoded and were not what had been written: each was replaced.
   [[nodiscard]] uint64_t damaged_frames() const;
+  [[nodiscard]] FrameDamage damage() const override {
+    return {.damaged = damaged_frames(), .repeated = damaged_frames()};
+  }
 
  private:
   class Frames;

@@ -15,7 +15,6 @@ namespace lenticule::frames {
 namespace {
 
 constexpr double kMostDisparity = 2.0;  // widths; more is no picture
-constexpr uint64_t kMostBytes = uint64_t{8} << 30;
 constexpr int kBandRows = 8;
 constexpr double kNothing = -std::numeric_limits<double>::infinity();
 constexpr int kWhole = 1 << 15;
@@ -25,11 +24,10 @@ int checked_views(int width, int height, const DepthOptions& options) {
     throw Error(ErrorKind::Usage, fmt::format("depth: {} views", options.views),
                 fmt::format("2 to {} views can be made of a picture and its depth", kMaxViews));
   const uint64_t bytes = FrameGeometry{.width = width, .height = height}.frame_bytes();
-  if (bytes > kMostBytes / static_cast<uint64_t>(options.views))
+  if (bytes > options.most_bytes / static_cast<uint64_t>(options.views))
     throw Error(ErrorKind::Input,
-                fmt::format("depth: {} views of {} x {} pixels are too many to "
-                            "hold",
-                            options.views, width, height),
+                fmt::format("depth: {} views of {} x {} pixels are more than {} MiB, the limit",
+                            options.views, width, height, options.most_bytes >> 20),
                 "ask for fewer --views");
   return options.views;
 }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "frames/frame.h"
+#include "frames/quilt.h"
 #include "frames/sequence/band_workers.h"
 
 namespace lenticule::frames {
@@ -31,6 +32,7 @@ struct DepthOptions {
   bool in_pixels = false;          ///< of a view; otherwise parts of its width
   bool black_is_near = false;
   int threads = 1;
+  uint64_t most_bytes = kMostViewBytes;  ///< of all views together
 };
 
 /// Pixels of a part of a picture.
@@ -49,7 +51,8 @@ struct PictureWindow {
 /// One thread; keeps the views' pictures and its working memory.
 class DepthViews {
  public:
-  /// Throws Error(Usage) for options that make no sense, Error(Input) for more than 8 GiB of views.
+  /// Throws Error(Usage) for options that make no sense, Error(Input) for more bytes of views than
+  /// most_bytes.
   DepthViews(int width, int height, const DepthOptions& options);
   ~DepthViews();
 

@@ -31,6 +31,12 @@ ViewInput::~ViewInput() {
   release();
 }
 
+FrameDamage ViewInput::damage() const {
+  FrameDamage sum;
+  for (const Stream& stream : streams_) sum += stream.source->damage();
+  return sum;
+}
+
 std::optional<Rate> ViewInput::rate() const {
   return still_ ? std::nullopt : streams_.front().source->rate();
 }

@@ -47,6 +47,8 @@ class ViewInput {
   /// Until next() may have more, but not longer.
   void wait(std::chrono::milliseconds longest);
   [[nodiscard]] const std::string& failure() const { return failure_; }
+  /// Of all sources together, so far. Safe from any thread.
+  [[nodiscard]] FrameDamage damage() const;
 
  private:
   struct Stream {

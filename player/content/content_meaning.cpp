@@ -4,12 +4,15 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <filesystem>
 
 #include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/sequence/sequence_reader.h"
+#include "frames/views_input/jps_tag.h"
 #include "frames/views_input/quilt_sidecar.h"
 #include "player/source_names.h"
+#include "player/video_program.h"
 
 namespace lenticule::player {
 namespace {
@@ -111,6 +114,40 @@ ContentMeaning stereo(const frames::StereoLayout& layout, const ContentFlags& fl
   return {.kind = Kind::Stereo, .stereo = layout};
 }
 
+/// What a tag in the file says: of JPEGs for two eyes and of videos.
+std::optional<ContentMeaning> tagged_stereo(const std::string& text, const ContentFlags& flags) {
+  if (!flags.stereo.empty()) return std::nullopt;
+  if (frames::is_jps_name(text)) {
+    const frames::JpsTag tag = frames::read_jps_tag(text);
+    ContentMeaning meaning = stereo(tag.stereo, flags);
+    meaning.rightmost_first = tag.right_first;
+    return meaning;
+  }
+  if (!looks_like_video(text)) return std::nullopt;
+  const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
+  if (!tag) return std::nullopt;
+  const bool beside = tag->layout == "side by side";
+  if (!beside && tag->layout != "top and bottom")
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its stereo tag says '{}'; two eyes beside or above each other "
+                            "are read",
+                            text, tag->layout),
+                "--stereo none plays it as it is");
+  // The shape of its pixels says whether each eye is squeezed.
+  ContentMeaning meaning = stereo({.beside = beside, .half = false}, flags);
+  meaning.rightmost_first = tag->right_first;
+  return meaning;
+}
+
+void refuse_multi_picture(const std::string& text) {
+  const std::string extension = std::filesystem::path(text).extension().string();
+  if (extension == ".mpo" || extension == ".MPO")
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: a file of several pictures, of which only the first can be read", text),
+        "take them apart, for example with exiftool, and play 'views:left.jpg|right.jpg'");
+}
+
 ContentMeaning other_rig(const ContentFlags& flags) {
   if (!flags.grid.empty() || flags.aspect || flags.invert)
     throw Error(ErrorKind::Usage, "--from-rig: the input is a woven frame, not a quilt",
@@ -143,6 +180,7 @@ ContentMeaning container(const MeaningRequest& request) {
 
 /// What neither a prefix nor a container nor --from-rig says.
 ContentMeaning picture(const MeaningRequest& request) {
+  refuse_multi_picture(request.text);
   const ContentFlags& flags = request.flags;
   if (!flags.depth.empty() && !frames::parse_depth_place(flags.depth))
     return with_depth(request, std::nullopt);
@@ -155,6 +193,7 @@ ContentMeaning picture(const MeaningRequest& request) {
   if (says_grid || frames::quilt_layout_of_name(request.text)) return quilt(request, sidecar);
   const auto named = frames::stereo_of_name(request.text);
   if (named && flags.stereo.empty()) return stereo(*named, flags);
+  if (auto tagged = tagged_stereo(request.text, flags)) return *tagged;
   if (frames::is_rgbd_name(request.text)) return with_depth(request, std::nullopt);
   const bool is_set =
       request.patterns_are_views && frames::FilePattern::looks_like_pattern(request.text);

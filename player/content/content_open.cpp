@@ -30,6 +30,8 @@ using Sources = std::vector<std::unique_ptr<FrameSource>>;
 /// Each film has a thread and pictures of its own, each video a process.
 constexpr size_t kMostFilms = 128;
 constexpr size_t kMostVideos = 16;
+/// Of what plays: 2 GiB, as 86 views of 3840x2160 have.
+constexpr uint64_t kMostPlayedViewBytes = uint64_t{2} << 30;
 constexpr auto kPatience = std::chrono::minutes(1);
 constexpr std::chrono::milliseconds kLook{100};
 
@@ -75,6 +77,15 @@ void require_count(const ContentRequest& request, size_t views) {
                                               request.what.text, views, wanted));
 }
 
+uint64_t most_view_bytes(const ContentRequest& request) {
+  return request.how.plays ? kMostPlayedViewBytes : frames::kMostViewBytes;
+}
+
+/// The aspect that was stated, or that of the picture's pixels where they are not square.
+std::optional<double> aspect_of(const std::optional<double>& stated, const FrameSource& source) {
+  return stated ? stated : frames::stated_aspect(source.geometry(), source.pixel_aspect());
+}
+
 std::unique_ptr<ViewInput> open_still_views(const ContentRequest& request,
                                             const ContentMeaning& meaning,
                                             const std::vector<std::string>& names) {
@@ -83,8 +94,8 @@ std::unique_ptr<ViewInput> open_still_views(const ContentRequest& request,
                 "give --frames to films, such as 'views:view%02d/%05d.png'");
   std::vector<fs::path> files(names.begin(), names.end());
   if (meaning.rightmost_first) std::reverse(files.begin(), files.end());
-  return std::make_unique<ViewInput>(
-      frames::read_views(files, without_prefix(request.what.text), meaning.aspect));
+  return std::make_unique<ViewInput>(frames::read_views(files, without_prefix(request.what.text),
+                                                        meaning.aspect, most_view_bytes(request)));
 }
 
 std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const ContentMeaning& meaning,
@@ -108,7 +119,7 @@ std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const Conte
   }
   auto arrangement =
       frames::arrange_pictures(films.front()->geometry(), static_cast<int>(names.size()),
-                               meaning.aspect, meaning.rightmost_first);
+                               aspect_of(meaning.aspect, *films.front()), meaning.rightmost_first);
   return std::make_unique<ViewInput>(std::move(films), std::move(arrangement), request.what.text);
 }
 
@@ -144,7 +155,9 @@ std::unique_ptr<ViewInput> open_with_own_depth(const ContentRequest& request,
   sources.push_back(open_pictures(request.what.flags.depth, request.how));
   frames::DepthOptions options = meaning.depth_options;
   options.threads = request.drawing_threads;
-  auto arrangement = frames::arrange_depth(sources.front()->geometry(), meaning.aspect, options);
+  options.most_bytes = most_view_bytes(request);
+  auto arrangement = frames::arrange_depth(sources.front()->geometry(),
+                                           aspect_of(meaning.aspect, *sources.front()), options);
   return input_of(std::move(sources), std::move(arrangement), request);
 }
 
@@ -189,12 +202,25 @@ std::unique_ptr<ViewInput> open_other_rig(const ContentRequest& request,
 
 std::unique_ptr<frames::ViewArrangement> arrangement_of(const ContentRequest& request,
                                                         const ContentMeaning& meaning,
-                                                        const frames::FrameGeometry& picture) {
+                                                        const FrameSource& source) {
   const std::string& name = request.what.text;
-  if (meaning.kind == Kind::Quilt)
-    return frames::arrange_quilt(picture, meaning.layout, meaning.rightmost_first, name);
+  const frames::FrameGeometry picture = source.geometry();
+  const double pixel_aspect = source.pixel_aspect();
+  if (meaning.kind == Kind::Quilt) {
+    frames::QuiltLayout layout = meaning.layout;
+    if (!layout.aspect)
+      layout.aspect = frames::stated_aspect(
+          {.width = picture.width / layout.columns, .height = picture.height / layout.rows},
+          pixel_aspect);
+    return frames::arrange_quilt(picture, layout, meaning.rightmost_first, name);
+  }
   if (meaning.kind == Kind::Stereo) {
     frames::StereoTiles tiles = frames::tiles_of(meaning.stereo, picture);
+    const bool beside = meaning.stereo.beside && !meaning.stereo.half;
+    const bool above = !meaning.stereo.beside && !meaning.stereo.half;
+    const frames::FrameGeometry eye{.width = picture.width / (beside ? 2 : 1),
+                                    .height = picture.height / (above ? 2 : 1)};
+    if (const auto stated = frames::stated_aspect(eye, pixel_aspect)) tiles.layout.aspect = stated;
     if (meaning.aspect) tiles.layout.aspect = meaning.aspect;
     return frames::arrange_quilt(picture, tiles.layout,
                                  tiles.rightmost_first != meaning.rightmost_first, name);
@@ -202,7 +228,14 @@ std::unique_ptr<frames::ViewArrangement> arrangement_of(const ContentRequest& re
   LENTICULE_CHECK(meaning.kind == Kind::DepthInside);
   frames::DepthOptions options = meaning.depth_options;
   options.threads = request.drawing_threads;
-  return frames::arrange_depth_in(picture, meaning.depth, meaning.aspect, options, name);
+  options.most_bytes = most_view_bytes(request);
+  const bool beside =
+      meaning.depth == frames::DepthPlace::Left || meaning.depth == frames::DepthPlace::Right;
+  const frames::FrameGeometry colours{.width = picture.width / (beside ? 2 : 1),
+                                      .height = picture.height / (beside ? 1 : 2)};
+  const auto aspect =
+      meaning.aspect ? meaning.aspect : frames::stated_aspect(colours, pixel_aspect);
+  return frames::arrange_depth_in(picture, meaning.depth, aspect, options, name);
 }
 
 }  // namespace
@@ -215,7 +248,7 @@ std::unique_ptr<ViewInput> open_views(const ContentRequest& request,
   if (meaning.kind == Kind::OtherRig) return open_other_rig(request, meaning);
   Sources sources;
   sources.push_back(open_pictures(request.what.text, request.how));
-  auto arrangement = arrangement_of(request, meaning, sources.front()->geometry());
+  auto arrangement = arrangement_of(request, meaning, *sources.front());
   return input_of(std::move(sources), std::move(arrangement), request);
 }
 
@@ -234,6 +267,18 @@ void await_first(ViewInput& input, const std::string& name) {
     }
   }
   throw Error(ErrorKind::Failed, fmt::format("{}: no picture came", name));
+}
+
+frames::FrameDamage await_damage(ViewInput& input) {
+  input.release();
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
+    const frames::PullStatus status = input.next();
+    if (status == frames::PullStatus::Ready) input.release();
+    if (status == frames::PullStatus::NotYet) input.wait(kLook);
+    if (status == frames::PullStatus::End || status == frames::PullStatus::Failed) break;
+  }
+  return input.damage();
 }
 
 }  // namespace lenticule::player

@@ -26,4 +26,8 @@ struct ContentRequest {
 /// words, Error(Failed) when none came, and for an input without a frame.
 void await_first(frames::ViewInput& input, const std::string& name);
 
+/// What was left out or replaced in all that the input has: waits for its end, for at most a
+/// minute, after the set of views that is in use. That must be the last one that is wanted.
+[[nodiscard]] frames::FrameDamage await_damage(frames::ViewInput& input);
+
 }  // namespace lenticule::player

@@ -61,6 +61,8 @@ class ViewFrames final : public ConvertInput {
     return ReadResult::Ok;
   }
 
+  frames::FrameDamage damage() const override { return views_->damage(); }
+
  private:
   /// Leaves out what is not asked for; false at the end.
   bool advance_to(uint64_t number) {

@@ -28,6 +28,8 @@ class ConvertInput {
   /// Frame `number`, counted from 0; numbers only grow, apart from repeating the last. Throws
   /// Error(Input) for what cannot be read, Error(Failed) when nothing comes any more.
   [[nodiscard]] virtual ReadResult read(uint64_t number, frames::WovenFrame& frame) = 0;
+  /// What its sources left out or replaced in what was read so far.
+  [[nodiscard]] virtual frames::FrameDamage damage() const { return {}; }
 };
 
 /// The woven frames of a container, in any order.

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 #include <thread>
 
 #include "base/error.h"
@@ -22,15 +23,40 @@ constexpr int kMaxDecoderThreads = 8;
 constexpr int kMaxThreads = 16;
 constexpr int kFewestFrames = 2;
 
+uint64_t pixels_of(const frames::FrameGeometry& size) {
+  return uint64_t(size.width) * uint64_t(size.height);
+}
+
+void check_size(const std::string& name, const frames::FrameGeometry& size,
+                const PictureRequest& request, uint64_t most_pixels) {
+  if (request.size && size != *request.size)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, size.width,
+                            size.height, request.size->width, request.size->height),
+                "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+  if (request.plays && pixels_of(size) > most_pixels)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {}x{} pixels; at most {} million are played", name, size.width,
+                            size.height, most_pixels / 1'000'000),
+                "make the views smaller: a panel shows a fraction of so many pixels");
+}
+
 std::unique_ptr<frames::FrameSource> open_files(const std::string& text,
                                                 const PictureRequest& request) {
   std::vector<fs::path> files =
       request.frames ? files_in_range(text, *request.frames) : frames::list_frame_files(text);
   const uint64_t first = request.first_frame < files.size() ? request.first_frame : 0;
-  const frames::ImageSequenceOptions options{
+  frames::ImageSequenceOptions options{
       .pool_frames = std::max(request.pool_frames, kFewestFrames),
       .decoder_threads = request.decoder_threads,
-      .first = first};
+      .first = first,
+      .use = request.before_weaving ? frames::PictureUse::Views : frames::PictureUse::Woven};
+  if (request.plays) options.pool_bytes = kMostBytesAhead;
+  const std::string name = files.front().string();
+  options.accept = [&](const frames::PictureInfo& info) {
+    const auto size = frames::turned_geometry(info.geometry, info.orientation);
+    check_size(name, size, request, kMostPlayedPixels);
+  };
   return std::make_unique<frames::ImageSequence>(std::move(files), options);
 }
 
@@ -83,11 +109,17 @@ std::unique_ptr<frames::FrameSource> open_pictures(const std::string& text,
                                                    const PictureRequest& request) {
   if (frames::is_sequence_name(text)) return open_container(text, request);
   if (!looks_like_video(text)) return open_files(text, request);
-  return open_video({.file = text,
-                     .slots = request.pool_frames,
-                     .frames = request.frames,
-                     .plays_again = request.plays_again,
-                     .before_weaving = request.before_weaving});
+  return open_video(
+      {.file = text,
+       .slots = request.pool_frames,
+       .frames = request.frames,
+       .plays_again = request.plays_again,
+       .before_weaving = request.before_weaving,
+       .accept =
+           [&](const frames::FrameGeometry& size) {
+             check_size(text, size, request, kMostPlayedVideoPixels);
+           },
+       .most_bytes = request.plays ? kMostBytesAhead : std::numeric_limits<uint64_t>::max()});
 }
 
 }  // namespace lenticule::player

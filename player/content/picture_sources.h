@@ -15,6 +15,13 @@
 
 namespace lenticule::player {
 
+/// Of what plays: a picture of more pixels is refused before anything is allocated for it. A
+/// decoder of video holds many pictures.
+inline constexpr uint64_t kMostPlayedPixels = uint64_t{1} << 27;       ///< 16384 x 8192: 384 MiB
+inline constexpr uint64_t kMostPlayedVideoPixels = uint64_t{1} << 26;  ///< 8192 x 8192
+/// Decoded pictures kept ahead take no more than that, or two pictures.
+inline constexpr uint64_t kMostBytesAhead = uint64_t{1} << 30;
+
 /// How sources are opened.
 struct PictureRequest {
   std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern, container or video
@@ -23,7 +30,11 @@ struct PictureRequest {
   int pool_frames = 3;
   int decoder_threads = 1;
   bool plays_again = false;
-  bool before_weaving = true;  ///< videos with chroma of lower resolution are let through
+  /// Views: chroma of lower resolution is let through, and orientation tags are followed.
+  bool before_weaving = true;
+  /// Of woven frames: another size is refused before anything is allocated.
+  std::optional<frames::FrameGeometry> size = std::nullopt;
+  bool plays = false;  ///< the limits above hold
 };
 
 /// Throws Error(Usage) and Error(Input) as the kinds do.

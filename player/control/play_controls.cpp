@@ -143,6 +143,7 @@ ordered_json PlayControls::status() const {
     json["opening"] = status.opening;
     json["items_skipped"] = status.skipped;
     json["last_trouble"] = status.last_trouble;
+    json.update(to_json(status.damage));
   }
   if (options_.trim) json["trim"] = trim_json(options_.trim->trim());
   for (const char* key : {"write_trouble", "rig_trouble"})

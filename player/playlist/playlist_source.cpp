@@ -12,6 +12,8 @@
 #include <cstring>
 #include <utility>
 
+#include "player/play_statistics.h"
+
 namespace lenticule::player {
 namespace {
 
@@ -26,6 +28,7 @@ constexpr double kAheadSeconds = 10.0;
 constexpr frames::Rate kStillRate{4, 1};
 constexpr auto kLongestJump = std::chrono::seconds(30);
 constexpr size_t kRemembered = 64;
+constexpr size_t kMostDamagedItems = 1000;
 
 UniqueFd checked(int fd) {
   if (fd >= 0) return UniqueFd(fd);
@@ -164,6 +167,7 @@ void PlaylistSource::hand_out(Play& play, LentFrame& out) {
   ++play.pulled_this_round;
   out.token = next_token_++;
   out.item = play.number;
+  count_damage(play);
   if (play.pulled++ > 0) return;
   {
     const std::lock_guard lock(mutex_);
@@ -355,8 +359,7 @@ void PlaylistSource::begin(std::unique_ptr<Play> play) {
   followed_ = {.number = current_->number,
                .item = current_->item,
                .files = current_->files,
-               .seen = current_->files,
-               .damaged_frames = current_->opened.damaged_frames};
+               .seen = current_->files};
   outdated_ = false;
   if (replacement_) trash_.push_back(std::move(replacement_));
   status_.list = current_->list->name;
@@ -375,9 +378,11 @@ void PlaylistSource::leave_current() {
   watch(*current_, false);
   {
     const std::lock_guard lock(mutex_);
-    if (followed_.damaged_frames) damaged_before_ += followed_.damaged_frames();
     followed_ = {};
   }
+  count_damage(*current_);
+  if (current_->damage.any())
+    tell(PlaylistEvent::Kind::ItemDamaged, current_->item.source, damage_text(current_->damage));
   if (current_->lent > 0)
     retired_.push_back(std::move(current_));
   else
@@ -385,6 +390,21 @@ void PlaylistSource::leave_current() {
   current_.reset();
   const std::lock_guard lock(mutex_);
   on_standby_ = false;
+}
+
+/// What came to light since the last call.
+void PlaylistSource::count_damage(Play& play) {
+  const frames::FrameDamage now = play.opened.source->damage();
+  const frames::FrameDamage before = std::exchange(play.damage, now);
+  if (now == before) return;
+  const frames::FrameDamage more{.damaged = now.damaged - before.damaged,
+                                 .missing = now.missing - before.missing,
+                                 .repeated = now.repeated - before.repeated};
+  const std::lock_guard lock(mutex_);
+  status_.damage += more;
+  const bool known = status_.damaged_items.contains(play.item.source);
+  if (known || status_.damaged_items.size() < kMostDamagedItems)
+    status_.damaged_items[play.item.source] += more;
 }
 
 /// What is thrown away is closed by the opening thread: it may take a while.

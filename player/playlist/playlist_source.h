@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -30,6 +31,7 @@ struct PlaylistEvent {
     ItemSkipped,  ///< it cannot be played, or not any further
     Replaced,     ///< the list, or the item's file, is another one, and is played from now on
     Kept,         ///< another one is there and cannot be played: the old one goes on
+    ItemDamaged,  ///< it was played, but some of its frames did not come as they were made
   };
   Kind kind = Kind::ItemStarted;
   std::string source;
@@ -81,6 +83,9 @@ struct PlaylistStatus {
   uint64_t seams = 0;
   uint64_t skipped = 0;
   std::string last_trouble{};
+  frames::FrameDamage damage{};  ///< of all items, so far
+  /// The items that had any, by source.
+  std::map<std::string, frames::FrameDamage> damaged_items{};
   bool opening = false;  ///< somewhere else is being opened
 };
 
@@ -111,8 +116,6 @@ class PlaylistSource final : public frames::FrameSource {
   /// the same.
   void look_again();
   [[nodiscard]] PlaylistStatus status() const;
-  /// Frames so far, of all items, that were damaged in their file and replaced.
-  [[nodiscard]] uint64_t damaged_frames() const;
   /// The source that a frame's `item` came from, as long as it is remembered; empty otherwise.
   [[nodiscard]] std::string source_of(uint32_t play) const;
   /// Its place in the list, if it is remembered and in the list.
@@ -132,6 +135,7 @@ class PlaylistSource final : public frames::FrameSource {
   [[nodiscard]] std::string failure() const override { return {}; }
   [[nodiscard]] bool nothing_owed() const override { return idle_; }
   [[nodiscard]] uint64_t cut() const override { return cut_; }
+  [[nodiscard]] frames::FrameDamage damage() const override;
 
  private:
   using SteadyTime = std::chrono::steady_clock::time_point;
@@ -151,6 +155,7 @@ class PlaylistSource final : public frames::FrameSource {
     uint64_t pulled_this_round = 0;
     uint64_t loops_done = 0;
     uint64_t lent = 0;
+    frames::FrameDamage damage{};  ///< as far as it is counted in the status
     bool skips_to_first = false;
     bool waits_for_renderer = false;  ///< a ring between two sequences
     SteadyTime waiting_since{};
@@ -178,7 +183,6 @@ class PlaylistSource final : public frames::FrameSource {
     PlaylistItem item{};
     std::vector<FileMark> files{};
     std::vector<FileMark> seen{};  ///< at the last look
-    std::function<uint64_t()> damaged_frames{};
   };
   struct Began {
     uint32_t number = 0;
@@ -198,6 +202,7 @@ class PlaylistSource final : public frames::FrameSource {
   void leave_current();
   [[nodiscard]] bool takes_replacement(Play& play);
   [[nodiscard]] bool is_outdated() const;
+  void count_damage(Play& play);
   void break_current(const std::string& why);
   void throw_away(std::unique_ptr<Play> play);
   void want_next_in_time();
@@ -271,7 +276,6 @@ class PlaylistSource final : public frames::FrameSource {
   bool outdated_ = false;  ///< the item that is playing is not in the list any more as it was
   bool look_now_ = false;
   SteadyTime look_at_{};
-  uint64_t damaged_before_ = 0;  ///< by items that are over
   std::deque<Began> began_;
   PlaylistStatus status_;
   bool stopping_ = false;

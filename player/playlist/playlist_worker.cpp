@@ -297,11 +297,6 @@ void PlaylistSource::look_again() {
   work_there_.notify_all();
 }
 
-uint64_t PlaylistSource::damaged_frames() const {
-  const std::lock_guard lock(mutex_);
-  return damaged_before_ + (followed_.damaged_frames ? followed_.damaged_frames() : 0);
-}
-
 // --- anybody --------------------------------------------------------------------------------
 
 void PlaylistSource::jump(Jump jump, JumpDone done) {
@@ -365,6 +360,11 @@ PlaylistStatus PlaylistSource::status() const {
   PlaylistStatus status = status_;
   status.opening = wish_.has_value();
   return status;
+}
+
+frames::FrameDamage PlaylistSource::damage() const {
+  const std::lock_guard lock(mutex_);
+  return status_.damage;
 }
 
 std::string PlaylistSource::source_of(uint32_t play) const {

@@ -144,7 +144,12 @@ void ClipReader::open_decoder() {
 ClipReader::Step ClipReader::next() {
   while (true) {
     const int error = avcodec_receive_frame(codec_.get(), frame_.get());
-    if (error == 0) return Step::Frame;
+    if (error == 0) {
+      const bool faulty =
+          frame_->decode_error_flags != 0 || (frame_->flags & AV_FRAME_FLAG_CORRUPT) != 0;
+      faulty_ += faulty ? 1 : 0;
+      return Step::Frame;
+    }
     if (error == AVERROR_EOF) return Step::End;
     if (error != AVERROR(EAGAIN)) {
       ++broken_;

@@ -50,6 +50,8 @@ class ClipReader {
   /// Time stamp of frame(), or AV_NOPTS_VALUE.
   [[nodiscard]] int64_t time() const { return frame_->best_effort_timestamp; }
   [[nodiscard]] uint64_t broken_packets() const { return broken_; }
+  /// Frames that came although the decoder found errors in them.
+  [[nodiscard]] uint64_t faulty_frames() const { return faulty_; }
 
   /// Goes on from the last key frame at or before `time`; false if the file cannot be sought in.
   [[nodiscard]] bool seek(int64_t time);
@@ -73,6 +75,7 @@ class ClipReader {
   AvFrame frame_;
   bool draining_ = false;
   uint64_t broken_ = 0;
+  uint64_t faulty_ = 0;
   int read_errors_ = 0;
 };
 

@@ -70,9 +70,9 @@ uint64_t largest_file() {
   return most;
 }
 
-void set_limits(uint64_t extra_bytes) {
+void set_limits(uint64_t extra_bytes, unsigned descriptors) {
   limit(RLIMIT_AS, address_space_bytes() + extra_bytes);
-  limit(RLIMIT_NOFILE, 1);  // not 0: poll() takes no more descriptors than that
+  limit(RLIMIT_NOFILE, descriptors);  // not 0: poll() takes no more than that
   limit(RLIMIT_FSIZE, largest_file());
   limit(RLIMIT_CORE, 0);
 }
@@ -105,14 +105,14 @@ void volunteer_for_oom() noexcept {
   close(fd);
 }
 
-void confine(uint64_t extra_bytes, pid_t parent) {
+void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   if (kSanitized) return;
   leave_namespaces();
   if (parent > 0 && !die_with(parent))
     throw Error(ErrorKind::Failed, "decoder: the player is gone");
-  set_limits(extra_bytes);
+  set_limits(extra_bytes, descriptors);
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) cannot("no_new_privs");
   install_filter();
 }

@@ -12,10 +12,12 @@
 #include <string_view>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
+#include "frames/image_io.h"
 #include "frames/ring/ring_renderer.h"
 #include "player/video/clip_reader.h"
 #include "player/video/confinement.h"
@@ -79,7 +81,7 @@ class Feed {
       if (!play(skip, resumes)) return false;
       if (clip_length_ == 0)
         throw Error(ErrorKind::Input, request_.file + ": no frame could be decoded");
-      report_broken();
+      report_clip();
       if (!request_.loop) break;
       // Whoever continues another's work may not know where the clip ends.
       skip = skip > clip_length_ ? skip - clip_length_ : 0;
@@ -101,6 +103,11 @@ class Feed {
   [[nodiscard]] bool show(bool begins_clip);
   void report_position(uint64_t frame);
   void report_broken();
+  void report_clip();
+  [[nodiscard]] frames::Orientation orientation() const {
+    return static_cast<frames::Orientation>(request_.orientation);
+  }
+  void convert_into(std::span<uint8_t> slot);
   void prepare_converter();
 
   const DecodeRequest& request_;
@@ -116,6 +123,8 @@ class Feed {
   uint64_t published_ = 0;
   uint64_t wrong_size_ = 0;
   uint64_t reported_broken_ = 0;
+  uint64_t left_out_before_ = 0;  ///< in the rounds before this one
+  std::vector<uint8_t> stored_;   ///< a frame before it is turned
   Clock::time_point last_report_ = Clock::now();
 };
 
@@ -131,8 +140,8 @@ void Feed::check_layout(const PixelVerdict& verdict) const {
 }
 
 bool Feed::fits_ring() {
-  const frames::FrameGeometry panel = ring_.geometry();
-  if (clip_.frame().width == panel.width && clip_.frame().height == panel.height) return true;
+  const frames::FrameGeometry stored{.width = clip_.frame().width, .height = clip_.frame().height};
+  if (frames::turned_geometry(stored, orientation()) == ring_.geometry()) return true;
   ++wrong_size_;
   return false;
 }
@@ -203,15 +212,23 @@ bool Feed::show(bool begins_clip) {
   while (status == frames::RingStatus::TimedOut)
     status = ring_.acquire(number, kSlotPatience, slot);
   if (status == frames::RingStatus::Gone) return false;
+  convert_into(slot);
+  if (ring_.publish() == frames::RingStatus::Gone) return false;
+  ++published_;
+  return true;
+}
+
+void Feed::convert_into(std::span<uint8_t> slot) {
   PicturePlanes picture{.width = clip_.frame().width, .height = clip_.frame().height};
   for (size_t i = 0; i < picture.data.size(); ++i) {
     picture.data[i] = clip_.frame().data[i];
     picture.stride[i] = clip_.frame().linesize[i];
   }
-  converter_->convert(picture, slot);
-  if (ring_.publish() == frames::RingStatus::Gone) return false;
-  ++published_;
-  return true;
+  if (orientation() == frames::Orientation::Upright) return converter_->convert(picture, slot);
+  const frames::FrameGeometry stored{.width = picture.width, .height = picture.height};
+  stored_.resize(stored.frame_bytes());
+  converter_->convert(picture, stored_);
+  frames::turn_upright(stored_, stored, orientation(), slot);
 }
 
 /// Where another process could go on; and that this one lives while it skips frames.
@@ -229,11 +246,22 @@ void Feed::report_position(uint64_t frame) {
 }
 
 void Feed::report_broken() {
-  const uint64_t broken = clip_.broken_packets() + wrong_size_;
+  const uint64_t broken = clip_.broken_packets() + wrong_size_ + clip_.faulty_frames();
   if (broken == reported_broken_) return;
   reported_broken_ = broken;
-  report_event(
-      {{"event", "broken"}, {"packets", clip_.broken_packets()}, {"wrong_size", wrong_size_}});
+  report_event({{"event", "broken"},
+                {"packets", clip_.broken_packets()},
+                {"wrong_size", wrong_size_},
+                {"faulty", clip_.faulty_frames()}});
+}
+
+/// The end of a round: how many frames there were, and how many were left out.
+void Feed::report_clip() {
+  report_broken();
+  const uint64_t left_out = clip_.broken_packets() + wrong_size_;
+  report_event({{"event", "clip"},
+                {"frames", clip_length_},
+                {"left_out", left_out - std::exchange(left_out_before_, left_out)}});
 }
 
 }  // namespace

@@ -64,6 +64,8 @@ Run declare_decode(CLI::App& app) {
   app.add_flag("--loop", request->loop, "again and again, until the player is gone");
   app.add_flag("--before-weaving", request->before_weaving,
                "let chroma of lower resolution through: the frames are not woven yet");
+  app.add_option("--orientation", request->orientation, "turns frames, numbered as EXIF does")
+      ->check(CLI::Range(1, 8));
   app.add_option("--threads", request->threads, "as many as cores, at most 4")
       ->check(CLI::Range(0, 64));
   app.add_option("--parent", request->parent, "end with this process");
@@ -89,6 +91,12 @@ Run declare_encode(CLI::App& app) {
   return [request] { return run_encode(*request); };
 }
 
+Run declare_pictures(CLI::App& app) {
+  const auto parent = std::make_shared<pid_t>(0);
+  app.add_option("--parent", *parent, "end with this process");
+  return [parent] { return run_pictures(*parent); };
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -107,6 +115,9 @@ int main(int argc, char** argv) {
   CLI::App* const probe = app.add_subcommand("probe", "print what is in a file, as JSON");
   CLI::App* const decode = app.add_subcommand("decode", "decode a file into a player's ring");
   CLI::App* const encode = app.add_subcommand("encode", "raw frames on standard input to a file");
+  CLI::App* const pictures =
+      app.add_subcommand("pictures", "decode pictures for the program that started this");
+  runs[pictures] = declare_pictures(*pictures);
   runs[probe] = declare_probe(*probe);
   runs[decode] = declare_decode(*decode);
   runs[encode] = declare_encode(*encode);

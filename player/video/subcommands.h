@@ -28,10 +28,14 @@ struct DecodeRequest {
   std::optional<int64_t> known_time;  ///< ... this time stamp, to be sought for
   bool loop = false;
   bool before_weaving = false;  ///< chroma of lower resolution is let through
+  int orientation = 1;          ///< of EXIF: how frames are turned
   int threads = 0;              ///< 0: as many as cores, four at most
   pid_t parent = 0;             ///< ends with this process; 0 = does not care
 };
 [[nodiscard]] int run_decode(const DecodeRequest& request);
+
+/// Decodes pictures for `parent`; see picture_messages.h.
+[[nodiscard]] int run_pictures(pid_t parent);
 
 struct EncodeRequest {
   std::string file;  ///< "-" is standard output, which must be a file
