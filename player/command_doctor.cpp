@@ -115,8 +115,9 @@ Run declare_doctor(CLI::App& app) {
     else
       print_text(json);
     if (json["cards"].empty())
-      throw Error(ErrorKind::Device, "no graphics card was found",
-                  "--display virtual works without one");
+      throw Error(
+          ErrorKind::Device, "no graphics card was found",
+          "only 'lenticule play' and 'lenticule calibrate' work without one: --display virtual");
     if (json["outputs"].empty())
       throw Error(ErrorKind::Device, fmt::format("{}: no such panel is connected", flags->display),
                   "'lenticule panels' lists what there is");

@@ -135,8 +135,9 @@ Run declare_panels(CLI::App& app) {
     else
       print_text(json, !flags->rigs.empty());
     if (!json["panels"].empty()) return kOk;
-    throw Error(ErrorKind::Device, "no graphics card with an output was found",
-                "--display virtual works without one");
+    throw Error(
+        ErrorKind::Device, "no graphics card with an output was found",
+        "only 'lenticule play' and 'lenticule calibrate' work without one: --display virtual");
   };
 }
 

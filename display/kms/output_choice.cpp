@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <functional>
+#include <utility>
 
 #include "display/kms/drm_device.h"
 #include "display/kms/mode_choice.h"
@@ -54,8 +55,7 @@ class Chooser {
     if (indices.empty())
       return refuse(
           "no such output",
-          candidates_.empty() ? "--display virtual works without one" : "name one of those above",
-          true);
+          candidates_.empty() ? "--display virtual works without one" : "name one of those", true);
     std::erase_if(indices, [&](size_t i) { return !at(i).connected; });
     if (indices.empty())
       return refuse("no panel is connected", "switch the panel on and check its cable", true);
@@ -117,8 +117,9 @@ class Chooser {
   [[nodiscard]] OutputChoice refuse(const std::string& cause, std::string remedy,
                                     bool may_come) const {
     std::string text = "kms: " + cause;
+    const char* separator = ": ";
     for (const OutputCandidate& candidate : candidates_)
-      text += "\n  " + describe(candidate.connector, candidate.card);
+      text += std::exchange(separator, "; ") + describe(candidate.connector, candidate.card);
     if (candidates_.empty()) text += " (no graphics card has an output)";
     return {.chosen = std::nullopt,
             .kind = ErrorKind::Device,

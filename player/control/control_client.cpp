@@ -105,9 +105,12 @@ std::string only_control_socket() {
     if (fs::is_socket(socket, missing)) found.push_back(socket.string());
   }
   if (found.size() == 1) return found.front();
+  if (found.empty())
+    throw Error(ErrorKind::Usage, "--socket: no player runs as a service here",
+                "name the socket that a player was given: lenticule play ... --control SOCKET");
   throw Error(ErrorKind::Usage,
               fmt::format("--socket: {} players run as services here", found.size()),
-              "name the socket of one: --socket /run/lenticule/NAME/control.sock");
+              "name the socket of one: --socket " + found.front());
 }
 
 }  // namespace lenticule::player

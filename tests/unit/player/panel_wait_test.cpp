@@ -163,6 +163,7 @@ TEST_F(PanelWaitTest, TwoPanelsThatFitAreNotWaitedForOnACommandLine) {
   waiting.at_start = seconds(60);
   const Nanoseconds before = machine.now();
   EXPECT_THAT(failure().what(), HasSubstr("more than one panel fits"));
+  EXPECT_THAT(failure().what(), Not(HasSubstr("\n"))) << "an error is one line";
   EXPECT_EQ(machine.now(), before);
 }
 
