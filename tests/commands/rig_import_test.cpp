@@ -35,5 +35,18 @@ TEST_F(RigImport, IsSilentWhereViewsRunAsOurs) {
   EXPECT_EQ(result.err, "");
 }
 
+TEST_F(RigImport, KeepsTheRigThatWasThere) {
+  ASSERT_EQ(import("").exit_code, 0);
+  ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--offset-by", "0.1"}).exit_code, 0);
+  const ProcessResult second = import(R"(, "flipImageX": 1)");
+  ASSERT_EQ(second.exit_code, 0) << second.err;
+  const auto done = nlohmann::json::parse(second.out);
+  EXPECT_EQ(done.at("old_rig_kept_as"), path("rig.1.toml"));
+  EXPECT_EQ(listing(), (std::vector<std::string>{"rig.1.toml", "rig.toml", "visual.json"}));
+  const ProcessResult shown = run({"rig", "show", path("rig.toml"), "--json"});
+  EXPECT_EQ(nlohmann::json::parse(shown.out).at("fingerprint"), done.at("fingerprint"))
+      << "the trim of the rig before is not one of this rig";
+}
+
 }  // namespace
 }  // namespace lenticule::test
