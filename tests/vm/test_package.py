@@ -94,6 +94,15 @@ def plug(vm, status, wanted):
         time.sleep(0.2)
 
 
+def upgrade(vm, systemd, package, player, content):
+    """A new player takes the picture over from the one that runs, and a new renderer fills its ring."""
+    before = player.wait_for_main_process()
+    systemd.check(f"{DPKG} --install {package}", 300)
+    player.wait_for_main_process(other_than=before)
+    wait_for_frames(vm, content)
+    assert stats(vm)["kms"]["took_over"], stats(vm)["kms"]
+
+
 @vm_test(MACHINE, fresh=True)
 def makes_a_kiosk(vm):
     package = make_package(vm)
@@ -121,6 +130,7 @@ def makes_a_kiosk(vm):
         plug(vm, "on", "showing")
         wait_for_frames(vm, content)
     assert stats(vm)["kms"]["hotplugs"] >= 4, stats(vm)["kms"]
+    upgrade(vm, systemd, package, player, content)
 
     systemd.check(f"{DPKG} --remove lenticule", 120)
     assert systemd.systemctl("is-active", player.name).stdout == "inactive\n"  # and not "failed"
