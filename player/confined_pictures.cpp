@@ -25,8 +25,8 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/text.h"
 #include "base/unique_fd.h"
-#include "optics/json_fields.h"
 #include "player/interrupt.h"
 #include "player/spawn_program.h"
 #include "player/video/picture_messages.h"
@@ -270,7 +270,7 @@ class Decoder {
   [[noreturn]] void fail_with(const std::filesystem::path& file,
                               const PictureReplyMessage& reply) const {
     const auto end = std::find(reply.cause.begin(), reply.cause.end(), '\0');
-    std::string cause = optics::printable(std::string(reply.cause.begin(), end));
+    std::string cause = escaped(std::string(reply.cause.begin(), end));
     const std::string prefix = "picture" + file.extension().string() + ": ";
     const std::string nameless = "picture: ";
     if (cause.starts_with(prefix)) cause.erase(0, prefix.size());
