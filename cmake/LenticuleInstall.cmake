@@ -57,9 +57,15 @@ set(CPACK_DEBIAN_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS "systemd, udev")
+set(CPACK_DEBIAN_PACKAGE_DESCRIPTION
+"Renders scenes, weaves other people's pictures and videos for a display behind
+a sheet of cylinder lenses, and plays them subpixel by subpixel as they are.
+Finds the lens sheet with a camera, from photographs or by eye. Comes with
+units of systemd for machines that do nothing else, and with a C library for
+programs that render for such a display.")
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA
   ${PROJECT_SOURCE_DIR}/cmake/debian/postinst ${PROJECT_SOURCE_DIR}/cmake/debian/prerm
-  ${PROJECT_SOURCE_DIR}/cmake/debian/postrm)
+  ${PROJECT_SOURCE_DIR}/cmake/debian/postrm ${PROJECT_SOURCE_DIR}/cmake/debian/triggers)
 set(CPACK_PRE_BUILD_SCRIPTS ${PROJECT_SOURCE_DIR}/cmake/LenticulePackage.cmake)
 include(CPack)

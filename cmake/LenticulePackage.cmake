@@ -13,3 +13,5 @@ file(WRITE ${documents}/changelog
 execute_process(COMMAND gzip -9nf ${manual} ${documents}/changelog COMMAND_ERROR_IS_FATAL ANY)
 file(REMOVE ${documents}/LICENSE)
 file(COPY ${CMAKE_CURRENT_LIST_DIR}/debian/copyright DESTINATION ${documents})
+configure_file(${CMAKE_CURRENT_LIST_DIR}/debian/lintian-overrides
+  ${usr}/share/lintian/overrides/lenticule COPYONLY)

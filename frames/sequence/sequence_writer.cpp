@@ -213,7 +213,7 @@ void SequenceWriter::append(const FrameView& frame) {
   if (!write_at(fd_.get(), layout_.data_end, record_)) {
     const int error = errno;
     in_step_ = false;  // the bands' entries are no longer those of a frame in the file
-    static_cast<void>(::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end)));
+    (void)!::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end));  // resuming cuts it off
     fail("cannot write", error);
   }
   layout_.frames.push_back(layout_.data_end);
@@ -239,7 +239,7 @@ void SequenceWriter::finish() {
   append_trailer(trailer, bytes);
   if (!write_at(fd_.get(), layout_.data_end, bytes) || ::fdatasync(fd_.get()) != 0) {
     const int error = errno;
-    static_cast<void>(::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end)));
+    (void)!::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end));  // resuming cuts it off
     fail("cannot write", error);
   }
   if (::rename(part_.c_str(), file_.c_str()) != 0) fail("cannot be renamed", errno);
