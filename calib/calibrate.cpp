@@ -19,6 +19,9 @@ constexpr double kMostGeometryPart = 1e-3;     ///< the same for the panel point
 constexpr double kLeastCovered = 0.55;         ///< of the panel, in each viewpoint
 constexpr double kMostDriftLenses = 0.05;      ///< between first and repeated fringes
 constexpr double kNotableDriftLenses = 0.003;  ///< more than the noise of any usable camera
+constexpr double kMostMovePx = 0.35;           ///< of the marks, from picture to picture
+constexpr double kLeastWhite = 0.1;            ///< light of the white panel, of full scale
+constexpr double kMostBeliefSigmas = 4.0;      ///< from what is known beforehand
 constexpr double kMostCorrelation = 0.98;      ///< of pitch and gap
 constexpr double kLeastColourContrast = 0.85;  ///< of red and blue fringes, part of green's
 constexpr double kNearestPart = 0.75;          ///< of the viewpoints' distance: where eyes may be
@@ -110,6 +113,9 @@ class Calibrator {
   void predict();
   void warn_of_near_eyes();
   void judge_aberration();
+  void judge_moves(const ViewpointMeasurement& measured);
+  void judge_light(const ViewpointMeasurement& measured);
+  void judge_beliefs();
   void judge();
   void judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured);
 
@@ -401,6 +407,8 @@ void Calibrator::warn_of_near_eyes() {
 }
 
 void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeasurement& measured) {
+  judge_light(measured);
+  judge_moves(measured);
   if (viewpoint.rms_lenses > kMostRmsLenses)
     refuse(fmt::format("{}: {:.3f} lens rms of the phase are left over: no lens sheet explains it",
                        viewpoint.name, viewpoint.rms_lenses));
@@ -432,8 +440,49 @@ void Calibrator::judge_aberration() {
                     found));
 }
 
+/// The camera or the panel was knocked: what was seen before and after are two viewpoints.
+void Calibrator::judge_moves(const ViewpointMeasurement& measured) {
+  const auto far = std::ranges::find_if(
+      measured.mark_moves, [](Vec2 move) { return std::hypot(move.x, move.y) > kMostMovePx; });
+  if (far == measured.mark_moves.end()) return;
+  refuse(fmt::format(
+      "{}: at picture {} the panel is {:.1f} camera pixels from where it was "
+      "before: the camera or the panel was moved",
+      measured.name, far - measured.mark_moves.begin() + 1, std::hypot(far->x, far->y)));
+}
+
+/// What was known beforehand contradicts what was found.
+void Calibrator::judge_beliefs() {
+  const auto judge_one = [&](const char* what, const char* unit,
+                             const std::optional<Estimate>& known, const Estimate& found) {
+    if (!known) return;
+    const double sigma = std::hypot(known->sigma, found.sigma);
+    if (std::abs(found.value - known->value) <= kMostBeliefSigmas * sigma) return;
+    refuse(fmt::format("the {} is {:.0f} {} by the pictures, not {:.0f} {}", what, found.value,
+                       unit, known->value, unit));
+  };
+  const Viewpoint& first = result_.viewpoints.front();
+  judge_one("first viewpoint's distance", "mm", options_.distance_mm,
+            {first.eye_mm.z, first.eye_sigma_mm.z});
+  // Focal length and distance are found as exactly as each other.
+  const double part = first.eye_sigma_mm.z / first.eye_mm.z;
+  judge_one("camera's focal length", "px", options_.focal_px,
+            {result_.camera.focal_px, part * result_.camera.focal_px});
+}
+
+/// A white panel that is hardly lighter than the camera's own noise and steps of codes gives waves
+/// whose dark parts are cut off: they are decoded to wrong places, smoothly.
+void Calibrator::judge_light(const ViewpointMeasurement& measured) {
+  if (measured.white_light == 0.0 || measured.white_light >= kLeastWhite) return;
+  refuse(
+      fmt::format("{}: the white panel gives {:.1f} % of what the camera can take, {:.0f} % are "
+                  "needed: expose longer, or make the panel brighter",
+                  measured.name, 100.0 * measured.white_light, 100.0 * kLeastWhite));
+}
+
 void Calibrator::judge() {
   for (size_t v = 0; v < views_.size(); ++v) judge_viewpoint(result_.viewpoints[v], measured_[v]);
+  judge_beliefs();
   if (fit_->geometry_rms_px > kMostGeometryPart * panel_.width_px)
     refuse(
         fmt::format("the panel points fit a flat panel to {:.1f} pixels only: is it curved, or "

@@ -3,6 +3,7 @@
 // why not. docs/calibration.md derives what is done here.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "calib/calibration.h"
@@ -21,6 +22,10 @@ struct CalibrateOptions {
   /// The viewing zone that the prediction is for: eyes at the viewpoints' mean distance and a
   /// quarter nearer and farther, this far to the sides.
   double zone_half_width_mm = 250.0;
+  /// What is known beforehand of the first viewpoint's distance and of the camera. Nothing is
+  /// fitted to them: what is found must agree with them.
+  std::optional<Estimate> distance_mm{};
+  std::optional<Estimate> focal_px{};
 };
 
 /// Never throws for what was measured: what cannot be trusted is refused with reasons. Takes one to

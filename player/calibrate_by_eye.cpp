@@ -66,6 +66,7 @@ struct ByEyeFlags {
   std::string record;
   std::optional<double> distance_mm;
   bool allow_inexact = false;
+  bool insist = false;
   bool json = false;
 };
 
@@ -133,8 +134,8 @@ class ByEyeRun {
   explicit ByEyeRun(const ByEyeFlags& flags)
       : flags_(flags),
         rig_(optics::load_trimmed_rig(flags.rig)),
-        procedure_(rig_, distance_of(flags, rig_)),
         keys_(open_key_input(flags.keys)),
+        procedure_(rig_, distance_of(flags, rig_), doubts()),
         request_(display_request(flags, rig_)),
         display_(display::open_display(request_)),
         sink_(*display_) {}
@@ -159,6 +160,12 @@ class ByEyeRun {
   }
 
  private:
+  /// A person can be asked; a script has to insist beforehand.
+  [[nodiscard]] calib::Doubts doubts() const {
+    if (flags_.insist) return calib::Doubts::Accept;
+    return keys_->is_person() ? calib::Doubts::Ask : calib::Doubts::Refuse;
+  }
+
   void press(const std::vector<KeyPress>& presses) {
     const calib::Step before = procedure_.step();
     for (const KeyPress& one : presses) procedure_.press(one);
@@ -218,6 +225,9 @@ class ByEyeRun {
   }
 
   ExitCode conclude() {
+    if (procedure_.status() == Procedure::Status::Refused)
+      throw Error(ErrorKind::Quality, "calibrate by-eye: " + procedure_.doubt(),
+                  "nothing was saved; measure again, or insist with --insist");
     const bool saved = procedure_.status() == Procedure::Status::Saved;
     const optics::Rig rig = saved ? result_of(procedure_) : rig_;
     const std::string kept = saved ? save_keeping_old(rig, flags_.output) : "";
@@ -270,8 +280,8 @@ class ByEyeRun {
 
   const ByEyeFlags& flags_;
   optics::Rig rig_;
-  Procedure procedure_;
   std::unique_ptr<KeyInput> keys_;
+  Procedure procedure_;
   display::DisplayRequest request_;
   std::unique_ptr<display::Display> display_;
   display::DisplaySink sink_;
@@ -300,6 +310,7 @@ CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
                   "file of keys to press (default: standard input, if that is no terminal)");
   way->add_option("--record", flags->record,
                   "with virtual: record the charts: checksums:FILE or png:FOLDER");
+  way->add_flag("--insist", flags->insist, "take values that are implausible without a question");
   way->add_flag("--json", flags->json, "print what was found as JSON");
   return {.app = way, .run = [flags] { return ByEyeRun(*flags).run(); }};
 }

@@ -4,13 +4,17 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <system_error>
+#include <utility>
 
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/calibrate.h"
+#include "calib/photo/pattern_manifest.h"
 #include "calib/photo/photo_folder.h"
 #include "calib/photo/single_photo.h"
 #include "calib/photo/tag_chart.h"
@@ -30,6 +34,7 @@ struct PhotosFlags {
   std::vector<std::string> sources;
   std::string rig;
   std::string write_patterns;
+  std::string patterns;
   std::optional<double> distance_mm;
   std::optional<double> focal_px;
   ResultFlags result;
@@ -53,6 +58,9 @@ class NoDisplay final : public frames::FrameSink {
 ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
   const std::vector<calib::Pattern> patterns = calib::photo_patterns(rig);
   fs::create_directories(flags.write_patterns);
+  // Patterns of an interrupted run are those of two rigs at worst: no manifest may speak for them.
+  std::error_code absent;
+  fs::remove(fs::path(flags.write_patterns) / calib::kPatternManifest, absent);
   Progress progress("writing", "patterns", patterns.size());
   frames::WovenFrame frame;
   for (size_t n = 0; n < patterns.size() && !interrupted(); ++n) {
@@ -62,6 +70,7 @@ ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
   }
   progress.finish();
   if (interrupted()) return interrupt_exit_code();
+  calib::write_manifest(calib::manifest_of(rig, patterns.size()), flags.write_patterns);
   if (flags.result.json)
     print_json({{"folder", flags.write_patterns}, {"patterns", patterns.size()}});
   else
@@ -80,14 +89,18 @@ calib::RecordDetails details_of(const std::string& method, const calib::CameraFa
           .temperature_celsius = {}};
 }
 
+// A tape measure is good to half a centimetre, a data sheet's focal length to two percent.
+calib::PhotoPriors priors_of(const PhotosFlags& flags) {
+  calib::PhotoPriors priors;
+  if (flags.distance_mm) priors.distance_mm = calib::Estimate{*flags.distance_mm, 5.0};
+  if (flags.focal_px) priors.focal_px = calib::Estimate{*flags.focal_px, 0.02 * *flags.focal_px};
+  return priors;
+}
+
 ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
   const calib::CameraPicture photograph = calib::read_photograph(flags.sources.front());
-  calib::PhotoPriors priors;
-  // A tape measure is good to half a centimetre, a data sheet's focal length to two percent.
-  if (flags.distance_mm) priors.distance_mm = calib::Estimate{*flags.distance_mm, 5.0};
-  if (flags.focal_px) priors.focal_px = calib::Estimate{*flags.focal_px, 0.02 * *flags.focal_px};
-  const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors);
+  const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors_of(flags));
   calib::CameraFacts camera;
   camera.name = flags.sources.front();
   camera.width = photograph.width;
@@ -95,6 +108,34 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   camera.channels = photograph.channels;
   camera.pixel_format = "photograph";
   return conclude_calibration(found, details_of("one photograph", camera), flags.result);
+}
+
+/// Looks for a manifest among the photographs, then in the folder of the patterns. False where
+/// there is none; throws Error(Input) for one of another rig.
+bool manifest_agrees(const PhotosFlags& flags, const std::string& folder, const optics::Rig& rig) {
+  for (const std::string& place : {folder, flags.patterns}) {
+    if (place.empty()) continue;
+    const std::optional<calib::PatternManifest> manifest = calib::read_manifest(place);
+    if (!manifest) continue;
+    calib::check_manifest(*manifest, rig, place);
+    return true;
+  }
+  return false;
+}
+
+/// The marks in the photographs tell the rig; where they are not readable the manifest does.
+void require_known_rig(calib::ViewpointMeasurement& measured, bool manifest_agrees,
+                       const std::string& folder) {
+  if (measured.rig_code_read) return;
+  if (!manifest_agrees)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: nothing says which rig these patterns were written for: no code "
+                            "is read beside the marks, and there is no {}",
+                            folder, calib::kPatternManifest),
+                "name the folder that --write-patterns wrote with --patterns; patterns without a "
+                "manifest have to be written and photographed again");
+  measured.warnings.emplace_back(
+      "no code is read beside the marks: that the patterns are this rig's is the manifest's word");
 }
 
 ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
@@ -105,7 +146,8 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
   for (const std::string& folder : flags.sources) {
     calib::PhotoFolder photographs(folder, wanted);
     NoDisplay nowhere(rig.panel);
-    const std::string name = fs::path(folder).filename().string();
+    const bool known = manifest_agrees(flags, folder, rig);
+    const std::string name = photographs.facts().name;
     Progress progress(name, "photographs", wanted);
     uint64_t read = 0;
     calib::CaptureOptions capture;
@@ -119,14 +161,24 @@ ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
           return !interrupted();
         }));
     progress.finish();
+    require_known_rig(measured.back(), known, folder);
     camera = photographs.facts();
   }
-  return conclude_calibration(calib::calibrate(measured, rig, {}),
+  calib::CalibrateOptions options;
+  const calib::PhotoPriors known = priors_of(flags);
+  options.distance_mm = known.distance_mm;
+  options.focal_px = known.focal_px;
+  return conclude_calibration(calib::calibrate(measured, rig, options),
                               details_of("photographs", camera), flags.result);
 }
 
 ExitCode run_photos(const PhotosFlags& flags) {
   const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
+  for (const auto& [flag, value] :
+       {std::pair("--distance", flags.distance_mm), std::pair("--focal-px", flags.focal_px)})
+    if (value && !(*value > 0.0 && std::isfinite(*value)))
+      throw Error(ErrorKind::Usage, fmt::format("{}: {:g} is no length", flag, *value),
+                  "it must be a number above 0");
   if (!flags.write_patterns.empty()) return write_patterns(flags, rig);
   if (flags.sources.empty() || flags.result.output.empty())
     throw Error(ErrorKind::Usage, "calibrate photos: photographs and -o are needed",
@@ -151,11 +203,14 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
   way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
   way->add_option("--rig", flags->rig, "rig file to start from")->required();
   way->add_option("--write-patterns", flags->write_patterns,
-                  "folder to write all patterns to, then end");
+                  "folder to write all patterns to, with a manifest, then end");
+  way->add_option("--patterns", flags->patterns,
+                  "folder that --write-patterns wrote, if the photographs do not show their rig");
   way->add_option("--distance", flags->distance_mm,
-                  "from the glass to the camera, mm, for a single photograph");
+                  "from the glass to the camera of the first photograph, mm: without it a single "
+                  "photograph is less exact; folders are checked against it");
   way->add_option("--focal-px", flags->focal_px,
-                  "focal length in pixels of the photograph, if it is known");
+                  "focal length in pixels of the photograph, if it is known: as --distance");
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);
   return {.app = way, .run = [flags] { return run_photos(*flags); }};

@@ -33,8 +33,8 @@ double degrees(double slant, const optics::Panel& panel) {
 
 }  // namespace
 
-Procedure::Procedure(const optics::Rig& rig, double distance_mm)
-    : start_rig_(rig), distance_mm_(distance_mm) {
+Procedure::Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts)
+    : start_rig_(rig), distance_mm_(distance_mm), doubts_(doubts) {
   const bool finite = std::isfinite(distance_mm) && distance_mm > 0.0;
   const auto problem = optics::find_problem(rig_seen_from(rig, finite ? distance_mm : -1.0));
   if (problem)
@@ -55,6 +55,7 @@ Procedure::Procedure(const optics::Rig& rig, double distance_mm)
 void Procedure::press(const KeyPress& press) {
   if (status_ != Status::Running) return;
   note_.clear();
+  if (press.key != Key::Next) asked_.clear();
   if (press.key <= Key::SlantMore) {
     if (!std::exchange(shows_old_, false)) return press_arrow(press);
     note_ = "this is the new rig again; press once more to change it";
@@ -242,7 +243,31 @@ void Procedure::predict_second(State& state) const {
 
 // --- steps and history ------------------------------------------------------------------------
 
+std::string Procedure::doubt() const {
+  return doubt_of(start_rig_, start_.sheet, state_.sheet);
+}
+
+/// Asks, or ends the procedure, where a value of the sheet is implausible.
+bool Procedure::is_settled() {
+  const std::string doubt = this->doubt();
+  if (doubt.empty() || doubts_ == Doubts::Accept || asked_ == doubt) {
+    asked_.clear();
+    return true;
+  }
+  note_ = doubt;
+  if (doubts_ == Doubts::Refuse)
+    status_ = Status::Refused;
+  else
+    note_ += "; measure again, or press ENTER once more to take it";
+  asked_ = doubt;
+  return false;
+}
+
 void Procedure::next() {
+  const bool is_last_of_value = state_.step == Step::Pitch || state_.step == Step::Slant ||
+                                state_.step == Step::GapByFlips ||
+                                state_.step == Step::GapByDistance || state_.step == Step::Save;
+  if (is_last_of_value && !is_settled()) return;
   if (state_.step == Step::Save) {
     status_ = Status::Saved;
     return;

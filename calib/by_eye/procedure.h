@@ -47,13 +47,20 @@ struct Guide {
   std::string keys;                ///< those that matter here
 };
 
+/// How a step is left whose value is implausible (doubt_of in sheet_values.h).
+enum class Doubts {
+  Ask,     ///< enter says why, enter once more takes it
+  Refuse,  ///< the procedure ends with Status::Refused
+  Accept,
+};
+
 class Procedure {
  public:
-  enum class Status { Running, Saved, Left };
+  enum class Status { Running, Saved, Left, Refused };
 
   /// The person's eye is `distance_mm` in front of the panel, on the rig's viewing height. Throws
   /// Error(Usage) for a distance from which this rig cannot be looked at.
-  Procedure(const optics::Rig& rig, double distance_mm);
+  Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts = Doubts::Ask);
 
   void press(const KeyPress& press);
 
@@ -76,6 +83,8 @@ class Procedure {
   [[nodiscard]] bool shows_old() const { return shows_old_; }
   /// The gap was found, not taken over.
   [[nodiscard]] bool gap_was_found() const { return state_.gap_found; }
+  /// Why the value of this step is implausible; empty where it is not.
+  [[nodiscard]] std::string doubt() const;
 
  private:
   /// Everything that undo brings back.
@@ -102,6 +111,7 @@ class Procedure {
   void turn_eyes();
 
   void next();
+  [[nodiscard]] bool is_settled();
   void take_band();
   void enter(Step step);
   /// Keeps the state for undo and takes the new one, unless no valid rig belongs to it.
@@ -116,6 +126,8 @@ class Procedure {
 
   optics::Rig start_rig_;
   double distance_mm_;
+  Doubts doubts_;
+  std::string asked_;  ///< the doubt that the last press of enter told
   State start_;
   State state_;
   std::vector<State> done_;

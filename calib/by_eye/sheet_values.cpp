@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "calib/by_eye/sheet_values.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "optics/effective_sheet.h"
 
@@ -45,7 +48,55 @@ double effective_lens_mm(const optics::Rig& rig, const SheetValues& values) {
   return values.effective_pitch_subpx * rig.panel.pixel_width.value / 3.0;
 }
 
+/// A start may be off by a tenth of the pitch, three degrees and a quarter of the gap; beyond
+/// these it is more likely that something else was measured.
+constexpr double kMostPitchRatio = 1.12;
+constexpr double kMostTurnDegrees = 5.0;
+constexpr double kMostGapRatio = 1.6;
+/// Full cones of lens sheets that are sold, with room.
+constexpr double kLeastConeDegrees = 4.0;
+constexpr double kMostConeDegrees = 75.0;
+
+double slant_degrees(const optics::Rig& rig, const SheetValues& values) {
+  const optics::Panel& panel = rig.panel;
+  return std::atan(values.slant * panel.pixel_width.value / panel.pixel_height.value) * 180.0 /
+         std::numbers::pi;
+}
+
+/// The angle that the pixels under one lens span behind its apex.
+double cone_degrees(const optics::Rig& rig, const SheetValues& values) {
+  return 2.0 * std::atan(0.5 * effective_lens_mm(rig, values) / values.gap_mm) * 180.0 /
+         std::numbers::pi;
+}
+
 }  // namespace
+
+std::string doubt_of(const optics::Rig& rig, const SheetValues& start, const SheetValues& values) {
+  const double pitch = values.effective_pitch_subpx / start.effective_pitch_subpx;
+  if (pitch > kMostPitchRatio || pitch < 1.0 / kMostPitchRatio)
+    return fmt::format("a pitch of {:.3f} subpixels is {:.0f} % off the {:.3f} of the start",
+                       values.effective_pitch_subpx, 100.0 * std::abs(pitch - 1.0),
+                       start.effective_pitch_subpx);
+  const double turned = slant_degrees(rig, values) - slant_degrees(rig, start);
+  if (std::abs(turned) > kMostTurnDegrees)
+    return fmt::format("a slant of {:.1f} degrees is {:.1f} off the {:.1f} of the start",
+                       slant_degrees(rig, values), std::abs(turned), slant_degrees(rig, start));
+  const double gap = values.gap_mm / start.gap_mm;
+  if (gap > kMostGapRatio || gap < 1.0 / kMostGapRatio)
+    return fmt::format("a gap of {:.2f} mm is {} {:.1f} times the {:.2f} mm of the start",
+                       values.gap_mm, gap > 1.0 ? "more than" : "less than",
+                       gap > 1.0 ? std::floor(10.0 * gap) / 10.0 : std::ceil(10.0 * gap) / 10.0,
+                       start.gap_mm);
+  const double cone = cone_degrees(rig, values), before = cone_degrees(rig, start);
+  const bool worse = std::abs(values.gap_mm - start.gap_mm) > 0.01 * start.gap_mm;
+  if (worse &&
+      ((cone < kLeastConeDegrees && cone < before) || (cone > kMostConeDegrees && cone > before)))
+    return fmt::format(
+        "a gap of {:.2f} mm makes a viewing cone of {:.1f} degrees; lens sheets have {:.0f} to "
+        "{:.0f}",
+        values.gap_mm, cone, kLeastConeDegrees, kMostConeDegrees);
+  return "";
+}
 
 double gap_of_spacing(const optics::Rig& rig, const SheetValues& values, double distance_mm,
                       double spacing_mm) {

@@ -4,6 +4,8 @@
 // what is edited, and the sheet follows: changing the gap leaves the picture for that eye as it is.
 #pragma once
 
+#include <string>
+
 #include "optics/rig.h"
 
 namespace lenticule::calib {
@@ -26,6 +28,12 @@ struct SheetValues {
 /// `rig`. The offset is within half a lens of 0.
 [[nodiscard]] optics::Rig with_sheet_values(optics::Rig rig, const SheetValues& values,
                                             double distance_mm);
+
+/// Why no sheet that was started from as `start` is likely to have these values: a pitch, slant or
+/// gap too far from the start's, or a gap that makes no viewing cone a lens sheet has. One clause
+/// with the value, the start's and what was expected; empty for values that are plausible.
+[[nodiscard]] std::string doubt_of(const optics::Rig& rig, const SheetValues& start,
+                                   const SheetValues& values);
 
 /// The gap for which places of equal picture are `spacing_mm` apart for an eye at `distance_mm`,
 /// one to either side of the middle: a lobe is p_h sqrt(D^2 + (1 - nu) (S/2)^2) / g wide.

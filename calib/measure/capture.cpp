@@ -45,9 +45,11 @@ void PatternCapture::capture(
     std::span<const Pattern> patterns,
     const std::function<void(const Pattern&, const CameraPicture&)>& take) {
   std::vector<Pattern> marked(patterns.begin(), patterns.end());
+  size_t number = moves_.size();
   for (Pattern& pattern : marked) {
     if (pattern.mark == kNoMark) pattern.mark = next_mark_;
     next_mark_ = (pattern.mark + 1) % kMarkCounts;
+    if (code_) pattern.code = code_->of_pattern(number++);
   }
   const auto draw = [&](size_t k) {
     frames::WovenFrame frame;
@@ -76,6 +78,7 @@ void PatternCapture::capture_one(const Pattern& pattern, const frames::WovenFram
     double gain = 1.0;
     last = fit_of(pattern, earliest, gain);
     if (last == Fit::Good) {
+      if (summed_ == 0) remember_marks();
       add(gain);
       continue;
     }
@@ -129,15 +132,20 @@ void PatternCapture::grab(Nanoseconds not_before) {
 }
 
 PatternCapture::Fit PatternCapture::fit_of(const Pattern& pattern, Nanoseconds earliest,
-                                           double& gain) const {
+                                           double& gain) {
   if (options_.clocked && picture_.time < earliest) return Fit::Late;
   if (!marks_) return Fit::Good;
-  const MarkReading reading = marks_->read(grey_of(picture_));
-  if (reading.state == MarkState::Lost) return Fit::Lost;
-  if (reading.state == MarkState::Unsettled) return Fit::Unsettled;
-  if (reading.mark != pattern.mark) return Fit::Late;
-  if (reference_white_ > 0.0) gain = reading.white / reference_white_;
+  reading_ = marks_->read(grey_of(picture_));
+  if (reading_.state == MarkState::Lost) return Fit::Lost;
+  if (reading_.state == MarkState::Unsettled) return Fit::Unsettled;
+  if (reading_.mark != pattern.mark) return Fit::Late;
+  if (reference_white_ > 0.0) gain = reading_.white / reference_white_;
   return Fit::Good;
+}
+
+void PatternCapture::remember_marks() {
+  codes_.add(reading_.code);
+  moves_.push_back(marks_ ? marks_->moved(grey_of(picture_)) : Vec2{});
 }
 
 void PatternCapture::add(double gain) {

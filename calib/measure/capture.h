@@ -10,6 +10,7 @@
 #include "calib/camera.h"
 #include "calib/measure/frame_marks.h"
 #include "calib/measure/pattern.h"
+#include "calib/measure/rig_code.h"
 #include "frames/frame_sink.h"
 
 namespace lenticule::calib {
@@ -48,9 +49,15 @@ class PatternCapture {
   void capture(std::span<const Pattern> patterns,
                const std::function<void(const Pattern&, const CameraPicture&)>& take);
 
+  /// Patterns show the code of their rig. Before the first one.
+  void show_code(const RigCode& code) { code_ = code; }
   /// From now on pictures are checked.
   void check_marks(MarkReader reader);
   [[nodiscard]] bool checks_marks() const { return marks_.has_value(); }
+  /// What the pictures taken so far showed, one for each pattern.
+  [[nodiscard]] const RigCodeReadings& codes() const { return codes_; }
+  /// MarkReader::moved of each pattern's first picture; zero until marks are checked.
+  [[nodiscard]] const std::vector<Vec2>& moves() const { return moves_; }
 
   [[nodiscard]] const CaptureCounts& counts() const { return counts_; }
 
@@ -59,7 +66,8 @@ class PatternCapture {
   void show(const frames::WovenFrame& frame);
   void grab(Nanoseconds not_before);
   enum class Fit { Good, Late, Unsettled, Lost };
-  [[nodiscard]] Fit fit_of(const Pattern& pattern, Nanoseconds earliest, double& gain) const;
+  [[nodiscard]] Fit fit_of(const Pattern& pattern, Nanoseconds earliest, double& gain);
+  void remember_marks();
   void add(double gain);
   [[noreturn]] void fail_dropped(const Pattern& pattern, Fit last) const;
 
@@ -68,7 +76,11 @@ class PatternCapture {
   const optics::Panel& panel_;
   CaptureOptions options_;
   CaptureProgress progress_;
+  std::optional<RigCode> code_;
   std::optional<MarkReader> marks_;
+  MarkReading reading_;
+  RigCodeReadings codes_;
+  std::vector<Vec2> moves_;
   double reference_white_ = 0.0;
   int next_mark_ = 0;
   CameraPicture picture_;

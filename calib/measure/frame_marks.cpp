@@ -30,9 +30,22 @@ class CellMap {
     const float brightest = *std::max_element(white.light.begin(), white.light.end());
     for (size_t i = 0; i < white.size(); ++i) {
       // The white panel has marks too, one of them dark.
-      const float most = std::max({white.light[i], marks[1].light[i], marks[2].light[i]});
+      const float most =
+          std::max({white.light[i], marks[0].light[i], marks[1].light[i], marks[2].light[i]});
       if (most > 0.15F * brightest) cells_[i] = cell_at(marks, most, i);
     }
+  }
+
+  /// Pixels of a cell and those beside them.
+  [[nodiscard]] std::vector<uint32_t> pixels_around(int cell) const {
+    std::vector<uint32_t> found;
+    const auto width = static_cast<size_t>(width_);
+    for (size_t i = width + 1; i + width + 1 < cells_.size(); ++i) {
+      const std::array<size_t, 5> around = {i, i - 1, i + 1, i - width, i + width};
+      if (std::ranges::any_of(around, [&](size_t k) { return cells_[k] == cell; }))
+        found.push_back(static_cast<uint32_t>(i));
+    }
+    return found;
   }
 
   /// Pixels of a cell whose neighbours belong to it too: blur mixes the borders.
@@ -48,11 +61,13 @@ class CellMap {
   }
 
  private:
-  /// Lit with mark 0, 1, 2: the first cell always, bit 0 with 1, bit 1 with 2, parity with both.
+  /// Lit with mark 0, 1, 2: the first cell always, bit 0 with 1, bit 1 with 2, parity with both,
+  /// those of the code as kFindingCodes say.
   static int8_t cell_at(const std::array<GreyPicture, 3>& marks, float white, size_t i) {
     std::array<bool, 3> lit{};
     for (size_t k = 0; k < 3; ++k) lit[k] = marks[k].light[i] > 0.5F * white;
-    if (lit[0]) return lit[1] && lit[2] ? 0 : -1;
+    if (lit[0] && lit[1]) return lit[2] ? 0 : 5;
+    if (lit[0]) return lit[2] ? 6 : 4;
     if (lit[1]) return lit[2] ? 3 : 1;
     return lit[2] ? 2 : -1;
   }
@@ -67,16 +82,70 @@ std::optional<MarkReader> MarkReader::find(const std::array<GreyPicture, 3>& dar
                                            const GreyPicture& white) {
   const CellMap map(dark_marks, white);
   MarkReader reader;
-  // Cell 1 is lit with mark 1, cell 2 with mark 2, the parity with either.
-  constexpr std::array<size_t, 4> kLitPicture = {0, 1, 2, 1};
-  for (size_t cell = 0; cell < MarkCells::kCount; ++cell) {
+  // Pictures in which each cell is lit, and in which it is dark.
+  constexpr std::array<size_t, MarkCells::kMost> kLitPicture = {0, 1, 2, 1, 0, 0, 0};
+  constexpr std::array<size_t, MarkCells::kMost> kDarkPicture = {0, 0, 0, 0, 1, 2, 1};
+  reader.coded_ = true;
+  for (size_t cell = 0; cell < MarkCells::kMost; ++cell) {
     std::vector<uint32_t>& pixels = reader.pixels_[cell];
     pixels = map.inner_pixels(static_cast<int>(cell));
-    if (pixels.size() < kFewestPixels) return std::nullopt;
+    if (pixels.size() < kFewestPixels) {
+      if (cell < MarkCells::kMarks) return std::nullopt;
+      reader.coded_ = false;
+      continue;
+    }
     reader.lit_[cell] = mean_light(dark_marks[kLitPicture[cell]], pixels);
-    reader.dark_[cell] = cell == 0 ? 0.0 : mean_light(dark_marks[0], pixels);
+    reader.dark_[cell] = cell == 0 ? 0.0 : mean_light(dark_marks[kDarkPicture[cell]], pixels);
   }
+  reader.find_edges(dark_marks[0], map.pixels_around(0));
   return reader;
+}
+
+/// Not the edge toward the next cell, which is lit or not.
+void MarkReader::find_edges(const GreyPicture& dark, const std::vector<uint32_t>& around) {
+  const auto middle_of = [&](size_t cell) {
+    Vec2 sum;
+    for (const uint32_t i : pixels_[cell])
+      sum = sum + Vec2{double(i % static_cast<uint32_t>(dark.width)),
+                       double(i / static_cast<uint32_t>(dark.width))};
+    return sum * (1.0 / static_cast<double>(pixels_[cell].size()));
+  };
+  const Vec2 own = middle_of(0), next = middle_of(1) - own;
+  const double most = 0.25 * (next.x * next.x + next.y * next.y);
+  const auto width = static_cast<uint32_t>(dark.width);
+  for (const uint32_t i : around) {
+    const Vec2 from = Vec2{double(i % width), double(i / width)} - own;
+    if (from.x * next.x + from.y * next.y > most) continue;
+    const std::vector<float>& light = dark.light;
+    edges_.push_back({i,
+                      light[i],
+                      {0.5 * (double{light[i - 1]} - double{light[i + 1]}),
+                       0.5 * (double{light[i - width]} - double{light[i + width]})}});
+  }
+}
+
+Vec2 MarkReader::moved(const GreyPicture& picture) const {
+  const double white = mean_light(picture, pixels_[0]);
+  if (!(white > 0.0)) return {};
+  const double gain = lit_[0] / white;
+  double xx = 0.0, xy = 0.0, yy = 0.0, x = 0.0, y = 0.0;
+  for (const EdgePixel& edge : edges_) {
+    const double change = gain * double{picture.light[edge.pixel]} - double{edge.light};
+    xx += edge.slope.x * edge.slope.x;
+    xy += edge.slope.x * edge.slope.y;
+    yy += edge.slope.y * edge.slope.y;
+    x += edge.slope.x * change;
+    y += edge.slope.y * change;
+  }
+  const double determinant = xx * yy - xy * xy;
+  if (!(determinant > 1e-6 * xx * yy)) return {};
+  return {(yy * x - xy * y) / determinant, (xx * y - xy * x) / determinant};
+}
+
+/// 0 as when it was dark, 1 as when it was lit.
+double MarkReader::part_lit(const GreyPicture& picture, size_t cell, double gain) const {
+  const double light = mean_light(picture, pixels_[cell]) / gain;
+  return (light - dark_[cell]) / (lit_[cell] - dark_[cell]);
 }
 
 MarkReading MarkReader::read(const GreyPicture& picture) const {
@@ -86,16 +155,24 @@ MarkReading MarkReader::read(const GreyPicture& picture) const {
   const double gain = lit_[0] > 0.0 ? reading.white / lit_[0] : 0.0;
   if (!(gain > 0.2)) return reading;
   bool settled = true;
-  std::array<bool, MarkCells::kCount> lit{};
-  for (size_t cell = 1; cell < MarkCells::kCount; ++cell) {
-    const double light = mean_light(picture, pixels_[cell]) / gain;
-    const double part = (light - dark_[cell]) / (lit_[cell] - dark_[cell]);
-    if (!(part > kDarkest && part < kBrightest)) return reading;
-    settled = settled && (part > kLit || part < kDark);
+  std::array<bool, MarkCells::kMost> lit{};
+  int code = 0;
+  const size_t cells = coded_ ? MarkCells::kMost : MarkCells::kMarks;
+  for (size_t cell = 1; cell < cells; ++cell) {
+    const double part = part_lit(picture, cell, gain);
+    const bool clear = part > kLit || part < kDark;
     lit[cell] = part > 0.5;
+    if (cell >= MarkCells::kMarks) {
+      if (!clear) code = kNoCode;
+      if (code != kNoCode && lit[cell]) code += 1 << (cell - MarkCells::kMarks);
+      continue;
+    }
+    if (!(part > kDarkest && part < kBrightest)) return reading;
+    settled = settled && clear;
   }
   reading.state = MarkState::Unsettled;
   reading.mark = (lit[1] ? 1 : 0) + (lit[2] ? 2 : 0);
+  reading.code = coded_ ? code : kNoCode;
   if (settled && lit[3] == (lit[1] != lit[2])) reading.state = MarkState::Read;
   return reading;
 }

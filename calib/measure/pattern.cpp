@@ -113,13 +113,13 @@ class RowPainter {
   const optics::Panel& panel_;
 };
 
-void draw_marks(const MarkCells& cells, int mark, int j, uint8_t* row) {
+void draw_marks(const MarkCells& cells, const Pattern& pattern, int j, uint8_t* row) {
   if (j < cells.top - cells.border || j >= cells.top + cells.height + cells.border) return;
-  const int right = cells.left + MarkCells::kCount * cells.cell_width;
+  const int right = cells.left + cells.count * cells.cell_width;
   std::fill(row + 3 * (cells.left - cells.border), row + 3 * (right + cells.border), uint8_t{0});
   if (j < cells.top || j >= cells.top + cells.height) return;
-  for (int cell = 0; cell < MarkCells::kCount; ++cell) {
-    if (!MarkCells::lit(cell, mark)) continue;
+  for (int cell = 0; cell < cells.count; ++cell) {
+    if (!MarkCells::lit(cell, pattern.mark, pattern.code)) continue;
     uint8_t* const begin = row + 3 * (cells.left + cell * cells.cell_width);
     std::fill(begin, begin + 3 * cells.cell_width, uint8_t{255});
   }
@@ -127,18 +127,20 @@ void draw_marks(const MarkCells& cells, int mark, int j, uint8_t* row) {
 
 }  // namespace
 
-MarkCells MarkCells::of(const optics::Panel& panel) {
+MarkCells MarkCells::of(const optics::Panel& panel, bool coded) {
   // A sixtieth of the width is five lenses of twelve pixels on a 4K panel.
   MarkCells cells;
+  cells.count = coded ? kMost : kMarks;
   cells.cell_width = std::max(2, panel.width_px / 60);
   cells.height = std::max(2, panel.height_px / 34);
   cells.border = std::max(1, cells.height / 4);
-  cells.left = (panel.width_px - kCount * cells.cell_width) / 2;
+  cells.left = (panel.width_px - cells.count * cells.cell_width) / 2;
   cells.top = (panel.height_px - cells.height) / 2;
   return cells;
 }
 
-bool MarkCells::lit(int cell, int mark) {
+bool MarkCells::lit(int cell, int mark, int code) {
+  if (cell >= kMarks) return (code >> (cell - kMarks) & 1) != 0;
   switch (cell) {
     case 0:
       return true;
@@ -153,18 +155,18 @@ bool MarkCells::lit(int cell, int mark) {
 
 bool MarkCells::covers(double x_px, double y_px) const {
   const double around = border + 2.0;
-  return x_px > left - around && x_px < left + kCount * cell_width + around &&
-         y_px > top - around && y_px < top + height + around;
+  return x_px > left - around && x_px < left + count * cell_width + around && y_px > top - around &&
+         y_px < top + height + around;
 }
 
 void draw_pattern(const Pattern& pattern, const optics::Panel& panel, frames::WovenFrame& frame) {
   const frames::FrameGeometry geometry{.width = panel.width_px, .height = panel.height_px};
   if (frame.geometry() != geometry) frame = frames::WovenFrame(geometry);
   const RowPainter painter(pattern, panel);
-  const MarkCells cells = MarkCells::of(panel);
+  const MarkCells cells = MarkCells::of(panel, pattern.code != kNoCode);
   for_rows(panel.height_px, [&](int j) {
     painter.paint(j, frame.row(j));
-    if (pattern.mark != kNoMark) draw_marks(cells, pattern.mark, j, frame.row(j));
+    if (pattern.mark != kNoMark) draw_marks(cells, pattern, j, frame.row(j));
   });
 }
 

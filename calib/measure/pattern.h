@@ -79,27 +79,35 @@ inline constexpr double kPatternDepth = 0.9;
 /// A mark counts modulo this.
 inline constexpr int kMarkCounts = 4;
 inline constexpr int kNoMark = -1;
+/// A code is a number of so many bits (rig_code.h).
+inline constexpr int kCodeBits = 3;
+inline constexpr int kNoCode = -1;
 
 struct Pattern {
   std::variant<Flat, Fringe, Wave, Comb, Columns, Checks> shape;
   Channels channels;
   /// 0 to kMarkCounts - 1: the number that the marks show; kNoMark = no marks.
   int mark = kNoMark;
+  /// 0 to 2^kCodeBits - 1: shown by further cells beside the marks; kNoCode = there are none.
+  int code = kNoCode;
 };
 
-/// The marks: cells in the middle of the panel, from the left always lit, bit 0, bit 1, odd parity.
-/// They are wide enough for any sheet's blur and tell a camera which picture it sees. What cannot
-/// be measured under them is bridged from all sides, which at an edge it could not be.
+/// The marks: cells in the middle of the panel, from the left always lit, bit 0, bit 1, odd parity,
+/// and the bits of the code if there is one. They are wide enough for any sheet's blur and tell a
+/// camera which picture it sees. What cannot be measured under them is bridged from all sides,
+/// which at an edge it could not be.
 struct MarkCells {
-  static constexpr int kCount = 4;
+  static constexpr int kMarks = 4;
+  static constexpr int kMost = kMarks + kCodeBits;
+  int count = kMarks;
   int left = 0;
   int top = 0;
   int cell_width = 0;
   int height = 0;
   int border = 0;  ///< dark pixels around all cells
 
-  [[nodiscard]] static MarkCells of(const optics::Panel& panel);
-  [[nodiscard]] static bool lit(int cell, int mark);
+  [[nodiscard]] static MarkCells of(const optics::Panel& panel, bool coded);
+  [[nodiscard]] static bool lit(int cell, int mark, int code);
   /// True inside any cell or the border.
   [[nodiscard]] bool covers(double x_px, double y_px) const;
 };

@@ -72,7 +72,10 @@ class ViewpointRun {
       : start_(start),
         panel_(start.rig().panel),
         options_(options),
-        capture_(sink, camera, panel_, capture, progress) {}
+        rig_code_(optics::fingerprint(start.rig())),
+        capture_(sink, camera, panel_, capture, progress) {
+    if (!options.adaptive) capture_.show_code(rig_code_);
+  }
 
   ViewpointMeasurement run() {
     result_.name = options_.name;
@@ -83,7 +86,9 @@ class ViewpointRun {
     measure_fringes();
     if (options_.link_and_spot) measure_spot();
     repeat();
+    check_rig();
     result_.counts = capture_.counts();
+    result_.mark_moves = capture_.moves();
     return std::move(result_);
   }
 
@@ -116,6 +121,7 @@ class ViewpointRun {
   }
 
   void find_panel();
+  void check_rig();
   void decode_geometry();
   void keep_pixels(const std::vector<float>& x, const std::vector<float>& y);
   void average_geometry(const std::vector<float>& x, const std::vector<float>& y);
@@ -142,6 +148,7 @@ class ViewpointRun {
   const optics::OpticalModel& start_;
   const optics::Panel& panel_;
   MeasureOptions options_;
+  RigCode rig_code_;
   PatternCapture capture_;
   ViewpointMeasurement result_;
 
@@ -170,6 +177,7 @@ void ViewpointRun::find_panel() {
   result_.height = white_.height;
   block_px_ = std::max(4, white_.width / kBlocksAcross);
   pixels_ = visible_pixels(marks[0], white_);
+  result_.white_light = mean_of(white_, pixels_) - mean_of(marks[0], pixels_);
   if (part_of(pixels_, white_) < kLeastPart)
     fail("the camera sees no panel that turns from dark to white",
          "point it at the whole panel, and darken the room");
@@ -181,6 +189,30 @@ void ViewpointRun::find_panel() {
   dark_ = std::move(marks[0]);
   dark_colour_ = std::move(pictures[0]);
   white_colour_ = std::move(pictures[3]);
+}
+
+/// Photographs are only as good as the patterns that they show are the ones that they are taken
+/// for: another pitch in the patterns is another pitch in the result.
+void ViewpointRun::check_rig() {
+  if (options_.adaptive) return;
+  const RigCodeReadings& codes = capture_.codes();
+  result_.rig_code_read = codes.read() > 0;
+  const std::optional<size_t> foreign = codes.first_foreign(rig_code_);
+  if (!foreign) return;
+  const std::string remedy =
+      "give the rig that these patterns were written for as --rig, or write patterns for this one "
+      "and photograph them";
+  if (const std::optional<std::string> other = codes.fingerprint())
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: the photographs show patterns for the rig with fingerprint {}, "
+                            "not for {}",
+                            options_.name, *other, rig_code_.fingerprint()),
+                remedy);
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: photograph {} shows a pattern for another rig than the one with "
+                          "fingerprint {}",
+                          options_.name, *foreign + 1, rig_code_.fingerprint()),
+              remedy);
 }
 
 void ViewpointRun::decode_geometry() {
@@ -198,6 +230,7 @@ void ViewpointRun::decode_geometry() {
     positions[vertical ? 1 : 0] =
         decode_positions(levels, sums, static_cast<float>(kLeastContrast * white));
   }
+  check_rig();  // another rig's waves would be decoded to nonsense
   map_ = PanelMap::fit(block_sightings(positions[0], positions[1]));
   if (!map_)
     fail("which panel point the camera sees where cannot be decoded",
@@ -239,7 +272,7 @@ void ViewpointRun::keep_pixels(const std::vector<float>& x, const std::vector<fl
   // Under its lens a pixel sees up to half a lens beside the smooth map, and noise beyond.
   const double lens_px = start_.rig().sheet.pitch.value / 3.0;
   const double limit = std::max(3.0, 1.2 * lens_px) + 6.0 * map_->typical_error_px();
-  const MarkCells marks = MarkCells::of(panel_);
+  const MarkCells marks = MarkCells::of(panel_, !options_.adaptive);
   std::vector<uint32_t> kept;
   std::vector<float> kept_x, kept_y;
   for (size_t n = 0; n < pixels_.size(); ++n) {
@@ -494,7 +527,11 @@ std::vector<Pattern> photo_patterns(const optics::Rig& start) {
     patterns.push_back({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = Channels::only(c)});
   for (const int c : kChannelOrder) step(fringe, kFineSteps, Channels::only(c));
   step(fringe, kRepeatSteps, Channels::only(1));
-  for (size_t n = 0; n < patterns.size(); ++n) patterns[n].mark = static_cast<int>(n) % kMarkCounts;
+  const RigCode code(optics::fingerprint(start));
+  for (size_t n = 0; n < patterns.size(); ++n) {
+    patterns[n].mark = static_cast<int>(n) % kMarkCounts;
+    patterns[n].code = code.of_pattern(n);
+  }
   return patterns;
 }
 

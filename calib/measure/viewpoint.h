@@ -42,9 +42,14 @@ struct ViewpointMeasurement {
   double contrast = 0.0;                     ///< of green's fringes
   std::array<double, 3> channel_contrast{};  ///< what agrees within blocks; 0 = not measured
   double covered = 0.0;
+  double white_light = 0.0;  ///< of the white panel, mean, of full scale; 0 = not measured
   /// Between green's fringes and their repetition at the end: the worst of a plane through the
   /// change.
   double drift_lenses = 0.0;
+  /// How far the marks are from where they were at first, camera pixels; one for each pattern.
+  std::vector<Vec2> mark_moves;
+  /// The pictures show the code of the rig that is calibrated. False where they show none.
+  bool rig_code_read = false;
   LinkCheck link;
   std::optional<LensSpot> spot;
   std::vector<std::string> warnings;
@@ -59,7 +64,8 @@ struct ViewpointMeasurement {
 [[nodiscard]] std::vector<Pattern> photo_patterns(const optics::Rig& start);
 
 /// Shows everything and measures. The rig of `start` tells panel, nominal pitch, slant and gap.
-/// Throws Error(Device) where PatternCapture does, Error(Quality) when nothing usable is seen: the
+/// Throws Error(Device) where PatternCapture does, Error(Input) for photographs of patterns that
+/// were drawn for another rig, Error(Quality) when nothing usable is seen: the
 /// panel's middle is hidden, no fringes, too dark, too little of the panel.
 [[nodiscard]] ViewpointMeasurement measure_viewpoint(frames::FrameSink& sink, Camera& camera,
                                                      const optics::OpticalModel& start,

@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -43,8 +44,10 @@ class BlockGrid {
     const double from_border = std::abs(in_band - std::round(in_band));
     constexpr double kMargin = 0.06;  // of a band: what a lens or a blurred camera may mix
     if (from_border < kMargin) return false;
-    return std::none_of(chart_.tags.begin(), chart_.tags.end(),
-                        [&](const ChartTag& tag) { return tag.covers(at, 0.5 * tag.cell_px); });
+    const double margin = 0.5 * chart_.tags.front().cell_px;
+    const auto covers = [&](const auto& drawn) { return drawn.covers(at, margin); };
+    return std::ranges::none_of(chart_.tags, covers) &&
+           std::ranges::none_of(chart_.patches, covers);
   }
   [[nodiscard]] uint32_t block_at(Vec2 at) const {
     const int column = std::min(static_cast<int>(at.x * kColumns / width()), kColumns - 1);
@@ -100,12 +103,12 @@ class Prediction {
         has_map_(!rig.sheet.residual.empty()),
         panel_(rig.panel) {}
 
-  [[nodiscard]] double phase(const FringeSample& sample, double direction) const {
+  [[nodiscard]] double phase(const FringeSample& sample, double detuning) const {
     double lens = plane_.at + plane_.across * sample.x + plane_.down * sample.y;
     if (has_map_)
       lens = model_.lens_coordinate((sample.x + 0.5) * panel_.width_px,
                                     (sample.y + 0.5) * panel_.height_px, kGreen);
-    return chart_.comb_phase(sample.panel_x_px, sample.panel_y_px, direction) - lens;
+    return chart_.comb_phase(sample.panel_x_px, sample.panel_y_px, detuning) - lens;
   }
 
  private:
@@ -135,18 +138,28 @@ void add_sample(BlockSums& sums, const FringeSample& sample, double cycles, Vec2
   ++sums.count;
 }
 
-FringeBlock block_of(const BlockSums& sums, uint32_t block, double direction) {
-  const Terms fitted = sums.normal.ldlt().solve(sums.right);
+/// Empty where the fringes turn too little over the block.
+std::optional<FringeBlock> block_of(const BlockSums& sums, uint32_t block, double detuning) {
+  const auto solver = sums.normal.ldlt();
+  const Terms fitted = solver.solve(sums.right);
   const double amplitude = std::hypot(fitted[3], fitted[4]);
+  // The variance of the phase, for light that varies by 1: 2 / count where the other terms take
+  // nothing away.
+  Terms along = Terms::Zero();
+  along[3] = -fitted[4] / amplitude;
+  along[4] = fitted[3] / amplitude;
+  const double variance = along.dot(solver.solve(along));
+  constexpr double kLeastTold = 0.2;
+  if (!(variance > 0.0) || 2.0 / (variance * sums.count) < kLeastTold) return std::nullopt;
   FringeBlock out;
   out.block = block;
-  out.direction = direction;
+  out.detuning = detuning;
   out.x = sums.x / sums.count;
   out.y = sums.y / sums.count;
   // cos(p + r) = cos r cos p - sin r sin p.
   out.phase = std::atan2(-fitted[4], fitted[3]) / kTau;
   out.contrast = fitted[0] > 0.0 ? amplitude / fitted[0] : 0.0;
-  out.weight = amplitude * amplitude * sums.count;
+  out.weight = 2.0 * amplitude * amplitude / variance;
   return out;
 }
 
@@ -193,17 +206,47 @@ FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
   return out;
 }
 
+std::optional<double> light_of_squares(const PhotoLight& picture, const PhotoPose& pose,
+                                       const SinglePhotoChart& chart) {
+  struct Halves {
+    std::array<double, 2> light{}, pixels{};
+  };
+  std::vector<Halves> sums(chart.patches.size());
+  for (int j = 0; j < picture.height; ++j) {
+    for (int i = 0; i < picture.width; ++i) {
+      const auto point = pose.look({i + 0.5, j + 0.5}, chart.start);
+      if (!point) continue;
+      for (size_t k = 0; k < sums.size(); ++k) {
+        const int half = chart.patches[k].half_at(point->panel_px);
+        if (half < 0) continue;
+        sums[k].light[static_cast<size_t>(half)] +=
+            double{picture.light[static_cast<size_t>(j) * static_cast<size_t>(picture.width) +
+                                 static_cast<size_t>(i)]};
+        sums[k].pixels[static_cast<size_t>(half)] += 1.0;
+      }
+    }
+  }
+  std::optional<double> least;
+  constexpr double kFewestPixels = 20.0;
+  for (const Halves& sum : sums) {
+    if (sum.pixels[0] < kFewestPixels || sum.pixels[1] < kFewestPixels) continue;
+    const double part = sum.light[1] / sum.pixels[1] / (sum.light[0] / sum.pixels[0]);
+    if (std::isfinite(part)) least = least ? std::min(*least, part) : part;
+  }
+  return least;
+}
+
 std::vector<FringeBlock> measure_blocks(const FringeSamples& fringes, const SinglePhotoChart& chart,
                                         const optics::Rig& rig) {
   const size_t count = static_cast<size_t>(fringes.columns) * static_cast<size_t>(fringes.rows);
   std::vector<BlockSums> sums(count);
   const Prediction prediction(chart, rig);
-  const auto direction_of = [&](uint32_t block) {
-    return SinglePhotoChart::direction(fringes.band_of(block, chart.bands));
+  const auto detuning_of = [&](uint32_t block) {
+    return SinglePhotoChart::detuning(fringes.band_of(block, chart.bands));
   };
   for (const FringeSample& sample : fringes.samples) {
     const Vec2 within = place_in_block(sample, fringes, rig.panel);
-    add_sample(sums[sample.block], sample, prediction.phase(sample, direction_of(sample.block)),
+    add_sample(sums[sample.block], sample, prediction.phase(sample, detuning_of(sample.block)),
                within);
   }
   // A block that is half a tag tells less than its weight says.
@@ -211,7 +254,7 @@ std::vector<FringeBlock> measure_blocks(const FringeSamples& fringes, const Sing
   std::vector<FringeBlock> blocks;
   for (uint32_t b = 0; b < count; ++b)
     if (sums[b].count > std::max(0.3 * usual, 4.0 * kTerms))
-      blocks.push_back(block_of(sums[b], b, direction_of(b)));
+      if (const auto block = block_of(sums[b], b, detuning_of(b))) blocks.push_back(*block);
   return blocks;
 }
 

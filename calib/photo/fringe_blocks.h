@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "calib/photo/photo_pose.h"
@@ -50,11 +51,17 @@ struct FringeSamples {
 [[nodiscard]] FringeSamples collect_fringes(const PhotoLight& picture, const PhotoPose& pose,
                                             const SinglePhotoChart& chart);
 
+/// The light of the chart's squares of one pixel, part of that of the grey beside them, the lesser
+/// of the patches; empty where none is seen.
+[[nodiscard]] std::optional<double> light_of_squares(const PhotoLight& picture,
+                                                     const PhotoPose& pose,
+                                                     const SinglePhotoChart& chart);
+
 /// How the fringes of one block differ from those that a lens plane predicts.
 struct FringeBlock {
   uint32_t block = 0;
-  double direction = 1.0;
-  double x = 0.0;  ///< mean place, as LensPlane has it
+  double detuning = 1.0;  ///< d of its band
+  double x = 0.0;         ///< mean place, as LensPlane has it
   double y = 0.0;
   double phase = 0.0;     ///< fringes seen minus predicted, cycles in [-1/2, 1/2]
   double contrast = 0.0;  ///< amplitude over mean light
@@ -62,7 +69,8 @@ struct FringeBlock {
 };
 
 /// Least squares of light over mean, slopes, cosine and sine for each block with enough pixels, by
-/// which neither uneven light nor broken fringes bias the phase. `rig` has the residual map.
+/// which neither uneven light nor broken fringes bias the phase. A block that is too small for its
+/// fringes to be told from uneven light is none. `rig` has the residual map.
 [[nodiscard]] std::vector<FringeBlock> measure_blocks(const FringeSamples& fringes,
                                                       const SinglePhotoChart& chart,
                                                       const optics::Rig& rig);

@@ -3,6 +3,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <cstdlib>
@@ -12,31 +13,40 @@
 namespace lenticule::calib {
 namespace {
 
-constexpr int kColumns = 256;
+constexpr int kMostColumns = 512;
+constexpr int kFewestColumns = 128;
 constexpr int kRows = 128;
 /// Fewer fringes than these are taken for uneven light.
 constexpr int kLeastFringes = 8;
-constexpr int kMostMoreAcross = 48;
+/// How far the starting pitch may be off, as part of the lenses.
+constexpr double kMostMoreAcross = 0.12;
 constexpr int kMostMoreDown = 56;
+constexpr std::array<double, 4> kKinds = {1.0, -1.0, 2.0, -2.0};  ///< of detuning
 
-using Spectrum = Eigen::MatrixXcd;
+/// Nearly every cell of a grid of so many columns gets a pixel of the photograph: holes would be a
+/// pattern of their own.
+int columns_for(const FringeSamples& fringes, const optics::Panel& panel) {
+  const double shape = double(panel.width_px) / panel.height_px;
+  const double pixels_across = std::sqrt(static_cast<double>(fringes.samples.size()) * shape);
+  return std::clamp(static_cast<int>(0.9 * pixels_across), kFewestColumns, kMostColumns);
+}
 
 /// Mean light of a grid of places, 0 being the mean around them; 0 where there is no sample.
 Eigen::MatrixXd light_grid(const FringeSamples& fringes, const SinglePhotoChart& chart,
-                           double direction) {
+                           double detuning, int columns) {
   const size_t blocks = static_cast<size_t>(fringes.columns) * static_cast<size_t>(fringes.rows);
   std::vector<double> light(blocks), count(blocks);
   for (const FringeSample& sample : fringes.samples) {
     light[sample.block] += sample.light;
     count[sample.block] += 1.0;
   }
-  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(kRows, kColumns), n = sum;
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(kRows, columns), n = sum;
   const optics::Panel& panel = chart.start.panel;
   for (const FringeSample& sample : fringes.samples) {
-    if (SinglePhotoChart::direction(fringes.band_of(sample.block, chart.bands)) != direction)
+    if (SinglePhotoChart::detuning(fringes.band_of(sample.block, chart.bands)) != detuning)
       continue;
-    const int c = std::clamp(
-        static_cast<int>(double{sample.panel_x_px} * kColumns / panel.width_px), 0, kColumns - 1);
+    const int c = std::clamp(static_cast<int>(double{sample.panel_x_px} * columns / panel.width_px),
+                             0, columns - 1);
     const int r = std::clamp(static_cast<int>(double{sample.panel_y_px} * kRows / panel.height_px),
                              0, kRows - 1);
     sum(r, c) += sample.light - light[sample.block] / count[sample.block];
@@ -45,56 +55,68 @@ Eigen::MatrixXd light_grid(const FringeSamples& fringes, const SinglePhotoChart&
   return (n.array() > 0.0).select(sum.array() / n.array().max(1.0), 0.0);
 }
 
-Spectrum spectrum_of(const Eigen::MatrixXd& light) {
-  Eigen::FFT<double> fft;
-  Spectrum out(kRows, kColumns);
-  Eigen::VectorXcd in, line;
-  for (int r = 0; r < kRows; ++r) {
-    in = light.row(r).cast<std::complex<double>>();
-    fft.fwd(line, in);
-    out.row(r) = line.transpose();
+/// How strong fringes of one kind of band are, against what is there by chance.
+class Spectrum {
+ public:
+  explicit Spectrum(const Eigen::MatrixXd& light)
+      : values_(light.rows(), light.cols()), columns_(static_cast<int>(light.cols())) {
+    Eigen::FFT<double> fft;
+    Eigen::VectorXcd in, line;
+    for (int r = 0; r < kRows; ++r) {
+      in = light.row(r).cast<std::complex<double>>();
+      fft.fwd(line, in);
+      values_.row(r) = line.transpose();
+    }
+    for (int c = 0; c < columns_; ++c) {
+      in = values_.col(c);
+      fft.fwd(line, in);
+      values_.col(c) = line;
+    }
+    std::vector<double> sizes;
+    for (int c = kLeastFringes; c < columns_ / 2; ++c)
+      for (int r = 0; r < kRows; ++r) sizes.push_back(std::abs(values_(r, c)));
+    const auto middle = sizes.begin() + static_cast<ptrdiff_t>(sizes.size() / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
+    usual_ = std::max(*middle, 1e-30);
   }
-  for (int c = 0; c < kColumns; ++c) {
-    in = out.col(c);
-    fft.fwd(line, in);
-    out.col(c) = line;
-  }
-  return out;
-}
 
-/// Strength at so many cycles across and down the panel; nothing beyond what the grid resolves and
-/// where uneven light lives.
-double strength(const Spectrum& spectrum, int across, int down) {
-  const bool resolved = 2 * std::abs(across) < kColumns && 2 * std::abs(down) < kRows;
-  if (!resolved || std::abs(across) < kLeastFringes) return 0.0;
-  return std::abs(spectrum((down + kRows) % kRows, (across + kColumns) % kColumns));
-}
+  /// 1 is chance: also beyond what the grid resolves and where uneven light lives.
+  [[nodiscard]] double strength(int across, int down) const {
+    const bool resolved = 2 * std::abs(across) < columns_ && 2 * std::abs(down) < kRows;
+    if (!resolved || std::abs(across) < kLeastFringes) return 1.0;
+    return std::abs(values_((down + kRows) % kRows, (across + columns_) % columns_)) / usual_;
+  }
+
+ private:
+  Eigen::MatrixXcd values_;
+  int columns_;
+  double usual_ = 1.0;
+};
 
 }  // namespace
 
 FringeCount count_fringes(const FringeSamples& fringes, const SinglePhotoChart& chart) {
-  const Spectrum forward = spectrum_of(light_grid(fringes, chart, 1.0));
-  const Spectrum backward = spectrum_of(light_grid(fringes, chart, -1.0));
   const optics::Panel& panel = chart.start.panel;
+  const int columns = columns_for(fringes, panel);
+  std::vector<Spectrum> spectra;
+  for (const double kind : kKinds) spectra.emplace_back(light_grid(fringes, chart, kind, columns));
   const int across = chart.fringes;
   const int down = static_cast<int>(
       std::lround(across * chart.start.sheet.slant * panel.height_px / panel.width_px));
+  const int most = static_cast<int>(kMostMoreAcross * plane_of(chart.start).across);
   FringeCount best;
-  double best_score = 0.0;
-  std::vector<double> scores;
   for (int y = -kMostMoreDown; y <= kMostMoreDown; ++y) {
-    for (int x = -kMostMoreAcross; x <= kMostMoreAcross; ++x) {
-      const double score =
-          strength(forward, across - x, down - y) * strength(backward, -across - x, -down - y);
-      scores.push_back(score);
-      if (score <= best_score) continue;
-      best_score = score;
-      best.more_lenses = {double(x), double(y)};
+    for (int x = -most; x <= most; ++x) {
+      double product = 1.0;
+      for (size_t k = 0; k < kKinds.size(); ++k) {
+        const int kind = static_cast<int>(kKinds[k]);
+        product *= spectra[k].strength(kind * across - x, kind * down - y);
+      }
+      const double prominence = std::pow(product, 1.0 / static_cast<double>(kKinds.size()));
+      if (prominence <= best.prominence) continue;
+      best = {{double(x), double(y)}, prominence};
     }
   }
-  const auto middle = scores.begin() + static_cast<ptrdiff_t>(scores.size() / 2);
-  std::nth_element(scores.begin(), middle, scores.end());
-  best.prominence = best_score / std::max(*middle, 1e-30);
   return best;
 }
 

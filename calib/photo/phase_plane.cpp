@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <map>
 #include <numbers>
 
 namespace lenticule::calib {
@@ -19,9 +20,9 @@ using Normal = Eigen::Matrix<double, kTerms, kTerms>;
 using Terms = Eigen::Matrix<double, kTerms, 1>;
 
 /// Lenses more mean fringes less: the plane's terms count negatively. The place's terms are fringes
-/// that a mistaken place adds, one sign in each direction.
+/// that a mistaken place adds, as many as the band is detuned.
 Row row_of(const FringeBlock& block) {
-  const double x = block.x, y = block.y, d = block.direction;
+  const double x = block.x, y = block.y, d = block.detuning;
   Row row;
   row << -1.0, -x, -y, d, d * x, d * y, d * x * x, d * x * y, d * y * y, d * x * x * x,
       d * x * x * y, d * x * y * y, d * y * y * y;
@@ -29,14 +30,15 @@ Row row_of(const FringeBlock& block) {
 }
 
 double score(const std::vector<FringeBlock>& blocks, double across, double down) {
-  // Each direction for itself: a mistaken place turns them apart.
-  std::complex<double> forward, backward;
+  // Each kind of band for itself: a mistaken place turns them apart.
+  std::map<double, std::complex<double>> sums;
   for (const FringeBlock& b : blocks) {
     const double cycles = b.phase + across * b.x + down * b.y;
-    (b.direction > 0.0 ? forward : backward) +=
-        std::polar(b.weight, 2.0 * std::numbers::pi * cycles);
+    sums[b.detuning] += std::polar(b.weight, 2.0 * std::numbers::pi * cycles);
   }
-  return std::abs(forward) + std::abs(backward);
+  double strength = 0.0;
+  for (const auto& [detuning, sum] : sums) strength += std::abs(sum);
+  return strength;
 }
 
 void refine(const std::vector<FringeBlock>& blocks, LensPlane& plane, double range, double step) {

@@ -25,8 +25,8 @@ struct PlaneCorrection {
 [[nodiscard]] LensPlane search_plane(const std::vector<FringeBlock>& blocks);
 
 /// Robust weighted least squares of the blocks' phases, which must be within half a fringe, over
-/// the plane and over a smooth error of place (a cubic polynomial), which shifts the fringes of the
-/// two directions oppositely. Needs 20 blocks, or nothing is used.
+/// the plane and over a smooth error of place (a cubic polynomial), which shifts the fringes of
+/// each band as far as it is detuned. Needs 20 blocks, or nothing is used.
 [[nodiscard]] PlaneCorrection fit_plane(const std::vector<FringeBlock>& blocks);
 
 }  // namespace lenticule::calib

@@ -18,6 +18,9 @@ namespace {
 /// What tags are measured to in the picture: their edges are as coarse as lenses.
 constexpr double kCornerSigmaPx = 0.3;
 
+/// How far a camera's axis is from the middle of its picture, in longer sides.
+constexpr double kAxisSigma = 0.015;
+
 struct Corner {
   Vec2 pixel;
   Vec2 panel_mm;
@@ -26,9 +29,10 @@ struct Corner {
 
 /// What the fit varies.
 struct Unknowns {
-  /// Log of the focal length, distortion, and by what part of their size all tags look larger than
-  /// they are: light spills over the edges of dark things.
-  std::array<double, 3> lens{};
+  /// Log of the focal length, distortion, by what part of their size all tags look larger than they
+  /// are (light spills over the edges of dark things), and how far the axis is from the picture's
+  /// middle, in longer sides.
+  std::array<double, 5> lens{};
   std::array<double, 3> rotation{};  // panel_from_camera, angle times axis
   std::array<double, 3> eye{};
 };
@@ -57,8 +61,8 @@ Seen<T> seen_along(const T direction[3], const T eye[3], double gap, double shap
 
 /// The direction in which a pixel looks, camera frame: x right, y up, z backwards.
 template <class T>
-void camera_direction(Vec2 from_middle, const T& focal, const T& distortion, T out[3]) {
-  const T u = from_middle.x / focal, v = -from_middle.y / focal;
+void camera_direction(const T from_axis[2], const T& focal, const T& distortion, T out[3]) {
+  const T u = from_axis[0] / focal, v = -from_axis[1] / focal;
   const T stretch = 1.0 + distortion * (u * u + v * v);
   out[0] = u * stretch;
   out[1] = v * stretch;
@@ -68,13 +72,16 @@ void camera_direction(Vec2 from_middle, const T& focal, const T& distortion, T o
 struct CornerError {
   Corner corner;
   Vec2 middle_px;
+  double longer_px;
   double gap, shape, weight;
 
   template <class T>
   bool operator()(const T* lens, const T* rotation, const T* eye, T* residual) const {
     using std::exp;
     T in_camera[3], in_panel[3];
-    camera_direction(corner.pixel - middle_px, T(exp(lens[0])), lens[1], in_camera);
+    const T from_axis[2] = {corner.pixel.x - middle_px.x - lens[3] * longer_px,
+                            corner.pixel.y - middle_px.y - lens[4] * longer_px};
+    camera_direction(from_axis, T(exp(lens[0])), lens[1], in_camera);
     ceres::AngleAxisRotatePoint(rotation, in_camera, in_panel);
     if (!(in_panel[2] < -1e-3) || !(eye[2] > 1.0)) return false;  // looks past the panel
     const Seen<T> seen = seen_along(in_panel, eye, gap, shape);
@@ -140,6 +147,7 @@ Similarity fit_similarity(const std::vector<Corner>& corners) {
 struct Beliefs {
   Estimate log_focal;
   Estimate distance_mm;
+  double axis_sigma = kAxisSigma;  ///< of its place, in longer sides
 };
 
 Beliefs beliefs_of(const PhotoPriors& priors, const SinglePhotoChart& chart, int longer_side) {
@@ -153,6 +161,18 @@ Beliefs beliefs_of(const PhotoPriors& priors, const SinglePhotoChart& chart, int
   return beliefs;
 }
 
+/// What is believed if all that nothing confirms may be a tenth off. Distance and focal length
+/// confirm each other where both are known.
+Beliefs doubted(Beliefs beliefs, const PhotoPriors& priors) {
+  constexpr double kDoubt = 0.1;
+  beliefs.axis_sigma = kDoubt;
+  if (priors.focal_px && priors.distance_mm) return beliefs;
+  beliefs.log_focal.sigma = std::max(beliefs.log_focal.sigma, kDoubt);
+  beliefs.distance_mm.sigma =
+      std::max(beliefs.distance_mm.sigma, kDoubt * beliefs.distance_mm.value);
+  return beliefs;
+}
+
 Unknowns first_guess(const Similarity& similarity, const Beliefs& beliefs, Vec2 middle_px) {
   Unknowns guess;
   // Straight ahead of the place in the middle of the picture, turned as the picture is.
@@ -160,23 +180,24 @@ Unknowns first_guess(const Similarity& similarity, const Beliefs& beliefs, Vec2 
       (std::complex(middle_px.x, -middle_px.y) - similarity.shift) / similarity.factor;
   guess.eye = {at.real(), at.imag(), beliefs.distance_mm.value};
   guess.rotation = {0.0, 0.0, -std::arg(similarity.factor)};
-  guess.lens = {std::log(std::abs(similarity.factor) * beliefs.distance_mm.value), 0.0, 0.0};
+  guess.lens = {std::log(std::abs(similarity.factor) * beliefs.distance_mm.value)};
   return guess;
 }
 
 void add_corners(ceres::Problem& problem, Unknowns& unknowns, const std::vector<Corner>& corners,
                  const optics::LensSheet& sheet, Vec2 middle_px, double pixels_per_mm) {
-  using Cost = ceres::AutoDiffCostFunction<CornerError, 2, 3, 3, 3>;
+  using Cost = ceres::AutoDiffCostFunction<CornerError, 2, 5, 3, 3>;
+  const double longer_px = 2.0 * std::max(middle_px.x, middle_px.y);
   for (const Corner& corner : corners)
     problem.AddResidualBlock(
-        new Cost(new CornerError{corner, middle_px, sheet.gap.value, sheet.refraction_shape,
-                                 pixels_per_mm / kCornerSigmaPx}),
+        new Cost(new CornerError{corner, middle_px, longer_px, sheet.gap.value,
+                                 sheet.refraction_shape, pixels_per_mm / kCornerSigmaPx}),
         new ceres::CauchyLoss(3.0), unknowns.lens.data(), unknowns.rotation.data(),
         unknowns.eye.data());
 }
 
 void add_priors(ceres::Problem& problem, Unknowns& unknowns, const Beliefs& beliefs) {
-  using OnLens = ceres::AutoDiffCostFunction<Prior, 1, 3>;
+  using OnLens = ceres::AutoDiffCostFunction<Prior, 1, 5>;
   using OnEye = ceres::AutoDiffCostFunction<Prior, 1, 3>;
   constexpr double kDistortionSigma = 0.1, kLargerSigma = 0.1;
   problem.AddResidualBlock(
@@ -186,6 +207,9 @@ void add_priors(ceres::Problem& problem, Unknowns& unknowns, const Beliefs& beli
                            unknowns.lens.data());
   problem.AddResidualBlock(new OnLens(new Prior{2, 0.0, kLargerSigma}), nullptr,
                            unknowns.lens.data());
+  for (const int axis : {3, 4})
+    problem.AddResidualBlock(new OnLens(new Prior{axis, 0.0, beliefs.axis_sigma}), nullptr,
+                             unknowns.lens.data());
   problem.AddResidualBlock(
       new OnEye(new Prior{2, beliefs.distance_mm.value, beliefs.distance_mm.sigma}), nullptr,
       unknowns.eye.data());
@@ -204,8 +228,8 @@ bool solve(ceres::Problem& problem) {
   return summary.IsSolutionUsable();
 }
 
-Vec3 eye_errors(ceres::Problem& problem, const Unknowns& unknowns) {
-  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+/// Row by row; NaN where it cannot be told.
+std::array<double, 9> eye_covariance(ceres::Problem& problem, const Unknowns& unknowns) {
   ceres::Covariance::Options options;
   options.algorithm_type = ceres::DENSE_SVD;
   ceres::Covariance covariance(options);
@@ -214,8 +238,8 @@ Vec3 eye_errors(ceres::Problem& problem, const Unknowns& unknowns) {
   const std::vector<const double*> wanted = {block};
   if (!covariance.Compute(wanted, &problem) ||
       !covariance.GetCovarianceBlock(block, block, eye.data()))
-    return {kUnknown, kUnknown, kUnknown};
-  return {std::sqrt(eye[0]), std::sqrt(eye[4]), std::sqrt(eye[8])};
+    eye.fill(std::numeric_limits<double>::quiet_NaN());
+  return eye;
 }
 
 PhotoPose pose_of(const Unknowns& unknowns, Vec2 middle_px) {
@@ -223,7 +247,8 @@ PhotoPose pose_of(const Unknowns& unknowns, Vec2 middle_px) {
   pose.focal_px = std::exp(unknowns.lens[0]);
   pose.distortion = unknowns.lens[1];
   pose.tags_larger = unknowns.lens[2];
-  pose.middle_px = middle_px;
+  const double longer_px = 2.0 * std::max(middle_px.x, middle_px.y);
+  pose.middle_px = middle_px + Vec2{unknowns.lens[3], unknowns.lens[4]} * longer_px;
   ceres::AngleAxisToRotationMatrix(unknowns.rotation.data(),
                                    ceres::RowMajorAdapter3x3(pose.panel_from_camera.data()));
   pose.eye_mm = {unknowns.eye[0], unknowns.eye[1], unknowns.eye[2]};
@@ -260,7 +285,8 @@ void measure_corners(PhotoPose& pose, const std::vector<Corner>& corners, const 
 
 std::optional<SheetPoint> PhotoPose::look(Vec2 pixel, const optics::Rig& rig) const {
   double in_camera[3], in_panel[3];
-  camera_direction(pixel - middle_px, focal_px, distortion, in_camera);
+  const double from_axis[2] = {pixel.x - middle_px.x, pixel.y - middle_px.y};
+  camera_direction(from_axis, focal_px, distortion, in_camera);
   for (size_t row = 0; row < 3; ++row)
     in_panel[row] = panel_from_camera[3 * row] * in_camera[0] +
                     panel_from_camera[3 * row + 1] * in_camera[1] +
@@ -292,7 +318,16 @@ std::optional<PhotoPose> find_pose(const std::vector<TagSighting>& tags,
   PhotoPose pose = pose_of(unknowns, middle_px);
   if (!is_finite(pose.eye_mm) || !(pose.eye_mm.z > chart.start.sheet.gap.value))
     return std::nullopt;
-  pose.eye_sigma_mm = eye_errors(problem, unknowns);
+  const std::array<double, 9> eye = eye_covariance(problem, unknowns);
+  pose.eye_sigma_mm = {std::sqrt(eye[0]), std::sqrt(eye[4]), std::sqrt(eye[8])};
+  ceres::Problem loose;
+  add_corners(loose, unknowns, corners, chart.start.sheet, middle_px, pixels_per_mm);
+  add_priors(loose, unknowns, doubted(beliefs, priors));
+  pose.doubted_eye = eye_covariance(loose, unknowns);
+  pose.belief_pull =
+      std::hypot((unknowns.lens[0] - beliefs.log_focal.value) / beliefs.log_focal.sigma,
+                 (unknowns.eye[2] - beliefs.distance_mm.value) / beliefs.distance_mm.sigma);
+  pose.axis_pull = std::hypot(unknowns.lens[3], unknowns.lens[4]) / kAxisSigma;
   measure_corners(pose, corners, chart.start, pixels_per_mm);
   return pose;
 }

@@ -20,15 +20,22 @@ struct SheetPoint {
   Vec2 panel_px;  ///< Q = L - Delta(L, E), what the eye sees there
 };
 
-/// A camera with its optical axis through the middle of its picture and one term of distortion:
-/// a pixel at (u, v) focal lengths from the middle looks along (u, v) (1 + k (u^2 + v^2)).
+/// A camera with its optical axis near the middle of its picture and one term of distortion: a
+/// pixel at (u, v) focal lengths from the axis looks along (u, v) (1 + k (u^2 + v^2)).
 struct PhotoPose {
   double focal_px = 0.0;
   double distortion = 0.0;                    ///< k
-  Vec2 middle_px;                             ///< of the picture
+  Vec2 middle_px;                             ///< where the axis is
   std::array<double, 9> panel_from_camera{};  ///< rotation, row by row
   Vec3 eye_mm;                                ///< E
-  Vec3 eye_sigma_mm;                          ///< standard errors
+  Vec3 eye_sigma_mm;                          ///< standard errors, if what is believed holds
+  /// Covariance of the eye, row by row, if nothing that the picture cannot contradict is sure: the
+  /// axis may be a tenth of the longer side off the middle (a picture that was cropped), a distance
+  /// or a focal length that nothing else confirms a tenth off.
+  std::array<double, 9> doubted_eye{};
+  /// How far the beliefs are from the fit, in their standard errors together.
+  double belief_pull = 0.0;
+  double axis_pull = 0.0;     ///< the same of the axis in the middle of the picture
   double tags_larger = 0.0;   ///< the part of their size by which blur makes tags look larger
   double tilt_degrees = 0.0;  ///< between the axis and the panel's normal
   double corner_rms_px = 0.0;

@@ -28,6 +28,7 @@ constexpr double kMostSaturated = 0.03;
 constexpr double kLeastCovered = 0.5;
 constexpr double kLeastContrast = 0.05;
 constexpr double kMostRmsLenses = 0.05;
+constexpr double kMostLeftOut = 0.2;
 constexpr double kWantedMaxLenses = 0.02;
 
 /// Everything on the way, so that a refusal can show how far it came.
@@ -36,6 +37,7 @@ struct Work {
   int averaged = 1;  ///< pixels of the photograph along the side of one of `picture`
   std::vector<TagSighting> tags;
   std::optional<PhotoPose> pose;
+  std::optional<double> squares;  ///< light_of_squares
   FringeSamples fringes;
   optics::Rig rig;  ///< as far as it is known
   std::vector<FringeBlock> blocks;
@@ -99,6 +101,37 @@ std::vector<TagSighting> without_misplaced(const Work& work) {
   return kept;
 }
 
+/// What was told about the camera and the tags do not go together, whatever else is believed.
+Refusal contradiction(const Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
+  constexpr double kMostPull = 4.0;
+  if (work.pose->axis_pull > kMostPull) {
+    const Vec2 off =
+        (work.pose->middle_px - Vec2{0.5 * work.picture.width, 0.5 * work.picture.height}) *
+        work.averaged;
+    return fmt::format(
+        "the camera's axis is {:.0f} pixels to the side and {:.0f} down from the middle of the "
+        "picture: it was cropped; give the whole photograph",
+        off.x, off.y);
+  }
+  if (!priors.focal_px || !priors.distance_mm || work.pose->belief_pull <= kMostPull)
+    return std::nullopt;
+  const auto found_without = [&](auto forget) {
+    PhotoPriors fewer = scaled(priors, work.averaged);
+    forget(fewer);
+    return find_pose(work.tags, chart, work.picture.width, work.picture.height, fewer);
+  };
+  const auto by_focal = found_without([](PhotoPriors& p) { p.distance_mm.reset(); });
+  const auto by_distance = found_without([](PhotoPriors& p) { p.focal_px.reset(); });
+  if (!by_focal || !by_distance) return "distance and focal length contradict the tags";
+  return fmt::format(
+      "distance and focal length contradict the picture: {:.0f} pixels of focal length see the "
+      "tags like this from {:.0f} mm, not {:.0f} mm, and from there it would be {:.0f} pixels; if "
+      "both are right the panel's size in the rig is wrong by {:.0f} %",
+      priors.focal_px->value, by_focal->eye_mm.z, priors.distance_mm->value,
+      by_distance->focal_px * work.averaged,
+      100.0 * std::abs(by_focal->eye_mm.z / priors.distance_mm->value - 1.0));
+}
+
 Refusal place_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   const auto try_tags = [&] {
     work.pose = find_pose(work.tags, chart, work.picture.width, work.picture.height,
@@ -113,6 +146,7 @@ Refusal place_camera(Work& work, const SinglePhotoChart& chart, const PhotoPrior
     }
   }
   if (!work.pose) return "the tags fit no place of a camera in front of the panel";
+  if (Refusal refusal = contradiction(work, chart, priors)) return refusal;
   constexpr double kMostCornerPx = 3.0;
   if (work.pose->corner_rms_px > kMostCornerPx)
     return fmt::format("the tags are {:.1f} pixels off a flat panel seen by a plain lens",
@@ -134,6 +168,18 @@ Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors
   return place_camera(work, chart, priors);
 }
 
+/// Scaling smears squares of one pixel to less light than they have; so it does the fringes, and
+/// the pitch that is found is that of another size.
+Refusal judge_scale(Work& work, const SinglePhotoChart& chart) {
+  constexpr double kLeastSquares = 0.8;
+  work.squares = light_of_squares(work.picture, *work.pose, chart);
+  if (!work.squares || *work.squares >= kLeastSquares) return std::nullopt;
+  return fmt::format(
+      "the chart was scaled before it was on the panel: its squares of one pixel have {:.0f} % of "
+      "the light they should have; show it pixel by pixel",
+      100.0 * *work.squares);
+}
+
 Refusal find_fringes(Work& work, const SinglePhotoChart& chart) {
   work.fringes = collect_fringes(work.picture, *work.pose, chart);
   if (work.fringes.saturated > kMostSaturated)
@@ -145,7 +191,7 @@ Refusal find_fringes(Work& work, const SinglePhotoChart& chart) {
   const FringeCount count = count_fringes(work.fringes, chart);
   if (count.prominence < kLeastProminence)
     return "no fringes were found: the picture is blurred, the sheet is not on the panel, or its "
-           "pitch is more than 3 % off what was assumed";
+           "pitch is more than a tenth off what was assumed";
   LensPlane plane = plane_of(chart.start);
   plane.across += count.more_lenses.x;
   plane.down += count.more_lenses.y;
@@ -168,6 +214,12 @@ double median_contrast(const std::vector<FringeBlock>& blocks) {
   const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+/// Part of the blocks that do not fit the others.
+double left_out(const Work& work) {
+  if (work.blocks.empty()) return 1.0;
+  return 1.0 - static_cast<double>(work.correction.used) / static_cast<double>(work.blocks.size());
 }
 
 /// Each time against a better plane, in which a block's own fringes are straighter.
@@ -194,8 +246,8 @@ Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
   }
   if (median_contrast(work.blocks) < kLeastContrast)
     return "the fringes are too faint: the picture is blurred or the room too bright";
-  if (2 * static_cast<size_t>(work.correction.used) < work.blocks.size() ||
-      work.blocks.size() < 20 || work.correction.rms_lenses > kMostRmsLenses)
+  if (left_out(work) > kMostLeftOut || work.blocks.size() < 20 ||
+      work.correction.rms_lenses > kMostRmsLenses)
     return fmt::format("the fringes fit no even sheet (rms {:.3f} lenses in {} of {} blocks)",
                        work.correction.rms_lenses, work.correction.used, work.blocks.size());
   return std::nullopt;
@@ -300,15 +352,38 @@ Viewpoint viewpoint_of(const Work& work, const Effective& effective) {
   return v;
 }
 
-/// At this eye only, which is all that is claimed.
-DriftPrediction drift_of(const Work& work) {
+/// Variance of the phase at a panel point for an eye where the camera is said to have been, because
+/// it may have been elsewhere.
+double variance_of_place(const Work& work, const optics::OpticalModel& model, Vec2 panel_px) {
+  const Vec3 e = work.pose->eye_mm;
+  const auto phase = [&](double x, double y, double z) {
+    return model.phase(panel_px.x, panel_px.y, kGreen, {e.x + x, e.y + y, e.z + z});
+  };
+  const std::array<double, 3> slopes = {0.5 * (phase(1, 0, 0) - phase(-1, 0, 0)),
+                                        0.5 * (phase(0, 1, 0) - phase(0, -1, 0)),
+                                        0.5 * (phase(0, 0, 1) - phase(0, 0, -1))};
+  double variance = 0.0;
+  for (size_t i = 0; i < 3; ++i)
+    for (size_t j = 0; j < 3; ++j)
+      variance += slopes[i] * slopes[j] * work.pose->doubted_eye[3 * i + j];
+  return variance;
+}
+
+/// At this eye only, which is all that is claimed: with `placed` for an eye that is put there by
+/// its millimetres, else for one that is where the camera was, wherever that is.
+DriftPrediction drift_of(const Work& work, bool placed) {
   const Matrix3 c = plane_covariance(work);
+  const optics::OpticalModel model(work.rig);
   DriftPrediction worst;
   worst.eye_mm = work.pose->eye_mm;
   for (const double x : {-0.5, 0.5}) {
     for (const double y : {-0.5, 0.5}) {
-      const double variance = c[0][0] + x * x * c[1][1] + y * y * c[2][2] +
-                              2.0 * (x * c[0][1] + y * c[0][2] + x * y * c[1][2]);
+      double variance = c[0][0] + x * x * c[1][1] + y * y * c[2][2] +
+                        2.0 * (x * c[0][1] + y * c[0][2] + x * y * c[1][2]);
+      const optics::Panel& panel = work.rig.panel;
+      if (placed)
+        variance += variance_of_place(work, model,
+                                      {(x + 0.5) * panel.width_px, (y + 0.5) * panel.height_px});
       const double off = 2.0 * std::sqrt(std::max(variance, 0.0));
       if (off < worst.worst_lenses) continue;
       worst.worst_lenses = off;
@@ -319,7 +394,8 @@ DriftPrediction drift_of(const Work& work) {
   return worst;
 }
 
-void add_warnings(const Work& work, const SinglePhotoChart& chart, Calibration& out) {
+void add_warnings(const Work& work, const SinglePhotoChart& chart, bool confirmed,
+                  Calibration& out) {
   if (work.tags.size() < chart.tags.size())
     out.warnings.push_back(
         fmt::format("{} of {} tags were found", work.tags.size(), chart.tags.size()));
@@ -337,6 +413,18 @@ void add_warnings(const Work& work, const SinglePhotoChart& chart, Calibration& 
         fmt::format("how far the camera was is known to {:.0f} mm only: straight ahead, focal "
                     "length and distance look the same",
                     sigma));
+  if (!work.squares)
+    out.warnings.emplace_back(
+        "whether the chart was shown pixel by pixel cannot be seen: the picture is too small");
+  const double there = drift_of(work, false).worst_lenses;
+  if (out.drift.worst_lenses > std::max(kWantedMaxLenses, 2.0 * there))
+    out.warnings.push_back(fmt::format(
+        "an eye where the camera was sees phases right to {:.3f} lens, one that is put there by "
+        "its millimetres to {:.2f}: the picture cannot tell whether it was cropped{}",
+        there, out.drift.worst_lenses,
+        confirmed ? ""
+                  : ", nor confirm the distance; give both "
+                    "--distance and --focal-px"));
 }
 
 /// What is known of the camera, also for a refusal.
@@ -348,7 +436,8 @@ void add_camera(const Work& work, Calibration& out) {
   out.camera.k1 = -work.pose->distortion;
 }
 
-void add_findings(const Work& work, const SinglePhotoChart& chart, Calibration& out) {
+void add_findings(const Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors,
+                  Calibration& out) {
   const Effective effective = effective_of(work);
   const Vec3 eye = work.pose->eye_mm;
   out.rig = work.rig;
@@ -360,12 +449,12 @@ void add_findings(const Work& work, const SinglePhotoChart& chart, Calibration& 
                     {"slant", "px/px", effective.estimates[1]},
                     {"effective_offset_lenses", "lenses", effective.estimates[2]}};
   out.correlations = effective.correlations;
-  out.drift = drift_of(work);
+  out.drift = drift_of(work, true);
   out.verdict = Verdict::Effective;
   out.reasons = {
       "one photograph shows pitch and offset only as they are at its place; the gap is the one "
       "assumed before"};
-  add_warnings(work, chart, out);
+  add_warnings(work, chart, priors.focal_px && priors.distance_mm, out);
 }
 
 /// The sheet bends light more at a small distance, and a photograph from straight ahead does not
@@ -388,6 +477,7 @@ void try_farther(Work& work, const SinglePhotoChart& chart, const PhotoPriors& p
 
 Refusal measure(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   if (Refusal refusal = find_camera(work, chart, priors)) return refusal;
+  if (Refusal refusal = judge_scale(work, chart)) return refusal;
   if (Refusal refusal = find_fringes(work, chart)) return refusal;
   if (Refusal refusal = fit_phases(work, chart)) return refusal;
   if (const auto problem = optics::find_problem(work.rig))
@@ -413,7 +503,7 @@ Calibration fit_single_photo(const CameraPicture& photograph, const SinglePhotoC
   if (const Refusal refusal = measure(work, chart, priors)) {
     out.reasons = {*refusal};
   } else {
-    add_findings(work, chart, out);
+    add_findings(work, chart, priors, out);
   }
   add_camera(work, out);
   out.seconds_computing =

@@ -26,15 +26,16 @@ double effective_pitch(const optics::Rig& rig) {
   return rig.sheet.pitch.value * (1.0 + rig.sheet.gap.value / distance);
 }
 
-/// The first of nine consecutive ids that belong to this rig, or by chance to one rig in 65.
-int first_id(const optics::Rig& rig) {
-  constexpr uint64_t kSets = kTagIds / (kTagsAcross * kTagsAcross);
-  uint64_t remainder = 0;  // of the fingerprint as a number
-  for (const char digit : optics::fingerprint(rig)) {
-    const int value = digit <= '9' ? digit - '0' : digit - 'a' + 10;
-    remainder = (16 * remainder + static_cast<uint64_t>(value)) % kSets;
-  }
-  return static_cast<int>(remainder) * kTagsAcross * kTagsAcross;
+/// An id for each tag: by its remainder the tag, by its quotient a digit of the rig's fingerprint.
+/// Another rig has the same id for one tag in 65, for five tags by no chance.
+std::vector<int> tag_ids(const optics::Rig& rig) {
+  constexpr int kTags = kTagsAcross * kTagsAcross;
+  constexpr uint64_t kDigits = kTagIds / kTags;
+  uint64_t number = std::stoull(optics::fingerprint(rig), nullptr, 16);
+  std::vector<int> ids;
+  for (int k = 0; k < kTags; ++k, number /= kDigits)
+    ids.push_back(static_cast<int>(number % kDigits) * kTags + k);
+  return ids;
 }
 
 /// Tags in the corners, in the middles of the sides and in the centre.
@@ -50,14 +51,40 @@ std::vector<ChartTag> place_tags(const optics::Rig& rig) {
                             rig.name.empty() ? "rig" : rig.name, width, height, size),
                 "calibrate with several photographs, which need no tags");
   std::vector<ChartTag> tags;
-  const int first = first_id(rig);
+  const std::vector<int> ids = tag_ids(rig);
   for (int k = 0; k < kTagsAcross * kTagsAcross; ++k) {
     const double across = (k % kTagsAcross) / (kTagsAcross - 1.0);
     const double down = (k / kTagsAcross) / (kTagsAcross - 1.0);
-    tags.push_back({first + k, std::round(cell + across * (width - size - 2.0 * cell)),
+    tags.push_back({ids[static_cast<size_t>(k)],
+                    std::round(cell + across * (width - size - 2.0 * cell)),
                     std::round(cell + down * (height - size - 2.0 * cell)), cell});
   }
   return tags;
+}
+
+/// To the left and to the right of the tag in the middle, half way to the next ones.
+std::vector<ScalePatch> place_patches(const std::vector<ChartTag>& tags) {
+  std::vector<ScalePatch> patches;
+  const ChartTag& middle = tags[tags.size() / 2];
+  const double side = std::floor(kTagCells * middle.cell_px / 3.0);
+  const double down = std::floor(0.5 * (kTagCells * middle.cell_px - side));
+  for (const ChartTag& beside : {tags[tags.size() / 2 - 1], tags[tags.size() / 2 + 1]})
+    patches.push_back({std::round(0.5 * (middle.left_px + beside.left_px) +
+                                  0.5 * kTagCells * middle.cell_px - side),
+                       middle.top_px + down, side});
+  return patches;
+}
+
+void draw_patch(const ScalePatch& patch, frames::WovenFrame& frame) {
+  const int side = static_cast<int>(patch.side_px);
+  const int left = static_cast<int>(patch.left_px), top = static_cast<int>(patch.top_px);
+  const uint8_t grey = frames::code_from_linear(0.5);
+  for (int j = top; j < top + side; ++j)
+    for (int i = left; i < left + 2 * side; ++i)
+      std::fill_n(frame.row(j) + 3 * static_cast<ptrdiff_t>(i), 3,
+                  i < left + side    ? grey
+                  : (i + j) % 2 == 0 ? uint8_t{255}
+                                     : uint8_t{0});
 }
 
 void draw_tag(const ChartTag& tag, const TagFamily& family, frames::WovenFrame& frame) {
@@ -95,11 +122,11 @@ class Wave {
 
 void draw_fringes(const SinglePhotoChart& chart, const Wave& wave, int j, uint8_t* row) {
   const optics::Panel& panel = chart.start.panel;
-  const double direction = SinglePhotoChart::direction(chart.band_at(j + 0.5));
+  const double detuning = SinglePhotoChart::detuning(chart.band_at(j + 0.5));
   for (int i = 0; i < panel.width_px; ++i) {
     for (int c = 0; c < 3; ++c) {
       const Vec2 at = panel.subpixel_centre_px(i, j, c);
-      *row++ = wave.code(chart.comb_phase(at.x, at.y, direction));
+      *row++ = wave.code(chart.comb_phase(at.x, at.y, detuning));
     }
   }
 }
@@ -120,6 +147,19 @@ bool ChartTag::covers(Vec2 panel_px, double margin_px) const {
   return within(panel_px.x, left_px) && within(panel_px.y, top_px);
 }
 
+bool ScalePatch::covers(Vec2 panel_px, double margin_px) const {
+  return panel_px.x >= left_px - margin_px && panel_px.x <= left_px + 2.0 * side_px + margin_px &&
+         panel_px.y >= top_px - margin_px && panel_px.y <= top_px + side_px + margin_px;
+}
+
+int ScalePatch::half_at(Vec2 panel_px) const {
+  constexpr double kRim = 0.2;  // of a half: what lenses and blur may mix
+  const double x = (panel_px.x - left_px) / side_px, y = (panel_px.y - top_px) / side_px;
+  if (!(y > kRim && y < 1.0 - kRim)) return -1;
+  if (x > kRim && x < 1.0 - kRim) return 0;
+  return x > 1.0 + kRim && x < 2.0 - kRim ? 1 : -1;
+}
+
 const ChartTag* SinglePhotoChart::tag(int id) const {
   const auto found = std::find_if(tags.begin(), tags.end(),
                                   [&](const ChartTag& candidate) { return candidate.id == id; });
@@ -131,11 +171,11 @@ int SinglePhotoChart::band_at(double y_px) const {
   return std::clamp(band, 0, bands - 1);
 }
 
-double SinglePhotoChart::comb_phase(double x_px, double y_px, double direction) const {
+double SinglePhotoChart::comb_phase(double x_px, double y_px, double detuning) const {
   const double width = start.panel.width_px;
   const double s =
       3.0 * (x_px - 0.5 * width + start.sheet.slant * (y_px - 0.5 * start.panel.height_px));
-  return s * (1.0 / centre_pitch_subpx + direction * fringes / (3.0 * width));
+  return s * (1.0 / centre_pitch_subpx + detuning * fringes / (3.0 * width));
 }
 
 SinglePhotoChart plan_single_photo_chart(const optics::Rig& start) {
@@ -148,6 +188,7 @@ SinglePhotoChart plan_single_photo_chart(const optics::Rig& start) {
   chart.fringes = static_cast<int>(std::lround(std::clamp(kDetuning * lenses, 24.0, 60.0)));
   chart.bands = kBands;
   chart.tags = place_tags(start);
+  chart.patches = place_patches(chart.tags);
   return chart;
 }
 
@@ -158,6 +199,7 @@ frames::WovenFrame draw_single_photo_chart(const SinglePhotoChart& chart) {
   for (int j = 0; j < panel.height_px; ++j) draw_fringes(chart, wave, j, frame.row(j));
   const TagFamily family;
   for (const ChartTag& tag : chart.tags) draw_tag(tag, family, frame);
+  for (const ScalePatch& patch : chart.patches) draw_patch(patch, frame);
   return frame;
 }
 

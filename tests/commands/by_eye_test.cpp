@@ -112,6 +112,19 @@ TEST_F(ByEyeCommand, RefusesDistancesThatMakeNoSense) {
   EXPECT_NE(parallel.err.find("--distance"), std::string::npos) << parallel.err;
 }
 
+TEST_F(ByEyeCommand, AScriptHasToInsistOnAnImplausibleGap) {
+  // To the zones, then 25 mm where the rig says 107 mm.
+  const std::string keys = "enter*7 shift+left*8 left*2 enter*4";
+  const ProcessResult refused = calibrate(keys);
+  EXPECT_EQ(refused.exit_code, 5) << refused.err;
+  EXPECT_NE(refused.err.find("6.00 mm of the start"), std::string::npos) << refused.err;
+  EXPECT_NE(refused.err.find("--insist"), std::string::npos) << refused.err;
+  EXPECT_EQ(optics::load_rig(path("rig.toml")), rig_);
+  const ProcessResult insisted = calibrate(keys, {"--insist"});
+  EXPECT_EQ(insisted.exit_code, 0) << insisted.err;
+  EXPECT_GT(optics::load_rig(path("rig.toml")).sheet.gap.value, 20.0);
+}
+
 TEST_F(ByEyeCommand, TrimsAddUpAreToldAndCanBeReset) {
   const auto trim = [this](std::vector<std::string> flags) {
     flags.insert(flags.begin(), {"rig", "trim", path("rig.toml"), "--json"});

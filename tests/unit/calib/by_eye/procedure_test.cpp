@@ -231,6 +231,73 @@ TEST(Procedure, TheBandThatIsTakenBecomesThePitch) {
   EXPECT_EQ(procedure.step(), Step::RoughPitch) << "undo goes to where it was done";
 }
 
+/// Zones of 25 mm where the start's are 117 mm apart.
+void enter_narrow_zones(Procedure& procedure) {
+  for (int n = 0; n < 200 && gap_of_spacing(small_rig(), sheet_values(procedure.rig(), kDistance),
+                                            kDistance, 25.0) > procedure.rig().sheet.gap.value;
+       ++n)
+    press(procedure, Key::Left);
+}
+
+TEST(Procedure, AsksOnceMoreBeforeItTakesAnImplausibleGap) {
+  Procedure procedure = at(Step::GapByFlips);
+  enter_narrow_zones(procedure);
+  const double gap = procedure.rig().sheet.gap.value;
+  ASSERT_GT(gap, 2.0 * small_rig().sheet.gap.value);
+  press(procedure, Key::Next);
+  EXPECT_EQ(procedure.step(), Step::GapByFlips);
+  EXPECT_THAT(procedure.note(), HasSubstr("3.00 mm of the start"));
+  EXPECT_THAT(procedure.note(), HasSubstr("ENTER once more"));
+  press(procedure, Key::Right);
+  press(procedure, Key::Next);
+  EXPECT_EQ(procedure.step(), Step::GapByFlips) << "another value is another question";
+  press(procedure, Key::Next);
+  EXPECT_EQ(procedure.step(), Step::GapByDistance);
+}
+
+TEST(Procedure, RefusesImplausibleValuesThatNobodyConfirms) {
+  const auto finished = [](Doubts doubts) {
+    Procedure procedure(small_rig(), kDistance, doubts);
+    for (int n = 0; n < 2 * kSteps && procedure.step() != Step::GapByFlips; ++n)
+      press(procedure, Key::Next);
+    enter_narrow_zones(procedure);
+    press(procedure, Key::Next, kSteps);
+    return procedure.status();
+  };
+  EXPECT_EQ(finished(Doubts::Refuse), Procedure::Status::Refused);
+  EXPECT_EQ(finished(Doubts::Accept), Procedure::Status::Saved);
+}
+
+TEST(Procedure, AsksAboutEveryValueThatIsFarFromItsStart) {
+  const optics::Rig rig = small_rig();
+  const SheetValues start = sheet_values(rig, kDistance);
+  SheetValues values = start;
+  EXPECT_EQ(doubt_of(rig, start, values), "");
+  values.effective_pitch_subpx *= 1.1;
+  values.slant += 0.05;
+  values.gap_mm *= 1.3;
+  EXPECT_EQ(doubt_of(rig, start, values), "") << "as far as a start may be off";
+  values = start;
+  values.effective_pitch_subpx *= 1.2;
+  EXPECT_THAT(doubt_of(rig, start, values), HasSubstr("pitch"));
+  values = start;
+  values.slant += 0.15;
+  EXPECT_THAT(doubt_of(rig, start, values), HasSubstr("slant"));
+  values = start;
+  values.gap_mm /= 2.0;
+  EXPECT_THAT(doubt_of(rig, start, values), HasSubstr("gap"));
+}
+
+TEST(Procedure, AsksAboutAGapThatMakesNoViewingCone) {
+  optics::Rig rig = small_rig();
+  rig.sheet.gap = Millimetres(7.0);
+  const SheetValues start = sheet_values(rig, kDistance);
+  SheetValues values = start;
+  EXPECT_EQ(doubt_of(rig, start, values), "");
+  values.gap_mm = 8.0;
+  EXPECT_THAT(doubt_of(rig, start, values), HasSubstr("viewing cone of 3.9 degrees"));
+}
+
 TEST(Procedure, EveryStepSaysWhatToLookForInThePanelsLetters) {
   for (int step = 0; step < kSteps; ++step) {
     const Guide guide = guide_of(static_cast<Step>(step), 700, 1050);

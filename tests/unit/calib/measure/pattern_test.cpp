@@ -108,22 +108,30 @@ TEST(Pattern, ColumnsAndChecksLightHalf) {
     }
 }
 
+/// Which cells are lit, a bit each from the left.
+int lit_cells(const frames::WovenFrame& frame, const MarkCells& cells) {
+  int bits = 0;
+  for (int cell = 0; cell < cells.count; ++cell) {
+    const int x = cells.left + cell * cells.cell_width + cells.cell_width / 2;
+    if (frame.row(cells.top + cells.height / 2)[3 * x] == 255) bits |= 1 << cell;
+  }
+  return bits;
+}
+
 TEST(Pattern, MarksTellTheirNumberAndCoverNothingElse) {
   const optics::Panel panel = panel_of({});
-  const MarkCells cells = MarkCells::of(panel);
-  for (int mark = 0; mark < kMarkCounts; ++mark) {
-    const frames::WovenFrame frame =
-        drawn({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = mark}, panel);
-    int bits = 0;
-    for (int cell = 0; cell < MarkCells::kCount; ++cell) {
-      const int x = cells.left + cell * cells.cell_width + cells.cell_width / 2;
-      if (frame.row(cells.top + cells.height / 2)[3 * x] == 255) bits |= 1 << cell;
+  for (const int code : {kNoCode, 0, 5, 7}) {
+    const MarkCells cells = MarkCells::of(panel, code != kNoCode);
+    for (int mark = 0; mark < kMarkCounts; ++mark) {
+      const frames::WovenFrame frame = drawn(
+          {.shape = Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = mark, .code = code}, panel);
+      const int parity = (mark & 1) ^ (mark >> 1);
+      EXPECT_EQ(lit_cells(frame, cells), 1 | (mark & 1) << 1 | (mark >> 1) << 2 | parity << 3 |
+                                             (code != kNoCode ? code << 4 : 0));
+      for (int j = 0; j < panel.height_px; ++j)
+        for (int i = 0; i < panel.width_px; ++i)
+          ASSERT_TRUE(frame.row(j)[3 * i] == 255 || cells.covers(i + 0.5, j + 0.5));
     }
-    const int parity = (mark & 1) ^ (mark >> 1);
-    EXPECT_EQ(bits, 1 | (mark & 1) << 1 | (mark >> 1) << 2 | parity << 3);
-    for (int j = 0; j < panel.height_px; ++j)
-      for (int i = 0; i < panel.width_px; ++i)
-        ASSERT_TRUE(frame.row(j)[3 * i] == 255 || cells.covers(i + 0.5, j + 0.5));
   }
 }
 

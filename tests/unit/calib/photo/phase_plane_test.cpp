@@ -20,11 +20,11 @@ std::vector<FringeBlock> blocks_of(const LensPlane& error, double shift, double 
     for (int c = 0; c < 24; ++c) {
       FringeBlock b;
       b.block = static_cast<uint32_t>(24 * r + c);
-      b.direction = r / 2 % 2 == 0 ? 1.0 : -1.0;
+      b.detuning = r / 2 % 2 == 0 ? 1.0 : -1.0;
       b.x = (c + 0.5) / 24.0 - 0.5;
       b.y = (r + 0.5) / 16.0 - 0.5;
       const double cycles = -(error.at + error.across * b.x + error.down * b.y) +
-                            b.direction * shift * (1.0 + b.x - 2.0 * b.x * b.y * b.y) +
+                            b.detuning * shift * (1.0 + b.x - 2.0 * b.x * b.y * b.y) +
                             noise * scatter(random);
       b.phase = cycles - std::round(cycles);
       b.contrast = 0.5;
