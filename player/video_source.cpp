@@ -155,6 +155,7 @@ class Source final : public VideoSource {
 
   uint64_t loop_ = 0;                      ///< that pull() is in
   uint64_t next_ = 0;                      ///< frame that pull() expects
+  bool complete_ = false;                  ///< the present decoder has sent all frames
   bool at_end_ = false;                    ///< End was told and rewind() not called
   std::optional<frames::LentFrame> held_;  ///< the next loop's first, over the seam
   std::optional<uint64_t> frames_in_loop_;
@@ -204,6 +205,7 @@ PullStatus Source::pull(frames::LentFrame& out) {
       // A decoder that was replaced after its last frame leaves an empty sequence behind.
       if (request_.plays_again || next_ == 0) break;
       // What it left out is known when it has said so, or is dead.
+      complete_ = true;
       if (child_.present() && child_.rounds() == 0) break;
       at_end_ = true;
       frames_in_loop_ = next_;
@@ -279,6 +281,7 @@ void Source::begin_child() {
     arguments.insert(arguments.end() - 2,
                      {"--orientation", std::to_string(static_cast<int>(*stream_.orientation))});
   broken_before_.fetch_add(child_.broken());
+  complete_ = false;
   child_loop_ = loop_;
   child_showed_life_ = killed_ = false;
   last_sign_ = last_look_ = Clock::now();
@@ -307,7 +310,8 @@ void Source::bury() {
   if (!failure_.empty()) return;
   const bool complete = end_.exit_code == kOk && !request_.plays_again;
   if (complete && child_loop_ == loop_) return;  // pull() tells the end when it comes to it
-  if (at_end_ && !request_.plays_again) return;
+  const bool sent_all = complete_ && child_loop_ == loop_;
+  if ((at_end_ || sent_all) && !request_.plays_again) return;
   if (complete) return begin_child();
   const bool final_word = end_.exit_code == kInput || end_.exit_code == kUsage;
   if (!final_word && may_restart()) return begin_child();
