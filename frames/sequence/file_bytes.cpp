@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "frames/sequence/file_bytes.h"
 
-#include <fcntl.h>
-#include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <limits>
-#include <system_error>
-
-#include "base/error.h"
-#include "base/file_kind.h"
 
 namespace lenticule::frames {
 namespace {
@@ -22,23 +16,6 @@ bool fits_offset(uint64_t offset, size_t bytes) {
 }
 
 }  // namespace
-
-UniqueFd open_regular_file(const std::filesystem::path& file) {
-  const auto fail_to_open = [&] {
-    throw Error(ErrorKind::Input, fmt::format("{}: cannot open: {}", file.string(),
-                                              std::generic_category().message(errno)));
-  };
-  struct stat status {};
-  // Looked at first: opening alone makes some devices do something.
-  if (::stat(file.c_str(), &status) != 0) fail_to_open();
-  const bool regular = S_ISREG(status.st_mode);
-  UniqueFd fd(regular ? ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY) : -1);
-  if (regular && (!fd || ::fstat(fd.get(), &status) != 0)) fail_to_open();
-  if (!S_ISREG(status.st_mode))
-    throw Error(ErrorKind::Input, fmt::format("{}: it is {}, not a regular file", file.string(),
-                                              kind_of_file(status.st_mode)));
-  return fd;
-}
 
 uint64_t size_of(int fd) noexcept {
   struct stat status {};

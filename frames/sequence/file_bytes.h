@@ -3,15 +3,9 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <span>
 
-#include "base/unique_fd.h"
-
 namespace lenticule::frames {
-
-/// Opens a regular file for reading; never waits for a pipe. Throws Error(Input) naming the file.
-[[nodiscard]] UniqueFd open_regular_file(const std::filesystem::path& file);
 
 /// Size of an open file; 0 if that cannot be told.
 [[nodiscard]] uint64_t size_of(int fd) noexcept;

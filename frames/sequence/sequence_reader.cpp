@@ -3,8 +3,10 @@
 
 #include <fcntl.h>
 
+#include <limits>
 #include <string_view>
 
+#include "base/file.h"
 #include "frames/sequence/file_bytes.h"
 
 namespace lenticule::frames {
@@ -15,7 +17,8 @@ bool is_sequence_name(const std::filesystem::path& file) {
 }
 
 SequenceReader::SequenceReader(const std::filesystem::path& file)
-    : fd_(open_regular_file(file)), layout_(read_sequence_layout(fd_.get(), file.string())) {}
+    : fd_(open_regular_file(file, std::numeric_limits<uint64_t>::max()).descriptor),
+      layout_(read_sequence_layout(fd_.get(), file.string())) {}
 
 uint64_t SequenceReader::file_bytes() const {
   return size_of(fd_.get());
