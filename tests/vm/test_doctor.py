@@ -2,13 +2,15 @@
 """lenticule doctor: its verdict and exit code on each kind of machine, as docs/kms.md lists them."""
 
 import json
+import signal
 
+import picture
 from content import Content
-from playing import play, wait_until_shown
+from playing import play, play_command, stats, wait_until_shown
 from vm_test import Machine, require_program, vm_test
 
 VIRTIO = Machine(display="virtio-gpu")
-USABLE, USAGE, NO_PANEL = 0, 2, 3
+USABLE, USAGE, NO_PANEL, INEXACT = 0, 2, 3, 5
 
 
 def doctor(vm, code, *flags):
@@ -25,7 +27,8 @@ def check_healthy(vm, driver, counts_vblanks):
     [output] = found["outputs"]
     assert output["panel"]["connector"] == "Virtual-1" and output["problem"] == "", output
     assert output["exactness"]["exact"] == "yes" and output["tested"], output
-    assert output["exactness"]["reasons"] == [], output
+    assert output["exactness"]["reasons"] == [] and output["exactness"]["unseen"] == [], output
+    assert any(driver in line for line in output["exactness"]["proved"]), output
     # It leaves the card to the next one who wants it.
     assert json.loads(doctor(vm, USABLE, "--display", "kms:Virtual-1").stdout) == found
     missing = doctor(vm, NO_PANEL, "--display", "kms:HDMI-A-7")
@@ -41,6 +44,32 @@ def finds_virtio_healthy(vm):
 @vm_test(Machine(modules=("vkms",)))
 def finds_vkms_healthy(vm):
     check_healthy(vm, "vkms", True)
+
+
+@vm_test(Machine(display="cirrus"), fresh=True)
+def finds_that_cirrus_cuts_colours(vm):
+    found = json.loads(doctor(vm, INEXACT).stdout)
+    [output] = found["outputs"]
+    assert output["driver"] == "cirrus" and output["exactness"]["exact"] == "no", output
+    assert any("RGB565" in reason for reason in output["exactness"]["reasons"]), output
+
+
+@vm_test(Machine(display="cirrus"), fresh=True)
+def refuses_to_play_where_colours_are_cut(vm):
+    content = Content(vm, 1600, 900, 2)
+    command = play_command(vm, content, "--frames", "1:2", "--duration", "2")
+    refused = vm.run(command, 60)
+    assert refused.code == INEXACT and "RGB565" in refused.stderr, refused
+    assert "--allow-inexact" in refused.stderr, refused
+    # What was refused is wrong indeed: the one flag shows it, and most pixels differ.
+    player = play(vm, content, "--frames", "1:2", "--loop", "forever", "--allow-inexact")
+    wait_until_shown(vm, player)
+    assert stats(vm)["exactness"]["exact"] == "no"
+    shown, meant = vm.screendump(), content.frame(1)
+    assert (shown.width, shown.height) == (1600, 900), (shown.width, shown.height)
+    assert picture.differing_pixels(shown, meant) > 1600 * 900 // 2
+    player.send(signal.SIGTERM)
+    player.wait(30)
 
 
 @vm_test(Machine())

@@ -54,7 +54,7 @@ class CommandFailed(AssertionError):
 class Machine:
     """What a test needs. Tests with equal needs share one booted machine."""
 
-    display: str = "none"  # QEMU's display device: virtio-gpu, bochs or none
+    display: str = "none"  # QEMU's display device: virtio-gpu, bochs, cirrus or none
     width: int = 1920  # the display's preferred mode
     height: int = 1080
     memory_mib: int = 2048
@@ -388,7 +388,7 @@ class VirtualMachine:
         self._load_drivers()
 
     def _load_drivers(self):
-        driver = {"virtio-gpu": "virtio-gpu", "bochs": "bochs"}.get(self.machine.display)
+        driver = {"virtio-gpu": "virtio-gpu", "bochs": "bochs", "cirrus": "cirrus"}.get(self.machine.display)
         for module in [driver, *self.machine.modules]:
             if module:
                 self.load_module(*module.split())
@@ -443,6 +443,8 @@ def _display_arguments(machine):
         return ["-device", f"virtio-gpu-pci,id=display0,{size},max_hostmem=1G"]
     if machine.display == "bochs":
         return ["-device", f"bochs-display,id=display0,{size},vgamem=64M"]
+    if machine.display == "cirrus":  # takes no size; its driver lists modes up to 1600x900
+        return ["-device", "cirrus-vga,id=display0,vgamem_mb=16"]
     if machine.display == "none":
         return []
     raise ValueError(f"unknown display device '{machine.display}'")
