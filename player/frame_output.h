@@ -34,9 +34,9 @@ class FrameOutput {
 struct OutputRequest {
   std::string target;  ///< pattern, file, FILE.lts or ring:SOCKET
   FrameRange range;
-  frames::FrameGeometry geometry;
-  optics::RigIdentity rig;  ///< empty for frames that are not woven, or for a rig nobody named
-  frames::Rate rate;
+  frames::FrameGeometry geometry{};
+  optics::RigIdentity rig{};  ///< empty for frames that are not woven, or for a rig nobody named
+  frames::Rate rate{};
   double ring_timeout_seconds = 10.0;
   std::string rig_toml = {};   ///< kept in a container
   std::string made_from = {};  ///< as frames::SequenceInfo has it
