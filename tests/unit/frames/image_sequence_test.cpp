@@ -208,7 +208,8 @@ TEST(ImageSequence, AFirstFileThatIsNoPictureIsRefusedAtOnce) {
   EXPECT_EQ(error_of([&] { ImageSequence sequence(files_in(folder)); }).kind(), ErrorKind::Input);
   EXPECT_EQ(error_of([&] { ImageSequence sequence({folder / "none.png"}); }).kind(),
             ErrorKind::Input);
-  EXPECT_EQ(error_of([&] { ImageSequence sequence({}); }).kind(), ErrorKind::Input);
+  const std::vector<std::filesystem::path> none;
+  EXPECT_EQ(error_of([&] { ImageSequence sequence(none); }).kind(), ErrorKind::Input);
 }
 
 TEST(ImageSequence, CanBeDroppedAtAnyTime) {
