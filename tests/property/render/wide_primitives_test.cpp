@@ -126,7 +126,7 @@ TEST(WidePrimitives, EveryInstructionSetGivesTheSameBytes) {
                          .material = 0});
   const frames::WovenFrame one =
       rendered(scene, rig, stage_of(), {.threads = 1, .isa = Isa::Baseline, .cancelled = {}});
-  for (const Isa isa : test::instruction_sets_of_this_machine())
+  for (const Isa isa : test::every_instruction_set())
     EXPECT_EQ(one, rendered(scene, rig, stage_of(), {.threads = 2, .isa = isa, .cancelled = {}}));
 }
 
