@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/unique_fd.h"
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/frame_decoder.h"
 #include "frames/sequence/little_endian.h"
