@@ -60,10 +60,12 @@ int main(int argc, char** argv) {
   lenticule::prepare_standard_streams();
   install_interrupt_handlers();
   // Before the commands are declared: their defaults name an instruction set.
-  const ExitCode environment = run_reporting_errors([] {
+  const bool as_json = asks_for_json(argc, argv);
+  const auto choose_kernels = [] {
     static_cast<void>(lenticule::best_isa());
     return kOk;
-  });
+  };
+  const ExitCode environment = run_reporting_errors(choose_kernels, as_json);
   if (environment != kOk) return environment;
   const ConfinedPictures pictures;
   lenticule::frames::use_picture_reader(&pictures);
@@ -81,7 +83,6 @@ int main(int argc, char** argv) {
     runs[sub] = command.declare(*sub);
   }
 
-  const bool as_json = asks_for_json(argc, argv);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
