@@ -19,7 +19,7 @@ constexpr double kMostGeometryPart = 1e-3;     ///< the same for the panel point
 constexpr double kLeastCovered = 0.55;         ///< of the panel, in each viewpoint
 constexpr double kMostDriftLenses = 0.05;      ///< between first and repeated fringes
 constexpr double kNotableDriftLenses = 0.003;  ///< more than the noise of any usable camera
-constexpr double kMostMovePx = 0.35;           ///< of the marks, from picture to picture
+constexpr double kMostMovePx = 0.25;           ///< of the marks, from picture to picture
 constexpr double kLeastWhite = 0.1;            ///< light of the white panel, of full scale
 constexpr double kMostBeliefSigmas = 4.0;      ///< from what is known beforehand
 constexpr double kMostCorrelation = 0.98;      ///< of pitch and gap
@@ -440,15 +440,45 @@ void Calibrator::judge_aberration() {
                     found));
 }
 
-/// The camera or the panel was knocked: what was seen before and after are two viewpoints.
+/// The camera or the panel was knocked: what was seen before and after are two viewpoints. Single
+/// readings vary with the light around the marks, the middles of many do not.
 void Calibrator::judge_moves(const ViewpointMeasurement& measured) {
-  const auto far = std::ranges::find_if(
-      measured.mark_moves, [](Vec2 move) { return std::hypot(move.x, move.y) > kMostMovePx; });
-  if (far == measured.mark_moves.end()) return;
-  refuse(fmt::format(
-      "{}: at picture {} the panel is {:.1f} camera pixels from where it was "
-      "before: the camera or the panel was moved",
-      measured.name, far - measured.mark_moves.begin() + 1, std::hypot(far->x, far->y)));
+  const std::vector<Vec2>& moves = measured.mark_moves;
+  constexpr size_t kFewest = 4;
+  const auto middle = [&](size_t begin, size_t end) {
+    std::vector<double> x, y;
+    for (size_t n = begin; n < end; ++n) {
+      x.push_back(moves[n].x);
+      y.push_back(moves[n].y);
+    }
+    const auto at = static_cast<ptrdiff_t>(x.size() / 2);
+    std::nth_element(x.begin(), x.begin() + at, x.end());
+    std::nth_element(y.begin(), y.begin() + at, y.end());
+    return Vec2{x[static_cast<size_t>(at)], y[static_cast<size_t>(at)]};
+  };
+  const auto misfit = [&](size_t begin, size_t end, Vec2 place) {
+    double sum = 0.0;
+    for (size_t n = begin; n < end; ++n)
+      sum += std::abs(moves[n].x - place.x) + std::abs(moves[n].y - place.y);
+    return sum;
+  };
+  size_t best = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t n = kFewest; n + kFewest <= moves.size(); ++n) {
+    const double sum =
+        misfit(0, n, middle(0, n)) + misfit(n, moves.size(), middle(n, moves.size()));
+    if (sum >= least) continue;
+    least = sum;
+    best = n;
+  }
+  if (best == 0) return;
+  const Vec2 step = middle(best, moves.size()) - middle(0, best);
+  const double length = std::hypot(step.x, step.y);
+  if (length <= kMostMovePx) return;
+  refuse(
+      fmt::format("{}: from photograph {} on the panel is {:.1f} pixels from where it was "
+                  "before: the camera or the panel was moved; photograph this place again",
+                  measured.name, best + 1, length));
 }
 
 /// What was known beforehand contradicts what was found.

@@ -162,6 +162,15 @@ void PatternCapture::add(double gain) {
 }
 
 void PatternCapture::fail_dropped(const Pattern& pattern, Fit last) const {
+  if (!options_.clocked)
+    throw Error(ErrorKind::Quality,
+                fmt::format("photograph {}: {}", moves_.size() + 1,
+                            last == Fit::Late ? "its marks are those of another pattern"
+                                              : "its marks are not where the first ones had them"),
+                last == Fit::Late
+                    ? "photograph every pattern once, in their order"
+                    : "the camera or the panel was moved, or something stands before it: "
+                      "photograph this place again");
   if (last == Fit::Lost)
     throw Error(ErrorKind::Device, "camera: the marks in the panel's middle are no longer seen",
                 "has the camera moved, or does something stand before the panel?");

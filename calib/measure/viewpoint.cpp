@@ -88,7 +88,7 @@ class ViewpointRun {
     repeat();
     check_rig();
     result_.counts = capture_.counts();
-    result_.mark_moves = capture_.moves();
+    if (!options_.adaptive) result_.mark_moves = capture_.moves();
     return std::move(result_);
   }
 

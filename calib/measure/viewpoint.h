@@ -46,7 +46,8 @@ struct ViewpointMeasurement {
   /// Between green's fringes and their repetition at the end: the worst of a plane through the
   /// change.
   double drift_lenses = 0.0;
-  /// How far the marks are from where they were at first, camera pixels; one for each pattern.
+  /// How far the marks are from where they were at first, camera pixels; one for each photograph,
+  /// none where it is a camera that is at hand.
   std::vector<Vec2> mark_moves;
   /// The pictures show the code of the rig that is calibrated. False where they show none.
   bool rig_code_read = false;

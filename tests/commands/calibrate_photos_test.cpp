@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Folders of photographs, from the patterns that the program writes to the rig that it finds; the
 // simulated bench stands for the panel and the photographer.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
@@ -20,8 +21,9 @@ using calib::Trial;
 
 constexpr int kPicturesUntilSettled = 3;
 
-Trial small_panel() {
+Trial small_panel(double white_light) {
   Trial trial = calib::plain_trial(960, 540, 640, 360);
+  trial.camera.white_light = white_light;
   trial.link.response_ms = 1.0;
   trial.sheet.deformation_lenses = 0.04;
   return trial;
@@ -50,24 +52,46 @@ frames::WovenFrame coded(const CameraPicture& picture) {
 
 class PhotosCommand : public CommandTest {
  protected:
-  void photograph_all(const calib::TrialViewpoint& place) {
+  explicit PhotosCommand(double white_light = 0.7) : trial_(small_panel(white_light)) {}
+  void SetUp() override {
+    CommandTest::SetUp();
+    optics::save_rig(trial_.start, path("start.toml"));
+  }
+  void write_patterns() const {
+    const ProcessResult wrote = run(
+        {"calibrate", "photos", "--rig", path("start.toml"), "--write-patterns", path("patterns")});
+    ASSERT_EQ(wrote.exit_code, 0) << wrote.err;
+  }
+  /// The camera stands `by_mm` aside from picture `knocked` on.
+  void photograph_all(const calib::TrialViewpoint& place, int knocked = -1, double by_mm = 0.0) {
     bench_.move_camera(place.position_mm, place.look_at_mm, place.roll_degrees);
     const std::filesystem::path folder = folder_ / place.name;
     std::filesystem::create_directories(folder);
-    for (const auto& entry : std::filesystem::directory_iterator(folder_ / "patterns"))
-      frames::write_woven(coded(photographed(bench_, frames::read_woven(entry.path()))).view(),
-                          folder / entry.path().filename());
+    for (int n = 0;; ++n) {
+      const std::string name = fmt::format("{:03}.png", n);
+      if (!std::filesystem::exists(folder_ / "patterns" / name)) break;
+      if (n == knocked)
+        bench_.move_camera(place.position_mm + Vec3{by_mm, 0, 0},
+                           place.look_at_mm + Vec3{by_mm, 0, 0}, place.roll_degrees);
+      frames::write_woven(
+          coded(photographed(bench_, frames::read_woven(folder_ / "patterns" / name))).view(),
+          folder / name);
+    }
+  }
+  [[nodiscard]] ProcessResult calibrate_centre(const std::string& rig,
+                                               std::vector<std::string> more = {}) const {
+    std::vector<std::string> all = {"calibrate", "photos", path("centre"),    "--rig",
+                                    path(rig),   "-o",     path("found.toml")};
+    all.insert(all.end(), more.begin(), more.end());
+    return run(all);
   }
 
-  Trial trial_ = small_panel();
+  Trial trial_;
   SimulatedBench bench_{trial_.panel, trial_.sheet, trial_.link, trial_.camera, trial_.seed};
 };
 
 TEST_F(PhotosCommand, FoldersFromThreePlacesFindTheSheet) {
-  optics::save_rig(trial_.start, path("start.toml"));
-  const ProcessResult wrote = run(
-      {"calibrate", "photos", "--rig", path("start.toml"), "--write-patterns", path("patterns")});
-  ASSERT_EQ(wrote.exit_code, 0) << wrote.err;
+  write_patterns();
   for (const calib::TrialViewpoint& place : trial_.viewpoints) photograph_all(place);
   std::vector<std::string> arguments = {"calibrate", "photos"};
   for (const calib::TrialViewpoint& place : trial_.viewpoints)
@@ -85,8 +109,56 @@ TEST_F(PhotosCommand, FoldersFromThreePlacesFindTheSheet) {
   EXPECT_NE(found.out.find("Calibrated"), std::string::npos) << found.out;
 }
 
+TEST_F(PhotosCommand, PhotographsOfAnotherRigsPatternsAreRefused) {
+  write_patterns();
+  photograph_all(trial_.viewpoints.front());
+  optics::Rig other = trial_.start;
+  other.sheet.pitch.value *= 0.994;
+  optics::save_rig(other, path("other.toml"));
+  const ProcessResult wrong = calibrate_centre("other.toml");
+  EXPECT_EQ(wrong.exit_code, 4) << wrong.err;
+  EXPECT_NE(wrong.err.find(optics::fingerprint(trial_.start)), std::string::npos) << wrong.err;
+  const ProcessResult by_manifest =
+      calibrate_centre("other.toml", {"--patterns", path("patterns")});
+  EXPECT_EQ(by_manifest.exit_code, 4);
+  EXPECT_NE(by_manifest.err.find("patterns.json"), std::string::npos) << by_manifest.err;
+  EXPECT_FALSE(std::filesystem::exists(path("found.toml")));
+}
+
+TEST_F(PhotosCommand, ADistanceThatTheFolderContradictsIsRefused) {
+  write_patterns();
+  photograph_all(trial_.viewpoints.front());
+  const ProcessResult right = calibrate_centre("start.toml", {"--distance", "700"});
+  EXPECT_EQ(right.exit_code, 0) << right.err << right.out;
+  const ProcessResult wrong = calibrate_centre("start.toml", {"--distance", "1400"});
+  EXPECT_EQ(wrong.exit_code, 5) << wrong.err << wrong.out;
+  EXPECT_NE(wrong.out.find("not 1400 mm"), std::string::npos) << wrong.out;
+}
+
+TEST_F(PhotosCommand, ACameraThatWasKnockedIsRefusedWithItsPhotograph) {
+  write_patterns();
+  for (const double by_mm : {2.0, 0.7}) {
+    photograph_all(trial_.viewpoints.front(), 40, by_mm);
+    const ProcessResult result = calibrate_centre("start.toml");
+    EXPECT_EQ(result.exit_code, 5) << by_mm << result.err << result.out;
+    EXPECT_NE((result.out + result.err).find("photograph 4"), std::string::npos)
+        << by_mm << result.err << result.out;
+  }
+}
+
+class DimPanel : public PhotosCommand {
+ protected:
+  DimPanel() : PhotosCommand(0.035) {}
+};
+
+TEST_F(DimPanel, IsRefused) {
+  write_patterns();
+  photograph_all(trial_.viewpoints.front());
+  const ProcessResult result = calibrate_centre("start.toml");
+  EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
+}
+
 TEST_F(PhotosCommand, APatternThatNobodyPhotographedIsNamed) {
-  optics::save_rig(trial_.start, path("start.toml"));
   std::filesystem::create_directories(path("centre"));
   const ProcessResult result = run({"calibrate", "photos", path("centre"), "--rig",
                                     path("start.toml"), "-o", path("found.toml")});

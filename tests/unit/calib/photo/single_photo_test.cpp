@@ -165,6 +165,157 @@ TEST(SinglePhoto, SaysWhyItRefuses) {
   EXPECT_THAT(reason(unfocused), HasSubstr("fringes"));
 }
 
+/// Over the panel for an eye where the camera really was, as a viewer is placed by millimetres.
+double worst_placed(const Calibration& found, const PhotoStage& stage) {
+  const optics::OpticalModel truth(stage.rig), model(found.rig);
+  const Vec3 e = stage.eye_mm;
+  double worst = 0.0;
+  for (int y = 0; y <= 2160; y += 216)
+    for (int x = 0; x <= 3840; x += 240)
+      worst = std::max(worst, std::abs(model.phase(x, y, 1, {e.x, e.y, e.z}) -
+                                       truth.phase(x, y, 1, {e.x, e.y, e.z})));
+  return worst;
+}
+
+/// As worst_placed; whole lenses of the offset do not show.
+double placed_error(Calibration found, const PhotoStage& stage) {
+  const optics::OpticalModel truth(stage.rig), model(found.rig);
+  const Vec3 e = stage.eye_mm;
+  const double middle =
+      model.phase(1920, 1080, 1, {e.x, e.y, e.z}) - truth.phase(1920, 1080, 1, {e.x, e.y, e.z});
+  found.rig.sheet.offset.value -= std::round(middle);
+  return worst_placed(found, stage);
+}
+
+/// Refused, or right to what is stated.
+void expect_honest(const Calibration& found, const PhotoStage& stage, const std::string& what) {
+  if (found.verdict == Verdict::Refused) return;
+  EXPECT_LE(placed_error(found, stage), found.drift.worst_lenses) << what;
+}
+
+Calibration from_start(double pitch_factor, double slant_error, uint32_t seed) {
+  optics::Rig start = desk_rig();
+  start.sheet.pitch.value *= pitch_factor;
+  start.sheet.slant += slant_error;
+  const SinglePhotoChart chart = plan_single_photo_chart(start);
+  PhotoStage s = stage();
+  s.seed = seed;
+  s.rays_per_side = 2;
+  return fit_single_photo(photograph(s, draw_single_photo_chart(chart)), chart, tape(s));
+}
+
+// Up to where the start may be, whatever bands show no fringes there.
+TEST(SinglePhoto, AStartThatIsFarOffIsFoundOrRefused) {
+  uint32_t seed = 1;
+  for (const double factor : {0.92, 0.95, 0.96, 0.97, 1.03, 1.04, 1.05, 1.08}) {
+    const Calibration found = from_start(factor, 0.02, ++seed);
+    ASSERT_EQ(found.verdict, Verdict::Effective) << factor << ' ' << found.reasons.at(0);
+    EXPECT_LT(worst_phase(found, stage()), 0.03) << factor;
+  }
+  const Calibration too_far = from_start(1.2, 0.0, 9);
+  EXPECT_EQ(too_far.verdict, Verdict::Refused);
+}
+
+/// What a program shows that fits the chart into 95 % of the panel, smoothly.
+frames::WovenFrame scaled(const frames::WovenFrame& frame, double part) {
+  frames::WovenFrame out(frame.geometry());
+  const double left = 0.5 * (1.0 - part) * frame.width(), top = 0.5 * (1.0 - part) * frame.height();
+  for (int j = 0; j < frame.height(); ++j)
+    for (int i = 0; i < frame.width(); ++i) {
+      const double x = (i + 0.5 - left) / part - 0.5, y = (j + 0.5 - top) / part - 0.5;
+      if (x < 0.0 || y < 0.0 || x >= frame.width() - 1 || y >= frame.height() - 1) continue;
+      const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+      for (int c = 0; c < 3; ++c) {
+        const auto at = [&](int column, int row) {
+          return double{static_cast<double>(frame.row(row)[3 * column + c])};
+        };
+        const double upper = at(x0, y0) + (x - x0) * (at(x0 + 1, y0) - at(x0, y0));
+        const double lower = at(x0, y0 + 1) + (x - x0) * (at(x0 + 1, y0 + 1) - at(x0, y0 + 1));
+        out.row(j)[3 * i + c] =
+            static_cast<uint8_t>(std::lround(upper + (y - y0) * (lower - upper)));
+      }
+    }
+  return out;
+}
+
+TEST(SinglePhoto, AChartThatWasScaledIsRefused) {
+  PhotoStage s = stage();
+  s.rays_per_side = 2;
+  for (const double part : {0.95, 0.99}) {
+    const Calibration found =
+        fit_single_photo(photograph(s, scaled(shown().frame, part)), shown().chart, tape(s));
+    EXPECT_EQ(found.verdict, Verdict::Refused) << part;
+    EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("scaled"))) << part;
+  }
+}
+
+TEST(SinglePhoto, WhatThePictureCannotContradictIsInTheStatedError) {
+  PhotoStage s = stage();
+  s.rays_per_side = 2;
+  for (const uint32_t seed : {1U, 2U}) {
+    s.seed = seed;
+    s.eye_mm = {seed == 1U ? 20.0 : -60.0, -15.0, 710.0};
+    const CameraPicture picture = photograph(s, shown().frame);
+    for (const double typed : {600.0, 710.0, 820.0}) {
+      PhotoPriors priors;
+      priors.distance_mm = Estimate{typed, 5.0};
+      expect_honest(fit_single_photo(picture, shown().chart, priors), s,
+                    "distance " + std::to_string(typed));
+    }
+    for (const double factor : {0.81, 1.0, 1.19}) {
+      PhotoPriors priors;
+      priors.focal_px = Estimate{factor * s.focal_px, 0.02 * s.focal_px};
+      expect_honest(fit_single_photo(picture, shown().chart, priors), s,
+                    "focal " + std::to_string(factor));
+    }
+  }
+}
+
+TEST(SinglePhoto, DistanceAndFocalLengthThatContradictEachOtherAreRefused) {
+  const PhotoStage s = stage();
+  const CameraPicture picture = photograph(s, shown().frame);
+  PhotoPriors priors = tape(s);
+  priors.focal_px = Estimate{s.focal_px, 0.02 * s.focal_px};
+  EXPECT_EQ(fit_single_photo(picture, shown().chart, priors).verdict, Verdict::Effective);
+  priors.distance_mm->value = 600.0;
+  EXPECT_THAT(fit_single_photo(picture, shown().chart, priors).reasons,
+              ElementsAre(HasSubstr("not 600 mm")));
+}
+
+TEST(SinglePhoto, APanelSizeThatTheTapeContradictsIsRefused) {
+  PhotoStage s = stage();
+  s.rays_per_side = 2;
+  SinglePhotoChart believed = shown().chart;
+  const CameraPicture picture = photograph(s, shown().frame);
+  believed.start.panel.pixel_width.value *= 1.17;
+  believed.start.panel.pixel_height.value *= 1.17;
+  PhotoPriors priors = tape(s);
+  expect_honest(fit_single_photo(picture, believed, priors), s, "size");
+  priors.focal_px = Estimate{s.focal_px, 0.02 * s.focal_px};
+  EXPECT_THAT(fit_single_photo(picture, believed, priors).reasons,
+              ElementsAre(HasSubstr("the panel's size in the rig is wrong by 16 %")));
+}
+
+TEST(SinglePhoto, ACropBesideTheMiddleIsRefusedOrInTheStatedError) {
+  PhotoStage s = stage();
+  s.rays_per_side = 2;
+  s.focal_px = 780.0;
+  for (const double yaw : {0.0, 10.0}) {
+    s.yaw_degrees = yaw;
+    const CameraPicture whole = photograph(s, shown().frame);
+    CameraPicture cropped = whole;
+    cropped.width = 7 * whole.width / 10;  // what is cut off is at the left
+    cropped.light.clear();
+    for (int j = 0; j < whole.height; ++j)
+      for (int i = whole.width - cropped.width; i < whole.width; ++i)
+        cropped.light.push_back(
+            whole.light[static_cast<size_t>(j) * static_cast<size_t>(whole.width) +
+                        static_cast<size_t>(i)]);
+    expect_honest(fit_single_photo(cropped, shown().chart, tape(s)), s,
+                  "yaw " + std::to_string(yaw));
+  }
+}
+
 TEST(SinglePhoto, NoPictureIsTooStrange) {
   for (const float light : {0.0F, 0.5F, 1.0F, std::nanf(""), INFINITY, -1.0F}) {
     const CameraPicture picture{64, 64, 3, std::vector<float>(64 * 64 * 3, light), 0, {}};
