@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cstdlib>
+#include <exception>
 #include <string>
 #include <vector>
 
@@ -35,8 +36,10 @@ PrivateFolder::PrivateFolder() {
   for (const fs::path& parent : parent_folders()) {
     try {
       folder_.emplace(parent);
+      path_ = folder_->path() / "s";
+      fs::create_directory(path_);
       return;
-    } catch (const Error& error) {
+    } catch (const std::exception& error) {
       tried += fmt::format("{}{}", tried.empty() ? "" : ", ", error.what());
     }
   }

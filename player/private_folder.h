@@ -15,10 +15,12 @@ namespace lenticule::player {
 class PrivateFolder {
  public:
   PrivateFolder();
-  [[nodiscard]] const std::filesystem::path& path() const { return folder_->path(); }
+  [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
  private:
   std::optional<TemporaryFolder> folder_;  ///< empty only while it is being made
+  /// Inside it: a listening socket locks the folder that it is in, and folder_ is locked already.
+  std::filesystem::path path_;
 };
 
 }  // namespace lenticule::player
