@@ -8,7 +8,9 @@
 
 #include "base/error.h"
 #include "base/print.h"
+#include "frames/picture_codec.h"
 #include "player/command.h"
+#include "player/confined_pictures.h"
 #include "player/interrupt.h"
 #include "player/play_plan.h"
 #include "player/play_run.h"
@@ -61,10 +63,30 @@ ExitCode run_play(const PlayFlags& flags) {
 
 }  // namespace
 
+namespace {
+
+/// While it lives, pictures are decoded in confined processes: a player shows other people's files
+/// for days. Commands that are run by hand decode their own.
+class PicturesDecodedElsewhere {
+ public:
+  PicturesDecodedElsewhere() { frames::use_picture_reader(&pictures_); }
+  ~PicturesDecodedElsewhere() { frames::use_picture_reader(nullptr); }
+  PicturesDecodedElsewhere(const PicturesDecodedElsewhere&) = delete;
+  PicturesDecodedElsewhere& operator=(const PicturesDecodedElsewhere&) = delete;
+
+ private:
+  ConfinedPictures pictures_;
+};
+
+}  // namespace
+
 Run declare_play(CLI::App& app) {
   const auto flags = std::make_shared<PlayFlags>();
   declare_flags(app, *flags);
-  return [flags] { return run_play(*flags); };
+  return [flags] {
+    const PicturesDecodedElsewhere confined;
+    return run_play(*flags);
+  };
 }
 
 }  // namespace lenticule::player

@@ -14,7 +14,6 @@
 #include "base/cpu.h"
 #include "base/print.h"
 #include "player/command.h"
-#include "player/confined_pictures.h"
 #include "player/error_report.h"
 #include "player/interrupt.h"
 #include "player/usage_error.h"
@@ -67,8 +66,6 @@ int main(int argc, char** argv) {
   };
   const ExitCode environment = run_reporting_errors(choose_kernels, as_json);
   if (environment != kOk) return environment;
-  const ConfinedPictures pictures;
-  lenticule::frames::use_picture_reader(&pictures);
 
   CLI::App app{"Renders, weaves and plays pictures for lenticular 3-D displays."};
   app.name("lenticule");
