@@ -61,7 +61,7 @@ TEST_F(RingExamples, TheRendererInCShowsTheFramesThatItDrew) {
 }
 
 TEST_F(RingExamples, TheRendererInPythonShowsTheFramesThatItDrew) {
-  expect_shown({"python3", source_file("docs/examples/ring_renderer.py")});
+  expect_shown({"/usr/bin/python3", source_file("docs/examples/ring_renderer.py")});
 }
 
 TEST_F(RingExamples, TheyAreRefusedWithAnotherRig) {
@@ -71,7 +71,7 @@ TEST_F(RingExamples, TheyAreRefusedWithAnotherRig) {
   for (int tries = 0; tries < 3000 && !std::filesystem::exists(socket); ++tries) usleep(10000);
   for (std::vector<std::string> renderer :
        {std::vector<std::string>{RING_RENDERER_EXAMPLE},
-        {"python3", source_file("docs/examples/ring_renderer.py")}}) {
+        {"/usr/bin/python3", source_file("docs/examples/ring_renderer.py")}}) {
     renderer.insert(renderer.end(), {socket, "3", "0123456789abcdef"});
     const ProcessResult refused = run_process(renderer);
     EXPECT_EQ(refused.exit_code, 1);
