@@ -238,9 +238,11 @@ TEST_F(OutsideTrouble, AFolderThatIsRemovedUnderTheStatisticsEndsNothing) {
 
 TEST_F(OutsideTrouble, WhatIsNotWholeAtTheEndOfTheFilmIsExitCodeOne) {
   const auto play = [&](std::vector<std::string> more) {
-    std::vector<std::string> words = {"play",           film(),      "--rig",
-                                      path("rig.toml"), "--display", "virtual:48x32@60",
-                                      "--clock",        "simulated"};
+    std::vector<std::string> words = {"play",       "card",
+                                      "--rig",      path("rig.toml"),
+                                      "--display",  "virtual:48x32@60",
+                                      "--clock",    "simulated",
+                                      "--duration", "1"};
     words.insert(words.end(), more.begin(), more.end());
     return run(words, {.largest_file_bytes = 10});
   };

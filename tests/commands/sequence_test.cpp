@@ -216,7 +216,8 @@ TEST_F(SequenceCommand, WhatKilledWritersLeftIsGoneAfterTheNextRun) {
   // The encoder of a killed run may take a moment to see that nothing comes any more.
   size_t left = 1;
   for (int tries = 0; tries < 50 && left > 0; ++tries) {
-    ASSERT_EQ(run_process(video).exit_code, 0);
+    const ProcessResult again = run_process(video);
+    ASSERT_EQ(again.exit_code, 0) << again.err;
     const std::vector<std::string> names = listing();
     left = static_cast<size_t>(std::count_if(names.begin(), names.end(), [](const auto& name) {
       return name.find(".lenticule") != std::string::npos;
