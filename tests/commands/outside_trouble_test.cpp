@@ -142,7 +142,7 @@ TEST_F(OutsideTrouble, AReadOnlyRootKeepsNothingFromPlaying) {
 }
 
 TEST_F(OutsideTrouble, VideosPlayWhereThereIsNoTmp) {
-  const ProcessResult made = run({"convert", film(), "-o", path("clip.mkv"), "--fps", "30"});
+  const ProcessResult made = run({"convert", film(), "-o", path("clip.mkv"), "--rate", "30"});
   ASSERT_EQ(made.exit_code, 0) << made.err;
   std::vector<std::string> words = {"/usr/bin/env", "-u", "XDG_RUNTIME_DIR", "-u",
                                     "RUNTIME_DIRECTORY"};
