@@ -84,8 +84,7 @@ SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std
       .trim = plan.trim,
       .trim_advice = advice,
       .quit = quit_in_good_order});
-  server_ = std::make_unique<ControlServer>(
-      ControlServerOptions{.socket = flags.control, .group = plan.control_group}, *controls_);
+  listen();
 }
 
 /// A disk that is full keeps nobody from playing: the socket is tried again.
