@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "apps/lenticule-bench/harness/bench_rigs.h"
 #include "apps/lenticule/cli/command.h"
-#include "optics/rig.h"
 
 namespace lenticule::player {
 
@@ -22,17 +22,6 @@ struct Benchmark {
 /// The machine that numbers belong to: {"cpu", "hardware_threads", "isa"}.
 [[nodiscard]] nlohmann::json machine_json();
 [[nodiscard]] std::string machine_text();
-
-/// The rig that benchmarks use unless told otherwise: the 4K kiosk of the sample rigs.
-[[nodiscard]] optics::Rig kiosk_rig();
-/// The classic integral image of the sample rigs: 64 upright lenses of eight whole pixels.
-[[nodiscard]] optics::Rig paper_rig();
-/// A panel of the same size with pixels `factor` times as wide and high, and lenses of as many
-/// subpixels on a sheet that is thicker in proportion: the same viewing zones. For factor 1 the
-/// same.
-[[nodiscard]] optics::Rig coarser_rig(const optics::Rig& rig, int factor);
-/// `file`, or kiosk_rig() if it is empty.
-[[nodiscard]] optics::Rig bench_rig(const std::string& file);
 
 /// 10 log10(255^2 / MSE) in decibels; null where nothing differs.
 [[nodiscard]] nlohmann::json psnr_or_null(double mse);

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/harness/bench_rigs.h"
 #include "apps/lenticule-bench/probes/probe.h"
 #include "apps/lenticule-bench/stability/phase_oracle.h"
 #include "apps/lenticule-bench/stability/rows.h"
