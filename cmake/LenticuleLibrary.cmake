@@ -58,14 +58,17 @@ function(lenticule_test_headers name)
   target_precompile_headers(${name} REUSE_FROM lenticule_test_headers)
 endfunction()
 
-# lenticule_test(NAME KIND [THREADED] [TIMEOUT SECONDS] SOURCES ... DEPENDS ...)
-#   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label. THREADED ones
-#   are run under the thread sanitizer too.
+# lenticule_test(NAME KIND [FAST] [THREADED] [SLOW FILTER] [TIMEOUT SECONDS] SOURCES ... DEPENDS ...)
+#   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label.
+#   FAST: the program takes seconds as a whole. It is one CTest entry, which saves a process per case,
+#   with the label quick.
+#   SLOW: a GoogleTest filter; its cases have the label slow and run in scripts/test --all only.
+#   THREADED: the program is run under the thread sanitizer, too.
 function(lenticule_test name kind)
-  cmake_parse_arguments(TEST "THREADED" "TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
+  cmake_parse_arguments(TEST "FAST;THREADED" "SLOW;TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
   set(label ${kind})
   if(TEST_THREADED)
-    set(label ${kind}-threaded)  # ctest -L matches parts: this one is both
+    set(label ${kind}-threaded)  # ctest -L matches parts: the label stands for both
     set_property(GLOBAL APPEND PROPERTY LENTICULE_THREADED_TESTS ${name})
   endif()
   if(NOT TEST_TIMEOUT)
@@ -79,7 +82,19 @@ function(lenticule_test name kind)
   lenticule_test_headers(${name})
   target_compile_definitions(${name} PRIVATE
     LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
-  gtest_discover_tests(${name}
-    DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS ${label} TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]")
+  set(skipped "\\[  SKIPPED \\]")
+  if(TEST_FAST)
+    add_test(NAME ${name} COMMAND ${name})
+    set_tests_properties(${name} PROPERTIES LABELS "${label};quick" TIMEOUT ${TEST_TIMEOUT}
+      SKIP_REGULAR_EXPRESSION "${skipped}")
+    return()
+  endif()
+  set(discovery DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)
+  gtest_discover_tests(${name} ${discovery} TEST_FILTER "-${TEST_SLOW}"
+    PROPERTIES LABELS ${label} TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "${skipped}")
+  if(TEST_SLOW)
+    gtest_discover_tests(${name} ${discovery} TEST_FILTER "${TEST_SLOW}"
+      PROPERTIES LABELS ${label}-slow TIMEOUT ${TEST_TIMEOUT}
+      SKIP_REGULAR_EXPRESSION "${skipped}")
+  endif()
 endfunction()
