@@ -15,7 +15,7 @@ static void paint(uint8_t* pixels, const lenticule_ring* ring, uint64_t number) 
   for (j = 1; j < height; ++j) memcpy(pixels + j * stride, pixels, stride);
 }
 
-/* Pushes all frames. Returns LENTICULE_OK when the player has received the last one. */
+/* Pushes all frames. Returns LENTICULE_OK when all of them are published. */
 static lenticule_status push(lenticule_ring* ring, long frames) {
   long number = 0;
   while (number < frames) {
