@@ -25,7 +25,7 @@ pkg_check_modules(APRILTAG REQUIRED IMPORTED_TARGET apriltag)
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET libavformat libavcodec libavutil)
 pkg_check_modules(LIBSYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 
-# Embree 4 where the distribution has it, Embree 3 (Debian 12) otherwise: render/embree.h hides the
+# Embree 4 where the distribution has it, Embree 3 (Debian 12) otherwise: render/accel/embree.h hides the
 # difference.
 find_package(embree 4 QUIET)
 if(NOT embree_FOUND)

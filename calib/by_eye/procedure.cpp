@@ -13,6 +13,9 @@
 namespace lenticule::calib {
 namespace {
 
+using frames::band_scale;
+using frames::kBands;
+
 constexpr double kFirstReach = 0.1;
 constexpr double kSecondReach = 0.01;
 constexpr size_t kMaxUndo = 10'000;

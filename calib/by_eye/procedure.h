@@ -11,12 +11,15 @@
 #include <string>
 #include <vector>
 
-#include "calib/by_eye/chart.h"
-#include "calib/by_eye/keys.h"
+#include "base/terminal_keys.h"
 #include "calib/by_eye/sheet_values.h"
+#include "frames/charts/chart.h"
 #include "optics/rig.h"
 
 namespace lenticule::calib {
+
+using frames::Chart;
+using frames::ChartPattern;
 
 enum class Step {
   Prepare,        ///< distance, warm panel, untouched pixels

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 #include "frames/srgb.h"
 
 namespace lenticule::calib {

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <optional>
 
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 #include "calib/simulation/portable_random.h"
 
 namespace lenticule::calib {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 #include "calib/simulation/jpeg_round_trip.h"
 #include "calib/simulation/portable_random.h"
 #include "calib/simulation/sample_map.h"

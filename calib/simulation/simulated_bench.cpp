@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 #include "calib/simulation/camera_rays.h"
 #include "calib/simulation/driven_panel.h"
 #include "calib/simulation/light_timing.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "calib/calibrate.h"
+#include "calib/fit/calibrate.h"
 #include "calib/simulation/simulated_bench.h"
 
 namespace lenticule::calib {

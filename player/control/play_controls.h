@@ -14,9 +14,9 @@
 #include <thread>
 
 #include "player/control/control_server.h"
-#include "player/live_trim.h"
-#include "player/playback.h"
+#include "player/playback/playback.h"
 #include "player/playlist/playlist_source.h"
+#include "player/sources/live_trim.h"
 
 namespace lenticule::player {
 

@@ -11,8 +11,8 @@
 
 #include "base/file_mark.h"
 #include "frames/rational.h"
-#include "player/filler.h"
-#include "player/frame_range.h"
+#include "player/playback/filler.h"
+#include "player/sources/frame_range.h"
 
 namespace lenticule::player {
 

@@ -9,7 +9,7 @@
 #include "base/file.h"
 #include "optics/toml_text.h"
 #include "player/playlist/playlist.h"
-#include "player/source_names.h"
+#include "player/sources/source_names.h"
 
 namespace lenticule::player {
 namespace {

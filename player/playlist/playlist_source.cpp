@@ -12,7 +12,7 @@
 #include <cstring>
 #include <utility>
 
-#include "player/play_statistics.h"
+#include "player/playback/play_statistics.h"
 
 namespace lenticule::player {
 namespace {

@@ -20,7 +20,7 @@
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
 #include "player/playlist/playlist.h"
-#include "player/source_open.h"
+#include "player/sources/source_open.h"
 
 namespace lenticule::player {
 

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "frames/frame_source.h"
-#include "player/play_statistics.h"
+#include "player/playback/play_statistics.h"
 
 namespace lenticule::player {
 

@@ -10,7 +10,7 @@
 #include <cmath>
 
 #include "optics/row_rays.h"
-#include "render/denormals.h"
+#include "render/accel/denormals.h"
 #include "render/depth_budget/depth_of_field.h"
 #include "render/row_sweep/row_sweep.h"
 

@@ -8,7 +8,7 @@
 
 #include "frames/frame.h"
 #include "optics/model.h"
-#include "render/scene.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::render {
 

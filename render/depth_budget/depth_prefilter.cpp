@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/adaptive/glass_rays.h"
 #include "render/depth_budget/prefilter.h"
-#include "render/primary_rays.h"
+#include "render/rays/glass_rays.h"
+#include "render/rays/primary_rays.h"
 
 namespace lenticule::render {
 namespace {
@@ -52,7 +52,7 @@ int DepthPrefilter::rays_for(double z_mm, const PanelRay& middle) const {
   return everything_ || depth > 1.0 ? beam_rays(depth, options_.prefilter_samples) : 1;
 }
 
-DepthPrefilter::Worker::Worker(const DepthPrefilter& prefilter, const Scene::Impl& scene)
+DepthPrefilter::Worker::Worker(const DepthPrefilter& prefilter, const Scene& scene)
     : prefilter_(prefilter),
       scene_(scene),
       panel_from_scene_(scene.scene_from_panel.inverse()),

@@ -10,13 +10,13 @@
 #include <span>
 #include <vector>
 
-#include "render/adaptive/light_encoder.h"
-#include "render/depth_budget/depth_notes.h"
 #include "render/depth_budget/depth_of_field.h"
-#include "render/footprint.h"
-#include "render/packet_tracer.h"
-#include "render/primary_packets.h"
-#include "render/tile.h"
+#include "render/integrator/depth_notes.h"
+#include "render/integrator/packet_tracer.h"
+#include "render/rays/footprint.h"
+#include "render/rays/primary_packets.h"
+#include "render/rays/tile.h"
+#include "render/shading/light_encoder.h"
 
 namespace lenticule::render {
 
@@ -39,7 +39,7 @@ class DepthPrefilter {
   class Worker {
    public:
     /// Both must outlive it.
-    Worker(const DepthPrefilter& prefilter, const Scene::Impl& scene);
+    Worker(const DepthPrefilter& prefilter, const Scene& scene);
 
     /// Begins a tile. Every packet of primary rays has to pass through the notes.
     DepthNotes& start(const Tile& tile);
@@ -70,7 +70,7 @@ class DepthPrefilter {
     void load(const Tile& tile, std::span<const Listed> subpixels, int number);
 
     const DepthPrefilter& prefilter_;
-    const Scene::Impl& scene_;
+    const Scene& scene_;
     Affine panel_from_scene_;
     double start_mm_;
     DepthNotes notes_;

@@ -14,17 +14,10 @@
 #include <string>
 #include <vector>
 
-#include "render/footprint.h"
+#include "render/options/render_options.h"
+#include "render/rays/footprint.h"
 
 namespace lenticule::render {
-
-/// What is averaged over its beam; all else is one ray, through the middle.
-enum class Prefilter {
-  Off,         ///< nothing
-  Depth,       ///< what is seen beyond the depth of field, unless all around it looks the same
-  Beam,        ///< everything, unless all around it looks the same
-  Exhaustive,  ///< everything, always with as many rays: what the others are measured against
-};
 
 /// "off", "depth", "beam" or "exhaustive"; throws Error(Usage) otherwise.
 [[nodiscard]] Prefilter prefilter_named(const std::string& name);

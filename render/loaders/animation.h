@@ -2,7 +2,7 @@
 // Nodes in motion: see also at_time() in scene_description.h.
 #pragma once
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 

@@ -9,8 +9,8 @@
 #include <span>
 
 #include "render/loaders/assimp_parts.h"
-#include "render/loaders/camera_pose.h"
-#include "render/stage.h"
+#include "render/scene/camera_pose.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {

@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/limits.h"
-#include "render/stage.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {

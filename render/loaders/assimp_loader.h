@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 

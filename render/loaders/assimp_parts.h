@@ -9,7 +9,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 

@@ -2,7 +2,7 @@
 // Makes a mesh from a file fit for tracing.
 #pragma once
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 

@@ -10,10 +10,10 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "render/loaders/camera_pose.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/polygon.h"
 #include "render/loaders/text_reader.h"
+#include "render/scene/camera_pose.h"
 
 namespace lenticule::render {
 namespace {

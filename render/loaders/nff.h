@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 

@@ -11,9 +11,9 @@
 #include <memory>
 #include <vector>
 
+#include "base/interval.h"
 #include "optics/row_rays.h"
 #include "optics/tile_optics.h"
-#include "render/interval.h"
 #include "render/row_sweep/row_buckets.h"
 #include "render/row_sweep/row_sweep_kernel.h"
 

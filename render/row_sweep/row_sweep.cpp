@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "render/primary_rays.h"
+#include "render/rays/primary_rays.h"
 
 namespace lenticule::render {
 namespace {
@@ -21,8 +21,8 @@ void make_room(size_t count, SweptRow& row) {
 RowSweep::RowSweep(const RowPlanes& planes, const Scene& scene)
     : planes_(planes),
       start_mm_(static_cast<float>(
-          primary_start_mm(scene.impl().near_mm, planes.model().rig().viewing.distance.value))),
-      primitives_(scene.impl(), planes, start_mm_) {}
+          primary_start_mm(scene.near_mm, planes.model().rig().viewing.distance.value))),
+      primitives_(scene, planes, start_mm_) {}
 
 RowSweep::Worker::Worker(const RowSweep& sweep) : sweep_(sweep), maker_(sweep.planes_) {}
 

@@ -10,7 +10,7 @@
 #include "render/row_sweep/plane_cells.h"
 #include "render/row_sweep/row_planes.h"
 #include "render/row_sweep/sweep_primitives.h"
-#include "render/scene.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::render {
 

@@ -228,7 +228,7 @@ struct SweepPrimitives::Heights {
   }
 };
 
-SweepPrimitives::SweepPrimitives(const Scene::Impl& scene, const RowPlanes& planes, double start_mm)
+SweepPrimitives::SweepPrimitives(const Scene& scene, const RowPlanes& planes, double start_mm)
     : scene_(scene),
       planes_(planes),
       start_mm_(start_mm),

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "render/committed_scene.h"
 #include "render/row_sweep/row_buckets.h"
 #include "render/row_sweep/row_planes.h"
 #include "render/row_sweep/row_sweep_kernel.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::render {
 
@@ -33,7 +33,7 @@ struct PlaneCuts {
 class SweepPrimitives {
  public:
   /// Everything behind z = start_mm.
-  SweepPrimitives(const Scene::Impl& scene, const RowPlanes& planes, double start_mm);
+  SweepPrimitives(const Scene& scene, const RowPlanes& planes, double start_mm);
 
   /// Cuts of a plane of `row`. Descriptions are appended to `described`: segments', then conics'.
   void cut(int row, const RowPlane& plane, PlaneCuts& out, std::vector<SweptCut>& described) const;
@@ -64,7 +64,7 @@ class SweepPrimitives {
                    std::vector<SweptCut>& described) const;
   [[nodiscard]] Quadric quadric(uint32_t number) const;
 
-  const Scene::Impl& scene_;
+  const Scene& scene_;
   const RowPlanes& planes_;
   double start_mm_;
   Affine panel_from_scene_;

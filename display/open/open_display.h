@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opens the display that a person named. The only place that knows which kinds there are.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "display/clock.h"
+#include "display/display.h"
+#include "display/kms/scanout/kms_display.h"
+#include "display/scanout_recorder.h"
+
+namespace lenticule::display {
+
+struct DisplayRequest {
+  /// "virtual", "virtual:3840x2160@59.94", "virtual:3840x2160@60,jitter_us=500", "kms",
+  /// "kms:HDMI-A-1", "kms:edid:LGD", "kms:/dev/dri/card1" (see parse_output_key())
+  std::string spec = "virtual";
+  /// What will be shown; a display of another size is refused.
+  frames::FrameGeometry panel = {};
+  /// For virtual displays: real time when null.
+  std::shared_ptr<Clock> clock = nullptr;
+  /// For virtual displays: null = no recording.
+  std::shared_ptr<ScanoutRecorder> recorder = nullptr;
+  int buffers = 3;
+  /// For KMS displays; key, panel and buffers are taken from above. A simulated clock or a recorder
+  /// cannot be had there.
+  KmsOptions kms = {};
+};
+
+/// Throws Error(Usage) for a spec that makes no sense, Error(Input) when its size is not the
+/// panel's, Error(Device) when there is no such display. What a KMS spec opens is a KmsDisplay.
+[[nodiscard]] std::unique_ptr<Display> open_display(const DisplayRequest& request);
+
+/// What a KMS spec is opened with, for those who open it themselves. Throws Error(Usage).
+[[nodiscard]] KmsOptions kms_options_of(const DisplayRequest& request);
+
+/// Throws as open_display() would for the text alone, before anything is opened.
+void check_display_spec(std::string_view spec);
+/// True if it names a panel on a graphics card.
+[[nodiscard]] bool is_kms_spec(std::string_view spec);
+
+/// The parts of "virtual[:WxH[@HZ]][,jitter_us=N][,seed=N]".
+struct VirtualSpec {
+  int width = 0;  ///< 0 = the panel's
+  int height = 0;
+  frames::Rate refresh{60, 1};
+  int64_t jitter_us = 0;
+  uint64_t seed = 1;
+  friend bool operator==(const VirtualSpec&, const VirtualSpec&) = default;
+};
+/// Throws Error(Usage).
+[[nodiscard]] VirtualSpec parse_virtual_spec(std::string_view spec);
+
+}  // namespace lenticule::display

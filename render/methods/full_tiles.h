@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tiles of a frame as method full renders them, for it and for those that need its bytes.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "frames/frame.h"
+#include "render/culling/background.h"
+#include "render/depth_budget/depth_prefilter.h"
+#include "render/integrator/packet_tracer.h"
+#include "render/methods/method.h"
+#include "render/rays/primary_packets.h"
+
+namespace lenticule::render {
+
+/// Of one rig; immutable after construction, safe from any thread. What a tile's bytes are depends
+/// on the scene and the tile alone.
+class FullTiles {
+ public:
+  /// The model must outlive it.
+  FullTiles(const optics::OpticalModel& model, const RenderOptions& options);
+  FullTiles(const FullTiles&) = delete;
+  FullTiles& operator=(const FullTiles&) = delete;
+
+  [[nodiscard]] const TilePlan& plan() const { return plan_; }
+  [[nodiscard]] const PrimaryPackets& packets() const { return packets_; }
+  [[nodiscard]] size_t samples() const { return samples_.size(); }
+
+  /// Of one thread and one scene; keeps its memory from tile to tile.
+  class Worker {
+   public:
+    /// All must outlive it.
+    Worker(const FullTiles& tiles, const Scene& scene, const BeamTester& beams);
+    Worker(const Worker&) = delete;
+    Worker& operator=(const Worker&) = delete;
+
+    /// Writes the tile's subpixels.
+    void render(const Tile& tile, frames::WovenFrame& frame);
+
+    [[nodiscard]] RayCounts rays() const;
+    [[nodiscard]] PrefilterCounts prefiltered() const;
+    /// Primary rays that were proved to meet nothing, and are not among rays().
+    [[nodiscard]] uint64_t background() const { return background_.filled(); }
+    [[nodiscard]] const std::array<uint64_t, kWorks>& ticks() { return tracer_.clock().ticks(); }
+
+   private:
+    void trace(const Tile& tile, PacketTracer::FootprintSample sample);
+    void write(const Tile& tile, frames::WovenFrame& frame) const;
+
+    const FullTiles& tiles_;
+    const Scene& scene_;
+    const BeamTester& beams_;
+    PrimaryPackets::Maker maker_;
+    Background background_;
+    uint64_t refused_ = 0;
+    std::vector<float> light_;
+    PacketTracer tracer_;
+    std::optional<DepthPrefilter::Worker> prefilter_;
+  };
+
+ private:
+  RenderOptions options_;
+  TilePlan plan_;
+  PrimaryPackets packets_;
+  std::vector<Footprint> samples_;
+  std::optional<DepthPrefilter> prefilter_;
+};
+
+}  // namespace lenticule::render

@@ -1,0 +1,2 @@
+// Half of a circle, for the test of the check.
+#include "frames/ring/a.h"
