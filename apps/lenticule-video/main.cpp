@@ -17,8 +17,8 @@
 namespace {
 
 using namespace lenticule::video;
-using lenticule::say;
 using lenticule::ExitCode;
+using lenticule::say;
 using Run = std::function<int()>;
 
 int run_reporting_errors(const Run& run) {

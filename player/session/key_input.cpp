@@ -16,7 +16,6 @@
 namespace lenticule::player {
 namespace {
 
-
 constexpr size_t kMaxScriptBytes = 1u << 20;
 
 class TerminalKeys final : public KeyInput {
