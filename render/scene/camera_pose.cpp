@@ -7,7 +7,7 @@ namespace lenticule::render {
 
 Vec3 any_perpendicular(Vec3 v) {
   const Vec3 size{std::abs(v.x), std::abs(v.y), std::abs(v.z)};
-  // The axis that v has least of is the farthest from parallel to it.
+  // The axis along which v is smallest is the farthest from parallel to v.
   Vec3 axis{0, 0, 1};
   if (size.y <= size.x && size.y <= size.z)
     axis = {0, 1, 0};

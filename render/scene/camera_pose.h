@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// What makes a camera's three vectors a pose.
+// Helpers that complete a camera's viewing direction and up vector to a pose.
 #pragma once
 
 #include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 
-/// A unit vector at right angles to `v` (which is not zero).
+/// Returns a unit vector perpendicular to `v`, which must not be zero.
 [[nodiscard]] Vec3 any_perpendicular(Vec3 v);
 
-/// False if `up` is zero or, to single precision, parallel to the viewing direction.
+/// Returns false if `up` is zero or, in single precision, parallel to the viewing direction.
 [[nodiscard]] bool up_is_usable(const Camera& camera);
 
 }  // namespace lenticule::render

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells whether two things are made of the same numbers.
+// Fingerprints compare two sequences of numbers without keeping the numbers.
 #pragma once
 
 #include <bit>
@@ -7,14 +7,15 @@
 
 namespace lenticule::render {
 
-/// Two mixes of the same numbers: two different things would have to agree in 128 bits.
+/// A 128-bit fingerprint: two independent 64-bit hashes of the same words. Equal fingerprints are
+/// taken as equal content.
 struct Fingerprint {
   uint64_t first = 0;
   uint64_t second = 0;
   friend bool operator==(const Fingerprint&, const Fingerprint&) = default;
 };
 
-/// Makes one, of words in their order.
+/// WordMixer computes a Fingerprint from a sequence of words. The order of the words matters.
 class WordMixer {
  public:
   void add(uint64_t word) {

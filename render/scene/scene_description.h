@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene as loaders build it: plain data, world coordinates, double precision. Embree sees a
-// committed render::Scene (render/scene/scene.h) that is made from this.
+// Scene description as loaders build it: plain data, world coordinates, double precision. The
+// renderer commits it to Embree as a render::Scene (render/scene/scene.h).
 #pragma once
 
 #include <array>
@@ -15,8 +15,8 @@
 
 namespace lenticule::render {
 
-/// An 8-bit sRGB or float image decoded by OpenImageIO to linear light; (0, 0) is the top-left
-/// texel.
+/// Texture holds an 8-bit sRGB or float image that OpenImageIO decoded to linear light. (0, 0) is
+/// the top-left texel.
 struct Texture {
   int width = 0;
   int height = 0;
@@ -26,8 +26,8 @@ struct Texture {
   std::string name{};
 };
 
-/// Whitted material. Colours are linear light for files that are colour managed (glTF and friends)
-/// and taken as they are for NFF, see SceneDescription::colour_managed.
+/// Whitted material. Colours are linear light in colour-managed formats (such as glTF) and code
+/// values in NFF; see SceneDescription::colour_managed.
 struct Material {
   std::string name{};
   Vec3 colour{1, 1, 1};        ///< diffuse and transmitted colour
@@ -37,10 +37,11 @@ struct Material {
   double transmittance = 0.0;  ///< T
   double refraction_index = 1.0;
   Vec3 emission{0, 0, 0};
-  /// White highlights (plastic, NFF) or highlights tinted with colour (metals).
+  /// If true, highlights are tinted with `colour` (metals); if false, highlights are white
+  /// (plastic, NFF).
   bool tinted_specular = false;
   bool two_sided = true;
-  int texture = -1;  ///< base colour texture multiplies `colour`; index or -1
+  int texture = -1;  ///< index of the base colour texture, which multiplies `colour`, or -1
 };
 
 struct TriangleMesh {
@@ -50,19 +51,20 @@ struct TriangleMesh {
   std::vector<std::array<uint32_t, 3>> triangles{};
   std::vector<Vec3> normals{};  ///< per vertex, unit, or empty
   std::vector<std::array<float, 2>>
-      uvs{};  ///< per vertex, v = 0 at the TOP of the texture, or empty
-  /// The node that moves this mesh (index into SceneDescription::nodes), or -1 if world-static.
+      uvs{};  ///< per vertex, v = 0 at the top of the texture, or empty
+  /// Index into SceneDescription::nodes of the node that moves this mesh, or -1 if the mesh is
+  /// static.
   int node = -1;
 };
 
 struct Sphere {
   Vec3 centre{};
   double radius = 1.0;  ///< > 0
-  bool inward = false;  ///< NFF's negative radius: the inside is the visible side
+  bool inward = false;  ///< the inside is the visible side (negative radius in NFF)
   int material = 0;
 };
 
-/// Open cone or cylinder between two discs.
+/// Cone is an open cone or cylinder between two discs.
 struct Cone {
   Vec3 base{};
   double base_radius = 1.0;
@@ -75,7 +77,7 @@ struct Cone {
 struct Light {
   enum class Kind { Point, Directional, Spot } kind = Kind::Point;
   Vec3 position{};           ///< point, spot
-  Vec3 direction{0, 0, -1};  ///< directional, spot: the way the light travels, unit
+  Vec3 direction{0, 0, -1};  ///< directional, spot: unit direction in which the light travels
   Vec3 colour{1, 1, 1};      ///< intensity; for colour-managed files radiometric up to a scale
   bool falls_off = false;    ///< inverse square (glTF) or constant (NFF)
   double cos_inner = 1.0;    ///< spot
@@ -93,18 +95,19 @@ struct Camera {
   int node = -1;
 };
 
-/// Key-framed transform. Times in seconds, ascending; empty = constant.
+/// Channel is a key-framed transform component. Times are in seconds, ascending; an empty channel
+/// is constant.
 template <class T>
 struct Channel {
   std::vector<double> times{};
   std::vector<T> values{};
-  bool steps = false;  ///< each key holds until the next instead of blending into it
+  bool steps = false;  ///< each key holds until the next one, without interpolation
 };
 
 struct Node {
   std::string name{};
   int parent = -1;
-  Affine local{};  ///< used where no channel overrides it
+  Affine local{};  ///< used by components that no channel overrides
   Vec3 scale{1, 1, 1};
   std::array<double, 4> rotation{0, 0, 0, 1};  ///< quaternion x, y, z, w
   Vec3 translation{0, 0, 0};
@@ -126,22 +129,23 @@ struct SceneDescription {
   std::vector<Node> nodes{};  ///< parents before children
   Vec3 background{0, 0, 0};
   std::optional<Vec3> ambient{};  ///< flat ambient light; default depends on the format
-  /// True: colours are linear light and the picture is sRGB-encoded at the end. False (NFF):
-  /// colours are code values and are written as they are, as the format's other renderers do.
+  /// If true, colours are linear light and the picture is sRGB-encoded at the end. If false (NFF),
+  /// colours are code values and are written unchanged, as other NFF renderers do.
   bool colour_managed = true;
-  double duration_seconds = 0.0;  ///< of the animation, 0 = still
-  /// What a loader had to repair or leave out, for the user ("12 zero-area triangles dropped").
+  double duration_seconds = 0.0;  ///< duration of the animation, 0 = still
+  /// Repairs and omissions of the loader, for the user ("12 zero-area triangles dropped").
   std::vector<std::string> notes{};
 };
 
-/// Loads any supported file by its extension and content. Throws Error(Input) with file, line where
-/// the format has lines, and reason. Non-finite vertices are errors; zero-area triangles are
-/// dropped and noted; zero or non-finite normals are recomputed and noted.
+/// Loads a file in any supported format, chosen by extension and content. Throws Error(Input) with
+/// the file, the line if the format has lines, and the reason. Non-finite vertices are errors.
+/// Zero-area triangles are dropped and noted; zero or non-finite normals are recomputed and noted.
 [[nodiscard]] SceneDescription load_scene(const std::filesystem::path& file);
 
-/// The scene with every node's transform applied at `seconds`: meshes, lights and cameras in world
-/// coordinates, no nodes left. Key frames blend linearly (rotations along the shorter arc) and hold
-/// before the first and after the last. Throws Error(Input) if a vertex ends up not finite.
+/// Returns the scene with every node's transform applied at `seconds`: meshes, lights and cameras
+/// are in world coordinates, and no nodes are left. Key frames are interpolated linearly (rotations
+/// along the shorter arc) and hold before the first and after the last key. Throws Error(Input) if
+/// a vertex becomes non-finite.
 [[nodiscard]] SceneDescription at_time(const SceneDescription& scene, double seconds);
 
 }  // namespace lenticule::render

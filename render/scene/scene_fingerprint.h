@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells whether two frames show the same scene, apart from the camera.
+// Fingerprints that detect if two frames show the same scene.
 #pragma once
 
 #include "render/scene/fingerprint.h"
@@ -9,15 +9,15 @@
 
 namespace lenticule::render {
 
-/// Of everything that decides about what points of the scene look like: geometry, materials, lights
-/// and surroundings, but not cameras, names and notes, nor the pixels of textures, which are
-/// compared by whoever needs it (every scene that is committed has a fingerprint). The stage
-/// decides only where the sun moves with it.
+/// Returns a fingerprint of everything that determines the appearance of the scene's points:
+/// geometry, materials, lights and environment settings. Cameras, names, notes and texture pixels
+/// are excluded; callers that need the pixels compare them separately, since every committed scene
+/// has a fingerprint. The stage contributes only the direction of the default sun.
 [[nodiscard]] Fingerprint scene_fingerprint(const SceneDescription& scene,
                                             const Surroundings& surroundings, const Stage& stage);
 
-/// Of a scene together with where the stage puts it: all that a committed scene is made of, but for
-/// the pixels of textures and of the surroundings' picture.
+/// Returns a fingerprint of a scene together with its stage: everything that determines a committed
+/// scene, except the pixels of textures and of the environment picture.
 [[nodiscard]] Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage);
 
 }  // namespace lenticule::render

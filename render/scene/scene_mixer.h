@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Mixes what scenes are made of, as they are described or as they are committed.
+// SceneMixer computes fingerprints of scene parts, as described or as committed.
 #pragma once
 
 #include <array>
@@ -36,7 +36,7 @@ class SceneMixer : public WordMixer {
     add(value.has_value());
     if (value) add(*value);
   }
-  /// The length tells lists apart that follow each other.
+  /// Mixes the length first, so that the boundary between consecutive lists matters.
   template <class T>
   void add(const std::vector<T>& values) {
     add(uint64_t{values.size()});
@@ -66,7 +66,7 @@ class SceneMixer : public WordMixer {
   }
   void add(const Light& light) { add_light(light); }
 
-  /// Light or SceneLight.
+  /// Mixes a Light or a SceneLight.
   template <class L>
   void add_light(const L& light) {
     add(static_cast<int>(light.kind));
@@ -77,7 +77,7 @@ class SceneMixer : public WordMixer {
     add(light.cos_inner);
     add(light.cos_outer);
   }
-  /// TriangleMesh or MeshShape.
+  /// Mixes a TriangleMesh or a MeshShape.
   template <class Mesh>
   void add_mesh(const Mesh& mesh) {
     add(mesh.material);
@@ -86,7 +86,7 @@ class SceneMixer : public WordMixer {
     add(mesh.normals);
     add(mesh.uvs);
   }
-  /// Sphere or SphereShape.
+  /// Mixes a Sphere or a SphereShape.
   template <class Ball>
   void add_sphere(const Ball& sphere) {
     add(sphere.centre);

@@ -37,21 +37,22 @@ Fingerprint made_of(const Scene&, const ConeShape& cone) {
   return mixer.value();
 }
 
-/// The last position is only there for Embree to read past.
+/// Returns the bounds of a mesh. The last position is padding for Embree, not a vertex.
 Bounds bounds_of(const MeshShape& mesh) {
   Bounds box;
   for (size_t n = 0; n + 1 < mesh.positions.size(); ++n) box.extend(in_double(mesh.positions[n]));
   return box;
 }
 
-/// Of spheres and cones.
+/// Returns the bounds of a sphere or cone.
 template <class Shape>
 Bounds bounds_of(const Shape& shape) {
   const Box box = box_of(shape);
   return {box.low, box.high};
 }
 
-/// Where rays start is left out: nothing is before it, or the camera says so, which is in the map.
+/// Fingerprints all scene data outside the objects. The start of the rays is left out: no content
+/// lies in front of it, or the camera determines it, and then it is part of the map.
 Fingerprint rest_of(const Scene& scene) {
   SceneMixer mixer;
   mixer.add(scene.materials);

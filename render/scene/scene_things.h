@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a committed scene is made of, thing by thing, to be compared with the next frame's.
+// SceneThings lists the primitives of a committed scene, for comparison with the next frame's
+// scene.
 #pragma once
 
 #include <memory>
@@ -11,25 +12,25 @@
 
 namespace lenticule::render {
 
-/// Outlives its scene.
+/// SceneThings describes a committed scene, object by object. Lifetime: may outlive its scene.
 struct SceneThings {
   struct Thing {
     Fingerprint made_of;
-    Bounds box;                    ///< in the scene frame, millimetres on the glass
-    bool depends_on_view = false;  ///< it mirrors, shines or lets light through
+    Bounds box;                    ///< scene frame, millimetres on the panel
+    bool depends_on_view = false;  ///< the object is reflective, has highlights or is transparent
   };
 
   SceneThings() = default;
   explicit SceneThings(const Scene& scene);
 
   bool known = false;
-  Fingerprint rest;           ///< all else but the pixels of textures
+  Fingerprint rest;           ///< all other scene data, except texture pixels
   std::vector<Thing> things;  ///< meshes, spheres, cones
   std::vector<std::shared_ptr<const Texture>> textures;
   std::shared_ptr<const Texture> environment;
 };
 
-/// Whether two frames differ in their things at most, one by one.
+/// Returns true if the scenes are equal except for individual objects (meshes, spheres, cones).
 [[nodiscard]] bool differ_in_things_only(const SceneThings& a, const SceneThings& b);
 
 }  // namespace lenticule::render

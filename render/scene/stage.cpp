@@ -15,12 +15,13 @@
 namespace lenticule::render {
 namespace {
 
-/// Of the distance to the look-at point: what lies farther away does not squeeze the depth.
+/// Factor of the distance to the look-at point: content farther away does not reduce the depth
+/// scale.
 constexpr double kBackdropDistance = 3.0;
-/// Of the way from the glass to the eye: nothing may come nearer.
+/// Fraction of the distance from the panel to the eye that content must not exceed.
 constexpr double kNearestToEye = 0.5;
 
-/// Rows are the panel's axes in world coordinates: right, up, toward the viewer.
+/// Orientation holds the panel's axes in world coordinates: right, up, toward the viewer.
 struct Orientation {
   Vec3 right{1, 0, 0};
   Vec3 up{0, 1, 0};
@@ -69,7 +70,7 @@ Orientation camera_orientation(const Camera& camera) {
   return o;
 }
 
-/// The scene turns by +degrees about `up`, so the axes it is seen along turn back.
+/// Returns the axes for a scene rotated by +degrees about `up`: the axes rotate the opposite way.
 Orientation turned_about_up(const Orientation& o, double degrees) {
   const double angle = std::remainder(degrees, 360.0) * std::numbers::pi / 180.0;
   const double c = std::cos(angle);
@@ -84,7 +85,7 @@ std::array<Vec3, 8> corners(const Bounds& b) {
   return out;
 }
 
-/// Largest scale at which every corner stays within `fill` of the panel.
+/// Returns the largest scale at which every corner stays within the fraction `fill` of the panel.
 double fitting_scale(const Bounds& bounds, const Framing& framing, PanelSize panel, double fill) {
   Vec3 half;
   for (const Vec3 corner : corners(bounds)) {
@@ -92,7 +93,7 @@ double fitting_scale(const Bounds& bounds, const Framing& framing, PanelSize pan
     half = {std::max(half.x, std::abs(p.x)), std::max(half.y, std::abs(p.y)),
             std::max(half.z, std::abs(p.z))};
   }
-  // A scene that is seen end on is sized by its depth.
+  // A scene without width and height (seen end-on) is scaled by its depth.
   if (half.x == 0.0 && half.y == 0.0) half.y = half.z;
   return fill / 2.0 * std::min(panel.width_mm / half.x, panel.height_mm / half.y);
 }
@@ -121,17 +122,17 @@ Framing frame_scene(const SceneDescription& scene, const Bounds& bounds, PanelSi
   return framing;
 }
 
-// ---- what a camera sees
+// ---- depth seen by a camera
 
-/// Points with dot(normal, p) + offset >= 0.
+/// Half-space of the points with dot(normal, p) + offset >= 0.
 struct Plane {
   Vec3 normal;
   double offset = 0.0;
   [[nodiscard]] double side(Vec3 p) const { return dot(normal, p) + offset; }
 };
 
-/// The part of space that a camera shows, in camera coordinates (it looks along -z), and how deep
-/// the content in it reaches.
+/// SeenDepth computes the depth range of the content inside a camera's view frustum, in camera
+/// coordinates (the camera looks along -z).
 class SeenDepth {
  public:
   SeenDepth(const Camera& camera, PanelSize panel) : from_(camera.from) {
@@ -157,7 +158,8 @@ class SeenDepth {
     for (const Vec3 p : polygon_) depth_.extend(-p.z);
   }
 
-  /// Content inside a ball of `radius` whose depth reaches `half_depth` from its centre.
+  /// Adds a ball of radius `radius` whose content extends `half_depth` in depth to each side of the
+  /// centre.
   void add_ball(Vec3 centre, double radius, double half_depth) {
     const Vec3 p = seen(centre);
     for (const Plane& plane : planes_)
@@ -176,13 +178,13 @@ class SeenDepth {
              std::abs(along) * half_length + across * radius);
   }
 
-  /// Distances along the viewing direction.
+  /// Returns the range of distances along the viewing direction.
   [[nodiscard]] Interval depth() const { return depth_; }
 
  private:
   [[nodiscard]] Vec3 seen(Vec3 world) const { return orientation_.turned(world - from_); }
 
-  /// Keeps the part of polygon_ on the plane's good side.
+  /// Keeps the part of polygon_ on the positive side of the plane.
   void clip(const Plane& plane) {
     clipped_.clear();
     for (size_t i = 0; i < polygon_.size(); ++i) {
@@ -218,7 +220,7 @@ Interval depth_seen_by(const Camera& camera, const SceneDescription& scene, Pane
 
 // ---- depth
 
-/// z in the panel frame of the bounds, in mm before any depth scale.
+/// Returns the range of panel z of the bounds, in mm before depth scaling.
 Interval depth_of_bounds(const Bounds& bounds, const Framing& framing) {
   Interval z;
   for (const Vec3 corner : corners(bounds))
@@ -226,10 +228,10 @@ Interval depth_of_bounds(const Bounds& bounds, const Framing& framing) {
   return z;
 }
 
-/// z of the content that has to stay inside the budget.
+/// Returns the range of z of the content that must stay inside the depth budget.
 Interval depth_to_fit(const SceneDescription& scene, const Interval& all, const Framing& framing,
                       PanelSize panel, double turn_degrees) {
-  // A turned scene is no longer seen from where its camera stood.
+  // A rotated scene is no longer seen from its camera's position.
   if (scene.cameras.empty() || turn_degrees != 0.0) return all;
   const Camera& camera = scene.cameras.front();
   const Interval seen = depth_seen_by(camera, scene, panel);
@@ -251,7 +253,7 @@ double fitting_depth_scale(const Interval& z, double budget_mm, double viewing_d
   return scale;
 }
 
-/// The plane where the camera starts to see, z in mm before any depth scale.
+/// Returns the z of the plane where the camera starts to see, in mm before depth scaling.
 double camera_plane(const SceneDescription& scene, const Framing& framing) {
   if (scene.cameras.empty()) return std::numeric_limits<double>::infinity();
   const Camera& camera = scene.cameras.front();
@@ -272,7 +274,8 @@ Affine panel_from_world(const Framing& framing, double depth_scale) {
   return map;
 }
 
-/// Built directly rather than by inversion: exact for any scale.
+/// Returns the inverse map, built directly rather than by inversion, so that it is exact for any
+/// scale.
 Affine world_from_panel(const Framing& framing, double depth_scale) {
   const double s = framing.mm_per_unit;
   return {framing.orientation.right / s, framing.orientation.up / s,

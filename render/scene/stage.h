@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stage: how a scene is put before, on and behind the glass.
+// Stage places a scene in front of, on and behind the panel.
 #pragma once
 
 #include <optional>
@@ -10,19 +10,19 @@
 
 namespace lenticule::render {
 
-/// What a user may say; what is left out is chosen so that the scene's centre lies on the glass and
-/// its depth fits the budget.
+/// StageOptions holds the user's placement options. Defaults place the scene's centre on the panel
+/// and make its depth fit the budget.
 struct StageOptions {
-  std::optional<Vec3> centre{};  ///< world point that lies at the panel's centre on the glass
-  std::optional<double> mm_per_unit{};  ///< size on the glass
-  /// Depth scale relative to mm_per_unit: 1 = undistorted, 0.5 = half as deep. Left out: 1, or less
-  /// where the scene would leave the depth budget.
+  std::optional<Vec3> centre{};         ///< world point that is placed at the centre of the panel
+  std::optional<double> mm_per_unit{};  ///< size on the panel
+  /// Depth scale relative to mm_per_unit: 1 = undistorted, 0.5 = half as deep. Default: 1, or less
+  /// if the scene would exceed the depth budget.
   std::optional<double> depth_scale{};
-  /// How far content may leave the glass, in units of the sheet's depth of field.
+  /// Largest distance of content from the panel, in units of the sheet's depth of field.
   double depth_budget = 1.0;
-  /// Part of the panel's height and width that the scene may fill when it is fitted.
+  /// Fraction of the panel's height and width that a fitted scene may fill.
   double fill = 0.9;
-  /// Turn of the scene about the panel's vertical axis, degrees.
+  /// Rotation of the scene about the panel's vertical axis, degrees.
   double turn_degrees = 0.0;
 };
 
@@ -31,15 +31,15 @@ struct Stage {
   Affine world_from_panel;
   double mm_per_unit = 1.0;
   double depth_scale = 1.0;
-  /// z in the panel frame of the nearest thing to be shown: the front of the scene's bounds, but
-  /// never in front of the plane where its camera starts to see (a room's wall behind the camera is
-  /// not shown). Rays start here.
+  /// Panel z of the nearest displayed content: the front of the scene's bounds, but never in front
+  /// of the plane where its camera starts to see (a wall behind the camera is not displayed). Rays
+  /// start here.
   double near_mm = 0.0;
-  double far_mm = 0.0;             ///< z of the back of the scene's bounds
-  double depth_of_field_mm = 0.0;  ///< of the rig; infinite for a sheet without a gap
+  double far_mm = 0.0;             ///< panel z of the back of the scene's bounds
+  double depth_of_field_mm = 0.0;  ///< the rig's; infinite for a sheet without a gap
 };
 
-/// World-space bounds of everything that can be seen (infinite planes excepted).
+/// World-space bounds of all visible content (infinite planes excepted).
 struct Bounds {
   Vec3 low{1, 1, 1};
   Vec3 high{-1, -1, -1};
@@ -48,16 +48,18 @@ struct Bounds {
 };
 [[nodiscard]] Bounds scene_bounds(const SceneDescription& scene);
 
-/// Orientation comes from the scene's first camera if it has one (its view direction goes into the
-/// glass, its up is up), else the world's y is up and its z toward the viewer. With a camera, the
-/// point it looks at lies on the glass and the square that its vertical field of view spans there
-/// fills the panel's shorter side. Without one, the bounds are centred on the glass and fitted.
+/// Computes the placement of a scene. The orientation comes from the scene's first camera if it has
+/// one (its view direction points into the panel, its up vector is up); otherwise world y is up and
+/// world z points to the viewer. With a camera, the point that it looks at lies on the panel, and
+/// the square that its vertical field of view spans at that point fills the panel's shorter side.
+/// Without a camera, the bounds are centred on the panel and scaled to fit.
 ///
-/// The depth budget is held by what the camera sees up to three times the distance of the point it
-/// looks at (a ground that runs to the horizon does not flatten the scene), without a camera by
-/// everything; nothing comes nearer than half the way to the eye. Nodes are taken at time 0.
-/// Throws Error(Input) for a scene with nothing in it or without an extent, Error(Usage) for
-/// options that make no sense.
+/// With a camera, the depth budget applies to the content that the camera sees up to three times
+/// the distance of the point that it looks at (so a ground that extends to the horizon does not
+/// flatten the scene). Without a camera it applies to all content. No content comes nearer than
+/// half the distance from the panel to the eye. Nodes are evaluated at time 0.
+/// Throws Error(Input) for a scene that is empty or has no extent, Error(Usage) for invalid
+/// options.
 [[nodiscard]] Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& model,
                                const StageOptions& options = {});
 

@@ -9,10 +9,11 @@
 namespace lenticule::render {
 namespace {
 
-/// Faces whose normals differ by less than this cosine lie in one plane: a thousandth of a degree.
+/// Cosine between the normals of two faces above which they count as coplanar (a thousandth of a
+/// degree).
 constexpr double kSamePlane = 1.0 - 1.5e-10;
 
-/// Sets of triangles that are joined two by two.
+/// Joined is a union-find structure of triangles.
 class Joined {
  public:
   explicit Joined(size_t count) : parent_(count) {
@@ -31,14 +32,14 @@ class Joined {
 using VertexBits = std::array<uint32_t, 6>;
 
 VertexBits bits_of(const MeshShape& mesh, size_t vertex) {
-  const auto bits = [](float v) { return std::bit_cast<uint32_t>(v + 0.0F); };  // one zero
+  const auto bits = [](float v) { return std::bit_cast<uint32_t>(v + 0.0F); };  // -0 becomes +0
   const Vec3f& p = mesh.positions[vertex];
   if (mesh.normals.empty()) return {bits(p.x), bits(p.y), bits(p.z), 0, 0, 0};
   const Vec3f& n = mesh.normals[vertex];
   return {bits(p.x), bits(p.y), bits(p.z), bits(n.x), bits(n.y), bits(n.z)};
 }
 
-/// One number for all vertices that look alike: files often repeat them.
+/// Gives equal vertices one number, since files often repeat vertices.
 std::vector<uint32_t> welded(const MeshShape& mesh) {
   const size_t count = mesh.positions.size() - 1;
   std::vector<std::pair<VertexBits, uint32_t>> vertices(count);

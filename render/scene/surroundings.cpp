@@ -12,12 +12,12 @@
 namespace lenticule::render {
 namespace {
 
-// The sky, in linear light: pale at the horizon, blue overhead, earth below.
+// Colours of the sky, in linear light: pale at the horizon, blue overhead, brown below.
 constexpr Vec3 kHorizon{0.80, 0.86, 0.92};
 constexpr Vec3 kZenith{0.16, 0.32, 0.66};
 constexpr Vec3 kEarth{0.22, 0.20, 0.18};
 
-/// How many times the size of the scene the ground extends to each side.
+/// Extent of the ground to each side, in multiples of the scene's size.
 constexpr double kGroundExtent = 100.0;
 
 double sky_light(Vec3 direction, Vec3 up, int channel) {
@@ -43,17 +43,18 @@ std::shared_ptr<const Texture> load_environment(const std::string& file, bool co
   texture->height = image.height;
   texture->rgba = std::move(image.rgba);
   texture->repeat_v = false;
-  // A scene without colour management computes in code values; the picture joins it there.
+  // A scene without colour management is computed in code values, so the picture is converted to
+  // code values.
   if (!colour_managed)
     for (float& value : texture->rgba)
       value = static_cast<float>(frames::srgb_from_linear(double{value}));
   return texture;
 }
 
-/// The world axis (with sign) nearest to v.
+/// Returns the world axis (with sign) nearest to v.
 Vec3 nearest_axis(Vec3 v) {
   const Vec3 size{std::abs(v.x), std::abs(v.y), std::abs(v.z)};
-  // On a tie y wins, then z: the two axes that files call up.
+  // Ties go to y, then to z: file formats use one of these two axes as up.
   if (size.y >= size.x && size.y >= size.z) return {0, std::copysign(1.0, v.y), 0};
   if (size.z >= size.x) return {0, 0, std::copysign(1.0, v.z)};
   return {std::copysign(1.0, v.x), 0, 0};
@@ -92,7 +93,7 @@ TriangleMesh ground_plane(const Bounds& bounds, Vec3 up, int material) {
   const double reach = kGroundExtent * std::max({size.x, size.y, size.z, 1e-9});
   const Vec3 middle = (bounds.low + bounds.high) * 0.5;
   const double half_height = 0.5 * std::abs(dot(size, up));
-  // A little lower than the lowest point, so that a flat base does not fight with it.
+  // Slightly below the lowest point, so that the ground does not coincide with a flat base.
   const Vec3 foot = middle - up * (half_height * (1.0 + 1e-4));
   const Vec3 side = up.x != 0.0 ? Vec3{0, 1, 0} : Vec3{1, 0, 0};
   const Vec3 a = side * reach;

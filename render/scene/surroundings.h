@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a ray meets that meets nothing: a flat colour, a sky, or a picture of the surroundings; and
-// the ground plane.
+// Background of a scene: a flat colour, a sky gradient or an environment picture; and the ground
+// plane.
 #pragma once
 
 #include <memory>
@@ -12,38 +12,39 @@
 
 namespace lenticule::render {
 
-/// Optional surroundings that a file need not have.
+/// Surroundings holds environment options that add to or replace the scene file's.
 struct Surroundings {
-  std::optional<Vec3> background;  ///< replaces the scene's
+  std::optional<Vec3> background;  ///< replaces the scene's background
   bool sky = false;                ///< vertical gradient instead of a flat background
   std::string environment_file;    ///< latitude-longitude picture, empty = none
-  bool ground = false;             ///< a plane under the scene
+  bool ground = false;             ///< adds a plane under the scene
   Vec3 ground_colour{0.5, 0.5, 0.5};
 };
 
-/// The light that comes from infinitely far away.
+/// Backdrop is the light that comes from infinitely far away.
 struct Backdrop {
   Vec3 colour;
   Vec3 up{0, 1, 0};      ///< unit, the world axis that is up
-  Vec3 ahead{0, 0, -1};  ///< unit, the world direction at the middle of the environment picture
+  Vec3 ahead{0, 0, -1};  ///< unit, the world direction at the centre of the environment picture
   bool sky = false;
   std::shared_ptr<const Texture> environment;
 
-  /// The same in every direction.
+  /// Returns true if the light is the same in every direction.
   [[nodiscard]] bool flat() const { return !sky && !environment; }
 };
 
-/// Throws Error(Input) for an environment file that cannot be read.
+/// Creates the backdrop. Throws Error(Input) for an environment file that cannot be read.
 [[nodiscard]] Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
                                      const Surroundings& surroundings);
 
-/// One colour channel of what comes from `direction` (unit, away from the eye).
+/// Returns one colour channel of the light from `direction` (unit, away from the eye).
 [[nodiscard]] double backdrop_light(const Backdrop& backdrop, Vec3 direction, int channel);
 
-/// The world axis nearest to the panel's up, so that "down" stays down in files whose z is up.
+/// Returns the world axis nearest to the panel's up, so that "down" is preserved for files whose z
+/// axis is up.
 [[nodiscard]] Vec3 world_up(const Stage& stage);
 
-/// A large square under the scene's bounds, facing up, in world coordinates.
+/// Returns a large square under the scene's bounds, facing up, in world coordinates.
 [[nodiscard]] TriangleMesh ground_plane(const Bounds& bounds, Vec3 up, int material);
 
 }  // namespace lenticule::render

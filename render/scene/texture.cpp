@@ -7,15 +7,16 @@
 namespace lenticule::render {
 namespace {
 
-/// Two neighbouring texels of one axis and how much of the second.
+/// Two neighbouring texels along one axis and the weight of the second.
 struct Neighbours {
   int first = 0;
   int second = 0;
   double blend = 0.0;
 };
 
-/// How far a coordinate lies beyond the whole number below it. Beyond 2^52 there is nothing
-/// between. Written out: without SSE4 std::floor is a call, and this is asked for every point.
+/// Returns the distance of a coordinate above the next lower integer; beyond 2^52 all doubles are
+/// integers. Does not use std::floor, which is a function call without SSE4, since this runs for
+/// every shaded point.
 double beyond_whole(double coordinate) {
   constexpr double kWhole = 4503599627370496.0;
   if (!(std::abs(coordinate) < kWhole)) return 0.0;
@@ -25,10 +26,11 @@ double beyond_whole(double coordinate) {
 
 Neighbours neighbours(double coordinate, int size, bool repeat) {
   if (!std::isfinite(coordinate)) coordinate = 0.0;
-  // Brought near the picture first, so that huge coordinates neither overflow nor lose the blend.
+  // Reduced to the picture first, so that huge coordinates neither overflow nor lose the blend
+  // weight.
   coordinate = repeat ? beyond_whole(coordinate) : std::clamp(coordinate, 0.0, 1.0);
-  // From half a texel before the first to half a texel before the end: at least 0, made whole by
-  // leaving out what is behind the point, and one less again.
+  // Measured from half a texel before the first texel, so that the value is at least 0 and
+  // truncation rounds down; `first` is one less.
   const double texel = coordinate * size + 0.5;
   const int second = static_cast<int>(texel);
   const int first = second - 1;
@@ -37,7 +39,7 @@ Neighbours neighbours(double coordinate, int size, bool repeat) {
   return {std::max(first, 0), std::min(second, size - 1), blend};
 }
 
-/// Parts are below 1, so that this stays between the two.
+/// Interpolates; the result lies between a and b since part < 1.
 double blended(double a, double b, double part) {
   return a + part * (b - a);
 }

@@ -6,16 +6,18 @@
 
 namespace lenticule::render {
 
-/// Component 0, 1, 2 of a colour: what a subpixel of that channel needs of it.
+/// Returns component 0, 1 or 2 of a colour: the value that a subpixel of that channel needs.
 [[nodiscard]] inline double component(const Vec3& colour, int channel) {
   return channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
 }
 
-/// Bilinear between texel centres; (0, 0) is the top-left corner of the picture. Beyond it, the
-/// texture repeats or its border continues, as it says. A coordinate that is not finite is 0.
+/// Interpolates bilinearly between texel centres; (0, 0) is the top-left corner of the picture.
+/// Outside the picture, the texture repeats or its border is extended, as repeat_u and repeat_v
+/// state. A non-finite coordinate counts as 0.
 [[nodiscard]] double texture_value(const Texture& texture, double u, double v, int channel);
 
-/// Frames of one file share their textures; others have equal ones. Null is the same as null.
+/// Returns true if two textures are equal. Frames of one file share their textures; frames of
+/// separate files have equal copies. Two null pointers are equal.
 [[nodiscard]] bool same_texture(const std::shared_ptr<const Texture>& a,
                                 const std::shared_ptr<const Texture>& b);
 
