@@ -1,40 +1,45 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the methods that reuse points do it. The defaults were chosen by measurement
-// (`lenticule bench reuse`); the other ways are there to be compared with.
+// Options of the methods that reuse points. The defaults were chosen by measurement (`lenticule
+// bench reuse`); the alternatives exist for comparison.
 #pragma once
 
 namespace lenticule::render {
 
 struct ReuseOptions {
-  /// How a subpixel gets its colour from points that were seen through another lens.
+  /// Reconstruction selects the way in which a subpixel gets its colour from points seen through
+  /// another lens.
   enum class Reconstruction {
-    Chords,   ///< between the two points on both sides of its ray, if they belong together
-    Nearest,  ///< from the point nearest to it, as it is
+    Chords,   ///< interpolates between the points on both sides of the ray, if they belong together
+    Nearest,  ///< takes the colour of the nearest point
   };
   Reconstruction reconstruction = Reconstruction::Chords;
-  /// Every so many micro-images one is traced whole, and those between are made from the traced
-  /// ones on both sides. 0: each is made from the one before it, whatever that was made of.
+  /// Every key_every-th micro-image is traced completely, and those between are made from the
+  /// traced ones on both sides. 0: each micro-image is made from the one before it, even if that
+  /// one was not traced.
   int key_every = 2;
-  bool occlusion = true;  ///< the nearest point or chord wins, and hides what it hides
-  /// Points of mirrors, glass and highlights are reused like others.
+  bool occlusion = true;  ///< the nearest point or chord wins and occludes the others
+  /// Points on reflective, transparent and highlighted surfaces are reused like others.
   bool reuse_glossy = true;
-  bool one_side = true;  ///< what only one of the two neighbours shows is taken
-  /// Code values that the two points of a chord, or the two neighbours, may differ by.
+  bool one_side = true;  ///< content that only one of the two neighbours shows is used
+  /// Largest difference in code values between the two points of a chord, or between the two
+  /// neighbours.
   float agreement = 16.0F;
-  /// Code values that the two neighbours of a mean may differ by; beyond, it is traced.
+  /// Largest difference in code values between the two neighbours whose mean is taken; above it,
+  /// the subpixel is traced.
   float mean_agreement = 16.0F;
-  float steepest = 4.0F;  ///< depth per width of a chord
-  /// Every so many frames one is traced whole, counted from frame 0; sequences agree on them
-  /// wherever they are begun.
+  float steepest = 4.0F;  ///< largest depth per width of a chord
+  /// Every key_frames-th frame is traced completely, counted from frame 0, so that a sequence has
+  /// the same traced frames no matter at which frame it is started.
   int key_frames = 16;
-  /// A picture that moves farther than this part of the panel's diagonal from one frame to the next
-  /// is another picture.
+  /// A picture that moves farther than this fraction of the panel's diagonal between two frames is
+  /// treated as a new picture.
   double cut = 1.0 / 16.0;
-  float within = 0.5F;  ///< Nearest: distance of a point from the ray, in slots of its channel
+  float within = 0.5F;  ///< Nearest: largest distance of a point from the ray, in slots
 };
 
-/// As literally as the paper can be read: each micro-image from the one before it, every point
-/// taken for the subpixel that is nearest, nothing hidden, any two colours meant.
+/// Returns the most literal reading of the paper: each micro-image is made from the one before it,
+/// every point goes to the nearest subpixel, there is no occlusion, and any two colours are
+/// averaged.
 [[nodiscard]] inline ReuseOptions literal_reuse() {
   ReuseOptions reuse;
   reuse.reconstruction = ReuseOptions::Reconstruction::Nearest;

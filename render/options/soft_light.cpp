@@ -19,7 +19,7 @@ void check_count(const char* what, int count) {
     throw Error(ErrorKind::Usage, fmt::format("{} {}: not in 0 ... {}", what, count, kMostSamples));
 }
 
-/// False for NaN too.
+/// Throws Error(Usage) unless size is in [0, most]; NaN is rejected, too.
 void check_size(const char* what, double size, double most, const char* unit) {
   if (!(size >= 0.0 && size <= most))
     throw Error(ErrorKind::Usage,

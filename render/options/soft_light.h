@@ -1,24 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a user may ask of lamps that have a size and of light that comes from all around;
-// docs/rendering.md, "Soft light", states the formulas.
+// User options for area lights and ambient light; docs/rendering.md, "Soft light", states the
+// formulas.
 #pragma once
 
 namespace lenticule::render {
 
-/// Rays are counted for each point that is shaded, in every generation of mirrored rays.
+/// SoftLight holds ray counts and sizes of soft lighting. Ray counts are per shaded point, at every
+/// bounce.
 struct SoftLight {
-  /// Toward each lamp that has a size; 0 = hard shadows.
+  /// Rays toward each area light; 0 = hard shadows.
   int shadow_samples = 0;
-  /// Of point lights and spots, in millimetres on the glass; 0 leaves them hard.
+  /// Radius of point and spot lights, in millimetres on the panel; 0 = hard shadows.
   double lamp_radius_mm = 20.0;
-  /// Of directional lights, seen from the scene, in degrees; 0 leaves them hard.
+  /// Angular radius of directional lights, as seen from the scene, in degrees; 0 = hard shadows.
   double sun_radius_degrees = 1.5;
-  /// Of the flat ambient light, which then reaches a point only where these rays meet nothing; 0 =
-  /// everywhere.
+  /// Rays that sample the occlusion of the flat ambient light, which reaches a point only along
+  /// rays that meet nothing; 0 = no occlusion.
   int occlusion_samples = 0;
-  /// How far those rays look, in millimetres on the glass; may be infinite.
+  /// Length of the occlusion rays, in millimetres on the panel; may be infinite.
   double occlusion_distance_mm = 50.0;
-  /// Toward the surroundings, whose light then takes the place of the flat ambient light; 0 = flat.
+  /// Rays toward the environment, whose light then replaces the flat ambient light; 0 = flat.
   int environment_samples = 0;
 
   [[nodiscard]] bool samples_ambient() const {
@@ -27,8 +28,8 @@ struct SoftLight {
   [[nodiscard]] bool any() const { return shadow_samples > 0 || samples_ambient(); }
 };
 
-/// Throws Error(Usage) for numbers that are negative, too large or not finite, and where both
-/// occlusion and environment are asked for.
+/// Checks the options. Throws Error(Usage) for numbers that are negative, too large or not finite,
+/// and if both occlusion and environment samples are requested.
 void validate(const SoftLight& soft);
 
 }  // namespace lenticule::render

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a frame's time goes, for `lenticule bench exact`.
+// WorkClock attributes a frame's time to kinds of work, for `lenticule bench exact`.
 #pragma once
 
 #include <array>
@@ -12,20 +12,20 @@
 
 namespace lenticule::render {
 
-/// What a worker does.
+/// Kinds of work of a worker thread.
 enum class Work : uint8_t {
-  MakeRays,        ///< optics: from subpixels to packets
+  MakeRays,        ///< optics: from subpixels to ray packets
   TracePrimary,    ///< Embree
   Shade,           ///< surfaces, lights, new rays
   TraceShadows,    ///< Embree
   TraceSecondary,  ///< Embree: mirrored and refracted rays
-  Write,           ///< from light to bytes
+  Write,           ///< conversion of light to bytes
   Idle,
 };
 inline constexpr size_t kWorks = static_cast<size_t>(Work::Idle) + 1;
 
-/// Of one thread. Reads the processor's clock when a worker turns to something else, a few
-/// nanoseconds each time, and only when it is on.
+/// WorkClock measures the work of one thread. If enabled, it reads the processor's time stamp
+/// counter at each change of work, which costs a few nanoseconds.
 class WorkClock {
  public:
   explicit WorkClock(bool on) : on_(on), last_(on ? now() : 0) {}
@@ -37,7 +37,8 @@ class WorkClock {
     last_ = time;
     current_ = work;
   }
-  /// In ticks of no particular length: compare them with each other.
+  /// Returns the time per kind of work in ticks of unspecified length; only their ratios are
+  /// meaningful.
   [[nodiscard]] const std::array<uint64_t, kWorks>& ticks() const { return ticks_; }
 
  private:
