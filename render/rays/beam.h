@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bundles of primary rays.
+// Beam bounds a bundle of primary rays.
 #pragma once
 
 #include "base/interval.h"
@@ -8,7 +8,8 @@ namespace lenticule::render {
 
 [[nodiscard]] Interval operator*(Interval a, Interval b);
 
-/// All rays (x + tan_x z, y + tan_y z, z), z < start_mm, of these numbers, in the panel frame.
+/// All rays (x + tan_x z, y + tan_y z, z), z < start_mm, with parameters in these intervals, in the
+/// panel frame.
 struct Beam {
   Interval x_mm, tan_x;
   Interval y_mm, tan_y;

@@ -7,7 +7,7 @@
 namespace lenticule::render {
 namespace {
 
-/// The binary digits of i mirrored at the point: 0, 1/2, 1/4, 3/4, ...
+/// Returns the radical inverse of i in base 2: 0, 1/2, 1/4, 3/4, ...
 double radical_inverse(unsigned i) {
   double value = 0.0;
   for (double digit = 0.5; i != 0; i >>= 1, digit *= 0.5)
@@ -29,7 +29,7 @@ std::vector<SubpixelPlace> footprint_samples(int count) {
     places.push_back({(i + 0.5) / count - 0.5, radical_inverse(static_cast<unsigned>(i))});
     mean_y += places.back().y / count;
   }
-  // Centred, so that sampling more finely does not move the picture.
+  // The mean is subtracted, so that the number of samples does not shift the picture.
   for (SubpixelPlace& place : places) place.y -= mean_y;
   return places;
 }
@@ -45,7 +45,8 @@ Footprint::Footprint(const optics::OpticalModel& model, SubpixelPlace place)
   const bool stacked = subpixels_are_stacked(rig.panel.layout);
   const double dx = place.x * pixel_width * (stacked ? 1.0 : 1.0 / 3.0);
   const double rows_down = place.y * (stacked ? 1.0 / 3.0 : 1.0);
-  // The lens point's row follows from the subpixel's by the ratio of their distances to the eye.
+  // The row of the lens point follows from the row of the panel point by the ratio of their
+  // distances to the eye.
   const double distance = rig.viewing.distance.value;
   const double lens_rows_down =
       std::isinf(distance) ? rows_down : rows_down * distance / (distance + gap_mm_);
@@ -69,7 +70,8 @@ PanelRay Footprint::through_apex(const PanelRay& centre) const {
   ray.tan_y = centre.tan_y + lens_dy_mm_ * tan_per_mm_;
   ray.tan_x = centre.tan_x;
   if (!(gap_mm_ > 0.0)) return ray;
-  // Delta_x / g of the centre by the law of the sheet, moved, and the law solved for the tangent.
+  // Applies the sheet's refraction law to the centre ray to get Delta_x / g, adds the displacement,
+  // and solves the law for the new tangent.
   const double squares = centre.tan_x * centre.tan_x + centre.tan_y * centre.tan_y;
   const double shift = centre.tan_x / std::sqrt(1.0 + shape_ * squares) + shift_dx_mm_ / gap_mm_;
   const double denominator = 1.0 - shape_ * shift * shift;

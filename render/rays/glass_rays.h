@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays from points of the glass into the scene, as Embree takes them.
+// Rays from points of the panel into the scene, in Embree's packet format.
 #pragma once
 
 #include "render/accel/ray_stream.h"
@@ -8,8 +8,8 @@
 
 namespace lenticule::render {
 
-/// Lane `lane` follows the line from z = start_mm on, away from the viewer; its parameter counts
-/// millimetres of z. Nothing is met yet.
+/// Sets lane `lane` to the line `from`, starting at z = start_mm and going away from the viewer.
+/// The ray parameter counts millimetres of z. The hit is reset to none.
 inline void set_glass_ray(const Scene& scene, double start_mm, const PanelRay& from,
                           RayPacket& packet, size_t lane) {
   const Affine& to_scene = scene.scene_from_panel;

@@ -29,7 +29,8 @@ static_assert(lies_at(offsetof(RTCRayHit16, ray.org_x), packet_kernel::kOriginX)
               lies_at(offsetof(RTCRayHit16, hit.geomID), packet_kernel::kGeometry));
 constexpr int kStride = sizeof(RayPacket) / sizeof(float);
 
-/// Of the pieces of a tile that have polynomials of their own: the widest that the rig's map fits.
+/// Candidate widths of pieces with polynomials of their own; the widest that fits the rig's map is
+/// used.
 constexpr std::array kPieceColumns{TilePlan::kColumns, TilePlan::kColumns / 2,
                                    TilePlan::kColumns / 4};
 static_assert(kPieceColumns.back() % 3 == 0);
@@ -45,13 +46,13 @@ std::array<int, TilePlan::kRows> shifts_of(const TilePlan& plan) {
   return shifts;
 }
 
-/// A number that is not one leaves no bounds.
+/// Extends the interval by a value; NaN makes the interval unbounded.
 void extend_or_spoil(double value, Interval& interval) {
   if (std::isnan(value)) interval = {-HUGE_VAL, HUGE_VAL};
   interval.extend(value);
 }
 
-/// What the kernel writes is in the arrays of a packet, one after the other.
+/// Returns the arrays of a packet as one array of floats, as the kernel writes them.
 float* floats_of(RayPacket& packet) {
   return packet.rays.ray.org_x;
 }
@@ -141,7 +142,8 @@ void PrimaryPackets::Maker::begin(const Scene& scene, const Tile& tile,
   fast_ = packets_.optics_ && centred_ && set_pieces(scene);
 }
 
-/// False where the polynomials do not reach or a number is not fit for Embree.
+/// Sets up all pieces. Returns false if the polynomials do not cover a piece or a number is not
+/// valid for Embree.
 bool PrimaryPackets::Maker::set_pieces(const Scene& scene) {
   const int columns = packets_.optics_->columns();
   int begin = 0;
@@ -158,12 +160,12 @@ bool PrimaryPackets::Maker::set_pieces(const Scene& scene) {
   return true;
 }
 
-/// A piece's optics with where rays start and the map to the scene.
+/// Combines a piece's optics with the start of the rays and the map to the scene.
 bool PrimaryPackets::Maker::combine(const Scene& scene, Piece& piece) const {
   packet_kernel::Tile& out = piece.kernel;
   const optics::TileOptics& rig = *packets_.optics_;
   const optics::TileOptics::Tile& in = piece.optics;
-  // A ray goes away from the viewer: -tan for each millimetre of depth.
+  // Rays point away from the viewer, so the direction is -tan per millimetre of depth.
   for (size_t n = 0; n < static_cast<size_t>(rig.coefficients()); ++n)
     for (size_t r = 0; r < kLanes; ++r) out.tangent[n][r] = -in.tangent[n][r];
   static_assert(sizeof(out.shift) == sizeof(in.shift_mm));
@@ -183,7 +185,8 @@ bool PrimaryPackets::Maker::combine(const Scene& scene, Piece& piece) const {
   return set_shared(scene, piece);
 }
 
-/// Off the panel rows go on, so that more is bounded than there is.
+/// Computes the bounds of a piece. Rows outside the panel are included, so the bounds may be wider
+/// than necessary.
 void PrimaryPackets::Maker::set_bounds(const optics::TileOptics& rig,
                                        const optics::TileOptics::Tile& in, PieceBounds& out) {
   out = {};
@@ -216,7 +219,7 @@ bool PrimaryPackets::Maker::beam(ColumnRange columns, Beam& out) const {
         add_to_beam(pieces_[static_cast<size_t>(p)], in_piece, out);
     }
   }
-  // Directions and places are rounded to single precision.
+  // Directions and positions are rounded to single precision.
   const double room = double{kRoundingMargin} * (out.x_mm.largest() + out.y_mm.largest());
   out.x_mm = out.x_mm.widened(room);
   out.y_mm = out.y_mm.widened(room);
@@ -229,7 +232,7 @@ bool PrimaryPackets::Maker::beam(ColumnRange columns, Beam& out) const {
 
 namespace {
 
-/// Of a polynomial, wherever its argument lies in a range about zero.
+/// Bounds a polynomial over an argument range around zero.
 template <size_t kCount>
 Interval values_of(const std::array<Interval, kCount>& coefficients, size_t used,
                    Interval argument) {
@@ -248,7 +251,7 @@ void PrimaryPackets::Maker::add_to_beam(const Piece& piece, ColumnRange columns,
   if (!piece.touches_panel) return;
   const optics::TileOptics& rig = *packets_.optics_;
   const PieceBounds& of = piece.bounds;
-  constexpr double kMostOff = 0.501;  // lenses, from the nearest one
+  constexpr double kMostOff = 0.501;  // largest distance from the nearest lens, in lenses
   constexpr double kRounding = 1e-6;
   const Interval c{double(columns.begin), double(columns.end - 1)};
   const Interval argument = (of.bend[0] + c * (of.bend[1] + c * of.bend[2]))
@@ -284,7 +287,7 @@ uint64_t PrimaryPackets::Maker::count(ColumnRange columns) const {
   return sum;
 }
 
-/// What all columns of a row share.
+/// Sets the values that all columns of a row share.
 bool PrimaryPackets::Maker::set_shared(const Scene& scene, Piece& piece) const {
   packet_kernel::Tile& out = piece.kernel;
   const double start = start_mm_;
@@ -347,7 +350,7 @@ void PrimaryPackets::Maker::columns(int column, std::span<RayPacket> out) {
   for (int k = 0; k < count; ++k) set_valid(column + k, out[static_cast<size_t>(k)]);
 }
 
-/// `column` counts from the beginning of the piece.
+/// Makes columns of a piece; `column` counts from the beginning of the piece.
 void PrimaryPackets::Maker::make_columns(const Piece& piece, int column,
                                          std::span<RayPacket> out) const {
   if (!piece.touches_panel) return;

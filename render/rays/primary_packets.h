@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The primary rays of a tile, written straight into the packets that Embree takes: one packet is
+// Primary rays of a tile, written directly into the packets that Embree takes. One packet is
 // sixteen rows of one column, which share lens and view.
 #pragma once
 
@@ -16,50 +16,56 @@
 
 namespace lenticule::render {
 
-/// Makes rays for one rig; immutable after construction, safe from any thread. Where the rig's map
-/// is smooth across a tile the rays come from polynomials (optics/tile_optics.h), otherwise, and
-/// for samples off a subpixel's centre, from the map itself, ten times slower.
+/// PrimaryPackets makes primary rays for one rig. If the rig's map is smooth across a tile, the
+/// rays come from polynomials (optics/tile_optics.h); otherwise, and for samples off a subpixel's
+/// centre, from the map itself, which is ten times slower. Thread safety: immutable after
+/// construction, usable from any thread.
 class PrimaryPackets {
  public:
-  /// Both must outlive it.
+  /// Lifetime: `model` and `plan` must outlive the object.
   PrimaryPackets(const optics::OpticalModel& model, const TilePlan& plan, Isa isa = best_isa());
 
-  /// One tile of one scene, for one thread: start() and then columns in any order.
+  /// Maker makes the rays of one tile of one scene: call start(), then columns() in any order.
+  /// Thread safety: used by one thread.
   class Maker {
    public:
     explicit Maker(const PrimaryPackets& packets);
     Maker(const Maker&) = delete;
     Maker& operator=(const Maker&) = delete;
 
-    /// Directions are not unit: a ray's parameter counts millimetres in front of the glass.
+    /// Begins a tile. Ray directions are not unit: the ray parameter counts millimetres in front of
+    /// the panel.
     void start(const Scene& scene, const Tile& tile, const Footprint& footprint);
-    /// Packets have to pass here after each start() before they go to columns(), and through
-    /// init_packets() once before.
+    /// Prepares packets for columns(). Required after each start(); init_packets() is required once
+    /// before.
     void prepare(std::span<RayPacket> packets) const;
-    /// The same for few rays: instead of columns(), ray() may be asked for. Samples are taken in
-    /// the subpixels' centres.
+    /// Begins a tile of which few rays are needed: afterwards use ray() instead of columns().
+    /// Samples lie at the subpixels' centres.
     void start_few(const Scene& scene, const Tile& tile, const Footprint& centre);
-    /// Sets a lane to what columns() makes of a subpixel of the tile that is on the panel.
+    /// Sets a lane to the ray that columns() makes for a subpixel of the tile; the subpixel must be
+    /// on the panel.
     void ray(int column, int row, RayPacket& out, size_t lane);
-    /// Rays of columns [column, column + out.size()) of the tile; `out` is not empty.
+    /// Makes the rays of columns [column, column + out.size()) of the tile; `out` must not be
+    /// empty.
     void columns(int column, std::span<RayPacket> out);
-    /// Bounds of all rays of these columns. False, and `out` is unspecified, where they are not
-    /// known: samples off a subpixel's centre, rays that are not finite.
+    /// Computes bounds of all rays of these columns. Returns false, and leaves `out` unspecified,
+    /// if bounds are unknown: for samples off a subpixel's centre and for non-finite rays.
     [[nodiscard]] bool beam(ColumnRange columns, Beam& out) const;
-    /// How many rays these columns have.
+    /// Returns the number of rays of these columns.
     [[nodiscard]] uint64_t count(ColumnRange columns) const;
-    /// Lanes of the last start() whose rays were not fit for Embree.
+    /// Returns the number of lanes since the last start() whose rays were not valid for Embree.
     [[nodiscard]] uint64_t refused() const { return refused_; }
 
    private:
-    /// Of a piece's polynomials, over its rows and colours.
+    /// Bounds of a piece's polynomials, over its rows and colours.
     struct PieceBounds {
       std::array<Interval, 3> bend;
       std::array<Interval, optics::TileOptics::kMostCoefficients> tangent;
       std::array<Interval, optics::TileOptics::kShiftCoefficients> shift_mm;
       Interval x0_mm, y_mm, tan_y;
     };
-    /// As wide as the rig's polynomials reach; one that does not touch the panel has no rays.
+    /// Piece is a part of a tile as wide as the range of the rig's polynomials. A piece that does
+    /// not touch the panel has no rays.
     struct Piece {
       bool touches_panel = false;
       PieceBounds bounds;
@@ -85,19 +91,19 @@ class PrimaryPackets {
     bool centred_ = false;
     double start_mm_ = 0.0;
     bool whole_ = false;  ///< no lane of the tile lies outside the panel
-    std::array<int, TilePlan::kRows> first_column_{}, end_column_{};  ///< inside the panel
+    std::array<int, TilePlan::kRows> first_column_{}, end_column_{};  ///< columns inside the panel
     uint64_t refused_ = 0;
-    std::vector<Piece> pieces_;  ///< side by side
+    std::vector<Piece> pieces_;  ///< ordered from left to right
     PrimaryRays::Workspace workspace_;
     std::vector<PathRay> rays_;
-    // Of start_few():
+    // Set by start_few() for ray():
     const Scene* scene_ = nullptr;
     const Footprint* centre_ = nullptr;
-    std::vector<RayPacket> column_;  ///< one
+    std::vector<RayPacket> column_;  ///< a single packet
     optics::RowRays of_pixel_;
   };
 
-  /// False where every tile is made by the map itself.
+  /// Returns false if every tile is computed by the map itself.
   [[nodiscard]] bool fast() const { return optics_ != nullptr; }
 
  private:
@@ -107,11 +113,11 @@ class PrimaryPackets {
   const packet_kernel::Kernel& kernel_;
 };
 
-/// The line of a lane's ray in the panel frame.
+/// Returns the line of a lane's ray in the panel frame.
 [[nodiscard]] PanelRay panel_ray(const Affine& panel_from_scene, const RayPacket& packet,
                                  size_t lane);
 
-/// Sets what no ray changes: t_near, time, mask, numbers.
+/// Sets the fields that are the same for all rays: t_near, time, mask, numbers.
 void init_packets(std::span<RayPacket> packets);
 
 }  // namespace lenticule::render

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen primary rays at a time. The same source gives the same bits for every instruction set.
+// Computes sixteen primary rays at a time. All instruction sets give the same bits.
 #include "render/rays/primary_packets_kernel.h"
 
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
@@ -12,8 +12,8 @@ using packet_kernel::Tile;
 constexpr uint32_t kNoGeometry = ~0U;
 constexpr int kHalf = kLanes / 2;
 
-// Vectors of sixteen floats and of eight doubles; the compiler cuts them into what the instruction
-// set has. They may look at arrays of other types, and go between functions by reference only.
+// Vectors of sixteen floats and eight doubles; the compiler splits them to the width of the
+// instruction set. They may alias arrays of other types. Functions take them by reference only.
 using Floats = float __attribute__((vector_size(4 * kLanes), may_alias));
 using HalfFloats = float __attribute__((vector_size(4 * kHalf), may_alias));
 using Doubles = double __attribute__((vector_size(8 * kHalf), may_alias));
@@ -30,7 +30,7 @@ inline void store(const Floats& value, float* packet, Field field) {
   *reinterpret_cast<Floats*>(packet + field * kLanes) = value;
 }
 
-/// How far eight phases lie from the integers nearest to them.
+/// Computes the distances of eight phases from their nearest integers.
 inline void off_of_half(const double (&phase)[3][kLanes], int first, double c, HalfFloats& off) {
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
   const Doubles at = doubles_at(&phase[0][first]) +

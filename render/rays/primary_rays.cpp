@@ -56,7 +56,7 @@ void PrimaryRays::generate(const Scene& scene, const Tile& tile, const Footprint
   const double start = start_mm(scene);
   rays.resize(static_cast<size_t>(tile.columns) * TilePlan::kRows);
   PathRay* ray = rays.data();
-  // Column by column, so that the packets are written one after the other.
+  // Goes column by column, so that packets are written sequentially.
   for (int column = 0; column < tile.columns; ++column)
     for (int row = 0; row < TilePlan::kRows; ++row, ++ray) {
       const Workspace::Row& in = workspace.rows[static_cast<size_t>(row)];

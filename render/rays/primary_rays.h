@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rays of a tile's subpixels, one per subpixel and sample, in the scene frame.
+// PrimaryRays makes the rays of a tile's subpixels, one per subpixel and sample, in the scene
+// frame.
 #pragma once
 
 #include <array>
@@ -13,22 +14,23 @@
 
 namespace lenticule::render {
 
-/// Content nearer to the eye than this part of the viewing distance in front of the glass is left
-/// out: all rays meet at the viewing line, and what stands there has no size.
+/// Content nearer to the eye than this fraction of the viewing distance in front of the panel is
+/// left out: all rays meet at the viewing line, where content has no size.
 inline constexpr double kNearestContent = 0.99;
 
-/// Panel z where rays start: just before the scene's nearest surface, and before the eye.
+/// Returns the panel z where rays start: just before the scene's nearest surface, and at
+/// most kNearestContent of the viewing distance.
 [[nodiscard]] double primary_start_mm(double nearest_surface_mm, double viewing_distance_mm);
 
 class PrimaryRays {
  public:
-  /// Both must outlive it.
+  /// Lifetime: `model` and `plan` must outlive the object.
   PrimaryRays(const optics::OpticalModel& model, const TilePlan& plan);
 
-  /// Scratch of one thread.
+  /// Scratch memory of one thread.
   struct Workspace {
     struct Row {
-      int begin = 0;  ///< subpixels of the row that the tile has: [begin, end)
+      int begin = 0;  ///< subpixels of the row inside the tile: [begin, end)
       int end = 0;
       int first_evaluated = 0;  ///< subpixel of the first element of `rays`
       optics::RowRays rays;
@@ -36,16 +38,16 @@ class PrimaryRays {
     std::array<Row, TilePlan::kRows> rows;
   };
 
-  /// Fills `rays` packet by packet: sixteen rows of the tile's first column, of its second, and so
-  /// on; a ray's target is row * columns + column. Lanes outside the panel are inactive.
+  /// Fills `rays` packet by packet: sixteen rows of the tile's first column, then of its second,
+  /// and so on. A ray's target is row * columns + column. Lanes outside the panel are inactive.
   void generate(const Scene& scene, const Tile& tile, const Footprint& footprint, double weight,
                 Workspace& workspace, std::vector<PathRay>& rays) const;
 
-  /// The same ray of one subpixel of a row, without weight and target.
+  /// Returns the ray of one subpixel of a row as generate() makes it, without weight and target.
   [[nodiscard]] PathRay one(const Scene& scene, int row, int subpixel, const Footprint& footprint,
                             optics::RowRays& scratch) const;
 
-  /// primary_start_mm of a scene.
+  /// Returns primary_start_mm() for a scene.
   [[nodiscard]] double start_mm(const Scene& scene) const;
 
  private:

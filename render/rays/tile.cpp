@@ -21,7 +21,7 @@ TilePlan::TilePlan(const optics::Rig& rig)
     : width_(rig.panel.width_px),
       height_(rig.panel.height_px),
       row_mm_(rig.panel.pixel_height.value) {
-  // Where the three subpixels of a pixel are not thirds of a row, columns move by whole pixels.
+  // If the three subpixels of a pixel are not thirds of a row, columns move by whole pixels.
   const int step = subpixels_are_side_by_side(rig.panel.layout) ? 1 : 3;
   for (int row = 0; row < kRows; ++row)
     shifts_[static_cast<size_t>(row)] =

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a frame is cut into pieces of work.
+// Division of a frame into tiles, the units of work.
 #pragma once
 
 #include <array>
@@ -8,16 +8,16 @@
 
 namespace lenticule::render {
 
-/// A band of rows and a range of sheared columns. A column of a tile runs down one elemental image:
-/// it follows the slanted lens from row to row, so that its rays share lens and view.
+/// Tile is a band of rows and a range of sheared columns. A column follows the slanted lens from
+/// row to row, along one elemental image, so that its rays share lens and view.
 struct Tile {
   int row_begin = 0;
   int rows = 0;
-  int column_begin = 0;  ///< sheared: subpixel of the tile's first row
+  int column_begin = 0;  ///< sheared: subpixel in the tile's first row
   int columns = 0;
 };
 
-/// Columns [begin, end) of a tile.
+/// Column range [begin, end) of a tile.
 struct ColumnRange {
   int begin = 0;
   int end = 0;
@@ -31,19 +31,20 @@ class TilePlan {
   explicit TilePlan(const optics::Rig& rig);
 
   [[nodiscard]] int count() const { return bands_ * per_band_; }
-  /// Tiles of kRows rows; they are numbered from left to right.
+  /// Returns the number of tiles in a band of kRows rows; tiles are numbered from left to right.
   [[nodiscard]] int per_band() const { return per_band_; }
   [[nodiscard]] Tile tile(int index) const;
 
-  /// How many subpixels to the left a column has moved `row` rows below the tile's first.
+  /// Returns the number of subpixels by which a column has moved to the left `row` rows below the
+  /// tile's first row.
   [[nodiscard]] int shift(int row) const { return shifts_[static_cast<size_t>(row)]; }
-  /// The subpixel (3 i + channel) of a tile's column in one of its rows; outside
-  /// [0, row_subpixels()) where the shear leaves the panel.
+  /// Returns the subpixel (3 i + channel) of a tile's column in one of its rows. It lies outside
+  /// [0, row_subpixels()) if the shear leaves the panel.
   [[nodiscard]] int subpixel(const Tile& tile, int column, int row) const {
     return tile.column_begin + column - shift(row);
   }
   [[nodiscard]] int row_subpixels() const { return 3 * width_; }
-  /// What two rows are apart.
+  /// Returns the distance between two rows.
   [[nodiscard]] double row_mm() const { return row_mm_; }
 
  private:
