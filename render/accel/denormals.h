@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flushing of denormal numbers, which Embree asks for in every thread that calls it.
+// FlushDenormals flushes denormal numbers to zero, as Embree requires in every thread that calls
+// it.
 #pragma once
 
 #if defined(__SSE2__)
@@ -8,8 +9,9 @@
 
 namespace lenticule::render {
 
-/// Flushes denormals to zero on this thread while it lives, then restores what was before: worker
-/// threads do not inherit the mode, and code outside the renderer must not notice it.
+/// FlushDenormals sets flush-to-zero mode on this thread during its lifetime, then restores the
+/// previous mode. Worker threads do not inherit the mode, and code outside the renderer must not be
+/// affected.
 class FlushDenormals {
  public:
 #if defined(__SSE2__)

@@ -13,7 +13,7 @@ namespace lenticule::render {
 
 namespace {
 
-/// The same for all devices: they have the machine's instruction set.
+/// Shared by all devices, since they run on the same instruction set.
 std::atomic<int> widest{16};
 
 int widest_packet_of(RTCDevice device) {
@@ -30,7 +30,7 @@ int widest_packet() {
   return widest.load(std::memory_order_relaxed);
 }
 
-/// Embree calls back from any of its threads.
+/// Embree may call back from any of its threads.
 struct EmbreeDevice::Report {
   std::mutex mutex;
   std::string first;

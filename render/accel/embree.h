@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The only door to Embree: handles that release themselves, errors that become exceptions, and the
-// calls whose form differs between Embree 3 and 4. embree_packets.h has those for packets.
+// Sole wrapper of Embree: handles that release themselves, errors as exceptions, and the calls that
+// differ between Embree 3 and 4. embree_packets.h wraps the packet calls.
 #pragma once
 
 #include <cstddef>
@@ -26,10 +26,12 @@ using EmbreeHandle = std::unique_ptr<std::remove_pointer_t<Handle>, EmbreeReleas
 using EmbreeScene = EmbreeHandle<RTCScene>;
 using EmbreeGeometry = EmbreeHandle<RTCGeometry>;
 
-/// A device that remembers the first error Embree reported through its callback.
+/// EmbreeDevice owns a device and remembers the first error that Embree reported through its
+/// callback.
 class EmbreeDevice {
  public:
-  /// `threads` build acceleration structures; 0 = all cores. Throws Error(Failed).
+  /// `threads` is the number of threads that build acceleration structures; 0 = all cores. Throws
+  /// Error(Failed).
   explicit EmbreeDevice(int threads);
   ~EmbreeDevice();
   EmbreeDevice(const EmbreeDevice&) = delete;
@@ -37,26 +39,28 @@ class EmbreeDevice {
 
   [[nodiscard]] RTCDevice get() const { return device_.get(); }
 
-  /// Throws Error(Failed) "doing: what Embree said" if an error was reported since the last call.
+  /// Throws Error(Failed) "doing: Embree's message" if Embree reported an error since the last
+  /// call.
   void check(const std::string& doing) const;
 
  private:
   struct Report;
-  // Declared first: the device may report while it is being released.
+  // Declared first, so that it is destroyed last: the device may report errors while it is
+  // released.
   std::unique_ptr<Report> report_;
   EmbreeHandle<RTCDevice> device_;
 };
 
-/// How many rays Embree traces together on this machine: 16, 8 or 4. Wider packets it takes apart,
-/// ray by ray, into streams. 16 until there is a device.
+/// Returns the widest packet that Embree traces as a unit on this machine: 16, 8 or 4. Embree
+/// splits wider packets into single rays. Returns 16 before the first device is created.
 [[nodiscard]] int widest_packet();
 
-/// Whether the rays of a packet leave from nearly one place in nearly one direction. Telling Embree
-/// so pays for those, and costs dearly for others.
+/// Coherence tells Embree if the rays of a packet start at nearly one place in nearly one
+/// direction. The coherent mode is faster for such packets and much slower for others.
 enum class Coherence { Coherent, Incoherent };
 
-/// Embree's own check of a ray ends the process in some distributions, so nothing beyond these
-/// bounds may reach it. False for NaN.
+/// Returns true if Embree accepts these numbers. Some distributions' Embree checks rays and aborts
+/// the process, so numbers outside these bounds must not reach Embree. Returns false for NaN.
 [[nodiscard]] inline bool embree_accepts(float x, float y, float z) {
   constexpr float kLimit = 1e18F;
   return x > -kLimit && x < kLimit && y > -kLimit && y < kLimit && z > -kLimit && z < kLimit;

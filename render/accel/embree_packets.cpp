@@ -8,10 +8,11 @@
 namespace lenticule::render {
 namespace {
 
-/// Whether Embree takes one component of all directions of a packet for positive, or of all for
-/// negative. What is nearer to zero than 1e-18 it takes for +1e-18, of either sign.
+/// Returns true if Embree treats one direction component of all rays of a packet as positive, or of
+/// all as negative. Embree replaces components of either sign that are nearer to zero than 1e-18 by
+/// +1e-18.
 bool on_one_side(const int* valid, const float* components) {
-  // Nearly always their sign bits are the same, and this is asked of every packet.
+  // Fast path: nearly always all sign bits are equal, and this runs for every packet.
   constexpr auto kClear = std::bit_cast<int32_t>(1e-17F);
   int32_t any = 0, all = -1, small = 0;
   for (size_t r = 0; r < 16; ++r) {
@@ -40,7 +41,7 @@ Coherence coherence_of(Coherence wanted, const int* valid, const RTCRay16& rays)
                                                                      : Coherence::Incoherent;
 }
 
-/// `trace` is one of Embree's functions for packets of that width.
+/// Calls `trace`, one of Embree's functions for packets of that width.
 template <class Trace, class Rays>
 void call(Trace* trace, const int* valid, RTCScene scene, Rays& rays, Coherence coherence) {
 #if LENTICULE_EMBREE_MAJOR >= 4
@@ -76,8 +77,8 @@ void query(const int* valid, RTCScene scene, RTCRay4& rays, Coherence coherence)
   call(rtcOccluded4, valid, scene, rays, coherence);
 }
 
-/// Sixteen rays as parts of `kLanes`. Embree's packets are arrays of four-byte numbers, an element
-/// for each lane.
+/// Traces sixteen rays in parts of `kLanes`. Embree's packets are arrays of four-byte numbers with
+/// one element per lane.
 template <class Part, int kLanes, class Whole>
 void query_parts(const int* valid, RTCScene scene, Whole& rays, Coherence coherence) {
   static_assert(sizeof(Whole) * kLanes == sizeof(Part) * 16 && sizeof(Part) % (4 * kLanes) == 0);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which of a packet's sixteen lanes have a ray: -1 or 0 each, as Embree wants them, or a bit each.
+// Masks of a packet's sixteen lanes: -1 (active) or 0 per lane, as Embree needs, or one bit per
+// lane.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +19,7 @@ namespace lenticule::render {
   return all != 0;
 }
 
-/// A bit for each valid lane.
+/// Returns a bit mask of the valid lanes.
 [[nodiscard]] inline uint32_t lane_bits(const int* valid) {
 #if defined(__SSE2__)
   const auto four = [&](size_t first) {
@@ -33,14 +34,14 @@ namespace lenticule::render {
 #endif
 }
 
-/// By lane. Asking `(lanes & kLaneBit[r]) != 0` in a loop over lanes is done for several at once.
+/// Bit of each lane. A loop over lanes that tests `(lanes & kLaneBit[r]) != 0` can be vectorized.
 inline constexpr uint32_t kLaneBit[kPacket] = {
     1U << 0, 1U << 1, 1U << 2,  1U << 3,  1U << 4,  1U << 5,  1U << 6,  1U << 7,
     1U << 8, 1U << 9, 1U << 10, 1U << 11, 1U << 12, 1U << 13, 1U << 14, 1U << 15};
 
 inline constexpr uint32_t kAllLanes = (1U << kPacket) - 1;
 
-/// Makes lanes invalid.
+/// Sets the lanes in `lanes` to invalid.
 inline void take_lanes(uint32_t lanes, int* valid) {
   if (lanes == 0) return;
   for (size_t r = 0; r < kPacket; ++r) valid[r] = (lanes & kLaneBit[r]) != 0 ? 0 : valid[r];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The memory layout of Embree's packet of sixteen rays, for kernels that are compiled once per
-// instruction set. Plain data only: nothing here may bring a shared inline function into a file
+// Memory layout of Embree's packet of sixteen rays, for kernels that are compiled once per
+// instruction set. Plain data only: this header must not bring shared inline functions into a file
 // that is compiled for AVX-512.
 #pragma once
 
@@ -8,8 +8,8 @@ namespace lenticule::render::packet_kernel {
 
 inline constexpr int kLanes = 16;
 
-/// Which of Embree's arrays of sixteen, counted from the beginning of a packet, is which. The same
-/// in Embree 3 and 4.
+/// Indices of Embree's arrays of sixteen elements, counted from the beginning of a packet. They are
+/// the same in Embree 3 and 4.
 enum Field : int {
   kOriginX,
   kOriginY,

@@ -13,7 +13,7 @@ namespace {
 using namespace quadric_kernel;
 using packet_kernel::Field;
 
-// As many lanes at a time as a vector of the instruction set has doubles.
+// Number of lanes per step: the number of doubles in a vector of the instruction set.
 #if defined(__AVX512F__)
 constexpr int kStep = 8;
 #elif defined(__AVX2__)
@@ -24,7 +24,8 @@ constexpr int kStep = 2;
 constexpr int kInstance = packet_kernel::kGeometry + 1;
 constexpr uint32_t kNone = ~0U;
 
-// A part of a packet, as Embree has it and in double precision. Embree's arrays may lie anywhere.
+// Parts of a packet, in Embree's types and in double precision. Embree's arrays may have any
+// alignment.
 using Floats = float __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
 using Words = uint32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
 using Masks = int32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
@@ -76,8 +77,8 @@ inline Vector operator*(const Vector& a, const Doubles& s) {
   return {a.x * s, a.y * s, a.z * s};
 }
 
-/// The first of two ascending roots that lies inside the ray, or the ray's end. `low_counts` and
-/// `high_counts` say which roots there are.
+/// Returns the first of two ascending roots that lies inside the ray, or the ray's end.
+/// `low_counts` and `high_counts` mark the lanes in which the roots exist.
 inline Doubles first_root(const Doubles& low, const Wide& low_counts, const Doubles& high,
                           const Wide& high_counts, const Doubles& near, const Doubles& far) {
   const Doubles second = (high_counts & (high > near) & (high < far)) ? high : far;
@@ -113,7 +114,7 @@ inline Doubles distance(const Cone& cone, const Vector& origin, const Vector& di
   const Doubles discriminant = half_b * half_b - a * c;
   const Wide real = discriminant >= 0.0;
   const Doubles size = root(real ? discriminant : Doubles{});
-  // copysign: also where half_b is a negative zero.
+  // A half_b of -0 counts as negative, like std::copysign does.
   const Doubles signed_size = reinterpret_cast<Wide>(half_b) < 0 ? -size : size;
   const Doubles q = -(half_b + signed_size);
   const Wide flat = a == 0.0;
@@ -169,7 +170,7 @@ void intersect(const Shape& shape, uint32_t geometry, uint32_t primitive, const 
     Masks& lanes = valid_at(packet, first);
     Floats& far = floats_at(packet, packet_kernel::kTFar, first);
     const Floats t = __builtin_convertvector(distance(shape, packet, first), Floats);
-    // Rounded to the ray's precision it may no longer be in front of what is known.
+    // Rounding to single precision may put t behind the current hit.
     const Masks met = lanes & (t < far);
     far = met ? t : far;
     const auto set = [&](int field, uint32_t value) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packets of rays against one sphere, cone or wide triangle, compiled once per instruction set. The
-// formulas, their order and so every bit are those of render/accel/quadrics.h and
-// render/accel/wide_triangle.h. Plain data only: nothing here may bring a shared inline function
-// into a file that is compiled for AVX-512.
+// Intersection of ray packets with one sphere, cone or wide triangle, compiled once per instruction
+// set. Formulas and their order are those of render/accel/quadrics.h and
+// render/accel/wide_triangle.h, so the results are bit-identical. Plain data only: this header must
+// not bring shared inline functions into a file that is compiled for AVX-512.
 #pragma once
 
 #include <cstdint>
@@ -36,16 +36,17 @@ struct Triangle {
   double edge_room;  ///< kEdgeRoom
 };
 
-/// A packet as Embree has it: arrays of `lanes` elements each, beginning with the origins (see
-/// packet_kernel::Field); a shadow ray has no more than the first twelve. Lanes where `valid` is
-/// zero stay as they are; then valid becomes -1 where the shape was met, 0 elsewhere.
+/// Packet refers to a packet in Embree's layout: arrays of `lanes` elements each, beginning with
+/// the origins (see packet_kernel::Field); a shadow ray has only the first twelve arrays. On entry,
+/// lanes where `valid` is zero are inactive and stay unchanged. On return, `valid` is -1 in lanes
+/// that hit the shape and 0 in all others.
 struct Packet {
   int lanes;  ///< a multiple of Kernel::step, at most kMostLanes
   int32_t* valid;
   float* rays;
 };
 
-/// What Embree calls for packets.
+/// Kernel holds the functions that Embree's packet callbacks use.
 struct Kernel {
   int step;
   void (*intersect_sphere)(const Sphere&, uint32_t geometry, uint32_t primitive, const Packet&);

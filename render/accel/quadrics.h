@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Spheres and open cones met by rays, in closed form and double precision.
+// Intersection of rays with spheres and open cones, in closed form and double precision.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,8 @@ struct SphereShape {
   int material = 0;
 };
 
-/// radius(s) = base_radius + slope s for s in [0, height] along `axis`; a cylinder has slope 0.
+/// ConeShape has radius(s) = base_radius + slope s for s in [0, height] along `axis`; a cylinder
+/// has slope 0.
 struct ConeShape {
   Vec3 base;
   Vec3 axis;  ///< unit, from base to apex
@@ -28,41 +29,42 @@ struct ConeShape {
   int material = 0;
 };
 
-/// Where a line meets a surface: `count` parameters, ascending.
+/// Ray parameters of the intersections of a line with a surface, ascending.
 struct Roots {
   int count = 0;
   double t[2] = {0.0, 0.0};
 };
 
-/// Real roots of a t^2 + 2 half_b t + c, without the cancellation of the textbook formula; a may be
-/// zero. A double root counts twice.
+/// Returns the real roots of a t^2 + 2 half_b t + c, without the cancellation of the textbook
+/// formula; a may be zero. A double root counts twice.
 [[nodiscard]] inline Roots quadratic_roots(double a, double half_b, double c);
 
-/// `direction` need not have unit length. Defined here because Embree asks ray by ray where few
-/// rays of a packet are left: a call takes longer than the answer.
+/// Intersects a line with a shape. `direction` need not be unit. Defined inline because Embree
+/// calls the function ray by ray when few rays of a packet are left, and a call would cost more
+/// than the computation.
 [[nodiscard]] inline Roots meet(const SphereShape& sphere, Vec3 origin, Vec3 direction);
 [[nodiscard]] inline Roots meet(const ConeShape& cone, Vec3 origin, Vec3 direction);
 
-/// The first root in (t_min, t_max), or t_max where there is none.
+/// Returns the first root in (t_min, t_max), or t_max if there is none.
 [[nodiscard]] inline double first_root(const Roots& roots, double t_min, double t_max) {
   for (int i = 0; i < roots.count; ++i)
     if (roots.t[i] > t_min && roots.t[i] < t_max) return roots.t[i];
   return t_max;
 }
 
-/// The nearest point of the surface to one that is almost on it.
+/// Returns the point of the surface nearest to a point that is almost on it.
 [[nodiscard]] Vec3 project_onto(const SphereShape& sphere, Vec3 point);
 [[nodiscard]] Vec3 project_onto(const ConeShape& cone, Vec3 point);
 
-/// Unit normal at a point of the surface, on its outer side; zero at the tip of a cone.
+/// Returns the unit normal at a point of the surface, on its outer side; zero at the tip of a cone.
 [[nodiscard]] Vec3 outer_normal(const SphereShape& sphere, Vec3 point);
 [[nodiscard]] Vec3 outer_normal(const ConeShape& cone, Vec3 point);
 
-/// The largest of its lengths.
+/// Returns the largest dimension of the shape.
 [[nodiscard]] double extent_of(const SphereShape& sphere);
 [[nodiscard]] double extent_of(const ConeShape& cone);
 
-/// Half the size of the box around a disc, along each axis.
+/// Returns half the size of the box around a disc, along each axis.
 [[nodiscard]] Vec3 disc_extent(Vec3 unit_normal, double radius);
 
 struct Box {
@@ -75,7 +77,8 @@ struct Box {
 inline Roots quadratic_roots(double a, double half_b, double c) {
   const double discriminant = half_b * half_b - a * c;
   if (!(discriminant >= 0.0)) return {};
-  // Both terms of q have one sign, so nothing cancels; the other root follows from the product.
+  // Both terms of q have the same sign, so nothing cancels; the other root follows from the
+  // product.
   const double q = -(half_b + std::copysign(std::sqrt(discriminant), half_b));
   if (q == 0.0) return a == 0.0 ? Roots{} : Roots{.count = 2, .t = {0.0, 0.0}};
   if (a == 0.0) return {.count = 1, .t = {c / q, 0.0}};
@@ -84,8 +87,8 @@ inline Roots quadratic_roots(double a, double half_b, double c) {
 }
 
 inline Roots meet(const SphereShape& sphere, Vec3 origin, Vec3 direction) {
-  // From the point of the line nearest to the centre: no large squares cancel, however far away the
-  // ray starts.
+  // Starts at the point of the line nearest to the centre, so that no large squares cancel, even if
+  // the ray starts far away.
   const double per_squared = 1.0 / dot(direction, direction);
   const double nearest = dot(sphere.centre - origin, direction) * per_squared;
   const Vec3 off_centre = origin + direction * nearest - sphere.centre;

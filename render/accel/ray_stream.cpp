@@ -12,10 +12,10 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-/// An occluder this close to the light, as a part of the way, is the lamp itself.
+/// Fraction of the distance to a light within which an occluder counts as the lamp itself.
 constexpr double kLampClearance = 1.0 / (1 << 18);
 
-/// Fills lane i; false, with a harmless ray in it, when Embree must not see this one.
+/// Fills lane i. Returns false, and loads a harmless ray, if Embree must not get this one.
 bool load_lane(RTCRay16& rays, size_t i, Vec3 origin, Vec3 direction, float far) {
   const Vec3f o(origin);
   const Vec3f d(direction);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays of one tile, and their tracing sixteen at a time.
+// Rays of one tile, and functions that trace them sixteen at a time.
 #pragma once
 
 #include <cstdint>
@@ -14,9 +14,10 @@ namespace lenticule::render {
 
 inline constexpr size_t kPacket = 16;
 
-/// A ray and what becomes of its light: `weight` times it is added to element `target` of the tile.
+/// PathRay is a ray whose light is multiplied by `weight` and added to element `target` of the
+/// tile.
 struct PathRay {
-  static constexpr uint32_t kInactive = ~0U;  ///< as target: an empty lane of a packet
+  static constexpr uint32_t kInactive = ~0U;  ///< `target` of an empty lane of a packet
 
   Vec3 origin;
   Vec3 direction;  ///< unit
@@ -25,17 +26,17 @@ struct PathRay {
   int channel = 0;
 };
 
-/// What a ray met first.
+/// Hit is the first intersection of a ray.
 struct Hit {
   static constexpr uint32_t kMiss = ~0U;
-  static constexpr uint32_t kRefused = ~0U - 1;  ///< no ray at all: inactive, or not finite
+  static constexpr uint32_t kRefused = ~0U - 1;  ///< the ray was not traced: inactive or non-finite
 
   uint32_t geometry = kRefused;
   uint32_t primitive = 0;
   float distance = 0.0F;
 };
 
-/// A ray toward a light; unless something is in its way, `light` is added to `target`.
+/// ShadowRay is a ray toward a light. Its `light` is added to `target` if the ray is unoccluded.
 struct ShadowRay {
   Vec3 origin;
   Vec3 direction;  ///< unit
@@ -44,27 +45,26 @@ struct ShadowRay {
   uint32_t target = 0;
 };
 
-/// Whether Embree may see this ray, rounded to its precision.
+/// Returns true if Embree accepts this ray after rounding to single precision.
 [[nodiscard]] bool fit_for_embree(Vec3 origin, Vec3 direction);
 
-/// Packets hold consecutive rays. Rays that are not finite never reach Embree; returns their
-/// number.
+/// Intersects rays in packets of consecutive rays. Rays that Embree does not accept are not traced;
+/// returns their number.
 uint64_t intersect(RTCScene scene, std::span<const PathRay> rays, Coherence coherence,
                    std::span<Hit> hits);
 
-/// Adds the light of every ray whose way is free, in the order of the rays; returns the number of
-/// rays that are not finite (they add nothing).
+/// Adds the light of every unoccluded ray, in the order of the rays. Returns the number of
+/// non-finite rays, which add nothing.
 uint64_t add_unshadowed(RTCScene scene, std::span<const ShadowRay> rays, std::span<double> light);
 
-/// Sixteen rays as Embree takes them. `valid` is 0 in lanes that stay out. Returns the number of
-/// active rays that were refused.
+/// RayPacket holds sixteen rays in Embree's layout. `valid` is 0 in inactive lanes.
 struct alignas(64) RayPacket {
   RTCRayHit16 rays;
   alignas(64) int valid[kPacket];
 };
 uint64_t load_packet(std::span<const PathRay> rays, RayPacket& packet);
 
-/// A ray without an end; what it met before is left as it is.
+/// Sets a lane to a ray without an end. The lane's previous hit is kept.
 inline void set_lane(RayPacket& packet, size_t lane, Vec3f origin, Vec3f direction) {
   RTCRay16& ray = packet.rays.ray;
   ray.org_x[lane] = origin.x;

@@ -3,8 +3,8 @@
 
 namespace lenticule::render {
 
-/// The relative error that is assumed for positions, directions and Embree's arithmetic: many
-/// roundings of single precision.
+/// Assumed relative error of positions, directions and Embree's arithmetic, which covers many
+/// single-precision roundings.
 inline constexpr float kRoundingMargin = 1.0F / (1 << 18);
 
 }  // namespace lenticule::render

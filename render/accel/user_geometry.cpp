@@ -11,7 +11,7 @@
 namespace lenticule::render {
 namespace {
 
-/// The next float below, a few roundings generous: a box that is too small loses hits.
+/// Returns a float a few roundings below v: a box that is too small loses hits.
 float rounded_down(double v) {
   constexpr float kBelow = -std::numeric_limits<float>::infinity();
   return std::nextafter(std::nextafter(static_cast<float>(v), kBelow), kBelow);
@@ -73,7 +73,7 @@ quadric_kernel::Triangle lanes_shape(const WideTriangle& triangle) {
   return out;
 }
 
-/// What rays are told that they met.
+/// Geometry and primitive numbers that a hit reports.
 struct Numbers {
   uint32_t geometry, primitive;
 };
@@ -107,7 +107,7 @@ void occlude_packet(const ConeShape& shape, const quadric_kernel::Packet& packet
   kernel().occlude_cone(lanes_shape(shape), packet);
 }
 
-/// The lanes of a packet that Embree asks about, which the kernel may write.
+/// AskedLanes holds a copy of the lanes that Embree asks about, which the kernel may write.
 struct AskedLanes {
   alignas(64) std::array<int, quadric_kernel::kMostLanes> valid;
 
@@ -124,7 +124,7 @@ bool takes_packets_of(unsigned lanes) {
   return lanes <= quadric_kernel::kMostLanes && lanes % static_cast<unsigned>(kernel().step) == 0;
 }
 
-/// Embree 4 wants to be told what was met; in Embree 3 `valid` is only to be read.
+/// Writes the hit lanes back as Embree 4 requires. In Embree 3, `valid` is read-only.
 template <class Arguments>
 void report(const Arguments& arguments, const AskedLanes& met) {
 #if LENTICULE_EMBREE_MAJOR >= 4
@@ -135,7 +135,7 @@ void report(const Arguments& arguments, const AskedLanes& met) {
 #endif
 }
 
-/// Distance to the shape along ray i of a packet, or the ray's own end.
+/// Returns the distance to the shape along ray i of a packet, or the ray's own end.
 template <class Shape>
 double distance(const Shape& shape, RTCRayN* ray, unsigned n, unsigned i) {
   const Vec3 origin{RTCRayN_org_x(ray, n, i), RTCRayN_org_y(ray, n, i), RTCRayN_org_z(ray, n, i)};
@@ -160,7 +160,7 @@ void intersect(const RTCIntersectFunctionNArguments* arguments) {
   for (unsigned i = 0; i < n; ++i) {
     if (arguments->valid[i] == 0) continue;
     const auto t = static_cast<float>(distance(shape, ray, n, i));
-    // Rounded to the ray's precision it may no longer be in front of what is known.
+    // Rounding to single precision may put t behind the current hit.
     const bool met = t < RTCRayN_tfar(ray, n, i);
 #if LENTICULE_EMBREE_MAJOR >= 4
     arguments->valid[i] = met ? -1 : 0;

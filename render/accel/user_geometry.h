@@ -12,17 +12,17 @@
 
 namespace lenticule::render {
 
-/// Committed geometries, ready to be attached. The lists must stay where they are while Embree uses
-/// them.
+/// Returns a committed geometry, ready to be attached. Lifetime: Embree reads the list in place, so
+/// it must not move while Embree uses the geometry.
 [[nodiscard]] EmbreeGeometry make_sphere_geometry(RTCDevice device,
                                                   const std::vector<SphereShape>& spheres);
 [[nodiscard]] EmbreeGeometry make_cone_geometry(RTCDevice device,
                                                 const std::vector<ConeShape>& cones);
-/// Rays that meet them are told the numbers of the mesh and the triangle.
+/// Hits report the geometry and primitive numbers of the mesh and its triangle.
 [[nodiscard]] EmbreeGeometry make_wide_geometry(RTCDevice device,
                                                 const std::vector<WideTriangle>& triangles);
 
-/// What packets are met with; the machine must support it.
+/// Returns the kernel for packets; the machine must support `isa`.
 [[nodiscard]] const quadric_kernel::Kernel& quadric_kernel_for(Isa isa);
 
 }  // namespace lenticule::render

@@ -8,7 +8,7 @@ double largest_part(Vec3 v) {
   return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
 }
 
-/// From zero to the nearest number of [low, high].
+/// Returns the distance from zero to the nearest number in [low, high].
 double distance_to_range(double low, double high) {
   return std::max({low, -high, 0.0});
 }
