@@ -18,13 +18,15 @@
 namespace lenticule::render {
 namespace {
 
-/// Scene units; beyond, single precision says nothing and Embree would drop the primitive silently.
+/// Largest coordinate in scene units: beyond it, single precision is useless and Embree silently
+/// drops the primitive.
 constexpr double kFarthest = 1e15;
 
-/// With more primitives the tree for proofs takes longer to build than a frame gains by it.
+/// Largest number of primitives for which a culling tree is built: above it, the build takes longer
+/// than a frame gains.
 constexpr size_t kMostProvable = size_t{1} << 19;
 
-/// Moves one description into the scene frame, checking every number on the way.
+/// Committer converts one description to the scene frame and checks every number.
 class Committer {
  public:
   Committer(const SceneDescription& description, const Stage& stage, Scene& scene)
@@ -38,7 +40,8 @@ class Committer {
     for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
     for (const Cone& cone : description_.cones) add_cone(cone);
-    // What the stage leaves out in front stays out; a ground, though, runs on toward the viewer.
+    // Content that the stage leaves out in front stays left out; only the ground extends toward the
+    // viewer.
     nearest_ = std::min(nearest_, stage_.near_mm);
     if (surroundings.ground) add_ground(surroundings);
     scene_.near_mm = std::isfinite(nearest_) ? nearest_ : 0.0;
@@ -81,8 +84,8 @@ class Committer {
               panel_from_scene.column_z.z};
   }
 
-  /// The scene's axes are the panel's where those are at right angles in the world: then a row's
-  /// rays share two of three coordinates of origin and direction.
+  /// Sets the scene's axes. They are the panel's axes if these are perpendicular in the world: then
+  /// the rays of a row share two of the three coordinates of origin and direction.
   void set_axes() {
     const Affine& world_from_panel = stage_.world_from_panel;
     const Vec3 x = normalized(world_from_panel.column_x);
@@ -103,7 +106,7 @@ class Committer {
     scene_from_panel.column_z = {0.0, 0.0, scene_from_panel.column_z.z};
   }
 
-  /// A world direction along the scene's axes.
+  /// Returns the components of a world direction along the scene's axes.
   [[nodiscard]] Vec3 turned(Vec3 world) const {
     return {dot(axis_x_, world), dot(axis_y_, world), dot(axis_z_, world)};
   }
@@ -238,7 +241,7 @@ class Committer {
                           .slope = (apex_radius - base_radius) / height,
                           .inward = cone.inward,
                           .material = material_index(cone.material, "cone")};
-    // How far a disc of radius 1 across the axis reaches toward the viewer.
+    // Extent of a unit disc across the axis toward the viewer.
     const double tilt = length(depth_ - shape.axis * dot(depth_, shape.axis));
     see(base, base_radius * tilt);
     see(apex, apex_radius * tilt);
@@ -271,7 +274,7 @@ class Committer {
            .cos_inner = light.cos_inner,
            .cos_outer = light.cos_outer});
     }
-    // A file that states an ambient light says how it is lit.
+    // A file that states an ambient light defines its own lighting, so no default light is added.
     if (description_.lights.empty() && !description_.ambient)
       scene_.lights.push_back(default_light());
   }
@@ -286,8 +289,8 @@ class Committer {
     const RTCDevice device = scene_.device.get();
     scene_.embree.reset(rtcNewScene(device));
     scene_.device.check(description_.source);
-    // Robust: no ray slips between two triangles of a closed surface. Regular lattices of rays on
-    // regular meshes do hit edges and vertices.
+    // Robust mode: no ray passes between two triangles of a closed surface. Regular grids of rays
+    // on regular meshes do hit edges and vertices.
     rtcSetSceneFlags(scene_.embree.get(), RTC_SCENE_FLAG_ROBUST);
     for (size_t i = 0; i < scene_.meshes.size(); ++i)
       attach(mesh_geometry(scene_.meshes[i]), {GeometryEntry::Kind::Mesh, i});
@@ -329,7 +332,7 @@ class Committer {
     scene_.geometries.push_back(entry);
   }
 
-  /// Without an entry: its rays are told the numbers of other geometries.
+  /// Attaches a geometry without a GeometryEntry: its hits report the numbers of other geometries.
   void attach_last(EmbreeGeometry geometry) {
     scene_.device.check(description_.source);
     LENTICULE_CHECK(geometry != nullptr);
@@ -342,9 +345,9 @@ class Committer {
   Scene& scene_;
   Vec3 centre_;
   bool parallel_ = false;
-  Vec3 axis_x_{1, 0, 0}, axis_y_{0, 1, 0}, axis_z_{0, 0, 1};  ///< the scene's, in the world
+  Vec3 axis_x_{1, 0, 0}, axis_y_{0, 1, 0}, axis_z_{0, 0, 1};  ///< the scene's, in world space
   double units_per_world_ = 1.0;
-  Vec3 depth_;  ///< panel z of a scene point is its product with this
+  Vec3 depth_;  ///< its dot product with a scene point is the point's panel z
   double nearest_ = -std::numeric_limits<double>::infinity();
 };
 

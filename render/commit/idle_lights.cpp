@@ -10,10 +10,10 @@
 namespace lenticule::render {
 namespace {
 
-/// Around every point where a surface can be lit.
+/// Ball that contains every point where a surface can be lit.
 struct Ball {
   Vec3 centre;
-  double radius = -1.0;  ///< negative for nothing at all
+  double radius = -1.0;  ///< negative if there is no such point
 
   [[nodiscard]] bool holds(Vec3 p) const { return length(p - centre) <= radius; }
 };
@@ -35,18 +35,19 @@ struct Extent {
 Ball ball_around(const Scene& scene) {
   Extent extent;
   for (const MeshShape& mesh : scene.meshes)
-    // The last one is not a vertex.
+    // The last position is padding, not a vertex.
     for (size_t i = 0; i + 1 < mesh.positions.size(); ++i) extent.hold(Vec3(mesh.positions[i]));
   for (const SphereShape& sphere : scene.spheres) extent.hold(box_of(sphere));
   for (const ConeShape& cone : scene.cones) extent.hold(box_of(cone));
   if (!(extent.low.x <= extent.high.x)) return {};
   Ball ball{(extent.low + extent.high) * 0.5, length(extent.high - extent.low) * 0.5};
-  // New rays start off their surfaces, and points are rounded to single precision.
+  // Margin: secondary rays start off their surfaces, and points are rounded to single precision.
   ball.radius += 16.0 * double{kRoundingMargin} * (length(ball.centre) + ball.radius);
   return ball;
 }
 
-/// Whether zero times what any surface reflects is zero: infinities would not make it so.
+/// Returns true if zero times every reflectance of the scene is zero, which requires all of them to
+/// be finite.
 bool reflects_finitely(const Scene& scene) {
   constexpr double kMost = 1e15;
   const auto moderate = [](double v) { return std::abs(v) < kMost; };
@@ -65,10 +66,10 @@ bool is_black(const SceneLight& light) {
   return none(light.colour.x) && none(light.colour.y) && none(light.colour.z);
 }
 
-/// The cone around the ball, seen from the light, against the spot's own.
+/// Returns true if a spot's cone does not touch the cone around the ball as seen from the light.
 bool shines_past(const SceneLight& light, const Ball& ball) {
   if (light.kind != Light::Kind::Spot) return false;
-  constexpr double kRounding = 1e-4;  // of cosines in single precision, and more
+  constexpr double kRounding = 1e-4;  // covers cosines in single precision, with a margin
   const Vec3 way = ball.centre - light.position;
   const double distance = length(way);
   const double aside = std::acos(std::clamp(dot(way, light.direction) / distance, -1.0, 1.0));
@@ -77,7 +78,7 @@ bool shines_past(const SceneLight& light, const Ball& ball) {
 }
 
 bool is_idle(const SceneLight& light, const Ball& ball) {
-  // Close to a light that falls off, numbers are without bounds.
+  // Close to a light that falls off, intensities are unbounded.
   const bool apart = ball.radius >= 0.0 && !ball.holds(light.position);
   return (is_black(light) && (apart || !light.falls_off)) || (apart && shines_past(light, ball));
 }
@@ -87,7 +88,7 @@ bool is_idle(const SceneLight& light, const Ball& ball) {
 size_t remove_idle_lights(Scene& scene) {
   const Ball ball = ball_around(scene);
   const auto idle = [&](const SceneLight& light) { return is_idle(light, ball); };
-  // Textures are looked through only where something is gained by it.
+  // The textures are examined only if a light could be removed.
   if (std::ranges::none_of(scene.lights, idle) || !reflects_finitely(scene)) return 0;
   return std::erase_if(scene.lights, idle);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lights that bring nothing to anything in a scene.
+// Removal of lights that cannot contribute to any surface of a scene.
 #pragma once
 
 #include <cstddef>
@@ -8,9 +8,9 @@
 
 namespace lenticule::render {
 
-/// Takes lights of zero colour, and spots whose cone passes by all that is in the scene, out of
-/// scene.lights, and returns how many those were. Each would have added exactly zero to every
-/// surface. Before anything is made of the lights.
+/// Removes lights of zero colour, and spots whose cone misses the whole scene, from scene.lights;
+/// returns the number of removed lights. Each of them would have added exactly zero to every
+/// surface. Must be called before any data is derived from the lights.
 size_t remove_idle_lights(Scene& scene);
 
 }  // namespace lenticule::render
