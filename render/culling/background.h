@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parts of a tile that show nothing but what lies behind the scene: they are filled, not traced.
+// Background finds the parts of a tile that show only the backdrop. These parts are filled instead
+// of traced.
 #pragma once
 
 #include <array>
@@ -12,31 +13,32 @@
 
 namespace lenticule::render {
 
-/// Of one thread; keeps its memory from tile to tile.
+/// Background fills parts of tiles. Thread safety: used by one thread. It keeps its memory from
+/// tile to tile.
 class Background {
  public:
   Background();
 
-  /// Runs of a tile's columns, from left to right.
+  /// Run of a tile's columns.
   struct Run {
     ColumnRange columns;
-    bool empty = false;  ///< no ray of theirs meets anything
+    bool empty = false;  ///< no ray of these columns meets anything
   };
-  /// Of the tile that `maker` was started with.
+  /// Returns the runs of the tile that `maker` was started with, from left to right.
   [[nodiscard]] std::span<const Run> runs(const BeamTester& tester,
                                           const PrimaryPackets::Maker& maker);
 
-  /// Adds to light[row * tile.columns + column] what PacketTracer::trace would for rays that meet
-  /// nothing. Calling thread must flush denormals.
+  /// Adds to light[row * tile.columns + column] the light that PacketTracer::trace would add for
+  /// rays that meet nothing. The calling thread must flush denormals.
   void fill(const Scene& scene, const TilePlan& plan, const Tile& tile, ColumnRange columns,
             double weight, PrimaryPackets::Maker& maker, std::span<float> light);
 
-  /// Rays that were not traced.
+  /// Returns the number of rays that were filled instead of traced.
   [[nodiscard]] uint64_t filled() const { return filled_; }
 
  private:
-  /// Six lenses of common sheets: narrow enough for the gaps between things, and wide enough for
-  /// asking to cost little.
+  /// Columns per test, about six lenses of common sheets: narrow enough to fit gaps between
+  /// objects, and wide enough to keep the tests cheap.
   static constexpr int kPartColumns = 48;
   static constexpr int kParts = TilePlan::kColumns / kPartColumns;
   static_assert(TilePlan::kColumns % kPartColumns == 0);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// At depth z the rays of a beam lie between two bounds that are straight lines on each side of the
-// glass: the upper one is a convex function of z, the lower one concave. So all points beyond one
-// bound are a convex set, and a shape lies there if its corners do.
+// At depth z the rays of a beam lie between two bounds, which are straight lines on each side of
+// the panel: the upper bound is a convex function of z, the lower bound a concave one. So the
+// points beyond one bound form a convex set, and a shape lies in this set if its corners do.
 #include "render/culling/beam_tester.h"
 
 #include <algorithm>
@@ -22,13 +22,14 @@ double largest(Vec3 v) {
   return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
 }
 
-/// What Embree may find a shape beside itself by grows with the numbers that it computes with:
-/// coordinates, seen from where a ray starts.
+/// Returns the size to which Embree's intersection error is proportional: coordinates as seen from
+/// the start of a ray.
 double sum_of_sizes(const Beam& beam, double coordinates) {
   return coordinates + std::abs(beam.start_mm) + beam.x_mm.largest() + beam.y_mm.largest();
 }
 
-/// Along one axis of the panel, for what lies between `low` and `high` at depths z.
+/// Returns true if the range `shape` at depths z lies outside the beam, along one axis of the
+/// panel.
 bool beside(const Interval& at_glass, const Interval& slope, Interval shape, Interval z) {
   return shape.low > std::max(upper(at_glass, slope, z.low), upper(at_glass, slope, z.high)) ||
          shape.high < std::min(lower(at_glass, slope, z.low), lower(at_glass, slope, z.high));
@@ -57,8 +58,8 @@ BeamTester::BeamTester(const Scene& scene) : scene_(scene) {
                         map.column_z == Vec3{0.0, 0.0, map.column_z.z} && map.origin == Vec3{};
   if (!straight || !scene.tree) return;
   panel_per_scene_ = {1.0 / map.column_x.x, 1.0 / map.column_y.y, 1.0 / map.column_z.z};
-  // Embree computes in the scene frame, whose numbers may be larger. Much larger ones may not be
-  // fit for it, and such rays stay black.
+  // Embree computes in the scene frame, where numbers may be larger. Much larger numbers may be
+  // invalid for Embree, and their rays stay black.
   const double stretch = std::max(largest(panel_per_scene_),
                                   largest({map.column_x.x, map.column_y.y, map.column_z.z}));
   margin_ = double{kRoundingMargin} * stretch;
@@ -83,7 +84,7 @@ bool BeamTester::misses_box(const Beam& beam, Vec3f low, Vec3f high) const {
          beside(beam.y_mm, beam.tan_y, along(a.y, b.y), z);
 }
 
-/// Of what its box does not tell.
+/// Tests a primitive more closely than its box.
 bool BeamTester::misses_primitive(const Beam& beam, const PrimitiveTree::Leaf& leaf) const {
   const GeometryEntry& entry = scene_.geometries[leaf.geometry];
   if (entry.kind != GeometryEntry::Kind::Mesh) return false;
@@ -99,7 +100,7 @@ bool BeamTester::misses_primitive(const Beam& beam, const PrimitiveTree::Leaf& l
 
 bool BeamTester::empty(const Beam& beam) const {
   if (!usable_) return false;
-  if (!(beam.x_mm.low <= beam.x_mm.high)) return true;  // no ray at all
+  if (!(beam.x_mm.low <= beam.x_mm.high)) return true;  // the beam has no rays
   return !scene_.tree->search(
       true, [&](Vec3f low, Vec3f high) { return !misses_box(beam, low, high); },
       [&](const PrimitiveTree::Leaf& leaf) { return !misses_primitive(beam, leaf); });

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Conservative tests that bundles of primary rays meet nothing.
+// BeamTester does conservative tests that bundles of primary rays meet nothing.
 #pragma once
 
 #include "render/culling/primitive_tree.h"
@@ -7,16 +7,18 @@
 
 namespace lenticule::render {
 
-/// Of one scene, which must outlive it; for any thread.
+/// BeamTester tests beams against one scene. Lifetime: the scene must outlive the object. Thread
+/// safety: usable from any thread.
 class BeamTester {
  public:
   explicit BeamTester(const Scene& scene);
 
-  /// False: no proof can be had, since the scene has too many primitives for a tree, or is put on
-  /// the glass askew or a million times deeper or flatter than it is.
+  /// Returns false if no beam can be tested: the scene has too many primitives for a tree, or the
+  /// stage shears it or scales its depth by more than a factor of a million.
   [[nodiscard]] bool usable() const { return usable_; }
 
-  /// True: no ray of the beam meets anything, Embree's roundings included. False: one may.
+  /// Returns true if no ray of the beam meets anything, including Embree's rounding errors; false
+  /// if a ray may meet something.
   [[nodiscard]] bool empty(const Beam& beam) const;
 
  private:
@@ -26,8 +28,8 @@ class BeamTester {
 
   const Scene& scene_;
   bool usable_ = false;
-  Vec3 panel_per_scene_;  ///< along each axis
-  double margin_ = 0.0;   ///< of sizes
+  Vec3 panel_per_scene_;  ///< panel units per scene unit, along each axis
+  double margin_ = 0.0;   ///< relative to sizes
 };
 
 }  // namespace lenticule::render

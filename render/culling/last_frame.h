@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The frame before, for as long as nothing changes.
+// LastFrame keeps the previous frame, to copy it while the scene does not change.
 #pragma once
 
 #include <memory>
@@ -11,17 +11,18 @@
 
 namespace lenticule::render {
 
-/// Of one method, whose rig and options never change. Not to be used from two threads at once.
+/// LastFrame serves one render method whose rig and options do not change. Thread safety: one
+/// thread at a time.
 class LastFrame {
  public:
-  /// Whether the scene, put where it is, would be rendered to the bytes that are kept.
+  /// Returns true if the committed scene would be rendered to the kept bytes.
   [[nodiscard]] bool shows(const Scene& scene) const;
-  /// Copies those bytes.
+  /// Copies the kept frame.
   RenderStatistics copy_to(frames::WovenFrame& frame) const;
 
   [[nodiscard]] const frames::WovenFrame& frame() const { return frame_; }
 
-  /// The whole frame that the scene was rendered to.
+  /// Keeps the complete frame to which the scene was rendered.
   void keep(const Scene& scene, const frames::WovenFrame& frame);
 
  private:

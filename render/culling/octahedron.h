@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Directions on an octahedron that is unfolded to the square [-1, 1] x [-1, 1]: the upper half is
-// the diamond in its middle, the lower half its corners.
+// Maps directions to an octahedron that is unfolded to the square [-1, 1] x [-1, 1]: the upper half
+// is the diamond in the middle of the square, the lower half its corners.
 #pragma once
 
 #include <cmath>
@@ -10,16 +10,17 @@
 
 namespace lenticule::render {
 
-/// The direction, not of unit length, at a place of the square.
+/// Returns the direction, not normalized, at a point of the square.
 [[nodiscard]] inline Vec3f octahedron_direction(float x, float y) {
   const float z = 1.0F - std::abs(x) - std::abs(y);
   if (z >= 0.0F) return {x, y, z};
   return {std::copysign(1.0F - std::abs(y), x), std::copysign(1.0F - std::abs(x), y), z};
 }
 
-/// Of one of n x n equal cells: a unit direction in it and the cosine of the angle from there to
-/// the farthest of its directions, a little less for rounding. n is even, so that the folds run
-/// through corners of cells; then the farthest direction is at a corner.
+/// DirectionCell describes one of n x n equal cells of the square: a unit direction inside the cell
+/// and the cosine of the angle from it to the farthest direction of the cell, reduced slightly for
+/// rounding. n is even, so that the folds run through corners of cells; then the farthest direction
+/// is at a corner.
 struct DirectionCell {
   Vec3f middle{};
   float cosine = 1.0F;

@@ -14,7 +14,7 @@ float largest(Vec3f v) {
   return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
 }
 
-/// The boxes of all primitives, for Embree's builder.
+/// Returns the boxes of all primitives, for Embree's builder.
 std::vector<RTCBuildPrimitive> boxes_of(const Scene& scene) {
   std::vector<RTCBuildPrimitive> boxes;
   const auto add = [&](size_t geometry, size_t primitive, Vec3f low, Vec3f high) {
@@ -65,7 +65,7 @@ std::vector<RTCBuildPrimitive> boxes_of(const Scene& scene) {
 
 }  // namespace
 
-/// What Embree calls while it builds.
+/// Callbacks of Embree's builder.
 struct PrimitiveTree::Builder {
   static void* make_node(RTCThreadLocalAllocator allocator) {
     return new (rtcThreadLocalAlloc(allocator, sizeof(Node), 16)) Node;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A tree of boxes around a scene's primitives, for proofs that bundles of rays meet nothing.
-// Embree builds it, but does not show its own.
+// PrimitiveTree is a bounding volume hierarchy of a scene's primitives for conservative tests of
+// ray bundles. Embree's builder makes it, since Embree does not expose the hierarchy of a committed
+// scene.
 #pragma once
 
 #include <array>
@@ -13,31 +14,32 @@
 
 namespace lenticule::render {
 
-/// Immutable, safe from any thread. Boxes are in the scene frame; those of spheres and cones are a
-/// margin wider than their shapes, and those of wide triangles; those of others hold their corners.
+/// PrimitiveTree holds boxes in the scene frame. Boxes of spheres, cones and wide triangles are a
+/// margin larger than their shapes; boxes of other triangles just contain the corners. Thread
+/// safety: immutable, usable from any thread.
 class PrimitiveTree {
  public:
-  /// Embree's numbers.
+  /// Embree's geometry and primitive numbers.
   struct Leaf {
     uint32_t geometry = 0;
     uint32_t primitive = 0;
   };
 
-  /// Throws Error(Failed) with what Embree said.
+  /// Builds the tree. Throws Error(Failed) with Embree's message.
   explicit PrimitiveTree(const Scene& scene);
   ~PrimitiveTree();
   PrimitiveTree(const PrimitiveTree&) = delete;
   PrimitiveTree& operator=(const PrimitiveTree&) = delete;
 
-  /// Visits primitives whose boxes, and all those around them, are `wanted(low, high)`, until one
-  /// is `found(leaf)`. False if none is. `unsure` is returned if there are too many boxes to be
-  /// remembered.
+  /// Visits the primitives whose box and all boxes around it satisfy `wanted(low, high)`, until
+  /// `found(leaf)` is true for one. Returns true if one is found, false if none is, and `unsure` if
+  /// the stack of pending boxes overflows.
   template <class Wanted, class Found>
   [[nodiscard]] bool search(bool unsure, const Wanted& wanted, const Found& found) const;
 
  private:
   static constexpr unsigned kMostDepth = 64;
-  /// An inner node, or a leaf where it has no children.
+  /// An inner node, or a leaf if it has no children.
   struct Node {
     std::array<const Node*, 2> child{};
     std::array<Vec3f, 2> low{}, high{};

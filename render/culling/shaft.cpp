@@ -16,22 +16,25 @@ namespace {
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 constexpr float kMargin = kRoundingMargin;
-/// New rays start 2^-19 of that off their own plane; whatever rises less is below them.
+/// Height limit relative to reach, below which a point counts as in the patch's plane: secondary
+/// rays start at a height of 2^-19 of the reach.
 constexpr float kFlatness = 1.0F / (1 << 22);
-/// Of products of unit vectors; less than kMargin.
+/// Rounding error of products of unit vectors; less than kMargin.
 constexpr float kUnitRounding = 1e-6F;
-/// Rays that rise by less than this leave their plane too slowly for rounding not to matter.
+/// Smallest sine of the angle to the patch's plane at which rays leave the plane fast enough for
+/// rounding not to matter.
 constexpr float kLeastAscent = 1e-4F;
 
-/// Of the coordinates: directions are rounded by a few units in the last place, and new rays start
-/// 2^-19 off their plane.
+/// Factor of the coordinates for Patch::level: directions are rounded by a few units in the last
+/// place, and secondary rays start 2^-19 above their plane.
 constexpr float kLevel = 1.0F;
 
 float largest(Vec3f v) {
   return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
 }
 
-/// How far new rays start off a patch is a part of this and of its coordinates.
+/// Sized is a patch and its extent. Secondary rays start off a patch by a fraction of the extent
+/// and of the patch's coordinates.
 struct Sized {
   Patch patch;
   float extent = 0.0F;
@@ -56,7 +59,7 @@ Sized triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCel
   const Vec3 normal = cell.outer_side ? outer : -outer;
   const float extent = std::max(largest(edge1), largest(edge2));
   patch.normal = Vec3f(normal);
-  // Rays of wide triangles start less than their extent says off them.
+  // Rays start closer to a wide triangle than its extent suggests.
   const float reach = wide != nullptr ? static_cast<float>(wide->reach) : extent;
   const float near = std::max(0.0F, largest(patch.centre) - patch.radius);
   const Vec3 corner = wide != nullptr ? wide->corner[0] : Vec3(a);
@@ -71,7 +74,7 @@ Sized triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCel
 Sized sphere_patch(const SphereShape& sphere, const SurfaceCell& cell) {
   const DirectionCell from_centre = direction_cell(cell.u, cell.v, cell.divisions);
   const auto radius = static_cast<float>(sphere.radius);
-  // The chord from the middle of the cap to its rim.
+  // Chord from the centre of the cap to its rim.
   const float chord = std::sqrt(std::max(0.0F, 2.0F - 2.0F * from_centre.cosine));
   return {{.centre = Vec3f(sphere.centre) + from_centre.middle * radius,
            .radius = radius * chord,
@@ -92,11 +95,11 @@ Sized cone_patch(const ConeShape& cone, const SurfaceCell& cell) {
   Patch patch{.leaves_convex = cell.outer_side != cone.inward};
   patch.centre = Vec3f(cone.base) + axis * (begin + 0.5F * step);
   patch.radius = widest + 0.5F * step;
-  // The cell of directions may hold none across the axis, or many: then the whole ring is the
-  // patch.
+  // The cell of directions may contain no direction across the axis, or many; then the patch is the
+  // whole ring.
   const Vec3f flat = across.middle - axis * dot(across.middle, axis);
   if (length(flat) < 0.5F || across.cosine < 0.5F) return {patch, height + widest};
-  // A direction across the axis is no further from `flat` than twice the cell's own reach.
+  // A direction across the axis is no farther from `flat` than twice the cell's radius.
   const float chord = 2.0F * std::sqrt(std::max(0.0F, 2.0F - 2.0F * across.cosine));
   patch.centre = patch.centre + normalized(flat) * widest;
   patch.radius =
@@ -131,7 +134,7 @@ Patch patch_of(const Scene& scene, const SurfaceCell& cell) {
 Shaft shaft_to_point(const Patch& from, Vec3 point) {
   Shaft shaft{.from = from, .to_point = true, .point = Vec3f(point)};
   const Vec3f way = shaft.point - from.centre;
-  // A ray's direction is rounded too: what that does grows with the way.
+  // The direction of a ray is rounded too; the resulting error grows with the distance.
   shaft.from.radius += kMargin * length(way);
   shaft.axis = normalized(way);
   return shaft;
@@ -145,7 +148,7 @@ Shaft shaft_to_ball(const Patch& from, Vec3 middle, double radius) {
 
 Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine) {
   Shaft shaft{.from = from, .axis = axis};
-  // A little wider, for the rounding of directions.
+  // Slightly wider, for the rounding of directions.
   shaft.cosine = cosine - kMargin;
   shaft.sine = std::sqrt(std::max(0.0F, 1.0F - shaft.cosine * shaft.cosine)) + kMargin;
   return shaft;
@@ -159,7 +162,7 @@ Shaft shaft_around(const Patch& from, double length) {
 
 namespace {
 
-/// The convex hull of a shaft, asked for planes that have it on one side.
+/// Hull is the convex hull of a shaft, for tests against separating planes.
 class Hull {
  public:
   explicit Hull(const Shaft& shaft) : shaft_(shaft) {
@@ -172,7 +175,7 @@ class Hull {
              (shaft.within > 0.0F ? shaft.within < shaft.from.level : ascent() > kLeastAscent);
   }
 
-  /// The largest n . p of the hull's points; n has unit length.
+  /// Returns the largest n . p of the hull's points; n is unit.
   [[nodiscard]] float reach(Vec3f n) const {
     const float start = dot(shaft_.from.centre, n) + shaft_.from.radius;
     if (shaft_.within > 0.0F) return start;
@@ -204,7 +207,8 @@ class Hull {
     return passes_triangle(a, b, c, 0.0F);
   }
 
-  /// Of their corners single precision says too little.
+  /// Tests a wide triangle in double precision, since single precision is too coarse for its
+  /// corners.
   [[nodiscard]] bool misses_wide_triangle(const WideTriangle& triangle) const {
     const auto& [a, b, c] = triangle.corner;
     const Patch& from = shaft_.from;
@@ -221,8 +225,8 @@ class Hull {
   }
 
  private:
-  /// Whether a plane lies between the hull and a triangle whose corners are rounded by at most
-  /// `room`.
+  /// Returns true if a plane separates the hull from a triangle whose corners are rounded by at
+  /// most `room`.
   [[nodiscard]] bool passes_triangle(Vec3f a, Vec3f b, Vec3f c, float room) const {
     const auto apart = [&](Vec3f n) {
       return std::min({dot(a, n), dot(b, n), dot(c, n)}) - room > reach(n);
@@ -237,12 +241,12 @@ class Hull {
     return false;
   }
 
-  /// A normal across the axis, turned back so far that the cone of directions lies behind it.
+  /// Tilts a normal across the axis back until the cone of directions lies behind its plane.
   [[nodiscard]] Vec3f lean(Vec3f across) const {
     return shaft_.to_point ? across : across * shaft_.cosine - shaft_.axis * shaft_.sine;
   }
 
-  /// The normal of a plane that is likely to lie between the hull and a point.
+  /// Returns the normal of a plane that is likely to separate the hull from a point.
   [[nodiscard]] Vec3f toward(Vec3f p) const {
     const Vec3f way = p - shaft_.from.centre;
     float along = std::max(0.0F, dot(way, shaft_.axis));
@@ -252,7 +256,7 @@ class Hull {
     return beside ? lean(off) : off;
   }
 
-  /// The least sine between a ray and the patch's plane.
+  /// Returns the smallest sine of the angle between a ray and the patch's plane.
   [[nodiscard]] float ascent() const {
     const Patch& from = shaft_.from;
     if (shaft_.to_point)
@@ -265,12 +269,12 @@ class Hull {
 
   const Shaft& shaft_;
   std::array<float, 3> low_{}, high_{};
-  bool above_ = false;  ///< all rays rise from the patch's plane
+  bool above_ = false;  ///< all rays rise above the patch's plane
 };
 
-/// Whether single primitives are in the way of all rays from a patch to a point or into a ball. All
-/// rays are segments; those at the part f of their way are within (1 - f) radii of the patch and f
-/// radii of the ball of the middle one there.
+/// Obstacles tests if a single primitive blocks all rays from a patch to a point or into a ball.
+/// All rays are segments. At the fraction f of their length they are within (1 - f) patch radii
+/// plus f ball radii of the middle ray.
 class Obstacles {
  public:
   explicit Obstacles(const Shaft& shaft)
@@ -282,20 +286,22 @@ class Obstacles {
     squared_ = dot(way_, way_);
   }
 
-  /// Whether the middle ray passes: what blocks all of them blocks it.
+  /// Returns true if the middle ray reaches the box: a primitive that blocks all rays blocks the
+  /// middle one.
   [[nodiscard]] bool reaches_box(Vec3f low, Vec3f high) const {
     float enter = 0.0F, leave = 1.0F;
     for (int i = 0; i < 3; ++i) {
       const float a = (part(low, i) - part(from_.centre, i)) * inverse_[i];
       const float b = (part(high, i) - part(from_.centre, i)) * inverse_[i];
-      // Zero times infinity: the ray runs in the box's plane and may pass.
+      // Zero times infinity is NaN: the ray lies in the box's plane and may pass.
       enter = std::fmax(enter, std::fmin(a, b));
       leave = std::fmin(leave, std::fmax(a, b));
     }
     return enter <= leave;
   }
 
-  /// A point of each ray lies inside, and neither end does.
+  /// Returns true if a point of each ray lies inside the sphere, and both ends of each ray lie
+  /// outside.
   [[nodiscard]] bool behind_sphere(Vec3f centre, float radius) const {
     const float margin = kMargin * (radius + largest(centre) + largest(point_));
     const float part_way = dot(centre - from_.centre, way_) / squared_;
@@ -306,8 +312,9 @@ class Obstacles {
            length(centre - from_.centre) > radius + from_.radius + margin;
   }
 
-  /// The patch lies inside the pyramid from the point over the triangle, and beyond it. Not asked
-  /// of triangles near the point, where what is a wide margin at the patch is none any more.
+  /// Returns true if the patch lies inside the pyramid from the point through the triangle, and
+  /// beyond the triangle. Returns false for triangles near the point, where a wide margin at the
+  /// patch shrinks to nothing.
   [[nodiscard]] bool behind_triangle(Vec3f a, Vec3f b, Vec3f c) const {
     if (ball_ > 0.0F) return along_prism(a, b, c);
     constexpr float kNear = 0.25F;
@@ -329,8 +336,8 @@ class Obstacles {
  private:
   static float part(Vec3f v, int i) { return i == 0 ? v.x : i == 1 ? v.y : v.z; }
 
-  /// Patch and ball lie inside the prism that runs through the triangle along the middle ray, on
-  /// different sides of the triangle.
+  /// Returns true if patch and ball lie inside the prism that extends the triangle along the middle
+  /// ray, on different sides of the triangle.
   [[nodiscard]] bool along_prism(Vec3f a, Vec3f b, Vec3f c) const {
     const float margin =
         kMargin * (largest(a) + largest(b) + largest(c) + largest(point_) + largest(from_.centre));
@@ -342,7 +349,7 @@ class Obstacles {
     const float widest = std::max(from_.radius, ball_) + margin;
     const auto inside = [&](Vec3f p, Vec3f q, Vec3f opposite) {
       const Vec3f across = cross(q - p, way_);
-      // Of an edge along the way, roundings would make any plane.
+      // An edge parallel to the middle ray defines no plane after rounding.
       constexpr float kLeastSine = 0.05F;
       if (!(length(across) > kLeastSine * length(q - p) * length(way_))) return false;
       const Vec3f n = normalized(across);
@@ -355,7 +362,7 @@ class Obstacles {
   const Patch& from_;
   Vec3f point_;
   float ball_;
-  Vec3f way_;  ///< from the patch's middle to the point
+  Vec3f way_;  ///< vector from the patch's centre to the point
   std::array<float, 3> inverse_{};
   float squared_ = 0.0F;
 };
@@ -383,7 +390,7 @@ bool misses_primitive(const Scene& scene, const Hull& hull, const Patch& from,
   if (from.leaves_convex && leaf.geometry == from.geometry && leaf.primitive == from.primitive)
     return true;
   const GeometryEntry& entry = scene.geometries[leaf.geometry];
-  if (entry.kind == GeometryEntry::Kind::Cones) return false;  // its box was not missed
+  if (entry.kind == GeometryEntry::Kind::Cones) return false;  // its box is in the way
   if (entry.kind == GeometryEntry::Kind::Spheres) {
     const SphereShape& sphere = scene.spheres[leaf.primitive];
     return hull.misses_sphere(Vec3f(sphere.centre), grown(sphere));

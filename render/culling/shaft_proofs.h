@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Remembers which shafts of a scene are empty or blocked.
+// ShaftProofs caches the results of shaft tests for a scene.
 #pragma once
 
 #include <atomic>
@@ -12,57 +12,61 @@
 
 namespace lenticule::render {
 
-/// What is known of all rays of a shaft. The values are bits of the table of proofs.
+/// Result of the conservative tests of a shaft. The values are stored in two bits of the cache.
 enum class ShaftProof : uint8_t {
-  None = 1,     ///< rays must be traced
-  Empty = 2,    ///< none meets anything
-  Blocked = 3,  ///< each meets something before it reaches the light
+  None = 1,     ///< unknown: rays must be traced
+  Empty = 2,    ///< no ray meets anything
+  Blocked = 3,  ///< each ray meets something before it reaches the light
 };
 
-/// How large the scene's lamps are, and how far surfaces look for what is around them.
+/// Sizes of the scene's area lights, and length of the ambient rays.
 struct SoftSizes {
-  double lamp_radius = 0.0;  ///< of those that stand somewhere, in scene units; 0 for points
-  double sun_tangent = 0.0;  ///< of the angle at which the radius of the others is seen
-  double around = 0.0;       ///< scene units
+  double lamp_radius = 0.0;  ///< radius of point and spot lights, in scene units; 0 for points
+  double sun_tangent = 0.0;  ///< directional lights: tangent of the angular radius
+  double around = 0.0;       ///< length of ambient rays, in scene units
   friend bool operator==(const SoftSizes&, const SoftSizes&) = default;
 };
 
-/// For any thread: what is asked for the first time is found out, and kept as long as there is
-/// room. An answer depends on the scene alone, never on who asked first.
+/// ShaftProofs answers queries for shafts: it tests a shaft at the first query and keeps the result
+/// while there is space in the cache. Results depend on the scene only, not on the order of
+/// queries. Thread safety: usable from any thread.
 class ShaftProofs {
  public:
-  /// Both must outlive it; the tree is the scene's.
+  /// Lifetime: `scene` and its tree `tree` must outlive the object.
   ShaftProofs(const Scene& scene, const PrimitiveTree& tree);
   ~ShaftProofs();
   ShaftProofs(const ShaftProofs&) = delete;
   ShaftProofs& operator=(const ShaftProofs&) = delete;
 
-  /// The same for other sizes than zero. Made when they are first asked for, which allocates, and
-  /// kept as long as these are.
+  /// Returns the cache for other light sizes than zero. The first call for given sizes allocates
+  /// the cache. Lifetime: the returned cache lives as long as this object.
   [[nodiscard]] ShaftProofs& with_sizes(SoftSizes sizes);
 
-  /// A number for a cell, to ask with; below 2^50. For `place` see render/scene/surface_cells.h.
+  /// Returns the number of a cell for queries; below 2^50. See render/scene/surface_cells.h for
+  /// `place`.
   [[nodiscard]] uint64_t number(uint32_t geometry, uint32_t primitive, int32_t place) const {
     return (first_primitive_[geometry] + primitive) << kPlaceBits | static_cast<uint32_t>(place);
   }
-  /// What can be asked about a cell: below kTargets.
+  /// Number of direction bins of a cell; the first targets, which must be below kTargets.
   static constexpr uint64_t kBins = uint64_t{kDirectionBins} * kDirectionBins;
   static constexpr uint64_t light_target(size_t light) {
-    return light < kAround - kBins ? kBins + light : kTargets;  // nothing is known of that
+    return light < kAround - kBins ? kBins + light : kTargets;  // kTargets: always unknown
   }
   static constexpr uint64_t direction_target(int bin_u, int bin_v) {
     return static_cast<uint64_t>(bin_u * kDirectionBins + bin_v);
   }
   static constexpr uint64_t kTargets = 2048;
-  /// Everything around, no farther than SoftSizes::around.
+  /// Target of the ambient rays: all directions, up to SoftSizes::around.
   static constexpr uint64_t kAround = kTargets - 1;
-  /// A place in a table of 2^bits, by Fibonacci hashing: the high bits of the product are mixed.
+  /// Returns a place in a table of 2^bits elements by Fibonacci hashing: the high bits of the
+  /// product are well mixed.
   static constexpr size_t mixed(uint64_t key, unsigned bits) {
     return static_cast<size_t>(key * 0x9e3779b97f4a7c15U >> (64 - bits));
   }
 
-  /// Of the rays from the cell to the light, around it, or in any direction of a bin (of
-  /// kDirectionBins x kDirectionBins on the unfolded octahedron). `number` is the cell's.
+  /// Returns the result for the rays from the cell to the light, in all directions around it, or in
+  /// the directions of one bin (of kDirectionBins x kDirectionBins on the unfolded octahedron).
+  /// `number` is the cell's number.
   [[nodiscard]] ShaftProof proof(const SurfaceCell& cell, uint64_t number, uint64_t target);
 
  private:
@@ -73,11 +77,11 @@ class ShaftProofs {
   std::shared_ptr<const ShaftTester> tester_;
   SoftSizes sizes_;
   float sun_cosine_ = 1.0F;
-  std::vector<uint64_t> first_primitive_;  ///< by geometry, counted over all geometries
-  /// Each a key and a proof, or zero.
+  std::vector<uint64_t> first_primitive_;  ///< per geometry, counted over all geometries
+  /// Each entry is a key and a result, or zero.
   std::vector<std::atomic<uint64_t>> answers_;
   std::mutex adding_;
-  std::vector<std::unique_ptr<ShaftProofs>> others_;  ///< of other sizes
+  std::vector<std::unique_ptr<ShaftProofs>> others_;  ///< caches for other light sizes
 };
 
 }  // namespace lenticule::render
