@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How deep the primary rays of a tile end.
+// DepthNotes records the depths at which the primary rays of a tile end.
 #pragma once
 
 #include <cstddef>
@@ -12,17 +12,18 @@
 
 namespace lenticule::render {
 
-/// Of one thread and one scene.
+/// DepthNotes records depths for one scene. Thread safety: used by one thread.
 class DepthNotes {
  public:
   explicit DepthNotes(const Scene& scene);
 
-  /// Begins a tile: nothing is met anywhere.
+  /// Begins a tile; all depths are reset to -infinity.
   void start(const Tile& tile);
-  /// A column's packet, as Embree left it.
+  /// Records the hits of a column's packet after tracing.
   void note(int column, const RayPacket& packet);
 
-  /// Panel z by row * columns + column, millimetres; -infinity where nothing is met.
+  /// Returns panel z by row * columns + column, in millimetres; -infinity for rays that met
+  /// nothing.
   [[nodiscard]] std::span<const float> z_mm() const { return z_mm_; }
 
  private:

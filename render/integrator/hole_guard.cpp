@@ -11,22 +11,24 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-// In steps between neighbouring rays: how much farther than the nearer of its neighbours a ray ends
-// before it is suspect, and how much farther than both. Smooth surfaces that are seen at more than
-// four degrees pass both.
+// Thresholds in steps between neighbouring rays: distance by which a suspect ray must end farther
+// than the nearer of its neighbours (kDrop), and farther than both (kSpike). Smooth surfaces seen
+// at more than four degrees stay below both.
 constexpr float kDrop = 16.0F;
 constexpr float kSpike = 1.0F;
 
-// Parts of (largest coordinate + distance), in which single precision has 2^-24: how far beside the
-// ray the others go, and how near to a corner it must pass. Slipping rays pass within 2^-22.
+// Fractions of (largest coordinate + distance), in which single precision has a resolution of
+// 2^-24: offset of the four test rays (kHair), and largest distance of the ray from a corner
+// (kCorner). Rays that pass through pinholes pass within 2^-22.
 constexpr double kHair = 0x1p-19;
 constexpr double kCorner = 0x1p-20;
-// In hairs: sooner than this is on another surface, not on the slope of the same.
+// Multiple of kHair: a hit sooner by more than this is on another surface, not on the slope of the
+// same surface.
 constexpr double kMuchSooner = 64.0;
 
-/// Bit r is set where lane r goes on and its neighbours end.
+/// Returns a mask with bit r set if lane r continues past the hits of its neighbours.
 uint32_t suspects(const RayPacket& packet, float step) {
-  // Lanes that are not there do not end.
+  // Inactive lanes count as rays without a hit.
   alignas(64) std::array<float, kPacket + 2> t;
   t.front() = t.back() = kInfinity;
   for (size_t r = 0; r < kPacket; ++r)
@@ -52,7 +54,7 @@ struct Line {
   Vec3 direction;  // unit
 };
 
-/// A unit vector across another.
+/// Returns a unit vector perpendicular to `unit`.
 Vec3 across(Vec3 unit) {
   const Vec3 aside = std::abs(unit.x) < 0.6 ? Vec3{1, 0, 0} : Vec3{0, 1, 0};
   return normalized(cross(unit, aside));
@@ -91,15 +93,15 @@ bool passes_corner(const Scene& scene, const RTCHit& hit, const Line& line, doub
   return std::ranges::any_of(mesh.triangles[hit.primID], near);
 }
 
-/// Whether a ray ends, and sooner than `distance`.
+/// Returns true if a ray ends sooner than `distance`.
 bool ends_before(const RTCRayHit& ray, double distance) {
   return ray.hit.geomID != RTC_INVALID_GEOMETRY_ID && double{ray.ray.tfar} < distance;
 }
 
-/// A lane of a packet once more, on its own.
+/// SecondLook retraces one lane of a packet as a single ray.
 class SecondLook {
  public:
-  /// `reach` is the ray parameter where the neighbours end.
+  /// `reach` is the ray parameter at which the neighbours end.
   SecondLook(const Scene& scene, RayPacket& packet, size_t lane, double reach)
       : scene_(scene), packet_(packet), lane_(lane) {
     const RTCRay16& rays = packet.rays.ray;
@@ -110,7 +112,7 @@ class SecondLook {
     size_ = std::max({std::abs(from.x), std::abs(from.y), std::abs(from.z)}) + reach * stretch_;
   }
 
-  /// True if the lane had slipped through and now has what it meets.
+  /// Returns true if the ray had passed through a pinhole; the lane then holds the repaired hit.
   bool fill() {
     const double hair = kHair * size_;
     const double much_sooner = double{packet_.rays.ray.tfar[lane_]} * stretch_ - kMuchSooner * hair;
@@ -121,7 +123,7 @@ class SecondLook {
     for (size_t k = 0; k < around.size(); ++k) {
       found[k] = trace(scene_, {line_.origin + around[k], line_.direction});
       if (!ends_before(found[k], much_sooner)) return false;
-      // Alone it may meet what it missed among others.
+      // Traced alone, the ray may hit the surface that it missed in the packet.
       if (k != 0) continue;
       const RTCRayHit alone = trace(scene_, line_);
       if (ends_before(alone, much_sooner)) return take(alone);
@@ -144,10 +146,10 @@ class SecondLook {
   size_t lane_;
   Line line_;
   double stretch_ = 1.0;
-  double size_ = 0.0;  ///< the largest number that the ray is traced with up to there
+  double size_ = 0.0;  ///< largest coordinate used to trace the ray up to `reach`
 };
 
-/// Ray parameter of the nearer of a lane's neighbours.
+/// Returns the ray parameter of the nearer of a lane's neighbours.
 double nearer_neighbour(const RayPacket& packet, size_t r) {
   float t = kInfinity;
   if (r > 0 && packet.valid[r - 1] != 0) t = std::min(t, packet.rays.ray.tfar[r - 1]);
@@ -160,7 +162,7 @@ double nearer_neighbour(const RayPacket& packet, size_t r) {
 void fill_holes(const Scene& scene, double step_mm, RayPacket& packet, HoleCounts& counts) {
   const auto step = static_cast<float>(step_mm);
   uint32_t looked_at = 0;
-  // A filled lane can show that the lane beside it has slipped, too.
+  // A repaired lane can reveal a pinhole in the lane beside it.
   for (bool again = true; again;) {
     again = false;
     const uint32_t now = suspects(packet, step) & ~looked_at;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds and fills the pinholes that single precision leaves at corners of meshes.
+// Crack filter: finds and fills the pinholes that single precision leaves at the corners of meshes.
 //
-// Two triangles that share an edge agree about which of them a ray meets. Where many triangles meet
-// in a corner, a ray that goes through it to the last bit can be outside all of them.
+// Embree decides consistently which of two triangles with a common edge a ray hits. Where many
+// triangles meet in a corner, a ray that passes exactly through the corner can miss all of them.
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,8 @@
 namespace lenticule::render {
 
 struct HoleCounts {
-  uint64_t suspected = 0;  ///< rays of which a second look was taken
-  uint64_t filled = 0;     ///< and those that had slipped through
+  uint64_t suspected = 0;  ///< rays that were examined again
+  uint64_t filled = 0;     ///< part of `suspected` that had passed through a pinhole
 
   HoleCounts& operator+=(const HoleCounts& other) {
     suspected += other.suspected;
@@ -23,12 +23,14 @@ struct HoleCounts {
   }
 };
 
-/// Looks at a packet of neighbouring rays that Embree has just traced. A ray that goes on where its
-/// neighbours end is looked at once more: it slipped through a corner if it passes one within the
-/// rounding of single precision and if all rays a hair beside it, on four sides, end much sooner.
-/// It then gets what one of those met. Depends on the packet and the scene alone.
+/// Examines a packet of neighbouring rays that Embree has just traced, and repairs the hits of rays
+/// that passed through a pinhole. A ray is examined if it continues past the hits of its
+/// neighbours. Four rays at a tiny distance around it are traced, and all must end much sooner than
+/// the ray. The ray gets its own hit if it ends as soon when traced alone; otherwise the hit of one
+/// of the four, if it passes a corner within the rounding of single precision. The result depends
+/// on the packet and the scene only.
 ///
-/// `step_mm` is what neighbouring rays are apart. Calling thread must flush denormals.
+/// `step_mm` is the distance between neighbouring rays. The calling thread must flush denormals.
 void fill_holes(const Scene& scene, double step_mm, RayPacket& packet, HoleCounts& counts);
 
 }  // namespace lenticule::render

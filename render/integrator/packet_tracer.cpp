@@ -58,12 +58,12 @@ using shading_kernel::Surfaces;
 
 static_assert(shading_kernel::kLanes == kPacket);
 
-/// So few that rays and hits never leave the first cache.
+/// Packets per batch: few enough for rays and hits to stay in the first-level cache.
 constexpr int kFewPackets = 8;
 static_assert(TilePlan::kColumns % kFewPackets == 0);
 
-/// One lane as render/shading/surface.h sees it: near the critical angle, refraction makes much of
-/// what single precision rounds away.
+/// Computes the surface of one lane in double precision (render/shading/surface.h): near the
+/// critical angle, refraction amplifies the rounding errors of single precision.
 Surface exact_surface(const Scene& scene, const RayPacket& packet, int channel, size_t r,
                       Vec3& direction) {
   const RTCRay16& ray = packet.rays.ray;
@@ -138,7 +138,7 @@ PacketTracer::PacketTracer(const RenderOptions& options)
       primary_(kFewPackets),
       generations_(static_cast<size_t>(options.max_depth) + 1),
       use_proofs_(options.use_shaft_proofs),
-      // Nothing bounds what the surroundings send to a surface.
+      // The light from a sampled environment has no upper bound, so weak rays cannot be skipped.
       skip_weak_(options.skip_weak_rays && options.samples == 1 &&
                  options.soft.environment_samples == 0),
       cells_(size_t{1} << kAnswersLog2),
@@ -181,7 +181,7 @@ void PacketTracer::Payoff::asked(bool packet_saved) {
   constexpr uint32_t kLongestPause = 64 * kTrial;
   if (packet_saved) ++saved_;
   if (++asked_ < kTrial) return;
-  // Longer each time: a tile may differ from its neighbours, a scene from others.
+  // The pause grows, since a tile may differ from its neighbours, and a scene from other scenes.
   const bool pays = 2 * per_answer_ * saved_ >= kTrial;
   next_pause_ = pays ? kTrial : std::min(2 * next_pause_, kLongestPause);
   pause_ = pays ? 0 : next_pause_;
@@ -259,7 +259,7 @@ void PacketTracer::trace_noting(const Scene& scene, const TilePlan& plan,
 
 namespace {
 
-/// From a bit for each light, by lane, to a bit for each lane, by light.
+/// Transposes a bit mask of lights per lane to a bit mask of lanes per light.
 void by_light(std::span<const uint32_t, kPacket> of_lanes,
               std::span<uint32_t, PacketTracer::Known::kLights> lanes) {
   uint32_t any = 0;
@@ -333,7 +333,7 @@ void PacketTracer::shade(const Scene& scene, const RayPacket& packet, const floa
   add_lights(scene, asker, weight, ask, depth);
   if (depth == 0) {
     if (groups_ != nullptr || known_ != nullptr)
-      std::copy_n(lanes_.light, kPacket, notes_.secondary);  // until the end
+      std::copy_n(lanes_.light, kPacket, notes_.secondary);  // subtracted at the end
     if (known_ != nullptr) weight = add_known_secondary(weight);
   }
   if (depth + 1 == generations_.size()) return;
@@ -347,7 +347,7 @@ void PacketTracer::shade(const Scene& scene, const RayPacket& packet, const floa
   if (!any) return;
   if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
     leave_out_weak(scene, rays, depth);
-  // Before proofs, which are asked for or not as it has paid so far.
+  // Done before the culling queries, which are made only while they pay off.
   leave_out_little(rays, generation.mirrored.valid);
   if (ask.mirrored) {
     const uint32_t open = take_open(scene, asker, rays, generation.mirrored.valid);
@@ -398,12 +398,13 @@ SoftPacket PacketTracer::soft_packet(const Scene& scene, const Generation& gener
       .surfaces = generation.surfaces,
       .seeds = std::span<const uint32_t, kPacket>(lanes_.seed),
       .path = generation.path,
-      // What is noted serves many subpixels, whose noise is then the same.
+      // Noted surfaces serve many subpixels, which would then share the same noise, so no light is
+      // ignored there.
       .noticed = groups_ != nullptr && &generation == &generations_.front() ? 0.0F : tolerated_};
 }
 
-/// All that a subpixel will get from elsewhere is in lanes_.light by now: what is left to add lies
-/// between nothing and the brightest that the scene can send.
+/// Called when lanes_.light holds all light of a subpixel except that of the mirrored rays, so that
+/// the missing light lies between zero and the brightest light that the scene can send.
 void PacketTracer::leave_out_weak(const Scene& scene, NewRays& rays, size_t depth) {
   const int generations = static_cast<int>(generations_.size() - depth) - 2;
   const float most = scene.shading->most_light(generations);
@@ -426,7 +427,7 @@ void PacketTracer::leave_out_little(const NewRays& rays, int* valid) {
   counts_.too_little += static_cast<uint64_t>(std::popcount(left_out));
 }
 
-/// For the rays of `lanes`, which met nothing.
+/// Adds the backdrop's light for the rays of `lanes`, which met nothing.
 void PacketTracer::add_backdrop(const Scene& scene, const RayPacket& packet, const float* weight,
                                 uint32_t lanes) {
   if (lanes == 0) return;
@@ -471,7 +472,7 @@ void PacketTracer::add_lights(const Scene& scene, const Asker& asker, const floa
   }
 }
 
-/// Asks where the lamp's middle is before the surface; its rim may be, elsewhere.
+/// Tests the lamp's centre against the surface; the lamp's rim may lie on the other side.
 void PacketTracer::add_soft_light(const Scene& scene, const Asker& asker, size_t light,
                                   const float* weight, bool ask, size_t depth) {
   KnownLanes known;
@@ -522,7 +523,8 @@ void PacketTracer::note_surfaces(const RayPacket& packet, const Surfaces& surfac
   }
 }
 
-/// Of a light that is behind a surface, and of one that hardly reaches it, a shadow is not seen.
+/// Notes shadows only for lights in front of a surface that contribute noticeably; other shadows
+/// are invisible.
 void PacketTracer::note_shadows(const float* brings, uint32_t wanted, uint32_t reached,
                                 size_t light, size_t depth) {
   uint32_t* way = depth == 0 ? notes_.way : notes_.secondary_way;
@@ -538,7 +540,7 @@ void PacketTracer::note_shadows(const float* brings, uint32_t wanted, uint32_t r
   }
 }
 
-/// Half-shadows are told apart by their light alone.
+/// Notes a penumbra only as "partly lit": the light values themselves distinguish penumbrae.
 void PacketTracer::note_lamp(const LampSeen& seen, size_t light, size_t depth) {
   uint32_t* way = depth == 0 ? notes_.way : notes_.secondary_way;
   const uint32_t path = generations_[depth].path;
@@ -615,7 +617,8 @@ ShaftProof PacketTracer::light_proof(const Scene& scene, const Asker& asker, int
   return proof;
 }
 
-/// Whether nothing lies in a bin of directions from there, or all around it.
+/// Returns true if certainly no geometry lies in a bin of directions from the cell, or around the
+/// cell.
 bool PacketTracer::open(ShaftProofs& proofs, const Asker& asker, int group, uint64_t target) {
   const Cells& cells = asker.generation.cells;
   const uint64_t question = cells.numbers[group] * ShaftProofs::kTargets + target;
@@ -669,9 +672,9 @@ uint32_t PacketTracer::take_open(const Scene& scene, const Asker& asker, const N
   return empty;
 }
 
-/// Packets with glass in them. Where a lane met glass, its mirrored and refracted rays are made by
-/// themselves, since total reflection moves light from the one to the other; other lanes keep the
-/// mirrored rays that they have in any packet.
+/// Traces secondary rays of packets with transparent lanes. For lanes that met a transparent
+/// surface, mirrored and refracted rays are made here, since total reflection moves light from the
+/// refracted to the mirrored ray; other lanes keep the mirrored rays of ordinary packets.
 void PacketTracer::follow_glass(const Scene& scene, const RayPacket& packet, Generation& generation,
                                 const float* weight, size_t depth) {
   const Surfaces& s = generation.surfaces;
@@ -721,8 +724,8 @@ PacketTracer::Traced* PacketTracer::remember(uint32_t path, uint32_t what, uint3
   return &noted;
 }
 
-/// Colours send the same rays in the same order, unless one has no weight in a colour: then packets
-/// are passed over, or lanes were not traced.
+/// Finds the stored hits of a packet. All colours send the same rays in the same order, except rays
+/// with no weight in a colour: then stored packets are skipped, or lanes were not traced.
 const PacketTracer::Traced* PacketTracer::recall(uint32_t path, uint32_t what) {
   if (memory_ != Memory::Reads) return nullptr;
   const auto same = [&](const Traced& t) { return t.path == path && t.what == what; };
@@ -738,7 +741,7 @@ void PacketTracer::remember_share(uint32_t path, uint32_t what, const KnownShare
     std::copy_n(share.share.data(), kPacket, note->share);
 }
 
-/// What is known already is as good.
+/// Adds stored shares to the known ones, which keep precedence.
 void PacketTracer::recall_share(uint32_t path, uint32_t what, KnownShare& known) {
   if (const Traced* found = recall(path, what))
     known.set(found->lanes & ~known.lanes, found->share);
@@ -774,7 +777,8 @@ void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, size_t
     return;
   }
   Traced* note = remember(path, kNotToLight, lanes);
-  // Mirrored by curved surfaces twice, neighbours spread: there the packet traversal loses.
+  // Neighbouring rays diverge after two reflections at curved surfaces, and packet traversal is
+  // slower.
   clock_.turn_to(Work::TraceSecondary);
   intersect16(packet.valid, scene.embree.get(), rays,
               depth == 0 ? Coherence::Coherent : Coherence::Incoherent);
