@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light as code values and as parts of them.
+// LightEncoder converts light to code values and to fractions of code values.
 #pragma once
 
 #include <cstdint>
@@ -7,18 +7,20 @@
 
 namespace lenticule::render {
 
-/// Immutable. Light is linear in colour-managed scenes, encoded in others.
+/// LightEncoder encodes light, which is linear in colour-managed scenes and already encoded in
+/// others. Thread safety: immutable.
 class LightEncoder {
  public:
   explicit LightEncoder(bool colour_managed);
 
-  /// In lookup_kernel::kCodeParts of a code value, within one part; clipped to 0 ... 255 codes.
+  /// Returns the code value in units of 1 / kCodeParts, to within one unit; clipped
+  /// to 0 ... 255 codes.
   [[nodiscard]] uint16_t parts(float light) const;
-  /// As method full writes it.
+  /// Returns the code value as method full writes it.
   [[nodiscard]] uint8_t code(float light) const;
 
  private:
-  std::vector<float> knots_;  ///< even in the square root of linear light; empty if not managed
+  std::vector<float> knots_;  ///< uniform in the root of linear light; empty if not colour managed
 };
 
 }  // namespace lenticule::render

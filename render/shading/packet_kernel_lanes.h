@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Vectors of sixteen lanes and their arithmetic, for kernels that are compiled once per instruction
-// set. Everything is in the namespace of that instruction set and in no other. No step is fused or
-// approximate, so that lanes have the same bits everywhere.
+// set. All definitions are in the namespace of that instruction set only. No operation is fused or
+// approximate, so that lanes have the same bits on every instruction set.
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,8 @@
 namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
 namespace {
 
-// Sixteen lanes are one, two or four of the instruction set's vectors: compilers make poor code of
-// vectors that are wider than that.
+// Sixteen lanes are one, two or four vectors of the instruction set, since compilers generate poor
+// code for wider vectors.
 #if defined(__AVX512F__)
 #define LENTICULE_VECTOR_BYTES 64
 #elif defined(__AVX2__)
@@ -25,7 +25,7 @@ namespace {
 inline constexpr int kWidth = LENTICULE_VECTOR_BYTES / 4;
 inline constexpr int kParts = 16 / kWidth;
 
-// They may look at arrays of other types.
+// The vectors may alias arrays of other types.
 using FloatVector = float __attribute__((vector_size(LENTICULE_VECTOR_BYTES), may_alias));
 using WordVector = uint32_t __attribute__((vector_size(LENTICULE_VECTOR_BYTES), may_alias));
 using MaskVector = int32_t __attribute__((vector_size(LENTICULE_VECTOR_BYTES), may_alias));
@@ -53,7 +53,7 @@ struct __attribute__((may_alias)) Lanes {
 
   Element operator[](int lane) const { return part[lane / kWidth][lane % kWidth]; }
 
-  /// All lanes the same.
+  /// Returns lanes that all hold `value`.
   static Lanes of(Element value) {
     Lanes lanes;
     for (Vector& p : lanes.part) p = Vector{} + value;
@@ -139,7 +139,7 @@ inline Lanes<E> select(const Masks& where, const Lanes<E>& a, const Lanes<E>& b)
   return out;
 }
 
-/// The same bits, seen as something else.
+/// Reinterprets the bits as another type.
 inline Words words_of(const Floats& v) {
   Words out;
   for (int p = 0; p < kParts; ++p) out.part[p] = reinterpret_cast<WordVector>(v.part[p]);
@@ -156,13 +156,13 @@ inline Floats floats_of(const Lanes<E>& v) {
   for (int p = 0; p < kParts; ++p) out.part[p] = reinterpret_cast<FloatVector>(v.part[p]);
   return out;
 }
-/// The same numbers.
+/// Converts the numbers.
 inline Floats to_floats(const Masks& v) {
   Floats out;
   for (int p = 0; p < kParts; ++p) out.part[p] = __builtin_convertvector(v.part[p], FloatVector);
   return out;
 }
-/// Without what is behind the point.
+/// Truncates toward zero.
 inline Masks to_integers(const Floats& v) {
   Masks out;
   for (int p = 0; p < kParts; ++p) out.part[p] = __builtin_convertvector(v.part[p], MaskVector);
@@ -175,7 +175,7 @@ inline const Floats& floats_at(const float* lanes) {
 inline Floats& floats_at(float* lanes) {
   return *reinterpret_cast<Floats*>(lanes);
 }
-/// Whole numbers where a packet of Embree's keeps its floats.
+/// Returns the integers that Embree's packets keep in arrays of floats.
 inline const Words& words_at(const float* lanes) {
   return *reinterpret_cast<const Words*>(lanes);
 }
@@ -189,7 +189,7 @@ inline Masks& masks_at(int32_t* lanes) {
   return *reinterpret_cast<Masks*>(lanes);
 }
 
-/// A bit for each lane that is true.
+/// Returns a bit mask of the true lanes.
 inline uint32_t bits(const Masks& masks) {
 #if defined(__AVX512F__)
   const auto all = reinterpret_cast<__m512i>(masks.part[0]);
@@ -208,7 +208,7 @@ inline uint32_t bits(const Masks& masks) {
 inline bool any(const Masks& masks) {
   return bits(masks) != 0;
 }
-/// The lanes whose bit is set.
+/// Returns the lanes whose bit is set.
 inline Masks lanes_of(uint32_t bits) {
   alignas(64) static constexpr uint32_t kBit[16] = {
       1U << 0, 1U << 1, 1U << 2,  1U << 3,  1U << 4,  1U << 5,  1U << 6,  1U << 7,
@@ -222,7 +222,7 @@ inline Floats min(const Floats& a, const Floats& b) {
 inline Floats max(const Floats& a, const Floats& b) {
   return select(a > b, a, b);
 }
-/// NaN becomes 0.
+/// Clamps to [0, 1]; NaN becomes 0.
 inline Floats clamp01(const Floats& v) {
   return select(v > 0.0F, select(v < 1.0F, v, Floats::of(1.0F)), Floats{});
 }
@@ -271,7 +271,7 @@ inline Floats dot(const Floats3& a, const Floats3& b) {
 inline Floats3 cross(const Floats3& a, const Floats3& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
-/// The zero vector stays zero.
+/// Normalizes; the zero vector stays zero.
 inline Floats3 unit(const Floats3& v) {
   const Floats length = root(dot(v, v));
   return v * select(length > 0.0F, 1.0F / length, Floats{});
@@ -283,8 +283,8 @@ inline Floats3 spread(const float (&v)[3]) {
   return {Floats::of(v[0]), Floats::of(v[1]), Floats::of(v[2])};
 }
 
-/// Where a direction lies on the octahedron that is unfolded to a square
-/// (render/culling/octahedron.h), in `count` x `count` cells.
+/// Finds the cell of a direction on the octahedron that is unfolded to a square
+/// (render/culling/octahedron.h) of `count` x `count` cells.
 inline void octahedron_cell(const Floats3& d, const Masks& count, Masks& u, Masks& v) {
   const Floats sum = absolute(d.x) + absolute(d.y) + absolute(d.z);
   const Floats scale = select(sum > 0.0F, 1.0F / sum, Floats{});
@@ -298,8 +298,9 @@ inline void octahedron_cell(const Floats3& d, const Masks& count, Masks& u, Mask
   v = clamp_index(to_integers(max((at_y + 1.0F) * half, Floats{})), count);
 }
 
-/// Logarithm to base 2 of positive, normal numbers: of the mantissa about 1 by the series of
-/// 2 artanh(z) / ln 2, z = (m - 1) / (m + 1), whose first term left out is below 1e-9 of the sum.
+/// Returns the logarithm to base 2 of positive, normal numbers. The logarithm of the mantissa m is
+/// the series of 2 artanh(z) / ln 2, z = (m - 1) / (m + 1); the first omitted term is below 1e-9 of
+/// the sum.
 inline Floats log2_of(const Floats& v) {
   constexpr uint32_t kRootHalf = 0x3f3504f3U;  // bits of sqrt(1/2)
   const Words above = words_of(v) - kRootHalf;
@@ -313,13 +314,13 @@ inline Floats log2_of(const Floats& v) {
   return to_floats(exponent) + series;
 }
 
-/// 2^t; 0 for t below -126.
+/// Returns 2^t; 0 for t below -126.
 inline Floats exp2_of(const Floats& t) {
   const Floats held = max(min(t, Floats::of(127.0F)), Floats::of(-127.0F));
   constexpr float kShift = 12582912.0F;  // 1.5 * 2^23: additions round to integers
   const Floats whole = (held + kShift) - kShift;
   const Floats f = held - whole;
-  // ln(2)^k / k!
+  // Coefficients: ln(2)^k / k!
   const Floats series =
       1.0F + f * (0.6931471806F +
                   f * (0.2402265070F +
@@ -330,7 +331,7 @@ inline Floats exp2_of(const Floats& t) {
   return select(t < -126.0F, Floats{}, series * floats_of(scale));
 }
 
-/// x^y for positive x and y >= 0.
+/// Returns x^y for positive x and y >= 0.
 inline Floats power(const Floats& x, const Floats& y) {
   constexpr float kSmallestNormal = 1.17549435e-38F;
   return exp2_of(y * log2_of(max(x, Floats::of(kSmallestNormal))));

@@ -4,7 +4,7 @@
 namespace lenticule::render::sampling {
 namespace {
 
-/// 2^32 over the golden ratio: far from every simple pattern.
+/// 2^32 divided by the golden ratio: far from every simple pattern.
 constexpr uint32_t kGolden = 0x9e3779b9U;
 
 }  // namespace
@@ -38,7 +38,7 @@ SampleSet sample_set(std::span<const uint32_t, 16> seeds, uint32_t path, uint32_
 }
 
 Sample sample_of(const SampleSet& set, uint32_t index) {
-  // Row k of Pascal's triangle modulo 2 belongs to bit k of the index.
+  // Row k of Pascal's triangle modulo 2 corresponds to bit k of the index.
   uint32_t second = 0;
   for (uint32_t left = index, row = 1; left != 0; left >>= 1, row ^= row << 1)
     if ((left & 1) != 0) second ^= row;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sample points of sixteen lanes at once, and what they mean on a disc and on a hemisphere. For
-// kernels that are compiled once per instruction set; see render/shading/packet_kernel_lanes.h.
+// Sample points of sixteen lanes at once, and their maps to a disc and to a hemisphere. For kernels
+// that are compiled once per instruction set; see render/shading/packet_kernel_lanes.h.
 #pragma once
 
 #include "render/shading/packet_kernel_lanes.h"
@@ -17,8 +17,8 @@ inline Words reversed_bits(const Words& v) {
   return ((x >> 1) & 0x55555555U) | ((x & 0x55555555U) << 1);
 }
 
-/// Owen's scrambling of a number whose bits are in reverse order, by a hash in which each bit
-/// changes only those above it (Laine and Karras's, with Vegdahl's constants); in [0, 1).
+/// Applies Owen scrambling to a number whose bits are in reverse order, by a hash in which each bit
+/// affects only higher bits (Laine and Karras, with Vegdahl's constants). Returns values in [0, 1).
 inline Floats scrambled(uint32_t reversed, const Words& seed) {
   Words x = Words::of(reversed);
   x = x ^ x * 0x3d20adeaU;
@@ -26,7 +26,7 @@ inline Floats scrambled(uint32_t reversed, const Words& seed) {
   x = x * (seed >> 16 | 1U);
   x = x ^ x * 0x05526c56U;
   x = x ^ x * 0x53a22864U;
-  // As many bits as single precision holds.
+  // Keeps as many bits as single precision holds.
   return to_floats(masks_of(reversed_bits(x) >> 8)) * (1.0F / (1 << 24));
 }
 
@@ -34,7 +34,7 @@ struct Floats2 {
   Floats x, y;
 };
 
-/// Series of sine and cosine, whose first terms left out are below 1e-9 up to pi / 4.
+/// Returns cosine and sine by their series; up to pi / 4 the first omitted terms are below 1e-9.
 inline Floats2 cos_sin(const Floats& angle) {
   const Floats q = angle * angle;
   const Floats cosine =
@@ -46,7 +46,8 @@ inline Floats2 cos_sin(const Floats& angle) {
   return {cosine, sine};
 }
 
-/// Squares around the middle become circles (Shirley and Chiu), areas keep their ratio.
+/// Maps a sample to the unit disc: concentric squares become circles (Shirley and Chiu), and areas
+/// keep their ratio.
 inline Floats2 on_disc(const sampling::Sample& sample) {
   const Floats a = 2.0F * scrambled(sample.x, words_in(sample.set->scramble[0])) - 1.0F;
   const Floats b = 2.0F * scrambled(sample.y, words_in(sample.set->scramble[1])) - 1.0F;
@@ -61,8 +62,8 @@ inline Floats2 on_disc(const sampling::Sample& sample) {
 struct Basis {
   Floats3 x, y;
 };
-/// Two unit vectors across a third and each other (Duff and others). Where the formula changes
-/// sides, no surface lies by design.
+/// Returns two unit vectors perpendicular to `z` and to each other (Duff and others). The formula's
+/// branch is at an unusual height, so that common surfaces do not lie on the branch.
 inline Basis across(const Floats3& z) {
   const Floats sign = select(z.z < -0.31F, Floats::of(-1.0F), Floats::of(1.0F));
   const Floats a = -1.0F / (sign + z.z);
@@ -70,7 +71,7 @@ inline Basis across(const Floats3& z) {
   return {{1.0F + sign * z.x * z.x * a, sign * b, -(sign * z.x)}, {b, sign + z.y * z.y * a, -z.y}};
 }
 
-/// A direction about the unit vector `normal`, as likely as its cosine says.
+/// Returns a direction around the unit vector `normal`, with a density proportional to its cosine.
 inline Floats3 cosine_direction(const Floats3& normal, const sampling::Sample& sample) {
   const Floats2 at = on_disc(sample);
   const Floats height = root(max(1.0F - (at.x * at.x + at.y * at.y), Floats{}));
@@ -78,22 +79,22 @@ inline Floats3 cosine_direction(const Floats3& normal, const sampling::Sample& s
   return basis.x * at.x + basis.y * at.y + normal * height;
 }
 
-/// A disc that faces the lanes.
+/// Disc is a disc that faces the lanes.
 struct Disc {
-  Floats3 way;  ///< to its middle
+  Floats3 way;  ///< vector to the centre
   float radius;
   Basis basis;
 
   Disc(const Floats3& to_middle, float of_radius)
       : way(to_middle), radius(of_radius), basis(across(unit(to_middle))) {}
-  /// The way to a point of the unit disc.
+  /// Returns the vector to a point of the unit disc.
   Floats3 way_to(const Floats2& at) const {
     return way + (basis.x * at.x + basis.y * at.y) * Floats::of(radius);
   }
 };
 
-/// Points of the unit disc, all of one weight but the first, at which polynomials of degree 5 are
-/// integrated exactly (Radon's seven).
+/// Radon's seven points of the unit disc, which integrate polynomials of degree 5 exactly. All have
+/// the same weight except the first.
 inline constexpr int kDiscPoints = 7;
 inline constexpr float kDiscPoint[kDiscPoints][2] = {{0.0F, 0.0F},
                                                      {0.81649658F, 0.0F},

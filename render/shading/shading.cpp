@@ -23,7 +23,8 @@ Vec3 mirrored(Vec3 direction, Vec3 normal) {
   return direction - normal * (2.0 * dot(direction, normal));
 }
 
-/// An interpolated normal can mirror a ray into its own surface; the true normal cannot.
+/// Mirrors at the interpolated normal, or at the geometric normal if the interpolated one would
+/// mirror the ray into its own surface.
 Vec3 mirror_direction(const Surface& surface, Vec3 direction) {
   const Vec3 smooth = mirrored(direction, surface.shading_normal);
   return normalized(dot(smooth, surface.geometric_normal) > 0.0
@@ -31,7 +32,8 @@ Vec3 mirror_direction(const Surface& surface, Vec3 direction) {
                         : mirrored(direction, surface.geometric_normal));
 }
 
-/// Snell's law at `normal`, which faces the viewer; nothing for total internal reflection.
+/// Refracts by Snell's law at `normal`, which faces the viewer; returns nothing for total internal
+/// reflection.
 std::optional<Vec3> refracted(Vec3 direction, Vec3 normal, double eta) {
   const double cosine = std::min(1.0, -dot(direction, normal));
   const double squared = 1.0 - eta * eta * (1.0 - cosine * cosine);
@@ -81,7 +83,8 @@ double reflected_light(const Surface& surface, Vec3 direction, const Arrival& li
   const Material& material = *surface.material;
   double reflectance = material.diffuse * surface.colour * cosine;
   if (material.specular > 0.0) {
-    // The light's mirror image, seen from the viewer: mirrored(-toward_light) . -direction.
+    // Cosine between the light's mirror direction and the viewer: mirrored(-toward_light) .
+    // -direction.
     const double along = dot(mirrored(light.toward_light, surface.shading_normal), direction);
     if (along > 0.0) {
       const double tint = material.tinted_specular ? surface.colour : 1.0;

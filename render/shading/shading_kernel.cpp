@@ -12,12 +12,13 @@ namespace {
 using namespace shading_kernel;
 using packet_kernel::Field;
 
-/// New rays start this part of (largest coordinate + extent of the primitive, or the reach of a
-/// wide one) off the surface: roundings of single precision, see docs/rendering.md.
+/// Offset of secondary rays from the surface, as a fraction of (largest coordinate + extent of the
+/// primitive, or the reach of a wide one); covers roundings of single precision, see
+/// docs/rendering.md.
 constexpr float kSpawnOffset = 1.0F / (1 << 19);
-/// An occluder this close to the light, as a part of the way, is the lamp itself.
+/// Fraction of the distance to a light within which an occluder counts as the lamp itself.
 constexpr float kLampClearance = 1.0F / (1 << 18);
-/// Embree ends the process on some numbers beyond.
+/// Embree aborts the process on some numbers beyond this limit.
 constexpr float kEmbreeLimit = 1e18F;
 constexpr uint32_t kNoGeometry = ~0U;
 
@@ -33,7 +34,7 @@ inline void store(const Floats3& v, float (&lanes)[3][kLanes]) {
   floats_at(lanes[2]) = v.z;
 }
 
-/// What differs from primitive to primitive, spread over the lanes that met it.
+/// Primitives holds the data of the primitive that each lane met.
 struct Primitives {
   Floats3 a, edge1, edge2;  // triangles
   Floats3 normal_a, normal_b, normal_c;
@@ -85,7 +86,7 @@ inline void set_quadric(const Quadric& shape, bool cone, const Masks& where, Pri
   set(where, shape.slope, p.slope);
 }
 
-/// The lanes' materials, each in its lane's channel.
+/// Paint holds the material of each lane, in the lane's channel.
 struct Paint {
   Floats colour, emission, diffuse, specular, shine;
   Masks tinted, number;
@@ -106,7 +107,7 @@ inline void set_paint(const Material& m, int32_t number, const Masks& where, con
   paint.number = select(where, Masks::of(number), paint.number);
 }
 
-/// Wide shapes that a packet met, and by which lanes.
+/// WideShapes lists the wide shapes that a packet met, and the lanes that met each.
 struct WideShapes {
   struct One {
     Masks lanes;
@@ -133,7 +134,7 @@ inline void add_if_wide(const Geometry& geometry, uint32_t primitive, const Mask
   }
 }
 
-/// Walks over the different primitives of a packet; neighbouring rays meet few.
+/// Collects the data of the different primitives of a packet; neighbouring rays meet few.
 inline void gather(const Tables& tables, const float* packet, const Masks& active, Primitives& p,
                    WideShapes& wide, Paint& paint, Surfaces& out) {
   const Words& geometry = words_at(packet + packet_kernel::kGeometry * kLanes);
@@ -168,26 +169,26 @@ inline Floats largest(const Floats3& v) {
 }
 
 struct Point {
-  Floats3 at, outer, smooth;  // smooth is zero where there is no shading normal
+  Floats3 at, outer, smooth;  // smooth is zero if there is no shading normal
   Floats offset;
   Floats u, v;
   Masks cell_u, cell_v, cell_w, divisions, divisions_along;
 };
 
-/// Sixteen points in double precision. Loops over lanes become vectors of the instruction set.
+/// Sixteen points in double precision. Loops over lanes are vectorized for the instruction set.
 struct alignas(64) DoublePoints {
   double x[kLanes], y[kLanes], z[kLanes];
 };
 
-/// Where rays met wide shapes.
+/// Points where rays met wide shapes.
 struct WidePoints {
   Masks lanes;
   Floats3 at, outer;
   Floats u, v, reach;
 };
 
-/// Points of one shape before they are put to the others. Lanes that met something else hold
-/// anything.
+/// Points on one shape, before they are merged with the others. Values in lanes that met another
+/// shape are unspecified.
 struct alignas(64) WideLanes {
   float at[3][kLanes], outer[3][kLanes];
   float u[kLanes], v[kLanes];
@@ -218,7 +219,7 @@ inline void put_outer(WideLanes& out, int r, double x, double y, double z) {
   out.outer[2][r] = static_cast<float>(z);
 }
 
-/// Brought into the triangle's plane and inside the triangle.
+/// Projects the points into the triangle's plane and clamps them to the triangle.
 inline void on_wide_triangle(const WideTriangle& t, const DoublePoints& met, WideLanes& out) {
   for (int r = 0; r < kLanes; ++r) {
     const double x = met.x[r] - t.corner[0], y = met.y[r] - t.corner[1], z = met.z[r] - t.corner[2];
@@ -255,7 +256,7 @@ inline void on_wide_sphere(const WideQuadric& s, float outward, const DoublePoin
   }
 }
 
-/// At the tip there is no normal.
+/// Computes points on a cone. The normal is zero at the tip.
 inline void on_wide_cone(const WideQuadric& c, float outward, const DoublePoints& met,
                          WideLanes& out) {
   for (int r = 0; r < kLanes; ++r) {
@@ -299,21 +300,22 @@ inline void find_wide_points(const float* packet, const WideShapes& shapes, Wide
   }
 }
 
-/// Into how many cells a length is cut: at least one.
+/// Returns the number of cells along a length, at least one.
 inline Masks cells_along(const Floats& length, float most) {
   const Floats cells = length * (1.0F / kCellSize);
   return to_integers(max(min(cells + 0.999F, Floats::of(most)), Floats::of(1.0F)));
 }
-/// Into how many an octahedron of directions is cut around something so thick: an even number.
+/// Returns the number of direction cells along each side of the octahedron's square for a shape of
+/// the given radius; always even.
 inline Masks cells_around(const Floats& radius, float most) {
-  constexpr float kAround = 1.75F;  // half the side of the square whose area is a unit sphere's
+  constexpr float kAround = 1.75F;  // half the side of a square with the area of a unit sphere
   const Floats cells = radius * (kAround / kCellSize);
   return 2 * to_integers(max(min(cells + 0.999F, Floats::of(0.5F * most)), Floats::of(1.0F)));
 }
 
-/// `met` is brought into the triangle's plane and inside the triangle: at an edge, Embree may have
-/// chosen the neighbour. Lengths are taken relative to the triangle, so that none is too small or
-/// too large to be squared.
+/// Computes points on triangles. `met` is projected into the triangle's plane and clamped to the
+/// triangle, since Embree may have chosen the neighbour at an edge. Lengths are scaled by the
+/// triangle's extent, so that none is too small or too large to be squared.
 inline void on_triangles(const Primitives& p, const Floats3& met, const WidePoints* wide,
                          Point& out) {
   const Floats extent = max(largest(p.edge1), largest(p.edge2));
@@ -390,7 +392,7 @@ inline void on_cones(const Primitives& p, const Floats3& met, Point& out) {
   out.cell_w = select(p.cones, clamp_index(to_integers(part), along_count), out.cell_w);
 }
 
-/// In place of what single precision says of them.
+/// Replaces the single-precision results in lanes that met wide shapes.
 inline void put_wide(const WidePoints& wide, Point& out) {
   out.at = select(wide.lanes, wide.at, out.at);
   out.outer = select(wide.lanes, wide.outer, out.outer);
@@ -398,7 +400,7 @@ inline void put_wide(const WidePoints& wide, Point& out) {
 }
 
 inline void write_point(const Floats3& view, const Point& point, Surfaces& out) {
-  // At the tip of a cone there is no normal; the way back serves.
+  // The tip of a cone has no normal; the direction back to the viewer is used instead.
   const Masks lost = dot(point.outer, point.outer) == 0.0F;
   const Floats3 outer = select(lost, -view, point.outer);
   const Masks outside = dot(view, outer) <= 0.0F;
@@ -503,13 +505,13 @@ void add_own_light_under(const float* ambient, const Surfaces& s, const float* w
   add_own(floats_at(ambient), s, weight, light);
 }
 
-/// Where a light is and how much of it arrives if nothing is in between.
+/// Direction and distance of a light, and the light that arrives if unoccluded.
 struct Arrival {
   Floats3 toward;
   Floats distance, intensity;
 };
 
-/// To a light's middle; of length one if the light is directional.
+/// Returns the vector to a light's centre; unit if the light is directional.
 inline Floats3 way_to(const Light& light, const Surfaces& s) {
   if (light.kind == Light::kDirectional) return Floats3{} - spread(light.direction);
   return spread(light.position) - vector_at(s.start);
@@ -539,14 +541,15 @@ inline Arrival arrival(const Light& light, const Floats3& way, const Surfaces& s
   return at;
 }
 
-/// From a point of the unit disc that stands for the lamp's own.
+/// Returns the light that arrives from a point of the area light's disc, given in unit-disc
+/// coordinates.
 inline Arrival arrival_from(const Light& light, const Disc& disc, const Floats2& at,
                             const Surfaces& s) {
   const Floats3 way = disc.way_to(at);
   return arrival(light, light.kind == Light::kDirectional ? unit(way) : way, s);
 }
 
-/// Lambert plus Phong's highlight; zero where the light is behind the surface.
+/// Returns Lambert's diffuse term plus Phong's highlight; zero if the light is behind the surface.
 inline Floats reflected(const Surfaces& s, const Arrival& light) {
   const Floats3 smooth = vector_at(s.smooth);
   const Floats cosine = dot(smooth, light.toward);
@@ -555,7 +558,7 @@ inline Floats reflected(const Surfaces& s, const Arrival& light) {
   if (!any(seen)) return Floats{};
   Floats reflectance = floats_at(s.diffuse) * floats_at(s.colour) * cosine;
   const Floats3 view = vector_at(s.view);
-  // The light's mirror image, seen from the viewer.
+  // Cosine between the light's mirror direction and the viewer.
   const Floats along = dot(light.toward, view) - 2.0F * cosine * dot(smooth, view);
   const Masks shines = seen & (along > 0.0F) & (floats_at(s.specular) > 0.0F);
   if (any(shines)) {
@@ -566,13 +569,14 @@ inline Floats reflected(const Surfaces& s, const Arrival& light) {
   return select(seen, light.intensity * reflectance, Floats{});
 }
 
-/// False for NaN.
+/// Returns false for NaN.
 inline Masks within_limits(const Floats3& v) {
   return (absolute(v.x) < kEmbreeLimit) & (absolute(v.y) < kEmbreeLimit) &
          (absolute(v.z) < kEmbreeLimit);
 }
 
-/// Writes the rays of the lanes that are `wanted` and fit for Embree, harmless ones elsewhere.
+/// Writes the rays of lanes that are `wanted` and valid for Embree, and harmless rays in the other
+/// lanes.
 inline bool write_rays(const Floats3& origin, const Floats3& direction, const Floats& far,
                        const Masks& wanted, NewRays& out) {
   const Masks fit = within_limits(origin) & within_limits(direction) & (far >= 0.0F) &
@@ -638,7 +642,8 @@ LampLanes whole_lamp(const Light& light, float radius, const Surfaces& s, const 
 bool ambient_rays(float far, const Sample& sample, const Surfaces& s, NewRays& out) {
   const Floats3 geometric = vector_at(s.geometric);
   const Floats3 by_smooth = cosine_direction(vector_at(s.smooth), sample);
-  // An interpolated normal sees below its own surface; what it sees there is taken from above.
+  // Directions around an interpolated normal may lie below the geometric surface; those are
+  // mirrored to above it.
   const Floats below = min(dot(by_smooth, geometric), Floats{});
   const Masks diffuse = masks_at(s.active) & (floats_at(s.diffuse) * floats_at(s.colour) != 0.0F);
   floats_at(out.weight) = Floats::of(1.0F);
@@ -657,7 +662,7 @@ bool mirrored_rays(const Surfaces& s, const float* weight, NewRays& out) {
   floats_at(out.weight) = part;
   const Floats3 view = vector_at(s.view), geometric = vector_at(s.geometric);
   const Floats3 by_smooth = mirrored(view, vector_at(s.smooth));
-  // An interpolated normal can mirror a ray into its own surface; the true normal cannot.
+  // An interpolated normal can mirror a ray into its own surface; the geometric normal cannot.
   const Floats3 direction =
       select(dot(by_smooth, geometric) > 0.0F, by_smooth, mirrored(view, geometric));
   const Floats3 away = unit(direction);

@@ -107,7 +107,7 @@ shading_kernel::WideQuadric wide_entry(const ConeShape& cone) {
   return out;
 }
 
-/// Adds what shading reads of shapes, and of wide ones what it reads in double precision.
+/// Adds the shading data of shapes; for wide shapes also the data in double precision.
 template <class Shape>
 void add_shapes(const std::vector<Shape>& shapes, std::vector<shading_kernel::Quadric>& out,
                 std::deque<shading_kernel::WideQuadric>& wide) {
@@ -141,14 +141,16 @@ float smallest(Vec3 v) {
   return static_cast<float>(std::min({v.x, v.y, v.z}));
 }
 
-/// Of all lights together. Light that falls off has no bound.
+/// Returns an upper bound of the light from all light sources together; infinite if one of them
+/// falls off, since its intensity is unbounded.
 float most_arriving(const std::vector<SceneLight>& lights) {
   float sum = 0.0F;
   for (const SceneLight& light : lights) sum += light.falls_off ? kInfinity : largest(light.colour);
   return sum;
 }
 
-/// A picture of the surroundings or on a surface may have numbers below zero, and any above it.
+/// Returns true if no light can be negative. Environment pictures and textures may contain negative
+/// numbers, and arbitrarily large ones.
 bool no_light_is_negative(const Scene& scene) {
   const auto positive = [](const auto& thing) { return smallest(thing.colour) >= 0.0F; };
   const auto only_adds = [&](const Material& m) {

@@ -16,10 +16,12 @@ namespace lenticule::render {
 
 namespace {
 
-/// So many lie in all quarters of a disc: where all of a lamp would shine, one of them would.
+/// Number of samples that cover all quarters of a disc: if the whole area light would shine on a
+/// point, one of them would.
 constexpr int kFewSamples = 4;
 
-/// By so many times what is noticed samples may differ between which a share is interpolated.
+/// Largest spread of samples, in multiples of the noticeable light, at which a share is
+/// interpolated.
 constexpr float kMostApart = 8.0F;
 
 }  // namespace
@@ -34,7 +36,7 @@ SoftShader::SoftShader(const SoftLight& options, Isa isa)
 
 float SoftShader::radius(const shading_kernel::Light& lamp) const {
   if (options_.shadow_samples == 0) return 0.0F;
-  // A scene unit is a millimetre on the glass.
+  // A scene unit is a millimetre on the panel.
   return lamp.kind == shading_kernel::Light::kDirectional
              ? sun_tangent_
              : static_cast<float>(options_.lamp_radius_mm);
@@ -71,9 +73,9 @@ uint32_t SoftShader::unblocked(const Scene& scene, Coherence coherence, WorkCloc
   return free & traced;
 }
 
-/// N samples are off by N^-3/4 of the light: what brings less needs fewer. What brings kMuch takes
-/// all that are asked for if a code value is noticed; sixteen are then off by three quarters of
-/// one.
+/// Returns the number of samples. The error of N samples is proportional to N^-3/4 times the light,
+/// so weaker light needs fewer. Light of kMuch takes all requested samples if one code value is
+/// noticeable; the error of sixteen samples is then three quarters of a code value.
 uint32_t SoftShader::samples_for(float light, float noticed, int asked) const {
   constexpr float kMuch = 0.15F, kCode = 1.0F / 255;
   constexpr float kHalvesSamples = 0.5946F;  // 2^-3/4
@@ -108,9 +110,10 @@ LampSeen SoftShader::add_lamp(const SoftPacket& packet, size_t lamp, KnownLanes 
   return sample_lamp(packet, lamp, all, proved, light, clock);
 }
 
-/// Where all of the lamp would shine, its light is the integral times the share that is seen, of
-/// which a proof says the same as rays do: no byte depends on what happens to be proved. Where a
-/// part is below the horizon, what is not known is the sum of the samples.
+/// Integrates an area light. If the whole lamp would shine on a point, the result is the integral
+/// times the visible share. A culling result gives the same share as traced rays, so that no byte
+/// depends on which shafts happen to be culled. If a part of the lamp is below the horizon, the
+/// unknown light is the sum of the samples.
 LampSeen SoftShader::integrate_lamp(const SoftPacket& packet, size_t lamp, KnownLanes proved,
                                     const KnownShare& shares, const float* weight, float* light,
                                     WorkClock& clock) {
@@ -146,7 +149,7 @@ LampSeen SoftShader::integrate_lamp(const SoftPacket& packet, size_t lamp, Known
   return seen;
 }
 
-/// Lanes whose shares were found from light that does not differ much.
+/// Returns the lanes whose shares were interpolated from values that differ little.
 uint32_t SoftShader::agreeing(const KnownShare& shares, const float* brings, float noticed) {
   const float most = kMostApart * noticed;
   uint32_t lanes = 0;
@@ -155,7 +158,8 @@ uint32_t SoftShader::agreeing(const KnownShare& shares, const float* brings, flo
   return lanes;
 }
 
-/// Of some lanes; also finds out of which all or none is seen.
+/// Adds the shares of the given lanes; also finds the lanes in which all or none of the light is
+/// visible.
 void SoftShader::add_shares(LampSeen& seen, uint32_t lanes, const float* brings, float* light) {
   for (size_t r = 0; r < kPacket; ++r) {
     const uint32_t bit = lanes & kLaneBit[r];
@@ -210,7 +214,8 @@ LampSeen SoftShader::sample_lamp(const SoftPacket& packet, size_t lamp, const La
   return seen;
 }
 
-/// Makes rays to a lamp invalid whose fate is known; returns those that reach it.
+/// Disables rays to an area light whose visibility is known; returns the lanes whose rays reach the
+/// light.
 uint32_t SoftShader::settle(KnownLanes known) {
   const uint32_t wanted = lane_bits(rays_.valid);
   const uint32_t lit = known.lit & wanted;
@@ -222,7 +227,7 @@ uint32_t SoftShader::settle(KnownLanes known) {
   return lit;
 }
 
-/// A picture of the surroundings, or a sky, in the directions of rays_.
+/// Adds the light of an environment picture or sky in the directions of rays_.
 void SoftShader::add_surroundings(const SoftPacket& packet, uint32_t lanes,
                                   std::span<double, kPacket> sum) {
   const RTCRay16& ray = rays_.rays.ray;
@@ -249,7 +254,7 @@ SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t sa
     const uint32_t wanted = lane_bits(rays_.valid);
     const uint32_t known = open & wanted;
     around.lanes |= wanted;
-    // All samples want the same lanes: one that has nothing to trace speaks for the others.
+    // All samples need the same lanes, so one that has nothing to trace stands for all.
     const uint32_t of_known = known == wanted ? samples : 1;
     counts_.ambient += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(wanted));
     counts_.ambient_proved += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(known));

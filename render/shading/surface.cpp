@@ -9,21 +9,22 @@
 namespace lenticule::render {
 namespace {
 
-// New rays start this part of (their largest coordinate + the primitive's extent there, or the
-// reach of a wide one) off the surface: 16 roundings of single precision, which bounds what
-// rounding the start of the ray and intersecting the same primitive again can be wrong by. No
-// length of the scene is built into it.
+// Offset of secondary rays from the surface, as a fraction of (their largest coordinate + the
+// primitive's extent there, or the reach of a wide one): 16 roundings of single precision. This
+// bounds the error of rounding the ray's start and of intersecting the same primitive again. It
+// contains no absolute length.
 constexpr double kSpawnOffset = 1.0 / (1 << 20);
 
-// Below this sine between ray and plane, the plane says too little about where they meet.
+// Smallest sine between ray and plane at which the plane determines the intersection precisely
+// enough.
 constexpr double kGrazing = 1e-7;
 
 double largest_coordinate(Vec3 p) {
   return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
 }
 
-/// Where the ray meets the plane of the triangle, brought inside the triangle: at an edge, single
-/// and double precision may disagree about which of two neighbours is met.
+/// Returns the point where the ray meets the triangle's plane, clamped to the triangle: at an edge,
+/// single and double precision may choose different neighbours.
 Barycentric meet_triangle(Vec3 a, Vec3 edge1, Vec3 edge2, const PathRay& ray, float distance) {
   const Vec3 across = cross(ray.direction, edge2);
   const double determinant = dot(edge1, across);
@@ -45,7 +46,7 @@ Barycentric meet_triangle(Vec3 a, Vec3 edge1, Vec3 edge2, const PathRay& ray, fl
   return sum > 1.0 ? Barycentric{at.u / sum, at.v / sum} : at;
 }
 
-/// Puts both normals on the side of the viewer and finds out which side that is.
+/// Turns both normals to the viewer's side, and sets outer_side.
 void face_viewer(Surface& surface, Vec3 direction, Vec3 outer) {
   surface.outer_side = dot(direction, outer) <= 0.0;
   surface.geometric_normal = surface.outer_side ? outer : -outer;
@@ -88,8 +89,8 @@ Surface on_mesh(const Scene& scene, const MeshShape& mesh, const PathRay& ray, c
 
 template <class Shape>
 Surface on_shape(const Scene& scene, const Shape& shape, const PathRay& ray, const Hit& hit) {
-  // The root nearest to where Embree's single-precision ray met the shape; at an outline the exact
-  // ray may pass by, and the point nearest to its own is taken.
+  // Takes the root nearest to Embree's single-precision hit. At an outline the exact ray may miss
+  // the shape; then the point nearest to Embree's hit is taken.
   const double near = hit.distance;
   const Roots roots = meet(shape, ray.origin, ray.direction);
   double t = near;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The point where a ray met the scene, as shading sees it.
+// Surface describes the point where a ray met the scene, as input of shading.
 #pragma once
 
 #include "render/accel/ray_stream.h"
@@ -10,11 +10,11 @@ namespace lenticule::render {
 struct Surface {
   Vec3 point;
   Vec3 geometric_normal;      ///< unit, on the side the ray came from
-  Vec3 shading_normal;        ///< unit, interpolated where the mesh has normals, on the same side
+  Vec3 shading_normal;        ///< unit, interpolated if the mesh has normals, on the same side
   bool outer_side = true;     ///< the ray came from outside: it would enter the object
-  double spawn_offset = 0.0;  ///< how far off the surface new rays start, along the normal
+  double spawn_offset = 0.0;  ///< distance along the normal at which secondary rays start
   const Material* material = nullptr;
-  double colour = 1.0;  ///< the material's and its texture's, in the ray's channel
+  double colour = 1.0;  ///< product of material and texture colour, in the ray's channel
 };
 
 struct Barycentric {
@@ -22,13 +22,14 @@ struct Barycentric {
   double v = 0.0;
 };
 
-/// What the mesh's texture coordinates find in a texture, at a place of one of its triangles; 1
-/// where it has none.
+/// Looks up a texture at a point of a mesh's triangle; returns 1 if the mesh has no texture
+/// coordinates.
 [[nodiscard]] double texture_of_mesh(const Texture& texture, const MeshShape& mesh,
                                      uint32_t triangle, Barycentric at, int channel);
 
-/// Embree says which primitive was met; where, is computed here in double precision from the ray
-/// and the primitive itself, so that the point lies on the surface as exactly as numbers allow.
+/// Computes the surface at a hit. Only the primitive is taken from Embree; the point is computed in
+/// double precision from the ray and the primitive, so that it lies on the surface as exactly as
+/// possible.
 [[nodiscard]] Surface surface_at(const Scene& scene, const PathRay& ray, const Hit& hit);
 
 }  // namespace lenticule::render
