@@ -39,7 +39,7 @@ Colour colour_of(double depth) {
                      : between({0, 220, 255}, {0, 0, 200}, part);
 }
 
-/// Of one thread.
+/// RowMeter measures rows for one thread.
 class RowMeter {
  public:
   RowMeter(const RowSweep& sweep, const optics::OpticalModel& model)
