@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The entry to rendering: a render method by its name.
+// Creates a render method by its name.
 #pragma once
 
 #include <memory>
@@ -11,8 +11,8 @@
 
 namespace lenticule::render {
 
-/// One of method_names(); throws Error(Usage) with the list of names otherwise. The model must
-/// outlive it.
+/// Creates the method called `name`, one of method_names(). Throws Error(Usage) with the list of
+/// names for any other name. Lifetime: the model must outlive the method.
 [[nodiscard]] std::unique_ptr<Method> make_method(const std::string& name,
                                                   const optics::OpticalModel& model,
                                                   const RenderOptions& options);

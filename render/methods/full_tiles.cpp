@@ -17,7 +17,7 @@ void write_managed(const float* light, int count, uint8_t* codes) {
   for (int i = 0; i < count; ++i) codes[i] = frames::code_from_linear(double{light[i]});
 }
 
-/// What a weak ray changes is known of one ray a subpixel, not of a sum.
+/// Disables weak-ray skipping if rays are summed: the test is valid for one ray per subpixel only.
 RenderOptions with_rays_that_add_up(RenderOptions options) {
   if (options.prefilter == Prefilter::Exhaustive) options.skip_weak_rays = false;
   return options;
@@ -65,7 +65,7 @@ void FullTiles::Worker::render(const Tile& tile, frames::WovenFrame& frame) {
   for (size_t k = 0; k < tiles_.samples_.size(); ++k) {
     maker_.start(scene_, tile, tiles_.samples_[k]);
     trace(tile, {.number = static_cast<int>(k), .weight = weight, .depths = depths});
-    refused_ += maker_.refused();  // they are found out as packets are made
+    refused_ += maker_.refused();  // found while packets are made
   }
   if (prefilter_) prefilter_->average(tile, maker_, light_);
   clock.turn_to(Work::Write);

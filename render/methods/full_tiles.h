@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tiles of a frame as method full renders them, for it and for those that need its bytes.
+// FullTiles renders tiles as method full does, for method full and for methods that need the same
+// bytes.
 #pragma once
 
 #include <array>
@@ -16,11 +17,11 @@
 
 namespace lenticule::render {
 
-/// Of one rig; immutable after construction, safe from any thread. What a tile's bytes are depends
-/// on the scene and the tile alone.
+/// FullTiles holds the tile data of one rig. The bytes of a tile depend on the scene and the tile
+/// only. Thread safety: immutable after construction, usable from any thread.
 class FullTiles {
  public:
-  /// The model must outlive it.
+  /// Lifetime: the model must outlive the object.
   FullTiles(const optics::OpticalModel& model, const RenderOptions& options);
   FullTiles(const FullTiles&) = delete;
   FullTiles& operator=(const FullTiles&) = delete;
@@ -29,20 +30,22 @@ class FullTiles {
   [[nodiscard]] const PrimaryPackets& packets() const { return packets_; }
   [[nodiscard]] size_t samples() const { return samples_.size(); }
 
-  /// Of one thread and one scene; keeps its memory from tile to tile.
+  /// Worker renders tiles of one scene. Thread safety: used by one thread. It keeps its memory from
+  /// tile to tile.
   class Worker {
    public:
-    /// All must outlive it.
+    /// Lifetime: all arguments must outlive the object.
     Worker(const FullTiles& tiles, const Scene& scene, const BeamTester& beams);
     Worker(const Worker&) = delete;
     Worker& operator=(const Worker&) = delete;
 
-    /// Writes the tile's subpixels.
+    /// Renders the tile's subpixels into the frame.
     void render(const Tile& tile, frames::WovenFrame& frame);
 
     [[nodiscard]] RayCounts rays() const;
     [[nodiscard]] PrefilterCounts prefiltered() const;
-    /// Primary rays that were proved to meet nothing, and are not among rays().
+    /// Returns the number of primary rays that were culled as meeting nothing; rays() does not
+    /// include them.
     [[nodiscard]] uint64_t background() const { return background_.filled(); }
     [[nodiscard]] const std::array<uint64_t, kWorks>& ticks() { return tracer_.clock().ticks(); }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The interface of the render methods: how a scene becomes a woven frame.
+// Method is the interface of the render methods, which render a scene to a woven frame.
 #pragma once
 
 #include <cstdint>
@@ -15,17 +15,19 @@ namespace lenticule::render {
 class Method {
  public:
   virtual ~Method() = default;
-  /// The number of the next frame to be rendered; without being told, methods count.
+  /// Sets the number of the next frame to be rendered. By default, methods count their frames.
   virtual void set_frame(uint64_t number) { static_cast<void>(number); }
-  /// The first frame that has to be rendered before `number`, one after the other, for it to be as
-  /// in a sequence without a break; `number` itself where it needs none.
+  /// Returns the first frame of the consecutive frames that must be rendered before frame `number`
+  /// to get the same bytes as in an uninterrupted sequence; `number` itself if the method needs
+  /// none.
   [[nodiscard]] virtual uint64_t first_needed(uint64_t number) const { return number; }
-  /// Renders one frame; the frame has the rig's panel size. Same input, same bytes, whatever the
-  /// number of threads. Not to be called from two threads at once.
+  /// Renders one frame; the frame has the rig's panel size. Equal input gives equal bytes,
+  /// independent of the number of threads. Thread safety: one call at a time.
   virtual RenderStatistics render(const Scene& scene, const Stage& stage,
                                   frames::WovenFrame& frame) = 0;
-  /// White where re-projection left the last frame's subpixels empty; null unless it was asked for,
-  /// and for methods that re-project nothing.
+  /// Returns a picture that is white where re-projection left the last frame's subpixels empty.
+  /// Returns null if not requested (RenderOptions::keep_missing), and for methods without
+  /// re-projection.
   [[nodiscard]] virtual const frames::WovenFrame* missing_subpixels() const { return nullptr; }
 };
 

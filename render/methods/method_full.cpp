@@ -19,7 +19,7 @@
 namespace lenticule::render {
 namespace {
 
-/// Idle time is what a worker that was there did not use; it is not counted.
+/// Returns the shares of the work kinds. Idle time of present workers is not counted.
 std::array<double, kWorks> shares(std::array<uint64_t, kWorks> ticks) {
   ticks[static_cast<size_t>(Work::Idle)] = 0;
   const auto sum = static_cast<double>(std::accumulate(ticks.begin(), ticks.end(), uint64_t{0}));

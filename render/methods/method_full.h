@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Method "full": one ray (or --samples rays) per subpixel, nothing reused, nothing guessed.
+// Method "full": one ray (or --samples rays) per subpixel, without reuse or interpolation.
 #pragma once
 
 #include <memory>

@@ -13,7 +13,7 @@
 namespace lenticule::render {
 namespace {
 
-/// More of a band's subpixels than this may not be beyond the tolerated error.
+/// Largest share of a band's subpixels that may exceed the tolerated error.
 constexpr double kMostBeyond = 0.03;
 
 }  // namespace
@@ -83,7 +83,7 @@ void AdaptiveWorker::set_sample(int picture, size_t lane) {
   frame_.samples.set(sample_places_[lane].row, picture, sample_places_[lane].column, sample);
 }
 
-/// Those that are listed; idle lanes repeat the last.
+/// Traces the listed samples; idle lanes repeat the last one.
 void AdaptiveWorker::trace_samples(int picture) {
   if (listed_ == 0) return;
   std::array<uint32_t, kPacket> seeds{};
@@ -122,7 +122,8 @@ void AdaptiveWorker::take_coarse_samples(int first_row, int picture) {
   trace_samples(picture);
 }
 
-/// The noise of light that is sampled wants as many samples as there are.
+/// Takes the other samples. With sampled light none is interpolated, since more samples average out
+/// the noise.
 void AdaptiveWorker::take_other_samples(int first_row, int picture) {
   constexpr int kStep = KeySamples::kCoarse;
   const bool may_fill = !frame_.plan.options.soft.any();
@@ -151,8 +152,9 @@ void AdaptiveWorker::render_band(int first_row) {
                                 : AdaptiveFrame::Band{});
 }
 
-/// Nothing that its subpixels see changed, nor any sample that they are interpolated between. What
-/// was mended is not what would be found again.
+/// Returns true if the band can be copied: no content that its subpixels see and no sample that
+/// they are interpolated from has changed. Retraced bands are not copied, since rendering again
+/// would give other bytes.
 bool AdaptiveWorker::is_whole_band_kept(int first_row) const {
   const int band = first_row / kBand;
   const AdaptiveFrame::Kept& kept = frame_.kept;
@@ -165,7 +167,8 @@ bool AdaptiveWorker::is_whole_band_kept(int first_row) const {
                                       std::max(last.above[0], last.above[1]) + 1);
 }
 
-/// The same of a subpixel. What is drawn for the audit has not its own code in the frame before.
+/// Returns true if a single subpixel can be copied. Subpixels selected by the audit cannot, since
+/// the previous frame holds their exact code instead of the interpolated one.
 bool AdaptiveWorker::is_kept(int row, size_t at, const KeyGrid::Between& between) const {
   if (!frame_.kept.at(row, double{x_mm_[at]})) return false;
   if ((*frame_.kept.bands)[static_cast<size_t>(row / kBand)].mended) return false;
@@ -183,7 +186,7 @@ void AdaptiveWorker::render_row(int first_row, int row) {
   group_of_cut_.clear();
   for (const SweptCut& cut : swept_.cuts)
     group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
-  group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, where there are none
+  group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
   look_up(between);
   add_drawn(first_row, row);
   sort_row(first_row, row, between);
@@ -197,7 +200,7 @@ void AdaptiveWorker::copy_row(int first_row, int row) {
   add_drawn(first_row, row);
 }
 
-/// Those of even and of odd pictures change in different rows.
+/// Finds the cells around a row. The rows of even and of odd views change at different panel rows.
 void AdaptiveWorker::find_cells(const KeyGrid::Between& between) {
   for (int picture = 0; picture < frame_.grid.pictures(); ++picture) {
     const auto odd = static_cast<size_t>(picture % 2);
@@ -208,7 +211,7 @@ void AdaptiveWorker::find_cells(const KeyGrid::Between& between) {
   std::copy_n(between.above, 2, keys_row_.begin());
 }
 
-/// Where lenses and subpixels are not in the same order, rays lie by lenses.
+/// Arranges the rays by subpixel, if they are ordered by lens.
 void AdaptiveWorker::arrange_rays() {
   const PlaneRays& rays = sweep_.rays();
   x_mm_ = rays.x_mm.data();
@@ -310,7 +313,7 @@ void AdaptiveWorker::add_uncertain(int first_row, int row, size_t at,
                   added.settled, uncertain_.lamps());
 }
 
-/// Gives colours to what sees nothing, and lists what is not known.
+/// Writes the colours of subpixels that see nothing, and lists the unresolved ones.
 void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& between) {
   static_assert(lookup_kernel::kFound == 0 && lookup_kernel::kNothing == 1);
   constexpr uint64_t kAllNothing = 0x0101010101010101;
@@ -319,7 +322,7 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
   const size_t count = frame_.plan.planes.row_subpixels();
   uint64_t unknown = 0, copied = 0;
   for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
-    uint64_t eight;  // states; there is room for a few more than there are subpixels
+    uint64_t eight;  // states; the array is slightly longer than the row
     std::memcpy(&eight, found_row_.states.data() + first, sizeof eight);
     if (eight == 0) continue;
     if (flat && eight == kAllNothing) {
@@ -351,7 +354,8 @@ void AdaptiveWorker::write_uncertain(int first_row) {
     frame_.out.row(first_row + s.row)[s.at] = frame_.encoder.code(s.light);
 }
 
-/// `known`: of a band that was copied, in which all that was drawn is exact already.
+/// Audits a band. `known` holds the results of a copied band, in which all audited subpixels are
+/// already exact.
 void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
   judge_exactly(true);
   drawn_.trace(frame_.scene, first_row, colours_.tracer());
@@ -382,8 +386,8 @@ bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
   return std::abs(int{code} - int{exact}) > frame_.plan.options.tolerated_error;
 }
 
-/// How many of those that were drawn for mending method full has beyond the tolerated error, for
-/// the noise of its samples. What was drawn is exact in the frame.
+/// Returns the number of Mending samples whose code under method full exceeds the tolerated error
+/// due to sampling noise alone. The audited subpixels are exact in the frame.
 uint64_t AdaptiveWorker::count_noise(int first_row) {
   colours_.tracer().tolerate(0.0F);
   colours_.tracer().integrate_lamps(false);
@@ -398,7 +402,7 @@ uint64_t AdaptiveWorker::count_noise(int first_row) {
   return beyond;
 }
 
-/// Renders the band as method full does, to the last byte.
+/// Renders the band with method full's exact bytes.
 void AdaptiveWorker::mend_band(int first_row) {
   if (!full_)
     full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);

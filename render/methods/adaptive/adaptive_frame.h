@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One frame of method adaptive, and what each thread does for it.
+// One frame of method adaptive, and the work of each thread on it.
 #pragma once
 
 #include <array>
@@ -23,20 +23,21 @@
 
 namespace lenticule::render {
 
-/// How a rig's frames are made; outlives them.
+/// AdaptivePlan holds the data for a rig's frames. Lifetime: outlives the frames.
 struct AdaptivePlan {
   const RenderOptions& options;
   const RowPlanes& planes;
   const FullTiles& full;
-  const TilePlan& tiles;    ///< of `full`
-  const Footprint& centre;  ///< of subpixels
+  const TilePlan& tiles;    ///< the tiles of `full`
+  const Footprint& centre;  ///< centre of subpixels
   const lookup_kernel::Kernel& kernel;
   Agreement agreement;
 };
 
-/// Shared by the threads: first samples are taken, then bends marked, then bands of rows rendered.
+/// AdaptiveFrame is shared by the threads. The steps are: take samples, mark bends, render bands of
+/// rows.
 struct AdaptiveFrame {
-  /// `memory` is taken for the samples.
+  /// Reuses `memory` for the samples.
   AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& scene, KeySamples& memory,
                 frames::WovenFrame& frame);
 
@@ -50,20 +51,21 @@ struct AdaptiveFrame {
   LightEncoder encoder;
   double start_mm;
   BeamTester beams;
-  std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, where it is flat
-  /// Where it is: rays that are far from everything are not made.
+  std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, if the backdrop is flat
+  /// Places on the viewing line to which rays go, if the backdrop is flat: then rays far from all
+  /// objects are not made.
   std::optional<Interval> eyes;
 
-  /// What the audit said of a band.
+  /// Audit results of a band of rows.
   struct Band {
     AuditCounts mending, judging;
     bool mended = false;
   };
   std::vector<Band> bands;
 
-  /// What looks as it did before: samples there are those of `memory`.
+  /// Unchanged regions, which reuse the samples in `memory` from the previous frame.
   struct Kept {
-    const KeptParts* parts = nullptr;  ///< null: nothing
+    const KeptParts* parts = nullptr;  ///< null: no unchanged regions
     const frames::WovenFrame* frame = nullptr;
     const std::vector<Band>* bands = nullptr;
 
@@ -72,46 +74,48 @@ struct AdaptiveFrame {
     }
   };
   Kept kept;
-  /// What it points to must outlive it, too.
+  /// Sets the unchanged regions. Lifetime: the objects that `what` points to must outlive the
+  /// frame.
   void keep(const Kept& what);
 };
 
-/// How the subpixels of a thread's bands got their colour.
+/// Origin of the colours of the subpixels in a thread's bands.
 struct AdaptiveCounts {
-  uint64_t interpolated = 0;  ///< between samples, or nothing was seen
-  uint64_t shaded = 0;        ///< by themselves, with light that samples settled or that was traced
-  uint64_t copied = 0;        ///< looked the same in the frame before
-  uint64_t mended = 0;        ///< traced in full, in bands that the audit sent back
-  AuditCounts audit;          ///< of frames as they are delivered
+  uint64_t interpolated = 0;  ///< interpolated between samples, or showing the backdrop
+  uint64_t shaded = 0;        ///< shaded individually, with light resolved from samples or traced
+  uint64_t copied = 0;        ///< copied from the previous frame, where the content looked the same
+  uint64_t mended = 0;        ///< retraced in full, in bands that failed the audit
+  AuditCounts audit;          ///< final audit of delivered frames
 };
 
-/// Of one thread and frame. Calling threads must flush denormals.
+/// AdaptiveWorker renders bands of one frame. The calling thread must flush denormals. Thread
+/// safety: used by one thread.
 class AdaptiveWorker {
  public:
   static constexpr int kBand = TilePlan::kRows;  ///< rows
-  static constexpr int kBlock = 4;  ///< rows and columns of samples in a packet of coarse ones
+  static constexpr int kBlock = 4;               ///< rows and columns of coarse samples in a packet
   static constexpr int kSampleRows = kBlock * KeySamples::kCoarse;
-  /// What is drawn for the audit takes so many times the rays of soft light, not to judge by its
-  /// own noise.
+  /// Factor of the number of soft-light rays for audited subpixels, so that their own noise does
+  /// not distort the audit.
   static constexpr int kFinerAudit = 4;
 
-  /// `frame` must outlive it.
+  /// Lifetime: `frame` must outlive the object.
   explicit AdaptiveWorker(AdaptiveFrame& frame);
 
-  /// The coarse samples of kSampleRows rows of one picture.
+  /// Takes the coarse samples of kSampleRows rows of one cache view.
   void take_coarse_samples(int first_row, int picture);
-  /// The others, when coarse ones of those rows and of those below are there.
+  /// Takes the other samples, after the coarse ones of these rows and of the rows below.
   void take_other_samples(int first_row, int picture);
-  /// kBand rows of the panel.
+  /// Renders kBand rows of the panel.
   void render_band(int first_row);
 
   [[nodiscard]] const AdaptiveCounts& counts() const { return counts_; }
   [[nodiscard]] RayCounts rays();
-  /// See FullTiles::Worker.
+  /// Returns the culled primary rays, see FullTiles::Worker::background().
   [[nodiscard]] uint64_t background() const { return full_ ? full_->background() : 0; }
 
  private:
-  /// For the audit. Otherwise rays are left out that bring little.
+  /// Selects exact tracing for the audit; otherwise weak rays are skipped.
   void judge_exactly(bool exactly);
   struct SamplePlace {
     int row, column;
@@ -142,20 +146,20 @@ class AdaptiveWorker {
   ColourTracer::Colours found_;
   RowSweep::Worker sweep_;
   SweptRow swept_;
-  const float* x_mm_ = nullptr;  ///< by subpixel, of the row that was swept last
+  const float* x_mm_ = nullptr;  ///< per subpixel of the last swept row
   const float* tan_x_ = nullptr;
   std::vector<float> arranged_x_, arranged_tan_;
   UncertainSubpixels uncertain_;
   DrawnSubpixels drawn_;
-  std::unique_ptr<FullTiles::Worker> full_;  ///< made when a band is mended
+  std::unique_ptr<FullTiles::Worker> full_;  ///< created when a band is retraced
   LightSettler settler_;
-  std::vector<RayPacket> packet_;  ///< one
+  std::vector<RayPacket> packet_;  ///< a single packet
   std::array<SamplePlace, kPacket> sample_places_{};
-  size_t listed_ = 0;  ///< of sample_places_
+  size_t listed_ = 0;  ///< elements of sample_places_ in use
   std::vector<uint32_t> keys_;
   std::array<int, 2> keys_row_{-1, -1};
   std::vector<uint32_t> group_of_cut_;
-  /// What a row's look-up found, see lookup_kernel::Found.
+  /// Look-up results of a row, see lookup_kernel::Found.
   struct FoundRow {
     std::vector<uint8_t> codes, states;
     std::vector<int32_t> left, cell[2];

@@ -6,10 +6,10 @@
 namespace lenticule::render {
 namespace {
 
-/// Of at most `successes` in `tries`, each with probability p in (0, 1).
+/// Returns the probability of at most `successes` in `tries`, each with probability p in (0, 1).
 double cumulative_binomial(uint64_t successes, uint64_t tries, double p) {
   const auto n = static_cast<double>(tries);
-  double term = n * std::log1p(-p);  // logarithm of the probability of none
+  double term = n * std::log1p(-p);  // logarithm of the probability of no success
   double sum = std::exp(term);
   for (uint64_t k = 0; k < successes; ++k) {
     const auto done = static_cast<double>(k);
@@ -33,7 +33,7 @@ double bound_of_share(const AuditCounts& counts) {
 }
 
 bool needs_mending(const AuditCounts& band, double most) {
-  // Three deviations more than such a share would bring by chance.
+  // Three standard deviations above the count that such a share would give by chance.
   const double expected = most * static_cast<double>(band.drawn);
   return static_cast<double>(band.beyond) > expected + 3.0 * std::sqrt(expected) + 1.0;
 }

@@ -1,22 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// Subpixels drawn at random are traced whatever samples say of them: that tells how far a frame is
-// off, and where it has to be mended.
+// Audit of method adaptive: a fixed random selection of subpixels is traced in addition, to measure
+// the error of a frame and to find the bands that must be retraced.
 #pragma once
 
 #include <cstdint>
 
 namespace lenticule::render {
 
-/// Two draws that share no subpixel: one decides what is mended, the other judges what came of it.
+/// Two disjoint selections: one decides which bands are retraced (Mending), the other evaluates the
+/// result (Judging).
 enum class Draw : uint8_t { None, Mending, Judging };
 
-/// Of every kDrawnOneIn subpixels of a row each draw has one, always the same. That covers a frame
-/// more evenly than a binomial draw would: what is said of that holds all the more.
+/// Each of the two selections has one subpixel per kDrawnOneIn subpixels of a row (stratified,
+/// fixed positions). Stratification covers a frame more evenly than a binomial sample, so the
+/// binomial bound below is conservative.
 inline constexpr uint32_t kDrawnOneIn = 512;
 struct DrawnPair {
-  uint32_t mending, judging;  ///< subpixels of the row; the last may lie beyond its end
+  uint32_t mending, judging;  ///< subpixels of the row; the last one may lie beyond its end
 };
-/// Of subpixels kDrawnOneIn * `stretch` and those after it.
+/// Returns the selected subpixels among the kDrawnOneIn subpixels that start at kDrawnOneIn *
+/// `stretch`.
 [[nodiscard]] inline DrawnPair drawn_of(uint32_t row, uint32_t stretch) {
   uint32_t hash = (row * 0x9e3779b9U) ^ (stretch * 0x85ebca6bU);
   hash ^= hash >> 15;
@@ -32,7 +35,7 @@ struct DrawnPair {
 
 struct AuditCounts {
   uint64_t drawn = 0;
-  uint64_t beyond = 0;  ///< off by more than the tolerated error
+  uint64_t beyond = 0;  ///< the error exceeds the tolerated error
   AuditCounts& operator+=(const AuditCounts& other) {
     drawn += other.drawn;
     beyond += other.beyond;
@@ -40,11 +43,13 @@ struct AuditCounts {
   }
 };
 
-/// The share of all subpixels that are beyond is below this with 99 % confidence (Clopper and
-/// Pearson's exact bound for a binomial share); 1 if none was drawn.
+/// Returns an upper bound, with 99 % confidence, of the share of all subpixels whose error exceeds
+/// the tolerated error (Clopper and Pearson's exact bound for a binomial share); 1 if no subpixel
+/// was sampled.
 [[nodiscard]] double bound_of_share(const AuditCounts& counts);
 
-/// Whether what was drawn of a band speaks for more than `most` of its subpixels being beyond.
+/// Returns true if the samples of a band indicate that more than the share `most` of its subpixels
+/// exceeds the tolerated error.
 [[nodiscard]] bool needs_mending(const AuditCounts& band, double most);
 
 }  // namespace lenticule::render

@@ -7,11 +7,11 @@
 namespace lenticule::render {
 namespace {
 
-/// Green, which is most of what is seen, says which way the light came.
+/// The path of the light is recorded for green, which dominates perceived brightness.
 constexpr int kFirst = 1;
 constexpr int kOthers[] = {0, 2};
 
-/// The lights that reach a surface are the same in all colours.
+/// Returns the lights that reach the surfaces, which are the same in all colours.
 PacketTracer::Known lights_of(const PacketTracer::Notes& notes) {
   PacketTracer::Known known{};
   known.set_lights(notes.lit, notes.hidden);

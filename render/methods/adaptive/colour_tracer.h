@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen rays in all three colours, and which way their light came.
+// ColourTracer traces sixteen rays in all three colours and records the paths of their light.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 
 namespace lenticule::render {
 
-/// Of one thread.
+/// ColourTracer belongs to one thread.
 class ColourTracer {
  public:
   ColourTracer(const RenderOptions& options, const TilePlan& plan)
@@ -18,12 +18,12 @@ class ColourTracer {
 
   struct Colours {
     alignas(64) float light[3][kPacket];
-    float secondary[3][kPacket];  ///< part of it: from mirrored and refracted rays
+    float secondary[3][kPacket];  ///< part of `light` from mirrored and refracted rays
     uint32_t group[kPacket];
-    PacketTracer::Notes notes;  ///< of green
+    PacketTracer::Notes notes;  ///< path records of the green channel
   };
-  /// Valid lanes of the packet, which hold afterwards what they met, see PacketTracer. Less light
-  /// than `noticed` makes no difference to the notes.
+  /// Traces the valid lanes of the packet, which holds the hits afterwards, see PacketTracer. Light
+  /// below `noticed` does not affect the notes.
   void trace(const Scene& scene, const SurfaceGroups& groups, float noticed, RayPacket& packet,
              Colours& out);
 

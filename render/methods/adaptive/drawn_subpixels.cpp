@@ -33,7 +33,7 @@ void DrawnSubpixels::trace(const Scene& scene, int first_row, PacketTracer& trac
   }
 }
 
-/// Lanes that are not there repeat the first.
+/// Traces a packet; inactive lanes repeat the first.
 void DrawnSubpixels::trace_packet(const Scene& scene, int first_row, size_t first, size_t end,
                                   PacketTracer& tracer) {
   for (size_t r = 0; r < kPacket; ++r) {

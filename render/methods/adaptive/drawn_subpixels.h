@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The subpixels of a band that the audit drew, each traced as method full traces it.
+// DrawnSubpixels holds the subpixels of a band that the audit samples, and traces them as method
+// full does.
 #pragma once
 
 #include <array>
@@ -13,25 +14,25 @@
 
 namespace lenticule::render {
 
-/// Of one thread; keeps its memory from band to band. Mirrors that are mirrored in mirrors make a
-/// different picture of a ray that differs in its last bit: so rays come from where method full
-/// has them, and what a ray brings does not depend on those that are traced with it.
+/// DrawnSubpixels belongs to one thread and keeps its memory from band to band. A ray that differs
+/// in its last bit can give a different picture after several reflections. So rays are the same as
+/// in method full, and the light of a ray does not depend on the other rays of its packet.
 class DrawnSubpixels {
  public:
   struct Subpixel {
     int32_t at = 0;    ///< 3 i + channel
-    uint16_t row = 0;  ///< of the band
+    uint16_t row = 0;  ///< index in the band
     Draw draw = Draw::None;
-    float light = 0.0F;  ///< found by tracing
+    float light = 0.0F;  ///< result of tracing
   };
 
-  /// All must outlive it. `centre`: of the subpixels.
+  /// Lifetime: all arguments must outlive the object. `centre` is the centre of the subpixels.
   DrawnSubpixels(const PrimaryPackets& packets, const TilePlan& plan, const Footprint& centre);
 
   void clear() { subpixels_.clear(); }
   void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
-  /// `first_row` is that of the band; afterwards subpixels have another order. Calling thread must
-  /// flush denormals.
+  /// Traces all subpixels of the band that begins at `first_row`. Afterwards the subpixels have a
+  /// different order. The calling thread must flush denormals.
   void trace(const Scene& scene, int first_row, PacketTracer& tracer);
   [[nodiscard]] const std::vector<Subpixel>& subpixels() const { return subpixels_; }
 
@@ -44,7 +45,7 @@ class DrawnSubpixels {
   const Footprint& centre_;
   PrimaryPackets::Maker maker_;
   std::vector<Subpixel> subpixels_;
-  std::vector<RayPacket> packet_;  ///< one
+  std::vector<RayPacket> packet_;  ///< a single packet
   alignas(64) std::array<int32_t, kPacket> channel_{};
   std::array<uint32_t, kPacket> seeds_{};
   alignas(64) std::array<float, kPacket> light_{};

@@ -23,7 +23,7 @@ Bounds overlap(const Bounds& a, const Bounds& b) {
       {std::min(a.high.x, b.high.x), std::min(a.high.y, b.high.y), std::min(a.high.z, b.high.z)}};
 }
 
-/// To all sides.
+/// Returns the box extended by `by` to all sides.
 Bounds widened(const Bounds& box, double by) {
   const Vec3 all{by, by, by};
   return {box.low - all, box.high + all};
@@ -33,7 +33,7 @@ bool holds_something(const Bounds& box) {
   return box.low.x <= box.high.x && box.low.y <= box.high.y && box.low.z <= box.high.z;
 }
 
-/// Of a scene that is a few hundred millimetres large; more than roundings.
+/// Margin for a scene of a few hundred millimetres; larger than rounding errors.
 constexpr double kMarginMm = 0.2;
 
 }  // namespace
@@ -46,7 +46,7 @@ KeptParts::KeptParts(const RowPlanes& planes, const Interval& eyes, const Scene&
       bands_((planes.rows() + kBandRows - 1) / kBandRows) {
   const optics::Panel& panel = planes.model().rig().panel;
   const double pixel_mm = panel.pixel_width.value;
-  columns_ = (panel.width_px + kColumnPixels - 1) / kColumnPixels + 2;  // lenses reach beyond
+  columns_ = (panel.width_px + kColumnPixels - 1) / kColumnPixels + 2;  // lenses extend beyond
   columns_per_mm_ = 1.0 / (kColumnPixels * pixel_mm);
   x_first_ = -0.5 * columns_ * kColumnPixels * pixel_mm;
   for (int band = 0; band < bands_; ++band) {
@@ -64,7 +64,8 @@ KeptParts::KeptParts(const RowPlanes& planes, const Interval& eyes, const Scene&
       if (thing.depends_on_view) lose(widened(thing.box, kMarginMm));
 }
 
-/// Of all that changed, where it was and where it is. Whether anything did.
+/// Marks the old and new places of all changed objects as changed. Returns true if an object
+/// changed.
 bool KeptParts::lose_changes(const Scene& scene, const SoftLight& soft, const SceneThings& before,
                              const SceneThings& now) {
   Bounds everything;
@@ -121,10 +122,12 @@ void KeptParts::lose(const Patch& patch) {
   }
 }
 
-/// Projection from a place keeps lines straight: the corners say where a box is seen, from the
-/// outermost places where it is seen from those between.
+/// Returns the region of the panel through which a box is visible. Projection from a point keeps
+/// lines straight, so the corners suffice; and the outermost viewing places bound the region for
+/// all places between them.
 KeptParts::Patch KeptParts::seen_through(const Bounds& box) const {
-  constexpr double kTooNear = 0.9;  // of the way to the viewing line: seen anywhere
+  // Fraction of the distance to the viewing line beyond which content may be seen anywhere.
+  constexpr double kTooNear = 0.9;
   const double inverse_z = planes_.inverse_z();
   Patch patch;
   for (const Vec3& corner : corners_of(box)) {
@@ -142,14 +145,14 @@ void KeptParts::lose(const Bounds& box) {
   if (holds_something(box)) lose(seen_through(box));
 }
 
-/// What lies behind the box seen from a light, piece by piece, as far as there is something. A lamp
-/// with a size is seen past an edge that far aside.
+/// Marks the region behind a box as seen from a light, in pieces, as far as there is content. For
+/// an area light, the region is extended sideways by the penumbra.
 void KeptParts::lose_shadow(const Bounds& box, const SceneLight& light, const SoftLight& soft,
                             const Bounds& within) {
   constexpr int kPieces = 48;
   const double farthest = length(within.high - within.low);
   const bool is_sun = light.kind == Light::Kind::Directional;
-  // How far the shadow of a point goes is told as parts of its way from the light.
+  // The end of the shadow is expressed as a multiple of the distance from the light.
   double nearest = 1.0;
   if (!is_sun) {
     const Vec3 beside{std::max({box.low.x - light.position.x, 0.0, light.position.x - box.high.x}),

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parts of the glass through which nothing looks different than in the frame before, because
-// nothing that changed is seen through them, throws a shadow there or takes ambient light away.
+// KeptParts finds the regions of the panel that look the same as in the previous frame: no changed
+// object is visible through the region, casts a shadow there or changes the ambient light there.
 #pragma once
 
 #include <cstdint>
@@ -12,15 +12,17 @@
 
 namespace lenticule::render {
 
-/// Immutable after construction. The glass is cut into bands of rows and columns of some pixels.
+/// KeptParts divides the panel into bands of rows and columns of some pixels. Thread safety:
+/// immutable after construction.
 class KeptParts {
  public:
   static constexpr int kBandRows = 16;
   static constexpr int kColumnPixels = 32;
 
-  /// Of what rays see that go to `eyes` on the viewing line (mm; tangents of parallel rays). All is
-  /// lost where frames differ in more than things, and through what depends on the view, since what
-  /// is mirrored there is not followed.
+  /// Finds the unchanged regions for rays that go to `eyes` on the viewing line (mm; tangents for
+  /// parallel rays). If the frames differ in more than individual objects, no region is unchanged.
+  /// Regions that show view-dependent surfaces always count as changed, since reflections are not
+  /// followed.
   KeptParts(const RowPlanes& planes, const Interval& eyes, const Scene& scene,
             const SoftLight& soft, const SceneThings& before, const SceneThings& now);
 
@@ -28,7 +30,7 @@ class KeptParts {
   [[nodiscard]] bool whole_band(int band) const {
     return lost_in_band_[static_cast<size_t>(band)] == 0;
   }
-  /// Where a ray of a row leaves the glass.
+  /// Returns true if a ray of the row that leaves the panel at x_mm is in an unchanged region.
   [[nodiscard]] bool at(int row, double x_mm) const;
 
  private:
@@ -50,7 +52,7 @@ class KeptParts {
   int bands_, columns_;
   double x_first_, columns_per_mm_;
   std::vector<Interval> band_y_mm_;
-  std::vector<uint8_t> lost_;  ///< [band][column]
+  std::vector<uint8_t> lost_;  ///< [band][column]; 1 = changed
   std::vector<int> lost_in_band_;
   size_t kept_ = 0;
 };

@@ -9,7 +9,7 @@
 namespace lenticule::render {
 namespace {
 
-/// How far a point moves on the glass from one picture to the next, at most.
+/// Returns the largest distance that a point moves on the panel between neighbouring views.
 double furthest_move(const RowPlanes& planes, const Stage& stage, double eye_step) {
   double most = 0.0;
   for (const double z : {stage.near_mm, stage.far_mm}) {
@@ -22,7 +22,7 @@ double furthest_move(const RowPlanes& planes, const Stage& stage, double eye_ste
 
 }  // namespace
 
-/// A few rows tell: the others lie between them.
+/// Evaluates three rows, since the others lie between them.
 RayReach reach_of(const RowPlanes& planes) {
   const double distance = planes.inverse_z() > 0.0 ? 1.0 / planes.inverse_z() : 0.0;
   RowPlanes::Maker maker(planes);
@@ -57,7 +57,8 @@ KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& re
   eyes_ = reach.eyes.widened(0.5 * reach.eyes.width());
   eye_step_ = std::max(reach.eyes.width() / (spacing.pictures - 1), 1e-6);
   x_step_ = spacing.columns * panel.pixel_width.value;
-  // In whole steps, so that samples stay where they are when the nearest thing moves a little.
+  // Rounded up to whole steps, so that sample positions stay the same when the nearest object moves
+  // slightly.
   const double aside = x_step_ * std::ceil(std::min(furthest_move(planes, stage, eye_step_),
                                                     reach.glass_mm.width() / 4) /
                                            x_step_);
@@ -68,7 +69,7 @@ KeyGrid::KeyGrid(const RowPlanes& planes, const Stage& stage, const RayReach& re
   rows_ = (planes.rows() - 1 + row_step_ / 2) / row_step_ + 2;
   height_px_ = planes.height_in_row(0);
   const double inverse_z = planes.inverse_z();
-  constexpr double kNear = 0.027;  // radians: a degree and a half
+  constexpr double kNear = 0.027;  // radians, a degree and a half
   const double angle = eye_step_ * (inverse_z > 0.0 ? inverse_z : 1.0);
   lookup_ = {.x_first = static_cast<float>(x_first_),
              .columns_per_mm = static_cast<float>(1.0 / x_step_),

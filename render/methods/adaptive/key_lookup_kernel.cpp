@@ -9,7 +9,8 @@ namespace {
 using namespace lookup_kernel;
 
 #if defined(__AVX512F__)
-// Masked forms: compilers take the others' unused operand for uninitialised.
+// Masked intrinsics, since compilers report the unused operand of the unmasked ones as
+// uninitialised.
 constexpr auto kAllLanes = static_cast<__mmask16>(~0U);
 #endif
 
@@ -26,7 +27,7 @@ inline Masks gather(const uint32_t* table, const Masks& index) {
   return out;
 }
 
-/// An element and the one after it, the first in the lower half.
+/// Returns pairs of an element and the next element, the first in the lower half.
 inline Masks gather_pairs(const uint16_t* table, const Masks& index) {
   Masks out;
 #if defined(__AVX512F__)
@@ -43,11 +44,11 @@ inline Masks gather_pairs(const uint16_t* table, const Masks& index) {
   return out;
 }
 
-/// Where a subpixel's point lies in one key picture.
+/// Place is the position of a subpixel's point in one view.
 struct Place {
-  Masks odd;    ///< the picture's number
-  Masks index;  ///< of the cell's left column, in a row of samples
-  Floats part;  ///< of the way to its right one
+  Masks odd;    ///< parity of the view's number
+  Masks index;  ///< index of the cell's left column, in a row of samples
+  Floats part;  ///< weight of the cell's right column
   Masks inside;
 };
 
@@ -76,7 +77,7 @@ inline Floats value_at(const SampleRows& interval, const Place& place, const Mas
   return mix(above, below, part);
 }
 
-/// Values of 0 to 255.
+/// Writes values from 0 to 255.
 inline void write(const Masks& values, uint8_t* out) {
 #if defined(__AVX512F__)
   _mm_storeu_si128(
@@ -85,7 +86,7 @@ inline void write(const Masks& values, uint8_t* out) {
 #elif defined(__AVX2__)
   const auto low = reinterpret_cast<__m256i>(values.part[0]);
   const auto high = reinterpret_cast<__m256i>(values.part[1]);
-  // Packed within halves: lanes 0-3, 8-11, 4-7 and 12-15 lie in that order.
+  // Packing works within 128-bit halves: lanes 0-3, 8-11, 4-7 and 12-15 are in this order.
   const __m256i words = _mm256_packs_epi32(low, high);
   const __m256i ordered = _mm256_permute4x64_epi64(words, 0xd8);
   _mm_storeu_si128(
@@ -113,7 +114,7 @@ inline void store(const Masks& values, int32_t* to) {
   __builtin_memcpy(to, &values, sizeof values);
 }
 
-/// Where the points of sixteen subpixels lie in the two pictures beside their views.
+/// Places holds the positions of sixteen points in the two views next to theirs.
 struct Places {
   Masks left;
   Floats part;
@@ -132,7 +133,7 @@ inline void write(const Places& places, int at, const Found& out) {
 inline Places places_of(const Grid& grid, const Row& row, int at, const Masks& seen) {
   const Floats x = load(row.x + at), tan = load(row.tan + at);
   const Floats z = select(seen, load(row.z + at), Floats{});
-  // Seen from e, the point (x + tan z, z) is at across - e depth.
+  // The point (x + tan z, z) is seen from e at across - e depth.
   const Floats wider = 1.0F / (1.0F - z * grid.inverse_z);
   const Floats across = (x + tan * z) * wider;
   const Floats depth = grid.distance > 0.0F ? z * wider * grid.inverse_z : z;
@@ -146,7 +147,7 @@ inline Places places_of(const Grid& grid, const Row& row, int at, const Masks& s
           place_in(grid, left + 1, first - depth * grid.eye_step)};
 }
 
-/// Colours of sixteen subpixels; `plane` says where each one's channel begins.
+/// Looks up the colours of sixteen subpixels; `plane` is the start of each subpixel's channel.
 inline void look_up_lanes(const Grid& grid, const SampleRows& interval, const Row& row, int at,
                           const Masks& plane, const Found& out) {
   const Masks cut = load(row.cut + at);
@@ -172,8 +173,8 @@ inline void look_up_lanes(const Grid& grid, const SampleRows& interval, const Ro
 
   const Masks both = in_a & in_b;
   const Masks agree = both & (absolute(from_a - from_b) <= row.most_apart);
-  // Where the other picture does not see the surface, one is enough for what looks the same from
-  // everywhere, and for the rest if it is near.
+  // If the other view does not see the surface, one view suffices for view-independent surfaces,
+  // and for view-dependent ones if the view is near.
   const Masks any_view = (group & 1) == 0;
   const Masks uneven = group | static_cast<int32_t>(kUneven);
   const Masks only_a = in_a & ~in_b & (key_b != uneven) & (any_view | (part < grid.near));

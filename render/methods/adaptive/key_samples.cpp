@@ -21,8 +21,9 @@ int parts(double codes) {
 }  // namespace
 
 Agreement Agreement::for_error(double codes) {
-  // Linear interpolation between samples whose second difference is b is off by b / 8 in the
-  // middle. What corners differ by, or pictures, is shared out: half of it at most is error.
+  // Linear interpolation between samples with a second difference of b has an error of b / 8 in the
+  // middle. Differences between corners or views are interpolated, so at most half of them is
+  // error.
   return {.coarse = parts(4.0 * codes),
           .unlike = parts(2.0 * codes),
           .alike = parts(24.0),
@@ -43,7 +44,7 @@ void KeySamples::begin(const KeyGrid& grid) {
   columns_ = grid.columns();
   row_samples_ = grid.row_samples();
   const size_t count = row_samples_ * static_cast<size_t>(rows_);
-  // What pads the rows stays zero. The lookup reads an element past the one that it asks for.
+  // The padding of the rows stays zero. The lookup reads one element past the requested one.
   values_.assign(3 * count + 2, 0);
   groups_.assign(count, 0);
   ways_.assign(count, 0);
@@ -72,7 +73,7 @@ bool show_one_thing(std::span<const KeySamples::Sample, 4> corners, int most_apa
   return true;
 }
 
-/// Of two samples that show one thing.
+/// Returns the mean of two samples that show one surface.
 KeySamples::Sample middle(const KeySamples::Sample& a, const KeySamples::Sample& b) {
   KeySamples::Sample between = a;
   for (size_t c = 0; c < 3; ++c) {
@@ -117,15 +118,16 @@ bool KeySamples::rows_changed(int first, int last) const {
   return std::any_of(begin, end, [](uint8_t changed) { return changed != 0; });
 }
 
-/// Whether the coarse samples around a cell of four, in one picture, show the surface as its first
-/// does where they show it: thin shadows and reflections that lie between samples are seen beside.
+/// Returns true if the coarse samples around a cell of one view have the same path as the cell's
+/// first sample wherever they show its surface: thin shadows and reflections between samples show
+/// up in samples nearby.
 bool KeySamples::is_quiet(int top, size_t in_row, int left) const {
   constexpr int kAround = 3 * kCoarse;
   const auto place = [&](int r, int c) {
     return static_cast<size_t>(r) * row_samples_ + in_row + static_cast<size_t>(c);
   };
   const size_t first = place(top, left);
-  if (groups_[first] == SurfaceGroups::kNothing) return true;  // its ways are all the same
+  if (groups_[first] == SurfaceGroups::kNothing) return true;  // all its path ids are the same
   const int end_row = std::min(top + kCoarse + kAround, rows_ - 1);
   const int end_column = std::min(left + kCoarse + kAround, columns_ - 1);
   for (int r = std::max(top - kAround, 0); r <= end_row; r += kCoarse)
@@ -162,7 +164,7 @@ bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement
   return true;
 }
 
-/// Numbers of samples in a row of three, which may lie one above the other.
+/// Marks bends over three consecutive samples along the row and across rows.
 void KeySamples::mark_bends(int row, const Agreement& agreement) {
   const size_t first = static_cast<size_t>(row) * row_samples_;
   const size_t above = row > 0 ? first - row_samples_ : first;
@@ -213,7 +215,8 @@ void KeySamples::find_cells(int row, int picture, const Agreement& agreement,
   }
 }
 
-/// The largest difference of a cell's corners in any channel; `value` is that of the first.
+/// Returns the largest difference between a cell's corners in any channel; `value` is the index of
+/// the first.
 int KeySamples::range(size_t value) const {
   int most = 0;
   for (size_t c = 0; c < 3; ++c) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the key pictures of a frame show, and between which samples it may be interpolated.
+// KeySamples holds the samples of a frame's cache views and decides between which samples
+// interpolation is allowed.
 #pragma once
 
 #include <array>
@@ -12,46 +13,51 @@
 
 namespace lenticule::render {
 
-/// How much samples may differ, in parts of a code value (lookup_kernel::kCodeParts).
+/// Agreement holds the largest differences allowed between samples, in parts of a code value
+/// (lookup_kernel::kCodeParts).
 struct Agreement {
-  int coarse = 0;       ///< of samples twice as far apart, with none between them
-  int unlike = 0;       ///< where light came another way: another shadow, another thing mirrored
-  int alike = 0;        ///< where it came the same way
-  int bend = 0;         ///< second difference of three samples in a row
-  float apart = 0;      ///< between two pictures
-  float secondary = 0;  ///< light from mirrored and refracted rays, of 1
-  float around = 0;     ///< the part of free directions
-  float seen = 0;       ///< and of a lamp
-  float little = 0;     ///< light, of 1, that makes no difference
+  int coarse = 0;   ///< between samples twice as far apart, with none between them
+  int unlike = 0;   ///< if the light took another path: another shadow, another reflected object
+  int alike = 0;    ///< if the light took the same path
+  int bend = 0;     ///< second difference of three consecutive samples
+  float apart = 0;  ///< between two views
+  float secondary = 0;  ///< light from mirrored and refracted rays, relative to 1
+  float around = 0;     ///< unoccluded share of the hemisphere
+  float seen = 0;       ///< visible share of an area light
+  float little = 0;     ///< negligible light, relative to 1
 
-  /// Less light than this on its way is not told apart, and half of it will do. Dark linear light
-  /// is encoded in more code values.
+  /// Returns the light below which paths are not distinguished and rays are replaced by half of
+  /// their maximum contribution. It is lower for colour-managed scenes, since dark linear light is
+  /// encoded in more code values.
   [[nodiscard]] float noticed(bool colour_managed) const {
     return colour_managed ? 0.2F * little : little;
   }
 
-  /// For an error of so many code values.
+  /// Returns the limits for a tolerated error in code values.
   [[nodiscard]] static Agreement for_error(double codes);
 };
 
-/// One frame's samples. Rows may be filled by different threads; cells are read-only afterwards.
+/// KeySamples holds one frame's samples. Thread safety: different threads may fill different rows;
+/// cells are read-only afterwards.
 class KeySamples {
  public:
   KeySamples() = default;
   explicit KeySamples(const KeyGrid& grid) { begin(grid); }
-  /// Another frame, whose grid outlives its use. Where the grid is as large as the last one,
-  /// samples that are not set again stay those of the frame before.
+  /// Begins another frame. Lifetime: `grid` must outlive its use. If the grid has the same size as
+  /// before, samples that are not set again keep the values of the previous frame.
   void begin(const KeyGrid& grid);
-  /// From here on, samples that are set to something else than they were count as changed.
+  /// Starts change detection: from now on, a sample that is set to a different value counts as
+  /// changed.
   void watch_changes();
 
-  /// What a sample's light is made of, see PacketTracer::Notes.
+  /// Composition of a sample's light, see PacketTracer::Notes.
   struct Light {
     uint32_t lit = 0, hidden = 0;
     uint32_t secondary_way = 0;
     std::array<float, 3> secondary{};
     float around = 0.0F;
-    /// Of lamps, in parts of kWholeLamp; kNotShining for PacketTracer::kNoShare.
+    /// Visible shares of area lights, in units of 1 / kWholeLamp; kNotShining for
+    /// PacketTracer::kNoShare.
     std::array<uint8_t, PacketTracer::kLamps> seen{};
 
     static constexpr int kWholeLamp = 240;
@@ -63,18 +69,18 @@ class KeySamples {
   };
   struct Sample {
     std::array<uint16_t, 3> value{};  ///< code values, in parts
-    uint32_t group = 0;               ///< SurfaceGroups
-    uint32_t way = 0;                 ///< PacketTracer::Notes
+    uint32_t group = 0;               ///< group number of SurfaceGroups
+    uint32_t way = 0;                 ///< path id of PacketTracer::Notes
     Light light{};
   };
   void set(int row, int picture, int column, const Sample& sample);
 
-  /// Every other sample of every other row is traced first: those with even numbers.
+  /// Every kCoarse-th sample of every kCoarse-th row is traced first.
   static constexpr int kCoarse = 2;
-  /// Sets the three samples to the right of and below a coarse one to what lies between coarse
-  /// ones, where those show one thing and differ little; false, and nothing set, elsewhere.
+  /// Interpolates the three samples to the right of and below a coarse one from the coarse samples
+  /// around, if these show one surface and differ little. Otherwise returns false and sets nothing.
   bool fill(int top, int picture, int left, const Agreement& agreement);
-  /// Whether they were, when last asked for.
+  /// Returns true if the last fill() for this place interpolated them.
   [[nodiscard]] bool is_filled(int top, int picture, int left) const {
     return filled_[index(top, picture, left)] != 0;
   }
@@ -82,18 +88,19 @@ class KeySamples {
   [[nodiscard]] const uint16_t* values() const { return values_.data(); }
   [[nodiscard]] size_t row_samples() const { return row_samples_; }
 
-  /// Of the sample at an index [row][picture][column].
+  /// Return data of the sample at an index [row][picture][column].
   [[nodiscard]] uint32_t group(size_t at) const { return groups_[at]; }
   [[nodiscard]] const Light& light(size_t at) const { return lights_[at]; }
 
-  /// Marks samples that bend too much between their neighbours in their row and in those around.
+  /// Marks the samples of a row whose second differences, along the row and across rows, exceed the
+  /// limit.
   void mark_bends(int row, const Agreement& agreement);
-  /// Whether a sample changed since watch_changes(), or its bends did: of the cell whose upper left
-  /// corner has that index in its row, and of whole rows.
+  /// Return true if a sample or its bend mark has changed since watch_changes(): in the cell whose
+  /// upper left corner has the given index in its row, or in whole rows.
   [[nodiscard]] bool cell_changed(int row, size_t in_row) const;
   [[nodiscard]] bool rows_changed(int first, int last) const;
 
-  /// Keys of the cells between rows `row` and `row` + 1 of a picture, see
+  /// Computes the keys of the cells between rows `row` and `row` + 1 of a view, see
   /// lookup_kernel::SampleRows.
   void find_cells(int row, int picture, const Agreement& agreement, uint32_t* keys) const;
 
@@ -117,7 +124,7 @@ class KeySamples {
   std::vector<uint32_t> ways_;
   std::vector<Light> lights_;
   std::vector<uint8_t> bends_;
-  std::vector<uint8_t> filled_;  ///< of coarse samples: the three beside them
+  std::vector<uint8_t> filled_;  ///< per coarse sample: the three beside it are interpolated
   std::vector<uint8_t> changed_;
   bool watches_changes_ = false;
 };

@@ -7,7 +7,8 @@
 namespace lenticule::render {
 namespace {
 
-/// Encoding takes about the root of linear light.
+/// Returns the difference on a perceptual scale: encoding is approximately the square root of
+/// linear light.
 float apart(float low, float high, bool colour_managed) {
   return colour_managed ? std::sqrt(std::max(high, 0.0F)) - std::sqrt(std::max(low, 0.0F))
                         : high - low;
@@ -56,7 +57,7 @@ void LightSettler::Corners::add(const KeySamples::Light& light) {
               .most_around = light.around});
 }
 
-/// Of the same surface.
+/// Merges the corners of another cell with the same surface.
 void LightSettler::Corners::add(const Corners& other) {
   if (other.count == 0) return;
   if (count == 0) way = other.way;
@@ -99,8 +100,8 @@ const LightSettler::Corners& LightSettler::corners_of(const Point& point, const 
   return corners;
 }
 
-/// Of cells that corners_of() was asked for. Where a lamp shines on a few corners only, it hardly
-/// shines.
+/// Resolves area lights for cells that corners_of() has computed. An area light that shines on only
+/// a few corners contributes little and is left unresolved.
 SettledLamps LightSettler::settle_lamps(const Point& point, SettledLight& out) const {
   constexpr int kFew = 2;
   const auto most = static_cast<int>(agreement_.seen * KeySamples::Light::kWholeLamp);
@@ -122,11 +123,11 @@ SettledLamps LightSettler::settle_lamps(const Point& point, SettledLight& out) c
 
 namespace {
 
-constexpr float kLittle = 1e-3F;  // so that no corner weighs nothing
+constexpr float kLittle = 1e-3F;  // a minimum, so that no corner has weight zero
 
 }  // namespace
 
-/// Means of the corners, whether they are of use or not.
+/// Computes the means of the corners, even those that are not used.
 void LightSettler::blend(const Point& point, SettledLight& out) const {
   const auto channel = static_cast<size_t>(point.channel);
   float secondary = 0.0F, around = 0.0F, weights = 0.0F;
@@ -143,7 +144,7 @@ void LightSettler::blend(const Point& point, SettledLight& out) const {
   out.around = around / weights;
 }
 
-/// The same, of the corners on which they shine.
+/// Computes the means of the area lights' shares over the corners on which they shine.
 void LightSettler::blend_lamps(const Point& point, SettledLamps& out) const {
   std::array<float, PacketTracer::kLamps> seen{}, weights{};
   for (const Place& place : point.places) {
@@ -173,7 +174,7 @@ bool LightSettler::is_as_before(const KeyGrid::Between& rows,
 
 void LightSettler::settle(const Point& point, SettledLight& out, std::vector<SettledLamps>& lamps) {
   Corners corners{.group = point.group};
-  float weight_of_pictures = 0.0F;  // that show the surface
+  float weight_of_pictures = 0.0F;  // total weight of the views that show the surface
   for (const Place& place : point.places) {
     if (place.cell < 0) continue;
     const Corners& of_cell = corners_of(point, place);
@@ -189,7 +190,7 @@ void LightSettler::settle(const Point& point, SettledLight& out, std::vector<Set
   const float most = corners.same_way ? agreement_.secondary : 0.5F * agreement_.secondary;
   const auto channel = static_cast<size_t>(point.channel);
   const float low = corners.low[channel], high = corners.high[channel];
-  // From other places, other things are mirrored.
+  // Reflections differ between viewing places.
   const bool from_near = weight_of_pictures >= 1.0F - grid_.lookup().near;
   out.secondary_known = from_near && apart(low, high, colour_managed_) <= most;
   out.around_known = finds_around_ && corners.least_around >= 0.0F &&

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the samples around a subpixel that is shaded by itself settle of its light.
+// LightSettler decides, from the nearest samples, which light contributions of a subpixel need no
+// rays of their own.
 #pragma once
 
 #include <array>
@@ -11,46 +12,49 @@
 
 namespace lenticule::render {
 
-/// What is known of a subpixel's lamps with a size.
+/// SettledLamps holds the known visible shares of a subpixel's area lights.
 struct SettledLamps {
-  std::array<uint16_t, PacketTracer::kLamps> seen{};   ///< in parts of kWholeLamp
-  std::array<uint16_t, PacketTracer::kLamps> apart{};  ///< by how much samples differ, the same
+  std::array<uint16_t, PacketTracer::kLamps> seen{};   ///< unit 1 / kWholeLamp
+  std::array<uint16_t, PacketTracer::kLamps> apart{};  ///< spread of the samples, in the same unit
 
   static constexpr int kWholeLamp = 256 * KeySamples::Light::kWholeLamp;
 };
 
-/// Small, since it is sorted by the million. That is why lamps lie elsewhere.
+/// SettledLight is small, since millions are sorted; so area lights are stored separately.
 struct SettledLight {
-  uint32_t lit = 0, hidden = 0;  ///< as in PacketTracer::Notes: what all samples agree on
-  float secondary = 0.0F;        ///< only where it is known
-  float around = 0.0F;           ///< only where it is known
-  uint32_t lamps = 0;            ///< number of its SettledLamps, if any lamp is known
+  uint32_t lit = 0, hidden = 0;  ///< bits of PacketTracer::Notes on which all samples agree
+  float secondary = 0.0F;        ///< valid if secondary_known
+  float around = 0.0F;           ///< valid if around_known
+  uint32_t lamps = 0;            ///< index of its SettledLamps, if any area light is known
   bool secondary_known = false;
   bool around_known = false;
-  uint8_t lamps_known = 0;  ///< a bit for each lamp of which a known share is
+  uint8_t lamps_known = 0;  ///< a bit for each area light whose share is known
 
-  /// What rays of sampled light are wanted for: the first lamp that is not known, or one of these.
+  /// Purpose of the sample rays needed: the first unknown area light, or one of the constants
+  /// below.
   uint8_t wanted = kNoSamples;
 
-  static constexpr uint8_t kAllSamples = PacketTracer::kLamps;  ///< around, or too little is known
+  static constexpr uint8_t kAllSamples = PacketTracer::kLamps;  ///< ambient, or too little known
   static constexpr uint8_t kNoSamples = PacketTracer::kLamps + 1;
   static_assert(PacketTracer::kLamps <= 8, "a bit for each lamp");
 };
 
-/// Of one thread and frame. What the four samples around a cell say is asked once for all subpixels
-/// that see into it.
+/// LightSettler resolves light for subpixels of one frame. Thread safety: used by one thread. The
+/// result for the four samples around a cell is computed once for all subpixels that look up this
+/// cell.
 class LightSettler {
  public:
-  /// `samples` and `grid` must outlive it, and must not change. `soft`: what is sampled.
+  /// Lifetime: `samples` and `grid` must outlive the object and must not change. `soft` selects the
+  /// sampled light.
   LightSettler(const KeySamples& samples, const KeyGrid& grid, const Agreement& agreement,
                bool colour_managed, const SoftLight& soft);
 
-  /// Where a point lies in a picture beside its view, see lookup_kernel::Found.
+  /// Position of a point in a view next to the subpixel's own, see lookup_kernel::Found.
   struct Place {
     int cell;      ///< -1 outside
-    float part;    ///< of the way to the cell's right column
-    float weight;  ///< of the picture
-    size_t odd;    ///< 1 of pictures with odd numbers
+    float part;    ///< weight of the cell's right column
+    float weight;  ///< weight of the view
+    size_t odd;    ///< 1 for views with odd numbers
   };
   struct Point {
     KeyGrid::Between rows;
@@ -58,15 +62,16 @@ class LightSettler {
     uint32_t group;  ///< the surface seen
     int channel;
   };
-  /// Only samples that show the surface count; there must be a few. Appends to `lamps` where some
-  /// are known.
+  /// Resolves the light of a point. Only samples that show its surface are used; if there are too
+  /// few, nothing is resolved. Appends an element to `lamps` if shares of area lights are known.
   void settle(const Point& point, SettledLight& out, std::vector<SettledLamps>& lamps);
-  /// Whether no sample around it changed (KeySamples::cell_changed).
+  /// Returns true if no sample around the point changed (KeySamples::cell_changed).
   [[nodiscard]] bool is_as_before(const KeyGrid::Between& rows,
                                   const std::array<Place, 2>& places) const;
 
  private:
-  /// Of the corners on which a lamp would shine: how many, and the parts that are seen from them.
+  /// Number of corners on which an area light would shine, and the range of its visible shares
+  /// there.
   struct Lamps {
     std::array<uint8_t, PacketTracer::kLamps> count{}, least, most{};
 
@@ -74,11 +79,11 @@ class LightSettler {
     void add(const KeySamples::Light& light);
     void add(const Lamps& other);
   };
-  /// What the corners of a cell that show a surface agree on.
+  /// Values on which the corners of a cell that show a given surface agree.
   struct Corners {
     static constexpr float kMost = std::numeric_limits<float>::infinity();
     uint32_t group = 0;
-    int row = -1;  ///< of the upper two
+    int row = -1;  ///< row of the upper two corners
     int count = 0;
     bool same_way = true;
     uint32_t way = 0;
@@ -101,8 +106,8 @@ class LightSettler {
   const KeyGrid& grid_;
   Agreement agreement_;
   bool colour_managed_, finds_around_, finds_lamps_;
-  std::vector<Corners> remembered_;      ///< by place in a row of samples
-  std::vector<Lamps> remembered_lamps_;  ///< the same, if any are to be found
+  std::vector<Corners> remembered_;      ///< indexed by place in a row of samples
+  std::vector<Lamps> remembered_lamps_;  ///< the same for area lights, if resolved
 };
 
 }  // namespace lenticule::render

@@ -27,7 +27,7 @@ const lookup_kernel::Kernel& lookup_kernel_for(Isa isa) {
   return LENTICULE_SELECT_KERNEL(isa, kLookupKernel);
 }
 
-/// Every subpixel of a row lies at one height, as stripes side by side do.
+/// Returns true if all subpixels of a row have one height, as with vertical stripes.
 bool one_plane_a_row(const RowPlanes& planes) {
   for (int row = 0; row < planes.rows(); ++row)
     if (planes.planes_of(row) != 1 || planes.height_in_row(row) != planes.height_in_row(0))
@@ -35,8 +35,8 @@ bool one_plane_a_row(const RowPlanes& planes) {
   return true;
 }
 
-/// Whether Embree takes every ray of the rig that is put into the scene as glass_rays.h does: their
-/// components are linear in place and direction, so that the outermost tell.
+/// Returns true if Embree accepts every ray of the rig as glass_rays.h makes it. The components are
+/// linear in position and direction, so the outermost rays suffice.
 bool rays_fit(const Scene& scene, const RowPlanes& planes, const RayReach& reach) {
   const double start_mm =
       primary_start_mm(scene.near_mm, planes.model().rig().viewing.distance.value);
@@ -53,8 +53,8 @@ bool rays_fit(const Scene& scene, const RowPlanes& planes, const RayReach& reach
   return true;
 }
 
-/// Finding a proof costs as much as tracing many rays, and samples are few; but of soft light each
-/// has many.
+/// Disables culling queries unless light is sampled: a query costs as much as tracing many rays,
+/// and there are few samples; with soft light each sample has many rays.
 RenderOptions with_few_proofs(RenderOptions options) {
   options.use_shaft_proofs = options.use_shaft_proofs && options.soft.any();
   return options;
@@ -125,7 +125,7 @@ class AdaptiveMethod final : public Method {
     if (options_.copy_unchanged && statistics.completed) {
       last_.keep(scene, out);
       now.bands = std::move(frame.bands);
-      if (pays) before_ = std::move(now);  // or the last frame is not of these samples
+      if (pays) before_ = std::move(now);  // else the last frame has other samples
     }
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
     statistics.seconds = elapsed.count();
@@ -133,8 +133,9 @@ class AdaptiveMethod final : public Method {
   }
 
  private:
-  /// For stages so flat or so deep that rays leave the range of numbers: it knows ray by ray what
-  /// to do with them. And for frames of which the audit sends most back.
+  /// Returns method full, for stages so flat or so deep that rays leave the range of single
+  /// precision, since method full checks each ray; and for frames of which the audit rejects most
+  /// bands.
   Method& full() {
     if (!full_) full_ = make_method_full(planes_.model(), full_options_);
     return *full_;
@@ -142,7 +143,7 @@ class AdaptiveMethod final : public Method {
 
   using Workers = tbb::enumerable_thread_specific<AdaptiveWorker>;
 
-  /// Asked before each piece of work.
+  /// Polls for cancellation before each piece of work.
   bool cancelled() {
     if (!cancelled_ && options_.cancelled && options_.cancelled()) cancelled_ = true;
     return cancelled_;
@@ -174,7 +175,7 @@ class AdaptiveMethod final : public Method {
                 [&](int row) { frame.samples.mark_bends(row, plan_.agreement); });
   }
 
-  /// A few bands, spread over the frame, tell whether the others are worth it.
+  /// Trial bands, spread over the frame, decide if the other bands are rendered this way.
   enum class Bands { OnTrial, Others };
   static bool is_on_trial(int band) {
     constexpr int kOneIn = 16;
@@ -188,8 +189,9 @@ class AdaptiveMethod final : public Method {
     });
   }
 
-  /// What is sent back is traced twice. Where four fifths of what was on trial were, method full
-  /// takes less time for the whole frame; a single band says too little.
+  /// Returns true if the method is faster than method full. Rejected bands are traced twice; if
+  /// four fifths of the trial bands are rejected, method full is faster for the whole frame. A
+  /// single band is not enough evidence.
   bool trial_pays(Workers& workers) const {
     uint64_t rendered = 0, mended = 0;
     for (AdaptiveWorker& worker : workers) {
@@ -236,7 +238,7 @@ class AdaptiveMethod final : public Method {
   Footprint centre_;
   AdaptivePlan plan_;
   LastFrame last_;
-  /// What the samples, and the last frame, were made of.
+  /// The input of the samples and of the last frame.
   struct Before {
     SceneThings things;
     std::optional<KeyGrid> grid;
@@ -244,8 +246,8 @@ class AdaptiveMethod final : public Method {
     std::vector<AdaptiveFrame::Band> bands;
   };
   Before before_;
-  KeySamples samples_;            ///< their memory is kept from frame to frame
-  std::unique_ptr<Method> full_;  ///< made when it is needed
+  KeySamples samples_;            ///< memory is kept from frame to frame
+  std::unique_ptr<Method> full_;  ///< created when needed
   std::atomic<bool> cancelled_{false};
   tbb::task_arena arena_;
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Method "adaptive": visibility is exact, shading is sampled where it is smooth and traced where it
-// is not.
+// Method "adaptive": visibility is exact; shading is sampled and interpolated where it is smooth,
+// and traced elsewhere.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,8 @@
 
 namespace lenticule::render {
 
-/// RenderOptions::tolerated_error says how far, in code values. Throws Error(Usage) for an error
-/// that is negative or not finite.
+/// Makes the method. RenderOptions::tolerated_error is the tolerated error in code values. Throws
+/// Error(Usage) if it is negative or not finite.
 [[nodiscard]] std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
                                                            const RenderOptions& options);
 

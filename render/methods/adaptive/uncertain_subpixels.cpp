@@ -11,11 +11,11 @@
 namespace lenticule::render {
 namespace {
 
-/// Sheared columns whose subpixels are traced together, row by row.
+/// Number of sheared columns whose subpixels are traced together, row by row.
 constexpr size_t kTogether = 16;
 
-/// Packets are of one kind where they can: a lane that sends rays costs almost what sixteen do, and
-/// glass is followed lane by lane.
+/// Kinds of subpixels. Packets hold one kind if possible: a lane with secondary rays costs almost
+/// as much as sixteen, and transparent surfaces are traced lane by lane.
 constexpr size_t kWays = 3;
 constexpr size_t kKinds = kWays * (SettledLight::kNoSamples + 1);
 size_t kind_of(const UncertainSubpixels::Subpixel& s) {
@@ -31,9 +31,10 @@ UncertainSubpixels::UncertainSubpixels(const RowPlanes& planes, const TilePlan& 
   init_packets(packet_);
 }
 
-/// By kinds, a few sheared columns, and downwards in them: their rays lie close together.
+/// Orders subpixels by kind, then by group of sheared columns, then downwards, so that neighbouring
+/// rays are close together.
 void UncertainSubpixels::order() {
-  const int lean = plan_.shift(TilePlan::kRows - 1);  // of either sign
+  const int lean = plan_.shift(TilePlan::kRows - 1);  // positive or negative
   const int first = std::min(lean, 0);
   const size_t across = static_cast<size_t>(plan_.row_subpixels() + std::abs(lean)) / kTogether + 1;
   const auto column = [&](const Subpixel& s) {
@@ -56,7 +57,7 @@ void UncertainSubpixels::find_planes(int first_row) {
 
 void UncertainSubpixels::load(const Scene& scene, double start_mm, size_t first) {
   for (size_t r = 0; r < kPacket; ++r) {
-    // Idle lanes repeat the last.
+    // Idle lanes repeat the last ray.
     const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
     packet_[0].valid[r] = first + r < subpixels_.size() ? -1 : 0;
     channel_[r] = s.at % 3;
@@ -79,7 +80,8 @@ const WideTriangle* wide_triangle_of(const Scene& scene, const UncertainSubpixel
   return scene.wide_triangle(scene.meshes[entry.mesh], s.primitive);
 }
 
-/// Of cuts as long as those of wide triangles, single precision does not tell it well.
+/// Computes the hit distance in double precision, since single precision is too coarse for cuts as
+/// long as those of wide triangles.
 void set_distance(const WideTriangle& triangle, RayPacket& packet, size_t r) {
   RTCRay16& ray = packet.rays.ray;
   const Vec3 origin{double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}};
@@ -90,7 +92,7 @@ void set_distance(const WideTriangle& triangle, RayPacket& packet, size_t r) {
 
 }  // namespace
 
-/// Those of method full.
+/// Sets the same seeds as method full.
 void UncertainSubpixels::find_seeds(int first_row, size_t first) {
   for (size_t r = 0; r < kPacket; ++r) {
     const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
@@ -104,7 +106,7 @@ void UncertainSubpixels::load_surfaces(const Scene& scene, double start_mm, size
   for (KnownShare& seen : known_.seen) seen.lanes = 0;
   for (size_t r = 0; r < kPacket; ++r) {
     const Subpixel& s = subpixels_[std::min(first + r, subpixels_.size() - 1)];
-    packet_[0].rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // 1 is a millimetre of z
+    packet_[0].rays.ray.tfar[r] = static_cast<float>(start_mm) - s.z_mm;  // millimetres of z
     packet_[0].rays.hit.geomID[r] = s.geometry;
     packet_[0].rays.hit.primID[r] = s.primitive;
     if (const WideTriangle* wide = wide_triangle_of(scene, s)) set_distance(*wide, packet_[0], r);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Subpixels of a band of rows that are shaded one by one: they are collected row by row and traced
-// in packets of neighbours.
+// UncertainSubpixels collects the subpixels of a band of rows that must be shaded individually, row
+// by row, and traces them in packets of neighbours.
 #pragma once
 
 #include <array>
@@ -14,21 +14,21 @@
 
 namespace lenticule::render {
 
-/// Of one thread; keeps its memory from band to band.
+/// UncertainSubpixels belongs to one thread and keeps its memory from band to band.
 class UncertainSubpixels {
  public:
   struct Subpixel {
     int32_t at = 0;    ///< 3 i + channel
-    uint16_t row = 0;  ///< of the band
+    uint16_t row = 0;  ///< index in the band
     float x_mm = 0.0F, tan_x = 0.0F;
-    float light = 0.0F;  ///< found by tracing
-    // Only where the surface is known:
+    float light = 0.0F;  ///< result of tracing
+    // Valid only if the surface is known:
     float z_mm = 0.0F;
     uint32_t geometry = 0, primitive = 0, group = 0;
     SettledLight settled{};
   };
 
-  /// Both must outlive it.
+  /// Lifetime: `planes` and `plan` must outlive the object.
   UncertainSubpixels(const RowPlanes& planes, const TilePlan& plan);
 
   void clear() {
@@ -36,14 +36,14 @@ class UncertainSubpixels {
     lamps_.clear();
   }
   void add(const Subpixel& subpixel) { subpixels_.push_back(subpixel); }
-  /// One more, to be filled in place: copies of what was just written wait for it.
+  /// Adds a subpixel to be filled in place, since a copy would stall on recent writes.
   [[nodiscard]] Subpixel& add() { return subpixels_.emplace_back(); }
-  /// What SettledLight::lamps counts.
+  /// Returns the list that SettledLight::lamps indexes.
   [[nodiscard]] std::vector<SettledLamps>& lamps() { return lamps_; }
 
-  /// Shades all on the surfaces that they are known to see, and traces what is not settled. Rows
-  /// are counted from `first_row`; afterwards subpixels have another order. Calling thread must
-  /// flush denormals.
+  /// Shades all subpixels on their known surfaces, and traces the light that is not resolved. Rows
+  /// are counted from `first_row`. Afterwards the subpixels have a different order. The calling
+  /// thread must flush denormals.
   void shade(const Scene& scene, double start_mm, int first_row, PacketTracer& tracer);
   [[nodiscard]] const std::vector<Subpixel>& subpixels() const { return subpixels_; }
 
@@ -56,11 +56,11 @@ class UncertainSubpixels {
 
   const RowPlanes& planes_;
   const TilePlan& plan_;
-  std::array<RowPlane, TilePlan::kRows> plane_of_row_{};  ///< of the band
+  std::array<RowPlane, TilePlan::kRows> plane_of_row_{};  ///< plane of each row of the band
   std::vector<Subpixel> subpixels_, ordered_;
   std::vector<SettledLamps> lamps_;
   std::vector<uint32_t> first_of_column_;
-  std::vector<RayPacket> packet_;  ///< one
+  std::vector<RayPacket> packet_;  ///< a single packet
   alignas(64) std::array<int32_t, kPacket> channel_{};
   std::array<uint32_t, kPacket> seeds_{};
   alignas(64) std::array<float, kPacket> light_{};

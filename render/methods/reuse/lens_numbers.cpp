@@ -15,8 +15,9 @@ LensNumbers::LensNumbers(const optics::OpticalModel& model, const TilePlan& plan
       lines_.push_back(line(row, channel, panel.width_px / 2, panel.width_px / 2));
 }
 
-/// Rays pass the glass on the apex line of their lens, which in one row is a point. A residual map
-/// moves these points; it is smooth enough to be a line over the width of a tile.
+/// Fits the line through two rays. Rays pass the panel on the apex line of their lens, which is a
+/// point in one row. A residual map shifts these points; over the width of a tile the shift is
+/// close enough to linear.
 LensNumbers::Line LensNumbers::line(int row, int channel, int left_px, int right_px) const {
   const optics::SubpixelRay left = model_.ray(left_px, row, channel);
   const optics::SubpixelRay right = model_.ray(right_px, row, channel);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which lens a ray of a tile passes, told from where it passes the glass.
+// LensNumbers computes the lens that a ray of a tile passes from the ray's point on the panel.
 #pragma once
 
 #include <array>
@@ -11,20 +11,22 @@
 
 namespace lenticule::render {
 
-/// Immutable after construction, safe from any thread.
+/// LensNumbers maps rays of one rig to lens numbers. Thread safety: immutable after construction,
+/// usable from any thread.
 class LensNumbers {
  public:
-  /// Both must outlive it.
+  /// Lifetime: `model` and `plan` must outlive the object.
   LensNumbers(const optics::OpticalModel& model, const TilePlan& plan);
 
   struct Line {
     double offset = 0.0;
     double per_mm = 0.0;
   };
-  /// lens = offset + per_mm x, of apex lines near x in one row.
+  /// Returns the line lens = offset + per_mm x, valid for apex lines near x in one row.
   [[nodiscard]] Line line_at(int row, int channel, double x_mm) const;
 
-  /// For the columns c, c + 3, ... of a tile, by c mod 3: their lanes' channels repeat.
+  /// Lens maps for columns c, c + 3, ... of a tile, by c mod 3, since the channels of the lanes
+  /// repeat.
   using Maps = std::array<reprojection::LensMap, 3>;
   void expand(const Tile& tile, Maps& maps) const;
 
@@ -33,8 +35,8 @@ class LensNumbers {
 
   const optics::OpticalModel& model_;
   const TilePlan& plan_;
-  bool straight_;            ///< lenses are equally wide everywhere
-  std::vector<Line> lines_;  ///< [row][channel], where straight_
+  bool straight_;            ///< all lenses have the same width
+  std::vector<Line> lines_;  ///< [row][channel], if straight_
 };
 
 }  // namespace lenticule::render

@@ -22,7 +22,7 @@ namespace {
 
 using reprojection::Column;
 
-/// How many subpixels of a tile or a frame got their colour in which way.
+/// Numbers of subpixels of a tile or frame by the origin of their colour.
 struct FlagCounts {
   uint64_t projected = 0;
   uint64_t interpolated = 0;
@@ -47,8 +47,9 @@ FlagCounts count_flags(std::span<const Column> columns) {
   return counts;
 }
 
-/// Whether the picture moves so far from one stage to the next that it is another: by the corners
-/// of the panel, on the glass and half the panel's height before and behind it.
+/// Returns true if the picture moves so far between two stages that it counts as a new picture.
+/// Tested at the panel's corners, on the panel and half the panel's height in front of and behind
+/// it.
 bool is_cut(const Affine& next_from_last, const optics::Panel& panel, double most) {
   const double width = panel.width_px * panel.pixel_width.value;
   const double height = panel.height_px * panel.pixel_height.value;
@@ -57,7 +58,7 @@ bool is_cut(const Affine& next_from_last, const optics::Panel& panel, double mos
       for (const double z : {-0.5, 0.0, 0.5}) {
         const Vec3 corner{x * width, y * height, z * height};
         const double moves = length(next_from_last.point(corner) - corner);
-        // Written so that NaN is a cut.
+        // NaN counts as a cut.
         if (!(moves <= most * std::hypot(width, height))) return true;
       }
   return false;
@@ -147,7 +148,7 @@ class ReuseMethod final : public Method {
     return static_cast<uint64_t>(std::max(options_.reuse.key_frames, 1));
   }
 
-  /// True if the frame can be made from the one before it.
+  /// Returns true if the frame can be made from the previous one.
   bool start_history(const Scene& scene, const Stage& stage) {
     if (!history_) history_ = std::make_unique<PointHistory>(model_, plan_.tiles);
     if (!last_ || last_->number + 1 != number_ || number_ % key_frames() == 0 ||
@@ -172,7 +173,7 @@ class ReuseMethod final : public Method {
     sweep.trace_empty();
   }
 
-  /// False if it was cancelled.
+  /// Calls `act` for all tiles. Returns false if the render was cancelled.
   template <class Act>
   bool for_tiles(Workers& workers, const Act& act) {
     std::atomic<bool> cancelled{false};
@@ -204,7 +205,7 @@ class ReuseMethod final : public Method {
     }
   }
 
-  /// The frame that the history holds.
+  /// The frame in the history.
   struct Last {
     uint64_t number = 0;
     Fingerprint content;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The methods that reuse points: of neighbouring micro-images, of the frame before, or both.
+// The methods that reuse points: from neighbouring micro-images, from the previous frame, or both.
 #pragma once
 
 #include <memory>
@@ -14,7 +14,7 @@ enum class Reuse { LensView, Interpolate, Temporal, Hybrid };
 
 [[nodiscard]] std::optional<Reuse> reuse_named(std::string_view name);
 
-/// The model must outlive it. options.samples is 1.
+/// Makes a method. Requires options.samples == 1. Lifetime: the model must outlive the method.
 [[nodiscard]] std::unique_ptr<Method> make_method_reuse(Reuse reuse,
                                                         const optics::OpticalModel& model,
                                                         const RenderOptions& options);

@@ -41,7 +41,7 @@ reprojection::PanelMap panel_map(const Scene& scene) {
           .z = {f(panel.column_x.z), f(panel.column_y.z), f(panel.column_z.z)}};
 }
 
-/// As method full writes it.
+/// Returns the code value as method full writes it.
 float code_of(float light, bool colour_managed) {
   return static_cast<float>(colour_managed ? frames::code_from_linear(double{light})
                                            : frames::code_from_encoded(light));
@@ -116,7 +116,7 @@ void MicroImageSweep::find_ranges() {
   });
 }
 
-/// The columns of `column`'s channels where some of the lanes' lenses are.
+/// Returns the columns of `column`'s channels that contain the lanes' lenses.
 MicroImageSweep::Range MicroImageSweep::range_of(const Lanes& lenses, const Lanes& lanes,
                                                  int column) const {
   Range all{tile_.columns, 0};
@@ -142,9 +142,10 @@ bool MicroImageSweep::empty_lanes(int column, int step, int first, Lanes& lanes)
   return any(lanes);
 }
 
-/// How many micro-images of the step it is to the key on the left. Steps are 1 and 2.
+/// Returns the distance to the fully traced micro-image on the left, in micro-images of the step,
+/// which is 1 or 2.
 int MicroImageSweep::beyond_key(int lens, int step) const {
-  constexpr int kPositive = 1 << 30;  // lenses to the left of the middle have negative numbers
+  constexpr int kPositive = 1 << 30;  // lenses left of the centre have negative numbers
   const auto index = static_cast<uint32_t>((lens >> (step - 1)) + kPositive);
   const auto every = static_cast<uint32_t>(options_.key_every);
   return static_cast<int>((every & (every - 1)) == 0 ? index & (every - 1) : index % every);
@@ -281,7 +282,7 @@ void MicroImageSweep::take(size_t queued, float light) {
   c.surface[r] = surface_of(hit.geomID[queued], hit.primID[queued], queue_.column[queued]);
 }
 
-/// Different for neighbours that do not belong together.
+/// Returns a number that differs between neighbours that do not belong together.
 int32_t MicroImageSweep::surface_of(uint32_t geometry, uint32_t primitive, int number) const {
   if (geometry == RTC_INVALID_GEOMETRY_ID) return reprojection::kSky;
   const GeometryEntry& entry = scene_->geometries[geometry];
@@ -295,8 +296,8 @@ int32_t MicroImageSweep::surface_of(uint32_t geometry, uint32_t primitive, int n
     if (m.specular > 0.0 || m.transmittance > 0.0) return -2 - number;
   }
   const uint32_t own = mesh ? 0 : primitive + 1;
-  // Few enough for a byte: two that meet share a number now and then, which the steepness of chords
-  // makes harmless.
+  // Fits in a byte. Two surfaces that touch may occasionally share a number, which the limit on the
+  // chords' steepness makes harmless.
   constexpr uint32_t kNumbers = 254;
   const uint32_t mixed = (geometry * 0x9E3779B1U) ^ (own * 0x85EBCA77U);
   return static_cast<int32_t>((mixed >> 8) % kNumbers);
@@ -312,7 +313,7 @@ void MicroImageSweep::join_all() {
   for (int column = 0; column < tile_.columns; ++column) join(column);
 }
 
-/// Columns go from left to right, so that each finds the micro-image before its own complete.
+/// Goes from left to right, so that the preceding micro-image is always complete.
 void MicroImageSweep::sweep_chain(int step, int first) {
   alignas(64) Lanes lanes, keys;
   for (int column = 0; column < tile_.columns; ++column) {

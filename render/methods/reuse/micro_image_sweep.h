@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fills the micro-images of a tile: by tracing, from each other's points, or by the mean of two.
+// MicroImageSweep fills the micro-images of a tile by tracing, by re-projecting points of other
+// micro-images, or by the mean of two neighbours.
 #pragma once
 
 #include <array>
@@ -17,9 +18,10 @@
 
 namespace lenticule::render {
 
-/// What one rig needs once; immutable, safe from any thread.
+/// SweepPlan holds the data that depends on the rig only. Thread safety: immutable, usable from any
+/// thread.
 struct SweepPlan {
-  /// The model must outlive it.
+  /// Lifetime: the model must outlive the object.
   SweepPlan(const optics::OpticalModel& model, const RenderOptions& options);
   SweepPlan(const SweepPlan&) = delete;
   SweepPlan& operator=(const SweepPlan&) = delete;
@@ -29,41 +31,42 @@ struct SweepPlan {
   LensNumbers lenses;
   const reprojection::Kernel& kernel;
   reprojection::Rules rules;
-  Footprint centre;  ///< of subpixels, where their rays leave
+  Footprint centre;  ///< subpixel centres, where rays start
 };
 
-/// Of one thread and one scene; keeps its memory from tile to tile. Calling thread must flush
-/// denormals.
+/// MicroImageSweep renders tiles of one scene. The calling thread must flush denormals. Thread
+/// safety: used by one thread. It keeps its memory from tile to tile.
 class MicroImageSweep {
  public:
-  /// Both must outlive it.
+  /// Lifetime: `plan` must outlive the object.
   MicroImageSweep(const SweepPlan& plan, const RenderOptions& options);
 
-  /// Makes the rays of a tile; all its subpixels are empty then.
+  /// Makes the rays of a tile and marks all its subpixels empty.
   void start(const Scene& scene, const Tile& tile);
 
-  /// Micro-images are made one from another; what stays empty is traced.
+  /// Makes each micro-image from others; subpixels that stay empty are traced.
   void lens_view();
-  /// Odd ones by lens_view() among themselves, even ones from the odd ones beside them; what stays
-  /// empty in those gets the mean of what these show at the same place, or is traced if there are
-  /// no two.
+  /// Makes the odd micro-images by lens_view() among themselves, and the even ones from their odd
+  /// neighbours. A subpixel that stays empty in an even one gets the mean of the neighbours at the
+  /// same place, or is traced if there are not two neighbours.
   void interpolate();
-  /// For tiles in which some points are known already: what is empty is looked for in the
+  /// Fills the empty subpixels of a tile in which some points are already known from the
   /// micro-images on both sides.
   void fill_from_neighbours();
-  /// Counts what is empty as missing.
+  /// Counts empty subpixels as missing.
   void note_empty();
-  /// What is empty gets the mean of both neighbours, where they are there.
+  /// Fills empty subpixels with the mean of both neighbours, if both exist.
   void fill_with_means();
   void trace_empty();
 
-  /// The tile's columns; whoever puts points there sets their flags.
+  /// Returns the tile's columns. A caller that adds points also sets their flags.
   [[nodiscard]] std::span<reprojection::Column> columns() { return columns_; }
   [[nodiscard]] PacketTracer& tracer() { return tracer_; }
 
  private:
   using Lanes = std::array<int32_t, kPacket>;
-  /// Which lenses a column is made from, lane by lane, and how much counts the right one.
+  /// Sides holds, per lane of a column, the two lenses to take points from and the weight of the
+  /// right one.
   struct Sides {
     alignas(64) Lanes left;
     alignas(64) Lanes right;
@@ -76,22 +79,22 @@ class MicroImageSweep {
 
   void find_ranges();
   [[nodiscard]] Range range_of(const Lanes& lenses, const Lanes& lanes, int column) const;
-  /// Empty lanes whose lens is one of first, first + step, ...; -1 each.
+  /// Finds the empty lanes whose lens is one of first, first + step, ...; -1 each.
   [[nodiscard]] bool empty_lanes(int column, int step, int first, Lanes& lanes) const;
   void sweep(int step, int first);
   void sweep_chain(int step, int first);
   void sweep_between_keys(int step, int first);
-  /// From other micro-images, and what stays empty by tracing.
+  /// Fills lanes from other micro-images, and traces those that stay empty.
   void make(int column, int step, const Lanes& lanes);
   [[nodiscard]] int beyond_key(int lens, int step) const;
-  /// Splits lanes into those to be traced and those to be made from others.
+  /// Splits lanes into those to trace (`keys`) and those to make from other micro-images.
   void take_keys(int column, int step, Lanes& lanes, Lanes& keys) const;
   void sides_of(int column, int step, const Lanes& lanes, Sides& sides) const;
   void project(int column, const Lanes& lanes, const Sides& sides);
   void look(int column, const Lanes& lanes, const Lanes& lenses, reprojection::Found& found) const;
   void note_missing(int column, const Lanes& lanes);
   void mean(int column, const Lanes& lanes);
-  /// Puts empty lanes into the queue, which is traced when sixteen are in it.
+  /// Adds empty lanes to the queue, which is traced when it holds sixteen.
   void trace(int column, const Lanes& lanes);
   void flush();
   void take(size_t queued, float light);
@@ -109,7 +112,8 @@ class MicroImageSweep {
   LensNumbers::Maps lens_maps_;
   std::vector<RayPacket> packets_;
   std::vector<reprojection::Column> columns_;
-  /// Rays of any columns that wait to be traced: full packets cost little more than empty ones.
+  /// Queue collects rays of any columns until a packet is full, since a full packet costs little
+  /// more than a sparse one.
   struct Queue {
     reprojection::Column rays;
     RayPacket packet;

@@ -17,7 +17,7 @@ constexpr float kNoPoint = std::numeric_limits<float>::quiet_NaN();
 constexpr uint64_t kNothing = ~uint64_t{0};
 constexpr double kSteps = 127.0;
 
-/// Orders as numbers do, for any signs.
+/// Maps a float to an integer with the same order, for both signs.
 uint32_t ordered(float value) {
   const auto bits = std::bit_cast<uint32_t>(value);
   return (bits >> 31) != 0 ? ~bits : bits | 0x80000000U;
@@ -120,8 +120,8 @@ PointHistory::Place PointHistory::place(const Vec3& point, double glass_x, doubl
   if (!(row_at > -0.5) || !(row_at < rig.panel.height_px - 0.5)) return {};
   const int row = static_cast<int>(std::lround(row_at));
 
-  // Of all rays through the point, the one that lies nearest to where it was seen, counted in
-  // lenses and in slots: near the glass the same direction, far from it the same lens.
+  // Among all rays through the point, takes the one nearest to the point's previous view, measured
+  // in lenses and in slots: near the panel this is the same direction, far from it the same lens.
   const double pitch = model_.pitch_mm();
   const double slot = point.z * slot_tan_;
   const double off = (point.x - glass_x - point.z * tan) / (pitch * pitch + slot * slot);
@@ -131,7 +131,7 @@ PointHistory::Place PointHistory::place(const Vec3& point, double glass_x, doubl
   const double number = std::round(lens.offset + lens.per_mm * near_x);
   const double lens_x = (number - lens.offset) / lens.per_mm;
 
-  // The panel point that this ray comes from: what refraction shifts it by.
+  // Panel point from which this ray comes, by the shift due to refraction.
   const double tan_y = plane.tan_y + row * plane.tan_y_step;
   const double bend = 1.0 - rig.sheet.refraction_shape;
   const double square = 1.0 + bend * (tan_x * tan_x + tan_y * tan_y);
@@ -159,9 +159,9 @@ float PointHistory::depth(int row, int subpixel) const {
                              : -from_ordered(static_cast<uint32_t>(arrival >> 32));
 }
 
-/// Whether something nearer lies beside it, or the end of the panel, from where anything may come:
-/// outlines move by parts of a subpixel, and each point that is traced there begins in the middle
-/// of its own, so that none of them would ever arrive on what it comes to hide.
+/// Returns true if a nearer point, or the panel's border, lies beside the place, so that new
+/// content may occlude the point. Outlines move by fractions of a subpixel, and traced points start
+/// at subpixel centres, so the occluding points would never arrive at the place themselves.
 bool PointHistory::may_be_hidden(int row, int subpixel, float z) const {
   const auto margin = static_cast<float>(reach(double{z}));
   const auto hides = [&](int other_row, int other) {
@@ -181,7 +181,7 @@ bool PointHistory::agrees(int row, int subpixel, const Point& point, float agree
     const double steps = std::min(1.0, 2.0 * std::abs(off) / kSteps);
     return steps * std::abs(beside - point.code) > double{agreement};
   };
-  // Of the same channel, nearest to the lens's slant.
+  // Neighbours of the same channel, nearest to the lens's slant.
   const int left = 3 * static_cast<int>(std::lround(slant_step_ / 3.0));
   return !differs(row, subpixel - 3, point.across) && !differs(row, subpixel + 3, point.across) &&
          !differs(row - 1, subpixel + left, point.down) &&
@@ -200,7 +200,7 @@ void PointHistory::take(const Tile& tile, float agreement, std::span<Column> col
       const Point& point = last_[static_cast<size_t>(arrival & 0xFFFFFFFFU)];
       const double far = reach(double{point.z});
       const double across = point.across / kSteps * far;
-      // The lens's border lies elsewhere than it was taken to.
+      // The lens's border is not where the lens numbers put it.
       if (std::abs(across) > 0.9 * far) continue;
       if (!still_ &&
           (may_be_hidden(row, subpixel, point.z) || !agrees(row, subpixel, point, agreement)))

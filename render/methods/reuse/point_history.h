@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The points of the frame before, and where they are on the next.
+// PointHistory re-projects the points of the previous frame to the next frame.
 #pragma once
 
 #include <array>
@@ -18,42 +18,46 @@
 
 namespace lenticule::render {
 
-/// Holds 24 bytes for each subpixel of the panel. A frame goes through it in three rounds over all
-/// tiles, each round from any number of threads and finished before the next: project() every tile,
-/// take() every tile, keep() every tile, after begin().
+/// PointHistory stores 24 bytes per subpixel of the panel. After begin(), a frame makes three
+/// passes over all tiles: project(), take(), keep(). Each pass may run on any number of threads,
+/// and must be complete before the next pass.
 class PointHistory {
  public:
-  /// Both must outlive it.
+  /// Lifetime: `model` and `plan` must outlive the object.
   PointHistory(const optics::OpticalModel& model, const TilePlan& plan);
 
-  /// How the scene moves on the panel from the frame before to the next.
+  /// Begins a frame. `next_from_last` is the motion of the scene on the panel since the previous
+  /// frame.
   void begin(const Affine& next_from_last);
-  /// Finds where this tile's points of the frame before are on the next: of all subpixels that
-  /// could show a point, the one nearest to where it was seen. `columns` have the tile's rays.
+  /// Re-projects this tile's points of the previous frame. A point goes to the subpixel, among
+  /// those that could show the point, nearest to the point's previous view. `columns` hold the
+  /// tile's rays.
   void project(const Tile& tile, std::span<const reprojection::Column> columns);
-  /// Puts what has arrived into the empty subpixels of a tile. Of points for one subpixel the one
-  /// nearest to the eye is taken. While anything moves, none is that lies behind what is seen
-  /// beside it, or at the panel's border: it may show through a gap, or be hidden by what comes. A
-  /// point that lies beside its ray or row shows what belongs there: it is not taken where codes
-  /// beside it, in its channel, say that this is wrong by more than `agreement`.
+  /// Fills the empty subpixels of a tile with the points that have arrived. If several points
+  /// arrived at a subpixel, the one nearest to the eye is taken. While the scene moves, a point is
+  /// rejected if it lies behind the points beside it, or at the panel's border: it may be visible
+  /// through a gap, or be occluded by new content. A point that lies beside its subpixel's ray or
+  /// row has the colour of another place: it is rejected if the codes beside it, in its channel,
+  /// differ from it by more than `agreement`.
   void take(const Tile& tile, float agreement, std::span<reprojection::Column> columns) const;
-  /// Remembers the points of a tile that is finished.
+  /// Stores the points of a finished tile.
   void keep(const Tile& tile, std::span<const reprojection::Column> columns);
 
  private:
   struct Point {
-    float z = 0.0F;     ///< panel millimetres; NaN: no point
-    int8_t across = 0;  ///< from the subpixel's ray, 1/127 of reach()
-    int8_t down = 0;    ///< from the subpixel's row, 1/127 row
+    float z = 0.0F;     ///< panel millimetres; NaN if there is no point
+    int8_t across = 0;  ///< offset from the subpixel's ray, in 1/127 of reach()
+    int8_t down = 0;    ///< offset from the subpixel's row, in 1/127 row
     uint8_t code = 0;
     uint8_t surface = 0;
   };
-  /// Of one channel: lens_y and tan_y of a row.
+  /// lens_y and tan_y of the rows of one channel.
   struct RowPlanes {
     double lens_y = 0.0, lens_y_step = 0.0;
     double tan_y = 0.0, tan_y_step = 0.0;
   };
-  /// Where a point is on the next frame: the subpixel, row -1 for none, and the place beside it.
+  /// Place is the place of a point on the next frame: the subpixel (row -1 for none) and the offset
+  /// from it.
   struct Place {
     int row = -1;
     int subpixel = 0;
@@ -66,9 +70,10 @@ class PointHistory {
   }
   void project_point(int row, int subpixel, float glass_x, float tan);
   [[nodiscard]] Place place(const Vec3& point, double glass_x, double tan, int channel) const;
-  /// How far beside its ray a point may lie, millimetres.
+  /// Returns the largest distance of a point from its ray, in millimetres.
   [[nodiscard]] double reach(double z) const;
-  /// Depth of what arrived at a subpixel; -infinity for nothing, NaN beside the panel.
+  /// Returns the depth of the point that arrived at a subpixel; -infinity for none, NaN outside the
+  /// panel.
   [[nodiscard]] float depth(int row, int subpixel) const;
   [[nodiscard]] bool agrees(int row, int subpixel, const Point& point, float agreement) const;
   [[nodiscard]] bool may_be_hidden(int row, int subpixel, float z) const;
@@ -78,12 +83,13 @@ class PointHistory {
   LensNumbers lenses_;
   std::array<RowPlanes, 3> planes_;
   double slot_tan_ = 0.0;
-  int slant_step_ = 0;  ///< subpixels to the left from a row to the next
+  int slant_step_ = 0;  ///< subpixels to the left from one row to the next
   Affine next_from_last_;
-  bool still_ = false;  ///< nothing moves: every point is where it was
+  bool still_ = false;  ///< the scene does not move: every point keeps its place
   std::vector<Point> last_, next_;
-  /// Of what arrived, the least: depth in the upper half, nearer is less, and the index of the
-  /// point below, so that it does not matter who comes first.
+  /// Per subpixel the minimum of all arrived keys: a depth in the upper half (nearer is less) and
+  /// the point's index in the lower half, so that the result does not depend on the order of
+  /// arrival.
   std::unique_ptr<std::atomic<uint64_t>[]> arrived_;
 };
 

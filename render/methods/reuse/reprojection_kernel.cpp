@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every pair of a target and a source column is tried, sixteen rows at once: a micro-image has few
-// subpixels of one channel, and without gathers that takes a few cycles a subpixel.
+// Tests every pair of a target and a source column, sixteen rows at once. A micro-image has few
+// subpixels of one channel, so without gathers this takes a few cycles per subpixel.
 #include "render/methods/reuse/reprojection_kernel.h"
 
 #include "render/rays/primary_packets_kernel.h"
@@ -17,7 +17,7 @@ using reprojection::LensMap;
 using reprojection::PanelMap;
 using reprojection::Rules;
 
-// They may look at arrays of other types, and go between functions by reference only.
+// The vectors may alias arrays of other types. Functions take them by reference only.
 using Floats = float __attribute__((vector_size(4 * kLanes), may_alias));
 using Ints = int32_t __attribute__((vector_size(4 * kLanes), may_alias));
 
@@ -100,7 +100,7 @@ void join(const Column& left, const Rules& rules, Column& column) {
                         (steep <= rules.steepest * wide) & (apart <= rules.agreement);
 }
 
-/// Looks at one more subpixel of a lens.
+/// Extends the view of a lens by one more subpixel.
 inline void widen(const Column& source, const Ints& under, Found& found) {
   const Ints there = under & (floats(source.z) == floats(source.z));
   const Floats& tan = floats(source.tan);
@@ -116,11 +116,11 @@ inline void see_nothing(Found& found) {
   floats(found.low_tan) = Floats{} + kFarthest;
   floats(found.high_tan) = Floats{} - kFarthest;
 }
-/// Where a lens could see what another found.
+/// Finds the lanes in which `lens` could see the point that `found` holds.
 inline void could_see(const Found& lens, const Found& found, Ints& which) {
   const Floats across = floats(found.x) - floats(lens.lens_x);
   const Floats& z = floats(found.z);
-  // Behind the glass the order of directions is reversed.
+  // Behind the panel the order of directions is reversed.
   const Floats front = z < 0.0F ? -z : z;
   const Floats aside = z < 0.0F ? -across : across;
   which = (aside >= floats(lens.low_tan) * front) & (aside <= floats(lens.high_tan) * front);
@@ -199,7 +199,7 @@ void nearest(const Column* columns, int first, int end, const int32_t* wanted, c
     last_off = off;
     last_z = z;
   }
-  // A chord is no farther from its own points than it is steep.
+  // The distance of a chord's depth from its points' depths is limited by its steepness.
   Floats slot;
   magnitude(best_z * rules.slot_tan, slot);
   if (rules.occlusion) known &= ~(before > best_z + rules.steepest * slot);
@@ -213,7 +213,7 @@ void nearest(const Column* columns, int first, int end, const int32_t* wanted, c
 void same_place(const Column* columns, int first, int end, const int32_t* wanted,
                 const Column& target, const Rules& rules, Found& found) {
   const Ints& lens = ints(wanted);
-  Floats best = Floats{} + 0.6F * rules.slot_tan;  // more than half, for rounding's sake
+  Floats best = Floats{} + 0.6F * rules.slot_tan;  // slightly more than half a slot, for rounding
   Floats code{};
   Ints known{};
   for (int c = first; c < end; c += kChannels) {
@@ -242,7 +242,7 @@ void merge(const Found& other, const float* part, const Rules& rules, Found& int
   Ints hidden, hidden_other;
   could_see(other, into, hidden);
   could_see(into, other, hidden_other);
-  // A lens beside the tile: nobody knows what it sees.
+  // A lens outside the tile: its view is unknown.
   hidden |= floats(other.low_tan) > floats(other.high_tan);
   hidden_other |= floats(into.low_tan) > floats(into.high_tan);
   Floats between;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points seen through one lens, found again through another: the inner loops of the methods that
-// reuse points, compiled once per instruction set. Plain data only: nothing here may bring a shared
-// inline function into a file that is compiled for AVX-512.
+// Inner loops of the methods that reuse points: they find points that were seen through one lens
+// again through another. Compiled once per instruction set. Plain data only: this header must not
+// bring shared inline functions into a file that is compiled for AVX-512.
 //
-// All rays of one row and channel lie in one plane. In it a ray is x = glass_x + tan z, in
-// millimetres of the panel frame, z toward the viewer.
+// All rays of one row and channel lie in one plane. In this plane a ray is x = glass_x + tan z, in
+// millimetres of the panel frame, with z toward the viewer.
 #pragma once
 
 #include <cstdint>
@@ -14,101 +14,102 @@
 namespace lenticule::render::reprojection {
 
 inline constexpr int kLanes = 16;    ///< rows of a tile
-inline constexpr int kChannels = 3;  ///< columns from one subpixel to the next of its channel
+inline constexpr int kChannels = 3;  ///< columns between subpixels of one channel
 
-/// What a subpixel holds.
+/// State of a subpixel.
 enum Flag : int32_t {
   kOutside,       ///< not on the panel, or its ray is not finite
-  kEmpty,         ///< nothing yet
+  kEmpty,         ///< no content yet
   kProjected,     ///< a point of another micro-image or frame
-  kInterpolated,  ///< the mean of two neighbours; no point of any surface
+  kInterpolated,  ///< mean of two neighbours, not a point of a surface
   kTraced,
 };
 
-/// What is found where a ray goes on for ever: parallel within single precision.
+/// Depth that stands for infinity: parallel within single precision.
 inline constexpr float kSkyZ = -1e5F;
-inline constexpr int32_t kSky = -1;  ///< as surface
+inline constexpr int32_t kSky = -1;  ///< surface number of the backdrop
 
-/// The point image and the pixel image of one column of a tile: sixteen subpixels.
+/// Column holds the points and code values of one column of a tile: sixteen subpixels.
 struct alignas(64) Column {
-  float glass_x[kLanes];  ///< of the subpixel's ray
+  float glass_x[kLanes];  ///< x of the subpixel's ray on the panel
   float tan[kLanes];
   int32_t lens[kLanes];
   int32_t flag[kLanes];     ///< Flag
-  int32_t missing[kLanes];  ///< -1 where re-projection brought nothing
-  float x[kLanes];          ///< of the point, where it truly lies
-  float z[kLanes];          ///< NaN where there is no point
-  float down[kLanes];       ///< rows that it lies below the subpixel's own
-  float code[kLanes];       ///< 0 ... 255, what the subpixel shows
-  int32_t surface[kLanes];  ///< 0 ... 253 or kSky; others belong to nothing
-  /// Of this point and the one three columns to the left, its neighbour in the same channel: -1 if
-  /// they are seen through one lens, and if they belong together.
+  int32_t missing[kLanes];  ///< -1 if re-projection found no point
+  float x[kLanes];          ///< exact position of the point
+  float z[kLanes];          ///< NaN if there is no point
+  float down[kLanes];       ///< rows between the point and the subpixel's own row, positive below
+  float code[kLanes];       ///< displayed code value, 0 ... 255
+  int32_t surface[kLanes];  ///< 0 ... 253 or kSky; other values match no surface
+  /// Relation to the point three columns to the left, the neighbour in the same channel. chord: -1
+  /// if both are seen through one lens. linked: -1 if both belong together.
   int32_t chord[kLanes];
   int32_t linked[kLanes];
 };
 
-/// Sixteen values of a subpixel that was looked for under another lens.
+/// Found holds the results of a search for sixteen subpixels under another lens.
 struct alignas(64) Found {
-  int32_t known[kLanes];  ///< -1 where the rest means something
+  int32_t known[kLanes];  ///< -1 in lanes whose results are valid
   float x[kLanes];
   float z[kLanes];
   float code[kLanes];
   int32_t surface[kLanes];
-  // What the lens sees at all: its place, its nearest point, the directions of its outermost ones.
+  // View of the lens as a whole: its position, its nearest point, its extreme directions.
   float lens_x[kLanes];
   float nearest_z[kLanes];
   float low_tan[kLanes];
   float high_tan[kLanes];
 };
 
-/// Rows 0 and 2 of the map from the scene to the panel: what makes x and z.
+/// Rows 0 and 2 of the map from the scene to the panel, which give x and z.
 struct PanelMap {
   float x[3];
   float z[3];
 };
 
-/// lens = the integer nearest to offset + per_mm * glass_x.
+/// The lens number is the integer nearest to offset + per_mm * glass_x.
 struct alignas(64) LensMap {
   float offset[kLanes];
   float per_mm[kLanes];
 };
 
 struct Rules {
-  bool occlusion;   ///< what is nearer wins
-  float steepest;   ///< depth per width of a chord between two points of one surface
-  float agreement;  ///< codes that two points of a chord, or two sides, may differ by
+  bool occlusion;   ///< the nearest point wins
+  float steepest;   ///< largest depth per width of a chord between two points of one surface
+  float agreement;  ///< largest difference in codes between points of a chord, or sides
   float slot_tan;   ///< tangent between neighbouring subpixels of one channel
-  float within;     ///< slots that a point may lie beside the ray, for nearest()
-  bool one_side;    ///< what only one of two sides can see is taken
+  float within;     ///< nearest(): largest distance of a point from the ray, in slots
+  bool one_side;    ///< points that only one of the two sides can see are used
 };
 
 struct Kernel {
-  /// Ray and lens of a column from a packet in Embree's layout.
+  /// Sets ray and lens of a column from a packet in Embree's layout.
   void (*place)(const PanelMap&, const LensMap&, const float* packet, Column&);
-  /// Points of the lanes that Embree has followed; `surface` is not touched.
+  /// Takes the hits of the lanes that Embree has traced; `surface` is not set.
   void (*take_hits)(const PanelMap&, const float* packet, const int32_t* lanes, Column&);
-  /// Sets chord and linked of a column that is complete.
+  /// Sets chord and linked of a complete column.
   void (*join)(const Column& left, const Rules&, Column& column);
-  /// Looks for the points of a target's rays on the chords under lens wanted[r]: columns
-  /// first, first + 3, ... before end. The chord nearest to the eye wins; a chord between points
-  /// that do not belong together says that nothing is known.
+  /// Intersects the target's rays with the chords under lens wanted[r], in columns first, first +
+  /// 3, ... before end. The chord nearest to the eye wins; if its points do not belong together,
+  /// the result is unknown.
   void (*on_chords)(const Column* columns, int first, int end, const int32_t* wanted,
                     const Column& target, const Rules&, Found&);
-  /// The same with single points: the one nearest to the eye among those that lie within
-  /// rules.within slots, unless a chord of one surface runs before it. Without occlusion, the one
-  /// nearest to the ray.
+  /// Like on_chords with single points: takes the point nearest to the eye among those within
+  /// rules.within slots, unless a chord of one surface lies in front of it. Without occlusion,
+  /// takes the point nearest to the ray.
   void (*nearest)(const Column* columns, int first, int end, const int32_t* wanted,
                   const Column& target, const Rules&, Found&);
-  /// The code at the same place under another lens: of the ray nearest in direction, within half
-  /// a slot.
+  /// Takes the code at the same place under another lens: that of the ray nearest in direction,
+  /// within half a slot.
   void (*same_place)(const Column* columns, int first, int end, const int32_t* wanted,
                      const Column& target, const Rules&, Found&);
-  /// Both sides: their mean, `part` of it from `other`, where they agree. What one side alone knows
-  /// is taken if the other is there, cannot see that place, and sees nothing that is nearer by more
-  /// than they lie apart: if it could see the place but does not, something hides it, and what it
-  /// sees nearer may reach to where only the lens between them sees it.
+  /// Merges both sides. Where they agree, the result is their mean, with weight `part` for `other`.
+  /// A result of one side alone is used if the other side exists, cannot see that place, and sees
+  /// no point that is nearer by more than the distance between the two. If the other side could see
+  /// the place but does not, the place is occluded; and a nearer point may extend to where only the
+  /// lens between the two sides sees it.
   void (*merge)(const Found& other, const float* part, const Rules&, Found& into);
-  /// Puts what is known into the lanes of `lanes` that are empty.
+  /// Writes known results into the empty lanes among `lanes`.
   void (*put)(const Found&, const int32_t* lanes, int32_t flag, Column&);
 };
 
