@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The exit codes of every command; scripts depend on them (docs/player.md).
+// ExitCode lists the exit codes of all commands; scripts depend on the values (docs/player.md).
 #pragma once
 
 #include "base/error.h"

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// All numbers between two; of what, its place says.
+// Interval is a closed interval of doubles. The unit depends on the field that holds the interval.
 #pragma once
 
 #include <limits>
 
 namespace lenticule {
 
-/// Nothing until it is extended.
+/// Interval is empty until its first extend().
 struct Interval {
   double low = std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
@@ -23,7 +23,7 @@ struct Interval {
   [[nodiscard]] double width() const { return high - low; }
   [[nodiscard]] double largest() const { return -low > high ? -low : high; }
   friend Interval operator+(Interval a, Interval b) { return {a.low + b.low, a.high + b.high}; }
-  /// Both ways by this much.
+  /// Returns the interval extended by `by` at both ends.
   [[nodiscard]] Interval widened(double by) const { return {low - by, high + by}; }
 };
 

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Results as JSON on standard output.
+// Prints results as JSON on standard output.
 #pragma once
 
 #include <nlohmann/json.hpp>
 
 namespace lenticule {
 
-/// Prints results to standard output. The JSON is built first; the text is made from it, so that
-/// the two cannot disagree.
+/// Prints `value` to standard output. Commands build the JSON first and make their text output from
+/// the same JSON, so that the two cannot differ.
 void print_json(const nlohmann::json& value);
 
-/// JSON has no infinity; null stands for it.
+/// Returns `value`, or null for an infinite or undefined value, because JSON has no number for
+/// either.
 [[nodiscard]] nlohmann::json finite_or_null(double value);
 
 }  // namespace lenticule

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Work on the rows of a picture, shared by threads.
+// Distributes work on the rows of a picture over threads.
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,9 @@
 
 namespace lenticule {
 
-/// Calls work(begin, end) for ranges of rows until all of [0, rows) are done, from this thread and
-/// others, `threads` in all; 0 = as many as there are processors. `work` must not throw.
+/// Calls work(begin, end) for ranges of rows until all rows in [0, rows) are done. Uses `threads`
+/// threads in total, including the calling one; 0 = one per processor, at most 16. `work` must not
+/// throw.
 template <class Work>
 void for_row_ranges(int rows, const Work& work, int threads = 0) {
   constexpr int kChunk = 8;
@@ -27,7 +28,7 @@ void for_row_ranges(int rows, const Work& work, int threads = 0) {
   take();
 }
 
-/// The same, row by row.
+/// Calls row(j) for every row, distributed as in for_row_ranges().
 template <class Row>
 void for_rows(int rows, const Row& row, int threads = 0) {
   for_row_ranges(

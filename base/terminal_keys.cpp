@@ -16,7 +16,7 @@ namespace {
 struct Name {
   Key key;
   std::string_view word;
-  char byte;  ///< as a terminal sends it; 0 where it is a sequence
+  char byte;  ///< byte that a terminal sends; 0 if the terminal sends a sequence
 };
 
 constexpr std::array<Name, 19> kNames = {{{Key::Left, "left", 'h'},
@@ -49,7 +49,8 @@ struct StrideName {
 constexpr std::array<StrideName, 2> kStrides = {
     {{Stride::Coarse, "shift+"}, {Stride::Fine, "ctrl+"}}};
 
-/// Presses by a letter; capital letters of the arrows' letters are the coarse ones.
+/// Returns the press of a letter key; the capital letters of the arrows' letters are the coarse
+/// strides.
 std::optional<KeyPress> press_of_byte(char byte) {
   if (byte == '\n') return KeyPress{Key::Next};
   if (byte == '\b') return KeyPress{Key::Back};
@@ -63,14 +64,14 @@ std::optional<KeyPress> press_of_byte(char byte) {
   return std::nullopt;
 }
 
-/// xterm's numbers: 2 is shift, 5 is ctrl, others hold more keys at once.
+/// Decodes xterm's modifier digit: 2 is shift, 5 is ctrl; other digits are combinations.
 Stride stride_of_modifier(char digit) {
   if (digit == '2') return Stride::Coarse;
   if (digit == '5') return Stride::Fine;
   return Stride::Normal;
 }
 
-/// `body` is what came after "escape [" or "escape O", its last byte included.
+/// Decodes the bytes after "escape [" or "escape O", including the last one.
 std::optional<KeyPress> press_of_sequence(std::string_view body) {
   if (body == "5~") return KeyPress{Key::Up, Stride::Coarse};
   if (body == "6~") return KeyPress{Key::Down, Stride::Coarse};
@@ -91,7 +92,7 @@ std::optional<KeyPress> press_of_sequence(std::string_view body) {
   }
 }
 
-/// One word of a script without its count.
+/// Parses one word of a script, without its count.
 std::optional<KeyPress> press_of_word(std::string_view word) {
   KeyPress press;
   for (const StrideName& stride : kStrides) {
@@ -107,7 +108,8 @@ std::optional<KeyPress> press_of_word(std::string_view word) {
   return std::nullopt;
 }
 
-/// Takes "*12" off the end of the word; 0 where it is no such number.
+/// Removes "*12" from the end of the word and returns the number; returns 0 if the number is
+/// invalid.
 int take_count(std::string_view& word) {
   const size_t star = word.find('*');
   if (star == std::string_view::npos) return 1;
@@ -180,7 +182,8 @@ std::optional<KeyPress> KeyDecoder::feed(char byte) {
     pending_ = byte;
     return std::nullopt;
   }
-  if (byte == kEscape) {  // the one before was a key of its own, or the start of something unknown
+  if (byte ==
+      kEscape) {  // the pending escape was a key of its own, or the start of an unknown sequence
     const bool alone = pending_.size() == 1;
     pending_ = byte;
     return alone ? std::optional(KeyPress{Key::Restore}) : std::nullopt;

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The keys of calibration by eye: what a person presses, how terminals send it, and how scripts
-// write it.
+// Decodes the keys of calibration by eye: from a terminal's bytes, and from scripts.
 #pragma once
 
 #include <optional>
@@ -17,22 +16,22 @@ enum class Key {
   Down,
   SlantLess,     ///< [
   SlantMore,     ///< ]
-  Coarser,       ///< +  larger steps from now on
-  Finer,         ///< -  smaller steps from now on
-  Next,          ///< enter: take this and go on; at the last step: save
-  Back,          ///< backspace: the step before
+  Coarser,       ///< +  larger steps
+  Finer,         ///< -  smaller steps
+  Next,          ///< enter: confirm and continue; at the last step: save
+  Back,          ///< backspace: the previous step
   Undo,          ///< u
   Redo,          ///< r
-  Compare,       ///< space: as it was, as it is now
-  Restore,       ///< escape: everything as it was at the start
-  SwapEyes,      ///< i  half a lens further: left and right eye change places
-  OtherPattern,  ///< f  between bright comb and red and green
+  Compare,       ///< space: toggle between the initial and the current values
+  Restore,       ///< escape: restore all initial values
+  SwapEyes,      ///< i  shift by half a lens: left and right eye swap
+  OtherPattern,  ///< f  toggle between the bright comb and red and green
   Magnifier,     ///< m
-  Words,         ///< t  words on the panel or not
+  Words,         ///< t  show or hide the text on the panel
   Quit,          ///< q  leave without saving
 };
 
-/// How far one press goes.
+/// Stride is the step size of one key press.
 enum class Stride {
   Normal,
   Coarse,  ///< ten times: shift, or page up and page down
@@ -45,30 +44,31 @@ struct KeyPress {
   friend bool operator==(const KeyPress&, const KeyPress&) = default;
 };
 
-/// "shift+left"
+/// Returns for example "shift+left".
 [[nodiscard]] std::string to_string(const KeyPress& press);
 
-/// No script may hold more presses, repetitions counted.
+/// Limits the presses in one script, repetitions included.
 inline constexpr int kMaxScriptPresses = 100'000;
 
-/// Words as to_string() writes them, between spaces or on lines of their own; "left*12" is twelve
-/// presses, and what follows a # on a line is a remark. Throws Error(Input) "source:line: cause".
+/// Parses words as to_string() writes them, separated by spaces or line ends. "left*12" is twelve
+/// presses, and the text after a # on a line is a comment. Throws Error(Input) "source:line:
+/// cause".
 [[nodiscard]] std::vector<KeyPress> parse_key_script(std::string_view text,
                                                      const std::string& source);
 
-/// Turns what a terminal sends into presses. Nothing that it may be fed can do harm: unknown bytes
-/// and sequences are dropped.
+/// KeyDecoder turns the bytes of a terminal into key presses. Input is untrusted: unknown bytes and
+/// sequences are dropped.
 class KeyDecoder {
  public:
-  /// The press that this byte completes, if any.
+  /// Returns the key press that this byte completes, if any.
   [[nodiscard]] std::optional<KeyPress> feed(char byte);
-  /// An escape that nothing followed for a while is the escape key itself.
+  /// Ends a pause in the input: an escape byte without a successor is the escape key itself.
   [[nodiscard]] std::optional<KeyPress> pause();
-  /// True while more bytes may belong to what came last.
+  /// Returns true while the last bytes may still be the start of a longer sequence.
   [[nodiscard]] bool is_waiting() const { return !pending_.empty(); }
 
  private:
-  std::string pending_;  ///< from the escape on, a few bytes at most
+  std::string pending_;  ///< the bytes since the last escape, a few at most
 };
 
 }  // namespace lenticule
