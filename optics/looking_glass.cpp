@@ -2,7 +2,7 @@
 // Reads and writes Looking Glass visual.json. With Pl lenses over the panel's width, s = 1 (-1 with
 // flipImageX) and c = 0, 1, 2 for R, G, B (2, 1, 0 with flipSubp), a stripe's lens coordinate in
 // that format is
-// z_c = (Pl / W) (i + 1/2 + s c/3 + s (H - Y) / slope) - center.
+//   z_c = (Pl / W) (i + 1/2 + s c/3 + s (H - Y) / slope) - center.
 // So one stripe lies on the pixel's centre, and all stripes lie a third of a pixel to the right of
 // ours, or with flipImageX a third to the left, in reverse order.
 // Cells state their offsets from the pixel's centre instead, v upward. lambda = z - 1/2.

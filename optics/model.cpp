@@ -76,7 +76,7 @@ struct ServedEye {
 };
 
 /// Solves lambda(L) = lens together with the law of the sheet,
-/// F(s) = s^2 (1 - kappa shift^2) - 1 - kappa (t_y s / (s + gamma))^2 = 0.
+///   F(s) = s^2 (1 - kappa shift^2) - 1 - kappa (t_y s / (s + gamma))^2 = 0.
 /// Each step linearises the residual map around the present L and makes a Newton step of F.
 template <class Residual>
 ServedEye find_served_eye(const Search& q, double s, const Residual& residual) {

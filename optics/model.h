@@ -87,6 +87,10 @@ class OpticalModel {
     double shift = 0.0;  ///< lens point minus panel point along x, in gaps
     double tan_x = 0.0;
   };
+  /// Returns the bend of a ray if the apex line of its lens lies `rest` gaps to the right of the
+  /// panel point, seen perpendicular to the panel: rest = (k - ideal phase) p_h / g. `tan_y` is the
+  /// tangent from the panel point toward the viewing line. Valid only for rigs without a residual
+  /// map.
   [[nodiscard]] Bend bend(double rest, double tan_y) const;
 
   /// Returns the centre of the viewing line, E0 = (0, Ey, Z).

@@ -26,11 +26,11 @@ class TileOptics {
 
   /// Tile holds arrays over the rows of a tile and, where colours differ, over the colour that a
   /// column has in row 0, (column_begin + c) mod 3. For column c:
-  /// phase    = phase[0] + c (phase[1] + c phase[2]), within phase_error();
-  /// lens     = the integer nearest to the phase; near a border, call exact_off();
-  /// argument = bend[0] + c (bend[1] + c bend[2]) - lens_step() (phase - lens);
-  /// tan_x    = sum of tangent[n] argument^n;
-  /// lens_x   = x0_mm + x_step_mm() c + sum of shift_mm[n] argument^n.
+  ///   phase    = phase[0] + c (phase[1] + c phase[2]), within phase_error();
+  ///   lens     = the integer nearest to the phase; near a border, call exact_off();
+  ///   argument = bend[0] + c (bend[1] + c bend[2]) - lens_step() (phase - lens);
+  ///   tan_x    = sum of tangent[n] argument^n;
+  ///   lens_x   = x0_mm + x_step_mm() c + sum of shift_mm[n] argument^n.
   struct Tile {
     using Rows = std::array<double, kRows>;
     using FloatRows = std::array<float, kRows>;
