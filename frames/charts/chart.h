@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What calibration by eye wants to be shown, as data: the procedure makes it, charts.h draws it.
+// Chart describes a test pattern for calibration by eye, as data: the procedure makes it, charts.h
+// draws it.
 #pragma once
 
 #include <string>
@@ -10,31 +11,32 @@
 namespace lenticule::frames {
 
 enum class ChartPattern {
-  PixelLines,    ///< lines of one pixel, to see whether the link leaves pixels alone
+  PixelLines,    ///< lines of one pixel, to check that the link keeps pixels unchanged
   Bands,         ///< a comb per band, each with another pitch
   Comb,          ///< white where the eye should look, |place| < 1/8; black elsewhere
   TwoViews,      ///< red for the left half of a viewing zone, green for the right half
   NumberedViews  ///< every view shows its number, the leftmost 0
 };
 
-/// Bands of ChartPattern::Bands, from the top; pitches rise from one to the next, and the middle
-/// one has the rig's own.
+/// Number of bands of ChartPattern::Bands, from the top; pitches rise from one band to the next,
+/// and the middle band has the rig's pitch.
 inline constexpr int kBands = 25;
 
 struct Chart {
   ChartPattern pattern = ChartPattern::Comb;
-  /// As edited; its viewing line is where the eye is that looks at the chart.
+  /// The edited rig; its viewing line is the position of the eye that looks at the chart.
   optics::Rig rig = {};
   /// Bands: the pitches are the rig's times 1 - reach ... 1 + reach.
   double band_reach = 0.0;
   int cursor = 0;  ///< the marked band
-  /// Comb: blue lines along the lenses, as steep as the rig says.
+  /// Comb: blue lines along the lenses, with the rig's slant.
   bool lens_lines = false;
   bool magnifier = false;
-  std::vector<std::string> words = {};  ///< a paragraph each, in a box at the bottom; empty = none
+  std::vector<std::string> words =
+      {};  ///< one paragraph each, in a box at the bottom; empty = none
 };
 
-/// Pitch of band `band` over the pitch of the rig.
+/// Returns the pitch of band `band` divided by the pitch of the rig.
 [[nodiscard]] inline double band_scale(int band, double reach) {
   return 1.0 + reach * (2.0 * band / (kBands - 1) - 1.0);
 }

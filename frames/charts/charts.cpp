@@ -29,7 +29,7 @@ constexpr Colour kBlue = {0, 0, 255};
 constexpr size_t kRed = 0, kGreen = 1;
 
 constexpr double kCombHalfWidth = 0.125;
-/// What is to be seen as one thing through the sheet covers this many lenses across.
+/// A detail that must look like one thing through the sheet covers this many lenses across.
 constexpr double kLensesPerDot = 2.0;
 constexpr double kLensesPerLine = 3.0;
 constexpr int kLensLines = 5;
@@ -37,8 +37,8 @@ constexpr int kNumbersAcross = 5;
 /// Subpixels of one colour are three apart: narrower views would show their neighbours' numbers.
 constexpr int kSubpixelsPerNumber = 2;
 
-/// Place under the nearest lens, -1/2 ... 1/2. Adding and taking away 1.5 * 2^52 rounds to the
-/// nearest whole number without a branch.
+/// Returns the place under the nearest lens, -1/2 ... 1/2. Adding and subtracting 1.5 * 2^52 rounds
+/// to the nearest integer without a branch.
 double place_of(double phase) {
   constexpr double kRounder = 0x1.8p52;
   return phase - ((phase + kRounder) - kRounder);
@@ -48,7 +48,8 @@ double lens_px(const optics::Rig& rig) {
   return rig.sheet.pitch.value / 3.0;
 }
 
-/// Pixels per dot of the font: broad enough for the lenses, large enough for the distance.
+/// Returns the pixels per dot of the font: wide enough for the lenses, large enough for the viewing
+/// distance.
 int text_scale(const optics::Rig& rig) {
   const double broad = kLensesPerDot * lens_px(rig);
   const double large = rig.panel.height_px / 240.0;
@@ -56,7 +57,7 @@ int text_scale(const optics::Rig& rig) {
   return std::max(1, static_cast<int>(std::min(std::max(broad, large), fits)));
 }
 
-/// The numbers of all views, each in the same cell, as dots of the font.
+/// NumberCells draws the numbers of all views, each in the same cell, as dots of the font.
 class NumberCells {
  public:
   NumberCells(const optics::Rig& rig, int views) {
@@ -72,7 +73,8 @@ class NumberCells {
     height_ = (frames::kCellHeight + 2) * scale_;
   }
 
-  /// Which pixels of row j are lit in each view, for one cell across: lit[view * width() + i].
+  /// Sets the pixels of row j that are lit in each view, for one cell across: lit[view * width() +
+  /// i].
   void row(int j, std::vector<uint8_t>& lit) const {
     lit.assign(texts_.size() * static_cast<size_t>(width_), 0);
     const int dot_row = j % height_ / scale_ - 1;
@@ -99,7 +101,7 @@ class NumberCells {
   int height_ = 1;
 };
 
-/// An odd number, so that the middle of a zone is the middle of a view.
+/// Returns an odd number, so that the middle of a zone is the middle of a view.
 int numbered_views(const optics::Rig& rig) {
   const int possible = frames::native_view_count(rig) / kSubpixelsPerNumber;
   return std::clamp(possible - (possible % 2 == 0 ? 1 : 0), 3, 99);
@@ -138,12 +140,12 @@ void ChartPainter::Prepared::comb_row(const std::vector<double>& phase, uint8_t*
     row[s] = std::abs(place_of(phase[s])) < kCombHalfWidth ? kLit : 0;
 }
 
-/// A pitch that differs by a factor scales the phase around the panel's centre, and nothing else.
+/// A pitch that differs by a factor only scales the phase around the panel's centre.
 void ChartPainter::Prepared::band_row(const std::vector<double>& phase, int j, uint8_t* row) const {
   const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
   const int band = std::min(kBands - 1, static_cast<int>(int64_t{j} * kBands / height));
   const int top = height * band / kBands, rows = std::max(1, height / kBands);
-  if (rows >= 8 && j - top < rows / 8) return;  // a black line above each
+  if (rows >= 8 && j - top < rows / 8) return;  // a black line above each band
   const double scale = 1.0 / band_scale(band, chart.band_reach);
   for (size_t s = 0; s < phase.size(); ++s) {
     const double scaled = centre_phase + (phase[s] - centre_phase) * scale;
@@ -181,7 +183,7 @@ void ChartPainter::Prepared::line_row(int j, uint8_t* row) const {
   for (int i = 0; i < width; ++i) row[3 * i + (i < width / 2 ? i : j) % 3] = kLit;
 }
 
-/// Drawn for every view alike, so that they can be seen from anywhere.
+/// Draws the line alike for every view, so that it is visible from anywhere.
 void ChartPainter::Prepared::lens_line_row(int j, uint8_t* row) const {
   const optics::Panel& panel = chart.rig.panel;
   const int half = std::max(1, static_cast<int>(0.5 * kLensesPerLine * lens_px(chart.rig)));
@@ -231,8 +233,8 @@ void ChartPainter::paint_rows(int begin, int end, WovenFrame& frame) const {
 
 namespace {
 
-/// Words in a box at the bottom; what does not fit into two fifths of the height is left out, for
-/// the pattern is what matters.
+/// Draws text in a box at the bottom. Text beyond two fifths of the height is omitted, because the
+/// pattern is more important.
 void draw_words(const Chart& chart, WovenFrame& frame) {
   const int scale = text_scale(chart.rig);
   const int line = frames::kCellHeight * scale;
@@ -256,7 +258,7 @@ void draw_words(const Chart& chart, WovenFrame& frame) {
 
 }  // namespace
 
-/// The pixels around the panel's centre, as squares in the upper left corner.
+/// Draws the pixels around the panel's centre as squares in the upper left corner.
 void ChartPainter::Prepared::magnify(WovenFrame& frame) const {
   constexpr int kAcross = 24, kDown = 16;
   const int zoom = std::max(2, std::min(frame.width() / 3 / kAcross, frame.height() / 3 / kDown));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the charts of calibration by eye as woven frames, subpixel by subpixel, through the same
-// optical model that everything else is rendered with.
+// ChartPainter draws the test patterns of calibration by eye as woven frames, subpixel by subpixel,
+// with the same optical model as all other rendering.
 #pragma once
 
 #include <memory>
@@ -10,7 +10,7 @@
 
 namespace lenticule::frames {
 
-/// One chart, ready to be drawn. Immutable.
+/// ChartPainter draws one chart. Immutable.
 class ChartPainter {
  public:
   /// Throws Error(Input) for a rig that has no optical model.
@@ -19,10 +19,11 @@ class ChartPainter {
   ChartPainter(const ChartPainter&) = delete;
   ChartPainter& operator=(const ChartPainter&) = delete;
 
-  /// Rows [begin, end) of a frame of the rig's panel, without words and magnifier. Safe from any
-  /// number of threads for different rows.
+  /// Draws rows [begin, end) of a frame of the rig's panel, without text and magnifier.
+  ///
+  /// Thread safety: any number of threads may draw different rows.
   void paint_rows(int begin, int end, frames::WovenFrame& frame) const;
-  /// Words and magnifier, over rows that are painted.
+  /// Draws text and magnifier over the painted rows.
   void paint_words(frames::WovenFrame& frame) const;
 
  private:
@@ -30,7 +31,7 @@ class ChartPainter {
   std::unique_ptr<const Prepared> prepared_;
 };
 
-/// All of it, on as many threads as the machine has cores.
+/// Draws the whole chart, with one thread per core.
 [[nodiscard]] frames::WovenFrame draw_chart(const Chart& chart);
 
 }  // namespace lenticule::frames
