@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a decoder numbers the frames of a clip that it plays again and again.
+// Numbers the frames of a clip that a decoder plays repeatedly.
 #pragma once
 
 #include <cstdint>
 
 namespace lenticule::frames {
 
-/// Ring numbers go on growing through all loops, by steps of two: the lowest bit says that the
-/// frame is the clip's first. (A ring takes 2^48: what is shown in 70 000 years.)
+/// Returns a frame's number in the ring. Numbers keep growing through all loops, in steps of two:
+/// the lowest bit marks the clip's first frame. (A ring accepts numbers up to 2^48, which last 70
+/// 000 years.)
 [[nodiscard]] constexpr uint64_t ring_number(uint64_t position, bool begins_clip) {
   return position << 1 | (begins_clip ? 1 : 0);
 }
