@@ -8,13 +8,14 @@
 namespace lenticule::calib {
 namespace {
 
-/// Beyond an edge its inner neighbour counts: it is under a filter of the missing one's colour.
+/// Returns the mirrored index beyond an edge: that inner neighbour has the filter of the missing
+/// one.
 int mirrored(int index, int count) {
   if (index < 0) return 1;
   return index < count ? index : count - 2;
 }
 
-/// The pixels around one of a mosaic.
+/// Surroundings holds the neighbourhood of a mosaic pixel.
 struct Surroundings {
   const float* above;
   const float* here;
