@@ -14,26 +14,29 @@
 namespace lenticule::calib {
 namespace {
 
-constexpr double kMostRmsLenses = 0.05;        ///< phase left over: no model of this sheet
-constexpr double kMostGeometryPart = 1e-3;     ///< the same for the panel points, of its width
-constexpr double kLeastCovered = 0.55;         ///< of the panel, in each viewpoint
-constexpr double kMostDriftLenses = 0.05;      ///< between first and repeated fringes
+constexpr double kMostRmsLenses = 0.05;     ///< phase residual: above this, no model of this sheet
+constexpr double kMostGeometryPart = 1e-3;  ///< geometry residual, relative to the panel's width
+constexpr double kLeastCovered = 0.55;      ///< fraction of the panel, in each viewpoint
+constexpr double kMostDriftLenses = 0.05;   ///< between first and repeated fringes
 constexpr double kNotableDriftLenses = 0.003;  ///< more than the noise of any usable camera
 constexpr double kMostMovePx = 0.25;           ///< of the marks, from picture to picture
-constexpr double kLeastWhite = 0.1;            ///< light of the white panel, of full scale
-constexpr double kMostBeliefSigmas = 4.0;      ///< from what is known beforehand
+constexpr double kLeastWhite = 0.1;            ///< light of the white panel, relative to full scale
+constexpr double kMostBeliefSigmas = 4.0;      ///< deviation from prior knowledge
 constexpr double kMostCorrelation = 0.98;      ///< of pitch and gap
-constexpr double kLeastColourContrast = 0.85;  ///< of red and blue fringes, part of green's
-constexpr double kNearestPart = 0.75;          ///< of the viewpoints' distance: where eyes may be
-constexpr double kAmbiguity = 60.0;            ///< chi-squared by which the best gap must lead
-/// Wide patterns are decoded through a smooth map, so that their many points count as few.
+constexpr double kLeastColourContrast =
+    0.85;  ///< contrast of red and blue fringes relative to green
+constexpr double kNearestPart =
+    0.75;  ///< nearest possible eyes, relative to the viewpoints' distance
+constexpr double kAmbiguity = 60.0;  ///< chi-squared by which the best gap must lead
+/// Wide patterns are decoded through a smooth map, so their errors are correlated and their many
+/// points count as few.
 constexpr double kGeometryScatter = 4.0;
-/// What is left of the aberrations of real lenses after the two numbers that the fit has for them:
-/// the scatter of `lenticule bench calibrate` beyond that of noise (docs/calibration.md).
+/// Remaining aberrations of real lenses beyond the two parameters that the fit has for them: the
+/// scatter of `lenticule bench calibrate` beyond that of noise (docs/calibration.md).
 constexpr LawError kTracedLenses{
     .pitch_lenses = 0.0005, .slant_lenses = 0.00012, .gap_part = 0.0008};
-/// Aberrations of fringes that lenses on the viewer's side have, with room; found ones are judged
-/// with three standard errors.
+/// Range of fringe aberrations of lenses on the viewer's side, with a margin; fitted values are
+/// compared with three standard errors.
 constexpr double kLeastAberration = -0.03;
 constexpr double kMostAberration = 0.1;
 constexpr double kBgrOffset = 2.0;  ///< subpixels that red and blue are off when swapped
@@ -73,7 +76,8 @@ class Calibrator {
 
  private:
   [[nodiscard]] bool several() const { return views_.size() > 1; }
-  /// One viewpoint says nothing of pitch and gap, and no law comes into what it sees itself.
+  /// A single viewpoint determines neither pitch nor gap, and its own picture does not depend on
+  /// the lens law.
   [[nodiscard]] Prediction prediction() const {
     return {*fit_, grid_, panel_, several() ? kTracedLenses : LawError{}};
   }
@@ -132,13 +136,14 @@ class Calibrator {
   Calibration result_;
 };
 
-/// The starting pitch is only what fringes were looked for with; what they show is nearer.
+/// Replaces the starting pitch, which only served to find fringes, by the pitch of the observed
+/// fringes.
 void start_from(const ViewpointMeasurement& seen, SheetStart& start, const optics::Panel& panel) {
   start.values[kAcross] = 0.5 * panel.width_px * seen.line.per_px_x;
   start.values[kDown] = 0.5 * panel.height_px * seen.line.per_px_y;
 }
 
-/// Places again and gaps again: a wrong gap puts the camera at a wrong distance, a little.
+/// Repeats the search of poses and gaps: a wrong gap puts the camera at a slightly wrong distance.
 std::vector<GapCandidate> Calibrator::search_again(const GapCandidate& better) {
   SheetParameters sheet = start_.values;
   sheet[kGap] = better.gap_mm;
@@ -192,7 +197,7 @@ void Calibrator::put_rig() {
                     .k2 = camera[kRadial2]};
 }
 
-/// The mean phase by which a channel's fringes are ahead of green's, in subpixels.
+/// Returns the mean phase by which a channel's fringes are ahead of green's, in subpixels.
 Estimate Calibrator::channel_offset(int channel) const {
   double sum = 0.0, weight = 0.0, square = 0.0;
   for (const ViewpointMeasurement& m : measured_) {
@@ -214,7 +219,8 @@ Estimate Calibrator::channel_offset(int channel) const {
   return {mean, std::sqrt(std::max(0.0, square / weight - mean * mean) / std::max(1.0, blocks))};
 }
 
-/// Where a colour sits elsewhere from pixel to pixel, its fringes blur; then no offset helps.
+/// Detects layouts in which a colour's position varies from pixel to pixel: its fringes blur, and
+/// no offset helps.
 void Calibrator::judge_layout() {
   for (const ViewpointMeasurement& m : measured_) {
     const auto& contrast = m.channel_contrast;
@@ -231,7 +237,7 @@ void Calibrator::judge_layout() {
 void Calibrator::measure_colours() {
   const Estimate red = channel_offset(0), blue = channel_offset(2);
   const double pitch = result_.rig.sheet.pitch.value;
-  // Twice a subpixel either way: red is where blue should be. Phases repeat after a pitch.
+  // Twice a subpixel in either direction: red and blue are swapped. Phases repeat after a pitch.
   const auto apart = [&](double a, double b) {
     const double turns = (a - b) / pitch;
     return std::abs(turns - std::round(turns)) * pitch;
@@ -257,15 +263,15 @@ double percentile(std::vector<double> values, double part) {
   return values[at];
 }
 
-/// Cells that residuals are averaged over.
+/// CellGrid is a grid of cells over which residuals are averaged.
 struct CellGrid {
   int columns, rows;
-  double least_blocks;  ///< fewer say nothing of a cell
+  double least_blocks;  ///< a cell with fewer blocks has no value
 };
-constexpr CellGrid kPictureCells{48, 27, 1.0};  ///< of the report
+constexpr CellGrid kPictureCells{48, 27, 1.0};  ///< for the report
 constexpr CellGrid kJudgedCells{12, 7, 4.0};    ///< large enough that noise averages out
 
-/// Means over cells of the panel; NaN where too few blocks are in one.
+/// Returns means over cells of the panel; NaN for cells with too few blocks.
 PanelField field_of(const View& view, const PoseValues& pose, const CameraValues& camera,
                     const std::vector<double>& rests, const optics::Panel& panel,
                     const CellGrid& grid) {
@@ -289,7 +295,7 @@ PanelField field_of(const View& view, const PoseValues& pose, const CameraValues
   return field;
 }
 
-/// Between the camera's axis and the panel's normal.
+/// Returns the angle between the camera's axis and the panel's normal.
 double tilt_degrees(const PoseValues& pose) {
   const double forward[3] = {0.0, 0.0, 1.0};
   const double back[3] = {-pose[0], -pose[1], -pose[2]};
@@ -330,12 +336,12 @@ void Calibrator::describe_parameters() {
   const SheetReport report = prediction().sheet_report();
   result_.parameters.insert(result_.parameters.begin(), report.parameters.begin(),
                             report.parameters.end());
-  // Of noise alone: they tell whether the viewpoints can tell two numbers from each other.
+  // Correlations of noise alone: they show whether the viewpoints can separate two parameters.
   result_.correlations = Prediction(*fit_, grid_, panel_).sheet_report().correlations;
 }
 
-/// Each viewpoint is foretold by the others: the sheet and the map from those, the camera's place
-/// from its own panel points.
+/// Predicts each viewpoint from the others: sheet and map come from the others, the camera's
+/// position from the viewpoint's own panel points.
 void Calibrator::leave_one_out() {
   if (views_.size() < 3) return;
   const PoseFit all{.camera = fit_->values.camera, .poses = fit_->values.poses};
@@ -388,8 +394,9 @@ void Calibrator::predict() {
   result_.drift = prediction().worst_drift(eyes);
 }
 
-/// Real lenses have aberrations that grow steeply with the angle to the side. What viewpoints saw
-/// is fitted; beyond their steepest angle the law of the chief ray is all that is known.
+/// Warns of eyes outside the measured angles. Real lenses have aberrations that grow steeply with
+/// the angle to the side. The fit covers the observed angles; beyond the steepest one only the law
+/// of the chief ray is known.
 void Calibrator::warn_of_near_eyes() {
   if (!several()) return;
   const double half_mm = 0.5 * panel_.width_px * panel_.pixel_width.value;
@@ -427,8 +434,9 @@ void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeas
         viewpoint.name, measured.drift_lenses));
 }
 
-/// What fringes show to the side is told from the law of the sheet by its form, which is that of
-/// lenses on the viewer's side. Another sign or size is another form: then neither is right.
+/// Checks the aberration. The fit separates aberration and sheet by the form of the aberration,
+/// which is that of lenses on the viewer's side. Another sign or size means another form, and then
+/// neither value is right.
 void Calibrator::judge_aberration() {
   const double found = fit_->values.sheet[kAberration];
   const double variance = fit_->covariance(kAberration, kAberration);
@@ -440,8 +448,8 @@ void Calibrator::judge_aberration() {
                     found));
 }
 
-/// The camera or the panel was knocked: what was seen before and after are two viewpoints. Single
-/// readings vary with the light around the marks, the middles of many do not.
+/// Detects that the camera or the panel was moved: the patterns before and after then belong to two
+/// viewpoints. Single readings vary with the light around the marks, but medians of many do not.
 void Calibrator::judge_moves(const ViewpointMeasurement& measured) {
   const std::vector<Vec2>& moves = measured.mark_moves;
   constexpr size_t kFewest = 4;
@@ -481,7 +489,7 @@ void Calibrator::judge_moves(const ViewpointMeasurement& measured) {
                   measured.name, best + 1, length));
 }
 
-/// What was known beforehand contradicts what was found.
+/// Refuses results that contradict prior knowledge.
 void Calibrator::judge_beliefs() {
   const auto judge_one = [&](const char* what, const char* unit,
                              const std::optional<Estimate>& known, const Estimate& found) {
@@ -494,14 +502,15 @@ void Calibrator::judge_beliefs() {
   const Viewpoint& first = result_.viewpoints.front();
   judge_one("first viewpoint's distance", "mm", options_.distance_mm,
             {first.eye_mm.z, first.eye_sigma_mm.z});
-  // Focal length and distance are found as exactly as each other.
+  // The relative errors of focal length and distance are equal.
   const double part = first.eye_sigma_mm.z / first.eye_mm.z;
   judge_one("camera's focal length", "px", options_.focal_px,
             {result_.camera.focal_px, part * result_.camera.focal_px});
 }
 
-/// A white panel that is hardly lighter than the camera's own noise and steps of codes gives waves
-/// whose dark parts are cut off: they are decoded to wrong places, smoothly.
+/// Refuses dark pictures. If a white panel is hardly lighter than the camera's noise and code
+/// steps, the dark parts of waves are clipped, and they are decoded to wrong positions without
+/// visible jumps.
 void Calibrator::judge_light(const ViewpointMeasurement& measured) {
   if (measured.white_light == 0.0 || measured.white_light >= kLeastWhite) return;
   refuse(
