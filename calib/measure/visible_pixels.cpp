@@ -6,7 +6,7 @@
 namespace lenticule::calib {
 namespace {
 
-constexpr float kLeastLight = 0.15F;  ///< of what a bright pixel of the panel has
+constexpr float kLeastLight = 0.15F;  ///< relative to a bright pixel of the panel
 constexpr double kBrightPart = 0.98;
 
 }  // namespace
