@@ -82,7 +82,7 @@ class PoseBundle {
     double* const camera = fit_.camera.data();
     size_t residuals = 0;
     for (size_t v = 0; v < views_.size(); ++v) {
-      // Every fourth block is enough for seven parameters.
+      // About 400 blocks per view are enough for so few parameters.
       const size_t stride = std::max<size_t>(1, views_[v].geometry.size() / 400);
       for (size_t n = 0; n < views_[v].geometry.size(); n += stride, residuals += 2)
         problem.AddResidualBlock(geometry_cost(views_[v].geometry[n], panel_),
