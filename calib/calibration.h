@@ -20,7 +20,7 @@ struct Estimate {
 };
 
 struct Parameter {
-  std::string name;  ///< as in the rig file: "pitch_subpx"
+  std::string name;  ///< key of the rig file: "pitch_subpx"
   std::string unit;  ///< "subpixels", "px/px", "lenses", "mm"
   Estimate estimate;
 };
@@ -77,7 +77,7 @@ struct LensSpot {
 struct LinkCheck {
   bool channels_swapped = false;   ///< red and blue: the panel is BGR
   bool chroma_subsampled = false;  ///< 4:2:0 or 4:2:2
-  bool scaled = false;             ///< not the panel's own pixels
+  bool scaled = false;             ///< other pixels than the panel's own
   double chroma_leak = 0.0;  ///< light in channels that should be dark, relative to the lit channel
   std::vector<std::string> findings;  ///< sentences for users
 };

@@ -9,7 +9,7 @@
 namespace lenticule::frames {
 
 inline constexpr int kGlyphWidth = 5;
-inline constexpr int kGlyphHeight = 9;  ///< with descenders; capitals use the upper seven rows
+inline constexpr int kGlyphHeight = 9;  ///< includes descenders; capitals use the upper seven rows
 inline constexpr int kCellWidth = 6;
 inline constexpr int kCellHeight = 10;
 

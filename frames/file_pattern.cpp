@@ -35,7 +35,7 @@ std::optional<Conversion> parse_conversion(std::string_view text) {
   const size_t digits_begin = end;
   while (end < text.size() && is_digit(text[end])) ++end;
   if (end >= text.size() || text[end] != 'd' || end - digits_begin > 2) return std::nullopt;
-  // Without the zero the padding would be blanks; "%0d" has no padding.
+  // A pattern without the zero would pad with blanks; "%0d" has no padding.
   if (end > digits_begin && text[1] != '0') return std::nullopt;
   int digits = 0;
   std::from_chars(text.data() + digits_begin, text.data() + end, digits);

@@ -11,7 +11,7 @@ namespace lenticule::frames {
 
 enum class ShowResult {
   Shown,     ///< the frame is on the panel
-  TimedOut,  ///< not within the deadline; the sink is still usable
+  TimedOut,  ///< deadline missed; the sink is still usable
   Lost,      ///< the display was disconnected
 };
 

@@ -40,7 +40,7 @@ enum class Orientation : uint8_t {
 
 /// PictureInfo holds the properties in a picture's header.
 struct PictureInfo {
-  FrameGeometry geometry;  ///< as stored
+  FrameGeometry geometry;  ///< stored size, before rotation
   Orientation orientation = Orientation::Upright;
   double pixel_aspect = 1.0;  ///< a pixel's width divided by its height
   friend bool operator==(const PictureInfo&, const PictureInfo&) = default;

@@ -97,7 +97,7 @@ class ViewSet {
   void set_aspect(std::optional<double> aspect, const std::string& name);
 
   std::vector<WovenFrame> pictures_;
-  std::vector<const uint8_t*> first_pixels_;  // by view, into pictures_
+  std::vector<const uint8_t*> first_pixels_;  // first pixel of each view in pictures_
   size_t stride_bytes_ = 0;
   int width_ = 0;
   int height_ = 0;

@@ -16,7 +16,7 @@ namespace {
 /// A view further than this many sigmas is ignored (0.01 % of the centre's weight).
 constexpr double kGaussReach = 4.3;
 
-/// In views; a Gaussian is never narrower.
+/// Smallest sigma of a Gaussian, in views.
 constexpr double kSharpestSpot = 1e-3;
 constexpr double kSameAspect = 0.005;
 
@@ -99,7 +99,7 @@ int nearest_view(double view_number, int views) {
 
 int view_weights(double view_number, int views, ViewFilter filter, double spot_sigma_views,
                  std::vector<double>& weights) {
-  const double centre = view_number - 0.5;  // in units of view indices
+  const double centre = view_number - 0.5;  // unit: view indices
   if (filter == ViewFilter::Gauss) return gauss_weights(centre, views, spot_sigma_views, weights);
   if (filter == ViewFilter::Nearest) {
     weights.assign(1, 1.0);

@@ -196,7 +196,7 @@ RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye
     for (int u = 0; u < picture.width; ++u, out += 3) {
       const double x_px = (u + 0.5) * panel.width_px / picture.width;
       const Look look = look_through(model, eye, x_px, y_px);
-      if (!look.on_panel) continue;  // beyond the edge of the panel: black
+      if (!look.on_panel) continue;  // black beyond the edge of the panel
       const uint8_t* pixels = woven.pixels + static_cast<size_t>(look.row) * woven.stride_bytes;
       const std::vector<double>& phase = phases.row(look.row);
       for (int c = 0; c < 3; ++c) {

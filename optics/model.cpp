@@ -38,7 +38,7 @@ Sight sight(Vec2 point_mm, const Eye& eye, double gap_mm) {
 /// 1 and sqrt(1 + kappa |t|^2). For an eye much nearer than the sheet is thick, Newton steps alone
 /// would leave these bounds and converge to another root.
 double obliquity(const Sight& to_eye, double kappa) {
-  constexpr double kSlack = 1e-9;  // for rounding at the root
+  constexpr double kSlack = 1e-9;  // tolerance for rounding at the root
   const double a = kappa * (to_eye.tan_x * to_eye.tan_x + to_eye.tan_y * to_eye.tan_y);
   const double gamma = to_eye.gamma;
   double s = std::sqrt(1.0 + a / ((1.0 + gamma) * (1.0 + gamma)));
@@ -186,7 +186,7 @@ SubpixelRay OpticalModel::ray(int i, int j, int channel) const {
   const auto residual = [&](double shift_x, double shift_y) {
     ResidualSpline::Value value = prepared_->residual.at(at_px.x + channel_px + shift_x * gap_px_x,
                                                          at_px.y - shift_y * gap_px_y);
-    value.per_px_x *= gap_px_x;  // per unit of shift
+    value.per_px_x *= gap_px_x;  // now per unit of shift
     return value;
   };
   const double from_centre = (at_px.x + channel_px - panel.width_px / 2.0) +

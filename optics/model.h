@@ -64,12 +64,11 @@ class OpticalModel {
   /// Returns lambda_c(X, Y), the lens coordinate above a panel point; apex lines are the integers.
   [[nodiscard]] double lens_coordinate(double x_px, double y_px, int channel) const;
 
-  /// Returns Delta(L, E) in millimetres: the panel point that the eye sees at lens point L is L -
-  /// Delta.
+  /// Returns Delta(L, E) in millimetres: the eye sees panel point L - Delta at lens point L.
   [[nodiscard]] Vec2 refraction_shift_mm(Vec2 lens_point_mm, const Eye& eye) const;
 
-  /// Returns the lens point L at which `eye` sees panel point Q, both in millimetres. Solves L -
-  /// Delta = Q.
+  /// Returns the lens point L at which `eye` sees panel point Q, both in millimetres. Solves
+  /// L - Delta = Q.
   [[nodiscard]] Vec2 lens_point_mm(Vec2 panel_point_mm, const Eye& eye) const;
 
   /// Returns Phi_E(Q), the lens coordinate at the lens point through which `eye` sees panel point

@@ -77,12 +77,12 @@ struct Rig {
 };
 
 /// Limits for rigs from outside, checked by validate_rig().
-inline constexpr int kMaxPanelPixels = 32768;  ///< per side
+inline constexpr int kMaxPanelPixels = 32768;  ///< limit per side
 inline constexpr double kMinPitchSubpixels = 1.5;
 inline constexpr double kMaxPitchSubpixels = 3000.0;
 inline constexpr double kMaxSlant = 4.0;
 
-inline constexpr int kMaxResidualKnots = 256;  ///< per side
+inline constexpr int kMaxResidualKnots = 256;  ///< limit per side
 /// A residual map may change the local pitch by at most this fraction of the pitch.
 inline constexpr double kMaxResidualSlope = 0.1;
 

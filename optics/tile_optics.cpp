@@ -403,8 +403,8 @@ struct TileOptics::Impl {
   std::array<double, 3> nudge_px{};  ///< x of a subpixel is s / 3 plus the nudge of its colour
   std::array<double, 3> channel_px{};
   double phase_error = 0.0;
-  int coefficients = 2;         ///< along a row
-  int height_coefficients = 2;  ///< coefficients of each of those in the height
+  int coefficients = 2;         ///< number of coefficients along a row
+  int height_coefficients = 2;  ///< number of coefficients in the height, for each of those
   bool colours_alike = false;
   int pieces = 1;
   double piece_width = 0.0;

@@ -74,7 +74,7 @@ std::optional<int> stray_letter_line(std::string_view text) {
 }
 
 toml::table parse_toml(std::string_view text, const std::string& source) {
-  // For such a character toml++ has undefined behaviour, so it is refused first.
+  // toml++ has undefined behaviour for such a character, so it is refused first.
   if (const std::optional<int> line = stray_letter_line(text))
     fail(source, *line, "a letter outside ASCII that is not in quotes",
          "keys and numbers are ASCII; texts go between quotes");

@@ -56,7 +56,7 @@ void save_trim(const Trim& trim, const std::filesystem::path& rig_file);
 
 /// RigIdentity says which rig frames are made for, or which rig a player shows them with.
 struct RigIdentity {
-  std::string fingerprint;  ///< of the trimmed rig; empty: not stated
+  std::string fingerprint;  ///< fingerprint of the trimmed rig; empty: not stated
   std::string calibration;  ///< fingerprint of the rig without the trim
   Trim trim;
   friend bool operator==(const RigIdentity&, const RigIdentity&) = default;

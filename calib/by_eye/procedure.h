@@ -36,7 +36,7 @@ enum class Step {
 inline constexpr int kSteps = 10;
 
 /// Changes by one press of Stride::Normal.
-inline constexpr double kPitchStep = 1e-4;  ///< relative to the pitch
+inline constexpr double kPitchStep = 1e-4;  ///< fraction of the pitch
 inline constexpr double kSlantStepDegrees = 0.01;
 inline constexpr double kOffsetStepLenses = 0.01;
 inline constexpr double kSpacingStepMm = 1.0;

@@ -29,7 +29,7 @@ optics::Rig with_sheet_values(optics::Rig rig, const SheetValues& values, double
   sheet.pitch = Subpixels(values.effective_pitch_subpx / (1.0 + values.gap_mm / distance_mm));
   sheet.slant = values.slant;
   sheet.gap = Millimetres(values.gap_mm);
-  // With offset 0, the eye sees at the centre only the contribution of height and slant.
+  // The eye sees at the centre, with offset 0, only the contribution of height and slant.
   sheet.offset = Lenses(0.0);
   const double added = optics::effective_sheet(rig_seen_from(rig, distance_mm)).offset.value;
   sheet.offset = Lenses(optics::without_whole_lenses(values.effective_offset_lenses - added));

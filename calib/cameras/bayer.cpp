@@ -33,7 +33,7 @@ struct Surroundings {
 };
 
 void put_pixel(const Surroundings& at, bool red_column, bool red_row, float* rgb) {
-  if (red_column == red_row) {  // under red or blue
+  if (red_column == red_row) {  // pixel under a red or blue filter
     rgb[0] = red_row ? at.here[at.x] : at.corners();
     rgb[1] = at.cross();
     rgb[2] = red_row ? at.corners() : at.here[at.x];

@@ -67,7 +67,7 @@ int64_t whole_refreshes(const ControlInfo& exposure, double refresh_hz, int peri
 /// Rule is the treatment of one control, if a camera has it. Rules are applied in their order.
 struct CameraControls::Rule {
   enum class Aim {
-    Set,         ///< to `value`
+    Set,         ///< sets `value`
     Minimum,     ///< the smallest value
     Everything,  ///< all bits
     Keep,        ///< the present value

@@ -16,7 +16,7 @@ struct ControlWishes {
   double refresh_hz = 60.0;  ///< refresh rate of the display
   int exposure_periods =
       2;  ///< refreshes per exposure: every row is then exposed for whole refreshes
-  std::optional<int> gain{};  ///< in the camera's own units, like the next two; absent: unchanged
+  std::optional<int> gain{};  ///< camera's own units, like the next two; absent: unchanged
   std::optional<int> white_balance_kelvin{};
   std::optional<int> focus{};
 };

@@ -23,7 +23,7 @@ struct V4l2Options {
   std::string pixel_format{};  ///< "YUYV"; empty: the best one for measuring
   double refresh_hz = 60.0;    ///< refresh rate of the display to be photographed
   int exposure_periods = 2;    ///< refreshes per exposure
-  std::optional<int> gain{};   ///< in the camera's own units; absent: unchanged
+  std::optional<int> gain{};   ///< camera's own units; absent: unchanged
   std::optional<int> white_balance_kelvin{};
   std::optional<int> focus{};
   /// Pictures dropped after the start, because cameras deliver old ones or are still adjusting.

@@ -17,12 +17,12 @@ namespace {
 constexpr double kMostRmsLenses = 0.05;     ///< phase residual: above this, no model of this sheet
 constexpr double kMostGeometryPart = 1e-3;  ///< geometry residual, relative to the panel's width
 constexpr double kLeastCovered = 0.55;      ///< fraction of the panel, in each viewpoint
-constexpr double kMostDriftLenses = 0.05;   ///< between first and repeated fringes
+constexpr double kMostDriftLenses = 0.05;   ///< drift between first and repeated fringes
 constexpr double kNotableDriftLenses = 0.003;  ///< more than the noise of any usable camera
-constexpr double kMostMovePx = 0.25;           ///< of the marks, from picture to picture
+constexpr double kMostMovePx = 0.25;           ///< movement of the marks, from picture to picture
 constexpr double kLeastWhite = 0.1;            ///< light of the white panel, relative to full scale
 constexpr double kMostBeliefSigmas = 4.0;      ///< deviation from prior knowledge
-constexpr double kMostCorrelation = 0.98;      ///< of pitch and gap
+constexpr double kMostCorrelation = 0.98;      ///< correlation of pitch and gap
 constexpr double kLeastColourContrast =
     0.85;  ///< contrast of red and blue fringes relative to green
 constexpr double kNearestPart =
@@ -268,7 +268,7 @@ struct CellGrid {
   int columns, rows;
   double least_blocks;  ///< a cell with fewer blocks has no value
 };
-constexpr CellGrid kPictureCells{48, 27, 1.0};  ///< for the report
+constexpr CellGrid kPictureCells{48, 27, 1.0};  ///< cells of the report
 constexpr CellGrid kJudgedCells{12, 7, 4.0};    ///< large enough that noise averages out
 
 /// Returns means over cells of the panel; NaN for cells with too few blocks.

@@ -29,7 +29,7 @@ struct View {
   int picture_width = 0;
   int picture_height = 0;
   std::vector<GeometryPoint> geometry;
-  std::vector<PhaseObservation> phases;  ///< of green
+  std::vector<PhaseObservation> phases;  ///< green's phases
 };
 
 /// SheetStart is the starting point: the values of the rig file, which are held if the views do not
@@ -44,7 +44,7 @@ struct FitValues {
   CameraValues camera{};
   std::vector<PoseValues> poses;
   SheetParameters sheet{};
-  std::vector<double> knots;  ///< of the residual map
+  std::vector<double> knots;  ///< knots of the residual map
 };
 
 [[nodiscard]] SheetStart sheet_start(const optics::Rig& rig);

@@ -18,16 +18,16 @@ struct EffectiveLine {
 };
 
 struct SheetReport {
-  std::vector<Parameter> parameters;  ///< in the order of SheetParameters
+  std::vector<Parameter> parameters;  ///< same order as SheetParameters
   std::vector<std::vector<double>> correlations;
 };
 
 /// LawError is the deviation of real lenses from the fitted law, as standard deviations: an error
 /// that noise does not explain and that more blocks do not reduce.
 struct LawError {
-  double pitch_lenses = 0.0;  ///< at the left and right edges of the panel
-  double slant_lenses = 0.0;  ///< at its upper and lower edges
-  double gap_part = 0.0;      ///< relative to the gap
+  double pitch_lenses = 0.0;  ///< error at the left and right edges of the panel
+  double slant_lenses = 0.0;  ///< error at the panel's upper and lower edges
+  double gap_part = 0.0;      ///< fraction of the gap
 };
 
 /// Prediction evaluates a fit.
@@ -54,7 +54,7 @@ class Prediction {
   const JointFit& fit_;
   KnotGrid grid_;
   const optics::Panel& panel_;
-  Eigen::MatrixXd covariance_;  ///< of sheet and knots
+  Eigen::MatrixXd covariance_;  ///< covariance of sheet and knots
 };
 
 }  // namespace lenticule::calib

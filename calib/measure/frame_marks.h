@@ -53,7 +53,7 @@ class MarkReader {
   struct EdgePixel {
     uint32_t pixel;
     float light;
-    Vec2 slope;  ///< per camera pixel that the marks move
+    Vec2 slope;  ///< change of light per camera pixel that the marks move
   };
   void find_edges(const GreyPicture& dark, const std::vector<uint32_t>& around);
   [[nodiscard]] double part_lit(const GreyPicture& picture, size_t cell, double gain) const;

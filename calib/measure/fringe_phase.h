@@ -36,9 +36,9 @@ struct FringePeak {
                                                      const LinearPhase& start, double most_fringes,
                                                      const optics::Panel& panel);
 
-/// Camera pixels that are averaged: a square of the picture.
+/// PhaseBlock is the average over a square of camera pixels.
 struct PhaseBlock {
-  Vec2 camera_px;  ///< PhaseBlock is the average over a square of camera pixels.
+  Vec2 camera_px;  ///< mean of its pixels
   Vec2 panel_px;   ///< smooth map at camera_px
   int pixels = 0;
   double phase = 0.0;      ///< Phi_E there, lenses; whole lenses are consistent between neighbours

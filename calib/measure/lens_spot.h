@@ -23,7 +23,7 @@ class SpotSum {
 
  private:
   const BlockGrid& blocks_;
-  std::vector<double> shifts_;  ///< of each block, bins
+  std::vector<double> shifts_;  ///< shift of each block, bins
   std::vector<double> profile_;
 };
 

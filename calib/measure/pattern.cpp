@@ -133,7 +133,8 @@ MarkCells MarkCells::of(const optics::Panel& panel, bool coded) {
   cells.count = coded ? kMost : kMarks;
   cells.cell_width = std::max(2, panel.width_px / 60);
   cells.height = std::max(2, panel.height_px / 34);
-  // In photographs the edges of the marks show whether the camera was moved, so they need a border.
+  // The edges of the marks show whether the camera was moved between photographs, so coded marks
+  // need a border.
   cells.border = std::max(1, cells.height / (coded ? 2 : 4));
   cells.left = (panel.width_px - cells.count * cells.cell_width) / 2;
   cells.top = (panel.height_px - cells.height) / 2;

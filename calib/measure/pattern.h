@@ -24,7 +24,7 @@ struct Flat {
 struct Fringe {
   double pitch_subpx = 0.0;
   double slant = 0.0;
-  double phase = 0.0;  ///< in turns
+  double phase = 0.0;  ///< turns
 };
 
 /// Wave is a wide sinusoid along one axis: light 1/2 + depth/2 cos(2 pi (X / period - phase)), X in
@@ -53,7 +53,7 @@ struct LinearPhase {
 /// Comb is light only under one place of each lens as an eye sees it: |f - place| < width / 2.
 struct Comb {
   LinearPhase phase;
-  double place = 0.0;  ///< in lenses, [-1/2, 1/2)
+  double place = 0.0;  ///< lenses, [-1/2, 1/2)
   double width = 0.0;
 };
 

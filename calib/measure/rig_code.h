@@ -32,9 +32,10 @@ class RigCodeReadings {
 
   /// Returns the number of pictures with a code, without those that locate the cells.
   [[nodiscard]] size_t read() const;
-  /// Number of the first picture that shows another rig's code, from 0.
+  /// Returns the number (from 0) of the first picture that shows another rig's code.
   [[nodiscard]] std::optional<size_t> first_foreign(const RigCode& expected) const;
-  /// Returns the number of the first picture that shows another rig's code, from 0.
+  /// Returns the fingerprint shown by the pictures from number `first` on; empty unless every digit
+  /// was read and repeated readings agree.
   [[nodiscard]] std::optional<std::string> fingerprint(size_t first = 0) const;
 
  private:

@@ -27,12 +27,14 @@ constexpr int kRepeatSteps = 4;
 constexpr int kSpotBins = 16;
 /// Largest error of the starting pitch, relative to the number of lenses across the panel.
 constexpr double kCaptureRange = 0.13;
-constexpr double kLeastPart = 0.02;      ///< of the camera's picture that shows the panel
-constexpr double kLeastContrast = 0.03;  ///< of the light that waves or fringes modulate
-constexpr double kLeastCoherent = 0.12;  ///< of the fringes' light that one phase must explain
-constexpr double kLeastLead = 2.0;       ///< over the next best phase
-constexpr double kAliasPart = 0.4;       ///< of the first pattern's coherence at a multiple of it
-constexpr double kFineFringes = 8.0;     ///< across the panel: enough to average drift
+constexpr double kLeastPart = 0.02;      ///< fraction of the camera's picture that shows the panel
+constexpr double kLeastContrast = 0.03;  ///< fraction of the light that waves or fringes modulate
+constexpr double kLeastCoherent =
+    0.12;                           ///< fraction of the fringes' light that one phase must explain
+constexpr double kLeastLead = 2.0;  ///< ratio to the next best phase
+constexpr double kAliasPart =
+    0.4;  ///< fraction of the first pattern's coherence, at a multiple of its pitch
+constexpr double kFineFringes = 8.0;  ///< fringes across the panel: enough to average drift
 
 /// Green comes first: its line is kept, and the longer the time until green is repeated, the more
 /// of a drift is detected.
@@ -269,7 +271,8 @@ std::vector<Sighting> ViewpointRun::block_sightings(const std::vector<float>& x,
 }
 
 void ViewpointRun::keep_pixels(const std::vector<float>& x, const std::vector<float>& y) {
-  // Under its lens a pixel sees up to half a lens beside the smooth map, and more because of noise.
+  // A pixel sees, through its lens, up to half a lens beside the smooth map, and more because of
+  // noise.
   const double lens_px = start_.rig().sheet.pitch.value / 3.0;
   const double limit = std::max(3.0, 1.2 * lens_px) + 6.0 * map_->typical_error_px();
   const MarkCells marks = MarkCells::of(panel_, !options_.adaptive);

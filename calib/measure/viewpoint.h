@@ -36,11 +36,11 @@ struct ViewpointMeasurement {
   std::string name;
   int width = 0;
   int height = 0;
-  Fringe fringe;                    ///< of the fine fringes
-  LinearPhase line;                 ///< of green's blocks
+  Fringe fringe;                    ///< the fine fringes
+  LinearPhase line;                 ///< line through green's blocks
   std::array<BlockGrid, 3> blocks;  ///< red, green, blue
   std::vector<GeometryPoint> geometry;
-  double contrast = 0.0;                     ///< of green's fringes
+  double contrast = 0.0;                     ///< contrast of green's fringes
   std::array<double, 3> channel_contrast{};  ///< agreement within blocks; 0 = not measured
   double covered = 0.0;
   double white_light =

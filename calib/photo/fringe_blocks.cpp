@@ -42,8 +42,7 @@ class BlockGrid {
   [[nodiscard]] bool is_on_fringes(Vec2 at) const {
     const double in_band = at.y * chart_.bands / height();
     const double from_border = std::abs(in_band - std::round(in_band));
-    constexpr double kMargin =
-        0.06;  // of a band: the width that a lens or a blurred camera may mix
+    constexpr double kMargin = 0.06;  // fraction of a band that a lens or a blurred camera may mix
     if (from_border < kMargin) return false;
     const double margin = 0.5 * chart_.tags.front().cell_px;
     const auto covers = [&](const auto& drawn) { return drawn.covers(at, margin); };

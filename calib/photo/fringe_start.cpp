@@ -21,7 +21,7 @@ constexpr int kLeastFringes = 8;
 /// Largest error of the starting pitch, relative to the number of lenses.
 constexpr double kMostMoreAcross = 0.12;
 constexpr int kMostMoreDown = 56;
-constexpr std::array<double, 4> kKinds = {1.0, -1.0, 2.0, -2.0};  ///< of detuning
+constexpr std::array<double, 4> kKinds = {1.0, -1.0, 2.0, -2.0};  ///< detunings
 
 /// Returns the number of grid columns for which nearly every cell gets a pixel of the photograph:
 /// holes would form a pattern of their own.

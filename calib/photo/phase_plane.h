@@ -16,7 +16,7 @@ struct PlaneCorrection {
   std::array<double, 9> covariance{};
   std::vector<double> residuals;  ///< phase residual per block, lenses
   double rms_lenses = 0.0;        ///< weighted, of blocks that are not outliers
-  double max_lenses = 0.0;        ///< of blocks that are not outliers
+  double max_lenses = 0.0;        ///< largest residual of blocks that are not outliers
   int used = 0;                   ///< number of blocks that are not outliers
 };
 

@@ -59,7 +59,7 @@ bool is_photograph(const std::filesystem::directory_entry& entry) {
   constexpr std::array<std::string_view, 6> kExtensions = {".png", ".jpg",  ".jpeg",
                                                            ".tif", ".tiff", ".exr"};
   const std::string extension = lower(entry.path().extension().string());
-  std::error_code unreadable;  // set if the file is not a regular file
+  std::error_code unreadable;  // an unreadable entry counts as not a regular file
   return entry.path().filename().string()[0] != '.' &&
          std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end() &&
          entry.is_regular_file(unreadable);

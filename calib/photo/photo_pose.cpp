@@ -24,7 +24,7 @@ constexpr double kAxisSigma = 0.015;
 struct Corner {
   Vec2 pixel;
   Vec2 panel_mm;
-  Vec2 from_middle_mm;  ///< relative to the middle of its tag
+  Vec2 from_middle_mm;  ///< position relative to the middle of its tag
 };
 
 /// Unknowns are the parameters of the fit.

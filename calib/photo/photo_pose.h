@@ -39,7 +39,8 @@ struct PhotoPose {
   double tags_larger = 0.0;   ///< relative enlargement of the tags by blur
   double tilt_degrees = 0.0;  ///< angle between the axis and the panel's normal
   double corner_rms_px = 0.0;
-  std::vector<double> tag_off_px;  ///< per tag, in their order: the largest error of its corners
+  std::vector<double>
+      tag_off_px;  ///< largest error of each tag's corners, in the order of the tags
 
   /// Returns the point that a pixel sees; nothing if the pixel looks past the panel's plane.
   [[nodiscard]] std::optional<SheetPoint> look(Vec2 pixel, const optics::Rig& rig) const;

@@ -29,7 +29,7 @@ double smoothed(const std::vector<FringeBlock>& blocks, const std::vector<double
       const Eigen::Vector3d terms(1.0, (blocks[i].x - x) / kReachX, (blocks[i].y - y) / kReachY);
       const double off = (-residuals[i] - terms.dot(plane)) / kOutlierLenses;
       const double near = std::exp(-0.5 * (terms[1] * terms[1] + terms[2] * terms[2]));
-      // In the first round no outlier is known.
+      // No outlier is known in the first round.
       const double weight = near / (1.0 + (round > 0 ? off * off : 0.0));
       normal += weight * terms * terms.transpose();
       right -= weight * residuals[i] * terms;

@@ -40,7 +40,7 @@ struct Work {
   std::optional<PhotoPose> pose;
   std::optional<double> squares;  ///< light_of_squares
   FringeSamples fringes;
-  optics::Rig rig;  ///< as far as it is known
+  optics::Rig rig;  ///< the rig known so far
   std::vector<FringeBlock> blocks;
   PlaneCorrection correction;
   double uneven_lenses = 0.0;  ///< residual before the sheet's shape was mapped

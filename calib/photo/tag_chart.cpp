@@ -154,7 +154,7 @@ bool ScalePatch::covers(Vec2 panel_px, double margin_px) const {
 }
 
 int ScalePatch::half_at(Vec2 panel_px) const {
-  constexpr double kRim = 0.2;  // of a half: the width that lenses and blur may mix
+  constexpr double kRim = 0.2;  // fraction of a half that lenses and blur may mix
   const double x = (panel_px.x - left_px) / side_px, y = (panel_px.y - top_px) / side_px;
   if (!(y > kRim && y < 1.0 - kRim)) return -1;
   if (x > kRim && x < 1.0 - kRim) return 0;

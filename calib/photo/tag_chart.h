@@ -31,7 +31,7 @@ struct ChartTag {
 struct ScalePatch {
   double left_px = 0.0;
   double top_px = 0.0;
-  double side_px = 0.0;  ///< of each half
+  double side_px = 0.0;  ///< side of each half
   [[nodiscard]] bool covers(Vec2 panel_px, double margin_px) const;
   /// Returns 0 for a point well inside the grey half, 1 well inside the squares; -1 elsewhere.
   [[nodiscard]] int half_at(Vec2 panel_px) const;

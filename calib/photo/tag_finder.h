@@ -18,7 +18,7 @@ struct PhotoLight {
 
 struct TagSighting {
   int id = 0;
-  /// In the order of ChartTag::corners_px, picture pixels; (0, 0) is the corner of the first pixel.
+  /// Order of ChartTag::corners_px, picture pixels; (0, 0) is the corner of the first pixel.
   std::array<Vec2, 4> corners_px;
 };
 

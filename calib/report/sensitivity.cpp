@@ -35,7 +35,7 @@ double worst_difference(const Situation& a, const Situation& b) {
 }
 
 struct Change {
-  const char* unit;  ///< of `amount`
+  const char* unit;  ///< unit of `amount`
   double amount;
   const char* words;
   void (*apply)(Situation&, double);

@@ -13,7 +13,7 @@ namespace lenticule::calib {
 /// Largest phase error, in lenses, that remains invisible.
 inline constexpr double kVisiblePhaseLenses = 0.02;
 
-/// Relative change of pitch per kelvin of a free sheet of acrylic on the glass of a panel.
+/// Relative change of pitch per kelvin of a free sheet of acrylic on the panel.
 inline constexpr double kPitchPerKelvin = 7e-5;
 
 struct Sensitivity {

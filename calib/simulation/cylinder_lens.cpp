@@ -17,7 +17,7 @@ Vec3 go_to_plane(Vec3 point, Vec3 direction, double z) {
 /// Incidence is a point on the surface of a lens and the direction of the arriving light.
 struct Incidence {
   Vec3 point;
-  Vec3 normal;  // against the light
+  Vec3 normal;  // opposite to the light
   Vec3 direction;
 };
 

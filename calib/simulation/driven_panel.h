@@ -40,7 +40,7 @@ class SubpixelFinder {
 
 /// DrivenFrame is a frame as the panel receives it.
 struct DrivenFrame {
-  std::vector<uint8_t> codes;  ///< by SubpixelId
+  std::vector<uint8_t> codes;  ///< code of each SubpixelId
 };
 
 /// Returns the codes after the link's conversion to YCbCr and back (BT.709, full range, eight

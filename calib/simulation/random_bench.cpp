@@ -35,7 +35,7 @@ void draw_sensor(PortableRandom& random, SimulatedCamera& camera) {
   const double shot_part = random.uniform(0.3, 0.9);
   camera.shot_noise = noise * std::sqrt(shot_part);
   camera.read_noise = noise * std::sqrt(1.0 - shot_part);
-  const double leak = random.uniform(0.0, 0.15);  // to the neighbouring colour
+  const double leak = random.uniform(0.0, 0.15);  // leak to the neighbouring colour
   camera.response = {{{1.0, leak, 0.0}, {leak, 1.0, leak}, {0.0, leak, 1.0}}};
   const bool compressed = random.uniform() < 0.7;
   camera.jpeg_quality = compressed ? static_cast<int>(random.uniform(80.0, 96.0)) : 0;

@@ -92,8 +92,8 @@ struct Scene {
   const SimulatedCamera& camera;
   const CameraRays& rays;
   const std::vector<Jitter>& jitters;
-  const std::array<double, 3>& indices;  // of the sheet, by colour
-  Vec2 px_per_mm;                        // of the panel, whose rows count down
+  const std::array<double, 3>& indices;  // refractive indices of the sheet, one per colour
+  Vec2 px_per_mm;                        // scale of the panel, whose rows count down
   uint64_t seed;
 };
 

@@ -26,11 +26,12 @@ inline constexpr size_t kMosaicCopies = 6;
 
 /// SampleRow holds the samples of one camera row.
 struct SampleRow {
-  int first = 0;                     ///< column of the first pixel that sees the panel
-  std::vector<uint16_t> lit;         ///< per pixel from there: number of lit subpixels that it sees
-  std::vector<float> scale;          ///< per pixel: vignetting over number of samples
-  std::vector<uint32_t> haze_block;  ///< per pixel: the block around it (block_light)
-  std::vector<SubpixelId> subpixels;  ///< of all pixels, one after the other
+  int first = 0;  ///< column of the first pixel that sees the panel
+  std::vector<uint16_t>
+      lit;  ///< number of lit subpixels that each pixel, counted from `first`, sees
+  std::vector<float> scale;           ///< vignetting over number of samples, for each pixel
+  std::vector<uint32_t> haze_block;   ///< block around each pixel (block_light)
+  std::vector<SubpixelId> subpixels;  ///< subpixels of all pixels, one after the other
   double panel_y =
       0.5;  ///< mean height on the panel of the points that the row sees, 0 top, 1 bottom
 };
@@ -46,7 +47,7 @@ struct SampleRow {
 /// through the lens.
 struct Haze {
   double part = 0.0;
-  double lit_area = 1.0;      ///< of the panel, without the black matrix
+  double lit_area = 1.0;      ///< lit fraction of the panel, without the black matrix
   std::vector<float> blocks;  ///< block_light
 };
 

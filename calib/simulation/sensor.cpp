@@ -67,7 +67,7 @@ Sensor::Sensor(const SimulatedCamera& camera, uint64_t seed)
     encoded_[step] = static_cast<float>(
         encode(camera, static_cast<double>(step) / static_cast<double>(kCurveSteps)));
   }
-  // Without rounding codes are dense; with rounding only every 257th entry is used.
+  // Codes are dense without rounding; with rounding only every 257th entry is used.
   decoded_.resize(255 * 257 + 1);
   for (size_t step = 0; step < decoded_.size(); ++step) {
     const double code = static_cast<double>(step) / static_cast<double>(decoded_.size() - 1);
@@ -103,7 +103,7 @@ void Sensor::demosaic_row(int row, const std::vector<float>& mosaic, CameraPictu
     const float beside = (own[left] + own[right]) / 2.0F;
     const float over = (above[at] + below[at]) / 2.0F;
     const int colour = mosaic_colour(camera_, column, row);
-    if (colour == 1) {  // between two reds on even rows, between two blues on odd ones
+    if (colour == 1) {  // green pixel: between two reds on even rows, between two blues on odd ones
       rgb[0] = row % 2 == 0 ? beside : over;
       rgb[1] = own[at];
       rgb[2] = row % 2 == 0 ? over : beside;

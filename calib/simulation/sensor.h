@@ -31,8 +31,8 @@ class Sensor {
   SimulatedCamera camera_;
   uint64_t seed_;
   std::vector<float> noise_;    // a table of Gaussian values
-  std::vector<float> encoded_;  // by light
-  std::vector<float> decoded_;  // by code, with the curve that the program assumes
+  std::vector<float> encoded_;  // code of each light
+  std::vector<float> decoded_;  // light of each code, with the curve that the program assumes
 };
 
 }  // namespace lenticule::calib

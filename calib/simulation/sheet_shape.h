@@ -46,7 +46,7 @@ class SmoothField {
 struct LocalLenses {
   double coordinate = 0.0;  ///< lens coordinate of the point; apices are the integers
   Vec2 gradient;            ///< lenses per millimetre
-  LensStack stack;          ///< for red, green or blue light as requested
+  LensStack stack;          ///< stack for the requested colour of light
 
   [[nodiscard]] Vec2 across() const { return gradient * stack.pitch_mm; }  ///< length 1
 };
@@ -54,7 +54,7 @@ struct LocalLenses {
 /// Stance is the position and orientation of the apex surface at one of its points.
 struct Stance {
   Vec3 point;
-  Vec3 tangent{1, 0, 0};  ///< to the right; up is (0, 1, 0) everywhere
+  Vec3 tangent{1, 0, 0};  ///< right; up is (0, 1, 0) everywhere
   Vec3 normal{0, 0, 1};
 
   [[nodiscard]] Vec3 local(Vec3 v) const { return {dot(v, tangent), v.y, dot(v, normal)}; }
@@ -88,7 +88,7 @@ class SheetShape {
   SimulatedSheet sheet_;
   double half_width_mm_;
   double half_height_mm_;
-  Vec2 gradient_;  // of the perfect grating, lenses per millimetre
+  Vec2 gradient_;  // gradient of the perfect grating, lenses per millimetre
   SmoothField deformation_;
   int bubble_columns_ = 0;
   int bubble_rows_ = 0;

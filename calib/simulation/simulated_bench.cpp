@@ -36,7 +36,8 @@ Nanoseconds nanoseconds_of_ms(double ms) {
 /// ShownFrame is one frame on the panel, and its light at the camera once it was requested.
 struct ShownFrame {
   DrivenFrame driven;
-  std::vector<float> light;  // of the camera's pixels; empty = not gathered from this viewpoint yet
+  std::vector<float>
+      light;  // light of the camera's pixels; empty = not gathered from this viewpoint yet
 };
 
 optics::Panel panel_as_built(optics::Panel panel, const SimulatedPanelLink& link) {
@@ -110,7 +111,7 @@ class SimulatedBench::Impl final : public frames::FrameSink, public Camera {
   [[nodiscard]] double row_begins_ms(int row, uint64_t picture) const;
   void add_highlight(int row);
 
-  optics::Panel panel_;  // with the true layout
+  optics::Panel panel_;  // panel with the true layout
   SimulatedSheet sheet_;
   SimulatedPanelLink link_;
   SimulatedCamera camera_;
@@ -122,7 +123,7 @@ class SimulatedBench::Impl final : public frames::FrameSink, public Camera {
   CameraFacts facts_;
   std::array<float, 256> code_light_;
   LightTable table_{};
-  std::unique_ptr<SampleMap> map_;  // of the present viewpoint; null = not traced yet
+  std::unique_ptr<SampleMap> map_;  // map of the present viewpoint; null = not traced yet
 
   Nanoseconds now_{0};
   double shown_at_ms_ = 0.0;

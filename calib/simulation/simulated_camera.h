@@ -26,7 +26,7 @@ struct SimulatedCamera {
   double roll_degrees =
       0.0;  ///< rotation around the camera's axis, clockwise seen from behind the camera
   double pupil_mm = 2.0;      ///< diameter; the camera is focused on the sheet
-  double psf_sigma_px = 0.6;  ///< in addition to the pixel's own square
+  double psf_sigma_px = 0.6;  ///< blur, added to the pixel's own square
 
   int samples = 12;   ///< rays per pixel, 1 to 255
   bool bayer = true;  ///< RGGB, three channels; otherwise one channel that sees all colours
@@ -48,7 +48,7 @@ struct SimulatedCamera {
 
   double frames_per_second = 30.0;
   double exposure_ms = 16.667;
-  double rolling_shutter_ms = 0.0;  ///< from the first to the last row
+  double rolling_shutter_ms = 0.0;  ///< delay from the first to the last row
   double gain_drift = 0.0;          ///< standard deviation of the gain from picture to picture
   double row_banding = 0.0;         ///< amplitude of gain waves down the rows
   double shake_mm = 0.0;  ///< standard deviation of the position from shown frame to shown frame

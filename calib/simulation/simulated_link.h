@@ -23,7 +23,7 @@ struct SimulatedPanelLink {
   double eotf_exponent = 0.0;  ///< light = code^exponent; 0 = the sRGB curve
   double refresh_hz = 60.0;
   double response_ms = 0.0;  ///< time constant of the liquid crystal
-  double scan_out_ms = 0.0;  ///< from the first to the last row of a new frame
+  double scan_out_ms = 0.0;  ///< delay from the first to the last row of a new frame
   double pwm_hz = 0.0;       ///< frequency of the backlight; 0 = steady
   double pwm_duty = 0.5;     ///< lit part of a PWM period; the mean light stays the same
   /// A white logo that the panel overlays on every frame: a rectangle, relative to the panel's

@@ -13,14 +13,15 @@ namespace lenticule::calib {
 /// SimulatedSheet is a sheet of cylinder lenses over a panel. Panel frame as in optics/panel.h:
 /// millimetres, origin at the panel's centre on the plane of the apices.
 struct SimulatedSheet {
-  double pitch_subpx = 7.7;    ///< along a pixel row, in thirds of a pixel
+  double pitch_subpx = 7.7;    ///< measured along a pixel row, in thirds of a pixel
   double slant = 0.0;          ///< an apex line moves LEFT by this many pixels per row down
   double offset_lenses = 0.0;  ///< lens coordinate at the panel's centre; apex lines are integers
 
-  double radius_mm = 1.1;     ///< of the cylinders
-  double thickness_mm = 3.3;  ///< from the apices to the other, flat face of the sheet
-  std::array<double, 3> index{1.50, 1.50, 1.50};  ///< for red, green and blue light
-  double air_gap_mm = 0.0;                        ///< between the sheet and the plane of the pixels
+  double radius_mm = 1.1;     ///< radius of the cylinders
+  double thickness_mm = 3.3;  ///< distance from the apices to the other, flat face of the sheet
+  std::array<double, 3> index{1.50, 1.50,
+                              1.50};  ///< refractive index for red, green and blue light
+  double air_gap_mm = 0.0;            ///< gap between the sheet and the plane of the pixels
   /// The apices face the panel: the light crosses the air gap, a lens, and then the flat slab.
   bool lens_toward_panel = false;
 
@@ -35,7 +36,7 @@ struct SimulatedSheet {
   double haze = 0.0;           ///< fraction of the light that is scattered over the neighbourhood
   double bubbles = 0.0;        ///< fraction of the panel where the light is scrambled
   int scratches = 0;           ///< straight lines, a millimetre wide, that scramble light too
-  uint64_t seed = 1;           ///< of the deformation, the bubbles and the scratches
+  uint64_t seed = 1;           ///< seed of the deformation, the bubbles and the scratches
 };
 
 /// LightMiddle defines the middle of the light of a lens. The two definitions differ where

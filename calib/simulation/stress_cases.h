@@ -30,12 +30,12 @@ struct StressLimits {
 };
 
 struct StressCase {
-  std::string name;  ///< for --only
+  std::string name;  ///< name for --only
   int row = 0;       ///< row in the list of cases in docs/calibration.md
   std::string what;  ///< the tested fault, for people
   Trial (*trial)(StressSize size);
   StressDemand demand = StressDemand::Good;
-  StressLimits limits{};   ///< at full size
+  StressLimits limits{};   ///< limits at full size
   std::string named_by{};  ///< a part of the sentence that names the fault
   bool single_photo = false;
   /// Reason why the demand is not met today, although no wrong result is trusted; empty if it is
@@ -56,7 +56,7 @@ struct StressCase {
 struct StressOutcome {
   std::string verdict;  ///< "intrinsic", "effective", "refused", "failed"
   std::string said;     ///< failure, reasons, warnings and findings
-  double pitch = 0.0;   ///< as StressLimits::pitch
+  double pitch = 0.0;   ///< same error as StressLimits::pitch
   double flat_lenses = 0.0;
   TrialErrors errors;    ///< valid only if `measured` is true
   bool measured = true;  ///< false after a failure and if no rig could be fitted

@@ -14,7 +14,7 @@ namespace {
 
 /// Limit of every trusted rig, independent of the case's own limits.
 constexpr double kMostLenses = 0.02;
-/// Parts of the warnings about eyes without measurements and about movement.
+/// Part of the warning that something moved during the measurement.
 constexpr const char* kMoved = "something moved";
 /// Pictures until the panel has settled.
 constexpr int kSettlePictures = 6;

@@ -80,7 +80,7 @@ double true_phase(const SimulatedBench& bench, double x_px, double y_px, const V
   return bench.truth_phase(x_px, y_px, 1, eye, LightMiddle::Centroid);
 }
 
-/// Returns green's phase on the bench for one eye.
+/// Return green's phase for one eye: on the bench, and of a rig.
 PhaseGrid true_phases(const SimulatedBench& bench, const optics::Panel& panel, const Vec3& eye,
                       GridSize size = kCompared) {
   return PhaseGrid(size, [&](double u, double v) {

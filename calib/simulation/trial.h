@@ -31,26 +31,27 @@ struct Trial {
   CaptureOptions capture{.average = 1};
   CalibrateOptions options;
   bool link_and_spot = true;
-  bool single_too = true;  ///< also calibrates from the first viewpoint alone
+  bool single_too = true;  ///< true: also calibrate from the first viewpoint alone
   uint64_t seed = 1;
   /// Called before each viewpoint and before each pattern of it, to inject faults.
   std::function<void(SimulatedBench& bench, size_t viewpoint)> before_viewpoint;
   std::function<void(SimulatedBench& bench, size_t viewpoint, int pattern)> before_pattern;
-  /// As CaptureProgress.
+  /// Called like CaptureProgress.
   std::function<bool(size_t viewpoint, int pattern)> progress;
 };
 
 /// TrialErrors are relative to the ground truth, the middle of the light that an eye sees through a
 /// lens. NaN for undefined values.
 struct TrialErrors {
-  double worst_lenses = 0.0;  ///< of the phase, over the panel, for every eye of the zone
+  double worst_lenses =
+      0.0;  ///< largest error of the phase, over the panel, for every eye of the zone
   double rms_lenses = 0.0;
-  double pitch = 0.0;  ///< relative
+  double pitch = 0.0;  ///< relative error
   double slant = 0.0;  ///< px/px
   double gap = 0.0;    ///< relative error of the phase's change with the eye
   double map_rms_lenses =
       0.0;  ///< error of the phase's shape, without its line, for the middle eye
-  std::vector<double> effective_pitch;  ///< relative, at each viewpoint
+  std::vector<double> effective_pitch;  ///< relative error at each viewpoint
   std::vector<double> effective_slant;  ///< px/px
   /// Like worst_lenses, but at each viewpoint alone, with the rig evaluated at the fitted camera
   /// position: the visible unevenness of a picture that should look even there.
@@ -60,11 +61,11 @@ struct TrialErrors {
 struct TrialResult {
   Calibration calibration;
   std::vector<ViewpointMeasurement> measurements;
-  std::string failure;  ///< what() of the error that ended the trial, empty if none did
+  std::string failure;  ///< message of the error that ended the trial, empty if none did
   TrialErrors errors;   ///< valid if there is a rig: not after a failure
   TrialErrors single;   ///< errors of a calibration from the first viewpoint alone
   double wall_seconds = 0.0;
-  double shown_seconds = 0.0;  ///< on the simulated clock, longest viewpoint
+  double shown_seconds = 0.0;  ///< time on the simulated clock, longest viewpoint
 };
 
 /// Returns eyes all over the viewing zone of the options, at three distances.

@@ -12,7 +12,7 @@ namespace lenticule::calib {
 namespace {
 
 struct Node {
-  double place = 0.0;  // of half the aperture
+  double place = 0.0;  // fraction of half the aperture
   double weight = 0.0;
 };
 /// Gauss-Legendre with eight nodes: exact for aberrations up to the 15th order of the height.

@@ -13,7 +13,7 @@ struct Tile {
   int y = 0;
   int width = 0;
   int height = 0;
-  double mse = 0.0;  ///< over its pixels and channels, in squared code values
+  double mse = 0.0;  ///< mean over its pixels and channels, in squared code values
 
   [[nodiscard]] bool overlaps(const Tile& other) const {
     return x < other.x + other.width && other.x < x + width && y < other.y + other.height &&

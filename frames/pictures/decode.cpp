@@ -216,7 +216,8 @@ class PictureReader {
   PictureMemory memory_;
   ImageFormat format_ = ImageFormat::Unknown;
   Sample sample_ = Sample::U8;
-  std::unique_ptr<OIIO::ImageInput> input_;  // after memory_, which it reads from until destroyed
+  std::unique_ptr<OIIO::ImageInput>
+      input_;  // must follow memory_, which it reads from until destroyed
 };
 
 /// Calls `convert` on each pixel's samples, typed; Out is the number of results per pixel.

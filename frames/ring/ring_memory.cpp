@@ -40,7 +40,7 @@ UniqueFd create_memory(size_t bytes) {
   UniqueFd fd(::memfd_create("lenticule-ring", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!fd) fail("cannot create shared memory");
   if (::ftruncate(fd.get(), static_cast<off_t>(bytes)) != 0) fail("cannot size shared memory");
-  // Without these seals a renderer could shrink the memory while it is mapped here: the next read
+  // The seals keep a renderer from shrinking the memory while it is mapped here: the next read
   // would raise SIGBUS.
   if (::fcntl(fd.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0)
     fail("cannot seal shared memory");
@@ -78,7 +78,8 @@ RingMemory::RingMemory(const RingLayout& layout, RingPrefault prefault) : layout
   pixels_ =
       Mapping(fd_.get(), layout.slots_offset, layout.memory_bytes - layout.slots_offset, PROT_READ);
   if (!pixels_) fail("cannot map the slots");
-  ::madvise(pixels_.bytes().data(), pixels_.bytes().size(), MADV_HUGEPAGE);  // where allowed
+  ::madvise(pixels_.bytes().data(), pixels_.bytes().size(),
+            MADV_HUGEPAGE);  // ignored if not allowed
   if (prefault == RingPrefault::AtStart) take_pages(fd_.get(), pixels_, layout.memory_bytes);
   write_header(layout, *new (control_.bytes().data()) RingHeader());
   for (int slot = 0; slot < layout.slots; ++slot) new (&table()[slot]) SlotEntry();

@@ -157,7 +157,7 @@ Mapping map_memory(const std::string& path, const Admission& admission, RingLayo
   Mapping memory(fd, 0, layout.memory_bytes, PROT_READ | PROT_WRITE);
   if (!memory)
     throw Error(ErrorKind::Failed, path + ": cannot map the ring: " + std::strerror(errno));
-  ::madvise(memory.bytes().data(), memory.bytes().size(), MADV_HUGEPAGE);  // where allowed
+  ::madvise(memory.bytes().data(), memory.bytes().size(), MADV_HUGEPAGE);  // ignored if not allowed
   return memory;
 }
 

@@ -16,7 +16,7 @@
 namespace lenticule::frames {
 
 struct RendererHello {
-  std::string name = "lenticule";  ///< for the player's log
+  std::string name = "lenticule";  ///< name in the player's log
   std::string rig_fingerprint;     ///< empty = not stated, which a player with a rig refuses
   std::optional<Rate> rate;        ///< content rate
   std::optional<uint64_t> frame_count;

@@ -42,7 +42,7 @@ class SlotLedger {
   SlotLedger(std::span<SlotEntry> table, LoopKeeping keeping);
 
   // The functions below follow the connections of renderers.
-  /// The epoch of the connected renderer, or of the next one.
+  /// Returns the epoch of the connected renderer, or of the next one.
   [[nodiscard]] Epoch epoch() const { return epoch_; }
   /// Rewrites the words of the offered slots. Called between two connections.
   void renew_offers() noexcept;

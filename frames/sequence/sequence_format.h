@@ -21,7 +21,7 @@ inline constexpr size_t kBandEntryBytes = 24;
 inline constexpr size_t kTrailerBytes = 40;
 
 // Limits of every file, checked before memory is allocated for the file.
-inline constexpr int kMaxSequencePixels = 32768;  ///< per side
+inline constexpr int kMaxSequencePixels = 32768;  ///< limit per side
 inline constexpr uint64_t kMaxSequenceFrameBytes = uint64_t{3} << 28;
 inline constexpr uint64_t kMaxBandBytes = uint64_t{1} << 24;
 inline constexpr uint32_t kMaxBands = 1024;

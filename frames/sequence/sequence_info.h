@@ -41,7 +41,7 @@ struct SequenceInfo {
   /// Frames [loop_begin, loop_end) repeat; without loop_end up to the last frame.
   uint64_t loop_begin = 0;
   std::optional<uint64_t> loop_end;
-  /// In a woven sequence: fingerprint and whole file of the rig that the sequence was made for.
+  /// Fingerprint and whole file of the rig that a woven sequence was made for.
   std::string rig_fingerprint;
   std::string rig_toml;
   /// If the rig is trimmed: the fingerprint without the trim, and the trim. Empty otherwise.
@@ -50,7 +50,7 @@ struct SequenceInfo {
   /// Scene or input that the frames were made from: its name and the folder's name. Empty: not
   /// stated.
   std::string made_from;
-  std::optional<SequenceViews> views;  ///< in a sequence of views
+  std::optional<SequenceViews> views;  ///< set in a sequence of views
   std::string software;                ///< program that wrote the sequence
   friend bool operator==(const SequenceInfo&, const SequenceInfo&) = default;
 };

@@ -69,7 +69,7 @@ uint64_t end_of(int fd, const SequenceLayout& layout, uint64_t count) {
   const uint64_t offset = layout.frames[count - 1];
   if (!read_at(fd, offset, head)) return layout.header.data_begin();
   const std::optional<FrameHeader> frame = parse_frame_header(head, layout.header.bands());
-  LENTICULE_CHECK(frame.has_value());  // it was checked a moment ago
+  LENTICULE_CHECK(frame.has_value());  // already checked above
   return offset + kFrameHeaderBytes + layout.header.table_bytes() + frame->payload_bytes;
 }
 

@@ -12,7 +12,7 @@ namespace {
 constexpr size_t kSamples = 8192;
 constexpr int kMaxRowsUp = 8;
 constexpr int kMaxPixelsAside = 16;
-constexpr int kMaxPixelsLeft = 32;    // within the row
+constexpr int kMaxPixelsLeft = 32;    // distance within the row
 constexpr uint8_t kNothingYet = 160;  // more than any block costs without prediction
 
 /// Returns candidate distances of whole pixels, so that red is predicted from red.

@@ -10,7 +10,7 @@ namespace lenticule::frames::LENTICULE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kNonZeroCost = 4;  // a bit of the mask becomes likely, and a value is stored
-constexpr int kLargeCost = 1;    // beyond +-3: values that are rarer for the entropy coder
+constexpr int kLargeCost = 1;    // cost beyond +-3: such values are rarer for the entropy coder
 constexpr uint8_t kTapMask = 15;
 constexpr int kNoCost = 1 << 20;
 

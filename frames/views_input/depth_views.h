@@ -29,7 +29,7 @@ struct DepthOptions {
   int views = kUsualDepthViews;    ///< at least 2
   double back = -kUsualDisparity;  ///< disparity of the farthest depth (code 0)
   double front = kUsualDisparity;  ///< disparity of the nearest depth (code 255)
-  bool in_pixels = false;          ///< in pixels of a view; otherwise in fractions of the width
+  bool in_pixels = false;          ///< true: pixels of a view; false: fractions of the width
   bool black_is_near = false;
   int threads = 1;
   uint64_t most_bytes = kMostViewBytes;  ///< limit for all views together

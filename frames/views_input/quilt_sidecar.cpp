@@ -142,7 +142,7 @@ std::optional<QuiltSidecar> parse_quilt_sidecar(std::string_view json, const std
     return std::nullopt;
   QuiltSidecar sidecar;
   read_depth(said_outside, sidecar);
-  // For a picture with depth, tools state the grid of the quilt that they would make from the
+  // Tools state, for a picture with depth, the grid of the quilt that they would make from the
   // picture, so the grid is ignored.
   if (sidecar.depth)
     sidecar.aspect = aspect_of(said);

@@ -46,7 +46,7 @@ RunTerms::RunTerms(const Terms& terms, const TurnedRows& rows, const Set& set, c
 /// Views holds the views of eight subpixels.
 struct Views {
   __m256i offset;   ///< offset of the first view's entry, in bytes
-  __m256i weights;  ///< for mix_pairs()
+  __m256i weights;  ///< weights for mix_pairs()
 };
 
 Views views_of(const RunTerms& run, __m256i number) {

@@ -82,7 +82,8 @@ class BlockWeaver {
 /// FastWeaver weaves frame after frame by one plan with several threads.
 class FastWeaver {
  public:
-  /// With `threads` = 1, weaves in the caller's thread only. Throws the errors of BlockWeaver.
+  /// Starts the threads; `threads` = 1 weaves in the caller's thread only. Throws the errors of
+  /// BlockWeaver.
   explicit FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads = 1);
   FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads, WeaveKernel kernel);
   ~FastWeaver();

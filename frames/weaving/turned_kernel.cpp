@@ -14,7 +14,7 @@ int mix(int a, int b, int weight) {
 
 /// Look holds the inputs of a run and its row weight.
 struct Look {
-  const uint16_t *upper, *lower;  ///< at the run's column
+  const uint16_t *upper, *lower;  ///< entries at the run's column
   int row_weight;
 };
 

@@ -36,7 +36,7 @@ struct Quad {
   /// Number of subpixels, four bits per row. In a row without a run, `at` lies behind the last
   /// place.
   uint16_t counts;
-  uint16_t colours;  ///< at[r] mod 3, two bits per row
+  uint16_t colours;  ///< value at[r] mod 3, two bits per row
 };
 static_assert(sizeof(Quad) == 56);
 
@@ -97,7 +97,7 @@ void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
 struct TurnedRows {
   const void* upper[kRows];
   const void* lower[kRows];
-  size_t lanes;  ///< not used by the permute kernel, which has kViewLanes
+  size_t lanes;  ///< unused by the permute kernel, which has kViewLanes
 };
 
 /// The lanes of an entry are a multiple of kLaneStep; the lanes after the last view repeat it.

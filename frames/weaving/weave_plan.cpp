@@ -39,9 +39,8 @@ constexpr int kFurthestColumn = 32767;
 
 /// Line holds the places of one row of a set, as the rays give them.
 struct Line {
-  std::vector<double> view;  ///< numbers, in (0, views]
-  std::vector<double>
-      column;  ///< in picture pixels from the first one's centre, within the picture
+  std::vector<double> view;    ///< numbers, in (0, views]
+  std::vector<double> column;  ///< picture pixels from the first one's centre, within the picture
   std::vector<int32_t> lens;
   std::vector<uint8_t> black;
   double row = 0.0;
