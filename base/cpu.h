@@ -29,8 +29,8 @@ template <class Kernel>
 }  // namespace lenticule
 
 // Both macros are used in the namespace of a kernel. lenticule_isa_variants
-// (cmake/LenticuleRoom.cmake) compiles the kernel's variants. The first macro declares the constant
-// `name` of every variant, the second one selects a variant.
+// (cmake/LenticuleLibrary.cmake) compiles the kernel's variants. The first macro declares the
+// constant `name` of every variant, the second one selects a variant.
 #if defined(__x86_64__)
 #define LENTICULE_DECLARE_KERNEL(Kernel, name) \
   namespace isa_baseline {                     \

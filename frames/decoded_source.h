@@ -78,7 +78,7 @@ class DecodedSource : public FrameSource {
   [[nodiscard]] std::string failure() const final;
 
  protected:
-  /// `name` is for messages. Throws Error(Failed) when the process has no free descriptor.
+  /// Takes a name for messages. Throws Error(Failed) when the process has no free descriptor.
   DecodedSource(const char* name, std::unique_ptr<FrameDecoding> decoding);
   [[nodiscard]] const FrameDecoding& decoding() const { return *decoding_; }
 

@@ -25,7 +25,7 @@ struct PixelBox {
   int height = 0;
 };
 
-/// All frames are Rgb8.
+/// Draw into an Rgb8 frame.
 ///
 /// Thread safety: any thread; one thread per frame at a time.
 void set_pixel(WovenFrame& frame, int x, int y, const Colour& colour);

@@ -137,8 +137,9 @@ CaptureStream::Step CaptureStream::look(CapturedBuffer& out, Nanoseconds left) {
   return Step::Taken;
 }
 
-/// The kernel's documentation uses EIO for temporary errors too, such as a lost signal; if the
-/// stream itself is broken, poll() reports an error as well.
+/// Decides the next step after a failed dequeue. The kernel's documentation uses EIO for temporary
+/// errors too, such as a lost signal; if the stream itself is broken, poll() reports an error as
+/// well.
 CaptureStream::Step CaptureStream::nothing_dequeued(int error, bool broken) {
   if (error == EAGAIN || error == EINTR) return broken ? gone(EIO) : Step::Nothing;
   if (error == EIO && !broken && ++losses_in_a_row_ < kMostLossesInARow) return Step::Lost;

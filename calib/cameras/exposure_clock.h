@@ -23,7 +23,7 @@ struct BufferStamp {
 /// Thread safety: one thread.
 class ExposureClock {
  public:
-  /// `frame` is the time between two pictures, 0 if unknown.
+  /// Takes the exposure time, if known, and the time between two pictures, 0 if unknown.
   ExposureClock(std::optional<Nanoseconds> exposure, Nanoseconds frame)
       : exposure_(exposure.value_or(frame)), frame_(frame) {}
 

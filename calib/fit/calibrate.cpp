@@ -76,8 +76,8 @@ class Calibrator {
 
  private:
   [[nodiscard]] bool several() const { return views_.size() > 1; }
-  /// A single viewpoint determines neither pitch nor gap, and its own picture does not depend on
-  /// the lens law.
+  /// Returns the prediction of the fit. A single viewpoint determines neither pitch nor gap, and
+  /// its own picture does not depend on the lens law, so the law's error is omitted.
   [[nodiscard]] Prediction prediction() const {
     return {*fit_, grid_, panel_, several() ? kTracedLenses : LawError{}};
   }

@@ -10,7 +10,7 @@ namespace lenticule::calib {
 
 class SpotSum {
  public:
-  /// `blocks` give the deviation of each part of the panel from the straight phase of the combs.
+  /// Takes `blocks`, the deviation of each part of the panel from the straight phase of the combs.
   ///
   /// Lifetime: `blocks` must outlive the sum.
   SpotSum(int bins, const BlockGrid& blocks, const LinearPhase& drawn, const optics::Panel& panel);

@@ -27,7 +27,7 @@ namespace lenticule::calib {
 /// Thread safety: one thread; the bench starts helper threads and joins them before returning.
 class SimulatedBench {
  public:
-  /// `panel` is the layout that the player assumes. Throws the Error(Input) of check_sheet and
+  /// Takes the panel layout that the player assumes. Throws the Error(Input) of check_sheet and
   /// check_camera.
   SimulatedBench(const optics::Panel& panel, const SimulatedSheet& sheet,
                  const SimulatedPanelLink& link, const SimulatedCamera& camera, uint64_t seed);

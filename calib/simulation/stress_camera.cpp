@@ -84,7 +84,7 @@ Trial gain_drift(StressSize size) {
   return trial;
 }
 
-/// The exposure is not a whole number of the backlight's periods.
+/// Sets an exposure that is not a whole number of the backlight's periods.
 Trial bands(StressSize size) {
   Trial trial = base(size);
   trial.camera.rolling_shutter_ms = 15.0;
@@ -101,7 +101,7 @@ Trial distortion(StressSize size) {
   return trial;
 }
 
-/// The camera is beside the panel's middle and turned away from it.
+/// Puts the camera beside the panel's middle and turns it away from the middle.
 Trial oblique(StressSize size) {
   Trial trial = base(size);
   trial.viewpoints = {{"centre", {10, 20, 700}, {0, 0, 0}, 0.0},
@@ -110,7 +110,7 @@ Trial oblique(StressSize size) {
   return trial;
 }
 
-/// The reflection covers three hundredths of the panel, which fills 0.65 of the picture's width and
+/// Adds a reflection on three hundredths of the panel, which fills 0.65 of the picture's width and
 /// of its height.
 Trial highlight(StressSize size) {
   Trial trial = base(size);
@@ -128,8 +128,8 @@ Trial jpeg_50(StressSize size) {
   return trial;
 }
 
-/// Every pattern is seen from another position, each of which is traced again, so one viewpoint
-/// must suffice.
+/// Shows every pattern from another camera position, each of which is traced again, so one
+/// viewpoint must suffice.
 Trial shake(StressSize size) {
   Trial trial = base(size);
   trial.camera.shake_mm = 3.0;
@@ -138,7 +138,8 @@ Trial shake(StressSize size) {
   return trial;
 }
 
-/// The chart needs so many lenses and such large tags that the panel always has full size.
+/// Uses the full-size panel at both sizes, because the chart needs so many lenses and such large
+/// tags.
 Trial single_photo(StressSize size) {
   Trial trial = base(StressSize::Full);
   if (size == StressSize::Small) resize(960, 540, trial.camera);

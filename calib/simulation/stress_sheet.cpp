@@ -46,7 +46,7 @@ constexpr double kPatternsPerViewpoint = 80.0;
 
 }  // namespace
 
-/// The settle time would suffice only for a fast panel.
+/// Sets a settle time that would suffice only for a fast panel.
 Trial slow_panel(StressSize size) {
   Trial trial = base(size);
   trial.link.response_ms = 20.0;
@@ -70,7 +70,7 @@ Trial bgr(StressSize size) {
   return trial;
 }
 
-/// Red and blue swap positions from pixel to pixel.
+/// Swaps red and blue from pixel to pixel.
 Trial pentile(StressSize size) {
   Trial trial = one_viewpoint(base(size));
   const optics::SubpixelOffset left{1.0 / 6.0, 0.5}, middle{0.5, 0.5}, right{5.0 / 6.0, 0.5};
@@ -108,7 +108,8 @@ Trial bubbles(StressSize size) {
   return trial;
 }
 
-/// Whole numbers of subpixels and rows: lenses and subpixels stay aligned over the whole panel.
+/// Sets whole numbers of subpixels and rows: lenses and subpixels stay aligned over the whole
+/// panel.
 Trial vertical_6(StressSize size) {
   Trial trial = base(size);
   set_pitch(6.0, 0.0, trial);
@@ -121,7 +122,7 @@ Trial third_6(StressSize size) {
   return trial;
 }
 
-/// A sheet with proportionally thick wide lenses does not exist; the cone is wider instead.
+/// Sets a wider cone, because a sheet with proportionally thick wide lenses does not exist.
 Trial wide_40(StressSize size) {
   Trial trial = size == StressSize::Small ? small_trial(1920, 1080) : base(size);
   set_pitch(40.0, trial.sheet.slant, trial);
@@ -145,7 +146,7 @@ Trial warming(StressSize size) {
   return trial;
 }
 
-/// The pixels are at the focal length of a lens in air, R / (n - 1). In air rays keep the angle at
+/// Puts the pixels at the focal length of a lens in air, R / (n - 1). In air rays keep the angle at
 /// which eyes see them, which no such lens focuses far to the side; so the viewpoints are not
 /// there.
 Trial lens_in(StressSize size) {

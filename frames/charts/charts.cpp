@@ -140,7 +140,8 @@ void ChartPainter::Prepared::comb_row(const std::vector<double>& phase, uint8_t*
     row[s] = std::abs(place_of(phase[s])) < kCombHalfWidth ? kLit : 0;
 }
 
-/// A pitch that differs by a factor only scales the phase around the panel's centre.
+/// Draws a row of a band. A pitch that differs by a factor only scales the phase around the panel's
+/// centre.
 void ChartPainter::Prepared::band_row(const std::vector<double>& phase, int j, uint8_t* row) const {
   const int height = chart.rig.panel.height_px, width = chart.rig.panel.width_px;
   const int band = std::min(kBands - 1, static_cast<int>(int64_t{j} * kBands / height));

@@ -228,7 +228,8 @@ void convert_band(const Band& band, int width, Target* out, int per_pixel, Conve
   for (size_t p = 0; p < pixels; ++p, in += band.channels, out += per_pixel) convert(in, out);
 }
 
-/// 65535 = 257 * 255, and 257 is odd, so no value lies half way between two codes.
+/// Rounds to the nearest code: 65535 = 257 * 255, and 257 is odd, so no value lies half way between
+/// two codes.
 uint8_t code_from_16_bits(uint16_t v) {
   return static_cast<uint8_t>((v + 128) / 257);
 }

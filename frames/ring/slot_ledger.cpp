@@ -22,7 +22,7 @@ SlotLedger::SlotLedger(std::span<SlotEntry> table, LoopKeeping keeping)
   for (int slot = 0; slot < static_cast<int>(table.size()); ++slot) offer(slot);
 }
 
-/// The violator of an earlier renderer's slot need not be the present renderer.
+/// Counts a violation. The violator of an earlier renderer's slot need not be the present renderer.
 void SlotLedger::violated(Epoch by) noexcept {
   ++violations_;
   if (tenanted_ && by == epoch_) misbehaved_ = true;

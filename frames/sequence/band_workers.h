@@ -13,7 +13,7 @@ namespace lenticule::frames {
 
 class BandWorkers {
  public:
-  /// `threads` = 0 means one thread per core.
+  /// Starts the threads; 0 means one thread per core.
   explicit BandWorkers(int threads);
   ~BandWorkers();
   BandWorkers(const BandWorkers&) = delete;

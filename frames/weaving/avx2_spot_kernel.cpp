@@ -38,7 +38,8 @@ int64_t sum_of(__m256i values) {
   return _mm_cvtsi128_si32(_mm_add_epi32(two, _mm_shuffle_epi32(two, 0b10110001)));
 }
 
-/// A product has 31 bits, so its halves are summed separately.
+/// Returns a subpixel's light under the spot. A product has 31 bits, so its halves are summed
+/// separately.
 uint16_t spot_light(const Spot& spot, const Look& look, int32_t number) {
   const int part = (number & ((1 << kViewBits) - 1)) >> (kViewBits - spot.bits);
   const uint16_t* const weights = spot.weights + static_cast<ptrdiff_t>(part) * spot.taps;

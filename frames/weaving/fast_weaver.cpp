@@ -274,8 +274,8 @@ FastWeaver::~FastWeaver() {
   for (std::thread& helper : helpers_) helper.join();
 }
 
-/// Neighbouring blocks use the same picture rows, so each worker gets one contiguous part of the
-/// panel.
+/// Weaves one worker's blocks. Neighbouring blocks use the same picture rows, so each worker gets
+/// one contiguous part of the panel.
 void FastWeaver::weave_share(size_t worker) noexcept {
   const auto blocks = static_cast<size_t>(plan_->block_count());
   const auto begin = static_cast<int>(blocks * worker / workers_.size());
