@@ -25,8 +25,8 @@ Rate reduced(int64_t numerator, int64_t denominator) {
   return {numerator / divisor, denominator / divisor};
 }
 
-/// True when the frames repeat in a pattern shorter than that of a broadcast rate against a plain
-/// one.
+/// Returns true if the frames repeat in a pattern shorter than that of a broadcast rate on a plain
+/// refresh (24 on 59.94).
 bool short_cadence(Rate content, Rate refresh) {
   constexpr int64_t kLongestPattern = 240;
   const int64_t content_terms = content.numerator * refresh.denominator;

@@ -14,7 +14,7 @@ namespace {
 using std::chrono::milliseconds;
 using SteadyClock = std::chrono::steady_clock;
 
-/// Longest nap: what nobody signals (a source without a descriptor) is noticed that late.
+/// Longest sleep. It bounds the delay until a change is noticed that signals no descriptor.
 constexpr milliseconds kNap{50};
 constexpr milliseconds kNapWithoutDescriptor{2};
 
@@ -173,7 +173,7 @@ void Filler::fill(display::ScanoutBuffer& buffer, const frames::FrameView& frame
   statistics_.filled.add();
 }
 
-/// The frame at hand has the number next_index_.
+/// Keeps or releases the frame whose index is next_index_.
 void Filler::keep_or_release(const frames::LentFrame& lent, bool keep) {
   const size_t limit = keep ? keep_limit() : 0;
   const uint64_t on_glass = on_glass_.load(std::memory_order_acquire);
@@ -184,7 +184,8 @@ void Filler::keep_or_release(const frames::LentFrame& lent, bool keep) {
   kept_.at(kept_count_++) = {.lent = lent, .index = next_index_};
 }
 
-/// One that is lent must remain for the next frame.
+/// Returns how many frames may be kept. One of the frames that the source lends is reserved for the
+/// next pull.
 size_t Filler::keep_limit() const {
   const auto spare = static_cast<size_t>(std::max(0, source_.max_lent() - 1));
   if (options_.keep_shown) return std::min(spare, kept_.size());
@@ -237,7 +238,7 @@ bool Filler::copy_shown(frames::WovenFrame& into, milliseconds patience) {
 Filler::Step Filler::begin_next_loop() {
   if (between_sequences_.load()) return Step::NoFrame;
   if (frames_this_loop_ == 0) {
-    // What can begin again would be empty again. A ring waits for the next renderer.
+    // A source that can be repeated would be empty again; a ring waits for the next renderer.
     const bool another_may_come = options_.loops == kForever && !source_.rewind();
     if (!another_may_come) return end(State::Failed, "the sequence holds no frame");
     between_sequences_.store(true);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Copies frames from a source into scan-out memory ahead of time, in order, over all loops.
+// Filler copies frames from a source into scan-out memory ahead of time, in order, over all loops.
 #pragma once
 
 #include <array>
@@ -22,19 +22,19 @@ namespace lenticule::player {
 struct FilledFrame {
   display::ScanoutBuffer* buffer = nullptr;
   uint64_t index = 0;
-  uint64_t cut = 0;                  ///< of the source when it was pulled
-  uint64_t number = 0;               ///< within its item
-  uint32_t item = 0;                 ///< of the source
-  std::optional<frames::Rate> rate;  ///< that the source states
+  uint64_t cut = 0;     ///< discontinuity number of the source when the frame was pulled
+  uint64_t number = 0;  ///< within its item
+  uint32_t item = 0;    ///< item number that the source gives
+  std::optional<frames::Rate> rate;  ///< rate that the source states
 };
 
-/// Bounded, lock-free, one producer and one consumer.
+/// FilledQueue is a bounded, lock-free queue. Thread safety: one producer and one consumer.
 class FilledQueue {
  public:
   static constexpr size_t kCapacity = 16;
 
   [[nodiscard]] bool push(FilledFrame frame) noexcept;
-  /// The oldest; null if empty. The consumer's thread.
+  /// Returns the oldest frame; null if empty. Thread safety: the consumer's thread.
   [[nodiscard]] const FilledFrame* peek() const noexcept;
   void pop() noexcept;
   [[nodiscard]] size_t size() const noexcept;
@@ -45,77 +45,83 @@ class FilledQueue {
   std::atomic<size_t> popped_{0};
 };
 
-/// A number of loops.
+/// Number of loops that means "without end".
 inline constexpr uint64_t kForever = 0;
 
 struct FillerOptions {
   uint64_t loops = 1;  ///< or kForever
   uint64_t prime = 1;  ///< frames that must be ready before playing starts
-  /// The newest frame stays lent, by a source that lends two, for a display that is lost and comes
-  /// back: begin_again().
+  /// Keeps the newest frame acquired, if the source allows two, so that begin_again() can fill it
+  /// again after a lost display returns.
   bool keep_newest = false;
-  /// Frames stay lent until they leave the glass, as far as the source lends so many: copy_shown().
+  /// Keeps frames acquired until they are no longer displayed, as far as the source allows so many,
+  /// so that copy_shown() can copy the displayed frame.
   bool keep_shown = false;
 };
 
-/// The source belongs to the filling thread: run(), or pump() where the presenter fills for itself.
-/// The presenter calls what is marked so.
+/// Thread safety: the source belongs to the filling thread, which is the thread of run(), or the
+/// presenter's if the presenter calls pump(). The presenter calls the functions marked "Presenter".
 class Filler {
  public:
   enum class State { Running, Ended, Failed };
 
   Filler(frames::FrameSource& source, display::Display& display, FillerStatistics& statistics,
          FillerOptions options);
-  /// Gives every buffer back. Nobody may run it any more.
+  /// Returns every buffer to the display. No thread may run the filler any more.
   ~Filler();
   Filler(const Filler&) = delete;
   Filler& operator=(const Filler&) = delete;
 
   /// Filling thread: fills until the sequence is over or request_stop() is called.
   void run() noexcept;
-  /// Fills all buffers that are free. Waits (in real time) for a source that is at work, so that
-  /// simulated time stands still meanwhile; a source that did not move for `patience` is not waited
-  /// for again until it does.
+  /// Fills all free buffers. Waits (in real time) for a source that is working, so that simulated
+  /// time stands still meanwhile. After a timeout of `patience` the source is not waited for again
+  /// until it makes progress.
   void pump(std::chrono::milliseconds patience) noexcept;
   void request_stop() noexcept;
-  /// While nobody runs it: the display is lost and its buffers are void.
+  /// Forgets the buffers of a lost display. No thread may run the filler meanwhile.
   void forget_buffers() noexcept;
-  /// After that, with a display that is back: fills the newest frame again, and returns its index;
-  /// without one, that of the next. It may be run again then.
+  /// Fills the newest frame again after forget_buffers(), once the display is back, and returns its
+  /// index; without such a frame, returns the index of the next one. run() may be called again
+  /// afterwards.
   [[nodiscard]] uint64_t begin_again() noexcept;
 
-  /// Presenter: the next filled frame, or null.
+  /// Presenter: returns the next filled frame, or null.
   [[nodiscard]] const FilledFrame* peek() const noexcept { return queue_.peek(); }
-  /// Presenter: takes it out of the queue.
+  /// Presenter: removes that frame from the queue.
   void pop() noexcept { queue_.pop(); }
-  /// Presenter: a buffer may be free again.
+  /// Presenter: reports that a buffer may be free again.
   void buffer_freed() noexcept { freed_.signal(); }
   /// Presenter: frames before `index` will not be shown and need not be copied.
   void skip_before(uint64_t index) noexcept {
     skip_before_.store(index, std::memory_order_relaxed);
   }
-  /// Presenter: frame `index` is on the glass.
+  /// Presenter: frame `index` is displayed.
   void shown(uint64_t index) noexcept { on_glass_.store(index, std::memory_order_release); }
-  /// Presenter, before anything runs: `wake` is signalled whenever cut() grows.
+  /// Presenter: signals `wake` whenever cut() grows. Call it before any thread runs.
   void wake_at_cuts(WakeFd& wake) noexcept { cut_wake_ = &wake; }
-  /// Presenter: asks that `wake` be signalled at the next change. Look again after calling it.
+  /// Presenter: asks that `wake` be signalled at the next change. Check the state again after
+  /// calling it.
   void wake_at_next_change(WakeFd& wake) noexcept { waiting_.store(&wake); }
 
-  /// Any thread. Ended and Failed: nothing is pushed any more, what is queued is still to be shown.
+  /// Any thread. In Ended and Failed no more frames are pushed; queued frames are still to be
+  /// shown.
   [[nodiscard]] State state() const noexcept { return state_.load(); }
-  /// Any thread: as many frames are ready as were asked for, or as there can be.
+  /// Any thread: returns true if as many frames are ready as requested, or as possible.
   [[nodiscard]] bool primed() const noexcept { return primed_.load(); }
-  /// Any thread: playing for ever, the sequence is over, cannot be played again, and another one
-  /// may come. Nothing is owed meanwhile.
+  /// Any thread: returns true if, playing forever, the sequence is over and cannot be repeated, but
+  /// another one may follow. No frame is due meanwhile.
   [[nodiscard]] bool between_sequences() const noexcept { return between_sequences_.load(); }
-  /// Any thread: the source has nothing and owes nothing, however long that takes.
+  /// Any thread: returns true while the source has no frame due (paused, or between playlist
+  /// items); this is not an underrun.
   [[nodiscard]] bool idle() const noexcept { return idle_.load(); }
-  /// Any thread: frames of a smaller cut need not be shown any more.
+  /// Any thread: returns the discontinuity number; frames with a smaller one need not be shown.
   [[nodiscard]] uint64_t cut() const noexcept { return cut_.load(); }
-  /// Any thread but the two: copies the frame that is on the glass, which has the size of `into`.
-  /// False if it was not kept, or nobody fills at the moment; waits at most `patience`.
+  /// Copies the displayed frame into `into`, which must have its size. Returns false if the frame
+  /// was not kept or the filler is not running; waits at most `patience`. Thread safety: any thread
+  /// except the filling thread and the presenter's.
   [[nodiscard]] bool copy_shown(frames::WovenFrame& into, std::chrono::milliseconds patience);
-  /// Why it failed; only once state() is Failed.
+  /// Returns the reason for the failure; valid only if state() is Failed.
   [[nodiscard]] const std::string& failure() const noexcept { return failure_; }
 
  private:
@@ -146,7 +152,7 @@ class Filler {
   const FillerOptions options_;
 
   // Filling thread only.
-  display::ScanoutBuffer* buffer_ = nullptr;  ///< acquired, not filled yet
+  display::ScanoutBuffer* buffer_ = nullptr;  ///< acquired and not filled yet
   uint64_t next_index_ = 0;
   uint64_t frames_this_loop_ = 0;
   bool patience_lost_ = false;
@@ -167,9 +173,9 @@ class Filler {
   std::atomic<WakeFd*> waiting_{nullptr};
   WakeFd freed_;
 
-  // Whoever wants a copy of what is on the glass; the filling thread looks only if it is wanted.
+  // Requests to copy the displayed frame; the atomic flag spares the filling thread the mutex.
   std::atomic<bool> copy_wanted_{false};
-  std::mutex copy_mutex_;  ///< guards what follows
+  std::mutex copy_mutex_;  ///< guards the members below
   std::condition_variable copy_over_;
   frames::WovenFrame* copy_into_ = nullptr;
   bool copied_ = false;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Percentiles of durations without memory that grows: one writer that never waits, any readers.
+// LatencyHistogram computes percentiles of durations in constant memory: one writer that never
+// waits, any number of readers.
 #pragma once
 
 #include <array>
@@ -16,12 +17,13 @@ struct LatencySummary {
   double max_us = 0;
 };
 
-/// Sixteen bins per power of two, so a percentile is at most 6 % too large; the maximum is exact.
+/// Uses sixteen bins per power of two, so that a percentile is at most 6 % too large; the maximum
+/// is exact.
 class LatencyHistogram {
  public:
-  /// The writer's thread. Negative durations count as 0.
+  /// Records a duration; negative ones count as 0. Thread safety: the writer's thread.
   void record(std::chrono::nanoseconds duration) noexcept;
-  /// Any thread.
+  /// Thread safety: any thread.
   [[nodiscard]] LatencySummary summary() const noexcept;
 
  private:

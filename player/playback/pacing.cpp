@@ -44,7 +44,7 @@ PaceDecision Pacer::decide(uint64_t target, bool ready) noexcept {
     if (!starved_since_) starved_since_ = target;
     return PaceDecision::Starved;
   }
-  // A late frame is worth leaving out only if the one after it is due as well.
+  // Dropping a late frame helps only if the frame after it is due as well.
   const bool replaceable = due() < target && origin_ + cadence_.next_due() <= target;
   if (policy_ == LatePolicy::Drop && replaceable && consecutive_drops_ < kMaxConsecutiveDrops) {
     ++consecutive_drops_;
@@ -67,7 +67,7 @@ void Pacer::flipped(uint64_t sequence) noexcept {
   if (epoch_pending_) {
     begin_schedule(sequence);
   } else {
-    // The counter cannot go back; a display that says so has nothing to teach us.
+    // The counter of a working display never goes back; clamp the value of one that does.
     sequence = std::max(sequence, *shown_at_ + 1);
     const uint64_t expected = std::min(owed_since_.value_or(expected_vblank()), sequence);
     uint64_t starved = 0;
@@ -107,8 +107,8 @@ void Pacer::change_rate(frames::Rate content) noexcept {
   cadence_ = Cadence(content_, refresh_);
 }
 
-/// The vblanks after the last flip, up to `end`: planned until `expected`, then starved, then
-/// missed.
+/// Classifies the vblanks after the last flip, up to `end`: planned until `expected`, then starved,
+/// then missed.
 void Pacer::account(uint64_t expected, uint64_t end, uint64_t starved) noexcept {
   const uint64_t planned = expected - *shown_at_ - 1;
   counts_.repeated_planned += planned;
@@ -138,7 +138,7 @@ void Pacer::begin_schedule(uint64_t sequence) noexcept {
   epoch_pending_ = false;
 }
 
-/// On to the next frame; of several that share a vblank only the first is shown.
+/// Advances to the next frame; of several frames due at one vblank only the first is shown.
 void Pacer::advance_past_same_vblank() noexcept {
   const uint64_t shown_due = cadence_.due();
   cadence_.advance();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a playback counts while it runs, and the report made of it. docs/player.md says what each
-// figure means.
+// LiveStatistics holds the counters of a running playback, PlayReport the report made of them.
+// docs/player.md explains each figure.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@
 
 namespace lenticule::player {
 
-/// Written by one thread, read by any; no order between counters is promised.
+/// Counter is written by one thread and read by any; updates of different counters are not ordered.
 class Counter {
  public:
   void add(uint64_t amount = 1) noexcept { set(get() + amount); }
@@ -28,7 +28,7 @@ class Counter {
   std::atomic<uint64_t> value_{0};
 };
 
-/// PaceCounts that a second thread can read.
+/// LivePaceCounts makes PaceCounts readable from a second thread.
 class LivePaceCounts {
  public:
   void publish(const PaceCounts& counts) noexcept;
@@ -39,15 +39,16 @@ class LivePaceCounts {
   std::array<Counter, kFields> fields_;
 };
 
-/// Which frame is on the glass.
+/// Identifies the displayed frame.
 struct GlassPlace {
-  uint64_t frames = 0;  ///< shown so far; 0 = nothing is on the glass yet
-  uint64_t index = 0;   ///< of the playback
-  uint64_t item = 0;    ///< of the source
-  uint64_t number = 0;  ///< within the item
+  uint64_t frames = 0;  ///< frames shown so far; 0 = none yet
+  uint64_t index = 0;   ///< index in the playback
+  uint64_t item = 0;    ///< item number that the source gives
+  uint64_t number = 0;  ///< frame number within the item
 };
 
-/// A GlassPlace that any thread can read whole, written by one that never waits.
+/// LiveGlassPlace publishes a GlassPlace that any thread can read consistently (a seqlock); its one
+/// writer never waits.
 class LiveGlassPlace {
  public:
   void publish(const GlassPlace& place) noexcept;
@@ -55,22 +56,22 @@ class LiveGlassPlace {
 
  private:
   static constexpr size_t kFields = sizeof(GlassPlace) / sizeof(uint64_t);
-  std::atomic<uint64_t> version_{0};  ///< odd while it is being written
+  std::atomic<uint64_t> version_{0};  ///< odd during a write
   std::array<std::atomic<uint64_t>, kFields> fields_{};
 };
 
 struct PresenterStatistics {
   LivePaceCounts pace;
   LiveGlassPlace glass;
-  Counter frames_cut;          ///< filled, and left out because something else was wanted
-  Counter late_submits;        ///< within the margin before their vblank, even if they made it
-  Counter flip_timeouts;       ///< flips whose event never came
-  Counter vblank_timeouts;     ///< vblanks asked for whose event never came
-  Counter busy;                ///< submissions refused because a flip was pending
-  Counter stray_events;        ///< events of flips that nobody waited for
-  Counter display_returns;     ///< times that the display was lost and came back
-  Counter frames_lost;         ///< went down with the display, unseen
-  Counter frames_shown_again;  ///< those that were on the glass when the display was lost
+  Counter frames_cut;       ///< filled frames left out because of a jump
+  Counter late_submits;     ///< submissions within the margin before their vblank, even if on time
+  Counter flip_timeouts;    ///< flips without an event
+  Counter vblank_timeouts;  ///< requested vblanks without an event
+  Counter busy;             ///< submissions refused because a flip was pending
+  Counter stray_events;     ///< events of flips that were not awaited
+  Counter display_returns;  ///< times the display was lost and came back
+  Counter frames_lost;      ///< frames lost with the display before they were visible
+  Counter frames_shown_again;  ///< frames displayed when the display was lost and shown again
   Counter real_time;           ///< 1 if the presenter has a real-time priority
   Counter first_flip_ns;       ///< std::chrono::steady_clock
   Counter content_numerator;
@@ -80,12 +81,12 @@ struct PresenterStatistics {
   Counter last_sequence;
   Counter last_vblank_ns;
   LatencyHistogram submit_to_flip;
-  LatencyHistogram wake;  ///< from the vblank until the presenter runs
+  LatencyHistogram wake;  ///< time from the vblank until the presenter runs
 };
 
 struct FillerStatistics {
   Counter filled;    ///< frames copied into scan-out memory
-  Counter released;  ///< frames given back uncopied, because they would have been too late
+  Counter released;  ///< frames returned uncopied because they would have been too late
   Counter loops;     ///< times the sequence was complete
   Counter ready_sum;
   Counter ready_samples;
@@ -100,22 +101,22 @@ struct LiveStatistics {
   FillerStatistics filler;
 };
 
-/// Of this process, in bytes; zeros where /proc is missing.
+/// Memory of this process in bytes; zeros where /proc is missing.
 struct ResidentMemory {
-  uint64_t total = 0;      ///< the rest of it are pages of program and library files
-  uint64_t anonymous = 0;  ///< the part that the process took for itself
-  uint64_t shared = 0;     ///< the part that is shared memory: the ring
+  uint64_t total = 0;      ///< includes pages of program and library files
+  uint64_t anonymous = 0;  ///< part allocated by the process itself
+  uint64_t shared = 0;     ///< part in shared memory: the ring
   uint64_t peak = 0;
 };
 [[nodiscard]] ResidentMemory read_resident_memory();
 
-/// A moment's figures.
+/// The figures at one moment.
 struct PlayReport {
   std::string source;
   std::string display;
   frames::FrameGeometry geometry;
   frames::Rate refresh;
-  frames::Rate content_rate;  ///< as played
+  frames::Rate content_rate;  ///< rate as played
   LatePolicy late = LatePolicy::Slip;
   bool hardware_clock = false;
   bool real_time = false;
@@ -135,7 +136,7 @@ struct PlayReport {
   uint64_t filled = 0;
   uint64_t released = 0;
   double refresh_measured_hz = 0;  ///< 0 = not yet
-  double first_frame_ms = 0;       ///< from the start of the command; 0 = not yet
+  double first_frame_ms = 0;       ///< time from the start of the command; 0 = not yet
   uint64_t ready_min = 0;
   double ready_avg = 0;
   LatencySummary submit_to_flip;
@@ -146,9 +147,9 @@ struct PlayReport {
 
 [[nodiscard]] nlohmann::ordered_json to_json(const PlayReport& report);
 [[nodiscard]] nlohmann::ordered_json to_json(const frames::FrameDamage& damage);
-/// "12 frames damaged, 3 missing, 0 repeated"
+/// Returns "12 frames damaged, 3 missing, 0 repeated".
 [[nodiscard]] std::string damage_text(const frames::FrameDamage& damage);
-/// Two lines for people.
+/// Returns two lines for people.
 [[nodiscard]] std::string summary_text(const PlayReport& report);
 
 }  // namespace lenticule::player

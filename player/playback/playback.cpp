@@ -21,14 +21,14 @@ constexpr milliseconds kReportInterval{1000};
 constexpr int kPresenterPriority =
     10;  // below the kernel's interrupt threads, above everything else
 
-/// True if it was granted.
+/// Returns true if the real-time priority was granted.
 bool take_real_time_priority() noexcept {
   sched_param parameters{};
   parameters.sched_priority = kPresenterPriority;
   return pthread_setschedparam(pthread_self(), SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0;
 }
 
-/// The threads of one playback. Ends them whatever happens.
+/// Threads owns the threads of one playback and ends them in its destructor.
 class Threads {
  public:
   Threads(display::Display& display, frames::FrameSource& source, LiveStatistics& statistics,
@@ -58,7 +58,7 @@ class Threads {
   Threads(const Threads&) = delete;
   Threads& operator=(const Threads&) = delete;
 
-  /// Readable when the presenter is done.
+  /// Returns a descriptor that is readable when the presenter has finished.
   [[nodiscard]] int over_fd() const noexcept { return over_.fd(); }
   void request_stop() noexcept { presenter_.request_stop(); }
 
@@ -71,16 +71,16 @@ class Threads {
     });
   }
 
-  /// After end(): the display is lost, and about to be opened again.
+  /// Forgets the lost display's buffers. Call it after end(), before the display is opened again.
   void forget_buffers() noexcept { filler_.forget_buffers(); }
-  /// After that, if it is back.
+  /// Starts the threads again after forget_buffers(), once the display is back.
   void start_again() {
     over_.drain();
     presenter_.resume(filler_.begin_again());
     start();
   }
 
-  /// Joins; outcome() and failure() are final then.
+  /// Joins the threads; outcome() and failure() are final afterwards.
   void end() noexcept {
     presenter_.request_stop();
     if (presenter_thread_.joinable()) presenter_thread_.join();
@@ -163,7 +163,7 @@ class Reporter {
     look_at(display);
   }
 
-  /// Not while others use the display.
+  /// Reads the display's mode; no other thread may use the display meanwhile.
   void look_at(const display::Display& display) {
     const display::DisplayMode& mode = display.mode();
     still_.display = mode.name;
@@ -184,10 +184,10 @@ class Reporter {
  private:
   const LiveStatistics& live_;
   SteadyClock::time_point started_;
-  PlayReport still_;  ///< what does not change
+  PlayReport still_;  ///< constant fields
 };
 
-/// Waits for the presenter's end, telling it when to stop and others how it goes.
+/// Waits for the presenter's end; forwards the stop request and sends reports.
 void watch(Threads& threads, const Reporter& reporter, const PlaybackOptions& options) {
   pollfd entries[2] = {{.fd = threads.over_fd(), .events = POLLIN, .revents = 0},
                        {.fd = options.stop_fd, .events = POLLIN, .revents = 0}};
@@ -196,7 +196,7 @@ void watch(Threads& threads, const Reporter& reporter, const PlaybackOptions& op
     if (entries[0].revents != 0) return;
     if (entries[1].revents != 0) {
       threads.request_stop();
-      entries[1].fd = -1;  // once
+      entries[1].fd = -1;  // report the stop only once
     }
     if (ready == 0 && options.on_report) options.on_report(reporter.now("playing"));
   }
@@ -210,7 +210,7 @@ Comeback bring_back(const Threads& threads, const Reporter& reporter, frames::Fr
                              .serve_source = [&source] { source.service(); }});
 }
 
-/// Plays, over every loss of the display that can be made good.
+/// Plays to the end, reconnecting the display whenever it is lost and can be reopened.
 PlayOutcome play_to_the_end(Threads& threads, Reporter& reporter, display::Display& display,
                             frames::FrameSource& source, const PlaybackOptions& options) {
   threads.start();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plays a source on a display: the threads, their beginning and their end.
+// play() shows a source on a display: it starts, supervises and ends the threads.
 #pragma once
 
 #include <chrono>
@@ -15,17 +15,18 @@
 
 namespace lenticule::player {
 
-/// A display that is lost, on the thread of play(); nobody else uses it or the source.
+/// The state passed to bring_back after a display is lost. Used on the thread of play(); no other
+/// thread uses the display or the source meanwhile.
 struct LostDisplay {
   const PlayReport& report;
-  /// Until the vblanks that were asked for are over; none = no end.
+  /// Time until the requested vblanks are over; none = no end.
   std::optional<std::chrono::nanoseconds> time_left;
-  /// Keeps the source's peers content; to be called about every second.
+  /// Keeps the source's peers connected; call it about every second.
   std::function<void()> serve_source;
 };
 
 enum class Comeback {
-  Back,      ///< it works again, with frames of the same size: playing goes on
+  Back,      ///< the display works again with frames of the same size: playing continues
   GivenUp,   ///< the outcome is DisplayLost
   Stopped,   ///< the outcome is Stopped
   TimeOver,  ///< LostDisplay::time_left is over: the outcome is Finished
@@ -33,19 +34,20 @@ enum class Comeback {
 
 class Filler;
 
-/// By which other threads steer a playback. It outlives the playbacks that it is given to; without
-/// one that runs, pausing is remembered and everything else says that there is nothing.
+/// PlaybackControl lets other threads control a playback. While no playback is attached, pausing is
+/// remembered and everything else reports that nothing is displayed. Lifetime: must outlive the
+/// playbacks that use it.
 class PlaybackControl {
  public:
-  /// Any thread.
+  /// Thread safety: any thread.
   void pause(bool paused);
   [[nodiscard]] bool paused() const;
   [[nodiscard]] GlassPlace on_glass() const;
-  /// A copy of the frame on the glass, whose size is that of `into`; false where that cannot be
-  /// had. Waits at most a second.
+  /// Copies the displayed frame, which must have the size of `into`; returns false if that is not
+  /// possible. Waits at most a second.
   [[nodiscard]] bool copy_shown(frames::WovenFrame& into);
 
-  /// play(): what it steers from now on; nothing again before that ends.
+  /// Called by play(): attaches the running playback, and detaches it before play() returns.
   void attach(Presenter& presenter, Filler& filler, const PresenterStatistics& statistics);
   void detach();
 
@@ -58,7 +60,7 @@ class PlaybackControl {
 };
 
 struct PlaybackOptions {
-  /// How fast the content goes: the source's own rate if none, else the display's refresh.
+  /// Content rate; none = the source's own rate, else the display's refresh.
   std::optional<frames::Rate> content = std::nullopt;
   LatePolicy late = LatePolicy::Slip;
   uint64_t loops = 1;  ///< or kForever
@@ -67,35 +69,35 @@ struct PlaybackOptions {
   std::chrono::nanoseconds prime_timeout = std::chrono::seconds(2);
   std::optional<std::chrono::nanoseconds> stall_timeout = std::chrono::seconds(60);
   Filling filling = Filling::OwnThread;
-  /// Ask the system for a real-time priority of the presenter; without permission it goes on.
+  /// Requests real-time priority for the presenter; continues without it if not permitted.
   bool real_time_priority = false;
 
-  /// May be null. Frames then stay lent until they have left the glass.
+  /// May be null. If set, frames stay acquired until they are no longer displayed.
   PlaybackControl* control = nullptr;
 
   /// Readable = stop; -1 = never.
   int stop_fd = -1;
-  /// Called about once a second on the thread of play(); what it throws ends the playback and
+  /// Called about once a second on the thread of play(); an exception from it ends the playback and
   /// leaves play().
   std::function<void(const PlayReport&)> on_report = nullptr;
-  /// Brings a lost display back. The newest frame of the source is then shown again, and the
-  /// sequence goes on from there. Null = a lost display ends the playback.
+  /// Reconnects a lost display. The source's newest frame is then shown again and the sequence
+  /// continues from there. Null = a lost display ends the playback.
   std::function<Comeback(const LostDisplay&)> bring_back = nullptr;
-  /// For PlayReport::first_frame_ms and its names.
+  /// Reference time of PlayReport::first_frame_ms, and the source's name in the report.
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   std::string source_name = {};
 };
 
 struct PlayResult {
   PlayOutcome outcome = PlayOutcome::Finished;
-  std::string failure;  ///< of the source, if it failed
+  std::string failure;  ///< the source's error if it failed
   PlayReport report;
 };
 
 [[nodiscard]] const char* outcome_name(PlayOutcome outcome);
 
-/// Blocks until it is over. Display and source are used by other threads meanwhile, and by none
-/// afterwards. Throws Error(Input) when the source's frames are not the display's size.
+/// Plays to the end and returns the result. Other threads use the display and the source meanwhile,
+/// none afterwards. Throws Error(Input) if the source's frames do not have the display's size.
 [[nodiscard]] PlayResult play(display::Display& display, frames::FrameSource& source,
                               const PlaybackOptions& options);
 

@@ -13,13 +13,13 @@ using display::Nanoseconds;
 using display::SubmitStatus;
 using std::chrono::milliseconds;
 
-/// Nobody waits longer than this without looking whether to stop.
+/// Longest wait before the stop request is checked again.
 constexpr Nanoseconds kLongestWait = milliseconds(100);
-/// Real time that a source at work is waited for in simulated time.
+/// Real time that a working source is waited for in simulated time.
 constexpr milliseconds kSourcePatience{10'000};
-/// A submission later than this before its vblank was lucky if it made it.
+/// A submission less than this before its vblank counts as late.
 constexpr Nanoseconds kSubmitMargin = std::chrono::microseconds(1500);
-/// After so many flips without an event, or refusals, the display is taken for lost.
+/// The display is considered lost after this many consecutive flips without an event, or refusals.
 constexpr int kMaxEventsLost = 8;
 constexpr int kMaxRefusals = 64;
 
@@ -75,7 +75,7 @@ void Presenter::close_books() noexcept {
   publish();
 }
 
-/// What was begun with the display that is gone is void; what counts is what was on the glass.
+/// Resets what belonged to the lost display and keeps the displayed frame's accounting.
 void Presenter::resume(uint64_t frame) noexcept {
   stopping_.store(false, std::memory_order_release);
   outcome_.reset();
@@ -100,8 +100,8 @@ void Presenter::resume(uint64_t frame) noexcept {
   state_rate();
 }
 
-/// Waits until there is enough to start with: all that was asked for, all that can be had, or what
-/// came within the time.
+/// Waits until enough frames are ready to start: all requested, all possible, or those that arrived
+/// within the timeout.
 void Presenter::prime() noexcept {
   Nanoseconds begin = display_.now();
   std::optional<Nanoseconds> first_frame;
@@ -124,7 +124,8 @@ void Presenter::prime() noexcept {
   }
 }
 
-/// A source may learn its rate only with its first frame, and change it with any.
+/// Returns the content's rate. A source may learn its rate only with its first frame, and change it
+/// with any frame.
 frames::Rate Presenter::content_wanted() const noexcept {
   const frames::Rate refresh = display_.mode().refresh;
   if (options_.content) return *options_.content;
@@ -190,8 +191,8 @@ void Presenter::discard_head() noexcept {
   filler_.buffer_freed();
 }
 
-/// Somebody wants to see something else: what was filled before that is left out, and the schedule
-/// begins anew with the first frame after it. Until then the one on the glass stays.
+/// Handles a discontinuity of the source: discards frames filled before it and starts a new
+/// schedule with the first frame after it. Until then the displayed frame stays.
 void Presenter::follow_cut() noexcept {
   const uint64_t cut = filler_.cut();
   if (cut != cut_) {
@@ -213,7 +214,7 @@ void Presenter::follow_cut() noexcept {
   state_rate();
 }
 
-/// Things that follow one another may have rates of their own.
+/// Follows the rate of the next frame: items of a list may have rates of their own.
 void Presenter::follow_rate() noexcept {
   const FilledFrame* const head = filler_.peek();
   if (options_.content || head == nullptr || head->index != pacer_.frame()) return;
@@ -264,7 +265,7 @@ void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
   if (pacer_.started() && now + margin > vblank) statistics_.late_submits.add();
 }
 
-/// The frame that is due is not there: the one on the glass stays.
+/// Handles a frame that is due and not ready: the displayed frame stays.
 void Presenter::starve(uint64_t target) noexcept {
   const Filler::State state = filler_.state();
   if (state != Filler::State::Running && filler_.peek() == nullptr) {
@@ -292,7 +293,7 @@ void Presenter::starve(uint64_t target) noexcept {
   request_vblank(last_sequence_);
 }
 
-/// The frame on the glass has the time up to `vblank` to itself.
+/// Ends the playback at `vblank`; the displayed frame stays until then.
 void Presenter::end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept {
   end_vblank_ = vblank;
   outcome_at_end_ = outcome;
@@ -315,7 +316,8 @@ void Presenter::request_vblank(uint64_t sequence) noexcept {
   if (!tick_requested_) outcome_ = PlayOutcome::DisplayLost;
 }
 
-/// The first event after the display came back says where its count stands; ours went on by time.
+/// Converts the display's vblank number to this playback's. The first event after the display came
+/// back gives the new offset; the elapsed time gives this playback's number.
 DisplayEvent Presenter::in_our_count(DisplayEvent event) noexcept {
   if (std::exchange(count_begins_anew_, false) && last_vblank_ > Nanoseconds{0}) {
     const int64_t away = std::max<int64_t>(1, (event.time - last_vblank_) / period_);
@@ -372,8 +374,9 @@ void Presenter::observe_vblank(const DisplayEvent& event) noexcept {
   statistics_.last_vblank_ns.set(static_cast<uint64_t>(last_vblank_.count()));
 }
 
-/// Either somebody woke us, or an event did not come. A flip without an event is taken to have
-/// landed where it was aimed: the next event says how much time really passed.
+/// Handles a wait that ended without an event: either another thread woke the presenter, or an
+/// event is missing. A flip without an event is assumed to have completed at its target; the next
+/// event corrects the count.
 void Presenter::handle_timeout() noexcept {
   wake_.drain();
   const Nanoseconds now = display_.now();
@@ -389,7 +392,8 @@ void Presenter::handle_timeout() noexcept {
   }
 }
 
-/// Before leaving: the last buffer submitted is on the glass, or the display does not answer.
+/// Waits, before run() returns, until the last submitted buffer is displayed or the display does
+/// not answer.
 void Presenter::land_pending_flip() noexcept {
   while (pending_ && outcome_ != PlayOutcome::DisplayLost)
     handle(display_.wait_event(pending_->submitted + event_patience(), -1));
@@ -407,7 +411,7 @@ std::optional<Nanoseconds> Presenter::time_left() const noexcept {
   return end > next ? static_cast<int64_t>(end - next) * period_ : Nanoseconds{0};
 }
 
-/// When the event that is waited for should come.
+/// Returns the time at which the awaited event should arrive.
 Nanoseconds Presenter::awaited_by() const noexcept {
   if (pending_) return pending_->submitted;
   const Nanoseconds now = display_.now();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The loop that shows the right frame at every vblank: takes filled buffers, submits them when the
-// pacer says so, and takes the display's events for facts. Neither throws nor allocates.
+// Presenter shows the right frame at every vblank: it takes filled buffers, submits them when the
+// pacer says so, and records the vblank numbers that the display reports. The loop neither throws
+// nor allocates.
 #pragma once
 
 #include <atomic>
@@ -17,50 +18,51 @@
 namespace lenticule::player {
 
 enum class Filling {
-  OwnThread,    ///< Filler::run() goes on elsewhere
-  InPresenter,  ///< the presenter fills between vblanks: for simulated time, where nobody else has
-                ///< any
+  OwnThread,    ///< another thread executes Filler::run()
+  InPresenter,  ///< the presenter fills between vblanks: for simulated time, which stands still
+                ///< meanwhile
 };
 
 enum class PlayOutcome {
-  Finished,       ///< to the end, or as long as asked for
+  Finished,       ///< the sequence or the requested time is over
   Stopped,        ///< request_stop()
-  SourceFailed,   ///< the last frame stays to the end of its time
+  SourceFailed,   ///< the last frame stays until the end of its time
   SourceStalled,  ///< no frame came for stall_timeout
   DisplayLost,
 };
 
 struct PresenterOptions {
-  /// How fast the content goes: the source's own rate if none, else the display's refresh.
+  /// Content rate; none = the source's own rate, else the display's refresh.
   std::optional<frames::Rate> content = std::nullopt;
   LatePolicy late = LatePolicy::Slip;
   /// Vblanks to play, counted from the first flip; none = to the end.
   std::optional<uint64_t> vblanks = std::nullopt;
-  /// How long to wait for a full priming once the first frame is there.
+  /// Timeout for complete priming once the first frame is there.
   display::Nanoseconds prime_timeout = std::chrono::seconds(2);
-  /// How long to wait for the next frame when none is there; none = for ever.
+  /// Timeout for the next frame if none is ready; none = no timeout.
   std::optional<display::Nanoseconds> stall_timeout = std::chrono::seconds(60);
   Filling filling = Filling::OwnThread;
 };
 
-/// Everything but request_stop() on the presenter's thread.
+/// Thread safety: the presenter's thread, except where noted.
 class Presenter {
  public:
   Presenter(display::Display& display, Filler& filler, PresenterStatistics& statistics,
             const PresenterOptions& options);
 
-  /// Ends with DisplayLost as soon as the display says so.
+  /// Runs the playback. Returns DisplayLost as soon as the display reports that state.
   [[nodiscard]] PlayOutcome run() noexcept;
-  /// After DisplayLost, once the display is back: run() may be called again, and shows `frame`
-  /// first. Vblanks went on by time meanwhile, without a picture.
+  /// Prepares another run() after DisplayLost, once the display is back; it shows `frame` first.
+  /// The vblank count is advanced by the elapsed time.
   void resume(uint64_t frame) noexcept;
-  /// Until the vblanks that were asked for are over; none = no end.
+  /// Returns the time until the requested vblanks are over; none = no end.
   [[nodiscard]] std::optional<display::Nanoseconds> time_left() const noexcept;
-  /// After the last run(): accounts for the last frame's stay. Once.
+  /// Counts the last frame's vblanks. Call it once after the last run().
   void close_books() noexcept;
-  /// Any thread: finish the pending flip and return.
+  /// Any thread: completes the pending flip and ends run().
   void request_stop() noexcept;
-  /// Any thread: what is on the glass stays there, but for one frame after every cut of the source.
+  /// Any thread: keeps the displayed frame, except that one frame is shown after every
+  /// discontinuity of the source.
   void set_paused(bool paused) noexcept;
 
  private:
@@ -110,24 +112,25 @@ class Presenter {
   const PresenterOptions options_;
   display::Nanoseconds period_;
   Pacer pacer_;
-  uint64_t first_frame_ = 0;  ///< not 0 when the display was lost before it showed anything
+  uint64_t first_frame_ = 0;  ///< not 0 if the display was lost before it showed a frame
 
   std::optional<PlayOutcome> outcome_;
-  std::optional<uint64_t> end_vblank_;  ///< vblank with which playing ends
+  std::optional<uint64_t> end_vblank_;  ///< vblank at which playing ends
   PlayOutcome outcome_at_end_ = PlayOutcome::Finished;
   std::optional<PendingFlip> pending_;
   bool tick_requested_ = false;
-  uint64_t tick_after_ = 0;                ///< the vblank after which the requested tick comes
-  display::Nanoseconds tick_expected_{0};  ///< by when
+  uint64_t tick_after_ = 0;                ///< vblank after which the requested tick is due
+  display::Nanoseconds tick_expected_{0};  ///< time at which that tick is expected
   bool rebuffering_ = false;               ///< LatePolicy::Hold after an underrun
   std::optional<display::Nanoseconds> starved_since_;
-  frames::Rate wanted_rate_;    ///< of the frame at the head, before it is locked to the display
-  uint64_t cut_ = 0;            ///< of the source, as far as it has been followed
-  bool after_cut_ = false;      ///< the first frame after the cut is awaited
-  bool shows_one_more_ = true;  ///< although it is paused
+  frames::Rate wanted_rate_;    ///< rate of the next frame, before it is locked to the display
+  uint64_t cut_ = 0;            ///< the source's discontinuity number that was handled last
+  bool after_cut_ = false;      ///< waiting for the first frame after a discontinuity
+  bool shows_one_more_ = true;  ///< shows one more frame although paused
   uint64_t last_sequence_ = 0;
   display::Nanoseconds last_vblank_{0};
-  /// Our vblank number less the display's, whose count begins anew when it comes back.
+  /// This playback's vblank number less the display's, whose count starts again when the display
+  /// comes back.
   uint64_t count_ahead_ = 0;
   bool count_begins_anew_ = false;
   int events_lost_in_a_row_ = 0;
