@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs another program to its end and keeps what it says.
+// run_child runs another program to its end and captures its output.
 #pragma once
 
 #include <chrono>
@@ -10,18 +10,18 @@
 namespace lenticule::player {
 
 struct ChildResult {
-  int exit_code = -1;  ///< -1 when a signal ended it
+  int exit_code = -1;  ///< -1 if a signal ended the program
   bool timed_out = false;
   double wall_seconds = 0.0;
-  std::string output;  ///< both of its streams, as they came; the last 4 MiB
+  std::string output;  ///< standard output and error interleaved; the last 4 MiB
 };
 
-/// arguments[0] is a program's path. Killed when `limit` is over or when we are interrupted. Its
-/// input is empty. Throws Error(Failed) if it cannot be started.
+/// Runs arguments[0], the path of a program, with empty standard input. Kills the program when
+/// `limit` is over or this process is interrupted. Throws Error(Failed) if it cannot be started.
 [[nodiscard]] ChildResult run_child(const std::vector<std::string>& arguments,
                                     std::chrono::seconds limit);
 
-/// The path of an executable file of that name in $PATH.
+/// Returns the path of an executable file of that name in $PATH.
 [[nodiscard]] std::optional<std::string> find_program(const std::string& name);
 
 }  // namespace lenticule::player

@@ -15,10 +15,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What a socket's whole path may take, less the names below the folder.
+/// Maximum length of the folder's path: the limit of a socket path less the names below the folder.
 constexpr size_t kMostPath = 50;
 
-/// Where such folders may be, the best first: any of them may be missing, full or read-only.
+/// Returns candidate parent folders, the best first; any of them may be missing, full or read-only.
 std::vector<fs::path> parent_folders() {
   const char* const users = std::getenv("XDG_RUNTIME_DIR");
   std::vector<fs::path> folders;

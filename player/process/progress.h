@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Progress of long work, on standard error: a bar on a terminal, a line now and then elsewhere.
+// Progress reports long work on standard error: a bar on a terminal, a line from time to time
+// elsewhere.
 #pragma once
 
 #include <chrono>
@@ -10,10 +11,11 @@ namespace lenticule::player {
 
 enum class ProgressStyle { Auto, Json, Off };
 
-/// One thread. Redraws at most ten times a second on a terminal, every five seconds elsewhere.
+/// Redraws at most ten times a second on a terminal, every five seconds elsewhere. Thread safety:
+/// one thread.
 class Progress {
  public:
-  /// `unit` is the plural of what is counted: "frames".
+  /// `unit` is the plural of the counted thing: "frames".
   Progress(std::string label, std::string unit, uint64_t total,
            ProgressStyle style = ProgressStyle::Auto);
   ~Progress();

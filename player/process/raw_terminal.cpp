@@ -14,7 +14,7 @@
 namespace lenticule::player {
 namespace {
 
-// Written before g_fd says that there is something to restore, and never changed while it does.
+// Written before g_fd is set, and never changed while it is.
 termios g_before{};
 std::atomic<int> g_fd{-1};
 

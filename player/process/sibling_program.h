@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the other programs of lenticule.
+// find_sibling_program finds the other programs of lenticule.
 #pragma once
 
 #include <filesystem>
@@ -8,8 +8,8 @@
 
 namespace lenticule::player {
 
-/// Returns the path of an executable that lies beside this program, or where programs for programs
-/// are installed (../libexec/lenticule); none if there is no such file.
+/// Returns the path of an executable in this program's folder or in the folder for helper programs
+/// (../libexec/lenticule); none if there is no such file.
 [[nodiscard]] std::optional<std::filesystem::path> find_sibling_program(std::string_view name);
 
 }  // namespace lenticule::player

@@ -12,7 +12,8 @@ extern char** environ;
 namespace lenticule::player {
 namespace {
 
-/// Dispositions and masks are not for others to inherit, and Ctrl-C is for us alone.
+/// Sets default signal dispositions and an empty mask, and a process group of its own, so that
+/// Ctrl-C reaches only this process.
 void set_signals(posix_spawnattr_t& attributes) {
   sigset_t none;
   sigset_t all;
