@@ -72,7 +72,7 @@ CardText wrong_panel_card(const OutputWish& wish, const PanelSearch& search,
   CardText card{.headline = trouble.headline,
                 .rows = {{"expected", describe_expected(wish.panel, wish.identity)},
                          {"found", describe_found(shown_on)}}};
-  // A rig may name a panel by nothing but its EDID's checksum.
+  // A rig may identify a panel by its EDID's checksum alone.
   if (shown_on.identity && !wish.identity.edid_sha256.empty())
     card.rows.back().text += fmt::format(", EDID {}", shown_on.identity->sha256.substr(0, 12));
   for (const PanelFacts& other : search.present)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a playback deserves its watchdog's ping: not because some thread runs, but because
-// pictures come onto the glass, or rightly do not.
+// Heartbeat decides whether to ping the systemd watchdog: yes if frames are displayed or none are
+// due; no if flips fail or the display clock has stopped.
 #pragma once
 
 #include <cstdint>
@@ -9,18 +9,18 @@ namespace lenticule::player {
 
 /// Monotonic counts of a running playback.
 struct Pulse {
-  uint64_t flips = 0;       ///< pictures that reached the glass
-  uint64_t vblanks = 0;     ///< events of the display that the presenter took
+  uint64_t flips = 0;       ///< frames that were displayed
+  uint64_t vblanks = 0;     ///< events of the display that the presenter handled
   uint64_t failures = 0;    ///< flips that were refused or never reported
-  bool panel_away = false;  ///< switched off or unplugged: nobody could see a picture
+  bool panel_away = false;  ///< switched off or unplugged: no frame would be visible
 };
 
-/// One thread.
+/// Thread safety: one thread.
 class Heartbeat {
  public:
-  /// True if something was shown since the last call, or if there was nothing to show: the source
-  /// has no new picture, another session is in front, the panel is away. A display whose flips fail
-  /// again and again, or whose clock stands still, is not alive.
+  /// Returns true if a frame was displayed since the last call, or if none was due: the source has
+  /// no new frame, another session is in front, or the panel is away. Returns false if the
+  /// display's flips keep failing or its clock stands still.
   [[nodiscard]] bool beats(const Pulse& now) noexcept {
     const bool shown = now.flips != last_.flips;
     const bool idle = now.vblanks != last_.vblanks && now.failures == last_.failures;

@@ -16,7 +16,8 @@ namespace {
 constexpr const char* kCardName = "lenticule-card";
 constexpr const char* kStateName = "lenticule-output";
 
-/// Sealed, so that what the successor checks is what it then uses. Empty on failure.
+/// Creates the state file, sealed, so that the successor uses exactly the bytes that it has
+/// checked. Empty on failure.
 UniqueFd state_file(const display::HandoverState& state) {
   UniqueFd file(memfd_create(kStateName, MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!file) return {};
@@ -29,7 +30,8 @@ UniqueFd state_file(const display::HandoverState& state) {
 }
 
 std::optional<display::HandoverState> read_state(int file) {
-  std::array<uint8_t, sizeof(display::HandoverState) + 1> bytes{};  // one more: too long is wrong
+  std::array<uint8_t, sizeof(display::HandoverState) + 1>
+      bytes{};  // one extra byte detects a file that is too long
   const ssize_t size = pread(file, bytes.data(), bytes.size(), 0);
   if (size < 0) return std::nullopt;
   return display::parse_handover(std::span(bytes.data(), static_cast<size_t>(size)));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lit panel in the service manager's hands: a player that dies leaves its last frame on the
-// glass, and the next one goes on in the same buffers.
+// keep_output stores the active output in the service manager's fd store: the last frame of a
+// player that dies stays displayed, and the next player continues in the same buffers.
 #pragma once
 
 #include <memory>
@@ -11,12 +11,12 @@
 
 namespace lenticule::player {
 
-/// Gives the manager the card and what a successor must know about it.
+/// Stores a descriptor of the card and the state that a successor needs.
 void keep_output(const ServiceManager& manager, const display::KmsDisplay& display);
 void forget_output(const ServiceManager& manager);
 
-/// What a player before us left; null if nothing, or nothing that makes sense. Other descriptors
-/// are closed.
+/// Returns the output that a previous player left; null if there is none or its state is not valid.
+/// Closes the other descriptors.
 [[nodiscard]] std::shared_ptr<display::InheritedOutput> kept_output(
     std::vector<KeptDescriptor> descriptors);
 

@@ -40,7 +40,7 @@ class TerminalKeys final : public KeyInput {
   [[nodiscard]] bool is_person() const override { return true; }
 
  private:
-  /// A terminal that hung up is the end.
+  /// Reads the available bytes; a terminal that hung up counts as the end.
   ssize_t read_some(std::array<char, 256>& bytes) {
     pollfd ready{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
     if (poll(&ready, 1, 0) <= 0) return 0;
@@ -56,7 +56,8 @@ class TerminalKeys final : public KeyInput {
   bool ended_ = false;
 };
 
-/// Equal arrows in a row come together, as they do from a key that is held down.
+/// ScriptKeys plays back a script. Repeated equal arrows are delivered together, like those of a
+/// key that is held down.
 class ScriptKeys final : public KeyInput {
  public:
   explicit ScriptKeys(std::vector<KeyPress> presses) : presses_(std::move(presses)) {}
@@ -80,7 +81,7 @@ class ScriptKeys final : public KeyInput {
   size_t next_ = 0;
 };
 
-/// All of standard input, unless an interrupt comes first.
+/// Reads all of standard input, or up to an interrupt.
 std::string read_standard_input() {
   std::string text;
   std::array<char, 4096> bytes{};

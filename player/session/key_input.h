@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where keys come from: a person at a terminal, or a script that says what a person would press.
+// KeyInput delivers key presses from a person at a terminal or from a script that simulates one.
 #pragma once
 
 #include <chrono>
@@ -11,26 +11,27 @@
 
 namespace lenticule::player {
 
-/// One thread.
+/// Thread safety: one thread.
 class KeyInput {
  public:
   virtual ~KeyInput() = default;
 
-  /// What was pressed since the last call, in order; waits for nothing.
+  /// Returns the keys pressed since the last call, in order; does not wait.
   [[nodiscard]] virtual std::vector<KeyPress> take() = 0;
-  /// No key will come any more.
+  /// Returns true if no more keys will come.
   [[nodiscard]] virtual bool at_end() const = 0;
-  /// Readable when there may be keys; -1 if there is no need to wait.
+  /// Returns a descriptor that is readable when there may be keys; -1 if there is no need to wait.
   [[nodiscard]] virtual int fd() const = 0;
-  /// Somebody looks at what is printed.
+  /// Returns true if a person reads the printed output.
   [[nodiscard]] virtual bool is_person() const = 0;
 };
 
-/// After so long an escape was the escape key and not the start of an arrow.
+/// Time after which an escape is the escape key and not the start of an arrow key.
 inline constexpr std::chrono::milliseconds kEscapePause{60};
 
-/// `script` names a file; empty: standard input, as keys if it is a terminal and as a script
-/// otherwise. Throws Error(Input) for a script that cannot be read, within 1 MiB.
+/// Opens the file named `script`; if empty, standard input, read as keys if it is a terminal and as
+/// a script otherwise. Throws Error(Input) for a script that cannot be read or is larger than 1
+/// MiB.
 [[nodiscard]] std::unique_ptr<KeyInput> open_key_input(const std::string& script);
 
 }  // namespace lenticule::player

@@ -12,10 +12,10 @@ namespace {
 using display::Nanoseconds;
 
 constexpr Nanoseconds kPatience = std::chrono::seconds(5);
-/// How long a display is left to itself before it is asked whether it heard something.
+/// Longest time between two checks for hotplug events.
 constexpr Nanoseconds kNap = std::chrono::milliseconds(500);
 
-/// The mode that the panel would choose itself; null if none can show a frame pixel for pixel.
+/// Returns the mode that the panel itself prefers; null if none can show a frame pixel for pixel.
 const display::ModeFacts* own_mode(const display::PanelFacts& panel) {
   const display::ModeFacts* best = nullptr;
   for (const display::ModeFacts& mode : panel.modes)
@@ -39,13 +39,14 @@ bool PanelCard::show(const display::PanelFacts& panel, const display::CardText& 
     }
     frame_ = std::move(frame);
     return true;
-  } catch (const Error&) {  // busy, forbidden, gone: whoever waits looks again
+  } catch (const Error&) {  // Busy, forbidden or gone: the caller tries again.
     close();
     return false;
   }
 }
 
-/// Another panel on the same connector may have the same size, and other timings.
+/// Compares mode and identity too: another panel on the same connector may have the same size with
+/// other timings.
 bool PanelCard::shows_on(const display::PanelFacts& panel, const frames::FrameGeometry& geometry,
                          frames::Rate refresh) const {
   return display_ && connector_ == panel.connector && display_->mode().geometry == geometry &&

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A test card on a panel that is not the one wanted, in that panel's own mode.
+// PanelCard shows a test card on a panel that is not the requested one, in that panel's own mode.
 #pragma once
 
 #include <cstdint>
@@ -12,21 +12,23 @@
 
 namespace lenticule::player {
 
-/// One thread. Takes the card that the panel hangs on, and gives it back with close().
+/// Opens the graphics card that drives the panel; close() closes it again. Thread safety: one
+/// thread.
 class PanelCard {
  public:
-  /// `services` are the clock, session and platform, and what becomes of the panel afterwards.
+  /// `services` supplies the clock, session and platform, and the exit policy for the panel.
   explicit PanelCard(const display::KmsOptions& services) : services_(services) {}
 
-  /// Shows it there, unless it does already. False if the panel cannot show anything.
+  /// Shows the card on `panel`, unless it is shown there already. Returns false if the panel cannot
+  /// show it.
   bool show(const display::PanelFacts& panel, const display::CardText& text);
   void close() noexcept;
 
-  /// Lets the display work until `deadline`, or until `wake_fd` (or -1) is readable. True, and
-  /// earlier, if something was heard of any panel.
+  /// Runs the display until `deadline`, or until `wake_fd` (or -1) is readable. Returns true, and
+  /// earlier, after a hotplug event of any panel.
   [[nodiscard]] bool wait(display::Nanoseconds deadline, int wake_fd);
 
-  /// Null while no card is shown.
+  /// Returns the display; null while no card is shown.
   [[nodiscard]] const display::KmsDisplay* display() const { return display_.get(); }
 
  private:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cards, panels and exactness reports as JSON, for `panels`, `doctor` and the player's statistics.
+// Converts cards, panels and exactness reports to JSON for `panels`, `doctor` and the player's
+// statistics.
 #pragma once
 
 #include <nlohmann/json.hpp>

@@ -15,13 +15,13 @@ using display::Nanoseconds;
 using display::PanelSearch;
 
 constexpr Nanoseconds kForEver = Nanoseconds::max();
-/// Between two looks, each of which asks every panel.
+/// Time between two attempts, each of which probes every panel.
 constexpr Nanoseconds kRound = std::chrono::seconds(1);
-/// A panel that wakes up may seem to be another one for so long.
+/// A panel that wakes up may appear to be another one for this long.
 constexpr Nanoseconds kCardAfter = std::chrono::seconds(2);
-/// While a card is shown, its display tells of changes; a look is only a precaution.
+/// While a card is shown, its display reports hotplug events; probing is only a precaution.
 constexpr int kRoundsPerLook = 10;
-/// A display that lasted so long was sound.
+/// A display that worked for this long counts as recovered.
 constexpr Nanoseconds kSound = std::chrono::seconds(10);
 
 display::KmsOptions with_services(display::KmsOptions options) {
@@ -30,10 +30,10 @@ display::KmsOptions with_services(display::KmsOptions options) {
   return options;
 }
 
-/// Whoever would hold the last frame for a successor leaves no card behind.
+/// Returns options for a test card: a card is not left on the panel for a successor.
 display::KmsOptions for_cards(display::KmsOptions options) {
   if (options.exit == display::ExitPolicy::Hold) options.exit = display::ExitPolicy::Black;
-  options.allow_inexact = true;  // words can be read all the same
+  options.allow_inexact = true;  // text is readable even if colours are inexact
   return options;
 }
 
@@ -46,7 +46,7 @@ Nanoseconds later(Nanoseconds now, std::optional<Nanoseconds> duration) {
   return duration && *duration < kForEver - now ? now + *duration : kForEver;
 }
 
-/// There is a panel to write on, and the trouble lies with it.
+/// Returns true if the requested panel is missing and another one can show the card.
 bool deserves_a_card(const PanelSearch& search) {
   return !search.found && !search.present.empty();
 }
@@ -77,7 +77,8 @@ std::unique_ptr<display::KmsDisplay> PanelWait::open(const std::function<void()>
   try_until(
       later(now(), options_.at_start),
       [&] {
-        // Taken first: what was left is used once, whatever comes of it.
+        // Cleared before the attempt, because an inherited output can be used only once, successful
+        // or not.
         display::KmsOptions options = options_.kms;
         options_.kms.inherited.reset();
         opened = display::open_kms_display(options);
@@ -108,8 +109,8 @@ Comeback PanelWait::bring_back(display::KmsDisplay& display, const LostDisplay& 
   return Comeback::Back;
 }
 
-/// Tries at once, and then whenever the panel that is wanted seems to be there. No card stays when
-/// it leaves.
+/// Tries at once, and then whenever the requested panel seems to be connected. Removes the card
+/// when it returns.
 void PanelWait::try_until(Nanoseconds give_up, const Attempt& attempt,
                           const std::function<void()>& meanwhile) {
   const CardOff card_off(card_);
@@ -145,7 +146,7 @@ bool PanelWait::succeeds(const Attempt& attempt) {
   } catch (const Error& error) {
     refusal_ = error;
     if (options_.let_go) options_.let_go();
-    // The panel is there and the driver alters pictures: waiting changes nothing.
+    // The panel is connected and the driver alters pixel values; waiting would not help.
     if (error.kind() == ErrorKind::Quality) throw;
     return false;
   }
@@ -157,7 +158,7 @@ void PanelWait::show_card(const PanelSearch& search) {
   (void)card_.show(panel, wrong_panel_card(options_.kms.wish, search, panel, options_.rig));
 }
 
-/// Throws when cancelled.
+/// Throws Error(Device) when cancelled.
 bool PanelWait::rest(Nanoseconds duration) {
   const Nanoseconds until = now() + duration;
   bool news = false;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a player comes by its panel, at the start and whenever the display is lost: it tries, and
-// tries again as long as it may. A panel that is there instead shows a test card meanwhile.
+// PanelWait opens the player's panel at the start, and again whenever the display is lost. It
+// retries until its timeout. Meanwhile another connected panel shows a test card.
 #pragma once
 
 #include <functional>
@@ -16,46 +16,48 @@
 
 namespace lenticule::player {
 
-/// A round of waiting.
+/// The state after one attempt.
 struct PanelWaiting {
-  /// What keeps the panel from being opened.
+  /// The reason why the panel could not be opened.
   const Error& reason;
-  /// The panel that is wanted is not there. Otherwise it is, and cannot be opened.
+  /// True if the requested panel is not connected; false if it is connected and cannot be opened.
   bool panel_missing = false;
   bool card_shown = false;
 };
 
 struct PanelWaitOptions {
-  /// Whatever is null of clock and session is made. `inherited` is used once.
+  /// A clock or session that is null is created. `inherited` is used once.
   display::KmsOptions kms;
-  /// How long, at the start and after a loss; none = for ever, zero = not at all.
+  /// Timeouts at the start and after a loss; none = wait forever, zero = do not wait.
   std::optional<display::Nanoseconds> at_start;
   std::optional<display::Nanoseconds> after_loss;
-  /// Of the rig's file, for the card.
+  /// Name of the rig's file, for the card.
   std::string rig;
   /// Readable = stop waiting; -1 = never.
   int cancel_fd = -1;
-  /// After every round, about once a second; null = nobody wants to know.
+  /// Called after every attempt, about once a second; may be null.
   std::function<void(const PanelWaiting&)> tell = nullptr;
-  /// Whatever others hold of the display is void: they would stay master of its card.
+  /// Called before the card is reopened: must release every copy of its descriptor (systemd's fd
+  /// store), since a holder would stay DRM master.
   std::function<void()> let_go = nullptr;
 };
 
-/// One thread, which uses no display that it has handed out.
+/// Thread safety: one thread, which does not use a display returned by open() while waiting.
 class PanelWait {
  public:
   explicit PanelWait(PanelWaitOptions options);
 
-  /// Throws Error as open_kms_display() does when the time is up, and Error(Device) when it is
-  /// cancelled. Without waiting it tries once. `meanwhile` is called after every round.
+  /// Opens the panel. Throws Error as open_kms_display() does when the timeout expires, and
+  /// Error(Device) when cancelled. With a zero timeout it tries once. `meanwhile` is called after
+  /// every attempt.
   [[nodiscard]] std::unique_ptr<display::KmsDisplay> open(
       const std::function<void()>& meanwhile = nullptr);
 
-  /// For PlaybackOptions::bring_back, with a display that open() returned. A display that is lost
-  /// again right after it came back has no more time than it had the first time.
+  /// Reconnects a display that open() returned; for PlaybackOptions::bring_back. A display that is
+  /// lost again right after it came back shares the timeout of the first loss.
   [[nodiscard]] Comeback bring_back(display::KmsDisplay& display, const LostDisplay& lost);
 
-  /// Why the last bring_back() gave up.
+  /// Returns the reason why the last bring_back() gave up.
   [[nodiscard]] const std::optional<Error>& refusal() const { return refusal_; }
 
  private:
@@ -65,7 +67,7 @@ class PanelWait {
                  const std::function<void()>& meanwhile);
   [[nodiscard]] bool succeeds(const Attempt& attempt);
   void show_card(const display::PanelSearch& search);
-  /// True if there is news of panels.
+  /// Waits. Returns true after a hotplug event.
   bool rest(display::Nanoseconds duration);
   [[nodiscard]] display::Nanoseconds now() const { return options_.kms.clock->now(); }
   [[nodiscard]] bool cancelled() const;

@@ -20,11 +20,11 @@ namespace {
 
 using display::Nanoseconds;
 
-constexpr auto kLongestPriming = std::chrono::hours(24);  // with --wait forever
-/// A cable that came loose is back by then.
+constexpr auto kLongestPriming = std::chrono::hours(24);  // used with --wait forever
+/// Long enough to plug a loose cable back in.
 constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
 
-/// Test cards and numbered views are looked at.
+/// Returns the loops. Test cards and numbered views loop forever by default.
 uint64_t parse_loops(const PlayFlags& flags) {
   const bool is_looked_at = flags.source == kCardSource || flags.source == kViewsSource;
   if (flags.loop.empty()) return flags.duration_s || is_looked_at ? kForever : 1;
@@ -37,7 +37,7 @@ uint64_t parse_loops(const PlayFlags& flags) {
               "write a number from 1 on, or forever");
 }
 
-/// None = forever.
+/// Parses a timeout; none = forever.
 std::optional<std::chrono::nanoseconds> parse_wait(const char* flag, const std::string& text,
                                                    uint32_t least) {
   if (text == "forever") return std::nullopt;
@@ -55,7 +55,7 @@ display::ExitPolicy exit_policy(const std::string& on_exit, bool service) {
   return display::ExitPolicy::Restore;
 }
 
-/// What a KMS display needs to know beside its name.
+/// Returns the options of a KMS display other than its name.
 display::KmsOptions kms_options(const PlayFlags& flags, const optics::Rig& rig, bool service) {
   if (!flags.record.empty())
     throw Error(ErrorKind::Usage, "--record: a graphics card does not tell what it showed",
@@ -80,7 +80,8 @@ void plan_waiting(const PlayFlags& flags, bool service, PlayPlan& plan) {
   }
 }
 
-/// Three may be open at once: what is played, what comes next, what is still on the glass.
+/// Returns the slots of one source. Three sources may be open at once: the playing one, the next
+/// one, and the one whose last frame is still displayed.
 int slots_of(const PlayFlags& flags, frames::FrameGeometry panel) {
   if (!flags.memory_mib) return flags.slots;
   const auto bytes = static_cast<uint64_t>(*flags.memory_mib) << 20;
@@ -101,7 +102,7 @@ void plan_control(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
 }
 
-/// How views lie is said of one source; a list's items say it by their names.
+/// Sets how views are laid out in a single source; items of a list state that in their names.
 void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   const bool no_file = flags.source == kCardSource || flags.source == kViewsSource ||
                        flags.source.starts_with(kRingSource);
@@ -109,7 +110,7 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: flags that say how views lie are for one file", flags.source),
                 "items of a list say it by their names or sidecars: docs/content.md");
-  (void)weave_options(flags.weaving);  // throws early
+  (void)weave_options(flags.weaving);  // called early for its errors
   plan.source.content = flags.content;
   plan.source.content_of = flags.source;
   plan.source.weaving = flags.weaving;
@@ -136,7 +137,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.playback.late = parse_late_policy(flags.late);
   plan.playback.stall_timeout = parse_wait("--wait", flags.wait, 1);
   plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
-  if (flags.prime)  // who asks for so many frames means to wait for them
+  if (flags.prime)  // a user who sets --prime wants to wait until that many frames are ready
     plan.playback.prime_timeout = plan.playback.stall_timeout.value_or(kLongestPriming);
   plan.playback.started = flags.started;
   plan.playback.source_name = flags.source;

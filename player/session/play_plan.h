@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flags of `lenticule play`, and what they mean before anything is opened.
+// PlayFlags holds the flags of `lenticule play`; make_plan checks them and turns them into a
+// PlayPlan before any source or display is opened.
 #pragma once
 
 #include <sys/types.h>
@@ -17,12 +18,12 @@
 
 namespace lenticule::player {
 
-/// As given on the command line.
+/// The values given on the command line.
 struct PlayFlags {
   std::string source;
   std::string rig;
   std::string display = "virtual";
-  bool display_named = false;  ///< on the command line
+  bool display_named = false;  ///< --display was given
   std::string clock = "real";
   std::string fps;
   std::string loop;
@@ -50,8 +51,8 @@ struct PlayFlags {
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
 };
 
-/// Says in one line that nobody will see the virtual display where no display was named. Throws
-/// Error(Usage) where a panel was meant: for a service, and with flags that are about panels.
+/// Prints one line if no display was named, because the virtual display shows nothing. Throws
+/// Error(Usage) if a panel was clearly intended: for a service, and with flags that concern panels.
 void check_display_choice(const PlayFlags& flags, bool service);
 
 struct PlayPlan {
@@ -60,18 +61,19 @@ struct PlayPlan {
   SourceRequest source;
   display::DisplayRequest display;
   PlaybackOptions playback;
-  /// How long to wait for a panel; none = for ever.
+  /// Timeouts for the panel; none = wait forever.
   std::optional<display::Nanoseconds> panel_at_start;
   std::optional<display::Nanoseconds> panel_after_loss;
   std::optional<double> duration_s;
   std::optional<gid_t> control_group;
 };
 
-/// Reads the rig. `service`: a service manager started us, and what was not said is chosen for a
-/// kiosk. Throws Error(Usage) for flags that make no sense, Error(Input) for the rig.
+/// Reads the rig and makes the plan. `service` is true if a service manager started this process:
+/// flags that were not given then have defaults for a kiosk. Throws Error(Usage) for invalid flags,
+/// Error(Input) for the rig.
 [[nodiscard]] PlayPlan make_plan(const PlayFlags& flags, bool service);
 
-/// Whole vblanks within the duration, at least one; none without a duration.
+/// Returns the number of whole vblanks within the duration, at least one; none without a duration.
 [[nodiscard]] std::optional<uint64_t> vblanks_of(std::optional<double> duration_s,
                                                  frames::Rate refresh);
 

@@ -23,9 +23,9 @@ namespace {
 
 using display::Nanoseconds;
 
-/// How long a test card is shown before its source is tried again.
+/// Time that a test card is shown before its source is tried again.
 constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
-/// The same for a source that seems to end the player.
+/// The same for a source that seems to crash the player.
 constexpr Nanoseconds kTryDangerousSource = std::chrono::seconds(60);
 
 std::string progress_note(const PlayReport& report) {
@@ -33,7 +33,7 @@ std::string progress_note(const PlayReport& report) {
                      report.pace.missed, report.pace.dropped);
 }
 
-/// 0 = nobody knows.
+/// Returns the number of frames to show; 0 = unknown.
 uint64_t frames_to_show(const frames::FrameSource& source, uint64_t loops) {
   return source.frame_count().value_or(0) * loops;
 }
@@ -43,7 +43,7 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
   return std::max<uint64_t>(1, static_cast<uint64_t>(seconds * refresh.hertz()));
 }
 
-/// Frames that somebody else wove cannot be woven again here.
+/// Frames that another process wove cannot be woven again here.
 std::string trim_advice(const SourceRequest& source) {
   if (source.text == kViewsSource || is_woven_here(source)) return {};
   return "these frames were woven before this trim "
@@ -74,7 +74,7 @@ PlayRun::PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& ma
   plan_.playback.real_time_priority = false;
 }
 
-/// Nobody steers a source that is about to go.
+/// Detaches the control socket's commands from the source before the source is destroyed.
 PlayRun::~PlayRun() {
   if (steered_) steered_->let_go();
 }
@@ -102,16 +102,16 @@ ExitCode PlayRun::run() {
   return conclude(result);
 }
 
-// --- the display ----------------------------------------------------------------------------
+// --- display --------------------------------------------------------------------------------
 
-/// Opens the display, taking over what a player before us left there.
+/// Opens the display, taking over the output that a previous player left.
 void PlayRun::open_display() {
   std::vector<KeptDescriptor> kept = take_kept_descriptors();
   kept_ = !kept.empty();
   plan_.display.kms.inherited = kept_output(std::move(kept));
   manager_.status("opening " + plan_.display.spec);
   const bool is_panel = display::is_kms_spec(plan_.display.spec);
-  // While the manager has the card open, nobody else can be its master.
+  // While the service manager holds the card open, no other process can become its DRM master.
   if (!is_panel || !plan_.display.kms.inherited) let_go();
   if (is_panel)
     open_panel();
@@ -146,8 +146,8 @@ void PlayRun::let_go() {
   if (std::exchange(kept_, false)) forget_output(manager_);
 }
 
-/// Pings only where there is nothing to show on: a panel that is there and cannot be used is not in
-/// order, and another process may have better luck.
+/// Pings the watchdog only while no usable panel is connected. A connected panel that cannot be
+/// opened is an error, so the watchdog is left to restart the service.
 void PlayRun::tell_waiting(const PanelWaiting& waiting) {
   const std::string why = waiting.reason.what();
   steered_->tell_state("waiting for the panel");
@@ -178,9 +178,10 @@ Comeback PlayRun::bring_back(const LostDisplay& lost) {
   return comeback;
 }
 
-// --- playing --------------------------------------------------------------------------------
+// --- playback -------------------------------------------------------------------------------
 
-/// With care, what cannot be opened is trouble, not the end.
+/// Opens the source. In safe mode a source that cannot be opened is shown as an error on a card
+/// instead of ending the run.
 void PlayRun::open_the_source() {
   try {
     steered_->open(opened_);
@@ -196,7 +197,8 @@ std::optional<uint64_t> PlayRun::vblanks_left() const {
   return whole_vblanks(*end_ - display_->now(), display_->mode().refresh);
 }
 
-/// What was asked for in whole vblanks is over up to one of them early.
+/// Returns true if the requested time is over. A duration in whole vblanks may end up to one vblank
+/// early.
 bool PlayRun::time_is_over() const {
   if (!end_) return false;
   const std::chrono::duration<double> vblank(1.0 / display_->mode().refresh.hertz());
@@ -205,7 +207,7 @@ bool PlayRun::time_is_over() const {
 
 PlayResult PlayRun::play_source() {
   PlaybackOptions options = plan_.playback;
-  // Counted from the first picture; with care, several things share the time.
+  // Counted from the first frame; in safe mode, several playbacks share the time.
   options.vblanks =
       safe_.on ? vblanks_left() : vblanks_of(plan_.duration_s, display_->mode().refresh);
   steered_->prepare(options, display_->mode().refresh);
@@ -245,7 +247,8 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
   return result;
 }
 
-/// With care, the source is tried again after its test card, and a source that broke gets one.
+/// Returns true if playback continues. In safe mode the source is tried again after its test card,
+/// and a source that failed is replaced by a card.
 bool PlayRun::goes_on_after(const PlayResult& result) {
   const bool ended_by_others =
       result.outcome == PlayOutcome::Stopped || result.outcome == PlayOutcome::DisplayLost;
@@ -261,9 +264,9 @@ bool PlayRun::goes_on_after(const PlayResult& result) {
   return true;
 }
 
-// --- files beside the film ------------------------------------------------------------------
+// --- output files ---------------------------------------------------------------------------
 
-/// About once a second.
+/// Called about once a second.
 void PlayRun::look_after_files() {
   if (take_reload_request()) reload();
   if (plan_.trim) plan_.trim->save_again();
@@ -281,7 +284,7 @@ std::vector<PlayRun::WrittenFile> PlayRun::written_files() {
   return files;
 }
 
-/// Once for each that begins to fail, and when it works again.
+/// Reports each file once when writing begins to fail, and once when it works again.
 void PlayRun::tell_write_trouble() {
   std::string all;
   for (const WrittenFile& file : written_files()) {
@@ -322,9 +325,9 @@ void PlayRun::reload() {
   if (plan_.trim) plan_.trim->writes().try_at_once();
 }
 
-// --- telling --------------------------------------------------------------------------------
+// --- reports --------------------------------------------------------------------------------
 
-/// The report, and what a graphics card and a careful start add to it.
+/// Returns the report with the figures of the graphics card and of safe mode.
 nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const {
   nlohmann::ordered_json json = to_json(report);
   if (kms_ != nullptr) {
@@ -361,7 +364,7 @@ PlayReport PlayRun::nothing_yet(const char* outcome) const {
   return report;
 }
 
-/// When it has become another.
+/// Reports the exactness when it has changed.
 void PlayRun::tell_exactness() {
   if (kms_ == nullptr) return;
   const std::string exactness = kms_->exactness().summary();
@@ -369,7 +372,7 @@ void PlayRun::tell_exactness() {
     say("{}: now {}\n", display_->mode().name, exactness);
 }
 
-/// Once, for people and the journal.
+/// Prints the start message once, for people and the journal.
 void PlayRun::announce() {
   if (kms_ != nullptr) told_exactness_ = kms_->exactness().summary();
   if (kms_ != nullptr)
@@ -379,7 +382,7 @@ void PlayRun::announce() {
     say("playing {} on {}: waiting for a renderer\n", flags_.source, display_->mode().name);
 }
 
-// --- the end --------------------------------------------------------------------------------
+// --- end ------------------------------------------------------------------------------------
 
 ExitCode PlayRun::conclude(const PlayResult& result) {
   nlohmann::ordered_json statistics = statistics_json(result.report);

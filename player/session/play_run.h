@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// One run of `lenticule play`, from the plan to the exit code: opens source and display, plays,
-// waits for a panel that is lost, tells whoever wants to know.
+// PlayRun is one run of `lenticule play` from the plan to the exit code: it opens source and
+// display, plays, reconnects a lost panel, and reports to the user, the service manager and control
+// clients.
 #pragma once
 
 #include <memory>
@@ -25,18 +26,18 @@
 
 namespace lenticule::player {
 
-/// Starting with care, after starts that failed or because somebody asked for it: nothing is taken
-/// over from a player before, no real-time priority, and what cannot be played becomes a test card
-/// with the reason until it can.
+/// Safe mode, after failed starts or on request: takes over no previous output, requests no
+/// real-time priority, and shows a test card with the reason while the source cannot be played.
 struct SafeStart {
   bool on = false;
-  /// The source is not even tried at first: it may be what ends every player.
+  /// Shows the card before the source is tried at all, because the source may be the cause of the
+  /// crashes.
   bool card_first = false;
   int failures = 0;
   std::string last_reason{};
 };
 
-/// One thread.
+/// Thread safety: one thread.
 class PlayRun {
  public:
   PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& manager, SafeStart safe);
@@ -45,18 +46,18 @@ class PlayRun {
   PlayRun(const PlayRun&) = delete;
   PlayRun& operator=(const PlayRun&) = delete;
 
-  /// Once. Throws Error for what ends the run.
+  /// Runs once. Throws Error for a failure that ends the run.
   ExitCode run();
 
  private:
-  // The display.
+  // Display.
   void open_display();
   void open_panel();
   [[nodiscard]] Comeback bring_back(const LostDisplay& lost);
   void tell_waiting(const PanelWaiting& waiting);
   void let_go();
 
-  // Playing.
+  // Playback.
   void open_the_source();
   [[nodiscard]] PlayResult play_source();
   [[nodiscard]] PlayResult play_card();
@@ -65,7 +66,7 @@ class PlayRun {
   [[nodiscard]] std::optional<uint64_t> vblanks_left() const;
   [[nodiscard]] bool time_is_over() const;
 
-  // Files beside the film.
+  // Output files beside the video.
   struct WrittenFile {
     std::string name;
     WriteState state;
@@ -76,14 +77,14 @@ class PlayRun {
   void follow_rig();
   void reload();
 
-  // Telling.
+  // Reports.
   void tell_exactness();
   void announce();
   void write_stats(nlohmann::ordered_json statistics);
   [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
   [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
 
-  // The end.
+  // End of the run.
   [[nodiscard]] nlohmann::ordered_json finish_recording();
   void finish_statistics(const nlohmann::ordered_json& statistics);
   [[nodiscard]] ExitCode conclude(const PlayResult& result);
@@ -98,25 +99,25 @@ class PlayRun {
   const SafeStart safe_;
 
   std::optional<SteeredPlay> steered_;
-  OpenedSource opened_;             ///< goes before what steers it
-  std::optional<Error> trouble_;    ///< of a safe start: why the source is not played
-  display::Nanoseconds card_time_;  ///< before it is tried again
+  OpenedSource opened_;             ///< destroyed before steered_, which controls it
+  std::optional<Error> trouble_;    ///< safe mode: why the source is not played
+  display::Nanoseconds card_time_;  ///< display time of the card before the source is tried again
   std::optional<PanelWait> panel_;
   std::unique_ptr<display::Display> display_;
-  display::KmsDisplay* kms_ = nullptr;  ///< display_, if it is one
+  display::KmsDisplay* kms_ = nullptr;  ///< display_, if it is a KMS display
   std::optional<PlayService> service_;
-  std::optional<display::Nanoseconds> end_;  ///< of the time asked for, display clock
-  bool kept_ = false;                        ///< the manager has a copy of the card
+  std::optional<display::Nanoseconds> end_;  ///< end of the requested time, display clock
+  bool kept_ = false;  ///< the service manager holds a copy of the card's descriptor
   std::optional<TrimKeys> trim_keys_;
   std::optional<StatisticsFile> stats_file_;
-  std::set<std::string> cannot_write_;  ///< names of files of which it was said
+  std::set<std::string> cannot_write_;  ///< files already reported as not writable
   std::string rig_trouble_;
   uint64_t rig_version_ = 1;
-  /// What is not whole at the end although it was asked for.
+  /// The first output that is incomplete at the end.
   std::optional<Error> output_trouble_;
   std::string told_exactness_;
-  std::string told_;  ///< why it waits, said once
-  PlayReport lost_;   ///< while a panel is waited for
+  std::string told_;  ///< the reported reason for waiting; each is reported once
+  PlayReport lost_;   ///< the report while waiting for a panel
 };
 
 }  // namespace lenticule::player

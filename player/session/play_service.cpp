@@ -59,7 +59,8 @@ void PlayService::report(const PlayReport& report) {
   }
 
   if (!manager_.watchdog()) return;
-  // Often enough to be in time, seldom enough that a display in trouble shows it in between.
+  // Often enough for the watchdog, and rarely enough that a failing display is noticed between two
+  // pings.
   const auto now = std::chrono::steady_clock::now();
   if (now - last_beat_ < *manager_.watchdog() * 2 / 5) return;
   last_beat_ = now;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A playback as a service: ready with the first picture, a status line for people, a watchdog that
-// is pinged only while pictures come, and the lit panel kept for the next player.
+// PlayService reports a playback to systemd: ready with the first frame, a status line for people,
+// watchdog pings only while frames are displayed, and the active output kept for the next player.
 #pragma once
 
 #include <chrono>
@@ -16,23 +16,25 @@ namespace lenticule::player {
 
 [[nodiscard]] Pulse pulse_of(const PlayReport& report, const display::KmsStatistics* kms);
 
-/// "EXACT yes; 600 frames shown, 0 underruns, 0 missed vblanks, panel showing; DP-1 on ..."
+/// Returns "EXACT yes; 600 frames shown, 0 underruns, 0 missed vblanks, panel showing; DP-1 on
+/// ...".
 [[nodiscard]] std::string status_text(const PlayReport& report, const display::KmsStatistics* kms,
                                       const display::ExactnessReport* exactness);
 
-/// One thread. Does nothing where there is no service manager.
+/// Does nothing if there is no service manager. Thread safety: one thread.
 class PlayService {
  public:
-  /// `display` is null unless it is a KMS display; it must live as long as reports come.
+  /// `display` is null unless it is a KMS display. Lifetime: it must stay valid until the last
+  /// report.
   PlayService(const ServiceManager& manager, const display::KmsDisplay* display);
 
-  /// About once a second while it plays.
+  /// Call about once a second while playing.
   void report(const PlayReport& report);
-  /// The display came back: the manager is given what it is now.
+  /// Stores the output again after the display came back.
   void keep_again();
-  /// What is wrong although something is shown, for the status line; empty = nothing.
+  /// Sets an error that replaces normal playback, for the status line; empty = none.
   void set_trouble(const std::string& trouble) { trouble_ = trouble; }
-  /// What is wrong beside the picture, for the end of the status line; empty = nothing.
+  /// Sets a warning that does not affect the picture, for the end of the status line; empty = none.
   void set_warning(const std::string& warning) { warning_ = warning; }
 
  private:

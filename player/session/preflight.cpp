@@ -17,11 +17,12 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// Of reading, for each item.
+/// Longest reading time for each item.
 constexpr auto kLongest = std::chrono::seconds(5);
 constexpr frames::Rate kStills{4, 1};
 
-/// Without opening it: a panel's mode is not known yet, and is taken for the usual one.
+/// Returns the refresh rate without opening the display. A panel's mode is not known yet, so the
+/// usual rate is assumed.
 frames::Rate refresh_of(const std::string& display) {
   return display::is_kms_spec(display) ? frames::Rate{60, 1}
                                        : display::parse_virtual_spec(display).refresh;
@@ -39,7 +40,7 @@ ordered_json examine(const PlaylistItem& item, const PlayFlags& flags, const Pla
   ordered_json row = {
       {"source", item.source}, {"figures", nullptr}, {"problems", ordered_json::array()}};
   const bool is_ring = item.source.starts_with("ring:");
-  if (is_ring) return row;  // it comes from a renderer, which sends when it likes
+  if (is_ring) return row;  // a ring's renderer determines its own pace
   try {
     OpenedSource opened = item_opener(plan.source)(item, 0);
     const frames::FrameGeometry size = opened.source->geometry();

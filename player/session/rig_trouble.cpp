@@ -16,7 +16,7 @@ using display::Nanoseconds;
 
 constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
 
-/// Whatever panel the name of the display may mean.
+/// Returns options that accept any panel that the display's name allows.
 display::KmsOptions any_panel(const std::string& spec, display::KmsOptions options) {
   options.wish.key = display::parse_kms_spec(spec);
   options.wish.policy = display::IdentityPolicy::Ignore;
@@ -35,7 +35,7 @@ class TroubleOnAnyPanel {
     const display::PanelSearch search = search_panel(options_, card_.display());
     if (search.present.empty() || !card_.show(search.present.front(), text)) card_.close();
   }
-  /// Until it is time to try again, or interrupted.
+  /// Waits until the next attempt is due, or until interrupted.
   void wait() {
     const Nanoseconds until = options_.clock->now() + kTryAgain;
     if (card_.display() != nullptr)

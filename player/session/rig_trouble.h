@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A careful start whose rig cannot be read: nobody knows the panel's size, but there is a panel to
-// say so on.
+// Handles a safe start whose rig cannot be read: the panel's size is unknown, and the error is
+// shown on the panel that is connected.
 #pragma once
 
 #include <optional>
@@ -10,9 +10,10 @@
 
 namespace lenticule::player {
 
-/// As make_plan(). Where a panel would be played on, a rig that is missing or broken is no Error:
-/// its test card stays on the panel that is there until the rig can be read. None when interrupted.
-/// `services` are the clock, session and platform for that, the real ones where they are null.
+/// Makes the plan as make_plan() does. If the display is a panel, a missing or broken rig does not
+/// throw: its test card stays on the connected panel until the rig can be read. None when
+/// interrupted. `services` supplies the clock, session and platform; the real ones are used where
+/// they are null.
 [[nodiscard]] std::optional<PlayPlan> plan_when_rig_is_right(
     const PlayFlags& flags, const ServiceManager& manager,
     const display::KmsOptions& services = {});

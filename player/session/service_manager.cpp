@@ -22,7 +22,7 @@ void ServiceManager::tell(const std::string& text) const noexcept {
   if (present_) (void)sd_notify(0, text.c_str());
 }
 
-// A message is lines KEY=value: escaped, a text does not become a line of its own.
+// A message consists of lines KEY=value. Escaping keeps a text from adding a line.
 void ServiceManager::status(const std::string& text) const noexcept {
   tell("STATUS=" + escaped(text));
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// systemd as a service sees it: what we tell it, its watchdog, and the descriptors that it keeps
-// for whoever comes after us.
+// ServiceManager talks to systemd: notifications, watchdog, and the fd store that keeps descriptors
+// for the next process.
 #pragma once
 
 #include <chrono>
@@ -12,22 +12,22 @@
 
 namespace lenticule::player {
 
-/// What our predecessor asked to be kept.
+/// A descriptor that the previous process stored.
 struct KeptDescriptor {
   std::string name;
   UniqueFd fd;
 };
 
-/// Nothing here throws for what the manager does or does not: a player plays on without one. One
-/// thread at a time.
+/// No function throws if the manager does not respond: a player also plays without one. Thread
+/// safety: one thread at a time.
 class ServiceManager {
  public:
-  /// Whoever the environment names ($NOTIFY_SOCKET, $WATCHDOG_USEC).
+  /// Finds the manager by the environment ($NOTIFY_SOCKET, $WATCHDOG_USEC).
   ServiceManager();
 
-  /// False when this is no service; then everything below does nothing.
+  /// Returns false if this process is not a service; all functions below then do nothing.
   [[nodiscard]] bool present() const noexcept { return present_; }
-  /// Pings must come more often than that; none = nobody watches.
+  /// Returns the longest time between two pings; none = no watchdog.
   [[nodiscard]] std::optional<std::chrono::microseconds> watchdog() const noexcept {
     return watchdog_;
   }
@@ -37,7 +37,7 @@ class ServiceManager {
   void stopping(const std::string& text) const noexcept;
   void ping() const noexcept;
 
-  /// Keeps a copy of `fd` until the service is stopped for good, in place of what had that name.
+  /// Stores a copy of `fd` until the service is stopped, replacing the one of that name.
   void keep(const std::string& name, int fd) const noexcept;
   void forget(const std::string& name) const noexcept;
 
@@ -48,7 +48,8 @@ class ServiceManager {
   std::optional<std::chrono::microseconds> watchdog_;
 };
 
-/// Those handed to this process, and only once: the environment says nothing about them afterwards.
+/// Takes the descriptors that the manager passed to this process. Works once, because it clears
+/// them from the environment.
 [[nodiscard]] std::vector<KeptDescriptor> take_kept_descriptors();
 
 }  // namespace lenticule::player

@@ -36,12 +36,12 @@ StartHistory::StartHistory(const std::filesystem::path& folder, std::chrono::sec
   try {
     read(now);
   } catch (const std::exception&) {
-    before_.clear();  // none yet, or not readable
+    before_.clear();  // no file yet, or not readable
   }
   failed({});
 }
 
-/// "SECONDS REASON" per line; what is not that, too old or in the future is left out.
+/// Parses "SECONDS REASON" per line; skips lines that are malformed, too old or in the future.
 void StartHistory::read(std::chrono::seconds now) {
   const std::vector<uint8_t> bytes = read_whole_file(file_, kMaxFileBytes);
   std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
@@ -73,7 +73,7 @@ void StartHistory::failed(const std::string& reason) noexcept {
     starts.push_back(this_);
     write(starts);
   } catch (const std::exception&) {
-    return;  // no memory for a note
+    return;  // no memory to record the reason
   }
 }
 
@@ -86,7 +86,7 @@ void StartHistory::write(const std::vector<Start>& starts) const noexcept {
     write_file_atomically(file_,
                           std::span(reinterpret_cast<const uint8_t*>(text.data()), text.size()));
   } catch (const std::exception&) {
-    return;  // a full or read-only disk keeps nobody from playing
+    return;  // a full or read-only disk must not prevent playing
   }
 }
 

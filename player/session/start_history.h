@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How often a service was started lately without ending well: a player that dies again and again
-// has to start more carefully.
+// StartHistory counts the recent starts of a service that did not end well. A player that keeps
+// dying then starts in safe mode.
 #pragma once
 
 #include <chrono>
@@ -10,23 +10,24 @@
 
 namespace lenticule::player {
 
-/// Starts further back than that are forgotten: long enough for five that a watchdog ended.
+/// Older starts are forgotten. Long enough for five starts that a watchdog ended.
 inline constexpr std::chrono::seconds kStartsRemembered{120};
 
-/// A small file in a folder that outlives the process but not the machine's run. A folder that
-/// cannot be written is no reason not to start: then nothing is remembered. One thread.
+/// Stores the starts in a small file, in a folder that outlives the process and not the machine's
+/// boot. A folder that cannot be written does not prevent a start; the history is then empty.
+/// Thread safety: one thread.
 class StartHistory {
  public:
-  /// Notes this start at once, so that one that ends in a crash is in it. `folder` empty = nothing
-  /// is remembered. `now` is of a clock that goes on over restarts.
+  /// Records this start at once, so that a start that crashes is included. `folder` empty = no
+  /// history. `now` is from a clock that continues over restarts of the process.
   StartHistory(const std::filesystem::path& folder, std::chrono::seconds now);
 
-  /// Starts before this one that did not end well.
+  /// Returns the number of starts before this one that did not end well.
   [[nodiscard]] int failures() const { return static_cast<int>(before_.size()); }
-  /// What the last of them said; empty if it could not say anything.
+  /// Returns the reason that the last of them recorded; empty if it could not record one.
   [[nodiscard]] std::string last_reason() const;
 
-  /// This start is not counted.
+  /// Removes this start from the history.
   void ended_well() noexcept;
   void failed(const std::string& reason) noexcept;
 
@@ -39,12 +40,12 @@ class StartHistory {
   void read(std::chrono::seconds now);
   void write(const std::vector<Start>& starts) const noexcept;
 
-  std::filesystem::path file_;  ///< empty = remember nothing
+  std::filesystem::path file_;  ///< empty = no history
   std::vector<Start> before_;
   Start this_;
 };
 
-/// Since the machine was started, suspended or not.
+/// Returns the time since the machine was started, including time suspended.
 [[nodiscard]] std::chrono::seconds time_since_boot();
 
 }  // namespace lenticule::player

@@ -13,14 +13,14 @@
 namespace lenticule::player {
 namespace {
 
-/// For a disk that hangs while the player ends.
+/// Timeout for a disk that hangs while the player ends.
 constexpr std::chrono::seconds kLastPatience{2};
-/// Whether a pause is over, or was cut short.
+/// Interval at which the end of a pause is checked.
 constexpr std::chrono::milliseconds kLook{100};
 
 }  // namespace
 
-/// What the thread has in common with its owner, who may be gone first.
+/// State shared by the thread and its owner; the owner may be destroyed first.
 struct StatisticsFile::Shared {
   explicit Shared(std::filesystem::path name) : file(std::move(name)) {}
 
@@ -29,9 +29,9 @@ struct StatisticsFile::Shared {
 
   const std::filesystem::path file;
   RetriedWrites writes;
-  std::mutex mutex;  ///< guards what follows
+  std::mutex mutex;  ///< guards the members below
   std::condition_variable changed;
-  std::optional<std::string> newest;  ///< not tried yet, or in vain
+  std::optional<std::string> newest;  ///< not tried yet, or failed
   bool ending = false;
   bool over = false;  ///< the thread has ended
 };
@@ -45,7 +45,8 @@ void StatisticsFile::Shared::write_to_disk(const std::string& text) noexcept {
   }
 }
 
-/// A text that comes during a pause after a failure waits for its end, and is the newest then.
+/// Writes the texts. A text that arrives during the pause after a failure is written when the pause
+/// ends, unless a newer one replaces it.
 void StatisticsFile::Shared::work() noexcept {
   std::unique_lock lock(mutex);
   while (true) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The file of --stats: replaced about every second by a thread of its own, so that no disk, full,
-// gone or hanging, is felt by those who play.
+// StatisticsFile is the file of --stats, replaced about every second by its own thread, so that a
+// full, missing or hanging disk cannot delay the playback threads.
 #pragma once
 
 #include <chrono>
@@ -12,20 +12,20 @@
 
 namespace lenticule::player {
 
-/// Keeps a file at the newest text that it was given. One thread.
+/// StatisticsFile keeps a file at the newest text that it was given. Thread safety: one thread.
 class StatisticsFile {
  public:
   /// Throws Error(Failed) for a file that can never be written (require_writable_place).
   explicit StatisticsFile(const std::filesystem::path& file);
-  /// Leaves a thread behind that a hanging disk keeps.
+  /// Leaves the thread running if a hanging disk blocks it.
   ~StatisticsFile();
   StatisticsFile(const StatisticsFile&) = delete;
   StatisticsFile& operator=(const StatisticsFile&) = delete;
 
-  /// Returns at once. A text that was not written yet is forgotten.
+  /// Returns at once. Replaces a text that is not written yet.
   void write(std::string text);
-  /// Waits until the newest text was tried, pauses between failures or not, for at most `patience`.
-  /// Empty if it is in the file, else why not.
+  /// Waits at most `patience` until the newest text was tried, without waiting for the pause after
+  /// a failure. Returns an empty string if the text is in the file, else the reason.
   [[nodiscard]] std::string finish(std::chrono::milliseconds patience);
   [[nodiscard]] WriteState state() const;
   void try_at_once();

@@ -23,12 +23,12 @@ bool folder_exists(const std::filesystem::path& file) {
   return std::filesystem::is_directory(file.has_parent_path() ? file.parent_path() : ".", error);
 }
 
-/// A file that is shown for ever may be replaced meanwhile.
+/// Returns true if the source is a file that is shown forever, which may be replaced meanwhile.
 bool is_followed(const PlayPlan& plan) {
   return plan.playback.loops == kForever && !marks_of_source(plan.source.text).empty();
 }
 
-/// As Ctrl-C would: every wait of the player listens to that.
+/// Ends the process as Ctrl-C would; every wait of the player reacts to the signal.
 void quit_in_good_order() {
   (void)::kill(::getpid(), SIGTERM);
 }
@@ -76,7 +76,7 @@ SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std
       .read_playlist =
           [this](const std::string& source) {
             Playlist list = read_playlist(source, flags_, plan_);
-            // Who steers says himself when there has been enough of it.
+            // Sources loaded over the control socket loop until the next command.
             const bool for_ever = flags_.loop.empty() && !is_playlist_file(source);
             if (for_ever) list.items.front().loops = kForever;
             return list;
@@ -87,7 +87,7 @@ SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std
   listen();
 }
 
-/// A disk that is full keeps nobody from playing: the socket is tried again.
+/// Opens the control socket. A full disk must not prevent playing, so a failure is retried.
 void SteeredPlay::listen() {
   try {
     server_ = std::make_unique<ControlServer>(
@@ -138,7 +138,7 @@ void SteeredPlay::open(OpenedSource& opened) {
 void SteeredPlay::prepare(PlaybackOptions& options, frames::Rate refresh) {
   if (source_ == nullptr) return;
   source_->set_display_rate(refresh);
-  options.loops = 1;  // the list counts for itself
+  options.loops = 1;  // the list counts the loops itself
   if (controls_) options.control = &controls_->playback();
   tell_state("playing");
 }
@@ -152,7 +152,7 @@ void SteeredPlay::publish(ordered_json event) {
   if (ControlServer* const server = serving_.load()) server->publish(std::move(event));
 }
 
-/// On the list's threads.
+/// Called on the list's threads.
 void SteeredPlay::on_item(const PlaylistEvent& event) {
   switch (event.kind) {
     case PlaylistEvent::Kind::ItemStarted:

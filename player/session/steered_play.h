@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What lists and a control socket add to a run of `lenticule play`.
+// SteeredPlay adds playlists and a control socket to a run of `lenticule play`.
 #pragma once
 
 #include <atomic>
@@ -18,39 +18,41 @@
 
 namespace lenticule::player {
 
-/// The list that is played: a file's, or one of a single source. Throws Error.
+/// Returns the list to play: that of a file, or a list of one source. Throws Error.
 [[nodiscard]] Playlist read_playlist(const std::string& source, const PlayFlags& flags,
                                      const PlayPlan& plan);
-/// Opens items as the plan's source would be opened.
+/// Returns a function that opens items as the plan's source would be opened.
 [[nodiscard]] ItemOpener item_opener(const SourceRequest& like);
 
-/// Looks at items' files; the plan's flags are about its own source.
+/// Returns a function that checks items' files; the plan's flags apply to its own source alone.
 [[nodiscard]] ItemLook item_look(const SourceRequest& like);
 
-/// On the player's main thread. Does nothing but watch the source's pace for a plain source without
-/// a control socket.
+/// For a plain source without a control socket, it only measures the source's pace. Thread safety:
+/// the player's main thread.
 class SteeredPlay {
  public:
-  /// Listens from now on. Throws as ControlServer does. `advice` goes with every trim.
+  /// Starts to listen. Throws as ControlServer does. `advice` is sent with every trim.
   SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std::string& advice);
   ~SteeredPlay();
   SteeredPlay(const SteeredPlay&) = delete;
   SteeredPlay& operator=(const SteeredPlay&) = delete;
 
-  /// As open_source(); `before` is what was opened before, and goes.
+  /// Opens the source as open_source() does; `before` is the previously opened one, which is
+  /// closed.
   void open(OpenedSource& opened);
-  /// Before the source is destroyed.
+  /// Detaches from the source; call it before the source is destroyed.
   void let_go();
-  /// What the playback is to know.
+  /// Sets the playback options that lists and control need.
   void prepare(PlaybackOptions& options, frames::Rate refresh);
-  /// Looks at the list's and the item's files now.
+  /// Checks the list's and the item's files now.
   void look_again();
-  /// One word, and as an event if it changed.
+  /// Sets the state, one word; publishes an event if it changed.
   void tell_state(const std::string& state);
-  /// About once a second: adds to the statistics, warns, tells those who listen.
+  /// Call about once a second: updates the statistics, warns, and publishes events.
   void report(const PlayReport& report);
   void complete(nlohmann::ordered_json& statistics);
-  /// Empty unless the end was not the list's but its only item's, or nothing could be played.
+  /// Returns why the playback failed: an only item that failed, or a list without a playable item.
+  /// Empty otherwise.
   [[nodiscard]] std::string failure() const;
 
  private:
@@ -66,14 +68,14 @@ class SteeredPlay {
   std::unique_ptr<PlayControls> controls_;
   std::unique_ptr<ControlServer> server_;
   std::atomic<ControlServer*> serving_{nullptr};  ///< server_, for all threads
-  RetriedWrites listening_;                       ///< tries to have the socket
+  RetriedWrites listening_;                       ///< retries to open the socket
   PlaylistSource* source_ = nullptr;
   SourcePace pace_;
   PlayReport before_;
   uint64_t trim_version_ = 0;
   std::string state_;
   std::mutex told_mutex_;
-  std::set<std::string> told_;  ///< complaints, each made once
+  std::set<std::string> told_;  ///< complaints already printed; each is printed once
 };
 
 }  // namespace lenticule::player

@@ -42,7 +42,7 @@ void TrimKeys::listen() noexcept {
   }
 }
 
-/// On a line of its own, over the progress that may be there.
+/// Prints a sentence on a line of its own, over a progress line.
 void TrimKeys::tell(const std::string& sentence) {
   if (sentence.empty()) return;
   say("\r\x1b[K{}\n", sentence);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Listens to the terminal while something else plays, and hands its keys to the trim.
+// TrimKeys reads keys from the terminal while a source plays, and applies them to the trim.
 #pragma once
 
 #include <atomic>
@@ -15,10 +15,10 @@ namespace lenticule::player {
 
 class TrimKeys {
  public:
-  /// `advice` is said after the first change: what it means for what is playing. Throws
-  /// Error(Usage) where standard input is no terminal.
+  /// `advice` is printed after the first change and explains its effect on the playing source.
+  /// Throws Error(Usage) if standard input is not a terminal.
   TrimKeys(std::shared_ptr<LiveTrim> trim, std::string advice);
-  /// Gives the terminal back.
+  /// Restores the terminal.
   ~TrimKeys();
   TrimKeys(const TrimKeys&) = delete;
   TrimKeys& operator=(const TrimKeys&) = delete;
