@@ -56,7 +56,8 @@ UniqueFd checked_fd(int fd) {
   return UniqueFd(fd);
 }
 
-/// Memory that the other process can change but not shrink: reading it never fails.
+/// SharedMemory is a sealed memfd: the other process can change its contents and cannot shrink it,
+/// so that reads never fault.
 class SharedMemory {
  public:
   SharedMemory() : fd_(checked_fd(memfd_create("lenticule-picture", kFlags))) {
@@ -81,10 +82,11 @@ class SharedMemory {
   void* memory_ = nullptr;
 };
 
-/// One process. One thread at a time.
+/// Decoder is one decoder process. Thread safety: one thread at a time.
 class Decoder {
  public:
-  /// To be called by a thread that outlives the process: the kernel ends it with that thread.
+  /// Call it on a thread that outlives the process, because the kernel kills the process when that
+  /// thread ends.
   Decoder(const std::filesystem::path& program, const PictureLimits& limits) : limits_(limits) {
     std::array<int, 2> ends{};
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) != 0)
@@ -101,7 +103,7 @@ class Decoder {
   Decoder& operator=(const Decoder&) = delete;
 
   [[nodiscard]] pid_t pid() const { return pid_; }
-  /// True if it can be given another picture.
+  /// Returns true if the decoder can take another picture.
   [[nodiscard]] bool is_idle() const { return idle_; }
 
   [[nodiscard]] frames::PictureInfo probe(const std::filesystem::path& file) {
@@ -230,7 +232,7 @@ class Decoder {
             .pixel_aspect = reply.pixel_aspect};
   }
 
-  /// A sink that refuses costs the decoder nothing.
+  /// Passes the picture's info to the sink. If the sink refuses it, the decoder stays usable.
   void accept(const std::filesystem::path& file, frames::PictureSink& sink,
               const frames::PictureInfo& info) {
     try {
@@ -265,7 +267,8 @@ class Decoder {
     }
   }
 
-  /// "picture.exr: cause" as the decoder says it, which knows no other name.
+  /// Throws the decoder's error "picture.exr: cause" with the name of the file, which the decoder
+  /// does not know.
   [[noreturn]] void fail_with(const std::filesystem::path& file,
                               const wire::PictureReplyMessage& reply) const {
     const auto end = std::find(reply.cause.begin(), reply.cause.end(), '\0');
@@ -283,7 +286,7 @@ class Decoder {
   }
 
   [[noreturn]] void fail_dead(const std::filesystem::path& file) {
-    const int status = end();  // one that closed its socket and lives on is of no use
+    const int status = end();  // a decoder that closed its socket and still runs is not usable
     const std::string how = WIFSIGNALED(status)
                                 ? fmt::format("was ended by signal {}", WTERMSIG(status))
                                 : fmt::format("ended with exit code {}", WEXITSTATUS(status));
@@ -294,12 +297,12 @@ class Decoder {
                        : "reinstall lenticule, or use a kernel with seccomp filters");
   }
 
-  /// Kills the process unless it is dead; returns how it ended.
+  /// Kills the process if it still runs; returns its wait status.
   int end() {
     const pid_t pid = std::exchange(pid_, -1);
     int status = 0;
     if (pid <= 0) return status;
-    // Dead already, or killed now: the wait is short.
+    // The process is dead already or is killed now, so the wait is short.
     if (waitpid(pid, &status, WNOHANG) == pid) return status;
     kill(pid, SIGKILL);
     while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
@@ -311,7 +314,7 @@ class Decoder {
   SharedMemory memory_;
   UniqueFd socket_;
   pid_t pid_ = -1;
-  bool ready_ = false;  ///< said that it is locked in
+  bool ready_ = false;  ///< reported that its sandbox is active
   bool idle_ = true;
   milliseconds processor_begin_{0};
   milliseconds processor_limit_{0};
@@ -320,7 +323,7 @@ class Decoder {
 
 }  // namespace
 
-/// Starts decoders on a thread of its own, which lives as long as they do, and keeps idle ones.
+/// Pool keeps idle decoders. It starts them on its own thread, which lives as long as they do.
 class ConfinedPictures::Pool {
  public:
   Pool(std::filesystem::path program, const PictureLimits& limits)
@@ -337,12 +340,12 @@ class ConfinedPictures::Pool {
   Pool(const Pool&) = delete;
   Pool& operator=(const Pool&) = delete;
 
-  /// An idle decoder, or a new one.
+  /// Returns an idle decoder, or a new one.
   std::unique_ptr<Decoder> take() {
     std::unique_lock lock(mutex_);
     ++waiting_;
     while (idle_.empty() && failures_.empty()) {
-      // What was ordered may have gone to another thread.
+      // Another thread may have taken the decoder that this thread ordered.
       if (coming_ < waiting_) order();
       changed_.wait(lock);
     }
@@ -382,7 +385,7 @@ class ConfinedPictures::Pool {
   }
 
  private:
-  /// Under the lock.
+  /// Call with the lock held.
   void order() {
     if (!starter_.joinable()) starter_ = std::thread([this] { start_ordered(); });
     ++ordered_;
@@ -418,15 +421,15 @@ class ConfinedPictures::Pool {
     }
   }
 
-  std::filesystem::path program_;  ///< the starter's
+  std::filesystem::path program_;  ///< used by the starter thread
   const PictureLimits limits_;
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<std::unique_ptr<Decoder>> idle_;
   std::deque<Error> failures_;
   int ordered_ = 0;
-  int coming_ = 0;   ///< ordered, or being started
-  int waiting_ = 0;  ///< threads
+  int coming_ = 0;   ///< ordered or being started
+  int waiting_ = 0;  ///< waiting threads
   uint64_t started_ = 0;
   bool stopping_ = false;
   std::thread starter_;
@@ -464,7 +467,7 @@ void ConfinedPictures::prepare() const noexcept {
   try {
     pool_->prepare();
   } catch (const std::exception&) {
-    // The first picture will say why.
+    // The first picture reports the error.
   }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes picture files in processes of their own (lenticule-video pictures), which may crash, hang
-// or be taken over by a file.
+// ConfinedPictures decodes picture files in separate processes (lenticule-video pictures), so that
+// a malicious or broken file can at most crash, block or take over such a process.
 #pragma once
 
 #include <sys/types.h>
@@ -15,22 +15,21 @@
 
 namespace lenticule::player {
 
-/// What one picture may cost. Memory and file size are limited in
-/// frames/pictures/picture_messages.h.
+/// Limits for one picture. frames/pictures/picture_messages.h limits memory and file size.
 struct PictureLimits {
-  /// Processor time of the decoder, which does not depend on how busy the machine is.
+  /// Processor time of the decoder, which does not depend on the load of the machine.
   std::chrono::milliseconds processor_time{15'000};
   std::chrono::milliseconds processor_time_per_megapixel{500};
-  /// Without any sign of life.
+  /// Timeout without progress.
   std::chrono::milliseconds silence{60'000};
 };
 
-/// Keeps decoders that are idle for the next picture: starting one takes longer than decoding most
-/// pictures. A decoder that failed in the middle of a picture is replaced. Every function is safe
-/// from any thread. Errors name the file, and the limit where that was reached.
+/// Keeps idle decoders for the next picture, because starting one takes longer than decoding most
+/// pictures. A decoder that failed within a picture is replaced. Errors name the file, and the
+/// limit if one was reached. Thread safety: any thread.
 class ConfinedPictures final : public frames::PictureFileReader {
  public:
-  /// An empty `program` is searched for when the first picture is read.
+  /// If `program` is empty, it is searched for when the first picture is read.
   explicit ConfinedPictures(std::filesystem::path program = {}, const PictureLimits& limits = {});
   /// Ends all decoders.
   ~ConfinedPictures() override;
@@ -40,13 +39,13 @@ class ConfinedPictures final : public frames::PictureFileReader {
   [[nodiscard]] frames::PictureInfo probe(const std::filesystem::path& file) const override;
   void read(const std::filesystem::path& file, frames::PictureSink& sink) const override;
 
-  /// Starts a decoder without waiting for it, so that the first picture need not. Failures come up
-  /// with the first picture.
+  /// Starts a decoder in the background, so that the first picture does not wait for it. A failure
+  /// is reported with the first picture.
   void prepare() const noexcept;
 
-  /// Processes of idle decoders.
+  /// Returns the process ids of idle decoders.
   [[nodiscard]] std::vector<pid_t> idle() const;
-  /// Decoders that were started so far.
+  /// Returns the number of decoders started so far.
   [[nodiscard]] uint64_t started() const;
 
  private:

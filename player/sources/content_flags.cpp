@@ -12,7 +12,8 @@
 namespace lenticule::player {
 namespace {
 
-/// One end of a range: a number, then nothing, "%" or "px". False for anything else.
+/// Parses one end of a range: a number, followed by nothing, "%" or "px". Returns false for other
+/// text.
 bool read_disparity(std::string_view text, double& value, bool& in_pixels) {
   const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
   if (read.ec != std::errc() || !std::isfinite(value)) return false;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The flags by which play, weave and convert are told how views lie in what they are given, and how
-// they are woven.
+// ContentFlags and WeavingFlags are the flags of play, weave and convert that state how views are
+// laid out in a source and how they are woven.
 #pragma once
 
 #include <optional>
@@ -14,14 +14,14 @@
 
 namespace lenticule::player {
 
-/// Each overrules what names and sidecars say.
+/// Each flag overrides names and sidecars.
 struct ContentFlags {
   std::string grid;
   int views = 0;
   std::optional<double> aspect;
   bool invert = false;
   std::string stereo;  ///< sbs, tb, hsbs, htb, none
-  std::string depth;   ///< a file, pattern or video, or the half of the picture that has it
+  std::string depth;   ///< a file, pattern or video, or the half of the picture that holds depth
   std::string depth_range;
   bool invert_depth = false;
   std::string from_rig;
@@ -36,18 +36,18 @@ struct WeavingFlags {
   std::string crosstalk;
 };
 
-/// Throws Error(Usage) for words that are none.
+/// Returns the weave options. Throws Error(Usage) for unknown values.
 [[nodiscard]] frames::WeaveOptions weave_options(const WeavingFlags& flags);
 
-/// As --crosstalk says: nothing, "spot", or a percentage. Throws Error(Usage).
+/// Parses the value of --crosstalk: empty, "spot", or a percentage. Throws Error(Usage).
 [[nodiscard]] std::optional<frames::Crosstalk> crosstalk_of(const std::string& text,
                                                             const optics::Rig& rig, int views);
 
-/// "8x6": columns by rows, into the layout. Throws Error(Usage).
+/// Parses "8x6", columns by rows, into the layout. Throws Error(Usage).
 void read_grid(const std::string& text, frames::QuiltLayout& layout);
 
-/// "-2:2" in percent of a view's width, or "-20px:20px": the disparities of the farthest and of the
-/// nearest depth. Throws Error(Usage).
+/// Parses "-2:2" in percent of a view's width, or "-20px:20px": the disparities of the farthest and
+/// the nearest depth. Throws Error(Usage).
 void read_depth_range(const std::string& text, frames::DepthOptions& options);
 
 }  // namespace lenticule::player

@@ -26,7 +26,7 @@ bool is_file_name(const std::string& text) {
          !text.ends_with(".toml");
 }
 
-/// Beside a pattern's first picture.
+/// Returns the sidecar; for a pattern, the one of its first picture.
 std::optional<frames::QuiltSidecar> find_sidecar(const std::string& text) {
   if (!frames::FilePattern::looks_like_pattern(text)) return frames::read_sidecar_of(text);
   const frames::FilePattern pattern(text);
@@ -60,7 +60,7 @@ void require_agreement(const std::string& text, const frames::QuiltSidecar& side
                 "rename one of them, or say --aspect");
 }
 
-/// Name, then sidecar, then flags.
+/// Combines the name, the sidecar and the flags; later ones override earlier ones.
 ContentMeaning quilt(const MeaningRequest& request,
                      const std::optional<frames::QuiltSidecar>& sidecar) {
   const ContentFlags& flags = request.flags;
@@ -114,7 +114,7 @@ ContentMeaning stereo(const frames::StereoLayout& layout, const ContentFlags& fl
   return {.kind = Kind::Stereo, .stereo = layout};
 }
 
-/// What a tag in the file says: of JPEGs for two eyes and of videos.
+/// Returns the stereo layout of a tag in the file: in JPEG stereo pictures and in videos.
 std::optional<ContentMeaning> tagged_stereo(const std::string& text, const ContentFlags& flags) {
   if (!flags.stereo.empty()) return std::nullopt;
   if (frames::is_jps_name(text)) {
@@ -133,7 +133,7 @@ std::optional<ContentMeaning> tagged_stereo(const std::string& text, const Conte
                             "are read",
                             text, tag->layout),
                 "--stereo none plays it as it is");
-  // The shape of its pixels says whether each eye is squeezed.
+  // The shape of the pixels tells whether each eye is squeezed.
   ContentMeaning meaning = stereo({.beside = beside, .half = false}, flags);
   meaning.rightmost_first = tag->right_first;
   return meaning;
@@ -178,7 +178,7 @@ ContentMeaning container(const MeaningRequest& request) {
   return meaning;
 }
 
-/// What neither a prefix nor a container nor --from-rig says.
+/// Returns the format of a source without prefix, container or --from-rig.
 ContentMeaning picture(const MeaningRequest& request) {
   refuse_multi_picture(request.text);
   const ContentFlags& flags = request.flags;
@@ -208,7 +208,7 @@ ContentMeaning kind_of(const MeaningRequest& request) {
   return picture(request);
 }
 
-/// A flag that would be lost is a flag that somebody meant.
+/// Refuses flags that would have no effect, since the user expects one.
 void refuse_idle_flags(const MeaningRequest& request, Kind kind) {
   const ContentFlags& flags = request.flags;
   const bool has_depth = kind == Kind::OwnDepth || kind == Kind::DepthInside;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a source is, by flags, sidecar and name, before any of its pictures is decoded.
+// ContentMeaning is the detected format of a source, from flags, sidecar and name, before a picture
+// is decoded.
 #pragma once
 
 #include <optional>
@@ -13,35 +14,37 @@ namespace lenticule::player {
 
 struct ContentMeaning {
   enum class Kind {
-    Woven,      ///< the pixels of a panel, to be shown as they are
+    Woven,      ///< pixels of a panel, shown unchanged
     Quilt,      ///< also a container of views
-    ViewFiles,  ///< one per view
+    ViewFiles,  ///< one file per view
     Stereo,
-    OwnDepth,     ///< depth in files of its own
-    DepthInside,  ///< in a half of the picture
-    OtherRig,     ///< woven, but to be taken apart
+    OwnDepth,     ///< depth in separate files
+    DepthInside,  ///< depth in a half of the picture
+    OtherRig,     ///< woven for another rig, to be separated into views
   };
   Kind kind = Kind::Woven;
-  frames::QuiltLayout layout = {};  ///< of a quilt
+  frames::QuiltLayout layout = {};  ///< layout of a quilt
   frames::StereoLayout stereo = {};
   frames::DepthPlace depth = frames::DepthPlace::Right;
   frames::DepthOptions depth_options = {};
   std::optional<double> aspect = std::nullopt;
   bool rightmost_first = false;
-  std::string rig_toml = {};  ///< of a container woven for another rig
+  std::string rig_toml = {};  ///< rig of a container that was woven for another rig
 };
 
 struct MeaningRequest {
   std::string text = {};
   ContentFlags flags = {};
-  /// `weave` takes 'view%02d.png' for views; everybody else for woven frames.
+  /// True for `weave`, where 'view%02d.png' means views; all other commands take it for woven
+  /// frames.
   bool patterns_are_views = false;
-  /// Of the rig that woven frames may be for. Empty: of any.
+  /// Fingerprint of the rig that woven frames must match; empty = any.
   std::string rig_fingerprint = {};
 };
 
-/// Throws Error(Usage) for flags that contradict each other or the kind, Error(Input) for a sidecar
-/// or a container that cannot be read and for a sidecar that contradicts the name.
+/// Detects the format. Throws Error(Usage) for flags that contradict each other or the kind,
+/// Error(Input) for a sidecar or container that cannot be read and for a sidecar that contradicts
+/// the name.
 [[nodiscard]] ContentMeaning meaning_of(const MeaningRequest& request);
 
 }  // namespace lenticule::player

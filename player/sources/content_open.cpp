@@ -27,10 +27,10 @@ using frames::ViewInput;
 using Kind = ContentMeaning::Kind;
 using Sources = std::vector<std::unique_ptr<FrameSource>>;
 
-/// Each film has a thread and pictures of its own, each video a process.
+/// Limits of views per source: each film has a thread and pictures, each video a process.
 constexpr size_t kMostFilms = 128;
 constexpr size_t kMostVideos = 16;
-/// Of what plays: 2 GiB, as 86 views of 3840x2160 have.
+/// Limit for playback: 2 GiB, the size of 86 views of 3840x2160.
 constexpr uint64_t kMostPlayedViewBytes = uint64_t{2} << 30;
 constexpr auto kPatience = std::chrono::minutes(1);
 constexpr std::chrono::milliseconds kLook{100};
@@ -46,7 +46,7 @@ std::vector<std::string> parts_of(const std::string& text) {
   return parts;
 }
 
-/// "view%02d/%05d.png": the second part for each number of the first.
+/// Expands "view%02d/%05d.png": returns the second part for each number of the first.
 std::vector<std::string> in_numbered_folders(const fs::path& text) {
   std::vector<std::string> films;
   for (const fs::path& folder : frames::list_frame_files(text.parent_path().string()))
@@ -54,7 +54,7 @@ std::vector<std::string> in_numbered_folders(const fs::path& text) {
   return films;
 }
 
-/// One name for each view.
+/// Returns one name for each view.
 std::vector<std::string> names_of_views(const std::string& text) {
   std::vector<std::string> names = parts_of(text);
   if (names.size() > 1) return names;
@@ -81,7 +81,7 @@ uint64_t most_view_bytes(const ContentRequest& request) {
   return request.how.plays ? kMostPlayedViewBytes : frames::kMostViewBytes;
 }
 
-/// The aspect that was stated, or that of the picture's pixels where they are not square.
+/// Returns the stated aspect, or that of the picture's pixels if they are not square.
 std::optional<double> aspect_of(const std::optional<double>& stated, const FrameSource& source) {
   return stated ? stated : frames::stated_aspect(source.geometry(), source.pixel_aspect());
 }
@@ -139,7 +139,7 @@ std::unique_ptr<ViewInput> input_of(Sources sources,
   return std::make_unique<ViewInput>(std::move(sources), std::move(arrangement), request.what.text);
 }
 
-/// Depth is read as codes of 8 bits: float files have another scale.
+/// Refuses depth in float files: depth is read as 8-bit codes, and float files have another scale.
 void refuse_float_depth(const std::string& file) {
   const std::string extension = fs::path(file).extension().string();
   if (extension == ".exr" || extension == ".hdr")
@@ -175,7 +175,7 @@ optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& me
   const frames::SequenceReader reader(request.what.text);
   const std::string& kept = reader.info().rig_fingerprint;
   const optics::RigMatch matched = optics::match(frames::rig_of(reader.info()), identity);
-  // Woven before the rig was trimmed: the rig in the file is the one that the frames are for.
+  // The frames were woven before the rig was trimmed, so the rig in the file is the correct one.
   if (matched == optics::RigMatch::Trimmed && !reader.info().rig_toml.empty())
     return optics::parse_rig(reader.info().rig_toml, request.what.text + ": its rig");
   if (matched != optics::RigMatch::Same)
@@ -191,7 +191,7 @@ std::unique_ptr<ViewInput> open_other_rig(const ContentRequest& request,
   const optics::OpticalModel model(rig_of_woven(request, meaning));
   const int wanted = request.what.flags.views;
   PictureRequest how = request.how;
-  how.before_weaving = false;  // neighbours in chroma are other views
+  how.before_weaving = false;  // subsampled chroma mixes pixels of different views
   Sources sources;
   sources.push_back(open_pictures(request.what.text, how));
   auto arrangement = frames::arrange_woven(

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Anything with views in it, opened: quilts, pictures and films per view, two eyes, depth, frames
-// of other rigs.
+// open_views opens every kind of source that consists of views: quilts, pictures and videos per
+// view, stereo, depth, frames woven for other rigs.
 #pragma once
 
 #include <memory>
@@ -14,20 +14,20 @@ namespace lenticule::player {
 struct ContentRequest {
   MeaningRequest what;
   PictureRequest how = {};
-  int drawing_threads = 1;  ///< for views that are made of depth
+  int drawing_threads = 1;  ///< threads that make views from depth
 };
 
-/// `meaning` is that of request.what, and not Woven. Throws Error(Usage) and Error(Input) for what
-/// is missing, broken, of different sizes or lengths, or too much to hold.
+/// Opens the source. `meaning` is that of request.what, and not Woven. Throws Error(Usage) and
+/// Error(Input) for inputs that are missing, broken, of different sizes or lengths, or too large.
 [[nodiscard]] std::unique_ptr<frames::ViewInput> open_views(const ContentRequest& request,
                                                             const ContentMeaning& meaning);
 
-/// The first set of views, waited for: for at most a minute. Throws Error(Input) in the input's
-/// words, Error(Failed) when none came, and for an input without a frame.
+/// Waits at most a minute for the first set of views. Throws Error(Input) with the input's error,
+/// Error(Failed) if none came or the input has no frame.
 void await_first(frames::ViewInput& input, const std::string& name);
 
-/// What was left out or replaced in all that the input has: waits for its end, for at most a
-/// minute, after the set of views that is in use. That must be the last one that is wanted.
+/// Returns the damage in the whole input. Waits at most a minute for the input's end; the set of
+/// views in use must be the last one needed.
 [[nodiscard]] frames::FrameDamage await_damage(frames::ViewInput& input);
 
 }  // namespace lenticule::player

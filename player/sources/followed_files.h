@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files that a source is made of, so that a source that is replaced can be played anew.
+// marks_of_source records the state of a source's files, so that a replaced source can be played
+// again.
 #pragma once
 
 #include <string>
@@ -10,9 +11,9 @@
 
 namespace lenticule::player {
 
-/// Looks at every file of a source and at its sidecar: of a pattern at the first 256, and at how
-/// many there are. Empty for rings and for what is made here. `flags` are those that the source was
-/// named with. Costs a stat() for each file.
+/// Returns the state of every file of a source and its sidecar; for a pattern, of the first 256
+/// files, and their number. Empty for rings and for sources generated here. `flags` are those given
+/// with the source. Costs one stat() per file.
 [[nodiscard]] std::vector<FileMark> marks_of_source(const std::string& text,
                                                     const ContentFlags& flags = {});
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rig that views are woven for while they play: what its file and the trim beside it say, and
-// the last good rig while they cannot be used.
+// FollowedRig is the rig for which views are woven during playback. It follows the rig file and its
+// trim file, and keeps the last valid rig while they cannot be used.
 #pragma once
 
 #include <array>
@@ -16,25 +16,26 @@
 
 namespace lenticule::player {
 
-/// Any thread.
+/// Thread safety: any thread.
 class FollowedRig {
  public:
-  /// Reads the rig. A `trim` that could not be saved stands in for that of the file. Throws
+  /// Reads the rig. A `trim` that could not be saved replaces that of the file. Throws
   /// Error(Input).
   explicit FollowedRig(std::filesystem::path rig_file,
                        std::shared_ptr<const LiveTrim> trim = nullptr);
 
-  /// Looks at the files, which costs two stat() calls, and reads them if they were replaced. What
-  /// cannot be read, or is for a panel of another size, changes nothing: complaint() says why.
+  /// Checks the files with two stat() calls, and reads them if they were replaced. Files that
+  /// cannot be read, or a rig for a panel of another size, change nothing; complaint() returns the
+  /// reason.
   void look();
-  /// Reads the files at the next look() even if they are the same.
+  /// Makes the next look() read the files even if they are unchanged.
   void read_again();
 
-  /// Another number whenever the rig is another one.
+  /// Returns a number that changes whenever the rig changes.
   [[nodiscard]] uint64_t version() const;
-  /// The trimmed rig.
+  /// Returns the rig with its trim applied.
   [[nodiscard]] optics::Rig rig() const;
-  /// Why the files are not followed; empty while they are.
+  /// Returns the reason why the files are not followed; empty while they are.
   [[nodiscard]] std::string complaint() const;
 
  private:
@@ -48,7 +49,7 @@ class FollowedRig {
 
   const std::filesystem::path rig_file_, trim_file_;
   const std::shared_ptr<const LiveTrim> trim_;
-  mutable std::mutex mutex_;  ///< guards what follows
+  mutable std::mutex mutex_;  ///< guards the members below
   Seen seen_;
   bool again_ = false;
   optics::Rig rig_;

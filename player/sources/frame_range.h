@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which frames of a sequence are meant.
+// FrameRange selects frames of a sequence.
 #pragma once
 
 #include <cstdint>
@@ -16,10 +16,11 @@ struct FrameRange {
   friend bool operator==(const FrameRange&, const FrameRange&) = default;
 };
 
-/// "A:B", or "N" for that frame alone. Throws Error(Usage).
+/// Parses "A:B", or "N" for one frame. Throws Error(Usage).
 [[nodiscard]] FrameRange parse_frame_range(std::string_view text);
 
-/// Decimal digits and nothing else, at most a hundred million (a frame number, a size).
+/// Parses decimal digits without any other character, at most a hundred million (a frame number, a
+/// size).
 [[nodiscard]] std::optional<uint64_t> whole_number(std::string_view text);
 
 }  // namespace lenticule::player

@@ -54,7 +54,7 @@ std::string LiveTrim::press(const KeyPress& press) {
   return fmt::format("{}, in {}", numbers, optics::trim_file_of(rig_file_).string());
 }
 
-/// Under the lock.
+/// Call with the lock held.
 void LiveTrim::take(const optics::Trim& wanted) {
   optics::validate_trim(wanted, rig_file_.string());
   optics::validate_rig(optics::trimmed(calibrated_, wanted), rig_file_.string());
@@ -63,7 +63,7 @@ void LiveTrim::take(const optics::Trim& wanted) {
   version_.fetch_add(1, std::memory_order_release);
 }
 
-/// Under the lock.
+/// Call with the lock held.
 void LiveTrim::save() noexcept {
   try {
     optics::save_trim(trim_, rig_file_);
@@ -98,7 +98,7 @@ void LiveTrim::follow_files() {
     trim_ = trim;
     version_.fetch_add(1, std::memory_order_release);
   } catch (const std::exception&) {
-    return;  // whoever follows the rig says why
+    return;  // FollowedRig reports the reason.
   }
 }
 

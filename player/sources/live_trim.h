@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The trim of a rig while its panel is playing: keys change it, the file beside the rig keeps it,
-// and whoever weaves in this process takes it at once.
+// LiveTrim is the trim of a rig during playback: keys change it, the file beside the rig stores it,
+// and all weaving in this process uses it at once.
 #pragma once
 
 #include <atomic>
@@ -17,41 +17,41 @@
 
 namespace lenticule::player {
 
-/// What one press changes; shift is ten times as much, ctrl a tenth.
-inline constexpr double kTrimOffsetStep = 0.01;  ///< lenses, with left and right
-inline constexpr double kTrimPitchStep = 1e-5;   ///< part of the pitch, with up and down
+/// The change per key press; shift multiplies it by ten, ctrl divides it by ten.
+inline constexpr double kTrimOffsetStep = 0.01;  ///< lenses, for left and right
+inline constexpr double kTrimPitchStep = 1e-5;   ///< fraction of the pitch, for up and down
 
-/// Safe from any thread.
+/// Thread safety: any thread.
 class LiveTrim {
  public:
-  /// Throws Error(Input) for the rig file or the trim beside it.
+  /// Throws Error(Input) for the rig file or its trim file.
   explicit LiveTrim(std::filesystem::path rig_file);
 
-  /// Changes the trim, saves it, and says in one sentence what came of it. Escape takes back all
-  /// presses since the start. Empty for keys that mean nothing here. Does not throw: what is no
-  /// trim changes nothing, what cannot be saved holds for now and is saved later, and both are
-  /// said.
+  /// Applies a key press, saves the trim, and returns a sentence about the result; empty for keys
+  /// without a function. Escape undoes all presses since the start. Does not throw: an invalid trim
+  /// changes nothing, a trim that cannot be saved is used and saved later; the sentence reports
+  /// both.
   [[nodiscard]] std::string press(const KeyPress& press);
 
-  /// The same by numbers; returns what the trim is then. Throws Error(Input) for what is no trim of
-  /// this rig; nothing is changed then.
+  /// Applies `changed` to the trim and returns the new trim. Throws Error(Input) and changes
+  /// nothing if the result is not a valid trim of this rig.
   optics::Trim change(const std::function<optics::Trim(const optics::Trim&)>& changed);
   [[nodiscard]] optics::Trim trim() const;
 
-  /// The trim as long as it could not be saved.
+  /// Returns the trim if it is not saved yet.
   [[nodiscard]] std::optional<optics::Trim> unsaved() const;
-  /// Saves what could not be saved, if it is time to try again.
+  /// Saves a trim that could not be saved, if another attempt is due.
   void save_again();
-  /// How saving goes.
+  /// Returns the state of the writes.
   [[nodiscard]] RetriedWrites& writes() { return writes_; }
-  /// Reads the rig and its trim again: somebody replaced them. A trim that is not saved yet stays,
-  /// and so does everything where the files cannot be used.
+  /// Reads the rig and its trim again after they were replaced. A trim that is not saved yet is
+  /// kept; if the files cannot be used, everything is kept.
   void follow_files();
 
-  /// With the trim in it.
+  /// Returns the rig with the trim applied.
   [[nodiscard]] optics::Rig rig() const;
   [[nodiscard]] optics::RigIdentity identity() const;
-  /// Another number after every change.
+  /// Returns a number that changes with every change.
   [[nodiscard]] uint64_t version() const { return version_.load(std::memory_order_acquire); }
 
  private:
@@ -62,7 +62,7 @@ class LiveTrim {
   std::filesystem::path rig_file_;
   optics::Rig calibrated_;
   optics::Trim at_start_;
-  mutable std::mutex mutex_;  ///< guards calibrated_ and the next three
+  mutable std::mutex mutex_;  ///< guards calibrated_ and the next three members
   optics::Trim trim_;
   bool saved_ = true;
   RetriedWrites writes_;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What turns views into a rig's woven frames: plan, threads, and what is undone before.
+// Loom is the weaving pipeline that turns views into a rig's woven frames: plan, threads, and
+// crosstalk compensation.
 #pragma once
 
 #include <memory>
@@ -14,19 +15,19 @@ namespace lenticule::player {
 
 struct LoomOptions {
   frames::WeaveOptions weave = {};
-  std::string crosstalk = {};  ///< as crosstalk_of() takes it
+  std::string crosstalk = {};  ///< a value that crosstalk_of() accepts
   int threads = 1;
 };
 
-/// One caller at a time.
+/// Thread safety: one caller at a time.
 class Loom {
  public:
   /// Makes the plan, which takes most of a second for a 4K panel. Throws Error(Usage) for more
-  /// views than a plan takes and for a crosstalk that is none.
+  /// views than a plan can hold and for an invalid crosstalk.
   Loom(const optics::Rig& rig, const frames::ViewShape& shape, const LoomOptions& options);
 
-  /// Views of that shape into a frame of the panel's size. Throws only where crosstalk is undone:
-  /// Error(Usage) for too many views, std::bad_alloc.
+  /// Weaves views of that shape into a frame of the panel's size. Throws only with crosstalk
+  /// compensation: Error(Usage) for too many views, std::bad_alloc.
   void weave(const frames::ViewSet& views, frames::WovenFrame& frame);
 
  private:

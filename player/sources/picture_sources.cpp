@@ -60,7 +60,7 @@ std::unique_ptr<frames::FrameSource> open_files(const std::string& text,
   return std::make_unique<frames::ImageSequence>(std::move(files), options);
 }
 
-/// Frames are numbered as they were rendered.
+/// Opens a container; frames keep their numbers in the rendered sequence.
 std::unique_ptr<frames::FrameSource> open_container(const std::string& text,
                                                     const PictureRequest& request) {
   frames::SequenceSourceOptions options{.pool_frames = std::max(request.pool_frames, kFewestFrames),

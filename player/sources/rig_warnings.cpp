@@ -8,7 +8,7 @@
 namespace lenticule::player {
 namespace {
 
-/// Renderers that come and go with ever other trims are not to fill the memory.
+/// Bounds the memory when many renderers connect with different trims.
 constexpr size_t kMostWarnings = 100;
 
 }  // namespace

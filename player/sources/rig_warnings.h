@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a player says about frames that it shows although they were woven before the rig was
-// trimmed.
+// RigWarnings collects the player's warnings about frames that are shown although they were woven
+// before the rig was trimmed.
 #pragma once
 
 #include <mutex>
@@ -9,7 +9,7 @@
 
 namespace lenticule::player {
 
-/// RigWarnings prints each warning once. Any thread.
+/// RigWarnings prints each warning once. Thread safety: any thread.
 class RigWarnings {
  public:
   void add(const std::string& warning);

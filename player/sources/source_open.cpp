@@ -92,7 +92,7 @@ OpenedSource open_woven_pictures(const SourceRequest& request) {
   return opened;
 }
 
-/// The name in the rig that a container keeps.
+/// Returns the name in the rig that a container stores.
 std::string kept_rig_name(const frames::SequenceInfo& info) {
   try {
     return optics::parse_rig(info.rig_toml, "rig").name;
@@ -120,7 +120,7 @@ void require_same_rig(const SourceRequest& request, const frames::SequenceInfo& 
 }
 
 OpenedSource open_sequence(const SourceRequest& request) {
-  // Looked at before its pool is allocated: a stranger's frames may be of any size.
+  // The size is checked before the pool is allocated, because an untrusted file may state any size.
   const frames::SequenceReader reader(request.text);
   require_same_rig(request, reader.info());
   require_panel_size(request, reader.geometry(), request.text);
@@ -136,7 +136,8 @@ MeaningRequest meaning_request(const SourceRequest& request) {
           .rig_fingerprint = present_rig(request).fingerprint};
 }
 
-/// Quilts are large: a few of them, and as many woven frames as were asked for.
+/// Opens a source that is woven here. Quilts are large: only a few are kept ahead, beside the
+/// requested number of woven frames.
 OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning& meaning) {
   constexpr int kPicturesAhead = 4;
   ContentRequest content{.what = meaning_request(request),
@@ -183,7 +184,7 @@ bool is_woven_here(const SourceRequest& request) {
   try {
     return meaning_of(meaning_request(request)).kind != ContentMeaning::Kind::Woven;
   } catch (const Error&) {
-    return false;  // opening it will say why
+    return false;  // opening the source reports the error
   }
 }
 

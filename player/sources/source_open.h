@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The SOURCE argument of `play` as a FrameSource. The only place that knows which kinds there are.
+// open_source opens the SOURCE argument of `play` as a FrameSource.
 #pragma once
 
 #include <cstdint>
@@ -21,46 +21,49 @@
 namespace lenticule::player {
 
 struct SourceRequest {
-  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", a video file, "card", "views", or
-  /// what docs/content.md lists: quilts, stereo, depth, "views:view%02d.png"
+  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", a video file, "card", "views", or a
+  /// source in docs/content.md: quilts, stereo, depth, "views:view%02d.png".
   std::string text = {};
-  /// How views lie in `content_of`, and in nothing else: the command line's words are not about
-  /// what a list or somebody at the control socket names.
+  /// Layout of the views in `content_of`, and in no other source: flags of the command line do not
+  /// apply to sources named by a list or over the control socket.
   ContentFlags content = {};
   std::string content_of = {};
   WeavingFlags weaving = {};
   frames::FrameGeometry panel = {};
-  optics::RigIdentity identity = {};  ///< of the rig at the start; `trim` knows the present one
-  std::string rig_name = {};          ///< for messages
-  std::string rig_file = {};  ///< what is woven here is woven for it, and again when it changes
-  std::shared_ptr<FollowedRig> rig = nullptr;  ///< that of the file, for all that is woven here
-  int slots = 8;  ///< frames in memory: slots of the ring, or of the pool that pictures go to
-  std::optional<FrameRange> frames = std::nullopt;  ///< of a pattern, container or video
-  /// Where the first round begins, if the kind can: a hint, frames tell their numbers.
+  optics::RigIdentity identity =
+      {};                     ///< identity of the rig at the start; `trim` has the current one
+  std::string rig_name = {};  ///< for messages
+  std::string rig_file = {};  ///< sources that are woven here follow changes of this file
+  std::shared_ptr<FollowedRig> rig =
+      nullptr;    ///< shared rig of that file, for all sources woven here
+  int slots = 8;  ///< frames in memory: slots of the ring or of the picture pool
+  std::optional<FrameRange> frames = std::nullopt;  ///< frames of a pattern, container or video
+  /// First frame of the first round. Kinds of source that cannot start there ignore it; frames
+  /// carry their numbers.
   uint64_t first_frame = 0;
-  bool plays_again = false;                        ///< frames are kept for a loop where they fit
-  display::CardText card = {};                     ///< what a test card says
+  bool plays_again = false;                        ///< keeps frames for the next loop if they fit
+  display::CardText card = {};                     ///< text of a test card
   std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of "views"
-  /// Told what is shown although it is not what the rig asks for. Null: not told.
+  /// Receives warnings about frames that do not match the rig; may be null.
   std::shared_ptr<RigWarnings> warnings = nullptr;
 };
 
-/// Views, woven here: whatever its rig becomes, it follows. Looks at sidecars and containers'
-/// headers; what cannot be read is none.
+/// Returns true if the source consists of views that are woven here and so can follow every change
+/// of the rig. Reads sidecars and containers' headers; returns false if they cannot be read.
 [[nodiscard]] bool is_woven_here(const SourceRequest& request);
 
 struct OpenedSource {
   std::unique_ptr<frames::FrameSource> source;
-  /// To be asked after playing, as long as `source` is there: why the sequence could not be played
-  /// again, or empty. Null for sources that always can.
+  /// Returns, after playing and while `source` exists, why the sequence could not be repeated;
+  /// empty if it could. Null for sources that can always be repeated.
   std::function<std::string()> loop_obstacle;
-  /// What to do when nothing comes, or empty.
+  /// Advice if no frame arrives; may be empty.
   std::string stall_hint;
 };
 
-/// Throws Error(Usage) for what cannot be played, Error(Input) for missing or broken pictures
-/// and videos and for those of another size than the panel, Error(Device) or Error(Failed) for a
-/// ring that cannot be had.
+/// Opens the source. Throws Error(Usage) for a source that cannot be played, Error(Input) for
+/// pictures and videos that are missing, broken or of another size than the panel, Error(Device) or
+/// Error(Failed) for a ring that cannot be opened.
 [[nodiscard]] OpenedSource open_source(const SourceRequest& request);
 
 }  // namespace lenticule::player

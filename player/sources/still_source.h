@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One picture in memory as a source that never ends: a test card.
+// StillSource presents one picture in memory, a test card, as a source that never ends.
 #pragma once
 
 #include <utility>
@@ -8,7 +8,8 @@
 
 namespace lenticule::player {
 
-/// Once a second, which keeps a watchdog content and costs nothing. One thread.
+/// Delivers a frame once a second, which satisfies a watchdog at negligible cost. Thread safety:
+/// one thread.
 class StillSource final : public frames::FrameSource {
  public:
   explicit StillSource(frames::WovenFrame frame) : frame_(std::move(frame)) {}

@@ -89,7 +89,7 @@ std::optional<VideoEvent> VideoChild::position() const {
   return position_;
 }
 
-// --- the keeper's thread -----------------------------------------------------------------------
+// --- the keeper thread -------------------------------------------------------------------------
 
 void VideoChild::look_after() {
   while (true) {
@@ -129,7 +129,7 @@ bool VideoChild::launch(const std::vector<std::string>& arguments, int& errors) 
   return true;
 }
 
-/// Until the child's standard error is closed, which its end does if nothing else.
+/// Reads events until the child's standard error is closed, at the latest when the child ends.
 void VideoChild::listen(int errors) {
   std::string line;
   while (true) {
@@ -165,7 +165,7 @@ void VideoChild::hear(std::string_view line) {
   const std::optional<VideoEvent> event = parse_video_event(line);
   const std::lock_guard lock(mutex_);
   if (!event) {
-    // The first line of words is the cause, those after it are the remedy.
+    // The first line that is not an event is the cause, later ones are the remedy.
     if (last_words_.empty()) last_words_ = escaped(line.substr(0, 500));
     return;
   }
@@ -177,7 +177,8 @@ void VideoChild::hear(std::string_view line) {
   rounds_.fetch_add(1);
 }
 
-/// A child that closed its standard error and lives on is not one of ours any more.
+/// Reaps the child. One that closed its standard error and still runs is out of control and is
+/// killed.
 void VideoChild::reap() {
   ::kill(pid_, SIGKILL);
   int status = 0;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A child process that is looked after by a thread of its own: started, listened to, killed,
-// reaped. Nobody else ever waits for it.
+// VideoChild supervises a child process on its own thread: it starts, reads from, kills and reaps
+// the child, so that no other thread waits for it.
 #pragma once
 
 #include <sys/types.h>
@@ -19,47 +19,47 @@
 
 namespace lenticule::player {
 
-/// How a child ended.
+/// The exit state of a child.
 struct ChildEnd {
-  int exit_code = -1;  ///< -1 when a signal ended it or it could not be started
+  int exit_code = -1;  ///< -1 if a signal ended it or it could not be started
   int signal = 0;
-  std::string last_words;  ///< what it last said that was no event; one line, printable
+  std::string last_words;  ///< the child's last message that was not an event; one printable line
   [[nodiscard]] std::string text() const;
 };
 
-/// The kernel kills the child when the thread that started it ends, which is why that thread lives
-/// as long as this object. The calls below come from one thread, take a lock that is never held for
-/// long, and do not wait.
+/// The kernel kills the child when the thread that started it ends, so that thread lives as long as
+/// this object. The functions below do not wait; their lock is never held for long. Thread safety:
+/// one thread.
 class VideoChild {
  public:
   VideoChild();
-  /// Kills a child that runs, and reaps it.
+  /// Kills and reaps a running child.
   ~VideoChild();
   VideoChild(const VideoChild&) = delete;
   VideoChild& operator=(const VideoChild&) = delete;
 
-  /// Starts the program arguments[0], whose subcommand arguments[1] is told "--parent PID". The
-  /// child before must have ended and been told.
+  /// Starts the program arguments[0], passing "--parent PID" to its subcommand arguments[1]. The
+  /// previous child must have ended and its end must have been taken.
   void start(std::vector<std::string> arguments);
   void kill();
-  /// How it ended, once: nullopt while it runs, and after it was told.
+  /// Returns once how the child ended; none while it runs and afterwards.
   [[nodiscard]] std::optional<ChildEnd> take_end();
-  /// True from start() to the moment that take_end() has told the end.
+  /// Returns true from start() until take_end() has returned the end.
   [[nodiscard]] bool present() const { return present_; }
   [[nodiscard]] pid_t pid() const;
 
-  /// Counts what it says: moves while it works.
+  /// Returns the number of the child's events; it grows while the child works.
   [[nodiscard]] uint64_t events() const { return events_.load(); }
-  /// Its latest position with a time stamp.
+  /// Returns the child's latest position that has a time stamp.
   [[nodiscard]] std::optional<VideoEvent> position() const;
-  /// Frames and packets that the present child left out, or found faulty.
+  /// Returns the number of frames and packets that the present child left out or found faulty.
   [[nodiscard]] uint64_t broken() const { return broken_.load(); }
-  /// Frames that are not in the clip though it should have `expected` of them: of all rounds.
+  /// Returns the number of frames, over all rounds, that the clip lacks compared with `expected`.
   [[nodiscard]] uint64_t missing() const { return missing_.load(); }
-  /// Rounds of the clip that the present child has come to the end of.
+  /// Returns the number of rounds of the clip that the present child has completed.
   [[nodiscard]] uint64_t rounds() const { return rounds_.load(); }
   void expect_frames(std::optional<uint64_t> expected);
-  /// Readable when the child has ended.
+  /// Returns a descriptor that is readable when the child has ended.
   [[nodiscard]] int wake_fd() const { return ended_.fd(); }
 
  private:
@@ -75,20 +75,20 @@ class VideoChild {
   WakeFd nudge_;
   mutable std::mutex mutex_;
   std::condition_variable wanted_;
-  std::vector<std::string> arguments_;  ///< of the child to start; empty = none wanted
+  std::vector<std::string> arguments_;  ///< arguments of the child to start; empty = none requested
   std::optional<ChildEnd> end_;
   std::optional<VideoEvent> position_;
   std::string last_words_;
   pid_t pid_ = -1;
   bool kill_ = false;
   bool stopping_ = false;
-  bool present_ = false;  ///< the owner's view
+  bool present_ = false;  ///< as seen by the owner
   std::atomic<uint64_t> events_{0};
   std::atomic<uint64_t> broken_{0};
   std::atomic<uint64_t> missing_{0};
   std::atomic<uint64_t> rounds_{0};
-  std::optional<uint64_t> expected_;  ///< under the mutex
-  std::thread keeper_;                // last: uses everything above
+  std::optional<uint64_t> expected_;  ///< guarded by the mutex
+  std::thread keeper_;                // last member: the thread uses everything above
 };
 
 }  // namespace lenticule::player

@@ -24,7 +24,7 @@ constexpr size_t kMostName = 200;
 constexpr double kMostSeconds = 1e9;
 constexpr uint64_t kMostFrames = uint64_t{1} << 40;
 
-/// A whole number from 0 to `most`.
+/// Returns a whole number from 0 to `most`.
 std::optional<uint64_t> count(const json* value, uint64_t most) {
   if (value == nullptr || !value->is_number_unsigned()) return std::nullopt;
   const auto number = value->get<uint64_t>();
@@ -47,7 +47,7 @@ std::optional<frames::Rate> rate(const JsonFields& fields) {
   try {
     return frames::make_rate(static_cast<int64_t>(*numerator), static_cast<int64_t>(*denominator));
   } catch (const Error&) {
-    return std::nullopt;  // nobody's rate: played at the panel's
+    return std::nullopt;  // implausible rate: played at the panel's rate
   }
 }
 
@@ -72,7 +72,7 @@ frames::FrameGeometry geometry(const JsonFields& fields) {
   return size;
 }
 
-/// 1 for tags that make no sense.
+/// Returns the pixel aspect; 1 if the tag is not plausible.
 double pixel_aspect(const JsonFields& fields) {
   constexpr uint64_t kMost = 0x7fffffff;
   constexpr double kMostAspect = 16.0;

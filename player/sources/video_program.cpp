@@ -28,7 +28,8 @@ namespace fs = std::filesystem;
 constexpr const char* kName = "lenticule-video";
 constexpr std::chrono::seconds kProbeLimit{30};
 
-/// "lenticule-video: FILE: cause" without the program's name.
+/// Returns the first line without the program's name: "FILE: cause" of "lenticule-video: FILE:
+/// cause".
 std::string first_line(const std::string& output) {
   constexpr std::string_view kPrefix = "lenticule-video: ";
   std::string line = escaped(output.substr(0, std::min(output.find('\n'), size_t{500})));
@@ -36,7 +37,7 @@ std::string first_line(const std::string& output) {
   return line;
 }
 
-/// Changes when a file is replaced or written to.
+/// State of a file; it changes when the file is replaced or written to.
 struct FileState {
   dev_t device = 0;
   ino_t inode = 0;
@@ -56,7 +57,8 @@ std::optional<FileState> state_of(const fs::path& file) {
                    nanoseconds(status.st_ctim)};
 }
 
-/// What is in a film is asked several times before it plays: for its meaning, and to open it.
+/// A cached probe. A video's streams are needed several times before it plays: to detect its
+/// format, and to open it.
 struct KnownStreams {
   FileState state;
   std::string program;
@@ -64,7 +66,7 @@ struct KnownStreams {
 };
 constexpr size_t kMostKnown = 32;
 std::mutex known_mutex;
-std::deque<KnownStreams> known_streams;  ///< the newest first
+std::deque<KnownStreams> known_streams;  ///< newest first
 
 std::optional<std::vector<VideoStream>> remembered(const std::optional<FileState>& state,
                                                    const std::string& program) {
@@ -106,7 +108,7 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
   const ChildResult result = run_child({path, "probe", "--", file.string()}, kProbeLimit);
   if (result.exit_code == kOk) {
     std::vector<VideoStream> streams = parse_video_probe(result.output, file.string());
-    // A file that changed meanwhile is looked at again the next time.
+    // A file that changed during the probe is probed again the next time.
     if (state && state_of(file) == state) remember(*state, path, streams);
     return streams;
   }

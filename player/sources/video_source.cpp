@@ -26,10 +26,10 @@ using frames::PullStatus;
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
-constexpr int kLeastSlots = 4;  ///< a ring's three, and one held over the seam of a loop
+constexpr int kLeastSlots = 4;  ///< a ring's minimum of three, and one held over the loop point
 constexpr size_t kMostRestarts = 3;
 constexpr auto kRestartWindow = 60s;
-/// Loading some hundred libraries on a busy machine takes its time.
+/// Timeout for the start: loading some hundred libraries on a busy machine may take long.
 constexpr std::chrono::milliseconds kStartPatience = 10s;
 
 const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
@@ -46,7 +46,7 @@ frames::FrameGeometry upright_geometry(const VideoStream& stream) {
   return frames::turned_geometry(stream.geometry, *stream.orientation);
 }
 
-/// Woven frames are shown as they are or not at all.
+/// Refuses tags that would require changing the pixels of woven frames.
 void refuse_tags_of_woven(const VideoStream& stream, const std::string& file) {
   constexpr double kSquare = 0.005;
   if (stream.orientation != frames::Orientation::Upright)
@@ -106,7 +106,7 @@ class Source final : public VideoSource {
         events_(::epoll_create1(EPOLL_CLOEXEC)) {
     if (!events_ || !watch(ring_->wake_fd()) || !watch(child_.wake_fd()))
       throw Error(ErrorKind::Failed, "video: no descriptor is left");
-    // A range ends where it was told to; of the last frame a container may be wrong.
+    // A range ends at a known frame; a container may be wrong about its last frame.
     if (!request_.frames) child_.expect_frames(stream_.expected_frames);
     begin_child();
   }
@@ -153,30 +153,31 @@ class Source final : public VideoSource {
   std::unique_ptr<frames::RingPlayer> ring_;
   UniqueFd events_;
 
-  uint64_t loop_ = 0;                      ///< that pull() is in
-  uint64_t next_ = 0;                      ///< frame that pull() expects
-  bool complete_ = false;                  ///< the present decoder has sent all frames
-  bool at_end_ = false;                    ///< End was told and rewind() not called
-  std::optional<frames::LentFrame> held_;  ///< the next loop's first, over the seam
+  uint64_t loop_ = 0;      ///< loop of the next pull()
+  uint64_t next_ = 0;      ///< frame that pull() expects
+  bool complete_ = false;  ///< the present decoder has sent all frames
+  bool at_end_ = false;    ///< End was returned and rewind() not called
+  std::optional<frames::LentFrame>
+      held_;  ///< first frame of the next loop, held over the loop point
   std::optional<uint64_t> frames_in_loop_;
   uint64_t position_ = 0;  ///< frames taken from the ring, in all loops
   uint64_t lent_ = 0;
 
-  uint64_t child_loop_ = 0;  ///< in which the present child was begun
-  bool burying_ = false;     ///< the child is dead, but the ring may not know yet
+  uint64_t child_loop_ = 0;  ///< loop in which the present child was started
+  bool burying_ = false;     ///< the child is dead, but the ring may not have noticed yet
   ChildEnd end_;
   std::string failure_;
   bool out_of_order_ = false;
 
   std::deque<Clock::time_point> restarts_;
   VideoStatistics counts_;
-  std::atomic<uint64_t> broken_before_{0};  ///< by decoders before the present one
+  std::atomic<uint64_t> broken_before_{0};  ///< count of the decoders before the present one
   bool child_showed_life_ = false;
   bool killed_ = false;
   uint64_t signs_ = 0;
   Clock::time_point last_sign_;
   Clock::time_point last_look_;
-  VideoChild child_;  // last, so that it is gone first
+  VideoChild child_;  // last member, so that it is destroyed first
 };
 
 bool Source::watch(int fd) const {
@@ -202,9 +203,9 @@ PullStatus Source::pull(frames::LentFrame& out) {
       ++lent_;
       return take(lent, out);
     case PullStatus::End:
-      // A decoder that was replaced after its last frame leaves an empty sequence behind.
+      // A decoder that was replaced after its last frame leaves an empty sequence.
       if (request_.plays_again || next_ == 0) break;
-      // What it left out is known when it has said so, or is dead.
+      // The number of left-out frames is known once the decoder has reported it or is dead.
       complete_ = true;
       if (child_.present() && child_.rounds() == 0) break;
       at_end_ = true;
@@ -255,10 +256,10 @@ bool Source::rewind() {
   return true;
 }
 
-// --- the decoder -------------------------------------------------------------------------------
+// --- decoder -----------------------------------------------------------------------------------
 
-/// With the frame after the last one that the ring has taken over. The decoder wraps a number
-/// beyond the clip's end, which only it knows, into the next loop.
+/// Starts a decoder at the frame after the last one in the ring. A number beyond the clip's end,
+/// which only the decoder knows, continues in the next loop.
 void Source::begin_child() {
   const uint64_t from = (held_ ? 1 : next_) + ring_->ready_count();
   const FrameRange range = request_.frames.value_or(FrameRange{0, uint64_t{1} << 40});
@@ -293,7 +294,7 @@ void Source::service() {
   supervise();
 }
 
-/// A dead child is buried when the ring has taken over everything that it had published.
+/// Handles the end of a child, once the ring has taken over everything that it had published.
 void Source::supervise() {
   if (const auto end = burying_ ? std::nullopt : child_.take_end()) {
     end_ = *end;
@@ -309,7 +310,7 @@ void Source::supervise() {
 void Source::bury() {
   if (!failure_.empty()) return;
   const bool complete = end_.exit_code == kOk && !request_.plays_again;
-  if (complete && child_loop_ == loop_) return;  // pull() tells the end when it comes to it
+  if (complete && child_loop_ == loop_) return;  // pull() returns the end when it gets there
   const bool sent_all = complete_ && child_loop_ == loop_;
   if ((at_end_ || sent_all) && !request_.plays_again) return;
   if (complete) return begin_child();
@@ -329,7 +330,8 @@ bool Source::may_restart() {
   return true;
 }
 
-/// Time counts only while somebody looks and the decoder has room: a paused player is no hang.
+/// Kills a decoder that hangs. Time counts only while the player pulls and the decoder has a free
+/// slot, so that a pause is not taken for a hang.
 void Source::watch_for_hang() {
   if (!child_.present() || killed_) return;
   const Clock::time_point now = Clock::now();

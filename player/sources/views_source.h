@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The numbered views of a rig as a source that never ends, woven here and woven again whenever the
-// trim changes: what to look at while trimming.
+// ViewsSource presents the numbered views of a rig as an endless source for trimming. It weaves
+// them again whenever the trim changes.
 #pragma once
 
 #include <map>
@@ -11,7 +11,7 @@
 
 namespace lenticule::player {
 
-/// One thread. A trim is on the glass within a second.
+/// A new trim is displayed within a second. Thread safety: one thread.
 class ViewsSource final : public frames::FrameSource {
  public:
   explicit ViewsSource(std::shared_ptr<const LiveTrim> trim);
@@ -35,7 +35,7 @@ class ViewsSource final : public frames::FrameSource {
   std::shared_ptr<const LiveTrim> trim_;
   uint64_t version_ = 0;
   std::shared_ptr<const frames::WovenFrame> newest_;
-  /// Frames that were lent before a change stay as they were.
+  /// Keeps frames acquired before a change alive and unchanged.
   std::map<uint64_t, std::shared_ptr<const frames::WovenFrame>> lent_;
   uint64_t next_token_ = 0;
   bool pulled_ = false;

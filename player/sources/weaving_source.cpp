@@ -16,7 +16,7 @@ using frames::PullStatus;
 
 namespace {
 
-/// How soon a new trim is noticed.
+/// Interval at which the trim is checked.
 constexpr std::chrono::milliseconds kLook{100};
 constexpr frames::Rate kStillRate{4, 1};
 constexpr int kFewestSlots = 3;
@@ -71,9 +71,9 @@ std::shared_ptr<Loom> WeavingSource::loom_for(const optics::Rig& rig) const {
   return std::make_shared<Loom>(rig, input_->shape(), options_.loom);
 }
 
-// --- the watcher ----------------------------------------------------------------------------
+// --- watcher --------------------------------------------------------------------------------
 
-/// A plan takes most of a second: it is made beside the weaving, in one thread.
+/// Makes new plans, which take most of a second, on a single thread beside the weaving.
 void WeavingSource::watch() noexcept {
   while (true) {
     {
@@ -102,7 +102,7 @@ void WeavingSource::look_at_rig() {
   changed_.notify_all();
 }
 
-// --- the worker -----------------------------------------------------------------------------
+// --- worker ---------------------------------------------------------------------------------
 
 std::shared_ptr<Loom> WeavingSource::newest_loom() {
   const std::lock_guard lock(mutex_);
@@ -153,7 +153,7 @@ void WeavingSource::give_back(Slot& slot) {
   slot.state = SlotState::Free;
 }
 
-/// False if there is nothing to do.
+/// Returns false if there is nothing to do.
 bool WeavingSource::weave_still(std::shared_ptr<Loom>& used) {
   const std::shared_ptr<Loom> newest = newest_loom();
   if (newest == used) return false;
@@ -165,7 +165,7 @@ bool WeavingSource::weave_still(std::shared_ptr<Loom>& used) {
   return true;
 }
 
-/// The slot that was shown so far is free when its last loan is back.
+/// Publishes a still. The previous slot becomes free when its last frame is released.
 void WeavingSource::publish_still(Slot& slot) {
   const std::lock_guard lock(mutex_);
   for (Slot& other : slots_)
@@ -184,7 +184,7 @@ void WeavingSource::publish(Slot& slot) {
   wake_.signal();
 }
 
-/// False if no slot is free, or the next round is not wanted yet.
+/// Returns false if no slot is free, or the next round is not requested yet.
 bool WeavingSource::weave_next() {
   if (at_end_) {
     {
@@ -230,7 +230,7 @@ void WeavingSource::finish_round() {
   wake_.signal();
 }
 
-// --- the player -----------------------------------------------------------------------------
+// --- player ---------------------------------------------------------------------------------
 
 std::optional<uint64_t> WeavingSource::frame_count() const {
   const std::lock_guard lock(mutex_);
@@ -268,7 +268,8 @@ void WeavingSource::release(uint64_t token) {
   changed_.notify_all();
 }
 
-/// The worker keeps one slot of a sequence; loans of a still share theirs.
+/// Returns how many frames may be borrowed. The worker keeps one slot of a sequence; all frames of
+/// a still share a slot.
 int WeavingSource::max_lent() const {
   return still_ ? 1'000'000 : static_cast<int>(slots_.size()) - 1;
 }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views that are woven while they play, wherever they come from. When the rig file or its trim
-// changes, a new plan is made in the background; until it is ready, frames go on being woven by the
-// old one.
+// WeavingSource weaves views from any input during playback. When the rig file or its trim changes,
+// it makes a new plan in the background and uses the old one until the new one is ready.
 #pragma once
 
 #include <atomic>
@@ -25,29 +24,29 @@ namespace lenticule::player {
 
 struct WeavingSourceOptions {
   std::string rig_file = {};
-  std::shared_ptr<FollowedRig> rig = nullptr;  ///< that of the file if null
+  std::shared_ptr<FollowedRig> rig = nullptr;  ///< null = the rig of the file
   std::string name = {};                       ///< for messages
   LoomOptions loom = {};
   int pool_frames = 8;                              ///< woven frames kept ready, at least 3
-  std::optional<frames::Rate> rate = std::nullopt;  ///< in place of the input's
-  /// Weaves on into the next round, so that rewind() costs nothing.
+  std::optional<frames::Rate> rate = std::nullopt;  ///< replaces the input's rate
+  /// Weaves on into the next round, so that rewind() is immediate.
   bool plays_again = true;
 };
 
-/// An input that says that it has one frame is a still: it is woven again when its plan changes.
-/// The player's calls come from one thread and only take a lock that nobody holds while working.
+/// An input with one frame is a still and is woven again when the plan changes. Thread safety: the
+/// player's calls come from one thread; they take a lock that is never held during work.
 class WeavingSource final : public frames::FrameSource {
  public:
-  /// Weaves a still's first frame. Throws Error(Input) for the rig, and for a still that is
-  /// missing or broken, Error(Usage) for more views than a plan takes.
+  /// Weaves a still's first frame. Throws Error(Input) for the rig and for a still that is missing
+  /// or broken, Error(Usage) for more views than a plan can hold.
   WeavingSource(std::unique_ptr<frames::ViewInput> input, const WeavingSourceOptions& options);
-  /// Waits for the frame, or the plan, that is being worked on.
+  /// Waits for the frame or plan in progress.
   ~WeavingSource() override;
   WeavingSource(const WeavingSource&) = delete;
   WeavingSource& operator=(const WeavingSource&) = delete;
 
   [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
-  /// A still is looked at four times a second.
+  /// Returns the rate; a still is pulled four times a second.
   [[nodiscard]] std::optional<frames::Rate> rate() const override { return rate_; }
   [[nodiscard]] std::optional<uint64_t> frame_count() const override;
   [[nodiscard]] frames::PullStatus pull(frames::LentFrame& out) override;
@@ -61,11 +60,11 @@ class WeavingSource final : public frames::FrameSource {
   [[nodiscard]] std::string failure() const override;
   [[nodiscard]] frames::FrameDamage damage() const override { return input_->damage(); }
 
-  /// Plans that were made so far.
+  /// Returns the number of plans made so far.
   [[nodiscard]] uint64_t plans() const { return plans_.load(); }
 
  private:
-  /// Frames count in tickets through all rounds. A still has one frame, which is woven into another
+  /// A ticket counts frames through all rounds. A still has one frame, which is woven into another
   /// slot when its plan changes.
   enum class SlotState { Free, Weaving, Ready, Lent, Stale };
   struct Slot {
@@ -94,28 +93,28 @@ class WeavingSource final : public frames::FrameSource {
   void wait_a_moment();
 
   const WeavingSourceOptions options_;
-  const std::unique_ptr<frames::ViewInput> input_;  ///< the worker's
+  const std::unique_ptr<frames::ViewInput> input_;  ///< used by the worker thread
   const bool still_;
   frames::FrameGeometry geometry_;
   std::optional<frames::Rate> rate_;
   const std::shared_ptr<FollowedRig> rig_;
-  uint64_t rig_version_ = 0;  ///< that was woven for; the watcher's
+  uint64_t rig_version_ = 0;  ///< rig version of the newest plan; used by the watcher thread
   WakeFd wake_;
   std::atomic<uint64_t> plans_{0};
-  bool at_end_ = false;  ///< the worker's: of the input, and not rewound
+  bool at_end_ = false;  ///< the input is at its end and not rewound; used by the worker thread
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::vector<Slot> slots_;
   std::shared_ptr<Loom> loom_;
-  std::optional<uint64_t> count_;    ///< of a round, as far as it is known
+  std::optional<uint64_t> count_;    ///< frames in a round, if known
   uint64_t next_weave_ = 0;          ///< ticket
   uint64_t next_pull_ = 0;           ///< ticket
-  uint64_t round_begin_ = 0;         ///< ticket that this round began with
+  uint64_t round_begin_ = 0;         ///< first ticket of this round
   std::deque<uint64_t> round_ends_;  ///< tickets before which pull() stops until rewind()
   uint64_t rounds_wanted_ = 1;
   uint64_t rounds_woven_ = 0;
-  bool nothing_to_do_ = false;  ///< the input is over, and nobody asked for another round
+  bool nothing_to_do_ = false;  ///< the input is over, and no other round is requested
   std::string failure_;
   bool stopping_ = false;
 
