@@ -28,7 +28,7 @@ std::optional<Integer> parse_integer(std::string_view text) {
   return value;
 }
 
-/// Takes the text up to `separator` off the front; all of it if there is none.
+/// Removes and returns the text up to `separator`, or all of it if there is none.
 std::string_view take_until(std::string_view& text, char separator) {
   const size_t end = text.find(separator);
   const std::string_view head = text.substr(0, end);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Opens the display that a person named. The only place that knows which kinds there are.
+// open_display opens the display that the user named. This is the only place that knows all kinds
+// of displays.
 #pragma once
 
 #include <memory>
@@ -17,33 +18,34 @@ struct DisplayRequest {
   /// "virtual", "virtual:3840x2160@59.94", "virtual:3840x2160@60,jitter_us=500", "kms",
   /// "kms:HDMI-A-1", "kms:edid:LGD", "kms:/dev/dri/card1" (see parse_output_key())
   std::string spec = "virtual";
-  /// What will be shown; a display of another size is refused.
+  /// Size of the frames; a display of another size is refused.
   frames::FrameGeometry panel = {};
-  /// For virtual displays: real time when null.
+  /// For virtual displays: null = real time.
   std::shared_ptr<Clock> clock = nullptr;
   /// For virtual displays: null = no recording.
   std::shared_ptr<ScanoutRecorder> recorder = nullptr;
   int buffers = 3;
   /// For KMS displays; key, panel and buffers are taken from above. A simulated clock or a recorder
-  /// cannot be had there.
+  /// is not supported there.
   KmsOptions kms = {};
 };
 
-/// Throws Error(Usage) for a spec that makes no sense, Error(Input) when its size is not the
-/// panel's, Error(Device) when there is no such display. What a KMS spec opens is a KmsDisplay.
+/// Opens the display; the result is a KmsDisplay for a KMS spec. Throws Error(Usage) for an invalid
+/// spec, Error(Input) if its size is not the panel's, Error(Device) if there is no such display.
 [[nodiscard]] std::unique_ptr<Display> open_display(const DisplayRequest& request);
 
-/// What a KMS spec is opened with, for those who open it themselves. Throws Error(Usage).
+/// Returns the options for a KMS spec, for callers that open the display themselves. Throws
+/// Error(Usage).
 [[nodiscard]] KmsOptions kms_options_of(const DisplayRequest& request);
 
-/// Throws as open_display() would for the text alone, before anything is opened.
+/// Checks the text alone, without opening a display. Throws as open_display() would.
 void check_display_spec(std::string_view spec);
-/// True if it names a panel on a graphics card.
+/// Returns true if the spec names a panel on a graphics card.
 [[nodiscard]] bool is_kms_spec(std::string_view spec);
 
 /// The parts of "virtual[:WxH[@HZ]][,jitter_us=N][,seed=N]".
 struct VirtualSpec {
-  int width = 0;  ///< 0 = the panel's
+  int width = 0;  ///< 0 = the panel's width
   int height = 0;
   frames::Rate refresh{60, 1};
   int64_t jitter_us = 0;
