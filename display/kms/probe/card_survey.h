@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every card that can be opened, and what hangs on it.
+// CardSurvey lists every card that can be opened and its connectors.
 #pragma once
 
 #include <cstddef>
@@ -15,7 +15,7 @@
 
 namespace lenticule::display {
 
-/// A card that this process has open already: only its master can ask panels anew.
+/// A card that this process has already open: only its DRM master can probe connectors again.
 struct OpenCard {
   int fd = -1;  ///< borrowed
   std::string path{};
@@ -24,18 +24,19 @@ struct OpenCard {
 struct CardSurvey {
   std::vector<DrmDevice> devices;
   std::vector<OutputCandidate> candidates;
-  /// Per candidate: its device; the open card's candidates have none.
+  /// For each candidate, the index of its device; none for candidates of the open card.
   std::vector<std::optional<size_t>> device_of;
-  std::optional<Error> problem;  ///< of a card that could not be opened
+  std::optional<Error> problem;  ///< error of a card that could not be opened
 };
 
-/// Asks every panel, which may take hundreds of milliseconds each. `inherited` is used up where it
-/// is one of the cards: it is master already.
+/// Opens all cards and probes every connector, which may take hundreds of milliseconds each. If
+/// `inherited` is one of the cards, its descriptor is used, because it is DRM master already, and
+/// `inherited` is reset.
 [[nodiscard]] CardSurvey survey_cards(const std::shared_ptr<Session>& session,
                                       std::optional<DrmDevice>& inherited,
                                       const OpenCard& open = {});
 
-/// Why none was chosen.
+/// Returns the error that explains why no output was chosen.
 [[nodiscard]] Error refusal(const OutputChoice& choice, const CardSurvey& survey);
 
 }  // namespace lenticule::display

@@ -11,7 +11,7 @@
 namespace lenticule::display {
 namespace {
 
-// 59.997 is meant by 60; 59.94 is not.
+// A request for 60 matches 59.997 and does not match 59.94.
 constexpr double kRefreshTolerance = 0.0005;
 
 PixelSize size_of(const drmModeModeInfo& mode) {
@@ -26,8 +26,9 @@ double relative_error(const drmModeModeInfo& mode, frames::Rate refresh) {
   return std::abs(refresh_of(mode).hertz() / refresh.hertz() - 1.0);
 }
 
-/// Whether `a` is the better choice. Of equals the one with the lower pixel clock: it puts less on
-/// the link, and is rarely a television timing with a narrowed range of values.
+/// Returns true if `a` is the better choice. If both are equally good, the one with the lower pixel
+/// clock is better: it needs less link bandwidth, and is rarely a television timing with a limited
+/// range of values.
 bool better(const drmModeModeInfo& a, const drmModeModeInfo& b,
             std::optional<frames::Rate> refresh) {
   if (refresh) {

@@ -38,7 +38,7 @@ bool named_directly(const OutputKey& key) {
   return key.kind == OutputKey::Kind::Connector || key.kind == OutputKey::Kind::Edid;
 }
 
-/// Keeps those that pass, unless none would.
+/// Keeps the candidates that pass, unless none does.
 void narrow(Indices& indices, const std::function<bool(size_t)>& passes) {
   Indices kept;
   std::copy_if(indices.begin(), indices.end(), std::back_inserter(kept), passes);
@@ -66,7 +66,8 @@ class Chooser {
     return only_one(indices);
   }
 
-  /// A key of an EDID says who, not where.
+  /// Returns the connected candidates on the requested output. A key by EDID does not restrict the
+  /// output.
   [[nodiscard]] Indices present() const {
     Indices indices;
     for (size_t i = 0; i < candidates_.size(); ++i) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which connector is meant: exactly one, or none and the reason. Never the first that happens to be
-// there.
+// choose_output finds the one connector that a request means, or the reason why there is not
+// exactly one. It never guesses by taking the first connector.
 #pragma once
 
 #include <optional>
@@ -14,18 +14,18 @@
 namespace lenticule::display {
 
 struct OutputCandidate {
-  std::string card;  ///< path of its node
+  std::string card;  ///< path of the card's node
   ConnectorInfo connector;
 };
 
 struct OutputChoice {
   std::optional<size_t> chosen;  ///< index of the candidate
-  /// Without one: what is wrong, what to do, and whether waiting for a panel may help.
+  /// If none was chosen: the error, the remedy, and whether waiting for a panel may help.
   ErrorKind kind = ErrorKind::Device;
   std::string cause{};
   std::string remedy{};
   bool may_come = false;
-  /// Connected candidates at the place that is meant, whoever they are.
+  /// Connected candidates on the requested output, whatever their identity.
   std::vector<size_t> present{};
 };
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a person names a panel: auto, a connector, an EDID, or the card it hangs on.
+// OutputKey is the user's name of a panel: auto, a connector, an EDID, or the card to which it is
+// connected.
 #pragma once
 
 #include <cstdint>
@@ -13,17 +14,18 @@ struct OutputKey {
   enum class Kind { Auto, Connector, Edid, Card };
   Kind kind = Kind::Auto;
   std::string text{};                 ///< connector name or path of a card
-  std::string manufacturer{};         ///< of Edid
-  std::optional<uint32_t> product{};  ///< of Edid
-  std::string serial{};               ///< of Edid, may be empty
+  std::string manufacturer{};         ///< for Edid
+  std::optional<uint32_t> product{};  ///< for Edid
+  std::string serial{};               ///< for Edid, may be empty
   friend bool operator==(const OutputKey&, const OutputKey&) = default;
 };
 
-/// "auto" (or nothing), "HDMI-A-1", "edid:MFG[:product[:serial]]", "/dev/dri/...". The product is
-/// decimal or 0x hexadecimal. Throws Error(Usage).
+/// Parses "auto" (or nothing), "HDMI-A-1", "edid:MFG[:product[:serial]]", "/dev/dri/...". The
+/// product is decimal or 0x hexadecimal. Throws Error(Usage).
 [[nodiscard]] OutputKey parse_output_key(std::string_view text);
 
-/// Takes the "kms" or "kms:" off a display's name. Throws Error(Usage) if it is something else.
+/// Parses the rest of a display's name after "kms" or "kms:". Throws Error(Usage) if the name does
+/// not begin so.
 [[nodiscard]] OutputKey parse_kms_spec(std::string_view spec);
 
 }  // namespace lenticule::display

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which panel is wanted, and for what.
+// OutputWish is a request for an output: the panel, its identity and the size of the frames.
 #pragma once
 
 #include "display/kms/probe/output_key.h"
@@ -9,13 +9,13 @@
 namespace lenticule::display {
 
 enum class IdentityPolicy {
-  Require,  ///< the panel must be the one that the rig was made for
-  Ignore,   ///< for test cards and measurements: whatever panel is there
+  Require,  ///< the panel must be the one for which the rig was made
+  Ignore,   ///< any connected panel, for test cards and measurements
 };
 
 struct OutputWish {
   OutputKey key;
-  optics::PanelIdentity identity;  ///< of the rig; empty = any
+  optics::PanelIdentity identity;  ///< panel identity in the rig; empty = any
   frames::FrameGeometry panel;
   IdentityPolicy policy = IdentityPolicy::Require;
 };

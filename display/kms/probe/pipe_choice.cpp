@@ -25,7 +25,7 @@ bool is_primary(int fd, uint32_t plane) {
   return type != nullptr && type->value == DRM_PLANE_TYPE_PRIMARY;
 }
 
-/// The CRTC's own primary plane if it has one by now, else a primary plane that nobody uses.
+/// Returns the CRTC's current primary plane, else an unused primary plane.
 std::optional<uint32_t> primary_plane_for(int fd, uint32_t crtc, int crtc_index) {
   const DrmPlanes planes(drmModeGetPlaneResources(fd));
   std::optional<uint32_t> free_one;
@@ -40,7 +40,7 @@ std::optional<uint32_t> primary_plane_for(int fd, uint32_t crtc, int crtc_index)
   return free_one;
 }
 
-/// CRTCs that other connectors are using.
+/// Returns the CRTCs that other connectors use.
 std::vector<uint32_t> crtcs_taken(int fd, uint32_t except_connector) {
   std::vector<uint32_t> taken;
   for (const ConnectorInfo& other : read_connectors(fd, Probe::Cached))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which CRTC and which primary plane feed the chosen connector.
+// Chooses the CRTC and the primary plane for a connector.
 #pragma once
 
 #include <cstdint>
@@ -14,9 +14,9 @@ struct Pipe {
   uint32_t plane = 0;
 };
 
-/// Prefers the CRTC that drives the connector already (its mode can then be taken over without a
-/// flash), then one that drives nothing. Throws Error(Device) when no CRTC with a primary plane
-/// for XRGB8888 can reach the connector.
+/// Prefers the CRTC that already drives the connector (its mode can then be taken over without a
+/// modeset), then an unused one. Throws Error(Device) if no CRTC with a primary plane for XRGB8888
+/// can drive the connector.
 [[nodiscard]] Pipe choose_pipe(int fd, const ConnectorInfo& connector);
 
 }  // namespace lenticule::display
