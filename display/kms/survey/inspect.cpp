@@ -24,7 +24,7 @@ std::string missing_caps(const DrmCaps& caps) {
                      : "the driver has no atomic modesetting";
 }
 
-/// Of the first CRTC that runs: one that is off cannot be asked.
+/// Asks the first active CRTC; one that is off cannot be queried.
 std::optional<bool> counts_vblanks(int fd) {
   const DrmResources resources(drmModeGetResources(fd));
   for (int i = 0; resources && i < resources->count_crtcs; ++i) {
@@ -37,7 +37,7 @@ std::optional<bool> counts_vblanks(int fd) {
   return std::nullopt;
 }
 
-/// Gives mastership back, however the looking ends.
+/// BorrowedMastery drops DRM master when it is destroyed.
 class BorrowedMastery {
  public:
   explicit BorrowedMastery(const DrmDevice& device)
@@ -84,7 +84,7 @@ PixelSize own_size(const ConnectorInfo& connector) {
   return native.empty() ? PixelSize{mode->hdisplay, mode->vdisplay} : native.front();
 }
 
-/// The whole way to a lit panel, except for lighting it.
+/// Performs every step of opening a panel except the modeset.
 void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& connector,
               const std::shared_ptr<KmsPlatform>& platform) {
   const int fd = device.fd();
@@ -150,7 +150,7 @@ std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session, const O
       const BorrowedMastery mastery(device);
       connectors = read_connectors(device.fd(), Probe::Full);
     } catch (const Error&) {
-      continue;  // inspect_cards() lists what cannot be opened
+      continue;  // inspect_cards() lists cards that cannot be opened
     }
     for (const ConnectorInfo& connector : connectors)
       if (meant(key, connector, node.path))

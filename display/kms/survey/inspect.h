@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looks at every card and panel without showing anything: what `panels` and `doctor` print.
+// Inspects every card and panel without displaying anything, for `panels` and `doctor`.
 #pragma once
 
 #include <cstdint>
@@ -22,12 +22,12 @@ struct ModeFacts {
   int height = 0;
   frames::Rate refresh;
   bool preferred = false;
-  bool native = false;  ///< of the panel's own size, as far as anybody knows
-  bool usable = false;  ///< progressive, each line once
+  bool native = false;  ///< the panel's own size, as far as known
+  bool usable = false;  ///< progressive without repeated lines
 };
 
 struct PanelFacts {
-  std::string card;       ///< path of its node
+  std::string card;       ///< path of the card's node
   std::string connector;  ///< "HDMI-A-1"
   bool connected = false;
   bool non_desktop = false;
@@ -44,10 +44,11 @@ struct CardFacts {
   std::string path;
   std::string bus{};
   std::string driver{};
-  std::string problem{};  ///< why it cannot be used; empty if it can
-  bool master = false;    ///< could be ours at this moment
+  std::string problem{};  ///< reason why it cannot be used; empty if it can
+  bool master = false;    ///< this process could become DRM master now
   bool prefers_shadow = false;
-  /// The driver counts vblanks; none if no output runs, so that it could not be asked.
+  /// True if the driver counts vblanks; none if no output is active, because only an active one can
+  /// be queried.
   std::optional<bool> counts_vblanks{};
 };
 
@@ -56,22 +57,22 @@ struct Inspection {
   std::vector<PanelFacts> panels;
 };
 
-/// Whatever can be found out; a card that cannot be opened is listed with its problem. Mastership
-/// that opening brings is given back at once.
+/// Collects all available facts; a card that cannot be opened is listed with its problem. DRM
+/// master acquired by opening a card is dropped at once.
 [[nodiscard]] Inspection inspect_cards(const std::shared_ptr<Session>& session);
 
-/// What playing on this panel would do to its output.
+/// The effect of playing on this panel on its output.
 struct Diagnosis {
   PanelFacts panel;
   std::string driver{};
-  std::string problem{};  ///< why nothing could be shown there; empty if it could
+  std::string problem{};  ///< reason why nothing could be displayed; empty if frames can be
   std::string remedy{};
-  /// The driver was asked whether it takes the settings; not possible while another is master.
+  /// True if the driver tested the settings; not possible while another process is DRM master.
   bool tested = false;
-  ExactnessReport exactness{};  ///< with outcomes "would be forced"
+  ExactnessReport exactness{};  ///< outcomes are "would be forced"
 };
 
-/// Of every connected panel that the key names. Commits nothing.
+/// Diagnoses every connected panel that the key names. Commits nothing.
 [[nodiscard]] std::vector<Diagnosis> diagnose(
     const std::shared_ptr<Session>& session, const OutputKey& key,
     const std::shared_ptr<KmsPlatform>& platform = make_linux_platform());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is told about a connector outside of this folder: copied, without libdrm's types.
+// Copies a connector's facts into a struct without libdrm's types, for use outside this folder.
 #pragma once
 
 #include <string>

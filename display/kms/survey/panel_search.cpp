@@ -36,7 +36,7 @@ PanelSearch search_panel(const KmsOptions& options, const KmsDisplay* lit) {
     if (auto missing = missing_mode(survey.candidates[*choice.chosen].connector, options)) {
       search.found = false;
       search.refusal = *missing;
-      search.may_come = true;  // panels offer fewer modes than they have while they wake up
+      search.may_come = true;  // panels may list fewer modes than they have while they wake up
     }
   for (const size_t i : choice.present)
     search.present.push_back(

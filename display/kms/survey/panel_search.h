@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Is the panel there that is wanted, and if not, what is there instead?
+// Finds the requested panel among all connectors, or lists the connected ones and the reason why
+// none matches.
 #pragma once
 
 #include <memory>
@@ -13,20 +14,21 @@
 namespace lenticule::display {
 
 struct PanelSearch {
-  /// Exactly one panel fits, and has the mode: open_kms_display() would take it.
+  /// Exactly one panel matches and has the mode: open_kms_display() would open it.
   bool found = false;
-  /// Otherwise what it would throw. May list every candidate, one a line.
+  /// If not found: the error that open_kms_display() would throw. May list every candidate, one per
+  /// line.
   Error refusal{ErrorKind::Device, ""};
-  /// Whether a panel that comes could change that.
+  /// True if a panel that is connected later could match.
   bool may_come = true;
-  /// Connected panels of the output that is wanted, whoever they are, by name. An output that is
-  /// wanted by its EDID may be any.
+  /// Connected panels on the requested output, whatever their identity, by name. For a request by
+  /// EDID, all panels.
   std::vector<PanelFacts> present{};
 };
 
-/// Asks every panel of every card, by the wish, refresh and session (which must be set) of
-/// `options`. `lit` is a display of this process, whose card is asked through it; null if there is
-/// none. Throws nothing but for lack of memory.
+/// Probes every connector of every card, using the request, refresh and session (which must be set)
+/// of `options`. `lit` is an open display of this process, whose card is probed through it; null if
+/// there is none. Throws only if memory is exhausted.
 [[nodiscard]] PanelSearch search_panel(const KmsOptions& options, const KmsDisplay* lit = nullptr);
 
 }  // namespace lenticule::display
