@@ -14,16 +14,16 @@ constexpr const char* kMipi = "drm_mipi_dbi.c, mipi_dbi_buf_copy()";
 constexpr const char* kFirmware =
     "frames are converted to whatever format, size and scaling the firmware left";
 
-// Files are below drivers/gpu/drm of Linux 6.1, where no other version is named.
+// Files are in drivers/gpu/drm of Linux 6.1, unless another version is named.
 constexpr std::array kPaths = {
-    // Virtual machines, whose host gets the buffer's own bytes.
+    // Virtual machines, whose host receives the buffer's bytes.
     DriverPath{"virtio_gpu", AsItIs, "the host gets the words of the buffer",
                "virtio/virtgpu_plane.c, virtio_gpu_update_dumb_bo()"},
     DriverPath{"bochs-drm", AsItIs, "the host scans the buffer out of video memory",
                "tiny/bochs.c, bochs_plane_update()"},
     DriverPath{"vkms", AsItIs, "8 bits become 16 by a factor of 257, and 8 again by dividing",
                "vkms/vkms_formats.c, XRGB8888_to_argb_u16() and argb_u16_to_XRGB8888()"},
-    // Display engines that scan the buffer out, and whose debug files tell the rest of the path.
+    // Display engines that scan out the buffer; their debugfs files describe the rest of the path.
     DriverPath{"i915", AsItIs, "the display engine scans XRGB8888 out of memory",
                "i915/display/skl_universal_plane.c, skl_plane_ctl_format()"},
 

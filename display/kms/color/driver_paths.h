@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What kernel drivers do with an XRGB8888 frame on its way out, as their sources say. No driver
-// tells this by itself: all of them accept the format, and some convert it inside.
+// Lists how kernel drivers process an XRGB8888 frame on its way out, according to their sources. A
+// driver does not report this: all accept the format, and some convert it internally.
 #pragma once
 
 #include <span>
@@ -9,19 +9,20 @@
 namespace lenticule::display {
 
 enum class PathKind {
-  AsItIs,  ///< every subpixel leaves the driver as it is in the buffer
+  AsItIs,  ///< every subpixel leaves the driver unchanged
   Alters,  ///< subpixels are rounded, compressed, scaled or late
 };
 
 struct DriverPath {
-  const char* driver;  ///< as DRM_IOCTL_VERSION gives it
+  const char* driver;  ///< name that DRM_IOCTL_VERSION returns
   PathKind kind;
   const char* fact;
-  const char* source;  ///< file and function in the kernel's sources, or the maker's words
+  const char*
+      source;  ///< file and function in the kernel's sources, or the manufacturer's documentation
 };
 
 [[nodiscard]] std::span<const DriverPath> driver_paths();
-/// Null for a driver whose sources were not read.
+/// Returns null for a driver that is not listed.
 [[nodiscard]] const DriverPath* find_driver_path(std::string_view driver);
 
 }  // namespace lenticule::display

@@ -32,7 +32,7 @@ bool is_analogue(uint32_t type) {
          type == DRM_MODE_CONNECTOR_9PinDIN;
 }
 
-/// Links that may carry a compressed picture.
+/// Returns true for links that may carry compressed pictures.
 bool may_compress(uint32_t type) {
   return type == DRM_MODE_CONNECTOR_DisplayPort || type == DRM_MODE_CONNECTOR_eDP ||
          type == DRM_MODE_CONNECTOR_DSI || type == DRM_MODE_CONNECTOR_USB;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finds the properties that change pixels, says what to write, and checks what came of it.
+// ExactnessAudit finds the properties that change pixels, lists the values to write, and checks the
+// result.
 #pragma once
 
 #include <optional>
@@ -19,41 +20,41 @@ struct PipeTables {
   PropertyTable plane;
 
   [[nodiscard]] const PropertyTable& of(KmsObject object) const;
-  /// None if one of the objects is gone.
+  /// Reads the properties; none if one of the objects no longer exists.
   [[nodiscard]] static std::optional<PipeTables> read(int fd, uint32_t connector, uint32_t crtc,
                                                       uint32_t plane);
 };
 
-/// What happens beside and after the scan-out, beyond any property.
+/// Facts about the driver, the link and the panel that are not KMS properties.
 struct LinkFacts {
   uint32_t connector_type = 0;  ///< DRM_MODE_CONNECTOR_*
   std::string driver;
   bool edid_known = false;
   bool offers_ycbcr = false;
-  /// The panel takes this mode as YCbCr 4:2:0 and not otherwise.
+  /// The panel accepts this mode only as YCbCr 4:2:0.
   bool only_as_420 = false;
   std::optional<int> bits_per_colour;
-  /// The EDID calls another size the panel's own.
+  /// The EDID states another native size.
   bool other_native_size = false;
-  /// None when nothing was committed.
+  /// None if there was no commit.
   std::optional<bool> one_to_one;
 };
 
-/// True if a property that was neutral in `before` is not in `after`.
+/// Returns true if a property that was neutral in `before` is not neutral in `after`.
 [[nodiscard]] bool lost_a_setting(const ExactnessReport& before, const ExactnessReport& after);
 
 class ExactnessAudit {
  public:
   explicit ExactnessAudit(const PipeTables& found);
 
-  /// Everything to be written at a modeset, except what was refused.
+  /// Returns the properties to write at a modeset, except refused ones.
   [[nodiscard]] std::vector<PropertySetting> settings() const;
-  /// Gives up this one, or takes it back: to find out which ones a driver dislikes.
+  /// Marks a setting as refused or not, in order to find out which ones a driver rejects.
   void set_refused(size_t index, bool refused);
   [[nodiscard]] size_t count() const { return items_.size(); }
 
-  /// `now` as read after the commit; none when nothing was committed (`doctor`). `further` are rows
-  /// about what is no property.
+  /// Returns the report. `now` holds the properties read after the commit; none if there was no
+  /// commit (`doctor`). `further` are rows about facts that are not properties.
   [[nodiscard]] ExactnessReport report(const LinkFacts& link, const std::optional<PipeTables>& now,
                                        const std::vector<AuditRow>& further) const;
 
@@ -65,7 +66,7 @@ class ExactnessAudit {
     uint64_t wanted = 0;
     bool refused = false;
   };
-  struct Leftover {  ///< what cannot be written at all
+  struct Leftover {  ///< a setting that cannot be written
     const ExactnessRule* rule = nullptr;
     Property found;
     std::optional<uint64_t> wanted;

@@ -20,8 +20,8 @@ constexpr const char* kCable = "use DisplayPort, or an EDID that offers RGB only
 constexpr const char* kDriver = "use another graphics card or driver";
 constexpr const char* kMenu = "switch it off in the panel's menu";
 
-// Names are the kernel's, letter for letter; several spellings are several drivers. "max bpc" is
-// 8: more lets drivers choose other encodings to reach it, and the frames have 8 bits.
+// Names are spelled as in the kernel; several spellings belong to several drivers. "max bpc" is 8:
+// a larger value lets drivers choose other encodings to reach it, and the frames have 8 bits.
 constexpr std::array kRules = {
     ExactnessRule{Connector,
                   "max bpc",
@@ -39,7 +39,7 @@ constexpr std::array kRules = {
                   Pixels,
                   "values are squeezed into 16..235",
                   kCable},
-    // Rockchip's own names, of its kernels and of those who copied its HDMI driver.
+    // Names in Rockchip's kernels and in drivers derived from its HDMI driver.
     ExactnessRule{Connector,
                   "hdmi_output_format",
                   Named,
@@ -74,7 +74,7 @@ constexpr std::array kRules = {
                   Processing,
                   "a television may sharpen and overscan",
                   kMenu},
-    // Televisions' knobs, which Rockchip's kernels have on every connector: 50 is neutral there.
+    // Television settings, which Rockchip's kernels have on every connector; 50 is neutral.
     ExactnessRule{Connector, "brightness", Centre, 0, {}, Pixels, kToned, kDriver},
     ExactnessRule{Connector, "contrast", Centre, 0, {}, Pixels, kToned, kDriver},
     ExactnessRule{Connector, "saturation", Centre, 0, {}, Pixels, kMixed, kDriver},
@@ -90,7 +90,7 @@ constexpr std::array kRules = {
     ExactnessRule{Connector, "right margin", Number, 0, {}, Pixels, kScaled, kDriver},
     ExactnessRule{Connector, "top margin", Number, 0, {}, Pixels, kScaled, kDriver},
     ExactnessRule{Connector, "bottom margin", Number, 0, {}, Pixels, kScaled, kDriver},
-    // Inert at the panel's own mode, the only one that is used.
+    // No effect at the panel's native mode, the only one that is used.
     ExactnessRule{Connector, "scaling mode", Named, 0, {"None"}, Processing, kScaled, kDriver},
     ExactnessRule{Connector, "dither", Named, 0, {"off"}, Pixels, kDithered, kDriver},
     ExactnessRule{Connector, "dithering mode", Named, 0, {"off"}, Pixels, kDithered, kDriver},
@@ -112,7 +112,7 @@ constexpr std::array kRules = {
                   Pixels,
                   "brightness follows the picture",
                   "boot with amdgpu.abmlevel=0"},
-    // nouveau: saturation is (value - 100) of 50, so that 150 is one and 100 is grey.
+    // nouveau: saturation is (value - 100) / 50, so that 150 is one and 100 is grey.
     ExactnessRule{Connector, "color vibrance", Number, 150, {}, Pixels, kMixed, kDriver},
     ExactnessRule{Connector, "vibrant hue", Number, 90, {}, Pixels, kMixed, kDriver},
     ExactnessRule{Connector,
@@ -171,7 +171,7 @@ constexpr std::array kRules = {
     ExactnessRule{
         Plane, "rotation", Named, 0, {"rotate-0"}, Pixels, "the picture is turned", kDriver},
     ExactnessRule{Plane, "alpha", Maximum, 0, {}, Pixels, "the picture is dimmed", kDriver},
-    // Every mode is the same for a format without alpha.
+    // All blend modes are equal for a format without alpha.
     ExactnessRule{Plane,
                   "pixel blend mode",
                   Named,

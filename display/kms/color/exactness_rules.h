@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every KMS property that can change a subpixel between the buffer and the glass, and the value
-// with which it does not.
+// Lists every KMS property that can change a subpixel between the buffer and the panel, with its
+// neutral value.
 #pragma once
 
 #include <cstdint>
@@ -20,14 +20,14 @@ enum class Neutral {
   Number,   ///< `number`
   Named,    ///< the enumerator with one of `names`, the first that exists
   Maximum,  ///< the largest value of the range
-  Centre,   ///< the middle of 0 ... 100; of other ranges it is not known
-  Kept,     ///< read only: it must be one of `names` (or `number`), nobody may write it
+  Centre,   ///< the middle of 0 ... 100; unknown for other ranges
+  Kept,     ///< read-only: must be one of `names` (or `number`), never written
 };
 
-/// What a wrong value does.
+/// Effect of a wrong value.
 enum class Harm {
   Pixels,      ///< subpixels arrive changed
-  Processing,  ///< it invites the panel to process the picture
+  Processing,  ///< it may make the panel process the picture
 };
 
 struct ExactnessRule {
@@ -37,13 +37,13 @@ struct ExactnessRule {
   uint64_t number;
   const char* names[4];
   Harm harm;
-  const char* effect;  ///< of any other value
-  const char* remedy;  ///< when it cannot be set
+  const char* effect;  ///< effect of any other value
+  const char* remedy;  ///< remedy if it cannot be set
 };
 
 [[nodiscard]] std::span<const ExactnessRule> exactness_rules();
 
-/// The neutral value of this property on this driver; none if the driver knows no such value.
+/// Returns the neutral value of this property on this driver; none if the driver has no such value.
 [[nodiscard]] std::optional<uint64_t> neutral_value(const ExactnessRule& rule,
                                                     const Property& property);
 

@@ -14,15 +14,17 @@ namespace {
 constexpr int kMostEntries = 65536;
 
 size_t entries_of(int fd, const PropertyTable& crtc) {
-  // With either property the kernel makes the ramp an alias of it, and the audit clears it.
+  // With either property the kernel makes the ramp an alias of it, and the audit resets the
+  // property.
   if (crtc.find("GAMMA_LUT") != nullptr || crtc.find("DEGAMMA_LUT") != nullptr) return 0;
   const DrmCrtc source(drmModeGetCrtc(fd, crtc.object()));
   if (!source || source->gamma_size < 2 || source->gamma_size > kMostEntries) return 0;
   return static_cast<size_t>(source->gamma_size);
 }
 
-/// Left-aligned bits of the index, as the kernel itself fills a new ramp: right for hardware that
-/// cuts the low bits off and for hardware that rounds. Other lengths are stretched over the range.
+/// Returns the left-aligned bits of the index, as the kernel fills a new ramp: correct both for
+/// hardware that truncates the low bits and for hardware that rounds. Other lengths are stretched
+/// over the range.
 uint16_t linear_value(size_t index, size_t entries) {
   const bool stretched = !std::has_single_bit(entries);
   return static_cast<uint16_t>(stretched ? index * 65535 / (entries - 1) : index * 65536 / entries);
@@ -51,7 +53,7 @@ std::optional<GammaRamp> LegacyGamma::read() const {
 }
 
 int LegacyGamma::write(const GammaRamp& ramp) const noexcept {
-  // libdrm only reads them, and says so in later versions.
+  // libdrm only reads the values; later versions declare them const.
   const auto values = [](const std::vector<uint16_t>& of) {
     return const_cast<uint16_t*>(of.data());
   };
@@ -60,7 +62,7 @@ int LegacyGamma::write(const GammaRamp& ramp) const noexcept {
 }
 
 int LegacyGamma::make_linear() const noexcept {
-  // One that cannot be read cannot be put back either, and so stays as it is.
+  // A ramp that could not be read could not be restored, so it is not changed.
   return present() && found_ ? write(linear_) : 0;
 }
 

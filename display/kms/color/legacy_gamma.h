@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gamma ramp of drivers that take atomic commits but have no GAMMA_LUT property: it is set by a
-// call of its own, and whatever a night light left in it maps every value to another.
+// LegacyGamma sets the gamma ramp of drivers that support atomic commits and have no GAMMA_LUT
+// property. Such a ramp has its own system call, and a ramp left by a night-light program would
+// change every value.
 #pragma once
 
 #include <cstdint>
@@ -13,27 +14,28 @@
 namespace lenticule::display {
 
 struct GammaRamp {
-  std::vector<uint16_t> red, green, blue;  ///< of equal length; 65535 is full
+  std::vector<uint16_t> red, green, blue;  ///< equal lengths; 65535 is full intensity
 
   friend bool operator==(const GammaRamp&, const GammaRamp&) = default;
 };
 
-/// The ramp that maps every 8-bit value to itself.
+/// Returns the ramp that maps every 8-bit value to itself.
 [[nodiscard]] GammaRamp linear_ramp(size_t entries);
 
-/// Of one CRTC. Calls that return int return 0 or a negative errno. One thread.
+/// Handles the ramp of one CRTC. Functions that return int return 0 or a negative errno. Thread
+/// safety: one thread.
 class LegacyGamma {
  public:
-  /// Reads what is set. Where look-up tables are properties, or the CRTC has no ramp, nothing of
-  /// this does anything.
+  /// Reads the current ramp. If look-up tables are properties or the CRTC has no ramp, all
+  /// functions of this class do nothing.
   LegacyGamma(int fd, const PropertyTable& crtc);
 
   int make_linear() const noexcept;
-  /// Puts back what was found.
+  /// Writes the ramp that was found at the start.
   int restore() const noexcept;
 
-  /// For the report; none where there is no ramp. `committed` is false when nothing was to be
-  /// written, only to be looked at.
+  /// Returns the row of the report; none if there is no ramp. `committed` is false if the ramp is
+  /// only checked and not written.
   [[nodiscard]] std::optional<AuditRow> row(bool committed) const;
 
  private:
@@ -44,7 +46,7 @@ class LegacyGamma {
   int fd_;
   uint32_t crtc_;
   GammaRamp linear_;                ///< empty: there is no ramp
-  std::optional<GammaRamp> found_;  ///< none if it could not be read
+  std::optional<GammaRamp> found_;  ///< none if the ramp could not be read
 };
 
 }  // namespace lenticule::display

@@ -14,7 +14,7 @@ namespace {
 constexpr const char* kLateRemedy =
     "boot with i915.enable_psr=0 or amdgpu.dcdebugmask=0x10 if vblanks are missed";
 
-/// One file that tells one thing.
+/// A file that contains one value.
 struct LinkFile {
   const char* row;
   const char* path;    ///< {0}: the card's name, {1}: its number, {2}: the connector's name
@@ -42,7 +42,7 @@ constexpr LinkFile kDebugfs[] = {
     // force_yuv420_output_get(), same file
     {"force_yuv420_output", "/sys/kernel/debug/dri/{1}/{2}/force_yuv420_output", "", "0", true,
      "RGB is converted to another encoding and back", "write 0 to that file of debugfs"},
-    // intel_psr_status(), same file as for DSC; Panel Replay is told there too
+    // intel_psr_status(), same file as for DSC; it reports Panel Replay too
     {"PSR", "/sys/kernel/debug/dri/{1}/{2}/i915_psr_status", "PSR mode: ", "disabled", false,
      "the panel refreshes itself, and a picture may come a vblank late", kLateRemedy},
     // psr_get(), same file as for force_yuv420_output
@@ -50,7 +50,7 @@ constexpr LinkFile kDebugfs[] = {
      "the panel refreshes itself, and a picture may come a vblank late", kLateRemedy},
 };
 
-/// "card1" and "1" of "/dev/dri/card1".
+/// Returns "card1" and "1" for "/dev/dri/card1".
 std::optional<std::pair<std::string, std::string>> card_names(const std::string& path) {
   constexpr std::string_view kPrefix = "/dev/dri/card";
   if (!path.starts_with(kPrefix) || path.size() == kPrefix.size()) return std::nullopt;
@@ -94,7 +94,7 @@ std::vector<AuditRow> read_files(KmsPlatform& platform, const LinkPlace& place,
   return rows;
 }
 
-/// The part of a list of CRTCs that is about this one; each begins with "[CRTC:42:pipe A]:".
+/// Returns the section of one CRTC in a list in which each begins with "[CRTC:42:pipe A]:".
 std::string_view section_of(std::string_view text, uint32_t crtc) {
   const size_t begin = text.find(fmt::format("[CRTC:{}:", crtc));
   if (begin == std::string_view::npos) return {};
@@ -102,7 +102,7 @@ std::string_view section_of(std::string_view text, uint32_t crtc) {
   return text.substr(begin, end == std::string_view::npos ? end : end - begin);
 }
 
-/// i915/display/intel_display_debugfs.c, intel_crtc_info(): "dither=no, bpp=24"
+/// Parses "dither=no, bpp=24" of i915/display/intel_display_debugfs.c, intel_crtc_info().
 std::optional<AuditRow> depth_row(KmsPlatform& platform, const LinkPlace& place,
                                   const std::string& number) {
   const auto text =
@@ -115,7 +115,7 @@ std::optional<AuditRow> depth_row(KmsPlatform& platform, const LinkPlace& place,
                  value);
 }
 
-/// i915_drrs_status(), same file: "DRRS Enabled: no"
+/// Parses "DRRS Enabled: no" of i915_drrs_status(), same file.
 std::optional<AuditRow> drrs_row(KmsPlatform& platform, const LinkPlace& place,
                                  const std::string& number) {
   const auto text =

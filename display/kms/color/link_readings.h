@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the kernel tells about an output outside its KMS properties: files of sysfs, which anyone
-// may read, and of debugfs, which root may.
+// Reads facts about an output that are not KMS properties: from sysfs, readable by every user, and
+// from debugfs, readable by root.
 #pragma once
 
 #include <cstdint>
@@ -12,19 +12,19 @@
 
 namespace lenticule::display {
 
-/// Names of the rows that others look for.
+/// Names of rows that other code looks up.
 inline constexpr const char* kDepthRow = "depth and dithering";
 inline constexpr const char* kCompressionRow = "DSC";
 
 struct LinkPlace {
-  std::string card;       ///< path of the node, /dev/dri/cardN
+  std::string card;       ///< path of the card's node, /dev/dri/cardN
   std::string connector;  ///< "eDP-1"
   uint32_t crtc = 0;
 };
 
-/// A row for each file that could be read and understood; none for the others.
+/// Returns a row for each sysfs file that could be read and parsed.
 [[nodiscard]] std::vector<AuditRow> read_sysfs_rows(KmsPlatform& platform, const LinkPlace& place);
-/// As above. The driver takes its locks to answer, so this is for moments without flips.
+/// Same for debugfs. The driver takes locks to answer, so call it only while no flips are pending.
 [[nodiscard]] std::vector<AuditRow> read_debugfs_rows(KmsPlatform& platform,
                                                       const LinkPlace& place);
 
