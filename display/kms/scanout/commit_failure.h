@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the kernel's refusal of a commit asks for.
+// CommitFailure classifies the kernel's reasons to refuse a commit by the reaction that each needs.
 #pragma once
 
 #include <cerrno>
@@ -7,13 +7,13 @@
 namespace lenticule::display {
 
 enum class CommitFailure {
-  Busy,    ///< a commit is under way: again later
-  Denied,  ///< the card is not ours at the moment: wait for it
-  Gone,    ///< the card went away
-  Wrong,   ///< the state is not what we think
+  Busy,    ///< a commit is pending: try again later
+  Denied,  ///< another process is DRM master at the moment: wait
+  Gone,    ///< the card is gone
+  Wrong,   ///< the output's state is not the expected one
 };
 
-/// `error` is a negative errno.
+/// Returns the class of `error`, a negative errno.
 [[nodiscard]] constexpr CommitFailure classify(int error) noexcept {
   switch (-error) {
     case EBUSY:

@@ -29,7 +29,8 @@ void EventWaiter::add(int fd, Source source) {
                 fmt::format("kms: cannot wait for a descriptor: {}", std::strerror(errno)));
 }
 
-/// The number may belong to another file than last time: modify tells, and is one call usually.
+/// Registers the wake descriptor. Its number may belong to another file than last time;
+/// EPOLL_CTL_MOD detects that, and usually this is a single system call.
 void EventWaiter::watch_wake(int fd) noexcept {
   epoll_event entry{.events = EPOLLIN, .data = {.u32 = kWake}};
   if (wake_fd_ >= 0 && wake_fd_ != fd) epoll_ctl(epoll_.get(), EPOLL_CTL_DEL, wake_fd_, nullptr);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Waits for several descriptors at once by the display's clock.
+// EventWaiter waits for several descriptors at once by the display's clock.
 #pragma once
 
 #include <array>
@@ -17,13 +17,14 @@ struct ReadySet {
   bool wake = false;  ///< the caller's own descriptor
 };
 
-/// One thread. Allocates nothing after it was made.
+/// Allocates no memory after construction. Thread safety: one thread.
 class EventWaiter {
  public:
   /// Descriptors of -1 are never ready. Throws Error(Failed).
   EventWaiter(int card_fd, int session_fd, int watch_fd);
 
-  /// Until something is ready or `deadline` is past; `wake_fd` as for Display::wait_event().
+  /// Waits until a descriptor is ready or `deadline` has passed; `wake_fd` as for
+  /// Display::wait_event().
   [[nodiscard]] ReadySet wait(Clock& clock, Nanoseconds deadline, int wake_fd) noexcept;
 
  private:

@@ -24,12 +24,12 @@ FlipEngine::FlipEngine(LitOutput& lit, std::shared_ptr<Session> session,
       clock_(std::move(clock)),
       counters_(counters),
       vblanks_(*lit.output, refresh, *clock_, counters),
-      // Unlike the numbers of whoever had the card before us.
+      // The start value differs from the serial numbers of a previous user of the card.
       next_serial_(static_cast<uint64_t>(clock_->now().count()) | 1),
       backoff_(kShortestBackoff),
       resume_backoff_(kFirstResume) {}
 
-// --- what waits, and until when -------------------------------------------------------------
+// --- events and timers ----------------------------------------------------------------------
 
 std::optional<DisplayEvent> FlipEngine::take_event() noexcept {
   if (flip_.is_due(PendingFlip::Phase::Landed, now())) return deliver_flip();
@@ -131,7 +131,7 @@ DisplayEvent FlipEngine::deliver_flip() noexcept {
           .time = flip.vblank.time};
 }
 
-// --- trouble --------------------------------------------------------------------------------
+// --- failures and recovery ------------------------------------------------------------------
 
 CommitFailure FlipEngine::note_failure(int error) noexcept {
   const CommitFailure failure = classify(error);
@@ -154,8 +154,9 @@ CommitFailure FlipEngine::note_failure(int error) noexcept {
   return failure;
 }
 
-/// A blocking commit returns when the picture is on the glass; its success is what the lost event
-/// would have said. Where it does not help, a modeset does, and where that does not, patience.
+/// Recovers a flip whose event is missing. A blocking commit returns when the frame is displayed,
+/// so its success replaces the lost event. If blocking commits fail, a modeset is tried, and then
+/// again after growing pauses.
 void FlipEngine::recover() noexcept {
   const bool modeset = needs_modeset_ || ++recovery_attempts_ > kBlockingCommitsBeforeModeset;
   const int error = modeset ? relight() : lit_.output->show(wanted_on_glass());
@@ -207,7 +208,8 @@ void FlipEngine::set_session_ours(bool ours) noexcept {
   if (paused_) resume_at_ = now();
 }
 
-/// Everything may have changed meanwhile: a whole modeset.
+/// Tries to resume after a pause. The output's state may have changed meanwhile, so this takes a
+/// whole modeset.
 void FlipEngine::try_resume() noexcept {
   if (session_->ensure_master(lit_.output->device().fd()) == Mastership::Held) {
     const int error = relight();

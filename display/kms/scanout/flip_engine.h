@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Brings frames onto the glass of one lit output and keeps them there: repeats what the kernel was
-// too busy for, replaces lost events by blocking commits and those by modesets, and pauses while
-// the card belongs to another session.
+// FlipEngine flips frames on one active output. It repeats commits for which the kernel was busy,
+// replaces lost events by blocking commits and failed ones by modesets, and pauses while another
+// session owns the card.
 #pragma once
 
 #include <cstdint>
@@ -20,35 +20,36 @@
 
 namespace lenticule::display {
 
-/// The presenter thread's. Allocates nothing except for modesets.
+/// Allocates memory only for modesets. Thread safety: the presenter's thread.
 class FlipEngine final : private DrmEventHandler {
  public:
-  /// Borrows `lit`, whose front it keeps up to date, and `counters`.
+  /// Lifetime: `lit`, whose front buffer the engine keeps up to date, and `counters` must outlive
+  /// the engine.
   FlipEngine(LitOutput& lit, std::shared_ptr<Session> session, std::shared_ptr<Clock> clock,
              frames::Rate refresh, KmsCounters& counters);
 
-  /// As Display::submit() and request_vblank().
+  /// See Display::submit() and request_vblank().
   [[nodiscard]] SubmitStatus submit(KmsBuffer* buffer, uint64_t id) noexcept;
   [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept;
-  /// What is to be reported by now, one at a time.
+  /// Returns the next event that is due, one per call.
   [[nodiscard]] std::optional<DisplayEvent> take_event() noexcept;
 
-  /// When run_timers() has something to do, or take_event() something to report.
+  /// Returns the time at which run_timers() or take_event() is due.
   [[nodiscard]] Nanoseconds next_due() const noexcept;
   void run_timers() noexcept;
-  /// The card's descriptor is readable.
+  /// Call when the card's descriptor is readable.
   void read_events() noexcept;
-  /// The seat's keeper took the card away or gave it back.
+  /// Call when the seat manager took the card away or gave it back.
   void set_session_ours(bool ours) noexcept;
 
-  /// The output may be in any state: a modeset, which also shows the flip under way, if there is
-  /// one.
+  /// Requests a modeset, because the output may be in any state. The modeset also shows the pending
+  /// flip, if there is one.
   void relight_soon() noexcept;
-  /// The card, or the right to use this panel, is gone for good.
+  /// Marks the display as lost: the card, or the right to use this panel, is gone permanently.
   void lose() noexcept { lost_ = true; }
   [[nodiscard]] bool lost() const noexcept { return lost_; }
   [[nodiscard]] bool counts_by_hardware() const noexcept { return vblanks_.is_hardware(); }
-  /// True once after something that a change of the panel would explain.
+  /// Returns true once after a failure that a change of the panel could explain.
   [[nodiscard]] bool take_doubt() noexcept;
 
  private:
@@ -58,7 +59,7 @@ class FlipEngine final : private DrmEventHandler {
   void land(VblankClock::Landing landing) noexcept;
   DisplayEvent deliver_flip() noexcept;
 
-  /// Counts a refusal, and does what it asks for wherever it comes from.
+  /// Counts a refusal and starts the reaction that it needs.
   CommitFailure note_failure(int error) noexcept;
   void recover() noexcept;
   void recovered() noexcept;
@@ -68,7 +69,7 @@ class FlipEngine final : private DrmEventHandler {
   void try_resume() noexcept;
 
   [[nodiscard]] Nanoseconds now() const noexcept { return clock_->now(); }
-  /// A modeset is due though no flip waits for it.
+  /// Returns true if a modeset is due without a pending flip.
   [[nodiscard]] bool only_modeset_pending() const noexcept {
     return needs_modeset_ && !flip_.under_way();
   }

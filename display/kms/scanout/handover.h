@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a player leaves to the next one, beside the card's descriptor, so that the last frame stays
-// on the glass and the next is flipped without a modeset.
+// HandoverState is the state that a player passes to the next one together with the card's
+// descriptor, so that the last frame stays displayed and the next one needs no modeset.
 #pragma once
 
 #include <array>
@@ -14,8 +14,8 @@ namespace lenticule::display {
 inline constexpr int kMinScanoutBuffers = 2;
 inline constexpr int kMaxScanoutBuffers = 4;
 
-/// Plain bytes, for a sealed memory file. Object names belong to the open descriptor, not to the
-/// process that made them.
+/// Plain bytes, for a sealed memory file. Object ids belong to the open descriptor, not to the
+/// process that created the objects.
 struct HandoverState {
   static constexpr uint64_t kMagic = 0x3144'4e41'484c'4bff;
   static constexpr uint32_t kVersion = 1;
@@ -38,18 +38,19 @@ struct HandoverState {
     friend bool operator==(const Buffer&, const Buffer&) = default;
   };
   std::array<Buffer, kMaxScanoutBuffers> buffers{};
-  std::array<char, 64> edid_sha256{};  ///< of the panel, zeros if it has none
-  std::array<char, 64> card{};         ///< path of the node, ends with a zero
+  std::array<char, 64> edid_sha256{};  ///< checksum of the panel's EDID, zeros if it has none
+  std::array<char, 64> card{};         ///< path of the card's node, zero-terminated
 
   friend bool operator==(const HandoverState&, const HandoverState&) = default;
 };
 static_assert(std::is_trivially_copyable_v<HandoverState>);
 
-/// None unless the bytes are a state of this version whose every number is plausible.
+/// Returns the state; none unless the bytes are a state of this version and every number is
+/// plausible.
 [[nodiscard]] std::optional<HandoverState> parse_handover(std::span<const uint8_t> bytes);
 [[nodiscard]] std::span<const uint8_t> handover_bytes(const HandoverState& state);
 
-/// Frees every buffer that the state names: for a state that is not taken over.
+/// Frees every buffer in the state, if the state is not taken over.
 void discard_buffers(int fd, const HandoverState& state) noexcept;
 
 }  // namespace lenticule::display

@@ -21,7 +21,7 @@ void copy_text(const std::string& text, std::array<char, N>& to) noexcept {
   std::memcpy(to.data(), text.data(), std::min(text.size(), N));
 }
 
-/// The panel of the state is there, and is still the rig's.
+/// Returns true if the state's panel is connected and still matches the rig.
 bool same_panel(const ConnectorInfo& connector, const KmsOptions& options) {
   const HandoverState& state = options.inherited->state;
   if (!connector.connected) return false;
@@ -32,7 +32,7 @@ bool same_panel(const ConnectorInfo& connector, const KmsOptions& options) {
   return choose_output(wish, {{state.card.data(), connector}}).chosen.has_value();
 }
 
-/// The kernel's plane shows one of the inherited buffers; which one.
+/// Returns the inherited buffer that the kernel's plane shows; null if none.
 KmsBuffer* buffer_on_glass(int fd, const HandoverState& state, const ScanoutPool& buffers) {
   const DrmPlane plane(drmModeGetPlane(fd, state.plane));
   if (!plane || plane->crtc_id != state.crtc) return nullptr;
@@ -54,7 +54,7 @@ ScanoutPool inherit_buffers(int fd, const KmsOptions& options) {
   return pool;
 }
 
-/// Throws away events that were meant for the player before.
+/// Discards events that were meant for the previous player.
 void drain_events(int fd) {
   struct Ignore final : DrmEventHandler {
     void on_drm_event(const DrmEvent& event) noexcept override { (void)event; }
@@ -62,7 +62,8 @@ void drain_events(int fd) {
   for (int i = 0; i < 16; ++i) (void)read_drm_events(fd, ignore);
 }
 
-/// None when anything is not as the state says; then nothing of it was changed.
+/// Tries to take over. Returns none, without changing the output, if any part does not match the
+/// state.
 std::optional<LitOutput> try_inherit(const KmsOptions& options, DrmDevice& device) {
   const HandoverState& state = options.inherited->state;
   const frames::FrameGeometry panel = options.wish.panel;
@@ -122,7 +123,7 @@ std::optional<LitOutput> inherit_output(const KmsOptions& options, std::optional
     if (!options.fresh)
       if (auto lit = try_inherit(options, *card)) return lit;
   } catch (const Error&) {
-    // Not as it said: start afresh.
+    // The state does not match: start from scratch.
   }
   if (card && card->fd() >= 0) discard_buffers(card->fd(), inherited.state);
   return std::nullopt;

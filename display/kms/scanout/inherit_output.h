@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From one player to the next: what to tell about a lit output, and how to go on in its buffers.
+// Takes over an active output from the previous player, and describes one for the next player.
 #pragma once
 
 #include <optional>
@@ -13,9 +13,9 @@ namespace lenticule::display {
 
 [[nodiscard]] HandoverState describe_output(const LitOutput& lit, frames::FrameGeometry geometry);
 
-/// Goes on with what `options.inherited` says, which is used up; none when anything is not as it
-/// says, and then its buffers are freed. The inherited card is left in `card` if it is one and was
-/// not taken over. `options` has all services filled in.
+/// Takes over the output in `options.inherited`, which is reset; none if any part of the state does
+/// not match, and then its buffers are freed. If the inherited card is not taken over, it is
+/// returned in `card`. All services in `options` must be set.
 [[nodiscard]] std::optional<LitOutput> inherit_output(const KmsOptions& options,
                                                       std::optional<DrmDevice>& card);
 

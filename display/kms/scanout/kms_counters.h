@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a KMS display counts while it runs. docs/kms.md says what each figure means.
+// KmsCounters holds the counters of a running KMS display. docs/kms.md explains each figure.
 #pragma once
 
 #include <atomic>
@@ -9,7 +9,7 @@
 
 namespace lenticule::display {
 
-/// One writer, any readers.
+/// Thread safety: one writer, any number of readers.
 class Count {
  public:
   void add() noexcept { value_.fetch_add(1, std::memory_order_relaxed); }
@@ -19,7 +19,8 @@ class Count {
   std::atomic<uint64_t> value_{0};
 };
 
-/// Written by the presenter thread, read by any; no order between counters is promised.
+/// Thread safety: written by the presenter thread, read by any; updates of different counters are
+/// not ordered.
 struct KmsCounters {
   Count flips, busy, denied, refused, flip_timeouts, stray_events, truncated_reads, recoveries,
       modesets, hotplugs, links_bad, suspends, pauses, lost_ticks;

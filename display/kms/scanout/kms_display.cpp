@@ -34,8 +34,8 @@ void check_options(const KmsOptions& options) {
                 fmt::format("use {} to {}", kMinScanoutBuffers, kMaxScanoutBuffers));
 }
 
-/// Puts the parts together: a lit output, the engine that flips on it, the guard that follows its
-/// panel, and one place where all of them wait.
+/// AtomicKmsDisplay combines an active output, the engine that flips on it, the monitor of its
+/// panel, and the waiter for all of their descriptors.
 class AtomicKmsDisplay final : public KmsDisplay {
  public:
   explicit AtomicKmsDisplay(KmsOptions options)
@@ -66,7 +66,8 @@ class AtomicKmsDisplay final : public KmsDisplay {
   [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override;
 
   void reconnect() override {
-    close(ExitPolicy::Black);  // nothing to hold: who holds the card would stay its master
+    close(ExitPolicy::Black);  // the frame is not held, because the holder of the card would remain
+                               // its master
     open();
   }
   [[nodiscard]] KmsStatistics statistics() const noexcept override { return counters_.snapshot(); }
@@ -105,7 +106,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   KmsCounters counters_;
   DisplayMode mode_;
   LitOutput lit_;
-  // None of these without a lit output; they borrow it.
+  // These exist only while the output is active; they refer to it.
   std::optional<FlipEngine> engine_;
   std::optional<PanelGuard> guard_;
   std::optional<EventWaiter> waiter_;
@@ -131,10 +132,11 @@ void AtomicKmsDisplay::light_up() {
   try {
     require_exact(options_, *lit_.output);
   } catch (...) {
-    close(ExitPolicy::Restore);  // a refused picture is not held for anybody
+    close(ExitPolicy::Restore);  // a refused picture is not kept
     throw;
   }
-  // From now on an exhibition goes on, and says what became of it.
+  // After a successful start, reconnecting tolerates inexact output and reports it instead of
+  // stopping.
   options_.allow_inexact = true;
   const OutputTarget& target = lit_.output->target();
   const DrmDevice& device = lit_.output->device();
@@ -149,7 +151,8 @@ void AtomicKmsDisplay::light_up() {
                  counters_);
   waiter_.emplace(device.fd(), options_.session->fd(), guard_->fd());
   mode_.hardware_clock = engine_->counts_by_hardware();
-  // Back in text mode the kernel takes the panel, whoever holds the card: not from a held frame.
+  // When the console returns to text mode, the kernel takes the panel even from a process that
+  // holds the card. A held frame therefore must not use the console.
   if (options_.exit != ExitPolicy::Hold) console_.emplace(options_.platform->terminal());
 }
 
@@ -166,10 +169,10 @@ void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
     if (exit != ExitPolicy::Hold) device.session().drop_master(device.fd());
     lit_.output.reset();
   }
-  console_.reset();  // the console may draw again, now that the card is free
+  console_.reset();  // the console may draw again once the card is free
 }
 
-/// A framebuffer is never removed while it is shown.
+/// Leaves the output. A framebuffer is never removed while it is displayed.
 void AtomicKmsDisplay::leave_output(ExitPolicy exit) noexcept {
   switch (exit) {
     case ExitPolicy::Restore:
@@ -211,7 +214,7 @@ void AtomicKmsDisplay::handle(const ReadySet& ready) noexcept {
   if (ready.card_gone) engine_->lose();
   if (ready.session) engine_->set_session_ours(options_.session->dispatch());
   follow_panel(ready.watch);
-  // Written only when it changes: others may read the mode at any time.
+  // Written only when it changes, because other threads may read the mode at any time.
   if (mode_.hardware_clock && !engine_->counts_by_hardware()) mode_.hardware_clock = false;
 }
 
@@ -227,7 +230,8 @@ void AtomicKmsDisplay::follow_panel(bool news_waiting) noexcept {
   }
 }
 
-/// Sleep takes pending flips with it, and leaves links in any state.
+/// Detects that the machine was suspended, which loses pending flips and leaves links in an unknown
+/// state.
 void AtomicKmsDisplay::notice_sleep() noexcept {
   const Nanoseconds asleep = options_.platform->time_asleep();
   const bool slept = asleep > asleep_ + kSleepNoticed;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames on real glass, through the kernel's atomic modesetting: docs/kms.md.
+// KmsDisplay shows frames on a panel through the kernel's atomic modesetting. See docs/kms.md.
 #pragma once
 
 #include <cstdint>
@@ -18,12 +18,12 @@
 namespace lenticule::display {
 
 enum class ExitPolicy {
-  Restore,  ///< put mode, picture and every property back
-  Hold,     ///< leave the last frame to whoever holds the descriptor
+  Restore,  ///< restore mode, picture and every property
+  Hold,     ///< leave the last frame to the process that holds the descriptor
   Black,    ///< switch the output off
 };
 
-/// What a player before us left: see handover.h.
+/// Output of a previous player: see handover.h.
 struct InheritedOutput {
   UniqueFd card;
   HandoverState state;
@@ -31,19 +31,19 @@ struct InheritedOutput {
 
 struct KmsOptions {
   OutputWish wish;
-  /// The panel's preferred mode if none.
+  /// None = the panel's preferred mode.
   std::optional<frames::Rate> refresh;
-  int buffers = 3;  ///< 2 ... 4; fewer if the card has no more memory
+  int buffers = 3;  ///< 2 ... 4; fewer if the card has too little memory
   ExitPolicy exit = ExitPolicy::Restore;
-  /// Nothing is taken over: neither inherited buffers (an inherited card still is, being master)
-  /// nor a mode that runs already.
+  /// Takes over neither inherited buffers nor a running mode. An inherited card is still used,
+  /// because it is DRM master.
   bool fresh = false;
-  /// Shown even where it is known that subpixels arrive changed.
+  /// Shows frames even if the driver or the link is known to alter subpixels.
   bool allow_inexact = false;
-  /// Used once, by the opening.
+  /// Used once, when the display is opened.
   std::shared_ptr<InheritedOutput> inherited;
 
-  /// The real ones when null.
+  /// Null = the real ones.
   std::shared_ptr<Clock> clock;
   std::shared_ptr<Session> session;
   std::shared_ptr<KmsPlatform> platform;
@@ -51,58 +51,62 @@ struct KmsOptions {
 
 enum class PanelState {
   Showing,
-  Disconnected,  ///< flips go on, nobody sees them
-  Unreadable,    ///< connected, but who it is cannot be told yet
-  ModeMissing,   ///< it does not offer our mode at the moment; held, looked at again
-  WrongPanel,    ///< not the one that the rig was made for: the output is off, the display Lost
+  Disconnected,  ///< flips continue, without a visible picture
+  Unreadable,    ///< connected, and its identity cannot be read yet
+  ModeMissing,  ///< the panel does not offer the mode at the moment; the output is kept and checked
+                ///< again
+  WrongPanel,   ///< another panel than the rig's: the output is off, the display Lost
 };
 [[nodiscard]] const char* panel_state_name(PanelState state);
 
-/// Monotonic counts since opening.
+/// Monotonic counts since the display was opened.
 struct KmsStatistics {
   uint64_t flips = 0;
   uint64_t busy = 0;           ///< EBUSY
   uint64_t denied = 0;         ///< EACCES, EPERM
   uint64_t refused = 0;        ///< EINVAL, ENOENT, ENOSPC, ERANGE and others
-  uint64_t flip_timeouts = 0;  ///< flips whose event did not come
-  uint64_t stray_events = 0;   ///< duplicate, stale or somebody else's
+  uint64_t flip_timeouts = 0;  ///< flips without an event
+  uint64_t stray_events = 0;   ///< duplicate, stale or unrelated events
   uint64_t truncated_reads = 0;
-  uint64_t recoveries = 0;  ///< successful ones
-  uint64_t modesets = 0;    ///< after the first picture
-  uint64_t hotplugs = 0;    ///< changes of the connector that were looked at
+  uint64_t recoveries = 0;  ///< successful recoveries
+  uint64_t modesets = 0;    ///< modesets after the first frame
+  uint64_t hotplugs = 0;    ///< changes of the connector that were examined
   uint64_t links_bad = 0;
   uint64_t suspends = 0;
   uint64_t pauses = 0;
-  uint64_t lost_ticks = 0;  ///< vblank events that did not come
+  uint64_t lost_ticks = 0;  ///< vblank events that did not arrive
   PanelState panel = PanelState::Showing;
   bool hardware_clock = false;
 };
 
-/// Threads as for Display; statistics() and exactness() from any thread.
+/// Thread safety: as for Display; statistics() and exactness() from any thread.
 ///
-/// Recovery happens inside wait_event() and request nothing of the caller: a flip that was accepted
-/// gets its event, late perhaps. A modeset may take seconds there. After Lost, reconnect().
+/// wait_event() recovers from failures without the caller's help: an accepted flip always gets its
+/// event, possibly late. A modeset there may take seconds. After Lost, call reconnect().
 class KmsDisplay : public Display {
  public:
-  /// Opens again after Lost, by the same wish, exact or not; buffers from before are void. Throws
-  /// Error as open_kms_display() does; the card is closed then, and it may be called again. Nobody
-  /// else may use the display. While another process holds a copy of card_fd(), that one may stay
-  /// master.
+  /// Opens the display again after Lost, for the same request, exact or not; earlier buffers are
+  /// invalid. No other thread may use the display. Throws Error as open_kms_display() does; the
+  /// card is then closed, and reconnect() may be called again. Note that a process with a copy of
+  /// card_fd() may remain DRM master.
   virtual void reconnect() = 0;
   [[nodiscard]] virtual KmsStatistics statistics() const noexcept = 0;
-  /// Renewed every few seconds, and soon after a change that the kernel tells of.
+  /// Returns the report, which is updated every few seconds and soon after a change that the kernel
+  /// reports.
   [[nodiscard]] virtual ExactnessReport exactness() const = 0;
-  /// True if the first picture needed no modeset.
+  /// Returns true if the first frame needed no modeset.
   [[nodiscard]] virtual bool took_over() const noexcept = 0;
 
-  /// For the next player: the card (borrowed, to be duplicated) and what to tell about it.
+  /// Return, for the next player, the card's descriptor (borrowed, to be duplicated) and the state
+  /// of the output.
   [[nodiscard]] virtual int card_fd() const noexcept = 0;
   [[nodiscard]] virtual HandoverState handover() const noexcept = 0;
 };
 
-/// Throws Error(Device) when there is no such output, it is not ours to use or the driver refuses;
-/// Error(Quality) when it would change subpixels and that was not allowed; Error(Input) when the
-/// panel is not the rig's, or has no such mode. Both list what there is.
+/// Opens an output. Throws Error(Device) if there is no such output, it is not available or the
+/// driver refuses; Error(Quality) if it would change subpixels and that is not allowed;
+/// Error(Input) if the panel is not the rig's or lacks the mode. The first and the last list the
+/// available panels or modes.
 [[nodiscard]] std::unique_ptr<KmsDisplay> open_kms_display(const KmsOptions& options);
 
 }  // namespace lenticule::display

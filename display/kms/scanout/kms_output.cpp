@@ -40,7 +40,7 @@ void append(std::vector<PropertySetting>& to, const std::vector<PropertySetting>
   to.insert(to.end(), from.begin(), from.end());
 }
 
-/// Objects of a table other than `except` whose CRTC_ID is `crtc`.
+/// Unlinks the objects other than `except` whose CRTC_ID is `crtc`.
 void unlink(std::vector<PropertySetting>& settings, const PropertyTable& table, uint32_t crtc,
             bool is_plane) {
   if (table.value("CRTC_ID") != crtc) return;
@@ -105,7 +105,8 @@ std::vector<PropertySetting> KmsOutput::mode_settings() const {
   return settings;
 }
 
-/// Whatever else hangs on our CRTC: a cursor, an overlay, a cloned panel.
+/// Returns the settings that detach other objects from this CRTC: a cursor, an overlay, a cloned
+/// panel.
 std::vector<PropertySetting> KmsOutput::unlink_settings() const {
   std::vector<PropertySetting> settings;
   const int fd = device_.fd();
@@ -193,7 +194,8 @@ int KmsOutput::test(uint32_t framebuffer) {
   return commit(everything(framebuffer), kTestOnly | kAllowModeset);
 }
 
-/// Drivers refuse a request as a whole: each setting is tried on top of those that were taken.
+/// Finds the settings that the driver refuses. A driver refuses a request as a whole, so each
+/// setting is tested on top of the accepted ones.
 void KmsOutput::find_refused_settings(uint32_t framebuffer) {
   for (size_t i = 0; i < audit_.count(); ++i) audit_.set_refused(i, true);
   for (size_t i = 0; i < audit_.count(); ++i) {
@@ -270,9 +272,9 @@ bool KmsOutput::placed_one_to_one(const PipeTables& tables) const {
          plane.value("CRTC_H") == height;
 }
 
-/// After a commit that was taken: what no commit can do, and a look at what came of it all.
+/// Completes an accepted commit: sets the legacy gamma ramp and updates the report.
 void KmsOutput::settle() {
-  (void)gamma_.make_linear();  // the report says whether it is
+  (void)gamma_.make_linear();  // the report states whether it is linear
   update_report(
       PipeTables::read(device_.fd(), target_.connector.id, target_.pipe.crtc, target_.pipe.plane));
 }
@@ -336,7 +338,7 @@ bool KmsOutput::audit_again(AuditDepth depth) {
   }
   const auto now = PipeTables::read(device_.fd(), tables_.connector.object(), tables_.crtc.object(),
                                     tables_.plane.object());
-  if (!now) return false;  // the connector is gone, which the panel's state says
+  if (!now) return false;  // the connector is gone; the panel's state reports that
   ExactnessReport report = make_report(now, depth);
   const std::lock_guard lock(mutex_);
   if (reports_by_owner_ != before) return false;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One connector, CRTC and primary plane that show one framebuffer at a time, pixel for pixel. Knows
-// how to ask the kernel; when to ask is the display's business.
+// KmsOutput controls one connector, CRTC and primary plane that show one framebuffer at a time,
+// pixel for pixel. It issues the kernel calls; KmsDisplay decides when.
 #pragma once
 
 #include <memory>
@@ -28,61 +28,60 @@ struct OutputTarget {
   Pipe pipe{};
 };
 
-/// What becomes of a mode that the panel runs in already.
+/// Handling of a mode in which the panel already runs.
 enum class RunningMode { TakeOver, SetAnew };
 
-/// How far a repeated audit looks.
+/// Extent of a repeated audit.
 enum class AuditDepth {
-  Properties,  ///< and sysfs: costs flips nothing
-  Everything,  ///< the driver's debug files too, for which it takes its locks
+  Properties,  ///< and sysfs: does not disturb flips
+  Everything,  ///< also the driver's debugfs files, for which the driver takes locks
 };
 
-/// Calls that return int return 0 or a negative errno, and do not throw. One thread, except
-/// report() and audit_again().
+/// Functions that return int return 0 or a negative errno, and do not throw. Thread safety: one
+/// thread, except for report() and audit_again().
 class KmsOutput {
  public:
-  /// Throws Error(Device) when the driver lacks what atomic modesetting needs.
+  /// Throws Error(Device) if the driver lacks a feature that atomic modesetting needs.
   KmsOutput(DrmDevice device, OutputTarget target, std::shared_ptr<KmsPlatform> platform);
 
-  /// The first picture: without a modeset if the panel runs in this mode already and may be taken
-  /// over, else with one that was tested before. Forces every property of the audit that the driver
-  /// lets be forced. Throws Error(Device).
+  /// Shows the first frame: without a modeset if the panel already runs in this mode and may be
+  /// taken over, else with a modeset that was tested before. Sets every property of the audit that
+  /// the driver accepts. Throws Error(Device).
   void light_up(uint32_t framebuffer, Clock& clock, RunningMode running);
-  /// Takes over a picture that shows already, without a modeset. False if the kernel would need
-  /// one.
+  /// Takes over a displayed picture without a modeset. Returns false if the kernel would need one.
   [[nodiscard]] bool take_over(uint32_t framebuffer);
 
-  /// Makes a report of what can be known before anything is tested or shown.
+  /// Makes a report of the facts known before a test or a commit.
   void foresee() { update_report(std::nullopt); }
-  /// What light_up() would do, asked of the driver but not done: 0 or a negative errno. The report
-  /// then says what would be forced and what would be refused.
+  /// Tests with the driver what light_up() would do, without doing it: returns 0 or a negative
+  /// errno. The report then states which properties would be forced or refused.
   [[nodiscard]] int rehearse(uint32_t framebuffer);
 
-  /// Asks for the next vblank; `id` comes back in the event.
+  /// Flips at the next vblank; the event contains `id`.
   [[nodiscard]] int flip(uint32_t framebuffer, uint64_t id) noexcept;
-  /// Waits until it shows; no modeset.
+  /// Shows the framebuffer with a blocking commit, without a modeset.
   [[nodiscard]] int show(uint32_t framebuffer) noexcept;
-  /// A whole modeset, waited for.
+  /// Shows the framebuffer with a blocking modeset.
   [[nodiscard]] int relight(uint32_t framebuffer) noexcept;
-  /// What the panel says by now, for reports.
+  /// Updates the connector's data, which reports use.
   void renew_connector(ConnectorInfo connector);
   /// Switches the CRTC off.
   [[nodiscard]] int blank() noexcept;
-  /// Puts back what light_up() found.
+  /// Restores the state that light_up() found.
   bool restore() noexcept;
 
   [[nodiscard]] const DrmDevice& device() const { return device_; }
   [[nodiscard]] const OutputTarget& target() const { return target_; }
-  /// The driver's vblank count and its time, if it counts.
+  /// Reads the driver's vblank count and its time, if the driver counts.
   [[nodiscard]] int read_sequence(uint64_t& sequence, Nanoseconds& time) const noexcept;
   [[nodiscard]] int queue_sequence(uint64_t sequence, uint64_t id) const noexcept;
-  /// Whether light_up() could do without a modeset.
+  /// Returns true if light_up() needed no modeset.
   [[nodiscard]] bool took_over() const { return took_over_; }
-  /// Any thread.
+  /// Thread safety: any thread.
   [[nodiscard]] ExactnessReport report() const;
-  /// Reads everything again and renews the report; changes nothing on the output. True if a
-  /// property that was neutral is not any more, so that relight() would help. Any thread, once
-  /// light_up() or take_over() has returned; flips do not wait for it.
+  /// Reads all properties again and updates the report; changes nothing on the output. Returns true
+  /// if a property that was neutral no longer is, so that relight() would help. Thread safety: any
+  /// thread, once light_up() or take_over() has returned; flips do not wait for it.
   [[nodiscard]] bool audit_again(AuditDepth depth);
 
  private:
@@ -115,12 +114,13 @@ class KmsOutput {
 
   std::shared_ptr<KmsPlatform> platform_;
 
-  mutable std::mutex mutex_;  ///< guards the following
+  mutable std::mutex mutex_;  ///< guards the members below
   LinkFacts link_;
   LinkPlace place_;
   std::vector<AuditRow> debugfs_rows_;
   ExactnessReport report_;
-  uint64_t reports_by_owner_ = 0;  ///< one that an audit began before is older, and dropped
+  uint64_t reports_by_owner_ =
+      0;  ///< counts the owner's reports; an audit that began before the newest one is discarded
 };
 
 }  // namespace lenticule::display

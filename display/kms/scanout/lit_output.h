@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A panel that shows our picture, and the buffers that it can show.
+// LitOutput is an active output with its scan-out buffers.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@ namespace lenticule::display {
 struct LitOutput {
   std::unique_ptr<KmsOutput> output;
   ScanoutPool buffers;         ///< released before the output
-  KmsBuffer* front = nullptr;  ///< what the panel shows
+  KmsBuffer* front = nullptr;  ///< the displayed buffer
 };
 
 }  // namespace lenticule::display

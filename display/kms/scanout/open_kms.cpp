@@ -17,7 +17,7 @@
 namespace lenticule::display {
 namespace {
 
-/// The one panel that is meant, and its card.
+/// Finds the requested panel and its card.
 std::pair<DrmDevice, ConnectorInfo> find_panel(const KmsOptions& options,
                                                std::optional<DrmDevice>& inherited) {
   CardSurvey survey = survey_cards(options.session, inherited);
@@ -68,7 +68,8 @@ LitOutput light_new_output(const KmsOptions& options, std::optional<DrmDevice> i
   LitOutput lit;
   lit.output = std::make_unique<KmsOutput>(std::move(device), std::move(target), options.platform);
   lit.output->foresee();
-  require_exact(options, *lit.output);  // before anything is shown, where it can be known
+  require_exact(options,
+                *lit.output);  // before a frame is shown, as far as the facts are known then
   lit.buffers = make_scanout_pool(lit.output->device().fd(), options.platform, options.wish.panel,
                                   options.buffers);
   lit.front = lit.buffers.front().get();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a wish to a lit panel: find, choose, inherit or light up.
+// Opens the requested output: finds the connector, chooses mode and CRTC, then takes over the
+// running mode or does a modeset.
 #pragma once
 
 #include "display/kms/scanout/kms_display.h"
@@ -7,7 +8,7 @@
 
 namespace lenticule::display {
 
-/// `options` with all services filled in. Throws as open_kms_display().
+/// All services in `options` must be set. Throws as open_kms_display().
 [[nodiscard]] LitOutput light_output(const KmsOptions& options);
 
 /// Throws Error(Quality) if the output is known to change subpixels and that is not allowed.

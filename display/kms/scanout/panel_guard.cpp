@@ -77,13 +77,13 @@ PanelGuard::Advice PanelGuard::follow(bool news_waiting) noexcept {
     const Advice advice = heed(*news);
     return advice == Advice::GoOn ? without_news : advice;
   } catch (...) {
-    look_again();  // no memory to judge it
+    look_again();  // out of memory: check again later
     return without_news;
   }
 }
 
-/// While nobody is connected the CRTC goes on: a panel that is only switched off and on then needs
-/// no modeset.
+/// Returns the reaction to a hotplug event. While no panel is connected the CRTC stays on: a panel
+/// that is only switched off and on then needs no modeset.
 PanelGuard::Advice PanelGuard::heed(const PanelNews& news) {
   const ConnectorInfo* const connector = news.connector ? &*news.connector : nullptr;
   const PanelState state = judge_panel(connector, wish_, output_.target().mode);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Follows the panel on a lit output: who is there now, whether it still offers our mode, and what
-// its changes ask for.
+// PanelGuard monitors the panel on an active output: its identity, whether it still offers the
+// mode, and the reaction that a change needs.
 #pragma once
 
 #include <memory>
@@ -13,30 +13,33 @@
 
 namespace lenticule::display {
 
-/// What a panel means for frames in `mode` that are meant for `wish`. None: its connector is gone.
+/// Returns the state of a panel for frames in `mode` requested by `wish`. `connector` null = the
+/// connector is gone.
 [[nodiscard]] PanelState judge_panel(const ConnectorInfo* connector, const OutputWish& wish,
                                      const drmModeModeInfo& mode);
 
-/// One thread. The output is audited again while it is watched.
+/// Audits the output repeatedly while monitoring. Thread safety: one thread.
 class PanelGuard {
  public:
-  /// Borrows `output`, whose connector it keeps up to date, `wish` and `counters`.
+  /// Lifetime: `output`, whose connector data the guard updates, `wish` and `counters` must outlive
+  /// the guard.
   PanelGuard(KmsOutput& output, const OutputWish& wish, std::unique_ptr<HotplugMonitor> monitor,
              std::shared_ptr<Clock> clock, KmsCounters& counters);
 
-  /// Readable when follow() has something to do; -1 if it never is.
+  /// Returns a descriptor that is readable when follow() should be called; -1 if never.
   [[nodiscard]] int fd() const noexcept { return watch_.fd(); }
-  /// When follow() wants to be called next.
+  /// Returns the time at which follow() should be called next.
   [[nodiscard]] Nanoseconds next_due() const noexcept;
-  /// Look at the panel at once.
+  /// Checks the panel at once.
   void look() noexcept;
 
   enum class Advice {
     GoOn,
-    Relight,  ///< it is back, its link must be trained again, or a property was changed
-    GoDark,   ///< frames woven for another panel are wrong for every eye: better none
+    Relight,  ///< the panel is back, its link must be trained again, or a property was changed
+    GoDark,   ///< frames woven for another panel are wrong for every viewer, so the output is
+              ///< switched off
   };
-  /// Hears the news and judges them.
+  /// Handles pending hotplug events and returns the reaction that they need.
   [[nodiscard]] Advice follow(bool news_waiting) noexcept;
 
  private:

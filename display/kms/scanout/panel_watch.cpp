@@ -16,9 +16,9 @@
 namespace lenticule::display {
 namespace {
 
-/// Panels announce themselves in bursts; one look at the end of it is enough.
+/// A panel causes bursts of hotplug events; one probe after the burst is enough.
 constexpr Nanoseconds kDebounce = std::chrono::milliseconds(200);
-/// In case news is lost, or a sandbox keeps it out.
+/// Polling interval, in case events are lost or blocked by a sandbox.
 constexpr Nanoseconds kSlowLook = std::chrono::seconds(30);
 constexpr Nanoseconds kBetweenAudits = std::chrono::seconds(3);
 constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
@@ -84,7 +84,7 @@ void PanelWatch::step() noexcept {
   try {
     look(clock_->now());
   } catch (...) {
-    probe_at_ = clock_->now() + kDebounce;  // no memory to look with: try again
+    probe_at_ = clock_->now() + kDebounce;  // out of memory: try again
   }
 }
 
@@ -130,7 +130,7 @@ void PanelWatch::run() noexcept {
   }
 }
 
-/// One round: hears the news, and probes if it is time.
+/// Does one round: reads hotplug events, and probes if a probe is due.
 void PanelWatch::look(Nanoseconds now) {
   const bool news = monitor_->drain();
   if (news && !probe_at_) probe_at_ = now + kDebounce;
@@ -151,7 +151,7 @@ void PanelWatch::look(Nanoseconds now) {
   probe();
 }
 
-/// After news as soon as a burst of it is over.
+/// Audits if due; after a hotplug event, as soon as its burst is over.
 void PanelWatch::audit_if_due(Nanoseconds now, bool news) {
   if (!chores_.audit) return;
   if (news && !audit_has_news_) {

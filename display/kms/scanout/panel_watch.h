@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keeps an eye on one connector: hotplug news, and a slow look of its own in case none comes.
+// PanelWatch monitors one connector by hotplug events, and by slow polling in case an event is
+// lost.
 #pragma once
 
 #include <atomic>
@@ -21,37 +22,38 @@ struct PanelNews {
   std::optional<ConnectorInfo> connector;
 };
 
-/// What is done on the thread that looks, besides looking.
+/// Additional work for the probing thread.
 struct PanelChores {
-  /// Every few seconds, and with `news` soon after any news: true if relighting would help. Null:
-  /// nothing.
+  /// Called every few seconds, and with `news` soon after a hotplug event. Returns true if a
+  /// modeset would help. May be null.
   std::function<bool(bool news)> audit;
 };
 
-/// Probing a panel may take hundreds of milliseconds, so in real time it happens on a thread of its
-/// own; in simulated time inside step(). Borrows the card's descriptor.
+/// Probing a panel may take hundreds of milliseconds, so in real time it runs on a separate thread;
+/// in simulated time inside step(). Lifetime: the card's descriptor must outlive this object.
 class PanelWatch {
  public:
   enum class Running { OwnThread, InStep };
 
-  /// Throws Error(Failed) without descriptors or threads.
+  /// Throws Error(Failed) if there are no descriptors or threads.
   PanelWatch(int card_fd, const ConnectorInfo& seen, std::unique_ptr<HotplugMonitor> monitor,
              std::shared_ptr<Clock> clock, Running running, PanelChores chores = {});
   ~PanelWatch();
   PanelWatch(const PanelWatch&) = delete;
   PanelWatch& operator=(const PanelWatch&) = delete;
 
-  /// Readable when take_news() or, without an own thread, step() has something to do.
+  /// Returns a descriptor that is readable when take_news() or, without its own thread, step()
+  /// should be called.
   [[nodiscard]] int fd() const noexcept;
-  /// Without an own thread: when step() wants to be called next; never otherwise.
+  /// Returns, without its own thread, the time at which step() is due; otherwise never.
   [[nodiscard]] Nanoseconds next_step() const noexcept;
   void step() noexcept;
 
-  /// What changed since the last time, if anything did.
+  /// Returns the change since the last call, if there was one.
   [[nodiscard]] std::optional<PanelNews> take_news() noexcept;
-  /// True once after an audit that asked for relighting.
+  /// Returns true once after an audit that asked for a modeset.
   [[nodiscard]] bool take_wish_to_relight() noexcept;
-  /// Look now, and tell even if nothing changed. Any thread.
+  /// Requests a probe now, reported even if nothing changed. Thread safety: any thread.
   void request_probe() noexcept;
 
  private:
@@ -68,9 +70,9 @@ class PanelWatch {
   Running running_;
   PanelChores chores_;
   UniqueFd poke_;  ///< eventfd: request_probe() and the end
-  UniqueFd told_;  ///< eventfd: there is news
+  UniqueFd told_;  ///< eventfd: a change is ready
 
-  // Of the thread that looks.
+  // Used by the probing thread only.
   bool connected_;
   bool link_bad_;
   std::optional<Nanoseconds> probe_at_;
@@ -80,7 +82,7 @@ class PanelWatch {
 
   std::atomic<bool> relight_wished_{false};
 
-  std::mutex mutex_;  ///< guards the following
+  std::mutex mutex_;  ///< guards the members below
   std::optional<PanelNews> news_;
   bool probe_requested_ = false;
   bool stopping_ = false;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The one flip that was accepted and not yet reported: how far it is, and when something is due.
-// Asks nothing of the kernel itself.
+// PendingFlip is the state of the one flip that was accepted and not yet reported, and the time of
+// its next step. It makes no kernel calls.
 #pragma once
 
 #include <cstdint>
@@ -10,46 +10,46 @@
 
 namespace lenticule::display {
 
-/// "Never" among times at which something is due.
+/// The value "never" for due times.
 inline constexpr Nanoseconds kNever = Nanoseconds::max();
 
-/// One thread.
+/// Thread safety: one thread.
 class PendingFlip {
  public:
   enum class Phase {
     None,
     Queued,  ///< to be committed when due
-    Armed,   ///< committed: its event is awaited until due
+    Armed,   ///< committed; its event is awaited until due
     Stuck,   ///< to be shown by a blocking commit when due
-    Landed,  ///< on the glass, to be reported when due
+    Landed,  ///< displayed; to be reported when due
   };
 
   [[nodiscard]] Phase phase() const noexcept { return phase_; }
-  /// Null without a flip.
+  /// Returns the buffer; null without a flip.
   [[nodiscard]] KmsBuffer* buffer() const noexcept { return buffer_; }
-  /// kNever without a flip.
+  /// Returns the time of the next step; kNever without a flip.
   [[nodiscard]] Nanoseconds due() const noexcept { return due_; }
   [[nodiscard]] bool is_due(Phase phase, Nanoseconds now) const noexcept {
     return phase_ == phase && now >= due_;
   }
-  /// Accepted, and not on the glass yet.
+  /// Returns true if the flip is accepted and not displayed yet.
   [[nodiscard]] bool under_way() const noexcept {
     return phase_ == Phase::Queued || phase_ == Phase::Armed || phase_ == Phase::Stuck;
   }
-  /// Whether the event with this number is the one that is awaited.
+  /// Returns true if the event with this number is the awaited one.
   [[nodiscard]] bool awaits(uint64_t serial) const noexcept {
     return phase_ == Phase::Armed && serial_ == serial;
   }
 
   /// None -> Queued, due at once. `id` is the caller's.
   void queue(KmsBuffer* buffer, uint64_t id) noexcept;
-  /// Back to None: it was not accepted after all.
+  /// Back to None: the flip was not accepted after all.
   void withdraw() noexcept { *this = PendingFlip{}; }
-  /// Queued -> Armed; `serial` is what the event will carry.
+  /// Queued -> Armed; the event will carry `serial`.
   void arm(uint64_t serial, Nanoseconds patience_ends) noexcept;
-  /// The kernel was busy: tried again, or Stuck when that happens too often.
+  /// Tries again at `until` because the kernel was busy; changes to Stuck after too many refusals.
   void put_off(Nanoseconds until) noexcept;
-  /// Queued, Armed or Stuck -> Stuck; otherwise nothing.
+  /// Queued, Armed or Stuck -> Stuck; no effect in other phases.
   void stick(Nanoseconds due) noexcept;
   void land(Vblank vblank, Nanoseconds report_at) noexcept;
 

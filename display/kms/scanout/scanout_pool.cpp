@@ -84,7 +84,8 @@ KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::Fram
   if (!holds(geometry, pitch_, size_)) fail("use", EINVAL);
   framebuffer_ = add_framebuffer(fd, geometry, handle, pitch_);
   mapping_ = map_buffer(fd, platform, handle, size_);
-  // Black, and no page fault left for a deadline: the memory may hold somebody's old picture.
+  // Clears old contents of other programs, and touches every page so that no page fault delays a
+  // frame.
   std::memset(mapping_.data(), 0, size_);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dumb buffers that the card scans out, and who has each of them at the moment.
+// ScanoutPool holds the dumb buffers that the card scans out, each with the state of its use.
 #pragma once
 
 #include <atomic>
@@ -15,7 +15,7 @@ namespace lenticule::display {
 
 enum class ScanoutState { Free, Acquired, Pending, OnGlass };
 
-/// Memory that was mapped, and the way to unmap it.
+/// ScanoutMapping owns a memory mapping and unmaps it.
 class ScanoutMapping {
  public:
   ScanoutMapping() = default;
@@ -33,7 +33,7 @@ class ScanoutMapping {
   size_t size_ = 0;
 };
 
-/// The kernel's names of one buffer, as another process may inherit them.
+/// The kernel's ids of one buffer, which another process may inherit.
 struct ScanoutNames {
   uint32_t handle = 0;
   uint32_t framebuffer = 0;
@@ -43,16 +43,19 @@ struct ScanoutNames {
 
 class KmsBuffer final : public ScanoutBuffer {
  public:
-  /// New and black, every page touched. Throws Error(Failed) when the card or the system has no
-  /// memory for it; nothing half-made stays behind.
+  /// Creates a buffer and fills it with black, which touches every page. Throws Error(Failed) if
+  /// the card or the system has no memory for it; frees everything that was created before the
+  /// failure.
   KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry);
-  /// One that another process made; its picture stays. Takes the names over only on success.
+  /// Wraps a buffer that another process created, keeping its contents. Takes ownership of the ids
+  /// only on success.
   KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
             const ScanoutNames& names);
 
   void fill(const frames::FrameView& frame) noexcept override;
 
-  /// Free -> Acquired; false if it is not free. The filling thread's only transition.
+  /// Changes Free to Acquired; returns false if the buffer is not free. The filling thread's only
+  /// transition.
   [[nodiscard]] bool try_acquire() noexcept;
   void set_state(ScanoutState state) noexcept { state_.store(state, std::memory_order_release); }
   [[nodiscard]] ScanoutState state() const noexcept {
@@ -60,22 +63,24 @@ class KmsBuffer final : public ScanoutBuffer {
   }
   [[nodiscard]] uint32_t framebuffer() const { return framebuffer_.get(); }
   [[nodiscard]] ScanoutNames names() const;
-  /// Unmaps, but leaves picture and names to whoever holds the card's descriptor.
+  /// Unmaps the buffer, and leaves contents and ids to the process that holds the card's
+  /// descriptor.
   void abandon() noexcept;
 
  private:
   frames::FrameGeometry geometry_;
   uint32_t pitch_ = 0;
   uint64_t size_ = 0;
-  DumbHandle handle_;          // released after
-  FramebufferId framebuffer_;  // the framebuffer on it, and that after
-  ScanoutMapping mapping_;     // its mapping
+  DumbHandle handle_;          // destroyed third
+  FramebufferId framebuffer_;  // destroyed second: the framebuffer on the handle
+  ScanoutMapping mapping_;     // destroyed first: the mapping of the handle
   std::atomic<ScanoutState> state_{ScanoutState::Free};
 };
 
 using ScanoutPool = std::vector<std::unique_ptr<KmsBuffer>>;
 
-/// As many as there is memory for, up to `count`. Throws Error(Failed) below two.
+/// Creates up to `count` buffers, as many as there is memory for. Throws Error(Failed) if fewer
+/// than two.
 [[nodiscard]] ScanoutPool make_scanout_pool(int fd, const std::shared_ptr<KmsPlatform>& platform,
                                             frames::FrameGeometry geometry, int count);
 

@@ -61,7 +61,7 @@ VblankClock::Landing VblankClock::place_at(Vblank vblank) noexcept {
   return {.vblank = vblank, .report_at = is_hardware() ? clock_.now() : vblank.time};
 }
 
-/// Two flips in the same vblank cannot be: such a driver does not count.
+/// Detects drivers that do not count: two flips cannot happen in the same vblank.
 void VblankClock::watch_sequences(uint64_t sequence) noexcept {
   same_sequences_ = sequence == last_driver_sequence_ ? same_sequences_ + 1 : 0;
   last_driver_sequence_ = sequence;
@@ -73,7 +73,7 @@ void VblankClock::watch_sequences(uint64_t sequence) noexcept {
 void VblankClock::request(uint64_t sequence, uint64_t serial, bool may_ask_driver) noexcept {
   const Nanoseconds now = clock_.now();
   const uint64_t target = std::max(sequence + 1, counter_.last_until(now).sequence);
-  if (tick_.phase == Tick::Phase::Awaited && tick_.sequence == target) return;  // it is on its way
+  if (tick_.phase == Tick::Phase::Awaited && tick_.sequence == target) return;  // already requested
   tick_ = {.phase = Tick::Phase::Timed,
            .sequence = target,
            .serial = serial,

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The vblanks of one lit output: by its driver's count, or by time where the driver does not count.
-// Places flips on them, and tells those that somebody asked for.
+// VblankClock counts the vblanks of one active output, by the driver's counter or, if the driver
+// has none, by time. It assigns flips to vblanks and reports requested vblanks.
 #pragma once
 
 #include <cstdint>
@@ -14,10 +14,11 @@
 
 namespace lenticule::display {
 
-/// Less than the 250 ms after which a player takes a flip for landed.
+/// Returns the timeout of a flip, less than the 250 ms after which a player assumes that a flip
+/// completed.
 [[nodiscard]] Nanoseconds flip_patience(Nanoseconds period) noexcept;
 
-/// One thread. Borrows everything that it is made with.
+/// Thread safety: one thread. Lifetime: all arguments of the constructor must outlive the object.
 class VblankClock {
  public:
   VblankClock(const KmsOutput& output, frames::Rate refresh, Clock& clock, KmsCounters& counters);
@@ -26,28 +27,30 @@ class VblankClock {
     return counter_.source() == VblankCounter::Source::Hardware;
   }
   [[nodiscard]] Nanoseconds period() const noexcept { return counter_.period(); }
-  /// After a modeset the driver may count anew.
+  /// Call after a modeset, which may reset the driver's counter.
   void rebase() { counter_.rebase(clock_.now()); }
 
-  /// Where a flip landed, and when it may be reported: by the driver's count at once, by ours when
-  /// its tick comes. No two flips share a vblank, whatever the driver says.
+  /// The vblank of a flip, and the time when the flip may be reported: immediately for the driver's
+  /// counter, at the vblank's time otherwise. Two flips never share a vblank, even if the driver
+  /// reports that.
   struct Landing {
     Vblank vblank{};
     Nanoseconds report_at{0};
   };
   [[nodiscard]] Landing place(const DrmEvent& flip) noexcept;
-  /// Of a flip that was waited for, without an event.
+  /// Returns the landing of a flip that was completed by a blocking commit, without an event.
   [[nodiscard]] Landing place_now() noexcept;
 
-  /// Asks for the first vblank after `sequence`. `serial` comes back in the driver's event, if the
-  /// driver is asked at all: while the output is off it does not count, then time does.
+  /// Requests the first vblank after `sequence`. The driver's event, if the driver is asked,
+  /// carries `serial`. While the output is off the driver does not count, so time is used instead.
   void request(uint64_t sequence, uint64_t serial, bool may_ask_driver) noexcept;
-  /// False if nobody waits for this event.
+  /// Handles a vblank event; returns false if it was not requested.
   [[nodiscard]] bool observe(const DrmEvent& tick) noexcept;
-  /// When the vblank that was asked for is overdue or, counted by time, there; never without one.
+  /// Returns the time at which the requested vblank is overdue or, counted by time, reached; never
+  /// without a request.
   [[nodiscard]] Nanoseconds due() const noexcept;
   void run_timers() noexcept;
-  /// The vblank that was asked for, once.
+  /// Returns the requested vblank once.
   [[nodiscard]] std::optional<Vblank> take_tick() noexcept;
 
  private:

@@ -6,8 +6,8 @@
 namespace lenticule::display {
 namespace {
 
-/// A driver may name the start of the visible picture that is about to begin, or be slow to tell;
-/// further off than this it is not telling the time.
+/// A driver's timestamp may be that of the next active picture, or be reported late. A timestamp
+/// beyond these limits is not a time.
 constexpr Nanoseconds kMostInFuture = std::chrono::milliseconds(50);
 constexpr Nanoseconds kMostInPast = std::chrono::seconds(1);
 
@@ -39,7 +39,7 @@ void VblankCounter::rebase(Nanoseconds now) {
 }
 
 Vblank VblankCounter::observe_low_bits(uint32_t sequence, Nanoseconds time, Nanoseconds now) {
-  // The nearest 64-bit number with these low bits: within half of 2^32 either way.
+  // Chooses the nearest 64-bit number with these low bits: within half of 2^32 in either direction.
   const uint64_t known = driver_sequence(last_.sequence);
   const auto step = static_cast<int32_t>(sequence - static_cast<uint32_t>(known));
   return observe(rebasing_ ? sequence : known + static_cast<uint64_t>(int64_t{step}), time, now);

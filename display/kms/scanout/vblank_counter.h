@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The 64-bit vblank count of a display, from what its driver counts or, without that, from time.
+// VblankCounter extends a driver's vblank counter to 64 bits, or derives the count from time.
 #pragma once
 
 #include <cstdint>
@@ -13,29 +13,30 @@ struct Vblank {
   Nanoseconds time{0};
 };
 
-/// Never runs backwards, whatever the driver says. One thread.
+/// The count never runs backwards, whatever the driver reports. Thread safety: one thread.
 class VblankCounter {
  public:
   enum class Source {
-    Hardware,  ///< the driver's sequences
-    Software,  ///< time over period, for drivers without vblanks
+    Hardware,  ///< the driver's sequence numbers
+    Software,  ///< time divided by period, for drivers without vblank counter
   };
 
   VblankCounter(Source source, frames::Rate refresh, Vblank now);
 
   [[nodiscard]] Source source() const { return source_; }
-  /// From now on, time counts.
+  /// Switches to counting by time.
   void use_software(Nanoseconds now);
-  /// The driver's counter may have been reset: the next event continues from here.
+  /// Call when the driver's counter may have been reset: the next event continues from the current
+  /// count.
   void rebase(Nanoseconds now);
 
-  /// Extends the low 32 bits of a flip event. A sequence from the past, a zero or impossible
-  /// timestamp are put right.
+  /// Extends the low 32 bits of a flip event. Corrects a sequence from the past and a zero or
+  /// impossible timestamp.
   Vblank observe_low_bits(uint32_t sequence, Nanoseconds time, Nanoseconds now);
-  /// The same for a whole sequence of the driver.
+  /// Same for the driver's 64-bit sequence.
   Vblank observe(uint64_t driver_sequence, Nanoseconds time, Nanoseconds now);
 
-  /// What the driver calls the vblank that we call `sequence`.
+  /// Returns the driver's number for the vblank `sequence` of this counter.
   [[nodiscard]] uint64_t driver_sequence(uint64_t sequence) const { return sequence - offset_; }
 
   /// By the clock: the first vblank at or after `time`, the last one at or before it.
@@ -51,10 +52,10 @@ class VblankCounter {
 
   Source source_;
   frames::Rate refresh_;
-  VblankTimeline timeline_;  ///< its vblank 0 is our base_
+  VblankTimeline timeline_;  ///< its vblank 0 is base_
   uint64_t base_;
   Vblank last_;
-  uint64_t offset_ = 0;  ///< ours minus the driver's
+  uint64_t offset_ = 0;  ///< this counter's number minus the driver's
   bool rebasing_ = false;
 };
 
