@@ -27,7 +27,7 @@ void AtomicRequest::set(const std::vector<PropertySetting>& settings) noexcept {
 
 int AtomicRequest::commit(int fd, uint32_t flags, uint64_t user_data) noexcept {
   if (!complete_) return -ENOMEM;
-  // libdrm carries the number in a pointer; it is never followed, here or anywhere.
+  // libdrm carries the number in a pointer, which is never dereferenced.
   auto* const carried = reinterpret_cast<void*>(static_cast<uintptr_t>(user_data));
   return drmModeAtomicCommit(fd, request_.get(), flags, carried);
 }

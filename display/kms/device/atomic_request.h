@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One atomic request: property values that the kernel takes together or not at all.
+// AtomicRequest is a set of property values that the kernel applies all together or not at all.
 #pragma once
 
 #include <cstdint>
@@ -16,22 +16,22 @@ struct PropertySetting {
   friend bool operator==(const PropertySetting&, const PropertySetting&) = default;
 };
 
-/// Can be used again after clear() without allocating anew. One thread.
+/// Can be reused after clear() without allocating memory. Thread safety: one thread.
 class AtomicRequest {
  public:
-  /// Throws Error(Failed) without memory.
+  /// Throws Error(Failed) if memory is exhausted.
   AtomicRequest();
 
   void clear() noexcept;
   void set(const PropertySetting& setting) noexcept;
   void set(const std::vector<PropertySetting>& settings) noexcept;
-  /// 0 or a negative errno. `flags` are DRM_MODE_ATOMIC_* and DRM_MODE_PAGE_FLIP_EVENT;
-  /// `user_data` comes back in the event.
+  /// Commits and returns 0 or a negative errno. `flags` are DRM_MODE_ATOMIC_* and
+  /// DRM_MODE_PAGE_FLIP_EVENT; the event carries `user_data`.
   [[nodiscard]] int commit(int fd, uint32_t flags, uint64_t user_data = 0) noexcept;
 
  private:
   DrmAtomicReq request_;
-  bool complete_ = true;  ///< no setting was lost for want of memory
+  bool complete_ = true;  ///< no setting was lost for lack of memory
 };
 
 }  // namespace lenticule::display

@@ -76,7 +76,7 @@ frames::Rate refresh_of(const drmModeModeInfo& mode) {
 }
 
 bool same_timings(const drmModeModeInfo& a, const drmModeModeInfo& b) {
-  // The aspect ratio of the picture is only told to clients that ask for it.
+  // The kernel reports the picture's aspect ratio only to clients that request it.
   constexpr uint32_t kTimingFlags = ~static_cast<uint32_t>(DRM_MODE_FLAG_PIC_AR_MASK);
   return a.clock == b.clock && a.hdisplay == b.hdisplay && a.hsync_start == b.hsync_start &&
          a.hsync_end == b.hsync_end && a.htotal == b.htotal && a.vdisplay == b.vdisplay &&

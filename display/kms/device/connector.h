@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the kernel says about one connector and the panel on it, copied out of libdrm.
+// ConnectorInfo is the kernel's data about one connector and its panel, copied from libdrm.
 #pragma once
 
 #include <xf86drmMode.h>
@@ -16,8 +16,8 @@
 namespace lenticule::display {
 
 enum class Probe {
-  Cached,  ///< what the kernel knows already
-  Full,    ///< asks the panel: may take hundreds of milliseconds
+  Cached,  ///< the kernel's cached data
+  Full,    ///< queries the panel: may take hundreds of milliseconds
 };
 
 struct ConnectorInfo {
@@ -36,22 +36,23 @@ struct ConnectorInfo {
   PropertyTable properties{};
 };
 
-/// None if the connector is gone (MST hubs come and go).
+/// Returns the connector; none if it is gone (MST hubs come and go).
 [[nodiscard]] std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe);
 [[nodiscard]] std::vector<ConnectorInfo> read_connectors(int fd, Probe probe);
 
-/// The driver's, or the EDID's, first choice.
+/// Returns true if the driver or the EDID marks the mode as preferred.
 [[nodiscard]] bool is_preferred(const drmModeModeInfo& mode);
-/// The first of those, else the first of all; null if there is none.
+/// Returns the first preferred mode, else the first mode; null if there is none.
 [[nodiscard]] const drmModeModeInfo* preferred_mode(const std::vector<drmModeModeInfo>& modes);
-/// Exact: pixel clock over pixels per frame. 0/1 for a mode without timings.
+/// Returns the exact refresh rate: pixel clock over pixels per frame. 0/1 for a mode without
+/// timings.
 [[nodiscard]] frames::Rate refresh_of(const drmModeModeInfo& mode);
-/// Same timings; names and types do not count.
+/// Returns true if the timings are equal; names and types are ignored.
 [[nodiscard]] bool same_timings(const drmModeModeInfo& a, const drmModeModeInfo& b);
-/// "3840x2160@60" with the exact rate in hertz
+/// Returns "3840x2160@60" with the exact rate in hertz.
 [[nodiscard]] std::string to_string(const drmModeModeInfo& mode);
 
-/// "HDMI-A-1 on /dev/dri/card1: connected, LGD 0x1234 ..., 3840x2160@59.997"
+/// Returns "HDMI-A-1 on /dev/dri/card1: connected, LGD 0x1234 ..., 3840x2160@59.997".
 [[nodiscard]] std::string describe(const ConnectorInfo& connector, const std::string& card);
 
 }  // namespace lenticule::display

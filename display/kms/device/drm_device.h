@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Graphics cards: which there are, and one that is open for modesetting.
+// DrmNode names a graphics card; DrmDevice is a card that is open for modesetting.
 #pragma once
 
 #include <cstdint>
@@ -17,10 +17,10 @@ struct DrmNode {
   std::string bus;   ///< "pci 0000:00:02.0", "usb", "platform", ...
 };
 
-/// The primary nodes of all cards, whether or not they have outputs. Opens nothing.
+/// Returns the primary nodes of all cards, with or without outputs. Opens none of them.
 [[nodiscard]] std::vector<DrmNode> find_drm_nodes();
 
-/// Whether two paths name one device: by-path links resolve to their cards.
+/// Returns true if both paths name the same device; by-path links are resolved.
 [[nodiscard]] bool same_device(const std::string& a, const std::string& b);
 
 struct DrmCaps {
@@ -35,11 +35,11 @@ struct DrmCaps {
   }
 };
 
-/// An open card with the client capabilities set. Movable; one thread.
+/// An open card with the client capabilities set. Movable. Thread safety: one thread.
 class DrmDevice {
  public:
-  /// Throws Error(Device) when it cannot be opened or has no outputs. Opening a card that has no
-  /// master makes us its master.
+  /// Opens a card. Throws Error(Device) if it cannot be opened or has no outputs. If the card has
+  /// no DRM master, this process becomes master.
   static DrmDevice open(std::shared_ptr<Session> session, const DrmNode& node);
   /// Takes over a descriptor that another process left open. Throws Error(Device) unless it is a
   /// card with outputs.

@@ -14,7 +14,7 @@ namespace {
 
 constexpr size_t kReadBytes = 4096;
 
-/// The bytes as the kernel's structure; false if there are too few.
+/// Copies the bytes into the kernel's structure; returns false if there are too few.
 template <typename Event>
 bool load(std::span<const uint8_t> bytes, Event& event) noexcept {
   if (bytes.size() < sizeof(Event)) return false;
@@ -67,7 +67,7 @@ EventRead parse_drm_events(std::span<const uint8_t> bytes, DrmEventHandler& hand
 }
 
 EventRead read_drm_events(int fd, DrmEventHandler& handler) noexcept {
-  // An inherited descriptor may be a blocking one: look before reading.
+  // An inherited descriptor may be in blocking mode, so check before reading.
   if (!readable(fd)) return EventRead::Ok;
   std::array<uint8_t, kReadBytes> buffer;
   const ssize_t count = read(fd, buffer.data(), buffer.size());

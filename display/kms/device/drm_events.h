@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads what a card reports. The events carry numbers of ours, never pointers: a process that
-// inherits a card also inherits the events meant for the one before it.
+// Reads a card's events. The events carry numbers, never pointers: a process that inherits a card
+// also receives the events of the previous process.
 #pragma once
 
 #include <cstdint>
@@ -14,9 +14,9 @@ struct DrmEvent {
   enum class Kind { Flip, Sequence };
   Kind kind = Kind::Flip;
   uint64_t id = 0;
-  uint64_t sequence = 0;  ///< 32 bits of it for flips
-  Nanoseconds time{0};    ///< CLOCK_MONOTONIC; 0 if the driver has no idea
-  uint32_t crtc = 0;      ///< of flips
+  uint64_t sequence = 0;  ///< low 32 bits for flips
+  Nanoseconds time{0};    ///< CLOCK_MONOTONIC; 0 if the driver does not know
+  uint32_t crtc = 0;      ///< set for flips
 };
 
 class DrmEventHandler {
@@ -26,15 +26,15 @@ class DrmEventHandler {
 };
 
 enum class EventRead {
-  Ok,         ///< whatever there was has been handled
-  Truncated,  ///< something that is not a whole event; what came before it was handled
-  Gone,       ///< the card went away
+  Ok,         ///< all available events were handled
+  Truncated,  ///< an incomplete event was found; the events before it were handled
+  Gone,       ///< the card is gone
 };
 
-/// Reads once, without blocking, and hands over every whole event.
+/// Reads once, without blocking, and passes every complete event to the handler.
 [[nodiscard]] EventRead read_drm_events(int fd, DrmEventHandler& handler) noexcept;
 
-/// The parsing part alone.
+/// Parses events that were read.
 [[nodiscard]] EventRead parse_drm_events(std::span<const uint8_t> bytes,
                                          DrmEventHandler& handler) noexcept;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Owners for everything that libdrm and the kernel hand out: one release each, none forgotten.
+// Owners of objects from libdrm and the kernel; each releases its object once.
 #pragma once
 
 #include <xf86drm.h>
@@ -31,7 +31,8 @@ using DrmBlob = std::unique_ptr<drmModePropertyBlobRes, LibdrmDelete<drmModeFree
 using DrmVersion = std::unique_ptr<drmVersion, LibdrmDelete<drmFreeVersion>>;
 using DrmAtomicReq = std::unique_ptr<drmModeAtomicReq, LibdrmDelete<drmModeAtomicFree>>;
 
-/// A kernel object named by (descriptor, id); the descriptor must outlive it.
+/// DrmId owns a kernel object identified by (descriptor, id). Lifetime: the descriptor must outlive
+/// it.
 template <auto Release>
 class DrmId {
  public:
@@ -49,7 +50,7 @@ class DrmId {
 
   [[nodiscard]] uint32_t get() const { return id_; }
   explicit operator bool() const { return id_ != 0; }
-  /// Leaves it to the kernel, or to whoever inherits the descriptor.
+  /// Releases ownership without destroying the object, which stays with the descriptor.
   void abandon() { id_ = 0; }
 
  private:

@@ -12,7 +12,7 @@
 namespace lenticule::display {
 namespace {
 
-/// The kernel's names are padded with zeros, but nothing promises the last one.
+/// Returns a kernel name, which is padded with zeros and may lack a terminating zero.
 template <size_t N>
 std::string bounded_text(const char (&text)[N]) {
   return {text, strnlen(text, N)};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The properties of one KMS object, found by their exact names, read in one go.
+// PropertyTable holds the properties of one KMS object, looked up by their exact names.
 #pragma once
 
 #include <cstdint>
@@ -16,30 +16,30 @@ struct Property {
   std::string name{};
   uint32_t flags = 0;  ///< DRM_MODE_PROP_*
   uint64_t value = 0;
-  uint64_t minimum = 0;  ///< of ranges
+  uint64_t minimum = 0;  ///< for ranges
   uint64_t maximum = 0;
   std::vector<std::pair<std::string, uint64_t>> enums{};  ///< bit numbers for bit masks
 
   [[nodiscard]] bool writable() const;
   [[nodiscard]] bool is_blob() const;
   [[nodiscard]] bool is_range() const;
-  /// The value (for bit masks: the mask) of the enumerator with this name.
+  /// Returns the value (for bit masks: the mask) of the enumerator with this name.
   [[nodiscard]] std::optional<uint64_t> value_named(std::string_view enumerator) const;
-  /// For people: the enumerator's name, "none"/"set" for blobs, the number otherwise.
+  /// Returns text for people: the enumerator's name, "none"/"set" for blobs, the number otherwise.
   [[nodiscard]] std::string text_of(uint64_t of_value) const;
 };
 
 class PropertyTable {
  public:
-  /// `object_type` is a DRM_MODE_OBJECT_*. None if the object is gone.
+  /// Reads the properties. `object_type` is a DRM_MODE_OBJECT_*. None if the object is gone.
   [[nodiscard]] static std::optional<PropertyTable> read(int fd, uint32_t object,
                                                          uint32_t object_type);
 
   [[nodiscard]] uint32_t object() const { return object_; }
   [[nodiscard]] const Property* find(std::string_view name) const;
-  /// Throws Error(Device) when the driver lacks it.
+  /// Returns the property's id. Throws Error(Device) if the driver lacks it.
   [[nodiscard]] uint32_t require(std::string_view name) const;
-  /// 0 when there is no such property.
+  /// Returns the property's value; 0 if there is no such property.
   [[nodiscard]] uint64_t value(std::string_view name) const;
   [[nodiscard]] const std::vector<Property>& all() const { return properties_; }
 
@@ -48,7 +48,7 @@ class PropertyTable {
   std::vector<Property> properties_;
 };
 
-/// The bytes of a blob; empty for id 0 and for blobs that are gone.
+/// Returns the bytes of a blob; empty for id 0 and for blobs that are gone.
 [[nodiscard]] std::vector<uint8_t> read_blob(int fd, uint32_t id);
 
 }  // namespace lenticule::display

@@ -28,8 +28,8 @@ bool sums_to_zero(std::span<const uint8_t> block) {
   return static_cast<uint8_t>(std::accumulate(block.begin(), block.end(), 0U)) == 0;
 }
 
-/// Three letters of five bits each. 0 and 27 to 31 are no letters; they become the characters
-/// before and after them in ASCII ("@[\]^_"), as the kernel and edid-decode write them.
+/// Decodes three letters of five bits each. 0 and 27 to 31 are not letters; they become the
+/// neighbouring ASCII characters ("@[\]^_"), as the kernel and edid-decode write them.
 std::string manufacturer_of(Block block) {
   const unsigned packed = static_cast<unsigned>(block[8]) << 8 | block[9];
   std::string letters;
@@ -44,7 +44,7 @@ uint32_t little_endian(std::span<const uint8_t> bytes) {
   return value;
 }
 
-/// Text ends at a line feed; what cannot be printed is left out.
+/// Decodes text that ends at a line feed; skips characters that are not printable.
 std::string descriptor_text(std::span<const uint8_t> bytes) {
   std::string text;
   for (const uint8_t byte : bytes) {
@@ -79,7 +79,8 @@ bool is_digital_1_4(Block block) {
   return (block[20] & 0x80) != 0 && block[18] == 1 && block[19] >= 4;
 }
 
-/// Older revisions tell the kind of an analogue display with the same bits.
+/// Returns true if the base block offers YCbCr. Older revisions use the same bits for the type of
+/// an analogue display.
 bool base_offers_ycbcr(Block block) {
   constexpr uint8_t kColourFormats = 0x18;
   return is_digital_1_4(block) && (block[kFeatures] & kColourFormats) != 0;
@@ -91,8 +92,8 @@ std::optional<int> bits_per_colour(Block block) {
   return 4 + 2 * code;
 }
 
-/// Of the first detailed timing, where the feature byte says that it is the panel's own. A
-/// descriptor that begins with a pixel clock of zero is text, not a timing.
+/// Returns the size of the first detailed timing if the feature byte calls it native. A descriptor
+/// that begins with a pixel clock of zero is text, not a timing.
 std::optional<PixelSize> base_native(Block block) {
   constexpr uint8_t kFirstIsNative = 0x02;
   const auto has_clock = [&](size_t at) { return block[at] != 0 || block[at + 1] != 0; };
@@ -114,7 +115,8 @@ EdidProblem problem_of(std::span<const uint8_t> bytes) {
   return EdidProblem::None;
 }
 
-/// In rigs of earlier versions '?' stands for what is no letter.
+/// Compares manufacturers. In rigs of earlier versions '?' stands for a character that is not a
+/// letter.
 bool same_maker(const std::string& wanted, const std::string& panel) {
   return std::equal(wanted.begin(), wanted.end(), panel.begin(), panel.end(),
                     [](char x, char y) { return x == y || (x == '?' && (y < 'A' || y > 'Z')); });

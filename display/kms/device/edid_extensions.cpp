@@ -17,7 +17,7 @@ int little_endian_16(Bytes at) {
 
 // --- CTA-861 --------------------------------------------------------------------------------
 
-/// 1 to 127 and 193 to 253 are VICs; 129 to 192 are VICs with a bit for "native".
+/// Returns the VIC. 1 to 127 and 193 to 253 are VICs; 129 to 192 are VICs with a bit for "native".
 uint8_t vic_of(uint8_t descriptor) {
   return descriptor >= 129 && descriptor <= 192 ? descriptor & 0x7f : descriptor;
 }
@@ -44,7 +44,8 @@ void read_cta_data_blocks(Bytes blocks, EdidExtensions& found) {
   }
 }
 
-/// Data blocks lie before the offset of the timings; revision 1 has no flags, 2 no data blocks.
+/// Parses a CTA block. Data blocks precede the offset of the timings; revision 1 has no flags,
+/// revision 2 no data blocks.
 void read_cta(Bytes block, EdidExtensions& found) {
   constexpr uint8_t kYcbcr444And422 = 0x30;
   constexpr size_t kHeader = 4;
@@ -58,7 +59,7 @@ void read_cta(Bytes block, EdidExtensions& found) {
 
 // --- DisplayID ------------------------------------------------------------------------------
 
-/// A timing as far as it matters here.
+/// The relevant fields of a timing.
 struct ListedTiming {
   bool preferred = false;
   bool interlaced = false;
@@ -141,7 +142,7 @@ void read_displayid_data_block(uint8_t tag, uint8_t revision, Bytes payload,
     case 0x21:
       if (payload.size() == 29) note_native(payload.subspan(4), found);
       return;
-    case 0x03:  // detailed timings; from level 2 the bit for "preferred" means YCbCr 4:2:0
+    case 0x03:  // detailed timings; from level 2 the "preferred" bit means YCbCr 4:2:0
     case 0x22: {
       const size_t longer = tag == 0x22 ? revision >> 4 & 7U : 0U;
       return read_timings(

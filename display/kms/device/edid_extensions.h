@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parts of an EDID's extension blocks (CTA-861, DisplayID) that decide what a link carries.
+// Reads the parts of an EDID's extension blocks (CTA-861, DisplayID) that determine a link's
+// encoding.
 #pragma once
 
 #include <cstdint>
@@ -13,16 +14,16 @@ namespace lenticule::display {
 
 struct EdidExtensions {
   bool offers_ycbcr = false;
-  /// VICs (numbers of television modes) that the sink takes as YCbCr 4:2:0 and not otherwise.
+  /// VICs (numbers of television modes) that the sink accepts as YCbCr 4:2:0 only.
   std::vector<uint8_t> only_as_420;
-  /// Of DisplayID's display parameters.
+  /// Size in DisplayID's display parameters.
   std::optional<PixelSize> displayid_native;
-  /// Of the first progressive timing that DisplayID prefers.
+  /// Size of the first progressive timing that DisplayID prefers.
   std::optional<PixelSize> displayid_preferred;
 };
 
-/// Reads every whole block after the first. Never throws for what the bytes say; half a block and
-/// half a data block are left out.
+/// Parses every complete block after the first. Never throws because of the contents; incomplete
+/// blocks and data blocks are skipped.
 [[nodiscard]] EdidExtensions read_extensions(std::span<const uint8_t> edid);
 
 }  // namespace lenticule::display

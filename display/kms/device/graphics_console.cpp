@@ -31,19 +31,19 @@ class KernelTerminalCalls final : public TerminalCalls {
   }
 };
 
-/// What restore_console_now() needs. Whoever takes the calls out is the one who restores.
+/// State for restore_console_now(). The thread that takes g_calls out restores the mode.
 std::atomic<TerminalCalls*> g_calls{nullptr};
 std::atomic<int> g_fd{-1};
 std::atomic<int> g_mode{KD_TEXT};
 static_assert(std::atomic<TerminalCalls*>::is_always_lock_free);
 
-/// Signals that end a process which does not care for them.
+/// Signals that end a process by default.
 constexpr std::array kDeadly = {SIGHUP, SIGINT, SIGQUIT, SIGILL,  SIGTRAP, SIGABRT,
                                 SIGBUS, SIGFPE, SIGSEGV, SIGTERM, SIGSYS,  SIGXCPU};
 
 extern "C" void restore_console_and_die(int signal) {
   restore_console_now();
-  raise(signal);  // the kernel has put the default action back already
+  raise(signal);  // the kernel has restored the default action already
 }
 
 struct sigaction action_of(void (*handler)(int), int flags) {
@@ -54,7 +54,7 @@ struct sigaction action_of(void (*handler)(int), int flags) {
   return action;
 }
 
-/// Changes what a signal does, unless somebody has changed it before.
+/// Changes a signal's action, unless it was changed elsewhere before.
 void replace_action(int signal, void (*from)(int), const struct sigaction& to) {
   struct sigaction current {};
   if (sigaction(signal, nullptr, &current) != 0 || current.sa_handler != from) return;
@@ -64,7 +64,7 @@ void replace_action(int signal, void (*from)(int), const struct sigaction& to) {
 void catch_signals() {
   const auto die = action_of(restore_console_and_die, SA_RESETHAND | SA_NODEFER);
   for (const int signal : kDeadly) replace_action(signal, SIG_DFL, die);
-  // A stopped player would hold the card, with nobody to see the shell's prompt.
+  // A stopped player would keep the card, and the shell's prompt would stay invisible.
   replace_action(SIGTSTP, SIG_DFL, action_of(SIG_IGN, 0));
 }
 

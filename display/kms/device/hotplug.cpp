@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hotplug news from udev. Any "change" of a card counts: what the kernel, `udevadm trigger` and a
-// write to sysfs announce differs only in details that are looked up afterwards anyway.
+// Receives hotplug events from udev. Every "change" of a card counts: events from the kernel,
+// `udevadm trigger` and sysfs differ only in details that are probed afterwards anyway.
 #include <libudev.h>
 
 #include <memory>

@@ -31,7 +31,7 @@ class LinuxPlatform final : public KmsPlatform {
   }
   void unmap(void* memory, size_t size) noexcept override { munmap(memory, size); }
 
-  // CLOCK_BOOTTIME goes on while the machine sleeps, CLOCK_MONOTONIC does not.
+  // CLOCK_BOOTTIME advances while the machine is suspended, CLOCK_MONOTONIC does not.
   [[nodiscard]] Nanoseconds time_asleep() const noexcept override {
     return read_clock(CLOCK_BOOTTIME) - read_clock(CLOCK_MONOTONIC);
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What KMS output needs from the system apart from libdrm. Tests put their own in its place.
+// KmsPlatform provides the system calls that KMS output needs beside libdrm. Tests replace it.
 #pragma once
 
 #include <cstddef>
@@ -13,28 +13,29 @@
 
 namespace lenticule::display {
 
-/// Says that something about graphics cards may have changed. One thread.
+/// HotplugMonitor reports that graphics cards may have changed. Thread safety: one thread.
 class HotplugMonitor {
  public:
   virtual ~HotplugMonitor() = default;
-  /// Readable when drain() has something to say; -1 if it never will.
+  /// Returns a descriptor that is readable when drain() has an event; -1 if never.
   [[nodiscard]] virtual int fd() const noexcept = 0;
-  /// True if there was news. Reads all of it, so that a storm is one change.
+  /// Returns true if there was an event. Reads all pending events, so that a burst counts as one
+  /// change.
   [[nodiscard]] virtual bool drain() noexcept = 0;
 };
 
 class KmsPlatform {
  public:
   virtual ~KmsPlatform() = default;
-  /// Shared, readable and writable; null with errno set if it fails.
+  /// Maps memory shared, readable and writable; null with errno set on failure.
   [[nodiscard]] virtual void* map(int fd, uint64_t offset, size_t size) noexcept = 0;
   virtual void unmap(void* memory, size_t size) noexcept = 0;
-  /// How long the machine was suspended since it was started.
+  /// Returns the total time that the machine was suspended since it was started.
   [[nodiscard]] virtual Nanoseconds time_asleep() const noexcept = 0;
-  /// Never null; a monitor that cannot listen stays silent.
+  /// Never null; a monitor that cannot listen reports no events.
   [[nodiscard]] virtual std::unique_ptr<HotplugMonitor> watch_hotplug() = 0;
-  /// The text of a file of sysfs or debugfs, its first 64 KiB; none if it cannot be read. Any
-  /// thread.
+  /// Returns the first 64 KiB of a file of sysfs or debugfs; none if it cannot be read. Thread
+  /// safety: any thread.
   [[nodiscard]] virtual std::optional<std::string> read_kernel_file(const std::string& path) = 0;
   /// Never null.
   [[nodiscard]] virtual std::shared_ptr<TerminalCalls> terminal() = 0;
@@ -42,7 +43,7 @@ class KmsPlatform {
 
 [[nodiscard]] std::shared_ptr<KmsPlatform> make_linux_platform();
 
-/// udev's news about the subsystem "drm" (hotplug.cpp).
+/// Monitors udev events of the subsystem "drm" (hotplug.cpp).
 [[nodiscard]] std::unique_ptr<HotplugMonitor> make_udev_monitor();
 
 }  // namespace lenticule::display

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The state of a card's objects as we found it, to be put back when we leave.
+// SavedState stores the state of a card's objects before this process changes it, and restores it
+// at the end.
 #pragma once
 
 #include <cstdint>
@@ -12,14 +13,14 @@ namespace lenticule::display {
 
 class SavedState {
  public:
-  /// Remembers what these settings are about to change. Blobs are copied: the kernel frees them
-  /// once nothing refers to them any more.
+  /// Stores the current values of these settings. Blobs are copied, because the kernel frees them
+  /// once they are no longer referenced.
   void remember(int fd, const std::vector<PropertySetting>& about_to_change,
                 const std::vector<const PropertyTable*>& tables);
   [[nodiscard]] bool empty() const { return saved_.empty(); }
 
-  /// Puts everything back with one blocking modeset; where the driver refuses, everything except
-  /// the picture and its mode. False if not even that was taken.
+  /// Restores all values with one blocking modeset; if the driver refuses, all except the picture
+  /// and its mode. Returns false if the driver refuses that too.
   bool restore(int fd) const noexcept;
 
  private:

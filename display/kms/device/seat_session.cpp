@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A session kept by libseat: the card is taken away and given back on virtual terminal switches.
+// SeatSession is a session managed by libseat, which takes the card away and returns it when the
+// user switches virtual terminals.
 #include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>
@@ -13,7 +14,7 @@
 #include "base/error.h"
 #include "display/kms/device/session.h"
 
-// This header of 0.7 does not say that its functions are C's.
+// The header of libseat 0.7 does not declare its functions extern "C".
 extern "C" {
 #include <libseat.h>
 }
@@ -41,7 +42,8 @@ class SeatSession final : public Session {
   SeatSession(const SeatSession&) = delete;
   SeatSession& operator=(const SeatSession&) = delete;
 
-  // libseat keeps its own descriptor per device; ours is a copy that we may close.
+  // libseat keeps its own descriptor per device; this function returns a copy, which the caller may
+  // close.
   [[nodiscard]] UniqueFd open_device(const std::string& path) override {
     int opened = -1;
     const int device = libseat_open_device(seat_, path.c_str(), &opened);
@@ -61,7 +63,7 @@ class SeatSession final : public Session {
     devices_.erase(found);
   }
 
-  // The seat's keeper sets and drops mastership for its sessions.
+  // The seat manager sets and drops DRM master for its sessions.
   [[nodiscard]] Mastership ensure_master(int fd) noexcept override {
     (void)fd;
     return dispatch() ? Mastership::Held : Mastership::Denied;
@@ -79,7 +81,7 @@ class SeatSession final : public Session {
     (void)seat;
     static_cast<SeatSession*>(self)->enabled_ = true;
   }
-  // Called from dispatch(), on the thread that commits: no commit can be under way.
+  // Called from dispatch(), on the thread that commits, so no commit can be in progress.
   static void on_disable(libseat* seat, void* self) noexcept {
     static_cast<SeatSession*>(self)->enabled_ = false;
     libseat_disable_seat(seat);

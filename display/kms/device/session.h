@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a card is opened, and whether it is ours at the moment.
+// Session opens cards and tracks whether this process may use them at the moment.
 #pragma once
 
 #include <memory>
@@ -10,33 +10,34 @@
 namespace lenticule::display {
 
 enum class Mastership {
-  Held,    ///< commits are ours to make
-  Denied,  ///< not allowed (EACCES): another session is in front, or somebody opened it first
-  Busy,    ///< another program is master (EBUSY)
+  Held,    ///< this process may commit
+  Denied,  ///< not permitted (EACCES): another session is active, or another process opened the
+           ///< card first
+  Busy,    ///< another program is DRM master (EBUSY)
 };
 
-/// One thread, apart from open_device(), which may be called before there is one.
+/// Thread safety: one thread, except that open_device() may be called from another thread before.
 class Session {
  public:
   virtual ~Session() = default;
-  /// Throws Error(Device) naming the path.
+  /// Throws Error(Device) that names the path.
   [[nodiscard]] virtual UniqueFd open_device(const std::string& path) = 0;
   /// Called before the descriptor is closed.
   virtual void close_device(int fd) noexcept = 0;
-  /// Whether we are master of the card, after trying to become it.
+  /// Tries to become DRM master and returns the result.
   [[nodiscard]] virtual Mastership ensure_master(int fd) noexcept = 0;
   virtual void drop_master(int fd) noexcept = 0;
-  /// Readable when dispatch() has something to do; -1 if it never has.
+  /// Returns a descriptor that is readable when dispatch() should be called; -1 if never.
   [[nodiscard]] virtual int fd() const noexcept { return -1; }
-  /// Handles what the seat's keeper says. False while the seat is not ours.
+  /// Handles messages of the seat manager. Returns false while the seat is inactive.
   [[nodiscard]] virtual bool dispatch() noexcept { return true; }
 };
 
-/// Opens nodes by itself: the first opener is master. What a kiosk uses.
+/// Returns a session that opens nodes directly: the first opener is DRM master. Used by kiosks.
 [[nodiscard]] std::shared_ptr<Session> make_direct_session();
 
-/// Through libseat (seatd or logind), for a desktop's virtual terminals. Throws Error(Device) when
-/// there is no seat, or when this build has no libseat.
+/// Returns a session through libseat (seatd or logind), for a desktop's virtual terminals. Throws
+/// Error(Device) if there is no seat or this build has no libseat.
 [[nodiscard]] std::shared_ptr<Session> make_seat_session();
 
 }  // namespace lenticule::display

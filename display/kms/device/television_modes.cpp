@@ -43,7 +43,7 @@ constexpr std::array kModes = {
 };
 
 bool same_mode(const drmModeModeInfo& mode, const TelevisionMode& listed) {
-  // 1000/1001 is one in a thousand; the next rate is four in a hundred away.
+  // 1000/1001 differs by one in a thousand; the next rate by four in a hundred.
   constexpr double kTolerance = 0.0015;
   const double clock = mode.clock / 100.0 / listed.clock_mhz_x10;
   const double rate = refresh_of(mode).hertz() / listed.hertz;

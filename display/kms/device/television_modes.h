@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The television modes (VICs of CTA-861) that a sink may take as YCbCr 4:2:0 only.
+// Lists the television modes (VICs of CTA-861) that a sink may accept as YCbCr 4:2:0 only.
 #pragma once
 
 #include <xf86drmMode.h>
@@ -17,10 +17,11 @@ struct TelevisionMode {
   int clock_mhz_x10 = 0;  ///< pixel clock in units of 100 kHz
 };
 
-/// Those of 2160 lines and more; no smaller one needs 4:2:0.
+/// Returns the modes with 2160 lines or more; smaller ones do not need 4:2:0.
 [[nodiscard]] std::span<const TelevisionMode> television_modes();
 
-/// True if the mode has the size, rate and pixel clock of one of these, or 1000/1001 of them.
+/// Returns true if the mode has the size, rate and pixel clock of one of these, or 1000/1001 of
+/// them.
 [[nodiscard]] bool is_one_of(const drmModeModeInfo& mode, std::span<const uint8_t> vics);
 
 }  // namespace lenticule::display
