@@ -16,7 +16,7 @@ enum class Mastership {
   Busy,    ///< another program is DRM master (EBUSY)
 };
 
-/// Thread safety: one thread, except that open_device() may be called from another thread before.
+/// Thread safety: one thread; open_device() may be called before that thread exists.
 class Session {
  public:
   virtual ~Session() = default;

@@ -66,8 +66,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override;
 
   void reconnect() override {
-    close(ExitPolicy::Black);  // the frame is not held, because the holder of the card would remain
-                               // its master
+    close(ExitPolicy::Black);  // not Hold: the holder of the card would remain its master
     open();
   }
   [[nodiscard]] KmsStatistics statistics() const noexcept override { return counters_.snapshot(); }
