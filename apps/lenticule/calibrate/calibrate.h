@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ways of calibrating, one file each; `lenticule calibrate` lists them.
+// The calibration methods, one file each; `lenticule calibrate` lists them.
 #pragma once
 
 #include "apps/lenticule/cli/command.h"
 
 namespace lenticule::player {
 
-/// One word after `calibrate`: its parsed flags and what to run when it was given.
+/// A method, named by the word after `calibrate`: its parsed flags and the function to run.
 struct CalibrateWay {
   const CLI::App* app = nullptr;
   Run run;

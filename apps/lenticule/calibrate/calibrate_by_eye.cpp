@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule calibrate by-eye
+// lenticule calibrate by-eye calibrates a panel with the user's eye and keys.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -35,7 +35,7 @@ using calib::Procedure;
 using nlohmann::json;
 
 constexpr display::Nanoseconds kShowTimeout = std::chrono::seconds(10);
-/// How long one look at the display's events takes; keys end it at once.
+/// Longest wait for display events; a key press ends it at once.
 constexpr display::Nanoseconds kNap = kEscapePause;
 
 constexpr const char* kKeys =
@@ -112,14 +112,15 @@ optics::Rig result_of(const Procedure& procedure) {
   return rig;
 }
 
-/// A trim beside the old file was seen and calibrated away, or belongs to a rig that is gone.
+/// Saves the rig and resets the trim beside it: the old trim was visible during the calibration and
+/// is included in it, or belongs to another rig.
 std::string save_keeping_old(const optics::Rig& rig, const fs::path& file) {
   const fs::path kept = calib::save_with_history(rig, file);
   optics::save_trim({}, file);
   return kept.string();
 }
 
-/// Found out before a person has spent half an hour.
+/// Checks that the folder is writable, before the user spends half an hour on the calibration.
 void check_folder_of(const fs::path& file) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   if (access(folder.c_str(), W_OK | X_OK) == 0) return;
@@ -159,7 +160,7 @@ class ByEyeRun {
   }
 
  private:
-  /// A person can be asked; a script has to insist beforehand.
+  /// Returns how to handle doubtful results: a person is asked; a script must insist in advance.
   [[nodiscard]] calib::Doubts doubts() const {
     if (flags_.insist) return calib::Doubts::Accept;
     return keys_->is_person() ? calib::Doubts::Ask : calib::Doubts::Refuse;
@@ -205,7 +206,7 @@ class ByEyeRun {
     say("  {}\n", guide.keys);
   }
 
-  /// One line that is written over, for people; a line each for logs.
+  /// Prints the numbers: for people one line that is overwritten, for logs a line each.
   void tell_numbers() const {
     const std::string note = procedure_.note().empty() ? "" : " (" + procedure_.note() + ")";
     if (keys_->is_person())
@@ -214,7 +215,7 @@ class ByEyeRun {
       say("  {}{}\n", procedure_.numbers(), note);
   }
 
-  /// Nothing is shown any more; the panel is what it was before.
+  /// Closes the display, which restores the panel, and completes the recording.
   void finish_recording() {
     display_.reset();
     if (!request_.recorder) return;

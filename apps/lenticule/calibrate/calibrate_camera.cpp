@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule calibrate camera: patterns on the panel, pictures from a V4L2 camera, one place of the
-// camera after the other.
+// lenticule calibrate camera shows patterns on the panel and photographs them with a V4L2 camera
+// from several viewpoints.
 #include <fmt/format.h>
 #include <poll.h>
 #include <unistd.h>
@@ -43,8 +43,8 @@ struct CameraFlags {
   ResultFlags result;
 };
 
-/// Where to put the camera, best first: unequal distances to the sides tell gaps apart that equal
-/// ones confuse.
+/// Positions for the camera, best first: unequal distances to the sides distinguish gaps that equal
+/// distances do not.
 struct Place {
   const char* name;
   const char* where;
@@ -123,7 +123,7 @@ class CameraRun {
                                        .method = "camera",
                                        .camera = camera_->facts(),
                                        .temperature_celsius = {}};
-    // The panel is free again while the numbers are worked out.
+    // Release the panel before the computation.
     sink_.reset();
     display_.reset();
     calib::CalibrateOptions options;
@@ -141,8 +141,8 @@ class CameraRun {
       throw Error(ErrorKind::Device, "display: nothing got onto the glass");
   }
 
-  /// The white panel is shown meanwhile, and pictures of it tell whether camera and light are
-  /// right.
+  /// Waits for the user. Meanwhile the panel is white, and pictures of it show whether the camera
+  /// and the light are right.
   void wait_for_person(const Place& place, int number) {
     say("\nViewpoint {} of {}: put the camera {}.\n"
         "The whole panel must be in the picture, which it should nearly fill. Then press "
@@ -161,7 +161,7 @@ class CameraRun {
     say("\n");
   }
 
-  /// Looks for half a second.
+  /// Waits half a second for the Enter key.
   static bool enter_pressed() {
     std::array<pollfd, 2> waiting = {{{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0},
                                       {.fd = interrupt_fd(), .events = POLLIN, .revents = 0}}};

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule calibrate photos: from photographs instead of a live camera: one of the photo chart, or
-// folders of all patterns.
+// lenticule calibrate photos calibrates from photographs: one photograph of the photo chart, or
+// folders with photographs of all patterns.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -40,7 +40,8 @@ struct PhotosFlags {
   ResultFlags result;
 };
 
-/// The panel shows what it is told to; photographs were taken of it somewhere else.
+/// NoDisplay accepts frames without showing them, because the photographs were taken of another
+/// display.
 class NoDisplay final : public frames::FrameSink {
  public:
   explicit NoDisplay(const optics::Panel& panel)
@@ -58,7 +59,7 @@ class NoDisplay final : public frames::FrameSink {
 ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
   const std::vector<calib::Pattern> patterns = calib::photo_patterns(rig);
   fs::create_directories(flags.write_patterns);
-  // Patterns of an interrupted run are those of two rigs at worst: no manifest may speak for them.
+  // An interrupted run may leave patterns of two rigs, so the old manifest must not remain valid.
   std::error_code absent;
   fs::remove(fs::path(flags.write_patterns) / calib::kPatternManifest, absent);
   Progress progress("writing", "patterns", patterns.size());
@@ -89,7 +90,8 @@ calib::RecordDetails details_of(const std::string& method, const calib::CameraFa
           .temperature_celsius = {}};
 }
 
-// A tape measure is good to half a centimetre, a data sheet's focal length to two percent.
+// Returns priors for the given values. A tape measure is accurate to half a centimetre, a data
+// sheet's focal length to two percent.
 calib::PhotoPriors priors_of(const PhotosFlags& flags) {
   calib::PhotoPriors priors;
   if (flags.distance_mm) priors.distance_mm = calib::Estimate{*flags.distance_mm, 5.0};
@@ -110,8 +112,8 @@ ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
   return conclude_calibration(found, details_of("one photograph", camera), flags.result);
 }
 
-/// Looks for a manifest among the photographs, then in the folder of the patterns. False where
-/// there is none; throws Error(Input) for one of another rig.
+/// Looks for a manifest among the photographs, then in the folder of the patterns. Returns false if
+/// there is none. Throws Error(Input) if it belongs to another rig.
 bool manifest_agrees(const PhotosFlags& flags, const std::string& folder, const optics::Rig& rig) {
   for (const std::string& place : {folder, flags.patterns}) {
     if (place.empty()) continue;
@@ -123,7 +125,7 @@ bool manifest_agrees(const PhotosFlags& flags, const std::string& folder, const 
   return false;
 }
 
-/// The marks in the photographs tell the rig; where they are not readable the manifest does.
+/// Checks the rig: by the marks in the photographs, or by the manifest if they are not readable.
 void require_known_rig(calib::ViewpointMeasurement& measured, bool manifest_agrees,
                        const std::string& folder) {
   if (measured.rig_code_read) return;

@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-/// "kiosk.report.html" for "kiosk.toml".
+/// Returns "kiosk.report.html" for "kiosk.toml".
 std::string report_beside(const std::string& rig_file) {
   fs::path name(rig_file);
   name.replace_extension(".report.html");
@@ -59,7 +59,7 @@ ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDeta
   if (saved) {
     const fs::path kept =
         calib::save_with_history(calib::with_record(found, details), flags.output);
-    // What drifted since the last calibration is in this one.
+    // The new calibration includes the drift that the old trim corrected.
     optics::save_trim({}, flags.output);
     files["rig"] = flags.output;
     if (!kept.empty()) files["old_rig_kept_as"] = kept.string();

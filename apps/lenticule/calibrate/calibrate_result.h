@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The end of every calibration: what is printed, which report is written, whether the rig is saved.
+// conclude_calibration ends every calibration: it prints the result, writes the report and saves
+// the rig.
 #pragma once
 
 #include <optional>
@@ -21,7 +22,7 @@ struct ResultFlags {
 void declare_result_flags(CLI::App& app, ResultFlags& flags);
 
 /// Writes the report beside the rig, saves the rig unless it was refused (the old one is kept under
-/// a number), prints both. kOk, or kQuality where nothing was saved.
+/// a number), and prints both paths. Returns kOk, or kQuality if the rig was not saved.
 ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDetails details,
                               const ResultFlags& flags);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule calibrate show: any of the patterns on a display, or in a file.
+// lenticule calibrate show shows any of the patterns on a display, or writes it to a file.
 #include <fmt/format.h>
 #include <poll.h>
 
@@ -44,7 +44,7 @@ struct Subject {
   const ShowFlags& flags;
   Channels channels;
 
-  /// The pitch that an eye in the middle of the viewing line sees.
+  /// Returns the pitch seen by an eye in the middle of the viewing line.
   [[nodiscard]] double pitch() const {
     return flags.pitch_factor * optics::effective_sheet(model.rig()).pitch.value;
   }
@@ -129,7 +129,7 @@ WovenFrame draw(const ShowFlags& flags, const optics::OpticalModel& model) {
   return frame;
 }
 
-/// Until the time is over or somebody interrupts.
+/// Waits until the time is over or the user interrupts.
 void hold(display::Display& display, double seconds) {
   const display::Nanoseconds end = display.now() + std::chrono::duration_cast<display::Nanoseconds>(
                                                        std::chrono::duration<double>(seconds));

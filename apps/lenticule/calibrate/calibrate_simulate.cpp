@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule calibrate simulate: a whole calibration on the simulated bench, to learn and to try.
+// lenticule calibrate simulate runs a whole calibration on a simulated panel and camera, for
+// learning and testing.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -72,7 +73,7 @@ ExitCode run_simulate(const SimulateFlags& flags) {
   if (!flags.pictures.empty()) {
     std::filesystem::create_directories(flags.pictures);
     trial.before_pattern = [&](calib::SimulatedBench& bench, size_t viewpoint, int pattern) {
-      // What the pattern before looked like; before the first there is none.
+      // The camera sees the previous pattern; before the first there is none.
       if (pattern > 0)
         write_preview(bench.camera(), fmt::format("{}/{}-{:03}.png", flags.pictures,
                                                   trial.viewpoints[viewpoint].name, pattern - 1));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule calibrate: finds the right way by its word.
+// lenticule calibrate selects the calibration method by its name.
 #include <CLI/CLI.hpp>
 
 #include "apps/lenticule/calibrate/calibrate.h"
@@ -7,7 +7,7 @@
 
 namespace lenticule::player {
 
-// One file each, calibrate_WAY.cpp.
+// Each is defined in its own file, calibrate_METHOD.cpp.
 CalibrateWay declare_calibrate_camera(CLI::App& app);
 CalibrateWay declare_calibrate_photos(CLI::App& app);
 CalibrateWay declare_calibrate_by_eye(CLI::App& app);
