@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a command plugs into the program: one file per command, one line in commands.cpp.
+// Command is an entry of the command table: one file per command, one line in commands.cpp.
 #pragma once
 
 #include <functional>
@@ -9,19 +9,19 @@
 #include "base/exit_code.h"
 #include "base/json_output.h"
 
-// Its header takes seconds to compile; only those who declare flags include it.
+// CLI11's header takes seconds to compile, so only files that declare flags include it.
 namespace CLI {
 class App;
 }
 
 namespace lenticule::player {
 
-/// What a command does once its flags are parsed. Throws lenticule::Error for what the world did
-/// wrong; main() prints it and maps its kind to the exit code.
+/// The function that runs a command after its flags are parsed. Throws lenticule::Error for errors
+/// of input or environment; main() prints it and maps its kind to the exit code.
 using Run = std::function<ExitCode()>;
 
-/// Declares a command's flags on `app` (a fresh subcommand) and returns what to run. Options live
-/// in a shared_ptr that the returned function captures.
+/// Declares a command's flags on `app` (a new subcommand) and returns the function to run. The
+/// options live in a shared_ptr that this function captures.
 using Declare = Run (*)(CLI::App& app);
 
 struct Command {
@@ -31,7 +31,7 @@ struct Command {
   Declare declare;
 };
 
-/// Every command, in the order in which --help lists them.
+/// Returns all commands, in the order in which --help lists them.
 [[nodiscard]] const std::vector<Command>& commands();
 
 }  // namespace lenticule::player

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule completion: shell completion made from the same tables as --help.
+// lenticule completion prints a shell completion script, generated from the same tables as --help.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

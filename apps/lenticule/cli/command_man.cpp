@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule man: the manual page, made from the same tables as --help.
+// lenticule man prints the manual page, generated from the same tables as --help.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -12,7 +12,7 @@
 namespace lenticule::player {
 namespace {
 
-/// Escapes what troff would take for a request or an escape.
+/// Escapes text that troff would take for a request or an escape.
 std::string roff(const std::string& text) {
   std::string out;
   for (const char c : text) {

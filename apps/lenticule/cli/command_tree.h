@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the declared commands back, so that the manual and the completion scripts are made from the
+// Reads the declared commands, so that the manual and the completion scripts are generated from the
 // same tables as --help.
 #pragma once
 
@@ -13,15 +13,15 @@ class Option;
 
 namespace lenticule::player {
 
-/// Direct subcommands that --help shows, in its order.
+/// Returns the direct subcommands that --help shows, in its order.
 [[nodiscard]] std::vector<const CLI::App*> visible_commands(const CLI::App& app);
 [[nodiscard]] std::vector<std::string> command_names(const CLI::App& app);
 
-/// Options that have a flag, in the order of declaration; positionals are left out.
+/// Returns the options that have a flag, in the order of declaration, without positionals.
 [[nodiscard]] std::vector<const CLI::Option*> flags(const CLI::App& app);
 [[nodiscard]] std::vector<const CLI::Option*> positionals(const CLI::App& app);
 
-/// What may follow the command's name: its subcommands, and the flags of it and of them.
+/// Returns the words that may follow the command's name: its subcommands, its flags and theirs.
 [[nodiscard]] std::vector<std::string> completion_words(const CLI::App& command);
 
 }  // namespace lenticule::player

@@ -8,7 +8,7 @@
 
 namespace lenticule::player {
 
-// One file per command; each defines its function.
+// Each function is defined in the file of its command.
 Run declare_render(CLI::App& app);
 Run declare_play(CLI::App& app);
 Run declare_ctl(CLI::App& app);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Declares the flags that say how views lie in a source and how they are woven; play, weave and
-// convert share them.
+// Declares the flags for the layout of views in a source and for weaving, which play, weave and
+// convert share.
 #pragma once
 
 #include "player/sources/content_flags.h"

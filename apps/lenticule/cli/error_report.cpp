@@ -41,7 +41,7 @@ ExitCode report_error(const Error& error, bool as_json) noexcept {
       return exit_code_of(error.kind());
     }
   } catch (const std::exception&) {
-    // No memory for JSON: plainly, then.
+    // Out of memory for JSON: print plain text instead.
   }
   say("lenticule: {}\n", error.what());
   if (!error.hint().empty()) say("  {}\n", error.hint());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The end of a command that failed.
+// report_error reports the error of a failed command.
 #pragma once
 
 #include "base/error.h"
@@ -7,8 +7,8 @@
 
 namespace lenticule::player {
 
-/// Prints the error on standard error, as one line of text and one with the remedy or, for those
-/// who asked for JSON, as one line {"error", "hint", "kind", "exit_code"}. Returns the exit code.
+/// Prints the error on standard error: one line of text and one with the remedy, or with `as_json`
+/// one line {"error", "hint", "kind", "exit_code"}. Returns the exit code.
 [[nodiscard]] ExitCode report_error(const Error& error, bool as_json) noexcept;
 
 }  // namespace lenticule::player

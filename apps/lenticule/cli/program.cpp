@@ -35,7 +35,7 @@ ExitCode run_reporting_errors(const Run& run, bool as_json) {
   }
 }
 
-/// Help and version are results.
+/// Prints help or the version on standard output, because they are results.
 ExitCode print_help(const CLI::App& app, const CLI::ParseError& request) {
   std::ostringstream text;
   app.exit(request, text, text);
@@ -43,7 +43,7 @@ ExitCode print_help(const CLI::App& app, const CLI::ParseError& request) {
   return kOk;
 }
 
-/// Flags may be what cannot be parsed, so that this one is looked for by itself.
+/// Searches for --json directly, because the flags may be what cannot be parsed.
 bool asks_for_json(int argc, char** argv) {
   return std::any_of(argv, argv + argc,
                      [](const char* argument) { return std::string_view(argument) == "--json"; });
@@ -54,7 +54,7 @@ bool asks_for_json(int argc, char** argv) {
 int run_program(std::span<const Command> commands, int argc, char** argv) {
   prepare_standard_streams();
   install_interrupt_handlers();
-  // Before the commands are declared: their defaults name an instruction set.
+  // Choose the instruction set before the commands are declared, because their defaults name it.
   const bool as_json = asks_for_json(argc, argv);
   const auto choose_kernels = [] {
     static_cast<void>(best_isa());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs a command-line program: finds the command, runs it, and turns an error into one line and an
-// exit code.
+// run_program runs a command-line program: it finds the command, runs it, and turns an error into a
+// message and an exit code.
 #pragma once
 
 #include <span>
@@ -9,8 +9,9 @@
 
 namespace lenticule::player {
 
-/// Runs the command that `argv` names and returns the exit code for main(). Prints errors as the
-/// contract of the commands says (docs/player.md). Call once, before other threads are started.
+/// Runs the command that `argv` names and returns the exit code for main(). Prints errors in the
+/// format of the commands' contract (docs/player.md). Call it once, before other threads are
+/// started.
 [[nodiscard]] int run_program(std::span<const Command> commands, int argc, char** argv);
 
 }  // namespace lenticule::player

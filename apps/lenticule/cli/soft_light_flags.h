@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flags of commands that render with lamps that have a size and with light from all around.
+// Declares flags for rendering with area lights and with light from the environment.
 #pragma once
 
 #include "render/options/soft_light.h"
@@ -10,7 +10,7 @@ class App;
 
 namespace lenticule::player {
 
-/// `soft` must outlive the parser.
+/// Lifetime: `soft` must outlive the parser.
 void declare_soft_light_flags(CLI::App& app, render::SoftLight& soft);
 
 }  // namespace lenticule::player

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flags of commands that put a scene on the glass: how it lies there, and what is around it.
+// StagingFlags are the flags that place a scene in front of the panel and set its environment.
 #pragma once
 
 #include <string>
@@ -16,16 +16,16 @@ namespace lenticule::player {
 struct StagingFlags {
   render::StageOptions stage;
   render::Surroundings surroundings;
-  // As given, until complete():
+  // Text as given, until complete() parses it.
   std::string centre;
   std::string background;
   std::string ground_colour;
 
-  /// Reads what is made of several numbers. Throws Error(Usage).
+  /// Parses the values that consist of several numbers. Throws Error(Usage).
   void complete();
 };
 
-/// `flags` must outlive the parser.
+/// Lifetime: `flags` must outlive the parser.
 void declare_stage_flags(CLI::App& app, StagingFlags& flags);
 void declare_surroundings_flags(CLI::App& app, StagingFlags& flags);
 

@@ -19,11 +19,12 @@ namespace {
 constexpr double kWidth = 720.0;
 constexpr double kHeight = 420.0;
 constexpr double kLeft = 84.0;
-constexpr double kRight = 150.0;  // the legend stands there, in the way of no line
+constexpr double kRight = 150.0;  // space for the legend, which covers no line
 constexpr double kTop = 40.0;
 constexpr double kBottom = 56.0;
 
-/// Told apart by colour-blind eyes as well (Okabe and Ito, and two more), and dark enough on white.
+/// Colours that colour-blind viewers can distinguish (Okabe and Ito, and two more), dark enough on
+/// white.
 constexpr std::array kColours = {"#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9",
                                  "#e69f00", "#000000", "#7f7f7f", "#882255", "#999933"};
 
@@ -36,7 +37,7 @@ std::vector<double> linear_ticks(double low, double high) {
   double step = 10.0 * decade;
   for (const double factor : {5.0, 2.0, 1.0})
     if (factor * decade >= rough * (1.0 - 1e-9)) step = factor * decade;
-  // Counted in whole steps, so that no rounding adds up.
+  // Counted in whole steps, so that rounding errors do not accumulate.
   std::vector<double> ticks;
   const double first = std::floor(low / step + 1e-9);
   const double last = std::ceil(high / step - 1e-9);
@@ -60,7 +61,7 @@ std::vector<double> log_ticks(double low, double high) {
   return ticks;
 }
 
-/// An axis that knows where its numbers lie between two ends of the picture.
+/// PlacedAxis maps an axis's numbers to positions in the picture.
 class PlacedAxis {
  public:
   PlacedAxis(const Plot& plot, const PlotAxis& axis, double Vec2::*coordinate, double begin,
@@ -105,7 +106,8 @@ class SvgText {
   std::string text_;
 };
 
-/// 12.5, 250k, 24.9M: at most three digits, so that the labels of a crowded axis stay apart.
+/// Returns 12.5, 250k, 24.9M: at most three digits, so that the labels of a crowded axis do not
+/// overlap.
 std::string tick_label(double value) {
   const double size = std::abs(value);
   if (size >= 1e6) return fmt::format("{:.3g}M", value / 1e6);

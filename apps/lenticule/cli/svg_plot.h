@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Line plots as SVG text: what benchmarks draw their growth with.
+// Plot is a line plot, written as SVG; benchmarks use it.
 #pragma once
 
 #include <string>
@@ -18,9 +18,10 @@ struct PlotAxis {
 
 struct PlotSeries {
   std::string label;
-  std::vector<Vec2> points;             ///< in this order, each marked by a dot
-  bool joined = true;                   ///< by a line
-  std::vector<std::string> names = {};  ///< of points, shown where one is pointed at; may be fewer
+  std::vector<Vec2> points;  ///< drawn in this order, each marked by a dot
+  bool joined = true;        ///< connected by a line
+  std::vector<std::string> names =
+      {};  ///< names of points, shown by a pointing device; may be fewer than points
 };
 
 struct Plot {
@@ -30,14 +31,14 @@ struct Plot {
   std::vector<PlotSeries> series;
 };
 
-/// Round numbers that begin at or below `low` and end at or above `high`, ascending, two at least.
-/// A linear axis over positive numbers begins at 0. A logarithmic one counts 1, 2, 5, 10 over less
-/// than three decades, else 1, 10, 100. Throws Error(Usage) for numbers that are not finite, and
-/// for a logarithmic axis for such as are not positive.
+/// Returns round numbers that begin at or below `low` and end at or above `high`, ascending, at
+/// least two. A linear axis over positive numbers begins at 0. A logarithmic axis has ticks at 1,
+/// 2, 5, 10 for less than three decades, else at 1, 10, 100. Throws Error(Usage) for numbers that
+/// are not finite, and on a logarithmic axis for numbers that are not positive.
 [[nodiscard]] std::vector<double> axis_ticks(double low, double high, AxisScale scale);
 
-/// A whole SVG document of 720 by 420 units. Throws Error(Usage) where axis_ticks does and for a
-/// plot without a point.
+/// Returns a complete SVG document of 720 by 420 units. Throws Error(Usage) as axis_ticks() does,
+/// and for a plot without a point.
 [[nodiscard]] std::string svg_of(const Plot& plot);
 
 /// Writes svg_of(plot). Throws Error(Failed) if the file cannot be written.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Three numbers in one flag: "x,y,z" or "r,g,b".
+// parse_triple parses a flag with three numbers: "x,y,z" or "r,g,b".
 #pragma once
 
 #include <string>
@@ -8,7 +8,8 @@
 
 namespace lenticule::player {
 
-/// Throws Error(Usage) "FLAG 'text': ..." unless `text` is three finite numbers between commas.
+/// Throws Error(Usage) "FLAG 'text': ..." unless `text` is three finite numbers separated by
+/// commas.
 [[nodiscard]] Vec3 parse_triple(const char* flag, const std::string& text);
 
 }  // namespace lenticule::player

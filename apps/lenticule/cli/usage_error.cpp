@@ -15,7 +15,7 @@
 namespace lenticule::player {
 namespace {
 
-/// The commands that were chosen, from the program down.
+/// The chosen commands, from the program down.
 using Chain = std::vector<const CLI::App*>;
 
 Chain chosen_commands(const CLI::App& app) {
@@ -31,7 +31,7 @@ std::string name_of(const Chain& chain) {
   return name;
 }
 
-/// Returns the first word that no command took.
+/// Returns the first word that no command accepted.
 std::optional<std::string> unknown_word(const Chain& chain) {
   for (const CLI::App* command : chain)
     for (const std::string& word : command->remaining())

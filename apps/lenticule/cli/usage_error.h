@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is wrong with a command line, in the program's own words.
+// usage_error explains an invalid command line.
 #pragma once
 
 #include "base/error.h"
@@ -11,9 +11,9 @@ class ParseError;
 
 namespace lenticule::player {
 
-/// Returns the Error(Usage) for a command line that `app` could not parse. A command or a flag that
-/// does not exist is named first, with the one that may have been meant: what else is wrong usually
-/// follows from it.
+/// Returns the Error(Usage) for a command line that `app` could not parse. An unknown command or
+/// flag is reported first, with the most similar known one, because other errors usually follow
+/// from it.
 [[nodiscard]] Error usage_error(const CLI::App& app, const CLI::ParseError& error);
 
 }  // namespace lenticule::player
