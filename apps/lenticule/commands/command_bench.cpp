@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench: runs lenticule-bench, which comes in a package of its own.
+// lenticule bench runs lenticule-bench, which has its own package.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -19,7 +19,7 @@ namespace {
 
 constexpr const char* kName = "lenticule-bench";
 
-/// Replaces this process by lenticule-bench; throws Error(Failed) if that is impossible.
+/// Replaces this process by lenticule-bench. Throws Error(Failed) if that is impossible.
 ExitCode become_bench(const std::vector<std::string>& arguments) {
   const auto program = find_sibling_program(kName);
   if (!program)
@@ -38,8 +38,8 @@ ExitCode become_bench(const std::vector<std::string>& arguments) {
 }  // namespace
 
 Run declare_bench(CLI::App& app) {
-  app.prefix_command();  // everything that follows is for lenticule-bench,
-  app.set_help_flag();   // --help as well
+  app.prefix_command();  // all following arguments are for lenticule-bench,
+  app.set_help_flag();   // including --help
   return [&app] { return become_bench(app.remaining()); };
 }
 

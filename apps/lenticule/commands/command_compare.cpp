@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule compare: how far one picture, or one sequence, is from another.
+// lenticule compare measures the difference between two pictures or sequences.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule convert: frames and views from any kind of file into any other. Where nothing has to be
-// woven or taken apart, no pixel changes on the way.
+// lenticule convert converts frames and views between file formats. If frames need neither weaving
+// nor separating into views, no pixel changes.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -30,7 +30,7 @@ namespace {
 
 using Kind = ContentMeaning::Kind;
 
-/// Of an input that does not tell.
+/// Length of an input that does not state it.
 constexpr uint64_t kManyFrames = uint64_t{1} << 24;
 
 struct ConvertFlags {
@@ -48,10 +48,10 @@ struct ConvertFlags {
   bool json = false;
 };
 
-/// What is in the frames that are written.
+/// Content of the written frames.
 enum class Result { Woven, Quilt };
 
-/// What the flags ask for, before anything is opened.
+/// ConvertPlan checks the flags before a file is opened.
 class ConvertPlan {
  public:
   explicit ConvertPlan(const ConvertFlags& flags) : flags_(flags) {
@@ -66,7 +66,7 @@ class ConvertPlan {
 
   [[nodiscard]] MeaningRequest what(bool views_wanted) const {
     MeaningRequest request{.text = flags_.input, .flags = flags_.content};
-    // Whichever rig woven frames are for: to get views they are taken apart.
+    // To get views, woven frames of any rig are separated.
     if (views_wanted) request.flags.reweave = true;
     if (rig && !views_wanted) request.rig_fingerprint = rig->identity.fingerprint;
     return request;
@@ -165,7 +165,7 @@ class ConvertRun {
             .layout = {}};
   }
 
-  /// As the target's name says, or as the quilt was.
+  /// Returns the quilt's layout: that in the target's name, or that of the input quilt.
   [[nodiscard]] frames::QuiltLayout layout_of_quilt() const {
     frames::QuiltLayout layout = frames::quilt_layout_for(shape_);
     const auto take_grid = [&](const frames::QuiltLayout& grid) {
@@ -178,7 +178,7 @@ class ConvertRun {
     return layout;
   }
 
-  /// Views are woven from what is there: a frame of another moment would not be noticed.
+  /// Refuses damaged frames: woven from views, a frame of another time would not be noticed.
   void refuse_damaged() {
     const frames::SequenceReader reader(flags_.input);
     const std::vector<uint64_t> damaged =
@@ -198,7 +198,7 @@ class ConvertRun {
                 "--keep-damaged repeats the frame before each of them");
   }
 
-  /// Counts them all first: how much is lost decides on what to do.
+  /// Counts all damaged frames first, because the remedy depends on how many there are.
   [[noreturn]] void fail_damaged(uint64_t number) const {
     std::vector<uint64_t> damaged =
         frames::SequenceReader(flags_.input).find_damaged([](uint64_t) { return !interrupted(); });
@@ -207,7 +207,7 @@ class ConvertRun {
     fail_damaged_container(damaged);
   }
 
-  /// Frames that a decoder left out or mended.
+  /// Refuses frames that a decoder left out or repaired.
   void refuse_damage_of_sources() const {
     const frames::FrameDamage damage = input_->damage();
     if (!damage.any() || flags_.keep_damaged) return;
@@ -218,7 +218,7 @@ class ConvertRun {
         "--keep-damaged converts what can be read");
   }
 
-  /// Loop points belong to the whole sequence.
+  /// Selects the frames. Loop points apply to the whole sequence only.
   void choose_frames(FrameRange wanted) {
     if (wanted.begin >= wanted.end || wanted.end > range_.end)
       throw Error(ErrorKind::Input, fmt::format("{}: has frames 0:{}", flags_.input, range_.end),
@@ -244,7 +244,7 @@ class ConvertRun {
     const optics::Rig& rig = loaded.rig;
     const frames::FrameGeometry panel{.width = rig.panel.width_px, .height = rig.panel.height_px};
     const optics::RigMatch matched = optics::match(frames::rig_of(info_), loaded.identity);
-    // Woven before the rig was trimmed: the file goes on saying for which trim.
+    // Woven before the rig was trimmed: the file keeps the trim for which it was woven.
     if (matched == optics::RigMatch::Trimmed) return;
     if (matched == optics::RigMatch::Other)
       throw Error(ErrorKind::Input,
@@ -277,7 +277,7 @@ class ConvertRun {
     output_ = open_convert_output(target);
   }
 
-  /// False when the input is over.
+  /// Converts one frame; returns false at the end of the input.
   bool convert_frame(uint64_t n, frames::WovenFrame& frame) {
     const uint64_t named = info_.first_frame + n;
     if (flags_.resume && output_->has(named)) {
@@ -336,8 +336,8 @@ class ConvertRun {
   const ConvertFlags& flags_;
   const ConvertPlan plan_;
   std::optional<FrameRange> wanted_;
-  frames::ViewShape shape_;     ///< of the views, if there are any
-  frames::QuiltLayout layout_;  ///< of the quilts that are written
+  frames::ViewShape shape_;     ///< shape of the views, if there are any
+  frames::QuiltLayout layout_;  ///< layout of the written quilts
   uint64_t replaced_ = 0;
   std::unique_ptr<ConvertInput> input_;
   frames::SequenceInfo info_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule ctl: steers a player that runs with --control.
+// lenticule ctl controls a player that runs with --control.
 
 #include <CLI/CLI.hpp>
 #include <cstdlib>
@@ -45,7 +45,7 @@ std::string socket_of(const CtlFlags& flags) {
   return only_control_socket();
 }
 
-/// The player has another working folder.
+/// Makes a path absolute, because the player has another working folder.
 std::string from_the_root(const std::string& source) {
   const bool is_file =
       source != kCardSource && source != kViewsSource && !source.starts_with("ring:");
@@ -75,7 +75,7 @@ ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   return request;
 }
 
-/// "taking.source: a/%05d.png", line by line.
+/// Prints "taking.source: a/%05d.png", one value per line.
 void print_text(const ordered_json& value, const std::string& name) {
   if (value.is_object())
     for (const auto& [key, inner] : value.items())
@@ -120,7 +120,8 @@ ordered_json answer_of(ControlClient& client, std::chrono::milliseconds wait) {
   return *answer;
 }
 
-/// One line an event, until it is interrupted, the player ends, or there were enough.
+/// Prints one line per event, until interrupted, the player ends, or the requested number is
+/// reached.
 ExitCode stream_events(ControlClient& client, const CtlFlags& flags) {
   uint64_t printed = 0;
   while (!flags.events || printed < *flags.events) {

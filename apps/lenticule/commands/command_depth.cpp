@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule depth: how deep a scene is for a panel, in depths of field of its lens sheet.
+// lenticule depth measures how deep a scene is on a panel, in depths of field of its lens sheet.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -41,7 +41,7 @@ struct Measured {
   double obliquest_mm = 0.0;  ///< depth of field at the panel's left and right edge
 };
 
-/// Of the rays that go to the middle of the viewing line.
+/// Returns the depth of field at the edges, for rays to the middle of the viewing line.
 double depth_of_field_at_the_edge(const optics::OpticalModel& model) {
   const optics::Rig& rig = model.rig();
   const double half_mm = rig.panel.width_px * rig.panel.pixel_width.value / 2.0;
@@ -49,7 +49,7 @@ double depth_of_field_at_the_edge(const optics::OpticalModel& model) {
   return render::DepthOfField(model).along_mm(tan_x, 0.0);
 }
 
-/// The picture is that of the first frame.
+/// Measures the scene; its picture is that of the first frame.
 Measured measure(const DepthFlags& flags, const optics::OpticalModel& model) {
   const FrameRange range = parse_frame_range(flags.frames);
   const SceneSequence scenes(flags.scene, frames::parse_rate(flags.fps));
@@ -82,7 +82,7 @@ nlohmann::json bins_json(const render::DepthHistogram& histogram) {
   return bins;
 }
 
-/// Numbers that are not finite are written as null.
+/// Returns the report; numbers that are not finite are written as null.
 nlohmann::json report_json(const DepthFlags& flags, const optics::OpticalModel& model,
                            const Measured& measured) {
   const render::DepthHistogram& h = measured.histogram;
@@ -112,7 +112,8 @@ void print_line(const char* what, double share, const std::string& where) {
   print_out("{:<26} {:>6.2f} %   {}\n", what, 100.0 * share, where);
 }
 
-/// Bins are a half wide up to two depths of field, and a whole beyond: enough to be read.
+/// Prints the histogram in bins of a half up to two depths of field and of one beyond, for
+/// readability.
 void print_histogram(const nlohmann::json& r) {
   const auto group_of = [](double begin) {
     return begin >= -2.0 && begin < 2.0 ? std::floor(2.0 * begin) / 2.0 : std::floor(begin);
@@ -147,7 +148,7 @@ void print_report(const nlohmann::json& r) {
   print_histogram(r);
 }
 
-/// Steps, bin by bin.
+/// Plots the histogram as steps.
 void write_plot(const nlohmann::json& r, const std::string& file) {
   PlotSeries series{.label = "subpixels", .points = {}};
   double end = 0.0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule doctor: would every subpixel reach the glass as it is, and if not, what helps.
+// lenticule doctor checks whether every subpixel reaches the panel unchanged, and lists remedies.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -87,8 +87,8 @@ void print_text(const nlohmann::json& json) {
   for (const auto& output : json["outputs"]) print_output(output);
 }
 
-/// kDevice when nothing can be shown anywhere, kQuality when what is shown would be altered, and
-/// kFailed when the question could not be answered. Of several panels the worst answer counts.
+/// Returns kDevice if no output can show frames, kQuality if frames would be altered, and kFailed
+/// if the check was not possible. For several panels the worst result counts.
 ExitCode verdict_of(const nlohmann::json& outputs) {
   const auto usable = [](const auto& output) { return text_of(output["problem"]).empty(); };
   const auto answers = [&](display::Verdict verdict) {

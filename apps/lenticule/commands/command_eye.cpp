@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule eye: what an eye at one place sees on a woven frame.
+// lenticule eye simulates what an eye at a given place sees on a woven frame.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -26,7 +26,7 @@ struct EyeFlags {
   bool json = false;
 };
 
-/// "1920x1080"; 0 x 0 when not given, which is the simulator's own choice.
+/// Parses "1920x1080"; 0 x 0, the simulator's default, if not given.
 optics::EyeOptions read_size(const std::string& text) {
   optics::EyeOptions options;
   if (text.empty()) return options;

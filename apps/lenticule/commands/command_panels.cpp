@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule panels: the panels that are connected, and the rig of each.
+// lenticule panels lists the connected panels and the rig of each.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -29,7 +29,8 @@ struct NamedRig {
   optics::Rig rig;
 };
 
-/// Every rig file of the folder; one that cannot be read is said on standard error and left out.
+/// Loads every rig file of the folder; reports files that cannot be read on standard error and
+/// skips them.
 std::vector<NamedRig> load_rigs(const std::string& folder) {
   std::vector<NamedRig> rigs;
   if (folder.empty()) return rigs;
@@ -57,7 +58,7 @@ bool shows_size(const display::PanelFacts& panel, const optics::Panel& size) {
   });
 }
 
-/// Rigs that name this very panel; a rig without an identity matches none by itself.
+/// Returns the rigs that name this panel; a rig without an identity matches none.
 std::vector<std::string> rigs_of(const display::PanelFacts& panel,
                                  const std::vector<NamedRig>& rigs) {
   std::vector<std::string> files;

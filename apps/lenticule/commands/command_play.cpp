@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule play
+// lenticule play plays a source on a display.
 
 #include <CLI/CLI.hpp>
 #include <memory>
@@ -24,9 +24,9 @@
 namespace lenticule::player {
 namespace {
 
-/// So many failed starts in short order are no accident.
+/// Number of recent failed starts after which the player starts in safe mode.
 constexpr int kFailuresUntilSafe = 5;
-/// And so many, with care, that the source itself is suspected.
+/// Number of failed starts, with those in safe mode, after which the source is suspected.
 constexpr int kFailuresUntilCard = 10;
 
 SafeStart safe_start(const PlayFlags& flags, const StartHistory& history) {
@@ -63,8 +63,9 @@ ExitCode run_play(const PlayFlags& flags) {
   }
 }
 
-/// While it lives, pictures are decoded in confined processes: a player shows other people's files
-/// for days. Commands that are run by hand decode their own.
+/// PicturesDecodedElsewhere makes pictures be decoded in confined processes while it exists,
+/// because a player shows untrusted files for days. Commands run by hand decode in their own
+/// process.
 class PicturesDecodedElsewhere {
  public:
   PicturesDecodedElsewhere() { frames::use_picture_reader(&pictures_); }

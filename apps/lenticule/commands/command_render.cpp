@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule render: a scene becomes woven frames.
+// lenticule render renders a scene into woven frames.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -44,11 +44,11 @@ struct RenderFlags {
   bool json = false;
 };
 
-/// What one run did.
+/// Totals of one run.
 struct RunTotals {
   uint64_t rendered = 0;
   uint64_t skipped = 0;
-  uint64_t again = 0;  ///< rendered for later frames' sake and not written
+  uint64_t again = 0;  ///< rendered because later frames need them, and not written
   render::RenderStatistics rays;
   double seconds = 0.0;
 
@@ -86,7 +86,8 @@ struct RunTotals {
   }
 };
 
-/// Flags that are made of several numbers, and those whose limits the parser does not know.
+/// Completes flags that consist of several numbers, and checks limits that the parser does not
+/// know.
 void complete(RenderFlags& flags) {
   flags.staging.complete();
   flags.options.prefilter = render::prefilter_named(flags.prefilter);
@@ -160,8 +161,8 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
           {"stage", stage_json(stage)}};
 }
 
-/// All cores, but for one where a player on this machine takes the frames and there are some to
-/// spare: it must wake up in time for every refresh of the panel.
+/// Returns the number of threads: all cores, less one if a player on this machine takes the frames
+/// and there are enough cores, because the player must wake up in time for every refresh.
 int threads_of(const RenderFlags& flags) {
   constexpr int kFewCores = 4;
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
@@ -170,11 +171,11 @@ int threads_of(const RenderFlags& flags) {
                                                                            : flags.options.threads;
 }
 
-/// The scene of one frame, with the camera path's camera instead of its own.
+/// Returns the scene of one frame, with the camera path's camera if there is one.
 render::SceneDescription scene_of(const SceneSequence& scenes,
                                   const std::vector<render::Camera>& cameras, uint64_t frame) {
   render::SceneDescription scene = scenes.at(frame);
-  // After its last line a camera path stands still.
+  // The camera stays at the last line of the path.
   if (!cameras.empty()) scene.cameras = {cameras[std::min<uint64_t>(frame, cameras.size() - 1)]};
   return scene;
 }
@@ -254,8 +255,9 @@ class RenderRun {
     totals_.add(method_->render(*scene_, stage_, frame));
   }
 
-  /// False if it was interrupted. Frames that this one is made from, but which a run before this
-  /// one has written, are rendered once more: it must not show where the run was broken.
+  /// Renders and delivers a frame; returns false if interrupted. Frames on which it depends are
+  /// rendered again even if an earlier run has written them, so that the result does not depend on
+  /// where that run stopped.
   bool render_and_deliver(uint64_t number, frames::WovenFrame& frame) {
     const uint64_t first = std::max(method_->first_needed(number), range_.begin);
     for (uint64_t earlier = first; earlier < number; ++earlier) {
@@ -270,7 +272,7 @@ class RenderRun {
            missing_->deliver(number, method_->missing_subpixels()->view()) == Delivery::Done;
   }
 
-  /// A scene that never changes is committed once.
+  /// Commits the scene; one that never changes is committed only once.
   void prepare_scene(uint64_t number) {
     if (scene_ && scenes_.still() && cameras_.size() < 2) return;
     const render::SceneDescription description = scene_of(scenes_, cameras_, number);
@@ -327,7 +329,7 @@ class RenderRun {
   std::vector<render::Camera> cameras_;
   std::optional<StageSequence> stages_;
   std::unique_ptr<FrameOutput> output_;
-  std::unique_ptr<FrameOutput> missing_;  ///< null unless asked for
+  std::unique_ptr<FrameOutput> missing_;  ///< null unless requested
   render::Stage stage_;
   std::unique_ptr<render::Scene> scene_;
   RunTotals totals_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule rig show|check|import|export|trim
+// lenticule rig show|check|import|export|trim shows, checks, converts and trims rig files.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -46,7 +46,7 @@ double degrees(double tangent) {
   return std::atan(tangent) * 180.0 / std::numbers::pi;
 }
 
-/// As lines of text, sections indented: what the JSON says and nothing else.
+/// Prints the JSON as lines of text with indented sections.
 void print_text(const json& value, int indent = 0) {
   for (const auto& [key, member] : value.items()) {
     if (member.is_object()) {
@@ -112,7 +112,7 @@ json derived_json(const OpticalModel& model) {
           {"depth_of_field_mm", model.depth_of_field_mm()}};
 }
 
-/// What the file beside the rig says; it is part of all numbers above it.
+/// Returns the trim in the file beside the rig; it is included in all other numbers.
 json trim_json(const optics::Trim& trim, const std::string& rig_file) {
   return {{"file", optics::trim_file_of(rig_file).string()},
           {"offset_lenses", trim.offset.value},
@@ -138,7 +138,7 @@ ExitCode show(const RigOptions& options) {
   return kOk;
 }
 
-/// What is possible but unlikely to be meant.
+/// Returns warnings about values that are possible and probably wrong.
 std::vector<std::string> warnings_about(const OpticalModel& model) {
   constexpr double kEyesMm = 65.0;
   const Rig& rig = model.rig();
@@ -168,7 +168,8 @@ std::vector<std::string> warnings_about(const OpticalModel& model) {
   return warnings;
 }
 
-/// A sheet of acrylic stretches by 7e-5 per kelvin against the panel's glass.
+/// Warns of an unusually large trim. A sheet of acrylic expands by 7e-5 per kelvin relative to the
+/// panel's glass.
 void warn_of_trim(const optics::Trim& trim, std::vector<std::string>& warnings) {
   constexpr double kMuchPitch = 1e-3, kMuchOffset = 0.5;
   if (std::abs(trim.pitch_relative) > kMuchPitch || std::abs(trim.offset.value) > kMuchOffset)
@@ -198,7 +199,7 @@ ExitCode check(const RigOptions& options) {
   }
 }
 
-/// CubeVi values have an interval; a visual.json has a pitch.
+/// Returns the format: CubeVi files have an interval, a visual.json has a pitch.
 std::string recognised_format(const std::string& text) {
   const bool is_cubevi = text.find("\"interval\"") != std::string::npos;
   return is_cubevi ? "cubevi" : "lkg";
@@ -206,14 +207,15 @@ std::string recognised_format(const std::string& text) {
 
 struct Import {
   Rig rig;
-  /// Views are numbered from the right, which is no part of a rig: whoever weaves has to say it.
+  /// True if views are numbered from the right. A rig does not store this, so it must be set when
+  /// weaving.
   bool inverted_views = false;
 };
 
 Import import_as(const std::string& format, const std::string& text, const std::string& source) {
   if (format == "cubevi") return {.rig = optics::import_cubevi(text, source)};
   optics::LookingGlassImport import = optics::import_looking_glass(text, source);
-  // Its invView is set where views run as ours do.
+  // The file's invView is set if its views run in our order.
   return {.rig = std::move(import.rig), .inverted_views = !import.views.inverted};
 }
 
@@ -222,7 +224,7 @@ ExitCode import_calibration(const RigOptions& options) {
   const std::string format = options.format == "auto" ? recognised_format(text) : options.format;
   const auto [rig, inverted_views] = import_as(format, text, options.file);
   const std::filesystem::path kept = calib::save_with_history(rig, options.output);
-  optics::save_trim({}, options.output);  // one that is there was that of the rig before
+  optics::save_trim({}, options.output);  // an existing trim belonged to the previous rig
   if (inverted_views)
     say("lenticule: {}: invView is 0: its views are numbered from the right\n"
         "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
@@ -240,8 +242,8 @@ ExitCode import_calibration(const RigOptions& options) {
   return kOk;
 }
 
-/// How far what the exported file says is from the rig, over the panel: the other formats have no
-/// viewing distance and no refraction.
+/// Returns the largest difference in phase over the panel between the rig and the exported file:
+/// the other formats have no viewing distance and no refraction.
 double largest_phase_error(const Rig& rig, const Rig& exported) {
   constexpr int kAcross = 32;
   const OpticalModel ours(rig), theirs(exported);
@@ -256,7 +258,7 @@ double largest_phase_error(const Rig& rig, const Rig& exported) {
   return largest;
 }
 
-/// "8x6" or "8x6a0.75", as in a quilt's file name.
+/// Parses "8x6" or "8x6a0.75", as in a quilt's file name.
 frames::QuiltLayout quilt_layout(const std::string& text) {
   const auto layout = frames::quilt_layout_of_name("_qs" + text + ".png");
   if (layout) return *layout;
@@ -300,7 +302,7 @@ ExitCode export_calibration(const RigOptions& options) {
   return kOk;
 }
 
-/// Only ever a little at a time, from where the trim is.
+/// Changes the trim by increments.
 ExitCode change_trim(const RigOptions& options) {
   const Rig rig = optics::load_rig(options.file);
   const optics::Trim before = optics::load_trim(options.file);

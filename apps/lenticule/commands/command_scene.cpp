@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule scene: lists and writes the built-in scenes.
+// lenticule scene lists and writes the built-in scenes.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -36,7 +36,7 @@ nlohmann::json to_json(const scenes::SceneCounts& counts) {
           {"lights", counts.lights}};
 }
 
-/// Counts are those of the default size.
+/// Returns the list; counts are those of the default size.
 nlohmann::json list_as_json() {
   nlohmann::json list = nlohmann::json::array();
   for (const scenes::BuiltInScene& scene : scenes::scene_list()) {
@@ -75,7 +75,7 @@ void write_text(const std::string& file, const std::string& text) {
   write_file_atomically(file, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
 }
 
-/// A scene as the text of a file, and what the format cannot say.
+/// A scene as text of a file, with notes about what the format cannot express.
 struct Written {
   std::string text;
   std::vector<std::string> notes;
@@ -103,7 +103,7 @@ Written written_as(const std::string& output, const scenes::BuiltInScene& scene,
   throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff or .gltf", output));
 }
 
-/// Without -o, --camera alone writes no scene.
+/// Writes one scene. With --camera and without -o, writes only the camera.
 void write_one(const SceneFlags& flags) {
   const bool to_standard_output = flags.output.empty() && flags.camera.empty();
   if (flags.json && to_standard_output)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule weave: one set of views, wherever it comes from, becomes the woven frame of a rig.
+// lenticule weave weaves one set of views into the frame of a rig.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -55,7 +55,7 @@ ContentRequest content_request(const WeaveFlags& flags, const optics::Rig& rig) 
   return request;
 }
 
-/// The only set of views that there is, or that is asked for.
+/// Loads the only set of views, or the requested one.
 std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
   const ContentRequest request = content_request(flags, rig);
   const ContentMeaning meaning = meaning_of(request.what);
@@ -71,7 +71,7 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
   return input;
 }
 
-/// What is woven: the views as they are, or compensated.
+/// Returns the views to weave: unchanged, or with crosstalk compensation.
 const frames::ViewSet& compensated(const frames::ViewSet& views, const std::string& crosstalk,
                                    const optics::Rig& rig, std::optional<frames::ViewSet>& kept) {
   const auto wanted = crosstalk_of(crosstalk, rig, views.count());
@@ -79,7 +79,7 @@ const frames::ViewSet& compensated(const frames::ViewSet& views, const std::stri
   return kept.emplace(frames::compensate(views, *wanted));
 }
 
-/// False when interrupted.
+/// Weaves with the reference implementation; returns false if interrupted.
 bool weave_by_reference(const frames::ViewSet& views, const optics::OpticalModel& model,
                         const frames::WeaveOptions& options, frames::WovenFrame& frame) {
   const frames::Weaver weaver(views, model, options);

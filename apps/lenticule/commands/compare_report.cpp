@@ -43,7 +43,7 @@ json figures_of(const frames::PictureDifference& difference) {
   return figures;
 }
 
-// ---- the table
+// ---- table
 
 constexpr int kLabelWidth = 14;
 
@@ -104,7 +104,8 @@ void print_means(const json& report) {
   }
 }
 
-/// A published table of "RMSE" beside PSNR has been found to hold mean squared errors.
+/// Prints both readings of the figures, because a published table of "RMSE" beside PSNR was found
+/// to contain mean squared errors.
 void print_readings(const json& whole) {
   const json& total = whole["total"];
   if (total["psnr_db"].is_null()) return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The figures of `lenticule compare`: gathered frame by frame, as JSON and as a table made of it.
+// CompareReport gathers the figures of `lenticule compare` frame by frame, as JSON and as a table.
 #pragma once
 
 #include <cstddef>
@@ -13,28 +13,29 @@
 
 namespace lenticule::player {
 
-/// Measures pairs and adds them up. Figures of a set of samples are "mse", "rmse", "psnr_db" (null
-/// where equal), "max", and "over_N" and "share_over_N": how many differ by more than N levels.
+/// Measures pairs and accumulates the results. Figures of a set of samples are "mse", "rmse",
+/// "psnr_db" (null if equal), "max", and "over_N" and "share_over_N": how many differ by more than
+/// N levels.
 class CompareReport {
  public:
-  /// `model` may be null: no figures per view. It must outlive the report.
+  /// `model` may be null; then there are no figures per view. Lifetime: it must outlive the report.
   CompareReport(const optics::OpticalModel* model, int views);
 
-  /// Throws what reading and comparing pictures throws.
+  /// Adds a pair. Throws the errors of reading and comparing pictures.
   void add(const PicturePair& files);
 
-  /// The pair whose total MSE is largest, of those added.
+  /// Returns the added pair with the largest total MSE.
   [[nodiscard]] size_t worst_frame() const { return worst_frame_; }
-  /// "frames", "worst_frame", "worst" (a copy of that frame), "means" and, with a rig,
-  /// "worst_view" {"frame", "view", ...}: the view that is furthest off in any frame.
+  /// Returns "frames", "worst_frame", "worst" (a copy of that frame), "means" and, with a rig,
+  /// "worst_view" {"frame", "view", ...}: the view with the largest difference in any frame.
   [[nodiscard]] nlohmann::json json() const;
 
  private:
-  /// Of a picture in its three channels; what is pooled over frames.
+  /// Figures of a picture in its three channels, pooled over frames.
   struct Pooled {
     frames::PictureDifference difference;
     double psnr_sum = 0.0;
-    size_t psnr_count = 0;  ///< frames that differ
+    size_t psnr_count = 0;  ///< number of frames that differ
     double rmse_sum = 0.0;
     double ssim_sum = 0.0;
     size_t ssim_count = 0;
@@ -53,11 +54,11 @@ class CompareReport {
   std::vector<nlohmann::json> frames_;
   size_t worst_frame_ = 0;
   Pooled whole_;
-  std::vector<Pooled> seen_;  ///< per view, what eyes see
+  std::vector<Pooled> seen_;  ///< per view, as an eye sees it
   nlohmann::json worst_view_;
 };
 
-/// The table for people, made of the JSON.
+/// Prints the table for people, made from the JSON.
 void print_compare_report(const nlohmann::json& report);
 
 }  // namespace lenticule::player

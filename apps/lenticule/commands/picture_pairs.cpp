@@ -29,7 +29,7 @@ std::vector<PicturePair> pairs_by_number(const std::string& reference_text,
   return pairs;
 }
 
-/// Sorted by name; hidden files and what is no picture left out.
+/// Returns names in sorted order, without hidden files and files that are not pictures.
 std::vector<std::string> picture_names(const std::filesystem::path& folder) {
   std::vector<std::string> names;
   std::error_code error;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which files of a reference are compared with which of a test.
+// picture_pairs pairs the files of a reference with those of a test.
 #pragma once
 
 #include <filesystem>
@@ -13,10 +13,9 @@ struct PicturePair {
   std::filesystem::path test;
 };
 
-/// Two files; two patterns, which are paired by number; or two folders, whose pictures are paired
-/// by name, in the order of the names. Throws Error(Usage) if the two are of different kinds,
-/// Error(Input) if there is nothing, or more on the test's side than in the reference, or a folder
-/// lacks a picture of the other.
+/// Pairs two files; or the files of two patterns by number; or the pictures of two folders by name,
+/// sorted by name. Throws Error(Usage) if the two are of different kinds, Error(Input) if there are
+/// no files, the test has files that the reference lacks, or a folder lacks a picture of the other.
 [[nodiscard]] std::vector<PicturePair> picture_pairs(const std::string& reference,
                                                      const std::string& test);
 
