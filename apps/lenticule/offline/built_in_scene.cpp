@@ -10,7 +10,7 @@
 namespace lenticule::player {
 namespace {
 
-/// The scene is not colour managed: code values stay code values.
+/// Copies a picture; without colour management, its code values stay unchanged.
 render::Texture texture_of(const scenes::Picture& picture) {
   render::Texture texture{.width = picture.width, .height = picture.height, .name = picture.name};
   texture.rgba.reserve(picture.rgb.size() / 3 * 4);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A built-in scene as the renderer takes it.
+// describe_built_in makes a render::SceneDescription from a built-in scene.
 #pragma once
 
 #include <optional>
@@ -9,8 +9,8 @@
 
 namespace lenticule::player {
 
-/// What the reader makes of the scene's NFF text, and the surfaces that wear pictures. Its source
-/// is "builtin:NAME". Throws as scenes::build_scene does.
+/// Parses the scene's NFF text and adds the textured surfaces. The source of the result is
+/// "builtin:NAME". Throws as scenes::build_scene does.
 [[nodiscard]] render::SceneDescription describe_built_in(const scenes::BuiltInScene& scene,
                                                          std::optional<int> size = {},
                                                          int frame = 0);

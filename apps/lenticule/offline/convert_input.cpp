@@ -64,7 +64,7 @@ class ViewFrames final : public ConvertInput {
   frames::FrameDamage damage() const override { return views_->damage(); }
 
  private:
-  /// Leaves out what is not asked for; false at the end.
+  /// Skips frames up to the requested one; returns false at the end.
   bool advance_to(uint64_t number) {
     auto deadline = std::chrono::steady_clock::now() + kPatience;
     while (std::chrono::steady_clock::now() < deadline) {
@@ -94,7 +94,7 @@ std::unique_ptr<ConvertInput> open_container_input(const std::string& file) {
   return std::make_unique<ContainerInput>(file);
 }
 
-/// A picture is a quilt of one tile.
+/// Opens woven pictures; each is read as a quilt of one tile.
 std::unique_ptr<ConvertInput> open_woven_input(const std::string& text, const PictureRequest& how) {
   std::vector<std::unique_ptr<frames::FrameSource>> sources;
   sources.push_back(open_pictures(text, how));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What lenticule convert reads: frames of one size, woven already or made of views on the way.
+// ConvertInput is the input of lenticule convert: frames of one size, already woven or made from
+// views.
 #pragma once
 
 #include <cstdint>
@@ -17,33 +18,34 @@ namespace lenticule::player {
 
 enum class ReadResult { Ok, Damaged, End };
 
-/// One thread.
+/// Thread safety: one thread.
 class ConvertInput {
  public:
   virtual ~ConvertInput() = default;
-  /// If it is known beforehand.
+  /// Returns the number of frames if known.
   [[nodiscard]] virtual std::optional<uint64_t> count() const = 0;
-  /// What is known besides the pixels; the geometry is that of the frames.
+  /// Returns the metadata; the geometry is that of the frames.
   [[nodiscard]] virtual frames::SequenceInfo info() const = 0;
-  /// Frame `number`, counted from 0; numbers only grow, apart from repeating the last. Throws
-  /// Error(Input) for what cannot be read, Error(Failed) when nothing comes any more.
+  /// Reads frame `number`, counted from 0; numbers must increase, except that the last one may be
+  /// repeated. Throws Error(Input) for input that cannot be read, Error(Failed) if no more frames
+  /// arrive.
   [[nodiscard]] virtual ReadResult read(uint64_t number, frames::WovenFrame& frame) = 0;
-  /// What its sources left out or replaced in what was read so far.
+  /// Returns the damage, so far, that the sources left out or replaced.
   [[nodiscard]] virtual frames::FrameDamage damage() const { return {}; }
 };
 
-/// The woven frames of a container, in any order.
+/// Opens the woven frames of a container, readable in any order.
 [[nodiscard]] std::unique_ptr<ConvertInput> open_container_input(const std::string& file);
 
-/// Woven pictures or a video, as they are.
+/// Opens woven pictures or a video, read unchanged.
 [[nodiscard]] std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
                                                              const PictureRequest& how);
 
-/// How views become frames: woven for a rig, or tiles of a quilt.
+/// How views become frames: woven for a rig, or as tiles of a quilt.
 struct FramesOfViews {
   std::unique_ptr<Loom> loom;  ///< null for quilts
   frames::FrameGeometry geometry;
-  frames::QuiltLayout layout;  ///< of a quilt
+  frames::QuiltLayout layout;  ///< used for a quilt
 };
 [[nodiscard]] std::unique_ptr<ConvertInput> make_view_input(
     std::unique_ptr<frames::ViewInput> views, FramesOfViews frames, const std::string& name);

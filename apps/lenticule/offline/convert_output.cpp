@@ -54,7 +54,7 @@ std::unique_ptr<FrameOutput> open_video_output(const OutputRequest& request) {
   return std::make_unique<VideoOutput>(request);
 }
 
-/// A picture per view, of one frame or in a folder per view.
+/// ViewFilesOutput writes one picture per view, for one frame or in one folder per view.
 class ViewFilesOutput final : public FrameOutput {
  public:
   ViewFilesOutput(const OutputRequest& request, const frames::QuiltLayout& layout)
@@ -81,7 +81,7 @@ class ViewFilesOutput final : public FrameOutput {
                                  [this](uint64_t frame) { return file(0, frame); });
   }
 
-  /// The last view's picture is written last.
+  /// Returns true if the last view's picture exists, because that is written last.
   bool has(uint64_t frame) const override {
     try {
       (void)frames::probe_image(file(last_view(), frame));
@@ -121,11 +121,11 @@ class ViewFilesOutput final : public FrameOutput {
   }
 
   frames::QuiltLayout layout_;
-  std::optional<frames::FilePattern> views_;  ///< of folders, or of pictures
+  std::optional<frames::FilePattern> views_;  ///< pattern of folders or of pictures
   std::optional<frames::FilePattern> frames_;
 };
 
-/// A name does not say how many tiles are in use.
+/// Writes a sidecar with the number of used tiles, which the name does not contain.
 void write_sidecar(const std::string& target, uint64_t first, const frames::QuiltLayout& layout) {
   const fs::path picture = frames::FilePattern::looks_like_pattern(target)
                                ? frames::FilePattern(target).path(first)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where lenticule convert writes, besides what rendered frames can go to: videos, quilts with their
-// layout in the name, a picture per view.
+// Output of lenticule convert beyond the targets of rendered frames: videos, quilts with the layout
+// in the name, one picture per view.
 #pragma once
 
 #include <memory>
@@ -14,19 +14,19 @@ namespace lenticule::player {
 
 struct ConvertTarget {
   OutputRequest request;
-  /// The frames are quilts of this layout; empty for woven frames.
+  /// The frames are quilts of this layout; none for woven frames.
   std::optional<frames::QuiltLayout> quilt = std::nullopt;
 };
 
-/// "views:v%02d.png" and "views:view%02d/%05d.png".
+/// Returns true for "views:v%02d.png" and "views:view%02d/%05d.png".
 [[nodiscard]] bool is_view_files(const std::string& target);
 
-/// What the target will be called: a quilt's layout is added. Throws Error(Usage) for a name that
-/// says another one.
+/// Returns the name of the target with a quilt's layout added. Throws Error(Usage) if the name
+/// states another layout.
 [[nodiscard]] std::string target_name(const ConvertTarget& target);
 
-/// Throws what open_output() throws, and Error(Usage) for a video or pictures per view that are
-/// asked for what they cannot do. A video that is not finished leaves nothing.
+/// Opens the output. Throws the errors of open_output(), and Error(Usage) for options that a video
+/// or pictures per view do not support. An unfinished video is removed.
 [[nodiscard]] std::unique_ptr<FrameOutput> open_convert_output(const ConvertTarget& target);
 
 }  // namespace lenticule::player

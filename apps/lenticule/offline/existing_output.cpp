@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Numbers that are looked at: an input that does not tell its length may have any.
+/// Limit of the numbers to check: an input of unknown length could have any.
 constexpr uint64_t kMostPictures = uint64_t{1} << 20;
 
 [[noreturn]] void refuse(const fs::path& file, const std::string& what) {
@@ -33,7 +33,7 @@ bool is_there(const fs::path& file) {
   return fs::exists(file, error);
 }
 
-/// The two last parts of a path: the folder's name and the file's.
+/// Returns the last two parts of a path: the folder's name and the file's.
 std::string short_name(const std::string& file) {
   std::error_code error;
   const fs::path whole = fs::weakly_canonical(file, error);
@@ -41,7 +41,7 @@ std::string short_name(const std::string& file) {
   return (whole.parent_path().filename() / whole.filename()).string();
 }
 
-/// Of a film that can be read.
+/// Refuses a readable container that was made from other input.
 void require_same_film(const OutputRequest& request, const fs::path& file,
                        const frames::SequenceInfo& there) {
   const frames::SequenceInfo wanted = request.sequence.value_or(frames::SequenceInfo{});

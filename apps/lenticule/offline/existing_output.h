@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What -o would replace: the film of another rig or scene is replaced only when --overwrite says
-// so.
+// Checks existing files at -o: frames of another rig or scene are replaced only with --overwrite.
 #pragma once
 
 #include <cstdint>
@@ -15,21 +14,25 @@ namespace lenticule::player {
 inline constexpr const char* kOverwriteHelp =
     "replace what is there, also if it is the film of another rig or scene";
 
-/// Returns what OutputRequest::made_from is: the names of the file and of its folder, which are the
-/// same on every machine that has the project, and those of the camera's file if there is one.
+/// Returns the value of OutputRequest::made_from: the names of the file and of its folder, which
+/// are the same on every machine that has the project, and those of the camera's file if there is
+/// one.
 [[nodiscard]] std::string made_from(const std::string& input, const std::string& camera = {});
 
-// Each throws Error(Input) for a file that is there and is not what would be written again. All is
-// well with --overwrite and --resume; what is resumed is looked at by whoever goes on with it.
+// Each function throws Error(Input) if a file exists and would not be replaced by the same kind of
+// output. With --overwrite or --resume they accept any file; when resuming, the output itself
+// checks the file.
 
-/// FILE.lts or FILE.lts.part is no container, or one of other frames, another rig or another scene.
-/// Another trim of the same rig is no other rig: rendering again is what takes a trim in.
+/// Refuses FILE.lts or FILE.lts.part that is not a container, or has other frames, another rig or
+/// another scene. Another trim of the same rig is accepted, because rendering again is how a new
+/// trim takes effect.
 void require_replaceable_film(const OutputRequest& request);
-/// A picture of the range is no picture, or one of another size; pictures say nothing else.
+/// Refuses a file of the range that is not a picture or has another size; pictures contain no other
+/// metadata.
 void require_replaceable_pictures(const OutputRequest& request,
                                   const frames::FrameGeometry& geometry,
                                   const std::function<std::filesystem::path(uint64_t)>& file);
-/// Any video that is there: it does not say what it was made from.
+/// Refuses any existing video, because it does not state how it was made.
 void require_replaceable_video(const OutputRequest& request);
 
 }  // namespace lenticule::player

@@ -22,15 +22,16 @@ using Clock = std::chrono::steady_clock;
 namespace fs = std::filesystem;
 
 constexpr std::string_view kRing = "ring:";
-/// How long a wait may keep a signal from being noticed.
+/// Longest delay until a signal is noticed during a wait.
 constexpr std::chrono::milliseconds kWaitSlice{200};
 
-/// Creates the last folder of the path if only that is missing, and proves that files can be made
-/// in it.
+/// Creates the last folder of the path if only that is missing, and checks that files can be
+/// created in it.
 void require_writable_folder(const fs::path& file) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   std::error_code error;
-  fs::create_directory(folder, error);  // an existing one is no error; what is wrong shows below
+  fs::create_directory(folder,
+                       error);  // the check below reports any error, and an existing folder is none
   const TemporaryFile probe(file);
 }
 
@@ -56,7 +57,7 @@ class PictureFiles final : public FrameOutput {
     try {
       return frames::probe_image(file(frame)) == geometry_;
     } catch (const Error&) {
-      return false;  // not a whole picture: rendered again
+      return false;  // not a complete picture: render it again
     }
   }
 
@@ -95,7 +96,7 @@ class RingOutput final : public FrameOutput {
 
   Delivery deliver(uint64_t frame, const frames::FrameView& pixels) override {
     while (!interrupted()) {
-      // A player that was restarted in the meantime is greeted anew; it starts with this frame.
+      // Connects again if the player was restarted meanwhile; it receives this frame first.
       if (!ring_) connect();
       if (!ring_) break;
       std::span<uint8_t> slot;
@@ -118,7 +119,7 @@ class RingOutput final : public FrameOutput {
   }
 
  private:
-  /// Waits for a player in slices, so that a signal ends the wait; leaves ring_ empty then.
+  /// Waits for a player in slices, so that a signal ends the wait; ring_ is empty then.
   void connect() {
     const auto deadline = Clock::now() + std::chrono::duration_cast<Clock::duration>(patience_);
     while (!interrupted()) {

@@ -25,7 +25,7 @@ namespace {
 
 using nlohmann::json;
 
-// Numbers that the format defines.
+// Constants of the glTF format.
 constexpr int kFloat = 5126;
 constexpr int kUnsignedInt = 5125;
 constexpr int kVertices = 34962;
@@ -53,7 +53,7 @@ uint8_t code_of(const render::SceneDescription& scene, double value) {
   return static_cast<uint8_t>(std::lround(255.0 * std::clamp(value, 0.0, 1.0)));
 }
 
-/// The codec writes files only.
+/// Returns the texture as a PNG, written through a scratch file.
 std::vector<uint8_t> png_of(const render::SceneDescription& scene, const render::Texture& texture) {
   frames::WovenFrame picture({.width = texture.width, .height = texture.height});
   for (size_t i = 0; i < picture.bytes().size(); ++i)
@@ -96,7 +96,8 @@ class GltfWriter {
   }
 
  private:
-  /// Everything hangs under one node, which turns scenes whose up is z: glTF's is y.
+  /// Starts the document. All nodes are children of one node that rotates scenes whose up axis is
+  /// z; glTF's is y.
   void start() {
     root_ = {{"asset", {{"version", "2.0"}, {"generator", "lenticule"}}},
              {"scene", 0},
@@ -137,8 +138,8 @@ class GltfWriter {
     return {light(colour.x), light(colour.y), light(colour.z), 1.0};
   }
 
-  /// The reader's rules of docs/scenes.md the other way round, as far as they can be: a mirror is a
-  /// smooth metal, everything else is matt with the highlight's width.
+  /// Writes a material, inverting the reader's rules in docs/scenes.md as far as possible: a mirror
+  /// becomes a smooth metal, other materials become matt with the highlight's width.
   void write_material(const render::Material& m) {
     constexpr double kMirror = 0.3;
     const bool mirror = m.specular >= kMirror;
@@ -159,8 +160,8 @@ class GltfWriter {
     root_["materials"].push_back(material);
   }
 
-  /// Appends to the one buffer and returns the accessor's index. Four-byte components only, so
-  /// that everything stays aligned.
+  /// Appends to the buffer and returns the accessor's index. Only four-byte components are used, so
+  /// that all data stays aligned.
   size_t add_accessor(std::span<const uint8_t> bytes, int component, size_t count, const char* type,
                       int target) {
     const size_t index = root_.contains("accessors") ? root_["accessors"].size() : 0;
@@ -195,7 +196,7 @@ class GltfWriter {
       low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
       high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
     }
-    // Asked for by the format, of the numbers as stored.
+    // glTF requires the bounds of the numbers as stored.
     const auto stored = [](Vec3 v) {
       return json::array(
           {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)});

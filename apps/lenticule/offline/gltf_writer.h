@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a scene as one glTF 2.0 file, for other programs.
+// write_gltf writes a scene as one glTF 2.0 file for other programs.
 #pragma once
 
 #include <string>
@@ -11,12 +11,12 @@ namespace lenticule::player {
 
 struct GltfText {
   std::string json;
-  std::vector<std::string> notes;  ///< what glTF says in another way than the scene
+  std::vector<std::string> notes;  ///< properties that glTF expresses differently
 };
 
-/// Triangle meshes with their normals, texture coordinates and textures (embedded), point lights,
-/// the first camera. Of a description without nodes. Throws Error(Usage) for a scene with spheres,
-/// cones, or other lights than points, which glTF cannot say or this writer does not.
+/// Writes triangle meshes with normals, texture coordinates and embedded textures, point lights,
+/// and the first camera. The description must have no nodes. Throws Error(Usage) for spheres,
+/// cones, and lights that are not points, which glTF or this writer does not support.
 [[nodiscard]] GltfText write_gltf(const render::SceneDescription& scene);
 
 }  // namespace lenticule::player

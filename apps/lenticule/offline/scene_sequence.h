@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene of every frame: one file (perhaps with an animation), numbered files, or a built-in
-// sequence.
+// SceneSequence provides the scene of every frame: from one file (with or without animation),
+// numbered files, or a built-in sequence.
 #pragma once
 
 #include <memory>
@@ -20,18 +20,19 @@ namespace lenticule::player {
 
 class SceneSequence {
  public:
-  /// SCENE is a file, a pattern with %d or %0Nd, or builtin:NAME[:SIZE]. Throws Error(Input) for
+  /// `scene` is a file, a pattern with %d or %0Nd, or builtin:NAME[:SIZE]. Throws Error(Input) for
   /// files that cannot be read and for a pattern without any file, Error(Usage) for unknown names.
   SceneSequence(const std::string& scene, frames::Rate rate);
 
-  /// Throws Error(Input) if a file of the range is missing, before anything is rendered.
+  /// Checks, before rendering, that all files of the range exist. Throws Error(Input) if one is
+  /// missing.
   void require(const FrameRange& range) const;
 
-  /// The scene of a frame, without nodes.
+  /// Returns the scene of a frame, without nodes.
   [[nodiscard]] render::SceneDescription at(uint64_t frame) const;
-  /// True if every frame's scene is the same.
+  /// Returns true if every frame has the same scene.
   [[nodiscard]] bool still() const { return still_; }
-  /// The frame that decides about size and depth, whichever frames are rendered.
+  /// Returns the frame that determines size and depth, independent of the range to render.
   [[nodiscard]] uint64_t reference_frame() const;
 
  private:
@@ -45,15 +46,16 @@ class SceneSequence {
   std::optional<render::SceneDescription> file_;
 };
 
-/// Stages that belong together: an animation keeps its depth scale, and without a camera its place,
-/// from frame to frame.
+/// StageSequence places the scenes of an animation: the depth scale, and without a camera the
+/// position, stay constant from frame to frame.
 class StageSequence {
  public:
-  /// `reference` is the scene of SceneSequence::reference_frame(). The model must outlive it.
+  /// `reference` is the scene of SceneSequence::reference_frame(). Lifetime: the model must outlive
+  /// this object.
   StageSequence(const render::SceneDescription& reference, const optics::OpticalModel& model,
                 const render::StageOptions& options);
 
-  /// Of the reference frame: for telling the user.
+  /// Returns the placement of the reference frame, to report to the user.
   [[nodiscard]] const render::Stage& reference() const { return reference_; }
   [[nodiscard]] render::Stage at(const render::SceneDescription& scene) const;
 

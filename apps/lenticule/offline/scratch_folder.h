@@ -7,7 +7,7 @@
 
 namespace lenticule::player {
 
-/// A folder for a benchmark's files that goes away with it. Throws Error(Failed).
+/// ScratchFolder is a temporary folder that its destructor removes. Throws Error(Failed).
 class ScratchFolder {
  public:
   ScratchFolder();

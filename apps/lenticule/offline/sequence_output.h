@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rendered or converted frames into a sequence container.
+// open_sequence_output writes rendered or converted frames to a sequence container.
 #pragma once
 
 #include <memory>
@@ -8,9 +8,9 @@
 
 namespace lenticule::player {
 
-/// The FrameOutput of a target that ends in ".lts". Frames are delivered in order, those that has()
-/// says are there left out. Unfinished, the file is called TARGET.part. Throws what open_output
-/// throws, and Error(Input) for a file that is to be resumed and was begun for something else.
+/// Returns the FrameOutput of a target that ends in ".lts". Frames must be delivered in order,
+/// without those for which has() returns true. The unfinished file is called TARGET.part. Throws
+/// the errors of open_output(), and Error(Input) if a file to resume was started with other input.
 [[nodiscard]] std::unique_ptr<FrameOutput> open_sequence_output(const OutputRequest& request);
 
 }  // namespace lenticule::player

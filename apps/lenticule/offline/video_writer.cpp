@@ -64,8 +64,8 @@ class VideoWriter::Encoder {
 
   VideoWriterOptions options_;
   TemporaryFile file_;
-  UniqueFd input_;   ///< our end of its standard input
-  UniqueFd errors_;  ///< our end of its standard error
+  UniqueFd input_;   ///< this side of its standard input
+  UniqueFd errors_;  ///< this side of its standard error
   std::string words_;
   pid_t pid_ = -1;
 };
@@ -101,7 +101,8 @@ std::vector<std::string> VideoWriter::Encoder::arguments() const {
 void VideoWriter::Encoder::start() {
   std::array<int, 2> in{};
   std::array<int, 2> err{};
-  // A socket and not a pipe: writing to a dead encoder is to be an error, not a signal.
+  // A socket instead of a pipe: writing to a dead encoder then returns an error instead of raising
+  // a signal.
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, in.data()) != 0)
     cannot_write(options_.file, std::strerror(errno));
   const UniqueFd child_in(in[0]);
@@ -121,7 +122,8 @@ void VideoWriter::Encoder::start() {
   argv.reserve(words.size() + 1);
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
-  // A group of its own: Ctrl-C is ours to deal with, and what was written so far is to be kept.
+  // A process group of its own, so that Ctrl-C reaches only this process, which keeps the part
+  // written so far.
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
   posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP);
@@ -178,7 +180,7 @@ void VideoWriter::Encoder::finish() {
   file_.replace_target();
 }
 
-/// Its reason if it has one; a broken pipe is only the consequence.
+/// Reports the encoder's reason if it gave one; a broken pipe is only the consequence.
 void VideoWriter::Encoder::give_up() {
   int status = 0;
   if (pid_ > 0 && !wait_until(Clock::now() + 1s, status)) words_ += "the encoder does not go on";

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Woven frames into a lossless video file, through lenticule-video.
+// VideoWriter writes woven frames to a lossless video file through lenticule-video.
 #pragma once
 
 #include <cstdint>
@@ -12,31 +12,33 @@
 namespace lenticule::player {
 
 enum class VideoCodec {
-  Ffv1,     ///< every frame of its own, checksums; the default
-  X264Rgb,  ///< H.264 High 4:4:4 with qp 0: smaller for steady pictures, slower to jump in
+  Ffv1,     ///< intra-only frames with checksums; the default
+  X264Rgb,  ///< H.264 High 4:4:4 with qp 0: smaller for static pictures, slower to seek
 };
 
 struct VideoWriterOptions {
-  std::filesystem::path file;  ///< Matroska, whatever it is called
+  std::filesystem::path file;  ///< Matroska, with any name
   frames::FrameGeometry geometry;
   frames::Rate rate;
   VideoCodec codec = VideoCodec::Ffv1;
-  std::filesystem::path program = {};  ///< lenticule-video; empty = where it is installed
+  std::filesystem::path program = {};  ///< lenticule-video; empty = search for it
 };
 
-/// Writes to a temporary name beside the file; finish() renames it. Without finish() nothing is
-/// left. One thread, which waits for the encoder, at most a minute for a frame: Error(Failed) then.
+/// Writes to a temporary name beside the file; finish() renames it, and without finish() it is
+/// removed. Waits at most a minute per frame for the encoder, then throws Error(Failed). Thread
+/// safety: one thread.
 class VideoWriter {
  public:
-  /// Throws Error(Failed) when the file or the encoder cannot be had.
+  /// Throws Error(Failed) if the file or the encoder cannot be opened.
   explicit VideoWriter(const VideoWriterOptions& options);
   ~VideoWriter();
   VideoWriter(const VideoWriter&) = delete;
   VideoWriter& operator=(const VideoWriter&) = delete;
 
-  /// The next frame; it has the options' geometry. Throws Error(Failed) in the encoder's words.
+  /// Writes the next frame, which must have the options' geometry. Throws Error(Failed) with the
+  /// encoder's message.
   void write(const frames::FrameView& frame);
-  /// The whole file is under its name after this. Throws as write().
+  /// Completes the file and gives it its name. Throws as write().
   void finish();
 
  private:
