@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// FFmpeg's headers and one deleter for each of its things. Only player/video includes this.
+// Includes FFmpeg's headers and defines one deleter for each of its types. Only lenticule-video
+// includes this file.
 #pragma once
 
 // NOLINTBEGIN

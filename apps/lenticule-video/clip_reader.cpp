@@ -16,7 +16,8 @@ namespace lenticule::video {
 namespace {
 
 constexpr int64_t kMostPixels = int64_t{1} << 28;
-constexpr int kMostReadErrors = 100;  ///< in a row: then the rest of the file is given up
+constexpr int kMostReadErrors =
+    100;  ///< consecutive read errors after which the rest of the file is skipped
 constexpr int64_t kProbeBytes = 8 << 20;
 constexpr int64_t kProbeMicroseconds = 5'000'000;
 
@@ -29,7 +30,7 @@ int refuse_to_open(AVFormatContext*, AVIOContext**, const char*, int, AVDictiona
   return AVERROR(EACCES);
 }
 
-/// Whatever is not going to be decoded is not looked into either.
+/// Discards all other streams, so that they are not parsed.
 void discard_all_but_video(AVFormatContext& format) {
   for (unsigned i = 0; i < format.nb_streams; ++i)
     if (format.streams[i]->codecpar->codec_type != AVMEDIA_TYPE_VIDEO)
@@ -75,7 +76,8 @@ Container::Container(const int& fd, std::string name)
   format->format_whitelist = av_strdup(allowed_containers());
   format->codec_whitelist = av_strdup(allowed_codecs());
   format->protocol_whitelist = av_strdup("none");
-  const int error = avformat_open_input(&format, nullptr, nullptr, nullptr);  // frees on failure
+  const int error =
+      avformat_open_input(&format, nullptr, nullptr, nullptr);  // frees `format` on failure
   if (error < 0)
     fail(name_, "not a video that can be read: " + av_reason(error),
          std::string("containers that are read: ") + allowed_containers());
@@ -133,7 +135,8 @@ void ClipReader::open_decoder() {
   codec_->codec_whitelist = av_strdup(allowed_codecs());
   codec_->pkt_timebase = stream_->time_base;
   codec_->err_recognition = AV_EF_CRCCHECK;
-  // A damaged frame of its own is left out; one that others build upon is the decoder's business.
+  // With intra-only codecs a damaged frame is skipped. With others, later frames depend on it and
+  // the decoder conceals the error.
   const AVCodecDescriptor* const about = avcodec_descriptor_get(parameters.codec_id);
   if (about != nullptr && (about->props & AV_CODEC_PROP_INTRA_ONLY) != 0)
     codec_->err_recognition |= AV_EF_EXPLODE;
@@ -160,7 +163,8 @@ ClipReader::Step ClipReader::next() {
   }
 }
 
-/// One packet more for the decoder, or word that there are no more; false if it takes neither.
+/// Sends the next packet, or the end of the stream, to the decoder; returns false if it accepts
+/// neither.
 bool ClipReader::feed() {
   while (true) {
     const int error = av_read_frame(&container_->format(), packet_.get());

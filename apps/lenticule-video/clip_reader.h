@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One video stream of a file, frame after frame in the order of showing.
+// ClipReader decodes one video stream of a file, frame after frame in display order.
 #pragma once
 
 #include <cstdint>
@@ -12,51 +12,53 @@
 
 namespace lenticule::video {
 
-/// Demuxers and decoders that are let at a file; the rest of FFmpeg's some hundreds stay shut.
+/// Return the demuxers and decoders that may be used; the other hundreds in FFmpeg are not.
 [[nodiscard]] const char* allowed_containers();
 [[nodiscard]] const char* allowed_codecs();
 
-/// The regular file of that name, opened for reading. Throws Error(Input). Before confine().
+/// Opens the regular file of that name for reading. Throws Error(Input). Call it before confine().
 [[nodiscard]] int open_clip_file(const std::string& name);
 
-/// An opened container. Nothing is opened by name, whatever the file says.
+/// Container is an opened video file. It never opens another file by name, even if the file asks
+/// for that.
 class Container {
  public:
-  /// `name` is for messages. Throws Error(Input) when it is no video file.
+  /// `name` is for messages. Throws Error(Input) if the file is not a video.
   Container(const int& fd, std::string name);
   [[nodiscard]] AVFormatContext& format() { return *format_; }
   [[nodiscard]] const std::string& name() const { return name_; }
-  /// The wanted stream, or the first with pictures. Throws Error(Input) when there is none.
+  /// Returns the wanted stream, or the first with pictures. Throws Error(Input) if there is none.
   [[nodiscard]] AVStream& video_stream(std::optional<int> wanted);
 
  private:
   std::string name_;
   AvIo io_;
-  AvInput format_;  // last: uses io_
+  AvInput format_;  // last member: uses io_
 };
 
-/// One thread. The descriptor must outlive it.
+/// Thread safety: one thread. Lifetime: the descriptor must outlive the reader.
 class ClipReader {
  public:
   enum class Step { Frame, End };
 
-  /// Throws Error(Input) for what cannot be decoded.
+  /// Throws Error(Input) for a file that cannot be decoded.
   ClipReader(const int& fd, std::string name, std::optional<int> stream, int threads);
 
   [[nodiscard]] const AVStream& stream() const { return *stream_; }
-  /// The next picture. Packets that cannot be decoded are left out and counted.
+  /// Decodes the next picture. Packets that cannot be decoded are skipped and counted.
   [[nodiscard]] Step next();
   [[nodiscard]] const AVFrame& frame() const { return *frame_; }
-  /// Time stamp of frame(), or AV_NOPTS_VALUE.
+  /// Returns the time stamp of frame(), or AV_NOPTS_VALUE.
   [[nodiscard]] int64_t time() const { return frame_->best_effort_timestamp; }
   [[nodiscard]] uint64_t broken_packets() const { return broken_; }
-  /// Frames that came although the decoder found errors in them.
+  /// Returns the number of frames in which the decoder found errors.
   [[nodiscard]] uint64_t faulty_frames() const { return faulty_; }
 
-  /// Goes on from the last key frame at or before `time`; false if the file cannot be sought in.
+  /// Seeks to the last key frame at or before `time`; returns false if the file does not support
+  /// seeking.
   [[nodiscard]] bool seek(int64_t time);
-  /// Opens everything anew: the first frame comes next, whatever the container can. Throws as the
-  /// constructor.
+  /// Opens the file again, so that the first frame comes next, even if the container does not
+  /// support seeking. Throws as the constructor.
   void reopen();
 
  private:

@@ -44,7 +44,7 @@ constexpr uint64_t kMostPrinted = 1 << 20;
               "use a kernel with seccomp filters; files are not decoded without");
 }
 
-/// The present size of the address space, shared libraries and the ring included.
+/// Returns the current size of the address space, with shared libraries and the ring.
 uint64_t address_space_bytes() {
   unsigned long pages = 0;
   if (std::FILE* const file = std::fopen("/proc/self/statm", "re")) {
@@ -59,7 +59,8 @@ void limit(decltype(RLIMIT_AS) resource, uint64_t most) {
   if (setrlimit(resource, &both) != 0) cannot("setrlimit");
 }
 
-/// No file may grow, but what we print may have been redirected into one.
+/// Returns the limit for file sizes. No file may grow, except one to which the output was
+/// redirected.
 uint64_t largest_file() {
   uint64_t most = 0;
   for (const int fd : {STDOUT_FILENO, STDERR_FILENO}) {
@@ -72,12 +73,14 @@ uint64_t largest_file() {
 
 void set_limits(uint64_t extra_bytes, unsigned descriptors) {
   limit(RLIMIT_AS, address_space_bytes() + extra_bytes);
-  limit(RLIMIT_NOFILE, descriptors);  // not 0: poll() takes no more than that
+  limit(RLIMIT_NOFILE,
+        descriptors);  // not 0, because poll() accepts no more entries than this limit
   limit(RLIMIT_FSIZE, largest_file());
   limit(RLIMIT_CORE, 0);
 }
 
-/// A service manager or a container may forbid it; the filter holds all the same.
+/// Leaves the namespaces, if permitted. A service manager or container may forbid it; the filter is
+/// sufficient without it.
 void leave_namespaces() {
   if (unshare(CLONE_NEWUSER | CLONE_NEWNET | CLONE_NEWIPC) != 0)
     (void)unshare(CLONE_NEWNET | CLONE_NEWIPC);
@@ -86,7 +89,7 @@ void leave_namespaces() {
 void install_filter() {
   std::vector<sock_filter> code = decoder_filter();
   sock_fprog program{.len = static_cast<unsigned short>(code.size()), .filter = code.data()};
-  // By prctl and not by seccomp(2), which services of systemd are not allowed by default.
+  // Uses prctl instead of seccomp(2), which systemd services may not call by default.
   if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program, 0, 0) != 0) cannot("seccomp");
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a process gives up before it looks at a file that it did not write.
+// Confines a process before it reads an untrusted file.
 #pragma once
 
 #include <sys/types.h>
@@ -8,22 +8,23 @@
 
 namespace lenticule::video {
 
-/// Ends with `parent`: killed by the kernel when the thread that started us is gone. Returns false
+/// Makes the kernel kill this process when the parent's thread that started it ends. Returns false
 /// if the parent is gone already.
 [[nodiscard]] bool die_with(pid_t parent) noexcept;
 
-/// The first to go when memory is short, whatever was inherited.
+/// Makes this process the first that the kernel kills when memory is short, independent of
+/// inherited settings.
 void volunteer_for_oom() noexcept;
 
-/// From here on: no new descriptor (and none at all beyond the first `descriptors`, so that many
-/// can be passed to it over a socket), no file grows (but one that standard output or error goes
-/// to, by a MiB), no core dump, no new privilege, at most `extra_bytes` more address space, no
-/// network (a namespace of its own where the kernel lets us), and no system call but those that
-/// decoding on open descriptors takes. Threads can still be made; call it before the first one.
-/// `parent` is that of die_with(), of which a change of namespaces makes the kernel forget; 0 =
-/// none. Throws Error(Failed) when the filter cannot be installed, without which no foreign byte is
-/// parsed, or when the parent is gone. Built with a sanitizer, which needs calls of its own, it
-/// gives up nothing.
+/// Restricts the process permanently: no new descriptors (at most `descriptors` in total, so that
+/// some can be passed over a socket), no growing files (except a MiB for one that standard output
+/// or error is redirected to), no core dumps, no new privileges, at most `extra_bytes` more address
+/// space, no network (its own namespace if the kernel permits it), and no system calls except those
+/// needed to decode from open descriptors. Threads can still be created; call it before the first
+/// one. `parent` is that of die_with(), which a change of namespaces resets; 0 = none. Throws
+/// Error(Failed) if the parent is gone or the filter cannot be installed, because untrusted data
+/// must not be parsed without it. Builds with a sanitizer, which needs further system calls, are
+/// not restricted.
 void confine(uint64_t extra_bytes, pid_t parent = 0, unsigned descriptors = 1);
 
 }  // namespace lenticule::video

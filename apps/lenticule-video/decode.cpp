@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-video decode: a file's frames into a player's ring.
+// lenticule-video decode decodes a file's frames into a player's ring.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -32,11 +32,11 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 using nlohmann::json;
 
-constexpr auto kPatience = 10s;     ///< for the player to listen
-constexpr auto kSlotPatience = 1s;  ///< between two looks whether the player is there
+constexpr auto kPatience = 10s;     ///< timeout for the player to listen
+constexpr auto kSlotPatience = 1s;  ///< interval at which the player's presence is checked
 constexpr auto kReportInterval = 500ms;
 constexpr uint64_t kMemoryBytes = uint64_t{1} << 30;
-constexpr uint64_t kPicturesAtATime = 48;  ///< reference frames times threads, roughly
+constexpr uint64_t kPicturesAtATime = 48;  ///< roughly reference frames times threads
 constexpr uint64_t kMostBytesPerPixel = 8;
 constexpr int kMostThreads = 4;
 
@@ -50,7 +50,7 @@ uint64_t memory_for(const frames::FrameGeometry& geometry) {
   return kMemoryBytes + pixels * kMostBytesPerPixel * kPicturesAtATime;
 }
 
-/// Tells the player, which reads our standard error and needs every event.
+/// Writes an event to standard error, which the player reads; every event must arrive.
 void report_event(const json& event) {
   const std::string text = json_text(event) + "\n";
   std::string_view rest = text;
@@ -62,7 +62,7 @@ void report_event(const json& event) {
   }
 }
 
-/// Feeds one ring from one clip until one of them is over.
+/// Feed copies frames from one clip into one ring until one of them is over.
 class Feed {
  public:
   Feed(const DecodeRequest& request, frames::RingRenderer& ring, ClipReader& clip)
@@ -74,7 +74,7 @@ class Feed {
     first_time_ = AV_NOPTS_VALUE;
   }
 
-  /// False when the player is gone.
+  /// Returns false if the player is gone.
   [[nodiscard]] bool run() {
     bool resumes = request_.from > 0;
     for (uint64_t skip = request_.from;; resumes = false) {
@@ -83,7 +83,7 @@ class Feed {
         throw Error(ErrorKind::Input, request_.file + ": no frame could be decoded");
       report_clip();
       if (!request_.loop) break;
-      // Whoever continues another's work may not know where the clip ends.
+      // A decoder that continues another's work may not know the length of the clip.
       skip = skip > clip_length_ ? skip - clip_length_ : 0;
       start_over();
     }
@@ -116,15 +116,15 @@ class Feed {
   PixelTags stream_tags_;
   std::optional<PixelTags> converter_tags_;
   std::optional<PixelConverter> converter_;
-  int64_t first_time_ = AV_NOPTS_VALUE;  ///< of the file's frame 0
+  int64_t first_time_ = AV_NOPTS_VALUE;  ///< time of the file's frame 0
   int64_t previous_time_ = AV_NOPTS_VALUE;
-  bool have_frame_ = false;   ///< the reader's frame is the next one already
-  uint64_t clip_length_ = 0;  ///< as far as it has been seen
+  bool have_frame_ = false;   ///< the reader already holds the next frame
+  uint64_t clip_length_ = 0;  ///< number of frames seen so far
   uint64_t published_ = 0;
   uint64_t wrong_size_ = 0;
   uint64_t reported_broken_ = 0;
-  uint64_t left_out_before_ = 0;  ///< in the rounds before this one
-  std::vector<uint8_t> stored_;   ///< a frame before it is turned
+  uint64_t left_out_before_ = 0;  ///< frames left out in earlier rounds
+  std::vector<uint8_t> stored_;   ///< a frame before rotation
   Clock::time_point last_report_ = Clock::now();
 };
 
@@ -146,7 +146,7 @@ bool Feed::fits_ring() {
   return false;
 }
 
-/// Makes the reader's frame the first wanted one, or one before; returns its number.
+/// Moves the reader to the first wanted frame or one before it; returns its number.
 uint64_t Feed::find_start(uint64_t wanted) {
   if (request_.known_time && request_.known_frame > 0 && request_.known_frame <= wanted)
     if (const auto found = find_known()) return *found;
@@ -168,7 +168,7 @@ std::optional<uint64_t> Feed::find_known() {
   return std::nullopt;
 }
 
-/// The clip once; false when the player is gone.
+/// Plays the clip once; returns false if the player is gone.
 bool Feed::play(uint64_t skip, bool resumes) {
   const uint64_t first = request_.begin + skip;
   for (uint64_t frame = resumes ? find_start(first) : 0; frame < request_.end;) {
@@ -184,7 +184,7 @@ bool Feed::play(uint64_t skip, bool resumes) {
   return true;
 }
 
-/// Seeking is quick and is believed only if it leads to the very first frame.
+/// Returns to the start. Seeking is fast and is accepted only if it leads to the first frame.
 void Feed::start_over() {
   clip_length_ = 0;
   if (first_time_ != AV_NOPTS_VALUE && clip_.seek(first_time_) &&
@@ -231,7 +231,8 @@ void Feed::convert_into(std::span<uint8_t> slot) {
   frames::turn_upright(stored_, stored, orientation(), slot);
 }
 
-/// Where another process could go on; and that this one lives while it skips frames.
+/// Reports a position from which another process could continue, and that this process is alive
+/// while it skips frames.
 void Feed::report_position(uint64_t frame) {
   const Clock::time_point now = Clock::now();
   const int64_t previous = std::exchange(previous_time_, clip_.time());
@@ -255,7 +256,7 @@ void Feed::report_broken() {
                 {"faulty", clip_.faulty_frames()}});
 }
 
-/// The end of a round: how many frames there were, and how many were left out.
+/// Reports the end of a round: the number of frames, and of frames left out.
 void Feed::report_clip() {
   report_broken();
   const uint64_t left_out = clip_.broken_packets() + wrong_size_;

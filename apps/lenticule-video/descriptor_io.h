@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// FFmpeg's reading and writing over a descriptor that is open already: it never sees a name.
+// Lets FFmpeg read and write an open descriptor instead of a named file.
 #pragma once
 
 #include "apps/lenticule-video/av_handles.h"
 
 namespace lenticule::video {
 
-/// The descriptor stays its owner's and must outlive the result. Throws Error(Failed).
+/// Lifetime: the descriptor stays its owner's and must outlive the result. Throws Error(Failed).
 [[nodiscard]] AvIo read_descriptor(const int& fd);
 [[nodiscard]] AvIo write_descriptor(const int& fd);
 

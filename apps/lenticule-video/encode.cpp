@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-video encode: raw frames from standard input into a lossless Matroska file.
+// lenticule-video encode encodes raw frames from standard input into a lossless Matroska file.
 #include <fmt/format.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -27,8 +27,9 @@ namespace lenticule::video {
 namespace {
 
 constexpr int kThreads = 4;
-constexpr int kSlicedSide = 256;  ///< FFV1 takes not every number of slices for small pictures
-constexpr int kFfv1Version = 3;   ///< the first with slices and their checksums
+constexpr int kSlicedSide =
+    256;  ///< FFV1 does not support every number of slices for small pictures
+constexpr int kFfv1Version = 3;  ///< first version with slices and their checksums
 
 [[noreturn]] void cannot_write(const std::string& file, const std::string& cause) {
   throw Error(ErrorKind::Failed, file + ": cannot write: " + cause);
@@ -45,7 +46,7 @@ AVPixelFormat input_format(const EncodeRequest& request) {
               "for example rgb24, gbrp16le, yuv444p");
 }
 
-/// What the encoder takes: the input's own format, or for 8-bit RGB whichever order of it.
+/// Returns the encoder's format: the input's own, or for 8-bit RGB any order of channels.
 AVPixelFormat encoder_format(const AVCodec& encoder, AVPixelFormat input) {
   const auto takes = [&encoder](AVPixelFormat wanted) {
     for (const AVPixelFormat* f = encoder.pix_fmts; f != nullptr && *f != AV_PIX_FMT_NONE; ++f)
@@ -60,7 +61,8 @@ AVPixelFormat encoder_format(const AVCodec& encoder, AVPixelFormat input) {
                                             av_get_pix_fmt_name(input)));
 }
 
-/// The whole of `bytes` from standard input; false at its end. Throws when it ends in between.
+/// Reads all of `bytes` from standard input; returns false at its end. Throws if the input ends
+/// within a frame.
 bool read_frame(std::span<uint8_t> bytes) {
   size_t done = 0;
   while (done < bytes.size()) {
@@ -167,7 +169,7 @@ void Encoder::set_colour() {
         look_up(transfer, av_color_transfer_from_name, "--transfer"));
 }
 
-/// Tightly packed pixels of the input's format into frame_.
+/// Copies tightly packed pixels of the input's format into frame_.
 void Encoder::fill(std::span<const uint8_t> pixels) {
   av_frame_unref(frame_.get());
   frame_->width = request_.width;
@@ -225,7 +227,7 @@ void Encoder::finish() {
   must(io_->error, request_.file);
 }
 
-/// A file that appears under its name when it is complete.
+/// OutputFile is a file that gets its name when it is complete.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& name) : name_(name) {

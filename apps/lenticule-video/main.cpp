@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-video: everything that FFmpeg does for lenticule, in a process that may crash.
+// lenticule-video does all work with FFmpeg for lenticule in a separate process, which may crash.
 
 #include <CLI/CLI.hpp>
 #include <exception>
@@ -106,7 +106,7 @@ int main(int argc, char** argv) {
     return ExitCode::kOk;
   });
   if (environment != ExitCode::kOk) return environment;
-  av_log_set_level(AV_LOG_QUIET);  // what matters is told by error codes, in our words
+  av_log_set_level(AV_LOG_QUIET);  // errors are reported by this program from FFmpeg's error codes
   CLI::App app{"Reads and writes video files for lenticule, in a process of its own."};
   app.name("lenticule-video");
   app.set_version_flag("--version", std::string("lenticule-video ") + LENTICULE_VERSION);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-video pictures: decodes one picture file after the other for the process that started
-// it, which passes descriptors over a socket and takes rows out of memory that both see.
+// lenticule-video pictures decodes one picture file after the other for the process that started
+// it, which passes descriptors over a socket and reads rows from shared memory.
 #include <malloc.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
@@ -28,12 +28,12 @@ namespace lenticule::video {
 using namespace frames::confined;
 namespace {
 
-/// The process that started this one is gone.
+/// Thrown if the process that started this one is gone.
 class PlayerGone final : public std::exception {};
-/// It does not want the rest of this picture.
+/// Thrown if that process does not need the rest of the picture.
 class PictureUnwanted final : public std::exception {};
 
-/// A descriptor more than the socket and the standard streams.
+/// One descriptor more than the socket and the standard streams.
 constexpr unsigned kDescriptors = 4;
 
 struct Received {
@@ -91,7 +91,8 @@ PictureReplyMessage header_of(const frames::PictureInfo& info) {
           .pixel_aspect = info.pixel_aspect};
 }
 
-/// Sends rows as soon as they are decoded, and decodes into one half while the other is read.
+/// RowsToPlayer sends rows as soon as they are decoded, and decodes into one half of the memory
+/// while the other is read.
 class RowsToPlayer final : public frames::PictureSink {
  public:
   explicit RowsToPlayer(std::span<uint8_t> memory) : memory_(memory) {}
@@ -130,7 +131,7 @@ class RowsToPlayer final : public frames::PictureSink {
   std::span<uint8_t> memory_;
   size_t row_bytes_ = 0;
   uint32_t half_ = 0;
-  int unread_ = 0;  ///< halves that were sent and not answered
+  int unread_ = 0;  ///< halves that were sent and not acknowledged
   std::optional<PictureReplyMessage> pending_;
 };
 
@@ -150,7 +151,7 @@ std::vector<uint8_t> bytes_of(const Received& received) {
   return bytes;
 }
 
-/// Decoders know the file by this name; only its extension says something.
+/// Returns the name that decoders see; only its extension is meaningful.
 std::string name_of(const PictureRequestMessage& message) {
   const auto end = std::find(message.extension.begin(), message.extension.end(), '\0');
   return "picture" + std::string(message.extension.begin(), end);
@@ -186,7 +187,7 @@ std::span<uint8_t> map_memory() {
   return {static_cast<uint8_t*>(memory), kMemoryBytes};
 }
 
-/// Decodes a picture of one pixel, so that nothing has to be loaded or looked for afterwards.
+/// Decodes a picture of one pixel, so that no library has to be loaded afterwards.
 void warm_up() {
   constexpr std::string_view kPixel = "P6\n1 1\n255\nabc";
   const std::span bytes(reinterpret_cast<const uint8_t*>(kPixel.data()), kPixel.size());
@@ -198,7 +199,7 @@ void warm_up() {
 int run_pictures(pid_t parent) {
   if (parent > 0 && !die_with(parent)) return 1;
   volunteer_for_oom();
-  // What a large picture took goes back to the system after it.
+  // Makes malloc return a large picture's memory to the system.
   (void)::mallopt(M_MMAP_THRESHOLD, 1 << 20);
   (void)::mallopt(M_ARENA_MAX, 1);
   const std::span<uint8_t> memory = map_memory();

@@ -18,7 +18,7 @@ int64_t fixed(double value) {
   return std::llround(std::ldexp(value, kFraction));
 }
 
-/// Twice the number of luma samples per chroma sample: what the weights of one axis add up to.
+/// Returns twice the number of luma samples per chroma sample: the sum of one axis's weights.
 int parts(int shift) {
   return 2 << shift;
 }
@@ -107,7 +107,7 @@ void PixelConverter::plan_matrix() {
   green_cb_ = fixed(-2.0 * (1.0 - kb) * kb / kg * c);
   green_cr_ = fixed(-2.0 * (1.0 - kr) * kr / kg * c);
   blue_cb_ = fixed(2.0 * (1.0 - kb) * c);
-  // From the rounded coefficients, so that grey stays grey exactly.
+  // Computed from the rounded coefficients, so that grey stays exactly grey.
   const auto zero = static_cast<int64_t>(grey) * whole;
   const int64_t black_part = luma_ * static_cast<int64_t>(black);
   red_0_ = -black_part - red_cr_ * zero;
@@ -164,7 +164,7 @@ void PixelConverter::rgb_row(const PicturePlanes& picture, int row, uint8_t* out
       for (int x = 0; x < width_; ++x) out[3 * x + channel] = code_of_value_[values_[x]];
       continue;
     }
-    const int most = (1 << depth) - 1;  // 5-6-5: green is deeper
+    const int most = (1 << depth) - 1;  // for 5-6-5: green is deeper
     for (int x = 0; x < width_; ++x)
       out[3 * x + channel] = static_cast<uint8_t>((510 * values_[x] + most) / (2 * most));
   }
@@ -176,7 +176,7 @@ void PixelConverter::grey_row(const PicturePlanes& picture, int row, uint8_t* ou
     out[3 * x] = out[3 * x + 1] = out[3 * x + 2] = code_of_value_[values_[x]];
 }
 
-/// One channel of chroma at every luma position of a row, in parts of a code value.
+/// Interpolates one chroma channel at every luma position of a row, in parts of a code value.
 void PixelConverter::chroma_row(const PicturePlanes& picture, int component, int row,
                                 std::vector<int32_t>& out) {
   const Tap& down = down_[static_cast<size_t>(row)];

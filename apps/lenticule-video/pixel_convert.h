@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decoded pictures as 8-bit RGB, rounded once and to the nearest code.
+// PixelConverter converts decoded pictures to 8-bit RGB, rounded once and to the nearest code.
 #pragma once
 
 #include <cstdint>
@@ -10,21 +10,23 @@
 
 namespace lenticule::video {
 
-/// 8-bit RGB passes byte for byte; deeper RGB becomes round(255 v / (2^depth - 1)). Y'CbCr follows
-/// ITU-R BT.601/709/2020: R = Y' + 2 (1 - Kr) Cr and so on, chroma of lower resolution interpolated
-/// linearly from where its samples lie, all in one exact sum that is then rounded half up and
-/// clipped. Neither gamut nor transfer function is touched: code values stay code values.
+/// Copies 8-bit RGB unchanged; deeper RGB becomes round(255 v / (2^depth - 1)). Y'CbCr follows
+/// ITU-R BT.601/709/2020: R = Y' + 2 (1 - Kr) Cr and so on. Subsampled chroma is interpolated
+/// linearly from the positions of its samples. Everything is computed in one exact sum, which is
+/// then rounded half up and clipped. Gamut and transfer function are not changed: code values stay
+/// code values.
 ///
-/// One thread; convert() allocates nothing.
+/// convert() allocates no memory. Thread safety: one thread.
 class PixelConverter {
  public:
   PixelConverter(const PixelLayout& layout, int width, int height);
 
-  /// `rgb` takes width * height * 3 bytes; the picture has the constructor's size.
+  /// Converts a picture of the constructor's size; `rgb` holds width * height * 3 bytes.
   void convert(const PicturePlanes& picture, std::span<uint8_t> rgb);
 
  private:
-  /// What one chroma position takes from two neighbouring samples, in parts of the axis' whole.
+  /// The weights of two neighbouring chroma samples at one luma position, in parts of the axis's
+  /// total.
   struct Tap {
     int first = 0;
     int second = 0;
@@ -45,7 +47,7 @@ class PixelConverter {
   int chroma_width_;
   int chroma_height_;
   bool copies_bytes_;
-  std::vector<uint8_t> code_of_value_;  ///< of RGB and grey
+  std::vector<uint8_t> code_of_value_;  ///< for RGB and grey
   std::vector<Tap> across_;
   std::vector<Tap> down_;
   std::vector<uint16_t> values_;
@@ -53,7 +55,7 @@ class PixelConverter {
   std::vector<int32_t> cb_;
   std::vector<int32_t> cr_;
 
-  // Everything times 2^kFraction, per code value of luma and per part of a chroma code value.
+  // Coefficients times 2^kFraction, per code value of luma and per part of a chroma code value.
   int64_t luma_ = 0;
   int64_t red_cr_ = 0;
   int64_t green_cb_ = 0;

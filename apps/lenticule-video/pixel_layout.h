@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a decoded picture lies in memory and what its numbers mean. Knows nothing of FFmpeg.
+// PixelLayout describes a decoded picture in memory and the meaning of its values, without FFmpeg's
+// types.
 #pragma once
 
 #include <array>
@@ -8,7 +9,7 @@
 
 namespace lenticule::video {
 
-/// Where one channel's samples are, as in every chunky or planar format of whole bytes.
+/// Position of one channel's samples, for every packed or planar format of whole bytes.
 struct PixelComponent {
   int plane = 0;
   int step = 1;    ///< bytes from one sample to the next
@@ -19,8 +20,8 @@ struct PixelComponent {
 
 enum class ColourModel { Rgb, Grey, Yuv };
 
-/// Where chroma samples lie among the luma samples that they stand for: 0 at the first of them, 1
-/// in the middle, 2 at the last one.
+/// Position of a chroma sample among its luma samples: 0 at the first of them, 1 in the middle, 2
+/// at the last one.
 struct ChromaSite {
   int across = 0;
   int down = 1;
@@ -33,14 +34,14 @@ struct PixelLayout {
   int chroma_shift_x = 0;                         ///< log2 of luma samples per chroma sample
   int chroma_shift_y = 0;
   ChromaSite site;
-  bool full_range = true;  ///< of Y'CbCr: 0..255 and not 16..235 (in 8 bits)
+  bool full_range = true;  ///< Y'CbCr range is 0..255 instead of 16..235 (in 8 bits)
   double kr = 0.2126;      ///< weights of red and blue in Y'
   double kb = 0.0722;
 
   [[nodiscard]] bool subsampled() const { return chroma_shift_x > 0 || chroma_shift_y > 0; }
 };
 
-/// Borrowed picture. Rows may be stored upward (negative strides).
+/// A borrowed picture. Rows may be stored bottom-up (negative strides).
 struct PicturePlanes {
   std::array<const uint8_t*, 4> data = {};
   std::array<ptrdiff_t, 4> stride = {};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-video probe: what is in a file, as JSON.
+// lenticule-video probe reports the streams of a file as JSON.
 #include <unistd.h>
 
 #include <array>
@@ -31,27 +31,27 @@ json text_or_null(const char* text) {
   return text != nullptr ? json(text) : json(nullptr);
 }
 
-/// Seconds; null where neither the stream nor the container knows.
+/// Returns the duration in seconds; null if neither the stream nor the container states it.
 json duration(const AVFormatContext& format, const AVStream& stream) {
   if (stream.duration > 0) return static_cast<double>(stream.duration) * av_q2d(stream.time_base);
   if (format.duration > 0) return static_cast<double>(format.duration) / AV_TIME_BASE;
   return nullptr;
 }
 
-/// How many frames there should be: as the container says, or as many as fit the duration where
-/// that is the duration of nothing else.
+/// Returns the expected number of frames: the container's, or the number that fits the duration if
+/// the duration is that of this stream alone.
 json expected_frames(const AVFormatContext& format, const AVStream& stream) {
   if (stream.nb_frames > 0) return stream.nb_frames;
   const AVRational rate = stream.avg_frame_rate;
   if (format.nb_streams != 1 || rate.num <= 0 || rate.den <= 0) return nullptr;
   if (std::string_view(format.iformat->name).find("matroska") == std::string_view::npos)
-    return nullptr;  // durations of other containers are estimated from the file
+    return nullptr;  // durations of other containers are estimates
   if (format.duration <= 0) return nullptr;
   const double seconds = static_cast<double>(format.duration) / AV_TIME_BASE;
   return static_cast<int64_t>(std::llround(seconds * av_q2d(rate)));
 }
 
-/// The number that EXIF gives this orientation, or null for other angles than quarter turns.
+/// Returns the EXIF number of the orientation, or null for angles other than quarter turns.
 json orientation(const AVStream& stream) {
   size_t bytes = 0;
   const uint8_t* const data = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &bytes);
@@ -78,7 +78,7 @@ json orientation(const AVStream& stream) {
   return nullptr;
 }
 
-/// {"layout": "side by side", "right_first": ...}, or null where nothing is said.
+/// Returns {"layout": "side by side", "right_first": ...}, or null if there is no tag.
 json stereo(const AVStream& stream) {
   size_t bytes = 0;
   const uint8_t* const data = av_stream_get_side_data(&stream, AV_PKT_DATA_STEREO3D, &bytes);
@@ -128,7 +128,7 @@ json describe(AVFormatContext& format, AVStream& stream) {
 
 int run_probe(const std::string& file) {
   const UniqueFd input(open_clip_file(file));
-  alarm(kSeconds);  // a file that takes longer to understand ends the program
+  alarm(kSeconds);  // ends the program if parsing the file takes longer
   confine(kMemoryBytes);
   const int fd = input.get();
   Container container(fd, file);

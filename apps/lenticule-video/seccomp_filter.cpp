@@ -25,7 +25,7 @@ constexpr uint32_t kArchitecture = AUDIT_ARCH_AARCH64;
 #endif
 constexpr uint32_t kForeignNumbers = 0x40000000;  ///< x32 calls on x86-64
 
-/// Work on descriptors that are open, memory, threads, time, the end.
+/// Calls for open descriptors, memory, threads, time and exit.
 constexpr std::array kAllowed = {
     SYS_read,
     SYS_pread64,
@@ -74,7 +74,7 @@ class Program {
     code_.push_back(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<uint32_t>(offset)));
   }
   void answer(uint32_t action) { code_.push_back(BPF_STMT(BPF_RET | BPF_K, action)); }
-  /// Skips `steps` unless the loaded word is `value`.
+  /// Skips `steps` instructions unless the loaded word is `value`.
   void unless_equal(uint32_t value, uint8_t steps) {
     code_.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, 0, steps));
   }
@@ -104,7 +104,7 @@ void check_architecture(Program& program) {
   program.answer(SECCOMP_RET_KILL_PROCESS);
 }
 
-/// Memory that can be executed is what code injection needs.
+/// Allows the call without PROT_EXEC, because code injection needs executable memory.
 void allow_without_exec(Program& program, long call) {
   program.unless_equal(static_cast<uint32_t>(call), 4);
   program.load(argument(2));
@@ -120,7 +120,8 @@ void allow_threads(Program& program) {
   program.answer(SECCOMP_RET_ALLOW);
   program.answer(kDenied);
 #ifdef SYS_clone3
-  // Its flags lie in memory, where a filter cannot look: the C library goes on to clone.
+  // clone3 takes its flags in memory, which a filter cannot read; with ENOSYS the C library falls
+  // back to clone.
   program.unless_equal(SYS_clone3, 1);
   program.answer(SECCOMP_RET_ERRNO | ENOSYS);
 #endif

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The system calls that a decoder is left with, as a classic BPF program.
+// decoder_filter lists the system calls that a decoder may make, as a classic BPF program.
 #pragma once
 
 #include <linux/filter.h>
@@ -8,9 +8,9 @@
 
 namespace lenticule::video {
 
-/// Calls that are not on the list fail with EPERM, those of a foreign architecture kill. Signals to
-/// anybody, opening, connecting, executing, changing identity or scheduling and executable memory
-/// are not on the list.
+/// Returns a filter in which calls that are not listed fail with EPERM, and calls of a foreign
+/// architecture kill the process. Signals to other processes, opening, connecting, executing,
+/// changing identity or scheduling, and executable memory are not allowed.
 [[nodiscard]] std::vector<sock_filter> decoder_filter();
 
 }  // namespace lenticule::video

@@ -16,7 +16,7 @@ struct Weights {
   double kb;
 };
 
-/// Kr and Kb of ITU-T H.273, table 4.
+/// Returns Kr and Kb of ITU-T H.273, table 4.
 std::optional<Weights> weights_of(AVColorSpace matrix, int height) {
   switch (matrix) {
     case AVCOL_SPC_BT709:
@@ -38,7 +38,8 @@ std::optional<Weights> weights_of(AVColorSpace matrix, int height) {
   }
 }
 
-/// Display-referred code values are shown as they are; light or a tone curve is not.
+/// Returns true for display-referred code values, which can be shown unchanged; linear light and
+/// other curves cannot.
 bool is_display_referred(AVColorTransferCharacteristic transfer) {
   switch (transfer) {
     case AVCOL_TRC_LINEAR:
@@ -53,7 +54,8 @@ bool is_display_referred(AVColorTransferCharacteristic transfer) {
   }
 }
 
-/// Unstated chroma is where MPEG-2 and later have it: level with every second column.
+/// Returns the chroma position. If it is not stated, the one of MPEG-2 and later: aligned with
+/// every second column.
 ChromaSite site_of(AVChromaLocation location) {
   switch (location) {
     case AVCHROMA_LOC_CENTER:
@@ -115,7 +117,7 @@ std::string named(const char* name) {
   return name != nullptr ? name : "of no name";
 }
 
-/// Y'CbCr planes that hold G, B, R: what the identity matrix says.
+/// Changes Y'CbCr planes that hold G, B, R (identity matrix) into an RGB layout.
 void turn_into_rgb(PixelLayout& layout) {
   std::rotate(layout.components.begin(), layout.components.begin() + 2, layout.components.end());
   layout.model = ColourModel::Rgb;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a stream says about its pixels, and whether they can become RGB here.
+// judge_pixels decides from a stream's pixel format and tags whether it can be converted to RGB.
 #pragma once
 
 #include <optional>
@@ -17,20 +17,20 @@ struct PixelTags {
   AVColorRange range = AVCOL_RANGE_UNSPECIFIED;
   AVColorTransferCharacteristic transfer = AVCOL_TRC_UNSPECIFIED;
   AVChromaLocation site = AVCHROMA_LOC_UNSPECIFIED;
-  int height = 0;  ///< decides on the matrix where none is stated: below 720 rows BT.601
+  int height = 0;  ///< chooses the matrix if none is stated: BT.601 below 720 rows
   friend bool operator==(const PixelTags&, const PixelTags&) = default;
 };
 
 [[nodiscard]] PixelTags tags_of(const AVCodecParameters& stream);
-/// What the frame leaves open is taken from the stream.
+/// Returns the frame's tags; missing ones are taken from the stream.
 [[nodiscard]] PixelTags tags_of(const AVFrame& frame, const PixelTags& stream);
 
 struct PixelVerdict {
-  std::optional<PixelLayout> layout;  ///< empty: cannot be converted, see refusal
+  std::optional<PixelLayout> layout;  ///< none: cannot be converted, see refusal
   std::string refusal;
   std::string sampling;  ///< "rgb", "grey", "4:4:4", "4:2:2", "4:2:0", ... or "unknown"
   int depth = 0;
-  bool exact = false;  ///< each subpixel's code arrives as it was stored: 8-bit RGB or full grey
+  bool exact = false;  ///< each subpixel's code arrives as stored: 8-bit RGB or full-range grey
 };
 
 [[nodiscard]] PixelVerdict judge_pixels(const PixelTags& tags);
