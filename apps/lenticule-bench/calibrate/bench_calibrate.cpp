@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench calibrate: calibrations of sheets drawn at random on the simulated bench, judged
-// by the truth that only the bench knows.
+// lenticule bench calibrate calibrates randomly drawn sheets on the simulated bench (panel and
+// camera) and compares the results with the ground truth, which only the simulation knows.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -24,7 +24,8 @@ using calib::TrialResult;
 using calib::Verdict;
 using nlohmann::json;
 
-/// What a rig that calls itself intrinsic must keep everywhere, for every eye of the zone.
+/// Error limit, in lenses, of a rig with verdict "intrinsic", at every place and for every eye of
+/// the zone.
 constexpr double kMostLenses = 0.02;
 
 struct CalibrateFlags {
@@ -74,7 +75,7 @@ json json_of(uint64_t seed, const Trial& trial, const TrialResult& result) {
   return out;
 }
 
-/// "good", "refused" (or only effective, which refuses other eyes), or "WRONG".
+/// Returns "good", "refused" (or only effective, which refuses other eyes), or "WRONG".
 const char* outcome_of(const json& draw) {
   const bool trusted = draw["failure"].get<std::string>().empty() &&
                        draw["verdict"] == calib::to_string(Verdict::Intrinsic);
@@ -99,8 +100,9 @@ void print_draw(const json& draw) {
   }
 }
 
-/// Root mean square of the errors of trusted draws, each in its own standard errors: 1 where these
-/// say how far off a number is. `scale` turns the error that is reported into the number's unit.
+/// Returns the root mean square of the errors of trusted draws, each divided by its own standard
+/// error: 1 if the standard errors are correct. `scale` converts the reported error into the
+/// number's unit.
 template <class Scale>
 json scatter(const json& draws, const char* error, const char* name, const Scale& scale) {
   double square = 0.0;

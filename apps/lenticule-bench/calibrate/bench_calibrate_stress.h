@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench calibrate --stress: the stress cases of calibration and what became of them.
+// lenticule bench calibrate --stress runs the stress cases of calibration and prints their results.
 #pragma once
 
 #include <string>
@@ -15,7 +15,8 @@ struct CalibrateStressFlags {
   bool json = false;
 };
 
-/// Prints a line per case. kQuality if one is missed; throws Error(Usage) for an unknown name.
+/// Prints a line per case. Returns kQuality if a case misses its limit; throws Error(Usage) for an
+/// unknown name.
 [[nodiscard]] ExitCode run_calibrate_stress(const CalibrateStressFlags& flags);
 
 }  // namespace lenticule::player
