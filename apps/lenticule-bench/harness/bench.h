@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a benchmark plugs into `lenticule bench`: one file per benchmark, one line in benchmarks.cpp.
+// Benchmark is an entry of the table of `lenticule bench`: one file per benchmark, one line in
+// benchmarks.cpp.
 #pragma once
 
 #include <string>
@@ -13,22 +14,22 @@ namespace lenticule::player {
 struct Benchmark {
   const char* name;
   const char* summary;
-  Declare declare;  ///< flags of `lenticule bench NAME`, as for a command
+  Declare declare;  ///< declares the flags of `lenticule bench NAME`, as for a command
 };
 
-/// Every benchmark, in the order in which `bench list` prints them.
+/// Returns all benchmarks, in the order in which `bench list` prints them.
 [[nodiscard]] const std::vector<Benchmark>& benchmarks();
 
-/// The machine that numbers belong to: {"cpu", "hardware_threads", "isa"}.
+/// Returns the machine on which the numbers were measured: {"cpu", "hardware_threads", "isa"}.
 [[nodiscard]] nlohmann::json machine_json();
 [[nodiscard]] std::string machine_text();
 
-/// 10 log10(255^2 / MSE) in decibels; null where nothing differs.
+/// Returns 10 log10(255^2 / MSE) in decibels; null if the MSE is 0.
 [[nodiscard]] nlohmann::json psnr_or_null(double mse);
-/// Of such a number: with one decimal, or "equal".
+/// Formats such a number with one decimal, or as "equal".
 [[nodiscard]] std::string decibels(const nlohmann::json& psnr);
 
-/// The middle value; of an even number the mean of the two in the middle. 0 for none.
+/// Returns the median; the mean of the middle two for an even number of values. 0 without values.
 [[nodiscard]] double median(std::vector<double> values);
 
 }  // namespace lenticule::player

@@ -8,15 +8,15 @@
 
 namespace lenticule::player {
 
-/// The rig that benchmarks use unless told otherwise: the 4K kiosk of the sample rigs.
+/// Returns the default rig of benchmarks: the 4K kiosk of the sample rigs.
 [[nodiscard]] optics::Rig kiosk_rig();
-/// The classic integral image of the sample rigs: 64 upright lenses of eight whole pixels.
+/// Returns the classic integral image of the sample rigs: 64 upright lenses of eight whole pixels.
 [[nodiscard]] optics::Rig paper_rig();
-/// A panel of the same size with pixels `factor` times as wide and high, and lenses of as many
-/// subpixels on a sheet that is thicker in proportion: the same viewing zones. For factor 1 the
-/// same.
+/// Returns a rig with a panel of the same size whose pixels are `factor` times as wide and high,
+/// with lenses of as many subpixels on a proportionally thicker sheet, so that the viewing zones
+/// are equal. Factor 1 returns the same rig.
 [[nodiscard]] optics::Rig coarser_rig(const optics::Rig& rig, int factor);
-/// `file`, or kiosk_rig() if it is empty.
+/// Loads `file`, or returns kiosk_rig() if it is empty.
 [[nodiscard]] optics::Rig bench_rig(const std::string& file);
 
 }  // namespace lenticule::player

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene set up for one rig as `render` does it: what every benchmark of rendering begins with.
+// BenchScene is a scene prepared for one rig as `render` does it, the start of every rendering
+// benchmark.
 #pragma once
 
 #include <string>
@@ -14,33 +15,33 @@
 namespace lenticule::player {
 
 struct BenchSetup {
-  std::string scene;  ///< as for render
+  std::string scene;  ///< a scene as for render
   optics::Rig rig;
-  int lights = 0;   ///< those beyond this many are dropped; 0 = none is
+  int lights = 0;   ///< maximum number of lights; the rest is dropped; 0 = no limit
   int threads = 0;  ///< 0 = all cores
 };
 
 class BenchScene {
  public:
-  /// Throws where loading, staging and committing do.
+  /// Throws the errors of loading, placing and committing the scene.
   explicit BenchScene(const BenchSetup& setup);
   BenchScene(const BenchScene&) = delete;
   BenchScene& operator=(const BenchScene&) = delete;
 
   [[nodiscard]] const BenchSetup& setup() const { return setup_; }
   [[nodiscard]] const optics::OpticalModel& model() const { return model_; }
-  /// Without the lights that were dropped.
+  /// Returns the description without the dropped lights.
   [[nodiscard]] const render::SceneDescription& description() const { return description_; }
   [[nodiscard]] const render::Scene& scene() const { return scene_; }
   [[nodiscard]] int dropped_lights() const { return dropped_lights_; }
   [[nodiscard]] uint64_t primitives() const;
   [[nodiscard]] uint64_t subpixels() const;
 
-  /// The setup's threads and interruption are filled in.
+  /// Returns options with the setup's threads and interruption.
   [[nodiscard]] render::RenderOptions options(int max_depth) const;
-  /// Method "full"; the options' threads and interruption are taken as they are.
+  /// Returns method "full" with the given options, including threads and interruption.
   [[nodiscard]] std::unique_ptr<render::Method> method(const render::RenderOptions& options) const;
-  /// One frame, which frame() shows until the next.
+  /// Renders a frame, which frame() returns until the next call.
   render::RenderStatistics render(render::Method& method);
   [[nodiscard]] const frames::WovenFrame& frame() const { return frame_; }
 
@@ -54,7 +55,7 @@ class BenchScene {
   frames::WovenFrame frame_;
 };
 
-/// A built-in scene's name may stand for builtin:NAME.
+/// Returns a scene name, with "builtin:" added to a built-in scene's name.
 [[nodiscard]] std::string bench_scene_name(const std::string& name);
 
 }  // namespace lenticule::player

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Times frames that are to be compared by turns, so that what else the machine does falls on all of
-// them alike.
+// Times the cases to compare in interleaved runs, so that other load on the machine affects all
+// cases equally.
 #pragma once
 
 #include <vector>
@@ -12,32 +12,32 @@ namespace lenticule::player {
 struct TimedCase {
   BenchScene* scene = nullptr;
   render::RenderOptions options;
-  bool with_visibility = true;  ///< bare Embree and visibility are timed too
+  bool with_visibility = true;  ///< also times bare Embree and visibility
 };
 
-/// One number per run, in wall seconds.
+/// One number per run, in seconds of wall time.
 struct CaseTimes {
   std::vector<double> bare;
   std::vector<double> visibility;
   std::vector<double> frame;
-  render::RenderStatistics statistics;  ///< of the last frame
-  /// The most memory that the process had resident while these ran, in MiB.
+  render::RenderStatistics statistics;  ///< statistics of the last frame
+  /// Peak resident memory of the process during these runs, in MiB.
   double visibility_peak_mib = 0.0;
   double frame_peak_mib = 0.0;
 };
 
-/// `runs` rounds of one run of each case. Every second round goes the other way round, since what
-/// comes later finds warmer caches and a warmer processor. Ends early when interrupted.
+/// Runs `runs` rounds of one run of each case. Every second round has the reverse order, because
+/// later cases find warmer caches and a warmer processor. Ends early when interrupted.
 [[nodiscard]] std::vector<CaseTimes> time_by_turns(const std::vector<TimedCase>& cases, int runs);
 
-/// Peak resident memory of this process since the last reset, in MiB; without a reset where the
-/// kernel does not let us.
+/// Returns the peak resident memory of this process in MiB since the last reset; since the start if
+/// the kernel does not permit the reset.
 [[nodiscard]] double peak_resident_mib();
 void reset_peak_resident();
 
-/// On a clock that only goes forward; differences count.
+/// Returns the time of a monotonic clock; only differences are meaningful.
 [[nodiscard]] double seconds_now();
-/// Processor time of all threads of this process.
+/// Returns the processor time of all threads of this process.
 [[nodiscard]] double process_cpu_seconds();
 
 [[nodiscard]] inline double mega_per_second(uint64_t count, double seconds) {

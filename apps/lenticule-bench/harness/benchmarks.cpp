@@ -13,7 +13,7 @@
 
 namespace lenticule::player {
 
-// One file per benchmark; each defines its function.
+// Each function is defined in the file of its benchmark.
 Run declare_bench_codec(CLI::App& app);
 Run declare_bench_depth(CLI::App& app);
 Run declare_bench_error(CLI::App& app);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench: lists and runs the benchmarks of benchmarks.cpp.
+// lenticule bench lists and runs the benchmarks of benchmarks.cpp.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -41,7 +41,7 @@ Run declare_all_benchmarks(CLI::App& app) {
   for (const Benchmark& benchmark : benchmarks()) {
     CLI::App* sub = app.add_subcommand(benchmark.name, benchmark.summary);
     sub->footer(fmt::format("Example:\n  lenticule bench {}", benchmark.name));
-    (*runs)[sub] = benchmark.declare(*sub);  // which may have a better example
+    (*runs)[sub] = benchmark.declare(*sub);  // a benchmark may set its own example
   }
   return [&app, runs]() -> ExitCode { return runs->at(app.get_subcommands().front())(); };
 }

@@ -16,7 +16,7 @@
 namespace lenticule::player {
 namespace {
 
-/// The number that follows the last `before` in the text.
+/// Returns the number that follows the last occurrence of `before` in the text.
 std::optional<double> number_after(const std::string& text, std::string_view before) {
   const size_t place = text.rfind(before);
   if (place == std::string::npos) return std::nullopt;
@@ -29,13 +29,13 @@ std::optional<double> number_after(const std::string& text, std::string_view bef
 
 // ---- Tachyon
 
-/// It sees 53 degrees whatever the file says, and mirrors what it sees: a little more background
-/// than in ours, which is in its favour.
+/// Returns the scene. Tachyon always uses a field of view of 53 degrees and mirrors the picture:
+/// slightly more background than in our picture, which is to Tachyon's advantage.
 std::string tachyon_scene(const render::SceneDescription& scene, const PeerJob& /*job*/) {
   return write_plain_nff(scene);
 }
 
-/// Its first level are the rays from the camera.
+/// Returns the arguments. Tachyon's depth counts the camera rays as the first level.
 std::vector<std::string> tachyon_arguments(const std::string& file, const PeerJob& job) {
   std::vector<std::string> arguments = {file,
                                         "-res",
@@ -85,7 +85,7 @@ std::vector<std::string> povray_arguments(const std::string& file, const PeerJob
   return arguments;
 }
 
-/// "  Trace Time:       0 hours  0 minutes  1 seconds (1.234 seconds)"
+/// Parses "  Trace Time:       0 hours  0 minutes  1 seconds (1.234 seconds)".
 std::optional<double> povray_seconds(const std::string& output) {
   const size_t line = output.rfind("Trace Time:");
   if (line == std::string::npos) return std::nullopt;
@@ -96,7 +96,7 @@ double povray_target(const std::string& scene) {
   return scene == "teapot" || scene == "balls" || scene == "tree" ? 10.0 : 0.0;
 }
 
-/// What a texture looks like from far away.
+/// Returns the mean colour of a texture, its appearance from far away.
 Vec3 mean_colour(const render::Texture& texture) {
   Vec3 sum;
   for (size_t i = 0; i + 3 < texture.rgba.size(); i += 4)

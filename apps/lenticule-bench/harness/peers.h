@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Other ray tracers that `lenticule bench exact --peers` runs beside ours, as child processes.
+// Other ray tracers (peers) that `lenticule bench exact --peers` runs as child processes for
+// comparison.
 #pragma once
 
 #include <chrono>
@@ -11,36 +12,39 @@
 
 namespace lenticule::player {
 
-/// What a peer is asked for: a picture of `width` x `height` rays from the scene's camera.
+/// The job of a peer: a picture of `width` x `height` rays from the scene's camera.
 struct PeerJob {
   int width = 0;
   int height = 0;
-  int threads = 0;  ///< all cores are to be counted by the caller
+  int threads = 0;  ///< the caller replaces "all cores" by their number
   int max_depth = 1;
-  /// Where to keep the picture; empty = throw it away as fast as the peer can.
+  /// File for the picture; empty = discard it as fast as the peer can.
   std::string picture;
 };
 
 struct Peer {
   const char* name;
-  const char* program;    ///< looked for in $PATH
-  const char* extension;  ///< of its scene files
+  const char* program;    ///< searched for in $PATH
+  const char* extension;  ///< extension of its scene files
   std::string (*write_scene)(const render::SceneDescription& scene, const PeerJob& job);
-  /// Without the program itself.
+  /// Returns the arguments without the program itself.
   std::vector<std::string> (*arguments)(const std::string& scene_file, const PeerJob& job);
-  /// The seconds of tracing rays, parsing and preparing left out, from what it prints.
+  /// Returns the seconds of ray tracing, without parsing and preparation, from the program's
+  /// output.
   std::optional<double> (*traced_seconds)(const std::string& output);
-  /// How many times faster we want to be, by the built-in scene's name; 0 = no wish.
+  /// Returns the intended speed ratio, ours over theirs, by the built-in scene's name; 0 = no
+  /// target.
   double (*target)(const std::string& scene);
 };
 
 [[nodiscard]] const std::vector<Peer>& peers();
 
-/// The scene as NFF that any program reads: no comments, no colours of lights, triangles, the mean
-/// colour of textures. Throws Error(Usage) for a scene without a camera.
+/// Returns the scene as NFF for any reader: without comments and colours of lights, with triangles,
+/// and with the mean colour of textures. Throws Error(Usage) for a scene without a camera.
 [[nodiscard]] std::string write_plain_nff(const render::SceneDescription& scene);
 
-/// How a picture of about `rays` pixels with this aspect is cut; both sides are at least 1.
+/// Returns the size of a picture of about `rays` pixels with this aspect; both sides are at least
+/// 1.
 [[nodiscard]] PeerJob peer_picture(double rays, double aspect);
 
 }  // namespace lenticule::player

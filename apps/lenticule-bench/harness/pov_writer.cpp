@@ -59,13 +59,15 @@ class PovText {
 
   void settings() {
     line("#version 3.7;");
-    // Its first level are the rays from the camera. Colours are code values, as in our NFF scenes.
+    // POV-Ray's trace level counts the camera rays as the first level. Colours are code values, as
+    // in our NFF scenes.
     line("global_settings {{ max_trace_level {} assumed_gamma srgb ambient_light rgb 1 }}",
          options_.max_depth + 1);
     line("background {{ color rgb {} }}", vector_text(scene_.background));
   }
 
-  /// "right" turned round, since coordinates are left-handed there; angle is the horizontal one.
+  /// Writes the camera. "right" is negated because POV-Ray's coordinates are left-handed; "angle"
+  /// is the horizontal one.
   void camera(const render::Camera& camera) {
     constexpr double kDegree = std::numbers::pi / 180.0;
     const double half = std::tan(camera.vertical_fov_degrees / 2.0 * kDegree) * options_.aspect;

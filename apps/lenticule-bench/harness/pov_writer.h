@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a scene in the language of POV-Ray 3.7, for running it beside our renderer.
+// write_pov writes a scene in the language of POV-Ray 3.7, to compare that program with this
+// renderer.
 #pragma once
 
 #include <string>
@@ -10,13 +11,13 @@ namespace lenticule::player {
 
 struct PovOptions {
   double aspect = 1.0;  ///< width over height of the picture
-  int max_depth = 1;    ///< generations of mirrored and refracted rays
+  int max_depth = 1;    ///< bounces of mirrored and refracted rays
 };
 
-/// The scene with the shading of docs/rendering.md as far as POV-Ray has it: meshes with their
-/// normals, spheres, open cones, point lights with hard shadows, ambient, diffuse and Phong terms,
-/// mirrors. Of a description without nodes, as at_time() gives it, with a camera. Throws
-/// Error(Usage) naming what cannot be said: textures, lights other than points, no camera.
+/// Writes the scene with the shading of docs/rendering.md as far as POV-Ray supports it: meshes
+/// with normals, spheres, open cones, point lights with hard shadows, ambient, diffuse and Phong
+/// terms, mirrors. The description must have no nodes, as from at_time(), and a camera. Throws
+/// Error(Usage) that names an unsupported property: textures, lights other than points, no camera.
 [[nodiscard]] std::string write_pov(const render::SceneDescription& scene,
                                     const PovOptions& options);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The processor time of a thread, which other programs lengthen less than they do a clock's.
+// Measures processor time of a thread, which other programs disturb less than wall time.
 #pragma once
 
 #include <ctime>
@@ -12,7 +12,7 @@ namespace lenticule::player {
   return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
-/// How long `work` takes by a clock.
+/// Returns the duration of `work` by a clock.
 template <class Work>
 [[nodiscard]] double seconds_by(clockid_t clock, Work&& work) {
   const double start = clock_seconds(clock);
@@ -20,7 +20,7 @@ template <class Work>
   return clock_seconds(clock) - start;
 }
 
-/// How long it keeps this thread busy.
+/// Returns the processor time that `work` takes on this thread.
 template <class Work>
 [[nodiscard]] double thread_seconds(Work&& work) {
   return seconds_by(CLOCK_THREAD_CPUTIME_ID, work);
