@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench codec: how small frames become in a container and how fast they come out again,
-// beside what else could be done with them.
+// lenticule bench codec measures the size of frames in a container and the decoding speed, compared
+// with other codecs.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -26,7 +26,7 @@
 namespace lenticule::player {
 namespace {
 
-/// What every ratio is a ratio to.
+/// The baseline of all ratios.
 constexpr const char* kBaseline = "row above, zstd -1";
 constexpr const char* kContainer = "container";
 constexpr std::chrono::seconds kFfmpegLimit{120};
@@ -40,7 +40,7 @@ struct CodecFlags {
   bool json = false;
 };
 
-/// One way to store a frame.
+/// Candidate is a way to store a frame.
 class Candidate {
  public:
   explicit Candidate(std::string name) : name_(std::move(name)) {}
@@ -48,8 +48,8 @@ class Candidate {
   [[nodiscard]] const std::string& name() const { return name_; }
   virtual uint64_t encode(const frames::WovenFrame& frame) = 0;
   virtual void decode(frames::WovenFrame& to) = 0;
-  /// The processor time of this thread, which other programs lengthen least, where all the work is
-  /// done in it.
+  /// Returns the clock: processor time of this thread, which other programs disturb least, if all
+  /// work is done in this thread.
   [[nodiscard]] virtual clockid_t clock() const { return CLOCK_THREAD_CPUTIME_ID; }
 
  private:
@@ -83,7 +83,7 @@ class PngFile final : public Candidate {
   std::string file_;
 };
 
-/// By the ffmpeg program, on one thread; starting it is part of its times.
+/// Ffv1File uses the ffmpeg program on one thread; its start time is included.
 class Ffv1File final : public Candidate {
  public:
   Ffv1File(std::string program, const ScratchFolder& folder)
@@ -144,8 +144,8 @@ struct Measured {
   std::vector<double> decode;
 };
 
-/// Round after round, every candidate once a round, so that what else the machine does falls on all
-/// of them. Slow ones sit out after the second round.
+/// Runs every candidate once per round, so that other load on the machine affects all of them. Slow
+/// candidates stop after the second round.
 std::vector<Measured> measure(const std::vector<std::unique_ptr<Candidate>>& candidates,
                               const frames::WovenFrame& frame, int runs) {
   constexpr double kSlow = 0.5;
@@ -196,7 +196,7 @@ void print_frame(const nlohmann::json& frame) {
               row["size_to_baseline"].get<double>(), row["decode_to_baseline"].get<double>());
 }
 
-/// A corner of the panel shows the same pixels per lens in a quarter of the time.
+/// Returns a quarter of the panel: same pixels per lens, a quarter of the time.
 optics::Rig quick_rig(optics::Rig rig) {
   rig.panel.width_px /= 2;
   rig.panel.height_px /= 2;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench memory: what one frame takes at most, measured from outside on a child process.
+// lenticule bench memory measures the peak memory of one frame from outside, on a child process.
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <sys/types.h>
@@ -34,7 +34,7 @@ struct MemoryFlags {
   bool json = false;
 };
 
-/// Everything that `render` does for one frame but for writing it.
+/// Does everything that `render` does for one frame, except writing it.
 void render_one(const MemoryFlags& flags) {
   BenchScene bench({.scene = bench_scene_name(flags.scene),
                     .rig = bench_rig(flags.rig),
@@ -61,7 +61,7 @@ struct ChildEnd {
   double peak_mib = 0.0;
 };
 
-/// Waits for the child in slices; a signal to us ends it.
+/// Waits for the child in slices; a signal to this process ends the child.
 ChildEnd wait_for(pid_t child) {
   while (true) {
     ChildEnd end;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench play: the player's memory over many frames, fed by a renderer process through a
-// real ring, in simulated time, so that frames go as fast as they can; and what each kind of source
-// costs per frame.
+// lenticule bench play measures the player's memory over many frames from a renderer process
+// through a real ring, in simulated time for maximum speed, and the cost per frame of each kind of
+// source.
 #include <fmt/format.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -48,12 +48,13 @@ struct Row {
   frames::FrameGeometry geometry;
   PlayReport report;
   uint64_t early_bytes = 0;  ///< resident at the first report: own, ring and library pages
-  uint64_t late_bytes = 0;   ///< at the end
+  uint64_t late_bytes = 0;   ///< resident at the end
   uint64_t allowed_bytes = 0;
   double seconds = 0;
 };
 
-/// The child: publishes frames of one changing grey until the player has them all.
+/// Publishes frames of one changing grey until the player has all of them. Runs in the child
+/// process.
 [[noreturn]] void run_renderer(const std::filesystem::path& socket, uint64_t count) noexcept {
   try {
     const auto ring = frames::RingRenderer::connect(
@@ -92,7 +93,7 @@ class RendererProcess {
 Row measure(frames::FrameGeometry geometry, uint64_t count, int slots) {
   const ScratchFolder folder;
   const std::filesystem::path socket = folder.file("ring.sock");
-  // Forked before this process has threads; it waits for the socket to appear.
+  // Forked before this process has threads; the child waits for the socket to appear.
   const RendererProcess renderer(socket, count);
   const auto begin = std::chrono::steady_clock::now();
   const auto ring = frames::RingPlayer::open(
@@ -156,7 +157,8 @@ ExitCode run_bench_play(const BenchFlags& flags) {
     frames::FrameGeometry geometry;
     uint64_t frames;
   };
-  // The small panel goes first: what it leaves allocated would hide nothing of the large one.
+  // The small panel is first: memory that it leaves allocated is too little to hide growth on the
+  // large one.
   const Panel panels[] = {{{.width = 480, .height = 270}, flags.small_frames},
                           {{.width = 3840, .height = 2160}, flags.large_frames}};
   bool within = true;

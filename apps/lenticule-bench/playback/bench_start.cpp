@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench start: from starting the program to the first frame on the virtual display,
-// measured from outside on the program itself.
+// lenticule bench start measures the time from program start to the first frame on the virtual
+// display, from outside on the program itself.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -35,7 +35,7 @@ struct ProgramOutput {
   double seconds = 0.0;
 };
 
-/// This very program, with arguments that the shell takes as they are.
+/// Runs this program with arguments that need no quoting in a shell.
 ProgramOutput run_self(const std::string& arguments) {
   const std::string self = fs::read_symlink("/proc/self/exe").string();
   const auto begin = std::chrono::steady_clock::now();
@@ -52,7 +52,7 @@ ProgramOutput run_self(const std::string& arguments) {
   return output;
 }
 
-/// Any picture serves: noise decodes as slowly as real frames do.
+/// Writes a test picture; noise decodes as slowly as real frames.
 void write_noise(const optics::Rig& rig, const std::string& file) {
   frames::WovenFrame frame({rig.panel.width_px, rig.panel.height_px, frames::PixelFormat::Rgb8});
   uint32_t state = 1;

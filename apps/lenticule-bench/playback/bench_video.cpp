@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench video: how fast woven frames come out of video files, beside PNG files of the
-// same frames in the same run.
+// lenticule bench video measures how fast woven frames are decoded from video files, compared with
+// PNG files of the same frames in the same run.
 #include <fmt/format.h>
 #include <poll.h>
 
@@ -28,9 +28,10 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr int kPool = 8;
-constexpr int kLeastFrames = 10;  ///< more than the pool: fewer would never be decoded again
-constexpr uint64_t kWarmUp = 12;  ///< more than what waits in any pool when measuring begins
-constexpr auto kPatience = 120s;  ///< for one frame
+constexpr int kLeastFrames =
+    10;  ///< more than the pool: with fewer, no frame would be decoded again
+constexpr uint64_t kWarmUp = 12;  ///< more than any pool holds when the measurement begins
+constexpr auto kPatience = 120s;  ///< timeout for one frame
 
 struct VideoFlags {
   std::string rig;
@@ -40,7 +41,7 @@ struct VideoFlags {
   bool json = false;
 };
 
-/// One way to store the frames.
+/// A way to store the frames.
 struct Way {
   std::string name;
   double megabytes_per_frame = 0.0;
@@ -49,8 +50,8 @@ struct Way {
   std::vector<double> rates;
 };
 
-/// Eight views of shades that slide, one beside the other, with a little noise: neighbours differ
-/// as they do in woven pictures, and no row repeats another.
+/// Returns a frame of eight views with moving shades side by side and a little noise: neighbours
+/// differ as in woven pictures, and no row repeats another.
 frames::WovenFrame woven_like(frames::FrameGeometry geometry, int k) {
   frames::WovenFrame frame(geometry);
   uint32_t noise = 1;
@@ -170,7 +171,7 @@ ExitCode run_video(const VideoFlags& given) {
   ways.push_back(store_pngs(flags, geometry, folder));
   ways.push_back(store_video(flags, geometry, VideoCodec::Ffv1, folder.file("ffv1.mkv")));
   ways.push_back(store_video(flags, geometry, VideoCodec::X264Rgb, folder.file("x264rgb.mkv")));
-  // By turns, so that what else the machine does falls on all alike.
+  // Interleaved runs, so that other load on the machine affects all equally.
   for (int run = 0; run < flags.runs && !interrupted(); ++run)
     for (Way& way : ways) way.rates.push_back(frames_per_second(way, flags.frames));
   if (interrupted()) return interrupt_exit_code();

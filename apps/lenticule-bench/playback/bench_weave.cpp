@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench weave: the fast weaver against copying the woven frame's bytes, by views, filter,
-// threads and kernel, in interleaved runs.
+// lenticule bench weave compares the fast weaver with copying the woven frame's bytes, by views,
+// filter, threads and kernel, in interleaved runs.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -35,14 +35,14 @@ struct Case {
   int width, height;  ///< of a view
   ViewFilter filter;
   int threads;
-  bool all_kernels = false;  ///< of this machine, or the best alone
+  bool all_kernels = false;  ///< measures all kernels of this machine instead of the best
 };
 
 struct CaseResult {
   Case what{};
   std::string kernel;
   double copy_ms = 0.0, weave_ms = 0.0, ratio = 0.0;
-  /// Processor time of the calling thread, the least of all runs: what other programs disturb
+  /// Processor time of the calling thread, the minimum of all runs, which other programs disturb
   /// least.
   double copy_thread_ms = 0.0, weave_thread_ms = 0.0;
   double plan_ms = 0.0, plan_mib = 0.0, reference_ms = 0.0;
@@ -65,7 +65,7 @@ frames::ViewSet noise_views(const Case& what) {
   return {std::move(quilt), {.columns = what.columns, .rows = what.rows}};
 }
 
-/// As the weaver does it: each thread one stretch.
+/// Copies as the weaver divides the work: one contiguous part per thread.
 void copy_by_threads(const frames::WovenFrame& from, frames::WovenFrame& to, int threads) {
   const size_t bytes = from.bytes().size(), all = static_cast<size_t>(threads);
   const auto copy = [&](size_t n) {
@@ -77,7 +77,7 @@ void copy_by_threads(const frames::WovenFrame& from, frames::WovenFrame& to, int
   copy(0);
 }
 
-/// A few rows, as if they were all.
+/// Returns the estimated time of a whole frame from a few rows.
 double reference_ms(const frames::ViewSet& views, const optics::OpticalModel& model,
                     const frames::WeaveOptions& options) {
   const frames::Weaver weaver(views, model, options);
@@ -87,7 +87,7 @@ double reference_ms(const frames::ViewSet& views, const optics::OpticalModel& mo
          rows;
 }
 
-/// Weaves and copies by turns.
+/// Weaves and copies in interleaved runs.
 void time_kernel(const frames::ViewSet& views, std::shared_ptr<const frames::WeavePlan> plan,
                  frames::WeaveKernel kernel, int runs, CaseResult& result) {
   const int threads = result.what.threads;

@@ -20,7 +20,7 @@ struct StoredBand {
   std::vector<uint8_t> bytes;
 };
 
-// Row by row, so that the compiler makes vectors of it: the comparison is to be fair.
+// Works row by row, so that the compiler vectorises the loop and the comparison is fair.
 void subtract_row(const uint8_t* row, const uint8_t* above, uint8_t* __restrict to, size_t bytes) {
   for (size_t i = 0; i < bytes; ++i) to[i] = static_cast<uint8_t>(row[i] - above[i]);
 }

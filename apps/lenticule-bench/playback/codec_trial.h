@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The container's codec and what it is compared with, one frame at a time, on one thread: for
-// benchmarks.
+// CodecTrial runs the container's codec, or one to compare it with, on one frame at a time on one
+// thread.
 #pragma once
 
 #include <cstddef>
@@ -12,23 +12,24 @@
 namespace lenticule::frames {
 
 enum class TrialKind {
-  Copy,       ///< the bytes as they are
+  Copy,       ///< uncompressed bytes
   Zstd,       ///< zstd on each band
-  RowAbove,   ///< the difference to the row above, then zstd
-  Container,  ///< as a sequence container stores it
+  RowAbove,   ///< difference to the row above, then zstd
+  Container,  ///< the format of a sequence container
 };
 
 class CodecTrial {
  public:
-  /// `level` is zstd's, of the two kinds that have one.
+  /// `level` is zstd's level, for the two kinds that use zstd.
   explicit CodecTrial(TrialKind kind, int level = 0);
   ~CodecTrial();
   CodecTrial(CodecTrial&&) noexcept;
   CodecTrial& operator=(CodecTrial&&) noexcept;
 
-  /// Compresses the frame in the container's bands and keeps the result; its size in bytes.
+  /// Compresses the frame in the container's bands and keeps the result; returns its size in bytes.
   size_t encode(const FrameView& frame);
-  /// What encode() kept, into a frame of the same geometry. False only if the codec is broken.
+  /// Decodes the result of encode() into a frame of the same geometry. Returns false only if the
+  /// codec is faulty.
   [[nodiscard]] bool decode(WovenFrame& to);
 
  private:

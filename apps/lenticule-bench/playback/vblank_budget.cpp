@@ -27,7 +27,7 @@ namespace {
 
 constexpr double kVblankMs = 1e3 / 60.0;
 
-/// A frame in a container, decoded as often as asked.
+/// StoredFrame is a frame in a container, which can be decoded repeatedly.
 class StoredFrame {
  public:
   StoredFrame(const frames::WovenFrame& frame, const std::string& file)
