@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
 
-/// As far apart as the rows of a panel are.
+/// The distance between the rows of a typical panel.
 constexpr double kStepMm = 0.1;
 
 PathRay path_ray(const ProbeRay& ray) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Single rays through a committed scene, followed as method full follows them, for whoever looks
-// for holes, false shadows and wrong rays instead of pictures.
+// Probe traces single rays through a committed scene as method full does, to test for holes, false
+// shadows and wrong rays.
 #pragma once
 
 #include <cstdint>
@@ -14,48 +14,49 @@
 
 namespace lenticule::render {
 
-/// In the scene frame: millimetres on the glass, the stage's centre is the origin.
+/// In the scene frame: millimetres on the panel; the origin is the centre of the scene placement.
 struct ProbeRay {
   Vec3 origin;
-  Vec3 direction;  ///< unit
+  Vec3 direction;  ///< unit vector
 };
 
 struct ProbeHit {
   enum class What { Nothing, Surface, Refused } what = What::Refused;
   double distance = 0.0;  ///< infinite for Nothing
   Vec3 point{};
-  Vec3 geometric_normal{};  ///< unit, on the side the ray came from
+  Vec3 geometric_normal{};  ///< unit, on the side from which the ray came
   bool outer_side = false;
-  Vec3 spawn_point{};  ///< where rays that leave toward the viewer start
+  Vec3 spawn_point{};  ///< start of rays that leave toward the viewer
   uint32_t geometry = 0;
   uint32_t primitive = 0;
 };
 
-/// Whether rays that slip between triangles are looked for, as method full does.
+/// Enables the search for rays that pass between triangles, as method full does it.
 enum class HoleGuard { Off, On };
 
-/// Safe from any thread. The scene must outlive it.
+/// Thread safety: any thread. Lifetime: the scene must outlive the probe.
 class Probe {
  public:
   explicit Probe(const Scene& scene);
 
-  /// Sixteen consecutive rays make a packet, and are neighbours for the guard. Two spans of one
-  /// length. Returns how many rays the guard filled.
+  /// Traces rays; sixteen consecutive rays form a packet and are neighbours for the guard. The
+  /// spans have equal lengths. Returns the number of rays that the guard filled.
   uint64_t trace(std::span<const ProbeRay> rays, HoleGuard guard, std::span<ProbeHit> hits) const;
 
-  /// Sets blocked[k] to 1 where something lies between hit k and infinity along its direction, 0
-  /// where not. Hits that are no surface are not blocked. Three spans of one length.
+  /// Sets blocked[k] to 1 if an object lies between hit k and infinity along its direction, else to
+  /// 0. Hits that are not surfaces are not blocked. The spans have equal lengths.
   void leave(std::span<const ProbeHit> hits, std::span<const Vec3> directions,
              std::span<uint8_t> blocked) const;
 
-  /// Corners of a mesh as Embree has them, in the order of the description.
+  /// Returns the corners of a mesh as Embree stores them, in the order of the description.
   [[nodiscard]] std::vector<Vec3> corners(size_t mesh) const;
 
  private:
   const Scene& scene_;
 };
 
-/// The primary rays of method full, brought back to the panel frame. Safe from any thread.
+/// PrimaryProbe returns the primary rays of method full in the panel frame. Thread safety: any
+/// thread.
 class PrimaryProbe {
  public:
   PrimaryProbe(const Scene& scene, const optics::OpticalModel& model, Isa isa);
@@ -70,10 +71,11 @@ class PrimaryProbe {
     double tan_x = 0.0, tan_y = 0.0;
   };
   [[nodiscard]] int tiles() const;
-  /// Whether the rays come from polynomials; of this rig, or else from the map itself.
+  /// Returns true if the rays come from this rig's polynomials, false if from the optical map
+  /// itself.
   [[nodiscard]] bool fast() const;
-  /// One line for each subpixel of the tile that is on the panel; all tiles have each subpixel
-  /// once.
+  /// Returns one line for each subpixel of the tile that is on the panel; every subpixel is in
+  /// exactly one tile.
   void lines(int tile, std::vector<Line>& out) const;
 
  private:

@@ -43,7 +43,7 @@ void compare_row(const RowTracer::Seen& traced, const SweptRow& swept, SweepDiff
   }
 }
 
-/// Rows one after the other are shared out in bands, each a thread's.
+/// SweepTimer distributes consecutive rows in bands, one per thread.
 class SweepTimer {
  public:
   SweepTimer(const RowPlanes& planes, const Scene& scene, int threads)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What Embree meets along a pixel row, for whoever compares the row sweep with it.
+// RowTracer traces a pixel row with Embree, as a reference for the row sweep.
 #pragma once
 
 #include <cstdint>
@@ -12,18 +12,18 @@
 
 namespace lenticule::render {
 
-/// Of one thread.
+/// Thread safety: one thread.
 class RowTracer {
  public:
-  /// Both must outlive it.
+  /// Lifetime: both must outlive the tracer.
   RowTracer(const optics::OpticalModel& model, const Scene& scene);
 
   struct Seen {
     std::vector<Hit> hits;     ///< by subpixel
-    std::vector<double> z_mm;  ///< panel frame; where something was met
+    std::vector<double> z_mm;  ///< panel frame; set where a surface was hit
     optics::RowRays rays;
   };
-  /// The centre rays of all subpixels of a row, from the map itself.
+  /// Traces the centre rays of all subpixels of a row, computed from the optical map itself.
   void trace(int row, Seen& out);
 
  private:
@@ -36,25 +36,25 @@ class RowTracer {
 
 struct SweepDifference {
   uint64_t subpixels = 0;
-  uint64_t other_id = 0;       ///< another surface, or one of the two sees none
-  uint64_t one_sees_none = 0;  ///< part of those
-  uint64_t elsewhere = 0;      ///< part of those: their depths differ by more than 0.01 mm, too
-  double depth_mm = 0.0;       ///< largest difference of z where both see the same
+  uint64_t other_id = 0;       ///< another surface, or only one of the two found a surface
+  uint64_t one_sees_none = 0;  ///< part of those: only one found a surface
+  uint64_t elsewhere = 0;      ///< part of those: the depths also differ by more than 0.01 mm
+  double depth_mm = 0.0;       ///< largest difference of z where both found the same surface
 };
-/// Every `step`-th row from `first` on, against Embree.
+/// Compares every `step`-th row, from `first` on, with Embree.
 [[nodiscard]] SweepDifference compare_with_embree(const RowPlanes& planes, const Scene& scene,
                                                   int first, int step);
 
 struct SweepTiming {
   uint64_t subpixels = 0;
-  double prepare_seconds = 0.0;  ///< of a frame, before its rows
+  double prepare_seconds = 0.0;  ///< preparation of a frame, before its rows
   double seconds = 0.0;          ///< rows and preparation
-  double rays_seconds = 0.0;     ///< of those: rays made and arranged, nothing cut
-  double write_seconds = 0.0;    ///< bare writing of as many numbers as the rows bring
+  double rays_seconds = 0.0;     ///< part of those: making and arranging rays, without cutting
+  double write_seconds = 0.0;    ///< writing as many numbers as the rows contain
   uint64_t cuts = 0;
 };
-/// Sweeps every row once. `threads` 0 = all cores. Times are what the threads spend, over their
-/// number.
+/// Sweeps every row once. `threads` 0 = all cores. Times are the sum over the threads divided by
+/// their number.
 [[nodiscard]] SweepTiming time_row_sweep(const RowPlanes& planes, const Scene& scene, int threads);
 
 }  // namespace lenticule::render

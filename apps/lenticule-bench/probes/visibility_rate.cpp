@@ -64,8 +64,8 @@ class VisibilityTimer {
     intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Coherent);
   }
 
-  /// Both ways one after the other, so that what else the machine does falls on both alike; every
-  /// second tile the other way round, since the second finds the scene in the caches.
+  /// Runs both methods one after the other, so that other load on the machine affects both equally;
+  /// every second tile in reverse order, because the second method finds the scene in the caches.
   void time_tile(int index, Worker& worker) {
     const Tile tile = plan_.tile(index);
     if (index % 2 == 0) trace_prepared(tile, worker);
@@ -84,7 +84,7 @@ class VisibilityTimer {
     }
   }
 
-  /// A few packets at a time, so that they never leave the first cache.
+  /// Processes a few packets at a time, so that they stay in the first-level cache.
   void trace_whole(const Tile& tile, Worker& worker) {
     const Clock::time_point start = Clock::now();
     worker.maker.start(scene_, tile, footprint_);
