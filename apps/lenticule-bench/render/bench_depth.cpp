@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench depth: deep scenes, with one ray a subpixel, with several, and prefiltered;
-// against many rays over the whole beam of every subpixel.
+// lenticule bench depth compares ways to render deep scenes: one ray per subpixel, several, and
+// prefiltered, each against many rays over the whole beam of every subpixel.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -39,7 +39,7 @@ struct DepthBenchFlags {
   bool json = false;
 };
 
-/// A way to render, and what it has shown so far.
+/// A set of render options and its results so far.
 struct Contender {
   std::string name;
   render::RenderOptions options;
@@ -70,7 +70,7 @@ std::vector<Contender> contenders() {
   return all;
 }
 
-/// Over the subpixels of `beyond` that are 255, or over the others.
+/// Returns the MSE over the subpixels where `beyond` is 255, or over the others.
 double mse_where(const frames::WovenFrame& a, const frames::WovenFrame& b,
                  const frames::WovenFrame& beyond, bool is_beyond) {
   frames::Difference difference;
@@ -121,7 +121,8 @@ class DepthCourse {
     return {panel.width_px, panel.height_px, frames::PixelFormat::Rgb8};
   }
 
-  /// Proofs about a scene are kept with it: each way has its own.
+  /// Renders a frame. Each variant has its own scene, because results of culling are stored in the
+  /// scene.
   render::RenderStatistics render(const render::SceneDescription& description,
                                   render::RenderOptions options, frames::WovenFrame& out,
                                   double& cpu_s) {
@@ -186,7 +187,7 @@ class DepthCourse {
       one.worst.add(number, truth_.view(), frame_.view(), eyes_.reference(), eyes_.test());
   }
 
-  /// How much the error of what an eye sees changes as it moves on by a view.
+  /// Returns the mean change of an eye's error when the eye moves by one view.
   [[nodiscard]] double flicker_of_views() const {
     const int views = frames::native_view_count(model_.rig());
     frames::FlickerMeter meter;
@@ -211,7 +212,8 @@ class DepthCourse {
   std::vector<Contender> contenders_;
 };
 
-/// Of the frames' figures the means, and of what lies beyond and within.
+/// Prints the means of the frames' figures, separately for subpixels beyond and within the depth of
+/// field.
 void print_course(const nlohmann::json& course) {
   print_out("{}, {}, {:g} depths of field: {:.0f} % beyond one; truth: {} rays\n",
             course["scene"].get<std::string>(), course["rig"].get<std::string>(),

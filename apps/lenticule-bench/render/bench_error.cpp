@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench error: what each render method takes, and what it costs in error.
+// lenticule bench error measures the run time and the error of each render method.
 #include "apps/lenticule-bench/render/bench_error.h"
 
 #include <CLI/CLI.hpp>
@@ -36,7 +36,7 @@ struct ErrorFlags {
   render::SoftLight soft;
 };
 
-/// As wide as a quick run's panel may be.
+/// Maximum panel width of a quick run.
 constexpr int kQuickWidth = 480;
 
 std::vector<optics::Rig> rigs_of(const ErrorFlags& flags) {
@@ -49,15 +49,15 @@ std::vector<optics::Rig> rigs_of(const ErrorFlags& flags) {
   return {coarser_rig(rigs[0], (width + kQuickWidth - 1) / kQuickWidth)};
 }
 
-/// Its rate hardly depends on how many rays it traces, and these are enough for a second or more.
+/// Tachyon's rate hardly depends on the number of rays; these take a second or more.
 constexpr double kMostPeerMrays = 2.0;
 
-/// As measure_peers() says it: full's whole frames by turns with Tachyon's. Null where it is not to
-/// be asked.
+/// Returns the result of measure_peers(): full's whole frames against Tachyon's in interleaved
+/// runs. Null if the comparison does not apply.
 nlohmann::json beside_tachyon(const ErrorFlags& flags, const optics::Rig& rig,
                               const ErrorScene& scene) {
   const auto name = scene.name_for_peers();
-  const bool comparable = name && !flags.soft.any();  // it has hard shadows only
+  const bool comparable = name && !flags.soft.any();  // Tachyon has hard shadows only
   if (flags.no_peers || !comparable || interrupted()) return {};
   ExactFlags exact;
   exact.rig_instead = rig;

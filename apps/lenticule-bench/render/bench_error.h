@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parts of `lenticule bench error`: run time against error of the render methods, measured
-// frame by frame into JSON, and the table, plot and pictures that are made of that.
+// The parts of `lenticule bench error`, which measures run time against error of the render methods
+// frame by frame as JSON, and makes the table, plot and pictures from that.
 #pragma once
 
 #include <functional>
@@ -17,32 +17,32 @@
 
 namespace lenticule::player {
 
-/// A method as it takes part: those that take a tolerated error once for each.
+/// A method to measure; methods with a tolerated error appear once for each error.
 struct ErrorEntrant {
   std::string name;                 ///< "lens-view", "adaptive 0.5"
-  std::string method;               ///< as make_method() takes it
-  std::optional<double> tolerated;  ///< E in code values; none where a method takes none
-  bool exists = true;               ///< in this build
+  std::string method;               ///< name for make_method()
+  std::optional<double> tolerated;  ///< E in code values; none if the method has no such option
+  bool exists = true;               ///< available in this build
 };
 
-/// "full" first, whether it is among `methods` or not, then the others in their order. `known` are
-/// the build's methods. Throws Error(Usage) for an error below 0 or above 255.
+/// Returns "full" first, even if it is not in `methods`, then the others in their order. `known`
+/// are the build's methods. Throws Error(Usage) for an error below 0 or above 255.
 [[nodiscard]] std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods,
                                                        const std::vector<double>& errors,
                                                        const std::vector<std::string>& known);
 
-/// A scene as for render, a built-in one's name, or gltf:NAME: the built-in scene, each of its
-/// frames written as glTF and read back, so that it has glTF's materials and linear light.
+/// ErrorScene is a scene as for render, a built-in scene's name, or gltf:NAME: the built-in scene
+/// with each frame written as glTF and read back, so that it has glTF's materials and linear light.
 class ErrorScene {
  public:
-  /// Throws where SceneSequence does.
+  /// Throws the errors of SceneSequence.
   explicit ErrorScene(const std::string& name);
 
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] bool still() const { return sequence_->still(); }
-  /// The scene `frames` after the one that decides about size and depth.
+  /// Returns the scene `frames` frames after the one that determines size and depth.
   [[nodiscard]] render::SceneDescription after(uint64_t frames) const;
-  /// As measure_peers() takes it; none for scenes that Tachyon would not get as we do.
+  /// Returns the name for measure_peers(); none for scenes that Tachyon would not read identically.
   [[nodiscard]] std::optional<std::string> name_for_peers() const;
 
  private:
@@ -52,15 +52,15 @@ class ErrorScene {
   ScratchFolder folder_;
 };
 
-/// Still: the same frame twice, of the same committed scene. Moving: frames in a row, of a scene
-/// that is committed anew for each.
+/// Benchmark scenarios. Still: the same frame twice, of the same committed scene. Moving:
+/// consecutive frames, the scene committed again for each.
 enum class ErrorCourse { Still, Moving };
 
 struct ErrorSetup {
   optics::Rig rig;
   std::vector<ErrorEntrant> entrants;  ///< the first is the reference
   ErrorCourse course = ErrorCourse::Moving;
-  int frames = 6;  ///< of a moving course
+  int frames = 6;  ///< number of frames in the Moving scenario
   int threads = 0;
   int depth = 5;
   render::SoftLight soft{};
@@ -68,22 +68,24 @@ struct ErrorSetup {
   std::string pictures{};  ///< folder for the worst tiles; empty = none
 };
 
-/// Renders and compares all. {"scene", "rig", "course", "subpixels", "copy_s", "pictures": [...],
-/// "methods": [{"name", "method", "tolerated_error", "missing"} or with "frames": [{"wall_s",
-/// "cpu_s", "rays", "traced", "subpixels", and but for the reference "mse", "max", "share_over_e",
-/// "share_over_8", "share_over_32", "worst_view_mse", "eyes": [{"ssim", "flip_mean", "flip_p99",
-/// "flicker_mean", "flicker_largest"}], and where audited "audited", "audited_beyond",
-/// "bound"}]}]}. `done` is called after each rendered and measured frame. Null if interrupted.
+/// Renders and compares all methods. Returns {"scene", "rig", "course", "subpixels", "copy_s",
+/// "pictures": [...], "methods": [{"name", "method", "tolerated_error", "missing"} or with
+/// "frames": [{"wall_s", "cpu_s", "rays", "traced", "subpixels", and except for the reference
+/// "mse", "max", "share_over_e", "share_over_8", "share_over_32", "worst_view_mse", "eyes":
+/// [{"ssim", "flip_mean", "flip_p99", "flicker_mean", "flicker_largest"}], and if audited
+/// "audited", "audited_beyond", "bound"}]}]}. `done` is called after each rendered and measured
+/// frame. Null if interrupted.
 [[nodiscard]] nlohmann::json measure_error(const ErrorSetup& setup, const ErrorScene& scene,
                                            const std::function<void()>& done);
 
-/// How often a reported upper bound of the share of subpixels beyond E held.
+/// BoundTally counts how often the true share of subpixels with an error above E was within the
+/// reported upper bound.
 class BoundTally {
  public:
-  /// Both from 0 to 1; a share that is the bound itself is within it.
+  /// Adds a frame. Both values are from 0 to 1; a share equal to the bound is within it.
   void add(double true_share, double bound);
-  /// {"frames", "within_percent", "largest_share", "largest_excess", "mean_bound"}; null without
-  /// a frame. The excess is share minus bound where it is positive.
+  /// Returns {"frames", "within_percent", "largest_share", "largest_excess", "mean_bound"}; null
+  /// without a frame. The excess is share minus bound if that is positive.
   [[nodiscard]] nlohmann::json figures() const;
 
  private:
@@ -96,23 +98,23 @@ class BoundTally {
 
 /// Adds to each method of measure_error()'s result, over its frames: "seconds_per_frame",
 /// "first_s", "later_s" (null for one frame), "of_full", "cpu_of_full" and "later_cpu_of_full"
-/// (time as a share of the reference's), "saved" (1 - of_full), "later_saved",
-/// "rays_per_subpixel", "over_copy", "over_tachyon" (rate over Tachyon's), "psnr_mean_db" (over
-/// frames that differ), "psnr_worst_db", "worst_view_psnr_db" (null where nothing differs), "max",
-/// "share_over_e", "share_over_8", "share_over_32", "ssim_mean", "ssim_worst", "flip_mean",
-/// "flip_p99_worst", "flicker_mean", "flicker_largest", "bound" (of BoundTally). `tachyon` is kept
-/// as "tachyon": null, or what measure_peers() says of it; its "ours_over_theirs" is full's rate
-/// over Tachyon's.
+/// (time as a share of the reference's), "saved" (1 - of_full), "later_saved", "rays_per_subpixel",
+/// "over_copy", "over_tachyon" (rate over Tachyon's), "psnr_mean_db" (over frames that differ),
+/// "psnr_worst_db", "worst_view_psnr_db" (null if equal), "max", "share_over_e", "share_over_8",
+/// "share_over_32", "ssim_mean", "ssim_worst", "flip_mean", "flip_p99_worst", "flicker_mean",
+/// "flicker_largest", "bound" (BoundTally's figures). `tachyon` is stored as "tachyon": null, or
+/// the result of measure_peers(); its "ours_over_theirs" is full's rate over Tachyon's.
 void summarize_errors(nlohmann::json& course, const nlohmann::json& tachyon);
 
-/// BoundTally's figures over all frames of all methods and courses.
+/// Returns BoundTally's figures over all frames of all methods and scenarios.
 [[nodiscard]] nlohmann::json bound_of_all(const nlohmann::json& courses);
 
 void print_error_course(const nlohmann::json& course);
-/// Nothing where no method said a bound.
+/// Prints nothing if no method reported a bound.
 void print_bound_of_all(const nlohmann::json& courses);
 
-/// Time as a share of full's against PSNR, a mark for each method, scene, rig and course.
+/// Plots time as a share of full's against PSNR, with a mark for each method, scene, rig and
+/// scenario.
 void plot_errors(const nlohmann::json& courses, const std::string& file);
 
 }  // namespace lenticule::player

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far apart two woven frames look to eyes in three places.
+// ErrorEyes measures the visible difference of two woven frames for eyes at three places.
 #pragma once
 
 #include <array>
@@ -14,29 +14,29 @@
 
 namespace lenticule::player {
 
-/// In the middle of the viewing zone, and a third of it to either side; from the left.
+/// In the middle of the viewing zone, and a third of the zone to each side, from left to right.
 inline constexpr int kErrorEyes = 3;
 using SeenPictures = std::array<frames::WovenFrame, kErrorEyes>;
-/// Of one method in one course.
+/// The meters of one method in one scenario.
 using EyeFlicker = std::array<frames::FlickerMeter, kErrorEyes>;
 
-/// Pixels of frames::decoded_geometry() in a degree, in front of the panel at the viewing distance;
-/// FLIP's own where that is infinite. Held within what FLIP takes.
+/// Returns the pixels of frames::decoded_geometry() per degree, in front of the panel at the
+/// viewing distance; FLIP's default if that is infinite. Clamped to FLIP's range.
 [[nodiscard]] double seen_pixels_per_degree(const optics::Rig& rig);
 
 class ErrorEyes {
  public:
-  /// Both must outlive it.
+  /// Lifetime: both must outlive this object.
   ErrorEyes(const optics::OpticalModel& model, frames::BandWorkers& workers);
 
-  /// What the next frames are compared with.
+  /// Sets the frame with which the next ones are compared.
   void set_reference(const frames::FrameView& woven);
-  /// One entry per eye: {"ssim" (null for tiny pictures), "flip_mean", "flip_p99", "flicker_mean",
-  /// "flicker_largest"}.
+  /// Returns one entry per eye: {"ssim" (null for tiny pictures), "flip_mean", "flip_p99",
+  /// "flicker_mean", "flicker_largest"}.
   [[nodiscard]] nlohmann::json compare(const frames::FrameView& woven, EyeFlicker& flicker);
 
   [[nodiscard]] const SeenPictures& reference() const { return reference_; }
-  /// Of the last compare().
+  /// Returns the pictures of the last compare().
   [[nodiscard]] const SeenPictures& test() const { return test_; }
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renders a course with every method, frame by frame, and compares each with the reference.
+// Renders a scenario with every method, frame by frame, and compares each with the reference.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -22,18 +22,18 @@
 namespace lenticule::player {
 namespace {
 
-/// A method in one run: it may remember its last frame. Proofs about a scene are kept with it, so
-/// that each has its own.
+/// A method in one run; it may keep data of its last frame. Each has its own scene, because results
+/// of culling are stored in the scene.
 struct Racer {
   std::unique_ptr<render::Method> method;
   std::unique_ptr<render::Scene> scene;
 };
 
-/// One entrant in all runs.
+/// One method in all runs.
 struct Contestant {
   const ErrorEntrant* entrant = nullptr;
   std::vector<Racer> racers;
-  std::vector<double> wall_s, cpu_s;  ///< of the frame at hand, a number for each run
+  std::vector<double> wall_s, cpu_s;  ///< times of the current frame, one number for each run
   render::RenderStatistics statistics;
   EyeFlicker flicker;
   WorstPlaces worst;
@@ -57,7 +57,7 @@ class CourseRun {
       if (entrant.exists) add_contestant(entrant);
   }
 
-  /// False if interrupted.
+  /// Returns false if interrupted.
   [[nodiscard]] bool run() {
     const bool moving = setup_.course == ErrorCourse::Moving;
     const int frames = moving ? setup_.frames : 2;
@@ -129,8 +129,8 @@ class CourseRun {
       for (Racer& racer : one.racers) racer.scene.reset();
   }
 
-  /// The reference leads the first run, since the others are measured against it; then all take
-  /// turns, every second run the other way round.
+  /// Measures a frame. The reference is first in the first run, because the others are compared
+  /// with it; after that the runs are interleaved, every second one in reverse order.
   void frame(int number) {
     for (Contestant& one : contestants_) one.wall_s = one.cpu_s = {};
     for (int run = 0; run < setup_.runs; ++run) {
@@ -148,7 +148,8 @@ class CourseRun {
     }
   }
 
-  /// A still scene is committed once, one that moves for each frame; neither counts.
+  /// Renders one frame. A still scene is committed once, a moving one for each frame; neither is
+  /// timed.
   [[nodiscard]] bool race(Contestant& one, int run, int number) {
     Racer& racer = one.racers[static_cast<size_t>(run)];
     if (!racer.scene)
@@ -163,7 +164,8 @@ class CourseRun {
     return one.statistics.completed;
   }
 
-  /// What writing a frame takes at least: copying one, with as many threads. The fastest counts.
+  /// Measures the time to copy a frame with as many threads, a lower bound for writing one. The
+  /// fastest copy counts.
   void time_copies() {
     constexpr int kTimes = 5;
     for (int n = 0; n < kTimes; ++n) time_copy();
@@ -210,7 +212,7 @@ class CourseRun {
     figures["max"] = total.max();
     figures["share_over_8"] = total.share_over(8);
     figures["share_over_32"] = total.share_over(32);
-    // Codes are whole: more than E is more than E rounded down.
+    // Codes are integers, so "more than E" equals "more than E rounded down".
     if (one.entrant->tolerated)
       figures["share_over_e"] = total.share_over(static_cast<int>(*one.entrant->tolerated));
     figures["worst_view_mse"] = views[static_cast<size_t>(frames::worst_view(views))].mse();
@@ -227,7 +229,7 @@ class CourseRun {
   render::SceneDescription description_;
   render::Stage stage_;
   frames::WovenFrame reference_;
-  frames::WovenFrame frame_;  ///< of whoever rendered last
+  frames::WovenFrame frame_;  ///< the frame rendered last, by any method
   std::vector<double> copy_s_;
   std::vector<Contestant> contestants_;
 };

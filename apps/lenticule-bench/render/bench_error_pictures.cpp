@@ -19,7 +19,7 @@ constexpr int kPaneSide = 384;
 constexpr int kGap = 8;
 constexpr uint8_t kGapGrey = 96;
 
-/// A part of a picture, in fractions of it.
+/// A part of a picture, in fractions of its size.
 struct Part {
   double left, top, width, height;
 };
@@ -31,7 +31,7 @@ Part part_of(const frames::Tile& tile, const frames::FrameGeometry& picture) {
           .height = static_cast<double>(tile.height) / picture.height};
 }
 
-/// Pixels stay squares with sharp edges.
+/// Returns a part, magnified so that pixels stay squares with sharp edges.
 frames::WovenFrame magnified(const frames::FrameView& picture, const Part& part, int width,
                              int height) {
   const auto place = [](double begin, double size, int index, int count, int pixels) {
@@ -63,7 +63,7 @@ void put_row(const frames::FrameView& reference, const frames::FrameView& test, 
   put(frames::error_picture(a.view(), b.view()), 2 * (width + kGap), y, sheet);
 }
 
-/// The eye to which the tile is furthest off.
+/// Returns the eye for which the tile differs most.
 int eye_of(const frames::Tile& tile, const frames::FrameGeometry& panel,
            const SeenPictures& reference, const SeenPictures& test) {
   const Part part = part_of(tile, panel);
@@ -82,7 +82,7 @@ int eye_of(const frames::Tile& tile, const frames::FrameGeometry& panel,
   return eye;
 }
 
-/// Letters, digits, dots and dashes: a name of a file on any system.
+/// Returns letters, digits, dots and dashes only: a file name that is valid on any system.
 std::string file_name(std::string text) {
   for (char& c : text)
     if (!std::isalnum(static_cast<unsigned char>(c)) && c != '.' && c != '-') c = '-';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The worst places of a method in a course, as pictures to be looked at.
+// WorstPlaces keeps the worst tiles of a method in a scenario as pictures for inspection.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -12,22 +12,23 @@
 
 namespace lenticule::player {
 
-/// Two rows of three magnified panes: reference, test, and where they differ (colours of
-/// frames::error_picture); above the woven pixels of the tile, below what an eye sees there. The
-/// eye's pictures may be of any size; they show the whole panel.
+/// Returns two rows of three magnified panes: reference, test, and their difference (colours of
+/// frames::error_picture). The upper row shows the woven pixels of the tile, the lower row what an
+/// eye sees there. The eye's pictures may have any size; they show the whole panel.
 [[nodiscard]] frames::WovenFrame tile_sheet(const frames::FrameView& reference,
                                             const frames::FrameView& test,
                                             const frames::FrameView& seen_reference,
                                             const frames::FrameView& seen_test,
                                             const frames::Tile& tile);
 
-/// Keeps the worst tiles of all frames that it is shown, no two at one place.
+/// Keeps the worst tiles of all added frames, at most one per place.
 class WorstPlaces {
  public:
   void add(int frame, const frames::FrameView& reference, const frames::FrameView& test,
            const SeenPictures& seen_reference, const SeenPictures& seen_test);
-  /// FOLDER/STEM-1.png and on, the worst first; what was written: [{"file", "frame", "x", "y",
-  /// "width", "height", "mse", "eye"}]. Throws Error(Failed) if a file cannot be written.
+  /// Writes FOLDER/STEM-1.png and so on, the worst first. Returns the list of files: [{"file",
+  /// "frame", "x", "y", "width", "height", "mse", "eye"}]. Throws Error(Failed) if a file cannot be
+  /// written.
   [[nodiscard]] nlohmann::json write(const std::string& folder, const std::string& stem) const;
 
  private:
@@ -37,7 +38,7 @@ class WorstPlaces {
     int eye;
     frames::WovenFrame sheet;
   };
-  std::vector<Place> places_;  ///< the worst first
+  std::vector<Place> places_;  ///< worst first
 };
 
 }  // namespace lenticule::player

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What takes part in `lenticule bench error`: methods, and scenes.
+// The methods and scenes of `lenticule bench error`.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ namespace {
 constexpr std::string_view kGltf = "gltf:";
 constexpr std::string_view kBuiltIn = "builtin:";
 constexpr const char* kReference = "full";
-/// The method that takes a tolerated error.
+/// The method that has a tolerated error.
 constexpr const char* kTolerant = "adaptive";
 
 ErrorEntrant entrant(const std::string& method, std::optional<double> tolerated,

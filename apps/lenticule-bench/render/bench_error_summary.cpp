@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the frames of a course add up to, method by method.
+// Summarises the frames of a scenario for each method.
 #include <algorithm>
 
 #include "apps/lenticule-bench/harness/bench.h"
@@ -35,7 +35,7 @@ json smallest(const std::vector<double>& list) {
   return list.empty() ? json() : json(*std::ranges::min_element(list));
 }
 
-/// Of all eyes in all frames; `from` skips frames that have nothing before them.
+/// Returns the values of all eyes in all frames; `from` skips frames without a previous one.
 std::vector<double> seen(const json& frames, const char* key, size_t from = 0) {
   std::vector<double> list;
   for (size_t n = from; n < frames.size(); ++n)
@@ -149,8 +149,7 @@ void summarize_errors(json& course, const json& tachyon) {
   for (json& method : course["methods"]) {
     if (method["missing"].get<bool>()) continue;
     add_times(method, reference_frames, course["copy_s"].get<double>());
-    // Both ratios are of times taken by turns, so their quotient stands whatever else ran
-    // meanwhile.
+    // Both ratios come from interleaved runs, so their quotient does not depend on other load.
     method["over_tachyon"] = nullptr;
     if (tachyon.contains("ours_over_theirs") && !method["of_full"].is_null())
       method["over_tachyon"] =

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What people read of `lenticule bench error`.
+// Prints the tables of `lenticule bench error` and draws its plot.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -16,7 +16,7 @@ namespace {
 
 using nlohmann::json;
 
-/// "-" for what was not measured.
+/// Returns "-" for a value that was not measured.
 std::string text(const json& figures, const char* key, const char* format, double factor = 1.0) {
   if (!figures.contains(key) || figures[key].is_null()) return "-";
   return fmt::format(fmt::runtime(format), factor * figures[key].get<double>());
@@ -75,7 +75,7 @@ void print_errors(const json& methods) {
   }
 }
 
-/// Where the plot puts frames that have the bytes of full: PSNR has no number for them.
+/// Position in the plot of frames equal to full's, whose PSNR is infinite.
 constexpr double kEqualDb = 80.0;
 
 PlotSeries& series_of(Plot& plot, const std::string& name) {

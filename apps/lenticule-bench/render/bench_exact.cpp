@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench exact: what an exact frame costs, and how near it comes to what Embree can do.
+// lenticule bench exact measures the cost of an exact frame relative to Embree alone.
 #include "apps/lenticule-bench/render/bench_exact.h"
 
 #include <fmt/format.h>
@@ -34,7 +34,8 @@ void print_heading(const nlohmann::json& r) {
             r["runs"].get<int>());
 }
 
-/// One part of the benchmark: measured, kept under its name, printed unless all is printed as JSON.
+/// Parts measures each part of the benchmark, stores it under its name, and prints it unless the
+/// output is JSON.
 class Parts {
  public:
   explicit Parts(const ExactFlags& flags) : flags_(flags), result_(heading(flags)) {

@@ -26,41 +26,42 @@ struct ExactFlags {
   double peer_mrays = 0.0;                 ///< 0 = as many as the frame has subpixels
   int peer_limit_s = 900;                  ///< per run of a peer
   std::string only_peer;                   ///< by name; empty = all
-  std::optional<optics::Rig> rig_instead;  ///< of a file
+  std::optional<optics::Rig> rig_instead;  ///< loaded from a file
   std::string peer_pictures;
-  std::string plots;  ///< folder, empty = none
+  std::string plots;  ///< folder; empty = none
   bool json = false;
 };
 
-/// A variant of the whole frame: one step turned off or done in another way.
+/// A variant of the whole frame: one step turned off or done differently.
 struct ExactVariant {
   const char* name;
   void (*change)(render::RenderOptions& options);
 };
 
-/// The first is the whole frame as `render` makes it.
+/// Returns the variants; the first is the whole frame as `render` makes it.
 [[nodiscard]] const std::vector<ExactVariant>& exact_variants();
 
 [[nodiscard]] BenchSetup exact_setup(const ExactFlags& flags, const std::string& scene);
 
-/// Bare Embree, visibility, the whole frame and its variants of one scene.
+/// Measures bare Embree, visibility, the whole frame and its variants for one scene.
 [[nodiscard]] nlohmann::json measure_rates(const ExactFlags& flags, const std::string& scene);
 void print_rates(const nlohmann::json& rates);
 
-/// The rig with upright lenses of a whole number of subpixels, 8 for the kiosk: same panel, same
-/// cone of views.
+/// Returns the rig with upright lenses of a whole number of subpixels (8 for the kiosk), with the
+/// same panel and cone of views.
 [[nodiscard]] optics::Rig upright_rig(const optics::Rig& slanted);
-/// Whole frames of the flags' rig against those of its upright_rig.
+/// Compares whole frames of the flags' rig with those of its upright_rig().
 [[nodiscard]] nlohmann::json measure_upright(const ExactFlags& flags, const std::string& scene);
 void print_upright(const nlohmann::json& upright);
 
-/// How cost changes with threads (one JSON for all scenes), and with subpixels, triangles, lights
-/// and lenses. Each has the form {"name", "x_label", "rows"}; plots go to flags.plots.
+/// Measures how the cost grows with threads (one JSON for all scenes), and with subpixels,
+/// triangles, lights and lenses. Each result has the form {"name", "x_label", "rows"}; plots go to
+/// flags.plots.
 [[nodiscard]] nlohmann::json measure_scaling(const ExactFlags& flags);
 [[nodiscard]] nlohmann::json measure_growth(const ExactFlags& flags);
 void print_growth(const nlohmann::json& growth);
 
-/// Other ray tracers on the same scene, by turns with ours.
+/// Runs other ray tracers on the same scene, interleaved with this renderer.
 [[nodiscard]] nlohmann::json measure_peers(const ExactFlags& flags, const std::string& scene);
 void print_peers(const nlohmann::json& peers);
 

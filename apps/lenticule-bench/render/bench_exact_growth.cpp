@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench exact --scaling and --growth: how cost changes with threads, subpixels,
+// lenticule bench exact --scaling and --growth measure how the cost grows with threads, subpixels,
 // triangles, lights and the pitch of the lenses.
 #include <fmt/format.h>
 
@@ -19,7 +19,7 @@
 namespace lenticule::player {
 namespace {
 
-/// One setup per step; what grows is read off the scene that it became.
+/// A series of setups; the growing quantity is read from the resulting scene.
 struct Growth {
   const char* name;
   const char* x_label;
@@ -129,7 +129,7 @@ Growth light_growth(const BenchSetup& base) {
   return growth;
 }
 
-/// The cone of views stays: the gap grows with the pitch.
+/// Varies the pitch with a constant cone of views: the gap grows with the pitch.
 Growth pitch_growth(const BenchSetup& base) {
   Growth growth{"pitch",
                 "subpixels per lens",
@@ -167,7 +167,7 @@ void plot_growth(const ExactFlags& flags, const Growth& growth, const nlohmann::
   Plot plot;
   plot.title = fmt::format("Cost per subpixel by {}", growth.name);
   plot.x = {.label = growth.x_label, .scale = growth.x_scale};
-  // What grows with a plain number is seen to grow in proportion only beside a plain axis.
+  // Proportional growth along a linear x axis is visible only with a linear y axis.
   plot.y = {.label = "ns per subpixel", .scale = growth.x_scale};
   plot.series = {series_of(rows, "frame_ns", "whole frame"),
                  series_of(rows, "visibility_ns", "visibility")};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench exact --peers: other ray tracers on the same scene, by turns with ours.
+// lenticule bench exact --peers runs other ray tracers on the same scene, interleaved with this
+// renderer.
 #include <fmt/format.h>
 
 #include <filesystem>
@@ -20,7 +21,7 @@
 namespace lenticule::player {
 namespace {
 
-/// What became of one peer; `failure` is empty while all is well.
+/// The results of one peer; `failure` is empty if there was no error.
 struct PeerRuns {
   const Peer* peer = nullptr;
   std::string program;
@@ -57,7 +58,7 @@ ChildResult start_peer(const PeerRuns& runs, const PeerJob& job, int limit_s) {
   return run_child(arguments, std::chrono::seconds(limit_s));
 }
 
-/// A peer that failed once is not asked again.
+/// Runs a peer, unless it has failed before.
 void run_peer(PeerRuns& runs, const PeerJob& job, int limit_s) {
   if (!runs.failure.empty() || interrupted()) return;
   const ChildResult result = start_peer(runs, job, limit_s);
@@ -86,7 +87,7 @@ void keep_picture(const ExactFlags& flags, const PeerRuns& runs, const PeerJob& 
   (void)start_peer(runs, small, flags.peer_limit_s);
 }
 
-/// "tree" of "builtin:tree" and of "builtin:tree:9".
+/// Returns "tree" for "builtin:tree" and "builtin:tree:9".
 std::string short_name(const std::string& scene) {
   const size_t begin = scene.find(':') + 1;
   return scene.substr(begin, scene.find(':', begin) - begin);

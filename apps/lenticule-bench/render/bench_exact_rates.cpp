@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench exact --rates
+// lenticule bench exact --rates measures the rates of visibility and of whole frames.
 
 #include <algorithm>
 
@@ -35,7 +35,7 @@ nlohmann::json rows(uint64_t subpixels, const std::vector<CaseTimes>& times) {
   return list;
 }
 
-/// By what the workers do; the last variant measures it.
+/// Returns the shares of the workers' time by task; the last variant measures them.
 nlohmann::json shares(const render::RenderStatistics& statistics) {
   const auto of = [&](render::Work work) { return statistics.work.at(static_cast<size_t>(work)); };
   return {{"make_rays", of(render::Work::MakeRays)},

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench exact --upright: what slanted lenses of a broken pitch cost over upright ones.
+// lenticule bench exact --upright measures the additional cost of slanted lenses of fractional
+// pitch over upright ones.
 
 #include <cmath>
 
@@ -20,7 +21,7 @@ optics::Rig upright_rig(const optics::Rig& slanted) {
   rig.name += ", upright";
   rig.sheet.slant = 0.0;
   const double pitch = std::ceil(slanted.sheet.pitch.value);
-  // The cone of views is pitch over gap.
+  // The cone of views is pitch divided by gap.
   rig.sheet.gap = Millimetres(slanted.sheet.gap.value * pitch / slanted.sheet.pitch.value);
   rig.sheet.pitch = Subpixels(pitch);
   return rig;

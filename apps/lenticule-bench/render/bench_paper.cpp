@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench paper: the methods of the paper that this renderer starts from, in its two
-// tables.
+// lenticule bench paper measures the methods of the paper on which this renderer is based, and
+// prints the paper's two tables.
 #include "apps/lenticule-bench/render/bench_paper.h"
 
 #include <fmt/format.h>
@@ -47,8 +47,9 @@ std::vector<std::string> paper_scenes() {
   return names;
 }
 
-/// With the frames of the paper's first table, whichever spans are chosen. Quick ones end early:
-/// methods that remember frames then trace one of eight whole instead of one of sixteen.
+/// Returns the spans, always including the frames of the paper's first table. Quick spans end
+/// early, so that methods that keep frames trace one of eight frames whole instead of one of
+/// sixteen.
 std::vector<PaperSpan> chosen_spans(const PaperFlags& flags, const std::string& scene) {
   constexpr int kQuickFrames = 8;
   const int frames = scenes::find_scene(scene).frames;
@@ -63,10 +64,11 @@ std::vector<PaperSpan> chosen_spans(const PaperFlags& flags, const std::string& 
   return list;
 }
 
-/// Spans that were measured, in a file if one is named, so that a long run can be continued.
+/// PaperState stores measured spans, in a file if one is named, so that a long run can be
+/// continued.
 class PaperState {
  public:
-  /// Throws Error(Input) if the file is there and was not written by a run like this one.
+  /// Throws Error(Input) if the file exists and was not written by a run with the same settings.
   PaperState(std::string file, nlohmann::json settings) : file_(std::move(file)) {
     content_ = {{"settings", std::move(settings)}, {"spans", nlohmann::json::object()}};
     if (!file_.empty() && std::filesystem::exists(file_)) load();
@@ -209,7 +211,7 @@ class PaperRun {
 
 void check(PaperFlags& flags) {
   for (const std::string& scene : flags.scenes) (void)scenes::find_scene(scene);
-  // The reference comes first.
+  // The reference is first.
   std::erase(flags.methods, "full");
   flags.methods.insert(flags.methods.begin(), "full");
   const auto& known = paper_method_names();

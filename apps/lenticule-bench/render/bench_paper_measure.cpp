@@ -18,13 +18,13 @@
 namespace lenticule::player {
 namespace {
 
-/// One method in one run: it may remember its last frame.
+/// One method in one run; it may keep data of its last frame.
 struct Contestant {
   std::unique_ptr<render::Method> method;
   frames::WovenFrame frame;
 };
 
-/// What all runs of one method took for one frame.
+/// The measurements of all runs of one method for one frame.
 struct Taken {
   std::vector<double> wall_s, cpu_s, build_s;
   render::RenderStatistics statistics;
@@ -58,7 +58,7 @@ class SpanRun {
     std::vector<Taken> taken(setup_.methods.size());
     const size_t rounds = contestants_.size();
     for (size_t turn = 0; turn < rounds && !interrupted(); ++turn) {
-      // Another one begins each time: what comes later finds warmer caches.
+      // Each frame starts with another method, because later ones find warmer caches.
       const size_t i = (turn + static_cast<size_t>(number)) % rounds;
       contestants_[i].method->set_frame(static_cast<uint64_t>(number));
       race(contestants_[i], description, stage, taken[i % setup_.methods.size()]);
@@ -70,7 +70,8 @@ class SpanRun {
   }
 
  private:
-  /// Proofs about a scene are kept with it, so that each has its own.
+  /// Renders one frame. Each method has its own scene, because results of culling are stored in the
+  /// scene.
   void race(Contestant& one, const render::SceneDescription& description,
             const render::Stage& stage, Taken& taken) const {
     const double start = seconds_now();
@@ -118,7 +119,7 @@ double mean_of(const nlohmann::json& mse) {
   return (mse[0].get<double>() + mse[1].get<double>() + mse[2].get<double>()) / 3.0;
 }
 
-/// Of one method over all frames.
+/// Sums of one method over all frames.
 struct Sums {
   int frames = 0, differing = 0, max = 0, worst_frame = 0;
   double wall_s = 0, cpu_s = 0, build_s = 0, rays = 0, subpixels = 0, traced = 0, missing = 0;
@@ -192,7 +193,7 @@ std::vector<PaperSpan> spans_of(const std::string& scene, int frames, int length
   const int count = spans == 0 ? most : std::min(spans, most);
   std::vector<PaperSpan> list;
   for (int i = 0; i < count; ++i) {
-    // In the middle of each of `count` equal parts.
+    // The middle of each of `count` equal parts.
     const int index = (2 * i + 1) * most / (2 * count);
     list.push_back({scene, index * length, std::min(length, frames - index * length)});
   }

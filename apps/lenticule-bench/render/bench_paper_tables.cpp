@@ -33,7 +33,7 @@ std::string published_saving(const PublishedTimes& times, double seconds) {
   return fmt::format("{:.0f} %", 100.0 * (1.0 - seconds / times.full_s));
 }
 
-/// What one frame of the teapot was off by, with the method that the paper's table is of.
+/// Prints the error of one frame of the teapot, for the method in the paper's table.
 void print_quality_row(const PublishedQuality& published, const nlohmann::json& figures) {
   const auto mse = [&](size_t c) { return figures["mse"][c].get<double>(); };
   const double mean = (mse(0) + mse(1) + mse(2)) / 3.0;

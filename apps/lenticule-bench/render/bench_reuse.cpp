@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench reuse: what the methods that reuse points save, and what they cost in error.
+// lenticule bench reuse measures the time that methods with reuse of points save, and their error.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -27,7 +27,7 @@ struct ReuseFlags {
   bool json = false;
 };
 
-/// One way to make a frame.
+/// A method with its options.
 struct Way {
   const char* name;
   const char* method;
@@ -47,7 +47,8 @@ const std::vector<Way>& plain_ways() {
   return table;
 }
 
-/// Each is one step away from another of the table, so that it tells what the step is worth.
+/// Returns the variants. Each differs in one step from another one, so that the table shows the
+/// effect of the step.
 const std::vector<Way>& variant_ways() {
   static const std::vector<Way> table = {
       {"lens-view, as published", "lens-view", as_published},
@@ -144,7 +145,7 @@ nlohmann::json error_json(const frames::WovenFrame& reference, const frames::Wov
   return json;
 }
 
-/// One way on one scene while it is measured.
+/// A variant and its measurements on one scene.
 struct Measured {
   const Way* way = nullptr;
   std::unique_ptr<render::Method> method;
@@ -170,7 +171,7 @@ nlohmann::json measure_scene(const ReuseFlags& flags, const std::string& name,
                    .error = {}});
   }
   frames::WovenFrame reference;
-  // By turns, so that what else the machine does falls on all alike.
+  // Interleaved runs, so that other load on the machine affects all equally.
   for (int run = 0; run < flags.runs && !interrupted(); ++run)
     for (Measured& one : all) {
       one.statistics = scene.render(*one.method);

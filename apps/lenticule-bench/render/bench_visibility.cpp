@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench visibility: the row sweep against Embree's packets and against bare writing, by
-// turns, and how often they disagree.
+// lenticule bench visibility compares the row sweep with Embree's packets and with writing alone,
+// in interleaved runs, and counts differences.
 
 #include <CLI/CLI.hpp>
 #include <memory>
@@ -29,7 +29,7 @@ struct Times {
   std::vector<double> bare, packets, sweep, prepare, rays, write, ratio, bare_ratio;
 };
 
-/// Every second run the other way round.
+/// Times each method once; every second run is in reverse order.
 void time_once(const BenchScene& bench, const render::RowPlanes& planes, int threads, bool swapped,
                Times& times) {
   render::VisibilityTiming packets;
@@ -70,7 +70,7 @@ nlohmann::json measure(const VisibilityFlags& flags, const optics::Rig& rig,
                        const std::string& scene) {
   const BenchScene bench({.scene = bench_scene_name(scene), .rig = rig});
   const render::RowPlanes planes(bench.model());
-  // A step that shares no factor with the lenses: their edges fall everywhere.
+  // The step has no factor in common with the lenses, so that lens edges fall at all positions.
   const render::SweepDifference difference =
       render::compare_with_embree(planes, bench.scene(), 5, flags.quick ? 101 : 11);
   const auto per_million = [&](uint64_t count) {
