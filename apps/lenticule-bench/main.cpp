@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule-bench NAME ...: what `lenticule bench NAME ...` runs, with the same words in messages.
+// lenticule-bench NAME ... is the program that `lenticule bench NAME ...` runs; its messages use
+// the name of that command.
 #include <array>
 #include <vector>
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What method adaptive says of its own frames, against the truth, over random scenes.
+// Checks the error bounds that method adaptive reports for its frames against the ground truth,
+// over random scenes.
 #include <fmt/format.h>
 
 #include <array>
@@ -23,8 +24,8 @@ class RandomScene {
  public:
   explicit RandomScene(uint64_t seed) : random_(seed) {}
 
-  /// Somewhere about the glass, 6 units wide: matte, mirroring and transparent things, some of them
-  /// far smaller than the distance of samples, some with a fine pattern.
+  /// Makes a scene near the panel, 6 units wide: matte, mirroring and transparent objects, some far
+  /// smaller than the distance of samples, some with a fine pattern.
   render::SceneDescription make() {
     scene_.source = "random scene";
     scene_.colour_managed = chance(0.5);
@@ -131,14 +132,15 @@ class RandomScene {
   render::SceneDescription scene_;
 };
 
-/// What is added up over frames.
+/// Sums over frames.
 struct Audits {
   uint64_t frames = 0;
   uint64_t broken = 0;  ///< bounds below the true share
-  uint64_t mended = 0;  ///< frames of which bands were
+  uint64_t mended = 0;  ///< frames with bands that were traced again
   double true_share = 0.0;
   double bound = 0.0;
-  // Subpixels that the audit drew and found beyond, and how many it should have found.
+  // Sampled subpixels in which the audit found an error above the limit, and the expected number of
+  // them.
   double found = 0.0;
   double expected = 0.0;
   double variance = 0.0;
@@ -175,7 +177,7 @@ Audits audit_of(uint64_t seed) {
       frames::compare_pictures(full.frame.view(), adaptive.frame.view()).total;
   const render::RenderStatistics& said = adaptive.statistics;
   const double share = off.share_over(kError);
-  // What is drawn is delivered as it was traced: the rest is judged by it.
+  // Sampled subpixels are delivered as traced, so the bound is checked on the other subpixels.
   const auto drawn = static_cast<double>(said.audited_subpixels);
   const double of_rest = static_cast<double>(off.count_over(kError)) /
                          (static_cast<double>(off.samples()) - 2.0 * drawn);

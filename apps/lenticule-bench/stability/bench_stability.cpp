@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench stability: where numbers usually break, measured against oracles in long double.
+// lenticule bench stability tests numerically critical cases against reference implementations
+// (oracles) in long double.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>

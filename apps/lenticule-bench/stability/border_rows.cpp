@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rational pitches and slants: whole columns of subpixels lie exactly on the borders of lenses and
-// of views, and integers say to whom they belong.
+// Tests rational pitches and slants: whole columns of subpixels lie exactly on the borders of
+// lenses and views, and integer arithmetic gives the correct lens and view.
 #include <fmt/format.h>
 
 #include <atomic>
@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kWidth = 15360, kHeight = 8640;
 
-/// Pitch = pitch / pitch_by subpixels, slant = slant / slant_by, as many views as given.
+/// Pitch = pitch / pitch_by subpixels, slant = slant / slant_by, and the number of views.
 struct RationalSheet {
   int pitch, pitch_by;
   int slant, slant_by;
@@ -58,11 +58,11 @@ struct Owner {
   bool on_border = false;
 };
 
-/// Says whose the subpixels of a sheet are, in integers alone.
+/// Owners computes the lens and view of each subpixel of a sheet with integers only.
 ///
 /// phase = 3 [(i + 1/6 + c/3 - W/2) + m (j + 1/2 - H/2)] / P is number / by, two integers; from
-/// subpixel to subpixel of a row the number grows by the same. View and border depend on its
-/// remainder, and are looked up.
+/// subpixel to subpixel of a row the number grows by a constant. View and border depend on its
+/// remainder and are looked up in a table.
 class Owners {
  public:
   explicit Owners(const RationalSheet& sheet)
@@ -70,7 +70,7 @@ class Owners {
     for (int64_t rest = 0; rest < by_; ++rest) of_rest_.push_back(owner(rest));
   }
 
-  /// Calls see(subpixel, owner) for every subpixel of row j, from the left.
+  /// Calls see(subpixel, owner) for every subpixel of row j, from left to right.
   template <class See>
   void row(int j, const See& see) const {
     const int64_t first = number(0, j);
@@ -128,7 +128,7 @@ StabilityRow stability_borders(const StabilitySize& size) {
       Tally tally;
       uint64_t borders = 0;
       const int j = static_cast<int>(k) * step;
-      // Kept from row to row: taking a megabyte anew for each costs more than filling it.
+      // Reused for all rows, because allocating a megabyte for each costs more than filling it.
       static thread_local std::vector<optics::RowRays> rays;
       rays.resize(kernels.size());
       for (size_t n = 0; n < kernels.size(); ++n) kernels[n].evaluate(j, 0, kWidth, rays[n]);

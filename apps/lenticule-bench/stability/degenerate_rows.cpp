@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Geometry that should not be: what is not a number is refused with a clear error, what has no area
-// changes nothing. A benchmark that ends by a signal here has failed as well.
+// Tests degenerate geometry: values that are not finite are refused with a clear error, and
+// primitives without area change nothing. A run that ends by a signal here has failed too.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -23,7 +23,7 @@ using render::SceneDescription;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// An error for people: what, and a cause.
+/// Returns true if the attempt throws an Error with a subject and a cause.
 bool refuses(const std::function<void()>& attempt) {
   try {
     attempt();
@@ -84,7 +84,8 @@ void refuse_shapes(NamedFailures& failures) {
   });
 }
 
-/// Triangles without area, slivers thinner than any number on the glass, and the same ones again.
+/// Adds triangles without area, slivers thinner than any number on the panel, and duplicates of
+/// them.
 void add_nothing(SceneDescription& scene) {
   render::TriangleMesh nothing;
   nothing.name = "nothing";
@@ -115,7 +116,7 @@ void compare_with_clean(NamedFailures& failures) {
                  std::ranges::equal(clean.bytes(), without.bytes()));
 }
 
-/// Files: an error with the file's name, or a note about what was repaired.
+/// Files tests that broken files cause an error with the file's name, or a note about a repair.
 class Files {
  public:
   Files()

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Total internal reflection, and glass in glass, against Snell's law in long double.
+// Tests total internal reflection and nested transparent objects against Snell's law in long
+// double.
 #include "apps/lenticule-bench/stability/oracle_picture.h"
 #include "apps/lenticule-bench/stability/small_scenes.h"
 
@@ -15,7 +16,8 @@ render::Material glass(double index) {
           .refraction_index = index};
 }
 
-/// Stripes of three glows behind everything, so that a bent ray shows where it went.
+/// Adds stripes of three glowing materials behind everything, which reveal the direction of a
+/// refracted ray.
 void add_stripes(render::SceneDescription& scene) {
   const int first = static_cast<int>(scene.materials.size());
   scene.materials.push_back(glowing({0.8, 0.3, 0.1}));
@@ -33,7 +35,7 @@ optics::Rig rig_of(const StabilitySize& size) {
   return finer(small_rig(), size.full ? 4 : 1);
 }
 
-/// A box turned about two axes, so that its far faces are met beyond the critical angle.
+/// Returns a box rotated about two axes, so that rays meet its far faces beyond the critical angle.
 render::TriangleMesh turned_box() {
   render::TriangleMesh box = box_mesh({-14.1, -11.3, -9.7}, {13.3, 12.1, 10.9}, 0);
   for (Vec3& p : box.positions) {
@@ -59,8 +61,8 @@ StabilityRow stability_total_reflection(const StabilitySize& size) {
 StabilityRow stability_nested_glass(const StabilitySize& size) {
   render::SceneDescription scene = dark_scene({0.2, 0.25, 0.3});
   scene.materials = {glass(1.5), glass(2.0)};
-  // A ball of glass with a bubble in it, and in that a ball of denser glass; and next to it the
-  // same with air so thin that the walls nearly touch.
+  // A glass ball that contains a bubble, which contains a ball of denser glass; and beside it the
+  // same with an air gap so thin that the surfaces nearly touch.
   scene.spheres = {{.centre = {-19.3, 0.7, 1.1}, .radius = 17.3, .material = 0},
                    {.centre = {-18.1, 1.9, 2.3}, .radius = 11.9, .inward = true, .material = 0},
                    {.centre = {-17.3, 2.3, 3.1}, .radius = 7.1, .material = 1},

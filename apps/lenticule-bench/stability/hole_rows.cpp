@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays at corners and edges of regular closed meshes, from outside and from inside: none may go
-// through.
+// Shoots rays at corners and edges of regular closed meshes, from outside and from inside: none may
+// pass through.
 #include <fmt/format.h>
 
 #include <array>
@@ -23,7 +23,7 @@ using render::ProbeRay;
 constexpr double kRadius = 40.0;
 constexpr size_t kRaysPerPart = 4096;
 
-/// A closed ball and where rays at it come from.
+/// A closed ball and the origins of the rays at it.
 struct Target {
   explicit Target(uint32_t rings) : scene(description(rings), render_stage(), {}, 0), probe(scene) {
     mesh = ball_mesh({}, kRadius, rings);
@@ -44,7 +44,8 @@ struct Target {
   std::vector<Vec3> corners;
 };
 
-/// Rays at consecutive corners, or points of edges, from one random place inside the ball.
+/// Targets of the rays from a random place inside the ball: consecutive corners, points of edges,
+/// or any points.
 enum class Aim { Corners, Edges, Anywhere };
 
 Vec3 random_inside(std::mt19937_64& random, double radius) {
@@ -85,7 +86,7 @@ StabilityRow count_holes(const StabilitySize& size, Aim aim, const char* stresse
     std::vector<ProbeHit> hits(rays.size());
     filled += target.probe.trace(rays, HoleGuard::On, hits);
     Tally tally;
-    // From inside, a ray that is not stopped has gone through a hole.
+    // A ray from inside that hits no surface has passed through a hole.
     for (const ProbeHit& hit : hits) tally.check(hit.what == ProbeHit::What::Surface);
     shared.add(tally);
   });

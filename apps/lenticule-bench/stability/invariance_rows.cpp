@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The picture does not depend on where the author of a scene put the origin, nor on the unit.
+// Tests that the picture depends neither on the position of the world's origin nor on the unit.
 #include <fmt/format.h>
 
 #include <cstdlib>
@@ -22,7 +22,7 @@ frames::WovenFrame picture(const StabilitySize& size, double scale, Vec3 offset)
                       rig_of(size), size.threads);
 }
 
-/// Codes that differ by more than one, and the largest difference of all.
+/// Counts codes that differ by more than one, and records the largest difference.
 Tally difference(const frames::WovenFrame& a, const frames::WovenFrame& b) {
   Tally tally;
   for (size_t k = 0; k < a.bytes().size(); ++k) {
@@ -32,7 +32,8 @@ Tally difference(const frames::WovenFrame& a, const frames::WovenFrame& b) {
   return tally;
 }
 
-/// In the rounding of world coordinates the outline of a thing may cross the ray of a subpixel.
+/// Returns a row with a small number of allowed failures: rounded world coordinates may move the
+/// outline of an object across a subpixel's ray.
 StabilityRow filled(const Tally& tally, const char* stressed, std::string note) {
   return {.stressed = stressed,
           .samples = tally.samples,

@@ -16,17 +16,19 @@
 namespace lenticule::player {
 namespace {
 
-constexpr int kDepth = 5;              // as renders do by default
+constexpr int kDepth = 5;              // the default of renders
 constexpr double kHair = 2e-5;         // mm
 constexpr Real kMostStartOff = 5e-5L;  // mm: 2^-20 of (largest coordinate + radius), 50 mm
-constexpr Real kNearest = 0.99L;       // of the viewing distance: rays start no nearer to the eye
+constexpr Real kNearest =
+    0.99L;  // fraction of the viewing distance: rays start no nearer to the eye
 
 struct Move {
   Real x = 0;
   Real y = 0;
 };
 
-/// The line of a subpixel from in front of the glass into it; heights are paraxial by definition.
+/// Returns the line of a subpixel from in front of the panel into it; heights are paraxial by
+/// definition.
 OracleLine line_of(const optics::Rig& rig, int i, int j, int channel, Move move) {
   const OracleEye eye = oracle_design_eye(rig);
   const OraclePlace at = oracle_place(oracle_phase(rig, i, j, channel, eye));
@@ -58,7 +60,7 @@ OracleVerdict ask_oracle(const render::SceneDescription& scene, const optics::Ri
   if (same({})) return OracleVerdict::Same;
   for (const Move move : std::array<Move, 4>{{{hair, 0}, {-hair, 0}, {0, hair}, {0, -hair}}})
     if (same(move)) return OracleVerdict::BesideOnly;
-  // Later rays graze outlines, too, and the renderer's start off their surfaces.
+  // Later rays may graze outlines too, and the renderer's rays start slightly off their surfaces.
   for (const Real start_off : {kMostStartOff / 4, kMostStartOff / 2, kMostStartOff})
     if (same({}, start_off)) return OracleVerdict::BesideOnly;
   return OracleVerdict::Different;

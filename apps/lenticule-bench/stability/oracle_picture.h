@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures of method full against the oracle of rays, subpixel by subpixel.
+// Compares pictures of method full with the reference implementation of rays (the oracle), subpixel
+// by subpixel.
 #pragma once
 
 #include "apps/lenticule-bench/stability/rows.h"
@@ -15,17 +16,19 @@ struct SubpixelCode {
   uint8_t code = 0;
 };
 enum class OracleVerdict {
-  Same,        ///< within one code
-  BesideOnly,  ///< of a ray a hair beside, or with later rays that start as far off as renderers'
+  Same,        ///< equal within one code
+  BesideOnly,  ///< equal for a slightly moved ray, or with the renderer's start offset for later
+               ///< rays
   Different,
 };
-/// What the oracle says of one subpixel of the scene under plain_stage().
+/// Evaluates the oracle for one subpixel of the scene under plain_stage(). Rays may be moved by
+/// `hair_mm`.
 [[nodiscard]] OracleVerdict ask_oracle(const render::SceneDescription& scene,
                                        const optics::Rig& rig, SubpixelCode shown, double hair_mm);
 
-/// Renders the scene with plain_stage() and compares every subpixel with the oracle. A code that is
-/// off by more than one is a failure, unless the oracle says the same of a ray a hair beside: an
-/// outline passes between. How many needed that is in the note.
+/// Renders the scene with plain_stage() and compares every subpixel with the oracle. A difference
+/// of more than one code is a failure, unless the oracle gives the code for a slightly moved ray:
+/// an outline lies between the two rays. The row's note states how many subpixels needed that.
 [[nodiscard]] StabilityRow compare_with_oracle(const render::SceneDescription& scene,
                                                const optics::Rig& rig, const StabilitySize& size);
 

@@ -11,7 +11,7 @@ struct Point {
   Real y = 0;
 };
 
-/// The panel point in millimetres, x right, y up, from the panel's centre.
+/// Returns the panel point in millimetres, x right, y up, from the panel's centre.
 Point panel_point(const optics::Rig& rig, int i, int j, int channel) {
   const optics::SubpixelOffset& in_pixel = rig.panel.layout.offset(i, j, channel);
   const Real x_px = Real(i) + Real(in_pixel.x_px) - Real(rig.panel.width_px) / 2;
@@ -19,7 +19,7 @@ Point panel_point(const optics::Rig& rig, int i, int j, int channel) {
   return {Real(rig.panel.pixel_width.value) * x_px, Real(rig.panel.pixel_height.value) * y_px};
 }
 
-/// Delta(L, E) = g r / sqrt(Ez^2 + (1 - nu) |r|^2), r = E - L.
+/// Returns Delta(L, E) = g r / sqrt(Ez^2 + (1 - nu) |r|^2), r = E - L.
 Point shift(const optics::Rig& rig, Point lens_point, const OracleEye& eye) {
   const Real gap = rig.sheet.gap.value;
   const Real kappa = 1 - Real(rig.sheet.refraction_shape);
@@ -32,14 +32,15 @@ Point shift(const optics::Rig& rig, Point lens_point, const OracleEye& eye) {
   return {gap * r.x / way, gap * r.y / way};
 }
 
-/// The lens point through which the eye sees the panel point: L = Q + Delta(L, E). Delta points
-/// from the panel point to the place before the eye; its length grows with that of the way left.
+/// Returns the lens point through which the eye sees the panel point: L = Q + Delta(L, E). Delta
+/// points from the panel point toward the eye's projection; its length grows with the remaining
+/// distance.
 Point lens_point(const optics::Rig& rig, Point q, const OracleEye& eye) {
   if (std::isinf(eye.z)) {
     const Point delta = shift(rig, q, eye);
     return {q.x + delta.x, q.y + delta.y};
   }
-  // Seen from afar: by putting the last L into the right side until it stays.
+  // For distant eyes: iterate L until it no longer changes.
   Point l = q;
   for (int round = 0; round < 40; ++round) {
     const Point delta = shift(rig, l, eye);
@@ -48,7 +49,7 @@ Point lens_point(const optics::Rig& rig, Point q, const OracleEye& eye) {
     l = next;
     if (moved <= 1e-18L * (std::fabs(l.x) + std::fabs(l.y))) return l;
   }
-  // Else by halving: L = Q + part (E - Q).
+  // Otherwise bisect: L = Q + part (E - Q).
   const Point way{eye.x - q.x, eye.y - q.y};
   const Real length = std::sqrt(way.x * way.x + way.y * way.y);
   Real low = 0, high = 1;
@@ -64,7 +65,7 @@ Point lens_point(const optics::Rig& rig, Point q, const OracleEye& eye) {
 }  // namespace
 
 OraclePlace oracle_place(Real phase) {
-  // A phase less than 2^-32 below a border counts as on it.
+  // A phase less than 2^-32 below a border counts as on the border.
   const Real tolerance = 1 / Real(4294967296.0);
   const Real lens = std::floor(phase + Real(0.5) + tolerance);
   return {static_cast<int64_t>(lens), phase - lens};
@@ -93,7 +94,7 @@ OracleRay oracle_ray(const optics::Rig& rig, int i, int j, int channel, int64_t 
   const auto beyond = [&](Real x) {
     return oracle_phase(rig, i, j, channel, {x, eye.y, eye.z}) >= static_cast<Real>(lens);
   };
-  // The phase grows with the eye's x: widen until the lens is in between, then halve.
+  // The phase grows with the eye's x: widen the interval until it contains the lens, then bisect.
   Real low = std::isinf(eye.z) ? Real(-0.01) : -eye.z / 100;
   Real high = -low;
   while (beyond(low)) low *= 2;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The optical model of docs/optics.md once more, in long double and as it is written there, for
-// `bench stability`. Shares no code with optics/ but the plain data of a rig.
+// A reference implementation (oracle) of the optical model in docs/optics.md, in long double and in
+// the form of that page, for `bench stability`. It shares no code with optics/ except the plain
+// data of a rig.
 #pragma once
 
 #include <cstdint>
@@ -11,17 +12,18 @@ namespace lenticule::player {
 
 using Real = long double;
 
-/// Where a phase lies: in [-1/2, 1/2) of its lens, borders widened as docs/optics.md says.
+/// Position of a phase: in [-1/2, 1/2) of its lens, borders widened as docs/optics.md states.
 struct OraclePlace {
   int64_t lens = 0;
   Real place = 0;
 };
 [[nodiscard]] OraclePlace oracle_place(Real phase);
 
-/// The lens coordinate above a point of the glass, millimetres. Rigs without a residual map.
+/// Returns the lens coordinate above a point of the panel in millimetres. For rigs without a
+/// residual map.
 [[nodiscard]] Real oracle_lens_at(const optics::Rig& rig, Real x_mm, Real y_mm, int channel);
 
-/// Phi_E of the subpixel; z may be infinite, x and y are tangents then.
+/// Returns Phi_E of the subpixel; z may be infinite, then x and y are tangents.
 struct OracleEye {
   Real x = 0;
   Real y = 0;
@@ -29,7 +31,7 @@ struct OracleEye {
 };
 [[nodiscard]] Real oracle_phase(const optics::Rig& rig, int i, int j, int channel,
                                 const OracleEye& eye);
-/// The centre of the viewing line.
+/// Returns the centre of the viewing line.
 [[nodiscard]] OracleEye oracle_design_eye(const optics::Rig& rig);
 
 /// The ray that the subpixel sends through `lens`: x and tangent along the row.

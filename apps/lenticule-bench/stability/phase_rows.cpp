@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Phases over a panel 15360 pixels wide, in every precision that is used, against the oracle.
+// Tests phases over a panel 15360 pixels wide, in every precision in use, against the oracle.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kViews = 45.0;
 
-/// The kiosk's sheet on the largest panel that anybody plans.
+/// Returns the kiosk's sheet on a panel larger than any planned one.
 optics::Rig large_rig() {
   optics::Rig rig = kiosk_rig();
   rig.panel.width_px = 15360;
@@ -35,7 +35,8 @@ struct Expected {
 };
 Expected expected(const optics::Rig& rig, int i, int j, int channel) {
   const OraclePlace at = oracle_place(oracle_phase(rig, i, j, channel, oracle_design_eye(rig)));
-  // Views of docs/optics.md, a border belongs to the view on its left; the tolerance of lenses.
+  // Views of docs/optics.md: a border belongs to the view on its left, with the tolerance of
+  // lenses.
   const Real number = Real(kViews) * (Real(0.5) - at.place) - Real(kViews) / Real(4294967296.0);
   return {at, static_cast<int>(std::ceil(number)) - 1};
 }
@@ -48,7 +49,7 @@ void compare(const Expected& oracle, int64_t lens, double place, Tally& tally) {
     tally.error(static_cast<double>(std::fabs(Real(place) - oracle.at.place)));
 }
 
-/// Rows of the panel: a few dozen with the first and the last, or all.
+/// Returns the number of rows to test: a few dozen including the first and the last, or all.
 uint64_t row_count(const optics::Rig& rig, const StabilitySize& size) {
   return size.samples(24, static_cast<uint64_t>(rig.panel.height_px));
 }
@@ -119,12 +120,13 @@ StabilityRow stability_phase_kernels(const StabilitySize& size) {
 
 StabilityRow stability_phase_tiles(const StabilitySize& size) {
   optics::Rig rig = large_rig();
-  rig.viewing.distance = Millimetres(1500.0);  // nearer than a panel is wide they do not fit
+  rig.viewing.distance =
+      Millimetres(1500.0);  // at less than a panel's width the cones of views would not fit
   const optics::OpticalModel model(rig);
   const PlainStage plain(rig);
   const render::PrimaryProbe probe(plain.scene, model, best_isa());
   const auto tiles = static_cast<uint64_t>(probe.tiles());
-  const uint64_t step = size.samples(599, 1);  // prime: all columns and bands have their turn
+  const uint64_t step = size.samples(599, 1);  // prime, so that all columns and bands are covered
   SharedTally shared;
   for_each_part(size, (tiles + step - 1) / step, [&](uint64_t k) {
     Tally tally;
@@ -136,11 +138,11 @@ StabilityRow stability_phase_tiles(const StabilitySize& size) {
       const int channel = line.subpixel % 3;
       const OraclePlace at =
           oracle_place(oracle_phase(rig, i, line.row, channel, oracle_design_eye(rig)));
-      // The ray leaves through the apex line of its lens. (Heights are paraxial: a part of a
+      // The ray leaves through the apex line of its lens. (Heights are paraxial: a fraction of a
       // pixel.)
       const Real through = oracle_lens_at(rig, line.x_mm, line.y_mm, channel);
       tally.check(std::fabs(through - static_cast<Real>(at.lens)) < Real(0.25));
-      if (n++ % 64 != 0) continue;  // finding the oracle's eye takes long
+      if (n++ % 64 != 0) continue;  // the oracle's eye is slow to find
       const OracleRay oracle = oracle_ray(rig, i, line.row, channel, at.lens);
       tally.error(static_cast<double>(std::fabs(Real(line.tan_x) - oracle.tan_x)));
     }
@@ -149,7 +151,7 @@ StabilityRow stability_phase_tiles(const StabilitySize& size) {
   StabilityRow row = filled(
       "polynomials of tiles, as the renderer uses them, the same panel from 1500 mm", shared.sum());
   row.failures_are = "wrong lenses";
-  if (!probe.fast()) row.samples = 0;  // the map itself made these rays
+  if (!probe.fast()) row.samples = 0;  // these rays came from the optical map itself
   row.bound = 4e-7;
   row.unit = "of a direction";
   return row;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Surfaces in one plane, grazing rays, eyes on the glass, things that cross the glass and the eye.
+// Tests coplanar surfaces, grazing rays, eyes on the panel, and objects that cross the panel and
+// the eye's plane.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,7 +25,7 @@ StabilityRow stability_coplanar(const StabilitySize& size) {
     scene.meshes.back().material = material;
   }
   optics::Rig rig = small_rig();
-  rig.panel.width_px *= 2;  // the panel gets wider, but not wider than the sheets
+  rig.panel.width_px *= 2;  // the panel becomes wider and stays within the sheets
   if (size.full) rig = finer(rig, 4);
   Tally tally;
   const frames::WovenFrame first = render_small(scene, plain_stage(), rig, 1);
@@ -43,9 +44,9 @@ StabilityRow stability_coplanar(const StabilitySize& size) {
 
 StabilityRow stability_grazing(const StabilitySize& size) {
   constexpr double kReach = 3000.0;
-  // A rounding of heights moves the place where a ray meets a plane along it, in proportion to one
-  // over the slope; near an edge of the triangle that was named the point must not follow, and is
-  // as far off the ray at most. From this slope downward that is more than roundings of the point.
+  // A rounded height moves the intersection of a ray with a plane along the ray, by an amount
+  // proportional to 1 / slope. Near an edge of the triangle the point cannot move along, and is at
+  // most that far off the ray. Below this slope that exceeds the rounding of the point itself.
   constexpr double kGrazing = 1e-4;
   render::SceneDescription scene;
   scene.source = "plane";
@@ -64,7 +65,7 @@ StabilityRow stability_grazing(const StabilitySize& size) {
     std::vector<render::ProbeRay> rays;
     std::vector<double> slopes;
     for (int k = 0; k < 1024; ++k) {
-      // From 0.1 mm to a metre away from a point of the plane, at a slope of 0.3 to 0.00003.
+      // 0.1 mm to a metre away from a point of the plane, at a slope of 0.3 to 0.00003.
       const Vec3 foot = corners.front() +
                         (corners[64] - corners.front()) * (0.5 + 0.2 * unit(random)) +
                         (corners[65 * 64] - corners.front()) * (0.5 + 0.2 * unit(random));
@@ -82,7 +83,7 @@ StabilityRow stability_grazing(const StabilitySize& size) {
     for (size_t k = 0; k < rays.size(); ++k) {
       tally.check(hits[k].what == render::ProbeHit::What::Surface);
       if (hits[k].what != render::ProbeHit::What::Surface) continue;
-      // How far the point lies off the ray.
+      // Distance of the point from the ray.
       const Vec3 off = cross(hits[k].point - rays[k].origin, rays[k].direction);
       tally.error(length(off) * std::min(1.0, slopes[k] / kGrazing));
     }
@@ -135,7 +136,8 @@ StabilityRow stability_through_eye(const StabilitySize& size) {
   render::SceneDescription scene = dark_scene({0.05, 0.1, 0.15});
   scene.materials = {glowing({0.9, 0.5, 0.3}), glowing({0.2, 0.6, 0.8}), glowing({0.5, 0.5, 0.1}),
                      glowing({0.4, 0.8, 0.6})};
-  // A beam from behind the glass to behind the eye, a wall through glass and eye, a ball half out.
+  // A beam from behind the panel to behind the eye, a wall through panel and eye, a ball half in
+  // front of the panel.
   scene.meshes = {box_mesh({7.3, -9.1, -211.0}, {13.9, -3.7, 633.0}, 0),
                   grid_mesh({-31.7, -37.1, -97.0}, {3.1, 0.7, 801.0}, {9.3, 61.9, 0.0}, 3),
                   grid_mesh({-60.0, 11.0, -150.0}, {120.0, 1.1, 0.0}, {0.0, 3.7, 1100.0}, 5)};

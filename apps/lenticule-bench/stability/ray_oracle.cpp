@@ -11,7 +11,7 @@ using Real = long double;
 
 constexpr Real kFar = std::numeric_limits<Real>::infinity();
 
-/// Which primitive, so that a flat one is not met again by a ray that starts on it.
+/// Identifies a primitive, so that a ray that starts on a flat one does not hit it again.
 struct Name {
   const void* list = nullptr;
   size_t number = 0;
@@ -93,7 +93,7 @@ struct Tracer {
     const Real3 facing = outside ? at.outward : -at.outward;
     Real mirror = material.specular;
     const Real through = material.transmittance * channel_of(material.colour, channel);
-    // Snell: sin(out) = sin(in) * ratio; beyond 1 everything is mirrored.
+    // Snell: sin(out) = sin(in) * ratio; total reflection if it exceeds 1.
     const Real index = material.refraction_index;
     const Real ratio = outside ? 1 / index : index;
     const Real cosine = -dot(facing, way);

@@ -8,7 +8,7 @@
 namespace lenticule::player {
 namespace {
 
-/// 12345678 as "12 345 678".
+/// Returns 12345678 as "12 345 678".
 std::string grouped(uint64_t number) {
   if (number < 1000) return fmt::format("{}", number);
   return fmt::format("{} {:03}", grouped(number / 1000), number % 1000);

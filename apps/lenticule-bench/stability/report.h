@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a row of `lenticule bench stability` measured, and whether that is good enough.
+// StabilityRow is a measurement of `lenticule bench stability` with its limits.
 #pragma once
 
 #include <cstdint>
@@ -11,21 +11,23 @@ namespace lenticule::player {
 
 struct StabilityRow {
   std::string name{};      ///< for --row
-  std::string stressed{};  ///< what is stressed, for people
+  std::string stressed{};  ///< stressed property, for people
   uint64_t samples = 0;
   std::string samples_are{};  ///< "rays", "subpixels"
-  /// What must not happen at all, or not more often than allowed.
+  /// Failures must not exceed the allowed number.
   uint64_t failures = 0;
   uint64_t failures_allowed = 0;
   std::string failures_are{};  ///< "wrong lenses"
-  /// The largest error against the oracle; both zero where a row only counts.
+  /// The largest error relative to the oracle, and its limit; both zero if the row only counts
+  /// failures.
   double worst = 0.0;
   double bound = 0.0;
-  std::string unit{};  ///< of the error
+  std::string unit{};  ///< unit of the error
   std::string note{};  ///< further figures; empty = none
 };
 
-/// A row that looked at nothing does not pass, nor does an error that is not a number.
+/// Returns true if the row is within its limits. A row without samples and an error that is NaN do
+/// not pass.
 [[nodiscard]] bool passes(const StabilityRow& row);
 
 struct StabilityReport {
@@ -34,11 +36,11 @@ struct StabilityReport {
   std::vector<StabilityRow> rows{};
 };
 
-/// True if there are rows and all of them pass.
+/// Returns true if there are rows and all of them pass.
 [[nodiscard]] bool passes(const StabilityReport& report);
 
 [[nodiscard]] nlohmann::json to_json(const StabilityReport& report);
-/// One line per row and one about all.
+/// Returns one line per row and a summary line.
 [[nodiscard]] std::string to_text(const StabilityReport& report);
 
 }  // namespace lenticule::player

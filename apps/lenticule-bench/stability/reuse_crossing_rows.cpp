@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Things that go through the glass and through the plane of the eyes, frame by frame, in every
-// method that does not trace all: no hole, and nothing behind comes before what is in front.
+// Moves objects through the panel and through the plane of the eyes, frame by frame, in every
+// method that reuses points: no holes appear, and hidden surfaces stay hidden.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -20,14 +20,14 @@
 namespace lenticule::player {
 namespace {
 
-/// A scene that moves as a whole, so much a frame.
+/// A scene that moves as a whole by a constant step per frame.
 struct Crossing {
   render::SceneDescription scene;
   Vec3 first, step;
   int frames = 0;
 };
 
-/// No two within the codes that methods take for one colour.
+/// Returns a scene in which no two colours are within the difference that methods treat as equal.
 render::SceneDescription coloured_scene() {
   render::SceneDescription scene = dark_scene({0.05, 0.1, 0.15});
   scene.materials = {glowing({0.9, 0.5, 0.3}), glowing({0.2, 0.6, 0.8}), glowing({0.5, 0.3, 0.05}),
@@ -40,7 +40,7 @@ void add_mesh(render::SceneDescription& scene, render::TriangleMesh mesh, int ma
   scene.meshes.back().material = material;
 }
 
-/// A wall behind, and before it a beam, a leaning sheet, a ball and a closed mesh.
+/// Returns a wall with, in front of it, a beam, an inclined sheet, a ball and a closed mesh.
 Crossing through_glass(int frames) {
   Crossing crossing{
       coloured_scene(), {-2.1, 0.9, -47.0}, {4.3 / frames, -1.9 / frames, 94.0 / frames}, frames};
@@ -54,7 +54,7 @@ Crossing through_glass(int frames) {
   return crossing;
 }
 
-/// The same kinds of things around the viewing line, 400 mm before the glass.
+/// Returns the same kinds of objects around the viewing line, 400 mm in front of the panel.
 Crossing through_eye(int frames) {
   Crossing crossing{
       coloured_scene(), {0.7, -0.3, -60.0}, {1.1 / frames, 0.7 / frames, 120.0 / frames}, frames};
@@ -71,8 +71,8 @@ Crossing through_eye(int frames) {
 constexpr const char* kExactVisibility = "adaptive";
 constexpr const char* kApproximate[] = {"lens-view", "interpolate", "temporal", "hybrid"};
 
-/// Whether full shows the colour around a subpixel: where a point may be taken from, a lens or two
-/// along the row and a row up or down.
+/// Returns true if full has the colour near a subpixel, where a point may be reused from: a lens or
+/// two along the row and a row up or down.
 bool shown_around(const frames::WovenFrame& truth, int j, int s, uint8_t code) {
   constexpr int kPixels = 6;
   const int width = 3 * truth.geometry().width;
@@ -105,7 +105,7 @@ class CrossingRun {
     const char* name;
     std::unique_ptr<render::Method> method;
     frames::Difference difference;
-    uint64_t strange = 0;  ///< subpixels whose colour full does not show around
+    uint64_t strange = 0;  ///< subpixels whose colour full does not have nearby
     double worst_rms = 0.0;
   };
 
@@ -113,7 +113,7 @@ class CrossingRun {
     return render::make_method(name, model_, {.threads = size_.threads, .cancelled = interrupted});
   }
 
-  /// The scene at a place: its stage is moved, as a camera would be.
+  /// Renders the scene at a place; its placement is moved, like a camera.
   void frame(Vec3 place) {
     const render::Stage stage = plain_stage(-place);
     const render::Scene scene(crossing_.scene, stage, {}, size_.threads);
@@ -125,10 +125,12 @@ class CrossingRun {
     }
   }
 
-  /// What is not full's is the oracle's, of a ray so little beside as the row sweep may be.
+  /// Compares a frame of exact visibility with full's. A differing subpixel must equal the oracle's
+  /// for a ray moved by the row sweep's tolerance.
   void judge_exact(Vec3 place, const frames::WovenFrame& truth, const frames::WovenFrame& made) {
     const render::SceneDescription moved_scene = moved(crossing_.scene, 1.0, place);
-    constexpr double kHair = 4e-7 * 400.0;  // mm: of the largest coordinate, the eye's
+    constexpr double kHair =
+        4e-7 * 400.0;  // mm, relative to the largest coordinate, which is the eye's
     for (int j = 0; j < rig_.panel.height_px; ++j)
       for (int s = 0; s < 3 * rig_.panel.width_px; ++s) {
         const uint8_t code = made.row(j)[s];
@@ -159,10 +161,10 @@ class CrossingRun {
 };
 
 StabilityRow CrossingRun::row(const char* stressed) const {
-  // Outlines are off by parts of a pixel, and pixels are coarse: a third of what one colour is from
-  // the next. Before outlines kept up with what moves, it was 32.
+  // Outlines are off by fractions of a pixel, and pixels are coarse: a third of the difference
+  // between neighbouring colours. It was 32 before outlines followed moving objects.
   constexpr double kMostRms = 28.0;
-  // Points that are nearer together than a lens and a slot have no order.
+  // Points that are closer together than a lens and a slot have no defined order.
   constexpr uint64_t kStrangeOneIn = 10'000;
   uint64_t samples = exact_tally_.samples, failures = exact_tally_.failures;
   uint64_t approximated = 0;
@@ -176,7 +178,7 @@ StabilityRow CrossingRun::row(const char* stressed) const {
     note += fmt::format("; {} {:.2f} rms, worst frame {:.2f}, strange {}", one.name,
                         one.difference.rmse(), one.worst_rms, one.strange);
   }
-  // Of exact visibility nothing is allowed.
+  // Exact visibility may have no failures.
   if (exact_tally_.failures > 0) failures += approximated;
   samples += approximated;
   return {.stressed = stressed,

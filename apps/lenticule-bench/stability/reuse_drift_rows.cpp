@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Methods that carry something from frame to frame, over very many frames: nothing adds up, nothing
-// is lost, and a frame in the middle is what it is when it is asked for alone.
+// Runs methods that carry data from frame to frame over very many frames: errors and memory must
+// not accumulate, and a frame in the middle must equal the same frame rendered alone.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -21,11 +21,11 @@ namespace {
 
 constexpr double kMmPerUnit = 6.0;
 constexpr int kWindows = 10;
-/// In the middle of the run frame numbers need more than 32 bits.
+/// In the middle of the run, frame numbers exceed 32 bits.
 constexpr uint64_t kMiddleFrame = uint64_t{1} << 32;
 constexpr double kMib = 1024.0 * 1024.0;
 
-/// One tile of the renderer, for there are many frames.
+/// Returns a rig of one render tile, because there are many frames.
 optics::Rig rig() {
   optics::Rig rig = small_rig();
   rig.panel.width_px = 112;
@@ -33,7 +33,7 @@ optics::Rig rig() {
   return rig;
 }
 
-/// About 5 units wide, with little to trace.
+/// Returns a scene about 5 units wide that is cheap to trace.
 render::SceneDescription scene() {
   render::SceneDescription scene;
   scene.source = "drift";
@@ -56,8 +56,8 @@ render::SceneDescription scene() {
   return scene;
 }
 
-/// Where the scene is put in a frame: it wanders on a path that never closes and stands still now
-/// and then.
+/// Returns the placement in a frame: the scene moves on a path that never closes, and stands still
+/// from time to time.
 render::Stage stage_of(uint64_t frame) {
   constexpr uint64_t kRound = 256, kMoving = 208;
   const auto moves =
@@ -68,12 +68,12 @@ render::Stage stage_of(uint64_t frame) {
   return plain_stage({0.15 * wave(61.7), 0.1 * wave(47.3), 0.12 * wave(37.1)}, kMmPerUnit);
 }
 
-/// One method, and what its frames were off by.
+/// One method and the errors of its frames.
 struct Racer {
   const char* name = "";
   render::ReuseOptions reuse{};
   std::unique_ptr<render::Method> method{};
-  std::vector<double> window_errors{};  ///< mean squares, codes
+  std::vector<double> window_errors{};  ///< mean squared errors, codes
   uint64_t copied_subpixels = 0;
 };
 
@@ -97,7 +97,7 @@ class LongRun {
   void run() {
     const uint64_t in_window = frames_ / kWindows;
     for (int window = 0; window < kWindows && !interrupted(); ++window) {
-      // Whatever a method needs it has by then.
+      // The method has allocated its memory by then.
       if (window == 1) memory_before_ = read_resident_memory().anonymous;
       for (Racer& racer : racers_) racer.window_errors.push_back(0.0);
       for (uint64_t n = 0; n < in_window && !interrupted(); ++n)
@@ -143,7 +143,7 @@ class LongRun {
     ++rendered_;
   }
 
-  /// By a method that has not seen the frames before, but those that it says it needs.
+  /// Renders the frame with a new method that has seen only the frames that it needs.
   [[nodiscard]] frames::WovenFrame asked_for_alone(const Racer& racer, uint64_t number) const {
     const auto fresh = method(racer.name, racer.reuse);
     for (uint64_t n = fresh->first_needed(number); n < number; ++n) {
@@ -166,8 +166,8 @@ class LongRun {
   uint64_t memory_after_ = 0;
 };
 
-/// How errors change from window to window: the slope of the regression line, in its own standard
-/// errors.
+/// Returns the trend of errors from window to window: the slope of the regression line, divided by
+/// its standard error.
 double trend_of(const std::vector<double>& errors) {
   const auto count = static_cast<double>(errors.size());
   double mean = 0.0;
@@ -189,7 +189,7 @@ double trend_of(const std::vector<double>& errors) {
 }
 
 StabilityRow LongRun::row() {
-  constexpr double kTrend = 4.0;  // standard errors: once in ten thousand runs by chance
+  constexpr double kTrend = 4.0;  // standard errors: exceeded by chance once in ten thousand runs
   constexpr double kMemoryMib = 4.0;
   double worst = 0.0;
   std::string note;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Outlines of every slope, each exactly through the ray of a subpixel: method adaptive against
-// full.
+// Tests outlines of every slope, each exactly through the ray of a subpixel: method adaptive
+// against full.
 #include <fmt/format.h>
 
 #include <atomic>
@@ -15,12 +15,12 @@
 namespace lenticule::player {
 namespace {
 
-constexpr double kPaneMm = 12.0;   // before the glass
-constexpr double kWallMm = -21.0;  // and behind it
-constexpr double kFarOff = 110.0;  // from the middle to beyond what can be seen
-constexpr double kError = 2.0;     // codes, that method adaptive is told
+constexpr double kPaneMm = 12.0;   // in front of the panel
+constexpr double kWallMm = -21.0;  // behind the panel
+constexpr double kFarOff = 110.0;  // from the middle to beyond the visible area
+constexpr double kError = 2.0;     // codes, the tolerated error of method adaptive
 
-/// Codes tell the surfaces apart, whatever light falls on them.
+/// Surfaces are identified by ranges of codes, which light does not change.
 enum class Seen { Wall, Pane, Nothing, Neither };
 Seen seen(uint8_t code) {
   if (code <= 90) return Seen::Wall;
@@ -32,18 +32,18 @@ Seen seen(uint8_t code) {
 struct Outline {
   Vec3 point;
   Vec3 along;   ///< unit
-  Vec3 inward;  ///< unit, to the side where the pane is
+  Vec3 inward;  ///< unit, toward the pane
   [[nodiscard]] double distance(Vec3 p) const { return std::abs(dot(p - point, inward)); }
 };
 
-/// Where a subpixel's ray meets the pane's plane.
+/// Returns the intersection of a subpixel's ray with the pane's plane.
 Vec3 at_pane(const optics::SubpixelRay& ray) {
   return {ray.lens_x_mm + kPaneMm * ray.tan_x, ray.lens_y_mm + kPaneMm * ray.tan_y, kPaneMm};
 }
 
 Outline outline_at(const optics::OpticalModel& model, double degrees) {
   const double angle = degrees * std::numbers::pi / 180.0;
-  // Of a level line all components but one are to be zero, not nearly.
+  // For a level line, all components but one must be exactly zero.
   const auto clean = [](double v) { return std::abs(v) < 1e-15 ? 0.0 : v; };
   const double c = clean(std::cos(angle)), s = clean(std::sin(angle));
   const optics::Panel& panel = model.rig().panel;
@@ -52,7 +52,8 @@ Outline outline_at(const optics::OpticalModel& model, double degrees) {
           .inward = {-s, c, 0.0}};
 }
 
-/// Half of a plane before a wall, with a lamp whose shadow has an edge of the same slope.
+/// Returns half a plane in front of a wall, with a light whose shadow has an edge of the same
+/// slope.
 render::SceneDescription scene_of(const Outline& outline) {
   render::SceneDescription scene = dark_scene({1.0, 1.0, 1.0});
   scene.source = "slopes";
@@ -70,7 +71,7 @@ render::SceneDescription scene_of(const Outline& outline) {
   return scene;
 }
 
-/// Full degrees and their parts, and a hair beside those that are special to a panel.
+/// Returns all angles in steps, and angles slightly beside those that are special to a panel.
 std::vector<double> slopes(const optics::Rig& rig, double per_degree) {
   std::vector<double> degrees;
   for (int n = 0; n < 180.0 * per_degree; ++n) degrees.push_back(n / per_degree);
@@ -83,7 +84,8 @@ std::vector<double> slopes(const optics::Rig& rig, double per_degree) {
   return degrees;
 }
 
-/// What of a frame is off by more than was asked for, and how much of it may be, as it says itself.
+/// Counts subpixels whose error exceeds the tolerated one, and the number that the method reports
+/// as its bound.
 struct Beyond {
   std::atomic<uint64_t> subpixels{0};
   std::atomic<uint64_t> allowed{0};
@@ -140,7 +142,7 @@ StabilityRow stability_reuse_slopes(const StabilitySize& size) {
     const Pictures pictures = pictures_of(model, outline);
     if (!interrupted()) shared.add(compare(model, outline, pictures, beyond));
   });
-  // The row sweep's allowance for what lies on an outline, docs/rendering.md: 4e-7 of coordinates.
+  // The row sweep's tolerance for points on an outline, docs/rendering.md: 4e-7 of coordinates.
   const double coordinates = std::hypot(kFarOff, kFarOff);
   StabilityRow row{
       .stressed = "outlines at every slope through a subpixel's ray, adaptive against full",

@@ -14,7 +14,7 @@ struct StabilitySize {
   bool full = false;
   int threads = 0;  ///< 0 = all cores
 
-  /// How many samples a row takes.
+  /// Returns the number of samples of a row.
   [[nodiscard]] uint64_t samples(uint64_t quick, uint64_t in_full) const {
     return full ? in_full : quick;
   }
@@ -22,15 +22,15 @@ struct StabilitySize {
 
 struct StabilityCase {
   const char* name;
-  /// Everything but the name is filled in. Throws Error(Failed) where it could not be measured.
+  /// Fills in everything except the name. Throws Error(Failed) if the measurement is not possible.
   StabilityRow (*run)(const StabilitySize& size);
 };
 
-/// Every row, in the order of the table.
+/// Returns every row, in the order of the table.
 [[nodiscard]] const std::vector<StabilityCase>& stability_cases();
 
 /// Calls work(k) for k in [0, count) from several threads, in any order; stops early when the
-/// program is interrupted. The first exception is thrown on.
+/// program is interrupted. Rethrows the first exception.
 void for_each_part(const StabilitySize& size, uint64_t count,
                    const std::function<void(uint64_t)>& work);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A convex object alone: nothing can lie between its lit side and the light.
+// Tests single convex objects: no surface can lie between the lit side and the light.
 #include <fmt/format.h>
 
 #include <random>
@@ -17,7 +17,7 @@ using render::ProbeHit;
 using render::ProbeRay;
 
 constexpr size_t kRaysPerPart = 2048;
-constexpr double kSize = 50.0;  // the object's, mm on the glass
+constexpr double kSize = 50.0;  // size of the object, mm on the panel
 
 enum class Kind { Triangle, Sphere, Cone, Cylinder };
 
@@ -27,7 +27,7 @@ render::SceneDescription object(Kind kind, Vec3 at) {
   scene.materials = {render::Material{}};
   const auto along = [&](Vec3 p) { return at + p * kSize; };
   if (kind == Kind::Triangle) {
-    // Four corners stay convex however they are rounded.
+    // A tetrahedron stays convex, however its corners are rounded.
     scene.meshes.push_back({.name = "tetrahedron",
                             .positions = {along({-0.71, -0.53, 0.62}), along({0.83, -0.47, 0.31}),
                                           along({0.07, 0.91, 0.13}), along({0.11, -0.29, -0.87})},
@@ -51,14 +51,16 @@ Vec3 random_direction(std::mt19937_64& random) {
   return normalized(v);
 }
 
-/// Half of them a hundredth of a degree above the surface.
+/// Returns a direction away from the surface, in half of the cases a hundredth of a degree above
+/// it.
 Vec3 away(Vec3 normal, std::mt19937_64& random) {
   const Vec3 v = random_direction(random);
   if (random() % 2 == 0) return dot(v, normal) > 0.0 ? v : -v;
   return normalized(normalized(cross(normal, v)) + normal * 1.7e-4);
 }
 
-/// Rays at the object at `from_centre`, and from every hit on its outer side one toward a light.
+/// Shoots rays at the object at `from_centre`, and from every hit on its outer side a ray toward a
+/// light.
 Tally count(const Probe& probe, Vec3 from_centre, uint64_t part) {
   std::mt19937_64 random(part + 1);
   std::vector<ProbeRay> rays;
@@ -82,7 +84,8 @@ Tally count(const Probe& probe, Vec3 from_centre, uint64_t part) {
   return tally;
 }
 
-/// The object somewhere in the world with the stage around it, or off the middle of the stage.
+/// Places the object anywhere in the world with the placement centred on it, or off the placement's
+/// centre.
 enum class Place { InTheWorld, OffTheStage };
 
 Tally count_at(const StabilitySize& size, Kind kind, Place place, double offset, uint64_t rays) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sums over the parts of a row that several threads work on.
+// Tally sums up the parts of a row on which several threads work.
 #pragma once
 
 #include <algorithm>
@@ -16,7 +16,7 @@ struct Tally {
   uint64_t failures = 0;
   double worst = 0.0;
 
-  /// An error that is not a number is infinite.
+  /// Records an error; NaN counts as infinite.
   void error(double size) {
     worst = std::max(worst, std::isnan(size) ? std::numeric_limits<double>::infinity() : size);
   }
@@ -32,14 +32,14 @@ struct Tally {
   }
 };
 
-/// Checks that have names, for the note of a row.
+/// NamedFailures records checks with names, for the note of a row.
 class NamedFailures {
  public:
   void check(const std::string& name, bool good) {
     tally.check(good);
     if (!good) names_ += (names_.empty() ? "failed: " : ", ") + name;
   }
-  /// Empty if nothing failed.
+  /// Returns the names of failed checks; empty if none failed.
   [[nodiscard]] const std::string& names() const { return names_; }
 
   Tally tally;
@@ -48,7 +48,8 @@ class NamedFailures {
   std::string names_;
 };
 
-/// The order of additions does not matter: sums of integers, and a maximum.
+/// SharedTally adds up parts from several threads. The result does not depend on the order: sums of
+/// integers, and a maximum.
 class SharedTally {
  public:
   void add(const Tally& part) {
