@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # lenticule_library(NAME SOURCES ... [DEPENDS ...] [PRIVATE_DEPENDS ...])
-#   One folder = one static library lenticule_NAME (alias lenticule::NAME).
+#   Adds the static library lenticule_NAME (alias lenticule::NAME) for one folder.
 function(lenticule_library name)
   cmake_parse_arguments(LIBRARY "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
   add_library(lenticule_${name} STATIC ${LIBRARY_SOURCES})
@@ -13,8 +13,8 @@ endfunction()
 # lenticule_isa_variants(NAME KERNEL.cpp)
 #   Compiles one kernel source once per instruction set into the library NAME. The source puts its
 #   functions into `namespace LENTICULE_ISA_NAMESPACE` (isa_baseline, isa_avx2, isa_avx512) and must
-#   include nothing that defines non-inline or inline functions shared with other files, so that no
-#   AVX-512 copy of a shared inline function can be picked by the linker.
+#   include nothing that defines non-inline or inline functions shared with other files, so that the
+#   linker cannot choose an AVX-512 copy of a shared inline function.
 #   base/cpu.h declares the variants and selects among them at run time.
 function(lenticule_isa_variants name kernel)
   set(variants baseline)
@@ -35,12 +35,12 @@ function(lenticule_isa_variants name kernel)
   endforeach()
 endfunction()
 
-# GoogleTest's headers are most of what compiling a test is: they are precompiled, once for all test
-# programs. Tests are optimised less than what they test: they are compiled far more often than
-# their own code runs.
+# GoogleTest's headers take most of the time of compiling a test, so they are precompiled once for all
+# test programs. Tests are optimised less than the libraries, because compiling them takes longer than
+# running their own code.
 function(lenticule_test_headers name)
-  # Three warnings of gcc are wrong at -O1: it inlines half of an allocation's pair, and misjudges the
-  # length of short strings.
+  # Three warnings of gcc are false at -O1: it inlines only one of an allocation and its release, and
+  # misestimates the length of short strings.
   target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>
     $<$<CXX_COMPILER_ID:GNU>:-Wno-mismatched-new-delete;-Wno-array-bounds;-Wno-stringop-overflow>)
   if(NOT TARGET lenticule_test_headers)
