@@ -16,8 +16,8 @@ namespace lenticule::video {
 namespace {
 
 constexpr int64_t kMostPixels = int64_t{1} << 28;
-constexpr int kMostReadErrors =
-    100;  ///< consecutive read errors after which the rest of the file is skipped
+/// Consecutive read errors after which the rest of the file is skipped.
+constexpr int kMostReadErrors = 100;
 constexpr int64_t kProbeBytes = 8 << 20;
 constexpr int64_t kProbeMicroseconds = 5'000'000;
 
@@ -76,8 +76,8 @@ Container::Container(const int& fd, std::string name)
   format->format_whitelist = av_strdup(allowed_containers());
   format->codec_whitelist = av_strdup(allowed_codecs());
   format->protocol_whitelist = av_strdup("none");
-  const int error =
-      avformat_open_input(&format, nullptr, nullptr, nullptr);  // frees `format` on failure
+  // The call frees `format` on failure.
+  const int error = avformat_open_input(&format, nullptr, nullptr, nullptr);
   if (error < 0)
     fail(name_, "not a video that can be read: " + av_reason(error),
          std::string("containers that are read: ") + allowed_containers());
@@ -135,8 +135,8 @@ void ClipReader::open_decoder() {
   codec_->codec_whitelist = av_strdup(allowed_codecs());
   codec_->pkt_timebase = stream_->time_base;
   codec_->err_recognition = AV_EF_CRCCHECK;
-  // With intra-only codecs a damaged frame is skipped. With others, later frames depend on it and
-  // the decoder conceals the error.
+  // A damaged frame of an intra-only codec is skipped. Frames of other codecs depend on each other,
+  // so the decoder conceals the error.
   const AVCodecDescriptor* const about = avcodec_descriptor_get(parameters.codec_id);
   if (about != nullptr && (about->props & AV_CODEC_PROP_INTRA_ONLY) != 0)
     codec_->err_recognition |= AV_EF_EXPLODE;

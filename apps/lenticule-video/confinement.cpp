@@ -73,8 +73,8 @@ uint64_t largest_file() {
 
 void set_limits(uint64_t extra_bytes, unsigned descriptors) {
   limit(RLIMIT_AS, address_space_bytes() + extra_bytes);
-  limit(RLIMIT_NOFILE,
-        descriptors);  // not 0, because poll() accepts no more entries than this limit
+  // Not 0, because poll() accepts no more entries than this limit.
+  limit(RLIMIT_NOFILE, descriptors);
   limit(RLIMIT_FSIZE, largest_file());
   limit(RLIMIT_CORE, 0);
 }

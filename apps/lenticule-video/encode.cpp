@@ -27,8 +27,8 @@ namespace lenticule::video {
 namespace {
 
 constexpr int kThreads = 4;
-constexpr int kSlicedSide =
-    256;  ///< FFV1 does not support every number of slices for small pictures
+/// FFV1 does not support every number of slices for small pictures.
+constexpr int kSlicedSide = 256;
 constexpr int kFfv1Version = 3;  ///< first version with slices and their checksums
 
 [[noreturn]] void cannot_write(const std::string& file, const std::string& cause) {

@@ -164,7 +164,7 @@ void PixelConverter::rgb_row(const PicturePlanes& picture, int row, uint8_t* out
       for (int x = 0; x < width_; ++x) out[3 * x + channel] = code_of_value_[values_[x]];
       continue;
     }
-    const int most = (1 << depth) - 1;  // for 5-6-5: green is deeper
+    const int most = (1 << depth) - 1;  // 5-6-5: green is deeper
     for (int x = 0; x < width_; ++x)
       out[3 * x + channel] = static_cast<uint8_t>((510 * values_[x] + most) / (2 * most));
   }

@@ -47,7 +47,7 @@ class PixelConverter {
   int chroma_width_;
   int chroma_height_;
   bool copies_bytes_;
-  std::vector<uint8_t> code_of_value_;  ///< for RGB and grey
+  std::vector<uint8_t> code_of_value_;  ///< used for RGB and grey
   std::vector<Tap> across_;
   std::vector<Tap> down_;
   std::vector<uint16_t> values_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// judge_pixels decides from a stream's pixel format and tags whether it can be converted to RGB.
+// PixelVerdict states whether a stream's pixel format and tags can be converted to RGB.
 #pragma once
 
 #include <optional>

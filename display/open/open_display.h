@@ -20,13 +20,13 @@ struct DisplayRequest {
   std::string spec = "virtual";
   /// Size of the frames; a display of another size is refused.
   frames::FrameGeometry panel = {};
-  /// For virtual displays: null = real time.
+  /// Virtual displays only: null = real time.
   std::shared_ptr<Clock> clock = nullptr;
-  /// For virtual displays: null = no recording.
+  /// Virtual displays only: null = no recording.
   std::shared_ptr<ScanoutRecorder> recorder = nullptr;
   int buffers = 3;
-  /// For KMS displays; key, panel and buffers are taken from above. A simulated clock or a recorder
-  /// is not supported there.
+  /// KMS displays only; key, panel and buffers are taken from above. A simulated clock or a
+  /// recorder is not supported there.
   KmsOptions kms = {};
 };
 

@@ -232,8 +232,8 @@ class VirtualDisplay final : public Display {
   std::optional<DisplayEvent> repeat_;
   bool unplugged_ = false;
 
-  std::unique_ptr<RecordingThread>
-      recording_;  ///< last member: ends before the buffers are destroyed
+  /// Last member: ends before the buffers are destroyed.
+  std::unique_ptr<RecordingThread> recording_;
 };
 
 }  // namespace

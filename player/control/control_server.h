@@ -39,11 +39,11 @@ class ControlTarget {
 struct ControlLimits {
   size_t clients = 16;
   size_t unanswered = 8;  ///< unanswered requests of one client at which reading from it pauses
-  size_t waiting_bytes =
-      64u << 10;  ///< pending output of one client at which reading from it pauses
+  /// Pending output of one client at which reading from it pauses.
+  size_t waiting_bytes = 64u << 10;
   size_t dropped_bytes = 256u << 10;  ///< pending output of one client at which it is dropped
-  std::chrono::milliseconds stuck =
-      std::chrono::seconds(10);  ///< time without accepting output after which a client is dropped
+  /// Time without accepting output after which a client is dropped.
+  std::chrono::milliseconds stuck = std::chrono::seconds(10);
   /// A client that has not sent a request for this long may be disconnected to admit another.
   std::chrono::milliseconds idle = std::chrono::seconds(2);
   int events_per_second = 50;  ///< limit per client; further events are counted and left out

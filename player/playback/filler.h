@@ -23,7 +23,7 @@ struct FilledFrame {
   display::ScanoutBuffer* buffer = nullptr;
   uint64_t index = 0;
   uint64_t cut = 0;     ///< discontinuity number of the source when the frame was pulled
-  uint64_t number = 0;  ///< within its item
+  uint64_t number = 0;  ///< number within its item
   uint32_t item = 0;    ///< item number that the source gives
   std::optional<frames::Rate> rate;  ///< rate that the source states
 };

@@ -12,11 +12,11 @@
 
 namespace lenticule::player {
 
-/// How a late frame changes the schedule.
+/// Effect of a late frame on the schedule.
 enum class LatePolicy {
   Slip,  ///< every frame is shown; all later ones move by the delay
   Drop,  ///< late frames are left out (at most kMaxConsecutiveDrops, then it slips)
-  Hold,  ///< as Slip, but after an underrun the picture holds until the source is primed again
+  Hold,  ///< like Slip, but after an underrun the picture holds until the source is primed again
 };
 
 inline constexpr int kMaxConsecutiveDrops = 8;
@@ -114,8 +114,8 @@ class Pacer {
 
   uint64_t first_vblank_ = 0;
   std::optional<uint64_t> shown_at_;  ///< vblank of the last flip
-  std::optional<uint64_t>
-      owed_since_;  ///< vblank at which the next frame, or a dropped one before it, was due
+  /// Vblank at which the next frame, or a dropped one before it, was due.
+  std::optional<uint64_t> owed_since_;
   std::optional<uint64_t> starved_since_;  ///< first vblank without the frame that was due
   uint64_t target_ = 0;                    ///< target vblank of the submitted frame
   int consecutive_drops_ = 0;

@@ -19,7 +19,7 @@ namespace lenticule::player {
 /// A moment of the week in local time.
 struct LocalTime {
   int weekday = 0;  ///< 0 = Monday
-  int minute = 0;   ///< since midnight, 0 ... 1439
+  int minute = 0;   ///< minutes since midnight, 0 ... 1439
 };
 [[nodiscard]] LocalTime local_time_now();
 
@@ -37,7 +37,7 @@ struct Schedule {
 struct PlaylistItem {
   std::string source{};                ///< a source of `lenticule play`; not a list
   uint64_t loops = 1;                  ///< or kForever; not together with a duration
-  std::optional<double> duration_s{};  ///< in content time
+  std::optional<double> duration_s{};  ///< duration in content time
   /// Duration of a still picture that has neither loops nor a duration; none = one frame.
   std::optional<double> still_s{};
   std::optional<frames::Rate> rate{};
@@ -54,12 +54,12 @@ struct PlaylistItem {
 };
 
 struct Playlist {
-  std::string name;  ///< for people: the file's name, or the only source
+  std::string name;  ///< name for people: the file's name, or the only source
   std::vector<PlaylistItem> items;
   std::optional<PlaylistItem> standby;  ///< played when no item is scheduled
   uint64_t rounds = 1;                  ///< or kForever
-  std::optional<FileMark>
-      file{};  ///< the file's state when it was read; none if the list is not from a file
+  /// The file's state when it was read; none if the list is not from a file.
+  std::optional<FileMark> file{};
 };
 
 inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;

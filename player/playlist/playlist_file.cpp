@@ -247,8 +247,8 @@ Playlist parse_playlist(std::string_view toml, const std::string& name,
 }
 
 Playlist load_playlist(const std::filesystem::path& file) {
-  const FileMark mark =
-      mark_of(file);  // taken before reading, so that a change during reading is noticed
+  // Taken before reading, so that a change during reading is noticed.
+  const FileMark mark = mark_of(file);
   Playlist list =
       parse_playlist(read_text_file(file, kMaxPlaylistBytes), file.string(), file.parent_path());
   list.file = mark;

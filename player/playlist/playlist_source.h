@@ -258,8 +258,8 @@ class PlaylistSource final : public frames::FrameSource {
   bool at_end_ = false;
   bool next_asked_ = false;
 
-  mutable std::mutex
-      mutex_;  ///< guards the members below; items are never opened or decoded while it is locked
+  /// Guards the members below; items are never opened or decoded while it is locked.
+  mutable std::mutex mutex_;
   std::condition_variable work_there_;
   std::shared_ptr<const Playlist> list_;
   std::optional<size_t> position_;  ///< place in the list of the item chosen last

@@ -15,7 +15,7 @@ enum class ProgressStyle { Auto, Json, Off };
 /// one thread.
 class Progress {
  public:
-  /// `unit` is the plural of the counted thing: "frames".
+  /// `unit` is the plural of the counted unit: "frames".
   Progress(std::string label, std::string unit, uint64_t total,
            ProgressStyle style = ProgressStyle::Auto);
   ~Progress();

@@ -30,8 +30,8 @@ UniqueFd state_file(const display::HandoverState& state) {
 }
 
 std::optional<display::HandoverState> read_state(int file) {
-  std::array<uint8_t, sizeof(display::HandoverState) + 1>
-      bytes{};  // one extra byte detects a file that is too long
+  // One extra byte detects a file that is too long.
+  std::array<uint8_t, sizeof(display::HandoverState) + 1> bytes{};
   const ssize_t size = pread(file, bytes.data(), bytes.size(), 0);
   if (size < 0) return std::nullopt;
   return display::parse_handover(std::span(bytes.data(), static_cast<size_t>(size)));

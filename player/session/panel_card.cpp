@@ -45,8 +45,8 @@ bool PanelCard::show(const display::PanelFacts& panel, const display::CardText& 
   }
 }
 
-/// Compares mode and identity too: another panel on the same connector may have the same size with
-/// other timings.
+/// Returns true if the card is shown on that panel. Compares the refresh too: another panel on the
+/// same connector may have the same size with other timings.
 bool PanelCard::shows_on(const display::PanelFacts& panel, const frames::FrameGeometry& geometry,
                          frames::Rate refresh) const {
   return display_ && connector_ == panel.connector && display_->mode().geometry == geometry &&

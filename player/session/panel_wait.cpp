@@ -19,7 +19,7 @@ constexpr Nanoseconds kForEver = Nanoseconds::max();
 constexpr Nanoseconds kRound = std::chrono::seconds(1);
 /// A panel that wakes up may appear to be another one for this long.
 constexpr Nanoseconds kCardAfter = std::chrono::seconds(2);
-/// While a card is shown, its display reports hotplug events; probing is only a precaution.
+/// A display that shows a card reports hotplug events; probing is only a precaution.
 constexpr int kRoundsPerLook = 10;
 /// A display that worked for this long counts as recovered.
 constexpr Nanoseconds kSound = std::chrono::seconds(10);

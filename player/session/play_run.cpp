@@ -111,7 +111,8 @@ void PlayRun::open_display() {
   plan_.display.kms.inherited = kept_output(std::move(kept));
   manager_.status("opening " + plan_.display.spec);
   const bool is_panel = display::is_kms_spec(plan_.display.spec);
-  // While the service manager holds the card open, no other process can become its DRM master.
+  // No other process can become the card's DRM master while the service manager holds the card
+  // open.
   if (!is_panel || !plan_.display.kms.inherited) let_go();
   if (is_panel)
     open_panel();

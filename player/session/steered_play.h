@@ -27,8 +27,8 @@ namespace lenticule::player {
 /// Returns a function that checks items' files; the plan's flags apply to its own source alone.
 [[nodiscard]] ItemLook item_look(const SourceRequest& like);
 
-/// For a plain source without a control socket, it only measures the source's pace. Thread safety:
-/// the player's main thread.
+/// Only measures the source's pace if the source is plain and there is no control socket. Thread
+/// safety: the player's main thread.
 class SteeredPlay {
  public:
   /// Starts to listen. Throws as ControlServer does. `advice` is sent with every trim.

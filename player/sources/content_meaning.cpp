@@ -133,7 +133,7 @@ std::optional<ContentMeaning> tagged_stereo(const std::string& text, const Conte
                             "are read",
                             text, tag->layout),
                 "--stereo none plays it as it is");
-  // The shape of the pixels tells whether each eye is squeezed.
+  // The shape of the pixels shows whether each eye is squeezed.
   ContentMeaning meaning = stereo({.beside = beside, .half = false}, flags);
   meaning.rightmost_first = tag->right_first;
   return meaning;

@@ -46,7 +46,7 @@ std::vector<std::string> parts_of(const std::string& text) {
   return parts;
 }
 
-/// Expands "view%02d/%05d.png": returns the second part for each number of the first.
+/// Expands "view%02d/%05d.png": returns the second pattern in each folder of the first.
 std::vector<std::string> in_numbered_folders(const fs::path& text) {
   std::vector<std::string> films;
   for (const fs::path& folder : frames::list_frame_files(text.parent_path().string()))

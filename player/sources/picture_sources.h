@@ -30,7 +30,7 @@ struct PictureRequest {
   int pool_frames = 3;
   int decoder_threads = 1;
   bool plays_again = false;
-  /// For views: accepts subsampled chroma and applies orientation tags.
+  /// Views: accepts subsampled chroma and applies orientation tags.
   bool before_weaving = true;
   /// Size of woven frames: another size is refused before memory is allocated.
   std::optional<frames::FrameGeometry> size = std::nullopt;

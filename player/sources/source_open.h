@@ -30,12 +30,12 @@ struct SourceRequest {
   std::string content_of = {};
   WeavingFlags weaving = {};
   frames::FrameGeometry panel = {};
-  optics::RigIdentity identity =
-      {};                     ///< identity of the rig at the start; `trim` has the current one
-  std::string rig_name = {};  ///< for messages
+  /// Identity of the rig at the start; `trim` has the current one.
+  optics::RigIdentity identity = {};
+  std::string rig_name = {};  ///< name in messages
   std::string rig_file = {};  ///< sources that are woven here follow changes of this file
-  std::shared_ptr<FollowedRig> rig =
-      nullptr;    ///< shared rig of that file, for all sources woven here
+  /// Shared rig of that file, for all sources woven here.
+  std::shared_ptr<FollowedRig> rig = nullptr;
   int slots = 8;  ///< frames in memory: slots of the ring or of the picture pool
   std::optional<FrameRange> frames = std::nullopt;  ///< frames of a pattern, container or video
   /// First frame of the first round. Kinds of source that cannot start there ignore it; frames

@@ -82,7 +82,7 @@ class VideoChild {
   pid_t pid_ = -1;
   bool kill_ = false;
   bool stopping_ = false;
-  bool present_ = false;  ///< as seen by the owner
+  bool present_ = false;  ///< the owner's view of the child's presence
   std::atomic<uint64_t> events_{0};
   std::atomic<uint64_t> broken_{0};
   std::atomic<uint64_t> missing_{0};

@@ -23,7 +23,7 @@ struct VideoStereo {
 
 struct VideoStream {
   int index = 0;
-  frames::FrameGeometry geometry;    ///< within the ring's limits
+  frames::FrameGeometry geometry;    ///< size within the ring's limits
   std::optional<frames::Rate> rate;  ///< average rate of the stream
   std::optional<uint64_t> frames;    ///< number that the container claims
   std::optional<double> duration_s;

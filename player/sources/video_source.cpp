@@ -157,8 +157,8 @@ class Source final : public VideoSource {
   uint64_t next_ = 0;      ///< frame that pull() expects
   bool complete_ = false;  ///< the present decoder has sent all frames
   bool at_end_ = false;    ///< End was returned and rewind() not called
-  std::optional<frames::LentFrame>
-      held_;  ///< first frame of the next loop, held over the loop point
+  /// First frame of the next loop, held over the loop point.
+  std::optional<frames::LentFrame> held_;
   std::optional<uint64_t> frames_in_loop_;
   uint64_t position_ = 0;  ///< frames taken from the ring, in all loops
   uint64_t lent_ = 0;

@@ -25,7 +25,7 @@ namespace lenticule::player {
 struct WeavingSourceOptions {
   std::string rig_file = {};
   std::shared_ptr<FollowedRig> rig = nullptr;  ///< null = the rig of the file
-  std::string name = {};                       ///< for messages
+  std::string name = {};                       ///< name in messages
   LoomOptions loom = {};
   int pool_frames = 8;                              ///< woven frames kept ready, at least 3
   std::optional<frames::Rate> rate = std::nullopt;  ///< replaces the input's rate

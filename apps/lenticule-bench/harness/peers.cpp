@@ -29,8 +29,8 @@ std::optional<double> number_after(const std::string& text, std::string_view bef
 
 // ---- Tachyon
 
-/// Returns the scene. Tachyon always uses a field of view of 53 degrees and mirrors the picture:
-/// slightly more background than in our picture, which is to Tachyon's advantage.
+/// Returns the scene. Tachyon always uses a field of view of 53 degrees and mirrors the picture: it
+/// shows slightly more background than this renderer, which is to Tachyon's advantage.
 std::string tachyon_scene(const render::SceneDescription& scene, const PeerJob& /*job*/) {
   return write_plain_nff(scene);
 }

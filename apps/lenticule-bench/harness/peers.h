@@ -32,8 +32,8 @@ struct Peer {
   /// Returns the seconds of ray tracing, without parsing and preparation, from the program's
   /// output.
   std::optional<double> (*traced_seconds)(const std::string& output);
-  /// Returns the intended speed ratio, ours over theirs, by the built-in scene's name; 0 = no
-  /// target.
+  /// Returns the intended speed ratio of this renderer to the peer, by the built-in scene's name; 0
+  /// = no target.
   double (*target)(const std::string& scene);
 };
 

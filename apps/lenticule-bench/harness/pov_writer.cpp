@@ -60,7 +60,7 @@ class PovText {
   void settings() {
     line("#version 3.7;");
     // POV-Ray's trace level counts the camera rays as the first level. Colours are code values, as
-    // in our NFF scenes.
+    // in the project's NFF scenes.
     line("global_settings {{ max_trace_level {} assumed_gamma srgb ambient_light rgb 1 }}",
          options_.max_depth + 1);
     line("background {{ color rgb {} }}", vector_text(scene_.background));

@@ -28,8 +28,8 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr int kPool = 8;
-constexpr int kLeastFrames =
-    10;  ///< more than the pool: with fewer, no frame would be decoded again
+/// More than the pool: with fewer, no frame would be decoded again.
+constexpr int kLeastFrames = 10;
 constexpr uint64_t kWarmUp = 12;  ///< more than any pool holds when the measurement begins
 constexpr auto kPatience = 120s;  ///< timeout for one frame
 

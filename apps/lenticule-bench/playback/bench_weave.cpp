@@ -31,8 +31,8 @@ struct WeaveBenchFlags {
 };
 
 struct Case {
-  int columns, rows;  ///< of the quilt
-  int width, height;  ///< of a view
+  int columns, rows;  ///< tiles of the quilt
+  int width, height;  ///< size of a view
   ViewFilter filter;
   int threads;
   bool all_kernels = false;  ///< measures all kernels of this machine instead of the best

@@ -14,7 +14,8 @@
 
 namespace lenticule::render {
 
-/// In the scene frame: millimetres on the panel; the origin is the centre of the scene placement.
+/// A ray in the scene frame: millimetres on the panel; the origin is the centre of the scene
+/// placement.
 struct ProbeRay {
   Vec3 origin;
   Vec3 direction;  ///< unit vector

@@ -19,7 +19,7 @@ class RowTracer {
   RowTracer(const optics::OpticalModel& model, const Scene& scene);
 
   struct Seen {
-    std::vector<Hit> hits;     ///< by subpixel
+    std::vector<Hit> hits;     ///< one per subpixel
     std::vector<double> z_mm;  ///< panel frame; set where a surface was hit
     optics::RowRays rays;
   };

@@ -13,7 +13,7 @@ namespace lenticule::render {
 struct VisibilityTiming {
   uint64_t rays = 0;
   double bare_seconds = 0.0;  ///< Embree alone, on packets prepared in advance
-  double pass_seconds = 0.0;  ///< from subpixels to hits: ray set-up, checks, Embree
+  double pass_seconds = 0.0;  ///< subpixels to hits: ray set-up, checks, Embree
 };
 
 /// Traces the centre ray of every subpixel once with each method, interleaved. `threads` 0 = all

@@ -14,7 +14,8 @@
 
 namespace lenticule::player {
 
-/// In the middle of the viewing zone, and a third of the zone to each side, from left to right.
+/// The eyes are in the middle of the viewing zone and a third of the zone to each side, from left
+/// to right.
 inline constexpr int kErrorEyes = 3;
 using SeenPictures = std::array<frames::WovenFrame, kErrorEyes>;
 /// The meters of one method in one scenario.

@@ -49,8 +49,8 @@ struct PaperMethod {
 
 struct PaperSetup {
   optics::Rig rig;
-  std::vector<std::string>
-      methods;      ///< names from paper_method_names(); the first is the reference
+  /// Names from paper_method_names(); the first is the reference.
+  std::vector<std::string> methods;
   int threads = 0;  ///< 0 = all cores
   int depth = 5;
   int runs = 3;  ///< times are medians of these
@@ -85,8 +85,8 @@ struct PaperSpan {
 [[nodiscard]] nlohmann::json summarize(const std::string& scene,
                                        const std::vector<nlohmann::json>& spans);
 
-/// Print the paper's tables with our values beside the published ones, from the summaries and
-/// spans.
+/// Print the paper's tables with the measured values beside the published ones, from the summaries
+/// and spans.
 void print_quality_table(const std::vector<nlohmann::json>& teapot_spans);
 void print_time_table(const nlohmann::json& summaries);
 void print_method_table(const nlohmann::json& summary);

@@ -19,8 +19,8 @@ namespace {
 constexpr int kDepth = 5;              // the default of renders
 constexpr double kHair = 2e-5;         // mm
 constexpr Real kMostStartOff = 5e-5L;  // mm: 2^-20 of (largest coordinate + radius), 50 mm
-constexpr Real kNearest =
-    0.99L;  // fraction of the viewing distance: rays start no nearer to the eye
+/// Fraction of the viewing distance: rays start no nearer to the eye.
+constexpr Real kNearest = 0.99L;
 
 struct Move {
   Real x = 0;

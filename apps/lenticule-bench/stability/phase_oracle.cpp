@@ -40,7 +40,7 @@ Point lens_point(const optics::Rig& rig, Point q, const OracleEye& eye) {
     const Point delta = shift(rig, q, eye);
     return {q.x + delta.x, q.y + delta.y};
   }
-  // For distant eyes: iterate L until it no longer changes.
+  // Distant eyes: iterate L until it no longer changes.
   Point l = q;
   for (int round = 0; round < 40; ++round) {
     const Point delta = shift(rig, l, eye);

@@ -120,8 +120,8 @@ StabilityRow stability_phase_kernels(const StabilitySize& size) {
 
 StabilityRow stability_phase_tiles(const StabilitySize& size) {
   optics::Rig rig = large_rig();
-  rig.viewing.distance =
-      Millimetres(1500.0);  // at less than a panel's width the cones of views would not fit
+  // The cones of views would not fit at less than a panel's width.
+  rig.viewing.distance = Millimetres(1500.0);
   const optics::OpticalModel model(rig);
   const PlainStage plain(rig);
   const render::PrimaryProbe probe(plain.scene, model, best_isa());

@@ -10,7 +10,7 @@
 namespace lenticule::player {
 
 struct StabilityRow {
-  std::string name{};      ///< for --row
+  std::string name{};      ///< name for --row
   std::string stressed{};  ///< stressed property, for people
   uint64_t samples = 0;
   std::string samples_are{};  ///< "rays", "subpixels"

@@ -129,8 +129,8 @@ class CrossingRun {
   /// for a ray moved by the row sweep's tolerance.
   void judge_exact(Vec3 place, const frames::WovenFrame& truth, const frames::WovenFrame& made) {
     const render::SceneDescription moved_scene = moved(crossing_.scene, 1.0, place);
-    constexpr double kHair =
-        4e-7 * 400.0;  // mm, relative to the largest coordinate, which is the eye's
+    // Tolerance in mm, relative to the largest coordinate, which is the eye's.
+    constexpr double kHair = 4e-7 * 400.0;
     for (int j = 0; j < rig_.panel.height_px; ++j)
       for (int s = 0; s < 3 * rig_.panel.width_px; ++s) {
         const uint8_t code = made.row(j)[s];

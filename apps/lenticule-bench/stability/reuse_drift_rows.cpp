@@ -21,7 +21,7 @@ namespace {
 
 constexpr double kMmPerUnit = 6.0;
 constexpr int kWindows = 10;
-/// In the middle of the run, frame numbers exceed 32 bits.
+/// Frame numbers exceed 32 bits from the middle of the run on.
 constexpr uint64_t kMiddleFrame = uint64_t{1} << 32;
 constexpr double kMib = 1024.0 * 1024.0;
 

@@ -15,9 +15,9 @@
 namespace lenticule::player {
 namespace {
 
-constexpr double kPaneMm = 12.0;   // in front of the panel
+constexpr double kPaneMm = 12.0;   // distance in front of the panel
 constexpr double kWallMm = -21.0;  // behind the panel
-constexpr double kFarOff = 110.0;  // from the middle to beyond the visible area
+constexpr double kFarOff = 110.0;  // distance from the middle to beyond the visible area
 constexpr double kError = 2.0;     // codes, the tolerated error of method adaptive
 
 /// Surfaces are identified by ranges of codes, which light does not change.
@@ -43,7 +43,7 @@ Vec3 at_pane(const optics::SubpixelRay& ray) {
 
 Outline outline_at(const optics::OpticalModel& model, double degrees) {
   const double angle = degrees * std::numbers::pi / 180.0;
-  // For a level line, all components but one must be exactly zero.
+  // All components but one of a level line must be exactly zero.
   const auto clean = [](double v) { return std::abs(v) < 1e-15 ? 0.0 : v; };
   const double c = clean(std::cos(angle)), s = clean(std::sin(angle));
   const optics::Panel& panel = model.rig().panel;

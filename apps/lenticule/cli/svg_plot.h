@@ -20,8 +20,8 @@ struct PlotSeries {
   std::string label;
   std::vector<Vec2> points;  ///< drawn in this order, each marked by a dot
   bool joined = true;        ///< connected by a line
-  std::vector<std::string> names =
-      {};  ///< names of points, shown by a pointing device; may be fewer than points
+  /// Names of points, shown under the mouse pointer; may be fewer than points.
+  std::vector<std::string> names = {};
 };
 
 struct Plot {

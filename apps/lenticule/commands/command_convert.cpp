@@ -66,7 +66,7 @@ class ConvertPlan {
 
   [[nodiscard]] MeaningRequest what(bool views_wanted) const {
     MeaningRequest request{.text = flags_.input, .flags = flags_.content};
-    // To get views, woven frames of any rig are separated.
+    // Woven frames of any rig are separated if views are wanted.
     if (views_wanted) request.flags.reweave = true;
     if (rig && !views_wanted) request.rig_fingerprint = rig->identity.fingerprint;
     return request;

@@ -215,7 +215,7 @@ struct Import {
 Import import_as(const std::string& format, const std::string& text, const std::string& source) {
   if (format == "cubevi") return {.rig = optics::import_cubevi(text, source)};
   optics::LookingGlassImport import = optics::import_looking_glass(text, source);
-  // The file's invView is set if its views run in our order.
+  // The file's invView is set if its views are numbered in this project's order.
   return {.rig = std::move(import.rig), .inverted_views = !import.views.inverted};
 }
 

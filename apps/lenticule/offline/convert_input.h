@@ -41,7 +41,7 @@ class ConvertInput {
 [[nodiscard]] std::unique_ptr<ConvertInput> open_woven_input(const std::string& text,
                                                              const PictureRequest& how);
 
-/// How views become frames: woven for a rig, or as tiles of a quilt.
+/// The conversion of views to frames: weaving for a rig, or tiles of a quilt.
 struct FramesOfViews {
   std::unique_ptr<Loom> loom;  ///< null for quilts
   frames::FrameGeometry geometry;

@@ -19,9 +19,8 @@ inline constexpr const char* kOverwriteHelp =
 /// one.
 [[nodiscard]] std::string made_from(const std::string& input, const std::string& camera = {});
 
-// Each function throws Error(Input) if a file exists and would not be replaced by the same kind of
-// output. With --overwrite or --resume they accept any file; when resuming, the output itself
-// checks the file.
+// The functions throw Error(Input) if an existing file is not a result of the same command. With
+// --overwrite or --resume they accept any file; when resuming, the output itself checks the file.
 
 /// Refuses FILE.lts or FILE.lts.part that is not a container, or has other frames, another rig or
 /// another scene. Another trim of the same rig is accepted, because rendering again is how a new

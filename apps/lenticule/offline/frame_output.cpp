@@ -30,8 +30,8 @@ constexpr std::chrono::milliseconds kWaitSlice{200};
 void require_writable_folder(const fs::path& file) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   std::error_code error;
-  fs::create_directory(folder,
-                       error);  // the check below reports any error, and an existing folder is none
+  // The check below reports any error, and an existing folder is none.
+  fs::create_directory(folder, error);
   const TemporaryFile probe(file);
 }
 

@@ -75,7 +75,7 @@ StageSequence::StageSequence(const render::SceneDescription& reference,
 render::Stage StageSequence::at(const render::SceneDescription& scene) const {
   if (!scene.cameras.empty()) return render::make_stage(scene, model_, options_);
   render::Stage stage = reference_;
-  // Without a camera, objects that leave the reference frame's bounds must not be clipped.
+  // Objects that leave the reference frame's bounds must not be clipped if there is no camera.
   stage.near_mm = std::numeric_limits<double>::infinity();
   return stage;
 }

@@ -17,8 +17,8 @@ struct DriverPath {
   const char* driver;  ///< name that DRM_IOCTL_VERSION returns
   PathKind kind;
   const char* fact;
-  const char*
-      source;  ///< file and function in the kernel's sources, or the manufacturer's documentation
+  /// File and function in the kernel's sources, or the manufacturer's documentation.
+  const char* source;
 };
 
 [[nodiscard]] std::span<const DriverPath> driver_paths();

@@ -15,7 +15,7 @@ namespace lenticule::display {
 enum class KmsObject { Connector, Crtc, Plane };
 [[nodiscard]] const char* object_name(KmsObject object);
 
-/// How the neutral value is found.
+/// The way to find the neutral value.
 enum class Neutral {
   Number,   ///< `number`
   Named,    ///< the enumerator with one of `names`, the first that exists

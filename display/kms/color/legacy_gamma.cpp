@@ -14,7 +14,7 @@ namespace {
 constexpr int kMostEntries = 65536;
 
 size_t entries_of(int fd, const PropertyTable& crtc) {
-  // With either property the kernel makes the ramp an alias of it, and the audit resets the
+  // If either property exists, the kernel makes the ramp an alias of it, and the audit resets the
   // property.
   if (crtc.find("GAMMA_LUT") != nullptr || crtc.find("DEGAMMA_LUT") != nullptr) return 0;
   const DrmCrtc source(drmModeGetCrtc(fd, crtc.object()));

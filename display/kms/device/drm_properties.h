@@ -16,7 +16,7 @@ struct Property {
   std::string name{};
   uint32_t flags = 0;  ///< DRM_MODE_PROP_*
   uint64_t value = 0;
-  uint64_t minimum = 0;  ///< for ranges
+  uint64_t minimum = 0;  ///< limits of ranges
   uint64_t maximum = 0;
   std::vector<std::pair<std::string, uint64_t>> enums{};  ///< bit numbers for bit masks
 

@@ -117,7 +117,8 @@ void read_timings(Bytes payload, size_t size, const Read& read, EdidExtensions& 
 
 void read_type_6_timings(Bytes payload, EdidExtensions& found) {
   while (payload.size() >= 14) {
-    const size_t size = (payload[2] & 0x40) != 0 ? 17 : 14;  // with the image's size or without
+    // Size with or without the image's size.
+    const size_t size = (payload[2] & 0x40) != 0 ? 17 : 14;
     note_timing(type_6(payload), found);
     payload = payload.subspan(std::min(size, payload.size()));
   }

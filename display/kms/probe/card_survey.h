@@ -24,7 +24,7 @@ struct OpenCard {
 struct CardSurvey {
   std::vector<DrmDevice> devices;
   std::vector<OutputCandidate> candidates;
-  /// For each candidate, the index of its device; none for candidates of the open card.
+  /// The index of each candidate's device; none for candidates of the open card.
   std::vector<std::optional<size_t>> device_of;
   std::optional<Error> problem;  ///< error of a card that could not be opened
 };

@@ -25,7 +25,7 @@ struct OutputChoice {
   std::string cause{};
   std::string remedy{};
   bool may_come = false;
-  /// Connected candidates on the requested output, whatever their identity.
+  /// Connected candidates on the requested output, of any identity.
   std::vector<size_t> present{};
 };
 

@@ -14,9 +14,9 @@ struct OutputKey {
   enum class Kind { Auto, Connector, Edid, Card };
   Kind kind = Kind::Auto;
   std::string text{};                 ///< connector name or path of a card
-  std::string manufacturer{};         ///< for Edid
-  std::optional<uint32_t> product{};  ///< for Edid
-  std::string serial{};               ///< for Edid, may be empty
+  std::string manufacturer{};         ///< set for Edid
+  std::optional<uint32_t> product{};  ///< set for Edid
+  std::string serial{};               ///< set for Edid, may be empty
   friend bool operator==(const OutputKey&, const OutputKey&) = default;
 };
 

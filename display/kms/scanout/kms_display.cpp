@@ -134,7 +134,7 @@ void AtomicKmsDisplay::light_up() {
     close(ExitPolicy::Restore);  // a refused picture is not kept
     throw;
   }
-  // After a successful start, reconnecting tolerates inexact output and reports it instead of
+  // Reconnecting after a successful start tolerates inexact output and reports it instead of
   // stopping.
   options_.allow_inexact = true;
   const OutputTarget& target = lit_.output->target();
@@ -150,8 +150,8 @@ void AtomicKmsDisplay::light_up() {
                  counters_);
   waiter_.emplace(device.fd(), options_.session->fd(), guard_->fd());
   mode_.hardware_clock = engine_->counts_by_hardware();
-  // When the console returns to text mode, the kernel takes the panel even from a process that
-  // holds the card. A held frame therefore must not use the console.
+  // The kernel takes the panel when the console returns to text mode, even if a process holds the
+  // card. A held frame therefore must not use the console.
   if (options_.exit != ExitPolicy::Hold) console_.emplace(options_.platform->terminal());
 }
 

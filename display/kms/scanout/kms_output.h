@@ -103,7 +103,7 @@ class KmsOutput {
 
   DrmDevice device_;
   OutputTarget target_;
-  PipeTables tables_;  ///< as found
+  PipeTables tables_;  ///< values found at the start
   ExactnessAudit audit_;
   LegacyGamma gamma_;
   BlobId mode_blob_;
@@ -119,8 +119,8 @@ class KmsOutput {
   LinkPlace place_;
   std::vector<AuditRow> debugfs_rows_;
   ExactnessReport report_;
-  uint64_t reports_by_owner_ =
-      0;  ///< counts the owner's reports; an audit that began before the newest one is discarded
+  /// Counts the owner's reports; an audit that began before the newest one is discarded.
+  uint64_t reports_by_owner_ = 0;
 };
 
 }  // namespace lenticule::display

@@ -68,8 +68,8 @@ LitOutput light_new_output(const KmsOptions& options, std::optional<DrmDevice> i
   LitOutput lit;
   lit.output = std::make_unique<KmsOutput>(std::move(device), std::move(target), options.platform);
   lit.output->foresee();
-  require_exact(options,
-                *lit.output);  // before a frame is shown, as far as the facts are known then
+  // Checked before a frame is shown, as far as the facts are known.
+  require_exact(options, *lit.output);
   lit.buffers = make_scanout_pool(lit.output->device().fd(), options.platform, options.wish.panel,
                                   options.buffers);
   lit.front = lit.buffers.front().get();

@@ -13,8 +13,8 @@
 
 namespace lenticule::display {
 
-/// Returns the state of a panel for frames in `mode` requested by `wish`. `connector` null = the
-/// connector is gone.
+/// Returns the state of a panel for frames in `mode` with the request `wish`. `connector` null =
+/// the connector is gone.
 [[nodiscard]] PanelState judge_panel(const ConnectorInfo* connector, const OutputWish& wish,
                                      const drmModeModeInfo& mode);
 

@@ -18,9 +18,9 @@ class PendingFlip {
  public:
   enum class Phase {
     None,
-    Queued,  ///< to be committed when due
+    Queued,  ///< waits to be committed when due
     Armed,   ///< committed; its event is awaited until due
-    Stuck,   ///< to be shown by a blocking commit when due
+    Stuck,   ///< waits to be shown by a blocking commit when due
     Landed,  ///< displayed; to be reported when due
   };
 

@@ -13,7 +13,7 @@ struct Vblank {
   Nanoseconds time{0};
 };
 
-/// The count never runs backwards, whatever the driver reports. Thread safety: one thread.
+/// The count never runs backwards, even if the driver's does. Thread safety: one thread.
 class VblankCounter {
  public:
   enum class Source {
@@ -39,7 +39,7 @@ class VblankCounter {
   /// Returns the driver's number for the vblank `sequence` of this counter.
   [[nodiscard]] uint64_t driver_sequence(uint64_t sequence) const { return sequence - offset_; }
 
-  /// By the clock: the first vblank at or after `time`, the last one at or before it.
+  /// Return, by the clock, the first vblank at or after `time`, and the last one at or before it.
   [[nodiscard]] Vblank first_from(Nanoseconds time) const;
   [[nodiscard]] Vblank last_until(Nanoseconds time) const;
   [[nodiscard]] Vblank at(uint64_t sequence) const;

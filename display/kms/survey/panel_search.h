@@ -21,8 +21,8 @@ struct PanelSearch {
   Error refusal{ErrorKind::Device, ""};
   /// True if a panel that is connected later could match.
   bool may_come = true;
-  /// Connected panels on the requested output, whatever their identity, by name. For a request by
-  /// EDID, all panels.
+  /// Connected panels on the requested output, of any identity, by name. All panels for a request
+  /// by EDID.
   std::vector<PanelFacts> present{};
 };
 
