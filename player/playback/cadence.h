@@ -21,7 +21,7 @@ class Cadence {
  public:
   Cadence(frames::Rate content, frames::Rate refresh);
 
-  /// Index of the current frame and its vblank, both counted from frame 0.
+  /// Return the index of the current frame and its vblank, both counted from frame 0.
   [[nodiscard]] uint64_t frame() const noexcept { return frame_; }
   [[nodiscard]] uint64_t due() const noexcept { return due_; }
   /// Returns the vblank at which the frame after the current one is due.
