@@ -18,5 +18,5 @@ int main(int argc, char** argv) {
   words.push_back(nullptr);
   const Command bench = {"bench", "run a benchmark of this build on this machine",
                          "lenticule bench exact", lenticule::player::declare_all_benchmarks};
-  return lenticule::player::run_program({&bench, 1}, argc + 1, words.data());
+  return lenticule::player::run_program({.commands = {&bench, 1}}, argc + 1, words.data());
 }

@@ -28,6 +28,27 @@ TEST(Help, ListsTheCommandsOfTheContract) {
     EXPECT_NE(std::find(names.begin(), names.end(), name), names.end()) << name;
 }
 
+// Every first step must be a command that exists: its own help is asked for.
+TEST(Help, WithoutACommandFirstStepsAreShownAndExitsWithTwo) {
+  const ProcessResult result = run({});
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_TRUE(result.out.empty()) << result.out;
+  const std::string help = run({"--help"}).out;
+  std::istringstream lines(result.err);
+  int steps = 0;
+  for (std::string line; std::getline(lines, line);) {
+    const size_t begin = line.find("  lenticule ");
+    if (begin == std::string::npos) continue;
+    ++steps;
+    EXPECT_NE(help.find(line), std::string::npos) << line;
+    std::istringstream words(line.substr(begin + 2));
+    std::string program, command;
+    words >> program >> command;
+    EXPECT_EQ(run({command, "--help"}).exit_code, 0) << command;
+  }
+  EXPECT_EQ(steps, 5);
+}
+
 TEST(Help, OfEveryCommandEndsWithAnExampleAndExitsWithZero) {
   for (const std::string& name : command_names_from_help()) {
     const ProcessResult result = run({name, "--help"});

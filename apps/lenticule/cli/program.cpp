@@ -51,7 +51,7 @@ bool asks_for_json(int argc, char** argv) {
 
 }  // namespace
 
-int run_program(std::span<const Command> commands, int argc, char** argv) {
+int run_program(const Program& program, int argc, char** argv) {
   prepare_standard_streams();
   install_interrupt_handlers();
   // Choose the instruction set before the commands are declared, because their defaults name it.
@@ -63,19 +63,24 @@ int run_program(std::span<const Command> commands, int argc, char** argv) {
   const ExitCode environment = run_reporting_errors(choose_kernels, as_json);
   if (environment != kOk) return environment;
 
-  CLI::App app{"Renders, weaves and plays pictures for lenticular 3-D displays."};
+  CLI::App app{std::string("Renders, weaves and plays pictures for lenticular 3-D displays.\n") +
+               program.first_steps};
   app.name("lenticule");
   app.set_version_flag("--version", std::string("lenticule ") + LENTICULE_VERSION);
   app.require_subcommand(1);
   app.footer("Start with: lenticule COMMAND --help");
 
   std::map<const CLI::App*, Run> runs;
-  for (const Command& command : commands) {
+  for (const Command& command : program.commands) {
     CLI::App* sub = app.add_subcommand(command.name, command.summary);
     sub->footer(fmt::format("Example:\n  {}", command.example));
     runs[sub] = command.declare(*sub);
   }
 
+  if (argc == 1 && program.first_steps[0] != '\0') {
+    say("{}\nAll commands: lenticule --help\n", Verbatim{program.first_steps});
+    return kUsage;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

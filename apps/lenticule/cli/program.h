@@ -9,9 +9,15 @@
 
 namespace lenticule::player {
 
+struct Program {
+  std::span<const Command> commands;
+  /// Lines that --help shows before the list of commands, and that a call without a command prints.
+  const char* first_steps = "";
+};
+
 /// Runs the command that `argv` names and returns the exit code for main(). Prints errors in the
 /// format of the commands' contract (docs/player.md). Call it once, before other threads are
 /// started.
-[[nodiscard]] int run_program(std::span<const Command> commands, int argc, char** argv);
+[[nodiscard]] int run_program(const Program& program, int argc, char** argv);
 
 }  // namespace lenticule::player
