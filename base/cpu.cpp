@@ -28,7 +28,7 @@ Isa named_isa(const std::string& name) {
 
 bool isa_supported(Isa isa) {
 #if defined(__x86_64__)
-  // These ask the operating system too (XGETBV), not only the processor.
+  // The builtins also ask the operating system (XGETBV), not only the processor.
   switch (isa) {
     case Isa::Baseline:
       return true;

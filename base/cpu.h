@@ -1,22 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which instruction set the kernels run with.
+// Selects the instruction set of the compute kernels.
 #pragma once
 
 namespace lenticule {
 
 enum class Isa { Baseline, Avx2, Avx512 };
 
-/// The best that this processor and operating system support; the environment variable
-/// LENTICULE_ISA (baseline, avx2, avx512) can ask for less, never for more. Throws a usage error
-/// for any other name: a program asks once before anything else, so that later calls cannot throw.
+/// Returns the best instruction set that the processor and the operating system support. The
+/// environment variable LENTICULE_ISA (baseline, avx2, avx512) can select a smaller set, never a
+/// larger one. Throws a usage error for any other name of a set: a program calls this function once
+/// before anything else, so that later calls cannot throw.
 [[nodiscard]] Isa best_isa();
 
-/// Whether this machine can run `isa`.
+/// Returns true if this machine can run `isa`.
 [[nodiscard]] bool isa_supported(Isa isa);
 
 [[nodiscard]] const char* isa_name(Isa isa);
 
-/// Returns the best variant of a kernel that is no more than `isa` and that this machine can run.
+/// Returns the best variant of a kernel that does not exceed `isa` and that this machine can run.
 template <class Kernel>
 [[nodiscard]] const Kernel& select_kernel(Isa isa, const Kernel& baseline, const Kernel& avx2,
                                           const Kernel& avx512) {
@@ -27,9 +28,9 @@ template <class Kernel>
 
 }  // namespace lenticule
 
-// Both are used in the namespace of a kernel, whose variants lenticule_isa_variants
-// (cmake/LenticuleRoom.cmake) compiles: one declares the constant `name` of every variant, the
-// other selects among them.
+// Both macros are used in the namespace of a kernel. lenticule_isa_variants
+// (cmake/LenticuleLibrary.cmake) compiles the kernel's variants. The first macro declares the
+// constant `name` of every variant, the second one selects a variant.
 #if defined(__x86_64__)
 #define LENTICULE_DECLARE_KERNEL(Kernel, name) \
   namespace isa_baseline {                     \

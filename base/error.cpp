@@ -7,7 +7,8 @@
 namespace lenticule {
 
 void check_failed(const char* file, int line, const char* condition) noexcept {
-  // Not say(): the part of lenticule that reads pictures has this function and no other of base/.
+  // Does not call say(): the library that reads pictures links this function, but nothing else from
+  // base/.
   std::fprintf(stderr, "%s:%d: this must hold and does not: %s\n", file, line, condition);
   std::abort();
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Failures that the world causes (a file, a device, an argument), and the check for our own bugs.
+// Error reports failures with an external cause (a file, a device, an argument); LENTICULE_CHECK
+// finds our own bugs.
 #pragma once
 
 #include <stdexcept>
@@ -8,18 +9,18 @@
 
 namespace lenticule {
 
-/// What kind of failure an Error is. The values are the exit codes of the command line.
+/// ErrorKind classifies errors. The values are the exit codes of the command line.
 enum class ErrorKind {
-  Failed = 1,   ///< it could not be done (a full disk, a lost peer)
-  Usage = 2,    ///< the request itself makes no sense (flags, ranges)
+  Failed = 1,   ///< the operation failed (a full disk, a lost peer)
+  Usage = 2,    ///< the request is invalid (flags, ranges)
   Device = 3,   ///< a device is missing, busy or forbidden
   Input = 4,    ///< the input is invalid, or was made for another rig
-  Quality = 5,  ///< it was done, but a quality limit was missed
+  Quality = 5,  ///< the operation finished, but missed a quality limit
 };
 
-/// Thrown while setting something up; running loops return values instead.
+/// Error is thrown during setup; running loops return values instead.
 ///
-/// `what()` is one line: object first, then cause, lower case, no full stop:
+/// `what()` is one line: first the object, then the cause, in lower case and without a full stop:
 /// "rig.toml:12: unknown key 'pich_subpx'". `hint()` is the remedy, or empty.
 class Error : public std::runtime_error {
  public:
@@ -34,12 +35,12 @@ class Error : public std::runtime_error {
   std::string hint_;
 };
 
-/// Prints the broken promise and aborts. Use LENTICULE_CHECK.
+/// Prints the violated invariant and aborts. Use LENTICULE_CHECK.
 [[noreturn]] void check_failed(const char* file, int line, const char* condition) noexcept;
 
 }  // namespace lenticule
 
-/// States an invariant of our own code; on in release builds. Never for input.
+/// Checks an invariant of our own code, in release builds too. Not for input.
 #define LENTICULE_CHECK(condition)                               \
   do {                                                           \
     if (!(condition)) [[unlikely]]                               \

@@ -36,7 +36,7 @@ void require_regular(const std::filesystem::path& file, mode_t mode) {
     fail_read(file, fmt::format("it is {}, not a regular file", kind_of_file(mode)));
 }
 
-/// "3 MiB, at most 1 MiB are read", in bytes where they are fewer.
+/// Returns for example "3 MiB, at most 1 MiB are read"; sizes below 1 MiB are given in bytes.
 std::string too_large(uint64_t size, uint64_t limit_bytes) {
   constexpr uint64_t kMebibyte = 1 << 20;
   if (limit_bytes < kMebibyte)
@@ -64,7 +64,7 @@ Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
     const ssize_t n = ::read(in.descriptor.get(), bytes.data() + done, bytes.size() - done);
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) fail_read(file, reason(errno));
-    if (n == 0) break;  // the file shrank meanwhile; its parser finds it truncated
+    if (n == 0) break;  // the file shrank while it was read; its parser reports the truncation
     done += static_cast<size_t>(n);
   }
   bytes.resize(done);
@@ -75,10 +75,11 @@ Bytes read_file(const std::filesystem::path& file, uint64_t limit_bytes) {
 
 OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_bytes) {
   struct stat status {};
-  // Looked at first: opening alone makes some devices do something.
+  // stat() comes before open(), because open() alone has side effects on some devices.
   if (::stat(file.c_str(), &status) != 0) fail_read(file, reason(errno));
   require_regular(file, status.st_mode);
-  // O_NONBLOCK: opening a pipe that took the name since must not wait for its other end.
+  // O_NONBLOCK: if a pipe replaced the file after the stat(), open() must not wait for the pipe's
+  // other end.
   constexpr int kFlags = O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY;
   OpenedFile opened{UniqueFd(::open(file.c_str(), kFlags)), 0};
   if (!opened.descriptor || ::fstat(opened.descriptor.get(), &status) != 0)

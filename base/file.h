@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole files or none: written under a temporary name in the same folder, synced, renamed.
+// Reads whole files, and writes files atomically: to a temporary name in the same folder, then
+// sync, then rename.
 #pragma once
 
 #include <cstdint>
@@ -13,28 +14,29 @@
 
 namespace lenticule {
 
-/// Replaces `file` with `bytes`; readers see the old file or the whole new one. A symbolic link
-/// keeps pointing at the file it names. Throws Error(Failed) naming file and cause; nothing is left
-/// behind then. Safe from any thread.
+/// Replaces `file` with `bytes`; a reader sees either the old file or the whole new file. A
+/// symbolic link keeps its target's name. Throws Error(Failed) that names the file and the cause,
+/// and leaves no temporary file behind. Thread safety: any thread.
 void write_file_atomically(const std::filesystem::path& file, std::span<const uint8_t> bytes);
 
-/// Makes a rename in the file's folder last. Where a folder cannot be synchronised, nothing
-/// happens: the file is whole all the same.
+/// Makes a rename in the file's folder durable (fsync of the folder). Does nothing where a folder
+/// cannot be synchronised: the file itself is complete in either case.
 void sync_folder_of(const std::filesystem::path& file) noexcept;
 
 struct OpenedFile {
   UniqueFd descriptor;
   uint64_t bytes = 0;
 };
-/// Opens a regular file for reading. Throws as read_whole_file() does.
+/// Opens a regular file for reading. Throws the same errors as read_whole_file().
 [[nodiscard]] OpenedFile open_regular_file(const std::filesystem::path& file, uint64_t limit_bytes);
 
-/// The whole file. Throws Error(Input) naming file and cause: missing, not a regular file (never
-/// waits for a pipe), larger than `limit_bytes`.
+/// Returns the bytes of the whole file. Throws Error(Input) that names the file and the cause if
+/// the file is missing, is not a regular file or is larger than `limit_bytes`. Never blocks on a
+/// pipe.
 [[nodiscard]] std::vector<uint8_t> read_whole_file(const std::filesystem::path& file,
                                                    uint64_t limit_bytes);
 
-/// The same two for text.
+/// Do the same as read_whole_file() and write_file_atomically() for text.
 [[nodiscard]] std::string read_text_file(const std::filesystem::path& file, uint64_t limit_bytes);
 void write_text_file(const std::filesystem::path& file, std::string_view text);
 

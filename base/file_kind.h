@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The kinds of files in words, for messages about names that are no regular files.
+// Names kinds of files, for messages about files that are not regular.
 #pragma once
 
 #include <sys/stat.h>

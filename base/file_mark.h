@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tells whether a file was replaced, or written to.
+// FileMark detects that a file was replaced or written to.
 #pragma once
 
 #include <sys/stat.h>
@@ -9,17 +9,20 @@
 
 namespace lenticule {
 
-/// Two looks at a name are equal as long as the same file with the same content is there.
+/// FileMark identifies the content of a file. Two marks of one name are equal as long as the name
+/// refers to the same file with the same content.
 struct FileMark {
   bool there = false;
   uint64_t device = 0, inode = 0;
   int64_t size = 0;
   int64_t written_s = 0, written_ns = 0;
-  int64_t changed_s = 0, changed_ns = 0;  ///< cannot be set back, as the time of writing can
+  int64_t changed_s = 0,
+          changed_ns =
+              0;  ///< unlike the modification time, this time cannot be set back by a program
   friend bool operator==(const FileMark&, const FileMark&) = default;
 };
 
-/// Costs one stat().
+/// Returns the mark of `file`. Costs one stat().
 [[nodiscard]] inline FileMark mark_of(const std::filesystem::path& file) noexcept {
   struct stat status {};
   if (::stat(file.c_str(), &status) != 0) return {};

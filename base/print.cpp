@@ -22,10 +22,10 @@ namespace {
 constexpr int kPatienceMilliseconds = 250;
 
 std::atomic<uint64_t> g_dropped{0};
-std::atomic<bool> g_stuck{false};  ///< standard error took nothing when it was last asked
+std::atomic<bool> g_stuck{false};  ///< true after standard error was not writable
 
-/// Waits until standard error takes PIPE_BUF bytes without blocking. Where it did not before, does
-/// not wait again until it does.
+/// Waits until standard error accepts PIPE_BUF bytes without blocking. If the last wait timed out,
+/// only polls until standard error is writable again.
 bool wait_for_standard_error() noexcept {
   pollfd error{STDERR_FILENO, POLLOUT, 0};
   int ready = 0;
@@ -92,7 +92,7 @@ void finish_results() {
 void prepare_standard_streams() noexcept {
   for (const int fd : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
     if (fcntl(fd, F_GETFD) >= 0) continue;
-    // The lowest free number is this one.
+    // open() returns the lowest free descriptor, which is `fd`.
     (void)!open("/dev/null", fd == STDOUT_FILENO ? O_RDONLY : O_RDWR);
   }
   std::signal(SIGPIPE, SIG_IGN);

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the programs print: diagnostics on standard error, results on standard output. Nothing else
-// prints. Texts that are arguments may come from files, devices and peers: they are printed
-// escaped (base/text.h); only the format itself has line ends and control sequences. Any thread.
+// The functions in this header print all output of the programs: diagnostics on standard error,
+// results on standard output. No other code prints. Text arguments may come from files, devices and
+// peers, so they are printed escaped (base/text.h); only the format string itself may contain line
+// ends and control sequences.
+//
+// Thread safety: any thread.
 #pragma once
 
 #include <fmt/format.h>
@@ -15,14 +18,15 @@
 
 namespace lenticule {
 
-/// Text that is printed as it is: our own, or put together from escaped parts.
+/// Verbatim marks text that is printed without escaping: our own text, or text built from escaped
+/// parts.
 struct Verbatim {
   std::string_view text;
 };
 
 namespace print_detail {
 
-/// Returns what is printed for an argument.
+/// Returns the value to print for an argument.
 template <class T>
 [[nodiscard]] auto printed(const T& argument) {
   if constexpr (std::is_same_v<T, Verbatim>) {
@@ -48,8 +52,9 @@ void count_dropped_line() noexcept;
 
 }  // namespace print_detail
 
-/// Prints to standard error. Never throws and waits a quarter of a second at most: what cannot be
-/// written (a full disk, a reader that is gone or does not read) is dropped and counted.
+/// Prints to standard error. Never throws, and blocks for a quarter of a second at most. Output
+/// that cannot be written (a full disk, a reader that has exited or does not read) is dropped and
+/// counted.
 template <class... Arguments>
 void say(fmt::format_string<print_detail::Printed<Arguments>...> format,
          const Arguments&... arguments) noexcept {
@@ -62,10 +67,10 @@ void say(fmt::format_string<print_detail::Printed<Arguments>...> format,
   }
 }
 
-/// The lines that say() could not write since the program started.
+/// Returns the number of lines that say() has dropped since the program started.
 [[nodiscard]] uint64_t dropped_log_lines() noexcept;
 
-/// Prints a result to standard output. Throws Error(Failed) when that cannot be written.
+/// Prints a result to standard output. Throws Error(Failed) when the result cannot be written.
 template <class... Arguments>
 void print_out(fmt::format_string<print_detail::Printed<Arguments>...> format,
                const Arguments&... arguments) {
@@ -74,15 +79,18 @@ void print_out(fmt::format_string<print_detail::Printed<Arguments>...> format,
   }(print_detail::printed(arguments)...);
 }
 
-/// Hands printed results to the system. Throws Error(Failed) when they cannot be written.
+/// Flushes printed results to the operating system. Throws Error(Failed) when the results cannot be
+/// written.
 void flush_results();
 
-/// The same at the end of a program, where file systems that write late report failures too.
+/// Flushes as flush_results() does, then closes a copy of the descriptor, because some file systems
+/// report failed writes only at close(). Call it at the end of a program.
 void finish_results();
 
-/// Prepares standard input, output and error of a program: fills the numbers of those that are
-/// closed, which would go to the next file that is opened, and ignores SIGPIPE. Results for a
-/// closed standard output are an error as those for a full disk are. Call it first in main().
+/// Prepares the standard input, output and error of a program: opens /dev/null on each of their
+/// descriptors that is closed, since the next opened file would get that number otherwise, and
+/// ignores SIGPIPE. Printing a result to a closed standard output is an error, like printing to a
+/// full disk. Call it first in main().
 void prepare_standard_streams() noexcept;
 
 }  // namespace lenticule

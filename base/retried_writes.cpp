@@ -25,7 +25,7 @@ void RetriedWrites::failed(const char* reason, Clock::time_point now) noexcept {
   try {
     state_.reason = *reason != '\0' ? reason : "cannot write";
   } catch (const std::exception&) {
-    state_.reason = "no memory";  // short enough to need none
+    state_.reason = "no memory";  // short enough for the small-string buffer, so it cannot throw
   }
 }
 

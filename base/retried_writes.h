@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files that are written while something more important goes on: statistics, a recording, a trim.
-// A full disk must not end the film; what could not be written is counted, said, and tried again.
+// Schedules retries for files that are written during playback: statistics, a recording, a trim. A
+// full disk must not end the playback; failed writes are counted, reported and retried.
 #pragma once
 
 #include <chrono>
@@ -11,14 +11,14 @@
 
 namespace lenticule {
 
-/// How the writes of one thing went so far.
+/// WriteState summarises the writes of one file so far.
 struct WriteState {
   uint64_t failures = 0;
-  std::string reason{};  ///< of the last failure; empty once a write succeeded again
+  std::string reason{};  ///< cause of the last failure; empty once a write succeeded again
 };
 
-/// Says when a write may be tried again after it failed: after a second, then after pauses that
-/// double up to half a minute. Any thread.
+/// RetriedWrites decides when a failed write may be retried: after one second, then after pauses
+/// that double up to half a minute. Thread safety: any thread.
 class RetriedWrites {
  public:
   using Clock = std::chrono::steady_clock;
@@ -28,7 +28,7 @@ class RetriedWrites {
   [[nodiscard]] bool due(Clock::time_point now = Clock::now()) const noexcept;
   void failed(const char* reason, Clock::time_point now = Clock::now()) noexcept;
   void succeeded() noexcept;
-  /// Lets the next write be tried at once.
+  /// Makes the next write due at once.
   void try_at_once() noexcept;
   [[nodiscard]] WriteState state() const;
 
@@ -39,8 +39,9 @@ class RetriedWrites {
   std::chrono::seconds pause_ = kFirstPause;
 };
 
-/// Throws Error(Failed) for a file that can never be written: its folder does not exist, or
-/// something that is no regular file has the name. A disk that is full or read-only may change.
+/// Throws Error(Failed) for a file that can never be written: its folder does not exist, or the
+/// name belongs to something other than a regular file. A full or read-only disk is not an error
+/// here, because this state may change.
 void require_writable_place(const std::filesystem::path& file);
 
 }  // namespace lenticule

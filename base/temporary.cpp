@@ -28,11 +28,13 @@ constexpr std::string_view kFilePrefix = ".lenticule-";
 constexpr std::string_view kFileSuffix = ".unfinished";
 constexpr std::string_view kFolderPrefix = ".lenticule-unfinished-";
 constexpr std::string_view kFolderEnd = "XXXXXX";
-/// A process that sweeps holds a lock for a moment; so many names in a row it does not take.
+/// Limits the number of names tried in a row. Another process's sweep holds a lock only for a
+/// moment, so it cannot take this many names.
 constexpr int kAttempts = 100;
-/// Folders remembered as swept; a process that writes into more of them sweeps some once more.
+/// Limits how many swept folders are remembered; a process that writes into more of them sweeps
+/// some folders again.
 constexpr size_t kMostFolders = 256;
-/// For targets such as pipes.
+/// Returned for targets such as pipes.
 constexpr int kNotRegular = EINVAL;
 
 std::string reason(int error) {
@@ -47,14 +49,14 @@ bool names(const fs::path& path, int fd) noexcept {
          open_file.st_dev == named.st_dev && open_file.st_ino == named.st_ino;
 }
 
-/// Takes the owner's lock on what was just made. False if a sweeper came in between; where there
-/// are no locks nothing is swept either.
+/// Takes the owner's lock on a new file or folder. Returns false if a sweep of another process came
+/// first. Returns true on file systems without locks, where no sweep removes anything either.
 bool hold(const fs::path& path, int fd) noexcept {
   if (::flock(fd, LOCK_EX | LOCK_NB) != 0) return errno != EWOULDBLOCK;
   return names(path, fd);
 }
 
-/// Removes a file or folder of this user whose owner's lock can be taken.
+/// Removes a file or folder of this user if the owner's lock can be taken.
 bool remove_leftover(const fs::path& path) {
   struct stat status {};
   if (::lstat(path.c_str(), &status) != 0 || status.st_uid != ::geteuid()) return false;
@@ -85,12 +87,13 @@ size_t sweep(const fs::path& folder) noexcept {
       const bool ours = is_our_name(entry->path().filename().string());
       if (ours && remove_leftover(entry->path())) ++removed;
     }
-  } catch (const std::exception&) {  // out of memory: the next start has another chance
+  } catch (const std::exception&) {  // out of memory: the next start tries again
   }
   return removed;
 }
 
-/// Sweeps a folder when this process first writes there: frames go into it by the thousand.
+/// Sweeps a folder only when this process first writes there, because thousands of frames may
+/// follow.
 void sweep_once(const fs::path& folder) {
   static std::mutex mutex;
   static std::set<std::string> swept;
@@ -106,7 +109,8 @@ fs::path folder_of(const fs::path& file) {
   return file.has_parent_path() ? file.parent_path() : fs::path(".");
 }
 
-/// Short whatever the target's name, so that it exists wherever the target can.
+/// Returns a temporary name beside `target`. The name is short whatever the length of the target's
+/// name, so that every file system that can hold the target can hold it.
 fs::path temporary_beside(const fs::path& target) {
   static std::atomic<uint64_t> counter{0};
   return target.parent_path() /
@@ -141,9 +145,9 @@ int TemporaryFile::create(const fs::path& target) {
   return EBUSY;
 }
 
-/// Follows links: the link itself must survive the rename.
+/// Resolves symbolic links: the link itself must survive the rename.
 int TemporaryFile::resolve() {
-  std::error_code absent;  // a file that is not there yet is no error
+  std::error_code absent;  // set when the target does not exist yet, which is not an error
   target_ = said_;
   if (fs::is_symlink(said_, absent)) {
     std::error_code error;
@@ -155,14 +159,14 @@ int TemporaryFile::resolve() {
   return fs::exists(status) && !fs::is_regular_file(status) ? kNotRegular : 0;
 }
 
-/// EEXIST for a name that is taken: a process that was killed may have had our number, and its file
-/// may not be ours to remove.
+/// Creates the file under a new name. Returns EEXIST if the name is taken: a killed process may
+/// have had our process number, and we may not be allowed to remove its file.
 int TemporaryFile::create_once() {
   const fs::path name = temporary_beside(target_);
   const int fd = ::open(name.c_str(), O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (fd < 0) return errno;
   file_ = UniqueFd(fd);
-  if (!hold(name, fd)) return EEXIST;  // swept
+  if (!hold(name, fd)) return EEXIST;  // another process's sweep removed the file
   name_ = name;
   return 0;
 }
@@ -176,7 +180,7 @@ void TemporaryFile::fail(int error) const {
 int TemporaryFile::keep() {
   LENTICULE_CHECK(!name_.empty());
   if (::fsync(file_.get()) != 0) return errno;
-  // Some network file systems report a full disk no sooner than at a close. The lock stays.
+  // Some network file systems report a full disk only at close(). Closing a copy keeps the lock.
   const int copy = ::fcntl(file_.get(), F_DUPFD_CLOEXEC, 0);
   if (copy < 0 || ::close(copy) != 0) return errno;
   if (::rename(name_.c_str(), target_.c_str()) != 0) return errno;

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files and folders that are there only as long as their process works on them. Each carries a lock
-// (flock) until then. What a killed process left is removed by the next process that makes one in
-// the same folder: a lock that can be taken says that the owner is gone, a name or a process number
-// alone does not.
+// Temporary files and folders, each locked with flock() while its process uses it. The next process
+// that makes one in the same folder removes the leftovers of killed processes: a lock that can be
+// taken shows that the owner has exited. A name or a process number alone does not show this.
 #pragma once
 
 #include <cstddef>
@@ -12,28 +11,28 @@
 
 namespace lenticule {
 
-/// TemporaryFile is a file beside its target that takes the target's place when it is whole.
+/// TemporaryFile is a file beside its target that replaces the target when complete.
 class TemporaryFile {
  public:
   TemporaryFile() = default;
-  /// As create(). Throws Error(Failed) "target: cannot write: cause".
+  /// Calls create(). Throws Error(Failed) "target: cannot write: cause".
   explicit TemporaryFile(const std::filesystem::path& target);
-  /// Removes it unless it was kept.
+  /// Removes the file unless keep() has succeeded.
   ~TemporaryFile();
   TemporaryFile(const TemporaryFile&) = delete;
   TemporaryFile& operator=(const TemporaryFile&) = delete;
 
-  /// Creates it with the mode that the process's umask gives, open for reading and writing. A
-  /// target that is a symbolic link stays one: the file that it names is replaced. Returns 0 or the
-  /// errno, a negative number for a target that is not a regular file.
+  /// Creates the file with the mode that the process's umask gives, open for reading and writing.
+  /// If the target is a symbolic link, the link stays and the file that the link names is replaced.
+  /// Returns 0, an errno, or a negative number if the target is not a regular file.
   [[nodiscard]] int create(const std::filesystem::path& target);
-  /// True between create() and keep().
+  /// Returns true between create() and keep().
   [[nodiscard]] bool unfinished() const { return !name_.empty(); }
   [[nodiscard]] int fd() const { return file_.get(); }
 
-  /// Brings its bytes to the disk and gives it the target's name. Returns 0 or the errno.
+  /// Syncs the file to the disk and renames it to the target. Returns 0 or the errno.
   [[nodiscard]] int keep();
-  /// As keep(). Throws as the constructor.
+  /// Calls keep(). Throws the same error as the constructor.
   void replace_target();
 
  private:
@@ -42,15 +41,15 @@ class TemporaryFile {
   [[noreturn]] void fail(int error) const;
 
   std::filesystem::path said_;    ///< the target as the caller named it, for messages
-  std::filesystem::path target_;  ///< the same with links followed
-  std::filesystem::path name_;    ///< empty while there is nothing to remove
+  std::filesystem::path target_;  ///< the target with symbolic links resolved
+  std::filesystem::path name_;    ///< empty while no file is to be removed
   UniqueFd file_;
 };
 
-/// TemporaryFolder is a folder with mode 0700 that goes away with all that is in it.
+/// TemporaryFolder is a folder with mode 0700 that is removed with its content at destruction.
 class TemporaryFolder {
  public:
-  /// Creates it in `parent`, under a name that begins with a dot. Throws Error(Failed).
+  /// Creates the folder in `parent`, under a name that begins with a dot. Throws Error(Failed).
   explicit TemporaryFolder(const std::filesystem::path& parent);
   ~TemporaryFolder();
   TemporaryFolder(const TemporaryFolder&) = delete;
@@ -63,8 +62,9 @@ class TemporaryFolder {
   UniqueFd lock_;
 };
 
-/// Removes what killed processes of this user left in `folder`; the two classes above do that
-/// themselves. Returns how many files and folders. What cannot be looked at or removed stays.
+/// Removes the files and folders that killed processes of this user left in `folder`, and returns
+/// their number. The two classes above call this function themselves. Entries that cannot be
+/// examined or removed stay.
 size_t sweep_leftovers(const std::filesystem::path& folder) noexcept;
 
 }  // namespace lenticule

@@ -16,8 +16,8 @@ struct CodeRange {
   uint32_t last;
 };
 
-/// Characters that are never printed as they are. Marks that join letters (U+200C, U+200D) belong
-/// to the writing of several languages and stay.
+/// Lists the characters that are never printed unescaped. Characters that join letters (U+200C,
+/// U+200D) are needed in several languages and are not listed.
 constexpr std::array kEscaped = {
     CodeRange{0x00, 0x1F},        // control characters
     CodeRange{0x7F, 0x9F},        // DEL and the second set of control characters
@@ -38,7 +38,7 @@ bool is_continuation(char c) {
   return (static_cast<unsigned char>(c) & 0xC0U) == 0x80U;
 }
 
-/// Returns how many bytes a character has that begins with `lead`; 0 for a byte that begins none.
+/// Returns the number of bytes of a character that begins with `lead`; 0 if no character begins so.
 size_t announced_length(unsigned char lead) {
   if (lead < 0x80) return 1;
   if (lead >= 0xC2 && lead <= 0xDF) return 2;
@@ -55,7 +55,7 @@ uint32_t code_point(std::string_view character) {
   return code;
 }
 
-/// Long forms of short codes are not UTF-8.
+/// Returns true for a printable character. An overlong encoding is not valid UTF-8.
 bool is_printable(uint32_t code, size_t length) {
   if ((length == 3 && code < 0x800) || (length == 4 && (code < 0x10000 || code > 0x10FFFF)))
     return false;
@@ -64,7 +64,7 @@ bool is_printable(uint32_t code, size_t length) {
   });
 }
 
-/// Returns the printable character at the start of `text`, empty if there is none.
+/// Returns the printable character at the start of `text`; empty if there is none.
 std::string_view character_at_start(std::string_view text) {
   const size_t length = announced_length(static_cast<unsigned char>(text[0]));
   if (length == 0 || length > text.size()) return {};
@@ -74,7 +74,7 @@ std::string_view character_at_start(std::string_view text) {
   return is_printable(code_point(character), length) ? character : std::string_view{};
 }
 
-/// Returns the edits that turn one word into the other.
+/// Returns the number of edits that turn one word into the other.
 size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), size_t{0});
@@ -120,7 +120,7 @@ std::string shortened(std::string text, size_t bytes) {
 
 std::optional<std::string_view> nearest_word(std::string_view word,
                                              std::span<const std::string_view> known) {
-  constexpr size_t kLongest = 64;  // nothing that is known is that long
+  constexpr size_t kLongest = 64;  // all known words are shorter
   word = word.substr(0, kLongest);
   std::optional<std::string_view> nearest;
   size_t least = std::max<size_t>(1, word.size() / 2);

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Text from files, devices and peers, made fit for terminals, logs and JSON. Any thread.
+// Makes text from files, devices and peers safe for terminals, logs and JSON.
+//
+// Thread safety: any thread.
 #pragma once
 
 #include <cstddef>
@@ -10,22 +12,23 @@
 
 namespace lenticule {
 
-/// Returns `text` as printable UTF-8 on one line. Every byte of a control character (line ends and
-/// tabs too), of a character that is invisible or turns the direction of writing, and of what is
-/// not UTF-8 becomes \x and two hexadecimal digits: "\x1b[2J".
+/// Returns `text` as printable UTF-8 on one line. Replaces each byte of the following by \x and two
+/// hexadecimal digits ("\x1b[2J"): control characters (line ends and tabs too), characters that are
+/// invisible or change the writing direction, and bytes that are not UTF-8.
 [[nodiscard]] std::string escaped(std::string_view text);
 
-/// Returns at most `bytes` of `text`; what is longer ends in "..." after a whole character. `text`
-/// must be UTF-8 and `bytes` 3 at least.
+/// Returns at most `bytes` bytes of `text`; longer text is cut after a whole character and ends in
+/// "...". `text` must be UTF-8 and `bytes` at least 3.
 [[nodiscard]] std::string shortened(std::string text, size_t bytes);
 
-/// Returns the word of `known` that `word` may have been meant for: the one that is fewest edits
-/// (insert, delete, replace a letter) away, if they are at most half of the word.
+/// Returns the word of `known` that `word` was probably meant to be: the word at the smallest edit
+/// distance (insert, delete, replace a letter), if the distance is at most half the length of
+/// `word`.
 [[nodiscard]] std::optional<std::string_view> nearest_word(std::string_view word,
                                                            std::span<const std::string_view> known);
 
-/// Returns JSON in ASCII, which holds no escape sequence and is valid whatever bytes its texts
-/// have: what is not UTF-8 becomes U+FFFD. `Json` is nlohmann::json or ordered_json.
+/// Returns JSON in ASCII, which contains no escape sequence of terminals and is valid for texts of
+/// any bytes: invalid UTF-8 becomes U+FFFD. `Json` is nlohmann::json or ordered_json.
 template <class Json>
 [[nodiscard]] std::string json_text(const Json& value, int indent = -1) {
   return value.dump(indent, ' ', true, Json::error_handler_t::replace);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One open file descriptor and its close().
+// UniqueFd owns one file descriptor and closes it.
 #pragma once
 
 #include <unistd.h>

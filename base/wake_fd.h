@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// An eventfd: one thread taps another on the shoulder, and poll() feels it.
+// WakeFd is a non-blocking eventfd that wakes a thread waiting in poll().
 #pragma once
 
 namespace lenticule {
 
 class WakeFd {
  public:
-  /// Throws Error(Failed) when no descriptor is left.
+  /// Throws Error(Failed) when the process has no free descriptor.
   WakeFd();
   ~WakeFd();
   WakeFd(const WakeFd&) = delete;
   WakeFd& operator=(const WakeFd&) = delete;
 
-  /// Readable from signal() to drain().
+  /// Returns the descriptor, which is readable between signal() and drain().
   [[nodiscard]] int fd() const noexcept { return fd_; }
   void signal() noexcept;
   void drain() noexcept;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a calibration found, how sure it is, and whether it may be trusted. Plain data: made by the
-// fit, written into reports and rig files.
+// Calibration holds the result of a calibration, its uncertainty, and the verdict whether it may be
+// used. Plain data: made by the fit, written into reports and rig files.
 #pragma once
 
 #include <limits>
@@ -13,49 +13,50 @@
 
 namespace lenticule::calib {
 
-/// A value with its standard error.
+/// Estimate is a value with its standard error.
 struct Estimate {
   double value = 0.0;
   double sigma = 0.0;
 };
 
 struct Parameter {
-  std::string name;  ///< as in the rig file: "pitch_subpx"
+  std::string name;  ///< key of the rig file: "pitch_subpx"
   std::string unit;  ///< "subpixels", "px/px", "lenses", "mm"
   Estimate estimate;
 };
 
-/// A grid of values over the panel, rows from the top; NaN where nothing was measured. Columns and
-/// rows are cells: value (c, r) stands for the middle of its cell.
+/// PanelField is a grid of values over the panel, rows from the top; NaN for cells without a
+/// measurement. Columns and rows are cells: value (c, r) belongs to the middle of its cell.
 struct PanelField {
   int columns = 0;
   int rows = 0;
   std::vector<double> values;
 };
 
-/// What one place of the camera contributed.
+/// Viewpoint describes the contribution of one camera position.
 struct Viewpoint {
   std::string name;         ///< "centre", "left", ...
   Vec3 eye_mm;              ///< the camera's pupil in the panel frame
   Vec3 eye_sigma_mm;        ///< standard errors
-  double tilt_degrees = 0;  ///< between the camera's axis and the panel's normal
+  double tilt_degrees = 0;  ///< angle between the camera's axis and the panel's normal
   Estimate effective_pitch_subpx;
   Estimate slant;
-  Estimate effective_offset_lenses;  ///< phase at the panel's centre, seen from here
-  double contrast = 0.0;             ///< of the fringes, 0 to 1, median over the panel
-  double covered = 0.0;              ///< part of the panel that could be used
+  Estimate effective_offset_lenses;  ///< phase at the panel's centre, seen from this viewpoint
+  double contrast = 0.0;             ///< contrast of the fringes, 0 to 1, median over the panel
+  double covered = 0.0;              ///< fraction of the panel that could be used
   int blocks = 0;
-  double rms_lenses = 0.0;  ///< of the phase left over after the fit
+  double rms_lenses = 0.0;  ///< rms of the phase residuals of the fit
   double max_lenses = 0.0;
   double reprojection_rms_px = 0.0;
-  bool held_out = false;  ///< not used by the fit, only to check it
+  bool held_out = false;  ///< excluded from the fit, only used to check it
   PanelField residual;    ///< lenses
-  /// How far off the other viewpoints alone foretell the phase here, at worst of the means over 12
-  /// x 7 cells, which noise hardly reaches. NaN with fewer than three viewpoints.
+  /// Error of the phase at this viewpoint if predicted from the other viewpoints alone: the largest
+  /// mean over a cell of a 12 x 7 grid, in which noise averages out. NaN with fewer than three
+  /// viewpoints.
   double foretold_lenses = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// Camera optics found on the way.
+/// CameraModel holds the camera optics that the fit determined.
 struct CameraModel {
   double focal_px = 0.0;
   double centre_x_px = 0.0;
@@ -64,45 +65,48 @@ struct CameraModel {
   double k2 = 0.0;
 };
 
-/// Light of the neighbouring places under a lens.
+/// LensSpot describes the light that an eye gets from the neighbouring places under a lens.
 struct LensSpot {
   std::vector<double> profile;  ///< light from place (b + 1/2)/bins - 1/2 of the lens, sums to 1
-  double sigma_lenses = 0.0;    ///< of the Gaussian nearest to the profile
+  double sigma_lenses = 0.0;    ///< sigma of the Gaussian nearest to the profile
   double two_view_crosstalk = 0.0;  ///< (L_bw - L_bb) / (L_wb - L_bb), mean over the panel
-  double veiling_glare = 0.0;       ///< light where a turned comb leaves none, part of white
+  double veiling_glare = 0.0;  ///< light where a rotated comb should give none, relative to white
 };
 
-/// What the link between player and panel does to subpixels.
+/// LinkCheck describes the effect of the link between player and panel on subpixels.
 struct LinkCheck {
   bool channels_swapped = false;   ///< red and blue: the panel is BGR
   bool chroma_subsampled = false;  ///< 4:2:0 or 4:2:2
-  bool scaled = false;             ///< not the panel's own pixels
-  double chroma_leak = 0.0;        ///< light in channels that should be dark, part of the lit one
-  std::vector<std::string> findings;  ///< sentences for people
+  bool scaled = false;             ///< other pixels than the panel's own
+  double chroma_leak = 0.0;  ///< light in channels that should be dark, relative to the lit channel
+  std::vector<std::string> findings;  ///< sentences for users
 };
 
 enum class Verdict {
-  Intrinsic,  ///< good for every eye: P, g and offset are told apart
-  Effective,  ///< good at the measured eye only
+  Intrinsic,  ///< valid for every eye: P, g and offset are determined separately
+  Effective,  ///< valid at the measured eye only
   Refused,    ///< must not be used
 };
 [[nodiscard]] const char* to_string(Verdict verdict);
 
-/// How far the phase is off at worst, over panel and eyes, predicted from the standard errors.
+/// DriftPrediction is the largest phase error over panel and eyes, predicted from the standard
+/// errors.
 struct DriftPrediction {
-  double worst_lenses = 0.0;  ///< two standard errors, at the worst place for the worst eye
+  double worst_lenses = 0.0;  ///< two standard errors, at the worst panel point for the worst eye
   double panel_x_px = 0.0;
   double panel_y_px = 0.0;
   Vec3 eye_mm;
 };
 
 struct Calibration {
-  optics::Rig rig;  ///< as it started, with what was found
+  optics::Rig rig;  ///< the starting rig with the calibrated values
   Verdict verdict = Verdict::Refused;
-  std::vector<std::string> reasons;   ///< why not better, one sentence each; empty when Intrinsic
-  std::vector<std::string> warnings;  ///< what people should know though it holds
+  std::vector<std::string>
+      reasons;  ///< reasons against a better verdict, one sentence each; empty when Intrinsic
+  std::vector<std::string> warnings;  ///< notes for users that do not change the verdict
   std::vector<Parameter> parameters;
-  std::vector<std::vector<double>> correlations;  ///< of the first parameters, in order
+  std::vector<std::vector<double>>
+      correlations;  ///< correlations of the first parameters, in order
   std::vector<Viewpoint> viewpoints;
   CameraModel camera;
   std::optional<LensSpot> spot;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera as calibration sees it: pictures in linear light, one after the other, each with the
-// time of its exposure. V4L2 cameras, folders of photographs and simulated cameras are the same to
-// it.
+// Camera is the interface of calibration to cameras: pictures in linear light, one after the other,
+// each with the time of its exposure. V4L2 cameras, folders of photographs and simulated cameras
+// implement it.
 #pragma once
 
 #include <chrono>
@@ -14,11 +14,12 @@ namespace lenticule::calib {
 /// Nanoseconds of CLOCK_MONOTONIC, or of the simulated clock.
 using Nanoseconds = std::chrono::nanoseconds;
 
-/// Light from here on is held for clipped.
+/// Light from this value on counts as clipped.
 inline constexpr float kSaturatedLight = 0.99F;
 
-/// Rows from the top, channels side by side: light[(row * width + column) * channels + channel].
-/// 0 is black and 1 what the largest code stands for, linear as far as the camera's curve is known.
+/// CameraPicture holds rows from the top, channels interleaved: light[(row * width + column) *
+/// channels + channel]. 0 is black and 1 is the light of the largest code, linear as far as the
+/// camera's curve is known.
 struct CameraPicture {
   int width = 0;
   int height = 0;
@@ -30,9 +31,9 @@ struct CameraPicture {
 
 enum class GrabStatus {
   Ready,     ///< a whole picture
-  TimedOut,  ///< none until the deadline; the camera is still usable
+  TimedOut,  ///< no picture before the deadline; the camera is still usable
   Corrupt,   ///< the picture is damaged and was dropped; grab again
-  Gone,      ///< unplugged or broken for good; failure() says why
+  Gone,      ///< unplugged or permanently broken; failure() has the cause
 };
 
 struct CameraFacts {
@@ -43,31 +44,34 @@ struct CameraFacts {
   int channels = 0;
   double frames_per_second = 0.0;
   std::string pixel_format;  ///< "YUYV", "photographs", "simulated"
-  /// What could not be held constant, each a sentence for people: "no manual focus".
+  /// Properties that could not be held constant, each a sentence for users: "no manual focus".
   std::vector<std::string> unlocked;
 };
 
-/// One thread uses a camera.
+/// Camera provides pictures.
+///
+/// Thread safety: one thread.
 class Camera {
  public:
   virtual ~Camera() = default;
 
   [[nodiscard]] virtual const CameraFacts& facts() const = 0;
 
-  /// The next picture whose exposure's middle is not before `not_before`, waiting at most
-  /// `timeout`. Earlier ones are dropped undecoded; a camera without a clock ignores it. Reuses the
-  /// memory of `out`. Pictures come in the order of their exposure; those nobody grabbed in time
-  /// may be lost.
+  /// Gets the next picture whose exposure's middle is not before `not_before`; waits at most
+  /// `timeout`. Earlier pictures are dropped without decoding; a camera without a clock ignores
+  /// `not_before`. Reuses the memory of `out`. Pictures come in the order of their exposure;
+  /// pictures that are not grabbed in time may be lost.
   [[nodiscard]] virtual GrabStatus grab(CameraPicture& out, Nanoseconds timeout,
                                         Nanoseconds not_before = Nanoseconds::min()) = 0;
 
-  /// The clock of CameraPicture::time.
+  /// Returns the time on the clock of CameraPicture::time.
   [[nodiscard]] virtual Nanoseconds now() const = 0;
 
-  /// Reads the locked controls back; what changed by itself, one sentence each. Empty = nothing.
+  /// Reads the locked controls back. Returns one sentence for each control that changed by itself;
+  /// empty = none.
   [[nodiscard]] virtual std::vector<std::string> drifted_controls() = 0;
 
-  /// Why the camera is Gone.
+  /// Returns the reason why the camera is Gone.
   [[nodiscard]] virtual std::string failure() const = 0;
 };
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-# Compiling many sources of a target as one: the headers that they share are read once. For builds
-# from nothing, where it halves the work; after a change it would compile more than changed.
+# Compiles many sources of a target as one, so that shared headers are read once. This halves the work
+# of a full build; an incremental build would compile more than changed.
 
-# lenticule_targets(RESULT FOLDER): the targets of a folder and those below.
+# lenticule_targets(RESULT FOLDER): lists the targets of a folder and its sub-folders.
 function(lenticule_targets result folder)
   get_property(targets DIRECTORY ${folder} PROPERTY BUILDSYSTEM_TARGETS)
   get_property(folders DIRECTORY ${folder} PROPERTY SUBDIRECTORIES)
@@ -13,7 +13,7 @@ function(lenticule_targets result folder)
   set(${result} ${targets} PARENT_SCOPE)
 endfunction()
 
-# lenticule_cpp_sources(RESULT TARGET): absolute paths of the C++ sources in the source tree.
+# lenticule_cpp_sources(RESULT TARGET): lists the absolute paths of the C++ sources in the source tree.
 function(lenticule_cpp_sources result target)
   get_target_property(sources ${target} SOURCES)
   get_target_property(folder ${target} SOURCE_DIR)
@@ -24,8 +24,8 @@ function(lenticule_cpp_sources result target)
   set(${result} ${sources} PARENT_SCOPE)
 endfunction()
 
-# lenticule_compile_in_batches(): for every target so far. scripts/source_batches.py guesses which
-# sources get along; one that it misjudges is to be given the property SKIP_UNITY_BUILD_INCLUSION.
+# lenticule_compile_in_batches(): applies to every target defined so far. scripts/source_batches.py
+# estimates which sources can be combined; set SKIP_UNITY_BUILD_INCLUSION on a source that cannot.
 function(lenticule_compile_in_batches)
   find_package(Python3 REQUIRED COMPONENTS Interpreter)
   lenticule_targets(targets ${PROJECT_SOURCE_DIR})

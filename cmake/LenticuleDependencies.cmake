@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-# Everything the rooms link, found once. No network access at configure time.
+# Finds all dependencies of the modules once. Configuring needs no network access.
 find_package(PkgConfig REQUIRED)
 find_package(Threads REQUIRED)
 find_package(fmt REQUIRED)
 find_package(TBB REQUIRED)
-# By pkg-config: Debian's CMake package of OpenImageIO wants its command-line tools to be installed and
-# names the header folder of an OpenCV that it does not depend on.
+# Uses pkg-config, because Debian's CMake package of OpenImageIO requires its command-line tools and
+# names the header folder of OpenCV, on which it does not depend.
 pkg_check_modules(OPENIMAGEIO REQUIRED IMPORTED_TARGET OpenImageIO)
 find_package(assimp REQUIRED)
 find_package(CLI11 REQUIRED)
@@ -25,7 +25,7 @@ pkg_check_modules(APRILTAG REQUIRED IMPORTED_TARGET apriltag)
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET libavformat libavcodec libavutil)
 pkg_check_modules(LIBSYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 
-# Embree 4 where the distribution has it, Embree 3 (Debian 12) otherwise: render/embree.h hides the
+# Embree 4 if the distribution has it, otherwise Embree 3 (Debian 12): render/accel/embree.h hides the
 # difference.
 find_package(embree 4 QUIET)
 if(NOT embree_FOUND)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 # lenticule_fuzz(NAME SOURCES ... DEPENDS ...)
-#   One libFuzzer target NAME_fuzz. Its seeds are tests/fuzz/corpus/NAME/*. Without libFuzzer the
+#   Adds one libFuzzer target NAME_fuzz. Its seeds are tests/fuzz/corpus/NAME/*. Without libFuzzer the
 #   same source is built with a plain main() that runs the seeds once, as an ordinary test.
 set_property(GLOBAL PROPERTY LENTICULE_FUZZ_NAMES "")
 

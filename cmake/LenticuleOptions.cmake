@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# What every target is compiled with: the language, the warnings, the sanitizers.
+# Compile options of every target: language, warnings, sanitizers.
 set(CMAKE_CXX_STANDARD 20)
 set(CMAKE_CXX_STANDARD_REQUIRED ON)
 set(CMAKE_CXX_EXTENSIONS OFF)
@@ -11,16 +11,16 @@ if(NOT CMAKE_BUILD_TYPE)
   set(CMAKE_BUILD_TYPE Release)
 endif()
 
-# Modules are loaded by name along the run path of the program that wants them.
+# Loadable modules are found by name in the run path of the program that loads them.
 set(LENTICULE_MODULE_FOLDER ${PROJECT_BINARY_DIR}/modules)
 set(LENTICULE_INSTALL_MODULE_FOLDER ${CMAKE_INSTALL_LIBDIR}/lenticule)
 set(CMAKE_BUILD_RPATH ${LENTICULE_MODULE_FOLDER})
 set(CMAKE_INSTALL_RPATH $ORIGIN/../${LENTICULE_INSTALL_MODULE_FOLDER})
 
-# ccache is used where it is installed and nobody chose another launcher.
+# Uses ccache if it is installed and the user chose no other launcher.
 find_program(LENTICULE_CCACHE ccache)
 if(LENTICULE_CCACHE AND NOT CMAKE_CXX_COMPILER_LAUNCHER)
-  # Sloppiness is what ccache needs to serve files that use a precompiled header.
+  # ccache requires this setting for files that use a precompiled header.
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env
     CCACHE_SLOPPINESS=pch_defines,time_macros ${LENTICULE_CCACHE})
   set(CMAKE_C_COMPILER_LAUNCHER ${LENTICULE_CCACHE})
@@ -29,13 +29,14 @@ endif()
 add_library(lenticule_options INTERFACE)
 target_include_directories(lenticule_options INTERFACE ${PROJECT_SOURCE_DIR})
 target_compile_features(lenticule_options INTERFACE cxx_std_20)
-# No contraction: a*b+c rounds twice on every machine, so that pictures and maps are the same bytes
-# whichever instruction set the run-time dispatch chose. errno of libm is never read here.
+# No contraction: a*b+c rounds twice on every machine, so that pictures and maps are byte-identical for
+# all instruction sets of the run-time dispatch. No code reads libm's errno.
 target_compile_options(lenticule_options INTERFACE -ffp-contract=off -fno-math-errno)
 target_compile_definitions(lenticule_options INTERFACE LENTICULE_VERSION="${PROJECT_VERSION}")
 
-# A batch's source keeps names to itself that another's locals may shadow, and types that are no
-# header's: clang-tidy, which knows each source, and builds without batches tell of those.
+# In a batch, locals of one source may shadow file-local names of another, and types may be defined
+# outside headers. clang-tidy, which reads each source separately, and builds without batches report
+# the true cases.
 set(LENTICULE_SOURCE_WARNINGS -Wshadow)
 if(LENTICULE_BATCHES)
   set(LENTICULE_SOURCE_WARNINGS $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
@@ -45,9 +46,9 @@ target_compile_options(lenticule_options INTERFACE
   -Wno-sign-conversion $<$<COMPILE_LANGUAGE:CXX>:-Wold-style-cast>
   $<$<BOOL:${LENTICULE_WERROR}>:-Werror>)
 
-# What Debian's hardening=+all asks for: a fault in a program that reads files and messages of others
-# ends it instead of obeying them. Kernels keep their speed and every picture its bytes. Sanitizers
-# check the same themselves, and fortified calls would hide it from them.
+# The options of Debian's hardening=+all: a fault in a program that reads untrusted files and messages
+# ends the program instead of being exploitable. The speed of kernels and the bytes of pictures do not
+# change. Sanitizers make the same checks, and fortified calls would hide faults from them.
 if(NOT LENTICULE_SANITIZE AND NOT LENTICULE_BUILD_FUZZ)
   include(CheckPIESupported)
   check_pie_supported()
@@ -57,21 +58,21 @@ if(NOT LENTICULE_SANITIZE AND NOT LENTICULE_BUILD_FUZZ)
   elseif(CMAKE_SYSTEM_PROCESSOR MATCHES "aarch64|arm64")
     set(branches -mbranch-protection=standard)
   endif()
-  # Fortified calls need the optimiser.
+  # Fortified calls require optimisation.
   target_compile_options(lenticule_options INTERFACE
     -fstack-protector-strong -fstack-clash-protection ${branches} -Werror=format-security
     $<$<NOT:$<CONFIG:Debug>>:-U_FORTIFY_SOURCE;-D_FORTIFY_SOURCE=2>)
   target_link_options(lenticule_options INTERFACE LINKER:-z,relro LINKER:-z,now)
 endif()
-# A failed check names a file of this tree, not a folder of the machine that built it.
+# Makes failed checks name files relative to the source tree, without the build machine's folders.
 target_compile_options(lenticule_options INTERFACE -fmacro-prefix-map=${PROJECT_SOURCE_DIR}/=)
 
 if(LENTICULE_SANITIZE)
   target_compile_options(lenticule_options INTERFACE
     -fsanitize=${LENTICULE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   target_link_options(lenticule_options INTERFACE -fsanitize=${LENTICULE_SANITIZE})
-  # A sanitizer calls dlopen in the program's place, and then only an RPATH, not a RUNPATH, is the
-  # program's: the module that reads pictures would not be found.
+  # A sanitizer calls dlopen on behalf of the program. Then only the program's RPATH is searched, and
+  # with a RUNPATH the module that reads pictures would not be found.
   target_link_options(lenticule_options INTERFACE -Wl,--disable-new-dtags)
 endif()
 if(LENTICULE_BUILD_FUZZ)

@@ -23,7 +23,7 @@ bool readable_now(int fd) noexcept {
   return fd >= 0 && poll(&entry, 1, 0) == 1 && entry.revents != 0;
 }
 
-/// A timerfd and not a poll() timeout: the kernel adds up to 50 us of slack to the latter.
+/// Waits with a timerfd instead of a poll() timeout, to which the kernel adds up to 50 us of slack.
 class MonotonicClock final : public Clock {
  public:
   MonotonicClock() : timer_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)) {

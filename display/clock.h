@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The clock of a display, injected so that a display can also run in simulated time.
+// Clock is the clock of a display. It is injected, so that a display can also run in simulated
+// time.
 #pragma once
 
 #include <atomic>
@@ -10,25 +11,27 @@
 namespace lenticule::display {
 
 enum class WaitResult {
-  Reached,  ///< the deadline is past
-  Woken,    ///< the descriptor became readable before it
+  Reached,  ///< the deadline has passed
+  Woken,    ///< the descriptor became readable before the deadline
 };
 
-/// now() from any thread, wait_until() from one.
+/// Thread safety: now() from any thread, wait_until() from one.
 class Clock {
  public:
   virtual ~Clock() = default;
   [[nodiscard]] virtual Nanoseconds now() const noexcept = 0;
   /// Waits until `deadline` or until `wake_fd` (or -1) is readable.
   [[nodiscard]] virtual WaitResult wait_until(Nanoseconds deadline, int wake_fd) noexcept = 0;
-  /// False when time only passes by waiting.
+  /// Returns false if time passes only by waiting.
   [[nodiscard]] virtual bool real_time() const noexcept = 0;
 };
 
-/// CLOCK_MONOTONIC, waited on with a timerfd. Throws Error(Failed) without one.
+/// Returns CLOCK_MONOTONIC, waited on with a timerfd. Throws Error(Failed) if the timerfd cannot be
+/// created.
 [[nodiscard]] std::shared_ptr<Clock> make_monotonic_clock();
 
-/// Time that passes only by waiting, and then at once: a million vblanks take seconds.
+/// SimulatedClock advances only when a thread waits, and then immediately: a million vblanks take
+/// seconds.
 class SimulatedClock final : public Clock {
  public:
   explicit SimulatedClock(Nanoseconds start = Nanoseconds{0}) : now_(start.count()) {}
@@ -37,7 +40,7 @@ class SimulatedClock final : public Clock {
   [[nodiscard]] WaitResult wait_until(Nanoseconds deadline, int wake_fd) noexcept override;
   [[nodiscard]] bool real_time() const noexcept override { return false; }
 
-  /// Lets time pass, as if somebody had worked for so long.
+  /// Advances the time, as if a computation had taken so long.
   void advance(Nanoseconds duration) noexcept;
 
  private:

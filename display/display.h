@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A display that flips whole woven frames at its own clock. Virtual and KMS displays are the same
-// to the player.
+// Display flips whole woven frames at its own clock. Virtual and KMS displays look the same to the
+// player.
 #pragma once
 
 #include <chrono>
@@ -18,67 +18,67 @@ using Nanoseconds = std::chrono::nanoseconds;
 struct DisplayMode {
   frames::FrameGeometry geometry;
   frames::Rate refresh;
-  std::string name;  ///< for people: "virtual 3840x2160@60"
-  /// False when the display has no vblank counter and sequences are derived from time.
+  std::string name;  ///< name for people: "virtual 3840x2160@60"
+  /// False if the display has no vblank counter and sequences are derived from time.
   bool hardware_clock = false;
 };
 
 enum class SubmitStatus {
   Accepted,
-  Busy,    ///< a flip is still pending: wait for its event and submit again
-  Paused,  ///< not ours at the moment (VT switched away): keep the frame, go on waiting
-  Lost,    ///< the display went away; reconnect() may bring it back
+  Busy,    ///< a flip is pending: wait for its event and submit again
+  Paused,  ///< another session is active (VT switched away): keep the frame and wait
+  Lost,    ///< the display is gone; reconnect() may bring it back
 };
 
 enum class EventKind {
-  Flip,     ///< the frame with `id` is on the glass since vblank `sequence`
-  Vblank,   ///< a vblank that was asked for with request_vblank()
-  Timeout,  ///< nothing happened until the deadline
+  Flip,     ///< the frame with `id` has been displayed since vblank `sequence`
+  Vblank,   ///< a vblank requested with request_vblank()
+  Timeout,  ///< no event until the deadline
   Lost,
 };
 
 struct DisplayEvent {
   EventKind kind = EventKind::Timeout;
   uint64_t id = 0;
-  uint64_t sequence = 0;  ///< vblank counter, 64 bits, never wraps
-  Nanoseconds time{0};    ///< of the vblank, display clock
+  uint64_t sequence = 0;  ///< 64-bit vblank counter, never wraps
+  Nanoseconds time{0};    ///< time of the vblank, display clock
 };
 
-/// Memory that the display scans out. Filled by any one thread between acquire() and submit().
+/// Memory that the display scans out. One thread may fill it between acquire() and submit().
 class ScanoutBuffer {
  public:
   virtual ~ScanoutBuffer() = default;
-  /// Copies the whole frame in, converting to the scan-out format without changing a subpixel.
-  /// noexcept: sizes were agreed when the display was opened.
+  /// Copies the whole frame, converting it to the scan-out format without changing a subpixel.
+  /// noexcept: the sizes were checked when the display was opened.
   virtual void fill(const frames::FrameView& frame) noexcept = 0;
 };
 
-/// Threads: submit(), wait_event() and request_vblank() belong to one presenter thread; acquire()
-/// and ScanoutBuffer::fill() may be used by one other. Nothing here throws or allocates after
-/// opening.
+/// No function throws or allocates after opening. Thread safety: submit(), wait_event() and
+/// request_vblank() belong to one presenter thread; one other thread may use acquire() and
+/// ScanoutBuffer::fill().
 class Display {
  public:
   virtual ~Display() = default;
 
   [[nodiscard]] virtual const DisplayMode& mode() const = 0;
 
-  /// A buffer that is neither on the glass nor pending, or null if all are in use.
+  /// Returns a buffer that is neither displayed nor pending, or null if all are in use.
   [[nodiscard]] virtual ScanoutBuffer* acquire() = 0;
-  /// Gives back a buffer that will not be submitted.
+  /// Returns a buffer to the display that will not be submitted.
   virtual void discard(ScanoutBuffer* buffer) = 0;
 
-  /// Shows the buffer from the next vblank on. `id` comes back in the Flip event. At most one flip
-  /// is pending; the buffer shown before is free again once the event is delivered.
+  /// Displays the buffer from the next vblank on. The Flip event contains `id`. At most one flip is
+  /// pending; the previously displayed buffer is free again once the event is delivered.
   [[nodiscard]] virtual SubmitStatus submit(ScanoutBuffer* buffer, uint64_t id) noexcept = 0;
 
-  /// Asks for one Vblank event at the next vblank after `sequence`.
+  /// Requests one Vblank event at the next vblank after `sequence`.
   [[nodiscard]] virtual bool request_vblank(uint64_t sequence) noexcept = 0;
 
-  /// Waits for the next event, at most until `deadline` (display clock). `wake_fd` (or -1) being
-  /// readable ends the wait early with Timeout.
+  /// Waits for the next event, at most until `deadline` (display clock). If `wake_fd` (or -1)
+  /// becomes readable, returns Timeout early.
   [[nodiscard]] virtual DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept = 0;
 
-  /// The display's clock.
+  /// Returns the current time of the display's clock.
   [[nodiscard]] virtual Nanoseconds now() const noexcept = 0;
 };
 

@@ -12,7 +12,7 @@ frames::ShowResult DisplaySink::show(const frames::FrameView& frame, Nanoseconds
     throw Error(ErrorKind::Input, "display: the frame has another size than the panel");
   const Nanoseconds deadline = display_.now() + timeout;
 
-  // A flip that timed out before may still hold its buffer and the display's one pending flip.
+  // An earlier flip that timed out may still hold its buffer and the display's one pending flip.
   ScanoutBuffer* buffer = display_.acquire();
   while (buffer == nullptr) {
     const DisplayEvent event = display_.wait_event(deadline, -1);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any display as a FrameSink: one frame at a time, waited for until it is on the glass.
+// DisplaySink makes any display a FrameSink: it shows one frame at a time and waits until the frame
+// is displayed.
 #pragma once
 
 #include "display/display.h"
@@ -7,7 +8,8 @@
 
 namespace lenticule::display {
 
-/// Borrows the display, which nobody else may use meanwhile. One thread.
+/// Thread safety: one thread. Lifetime: the display must outlive the sink, and no other code may
+/// use the display meanwhile.
 class DisplaySink final : public frames::FrameSink {
  public:
   explicit DisplaySink(Display& display) : display_(display) {}

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// RGB bytes <-> XRGB8888 words (B, G, R, 0 in memory), without changing a subpixel. XRGB8888 is the
-// one format that every display takes.
+// Converts RGB bytes to and from XRGB8888 words (B, G, R, 0 in memory) without changing a subpixel.
+// XRGB8888 is the one format that every display accepts.
 #pragma once
 
 #include <cstddef>
@@ -10,12 +10,13 @@
 
 namespace lenticule::display {
 
-/// `rgb` holds 3 * pixels bytes, `xrgb` pixels words; the X byte becomes 0. Runs on best_isa().
+/// Converts RGB to XRGB. `rgb` holds 3 * pixels bytes, `xrgb` pixels words; the X byte becomes 0.
+/// Runs on best_isa().
 void expand_row(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept;
-/// The way back; the X byte is ignored.
+/// Converts XRGB to RGB; ignores the X byte.
 void pack_row(const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept;
 
-/// The same with a given instruction set, or the best below it that the machine has.
+/// Same with the given instruction set, or the best below it that the machine has.
 void expand_row(Isa isa, const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept;
 void pack_row(Isa isa, const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept;
 

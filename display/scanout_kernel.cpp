@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// RGB bytes <-> XRGB8888 words. Scan-out memory may be uncached: it is written whole, upward, once.
+// Converts RGB bytes to and from XRGB8888 words. Scan-out memory may be uncached, so each word is
+// written once, in ascending order.
 #include "display/scanout_kernel.h"
 
 #if defined(__AVX2__)
@@ -22,8 +23,8 @@ void pack_pixel(uint32_t xrgb, uint8_t* rgb) noexcept {
 
 #if defined(__AVX2__)
 
-// Eight pixels a step: 12 bytes into each half of the register, swapped to B G R 0 in place. Every
-// load reads 16 bytes, so the last six pixels of a row are left to the scalar loop.
+// Eight pixels per step: 12 bytes are loaded into each half of the register and swapped to B G R 0
+// in place. Every load reads 16 bytes, so the last six pixels of a row are left to the scalar loop.
 void expand_row(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept {
   constexpr size_t kStep = 8;
   constexpr size_t kOverread = 2;  // pixels that the second load reads beyond its own
@@ -44,11 +45,11 @@ void expand_row(const uint8_t* rgb, uint32_t* xrgb, size_t pixels) noexcept {
   _mm_sfence();
 }
 
-// Four pixels a step; the 16-byte store spills 4 bytes into the next pixels, which the next step
+// Four pixels per step; the 16-byte store writes 4 bytes into the next pixels, which the next step
 // overwrites.
 void pack_row(const uint32_t* xrgb, uint8_t* rgb, size_t pixels) noexcept {
   constexpr size_t kStep = 4;
-  constexpr size_t kSpill = 2;  // pixels that the store touches beyond its own
+  constexpr size_t kSpill = 2;  // pixels that the store writes beyond its own
   const __m128i swap = _mm_setr_epi8(2, 1, 0, 6, 5, 4, 10, 9, 8, 14, 13, 12, -1, -1, -1, -1);
   size_t i = 0;
   for (; i + kStep + kSpill <= pixels; i += kStep) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The inner loops of scanout_format.cpp, compiled once per instruction set.
+// ScanoutKernel holds the inner loops of scanout_format.cpp, compiled once per instruction set.
 #pragma once
 
 #include <cstddef>

@@ -37,7 +37,7 @@ std::string message_of(int error) {
   return std::generic_category().message(error);
 }
 
-/// Throws unless all of a recording is on the disk.
+/// Throws Error(Failed) unless the whole recording is on the disk.
 void require_whole(const fs::path& place, uint64_t lost, const std::string& reason) {
   if (lost > 0)
     fail(place, fmt::format("{}: {} frames that were on the glass are missing",
@@ -45,16 +45,17 @@ void require_whole(const fs::path& place, uint64_t lost, const std::string& reas
   if (!reason.empty()) fail(place, reason);
 }
 
-/// Lines that the disk does not take wait in memory, as many as fit.
+/// ChecksumRecorder writes a line per frame. Lines that the disk refuses wait in memory up to a
+/// limit.
 class ChecksumRecorder final : public ScanoutRecorder {
  public:
   explicit ChecksumRecorder(fs::path file) : file_(std::move(file)) {
     if (hash_ == nullptr) throw std::bad_alloc();
     require_writable_place(file_);
     waiting_.reserve(kMostWaiting);
-    // Anybody can check the figures: xxhsum -H1 on the raw RGB bytes.
+    // Users can check the figures with xxhsum -H1 on the raw RGB bytes.
     waiting_ = "# vblank frame xxh64-of-rgb\n";
-    try_to_write();  // what is wrong already is said at the start
+    try_to_write();  // reports a write error at the start
   }
 
   void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept override {
@@ -73,7 +74,7 @@ class ChecksumRecorder final : public ScanoutRecorder {
 
   void finish() override {
     if (std::exchange(finished_, true)) return;
-    // After the last that was recorded; whoever calls record() need not count.
+    // Counts frames skipped after the last recorded one, which no later record() reports.
     unrecorded_ += std::max(skipped(), skips_noted_) - skips_noted_;
     if (unrecorded_ > 0) waiting_ += note_of(std::exchange(unrecorded_, 0));
     try_to_write();
@@ -91,7 +92,7 @@ class ChecksumRecorder final : public ScanoutRecorder {
 
   static std::string note_of(uint64_t frames) { return fmt::format("# {} not recorded\n", frames); }
 
-  /// False if there is no room for the line, and for the note that goes before it.
+  /// Adds a line. Returns false if there is no space for it and for the note that precedes it.
   bool add(std::string_view line) noexcept {
     if (waiting_.size() + 2 * kLongestLine > kMostWaiting) return false;
     if (unrecorded_ > 0) {
@@ -104,7 +105,7 @@ class ChecksumRecorder final : public ScanoutRecorder {
     return true;
   }
 
-  /// Writes what waits, as far as the disk takes it.
+  /// Writes the waiting lines, as far as the disk takes them.
   void try_to_write() noexcept {
     if (!unfinished_.unfinished()) errno = unfinished_.create(file_);
     const bool open = unfinished_.unfinished();
@@ -126,8 +127,8 @@ class ChecksumRecorder final : public ScanoutRecorder {
     waiting_.erase(0, done);
   }
 
-  /// Takes back the beginning of a line whose rest the disk does not take. Returns the frames whose
-  /// lines are not there.
+  /// Removes the beginning of a line from the file if the disk did not take its rest. Returns the
+  /// number of frames whose lines are missing.
   uint64_t leave_whole_lines() noexcept {
     if (unfinished_.unfinished() && torn_ > 0 && !waiting_.empty()) {
       const off_t end = ::lseek(unfinished_.fd(), 0, SEEK_CUR);
@@ -153,10 +154,10 @@ class ChecksumRecorder final : public ScanoutRecorder {
 
   fs::path file_;
   TemporaryFile unfinished_;
-  std::string waiting_;       ///< lines that are not written yet; the first may be torn
-  size_t torn_ = 0;           ///< bytes at the file's end that are the beginning of a line
-  uint64_t unrecorded_ = 0;   ///< frames to be noted before the next line
-  uint64_t skips_noted_ = 0;  ///< of skipped()
+  std::string waiting_;       ///< lines that are not written yet; the first may be partly written
+  size_t torn_ = 0;           ///< bytes of a partly written line at the file's end
+  uint64_t unrecorded_ = 0;   ///< frames to note before the next line
+  uint64_t skips_noted_ = 0;  ///< part of skipped() that has been noted
   bool finished_ = false;
   std::vector<uint8_t> row_;
   std::unique_ptr<XXH64_state_t, decltype(&XXH64_freeState)> hash_{XXH64_createState(),
@@ -180,7 +181,7 @@ class PngRecorder final : public ScanoutRecorder {
   void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept override {
     if (!writes().due()) return count_lost(1);
     try {
-      // A folder that is removed while it is recorded to is not made again.
+      // The folder is created once: if it is removed during recording, it is not created again.
       if (!made_) made_ = fs::create_directories(folder_) || fs::is_directory(folder_);
       if (frame_.geometry() != scanout.geometry) frame_ = frames::WovenFrame(scanout.geometry);
       for (int j = 0; j < scanout.geometry.height; ++j)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Proof of what was on the glass: recorders are given the scan-out memory itself, not what somebody
-// meant to show.
+// ScanoutRecorder records displayed frames by reading the scan-out buffer itself, so that the
+// recording cannot differ from the output.
 #pragma once
 
 #include <atomic>
@@ -16,10 +16,10 @@
 
 namespace lenticule::display {
 
-/// Scan-out memory lent for the length of a call.
+/// Scan-out memory, borrowed for the duration of a call.
 struct ScanoutView {
   const uint32_t* pixels = nullptr;  ///< XRGB8888
-  size_t stride = 0;                 ///< words from row to row
+  size_t stride = 0;                 ///< words from one row to the next
   frames::FrameGeometry geometry;
 
   [[nodiscard]] const uint32_t* row(int j) const {
@@ -28,34 +28,34 @@ struct ScanoutView {
 };
 
 struct ShownFrame {
-  uint64_t sequence = 0;  ///< vblank since which it is on the glass
+  uint64_t sequence = 0;  ///< vblank since which the frame is displayed
   uint64_t id = 0;
-  /// Frames shown since the last record() that came too fast to be recorded.
+  /// Frames displayed since the last record() that came too fast to be recorded.
   uint64_t skipped_before = 0;
 };
 
-/// One thread at a time, apart from the counts.
+/// Thread safety: one thread at a time, except for the counts.
 class ScanoutRecorder {
  public:
   ScanoutRecorder() = default;
   virtual ~ScanoutRecorder() = default;
   ScanoutRecorder(const ScanoutRecorder&) = delete;
   ScanoutRecorder& operator=(const ScanoutRecorder&) = delete;
-  /// Never fails here: what the disk does not take is tried again for a while, then counted as
-  /// lost, and recording goes on once there is room.
+  /// Records a frame. Never fails: writes that the disk refuses are retried for a while and then
+  /// counted as lost; recording continues once there is space.
   virtual void record(const ShownFrame& shown, const ScanoutView& scanout) noexcept = 0;
-  /// Completes the recording, whose whole part stays. Throws Error(Failed) if any of it did not
-  /// reach the disk. Without it, an unfinished file is removed.
+  /// Completes the recording; the part that was written is kept. Throws Error(Failed) if any of the
+  /// recording did not reach the disk. If finish() is not called, an unfinished file is removed.
   virtual void finish() = 0;
 
-  /// Any thread: frames that were on the glass and came too fast to be recorded.
+  /// Any thread: returns the number of displayed frames that came too fast to be recorded.
   [[nodiscard]] uint64_t skipped() const noexcept {
     return skipped_.load(std::memory_order_relaxed);
   }
   void count_skipped() noexcept { skipped_.fetch_add(1, std::memory_order_relaxed); }
-  /// Any thread: frames that the disk did not take.
+  /// Any thread: returns the number of frames that the disk did not take.
   [[nodiscard]] uint64_t lost() const noexcept { return lost_.load(std::memory_order_relaxed); }
-  /// Any thread: how the writes go.
+  /// Any thread: returns the state of the writes.
   [[nodiscard]] RetriedWrites& writes() noexcept { return writes_; }
 
  protected:
@@ -67,10 +67,12 @@ class ScanoutRecorder {
   RetriedWrites writes_;
 };
 
-/// "checksums:FILE": one line "SEQUENCE ID XXH64" per shown frame, over the RGB bytes.
-/// "png:DIR": DIR/00000042.png per shown frame, named by its id.
+/// Opens a recorder.
+/// "checksums:FILE": one line "SEQUENCE ID XXH64" per displayed frame, over the RGB bytes.
+/// "png:DIR": DIR/00000042.png per displayed frame, named by its id.
 /// Throws Error(Usage) for other text and Error(Failed) for a place that can never be written: a
-/// folder that does not exist, a name that is no regular file's. A full disk may change.
+/// folder that does not exist, or a name that is not a regular file. A full disk is not an error,
+/// since space may become free.
 [[nodiscard]] std::shared_ptr<ScanoutRecorder> open_recorder(std::string_view spec);
 
 }  // namespace lenticule::display

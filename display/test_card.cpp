@@ -22,10 +22,10 @@ constexpr Colour kWhite = {255, 255, 255};
 constexpr Colour kRed = {255, 0, 0};
 constexpr Colour kGreen = {0, 255, 0};
 constexpr Colour kBlue = {0, 0, 255};
-/// What a link that averages colours over two pixels makes of red beside blue.
+/// The result of a link that averages red and blue over two pixels.
 constexpr Colour kMeanOfRedAndBlue = {128, 0, 128};
 
-/// So many cells at least, if the pixels allow for more than one per dot.
+/// Minimum number of character cells, if the pixels allow more than one per dot.
 constexpr int kColumns = 44;
 constexpr int kLines = 22;
 constexpr int kFrameLines = 3;  ///< the border: white, black, white
@@ -35,7 +35,7 @@ constexpr const char* kLegend =
     "brightness; eight steps each in DARK and LIGHT";
 constexpr std::array<const char*, 4> kCaptions = {"1 PIXEL", "CHROMA", "DARK", "LIGHT"};
 
-/// Room for text and patches, inside the border and the corner marks.
+/// Sheet is the area for text and patches inside the border and the corner marks.
 class Sheet {
  public:
   Sheet(const frames::FrameGeometry& geometry, int scale) : geometry_(geometry), scale_(scale) {}
@@ -51,7 +51,7 @@ class Sheet {
   [[nodiscard]] int line() const { return kCellHeight * scale_; }
   [[nodiscard]] int scale() const { return scale_; }
 
-  /// The patches with a line of captions above; none where they would be too small to see.
+  /// Returns the patches with a line of captions above; none if they would be too small.
   [[nodiscard]] std::optional<CardLayout::Patches> patches() const {
     const int gap = 4 * scale_;
     const int each = (width() - 3 * gap) / 4;
@@ -68,7 +68,7 @@ class Sheet {
   int scale_;
 };
 
-/// Puts lines below each other.
+/// Typesetter places lines one below the other.
 class Typesetter {
  public:
   Typesetter(const Sheet& sheet, CardLayout& layout, int bottom)
@@ -84,7 +84,7 @@ class Typesetter {
     y_ += sheet_.line() / 2;
   }
 
-  /// The label in a column of its own where there is room for one.
+  /// Places a row, with the label in a separate column if there is space for one.
   void row(const CardText::Row& row, size_t label_columns) {
     constexpr size_t kRoomForText = 20;
     const size_t columns = sheet_.columns(sheet_.scale());
@@ -124,7 +124,7 @@ size_t label_columns(const std::vector<CardText::Row>& rows) {
   return longest + 2;
 }
 
-/// Whether all of the text had room.
+/// Lays out the card; returns true if all of the text fits.
 bool lay_out(const frames::FrameGeometry& geometry, const CardText& text, int scale,
              bool with_patches, CardLayout& layout) {
   const Sheet sheet(geometry, scale);
@@ -163,7 +163,7 @@ void draw_border(WovenFrame& frame, const frames::FrameGeometry& geometry, int c
     fill_box(frame, {i, i, 1, h - 2 * i}, colour);
     fill_box(frame, {w - 1 - i, i, 1, h - 2 * i}, colour);
   }
-  // A picture that is turned or mirrored has them elsewhere.
+  // Coloured corner marks reveal a picture that is rotated or mirrored.
   const int far_x = w - kFrameLines - corner;
   const int far_y = h - kFrameLines - corner;
   fill_box(frame, {kFrameLines, kFrameLines, corner, corner}, kRed);
@@ -185,7 +185,8 @@ void draw_chroma(WovenFrame& frame, const CardBox& box) {
   const int half = box.width / 2;
   for (int y = 0; y < box.height; ++y)
     for (int x = 0; x < half; ++x)
-      // By the panel's columns: links average pairs that begin with an even one.
+      // Alternates with the panel's columns, because links average pairs that begin with an even
+      // column.
       set_pixel(frame, box.x + x, box.y + y, (box.x + x) % 2 == 0 ? kRed : kBlue);
   fill_box(frame, {box.x + half, box.y, box.width - half, box.height}, kMeanOfRedAndBlue);
 }

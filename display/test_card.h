@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A card that a player shows instead of 3-D: plain words on black, legible without glasses and
-// through any lens sheet, and patterns that show whether the link or the panel alters pixels.
+// A test card that a player shows instead of 3-D frames: text on black, legible through any lens
+// sheet, and patterns that reveal whether the link or the panel alters pixels.
 #pragma once
 
 #include <array>
@@ -31,9 +31,9 @@ struct PlacedText {
   std::string text;
 };
 
-/// Where everything is. Small frames have less: first the patches go, then the last lines.
+/// Positions of all parts. Small frames omit parts: first the patches, then the last lines.
 struct CardLayout {
-  int scale = 1;  ///< of the text
+  int scale = 1;  ///< scale of the text
   std::vector<PlacedText> texts;
   struct Patches {
     CardBox lines;   ///< a third each: columns, rows and squares of one pixel, black and white
@@ -54,7 +54,7 @@ inline constexpr int kCardSteps = 8;
 
 [[nodiscard]] CardLayout lay_out_card(const frames::FrameGeometry& geometry, const CardText& text);
 
-/// A frame of any size. Its outermost pixels are a white line, one pixel wide.
+/// Draws the card for a frame of any size. Its outermost pixels are a white line, one pixel wide.
 [[nodiscard]] frames::WovenFrame draw_test_card(const frames::FrameGeometry& geometry,
                                                 const CardText& text);
 

@@ -8,7 +8,7 @@
 namespace lenticule::display {
 namespace {
 
-// n * denominator * 1e9 leaves 64 bits after minutes at odd refreshes.
+// n * denominator * 1e9 exceeds 64 bits after minutes at odd refreshes.
 __extension__ typedef unsigned __int128 Uint128;
 
 constexpr uint64_t kNanosecondsPerSecond = 1'000'000'000;

@@ -10,7 +10,7 @@ constexpr size_t kDrawnRows = 7;
 
 struct Drawing {
   std::array<uint8_t, kDrawnRows> rows;
-  size_t down;  ///< rows that it hangs lower
+  size_t down;  ///< rows below the baseline
 };
 
 constexpr char kFirst = ' ';

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small bitmap font for test cards: printable ASCII, made for being told apart (0 and O, 1, I and
-// l) rather than for beauty, since serial numbers are read from it.
+// A small bitmap font for test patterns: printable ASCII. The glyphs are designed to be easy to
+// distinguish (0 and O, 1, I and l), because people read serial numbers from the panel.
 #pragma once
 
 #include <array>
@@ -9,14 +9,14 @@
 namespace lenticule::frames {
 
 inline constexpr int kGlyphWidth = 5;
-inline constexpr int kGlyphHeight = 9;  ///< with descenders; capitals take the upper seven
+inline constexpr int kGlyphHeight = 9;  ///< includes descenders; capitals use the upper seven rows
 inline constexpr int kCellWidth = 6;
 inline constexpr int kCellHeight = 10;
 
-/// Rows from the top; bit 4 is the leftmost pixel.
+/// Glyph holds the rows from the top; bit 4 is the leftmost pixel.
 using Glyph = std::array<uint8_t, kGlyphHeight>;
 
-/// What is no printable ASCII character is an empty box.
+/// Returns the glyph of a character; an empty box for any character outside printable ASCII.
 [[nodiscard]] Glyph glyph_of(char character);
 
 }  // namespace lenticule::frames

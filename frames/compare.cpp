@@ -22,7 +22,7 @@ std::string size_text(const FrameGeometry& geometry) {
   return fmt::format("{} x {}", geometry.width, geometry.height);
 }
 
-/// 0 to 255 levels on a scale of equal steps of their logarithm.
+/// Returns the colour for 0 to 255 levels on a logarithmic scale.
 std::array<uint8_t, 3> heat_of(int levels) {
   struct Stop {
     double place;
@@ -60,7 +60,7 @@ void Difference::add(const Difference& other) {
 }
 
 double Difference::mse() const {
-  // Whole numbers up to here: at most 2^30 samples times 2^16.
+  // Exact in integers: at most 2^30 samples times 2^16.
   uint64_t squares = 0;
   for (size_t d = 0; d < histogram_.size(); ++d) squares += histogram_[d] * d * d;
   const uint64_t n = samples();

@@ -16,7 +16,7 @@
 namespace lenticule::frames {
 namespace {
 
-constexpr int kMinPoolFrames = 2;  // one on the glass, one being decoded
+constexpr int kMinPoolFrames = 2;  // one displayed, one being decoded
 
 UniqueFd make_wake_fd(const char* name) {
   UniqueFd fd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
@@ -63,7 +63,7 @@ uint64_t DecodedSource::frame_of(uint64_t ticket) const {
 
 bool DecodedSource::is_ready(uint64_t ticket) const {
   const Slot& slot = slot_of(ticket);
-  // A resident frame may be lent any number of times; nobody writes it any more.
+  // A resident frame may be acquired any number of times; no thread writes it any more.
   return slot.state == SlotState::Ready && (resident_ || slot.ticket == ticket);
 }
 

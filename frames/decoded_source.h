@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What sources of pre-rendered frames share: threads that decode ahead into a bounded pool, rounds
-// that follow each other without a gap, and a player that never waits for either.
+// DecodedSource is the base class of sources of pre-rendered frames: threads decode ahead into a
+// bounded pool, rounds follow each other without a gap, and the player never waits for the decoding
+// or for the pool.
 #pragma once
 
 #include <condition_variable>
@@ -17,38 +18,40 @@
 
 namespace lenticule::frames {
 
-/// What is played of the frames that there are, and by how much memory and how many threads.
+/// DecodedRounds selects the frames to play, the memory and the number of threads.
 struct DecodedRounds {
   FrameGeometry geometry;
   std::optional<Rate> rate = std::nullopt;
   /// The first round is [first, last), every later one [loop, last). Not empty.
   uint64_t first = 0, loop = 0, last = 0;
-  /// With how many frames of them left out the first round begins; less than last - first.
+  /// Number of frames omitted at the start of the first round; less than last - first.
   uint64_t skipped = 0;
-  int pool_frames = 8;      ///< decoded frames in memory at most, at least 2
-  int decoder_threads = 1;  ///< brought into 1..kMaxDecoderThreads
+  int pool_frames = 8;      ///< limit of decoded frames in memory, at least 2
+  int decoder_threads = 1;  ///< clamped to 1..kMaxDecoderThreads
 };
 
-/// How one kind of file becomes frames.
+/// FrameDecoding decodes one kind of file into frames.
 class FrameDecoding {
  public:
   virtual ~FrameDecoding() = default;
 
-  /// Asked once.
+  /// Returns the rounds to play. Called once.
   [[nodiscard]] virtual DecodedRounds rounds() const = 0;
-  /// Called by several threads at a time, each with a number of its own. Fills `to`, which is
-  /// empty or a frame of that geometry; an empty text, or why there is no such frame. `next` is the
-  /// frame that will probably be asked for after this one. May throw: that counts as a failure.
+  /// Decodes one frame into `to`, which is empty or already has that geometry. Returns an empty
+  /// text, or the cause of the failure; an exception counts as a failure too. `next` is the frame
+  /// that will probably be requested next.
+  ///
+  /// Thread safety: several threads call this function at once, each with its own `thread` number.
   [[nodiscard]] virtual std::string decode(int thread, uint64_t frame, uint64_t next,
                                            WovenFrame& to) = 0;
 };
 
-/// Rounds that are alike and fit the pool are decoded once and stay. A frame that cannot be decoded
-/// ends the source with Failed when its turn comes, after every frame before it, and failure() says
-/// why.
+/// DecodedSource implements FrameSource over a FrameDecoding. Rounds that are equal and fit the
+/// pool are decoded once and stay in memory. A frame that cannot be decoded ends the source with
+/// Failed when it is pulled, after all frames before it; failure() then returns the cause.
 ///
-/// The player's calls come from one thread, take a lock that no decoding holds, and do not
-/// allocate.
+/// Thread safety: the player calls from one thread. Its calls take a lock that no thread holds
+/// while decoding, and do not allocate.
 class DecodedSource : public FrameSource {
  public:
   static constexpr int kMaxDecoderThreads = 64;
@@ -65,24 +68,24 @@ class DecodedSource : public FrameSource {
   [[nodiscard]] PullStatus pull(LentFrame& out) final;
   void release(uint64_t token) final;
   [[nodiscard]] int max_lent() const final;
-  /// Includes the first frames of the next round, which wait behind rewind().
+  /// Includes the first frames of the next round, which pull() returns only after rewind().
   [[nodiscard]] uint64_t ready_count() const final;
   [[nodiscard]] bool saturated() const final;
-  /// Works at the end and at the start of a round, not in its middle.
+  /// Succeeds at the end and at the start of a round, but not in its middle.
   [[nodiscard]] bool rewind() final;
   [[nodiscard]] int wake_fd() const final { return wake_.get(); }
   void service() final;
   [[nodiscard]] std::string failure() const final;
 
  protected:
-  /// `name` is for messages. Throws Error(Failed) without descriptors.
+  /// Takes a name for messages. Throws Error(Failed) when the process has no free descriptor.
   DecodedSource(const char* name, std::unique_ptr<FrameDecoding> decoding);
   [[nodiscard]] const FrameDecoding& decoding() const { return *decoding_; }
 
  private:
   enum class SlotState { Free, Decoding, Ready, Lent, Failed };
 
-  /// Frames are counted in tickets through all rounds; ticket t lives in slot t mod slots.
+  /// Slot holds one frame. Tickets count frames through all rounds; ticket t uses slot t mod slots.
   struct Slot {
     SlotState state = SlotState::Free;
     uint64_t ticket = 0;
@@ -104,22 +107,22 @@ class DecodedSource : public FrameSource {
 
   const DecodedRounds rounds_;
   UniqueFd wake_;
-  bool resident_ = false;  ///< every frame has a slot of its own and stays there
+  bool resident_ = false;  ///< every frame has its own slot and stays there
 
   mutable std::mutex mutex_;
   std::condition_variable slot_freed_;
   std::vector<Slot> slots_;
   uint64_t next_decode_ = 0;  ///< ticket
   uint64_t next_pull_ = 0;    ///< ticket
-  uint64_t round_begin_ = 0;  ///< ticket that this round began with
-  uint64_t round_end_ = 0;    ///< ticket before which pull() stops until rewind()
+  uint64_t round_begin_ = 0;  ///< first ticket of this round
+  uint64_t round_end_ = 0;    ///< pull() stops before this ticket until rewind()
   int decoding_now_ = 0;
-  bool broken_ = false;  ///< a frame failed: nothing further is decoded
-  bool failed_ = false;  ///< and its turn has come
+  bool broken_ = false;  ///< a frame failed, so no further frame is decoded
+  bool failed_ = false;  ///< the failed frame was pulled
   bool stopping_ = false;
 
   std::unique_ptr<FrameDecoding> decoding_;
-  std::vector<std::jthread> threads_;  // last: they use everything above
+  std::vector<std::jthread> threads_;  // last member: the threads use everything above
 };
 
 }  // namespace lenticule::frames

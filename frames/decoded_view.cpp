@@ -13,7 +13,7 @@ optics::Eye eye_of_view(const optics::OpticalModel& model, int view, int views) 
   const double gap_mm = model.rig().sheet.gap.value;
   if (gap_mm == 0.0) return eye;
   const double lobes_from_middle = (view + 0.5) / views - 0.5;
-  // At infinity an eye is a direction: the lobe's width is then that of its tangents.
+  // An eye at infinity is a direction, so the lobe's width is a difference of tangents.
   eye.x += lobes_from_middle *
            (std::isinf(eye.z_mm) ? model.pitch_mm() / gap_mm : model.lobe_width_mm(eye.z_mm));
   return eye;

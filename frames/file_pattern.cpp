@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbered file names: "dir/%05d.png".
+// Implements numbered file names: "dir/%05d.png".
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -24,7 +24,7 @@ bool is_digit(char c) {
   return c >= '0' && c <= '9';
 }
 
-/// The length of "%d" or "%0Nd" at the start of `text` and its N (0 without), if it is one.
+/// Conversion holds the length of "%d" or "%0Nd" at the start of `text` and its N (0 if absent).
 struct Conversion {
   size_t length = 0;
   int digits = 0;
@@ -35,7 +35,7 @@ std::optional<Conversion> parse_conversion(std::string_view text) {
   const size_t digits_begin = end;
   while (end < text.size() && is_digit(text[end])) ++end;
   if (end >= text.size() || text[end] != 'd' || end - digits_begin > 2) return std::nullopt;
-  // Without the zero the padding would be blanks; "%0d" pads nothing.
+  // A pattern without the zero would pad with blanks; "%0d" has no padding.
   if (end > digits_begin && text[1] != '0') return std::nullopt;
   int digits = 0;
   std::from_chars(text.data() + digits_begin, text.data() + end, digits);
@@ -81,7 +81,7 @@ std::vector<uint64_t> FilePattern::existing() const {
     const char* const digits_end = name.data() + name.size() - suffix_.size();
     const auto parsed = std::from_chars(name.data() + stem.size(), digits_end, number);
     if (parsed.ec != std::errc() || parsed.ptr != digits_end) continue;
-    // "7.png" is not what "%05d.png" writes.
+    // Excludes names such as "7.png", which "%05d.png" does not produce.
     if (path(number).filename().string() == name) numbers.push_back(number);
   }
   std::sort(numbers.begin(), numbers.end());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A woven frame: the exact pixels of one panel, one micro-image per lens.
+// WovenFrame holds the exact pixels of one panel, one micro-image per lens.
 #pragma once
 
 #include <cstddef>
@@ -10,9 +10,9 @@
 namespace lenticule::frames {
 
 enum class PixelFormat : uint32_t {
-  Rgb8 = 1,  ///< R, G, B bytes
-  Rgb10 =
-      2,  ///< little-endian 32-bit words x2 r10 g10 b10; designed for, refused by the player so far
+  Rgb8 = 1,   ///< R, G, B bytes
+  Rgb10 = 2,  ///< little-endian 32-bit words x2 r10 g10 b10; part of the design, but the player
+              ///< still refuses it
 };
 
 [[nodiscard]] constexpr size_t bytes_per_pixel(PixelFormat format) {
@@ -31,7 +31,7 @@ struct FrameGeometry {
   friend bool operator==(const FrameGeometry&, const FrameGeometry&) = default;
 };
 
-/// Borrowed pixels, rows packed from the top (stride = row_bytes()).
+/// FrameView refers to borrowed pixels, rows packed from the top (stride = row_bytes()).
 struct FrameView {
   FrameGeometry geometry;
   std::span<const uint8_t> bytes;
@@ -41,7 +41,7 @@ struct FrameView {
   }
 };
 
-/// Owned pixels, black at first.
+/// WovenFrame owns its pixels, which are black at first.
 class WovenFrame {
  public:
   WovenFrame() = default;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The smallest thing that can show woven frames. Calibration draws through it, so that a simulated
-// panel and a real one are the same to it.
+// FrameSink is the smallest interface that shows woven frames. Calibration draws through it, so
+// that simulated and real panels are interchangeable.
 #pragma once
 
 #include <chrono>
@@ -10,19 +10,21 @@
 namespace lenticule::frames {
 
 enum class ShowResult {
-  Shown,     ///< the frame is on the glass
-  TimedOut,  ///< not within the deadline; the sink is still usable
-  Lost,      ///< the display went away
+  Shown,     ///< the frame is on the panel
+  TimedOut,  ///< deadline missed; the sink is still usable
+  Lost,      ///< the display was disconnected
 };
 
 class FrameSink {
  public:
   virtual ~FrameSink() = default;
 
-  /// The exact size and format that show() takes.
+  /// Returns the exact size and format that show() requires.
   [[nodiscard]] virtual FrameGeometry geometry() const = 0;
 
-  /// Copies the frame and waits until it is on the glass, at most `timeout`. One thread.
+  /// Copies the frame and waits until it is on the panel, at most `timeout`.
+  ///
+  /// Thread safety: one thread.
   [[nodiscard]] virtual ShowResult show(const FrameView& frame,
                                         std::chrono::nanoseconds timeout) = 0;
 };

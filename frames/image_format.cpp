@@ -25,7 +25,7 @@ uint32_t big_endian_32(Bytes bytes) {
   return uint32_t{bytes[0]} << 24 | uint32_t{bytes[1]} << 16 | uint32_t{bytes[2]} << 8 | bytes[3];
 }
 
-/// Walks the chunks (length, type, data, check sum) to the end of IEND.
+/// Follows the chunks (length, type, data, check sum) to the end of IEND.
 bool png_reaches_end(Bytes bytes) {
   constexpr size_t kSignature = 8;
   constexpr size_t kChunkOverhead = 12;
@@ -39,8 +39,8 @@ bool png_reaches_end(Bytes bytes) {
   return false;
 }
 
-/// Walks the marker segments; coded data runs to the next marker that is neither a stuffed zero nor
-/// a restart.
+/// Follows the marker segments; coded data extends to the next marker that is neither a stuffed
+/// zero nor a restart.
 bool jpeg_reaches_end(Bytes bytes) {
   constexpr uint8_t kStartOfScan = 0xDA, kEndOfImage = 0xD9, kStartOfImage = 0xD8, kTemporary = 1;
   const auto is_restart = [](uint8_t marker) { return marker >= 0xD0 && marker <= 0xD7; };
@@ -63,7 +63,7 @@ bool jpeg_reaches_end(Bytes bytes) {
   return false;
 }
 
-/// Walks the attributes (name, type, length, value) to the empty name that ends the header.
+/// Follows the attributes (name, type, length, value) to the empty name that ends the header.
 bool exr_header_fits(Bytes bytes) {
   constexpr size_t kMagicAndVersion = 8;
   size_t at = kMagicAndVersion;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which picture format some bytes are, and whether they reach to the format's end mark. Decoders
-// are lenient about a file that stops early; a player must not be.
+// Detects the format of a picture file and checks that the file is complete. Decoders accept
+// truncated files; a player must not.
 #pragma once
 
 #include <cstdint>
@@ -11,21 +11,22 @@ namespace lenticule::frames {
 
 enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr };
 
-/// By the first bytes. Targa has no mark of its own and is taken from the name's extension.
+/// Detects the format from the first bytes. Targa has no signature and is detected by the extension
+/// of `name`.
 [[nodiscard]] ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name);
 
-/// By the extension, of files to be written; case does not matter.
+/// Returns the format for the extension of a file to be written; case does not matter.
 [[nodiscard]] ImageFormat format_of_extension(std::string_view extension);
 
-/// What OpenImageIO calls it; empty for Unknown.
+/// Returns OpenImageIO's name of the format; empty for Unknown.
 [[nodiscard]] const char* plugin_name(ImageFormat format);
 
-/// False if a PNG or JPEG ends before its end mark. Other formats state where their pixels lie, so
-/// that their decoders notice by themselves: always true for them.
+/// Returns false if a PNG or JPEG ends before its end mark. Other formats state the offsets of
+/// their pixels, so their decoders detect truncation: the result is always true for them.
 [[nodiscard]] bool reaches_end_mark(ImageFormat format, std::span<const uint8_t> bytes);
 
-/// False if an EXR's header states attributes longer than the file. Its decoder would allocate
-/// them. Always true for other formats.
+/// Returns false if an EXR's header states attributes longer than the file, for which its decoder
+/// would allocate memory. Always true for other formats.
 [[nodiscard]] bool header_fits(ImageFormat format, std::span<const uint8_t> bytes);
 
 }  // namespace lenticule::frames

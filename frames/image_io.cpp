@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Picture files to bytes and back; what the bytes mean is the codec's business.
+// Reads and writes picture files as bytes; PictureCodec interprets the bytes.
 #include "frames/image_io.h"
 
 #include <fmt/format.h>
@@ -70,8 +70,8 @@ void refuse_tags_of_woven(const std::filesystem::path& file, const PictureInfo& 
                 "remove the tag, or scale the views before they are woven");
 }
 
-/// Fills a frame that it allocates when the first rows are decoded, so that a header that lies
-/// costs no memory.
+/// FrameSink fills a frame that it allocates only when the first rows are decoded, so that a header
+/// with a false size costs no memory.
 class FrameSink final : public PictureSink {
  public:
   FrameSink(const std::filesystem::path& file, WovenFrame& frame, PictureUse use,
@@ -164,7 +164,7 @@ void turn_upright(std::span<const uint8_t> stored, const FrameGeometry& geometry
                   Orientation orientation, std::span<uint8_t> upright) {
   const FrameGeometry to = turned_geometry(geometry, orientation);
   const bool swaps = orientation >= Orientation::Transposed;
-  // Which of the stored columns and rows are counted from the far end.
+  // True if stored columns (rows) are counted from the far end.
   const bool from_right =
       orientation == Orientation::Mirrored || orientation == Orientation::HalfTurn ||
       orientation == Orientation::Transversed || orientation == Orientation::ThreeQuarterTurn;

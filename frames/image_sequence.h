@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pre-rendered frames from picture files: a numbered sequence, a list, or one still. Decoded ahead
-// of time by threads of its own into a bounded pool.
+// ImageSequence plays pre-rendered frames from picture files: a numbered sequence, a list, or one
+// still. Its own threads decode ahead into a bounded pool.
 #pragma once
 
 #include <cstdint>
@@ -17,30 +17,31 @@
 
 namespace lenticule::frames {
 
-/// The files that a player's SOURCE argument means: every file of a pattern ("dir/%05d.png") from
-/// the first number on, or the one file. Throws Error(Input) when there is none, or a number is
-/// missing in between (named), Error(Usage) for a pattern that is none.
+/// Returns the files of a player's SOURCE argument: every file of a pattern ("dir/%05d.png") from
+/// the first number on, or the one file. Throws Error(Input) when there is no file or a number in
+/// between is missing (named), Error(Usage) for an invalid pattern.
 [[nodiscard]] std::vector<std::filesystem::path> list_frame_files(const std::string& source);
 
 struct ImageSequenceOptions {
-  /// Decoded frames kept in memory at most; at least 2. A sequence that fits is decoded once.
+  /// Limit of decoded frames in memory; at least 2. A sequence that fits is decoded once.
   int pool_frames = 8;
-  /// Threads that decode ahead, 1..64. A 4K PNG takes one core about 0.13 s.
+  /// Number of threads that decode ahead, 1..64. Decoding a 4K PNG takes about 0.13 s of one core.
   int decoder_threads = 1;
   std::optional<Rate> rate = std::nullopt;
-  /// Number of the file with which the first round begins, later ones beginning with the first;
-  /// less than there are.
+  /// Index of the file with which the first round begins, less than the number of files; later
+  /// rounds begin with the first file.
   uint64_t first = 0;
   PictureUse use = PictureUse::Woven;
-  /// Fewer than pool_frames are kept where they would take more; at least 2.
+  /// Memory limit; fewer than pool_frames frames are kept if they would exceed it, but at least 2.
   uint64_t pool_bytes = std::numeric_limits<uint64_t>::max();
-  /// Called with what the first file's header says, before anything is allocated; throws to refuse.
+  /// Called with the properties in the first file's header, before memory is allocated; throws to
+  /// refuse the file.
   std::function<void(const PictureInfo&)> accept = nullptr;
 };
 
-/// All files must have the first one's size. The first file is opened by the constructor, which
-/// throws Error(Input) if it is no picture; a later file that cannot be read ends the sequence when
-/// its turn comes.
+/// ImageSequence requires that all files have the first file's size. The constructor opens the
+/// first file and throws Error(Input) if it is not a picture; a later file that cannot be read ends
+/// the sequence when its frame is pulled.
 class ImageSequence final : public DecodedSource {
  public:
   explicit ImageSequence(std::vector<std::filesystem::path> files,

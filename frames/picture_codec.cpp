@@ -9,8 +9,8 @@
 namespace lenticule::frames {
 namespace {
 
-/// Without a folder in it, the name is looked up along this program's run path and the system's
-/// library folders, as that of any library that the program is linked with.
+/// A name without a folder is searched along this program's run path and the system's library
+/// folders, like any library that the program is linked with.
 constexpr const char* kModule = LENTICULE_PICTURES_MODULE;
 
 [[noreturn]] void fail(const std::string& cause) {
@@ -24,7 +24,7 @@ std::string loader_message() {
 }
 
 const PictureCodec& load() {
-  // Local: nothing of OpenImageIO's may replace a symbol of this program's.
+  // RTLD_LOCAL: no symbol of OpenImageIO may replace a symbol of this program.
   void* module = dlopen(kModule, RTLD_NOW | RTLD_LOCAL);
   if (module == nullptr) fail(loader_message());
   const auto entry = reinterpret_cast<PictureCodecEntry>(dlsym(module, kPictureCodecEntry));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decoding and encoding of pictures, kept in a module of its own (frames/pictures) that is loaded
-// when the first picture is read or written: OpenImageIO and what it drags in take longer to load
-// than a player takes to show its first frame, and a player fed from a ring needs none of it.
+// PictureCodec decodes and encodes pictures. It is a lazily loaded library (frames/pictures),
+// loaded when the first picture is read or written: loading OpenImageIO and its dependencies takes
+// longer than a player takes to show its first frame, and a player of a ring does not need them.
 #pragma once
 
 #include <cstdint>
@@ -16,19 +16,23 @@
 
 namespace lenticule::frames {
 
-/// Receives the code values of one picture, in one thread.
+/// PictureSink receives the code values of one picture, in one thread.
 class PictureSink {
  public:
   virtual ~PictureSink() = default;
-  /// Called once, with what the header says, before anything is decoded; throws to refuse it.
+  /// Called once with the header's properties, before the pixels are decoded; throws to refuse the
+  /// picture.
   virtual void accept(const PictureInfo& info) = 0;
-  /// Returns the memory for packed RGB rows from row `y` on: for one row at least, and for `rows`
-  /// of them at most. The rows of the call before are complete by then. May throw.
+  /// Returns the memory for packed RGB rows from row `y` on: for at least one row and at most
+  /// `rows` rows. The rows of the previous call are complete by then. May throw.
   [[nodiscard]] virtual std::span<uint8_t> rows(int y, int rows) = 0;
 };
 
-/// The interface between the program and the module; both are of one build. Every function is safe
-/// from any thread and throws Error as its caller in image_io.h says. `name` is for messages.
+/// PictureCodec is the interface between the program and the lazily loaded library; both come from
+/// the same build. Every function throws the Error that its caller in image_io.h documents. `name`
+/// is for messages.
+///
+/// Thread safety: any thread.
 class PictureCodec {
  public:
   virtual ~PictureCodec() = default;
@@ -43,17 +47,21 @@ class PictureCodec {
                                                     const std::string& name) const = 0;
 };
 
-/// The module's codec, loaded on the first call and never unloaded. Safe from any thread. Throws
-/// Error(Failed) naming the module and what the loader said.
+/// Returns the codec, loaded on the first call and never unloaded. Throws Error(Failed) with the
+/// library's name and the loader's message.
+///
+/// Thread safety: any thread.
 [[nodiscard]] const PictureCodec& picture_codec();
 
-/// What the module exports: a function of this type under this name, returning null for a `version`
-/// that is not its own.
+/// Type and name of the function that the library exports. The function returns null for a
+/// `version` that is not its own.
 using PictureCodecEntry = const PictureCodec* (*)(const char* version) noexcept;
 inline constexpr const char* kPictureCodecEntry = "lenticule_picture_codec";
 
-/// Reads the code values of picture files. Every function is safe from any thread and throws as
-/// probe_picture() and read_woven() do.
+/// PictureFileReader reads the code values of picture files. Every function throws the errors of
+/// probe_picture() and read_woven().
+///
+/// Thread safety: any thread.
 class PictureFileReader {
  public:
   virtual ~PictureFileReader() = default;
@@ -61,8 +69,10 @@ class PictureFileReader {
   virtual void read(const std::filesystem::path& file, PictureSink& sink) const = 0;
 };
 
-/// Makes image_io.h read code values through `reader`, which must live until the process ends or
-/// null is set. Null: this process decodes them itself.
+/// Makes image_io.h read code values through `reader`; with null, this process decodes the files
+/// itself (the default).
+///
+/// Lifetime: `reader` must live until the process ends or null is set.
 void use_picture_reader(const PictureFileReader* reader) noexcept;
 
 }  // namespace lenticule::frames

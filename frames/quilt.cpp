@@ -25,7 +25,7 @@ bool sensible_grid(int columns, int rows) {
   return columns >= 1 && rows >= 1 && columns <= kMaxViews && rows <= kMaxViews / columns;
 }
 
-/// Takes a number off the front of `text`; false if there is none.
+/// Removes a number from the front of `text`; returns false if there is none.
 template <class Number>
 bool take_number(std::string_view& text, Number& value) {
   const auto parsed = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -40,7 +40,8 @@ bool take(std::string_view& text, char c) {
   return true;
 }
 
-/// "0.75" off the front; no exponent, so that letters after it keep their own meaning.
+/// Removes a number such as "0.75" from the front; no exponent, so that letters after the number
+/// keep their own meaning.
 std::optional<double> take_aspect(std::string_view& text) {
   double aspect = 0.0;
   const auto parsed =

@@ -28,12 +28,13 @@ std::optional<int64_t> parse_integer(std::string_view text) {
               "write 60, 59.94, 12.5 or 24000/1001");
 }
 
-/// a > factor * b for positive numbers, without the product, which may overflow.
+/// Returns a > factor * b for positive numbers, without the product, which may overflow.
 bool exceeds(int64_t a, int64_t factor, int64_t b) {
   return a / factor > b || (a / factor == b && a % factor != 0);
 }
 
-/// The nominal integer rate whose 1000/1001 sibling people write with two or three decimals.
+/// Returns the integer rate n for a text of two or three decimals that means the broadcast rate
+/// n*1000/1001.
 std::optional<int64_t> broadcast_rate(std::string_view text) {
   struct Name {
     std::string_view text;

@@ -12,7 +12,7 @@ namespace {
 
 using Window = std::array<double, kSimilarityWindow>;
 
-/// Of one direction; the window is its product with itself.
+/// Returns the weights of one direction; the window is their product with themselves.
 Window gaussian() {
   constexpr double kSigma = 1.5;
   Window weights{};
@@ -52,7 +52,7 @@ Plane product(const Plane& a, const Plane& b) {
   return plane;
 }
 
-/// Weighted means over every window that lies inside: ten columns and rows fewer.
+/// Returns weighted means over every window inside the plane: ten columns and rows fewer.
 Plane blurred(const Plane& plane, const Window& weights) {
   constexpr int kLess = kSimilarityWindow - 1;
   Plane across{plane.width - kLess, plane.height, {}};

@@ -7,8 +7,8 @@
 namespace lenticule::frames {
 namespace {
 
-/// Element n is the light half way between codes n and n + 1: comparing is exact and spares a power
-/// per value.
+/// Returns a table whose element n is the light half way between codes n and n + 1: comparing with
+/// it is exact and avoids a power function per value.
 const std::array<double, 255>& light_between_codes() {
   static const std::array<double, 255> table = [] {
     std::array<double, 255> light{};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sRGB transfer curve between 8-bit code values and linear light in [0, 1].
+// Converts between 8-bit code values and linear light in [0, 1] with the sRGB transfer curve.
 #pragma once
 
 #include <array>
@@ -7,23 +7,24 @@
 
 namespace lenticule::frames {
 
-/// Linear light of an encoded value; both in [0, 1].
+/// Returns the linear light of an encoded value; both in [0, 1].
 [[nodiscard]] double linear_from_srgb(double encoded);
-/// Encoded value of linear light; both in [0, 1].
+/// Returns the encoded value of linear light; both in [0, 1].
 [[nodiscard]] double srgb_from_linear(double linear);
 
-/// Linear light of each of the 256 code values.
+/// Returns the linear light of each of the 256 code values.
 [[nodiscard]] const std::array<double, 256>& linear_of_codes();
 
-/// The code value nearest to an encoded value; NaN is black. Without branches, so that compilers
-/// turn loops over it into a few vector instructions.
+/// Returns the code value nearest to an encoded value; NaN is black. Without branches, so that
+/// compilers vectorise loops over this function.
 [[nodiscard]] inline uint8_t code_from_encoded(float encoded) {
   const float above = encoded > 0.0F ? encoded : 0.0F;
   const float held = above < 1.0F ? above : 1.0F;
   return static_cast<uint8_t>(static_cast<int>(double{held} * 255.0 + 0.5));
 }
 
-/// The code value nearest to the encoded light; light outside [0, 1] is clipped, NaN is black.
+/// Returns the code value nearest to the encoded light; light outside [0, 1] is clipped, NaN is
+/// black.
 [[nodiscard]] uint8_t code_from_linear(double linear);
 
 }  // namespace lenticule::frames

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plain words and boxes drawn into a frame, pixel for pixel: for pictures that are legible without
+// Draws plain text and boxes into a frame, pixel for pixel, for pictures that are legible without
 // glasses and through any lens sheet.
 #pragma once
 
@@ -16,7 +16,8 @@ namespace lenticule::frames {
 
 using Colour = std::array<uint8_t, 3>;  ///< R, G, B code values
 
-/// In pixels from the top left; may reach beyond the frame, which nothing is drawn outside of.
+/// PixelBox is in pixels from the top left; it may extend beyond the frame, and drawing is clipped
+/// to the frame.
 struct PixelBox {
   int x = 0;
   int y = 0;
@@ -24,17 +25,19 @@ struct PixelBox {
   int height = 0;
 };
 
-/// Frames are Rgb8 throughout. Safe from any thread, one per frame.
+/// Draw into an Rgb8 frame.
+///
+/// Thread safety: any thread; one thread per frame at a time.
 void set_pixel(WovenFrame& frame, int x, int y, const Colour& colour);
 void fill_box(WovenFrame& frame, const PixelBox& box, const Colour& colour);
 
-/// One line, its top left at (x, y), every dot of the font `scale` pixels wide and high. The ground
-/// stays as it is.
+/// Draws one line of text with its top left at (x, y); every dot of the font is `scale` pixels wide
+/// and high. The background stays unchanged.
 void draw_text(WovenFrame& frame, int x, int y, int scale, std::string_view text,
                const Colour& colour);
 
-/// Broken at spaces; a word that is longer than `columns` (at least 1) is broken anywhere. At least
-/// one line.
+/// Breaks the text at spaces; a word longer than `columns` (at least 1) is broken anywhere. Returns
+/// at least one line.
 [[nodiscard]] std::vector<std::string> wrap_text(std::string_view text, size_t columns);
 
 }  // namespace lenticule::frames

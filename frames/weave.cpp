@@ -13,10 +13,10 @@
 namespace lenticule::frames {
 namespace {
 
-/// Beyond this many sigmas a view counts for nothing (0.01 % of the centre's weight).
+/// A view further than this many sigmas is ignored (0.01 % of the centre's weight).
 constexpr double kGaussReach = 4.3;
 
-/// In views; below it a Gaussian is a needle.
+/// Smallest sigma of a Gaussian, in views.
 constexpr double kSharpestSpot = 1e-3;
 constexpr double kSameAspect = 0.005;
 
@@ -61,7 +61,8 @@ int gauss_weights(double centre, int views, double sigma, std::vector<double>& w
   const int last =
       std::max(nearest, std::min(views - 1, static_cast<int>(std::floor(centre + reach))));
   const double scale = 0.5 / (sigma * sigma);
-  // Relative to the nearest view's weight, so that not all of them underflow for a small sigma.
+  // Weights are relative to the nearest view's weight, so that not all of them underflow for a
+  // small sigma.
   const double least = (nearest - centre) * (nearest - centre);
   double sum = 0.0;
   weights.clear();
@@ -90,15 +91,15 @@ const char* to_string(PictureFit fit) {
 }
 
 int nearest_view(double view_number, int views) {
-  // What rounding puts a little beyond a border is on it, as with lenses: at rational pitches whole
-  // columns of subpixels lie exactly there.
+  // A number that rounding puts slightly beyond a border counts as on the border, as with lenses:
+  // at rational pitches whole columns of subpixels lie exactly there.
   const double on_border = view_number - views * optics::kBorderTolerance;
   return std::clamp(static_cast<int>(std::ceil(on_border)) - 1, 0, views - 1);
 }
 
 int view_weights(double view_number, int views, ViewFilter filter, double spot_sigma_views,
                  std::vector<double>& weights) {
-  const double centre = view_number - 0.5;  // in units of view indices
+  const double centre = view_number - 0.5;  // unit: view indices
   if (filter == ViewFilter::Gauss) return gauss_weights(centre, views, spot_sigma_views, weights);
   if (filter == ViewFilter::Nearest) {
     weights.assign(1, 1.0);
@@ -115,8 +116,9 @@ int view_weights(double view_number, int views, ViewFilter filter, double spot_s
 PicturePlace place_picture(const optics::Panel& panel, double aspect, PictureFit fit) {
   const double panel_width_mm = panel.width_px * panel.pixel_width.value;
   const double panel_height_mm = panel.height_px * panel.pixel_height.value;
-  const double wider = aspect * panel_height_mm / panel_width_mm;  // view than panel
-  double width_mm = panel_width_mm;                                // of a view on the glass
+  const double wider =
+      aspect * panel_height_mm / panel_width_mm;  // aspect of the view relative to the panel's
+  double width_mm = panel_width_mm;               // width of a view on the panel
   double height_mm = panel_height_mm;
   if (fit != PictureFit::Stretch && std::abs(wider - 1.0) > kSameAspect) {
     const bool keep_width = (wider > 1.0) == (fit == PictureFit::Contain);
@@ -143,8 +145,8 @@ FrameGeometry Weaver::geometry() const {
 }
 
 double Weaver::light_at(int view, PicturePoint point, int channel) const {
-  // Pixel centres lie at half-integers; beyond the outermost ones the border pixel goes on, so that
-  // no tile bleeds into its neighbour.
+  // Pixel centres lie at half-integers. Beyond the outermost centres the border pixel is repeated,
+  // so that no tile bleeds into its neighbour.
   const double x = std::clamp(point.u * views_.width() - 0.5, 0.0, views_.width() - 1.0);
   const double y = std::clamp(point.v * views_.height() - 0.5, 0.0, views_.height() - 1.0);
   const int left = static_cast<int>(x), top = static_cast<int>(y);

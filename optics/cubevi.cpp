@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// CubeVi-style calibrations: t = fract((3 (x + y slope) + c + x0 + grid) / interval) with x = i +
-// 1, y = j + 1, y down and c counted from the left. In our terms 3 x + c = 3 X + 5/2 and y = Y +
-// 1/2; lambda = t - 1/2 up to whole lenses.
+// Reads and writes CubeVi-style calibrations: t = fract((3 (x + y slope) + c + x0 + grid) /
+// interval) with x = i + 1, y = j + 1, y down and c counted from the left. In our terms 3 x + c = 3
+// X + 5/2 and y = Y + 1/2; lambda = t - 1/2 up to whole lenses.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -20,7 +20,7 @@ constexpr int kGridRows = 7;
 constexpr double kAssumedPixelMm = 0.1;
 constexpr double kAssumedConeDegrees = 40.0;
 
-/// Their coordinate at the panel's centre, without x0, in subpixels.
+/// Returns the format's coordinate at the panel's centre, without x0, in subpixels.
 double centre_subpixels(const Panel& panel, double slope) {
   return 1.5 * panel.width_px + 2.5 + 3.0 * slope * (panel.height_px / 2.0 + 0.5);
 }
@@ -37,7 +37,7 @@ ResidualMap read_grid(const JsonFields& file, const nlohmann::json& grid, double
   return map;
 }
 
-/// The object that holds the numbers: the file itself or its "grating_params".
+/// Returns the object that holds the numbers: the file itself or its "grating_params".
 const nlohmann::json& numbers_of(const nlohmann::json& document) {
   const auto nested = document.find("grating_params");
   return nested != document.end() ? *nested : document;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A sheet as systems without a viewing distance describe it: folded into pitch and offset.
+// EffectiveSheet describes a sheet for systems without a viewing distance: the distance is folded
+// into pitch and offset.
 #pragma once
 
 #include <cmath>
@@ -13,7 +14,8 @@ struct EffectiveSheet {
   Lenses offset;
 };
 
-/// Paraxially, E0 = (0, Ey, Z) sees phase 3 (x + m y) / (P (1 + g/Z)) + offset': the slant stays.
+/// Returns the effective sheet of a rig. Paraxially, E0 = (0, Ey, Z) sees phase 3 (x + m y) / (P (1
+/// + g/Z)) + offset': the slant does not change.
 [[nodiscard]] inline EffectiveSheet effective_sheet(const Rig& rig) {
   const LensSheet& sheet = rig.sheet;
   const double z = rig.viewing.distance.value;
@@ -24,7 +26,7 @@ struct EffectiveSheet {
           .offset = Lenses(sheet.offset.value - 3.0 * sheet.slant * rise_px / sheet.pitch.value)};
 }
 
-/// The same phase up to whole lenses, in [-1/2, 1/2].
+/// Returns the phase without its whole lenses, in [-1/2, 1/2].
 [[nodiscard]] inline double without_whole_lenses(double phase) {
   return phase - std::round(phase);
 }

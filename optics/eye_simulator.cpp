@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// For each place on the lens sheet: which lens is there, where on the panel that lens makes the eye
-// look, and what the subpixels around that place add up to.
+// For each point on the lens sheet the simulator finds the lens at the point, finds the panel
+// position that the lens shows to the eye, and sums the subpixels around that position.
 #include "optics/eye_simulator.h"
 
 #include <fmt/format.h>
@@ -23,8 +23,8 @@ double srgb_of_linear(double v) {
   return v <= 0.0031308 ? v * 12.92 : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
 }
 
-/// The sRGB transfer both ways. 2^16 steps of linear light are 20 per code where codes are closest,
-/// so every code survives the round trip.
+/// Transfer converts between sRGB codes and linear light. 2^16 steps of linear light are 20 per
+/// code where codes are closest, so every code survives the round trip.
 class Transfer {
  public:
   Transfer() {
@@ -47,7 +47,7 @@ class Transfer {
   std::vector<uint8_t> code_ = std::vector<uint8_t>(1u << 16);
 };
 
-/// Phases of the few panel rows that one row of the picture looks at.
+/// PhaseRows holds the phases of the few panel rows that one row of the picture uses.
 class PhaseRows {
  public:
   PhaseRows(const OpticalModel& model, const Eye& eye)
@@ -72,15 +72,16 @@ class PhaseRows {
   std::array<Kept, 8> kept_;
 };
 
-/// Columns to either side in which a subpixel may be the nearest or still carry weight.
+/// Returns the number of columns to either side in which a subpixel may be the nearest or may have
+/// a weight.
 int window_columns(const OpticalModel& model, double sigma) {
   const bool is_table = model.rig().panel.layout.name() == "cells";
   const double reach_px = 4.0 * sigma * model.rig().sheet.pitch.value / 3.0;
   return 1 + (is_table ? 4 : 0) + static_cast<int>(std::ceil(reach_px));
 }
 
-/// Linear light of one channel that a lens shows: the subpixels of one row around `column`, by how
-/// far their phase is from the lens.
+/// LensSpot computes the linear light of one channel that a lens shows: the subpixels of one row
+/// around `column`, weighted by the distance of their phase from the lens.
 class LensSpot {
  public:
   LensSpot(const OpticalModel& model, double sigma, const Transfer& transfer)
@@ -97,7 +98,8 @@ class LensSpot {
       nearest = std::min(nearest, square_distance(phase, i, channel, lens));
     double sum = 0.0, weights = 0.0;
     for (int i = begin; i < end; ++i) {
-      // Relative to the nearest subpixel: even one far out in the tail is all that there is to see.
+      // Weights are relative to the nearest subpixel: even a subpixel far out in the tail may be
+      // the only visible one.
       const double exponent =
           (square_distance(phase, i, channel, lens) - nearest) * inverse_variance_;
       if (!(exponent < 16.0)) continue;
@@ -119,7 +121,7 @@ class LensSpot {
   const Transfer& transfer_;
 };
 
-/// The lens above a point of the sheet, and the panel pixel at which it makes the eye look.
+/// Look is the lens above a point of the sheet, and the panel pixel that the lens shows to the eye.
 struct Look {
   double lens;
   int column;
@@ -128,7 +130,7 @@ struct Look {
 };
 
 Look look_through(const OpticalModel& model, const Eye& eye, double x_px, double y_px) {
-  constexpr int kGreen = 1;  // the other channels' offsets are relative to it
+  constexpr int kGreen = 1;  // the other channels' offsets are relative to green
   const Panel& panel = model.rig().panel;
   const LensPlace place = split_phase(model.lens_coordinate(x_px, y_px, kGreen));
   const double apex_px = x_px - place.place * model.rig().sheet.pitch.value / 3.0;
@@ -142,7 +144,7 @@ Look look_through(const OpticalModel& model, const Eye& eye, double x_px, double
 }
 
 void check_eye(const Eye& eye) {
-  const bool in_front = eye.z_mm > 0.0;  // infinity is; a NaN is not
+  const bool in_front = eye.z_mm > 0.0;  // true for infinity, false for NaN
   if (in_front && std::isfinite(eye.x) && std::isfinite(eye.y)) return;
   throw Error(
       ErrorKind::Input,
@@ -194,7 +196,7 @@ RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye
     for (int u = 0; u < picture.width; ++u, out += 3) {
       const double x_px = (u + 0.5) * panel.width_px / picture.width;
       const Look look = look_through(model, eye, x_px, y_px);
-      if (!look.on_panel) continue;  // past the edge of the panel: black
+      if (!look.on_panel) continue;  // black beyond the edge of the panel
       const uint8_t* pixels = woven.pixels + static_cast<size_t>(look.row) * woven.stride_bytes;
       const std::vector<double>& phase = phases.row(look.row);
       for (int c = 0; c < 3; ++c) {
@@ -209,7 +211,8 @@ int seen_column(const OpticalModel& model, int64_t lens, int j, int channel, con
   const Panel& panel = model.rig().panel;
   const double wanted = static_cast<double>(lens);
   const double px_per_lens = model.rig().sheet.pitch.value / 3.0;
-  // Phase grows along the row almost exactly by one lens per pitch, so this closes in quickly.
+  // Phase grows along the row by almost exactly one lens per pitch, so this iteration converges
+  // quickly.
   double x_px = panel.width_px / 2.0;
   for (int step = 0; step < 40; ++step) {
     const double missing = wanted - model.phase(x_px, j + 0.5, channel, eye);

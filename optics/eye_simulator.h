@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an eye sees on a woven frame: the picture that the lens sheet shows to one place.
+// Simulates the picture that an eye at one position sees through the lens sheet on a woven frame.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace lenticule::optics {
 
-/// Borrowed 8-bit RGB pixels, row by row from the top.
+/// RgbView refers to borrowed 8-bit RGB pixels, row by row from the top.
 struct RgbView {
   const uint8_t* pixels = nullptr;
   int width = 0;
@@ -25,21 +25,22 @@ struct RgbPicture {
 };
 
 struct EyeOptions {
-  /// Output size; 0 = the panel's own pixel grid divided by 2.
+  /// Output size; 0 = half of the panel's pixel grid.
   int width = 0;
   int height = 0;
-  /// Lens spot sigma in lenses; negative = the rig's own.
+  /// Lens spot sigma in lenses; negative = the rig's value.
   double spot_sigma_lenses = -1.0;
 };
 
-/// Samples the plane of the lenses on a regular grid; each sample shows, per channel, the subpixels
-/// that its lens shows to `eye`, weighted by the lens spot, mixed in linear light (sRGB transfer).
-/// Throws Error(Input) when the frame's size is not the panel's, or the eye is not in front of it.
+/// Returns the picture that `eye` sees. Samples the plane of the lenses on a regular grid. Each
+/// sample mixes, per channel, the subpixels that its lens shows to `eye`, weighted by the lens
+/// spot, in linear light (sRGB transfer). Throws Error(Input) when the frame's size differs from
+/// the panel's, or the eye is not in front of the panel.
 [[nodiscard]] RgbPicture simulate_eye(const OpticalModel& model, RgbView woven, const Eye& eye,
                                       const EyeOptions& options = {});
 
-/// The subpixel of row j and `channel` that lens `lens` shows to the eye: its pixel column, or -1
-/// where the lens shows none on this panel. Nearest in phase.
+/// Returns the pixel column of the subpixel of row j and `channel` that lens `lens` shows to the
+/// eye (the nearest in phase), or -1 if the lens shows no subpixel of this panel.
 [[nodiscard]] int seen_column(const OpticalModel& model, int64_t lens, int j, int channel,
                               const Eye& eye);
 

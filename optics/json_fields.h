@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Members of somebody else's JSON file, checked: every failure names the source and the key.
+// Reads members of foreign JSON files with checks; every error names the source and the key.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -8,20 +8,22 @@
 
 namespace lenticule::optics {
 
-/// One JSON object. Values may be plain or wrapped as {"value": x}. The document must outlive it.
+/// JsonFields reads one JSON object. Values may be plain or wrapped as {"value": x}.
+///
+/// Lifetime: the JSON document must outlive this object.
 class JsonFields {
  public:
   /// Throws Error(Input) unless `object` is a JSON object.
   JsonFields(const nlohmann::json& object, std::string source);
 
-  /// The unwrapped value of a key, or null.
+  /// Returns the unwrapped value of a key, or null.
   [[nodiscard]] const nlohmann::json* find(const std::string& key) const;
-  /// A finite number.
+  /// Returns a finite number.
   [[nodiscard]] double number(const std::string& key) const;
   [[nodiscard]] double number_or(const std::string& key, double otherwise) const;
-  /// A whole number of 1 to kMaxPanelPixels.
+  /// Returns a whole number from 1 to kMaxPanelPixels.
   [[nodiscard]] int side(const std::string& key) const;
-  /// true, false or a number that is not zero; false if there is none.
+  /// Returns true for true and for numbers other than zero; returns false if the key is missing.
   [[nodiscard]] bool flag(const std::string& key) const;
   [[nodiscard]] std::string text_or(const std::string& key, const std::string& otherwise) const;
 
@@ -33,10 +35,10 @@ class JsonFields {
   std::string source_;
 };
 
-/// Returns `text` fit for a rig file: escaped and not too long.
+/// Returns `text` in a form that a rig file accepts: escaped, and not too long.
 [[nodiscard]] std::string foreign_text(std::string_view text);
 
-/// Throws Error(Input) "source: cause" for what is not JSON.
+/// Parses JSON. Throws Error(Input) "source: cause" for invalid JSON.
 [[nodiscard]] nlohmann::json parse_json(std::string_view text, const std::string& source);
 
 }  // namespace lenticule::optics

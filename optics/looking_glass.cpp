@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looking Glass visual.json. With Pl lenses over the panel's width, s = 1 (-1 with flipImageX) and
-// c = 0, 1, 2 for R, G, B (2, 1, 0 with flipSubp), a stripe's lens coordinate there is
+// Reads and writes Looking Glass visual.json. With Pl lenses over the panel's width, s = 1 (-1 with
+// flipImageX) and c = 0, 1, 2 for R, G, B (2, 1, 0 with flipSubp), a stripe's lens coordinate in
+// that format is
 //   z_c = (Pl / W) (i + 1/2 + s c/3 + s (H - Y) / slope) - center.
-// So one stripe sits on the pixel's centre, and all are a third of a pixel right of where ours are,
-// or with flipImageX a third left, in reverse order.
+// So one stripe lies on the pixel's centre, and all stripes lie a third of a pixel to the right of
+// ours, or with flipImageX a third to the left, in reverse order.
 // Cells state their offsets from the pixel's centre instead, v upward. lambda = z - 1/2.
 #include <fmt/format.h>
 
@@ -26,7 +27,7 @@ constexpr double kUsualConeDegrees = 40.0;
 constexpr double kMaxCellOffsetPx = 1.5;
 constexpr double kStripeBiasPx = 1.0 / 3.0;
 
-/// Pattern by which a pixel finds its cell; x from the left, y from the bottom.
+/// CellPattern maps a pixel to the index of its cell; x from the left, y from the bottom.
 struct CellPattern {
   int columns;
   int rows;
@@ -72,7 +73,8 @@ SubpixelLayout cell_layout(const JsonFields& file, const nlohmann::json& list, i
   const CellPattern& pattern = kCellPatterns[static_cast<size_t>(mode)];
   std::vector<PixelCell> table;
   for (int j = 0; j < pattern.rows; ++j) {
-    // Any row from the bottom that is j from the top, modulo the pattern's period.
+    // y is any row counted from the bottom that equals row j from the top, modulo the pattern's
+    // period.
     const int y = (height_px - 1 - j) % pattern.rows + pattern.rows;
     for (int i = 0; i < pattern.columns; ++i) {
       table.push_back(cells[static_cast<size_t>(pattern.index(i, y)) % cells.size()]);
@@ -81,7 +83,7 @@ SubpixelLayout cell_layout(const JsonFields& file, const nlohmann::json& list, i
   return SubpixelLayout::cells(pattern.columns, pattern.rows, std::move(table));
 }
 
-/// What lies between z and lambda at the panel's centre, before `center`.
+/// Returns the difference between z and lambda at the panel's centre, without `center`.
 double centre_coordinate(const Panel& panel, double lenses_per_px, double slope, double bias_px) {
   return lenses_per_px * (panel.width_px / 2.0 + bias_px + panel.height_px / 2.0 / slope);
 }
@@ -90,7 +92,8 @@ double gap_for_cone(double pitch_mm, double cone_degrees) {
   return pitch_mm / (2.0 * std::tan(cone_degrees * std::numbers::pi / 360.0));
 }
 
-/// The cell list of a pattern that gives this layout on a panel of this height, if there is one.
+/// Returns the cell list of a pattern that gives this layout on a panel of this height, if there is
+/// one.
 std::optional<std::vector<PixelCell>> cells_in_pattern(const SubpixelLayout& layout,
                                                        const CellPattern& pattern, int height_px) {
   std::vector<std::optional<PixelCell>> cells(static_cast<size_t>(pattern.cells));
@@ -144,7 +147,8 @@ void refuse_what_cannot_be_said(const Rig& rig) {
   }
 }
 
-/// A rig says where light goes, not that pictures are to be mirrored.
+/// Refuses values that a rig cannot express: a rig says where light goes, not that pictures are
+/// mirrored.
 void refuse_what_rigs_cannot_say(const JsonFields& file) {
   if (file.flag("flipImageY"))
     file.fail("flipImageY", "pictures mirrored top to bottom, which a rig cannot say");
@@ -171,7 +175,7 @@ LookingGlassImport import_looking_glass(std::string_view json, const std::string
   refuse_what_rigs_cannot_say(file);
   const bool flipped = file.flag("flipImageX");
   const bool reversed = flipped != file.flag("flipSubp");
-  // Cells say themselves where red and blue are: with them the flips say nothing about it.
+  // Cells give the positions of red and blue themselves, so the flips do not apply to them.
   rig.panel.layout = has_cells ? cell_layout(file, *cells, rig.panel.height_px)
                                : SubpixelLayout::named(reversed ? "bgr" : "rgb");
 

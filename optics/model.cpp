@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The optical model, one subpixel at a time, each equation solved until it no longer changes.
+// Evaluates the optical model one subpixel at a time; each equation is iterated until its solution
+// no longer changes.
 //
-// Lengths along z are in units of the eye's distance here: with t = (E - Q) / Ez the tangents of
-// the direction from a panel point to the eye, gamma = g / Ez and s = sqrt(1 + (1 - nu) |r /
-// Ez|^2), the law of the sheet becomes Delta = g t / (s + gamma). An eye at infinity is gamma = 0,
-// t given.
+// In this file, lengths along z are in units of the eye's distance: with t = (E - Q) / Ez the
+// tangents of the direction from a panel point to the eye, gamma = g / Ez and s = sqrt(1 + (1 - nu)
+// |r / Ez|^2), the law of the sheet becomes Delta = g t / (s + gamma). An eye at infinity has gamma
+// = 0, and t is given.
 #include "optics/model.h"
 
 #include <algorithm>
@@ -17,11 +18,11 @@
 namespace lenticule::optics {
 namespace {
 
-// Newton's steps at least square the error; these are never used up by a valid rig.
+// Newton's method at least squares the error per step, so a valid rig never needs all these steps.
 constexpr int kMaxNewtonSteps = 60;
 constexpr double kConverged = 1e-15;
 
-/// How a panel point sees an eye.
+/// Sight is the direction from a panel point to an eye.
 struct Sight {
   double tan_x;
   double tan_y;
@@ -33,11 +34,11 @@ Sight sight(Vec2 point_mm, const Eye& eye, double gap_mm) {
   return {(eye.x - point_mm.x) / eye.z_mm, (eye.y - point_mm.y) / eye.z_mm, gap_mm / eye.z_mm};
 }
 
-/// s for a given panel point: s^2 = 1 + kappa |t|^2 (s / (s + gamma))^2, which lies between 1 and
-/// sqrt(1 + kappa |t|^2). Seen from much nearer than the sheet is thick, Newton's steps alone would
-/// leave those bounds and end elsewhere.
+/// Returns s for a given panel point: s^2 = 1 + kappa |t|^2 (s / (s + gamma))^2, which lies between
+/// 1 and sqrt(1 + kappa |t|^2). For an eye much nearer than the sheet is thick, Newton steps alone
+/// would leave these bounds and converge to another root.
 double obliquity(const Sight& to_eye, double kappa) {
-  constexpr double kSlack = 1e-9;  // for rounding at the root
+  constexpr double kSlack = 1e-9;  // tolerance for rounding at the root
   const double a = kappa * (to_eye.tan_x * to_eye.tan_x + to_eye.tan_y * to_eye.tan_y);
   const double gamma = to_eye.gamma;
   double s = std::sqrt(1.0 + a / ((1.0 + gamma) * (1.0 + gamma)));
@@ -57,16 +58,17 @@ double obliquity(const Sight& to_eye, double kappa) {
   return s;
 }
 
-/// A subpixel looking for the place on the viewing line that sees it through its lens. Shifts are
-/// Delta / g.
+/// Search holds the inputs of the search for the point on the viewing line that sees a subpixel
+/// through the subpixel's lens. Shifts are Delta / g.
 struct Search {
   double tan_y;
   double gamma;
   double kappa;
-  double slope;          ///< tan of the slant angle on the glass
+  double slope;          ///< tan of the slant angle on the panel
   double lens_per_gap;   ///< p_h / g
-  double shift_at_rest;  ///< x shift onto the lens's axis, were there no y shift and no residual
-  double first_shift;    ///< where to start: a pitch times the place away from that to the centre
+  double shift_at_rest;  ///< x shift onto the lens's axis without y shift and residual
+  double first_shift;  ///< start of the search: a pitch times the place away from the shift to the
+                       ///< centre
 };
 struct ServedEye {
   double shift;  ///< Delta_x / g
@@ -75,7 +77,7 @@ struct ServedEye {
 
 /// Solves lambda(L) = lens together with the law of the sheet,
 ///   F(s) = s^2 (1 - kappa shift^2) - 1 - kappa (t_y s / (s + gamma))^2 = 0.
-/// Each step takes the residual map as linear around the present L and makes a Newton step of F.
+/// Each step linearises the residual map around the present L and makes a Newton step of F.
 template <class Residual>
 ServedEye find_served_eye(const Search& q, double s, const Residual& residual) {
   double shift = q.first_shift;
@@ -184,7 +186,7 @@ SubpixelRay OpticalModel::ray(int i, int j, int channel) const {
   const auto residual = [&](double shift_x, double shift_y) {
     ResidualSpline::Value value = prepared_->residual.at(at_px.x + channel_px + shift_x * gap_px_x,
                                                          at_px.y - shift_y * gap_px_y);
-    value.per_px_x *= gap_px_x;  // per unit of shift
+    value.per_px_x *= gap_px_x;  // now per unit of shift
     return value;
   };
   const double from_centre = (at_px.x + channel_px - panel.width_px / 2.0) +

@@ -22,7 +22,7 @@ PixelCell stripes_down(double red, double green, double blue) {
 }
 
 bool is_sane(const SubpixelOffset& offset) {
-  // Written so that a NaN fails.
+  // The comparisons are written so that a NaN fails.
   return std::abs(offset.x_px) <= kMaxOffsetPixels && std::abs(offset.y_px) <= kMaxOffsetPixels;
 }
 

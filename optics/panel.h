@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The LCD: how many pixels, how large, and where inside a pixel its three subpixels sit.
+// Panel describes the LCD: number and size of the pixels, and the positions of the three subpixels
+// inside a pixel.
 #pragma once
 
 #include <array>
@@ -11,31 +12,33 @@
 
 namespace lenticule::optics {
 
-/// Centre of a subpixel inside its pixel, in pixels; (0, 0) is the pixel's top-left corner.
+/// SubpixelOffset is the centre of a subpixel inside its pixel, in pixels; (0, 0) is the pixel's
+/// top-left corner.
 struct SubpixelOffset {
   double x_px = 0.5;
   double y_px = 0.5;
   friend bool operator==(const SubpixelOffset&, const SubpixelOffset&) = default;
 };
 
-/// Offsets of R, G, B in one pixel.
+/// PixelCell holds the offsets of R, G, B in one pixel.
 using PixelCell = std::array<SubpixelOffset, 3>;
 
-/// A table of cells that repeats over the panel: 1x1 for stripes, a few pixels for "cell" panels.
+/// SubpixelLayout is a table of cells that repeats over the panel: 1x1 for stripes, a few pixels
+/// for "cell" panels.
 class SubpixelLayout {
  public:
-  /// RGB stripes from left to right, the common LCD.
+  /// Makes RGB stripes from left to right, the common LCD layout.
   SubpixelLayout();
   static SubpixelLayout rgb();
   static SubpixelLayout bgr();
-  /// Stripes from top to bottom (a panel turned on its side).
+  /// Returns stripes from top to bottom (a panel rotated by 90 degrees).
   static SubpixelLayout vrgb();
   static SubpixelLayout vbgr();
-  /// cells[row * columns + column]; the cell of pixel (i, j) is (i mod columns, j mod rows), j
-  /// down. Throws Error(Input) unless 1 <= columns, rows <= 64 and every offset is finite and in
-  /// [-2, 2].
+  /// Returns a layout with cells[row * columns + column]. The cell of pixel (i, j) is (i mod
+  /// columns, j mod rows), j downward. Throws Error(Input) unless 1 <= columns, rows <= 64 and
+  /// every offset is finite and in [-2, 2].
   static SubpixelLayout cells(int columns, int rows, std::vector<PixelCell> cells);
-  /// "rgb", "bgr", "vrgb" or "vbgr"; throws Error(Input) otherwise.
+  /// Returns the layout "rgb", "bgr", "vrgb" or "vbgr". Throws Error(Input) for other names.
   static SubpixelLayout named(const std::string& name);
 
   [[nodiscard]] const SubpixelOffset& offset(int i, int j, int channel) const {
@@ -45,7 +48,7 @@ class SubpixelLayout {
   [[nodiscard]] int columns() const { return columns_; }
   [[nodiscard]] int rows() const { return rows_; }
   [[nodiscard]] const std::vector<PixelCell>& table() const { return cells_; }
-  /// One of the four names, or "cells".
+  /// Returns one of the four names, or "cells".
   [[nodiscard]] const std::string& name() const { return name_; }
   friend bool operator==(const SubpixelLayout&, const SubpixelLayout&) = default;
 
@@ -58,8 +61,9 @@ class SubpixelLayout {
   std::vector<PixelCell> cells_;
 };
 
-/// Pixel (i, j): i right, j down. Panel frame: millimetres, x right, y up, z toward the viewer,
-/// origin at the panel centre on the plane of the lens apices.
+/// Panel holds the pixel grid. Pixel (i, j): i right, j down. The panel frame is in millimetres, x
+/// right, y up, z toward the viewer, with its origin at the panel centre on the plane of the lens
+/// apices.
 struct Panel {
   int width_px = 0;
   int height_px = 0;
@@ -67,7 +71,8 @@ struct Panel {
   Millimetres pixel_height{0};  ///< a_y
   SubpixelLayout layout;
 
-  /// Panel point, in pixels (X, Y), of the centre of subpixel `channel` of pixel (i, j).
+  /// Returns the panel point, in pixels (X, Y), of the centre of subpixel `channel` of pixel (i,
+  /// j).
   [[nodiscard]] Vec2 subpixel_centre_px(int i, int j, int channel) const {
     const SubpixelOffset& o = layout.offset(i, j, channel);
     return {i + o.x_px, j + o.y_px};

@@ -10,12 +10,12 @@ namespace {
 
 using Cubic = std::array<double, 4>;
 
-/// The Catmull-Rom segment between b and c, by powers of its parameter.
+/// Returns the Catmull-Rom segment between b and c, by powers of its parameter.
 Cubic catmull_rom(double a, double b, double c, double d) {
   return {b, 0.5 * (c - a), a - 2.5 * b + 2.0 * c - 0.5 * d, 0.5 * (d - a) + 1.5 * (b - c)};
 }
 
-/// Knot `index` of a line of `count`, continued in a straight line on both sides.
+/// Returns knot `index` of a line of `count` knots, extrapolated in a straight line on both sides.
 template <class Knot>
 double extended(Knot knot, int count, int index) {
   if (index >= 0 && index < count) return knot(index);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A residual map ready to be evaluated: one bicubic polynomial per cell of its grid.
+// ResidualSpline evaluates a residual map: one bicubic polynomial per cell of the map's grid.
 #pragma once
 
 #include <vector>
@@ -8,9 +8,9 @@
 
 namespace lenticule::optics {
 
-/// Bicubic Catmull-Rom through the knots of a ResidualMap. The knots beyond the border continue the
-/// last two in a straight line, so that the map goes on linearly outside the panel and is smooth
-/// (C1) everywhere. Immutable.
+/// ResidualSpline is a bicubic Catmull-Rom spline through the knots of a ResidualMap. The knots
+/// beyond the border extrapolate the last two knots in a straight line, so that the map is linear
+/// outside the panel and smooth (C1) everywhere. Immutable.
 class ResidualSpline {
  public:
   struct Value {
@@ -22,12 +22,13 @@ class ResidualSpline {
   ResidualSpline(const ResidualMap& map, int width_px, int height_px);
 
   [[nodiscard]] bool empty() const { return coefficients_.empty(); }
-  /// At panel point (X, Y) in pixels, on or off the panel.
+  /// Returns the value at panel point (X, Y) in pixels, on or off the panel.
   [[nodiscard]] Value at(double x_px, double y_px) const;
 
-  // For evaluation many points at a time: cell (c, r) covers the grid coordinates [c, c+1) x
-  // [r, r+1), c = X knots_per_px_x; c runs from -1 to columns - 1. The 16 coefficients of a cell
-  // are those of t^q u^p at index 4 p + q, with t, u the coordinates inside the cell.
+  // The functions below serve evaluation of many points at a time. Cell (c, r) covers the grid
+  // coordinates [c, c+1) x [r, r+1), c = X knots_per_px_x; c runs from -1 to columns - 1. The 16
+  // coefficients of a cell are those of t^q u^p at index 4 p + q, with t, u the coordinates inside
+  // the cell.
   [[nodiscard]] const double* coefficients() const { return coefficients_.data(); }
   [[nodiscard]] int columns() const { return columns_; }
   [[nodiscard]] int rows() const { return rows_; }

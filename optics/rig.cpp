@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every rig from outside is held to, and its fingerprint.
+// Validates rigs from outside and computes their fingerprint.
 #include "optics/rig.h"
 
 #include <fmt/format.h>
@@ -25,7 +25,7 @@ constexpr double kMaxResidualLenses = 1000.0;
 constexpr size_t kMaxTextBytes = 4096;
 constexpr size_t kMaxProvenanceEntries = 256;
 
-/// A problem unless low <= value <= high; a NaN is outside.
+/// Returns a problem unless low <= value <= high; a NaN is a problem.
 Problem outside(const std::string& key, double value, double low, double high) {
   if (value >= low && value <= high) return {};
   return RigProblem{key, fmt::format("{} is not within {} to {}", value, low, high), {}};
@@ -62,7 +62,8 @@ Problem residual_problem(const ResidualMap& map, const Panel& panel, double pitc
         fmt::format("{} values where columns * rows = {}", map.lenses.size(), columns * rows),
         {}};
   }
-  // Lenses between two knots, across and down: what a change of one lens there means for the pitch.
+  // Lenses between two knots, across and down: the divisor that turns a residual difference into a
+  // relative change of pitch.
   const double step_x = panel.width_px / pitch_px / static_cast<double>(std::max(columns - 1, 1ul));
   const double step_y = panel.height_px / pitch_px / static_cast<double>(std::max(rows - 1, 1ul));
   for (size_t i = 0; i < map.lenses.size(); ++i) {
@@ -123,9 +124,9 @@ Problem viewing_problem(const ViewingLine& viewing, const LensSheet& sheet) {
   return {};
 }
 
-/// Light inside the sheet cannot be steeper than the critical angle, and a subpixel must find an
-/// eye for its lens: its phase must grow with the eye's x. Both are checked where they are hardest,
-/// at the panel's edges with a viewer half a lobe aside.
+/// Checks the geometry. Light inside the sheet cannot be steeper than the critical angle, and each
+/// subpixel must find an eye for its lens: its phase must grow with the eye's x. Both conditions
+/// are checked at the worst points, the panel's edges with a viewer half a lobe to the side.
 Problem geometry_problem(const Rig& rig) {
   const Panel& panel = rig.panel;
   const LensSheet& sheet = rig.sheet;
@@ -143,12 +144,12 @@ Problem geometry_problem(const Rig& rig) {
   const auto room = [&](double shift) { return 1.0 - kappa * shift * shift; };
 
   const double straight = shift_to_centre + half_lens;
-  // How much the y shift, which changes with the eye's x too, counteracts the x shift.
+  // Coupling is how much the y shift, which also changes with the eye's x, counteracts the x shift.
   const double coupling = slope * edge_y * kappa * straight / room(straight);
   if (room(straight) > 0.0 && !(coupling <= 0.5 && edge_x <= 1e3 && edge_y <= 1e3)) {
     return RigProblem{"viewing.distance_mm", "too near for a panel of this size and slant", {}};
   }
-  // Both that and a residual map make a lens wider in terms of the shift.
+  // The coupling and a residual map both widen a lens in terms of the shift.
   const double bend = sheet.residual.empty() ? 1.0 : 1.0 + 2.5 * kMaxResidualSlope;
   if (!(room(straight) > 0.0 &&
         room(shift_to_centre + half_lens * bend / (1.0 - coupling)) >= 0.05)) {
@@ -164,8 +165,8 @@ bool is_continuation(unsigned char byte) {
   return (byte & 0xC0) == 0x80;
 }
 
-/// Length of the UTF-8 sequence at the start of `text`, 0 if there is none (overlong forms,
-/// surrogates and control characters but tab and newline included).
+/// Returns the length of the UTF-8 sequence at the start of `text`, 0 if there is none (overlong
+/// forms, surrogates, and control characters, tab and newline included, count as none).
 size_t utf8_length(std::string_view text) {
   const auto at = [&](size_t i) {
     return i < text.size() ? static_cast<unsigned char>(text[i]) : static_cast<unsigned char>(0);
@@ -221,7 +222,7 @@ Problem texts_problem(const Rig& rig) {
   return {};
 }
 
-/// 64-bit FNV-1a over canonical little-endian bytes.
+/// Hash is 64-bit FNV-1a over canonical little-endian bytes.
 class Hash {
  public:
   void add(uint64_t word) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A rig: one panel, the lens sheet on it, and where its viewers are expected. Plain data; the
-// formulas are in optics/model.h, the file format in optics/rig_file.h.
+// Rig describes one panel, the lens sheet on it and the expected viewing line. Plain data;
+// optics/model.h has the formulas, optics/rig_file.h the file format.
 #pragma once
 
 #include <array>
@@ -16,9 +16,10 @@
 
 namespace lenticule::optics {
 
-/// Where the sheet deviates from a perfect grating: a grid of lens-coordinate residuals over the
-/// whole panel (first column at the left edge, last at the right; rows from the top down), smooth
-/// between its knots (bicubic Catmull-Rom, linear extrapolation at the border). Empty = none.
+/// ResidualMap holds the deviations of the sheet from a perfect grating: a grid of lens-coordinate
+/// residuals over the whole panel (first column at the left edge, last at the right; rows from the
+/// top down), smooth between its knots (bicubic Catmull-Rom, linear extrapolation at the border).
+/// Empty = no deviations.
 struct ResidualMap {
   int columns = 0;
   int rows = 0;
@@ -28,7 +29,7 @@ struct ResidualMap {
   friend bool operator==(const ResidualMap&, const ResidualMap&) = default;
 };
 
-/// What calibration finds. There is no viewing distance in it.
+/// LensSheet holds the results of a calibration, which contain no viewing distance.
 struct LensSheet {
   Subpixels pitch{0};             ///< P: lens pitch along a pixel row
   double slant = 0.0;             ///< m: an apex line moves LEFT by m pixels per row down
@@ -37,24 +38,25 @@ struct LensSheet {
   double refraction_shape = 1.0;  ///< nu = D3 / D1; 1/n^2 for one slab, 1 for air
   std::array<Subpixels, 3> channel_offset{};  ///< dx_c relative to G
   ResidualMap residual;                       ///< dL
-  /// The lens spot: how a lens blurs its micro-image for an eye. Gaussian sigma in lenses.
+  /// The lens spot: the blur of a micro-image for an eye. Gaussian sigma in lenses.
   Lenses spot_sigma{0.04};
   friend bool operator==(const LensSheet&, const LensSheet&) = default;
 };
 
-/// The design eye line y = height, z = distance: it belongs to the installation, not to the sheet.
+/// ViewingLine is the design eye line y = height, z = distance. It belongs to the installation, not
+/// to the sheet.
 struct ViewingLine {
   Millimetres height{0};                                          ///< Ey
   Millimetres distance{std::numeric_limits<double>::infinity()};  ///< Z; infinite = parallel lobes
   friend bool operator==(const ViewingLine&, const ViewingLine&) = default;
 };
 
-/// Which physical panel this rig belongs to. Empty members match anything.
+/// PanelIdentity identifies the physical panel of a rig. Empty members match any panel.
 struct PanelIdentity {
   std::string manufacturer;  ///< three letters
   std::optional<uint32_t> product;
   std::string serial;
-  std::string edid_sha256;  ///< of the 128-byte base block, hexadecimal
+  std::string edid_sha256;  ///< SHA-256 of the 128-byte base block, hexadecimal
 
   [[nodiscard]] bool empty() const {
     return manufacturer.empty() && !product && serial.empty() && edid_sha256.empty();
@@ -68,39 +70,40 @@ struct Rig {
   LensSheet sheet;
   ViewingLine viewing;
   PanelIdentity identity;
-  /// Where the numbers come from (key, text), in file order: date, tool, camera, source, ...
+  /// Origin of the numbers (key, text), in file order: date, tool, camera, source, ...
   std::vector<std::pair<std::string, std::string>> provenance;
 
   friend bool operator==(const Rig&, const Rig&) = default;
 };
 
-/// Limits that every rig from outside is held to (validate_rig).
-inline constexpr int kMaxPanelPixels = 32768;  ///< per side
+/// Limits for rigs from outside, checked by validate_rig().
+inline constexpr int kMaxPanelPixels = 32768;  ///< limit per side
 inline constexpr double kMinPitchSubpixels = 1.5;
 inline constexpr double kMaxPitchSubpixels = 3000.0;
 inline constexpr double kMaxSlant = 4.0;
 
-inline constexpr int kMaxResidualKnots = 256;  ///< per side
-/// A residual map may change the local pitch by this part of the pitch at most.
+inline constexpr int kMaxResidualKnots = 256;  ///< limit per side
+/// A residual map may change the local pitch by at most this fraction of the pitch.
 inline constexpr double kMaxResidualSlope = 0.1;
 
-/// What is wrong with a rig: the key of the rig file it would be under ("sheet.pitch_subpx"), and
-/// what to do about it.
+/// RigProblem describes an invalid rig: the key in the rig file ("sheet.pitch_subpx"), the cause
+/// and the remedy.
 struct RigProblem {
   std::string key;
   std::string cause;
   std::string remedy;
 };
 
-/// The first member that is non-finite, absurd or contradictory, if any. A rig without a problem
-/// has a finite ray for every subpixel.
+/// Returns the first member that is non-finite, out of range or contradictory, if any. A rig
+/// without a problem has a finite ray for every subpixel.
 [[nodiscard]] std::optional<RigProblem> find_problem(const Rig& rig);
 
 /// Throws Error(Input) "context: key: cause" if there is a problem; `context` is a file name.
 void validate_rig(const Rig& rig, const std::string& context);
 
-/// 16 hexadecimal digits over everything that changes pixels (panel, sheet, viewing line; not name,
-/// identity or provenance). Equal rigs have equal fingerprints on every machine.
+/// Returns 16 hexadecimal digits computed from all members that change pixels (panel, sheet and
+/// viewing line, but not name, identity or provenance). Equal rigs have equal fingerprints on every
+/// machine.
 [[nodiscard]] std::string fingerprint(const Rig& rig);
 
 }  // namespace lenticule::optics

@@ -19,7 +19,8 @@ namespace {
 constexpr size_t kMaxFileBytes = 16u << 20;
 constexpr int64_t kFormat = 1;
 
-/// One table of the file: reads members by key and reports what is wrong with "source:line:".
+/// Section is one table of the file: it reads members by key and reports errors with
+/// "source:line:".
 class Section {
  public:
   Section(const toml::table& table, std::string name, const std::string& source)
@@ -30,7 +31,7 @@ class Section {
     fail(at.source().begin.line, cause, remedy);
   }
 
-  /// Throws for a key that is not in the list, naming the nearest that is.
+  /// Throws for a key that is not in the list, and names the most similar key of the list.
   void allow_only(std::initializer_list<std::string_view> known) const {
     for (const auto& [key, value] : table_) {
       const std::string_view word = key.str();
@@ -59,7 +60,7 @@ class Section {
     fail(node, fmt::format("'{}' is not a number", full_name(key)));
   }
 
-  /// A whole number of a size that somebody may have meant; the validator knows the exact limits.
+  /// Reads a whole number of a plausible size; the validator checks the exact limits.
   [[nodiscard]] int whole(std::string_view key) const {
     return static_cast<int>(whole_within(key, -1'000'000, 1'000'000));
   }
@@ -147,7 +148,7 @@ SubpixelLayout read_layout(const Section& panel) {
     return node->is_table() ? read_cells(panel.section("layout"))
                             : SubpixelLayout::named(panel.text_of(*node, "layout"));
   } catch (const Error& error) {
-    // What SubpixelLayout says has no line yet.
+    // Errors of SubpixelLayout have no line number yet.
     const std::string what = error.what();
     if (what.rfind("subpixel layout", 0) == 0) panel.fail(*node, what, error.hint());
     throw;
@@ -221,7 +222,8 @@ PanelIdentity read_identity(const Section& root) {
   return identity;
 }
 
-/// In file order: toml++ keeps tables sorted by key, but every node knows its place.
+/// Returns the entries in file order: toml++ sorts tables by key, but every node knows its
+/// position.
 std::vector<std::pair<std::string, std::string>> read_provenance(const Section& root) {
   if (root.find("provenance") == nullptr) return {};
   const Section section = root.section("provenance");
@@ -256,7 +258,8 @@ Rig read_rig(const Section& root) {
           .provenance = read_provenance(root)};
 }
 
-/// Line of the key that a problem names, or of the nearest thing around it.
+/// Returns the line of the key that a problem names, or of the innermost table that contains the
+/// key.
 unsigned line_of(const toml::table& root, std::string_view key) {
   while (!key.empty()) {
     if (const auto node = root.at_path(key)) return std::max(node.node()->source().begin.line, 1u);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes rig files. Numbers are the shortest that read back as the same bits.
+// Writes rig files. Numbers have the fewest digits that read back as the same bits.
 #include <fmt/format.h>
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Feeds the kernel: constants of the rig, subpixel positions block by block, and how many Newton
-// steps this rig needs.
+// Prepares the kernel's input: constants of the rig, subpixel positions block by block, and the
+// number of Newton steps that the rig needs.
 #include "optics/row_rays.h"
 
 #include <algorithm>
@@ -59,8 +59,8 @@ EyeTerms terms_of(const Eye& eye, double gap_mm) {
   return {eye.x / eye.z_mm, eye.y / eye.z_mm, 1.0 / eye.z_mm, gap_mm / eye.z_mm, kMaxSteps};
 }
 
-/// Subpixel positions of any block of a row, from a pattern that is one block longer than the
-/// layout's period, so that no block needs a modulo.
+/// PositionPattern gives the subpixel positions of any block of a row, from a pattern that is one
+/// block longer than the layout's period, so that no block needs a modulo.
 class PositionPattern {
  public:
   explicit PositionPattern(const Rig& rig) : layout_(rig.panel.layout) {
@@ -87,7 +87,7 @@ class PositionPattern {
     const double* x = &x_[start];
     const double* y = &y_[start];
     for (int lane = 0; lane < count; ++lane) {
-      // (i + offset) first: the same rounding as Panel::subpixel_centre_px.
+      // (i + offset) comes first, which rounds as in Panel::subpixel_centre_px.
       x_px[lane] = (i_begin + pixel_[static_cast<size_t>(lane)]) + x[lane];
       y_px[lane] = j + y[lane];
     }
@@ -103,7 +103,8 @@ class PositionPattern {
   std::array<double, kBlock> channel_px_{};
 };
 
-/// Panel points where the search is hardest or unusual: a grid that includes the corners.
+/// TrialPoints are the panel points where the search is hardest or unusual: a grid that includes
+/// the corners.
 struct TrialPoints {
   explicit TrialPoints(const OpticalModel& model) {
     const Panel& panel = model.rig().panel;
@@ -114,7 +115,7 @@ struct TrialPoints {
       const auto s = static_cast<size_t>(n);
       x_px[s] = panel.width_px * (n % kAcross) / (kAcross - 1.0);
       y_px[s] = panel.height_px * (n / kAcross) / (kDown - 1.0);
-      // A little along the row, so that the points lie everywhere under their lenses.
+      // A small shift along the row spreads the points over all positions under their lenses.
       x_px[s] += sheet.pitch.value / 3.0 * (n % 7) / 7.0;
     }
   }
@@ -131,8 +132,8 @@ double largest_difference(const std::array<double, kBlock>& a,
   return largest;
 }
 
-/// The smallest number of steps whose values (given by `evaluate(steps)`) differ from those of very
-/// many by less than the tolerance at every trial point.
+/// Returns the smallest number of steps whose values (given by `evaluate(steps)`) differ by less
+/// than the tolerance from the values after kMaxSteps, at every trial point.
 template <class Evaluate>
 int steps_needed(const Evaluate& evaluate, double tolerance) {
   const auto settled = evaluate(kMaxSteps);
@@ -167,7 +168,7 @@ int serve_steps_needed(Constants constants, const EyeTerms& eye, const TrialPoin
         return tan_x;
       },
       std::max(1e-13, 4.0 * rounding * constants.lens_per_gap));
-  // A residual map may be steeper between the trial points.
+  // A residual map may be steeper between the trial points, so it gets one step more.
   return constants.residual != nullptr ? steps + 1 : steps;
 }
 
@@ -252,7 +253,7 @@ struct RowPhaseEvaluator::Impl {
     eye.sight_steps = sight_steps_needed(constants, eye, TrialPoints(model));
   }
 
-  /// Point by point, where a fixed number of Newton steps will not do.
+  /// Solves one point at a time, for eyes where a fixed number of Newton steps is not enough.
   [[nodiscard]] double phase_without_offset(double x_px, double y_px) const {
     const Panel& panel = model.rig().panel;
     const Vec2 lens = model.lens_point_mm({panel.x_mm(x_px), panel.y_mm(y_px)}, place);
@@ -266,7 +267,7 @@ struct RowPhaseEvaluator::Impl {
   Constants constants;
   EyeTerms eye;
   Eye place;
-  bool close;  ///< so near to the glass that only the model itself will do
+  bool close;  ///< the eye is so near to the panel that only the model itself is accurate
 
   static constexpr double kClose = 2.0;  ///< gaps
 };

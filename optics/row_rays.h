@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The rays of many subpixels of a pixel row at once: the same map as OpticalModel::ray, in SIMD.
+// Computes the rays of many subpixels of a pixel row at once with SIMD; the map is the same as in
+// OpticalModel::ray.
 #pragma once
 
 #include <cstddef>
@@ -13,7 +14,8 @@
 
 namespace lenticule::optics {
 
-/// Structure of arrays over subpixels; element s - 3 * i_begin is subpixel s = 3 i + channel.
+/// RowRays is a structure of arrays over subpixels; element s - 3 * i_begin is subpixel s = 3 i +
+/// channel.
 struct RowRays {
   std::vector<double> lens_x_mm;
   std::vector<double> lens_y_mm;
@@ -26,8 +28,10 @@ struct RowRays {
   void resize(size_t subpixels);
 };
 
-/// Evaluates rows of one rig. Immutable after construction; evaluate() is safe from any thread and
-/// does not allocate once `out` has its size.
+/// RowRayEvaluator evaluates rows of one rig. Immutable after construction; evaluate() does not
+/// allocate once `out` has its size.
+///
+/// Thread safety: any thread may call evaluate().
 class RowRayEvaluator {
  public:
   /// Throws Error(Usage) for an instruction set that this machine cannot run.
@@ -36,8 +40,9 @@ class RowRayEvaluator {
   RowRayEvaluator(RowRayEvaluator&&) noexcept;
   RowRayEvaluator& operator=(RowRayEvaluator&&) noexcept;
 
-  /// Rays of pixels [i_begin, i_end) of row j, all three channels. Every instruction set gives the
-  /// same bits. Against OpticalModel::ray the phase error is below 1e-9 lens (tested).
+  /// Computes the rays of pixels [i_begin, i_end) of row j, all three channels. Every instruction
+  /// set gives the same bits. The phase differs from OpticalModel::ray by less than 1e-9 lens
+  /// (tested).
   void evaluate(int j, int i_begin, int i_end, RowRays& out) const;
 
   [[nodiscard]] const OpticalModel& model() const;
@@ -47,20 +52,23 @@ class RowRayEvaluator {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The same for OpticalModel::phase and one eye: Phi_E of every subpixel of a row.
+/// RowPhaseEvaluator computes OpticalModel::phase for one eye: Phi_E of every subpixel of a row.
+///
+/// Thread safety: any thread may call evaluate().
 class RowPhaseEvaluator {
  public:
-  /// eye.z_mm > 0. Throws Error(Usage) for an instruction set that this machine cannot run.
+  /// Requires eye.z_mm > 0. Throws Error(Usage) for an instruction set that this machine cannot
+  /// run.
   RowPhaseEvaluator(const OpticalModel& model, const Eye& eye, Isa isa = best_isa());
   ~RowPhaseEvaluator();
   RowPhaseEvaluator(RowPhaseEvaluator&&) noexcept;
   RowPhaseEvaluator& operator=(RowPhaseEvaluator&&) noexcept;
 
-  /// Element s - 3 * i_begin of `phase` is Phi_E of subpixel s = 3 i + channel of row j.
+  /// Sets element s - 3 * i_begin of `phase` to Phi_E of subpixel s = 3 i + channel of row j.
   void evaluate(int j, int i_begin, int i_end, std::vector<double>& phase) const;
 
-  /// The phase of panel points anywhere, in pixels, without a colour's offset. Three spans of one
-  /// length.
+  /// Computes the phases of arbitrary panel points, in pixels, without a colour's offset. The three
+  /// spans must have the same length.
   void evaluate_points(std::span<const double> x_px, std::span<const double> y_px,
                        std::span<double> phase) const;
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The subpixel-to-ray map over a block of subpixels: the equations of model.cpp as plain loops over
-// arrays that the compiler turns into vector code, with a fixed number of Newton steps and no
+// Evaluates the subpixel-to-ray map over a block of subpixels: the equations of model.cpp as plain
+// loops over arrays, which the compiler vectorises, with a fixed number of Newton steps and no
 // branch. The same source gives the same bits for every instruction set: additions and
 // multiplications are never contracted or reordered, and division and square root are correctly
 // rounded everywhere.
@@ -21,7 +21,8 @@ struct alignas(64) Lane {
   double operator[](int i) const { return value[i]; }
 };
 
-/// Nearest integer of |v| < 2^51, ties to even, in two additions: it vectorises on every machine.
+/// Returns the nearest integer of |v| < 2^51, ties to even, in two additions, which vectorise on
+/// every machine.
 inline double nearest(double v) {
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52
   return (v + kShift) - kShift;
@@ -50,7 +51,7 @@ void look(const EyeTerms& eye, const Constants& c, const Points& p, Sight& out) 
   }
 }
 
-/// Value and x derivative of one bicubic polynomial at t, u.
+/// Computes value and x derivative of one bicubic polynomial at t, u.
 inline void bicubic(const double* k, double t, double u, double& value, double& slope) {
   const double c0 = ((k[12] * u + k[8]) * u + k[4]) * u + k[0];
   const double c1 = ((k[13] * u + k[9]) * u + k[5]) * u + k[1];
@@ -70,7 +71,7 @@ void spline_in_many_cells(const Constants& c, const int32_t* cell, int count, co
   }
 }
 
-/// The same where the whole block lies in one cell, as most do: no gathers.
+/// Evaluates the spline for a block that lies in one cell, as most blocks do, without gathers.
 void spline_in_one_cell(const Constants& c, const double* cell, int count, const Lane& t,
                         const Lane& u, Lane& lenses, Lane& per_px_x) {
   double k[16];
@@ -83,8 +84,8 @@ void spline_in_one_cell(const Constants& c, const double* cell, int count, const
   }
 }
 
-/// The residual map and its derivative along x at count points, px. Overwrites the points with
-/// their places inside their cells.
+/// Computes the residual map and its derivative along x at count points, in pixels. Overwrites the
+/// points with their coordinates inside their cells.
 void residual_at(const Constants& c, int count, Lane& x, Lane& y, Lane& lenses, Lane& per_px_x) {
   const int stride = static_cast<int>(c.residual_columns) + 1;
   const double last_column = c.residual_columns - 1.0, last_row = c.residual_rows - 1.0;
@@ -110,7 +111,7 @@ void residual_at(const Constants& c, int count, Lane& x, Lane& y, Lane& lenses, 
   }
 }
 
-/// Phi_E(Q) of every point.
+/// Computes Phi_E(Q) of every point.
 void phases_of(const Constants& c, const EyeTerms& eye, const Points& p, const Sight& sight,
                double* phase) {
   Lane lens_x, lens_y;
@@ -129,7 +130,8 @@ void phases_of(const Constants& c, const EyeTerms& eye, const Points& p, const S
   for (int i = 0; i < p.count; ++i) phase[i] += lenses[i];
 }
 
-/// The lens that serves the viewing line and the place under it; rule of split_phase.
+/// Chooses the lens that serves the viewing line and the place under the lens, by the rule of
+/// split_phase.
 void choose_lens(const Constants& c, int count, const Lane& phase, Lane& lens, const Rays& out) {
   for (int i = 0; i < count; ++i) {
     const double shifted = phase[i] + c.border_tolerance;
@@ -163,8 +165,8 @@ void start_search(const Constants& c, const EyeTerms& eye, const Points& p, cons
   }
 }
 
-/// The residual map at the present lens points, as a linear function of the shift:
-/// bend + bend_per_shift * shift, in units of the shift.
+/// Linearises the residual map at the present lens points as a function of the shift: bend +
+/// bend_per_shift * shift, in units of the shift.
 void bend_of_residual(const Constants& c, const EyeTerms& eye, const Points& p, const Sight& sight,
                       Search& q) {
   Lane lens_x, lens_y, lenses, per_px_x;
@@ -199,7 +201,7 @@ void search_step(const Constants& c, const EyeTerms& eye, int count, const Sight
   }
 }
 
-/// search_step for a perfect grating: no residual, so no division for it.
+/// Does a search_step for a perfect grating: without a residual there is no division.
 void search_step_without_residual(const Constants& c, const EyeTerms& eye, int count,
                                   const Sight& sight, Search& q) {
   for (int i = 0; i < count; ++i) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The inner loops of row_rays.cpp, compiled once per instruction set. Plain data only: nothing here
-// may bring a shared inline function into a file that is compiled for AVX-512.
+// The inner loops of row_rays.cpp, compiled once per instruction set. Plain data only: this header
+// must not bring a shared inline function into a file that is compiled for AVX-512.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 
 namespace lenticule::optics::row_kernel {
 
-/// Subpixels per call at most; the intermediate values of a block stay in the L1 cache.
+/// Limits the subpixels per call, so that the intermediate values of a block stay in the L1 cache.
 inline constexpr int kBlock = 192;
 
-/// One rig as the kernel needs it; optics/model.cpp has the derivation.
+/// Constants holds one rig in the form that the kernel needs; optics/model.cpp has the derivation.
 struct Constants {
   double half_width_px, half_height_px;
   double pixel_width_mm, pixel_height_mm;
@@ -31,7 +31,8 @@ struct Constants {
   double knots_per_px_x, knots_per_px_y;
 };
 
-/// The eye, so that one formula serves all: tan = eye - point * inverse_z.
+/// EyeTerms holds the eye in a form that serves finite and infinite distances: tan = eye - point *
+/// inverse_z.
 struct EyeTerms {
   double x, y;       // E / Ez, or the tangents of an eye at infinity
   double inverse_z;  // 0 at infinity
@@ -39,7 +40,8 @@ struct EyeTerms {
   int sight_steps;
 };
 
-/// The subpixels of a block: panel points and channel offsets in pixels. Arrays of `count`.
+/// Points holds the subpixels of a block: panel points and channel offsets in pixels, arrays of
+/// `count`.
 struct Points {
   int count;
   const double* x_px;

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two facts make a tile cheap. Along a pixel row the phase seen from the design eye is a straight
-// line plus what changes over the whole viewing distance: over a few millimetres a parabola fits it
-// to a billionth of a lens. And without a residual map the ray of a subpixel depends, in its row,
-// on one number only, the distance `rest` from the panel point to the apex line of its lens: one
-// polynomial per row and range of that number serves the whole row.
+// line plus a term that changes over the whole viewing distance: over a few millimetres a parabola
+// fits this term to a billionth of a lens. And without a residual map the ray of a subpixel
+// depends, in its row, on one number only, the distance `rest` from the panel point to the apex
+// line of its lens: one polynomial per row and range of `rest` serves the whole row.
 #include "optics/tile_optics.h"
 
 #include <algorithm>
@@ -21,16 +21,18 @@ namespace {
 constexpr int kMost = TileOptics::kMostCoefficients;
 constexpr int kShift = TileOptics::kShiftCoefficients;
 
-/// Of a tangent, half of what single precision resolves; a subpixel's angular footprint is some
-/// 1e-2.
+/// Error limit of a tangent: half of the resolution of single precision. A subpixel's angular
+/// footprint is about 1e-2.
 constexpr double kTangentTolerance = 3e-8;
-/// Of the lens point, in millimetres; single precision resolves as much of a panel's width.
+/// Error limit of the lens point in millimetres; single precision has this resolution over a
+/// panel's width.
 constexpr double kShiftTolerance = 1e-5;
-/// Phases that the parabola misses by more would make too many subpixels ask for the exact lens.
+/// Limit of the parabola's phase error; a larger error would send too many subpixels to the exact
+/// map.
 constexpr double kMostPhaseError = 1e-5;
 
-/// How much the distance that decides a ray's bend changes along a tile, at most, goes into this
-/// many pieces of its range: narrow pieces need few coefficients.
+/// The largest change of `rest` along a tile is divided into this many pieces of the range: narrow
+/// pieces need few coefficients.
 constexpr int kPiecesPerTileRange = 4;
 
 using Polynomial = std::array<double, kMost>;
@@ -39,7 +41,8 @@ double chebyshev_point(int k, int count) {
   return std::cos(std::numbers::pi * (k + 0.5) / count);
 }
 
-/// Coefficients in powers of y in [-1, 1] of the polynomial with `values` at the Chebyshev points.
+/// Returns the coefficients, in powers of y in [-1, 1], of the polynomial that takes `values` at
+/// the Chebyshev points.
 Polynomial fit(int count, const std::array<double, kMost>& values) {
   std::array<double, kMost> chebyshev{};
   for (int k = 0; k < count; ++k)
@@ -47,7 +50,7 @@ Polynomial fit(int count, const std::array<double, kMost>& values) {
       chebyshev[static_cast<size_t>(n)] += (n == 0 ? 1.0 : 2.0) / count *
                                            values[static_cast<size_t>(k)] *
                                            std::cos(n * std::numbers::pi * (k + 0.5) / count);
-  // T_n in powers: T_n+1 = 2 y T_n - T_n-1.
+  // Converts T_n to powers of y: T_n+1 = 2 y T_n - T_n-1.
   Polynomial sum{}, before{}, now{};
   now[0] = 1.0;
   for (int n = 0; n < count; ++n) {
@@ -69,7 +72,7 @@ double value_of(const Polynomial& p, double y) {
   return v;
 }
 
-/// Only where x alone tells where a subpixel of a row lies.
+/// Returns true if x alone determines the position of a subpixel in its row.
 bool serves(const Rig& rig) {
   const SubpixelLayout& layout = rig.panel.layout;
   if (layout.columns() != 1 || layout.rows() != 1 || !rig.sheet.residual.empty()) return false;
@@ -100,12 +103,13 @@ struct TileOptics::Impl {
 
   [[nodiscard]] const PixelCell& cell() const { return model.rig().panel.layout.table().front(); }
 
-  /// The colour of row r in a column whose colour in row 0 is `colour`.
+  /// Returns the colour of row r in a column whose colour in row 0 is `colour`.
   [[nodiscard]] size_t channel_of(int colour, size_t r) const {
     return static_cast<size_t>(((colour - shifts[r]) % 3 + 3) % 3);
   }
 
-  /// Panel y, in pixels, of a row; rows below the panel, in its last tiles, continue it.
+  /// Returns the panel y, in pixels, of a row; rows of the last tiles below the panel continue the
+  /// grid.
   [[nodiscard]] double y_px(int j) const { return j + cell()[0].y_px; }
 
   [[nodiscard]] double centre_tan_y(double y) const {
@@ -113,7 +117,7 @@ struct TileOptics::Impl {
     return std::isinf(eye.z_mm) ? eye.y : (eye.y - model.rig().panel.y_mm(y)) / eye.z_mm;
   }
 
-  /// Without a colour's offset.
+  /// Returns the phase of the ideal grating, without a colour's offset.
   [[nodiscard]] double ideal_phase(double x, double y) const {
     const Rig& rig = model.rig();
     return ((x - rig.panel.width_px / 2.0) + rig.sheet.slant * (y - rig.panel.height_px / 2.0)) *
@@ -124,7 +128,7 @@ struct TileOptics::Impl {
     return model.phase(x, y, 0, model.design_eye()) - channel_px[0] * lenses_per_px;
   }
 
-  /// Cuts the range of rests into overlapping pieces, so that each tile lies in one.
+  /// Divides the range of rests into overlapping pieces, so that each tile lies in one piece.
   void set_pieces() {
     const Panel& panel = model.rig().panel;
     double low = std::numeric_limits<double>::infinity(), high = -low;
@@ -163,7 +167,8 @@ struct TileOptics::Impl {
     return {fit(count, tangents), fit(kShift, shifts_mm)};
   }
 
-  /// The larger of both errors, as parts of their tolerances, at one height of the panel.
+  /// Returns the larger of both errors, as multiples of their tolerances, at one height of the
+  /// panel.
   [[nodiscard]] double error_of(double tan_y, int piece, const RayLaw& law) const {
     double largest = 0.0;
     constexpr int kTrials = 16;
@@ -179,7 +184,8 @@ struct TileOptics::Impl {
     return largest;
   }
 
-  /// The fewest coefficients along a row that do, tried at the panel's top, middle and bottom.
+  /// Chooses the fewest coefficients along a row that meet the tolerance, tried at the panel's top,
+  /// middle and bottom.
   [[nodiscard]] bool choose_coefficients() {
     const double height = model.rig().panel.height_px;
     for (coefficients = 2; coefficients <= kMost; ++coefficients) {
@@ -193,8 +199,9 @@ struct TileOptics::Impl {
     return false;
   }
 
-  /// Coefficients along a row as polynomials of the height, so that a rig of any number of rows is
-  /// ready at once. The fewest that reach the tolerance between the heights fitted; false if none.
+  /// Fits the coefficients along a row as polynomials of the height, so that the preparation time
+  /// does not depend on the number of rows. Uses the fewest coefficients that meet the tolerance
+  /// between the fitted heights; returns false if none do.
   [[nodiscard]] bool fit_laws() {
     const double height = model.rig().panel.height_px;
     const double top = centre_tan_y(0.0), bottom = centre_tan_y(height + kRows);
@@ -248,12 +255,12 @@ struct TileOptics::Impl {
     return out;
   }
 
-  /// A parabola in c through the phases of columns 0, columns / 2 and columns, of s / 3 without a
-  /// colour's nudges.
+  /// Parabola in c through the phases of columns 0, columns / 2 and columns, at x = s / 3 without a
+  /// colour's nudge.
   struct Parabola {
     double c0 = 0.0, c1 = 0.0, c2 = 0.0;
     [[nodiscard]] double at(double c) const { return c0 + c * (c1 + c * c2); }
-    /// The same as a function of c - by.
+    /// Returns the parabola as a function of c - by.
     [[nodiscard]] Parabola moved(double by) const { return {at(by), c1 + 2.0 * c2 * by, c2}; }
   };
   void fit_phases(int row_begin, int column_begin, std::array<Parabola, kRows>& out) const {
@@ -273,7 +280,7 @@ struct TileOptics::Impl {
     }
   }
 
-  /// How far the parabolas are off between the columns that they go through.
+  /// Measures the error of the parabolas between the columns that they interpolate.
   void measure_phase_error() {
     const Panel& panel = model.rig().panel;
     constexpr int kAcross = 16, kDown = 12;
@@ -292,7 +299,7 @@ struct TileOptics::Impl {
             largest = std::fmax(largest, std::abs(fitted[r].at(part * columns) - exact));
           }
       }
-    // Single precision, in which the distance from the lens is compared, comes on top.
+    // The distance from the lens is compared in single precision, which adds its rounding error.
     phase_error = 4.0 * largest + 1e-7;
   }
 
@@ -341,7 +348,7 @@ struct TileOptics::Impl {
     for (size_t r = 0; r < kRows; ++r) {
       const size_t channel = channel_of(static_cast<int>(colour), r);
       const Parabola phase = fitted[r].moved(3.0 * nudge_px[channel]);
-      // The rest of a subpixel in the middle under its lens.
+      // rest of a subpixel in the middle under its lens
       const double rest =
           rests_per_lens * (phase.c0 - ideal[r] - nudge_px[channel] * lenses_per_px);
       out.phase[colour][0][r] = phase.c0 + (channel_px[channel] * lenses_per_px + kBorderTolerance);
@@ -355,7 +362,7 @@ struct TileOptics::Impl {
     }
   }
 
-  /// The piece that holds [low, high], or -1.
+  /// Returns the piece that holds [low, high], or -1.
   [[nodiscard]] int piece_for(double low, double high) const {
     const double wanted =
         piece_width > 0.0 ? ((low + high) / 2.0 - first_middle) / piece_width : 0.0;
@@ -381,7 +388,7 @@ struct TileOptics::Impl {
     for (size_t n = 0; n < kShift; ++n) set(law.shift_mm[n], out.shift_mm[n]);
   }
 
-  /// Each coefficient along a row, in powers of the height.
+  /// PieceLaw holds each coefficient along a row, in powers of the height.
   struct PieceLaw {
     std::array<Polynomial, kMost> tangent, shift_mm;
   };
@@ -393,11 +400,11 @@ struct TileOptics::Impl {
   double lenses_per_px = 0.0;
   double rests_per_lens = 0.0;
   double gamma = 0.0;
-  std::array<double, 3> nudge_px{};  ///< x of a subpixel is s / 3 plus its colour's
+  std::array<double, 3> nudge_px{};  ///< x of a subpixel is s / 3 plus the nudge of its colour
   std::array<double, 3> channel_px{};
   double phase_error = 0.0;
-  int coefficients = 2;         ///< along a row
-  int height_coefficients = 2;  ///< of each of those
+  int coefficients = 2;         ///< number of coefficients along a row
+  int height_coefficients = 2;  ///< number of coefficients in the height, for each of those
   bool colours_alike = false;
   int pieces = 1;
   double piece_width = 0.0;

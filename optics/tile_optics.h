@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The subpixel-to-ray map over a small piece of the panel as short polynomials, for whoever makes
-// rays sixteen rows at a time and has a nanosecond for each. What they leave out is measured when a
-// rig is prepared; where it would matter, the map itself has to be asked.
+// TileOptics approximates the subpixel-to-ray map over a small tile of the panel with short
+// polynomials. It serves callers that make rays for sixteen rows at a time and have about a
+// nanosecond per ray. The approximation error is measured when a rig is prepared; where the error
+// would matter, the caller evaluates the exact map.
 #pragma once
 
 #include <array>
@@ -12,19 +13,21 @@
 
 namespace lenticule::optics {
 
-/// A tile is sixteen rows high. Its column c is, in row r, subpixel column_begin + c - shifts[r]: a
-/// column follows a slanted lens from row to row. Immutable after construction, safe from any
-/// thread.
+/// TileOptics expands tiles of one rig. A tile is sixteen rows high. Column c of the tile is, in
+/// row r, subpixel column_begin + c - shifts[r]: a column follows a slanted lens from row to row.
+/// Immutable after construction.
+///
+/// Thread safety: any thread.
 class TileOptics {
  public:
   static constexpr int kRows = 16;
-  static constexpr int kMostCoefficients = 8;  ///< of tangents
+  static constexpr int kMostCoefficients = 8;  ///< limit for the tangent polynomials
   static constexpr int kShiftCoefficients = 4;
 
-  /// Arrays over the rows of a tile, and over the colours that a column can have in row 0,
-  /// (column_begin + c) mod 3, where they differ. Of column c:
+  /// Tile holds arrays over the rows of a tile and, where colours differ, over the colour that a
+  /// column has in row 0, (column_begin + c) mod 3. For column c:
   ///   phase    = phase[0] + c (phase[1] + c phase[2]), within phase_error();
-  ///   lens     = the integer nearest to the phase; near a border, ask exact_off();
+  ///   lens     = the integer nearest to the phase; near a border, call exact_off();
   ///   argument = bend[0] + c (bend[1] + c bend[2]) - lens_step() (phase - lens);
   ///   tan_x    = sum of tangent[n] argument^n;
   ///   lens_x   = x0_mm + x_step_mm() c + sum of shift_mm[n] argument^n.
@@ -41,12 +44,12 @@ class TileOptics {
     int column_begin = 0;
   };
 
-  /// Null where the map is not smooth enough across a tile (a residual map) or the subpixels of a
-  /// pixel do not lie side by side. `columns` is the width of a tile.
+  /// Returns null if the map is not smooth enough across a tile (a residual map) or the subpixels
+  /// of a pixel do not lie side by side. `columns` is the width of a tile.
   [[nodiscard]] static std::unique_ptr<TileOptics> make(const OpticalModel& model, int columns,
                                                         std::span<const int, kRows> shifts);
-  /// Of the first of these widths that make() takes: large pixels bend the phase more along a tile,
-  /// and narrower tiles cost more, but far less than the map.
+  /// Makes the first of these widths that make() accepts, or returns null. Large pixels bend the
+  /// phase more along a tile; narrower tiles cost more time, but far less than the exact map.
   [[nodiscard]] static std::unique_ptr<TileOptics> make_first(const OpticalModel& model,
                                                               std::span<const int> widths,
                                                               std::span<const int, kRows> shifts);
@@ -56,14 +59,15 @@ class TileOptics {
   [[nodiscard]] double phase_error() const;  ///< lenses
   [[nodiscard]] double lens_step() const;
   [[nodiscard]] double x_step_mm() const;
-  /// How many of kMostCoefficients are in use; the others are not set.
+  /// Returns the number of coefficients in use, at most kMostCoefficients; the others are not set.
   [[nodiscard]] int coefficients() const;
 
-  /// Any tile that touches the panel. False where the polynomials do not reach; `out` is
-  /// unspecified then.
+  /// Expands any tile that touches the panel. Returns false if the polynomials do not cover the
+  /// tile; `out` is unspecified then.
   [[nodiscard]] bool expand(int row_begin, int column_begin, Tile& out) const;
 
-  /// How far the phase of one subpixel of a tile lies from its lens, as the map itself says.
+  /// Returns the distance between the phase of one subpixel of a tile and its lens, from the exact
+  /// map.
   [[nodiscard]] double exact_off(const Tile& tile, int column, int row) const;
 
  private:

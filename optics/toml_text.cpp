@@ -12,7 +12,7 @@ namespace {
 
 constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
 
-/// Walks over a text as TOML's grammar divides it: texts of four kinds, comments, and the rest.
+/// Scanner divides a text by TOML's grammar: strings of four kinds, comments, and the rest.
 class Scanner {
  public:
   explicit Scanner(std::string_view text) : text_(text) {
@@ -39,8 +39,9 @@ class Scanner {
     ++at_;
   }
 
-  /// A text in single quotes has no escapes; one in three quotes may have many lines. What has no
-  /// end goes to the end of its line or of the file: the parser complains of it.
+  /// Skips a string. A string in single quotes has no escapes; a string in three quotes may have
+  /// many lines. An unterminated string extends to the end of its line or of the file; the parser
+  /// reports the error.
   void skip_quoted(char quote) {
     const std::string three(3, quote);
     const bool long_text = text_.substr(at_).starts_with(three);
@@ -52,7 +53,7 @@ class Scanner {
       if (at_ < text_.size()) step();
     }
     at_ = std::min(at_ + end.size(), text_.size());
-    // One or two quotes may stand before the three that end a long text.
+    // One or two quotes may precede the three that end a long string.
     for (int n = 0; n < 2 && long_text && at_ < text_.size() && text_[at_] == quote; ++n) ++at_;
   }
 
@@ -73,7 +74,7 @@ std::optional<int> stray_letter_line(std::string_view text) {
 }
 
 toml::table parse_toml(std::string_view text, const std::string& source) {
-  // Where the parser expects no such letter it does what C++ does not define.
+  // toml++ has undefined behaviour for such a character, so it is refused first.
   if (const std::optional<int> line = stray_letter_line(text))
     fail(source, *line, "a letter outside ASCII that is not in quotes",
          "keys and numbers are ASCII; texts go between quotes");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// TOML as all our files are read. Only for the .cpp files that know toml++.
+// Parses TOML for all our files. Include only from .cpp files that use toml++.
 #pragma once
 
 #include <toml++/toml.h>
@@ -10,12 +10,12 @@
 
 namespace lenticule::optics {
 
-/// The line, counted from 1, of the first letter outside ASCII that is neither in a text nor in a
-/// comment, where TOML has no use for one.
+/// Returns the line, counted from 1, of the first character outside ASCII that is in neither a
+/// string nor a comment; TOML does not allow such a character.
 [[nodiscard]] std::optional<int> stray_letter_line(std::string_view text);
 
-/// Throws Error(Input) "source:line: cause". Keys are ASCII; texts and comments may be anything
-/// that TOML allows.
+/// Parses TOML. Throws Error(Input) "source:line: cause". Keys are ASCII; strings and comments may
+/// hold all characters that TOML allows.
 [[nodiscard]] toml::table parse_toml(std::string_view text, const std::string& source);
 
 }  // namespace lenticule::optics

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What drifts after calibration: a sheet that warms up slides and stretches by a little. A trim is
-// kept apart from the rig, in a file beside it (kiosk.toml -> kiosk.trim.toml), so that the
-// calibration stays what it was.
+// Trim corrects drift after calibration: a sheet that warms up slides and stretches a little. A
+// trim is stored apart from the rig, in a file beside the rig's (kiosk.toml -> kiosk.trim.toml), so
+// that the calibration stays unchanged.
 //
-// A trimmed rig has other numbers and so a fingerprint of its own. Its RigIdentity also carries the
-// calibration's: frames made before a trim stay playable, and it can be said how far off they are.
+// A trimmed rig has other numbers and therefore its own fingerprint. Its RigIdentity also holds the
+// calibration's fingerprint: frames made before a trim stay playable, and the player can report how
+// far they are off.
 #pragma once
 
 #include <filesystem>
@@ -16,53 +17,57 @@
 namespace lenticule::optics {
 
 struct Trim {
-  Lenses offset{0};             ///< added to phi0
-  double pitch_relative = 0.0;  ///< P is multiplied by 1 + this; the panel's centre stays
+  Lenses offset{0};  ///< added to phi0
+  double pitch_relative =
+      0.0;  ///< P is multiplied by 1 + pitch_relative; the panel's centre does not move
 
   [[nodiscard]] bool empty() const { return offset.value == 0.0 && pitch_relative == 0.0; }
   friend bool operator==(const Trim&, const Trim&) = default;
 };
 
-/// More is no drift but another calibration.
+/// Limits of a trim. Larger values are not drift: they need a new calibration.
 inline constexpr double kMaxTrimOffsetLenses = 1.0;
 inline constexpr double kMaxTrimPitch = 0.01;
 
-/// Throws Error(Input) "context: cause" for numbers beyond these limits, or none at all.
+/// Throws Error(Input) "context: cause" for values beyond these limits or values that are not
+/// finite.
 void validate_trim(const Trim& trim, const std::string& context);
 
-/// A little further; sums are rounded to 12 places, so that steps back and forth end where they
-/// began.
+/// Returns the trim changed by the given amounts. Sums are rounded to 12 decimal places, so that
+/// steps back and forth end at the initial value.
 [[nodiscard]] Trim changed_by(const Trim& trim, double offset_lenses, double pitch_relative);
 
-/// The rig with the trim in it.
+/// Returns the rig with the trim applied.
 [[nodiscard]] Rig trimmed(Rig rig, const Trim& trim);
 
-/// "kiosk.trim.toml" for "kiosk.toml"; other names get .trim.toml at their end.
+/// Returns "kiosk.trim.toml" for "kiosk.toml"; other names get .trim.toml appended.
 [[nodiscard]] std::filesystem::path trim_file_of(const std::filesystem::path& rig_file);
-/// True for names that trim_file_of() makes, which are no rigs.
+/// Returns true for names that trim_file_of() makes; such files are not rigs.
 [[nodiscard]] bool is_trim_file(const std::filesystem::path& file);
 
-/// Throws Error(Input) that starts with "source:line:".
+/// Parses a trim file. Throws Error(Input) that starts with "source:line:".
 [[nodiscard]] Trim parse_trim(std::string_view toml, const std::string& source);
-/// The trim beside the rig file; none if there is no such file. Throws Error(Input).
+/// Returns the trim beside the rig file; an empty trim if there is no such file. Throws
+/// Error(Input).
 [[nodiscard]] Trim load_trim(const std::filesystem::path& rig_file);
-/// Replaces the trim beside the rig file, whole or not at all; an empty trim removes it. Throws
-/// Error(Failed), and Error(Input) as validate_trim().
+/// Replaces the trim file beside the rig file atomically; an empty trim removes the file. Throws
+/// Error(Failed), and the Error(Input) of validate_trim().
 void save_trim(const Trim& trim, const std::filesystem::path& rig_file);
 
 /// RigIdentity says which rig frames are made for, or which rig a player shows them with.
 struct RigIdentity {
-  std::string fingerprint;  ///< of the rig with the trim in it; empty: not stated
-  std::string calibration;  ///< of the rig without it
+  std::string fingerprint;  ///< fingerprint of the trimmed rig; empty: not stated
+  std::string calibration;  ///< fingerprint of the rig without the trim
   Trim trim;
   friend bool operator==(const RigIdentity&, const RigIdentity&) = default;
 };
 [[nodiscard]] RigIdentity identity_of(const Rig& calibrated, const Trim& trim);
 
-/// The text of an identity, at most 127 bytes: the fingerprint alone without a trim, else
-/// "FINGERPRINT trims CALIBRATION OFFSET PITCH".
+/// Returns the text of an identity, at most 127 bytes: only the fingerprint if there is no trim,
+/// else "FINGERPRINT trims CALIBRATION OFFSET PITCH".
 [[nodiscard]] std::string to_text(const RigIdentity& identity);
-/// Reads such a text. Any other text is a fingerprint of which no more is known.
+/// Parses the text of an identity. Any other text counts as a fingerprint without a known
+/// calibration.
 [[nodiscard]] RigIdentity parse_identity(std::string_view text);
 
 enum class RigMatch {
@@ -72,18 +77,18 @@ enum class RigMatch {
 };
 [[nodiscard]] RigMatch match(const RigIdentity& frames, const RigIdentity& rig);
 
-/// Says how frames that match Trimmed differ from `rig` in one sentence without a full stop: "woven
-/// before the rig was trimmed by +0.010 lenses: ...".
+/// Describes how frames that match Trimmed differ from `rig`, in one sentence without a full stop:
+/// "woven before the rig was trimmed by +0.010 lenses: ...".
 [[nodiscard]] std::string trim_difference(const RigIdentity& frames, const RigIdentity& rig);
 
 struct TrimmedRig {
   Rig rig;
   RigIdentity identity;
 };
-/// Loads the rig with the trim beside it: for everything that makes or shows frames. Throws
-/// Error(Input) for either file, or where the two make no valid rig.
+/// Loads the rig with the trim beside it, for all code that makes or shows frames. Throws
+/// Error(Input) if either file is invalid, or if the two together make no valid rig.
 [[nodiscard]] TrimmedRig load_rig_and_identity(const std::filesystem::path& rig_file);
-/// The same without the identity.
+/// Loads the trimmed rig without its identity.
 [[nodiscard]] Rig load_trimmed_rig(const std::filesystem::path& rig_file);
 
 }  // namespace lenticule::optics

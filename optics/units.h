@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Thin strong types for the quantities that get mixed up: a length on the glass, a length in
-// subpixels, a count of lenses, an angle. They cost nothing and only convert explicitly.
+// Strong types for quantities that are easily confused: a length on the panel, a length in
+// subpixels, a count of lenses, an angle. They have no run-time cost and convert only explicitly.
 #pragma once
 
 #include <compare>
@@ -30,9 +30,9 @@ struct Quantity {
 };
 
 using Millimetres = Quantity<struct MillimetresTag>;
-/// Thirds of a pixel along a pixel row, whatever the subpixel layout.
+/// Subpixels counts thirds of a pixel along a pixel row, in every subpixel layout.
 using Subpixels = Quantity<struct SubpixelsTag>;
-/// One lens = one period of the sheet.
+/// Lenses counts periods of the sheet.
 using Lenses = Quantity<struct LensesTag>;
 using Radians = Quantity<struct RadiansTag>;
 

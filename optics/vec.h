@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two- and three-vectors and affine maps, for whatever scalar a caller needs.
+// Two- and three-vectors and affine maps, for any scalar type.
 #pragma once
 
 #include <cmath>
@@ -33,7 +33,7 @@ struct Vec3T {
   friend constexpr Vec3T operator-(Vec3T a) { return {-a.x, -a.y, -a.z}; }
   friend constexpr Vec3T operator*(Vec3T a, T s) { return {a.x * s, a.y * s, a.z * s}; }
   friend constexpr Vec3T operator*(T s, Vec3T a) { return a * s; }
-  /// Component by component: colours.
+  /// Multiplies component by component, as colours need.
   friend constexpr Vec3T operator*(Vec3T a, Vec3T b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
   friend constexpr Vec3T operator/(Vec3T a, T s) { return {a.x / s, a.y / s, a.z / s}; }
   friend constexpr bool operator==(const Vec3T&, const Vec3T&) = default;
@@ -51,7 +51,7 @@ template <class T>
 T length(Vec3T<T> a) {
   return std::sqrt(dot(a, a));
 }
-/// The zero vector stays zero, so that callers can test for it.
+/// Returns a vector of length 1; the zero vector stays zero, so that callers can test for it.
 template <class T>
 Vec3T<T> normalized(Vec3T<T> a) {
   const T l = length(a);
@@ -66,7 +66,8 @@ using Vec2 = Vec2T<double>;
 using Vec3 = Vec3T<double>;
 using Vec3f = Vec3T<float>;
 
-/// p -> column_x p.x + column_y p.y + column_z p.z + origin. Named target_from_source.
+/// Affine maps p -> column_x p.x + column_y p.y + column_z p.z + origin. Variables are named
+/// target_from_source.
 struct Affine {
   Vec3 column_x{1, 0, 0}, column_y{0, 1, 0}, column_z{0, 0, 1}, origin{0, 0, 0};
 
@@ -77,7 +78,7 @@ struct Affine {
   [[nodiscard]] constexpr double determinant() const {
     return dot(column_x, cross(column_y, column_z));
   }
-  /// Needs a non-zero determinant.
+  /// Requires a non-zero determinant.
   [[nodiscard]] constexpr Affine inverse() const {
     const double inv_det = 1.0 / determinant();
     const Vec3 r0 = cross(column_y, column_z) * inv_det;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sphereflake over a plain floor.
+// Scene: the sphereflake over a plain floor.
 #include <array>
 
 #include "scenes/scene_functions.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The ways that cameras of built-in scenes go.
+// Camera movements of built-in scenes.
 #pragma once
 
 #include <cmath>
@@ -15,13 +15,14 @@ namespace lenticule::scenes {
   return {c * p.x - s * p.y, s * p.x + c * p.y, p.z};
 }
 
-/// Where in a whole turn a frame is, in radians. Closed: the frame after the last is the first.
+/// Returns the angle of a frame within a full turn, in radians. The turn is closed: the frame after
+/// the last equals the first.
 [[nodiscard]] inline double turn_of(int frame, int frames) {
   return 2.0 * std::numbers::pi * frame / frames;
 }
 
-/// The camera of frame 0 after once round the vertical (z) through the origin, rising and sinking
-/// `waves` times by `rise` meanwhile.
+/// Rotates the camera of frame 0 once around the vertical axis (z) through the origin; meanwhile it
+/// rises and sinks `waves` times by `rise`.
 [[nodiscard]] inline View turned_view(View view, int frame, int frames, double rise = 0.0,
                                       int waves = 1) {
   const double angle = turn_of(frame, frames);

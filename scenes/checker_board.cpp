@@ -7,7 +7,7 @@ namespace lenticule::scenes {
 namespace {
 
 void write_squares(SceneWriter& out, const CheckerBoard& board, int parity) {
-  // Corners are computed from the whole edge, so that neighbours share them exactly.
+  // Corners are computed from the whole edge, so that neighbouring squares share them exactly.
   const auto point = [&](int column, int row) {
     return board.corner + board.along * (static_cast<double>(column) / board.columns) +
            board.across * (static_cast<double>(row) / board.rows);

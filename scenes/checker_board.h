@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A parallelogram of squares in two colours: floors, walls and boards.
+// CheckerBoard is a parallelogram of squares in two colours, for floors, walls and boards.
 #pragma once
 
 #include "scenes/scene_writer.h"
@@ -8,11 +8,11 @@ namespace lenticule::scenes {
 
 struct CheckerBoard {
   Vec3 corner;
-  Vec3 along;   ///< edge that the columns divide
-  Vec3 across;  ///< edge that the rows divide; the visible side is along x across
+  Vec3 along;   ///< edge that is divided into columns
+  Vec3 across;  ///< edge that is divided into rows; the visible side is along x across
   int columns = 1;
   int rows = 1;
-  Fill even;  ///< of the square at the corner
+  Fill even;  ///< fill of the square at the corner
   Fill odd;
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small stage made for a lens sheet: a teapot turns on a table that stands in the glass, a red
-// ball lies in front of the glass, a blue column stands behind it, and floor and wall are chequered
-// so that an eye can read their depth. y is up, z comes toward the viewer.
+// Demo scene for lens sheets: a teapot turns on a table in the panel's plane, a red ball lies in
+// front of the panel, and a blue column stands behind it. Floor and wall are chequered to make
+// their depth visible. y is up, z points to the viewer.
 #include <cmath>
 #include <numbers>
 
@@ -18,7 +18,7 @@ constexpr double kTeapotScale = 0.85;
 constexpr double kWall = -3.4;  // z
 constexpr double kFront = 4.6;  // z of the floor's front edge, below the picture
 constexpr double kSide = 9.0;   // |x|, beyond the picture
-constexpr double kTop = 7.0;    // of the wall
+constexpr double kTop = 7.0;    // top of the wall
 
 void write_surroundings(SceneWriter& out) {
   const Fill light_tile{.colour = {0.86, 0.84, 0.78}, .diffuse = 0.8, .specular = 0.08};
@@ -55,7 +55,7 @@ void write_teapot_on_table(SceneWriter& out, const SceneOptions& options) {
   const double angle = 2.0 * std::numbers::pi * options.frame / kDemoFrames;
   const double c = std::cos(angle);
   const double s = std::sin(angle);
-  // From z up to y up, turned about the vertical.
+  // Converts z up to y up and rotates about the vertical.
   const auto direction = [=](Vec3 p) { return Vec3{c * p.x - s * p.y, p.z, -(s * p.x + c * p.y)}; };
   out.fill({.colour = {1.0, 0.62, 0.15}, .diffuse = 0.75, .specular = 0.25, .shine = 40.0});
   for (SurfaceTriangle triangle : teapot_triangles(options.size)) {
@@ -69,7 +69,7 @@ void write_teapot_on_table(SceneWriter& out, const SceneOptions& options) {
 
 }  // namespace
 
-/// The camera looks a little down on the teapot's middle and sees 4.6 units there.
+/// Returns a camera that looks slightly down on the teapot's centre and sees 4.6 units there.
 View demo_camera(const SceneOptions& /*options*/) {
   constexpr double kDistance = 14.0;
   constexpr double kSeen = 4.6;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layers of meshed gears on a table of wood. Every face is cut into convex quadrilaterals, since
-// not every reader of NFF cuts concave polygons.
+// Scene: layers of meshed gears on a wooden table. All faces are divided into convex
+// quadrilaterals, since some readers of NFF do not triangulate concave polygons.
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -11,7 +11,7 @@
 namespace lenticule::scenes {
 namespace {
 
-/// A multiple of four, so that a tooth meets a gap toward all four neighbours.
+/// Number of teeth: a multiple of four, so that a tooth meets a gap toward all four neighbours.
 constexpr int kTeeth = 24;
 constexpr double kPitchRadius = 0.5;  ///< neighbours' axes are one unit apart
 constexpr double kModule = 2.0 * kPitchRadius / kTeeth;
@@ -19,26 +19,26 @@ constexpr double kTip = kPitchRadius + 0.8 * kModule;
 constexpr double kRoot = kPitchRadius - kModule;
 constexpr double kHole = 0.2;
 constexpr double kThickness = 0.28;
-constexpr double kLayer = 0.5;  ///< from one layer to the next
+constexpr double kLayer = 0.5;  ///< distance between layers
 constexpr double kPitchAngle = 2.0 * std::numbers::pi / kTeeth;
 
 struct Gear {
-  Vec3 centre;  ///< of its lower face
-  double turn;  ///< radians from a tooth's middle at +x
+  Vec3 centre;  ///< centre of the lower face
+  double turn;  ///< angle of a tooth's middle from +x, radians
 };
 
 /// One tooth with the gap before it, as angles from the tooth's middle.
 struct Tooth {
-  double gap;   ///< where the gap's bottom begins
-  double foot;  ///< where it ends and the tooth begins
+  double gap;   ///< start of the gap's bottom
+  double foot;  ///< end of the gap, start of the tooth
   double tip_begin;
   double tip_end;
-  double end;  ///< where the tooth ends: the next one's gap
+  double end;  ///< end of the tooth, start of the next gap
 };
 
 Tooth tooth_at(double middle) {
   constexpr double kFoot = 0.31;  // shares of the pitch; half of their sum is below a quarter,
-  constexpr double kTop = 0.17;   // so that teeth have air between them
+  constexpr double kTop = 0.17;   // so that there is clearance between teeth
   return {middle + (kFoot - 1.0) * kPitchAngle, middle - kFoot * kPitchAngle,
           middle - kTop * kPitchAngle, middle + kTop * kPitchAngle, middle + kFoot * kPitchAngle};
 }
@@ -73,14 +73,14 @@ class GearShape {
     return gear_.centre + Vec3{p.radius * std::cos(p.angle), p.radius * std::sin(p.angle), height};
   }
 
-  /// Above and below; the corners turn counter-clockwise seen from above.
+  /// Writes the top and bottom faces; the corners are counter-clockwise seen from above.
   void face(const std::array<Place, 4>& p) {
     out_.polygon(std::array{at(p[0], kThickness), at(p[1], kThickness), at(p[2], kThickness),
                             at(p[3], kThickness)});
     out_.polygon(std::array{at(p[3], 0), at(p[2], 0), at(p[1], 0), at(p[0], 0)});
   }
 
-  /// Upright, with the gear's inside on the left of the way from a to b.
+  /// Writes an upright face; the gear's inside is on the left when going from a to b.
   void side(Place a, Place b) {
     out_.polygon(std::array{at(a, 0), at(b, 0), at(b, kThickness), at(a, kThickness)});
   }
@@ -94,7 +94,7 @@ Fill metal(int layer) {
       {.colour = {0.85, 0.65, 0.30}, .diffuse = 0.65, .specular = 0.3, .shine = 40.0},
       {.colour = {0.62, 0.66, 0.72}, .diffuse = 0.5, .specular = 0.45, .shine = 60.0},
       {.colour = {0.75, 0.22, 0.16}, .diffuse = 0.8, .specular = 0.12, .shine = 25.0},
-      // Seen through, hardly bent: what lies below stays readable.
+      // Transparent with little refraction, so that the layers below stay recognizable.
       {.colour = {0.55, 0.80, 0.95},
        .diffuse = 0.35,
        .specular = 0.15,

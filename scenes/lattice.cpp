@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A cube of pipes: spheres at the knots of a grid, cylinders along its edges.
+// Scene: a cube of pipes, with spheres at the nodes of a grid and cylinders along its edges.
 #include <array>
 
 #include "scenes/camera_turn.h"

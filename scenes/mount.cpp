@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A mountain of midpoint displacement under four glass balls. A finer one has the corners of a
-// coarser one where they were.
+// Scene: a mountain made by midpoint displacement, under four glass balls. A finer mountain keeps
+// the corners of a coarser one.
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -12,7 +12,8 @@
 namespace lenticule::scenes {
 namespace {
 
-/// -1 to 1, the same on every machine, from a place in parts of 2^20 of the side.
+/// Returns a pseudo-random value from -1 to 1 for a position in units of 2^-20 of the side; the
+/// same on every machine.
 double displacement(uint32_t column, uint32_t row) {
   uint32_t h = column * 0x9e3779b1U + row * 0x85ebca77U + 0x51ed27U;
   h = (h ^ (h >> 15)) * 0x2c1b3c6dU;
@@ -20,11 +21,11 @@ double displacement(uint32_t column, uint32_t row) {
   return (h ^ (h >> 15)) / 2147483648.0 - 1.0;
 }
 
-/// Heights over a square of 2 x 2 units about the origin.
+/// Relief holds heights over a square of 2 x 2 units around the origin.
 class Relief {
  public:
   explicit Relief(int halvings) : side_((1 << halvings) + 1), heights_(count()) {
-    height(side_ / 2, side_ / 2) = 1.1;  // the summit; corners and what is left are at 0
+    height(side_ / 2, side_ / 2) = 1.1;  // the summit; corners and other unset points are at 0
     double rough = 0.22;
     for (int step = side_ - 1; step > 1; step /= 2, rough /= 2.0) halve(step, rough);
   }
@@ -51,7 +52,7 @@ class Relief {
         if (column % step != 0 || row % step != 0) set_middle(column, row, step, rough);
   }
 
-  /// Of an edge or of a cell's diagonal, along which the triangles are cut.
+  /// Sets the middle of an edge or of a cell's diagonal, along which the triangles are divided.
   void set_middle(int column, int row, int step, double rough) {
     const int half = step / 2;
     const int dc = column % step == 0 ? 0 : half;

@@ -8,7 +8,7 @@
 namespace lenticule::scenes {
 namespace {
 
-/// Nine digits: more than single precision holds. Adding 0 turns -0 into 0.
+/// Appends numbers with nine digits, which exceeds single precision. Adding 0 turns -0 into 0.
 template <class... Numbers>
 void append_numbers(std::string& text, Numbers... numbers) {
   ((fmt::format_to(std::back_inserter(text), " {:.9g}", static_cast<double>(numbers) + 0.0)), ...);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes NFF text, the format that every built-in scene is handed out in.
+// NffWriter writes NFF text, the format in which all built-in scenes are output.
 #pragma once
 
 #include <array>
@@ -20,7 +20,7 @@ struct View {
   int resolution = 512;
 };
 
-/// An f line.
+/// Fill holds the values of an f line.
 struct Fill {
   Vec3 colour{1, 1, 1};
   double diffuse = 0.8;
@@ -38,14 +38,14 @@ using SurfaceTriangle = std::array<SurfacePoint, 3>;
 
 class NffWriter {
  public:
-  /// Each line of `text` becomes a comment line.
+  /// Writes each line of `text` as a comment line.
   void comment(std::string_view text);
   void view(const View& view);
   void background(Vec3 colour);
   void light(Vec3 position, Vec3 colour = {1, 1, 1});
   void fill(const Fill& fill);
   void sphere(Vec3 centre, double radius);
-  /// Open; a cylinder where both radii are equal.
+  /// Writes an open cone; a cylinder if both radii are equal.
   void cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius);
   void polygon(std::span<const Vec3> corners);
   void patch(std::span<const SurfacePoint> corners);

@@ -13,7 +13,8 @@ namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
 
-/// Calls colour(u, v) for the middle of each texel, u to the right and v down, both in (0, 1).
+/// Makes a picture from colour(u, v) at the centre of each texel; u points right and v down, both
+/// in (0, 1).
 template <class Colour>
 SharedPicture paint(const char* name, int width, int height, Colour colour) {
   Picture picture{.name = name, .width = width, .height = height, .rgb = {}};
@@ -31,13 +32,13 @@ Vec3 blend(Vec3 from, Vec3 to, double share) {
   return from + (to - from) * std::clamp(share, 0.0, 1.0);
 }
 
-/// 0 below `low`, 1 above `high`, without a corner between.
+/// Returns 0 below `low`, 1 above `high`, with a smooth transition between.
 double smooth_step(double low, double high, double x) {
   const double t = std::clamp((x - low) / (high - low), 0.0, 1.0);
   return t * t * (3.0 - 2.0 * t);
 }
 
-/// 0 to 1, the same on every machine.
+/// Returns a pseudo-random value from 0 to 1, the same on every machine.
 double random_value(int x, int y) {
   uint32_t h = static_cast<uint32_t>(x) * 0x9e3779b1U ^ static_cast<uint32_t>(y) * 0x85ebca77U;
   h = (h ^ (h >> 15)) * 0x2c1b3c6dU;
@@ -45,7 +46,7 @@ double random_value(int x, int y) {
   return (h ^ (h >> 15)) / 4294967296.0;
 }
 
-/// Values on a grid of columns x rows over the unit square, blended; repeats beyond it.
+/// Interpolates random values on a grid of columns x rows over the unit square; repeats outside it.
 double noise(double u, double v, int columns, int rows) {
   const double x = u * columns;
   const double y = v * rows;
@@ -60,7 +61,8 @@ double noise(double u, double v, int columns, int rows) {
   return std::lerp(std::lerp(at(0, 0), at(1, 0), s), std::lerp(at(0, 1), at(1, 1), s), t);
 }
 
-/// Noise with ever finer detail of half the weight each: about 0 to 1.
+/// Sums noise octaves of increasing detail, each with half the weight of the previous; about 0 to
+/// 1.
 double turbulence(double u, double v, int columns, int rows) {
   double sum = 0.0;
   double weight = 0.5;
@@ -82,7 +84,7 @@ Vec3 wood_colour(double u, double v) {
   constexpr int kBoards = 4;
   const int board = std::min(kBoards - 1, static_cast<int>(v * kBoards));
   const double across = v * kBoards - board;
-  const double along = u + 0.37 * board;  // no two boards are cut from one place
+  const double along = u + 0.37 * board;  // different offsets, so that no two boards look alike
   const double grain = turbulence(along, v, 2, 32);
   const double rings = 0.5 + 0.5 * std::sin(kTurn * (5.0 * across + 3.0 * grain));
   Vec3 colour = blend({0.42, 0.25, 0.12}, {0.66, 0.44, 0.24}, 0.35 * rings + 0.65 * grain);
@@ -119,7 +121,7 @@ Vec3 weave_colour(double u, double v) {
 
 Vec3 painting_colour(double u, double v) {
   constexpr double kShore = 0.66;
-  const bool mirrored = v > kShore;  // the lake shows the sky upside down
+  const bool mirrored = v > kShore;  // the lake reflects the sky
   const double height = mirrored ? 2.0 * kShore - v : v;
   Vec3 colour = blend({0.24, 0.34, 0.62}, {0.98, 0.74, 0.42}, height / kShore);
   const double sun = std::hypot((u - 0.68) * 1.5, height - 0.42);
@@ -148,7 +150,7 @@ Vec3 Picture::mean() const {
 }
 
 SharedPicture checker_picture() {
-  // Texels are blended over one texel's width: many texels make sharp edges.
+  // Texels are interpolated over one texel's width, so sharp edges need many texels.
   static const SharedPicture picture = paint("checker", 64, 64, checker_colour);
   return picture;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One of everything that a renderer knows, on a chequered floor: spheres of mirror, glass and
-// marble, a cone, a cylinder, a frustum, a box, a tetrahedron, an octahedron and a ring.
+// Scene: one of each primitive that a renderer supports, on a chequered floor: spheres of mirror,
+// glass and marble, a cone, a cylinder, a frustum, a box, a tetrahedron, an octahedron and a ring.
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -39,7 +39,7 @@ void write_spheres(SceneWriter& out, int size) {
   out.pictured(std::move(marble));
 }
 
-/// Convex, flat, facing up.
+/// Writes a disc-shaped convex polygon that faces up.
 void write_lid(SceneWriter& out, Vec3 centre, double radius) {
   constexpr int kCorners = 64;
   std::array<Vec3, kCorners> rim;
@@ -68,7 +68,7 @@ void write_box(SceneWriter& out) {
   out.pictured(std::move(box));
 }
 
-/// Faces of a convex body about `centre`, turned outward.
+/// Writes the faces of a convex body around `centre`, oriented outward.
 void write_faces(SceneWriter& out, Vec3 centre, std::span<const std::array<Vec3, 3>> faces) {
   for (const auto& [a, b, c] : faces) {
     const bool outward = dot(cross(b - a, c - a), a - centre) > 0.0;
@@ -98,7 +98,7 @@ void write_octahedron(SceneWriter& out) {
   write_faces(out, centre, faces);
 }
 
-/// A torus that stands on the floor about the mirror ball's foot.
+/// Returns a point of the torus that lies on the floor around the base of the mirror ball.
 SurfacePoint torus_point(double about, double across) {
   constexpr double kRing = 1.05;
   constexpr double kTube = 0.16;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A pyramid of knots; each is six interlocked rings, each a pentagon of cylinders with spheres at
-// its corners.
+// Scene: a pyramid of knots. Each knot is six interlocked rings; each ring is a pentagon of
+// cylinders with spheres at its corners.
 #include <array>
 #include <cmath>
 
@@ -10,7 +10,7 @@
 namespace lenticule::scenes {
 namespace {
 
-/// The six axes through opposite corners of an icosahedron.
+/// Returns the six axes through opposite corners of an icosahedron.
 std::array<Vec3, 6> ring_axes() {
   const double golden = (1.0 + std::sqrt(5.0)) / 2.0;
   std::array<Vec3, 6> axes = {{{0, 1, golden},
@@ -38,13 +38,12 @@ void write_ring(SceneWriter& out, Vec3 centre, Vec3 axis, double radius) {
 }
 
 void write_knot(SceneWriter& out, Vec3 centre, double radius) {
-  constexpr double kAside =
-      0.35;  // off the knot's middle, so that the rings pass through each other
+  constexpr double kAside = 0.35;  // offset from the centre, so that the rings interlock
   for (const Vec3 axis : ring_axes())
     write_ring(out, centre + axis * (kAside * radius), axis, radius * 0.75);
 }
 
-/// Layer 0 is the knot at the top.
+/// Writes a layer; layer 0 is the knot at the top.
 void write_layer(SceneWriter& out, int layer, int layers) {
   constexpr std::array<Vec3, 4> kColours = {Vec3{0.90, 0.45, 0.30}, Vec3{0.95, 0.80, 0.40},
                                             Vec3{0.45, 0.70, 0.50}, Vec3{0.40, 0.55, 0.85}};

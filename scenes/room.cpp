@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A furnished room: boards, bricks, a rug, a painting, a mirror that shows it all again, and a
-// table with a teapot and balls of glass, mirror and marble. The camera goes round the table inside
-// it.
+// Scene: a furnished room with floor boards, bricks, a rug, a painting, a mirror that reflects the
+// room, and a table with a teapot and balls of glass, mirror and marble. The camera circles the
+// table inside the room.
 #include <array>
 #include <cmath>
 
@@ -16,7 +16,7 @@ constexpr double kHalfX = 4.0;
 constexpr double kHalfY = 3.0;
 constexpr double kCeiling = 3.0;
 constexpr double kTableTop = 0.8;
-constexpr double kProud = 0.01;  ///< how far flat things stand off the surface behind them
+constexpr double kProud = 0.01;  ///< distance of flat objects from the surface behind them
 
 Fill matt(Vec3 colour = {1, 1, 1}) {
   return {.colour = colour, .diffuse = 1.0, .specular = 0.0};
@@ -55,7 +55,7 @@ void write_shell(SceneWriter& out) {
   write_quad(out, {-kHalfX, -kHalfY, kCeiling}, {2 * kHalfX, 0, 0}, {0, 2 * kHalfY, 0});
 }
 
-/// On the wall y = 3: a frame of wood and the mirror before it.
+/// Writes the mirror on the wall y = 3, with its wooden frame.
 void write_mirror(SceneWriter& out) {
   PicturedMesh frame{.fill = matt(), .picture = wood_picture()};
   append_box(frame, {-1.5, kHalfY - 0.05, 0.25}, {1.5, kHalfY - kProud, 1.95}, 1.0);
@@ -64,7 +64,7 @@ void write_mirror(SceneWriter& out) {
   write_quad(out, {-1.38, kHalfY - 0.05 - kProud, 1.83}, {2.76, 0, 0}, {0, 0, -1.46});
 }
 
-/// On the wall x = 4.
+/// Writes the painting on the wall x = 4.
 void write_painting(SceneWriter& out) {
   out.fill({.colour = {0.72, 0.56, 0.22}, .diffuse = 0.7, .specular = 0.2, .shine = 30.0});
   write_quad(out, {kHalfX - kProud, 1.3, 2.0}, {0, -2.6, 0}, {0, 0, -1.5});
@@ -120,7 +120,7 @@ void write_balls_on_table(SceneWriter& out, int size) {
   out.sphere({-0.6, -0.42, kTableTop + 0.12}, 0.12);
 }
 
-/// A lamp over the table and a column in each corner.
+/// Writes a lamp over the table and a column in each corner.
 void write_cones(SceneWriter& out) {
   out.fill({.colour = {0.2, 0.5, 0.35}, .diffuse = 0.8, .specular = 0.1, .shine = 30.0});
   out.cone({0, 0, 2.0}, 0.34, {0, 0, 2.3}, 0.08);
@@ -145,8 +145,8 @@ View room_camera(const SceneOptions& options) {
 void write_room(SceneWriter& out, const SceneOptions& options) {
   out.comment("a room with a table, a mirror and a painting");
   out.background({0.1, 0.1, 0.12});
-  out.light({0, 0, 1.95});            // in the lamp
-  for (const double x : {-3.0, 3.0})  // so far aside that they reach under the table
+  out.light({0, 0, 1.95});            // inside the lamp
+  for (const double x : {-3.0, 3.0})  // far enough aside to reach under the table
     for (const double y : {-2.2, 2.2}) out.light({x, y, 2.5});
   write_shell(out);
   write_mirror(out);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two functions per built-in scene, for the table in scene_list.cpp: its camera, and everything
-// else. Options are valid here.
+// Two functions per built-in scene, for the table in scene_list.cpp: one for its camera, one for
+// all other content. The caller has validated the options.
 #pragma once
 
 #include "scenes/scene_list.h"
@@ -40,6 +40,6 @@ inline constexpr int kSmallBallsFrames = 421;
 inline constexpr int kPrimitivesFrames = 512;
 inline constexpr int kTreeFrames = 612;
 inline constexpr int kGearsFrames = 612;
-inline constexpr int kProceduralFrames = 360;  ///< of the scenes that only grow
+inline constexpr int kProceduralFrames = 360;  ///< length for scenes that vary only in size
 
 }  // namespace lenticule::scenes

@@ -55,7 +55,7 @@ const BuiltInScene& find_scene(std::string_view name) {
 
 namespace {
 
-/// Checked, and brought into the sequence.
+/// Validates the options and maps the frame into the sequence.
 SceneOptions options_of(const BuiltInScene& scene, std::optional<int> size, int frame) {
   const int chosen = size.value_or(scene.default_size);
   if (chosen < 1 || chosen > scene.largest_size)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a built-in scene is written into: NFF text, and beside it what NFF cannot say.
+// SceneWriter writes a built-in scene: NFF text, plus content that NFF cannot express.
 #pragma once
 
 #include <string>
@@ -11,7 +11,7 @@
 namespace lenticule::scenes {
 
 struct SceneCounts {
-  int polygons = 0;  ///< flat ones and patches
+  int polygons = 0;  ///< flat polygons and patches
   int spheres = 0;
   int cones = 0;
   int lights = 0;
@@ -19,17 +19,17 @@ struct SceneCounts {
   [[nodiscard]] int primitives() const { return polygons + spheres + cones; }
 };
 
-/// A scene in two parts that are shown together.
+/// SceneParts is a scene in two parts that belong together.
 struct SceneParts {
   std::string nff;
   std::vector<PicturedMesh> pictured;
-  SceneCounts counts;  ///< of both
+  SceneCounts counts;  ///< total of both parts
 };
 
-/// What becomes of surfaces that wear a picture.
+/// Pictures selects the output of textured surfaces.
 enum class Pictures {
-  Kept,   ///< they are handed out beside the NFF text
-  Plain,  ///< they are in the text, in the mean colour of their picture
+  Kept,   ///< separate meshes beside the NFF text
+  Plain,  ///< primitives of the NFF text, in the mean colour of their picture
 };
 
 class SceneWriter {
@@ -41,15 +41,15 @@ class SceneWriter {
   void light(Vec3 position, Vec3 colour = {1, 1, 1});
   void fill(const Fill& fill) { text_.fill(fill); }
   void sphere(Vec3 centre, double radius);
-  /// Open; a cylinder where both radii are equal.
+  /// Writes an open cone; a cylinder if both radii are equal.
   void cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius);
-  /// Flat and convex: not every reader of NFF cuts concave ones.
+  /// Writes a flat, convex polygon; some readers of NFF do not triangulate concave ones.
   void polygon(std::span<const Vec3> corners);
   void patch(std::span<const SurfacePoint> corners);
-  /// Changes the fill of what follows.
+  /// Writes a textured mesh. Changes the fill of the following primitives.
   void pictured(PicturedMesh mesh);
-  /// Comments are gathered and written after everything else, because readers are in use that take
-  /// one for the end of the file.
+  /// Adds a comment. Comments are written after all other lines, because some readers take a
+  /// comment for the end of the file.
   void comment(const std::string& text) { comments_.push_back(text); }
 
   [[nodiscard]] SceneParts take();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A small sphereflake of mirrors over a chequered floor, with a ball of glass before it and one of
-// marble behind it.
+// Scene: a small sphereflake of mirrors over a chequered floor, with a glass ball in front and a
+// marble ball behind.
 #include "scenes/camera_turn.h"
 #include "scenes/scene_functions.h"
 #include "scenes/sphereflake.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Six children sit round the equator and three above it, as spheres of one size would lie on it in
-// the closest packing.
+// Six children lie around the equator and three above it, in the positions of equal spheres in the
+// closest packing.
 #include "scenes/sphereflake.h"
 
 #include <array>
@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kShrink = 1.0 / 3.0;
 
-/// The nine directions in the frame (meridian, pole x meridian, pole).
+/// Returns the nine directions in the frame (meridian, pole x meridian, pole).
 std::array<Vec3, 9> child_directions() {
   std::array<Vec3, 9> directions;
   const double degree = std::numbers::pi / 180.0;
@@ -20,7 +20,7 @@ std::array<Vec3, 9> child_directions() {
     const double turn = 60.0 * degree * static_cast<double>(i);
     directions[i] = {std::cos(turn), std::sin(turn), 0};
   }
-  const double rise = std::sqrt(2.0 / 3.0);  // of a tetrahedron with unit edges
+  const double rise = std::sqrt(2.0 / 3.0);  // height of a tetrahedron with unit edges
   const double reach = std::sqrt(1.0 / 3.0);
   for (size_t i = 0; i < 3; ++i) {
     const double turn = (30.0 + 120.0 * static_cast<double>(i)) * degree;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Spheres on spheres: each carries nine of a third of its radius.
+// Sphereflake: spheres on spheres; each sphere carries nine spheres of a third of its radius.
 #pragma once
 
 #include "scenes/scene_writer.h"
@@ -10,10 +10,10 @@ struct Ball {
   Vec3 centre;
   double radius;
   Vec3 pole;      ///< unit, away from the parent
-  Vec3 meridian;  ///< unit, where the equator's first child sits
+  Vec3 meridian;  ///< unit, toward the first child on the equator
 };
 
-/// (9^(generations + 1) - 1) / 8 spheres that touch and do not intersect.
+/// Writes (9^(generations + 1) - 1) / 8 spheres that touch but do not intersect.
 void write_sphereflake(SceneWriter& out, const Ball& ball, int generations);
 
 }  // namespace lenticule::scenes

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The teapot on its board, with the counts, the viewpoint and the lights of the classic test scene.
+// Scene: the teapot on its board, with the counts, the viewpoint and the lights of the classic test
+// scene.
 #include "scenes/camera_turn.h"
 #include "scenes/checker_board.h"
 #include "scenes/scene_functions.h"

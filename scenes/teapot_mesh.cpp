@@ -10,7 +10,8 @@ namespace {
 /// Control points: rows run along u, columns along v; du x dv points outward.
 using Patch = std::array<std::array<Vec3, 4>, 4>;
 
-/// A control ring of the body: its quarter arcs are cubics with inner controls at `bulge` radii.
+/// Ring is a control ring of the body. Its quarter arcs are cubics with inner control points at
+/// `bulge` radii.
 struct Ring {
   double radius;
   double height;
@@ -18,8 +19,8 @@ struct Ring {
 };
 using Profile = std::array<Ring, 4>;
 
-// From the top down on the outside, so that du x dv points outward. The knob's widest ring is the
-// only one whose quarter arcs bulge a little more.
+// Ordered from top to bottom on the outside, so that du x dv points outward. The knob's widest ring
+// is the only one whose quarter arcs bulge slightly more.
 constexpr std::array<Profile, 6> kRevolved = {{
     {{{0.0, 3.15}, {0.8, 3.15, 0.5625}, {0.0, 2.85}, {0.2, 2.7}}},     // knob
     {{{0.2, 2.7}, {0.4, 2.55}, {1.3, 2.55}, {1.3, 2.4}}},              // lid
@@ -29,7 +30,7 @@ constexpr std::array<Profile, 6> kRevolved = {{
     {{{1.5, 0.15}, {1.5, 0.075}, {1.425, 0.0}, {0.0, 0.0}}},           // bottom
 }};
 
-// The halves with y >= 0 of handle and spout; the others are their mirror images.
+// The halves of handle and spout with y >= 0; the other halves are their mirror images.
 constexpr std::array<Patch, 4> kHalves = {{
     {{{{{-1.6, 0, 2.025}, {-1.6, 0.3, 2.025}, {-1.5, 0.3, 2.25}, {-1.5, 0, 2.25}}},
       {{{-2.3, 0, 2.025}, {-2.3, 0.3, 2.025}, {-2.5, 0.3, 2.25}, {-2.5, 0, 2.25}}},
@@ -69,7 +70,7 @@ Patch mapped(Patch patch, Map map) {
   return patch;
 }
 
-/// Mirrored in y, with the columns reversed so that du x dv still points outward.
+/// Mirrors in y and reverses the columns, so that du x dv still points outward.
 Patch mirrored(const Patch& patch) {
   Patch out = mapped(patch, [](Vec3 p) { return Vec3{p.x, -p.y, p.z}; });
   for (auto& row : out) row = {row[3], row[2], row[1], row[0]};
@@ -97,7 +98,8 @@ struct Bernstein {
   std::array<double, 4> slope;
 };
 
-/// At i / n. Both halves are computed alike, so that a patch walked backwards gives the same bits.
+/// Returns the basis at i / n. Both halves are computed alike, so that a patch traversed backwards
+/// gives the same bits.
 Bernstein bernstein(int i, int n) {
   const double t = static_cast<double>(i) / n;
   const double s = static_cast<double>(n - i) / n;
@@ -105,7 +107,7 @@ Bernstein bernstein(int i, int n) {
           {-3 * s * s, 3 * s * (s - 2 * t), 3 * t * (2 * s - t), 3 * t * t}};
 }
 
-/// Two and two from the ends inward, for the same reason.
+/// Sums in pairs from the ends inward, so that the reverse order gives the same bits.
 Vec3 weighted(const std::array<double, 4>& w, Vec3 a, Vec3 b, Vec3 c, Vec3 d) {
   return (a * w[0] + d * w[3]) + (b * w[1] + c * w[2]);
 }
@@ -115,21 +117,21 @@ Vec3 evaluate(const Patch& p, const std::array<double, 4>& u, const std::array<d
   return weighted(u, row(0), row(1), row(2), row(3));
 }
 
-/// At the two poles, where all of a patch's columns meet on the axis, du x dv vanishes; the
-/// tangents are level there, so that the limit of the normal is the axis.
+/// Returns the normal at the poles, where all columns of a patch meet on the axis and du x dv
+/// vanishes. The tangents are horizontal there, so the limit of the normal is the axis.
 Vec3 pole_normal(Vec3 position) {
   constexpr double kHalfHeight = 1.5;
   return {0, 0, position.z > kHalfHeight ? 1.0 : -1.0};
 }
 
-/// At (i, j) of n steps each way.
+/// Returns the surface point at (i, j) of n steps in each direction.
 SurfacePoint surface_point(const Patch& patch, int i, int j, int n) {
   const Bernstein u = bernstein(i, n);
   const Bernstein v = bernstein(j, n);
   const Vec3 normal = cross(evaluate(patch, u.slope, v.value), evaluate(patch, u.value, v.slope));
   constexpr double kVanishes = 1e-9;
   if (length(normal) < kVanishes) {
-    const Vec3 pole = patch[i == 0 ? 0 : 3][0];  // free of the rounding that depends on j
+    const Vec3 pole = patch[i == 0 ? 0 : 3][0];  // independent of rounding that depends on j
     return {pole, pole_normal(pole)};
   }
   return {evaluate(patch, u.value, v.value), normalized(normal)};

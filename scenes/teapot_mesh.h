@@ -8,9 +8,10 @@
 
 namespace lenticule::scenes {
 
-/// z up, standing on z = 0, spout toward +x: x in [-3, 3.434], |y| <= 2, z in [0, 3.15]. Each patch
-/// is cut `size` times each way: 64 size^2 - 8 size triangles, counter-clockwise seen from outside,
-/// with the surface's own unit normals. Patches that share an edge share its points exactly.
+/// Returns the teapot with z up, standing on z = 0, spout toward +x: x in [-3, 3.434], |y| <= 2, z
+/// in [0, 3.15]. Each patch is divided `size` times in each direction: 64 size^2 - 8 size
+/// triangles, counter-clockwise seen from outside, with the surface's exact unit normals. Patches
+/// that share an edge share its points exactly.
 [[nodiscard]] std::vector<SurfaceTriangle> teapot_triangles(int size);
 
 }  // namespace lenticule::scenes

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The tetrahedron of tetrahedra: each is four of half its size at its corners.
+// Scene: a tetrahedron of tetrahedra; each consists of four of half its size at its corners.
 #include <array>
 #include <cmath>
 
@@ -11,7 +11,7 @@ namespace {
 
 using Corners = std::array<Vec3, 4>;
 
-/// Corners 0, 1, 2 turn counter-clockwise seen from outside, corner 3 is opposite.
+/// Writes the faces. Corners 0, 1, 2 are counter-clockwise seen from outside; corner 3 is opposite.
 void write_faces(SceneWriter& out, const Corners& p) {
   out.polygon(std::array{p[0], p[1], p[2]});
   out.polygon(std::array{p[0], p[3], p[1]});

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The branching tree: every branch is a tapering cone with a sphere at its end, from which two
-// shorter branches grow, on a ground that reaches to the horizon.
+// Scene: a branching tree on a ground that extends to the horizon. Each branch is a tapering cone
+// with a sphere at its end, from which two shorter branches grow.
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -13,14 +13,14 @@ namespace {
 
 constexpr double kTrunkLength = 0.9;
 constexpr double kTrunkRadius = 0.1;
-constexpr double kTaper = 0.68;   ///< of the radius along a branch
-constexpr double kShrink = 0.74;  ///< of the length from a branch to its children
-constexpr double kGround = 50.0;  ///< half the ground's side
+constexpr double kTaper = 0.68;   ///< ratio of the radii at the ends of a branch
+constexpr double kShrink = 0.74;  ///< ratio of the lengths of a child and its parent
+constexpr double kGround = 50.0;  ///< half the side of the ground
 
 struct Branch {
   Vec3 base;
   Vec3 along;  ///< unit
-  Vec3 side;   ///< unit, across `along`: the children fork in the plane of the two
+  Vec3 side;   ///< unit, perpendicular to `along`: the children fork in the plane of the two
   double length;
   double radius;
 };
@@ -29,8 +29,8 @@ Vec3 end_of(const Branch& branch) {
   return branch.base + branch.along * branch.length;
 }
 
-/// The child that leans to the branch's side by `lean` radians. It forks in a plane turned by a
-/// little more than a quarter, so that no two generations lie in each other's shadow.
+/// Returns the child that leans to the branch's side by `lean` radians. It forks in a plane rotated
+/// by slightly more than a quarter turn, so that successive levels do not shadow each other.
 Branch child_of(const Branch& branch, double lean) {
   constexpr double kTurn = 100.0 * std::numbers::pi / 180.0;
   const Vec3 along = branch.along * std::cos(lean) + branch.side * std::sin(lean);

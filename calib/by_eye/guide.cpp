@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The words of calibration by eye: the same on the panel and on the terminal. Plain ASCII, for the
-// panel's font has nothing else.
+// Texts of calibration by eye, the same on the panel and on the terminal. Plain ASCII, because the
+// panel's font has no other characters.
 #include <fmt/format.h>
 
 #include "calib/by_eye/procedure.h"

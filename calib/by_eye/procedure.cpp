@@ -13,11 +13,14 @@
 namespace lenticule::calib {
 namespace {
 
+using frames::band_scale;
+using frames::kBands;
+
 constexpr double kFirstReach = 0.1;
 constexpr double kSecondReach = 0.01;
 constexpr size_t kMaxUndo = 10'000;
 constexpr int kMostCoarse = 2;
-/// From nearer to each other than this, two distances tell nothing about the gap.
+/// Two distances with a smaller ratio do not determine the gap.
 constexpr double kLeastDistanceRatio = 1.05;
 constexpr double kFirstSecondDistance = 1.5;
 
@@ -160,7 +163,7 @@ void Procedure::move_upward(double presses) {
       note_ = "up and down do nothing here";
       return;
     case Step::RoughPitch: {
-      // The bands' pitches grow downward, and up means up on the panel.
+      // The bands' pitches grow downward, but the "up" key moves up on the panel.
       const int bands = presses > 0.0 ? -std::max(1, static_cast<int>(presses / 2.0))
                                       : std::max(1, static_cast<int>(-presses / 2.0));
       state.cursor = std::clamp(state.cursor + bands, 0, kBands - 1);
@@ -185,7 +188,7 @@ void Procedure::change_slant(double presses) {
   change_to(state);
 }
 
-/// Left and right eye change places where the offset is half a lens off.
+/// Swaps left and right eye by a shift of half a lens.
 void Procedure::turn_eyes() {
   State state = state_;
   const double offset = state.sheet.effective_offset_lenses;
@@ -218,7 +221,8 @@ void Procedure::change_second_distance(double presses) {
   change_to(state);
 }
 
-/// What is seen from the first distance stays; the gap takes up the difference.
+/// Changes the second pitch. The picture from the first distance stays unchanged; the gap absorbs
+/// the difference.
 void Procedure::change_second_pitch(double presses) {
   State state = state_;
   state.second_pitch_subpx *= 1.0 + presses * kPitchStep;
@@ -231,8 +235,8 @@ void Procedure::change_second_pitch(double presses) {
   change_to(state);
 }
 
-/// Unless somebody looked, the pitch from the second distance is what pitch and gap make of it. A
-/// first pitch that changes makes a second look necessary again.
+/// Predicts the pitch from the second distance from pitch and gap, unless the user has set it. A
+/// change of the first pitch makes a new look from the second distance necessary.
 void Procedure::predict_second(State& state) const {
   if (state.second_was_seen && state.step == Step::GapByDistance) return;
   state.second_was_seen = false;
@@ -247,7 +251,8 @@ std::string Procedure::doubt() const {
   return doubt_of(start_rig_, start_.sheet, state_.sheet);
 }
 
-/// Asks, or ends the procedure, where a value of the sheet is implausible.
+/// Returns true if the step may end. If a value of the sheet is implausible, asks the user or ends
+/// the procedure.
 bool Procedure::is_settled() {
   const std::string doubt = this->doubt();
   if (doubt.empty() || doubts_ == Doubts::Accept || asked_ == doubt) {
@@ -276,7 +281,7 @@ void Procedure::next() {
   enter(static_cast<Step>(static_cast<int>(state_.step) + 1));
 }
 
-/// The marked band's pitch; then the same once more among pitches ten times as close.
+/// Takes the marked band's pitch; then repeats the choice among pitches ten times as close.
 void Procedure::take_band() {
   State state = state_;
   state.sheet.effective_pitch_subpx *= band_scale(state.cursor, state.band_reach);
@@ -318,7 +323,7 @@ void Procedure::travel(std::vector<State>& from, std::vector<State>& to, const c
   from.pop_back();
 }
 
-// --- what comes of it -------------------------------------------------------------------------
+// --- results ----------------------------------------------------------------------------------
 
 optics::Rig Procedure::rig_of(const State& state) const {
   return with_sheet_values(start_rig_, state.sheet, distance_mm_);
@@ -328,8 +333,8 @@ optics::Rig Procedure::rig() const {
   return rig_of(state_);
 }
 
-/// The rig has to be good where it will be used and wherever the eye is meanwhile, and every band
-/// of the band chart too.
+/// Returns the problem of a state. The rig must be valid at its viewing line and at every eye
+/// position of the procedure, and so must every band of the band chart.
 std::string Procedure::problem_of(const State& state) const {
   const optics::Rig rig = rig_of(state);
   for (const double reach : {-state.band_reach, 0.0, state.band_reach}) {

@@ -1,55 +1,59 @@
 // SPDX-License-Identifier: Apache-2.0
-// Calibration by eye as a state machine: keys go in, the chart to be shown and the words about it
-// come out. It shows nothing, reads nothing and waits for nothing.
+// Procedure is calibration by eye as a state machine: keys are the input, the chart and its text
+// are the output. The state machine itself does not display, read or wait.
 //
-// The order matters. A wrong slant turns every fringe that a wrong pitch makes, so the slant comes
-// before the pitch, and an offset means nothing before both. Every task is to make something alike
-// on two sides, never to judge a number.
+// The order of steps matters. A wrong slant rotates every fringe that a wrong pitch makes, so the
+// slant comes before the pitch, and an offset has no meaning before both. In every task the user
+// makes two sides look alike; the user never has to estimate a number.
 #pragma once
 
 #include <cstddef>
 #include <string>
 #include <vector>
 
-#include "calib/by_eye/chart.h"
-#include "calib/by_eye/keys.h"
+#include "base/terminal_keys.h"
 #include "calib/by_eye/sheet_values.h"
+#include "frames/charts/chart.h"
 #include "optics/rig.h"
 
 namespace lenticule::calib {
 
+using frames::Chart;
+using frames::ChartPattern;
+
 enum class Step {
-  Prepare,        ///< distance, warm panel, untouched pixels
+  Prepare,        ///< distance, warm panel, unchanged pixels
   RoughPitch,     ///< the best band, twice
   Slant,          ///< fringes along the lenses
-  Pitch,          ///< fringes that spread until one fills the panel
+  Pitch,          ///< fringes that widen until one fills the panel
   Offset,         ///< left eye red, right eye green
   Check,          ///< edges against centre, all keys at once
-  GapByFlips,     ///< how far apart equal pictures are
-  GapByDistance,  ///< the pitch once more, from elsewhere
-  NumberedViews,  ///< which view is seen, in which order
+  GapByFlips,     ///< distance between positions with equal pictures
+  GapByDistance,  ///< the pitch again, from another distance
+  NumberedViews,  ///< number and order of the views seen
   Save,
 };
 inline constexpr int kSteps = 10;
 
-/// How much one press of Stride::Normal changes.
-inline constexpr double kPitchStep = 1e-4;  ///< part of the pitch
+/// Changes by one press of Stride::Normal.
+inline constexpr double kPitchStep = 1e-4;  ///< fraction of the pitch
 inline constexpr double kSlantStepDegrees = 0.01;
 inline constexpr double kOffsetStepLenses = 0.01;
 inline constexpr double kSpacingStepMm = 1.0;
 inline constexpr double kDistanceStepMm = 10.0;
 
-/// What a person is told at a step.
+/// Guide holds the instructions for one step.
 struct Guide {
   std::string title;               ///< "2 of 9: slant"
-  std::string task;                ///< what to do, one or two sentences
-  std::vector<std::string> wrong;  ///< what a fault looks like, a sentence each
-  std::string keys;                ///< those that matter here
+  std::string task;                ///< the action, one or two sentences
+  std::vector<std::string> wrong;  ///< appearance of faults, a sentence each
+  std::string keys;                ///< the keys of this step
 };
 
-/// How a step is left whose value is implausible (doubt_of in sheet_values.h).
+/// Doubts selects the reaction to an implausible value at the end of a step (doubt_of in
+/// sheet_values.h).
 enum class Doubts {
-  Ask,     ///< enter says why, enter once more takes it
+  Ask,     ///< the first enter shows the reason, the second enter accepts the value
   Refuse,  ///< the procedure ends with Status::Refused
   Accept,
 };
@@ -58,8 +62,8 @@ class Procedure {
  public:
   enum class Status { Running, Saved, Left, Refused };
 
-  /// The person's eye is `distance_mm` in front of the panel, on the rig's viewing height. Throws
-  /// Error(Usage) for a distance from which this rig cannot be looked at.
+  /// Starts with the user's eye `distance_mm` in front of the panel, on the rig's viewing height.
+  /// Throws Error(Usage) for a distance from which this rig cannot be viewed.
   Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts = Doubts::Ask);
 
   void press(const KeyPress& press);
@@ -67,27 +71,27 @@ class Procedure {
   [[nodiscard]] Status status() const { return status_; }
   [[nodiscard]] Step step() const { return state_.step; }
   [[nodiscard]] double distance_mm() const { return distance_mm_; }
-  /// The eye's distance at this step.
+  /// Returns the eye's distance at this step.
   [[nodiscard]] double eye_distance_mm() const;
 
-  /// As edited, with the viewing line that it came with; always valid.
+  /// Returns the edited rig with the viewing line of the original rig; always valid.
   [[nodiscard]] optics::Rig rig() const;
-  /// What to draw now.
+  /// Returns the chart to draw now.
   [[nodiscard]] Chart chart() const;
   [[nodiscard]] Guide guide() const;
-  /// "pitch 7.7010, slant ..., step 0.0001": what is shown, in numbers.
+  /// Returns the displayed values, for example "pitch 7.7010, slant ..., step 0.0001".
   [[nodiscard]] std::string numbers() const;
-  /// Why the last press did nothing, or what it did that cannot be seen; may be empty.
+  /// Returns the reason why the last press had no effect, or its invisible effect; may be empty.
   [[nodiscard]] const std::string& note() const { return note_; }
-  /// The chart shows the rig as it was at the start.
+  /// Returns true if the chart shows the rig as it was at the start.
   [[nodiscard]] bool shows_old() const { return shows_old_; }
-  /// The gap was found, not taken over.
+  /// Returns true if the gap was calibrated, not taken from the original rig.
   [[nodiscard]] bool gap_was_found() const { return state_.gap_found; }
-  /// Why the value of this step is implausible; empty where it is not.
+  /// Returns the reason why the value of this step is implausible; empty if it is plausible.
   [[nodiscard]] std::string doubt() const;
 
  private:
-  /// Everything that undo brings back.
+  /// State holds everything that undo restores.
   struct State {
     Step step = Step::Prepare;
     SheetValues sheet;
@@ -96,7 +100,7 @@ class Procedure {
     double spacing_mm = 0.0;
     double second_distance_mm = 0.0;
     double second_pitch_subpx = 0.0;
-    bool second_was_seen = false;  ///< else the second pitch is what the gap predicts
+    bool second_was_seen = false;  ///< else the second pitch is predicted from the gap
     bool gap_found = false;
   };
 
@@ -114,7 +118,7 @@ class Procedure {
   [[nodiscard]] bool is_settled();
   void take_band();
   void enter(Step step);
-  /// Keeps the state for undo and takes the new one, unless no valid rig belongs to it.
+  /// Saves the old state for undo and sets the new one, unless the new state gives no valid rig.
   bool change_to(const State& state);
   void predict_second(State& state) const;
   void travel(std::vector<State>& from, std::vector<State>& to, const char* nothing);
@@ -127,7 +131,7 @@ class Procedure {
   optics::Rig start_rig_;
   double distance_mm_;
   Doubts doubts_;
-  std::string asked_;  ///< the doubt that the last press of enter told
+  std::string asked_;  ///< the doubt that the last press of enter reported
   State start_;
   State state_;
   std::vector<State> done_;
@@ -141,7 +145,7 @@ class Procedure {
   std::string note_;
 };
 
-/// What `guide()` says; in guide.cpp.
+/// Returns the text of a step; implemented in guide.cpp.
 [[nodiscard]] Guide guide_of(Step step, double distance_mm, double second_distance_mm);
 
 }  // namespace lenticule::calib

@@ -29,7 +29,7 @@ optics::Rig with_sheet_values(optics::Rig rig, const SheetValues& values, double
   sheet.pitch = Subpixels(values.effective_pitch_subpx / (1.0 + values.gap_mm / distance_mm));
   sheet.slant = values.slant;
   sheet.gap = Millimetres(values.gap_mm);
-  // With offset 0, what the eye sees at the centre is what height and slant add.
+  // The eye sees at the centre, with offset 0, only the contribution of height and slant.
   sheet.offset = Lenses(0.0);
   const double added = optics::effective_sheet(rig_seen_from(rig, distance_mm)).offset.value;
   sheet.offset = Lenses(optics::without_whole_lenses(values.effective_offset_lenses - added));
@@ -38,7 +38,8 @@ optics::Rig with_sheet_values(optics::Rig rig, const SheetValues& values, double
 
 namespace {
 
-/// D for an eye in the middle, longer for one that sits `spacing_mm` / 2 aside.
+/// Returns D for an eye in the middle, and a longer path for an eye that is `spacing_mm` / 2 to the
+/// side.
 double path_mm(const optics::Rig& rig, double distance_mm, double spacing_mm) {
   const double kappa = 1.0 - rig.sheet.refraction_shape;
   return std::sqrt(distance_mm * distance_mm + 0.25 * kappa * spacing_mm * spacing_mm);
@@ -48,12 +49,12 @@ double effective_lens_mm(const optics::Rig& rig, const SheetValues& values) {
   return values.effective_pitch_subpx * rig.panel.pixel_width.value / 3.0;
 }
 
-/// A start may be off by a tenth of the pitch, three degrees and a quarter of the gap; beyond
-/// these it is more likely that something else was measured.
+/// A start may be off by a tenth of the pitch, three degrees and a quarter of the gap; beyond these
+/// limits the user has probably measured something else.
 constexpr double kMostPitchRatio = 1.12;
 constexpr double kMostTurnDegrees = 5.0;
 constexpr double kMostGapRatio = 1.6;
-/// Full cones of lens sheets that are sold, with room.
+/// Full cones of commercial lens sheets, with a margin.
 constexpr double kLeastConeDegrees = 4.0;
 constexpr double kMostConeDegrees = 75.0;
 
@@ -63,7 +64,7 @@ double slant_degrees(const optics::Rig& rig, const SheetValues& values) {
          std::numbers::pi;
 }
 
-/// The angle that the pixels under one lens span behind its apex.
+/// Returns the angle of the pixels under one lens, seen from its apex.
 double cone_degrees(const optics::Rig& rig, const SheetValues& values) {
   return 2.0 * std::atan(0.5 * effective_lens_mm(rig, values) / values.gap_mm) * 180.0 /
          std::numbers::pi;

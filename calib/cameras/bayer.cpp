@@ -8,13 +8,14 @@
 namespace lenticule::calib {
 namespace {
 
-/// Beyond an edge its inner neighbour counts: it is under a filter of the missing one's colour.
+/// Returns the mirrored index beyond an edge: that inner neighbour has the filter of the missing
+/// one.
 int mirrored(int index, int count) {
   if (index < 0) return 1;
   return index < count ? index : count - 2;
 }
 
-/// The pixels around one of a mosaic.
+/// Surroundings holds the neighbourhood of a mosaic pixel.
 struct Surroundings {
   const float* above;
   const float* here;
@@ -32,7 +33,7 @@ struct Surroundings {
 };
 
 void put_pixel(const Surroundings& at, bool red_column, bool red_row, float* rgb) {
-  if (red_column == red_row) {  // under red or blue
+  if (red_column == red_row) {  // pixel under a red or blue filter
     rgb[0] = red_row ? at.here[at.x] : at.corners();
     rgb[1] = at.cross();
     rgb[2] = red_row ? at.corners() : at.here[at.x];

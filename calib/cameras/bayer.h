@@ -1,20 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
-// Colours of a sensor under a Bayer mosaic of filters.
+// Interpolates the colours of a sensor with a Bayer mosaic of filters.
 #pragma once
 
 #include <span>
 
 namespace lenticule::calib {
 
-/// Where the first red pixel lies: column and row, 0 or 1 each.
+/// BayerOrder is the position of the first red pixel: column and row, 0 or 1 each.
 struct BayerOrder {
   int red_column = 0;
   int red_row = 0;
 };
 
-/// Bilinear: a colour that a pixel has no filter for is the mean of its nearest neighbours that
-/// have. `mosaic` holds width * height values of linear light, `rgb` takes three times as many.
-/// Both sides at least 2. Any thread.
+/// Interpolates bilinearly: a colour without a filter on a pixel is the mean of its nearest
+/// neighbours with that filter. `mosaic` holds width * height values of linear light, `rgb` three
+/// times as many. Both sides are at least 2.
+///
+/// Thread safety: any thread.
 void interpolate_bayer(std::span<const float> mosaic, int width, int height, BayerOrder order,
                        std::span<float> rgb);
 

@@ -35,7 +35,7 @@ bool is_number(uint32_t type) {
          type == V4L2_CTRL_TYPE_BITMASK;
 }
 
-/// The nearest value that the control can take.
+/// Returns the nearest value that the control supports.
 int64_t within(const ControlInfo& control, int64_t value) {
   if (control.maximum <= control.minimum) return control.minimum;
   const int64_t held = std::clamp(value, control.minimum, control.maximum);
@@ -64,14 +64,14 @@ int64_t whole_refreshes(const ControlInfo& exposure, double refresh_hz, int peri
   return within(exposure, std::llround(static_cast<double>(count) * period));
 }
 
-/// What is done with a control, where a camera has it. In the order in which it is done.
+/// Rule is the treatment of one control, if a camera has it. Rules are applied in their order.
 struct CameraControls::Rule {
   enum class Aim {
-    Set,         ///< to `value`
-    Minimum,     ///< as little of it as there is
+    Set,         ///< sets `value`
+    Minimum,     ///< the smallest value
     Everything,  ///< all bits
-    Keep,        ///< whatever it is
-    Exposure,    ///< as wished for, as are the next three
+    Keep,        ///< the present value
+    Exposure,    ///< the requested value, as for the next three
     Gain,
     Kelvin,
     Focus,
@@ -150,7 +150,7 @@ std::vector<ControlInfo> CameraControls::enumerate() {
   uint32_t last = 0;
   for (int i = 0; i < kMostControls; ++i) {
     const std::optional<ControlInfo> next = query(last | V4L2_CTRL_FLAG_NEXT_CTRL);
-    if (!next || next->id <= last) break;  // a driver that repeats itself would never end
+    if (!next || next->id <= last) break;  // guards against a driver that repeats itself endlessly
     last = next->id;
     if (is_number(next->type) && (next->flags & V4L2_CTRL_FLAG_DISABLED) == 0)
       controls.push_back(*next);
@@ -189,7 +189,7 @@ int CameraControls::lock() {
   for (const Rule& rule : rules())
     if (has_any(controls, {rule.id}) && apply(rule) == ENODEV) return ENODEV;
   say_what_is_missing(controls);
-  // Enumerating ends with an error even when all is well: ask for something that must be there.
+  // Enumerating always ends with an error, so a capability query detects a camera that is gone.
   v4l2_capability capability{};
   return v4l2_call(device_, VIDIOC_QUERYCAP, &capability) == ENODEV ? ENODEV : 0;
 }
@@ -216,9 +216,9 @@ std::optional<int64_t> CameraControls::wanted_value(const Rule& rule, const Cont
   return std::nullopt;
 }
 
-/// ENODEV if the camera is gone, else 0.
+/// Returns ENODEV if the camera is gone, else 0.
 int CameraControls::apply(const Rule& rule) {
-  // Asked again: switching something else off may have made it active.
+  // Queried again, because switching off another control may have made this one active.
   const std::optional<ControlInfo> control = query(rule.id);
   if (!control) return 0;
   const std::optional<int64_t> wanted = wanted_value(rule, *control);
@@ -227,7 +227,7 @@ int CameraControls::apply(const Rule& rule) {
 
 int CameraControls::set(const Rule& rule, const ControlInfo& control, int64_t wanted) {
   const bool inactive = (control.flags & V4L2_CTRL_FLAG_INACTIVE) != 0;
-  if (inactive && !is_essential(rule)) return 0;  // it does nothing as things are
+  if (inactive && !is_essential(rule)) return 0;  // the control has no effect in this state
   int error = EACCES;
   if ((control.flags & kUnsettable) == 0) error = write(rule.id, wanted);
   if (error == ENODEV) return ENODEV;
@@ -268,7 +268,7 @@ void CameraControls::judge(const Rule& rule, const ControlInfo& control, int64_t
 void CameraControls::judge_exposure(int64_t got) {
   exposure_ = std::chrono::microseconds{100 * got};
   const double refreshes = static_cast<double>(got) / kExposureUnitsPerSecond * wishes_.refresh_hz;
-  // The control's unit alone makes it miss by half of 100 us.
+  // The control's unit alone gives an error of half of 100 us.
   const double allowed = kPartOfRefreshAllowed + 0.5 / kExposureUnitsPerSecond * wishes_.refresh_hz;
   if (refreshes > 0.5 && std::abs(refreshes - std::round(refreshes)) <= allowed) return;
   unlocked_.push_back(
@@ -297,7 +297,7 @@ std::vector<std::string> CameraControls::drifted() {
     const int error = read(locked.id, value);
     if (error != 0) {
       changes.push_back(fmt::format("{} cannot be read: {}", locked.name, error_text(error)));
-      if (error == ENODEV) break;  // so it is with all others
+      if (error == ENODEV) break;  // all other controls would fail too
     } else if (value != locked.value) {
       changes.push_back(fmt::format("{} was {} and is now {}", locked.name, locked.value, value));
     }

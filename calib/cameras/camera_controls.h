@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Holding a camera still: everything that it would change by itself is switched off, everything
-// that can be set is set, and what it says afterwards is remembered.
+// CameraControls keeps a camera constant: it switches off all automatic controls, sets all manual
+// ones, and remembers the values that the camera reports afterwards.
 #pragma once
 
 #include <cstdint>
@@ -13,14 +13,15 @@
 namespace lenticule::calib {
 
 struct ControlWishes {
-  double refresh_hz = 60.0;   ///< of the display
-  int exposure_periods = 2;   ///< refreshes per exposure: every row then sees whole ones
-  std::optional<int> gain{};  ///< in the camera's own numbers, as are all of these; none: as it is
+  double refresh_hz = 60.0;  ///< refresh rate of the display
+  int exposure_periods =
+      2;  ///< refreshes per exposure: every row is then exposed for whole refreshes
+  std::optional<int> gain{};  ///< camera's own units, like the next two; absent: unchanged
   std::optional<int> white_balance_kelvin{};
   std::optional<int> focus{};
 };
 
-/// A control as the driver describes it. Ranges are clipped to 32 bits.
+/// ControlInfo describes a control as the driver reports it. Ranges are clipped to 32 bits.
 struct ControlInfo {
   uint32_t id = 0;
   uint32_t type = 0;
@@ -31,25 +32,30 @@ struct ControlInfo {
   int64_t step = 1;
 };
 
-/// The exposure nearest to so many refreshes that the control can take, in its unit of 100 us:
-/// fewer refreshes where the control does not reach so far, more where it does not go so low; if no
-/// whole number of them fits, the nearest value.
+/// Returns the exposure nearest to `periods` refreshes that the control supports, in its unit of
+/// 100 us: fewer refreshes if the control's maximum is too small, more if its minimum is too large;
+/// if no whole number of refreshes fits, the nearest value.
 [[nodiscard]] int64_t whole_refreshes(const ControlInfo& exposure, double refresh_hz, int periods);
 
-/// One thread; the device must outlive it.
+/// CameraControls locks the controls of one camera.
+///
+/// Thread safety: one thread.
+///
+/// Lifetime: the device must outlive this object.
 class CameraControls {
  public:
   CameraControls(V4l2Device& device, const ControlWishes& wishes);
 
   /// Switches automatic controls off first, since they make the others inactive, then sets values,
-  /// then reads everything back. To be done again after the stream has started: some cameras
-  /// forget. 0, or ENODEV if the camera is gone; what else fails is a sentence in unlocked().
+  /// then reads all values back. Call it again after the stream has started, because some cameras
+  /// forget the values. Returns 0, or ENODEV if the camera is gone; other failures become sentences
+  /// in unlocked().
   [[nodiscard]] int lock();
-  /// What could not be held constant, of the last lock().
+  /// Returns the properties that the last lock() could not hold constant.
   [[nodiscard]] const std::vector<std::string>& unlocked() const { return unlocked_; }
-  /// What has changed by itself since the last lock().
+  /// Returns the controls that have changed by themselves since the last lock().
   [[nodiscard]] std::vector<std::string> drifted();
-  /// Known if the camera says so.
+  /// Returns the exposure time, if the camera reports it.
   [[nodiscard]] std::optional<Nanoseconds> exposure() const { return exposure_; }
 
  private:

@@ -35,7 +35,7 @@ std::vector<CameraFormat> formats_of(V4l2Device& device) {
   return formats;
 }
 
-/// False for nodes that are no cameras.
+/// Returns false for nodes that are not cameras.
 bool describe(V4l2System& system, CameraListing& listing) {
   const OpenedDevice opened = system.open(listing.path);
   NodeFacts facts;
@@ -67,7 +67,7 @@ V4l2Node only_camera(V4l2System& system) {
   throw Error(ErrorKind::Usage, "camera: there are several", "name one of " + names);
 }
 
-/// The last part of a path.
+/// Returns the last component of a path.
 std::string leaf(const std::string& path) {
   return path.substr(path.rfind('/') + 1);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which video nodes are cameras.
+// Finds the video nodes that are cameras.
 #pragma once
 
 #include <memory>
@@ -12,15 +12,15 @@ namespace lenticule::calib {
 struct NodeFacts {
   std::string name;
   std::string bus;
-  bool captures = false;  ///< pictures, into mapped memory
+  bool captures = false;  ///< captures pictures into mapped memory
 };
 
-/// By the node's own capabilities, not those of the whole device: USB cameras have a second node
-/// that is none. 0 or errno.
+/// Queries the node's own capabilities, not those of the whole device: USB cameras have a second
+/// node that is not a camera. Returns 0 or errno.
 [[nodiscard]] int ask_node(V4l2Device& device, NodeFacts& facts);
 
-/// The node that a person means; see V4l2Options::device. Throws Error(Device) when there is no
-/// camera, Error(Usage) when there are several and none is named.
+/// Returns the node that the user's text names; see V4l2Options::device. Throws Error(Device) when
+/// there is no camera, Error(Usage) when there are several and none is named.
 [[nodiscard]] V4l2Node find_camera(V4l2System& system, const std::string& wanted);
 
 }  // namespace lenticule::calib

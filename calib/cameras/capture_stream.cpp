@@ -19,7 +19,8 @@ constexpr uint32_t kFewestBuffers = 2;
 constexpr uint32_t kMostBuffers = 64;
 constexpr size_t kLargestBuffer = size_t{1} << 30;
 constexpr int kMostLossesInARow = 64;
-/// At a driver that says "ready" and then has nothing, or while signals rain.
+/// Limits the retries with a driver that reports "ready" without a picture, or during a flood of
+/// signals.
 constexpr int kMostEmptyLooks = 1000;
 
 v4l2_buffer buffer_number(uint32_t index) {
@@ -43,7 +44,7 @@ int request_buffers(V4l2Device& device, uint32_t& count) {
 BufferStamp stamp_of(const v4l2_buffer& buffer) {
   const auto clock = buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK;
   const auto source = buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK;
-  // A driver may say anything; what overflows is not plausible anyway.
+  // Drivers may return any value; values that would overflow are implausible and clamped.
   const int64_t seconds = std::clamp<int64_t>(buffer.timestamp.tv_sec, 0, int64_t{1} << 32);
   const int64_t micros = std::clamp<int64_t>(buffer.timestamp.tv_usec, 0, 999'999);
   return {.sequence = buffer.sequence,
@@ -136,8 +137,9 @@ CaptureStream::Step CaptureStream::look(CapturedBuffer& out, Nanoseconds left) {
   return Step::Taken;
 }
 
-/// The kernel's documentation has EIO for passing troubles too, such as a lost signal; where the
-/// stream itself is broken poll() says so as well.
+/// Decides the next step after a failed dequeue. The kernel's documentation uses EIO for temporary
+/// errors too, such as a lost signal; if the stream itself is broken, poll() reports an error as
+/// well.
 CaptureStream::Step CaptureStream::nothing_dequeued(int error, bool broken) {
   if (error == EAGAIN || error == EINTR) return broken ? gone(EIO) : Step::Nothing;
   if (error == EIO && !broken && ++losses_in_a_row_ < kMostLossesInARow) return Step::Lost;

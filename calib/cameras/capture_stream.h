@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A running capture: buffers that the driver fills and we read, mapped into memory.
+// CaptureStream is a running capture: buffers that the driver fills, mapped into memory and read by
+// the program.
 #pragma once
 
 #include <cstddef>
@@ -17,31 +18,35 @@ namespace lenticule::calib {
 
 struct CapturedBuffer {
   uint32_t index = 0;
-  bool damaged = false;  ///< the driver says so, or it holds more than it has room for
+  bool damaged = false;  ///< the driver reports damage, or a length beyond the buffer
   std::span<const uint8_t> bytes;
   BufferStamp stamp;
 };
 
-/// Buffers are reserved, mapped and queued while it lives; the destructor stops the stream, unmaps
-/// and gives them back, in this order: whoever opens the camera next would get EBUSY otherwise.
-/// One thread; the device must outlive it.
+/// CaptureStream reserves, maps and queues buffers. Its destructor stops the stream, unmaps and
+/// frees the buffers, in this order: otherwise the next program that opens the camera would get
+/// EBUSY.
+///
+/// Thread safety: one thread.
+///
+/// Lifetime: the device must outlive the stream.
 class CaptureStream {
  public:
-  /// Throws Error(Device) naming `path`: in use, no memory, fewer than two buffers.
+  /// Throws Error(Device) that names `path`: in use, no memory, fewer than two buffers.
   CaptureStream(V4l2Device& device, V4l2System& system, const std::string& path);
-  /// Throws Error(Device).
+  /// Starts the stream. Throws Error(Device).
   void start(V4l2System& system, const std::string& path);
 
-  /// The oldest filled buffer, waiting until `deadline` on the device's clock. Ready: to be given
-  /// back after reading. Corrupt: the driver lost a picture, nothing to give back. Gone: failure()
-  /// says why, and it will be Gone always.
+  /// Waits until `deadline` on the device's clock for the oldest filled buffer. Ready: the caller
+  /// must give the buffer back after reading. Corrupt: the driver lost a picture, and there is no
+  /// buffer to give back. Gone: failure() has the cause, and all later calls return Gone too.
   [[nodiscard]] GrabStatus take(CapturedBuffer& out, Nanoseconds deadline);
-  /// To the driver, to be filled again. False: gone.
+  /// Returns a buffer to the driver, to be filled again. Returns false if the camera is gone.
   [[nodiscard]] bool give_back(uint32_t index);
   [[nodiscard]] const std::string& failure() const { return failure_; }
 
  private:
-  /// Gives all buffers back to the driver.
+  /// Reservation frees all buffers at the driver in its destructor.
   struct Reservation {
     explicit Reservation(V4l2Device& owner) : device(owner) {}
     Reservation(const Reservation&) = delete;
@@ -54,7 +59,7 @@ class CaptureStream {
     void operator()(void* memory) const noexcept { device->unmap(memory, size); }
   };
   using Mapping = std::unique_ptr<void, Unmap>;
-  /// Stops the stream.
+  /// Running stops the stream in its destructor.
   struct Running {
     explicit Running(V4l2Device& owner) : device(owner) {}
     Running(const Running&) = delete;
@@ -70,7 +75,7 @@ class CaptureStream {
   Step gone(int error);
 
   V4l2Device& device_;
-  // Destroyed from the last to the first.
+  // Members are destroyed from the last to the first.
   Reservation reservation_;
   std::vector<Mapping> buffers_;
   std::unique_ptr<Running> running_;

@@ -31,13 +31,13 @@ LumaWeights luma_weights(uint32_t encoding) {
   }
 }
 
-/// A straight part near black and a power above, as BT.709 and SMPTE 240M have it.
+/// Evaluates a curve with a linear part near black and a power above, as in BT.709 and SMPTE 240M.
 double camera_curve(double encoded, double slope, double knee, double lift) {
   if (encoded < knee) return encoded / slope;
   return std::pow((encoded + lift) / (1.0 + lift), 1.0 / 0.45);
 }
 
-/// SMPTE ST 2084.
+/// Evaluates SMPTE ST 2084.
 double perceptual_quantizer(double encoded) {
   constexpr double kM1 = 2610.0 / 16384.0;
   constexpr double kM2 = 2523.0 / 4096.0 * 128.0;
@@ -48,7 +48,7 @@ double perceptual_quantizer(double encoded) {
   return std::pow(std::max(root - kC1, 0.0) / (kC2 - kC3 * root), 1.0 / kM1);
 }
 
-/// A number that V4L2 knows, or 0.
+/// Returns a number that V4L2 defines, or 0.
 uint32_t known(uint32_t number, uint32_t largest) {
   return number <= largest ? number : 0;
 }
@@ -69,7 +69,7 @@ ColourCoding resolved(ColourCoding coding, Samples samples) {
   if (coding.xfer_func == V4L2_XFER_FUNC_DEFAULT)
     coding.xfer_func = V4L2_MAP_XFER_FUNC_DEFAULT(space);
   if (coding.quantization == V4L2_QUANTIZATION_DEFAULT) {
-    // Raw sensors have no headroom, though V4L2's rule gives their Y'CbCr some.
+    // Raw sensors have no headroom, although V4L2's rule assigns some to their Y'CbCr.
     const bool full = samples != Samples::Ycbcr || space == V4L2_COLORSPACE_RAW;
     coding.quantization = V4L2_MAP_QUANTIZATION_DEFAULT(full, space, coding.ycbcr_enc);
   }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a camera's numbers mean: V4L2's colour space, Y'CbCr encoding, quantization and transfer
-// function, with V4L2's rules for what a driver leaves open (the kernel's documentation, "Defining
-// Colorspaces" and the macros V4L2_MAP_*_DEFAULT).
+// Interprets a camera's code values: V4L2's colour space, Y'CbCr encoding, quantization and
+// transfer function, with V4L2's rules for values that a driver leaves open (the kernel's
+// documentation, "Defining Colorspaces" and the macros V4L2_MAP_*_DEFAULT).
 #pragma once
 
 #include <cstddef>
@@ -10,8 +10,8 @@
 
 namespace lenticule::calib {
 
-/// As the driver says; 0 is "by default" everywhere. Numbers that V4L2 does not know are held for
-/// 0.
+/// ColourCoding holds the driver's values; 0 is "default" in every field. Values that V4L2 does not
+/// define count as 0.
 struct ColourCoding {
   uint32_t colorspace = 0;
   uint32_t ycbcr_enc = 0;
@@ -19,25 +19,25 @@ struct ColourCoding {
   uint32_t xfer_func = 0;
 };
 
-/// What samples are. Bayer and decoded JPEG are Rgb.
+/// Samples is the kind of samples. Bayer and decoded JPEG are Rgb.
 enum class Samples { Rgb, Ycbcr, Luma };
 
-/// Nothing is left open; still V4L2's numbers. Luma alone is full range unless the driver says
-/// otherwise: V4L2's rule does not mention it, sensors deliver it so, and the kernel's test driver
-/// too.
+/// Resolves all defaults; the result still has V4L2's numbers. Luma alone is full range unless the
+/// driver states otherwise: V4L2's rule does not cover it, but sensors and the kernel's test driver
+/// deliver full range.
 [[nodiscard]] ColourCoding resolved(ColourCoding coding, Samples samples);
 
-/// From codes of `bits` bits to encoded values: black is 0, white is 1.
+/// CodeScale maps codes of `bits` bits to encoded values: black is 0, white is 1.
 struct CodeScale {
   double black = 0.0;
-  double per_code = 1.0;         ///< of luma and R'G'B'
+  double per_code = 1.0;         ///< scale of luma and R'G'B'
   double chroma_middle = 0.0;    ///< the code of no colour
-  double chroma_per_code = 1.0;  ///< Cb and Cr run from -1/2 to 1/2
+  double chroma_per_code = 1.0;  ///< Cb and Cr range from -1/2 to 1/2
 };
 [[nodiscard]] CodeScale code_scale(const ColourCoding& resolved_coding, int bits);
 
-/// R' = Y' + red_cr Cr, G' = Y' + green_cb Cb + green_cr Cr, B' = Y' + blue_cb Cb. Constant
-/// luminance is treated as if it were not.
+/// YcbcrMatrix: R' = Y' + red_cr Cr, G' = Y' + green_cb Cb + green_cr Cr, B' = Y' + blue_cb Cb.
+/// Constant luminance is treated like non-constant luminance.
 struct YcbcrMatrix {
   double red_cr = 0.0;
   double green_cb = 0.0;
@@ -46,10 +46,14 @@ struct YcbcrMatrix {
 };
 [[nodiscard]] YcbcrMatrix ycbcr_matrix(const ColourCoding& resolved_coding);
 
-/// Linear light of an encoded value in [0, 1], by the formula. BT.2084 counts 10000 cd/m2 as 1.
+/// Returns the linear light of an encoded value in [0, 1], by the formula. BT.2084 maps 10000 cd/m2
+/// to 1.
 [[nodiscard]] double linear_by_formula(uint32_t resolved_xfer_func, double encoded);
 
-/// The same from a table; encoded values outside [0, 1] are clipped. Immutable, any thread.
+/// TransferCurve tabulates linear_by_formula(); encoded values outside [0, 1] are clipped.
+/// Immutable.
+///
+/// Thread safety: any thread.
 class TransferCurve {
  public:
   explicit TransferCurve(uint32_t resolved_xfer_func);
@@ -64,7 +68,7 @@ class TransferCurve {
 
  private:
   static constexpr int kSteps = 4096;
-  std::vector<float> table_;  // one more than there are steps, and once more the last
+  std::vector<float> table_;  // one entry more than there are steps, and the last entry twice
 };
 
 }  // namespace lenticule::calib

@@ -8,7 +8,8 @@ namespace lenticule::calib {
 namespace {
 
 constexpr Nanoseconds kOldestStamp = std::chrono::seconds{10};
-/// Beside the time of a frame: some drivers compute when the frame ought to end.
+/// Tolerance in addition to the time of a frame: some drivers compute the expected end of the
+/// frame.
 constexpr Nanoseconds kAheadAllowed = std::chrono::milliseconds{5};
 
 }  // namespace

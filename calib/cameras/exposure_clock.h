@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// When pictures were exposed, and how many were lost, from what the driver writes on each buffer.
+// ExposureClock computes the exposure times of pictures and the number of lost pictures from the
+// stamps of the driver's buffers.
 #pragma once
 
 #include <cstdint>
@@ -9,29 +10,32 @@
 
 namespace lenticule::calib {
 
-/// What came with a buffer.
+/// BufferStamp is the driver's stamp of a buffer.
 struct BufferStamp {
   uint32_t sequence = 0;
   Nanoseconds time{0};
-  bool monotonic = false;          ///< it is CLOCK_MONOTONIC
-  bool start_of_exposure = false;  ///< otherwise it was taken when the last byte had come
+  bool monotonic = false;          ///< the time is CLOCK_MONOTONIC
+  bool start_of_exposure = false;  ///< otherwise the stamp was taken when the last byte arrived
 };
 
-/// One thread.
+/// ExposureClock tracks one stream.
+///
+/// Thread safety: one thread.
 class ExposureClock {
  public:
-  /// `frame` is the time between two pictures, 0 if unknown.
+  /// Takes the exposure time, if known, and the time between two pictures, 0 if unknown.
   ExposureClock(std::optional<Nanoseconds> exposure, Nanoseconds frame)
       : exposure_(exposure.value_or(frame)), frame_(frame) {}
 
-  /// The middle of the exposure of the middle row. A stamp at the end comes when the whole sensor
-  /// has been read, for which a frame is allowed: most sensors read row by row, as fast as they
-  /// must. Stamps of another clock, of the future, of ten seconds ago or more, or before the last
-  /// one, are replaced with `now`.
+  /// Returns the time of the middle of the middle row's exposure. A stamp at the end is taken when
+  /// the whole sensor has been read, for which one frame is assumed: most sensors read row by row
+  /// during the whole frame. Stamps of another clock, in the future, ten or more seconds old, or
+  /// before the previous stamp are replaced with `now`.
   [[nodiscard]] Nanoseconds exposed_at(const BufferStamp& stamp, Nanoseconds now);
-  /// Counts on where the camera's 32 bits begin again, and where it starts anew by one.
+  /// Returns a 64-bit count, which continues where the camera's 32 bits wrap, and adds one where
+  /// the camera restarts its count.
   [[nodiscard]] uint64_t count(uint32_t sequence);
-  /// Whether a stamp had to be replaced so far.
+  /// Returns true if any stamp so far had to be replaced.
   [[nodiscard]] bool unreliable() const { return unreliable_; }
 
  private:

@@ -27,13 +27,13 @@ double pixels(const FrameSize& size) {
   return static_cast<double>(size.width) * size.height;
 }
 
-/// From a driver's number; what does not fit is no size at all.
+/// Converts a driver's number; returns 0 if it does not fit.
 int side(uint32_t length) {
   return length <= static_cast<uint32_t>(std::numeric_limits<int>::max()) ? static_cast<int>(length)
                                                                           : 0;
 }
 
-/// How unlike two sizes are, as factors of width and height.
+/// Returns the difference of two sizes, as factors of width and height.
 double unlikeness(const FrameSize& a, const FrameSize& b) {
   if (a.width <= 0 || a.height <= 0) return std::numeric_limits<double>::infinity();
   return std::abs(std::log(static_cast<double>(a.width) / b.width)) +
@@ -64,11 +64,12 @@ v4l2_format asked_format(uint32_t fourcc, const FrameSize& size) {
   format.fmt.pix.height = static_cast<uint32_t>(size.height);
   format.fmt.pix.pixelformat = fourcc;
   format.fmt.pix.field = V4L2_FIELD_NONE;
-  format.fmt.pix.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // we know the fields behind it
+  format.fmt.pix.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // declares that we use the extended fields
   return format;
 }
 
-/// The size nearest to the wanted one: the driver knows, unless it only lists some.
+/// Returns the size nearest to the requested one: as the driver answers, unless the driver only
+/// lists discrete sizes.
 FrameSize nearest_size(V4l2Device& device, const FormatOffer& offer, const FrameSize& wanted) {
   v4l2_format format = asked_format(offer.fourcc, wanted);
   FrameSize best{};
@@ -85,7 +86,7 @@ struct Candidate {
   bool large_enough;
 };
 
-/// In the order in which they are tried.
+/// Returns the candidates in the order in which they are tried.
 std::vector<Candidate> candidates(V4l2Device& device, const FormatWish& wish) {
   const std::vector<FormatOffer> offers = offered_formats(device);
   const FrameSize wanted = wanted_size(wish);
@@ -116,14 +117,15 @@ std::vector<Candidate> candidates(V4l2Device& device, const FormatWish& wish) {
               wish.pixel_format.empty() ? "use another camera" : "ask for one of those");
 }
 
-/// Inputs for HDMI and the like have the size of what arrives, but only when told so.
+/// Sets inputs for HDMI and similar to the size of the arriving signal, which they adopt only on
+/// request.
 void follow_signal(V4l2Device& device, V4l2System& system, const std::string& path) {
   v4l2_dv_timings timings{};
   const int error = v4l2_call(device, VIDIOC_QUERY_DV_TIMINGS, &timings);
   if (error == ENOLINK || error == ENOLCK || error == ERANGE)
     throw Error(ErrorKind::Device, path + ": no usable signal: " + error_text(error),
                 "switch on what is connected to this input");
-  if (error != 0) return;  // a camera of its own
+  if (error != 0) return;  // a camera with its own timing
   const int refused = v4l2_call(device, VIDIOC_S_DV_TIMINGS, &timings);
   if (refused != 0) throw camera_failure(system, path, "follow the signal", refused);
 }
@@ -135,7 +137,8 @@ void require_progressive(const v4l2_pix_format& got, const std::string& path) {
 }
 
 RawFormat raw_format(const v4l2_pix_format& got) {
-  const bool extended = got.priv == V4L2_PIX_FMT_PRIV_MAGIC;  // else the rest means nothing
+  const bool extended =
+      got.priv == V4L2_PIX_FMT_PRIV_MAGIC;  // else the extended fields are undefined
   return {.fourcc = got.pixelformat,
           .width = side(got.width),
           .height = side(got.height),
@@ -146,7 +149,7 @@ RawFormat raw_format(const v4l2_pix_format& got) {
                      .xfer_func = extended ? got.xfer_func : 0}};
 }
 
-/// What the driver made of it; none if it gives a format that cannot be unpacked.
+/// Returns the format that the driver made of the request; none if that format cannot be unpacked.
 std::optional<RawFormat> try_candidate(V4l2Device& device, V4l2System& system,
                                        const std::string& path, const Candidate& candidate) {
   v4l2_format format = asked_format(candidate.fourcc, candidate.size);

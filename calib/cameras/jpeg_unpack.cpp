@@ -10,8 +10,8 @@
 namespace lenticule::calib {
 namespace {
 
-/// The library keeps its first warning; when that is one about bytes before the end marker, the
-/// picture was whole.
+/// Returns true for a harmless warning. The library keeps its first warning; if that warning is
+/// about bytes before the end marker, the picture was complete.
 bool harmless(tjhandle handle) {
   if (tjGetErrorCode(handle) != TJERR_WARNING) return false;
   return std::string_view(tjGetErrorStr2(handle)).ends_with("extraneous bytes before marker 0xd9");

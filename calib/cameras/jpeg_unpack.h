@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One JPEG picture of a camera's stream. The only door to libjpeg-turbo.
+// JpegDecoder decodes single JPEG pictures of a camera's stream. It is the sole wrapper of
+// libjpeg-turbo in this module.
 #pragma once
 
 #include <cstddef>
@@ -10,15 +11,18 @@
 
 namespace lenticule::calib {
 
-/// Reused from picture to picture; one thread. Throws Error(Failed) if there is no memory for it.
+/// JpegDecoder is reused from picture to picture. Throws Error(Failed) if there is no memory for
+/// it.
+///
+/// Thread safety: one thread.
 class JpegDecoder {
  public:
   JpegDecoder();
 
-  /// Full-range R'G'B' of a picture of exactly this size, three bytes a pixel without padding.
-  /// Empty when the bytes are not that: garbage, another size, cut off, damaged inside. Bytes
-  /// between picture and end marker, which many cameras send, do no harm. Valid until the next
-  /// call.
+  /// Returns full-range R'G'B' of a picture of exactly this size, three bytes per pixel without
+  /// padding. Returns nothing for other bytes: not a JPEG, another size, truncated, damaged. Extra
+  /// bytes between picture and end marker, which many cameras send, are accepted. Valid until the
+  /// next call.
   [[nodiscard]] std::span<const uint8_t> decode(std::span<const uint8_t> bytes, int width,
                                                 int height);
 

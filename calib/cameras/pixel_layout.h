@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pixel formats of cameras: their names, and where their samples lie.
+// PixelLayout describes the pixel formats of cameras: their names, and the positions of their
+// samples.
 #pragma once
 
 #include <cstddef>
@@ -27,10 +28,10 @@ struct PixelLayout {
   uint32_t fourcc = 0;  ///< V4L2's code
   Packing packing = Packing::Grey8;
   int bits = 8;
-  int red_column = 0;   ///< Bayer: of the first red pixel
-  int red_row = 0;      ///< the same
-  int luma_byte = 0;    ///< 4:2:2: of the first pixel; the second one's is two further
-  int chroma_byte = 1;  ///< 4:2:2: of Cb; that of Cr is two further
+  int red_column = 0;  ///< Bayer: column of the first red pixel
+  int red_row = 0;     ///< Bayer: row of the first red pixel
+  int luma_byte = 0;   ///< 4:2:2: byte of the first pixel's luma; the second pixel's is two further
+  int chroma_byte = 1;  ///< 4:2:2: byte of Cb; Cr is two further
   int red_byte = 0;     ///< RGB: 0 or 2
 
   [[nodiscard]] int channels() const {
@@ -39,20 +40,20 @@ struct PixelLayout {
   [[nodiscard]] Samples samples() const;
 };
 
-/// The formats that can be unpacked, best for measuring first: samples as the sensor gave them,
-/// then those that share colours between pixels, then those that lose something.
+/// Returns the formats that can be unpacked, best for measuring first: raw sensor samples, then
+/// formats that share colours between pixels, then lossy ones.
 [[nodiscard]] std::span<const PixelLayout> supported_layouts();
-/// Null for formats that cannot be unpacked.
+/// Returns null for formats that cannot be unpacked.
 [[nodiscard]] const PixelLayout* layout_of(uint32_t fourcc);
-/// By name, "YUYV"; null for others.
+/// Returns the layout of a name such as "YUYV"; null for others.
 [[nodiscard]] const PixelLayout* layout_named(std::string_view name);
-/// "YUYV"; where the bytes cannot be printed, "0x00000001".
+/// Returns a name such as "YUYV", or "0x00000001" if the bytes are not printable.
 [[nodiscard]] std::string fourcc_name(uint32_t fourcc);
 
-/// Bytes of one row of the first plane without padding; 0 for JPEG.
+/// Returns the bytes of one row of the first plane without padding; 0 for JPEG.
 [[nodiscard]] size_t row_bytes(const PixelLayout& layout, int width);
-/// Bytes of a whole picture with rows of `bytes_per_line`, the last one without padding; 0 for
-/// JPEG.
+/// Returns the bytes of a whole picture with rows of `bytes_per_line`, the last one without
+/// padding; 0 for JPEG.
 [[nodiscard]] size_t picture_bytes(const PixelLayout& layout, int width, int height,
                                    size_t bytes_per_line);
 

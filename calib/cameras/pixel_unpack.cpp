@@ -40,7 +40,7 @@ RawFormat checked_format(RawFormat format, const PixelLayout& layout, const std:
   return format;
 }
 
-/// libjpeg-turbo's R'G'B' is full range whatever the driver says about the stream.
+/// Returns the code scale. libjpeg-turbo's R'G'B' is full range, regardless of the driver's values.
 CodeScale scale_of(const RawFormat& format, const PixelLayout& layout) {
   if (layout.packing == Packing::Jpeg) return {.black = 0.0, .per_code = 1.0 / 255.0};
   return code_scale(format.coding, layout.bits);

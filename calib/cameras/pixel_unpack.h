@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a camera's bytes to pictures in linear light.
+// PixelUnpacker converts a camera's bytes to pictures in linear light.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@
 
 namespace lenticule::calib {
 
-/// How the bytes of a picture lie in memory, and what they mean.
+/// RawFormat describes the memory layout of a picture and the coding of its samples.
 struct RawFormat {
   uint32_t fourcc = 0;
   int width = 0;
@@ -26,21 +26,24 @@ struct RawFormat {
   ColourCoding coding;
 };
 
-/// Formats: GREY, Y16, Y12, Y10 (one channel), 8-bit Bayer (RGGB, GRBG, BA81, GBRG; interpolated
-/// bilinearly in linear light), YUYV, UYVY, NV12 (colours repeated, not interpolated), RGB3, BGR3,
-/// MJPG, JPEG. Nothing is converted between colour primaries: R, G, B are the camera's own. Codes
-/// below black are light 0, those above white are 1. One thread.
+/// PixelUnpacker supports GREY, Y16, Y12, Y10 (one channel), 8-bit Bayer (RGGB, GRBG, BA81, GBRG;
+/// interpolated bilinearly in linear light), YUYV, UYVY, NV12 (colours repeated, not interpolated),
+/// RGB3, BGR3, MJPG, JPEG. It does not convert between colour primaries: R, G, B are the camera's
+/// own. Codes below black give light 0, codes above white give light 1.
+///
+/// Thread safety: one thread.
 class PixelUnpacker {
  public:
-  /// Throws Error(Device), naming `camera`, for another format, pictures of no or unreasonable size
-  /// (a side above 16384, more than 2^26 pixels) and for rows that overlap or are absurdly long.
+  /// Throws Error(Device) that names `camera` for an unsupported format, for pictures of size zero
+  /// or an excessive size (a side above 16384, more than 2^26 pixels), and for rows that overlap or
+  /// are implausibly long.
   PixelUnpacker(const RawFormat& format, const std::string& camera);
 
   [[nodiscard]] int channels() const { return layout_.channels(); }
-  /// Bytes of a whole picture; 0 for JPEG, where nobody knows before.
+  /// Returns the bytes of a whole picture; 0 for JPEG, whose size varies.
   [[nodiscard]] size_t bytes_needed() const { return bytes_needed_; }
-  /// Sets size, channels and light, reusing the memory of `out`. False: the bytes are too few or
-  /// damaged, and the light of `out` is anything.
+  /// Sets size, channels and light, reusing the memory of `out`. Returns false if the bytes are too
+  /// few or damaged; the light of `out` is undefined then.
   [[nodiscard]] bool unpack(std::span<const uint8_t> bytes, CameraPicture& out);
 
  private:
@@ -61,7 +64,7 @@ class PixelUnpacker {
   std::array<float, 256> light_of_code_{};    // 8-bit luma or R'G'B'
   std::array<float, 256> encoded_of_luma_{};  // black 0, white 1
   std::array<float, 256> chroma_of_code_{};   // -1/2 to 1/2
-  float wide_black_ = 0.0F;                   // of more than 8 bits
+  float wide_black_ = 0.0F;                   // scale of samples of more than 8 bits
   float wide_per_code_ = 1.0F;
   YcbcrMatrix matrix_;
   std::vector<float> mosaic_;

@@ -77,7 +77,7 @@ class V4l2Camera final : public Camera {
   void stamp(const BufferStamp& stamp, CameraPicture& out);
   void close();
 
-  // Destroyed from the last to the first: the stream before the device that it runs on.
+  // Members are destroyed from the last to the first: the stream before its device.
   V4l2Node node_;
   std::unique_ptr<V4l2Device> device_;
   std::unique_ptr<CameraControls> controls_;
@@ -87,7 +87,7 @@ class V4l2Camera final : public Camera {
   CameraFacts facts_;
   std::string failure_;
   int to_skip_;
-  bool early_ = false;  ///< the last picture was from before what was asked for
+  bool early_ = false;  ///< the last picture was exposed before the requested time
   bool clock_reported_ = false;
 };
 
@@ -110,7 +110,7 @@ V4l2Camera::V4l2Camera(const V4l2Options& options, V4l2System& system, V4l2Node 
   lock_controls(system);
   stream_ = std::make_unique<CaptureStream>(*device_, system, node_.path);
   stream_->start(system, node_.path);
-  lock_controls(system);  // some cameras forget when they start
+  lock_controls(system);  // some cameras forget the values at the start
   collect_facts(about, agreed);
   clock_.emplace(controls_->exposure(), frame_time(agreed.frames_per_second));
 }
@@ -172,7 +172,7 @@ void V4l2Camera::stamp(const BufferStamp& stamp, CameraPicture& out) {
       "no usable timestamps: pictures are dated by when they arrive, which may be late");
 }
 
-/// All that the driver gave goes back to it, so that the camera can be opened again.
+/// Returns all resources to the driver, so that the camera can be opened again.
 void V4l2Camera::close() {
   failure_ = fmt::format("{}: {}", node_.path, stream_->failure());
   stream_.reset();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The real nodes of /dev.
+// Implements V4l2System for the nodes in /dev.
 #include "calib/cameras/v4l2_device.h"
 
 #include <fcntl.h>
@@ -62,7 +62,7 @@ class LinuxDevice final : public V4l2Device {
   UniqueFd fd_;
 };
 
-/// "video12" -> 12, anything else -> -1.
+/// Returns 12 for "video12", -1 for other names.
 int node_number(std::string_view name) {
   constexpr std::string_view kPrefix = "video";
   if (!name.starts_with(kPrefix) || name.size() == kPrefix.size()) return -1;
@@ -74,7 +74,7 @@ int node_number(std::string_view name) {
   return number;
 }
 
-/// Names in a folder, sorted; none if it cannot be read.
+/// Returns the names in a folder, sorted; none if the folder cannot be read.
 std::vector<fs::path> entries(const fs::path& folder) {
   std::vector<fs::path> found;
   std::error_code error;
@@ -84,7 +84,7 @@ std::vector<fs::path> entries(const fs::path& folder) {
   return found;
 }
 
-/// The link to a node, by identity if there is one, by place otherwise.
+/// Returns the link to a node: the one by identity if there is one, otherwise the one by path.
 std::string stable_path_of(const fs::path& node) {
   for (const char* const folder : {"/dev/v4l/by-id", "/dev/v4l/by-path"})
     for (const fs::path& link : entries(folder)) {
@@ -125,7 +125,7 @@ class LinuxSystem final : public V4l2System {
   }
 
   [[nodiscard]] OpenedDevice open(const std::string& path) override {
-    // Anything else than a device could make us wait, or be a file that somebody misses later.
+    // Only devices are opened: another kind of file could block, or be changed by the open.
     struct stat status {};
     if (::stat(path.c_str(), &status) != 0) return {.device = nullptr, .error = errno};
     if (!S_ISCHR(status.st_mode)) return {.device = nullptr, .error = ENOTTY};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a failed call to a camera means to people, and what they can do about it.
+// Translates failed camera calls to messages with a remedy.
 #pragma once
 
 #include <string>
@@ -9,11 +9,13 @@
 
 namespace lenticule::calib {
 
-/// The system's words for an errno, as in a sentence: "no such device". Any thread.
+/// Returns the system's text for an errno in lower case, as in a sentence: "no such device".
+///
+/// Thread safety: any thread.
 [[nodiscard]] std::string error_text(int error);
 
-/// An Error(Device) for `path` that could not be opened, or refused `doing` while being set up
-/// ("set the format"). Names who has the camera, and the group that is missing.
+/// Returns an Error(Device) for `path` that could not be opened, or refused `doing` during setup
+/// ("set the format"). Names the programs that have the camera open, and the missing group.
 [[nodiscard]] Error camera_failure(V4l2System& system, const std::string& path,
                                    const std::string& doing, int error);
 

@@ -11,7 +11,7 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// The sheet's own phase, any smooth function: fine enough for real deformations.
+/// Grid of the sheet's own phase, any smooth function: fine enough for real deformations.
 constexpr KnotGrid kSmooth{.columns = 16, .rows = 9};
 constexpr size_t kMostPerView = 700;
 constexpr double kShapeStep = 0.02;
@@ -25,7 +25,8 @@ struct Row {
   double turns = 0.0;
 };
 
-/// All rows, and a projector that takes off what a smooth sheet can explain.
+/// SmoothSheet holds all rows, and a projector that removes the part that a smooth sheet can
+/// explain.
 class SmoothSheet {
  public:
   SmoothSheet(const std::vector<View>& views, const PoseFit& poses, const optics::Panel& panel)
@@ -46,13 +47,13 @@ class SmoothSheet {
     return v - basis_ * solver_.solve(basis_.transpose() * v);
   }
 
-  /// The lens coordinates that the rows show for a gap of nothing.
+  /// Returns the lens coordinates that the rows show for a gap of zero.
   [[nodiscard]] VectorXd without_gap() const {
     return each([&](const Row& row) {
       return fringe_turns(views_[row.view].fringe, panel_, row.lens) - row.turns;
     });
   }
-  /// What each millimetre of gap adds.
+  /// Returns the contribution of each millimetre of gap.
   [[nodiscard]] VectorXd per_gap(double shape) const {
     return each([&](const Row& row) {
       const PoseValues& pose = poses_.poses[row.view];
@@ -111,7 +112,7 @@ class GapSearch {
   }
 
  private:
-  /// Walks the gap and notes the whole numbers nearest to what the views then lack.
+  /// Steps through gaps and records the whole numbers nearest to the views' remaining offsets.
   void try_shape(double shape) {
     const VectorXd per_gap = sheet_.project(sheet_.per_gap(shape));
     const double gap0 = start_.values[kGap];
@@ -124,7 +125,7 @@ class GapSearch {
     }
   }
 
-  /// Least squares for the views' offsets, rounded.
+  /// Returns the views' offsets by least squares, rounded.
   [[nodiscard]] std::vector<int> lacking(const VectorXd& rest) const {
     const auto count = static_cast<Eigen::Index>(ones_.size());
     MatrixXd normal(count, count);
@@ -155,7 +156,7 @@ class GapSearch {
           .rms_lenses = std::sqrt(rest.squaredNorm() / static_cast<double>(sheet_.count()))});
   }
 
-  /// One entry per combination: its best shape.
+  /// Keeps one entry per combination: its best shape.
   void keep(const GapCandidate& candidate) {
     for (GapCandidate& known : found_) {
       if (known.whole_lenses != candidate.whole_lenses) continue;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which gap? Views from different sides see phases that differ by the gap times their distance,
-// but each only up to whole lenses, so that several gaps fit about as well. All combinations of
-// whole numbers are tried: for given ones everything else is linear.
+// Searches the gap. Views from different sides see phases that differ by the gap times their
+// distance, but each phase is known only up to whole lenses, so several gaps fit about equally
+// well. The search tries all combinations of whole numbers: for a given combination the remaining
+// problem is linear.
 #pragma once
 
 #include <vector>
@@ -15,11 +16,12 @@ struct GapCandidate {
   double gap_mm = 0.0;
   double shape = 0.0;
   double rms_lenses = 0.0;
-  /// Sum of squares over the variance that the best candidate leaves, beliefs included.
+  /// Sum of squares divided by the variance of the best candidate's residuals, priors included.
   double chi_squared = 0.0;
 };
 
-/// Best first; one entry for each combination worth a thought. Needs two views or more.
+/// Returns the candidates, best first, one for each plausible combination. Needs at least two
+/// views.
 [[nodiscard]] std::vector<GapCandidate> search_gaps(const std::vector<View>& views,
                                                     const PoseFit& poses, const SheetStart& start,
                                                     const optics::Panel& panel);

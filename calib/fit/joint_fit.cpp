@@ -17,7 +17,7 @@ using Eigen::VectorXd;
 
 constexpr double kCauchy = 4.0;  ///< standard errors
 constexpr double kHuber = 3.0;   ///< standard errors
-/// Lenses: mean and slopes of the map. So tight that it adds nothing to the errors of the sheet.
+/// Lenses: mean and slopes of the map. So tight that they add nothing to the errors of the sheet.
 constexpr double kGaugeSigma = 3e-6;
 /// Focused cylinders have up to a twentieth of either.
 constexpr double kAberrationSigma = 0.05;
@@ -37,7 +37,7 @@ double rms(const std::vector<double>& values) {
   return values.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(values.size()));
 }
 
-/// The fit with everything that it borrows; one use.
+/// Bundle is one fit with everything that it borrows; used once.
 class Bundle {
  public:
   Bundle(const std::vector<View>& views, const PoseFit& poses, const SheetStart& start,
@@ -63,7 +63,7 @@ class Bundle {
   }
 
  private:
-  /// Pitch, slant and offset by least squares through what the views show with the gap given.
+  /// Computes pitch, slant and offset by linear least squares from the views, for a given gap.
   bool start_linear(const std::optional<GapCandidate>& gap) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();
@@ -140,7 +140,8 @@ class Bundle {
     return &fit_.values.knots[static_cast<size_t>(row * options_.grid.columns + column)];
   }
 
-  /// The map is smooth, and has neither mean nor slopes: those are offset, pitch and slant.
+  /// Adds the terms of the map, which is smooth and has neither mean nor slopes, since those are
+  /// offset, pitch and slant.
   void add_map_terms() {
     const KnotGrid& grid = options_.grid;
     const std::vector<double> bend = {1.0, -2.0, 1.0};
@@ -153,7 +154,7 @@ class Bundle {
     for (int term = 0; term < 3 && grid.count() > 0; ++term) add_gauge(term);
   }
 
-  /// The mean over the panel's area of the map times 1, x or y.
+  /// Constrains the mean over the panel's area of the map times 1, x or y.
   void add_gauge(int term) {
     constexpr int kColumns = 96, kRows = 56;
     std::vector<double> weights(fit_.values.knots.size(), 0.0);
@@ -175,7 +176,7 @@ class Bundle {
     problem_->AddResidualBlock(linear_cost(weights, sigma), nullptr, blocks);
   }
 
-  /// Gap and shape: held, or believed in loosely.
+  /// Holds gap and shape, or adds weak priors for them.
   void add_sheet_beliefs() {
     double* const sheet = fit_.values.sheet.data();
     if (!options_.free_gap) {
@@ -209,7 +210,8 @@ class Bundle {
     return summary.IsSolutionUsable();
   }
 
-  /// The blocks' own scatter is blind to what changes from block to block; the fit's rests are not.
+  /// Rescales the standard errors: the scatter inside blocks does not include errors that change
+  /// from block to block, but the fit's residuals do.
   void rescale() {
     std::vector<double> normalized, geometry;
     for (size_t v = 0; v < views_.size(); ++v) {
@@ -225,7 +227,7 @@ class Bundle {
       geometry_scale_ = options_.geometry_scatter * std::max(0.05, 1.4826 * median_size(geometry));
   }
 
-  /// Both coordinates of each geometry point, in its standard errors.
+  /// Returns the residuals of both coordinates of each geometry point, in its standard errors.
   [[nodiscard]] std::vector<double> geometry_rests(size_t v) const {
     std::vector<double> out;
     for (const GeometryPoint& point : views_[v].geometry) {
@@ -253,7 +255,7 @@ class Bundle {
     if (options_.free_poses) fit_.covariance = covariance();
   }
 
-  /// The inverse of the normal equations, of sheet, knots and poses.
+  /// Returns the inverse of the normal equations of sheet, knots and poses.
   [[nodiscard]] MatrixXd covariance() {
     ceres::Problem::EvaluateOptions options;
     std::vector<double*>& blocks = options.parameter_blocks;
@@ -265,7 +267,7 @@ class Bundle {
     problem_->Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
     MatrixXd normal = MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
     for (int r = 0; r < jacobian.num_rows; ++r) add_row(jacobian, r, normal);
-    // What is held has no column of its own: its variance stays zero.
+    // A held parameter has no column, so its variance stays zero.
     for (Eigen::Index k = 0; k < normal.rows(); ++k)
       if (!(normal(k, k) > 0.0)) normal(k, k) = 1e300;
     const VectorXd scale = normal.diagonal().array().rsqrt();
@@ -282,7 +284,7 @@ class Bundle {
             jacobian.values[static_cast<size_t>(a)] * jacobian.values[static_cast<size_t>(b)];
   }
 
-  /// From the columns that Ceres evaluates (held numbers have none) to all of them.
+  /// Expands the columns that Ceres evaluates, which exclude held parameters, to all parameters.
   [[nodiscard]] MatrixXd spread(const MatrixXd& inner) const {
     std::vector<Eigen::Index> place;
     const Eigen::Index all = kSheetCount + static_cast<Eigen::Index>(fit_.values.knots.size()) +

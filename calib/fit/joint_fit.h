@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// All views together: lens sheet, residual map, camera and poses in one robust least-squares fit.
+// Fits all views together: lens sheet, residual map, camera and poses in one robust least-squares
+// fit.
 #pragma once
 
 #include <Eigen/Dense>
@@ -13,11 +14,11 @@ namespace lenticule::calib {
 struct JointOptions {
   KnotGrid grid{.columns = 24, .rows = 14};
   bool free_gap = true;    ///< else the starting gap and shape are held
-  bool free_poses = true;  ///< else the poses are held where they start
-  /// Standard deviation believed of the map's second differences, lenses.
+  bool free_poses = true;  ///< else the starting poses are held
+  /// Prior standard deviation of the map's second differences, lenses.
   double bend_sigma = 0.04;
-  /// By how much larger than their scatter the standard errors of geometry points are taken: more
-  /// than 1 where errors of neighbours are alike.
+  /// Factor on the standard errors of geometry points relative to their scatter: above 1 if errors
+  /// of neighbouring points are correlated.
   double geometry_scatter = 1.0;
   int most_rounds = 40;
 };
@@ -26,23 +27,25 @@ struct JointFit {
   FitValues values;
   double phase_rms = 0.0;        ///< lenses
   double geometry_rms_px = 0.0;  ///< panel pixels
-  /// By how much the phases' scatter exceeds what the blocks' own scatter says.
+  /// Ratio of the phases' scatter to the scatter inside the blocks.
   double phase_scale = 1.0;
-  /// Of sheet, knots and poses in this order (kSheetCount + knots + 6 per view); rows of gap and
-  /// shape are zero where they were held. Empty where the poses were.
+  /// Covariance of sheet, knots and poses in this order (kSheetCount + knots + 6 per view); rows of
+  /// gap and shape are zero if they were held. Empty if the poses were held.
   Eigen::MatrixXd covariance;
-  /// Phase left over at each phase observation of each view, lenses.
+  /// Phase residual at each phase observation of each view, lenses.
   std::vector<std::vector<double>> rests;
 };
 
-/// `views` outlive the call. Empty where the fit does not converge.
+/// Returns the fit; empty if it does not converge.
+///
+/// Lifetime: `views` must outlive the call.
 [[nodiscard]] std::optional<JointFit> fit_jointly(const std::vector<View>& views,
                                                   const PoseFit& poses, const SheetStart& start,
                                                   const std::optional<GapCandidate>& gap,
                                                   const optics::Panel& panel,
                                                   const JointOptions& options);
 
-/// What a fit says about a view that it did not use: the phases left over there, less whole lenses.
+/// Returns the phase residuals of a view that the fit did not use, without whole lenses.
 [[nodiscard]] std::vector<double> rests_of(const View& view, const PoseValues& pose,
                                            const FitValues& values, const KnotGrid& grid,
                                            const optics::Panel& panel);

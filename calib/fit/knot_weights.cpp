@@ -19,7 +19,8 @@ void add(Line& line, int knot, double weight) {
   line.push_back({knot, weight});
 }
 
-/// A knot beyond the border continues the last two in a straight line.
+/// Adds the weight of a knot; a knot beyond the border extrapolates the last two in a straight
+/// line.
 void add_extended(Line& line, int knot, int count, double weight) {
   const int last = count - 1;
   if (knot >= 0 && knot <= last) return add(line, knot, weight);
@@ -31,7 +32,7 @@ void add_extended(Line& line, int knot, int count, double weight) {
   add(line, inner, -weight * beyond);
 }
 
-/// Catmull-Rom through a line of knots at grid coordinate `at`.
+/// Returns the Catmull-Rom weights of a line of knots at grid coordinate `at`.
 Line line_weights(double at, int count) {
   const double cell = std::clamp(std::floor(at), -1.0, count - 1.0);
   const double t = at - cell;

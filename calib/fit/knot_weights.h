@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A residual map is linear in its knots: which knots count at a panel point, and how much.
+// Computes the weights of a residual map's knots at a panel point; the map is linear in its knots.
 #pragma once
 
 #include <vector>
@@ -19,8 +19,8 @@ struct KnotGrid {
   [[nodiscard]] int count() const { return columns * rows; }
 };
 
-/// The weights of at most 16 knots with which optics::ResidualSpline goes through panel point
-/// (x, y), pixels, of a panel of that size.
+/// Returns the weights of the at most 16 knots with which optics::ResidualSpline evaluates panel
+/// point (x, y), in pixels, of a panel of that size.
 [[nodiscard]] std::vector<KnotWeight> knot_weights(const KnotGrid& grid, Vec2 panel_px,
                                                    int width_px, int height_px);
 

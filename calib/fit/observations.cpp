@@ -6,7 +6,7 @@
 namespace lenticule::calib {
 namespace {
 
-/// No block is believed to be better than this: what the model leaves out is larger.
+/// Lower limit of a block's standard error: the errors of the model are larger.
 constexpr double kLeastSigma = 5e-4;
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the fit is made of, and what comes out: parameters as plain arrays, in projection.h's order.
+// The inputs and results of the fit: parameters as plain arrays, in the order of projection.h.
 #pragma once
 
 #include <array>
@@ -16,7 +16,7 @@ using CameraValues = std::array<double, kCameraCount>;
 using PoseValues = std::array<double, kPoseCount>;
 using SheetParameters = std::array<double, kSheetCount>;
 
-/// One block's phase: what the fringes show there, theta / 2 pi = s / pitch - Phi (mod 1).
+/// PhaseObservation is one block's fringe phase: theta / 2 pi = s / pitch - Phi (mod 1).
 struct PhaseObservation {
   Vec2 camera_px;
   double turns = 0.0;
@@ -29,21 +29,22 @@ struct View {
   int picture_width = 0;
   int picture_height = 0;
   std::vector<GeometryPoint> geometry;
-  std::vector<PhaseObservation> phases;  ///< of green
+  std::vector<PhaseObservation> phases;  ///< green's phases
 };
 
-/// The starting point: what the rig file says, and what is held when it cannot be told.
+/// SheetStart is the starting point: the values of the rig file, which are held if the views do not
+/// determine them.
 struct SheetStart {
   SheetParameters values{};
-  double gap_tolerance = 0.5;     ///< relative standard deviation of the gap believed in
-  double shape_tolerance = 0.15;  ///< standard deviation of the refraction shape believed in
+  double gap_tolerance = 0.5;     ///< relative standard deviation of the prior of the gap
+  double shape_tolerance = 0.15;  ///< standard deviation of the prior of the refraction shape
 };
 
 struct FitValues {
   CameraValues camera{};
   std::vector<PoseValues> poses;
   SheetParameters sheet{};
-  std::vector<double> knots;  ///< of the residual map
+  std::vector<double> knots;  ///< knots of the residual map
 };
 
 [[nodiscard]] SheetStart sheet_start(const optics::Rig& rig);

@@ -21,7 +21,8 @@ CameraValues plain_camera(const View& view, double focal_widths) {
           0.0, 0.0};
 }
 
-/// The pose of a pinhole camera from the homography panel mm -> direction in the camera's frame.
+/// Returns the pose of a pinhole camera from the homography panel mm -> direction in the camera's
+/// frame.
 std::optional<PoseValues> pose_of(const Eigen::Matrix3d& direction_from_panel) {
   Eigen::Matrix3d h = direction_from_panel;
   const double scale = 2.0 / (h.col(0).norm() + h.col(1).norm());
@@ -57,7 +58,7 @@ std::optional<PoseValues> first_pose(const View& view, const CameraValues& camer
   return pose_of(m);
 }
 
-/// One bundle of all views from a given first focal length.
+/// PoseBundle fits all views from a given initial focal length.
 class PoseBundle {
  public:
   PoseBundle(const std::vector<View>& views, const SheetParameters& sheet,
@@ -81,7 +82,7 @@ class PoseBundle {
     double* const camera = fit_.camera.data();
     size_t residuals = 0;
     for (size_t v = 0; v < views_.size(); ++v) {
-      // Every fourth block is plenty for seven numbers.
+      // About 400 blocks per view are enough for so few parameters.
       const size_t stride = std::max<size_t>(1, views_[v].geometry.size() / 400);
       for (size_t n = 0; n < views_[v].geometry.size(); n += stride, residuals += 2)
         problem.AddResidualBlock(geometry_cost(views_[v].geometry[n], panel_),

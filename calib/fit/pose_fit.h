@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the camera was and what its optics are, from the panel points that it saw.
+// Fits the camera's positions and optics to the panel points that it saw.
 #pragma once
 
 #include <optional>
@@ -14,9 +14,9 @@ struct PoseFit {
   double rms_px = 0.0;  ///< panel pixels, per coordinate
 };
 
-/// One camera at all views; the sheet is held. Starts from the homographies of the views, whatever
-/// the focal length. Empty if no such camera exists. With views that all face the panel squarely
-/// the focal length follows a loose belief of 0.9 picture widths.
+/// Fits one camera to all views; the sheet is held. Starts from the homographies of the views, with
+/// several focal lengths. Returns nothing if no camera fits. If all views face the panel squarely,
+/// a weak prior of 0.9 picture widths determines the focal length.
 [[nodiscard]] std::optional<PoseFit> fit_poses(const std::vector<View>& views,
                                                const SheetParameters& sheet,
                                                const optics::Panel& panel);

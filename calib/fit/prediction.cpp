@@ -15,7 +15,7 @@ constexpr int kLineRows = 19;
 constexpr int kDriftColumns = 9;
 constexpr int kDriftRows = 5;
 
-/// Calls with every point of a grid over the panel, borders included.
+/// Calls `point` for every point of a grid over the panel, borders included.
 template <class Point>
 void over_panel(const optics::Panel& panel, int columns, int rows, const Point& point) {
   for (int y = 0; y < rows; ++y)
@@ -37,7 +37,8 @@ Prediction::Prediction(const JointFit& fit, const KnotGrid& grid, const optics::
   add(law);
 }
 
-/// Another pitch changes the phase in proportion to the lenses across and down.
+/// Adds the law's errors: a change of pitch changes the phase in proportion to the lenses across
+/// and down.
 void Prediction::add(const LawError& law) {
   const SheetParameters& s = fit_.values.sheet;
   VectorXd pitch = VectorXd::Zero(covariance_.rows());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a joint fit says of quantities that it did not fit, with standard errors: phases for any
+// Prediction computes quantities that a joint fit implies, with standard errors: phases for any
 // eye, the line through them, the rig's own parameters.
 #pragma once
 
@@ -10,7 +10,7 @@
 
 namespace lenticule::calib {
 
-/// The least-squares line through the phase that an eye sees over the whole panel.
+/// EffectiveLine is the least-squares line through the phase that an eye sees over the whole panel.
 struct EffectiveLine {
   Estimate pitch_subpx;
   Estimate slant;
@@ -18,19 +18,21 @@ struct EffectiveLine {
 };
 
 struct SheetReport {
-  std::vector<Parameter> parameters;  ///< in the order of SheetParameters
+  std::vector<Parameter> parameters;  ///< same order as SheetParameters
   std::vector<std::vector<double>> correlations;
 };
 
-/// How far lenses are from the law that is fitted, as standard deviations: what noise does not
-/// explain, and more blocks do not make smaller.
+/// LawError is the deviation of real lenses from the fitted law, as standard deviations: an error
+/// that noise does not explain and that more blocks do not reduce.
 struct LawError {
-  double pitch_lenses = 0.0;  ///< at the left and right edges of the panel
-  double slant_lenses = 0.0;  ///< at its upper and lower edges
-  double gap_part = 0.0;      ///< of the gap
+  double pitch_lenses = 0.0;  ///< error at the left and right edges of the panel
+  double slant_lenses = 0.0;  ///< error at the panel's upper and lower edges
+  double gap_part = 0.0;      ///< fraction of the gap
 };
 
-/// Borrows the fit.
+/// Prediction evaluates a fit.
+///
+/// Lifetime: the fit and the panel must outlive the prediction.
 class Prediction {
  public:
   Prediction(const JointFit& fit, const KnotGrid& grid, const optics::Panel& panel,
@@ -39,12 +41,12 @@ class Prediction {
   [[nodiscard]] EffectiveLine effective_line(const Vec3& eye_mm) const;
   [[nodiscard]] SheetReport sheet_report() const;
   [[nodiscard]] Vec3 eye_sigma(size_t view) const;
-  /// Two standard errors at the worst panel point for the worst of the eyes.
+  /// Returns two standard errors at the worst panel point for the worst of the eyes.
   [[nodiscard]] DriftPrediction worst_drift(const std::vector<Vec3>& eyes) const;
 
  private:
   void add(const LawError& law);
-  /// d Phi / d (sheet, knots) at a panel point for an eye.
+  /// Returns d Phi / d (sheet, knots) at a panel point for an eye.
   [[nodiscard]] Eigen::VectorXd gradient(Vec2 panel_px, const Vec3& eye_mm) const;
   [[nodiscard]] double phase(const SheetParameters& sheet, Vec2 panel_px, const Vec3& eye_mm) const;
   [[nodiscard]] double map_at(Vec2 panel_px) const;
@@ -52,7 +54,7 @@ class Prediction {
   const JointFit& fit_;
   KnotGrid grid_;
   const optics::Panel& panel_;
-  Eigen::MatrixXd covariance_;  ///< of sheet and knots
+  Eigen::MatrixXd covariance_;  ///< covariance of sheet and knots
 };
 
 }  // namespace lenticule::calib

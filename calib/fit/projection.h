@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The measuring model for least squares: camera pixel -> ray -> lens plane -> panel point, in any
-// number type, so that derivatives come with it. Formulas as in docs/optics.md; the camera is a
+// The measurement model for least squares: camera pixel -> ray -> lens plane -> panel point, in any
+// number type, for automatic differentiation. Formulas as in docs/optics.md; the camera is a
 // pinhole with two coefficients of radial distortion.
 #pragma once
 
@@ -14,15 +14,16 @@
 
 namespace lenticule::calib {
 
-/// Where the numbers are in parameter blocks.
+/// Indices of the camera's parameters in its block.
 inline constexpr int kFocal = 0, kCentreX = 1, kCentreY = 2, kRadial1 = 3, kRadial2 = 4;
 inline constexpr int kCameraCount = 5;
-/// Rotation (angle-axis) from the panel's frame into the camera's, then the pupil in the panel's
-/// frame, mm. Camera frame: x right, y down, z forward.
+/// The pose block: rotation (angle-axis) from the panel's frame into the camera's, then the pupil
+/// in the panel's frame, mm. Camera frame: x right, y down, z forward.
 inline constexpr int kPupil = 3, kPoseCount = 6;
-/// Lenses per half panel width and, from the middle downward, per half height; lens coordinate at
-/// the centre; reduced gap in mm; refraction shape. Then what only a measurement meets, in gaps:
-/// the aberration of fringes, and the sag of the lenses, their height from border to apex.
+/// The sheet block: lenses per half panel width and, from the middle downward, per half height;
+/// lens coordinate at the centre; reduced gap in mm; refraction shape. Then two values that only a
+/// measurement needs, in gaps: the aberration of fringes, and the sag of the lenses, which is their
+/// height from border to apex.
 inline constexpr int kAcross = 0, kDown = 1, kOffset = 2, kGap = 3, kShape = 4, kAberration = 5,
                      kSag = 6;
 inline constexpr int kSheetCount = 7;
@@ -33,8 +34,8 @@ struct PlanePoint {
   T y;
 };
 
-/// The direction of a camera pixel in the camera's frame, z = 1: distortion undone by fixed-point
-/// steps, which converge to rounding for any lens worth calibrating with.
+/// Returns the direction of a camera pixel in the camera's frame, z = 1. Removes the distortion by
+/// fixed-point steps, which converge to rounding for any lens usable for calibration.
 template <class T>
 PlanePoint<T> undistorted(const T* camera, double u, double v) {
   const T x = (u - camera[kCentreX]) / camera[kFocal];
@@ -49,7 +50,7 @@ PlanePoint<T> undistorted(const T* camera, double u, double v) {
   return {ux, uy};
 }
 
-/// The point of the plane of the lens apices, mm, that the camera pixel looks at.
+/// Returns the point of the lens-apex plane, mm, that the camera pixel sees.
 template <class T>
 PlanePoint<T> lens_plane_point(const T* camera, const T* pose, double u, double v) {
   const PlanePoint<T> d = undistorted(camera, u, v);
@@ -62,7 +63,7 @@ PlanePoint<T> lens_plane_point(const T* camera, const T* pose, double u, double 
   return {pupil[0] + steps * along[0], pupil[1] + steps * along[1]};
 }
 
-/// Across the lenses, length 1: the way the lens coordinate grows.
+/// Returns the unit vector across the lenses, in the direction of a growing lens coordinate.
 template <class T>
 PlanePoint<T> across_lenses(const T* sheet, const optics::Panel& panel) {
   using std::sqrt;
@@ -72,7 +73,7 @@ PlanePoint<T> across_lenses(const T* sheet, const optics::Panel& panel) {
   return {x / length, y / length};
 }
 
-/// Q = L - Delta: the middle of the light that reaches the pupil through lens point L.
+/// Returns Q = L - Delta, the middle of the light that reaches the pupil through lens point L.
 template <class T>
 PlanePoint<T> panel_point(const T* pose, const T* sheet, const PlanePoint<T>& lens) {
   using std::sqrt;
@@ -83,11 +84,11 @@ PlanePoint<T> panel_point(const T* pose, const T* sheet, const PlanePoint<T>& le
   return {lens.x - part * rx, lens.y - part * ry};
 }
 
-/// The panel point that patterns much wider than a lens show there. They are means over whole
-/// lenses, and a whole lens is what is seen between two borders. Those are lower than the apices by
-/// the sag, so that from the side the middle between them is not where the apex is. Along the
-/// lenses nothing is seen of borders, but light enters a lens a third of the sag below its apex, in
-/// the mean, and goes straight on until there.
+/// Returns the panel point of patterns much wider than a lens. Such patterns are means over whole
+/// lenses, and a whole lens is the range between two visible borders. The borders are lower than
+/// the apices by the sag, so from the side the middle between them is not at the apex. Along the
+/// lenses no borders are visible, but light enters a lens, in the mean, a third of the sag below
+/// its apex, and is not refracted before.
 template <class T>
 PlanePoint<T> wide_pattern_point(const T* pose, const T* sheet, const optics::Panel& panel,
                                  const PlanePoint<T>& lens) {
@@ -100,10 +101,10 @@ PlanePoint<T> wide_pattern_point(const T* pose, const T* sheet, const optics::Pa
           middle.y - more_across * across.y - more_along * across.x};
 }
 
-/// The panel point whose phase fringes show that repeat from lens to lens. Seen from the side,
-/// light lands lopsidedly under a lens, and the phase of so fine fringes is not that of its middle.
-/// In traced cylinders of any index and cone the difference grows with the seventh power of the
-/// tangent across the lens, to about a tenth of its size.
+/// Returns the panel point of the phase of fringes that repeat from lens to lens. Seen from the
+/// side, the distribution of light under a lens is asymmetric, and the phase of such fine fringes
+/// is not that of its middle. In traced cylinders of any index and cone the difference grows with
+/// the seventh power of the tangent across the lens, with a relative error of about a tenth.
 template <class T>
 PlanePoint<T> fringe_point(const T* pose, const T* sheet, const optics::Panel& panel,
                            const PlanePoint<T>& lens) {
@@ -116,7 +117,7 @@ PlanePoint<T> fringe_point(const T* pose, const T* sheet, const optics::Panel& p
   return {middle.x - aside * across.x, middle.y - aside * across.y};
 }
 
-/// lambda without the residual map.
+/// Returns lambda without the residual map.
 template <class T>
 T lens_coordinate(const T* sheet, const optics::Panel& panel, const PlanePoint<T>& lens) {
   const double half_width = 0.5 * panel.width_px * panel.pixel_width.value;
@@ -125,7 +126,7 @@ T lens_coordinate(const T* sheet, const optics::Panel& panel, const PlanePoint<T
          sheet[kOffset];
 }
 
-/// s / pitch of a fringe at a panel point, mm.
+/// Returns s / pitch of a fringe at a panel point, mm.
 template <class T>
 T fringe_turns(const Fringe& fringe, const optics::Panel& panel, const PlanePoint<T>& q) {
   const double per_px = 3.0 / fringe.pitch_subpx;

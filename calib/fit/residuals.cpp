@@ -31,7 +31,8 @@ class GeometryResidual {
   const optics::Panel* panel_;
 };
 
-/// The phase term: derivatives of the 18 model parameters by dual numbers, of the knots by hand.
+/// PhaseCost is the phase term: derivatives of the 18 model parameters by dual numbers, of the
+/// knots analytically.
 class PhaseCost final : public ceres::CostFunction {
  public:
   PhaseCost(const PhaseObservation& seen, const Fringe& fringe, const optics::Panel& panel,
@@ -118,7 +119,7 @@ class LinearCost final : public ceres::CostFunction {
   std::vector<double> weights_;
 };
 
-/// (value - believed) / sigma for each number of the camera.
+/// CameraBelief is (value - expected) / sigma for each camera parameter.
 class CameraBelief {
  public:
   CameraBelief(const CameraValues& believed, const CameraValues& sigma)

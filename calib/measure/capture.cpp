@@ -12,11 +12,11 @@ namespace {
 
 using std::chrono::milliseconds;
 
-/// A camera that gives nothing so many times in a row is dead.
+/// A camera that times out so many times in a row counts as dead.
 constexpr int kMostSilences = 3;
-/// Of one pattern, whatever their times say.
+/// Limit of pictures of one pattern, independent of their times.
 constexpr int kMostPictures = 1000;
-/// More waiting after each picture that shows the panel between two patterns.
+/// Additional wait after each picture that shows the panel between two patterns.
 constexpr Nanoseconds kMoreSettling = milliseconds(20);
 
 }  // namespace
@@ -84,7 +84,8 @@ void PatternCapture::capture_one(const Pattern& pattern, const frames::WovenFram
     }
     ++(last == Fit::Unsettled ? counts_.unsettled : counts_.late);
     if (last == Fit::Unsettled) earliest = picture_.time + kMoreSettling;
-    // Pictures from before the time are the pipeline's, however many it has.
+    // Pictures from before `earliest` come from the camera's pipeline and are not counted as
+    // dropped.
     const bool expected = last == Fit::Late && picture_.time < earliest;
     if (!expected && ++dropped > options_.most_dropped) fail_dropped(pattern, last);
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shows patterns on a panel and takes pictures of them that are known to be of these patterns.
+// PatternCapture shows patterns on a panel and takes pictures that are verified to show these
+// patterns.
 #pragma once
 
 #include <functional>
@@ -16,47 +17,55 @@
 namespace lenticule::calib {
 
 struct CaptureOptions {
-  /// From the flip until the panel and the camera's pipeline are done with the picture before.
+  /// Time from the flip until the panel and the camera's pipeline no longer contain the previous
+  /// picture.
   Nanoseconds settle{std::chrono::milliseconds(150)};
   int average = 3;  ///< pictures per pattern, 1 to 64
   Nanoseconds show_timeout{std::chrono::seconds(5)};
   Nanoseconds grab_timeout{std::chrono::seconds(2)};
-  int most_dropped = 40;  ///< pictures of one pattern that may be late, damaged or of another one
-  /// False where pictures come in the patterns' order whenever they are asked for: photographs.
+  int most_dropped =
+      40;  ///< limit of pictures per pattern that are late, damaged or of another pattern
+  /// False if pictures arrive in the order of the patterns whenever they are requested:
+  /// photographs.
   bool clocked = true;
 };
 
 struct CaptureCounts {
   int taken = 0;
-  int late = 0;       ///< of the pattern before, by time or by mark
-  int unsettled = 0;  ///< between two patterns though the time was over
+  int late = 0;       ///< pictures of the previous pattern, by time or by mark
+  int unsettled = 0;  ///< pictures between two patterns although the settle time had passed
   int corrupt = 0;
 };
 
-/// Called before each pattern; returning false ends the capture with Error(Failed) "interrupted".
+/// CaptureProgress is called before each pattern; returning false ends the capture with
+/// Error(Failed) "interrupted".
 using CaptureProgress = std::function<bool(const Pattern& pattern)>;
 
-/// Borrows what it is made of. One thread; draws the next pattern on another one meanwhile.
+/// PatternCapture draws the next pattern on a second thread meanwhile.
+///
+/// Thread safety: one thread.
+///
+/// Lifetime: sink, camera and panel must outlive the capture.
 class PatternCapture {
  public:
   PatternCapture(frames::FrameSink& sink, Camera& camera, const optics::Panel& panel,
                  const CaptureOptions& options, CaptureProgress progress);
 
-  /// Shows each pattern and hands over the mean of its pictures, in order. Each is marked with a
-  /// number; once the marks are found they are checked, and the light is corrected for the
-  /// camera's gain. Throws Error(Device): display lost, camera gone or silent, pictures of other
-  /// patterns than were shown, a control of the camera that moved.
+  /// Shows each pattern and passes the mean of its pictures to `take`, in order. Each pattern is
+  /// marked with a number; once the marks are found they are checked, and the light is corrected
+  /// for the camera's gain. Throws Error(Device): display lost, camera gone or without pictures,
+  /// pictures of other patterns than were shown, a camera control that changed.
   void capture(std::span<const Pattern> patterns,
                const std::function<void(const Pattern&, const CameraPicture&)>& take);
 
-  /// Patterns show the code of their rig. Before the first one.
+  /// Makes the patterns show the code of their rig. Call it before the first pattern.
   void show_code(const RigCode& code) { code_ = code; }
-  /// From now on pictures are checked.
+  /// Starts the check of the marks in pictures.
   void check_marks(MarkReader reader);
   [[nodiscard]] bool checks_marks() const { return marks_.has_value(); }
-  /// What the pictures taken so far showed, one for each pattern.
+  /// Returns the codes of the pictures taken so far, one for each pattern.
   [[nodiscard]] const RigCodeReadings& codes() const { return codes_; }
-  /// MarkReader::moved of each pattern's first picture; zero until marks are checked.
+  /// Returns MarkReader::moved of each pattern's first picture; zero until marks are checked.
   [[nodiscard]] const std::vector<Vec2>& moves() const { return moves_; }
 
   [[nodiscard]] const CaptureCounts& counts() const { return counts_; }

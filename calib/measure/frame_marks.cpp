@@ -7,12 +7,12 @@
 namespace lenticule::calib {
 namespace {
 
-/// Fewer pixels than this are noise.
+/// Fewer pixels than this count as noise.
 constexpr size_t kFewestPixels = 6;
-/// What counts as lit and as dark, between a cell's own two lights.
+/// Limits of lit and dark, between a cell's own two light values.
 constexpr double kLit = 0.75;
 constexpr double kDark = 0.25;
-/// Beyond these the cells are no longer what was found: somebody stands before them.
+/// Beyond these limits the cells have changed, for example because a person covers them.
 constexpr double kBrightest = 1.8;
 constexpr double kDarkest = -0.4;
 
@@ -22,7 +22,7 @@ double mean_light(const GreyPicture& picture, const std::vector<uint32_t>& pixel
   return pixels.empty() ? 0.0 : sum / static_cast<double>(pixels.size());
 }
 
-/// The cell of each pixel by when it is lit, or -1.
+/// CellMap assigns each pixel to a cell by the pictures in which it is lit; -1 for none.
 class CellMap {
  public:
   CellMap(const std::array<GreyPicture, 3>& marks, const GreyPicture& white)
@@ -36,7 +36,7 @@ class CellMap {
     }
   }
 
-  /// Pixels of a cell and those beside them.
+  /// Returns the pixels of a cell and their neighbours.
   [[nodiscard]] std::vector<uint32_t> pixels_around(int cell) const {
     std::vector<uint32_t> found;
     const auto width = static_cast<size_t>(width_);
@@ -48,7 +48,8 @@ class CellMap {
     return found;
   }
 
-  /// Pixels of a cell whose neighbours belong to it too: blur mixes the borders.
+  /// Returns the pixels of a cell whose neighbours belong to the cell too, because blur mixes the
+  /// borders.
   [[nodiscard]] std::vector<uint32_t> inner_pixels(int cell) const {
     std::vector<uint32_t> found;
     const auto width = static_cast<size_t>(width_);
@@ -61,8 +62,8 @@ class CellMap {
   }
 
  private:
-  /// Lit with mark 0, 1, 2: the first cell always, bit 0 with 1, bit 1 with 2, parity with both,
-  /// those of the code as kFindingCodes say.
+  /// Returns the cell by the pictures (mark 0, 1, 2) in which it is lit: the first cell always, bit
+  /// 0 with 1, bit 1 with 2, parity with both, the cells of the code as in kFindingCodes.
   static int8_t cell_at(const std::array<GreyPicture, 3>& marks, float white, size_t i) {
     std::array<bool, 3> lit{};
     for (size_t k = 0; k < 3; ++k) lit[k] = marks[k].light[i] > 0.5F * white;
@@ -101,7 +102,7 @@ std::optional<MarkReader> MarkReader::find(const std::array<GreyPicture, 3>& dar
   return reader;
 }
 
-/// Not the edge toward the next cell, which is lit or not.
+/// Finds the edges, except the edge toward the next cell, which changes with the mark.
 void MarkReader::find_edges(const GreyPicture& dark, const std::vector<uint32_t>& around) {
   const auto middle_of = [&](size_t cell) {
     Vec2 sum;
@@ -142,7 +143,7 @@ Vec2 MarkReader::moved(const GreyPicture& picture) const {
   return {(yy * x - xy * y) / determinant, (xx * y - xy * x) / determinant};
 }
 
-/// 0 as when it was dark, 1 as when it was lit.
+/// Returns 0 for the light of the dark cell, 1 for the light of the lit cell.
 double MarkReader::part_lit(const GreyPicture& picture, size_t cell, double gain) const {
   const double light = mean_light(picture, pixels_[cell]) / gain;
   return (light - dark_[cell]) / (lit_[cell] - dark_[cell]);
@@ -151,7 +152,7 @@ double MarkReader::part_lit(const GreyPicture& picture, size_t cell, double gain
 MarkReading MarkReader::read(const GreyPicture& picture) const {
   MarkReading reading;
   reading.white = mean_light(picture, pixels_[0]);
-  // The gain may drift: what is lit now is measured by the cell that always is.
+  // The gain may drift, so light is measured relative to the cell that is always lit.
   const double gain = lit_[0] > 0.0 ? reading.white / lit_[0] : 0.0;
   if (!(gain > 0.2)) return reading;
   bool settled = true;

@@ -16,11 +16,11 @@ using Complex64 = std::complex<double>;
 
 constexpr int kGridColumns = 1024;
 constexpr int kGridRows = 512;
-/// Fewer pixels than this part of a block say little about it.
+/// A block filled with less than this fraction of pixels is not reliable.
 constexpr double kLeastFilled = 0.5;
 constexpr double kLeastCoherence = 0.2;
 
-/// What is left of the wave when `model` is taken off: its angle is 2 pi (model - Phi_E).
+/// Returns the wave after subtracting `model`: its angle is 2 pi (model - Phi_E).
 Complex64 demodulated(const FringeView& view, size_t n, const LinearPhase& model,
                       const optics::Panel& panel) {
   const Vec2 p = view.panel_px[n];
@@ -35,12 +35,12 @@ int signed_frequency(int k, int count) {
   return k < count / 2 ? k : k - count;
 }
 
-/// A complex picture of the panel and its two-dimensional spectrum.
+/// Spectrum is a complex picture of the panel and its two-dimensional spectrum.
 class Spectrum {
  public:
   Spectrum() : cells_(static_cast<size_t>(kGridColumns) * kGridRows) {}
 
-  /// Shared among the four cells around, which keeps what rounding would put beside the peak low.
+  /// Distributes a value over the four cells around, which keeps the side peaks of rounding low.
   void splat(Vec2 panel_px, Complex64 value, const optics::Panel& panel) {
     const double x = panel_px.x / panel.width_px * kGridColumns - 0.5;
     const double y = panel_px.y / panel.height_px * kGridRows - 0.5;
@@ -74,7 +74,7 @@ class Spectrum {
     int y = 0;
     double height = 0.0;
   };
-  /// The highest cell of a frequency up to `most`, more than `away` cells from `from`.
+  /// Returns the highest cell of a frequency up to `most`, more than `away` cells from `from`.
   [[nodiscard]] Peak highest(double most, const Peak* from, int away) const {
     Peak best;
     for (int y = 0; y < kGridRows; ++y) {
@@ -103,7 +103,8 @@ class Spectrum {
   std::vector<Complex64> cells_;
 };
 
-/// Where between its neighbours a peak is, by the parabola through the logarithms of the three.
+/// Returns the position of a peak between its neighbours, by the parabola through the logarithms of
+/// the three.
 double between(double before, double at, double after) {
   const double a = std::log(std::max(before, 1e-300)), b = std::log(std::max(at, 1e-300)),
                c = std::log(std::max(after, 1e-300));
@@ -111,7 +112,7 @@ double between(double before, double at, double after) {
   return curvature < 0.0 ? std::clamp(0.5 * (a - c) / curvature, -0.5, 0.5) : 0.0;
 }
 
-/// Sums over the pixels of one block.
+/// BlockSum holds the sums over the pixels of one block.
 struct BlockSum {
   Complex64 wave;
   double strength = 0.0;
@@ -132,15 +133,15 @@ PhaseBlock block_of(const BlockSum& sum, const PanelMap& map, const LinearPhase&
   block.pixels = sum.pixels;
   const double rest = -std::arg(sum.wave) / (2.0 * std::numbers::pi);
   block.phase = model.at(block.panel_px, panel) + rest;
-  // Half of the scatter is across the mean wave, where it turns it.
+  // Half of the scatter is perpendicular to the mean wave and changes its angle.
   const double mean = std::abs(sum.wave) / count;
   const double scatter = std::max(0.0, sum.square / count - mean * mean);
   block.sigma = std::sqrt(0.5 * scatter / count) / (2.0 * std::numbers::pi * mean);
   return block;
 }
 
-/// Takes whole lenses off each block so that it continues its neighbours, breadth first from the
-/// most coherent block.
+/// Unwraps the phases: removes whole lenses from each block so that it continues its neighbours,
+/// breadth first from the most coherent block.
 void continue_phases(BlockGrid& grid, const LinearPhase& model, const optics::Panel& panel) {
   std::vector<uint8_t> done(grid.blocks.size(), 0);
   const auto rest_of = [&](const PhaseBlock& b) { return b.phase - model.at(b.panel_px, panel); };
@@ -169,7 +170,7 @@ void continue_phases(BlockGrid& grid, const LinearPhase& model, const optics::Pa
       waiting.push_back(next);
     }
   }
-  // What no neighbour leads to has no known whole part.
+  // A block not connected by neighbours has an unknown whole part.
   for (size_t n = 0; n < grid.blocks.size(); ++n)
     if (done[n] == 0) grid.blocks[n].pixels = 0;
 }
@@ -234,7 +235,7 @@ BlockGrid average_blocks(const FringeView& view, const std::vector<uint32_t>& pi
 
 std::optional<LinearPhase> fit_linear(const BlockGrid& grid, const optics::Panel& panel) {
   LinearPhase line;
-  double scale = 0.25;  // lenses: what is farther off counts less
+  double scale = 0.25;  // lenses: larger deviations get a smaller weight
   for (int round = 0; round < 12; ++round) {
     Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
     Eigen::Vector3d right = Eigen::Vector3d::Zero();

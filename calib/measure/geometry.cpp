@@ -9,14 +9,14 @@
 namespace lenticule::calib {
 namespace {
 
-/// The widest period exceeds the axis by so much that noise at its ends cannot be mistaken for the
-/// other end.
+/// The widest period exceeds the axis by this factor, so that noise at one end cannot be mistaken
+/// for the other end.
 constexpr double kMargin = 1.15;
 constexpr double kFinestPart = 1.0 / 64.0;
 constexpr double kFewestLenses = 6.0;
 constexpr double kFinestPixels = 24.0;
 
-/// Turns in [0, 1).
+/// Returns turns in [0, 1).
 double turns_of(Complex wave) {
   const double turns =
       std::atan2(double{wave.imag()}, double{wave.real()}) / (2.0 * std::numbers::pi);
@@ -42,7 +42,7 @@ std::vector<float> decode_positions(const std::array<WaveLevel, 3>& levels,
   for (size_t n = 0; n < count; ++n) {
     if (std::abs(sums[2].waves()[n]) < least) continue;
     double turns = turns_of(sums[0].waves()[n]);
-    // Just before the first pixel, not far beyond the last.
+    // The position is slightly before the first pixel, not far beyond the last.
     if (turns > 0.5 * (1.0 + 1.0 / kMargin)) turns -= 1.0;
     double position = turns * levels[0].period_px;
     for (size_t level = 1; level < levels.size(); ++level) {

@@ -2,7 +2,7 @@
 #include "calib/measure/grey.h"
 
 #include "base/error.h"
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 
 namespace lenticule::calib {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera's picture reduced to one number per pixel.
+// GreyPicture is a camera's picture reduced to one value per pixel.
 #pragma once
 
 #include <array>
@@ -10,7 +10,7 @@
 
 namespace lenticule::calib {
 
-/// Rows from the top; linear light. `clipped` is not 0 where any channel of the camera was.
+/// Rows from the top; linear light. `clipped` is not 0 where any channel of the camera was clipped.
 struct GreyPicture {
   int width = 0;
   int height = 0;
@@ -20,11 +20,11 @@ struct GreyPicture {
   [[nodiscard]] size_t size() const { return light.size(); }
 };
 
-/// How much each channel of the camera counts; sums to 1.
+/// Weights of the camera's channels; they sum to 1.
 using ChannelWeights = std::array<float, 3>;
 inline constexpr ChannelWeights kEqualWeights{1.0F / 3.0F, 1.0F / 3.0F, 1.0F / 3.0F};
 
-/// The weighted sum of the camera's channels; a camera with one channel is taken as it is.
+/// Returns the weighted sum of the camera's channels; a picture with one channel is unchanged.
 [[nodiscard]] GreyPicture grey_of(const CameraPicture& picture,
                                   const ChannelWeights& weights = kEqualWeights);
 

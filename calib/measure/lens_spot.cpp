@@ -8,7 +8,7 @@
 namespace lenticule::calib {
 namespace {
 
-/// The profile's standard deviation about its middle, of what rises above its floor.
+/// Returns the profile's standard deviation about its middle, above its floor.
 double sigma_of(const std::vector<double>& profile, double floor) {
   const auto bins = static_cast<double>(profile.size());
   double sum = 0.0, square = 0.0;
@@ -23,8 +23,8 @@ double sigma_of(const std::vector<double>& profile, double floor) {
   return sum > 0.0 ? std::sqrt(std::max(square / sum - comb, 0.25 * comb)) : 0.0;
 }
 
-/// An eye in the middle of one of two views: what it gets of the other one, over what it gets of
-/// its own.
+/// Returns the crosstalk for an eye in the middle of one of two views: the light of the other view
+/// divided by the light of its own.
 double two_view_crosstalk(const std::vector<double>& profile) {
   const size_t bins = profile.size();
   double own = 0.0, other = 0.0;
@@ -52,7 +52,7 @@ void SpotSum::add(int bin, const GreyPicture& picture, const GreyPicture& dark,
     const int y = static_cast<int>(pixel) / picture.width / block_px;
     const auto n = static_cast<size_t>(y * blocks_.columns + x);
     if (blocks_.blocks[n].pixels == 0) continue;
-    // A block whose phase is larger than what was drawn shows this bin at a larger place.
+    // A block whose phase is larger than the drawn one shows this bin at a larger place.
     const double at = bin + shifts_[n];
     const double whole = std::floor(at);
     const double light = double{picture.light[pixel]} - double{dark.light[pixel]};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How sharply lenses show one place under them: light seen while only one place of each lens is
+// SpotSum measures the sharpness of lenses: the light seen while only one place under each lens is
 // lit, place after place.
 #pragma once
 
@@ -10,11 +10,12 @@ namespace lenticule::calib {
 
 class SpotSum {
  public:
-  /// `blocks` say how far each part of the panel is off the straight phase that the combs are drawn
-  /// with. Borrowed.
+  /// Takes `blocks`, the deviation of each part of the panel from the straight phase of the combs.
+  ///
+  /// Lifetime: `blocks` must outlive the sum.
   SpotSum(int bins, const BlockGrid& blocks, const LinearPhase& drawn, const optics::Panel& panel);
 
-  /// The picture of the comb at bin (b + 1/2) / bins - 1/2.
+  /// Adds the picture of the comb at bin (b + 1/2) / bins - 1/2.
   void add(int bin, const GreyPicture& picture, const GreyPicture& dark,
            const std::vector<uint32_t>& pixels, int block_px);
 
@@ -22,7 +23,7 @@ class SpotSum {
 
  private:
   const BlockGrid& blocks_;
-  std::vector<double> shifts_;  ///< of each block, bins
+  std::vector<double> shifts_;  ///< shift of each block, bins
   std::vector<double> profile_;
 };
 

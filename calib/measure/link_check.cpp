@@ -10,16 +10,16 @@
 namespace lenticule::calib {
 namespace {
 
-/// Whole links leave well below 2 %; halved colours 20 % and more.
+/// Intact links leak well below 2 %; chroma subsampling leaks 20 % and more.
 constexpr double kMostLeak = 0.08;
-/// Half of the pixels lit are half of the light; scaling mixes codes, whose mean is much darker.
+/// Half of the pixels lit give half of the light; scaling mixes codes, whose mean is much darker.
 constexpr double kMostImbalance = 0.08;
 
 double total(const MeanColour& colour) {
   return colour[0] + colour[1] + colour[2];
 }
 
-/// Light of the panel's channels that the camera's channels add up to.
+/// Returns the light of the panel's channels that gives the camera's channels.
 Eigen::Vector3d panel_light(const LinkPictures& pictures, const MeanColour& seen) {
   Eigen::Matrix3d response;
   for (int d = 0; d < 3; ++d)
@@ -28,7 +28,7 @@ Eigen::Vector3d panel_light(const LinkPictures& pictures, const MeanColour& seen
   return response.colPivHouseholderQr().solve(Eigen::Vector3d(seen[0], seen[1], seen[2]));
 }
 
-/// Light in the two channels that should be dark, relative to that which is lit.
+/// Returns the light in the two channels that should be dark, relative to the lit channel.
 double leak_of(const LinkPictures& pictures, int channel) {
   const Eigen::Vector3d light =
       panel_light(pictures, pictures.columns[static_cast<size_t>(channel)]);

@@ -10,12 +10,12 @@ namespace lenticule::calib {
 namespace {
 
 constexpr size_t kFewestSightings = 30;
-/// Sightings farther off than so many typical errors are held for wrong.
+/// Sightings further off than this many typical errors count as wrong.
 constexpr double kOutlier = 5.0;
 constexpr int kRounds = 4;
 
-/// Moves and scales points so that their coordinates are about one: without it the normal equations
-/// of a homography lose all digits.
+/// Normalizer shifts and scales points so that their coordinates are about one: otherwise the
+/// normal equations of a homography lose all digits.
 struct Normalizer {
   Vec2 middle;
   double scale = 1.0;
@@ -70,7 +70,7 @@ std::optional<Homography> fit_homography(const std::vector<Sighting>& sightings)
     normal += s.weight * (row_x * row_x.transpose() + row_y * row_y.transpose());
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 9, 9>> solver(normal);
-  // Two small eigenvalues: the points lie on a line.
+  // Two small eigenvalues mean that the points lie on a line.
   if (!(solver.eigenvalues()[1] > 1e-12 * solver.eigenvalues()[8])) return std::nullopt;
   const Eigen::Matrix<double, 9, 1> v = solver.eigenvectors().col(0);
   Eigen::Matrix3d h;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which panel point a camera pixel sees, as one smooth map of the whole picture: a homography and a
-// polynomial for what it leaves over (lens distortion, refraction). Under a lens sheet the panel
-// points that single pixels see jump from lens to lens; the map goes through their middle.
+// PanelMap maps camera pixels to panel points with one smooth map of the whole picture: a
+// homography and a polynomial for its residual (lens distortion, refraction). Under a lens sheet
+// the panel points of single pixels jump from lens to lens; the map goes through their middle.
 #pragma once
 
 #include <array>
@@ -12,7 +12,8 @@
 
 namespace lenticule::calib {
 
-/// A camera pixel (its centre is at whole + 1/2) and the panel point seen there, in pixels of both.
+/// Sighting is a camera pixel (its centre is at whole + 1/2) and the panel point seen there, in
+/// pixels of both.
 struct Sighting {
   Vec2 camera_px;
   Vec2 panel_px;
@@ -21,19 +22,19 @@ struct Sighting {
 
 using Homography = std::array<double, 9>;  ///< row by row
 
-/// The homography that maps camera to panel with the least squares of panel distance. Empty for
-/// fewer than four points or points on a line.
+/// Returns the homography that maps camera to panel with the least squares of panel distance.
+/// Returns nothing for fewer than four points or points on a line.
 [[nodiscard]] std::optional<Homography> fit_homography(const std::vector<Sighting>& sightings);
 [[nodiscard]] Vec2 map_through(const Homography& h, Vec2 p);
 
 class PanelMap {
  public:
-  /// Through sightings all over the picture, at least 30, wrong ones among them. Empty if there is
-  /// no such map.
+  /// Fits a map through at least 30 sightings all over the picture, some of which may be wrong.
+  /// Returns nothing if there is no such map.
   [[nodiscard]] static std::optional<PanelMap> fit(const std::vector<Sighting>& sightings);
 
   [[nodiscard]] Vec2 at(Vec2 camera_px) const;
-  /// Median distance of the sightings from the map, panel pixels.
+  /// Returns the median distance of the sightings from the map, panel pixels.
   [[nodiscard]] double typical_error_px() const { return typical_error_px_; }
 
  private:

@@ -6,13 +6,13 @@
 #include <numbers>
 #include <numeric>
 
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 #include "frames/srgb.h"
 
 namespace lenticule::calib {
 namespace {
 
-/// Codes of one turn of the sinusoid: fine enough that its steps are far below one code.
+/// SinusoidCodes holds the codes of one turn of the sinusoid, in steps far below one code.
 class SinusoidCodes {
  public:
   SinusoidCodes() {
@@ -22,7 +22,7 @@ class SinusoidCodes {
       codes_[i] = frames::code_from_linear(light);
     }
   }
-  /// Of a turn in 2^64 parts.
+  /// Returns the code at a turn in parts of 2^64.
   [[nodiscard]] uint8_t at(uint64_t parts) const { return codes_[parts >> (64 - kBits)]; }
 
  private:
@@ -31,7 +31,7 @@ class SinusoidCodes {
   std::array<uint8_t, kSteps> codes_{};
 };
 
-/// Turns as parts of 2^64, whole turns dropped: sums of them never lose a digit.
+/// Returns turns as parts of 2^64, without whole turns: sums of them are exact.
 uint64_t parts_of_turn(double turns) {
   const double part = turns - std::floor(turns);
   return static_cast<uint64_t>(std::min(part, 1.0 - 0x1p-53) * 0x1p64);
@@ -42,7 +42,7 @@ const SinusoidCodes& sinusoid() {
   return codes;
 }
 
-/// One row of one kind of pattern.
+/// RowPainter draws one row of one kind of pattern.
 class RowPainter {
  public:
   RowPainter(const Pattern& pattern, const optics::Panel& panel)
@@ -67,7 +67,7 @@ class RowPainter {
     each(j, row, [&](Vec2, int, int c) { return codes[static_cast<size_t>(c)]; });
   }
 
-  /// A sinusoid whose turns at panel point p are p . per_px + constant.
+  /// Fills a row with a sinusoid whose turns at panel point p are p . per_px + constant.
   void fill_sinusoid(Vec2 per_px, double constant, int j, uint8_t* row) const {
     const SinusoidCodes& codes = sinusoid();
     const int period = panel_.layout.columns();
@@ -133,7 +133,8 @@ MarkCells MarkCells::of(const optics::Panel& panel, bool coded) {
   cells.count = coded ? kMost : kMarks;
   cells.cell_width = std::max(2, panel.width_px / 60);
   cells.height = std::max(2, panel.height_px / 34);
-  // Photographs tell by the edges of the marks whether the camera was moved.
+  // The edges of the marks show whether the camera was moved between photographs, so coded marks
+  // need a border.
   cells.border = std::max(1, cells.height / (coded ? 2 : 4));
   cells.left = (panel.width_px - cells.count * cells.cell_width) / 2;
   cells.top = (panel.height_px - cells.height) / 2;

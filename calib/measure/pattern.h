@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What calibration shows on the panel: pictures given by a formula for each subpixel, in linear
-// light. docs/calibration.md says what each is good for.
+// Pattern describes the pictures that calibration shows on the panel, by a formula for each
+// subpixel, in linear light. docs/calibration.md explains their purpose.
 #pragma once
 
 #include <array>
@@ -13,30 +13,30 @@
 
 namespace lenticule::calib {
 
-/// The whole panel at one light, 0 to 1 per channel.
+/// Flat is the whole panel at one light, 0 to 1 per channel.
 struct Flat {
   std::array<double, 3> light{};
 };
 
-/// A sinusoid that is as fine as the lenses: light 1/2 + depth/2 cos(2 pi (s / pitch - phase)),
-/// s = 3 [(X - W/2) + slant (Y - H/2)] in subpixels. Seen through the sheet it turns into a few
-/// wide fringes.
+/// Fringe is a sinusoid as fine as the lenses: light 1/2 + depth/2 cos(2 pi (s / pitch - phase)), s
+/// = 3 [(X - W/2) + slant (Y - H/2)] in subpixels. Through the sheet it appears as a few wide
+/// fringes.
 struct Fringe {
   double pitch_subpx = 0.0;
   double slant = 0.0;
-  double phase = 0.0;  ///< in turns
+  double phase = 0.0;  ///< turns
 };
 
-/// A wide sinusoid along one axis: light 1/2 + depth/2 cos(2 pi (X / period - phase)), X in pixels
-/// from the left, or Y from the top. It tells which panel point a camera pixel sees.
+/// Wave is a wide sinusoid along one axis: light 1/2 + depth/2 cos(2 pi (X / period - phase)), X in
+/// pixels from the left, or Y from the top. It encodes the panel point that a camera pixel sees.
 struct Wave {
   bool vertical = false;  ///< varies from the top down
   double period_px = 0.0;
   double phase = 0.0;
 };
 
-/// Phi = constant + per_px_x (X - W/2) + per_px_y (Y - H/2), lenses: what one eye sees of a perfect
-/// sheet, but for a few hundredths of a lens.
+/// LinearPhase is Phi = constant + per_px_x (X - W/2) + per_px_y (Y - H/2), lenses: the phase that
+/// one eye sees of a perfect sheet, within a few hundredths of a lens.
 struct LinearPhase {
   double constant = 0.0;
   double per_px_x = 0.0;
@@ -50,19 +50,21 @@ struct LinearPhase {
   [[nodiscard]] double slant() const { return per_px_y / per_px_x; }
 };
 
-/// Light only under one place of each lens as an eye sees it: |f - place| < width / 2.
+/// Comb is light only under one place of each lens as an eye sees it: |f - place| < width / 2.
 struct Comb {
   LinearPhase phase;
-  double place = 0.0;  ///< in lenses, [-1/2, 1/2)
+  double place = 0.0;  ///< lenses, [-1/2, 1/2)
   double width = 0.0;
 };
 
-/// Columns of one pixel, lit and dark in turn: a link that halves the colours smears them.
+/// Columns are columns of one pixel, alternately lit and dark: a link with chroma subsampling
+/// smears them.
 struct Columns {};
-/// Squares of one pixel, lit and dark in turn: a panel that scales shows them as broad bands.
+/// Checks are squares of one pixel, alternately lit and dark: a panel that scales shows broad
+/// bands.
 struct Checks {};
 
-/// Subpixels that carry a pattern; the others stay dark.
+/// Channels are the subpixels that carry a pattern; the others stay dark.
 struct Channels {
   bool red = true;
   bool green = true;
@@ -74,28 +76,28 @@ struct Channels {
   static Channels only(int channel) { return {channel == 0, channel == 1, channel == 2}; }
 };
 
-/// How deep fringes and waves are modulated.
+/// Modulation depth of fringes and waves.
 inline constexpr double kPatternDepth = 0.9;
 /// A mark counts modulo this.
 inline constexpr int kMarkCounts = 4;
 inline constexpr int kNoMark = -1;
-/// A code is a number of so many bits (rig_code.h).
+/// Number of bits of a code (rig_code.h).
 inline constexpr int kCodeBits = 3;
 inline constexpr int kNoCode = -1;
 
 struct Pattern {
   std::variant<Flat, Fringe, Wave, Comb, Columns, Checks> shape;
   Channels channels;
-  /// 0 to kMarkCounts - 1: the number that the marks show; kNoMark = no marks.
+  /// Number of the marks, 0 to kMarkCounts - 1; kNoMark = no marks.
   int mark = kNoMark;
-  /// 0 to 2^kCodeBits - 1: shown by further cells beside the marks; kNoCode = there are none.
+  /// Code, 0 to 2^kCodeBits - 1, shown by further cells beside the marks; kNoCode = no such cells.
   int code = kNoCode;
 };
 
-/// The marks: cells in the middle of the panel, from the left always lit, bit 0, bit 1, odd parity,
-/// and the bits of the code if there is one. They are wide enough for any sheet's blur and tell a
-/// camera which picture it sees. What cannot be measured under them is bridged from all sides,
-/// which at an edge it could not be.
+/// MarkCells are cells in the middle of the panel, from the left: always lit, bit 0, bit 1, odd
+/// parity, and the bits of the code if there is one. They identify the pattern in a camera's
+/// picture and are wide enough for any sheet's blur. The area under the marks cannot be measured;
+/// in the middle it can be interpolated from all sides, at an edge it could not.
 struct MarkCells {
   static constexpr int kMarks = 4;
   static constexpr int kMost = kMarks + kCodeBits;
@@ -108,15 +110,16 @@ struct MarkCells {
 
   [[nodiscard]] static MarkCells of(const optics::Panel& panel, bool coded);
   [[nodiscard]] static bool lit(int cell, int mark, int code);
-  /// True inside any cell or the border.
+  /// Returns true inside any cell or the border.
   [[nodiscard]] bool covers(double x_px, double y_px) const;
 };
 
-/// A frame of the panel's size; `frame` is made anew where it has another. Uses every processor.
+/// Draws a frame of the panel's size; `frame` is allocated again if it has another size. Uses all
+/// processors.
 void draw_pattern(const Pattern& pattern, const optics::Panel& panel, frames::WovenFrame& frame);
 
-/// `count` phases, evenly spread over a turn, in an order that spreads what drifts: consecutive
-/// ones are far apart.
+/// Returns `count` phases, evenly distributed over a turn. Consecutive phases are far apart, which
+/// distributes drift over the turn.
 [[nodiscard]] std::vector<double> phase_steps(int count);
 
 }  // namespace lenticule::calib

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fingerprint of the rig that patterns were drawn for, as codes beside their marks: each
-// pattern after those that the cells are found with shows one digit of it.
+// RigCode encodes the fingerprint of the patterns' rig as codes beside their marks: each pattern,
+// after those that locate the cells, shows one digit of the fingerprint.
 #pragma once
 
 #include <cstddef>
@@ -12,10 +12,10 @@ namespace lenticule::calib {
 
 class RigCode {
  public:
-  /// Of optics::fingerprint(rig).
+  /// Takes the text of optics::fingerprint(rig).
   explicit RigCode(const std::string& fingerprint);
 
-  /// The code that pattern number n shows.
+  /// Returns the code of pattern number n.
   [[nodiscard]] int of_pattern(size_t n) const;
   [[nodiscard]] const std::string& fingerprint() const { return fingerprint_; }
 
@@ -24,18 +24,18 @@ class RigCode {
   std::vector<int> digits_;
 };
 
-/// The codes that pictures of patterns showed, in their order.
+/// RigCodeReadings collects the codes read from pictures of patterns, in their order.
 class RigCodeReadings {
  public:
-  /// kNoCode where none could be read.
+  /// Adds a code; kNoCode if none could be read.
   void add(int code) { codes_.push_back(code); }
 
-  /// Pictures with a code, those that the cells were found with left out.
+  /// Returns the number of pictures with a code, without those that locate the cells.
   [[nodiscard]] size_t read() const;
-  /// Number of the first picture that shows another rig's code, from 0.
+  /// Returns the number (from 0) of the first picture that shows another rig's code.
   [[nodiscard]] std::optional<size_t> first_foreign(const RigCode& expected) const;
-  /// The fingerprint that the pictures from number `first` on show; empty unless every digit was
-  /// read and those that were read several times agree.
+  /// Returns the fingerprint shown by the pictures from number `first` on; empty unless every digit
+  /// was read and repeated readings agree.
   [[nodiscard]] std::optional<std::string> fingerprint(size_t first = 0) const;
 
  private:

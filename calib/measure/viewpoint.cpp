@@ -21,27 +21,29 @@ namespace {
 constexpr int kCoarseSteps = 8;
 constexpr int kFineSteps = 8;
 constexpr int kAliasSteps = 4;
-constexpr int kMostMultiple = 3;   ///< of the starting pitch that is tried
-constexpr int kBlocksAcross = 80;  ///< the picture
+constexpr int kMostMultiple = 3;   ///< largest multiple of the starting pitch that is tried
+constexpr int kBlocksAcross = 80;  ///< blocks across the picture
 constexpr int kRepeatSteps = 4;
 constexpr int kSpotBins = 16;
-/// How far the starting pitch may be off, as part of the lenses across the panel.
+/// Largest error of the starting pitch, relative to the number of lenses across the panel.
 constexpr double kCaptureRange = 0.13;
-constexpr double kLeastPart = 0.02;      ///< of the camera's picture that shows the panel
-constexpr double kLeastContrast = 0.03;  ///< of the light that waves or fringes modulate
-constexpr double kLeastCoherent = 0.12;  ///< of the fringes' light that one phase must explain
-constexpr double kLeastLead = 2.0;       ///< over the next best phase
-constexpr double kAliasPart = 0.4;       ///< of the first pattern's coherence at a multiple of it
-constexpr double kFineFringes = 8.0;     ///< across the panel: enough to average what drifts
+constexpr double kLeastPart = 0.02;      ///< fraction of the camera's picture that shows the panel
+constexpr double kLeastContrast = 0.03;  ///< fraction of the light that waves or fringes modulate
+constexpr double kLeastCoherent =
+    0.12;                           ///< fraction of the fringes' light that one phase must explain
+constexpr double kLeastLead = 2.0;  ///< ratio to the next best phase
+constexpr double kAliasPart =
+    0.4;  ///< fraction of the first pattern's coherence, at a multiple of its pitch
+constexpr double kFineFringes = 8.0;  ///< fringes across the panel: enough to average drift
 
-/// Green first: its line is the one that is kept, and the longer it is until it is repeated, the
-/// more of a drift shows.
+/// Green comes first: its line is kept, and the longer the time until green is repeated, the more
+/// of a drift is detected.
 constexpr std::array<int, 3> kChannelOrder = {1, 2, 0};
 
 /// Pitches to try when the starting one shows no fringes, as multiples of it.
 constexpr std::array<double, 5> kOtherPitches = {1.0, 0.5, 2.0, 1.0 / 3.0, 3.0};
 
-/// Levels of the wide waves along one axis.
+/// Returns the levels of the wide waves along one axis.
 std::array<WaveLevel, 3> levels_of(const optics::Rig& rig, bool vertical) {
   return wave_levels(vertical ? rig.panel.height_px : rig.panel.width_px,
                      rig.sheet.pitch.value / 3.0);
@@ -53,7 +55,7 @@ struct Fringes {
   double contrast = 0.0;
 };
 
-/// Of the light in all blocks.
+/// Returns the coherence of the light in all blocks.
 double coherence_of(const BlockGrid& grid) {
   double coherent = 0.0, all = 0.0;
   for (const PhaseBlock& block : grid.blocks) {
@@ -157,7 +159,7 @@ class ViewpointRun {
   CameraPicture dark_colour_;
   CameraPicture white_colour_;
   std::vector<uint32_t> pixels_;
-  std::vector<Vec2> panel_points_;  ///< of the smooth map, one per pixel
+  std::vector<Vec2> panel_points_;  ///< points of the smooth map, one per pixel
   std::optional<PanelMap> map_;
   int block_px_ = 16;
   double first_coherence_ = 0.0;
@@ -191,8 +193,8 @@ void ViewpointRun::find_panel() {
   white_colour_ = std::move(pictures[3]);
 }
 
-/// Photographs are only as good as the patterns that they show are the ones that they are taken
-/// for: another pitch in the patterns is another pitch in the result.
+/// Checks the rig code. Photographs are valid only if they show the patterns of the calibrated rig:
+/// patterns of another pitch would give another pitch as the result.
 void ViewpointRun::check_rig() {
   if (options_.adaptive) return;
   const RigCodeReadings& codes = capture_.codes();
@@ -230,7 +232,7 @@ void ViewpointRun::decode_geometry() {
     positions[vertical ? 1 : 0] =
         decode_positions(levels, sums, static_cast<float>(kLeastContrast * white));
   }
-  check_rig();  // another rig's waves would be decoded to nonsense
+  check_rig();  // first, because another rig's waves would be decoded to wrong positions
   map_ = PanelMap::fit(block_sightings(positions[0], positions[1]));
   if (!map_)
     fail("which panel point the camera sees where cannot be decoded",
@@ -269,7 +271,8 @@ std::vector<Sighting> ViewpointRun::block_sightings(const std::vector<float>& x,
 }
 
 void ViewpointRun::keep_pixels(const std::vector<float>& x, const std::vector<float>& y) {
-  // Under its lens a pixel sees up to half a lens beside the smooth map, and noise beyond.
+  // A pixel sees, through its lens, up to half a lens beside the smooth map, and more because of
+  // noise.
   const double lens_px = start_.rig().sheet.pitch.value / 3.0;
   const double limit = std::max(3.0, 1.2 * lens_px) + 6.0 * map_->typical_error_px();
   const MarkCells marks = MarkCells::of(panel_, !options_.adaptive);
@@ -352,7 +355,8 @@ void ViewpointRun::find_pitch() {
   if (options_.adaptive) leave_aliases();
 }
 
-/// Fringes show at a whole part of the pitch as well: goes on to multiples while they show there.
+/// Leaves aliases: fringes also appear at an integer fraction of the pitch, so multiples are tried
+/// as long as fringes appear there.
 void ViewpointRun::leave_aliases() {
   int multiple = 2;
   while (multiple <= kMostMultiple) {
@@ -369,8 +373,9 @@ void ViewpointRun::leave_aliases() {
   }
 }
 
-/// Only the true pitch stops showing slow fringes when the pattern gets wider by a whole factor:
-/// neighbouring lenses then see different phases.
+/// Returns true if fringes appear at a multiple of the pitch. Only at the true pitch do the slow
+/// fringes disappear when the pattern gets wider by an integer factor: neighbouring lenses then see
+/// different phases.
 bool ViewpointRun::multiple_shows_fringes(int factor) {
   const double pitch = result_.line.pitch_subpx() * factor;
   if (pitch > panel_.width_px / 4.0) return false;
@@ -487,8 +492,8 @@ void ViewpointRun::repeat() {
   }
   const std::optional<LinearPhase> move = fit_linear(moves, panel_);
   if (!move) return;
-  // A camera that moved shifts all phases, a sheet that warmed up stretches them: worst in a
-  // corner.
+  // A camera that moved shifts all phases, a sheet that warmed up stretches them: the largest
+  // change is in a corner.
   for (const double x : {0.0, 1.0})
     for (const double y : {0.0, 1.0})
       result_.drift_lenses =

@@ -6,7 +6,7 @@
 namespace lenticule::calib {
 namespace {
 
-constexpr float kLeastLight = 0.15F;  ///< of what a bright pixel of the panel has
+constexpr float kLeastLight = 0.15F;  ///< fraction of the light of a bright panel pixel
 constexpr double kBrightPart = 0.98;
 
 }  // namespace

@@ -18,7 +18,7 @@ constexpr int kRowsPerBand = 2;
 constexpr int kGreen = 1;
 constexpr double kTau = 2.0 * std::numbers::pi;
 
-/// Light of a block is mean + slope_x u + slope_y v + c cos + s sin.
+/// The light of a block is mean + slope_x u + slope_y v + c cos + s sin.
 constexpr int kTerms = 5;
 using Terms = Eigen::Matrix<double, kTerms, 1>;
 
@@ -29,7 +29,7 @@ struct BlockSums {
   int count = 0;
 };
 
-/// Decides for each panel point which block it counts for.
+/// BlockGrid assigns each panel point to its block.
 class BlockGrid {
  public:
   explicit BlockGrid(const SinglePhotoChart& chart)
@@ -42,7 +42,7 @@ class BlockGrid {
   [[nodiscard]] bool is_on_fringes(Vec2 at) const {
     const double in_band = at.y * chart_.bands / height();
     const double from_border = std::abs(in_band - std::round(in_band));
-    constexpr double kMargin = 0.06;  // of a band: what a lens or a blurred camera may mix
+    constexpr double kMargin = 0.06;  // fraction of a band that a lens or a blurred camera may mix
     if (from_border < kMargin) return false;
     const double margin = 0.5 * chart_.tags.front().cell_px;
     const auto covers = [&](const auto& drawn) { return drawn.covers(at, margin); };
@@ -63,7 +63,7 @@ class BlockGrid {
   int rows_;
 };
 
-/// Where fringes are drawn, counted on a grid of panel points.
+/// Determines the blocks with fringes on a grid of panel points, and returns their number.
 double drawn_blocks(const BlockGrid& grid, const optics::Panel& panel, std::vector<bool>& drawn) {
   constexpr int kStep = 8;
   for (int y = kStep / 2; y < panel.height_px; y += kStep)
@@ -93,7 +93,8 @@ FringeSample sample_of(const SheetPoint& point, float light, uint32_t block,
           block};
 }
 
-/// Fringes seen are those of the comb less the lens coordinate: whole lenses do not show.
+/// Prediction predicts the observed fringes: the comb minus the lens coordinate, since whole lenses
+/// are invisible.
 class Prediction {
  public:
   Prediction(const SinglePhotoChart& chart, const optics::Rig& rig)
@@ -119,7 +120,7 @@ class Prediction {
   const optics::Panel& panel_;
 };
 
-/// -1/2 to 1/2 in both directions.
+/// Returns the position in the block, -1/2 to 1/2 in both directions.
 Vec2 place_in_block(const FringeSample& sample, const FringeSamples& fringes,
                     const optics::Panel& panel) {
   const int column = static_cast<int>(sample.block) % fringes.columns;
@@ -138,13 +139,12 @@ void add_sample(BlockSums& sums, const FringeSample& sample, double cycles, Vec2
   ++sums.count;
 }
 
-/// Empty where the fringes turn too little over the block.
+/// Returns nothing if the phase of the fringes changes too little over the block.
 std::optional<FringeBlock> block_of(const BlockSums& sums, uint32_t block, double detuning) {
   const auto solver = sums.normal.ldlt();
   const Terms fitted = solver.solve(sums.right);
   const double amplitude = std::hypot(fitted[3], fitted[4]);
-  // The variance of the phase, for light that varies by 1: 2 / count where the other terms take
-  // nothing away.
+  // Variance of the phase, for light with variance 1: 2 / count if the other terms are orthogonal.
   Terms along = Terms::Zero();
   along[3] = -fitted[4] / amplitude;
   along[4] = fitted[3] / amplitude;
@@ -249,7 +249,7 @@ std::vector<FringeBlock> measure_blocks(const FringeSamples& fringes, const Sing
     add_sample(sums[sample.block], sample, prediction.phase(sample, detuning_of(sample.block)),
                within);
   }
-  // A block that is half a tag tells less than its weight says.
+  // A block half covered by a tag is less reliable than its weight states.
   const double usual = static_cast<double>(fringes.samples.size()) / static_cast<double>(count);
   std::vector<FringeBlock> blocks;
   for (uint32_t b = 0; b < count; ++b)

@@ -16,22 +16,23 @@ namespace {
 constexpr int kMostColumns = 512;
 constexpr int kFewestColumns = 128;
 constexpr int kRows = 128;
-/// Fewer fringes than these are taken for uneven light.
+/// Fewer fringes than this count as uneven light.
 constexpr int kLeastFringes = 8;
-/// How far the starting pitch may be off, as part of the lenses.
+/// Largest error of the starting pitch, relative to the number of lenses.
 constexpr double kMostMoreAcross = 0.12;
 constexpr int kMostMoreDown = 56;
-constexpr std::array<double, 4> kKinds = {1.0, -1.0, 2.0, -2.0};  ///< of detuning
+constexpr std::array<double, 4> kKinds = {1.0, -1.0, 2.0, -2.0};  ///< detunings
 
-/// Nearly every cell of a grid of so many columns gets a pixel of the photograph: holes would be a
-/// pattern of their own.
+/// Returns the number of grid columns for which nearly every cell gets a pixel of the photograph:
+/// holes would form a pattern of their own.
 int columns_for(const FringeSamples& fringes, const optics::Panel& panel) {
   const double shape = double(panel.width_px) / panel.height_px;
   const double pixels_across = std::sqrt(static_cast<double>(fringes.samples.size()) * shape);
   return std::clamp(static_cast<int>(0.9 * pixels_across), kFewestColumns, kMostColumns);
 }
 
-/// Mean light of a grid of places, 0 being the mean around them; 0 where there is no sample.
+/// Returns the mean light of a grid of positions, relative to the local mean; 0 in cells without a
+/// sample.
 Eigen::MatrixXd light_grid(const FringeSamples& fringes, const SinglePhotoChart& chart,
                            double detuning, int columns) {
   const size_t blocks = static_cast<size_t>(fringes.columns) * static_cast<size_t>(fringes.rows);
@@ -55,7 +56,7 @@ Eigen::MatrixXd light_grid(const FringeSamples& fringes, const SinglePhotoChart&
   return (n.array() > 0.0).select(sum.array() / n.array().max(1.0), 0.0);
 }
 
-/// How strong fringes of one kind of band are, against what is there by chance.
+/// Spectrum measures the strength of the fringes of one kind of band relative to chance level.
 class Spectrum {
  public:
   explicit Spectrum(const Eigen::MatrixXd& light)
@@ -80,7 +81,8 @@ class Spectrum {
     usual_ = std::max(*middle, 1e-30);
   }
 
-  /// 1 is chance: also beyond what the grid resolves and where uneven light lives.
+  /// Returns the strength; 1 is chance level, also for frequencies that the grid does not resolve
+  /// and for those of uneven light.
   [[nodiscard]] double strength(int across, int down) const {
     const bool resolved = 2 * std::abs(across) < columns_ && 2 * std::abs(down) < kRows;
     if (!resolved || std::abs(across) < kLeastFringes) return 1.0;

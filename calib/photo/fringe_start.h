@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counts the fringes of a photographed chart from scratch, however wrong the starting pitch was.
+// Counts the fringes of a photographed chart from scratch, even if the starting pitch was wrong.
 #pragma once
 
 #include "calib/photo/fringe_blocks.h"
@@ -7,21 +7,21 @@
 
 namespace lenticule::calib {
 
-/// What the spectrum says.
+/// FringeCount is the result of the spectrum.
 struct FringeCount {
-  /// Lenses across and down the panel more than the chart's starting rig says, by whole numbers
-  /// and a place between them at best.
+  /// Additional lenses across and down the panel, relative to the chart's starting rig; whole
+  /// numbers, refined to a position between them.
   Vec2 more_lenses;
-  /// How far the fringes stand out of what is there by chance: the geometric mean over the kinds of
-  /// bands, those whose fringes cannot be seen under this answer counting as chance.
+  /// Prominence of the fringes above chance level: the geometric mean over the kinds of bands; a
+  /// kind whose fringes are not visible under this answer counts as chance level.
   double prominence = 0.0;
 };
 
-/// Below this prominence the answer is as good as chance.
+/// An answer below this prominence is not better than chance.
 inline constexpr double kLeastProminence = 6.0;
 
-/// The change of pitch and slant, within 12 % of the lenses, under which all kinds of bands have
-/// fringes in their spectrum: one alone could not tell fringes from fringes mirrored.
+/// Returns the change of pitch and slant, within 12 % of the lenses, under which all kinds of bands
+/// have fringes in their spectrum: a single kind cannot distinguish fringes from mirrored fringes.
 [[nodiscard]] FringeCount count_fringes(const FringeSamples& fringes,
                                         const SinglePhotoChart& chart);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A file beside written patterns that says which rig they are for.
+// PatternManifest is a file beside written patterns that records their rig.
 #pragma once
 
 #include <filesystem>
@@ -10,7 +10,7 @@
 
 namespace lenticule::calib {
 
-/// "patterns.json", in the patterns' own folder or copied beside their photographs.
+/// Name of the manifest in the patterns' own folder, or copied beside their photographs.
 inline constexpr const char* kPatternManifest = "patterns.json";
 
 struct PatternManifest {
@@ -23,14 +23,14 @@ struct PatternManifest {
 
 [[nodiscard]] PatternManifest manifest_of(const optics::Rig& rig, size_t patterns);
 
-/// Writes it into the folder, which must exist; throws Error(Failed).
+/// Writes the manifest into the folder, which must exist. Throws Error(Failed).
 void write_manifest(const PatternManifest& manifest, const std::filesystem::path& folder);
 
-/// Reads a folder's manifest; empty where there is none. Throws Error(Input) for a file that is no
+/// Reads a folder's manifest; returns nothing if there is none. Throws Error(Input) for an invalid
 /// manifest.
 [[nodiscard]] std::optional<PatternManifest> read_manifest(const std::filesystem::path& folder);
 
-/// Throws Error(Input) that names both rigs unless the manifest is the rig's.
+/// Throws Error(Input) that names both rigs unless the manifest belongs to the rig.
 void check_manifest(const PatternManifest& manifest, const optics::Rig& rig,
                     const std::filesystem::path& folder);
 

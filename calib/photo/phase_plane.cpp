@@ -19,8 +19,9 @@ using Row = Eigen::Matrix<double, 1, kTerms>;
 using Normal = Eigen::Matrix<double, kTerms, kTerms>;
 using Terms = Eigen::Matrix<double, kTerms, 1>;
 
-/// Lenses more mean fringes less: the plane's terms count negatively. The place's terms are fringes
-/// that a mistaken place adds, as many as the band is detuned.
+/// Returns the coefficients of one block. More lenses mean fewer fringes, so the plane's terms are
+/// negative. The terms of position are the additional fringes of a position error, proportional to
+/// the band's detuning.
 Row row_of(const FringeBlock& block) {
   const double x = block.x, y = block.y, d = block.detuning;
   Row row;
@@ -30,7 +31,7 @@ Row row_of(const FringeBlock& block) {
 }
 
 double score(const std::vector<FringeBlock>& blocks, double across, double down) {
-  // Each kind of band for itself: a mistaken place turns them apart.
+  // Each kind of band is summed separately, because a position error rotates them differently.
   std::map<double, std::complex<double>> sums;
   for (const FringeBlock& b : blocks) {
     const double cycles = b.phase + across * b.x + down * b.y;
@@ -61,7 +62,7 @@ double wrapped(double cycles) {
   return cycles - std::round(cycles);
 }
 
-/// One step of reweighted least squares.
+/// Regression does steps of reweighted least squares.
 class Regression {
  public:
   explicit Regression(const std::vector<FringeBlock>& blocks) : blocks_(blocks) {
@@ -81,7 +82,7 @@ class Regression {
       normal_ += weight * row.transpose() * row;
       right += weight * residual(i) * row.transpose();
     }
-    // Far weaker than a single block: for terms that no block tells anything about.
+    // Far weaker than a single block: only affects terms that no block determines.
     normal_.diagonal().array() += 1e-6;
     solution_ += normal_.ldlt().solve(right);
   }
@@ -108,7 +109,7 @@ double median_magnitude(std::vector<double> values) {
 }
 
 void summarize(const Regression& regression, PlaneCorrection& out) {
-  // Four times the scatter that a normal distribution with this median would have.
+  // Four times the scatter of a normal distribution with this median.
   const double outlier = std::max(4.0 * 1.4826 * median_magnitude(out.residuals), 1e-4);
   double squares = 0.0, weights = 0.0;
   for (size_t i = 0; i < out.residuals.size(); ++i) {
@@ -137,7 +138,8 @@ PlaneCorrection fit_plane(const std::vector<FringeBlock>& blocks) {
   if (blocks.size() < kLeastBlocks) return out;
   constexpr double kOutlierLenses = 0.03;
   Regression regression(blocks);
-  // Widely first, so that a start that is off by some tenths is not all outliers.
+  // The first steps use wide limits, so that with a start that is off by some tenths not all blocks
+  // are outliers.
   for (const double wide : {10.0, 5.0, 3.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0})
     regression.step(wide * kOutlierLenses);
   for (size_t i = 0; i < blocks.size(); ++i) out.residuals[i] = regression.residual(i);

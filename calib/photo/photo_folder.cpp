@@ -28,7 +28,7 @@ std::string lower(std::string text) {
   return text;
 }
 
-/// Takes the digits at the start of `text` away and gives them back without leading zeros.
+/// Removes the digits at the start of `text` and returns them without leading zeros.
 std::string_view take_number(std::string_view& text) {
   size_t end = 0;
   while (end < text.size() && is_digit(text[end])) ++end;
@@ -38,7 +38,7 @@ std::string_view take_number(std::string_view& text) {
   return first == std::string_view::npos ? std::string_view{} : digits.substr(first);
 }
 
-/// Below, equal, above: -1, 0, 1. Numbers of any length are compared as numbers.
+/// Returns -1, 0 or 1 for below, equal or above. Numbers of any length are compared as numbers.
 int compare_naturally(std::string_view a, std::string_view b) {
   while (!a.empty() && !b.empty()) {
     if (is_digit(a[0]) && is_digit(b[0])) {
@@ -59,7 +59,7 @@ bool is_photograph(const std::filesystem::directory_entry& entry) {
   constexpr std::array<std::string_view, 6> kExtensions = {".png", ".jpg",  ".jpeg",
                                                            ".tif", ".tiff", ".exr"};
   const std::string extension = lower(entry.path().extension().string());
-  std::error_code unreadable;  // then it is no regular file
+  std::error_code unreadable;  // an unreadable entry counts as not a regular file
   return entry.path().filename().string()[0] != '.' &&
          std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end() &&
          entry.is_regular_file(unreadable);

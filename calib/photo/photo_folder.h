@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photographs that somebody took of the panel, as a camera: one after the other in the order of
-// their names.
+// PhotoFolder is a Camera that delivers a user's photographs of the panel, in the order of their
+// names.
 #pragma once
 
 #include <filesystem>
@@ -11,26 +11,26 @@
 
 namespace lenticule::calib {
 
-/// Whether `a` stands before `b` as people number files: IMG_9 before IMG_10. Letters' case counts
-/// only between names that are otherwise equal.
+/// Returns true if `a` comes before `b` in natural order: IMG_9 before IMG_10. Case matters only
+/// between names that are otherwise equal.
 [[nodiscard]] bool stands_before(std::string_view a, std::string_view b);
 
-/// The PNG, JPEG, TIFF and EXR files of a folder; names with a dot in front are nobody's
-/// photographs. Integer files are taken for sRGB. Pictures are three channels, and as the camera
-/// saved them: a note in the file that it is to be shown turned does not turn it.
+/// PhotoFolder reads the PNG, JPEG, TIFF and EXR files of a folder, except files whose name begins
+/// with a dot. Integer files are assumed to be sRGB. Pictures have three channels and keep the
+/// camera's orientation: the orientation tag is ignored.
 class PhotoFolder final : public Camera {
  public:
-  /// Throws Error(Input) if the folder cannot be read, holds fewer than `wanted` photographs, one
-  /// that cannot be read, or two of different sizes.
+  /// Throws Error(Input) if the folder cannot be read, contains fewer than `wanted` photographs, an
+  /// unreadable one, or two of different sizes.
   explicit PhotoFolder(const std::filesystem::path& folder, size_t wanted = 1);
 
   [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
-  /// Never waits: the next photograph at once. Gone after the last, and for one that changed since
-  /// the folder was opened.
+  /// Returns the next photograph at once. Returns Gone after the last one, and for a file that
+  /// changed since the folder was opened.
   [[nodiscard]] GrabStatus grab(CameraPicture& out, Nanoseconds timeout,
                                 Nanoseconds not_before = Nanoseconds::min()) override;
-  /// Photographs know no clock here: the first is taken at 0 s, the next at 1 s, and now is when
-  /// the next one is taken.
+  /// Returns the time of the next photograph. The photographs have a simulated clock: the first is
+  /// taken at 0 s, the next at 1 s.
   [[nodiscard]] Nanoseconds now() const override;
   [[nodiscard]] std::vector<std::string> drifted_controls() override { return {}; }
   [[nodiscard]] std::string failure() const override { return failure_; }
@@ -44,7 +44,7 @@ class PhotoFolder final : public Camera {
   std::string failure_;
 };
 
-/// One photograph; throws Error(Input) if it cannot be read.
+/// Reads one photograph. Throws Error(Input) if it cannot be read.
 [[nodiscard]] CameraPicture read_photograph(const std::filesystem::path& file);
 
 }  // namespace lenticule::calib

@@ -15,29 +15,28 @@
 namespace lenticule::calib {
 namespace {
 
-/// What tags are measured to in the picture: their edges are as coarse as lenses.
+/// Standard error of the corners in the picture: the tags' edges are as coarse as lenses.
 constexpr double kCornerSigmaPx = 0.3;
 
-/// How far a camera's axis is from the middle of its picture, in longer sides.
+/// Standard deviation of a camera's axis from the middle of its picture, in longer sides.
 constexpr double kAxisSigma = 0.015;
 
 struct Corner {
   Vec2 pixel;
   Vec2 panel_mm;
-  Vec2 from_middle_mm;  ///< of its tag
+  Vec2 from_middle_mm;  ///< position relative to the middle of its tag
 };
 
-/// What the fit varies.
+/// Unknowns are the parameters of the fit.
 struct Unknowns {
-  /// Log of the focal length, distortion, by what part of their size all tags look larger than they
-  /// are (light spills over the edges of dark things), and how far the axis is from the picture's
-  /// middle, in longer sides.
+  /// Log of the focal length; distortion; relative enlargement of all tags (light spills over the
+  /// edges of dark areas); offset of the axis from the picture's middle, in longer sides.
   std::array<double, 5> lens{};
   std::array<double, 3> rotation{};  // panel_from_camera, angle times axis
   std::array<double, 3> eye{};
 };
 
-/// From a direction in the panel frame to the panel point seen, millimetres.
+/// Seen computes the panel point in a direction of the panel frame, millimetres.
 template <class T>
 struct Seen {
   T lens[2];
@@ -59,7 +58,7 @@ Seen<T> seen_along(const T direction[3], const T eye[3], double gap, double shap
   return seen;
 }
 
-/// The direction in which a pixel looks, camera frame: x right, y up, z backwards.
+/// Computes the direction in which a pixel looks, camera frame: x right, y up, z backwards.
 template <class T>
 void camera_direction(const T from_axis[2], const T& focal, const T& distortion, T out[3]) {
   const T u = from_axis[0] / focal, v = -from_axis[1] / focal;
@@ -92,7 +91,7 @@ struct CornerError {
   }
 };
 
-/// (parameter[index] - value) / sigma.
+/// Prior is the term (parameter[index] - value) / sigma.
 struct Prior {
   int index;
   double value, sigma;
@@ -111,7 +110,7 @@ std::vector<Corner> corners_of(const std::vector<TagSighting>& tags,
     const ChartTag* drawn = chart.tag(tag.id);
     LENTICULE_CHECK(drawn != nullptr);
     const auto on_panel = drawn->corners_px();
-    const Vec2 diagonal = on_panel[0] + on_panel[2];  // its middle, twice
+    const Vec2 diagonal = on_panel[0] + on_panel[2];  // its middle, times two
     for (size_t i = 0; i < on_panel.size(); ++i) {
       const Vec2 at{panel.x_mm(on_panel[i].x), panel.y_mm(on_panel[i].y)};
       const Vec2 middle{panel.x_mm(0.5 * diagonal.x), panel.y_mm(0.5 * diagonal.y)};
@@ -121,7 +120,7 @@ std::vector<Corner> corners_of(const std::vector<TagSighting>& tags,
   return corners;
 }
 
-/// Picture = scale e^(i angle) panel + shift, y up in both, as complex numbers.
+/// Similarity is picture = scale e^(i angle) panel + shift, y up in both, as complex numbers.
 struct Similarity {
   std::complex<double> factor;  // pixels per millimetre
   std::complex<double> shift;
@@ -147,7 +146,7 @@ Similarity fit_similarity(const std::vector<Corner>& corners) {
 struct Beliefs {
   Estimate log_focal;
   Estimate distance_mm;
-  double axis_sigma = kAxisSigma;  ///< of its place, in longer sides
+  double axis_sigma = kAxisSigma;  ///< standard deviation of its position, in longer sides
 };
 
 Beliefs beliefs_of(const PhotoPriors& priors, const SinglePhotoChart& chart, int longer_side) {
@@ -161,8 +160,8 @@ Beliefs beliefs_of(const PhotoPriors& priors, const SinglePhotoChart& chart, int
   return beliefs;
 }
 
-/// What is believed if all that nothing confirms may be a tenth off. Distance and focal length
-/// confirm each other where both are known.
+/// Returns weaker priors, in which every value without confirmation may be a tenth off. Distance
+/// and focal length confirm each other if both are known.
 Beliefs doubted(Beliefs beliefs, const PhotoPriors& priors) {
   constexpr double kDoubt = 0.1;
   beliefs.axis_sigma = kDoubt;
@@ -175,7 +174,8 @@ Beliefs doubted(Beliefs beliefs, const PhotoPriors& priors) {
 
 Unknowns first_guess(const Similarity& similarity, const Beliefs& beliefs, Vec2 middle_px) {
   Unknowns guess;
-  // Straight ahead of the place in the middle of the picture, turned as the picture is.
+  // The initial eye is straight ahead of the panel point in the middle of the picture, rotated like
+  // the picture.
   const std::complex<double> at =
       (std::complex(middle_px.x, -middle_px.y) - similarity.shift) / similarity.factor;
   guess.eye = {at.real(), at.imag(), beliefs.distance_mm.value};
@@ -228,7 +228,7 @@ bool solve(ceres::Problem& problem) {
   return summary.IsSolutionUsable();
 }
 
-/// Row by row; NaN where it cannot be told.
+/// Returns the covariance row by row; NaN if it cannot be determined.
 std::array<double, 9> eye_covariance(ceres::Problem& problem, const Unknowns& unknowns) {
   ceres::Covariance::Options options;
   options.algorithm_type = ceres::DENSE_SVD;
@@ -257,7 +257,7 @@ PhotoPose pose_of(const Unknowns& unknowns, Vec2 middle_px) {
   return pose;
 }
 
-/// How far a corner of a tag is from where the pose puts it, picture pixels.
+/// Returns the distance of a tag's corner from its position under the pose, picture pixels.
 double corner_off_px(const PhotoPose& pose, const Corner& corner, const optics::Rig& rig,
                      double pixels_per_mm) {
   const Vec2 expected = corner.panel_mm + corner.from_middle_mm * pose.tags_larger;

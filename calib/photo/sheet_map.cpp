@@ -13,11 +13,11 @@ namespace {
 constexpr int kColumns = 13;
 constexpr int kRows = 8;
 constexpr size_t kLeastBlocks = 100;
-// Of the panel's width and height: about the distance of knots.
+// Relative to the panel's width and height: about the distance of knots.
 constexpr double kReachX = 0.06;
 constexpr double kReachY = 0.09;
 
-/// The value at (x, y) of the plane through the blocks around.
+/// Returns the value at (x, y) of the plane through the surrounding blocks.
 double smoothed(const std::vector<FringeBlock>& blocks, const std::vector<double>& residuals,
                 double x, double y) {
   constexpr double kOutlierLenses = 0.03;
@@ -29,7 +29,7 @@ double smoothed(const std::vector<FringeBlock>& blocks, const std::vector<double
       const Eigen::Vector3d terms(1.0, (blocks[i].x - x) / kReachX, (blocks[i].y - y) / kReachY);
       const double off = (-residuals[i] - terms.dot(plane)) / kOutlierLenses;
       const double near = std::exp(-0.5 * (terms[1] * terms[1] + terms[2] * terms[2]));
-      // In the first round nothing is known to be an outlier.
+      // No outlier is known in the first round.
       const double weight = near / (1.0 + (round > 0 ? off * off : 0.0));
       normal += weight * terms * terms.transpose();
       right -= weight * residuals[i] * terms;
@@ -56,7 +56,7 @@ optics::ResidualMap sum_of_maps(const optics::ResidualMap& a, const optics::Resi
   if (a.empty()) return b;
   if (b.empty()) return a;
   optics::ResidualMap sum{std::max(a.columns, b.columns), std::max(a.rows, b.rows), {}};
-  // On a panel of as many pixels as there are steps between knots.
+  // The maps are evaluated on a panel with as many pixels as there are steps between knots.
   const int width = std::max(sum.columns - 1, 1), height = std::max(sum.rows - 1, 1);
   const optics::ResidualSpline first(a, width, height), second(b, width, height);
   for (int r = 0; r < sum.rows; ++r)

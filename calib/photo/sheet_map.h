@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sheet's own shape from what a plane leaves over.
+// Computes the sheet's residual map from the residuals of a plane fit.
 #pragma once
 
 #include <vector>
@@ -9,15 +9,15 @@
 
 namespace lenticule::calib {
 
-/// A residual map of 13 by 8 knots that smooths -residuals[i] of each block: every knot is the
-/// value of a plane fitted to the blocks around it, nearer ones counting more and such as stand out
-/// less, so that knots on the panel's border go on as the sheet does there. Needs 100 blocks, else
-/// it is empty.
+/// Returns a residual map of 13 by 8 knots that smooths -residuals[i] of each block. Every knot is
+/// the value of a plane fitted to the blocks around it; near blocks get a larger weight, outliers a
+/// smaller one, and knots on the panel's border extrapolate the sheet. Returns an empty map for
+/// fewer than 100 blocks.
 [[nodiscard]] optics::ResidualMap smooth_map(const std::vector<FringeBlock>& blocks,
                                              const std::vector<double>& residuals);
 
-/// Both maps as one, with as many knots as the finer; between its knots the coarser one counts as
-/// the optical model reads it. Either may be empty.
+/// Returns the sum of both maps, with as many knots as the finer map; between its knots the coarser
+/// map is interpolated as in the optical model. Either map may be empty.
 [[nodiscard]] optics::ResidualMap sum_of_maps(const optics::ResidualMap& a,
                                               const optics::ResidualMap& b);
 

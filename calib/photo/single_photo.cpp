@@ -31,23 +31,24 @@ constexpr double kMostRmsLenses = 0.05;
 constexpr double kMostLeftOut = 0.2;
 constexpr double kWantedMaxLenses = 0.02;
 
-/// Everything on the way, so that a refusal can show how far it came.
+/// Work holds all intermediate results, so that a refusal can report the progress.
 struct Work {
   PhotoLight picture;
-  int averaged = 1;  ///< pixels of the photograph along the side of one of `picture`
+  int averaged =
+      1;  ///< side of the square of photograph pixels that is averaged to one pixel of `picture`
   std::vector<TagSighting> tags;
   std::optional<PhotoPose> pose;
   std::optional<double> squares;  ///< light_of_squares
   FringeSamples fringes;
-  optics::Rig rig;  ///< as far as it is known
+  optics::Rig rig;  ///< the rig known so far
   std::vector<FringeBlock> blocks;
   PlaneCorrection correction;
-  double uneven_lenses = 0.0;  ///< what was left over before the sheet's shape was mapped
-  /// How at, across and down change when the camera was one standard error farther away.
+  double uneven_lenses = 0.0;  ///< residual before the sheet's shape was mapped
+  /// Change of at, across and down if the camera was one standard error further away.
   LensPlane farther;
 };
 
-/// Mean light of a square of pixels; clipped if one value in it is.
+/// Returns the mean light of a square of pixels; clipped if one value in it is clipped.
 float averaged_light(const CameraPicture& photograph, int left, int top, int side) {
   float sum = 0.0F;
   bool clipped = false;
@@ -77,7 +78,7 @@ void average_down(const CameraPicture& photograph, Work& work) {
           averaged_light(photograph, i * work.averaged, j * work.averaged, work.averaged));
 }
 
-/// Priors are about the photograph, not about what it was averaged to.
+/// Scales priors, which refer to the photograph, to the averaged picture.
 PhotoPriors scaled(PhotoPriors priors, int averaged) {
   if (priors.focal_px) {
     priors.focal_px->value /= averaged;
@@ -86,10 +87,10 @@ PhotoPriors scaled(PhotoPriors priors, int averaged) {
   return priors;
 }
 
-/// The reason to stop, or nothing.
+/// Refusal is the reason to stop, or nothing.
 using Refusal = std::optional<std::string>;
 
-/// Tags that something half hides are found, but not where they are.
+/// Removes tags that are partly hidden: they are found, but at a wrong position.
 std::vector<TagSighting> without_misplaced(const Work& work) {
   std::vector<double> off = work.pose->tag_off_px;
   const auto middle = off.begin() + static_cast<ptrdiff_t>(off.size() / 2);
@@ -101,7 +102,7 @@ std::vector<TagSighting> without_misplaced(const Work& work) {
   return kept;
 }
 
-/// What was told about the camera and the tags do not go together, whatever else is believed.
+/// Returns a refusal if the given camera data contradict the tags.
 Refusal contradiction(const Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   constexpr double kMostPull = 4.0;
   if (work.pose->axis_pull > kMostPull) {
@@ -168,8 +169,8 @@ Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors
   return place_camera(work, chart, priors);
 }
 
-/// Scaling smears squares of one pixel to less light than they have; so it does the fringes, and
-/// the pitch that is found is that of another size.
+/// Refuses scaled pictures. Scaling smears squares of one pixel to less light than they have. It
+/// also scales the fringes, so that the fitted pitch would belong to another size.
 Refusal judge_scale(Work& work, const SinglePhotoChart& chart) {
   constexpr double kLeastSquares = 0.8;
   work.squares = light_of_squares(work.picture, *work.pose, chart);
@@ -216,13 +217,13 @@ double median_contrast(const std::vector<FringeBlock>& blocks) {
   return *middle;
 }
 
-/// Part of the blocks that do not fit the others.
+/// Returns the fraction of the blocks that are outliers.
 double left_out(const Work& work) {
   if (work.blocks.empty()) return 1.0;
   return 1.0 - static_cast<double>(work.correction.used) / static_cast<double>(work.blocks.size());
 }
 
-/// Each time against a better plane, in which a block's own fringes are straighter.
+/// Refines the plane in rounds: relative to a better plane, a block's own fringes are straighter.
 void refine_plane(Work& work, const SinglePhotoChart& chart) {
   constexpr int kRounds = 3;
   for (int round = 0; round < kRounds; ++round) {
@@ -237,7 +238,7 @@ Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
   improve(work, search_plane(work.blocks));
   refine_plane(work, chart);
   work.uneven_lenses = work.correction.max_lenses;
-  // What one map smooths away, the next one finds.
+  // The next map captures the part that the previous map smoothed away.
   constexpr int kMaps = 3;
   for (int map = 0; map < kMaps && work.correction.max_lenses > kWantedMaxLenses; ++map) {
     work.rig.sheet.residual =
@@ -253,10 +254,10 @@ Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
   return std::nullopt;
 }
 
-// --- what the result says ------------------------------------------------------------------------
+// --- result -------------------------------------------------------------------------------------
 
-/// As the eye sees the sheet: the same plane over panel points, P being the effective pitch, and
-/// `at` the phase at the panel's centre.
+/// Returns the plane as the eye sees the sheet: over panel points, with the effective pitch as P
+/// and the phase at the panel's centre as `at`.
 LensPlane effective_plane(const Work& work) {
   const optics::Panel& panel = work.rig.panel;
   const Vec3 eye = work.pose->eye_mm;
@@ -272,7 +273,8 @@ LensPlane effective_plane(const Work& work) {
 
 using Matrix3 = std::array<std::array<double, 3>, 3>;
 
-/// Of at, across and down: the scatter of the blocks and the camera's distance.
+/// Returns the covariance of at, across and down from the scatter of the blocks and the camera's
+/// distance.
 Matrix3 plane_covariance(const Work& work) {
   const std::array<double, 3> farther = {work.farther.at, work.farther.across, work.farther.down};
   Matrix3 out{};
@@ -282,13 +284,13 @@ Matrix3 plane_covariance(const Work& work) {
   return out;
 }
 
-/// Effective pitch, slant and offset with the correlations of the three.
+/// Effective holds effective pitch, slant and offset with their correlations.
 struct Effective {
   std::array<Estimate, 3> estimates;
   std::vector<std::vector<double>> correlations;
 };
 
-/// Covariance of pitch, slant and offset from that of at, across and down.
+/// Transforms the covariance of at, across and down to that of pitch, slant and offset.
 Matrix3 carried_over(const Matrix3& covariance, const LensPlane& plane,
                      const optics::Panel& panel) {
   const double shape = double(panel.width_px) / panel.height_px;
@@ -327,7 +329,7 @@ PanelField residual_field(const Work& work) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
   PanelField field{work.fringes.columns, work.fringes.rows, {}};
   field.values.assign(static_cast<size_t>(field.columns) * static_cast<size_t>(field.rows), kNone);
-  // Lenses seen minus lenses fitted: fringes count the other way round.
+  // Observed minus fitted lenses: fringes have the opposite sign.
   for (size_t i = 0; i < work.blocks.size(); ++i)
     field.values[work.blocks[i].block] = -work.correction.residuals[i];
   return field;
@@ -352,8 +354,8 @@ Viewpoint viewpoint_of(const Work& work, const Effective& effective) {
   return v;
 }
 
-/// Variance of the phase at a panel point for an eye where the camera is said to have been, because
-/// it may have been elsewhere.
+/// Returns the variance of the phase at a panel point, for an eye at the estimated camera position,
+/// that results from the uncertainty of this position.
 double variance_of_place(const Work& work, const optics::OpticalModel& model, Vec2 panel_px) {
   const Vec3 e = work.pose->eye_mm;
   const auto phase = [&](double x, double y, double z) {
@@ -369,8 +371,8 @@ double variance_of_place(const Work& work, const optics::OpticalModel& model, Ve
   return variance;
 }
 
-/// At this eye only, which is all that is claimed: with `placed` for an eye that is put there by
-/// its millimetres, else for one that is where the camera was, wherever that is.
+/// Returns the drift for this eye only, since the result is valid only there. With `placed`, the
+/// eye is put at the measured millimetres; otherwise the eye is at the true position of the camera.
 DriftPrediction drift_of(const Work& work, bool placed) {
   const Matrix3 c = plane_covariance(work);
   const optics::OpticalModel model(work.rig);
@@ -427,7 +429,7 @@ void add_warnings(const Work& work, const SinglePhotoChart& chart, bool confirme
                     "--distance and --focal-px"));
 }
 
-/// What is known of the camera, also for a refusal.
+/// Adds the known values of the camera, also for a refusal.
 void add_camera(const Work& work, Calibration& out) {
   if (!work.pose) return;
   out.camera.focal_px = work.pose->focal_px * work.averaged;
@@ -457,8 +459,8 @@ void add_findings(const Work& work, const SinglePhotoChart& chart, const PhotoPr
   add_warnings(work, chart, priors.focal_px && priors.distance_mm, out);
 }
 
-/// The sheet bends light more at a small distance, and a photograph from straight ahead does not
-/// know its own: the answer is made again for a camera that stood farther away.
+/// Repeats the fit for a camera that was further away: the sheet bends light more at a small
+/// distance, and a photograph from straight ahead does not determine its own distance.
 void try_farther(Work& work, const SinglePhotoChart& chart, const PhotoPriors& priors) {
   const double sigma = work.pose->eye_sigma_mm.z;
   if (!std::isfinite(sigma)) return;

@@ -26,8 +26,9 @@ double effective_pitch(const optics::Rig& rig) {
   return rig.sheet.pitch.value * (1.0 + rig.sheet.gap.value / distance);
 }
 
-/// An id for each tag: by its remainder the tag, by its quotient a digit of the rig's fingerprint.
-/// Another rig has the same id for one tag in 65, for five tags by no chance.
+/// Returns an id for each tag: the remainder identifies the tag, the quotient is a digit of the
+/// rig's fingerprint. One tag has the same id for another rig in one of 65 cases; five equal ids by
+/// chance are practically impossible.
 std::vector<int> tag_ids(const optics::Rig& rig) {
   constexpr int kTags = kTagsAcross * kTagsAcross;
   constexpr uint64_t kDigits = kTagIds / kTags;
@@ -38,13 +39,13 @@ std::vector<int> tag_ids(const optics::Rig& rig) {
   return ids;
 }
 
-/// Tags in the corners, in the middles of the sides and in the centre.
+/// Places tags in the corners, in the middles of the sides and in the centre.
 std::vector<ChartTag> place_tags(const optics::Rig& rig) {
   const double pitch_px = rig.sheet.pitch.value / 3.0;
   const double cell = std::ceil(std::max(kLeastCellPx, kPitchesPerCell * pitch_px));
   const double size = kTagCells * cell;
   const double width = rig.panel.width_px, height = rig.panel.height_px;
-  // Fringes need at least as much room as tags.
+  // Fringes need at least as much space as tags.
   if (2.0 * kTagsAcross * size > width || 1.5 * kTagsAcross * size > height)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {} x {} pixels are too few for nine tags of {:.0f} pixels",
@@ -62,7 +63,7 @@ std::vector<ChartTag> place_tags(const optics::Rig& rig) {
   return tags;
 }
 
-/// To the left and to the right of the tag in the middle, half way to the next ones.
+/// Places patches to the left and to the right of the middle tag, half way to the next tags.
 std::vector<ScalePatch> place_patches(const std::vector<ChartTag>& tags) {
   std::vector<ScalePatch> patches;
   const ChartTag& middle = tags[tags.size() / 2];
@@ -100,8 +101,8 @@ void draw_tag(const ChartTag& tag, const TagFamily& family, frames::WovenFrame& 
   }
 }
 
-/// Codes over one period. Its steps are so fine that light is right to 2e-4, a twentieth of the
-/// coarsest code.
+/// Wave holds the codes over one period. Its steps are so fine that light is accurate to 2e-4, a
+/// twentieth of the coarsest code.
 class Wave {
  public:
   explicit Wave(double contrast) {
@@ -153,7 +154,7 @@ bool ScalePatch::covers(Vec2 panel_px, double margin_px) const {
 }
 
 int ScalePatch::half_at(Vec2 panel_px) const {
-  constexpr double kRim = 0.2;  // of a half: what lenses and blur may mix
+  constexpr double kRim = 0.2;  // fraction of a half that lenses and blur may mix
   const double x = (panel_px.x - left_px) / side_px, y = (panel_px.y - top_px) / side_px;
   if (!(y > kRim && y < 1.0 - kRim)) return -1;
   if (x > kRim && x < 1.0 - kRim) return 0;

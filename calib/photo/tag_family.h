@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The AprilTag family 36h11 as the library knows it; one owner for its C handles.
+// TagFamily owns the library's handle of the AprilTag family 36h11.
 #pragma once
 
 #include <vector>
@@ -8,10 +8,10 @@ struct apriltag_family;
 
 namespace lenticule::calib {
 
-/// Cells along a tag's side with its white rim, and without.
+/// Cells along a tag's side with its white rim, and the width of the rim.
 inline constexpr int kTagCells = 10;
 inline constexpr int kTagRimCells = 1;
-/// Ids are 0 to this number - 1.
+/// Ids are 0 to kTagIds - 1.
 inline constexpr int kTagIds = 587;
 
 class TagFamily {
@@ -22,7 +22,8 @@ class TagFamily {
   TagFamily& operator=(const TagFamily&) = delete;
 
   [[nodiscard]] apriltag_family* get() const { return family_; }
-  /// kTagCells rows of kTagCells cells from the top, true = white. Needs an id of the family.
+  /// Returns kTagCells rows of kTagCells cells from the top, true = white. Requires an id of the
+  /// family.
   [[nodiscard]] std::vector<bool> cells(int id) const;
 
  private:

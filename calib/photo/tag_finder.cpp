@@ -23,7 +23,7 @@ struct Release {
 template <class T>
 using Owned = std::unique_ptr<T, Release>;
 
-/// The light that a two hundredth of the pixels exceeds: white, whatever glints there are.
+/// Returns the light that a two hundredth of the pixels exceeds: white, even with glints.
 float white_level(const PhotoLight& picture) {
   std::vector<float> light;
   for (const float value : picture.light)
@@ -34,7 +34,7 @@ float white_level(const PhotoLight& picture) {
   return std::max(*at, 1e-6F);
 }
 
-/// Eight bits of linear light: any other curve would move the edges of blurred tags.
+/// Converts to eight bits of linear light: another curve would move the edges of blurred tags.
 Owned<image_u8_t> eight_bits(const PhotoLight& picture) {
   Owned<image_u8_t> out(
       image_u8_create(static_cast<unsigned>(picture.width), static_cast<unsigned>(picture.height)));
@@ -67,7 +67,7 @@ bool is_credible(const apriltag_detection_t& detection) {
          detection.decision_margin >= kLeastMargin;
 }
 
-/// The clearest sighting of each tag.
+/// Best holds the clearest sighting of each tag.
 using Best = std::map<int, std::pair<float, TagSighting>>;
 
 Best detect(apriltag_detector_t& detector, image_u8_t& picture) {
@@ -88,7 +88,7 @@ Best detect(apriltag_detector_t& detector, image_u8_t& picture) {
 }  // namespace
 
 std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted) {
-  constexpr int kLeastSide = 32;  // the library expects a picture of some size
+  constexpr int kLeastSide = 32;  // the library requires a minimum size
   if (picture.width < kLeastSide || picture.height < kLeastSide) return {};
   const TagFamily family;  // outlives its detector
   const Owned<apriltag_detector_t> detector(apriltag_detector_create());
@@ -98,8 +98,8 @@ std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted) {
   detector->quad_decimate = 1.0F;
   const Owned<image_u8_t> grey = eight_bits(picture);
   Best all;
-  // Sharply first; what noise hides is searched for in softer pictures. Corners are always refined
-  // in the sharp one.
+  // The sharp picture is searched first; tags hidden by noise are searched in blurred pictures.
+  // Corners are always refined in the sharp picture.
   for (const float blur_px : {0.0F, 0.8F, 1.6F, 2.4F}) {
     detector->quad_sigma = blur_px;
     all.merge(detect(*detector, *grey));

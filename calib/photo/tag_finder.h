@@ -9,7 +9,7 @@
 
 namespace lenticule::calib {
 
-/// Light of one channel, rows from the top.
+/// PhotoLight is the light of one channel, rows from the top.
 struct PhotoLight {
   int width = 0;
   int height = 0;
@@ -18,13 +18,15 @@ struct PhotoLight {
 
 struct TagSighting {
   int id = 0;
-  /// In the order of ChartTag::corners_px, picture pixels; (0, 0) is the corner of the first pixel.
+  /// Order of ChartTag::corners_px, picture pixels; (0, 0) is the corner of the first pixel.
   std::array<Vec2, 4> corners_px;
 };
 
-/// All tags of the family, each once: the clearest of several. Sorted by id. Where fewer than
-/// `wanted` are found, softer copies of the picture are searched, too. Light that is not finite
-/// counts as black. Any thread, uses one.
+/// Returns all tags of the family, sorted by id, each once (the clearest sighting). If fewer than
+/// `wanted` are found, also searches blurred copies of the picture. Light that is not finite counts
+/// as black.
+///
+/// Thread safety: any thread; starts no threads.
 [[nodiscard]] std::vector<TagSighting> find_tags(const PhotoLight& picture, size_t wanted);
 
 }  // namespace lenticule::calib

@@ -29,7 +29,7 @@ bool is_whole(const PanelField& field) {
              static_cast<size_t>(field.columns) * static_cast<size_t>(field.rows);
 }
 
-/// The cells [begin, end) of `cells` that fall into part `index` of `parts`.
+/// Returns the cells [begin, end) of `cells` that belong to part `index` of `parts`.
 std::pair<int, int> part(int index, int parts, int cells) {
   return {index * cells / parts, (index + 1) * cells / parts};
 }
@@ -95,7 +95,7 @@ std::string field_svg(const PanelField& field, double height_over_width, double 
   for (size_t i = 0; i < cells.values.size(); ++i) {
     const double c = static_cast<double>(i % static_cast<size_t>(cells.columns));
     const double r = static_cast<double>(i / static_cast<size_t>(cells.columns));
-    // A little larger than the cell: no seams where a viewer smooths edges.
+    // Slightly larger than the cell, so that anti-aliasing viewers show no gaps.
     fmt::format_to(std::back_inserter(svg),
                    R"(<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}" fill="{}"/>)",
                    c * cell_width, r * cell_height, cell_width + 0.3, cell_height + 0.3,

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Text for HTML. Safe from any thread.
+// Escapes text for HTML.
+//
+// Thread safety: any thread.
 #pragma once
 
 #include <string>
@@ -7,7 +9,7 @@
 
 namespace lenticule::calib {
 
-/// Returns escaped(text) with & < > " ' written so that HTML shows them instead of obeying them.
+/// Returns escaped(text) with & < > " ' written as HTML entities.
 [[nodiscard]] std::string html_escaped(std::string_view text);
 
 }  // namespace lenticule::calib

@@ -41,7 +41,7 @@ code { font-size: .95em; background: #f4f4f2; padding: .1em .3em; }
   * { -webkit-print-color-adjust: exact; print-color-adjust: exact; } }
 )";
 
-/// Text that grows; everything that is not ours goes in through text().
+/// Page is growing HTML text; all foreign text is added through text().
 class Page {
  public:
   template <class... Arguments>
@@ -63,7 +63,7 @@ class Page {
   std::string html_;
 };
 
-/// A cell of a table, already escaped.
+/// Cell is a cell of a table, already escaped.
 struct Cell {
   std::string html;
   bool bad = false;
@@ -77,7 +77,7 @@ Cell number(double value, int digits) {
   return {std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "not known"};
 }
 
-/// Marked where it is beyond its limit; what is not known is neither good nor bad.
+/// Marks a value beyond its limit; an unknown value is neither good nor bad.
 Cell limited(double value, int digits, double most) {
   Cell cell = number(value, digits);
   cell.bad = value > most;
@@ -86,7 +86,7 @@ Cell limited(double value, int digits, double most) {
 
 void add_table(Page& page, const std::vector<std::string>& heads,
                const std::vector<std::vector<Cell>>& rows) {
-  // Without heads it is a list of words, not of figures.
+  // A table without heads is a list of texts, not of figures.
   page.add("<div class=\"wide\"><table{}>", heads.empty() ? " class=\"words\"" : "");
   if (!heads.empty()) page.add("<tr>");
   for (const std::string& head : heads) page.add("<th>{}</th>", html_escaped(head));
@@ -197,7 +197,7 @@ std::vector<Cell> lens_row(const Viewpoint& v) {
 std::vector<Cell> quality_row(const Viewpoint& v) {
   const double most = v.held_out ? kWantedHeldOutMaxLenses : kWantedMaxLenses;
   Cell contrast = number(v.contrast, 2);
-  contrast.bad = v.contrast > 0.0 && v.contrast < kWantedContrast;  // 0: nobody measured it
+  contrast.bad = v.contrast > 0.0 && v.contrast < kWantedContrast;  // 0: not measured
   return {name_of(v),
           text(fmt::format("{:.0f}, {:.0f}, {:.0f}", v.eye_mm.x, v.eye_mm.y, v.eye_mm.z)),
           number(v.tilt_degrees, 1),
@@ -242,7 +242,8 @@ void add_field(Page& page, const Calibration& c, const PanelField& field, double
            field_svg(field, shape_of(c.rig.panel), full_scale, title), html_escaped(title));
 }
 
-/// Full colour for a picture of nothing would make noise of rounding look alarming.
+/// Returns the scale of the colours. Full colour for tiny values would make rounding noise look
+/// alarming.
 double scale_for(double largest) {
   constexpr double kFinest = 0.002;
   return std::max(largest, kFinest);

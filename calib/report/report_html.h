@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A calibration for people: one page to read, print and keep.
+// Writes a calibration as one HTML page to read, print and keep.
 #pragma once
 
 #include <string>
@@ -9,9 +9,11 @@
 
 namespace lenticule::calib {
 
-/// A whole HTML document: styles and pictures are inside, there are no scripts and no links, and
-/// texts that came from devices are shown as they are. Never fails for what is in a calibration:
-/// what is missing, not finite or of the wrong size is said to be not known. Any thread.
+/// Returns a whole HTML document: styles and pictures are inside, without scripts and links, and
+/// texts from devices are escaped. Never fails for the content of a calibration: values that are
+/// missing, not finite or of the wrong size are shown as "not known".
+///
+/// Thread safety: any thread.
 [[nodiscard]] std::string report_html(const Calibration& calibration, const RecordDetails& details);
 
 }  // namespace lenticule::calib

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A calibration for machines.
+// Writes a calibration as JSON.
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
@@ -9,11 +9,13 @@
 
 namespace lenticule::calib {
 
-/// Everything in it, under keys that name their units and will not change; numbers that are not
-/// finite are null. Texts are printable UTF-8, so that dump() cannot fail. Any thread.
+/// Returns the whole calibration, under stable keys that name their units; numbers that are not
+/// finite are null. Texts are printable UTF-8, so that dump() cannot fail.
+///
+/// Thread safety: any thread.
 [[nodiscard]] nlohmann::json report_json(const Calibration& calibration);
 
-/// The same with "when", "method", "camera_used" and "temperature_celsius".
+/// Returns the same JSON with "when", "method", "camera_used" and "temperature_celsius".
 [[nodiscard]] nlohmann::json report_json(const Calibration& calibration,
                                          const RecordDetails& details);
 

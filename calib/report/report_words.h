@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a calibration means, in words for whoever stands in front of the panel.
+// Explains a calibration to the user in plain text.
 #pragma once
 
 #include <string>
@@ -9,28 +9,29 @@
 
 namespace lenticule::calib {
 
-/// What a calibration is measured by. The phase is in lenses.
+/// Targets of a calibration. The phase is in lenses.
 inline constexpr double kWantedRmsLenses = 0.007;
 inline constexpr double kWantedMaxLenses = 0.02;
 inline constexpr double kWantedHeldOutMaxLenses = 0.05;
 inline constexpr double kWantedForetoldLenses = 0.03;
 inline constexpr double kWantedContrast = 0.25;
 
-/// The verdict as a headline.
+/// Returns the verdict as a headline.
 [[nodiscard]] std::string verdict_headline(Verdict verdict);
-/// One or two sentences after it.
+/// Returns one or two sentences that explain the verdict.
 [[nodiscard]] std::string verdict_explained(const Calibration& calibration);
-/// What to do now, most important first; never empty.
+/// Returns recommended actions, most important first; never empty.
 [[nodiscard]] std::vector<std::string> advice(const Calibration& calibration);
 
-/// "top left", "centre": where on the panel, as seen from the front.
+/// Returns the position on the panel as seen from the front: "top left", "centre".
 [[nodiscard]] std::string panel_place(const optics::Panel& panel, double x_px, double y_px);
 
-/// "7.701230 +- 0.000012": as many digits as the standard error has two of; "not known" for NaN.
+/// Returns for example "7.701230 +- 0.000012", with two digits of the standard error; "not known"
+/// for NaN.
 [[nodiscard]] std::string with_error(const Estimate& estimate);
 
-/// Residuals over the viewpoints that the fit used (or, if `held_out`, that it did not): the
-/// quadratic mean and the largest. NaN without such viewpoints.
+/// ResidualSummary is the root mean square and the largest of the residuals over the viewpoints
+/// that the fit used (or, if `held_out`, did not use). NaN without such viewpoints.
 struct ResidualSummary {
   int viewpoints = 0;
   double rms_lenses = 0.0;

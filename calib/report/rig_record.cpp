@@ -29,7 +29,7 @@ namespace {
 
 using Entries = std::vector<std::pair<std::string, std::string>>;
 
-// The rig file's own limits (optics/rig.h, validate_rig).
+// Limits of the rig file (optics/rig.h, validate_rig).
 constexpr size_t kMaxEntries = 256;
 constexpr size_t kMaxTextBytes = 4096;
 constexpr std::string_view kHistory = "history_";
@@ -42,8 +42,8 @@ std::optional<uint64_t> whole_number(std::string_view text) {
   return value;
 }
 
-/// The number of an entry "history_NUMBER". Nine digits are enough for anybody's lifetime, and
-/// larger ones, which somebody wrote by hand, cannot make us overflow.
+/// Returns the number of an entry "history_NUMBER". At most nine digits are accepted, so that a
+/// larger number, written by hand, cannot cause an overflow.
 std::optional<uint64_t> history_number(std::string_view key) {
   if (!key.starts_with(kHistory)) return std::nullopt;
   const std::string_view digits = key.substr(kHistory.size());
@@ -85,7 +85,8 @@ std::string errors_text(const Calibration& calibration) {
   return joined(errors);
 }
 
-/// For whoever reads the file and for programs that must not use it elsewhere.
+/// Returns the validity for readers of the file and for programs that must not use the rig
+/// elsewhere.
 std::string validity_text(const Calibration& calibration) {
   if (calibration.verdict == Verdict::Intrinsic) return "every eye";
   if (calibration.verdict == Verdict::Refused) return "refused: not to be used";
@@ -127,7 +128,7 @@ Entries new_entries(const Calibration& calibration, const RecordDetails& details
   return entries;
 }
 
-/// Earlier provenance, newest first, numbered upwards as time goes on.
+/// History holds the earlier provenance, newest first; numbers increase with time.
 struct History {
   std::vector<std::pair<uint64_t, std::string>> states;
   uint64_t dropped = 0;
@@ -169,7 +170,7 @@ void add_history(Entries& entries, History history) {
 
 constexpr size_t kMaxFileBytes = 16U << 20;
 
-/// "rig" and ".toml" of "rig.toml".
+/// CopyName holds "rig" and ".toml" of "rig.toml".
 struct CopyName {
   std::filesystem::path folder;
   std::string stem;
@@ -183,7 +184,7 @@ struct CopyName {
   [[nodiscard]] std::filesystem::path numbered(uint64_t number) const {
     return folder / fmt::format("{}.{}{}", stem, number, extension);
   }
-  /// The number in `name`, 0 if it is no copy of ours.
+  /// Returns the number in `name`, 0 if it is not a numbered copy.
   [[nodiscard]] uint64_t number_of(const std::string& name) const {
     const size_t around = stem.size() + 1 + extension.size();
     if (name.size() <= around || name.size() > around + 9) return 0;
@@ -195,18 +196,18 @@ struct CopyName {
 
 uint64_t highest_number(const CopyName& name) {
   uint64_t highest = 0;
-  std::error_code error;  // a folder that cannot be listed: the next step finds free numbers
+  std::error_code error;  // if the folder cannot be listed, the next step finds free numbers
   std::filesystem::directory_iterator entry(name.folder, error);
   for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error))
     highest = std::max(highest, name.number_of(entry->path().filename().string()));
   return highest;
 }
 
-/// Renames only to a name that nobody has: 0, or errno.
+/// Renames only if the new name does not exist. Returns 0 or errno.
 int rename_to_new(const std::filesystem::path& from, const std::filesystem::path& to) {
   if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
   if (errno == EEXIST) return EEXIST;
-  // File systems that do not know this, network ones above all, have links.
+  // File systems without this flag, mostly network ones, support links.
   if (::link(from.c_str(), to.c_str()) != 0) return errno;
   ::unlink(from.c_str());
   return 0;
@@ -229,13 +230,13 @@ class RemovedAtEnd {
 std::filesystem::path copy_beside(const std::filesystem::path& file) {
   const std::string text = read_text_file(file, kMaxFileBytes);
   const CopyName name(file);
-  // Under a name of our own first, so that a numbered copy is whole from its first moment.
+  // The copy is written under a temporary name first, so that a numbered copy is always complete.
   static std::atomic<uint64_t> counter{0};
   const auto working =
       name.folder / fmt::format(".{}.copy-{}-{}", name.stem, ::getpid(), counter++);
   RemovedAtEnd removed(working);
   write_text_file(working, text);
-  constexpr int kTries = 1000;  // others may take numbers, too, but not for ever
+  constexpr int kTries = 1000;  // other programs may take numbers too, but not forever
   uint64_t number = highest_number(name);
   for (int i = 0; i < kTries; ++i) {
     const std::filesystem::path copy = name.numbered(++number);
@@ -276,7 +277,7 @@ std::filesystem::path save_with_history(const optics::Rig& rig, const std::files
     return {};
   }
   const std::filesystem::path copy = copy_beside(file);
-  RemovedAtEnd removed(copy);  // nothing was replaced: then there is nothing to keep
+  RemovedAtEnd removed(copy);  // removes the copy if the file was not replaced
   optics::save_rig(rig, file);
   removed.keep();
   return copy;

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kGreen = 1;
 
-/// A rig seen by an eye.
+/// Situation is a rig seen by an eye.
 struct Situation {
   optics::Rig rig;
   optics::Eye eye;
@@ -35,13 +35,13 @@ double worst_difference(const Situation& a, const Situation& b) {
 }
 
 struct Change {
-  const char* unit;  ///< of `amount`
+  const char* unit;  ///< unit of `amount`
   double amount;
   const char* words;
   void (*apply)(Situation&, double);
 };
 
-// The amounts are such that the phase moves by hundredths of a lens on common panels.
+// The amounts are chosen such that the phase moves by hundredths of a lens on common panels.
 constexpr Change kChanges[] = {
     {"K", 1.0, "{} {} warmer or colder, sheet free to grow",
      [](Situation& s, double by) { s.rig.sheet.pitch.value *= 1.0 + kPitchPerKelvin * by; }},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How far the picture moves when something else moves: the seat, the room's temperature, a number
-// of the rig.
+// Computes how far the picture moves when the seat, the room's temperature or a value of the rig
+// changes.
 #pragma once
 
 #include <string>
@@ -10,24 +10,23 @@
 
 namespace lenticule::calib {
 
-/// What people can see at worst: the phase may be off by this many lenses.
+/// Largest phase error, in lenses, that remains invisible.
 inline constexpr double kVisiblePhaseLenses = 0.02;
 
-/// A sheet of acrylic that is free to grow, against the glass of a panel: relative pitch per
-/// kelvin.
+/// Relative change of pitch per kelvin of a free sheet of acrylic on the panel.
 inline constexpr double kPitchPerKelvin = 7e-5;
 
 struct Sensitivity {
   std::string change;         ///< "1 K warmer"
   double worst_lenses = 0.0;  ///< largest change of the phase over the panel
-  /// How much of it fits into kVisiblePhaseLenses, with its unit: "0.37 K". Proportional.
+  /// Amount of the change that gives kVisiblePhaseLenses, with its unit: "0.37 K". Proportional.
   std::string allowed;
 };
 
-/// What small changes of seat, temperature and rig do to the phase that an eye at `eye` sees,
-/// largest over a grid that includes the panel's border. Differences of the exact model, the
-/// panel's centre being where pitch and slant pivot. `eye.z_mm` is positive and finite. Throws
-/// Error(Input) where OpticalModel does.
+/// Returns the effects of small changes of seat, temperature and rig on the phase that an eye at
+/// `eye` sees, the largest over a grid that includes the panel's border. They are differences of
+/// the exact model; pitch and slant pivot at the panel's centre. `eye.z_mm` is positive and finite.
+/// Throws the Error(Input) of OpticalModel.
 [[nodiscard]] std::vector<Sensitivity> sensitivities(const optics::Rig& rig,
                                                      const optics::Eye& eye);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A pinhole with Brown's radial distortion.
+// Implements a pinhole camera with Brown's radial distortion.
 #include "calib/simulation/camera_rays.h"
 
 #include <cmath>
@@ -26,7 +26,7 @@ Vec3 CameraRays::direction(Vec2 picture) const {
   const Vec2 seen = (picture - centre_px_) * (1.0 / focal_px_);
   const double seen_radius = std::hypot(seen.x, seen.y);
   double radius = seen_radius;
-  // Newton on r (1 + k1 r^2 + k2 r^4) = seen radius.
+  // Newton steps solve r (1 + k1 r^2 + k2 r^4) = observed radius.
   for (int step = 0; step < 8; ++step) {
     const double squared = radius * radius;
     const double slope = 1.0 + squared * (3.0 * k1_ + 5.0 * k2_ * squared);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The geometry of the simulated camera: which way the light of each picture point comes from.
+// CameraRays is the geometry of the simulated camera: the direction of the light of each picture
+// point.
 #pragma once
 
 #include <optional>
@@ -13,16 +14,16 @@ class CameraRays {
  public:
   explicit CameraRays(const SimulatedCamera& camera);
 
-  /// From the middle of the pupil toward what is seen at a picture point; length 1.
+  /// Returns the unit direction from the middle of the pupil toward the object at a picture point.
   [[nodiscard]] Vec3 direction(Vec2 picture) const;
-  /// Where the picture has a point; none behind the camera.
+  /// Returns the picture point of a point in space; nothing behind the camera.
   [[nodiscard]] std::optional<Vec2> project(Vec3 point) const;
   [[nodiscard]] Vec3 position() const { return position_; }
-  /// A point of the pupil, x and y in [-1, 1].
+  /// Returns a point of the pupil, x and y in [-1, 1].
   [[nodiscard]] Vec3 pupil_point(double x, double y) const {
     return position_ + (right_ * x + down_ * y) * pupil_radius_mm_;
   }
-  /// Cosine of the angle between a direction and the camera's axis.
+  /// Returns the cosine of the angle between a direction and the camera's axis.
   [[nodiscard]] double cosine(Vec3 direction) const { return dot(direction, forward_); }
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Refraction at the surface of one cylinder lens and at the flat faces under or above it.
+// Refracts rays at the surface of one cylinder lens and at the flat faces under or above it.
 #include "calib/simulation/cylinder_lens.h"
 
 #include <cmath>
@@ -14,14 +14,14 @@ Vec3 go_to_plane(Vec3 point, Vec3 direction, double z) {
   return point + direction * ((z - point.z) / direction.z);
 }
 
-/// A point on the surface of a lens and how the light arrives there.
+/// Incidence is a point on the surface of a lens and the direction of the arriving light.
 struct Incidence {
   Vec3 point;
-  Vec3 normal;  // against the light
+  Vec3 normal;  // opposite to the light
   Vec3 direction;
 };
 
-/// The light behind the curved surface, down to the pixels.
+/// Traces the light behind the curved surface, down to the pixels.
 std::optional<Vec2> land_from_surface(const LensStack& stack, const Incidence& at) {
   const double ratio = stack.lens_toward_panel ? stack.index : 1.0 / stack.index;
   const std::optional<Vec3> bent = refract(at.direction, at.normal, ratio);
@@ -38,8 +38,8 @@ std::optional<Vec2> land_from_surface(const LensStack& stack, const Incidence& a
   return Vec2{landing.x, landing.y};
 }
 
-/// Where the ray meets the cylinder whose apex is at u = 0. Its axis lies a radius below the
-/// apices, or above them if they face the panel; `start` is on the plane z = 0.
+/// Returns the point where the ray meets the cylinder whose apex is at u = 0. Its axis lies a
+/// radius below the apices, or above them if they face the panel; `start` is on the plane z = 0.
 std::optional<Incidence> meet_cylinder(const LensStack& stack, Vec2 start, Vec3 d) {
   const double axis_z = stack.lens_toward_panel ? stack.radius_mm : -stack.radius_mm;
   const double a = d.x * d.x + d.z * d.z;
@@ -47,7 +47,7 @@ std::optional<Incidence> meet_cylinder(const LensStack& stack, Vec2 start, Vec3 
   const double c = start.x * start.x;
   const double discriminant = b * b - a * c;
   if (discriminant < 0) return std::nullopt;
-  // Of the two crossings the one near the apex; this form loses no digits there.
+  // Selects the intersection near the apex; this form is numerically stable there.
   const double root = std::sqrt(discriminant);
   const double along = stack.lens_toward_panel ? -c / (b + root) : c / (-b + root);
   const Vec3 point = Vec3{start.x, start.y, 0} + d * along;
@@ -66,9 +66,9 @@ Incidence surface_at(const LensStack& stack, double u) {
   return at;
 }
 
-/// Direction inside the slab of light from `eye` that reaches `point` under the slab's upper face.
-/// A ray that arrives beside the point is aimed again by as much: the slab bends so little that
-/// each step gains two digits or more.
+/// Returns the direction inside the slab of light from `eye` that reaches `point` under the slab's
+/// upper face. The aim is corrected by the miss in each step: the slab bends so little that each
+/// step gains two digits or more.
 std::optional<Vec3> aim_through_slab(const LensStack& stack, Vec3 eye, Vec3 point) {
   Vec3 entry{point.x, point.y, stack.thickness_mm};
   std::optional<Vec3> inside;
@@ -97,7 +97,7 @@ std::optional<Vec2> land(const LensStack& stack, Vec2 start, Vec3 direction) {
   if (stack.lens_toward_panel) {
     const std::optional<Vec3> inside = refract(direction, kFlat, 1.0 / stack.index);
     if (!inside) return std::nullopt;
-    // The upper face is a thickness above the apices: from there the ray is steeper.
+    // The upper face is a thickness above the apices; below the face the ray is steeper.
     start = start + Vec2{inside->x / -inside->z - d.x / -d.z, inside->y / -inside->z - d.y / -d.z} *
                         stack.thickness_mm;
     d = *inside;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From code values to the light of single subpixels.
+// Converts code values to the light of single subpixels.
 #include "calib/simulation/driven_panel.h"
 
 #include <algorithm>
@@ -44,7 +44,7 @@ void write_rgb(const Ycc& c, uint8_t* codes) {
   codes[2] = rounded(blue);
 }
 
-/// The pixels that share their chroma, `wide` by `high` of them from (i, j).
+/// Averages the chroma of a block of `wide` by `high` pixels from (i, j).
 void share_chroma(const frames::FrameView& frame, int i, int j, int wide, int high,
                   DrivenFrame& driven) {
   const int right = std::min(i + wide, frame.geometry.width);
@@ -112,8 +112,8 @@ std::optional<SubpixelId> SubpixelFinder::find(double x_px, double y_px) const {
   return id(i, j, reversed_ ? 2 - stripe : stripe);
 }
 
-/// Offsets of cells reach two pixels to either side: all pixels whose subpixels might be here are
-/// asked.
+/// Offsets of cells reach two pixels to either side, so all pixels whose subpixels might be here
+/// are checked.
 std::optional<SubpixelId> SubpixelFinder::find_among_cells(double x_px, double y_px) const {
   if (!(std::abs(x_px) < 1e6 && std::abs(y_px) < 1e6)) return std::nullopt;
   const int middle_i = static_cast<int>(std::floor(x_px));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel as it is driven: where its subpixels really are, and how much light each of them gives
-// for a frame.
+// DrivenFrame simulates the driven panel: the true positions of its subpixels, and the light of
+// each subpixel for a frame.
 #pragma once
 
 #include <array>
@@ -14,15 +14,16 @@
 
 namespace lenticule::calib {
 
-/// Names one subpixel: pixel number (from the top left, row by row) * 4 + channel.
+/// SubpixelId identifies one subpixel: pixel number (from the top left, row by row) * 4 + channel.
 using SubpixelId = uint32_t;
 
-/// Which subpixel's lit part a panel point lies in. A subpixel of a stripe panel is a third of a
-/// pixel across its stripe and a pixel along it; of a cell panel a third wide and one high.
+/// SubpixelFinder finds the subpixel whose lit part contains a panel point. A subpixel of a stripe
+/// panel is a third of a pixel across its stripe and a pixel along it; of a cell panel a third wide
+/// and one high.
 class SubpixelFinder {
  public:
   SubpixelFinder(const optics::Panel& panel, double black_matrix);
-  /// None in the black matrix and beside the panel.
+  /// Returns nothing in the black matrix and outside the panel.
   [[nodiscard]] std::optional<SubpixelId> find(double x_px, double y_px) const;
 
  private:
@@ -32,26 +33,28 @@ class SubpixelFinder {
 
   optics::Panel panel_;
   bool stripes_;            // red, green, blue or reversed, every pixel alike
-  bool along_rows_;         // the stripes of a panel turned on its side
+  bool along_rows_;         // stripes of a panel rotated by 90 degrees
   bool reversed_;           // blue first
-  double half_open_ = 0.5;  // of the lit part, in widths and in lengths of a subpixel
+  double half_open_ = 0.5;  // half of the lit part, in widths and in lengths of a subpixel
 };
 
-/// A frame as the panel receives it.
+/// DrivenFrame is a frame as the panel receives it.
 struct DrivenFrame {
-  std::vector<uint8_t> codes;  ///< by SubpixelId
+  std::vector<uint8_t> codes;  ///< code of each SubpixelId
 };
 
-/// Codes after the link's way through YCbCr (BT.709, full range, eight bits). The frame is Rgb8.
+/// Returns the codes after the link's conversion to YCbCr and back (BT.709, full range, eight
+/// bits). The frame is Rgb8.
 [[nodiscard]] DrivenFrame drive(const frames::FrameView& frame, Chroma chroma);
 
-/// Puts the panel's own sign over a frame.
+/// Overlays the panel's own logo on a frame.
 void add_logo(const SimulatedPanelLink& link, const optics::Panel& panel, DrivenFrame& driven);
 
-/// Light of each code, 0 to 1.
+/// Returns the light of each code, 0 to 1.
 [[nodiscard]] std::array<float, 256> light_of_codes(const SimulatedPanelLink& link);
 
-/// Mean light of squares of kHazeBlock pixels, three channels each, row by row.
+/// Side of the squares of block_light(), in pixels; block_light() returns the mean light of the
+/// squares, three channels each, row by row.
 inline constexpr int kHazeBlock = 32;
 [[nodiscard]] std::vector<float> block_light(const DrivenFrame& frame, const optics::Panel& panel,
                                              const std::array<float, 256>& light);

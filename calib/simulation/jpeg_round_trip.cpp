@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// libjpeg-turbo there and back.
+// Compresses and decompresses with libjpeg-turbo.
 #include "calib/simulation/jpeg_round_trip.h"
 
 #include <turbojpeg.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Integrals over one exposure.
+// Computes integrals over one exposure.
 #include "calib/simulation/light_timing.h"
 
 #include <algorithm>
@@ -8,13 +8,13 @@
 namespace lenticule::calib {
 namespace {
 
-/// Integral from 0 to t of exp(-t / tau).
+/// Returns the integral from 0 to t of exp(-t / tau).
 double decay_until(double t, double time_constant) {
   if (time_constant <= 0.0) return 0.0;
   return -time_constant * std::expm1(-t / time_constant);
 }
 
-/// Integral from 0 to t of the square wave; t in periods.
+/// Returns the integral from 0 to t of the square wave; t in periods.
 double lit_until(double t, double duty) {
   const double whole = std::floor(t);
   return whole * duty + std::min(t - whole, duty);

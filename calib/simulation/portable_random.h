@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random numbers that are the same on every machine: the distributions of the standard library are
-// not.
+// PortableRandom generates random numbers that are equal on every machine, unlike the distributions
+// of the standard library.
 #pragma once
 
 #include <cmath>
@@ -21,10 +21,10 @@ class PortableRandom {
   explicit PortableRandom(uint64_t seed) : state_(scramble(seed + 0x9e3779b97f4a7c15ULL)) {}
 
   [[nodiscard]] uint64_t bits() { return scramble(state_ += 0x9e3779b97f4a7c15ULL); }
-  /// In [0, 1).
+  /// Returns a number in [0, 1).
   [[nodiscard]] double uniform() { return static_cast<double>(bits() >> 11) * 0x1p-53; }
   [[nodiscard]] double uniform(double low, double high) { return low + (high - low) * uniform(); }
-  /// Mean 0, standard deviation 1.
+  /// Returns a Gaussian number with mean 0 and standard deviation 1.
   [[nodiscard]] double gaussian() {
     const double radius = std::sqrt(-2.0 * std::log(1.0 - uniform()));
     return radius * std::cos(2.0 * std::numbers::pi * uniform());

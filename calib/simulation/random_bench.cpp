@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws sheets, cameras and links.
+// Draws random sheets, cameras and links.
 #include "calib/simulation/random_bench.h"
 
 #include <array>
@@ -15,7 +15,8 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kDistanceMm = 700.0;
 constexpr std::array<double, 3> kSidewaysMm{-250.0, 0.0, 250.0};
 
-/// A lens that focuses on the pixels: thickness and radius follow from the cone and the index.
+/// Draws a lens that focuses on the pixels: thickness and radius follow from the cone and the
+/// index.
 void draw_lens(PortableRandom& random, const optics::Panel& panel, SimulatedSheet& sheet) {
   const double green = random.uniform(1.45, 1.60);
   const double dispersion = random.uniform(0.002, 0.006);
@@ -34,7 +35,7 @@ void draw_sensor(PortableRandom& random, SimulatedCamera& camera) {
   const double shot_part = random.uniform(0.3, 0.9);
   camera.shot_noise = noise * std::sqrt(shot_part);
   camera.read_noise = noise * std::sqrt(1.0 - shot_part);
-  const double leak = random.uniform(0.0, 0.15);  // to the neighbouring colour
+  const double leak = random.uniform(0.0, 0.15);  // leak to the neighbouring colour
   camera.response = {{{1.0, leak, 0.0}, {leak, 1.0, leak}, {0.0, leak, 1.0}}};
   const bool compressed = random.uniform() < 0.7;
   camera.jpeg_quality = compressed ? static_cast<int>(random.uniform(80.0, 96.0)) : 0;
@@ -46,7 +47,8 @@ void draw_sensor(PortableRandom& random, SimulatedCamera& camera) {
 
 SimulatedSheet random_sheet(PortableRandom& random, const optics::Panel& panel) {
   SimulatedSheet sheet;
-  sheet.pitch_subpx = 4.0 * std::pow(10.0, random.uniform());  // fine ones as likely as coarse ones
+  sheet.pitch_subpx =
+      4.0 * std::pow(10.0, random.uniform());  // fine pitches are as likely as coarse ones
   sheet.slant = std::tan(random.uniform(-30.0, 30.0) * kDegree);
   sheet.offset_lenses = random.uniform(-0.5, 0.5);
   draw_lens(random, panel, sheet);

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <optional>
 
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 #include "calib/simulation/portable_random.h"
 
 namespace lenticule::calib {
@@ -18,7 +18,7 @@ constexpr size_t kQuantiles = 4096;
 constexpr double kMarginPx = 8.0;      // panel pixels around the panel that are traced too
 constexpr double kBubbleSpread = 1.5;  // lens pitches
 
-/// Where in its pixel and in the pupil one ray starts.
+/// Jitter is the start of one ray in its pixel and in the pupil.
 struct Jitter {
   double x_px = 0.0;
   double y_px = 0.0;
@@ -26,7 +26,8 @@ struct Jitter {
   double pupil_y = 0.0;
 };
 
-/// Distribution function of a pixel's square and a Gaussian, one axis; places in pixels.
+/// Returns the distribution function of a pixel's square and a Gaussian, one axis; positions in
+/// pixels.
 double blur_below(double place, double sigma) {
   if (sigma <= 0.0) return std::clamp(place + 0.5, 0.0, 1.0);
   const auto primitive = [sigma](double t) {
@@ -36,7 +37,8 @@ double blur_below(double place, double sigma) {
   return primitive(place + 0.5) - primitive(place - 0.5);
 }
 
-/// Places below which 1/2, 3/2, ... steps of the blur lie: its quantiles, dense enough for samples.
+/// Returns quantiles of the blur: the positions below which 1/2, 3/2, ... steps lie, dense enough
+/// for samples.
 std::vector<double> blur_quantiles(double sigma) {
   std::vector<double> places(kQuantiles);
   for (size_t step = 0; step < kQuantiles; ++step) {
@@ -52,8 +54,8 @@ std::vector<double> blur_quantiles(double sigma) {
   return places;
 }
 
-/// Sets of jitters; each pixel picks one by chance. Within a set the places in the pixel follow an
-/// additive sequence with the plastic number, which leaves no large holes.
+/// Makes sets of jitters; each pixel picks one at random. Within a set the positions in the pixel
+/// follow an additive sequence with the plastic number, which leaves no large holes.
 std::vector<Jitter> make_jitters(const SimulatedCamera& camera, uint64_t seed) {
   PortableRandom random(seed);
   const std::vector<double> quantiles = blur_quantiles(camera.psf_sigma_px);
@@ -75,14 +77,14 @@ std::vector<Jitter> make_jitters(const SimulatedCamera& camera, uint64_t seed) {
   return jitters;
 }
 
-/// The part of the apex surface that one camera pixel looks at.
+/// Footprint is the part of the apex surface that one camera pixel sees.
 struct Footprint {
   Vec2 centre;
   Vec2 per_column;  // millimetres per camera pixel
   Vec2 per_row;
 };
 
-/// Everything that tracing needs, for all rows.
+/// Scene holds all inputs of tracing, for all rows.
 struct Scene {
   const optics::Panel& panel;
   const SheetShape& shape;
@@ -90,8 +92,8 @@ struct Scene {
   const SimulatedCamera& camera;
   const CameraRays& rays;
   const std::vector<Jitter>& jitters;
-  const std::array<double, 3>& indices;  // of the sheet, by colour
-  Vec2 px_per_mm;                        // of the panel, whose rows count down
+  const std::array<double, 3>& indices;  // refractive indices of the sheet, one per colour
+  Vec2 px_per_mm;                        // scale of the panel, whose rows count down
   uint64_t seed;
 };
 
@@ -111,7 +113,7 @@ bool near_panel(const optics::Panel& panel, Vec2 point) {
          y < panel.height_px + kMarginPx;
 }
 
-/// One pixel's rays, through lenses that are alike over the pixel.
+/// PixelTracer traces one pixel's rays, through lenses that are uniform over the pixel.
 class PixelTracer {
  public:
   PixelTracer(const Scene& scene, const Footprint& footprint, int column, int row)
@@ -126,10 +128,10 @@ class PixelTracer {
         chance_(scramble(scene.seed ^ (static_cast<uint64_t>(row) << 32) ^
                          static_cast<uint64_t>(column) * 0x9e3779b97f4a7c15ULL)) {}
 
-  /// Appends the subpixels that are hit; how many.
+  /// Appends the hit subpixels and returns their number.
   uint16_t trace(std::vector<SubpixelId>& subpixels) {
     const auto samples = static_cast<size_t>(scene_.camera.samples);
-    // The sets that follow are for the copies; there are that many more sets than are chosen from.
+    // The following sets are for the copies; there are that many more sets than are chosen from.
     const Jitter* jitters = &scene_.jitters[chance_ % kJitterSets * samples];
     const size_t before = subpixels.size();
     for (size_t sample = 0; sample < samples; ++sample) {
@@ -161,15 +163,15 @@ class PixelTracer {
     return stance_.local(normalized(target - from));
   }
 
-  /// `moved`, slid along its lens to where `other` is.
+  /// Returns `moved`, shifted along its lens to the position of `other`.
   [[nodiscard]] Vec2 along_lens(Vec2 moved, Vec2 other) const {
     const Vec2 step = other - moved;
     const double slide = across_.x * step.y - across_.y * step.x;
     return moved + Vec2{-across_.y * slide, across_.x * slide};
   }
 
-  /// A pixel of the mosaic is interested in its own colour. Others count in the first copy only,
-  /// which the light table makes up for.
+  /// Adds a hit of a mosaic pixel. Hits of other colours than the pixel's count in the first copy
+  /// only, which the light table compensates.
   void add_mosaic_hit(Vec2 moved, bool first_copy, std::vector<SubpixelId>& subpixels) const {
     const std::optional<SubpixelId> hit = find_at(moved);
     if (!hit) return;
@@ -177,7 +179,8 @@ class PixelTracer {
     if (own || first_copy) subpixels.push_back(*hit);
   }
 
-  /// A camera without mosaic sees each channel's light through the index of that channel.
+  /// Finds the subpixel for a camera without mosaic, which sees each channel's light through the
+  /// index of that channel.
   std::optional<SubpixelId> find_in_all_colours(Vec2 moved, Vec3 direction) {
     const std::optional<SubpixelId> hit = find_subpixel(moved, direction);
     if (!hit || *hit % 4 == 1) return hit;
@@ -201,7 +204,7 @@ class PixelTracer {
                               centre_px_.y + moved.y * scene_.px_per_mm.y);
   }
 
-  /// From the point of the apex surface at which a ray aims to where it lands, millimetres.
+  /// Returns the offset from the aimed point of the apex surface to the landing point, millimetres.
   std::optional<Vec2> shift_of_ray(Vec2 moved, Vec3 direction) {
     const double coordinate =
         lenses_.coordinate + lenses_.gradient.x * moved.x + lenses_.gradient.y * moved.y;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which subpixels each camera pixel sees from one viewpoint: traced once, then every frame's
-// picture is a sum over table entries.
+// SampleMap holds the subpixels that each camera pixel sees from one viewpoint: traced once, after
+// which every frame's picture is a sum over table entries.
 #pragma once
 
 #include <array>
@@ -15,34 +15,39 @@
 namespace lenticule::calib {
 
 /// Light of each code of each display channel in each colour of the camera, per hit, if all rays of
-/// the pixel (samples) hit. With a mosaic, the own colour's is a kMosaicCopies-th.
+/// the pixel (samples) hit. With a mosaic, the value of the pixel's own colour is divided by
+/// kMosaicCopies.
 using LightTable = std::array<std::array<std::array<float, 256>, 3>, 3>;
 
-/// A lens is the same all along its axis. So every ray of a mosaic pixel stands for this many, slid
-/// along the lens: else most rays would be lost on the two other colours, and white would look
-/// coarse. Rays that hit another colour than the pixel's are kept once only.
+/// Number of copies of every ray of a mosaic pixel, moved along the lens, which is uniform along
+/// its axis. Without copies most rays would be lost on the two other colours, and white would look
+/// coarse. Rays that hit another colour than the pixel's are kept only once.
 inline constexpr size_t kMosaicCopies = 6;
 
-/// What one row of the camera sees.
+/// SampleRow holds the samples of one camera row.
 struct SampleRow {
-  int first = 0;                      ///< column of the first pixel that sees the panel
-  std::vector<uint16_t> lit;          ///< per pixel from there: how many lit subpixels it sees
-  std::vector<float> scale;           ///< per pixel: vignetting over number of samples
-  std::vector<uint32_t> haze_block;   ///< per pixel: the block around it (block_light)
-  std::vector<SubpixelId> subpixels;  ///< of all pixels, one after the other
-  double panel_y = 0.5;  ///< mean height on the panel of what the row sees, 0 top, 1 bottom
+  int first = 0;  ///< column of the first pixel that sees the panel
+  std::vector<uint16_t>
+      lit;  ///< number of lit subpixels that each pixel, counted from `first`, sees
+  std::vector<float> scale;           ///< vignetting over number of samples, for each pixel
+  std::vector<uint32_t> haze_block;   ///< block around each pixel (block_light)
+  std::vector<SubpixelId> subpixels;  ///< subpixels of all pixels, one after the other
+  double panel_y =
+      0.5;  ///< mean height on the panel of the points that the row sees, 0 top, 1 bottom
 };
 
-/// The colour of a mosaic pixel (RGGB): 0 red, 1 green, 2 blue; a camera without mosaic is green.
+/// Returns the colour of a mosaic pixel (RGGB): 0 red, 1 green, 2 blue; green for a camera without
+/// mosaic.
 [[nodiscard]] inline int mosaic_colour(const SimulatedCamera& camera, int column, int row) {
   if (!camera.bayer) return 1;
   return (row & 1) + (column & 1);
 }
 
-/// Light that reaches the camera from the neighbourhood instead of straight through the lens.
+/// Haze is scattered light: it reaches the camera from the neighbourhood instead of straight
+/// through the lens.
 struct Haze {
   double part = 0.0;
-  double lit_area = 1.0;      ///< of the panel, without the black matrix
+  double lit_area = 1.0;      ///< lit fraction of the panel, without the black matrix
   std::vector<float> blocks;  ///< block_light
 };
 
@@ -54,8 +59,8 @@ class SampleMap {
 
   [[nodiscard]] const SampleRow& row(int row) const { return rows_[static_cast<size_t>(row)]; }
 
-  /// Light of the camera's pixels, row by row, one value each in the pixel's own colour; 0 where
-  /// the panel is not seen.
+  /// Computes the light of the camera's pixels, row by row, one value each in the pixel's own
+  /// colour; 0 for pixels that do not see the panel.
   void gather(const DrivenFrame& frame, const LightTable& table, const Haze& haze,
               std::vector<float>& light, int threads) const;
 

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Noise on the raw mosaic, bilinear colours, the camera's curve, eight bits, JPEG, and back.
+// Simulates noise on the raw mosaic, bilinear colours, the camera's curve, eight bits, JPEG, and
+// the conversion back to light.
 #include "calib/simulation/sensor.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 #include "calib/simulation/jpeg_round_trip.h"
 #include "calib/simulation/portable_random.h"
 #include "calib/simulation/sample_map.h"
@@ -41,7 +42,7 @@ double decode(const SimulatedCamera& camera, double code) {
   return code;
 }
 
-/// The value of a table over [0, 1], linear between its entries.
+/// Returns the value of a table over [0, 1], linear between its entries.
 float looked_up(const std::vector<float>& table, float place) {
   const float last = static_cast<float>(table.size() - 1);
   const float at = std::clamp(place, 0.0F, 1.0F) * last;
@@ -50,7 +51,7 @@ float looked_up(const std::vector<float>& table, float place) {
   return table[below] + (table[below + 1] - table[below]) * part;
 }
 
-/// A row or column beyond the border is its mirror image inside, which keeps the mosaic's order.
+/// Mirrors an index beyond the border, which keeps the mosaic's order.
 size_t mirrored(int index, int count) {
   if (index < 0) return static_cast<size_t>(-index);
   return static_cast<size_t>(index < count ? index : 2 * count - 2 - index);
@@ -66,7 +67,7 @@ Sensor::Sensor(const SimulatedCamera& camera, uint64_t seed)
     encoded_[step] = static_cast<float>(
         encode(camera, static_cast<double>(step) / static_cast<double>(kCurveSteps)));
   }
-  // Without rounding codes are dense; with it only every 257th entry is used.
+  // Codes are dense without rounding; with rounding only every 257th entry is used.
   decoded_.resize(255 * 257 + 1);
   for (size_t step = 0; step < decoded_.size(); ++step) {
     const double code = static_cast<double>(step) / static_cast<double>(decoded_.size() - 1);
@@ -102,7 +103,7 @@ void Sensor::demosaic_row(int row, const std::vector<float>& mosaic, CameraPictu
     const float beside = (own[left] + own[right]) / 2.0F;
     const float over = (above[at] + below[at]) / 2.0F;
     const int colour = mosaic_colour(camera_, column, row);
-    if (colour == 1) {  // between two reds on even rows, between two blues on odd ones
+    if (colour == 1) {  // green pixel: between two reds on even rows, between two blues on odd ones
       rgb[0] = row % 2 == 0 ? beside : over;
       rgb[1] = own[at];
       rgb[2] = row % 2 == 0 ? over : beside;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From the light on the sensor to the light that a program reads back: noise, mosaic, curve, codes,
-// JPEG.
+// Sensor simulates the conversion from the light on the sensor to the light that a program reads:
+// noise, mosaic, curve, codes, JPEG.
 #pragma once
 
 #include <cstdint>
@@ -15,9 +15,9 @@ class Sensor {
  public:
   Sensor(const SimulatedCamera& camera, uint64_t seed);
 
-  /// `light` holds one value per pixel in the pixel's own colour, 1 = full scale; it is used up.
-  /// Fills width, height, channels and light of `out`. `picture` chooses the noise. False if
-  /// the picture could not be compressed.
+  /// Develops a picture: fills width, height, channels and light of `out`. `light` holds one value
+  /// per pixel in the pixel's own colour, 1 = full scale, and is overwritten. `picture` selects the
+  /// noise. Returns false if the picture could not be compressed.
   [[nodiscard]] bool develop(std::vector<float>& light, uint64_t picture, CameraPicture& out,
                              int threads) const;
 
@@ -31,8 +31,8 @@ class Sensor {
   SimulatedCamera camera_;
   uint64_t seed_;
   std::vector<float> noise_;    // a table of Gaussian values
-  std::vector<float> encoded_;  // by light
-  std::vector<float> decoded_;  // by code, as the program believes
+  std::vector<float> encoded_;  // code of each light
+  std::vector<float> decoded_;  // light of each code, with the curve that the program assumes
 };
 
 }  // namespace lenticule::calib

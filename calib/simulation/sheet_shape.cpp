@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The grating with its deformations, and how it stands in space.
+// Computes the deformed grating and its position in space.
 #include "calib/simulation/sheet_shape.h"
 
 #include <algorithm>
@@ -14,10 +14,10 @@ namespace {
 
 constexpr int kWaves = 6;
 constexpr double kMostPeriods = 3.0;
-constexpr int kFieldGrid = 65;  // per side, to find the plane and the largest value of a field
+constexpr int kFieldGrid = 65;  // points per side, for the plane and the largest value of a field
 constexpr double kBubbleCellMm = 1.0;
 
-/// Middles of equal cells: a mean over them is one over the area, the borders counted right.
+/// Returns the middle of an equal cell, so that a mean over the cells is a mean over the area.
 double place_on_grid(int index) {
   return (2.0 * index + 1.0) / kFieldGrid - 1.0;
 }
@@ -49,8 +49,8 @@ SmoothField::Value SmoothField::waves_at(double x, double y) const {
   return sum;
 }
 
-/// The three functions 1, x, y are orthogonal over the grid, so the plane of least squares needs no
-/// equations.
+/// Removes the least-squares plane. The three functions 1, x, y are orthogonal over the grid, so no
+/// equations have to be solved.
 void SmoothField::remove_plane_and_scale(double amplitude) {
   double squares = 0.0;
   for (int row = 0; row < kFieldGrid; ++row) {
@@ -160,7 +160,7 @@ void SheetShape::scatter_bubbles() {
   bubbly_.assign(static_cast<size_t>(bubble_columns_) * static_cast<size_t>(bubble_rows_), 0);
   const auto wanted = static_cast<ptrdiff_t>(sheet_.bubbles * static_cast<double>(bubbly_.size()));
   PortableRandom random(sheet_.seed ^ 0x6275626273ULL);
-  // Enough tries for every fraction below 1, and an end for those that are not.
+  // The limit is high enough for every fraction below 1, and ends the loop for other fractions.
   for (int tries = 0; tries < 100000; ++tries) {
     if (std::count(bubbly_.begin(), bubbly_.end(), 1) >= wanted) break;
     const double x = random.uniform(-half_width_mm_, half_width_mm_);
@@ -182,7 +182,7 @@ void SheetShape::mark_bubble(const Bubble& bubble) {
   }
 }
 
-/// From anywhere to anywhere, each through the cells that it crosses.
+/// Marks scratches between random points, each through the cells that it crosses.
 void SheetShape::scratch() {
   PortableRandom random(sheet_.seed ^ 0x73637261746368ULL);
   const auto anywhere = [&] {

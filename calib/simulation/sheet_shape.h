@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The form of a simulated sheet over the panel: where each apex line really runs, how thick the
-// stack is there, and how a curved panel stands in space.
+// SheetShape is the form of a simulated sheet over the panel: the true position of each apex line,
+// the local thickness of the stack, and the position in space of a curved panel.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,8 @@
 
 namespace lenticule::calib {
 
-/// A smooth random function on the square [-1, 1]^2, without constant and linear part.
+/// SmoothField is a smooth random function on the square [-1, 1]^2, without constant and linear
+/// part.
 class SmoothField {
  public:
   struct Value {
@@ -41,25 +42,26 @@ class SmoothField {
   double linear_y_ = 0.0;
 };
 
-/// The lenses around one point of the apex surface.
+/// LocalLenses describes the lenses around one point of the apex surface.
 struct LocalLenses {
   double coordinate = 0.0;  ///< lens coordinate of the point; apices are the integers
   Vec2 gradient;            ///< lenses per millimetre
-  LensStack stack;          ///< of red, green or blue light as asked for
+  LensStack stack;          ///< stack for the requested colour of light
 
   [[nodiscard]] Vec2 across() const { return gradient * stack.pitch_mm; }  ///< length 1
 };
 
-/// How the apex surface lies in space at one of its points.
+/// Stance is the position and orientation of the apex surface at one of its points.
 struct Stance {
   Vec3 point;
-  Vec3 tangent{1, 0, 0};  ///< to the right; up is (0, 1, 0) everywhere
+  Vec3 tangent{1, 0, 0};  ///< right; up is (0, 1, 0) everywhere
   Vec3 normal{0, 0, 1};
 
   [[nodiscard]] Vec3 local(Vec3 v) const { return {dot(v, tangent), v.y, dot(v, normal)}; }
 };
 
-/// Points are millimetres on the apex surface: x to the right along the surface, y up.
+/// SheetShape uses points in millimetres on the apex surface: x to the right along the surface, y
+/// up.
 class SheetShape {
  public:
   SheetShape(const optics::Panel& panel, const SimulatedSheet& sheet, double thermal_stretch);
@@ -67,7 +69,8 @@ class SheetShape {
   [[nodiscard]] const SimulatedSheet& sheet() const { return sheet_; }
   [[nodiscard]] LocalLenses lenses_at(Vec2 point, int channel) const;
   [[nodiscard]] Stance stance_at(Vec2 point) const;
-  /// Where a line in space meets the apex surface, coming from the viewer's side.
+  /// Returns the point where a line in space, coming from the viewer's side, meets the apex
+  /// surface.
   [[nodiscard]] std::optional<Vec2> meet(Vec3 from, Vec3 direction) const;
   [[nodiscard]] bool in_bubble(Vec2 point) const;
 
@@ -85,19 +88,19 @@ class SheetShape {
   SimulatedSheet sheet_;
   double half_width_mm_;
   double half_height_mm_;
-  Vec2 gradient_;  // of the perfect grating, lenses per millimetre
+  Vec2 gradient_;  // gradient of the perfect grating, lenses per millimetre
   SmoothField deformation_;
   int bubble_columns_ = 0;
   int bubble_rows_ = 0;
   std::vector<uint8_t> bubbly_;  // cells of a grid over the panel
 };
 
-/// How an eye sees a panel point in the middle of the light of a lens.
+/// TrueView describes how an eye sees a panel point in the middle of the light of a lens.
 struct TrueView {
   double phase = 0.0;  ///< SimulatedBench::truth_phase
-  Vec3 aim;            ///< the eye looks straight at this point, which is level with the apices
+  Vec3 aim;  ///< the point in the straight direction of the eye, on the level of the apices
 };
-/// None where no light passes.
+/// Returns nothing if no light passes.
 [[nodiscard]] std::optional<TrueView> true_view(const SheetShape& shape, Vec2 panel_point_mm,
                                                 int channel, Vec3 eye, LightMiddle middle);
 

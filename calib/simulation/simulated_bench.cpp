@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The bench: one clock, the last two frames, and the pictures they make from the present viewpoint.
+// Implements the bench: one clock, the last two frames, and their pictures from the present
+// viewpoint.
 #include "calib/simulation/simulated_bench.h"
 
 #include <algorithm>
@@ -9,7 +10,7 @@
 #include <utility>
 
 #include "base/error.h"
-#include "calib/rows.h"
+#include "base/parallel_rows.h"
 #include "calib/simulation/camera_rays.h"
 #include "calib/simulation/driven_panel.h"
 #include "calib/simulation/light_timing.h"
@@ -22,7 +23,7 @@ namespace lenticule::calib {
 namespace {
 
 constexpr double kNanosecondsPerMs = 1e6;
-constexpr double kForgotten = 1e-5;  // less of an old frame is not worth a sum
+constexpr double kForgotten = 1e-5;  // smaller remainders of an old frame are ignored
 constexpr int kBandPeriodRows = 90;
 
 double ms_of(Nanoseconds time) {
@@ -32,10 +33,11 @@ Nanoseconds nanoseconds_of_ms(double ms) {
   return Nanoseconds(std::llround(ms * kNanosecondsPerMs));
 }
 
-/// One frame on the panel, and its light at the camera once it was asked for.
+/// ShownFrame is one frame on the panel, and its light at the camera once it was requested.
 struct ShownFrame {
   DrivenFrame driven;
-  std::vector<float> light;  // of the camera's pixels; empty = not gathered from here yet
+  std::vector<float>
+      light;  // light of the camera's pixels; empty = not gathered from this viewpoint yet
 };
 
 optics::Panel panel_as_built(optics::Panel panel, const SimulatedPanelLink& link) {
@@ -43,7 +45,7 @@ optics::Panel panel_as_built(optics::Panel panel, const SimulatedPanelLink& link
   return panel;
 }
 
-/// Of one colour of the camera to the colours of the display.
+/// Returns the response of one colour of the camera to the colours of the display.
 std::array<double, 3> response_of(const SimulatedCamera& camera, size_t own) {
   if (camera.bayer) return camera.response[own];
   std::array<double, 3> sum{};
@@ -109,7 +111,7 @@ class SimulatedBench::Impl final : public frames::FrameSink, public Camera {
   [[nodiscard]] double row_begins_ms(int row, uint64_t picture) const;
   void add_highlight(int row);
 
-  optics::Panel panel_;  // as built
+  optics::Panel panel_;  // panel with the true layout
   SimulatedSheet sheet_;
   SimulatedPanelLink link_;
   SimulatedCamera camera_;
@@ -121,7 +123,7 @@ class SimulatedBench::Impl final : public frames::FrameSink, public Camera {
   CameraFacts facts_;
   std::array<float, 256> code_light_;
   LightTable table_{};
-  std::unique_ptr<SampleMap> map_;  // of the present viewpoint; null = not traced yet
+  std::unique_ptr<SampleMap> map_;  // map of the present viewpoint; null = not traced yet
 
   Nanoseconds now_{0};
   double shown_at_ms_ = 0.0;
@@ -129,9 +131,9 @@ class SimulatedBench::Impl final : public frames::FrameSink, public Camera {
   ShownFrame current_;
   ShownFrame previous_;
   std::vector<float> exposed_;
-  double camera_starts_ms_;  // of picture 0, against the panel's clock
-  uint64_t pictures_ = 0;    // number of the next picture at the earliest
-  int pictures_left_ = -1;   // -1 = no end
+  double camera_starts_ms_;  // start of picture 0, relative to the panel's clock
+  uint64_t pictures_ = 0;    // lower limit of the next picture's number
+  int pictures_left_ = -1;   // -1 = no limit
 };
 
 SimulatedBench::Impl::Impl(const optics::Panel& panel, const SimulatedSheet& sheet,
@@ -154,7 +156,8 @@ SimulatedBench::Impl::Impl(const optics::Panel& panel, const SimulatedSheet& she
   make_light_table();
 }
 
-/// Scaled so that a white panel gives each colour of the camera its white light.
+/// Makes the light table, scaled so that a white panel gives each colour of the camera its white
+/// light.
 void SimulatedBench::Impl::make_light_table() {
   for (size_t own = 0; own < 3; ++own) {
     const std::array<double, 3> response = response_of(camera_, own);
@@ -200,7 +203,7 @@ void SimulatedBench::Impl::set_thermal_stretch(double relative) {
   forget_viewpoint();
 }
 
-/// What a frame before the previous one has left behind counts as part of the previous one.
+/// Adds the remainder of the frame before the previous one to the previous one.
 void SimulatedBench::Impl::keep_leftover_of_old_frame(double ms_since_shown) {
   if (current_.light.empty() || previous_.light.empty() || link_.response_ms <= 0.0) return;
   const auto left = static_cast<float>(std::exp(-ms_since_shown / link_.response_ms));
@@ -263,7 +266,7 @@ double SimulatedBench::Impl::length_of_picture_ms() const {
   return camera_.exposure_ms + camera_.rolling_shutter_ms;
 }
 
-/// The first picture that ends after now and was not taken yet.
+/// Returns the first picture that ends after now and was not taken yet.
 uint64_t SimulatedBench::Impl::next_picture() const {
   const double earliest_start = ms_of(now_) - length_of_picture_ms() - camera_starts_ms_;
   const double number = std::floor(earliest_start * camera_.frames_per_second / 1000.0) + 1.0;
@@ -342,7 +345,7 @@ void SimulatedBench::Impl::expose_row(int row, uint64_t picture, bool both_frame
   }
 }
 
-/// Twice full scale inside, gone over a tenth of the half axes.
+/// Adds the reflection: twice full scale inside, decreasing to zero over a tenth of the half axes.
 void SimulatedBench::Impl::add_highlight(int row) {
   const double y = ((row + 0.5) / camera_.height - camera_.highlight_y) /
                    std::max(camera_.highlight_half_height, 1e-6);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A bench on which calibrations can be tried and judged: a panel under a sheet of cylinder lenses,
-// and a camera in front of it. Every ray is refracted at the real surface of its lens (vector form
-// of Snell's law), none follows the formulas that a calibration fits; so it shows coma, vignetting
-// and stray light of neighbours that those leave out.
+// SimulatedBench is an optical bench for testing and evaluating calibrations: a panel under a sheet
+// of cylinder lenses, and a camera in front of it. Every ray is refracted at the real surface of
+// its lens (vector form of Snell's law); the formulas that a calibration fits are not used. The
+// bench therefore shows coma, vignetting and stray light of neighbours, which these formulas
+// neglect.
 #pragma once
 
 #include <cstdint>
@@ -19,46 +20,52 @@
 
 namespace lenticule::calib {
 
-/// Sink and camera share one simulated clock, which only show() and grab() advance: nothing waits.
-/// One thread uses a bench; it starts helpers of its own and joins them before returning. The same
-/// arguments and calls give the same pictures, whatever the number of helpers.
+/// SimulatedBench has a sink and a camera with one simulated clock, which only show() and grab()
+/// advance: no call waits. The same arguments and calls give the same pictures, for any number of
+/// helpers.
+///
+/// Thread safety: one thread; the bench starts helper threads and joins them before returning.
 class SimulatedBench {
  public:
-  /// `panel` is what the player believes. Throws Error(Input) where check_sheet and check_camera
-  /// do.
+  /// Takes the panel layout that the player assumes. Throws the Error(Input) of check_sheet and
+  /// check_camera.
   SimulatedBench(const optics::Panel& panel, const SimulatedSheet& sheet,
                  const SimulatedPanelLink& link, const SimulatedCamera& camera, uint64_t seed);
   ~SimulatedBench();
   SimulatedBench(const SimulatedBench&) = delete;
   SimulatedBench& operator=(const SimulatedBench&) = delete;
 
-  /// Shows at the next vblank of the simulated clock. Rgb8 frames of the panel's size.
+  /// Returns the sink, which shows Rgb8 frames of the panel's size at the next vblank of the
+  /// simulated clock.
   [[nodiscard]] frames::FrameSink& sink();
-  /// The next picture whose exposure ends after now; it may have begun before the last show().
+  /// Returns the camera. It grabs the next picture whose exposure ends after now; the exposure may
+  /// have begun before the last show().
   [[nodiscard]] Camera& camera();
 
-  /// Where the camera is from now on. Throws Error(Input) if it is not in front of the panel.
+  /// Moves the camera. Throws Error(Input) if it is not in front of the panel.
   void move_camera(Vec3 position_mm, Vec3 look_at_mm, double roll_degrees);
-  /// The sheet grows by this part about the panel's centre; throws Error(Input) beyond a tenth.
+  /// Stretches the sheet by this relative amount about the panel's centre. Throws Error(Input)
+  /// above a tenth.
   void set_thermal_stretch(double relative);
-  /// The camera is Gone after this many more pictures.
+  /// Makes the camera Gone after this many more pictures.
   void unplug_after(int pictures);
-  /// Helpers that trace and gather, 1 to 64; two at first.
+  /// Sets the number of helpers that trace and gather, 1 to 64; two at first.
   void set_threads(int threads);
 
-  /// Where the camera is, and the rest of it.
+  /// Returns the camera's true position and properties.
   [[nodiscard]] const SimulatedCamera& camera_truth() const;
 
-  /// Phi: the lens coordinate of the apex line of which `eye` (panel frame, mm) sees panel point
-  /// (x_px, y_px) in the middle of the light of its lens: over the lens, as large as the eye
-  /// sees each part of it, the mean of where the rays from the eye land on the plane of the pixels
-  /// is the panel point. Includes deformation, bow, bend and thermal stretch. Rays of `channel`'s
-  /// index. NaN where no light passes.
+  /// Returns the ground truth of Phi: the lens coordinate of the apex line whose lens shows panel
+  /// point (x_px, y_px) to `eye` (panel frame, mm) in the middle of its light. The middle is the
+  /// mean, over the lens and weighted by the size of each part as seen by the eye, of the landing
+  /// points of the rays from the eye on the plane of the pixels. Includes deformation, bow, bend
+  /// and thermal stretch. Uses `channel`'s refractive index. NaN if no light passes.
   [[nodiscard]] double truth_phase(double x_px, double y_px, int channel, Vec3 eye,
                                    LightMiddle middle = LightMiddle::Centroid) const;
 
-  /// Where the undisturbed camera's picture has a panel point, seen through the lenses in green
-  /// light; picture coordinates (simulated_camera.h). None where no light passes.
+  /// Returns the picture point at which the undisturbed camera sees a panel point through the
+  /// lenses in green light; picture coordinates (simulated_camera.h). Returns nothing if no light
+  /// passes.
   [[nodiscard]] std::optional<Vec2> truth_in_picture(double x_px, double y_px) const;
 
  private:

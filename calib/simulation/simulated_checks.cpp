@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which sheets and cameras can be.
+// Checks that sheets and cameras are possible.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -13,7 +13,7 @@
 namespace lenticule::calib {
 namespace {
 
-/// NaN fails.
+/// Throws unless `holds`; a comparison with NaN does not hold.
 void require(bool holds, const char* object, const char* key, const char* range) {
   if (holds) return;
   throw Error(ErrorKind::Input, fmt::format("{}: {}: out of range", object, key),
@@ -42,7 +42,7 @@ void check_panel(const optics::Panel& panel) {
   const char* object = "simulated panel";
   require(within(panel.width_px, 1, 32768), object, "width_px", "1 to 32768");
   require(within(panel.height_px, 1, 32768), object, "height_px", "1 to 32768");
-  // Numbers of subpixels have 32 bits.
+  // Subpixel numbers have 32 bits.
   require(double{1} * panel.width_px * panel.height_px <= 0x1p28, object, "width_px",
           "so that the panel has 2^28 pixels at most");
   require(within(panel.pixel_width.value, 1e-3, 100.0), object, "pixel_width", "positive");

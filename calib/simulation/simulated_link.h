@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What happens to a frame between the player and the light of the simulated panel.
+// SimulatedPanelLink describes the changes of a frame between the player and the light of the
+// simulated panel.
 #pragma once
 
 #include <optional>
@@ -16,23 +17,24 @@ enum class Chroma {
 
 struct SimulatedPanelLink {
   Chroma chroma = Chroma::Full;
-  /// Where the subpixels really are, whatever the player believes; empty = as believed.
+  /// The true positions of the subpixels, which may differ from the player's assumption; empty = as
+  /// assumed.
   std::optional<optics::SubpixelLayout> actual_layout;
   double eotf_exponent = 0.0;  ///< light = code^exponent; 0 = the sRGB curve
   double refresh_hz = 60.0;
   double response_ms = 0.0;  ///< time constant of the liquid crystal
-  double scan_out_ms = 0.0;  ///< from the first to the last row of a new frame
-  double pwm_hz = 0.0;       ///< of the backlight; 0 = steady
+  double scan_out_ms = 0.0;  ///< delay from the first to the last row of a new frame
+  double pwm_hz = 0.0;       ///< frequency of the backlight; 0 = steady
   double pwm_duty = 0.5;     ///< lit part of a PWM period; the mean light stays the same
-  /// A white sign that the panel puts over every frame by itself: a rectangle, in parts of the
-  /// panel's width and height. No width, no sign.
+  /// A white logo that the panel overlays on every frame: a rectangle, relative to the panel's
+  /// width and height. Width 0: no logo.
   double logo_left = 0.0;
   double logo_top = 0.0;
   double logo_width = 0.0;
   double logo_height = 0.0;
 };
 
-/// Throws Error(Input) for a link that cannot be.
+/// Throws Error(Input) for an impossible link.
 void check_link(const SimulatedPanelLink& link);
 
 }  // namespace lenticule::calib

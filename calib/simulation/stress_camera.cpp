@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stress cases: the camera, its light, where it stands, and what the calibration starts from.
+// Stress cases of the camera, its light, its position, and the starting values.
 #include <cmath>
 
 #include "calib/simulation/stress_trials.h"
@@ -7,13 +7,14 @@
 namespace lenticule::calib::stress {
 namespace {
 
-/// Standard deviation at white, half of it the sensor's own and half the light's.
+/// Sets the standard deviation at white; half of the variance is the sensor's own and half the
+/// light's.
 void set_noise(double noise, SimulatedCamera& camera) {
   camera.read_noise = noise * std::sqrt(0.5);
   camera.shot_noise = noise * std::sqrt(0.5);
 }
 
-/// To another number of pixels, looking at the same.
+/// Changes the number of pixels but not the field of view.
 void resize(int width, int height, SimulatedCamera& camera) {
   const double factor = static_cast<double>(width) / camera.width;
   camera.width = width;
@@ -33,7 +34,8 @@ Trial base(StressSize size) {
   return trial;
 }
 
-/// A camera without mosaic has a third of the numbers, and half the knots a quarter of the fit.
+/// Returns a small trial. A camera without mosaic has a third of the values, and half the knots
+/// need a quarter of the fitting time.
 Trial small_trial(int panel_width, int panel_height) {
   Trial trial = plain_trial(panel_width, panel_height, 480, 270);
   set_noise(0.01, trial.camera);
@@ -77,12 +79,12 @@ Trial gain_drift(StressSize size) {
   trial.camera.curve = CameraCurve::Srgb;
   trial.camera.assumed_curve = CameraCurve::Linear;
   trial.camera.gain_drift = 0.03;
-  // Marks look wider than they are where the dark is brightened: they need more pixels.
+  // A brightened dark level makes marks look wider, so they need more pixels.
   if (size == StressSize::Small) resize(640, 360, trial.camera);
   return trial;
 }
 
-/// An exposure that holds no whole number of the backlight's periods.
+/// Sets an exposure that is not a whole number of the backlight's periods.
 Trial bands(StressSize size) {
   Trial trial = base(size);
   trial.camera.rolling_shutter_ms = 15.0;
@@ -99,7 +101,7 @@ Trial distortion(StressSize size) {
   return trial;
 }
 
-/// Beside the panel's middle and turned away from it.
+/// Puts the camera beside the panel's middle and turns it away from the middle.
 Trial oblique(StressSize size) {
   Trial trial = base(size);
   trial.viewpoints = {{"centre", {10, 20, 700}, {0, 0, 0}, 0.0},
@@ -108,7 +110,8 @@ Trial oblique(StressSize size) {
   return trial;
 }
 
-/// Three hundredths of the panel, which fills 0.65 of the picture's width and of its height.
+/// Adds a reflection on three hundredths of the panel, which fills 0.65 of the picture's width and
+/// of its height.
 Trial highlight(StressSize size) {
   Trial trial = base(size);
   trial.camera.highlight_x = 0.65;
@@ -125,7 +128,8 @@ Trial jpeg_50(StressSize size) {
   return trial;
 }
 
-/// Every pattern is seen from elsewhere, and every place is traced anew: one viewpoint will do.
+/// Shows every pattern from another camera position, each of which is traced again, so one
+/// viewpoint must suffice.
 Trial shake(StressSize size) {
   Trial trial = base(size);
   trial.camera.shake_mm = 3.0;
@@ -134,12 +138,13 @@ Trial shake(StressSize size) {
   return trial;
 }
 
-/// The chart has lenses so many and tags so large that the panel is never small.
+/// Uses the full-size panel at both sizes, because the chart needs so many lenses and such large
+/// tags.
 Trial single_photo(StressSize size) {
   Trial trial = base(StressSize::Full);
   if (size == StressSize::Small) resize(960, 540, trial.camera);
   trial.viewpoints = {{"centre", {60, -25, 700}, {0, 0, 0}, 0.0}};
-  // Within the 3 % by which the chart's fringes are off the lenses.
+  // Within the 3 % by which the chart's fringes differ from the lenses.
   trial.start.sheet.pitch = Subpixels(trial.sheet.pitch_subpx * 1.004);
   trial.start.sheet.slant = trial.sheet.slant - 0.004;
   const ChiefRay ray = chief_ray(trial.sheet, 1);

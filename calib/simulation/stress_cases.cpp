@@ -10,7 +10,7 @@ namespace {
 
 using D = StressDemand;
 
-/// What users see as even.
+/// Largest unevenness that users do not see.
 constexpr double kMostFlat = 0.02;
 
 std::vector<StressCase> light_cases() {

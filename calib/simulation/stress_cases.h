@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What goes wrong before real panels, one thing at a time, and what a calibration must make of it:
-// the cases of `lenticule bench calibrate --stress`.
+// The stress cases of `lenticule bench calibrate --stress`: each case has one fault of a real
+// setup, and the result that a calibration must give.
 #pragma once
 
 #include <functional>
@@ -11,16 +11,17 @@
 
 namespace lenticule::calib {
 
-/// Small ones take seconds together, full ones a minute each.
+/// Small cases take seconds in total, full cases a minute each.
 enum class StressSize { Small, Full };
 
 enum class StressDemand {
   Good,            ///< an intrinsic rig within the limits
-  Detected,        ///< something that is said names it
-  GoodOrDetected,  ///< an intrinsic rig within the limits, or none that calls itself intrinsic
+  Detected,        ///< a message names the fault
+  GoodOrDetected,  ///< an intrinsic rig within the limits, or a rig that does not claim to be
+                   ///< intrinsic
 };
 
-/// What an intrinsic rig is held to; for a single photograph, an effective one.
+/// Limits of an intrinsic rig; for a single photograph, of an effective rig.
 struct StressLimits {
   double flat_lenses = 0.02;   ///< TrialErrors::flat_lenses of the first viewpoint
   double worst_lenses = 0.02;  ///< TrialErrors::worst_lenses
@@ -29,42 +30,45 @@ struct StressLimits {
 };
 
 struct StressCase {
-  std::string name;  ///< for --only
-  int row = 0;       ///< of the list of cases in docs/calibration.md
-  std::string what;  ///< is stressed, for people
+  std::string name;  ///< name for --only
+  int row = 0;       ///< row in the list of cases in docs/calibration.md
+  std::string what;  ///< the tested fault, for people
   Trial (*trial)(StressSize size);
   StressDemand demand = StressDemand::Good;
-  StressLimits limits{};   ///< at full size
-  std::string named_by{};  ///< a part of the sentence that detects it
+  StressLimits limits{};   ///< limits at full size
+  std::string named_by{};  ///< a part of the sentence that names the fault
   bool single_photo = false;
-  /// Why the demand is not met today, though nothing wrong is trusted; empty where it is.
+  /// Reason why the demand is not met today, although no wrong result is trusted; empty if it is
+  /// met.
   std::string shortfall{};
 };
 
-/// Every case, in the order of the table; names are unique.
+/// Returns every case, in the order of the table; names are unique.
 [[nodiscard]] const std::vector<StressCase>& stress_cases();
 
-/// Full size: the limits of the case. Small size: noise weighs more there. At each place of the
-/// panel it grows as the camera's columns get fewer, which is the root of how many pixels there are
-/// to average; the limits of evenness and map grow by that, the former to 0.02 lens at most. Of the
-/// pitch phases tell less still where there are fewer lenses: its limit grows by that ratio too.
+/// Returns the limits at a size. Full size: the limits of the case. Small size: noise has a larger
+/// effect. At each panel position it grows in inverse proportion to the camera's columns, which is
+/// the root of the number of averaged pixels. The limits of evenness and map grow by this ratio,
+/// the former to at most 0.02 lens. Fewer lenses determine the pitch still less, so its limit grows
+/// by their ratio too.
 [[nodiscard]] StressLimits limits_at(const StressCase& one, StressSize size);
 
 struct StressOutcome {
   std::string verdict;  ///< "intrinsic", "effective", "refused", "failed"
   std::string said;     ///< failure, reasons, warnings and findings
-  double pitch = 0.0;   ///< as StressLimits::pitch
+  double pitch = 0.0;   ///< same error as StressLimits::pitch
   double flat_lenses = 0.0;
-  TrialErrors errors;    ///< meaningful unless `measured` is false
-  bool measured = true;  ///< false after a failure and where no rig could be fitted
+  TrialErrors errors;    ///< valid only if `measured` is true
+  bool measured = true;  ///< false after a failure and if no rig could be fitted
   bool good = false;     ///< trusted, and within the limits
   bool wrong = false;    ///< trusted, and off by more than a viewer tolerates
-  bool named = false;    ///< something that is said names it
+  bool named = false;    ///< a message names the fault
   bool held = false;     ///< the demand is met
   double seconds = 0.0;
 };
 
-/// `go_on` is asked before each pattern; false ends the case, which then fails "interrupted".
+/// Runs one case. `go_on` is called before each pattern; if it returns false, the case fails with
+/// "interrupted".
 [[nodiscard]] StressOutcome run_stress_case(const StressCase& one, StressSize size,
                                             const std::function<bool()>& go_on);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs a stress case and judges what came of it.
+// Runs a stress case and evaluates its result.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -12,9 +12,9 @@
 namespace lenticule::calib {
 namespace {
 
-/// What a rig that may be used must keep, whatever the case's own limits are.
+/// Limit of every trusted rig, independent of the case's own limits.
 constexpr double kMostLenses = 0.02;
-/// Parts of the warnings that say for which eyes nothing was measured, and that somebody moved.
+/// Part of the warning that something moved during the measurement.
 constexpr const char* kMoved = "something moved";
 /// Pictures until the panel has settled.
 constexpr int kSettlePictures = 6;
@@ -44,7 +44,7 @@ CameraPicture settled_picture(SimulatedBench& bench) {
   return picture;
 }
 
-/// The chart instead of patterns, and a tape measure.
+/// Calibrates with the chart and a measured distance instead of patterns.
 TrialResult run_photo(const Trial& trial) {
   TrialResult result;
   try {
@@ -71,8 +71,8 @@ bool within(const StressLimits& limits, const StressOutcome& outcome) {
          outcome.errors.map_rms_lenses <= limits.map_rms_lenses;
 }
 
-/// An intrinsic rig is for every eye of the zone, an effective one for the viewpoints. Not <=, so
-/// that what is not a number misleads.
+/// Returns true if a trusted result is wrong. An intrinsic rig is for every eye of the zone, an
+/// effective one for the viewpoints. The comparison is not <=, so that NaN counts as wrong.
 bool misleads(Verdict verdict, const StressOutcome& outcome) {
   const TrialErrors& errors = outcome.errors;
   if (verdict == Verdict::Refused) return false;

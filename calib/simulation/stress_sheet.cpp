@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stress cases: the link, the panel and the sheet.
+// Stress cases of the link, the panel and the sheet.
 #include <algorithm>
 #include <cmath>
 
@@ -8,8 +8,8 @@
 namespace lenticule::calib::stress {
 namespace {
 
-/// A sheet of another pitch whose lenses have the shape of the base's: nominal numbers as good or
-/// bad as there.
+/// Sets another pitch; the lenses keep the base's shape, so that nominal values are equally
+/// accurate.
 void set_pitch(double pitch_subpx, double slant, Trial& trial) {
   const double wider = pitch_subpx / trial.sheet.pitch_subpx;
   trial.sheet.pitch_subpx = pitch_subpx;
@@ -21,7 +21,7 @@ void set_pitch(double pitch_subpx, double slant, Trial& trial) {
   trial.start.sheet.gap = Millimetres(trial.start.sheet.gap.value * wider);
 }
 
-/// More pixels and all knots where noise would hide what is looked for.
+/// Returns a trial with more pixels and all knots, for faults that noise would hide.
 Trial finer_base(StressSize size) {
   Trial trial = size == StressSize::Small ? plain_trial(960, 540, 640, 360) : base(size);
   trial.single_too = false;
@@ -30,22 +30,23 @@ Trial finer_base(StressSize size) {
   return trial;
 }
 
-/// What one viewpoint shows is enough to refuse.
+/// Keeps one viewpoint, which is enough to refuse.
 Trial one_viewpoint(Trial trial) {
   trial.viewpoints.resize(1);
   return trial;
 }
 
-/// Of free acrylic on glass.
+/// Thermal expansion of free acrylic on glass.
 constexpr double kStretchPerKelvin = 7.3e-5;
-/// Each new temperature is traced anew: not at every pattern.
+/// Each new temperature has to be traced again, so the temperature does not change at every
+/// pattern.
 constexpr int kPatternsPerStretch = 20;
-/// About as many as a viewpoint takes.
+/// Approximate number of patterns of a viewpoint.
 constexpr double kPatternsPerViewpoint = 80.0;
 
 }  // namespace
 
-/// A settle time that would do for a fast panel.
+/// Sets a settle time that would suffice only for a fast panel.
 Trial slow_panel(StressSize size) {
   Trial trial = base(size);
   trial.link.response_ms = 20.0;
@@ -69,7 +70,7 @@ Trial bgr(StressSize size) {
   return trial;
 }
 
-/// Red and blue change places from pixel to pixel.
+/// Swaps red and blue from pixel to pixel.
 Trial pentile(StressSize size) {
   Trial trial = one_viewpoint(base(size));
   const optics::SubpixelOffset left{1.0 / 6.0, 0.5}, middle{0.5, 0.5}, right{5.0 / 6.0, 0.5};
@@ -107,7 +108,8 @@ Trial bubbles(StressSize size) {
   return trial;
 }
 
-/// Whole numbers of subpixels and rows: lenses and subpixels keep in step over the whole panel.
+/// Sets whole numbers of subpixels and rows: lenses and subpixels stay aligned over the whole
+/// panel.
 Trial vertical_6(StressSize size) {
   Trial trial = base(size);
   set_pitch(6.0, 0.0, trial);
@@ -120,7 +122,7 @@ Trial third_6(StressSize size) {
   return trial;
 }
 
-/// So thick a sheet as its wide lenses had in proportion does not exist; the cone is wider instead.
+/// Sets a wider cone, because a sheet with proportionally thick wide lenses does not exist.
 Trial wide_40(StressSize size) {
   Trial trial = size == StressSize::Small ? small_trial(1920, 1080) : base(size);
   set_pitch(40.0, trial.sheet.slant, trial);
@@ -133,7 +135,7 @@ Trial fine_4(StressSize size) {
   return trial;
 }
 
-/// By 0.2 kelvin while each viewpoint is measured.
+/// Warms the sheet by 0.2 kelvin while each viewpoint is measured.
 Trial warming(StressSize size) {
   Trial trial = base(size);
   trial.before_pattern = [](SimulatedBench& bench, size_t, int pattern) {
@@ -144,8 +146,8 @@ Trial warming(StressSize size) {
   return trial;
 }
 
-/// The focal length of a lens in air is R / (n - 1): the pixels are there. In air rays keep the
-/// angle at which eyes see them, which no such lens focuses far to the side; so nobody stands
+/// Puts the pixels at the focal length of a lens in air, R / (n - 1). In air rays keep the angle at
+/// which eyes see them, which no such lens focuses far to the side; so the viewpoints are not
 /// there.
 Trial lens_in(StressSize size) {
   Trial trial = base(size);

@@ -1,18 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// The trials of the stress cases, by what they stress. Each function is a line of the table in
-// stress_cases.cpp.
+// The trials of the stress cases, grouped by the part under stress. Each function belongs to a line
+// of the table in stress_cases.cpp.
 #pragma once
 
 #include "calib/simulation/stress_cases.h"
 
 namespace lenticule::calib::stress {
 
-/// What all of them start from: three viewpoints, a usual webcam, one picture per pattern.
+/// Returns the starting point of all trials: three viewpoints, a usual webcam, one picture per
+/// pattern.
 [[nodiscard]] Trial base(StressSize size);
-/// The same in small, for another panel.
+/// Returns a small version for another panel.
 [[nodiscard]] Trial small_trial(int panel_width, int panel_height);
 
-// The camera and its light.
+// Trials of the camera and its light.
 [[nodiscard]] Trial noise_1(StressSize size);
 [[nodiscard]] Trial noise_5(StressSize size);
 [[nodiscard]] Trial low_resolution(StressSize size);
@@ -26,19 +27,19 @@ namespace lenticule::calib::stress {
 [[nodiscard]] Trial shake(StressSize size);
 [[nodiscard]] Trial single_photo(StressSize size);
 
-// What the calibration starts from.
+// Trials of the starting values.
 [[nodiscard]] Trial start_off(StressSize size);
 [[nodiscard]] Trial alias_half(StressSize size);
 [[nodiscard]] Trial alias_double(StressSize size);
 
-// The link and the panel.
+// Trials of the link and the panel.
 [[nodiscard]] Trial slow_panel(StressSize size);
 [[nodiscard]] Trial chroma_420(StressSize size);
 [[nodiscard]] Trial bgr(StressSize size);
 [[nodiscard]] Trial pentile(StressSize size);
 [[nodiscard]] Trial curved(StressSize size);
 
-// The sheet.
+// Trials of the sheet.
 [[nodiscard]] Trial deformed(StressSize size);
 [[nodiscard]] Trial gap_bow(StressSize size);
 [[nodiscard]] Trial bubbles(StressSize size);

@@ -23,22 +23,22 @@ struct GridSize {
   int rows = 0;
 };
 constexpr GridSize kCompared{17, 9};
-/// The least-squares line of a phase that is not quite straight depends on where the phase is asked
-/// for: at the points that the fit asks at.
+/// The least-squares line of a phase that is not exactly straight depends on the sample points, so
+/// these are the points of the fit.
 constexpr GridSize kLine{33, 19};
 
 double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
 }
 
-/// constant + x across + y down, with across and down from -1 to 1 over the panel.
+/// Line is constant + x across + y down, with across and down from -1 to 1 over the panel.
 struct Line {
   double constant = 0.0;
   double across = 0.0;
   double down = 0.0;
 };
 
-/// A phase at every point of a regular grid over the panel, borders included.
+/// PhaseGrid holds a phase at every point of a regular grid over the panel, borders included.
 class PhaseGrid {
  public:
   template <class Phase>
@@ -55,7 +55,7 @@ class PhaseGrid {
     return values_[static_cast<size_t>(y * size_.columns + x)];
   }
 
-  /// By least squares; across and down are orthogonal on the grid.
+  /// Returns the least-squares line; across and down are orthogonal on the grid.
   [[nodiscard]] Line line() const {
     Line sum;
     double across_squares = 0.0, down_squares = 0.0;
@@ -80,7 +80,7 @@ double true_phase(const SimulatedBench& bench, double x_px, double y_px, const V
   return bench.truth_phase(x_px, y_px, 1, eye, LightMiddle::Centroid);
 }
 
-/// Green's phase for one eye: of the bench, and of a rig.
+/// Return green's phase for one eye: on the bench, and of a rig.
 PhaseGrid true_phases(const SimulatedBench& bench, const optics::Panel& panel, const Vec3& eye,
                       GridSize size = kCompared) {
   return PhaseGrid(size, [&](double u, double v) {
@@ -107,7 +107,7 @@ Vec3 middle_eye(const Trial& trial) {
   return {0.0, 0.0, z / static_cast<double>(trial.viewpoints.size())};
 }
 
-/// How fast the phase at the panel's centre moves with the eye.
+/// Returns the change of the phase at the panel's centre with the eye's position.
 template <class Phase>
 double parallax(const Phase& phase, const Vec3& eye) {
   constexpr double kStep = 30.0;
@@ -139,13 +139,13 @@ double map_error(const PhaseGrid& found, const PhaseGrid& truth) {
   return std::sqrt(square / static_cast<double>(truth.values().size()));
 }
 
-/// Whole lenses do not count.
+/// Returns the error of a phase without whole lenses.
 double phase_off(double found, double truth) {
   const double off = found - truth;
   return off - std::round(off);
 }
 
-/// NaN stays.
+/// Keeps the larger value; NaN stays.
 void keep_larger(double value, double& most) {
   if (!(value <= most) && !std::isnan(most)) most = value;
 }
@@ -169,7 +169,7 @@ std::vector<double> flat_errors(const Calibration& calibration, const SimulatedB
   return worst;
 }
 
-/// Of the line that the rig shows at the camera's place as it was found.
+/// Adds the errors of the line that the rig shows at the fitted camera position.
 void add_effective(const Calibration& calibration, const SimulatedBench& bench, const Trial& trial,
                    TrialErrors& errors) {
   const optics::OpticalModel model(calibration.rig);
@@ -276,7 +276,7 @@ optics::Panel trial_panel(int width, int height) {
 
 namespace {
 
-/// What people put into a starting rig: nominal numbers.
+/// Returns the rig that a user would start with: nominal numbers.
 optics::Rig nominal_rig(const Trial& trial, double pitch_factor, double slant_error,
                         double gap_factor) {
   const ChiefRay truth = chief_ray(trial.sheet, 1);
@@ -291,7 +291,7 @@ optics::Rig nominal_rig(const Trial& trial, double pitch_factor, double slant_er
   return rig;
 }
 
-/// To another number of pixels, looking at the same.
+/// Changes the number of pixels but not the field of view.
 void scale_camera(int width, int height, SimulatedCamera& camera) {
   const double factor = static_cast<double>(width) / camera.width;
   camera.width = width;
@@ -317,7 +317,8 @@ Trial plain_trial(int panel_width, int panel_height, int camera_width, int camer
   trial.sheet.pitch_subpx = 7.70123;
   trial.sheet.slant = 0.2521;
   trial.sheet.offset_lenses = 0.31;
-  // Lenses of the same number of subpixels are wider on a coarser panel, and as much thicker.
+  // Lenses with the same number of subpixels are wider on a coarser panel, and thicker in
+  // proportion.
   const double coarser = 3840.0 / panel_width;
   trial.sheet.radius_mm = 1.1 * coarser;
   trial.sheet.thickness_mm = 3.3 * coarser;
@@ -342,7 +343,7 @@ Trial random_trial(uint64_t seed, int panel_width, int panel_height, int camera_
   trial.link = random_link(random);
   trial.camera = random_camera(random, trial.panel, 1);
   scale_camera(camera_width, camera_height, trial.camera);
-  // The middle first: it is the one that must do alone.
+  // The middle viewpoint comes first, because it is also used alone.
   constexpr std::array<int, 3> kOrder = {1, 0, 2};
   constexpr std::array<const char*, 3> kNames = {"left", "centre", "right"};
   for (const int place : kOrder) {

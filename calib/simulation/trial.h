@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// A whole calibration on the simulated bench, and how far what it found is from the truth.
+// Trial is a whole calibration on the simulated bench, with the errors of its result relative to
+// the ground truth.
 #pragma once
 
 #include <functional>
 #include <string>
 #include <vector>
 
-#include "calib/calibrate.h"
+#include "calib/fit/calibrate.h"
 #include "calib/simulation/simulated_bench.h"
 
 namespace lenticule::calib {
 
-/// Where the camera is put.
+/// TrialViewpoint is a position of the camera.
 struct TrialViewpoint {
   std::string name;
   Vec3 position_mm;
@@ -25,69 +26,71 @@ struct Trial {
   SimulatedPanelLink link;
   SimulatedCamera camera;
   std::vector<TrialViewpoint> viewpoints;
-  /// What the calibration starts from: its panel is the one above.
+  /// The starting rig of the calibration; its panel is the one above.
   optics::Rig start;
   CaptureOptions capture{.average = 1};
   CalibrateOptions options;
   bool link_and_spot = true;
-  bool single_too = true;  ///< also calibrates from the first viewpoint alone
+  bool single_too = true;  ///< true: also calibrate from the first viewpoint alone
   uint64_t seed = 1;
-  /// Called before each viewpoint and before each pattern of it: whatever should go wrong.
+  /// Called before each viewpoint and before each pattern of it, to inject faults.
   std::function<void(SimulatedBench& bench, size_t viewpoint)> before_viewpoint;
   std::function<void(SimulatedBench& bench, size_t viewpoint, int pattern)> before_pattern;
-  /// As CaptureProgress.
+  /// Called like CaptureProgress.
   std::function<bool(size_t viewpoint, int pattern)> progress;
 };
 
-/// Everything relative to the truth: where the middle of the light lands that an eye sees through a
-/// lens. NaN where it makes no sense.
+/// TrialErrors are relative to the ground truth, the middle of the light that an eye sees through a
+/// lens. NaN for undefined values.
 struct TrialErrors {
-  double worst_lenses = 0.0;  ///< of the phase, over the panel, for every eye of the zone
+  double worst_lenses =
+      0.0;  ///< largest error of the phase, over the panel, for every eye of the zone
   double rms_lenses = 0.0;
-  double pitch = 0.0;           ///< relative
-  double slant = 0.0;           ///< px/px
-  double gap = 0.0;             ///< relative: of how much the phase moves with the eye
-  double map_rms_lenses = 0.0;  ///< of the shape of the phase, without its line, for the middle eye
-  std::vector<double> effective_pitch;  ///< relative, at each viewpoint
+  double pitch = 0.0;  ///< relative error
+  double slant = 0.0;  ///< px/px
+  double gap = 0.0;    ///< relative error of the phase's change with the eye
+  double map_rms_lenses =
+      0.0;  ///< error of the phase's shape, without its line, for the middle eye
+  std::vector<double> effective_pitch;  ///< relative error at each viewpoint
   std::vector<double> effective_slant;  ///< px/px
-  /// As worst_lenses, at each viewpoint alone, the rig asked at the camera's place as it was found:
-  /// how far from even the panel would look there if it showed what should look even.
+  /// Like worst_lenses, but at each viewpoint alone, with the rig evaluated at the fitted camera
+  /// position: the visible unevenness of a picture that should look even there.
   std::vector<double> flat_lenses;
 };
 
 struct TrialResult {
   Calibration calibration;
   std::vector<ViewpointMeasurement> measurements;
-  std::string failure;  ///< what() of the error that ended it, empty if none did
-  TrialErrors errors;   ///< meaningful where there is a rig: not after a failure
-  TrialErrors single;   ///< of a calibration from the first viewpoint alone
+  std::string failure;  ///< message of the error that ended the trial, empty if none did
+  TrialErrors errors;   ///< valid if there is a rig: not after a failure
+  TrialErrors single;   ///< errors of a calibration from the first viewpoint alone
   double wall_seconds = 0.0;
-  double shown_seconds = 0.0;  ///< of the simulated clock, longest viewpoint
+  double shown_seconds = 0.0;  ///< time on the simulated clock, longest viewpoint
 };
 
-/// Eyes all over the viewing zone of the options, at three distances.
+/// Returns eyes all over the viewing zone of the options, at three distances.
 [[nodiscard]] std::vector<Vec3> zone_eyes(const Trial& trial);
 
-/// Errors of a rig on a bench.
+/// Returns the errors of a rig on a bench.
 [[nodiscard]] TrialErrors errors_of(const optics::Rig& found, const SimulatedBench& bench,
                                     const Trial& trial);
 
 /// Fills in the errors of result.calibration, which was made on that bench.
 void judge_trial(const Trial& trial, const SimulatedBench& bench, TrialResult& result);
 
-/// Runs it all; what goes wrong on the way ends in `failure`, never as an exception.
+/// Runs the trial. Errors are returned in `failure`, never thrown.
 [[nodiscard]] TrialResult run_trial(const Trial& trial);
 
-/// A 27-inch panel of `width` x `height` pixels.
+/// Returns a 27-inch panel of `width` x `height` pixels.
 [[nodiscard]] optics::Panel trial_panel(int width, int height);
-/// The sheet of the sample kiosk rig under a camera of that size, three viewpoints, nothing that
-/// disturbs; the start is 2 % off in pitch.
+/// Returns a trial with the sheet of the sample kiosk rig, a camera of that size and three
+/// viewpoints, without faults; the start is 2 % off in pitch.
 [[nodiscard]] Trial plain_trial(int panel_width, int panel_height, int camera_width,
                                 int camera_height);
-/// Anything that may be met: pitch 4 to 40 subpixels, slant -30 to 30 degrees, viewing cones of 8
-/// to 24 degrees, deformation up to 0.15 lens, a start up to 10 % off; 1 to 5 % noise, Bayer
-/// sensor, eight bits, most often JPEG, rolling shutter, slow liquid crystal, lens distortion,
-/// viewpoints put by hand.
+/// Returns a random realistic trial: pitch 4 to 40 subpixels, slant -30 to 30 degrees, viewing
+/// cones of 8 to 24 degrees, deformation up to 0.15 lens, a start up to 10 % off; 1 to 5 % noise,
+/// Bayer sensor, eight bits, usually JPEG, rolling shutter, slow liquid crystal, lens distortion,
+/// viewpoints placed by hand.
 [[nodiscard]] Trial random_trial(uint64_t seed, int panel_width, int panel_height, int camera_width,
                                  int camera_height);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an ideal calibration would find: traced, not derived.
+// Computes the result of an ideal calibration by tracing rays.
 #include <array>
 #include <cmath>
 #include <complex>
@@ -12,7 +12,7 @@ namespace lenticule::calib {
 namespace {
 
 struct Node {
-  double place = 0.0;  // of half the aperture
+  double place = 0.0;  // fraction of half the aperture
   double weight = 0.0;
 };
 /// Gauss-Legendre with eight nodes: exact for aberrations up to the 15th order of the height.
@@ -26,7 +26,8 @@ struct Landings {
   size_t count = 0;
 };
 
-/// Where the rays from `eye` (coordinates of the lens) land, over the whole lens.
+/// Returns the landing points of the rays from `eye` (coordinates of the lens), over the whole
+/// lens.
 Landings land_over_aperture(const LensStack& stack, Vec3 eye) {
   Landings landings;
   for (const Node& node : kHalfNodes) {
@@ -50,7 +51,7 @@ std::optional<Vec2> mean_landing(const Landings& landings) {
   return sum * (1.0 / weights);
 }
 
-/// As far from `mean` as the phase of fringes of one lens pitch tells.
+/// Returns the landing point that the phase of fringes of one lens pitch indicates, near `mean`.
 Vec2 fringe_landing(const Landings& landings, Vec2 mean, double pitch_mm) {
   const double wave = 2.0 * std::numbers::pi / pitch_mm;
   std::complex<double> sum;
@@ -61,7 +62,8 @@ Vec2 fringe_landing(const Landings& landings, Vec2 mean, double pitch_mm) {
   return {mean.x + std::arg(sum) / wave, mean.y};
 }
 
-/// The same for a lens whose apex line passes through `apex`, as a point of the panel.
+/// Returns the landing point, as a point of the panel, of a lens whose apex line passes through
+/// `apex`.
 std::optional<Vec2> mean_panel_point(const SheetShape& shape, Vec2 apex, int channel, Vec3 eye,
                                      LightMiddle middle) {
   const LocalLenses lenses = shape.lenses_at(apex, channel);
@@ -80,8 +82,9 @@ std::optional<Vec2> mean_panel_point(const SheetShape& shape, Vec2 apex, int cha
 
 }  // namespace
 
-/// A lens that lands beside the point is moved by the miss. Moving a lens moves its landing by
-/// nearly as much (the rest is gap over distance), so a few steps reach the last digit.
+/// Solves for the lens iteratively: a lens that lands beside the point is moved by the miss. Moving
+/// a lens moves its landing by nearly the same amount (the difference is gap over distance), so a
+/// few steps reach the last digit.
 std::optional<TrueView> true_view(const SheetShape& shape, Vec2 panel_point_mm, int channel,
                                   Vec3 eye, LightMiddle middle) {
   Vec2 apex = panel_point_mm;

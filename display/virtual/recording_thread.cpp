@@ -43,7 +43,8 @@ void RecordingThread::run() noexcept {
     recorder_->record(job.shown, job.buffer->view());
     job.buffer->end_recording();
     lock.lock();
-    // The job counts until it is done: jobs_.size() bounds the buffers taken from the display.
+    // The job is counted until it is done, so that jobs_.size() bounds the buffers taken from the
+    // display.
     first_ = (first_ + 1) % jobs_.size();
     --count_;
   }

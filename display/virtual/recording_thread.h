@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Hands shown buffers to a recorder on a thread of its own, so that the presenter never waits for a
-// disk.
+// RecordingThread passes displayed buffers to a recorder on its own thread, so that the presenter
+// never waits for a disk.
 #pragma once
 
 #include <condition_variable>
@@ -16,14 +16,15 @@ namespace lenticule::display {
 
 class RecordingThread {
  public:
-  /// Takes at most `capacity` buffers at a time: waiting, or in the recorder's hands.
+  /// Holds at most `capacity` buffers at a time, waiting or being recorded.
   RecordingThread(std::shared_ptr<ScanoutRecorder> recorder, size_t capacity);
-  /// Records what is waiting, then ends the thread.
+  /// Records the waiting buffers, then ends the thread.
   ~RecordingThread();
   RecordingThread(const RecordingThread&) = delete;
   RecordingThread& operator=(const RecordingThread&) = delete;
 
-  /// Presenter thread; returns at once. The buffer stays taken until it is recorded.
+  /// Queues a buffer and returns at once. The buffer stays in use until it is recorded. Thread
+  /// safety: the presenter thread.
   void offer(ShownFrame shown, VirtualBuffer* buffer) noexcept;
 
  private:
@@ -35,11 +36,11 @@ class RecordingThread {
   void run() noexcept;
 
   std::shared_ptr<ScanoutRecorder> recorder_;
-  uint64_t skipped_ = 0;  ///< since the last that was taken; presenter thread only
+  uint64_t skipped_ = 0;  ///< frames skipped since the last queued one; presenter thread only
 
-  std::mutex mutex_;  ///< guards everything below it, for a few instructions at a time
+  std::mutex mutex_;  ///< guards all members below, for a few instructions at a time
   std::condition_variable changed_;
-  std::vector<Job> jobs_;  ///< a ring of `capacity`
+  std::vector<Job> jobs_;  ///< ring buffer of `capacity` jobs
   size_t first_ = 0;
   size_t count_ = 0;
   bool ending_ = false;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr size_t kCacheLine = 64;
 
-/// Rows start on cache lines, so that streaming stores are aligned.
+/// Returns the words per row. Rows start on cache lines, so that streaming stores are aligned.
 size_t stride_words(frames::FrameGeometry geometry) noexcept {
   constexpr size_t kWords = kCacheLine / sizeof(uint32_t);
   return (static_cast<size_t>(geometry.width) + kWords - 1) / kWords * kWords;

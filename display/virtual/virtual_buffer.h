@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One scan-out buffer in ordinary memory, and who has it at the moment.
+// VirtualBuffer is a scan-out buffer in ordinary memory, with the state of its use.
 #pragma once
 
 #include <atomic>
@@ -13,16 +13,17 @@ namespace lenticule::display {
 
 enum class BufferState { Free, Acquired, Pending, OnGlass };
 
-/// Acquired by the filling thread; all other transitions are the presenter's. A buffer that is
-/// being recorded is not free even when its state says so.
+/// A buffer that is being recorded is not free, even in state Free. Thread safety: the filling
+/// thread acquires it; the presenter thread makes all other transitions.
 class VirtualBuffer final : public ScanoutBuffer {
  public:
-  /// Black, and every page touched, so that no page fault meets a deadline.
+  /// Fills the buffer with black, which touches every page, so that page faults cannot delay a
+  /// frame.
   explicit VirtualBuffer(frames::FrameGeometry geometry);
 
   void fill(const frames::FrameView& frame) noexcept override;
 
-  /// Free -> Acquired; false if it is not free.
+  /// Changes Free to Acquired; returns false if the buffer is not free.
   [[nodiscard]] bool try_acquire() noexcept;
   void set_state(BufferState state) noexcept { state_.store(state, std::memory_order_release); }
   [[nodiscard]] BufferState state() const noexcept {
@@ -33,7 +34,7 @@ class VirtualBuffer final : public ScanoutBuffer {
   void end_recording() noexcept { recording_.store(false, std::memory_order_release); }
   [[nodiscard]] ScanoutView view() const noexcept { return {words_.get(), stride_, geometry_}; }
 
-  /// Bytes of one buffer of this size.
+  /// Returns the bytes of one buffer of this size.
   [[nodiscard]] static size_t bytes(frames::FrameGeometry geometry) noexcept;
 
  private:

@@ -21,7 +21,7 @@ constexpr int kMinBuffers = 2;
 constexpr int kMaxBuffers = 16;
 constexpr int kMaxPixels = 32768;  // per side
 
-/// MemAvailable in bytes; 0 if the kernel does not say.
+/// Returns MemAvailable in bytes; 0 if the kernel does not report it.
 uint64_t available_memory() {
   std::ifstream file("/proc/meminfo");
   for (std::string line; std::getline(file, line);)
@@ -57,7 +57,8 @@ void check_memory(const VirtualDisplayOptions& options, int buffers) {
                 "use a smaller panel or fewer buffers");
 }
 
-/// Small panels afford a longer queue to the disk.
+/// Returns the number of buffers for recording: more for small panels, whose frames need less
+/// memory.
 int buffers_to_record(frames::FrameGeometry geometry) {
   constexpr size_t kBudget = size_t{64} << 20;
   return static_cast<int>(std::clamp<size_t>(kBudget / VirtualBuffer::bytes(geometry), 2, 64));
@@ -90,7 +91,7 @@ class VirtualDisplay final : public Display {
   [[nodiscard]] const DisplayMode& mode() const override { return mode_; }
 
   [[nodiscard]] ScanoutBuffer* acquire() override {
-    // Buffers beyond those asked for are the recorder's: they never deepen the queue.
+    // Buffers beyond the requested number are the recorder's and never deepen the queue.
     int in_use = 0;
     for (const auto& buffer : buffers_) in_use += buffer->state() == BufferState::Free ? 0 : 1;
     if (in_use >= buffers_in_use_) return nullptr;
@@ -174,7 +175,7 @@ class VirtualDisplay final : public Display {
     return mine;
   }
 
-  /// The pending buffer is on the glass, the one before it is free.
+  /// Completes the pending flip: its buffer is displayed, the previous one is free.
   void land_flip() noexcept {
     VirtualBuffer* const buffer = pending_->buffer;
     buffer->set_state(BufferState::OnGlass);
@@ -221,7 +222,7 @@ class VirtualDisplay final : public Display {
   VblankTimeline timeline_;
   std::shared_ptr<VirtualFaults> faults_;
   std::shared_ptr<ScanoutRecorder> recorder_;
-  int buffers_in_use_;  ///< at most, not counting those only held by the recorder
+  int buffers_in_use_;  ///< upper limit, not counting buffers held only by the recorder
   std::vector<std::unique_ptr<VirtualBuffer>> buffers_;
 
   // Presenter thread only.
@@ -231,7 +232,8 @@ class VirtualDisplay final : public Display {
   std::optional<DisplayEvent> repeat_;
   bool unplugged_ = false;
 
-  std::unique_ptr<RecordingThread> recording_;  ///< last: ends before the buffers do
+  /// Last member: ends before the buffers are destroyed.
+  std::unique_ptr<RecordingThread> recording_;
 };
 
 }  // namespace

@@ -4,7 +4,8 @@
 namespace lenticule::display {
 namespace {
 
-// One round of the SplitMix64 generator: a number per vblank, whatever order they are asked in.
+// Returns one round of the SplitMix64 generator: a random number per vblank, independent of the
+// order of requests.
 uint64_t scramble(uint64_t value) noexcept {
   value += 0x9E3779B97F4A7C15u;
   value = (value ^ value >> 30) * 0xBF58476D1CE4E5B9u;

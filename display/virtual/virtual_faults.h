@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What can go wrong with a virtual display on purpose: real displays do all of it by themselves.
+// VirtualFaults injects faults into a virtual display that real displays also have.
 #pragma once
 
 #include <cstdint>
@@ -10,16 +10,17 @@ namespace lenticule::display {
 
 enum class EventFate {
   Deliver,
-  Drop,       ///< the flip happens, nobody hears of it
-  Duplicate,  ///< the event comes twice
-  Unplug,     ///< the display is gone from this vblank on
+  Drop,       ///< the flip happens, without an event
+  Duplicate,  ///< the event is delivered twice
+  Unplug,     ///< the display is lost from this vblank on
 };
 
-/// Asked once per event, on the presenter thread. The defaults are a perfect display.
+/// Asked once per event, on the presenter thread. The defaults describe a perfect display.
 class VirtualFaults {
  public:
   virtual ~VirtualFaults() = default;
-  /// How late the event of this vblank is delivered. More than a period makes the player miss one.
+  /// Returns the delay of this vblank's event. A delay of more than a period makes the player miss
+  /// a vblank.
   [[nodiscard]] virtual Nanoseconds event_delay(uint64_t sequence) noexcept {
     (void)sequence;
     return Nanoseconds{0};
@@ -30,7 +31,7 @@ class VirtualFaults {
   }
 };
 
-/// Delays every event by 0 ... `most`, uniformly; the same for the same seed.
+/// UniformJitter delays every event by 0 ... `most`, uniformly; deterministic for a given seed.
 class UniformJitter final : public VirtualFaults {
  public:
   UniformJitter(Nanoseconds most, uint64_t seed) : most_(most), seed_(seed) {}

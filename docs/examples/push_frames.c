@@ -15,13 +15,13 @@ static void paint(uint8_t* pixels, const lenticule_ring* ring, uint64_t number) 
   for (j = 1; j < height; ++j) memcpy(pixels + j * stride, pixels, stride);
 }
 
-/* LENTICULE_OK once all frames are with the player. */
+/* Pushes all frames. Returns LENTICULE_OK when all of them are published. */
 static lenticule_status push(lenticule_ring* ring, long frames) {
   long number = 0;
   while (number < frames) {
     uint8_t* pixels;
     lenticule_status status = lenticule_ring_acquire(ring, (uint64_t)number, 1000, &pixels);
-    if (status == LENTICULE_TIMED_OUT) continue; /* a paused player frees no slot: not an error */
+    if (status == LENTICULE_TIMED_OUT) continue; /* not an error: a paused player frees no slot */
     if (status != LENTICULE_OK) return status;
     paint(pixels, ring, (uint64_t)number);
     status = lenticule_ring_publish(ring);

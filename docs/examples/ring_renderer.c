@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A renderer that speaks the ring's protocol by itself, from docs/ring.md, without lenticule.h:
+/* A renderer that implements docs/ring-protocol.md by itself, without lenticule.h:
  *   cc -std=c11 ring_renderer.c -o ring_renderer
- *   ./ring_renderer SOCKET FRAMES FINGERPRINT     the fingerprint is that of `lenticule rig show`
+ *   ./ring_renderer SOCKET FRAMES FINGERPRINT     `lenticule rig show` prints the fingerprint
  * Byte x of row y of frame n is x + 3 y + 7 n, modulo 256. */
 #define _GNU_SOURCE
 #include <errno.h>
@@ -56,8 +56,10 @@ struct entry {
   _Atomic uint64_t frame_number, order;
   uint8_t unused[40];
 };
-_Static_assert(sizeof(struct hello) == 240 && sizeof(struct answer) == 256, "as in docs/ring.md");
-_Static_assert(sizeof(struct header) == 88 && sizeof(struct entry) == 64, "as in docs/ring.md");
+_Static_assert(sizeof(struct hello) == 240 && sizeof(struct answer) == 256,
+               "see docs/ring-protocol.md");
+_Static_assert(sizeof(struct header) == 88 && sizeof(struct entry) == 64,
+               "see docs/ring-protocol.md");
 
 static int player = -1, memory = -1, published = -1;
 
@@ -78,7 +80,7 @@ static void connect_to(const char* path) {
   if (player < 0 || connect(player, (struct sockaddr*)&address, sizeof address) != 0) fail(path);
 }
 
-/* Says hello; the answer brings the memory and the eventfd. */
+/* Sends hello. The answer has the descriptors of the memory and of the eventfd. */
 static struct answer introduce(const char* fingerprint, uint64_t frames) {
   struct hello hello = {.prefix = prefix_of(kHello, sizeof hello),
                         .rate_numerator = 60,
@@ -105,30 +107,31 @@ static struct answer introduce(const char* fingerprint, uint64_t frames) {
   passed = CMSG_FIRSTHDR(&message);
   if (answer.prefix.kind != kAccept || passed == NULL || passed->cmsg_type != SCM_RIGHTS ||
       passed->cmsg_len != CMSG_LEN(2 * sizeof(int)))
-    fail("this is no player");
+    fail("the peer is not a lenticule player");
   memcpy(&memory, CMSG_DATA(passed), sizeof memory);
   memcpy(&published, CMSG_DATA(passed) + sizeof memory, sizeof published);
   return answer;
 }
 
-/* Maps the memory once it is certain that it cannot shrink. */
+/* Checks that the memory cannot shrink, and maps it. */
 static uint8_t* map(uint64_t bytes) {
   struct stat status;
   const int seals = fcntl(memory, F_GET_SEALS);
   void* mapped;
   const struct header* header;
-  if (seals < 0 || !(seals & F_SEAL_SHRINK)) fail("the memory is not sealed");
-  if (fstat(memory, &status) != 0 || (uint64_t)status.st_size != bytes) fail("memory's size");
+  if (seals < 0 || !(seals & F_SEAL_SHRINK)) fail("the memory is not sealed against shrinking");
+  if (fstat(memory, &status) != 0 || (uint64_t)status.st_size != bytes)
+    fail("the memory has another size than the player announced");
   mapped = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, memory, 0);
   if (mapped == MAP_FAILED) fail("mmap");
   header = mapped;
   if (memcmp(header->magic, "LNTCRING", 8) != 0 || header->endian_tag != 0x01020304 ||
       header->abi_version != 1 || header->format != 1)
-    fail("another kind of ring");
+    fail("the ring has another version or pixel format");
   return mapped;
 }
 
-/* Returns a slot that is ours to write. Waits as long as there is a player. */
+/* Takes a free slot and returns its number. Waits until the player frees one. */
 static uint32_t acquire(struct entry* table, uint32_t slots, uint32_t epoch) {
   int asked = 0;
   for (;;) {
@@ -146,7 +149,7 @@ static uint32_t acquire(struct entry* table, uint32_t slots, uint32_t epoch) {
       const struct prefix wanted = prefix_of(kWanted, sizeof wanted);
       asked = send(player, &wanted, sizeof wanted, MSG_NOSIGNAL | MSG_DONTWAIT) > 0;
     }
-    poll(&wake, 1, 100); /* the player says "freed" */
+    poll(&wake, 1, 100); /* wakes when the player sends "freed" */
     for (;;) {
       const ssize_t got = recv(player, message, sizeof message, MSG_DONTWAIT);
       if (got == 0) fail("the player is gone");
@@ -182,7 +185,7 @@ int main(int argc, char** argv) {
   connect_to(argv[1]);
   answer = introduce(argv[3], frames);
   ring = map(answer.is.accept.memory_bytes);
-  const struct header header = *(const struct header*)ring; /* read once */
+  const struct header header = *(const struct header*)ring; /* a copy, so that it cannot change */
   struct entry* const table = (struct entry*)(ring + header.table_offset);
   _Atomic uint32_t* const heartbeat = (_Atomic uint32_t*)(ring + 192);
   for (number = 0; number < frames; ++number) {

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""A renderer that speaks the ring's protocol by itself, from docs/ring.md.
+"""A renderer that implements docs/ring-protocol.md by itself.
 
-    ring_renderer.py SOCKET FRAMES FINGERPRINT    the fingerprint is that of `lenticule rig show`
+    ring_renderer.py SOCKET FRAMES FINGERPRINT    `lenticule rig show` prints the fingerprint
 
-Byte x of row y of frame n is x + 3 y + 7 n, modulo 256. Needs nothing but Python 3.9 and, for
-atomic numbers, the libatomic.so.1 that comes with gcc.
+Byte x of row y of frame n is x + 3 y + 7 n, modulo 256. Needs only Python 3.9 and, for atomic
+operations, the libatomic.so.1 of gcc.
 """
 
 import ctypes
@@ -38,7 +38,7 @@ def message(kind, body=b""):
 
 
 def change(address, before, after, order):
-    """Puts `after` where `before` is; False if something else is there."""
+    """Replaces `before` by `after` atomically; returns False if the value is another one."""
     expected = ctypes.c_uint32(before)
     return compare_exchange(address, ctypes.byref(expected), after, order, RELAXED)
 
@@ -55,17 +55,17 @@ class Ring:
         if kind == REFUSE:
             sys.exit("refused: " + answer[24:].split(b"\0")[0].decode())
         if kind != ACCEPT or len(fds) != 2:
-            sys.exit("this is no player")
+            sys.exit("the peer is not a lenticule player")
         memory, self.published = fds
         size, self.epoch = struct.unpack_from("=QI", answer, 16)
         if not fcntl.fcntl(memory, F_GET_SEALS) & F_SEAL_SHRINK or os.fstat(memory).st_size != size:
-            sys.exit("the memory can shrink")
+            sys.exit("the memory is not sealed, or has another size than announced")
         self.memory = mmap.mmap(memory, size)
         (magic, abi, endian, self.slots, pixels, self.width, self.height, self.row_bytes,
          self.frame_bytes, self.table, self.entry_bytes, self.first, self.stride,
          _) = HEADER.unpack_from(self.memory)
         if (magic, abi, endian, pixels) != (b"LNTCRING", 1, 0x01020304, 1):
-            sys.exit("another kind of ring")
+            sys.exit("the ring has another version or pixel format")
         self.base = ctypes.addressof(ctypes.c_char.from_buffer(self.memory))
         self.order = 0
 
@@ -76,7 +76,7 @@ class Ring:
         return self.epoch << 3 | state
 
     def acquire(self):
-        """Returns a slot that is ours to write. Waits as long as there is a player."""
+        """Takes a free slot and returns its number. Waits until the player frees one."""
         asked = False
         while True:
             for slot in range(self.slots):

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flicker: how much the error of a run of pictures changes from one to the next. A steady error is
-// seen as part of the picture, one that comes and goes is seen as itself.
+// FlickerMeter measures flicker: the change of the error from one picture to the next. A steady
+// error looks like part of the picture; a changing error is noticed.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,17 @@
 namespace lenticule::frames {
 
 struct Flicker {
-  double mean = 0.0;  ///< of |e(t) - e(t - 1)| over all samples, e = test - reference, code values
+  double mean =
+      0.0;  ///< mean of |e(t) - e(t - 1)| over all samples, e = test - reference, code values
   int largest = 0;
 };
 
-/// Of one place: feed it the pictures in order. Two bytes a sample.
+/// FlickerMeter measures one sequence, whose pictures it receives in order. Uses two bytes per
+/// sample.
 class FlickerMeter {
  public:
-  /// Against the pictures of the call before; zeros for the first. Throws Error(Input) if the sizes
-  /// differ, also from those before.
+  /// Returns the change since the previous call; zeros for the first call. Throws Error(Input) if
+  /// the sizes differ, also from the previous sizes.
   Flicker add(const FrameView& reference, const FrameView& test);
 
  private:

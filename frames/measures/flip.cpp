@@ -14,7 +14,7 @@
 namespace lenticule::frames {
 namespace {
 
-/// Odd in number; the middle one is the pixel's own.
+/// Taps are the weights of a filter, odd in number; the middle one belongs to the pixel itself.
 using Taps = std::vector<double>;
 
 struct Plane {
@@ -31,7 +31,7 @@ struct Plane {
   }
 };
 
-// ---- filters: all are products of one across and one down
+// ---- filters: each is a product of a horizontal and a vertical one
 
 void add_row(const float* from, float weight, int count, float* to) {
   for (int i = 0; i < count; ++i) to[i] += weight * from[i];
@@ -73,9 +73,10 @@ double sum_of(const Taps& taps) {
   return sum;
 }
 
-// ---- what the eye blurs
+// ---- blur of the eye
 
-/// One term of a contrast sensitivity: a sqrt(pi / b) exp(-pi^2 d^2 / b), d in degrees.
+/// Sensitivity is one term of a contrast sensitivity: a sqrt(pi / b) exp(-pi^2 d^2 / b), d in
+/// degrees.
 struct Sensitivity {
   double a;
   double b;
@@ -84,7 +85,7 @@ constexpr Sensitivity kAchromatic{1.0, 0.0047};
 constexpr Sensitivity kRedGreen{1.0, 0.0053};
 constexpr std::array<Sensitivity, 2> kBlueYellow{{{34.1, 0.04}, {13.5, 0.025}}};
 
-/// Three standard deviations of the widest of them, for all.
+/// Returns three standard deviations of the widest filter, used for all filters.
 int blur_radius(double pixels_per_degree) {
   const double sigma = std::sqrt(kBlueYellow[0].b / 2.0) / std::numbers::pi;
   return static_cast<int>(std::ceil(3.0 * sigma * pixels_per_degree));
@@ -111,7 +112,7 @@ Plane blurred(const Plane& plane, const Sensitivity& term, double pixels_per_deg
   return filtered(plane, taps, taps);
 }
 
-/// A sum of two products, each with the share of the whole that its weights have.
+/// Blurs with a sum of two products, each scaled by its fraction of the total weight.
 Plane blurred_blue_yellow(const Plane& plane, double pixels_per_degree) {
   std::array<double, 2> weight{};
   for (size_t t = 0; t < weight.size(); ++t) {
@@ -128,7 +129,7 @@ Plane blurred_blue_yellow(const Plane& plane, double pixels_per_degree) {
 
 // ---- colours
 
-/// CIE XYZ of linear sRGB, as fractions of white's.
+/// Tristimulus is CIE XYZ of linear sRGB, relative to white.
 struct Tristimulus {
   double x, y, z;
 };
@@ -142,7 +143,7 @@ Tristimulus tristimulus(double r, double g, double b) {
           .z = (1425312.0 * r + 8788810.0 * g + 70074185.0 * b) / 80288307.0};
 }
 
-/// Colours that a display can show: parts below 0 and above 1 are cut off.
+/// Clips to the colours of a display: components below 0 and above 1 are cut off.
 Tristimulus shown(const Tristimulus& t) {
   const double x = t.x * kWhiteX;
   const double z = t.z * kWhiteZ;
@@ -154,12 +155,12 @@ Tristimulus shown(const Tristimulus& t) {
 
 float lightness_curve(double part) {
   constexpr double kDelta = 6.0 / 29.0;
-  // Single precision: cube roots are what takes longest.
+  // Single precision: most of the time goes into cube roots.
   if (part > kDelta * kDelta * kDelta) return std::cbrt(static_cast<float>(part));
   return static_cast<float>(part / (3.0 * kDelta * kDelta) + 4.0 / 29.0);
 }
 
-/// L*a*b* with chroma that grows with lightness (Hunt).
+/// Returns L*a*b* with chroma that grows with lightness (Hunt effect).
 std::array<float, 3> adjusted_lab(const Tristimulus& t) {
   const float x = lightness_curve(t.x);
   const float y = lightness_curve(t.y);
@@ -168,7 +169,7 @@ std::array<float, 3> adjusted_lab(const Tristimulus& t) {
   return {lightness, 0.01F * lightness * 500.0F * (x - y), 0.01F * lightness * 200.0F * (y - z)};
 }
 
-/// Hybrid of a distance by city blocks and a straight one.
+/// Returns the HyAB distance: city block in lightness, Euclidean in chroma.
 float colour_distance(const std::array<float, 3>& p, const std::array<float, 3>& q) {
   const float a = p[1] - q[1];
   const float b = p[2] - q[2];
@@ -177,7 +178,8 @@ float colour_distance(const std::array<float, 3>& p, const std::array<float, 3>&
 
 constexpr float kColourExponent = 0.7F;
 
-/// Distances raised to kColourExponent, onto 0 to 1: nearly all of it for the smaller ones.
+/// Maps distances raised to kColourExponent to 0 to 1: most of the range is used for the smaller
+/// distances.
 float colour_error(float distance) {
   constexpr float kSmall = 0.4F;
   constexpr float kOfSmall = 0.95F;
@@ -192,7 +194,7 @@ float colour_error(float distance) {
 
 // ---- edges and points
 
-/// The derivative's positive weights sum to 1, its negative ones to -1.
+/// Scales the derivative's positive weights to sum to 1, its negative ones to -1.
 Taps balanced(Taps taps) {
   double above = 0.0;
   double below = 0.0;
@@ -219,7 +221,7 @@ FeatureTaps feature_taps(double pixels_per_degree) {
   return {normalised(taps.smooth), balanced(taps.edge), balanced(taps.point)};
 }
 
-/// How strong the feature is, whichever its direction.
+/// Returns the strength of the feature in any direction.
 std::vector<float> features(const Plane& grey, const Taps& derivative, const Taps& smooth) {
   const Plane across = filtered(grey, derivative, smooth);
   Plane down = filtered(grey, smooth, derivative);
@@ -231,7 +233,7 @@ std::vector<float> features(const Plane& grey, const Taps& derivative, const Tap
   return std::move(down.values);
 }
 
-/// Grey, and the two opponent colours, each linear in light.
+/// Opponents holds grey and the two opponent colours, each linear in light.
 struct Opponents {
   Plane grey, red_green, blue_yellow;
 };
@@ -289,7 +291,7 @@ std::vector<float> flip_map(const FlipPicture& reference, const FlipPicture& tes
     const float feature = std::max(std::abs(reference.edges_[i] - test.edges_[i]),
                                    std::abs(reference.points_[i] - test.points_[i]));
     const float distance = colour_distance(lab_of(reference, i), lab_of(test, i));
-    if (feature == 0.0F && distance == 0.0F) continue;  // most pixels, and powers are slow
+    if (feature == 0.0F && distance == 0.0F) continue;  // true for most pixels, and powers are slow
     const float raised = std::clamp(std::sqrt(feature / std::numbers::sqrt2_v<float>), 0.0F, 1.0F);
     map[i] = std::pow(colour_error(distance), 1.0F - raised);
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// FLIP: how strongly a difference is noticed when two pictures are flipped back and forth, 0 where
-// nothing is seen, 1 at most.
+// FLIP measures how strongly a viewer notices a difference when two pictures alternate: 0 for an
+// invisible difference, at most 1.
 #pragma once
 
 #include <array>
@@ -10,14 +10,15 @@
 
 namespace lenticule::frames {
 
-/// What FLIP's authors assume unless told: a 4K monitor of 0.7 m, seen from 0.7 m.
+/// Default of FLIP's authors: a 4K monitor of 0.7 m width, seen from 0.7 m.
 inline constexpr double kFlipPixelsPerDegree = 67.0206432765823;
 
-/// One picture as FLIP compares it: its colours as the eye blurs them, in the authors' adjusted
-/// L*a*b*, and its edges and points. Made once for each picture, however often it is compared.
+/// FlipPicture holds one picture in the form that FLIP compares: its colours as blurred by the eye,
+/// in the authors' adjusted L*a*b*, and its edges and points. Computed once per picture, for any
+/// number of comparisons.
 class FlipPicture {
  public:
-  /// 8-bit sRGB codes. Throws Error(Usage) unless 1 <= pixels_per_degree <= 1000.
+  /// Takes 8-bit sRGB codes. Throws Error(Usage) unless 1 <= pixels_per_degree <= 1000.
   FlipPicture(const FrameView& picture, double pixels_per_degree);
 
  private:
@@ -30,17 +31,17 @@ class FlipPicture {
   std::vector<float> points_;
 };
 
-/// LDR-FLIP of each pixel, row by row, after Andersson, Nilsson, Akenine-Moeller, Oskarsson,
-/// Astrom and Fairchild, "FLIP: A Difference Evaluator for Alternating Images", 2020, in single
-/// precision. Pictures end as if their border pixels went on. Symmetric. Throws Error(Input) if the
-/// sizes, and Error(Usage) if the pixels per degree differ.
+/// Returns the LDR-FLIP of each pixel, row by row, after Andersson, Nilsson, Akenine-Moeller,
+/// Oskarsson, Astrom and Fairchild, "FLIP: A Difference Evaluator for Alternating Images", 2020, in
+/// single precision. Beyond the border of a picture its border pixels are repeated. Symmetric.
+/// Throws Error(Input) if the sizes differ, and Error(Usage) if the pixels per degree differ.
 [[nodiscard]] std::vector<float> flip_map(const FlipPicture& reference, const FlipPicture& test);
 
 struct FlipFigures {
   double mean = 0.0;
   double percentile_99 = 0.0;  ///< the smallest value that 99 % of the pixels do not exceed
 };
-/// Zeros for an empty map.
+/// Returns zeros for an empty map.
 [[nodiscard]] FlipFigures flip_figures(std::vector<float> map);
 
 }  // namespace lenticule::frames

@@ -13,7 +13,7 @@
 namespace lenticule::frames {
 namespace {
 
-/// Enough bands for any number of threads, few enough for long runs of rows.
+/// Enough bands for any number of threads, but few enough for long runs of rows.
 constexpr int kBands = 64;
 
 struct Rows {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which view each subpixel of a panel belongs to, worked out once, for comparing many frames.
+// ViewMap assigns each subpixel of a panel to a view. It is computed once and used to compare many
+// frames.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +13,11 @@ namespace lenticule::frames {
 
 class ViewMap {
  public:
-  /// Two bytes a subpixel. Throws Error(Usage) unless 1 <= views <= 4096.
+  /// Uses two bytes per subpixel. Throws Error(Usage) unless 1 <= views <= 4096.
   ViewMap(const optics::OpticalModel& model, int views, BandWorkers& workers);
 
-  /// As compare_views: one Difference per view; what all of them add up to is the frame's. Throws
-  /// Error(Input) if a picture is not of the panel's size.
+  /// Returns one Difference per view, like compare_views(); their sum is the difference of the
+  /// whole frames. Throws Error(Input) if a picture does not have the panel's size.
   [[nodiscard]] std::vector<Difference> compare(const FrameView& reference, const FrameView& test,
                                                 BandWorkers& workers) const;
 

@@ -14,7 +14,8 @@ namespace {
 
 constexpr int kStep = 8;
 
-/// Sums of squared differences over everything above and to the left of each pixel corner.
+/// SquareSums is a summed-area table of squared differences: the sum above and to the left of each
+/// pixel corner.
 class SquareSums {
  public:
   SquareSums(const FrameView& a, const FrameView& b)

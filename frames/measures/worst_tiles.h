@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The places of a picture that are furthest off, to be looked at.
+// Finds the tiles of a picture with the largest error, for inspection.
 #pragma once
 
 #include <vector>
@@ -9,11 +9,11 @@
 namespace lenticule::frames {
 
 struct Tile {
-  int x = 0;  ///< of its upper left pixel
+  int x = 0;  ///< x of the upper left pixel
   int y = 0;
   int width = 0;
   int height = 0;
-  double mse = 0.0;  ///< over its pixels and channels, in squared code values
+  double mse = 0.0;  ///< mean over its pixels and channels, in squared code values
 
   [[nodiscard]] bool overlaps(const Tile& other) const {
     return x < other.x + other.width && other.x < x + width && y < other.y + other.height &&
@@ -21,11 +21,11 @@ struct Tile {
   }
 };
 
-/// Up to `count` tiles of side x side pixels that do not overlap, the furthest off first: each the
-/// one with the largest MSE (of equals the upper, then the left one) among those that begin at
-/// multiples of eight or end with the picture and overlap none before. Where the picture is smaller
-/// than a tile, tiles are as large as it is. Tiles in which nothing differs are left out. Throws
-/// Error(Input) if the sizes differ, Error(Usage) for a side below 1.
+/// Returns up to `count` tiles of side x side pixels that do not overlap, in descending order of
+/// MSE. The candidates begin at multiples of eight or end at the picture's border; among candidates
+/// of equal MSE the upper, then the left one comes first. Tiles are clipped to a picture smaller
+/// than a tile. Tiles without a difference are omitted. Throws Error(Input) if the sizes differ,
+/// Error(Usage) for a side below 1.
 [[nodiscard]] std::vector<Tile> worst_tiles(const FrameView& reference, const FrameView& test,
                                             int side, int count);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decoding pictures with OpenImageIO, with everything that would change a code value turned off.
+// Decodes pictures with OpenImageIO; every feature that would change a code value is off.
 #include "frames/pictures/decode.h"
 
 #include <OpenImageIO/filesystem.h>
@@ -22,10 +22,10 @@ namespace {
 
 constexpr int kMaxReadChannels = 4;
 
-/// What a decoded sample is, after the decoder's own widening of odd bit depths.
+/// Sample is the type of decoded samples, after the decoder's own widening of odd bit depths.
 enum class Sample { U8, U16, F32 };
 
-/// Rows [y, y + rows) with `channels` interleaved samples a pixel.
+/// Band holds rows [y, y + rows) with `channels` interleaved samples per pixel.
 struct Band {
   int y = 0;
   int rows = 0;
@@ -33,18 +33,18 @@ struct Band {
   Sample sample = Sample::U8;
   const uint8_t* data = nullptr;
 
-  /// `count` of its rows from row `first` on.
+  /// Returns `count` rows from row `first` on.
   [[nodiscard]] Band part(int first, int count, int width) const {
     const size_t sample_bytes = sample == Sample::U8 ? 1 : sample == Sample::U16 ? 2 : 4;
     const size_t row = static_cast<size_t>(width) * static_cast<size_t>(channels) * sample_bytes;
     return {y + first, count, channels, sample, data + static_cast<size_t>(first) * row};
   }
-  /// Which channel holds red, green or blue: one or two channels are grey (and alpha).
+  /// Returns the channel of red, green or blue: one or two channels are grey (and alpha).
   [[nodiscard]] int colour_channel(int c) const { return channels >= 3 ? c : 0; }
 };
 
-/// Remembers whether anybody asked for bytes past the end: libtiff, reading through a proxy, takes
-/// what the buffer held before for them.
+/// PictureMemory records a read beyond the end: libtiff, reading through a proxy, takes the old
+/// content of its buffer for the missing bytes.
 class PictureMemory final : public OIIO::Filesystem::IOMemReader {
  public:
   using IOMemReader::IOMemReader;
@@ -73,13 +73,15 @@ const char* unknown_kind(std::span<const uint8_t> bytes) {
 
 class PictureReader {
  public:
-  /// Opens the picture and holds its header against the limits. `bytes` must outlive the reader.
+  /// Opens the picture and checks its header against the limits.
+  ///
+  /// Lifetime: `bytes` must outlive the reader.
   PictureReader(std::span<const uint8_t> bytes, std::string name, uint64_t max_pixels)
       : name_(std::move(name)), memory_(bytes.data(), bytes.size()) {
     set_up_oiio();
     format_ = detect_format(bytes, name_);
     if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
-    // Before any decoder: libpng would talk about it on standard error.
+    // Checked before any decoder runs: libpng would print a message on standard error.
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
     open();
@@ -93,13 +95,13 @@ class PictureReader {
             .orientation = orientation(),
             .pixel_aspect = pixel_aspect()};
   }
-  /// Index of alpha among a band's channels, or -1.
+  /// Returns the index of alpha among a band's channels, or -1.
   [[nodiscard]] int alpha_channel() const {
     return spec().alpha_channel < channels_read() ? spec().alpha_channel : -1;
   }
 
-  /// Decodes from the top in bands; the first comes before the caller allocates its result, so
-  /// that a header that lies costs little.
+  /// Decodes from the top in bands. The first band comes before the caller allocates its result, so
+  /// that a header with a false size costs little.
   template <class Sink>
   void read(Sink&& sink) {
     constexpr int kScanlinesPerBand = 64;
@@ -127,15 +129,16 @@ class PictureReader {
     return sample_ == Sample::U16 ? OIIO::TypeDesc::UINT16 : OIIO::TypeDesc::FLOAT;
   }
 
-  /// Upright where the tag is missing or no such number.
+  /// Returns the orientation; Upright if the tag is missing or invalid.
   [[nodiscard]] Orientation orientation() const {
-    // The reader of Targa has turned them already.
+    // The reader of Targa has already applied the orientation.
     if (format_ == ImageFormat::Targa) return Orientation::Upright;
     const int tag = spec().get_int_attribute("Orientation", 1);
     return tag >= 1 && tag <= 8 ? static_cast<Orientation>(tag) : Orientation::Upright;
   }
 
-  /// From pixels per length where a format has that. 1 for tags that make no sense.
+  /// Returns the pixel aspect, from pixels per length in formats that state them. Returns 1 for
+  /// implausible tags.
   [[nodiscard]] double pixel_aspect() const {
     constexpr double kMost = 16.0;
     const float across = spec().get_float_attribute("XResolution", 0.0f);
@@ -213,7 +216,8 @@ class PictureReader {
   PictureMemory memory_;
   ImageFormat format_ = ImageFormat::Unknown;
   Sample sample_ = Sample::U8;
-  std::unique_ptr<OIIO::ImageInput> input_;  // after memory_: it reads from it until destroyed
+  std::unique_ptr<OIIO::ImageInput>
+      input_;  // must follow memory_, which it reads from until destroyed
 };
 
 /// Calls `convert` on each pixel's samples, typed; Out is the number of results per pixel.
@@ -224,7 +228,8 @@ void convert_band(const Band& band, int width, Target* out, int per_pixel, Conve
   for (size_t p = 0; p < pixels; ++p, in += band.channels, out += per_pixel) convert(in, out);
 }
 
-/// 65535 = 257 * 255, and 257 is odd: no value lies half way between two codes.
+/// Rounds to the nearest code: 65535 = 257 * 255, and 257 is odd, so no value lies half way between
+/// two codes.
 uint8_t code_from_16_bits(uint16_t v) {
   return static_cast<uint8_t>((v + 128) / 257);
 }

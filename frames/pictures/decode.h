@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The decoding half of PictureCodec; contracts there.
+// The decoding half of PictureCodec, which documents the functions.
 #pragma once
 
 #include "frames/picture_codec.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Encoding woven frames with OpenImageIO, in memory: the bytes go to the disk in one place that
-// sees every failure of it.
+// Encodes woven frames with OpenImageIO, in memory: a single place writes the bytes to the disk and
+// detects every failure.
 #include "frames/pictures/encode.h"
 
 #include <OpenImageIO/filesystem.h>
@@ -18,9 +18,10 @@
 namespace lenticule::frames::pictures {
 namespace {
 
-/// The frames of a sequence are written more often than they are stored. The neighbours to the left
-/// belong to other views; the row above is the same picture shifted by the slant. On a 4K frame
-/// this is the fastest combination and the smallest file of the fast ones (docs/frames.md).
+/// Frames of a sequence are written more often than they are stored. In a woven frame the
+/// neighbours to the left belong to other views; the row above is the same picture shifted by the
+/// slant. On a 4K frame this combination is the fastest and gives the smallest file of the fast
+/// ones (docs/frames.md).
 constexpr int kPngCompressionLevel = 1;
 constexpr int kPngFilterUp = 32;
 
@@ -32,7 +33,7 @@ OIIO::ImageSpec output_spec(const FrameGeometry& geometry, ImageFormat format) {
   spec.attribute("oiio:dither", 0);
   if (format == ImageFormat::Tiff) spec.attribute("compression", "lzw");
   if (format == ImageFormat::Exr) spec.attribute("compression", "zip");
-  // Same pixels, same bytes: these formats would note the time of day.
+  // The same pixels must give the same bytes, but these formats would record the time of day.
   if (format == ImageFormat::Tiff || format == ImageFormat::Exr)
     spec.attribute("DateTime", "1970:01:01 00:00:00");
   return spec;

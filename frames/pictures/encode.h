@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The encoding half of PictureCodec; contract there.
+// The encoding half of PictureCodec, which documents the function.
 #pragma once
 
 #include "frames/picture_codec.h"

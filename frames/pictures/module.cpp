@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The module's one exported function.
+// Exports the one function of the lazily loaded library.
 #include <string_view>
 
 #include "frames/pictures/decode.h"

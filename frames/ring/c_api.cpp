@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule.h over RingRenderer: checks what C callers can get wrong, and lets no exception
-// through.
+// Implements lenticule.h over RingRenderer: checks the arguments of C callers, and lets no
+// exception through.
 #include <chrono>
 #include <exception>
 #include <memory>
@@ -25,7 +25,7 @@ struct lenticule_ring {
 
 namespace {
 
-// Text that is too long for memory that cannot be had is cut: reporting must not fail.
+// A longer text is cut: reporting must not fail, so it must not allocate.
 constexpr size_t kMaxErrorBytes = 1024;
 thread_local char last_error[kMaxErrorBytes] = "";
 
@@ -64,7 +64,7 @@ lenticule_status status_of(RingStatus status) noexcept {
   return LENTICULE_FAILED;
 }
 
-/// Runs `body`; whatever it throws becomes a status and a text.
+/// Runs `body`; converts every exception to a status and a text.
 template <typename Body>
 lenticule_status guarded(Body body) noexcept {
   try {

@@ -24,8 +24,8 @@ constexpr auto kLockPause = std::chrono::milliseconds(10);
   throw Error(ErrorKind::Failed, path.string() + ": " + what + ": " + std::strerror(error), hint);
 }
 
-/// Two players that start at once must not both find a dead socket and replace each other's: who
-/// looks at the file holds its folder's lock meanwhile.
+/// Locks the socket's folder while a player examines the socket file: two players that start at
+/// once must not both find a stale socket and replace each other's.
 UniqueFd lock_folder(const std::filesystem::path& path) {
   const auto folder = path.has_parent_path() ? path.parent_path() : std::filesystem::path(".");
   UniqueFd fd(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -68,7 +68,7 @@ void clear_the_way(const std::filesystem::path& path, const UnixAddress& address
   }
 }
 
-/// The group first: at no moment may another one connect.
+/// Sets the group before the mode, so that no other group can connect at any moment.
 void open_to_group(const std::filesystem::path& path, gid_t group) {
   if (::chown(path.c_str(), static_cast<uid_t>(-1), group) == 0 &&
       ::chmod(path.c_str(), S_IRUSR | S_IWUSR | S_IRGRP | S_IWGRP) == 0)
@@ -88,7 +88,7 @@ ListenSocket::ListenSocket(std::filesystem::path path, const ListenOptions& opti
   clear_the_way(path_, address);
   fd_ = UniqueFd(::socket(AF_UNIX, options.type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   if (!fd_) fail(path_, "cannot create a socket");
-  // The file takes the mode that the socket has before bind(), less the umask: never wider.
+  // The file gets the mode that the socket has before bind(), minus the umask: never wider.
   if (::fchmod(fd_.get(), S_IRUSR | S_IWUSR) != 0) fail(path_, "cannot restrict the socket");
   if (::bind(fd_.get(), address.get(), address.bytes) != 0) fail(path_, "cannot create the socket");
   struct stat status;

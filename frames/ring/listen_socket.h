@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The Unix socket that a player listens on: a file with mode 0600, or 0660 for a group, that
-// goes away with the player.
+// ListenSocket is the Unix socket on which a player listens: a file with mode 0600, or 0660 for a
+// group, that is removed when the player exits.
 #pragma once
 
 #include <sys/socket.h>
@@ -16,22 +16,22 @@ namespace lenticule::frames {
 
 struct ListenOptions {
   int type = SOCK_SEQPACKET;
-  /// Who beside the owner may connect: members of this group.
+  /// Group whose members may connect in addition to the owner.
   std::optional<gid_t> group = std::nullopt;
 };
 
 class ListenSocket {
  public:
-  /// Replaces the file of a player that is gone. Throws Error(Device) when a live one listens
-  /// there, Error(Usage) when the path is too long or something else lies there, Error(Failed)
-  /// otherwise.
+  /// Replaces the socket file of a player that has exited. Throws Error(Device) when a live player
+  /// listens there, Error(Usage) when the path is too long or names something other than a socket,
+  /// Error(Failed) otherwise.
   explicit ListenSocket(std::filesystem::path path, const ListenOptions& options = {});
   ~ListenSocket();
   ListenSocket(const ListenSocket&) = delete;
   ListenSocket& operator=(const ListenSocket&) = delete;
 
   [[nodiscard]] int fd() const { return fd_.get(); }
-  /// The next connection that waits; empty if none does. Never blocks.
+  /// Returns the next waiting connection; empty if there is none. Never blocks.
   [[nodiscard]] UniqueFd accept() const noexcept;
 
  private:
@@ -48,7 +48,7 @@ struct UnixAddress {
   [[nodiscard]] const sockaddr* get() const { return reinterpret_cast<const sockaddr*>(&address); }
 };
 
-/// Throws Error(Usage) for an empty path or one longer than the kernel takes (107 bytes).
+/// Throws Error(Usage) for an empty path or a path longer than the kernel's limit (107 bytes).
 [[nodiscard]] UnixAddress unix_address(const std::filesystem::path& path);
 
 }  // namespace lenticule::frames

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One shared memory mapping and its munmap().
+// Mapping owns one shared memory mapping and unmaps it.
 #pragma once
 
 #include <sys/mman.h>
@@ -14,9 +14,9 @@ namespace lenticule::frames {
 class Mapping {
  public:
   Mapping() = default;
-  /// Maps `bytes` of `fd` from `offset` on, shared; empty when the kernel refuses (errno says why).
-  /// A mapping is neither inherited by children, which would outlive their parent's connection, nor
-  /// written into core dumps, which it would fill with gigabytes of pictures.
+  /// Maps `bytes` of `fd` from `offset` on, shared; empty when the kernel refuses (see errno).
+  /// Children do not inherit the mapping, because they could outlive their parent's connection.
+  /// Core dumps exclude the mapping, because its pictures would add gigabytes.
   Mapping(int fd, size_t offset, size_t bytes, int protection) {
     void* start = ::mmap(nullptr, bytes, protection, MAP_SHARED, fd, static_cast<off_t>(offset));
     if (start == MAP_FAILED) return;

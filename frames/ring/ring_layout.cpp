@@ -10,7 +10,8 @@ constexpr size_t round_up(size_t bytes, size_t unit) {
   return (bytes + unit - 1) / unit * unit;
 }
 
-/// The constant part of the header, for one copy out of memory that others can write.
+/// HeaderFields is the constant part of the header, for a single copy out of memory that other
+/// processes can write.
 struct HeaderFields {
   char magic[8];
   uint32_t abi_version, endian_tag, slots, format, width, height;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What lies where in the shared memory: one header page, the slot table, the slots.
+// RingLayout describes the shared memory of a ring: one header page, the slot table, the slots.
 #pragma once
 
 #include <atomic>
@@ -18,11 +18,12 @@ inline constexpr char kRingMagic[8] = {'L', 'N', 'T', 'C', 'R', 'I', 'N', 'G'};
 inline constexpr size_t kHeaderBytes = 4096;
 inline constexpr size_t kPageBytes = 4096;
 inline constexpr size_t kHugePageBytes = size_t{2} << 20;
-inline constexpr int kMinSlots = 3;  ///< one on the glass, one next, one being written
+inline constexpr int kMinSlots = 3;  ///< one displayed, one next, one being written
 inline constexpr int kMaxSlots = 4096;
 inline constexpr int kMaxFrameSide = 32768;
 
-/// Everything is constant once the memory is shared, except the last two.
+/// RingHeader is the first page of the shared memory. All fields are constant once the memory is
+/// shared, except the last two.
 struct RingHeader {
   char magic[8];
   uint32_t abi_version;
@@ -38,15 +39,15 @@ struct RingHeader {
   uint64_t slots_offset;
   uint64_t slot_stride;
   uint64_t memory_bytes;
-  alignas(64) std::atomic<uint32_t> epoch;      ///< the player counts connections
-  alignas(64) std::atomic<uint32_t> heartbeat;  ///< the renderer counts while it lives
+  alignas(64) std::atomic<uint32_t> epoch;      ///< number of the connection, counted by the player
+  alignas(64) std::atomic<uint32_t> heartbeat;  ///< counter that a live renderer increments
 };
 
 static_assert(sizeof(RingHeader) <= kHeaderBytes);
 static_assert(offsetof(RingHeader, row_bytes) == 32 && offsetof(RingHeader, memory_bytes) == 80);
 static_assert(offsetof(RingHeader, epoch) == 128 && offsetof(RingHeader, heartbeat) == 192);
 
-/// The same in plain numbers, each side's private copy.
+/// RingLayout holds the header's values in plain numbers, as each side's private copy.
 struct RingLayout {
   FrameGeometry geometry;
   int slots = 0;
@@ -61,18 +62,20 @@ struct RingLayout {
   friend bool operator==(const RingLayout&, const RingLayout&) = default;
 };
 
-/// The layout for `slots` frames. Sizes must be within the limits above (see geometry_problem).
-/// Frames of 2 MiB and more are aligned to 2 MiB so that the kernel can use huge pages.
+/// Returns the layout for `slots` frames. Sizes must be within the limits above (see
+/// geometry_problem). Frames of 2 MiB and more are aligned to 2 MiB so that the kernel can use huge
+/// pages.
 [[nodiscard]] RingLayout plan_layout(const FrameGeometry& geometry, int slots);
 
-/// Why a ring cannot have this geometry or number of slots; nullptr if it can.
+/// Returns the reason why a ring cannot have this geometry or number of slots; nullptr if it can.
 [[nodiscard]] const char* geometry_problem(const FrameGeometry& geometry, int64_t slots);
 
-/// Writes the constant fields; epoch and heartbeat are left alone.
+/// Writes the constant fields; does not change epoch and heartbeat.
 void write_header(const RingLayout& layout, RingHeader& header);
 
-/// Reads every constant field once and believes none: `layout` is set only if this build would have
-/// planned the very same layout and it fits into `available_bytes`. Otherwise the reason.
+/// Reads every constant field once and trusts none: sets `layout` only if this build would have
+/// planned exactly the same layout and the layout fits into `available_bytes`. Returns the reason
+/// otherwise, nullptr on success.
 [[nodiscard]] const char* read_header(const RingHeader& header, size_t available_bytes,
                                       RingLayout& layout);
 

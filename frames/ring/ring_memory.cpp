@@ -40,14 +40,15 @@ UniqueFd create_memory(size_t bytes) {
   UniqueFd fd(::memfd_create("lenticule-ring", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!fd) fail("cannot create shared memory");
   if (::ftruncate(fd.get(), static_cast<off_t>(bytes)) != 0) fail("cannot size shared memory");
-  // Without these seals a renderer could shrink the memory under us: our next read would be SIGBUS.
+  // The seals keep a renderer from shrinking the memory while it is mapped here: the next read
+  // would raise SIGBUS.
   if (::fcntl(fd.get(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0)
     fail("cannot seal shared memory");
   return fd;
 }
 
-/// Takes the pages now, so that a machine with too little memory says so here and not in the middle
-/// of playing, and the first turn around the ring meets no page fault.
+/// Allocates the pages now, so that a machine with too little memory fails here and not during
+/// playback, and the first cycle through the ring has no page faults.
 void take_pages(int fd, const Mapping& pixels, size_t bytes) {
   if (::fallocate(fd, 0, 0, static_cast<off_t>(bytes)) != 0) fail("cannot get shared memory");
 #ifdef MADV_POPULATE_READ
@@ -77,7 +78,8 @@ RingMemory::RingMemory(const RingLayout& layout, RingPrefault prefault) : layout
   pixels_ =
       Mapping(fd_.get(), layout.slots_offset, layout.memory_bytes - layout.slots_offset, PROT_READ);
   if (!pixels_) fail("cannot map the slots");
-  ::madvise(pixels_.bytes().data(), pixels_.bytes().size(), MADV_HUGEPAGE);  // where allowed
+  ::madvise(pixels_.bytes().data(), pixels_.bytes().size(),
+            MADV_HUGEPAGE);  // ignored if not allowed
   if (prefault == RingPrefault::AtStart) take_pages(fd_.get(), pixels_, layout.memory_bytes);
   write_header(layout, *new (control_.bytes().data()) RingHeader());
   for (int slot = 0; slot < layout.slots; ++slot) new (&table()[slot]) SlotEntry();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The player's memory of a ring: a sealed memfd, its header and table writable, its slots only
-// readable.
+// RingMemory is the player's mapping of a ring: a sealed memfd, its header and table writable, its
+// slots read-only.
 #pragma once
 
 #include <span>
@@ -14,27 +14,27 @@ namespace lenticule::frames {
 
 class RingMemory {
  public:
-  /// Throws Error(Usage) for a geometry that no ring has, Error(Failed) when the ring would take
-  /// more than half of the free memory or the kernel refuses.
+  /// Throws Error(Usage) for a geometry that no ring can have, Error(Failed) when the ring would
+  /// need more than half of the free memory or the kernel refuses.
   RingMemory(const RingLayout& layout, RingPrefault prefault);
 
   [[nodiscard]] const RingLayout& layout() const { return layout_; }
   [[nodiscard]] int fd() const { return fd_.get(); }
   [[nodiscard]] RingHeader& header() const;
   [[nodiscard]] std::span<SlotEntry> table() const;
-  /// Writes the constant fields anew.
+  /// Rewrites the constant fields.
   void restore_header() const { write_header(layout_, header()); }
-  /// The whole frame in a slot, as it lies there now.
+  /// Returns the whole frame in a slot, with its present bytes.
   [[nodiscard]] FrameView frame(int slot) const;
 
  private:
   RingLayout layout_;
   UniqueFd fd_;
   Mapping control_;  ///< header and table
-  Mapping pixels_;   ///< slots, read-only: the player cannot spoil a frame
+  Mapping pixels_;   ///< slots, read-only: the player cannot damage a frame
 };
 
-/// Bytes that could be had without swapping, as /proc/meminfo says; 0 if it does not.
+/// Returns the bytes available without swapping, from /proc/meminfo; 0 if unknown.
 [[nodiscard]] size_t available_memory();
 
 }  // namespace lenticule::frames

@@ -25,11 +25,11 @@
 namespace lenticule::frames {
 namespace {
 
-// What one service() does at most, so that no flood of connections or messages can hold it up.
+// Limits of one service() call, so that a flood of connections or messages cannot delay it.
 constexpr size_t kMaxHandshakes = 4;
 constexpr int kMaxAccepts = 8;
 constexpr int kMaxMessages = 32;
-/// A renderer needs one slot to write while another is on the glass.
+/// A renderer needs one slot to write while another is displayed.
 constexpr int kMinUsableSlots = 2;
 
 UniqueFd open_pidfd(pid_t pid) {
@@ -41,7 +41,7 @@ bool is_dead(const UniqueFd& pidfd) {
   return ::poll(&query, 1, 0) > 0;
 }
 
-/// The process that connected, as the kernel remembers it.
+/// Returns the process that connected, as recorded by the kernel.
 std::optional<ucred> credentials(const UniqueFd& socket) {
   ucred peer = {};
   socklen_t size = sizeof peer;
@@ -49,21 +49,21 @@ std::optional<ucred> credentials(const UniqueFd& socket) {
   return peer;
 }
 
-/// The connected renderer.
+/// Tenant is the connected renderer.
 struct Tenant {
   UniqueFd socket;
-  UniqueFd published;  ///< eventfd; only ever armed edge-triggered and never read, because the
-                       ///< other side can make reads of a shared description block
+  UniqueFd published;  ///< eventfd; only armed edge-triggered and never read, because the peer can
+                       ///< make reads of a shared description block
   UniqueFd process;    ///< pidfd
 };
 
-/// A renderer whose connection is over while it may still be writing.
+/// Departed is a renderer that has disconnected but may still be writing.
 struct Departed {
   Epoch epoch;
   UniqueFd process;
 };
 
-/// How a connection stands after a message, and why it is over.
+/// Standing is the state of a connection after a message.
 enum class Standing { Connected, SaidGoodbye, Lost };
 
 struct Refusal {
@@ -135,7 +135,7 @@ class Player final : public RingPlayer {
   SlotLedger ledger_;
   ListenSocket listener_;
   UniqueFd events_;
-  std::vector<UniqueFd> handshakes_;  ///< connected, nothing said yet; oldest first
+  std::vector<UniqueFd> handshakes_;  ///< connections that have sent no message yet; oldest first
   std::optional<Tenant> tenant_;
   std::vector<Departed> departed_;
   RendererHello hello_{.name = {}, .rig_fingerprint = {}, .rate = {}, .frame_count = {}};
@@ -170,16 +170,16 @@ void Player::release(uint64_t token) {
   send_away_if_misbehaved();
 }
 
-/// Over the socket and not an eventfd, which the renderer could make us block on. A queue that is
-/// full of wake-ups wakes, too.
+/// Reports a free slot over the socket and not over an eventfd, which the renderer could make us
+/// block on. If the queue is full of wake-ups, the renderer wakes anyway.
 void Player::say_freed() const noexcept {
   if (tenant_) (void)send_message(tenant_->socket.get(), make_wake(MessageKind::Freed));
 }
 
 // --- housekeeping ------------------------------------------------------------------------------
 
-/// Everything is looked at in every call: a handful of system calls that never wait, and no state
-/// that could miss an event. The tenant comes first, so that its end is known to those who knock.
+/// Examines everything in every call: a handful of system calls that never wait, and no state that
+/// could miss an event. The tenant comes first, so that new connections see its end.
 void Player::service() {
   clear_wake();
   recover_departed();
@@ -210,7 +210,7 @@ void Player::welcome() {
     if (!socket) return;
     if (!watch(socket.get(), EPOLLIN)) continue;
     handshakes_.push_back(std::move(socket));
-    // Whoever connects and says nothing makes room for the next one.
+    // A connection that sends no message is dropped in favour of newer ones.
     if (handshakes_.size() > kMaxHandshakes) handshakes_.erase(handshakes_.begin());
   }
 }
@@ -219,7 +219,7 @@ void Player::answer_handshakes() {
   std::erase_if(handshakes_, [this](UniqueFd& socket) { return answer(socket); });
 }
 
-/// True when the handshake is over, one way or the other.
+/// Returns true when the handshake is complete, accepted or refused.
 bool Player::answer(UniqueFd& socket) {
   Packet packet;
   switch (receive_packet(socket.get(), packet, PassedFds::Ignore)) {
@@ -288,8 +288,8 @@ std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Pa
 
 std::optional<Refusal> Player::let_in(UniqueFd& socket, RendererHello hello) {
   const auto peer = credentials(socket);
-  // The renderer before could write there after it was sent away; the next one is not to pay for
-  // it.
+  // The previous renderer could still write there after it was disconnected; this must not affect
+  // the next renderer.
   memory_.restore_header();
   ledger_.renew_offers();
   Tenant tenant;
@@ -314,7 +314,8 @@ std::optional<Refusal> Player::let_in(UniqueFd& socket, RendererHello hello) {
 
 void Player::serve_tenant() {
   if (!tenant_) return;
-  // Asked before the messages are read: what a process that is dead now had sent is there to read.
+  // Checked before the messages are read: all messages of a process that is dead now are in the
+  // queue.
   const bool dead = is_dead(tenant_->process);
   for (int i = 0; i < kMaxMessages; ++i) {
     Packet packet;
@@ -330,7 +331,8 @@ Standing Player::obey(const Packet& packet) {
   uint64_t published = 0;
   if (read_prefix(packet.bytes(), prefix) == nullptr && prefix.kind == MessageKind::Wanted) {
     ledger_.slot_wanted();
-    say_freed();  // a slot may have become free before the question came; the renderer looks again
+    say_freed();  // a slot may have become free before the request arrived; the renderer looks
+                  // again
     return ledger_.misbehaved() ? Standing::Lost : Standing::Connected;
   }
   if (read_goodbye(packet.bytes(), published) != nullptr) return Standing::Lost;
@@ -344,7 +346,7 @@ void Player::send_away_if_misbehaved() {
 
 void Player::end_tenancy(Standing why) {
   if (why == Standing::Lost) ++deaths_;
-  // In this order: once the process is known to be dead, its last word in the table is final.
+  // The order matters: once the process is known to be dead, its last write to the table is final.
   const bool dead = is_dead(tenant_->process);
   const Epoch epoch = ledger_.epoch();
   const int shut = ledger_.end_tenancy(dead ? TenantFate::Dead : TenantFate::MayLive);

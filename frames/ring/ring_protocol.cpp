@@ -25,7 +25,7 @@ Message make(MessageKind kind) {
   return message;
 }
 
-/// Control characters would let a peer write into our log or terminal.
+/// Rejects control characters, which would let a peer write into our log or terminal.
 bool is_printable(std::string_view text) {
   return std::all_of(text.begin(), text.end(), [](char c) {
     const auto code = static_cast<unsigned char>(c);
@@ -41,7 +41,7 @@ void write_text(const std::string& text, const char* what, char (&field)[N]) {
   std::memcpy(field, text.data(), text.size());
 }
 
-/// The text of a field that must end with a zero inside it.
+/// Returns the text of a field, which must contain its terminating zero.
 template <size_t N>
 std::optional<std::string> read_text(const char (&field)[N]) {
   const char* end = std::find(field, field + N, '\0');
@@ -148,7 +148,8 @@ const char* read_accept(std::span<const uint8_t> bytes, AcceptMessage& accept) {
 }
 
 const char* read_refuse(std::span<const uint8_t> bytes, RefuseReason& reason, std::string& text) {
-  // A player of another version refuses in its own version: this message alone keeps its form.
+  // A player of another version refuses in its own version, so only this message must keep its form
+  // in all versions.
   RefuseMessage message;
   if (bytes.size() != sizeof message) return "wrong length";
   std::memcpy(static_cast<void*>(&message), bytes.data(), sizeof message);
@@ -194,7 +195,7 @@ Transfer send_bytes(int socket, std::span<const uint8_t> bytes, std::span<const 
 
 namespace {
 
-/// Owns every descriptor that came along, also those beyond what we expect.
+/// Takes ownership of every received descriptor, including unexpected ones.
 void take_fds(msghdr& message, std::array<UniqueFd, 2>& fds) noexcept {
   size_t taken = 0;
   for (cmsghdr* part = CMSG_FIRSTHDR(&message); part; part = CMSG_NXTHDR(&message, part)) {
@@ -214,8 +215,9 @@ void take_fds(msghdr& message, std::array<UniqueFd, 2>& fds) noexcept {
 Transfer receive_packet(int socket, Packet& packet, PassedFds passed) noexcept {
   iovec part = {packet.buffer.data(), packet.buffer.size()};
   alignas(cmsghdr) char control[CMSG_SPACE(2 * sizeof(int))];
-  // A peer that closes with unread messages in its queue turns our next read into one ECONNRESET,
-  // in front of what it had sent. Its last words still count, so read on until there is nothing.
+  // If a peer closes with unread messages in its queue, our next read fails once with ECONNRESET,
+  // before the messages that the peer had sent. These messages still count, so reading continues
+  // until the queue is empty.
   for (int resets = 0; resets < 2;) {
     msghdr message = {};
     message.msg_iov = &part;

@@ -24,14 +24,15 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
-// Attempts to connect: soon at first, for players that are about to start; then seldom.
+// Pauses between attempts to connect: short at first, for players that are about to start, then
+// longer.
 constexpr milliseconds kShortestPause{1};
 constexpr milliseconds kLongestPause{20};
-/// How long one wait for a wake-up lasts at most; the table is looked at after each.
+/// Longest single wait for a wake-up; the table is checked after each wait.
 constexpr milliseconds kMaxNap{100};
 constexpr milliseconds kGoodbyePatience{1000};
 
-/// A moment that stays representable for timeouts like milliseconds::max().
+/// Returns a time that stays representable for timeouts such as milliseconds::max().
 Clock::time_point deadline_after(milliseconds timeout) {
   constexpr milliseconds kForever = std::chrono::hours(24 * 365);
   return Clock::now() + std::clamp(timeout, milliseconds(0), kForever);
@@ -47,7 +48,7 @@ void wait_for(int fd, short events, milliseconds timeout) {
   (void)::poll(&query, 1, static_cast<int>(timeout.count()));
 }
 
-/// What the player let us have.
+/// Admission holds the resources that the player granted.
 struct Admission {
   UniqueFd socket;
   UniqueFd memory;
@@ -55,7 +56,7 @@ struct Admission {
   AcceptMessage accept;
 };
 
-/// Why one attempt did not succeed but another may.
+/// Obstacle is the reason why an attempt failed that may succeed later.
 struct Obstacle {
   std::string cause;
   std::string hint;
@@ -79,7 +80,7 @@ class Attempt {
   Attempt(const std::filesystem::path& path, Clock::time_point deadline)
       : path_(path.string()), address_(unix_address(path)), deadline_(deadline) {}
 
-  /// Connects and says hello. An Obstacle goes away by itself, perhaps; the rest is thrown.
+  /// Connects and sends Hello. Sets an Obstacle for failures that may disappear; throws for others.
   [[nodiscard]] std::optional<Admission> run(const HelloMessage& hello, Obstacle& obstacle) {
     UniqueFd socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
     if (!socket) throw Error(ErrorKind::Failed, path_ + ": " + std::strerror(errno));
@@ -87,7 +88,7 @@ class Attempt {
       if (errno == EACCES || errno == EPERM || errno == EPROTOTYPE || errno == ENOTSOCK)
         throw Error(ErrorKind::Device, path_ + ": " + std::strerror(errno),
                     "use the socket of a player that the same user started");
-      if (errno == EAGAIN) return std::nullopt;  // too many renderers wait already
+      if (errno == EAGAIN) return std::nullopt;  // too many renderers are waiting already
       obstacle = {"no player listens there", "start the player first: lenticule play ring:SOCKET"};
       return std::nullopt;
     }
@@ -137,7 +138,7 @@ Admission be_admitted(const std::filesystem::path& path, const HelloMessage& hel
   }
 }
 
-/// The whole memory, mapped only after it is known that nobody can shrink it under us.
+/// Maps the whole memory, after checking that no process can shrink it.
 Mapping map_memory(const std::string& path, const Admission& admission, RingLayout& layout) {
   struct stat status;
   const int fd = admission.memory.get();
@@ -156,7 +157,7 @@ Mapping map_memory(const std::string& path, const Admission& admission, RingLayo
   Mapping memory(fd, 0, layout.memory_bytes, PROT_READ | PROT_WRITE);
   if (!memory)
     throw Error(ErrorKind::Failed, path + ": cannot map the ring: " + std::strerror(errno));
-  ::madvise(memory.bytes().data(), memory.bytes().size(), MADV_HUGEPAGE);  // where allowed
+  ::madvise(memory.bytes().data(), memory.bytes().size(), MADV_HUGEPAGE);  // ignored if not allowed
   return memory;
 }
 
@@ -193,10 +194,10 @@ class Renderer final : public RingRenderer {
   Mapping memory_;
   std::span<SlotEntry> table_;
   std::optional<int> held_;  ///< the slot being written
-  uint64_t number_ = 0;      ///< of the frame in it
+  uint64_t number_ = 0;      ///< number of the frame in the slot
   uint64_t published_ = 0;
   int cursor_ =
-      0;  ///< the slot after the last one taken: going round keeps the player's search short
+      0;  ///< the slot after the last one taken: cyclic order keeps the player's search short
   bool asked_ = false;
   bool gone_ = false;
 };
@@ -231,7 +232,7 @@ bool Renderer::take_slot() noexcept {
   return false;
 }
 
-/// Wake-ups carry nothing to remember; what counts is that the player is still there.
+/// Reads wake-ups, which carry no data; the purpose is to detect that the player has exited.
 void Renderer::read_messages() noexcept {
   Packet packet;
   Transfer transfer = Transfer::Done;
@@ -245,7 +246,7 @@ void Renderer::beat() noexcept {
   header->heartbeat.fetch_add(1, std::memory_order_relaxed);
 }
 
-/// Once per slot: the player answers as soon as one is free.
+/// Asks once per slot: the player answers as soon as one is free.
 void Renderer::ask_for_slot() noexcept {
   if (asked_) return;
   asked_ = send_message(socket_.get(), make_wake(MessageKind::Wanted)) == Transfer::Done;
@@ -255,12 +256,13 @@ RingStatus Renderer::publish() {
   LENTICULE_CHECK(held_);
   const bool ours = publish_slot(table_[*held_], epoch_, number_, published_);
   held_.reset();
-  if (!ours) gone_ = true;  // the player has withdrawn the slot: it gave us up
+  if (!ours)
+    gone_ = true;  // the player has withdrawn the slot, so it has disconnected this renderer
   read_messages();
   if (gone_) return RingStatus::Gone;
   ++published_;
   const uint64_t one = 1;
-  (void)!::write(published_event_.get(), &one, sizeof one);  // a full counter wakes, too
+  (void)!::write(published_event_.get(), &one, sizeof one);  // a full counter wakes the player too
   beat();
   return RingStatus::Ok;
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderer's end of the ring: connect to a player, write frames into its slots.
+// RingRenderer is the renderer's end of the ring: it connects to a player and writes frames into
+// its slots.
 #pragma once
 
 #include <chrono>
@@ -15,41 +16,44 @@
 namespace lenticule::frames {
 
 struct RendererHello {
-  std::string name = "lenticule";  ///< for the player's log
-  std::string rig_fingerprint;     ///< empty = not checked by us, refused by a player that has one
+  std::string name = "lenticule";  ///< name in the player's log
+  std::string rig_fingerprint;     ///< empty = not stated, which a player with a rig refuses
   std::optional<Rate> rate;        ///< content rate
   std::optional<uint64_t> frame_count;
 };
 
 enum class RingStatus {
   Ok,
-  TimedOut,  ///< no slot became free in time; ask again
-  Gone,      ///< the player is gone; connect anew
+  TimedOut,  ///< no slot became free in time; call again
+  Gone,      ///< the player has exited; connect again
 };
 
-/// One connection. One thread.
+/// RingRenderer is one connection.
+///
+/// Thread safety: one thread.
 class RingRenderer {
  public:
   /// Waits at most `timeout` for a player to listen. Throws Error(Device) when none does, and
-  /// Error(Input) when the player refuses us (another rig, another geometry), with its reason.
+  /// Error(Input) with the player's reason when the player refuses this renderer (another rig,
+  /// another geometry).
   [[nodiscard]] static std::unique_ptr<RingRenderer> connect(const std::filesystem::path& socket,
                                                              const RendererHello& hello,
                                                              std::chrono::milliseconds timeout);
   virtual ~RingRenderer() = default;
 
-  /// What the player wants.
+  /// Returns the geometry that the player requires.
   [[nodiscard]] virtual FrameGeometry geometry() const = 0;
   [[nodiscard]] virtual int slots() const = 0;
 
-  /// A free slot to write frame `number` into; its bytes hold garbage. At most one at a time.
+  /// Acquires a free slot for frame `number`; its bytes are undefined. At most one slot at a time.
   [[nodiscard]] virtual RingStatus acquire(uint64_t number, std::chrono::milliseconds timeout,
                                            std::span<uint8_t>& pixels) = 0;
-  /// Hands the slot over. Frames are shown in the order of publishing.
+  /// Publishes the acquired slot. Frames are shown in the order of publishing.
   [[nodiscard]] virtual RingStatus publish() = 0;
-  /// Gives the slot back unwritten.
+  /// Releases the acquired slot without publishing it.
   virtual void abandon() = 0;
 
-  /// Says that the sequence is complete, then goodbye.
+  /// Completes the sequence, then sends the Goodbye message.
   virtual void finish() = 0;
 };
 

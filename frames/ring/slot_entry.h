@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The part of the shared memory that says who may touch a slot's pixels: one 64-byte entry per
-// slot. Both processes use these functions and nothing else on the table.
+// SlotEntry is the part of the shared memory that decides which process may access a slot's pixels:
+// one 64-byte entry per slot. Both processes access the table only through these functions.
 #pragma once
 
 #include <atomic>
@@ -9,12 +9,13 @@
 
 namespace lenticule::frames {
 
-/// Free -> Writing -> Ready are the renderer's steps, Ready -> Showing -> Free the player's.
-/// Zero is not a state, so that a page which somebody punched out of the memory shows.
+/// SlotState is the state of a slot. The renderer makes the transitions Free -> Writing -> Ready,
+/// the player Ready -> Showing -> Free. Zero is not a state, so that a page removed from the memory
+/// (hole punching) is detected.
 enum class SlotState : uint32_t { Free = 1, Writing = 2, Ready = 3, Showing = 4 };
 
-/// A connection's number. Part of the word that a state change compares, so that a renderer of an
-/// earlier connection cannot change a slot that was offered to a later one.
+/// Epoch is a connection's number. It is part of the word that a state change compares, so that a
+/// renderer of an earlier connection cannot change a slot that was offered to a later connection.
 using Epoch = uint32_t;
 
 inline constexpr uint32_t kStateBits = 3;
@@ -24,7 +25,7 @@ inline constexpr Epoch kMaxEpoch = UINT32_MAX >> kStateBits;
   return epoch << kStateBits | static_cast<uint32_t>(state);
 }
 
-/// After 2^29 connections the numbers start again at 1.
+/// Returns the next epoch; after 2^29 connections the numbers start again at 1.
 [[nodiscard]] constexpr Epoch next_epoch(Epoch epoch) {
   return epoch == kMaxEpoch ? 1 : epoch + 1;
 }
@@ -33,7 +34,7 @@ struct alignas(64) SlotEntry {
   std::atomic<uint32_t> word;          ///< slot_word(); its release/acquire orders the pixels too
   uint32_t reserved;                   ///< 0
   std::atomic<uint64_t> frame_number;  ///< position in the sequence
-  std::atomic<uint64_t> order;         ///< frames that this connection had published before
+  std::atomic<uint64_t> order;  ///< number of frames that this connection had published before
 };
 
 static_assert(sizeof(SlotEntry) == 64 && alignof(SlotEntry) == 64);
@@ -41,15 +42,16 @@ static_assert(offsetof(SlotEntry, frame_number) == 8 && offsetof(SlotEntry, orde
 static_assert(std::atomic<uint32_t>::is_always_lock_free);
 static_assert(std::atomic<uint64_t>::is_always_lock_free);
 
-/// Renderer: takes the slot for writing if it is free in this epoch. Acquire: the player's reading
-/// of the pixels is over.
+/// Takes the slot for writing, in the renderer, if it is free in this epoch. The acquire order
+/// ensures that the player has finished reading the pixels.
 [[nodiscard]] inline bool take_free_slot(SlotEntry& entry, Epoch epoch) noexcept {
   uint32_t expected = slot_word(SlotState::Free, epoch);
   return entry.word.compare_exchange_strong(expected, slot_word(SlotState::Writing, epoch),
                                             std::memory_order_acquire, std::memory_order_relaxed);
 }
 
-/// Renderer: hands the written slot over. False when it is ours no more.
+/// Publishes the written slot, in the renderer. Returns false when the slot no longer belongs to
+/// this connection.
 [[nodiscard]] inline bool publish_slot(SlotEntry& entry, Epoch epoch, uint64_t frame_number,
                                        uint64_t order) noexcept {
   entry.frame_number.store(frame_number, std::memory_order_relaxed);
@@ -59,7 +61,7 @@ static_assert(std::atomic<uint64_t>::is_always_lock_free);
                                             std::memory_order_release, std::memory_order_relaxed);
 }
 
-/// Renderer: gives the slot back unwritten.
+/// Releases the slot without a frame, in the renderer.
 inline void abandon_slot(SlotEntry& entry, Epoch epoch) noexcept {
   uint32_t expected = slot_word(SlotState::Writing, epoch);
   (void)entry.word.compare_exchange_strong(expected, slot_word(SlotState::Free, epoch),

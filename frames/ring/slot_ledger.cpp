@@ -22,7 +22,7 @@ SlotLedger::SlotLedger(std::span<SlotEntry> table, LoopKeeping keeping)
   for (int slot = 0; slot < static_cast<int>(table.size()); ++slot) offer(slot);
 }
 
-/// Who spoils what an earlier renderer was given need not be the present one.
+/// Counts a violation. The violator of an earlier renderer's slot need not be the present renderer.
 void SlotLedger::violated(Epoch by) noexcept {
   ++violations_;
   if (tenanted_ && by == epoch_) misbehaved_ = true;
@@ -65,8 +65,9 @@ int SlotLedger::end_tenancy(TenantFate fate) noexcept {
   return shut_ - shut_before;
 }
 
-/// Either the renderer has the slot, or the new epoch's word is in it: the exchange decides, also
-/// against a renderer that lives and tries to take the slot right now.
+/// Withdraws a slot. After the exchange either the renderer has the slot, or the new epoch's word
+/// is in the table. The exchange decides also against a live renderer that tries to take the slot
+/// at this moment.
 void SlotLedger::withdraw(int slot, Epoch old_epoch, TenantFate fate) noexcept {
   uint32_t word = slot_word(SlotState::Free, old_epoch);
   const uint32_t renewed = slot_word(SlotState::Free, epoch_);
@@ -141,8 +142,9 @@ bool SlotLedger::take_next() noexcept {
   if (!tenanted_ || misbehaved_) return false;
   int slot = 0;
   Search search = find_next_published(slot);
-  // While we looked, the renderer may have published a frame behind our back and the next one in
-  // front of us. Having seen the later one, a second look must see the earlier.
+  // During the search the renderer may have published a frame in a slot already passed and the next
+  // frame in a slot ahead. After the later frame was seen, a second search must find the earlier
+  // one.
   if (search == Search::LaterOnly) search = find_next_published(slot);
   if (search == Search::LaterOnly || search == Search::Broken) violated(epoch_);
   if (search != Search::Found) return false;
@@ -227,7 +229,8 @@ void SlotLedger::lend(Frame& out) noexcept {
   out = {.slot = slot, .number = entry.number};
 }
 
-/// For slots that are ours: nobody else may have changed the word meanwhile.
+/// Sets the state of a slot that the player owns: no other process may have changed the word
+/// meanwhile.
 void SlotLedger::set_word(int slot, SlotState state) noexcept {
   Slot& entry = slots_[slot];
   const uint32_t word = slot_word(state, entry.epoch);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The player's private books about the slots. What the shared table says is read once, checked
-// against these books, and never overrules them.
+// SlotLedger is the player's private slot table. It reads each value of the shared table once,
+// checks the value against its own records, and never lets the shared table override them.
 #pragma once
 
 #include <cstdint>
@@ -19,14 +19,16 @@ enum class LoopKeeping {
   On,   ///< slots keep their frames as long as the sequence fits the ring
 };
 
-/// What is known about a renderer whose connection is over.
+/// TenantFate is the state of a renderer (tenant) whose connection has ended.
 enum class TenantFate {
-  Dead,     ///< its process is gone, nobody writes any more
-  MayLive,  ///< it may still be writing into the slot that it had taken
+  Dead,     ///< the process has exited and cannot write any more
+  MayLive,  ///< the process may still be writing into the slot that it had taken
 };
 
-/// Knows slots, sequences and epochs; knows nothing of sockets, files and processes. One thread.
-/// Allocates at construction only.
+/// SlotLedger tracks slots, sequences and epochs; sockets, files and processes are outside of its
+/// scope. Allocates at construction only.
+///
+/// Thread safety: one thread.
 class SlotLedger {
  public:
   struct Frame {
@@ -34,64 +36,70 @@ class SlotLedger {
     uint64_t number = 0;
   };
 
-  /// Offers every slot of `table`, which outlives the ledger.
+  /// Offers every slot of `table`.
+  ///
+  /// Lifetime: `table` must outlive the ledger.
   SlotLedger(std::span<SlotEntry> table, LoopKeeping keeping);
 
-  // Renderers come and go.
-  /// The epoch of the connected renderer, or of the next one.
+  // The functions below follow the connections of renderers.
+  /// Returns the epoch of the connected renderer, or of the next one.
   [[nodiscard]] Epoch epoch() const { return epoch_; }
-  /// Between tenancies: writes the words of the offered slots anew.
+  /// Rewrites the words of the offered slots. Called between two connections.
   void renew_offers() noexcept;
   void begin_tenancy(std::optional<uint64_t> frame_count) noexcept;
-  /// Takes over what the renderer had published, then withdraws its slots. Returns the number of
-  /// slots that stay shut until recover(), because the renderer may still be writing there.
+  /// Takes over the frames that the renderer had published, then withdraws its slots. Returns the
+  /// number of slots that stay shut until recover(), because the renderer may still be writing
+  /// there.
   int end_tenancy(TenantFate fate) noexcept;
-  /// The renderer of that epoch is dead: its shut slots are offered again.
+  /// Offers the shut slots of the renderer of `epoch` again, after its death.
   void recover(Epoch epoch) noexcept;
-  /// The renderer says that its `published` frames complete the sequence.
+  /// Records the renderer's report that its `published` frames complete the sequence.
   void finish_sequence(uint64_t published) noexcept;
-  /// The renderer waits for a slot: a ring that is full of kept frames gives up keeping them.
+  /// Records that the renderer waits for a slot: a ring that is full of kept frames stops keeping
+  /// them.
   void slot_wanted() noexcept;
-  /// Takes over what was published since the last call.
+  /// Takes over the frames published since the last call.
   void take_published() noexcept;
-  /// The connected renderer broke the protocol and must be sent away.
+  /// Returns true if the connected renderer violated the protocol and must be disconnected.
   [[nodiscard]] bool misbehaved() const { return misbehaved_; }
 
-  // Frames go out and come back; see FrameSource.
+  // The functions below hand out frames and take them back; see FrameSource.
   [[nodiscard]] PullStatus pull(Frame& out) noexcept;
-  /// True if the slot is free for the renderer again.
+  /// Returns true if the slot is free for the renderer again.
   bool release(int slot) noexcept;
   [[nodiscard]] bool rewind() noexcept;
   [[nodiscard]] uint64_t ready_count() const { return ready_.size(); }
   [[nodiscard]] bool saturated() const { return finished_ || offered_ == 0; }
   [[nodiscard]] int max_lent() const { return static_cast<int>(slots_.size()) - 1; }
 
-  // Figures.
+  // Statistics.
   [[nodiscard]] uint64_t accepted() const { return accepted_; }
   [[nodiscard]] uint64_t recovered() const { return recovered_; }
   [[nodiscard]] uint64_t violations() const { return violations_; }
   [[nodiscard]] int shut() const { return shut_; }
   [[nodiscard]] int lent() const { return lent_; }
-  /// Why rewind() cannot replay the present sequence; empty while it can (or may yet).
+  /// Returns the reason why rewind() cannot replay the present sequence; empty while it can (or may
+  /// later).
   [[nodiscard]] std::string loop_obstacle() const;
 
  private:
   enum class Owner : uint8_t {
     Renderer,  ///< offered: free, being written, or published and not yet taken over
-    Player,    ///< taken over: its frame is ours until it is offered again
+    Player,    ///< taken over: the frame belongs to the player until the slot is offered again
     Nobody,    ///< shut: an earlier renderer may still be writing
   };
   struct Slot {
     Owner owner = Owner::Renderer;
     bool queued = false;  ///< waits in ready_
     bool kept = false;    ///< stays for rewind()
-    int lent = 0;         ///< a rewound frame can be lent again while it is still on the glass
-    uint32_t word = 0;    ///< what we left in the table
-    Epoch epoch = 0;      ///< of the renderer that it was offered to
+    int lent = 0;  ///< number of acquisitions: a rewound frame can be acquired again while it is
+                   ///< still displayed
+    uint32_t word = 0;  ///< value that the player last wrote to the table
+    Epoch epoch = 0;    ///< epoch of the renderer that the slot was offered to
     uint64_t number = 0;
     uint64_t sequence = 0;
   };
-  /// First in, first out, of slots; never holds one twice.
+  /// Queue is a FIFO of slots that never contains a slot twice.
   class Queue {
    public:
     explicit Queue(size_t capacity) : slots_(capacity) {}
@@ -128,17 +136,17 @@ class SlotLedger {
   LoopKeeping keeping_;
   std::vector<Slot> slots_;
   Queue ready_;
-  std::vector<int> kept_;  ///< the present sequence in order
+  std::vector<int> kept_;  ///< slots of the present sequence in order
 
   Epoch epoch_ = 1;
   bool tenanted_ = false;
   bool misbehaved_ = false;
   uint64_t next_order_ = 0;
   std::optional<uint64_t> last_number_;
-  int cursor_ = 0;  ///< honest renderers go round the ring: the next slot to look at
+  int cursor_ = 0;  ///< next slot to examine: correct renderers use the slots in cyclic order
 
   uint64_t receiving_ = 0;  ///< number of the sequence that renderers deliver
-  uint64_t pulling_ = 0;    ///< number of the sequence that pull() hands out
+  uint64_t pulling_ = 0;    ///< number of the sequence that pull() returns
   bool finished_ = false;   ///< receiving_ is complete
   bool end_reported_ = false;
   LoopState loop_;

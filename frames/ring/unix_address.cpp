@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From a path to what connect() and bind() take.
+// Converts a path to the address for connect() and bind().
 #include <cstring>
 
 #include "base/error.h"

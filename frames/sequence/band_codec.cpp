@@ -16,7 +16,7 @@ namespace {
 constexpr size_t kTapHeaderBytes = 4;
 constexpr size_t kStreamHeaderBytes = 4;
 constexpr size_t kMaskBytes = 4;
-/// Short matches cost the decoder more than they save here: docs/formats.md has the figures.
+/// Shorter matches cost the decoder more than they save here: docs/formats.md has the figures.
 constexpr int kMinMatch = 7;
 
 struct FreeCompressor {
@@ -58,7 +58,7 @@ struct BandEncoder::State {
         values(blocks_of(max_band_bytes) * kBlockBytes),
         packed(ZSTD_compressBound(values.size())) {}
 
-  /// Compressed into `packed`; the number of bytes, or 0 if that would not save any.
+  /// Compresses into `packed`. Returns the number of bytes, or 0 if compression would save none.
   size_t compress(std::span<const uint8_t> bytes) {
     const size_t size =
         ZSTD_compress2(compressor.get(), packed.data(), packed.size(), bytes.data(), bytes.size());
@@ -92,7 +92,7 @@ BandCodec BandEncoder::encode(std::span<const uint8_t> band, const TapTable& tap
                               std::vector<uint8_t>& payload) {
   const bool tapped = encode_as(BandCodec::Taps, band, taps, payload);
   if (tapped && payload.size() < band.size() / 2) return BandCodec::Taps;
-  // What is not predictable may repeat itself nevertheless.
+  // Unpredictable data may still repeat itself.
   const bool zstd = encode_as(BandCodec::Zstd, band, taps, state_->plain);
   if (zstd && (!tapped || state_->plain.size() < payload.size())) {
     std::swap(payload, state_->plain);
@@ -140,7 +140,7 @@ struct BandDecoder::State {
     return ZSTD_isError(size) == 0 && size == to.size();
   }
 
-  /// Takes the next stream from `payload`; a stream that is as long as its content is stored plain.
+  /// Takes the next stream from `payload`; a stream as long as its content is stored uncompressed.
   [[nodiscard]] bool take_stream(std::span<const uint8_t>& payload,
                                  std::span<uint8_t> to) noexcept {
     if (payload.size() < kStreamHeaderBytes) return false;

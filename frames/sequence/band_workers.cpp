@@ -66,7 +66,7 @@ void BandWorkers::work(int worker, std::unique_lock<std::mutex>& lock) {
     --running_;
     if (!failure) continue;
     failure_ = failure;
-    next_ = bands_;  // the rest would be for nothing
+    next_ = bands_;  // the remaining results would not be used
   }
 }
 

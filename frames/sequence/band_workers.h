@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A few threads that share out the bands of one frame.
+// BandWorkers is a small thread pool that distributes the bands of one frame.
 #pragma once
 
 #include <condition_variable>
@@ -13,7 +13,7 @@ namespace lenticule::frames {
 
 class BandWorkers {
  public:
-  /// 0 means all cores.
+  /// Starts the threads; 0 means one thread per core.
   explicit BandWorkers(int threads);
   ~BandWorkers();
   BandWorkers(const BandWorkers&) = delete;
@@ -22,8 +22,8 @@ class BandWorkers {
   [[nodiscard]] int count() const { return count_; }
 
   /// Calls job(band, worker) once for every band of 0..bands-1; `worker` is 0..count()-1, and no
-  /// two calls with the same one run at a time. Returns when all are done; the first exception of a
-  /// job is thrown again here. The calling thread works too.
+  /// two calls with the same worker run at once. The calling thread works too. Returns when all
+  /// calls are done; rethrows the first exception of a job.
   void run(int bands, const std::function<void(int band, int worker)>& job);
 
  private:
@@ -40,7 +40,7 @@ class BandWorkers {
   int running_ = 0;
   bool stopping_ = false;
   std::exception_ptr failure_;
-  std::vector<std::jthread> threads_;  // last: they use everything above
+  std::vector<std::jthread> threads_;  // last member: the threads use everything above
 };
 
 }  // namespace lenticule::frames

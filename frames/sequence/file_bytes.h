@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole pieces of a file, read and written at 64-bit offsets.
+// Reads and writes whole byte ranges of a file at 64-bit offsets.
 #pragma once
 
 #include <cstdint>
@@ -7,13 +7,13 @@
 
 namespace lenticule::frames {
 
-/// Size of an open file; 0 if that cannot be told.
+/// Returns the size of an open file; 0 if the size is unknown.
 [[nodiscard]] uint64_t size_of(int fd) noexcept;
 
-/// False at the end of the file and for errors; `to` holds anything then.
+/// Returns false at the end of the file and for errors; `to` is undefined then.
 [[nodiscard]] bool read_at(int fd, uint64_t offset, std::span<uint8_t> to) noexcept;
 
-/// False if not all could be written; errno says why.
+/// Returns false if not all bytes could be written; errno has the cause.
 [[nodiscard]] bool write_at(int fd, uint64_t offset, std::span<const uint8_t> from) noexcept;
 
 }  // namespace lenticule::frames

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames of an open container, decoded by one thread.
+// FrameDecoder decodes frames of an open container, in one thread.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,17 @@
 
 namespace lenticule::frames {
 
-/// Everything is allocated by the constructor. `layout` must outlive the decoder.
+/// FrameDecoder allocates all memory in its constructor.
+///
+/// Lifetime: `layout` must outlive the decoder.
 class FrameDecoder {
  public:
   FrameDecoder(int fd, const SequenceLayout& layout);
 
-  /// False if any byte of the frame is not what was written, or cannot be read; `to`
-  /// (frame_bytes() long) then holds anything. Neither throws nor allocates.
+  /// Decodes a frame into `to` (frame_bytes() long). Returns false if any byte of the frame is
+  /// damaged or cannot be read; `to` is undefined then. Neither throws nor allocates.
   [[nodiscard]] bool decode(uint64_t frame, std::span<uint8_t> to) noexcept;
-  /// As decode(), but only looks at the checksums.
+  /// Checks only the checksums. Returns the same result as decode().
   [[nodiscard]] bool check(uint64_t frame) noexcept;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole numbers in little-endian bytes, whatever the machine.
+// Reads and writes integers as little-endian bytes, on machines of any byte order.
 #pragma once
 
 #include <cstdint>

@@ -12,8 +12,8 @@
 namespace lenticule::frames {
 namespace {
 
-// A byte that is no text, the name, both kinds of line end, an end of file: whatever treats the
-// file as text spoils the first bytes.
+// A non-text byte, the name, both kinds of line end, an end-of-file character: a program that
+// treats the file as text damages the first bytes.
 constexpr std::array<uint8_t, 8> kFileMagic = {0x89, 'L', 'T', 'S', '\r', '\n', 0x1a, '\n'};
 constexpr std::array<uint8_t, 4> kFrameMagic = {'L', 'T', 'S', 'F'};
 constexpr std::array<uint8_t, 8> kTrailerMagic = {'L', 'T', 'S', 'E', 'N', 'D', '\r', '\n'};
@@ -29,7 +29,7 @@ bool begins_with(std::span<const uint8_t> bytes, std::span<const uint8_t> magic)
   return bytes.size() >= magic.size() && std::equal(magic.begin(), magic.end(), bytes.begin());
 }
 
-/// The checksum of what was appended since `begin`.
+/// Appends the checksum of the bytes since `begin`.
 void append_checksum(size_t begin, std::vector<uint8_t>& to) {
   append_u64(to, checksum_of(std::span(to).subspan(begin)));
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fixed parts of a sequence container, as bytes. docs/formats.md specifies them.
+// Reads and writes the fixed parts of a sequence container as bytes. docs/formats.md specifies
+// them.
 #pragma once
 
 #include <cstddef>
@@ -19,15 +20,15 @@ inline constexpr size_t kFrameHeaderBytes = 40;
 inline constexpr size_t kBandEntryBytes = 24;
 inline constexpr size_t kTrailerBytes = 40;
 
-// What every file is held to, before anything is allocated for it.
-inline constexpr int kMaxSequencePixels = 32768;  ///< per side
+// Limits of every file, checked before memory is allocated for the file.
+inline constexpr int kMaxSequencePixels = 32768;  ///< limit per side
 inline constexpr uint64_t kMaxSequenceFrameBytes = uint64_t{3} << 28;
 inline constexpr uint64_t kMaxBandBytes = uint64_t{1} << 24;
 inline constexpr uint32_t kMaxBands = 1024;
 inline constexpr uint64_t kMaxSequenceFrames = uint64_t{1} << 24;
 inline constexpr uint64_t kMaxFirstFrame = 1'000'000'000;
 
-/// XXH3 of 64 bits, without a seed.
+/// Returns the 64-bit XXH3 without a seed.
 [[nodiscard]] uint64_t checksum_of(std::span<const uint8_t> bytes) noexcept;
 
 struct FileHeader {
@@ -37,7 +38,7 @@ struct FileHeader {
   uint64_t metadata_checksum = 0;
 
   [[nodiscard]] int bands() const { return (geometry.height + band_rows - 1) / band_rows; }
-  /// The last band may have fewer rows.
+  /// Returns the band's offset in the frame. The last band may have fewer rows.
   [[nodiscard]] size_t band_offset(int band) const {
     return geometry.row_bytes() * static_cast<size_t>(band) * static_cast<size_t>(band_rows);
   }
@@ -53,30 +54,31 @@ struct FileHeader {
 };
 
 struct BandEntry {
-  uint64_t offset = 0;  ///< in the file; an earlier frame's payload if the band did not change
+  uint64_t offset =
+      0;  ///< offset in the file; an earlier frame's payload if the band did not change
   uint32_t bytes = 0;
   BandCodec codec = BandCodec::Raw;
-  uint64_t checksum = 0;  ///< of the payload
+  uint64_t checksum = 0;  ///< checksum of the payload
 };
 
-/// In front of a frame's band table and payload.
+/// FrameHeader precedes a frame's band table and payload.
 struct FrameHeader {
-  uint64_t number = 0;         ///< 0 for the first of the file
-  uint64_t payload_bytes = 0;  ///< behind the table
+  uint64_t number = 0;         ///< 0 for the first frame of the file
+  uint64_t payload_bytes = 0;  ///< bytes after the table
   uint64_t table_checksum = 0;
 };
 
-/// At the very end of a finished file, behind the index: an offset per frame.
+/// Trailer is at the very end of a finished file, after the index, which has one offset per frame.
 struct Trailer {
   uint64_t index_offset = 0;
   uint64_t frame_count = 0;
   uint64_t index_checksum = 0;
 };
 
-/// So many rows that there are about 36 bands, within the format's limits.
+/// Returns the number of rows per band that gives about 36 bands, within the format's limits.
 [[nodiscard]] int choose_band_rows(const FrameGeometry& geometry);
 
-/// Whether a container can hold such frames at all.
+/// Returns true if a container can hold frames of this geometry.
 [[nodiscard]] bool can_hold(const FrameGeometry& geometry);
 
 void append_file_header(const FileHeader& header, std::vector<uint8_t>& to);
@@ -86,17 +88,18 @@ void append_trailer(const Trailer& trailer, std::vector<uint8_t>& to);
 
 enum class HeaderFlaw { None, NoSequence, OtherVersion, Damaged, OutOfRange };
 
-/// `bytes` are kFileHeaderBytes.
+/// Parses a header of kFileHeaderBytes.
 [[nodiscard]] HeaderFlaw parse_file_header(std::span<const uint8_t> bytes, FileHeader& header);
-/// `bytes` are kFrameHeaderBytes; nothing unless it is a whole header for so many bands.
+/// Parses a header of kFrameHeaderBytes. Returns nothing unless it is a whole header for `bands`
+/// bands.
 [[nodiscard]] std::optional<FrameHeader> parse_frame_header(std::span<const uint8_t> bytes,
                                                             int bands) noexcept;
-/// `bytes` are kBandEntryBytes; nothing for an unknown codec.
+/// Parses kBandEntryBytes. Returns nothing for an unknown codec.
 [[nodiscard]] std::optional<BandEntry> parse_band_entry(std::span<const uint8_t> bytes) noexcept;
-/// `bytes` are kTrailerBytes.
+/// Parses kTrailerBytes.
 [[nodiscard]] std::optional<Trailer> parse_trailer(std::span<const uint8_t> bytes) noexcept;
 
-/// The four bytes that a frame begins with.
+/// Returns the four bytes at the start of a frame.
 [[nodiscard]] std::span<const uint8_t> frame_magic() noexcept;
 
 }  // namespace lenticule::frames

@@ -21,7 +21,7 @@ constexpr int kMaxDepth = 8;
               "the file is damaged or was not written by lenticule");
 }
 
-/// Members of one JSON object, checked.
+/// Fields reads the members of one JSON object with checks.
 class Fields {
  public:
   Fields(const json& object, std::string source) : object_(object), source_(std::move(source)) {
@@ -168,7 +168,7 @@ std::string sequence_info_to_json(const SequenceInfo& info) {
 
 SequenceInfo parse_sequence_info(std::string_view text, const FrameGeometry& geometry,
                                  const std::string& source) {
-  // Deep nesting takes many times the memory of its text; nothing here is deep.
+  // Deep nesting takes many times the memory of its text, and valid metadata is not deep.
   const auto shallow = [](int depth, json::parse_event_t, json&) { return depth <= kMaxDepth; };
   const json object = json::parse(text, shallow, false);
   if (object.is_discarded()) fail(source, "document", "not JSON");

@@ -15,7 +15,7 @@ namespace {
 
 constexpr size_t kOffsetBytes = 8;
 constexpr size_t kSearchChunk = size_t{1} << 20;
-/// A file of many damaged frames is given up rather than searched for ever.
+/// Limits that stop the search in a file of many damaged frames.
 constexpr int kMaxSearches = 64;
 constexpr int kMaxFalseStarts = 4096;
 
@@ -63,7 +63,8 @@ uint64_t most_frame_bytes(const FileHeader& header) {
   return least_frame_bytes(header) + header.geometry.frame_bytes();
 }
 
-/// Every offset behind the one before, with room for a frame's head in between.
+/// Returns true if every offset is behind the one before, with space for a frame's header between
+/// them.
 bool offsets_make_sense(const std::vector<uint64_t>& frames, const FileHeader& header,
                         uint64_t end) {
   uint64_t earliest = header.data_begin();
@@ -74,7 +75,7 @@ bool offsets_make_sense(const std::vector<uint64_t>& frames, const FileHeader& h
   return true;
 }
 
-/// True if the file has a whole index.
+/// Returns true if the file has a whole index.
 bool read_index(int fd, uint64_t file_bytes, SequenceLayout& layout) {
   if (file_bytes < layout.header.data_begin() + kTrailerBytes) return false;
   std::array<uint8_t, kTrailerBytes> bytes{};
@@ -95,7 +96,7 @@ bool read_index(int fd, uint64_t file_bytes, SequenceLayout& layout) {
   return offsets_make_sense(layout.frames, layout.header, layout.data_end);
 }
 
-/// Finds the frames of a file without their index.
+/// FrameSearch finds the frames of a file without their index.
 class FrameSearch {
  public:
   FrameSearch(int fd, const FileHeader& header, uint64_t file_bytes)
@@ -109,7 +110,7 @@ class FrameSearch {
       if (!frame || frame->number != layout.frames.size())
         frame = next_frame(position, layout.frames.size());
       if (!frame) return;
-      layout.frames.resize(frame->number, 0);  // what lay before it is lost
+      layout.frames.resize(frame->number, 0);  // the frames before this one are lost
       layout.frames.push_back(position);
       position += least_frame_bytes(header_) + frame->payload_bytes;
       layout.data_end = position;
@@ -117,7 +118,7 @@ class FrameSearch {
   }
 
  private:
-  /// The header of a frame that lies whole within the file.
+  /// Returns the header of a frame that lies whole within the file.
   std::optional<FrameHeader> frame_at(uint64_t position) {
     std::array<uint8_t, kFrameHeaderBytes> bytes{};
     if (position > file_bytes_ || file_bytes_ - position < least_frame_bytes(header_))
@@ -130,7 +131,8 @@ class FrameSearch {
     return frame;
   }
 
-  /// A damaged frame is no longer than a frame can be: the next one begins within that distance.
+  /// Finds the next frame after a damaged one. A damaged frame is at most as long as the largest
+  /// frame, which limits the distance to the next one.
   std::optional<FrameHeader> next_frame(uint64_t& position, uint64_t number) {
     if (++searches_ > kMaxSearches) return std::nullopt;
     const uint64_t end =
@@ -167,7 +169,8 @@ class FrameSearch {
   int false_starts_ = 0;
 };
 
-/// The band belongs to this frame or to an earlier one, and is no larger than its pixels.
+/// Returns true if the band belongs to this frame or to an earlier one, and is no larger than its
+/// pixels.
 bool is_valid(const BandEntry& entry, const FileHeader& header, int band, uint64_t frame_end) {
   return entry.bytes >= 1 && entry.bytes <= header.band_bytes(band) &&
          entry.offset >= header.data_begin() && entry.offset <= frame_end &&

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A sequence container, opened: any frame, in any order.
+// SequenceReader reads any frame of a sequence container, in any order.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,13 @@
 
 namespace lenticule::frames {
 
-/// ".lts", or ".lts.part" as long as it is being written.
+/// Returns true for ".lts", and for ".lts.part", the name of an unfinished file.
 [[nodiscard]] bool is_sequence_name(const std::filesystem::path& file);
 
 class SequenceReader {
  public:
-  /// Throws Error(Input) for a file that cannot be opened or is no sequence (read_sequence_layout).
+  /// Throws Error(Input) for a file that cannot be opened or is not a sequence (see
+  /// read_sequence_layout).
   explicit SequenceReader(const std::filesystem::path& file);
   SequenceReader(const SequenceReader&) = delete;
   SequenceReader& operator=(const SequenceReader&) = delete;
@@ -27,18 +28,21 @@ class SequenceReader {
   [[nodiscard]] const SequenceInfo& info() const { return layout_.info; }
   [[nodiscard]] FrameGeometry geometry() const { return layout_.header.geometry; }
   [[nodiscard]] uint64_t frame_count() const { return layout_.frames.size(); }
-  /// False: the index is missing or damaged, and the frames were found without it.
+  /// Returns false if the index is missing or damaged, and the frames were found without it.
   [[nodiscard]] bool has_index() const { return layout_.from_index; }
   [[nodiscard]] uint64_t file_bytes() const;
 
-  /// A decoder for one thread; the reader must outlive it.
+  /// Returns a decoder for one thread.
+  ///
+  /// Lifetime: the reader must outlive the decoder.
   [[nodiscard]] FrameDecoder make_decoder() const { return {fd_.get(), layout_}; }
 
-  /// Tells the kernel to fetch a frame, or that its pages are not needed again. Advice only.
+  /// Advise the kernel to fetch a frame, and that a frame's pages are no longer needed.
   void will_need(uint64_t frame) const noexcept;
   void done_with(uint64_t frame) const noexcept;
 
-  /// Numbers of the frames that do not decode. `progress` hears of every frame; false stops.
+  /// Returns the numbers of the frames that do not decode. Calls `progress` for every frame; stops
+  /// when `progress` returns false.
   [[nodiscard]] std::vector<uint64_t> find_damaged(
       const std::function<bool(uint64_t frame)>& progress = {}) const;
 

@@ -14,7 +14,7 @@
 namespace lenticule::frames {
 namespace {
 
-constexpr uint64_t kMaxDistance = 64;  ///< frames that a replacement may be away
+constexpr uint64_t kMaxDistance = 64;  ///< largest distance of a replacement in frames
 
 uint64_t checked_end(const std::filesystem::path& file, const SequenceSourceOptions& options,
                      uint64_t count) {
@@ -31,7 +31,7 @@ uint64_t checked_end(const std::filesystem::path& file, const SequenceSourceOpti
 
 }  // namespace
 
-/// The file and a decoder per thread.
+/// Frames holds the file and a decoder per thread.
 class SequenceSource::Frames final : public FrameDecoding {
  public:
   Frames(const std::filesystem::path& file, const SequenceSourceOptions& options)
@@ -77,7 +77,7 @@ DecodedRounds SequenceSource::Frames::rounds() const {
                        .pool_frames = options_.pool_frames,
                        .decoder_threads = options_.decoder_threads};
   const bool whole = options_.begin == 0 && !options_.end;
-  if (whole && info().loop_begin < end_) {  // a file cut short may end before its loop does
+  if (whole && info().loop_begin < end_) {  // a truncated file may end before its loop does
     rounds.last = std::min(end_, info().loop_end.value_or(end_));
     rounds.loop = info().loop_begin;
   }

@@ -23,11 +23,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// How much a power cut may cost; a process that dies alone costs the frame in flight.
+/// Maximum loss by a power cut; a process that dies loses only the frame in progress.
 constexpr std::chrono::seconds kSyncInterval{1};
-/// A power cut leaves the last frames doubtful, not the old ones.
+/// A power cut may damage the last frames, but not older ones.
 constexpr uint64_t kFramesToCheck = 64;
-/// Content changes slowly; choosing takes about as long as compressing a frame.
+/// Content changes slowly, and choosing predictors takes about as long as compressing a frame.
 constexpr uint64_t kTapInterval = 32;
 
 FileHeader make_header(const SequenceInfo& info, const std::string& metadata) {
@@ -40,7 +40,8 @@ FileHeader make_header(const SequenceInfo& info, const std::string& metadata) {
   return header;
 }
 
-/// What must be the same for frames to belong into one file, or the first thing that is not.
+/// Returns the first property that differs and must be equal for frames in one file; null if there
+/// is none.
 const char* difference(const SequenceInfo& there, const SequenceInfo& wanted) {
   if (there.geometry != wanted.geometry) return "another frame size";
   if (there.kind != wanted.kind || there.views != wanted.views) return "another kind of frames";
@@ -50,7 +51,7 @@ const char* difference(const SequenceInfo& there, const SequenceInfo& wanted) {
   return nullptr;
 }
 
-/// Frames up to the first one that is lost or, among the last ones, damaged.
+/// Counts the frames before the first one that is lost or, among the last ones, damaged.
 uint64_t count_whole_frames(int fd, const SequenceLayout& layout) {
   const auto lost = std::find(layout.frames.begin(), layout.frames.end(), uint64_t{0});
   const auto count = static_cast<uint64_t>(lost - layout.frames.begin());
@@ -61,14 +62,14 @@ uint64_t count_whole_frames(int fd, const SequenceLayout& layout) {
   return count;
 }
 
-/// Where the file ends once only `count` of its frames are kept.
+/// Returns the end of the file if only `count` of its frames are kept.
 uint64_t end_of(int fd, const SequenceLayout& layout, uint64_t count) {
   if (count == 0) return layout.header.data_begin();
   std::vector<uint8_t> head(kFrameHeaderBytes);
   const uint64_t offset = layout.frames[count - 1];
   if (!read_at(fd, offset, head)) return layout.header.data_begin();
   const std::optional<FrameHeader> frame = parse_frame_header(head, layout.header.bands());
-  LENTICULE_CHECK(frame.has_value());  // it was checked a moment ago
+  LENTICULE_CHECK(frame.has_value());  // already checked above
   return offset + kFrameHeaderBytes + layout.header.table_bytes() + frame->payload_bytes;
 }
 
@@ -87,7 +88,7 @@ SequenceWriter::SequenceWriter(fs::path file, const SequenceInfo& info,
   if (options.resume && (has_part || has_file)) {
     go_on(has_part ? part_ : file_, info);
   } else {
-    if (has_part) open_and_lock(part_);  // nobody else is writing it
+    if (has_part) open_and_lock(part_);  // no other process is writing the file
     begin(info);
   }
   for (int worker = 0; worker < workers_.count(); ++worker)
@@ -121,7 +122,7 @@ void SequenceWriter::begin(const SequenceInfo& info) {
   std::vector<uint8_t> bytes;
   append_file_header(layout_.header, bytes);
   bytes.insert(bytes.end(), metadata.begin(), metadata.end());
-  // Under a temporary name first: a file that is there has a whole header.
+  // The temporary name comes first, so that an existing file has a whole header.
   write_file_atomically(part_, bytes);
   layout_.data_end = bytes.size();
   open_and_lock(part_);
@@ -137,13 +138,13 @@ void SequenceWriter::go_on(const fs::path& there, const SequenceInfo& info) {
   const uint64_t count = count_whole_frames(fd_.get(), layout_);
   layout_.data_end = end_of(fd_.get(), layout_, count);
   layout_.frames.resize(count);
-  // The index goes too: as long as it is not written anew the frames speak for themselves.
+  // This also removes the index: until a new one is written, readers find the frames without it.
   if (::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end)) != 0)
     fail("cannot be cut", errno);
 }
 
-/// Restores what the next frame is made from: the frame before, where its bands lie, and the taps.
-/// A file that is resumed is then the same, byte by byte, as one that was written in one run.
+/// Restores the state for encoding the next frame: the previous frame, the offsets of its bands,
+/// and the predictors. A resumed file therefore equals, byte by byte, a file written in one run.
 void SequenceWriter::recall() {
   in_step_ = true;
   previous_.clear();
@@ -212,8 +213,9 @@ void SequenceWriter::append(const FrameView& frame) {
   lay_out_record();
   if (!write_at(fd_.get(), layout_.data_end, record_)) {
     const int error = errno;
-    in_step_ = false;  // the bands' entries are no longer those of a frame in the file
-    (void)!::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end));  // resuming cuts it off
+    in_step_ = false;  // the bands' entries no longer belong to a frame in the file
+    (void)!::ftruncate(fd_.get(),
+                       static_cast<off_t>(layout_.data_end));  // else resuming truncates the file
     fail("cannot write", error);
   }
   layout_.frames.push_back(layout_.data_end);
@@ -239,7 +241,8 @@ void SequenceWriter::finish() {
   append_trailer(trailer, bytes);
   if (!write_at(fd_.get(), layout_.data_end, bytes) || ::fdatasync(fd_.get()) != 0) {
     const int error = errno;
-    (void)!::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end));  // resuming cuts it off
+    (void)!::ftruncate(fd_.get(),
+                       static_cast<off_t>(layout_.data_end));  // else resuming truncates the file
     fail("cannot write", error);
   }
   if (::rename(part_.c_str(), file_.c_str()) != 0) fail("cannot be renamed", errno);

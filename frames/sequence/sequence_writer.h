@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes a sequence container, frame by frame. Until it is finished the file is called FILE.part
-// and holds every frame that was appended: what dies loses the frame in flight and can be resumed.
+// SequenceWriter writes a sequence container frame by frame. Until finish() the file is named
+// FILE.part and contains every appended frame: if the process dies, only the frame in progress is
+// lost, and writing can be resumed.
 #pragma once
 
 #include <chrono>
@@ -17,37 +18,39 @@
 namespace lenticule::frames {
 
 struct SequenceWriterOptions {
-  /// Go on after the last whole frame of FILE.part, or of a FILE that is finished. The result has
-  /// the same bytes as one that was written in one run.
+  /// Continue after the last whole frame of FILE.part, or of a finished FILE. The result has the
+  /// same bytes as a file written in one run.
   bool resume = false;
-  int threads = 0;  ///< that compress; 0 means all cores
+  int threads = 0;  ///< compression threads; 0 means one per core
 };
 
-/// Used by one thread. Only one writer can have a file open; two are told apart by a lock on it.
+/// SequenceWriter locks its file, so only one writer can have the file open.
+///
+/// Thread safety: one thread.
 class SequenceWriter {
  public:
-  /// Throws Error(Usage) for frames that a container cannot hold, Error(Failed) for a place that
-  /// cannot be written or a file that another process is writing, Error(Input) when what is to be
-  /// resumed is no sequence or was begun for another rig, size, rate or first frame.
+  /// Throws Error(Usage) for frames that a container cannot hold; Error(Failed) if the file cannot
+  /// be written or another process is writing it; Error(Input) when the file to resume is not a
+  /// sequence or was begun for another rig, size, rate or first frame.
   SequenceWriter(std::filesystem::path file, const SequenceInfo& info,
                  const SequenceWriterOptions& options = {});
 
-  /// Frames that the file has, those of an earlier run included.
+  /// Returns the number of frames in the file, including frames of an earlier run.
   [[nodiscard]] uint64_t frame_count() const { return layout_.frames.size(); }
   [[nodiscard]] uint64_t bytes_written() const { return layout_.data_end; }
 
-  /// Adds a frame at the end. Throws Error(Failed) for a full disk and the like: the file then ends
-  /// with the frame before, and appending may be tried again.
+  /// Appends a frame. Throws Error(Failed), for example for a full disk: the file then ends with
+  /// the previous frame, and appending may be retried.
   void append(const FrameView& frame);
 
-  /// Writes the index and gives the file its name. Throws Error(Failed).
+  /// Writes the index and renames the file to its final name. Throws Error(Failed).
   void finish();
 
  private:
   struct Band {
     std::vector<uint8_t> payload;
     BandEntry entry;
-    bool repeated = false;  ///< same pixels as in the frame before: its payload is pointed at
+    bool repeated = false;  ///< same pixels as in the previous frame, whose payload is referenced
   };
 
   void begin(const SequenceInfo& info);
@@ -67,9 +70,9 @@ class SequenceWriter {
   std::vector<BandEncoder> encoders_;
   TapTable taps_;
   std::vector<Band> bands_;
-  std::vector<uint8_t> previous_;  ///< pixels of the last frame appended, empty at first
+  std::vector<uint8_t> previous_;  ///< pixels of the last appended frame, empty at first
   std::vector<uint8_t> record_;
-  bool in_step_ = false;  ///< taps_, bands_ and previous_ are those of the last frame in the file
+  bool in_step_ = false;  ///< taps_, bands_ and previous_ belong to the last frame in the file
   std::chrono::steady_clock::time_point last_sync_;
   bool finished_ = false;
 };

@@ -12,10 +12,10 @@ namespace {
 constexpr size_t kSamples = 8192;
 constexpr int kMaxRowsUp = 8;
 constexpr int kMaxPixelsAside = 16;
-constexpr int kMaxPixelsLeft = 32;    // within the row
+constexpr int kMaxPixelsLeft = 32;    // distance within the row
 constexpr uint8_t kNothingYet = 160;  // more than any block costs without prediction
 
-/// Distances of whole pixels, so that red is predicted from red.
+/// Returns candidate distances of whole pixels, so that red is predicted from red.
 std::vector<uint32_t> candidates(const FrameGeometry& geometry, int band_rows) {
   const auto pixel = static_cast<int64_t>(bytes_per_pixel(geometry.format));
   const auto row = static_cast<int64_t>(geometry.row_bytes());
@@ -35,13 +35,15 @@ std::vector<uint32_t> candidates(const FrameGeometry& geometry, int band_rows) {
   return distances;
 }
 
-/// Starts of whole blocks, spread over the frame, each where every candidate is inside its band.
+/// Returns starts of whole blocks, spread over the frame, at which every candidate is inside its
+/// band.
 std::vector<size_t> sample_blocks(const FrameGeometry& geometry, int band_rows) {
   const size_t row = geometry.row_bytes();
   const size_t band = row * static_cast<size_t>(band_rows);
   const size_t reach = std::min(row * kMaxRowsUp + row / 2, band / 2);
   const size_t blocks = geometry.frame_bytes() / kBlockBytes;
-  const size_t step = std::max<size_t>(blocks / kSamples, 1) | 1;  // odd: all columns get a turn
+  const size_t step =
+      std::max<size_t>(blocks / kSamples, 1) | 1;  // odd, so that all columns are sampled
   std::vector<size_t> starts;
   for (size_t block = 0; block < blocks; block += step) {
     const size_t start = block * kBlockBytes;
@@ -50,7 +52,7 @@ std::vector<size_t> sample_blocks(const FrameGeometry& geometry, int band_rows) 
   return starts;
 }
 
-/// costs[c * starts.size() + s]: of sample s predicted from candidate c.
+/// Returns costs[c * starts.size() + s]: the cost of sample s predicted from candidate c.
 std::vector<uint8_t> measure(const FrameView& frame, const std::vector<uint32_t>& distances,
                              const std::vector<size_t>& starts) {
   const TapKernel& kernel = LENTICULE_SELECT_KERNEL(best_isa(), kTapKernel);
@@ -67,7 +69,7 @@ std::vector<uint8_t> measure(const FrameView& frame, const std::vector<uint32_t>
   return costs;
 }
 
-/// What the samples save with one candidate more.
+/// Returns the saving of the samples by one more candidate.
 uint64_t gain(const uint8_t* costs, const std::vector<uint8_t>& so_far) {
   uint64_t saved = 0;
   for (size_t s = 0; s < so_far.size(); ++s)

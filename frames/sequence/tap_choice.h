@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From which places a frame is predicted best: measured on the frame itself, so that a lens sheet
-// need not be known, and views or quilts compress as well.
+// Chooses the distances from which a frame is predicted best. They are measured on the frame
+// itself, so that the lens sheet need not be known, and views or quilts compress as well.
 #pragma once
 
 #include "frames/frame.h"
@@ -8,8 +8,9 @@
 
 namespace lenticule::frames {
 
-/// At most kMaxTaps places, the most useful first. Looks at a fixed sample of the blocks: the same
-/// frame gives the same taps on every machine. `band_rows` as in the container.
+/// Returns at most kMaxTaps distances (predictors), the most useful first. Examines a fixed sample
+/// of the blocks: the same frame gives the same predictors on every machine. `band_rows` is the
+/// container's value.
 [[nodiscard]] TapTable choose_taps(const FrameView& frame, int band_rows);
 
 }  // namespace lenticule::frames

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Blocks of 32 bytes, predicted from an earlier place of the same band, and their residuals.
+// Predicts blocks of 32 bytes from earlier data of the same band, and codes their residuals.
 #include "frames/sequence/tap_kernel.h"
 
 #if defined(__AVX2__)
@@ -10,7 +10,7 @@ namespace lenticule::frames::LENTICULE_ISA_NAMESPACE {
 namespace {
 
 constexpr int kNonZeroCost = 4;  // a bit of the mask becomes likely, and a value is stored
-constexpr int kLargeCost = 1;    // beyond +-3: values that the entropy coder knows less well
+constexpr int kLargeCost = 1;    // cost beyond +-3: such values are rarer for the entropy coder
 constexpr uint8_t kTapMask = 15;
 constexpr int kNoCost = 1 << 20;
 
@@ -18,7 +18,8 @@ const uint8_t kZeros[kBlockBytes] = {};
 
 #if defined(__AVX2__)
 
-/// Where the values go that a byte of a mask announces: shuffle control for eight bytes.
+/// SpreadTable maps a byte of a mask to the positions of its values: shuffle control for eight
+/// bytes.
 struct SpreadTable {
   alignas(8) uint8_t control[256][8];
 };
@@ -58,7 +59,7 @@ __m128i spread_eight(uint32_t mask, const uint8_t*& values) noexcept {
   return _mm_shuffle_epi8(packed, control);
 }
 
-/// Adds the next values to the bytes that the mask has a bit for.
+/// Adds the next values to the bytes whose bit is set in the mask.
 Block add_values(Block block, uint32_t mask, const uint8_t* values) noexcept {
   const __m128i a = spread_eight(mask, values);
   const __m128i b = spread_eight(mask >> 8, values);
@@ -137,7 +138,7 @@ void store_mask(uint32_t mask, uint8_t* to) noexcept {
   for (int i = 0; i < 4; ++i) to[i] = static_cast<uint8_t>(mask >> 8 * i);
 }
 
-/// The bits of a block of which only `bytes` bytes exist.
+/// Returns the mask bits of a block of which only `bytes` bytes exist.
 uint32_t bits_of(size_t bytes) noexcept {
   return bytes >= kBlockBytes ? ~uint32_t{0} : (uint32_t{1} << bytes) - 1;
 }
@@ -152,7 +153,8 @@ Choice choose_tap(const TapTable& taps, const uint8_t* band, size_t start, const
                   uint32_t counted) noexcept {
   Choice best;
   for (int tap = 1; tap <= taps.count + 1; ++tap) {
-    const int index = tap > taps.count ? 0 : tap;  // "zero" comes last: it seldom wins
+    const int index =
+        tap > taps.count ? 0 : tap;  // "zero" comes last, because it is seldom the cheapest
     const size_t distance = taps.distance[index];
     if (distance > start) continue;
     const Difference d = difference(block, load(index == 0 ? kZeros : band + start - distance));
@@ -177,7 +179,8 @@ void write_block(const Choice& choice, const uint8_t* block, const uint8_t* from
 
 constexpr size_t kRunBlocks = 8;
 
-/// Eight blocks in a row that are copies from the same distance: most of a picture at rest.
+/// Returns true for eight consecutive blocks that are copies from the same distance: most of a
+/// static picture.
 bool is_run(const uint8_t* modes, uint8_t mode) noexcept {
   uint64_t eight = 0;
   __builtin_memcpy(&eight, modes, sizeof eight);

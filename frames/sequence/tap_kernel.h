@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The inner loops of band_codec.cpp, compiled once per instruction set. All variants give the same
-// bytes. docs/formats.md describes blocks, taps and the three streams.
+// bytes. docs/formats.md describes blocks, predictors (taps) and the three streams.
 #pragma once
 
 #include <cstddef>
@@ -10,17 +10,18 @@
 
 namespace lenticule::frames {
 
-inline constexpr size_t kBlockBytes = 32;    ///< predicted from one place
-inline constexpr int kMaxTaps = 15;          ///< places; index 0 is "predict zero"
-inline constexpr uint8_t kHasResidual = 16;  ///< in a mode byte, above the tap's index
+inline constexpr size_t kBlockBytes = 32;    ///< unit of prediction
+inline constexpr int kMaxTaps = 15;          ///< number of predictors; index 0 is "predict zero"
+inline constexpr uint8_t kHasResidual = 16;  ///< flag in a mode byte, above the predictor's index
 
-/// The places that blocks may be predicted from: so many bytes back in the band.
+/// TapTable holds the predictors of a block: distances in bytes to earlier data of the band.
 struct TapTable {
   int count = 0;                         ///< 0..kMaxTaps
   uint32_t distance[kMaxTaps + 1] = {};  ///< [1..count], each at least kBlockBytes
 };
 
-/// What a band decodes from. `values` has kValuePadding readable bytes behind value_count.
+/// TapStreams is the input of decoding a band. `values` has kValuePadding readable bytes after
+/// value_count.
 struct TapStreams {
   const uint8_t* modes = nullptr;   ///< one per block
   const uint8_t* masks = nullptr;   ///< four bytes per block with a residual
@@ -29,7 +30,8 @@ struct TapStreams {
 };
 inline constexpr size_t kValuePadding = 8;
 
-/// What a band encodes to. Room: modes a byte per block, masks four, values kBlockBytes per block.
+/// TapOutput is the output of encoding a band. Capacities per block: one byte of modes, four bytes
+/// of masks, kBlockBytes bytes of values.
 struct TapOutput {
   uint8_t* modes = nullptr;
   uint8_t* masks = nullptr;
@@ -38,16 +40,16 @@ struct TapOutput {
   size_t value_bytes = 0;
 };
 
-/// The inner loops.
+/// TapKernel is the table of the inner loops.
 struct TapKernel {
-  /// False if a mode names a place that is not there, or the values do not come out even; `out`
-  /// holds anything then. The masks must have been counted before.
+  /// Returns false if a mode names a missing predictor, or the number of values does not match the
+  /// masks; `out` is undefined then. The caller must have checked the number of masks before.
   bool (*decode_blocks)(const TapTable& taps, const TapStreams& in, uint8_t* out,
                         size_t bytes) noexcept;
-  /// Chooses the cheapest tap of every block.
+  /// Chooses the cheapest predictor of every block.
   void (*encode_blocks)(const TapTable& taps, const uint8_t* band, size_t bytes,
                         TapOutput& out) noexcept;
-  /// Returns the cost of `block` if it were predicted from `from`, 0..5 * kBlockBytes.
+  /// Returns the cost of `block` if it is predicted from `from`, 0..5 * kBlockBytes.
   int (*tap_cost)(const uint8_t* block, const uint8_t* from) noexcept;
   size_t (*count_residuals)(const uint8_t* modes, size_t count) noexcept;
   size_t (*count_bits)(const uint8_t* masks, size_t bytes) noexcept;

@@ -30,7 +30,7 @@ char small_letter(char c) {
   return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
 }
 
-/// In small letters, without the extension.
+/// Returns the words of the name in lower case, without the extension.
 std::vector<std::string> words_of(const std::filesystem::path& file) {
   std::vector<std::string> words(1);
   for (const char c : file.stem().string()) {

@@ -14,7 +14,7 @@
 namespace lenticule::frames {
 namespace {
 
-constexpr double kMostDisparity = 2.0;  // widths; more is no picture
+constexpr double kMostDisparity = 2.0;  // widths; a larger value is invalid
 constexpr int kBandRows = 8;
 constexpr double kNothing = -std::numeric_limits<double>::infinity();
 constexpr int kWhole = 1 << 15;
@@ -32,7 +32,7 @@ int checked_views(int width, int height, const DepthOptions& options) {
   return options.views;
 }
 
-/// In pixels, by code.
+/// Returns the disparity of each code, in pixels.
 std::vector<double> disparities(int width, const DepthOptions& options) {
   const double unit = options.in_pixels ? 1.0 : width;
   const auto sensible = [&](double disparity) {
@@ -59,18 +59,18 @@ PictureWindow window_of(const FrameView& picture) {
           .height = picture.geometry.height};
 }
 
-/// Where one pixel of a view comes from.
+/// Target is the source of one pixel of a view.
 struct DepthViews::Target {
   double disparity = kNothing;
   int source = 0;
-  int share = 0;  ///< of the pixel right of the source, in 1 / kWhole
+  int share = 0;  ///< weight of the pixel right of the source, in 1 / kWhole
 };
 
 struct DepthViews::Scratch {
   explicit Scratch(size_t width)
       : disparity(width), joined(width + 1), light(width * 3), codes(width * 3), target(width) {}
   std::vector<double> disparity;
-  std::vector<uint8_t> joined;  ///< with the pixel before; both ends are not
+  std::vector<uint8_t> joined;  ///< true if joined with the previous pixel; false at both ends
   std::vector<uint16_t> light;
   std::vector<uint8_t> codes;
   std::vector<Target> target;
@@ -116,7 +116,7 @@ void DepthViews::draw_row(int row, const PictureWindow& colour, const PictureWin
 
 void DepthViews::read_row(int row, const PictureWindow& colour, const PictureWindow& depth,
                           Scratch& scratch) const {
-  const auto across = [](int at, int from, int to) {  // pixel under the same place
+  const auto across = [](int at, int from, int to) {  // pixel at the same relative position
     return static_cast<int>((2 * static_cast<int64_t>(at) + 1) * to / (2 * from));
   };
   const uint8_t* const depths = depth.row(across(row, height_, depth.height));
@@ -133,10 +133,10 @@ void DepthViews::read_row(int row, const PictureWindow& colour, const PictureWin
     scratch.light[n] = light_of_codes15()[scratch.codes[n]];
 }
 
-/// Lays the pieces of the row down, nearer ones over farther ones, the left one of equals.
+/// Draws the pieces of the row, nearer ones over farther ones; of equally near ones the left one.
 void DepthViews::move_row(double turn, Scratch& scratch) const {
   std::fill(scratch.target.begin(), scratch.target.end(), Target{});
-  // From x = begin to end; the share grows from 0 to `most`.
+  // Draws from x = begin to end; the weight grows from 0 to `most`.
   const auto lay = [&](int source, double begin, double end, double farther, double most) {
     const double near = scratch.disparity[static_cast<size_t>(source)];
     const int first = std::max(0, static_cast<int>(std::ceil(begin - 0.5)));
@@ -164,7 +164,8 @@ void DepthViews::move_row(double turn, Scratch& scratch) const {
   }
 }
 
-/// From whichever side is farther, one pixel off the edge: that pixel may be a mixture.
+/// Fills holes from the farther side, one pixel away from the edge, since the edge pixel may be a
+/// mixture.
 void DepthViews::fill_holes(Scratch& scratch) const {
   std::vector<Target>& row = scratch.target;
   const auto inner = [&](const Target& edge, int step) {

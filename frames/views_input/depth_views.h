@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views from one picture and its depth: every pixel is moved sideways by its disparity, nearer ones
-// cover farther ones, and what no pixel reaches is filled from the farther side.
+// DepthViews draws views from one picture and its depth: every pixel moves sideways by its
+// disparity, nearer pixels cover farther ones, and holes are filled from the farther side.
 //
-// With d the disparity between the outermost of N views, positive in front of the glass, the centre
-// of pixel i lies in view v at x = i + 1/2 - d (v - (N - 1) / 2) / (N - 1): what is nearer than the
-// glass moves left as the eye moves right. Neighbours whose disparities differ by at most
-// kJoinedDisparity pixels are one surface, interpolated in linear light; elsewhere each keeps half
-// a pixel. The source is taken for the picture of the camera in the middle.
+// With d the disparity between the outermost of N views, positive in front of the panel, the centre
+// of pixel i in view v is at x = i + 1/2 - d (v - (N - 1) / 2) / (N - 1): a point nearer than the
+// panel moves left as the eye moves right. Neighbours whose disparities differ by at most
+// kJoinedDisparity pixels are one surface, interpolated in linear light; elsewhere each neighbour
+// keeps half a pixel. The source counts as the picture of the middle camera.
 #pragma once
 
 #include <memory>
@@ -19,8 +19,8 @@
 
 namespace lenticule::frames {
 
-/// Between neighbours of one surface, in pixels between the outermost views: 3/4 pixel of
-/// stretching in those.
+/// Largest disparity difference between neighbours of one surface, in pixels between the outermost
+/// views: a stretch of 3/4 pixel in the outermost views.
 inline constexpr double kJoinedDisparity = 1.5;
 inline constexpr int kUsualDepthViews = 24;
 inline constexpr double kUsualDisparity = 0.02;
@@ -28,14 +28,14 @@ inline constexpr double kUsualDisparity = 0.02;
 struct DepthOptions {
   int views = kUsualDepthViews;    ///< at least 2
   double back = -kUsualDisparity;  ///< disparity of the farthest depth (code 0)
-  double front = kUsualDisparity;  ///< and of the nearest (code 255)
-  bool in_pixels = false;          ///< of a view; otherwise parts of its width
+  double front = kUsualDisparity;  ///< disparity of the nearest depth (code 255)
+  bool in_pixels = false;          ///< true: pixels of a view; false: fractions of the width
   bool black_is_near = false;
   int threads = 1;
-  uint64_t most_bytes = kMostViewBytes;  ///< of all views together
+  uint64_t most_bytes = kMostViewBytes;  ///< limit for all views together
 };
 
-/// Pixels of a part of a picture.
+/// PictureWindow refers to the pixels of a part of a picture.
 struct PictureWindow {
   const uint8_t* pixels = nullptr;
   size_t stride_bytes = 0;
@@ -48,16 +48,17 @@ struct PictureWindow {
 };
 [[nodiscard]] PictureWindow window_of(const FrameView& picture);
 
-/// One thread; keeps the views' pictures and its working memory.
+/// DepthViews keeps the views' pictures and its working memory.
+///
+/// Thread safety: one thread.
 class DepthViews {
  public:
-  /// Throws Error(Usage) for options that make no sense, Error(Input) for more bytes of views than
-  /// most_bytes.
+  /// Throws Error(Usage) for invalid options, Error(Input) if the views need more than most_bytes.
   DepthViews(int width, int height, const DepthOptions& options);
   ~DepthViews();
 
-  /// `colour` has the constructor's size; `depth` may have another: the nearest of its pixels
-  /// counts. The pictures, the leftmost first, are good until the next call.
+  /// Draws the views, the leftmost first. `colour` has the constructor's size; `depth` may have
+  /// another size and is sampled at its nearest pixels. The pictures are valid until the next call.
   [[nodiscard]] std::span<const FrameView> draw(const PictureWindow& colour,
                                                 const PictureWindow& depth);
 

@@ -14,12 +14,12 @@
 namespace lenticule::frames {
 namespace {
 
-/// Tags stand before the coded picture; a camera's preview may stand before them.
+/// Tags precede the coded picture; a camera's preview may precede the tags.
 constexpr size_t kHeadBytes = size_t{1} << 20;
 constexpr uint64_t kMostBytes = uint64_t{2} << 30;
 constexpr std::string_view kMark = "_JPSJPS_";
 
-/// The payload of the APP3 segment that begins with the mark; empty if there is none.
+/// Returns the payload of the APP3 segment that begins with the mark; empty if there is none.
 std::span<const uint8_t> descriptor_of(std::span<const uint8_t> head) {
   constexpr uint8_t kApp3 = 0xE3, kStartOfScan = 0xDA;
   for (size_t at = 2; at + 4 <= head.size() && head[at] == 0xFF;) {

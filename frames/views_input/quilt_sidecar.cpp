@@ -25,19 +25,19 @@ constexpr const char* kBlackIsNear[] = {"depthInversion", "depth_inversion"};
 constexpr const char* kChromaDepth[] = {"chromaDepth", "chroma_depth"};
 constexpr const char* kIsDepth[] = {"isRGBD", "is_rgbd"};
 constexpr const char* kDepthPlace[] = {"depthPosition", "depth_position", "depth_loc"};
-/// Where a tool puts its quilt's keys into an object of their own.
+/// Keys of the object that some tools put their quilt's keys into.
 constexpr const char* kInside[] = {"quilt_settings", "quiltSettings", "quilt", "metadata"};
 /// depth_loc as a number.
 constexpr std::array kNumberedPlaces = {DepthPlace::Bottom, DepthPlace::Top, DepthPlace::Left,
                                         DepthPlace::Right};
 constexpr double kMostDepthiness = 10.0;
 
-/// One object of the file and the spellings that it uses.
+/// Spellings reads one object of the file in the known spellings of its keys.
 class Spellings {
  public:
   explicit Spellings(const optics::JsonFields& fields) : fields_(fields) {}
 
-  /// The first spelling that is there, or null.
+  /// Returns the first spelling that the object has, or null.
   [[nodiscard]] const char* spelled(std::span<const char* const> keys) const {
     for (const char* const key : keys)
       if (const nlohmann::json* const value = fields_.find(key);
@@ -66,7 +66,7 @@ class Spellings {
   const optics::JsonFields& fields_;
 };
 
-/// Zero and less stand for "as the pixels are".
+/// Returns the aspect; zero and negative numbers mean the aspect of the pixels.
 std::optional<double> aspect_of(const Spellings& said) {
   const std::optional<double> aspect = said.number(kAspect);
   if (!aspect || *aspect <= 0.0) return std::nullopt;
@@ -108,7 +108,7 @@ void read_quilt_keys(const Spellings& said, QuiltSidecar& sidecar) {
   sidecar.inverted = said.flag(kInverted);
 }
 
-/// Whoever wrote the file is wrong, and not whoever runs us.
+/// Reports a layout error as an error of the file, not of the command line.
 void check_layout(const QuiltSidecar& sidecar, const std::string& source) {
   try {
     check_quilt_layout({.columns = sidecar.columns.value(),
@@ -121,7 +121,7 @@ void check_layout(const QuiltSidecar& sidecar, const std::string& source) {
   }
 }
 
-/// The object that has the keys: the whole, or one inside.
+/// Returns the object that has the keys: the document, or an object inside it.
 const nlohmann::json& object_of(const nlohmann::json& document) {
   for (const char* const key : kInside)
     if (const auto inside = document.find(key); inside != document.end() && inside->is_object())
@@ -142,7 +142,8 @@ std::optional<QuiltSidecar> parse_quilt_sidecar(std::string_view json, const std
     return std::nullopt;
   QuiltSidecar sidecar;
   read_depth(said_outside, sidecar);
-  // Of a picture with depth, tools name the grid of the quilt that they would make of it.
+  // Tools state, for a picture with depth, the grid of the quilt that they would make from the
+  // picture, so the grid is ignored.
   if (sidecar.depth)
     sidecar.aspect = aspect_of(said);
   else

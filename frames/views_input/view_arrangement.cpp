@@ -59,7 +59,7 @@ class Pictures final : public ViewArrangement {
   bool rightmost_first_;
 };
 
-/// The colours' and the depth's part of one picture.
+/// Halves describes the colour and the depth part of one picture.
 struct Halves {
   QuiltLayout layout;
   int colour = 0;  ///< tile

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the views of one moment lie in the pictures of that moment: tiles of one, a picture each, a
-// picture and its depth, or under the lenses of another rig.
+// ViewArrangement finds the views of one moment in the pictures of that moment: tiles of one
+// picture, one picture per view, a picture and its depth, or micro-images for another rig.
 #pragma once
 
 #include <memory>
@@ -17,42 +17,48 @@
 
 namespace lenticule::frames {
 
-/// One thread. Whatever comes out has view 0 from the leftmost camera.
+/// ViewArrangement makes view sets whose view 0 belongs to the leftmost camera.
+///
+/// Thread safety: one thread.
 class ViewArrangement {
  public:
   virtual ~ViewArrangement() = default;
-  /// Of all sets.
+  /// Returns the shape of all sets.
   [[nodiscard]] virtual ViewShape shape() const = 0;
-  /// Pictures of the sizes that the arrangement was made for. The set may refer to them and to the
-  /// arrangement: it is good until either changes. Throws std::bad_alloc at most.
+  /// Arranges pictures of the sizes that the arrangement was made for. Throws at most
+  /// std::bad_alloc.
+  ///
+  /// Lifetime: the set may refer to the pictures and to the arrangement, and is valid until either
+  /// changes.
   [[nodiscard]] virtual ViewSet arrange(std::span<const FrameView> pictures) = 0;
 };
 
-/// One picture of tiles, the first of them from the leftmost or the rightmost camera. Throws
-/// Error(Input) and Error(Usage) as tile_size() does, their messages beginning with `name`.
+/// Arranges one picture of tiles, the first tile from the leftmost or the rightmost camera. Throws
+/// the Error(Input) and Error(Usage) of tile_size(), with messages that begin with `name`.
 [[nodiscard]] std::unique_ptr<ViewArrangement> arrange_quilt(const FrameGeometry& picture,
                                                              const QuiltLayout& layout,
                                                              bool rightmost_first,
                                                              const std::string& name);
 
-/// `count` pictures of one size, from the leftmost camera to the rightmost, or the other way round.
+/// Arranges `count` pictures of one size, from the leftmost camera to the rightmost or in reverse
+/// order.
 [[nodiscard]] std::unique_ptr<ViewArrangement> arrange_pictures(const FrameGeometry& picture,
                                                                 int count,
                                                                 std::optional<double> aspect,
                                                                 bool rightmost_first);
 
-/// Two pictures: colours, and depth of any size.
+/// Arranges two pictures: colours, and depth of any size.
 [[nodiscard]] std::unique_ptr<ViewArrangement> arrange_depth(const FrameGeometry& colour,
                                                              std::optional<double> aspect,
                                                              const DepthOptions& options);
-/// One picture, a half of which is depth. Throws Error(Input) for less than two pixels.
+/// Arranges one picture, half of which is depth. Throws Error(Input) for less than two pixels.
 [[nodiscard]] std::unique_ptr<ViewArrangement> arrange_depth_in(const FrameGeometry& picture,
                                                                 DepthPlace place,
                                                                 std::optional<double> aspect,
                                                                 const DepthOptions& options,
                                                                 const std::string& name);
 
-/// A frame that was woven for another rig, taken apart into so many views. Slow.
+/// Arranges a frame woven for another rig: decodes it into `views` views. Slow.
 [[nodiscard]] std::unique_ptr<ViewArrangement> arrange_woven(const FrameGeometry& picture,
                                                              const optics::OpticalModel& woven_for,
                                                              int views, const std::string& name);

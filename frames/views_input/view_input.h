@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sets of views, one after the other, wherever they come from: the pictures of one or several
-// sources, and how views lie in them.
+// ViewInput provides sets of views, one after the other: it combines the pictures of one or several
+// sources with the arrangement of views in these pictures.
 #pragma once
 
 #include <chrono>
@@ -15,14 +15,16 @@
 
 namespace lenticule::frames {
 
-/// One thread.
+/// ViewInput pulls pictures and arranges them.
+///
+/// Thread safety: one thread.
 class ViewInput {
  public:
-  /// Takes a picture of each source at a time. Throws Error(Input) where the sources tell that they
-  /// have different numbers of frames.
+  /// Takes one picture of each source at a time. Throws Error(Input) if the sources state different
+  /// numbers of frames.
   ViewInput(std::vector<std::unique_ptr<FrameSource>> pictures,
             std::unique_ptr<ViewArrangement> arrangement, std::string name);
-  /// The same views once a round.
+  /// Provides the same views once per round.
   explicit ViewInput(ViewSet still);
   ~ViewInput();
   ViewInput(const ViewInput&) = delete;
@@ -30,24 +32,26 @@ class ViewInput {
 
   [[nodiscard]] const ViewShape& shape() const { return shape_; }
   [[nodiscard]] std::optional<Rate> rate() const;
-  /// Of one round, as far as it is known.
+  /// Returns the number of frames of one round, if known.
   [[nodiscard]] std::optional<uint64_t> frame_count() const;
 
-  /// The pictures of the next set, once the last one was released. Never waits for a disk or a
-  /// decoder.
+  /// Pulls the pictures of the next set, after the last one was released. Never waits for a disk or
+  /// a decoder.
   [[nodiscard]] PullStatus next();
-  /// What lies in the pictures that next() made ready: good until release(). Drawing views may take
-  /// long the first time they are asked for. Throws what the arrangement throws.
+  /// Returns the views in the pictures of next(), valid until release(). The first call for a set
+  /// may take long if views are drawn. Throws the errors of the arrangement.
   [[nodiscard]] const ViewSet& views();
   [[nodiscard]] uint64_t number() const { return number_; }
   void release();
 
-  /// After End: from the beginning again. False if that cannot be.
+  /// Restarts from the beginning, after End. Returns false if that is not possible.
   [[nodiscard]] bool rewind();
-  /// Until next() may have more, but not longer.
+  /// Waits until next() may have more, but at most `longest`.
   void wait(std::chrono::milliseconds longest);
   [[nodiscard]] const std::string& failure() const { return failure_; }
-  /// Of all sources together, so far. Safe from any thread.
+  /// Returns the damage of all sources together, so far.
+  ///
+  /// Thread safety: any thread.
   [[nodiscard]] FrameDamage damage() const;
 
  private:

@@ -1,20 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fast weaver's arithmetic for a run of eight subpixels at once, for processors with AVX2. All
-// that a subpixel mixes lies in two places: eight bytes of its upper and of its lower picture row
-// are the light of two views in two columns. Loads of eight bytes are about as fast on all
+// The fast weaver's arithmetic for a run of eight subpixels at once, for processors with AVX2. The
+// inputs of a subpixel lie in two places: eight bytes of its upper and of its lower picture row
+// hold the light of two views in two columns. Loads of eight bytes are about equally fast on all
 // processors, gathers are not.
 #include "frames/weaving/avx2_mixing.h"
 
 namespace lenticule::frames::weave_kernel {
 namespace {
 
-/// What is the same for all quads of a set.
+/// RunTerms holds the values that are constant for all records of a set.
 struct RunTerms {
   explicit RunTerms(const Terms& terms, const TurnedRows& rows, const Set& set,
                     const Target& target);
 
   __m256i view_most, weight_mask;
-  __m256i colours[4];  ///< bytes to the eight subpixels' colours, by the first one's
+  __m256i colours[4];  ///< byte offsets to the eight subpixels' colours, by the first one's colour
   __m256i row_weight[kRows];
   const char* upper[kRows];
   const char* lower[kRows];
@@ -22,7 +22,7 @@ struct RunTerms {
   size_t column_bytes;
 };
 
-/// Places of a stripe follow each other; of one colour alone they are a stride apart.
+/// Subpixels of a stripe are adjacent; subpixels of a single colour are a stride apart.
 RunTerms::RunTerms(const Terms& terms, const TurnedRows& rows, const Set& set, const Target& target)
     : view_most(_mm256_set1_epi32(terms.view_most)),
       weight_mask(_mm256_set1_epi32(terms.weight_mask)),
@@ -43,10 +43,10 @@ RunTerms::RunTerms(const Terms& terms, const TurnedRows& rows, const Set& set, c
   }
 }
 
-/// Of eight subpixels.
+/// Views holds the views of eight subpixels.
 struct Views {
-  __m256i offset;   ///< of the first view's entry, in bytes
-  __m256i weights;  ///< for mix_pairs()
+  __m256i offset;   ///< offset of the first view's entry, in bytes
+  __m256i weights;  ///< weights for mix_pairs()
 };
 
 Views views_of(const RunTerms& run, __m256i number) {
@@ -59,12 +59,13 @@ Views views_of(const RunTerms& run, __m256i number) {
           _mm256_xor_si256(pair, _mm256_set1_epi32(0x8000))};
 }
 
-/// The column weights of a run's subpixels: 0, 1, 4, 5 and 2, 3, 6, 7, each for two views.
+/// Columns holds the column weights of a run's subpixels: 0, 1, 4, 5 and 2, 3, 6, 7, each for two
+/// views.
 struct Columns {
   __m256i outer, inner;
 };
 
-/// `bends` is n column_bend.
+/// Computes column weights; `bends` is n column_bend.
 Columns columns_of(const Quad& quad, int r, __m128i bends) {
   const __m128i along = _mm_set_epi16(7, 6, 5, 4, 3, 2, 1, 0);
   const __m128i moved =
@@ -78,14 +79,14 @@ Columns columns_of(const Quad& quad, int r, __m128i bends) {
   return {_mm256_unpacklo_epi32(pairs, pairs), _mm256_unpackhi_epi32(pairs, pairs)};
 }
 
-/// Eight bytes each.
+/// Loads two entries of eight bytes.
 __m128i two_entries(const char* row, uint32_t first, uint32_t second) {
   const __m128i low = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(row + first));
   return _mm_castps_si128(
       _mm_loadh_pi(_mm_castsi128_ps(low), reinterpret_cast<const __m64*>(row + second)));
 }
 
-/// Of subpixels n, n + 1, n + 4 and n + 5.
+/// Loads the entries of subpixels n, n + 1, n + 4 and n + 5.
 __m256i four_entries(const char* row, const uint32_t* offset) {
   return both(two_entries(row, offset[0], offset[1]), two_entries(row, offset[4], offset[5]));
 }
@@ -109,7 +110,7 @@ __m256i four_entries(const char* row, const uint32_t* offset) {
   return _mm_packs_epi32(_mm256_castsi256_si128(light), _mm256_extracti128_si256(light, 1));
 }
 
-/// Runs of one colour alone leave gaps.
+/// Stores runs of a single colour, which have gaps.
 void store_apart(__m128i light, size_t stride, int count, uint16_t* first) {
   alignas(16) uint16_t words[kRun];
   _mm_store_si128(reinterpret_cast<__m128i*>(words), light);
@@ -135,12 +136,12 @@ void mix_quad(const RunTerms& run, const Terms& terms, size_t stride, const Quad
   }
 }
 
-/// A frame's quads are more than caches hold.
+/// A frame's records exceed the caches, so they are prefetched this far ahead.
 constexpr uint32_t kQuadsAhead = 32;
 
-constexpr int kTile = 32;  ///< bytes of each view that are turned at once
+constexpr int kTile = 32;  ///< bytes of each view that are transposed at once
 
-/// Sixteen registers of two times sixteen bytes: transposed in both parts.
+/// Transposes sixteen registers of two times sixteen bytes, in both parts.
 void transpose_16(__m256i (&rows)[16]) {
   for (int round = 0; round < 4; ++round) {
     __m256i next[16];
@@ -152,7 +153,7 @@ void transpose_16(__m256i (&rows)[16]) {
   }
 }
 
-/// LightCurve in registers.
+/// Curve is LightCurve in registers.
 struct Curve {
   __m256i start_low, start_high, rise_low, rise_high, bend;
 };
@@ -165,7 +166,8 @@ Curve curve_of(const uint8_t* points) {
   return {part(0), part(1), part(2), part(3), part(4)};
 }
 
-/// Words with zero-extended t: start + ((t (rise + (t bend + 4 >> 3)) + 4) >> 3).
+/// Evaluates the curve for words with zero-extended t: start + ((t (rise + (t bend + 4 >> 3)) + 4)
+/// >> 3).
 __m256i along_curve(__m256i t, __m256i start, __m256i rise, __m256i bend) {
   const __m256i half = _mm256_set1_epi16(4);
   const __m256i slope = _mm256_add_epi16(
@@ -175,7 +177,7 @@ __m256i along_curve(__m256i t, __m256i start, __m256i rise, __m256i bend) {
 }
 
 struct Light {
-  __m256i low, high;  ///< of bytes 0..7 and 8..15 of both parts
+  __m256i low, high;  ///< bytes 0..7 and 8..15 of both parts
 };
 
 Light light_of(const Curve& curve, __m256i codes) {
@@ -193,10 +195,10 @@ Light light_of(const Curve& curve, __m256i codes) {
                       _mm256_unpackhi_epi8(rise_low, rise_high), _mm256_unpackhi_epi8(bend, none))};
 }
 
-/// Which view is in which lane while turning: so ordered that joining two columns puts them right.
+/// Order of the views in the lanes while transposing, such that joining two columns sorts them.
 constexpr int kLaneViews[kLaneStep] = {0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7, 12, 13, 14, 15};
 
-/// The light of sixteen views, in that order, at kTile places.
+/// Tile holds the light of sixteen views, in that order, at kTile places.
 struct Tile {
   alignas(32) uint16_t light[kTile][kLaneStep];
 };
@@ -215,7 +217,7 @@ void turn_tile(const Curve& curve, const uint8_t* const* views, size_t at, Tile&
   }
 }
 
-/// Fewer bytes than a tile has: nothing behind them is read.
+/// Transposes fewer bytes than a tile has, without reading behind them.
 void turn_rest(const Curve& curve, const uint8_t* const* views, size_t at, size_t bytes,
                Tile& tile) {
   uint8_t codes[kLaneStep][kTile] = {};
@@ -227,7 +229,7 @@ void turn_rest(const Curve& curve, const uint8_t* const* views, size_t at, size_
   turn_tile(curve, rows, 0, tile);
 }
 
-/// One entry of sixteen views from the light of two columns.
+/// Stores one entry of sixteen views from the light of two columns.
 void store_entries(const uint16_t* here, const uint16_t* next, uint16_t* entries) {
   const __m256i a = _mm256_load_si256(reinterpret_cast<const __m256i*>(here));
   const __m256i b = _mm256_load_si256(reinterpret_cast<const __m256i*>(next));
@@ -236,16 +238,16 @@ void store_entries(const uint16_t* here, const uint16_t* next, uint16_t* entries
   _mm256_store_si256(out + 1, _mm256_unpackhi_epi16(a, b));
 }
 
-/// So many rows at once are more than processors follow by themselves.
+/// The hardware prefetcher does not follow so many rows at once, so they are prefetched explicitly.
 constexpr size_t kAhead = 512;
 void fetch_ahead(const uint8_t* const* views, size_t at) {
   for (size_t view = 0; view < kLaneStep; ++view)
     _mm_prefetch(reinterpret_cast<const char*>(views[view] + at), _MM_HINT_T0);
 }
 
-/// A tile of sixteen views' rows, which begin at `begin` and have `bytes`. The next tile begins
-/// with this one's last three places, whose next columns it knows; only those of the last column
-/// have none.
+/// Transposes a tile of sixteen views' rows, which begin at `begin` and have `bytes`. The next tile
+/// begins with the last three places of this tile, whose next columns that tile knows; only the
+/// places of the last column have no next column.
 void turn_views(const Curve& curve, const uint8_t* const* views, size_t begin, size_t at,
                 size_t bytes, size_t lanes, uint16_t* light) {
   const size_t count = bytes - at < kTile ? bytes - at : kTile, entry = 2 * lanes;

@@ -7,13 +7,14 @@ namespace {
 
 constexpr int kViewsAtOnce = 8;
 
-/// Where a subpixel looks: its pixel's and colour's first entries, and how rows and columns mix.
+/// Look holds the inputs of a subpixel: the first entries of its pixel and colour, and the weights
+/// of rows and columns.
 struct Look {
   const uint16_t *upper, *lower;
   __m256i row_weight, column_weights;
 };
 
-/// The light of eight views from `view` on, 32 bits each.
+/// Returns the light of eight views from `view` on, 32 bits each.
 __m256i views_light(const Look& look, int view) {
   const auto entries = [&](const uint16_t* first) {
     return _mm256_loadu_si256(reinterpret_cast<const __m256i*>(first + 2 * view));
@@ -22,7 +23,7 @@ __m256i views_light(const Look& look, int view) {
   return mix_pairs(columns, look.column_weights);
 }
 
-/// Weights n and the seven behind it, 32 bits each; those from `end` on do not count.
+/// Returns weights n and the seven after it, 32 bits each; weights from `end` on are zero.
 __m256i weights_at(const uint16_t* weights, int n, int end) {
   const __m256i along = _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0);
   const __m256i counts = _mm256_cmpgt_epi32(_mm256_set1_epi32(end - n), along);
@@ -37,7 +38,8 @@ int64_t sum_of(__m256i values) {
   return _mm_cvtsi128_si32(_mm_add_epi32(two, _mm_shuffle_epi32(two, 0b10110001)));
 }
 
-/// A product has 31 bits: its halves are added up apart.
+/// Returns a subpixel's light under the spot. A product has 31 bits, so its halves are summed
+/// separately.
 uint16_t spot_light(const Spot& spot, const Look& look, int32_t number) {
   const int part = (number & ((1 << kViewBits) - 1)) >> (kViewBits - spot.bits);
   const uint16_t* const weights = spot.weights + static_cast<ptrdiff_t>(part) * spot.taps;
@@ -60,7 +62,7 @@ __m256i column_weights(int weight) {
   return _mm256_set1_epi32(static_cast<int>(static_cast<uint32_t>(-weight) << 16 | rest));
 }
 
-/// One row of a quad.
+/// Mixes one row of a record.
 void mix_run(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad& quad, int r,
              uint16_t* light) {
   const int step = terms.view_step + quad.view_step;

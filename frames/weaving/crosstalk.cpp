@@ -17,7 +17,7 @@ constexpr double kMostPercent = 40.0;
 constexpr double kSpotReach = 4.3;
 constexpr double kSpotRestraint = 0.01;
 
-/// Square, row by row.
+/// Matrix is square, stored row by row.
 class Matrix {
  public:
   explicit Matrix(int size) : size_(static_cast<size_t>(size)), values_(size_ * size_) {}
@@ -45,7 +45,7 @@ Matrix shares_of(const Crosstalk& crosstalk, int views) {
   return shares;
 }
 
-/// W' B, and e on the diagonal.
+/// Returns W' B, plus e on the diagonal.
 Matrix transposed_times(const Matrix& w, const Matrix& b, double restraint) {
   Matrix product(static_cast<int>(w.size()));
   for (size_t row = 0; row < w.size(); ++row) {
@@ -63,7 +63,7 @@ Matrix identity(size_t size) {
   return one;
 }
 
-/// A X = B by elimination; A is symmetric and positive: no pivots are needed.
+/// Solves A X = B by elimination; A is symmetric and positive definite, so no pivoting is needed.
 Matrix solve(Matrix a, Matrix b) {
   const size_t size = a.size();
   for (size_t pivot = 0; pivot < size; ++pivot) {
@@ -84,7 +84,7 @@ Matrix solve(Matrix a, Matrix b) {
   return b;
 }
 
-/// One row of pixels of all views, in linear light.
+/// LightRows holds one row of pixels of all views, in linear light.
 class LightRows {
  public:
   LightRows(const ViewSet& views, int row) : samples_(static_cast<size_t>(views.width()) * 3) {
@@ -94,7 +94,7 @@ class LightRows {
         light_.push_back(static_cast<float>(linear_of_codes()[codes[s]]));
     }
   }
-  /// One output view's light.
+  /// Computes one output view's light.
   void mix(const double* weights, size_t views, std::vector<float>& out) const {
     out.assign(samples_, 0.0F);
     for (size_t view = 0; view < views; ++view) {

@@ -22,10 +22,10 @@ using weave_kernel::Set;
 
 namespace {
 
-/// As far as the reference looks, in sigmas.
+/// The reference's limit, in sigmas.
 constexpr double kSpotReach = 4.3;
 constexpr double kSharpestSpot = 1e-3;
-/// Wider spots change less from one fraction to the next.
+/// Weights of wider spots change less from one fraction to the next.
 constexpr double kWideSpot = 2.0;
 constexpr int kSharpBits = 15, kWideBits = 12;
 constexpr size_t kAlignment = 64;
@@ -38,8 +38,8 @@ bool can_permute() {
 #endif
 }
 
-/// Turning costs time for every pixel of the views, mixing for every subpixel: where views have far
-/// more pixels than the panel, those that count are better picked one by one.
+/// Transposing costs time for every pixel of the views, mixing for every subpixel: if views have
+/// far more pixels than the panel, reading single pixels is faster.
 constexpr size_t kMostTurned = 64;
 bool worth_turning(const WeavePlan& plan) {
   const ViewShape& shape = plan.shape();
@@ -50,7 +50,7 @@ bool worth_turning(const WeavePlan& plan) {
          kMostTurned * pixels(plan.geometry().width, plan.geometry().height);
 }
 
-/// Relative to the nearest view's, which so never vanishes.
+/// Returns the weight relative to the nearest view's, which therefore never vanishes.
 double spot_weight(double distance, double nearest, double sigma) {
   return std::exp(-(distance * distance - nearest * nearest) / (2.0 * sigma * sigma));
 }
@@ -120,7 +120,7 @@ BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kern
 void BlockWeaver::prepare_turning() {
   const auto columns = static_cast<size_t>(plan_->shape().width);
   slots_.resize(static_cast<size_t>(plan_->rows_of_block()));
-  // The last view's neighbours, up to seven, count for nothing, but are read.
+  // Up to seven neighbours after the last view are read, but have no weight.
   const size_t bytes = kernel_ == WeaveKernel::Permute ? (columns + 1) * 3 * kViewLanes
                                                        : (columns * 3 * lanes_ + 8) * 4;
   turned_bytes_ = (bytes + kAlignment - 1) / kAlignment * kAlignment;
@@ -151,7 +151,7 @@ void BlockWeaver::prepare_spot() {
                  .views = plan_->shape().count};
 }
 
-/// Lane and view k is the camera from the left, whatever the set's order is.
+/// Sets lane and view k to the k-th camera from the left, in either order of the set.
 void BlockWeaver::look_at(const ViewSet& views) noexcept {
   const int count = views.count();
   const bool reversed = plan_->options().order == ViewOrder::RightToLeft;
@@ -274,7 +274,8 @@ FastWeaver::~FastWeaver() {
   for (std::thread& helper : helpers_) helper.join();
 }
 
-/// Neighbouring blocks look at the same picture rows: each worker has one stretch of the panel.
+/// Weaves one worker's blocks. Neighbouring blocks use the same picture rows, so each worker gets
+/// one contiguous part of the panel.
 void FastWeaver::weave_share(size_t worker) noexcept {
   const auto blocks = static_cast<size_t>(plan_->block_count());
   const auto begin = static_cast<int>(blocks * worker / workers_.size());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Weaving at the speed of memory: what frames/weave.h does, from a plan and in integers. Mixed
-// subpixels are within one code value of the reference's; where all pixels that count are equal, or
-// only one counts, they are the reference's own bytes.
+// FastWeaver weaves at memory speed: the same result as frames/weave.h, from a plan and in
+// integers. Mixed subpixels are within one code value of the reference's; where all contributing
+// pixels are equal, or a single pixel contributes, the bytes equal the reference's.
 #pragma once
 
 #include <condition_variable>
@@ -19,22 +19,26 @@
 
 namespace lenticule::frames {
 
-/// Which inner loop runs; all of them write the same bytes.
+/// WeaveKernel selects the inner loop; all kernels write the same bytes.
 enum class WeaveKernel {
   Plain,    ///< any processor and plan, pixel by pixel
-  Turned,   ///< any processor and plan: picture rows are put side by side in light first
+  Turned,   ///< any processor and plan: picture rows are first transposed, views side by side in
+            ///< linear light
   Avx2,     ///< the same with AVX2
   Permute,  ///< AVX-512 with byte permutes (VBMI): stripes, up to 64 views, not for Gauss
 };
 inline constexpr WeaveKernel kWeaveKernels[] = {WeaveKernel::Plain, WeaveKernel::Turned,
                                                 WeaveKernel::Avx2, WeaveKernel::Permute};
 [[nodiscard]] const char* to_string(WeaveKernel kernel);
-/// Whether this machine and plan can use it.
+/// Returns true if this machine and plan can use the kernel.
 [[nodiscard]] bool kernel_suits(WeaveKernel kernel, const WeavePlan& plan);
-/// The best for this plan on this machine. `isa` (and LENTICULE_ISA) can ask for less.
+/// Returns the fastest kernel for this plan on this machine. `isa` (and LENTICULE_ISA) can select a
+/// smaller instruction set.
 [[nodiscard]] WeaveKernel best_kernel(const WeavePlan& plan, Isa isa = best_isa());
 
-/// Weaves blocks of four rows by one plan. One thread; keeps its working memory.
+/// BlockWeaver weaves blocks of four rows by one plan and keeps its working memory.
+///
+/// Thread safety: one thread.
 class BlockWeaver {
  public:
   /// Throws Error(Usage) for a kernel that this machine or plan cannot use.
@@ -67,7 +71,7 @@ class BlockWeaver {
   weave_kernel::Pictures pictures_{};
   std::vector<uint16_t> light_;
   size_t light_stride_ = 0;
-  /// Picture rows with the views side by side: row r in slot r mod slots.
+  /// Transposed picture rows, with the views side by side: row r in slot r mod slots.
   Turned turned_;
   size_t turned_bytes_ = 0;
   size_t lanes_ = 0;
@@ -75,17 +79,20 @@ class BlockWeaver {
   std::vector<uint16_t> spot_;  ///< weights, for Gauss
 };
 
-/// Several threads that weave frame after frame by one plan.
+/// FastWeaver weaves frame after frame by one plan with several threads.
 class FastWeaver {
  public:
-  /// `threads` of 1 weaves in the caller's thread alone. Errors as BlockWeaver.
+  /// Starts the threads; `threads` = 1 weaves in the caller's thread only. Throws the errors of
+  /// BlockWeaver.
   explicit FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads = 1);
   FastWeaver(std::shared_ptr<const WeavePlan> plan, int threads, WeaveKernel kernel);
   ~FastWeaver();
   FastWeaver(const FastWeaver&) = delete;
   FastWeaver& operator=(const FastWeaver&) = delete;
 
-  /// Returns when the frame is whole. One caller at a time. Does not allocate.
+  /// Returns when the frame is complete. Does not allocate.
+  ///
+  /// Thread safety: one caller at a time.
   void weave(const ViewSet& views, WovenFrame& frame) noexcept;
 
   [[nodiscard]] const WeavePlan& plan() const { return *plan_; }
@@ -98,7 +105,7 @@ class FastWeaver {
   std::shared_ptr<const WeavePlan> plan_;
   WeaveKernel kernel_;
   std::vector<std::unique_ptr<BlockWeaver>> workers_;
-  std::mutex mutex_;  ///< guards the six below
+  std::mutex mutex_;  ///< guards the six members below
   std::condition_variable start_, done_;
   const ViewSet* views_ = nullptr;
   WovenFrame* frame_ = nullptr;
@@ -108,8 +115,8 @@ class FastWeaver {
   std::vector<std::thread> helpers_;
 };
 
-/// The whole frame at once, by the fast weaver, or the reference where there are more views than a
-/// plan takes.
+/// Weaves the whole frame at once: with the fast weaver, or with the reference if there are more
+/// views than a plan supports.
 [[nodiscard]] WovenFrame weave_fast(const ViewSet& views, const optics::OpticalModel& model,
                                     const WeaveOptions& options = {}, int threads = 1);
 

@@ -36,7 +36,7 @@ uint8_t encode(int light) {
   return static_cast<uint8_t>((start + ((rise * part + 0x4000) >> 15)) >> kPointBits);
 }
 
-/// One part of the light curve.
+/// Parabola is one part of the light curve.
 struct Parabola {
   int start = 0, rise = 0, bend = 0;
 
@@ -56,8 +56,8 @@ double furthest_off(const Parabola& parabola, int first_code) {
   return most;
 }
 
-/// The best around the one through the first, a middle and the last code. First codes are as exact
-/// as they can be: black stays black.
+/// Returns the best parabola near the one through the first, a middle and the last code. The first
+/// code of a part is as exact as possible: black stays black.
 Parabola fitted(int first_code) {
   const double first = exact_light(first_code), last = exact_light(first_code + 15);
   const double middle = exact_light(first_code + 7);

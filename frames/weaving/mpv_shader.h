@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// An mpv user shader that weaves a quilt video for one rig on a graphics card: the whole panel, the
-// nearest view, the picture point straight under the subpixel. A preview for other players; the
-// weaver of frames/weave.h is exact, this is not (no refraction, no lens points, code values).
+// Generates an mpv user shader that weaves a quilt video for one rig on a graphics card: the whole
+// panel, the nearest view, the picture point straight under the subpixel. This is a preview for
+// other players; unlike the weaver of frames/weave.h it is not exact (no refraction, no lens
+// points, mixing in code values).
 #pragma once
 
 #include <string>
@@ -11,12 +12,13 @@
 
 namespace lenticule::frames {
 
-/// The shader's text. Its constants stand as `const float NAME = value;` lines, the subpixel's view
-/// is floor(VIEWS (1/2 - (phase - floor(phase + 1/2)))) with phase = (x - WIDTH / 2)
-/// LENSES_PER_PIXEL
-/// + (y - HEIGHT / 2) LENSES_PER_ROW + OFFSET for the subpixel's centre (x, y) in pixels, y down. A
-/// finite viewing distance is folded into pitch and offset, paraxially. Throws Error(Input) for a
-/// residual map or a cell table, Error(Usage) for a bad layout.
+/// Returns the shader's text. Its constants have the form `const float NAME = value;`. The
+/// subpixel's view is
+///    floor(VIEWS (1/2 - (phase - floor(phase + 1/2)))) with
+///    phase = (x - WIDTH / 2) LENSES_PER_PIXEL + (y - HEIGHT / 2) LENSES_PER_ROW + OFFSET
+/// for the subpixel's centre (x, y) in pixels, y down. A finite viewing distance is folded into
+/// pitch and offset, paraxially. Throws Error(Input) for a residual map or a cell table,
+/// Error(Usage) for an invalid layout.
 [[nodiscard]] std::string mpv_shader(const optics::Rig& rig, const QuiltLayout& layout);
 
 }  // namespace lenticule::frames

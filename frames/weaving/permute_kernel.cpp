@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fast weaver's arithmetic for a whole quad at once. With the views of a pixel side by side in
-// one register, choosing a view is a permutation of bytes: one instruction serves all subpixels of
-// a lens in four rows. Only intrinsics and plain data here: this file is compiled for processors
-// that not everybody has.
+// The fast weaver's arithmetic for a whole record at once. With the views of a pixel side by side
+// in one register, choosing a view is a permutation of bytes: one instruction serves all subpixels
+// of a lens in four rows. Only intrinsics and plain data are used here, because this file is
+// compiled for processors that not every machine has.
 //
 // Lanes of a register: four rows of sixteen, in each the eight subpixels' views a, then a + 1.
 #include <immintrin.h>
 
 #if defined(__GNUC__) && !defined(__clang__)
-// gcc 12 takes its own intrinsics' "undefined" registers for variables that were forgotten.
+// gcc 12 mistakes the "undefined" registers of its own intrinsics for uninitialised variables.
 #pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
 #pragma GCC diagnostic ignored "-Wuninitialized"
 #endif
@@ -20,7 +20,7 @@ namespace {
 
 constexpr int kPixelBytes = 3 * kViewLanes;
 
-/// 256 codes to light: low and high bytes, in four registers each.
+/// LightTable maps 256 codes to light: low and high bytes, in four registers each.
 struct LightTable {
   __m512i low[4], high[4];
 };
@@ -39,12 +39,12 @@ LightTable light_table(const uint16_t* light) {
   return table;
 }
 
-/// Which lanes have the second and the third of three places' colours, or the first.
+/// ColourLanes holds the lanes with the first, second and third of three places' colours.
 struct ColourLanes {
   uint64_t of[3];
 };
 
-/// By the colours that the rows' runs begin with, as Quad::colours counts them.
+/// ColourTable is indexed by the colours that the rows' runs begin with, encoded as Quad::colours.
 struct ColourTable {
   ColourLanes lanes[256];
 };
@@ -60,7 +60,7 @@ constexpr ColourTable colour_table() {
 }
 constexpr ColourTable kColours = colour_table();
 
-/// View numbers of a quad as words, a row per 128 bits, eight subpixels each.
+/// Views holds the view numbers of a record as words, a row per 128 bits, eight subpixels each.
 struct Views {
   __m512i index;   ///< bytes: a, then a + 1
   __m512i weight;  ///< words
@@ -88,8 +88,8 @@ Views views_of(const Terms& terms, const Quad& quad) {
   return {_mm512_packus_epi16(a, b), _mm512_packs_epi32(weight(left), weight(right))};
 }
 
-/// How a quad's lanes choose among the 3 x 64 codes of a pixel: two colours' at once, then the
-/// third's.
+/// Choice selects a record's lanes among the 3 x 64 codes of a pixel: two colours at once, then the
+/// third.
 struct Choice {
   __m512i index;
   __mmask64 blue;
@@ -108,12 +108,12 @@ __m512i choose(const Choice& choice, const uint8_t* pixel) {
                                       _mm512_load_si512(pixel + 2 * kViewLanes));
 }
 
-/// The codes of a quad's four taps.
+/// Codes holds the codes of a record's four pixels.
 struct Codes {
   __m512i upper_left, upper_right, lower_left, lower_right;
 };
 
-/// Of two neighbouring columns in one picture row.
+/// Pair holds two neighbouring columns in one picture row.
 struct Pair {
   __m512i left, right;
 };
@@ -122,11 +122,11 @@ Pair choose_pair(const Choice& choice, const uint8_t* pixel) {
   return {choose(choice, pixel), choose(choice, pixel + kPixelBytes)};
 }
 
-/// Which picture rows the four rows of a set look at.
+/// RowPattern describes the picture rows that the four rows of a set use.
 struct RowPattern {
   const uint8_t *top, *middle, *bottom;  ///< the set's last rows have the middle one as their upper
-  __mmask64 last;                        ///< their lanes, if any
-  bool simple;                           ///< is all this so?
+  __mmask64 last;                        ///< lanes of those last rows, if any
+  bool simple;                           ///< true if the rows have this pattern
 };
 
 RowPattern pattern_of(const TurnedRows& rows) {
@@ -141,7 +141,7 @@ RowPattern pattern_of(const TurnedRows& rows) {
           .simple = simple};
 }
 
-/// All rows look at the same columns.
+/// Chooses codes when all rows use the same columns.
 Codes choose_simply(const RowPattern& rows, const Choice& choice, size_t pixel) {
   const Pair top = choose_pair(choice, rows.top + pixel);
   const Pair middle = choose_pair(choice, rows.middle + pixel);
@@ -153,7 +153,7 @@ Codes choose_simply(const RowPattern& rows, const Choice& choice, size_t pixel) 
           _mm512_mask_blend_epi8(rows.last, middle.right, bottom.right)};
 }
 
-/// Rows that look at the same pixels are served together.
+/// Chooses codes row by row; rows that use the same pixels are handled together.
 Codes choose_by_rows(const TurnedRows& rows, const Quad& quad, const Choice& choice) {
   const __m512i none = _mm512_setzero_si512();
   Codes codes{none, none, none, none};
@@ -180,12 +180,12 @@ bool has_one_column(const Quad& quad) {
           (quad.column[0] ^ quad.column[3])) == 0;
 }
 
-/// a + (b - a) weight, rounded.
+/// Returns a + (b - a) weight, rounded.
 __m512i mix(__m512i a, __m512i b, __m512i weight) {
   return _mm512_add_epi16(a, _mm512_mulhrs_epi16(_mm512_sub_epi16(b, a), weight));
 }
 
-/// One tap's light in both views.
+/// Light holds one pixel's light in both views.
 struct Light {
   __m512i a, b;
 };
@@ -205,7 +205,7 @@ Light mix(const Light& a, const Light& b, __m512i weight) {
   return {mix(a.a, b.a, weight), mix(a.b, b.b, weight)};
 }
 
-/// Four 16-bit values, one per row, in all words of the row.
+/// Returns four 16-bit values, one per row, in all words of the row.
 __m512i per_row(const void* four) {
   const __m512i by_row = _mm512_set_epi16(3, 3, 3, 3, 3, 3, 3, 3, 2, 2, 2, 2, 2, 2, 2, 2, 1, 1, 1,
                                           1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0);
@@ -221,8 +221,8 @@ __m512i column_weights(const Quad& quad) {
   return _mm512_add_epi16(per_row(quad.share), bend);
 }
 
-/// Quads go through each step some at a time: the steps of one quad wait for each other, those of
-/// several quads do not, and a processor sees about a hundred of them ahead.
+/// Records pass each step in batches: the steps of one record depend on each other, the steps of
+/// several records do not, and a processor looks about a hundred instructions ahead.
 constexpr uint32_t kBatch = 8;
 struct Batch {
   Views views[kBatch];
@@ -231,7 +231,7 @@ struct Batch {
   __m512i light[kBatch];
 };
 
-/// A frame's quads are more than caches hold.
+/// A frame's records exceed the caches, so they are prefetched this far ahead.
 constexpr uint32_t kQuadsAhead = 64;
 void fetch_quads(const Quad* quads, uint32_t begin, uint32_t end) {
   for (uint32_t q = begin; q < begin + kBatch && q < end; ++q)
@@ -280,8 +280,8 @@ void store_rows(__m512i light, const Set& set, const Quad& quad, const Target& t
   _mm_storeu_si128(row(3), _mm512_extracti32x4_epi32(light, 3));
 }
 
-/// Interleaving the bytes of halves four times over transposes sixteen by sixteen, here in each of
-/// the four parts of a register.
+/// Transposes sixteen by sixteen in each of the four parts of a register, by interleaving the bytes
+/// of halves four times.
 void transpose_16(__m512i (&rows)[16]) {
   for (int round = 0; round < 4; ++round) {
     __m512i next[16];
@@ -297,14 +297,15 @@ __m128i sixteen_bytes(const uint8_t* from) {
   return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from));
 }
 
-/// So many rows at once are more than processors follow by themselves.
+/// The hardware prefetcher does not follow so many rows at once, so they are prefetched explicitly.
 constexpr size_t kAhead = 256;
 void fetch_ahead(const Pictures& pictures, size_t at) {
   for (int view = 0; view < pictures.views; ++view)
     _mm_prefetch(reinterpret_cast<const char*>(pictures.first[view] + at), _MM_HINT_T0);
 }
 
-/// Sixteen bytes of each view, sixteen views a part of a register. Parts without views stay empty.
+/// Loads sixteen bytes of each view, one view per part of a register. Parts without views stay
+/// empty.
 template <int kParts>
 __m512i sixteen_of(const uint8_t* const* views, size_t at) {
   __m512i bytes = _mm512_zextsi128_si512(sixteen_bytes(views[0] + at));
@@ -314,7 +315,7 @@ __m512i sixteen_of(const uint8_t* const* views, size_t at) {
   return bytes;
 }
 
-/// As many bytes of the row as can be turned sixteen at a time: returns how many.
+/// Transposes as many bytes of the row as fit into groups of sixteen, and returns their number.
 template <int kParts>
 size_t turn_sixteens(const Pictures& pictures, size_t begin, size_t bytes, uint8_t* turned) {
   size_t at = 0;

@@ -11,12 +11,12 @@ int mix(int a, int b, int weight) {
   return a + (((b - a) * weight + (1 << (kWeightBits - 1))) >> kWeightBits);
 }
 
-/// How far the column has moved along a run.
+/// Returns how far the column has moved along a run.
 int bent(const Quad& quad, int r, int n) {
   return (n * (quad.column_step[r] + n * quad.column_bend)) >> kSlopeBits;
 }
 
-/// Where one subpixel looks.
+/// Look holds the inputs of one subpixel.
 struct Look {
   int view, view_weight;
   int column, column_weight;
@@ -24,7 +24,7 @@ struct Look {
   int channel;
 };
 
-/// A view's four pixels, mixed.
+/// Mixes a view's four pixels.
 int view_light(const Terms& terms, const Pictures& pictures, const Look& look, int view) {
   const int next_row = std::min(look.row + 1, pictures.height - 1);
   const int next_column = std::min(look.column + 1, pictures.width - 1);
@@ -43,8 +43,8 @@ int two_views_light(const Terms& terms, const Pictures& pictures, const Look& lo
   return mix(light, view_light(terms, pictures, look, look.view + 1), look.view_weight);
 }
 
-/// Many views under the lens's spot. The view number is not clamped: views at the ends weigh less
-/// the further off they are.
+/// Mixes many views under the lens's spot. The view number is not clamped: views at the ends weigh
+/// less the further they are.
 int spot_light(const Terms& terms, const Pictures& pictures, const Look& look, int32_t number) {
   const Spot& spot = terms.spot;
   const int part = (number & ((1 << kViewBits) - 1)) >> (kViewBits - spot.bits);
@@ -58,7 +58,7 @@ int spot_light(const Terms& terms, const Pictures& pictures, const Look& look, i
   return sum > 0 ? static_cast<int>((light + sum / 2) / sum) : 0;
 }
 
-/// One row of a quad.
+/// Mixes one row of a record.
 void mix_run(const Terms& terms, const Pictures& pictures, const Set& set, const Quad& quad, int r,
              uint16_t* light) {
   const int step = terms.view_step + quad.view_step;
@@ -93,7 +93,7 @@ void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& se
 
 void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
                     uint8_t* codes) noexcept {
-  const uint8_t* const table = terms.codes;  // `codes` might alias what `terms` points to
+  const uint8_t* const table = terms.codes;  // `codes` might alias the data that `terms` points to
   size_t n = 0;
   for (; n + 8 <= count; n += 8) {
     uint8_t eight[8];

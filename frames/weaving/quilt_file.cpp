@@ -12,7 +12,7 @@
 namespace lenticule::frames {
 namespace {
 
-/// Names round: three places are as many as others write.
+/// Rounds the aspect to three decimals, as other programs write it in names.
 double named_aspect(double aspect) {
   return std::max(0.001, std::round(aspect * 1000.0) / 1000.0);
 }

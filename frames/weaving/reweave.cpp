@@ -17,7 +17,7 @@
 namespace lenticule::frames {
 namespace {
 
-/// A view's picture while subpixels are handed to it: light and weight per pixel and colour.
+/// Gathered accumulates a view's picture from subpixels: light and weight per pixel and colour.
 class Gathered {
  public:
   explicit Gathered(FrameGeometry geometry)
@@ -28,7 +28,7 @@ class Gathered {
     std::fill(weight_.begin(), weight_.end(), 0.0F);
   }
 
-  /// Shares a subpixel at fractions (u, v) of the picture among the four pixels around it.
+  /// Distributes a subpixel at fractions (u, v) of the picture over the four pixels around it.
   void add(double u, double v, size_t channel, float light, double weight) {
     const double x = std::clamp(u * geometry_.width - 0.5, 0.0, geometry_.width - 1.0);
     const double y = std::clamp(v * geometry_.height - 0.5, 0.0, geometry_.height - 1.0);
@@ -44,7 +44,7 @@ class Gathered {
       }
   }
 
-  /// Where hardly anything was handed in, `otherwise` stays.
+  /// Returns the picture; pixels with hardly any weight keep the value of `otherwise`.
   [[nodiscard]] WovenFrame picture(WovenFrame otherwise) const {
     constexpr float kEnough = 0.05F;
     for (size_t n = 0; n < light_.size(); ++n)
@@ -57,7 +57,7 @@ class Gathered {
   std::vector<float> light_, weight_;
 };
 
-/// Hands every subpixel that shows `view`, or is less than a view off, to its picture.
+/// Adds every subpixel that shows `view`, or is less than a view off, to the view's picture.
 void gather_view(const FrameView& woven, const optics::RowRayEvaluator& evaluator,
                  const PicturePlace& place, int view, int views, Gathered& picture) {
   optics::RowRays rays;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fast weaver's arithmetic one subpixel after the other, from picture rows that were turned
-// into light first: all that a subpixel mixes lies side by side. For every machine and every rig.
+// The fast weaver's arithmetic one subpixel after the other, from transposed picture rows in linear
+// light: all inputs of a subpixel lie side by side. For every machine and every rig.
 #include <algorithm>
 
 #include "frames/weaving/weave_kernel.h"
@@ -12,13 +12,13 @@ int mix(int a, int b, int weight) {
   return a + (((b - a) * weight + (1 << (kWeightBits - 1))) >> kWeightBits);
 }
 
-/// Where a run looks, and how it mixes.
+/// Look holds the inputs of a run and its row weight.
 struct Look {
-  const uint16_t *upper, *lower;  ///< of the run's column
+  const uint16_t *upper, *lower;  ///< entries at the run's column
   int row_weight;
 };
 
-/// A view's four pixels: `at` is its entry.
+/// Mixes a view's four pixels; `at` is the view's entry.
 int view_light(const Look& look, size_t at, int column_weight) {
   const uint16_t *const upper = look.upper + at, *const lower = look.lower + at;
   return mix(mix(upper[0], lower[0], look.row_weight), mix(upper[1], lower[1], look.row_weight),
@@ -33,7 +33,7 @@ int two_views_light(const Terms& terms, const Look& look, size_t colour, int32_t
   return mix(view_light(look, at, column_weight), view_light(look, at + 2, column_weight), weight);
 }
 
-/// As plain_kernel.cpp has it.
+/// Does the same as spot_light() in plain_kernel.cpp.
 int spot_light(const Terms& terms, const Look& look, size_t colour, int32_t number,
                int column_weight) {
   const Spot& spot = terms.spot;
@@ -50,7 +50,7 @@ int spot_light(const Terms& terms, const Look& look, size_t colour, int32_t numb
   return sum > 0 ? static_cast<int>((light + sum / 2) / sum) : 0;
 }
 
-/// One row of a quad.
+/// Mixes one row of a record.
 void mix_run(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad& quad, int r,
              uint16_t* light) {
   const int step = terms.view_step + quad.view_step;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the inner loops of the fast weaver are given. Plain data only: the kernels are compiled for
-// several instruction sets and may not bring shared inline functions along. All of them compute the
-// same integers, bit for bit.
+// The interface of the inner loops of the fast weaver. Plain data only: the kernels are compiled
+// for several instruction sets and must not bring shared inline functions into them. All kernels
+// compute the same integers, bit for bit.
 //
 // In units of 2^-15, with mix(a, b, w) = a + ((b - a) w + 2^14 >> 15), a subpixel's light is
-//   mix(P(a), P(a + 1), wv), where P(v) = mix(mix(L00, L10, wy), mix(L01, L11, wy), wx)
-// of the light Lcr of view v at column x0 + c, row y0 + r. Equal values stay exactly equal, weights
-// of 0 count for nothing.
+//    mix(P(a), P(a + 1), wv), where P(v) = mix(mix(L00, L10, wy), mix(L01, L11, wy), wx)
+// of the light Lcr of view v at column x0 + c, row y0 + r. Mixing equal values gives exactly the
+// same value; a weight of 0 contributes exactly nothing.
 #pragma once
 
 #include <cstddef>
@@ -15,16 +15,16 @@
 namespace lenticule::frames::weave_kernel {
 
 inline constexpr int kRows = 4;        ///< panel rows of a block
-inline constexpr int kRun = 8;         ///< subpixels of a run at most
+inline constexpr int kRun = 8;         ///< largest number of subpixels in a run
 inline constexpr int kViewLanes = 64;  ///< views of one pixel and colour, side by side
 inline constexpr int kViewBits = 20;   ///< fraction bits of a view number
 inline constexpr int kWeightBits = 15;
-inline constexpr int kSlopeBits = 3;  ///< more bits for the change of a column along a run
+inline constexpr int kSlopeBits = 3;  ///< additional bits for the change of a column along a run
 
-/// One lens in four rows: per row a run of subpixels under it, along which view number and picture
-/// column change smoothly. Subpixel n of a run:
-///   view = clamp(view[r] + n (step + view_step)), column = column[r], its weight
-///   share[r] + (n column_step[r] + n n column_bend >> kSlopeBits).
+/// Quad is a plan record for one lens in four rows: per row a run of subpixels under the lens,
+/// along which view number and picture column change smoothly. Subpixel n of a run:
+///    view = clamp(view[r] + n (step + view_step)), column = column[r], its weight
+///    share[r] + (n column_step[r] + n n column_bend >> kSlopeBits).
 struct Quad {
   int32_t view[kRows];    ///< 2^-kViewBits views
   uint16_t share[kRows];  ///< 2^-15 columns
@@ -33,14 +33,15 @@ struct Quad {
   int16_t column_step[kRows];
   int16_t view_step;
   int16_t column_bend;
-  /// Four bits a row. Where there is nothing in a row, `at` lies behind the last place.
+  /// Number of subpixels, four bits per row. In a row without a run, `at` lies behind the last
+  /// place.
   uint16_t counts;
-  uint16_t colours;  ///< at[r] mod 3, two bits a row
+  uint16_t colours;  ///< value at[r] mod 3, two bits per row
 };
 static_assert(sizeof(Quad) == 56);
 
-/// Quads of four rows whose subpixels have one height in each row: places first, first + stride,
-/// ...
+/// Set holds the records of four rows whose subpixels have one height in each row: places first,
+/// first + stride, ...
 struct Set {
   uint32_t first;            ///< subpixel of place 0
   uint32_t stride;           ///< 1, or a multiple of 3: one colour only
@@ -49,35 +50,37 @@ struct Set {
   uint32_t quads_begin, quads_end;
 };
 
-/// The Gaussian view filter: for each fraction of a view number, in 2^-bits, the weights of `taps`
-/// views from `reach` left of its whole part on. Views that are not there do not count.
+/// Spot is the Gaussian view filter: for each fraction of a view number, in 2^-bits, the weights of
+/// `taps` views, starting `reach` left of the number's integer part. Views that do not exist are
+/// ignored.
 struct Spot {
-  const uint16_t* weights;  ///< null: no such filter. Eight more than there are can be read
+  const uint16_t* weights;  ///< null: no such filter. Eight more entries than are used can be read
   int taps, reach, bits, views;
 };
 
-/// What is the same for a whole frame.
+/// Terms holds the values that are constant for a whole frame.
 struct Terms {
-  int32_t view_step;           ///< nominal, added to every quad's
+  int32_t view_step;           ///< nominal, added to the step of every record
   int32_t view_most;           ///< view numbers are clamped to 0..view_most
   int32_t weight_mask;         ///< 0x7fff, or 0: no mixing of views
   bool blue_first;             ///< the first of three places is blue
-  const uint16_t* light;       ///< of codes, 256
-  const uint8_t* codes;        ///< of light, 32768
+  const uint16_t* light;       ///< light of codes, 256 entries
+  const uint8_t* codes;        ///< codes of light, 32768 entries
   const uint8_t* light_curve;  ///< LightCurve: five times 16
   const int16_t* curve;        ///< EncodingCurve: four times 64
   Spot spot;
 };
 
-/// Where views lie: pixel (column, row) of view k is at first[k] + row * stride + 3 column.
-/// There are at least kViewLanes pointers; what follows the last view repeats it.
+/// Pictures locates the views: pixel (column, row) of view k is at first[k] + row * stride + 3
+/// column. There are at least kViewLanes pointers; the pointers after the last view repeat it.
 struct Pictures {
   const uint8_t* const* first;
   size_t stride;
   int views, width, height;
 };
 
-/// Mixes the quads of a set into `light`: kRows rows of `light_stride` values, by subpixel.
+/// Target is the output of mixing the records of a set: kRows rows of `light_stride` values, by
+/// subpixel.
 struct Target {
   uint16_t* light;
   size_t light_stride;
@@ -85,29 +88,30 @@ struct Target {
 
 void mix_set_plainly(const Terms& terms, const Pictures& pictures, const Set& set,
                      const Quad* quads, const Target& target) noexcept;
-/// Light to code values; `count` of them.
+/// Converts `count` values of light to code values.
 void encode_plainly(const Terms& terms, const uint16_t* light, size_t count,
                     uint8_t* codes) noexcept;
 
-/// The picture rows that a set looks at, put side by side: what one of the turn_...() functions
-/// left, aligned to 64.
+/// TurnedRows holds the transposed picture rows of a set, with the views side by side, as one of
+/// the turn_...() functions wrote them; aligned to 64.
 struct TurnedRows {
   const void* upper[kRows];
   const void* lower[kRows];
-  size_t lanes;  ///< not for permuting, which has kViewLanes
+  size_t lanes;  ///< unused by the permute kernel, which has kViewLanes
 };
 
-/// Lanes of an entry: a multiple of kLaneStep, whose rest repeats the last view.
+/// The lanes of an entry are a multiple of kLaneStep; the lanes after the last view repeat it.
 inline constexpr size_t kLaneStep = 16;
-/// Puts the light of a picture row's views side by side: entry (3 column + channel) lanes + view is
-/// two words, the light there and in the next column. There are as many pointers to views as lanes.
+/// Transposes a picture row: puts the light of its views side by side. Entry (3 column + channel)
+/// lanes + view is two words, the light at the column and at the next column. There are as many
+/// pointers to views as lanes.
 void turn_light_plainly(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
                         uint16_t* light) noexcept;
 void mix_set_turned(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad* quads,
                     const Target& target) noexcept;
 
-/// The same with AVX2; a set is mixed by the second where there is no spot, by the third where
-/// there is one.
+/// Do the same with AVX2. mix_set_avx2() mixes sets without a spot, mix_spot_set_avx2() sets with a
+/// spot.
 void turn_light_avx2(const Terms& terms, const Pictures& pictures, int row, size_t lanes,
                      uint16_t* light) noexcept;
 void mix_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set, const Quad* quads,
@@ -115,9 +119,9 @@ void mix_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set, co
 void mix_spot_set_avx2(const Terms& terms, const TurnedRows& rows, const Set& set,
                        const Quad* quads, const Target& target) noexcept;
 
-/// The same by permuting bytes: at most kViewLanes views, sets of stride 1. The first puts the
-/// codes of a picture row's views side by side: width + 1 pixels, the last one twice, three colours
-/// each, kViewLanes views each.
+/// Do the same by permuting bytes, for at most kViewLanes views and sets of stride 1. turn_row()
+/// puts the codes of a picture row's views side by side: width + 1 pixels, the last one twice,
+/// three colours each, kViewLanes views each.
 void turn_row(const Pictures& pictures, int row, uint8_t* turned) noexcept;
 void mix_set_by_permuting(const Terms& terms, const TurnedRows& rows, const Set& set,
                           const Quad* quads, const Target& target) noexcept;

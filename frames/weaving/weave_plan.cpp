@@ -26,21 +26,21 @@ using weave_kernel::Set;
 namespace {
 
 constexpr int kBlocksPerPart = 16;
-/// Places of a set have 16 bits; a multiple of every layout's columns is cut from this.
+/// Places of a set have 16 bits; the segment is the largest multiple of the layout's columns below
+/// this limit.
 constexpr int kSegmentPixels = 16384;
 constexpr double kViewUnit = 1 << kViewBits;
 constexpr double kColumnUnit = 1 << kWeightBits;
-/// How far a run may be from the rays, in its own units.
+/// Largest distance of a run from the rays, in the run's own units.
 constexpr double kViewTolerance = 32.0;
 constexpr double kColumnTolerance = 3.0;
-/// What a column moves along a run, before it is shifted down, stays within 16 bits.
+/// The movement of a column along a run, before it is shifted down, stays within 16 bits.
 constexpr int kFurthestColumn = 32767;
 
-/// The places of one row of a set, as the rays say.
+/// Line holds the places of one row of a set, as the rays give them.
 struct Line {
-  std::vector<double> view;  ///< numbers, in (0, views]
-  std::vector<double>
-      column;  ///< in picture pixels from the first one's centre, within the picture
+  std::vector<double> view;    ///< numbers, in (0, views]
+  std::vector<double> column;  ///< picture pixels from the first one's centre, within the picture
   std::vector<int32_t> lens;
   std::vector<uint8_t> black;
   double row = 0.0;
@@ -53,7 +53,7 @@ struct Line {
   }
 };
 
-/// A run before it shares its steps with other rows. Steps are per place, in kernel units.
+/// Run is a run before it shares its steps with other rows. Steps are per place, in kernel units.
 struct Run {
   int at = 0;
   int count = 0;
@@ -66,7 +66,7 @@ struct Run {
   double column_bend = 0.0;
 };
 
-/// What the runs of a quad share, in integers.
+/// Steps holds the integer values that the runs of a record share.
 struct Steps {
   int view = 0;
   int bend = 0;
@@ -80,12 +80,13 @@ bool is_short(double value) {
   return std::abs(value) <= std::numeric_limits<int16_t>::max();
 }
 
-/// Ends where the run's own parabola does, with a bend that is a little another.
+/// Returns the column step such that the run ends where its own parabola does, despite a slightly
+/// different bend.
 int column_step_of(const Run& run, int bend) {
   return rounded(run.column_step + (run.column_bend - bend) * (run.count - 1));
 }
 
-/// The parabola through a run's first, middle and last column.
+/// Fits the parabola through a run's first, middle and last column.
 void bend_column(const Line& line, Run& run) {
   const auto column = [&](int n) {
     const auto first = static_cast<size_t>(run.at);
@@ -107,7 +108,7 @@ ViewShape shape_of(const ViewSet& views) {
           .aspect = views.aspect()};
 }
 
-/// Builds the parts of one plan; each thread has its own.
+/// PlanBuilder builds the parts of one plan; each thread has its own builder.
 class PlanBuilder {
  public:
   PlanBuilder(WeavePlan& plan, const optics::OpticalModel& model)
@@ -116,7 +117,8 @@ class PlanBuilder {
         rays_(model),
         place_(place_picture(model.rig().panel, plan.shape_.aspect, plan.options_.fit)) {}
 
-  /// The step from place to place in the panel's middle, from which all others differ little.
+  /// Returns the step from place to place in the panel's middle; all other steps differ little from
+  /// it.
   [[nodiscard]] int32_t usual_step();
   void build(int first_block, int end_block, WeavePlan::Part& part);
   [[nodiscard]] int most_rows() const { return most_rows_; }
@@ -183,7 +185,7 @@ void PlanBuilder::read_line(const optics::RowRays& rays, uint32_t offset, Line& 
   }
 }
 
-/// As the kernel wants it.
+/// Returns the view number in kernel units.
 int32_t PlanBuilder::view_of(double number) const {
   if (plan_.options_.filter == ViewFilter::Nearest) {
     const double off_border = plan_.shape_.count * optics::kBorderTolerance;
@@ -237,7 +239,8 @@ Run PlanBuilder::run_of(const Line& line, int at, int count) const {
   return run;
 }
 
-/// One place always fits: only a view that rounding put over a border has to be moved.
+/// Returns the longest run from `at` on. One place always fits; only a view that rounding put over
+/// a border is moved.
 Run PlanBuilder::longest_run(const Line& line, int at) const {
   const auto first = static_cast<size_t>(at);
   int count = 1;
@@ -296,7 +299,7 @@ Steps PlanBuilder::shared_steps(const std::array<const Run*, kRows>& rows) const
   return {rounded(view / several), rounded(bend / several)};
 }
 
-/// Makes one quad of the rows' runs if they can share their steps.
+/// Makes one record of the rows' runs if they can share their steps.
 bool PlanBuilder::join(const std::array<const Run*, kRows>& rows, int places,
                        WeavePlan::Part& part) const {
   const Steps steps = shared_steps(rows);
@@ -325,7 +328,7 @@ bool PlanBuilder::join(const std::array<const Run*, kRows>& rows, int places,
   return true;
 }
 
-/// The rows' runs of one lens become a quad, from the left to the right.
+/// Joins the rows' runs of one lens to a record, from the left to the right.
 void PlanBuilder::join_rows(const Runs& runs, int places, WeavePlan::Part& part) const {
   std::array<size_t, kRows> next{};
   while (true) {

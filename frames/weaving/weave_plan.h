@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What weaving needs to know about a rig and the size of its views, worked out once: which views
-// and which picture point each subpixel takes, as runs along which both change linearly.
+// WeavePlan holds all values that weaving derives from a rig and the size of its views, computed
+// once: the views and the picture point of each subpixel, as runs along which both change linearly.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,7 @@ namespace lenticule::frames {
 /// More views than this are woven by the reference (view numbers have 31 bits here).
 inline constexpr int kMostPlannedViews = 1024;
 
-/// The shape of views, whatever is in them.
+/// ViewShape is the shape of views, without their content.
 struct ViewShape {
   int count = 0;
   int width = 0;
@@ -30,21 +30,24 @@ struct ViewShape {
 };
 [[nodiscard]] ViewShape shape_of(const ViewSet& views);
 
-/// Immutable once built; safe from any thread. A 4K frame's plan takes about 43 MB and 0.8 s of one
-/// core. Along each run view numbers are within 2^-15 view and columns within 2^-13 pixel of
+/// WeavePlan is immutable once built. A 4K frame's plan takes about 43 MB and 0.8 s of one core.
+/// Along each run view numbers are within 2^-15 view and columns within 2^-13 pixel of
 /// RowRayEvaluator's; with ViewFilter::Nearest the views are exactly the reference's.
+///
+/// Thread safety: any thread.
 class WeavePlan {
  public:
-  /// `threads` work on it. Throws Error(Usage) for more than kMostPlannedViews views.
+  /// Builds the plan with `threads` threads. Throws Error(Usage) for more than kMostPlannedViews
+  /// views.
   WeavePlan(const optics::OpticalModel& model, const ViewShape& shape, const WeaveOptions& options,
             int threads = 1);
 
-  /// Subpixels of one row that are black.
+  /// Bar is a group of subpixels of one row that are black.
   struct Bar {
-    int row;  ///< in the block, 0..3
+    int row;  ///< row in the block, 0..3
     uint32_t first, stride, count;
   };
-  /// Four panel rows.
+  /// Block is four panel rows.
   struct Block {
     std::span<const weave_kernel::Set> sets;
     std::span<const WeavePlan::Bar> bars;
@@ -58,19 +61,20 @@ class WeavePlan {
   [[nodiscard]] const WeaveOptions& options() const { return options_; }
   [[nodiscard]] int32_t view_step() const { return view_step_; }
   [[nodiscard]] int32_t view_most() const;
-  /// In views.
+  /// Returns sigma in views.
   [[nodiscard]] double spot_sigma() const { return spot_sigma_; }
-  /// All sets have stride 1; colours lie side by side.
+  /// Returns true if all sets have stride 1: colours lie side by side.
   [[nodiscard]] bool in_stripes() const { return stride_ == 1; }
-  /// Places count from blue to red: subpixel 3 i + c of the plan is the panel's 3 i + 2 - c.
+  /// Returns true if places count from blue to red: subpixel 3 i + c of the plan is the panel's 3 i
+  /// + 2 - c.
   [[nodiscard]] bool blue_first() const { return blue_first_; }
-  /// Picture rows that one block looks at, at most.
+  /// Returns the largest number of picture rows that one block uses.
   [[nodiscard]] int rows_of_block() const { return rows_of_block_; }
   [[nodiscard]] size_t memory_bytes() const;
 
  private:
   friend class PlanBuilder;
-  /// Several blocks, built by one thread.
+  /// Part holds several blocks, built by one thread.
   struct Part {
     std::vector<weave_kernel::Quad> quads;
     std::vector<weave_kernel::Set> sets;

@@ -24,7 +24,8 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 using nlohmann::ordered_json;
 
-/// An answer is far smaller; whoever sends more is no player.
+/// Upper limit of an answer in bytes. Answers of a player are far smaller, so a longer one means
+/// that the peer is not a player.
 constexpr size_t kMaxAnswer = 8u << 20;
 
 [[noreturn]] void fail_gone(const std::string& socket) {
@@ -61,7 +62,8 @@ void ControlClient::send(const ordered_json& request) {
     if (more > 0 || (more < 0 && errno == EINTR)) continue;
     pollfd entry{.fd = fd_.get(), .events = POLLOUT, .revents = 0};
     const bool later = more < 0 && errno == EAGAIN;
-    // A player that refuses says why before it closes: that is read.
+    // A player that refuses a connection sends the reason before it closes the socket, so the
+    // reason is still read.
     if (!later) return;
     if (poll(&entry, 1, left_ms(deadline)) <= 0) fail_gone(socket_);
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The other end of a control socket: sends a request, waits a bounded time for lines.
+// The client end of a control socket sends requests and waits a bounded time for lines.
 #pragma once
 
 #include <chrono>
@@ -11,16 +11,17 @@
 
 namespace lenticule::player {
 
-/// One thread.
+/// Thread safety: one thread.
 class ControlClient {
  public:
-  /// Throws Error(Device) if nobody listens there, within `patience`.
+  /// Throws Error(Device) if no player accepts the connection within `patience` (the timeout).
   ControlClient(const std::string& socket, std::chrono::milliseconds patience);
 
-  /// Throws Error(Device) when the player went away.
+  /// Throws Error(Device) if the player closed the connection.
   void send(const nlohmann::ordered_json& request);
-  /// The next line; none if none came in time or `stop_fd` is readable. Throws Error(Device) when
-  /// the player went away and Error(Failed) for what is no JSON object.
+  /// Returns the next line; none if no line arrived in time or `stop_fd` is readable. Throws
+  /// Error(Device) if the player closed the connection and Error(Failed) if the line is not a JSON
+  /// object.
   [[nodiscard]] std::optional<nlohmann::ordered_json> receive(std::chrono::milliseconds patience,
                                                               int stop_fd = -1);
 
@@ -33,8 +34,8 @@ class ControlClient {
   std::string in_;
 };
 
-/// The socket of the only player that runs as a service on this machine. Throws Error(Usage) if
-/// there is none, or more than one.
+/// Returns the socket of the only player that runs as a service on this machine. Throws
+/// Error(Usage) if there is none or more than one.
 [[nodiscard]] std::string only_control_socket();
 
 }  // namespace lenticule::player

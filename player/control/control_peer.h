@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who is at the other end of a Unix socket, and whether that may steer a player.
+// ControlPeer identifies the process at the other end of a Unix socket; ControlPolicy decides
+// whether that process may control a player.
 #pragma once
 
 #include <sys/types.h>
@@ -23,17 +24,19 @@ struct ControlPolicy {
 
 enum class ControlRights {
   None,
-  Steer,  ///< everything that writes no file that the peer names
+  Steer,  ///< everything except writing files that the peer names
   Everything,
 };
 
-/// The owner and root have every right, members of the group may steer.
+/// Returns the rights of `peer`: the owner and root have every right, members of the group may
+/// steer.
 [[nodiscard]] ControlRights rights_of(const ControlPeer& peer, const ControlPolicy& policy);
 
-/// As the kernel says; none if it does not.
+/// Returns the peer's credentials as reported by the kernel; none if the kernel does not report
+/// them.
 [[nodiscard]] std::optional<ControlPeer> peer_of(int socket);
 
-/// Throws Error(Usage) if there is none of that name.
+/// Returns the group's id. Throws Error(Usage) if there is no group of that name.
 [[nodiscard]] gid_t group_named(const std::string& name);
 
 }  // namespace lenticule::player

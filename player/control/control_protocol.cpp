@@ -104,7 +104,7 @@ void take_field(const std::string& field, const json& value, ControlRequest& req
   if (field == "eye") request.eye_mm = eye(value);
 }
 
-/// What a verb cannot do without, and what goes together.
+/// Checks that the verb's required fields are present and that the given fields go together.
 void check_complete(const ControlRequest& request, const json& line) {
   const auto needs = [&](const char* field) {
     if (!line.contains(field)) refuse(fmt::format("{}: no {}", verb_name(request.verb), field));

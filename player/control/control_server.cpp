@@ -21,12 +21,14 @@ using nlohmann::json;
 using nlohmann::ordered_json;
 
 constexpr size_t kMaxQueuedEvents = 256;
-/// Fewer than there is room for: whoever gets in is heard before he may have to make room.
+/// Connections accepted per round. Fewer than the client limit, so that a new client's request is
+/// read before the client may be displaced.
 constexpr int kAcceptsAtOnce = 8;
 constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 constexpr int kTickMs = 500;
 
-/// Best effort: a connection that is about to be closed is told why, if it can take it at once.
+/// Sends the error and closes the connection. Best effort: the error is lost if the socket cannot
+/// take it at once.
 void tell_and_close(const UniqueFd& fd, const Error& error) {
   const std::string line = error_line(nullptr, error);
   (void)::send(fd.get(), line.data(), line.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
@@ -72,7 +74,7 @@ ControlCounts ControlServer::counts() const {
           .displaced = displaced_.load()};
 }
 
-/// Whatever goes wrong here is no reason for the playing to end.
+/// Runs the server loop. An exception here must not end the playback.
 void ControlServer::serve() noexcept {
   while (!stopping_.load()) {
     try {
@@ -86,7 +88,8 @@ void ControlServer::serve() noexcept {
   for (const auto& client : clients_) flush(*client);
 }
 
-/// A client that has much unanswered or untaken has to wait before more is read of it.
+/// Returns true if more may be read from the client: not while too many requests are unanswered or
+/// too much output is pending.
 bool ControlServer::reads(const Client& client) const {
   return !client.closing && !client.sent_all && client.unanswered < options_.limits.unanswered &&
          client.out.size() < options_.limits.waiting_bytes;
@@ -130,7 +133,8 @@ void ControlServer::accept_all() {
     if (fd) {
       admit(std::move(fd));
     } else {
-      // Out of descriptors, perhaps: whoever waits does not go away by looking again at once.
+      // Possibly out of descriptors. The pending connection stays readable, so an immediate retry
+      // would spin.
       if (errno != EAGAIN && errno != EWOULDBLOCK) accepts_again_ = Clock::now() + kAcceptPause;
       return;
     }
@@ -162,9 +166,9 @@ void ControlServer::admit(UniqueFd fd) {
   clients_.push_back(std::move(client));
 }
 
-/// Drops the client that has been idle for longest: those who only listen after those who do
-/// nothing, the owner's after the group's. For the owner and root somebody always goes, for others
-/// nobody who asked for something lately.
+/// Disconnects the client that has been idle for longest: clients that did nothing before
+/// subscribers, the group's before the owner's. For the owner and root a client is always
+/// disconnected; for others only one without a recent request.
 bool ControlServer::make_room(ControlRights newcomer) {
   const Clock::time_point idle_since = Clock::now() - options_.limits.idle;
   const bool always = newcomer == ControlRights::Everything;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Listens on a player's control socket, on a thread of its own: nothing that a client does or
-// leaves undone is felt by the threads that play.
+// ControlServer listens on a player's control socket on its own thread, so that slow or broken
+// clients cannot delay the playback threads.
 #pragma once
 
 #include <atomic>
@@ -22,54 +22,58 @@
 
 namespace lenticule::player {
 
-/// What a verb came to: the answer's own keys, or why not.
+/// The result of a verb: the answer's own keys, or the error.
 using ControlAnswer = std::variant<nlohmann::ordered_json, Error>;
 
-/// The player behind the verbs.
+/// ControlTarget carries out the verbs; the player implements it.
 class ControlTarget {
  public:
   virtual ~ControlTarget() = default;
-  /// On the server's thread; must not wait. `answer` is called once, on any thread, at once or
-  /// later. Throws Error, as an answer. Subscribe never comes here.
+  /// Handles a request on the server's thread; must not block. `answer` is called once, on any
+  /// thread, immediately or later. A thrown Error becomes the answer. Subscribe is handled by the
+  /// server and never passed on.
   virtual void handle(const ControlRequest& request, ControlRights rights,
                       std::function<void(ControlAnswer)> answer) = 0;
 };
 
 struct ControlLimits {
   size_t clients = 16;
-  size_t unanswered = 8;              ///< requests of one client; more are not read meanwhile
-  size_t waiting_bytes = 64u << 10;   ///< of output, above which nothing more is read of a client
-  size_t dropped_bytes = 256u << 10;  ///< of output, above which it is dropped
-  std::chrono::milliseconds stuck = std::chrono::seconds(10);  ///< that take nothing are dropped
-  /// Without a request for so long, a client may have to make room for somebody else's.
+  size_t unanswered = 8;  ///< unanswered requests of one client at which reading from it pauses
+  /// Pending output of one client at which reading from it pauses.
+  size_t waiting_bytes = 64u << 10;
+  size_t dropped_bytes = 256u << 10;  ///< pending output of one client at which it is dropped
+  /// Time without accepting output after which a client is dropped.
+  std::chrono::milliseconds stuck = std::chrono::seconds(10);
+  /// A client that has not sent a request for this long may be disconnected to admit another.
   std::chrono::milliseconds idle = std::chrono::seconds(2);
-  int events_per_second = 50;  ///< to one client; more are counted and left out
+  int events_per_second = 50;  ///< limit per client; further events are counted and left out
 };
 
 struct ControlServerOptions {
   std::string socket = {};
   std::optional<gid_t> group{};
   ControlLimits limits{};
-  /// Who is at the other end: the kernel's word, unless a test has another.
+  /// Identifies the process at the other end of a connection; the kernel's answer unless a test
+  /// replaces it.
   std::function<std::optional<ControlPeer>(int)> peer = peer_of;
 };
 
 struct ControlCounts {
   uint64_t accepted = 0;
-  uint64_t refused = 0;    ///< strangers, and those too many
-  uint64_t dropped = 0;    ///< for lines too long or output not taken
-  uint64_t displaced = 0;  ///< to make room for others
+  uint64_t refused = 0;    ///< connections without permission or beyond the limit
+  uint64_t dropped = 0;    ///< clients with a line too long or output not taken
+  uint64_t displaced = 0;  ///< clients disconnected to admit others
 };
 
 class ControlServer {
  public:
-  /// Throws as frames::ListenSocket does. `target` must outlive it.
+  /// Throws as frames::ListenSocket does. Lifetime: `target` must outlive the server.
   ControlServer(ControlServerOptions options, ControlTarget& target);
   ~ControlServer();
   ControlServer(const ControlServer&) = delete;
   ControlServer& operator=(const ControlServer&) = delete;
 
-  /// To everybody who subscribed. Any thread; never waits for a client.
+  /// Sends the event to every subscriber. Thread safety: any thread; never waits for a client.
   void publish(nlohmann::ordered_json event);
   [[nodiscard]] ControlCounts counts() const;
 
@@ -83,16 +87,17 @@ class ControlServer {
     std::string out{};
     size_t unanswered = 0;
     bool subscribed = false;
-    bool sent_all = false;  ///< it says nothing more, and may still listen
-    bool closing = false;   ///< when `out` is gone
+    bool sent_all = false;  ///< the client has shut down its sending side and may still read
+    bool closing = false;   ///< closes once `out` is sent
     bool dead = false;
     double event_tokens = 0.0;
     uint64_t events_left_out = 0;
     Clock::time_point tokens_at{};
     Clock::time_point took_at{};
-    Clock::time_point asked_at{};  ///< its last whole request, or when it came
+    Clock::time_point asked_at{};  ///< time of its last complete request, or of its connection
   };
-  /// What comes from other threads. Answers may come when the server is gone.
+  /// Messages from other threads. Shared, because an answer may arrive after the server is
+  /// destroyed.
   struct Inbox {
     struct Line {
       uint64_t client = 0;
@@ -133,7 +138,7 @@ class ControlServer {
   std::atomic<uint64_t> dropped_{0};
   std::atomic<uint64_t> displaced_{0};
   std::atomic<bool> stopping_{false};
-  std::thread thread_;  // last: it uses everything above
+  std::thread thread_;  // last member: the thread uses everything above
 };
 
 }  // namespace lenticule::player

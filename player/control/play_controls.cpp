@@ -113,14 +113,14 @@ void PlayControls::handle(const ControlRequest& request, ControlRights rights, A
   throw Error(ErrorKind::Usage, "control: not for the player");
 }
 
-// --- looking --------------------------------------------------------------------------------
+// --- queries --------------------------------------------------------------------------------
 
 ordered_json PlayControls::trim_json(const optics::Trim& trim) const {
   return {{"offset_lenses", trim.offset.value}, {"pitch_relative", trim.pitch_relative}};
 }
 
-/// What is on the glass at this moment, and what is being taken from; the two differ for a few
-/// frames at a change.
+/// Returns the frame displayed at this moment and the item being read; around a change the two
+/// differ for a few frames.
 ordered_json PlayControls::status() const {
   const GlassPlace glass = playback_.on_glass();
   const std::lock_guard lock(mutex_);
@@ -164,7 +164,7 @@ ordered_json PlayControls::doctor() const {
   return json;
 }
 
-// --- steering -------------------------------------------------------------------------------
+// --- playback control -----------------------------------------------------------------------
 
 ordered_json PlayControls::pause(bool paused) {
   {
@@ -184,7 +184,8 @@ ordered_json PlayControls::set_loops(uint64_t loops) {
   return json;
 }
 
-/// The answer comes when the new place begins, or the old one stays.
+/// Jumps to another place. The answer is sent when its first frame is taken, or when the jump has
+/// failed.
 void PlayControls::jump(Jump where, const Answer& answer) {
   const std::lock_guard lock(mutex_);
   if (source_ == nullptr) throw nothing_to_steer();
@@ -242,7 +243,7 @@ ordered_json PlayControls::take_snapshot(const ControlRequest& request) {
           {"frame", place.number}};
 }
 
-// --- what takes a while ---------------------------------------------------------------------
+// --- background tasks -----------------------------------------------------------------------
 
 void PlayControls::work_on(Answer answer, std::function<void(const Answer&)> task) {
   {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a running player does at the word of its control socket.
+// PlayControls carries out the requests that arrive on a running player's control socket.
 #pragma once
 
 #include <condition_variable>
@@ -14,26 +14,28 @@
 #include <thread>
 
 #include "player/control/control_server.h"
-#include "player/live_trim.h"
-#include "player/playback.h"
+#include "player/playback/playback.h"
 #include "player/playlist/playlist_source.h"
+#include "player/sources/live_trim.h"
 
 namespace lenticule::player {
 
-/// Reads what `load` names: a list or a single source. Throws Error. On the controls' own thread.
+/// Reads the list or single source that `load` names. Throws Error. Called on the worker thread of
+/// PlayControls.
 using PlaylistReader = std::function<Playlist(const std::string& source)>;
 
 struct PlayControlsOptions {
   frames::FrameGeometry panel = {};
   PlaylistReader read_playlist;
   std::shared_ptr<LiveTrim> trim;
-  /// What a trim means for frames that were woven elsewhere; may be empty.
+  /// Explains what a trim does to frames that were woven elsewhere; may be empty.
   std::string trim_advice = {};
-  /// Ends the player in good order; any thread.
+  /// Ends the player in an orderly way. Thread safety: any thread.
   std::function<void()> quit;
 };
 
-/// handle() on the server's thread; the rest on the player's main thread unless said otherwise.
+/// Thread safety: handle() runs on the server's thread; all other functions on the player's main
+/// thread.
 class PlayControls final : public ControlTarget {
  public:
   explicit PlayControls(PlayControlsOptions options);
@@ -44,11 +46,12 @@ class PlayControls final : public ControlTarget {
   void handle(const ControlRequest& request, ControlRights rights,
               std::function<void(ControlAnswer)> answer) override;
 
-  /// The playback's hook.
+  /// Returns the object by which the playback is controlled.
   [[nodiscard]] PlaybackControl& playback() { return playback_; }
-  /// What is steered from now on; null while nothing is. It must outlive that.
+  /// Sets the playlist that is controlled from now on; null while there is none. Lifetime: `source`
+  /// must stay valid until the next call.
   void steer(PlaylistSource* source);
-  /// The newest statistics, and in one word what the player is at.
+  /// Stores the newest statistics, and a one-word state of the player, for later requests.
   void tell_statistics(const nlohmann::ordered_json& statistics);
   void tell_state(const std::string& state);
 
@@ -72,12 +75,12 @@ class PlayControls final : public ControlTarget {
   const PlayControlsOptions options_;
   PlaybackControl playback_;
 
-  mutable std::mutex mutex_;  ///< guards what follows
+  mutable std::mutex mutex_;  ///< guards the members below
   PlaylistSource* source_ = nullptr;
   nlohmann::ordered_json statistics_;
   std::string state_ = "starting";
 
-  // What takes a while (reading lists, encoding pictures), one after the other.
+  // Slow tasks (reading lists, encoding pictures), run one after the other.
   struct Task {
     Answer answer;
     std::function<void(const Answer&)> run;
@@ -86,7 +89,7 @@ class PlayControls final : public ControlTarget {
   std::condition_variable task_there_;
   std::deque<Task> tasks_;
   bool stopping_ = false;
-  std::thread worker_;  // last
+  std::thread worker_;  // last member
 };
 
 }  // namespace lenticule::player

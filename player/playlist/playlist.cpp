@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which item follows which, and when.
+// Chooses the order and the times of playlist items.
 #include "player/playlist/playlist.h"
 
 #include <ctime>
@@ -28,7 +28,7 @@ bool is_playlist_file(std::string_view source) {
 
 Playlist playlist_of(const std::string& source, uint64_t rounds) {
   Playlist list{.name = source, .items = {}, .standby = {}, .rounds = 1};
-  // Loops of the item itself, which are those without a gap.
+  // Loops of the item itself are seamless; rounds of a list are not.
   list.items.push_back({.source = source, .loops = rounds});
   return list;
 }

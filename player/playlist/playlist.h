@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A playlist: what is played one after the other, how often, and at what times of the week.
+// Playlist holds the items to play one after the other, how often, and at which times of the week.
 #pragma once
 
 #include <cstdint>
@@ -11,20 +11,20 @@
 
 #include "base/file_mark.h"
 #include "frames/rational.h"
-#include "player/filler.h"
-#include "player/frame_range.h"
+#include "player/playback/filler.h"
+#include "player/sources/frame_range.h"
 
 namespace lenticule::player {
 
-/// A moment of the week, by the clock on the wall.
+/// A moment of the week in local time.
 struct LocalTime {
   int weekday = 0;  ///< 0 = Monday
-  int minute = 0;   ///< since midnight, 0 ... 1439
+  int minute = 0;   ///< minutes since midnight, 0 ... 1439
 };
 [[nodiscard]] LocalTime local_time_now();
 
-/// When an item may begin. A span that ends before it begins goes over midnight and belongs to the
-/// day on which it began.
+/// The times at which an item may begin. A span whose end is before its start passes midnight and
+/// belongs to the day on which it began.
 struct Schedule {
   uint8_t days = 0x7f;  ///< bit 0 = Monday
   int from_minute = 0;
@@ -35,17 +35,17 @@ struct Schedule {
 };
 
 struct PlaylistItem {
-  std::string source{};                ///< as `lenticule play` takes it, apart from lists
-  uint64_t loops = 1;                  ///< or kForever; not with a duration
-  std::optional<double> duration_s{};  ///< of content time
-  /// Of a still picture that says neither how often nor how long; none = one frame.
+  std::string source{};                ///< a source of `lenticule play`; not a list
+  uint64_t loops = 1;                  ///< or kForever; not together with a duration
+  std::optional<double> duration_s{};  ///< duration in content time
+  /// Duration of a still picture that has neither loops nor a duration; none = one frame.
   std::optional<double> still_s{};
   std::optional<frames::Rate> rate{};
   std::optional<FrameRange> frames{};
   std::optional<Schedule> schedule{};
-  /// Begins when as much is ready as its pool holds, and not with the frame that is due.
+  /// Starts the item only when its pool is full, instead of with the first due frame.
   bool waits_until_primed = false;
-  double wait_s = 10.0;  ///< without a frame, after which it is skipped
+  double wait_s = 10.0;  ///< seconds without a frame after which the item is skipped
 
   friend bool operator==(const PlaylistItem&, const PlaylistItem&) = default;
   [[nodiscard]] bool permitted(LocalTime time) const {
@@ -54,42 +54,43 @@ struct PlaylistItem {
 };
 
 struct Playlist {
-  std::string name;  ///< for people: the file, or the only source
+  std::string name;  ///< name for people: the file's name, or the only source
   std::vector<PlaylistItem> items;
-  std::optional<PlaylistItem> standby;  ///< for times that no item is for
+  std::optional<PlaylistItem> standby;  ///< played when no item is scheduled
   uint64_t rounds = 1;                  ///< or kForever
-  std::optional<FileMark> file{};       ///< as it was when it was read; none if it is no file's
+  /// The file's state when it was read; none if the list is not from a file.
+  std::optional<FileMark> file{};
 };
 
 inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;
 inline constexpr size_t kMaxPlaylistItems = 1000;
 inline constexpr double kStillSeconds = 10.0;
 
-/// "name.toml": what `play` and `load` take for a list.
+/// Returns true for "name.toml", which `play` and `load` treat as a list.
 [[nodiscard]] bool is_playlist_file(std::string_view source);
 
-/// docs/control.md has the keys. Sources that are files are relative to `folder`. Throws
+/// Parses a playlist; docs/control.md lists the keys. Files are relative to `folder`. Throws
 /// Error(Input) that begins with "name:LINE: ".
 [[nodiscard]] Playlist parse_playlist(std::string_view toml, const std::string& name,
                                       const std::filesystem::path& folder);
-/// Throws Error(Input), also for a file that cannot be read.
+/// Reads and parses a file. Throws Error(Input), also for a file that cannot be read.
 [[nodiscard]] Playlist load_playlist(const std::filesystem::path& file);
-/// A list of one.
+/// Returns a list of one item.
 [[nodiscard]] Playlist playlist_of(const std::string& source, uint64_t rounds);
 
 struct NextItem {
   enum class Kind {
     Item,
     Standby,
-    None,  ///< nothing is for this time; one may be later
+    None,  ///< no item is scheduled now; one may be later
     End,
   };
   Kind kind = Kind::End;
   size_t index = 0;
   uint64_t rounds_done = 0;
 };
-/// What follows item `after` (none: the beginning) in the given round. Items whose time it is not
-/// are passed over. Standby only if none of a whole round can be played.
+/// Returns the item after `after` (none: the first) in the given round. Items that are not
+/// scheduled now are skipped. Returns Standby only if no item of a whole round can be played.
 [[nodiscard]] NextItem next_item(const Playlist& list, std::optional<size_t> after,
                                  uint64_t rounds_done, LocalTime now);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads playlists: every key is known or refused, with its line.
+// Reads playlist files; every key is either known or refused with its line.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -9,7 +9,7 @@
 #include "base/file.h"
 #include "optics/toml_text.h"
 #include "player/playlist/playlist.h"
-#include "player/source_names.h"
+#include "player/sources/source_names.h"
 
 namespace lenticule::player {
 namespace {
@@ -19,7 +19,7 @@ constexpr double kMaxSeconds = 1e6;
 constexpr size_t kMaxSourceBytes = 4096;
 constexpr std::array<std::string_view, 7> kDays = {"mon", "tue", "wed", "thu", "fri", "sat", "sun"};
 
-/// One list being read: knows its name and folder, so that every complaint has both.
+/// Reader parses one list and adds its name and line to every error.
 class Reader {
  public:
   Reader(std::string name, std::filesystem::path folder)
@@ -60,7 +60,8 @@ Playlist Reader::read(std::string_view text) const {
   Playlist list{.name = name_, .items = {}, .standby = {}, .rounds = 1};
   for (const auto& [key, node] : root) {
     if (key.str() == "format") {
-      // Asking any number for its whole value is undefined where it is too large.
+      // toml++'s conversion to a whole number is undefined for a float that is too large, so the
+      // type is checked first.
       const auto* const format = node.as_integer();
       if (format == nullptr || format->get() != 1)
         fail(node, "format: this program reads format 1");
@@ -162,7 +163,7 @@ std::string Reader::in_folder(const std::string& file) const {
   return std::filesystem::path(file).is_relative() ? (folder_ / file).string() : file;
 }
 
-/// "left.mkv|right.mkv": each of them.
+/// Resolves each name of "left.mkv|right.mkv" against the list's folder.
 std::string Reader::files(const std::string& names) const {
   std::string all;
   for (size_t begin = 0; begin <= names.size();) {
@@ -222,7 +223,7 @@ uint8_t Reader::days(const toml::node& node) const {
   return bits;
 }
 
-/// "08:30"; "24:00" is the end of the day.
+/// Parses "08:30" to minutes since midnight; "24:00" is the end of the day.
 int Reader::minute(const toml::node& node) const {
   const std::string clock = text(node);
   const auto digit = [&](size_t at) {
@@ -246,7 +247,8 @@ Playlist parse_playlist(std::string_view toml, const std::string& name,
 }
 
 Playlist load_playlist(const std::filesystem::path& file) {
-  const FileMark mark = mark_of(file);  // before it is read: a change since then is noticed
+  // Taken before reading, so that a change during reading is noticed.
+  const FileMark mark = mark_of(file);
   Playlist list =
       parse_playlist(read_text_file(file, kMaxPlaylistBytes), file.string(), file.parent_path());
   list.file = mark;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The filling thread's half of a playlist: hands out frames, changes over, goes where it is sent.
+// The filling thread's half of PlaylistSource: hands out frames, changes items, jumps.
 #include "player/playlist/playlist_source.h"
 
 #include <fmt/format.h>
@@ -12,7 +12,7 @@
 #include <cstring>
 #include <utility>
 
-#include "player/play_statistics.h"
+#include "player/playback/play_statistics.h"
 
 namespace lenticule::player {
 namespace {
@@ -21,9 +21,9 @@ using frames::LentFrame;
 using frames::PullStatus;
 using SteadyClock = std::chrono::steady_clock;
 
-/// Changes and frames left out that one call may go through before it lets others work.
+/// Maximum number of item changes and skipped frames per call, so that a call stays short.
 constexpr int kStepsPerPull = 64;
-/// What comes next is opened when so much is left.
+/// Remaining play time at which the next item is opened.
 constexpr double kAheadSeconds = 10.0;
 constexpr frames::Rate kStillRate{4, 1};
 constexpr auto kLongestJump = std::chrono::seconds(30);
@@ -89,7 +89,7 @@ PullStatus PlaylistSource::pull(LentFrame& out) {
   return PullStatus::NotYet;
 }
 
-/// End: the current item was left, or more of it can be asked for.
+/// Pulls from the current item. Returns End if the item was left or if more of it can be pulled.
 PullStatus PlaylistSource::pull_current(LentFrame& out) {
   Play& play = *current_;
   if (is_over(play)) {
@@ -127,7 +127,7 @@ PullStatus PlaylistSource::pull_current(LentFrame& out) {
   return PullStatus::End;
 }
 
-/// The item's next frame, frames before its first one being left out. A frame of another size is a
+/// Pulls the item's next frame, skipping frames before its first one. A frame of another size is a
 /// failure.
 PullStatus PlaylistSource::first_frame_of(Play& play, LentFrame& out) {
   frames::FrameSource& source = *play.opened.source;
@@ -148,7 +148,7 @@ PullStatus PlaylistSource::first_frame_of(Play& play, LentFrame& out) {
   return PullStatus::NotYet;
 }
 
-/// Without a current item: either all is over, or something is awaited.
+/// Returns the status when no item is current: either the list is over, or an item is awaited.
 PullStatus PlaylistSource::nothing_yet() {
   const std::lock_guard lock(mutex_);
   at_end_ = ended_ = list_over_ && !wish_ && !next_ && !held_;
@@ -212,7 +212,7 @@ void PlaylistSource::service() {
   try_wish();
 }
 
-// --- from item to item ----------------------------------------------------------------------
+// --- item changes ---------------------------------------------------------------------------
 
 frames::Rate PlaylistSource::rate_of(const Play& play) const {
   if (options_.rate) return *options_.rate;
@@ -230,7 +230,8 @@ std::optional<uint64_t> PlaylistSource::frame_limit(const Play& play) const {
   return static_cast<uint64_t>(std::max(1.0, frames));
 }
 
-/// Standby goes on until there is something else.
+/// Returns true if the item has reached its end. Standby has none: it continues until an item is
+/// ready.
 bool PlaylistSource::is_over(const Play& play) const {
   if (!play.index) return false;
   const auto limit = frame_limit(play);
@@ -248,13 +249,13 @@ bool PlaylistSource::next_is_there() const {
   return next_ != nullptr;
 }
 
-/// At the end of a round: true if the same item goes on, or was found to be broken.
+/// Handles the end of a round. Returns true if the same item continues or turned out to be broken.
 bool PlaylistSource::goes_round(Play& play) {
   ++play.loops_done;
   const bool limited = frame_limit(play).has_value() && play.index;
   const uint64_t loops = loops_of(play);
   if (std::exchange(play.pulled_this_round, 0) == 0) {
-    // The only item is a ring that plays for ever: the next renderer may have frames.
+    // The only item is a ring that plays forever: the next renderer may deliver frames.
     play.waits_for_renderer = is_alone(play) && loops == kForever && play.opened.loop_obstacle;
     if (!play.waits_for_renderer) break_current("it holds no frame");
     return true;
@@ -276,13 +277,13 @@ bool PlaylistSource::goes_round(Play& play) {
   return true;
 }
 
-/// The list was replaced by one that has other plans.
+/// Returns true if the list was replaced by one that does not continue the current item.
 bool PlaylistSource::is_outdated() const {
   const std::lock_guard lock(mutex_);
   return outdated_;
 }
 
-/// At a seam: goes on with the same item's new files, if there are any.
+/// Switches, at a loop point, to the same item's new files if there are any.
 bool PlaylistSource::takes_replacement(Play& play) {
   std::unique_ptr<Play> fresh;
   {
@@ -290,7 +291,7 @@ bool PlaylistSource::takes_replacement(Play& play) {
     if (!replacement_ || replacement_->number != play.number) return false;
     fresh = std::move(replacement_);
   }
-  fresh->pulled = play.pulled;  // its time goes on
+  fresh->pulled = play.pulled;  // its play time continues
   fresh->loops_done = play.loops_done;
   const std::string source = play.item.source;
   leave_current();
@@ -299,7 +300,7 @@ bool PlaylistSource::takes_replacement(Play& play) {
   return true;
 }
 
-/// A list of one waits as long as its player does.
+/// Returns true for a list of one, which waits for frames as long as its player does.
 bool PlaylistSource::is_alone(const Play& play) const {
   return play.list->items.size() == 1 && !play.list->standby;
 }
@@ -392,7 +393,7 @@ void PlaylistSource::leave_current() {
   on_standby_ = false;
 }
 
-/// What came to light since the last call.
+/// Adds the damage found since the last call to the status.
 void PlaylistSource::count_damage(Play& play) {
   const frames::FrameDamage now = play.opened.source->damage();
   const frames::FrameDamage before = std::exchange(play.damage, now);
@@ -407,7 +408,7 @@ void PlaylistSource::count_damage(Play& play) {
     status_.damaged_items[play.item.source] += more;
 }
 
-/// What is thrown away is closed by the opening thread: it may take a while.
+/// Leaves the item to the opening thread to close, because closing may take long.
 void PlaylistSource::throw_away(std::unique_ptr<Play> play) {
   const std::lock_guard lock(mutex_);
   trash_.push_back(std::move(play));
@@ -427,9 +428,9 @@ void PlaylistSource::watch(const Play& play, bool on) {
   (void)epoll_ctl(poll_.get(), on ? EPOLL_CTL_ADD : EPOLL_CTL_DEL, fd, &event);
 }
 
-// --- being sent elsewhere -------------------------------------------------------------------
+// --- jumps ----------------------------------------------------------------------------------
 
-/// What was opened for a jump is entered with its first frame; until then the old item goes on.
+/// Enters the target of a jump once its first frame is there; until then the old item continues.
 void PlaylistSource::try_wish() {
   std::unique_ptr<Play> play;
   uint64_t serial = 0;
@@ -477,7 +478,7 @@ void PlaylistSource::enter_wish(std::unique_ptr<Play> play, uint64_t serial, Len
       position_ = wish_->index ? wish_->index : position_;
       rounds_done_ = wish_->rounds_done;
       list_over_ = nothing_for_now_ = false;
-      ++wish_serial_;  // what is being opened for the old place is not wanted any more
+      ++wish_serial_;  // discards the item being opened for the old place
       if (next_) trash_.push_back(std::move(next_));
       next_wanted_ = false;
       wish_.reset();

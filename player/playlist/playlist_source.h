@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A playlist as one source of frames: opens what comes next ahead of time, passes over what is
-// broken, and can be sent elsewhere while it plays.
+// PlaylistSource presents a playlist as one source of frames: it opens the next item ahead of time,
+// skips items that cannot be played, and can jump while it plays.
 #pragma once
 
 #include <atomic>
@@ -20,105 +20,110 @@
 #include "base/unique_fd.h"
 #include "frames/frame_source.h"
 #include "player/playlist/playlist.h"
-#include "player/source_open.h"
+#include "player/sources/source_open.h"
 
 namespace lenticule::player {
 
 struct PlaylistEvent {
   enum class Kind {
-    ItemStarted,  ///< its first frame was taken; the glass has it a few frames later
-    Seam,         ///< it begins again, without a gap
-    ItemSkipped,  ///< it cannot be played, or not any further
-    Replaced,     ///< the list, or the item's file, is another one, and is played from now on
-    Kept,         ///< another one is there and cannot be played: the old one goes on
-    ItemDamaged,  ///< it was played, but some of its frames did not come as they were made
+    ItemStarted,  ///< its first frame was taken; the panel shows it a few frames later
+    Seam,         ///< loop point: the item begins again without a gap
+    ItemSkipped,  ///< the item cannot be played, or not any further
+    Replaced,     ///< the list, or the item's file, was replaced and is played from now on
+    Kept,         ///< a replacement cannot be played: the old content continues
+    ItemDamaged,  ///< the item was played, but some of its frames were damaged, missing or repeated
   };
   Kind kind = Kind::ItemStarted;
   std::string source;
-  std::string detail;  ///< why it was skipped, or kept
+  std::string detail;  ///< reason for ItemSkipped or Kept
 };
 
-/// Looks at the files of an item; two looks are equal as long as nobody replaced one. Any thread.
+/// Returns the state of an item's files; two results are equal as long as no file was replaced.
+/// Thread safety: any thread.
 using ItemLook = std::function<std::vector<FileMark>(const PlaylistItem& item)>;
-/// Reads a list again. Throws Error. Any thread; may take long.
+/// Reads a list again. Throws Error. Thread safety: any thread; may take long.
 using ListReader = std::function<Playlist(const std::string& name)>;
 
-/// Opens an item from its frame `first_frame` on, as open_source() does. Any thread; may take long.
+/// Opens an item from its frame `first_frame` on, as open_source() does. Thread safety: any thread;
+/// may take long.
 using ItemOpener = std::function<OpenedSource(const PlaylistItem& item, uint64_t first_frame)>;
 
 struct PlaylistSourceOptions {
   frames::FrameGeometry panel = {};
   ItemOpener open;
-  /// That everything is played at, whatever it says.
+  /// The rate at which all items are played, overriding their own.
   std::optional<frames::Rate> rate = std::nullopt;
   std::function<LocalTime()> local_time = local_time_now;
-  /// From the filling thread or the opening one; must not call back.
+  /// Called on the filling or the opening thread; must not call back into the source.
   std::function<void(const PlaylistEvent&)> on_event = nullptr;
-  /// By which files that were replaced are noticed, within two or three seconds: a list at once, an
-  /// item at its next seam. Null = they are not.
+  /// These two detect replaced files within two or three seconds: a list takes effect at once, an
+  /// item at its next loop point. Null = replacements are not detected.
   ItemLook look_at = nullptr;
   ListReader read_list = nullptr;
 };
 
-/// Where to go instead.
+/// The target of a jump.
 struct Jump {
-  std::shared_ptr<const Playlist> list = nullptr;  ///< null: the one that is playing
-  /// Null: the item that is playing; -1 and 1 with `relative`.
+  std::shared_ptr<const Playlist> list = nullptr;  ///< null: the list that is playing
+  /// Null: the item that is playing; -1 or 1 with `relative`.
   std::optional<int64_t> item = std::nullopt;
   bool relative = false;
   uint64_t frame = 0;
 };
-/// Null when the first frame of the new place has been taken, otherwise why the old one goes on.
+/// Called with null when the first frame of the new place has been taken, otherwise with the reason
+/// why the old item continues.
 using JumpDone = std::function<void(const Error* error)>;
 
-/// Of one moment.
+/// A snapshot of the playlist's state.
 struct PlaylistStatus {
   std::string list;
-  std::string source;  ///< that is being taken from; empty if none is
+  std::string source;  ///< source that frames are taken from; empty if none
   std::optional<size_t> item{};
   size_t items = 0;
-  std::optional<uint64_t> frames{};  ///< of one round of the item, if known
+  std::optional<uint64_t> frames{};  ///< frames in one round of the item, if known
   uint64_t rounds_done = 0;
   uint64_t started = 0;
   uint64_t seams = 0;
   uint64_t skipped = 0;
   std::string last_trouble{};
-  frames::FrameDamage damage{};  ///< of all items, so far
-  /// The items that had any, by source.
+  frames::FrameDamage damage{};  ///< total over all items so far
+  /// The damaged items, by source.
   std::map<std::string, frames::FrameDamage> damaged_items{};
-  bool opening = false;  ///< somewhere else is being opened
+  bool opening = false;  ///< the target of a jump is being opened
 };
 
-/// FrameSource's functions on one thread, the others on any. Frames of all items have the panel's
-/// size; an item of another size counts as broken. Never fails: where nothing can be played, it
-/// owes nothing.
+/// Thread safety: FrameSource's functions on one thread, the others on any. All frames have the
+/// panel's size; an item of another size counts as broken. The source never fails: if no item can
+/// be played, it reports that no frame is due.
 class PlaylistSource final : public frames::FrameSource {
  public:
-  /// Throws Error(Failed) when no descriptor is left. Opens nothing yet.
+  /// Throws Error(Failed) if no descriptor is left. Opens no item yet.
   PlaylistSource(std::shared_ptr<const Playlist> list, PlaylistSourceOptions options);
   ~PlaylistSource() override;
   PlaylistSource(const PlaylistSource&) = delete;
   PlaylistSource& operator=(const PlaylistSource&) = delete;
 
-  /// Opens the first item on this thread, so that a list of one that cannot be played is an error
-  /// at once. Throws what the opener throws, after a list's last item; before anything is pulled.
+  /// Opens the first item on the calling thread, before anything is pulled, so that a list of one
+  /// unplayable item fails at once. If no item of the list opens, throws the last item's error.
   void open_first();
-  /// What items without a rate are played at; before anything is pulled.
+  /// Sets the rate of items without one; call it before anything is pulled.
   void set_display_rate(frames::Rate rate) { display_rate_ = rate; }
 
-  /// One at a time: a new one takes the place of one that is not done, which fails.
+  /// Starts a jump. Only one is pending at a time: a new jump replaces a pending one, which then
+  /// fails.
   void jump(Jump jump, JumpDone done);
-  /// Loops of the list, or of its only item; kForever. From the next seam on.
+  /// Sets the loops of the list, or of its only item; kForever is allowed. Takes effect at the next
+  /// loop point.
   void set_loops(uint64_t loops);
-  /// While it is held, the list does not end: it is paused, and may be sent elsewhere.
+  /// Prevents the list from ending while `held` is true: it is paused and may jump.
   void hold(bool held);
-  /// Looks at list and item without waiting for the next second, and reads the list even if it is
+  /// Checks the list and item for replaced files at once, and reads the list even if its file is
   /// the same.
   void look_again();
   [[nodiscard]] PlaylistStatus status() const;
-  /// The source that a frame's `item` came from, as long as it is remembered; empty otherwise.
+  /// Returns the source that a frame's `item` came from; empty if it is no longer remembered.
   [[nodiscard]] std::string source_of(uint32_t play) const;
-  /// Its place in the list, if it is remembered and in the list.
+  /// Returns the item's place in the list, if it is remembered and in the list.
   [[nodiscard]] std::optional<size_t> place_of(uint32_t play) const;
 
   [[nodiscard]] frames::FrameGeometry geometry() const override { return options_.panel; }
@@ -140,22 +145,22 @@ class PlaylistSource final : public frames::FrameSource {
  private:
   using SteadyTime = std::chrono::steady_clock::time_point;
 
-  /// One item that is open.
+  /// An open item.
   struct Play {
     std::shared_ptr<const Playlist> list;
     PlaylistItem item;
     std::optional<size_t> index;  ///< none: standby
-    uint64_t rounds_done = 0;     ///< of the list, when it was chosen
+    uint64_t rounds_done = 0;     ///< rounds of the list when the item was chosen
     uint64_t first_frame = 0;
-    std::vector<FileMark> files;  ///< as they were before it was opened
+    std::vector<FileMark> files;  ///< state of the files before the item was opened
     OpenedSource opened;
 
-    uint32_t number = 0;  ///< counted over everything that began
+    uint32_t number = 0;  ///< running number over all items that were started
     uint64_t pulled = 0;
     uint64_t pulled_this_round = 0;
     uint64_t loops_done = 0;
     uint64_t lent = 0;
-    frames::FrameDamage damage{};  ///< as far as it is counted in the status
+    frames::FrameDamage damage{};  ///< the part that is already counted in the status
     bool skips_to_first = false;
     bool waits_for_renderer = false;  ///< a ring between two sequences
     SteadyTime waiting_since{};
@@ -177,12 +182,12 @@ class PlaylistSource final : public frames::FrameSource {
     JumpDone done;
     SteadyTime since{};
   };
-  /// What the opening thread watches: the item that is playing.
+  /// The playing item, whose files the opening thread checks.
   struct Followed {
-    uint32_t number = 0;  ///< 0: nothing
+    uint32_t number = 0;  ///< 0: none
     PlaylistItem item{};
     std::vector<FileMark> files{};
-    std::vector<FileMark> seen{};  ///< at the last look
+    std::vector<FileMark> seen{};  ///< state at the last check
   };
   struct Began {
     uint32_t number = 0;
@@ -230,7 +235,7 @@ class PlaylistSource final : public frames::FrameSource {
   void look_at_item(std::unique_lock<std::mutex>& lock);
   void take_list(Playlist list);
 
-  // Either.
+  // Either thread.
   void count_skipped(const std::string& source, const std::string& why);
   void tell(PlaylistEvent::Kind kind, const std::string& source, const std::string& detail = {});
   void wake_filler() const;
@@ -238,13 +243,13 @@ class PlaylistSource final : public frames::FrameSource {
   const PlaylistSourceOptions options_;
   frames::Rate display_rate_{60, 1};
   UniqueFd wake_;
-  UniqueFd poll_;  ///< wakes for wake_ and for what the current item waits for
+  UniqueFd poll_;  ///< readable when wake_ or the current item's descriptor is
 
   // Filling thread only.
   std::unique_ptr<Play> current_;
-  std::vector<std::unique_ptr<Play>> retired_;  ///< some of whose frames are lent
+  std::vector<std::unique_ptr<Play>> retired_;  ///< items with frames that are still borrowed
   std::vector<Lent> lent_;
-  std::optional<frames::LentFrame> in_hand_;  ///< the first frame after a jump
+  std::optional<frames::LentFrame> in_hand_;  ///< first frame after a jump
   std::optional<frames::Rate> rate_;
   uint64_t next_token_ = 1;
   uint32_t next_number_ = 1;
@@ -253,17 +258,18 @@ class PlaylistSource final : public frames::FrameSource {
   bool at_end_ = false;
   bool next_asked_ = false;
 
-  mutable std::mutex mutex_;  ///< guards what follows; nobody opens or decodes under it
+  /// Guards the members below; items are never opened or decoded while it is locked.
+  mutable std::mutex mutex_;
   std::condition_variable work_there_;
   std::shared_ptr<const Playlist> list_;
-  std::optional<size_t> position_;  ///< in the list, of the item chosen last
+  std::optional<size_t> position_;  ///< place in the list of the item chosen last
   uint64_t rounds_done_ = 0;
   std::unique_ptr<Play> next_;
   bool next_wanted_ = false;
   bool list_over_ = false;
   bool held_ = false;
-  bool ended_ = false;            ///< End was said, which is final
-  bool nothing_for_now_ = false;  ///< no item is for this time
+  bool ended_ = false;            ///< End was returned, which is final
+  bool nothing_for_now_ = false;  ///< no item is scheduled now
   bool on_standby_ = false;
   size_t broken_in_a_row_ = 0;
   SteadyTime retry_at_{};
@@ -271,16 +277,16 @@ class PlaylistSource final : public frames::FrameSource {
   uint64_t wish_serial_ = 0;
   std::vector<std::unique_ptr<Play>> trash_;
   Followed followed_;
-  std::unique_ptr<Play> replacement_;  ///< for the item of followed_, from its next seam on
-  std::optional<FileMark> list_seen_;  ///< at the last look
-  bool outdated_ = false;  ///< the item that is playing is not in the list any more as it was
+  std::unique_ptr<Play> replacement_;  ///< replaces the item of followed_ at its next loop point
+  std::optional<FileMark> list_seen_;  ///< state at the last check
+  bool outdated_ = false;  ///< the new list no longer contains the playing item unchanged
   bool look_now_ = false;
   SteadyTime look_at_{};
   std::deque<Began> began_;
   PlaylistStatus status_;
   bool stopping_ = false;
 
-  std::thread worker_;  // last: it uses everything above
+  std::thread worker_;  // last member: the thread uses everything above
 };
 
 }  // namespace lenticule::player

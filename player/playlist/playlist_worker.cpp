@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The other half of a playlist: the thread that opens and closes items, and what anybody may ask.
+// The other half of PlaylistSource: the thread that opens and closes items, and the functions that
+// any thread may call.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -12,9 +13,10 @@ namespace {
 
 using SteadyClock = std::chrono::steady_clock;
 
-/// When nothing can be played, or nothing is for this time.
+/// Pause before another attempt when no item can be played or none is scheduled.
 constexpr auto kRetry = std::chrono::seconds(1);
-/// Between two looks at the files. What is new has to be the same twice: it may be being written.
+/// Time between two checks of the files. A new state must be seen twice in a row, because the file
+/// may still be being written.
 constexpr auto kLook = std::chrono::seconds(1);
 
 }  // namespace
@@ -53,7 +55,7 @@ void PlaylistSource::open_first() {
   work_there_.notify_all();
 }
 
-// --- the opening thread ---------------------------------------------------------------------
+// --- opening thread -------------------------------------------------------------------------
 
 void PlaylistSource::work() {
   std::unique_lock lock(mutex_);
@@ -76,7 +78,8 @@ void PlaylistSource::work() {
   }
 }
 
-/// At most two items are open beside what is still on the glass: what was to come next goes.
+/// Opens the target of a jump. At most two items are open beside the displayed one, so the item
+/// that was to be next is closed.
 void PlaylistSource::open_wish(std::unique_lock<std::mutex>& lock) {
   wish_->opened = true;
   const uint64_t serial = wish_->serial;
@@ -155,7 +158,7 @@ void PlaylistSource::open_next(std::unique_lock<std::mutex>& lock) {
   lock.lock();
 }
 
-/// Under the lock.
+/// Call with the lock held.
 void PlaylistSource::note_opened(std::unique_ptr<Play> play, const NextItem& pick) {
   play->list = list_;
   if (pick.kind == NextItem::Kind::Item) {
@@ -168,7 +171,7 @@ void PlaylistSource::note_opened(std::unique_ptr<Play> play, const NextItem& pic
   wake_filler();
 }
 
-// --- files that are replaced ----------------------------------------------------------------
+// --- replaced files -------------------------------------------------------------------------
 
 bool PlaylistSource::is_time_to_look() const {
   const bool follows = options_.look_at || options_.read_list;
@@ -182,7 +185,8 @@ void PlaylistSource::look_at_files(std::unique_lock<std::mutex>& lock) {
   look_at_item(lock);
 }
 
-/// A list that cannot be read is not tried again before it is another one.
+/// Reads the list if its file was replaced. A list that cannot be read is not tried again until its
+/// file changes.
 void PlaylistSource::look_at_list(std::unique_lock<std::mutex>& lock, bool at_once) {
   const auto list = list_;
   if (!options_.read_list || !list->file) return;
@@ -214,8 +218,9 @@ void PlaylistSource::look_at_list(std::unique_lock<std::mutex>& lock, bool at_on
   lock.lock();
 }
 
-/// Under the lock. The item that is playing goes on if the new list has it too, and ends with its
-/// round otherwise; then comes what follows it in the new list.
+/// Replaces the list; call with the lock held. If the new list contains the playing item, the item
+/// continues; otherwise it ends with its round, and the item that follows it in the new list is
+/// next.
 void PlaylistSource::take_list(Playlist list) {
   auto taken = std::make_shared<const Playlist>(std::move(list));
   const std::vector<PlaylistItem>& items = taken->items;
@@ -232,7 +237,7 @@ void PlaylistSource::take_list(Playlist list) {
     const auto here = status_.item.value_or(items.size());
     const auto same = here < items.size() && is_same(items[here]) ? here : place_of(is_same);
     outdated_ = !same;
-    // What was changed about the item itself begins with it.
+    // Changed settings of the item take effect when it begins again.
     const auto changed =
         place_of([&](const PlaylistItem& item) { return item.source == playing.source; });
     const bool comes_first = !same && changed.value_or(0) == 0;
@@ -253,7 +258,8 @@ void PlaylistSource::take_list(Playlist list) {
   wake_filler();
 }
 
-/// A film that is about to end is opened anew anyway.
+/// Opens the item again if its files were replaced. Not needed when the next item is already being
+/// opened.
 void PlaylistSource::look_at_item(std::unique_lock<std::mutex>& lock) {
   if (!options_.look_at || followed_.number == 0 || next_ || next_wanted_ || wish_ || outdated_)
     return;
@@ -297,7 +303,7 @@ void PlaylistSource::look_again() {
   work_there_.notify_all();
 }
 
-// --- anybody --------------------------------------------------------------------------------
+// --- any thread -----------------------------------------------------------------------------
 
 void PlaylistSource::jump(Jump jump, JumpDone done) {
   std::optional<Wish> replaced;

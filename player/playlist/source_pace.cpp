@@ -90,7 +90,7 @@ PaceFigures measure_source(frames::FrameSource& source, frames::Rate needed,
   if (pulled == 0) throw Error(ErrorKind::Input, "the source holds no frame, or none came in time");
   const double seconds = std::chrono::duration<double>(SteadyClock::now() - *begin).count();
   PaceFigures figures{.needed_fps = needed.hertz()};
-  // What fits the pool is decoded once; it never waits.
+  // A source that fits the pool is decoded only once and never has to wait.
   const bool resident = frames == 0;
   figures.seen_fps = resident ? figures.needed_fps : static_cast<double>(frames) / seconds;
   figures.needed_mb_s = megabytes(source.geometry(), figures.needed_fps);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether a source keeps up: frames and bytes that it should deliver a second, against what came.
+// SourcePace checks whether a source keeps up: required against delivered frames and bytes per
+// second.
 #pragma once
 
 #include <chrono>
@@ -9,31 +10,31 @@
 #include <string>
 
 #include "frames/frame_source.h"
-#include "player/play_statistics.h"
+#include "player/playback/play_statistics.h"
 
 namespace lenticule::player {
 
 struct PaceFigures {
   double needed_fps = 0.0;
   double seen_fps = 0.0;
-  double needed_mb_s = 0.0;  ///< of pixels as they go to the glass, in 10^6 bytes
+  double needed_mb_s = 0.0;  ///< 10^6 bytes of displayed pixels per second
   double seen_mb_s = 0.0;
-  uint64_t late_frames = 0;  ///< vblanks without the frame that was due, because it was not there
+  uint64_t late_frames = 0;  ///< vblanks at which the due frame was not available
   bool too_slow = false;
 };
 [[nodiscard]] nlohmann::ordered_json to_json(const PaceFigures& figures);
-/// "needs 60.0 frames/s (1493 MB/s), 41.2 frames/s (1025 MB/s) came"
+/// Returns "needs 60.0 frames/s (1493 MB/s), 41.2 frames/s (1025 MB/s) came".
 [[nodiscard]] std::string figures_text(const PaceFigures& figures);
 
-/// Looks at a playback's reports, about one a second. One thread.
+/// SourcePace evaluates a playback's reports, about one per second. Thread safety: one thread.
 class SourcePace {
  public:
-  /// Over the time since the report before; too slow if frames were late in it, after the first
-  /// second's.
+  /// Evaluates the time since the previous report. The source is too slow if frames were late in
+  /// that time, not counting the first second of the playback.
   PaceFigures look(const PlayReport& report, std::chrono::steady_clock::time_point now);
-  /// Of the last look; frames late are those of the whole playback.
+  /// Returns the last evaluation; its late frames are those of the whole playback.
   [[nodiscard]] const PaceFigures& figures() const { return figures_; }
-  /// A sentence for people, at most every ten seconds, when it was too slow.
+  /// Returns a sentence for people when the source was too slow, at most every ten seconds.
   [[nodiscard]] std::optional<std::string> warning(std::chrono::steady_clock::time_point now);
 
  private:
@@ -43,9 +44,10 @@ class SourcePace {
   PaceFigures figures_;
 };
 
-/// Takes frames from a source as fast as they come, for `longest` at most or to the end of a round,
-/// and says whether that is `needed` or more. Without the pool's first frames, which were decoded
-/// before anybody waited. Throws Error(Input) for a source that breaks or holds no frame.
+/// Pulls frames from a source as fast as possible, until `longest` has passed or a round is
+/// complete, and compares the rate with `needed`. The pool's first frames are not counted, because
+/// they are decoded before the measurement starts. Throws Error(Input) for a source that fails or
+/// has no frame.
 [[nodiscard]] PaceFigures measure_source(frames::FrameSource& source, frames::Rate needed,
                                          std::chrono::milliseconds longest);
 

@@ -10,7 +10,7 @@
 #include <cmath>
 
 #include "optics/row_rays.h"
-#include "render/denormals.h"
+#include "render/accel/denormals.h"
 #include "render/depth_budget/depth_of_field.h"
 #include "render/row_sweep/row_sweep.h"
 
@@ -39,7 +39,7 @@ Colour colour_of(double depth) {
                      : between({0, 220, 255}, {0, 0, 200}, part);
 }
 
-/// Of one thread.
+/// RowMeter measures rows for one thread.
 class RowMeter {
  public:
   RowMeter(const RowSweep& sweep, const optics::OpticalModel& model)

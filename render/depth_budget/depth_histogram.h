@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How deep a frame is: what its subpixels see, in depths of field of the sheet.
+// DepthHistogram measures the depths that a frame's subpixels see, in units of the sheet's depth of
+// field.
 #pragma once
 
 #include <cstdint>
@@ -8,37 +9,38 @@
 
 #include "frames/frame.h"
 #include "optics/model.h"
-#include "render/scene.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::render {
 
-/// Depth z over the depth of field along the subpixel's own ray, positive in front of the glass.
+/// DepthHistogram counts subpixels by depth z, divided by the depth of field along the subpixel's
+/// own ray; positive in front of the panel.
 class DepthHistogram {
  public:
   static constexpr int kBinsPerDepth = 8;
-  static constexpr int kReach = 16;  ///< depths of field to either side
+  static constexpr int kReach = 16;  ///< depths of field to each side
 
-  /// `views` is N, subpixels per lens: within 1/N depths of field all views of a lens see the same
-  /// to within a lens pitch.
+  /// `views` is N, the number of subpixels per lens: within 1/N depths of field all views of a lens
+  /// see the same content to within a lens pitch.
   explicit DepthHistogram(double views = 1.0);
 
-  /// What one subpixel sees; infinite where that is nothing.
+  /// Adds one subpixel; `depth` is infinite if the subpixel sees nothing.
   void add(double depth, double z_mm);
   DepthHistogram& operator+=(const DepthHistogram& other);
 
   [[nodiscard]] uint64_t subpixels() const;
   [[nodiscard]] uint64_t nothing() const { return nothing_; }
   [[nodiscard]] uint64_t at_glass() const { return at_glass_; }  ///< part of within()
-  [[nodiscard]] uint64_t within() const { return within_; }      ///< one depth of field
-  [[nodiscard]] uint64_t in_front() const { return in_front_; }  ///< by more
-  [[nodiscard]] uint64_t behind() const { return behind_; }      ///< by more
-  /// z of what was seen; -infinity and infinity if there was nothing.
+  [[nodiscard]] uint64_t within() const { return within_; }      ///< up to one depth of field away
+  [[nodiscard]] uint64_t in_front() const { return in_front_; }  ///< more than one depth of field
+  [[nodiscard]] uint64_t behind() const { return behind_; }      ///< more than one depth of field
+  /// Panel z of the extreme visible points; -infinity and infinity if there are none.
   [[nodiscard]] double nearest_mm() const { return nearest_mm_; }
   [[nodiscard]] double farthest_mm() const { return farthest_mm_; }
 
-  /// From -kReach to kReach; what lies beyond is counted in the first and the last.
+  /// Bins from -kReach to kReach; depths beyond are counted in the first and the last bin.
   [[nodiscard]] const std::vector<uint64_t>& bins() const { return bins_; }
-  /// The lower end of a bin, in depths of field.
+  /// Returns the lower end of a bin, in depths of field.
   [[nodiscard]] static double bin_begin(size_t bin);
 
  private:
@@ -49,19 +51,19 @@ class DepthHistogram {
   std::vector<uint64_t> bins_;
 };
 
-/// What else to make of a frame's depths; both are of the panel's size.
+/// Optional pictures of a frame's depths; both have the panel's size.
 struct DepthPictures {
-  /// A pixel of what green sees: grey within the depth of field, white at the glass; yellow to red
-  /// in front of it, cyan to blue behind it, by how often the depth doubles, up to eight times;
-  /// black where there is nothing. Null for none.
+  /// Depth map with one pixel per green subpixel: grey within the depth of field, white at the
+  /// panel; yellow to red in front, cyan to blue behind, by the number of times the depth doubles,
+  /// up to eight times; black if nothing is seen. May be null.
   frames::WovenFrame* map = nullptr;
-  /// Subpixel by subpixel 255 where something is seen beyond the depth of field, or nothing, else
-  /// 0. Null for none.
+  /// Mask per subpixel: 255 if the subpixel sees content beyond the depth of field, or nothing;
+  /// otherwise 0. May be null.
   frames::WovenFrame* beyond = nullptr;
 };
 
-/// Looks at every subpixel of a frame, by the row sweep. `threads` 0 = all cores; the numbers do
-/// not depend on them.
+/// Measures every subpixel of a frame by the row sweep. `threads` is the number of threads, 0 = all
+/// cores; the results do not depend on it.
 [[nodiscard]] DepthHistogram measure_depth(const optics::OpticalModel& model, const Scene& scene,
                                            int threads, const DepthPictures& pictures = {});
 

@@ -15,7 +15,8 @@ double DepthOfField::along_mm(double tan_x, double tan_y) const {
   return straight_mm_ * down / (all * std::sqrt(all));
 }
 
-/// Upwards it first grows and then falls, or only falls.
+/// The depth of field first grows with t_y and then falls, or only falls, so the minimum is at
+/// an end.
 double DepthOfField::least_mm() const {
   return std::min(along_mm(1.0, 0.0), along_mm(1.0, 1.0));
 }

@@ -4,18 +4,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/adaptive/glass_rays.h"
 #include "render/depth_budget/prefilter.h"
-#include "render/primary_rays.h"
+#include "render/rays/glass_rays.h"
+#include "render/rays/primary_rays.h"
 
 namespace lenticule::render {
 namespace {
 
 constexpr int kColours = 3;
-/// Of sheets with very many subpixels under a lens, these are enough to either side.
+/// Largest number of neighbours to each side: enough for sheets with very many subpixels per lens.
 constexpr int kFarthestNeighbour = 8;
 
-/// Weak rays are left out by what they would change alone, not in a sum.
+/// Disables weak-ray skipping, which is valid for a single ray per subpixel but not for a sum.
 RenderOptions for_sums(RenderOptions options) {
   options.skip_weak_rays = false;
   return options;
@@ -40,7 +40,7 @@ DepthPrefilter::DepthPrefilter(const optics::OpticalModel& model, const TilePlan
       distance_mm_(model.rig().viewing.distance.value),
       reach_(std::clamp(static_cast<int>(std::ceil(model.rig().sheet.pitch.value / kColours)), 1,
                         kFarthestNeighbour)) {
-  // All numbers that beam_rays() may say.
+  // Covers all results of beam_rays().
   for (double depth = 0.0; depth < 2.0 * options.prefilter_samples; depth += 0.5)
     beams_.try_emplace(beam_rays(depth, options.prefilter_samples));
   for (auto& [rays, footprints] : beams_)
@@ -52,7 +52,7 @@ int DepthPrefilter::rays_for(double z_mm, const PanelRay& middle) const {
   return everything_ || depth > 1.0 ? beam_rays(depth, options_.prefilter_samples) : 1;
 }
 
-DepthPrefilter::Worker::Worker(const DepthPrefilter& prefilter, const Scene::Impl& scene)
+DepthPrefilter::Worker::Worker(const DepthPrefilter& prefilter, const Scene& scene)
     : prefilter_(prefilter),
       scene_(scene),
       panel_from_scene_(scene.scene_from_panel.inverse()),
@@ -80,7 +80,7 @@ void DepthPrefilter::Worker::average(const Tile& tile, PrimaryPackets::Maker& ma
     light[s.target] = (light[s.target] + s.sum) / static_cast<float>(s.rays);
 }
 
-/// False where nothing of the tile is averaged.
+/// Computes the code values. Returns false if no subpixel of the tile is averaged.
 bool DepthPrefilter::Worker::encode(std::span<const float> light) {
   const auto left = [&](float z) { return prefilter_.surely_left(double{z}); };
   if (std::ranges::all_of(notes_.z_mm(), left)) return false;
@@ -99,7 +99,7 @@ void DepthPrefilter::Worker::list_column(const Tile& tile, int column,
     const double z_mm = notes_.z_mm()[static_cast<size_t>(target)];
     if (prefilter_.surely_left(z_mm)) continue;
     if (neighbours_agree(tile, column, row)) {
-      // Of the ray it is not worth asking how oblique it is.
+      // The exact direction of the ray does not matter for this statistic.
       counts_.rays_left_out += static_cast<uint64_t>(prefilter_.rays_for(z_mm, {}) - 1);
       continue;
     }
@@ -121,13 +121,13 @@ void DepthPrefilter::Worker::list_column(const Tile& tile, int column,
   }
 }
 
-/// Those in the tile: at its borders fewer are asked.
+/// Compares with neighbours inside the tile; at the tile's borders there are fewer.
 bool DepthPrefilter::Worker::neighbours_agree(const Tile& tile, int column, int row) const {
   const TilePlan& plan = prefilter_.plan_;
   const int code = codes_[static_cast<size_t>(row * tile.columns + column)];
   for (int r = std::max(row - 1, 0); r <= std::min(row + 1, tile.rows - 1); ++r) {
     const int reach = r == row ? prefilter_.reach_ : 1;
-    // Straight above or below on the panel.
+    // Directly above or below on the panel.
     const int middle = column + plan.shift(r) - plan.shift(row);
     for (int k = -reach; k <= reach; ++k) {
       const int c = middle + kColours * k;
@@ -143,7 +143,7 @@ bool DepthPrefilter::Worker::neighbours_agree(const Tile& tile, int column, int 
 
 void DepthPrefilter::Worker::load(const Tile& tile, std::span<const Listed> subpixels, int number) {
   for (size_t r = 0; r < kPacket; ++r) {
-    // Idle lanes repeat the last.
+    // Idle lanes repeat the last ray.
     const Listed& s = subpixels[std::min(r, subpixels.size() - 1)];
     const bool takes_part = r < subpixels.size() && number < s.rays;
     packet_[0].valid[r] = takes_part ? -1 : 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Method full with Prefilter::Depth or Beam: what the primary rays of a tile met, beyond the depth
-// of field or anywhere, is averaged over the beams of its subpixels.
+// DepthPrefilter implements Prefilter::Depth and Prefilter::Beam of method full: subpixels whose
+// primary rays hit content beyond the depth of field, or any content, are averaged over their
+// footprint.
 #pragma once
 
 #include <array>
@@ -10,44 +11,45 @@
 #include <span>
 #include <vector>
 
-#include "render/adaptive/light_encoder.h"
-#include "render/depth_budget/depth_notes.h"
 #include "render/depth_budget/depth_of_field.h"
-#include "render/footprint.h"
-#include "render/packet_tracer.h"
-#include "render/primary_packets.h"
-#include "render/tile.h"
+#include "render/integrator/depth_notes.h"
+#include "render/integrator/packet_tracer.h"
+#include "render/rays/footprint.h"
+#include "render/rays/primary_packets.h"
+#include "render/rays/tile.h"
+#include "render/shading/light_encoder.h"
 
 namespace lenticule::render {
 
 struct PrefilterCounts {
   uint64_t averaged = 0;       ///< subpixels
-  uint64_t rays = 0;           ///< for them, beside those through their middles
-  uint64_t rays_left_out = 0;  ///< that depth asked for, where neighbours agreed
+  uint64_t rays = 0;           ///< rays for these subpixels, beside their centre rays
+  uint64_t rays_left_out = 0;  ///< required by the depth, but neighbours agreed
   PrefilterCounts& operator+=(const PrefilterCounts& other);
 };
 
-/// Of one rig; immutable, safe from any thread. What it does to a tile depends on that tile alone.
+/// DepthPrefilter serves one rig. The result for a tile depends on that tile only. Thread safety:
+/// immutable, usable from any thread.
 class DepthPrefilter {
  public:
-  /// The model and the plan must outlive it.
+  /// Lifetime: `model` and `plan` must outlive the object.
   DepthPrefilter(const optics::OpticalModel& model, const TilePlan& plan,
                  const RenderOptions& options);
 
-  /// Of one thread and one scene; keeps its memory from tile to tile. Calling threads must flush
-  /// denormals.
+  /// Worker filters tiles of one scene. The calling thread must flush denormals. Thread safety:
+  /// used by one thread. It keeps its memory from tile to tile.
   class Worker {
    public:
-    /// Both must outlive it.
-    Worker(const DepthPrefilter& prefilter, const Scene::Impl& scene);
+    /// Lifetime: `prefilter` and `scene` must outlive the object.
+    Worker(const DepthPrefilter& prefilter, const Scene& scene);
 
-    /// Begins a tile. Every packet of primary rays has to pass through the notes.
+    /// Begins a tile. The caller must pass every packet of primary rays to the returned notes.
     DepthNotes& start(const Tile& tile);
-    /// `light` has one ray of each subpixel, by row * columns + column, of the tile that `maker`
-    /// was started with; subpixels that saw something beyond the depth of field, or all, get the
-    /// mean over their beams. Where the neighbours of the same colour, a lens to both sides and a
-    /// row above and below, have the same code but for kAgreement, that is the mean, and no ray is
-    /// traced.
+    /// Averages the subpixels of the tile that `maker` was started with. `light` has one ray per
+    /// subpixel, by row * columns + column. Subpixels that see content beyond the depth of field
+    /// (or all subpixels) get the mean over their footprint. If the neighbours of the same colour
+    /// (a lens width to both sides, and the rows above and below) have the same code to within
+    /// kAgreement, the centre ray stands for the mean and no ray is traced.
     void average(const Tile& tile, PrimaryPackets::Maker& maker, std::span<float> light);
 
     [[nodiscard]] const PrefilterCounts& counts() const { return counts_; }
@@ -56,12 +58,12 @@ class DepthPrefilter {
    private:
     struct Listed {
       uint32_t target = 0;
-      int32_t subpixel = 0;  ///< of its row
-      int32_t row = 0;       ///< of the tile
+      int32_t subpixel = 0;  ///< index in its row
+      int32_t row = 0;       ///< index in the tile
       int rays = 0;
-      const std::vector<Footprint>* places = nullptr;  ///< of the rays
+      const std::vector<Footprint>* places = nullptr;  ///< places of the rays
       PanelRay middle;
-      float sum = 0.0F;  ///< of the rays beside the middle
+      float sum = 0.0F;  ///< sum over all rays except the centre ray
     };
     [[nodiscard]] bool encode(std::span<const float> light);
     void list_column(const Tile& tile, int column, PrimaryPackets::Maker& maker);
@@ -70,7 +72,7 @@ class DepthPrefilter {
     void load(const Tile& tile, std::span<const Listed> subpixels, int number);
 
     const DepthPrefilter& prefilter_;
-    const Scene::Impl& scene_;
+    const Scene& scene_;
     Affine panel_from_scene_;
     double start_mm_;
     DepthNotes notes_;
@@ -78,20 +80,21 @@ class DepthPrefilter {
     PacketTracer tracer_;
     std::vector<uint8_t> codes_;
     std::vector<Listed> listed_;
-    std::vector<RayPacket> packet_;  ///< one
+    std::vector<RayPacket> packet_;  ///< a single packet
     alignas(64) std::array<int32_t, kPacket> channel_{};
     std::array<uint32_t, kPacket> seeds_{};
     alignas(64) std::array<float, kPacket> light_{};
     PrefilterCounts counts_;
   };
 
-  /// Code values by which neighbours may differ for the middle ray to stand for all.
+  /// Largest difference in code values between neighbours at which the centre ray stands for the
+  /// mean.
   static constexpr int kAgreement = 2;
 
  private:
-  /// 1 for what is not averaged.
+  /// Returns the number of rays; 1 if the subpixel is not averaged.
   [[nodiscard]] int rays_for(double z_mm, const PanelRay& middle) const;
-  /// Whether nothing at that depth is averaged, whatever its ray.
+  /// Returns true if no subpixel at that depth is averaged, regardless of its ray.
   [[nodiscard]] bool surely_left(double z_mm) const {
     return !everything_ && std::abs(z_mm) <= least_depth_of_field_mm_;
   }
@@ -102,8 +105,8 @@ class DepthPrefilter {
   RenderOptions options_;
   bool everything_;
   double distance_mm_;
-  int reach_;  ///< same-coloured subpixels to either side that make up a lens
-  std::map<int, std::vector<Footprint>> beams_;  ///< by number of rays
+  int reach_;  ///< number of subpixels of one colour to each side that make up a lens
+  std::map<int, std::vector<Footprint>> beams_;  ///< keyed by number of rays
 };
 
 }  // namespace lenticule::render

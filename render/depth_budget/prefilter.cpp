@@ -10,7 +10,7 @@
 namespace lenticule::render {
 namespace {
 
-/// To [-1/2, 1/2).
+/// Wraps a value to [-1/2, 1/2).
 double wrapped(double value) {
   return value - std::floor(value + 0.5);
 }
@@ -19,15 +19,16 @@ int largest_odd(int count) {
   return count - (count + 1) % 2;
 }
 
-/// How far a place lies below the one before it, and across the lens.
+/// Steps from one place to the next: down, and across the lens.
 struct Steps {
   double down = 0.0;
   double across = 0.0;
 };
 
-/// Of the numbers of rays that beam_rays() says, lattices: those whose mean of waves behind and
-/// before sheets of several slants is closest to the whole beam's, of all lattices. Of others,
-/// powers of the root of r^3 = r + 1, whose multiples fill a square evenly.
+/// Returns the steps. For the numbers of rays that beam_rays() returns, rank-1 lattices: of all
+/// lattices, those whose mean over sine waves in front of and behind sheets of several slants is
+/// closest to the mean over the whole beam. For other numbers, powers of the root of r^3 = r + 1,
+/// whose multiples fill a square evenly.
 Steps steps_for(int rays) {
   struct Lattice {
     int rays, down, across;

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 namespace {
@@ -22,7 +22,7 @@ Vec3 mix(Vec3 a, Vec3 b, double t) {
   return a * (1.0 - t) + b * t;
 }
 
-/// Spherical interpolation along the shorter arc.
+/// Interpolates spherically along the shorter arc.
 Quaternion mix(const Quaternion& from, const Quaternion& to, double t) {
   const Quaternion a = unit(from);
   Quaternion b = unit(to);
@@ -33,7 +33,7 @@ Quaternion mix(const Quaternion& from, const Quaternion& to, double t) {
   }
   double wa = 1.0 - t;
   double wb = t;
-  constexpr double kNearlyEqual = 0.9999995;  // the sine would lose its digits
+  constexpr double kNearlyEqual = 0.9999995;  // above it, the sine loses precision
   if (cosine < kNearlyEqual) {
     const double angle = std::acos(cosine);
     wa = std::sin((1.0 - t) * angle) / std::sin(angle);
@@ -43,7 +43,8 @@ Quaternion mix(const Quaternion& from, const Quaternion& to, double t) {
       {wa * a[0] + wb * b[0], wa * a[1] + wb * b[1], wa * a[2] + wb * b[2], wa * a[3] + wb * b[3]});
 }
 
-/// The first key before the first time, the last after the last.
+/// Returns the value at a time: the first key's before the first key, the last key's after the
+/// last.
 template <class T>
 T evaluate(const Channel<T>& channel, const T& otherwise, double seconds) {
   const std::vector<double>& times = channel.times;
@@ -82,8 +83,8 @@ std::vector<Affine> world_from_nodes(const std::vector<Node>& nodes, double seco
   return world;
 }
 
-/// Normals turn by the transposed inverse; its determinant's sign keeps them outside when the map
-/// mirrors. Cofactors instead of the inverse: nothing to divide by.
+/// Transforms a normal by the transposed inverse; the sign of the determinant keeps normals outside
+/// if the map mirrors. Uses cofactors instead of the inverse, which avoids a division.
 Vec3 turned_normal(const Affine& a, Vec3 n) {
   const Vec3 turned = cross(a.column_y, a.column_z) * n.x + cross(a.column_z, a.column_x) * n.y +
                       cross(a.column_x, a.column_y) * n.z;
@@ -115,7 +116,7 @@ void bake(Camera& camera, const Affine& world) {
   camera.node = -1;
 }
 
-/// Calls visit(object, node) for everything that hangs on a node.
+/// Calls visit(object, node) for every object that belongs to a node.
 template <class Visit>
 void for_each_on_a_node(SceneDescription& scene, Visit visit) {
   const auto each = [&](auto& objects) {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nodes in motion: see also at_time() in scene_description.h.
+// Baking of static nodes; see also at_time() in scene_description.h.
 #pragma once
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 
-/// Bakes everything whose node never moves into world coordinates, and drops the nodes if none
-/// moves, so that frames do not pay for what stands still.
+/// Transforms all content whose node never moves to world coordinates, and drops the nodes if none
+/// moves, so that frames do not repeat this work.
 void bake_still_nodes(SceneDescription& scene);
 
 }  // namespace lenticule::render

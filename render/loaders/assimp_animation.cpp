@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Key frames from assimp.
+// Imports key frames from assimp.
 #include <fmt/format.h>
 
 #include <algorithm>

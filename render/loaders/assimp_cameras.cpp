@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras from assimp.
+// Imports cameras from assimp.
 #include <assimp/version.h>
 #include <fmt/format.h>
 
@@ -9,8 +9,8 @@
 #include <span>
 
 #include "render/loaders/assimp_parts.h"
-#include "render/loaders/camera_pose.h"
-#include "render/stage.h"
+#include "render/scene/camera_pose.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {
@@ -20,8 +20,8 @@ constexpr double kWidestDegrees = 179.0;
 
 enum class FileKind { Gltf, Other };
 
-/// assimp states the horizontal angle. Up to 5.2 its glTF reader made it by multiplying the file's
-/// vertical angle with the aspect ratio.
+/// Returns the vertical angle. assimp states the horizontal angle; up to 5.2 its glTF reader
+/// computed that by multiplying the file's vertical angle by the aspect ratio.
 double vertical_fov_degrees(const aiCamera& from, FileKind kind) {
   const double aspect = from.mAspect > 0.0F ? from.mAspect : 1.0;
   const bool product =
@@ -31,7 +31,7 @@ double vertical_fov_degrees(const aiCamera& from, FileKind kind) {
   return vertical * 180.0 / std::numbers::pi;
 }
 
-/// Looks at a point at distance 1 for now.
+/// Converts a camera; it looks at a point at distance 1 until focus() moves that point.
 Camera camera_of(const aiCamera& from, FileKind kind) {
   Camera camera;
   camera.name = from.mName.C_Str();
@@ -39,7 +39,7 @@ Camera camera_of(const aiCamera& from, FileKind kind) {
   camera.at = camera.from + normalized(vec3(from.mLookAt));
   camera.up = vec3(from.mUp);
   if (kind == FileKind::Gltf) {
-    // By the format's definition; assimp up to 5.2 repeats the node's translation here.
+    // The format defines these; assimp up to 5.2 repeats the node's translation here.
     camera.from = {0, 0, 0};
     camera.at = {0, 0, -1};
     camera.up = {0, 1, 0};
@@ -56,7 +56,7 @@ bool usable(const Camera& camera) {
          fov <= kWidestDegrees;
 }
 
-/// Where the camera stands at time 0.
+/// Returns the camera as placed at time 0.
 Camera placed(const Camera& camera, const SceneDescription& scene) {
   SceneDescription only;
   only.nodes = scene.nodes;
@@ -64,14 +64,14 @@ Camera placed(const Camera& camera, const SceneDescription& scene) {
   return at_time(only, 0.0).cameras.front();
 }
 
-/// Moves `at` along the view to the depth of the scene's middle: that is where the glass will be.
+/// Moves `at` along the view to the depth of the scene's centre, where the panel will be.
 void focus(Camera& camera, const SceneDescription& scene, const Bounds& bounds) {
   const Camera world = placed(camera, scene);
   const Vec3 step = world.at - world.from;  // one local unit of distance
   const Vec3 middle = bounds.low + (bounds.high - bounds.low) / 2.0;
   double distance = dot(middle - world.from, step) / dot(step, step);
   const double extent = length(bounds.high - bounds.low) / length(step);
-  // A camera inside the scene, or one that turns its back on it, still needs a point before it.
+  // A camera inside the scene, or turned away from it, still needs a point in front of it.
   if (!(distance > extent / 100.0)) distance = extent / 4.0;
   if (!std::isfinite(distance) || distance <= 0.0) return;
   camera.at = camera.from + (camera.at - camera.from) * distance;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lights from assimp, and the exposure.
+// Imports lights from assimp and sets the exposure.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -10,15 +10,16 @@
 #include "base/error.h"
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/limits.h"
-#include "render/stage.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {
 
-/// What all lights together give a white surface in the middle of the scene that faces each.
+/// Total irradiance by all lights of a white surface at the scene's centre that faces each light.
 constexpr double kMiddleIrradiance = 1.3;
 
-/// glTF states half angles; the other importers give full ones.
+/// Returns the factor from the importer's cone angles to half angles: glTF states half angles, the
+/// other importers full ones.
 double half_angle_factor(const std::string& source) {
   return is_gltf(source) ? 1.0 : 0.5;
 }
@@ -50,7 +51,7 @@ bool usable(const Light& light) {
   return is_finite(light.colour) && strength > 0.0 && is_finite(light.position) && aimed;
 }
 
-/// The scene's lights where they are at time 0.
+/// Returns the scene's lights as placed at time 0.
 std::vector<Light> placed_lights(const SceneDescription& scene) {
   SceneDescription lamps;
   lamps.nodes = scene.nodes;
@@ -61,7 +62,7 @@ std::vector<Light> placed_lights(const SceneDescription& scene) {
 double irradiance(const Light& light, Vec3 middle, double nearest) {
   const double strength = std::max({light.colour.x, light.colour.y, light.colour.z});
   if (!light.falls_off) return strength;
-  // A lamp inside the scene must not count as infinitely near to its middle.
+  // A lamp inside the scene must not count as infinitely near to the centre.
   const double distance = std::max(length(light.position - middle), nearest);
   return distance > 0.0 ? strength / (distance * distance) : 0.0;
 }

@@ -17,7 +17,8 @@
 namespace lenticule::render {
 namespace {
 
-/// assimp's messages are for programmers: first line only, printable, not too long.
+/// Shortens assimp's messages, which are meant for programmers: first line only, printable, limited
+/// length.
 std::string tidy(const std::string& message) {
   constexpr size_t kLongest = 160;
   if (message.starts_with("No suitable reader"))
@@ -33,7 +34,8 @@ std::string tidy(const std::string& message) {
   throw Error(ErrorKind::Input, fmt::format("{}: {}", file.string(), reason));
 }
 
-/// Checks before any of assimp's own steps runs over the data: those trust it.
+/// Reads the file. The data is checked before assimp's own post-processing runs, which trusts the
+/// data.
 const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& file) {
   importer.SetIOHandler(std::make_unique<GuardedFiles>().release());  // the importer deletes it
   importer.SetPropertyBool("IMPORT_NO_SKELETON_MESHES", true);
@@ -41,8 +43,8 @@ const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& fil
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
   if (scene->mNumMeshes == 0) refuse(file, "nothing to see in this scene");
   check_meshes(*scene, file.string());
-  // Not aiProcess_JoinIdenticalVertices: it takes vertices within 1e-5 units for one, which makes a
-  // small scene a point.
+  // Not aiProcess_JoinIdenticalVertices, which merges vertices within 1e-5 units and so collapses a
+  // small scene to a point.
   scene = importer.ApplyPostProcessing(aiProcess_Triangulate | aiProcess_SortByPType |
                                        aiProcess_FlipUVs);
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));

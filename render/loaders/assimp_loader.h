@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// glTF 2.0, OBJ, PLY, STL and the rest of what assimp reads.
+// Loads glTF 2.0, OBJ, PLY, STL and the other formats that assimp reads.
 #pragma once
 
 #include <filesystem>
 #include <string>
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 
-/// Whether assimp has a reader for this extension (".obj").
+/// Returns true if assimp has a reader for this extension (".obj").
 [[nodiscard]] bool assimp_reads(const std::string& extension);
 
-/// As load_scene.
+/// Loads a scene as load_scene() does.
 [[nodiscard]] SceneDescription load_with_assimp(const std::filesystem::path& file);
 
 }  // namespace lenticule::render

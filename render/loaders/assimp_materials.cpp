@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Materials and textures from assimp. docs/scenes.md has the table of what becomes what.
+// Imports materials and textures from assimp. docs/scenes.md has a table of the conversions.
 #include <assimp/GltfMaterial.h>
 #include <assimp/ObjMaterial.h>
 #include <fmt/format.h>
@@ -29,7 +29,7 @@ double clamped(double value, double low, double high) {
   return std::isfinite(value) ? std::clamp(value, low, high) : low;
 }
 
-/// Typed access to one material's properties; what is not finite counts as not there.
+/// Properties gives typed access to one material's properties; non-finite values count as absent.
 class Properties {
  public:
   explicit Properties(const aiMaterial& material) : material_(material) {}
@@ -41,7 +41,7 @@ class Properties {
     return static_cast<double>(value);
   }
   [[nodiscard]] std::optional<Vec3> colour(const char* key, unsigned type, unsigned index) const {
-    aiColor4D value;  // takes three components as well
+    aiColor4D value;  // accepts three components as well
     if (material_.Get(key, type, index, value) != aiReturn_SUCCESS) return std::nullopt;
     const Vec3 c(Vec3f(value.r, value.g, value.b));
     if (!is_finite(c)) return std::nullopt;
@@ -61,8 +61,8 @@ class Properties {
   const aiMaterial& material_;
 };
 
-/// Metallic-roughness. What a rough surface would scatter widely is moved from the mirror to the
-/// diffuse part, since the shading has no blurred reflections.
+/// Converts metallic-roughness. Light that a rough surface scatters widely is moved from the mirror
+/// to the diffuse part, since the shading has no blurred reflections.
 void set_metallic_roughness(const Properties& from, double metallic, double roughness,
                             Material& to) {
   const double smooth = 1.0 - roughness;
@@ -73,7 +73,7 @@ void set_metallic_roughness(const Properties& from, double metallic, double roug
   to.transmittance = (1.0 - metallic) * transmission;
   to.specular = mirror;
   to.diffuse = std::max(0.0, 1.0 - mirror - to.transmittance);
-  // The Phong exponent of a Beckmann lobe of this roughness.
+  // Phong exponent equivalent to a Beckmann lobe of this roughness.
   const double alpha = std::max(roughness * roughness, 1e-3);
   to.shine = std::clamp(2.0 / (alpha * alpha) - 2.0, 1.0, kShiniest);
   to.tinted_specular = metallic > 0.5;
@@ -82,8 +82,8 @@ void set_metallic_roughness(const Properties& from, double metallic, double roug
     to.refraction_index = from.number(AI_MATKEY_REFRACTI).value_or(kUsualIndex);
 }
 
-/// Classic ambient-diffuse-specular. Files state a specular colour for highlights; only the
-/// illumination models from 3 on (OBJ) mean mirrors.
+/// Converts the classic ambient-diffuse-specular model. Files state a specular colour for
+/// highlights; in OBJ only illumination models 3 and above mean mirrors.
 void set_classic(const Properties& from, Material& to) {
   const double specular = luminance(from.colour(AI_MATKEY_COLOR_SPECULAR).value_or(Vec3{}));
   const int illumination = from.integer(AI_MATKEY_OBJ_ILLUM).value_or(0);
@@ -95,7 +95,7 @@ void set_classic(const Properties& from, Material& to) {
   if (refracts) to.refraction_index = from.number(AI_MATKEY_REFRACTI).value_or(1.0);
 }
 
-/// Opacity below 1 lets light through without bending it.
+/// Converts opacity below 1 to transmittance without refraction.
 void set_opacity(const Properties& from, Material& to) {
   if (from.text(AI_MATKEY_GLTF_ALPHAMODE) == "OPAQUE") return;
   const double opacity = clamped(from.number(AI_MATKEY_OPACITY).value_or(1.0), 0.0, 1.0);
@@ -134,7 +134,7 @@ std::shared_ptr<Texture> texture_of(frames::FloatImage image) {
   return texture;
 }
 
-/// "%20" and the like, as URIs in glTF files are written.
+/// Decodes "%20" and similar, as used by URIs in glTF files.
 std::string percent_decoded(const std::string& text) {
   const auto digit = [](char c) {
     if (c >= '0' && c <= '9') return c - '0';
@@ -157,7 +157,7 @@ class TextureImport {
   TextureImport(const aiScene& from, std::filesystem::path folder, SceneDescription& scene)
       : from_(from), folder_(std::move(folder)), scene_(scene) {}
 
-  /// Index of the base-colour texture, or -1: the material then keeps its plain colour.
+  /// Returns the index of the base-colour texture, or -1 if the material keeps its plain colour.
   int base_colour(const aiMaterial& material) {
     for (const aiTextureType type : {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE}) {
       aiString name;
@@ -170,7 +170,7 @@ class TextureImport {
   }
 
  private:
-  /// Whether a texture repeats; mirrored repeats are taken as plain ones.
+  /// Returns true if a texture repeats; mirrored repeats count as plain ones.
   static bool mode(const aiMaterial& material, const char* key, unsigned type, unsigned index) {
     int value = aiTextureMapMode_Wrap;
     material.Get(key, type, index, value);
@@ -191,7 +191,7 @@ class TextureImport {
       place->second = static_cast<int>(scene_.textures.size());
       scene_.textures.push_back(texture);
     } catch (const Error& error) {
-      // A picture that is not there should not keep a scene from being seen.
+      // A missing picture should not prevent displaying the scene.
       scene_.notes.push_back(fmt::format("texture left out: {}", error.what()));
     }
     return place->second;

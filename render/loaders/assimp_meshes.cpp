@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nodes and meshes from assimp.
+// Imports nodes and meshes from assimp.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -84,7 +84,8 @@ std::vector<Vec3> vectors(const aiVector3D* from, unsigned count) {
   return to;
 }
 
-/// The base-colour texture may use another set of coordinates than the first.
+/// Returns the set of texture coordinates that the base-colour texture uses, which may not be the
+/// first.
 unsigned uv_set(const aiMaterial& material) {
   int set = 0;
   if (material.GetTextureCount(aiTextureType_BASE_COLOR) > 0)
@@ -106,7 +107,7 @@ std::vector<std::array<float, 2>> uvs_of(const aiMesh& mesh, unsigned set) {
   return uvs;
 }
 
-/// What is left out of a mesh without being wrong.
+/// Valid content that the import leaves out.
 struct LeftOut {
   bool points_or_lines = false;
   bool colours = false;
@@ -133,7 +134,7 @@ TriangleMesh mesh_of(const aiScene& scene, const aiMesh& from, LeftOut& left_out
   return mesh;
 }
 
-/// Every mesh once; those without triangles stay empty.
+/// Converts every mesh once; those without triangles stay empty.
 std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scene) {
   LeftOut left_out;
   std::vector<TriangleMesh> meshes(from.mNumMeshes);
@@ -157,7 +158,7 @@ std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scen
   return meshes;
 }
 
-/// Puts meshes into the scene, once per node that shows them.
+/// MeshPlacer adds meshes to the scene, once per node that shows them.
 class MeshPlacer {
  public:
   MeshPlacer(std::vector<TriangleMesh> meshes, SceneDescription& scene)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The steps of turning assimp's scene into ours. Everything assimp says is checked: its importers
-// pass on what files claim.
+// Steps of the conversion of assimp's scene to a SceneDescription. All values are checked, since
+// assimp's importers pass on unchecked file content.
 #pragma once
 
 #include <assimp/scene.h>
@@ -9,7 +9,7 @@
 #include <string>
 #include <unordered_map>
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 
@@ -21,32 +21,33 @@ template <class V>
   return Vec3(Vec3f(c.r, c.g, c.b));
 }
 
-/// assimp's glTF reader has conventions of its own for cameras and lights.
+/// Returns true for glTF, for which assimp has special conventions of cameras and lights.
 [[nodiscard]] bool is_gltf(const std::string& source);
 
-/// Throws Error(Input) naming the mesh and the vertex or face that cannot be used.
+/// Throws Error(Input) with the mesh and the vertex or face that is invalid.
 void check_meshes(const aiScene& from, const std::string& source);
 
-/// Materials with their base-colour textures; `folder` is where relative names start.
+/// Imports materials with their base-colour textures. Relative file names start at `folder`.
 void import_materials(const aiScene& from, const std::filesystem::path& folder,
                       SceneDescription& scene);
 
 /// Index of the first node of each name.
 using NodeNames = std::unordered_map<std::string, int>;
 
-/// Nodes, parents first, with the meshes that hang on them.
+/// Imports nodes, parents first, with the meshes attached to them.
 [[nodiscard]] NodeNames import_nodes_and_meshes(const aiScene& from, SceneDescription& scene);
 
-/// The first animation's key frames.
+/// Imports the key frames of the first animation.
 void import_animation(const aiScene& from, const NodeNames& nodes, SceneDescription& scene);
 
 void import_lights(const aiScene& from, const NodeNames& nodes, SceneDescription& scene);
 
-/// Needs the meshes in their places: a file says where its camera looks, not how far.
+/// Imports cameras. Requires the meshes to be in place: a file states the direction in which a
+/// camera looks, but not the distance.
 void import_cameras(const aiScene& from, const NodeNames& nodes, SceneDescription& scene);
 
-/// Scales all lights together so that they light the middle of the scene well. Files count in
-/// candela, watts or nothing at all, and leave the exposure to the viewer.
+/// Scales all lights by a common factor so that they light the centre of the scene well. Files use
+/// candela, watts or arbitrary units, and leave the exposure to the viewer.
 void expose(SceneDescription& scene);
 
 }  // namespace lenticule::render

@@ -5,9 +5,9 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "render/loaders/camera_pose.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/text_reader.h"
+#include "render/scene/camera_pose.h"
 
 namespace lenticule::render {
 namespace {
@@ -17,7 +17,7 @@ constexpr size_t kMaxPoses = 1'000'000;
 
 constexpr size_t kNumbersOfAPose = 9;
 
-/// The numbers of the next line that has any: nine, or ten with the field of view.
+/// Returns the numbers of the next line that has any: nine, or ten with the field of view.
 std::vector<double> line_of_numbers(TextReader& reader) {
   std::vector<double> numbers{reader.number("the camera's place")};
   while (reader.more_on_line() && numbers.size() <= kNumbersOfAPose)

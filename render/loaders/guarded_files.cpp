@@ -23,15 +23,15 @@ class BytesStream : public Assimp::IOStream {
   size_t Read(void* buffer, size_t size, size_t count) override {
     if (size == 0) return 0;
     const size_t whole = std::min(count, (bytes_.size() - position_) / size);
-    if (whole == 0) return 0;  // an empty file has no bytes that memcpy could be pointed at
+    if (whole == 0) return 0;  // memcpy must not get the null pointer of an empty file
     std::memcpy(buffer, bytes_.data() + position_, whole * size);
     position_ += whole * size;
     return whole;
   }
 
   aiReturn Seek(size_t offset, aiOrigin origin) override {
-    // For aiOrigin_CUR and aiOrigin_END a negative offset arrives as its two's complement, so that
-    // the wrapped sum is the place that is meant.
+    // A negative offset from aiOrigin_CUR or aiOrigin_END arrives as its two's complement, so the
+    // wrapped sum is the intended position.
     const size_t base = origin == aiOrigin_SET   ? 0
                         : origin == aiOrigin_CUR ? position_
                                                  : bytes_.size();
@@ -63,7 +63,7 @@ Assimp::IOStream* GuardedFiles::Open(const char* file, const char* mode) {
   try {
     return std::make_unique<BytesStream>(read_whole_file(file, kMaxSceneFileBytes)).release();
   } catch (const Error&) {
-    return nullptr;  // assimp's way of being told that a file cannot be read
+    return nullptr;  // tells assimp that the file cannot be read
   }
 }
 

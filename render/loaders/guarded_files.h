@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files that assimp may open: regular ones of a sane size, read-only.
+// GuardedFiles restricts the files that assimp may open to regular files of limited size,
+// read-only.
 #pragma once
 
 #include <assimp/IOSystem.hpp>
 
 namespace lenticule::render {
 
-/// Reads each file whole before handing it over, so that a scene can name neither a pipe that never
-/// ends nor a device, and cannot write.
+/// GuardedFiles reads each file completely before assimp gets it, so that a scene can name neither
+/// an endless pipe nor a device, and cannot cause writes.
 class GuardedFiles : public Assimp::IOSystem {
  public:
   bool Exists(const char* file) const override;

@@ -6,7 +6,7 @@
 #include "render/loaders/assimp_loader.h"
 #include "render/loaders/nff.h"
 #include "render/loaders/scene_extension.h"
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 

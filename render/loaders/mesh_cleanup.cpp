@@ -8,7 +8,7 @@ namespace {
 
 using Triangle = std::array<uint32_t, 3>;
 
-/// Twice the area times the unit normal.
+/// Returns twice the area times the unit normal.
 Vec3 area_vector(const TriangleMesh& mesh, const Triangle& t) {
   const Vec3 a = mesh.positions[t[0]];
   return cross(mesh.positions[t[1]] - a, mesh.positions[t[2]] - a);
@@ -23,7 +23,7 @@ bool has_area(const TriangleMesh& mesh, const Triangle& t) {
   return length(area_vector(mesh, t)) > kThinnest * longest;
 }
 
-/// Area-weighted means of the faces around each vertex.
+/// Returns the area-weighted mean normals of the faces around each vertex.
 std::vector<Vec3> face_means(const TriangleMesh& mesh) {
   std::vector<Vec3> sums(mesh.positions.size());
   for (const Triangle& t : mesh.triangles)
@@ -48,7 +48,7 @@ MeshRepairs clean(TriangleMesh& mesh) {
     if (is_unit(normal)) continue;
     if (means.empty()) means = face_means(mesh);
     normal = normalized(means[i]);
-    // A vertex of no face, or of faces that cancel: any direction does.
+    // A vertex without faces, or with faces that cancel: any direction is valid.
     if (!is_unit(normal)) normal = {0, 0, 1};
     ++repairs.recomputed_normals;
   }

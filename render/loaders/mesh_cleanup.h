@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Makes a mesh from a file fit for tracing.
+// Repairs a mesh from a file for tracing.
 #pragma once
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 
@@ -11,9 +11,8 @@ struct MeshRepairs {
   size_t recomputed_normals = 0;
 };
 
-/// Drops triangles without an area and gives zero or non-finite normals the mean of the faces
-/// around their vertex; the other normals become unit vectors. Positions must be finite, indices in
-/// range.
+/// Drops triangles without area. Replaces zero or non-finite normals by the mean of the adjacent
+/// faces' normals; normalizes all other normals. Positions must be finite, and indices in range.
 MeshRepairs clean(TriangleMesh& mesh);
 
 }  // namespace lenticule::render

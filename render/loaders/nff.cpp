@@ -10,15 +10,15 @@
 
 #include "base/error.h"
 #include "base/file.h"
-#include "render/loaders/camera_pose.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/polygon.h"
 #include "render/loaders/text_reader.h"
+#include "render/scene/camera_pose.h"
 
 namespace lenticule::render {
 namespace {
 
-/// Primitives that say nothing to the picture, counted for the notes.
+/// Primitives without effect on the picture, counted for the notes.
 struct Dropped {
   int flat_polygons = 0;
   int empty_spheres = 0;
@@ -75,7 +75,7 @@ class NffParser {
     expect("hither");
     camera.hither = reader_.number_in("hither", 0.0, kMaxCoordinate);
     expect("resolution");
-    // The panel decides the size of the picture.
+    // Ignored, since the panel determines the size of the picture.
     (void)reader_.integer_in("resolution", 0, std::numeric_limits<int>::max());
     (void)reader_.integer_in("resolution", 0, std::numeric_limits<int>::max());
     if (camera.from == camera.at) reader_.fail_at(line, "the view's from and at are one point");
@@ -103,8 +103,9 @@ class NffParser {
     scene_.lights.push_back(light);
   }
 
-  /// The format leaves intensities open; the usual advice is sqrt(n) / 2n each for n lights, so
-  /// that scenes with many lights are neither burnt out nor dark.
+  /// Sets the lights' intensities, which the format leaves open. The usual recommendation is
+  /// sqrt(n) / 2n for each of n lights, so that scenes with many lights are neither overexposed nor
+  /// dark.
   void finish_lights() {
     const double n = static_cast<double>(scene_.lights.size());
     const double each = n > 0 ? std::sqrt(n) / (2.0 * n) : 0.0;
@@ -113,7 +114,7 @@ class NffParser {
       scene_.notes.emplace_back("no light in the file: lit by a default one");
       return;
     }
-    // Shadows stay readable without washing the picture out.
+    // Keeps shadows readable without washing the picture out.
     scene_.ambient = Vec3{1, 1, 1} * (each / 4.0);
   }
 
@@ -127,7 +128,7 @@ class NffParser {
     m.specular = reader_.number_in("Ks", 0.0, kMost);
     m.shine = reader_.number_in("Shine", 0.0, kMost);
     m.transmittance = reader_.number_in("T", 0.0, 1.0);
-    // Opaque fills often say 0 here.
+    // Opaque fills often state 0 here.
     const double index = reader_.number_in("the index of refraction", 0.0, 100.0);
     m.refraction_index = index > 0.0 ? index : 1.0;
     m.tinted_specular = false;
@@ -135,8 +136,8 @@ class NffParser {
     current_material_ = material_index(m);
   }
 
-  /// Files repeat the same fill before every object: one material each would also mean one mesh
-  /// each.
+  /// Returns the index of a material. Equal materials are shared, since files repeat the same fill
+  /// before every object, and one material each would also mean one mesh each.
   int material_index(const Material& m) {
     const MaterialKey key{m.colour.x, m.colour.y, m.colour.z,      m.diffuse,
                           m.specular, m.shine,    m.transmittance, m.refraction_index};
@@ -219,7 +220,7 @@ class NffParser {
     }
   }
 
-  /// One mesh per material, for polygons and for patches.
+  /// Returns the mesh for the current material: one for polygons and one for patches.
   TriangleMesh& mesh(Corners kind) {
     const int m = material();
     int& index = mesh_of_[static_cast<size_t>(m)][kind == Corners::Plain ? 0 : 1];

@@ -7,13 +7,13 @@
 namespace lenticule::render {
 namespace {
 
-/// Twice the signed area of a triangle.
+/// Returns twice the signed area of a triangle.
 double turn(Vec2 a, Vec2 b, Vec2 c) {
   return (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
 }
 
-/// Drops the axis along which the polygon is seen largest: no rotation, hence no rounding, so that
-/// collinear corners stay collinear; counter-clockwise turns stay so too.
+/// Projects along the axis in which the polygon appears largest. There is no rotation and so no
+/// rounding: collinear corners stay collinear, and counter-clockwise outlines stay so.
 Vec2 project(Vec3 p, Vec3 normal) {
   const Vec3 size{std::abs(normal.x), std::abs(normal.y), std::abs(normal.z)};
   if (size.x >= size.y && size.x >= size.z) return normal.x > 0 ? Vec2{p.y, p.z} : Vec2{p.z, p.y};
@@ -21,8 +21,8 @@ Vec2 project(Vec3 p, Vec3 normal) {
   return normal.z > 0 ? Vec2{p.x, p.y} : Vec2{p.y, p.x};
 }
 
-/// How much an ear may overlap. A simple polygon needs only the first; the others end the work on
-/// outlines that touch or cross themselves.
+/// Strictness states how much of the outline an ear may contain. A simple polygon needs only the
+/// first level; the others ensure termination for outlines that touch or cross themselves.
 enum class Strictness { NothingInside, NothingStrictlyInside, Anything };
 
 class EarClipper {
@@ -61,7 +61,7 @@ class EarClipper {
   }
   [[nodiscard]] bool concave(uint32_t i) const { return turn_at(i) <= 0.0; }
 
-  /// A corner that may be cut off, from the queue; the rules are relaxed when none is left.
+  /// Returns a corner that may be cut off, from the queue; the rules are relaxed if there is none.
   uint32_t next_ear() {
     while (true) {
       while (!candidates_.empty()) {
@@ -90,14 +90,14 @@ class EarClipper {
   bool is_ear(uint32_t i) {
     const double size = turn_at(i);
     if (size < 0.0) return false;
-    // A straight corner covers nothing; cutting it is right unless the outline turns back there.
+    // A straight corner has no area; it may be cut unless the outline turns back there.
     if (size == 0.0) return strictness_ != Strictness::NothingInside || !turns_back(i);
     if (strictness_ == Strictness::Anything) return true;
     const uint32_t a = previous_[i];
     const uint32_t c = next_[i];
     for (size_t k = 0; k < concave_.size();) {
       const uint32_t j = concave_[k];
-      if (removed_[j] || !concave(j)) {  // clipping only ever makes corners convex: forget it
+      if (removed_[j] || !concave(j)) {  // corners only become convex: drop it
         concave_[k] = concave_.back();
         concave_.pop_back();
         continue;
@@ -158,7 +158,7 @@ class EarClipper {
   Triangulation result_;
 };
 
-/// Indices of the corners that differ from the one before.
+/// Returns the indices of the corners that differ from their predecessor.
 std::vector<uint32_t> distinct_corners(std::span<const Vec3> corners) {
   std::vector<uint32_t> kept;
   for (size_t i = 0; i < corners.size(); ++i)
@@ -178,7 +178,7 @@ double largest_extent(std::span<const Vec3> corners) {
   return std::max({high.x - low.x, high.y - low.y, high.z - low.z});
 }
 
-/// Convex and going round once: a fan does it.
+/// Returns true if the polygon is convex and winds once, so that a triangle fan covers it.
 bool is_convex(const std::vector<Vec2>& points) {
   const size_t n = points.size();
   for (size_t i = 0; i < n; ++i)

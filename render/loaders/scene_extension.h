@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// File name extensions decide which loader reads a scene.
+// File name extension of a scene, which selects its loader.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace lenticule::render {
 
-/// In lower case, with the dot; empty if there is none.
+/// Returns the extension in lower case, with the dot; empty if there is none.
 [[nodiscard]] inline std::string extension_of(const std::filesystem::path& file) {
   std::string extension = file.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(), [](char c) {

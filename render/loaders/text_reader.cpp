@@ -16,7 +16,7 @@ bool is_space(char c) {
   return c == ' ' || (c >= '\t' && c <= '\r');
 }
 
-/// The number that all of `word` spells, or nothing. Independent of the locale.
+/// Parses the whole of `word` as a number, or returns nothing. Independent of the locale.
 std::optional<double> parse_number(std::string_view word) {
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
   double value = 0.0;
@@ -38,7 +38,7 @@ std::string quoted(std::string_view word) {
 TextReader::TextReader(std::string_view text, std::string source)
     : text_(text), source_(std::move(source)) {}
 
-/// A line feed, or a carriage return on its own as old files have it.
+/// Returns true for a line feed, or for a single carriage return as in old files.
 bool TextReader::ends_line(size_t position) const {
   if (text_[position] == '\n') return true;
   const bool fed = position + 1 < text_.size() && text_[position + 1] == '\n';

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Words and numbers of a text file with their line numbers; '#' starts a comment.
+// TextReader reads words and numbers of a text file and tracks line numbers; '#' starts a comment.
 #pragma once
 
 #include <optional>
@@ -10,30 +10,31 @@
 
 namespace lenticule::render {
 
-/// Walks over text that must outlive it. Every failure is Error(Input) "source:line: reason".
+/// TextReader parses text. All failures are Error(Input) "source:line: reason". Lifetime: the text
+/// must outlive the reader.
 class TextReader {
  public:
   TextReader(std::string_view text, std::string source);
 
-  /// The next word, on this line or a later one; nothing at the end.
+  /// Returns the next word, on this line or a later one; nothing at the end.
   [[nodiscard]] std::optional<std::string_view> word();
-  /// A finite number; `what` names it in the error.
+  /// Returns a finite number; `what` names it in error messages.
   [[nodiscard]] double number(const char* what);
   [[nodiscard]] double number_in(const char* what, double low, double high);
   [[nodiscard]] int integer_in(const char* what, int low, int high);
-  /// Three numbers, each within the coordinate limit.
+  /// Returns three numbers, each within the coordinate limit.
   [[nodiscard]] Vec3 point(const char* what);
-  /// Three numbers, none negative.
+  /// Returns three non-negative numbers.
   [[nodiscard]] Vec3 colour(const char* what);
 
-  /// Whether the next word can only be a number.
+  /// Returns true if the next word can only be a number.
   [[nodiscard]] bool number_follows();
-  /// Whether nothing but space and comments is left.
+  /// Returns true if only space and comments are left.
   [[nodiscard]] bool at_end();
-  /// Whether another word stands on the line of the last one.
+  /// Returns true if another word follows on the line of the last word.
   [[nodiscard]] bool more_on_line();
 
-  /// Of the last word.
+  /// Returns the line of the last word.
   [[nodiscard]] int line() const { return line_; }
   [[nodiscard]] const std::string& source() const { return source_; }
   [[noreturn]] void fail(const std::string& reason) const;
@@ -46,11 +47,11 @@ class TextReader {
   std::string_view text_;
   std::string source_;
   size_t position_ = 0;
-  int scan_line_ = 1;  ///< of position_
+  int scan_line_ = 1;  ///< line of position_
   int line_ = 1;
 };
 
-/// A word from a file made fit for a message: short and printable.
+/// Shortens a word from a file and makes it printable, for error messages.
 [[nodiscard]] std::string quoted(std::string_view word);
 
 }  // namespace lenticule::render

@@ -15,7 +15,7 @@ constexpr size_t rounded_up(size_t count) {
   return (count + kLanes - 1) / kLanes * kLanes;
 }
 
-/// The first element that begins a vector; there is room for it.
+/// Returns the first element at a vector boundary; the buffer has space for the shift.
 template <class T>
 T* at_vector(T* elements) {
   constexpr size_t kBytes = kLanes * sizeof(T);
@@ -24,10 +24,10 @@ T* at_vector(T* elements) {
   return static_cast<T*>(std::align(kBytes, kBytes, at, room));
 }
 
-/// Ranges may begin at the last lens and go on for all lanes.
+/// Returns the row stride; ranges may start at the last lens and extend over kLanes.
 size_t stride_for(size_t lenses) {
   const size_t stride = rounded_up(lenses + kLanes);
-  // Rows a power of two apart would share few places of the cache.
+  // Rows a power of two apart would map to the same cache sets.
   return stride % 128 == 0 ? stride + kLanes : stride;
 }
 
@@ -59,7 +59,7 @@ void PlaneCells::number_lenses(const PlaneRays& rays) {
     places = std::max(places, guess);
     n = end;
   }
-  // Where lenses are very unequal, each ray counts as a lens.
+  // If lenses are very unequal, each ray counts as its own lens.
   const size_t made = rays.end - rays.first;
   if (static_cast<size_t>(places) * stride_for(first_.size()) > 16 * made + 4096) {
     first_.resize(made);
@@ -89,8 +89,9 @@ void PlaneCells::set_buffers() {
   spread_.tan_high = spread_.tan_low + places;
 }
 
-/// All rays under a lens meet in one point, and all rays meet the viewing line: along a row tan
-/// changes by -1/Z of what x does, besides the place under the lens.
+/// Sets the steps along a row. All rays under a lens meet in one point, and all rays meet the
+/// viewing line: along a row, tan changes by -1/Z times the change of x, apart from the place under
+/// the lens.
 void PlaneCells::set_steps(double inverse_z, const PlaneRays& rays) {
   const auto lenses = static_cast<size_t>(cells_.lenses);
   double step = 1.0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The buffers in which the rays of one plane lie while its cuts are swept over them.
+// PlaneCells holds the rays of one plane in the memory layout that the sweep needs.
 #pragma once
 
 #include <cstdint>
@@ -10,18 +10,18 @@
 
 namespace lenticule::render {
 
-/// Of one thread; keeps its memory from plane to plane.
+/// PlaneCells belongs to one thread and keeps its memory from plane to plane.
 class PlaneCells {
  public:
-  /// Arranges rays as [place under the lens][lens]; nothing is seen yet. `rays` gets padding, and
-  /// must stay until the cells are arranged anew.
+  /// Arranges rays as [place under the lens][lens]; all cells are reset to seeing nothing. Adds
+  /// padding to `rays`. Lifetime: `rays` must stay unchanged until the next arrange().
   void arrange(const sweep_kernel::Kernel& kernel, double inverse_z, PlaneRays& rays);
 
   [[nodiscard]] const sweep_kernel::Cells& cells() const { return cells_; }
   [[nodiscard]] const sweep_kernel::Spread& spread() const { return spread_; }
-  /// First ray of each lens, then the number of rays.
+  /// Returns the first ray of each lens, followed by the number of rays.
   [[nodiscard]] const int32_t* first() const { return first_.data(); }
-  /// How many elements an array over rays must have for the kernel.
+  /// Returns the number of elements that arrays over rays must have for the kernel.
   [[nodiscard]] size_t padded_rays() const { return padded_rays_; }
 
  private:

@@ -8,8 +8,8 @@
 namespace lenticule::render {
 namespace {
 
-/// Calls visit(node) for the nodes that make up a range; leaf j is node rows + j, and node n's
-/// children are 2 n and 2 n + 1.
+/// Calls visit(node) for the nodes that cover a range. Leaf j is node rows + j; the children of
+/// node n are 2 n and 2 n + 1.
 template <class Visit>
 void cover(size_t rows, RowRange range, const Visit& visit) {
   const int first = std::max(range.first, 0);

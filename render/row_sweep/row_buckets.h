@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which primitives can be met on which pixel row.
+// RowBuckets finds the primitives that may be visible in a pixel row.
 #pragma once
 
 #include <cstddef>
@@ -9,22 +9,23 @@
 
 namespace lenticule::render {
 
-/// Rows [first, last]; none where last < first.
+/// Rows [first, last]; empty if last < first.
 struct RowRange {
   int first = 0;
   int last = -1;
 };
 
-/// A binary tree over the rows. Each number lies in the few nodes that make up its range, so that a
-/// row's numbers are those on the way from its leaf to the root, and a million ranges of all rows
-/// take a few nodes each. Immutable, safe from any thread.
+/// RowBuckets is a segment tree over the rows. Each number is stored in the few nodes that cover
+/// its range, so that a row's numbers are those on the path from its leaf to the root, and even a
+/// million ranges over all rows take a few nodes each. Thread safety: immutable, usable from any
+/// thread.
 class RowBuckets {
  public:
-  /// Number n has ranges[n], clipped to [0, rows).
+  /// Stores number n with ranges[n], clipped to [0, rows).
   RowBuckets(int rows, std::span<const RowRange> ranges);
 
-  /// Calls visit(number) for each number whose range holds `row`, in an order that depends on the
-  /// ranges alone.
+  /// Calls number(n) for each number n whose range contains `row`, in an order that depends on the
+  /// ranges only.
   template <class Visit>
   void visit(int row, const Visit& number) const {
     for (size_t node = rows_ + static_cast<size_t>(row); node > 0; node >>= 1)
@@ -33,7 +34,7 @@ class RowBuckets {
 
  private:
   size_t rows_;
-  std::vector<size_t> begin_;  ///< of each node in numbers_
+  std::vector<size_t> begin_;  ///< first element in numbers_, per node
   std::vector<uint32_t> numbers_;
 };
 

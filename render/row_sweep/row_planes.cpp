@@ -24,7 +24,7 @@ static_assert(kWidths.back() % (3 * sweep_kernel::kLanes) == 0);
 static_assert(sweep_kernel::kMostCoefficients == TileOptics::kMostCoefficients &&
               sweep_kernel::kShiftCoefficients == TileOptics::kShiftCoefficients);
 
-/// One row of a tile.
+/// Returns one row of a tile.
 RowPiece piece_of(const TileOptics& rig, const TileOptics::Tile& tile, size_t r) {
   RowPiece piece{};
   for (size_t colour = 0; colour < 3; ++colour) {
@@ -75,7 +75,7 @@ void RowPlanes::set_layout() {
       low_px_ = std::min(low_px_, y_px);
       high_px_ = std::max(high_px_, y_px);
       const auto at = std::find(row.heights_px.begin(), row.heights_px.end(), y_px);
-      // At most 64 columns of three.
+      // A byte is enough: a layout has at most 64 columns of three.
       row.plane.push_back(static_cast<uint8_t>(at - row.heights_px.begin()));
       if (at == row.heights_px.end()) row.heights_px.push_back(y_px);
     }
@@ -119,7 +119,7 @@ void RowPlanes::Maker::make(int row, size_t plane, PlaneRays& out, const Interva
   if (!planes_.smooth_ || !make_smooth(row, out, within_mm)) make_exact(row, plane, out);
 }
 
-/// The tiles of a band of rows, side by side.
+/// Computes the tiles of a band of rows, from left to right.
 bool RowPlanes::Maker::expand(int band) {
   if (band == band_) return band_smooth_;
   band_ = band;
@@ -137,8 +137,8 @@ RowPiece RowPlanes::Maker::piece(size_t tile) const {
   return piece_of(*planes_.smooth_, tiles_[tile], static_cast<size_t>(in_band_));
 }
 
-/// Lens points do not go back along a row by more than one lens, and a tile's rays may begin in the
-/// middle of one.
+/// Returns the tiles that can have rays in a range. Lens points step back along a row by at most
+/// one lens, and a tile's rays may begin in the middle of a lens.
 RowPlanes::Maker::Tiles RowPlanes::Maker::tiles_within(const Interval& within_mm) const {
   Tiles tiles{0, tiles_.size()};
   const double room = 3.0 * planes_.model_.pitch_mm();
@@ -174,7 +174,7 @@ bool RowPlanes::Maker::make_smooth(int row, PlaneRays& out, const Interval& with
   out.lens.resize(out.x_mm.size());
   for (size_t t = tiles.begin; t < tiles.end; ++t) make_tile(t, out);
   if (out.first == 0) return true;
-  // Begin with a whole lens: the places of half a one lie elsewhere than those of all others.
+  // Begins at a whole lens, since the places of a partial lens differ from those of all others.
   while (out.first + 1 < out.end && out.lens[out.first] == out.lens[out.first + 1]) ++out.first;
   if (out.first + 1 < out.end) ++out.first;
   return true;
@@ -192,7 +192,7 @@ void RowPlanes::Maker::make_tile(size_t tile, PlaneRays& out) const {
     resolve(row, tile, count, x, tan, lens);
 }
 
-/// Asks the map itself where the polynomials cannot tell the lens.
+/// Recomputes with the exact map the rays whose lens the polynomials leave uncertain.
 void RowPlanes::Maker::resolve(const RowPiece& piece, size_t tile, int count, float* x, float* tan,
                                int32_t* lens) const {
   for (int c = 0; c < count; ++c) {

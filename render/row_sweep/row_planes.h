@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The planes in which the rays of pixel rows lie, and those rays.
+// RowPlanes computes the planes of the pixel rows' rays, and these rays.
 //
 // All rays of one row and height lie in the plane through the row's lens points at (y, z) =
-// (lens_y_mm, 0) and the viewing line (docs/optics.md). Stripes side by side have one plane a row;
-// subpixels at several heights (cells, stripes one above the other) have one for each height.
+// (lens_y_mm, 0) and the viewing line (docs/optics.md). Layouts with vertical stripes have one
+// plane per row; layouts with subpixels at several heights (cells, horizontal stripes) have one
+// plane per height.
 #pragma once
 
 #include <array>
@@ -11,39 +12,39 @@
 #include <memory>
 #include <vector>
 
+#include "base/interval.h"
 #include "optics/row_rays.h"
 #include "optics/tile_optics.h"
-#include "render/interval.h"
 #include "render/row_sweep/row_buckets.h"
 #include "render/row_sweep/row_sweep_kernel.h"
 
 namespace lenticule::render {
 
-/// Points of the plane have y = lens_y_mm + tan_y z.
+/// Plane of the points with y = lens_y_mm + tan_y z.
 struct RowPlane {
   double lens_y_mm = 0.0;
   double tan_y = 0.0;
 };
 
-/// The rays of one plane by lens, and under one lens from left to right: those from `first` on,
-/// before `end`. What arrays have elsewhere means nothing.
+/// PlaneRays holds the rays of one plane, ordered by lens and from left to right under each lens.
+/// Valid elements are [first, end).
 struct PlaneRays {
   RowPlane plane;
   size_t first = 0;
   size_t end = 0;
-  std::vector<float> x_mm;  ///< on the glass
+  std::vector<float> x_mm;  ///< position on the panel
   std::vector<float> tan_x;
   std::vector<int32_t> lens;      ///< ascending
-  std::vector<int32_t> subpixel;  ///< of the row; empty if ray n is that of subpixel n
+  std::vector<int32_t> subpixel;  ///< index in the row; empty if ray n belongs to subpixel n
 };
 
-/// Makes rays for one rig. Immutable after construction, safe from any thread. Where the rig's map
-/// is smooth (optics/tile_optics.h) rays come from polynomials, the same as method full's;
-/// otherwise from the map itself, ten times slower.
+/// RowPlanes makes rays for one rig. If the rig's map is smooth (optics/tile_optics.h), the rays
+/// come from polynomials and equal those of method full; otherwise from the map itself, which is
+/// ten times slower. Thread safety: immutable after construction, usable from any thread.
 class RowPlanes {
  public:
-  /// The model must outlive it. Throws Error(Usage) for an instruction set that this machine cannot
-  /// run.
+  /// Throws Error(Usage) for an instruction set that this machine does not support. Lifetime: the
+  /// model must outlive the object.
   explicit RowPlanes(const optics::OpticalModel& model, Isa isa = best_isa());
 
   [[nodiscard]] const optics::OpticalModel& model() const { return model_; }
@@ -54,30 +55,31 @@ class RowPlanes {
   }
   [[nodiscard]] size_t planes_of(int row) const;
 
-  /// 1 / Z, 0 for parallel zones.
+  /// Returns 1 / Z, or 0 for parallel zones.
   [[nodiscard]] double inverse_z() const { return inverse_z_; }
-  /// A plane's tan_y is this less lens_y_mm / Z.
+  /// Returns eye_tan_y; a plane's tan_y is eye_tan_y - lens_y_mm / Z.
   [[nodiscard]] double eye_tan_y() const { return eye_tan_y_; }
 
-  /// Rows whose planes can meet points that, seen from the viewing line, lie on the glass between
-  /// these heights in the panel frame; a little generous.
+  /// Returns the rows whose planes can contain points that project from the viewing line to these
+  /// heights on the panel, in the panel frame; with a small margin.
   [[nodiscard]] RowRange rows_between(double low_mm, double high_mm) const;
 
-  /// The plane of subpixels whose centres lie at this height on the panel, in pixels down.
+  /// Returns the plane of subpixels whose centres lie at this height on the panel, in pixels from
+  /// the top.
   [[nodiscard]] RowPlane plane_at(double y_px) const;
   [[nodiscard]] RowPlane plane_of(int row, size_t plane) const;
-  /// Of the first subpixel of the row, in pixels below the row's upper edge.
+  /// Returns the height of the row's first subpixel, in pixels below the row's upper edge.
   [[nodiscard]] double height_in_row(int row) const { return layout_row(row).heights_px.front(); }
 
-  /// Scratch of one thread.
+  /// Maker makes rays. Thread safety: used by one thread.
   class Maker {
    public:
-    /// `planes` must outlive it.
+    /// Lifetime: `planes` must outlive the object.
     explicit Maker(const RowPlanes& planes);
-    /// Does not allocate once it has made a row of the kind. Rays that leave the glass beyond
-    /// `within_mm` may be left out.
+    /// Makes the rays of a plane. Does not allocate after the first row of its kind. Rays that
+    /// leave the panel outside `within_mm` may be left out.
     void make(int row, size_t plane, PlaneRays& out, const Interval& within_mm = kEverywhere);
-    /// That of one subpixel of the row that was made last, if it was left out.
+    /// Ray of one subpixel.
     struct Ray {
       float x_mm, tan_x;
     };
@@ -86,7 +88,7 @@ class RowPlanes {
    private:
     bool make_smooth(int row, PlaneRays& out, const Interval& within_mm);
     [[nodiscard]] sweep_kernel::RowPiece piece(size_t tile) const;
-    /// Tiles whose rays may leave the glass there: from the first to before the second.
+    /// Tiles [begin, end) whose rays may leave the panel in a range.
     struct Tiles {
       size_t begin, end;
     };
@@ -98,9 +100,9 @@ class RowPlanes {
     void make_exact(int row, size_t plane, PlaneRays& out);
 
     const RowPlanes& planes_;
-    std::vector<optics::TileOptics::Tile> tiles_;  ///< of one band of rows
+    std::vector<optics::TileOptics::Tile> tiles_;  ///< tiles of one band of rows
     int band_ = -1;
-    int in_band_ = 0;  ///< the row of the band that was made last
+    int in_band_ = 0;  ///< last row made, counted in the band
     bool band_smooth_ = false;
     optics::RowRays rays_;
     int evaluated_row_ = -1;
@@ -108,7 +110,8 @@ class RowPlanes {
   };
 
  private:
-  /// Row of the layout: its different heights, and of each subpixel of a period which it has.
+  /// LayoutRow is a row of the layout: its distinct heights, and the height index of each subpixel
+  /// of a period.
   struct LayoutRow {
     std::vector<double> heights_px;
     std::vector<uint8_t> plane;
@@ -119,14 +122,14 @@ class RowPlanes {
   const optics::OpticalModel& model_;
   const sweep_kernel::Kernel& kernel_;
   optics::RowRayEvaluator evaluator_;
-  std::unique_ptr<optics::TileOptics> smooth_;  ///< null where the rig is not
-  size_t columns_ = 0;                          ///< of its tiles
+  std::unique_ptr<optics::TileOptics> smooth_;  ///< null if the map is not smooth
+  size_t columns_ = 0;                          ///< columns of its tiles
   std::vector<LayoutRow> layout_;
   double inverse_z_;
   double eye_tan_y_;
-  double low_px_ = 0.0, high_px_ = 0.0;  ///< heights inside a pixel that occur
-  double top_mm_ = 0.0;                  ///< lens_y_mm at the panel's upper edge, and how it
-  double rows_per_mm_ = 0.0;             ///< changes
+  double low_px_ = 0.0, high_px_ = 0.0;  ///< range of subpixel heights inside a pixel
+  double top_mm_ = 0.0;                  ///< lens_y_mm at the panel's upper edge
+  double rows_per_mm_ = 0.0;             ///< rows per millimetre of lens_y_mm
 };
 
 }  // namespace lenticule::render

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "render/primary_rays.h"
+#include "render/rays/primary_rays.h"
 
 namespace lenticule::render {
 namespace {
@@ -21,8 +21,8 @@ void make_room(size_t count, SweptRow& row) {
 RowSweep::RowSweep(const RowPlanes& planes, const Scene& scene)
     : planes_(planes),
       start_mm_(static_cast<float>(
-          primary_start_mm(scene.impl().near_mm, planes.model().rig().viewing.distance.value))),
-      primitives_(scene.impl(), planes, start_mm_) {}
+          primary_start_mm(scene.near_mm, planes.model().rig().viewing.distance.value))),
+      primitives_(scene, planes, start_mm_) {}
 
 RowSweep::Worker::Worker(const RowSweep& sweep) : sweep_(sweep), maker_(sweep.planes_) {}
 
@@ -32,10 +32,12 @@ void RowSweep::Worker::sweep(int row, SweptRow& out, const std::optional<Interva
     sweep_plane(row, plane, out, eyes);
 }
 
-/// Where rays leave the glass that go to `eyes` and meet a cut: from one place, a cut is seen
-/// between its ends, and what lies between two places is seen between.
+/// Returns the range on the panel of the rays to `eyes` that can meet a cut. From one place a cut
+/// is seen between its ends, and from an intermediate place between the extremes of the outer
+/// places.
 Interval RowSweep::Worker::range_of_cuts_mm(const Interval& eyes) const {
-  constexpr double kTooNear = 0.995;  // of the way to the viewing line: seen from anywhere
+  // Fraction of the distance to the viewing line beyond which content may be seen anywhere.
+  constexpr double kTooNear = 0.995;
   const double inverse_z = sweep_.planes_.inverse_z();
   Interval range;
   const auto add = [&](const sweep_kernel::Reach& reach) {
@@ -72,7 +74,7 @@ void RowSweep::Worker::sweep_plane(int row, size_t plane, SweptRow& out,
   collect(out);
 }
 
-/// Where no rays were made.
+/// Marks subpixels whose rays were not made as seeing nothing.
 void RowSweep::Worker::see_nothing_beyond(SweptRow& out) const {
   const auto clear = [&](size_t begin, size_t end) {
     const auto from = static_cast<std::ptrdiff_t>(begin), to = static_cast<std::ptrdiff_t>(end);

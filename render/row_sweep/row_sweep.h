@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Exact primary visibility of whole pixel rows: the scene is cut with the plane that a row's rays
-// share, and each cut is swept over the rays that it can meet. docs/rendering.md, "Row sweep".
+// RowSweep computes the exact primary visibility of whole pixel rows: it intersects the scene with
+// the common plane of a row's rays, and sweeps each cut over the rays that can meet it.
+// docs/rendering.md, "Row sweep".
 #pragma once
 
 #include <cstdint>
@@ -10,38 +11,39 @@
 #include "render/row_sweep/plane_cells.h"
 #include "render/row_sweep/row_planes.h"
 #include "render/row_sweep/sweep_primitives.h"
-#include "render/scene.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::render {
 
-/// What the subpixels 3 i + channel of a row see. Arrays have at least sixteen elements more than
-/// the row has subpixels.
+/// Visibility of the subpixels 3 i + channel of a row. Arrays have at least sixteen elements more
+/// than the row has subpixels.
 struct SweptRow {
   static constexpr int32_t kNothing = -1;
 
   std::vector<int32_t> cut;  ///< index into `cuts`, or kNothing
-  std::vector<float> z_mm;   ///< panel frame; -infinity where there is nothing
+  std::vector<float> z_mm;   ///< panel frame; -infinity if nothing is visible
   std::vector<float> along;  ///< parameter on the cut, 0 for spheres and cones
   std::vector<SweptCut> cuts;
 };
 
-/// Of one scene on one rig; immutable, safe from any thread. What is nearer than method full's near
-/// bound is left out here, too. Of surfaces at the same depth one is seen, always the same.
+/// RowSweep serves one scene on one rig. Content nearer than method full's near bound is left out,
+/// as in method full. Among surfaces at the same depth the choice is deterministic. Thread safety:
+/// immutable, usable from any thread.
 class RowSweep {
  public:
-  /// Both must outlive it. Throws nothing but std::bad_alloc.
+  /// Lifetime: `planes` and `scene` must outlive the object. Throws only std::bad_alloc.
   RowSweep(const RowPlanes& planes, const Scene& scene);
 
-  /// Scratch of one thread; keeps its memory from row to row, and does not allocate once it has
-  /// swept the fullest row. Rows in ascending order share more work.
+  /// Worker sweeps rows. Thread safety: used by one thread. It keeps its memory from row to row and
+  /// does not allocate after the fullest row. Rows in ascending order share more work.
   class Worker {
    public:
-    /// `sweep` must outlive it.
+    /// Lifetime: `sweep` must outlive the object.
     explicit Worker(const RowSweep& sweep);
-    /// If all rays go to `eyes` on the viewing line (mm; tangents of parallel rays), those that are
-    /// far from everything need not be made.
+    /// Sweeps a row. If all rays go to `eyes` on the viewing line (mm; tangents of parallel rays),
+    /// rays far from all objects may be left out.
     void sweep(int row, SweptRow& out, const std::optional<Interval>& eyes = {});
-    /// The rays of the last row's last plane.
+    /// Returns the rays of the last row's last plane.
     [[nodiscard]] const PlaneRays& rays() const { return rays_; }
 
    private:
@@ -55,7 +57,7 @@ class RowSweep {
     PlaneRays rays_;
     PlaneCells cells_;
     PlaneCuts cuts_;
-    SweptRow by_lens_;  ///< where rays are not in the order of subpixels
+    SweptRow by_lens_;  ///< results by lens, if rays are not in the order of subpixels
   };
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen rays through neighbouring lenses at a time. The same source gives the same bits for every
-// instruction set.
+// Processes sixteen rays through neighbouring lenses at a time. All instruction sets give the same
+// bits.
 #include "render/row_sweep/row_sweep_kernel.h"
 
 #if defined(__AVX2__)
@@ -12,7 +12,8 @@ namespace {
 
 using namespace sweep_kernel;
 
-// Vectors may look at arrays of other types, lie anywhere, and go between functions by reference.
+// The vectors may alias arrays of other types and have any alignment. Functions take them by
+// reference.
 using Floats = float __attribute__((vector_size(4 * kLanes), may_alias, aligned(4)));
 using Ints = int32_t __attribute__((vector_size(4 * kLanes), may_alias, aligned(4)));
 using Doubles = double __attribute__((vector_size(8 * kBlock), may_alias, aligned(8)));
@@ -20,8 +21,8 @@ using Longs = int64_t __attribute__((vector_size(8 * kBlock)));
 using Eight = float __attribute__((vector_size(4 * kBlock), may_alias, aligned(4)));
 using EightInts = int32_t __attribute__((vector_size(4 * kBlock), may_alias, aligned(4)));
 
-// As wide as the instruction set's own: what compares and chooses is taken apart lane by lane in
-// wider ones.
+// Vectors of the instruction set's own width, since compilers split comparisons and selections of
+// wider vectors lane by lane.
 #if defined(__AVX512F__)
 constexpr int kNative = 16;
 #elif defined(__AVX2__)
@@ -68,7 +69,7 @@ inline void count_up(int first, Ints& out) {
 
 // --- rays
 
-/// Sixteen columns whose first has a given colour.
+/// Sixteen columns that start with a given colour.
 struct alignas(64) Pattern {
   double phase[3][kLanes];
   float bend[3][kLanes];
@@ -86,7 +87,7 @@ void set_pattern(const RowPiece& p, int first_colour, Pattern& out) {
   }
 }
 
-/// Lens, and how far the phase lies from it, of eight columns.
+/// Computes the lens of eight columns and the distance of their phase from it.
 inline void off_of_half(const Pattern& t, int half, const Doubles& c, Eight& off, EightInts& lens) {
   constexpr double kShift = 6755399441055744.0;  // 1.5 * 2^52: additions round to integers
   const auto at = [&](int n) -> const Doubles& {
@@ -195,7 +196,7 @@ void make_ray(const RowPiece& p, int column, float off, float* x, float* tan) {
 
 // --- cells
 
-/// Rows become columns.
+/// Transposes.
 inline void transpose(Eight (&v)[kBlock]) {
   Eight a[kBlock];
   for (int n = 0; n < 4; ++n) {
@@ -227,7 +228,7 @@ inline float lowest(const NativeFloats& v) {
   return least;
 }
 
-/// Puts NaN where a lens has no such place, and finds the spread of the others.
+/// Sets NaN in lenses without this place, and computes the spread of the others.
 void close_place(const int32_t* first, int place, const Cells& cells, const Spread& spread) {
   const float nan = __builtin_nanf(""), far = 3e38F;
   NativeFloats x_low = NativeFloats{} + far, x_high = -x_low, tan_low = x_low, tan_high = -x_low;
@@ -280,7 +281,8 @@ inline void square_to_rays(const T* cells, const int32_t* first, int place, int 
   Eight v[kBlock];
   for (int n = 0; n < kBlock; ++n) v[n] = *reinterpret_cast<const Eight*>(cells + n * stride);
   transpose(v);
-  // Left to right: what a lens writes past its last place belongs to later ones.
+  // Goes from left to right, so that elements written past a lens's last place are overwritten by
+  // later lenses.
   for (int k = 0; k < kBlock; ++k)
     if (first[k + 1] - first[k] > place) *reinterpret_cast<Eight*>(rays + first[k] + place) = v[k];
 }
@@ -298,13 +300,13 @@ void to_rays(const Cells& cells, const int32_t* first, float* z, float* along, i
 
 // --- cuts
 
-/// Which lenses can meet a cut, for sixteen places; an empty range has last < first.
+/// Lenses that can meet a cut, for sixteen places; an empty range has last < first.
 struct alignas(64) Range {
   int32_t first[kLanes];
   int32_t last[kLanes];
 };
 
-/// A bit for each place whose range is not empty.
+/// Returns a bit mask of the places whose range is not empty.
 inline uint32_t places_of(const Range& range) {
 #if defined(__AVX512F__)
   return _mm512_cmple_epi32_mask(_mm512_load_si512(range.first), _mm512_load_si512(range.last));
@@ -320,15 +322,15 @@ inline uint32_t places_of(const Range& range) {
   }
   return ~empty & 0xffffU;
 #else
-  // From the last to the first: shifts by a counter are miscompiled by GCC 12 under sanitizers.
+  // Counts down, since GCC 12 with sanitizers miscompiles shifts by a counter.
   uint32_t bits = 0;
   for (int n = kLanes; n-- > 0;) bits = 2 * bits + (range.first[n] <= range.last[n] ? 1U : 0U);
   return bits;
 #endif
 }
 
-/// Beyond its true zeros the distance between ray and end of a cut has one sign; where that is the
-/// same for both ends, the ray passes.
+/// Computes the lenses that can meet a cut. The signed distance between a ray and an end of a cut
+/// keeps its sign outside its zeros; rays for which both ends have the same sign miss the cut.
 __attribute__((always_inline)) inline void range_of(const Cells& cells, const Spread& s,
                                                     const Reach& reach, int place, Range& out) {
   constexpr float kRounding = 4e-7F;  // a few roundings of the largest term
@@ -382,7 +384,7 @@ __attribute__((always_inline)) inline void segment_at(const Cells& cells, int at
   }
 }
 
-/// Calls cell(first element) for every sixteen cells that may meet something inside `reach`.
+/// Calls cell(first element) for each group of sixteen cells that may meet content inside `reach`.
 template <class Visit>
 __attribute__((always_inline)) inline void visit(const Cells& cells, const Spread& spread,
                                                  const Reach& reach, int lanes, const Visit& cell) {
@@ -394,8 +396,8 @@ __attribute__((always_inline)) inline void visit(const Cells& cells, const Sprea
     for (; left != 0; left &= left - 1) {
       const int n = __builtin_ctz(left);
       const int row = (place + n) * cells.stride;
-      // From a whole vector on: what neighbouring cuts store and load is then the same piece of
-      // memory, and needs no second line of the cache.
+      // Starts at a whole vector: then the loads and stores of neighbouring cuts use the same
+      // memory and do not touch a second cache line.
       for (int k = range.first[n] & -lanes; k <= range.last[n]; k += lanes) cell(row + k);
     }
   }
@@ -403,7 +405,7 @@ __attribute__((always_inline)) inline void visit(const Cells& cells, const Sprea
 
 void segments(const Cells& cells, const Spread& spread, float start, const Segment* list, int count,
               int32_t number) {
-  const Cells own = cells;  // stores cannot change it
+  const Cells own = cells;  // a copy, which stores cannot alias
   for (int n = 0; n < count; ++n) {
     const Segment segment = list[n];
     const int32_t its = number + n;
@@ -423,7 +425,7 @@ inline void root(const Doubles& v, Doubles& out) {
 #endif
 }
 
-/// `z` is what the nearer of two roots that count gives, -infinity if none does.
+/// Sets `z` to the nearer of the valid roots, -infinity if there is none.
 inline void conic_z(const Conic& q, double start, const Doubles& x, const Doubles& tan,
                     Doubles& z) {
   const Doubles v = (x + tan * q.zc) - q.xc;
@@ -433,7 +435,7 @@ inline void conic_z(const Conic& q, double start, const Doubles& x, const Double
   const Doubles square = b * b - a * c;
   Doubles half;
   root(square > 0.0 ? square : Doubles{}, half);
-  // Both terms have one sign: nothing cancels.
+  // Both terms have the same sign, so nothing cancels.
   const Doubles sum = -(b + (b < 0.0 ? -half : half));
   const Doubles t0 = sum / a, t1 = c / sum;
   const Doubles s_glass = q.s0 + q.s1 * v;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// The inner loops of the row sweep, compiled once per instruction set. Plain data only: nothing
-// here may bring a shared inline function into a file that is compiled for AVX-512.
+// Inner loops of the row sweep, compiled once per instruction set. Plain data only: this header
+// must not bring shared inline functions into a file that is compiled for AVX-512.
 //
-// All rays of one plane are x = x_glass + tan z, in millimetres of the panel frame, z toward the
-// viewer. A cell is one ray. Cells lie [place under the lens][lens], so that neighbours in memory
-// are rays through neighbouring lenses, nearly parallel.
+// All rays of one plane are x = x_glass + tan z, in millimetres of the panel frame, with z toward
+// the viewer. A cell is one ray. Cells are ordered [place under the lens][lens], so that neighbours
+// in memory are nearly parallel rays through neighbouring lenses.
 #pragma once
 
 #include <cstdint>
@@ -14,12 +14,12 @@
 namespace lenticule::render::sweep_kernel {
 
 inline constexpr int kLanes = 16;
-inline constexpr int kBlock = 8;  ///< lenses and places are rearranged in squares of this size
+inline constexpr int kBlock = 8;  ///< lenses and places are transposed in squares of this size
 inline constexpr int kMostCoefficients = 8;
 inline constexpr int kShiftCoefficients = 4;
 inline constexpr int kColours = 3;
 
-/// One row of an optics::TileOptics::Tile whose columns are not sheared.
+/// RowPiece is one row of an optics::TileOptics::Tile whose columns are not sheared.
 struct RowPiece {
   double phase[kColours][3];
   float bend[kColours][3];
@@ -30,50 +30,50 @@ struct RowPiece {
   bool colours_alike;
   float lens_step;
   float x_step;
-  float safe;  ///< the polynomials tell the lens of places no further than this from its middle
+  float safe;  ///< the lens is certain for places no farther than this from its middle
 };
 
-/// Cells of one plane; rows of `stride` elements, a multiple of kLanes beyond the last lens. Arrays
-/// begin at multiples of kLanes elements.
+/// Cells of one plane in rows of `stride` elements; the stride is a multiple of kLanes beyond the
+/// last lens. Arrays begin at multiples of kLanes elements.
 struct Cells {
-  float* x;  ///< NaN where a lens has no such place
+  float* x;  ///< NaN if the lens has no such place
   float* tan;
-  float* z;      ///< of the nearest surface, -infinity where there is none
+  float* z;      ///< depth of the nearest surface, -infinity if there is none
   float* along;  ///< parameter on the cut
-  int32_t* cut;  ///< -1 where there is none
+  int32_t* cut;  ///< -1 if there is none
   int lenses;
-  int places;  ///< rows
+  int places;  ///< number of rows
   int stride;
 };
 
-/// Of place n: x_glass = x_step k + [x_low, x_high], tan = tan_step k + [tan_low, tan_high] for all
-/// lenses k. Arrays are padded to kLanes.
+/// Bounds of place n: x_glass = x_step k + [x_low, x_high], tan = tan_step k + [tan_low, tan_high]
+/// for all lenses k. Arrays are padded to kLanes.
 struct Spread {
   float x_step;
   float tan_step;
-  float x_far;    ///< the largest magnitude of x_glass
-  float tan_far;  ///< and of tan
+  float x_far;    ///< largest magnitude of x_glass
+  float tan_far;  ///< largest magnitude of tan
   float* x_low;
   float* x_high;
   float* tan_low;
   float* tan_high;
 };
 
-/// Two stretches of constant z whose convex hull holds what is to be found of a cut.
+/// Two x ranges at constant z whose convex hull contains the visible part of a cut.
 struct Reach {
   float z[2];
   float x_low[2];
   float x_high[2];
 };
 
-/// A triangle's cut: a segment.
+/// Segment is the cut of a triangle.
 struct Segment {
   Reach reach;
   float x0, z0, x1, z1;
 };
 
-/// A sphere's, cone's or cylinder's cut. With v = x_glass + tan zc - xc and z = zc + t, it is met
-/// where a t^2 + 2 b t + c = 0,
+/// Conic is the cut of a sphere, cone or cylinder. With v = x_glass + tan zc - xc and z = zc + t, a
+/// ray meets it where a t^2 + 2 b t + c = 0,
 ///   a = a0 + tan (a1 + tan a2), b = b0 + b1 tan + v (b2 + b3 tan), c = c0 + v (c1 + v c2),
 /// and 0 <= s0 + s1 v + t (s2 + s3 tan) <= height.
 struct Conic {
@@ -87,20 +87,23 @@ struct Conic {
 };
 
 struct Kernel {
-  /// Columns [0, count) of a piece, `count` a multiple of kLanes. True if some lens is uncertain.
+  /// Makes the rays of columns [0, count) of a piece; `count` is a multiple of kLanes. Returns true
+  /// if some lens is uncertain.
   bool (*make_rays)(const RowPiece&, int count, float* x, float* tan, int32_t* lens);
   bool (*uncertain)(const RowPiece&, int column);
   void (*make_ray)(const RowPiece&, int column, float off, float* x, float* tan);
-  /// From rays in the order of lenses to cells and their spread (steps are given); `first` has the
-  /// first ray of each lens, then `stride` times the number of rays; arrays can be read kBlock past
-  /// the last place of their last ray. Nothing is seen in any cell then.
+  /// Transposes rays in the order of lenses to cells and computes their spread, whose steps are
+  /// given; all cells are reset to seeing nothing. `first` holds the first ray of each lens, then
+  /// `stride` times the number of rays. Arrays must be readable for kBlock elements past the last
+  /// place of their last ray.
   void (*to_cells)(const float* x, const float* tan, const int32_t* first, const Cells&,
                    const Spread&);
-  /// Keeps what is nearer (larger z) and behind z = start; cuts are numbered from `number` on.
+  /// Sweep cuts over the cells and keep the nearest points (largest z) behind z = start. Cuts are
+  /// numbered starting at `number`.
   void (*segments)(const Cells&, const Spread&, float start, const Segment*, int count,
                    int32_t number);
   void (*conics)(const Cells&, const Spread&, float start, const Conic*, int count, int32_t number);
-  /// The way back of what was found; up to kBlock elements after the last ray are written.
+  /// Transposes the results back to rays; writes up to kBlock elements past the last ray.
   void (*to_rays)(const Cells&, const int32_t* first, float* z, float* along, int32_t* cut);
 };
 

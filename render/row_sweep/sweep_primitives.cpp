@@ -26,7 +26,7 @@ Vec3 corner_of(const Box& box, int n) {
           (n & 4) != 0 ? box.high.z : box.low.z};
 }
 
-/// The axis-parallel box around a box that was mapped.
+/// Returns the axis-parallel box around a mapped box.
 Box mapped(const Affine& map, const Box& box) {
   Box out{map.point(box.low), map.point(box.low)};
   for (int n = 1; n < 8; ++n) {
@@ -37,11 +37,12 @@ Box mapped(const Affine& map, const Box& box) {
   return out;
 }
 
-/// One end of a triangle's cut. The point comes from the corner on the negative side toward the
-/// other, whichever triangle asks: neighbours get the same bits, and no ray passes between them.
+/// CutEnd is one end of a triangle's cut. The point is computed from the corner on the negative
+/// side toward the other, in every triangle: neighbours get the same bits, and no ray passes
+/// between them.
 struct CutEnd {
   double x = 0.0, z = 0.0;
-  double weight[3] = {0.0, 0.0, 0.0};  ///< of the corners
+  double weight[3] = {0.0, 0.0, 0.0};  ///< weights of the corners
 };
 struct CornerSide {
   const Vec3* point;
@@ -64,8 +65,8 @@ CutEnd between(const CutEnd& a, const CutEnd& b, double part) {
   return end;
 }
 
-/// Calls `use(begin, end)` for pieces of a cut that are not much longer than they are far away:
-/// single precision says where such a piece is.
+/// Calls `use(begin, end)` for pieces of a cut that are not much longer than their distance, so
+/// that single precision is accurate for each piece.
 template <class Use>
 void each_piece(const CutEnd& a, const CutEnd& b, const Use& use) {
   const double dx = b.x - a.x, dz = b.z - a.z;
@@ -92,7 +93,7 @@ void each_piece(const CutEnd& a, const CutEnd& b, const Use& use) {
   }
 }
 
-/// Moves an end that lies before z = start there; for ranges only.
+/// Moves an end in front of z = start to that plane; for ranges only.
 CutEnd behind(const CutEnd& end, const CutEnd& other, double start) {
   if (end.z <= start) return end;
   const double part = (start - other.z) / (end.z - other.z);
@@ -127,7 +128,8 @@ SweptCut described_segment(const CutEnd& a, const CutEnd& b, const Segment& segm
           .v1 = static_cast<float>(b.weight[2])};
 }
 
-/// A x^2 + 2 B x z + C z^2 + 2 (gx x + gz z) + f, about (xc, zc), is zero on a cut.
+/// A quadratic form that is zero on a cut: A x^2 + 2 B x z + C z^2 + 2 (gx x + gz z) + f, about
+/// (xc, zc).
 struct PlaneForm {
   double xc, zc;
   double A, B, C;
@@ -135,7 +137,7 @@ struct PlaneForm {
   double f;
 };
 
-/// In the scene frame, per millimetre of x and of z in a row's plane.
+/// Directions in the scene frame, per millimetre of x and of z in a row's plane.
 struct PlaneAxes {
   Vec3 across, inward;
 };
@@ -161,13 +163,14 @@ Conic conic_of(const PlaneForm& f) {
           .height = 0.0};
 }
 
-/// Around the cut: where an ellipse lies, or everything.
+/// Bounds of a cut: those of an ellipse, or unbounded.
 struct Extent {
   double x_low = -kInfinity, x_high = kInfinity, z_low = -kInfinity, z_high = kInfinity;
   bool empty = false;
 };
 
-/// Moves the form to the ellipse's middle, so that no large numbers cancel later, and bounds it.
+/// Moves the form's origin to the ellipse's centre, so that no large numbers cancel later, and
+/// bounds the ellipse.
 Extent centre_ellipse(PlaneForm& q) {
   const double det = q.A * q.C - q.B * q.B;
   if (!(q.A > 0.0) || !(det > 1e-9 * q.A * std::abs(q.C))) return {};
@@ -182,7 +185,8 @@ Extent centre_ellipse(PlaneForm& q) {
   return {q.xc - half_x, q.xc + half_x, q.zc - half_z, q.zc + half_z};
 }
 
-/// What of a cut lies inside its primitive's box and behind the start; false if nothing does.
+/// Bounds the part of a cut inside its primitive's box and behind the start; returns false if it is
+/// empty.
 bool bound(const Extent& extent, const Box& box, double start, Reach& reach) {
   const double z_low = std::max(extent.z_low, box.low.z);
   const double z_high = std::min({extent.z_high, box.high.z, start});
@@ -196,8 +200,8 @@ bool bound(const Extent& extent, const Box& box, double start, Reach& reach) {
 
 }  // namespace
 
-/// |p - base|^2 less the squares of its part along the axis and of the radius there; a sphere's has
-/// no axis.
+/// Quadric is |p - base|^2 minus the squares of the component along the axis and of the radius
+/// there; a sphere has no axis.
 struct SweepPrimitives::Quadric {
   Vec3 base, axis;
   double radius, slope, height;
@@ -205,7 +209,7 @@ struct SweepPrimitives::Quadric {
   [[nodiscard]] double form(Vec3 a, Vec3 b) const {
     return dot(a, b) - (1.0 + slope * slope) * dot(a, axis) * dot(b, axis);
   }
-  /// About a point of the plane that lies `from` away from the base.
+  /// Returns the form about a point of the plane at offset `from` from the base.
   [[nodiscard]] PlaneForm form_in(const PlaneAxes& plane, Vec3 from) const {
     const double taper = radius * slope;
     return {.xc = 0.0,
@@ -228,7 +232,7 @@ struct SweepPrimitives::Heights {
   }
 };
 
-SweepPrimitives::SweepPrimitives(const Scene::Impl& scene, const RowPlanes& planes, double start_mm)
+SweepPrimitives::SweepPrimitives(const Scene& scene, const RowPlanes& planes, double start_mm)
     : scene_(scene),
       planes_(planes),
       start_mm_(start_mm),
@@ -341,7 +345,7 @@ void SweepPrimitives::cut_triangle(const Triangle& triangle, const RowPlane& pla
     above_plane += corners[n].side >= 0.0 ? 1 << n : 0;
   }
   if (above_plane == 0 || above_plane == 7) return;
-  // The corner that is alone on its side.
+  // The corner that is alone on its side of the plane.
   constexpr int kAlone[8] = {0, 0, 1, 2, 2, 1, 0, 0};
   const CornerSide& alone = corners[kAlone[above_plane]];
   const CornerSide& next = corners[(alone.index + 1) % 3];

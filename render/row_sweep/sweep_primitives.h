@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene's primitives in the panel frame, and what the planes of pixel rows cut of them.
+// SweepPrimitives holds a scene's primitives in the panel frame and cuts them with the planes of
+// pixel rows.
 #pragma once
 
 #include <cstdint>
 #include <vector>
 
-#include "render/committed_scene.h"
 #include "render/row_sweep/row_buckets.h"
 #include "render/row_sweep/row_planes.h"
 #include "render/row_sweep/row_sweep_kernel.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::render {
 
-/// What a plane cuts of one primitive. Of a triangle, a segment: at parameter a of it the point is
-/// x = x0 + a (x1 - x0) and so on, u and v being Embree's barycentrics. A sphere's and a cone's
-/// have no parameter and all of these zero.
+/// SweptCut is the cut of a plane with one primitive. A triangle's cut is a segment: at parameter a
+/// the point is x = x0 + a (x1 - x0) and so on; u and v are Embree's barycentrics. The cuts of
+/// spheres and cones have no parameter, and all these members are zero.
 struct SweptCut {
   uint32_t geometry = 0;  ///< Embree's numbers
   uint32_t primitive = 0;
@@ -22,25 +23,27 @@ struct SweptCut {
   float u0 = 0.0F, v0 = 0.0F, u1 = 0.0F, v1 = 0.0F;
 };
 
-/// The cuts of one plane, those of triangles first.
+/// The cuts of one plane, triangles first.
 struct PlaneCuts {
   std::vector<sweep_kernel::Segment> segments;
   std::vector<sweep_kernel::Conic> conics;
-  std::vector<uint32_t> curved;  ///< numbers of the spheres and cones to be cut
+  std::vector<uint32_t> curved;  ///< numbers of the spheres and cones to cut
 };
 
-/// Of one scene and rig; immutable, safe from any thread. The scene must outlive it.
+/// SweepPrimitives serves one scene and rig. Thread safety: immutable, usable from any thread.
+/// Lifetime: the scene must outlive the object.
 class SweepPrimitives {
  public:
-  /// Everything behind z = start_mm.
-  SweepPrimitives(const Scene::Impl& scene, const RowPlanes& planes, double start_mm);
+  /// Takes all primitives behind z = start_mm.
+  SweepPrimitives(const Scene& scene, const RowPlanes& planes, double start_mm);
 
-  /// Cuts of a plane of `row`. Descriptions are appended to `described`: segments', then conics'.
+  /// Cuts the primitives with a plane of `row`. Appends descriptions to `described`: segments, then
+  /// conics.
   void cut(int row, const RowPlane& plane, PlaneCuts& out, std::vector<SweptCut>& described) const;
 
  private:
   struct Triangle {
-    uint32_t corner[3];  ///< in corners_
+    uint32_t corner[3];  ///< indices in corners_
     uint32_t geometry;
     uint32_t primitive;
     bool wide;
@@ -50,7 +53,7 @@ class SweepPrimitives {
   void add_mesh(const MeshShape& mesh, uint32_t geometry);
   void add_quadric(const Box& box);
   void find_rows();
-  /// Range on the glass, from the viewing line, of what lies behind start.
+  /// Range of heights on the panel, projected from the viewing line, of the part behind start.
   struct Heights;
   [[nodiscard]] Heights heights_of(const Triangle& triangle,
                                    const std::vector<double>& corner_heights) const;
@@ -64,13 +67,13 @@ class SweepPrimitives {
                    std::vector<SweptCut>& described) const;
   [[nodiscard]] Quadric quadric(uint32_t number) const;
 
-  const Scene::Impl& scene_;
+  const Scene& scene_;
   const RowPlanes& planes_;
   double start_mm_;
   Affine panel_from_scene_;
   std::vector<Vec3> corners_;
   std::vector<Triangle> triangles_;
-  std::vector<Box> boxes_;  ///< of spheres, then cones
+  std::vector<Box> boxes_;  ///< boxes of spheres, then of cones
   uint32_t sphere_geometry_ = 0;
   uint32_t cone_geometry_ = 0;
   RowBuckets rows_;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fails where a page of docs/ names a test that does not exist.
+"""Fails where a page of docs/, or a SLOW filter of a test program, names a test that does not exist.
 
 Usage: check_named_tests.py SOURCE_DIR
 
@@ -15,6 +15,7 @@ DECLARED = re.compile(r"\bTEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)\s*\)")
 TYPED = re.compile(r"\bTYPED_TEST(?:_P)?\(\s*(\w+),\s*(\w+)\s*\)")
 VM_TEST = re.compile(r"@vm_test\([^@]*?\)\ndef (\w+)\(")
 FUZZ = re.compile(r"lenticule_fuzz\((\w+)")
+SLOW = re.compile(r'\bSLOW "([^"]+)"')
 GOOGLE = re.compile(r"(?:\w+/)?([A-Z]\w*)\.([A-Z]\w+)")
 
 
@@ -47,12 +48,23 @@ def named(text):
                 yield number, word
 
 
+def slow_filters(source):
+    """(CMake file, Suite or Suite.Name) of every case that a test program calls slow."""
+    for path in sorted((source / "tests").rglob("CMakeLists.txt")):
+        for patterns in SLOW.findall(path.read_text()):
+            for pattern in patterns.split(":"):
+                yield path, pattern.rpartition("/")[2].removesuffix(".*")
+
+
 def main():
     source = pathlib.Path(sys.argv[1])
     there = existing(source)
     wrong = [f"{path.relative_to(source)}:{number}: no test {name}"
              for path in sorted((source / "docs").rglob("*.md"))
              for number, name in named(path.read_text()) if name not in there]
+    suites = {name.partition(".")[0] for name in there}
+    wrong += [f"{path.relative_to(source)}: no slow test {name}"
+              for path, name in slow_filters(source) if name not in there | suites]
     if wrong:
         sys.exit("\n".join(wrong))
     print(f"every named test exists, of {len(there)}")

@@ -3,7 +3,7 @@
 // rays between its lens and the eyes that see it there.
 #pragma once
 
-#include "render/footprint.h"
+#include "render/rays/footprint.h"
 #include "tests/support/reference_renderer.h"
 
 namespace lenticule::testing {

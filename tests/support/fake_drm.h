@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "display/clock.h"
-#include "display/kms/platform.h"
-#include "display/kms/session.h"
+#include "display/kms/device/platform.h"
+#include "display/kms/device/session.h"
 
 namespace lenticule::testing {
 

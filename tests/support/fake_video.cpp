@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "frames/ring/frame_number.h"
 #include "frames/ring/ring_renderer.h"
-#include "player/video/frame_number.h"
 
 namespace {
 
@@ -45,7 +45,7 @@ int probe() {
 }
 
 bool show(frames::RingRenderer& ring, uint64_t position, uint64_t frame) {
-  const uint64_t number = video::ring_number(position, frame == 0);
+  const uint64_t number = frames::ring_number(position, frame == 0);
   std::span<uint8_t> pixels;
   frames::RingStatus status = frames::RingStatus::TimedOut;
   while (status == frames::RingStatus::TimedOut) status = ring.acquire(number, 1s, pixels);

@@ -7,9 +7,9 @@
 #include <cstdint>
 
 #include "optics/model.h"
-#include "render/sampling/soft_light.h"
-#include "render/scene_description.h"
-#include "render/stage.h"
+#include "render/options/soft_light.h"
+#include "render/scene/scene_description.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::testing {
 

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "optics/model.h"
-#include "render/scene_description.h"
-#include "render/stage.h"
+#include "render/scene/scene_description.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::testing {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "render/committed_scene.h"
-#include "render/quadrics.h"
+#include "render/accel/quadrics.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::testing {
 namespace {
@@ -26,7 +26,7 @@ double side(Vec3 origin, Vec3 direction, Vec3 a, Vec3 b) {
 
 class Oracle {
  public:
-  Oracle(const render::Scene::Impl& scene, const OracleRay& ray, double start_mm,
+  Oracle(const render::Scene& scene, const OracleRay& ray, double start_mm,
          const OracleTolerance& tolerance)
       : scene_(scene),
         ray_(ray),
@@ -109,7 +109,7 @@ class Oracle {
     hits_.push_back(hit);
   }
 
-  const render::Scene::Impl& scene_;
+  const render::Scene& scene_;
   OracleRay ray_;
   Vec3 origin_, direction_;
   double start_;
@@ -127,7 +127,7 @@ OracleRay oracle_ray(const optics::OpticalModel& model, int i, int j, int channe
 
 std::vector<OracleHit> oracle_hits(const render::Scene& scene, const OracleRay& ray,
                                    double start_mm, const OracleTolerance& tolerance) {
-  const render::Scene::Impl& impl = scene.impl();
+  const render::Scene& impl = scene;
   Oracle oracle(impl, ray, start_mm, tolerance);
   for (uint32_t g = 0; g < impl.geometries.size(); ++g) {
     using Kind = render::GeometryEntry::Kind;

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "optics/model.h"
-#include "render/scene.h"
+#include "render/scene/scene.h"
 
 namespace lenticule::testing {
 

@@ -6,11 +6,11 @@
 #include <exception>
 #include <memory>
 
-#include "display/kms/kms_display.h"
+#include "display/kms/scanout/kms_display.h"
 #include "optics/rig_file.h"
-#include "player/interrupt.h"
-#include "player/playback.h"
-#include "player/source_open.h"
+#include "player/playback/playback.h"
+#include "player/process/interrupt.h"
+#include "player/sources/source_open.h"
 
 namespace lenticule::vm {
 namespace {

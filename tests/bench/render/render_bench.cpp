@@ -2,9 +2,9 @@
 // Parts of the renderer on small inputs; `lenticule bench exact` measures whole frames.
 #include <benchmark/benchmark.h>
 
-#include "render/method.h"
-#include "render/primary_rays.h"
-#include "render/shading.h"
+#include "render/make_method.h"
+#include "render/rays/primary_rays.h"
+#include "render/shading/shading.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -28,7 +28,7 @@ void making_rays(benchmark::State& state) {
   PrimaryRays::Workspace workspace;
   std::vector<PathRay> rays;
   for (auto _ : state) {
-    primary.generate(scene.impl(), plan.tile(1), centre, 1.0, workspace, rays);
+    primary.generate(scene, plan.tile(1), centre, 1.0, workspace, rays);
     benchmark::DoNotOptimize(rays.data());
   }
   state.SetItemsProcessed(state.iterations() * static_cast<int64_t>(rays.size()));

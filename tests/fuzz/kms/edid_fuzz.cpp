@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <vector>
 
-#include "display/kms/edid.h"
+#include "display/kms/device/edid.h"
 
 namespace {
 

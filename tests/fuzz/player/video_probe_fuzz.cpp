@@ -4,7 +4,7 @@
 
 #include "base/error.h"
 #include "frames/ring/ring_layout.h"
-#include "player/video_probe.h"
+#include "player/sources/video_probe.h"
 
 namespace {
 

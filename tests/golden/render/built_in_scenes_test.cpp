@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "player/built_in_scene.h"
-#include "render/method.h"
+#include "apps/lenticule/offline/built_in_scene.h"
+#include "render/make_method.h"
 #include "tests/support/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 

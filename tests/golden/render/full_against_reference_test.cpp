@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "render/method.h"
+#include "render/make_method.h"
 #include "tests/support/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
 

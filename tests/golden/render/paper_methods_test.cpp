@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <limits>
 
+#include "apps/lenticule-bench/render/bench_paper.h"
+#include "apps/lenticule/offline/built_in_scene.h"
 #include "frames/compare.h"
-#include "player/bench_paper.h"
-#include "player/built_in_scene.h"
-#include "render/method.h"
+#include "render/make_method.h"
 #include "scenes/scene_list.h"
 #include "tests/support/tiny_scenes.h"
 

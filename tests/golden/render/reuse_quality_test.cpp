@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "frames/compare.h"
-#include "render/method.h"
+#include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::testing {

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "display/kms/drm_events.h"
+#include "display/kms/device/drm_events.h"
 
 namespace lenticule::testing {
 namespace {

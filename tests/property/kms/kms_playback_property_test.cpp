@@ -7,7 +7,7 @@
 #include <cstring>
 #include <random>
 
-#include "player/playback.h"
+#include "player/playback/playback.h"
 #include "tests/support/fake_source.h"
 #include "tests/unit/kms/kms_stage.h"
 

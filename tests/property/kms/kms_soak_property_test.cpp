@@ -65,12 +65,12 @@ TEST_F(KmsSoak, EveryFrameIsReportedOnceInOrderWhateverHappens) {
   EXPECT_GT(show->statistics().recoveries, 100U);
 }
 
-TEST_F(KmsSoak, AMillionVblanksWithJitterHaveNoGap) {
+TEST_F(KmsSoak, JitterMakesNoGap) {
   std::mt19937 random(8);
   card.event_delay = [&] { return Nanoseconds(random() % 15'000'000); };
   open();
   uint64_t last = flip(1).sequence;
-  for (int i = 0; i < 1'000'000; ++i) {
+  for (int i = 0; i < 20'000; ++i) {
     display::ScanoutBuffer* buffer = show->acquire();
     ASSERT_NE(buffer, nullptr);
     ASSERT_EQ(show->submit(buffer, 2), SubmitStatus::Accepted);

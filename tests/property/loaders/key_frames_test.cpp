@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "render/scene_description.h"
+#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 namespace {

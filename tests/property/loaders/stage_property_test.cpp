@@ -8,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-#include "render/stage.h"
+#include "render/scene/stage.h"
 
 namespace lenticule::render {
 namespace {

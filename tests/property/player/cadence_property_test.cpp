@@ -3,7 +3,7 @@
 
 #include <random>
 
-#include "player/cadence.h"
+#include "player/playback/cadence.h"
 
 namespace lenticule::player {
 namespace {

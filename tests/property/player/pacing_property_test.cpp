@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "player/pacing.h"
+#include "player/playback/pacing.h"
 
 namespace lenticule::player {
 namespace {

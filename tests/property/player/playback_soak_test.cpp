@@ -5,14 +5,14 @@
 #include <array>
 
 #include "display/virtual/virtual_display.h"
-#include "player/playback.h"
+#include "player/playback/playback.h"
 #include "tests/support/fake_source.h"
 
 namespace lenticule::player {
 namespace {
 
 constexpr frames::FrameGeometry kTiny{.width = 8, .height = 2};
-constexpr uint64_t kVblanks = 1'000'000;
+constexpr uint64_t kVblanks = 20'000;
 constexpr uint64_t kFramesPerLoop = 7;
 
 /// Checks every shown frame as it comes; remembers nothing.
@@ -44,7 +44,7 @@ class SeamChecker final : public display::ScanoutRecorder {
   uint64_t wrong_ = 0;
 };
 
-TEST(PlaybackSoak, AMillionVblanksWithJitterHaveNoSeam) {
+TEST(PlaybackSoak, JitterMakesNoGapAtTheLoopPoint) {
   const auto checker = std::make_shared<SeamChecker>();
   // Started 400 days ago, with events up to 0.9 of a period late.
   const auto clock = std::make_shared<display::SimulatedClock>(std::chrono::hours(400 * 24));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pictures have no pinholes at corners that lie on the rays of subpixels to the last bit, and the
 // guard that sees to that leaves everything else alone.
-#include "render/hole_guard.h"
+#include "render/integrator/hole_guard.h"
 
 #include <gtest/gtest.h>
 
@@ -9,8 +9,8 @@
 #include <cmath>
 #include <random>
 
-#include "render/method.h"
-#include "render/probe.h"
+#include "apps/lenticule-bench/probes/probe.h"
+#include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

@@ -4,7 +4,7 @@
 
 #include <cstdlib>
 
-#include "render/method.h"
+#include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::testing {

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <random>
 
-#include "render/primary_rays.h"
-#include "render/row_sweep/row_tracer.h"
+#include "apps/lenticule-bench/probes/row_tracer.h"
+#include "render/rays/primary_rays.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"
 #include "tests/support/visibility_oracle.h"
@@ -38,7 +38,7 @@ class Rows {
         sweep_(planes_, scene_),
         worker_(sweep_),
         tracer_(model_, scene_),
-        start_mm_(primary_start_mm(scene_.impl().near_mm, rig.viewing.distance.value)) {}
+        start_mm_(primary_start_mm(scene_.near_mm, rig.viewing.distance.value)) {}
 
   void compare(int j, Counts& counts) {
     worker_.sweep(j, swept_);

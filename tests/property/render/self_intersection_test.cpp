@@ -7,9 +7,9 @@
 #include <limits>
 #include <random>
 
-#include "render/embree_packets.h"
-#include "render/shading.h"
-#include "render/shading_tables.h"
+#include "render/accel/embree_packets.h"
+#include "render/shading/shading.h"
+#include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -63,11 +63,11 @@ class ShadowCounter {
     }
     RayPacket packet;
     EXPECT_EQ(load_packet(rays, packet), 0U);
-    const RTCScene embree = scene_.impl().embree.get();
+    const RTCScene embree = scene_.embree.get();
     intersect16(packet.valid, embree, packet.rays, Coherence::Incoherent);
     shading_kernel::Surfaces surfaces{};
     if (!isa_baseline::kShadingKernel.find_surfaces(
-            scene_.impl().shading->tables(), &packet.rays.ray.org_x[0], packet.valid, surfaces))
+            scene_.shading->tables(), &packet.rays.ray.org_x[0], packet.valid, surfaces))
       return;
     RayPacket shadow;
     EXPECT_EQ(load_packet(shadow_rays(surfaces), shadow), 0U);

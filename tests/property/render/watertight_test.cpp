@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "render/committed_scene.h"
-#include "render/probe.h"
-#include "render/ray_stream.h"
+#include "apps/lenticule-bench/probes/probe.h"
+#include "render/accel/ray_stream.h"
+#include "render/scene/scene.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -22,7 +22,7 @@ class Watertight : public ::testing::Test {
                                      Surroundings{}, 1);
   }
 
-  [[nodiscard]] const MeshShape& mesh() const { return scene_->impl().meshes[0]; }
+  [[nodiscard]] const MeshShape& mesh() const { return scene_->meshes[0]; }
 
   void aim(Vec3 from, Vec3 at) {
     PathRay ray;
@@ -34,7 +34,7 @@ class Watertight : public ::testing::Test {
 
   [[nodiscard]] size_t misses(Coherence coherence) const {
     std::vector<Hit> hits(rays_.size());
-    EXPECT_EQ(intersect(scene_->impl().embree.get(), rays_, coherence, hits), 0U);
+    EXPECT_EQ(intersect(scene_->embree.get(), rays_, coherence, hits), 0U);
     size_t count = 0;
     for (const Hit& hit : hits)
       if (hit.geometry == Hit::kMiss) ++count;

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "render/method.h"
-#include "render/wide_triangle.h"
+#include "render/accel/wide_triangle.h"
+#include "render/make_method.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/open_display.h"
+#include "display/open/open_display.h"
 
 #include <gtest/gtest.h>
 

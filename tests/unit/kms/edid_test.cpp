@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/edid.h"
+#include "display/kms/device/edid.h"
 
 #include <gtest/gtest.h>
 

@@ -4,9 +4,9 @@
 
 #include <set>
 
-#include "display/kms/driver_paths.h"
-#include "display/kms/exactness_rules.h"
-#include "display/kms/television_modes.h"
+#include "display/kms/color/driver_paths.h"
+#include "display/kms/color/exactness_rules.h"
+#include "display/kms/device/television_modes.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {

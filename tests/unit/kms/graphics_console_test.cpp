@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The text console is quiet while frames are shown, and back however the player ends.
-#include "display/kms/graphics_console.h"
+#include "display/kms/device/graphics_console.h"
 
 #include <fcntl.h>
 #include <linux/kd.h>

@@ -5,7 +5,7 @@
 #include <cerrno>
 
 #include "base/error.h"
-#include "display/kms/inspect.h"
+#include "display/kms/survey/inspect.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "display/kms/kms_display.h"
+#include "display/kms/scanout/kms_display.h"
 #include "tests/support/fake_drm.h"
 
 namespace lenticule::testing {

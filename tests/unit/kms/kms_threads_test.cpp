@@ -5,7 +5,7 @@
 #include <atomic>
 #include <thread>
 
-#include "display/kms/panel_watch.h"
+#include "display/kms/scanout/panel_watch.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The gamma ramp of drivers that have no property for it.
-#include "display/kms/legacy_gamma.h"
+#include "display/kms/color/legacy_gamma.h"
 
 #include <gmock/gmock.h>
 
 #include <cerrno>
 
-#include "display/kms/inspect.h"
+#include "display/kms/survey/inspect.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/mode_choice.h"
+#include "display/kms/probe/mode_choice.h"
 
 #include <gtest/gtest.h>
 

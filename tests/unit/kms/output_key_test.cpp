@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/output_key.h"
+#include "display/kms/probe/output_key.h"
 
 #include <gtest/gtest.h>
 

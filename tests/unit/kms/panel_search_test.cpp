@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Looking for a panel without opening it, also while a display of ours is lit.
-#include "display/kms/panel_search.h"
+#include "display/kms/survey/panel_search.h"
 
 #include <gmock/gmock.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/pending_flip.h"
+#include "display/kms/scanout/pending_flip.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/vblank_counter.h"
+#include "display/kms/scanout/vblank_counter.h"
 
 #include <gtest/gtest.h>
 

@@ -11,8 +11,8 @@
 #include <numbers>
 #include <set>
 
-#include "render/scene_description.h"
-#include "render/stage.h"
+#include "render/scene/scene_description.h"
+#include "render/scene/stage.h"
 #include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {

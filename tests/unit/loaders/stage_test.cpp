@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The stage: which way up, how large, how deep, and that it survives any scale and place.
-#include "render/stage.h"
+#include "render/scene/stage.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/cadence.h"
+#include "player/playback/cadence.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

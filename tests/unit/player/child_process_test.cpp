@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/child_process.h"
+#include "player/process/child_process.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

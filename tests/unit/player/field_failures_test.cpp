@@ -8,9 +8,9 @@
 #include <numeric>
 
 #include "glass_stage.h"
-#include "player/heartbeat.h"
-#include "player/panel_wait.h"
-#include "player/play_service.h"
+#include "player/session/heartbeat.h"
+#include "player/session/panel_wait.h"
+#include "player/session/play_service.h"
 
 namespace lenticule::player {
 namespace {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "player/playback.h"
+#include "player/playback/playback.h"
 #include "tests/support/fake_source.h"
 #include "tests/unit/kms/kms_stage.h"
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/latency_histogram.h"
+#include "player/playback/latency_histogram.h"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Trimming while playing: what keys do to the trim, its file and the views on the glass, and that
 // the terminal is given back.
-#include "player/live_trim.h"
+#include "player/sources/live_trim.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -15,18 +15,16 @@
 #include <string>
 
 #include "base/error.h"
-#include "calib/by_eye/charts.h"
+#include "frames/charts/charts.h"
 #include "optics/rig_file.h"
-#include "player/followed_rig.h"
-#include "player/raw_terminal.h"
-#include "player/views_source.h"
+#include "player/process/raw_terminal.h"
+#include "player/sources/followed_rig.h"
+#include "player/sources/views_source.h"
 
 namespace lenticule::player {
 namespace {
 
 namespace fs = std::filesystem;
-using calib::Key;
-using calib::Stride;
 using testing::HasSubstr;
 
 class LiveTrimTest : public testing::Test {
@@ -153,7 +151,7 @@ TEST_F(LiveTrimTest, ViewsFollowWhileLentFramesStay) {
   const auto trim = std::make_shared<LiveTrim>(rig_file_);
   ViewsSource source(trim);
   const auto woven_for = [](const optics::Rig& rig) {
-    return calib::draw_chart({.pattern = calib::ChartPattern::NumberedViews, .rig = rig});
+    return frames::draw_chart({.pattern = frames::ChartPattern::NumberedViews, .rig = rig});
   };
   const auto same = [](const frames::FrameView& a, const frames::WovenFrame& b) {
     return std::equal(a.bytes.begin(), a.bytes.end(), b.bytes().begin(), b.bytes().end());

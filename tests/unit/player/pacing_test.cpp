@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/pacing.h"
+#include "player/playback/pacing.h"
 
 #include <gtest/gtest.h>
 

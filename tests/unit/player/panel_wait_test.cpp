@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Coming by the panel that is wanted, and what another one shows meanwhile: on fake cards, in
 // simulated time.
-#include "player/panel_wait.h"
+#include "player/session/panel_wait.h"
 
 #include <gmock/gmock.h>
 
@@ -10,7 +10,7 @@
 
 #include "base/wake_fd.h"
 #include "display/test_card.h"
-#include "player/card_texts.h"
+#include "player/session/card_texts.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::player {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/play_plan.h"
+#include "player/session/play_plan.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

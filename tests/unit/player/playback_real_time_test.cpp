@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "display/virtual/virtual_display.h"
-#include "player/playback.h"
+#include "player/playback/playback.h"
 #include "tests/support/fake_source.h"
 
 namespace lenticule::player {

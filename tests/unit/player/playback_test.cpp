@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Playing in simulated time: every vblank of every case is the same on every run.
-#include "player/playback.h"
+#include "player/playback/playback.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A rig that cannot be read, where nobody knows yet what panel there should be.
-#include "player/rig_trouble.h"
+#include "player/session/rig_trouble.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -8,7 +8,7 @@
 #include <filesystem>
 
 #include "display/test_card.h"
-#include "player/card_texts.h"
+#include "player/session/card_texts.h"
 #include "tests/unit/kms/kms_stage.h"
 
 namespace lenticule::player {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a service manager hears, over a socket of the test's own.
-#include "player/service_manager.h"
+#include "player/session/service_manager.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
@@ -19,10 +19,10 @@
 #include <string>
 #include <vector>
 
-#include "display/kms/handover.h"
-#include "player/heartbeat.h"
-#include "player/kept_output.h"
-#include "player/play_service.h"
+#include "display/kms/scanout/handover.h"
+#include "player/session/heartbeat.h"
+#include "player/session/kept_output.h"
+#include "player/session/play_service.h"
 
 namespace lenticule::player {
 namespace {

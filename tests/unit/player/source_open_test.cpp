@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "player/source_open.h"
+#include "player/sources/source_open.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

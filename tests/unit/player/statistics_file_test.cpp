@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The file of --stats on disks that are full, gone, or come back.
-#include "player/statistics_file.h"
+#include "player/session/statistics_file.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

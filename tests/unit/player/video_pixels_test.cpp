@@ -6,8 +6,8 @@
 #include <cstring>
 #include <optional>
 
+#include "apps/lenticule-video/pixel_convert.h"
 #include "base/error.h"
-#include "player/video/pixel_convert.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::video {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Video files as frames: in order, each once, whatever happens to the process that decodes them.
-#include "player/video_source.h"
+#include "player/sources/video_source.h"
 
 #include <gmock/gmock.h>
 #include <sys/wait.h>
@@ -9,8 +9,8 @@
 #include <csignal>
 
 #include "base/error.h"
+#include "frames/ring/frame_number.h"
 #include "frames/ring/ring_player.h"
-#include "player/video/frame_number.h"
 #include "tests/unit/player/video_stage.h"
 
 namespace lenticule::player {
@@ -236,7 +236,7 @@ class VideoResumes : public VideoPlays {
     for (uint64_t k = from; k < 40; ++k) {
       frames::LentFrame lent;
       ASSERT_EQ(pull(*ring, lent), PullStatus::Ready);
-      EXPECT_EQ(video::position_of(lent.number), 100 + k - from);
+      EXPECT_EQ(frames::position_of(lent.number), 100 + k - from);
       EXPECT_TRUE(std::ranges::equal(lent.frame.bytes, clip_frame(k).bytes())) << k;
       ring->release(lent.token);
     }

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "player/video_source.h"
-#include "player/video_writer.h"
+#include "apps/lenticule/offline/video_writer.h"
+#include "player/sources/video_source.h"
 #include "tests/support/process.h"
 
 namespace lenticule::test {

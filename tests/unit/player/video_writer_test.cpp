@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Written video files: whole under their name, or not there.
-#include "player/video_writer.h"
+#include "apps/lenticule/offline/video_writer.h"
 
 #include <gmock/gmock.h>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Views that are woven while they play: the right frames in order, loop after loop, and new plans
 // without a frame missing.
-#include "player/weaving_source.h"
+#include "player/sources/weaving_source.h"
 
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@
 #include "frames/weaving/quilt_file.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
-#include "player/source_open.h"
+#include "player/sources/source_open.h"
 
 namespace lenticule::player {
 namespace {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rays that are proved to meet nothing: the bounds that the proofs are made of, and the bytes.
-#include "render/skips/background.h"
+#include "render/culling/background.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-#include "render/method.h"
+#include "render/make_method.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"
 
@@ -25,7 +25,7 @@ void expect_bounds_hold(const optics::Rig& rig, const Scene& scene, int tile_ind
   const PrimaryPackets packets(model, plan);
   PrimaryPackets::Maker maker(packets);
   const Tile tile = plan.tile(tile_index % plan.count());
-  maker.start(scene.impl(), tile, Footprint(model, {}));
+  maker.start(scene, tile, Footprint(model, {}));
   std::vector<RayPacket> made(static_cast<size_t>(tile.columns));
   init_packets(made);
   maker.prepare(made);
@@ -80,7 +80,7 @@ TEST(Beam, IsEmptyBesideATriangleOnly) {
       {.positions = {{0, 0, -1}, {1, 0, -1}, {0, 1, -1}}, .triangles = {{0, 1, 2}}});
   const Stage stage = testing::make_tiny_stage({.mm_per_unit = 10.0});
   const Scene scene(description, stage, {});
-  const BeamTester tester(scene.impl());
+  const BeamTester tester(scene);
   ASSERT_TRUE(tester.usable());
   const auto empty = [&](double x, double y, double start) {
     return tester.empty({.x_mm = {x - 1.0, x + 1.0},

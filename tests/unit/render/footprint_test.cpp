@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/footprint.h"
+#include "render/rays/footprint.h"
 
 #include <gtest/gtest.h>
 

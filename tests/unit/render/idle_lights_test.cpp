@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "render/method.h"
+#include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

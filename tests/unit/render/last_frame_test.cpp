@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Frames in which nothing changes are copied; whatever changes, they are not.
-#include "render/skips/last_frame.h"
+#include "render/culling/last_frame.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <cmath>
 #include <functional>
 
-#include "render/method.h"
+#include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {

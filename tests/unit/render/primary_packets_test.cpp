@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Rays made from polynomials against those of the map itself.
-#include "render/primary_packets.h"
+#include "render/rays/primary_packets.h"
 
 #include <gtest/gtest.h>
 
@@ -25,8 +25,8 @@ Vec3 lane(const float* x, const float* y, const float* z, size_t r) {
   return {double{x[r]}, double{y[r]}, double{z[r]}};
 }
 
-Difference compare_tile(const PrimaryPackets& packets, const PrimaryRays& exact,
-                        const Scene::Impl& scene, const Tile& tile, const Footprint& footprint) {
+Difference compare_tile(const PrimaryPackets& packets, const PrimaryRays& exact, const Scene& scene,
+                        const Tile& tile, const Footprint& footprint) {
   PrimaryPackets::Maker maker(packets);
   std::vector<RayPacket> made(static_cast<size_t>(tile.columns));
   init_packets(made);
@@ -69,8 +69,7 @@ struct Bench {
 };
 
 /// Single precision resolves this much of a coordinate of the panel, with a few roundings.
-double origin_tolerance(const optics::Rig& rig, const Scene::Impl& scene,
-                        const PrimaryRays& exact) {
+double origin_tolerance(const optics::Rig& rig, const Scene& scene, const PrimaryRays& exact) {
   const double size = rig.panel.width_px * rig.panel.pixel_width.value +
                       rig.panel.height_px * rig.panel.pixel_height.value +
                       std::abs(exact.start_mm(scene));
@@ -110,14 +109,14 @@ TEST(PrimaryPackets, RandomRigsAgreeWithTheMap) {
     const Bench bench(rig);
     const Scene& scene = n % 2 == 0 ? turned : straight;
     fast += bench.packets.fast() ? 1 : 0;
-    const double tolerance = origin_tolerance(rig, scene.impl(), bench.exact);
+    const double tolerance = origin_tolerance(rig, scene, bench.exact);
     for (int k = 0; k < 24; ++k) {
       const int count = bench.plan.count();
       const int index = k == 0   ? 0
                         : k == 1 ? count - 1
                                  : static_cast<int>(random() % static_cast<unsigned>(count));
-      const Difference d = compare_tile(bench.packets, bench.exact, scene.impl(),
-                                        bench.plan.tile(index), bench.footprint);
+      const Difference d =
+          compare_tile(bench.packets, bench.exact, scene, bench.plan.tile(index), bench.footprint);
       ++tiles;
       EXPECT_EQ(d.wrong_lanes, 0) << "rig " << n << " tile " << index;
       EXPECT_LT(d.tangent, 4e-7) << "rig " << n << " tile " << index;
@@ -139,7 +138,7 @@ TEST(PrimaryPackets, EveryInstructionSetGivesTheSameBits) {
         const Tile tile = bench.plan.tile(index % bench.plan.count());
         std::vector<RayPacket> made(static_cast<size_t>(tile.columns));
         init_packets(made);
-        maker.start(scene.impl(), tile, bench.footprint);
+        maker.start(scene, tile, bench.footprint);
         maker.prepare(made);
         maker.columns(0, made);
         std::vector<float> bits;
@@ -166,8 +165,8 @@ TEST(PrimaryPackets, BordersFollowTheMap) {
       rig.sheet.slant = slant;
       const Bench bench(rig);
       for (int index = 0; index < bench.plan.count(); index += 97) {
-        const Difference d = compare_tile(bench.packets, bench.exact, scene.impl(),
-                                          bench.plan.tile(index), bench.footprint);
+        const Difference d = compare_tile(bench.packets, bench.exact, scene, bench.plan.tile(index),
+                                          bench.footprint);
         EXPECT_EQ(d.wrong_lanes, 0);
         EXPECT_LT(d.tangent, 4e-7) << pitch << " " << slant << " tile " << index;
       }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Packets of rays and rays one by one give the same bits.
-#include "render/quadric_kernel.h"
+#include "render/accel/quadric_kernel.h"
 
 #include <gtest/gtest.h>
 
@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "base/cpu.h"
-#include "render/embree.h"
-#include "render/quadrics.h"
-#include "render/user_geometry.h"
-#include "render/wide_triangle.h"
+#include "render/accel/embree.h"
+#include "render/accel/quadrics.h"
+#include "render/accel/user_geometry.h"
+#include "render/accel/wide_triangle.h"
 #include "tests/support/instruction_sets.h"
 
 namespace lenticule::render {

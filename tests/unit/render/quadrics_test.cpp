@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/quadrics.h"
+#include "render/accel/quadrics.h"
 
 #include <gtest/gtest.h>
 

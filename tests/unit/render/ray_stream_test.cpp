@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What reaches Embree, and what does not.
-#include "render/ray_stream.h"
+#include "render/accel/ray_stream.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <limits>
 #include <random>
 
-#include "render/committed_scene.h"
-#include "render/embree_packets.h"
+#include "render/accel/embree_packets.h"
+#include "render/scene/scene.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -31,7 +31,7 @@ SceneDescription floor_and_sphere() {
 class RayStream : public ::testing::Test {
  protected:
   Scene scene_{floor_and_sphere(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
-  RTCScene embree_ = scene_.impl().embree.get();
+  RTCScene embree_ = scene_.embree.get();
 };
 
 PathRay ray(Vec3 origin, Vec3 direction) {
@@ -135,7 +135,7 @@ class ClosedBall : public ::testing::TestWithParam<double> {
     return scene;
   }
   Scene scene_{ball(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
-  RTCScene embree_ = scene_.impl().embree.get();
+  RTCScene embree_ = scene_.embree.get();
 };
 
 // Embree takes these components for positive ones, and the bounds of a packet with negative ones

@@ -8,9 +8,9 @@
 
 #include "base/error.h"
 #include "optics/eye_simulator.h"
-#include "render/denormals.h"
-#include "render/method.h"
-#include "render/micro_image_sweep.h"
+#include "render/accel/denormals.h"
+#include "render/make_method.h"
+#include "render/methods/reuse/micro_image_sweep.h"
 #include "tests/support/reprojection_oracle.h"
 #include "tests/support/tiny_scenes.h"
 
@@ -76,7 +76,7 @@ Agreement compare_with_oracle(const SceneDescription& description, const optics:
   const Scene scene(description, stage, {});
   const Tile tile = plan.tiles.tile(0);
   const FlushDenormals flush;
-  sweep.start(scene.impl(), tile);
+  sweep.start(scene, tile);
   sweep.trace_empty();
   const std::span<Column> columns = sweep.columns();
   for (size_t c = 3; c < columns.size(); ++c)

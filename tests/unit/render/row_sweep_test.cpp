@@ -11,9 +11,9 @@
 #include <set>
 #include <utility>
 
-#include "render/adaptive/key_grid.h"
-#include "render/primary_rays.h"
-#include "render/row_sweep/row_tracer.h"
+#include "apps/lenticule-bench/probes/row_tracer.h"
+#include "render/methods/adaptive/key_grid.h"
+#include "render/rays/primary_rays.h"
 #include "tests/support/allocation_count.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"
@@ -72,7 +72,7 @@ testing::SeenSurface surface_of(const SweptRow& row, size_t s) {
 
 void count_row(const optics::OpticalModel& model, const Scene& scene, int j, const SweptRow& row,
                Counts& counts) {
-  const double start = primary_start_mm(scene.impl().near_mm, model.rig().viewing.distance.value);
+  const double start = primary_start_mm(scene.near_mm, model.rig().viewing.distance.value);
   for (int s = 0; s < 3 * model.rig().panel.width_px; ++s) {
     const auto hits =
         testing::oracle_hits(scene, testing::oracle_ray(model, s / 3, j, s % 3), start);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sample points and the directions that kernels make of them, against the oracle's.
-#include "render/sampling/sample_set.h"
+#include "render/shading/sample_set.h"
 
 #include <gtest/gtest.h>
 
@@ -12,9 +12,9 @@
 #include <random>
 #include <set>
 
-#include "render/ray_stream.h"
-#include "render/shading_tables.h"
-#include "render/texture.h"
+#include "render/accel/ray_stream.h"
+#include "render/scene/texture.h"
+#include "render/shading/shading_tables.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/reference_sampling.h"
 

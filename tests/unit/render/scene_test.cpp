@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Committing scenes: what is refused, and where things end up.
-#include "render/scene.h"
+#include "render/scene/scene.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "base/error.h"
-#include "render/committed_scene.h"
+#include "render/scene/scene.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -130,7 +130,7 @@ TEST(SceneCommit, CentresAndScalesOnTheStage) {
   scene.spheres = {{.centre = {1e7 + 2.0, -1e7, 5e6}, .radius = 0.5}};
   const Stage stage = testing::make_tiny_stage({.centre = {1e7, -1e7, 5e6}, .mm_per_unit = 20.0});
   const Scene committed(scene, stage, {}, 1);
-  const SphereShape& sphere = committed.impl().spheres.at(0);
+  const SphereShape& sphere = committed.spheres.at(0);
   EXPECT_NEAR(sphere.centre.x, 40.0, 1e-6);
   EXPECT_NEAR(sphere.centre.y, 0.0, 1e-6);
   EXPECT_NEAR(sphere.radius, 10.0, 1e-6);
@@ -140,15 +140,15 @@ TEST(SceneCommit, KnowsTheNearestPointOfEveryPrimitive) {
   const Stage stage = testing::make_tiny_stage({.mm_per_unit = 10.0, .depth_scale = 0.5});
   SceneDescription scene;
   scene.spheres = {{.centre = {0, 0, 3}, .radius = 1}};
-  EXPECT_NEAR(Scene(scene, stage, {}, 1).impl().near_mm, 20.0, 1e-9);
+  EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 20.0, 1e-9);
   Cone cone;  // lies along x: its rim reaches a radius toward the viewer
   cone.base = {-1, 0, 5};
   cone.apex = {1, 0, 5};
   cone.base_radius = cone.apex_radius = 1.0;
   scene.cones = {cone};
-  EXPECT_NEAR(Scene(scene, stage, {}, 1).impl().near_mm, 30.0, 1e-9);
+  EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 30.0, 1e-9);
   scene.meshes = {testing::box_mesh({0, 0, 0}, {1, 1, 8}, 0)};
-  EXPECT_NEAR(Scene(scene, stage, {}, 1).impl().near_mm, 40.0, 1e-9);
+  EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 40.0, 1e-9);
 }
 
 TEST(SceneCommit, LeavesOutWhatTheStageLeavesOut) {
@@ -156,15 +156,15 @@ TEST(SceneCommit, LeavesOutWhatTheStageLeavesOut) {
   SceneDescription scene;
   scene.spheres = {{.centre = {0, 0, 3}, .radius = 1}};
   stage.near_mm = 15.0;
-  EXPECT_NEAR(Scene(scene, stage, {}, 1).impl().near_mm, 15.0, 1e-9);
+  EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 15.0, 1e-9);
 }
 
 TEST(SceneCommit, LightsASceneThatSaysNothingAboutLight) {
   SceneDescription scene = good_scene();
   scene.lights.clear();
-  EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).impl().lights.size(), 1U);
+  EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).lights.size(), 1U);
   scene.ambient = Vec3{0.5, 0.5, 0.5};
-  EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).impl().lights.size(), 0U);
+  EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).lights.size(), 0U);
 }
 
 }  // namespace

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sixteen lanes in single precision against the formulas in double, and one instruction set against
 // another.
-#include "render/shading_kernel.h"
+#include "render/shading/shading_kernel.h"
 
 #include <gtest/gtest.h>
 
@@ -10,12 +10,12 @@
 #include <random>
 
 #include "base/cpu.h"
-#include "render/embree_packets.h"
-#include "render/octahedron.h"
-#include "render/ray_stream.h"
-#include "render/shading.h"
-#include "render/shading_tables.h"
-#include "render/surface_cells.h"
+#include "render/accel/embree_packets.h"
+#include "render/accel/ray_stream.h"
+#include "render/culling/octahedron.h"
+#include "render/scene/surface_cells.h"
+#include "render/shading/shading.h"
+#include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -59,14 +59,14 @@ class ShadingKernel : public ::testing::TestWithParam<testing::NamedScene> {
       ray.target = random() % 8 == 0 ? PathRay::kInactive : 0;
     }
     load_packet(rays_, packet_);
-    intersect16(packet_.valid, impl().embree.get(), packet_.rays, Coherence::Incoherent);
+    intersect16(packet_.valid, scene_.embree.get(), packet_.rays, Coherence::Incoherent);
   }
 
   /// False if nothing was met.
   bool shade(const Kernel& kernel, size_t light, Shaded& out) {
     std::memset(static_cast<void*>(&out), 0, sizeof out);  // padding too
     for (size_t r = 0; r < kPacket; ++r) out.surfaces.channel[r] = rays_[r].channel;
-    const ShadingTables& tables = *impl().shading;
+    const ShadingTables& tables = *scene_.shading;
     if (!kernel.find_surfaces(tables.tables(), &packet_.rays.ray.org_x[0], packet_.valid,
                               out.surfaces))
       return false;
@@ -83,8 +83,6 @@ class ShadingKernel : public ::testing::TestWithParam<testing::NamedScene> {
   }
 
   void expect_lane_agrees(const Shaded& shaded, size_t light, size_t r) const;
-
-  [[nodiscard]] const Scene::Impl& impl() const { return scene_.impl(); }
 
   Scene scene_;
   std::vector<PathRay> rays_;
@@ -114,23 +112,23 @@ void ShadingKernel::expect_lane_agrees(const Shaded& shaded, size_t light, size_
   const Hit hit{.geometry = packet_.rays.hit.geomID[r],
                 .primitive = packet_.rays.hit.primID[r],
                 .distance = packet_.rays.ray.tfar[r]};
-  const Surface expected = surface_at(impl(), ray, hit);
+  const Surface expected = surface_at(scene_, ray, hit);
   const Surfaces& s = shaded.surfaces;
   EXPECT_LT(length(lane(s.point, r) - expected.point), kMillimetres);
   EXPECT_LT(length(lane(s.geometric, r) - expected.geometric_normal), kUnit);
   EXPECT_LT(length(lane(s.smooth, r) - expected.shading_normal), kUnit);
   EXPECT_EQ(s.outer_side[r] != 0, expected.outer_side);
-  EXPECT_EQ(&impl().materials[static_cast<size_t>(s.material[r])], expected.material);
+  EXPECT_EQ(&scene_.materials[static_cast<size_t>(s.material[r])], expected.material);
   // The kernel leaves more room than double precision needs, but not much.
   EXPECT_GE(double{s.spawn_offset[r]}, expected.spawn_offset);
   EXPECT_LE(double{s.spawn_offset[r]}, 1e-4 + 4.0 * expected.spawn_offset);
 
   if (expected.material->texture >= 0) return;  // whose colour the tracer looks up
   const double weight = double{weight_[r]};
-  EXPECT_NEAR(double{shaded.own[r]}, weight * own_light(expected, impl().ambient, ray.channel),
+  EXPECT_NEAR(double{shaded.own[r]}, weight * own_light(expected, scene_.ambient, ray.channel),
               1e-6);
-  const Arrival at = arrival(impl().lights[light], spawn_point(expected, Side::Viewer),
-                             impl().units_per_world, ray.channel);
+  const Arrival at = arrival(scene_.lights[light], spawn_point(expected, Side::Viewer),
+                             scene_.units_per_world, ray.channel);
   const double reflected = weight * reflected_light(expected, ray.direction, at);
   EXPECT_NEAR(double{shaded.shadow.weight[r]}, reflected, 2e-5);
   if (shaded.shadow_packet.valid[r] != 0) {
@@ -159,7 +157,7 @@ TEST_P(ShadingKernel, AgreesWithDoublePrecisionLaneByLane) {
   int lanes = 0;
   for (int round = 0; round < 300; ++round) {
     aim(random);
-    const size_t light = random() % impl().lights.size();
+    const size_t light = random() % scene_.lights.size();
     if (!shade(isa_baseline::kShadingKernel, light, shaded)) continue;
     for (size_t r = 0; r < kPacket; ++r) {
       const bool met = packet_.valid[r] != 0 && packet_.rays.hit.geomID[r] != Hit::kMiss;
@@ -180,7 +178,7 @@ TEST_P(ShadingKernel, GivesTheSameBitsOnEveryInstructionSet) {
   Shaded first, other;
   for (int round = 0; round < 300; ++round) {
     aim(random);
-    const size_t light = random() % impl().lights.size();
+    const size_t light = random() % scene_.lights.size();
     const bool met = shade(*kernels[0], light, first);
     for (const Kernel* kernel : kernels) {
       ASSERT_EQ(shade(*kernel, light, other), met);

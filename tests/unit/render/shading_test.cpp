@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/shading.h"
+#include "render/shading/shading.h"
 
 #include <gtest/gtest.h>
 

@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shafts that are said to be empty are empty, and enough of them are found.
-#include "render/shaft.h"
+#include "render/culling/shaft.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-#include "render/embree_packets.h"
-#include "render/octahedron.h"
-#include "render/ray_stream.h"
-#include "render/shading_tables.h"
-#include "render/shaft_proofs.h"
+#include "render/accel/embree_packets.h"
+#include "render/accel/ray_stream.h"
+#include "render/culling/octahedron.h"
+#include "render/culling/shaft_proofs.h"
+#include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -38,10 +38,10 @@ class BallOverFloor : public ::testing::Test {
       for (int u = 0; u < 64; ++u)
         for (int v = 0; v + u < 64; ++v) {
           SurfaceCell cell{.geometry = 0, .primitive = triangle, .u = u, .v = v, .divisions = 64};
-          Patch patch = patch_of(scene_.impl(), cell);
+          Patch patch = patch_of(scene_, cell);
           if (patch.normal.y < 0) {
             cell.outer_side = false;
-            patch = patch_of(scene_.impl(), cell);
+            patch = patch_of(scene_, cell);
           }
           if (std::hypot(patch.centre.x - x, patch.centre.z - z) < 1.5) return patch;
         }
@@ -50,7 +50,7 @@ class BallOverFloor : public ::testing::Test {
   }
 
   Scene scene_{ball_over_floor(), testing::make_tiny_stage({.mm_per_unit = 1.0}), {}, 1};
-  ShaftTester tester_{scene_.impl(), *scene_.impl().tree};
+  ShaftTester tester_{scene_, *scene_.tree};
 };
 
 constexpr float kCosine5Degrees = 0.99619F;
@@ -125,7 +125,7 @@ TEST_F(BallOverFloor, IntoTheFloorIsNotOpen) {
 }
 
 TEST_F(BallOverFloor, TheBallDoesNotStandInItsOwnWay) {
-  const Patch top = patch_of(scene_.impl(), {.geometry = 1, .u = 4, .v = 7, .divisions = 8});
+  const Patch top = patch_of(scene_, {.geometry = 1, .u = 4, .v = 7, .divisions = 8});
   const Vec3f outward = normalized(top.centre - Vec3f{0, 30, 0});
   ASSERT_GT(outward.y, 0.0F);
   EXPECT_TRUE(empty(shaft_in_cone(top, outward, kCosine5Degrees)));
@@ -137,12 +137,10 @@ class ShaftSoundness : public ::testing::TestWithParam<testing::NamedScene> {
  protected:
   ShaftSoundness() : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1) {}
 
-  [[nodiscard]] const Scene::Impl& impl() const { return scene_.impl(); }
-
   [[nodiscard]] ShaftProof proof(const SurfaceCell& cell, uint64_t target,
                                  SoftSizes sizes = {}) const {
-    return impl().proofs->with_sizes(sizes).proof(
-        cell, impl().proofs->number(cell.geometry, cell.primitive, place_of(cell)), target);
+    return scene_.proofs->with_sizes(sizes).proof(
+        cell, scene_.proofs->number(cell.geometry, cell.primitive, place_of(cell)), target);
   }
   [[nodiscard]] bool blocked(Vec3f origin, Vec3f direction, float far) const {
     RayPacket packet;
@@ -150,7 +148,7 @@ class ShaftSoundness : public ::testing::TestWithParam<testing::NamedScene> {
         std::vector<PathRay>{{.origin = Vec3(origin), .direction = Vec3(direction), .target = 0}},
         packet);
     packet.rays.ray.tfar[0] = far;
-    occluded16(packet.valid, impl().embree.get(), packet.rays.ray, Coherence::Incoherent);
+    occluded16(packet.valid, scene_.embree.get(), packet.rays.ray, Coherence::Incoherent);
     return packet.rays.ray.tfar[0] < 0.0F;
   }
 
@@ -172,9 +170,9 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
     }
     RayPacket packet;
     load_packet(rays, packet);
-    intersect16(packet.valid, impl().embree.get(), packet.rays, Coherence::Incoherent);
+    intersect16(packet.valid, scene_.embree.get(), packet.rays, Coherence::Incoherent);
     shading_kernel::Surfaces s{};
-    if (!isa_baseline::kShadingKernel.find_surfaces(impl().shading->tables(),
+    if (!isa_baseline::kShadingKernel.find_surfaces(scene_.shading->tables(),
                                                     &packet.rays.ray.org_x[0], packet.valid, s))
       continue;
     for (size_t r = 0; r < kPacket; ++r) {
@@ -182,11 +180,11 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
       const SurfaceCell cell = cell_of(packet.rays, s, r);
       const Vec3f start{s.start[0][r], s.start[1][r], s.start[2][r]};
       const Vec3f normal{s.geometric[0][r], s.geometric[1][r], s.geometric[2][r]};
-      const Patch patch = patch_of(impl(), cell);
+      const Patch patch = patch_of(scene_, cell);
       EXPECT_LE(length(start - patch.centre), patch.radius);
       ++asked;
-      for (size_t light = 0; light < impl().lights.size(); ++light) {
-        const SceneLight& lamp = impl().lights[light];
+      for (size_t light = 0; light < scene_.lights.size(); ++light) {
+        const SceneLight& lamp = scene_.lights[light];
         if (lamp.kind == Light::Kind::Directional) continue;
         const Vec3f way = Vec3f(lamp.position) - start;
         if (dot(way, normal) <= 0) continue;
@@ -196,8 +194,8 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
         EXPECT_EQ(blocked(start, normalized(way), length(way)), known == ShaftProof::Blocked);
       }
       // Any point of a lamp.
-      for (size_t light = 0; light < impl().lights.size(); ++light) {
-        const SceneLight& lamp = impl().lights[light];
+      for (size_t light = 0; light < scene_.lights.size(); ++light) {
+        const SceneLight& lamp = scene_.lights[light];
         const SoftSizes sizes{.lamp_radius = round % 2 == 0 ? 3.0 : 14.0,
                               .sun_tangent = 0.05,
                               .around = round % 2 == 0 ? 4.0 : 9.0};

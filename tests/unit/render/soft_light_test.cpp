@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lamps with a size, occlusion and light of the surroundings: against the oracle, against what is
 // known in closed form, and how their errors fall.
-#include "render/sampling/soft_light.h"
+#include "render/options/soft_light.h"
 
 #include <gtest/gtest.h>
 
@@ -14,12 +14,12 @@
 
 #include "base/error.h"
 #include "frames/srgb.h"
-#include "render/committed_scene.h"
-#include "render/denormals.h"
-#include "render/method.h"
-#include "render/packet_tracer.h"
-#include "render/primary_packets.h"
-#include "render/surroundings.h"
+#include "render/accel/denormals.h"
+#include "render/integrator/packet_tracer.h"
+#include "render/make_method.h"
+#include "render/rays/primary_packets.h"
+#include "render/scene/scene.h"
+#include "render/scene/surroundings.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"
@@ -312,7 +312,7 @@ TEST(EnvironmentLight, OfASkyIsItsIntegral) {
         const double radius = std::sqrt((a + 0.5) / kSteps);
         const double angle = 2.0 * std::numbers::pi * (b + 0.5) / kSteps;
         sum += backdrop_light(
-            committed.impl().backdrop,
+            committed.backdrop,
             {radius * std::cos(angle), radius * std::sin(angle), std::sqrt(1.0 - radius * radius)},
             c);
       }
@@ -432,12 +432,12 @@ class SoftTile : public ::testing::Test {
         packets_(model_, plan_, best_isa()),
         maker_(packets_),
         centre_(model_, {}) {
-    maker_.start(scene_.impl(), tile_, centre_);
+    maker_.start(scene_, tile_, centre_);
   }
 
   std::vector<float> whole(PacketTracer& tracer) {
     std::vector<float> light(static_cast<size_t>(tile_.columns) * TilePlan::kRows, 0.0F);
-    tracer.trace(scene_.impl(), plan_, tile_, {0, tile_.columns}, {}, maker_, light);
+    tracer.trace(scene_, plan_, tile_, {0, tile_.columns}, {}, maker_, light);
     return light;
   }
 
@@ -496,7 +496,7 @@ TEST_F(SoftTile, LanesOfSeveralColumnsAreTheSameAsInTheirOwn) {
   }
   std::array<float, kPacket> light;
   tracer.set_seeds(seeds);
-  tracer.trace_lanes(scene_.impl(), plan_, channel, mixed, light);
+  tracer.trace_lanes(scene_, plan_, channel, mixed, light);
   int lit = 0;
   for (size_t r = 0; r < kPacket; ++r) {
     EXPECT_EQ(light[r],

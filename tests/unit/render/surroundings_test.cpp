@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/surroundings.h"
+#include "render/scene/surroundings.h"
 
 #include <gtest/gtest.h>
 

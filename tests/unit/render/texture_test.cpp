@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/texture.h"
+#include "render/scene/texture.h"
 
 #include <gtest/gtest.h>
 

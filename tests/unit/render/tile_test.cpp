@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/tile.h"
+#include "render/rays/tile.h"
 
 #include <gtest/gtest.h>
 

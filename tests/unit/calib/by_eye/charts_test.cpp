@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Charts, subpixel by subpixel against the optical model, and as an eye sees them.
-#include "calib/by_eye/charts.h"
+#include "frames/charts/charts.h"
 
 #include <gtest/gtest.h>
 
@@ -16,6 +16,8 @@
 namespace lenticule::calib {
 namespace {
 
+using frames::Chart;
+using frames::ChartPattern;
 using frames::WovenFrame;
 
 optics::Rig chart_rig() {
@@ -62,7 +64,7 @@ bool lit(const WovenFrame& frame, const Place& p) {
 
 TEST(Charts, ACombLightsAQuarterOfEveryLens) {
   const optics::Rig rig = chart_rig();
-  const WovenFrame frame = draw_chart({.pattern = ChartPattern::Comb, .rig = rig});
+  const WovenFrame frame = frames::draw_chart({.pattern = ChartPattern::Comb, .rig = rig});
   for (const Place& p : random_places(rig)) {
     if (std::abs(std::abs(p.place) - 0.125) < 1e-7) continue;
     ASSERT_EQ(lit(frame, p), std::abs(p.place) < 0.125) << p.i << ' ' << p.j << ' ' << p.channel;
@@ -72,17 +74,18 @@ TEST(Charts, ACombLightsAQuarterOfEveryLens) {
 TEST(Charts, BandsAreCombsOfTheirOwnPitch) {
   const optics::Rig rig = chart_rig();
   constexpr double kReach = 0.1;
-  const WovenFrame frame =
-      draw_chart({.pattern = ChartPattern::Bands, .rig = rig, .band_reach = kReach, .cursor = 0});
+  const WovenFrame frame = frames::draw_chart(
+      {.pattern = ChartPattern::Bands, .rig = rig, .band_reach = kReach, .cursor = 0});
   for (const int band : {1, 7, 12, 24}) {
     optics::Rig own = rig;
     const SheetValues seen = sheet_values(rig, 600.0);
     SheetValues values = seen;
-    values.effective_pitch_subpx *= band_scale(band, kReach);
+    values.effective_pitch_subpx *= frames::band_scale(band, kReach);
     own = with_sheet_values(rig, values, 600.0);
     int compared = 0;
     for (const Place& p : random_places(own)) {
-      if (p.j * kBands / rig.panel.height_px != band || p.j % (300 / kBands) < 2) continue;
+      if (p.j * frames::kBands / rig.panel.height_px != band || p.j % (300 / frames::kBands) < 2)
+        continue;
       // The marked band's offset is the exact one, these rigs' the paraxial one.
       if (std::abs(std::abs(p.place) - 0.125) < 1e-3) continue;
       ASSERT_EQ(lit(frame, p), std::abs(p.place) < 0.125) << band;
@@ -93,7 +96,7 @@ TEST(Charts, BandsAreCombsOfTheirOwnPitch) {
 }
 
 TEST(Charts, TheMarkedBandIsBlueAtBothEnds) {
-  const WovenFrame frame = draw_chart(
+  const WovenFrame frame = frames::draw_chart(
       {.pattern = ChartPattern::Bands, .rig = chart_rig(), .band_reach = 0.01, .cursor = 3});
   for (const int x : {0, 460})
     for (const int band : {2, 3, 4}) {
@@ -108,7 +111,7 @@ TEST(Charts, TheMarkedBandIsBlueAtBothEnds) {
 
 TEST(Charts, TwoViewsAreRedForTheLeftEyeAndGreenForTheRight) {
   const optics::Rig rig = chart_rig();
-  const WovenFrame frame = draw_chart({.pattern = ChartPattern::TwoViews, .rig = rig});
+  const WovenFrame frame = frames::draw_chart({.pattern = ChartPattern::TwoViews, .rig = rig});
   for (const Place& p : random_places(rig)) {
     if (std::abs(p.place) < 1e-7 || std::abs(p.place) > 0.5 - 1e-7) continue;
     const bool wanted = p.channel == 0 ? p.place > 0 : p.channel == 1 && p.place < 0;
@@ -131,7 +134,7 @@ TEST(Charts, TwoViewsAreRedForTheLeftEyeAndGreenForTheRight) {
 /// Three numbers at 7.6 subpixels a lens: 0 has 19 dots, 1 has 13 and 2 has 15.
 TEST(Charts, NumbersCountUpToTheRight) {
   const optics::Rig rig = chart_rig();
-  const WovenFrame frame = draw_chart({.pattern = ChartPattern::NumberedViews, .rig = rig});
+  const WovenFrame frame = frames::draw_chart({.pattern = ChartPattern::NumberedViews, .rig = rig});
   const optics::OpticalModel model(rig);
   const double lobe = model.lobe_width_mm(600.0);
   const auto light_at = [&](double x_mm) {
@@ -147,7 +150,8 @@ TEST(Charts, NumbersCountUpToTheRight) {
 }
 
 TEST(Charts, PixelLinesAreOnePixelWide) {
-  const WovenFrame frame = draw_chart({.pattern = ChartPattern::PixelLines, .rig = chart_rig()});
+  const WovenFrame frame =
+      frames::draw_chart({.pattern = ChartPattern::PixelLines, .rig = chart_rig()});
   for (const int j : {0, 1, 100}) {
     for (int i = 0; i < 480; ++i) {
       const uint8_t* p = frame.row(j) + 3 * static_cast<ptrdiff_t>(i);
@@ -159,10 +163,10 @@ TEST(Charts, PixelLinesAreOnePixelWide) {
 
 TEST(Charts, WordsAndMagnifierStayInTheirPlaces) {
   Chart chart{.pattern = ChartPattern::Comb, .rig = chart_rig()};
-  const WovenFrame plain = draw_chart(chart);
+  const WovenFrame plain = frames::draw_chart(chart);
   chart.magnifier = true;
   chart.words = {"2 of 9: slant", std::string(2000, 'x')};
-  const WovenFrame full = draw_chart(chart);
+  const WovenFrame full = frames::draw_chart(chart);
   // The middle band belongs to the pattern whatever is said.
   for (int j = 130; j < 175; ++j)
     EXPECT_TRUE(std::equal(full.row(j), full.row(j) + 480 * 3, plain.row(j))) << j;
@@ -184,17 +188,17 @@ TEST(Charts, SmallestAndOddestPanelsAreDrawn) {
     for (const ChartPattern pattern :
          {ChartPattern::PixelLines, ChartPattern::Bands, ChartPattern::Comb, ChartPattern::TwoViews,
           ChartPattern::NumberedViews}) {
-      const WovenFrame frame = draw_chart({.pattern = pattern,
-                                           .rig = rig,
-                                           .band_reach = 0.1,
-                                           .cursor = 24,
-                                           .lens_lines = true,
-                                           .magnifier = true,
-                                           .words = {"words", ""}});
+      const WovenFrame frame = frames::draw_chart({.pattern = pattern,
+                                                   .rig = rig,
+                                                   .band_reach = 0.1,
+                                                   .cursor = 24,
+                                                   .lens_lines = true,
+                                                   .magnifier = true,
+                                                   .words = {"words", ""}});
       EXPECT_EQ(frame.width(), width);
     }
   }
-  EXPECT_THROW((void)draw_chart({.rig = {}}), Error);
+  EXPECT_THROW((void)frames::draw_chart({.rig = {}}), Error);
 }
 
 }  // namespace

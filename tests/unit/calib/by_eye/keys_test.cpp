@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Keys from terminals and from scripts, well-formed and not.
-#include "calib/by_eye/keys.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,6 +7,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/terminal_keys.h"
 
 namespace lenticule::calib {
 namespace {

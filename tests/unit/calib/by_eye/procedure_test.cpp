@@ -215,7 +215,7 @@ TEST(Procedure, TheBandThatIsTakenBecomesThePitch) {
   Procedure procedure = at(Step::RoughPitch);
   const double before = sheet_values(procedure.rig(), kDistance).effective_pitch_subpx;
   press(procedure, Key::Down, 4);
-  EXPECT_EQ(procedure.chart().cursor, kBands / 2 + 4);
+  EXPECT_EQ(procedure.chart().cursor, frames::kBands / 2 + 4);
   press(procedure, Key::Next);
   EXPECT_EQ(procedure.step(), Step::RoughPitch) << "once more, finer";
   double now = sheet_values(procedure.rig(), kDistance).effective_pitch_subpx;

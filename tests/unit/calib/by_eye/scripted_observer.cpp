@@ -8,7 +8,7 @@
 #include <numbers>
 #include <string>
 
-#include "calib/by_eye/charts.h"
+#include "frames/charts/charts.h"
 #include "optics/eye_simulator.h"
 
 namespace lenticule::calib::test {
@@ -81,7 +81,7 @@ ScriptedObserver::ScriptedObserver(const optics::Rig& truth, Procedure& procedur
 Glimpse ScriptedObserver::look(double x_mm, int columns, int rows) {
   ++glimpses_;
   const optics::Rig& rig = truth_.rig();
-  const ChartPainter painter(procedure_.chart());
+  const frames::ChartPainter painter(procedure_.chart());
   const int height = rig.panel.height_px;
   const double distance = procedure_.eye_distance_mm();
   const double furthest =
@@ -139,9 +139,9 @@ void ScriptedObserver::null(const std::function<double()>& measure, double press
 /// The one with the fewest stripes; of several alike, the middle one.
 void ScriptedObserver::choose_band() {
   constexpr int kColumns = 1024;
-  const Glimpse seen = look(0.0, kColumns, kBands);
+  const Glimpse seen = look(0.0, kColumns, frames::kBands);
   std::vector<double> counts;
-  for (int band = 0; band < kBands; ++band) {
+  for (int band = 0; band < frames::kBands; ++band) {
     std::vector<double> row;
     for (int u = kColumns / 16; u < kColumns - kColumns / 16; ++u)
       row.push_back(seen.light(u, band));
@@ -149,10 +149,10 @@ void ScriptedObserver::choose_band() {
   }
   const double fewest = *std::min_element(counts.begin(), counts.end());
   std::vector<int> best;
-  for (int band = 0; band < kBands; ++band)
+  for (int band = 0; band < frames::kBands; ++band)
     if (counts[static_cast<size_t>(band)] <= fewest + 0.25) best.push_back(band);
   const int wanted = best[best.size() / 2];
-  for (int n = 0; n < kBands; ++n) press(Key::Up);
+  for (int n = 0; n < frames::kBands; ++n) press(Key::Up);
   for (int n = 0; n < wanted; ++n) press(Key::Down);
   press(Key::Next);
 }

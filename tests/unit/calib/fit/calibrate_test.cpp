@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whole calibrations on the simulated bench, small.
-#include "calib/calibrate.h"
+#include "calib/fit/calibrate.h"
 
 #include <gtest/gtest.h>
 

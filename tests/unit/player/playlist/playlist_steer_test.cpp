@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "display/virtual/virtual_display.h"
-#include "player/playback.h"
+#include "player/playback/playback.h"
 #include "player/playlist/playlist_source.h"
 #include "tests/unit/player/playlist/fake_items.h"
 

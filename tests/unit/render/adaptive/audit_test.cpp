@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/adaptive/audit.h"
+#include "render/methods/adaptive/audit.h"
 
 #include <gtest/gtest.h>
 

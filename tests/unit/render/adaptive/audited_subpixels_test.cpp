@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "render/adaptive/audit.h"
-#include "render/method.h"
+#include "render/make_method.h"
+#include "render/methods/adaptive/audit.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is kept from one frame to the next looks the same in both.
-#include "render/adaptive/kept_parts.h"
+#include "render/methods/adaptive/kept_parts.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <memory>
 #include <random>
 
-#include "render/method.h"
+#include "render/make_method.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -142,8 +142,7 @@ TEST(KeptParts, LookTheSameInFull) {
     for (int n = 0; n <= round % 2; ++n) stir(description, random);
     const Scene second(description, stage, {}, 1);
     const frames::WovenFrame after = full.render(description);
-    const KeptParts parts(planes, eyes, second.impl(), light, SceneThings(first.impl()),
-                          SceneThings(second.impl()));
+    const KeptParts parts(planes, eyes, second, light, SceneThings(first), SceneThings(second));
     RowPlanes::Maker maker(planes);
     PlaneRays rays;
     for (int row = 0; row < planes.rows(); ++row) {
@@ -170,11 +169,11 @@ TEST(KeptParts, AreNoneWhereMoreThanThingsChanged) {
   const SceneDescription description = strewn(random, 0.0);
   const Stage stage = make_tiny_stage();
   const Scene scene(description, stage, {}, 1);
-  const SceneThings things(scene.impl());
+  const SceneThings things(scene);
   const auto kept = [&](const SceneDescription& other, const Stage& other_stage,
                         const SoftLight& soft = {}) {
     const Scene next(other, other_stage, {}, 1);
-    return KeptParts(planes, eyes, next.impl(), soft, things, SceneThings(next.impl())).any();
+    return KeptParts(planes, eyes, next, soft, things, SceneThings(next)).any();
   };
   EXPECT_TRUE(kept(description, stage));
   EXPECT_FALSE(kept(description, make_tiny_stage({.mm_per_unit = 9.1})));
@@ -198,7 +197,7 @@ TEST(KeptParts, AreNoneWhereMoreThanThingsChanged) {
       other, stage,
       {.occlusion_samples = 4, .occlusion_distance_mm = std::numeric_limits<double>::infinity()}));
   const optics::OpticalModel same(rig);
-  EXPECT_FALSE(KeptParts(planes, eyes, scene.impl(), {}, {}, things).any());
+  EXPECT_FALSE(KeptParts(planes, eyes, scene, {}, {}, things).any());
 }
 
 struct Course {

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "frames/srgb.h"
-#include "render/adaptive/key_grid.h"
-#include "render/adaptive/key_lookup_kernel.h"
-#include "render/adaptive/light_encoder.h"
+#include "render/methods/adaptive/key_grid.h"
+#include "render/methods/adaptive/key_lookup_kernel.h"
+#include "render/shading/light_encoder.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/tiny_scenes.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Samples that are not traced, since those around them say what they show.
-#include "render/adaptive/key_samples.h"
+#include "render/methods/adaptive/key_samples.h"
 
 #include <gtest/gtest.h>
 

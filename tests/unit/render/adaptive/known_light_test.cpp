@@ -5,9 +5,9 @@
 #include <cstring>
 #include <random>
 
-#include "render/adaptive/colour_tracer.h"
-#include "render/packet_tracer.h"
-#include "render/shading_tables.h"
+#include "render/integrator/packet_tracer.h"
+#include "render/methods/adaptive/colour_tracer.h"
+#include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -26,7 +26,7 @@ class KnownLight : public ::testing::TestWithParam<testing::NamedScene> {
       : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1),
         rig_(testing::make_rig({})),
         plan_(rig_),
-        groups_(scene_.impl()),
+        groups_(scene_),
         tracer_(RenderOptions{.soft = soft, .cancelled = {}}) {}
 
   /// Neighbouring rays toward the middle of the scene.
@@ -43,7 +43,6 @@ class KnownLight : public ::testing::TestWithParam<testing::NamedScene> {
     load_packet(rays, packet_);
     for (size_t r = 0; r < kPacket; ++r) channel_[r] = static_cast<int32_t>(random() % 3);
   }
-  [[nodiscard]] const Scene::Impl& impl() const { return scene_.impl(); }
 
   Scene scene_;
   optics::Rig rig_;
@@ -60,8 +59,8 @@ TEST_P(KnownLight, TellingChangesNothing) {
   for (int round = 0; round < 100; ++round) {
     aim(random);
     RayPacket again = packet_;
-    tracer_.trace_lanes(impl(), plan_, channel_, packet_, light_);
-    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, again, known_light_);
+    tracer_.trace_lanes(scene_, plan_, channel_, packet_, light_);
+    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, again, known_light_);
     ASSERT_EQ(light_, known_light_);
   }
 }
@@ -72,10 +71,10 @@ TEST_P(KnownLight, KnowingChangesNothing) {
   uint64_t saved = 0;
   for (int round = 0; round < 100; ++round) {
     aim(random);
-    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
+    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     const PacketTracer::Notes notes = tracer_.notes();
     PacketTracer::Known known{};
-    tracer_.trace_known(impl(), channel_, known, packet_, known_light_);
+    tracer_.trace_known(scene_, channel_, known, packet_, known_light_);
     known.set_lights(notes.lit, notes.hidden);
     for (size_t r = 0; r < kPacket; ++r) {
       if (packet_.valid[r] == 0) continue;
@@ -84,7 +83,7 @@ TEST_P(KnownLight, KnowingChangesNothing) {
       known.secondary[r] = notes.secondary[r];
     }
     const uint64_t before = tracer_.counts().secondary;
-    tracer_.trace_known(impl(), channel_, known, packet_, known_light_);
+    tracer_.trace_known(scene_, channel_, known, packet_, known_light_);
     EXPECT_EQ(tracer_.counts().secondary, before);
     for (size_t r = 0; r < kPacket; ++r) {
       if (packet_.valid[r] == 0) continue;
@@ -101,14 +100,14 @@ TEST_P(KnownLight, OtherColoursMeetTheSame) {
   for (int round = 0; round < 100; ++round) {
     aim(random);
     channel_.fill(1);
-    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
+    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     for (const int32_t colour : {0, 2}) {
       channel_.fill(colour);
       const PacketTracer::Known nothing{};
       RayPacket first = packet_, second = packet_;
-      tracer_.trace_known(impl(), channel_, nothing, first, known_light_, true);
+      tracer_.trace_known(scene_, channel_, nothing, first, known_light_, true);
       const auto secondary = std::to_array(tracer_.notes().secondary);
-      tracer_.trace_known(impl(), channel_, nothing, second, light_);
+      tracer_.trace_known(scene_, channel_, nothing, second, light_);
       ASSERT_EQ(light_, known_light_) << "colour " << colour;
       ASSERT_EQ(secondary, std::to_array(tracer_.notes().secondary));
     }
@@ -127,10 +126,10 @@ TEST_P(KnownLight, LeavesOutNoMoreThanIsTolerated) {
       aim(random);
       RayPacket again = packet_;
       const uint64_t before = traced();
-      tracer_.trace_lanes(impl(), plan_, channel_, packet_, light_);
+      tracer_.trace_lanes(scene_, plan_, channel_, packet_, light_);
       const uint64_t between = traced();
       tracer_.tolerate(tolerated);
-      tracer_.trace_lanes(impl(), plan_, channel_, again, known_light_);
+      tracer_.trace_lanes(scene_, plan_, channel_, again, known_light_);
       tracer_.tolerate(0.0F);
       exact_rays += between - before;
       rays += traced() - between;
@@ -181,14 +180,14 @@ TEST_P(KnownSoftLight, OtherColoursSendNoRaysToLampsAndAround) {
   for (int round = 0; round < 60; ++round) {
     aim(random);
     channel_.fill(1);
-    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
+    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     channel_.fill(0);
     const PacketTracer::Known nothing{};
     RayPacket first = packet_, second = packet_;
     const uint64_t before = traced();
-    tracer_.trace_known(impl(), channel_, nothing, first, known_light_, true);
+    tracer_.trace_known(scene_, channel_, nothing, first, known_light_, true);
     const uint64_t between = traced();
-    tracer_.trace_known(impl(), channel_, nothing, second, light_);
+    tracer_.trace_known(scene_, channel_, nothing, second, light_);
     EXPECT_LE(10 * (between - before), traced() - between);
     compare();
   }
@@ -200,7 +199,7 @@ TEST_P(KnownSoftLight, SharesOfTheNotesAreAsGoodAsRays) {
   std::mt19937_64 random(10);
   for (int round = 0; round < 60; ++round) {
     aim(random);
-    tracer_.trace_noting(impl(), plan_, channel_, groups_, 0.0F, packet_, light_);
+    tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     const PacketTracer::Notes& notes = tracer_.notes();
     PacketTracer::Known known{};
     for (size_t r = 0; r < kPacket; ++r) {
@@ -214,12 +213,12 @@ TEST_P(KnownSoftLight, SharesOfTheNotesAreAsGoodAsRays) {
         share.share[r] = value;
       };
       tell(known.around, notes.around[r]);
-      for (size_t lamp = 0; lamp < impl().shading->lights().size(); ++lamp)
+      for (size_t lamp = 0; lamp < scene_.shading->lights().size(); ++lamp)
         tell(known.seen[lamp], notes.seen[lamp][r]);
     }
     RayPacket again = packet_;
     const uint64_t before = traced();
-    tracer_.trace_known(impl(), channel_, known, again, known_light_);
+    tracer_.trace_known(scene_, channel_, known, again, known_light_);
     EXPECT_EQ(traced(), before);
     compare();
   }
@@ -235,7 +234,7 @@ TEST_P(KnownSoftLight, IntegralsAreNoWorseThanSums) {
     RayPacket packet = packet_;
     tracer_.integrate_lamps(integrate);
     tracer_.multiply_samples(factor);
-    tracer_.trace_lanes(impl(), plan_, channel_, packet, light_);
+    tracer_.trace_lanes(scene_, plan_, channel_, packet, light_);
     return light_;
   };
   for (int round = 0; round < 60; ++round) {
@@ -264,12 +263,12 @@ TEST(Notes, TellShadowsAndSurfacesApart) {
   description.lights = {Light{.position = {0, 50, 0}}};
   const Stage stage = testing::make_tiny_stage();
   const Scene scene(description, stage, {}, 1);
-  const SurfaceGroups groups(scene.impl());
+  const SurfaceGroups groups(scene);
   const optics::Rig rig = testing::make_rig({});
   const TilePlan plan(rig);
   PacketTracer tracer(RenderOptions{.cancelled = {}});
   std::vector<PathRay> rays(kPacket);
-  const Affine& from_panel = scene.impl().scene_from_panel;
+  const Affine& from_panel = scene.scene_from_panel;
   const auto aim = [&](size_t n, Vec3 world) {
     const Vec3 from = from_panel.point(stage.panel_from_world.point({4.0, 4.5, 4.0}));
     rays[n].origin = from;
@@ -284,7 +283,7 @@ TEST(Notes, TellShadowsAndSurfacesApart) {
   load_packet(rays, packet);
   std::array<int32_t, kPacket> channel{};
   alignas(64) std::array<float, kPacket> light{};
-  tracer.trace_noting(scene.impl(), plan, channel, groups, 0.0F, packet, light);
+  tracer.trace_noting(scene, plan, channel, groups, 0.0F, packet, light);
   const PacketTracer::Notes& notes = tracer.notes();
   EXPECT_EQ(notes.way[0], notes.way[1]);
   EXPECT_NE(notes.way[0], notes.way[2]);

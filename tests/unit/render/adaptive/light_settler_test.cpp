@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What samples settle of a subpixel's light, against the corners taken one by one.
-#include "render/adaptive/light_settler.h"
+#include "render/methods/adaptive/light_settler.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/adaptive/method_adaptive.h"
+#include "render/methods/adaptive/method_adaptive.h"
 
 #include <gtest/gtest.h>
 
@@ -9,6 +9,7 @@
 #include <random>
 
 #include "base/error.h"
+#include "render/make_method.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/random_rigs.h"
 #include "tests/support/tiny_scenes.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/adaptive/surface_groups.h"
+#include "render/scene/surface_groups.h"
 
 #include <gtest/gtest.h>
 
@@ -27,7 +27,7 @@ std::set<uint32_t> groups_of(const SurfaceGroups& groups, uint32_t geometry, siz
 TEST(SurfaceGroups, FacesOfABoxAreSixSurfaces) {
   const Scene scene(scene_of({testing::box_mesh({-1, -1, -1}, {1, 2, 3}, 0)}),
                     testing::make_tiny_stage(), {});
-  const SurfaceGroups groups(scene.impl());
+  const SurfaceGroups groups(scene);
   EXPECT_EQ(groups_of(groups, 0, 12).size(), 6U);
 }
 
@@ -35,7 +35,7 @@ TEST(SurfaceGroups, ASmoothMeshIsOne) {
   const TriangleMesh ball = testing::ball_mesh({0, 0, 0}, 1.0, 9, 0);
   const size_t triangles = ball.triangles.size();
   const Scene scene(scene_of({ball}), testing::make_tiny_stage(), {});
-  EXPECT_EQ(groups_of(SurfaceGroups(scene.impl()), 0, triangles).size(), 1U);
+  EXPECT_EQ(groups_of(SurfaceGroups(scene), 0, triangles).size(), 1U);
 }
 
 TEST(SurfaceGroups, ASmoothMeshWithFacetedNormalsIsMany) {
@@ -43,7 +43,7 @@ TEST(SurfaceGroups, ASmoothMeshWithFacetedNormalsIsMany) {
   ball.normals.clear();
   const size_t triangles = ball.triangles.size();
   const Scene scene(scene_of({ball}), testing::make_tiny_stage(), {});
-  const size_t count = groups_of(SurfaceGroups(scene.impl()), 0, triangles).size();
+  const size_t count = groups_of(SurfaceGroups(scene), 0, triangles).size();
   EXPECT_GT(count, triangles / 3);  // quadrilaterals may be flat
   EXPECT_LE(count, triangles);
 }
@@ -57,7 +57,7 @@ TEST(SurfaceGroups, RepeatedVerticesAreTheSame) {
     split.triangles.push_back({first, first + 1, first + 2});
   }
   const Scene scene(scene_of({split}), testing::make_tiny_stage(), {});
-  EXPECT_EQ(groups_of(SurfaceGroups(scene.impl()), 0, 2).size(), 1U);
+  EXPECT_EQ(groups_of(SurfaceGroups(scene), 0, 2).size(), 1U);
 }
 
 TEST(SurfaceGroups, MeshesSpheresAndConesAreApartAndTellTheirLight) {
@@ -67,11 +67,11 @@ TEST(SurfaceGroups, MeshesSpheresAndConesAreApartAndTellTheirLight) {
                          Sphere{.centre = {-3, 0, 0}, .radius = 1.0, .material = 0}};
   description.cones = {Cone{.base = {0, 3, 0}, .apex = {0, 4, 0}, .material = 1}};
   const Scene scene(description, testing::make_tiny_stage(), {});
-  const SurfaceGroups groups(scene.impl());
+  const SurfaceGroups groups(scene);
   std::set<uint32_t> all;
   size_t primitives = 0;
-  for (uint32_t g = 0; g < scene.impl().geometries.size(); ++g) {
-    const auto kind = scene.impl().geometries[g].kind;
+  for (uint32_t g = 0; g < scene.geometries.size(); ++g) {
+    const auto kind = scene.geometries[g].kind;
     const size_t count = kind == GeometryEntry::Kind::Mesh      ? 12
                          : kind == GeometryEntry::Kind::Spheres ? 2
                                                                 : 1;

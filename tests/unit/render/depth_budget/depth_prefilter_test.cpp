@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "frames/srgb.h"
 #include "render/depth_budget/prefilter.h"
-#include "render/method.h"
+#include "render/make_method.h"
 #include "tests/support/beam_oracle.h"
 #include "tests/support/instruction_sets.h"
 #include "tests/support/tiny_scenes.h"

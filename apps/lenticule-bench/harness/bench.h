@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Benchmark is an entry of the table of `lenticule bench`: one file per benchmark, one line in
+// benchmarks.cpp.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-bench/harness/bench_rigs.h"
+#include "apps/lenticule/cli/command.h"
+
+namespace lenticule::player {
+
+struct Benchmark {
+  const char* name;
+  const char* summary;
+  Declare declare;  ///< declares the flags of `lenticule bench NAME`, as for a command
+};
+
+/// Returns all benchmarks, in the order in which `bench list` prints them.
+[[nodiscard]] const std::vector<Benchmark>& benchmarks();
+
+/// Returns the machine on which the numbers were measured: {"cpu", "hardware_threads", "isa"}.
+[[nodiscard]] nlohmann::json machine_json();
+[[nodiscard]] std::string machine_text();
+
+/// Returns 10 log10(255^2 / MSE) in decibels; null if the MSE is 0.
+[[nodiscard]] nlohmann::json psnr_or_null(double mse);
+/// Formats such a number with one decimal, or as "equal".
+[[nodiscard]] std::string decibels(const nlohmann::json& psnr);
+
+/// Returns the median; the mean of the middle two for an even number of values. 0 without values.
+[[nodiscard]] double median(std::vector<double> values);
+
+}  // namespace lenticule::player

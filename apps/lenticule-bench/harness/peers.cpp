@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-bench/harness/peers.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <string_view>
+
+#include "apps/lenticule-bench/harness/pov_writer.h"
+#include "base/error.h"
+#include "scenes/nff_writer.h"
+
+namespace lenticule::player {
+namespace {
+
+/// Returns the number that follows the last occurrence of `before` in the text.
+std::optional<double> number_after(const std::string& text, std::string_view before) {
+  const size_t place = text.rfind(before);
+  if (place == std::string::npos) return std::nullopt;
+  const char* begin = text.c_str() + place + before.size();
+  char* end = nullptr;
+  const double number = std::strtod(begin, &end);
+  if (end == begin || !std::isfinite(number) || number < 0.0) return std::nullopt;
+  return number;
+}
+
+// ---- Tachyon
+
+/// Returns the scene. Tachyon always uses a field of view of 53 degrees and mirrors the picture: it
+/// shows slightly more background than this renderer, which is to Tachyon's advantage.
+std::string tachyon_scene(const render::SceneDescription& scene, const PeerJob& /*job*/) {
+  return write_plain_nff(scene);
+}
+
+/// Returns the arguments. Tachyon's depth counts the camera rays as the first level.
+std::vector<std::string> tachyon_arguments(const std::string& file, const PeerJob& job) {
+  std::vector<std::string> arguments = {file,
+                                        "-res",
+                                        std::to_string(job.width),
+                                        std::to_string(job.height),
+                                        "-numthreads",
+                                        std::to_string(job.threads),
+                                        "-raydepth",
+                                        std::to_string(job.max_depth + 1),
+                                        "-fullshade"};
+  if (job.picture.empty())
+    arguments.emplace_back("-nosave");
+  else
+    arguments.insert(arguments.end(), {"-format", "PPM", "-o", job.picture});
+  return arguments;
+}
+
+std::optional<double> tachyon_seconds(const std::string& output) {
+  return number_after(output, "Ray Tracing Time:");
+}
+
+double tachyon_target(const std::string& scene) {
+  if (scene == "teapot") return 6.0;
+  if (scene == "balls") return 12.0;
+  return scene == "tree" ? 30.0 : 0.0;
+}
+
+// ---- POV-Ray
+
+std::string povray_scene(const render::SceneDescription& scene, const PeerJob& job) {
+  return write_pov(
+      scene, {.aspect = static_cast<double>(job.width) / job.height, .max_depth = job.max_depth});
+}
+
+std::vector<std::string> povray_arguments(const std::string& file, const PeerJob& job) {
+  std::vector<std::string> arguments = {"+I" + file,
+                                        fmt::format("+W{}", job.width),
+                                        fmt::format("+H{}", job.height),
+                                        fmt::format("+WT{}", job.threads),
+                                        "-D",
+                                        "-A",
+                                        "-V"};
+  if (job.picture.empty())
+    arguments.emplace_back("-F");
+  else
+    arguments.insert(arguments.end(), {"+FP8", "+O" + job.picture});
+  return arguments;
+}
+
+/// Parses "  Trace Time:       0 hours  0 minutes  1 seconds (1.234 seconds)".
+std::optional<double> povray_seconds(const std::string& output) {
+  const size_t line = output.rfind("Trace Time:");
+  if (line == std::string::npos) return std::nullopt;
+  return number_after(output.substr(line, output.find('\n', line) - line), "(");
+}
+
+double povray_target(const std::string& scene) {
+  return scene == "teapot" || scene == "balls" || scene == "tree" ? 10.0 : 0.0;
+}
+
+/// Returns the mean colour of a texture, its appearance from far away.
+Vec3 mean_colour(const render::Texture& texture) {
+  Vec3 sum;
+  for (size_t i = 0; i + 3 < texture.rgba.size(); i += 4)
+    sum += Vec3{texture.rgba[i], texture.rgba[i + 1], texture.rgba[i + 2]};
+  return sum / std::max(1.0, static_cast<double>(texture.rgba.size() / 4));
+}
+
+scenes::Fill fill_of(const render::SceneDescription& scene, const render::Material& m) {
+  const bool textured = m.texture >= 0;
+  return {.colour = textured
+                        ? m.colour * mean_colour(*scene.textures[static_cast<size_t>(m.texture)])
+                        : m.colour,
+          .diffuse = m.diffuse,
+          .specular = m.specular,
+          .shine = m.shine,
+          .transmittance = m.transmittance,
+          .refraction_index = m.refraction_index};
+}
+
+void write_mesh(scenes::NffWriter& out, const render::TriangleMesh& mesh) {
+  for (const auto& [a, b, c] : mesh.triangles) {
+    const auto& p = mesh.positions;
+    const auto& n = mesh.normals;
+    if (n.empty())
+      out.polygon(std::array{p[a], p[b], p[c]});
+    else
+      out.patch(std::array{scenes::SurfacePoint{p[a], n[a]}, scenes::SurfacePoint{p[b], n[b]},
+                           scenes::SurfacePoint{p[c], n[c]}});
+  }
+}
+
+}  // namespace
+
+const std::vector<Peer>& peers() {
+  static const std::vector<Peer> table = {
+      {"Tachyon", "tachyon", "nff", tachyon_scene, tachyon_arguments, tachyon_seconds,
+       tachyon_target},
+      {"POV-Ray", "povray", "pov", povray_scene, povray_arguments, povray_seconds, povray_target},
+  };
+  return table;
+}
+
+std::string write_plain_nff(const render::SceneDescription& scene) {
+  if (scene.cameras.empty())
+    throw Error(ErrorKind::Usage, fmt::format("{}: NFF needs a camera", scene.source));
+  scenes::NffWriter out;
+  const render::Camera& camera = scene.cameras.front();
+  out.view({.from = camera.from,
+            .at = camera.at,
+            .up = camera.up,
+            .angle_degrees = camera.vertical_fov_degrees});
+  out.background(scene.background);
+  for (const render::Light& light : scene.lights) out.light(light.position);
+  for (size_t i = 0; i < scene.materials.size(); ++i) {
+    const auto wears = [i](const auto& thing) { return static_cast<size_t>(thing.material) == i; };
+    out.fill(fill_of(scene, scene.materials[i]));
+    for (const auto& mesh : scene.meshes)
+      if (wears(mesh)) write_mesh(out, mesh);
+    for (const auto& sphere : scene.spheres)
+      if (wears(sphere)) out.sphere(sphere.centre, sphere.inward ? -sphere.radius : sphere.radius);
+    for (const auto& cone : scene.cones)
+      if (wears(cone)) {
+        const double side = cone.inward ? -1.0 : 1.0;
+        out.cone(cone.base, side * cone.base_radius, cone.apex, side * cone.apex_radius);
+      }
+  }
+  return out.take();
+}
+
+PeerJob peer_picture(double rays, double aspect) {
+  const double height = std::sqrt(rays / aspect);
+  PeerJob job;
+  job.height = std::max(1, static_cast<int>(std::lround(height)));
+  job.width = std::max(1, static_cast<int>(std::lround(rays / job.height)));
+  return job;
+}
+
+}  // namespace lenticule::player

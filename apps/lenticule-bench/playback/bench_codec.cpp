@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule bench codec measures the size of frames in a container and the decoding speed, compared
+// with other codecs.
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/harness/bench_scene.h"
+#include "apps/lenticule-bench/harness/thread_clock.h"
+#include "apps/lenticule-bench/playback/codec_trial.h"
+#include "apps/lenticule/offline/scratch_folder.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "frames/image_io.h"
+#include "player/process/child_process.h"
+#include "player/process/interrupt.h"
+
+namespace lenticule::player {
+namespace {
+
+/// The baseline of all ratios.
+constexpr const char* kBaseline = "row above, zstd -1";
+constexpr const char* kContainer = "container";
+constexpr std::chrono::seconds kFfmpegLimit{120};
+
+struct CodecFlags {
+  std::vector<std::string> scenes = {"demo", "balls", "gears", "mount", "rings", "tree"};
+  std::vector<std::string> pictures;
+  std::string rig;
+  int runs = 7;
+  bool quick = false;
+  bool json = false;
+};
+
+/// Candidate is a way to store a frame.
+class Candidate {
+ public:
+  explicit Candidate(std::string name) : name_(std::move(name)) {}
+  virtual ~Candidate() = default;
+  [[nodiscard]] const std::string& name() const { return name_; }
+  virtual uint64_t encode(const frames::WovenFrame& frame) = 0;
+  virtual void decode(frames::WovenFrame& to) = 0;
+  /// Returns the clock: processor time of this thread, which other programs disturb least, if all
+  /// work is done in this thread.
+  [[nodiscard]] virtual clockid_t clock() const { return CLOCK_THREAD_CPUTIME_ID; }
+
+ private:
+  std::string name_;
+};
+
+class InMemory final : public Candidate {
+ public:
+  InMemory(std::string name, frames::TrialKind kind, int level = 0)
+      : Candidate(std::move(name)), trial_(kind, level) {}
+  uint64_t encode(const frames::WovenFrame& frame) override { return trial_.encode(frame.view()); }
+  void decode(frames::WovenFrame& to) override {
+    if (!trial_.decode(to)) throw Error(ErrorKind::Failed, name() + ": does not decode");
+  }
+
+ private:
+  frames::CodecTrial trial_;
+};
+
+class PngFile final : public Candidate {
+ public:
+  explicit PngFile(const ScratchFolder& folder)
+      : Candidate("PNG file"), file_(folder.file("frame.png")) {}
+  uint64_t encode(const frames::WovenFrame& frame) override {
+    frames::write_woven(frame.view(), file_);
+    return std::filesystem::file_size(file_);
+  }
+  void decode(frames::WovenFrame& to) override { frames::read_woven_into(file_, to); }
+
+ private:
+  std::string file_;
+};
+
+/// Ffv1File uses the ffmpeg program on one thread; its start time is included.
+class Ffv1File final : public Candidate {
+ public:
+  Ffv1File(std::string program, const ScratchFolder& folder)
+      : Candidate("FFV1 by ffmpeg"),
+        program_(std::move(program)),
+        picture_(folder.file("in.ppm")),
+        film_(folder.file("frame.mkv")),
+        raw_(folder.file("out.rgb")) {}
+  uint64_t encode(const frames::WovenFrame& frame) override {
+    frames::write_woven(frame.view(), picture_);
+    run({program_, "-y", "-v", "error", "-threads", "1", "-i", picture_, "-c:v", "ffv1", "-level",
+         "3", "-pix_fmt", "gbrp", film_});
+    return std::filesystem::file_size(film_);
+  }
+  void decode(frames::WovenFrame& to) override {
+    run({program_, "-y", "-v", "error", "-threads", "1", "-i", film_, "-f", "rawvideo", "-pix_fmt",
+         "rgb24", raw_});
+    std::ifstream(raw_, std::ios::binary)
+        .read(reinterpret_cast<char*>(to.bytes().data()),
+              static_cast<std::streamsize>(to.bytes().size()));
+  }
+  [[nodiscard]] clockid_t clock() const override { return CLOCK_MONOTONIC; }
+
+ private:
+  static void run(const std::vector<std::string>& arguments) {
+    const ChildResult result = run_child(arguments, kFfmpegLimit);
+    if (result.exit_code != 0) throw Error(ErrorKind::Failed, "ffmpeg: " + result.output);
+  }
+
+  std::string program_;
+  std::string picture_;
+  std::string film_;
+  std::string raw_;
+};
+
+std::vector<std::unique_ptr<Candidate>> make_candidates(const ScratchFolder& folder) {
+  std::vector<std::unique_ptr<Candidate>> list;
+  const auto in_memory = [&](const char* name, frames::TrialKind kind, int level = 0) {
+    list.push_back(std::make_unique<InMemory>(name, kind, level));
+  };
+  in_memory("memcpy", frames::TrialKind::Copy);
+  in_memory(kContainer, frames::TrialKind::Container);
+  in_memory(kBaseline, frames::TrialKind::RowAbove, -1);
+  in_memory("row above, zstd 1", frames::TrialKind::RowAbove, 1);
+  in_memory("zstd -5", frames::TrialKind::Zstd, -5);
+  in_memory("zstd -1", frames::TrialKind::Zstd, -1);
+  in_memory("zstd 3", frames::TrialKind::Zstd, 3);
+  list.push_back(std::make_unique<PngFile>(folder));
+  if (const auto ffmpeg = find_program("ffmpeg"))
+    list.push_back(std::make_unique<Ffv1File>(*ffmpeg, folder));
+  return list;
+}
+
+struct Measured {
+  std::string name;
+  uint64_t bytes = 0;
+  std::vector<double> encode;
+  std::vector<double> decode;
+};
+
+/// Runs every candidate once per round, so that other load on the machine affects all of them. Slow
+/// candidates stop after the second round.
+std::vector<Measured> measure(const std::vector<std::unique_ptr<Candidate>>& candidates,
+                              const frames::WovenFrame& frame, int runs) {
+  constexpr double kSlow = 0.5;
+  std::vector<Measured> all(candidates.size());
+  frames::WovenFrame decoded(frame.geometry());
+  for (int round = 0; round < runs && !interrupted(); ++round) {
+    for (size_t i = 0; i < candidates.size(); ++i) {
+      Measured& m = all[i];
+      if (round >= 2 && median(m.encode) + median(m.decode) > kSlow) continue;
+      m.name = candidates[i]->name();
+      m.encode.push_back(
+          seconds_by(candidates[i]->clock(), [&] { m.bytes = candidates[i]->encode(frame); }));
+      m.decode.push_back(
+          seconds_by(candidates[i]->clock(), [&] { candidates[i]->decode(decoded); }));
+      if (decoded != frame) throw Error(ErrorKind::Failed, m.name + ": not lossless");
+    }
+  }
+  return all;
+}
+
+nlohmann::json frame_json(const std::string& name, const frames::WovenFrame& frame,
+                          const std::vector<Measured>& all) {
+  const auto base =
+      std::find_if(all.begin(), all.end(), [](const Measured& m) { return m.name == kBaseline; });
+  nlohmann::json rows = nlohmann::json::array();
+  for (const Measured& m : all) {
+    if (m.decode.empty()) continue;
+    rows.push_back(
+        {{"codec", m.name},
+         {"bytes", m.bytes},
+         {"encode_ms", 1e3 * median(m.encode)},
+         {"decode_ms", 1e3 * median(m.decode)},
+         {"size_to_baseline", static_cast<double>(m.bytes) / static_cast<double>(base->bytes)},
+         {"decode_to_baseline", median(m.decode) / median(base->decode)}});
+  }
+  return {{"frame", name}, {"width", frame.width()}, {"height", frame.height()}, {"codecs", rows}};
+}
+
+void print_frame(const nlohmann::json& frame) {
+  print_out("\n{} ({} x {})\n", frame["frame"].get<std::string>(), frame["width"].get<int>(),
+            frame["height"].get<int>());
+  print_out("{:<20} {:>9} {:>10} {:>10} {:>8} {:>8}\n", "", "MB", "encode ms", "decode ms", "size",
+            "decode");
+  for (const auto& row : frame["codecs"])
+    print_out("{:<20} {:>9.2f} {:>10.1f} {:>10.1f} {:>8.2f} {:>8.2f}\n",
+              row["codec"].get<std::string>(), 1e-6 * row["bytes"].get<double>(),
+              row["encode_ms"].get<double>(), row["decode_ms"].get<double>(),
+              row["size_to_baseline"].get<double>(), row["decode_to_baseline"].get<double>());
+}
+
+/// Returns a quarter of the panel: same pixels per lens, a quarter of the time.
+optics::Rig quick_rig(optics::Rig rig) {
+  rig.panel.width_px /= 2;
+  rig.panel.height_px /= 2;
+  return rig;
+}
+
+frames::WovenFrame render_scene(const std::string& scene, const optics::Rig& rig) {
+  BenchScene bench({.scene = bench_scene_name(scene), .rig = rig});
+  static_cast<void>(bench.render(*bench.method(bench.options(render::RenderOptions{}.max_depth))));
+  return bench.frame();
+}
+
+ExitCode run(const CodecFlags& flags) {
+  const ScratchFolder folder;
+  const optics::Rig rig = flags.quick ? quick_rig(bench_rig(flags.rig)) : bench_rig(flags.rig);
+  const std::vector<std::unique_ptr<Candidate>> candidates = make_candidates(folder);
+  nlohmann::json frames = nlohmann::json::array();
+  const auto take = [&](const std::string& name, const frames::WovenFrame& frame) {
+    if (interrupted()) return;
+    frames.push_back(frame_json(name, frame, measure(candidates, frame, flags.runs)));
+    if (!flags.json) print_frame(frames.back());
+  };
+  if (!flags.json)
+    print_out("{}\none thread, processor time; size and decode time relative to \"{}\"\n",
+              machine_text(), kBaseline);
+  for (const std::string& picture : flags.pictures) take(picture, frames::read_woven(picture));
+  for (const std::string& scene : flags.scenes) {
+    if (flags.pictures.empty() && !interrupted()) take(scene, render_scene(scene, rig));
+  }
+  if (flags.json)
+    print_json({{"machine", machine_json()},
+                {"baseline", kBaseline},
+                {"runs", flags.runs},
+                {"frames", frames}});
+  return interrupt_exit_code();
+}
+
+}  // namespace
+
+Run declare_bench_codec(CLI::App& app) {
+  auto flags = std::make_shared<CodecFlags>();
+  app.add_option("--scene", flags->scenes, "built-in scenes to render a frame of")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--picture", flags->pictures, "woven frames in files, instead of scenes");
+  app.add_option("--rig", flags->rig, "rig file; a 27-inch 4K kiosk unless given");
+  app.add_option("--runs", flags->runs, "rounds, of which medians are taken")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_flag("--quick", flags->quick, "a quarter of the panel");
+  app.add_flag("--json", flags->json, "print as JSON");
+  return [flags]() -> ExitCode { return run(*flags); };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule bench weave compares the fast weaver with copying the woven frame's bytes, by views,
+// filter, threads and kernel, in interleaved runs.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/harness/thread_clock.h"
+#include "base/print.h"
+#include "frames/weaving/fast_weaver.h"
+#include "player/process/interrupt.h"
+
+namespace lenticule::player {
+namespace {
+
+using frames::ViewFilter;
+using Clock = std::chrono::steady_clock;
+
+struct WeaveBenchFlags {
+  std::string rig;
+  int runs = 15;
+  bool quick = false;
+  bool json = false;
+};
+
+struct Case {
+  int columns, rows;  ///< tiles of the quilt
+  int width, height;  ///< size of a view
+  ViewFilter filter;
+  int threads;
+  bool all_kernels = false;  ///< measures all kernels of this machine instead of the best
+};
+
+struct CaseResult {
+  Case what{};
+  std::string kernel;
+  double copy_ms = 0.0, weave_ms = 0.0, ratio = 0.0;
+  /// Processor time of the calling thread, the minimum of all runs, which other programs disturb
+  /// least.
+  double copy_thread_ms = 0.0, weave_thread_ms = 0.0;
+  double plan_ms = 0.0, plan_mib = 0.0, reference_ms = 0.0;
+};
+
+template <class Work>
+double milliseconds(const Work& work) {
+  const auto begin = Clock::now();
+  work();
+  return std::chrono::duration<double, std::milli>(Clock::now() - begin).count();
+}
+
+frames::ViewSet noise_views(const Case& what) {
+  frames::WovenFrame quilt({.width = what.columns * what.width, .height = what.rows * what.height});
+  uint32_t state = 1;
+  for (uint8_t& byte : quilt.bytes()) {
+    state = state * 1664525u + 1013904223u;
+    byte = static_cast<uint8_t>(state >> 24);
+  }
+  return {std::move(quilt), {.columns = what.columns, .rows = what.rows}};
+}
+
+/// Copies as the weaver divides the work: one contiguous part per thread.
+void copy_by_threads(const frames::WovenFrame& from, frames::WovenFrame& to, int threads) {
+  const size_t bytes = from.bytes().size(), all = static_cast<size_t>(threads);
+  const auto copy = [&](size_t n) {
+    const size_t begin = bytes * n / all, end = bytes * (n + 1) / all;
+    std::memcpy(to.bytes().data() + begin, from.bytes().data() + begin, end - begin);
+  };
+  std::vector<std::jthread> helpers;
+  for (size_t n = 1; n < all; ++n) helpers.emplace_back(copy, n);
+  copy(0);
+}
+
+/// Returns the estimated time of a whole frame from a few rows.
+double reference_ms(const frames::ViewSet& views, const optics::OpticalModel& model,
+                    const frames::WeaveOptions& options) {
+  const frames::Weaver weaver(views, model, options);
+  frames::WovenFrame frame(weaver.geometry());
+  const int rows = std::min(frame.height(), 48), first = (frame.height() - rows) / 2;
+  return milliseconds([&] { weaver.weave_rows(first, first + rows, frame); }) * frame.height() /
+         rows;
+}
+
+/// Weaves and copies in interleaved runs.
+void time_kernel(const frames::ViewSet& views, std::shared_ptr<const frames::WeavePlan> plan,
+                 frames::WeaveKernel kernel, int runs, CaseResult& result) {
+  const int threads = result.what.threads;
+  frames::WovenFrame frame(plan->geometry()), copy(plan->geometry());
+  frames::FastWeaver weaver(std::move(plan), threads, kernel);
+  result.kernel = frames::to_string(kernel);
+  weaver.weave(views, frame);
+  copy_by_threads(frame, copy, threads);
+  std::vector<double> weave_ms, copy_ms, ratios;
+  std::vector<double> weave_thread_ms, copy_thread_ms;
+  for (int run = 0; run < runs && !interrupted(); ++run) {
+    weave_thread_ms.push_back(
+        1e3 * thread_seconds(
+                  [&] { weave_ms.push_back(milliseconds([&] { weaver.weave(views, frame); })); }));
+    copy_thread_ms.push_back(1e3 * thread_seconds([&] {
+                               copy_ms.push_back(
+                                   milliseconds([&] { copy_by_threads(frame, copy, threads); }));
+                             }));
+    ratios.push_back(weave_ms.back() / copy_ms.back());
+  }
+  if (ratios.empty()) return;
+  result.weave_thread_ms = *std::min_element(weave_thread_ms.begin(), weave_thread_ms.end());
+  result.copy_thread_ms = *std::min_element(copy_thread_ms.begin(), copy_thread_ms.end());
+  result.weave_ms = median(weave_ms);
+  result.copy_ms = median(copy_ms);
+  result.ratio = median(ratios);
+}
+
+/// Kernels that take a tenth of a second or more get fewer runs.
+constexpr int kSlowRuns = 3;
+int runs_of(const Case& what, frames::WeaveKernel kernel, int runs) {
+  const bool slow = what.filter == ViewFilter::Gauss || kernel == frames::WeaveKernel::Plain ||
+                    kernel == frames::WeaveKernel::Turned;
+  return slow ? std::min(runs, kSlowRuns) : runs;
+}
+
+void measure(const Case& what, const optics::OpticalModel& model, int runs,
+             std::vector<CaseResult>& results) {
+  const frames::ViewSet views = noise_views(what);
+  const frames::WeaveOptions options{.filter = what.filter, .fit = frames::PictureFit::Stretch};
+  std::shared_ptr<const frames::WeavePlan> plan;
+  CaseResult result;
+  result.what = what;
+  result.plan_ms = milliseconds([&] {
+    plan = std::make_shared<const frames::WeavePlan>(model, frames::shape_of(views), options,
+                                                     what.threads);
+  });
+  result.plan_mib = static_cast<double>(plan->memory_bytes()) / (1 << 20);
+  result.reference_ms = reference_ms(views, model, options);
+  for (const frames::WeaveKernel kernel : frames::kWeaveKernels) {
+    if (interrupted() || !frames::kernel_suits(kernel, *plan)) continue;
+    if (!what.all_kernels && kernel != frames::best_kernel(*plan)) continue;
+    time_kernel(views, plan, kernel, runs_of(what, kernel, runs), result);
+    results.push_back(result);
+  }
+}
+
+std::vector<Case> cases(bool quick) {
+  const Case usual{9, 5, 820, 460, ViewFilter::Linear, 1, true};
+  std::vector<Case> list = {usual};
+  if (std::thread::hardware_concurrency() > 1)
+    list.push_back({9, 5, 820, 460, ViewFilter::Linear, 2, true});
+  if (quick) return list;
+  list.push_back({9, 5, 820, 460, ViewFilter::Nearest, 1});
+  list.push_back({9, 5, 820, 460, ViewFilter::Gauss, 1});
+  list.push_back({4, 2, 1920, 1080, ViewFilter::Linear, 1});
+  list.push_back({8, 8, 512, 512, ViewFilter::Linear, 1});
+  list.push_back({11, 8, 372, 682, ViewFilter::Linear, 1});
+  return list;
+}
+
+nlohmann::json to_json(const CaseResult& r) {
+  return {{"views", r.what.columns * r.what.rows},
+          {"view_width", r.what.width},
+          {"view_height", r.what.height},
+          {"filter", frames::to_string(r.what.filter)},
+          {"threads", r.what.threads},
+          {"kernel", r.kernel},
+          {"copy_ms", r.copy_ms},
+          {"weave_ms", r.weave_ms},
+          {"copy_thread_ms", r.copy_thread_ms},
+          {"weave_thread_ms", r.weave_thread_ms},
+          {"weave_per_copy", r.ratio},
+          {"reference_ms", r.reference_ms},
+          {"plan_ms", r.plan_ms},
+          {"plan_mib", r.plan_mib}};
+}
+
+void print_table(const std::vector<CaseResult>& results) {
+  print_out(
+      "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8} {:>9} {:>7} | {:>8} {:>9} {:>7} | {:>9} {:>8}\n", "",
+      "", "", "", "", "median", "of clock", "", "least of", "a thread", "", "", "");
+  print_out(
+      "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8} {:>9} {:>7} | {:>8} {:>9} {:>7} | {:>9} {:>8}\n",
+      "views", "of", "filter", "threads", "kernel", "copy ms", "weave ms", "ratio", "copy ms",
+      "weave ms", "ratio", "reference", "plan ms");
+  for (const CaseResult& r : results)
+    print_out(
+        "{:>5} {:>10} {:>8} {:>7} {:>8} | {:>8.2f} {:>9.2f} {:>7.2f} | {:>8.2f} {:>9.2f} {:>7.2f} "
+        "| "
+        "{:>9.0f} {:>8.0f}\n",
+        r.what.columns * r.what.rows, fmt::format("{}x{}", r.what.width, r.what.height),
+        frames::to_string(r.what.filter), r.what.threads, r.kernel, r.copy_ms, r.weave_ms, r.ratio,
+        r.copy_thread_ms, r.weave_thread_ms, r.weave_thread_ms / r.copy_thread_ms, r.reference_ms,
+        r.plan_ms);
+}
+
+ExitCode run(const WeaveBenchFlags& flags) {
+  const optics::OpticalModel model(bench_rig(flags.rig));
+  std::vector<CaseResult> results;
+  for (const Case& what : cases(flags.quick)) {
+    measure(what, model, flags.runs, results);
+    if (interrupted()) return interrupt_exit_code();
+  }
+  if (flags.json) {
+    nlohmann::json rows = nlohmann::json::array();
+    for (const CaseResult& result : results) rows.push_back(to_json(result));
+    print_json({{"benchmark", "weave"},
+                {"machine", machine_json()},
+                {"rig", model.rig().name},
+                {"frame_bytes", size_t{3} * static_cast<size_t>(model.rig().panel.width_px) *
+                                    static_cast<size_t>(model.rig().panel.height_px)},
+                {"cases", rows}});
+    return kOk;
+  }
+  print_out("{}\n{}, {} x {}\n", machine_text(), model.rig().name, model.rig().panel.width_px,
+            model.rig().panel.height_px);
+  print_table(results);
+  return kOk;
+}
+
+}  // namespace
+
+Run declare_bench_weave(CLI::App& app) {
+  auto flags = std::make_shared<WeaveBenchFlags>();
+  app.add_option("--rig", flags->rig, "rig file; the 4K kiosk if left out");
+  app.add_option("--runs", flags->runs, "of each, weaving and copying by turns")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_flag("--quick", flags->quick, "45 views, linear, only");
+  app.add_flag("--json", flags->json, "print as JSON");
+  return [flags]() -> ExitCode { return run(*flags); };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule bench error measures the run time and the error of each render method.
+#include "apps/lenticule-bench/render/bench_error.h"
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <memory>
+
+#include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/render/bench_exact.h"
+#include "apps/lenticule/cli/soft_light_flags.h"
+#include "base/print.h"
+#include "player/process/interrupt.h"
+#include "player/process/progress.h"
+#include "render/make_method.h"
+
+namespace lenticule::player {
+namespace {
+
+struct ErrorFlags {
+  std::vector<std::string> scenes = {"teapot", "room",  "small-balls", "primitives",
+                                     "tree",   "gears", "gltf:teapot"};
+  std::vector<std::string> rigs;
+  std::vector<std::string> methods = {"full", "lens-view", "interpolate", "temporal", "adaptive"};
+  std::vector<double> errors = {0.0, 0.5, 1.0, 2.0, 4.0, 8.0};
+  std::vector<std::string> courses = {"still", "moving"};
+  int frames = 6;
+  int runs = 1;
+  int threads = 0;
+  int depth = 5;
+  bool quick = false;
+  bool no_peers = false;
+  bool json = false;
+  std::string svg;
+  std::string pictures;
+  render::SoftLight soft;
+};
+
+/// Maximum panel width of a quick run.
+constexpr int kQuickWidth = 480;
+
+std::vector<optics::Rig> rigs_of(const ErrorFlags& flags) {
+  std::vector<optics::Rig> rigs;
+  for (const std::string& file : flags.rigs) rigs.push_back(bench_rig(file));
+  if (rigs.empty()) rigs = {kiosk_rig(), coarser_rig(kiosk_rig(), 2)};
+  if (!flags.quick) return rigs;
+  rigs.resize(1);
+  const int width = rigs[0].panel.width_px;
+  return {coarser_rig(rigs[0], (width + kQuickWidth - 1) / kQuickWidth)};
+}
+
+/// Tachyon's rate hardly depends on the number of rays; these take a second or more.
+constexpr double kMostPeerMrays = 2.0;
+
+/// Returns the result of measure_peers(): full's whole frames against Tachyon's in interleaved
+/// runs. Null if the comparison does not apply.
+nlohmann::json beside_tachyon(const ErrorFlags& flags, const optics::Rig& rig,
+                              const ErrorScene& scene) {
+  const auto name = scene.name_for_peers();
+  const bool comparable = name && !flags.soft.any();  // Tachyon has hard shadows only
+  if (flags.no_peers || !comparable || interrupted()) return {};
+  ExactFlags exact;
+  exact.rig_instead = rig;
+  exact.only_peer = "Tachyon";
+  exact.depth = flags.depth;
+  exact.lights = 0;
+  exact.runs = flags.runs;
+  exact.threads = flags.threads;
+  exact.peer_limit_s = 120;
+  const double subpixels = 3.0 * rig.panel.width_px * rig.panel.height_px;
+  exact.peer_mrays = std::min(kMostPeerMrays, subpixels / 1e6);
+  return measure_peers(exact, *name)["rows"][0];
+}
+
+class ErrorRun {
+ public:
+  explicit ErrorRun(const ErrorFlags& flags)
+      : flags_(flags),
+        rigs_(rigs_of(flags)),
+        entrants_(error_entrants(flags.methods, flags.errors, render::method_names())) {
+    for (const std::string& scene : flags.scenes)
+      scenes_.push_back(std::make_unique<ErrorScene>(scene));
+  }
+
+  ExitCode run() {
+    Progress progress("error", "frames", frames_to_render());
+    const auto done = [&] { progress.update(++frames_done_); };
+    for (const optics::Rig& rig : rigs_)
+      for (const auto& scene : scenes_) measure(rig, *scene, done);
+    progress.finish();
+    if (courses_.empty()) return interrupt_exit_code();
+    if (!flags_.svg.empty()) plot_errors(courses_, flags_.svg);
+    if (flags_.json)
+      print_json({{"machine", machine_json()},
+                  {"runs", flags_.runs},
+                  {"soft_shadows", flags_.soft.shadow_samples},
+                  {"occlusion", flags_.soft.occlusion_samples},
+                  {"environment_light", flags_.soft.environment_samples},
+                  {"bound", bound_of_all(courses_)},
+                  {"courses", courses_}});
+    else
+      print_bound_of_all(courses_);
+    return interrupt_exit_code();
+  }
+
+ private:
+  [[nodiscard]] std::vector<ErrorCourse> courses_of(const ErrorScene& scene) const {
+    std::vector<ErrorCourse> courses;
+    for (const std::string& course : flags_.courses)
+      if (course == "still")
+        courses.push_back(ErrorCourse::Still);
+      else if (!scene.still())
+        courses.push_back(ErrorCourse::Moving);
+    return courses;
+  }
+
+  [[nodiscard]] uint64_t frames_to_render() const {
+    const auto racing = std::ranges::count_if(entrants_, &ErrorEntrant::exists);
+    int64_t frames = 0;
+    for (const auto& scene : scenes_)
+      for (const ErrorCourse course : courses_of(*scene))
+        frames += course == ErrorCourse::Still ? 2 : flags_.frames;
+    return static_cast<uint64_t>(frames * racing) * rigs_.size();
+  }
+
+  void measure(const optics::Rig& rig, const ErrorScene& scene, const std::function<void()>& done) {
+    const nlohmann::json tachyon = beside_tachyon(flags_, rig, scene);
+    for (const ErrorCourse course : courses_of(scene)) {
+      if (interrupted()) return;
+      nlohmann::json measured = measure_error({.rig = rig,
+                                               .entrants = entrants_,
+                                               .course = course,
+                                               .frames = flags_.frames,
+                                               .threads = flags_.threads,
+                                               .depth = flags_.depth,
+                                               .soft = flags_.soft,
+                                               .runs = flags_.runs,
+                                               .pictures = flags_.pictures},
+                                              scene, done);
+      if (measured.is_null()) return;
+      summarize_errors(measured, tachyon);
+      if (!flags_.json) {
+        if (courses_.empty())
+          print_out("machine   {}\ntimes     medians of {} run(s) by turns\n\n", machine_text(),
+                    flags_.runs);
+        print_error_course(measured);
+      }
+      courses_.push_back(std::move(measured));
+    }
+  }
+
+  const ErrorFlags& flags_;
+  std::vector<optics::Rig> rigs_;
+  std::vector<ErrorEntrant> entrants_;
+  std::vector<std::unique_ptr<ErrorScene>> scenes_;
+  uint64_t frames_done_ = 0;
+  nlohmann::json courses_ = nlohmann::json::array();
+};
+
+void declare_what(CLI::App& app, ErrorFlags& flags) {
+  app.add_option("scenes", flags.scenes,
+                 "built-in scenes, as for render, or gltf:NAME for one that is written as glTF")
+      ->capture_default_str();
+  app.add_option("--rig", flags.rigs, "rig file; repeatable (the 4K and the Full HD kiosk)")
+      ->allow_extra_args(false);
+  app.add_option("--methods", flags.methods, "beside full; those that are missing are said")
+      ->allow_extra_args(false)
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--errors", flags.errors, "code values that adaptive may be off by")
+      ->allow_extra_args(false)
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--course", flags.courses,
+                 "still: one frame twice; moving: frames of the animation in a row")
+      ->allow_extra_args(false)
+      ->delimiter(',')
+      ->check(CLI::IsMember({"still", "moving"}))
+      ->capture_default_str();
+  app.add_option("--frames", flags.frames, "of a moving course")
+      ->check(CLI::Range(1, 10000))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+Run declare_bench_error(CLI::App& app) {
+  auto flags = std::make_shared<ErrorFlags>();
+  declare_what(app, *flags);
+  app.add_option("--runs", flags->runs, "medians of times are taken over these")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+  app.add_option("--max-depth", flags->depth, "of reflections and refractions")
+      ->check(CLI::Range(0, 64))
+      ->capture_default_str();
+  app.add_option("--threads", flags->threads, "0 means all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  app.add_flag("--quick", flags->quick, "the first scene on the first rig, with larger pixels");
+  app.add_flag("--no-peers", flags->no_peers, "without Tachyon (scripts/packages bench)");
+  app.add_option("--svg", flags->svg, "file for a plot of time against error");
+  app.add_option(
+      "--pictures", flags->pictures,
+      "folder for the worst places: reference, test, difference; below, what an eye sees");
+  app.add_flag("--json", flags->json, "print as JSON");
+  declare_soft_light_flags(app, flags->soft);
+  app.footer(
+      "Example:\n  lenticule bench error tree gears --rig kiosk-27-1080.toml --errors 1,4 "
+      "--svg error.svg --pictures worst");
+  return [flags]() -> ExitCode {
+    if (flags->quick) flags->scenes.resize(std::min<size_t>(1, flags->scenes.size()));
+    return ErrorRun(*flags).run();
+  };
+}
+
+}  // namespace lenticule::player

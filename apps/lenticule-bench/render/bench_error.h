@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+// The parts of `lenticule bench error`, which measures run time against error of the render methods
+// frame by frame as JSON, and makes the table, plot and pictures from that.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule/offline/scene_sequence.h"
+#include "apps/lenticule/offline/scratch_folder.h"
+#include "optics/rig.h"
+#include "render/options/soft_light.h"
+
+namespace lenticule::player {
+
+/// A method to measure; methods with a tolerated error appear once for each error.
+struct ErrorEntrant {
+  std::string name;                 ///< "lens-view", "adaptive 0.5"
+  std::string method;               ///< name for make_method()
+  std::optional<double> tolerated;  ///< E in code values; none if the method has no such option
+  bool exists = true;               ///< available in this build
+};
+
+/// Returns "full" first, even if it is not in `methods`, then the others in their order. `known`
+/// are the build's methods. Throws Error(Usage) for an error below 0 or above 255.
+[[nodiscard]] std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods,
+                                                       const std::vector<double>& errors,
+                                                       const std::vector<std::string>& known);
+
+/// ErrorScene is a scene as for render, a built-in scene's name, or gltf:NAME: the built-in scene
+/// with each frame written as glTF and read back, so that it has glTF's materials and linear light.
+class ErrorScene {
+ public:
+  /// Throws the errors of SceneSequence.
+  explicit ErrorScene(const std::string& name);
+
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] bool still() const { return sequence_->still(); }
+  /// Returns the scene `frames` frames after the one that determines size and depth.
+  [[nodiscard]] render::SceneDescription after(uint64_t frames) const;
+  /// Returns the name for measure_peers(); none for scenes that Tachyon would not read identically.
+  [[nodiscard]] std::optional<std::string> name_for_peers() const;
+
+ private:
+  std::string name_;
+  bool as_gltf_ = false;
+  std::unique_ptr<SceneSequence> sequence_;
+  ScratchFolder folder_;
+};
+
+/// Benchmark scenarios. Still: the same frame twice, of the same committed scene. Moving:
+/// consecutive frames, the scene committed again for each.
+enum class ErrorCourse { Still, Moving };
+
+struct ErrorSetup {
+  optics::Rig rig;
+  std::vector<ErrorEntrant> entrants;  ///< the first is the reference
+  ErrorCourse course = ErrorCourse::Moving;
+  int frames = 6;  ///< number of frames in the Moving scenario
+  int threads = 0;
+  int depth = 5;
+  render::SoftLight soft{};
+  int runs = 1;            ///< times are medians of these
+  std::string pictures{};  ///< folder for the worst tiles; empty = none
+};
+
+/// Renders and compares all methods. Returns {"scene", "rig", "course", "subpixels", "copy_s",
+/// "pictures": [...], "methods": [{"name", "method", "tolerated_error", "missing"} or with
+/// "frames": [{"wall_s", "cpu_s", "rays", "traced", "subpixels", and except for the reference
+/// "mse", "max", "share_over_e", "share_over_8", "share_over_32", "worst_view_mse", "eyes":
+/// [{"ssim", "flip_mean", "flip_p99", "flicker_mean", "flicker_largest"}], and if audited
+/// "audited", "audited_beyond", "bound"}]}]}. `done` is called after each rendered and measured
+/// frame. Null if interrupted.
+[[nodiscard]] nlohmann::json measure_error(const ErrorSetup& setup, const ErrorScene& scene,
+                                           const std::function<void()>& done);
+
+/// BoundTally counts how often the true share of subpixels with an error above E was within the
+/// reported upper bound.
+class BoundTally {
+ public:
+  /// Adds a frame. Both values are from 0 to 1; a share equal to the bound is within it.
+  void add(double true_share, double bound);
+  /// Returns {"frames", "within_percent", "largest_share", "largest_excess", "mean_bound"}; null
+  /// without a frame. The excess is share minus bound if that is positive.
+  [[nodiscard]] nlohmann::json figures() const;
+
+ private:
+  int frames_ = 0;
+  int within_ = 0;
+  double largest_share_ = 0.0;
+  double largest_excess_ = 0.0;
+  double bounds_ = 0.0;
+};
+
+/// Adds to each method of measure_error()'s result, over its frames: "seconds_per_frame",
+/// "first_s", "later_s" (null for one frame), "of_full", "cpu_of_full" and "later_cpu_of_full"
+/// (time as a share of the reference's), "saved" (1 - of_full), "later_saved", "rays_per_subpixel",
+/// "over_copy", "over_tachyon" (rate over Tachyon's), "psnr_mean_db" (over frames that differ),
+/// "psnr_worst_db", "worst_view_psnr_db" (null if equal), "max", "share_over_e", "share_over_8",
+/// "share_over_32", "ssim_mean", "ssim_worst", "flip_mean", "flip_p99_worst", "flicker_mean",
+/// "flicker_largest", "bound" (BoundTally's figures). `tachyon` is stored as "tachyon": null, or
+/// the result of measure_peers(); its "ours_over_theirs" is full's rate over Tachyon's.
+void summarize_errors(nlohmann::json& course, const nlohmann::json& tachyon);
+
+/// Returns BoundTally's figures over all frames of all methods and scenarios.
+[[nodiscard]] nlohmann::json bound_of_all(const nlohmann::json& courses);
+
+void print_error_course(const nlohmann::json& course);
+/// Prints nothing if no method reported a bound.
+void print_bound_of_all(const nlohmann::json& courses);
+
+/// Plots time as a share of full's against PSNR, with a mark for each method, scene, rig and
+/// scenario.
+void plot_errors(const nlohmann::json& courses, const std::string& file);
+
+}  // namespace lenticule::player

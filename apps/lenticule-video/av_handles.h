@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// Includes FFmpeg's headers and defines one deleter for each of its types. Only lenticule-video
+// includes this file.
+#pragma once
+
+// NOLINTBEGIN
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wconversion"
+#pragma GCC diagnostic ignored "-Wold-style-cast"
+#pragma GCC diagnostic ignored "-Wpedantic"
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/imgutils.h>
+#include <libavutil/opt.h>
+#include <libavutil/pixdesc.h>
+#include <libavutil/stereo3d.h>
+}
+#pragma GCC diagnostic pop
+// NOLINTEND
+
+#include <memory>
+#include <string>
+
+namespace lenticule::video {
+
+struct FreeFrame {
+  void operator()(AVFrame* frame) const { av_frame_free(&frame); }
+};
+struct FreePacket {
+  void operator()(AVPacket* packet) const { av_packet_free(&packet); }
+};
+struct FreeCodec {
+  void operator()(AVCodecContext* codec) const { avcodec_free_context(&codec); }
+};
+struct FreeIo {
+  void operator()(AVIOContext* io) const {
+    av_freep(&io->buffer);
+    avio_context_free(&io);
+  }
+};
+struct CloseInput {
+  void operator()(AVFormatContext* format) const { avformat_close_input(&format); }
+};
+struct FreeFormat {
+  void operator()(AVFormatContext* format) const { avformat_free_context(format); }
+};
+
+using AvFrame = std::unique_ptr<AVFrame, FreeFrame>;
+using AvPacket = std::unique_ptr<AVPacket, FreePacket>;
+using AvCodec = std::unique_ptr<AVCodecContext, FreeCodec>;
+using AvIo = std::unique_ptr<AVIOContext, FreeIo>;
+using AvInput = std::unique_ptr<AVFormatContext, CloseInput>;
+using AvOutput = std::unique_ptr<AVFormatContext, FreeFormat>;
+
+[[nodiscard]] inline std::string av_reason(int error) {
+  char text[AV_ERROR_MAX_STRING_SIZE] = {};
+  av_strerror(error, text, sizeof text);
+  return text;
+}
+
+}  // namespace lenticule::video

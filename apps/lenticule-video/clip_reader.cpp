@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-video/clip_reader.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "apps/lenticule-video/descriptor_io.h"
+#include "base/error.h"
+
+namespace lenticule::video {
+namespace {
+
+constexpr int64_t kMostPixels = int64_t{1} << 28;
+/// Consecutive read errors after which the rest of the file is skipped.
+constexpr int kMostReadErrors = 100;
+constexpr int64_t kProbeBytes = 8 << 20;
+constexpr int64_t kProbeMicroseconds = 5'000'000;
+
+[[noreturn]] void fail(const std::string& name, const std::string& cause,
+                       const std::string& hint = {}) {
+  throw Error(ErrorKind::Input, name + ": " + cause, hint);
+}
+
+int refuse_to_open(AVFormatContext*, AVIOContext**, const char*, int, AVDictionary**) {
+  return AVERROR(EACCES);
+}
+
+/// Discards all other streams, so that they are not parsed.
+void discard_all_but_video(AVFormatContext& format) {
+  for (unsigned i = 0; i < format.nb_streams; ++i)
+    if (format.streams[i]->codecpar->codec_type != AVMEDIA_TYPE_VIDEO)
+      format.streams[i]->discard = AVDISCARD_ALL;
+}
+
+bool has_pictures(const AVStream& stream) {
+  return stream.codecpar->codec_type == AVMEDIA_TYPE_VIDEO &&
+         (stream.disposition & AV_DISPOSITION_ATTACHED_PIC) == 0;
+}
+
+}  // namespace
+
+const char* allowed_containers() {
+  return "matroska,webm,mov,mp4,avi,nut,mpegts,mpeg,ogg,flv,mxf,asf,ivf,yuv4mpegpipe,gif,apng";
+}
+
+const char* allowed_codecs() {
+  return "ffv1,rawvideo,h264,hevc,vp8,vp9,libdav1d,av1,png,apng,mjpeg,prores,dnxhd,huffyuv,"
+         "ffvhuff,utvideo,magicyuv,mpeg4,mpeg2video,mpeg1video,qtrle,v210,v308,v408,v410,r210,"
+         "gif,wrapped_avframe";
+}
+
+int open_clip_file(const std::string& name) {
+  const int fd = ::open(name.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (fd < 0) fail(name, std::string("cannot read: ") + std::strerror(errno));
+  struct stat status {};
+  if (fstat(fd, &status) == 0 && S_ISREG(status.st_mode)) return fd;
+  ::close(fd);
+  fail(name, "cannot read: not a regular file");
+}
+
+Container::Container(const int& fd, std::string name)
+    : name_(std::move(name)), io_(read_descriptor(fd)) {
+  if (::lseek(fd, 0, SEEK_SET) != 0) fail(name_, "cannot read from its start");
+  AVFormatContext* format = avformat_alloc_context();
+  if (format == nullptr) throw Error(ErrorKind::Failed, "video: out of memory");
+  format->pb = io_.get();
+  format->flags |= AVFMT_FLAG_CUSTOM_IO;
+  format->io_open = refuse_to_open;
+  format->probesize = kProbeBytes;
+  format->max_analyze_duration = kProbeMicroseconds;
+  format->format_whitelist = av_strdup(allowed_containers());
+  format->codec_whitelist = av_strdup(allowed_codecs());
+  format->protocol_whitelist = av_strdup("none");
+  // The call frees `format` on failure.
+  const int error = avformat_open_input(&format, nullptr, nullptr, nullptr);
+  if (error < 0)
+    fail(name_, "not a video that can be read: " + av_reason(error),
+         std::string("containers that are read: ") + allowed_containers());
+  format_.reset(format);
+  discard_all_but_video(*format);
+  if (const int found = avformat_find_stream_info(format, nullptr); found < 0)
+    fail(name_, "its streams cannot be read: " + av_reason(found));
+}
+
+AVStream& Container::video_stream(std::optional<int> wanted) {
+  for (unsigned i = 0; i < format_->nb_streams; ++i) {
+    AVStream& stream = *format_->streams[i];
+    const bool chosen = wanted ? *wanted == static_cast<int>(i) : has_pictures(stream);
+    if (chosen && has_pictures(stream)) return stream;
+  }
+  if (wanted)
+    fail(name_, "stream " + std::to_string(*wanted) + " has no pictures",
+         "see lenticule-video probe");
+  fail(name_, "no stream with pictures");
+}
+
+ClipReader::ClipReader(const int& fd, std::string name, std::optional<int> stream, int threads)
+    : fd_(fd),
+      name_(std::move(name)),
+      wanted_(stream),
+      threads_(threads),
+      packet_(av_packet_alloc()),
+      frame_(av_frame_alloc()) {
+  if (!packet_ || !frame_) throw Error(ErrorKind::Failed, "video: out of memory");
+  open();
+}
+
+void ClipReader::open() {
+  container_ = std::make_unique<Container>(fd_, name_);
+  stream_ = &container_->video_stream(wanted_);
+  for (unsigned i = 0; i < container_->format().nb_streams; ++i)
+    container_->format().streams[i]->discard =
+        static_cast<int>(i) == stream_->index ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
+  open_decoder();
+  draining_ = false;
+  read_errors_ = 0;
+}
+
+void ClipReader::open_decoder() {
+  const AVCodecParameters& parameters = *stream_->codecpar;
+  const AVCodec* const decoder = avcodec_find_decoder(parameters.codec_id);
+  const char* const codec_name = avcodec_get_name(parameters.codec_id);
+  if (decoder == nullptr) fail(name_, std::string("no decoder for ") + codec_name);
+  codec_.reset(avcodec_alloc_context3(decoder));
+  if (!codec_) throw Error(ErrorKind::Failed, "video: out of memory");
+  if (const int error = avcodec_parameters_to_context(codec_.get(), &parameters); error < 0)
+    fail(name_, "broken stream header: " + av_reason(error));
+  codec_->thread_count = threads_;
+  codec_->max_pixels = kMostPixels;
+  codec_->codec_whitelist = av_strdup(allowed_codecs());
+  codec_->pkt_timebase = stream_->time_base;
+  codec_->err_recognition = AV_EF_CRCCHECK;
+  // A damaged frame of an intra-only codec is skipped. Frames of other codecs depend on each other,
+  // so the decoder conceals the error.
+  const AVCodecDescriptor* const about = avcodec_descriptor_get(parameters.codec_id);
+  if (about != nullptr && (about->props & AV_CODEC_PROP_INTRA_ONLY) != 0)
+    codec_->err_recognition |= AV_EF_EXPLODE;
+  if (const int error = avcodec_open2(codec_.get(), decoder, nullptr); error < 0)
+    fail(name_, std::string(codec_name) + " cannot be decoded: " + av_reason(error));
+}
+
+ClipReader::Step ClipReader::next() {
+  while (true) {
+    const int error = avcodec_receive_frame(codec_.get(), frame_.get());
+    if (error == 0) {
+      const bool faulty =
+          frame_->decode_error_flags != 0 || (frame_->flags & AV_FRAME_FLAG_CORRUPT) != 0;
+      faulty_ += faulty ? 1 : 0;
+      return Step::Frame;
+    }
+    if (error == AVERROR_EOF) return Step::End;
+    if (error != AVERROR(EAGAIN)) {
+      ++broken_;
+      if (draining_ && ++read_errors_ > kMostReadErrors) return Step::End;
+      continue;
+    }
+    if (draining_ || !feed()) return Step::End;
+  }
+}
+
+/// Sends the next packet, or the end of the stream, to the decoder; returns false if it accepts
+/// neither.
+bool ClipReader::feed() {
+  while (true) {
+    const int error = av_read_frame(&container_->format(), packet_.get());
+    if (error < 0 && error != AVERROR_EOF && ++read_errors_ <= kMostReadErrors) {
+      ++broken_;
+      continue;
+    }
+    if (error < 0) {
+      draining_ = true;
+      read_errors_ = 0;
+      return avcodec_send_packet(codec_.get(), nullptr) == 0;
+    }
+    read_errors_ = 0;
+    const bool ours = packet_->stream_index == stream_->index;
+    const int sent = ours ? avcodec_send_packet(codec_.get(), packet_.get()) : 0;
+    av_packet_unref(packet_.get());
+    if (!ours) continue;
+    if (sent < 0) ++broken_;
+    return true;
+  }
+}
+
+bool ClipReader::seek(int64_t time) {
+  if (time == AV_NOPTS_VALUE) return false;
+  AVFormatContext& format = container_->format();
+  if (av_seek_frame(&format, stream_->index, time, AVSEEK_FLAG_BACKWARD) < 0) return false;
+  avcodec_flush_buffers(codec_.get());
+  draining_ = false;
+  read_errors_ = 0;
+  return true;
+}
+
+void ClipReader::reopen() {
+  codec_.reset();
+  stream_ = nullptr;
+  container_.reset();
+  open();
+}
+
+}  // namespace lenticule::video

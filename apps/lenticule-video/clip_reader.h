@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// ClipReader decodes one video stream of a file, frame after frame in display order.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-video/av_handles.h"
+#include "apps/lenticule-video/stream_pixels.h"
+
+namespace lenticule::video {
+
+/// Return the demuxers and decoders that may be used; the other hundreds in FFmpeg are not.
+[[nodiscard]] const char* allowed_containers();
+[[nodiscard]] const char* allowed_codecs();
+
+/// Opens the regular file of that name for reading. Throws Error(Input). Call it before confine().
+[[nodiscard]] int open_clip_file(const std::string& name);
+
+/// Container is an opened video file. It never opens another file by name, even if the file asks
+/// for that.
+class Container {
+ public:
+  /// `name` is for messages. Throws Error(Input) if the file is not a video.
+  Container(const int& fd, std::string name);
+  [[nodiscard]] AVFormatContext& format() { return *format_; }
+  [[nodiscard]] const std::string& name() const { return name_; }
+  /// Returns the wanted stream, or the first with pictures. Throws Error(Input) if there is none.
+  [[nodiscard]] AVStream& video_stream(std::optional<int> wanted);
+
+ private:
+  std::string name_;
+  AvIo io_;
+  AvInput format_;  // last member: uses io_
+};
+
+/// Thread safety: one thread. Lifetime: the descriptor must outlive the reader.
+class ClipReader {
+ public:
+  enum class Step { Frame, End };
+
+  /// Throws Error(Input) for a file that cannot be decoded.
+  ClipReader(const int& fd, std::string name, std::optional<int> stream, int threads);
+
+  [[nodiscard]] const AVStream& stream() const { return *stream_; }
+  /// Decodes the next picture. Packets that cannot be decoded are skipped and counted.
+  [[nodiscard]] Step next();
+  [[nodiscard]] const AVFrame& frame() const { return *frame_; }
+  /// Returns the time stamp of frame(), or AV_NOPTS_VALUE.
+  [[nodiscard]] int64_t time() const { return frame_->best_effort_timestamp; }
+  [[nodiscard]] uint64_t broken_packets() const { return broken_; }
+  /// Returns the number of frames in which the decoder found errors.
+  [[nodiscard]] uint64_t faulty_frames() const { return faulty_; }
+
+  /// Seeks to the last key frame at or before `time`; returns false if the file does not support
+  /// seeking.
+  [[nodiscard]] bool seek(int64_t time);
+  /// Opens the file again, so that the first frame comes next, even if the container does not
+  /// support seeking. Throws as the constructor.
+  void reopen();
+
+ private:
+  void open();
+  void open_decoder();
+  [[nodiscard]] bool feed();
+
+  const int& fd_;
+  std::string name_;
+  std::optional<int> wanted_;
+  int threads_;
+  std::unique_ptr<Container> container_;
+  AVStream* stream_ = nullptr;
+  AvCodec codec_;
+  AvPacket packet_;
+  AvFrame frame_;
+  bool draining_ = false;
+  uint64_t broken_ = 0;
+  uint64_t faulty_ = 0;
+  int read_errors_ = 0;
+};
+
+}  // namespace lenticule::video

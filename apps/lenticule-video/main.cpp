@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule-video does all work with FFmpeg for lenticule in a separate process, which may crash.
+
+#include <CLI/CLI.hpp>
+#include <exception>
+#include <functional>
+#include <map>
+#include <sstream>
+
+#include "apps/lenticule-video/av_handles.h"
+#include "apps/lenticule-video/subcommands.h"
+#include "base/cpu.h"
+#include "base/error.h"
+#include "base/exit_code.h"
+#include "base/print.h"
+
+namespace {
+
+using namespace lenticule::video;
+using lenticule::ExitCode;
+using lenticule::say;
+using Run = std::function<int()>;
+
+int run_reporting_errors(const Run& run) {
+  try {
+    const int code = run();
+    lenticule::flush_results();
+    return code;
+  } catch (const lenticule::Error& error) {
+    say("lenticule-video: {}\n", error.what());
+    if (!error.hint().empty()) say("  {}\n", error.hint());
+    return lenticule::exit_code_of(error.kind());
+  } catch (const std::exception& error) {
+    say("lenticule-video: {}\n", error.what());
+    return ExitCode::kFailed;
+  }
+}
+
+int print_help(const CLI::App& app, const CLI::ParseError& request) {
+  std::ostringstream text;
+  app.exit(request, text, text);
+  lenticule::print_out("{}", lenticule::Verbatim{text.view()});
+  return ExitCode::kOk;
+}
+
+Run declare_probe(CLI::App& app) {
+  const auto file = std::make_shared<std::string>();
+  app.add_option("FILE", *file, "video file")->required();
+  return [file] { return run_probe(*file); };
+}
+
+Run declare_decode(CLI::App& app) {
+  const auto request = std::make_shared<DecodeRequest>();
+  app.add_option("FILE", request->file, "video file")->required();
+  app.add_option("--ring", request->ring, "socket of the player")->required();
+  app.add_option("--rig-fingerprint", request->rig_fingerprint, "for a ring of one rig's frames");
+  app.add_option("--stream", request->stream, "index; the first with pictures");
+  app.add_option("--begin", request->begin, "first frame of the file that counts");
+  app.add_option("--end", request->end, "the one after the last");
+  app.add_option("--from", request->from, "start with this frame of those");
+  app.add_option("--position", request->position, "number of that frame in the ring");
+  app.add_option("--known-frame", request->known_frame, "frame of the file to seek ...");
+  app.add_option("--known-time", request->known_time, "... by its time stamp");
+  app.add_flag("--loop", request->loop, "again and again, until the player is gone");
+  app.add_flag("--before-weaving", request->before_weaving,
+               "let chroma of lower resolution through: the frames are not woven yet");
+  app.add_option("--orientation", request->orientation, "turns frames, numbered as EXIF does")
+      ->check(CLI::Range(1, 8));
+  app.add_option("--threads", request->threads, "as many as cores, at most 4")
+      ->check(CLI::Range(0, 64));
+  app.add_option("--parent", request->parent, "end with this process");
+  return [request] { return run_decode(*request); };
+}
+
+Run declare_encode(CLI::App& app) {
+  const auto request = std::make_shared<EncodeRequest>();
+  app.add_option("FILE", request->file, "Matroska file; - is a file on standard output")
+      ->required();
+  app.add_option("--width", request->width, "pixels")->required();
+  app.add_option("--height", request->height, "pixels")->required();
+  app.add_option("--rate", request->rate, "frames per second")->capture_default_str();
+  app.add_option("--codec", request->codec, "both lossless")
+      ->check(CLI::IsMember({"ffv1", "x264rgb"}))
+      ->capture_default_str();
+  app.add_option("--pixels", request->pixels, "FFmpeg's name of what comes in, rows packed")
+      ->capture_default_str();
+  app.add_option("--matrix", request->matrix, "tag of Y'CbCr: bt709, smpte170m, bt2020nc, ...");
+  app.add_option("--range", request->range, "tag: tv or pc");
+  app.add_option("--transfer", request->transfer, "tag: bt709, iec61966-2-1, linear, ...");
+  app.add_option("--parent", request->parent, "end with this process");
+  return [request] { return run_encode(*request); };
+}
+
+Run declare_pictures(CLI::App& app) {
+  const auto parent = std::make_shared<pid_t>(0);
+  app.add_option("--parent", *parent, "end with this process");
+  return [parent] { return run_pictures(*parent); };
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  lenticule::prepare_standard_streams();
+  const int environment = run_reporting_errors([] {
+    static_cast<void>(lenticule::best_isa());
+    return ExitCode::kOk;
+  });
+  if (environment != ExitCode::kOk) return environment;
+  av_log_set_level(AV_LOG_QUIET);  // errors are reported by this program from FFmpeg's error codes
+  CLI::App app{"Reads and writes video files for lenticule, in a process of its own."};
+  app.name("lenticule-video");
+  app.set_version_flag("--version", std::string("lenticule-video ") + LENTICULE_VERSION);
+  app.require_subcommand(1);
+  std::map<const CLI::App*, Run> runs;
+  CLI::App* const probe = app.add_subcommand("probe", "print what is in a file, as JSON");
+  CLI::App* const decode = app.add_subcommand("decode", "decode a file into a player's ring");
+  CLI::App* const encode = app.add_subcommand("encode", "raw frames on standard input to a file");
+  CLI::App* const pictures =
+      app.add_subcommand("pictures", "decode pictures for the program that started this");
+  runs[pictures] = declare_pictures(*pictures);
+  runs[probe] = declare_probe(*probe);
+  runs[decode] = declare_decode(*decode);
+  runs[encode] = declare_encode(*encode);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0)
+      return run_reporting_errors([&] { return print_help(app, error); });
+    say("lenticule-video: {}\n  see lenticule-video --help\n", error.what());
+    return ExitCode::kUsage;
+  }
+  return run_reporting_errors(runs.at(app.get_subcommands().front()));
+}

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule-video pictures decodes one picture file after the other for the process that started
+// it, which passes descriptors over a socket and reads rows from shared memory.
+#include <malloc.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <exception>
+#include <new>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-video/confinement.h"
+#include "apps/lenticule-video/subcommands.h"
+#include "base/error.h"
+#include "base/unique_fd.h"
+#include "frames/picture_codec.h"
+#include "frames/pictures/picture_messages.h"
+
+namespace lenticule::video {
+
+using namespace frames::confined;
+namespace {
+
+/// Thrown if the process that started this one is gone.
+class PlayerGone final : public std::exception {};
+/// Thrown if that process does not need the rest of the picture.
+class PictureUnwanted final : public std::exception {};
+
+/// One descriptor more than the socket and the standard streams.
+constexpr unsigned kDescriptors = 4;
+
+struct Received {
+  PictureRequestMessage message;
+  UniqueFd file;
+};
+
+Received receive() {
+  Received received;
+  iovec part{.iov_base = &received.message, .iov_len = sizeof received.message};
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
+  msghdr header{};
+  header.msg_iov = &part;
+  header.msg_iovlen = 1;
+  header.msg_control = control.data();
+  header.msg_controllen = control.size();
+  ssize_t n = 0;
+  do {
+    n = ::recvmsg(kPictureSocket, &header, MSG_CMSG_CLOEXEC);
+  } while (n < 0 && errno == EINTR);
+  if (n != sizeof received.message) throw PlayerGone();
+  const cmsghdr* const passed = CMSG_FIRSTHDR(&header);
+  if (passed != nullptr && passed->cmsg_level == SOL_SOCKET && passed->cmsg_type == SCM_RIGHTS) {
+    int fd = -1;
+    std::memcpy(&fd, CMSG_DATA(passed), sizeof fd);
+    received.file = UniqueFd(fd);
+  }
+  return received;
+}
+
+void send(const PictureReplyMessage& message) {
+  iovec part{.iov_base = const_cast<PictureReplyMessage*>(&message), .iov_len = sizeof message};
+  msghdr header{};
+  header.msg_iov = &part;
+  header.msg_iovlen = 1;
+  ssize_t n = 0;
+  do {
+    n = ::sendmsg(kPictureSocket, &header, MSG_NOSIGNAL);
+  } while (n < 0 && errno == EINTR);
+  if (n != sizeof message) throw PlayerGone();
+}
+
+void await_continue() {
+  const PictureRequest request = receive().message.request;
+  if (request == PictureRequest::Continue) return;
+  if (request == PictureRequest::Stop) throw PictureUnwanted();
+  throw PlayerGone();
+}
+
+PictureReplyMessage header_of(const frames::PictureInfo& info) {
+  return {.reply = PictureReply::Header,
+          .width = info.geometry.width,
+          .height = info.geometry.height,
+          .orientation = static_cast<int32_t>(info.orientation),
+          .pixel_aspect = info.pixel_aspect};
+}
+
+/// RowsToPlayer sends rows as soon as they are decoded, and decodes into one half of the memory
+/// while the other is read.
+class RowsToPlayer final : public frames::PictureSink {
+ public:
+  explicit RowsToPlayer(std::span<uint8_t> memory) : memory_(memory) {}
+
+  void accept(const frames::PictureInfo& info) override {
+    row_bytes_ = info.geometry.row_bytes();
+    send(header_of(info));
+    await_continue();
+  }
+  std::span<uint8_t> rows(int y, int rows) override {
+    flush();
+    if (unread_ == 2) take_answer();
+    const int fit = static_cast<int>(kHalfBytes / row_bytes_);
+    pending_ = PictureReplyMessage{
+        .reply = PictureReply::Rows, .first_row = y, .rows = std::min(rows, fit), .half = half_};
+    return memory_.subspan(half_ * kHalfBytes, row_bytes_ * static_cast<size_t>(pending_->rows));
+  }
+  void finish() {
+    flush();
+    while (unread_ > 0) take_answer();
+  }
+
+ private:
+  void flush() {
+    if (!pending_) return;
+    send(*pending_);
+    pending_.reset();
+    half_ = 1 - half_;
+    ++unread_;
+  }
+  void take_answer() {
+    await_continue();
+    --unread_;
+  }
+
+  std::span<uint8_t> memory_;
+  size_t row_bytes_ = 0;
+  uint32_t half_ = 0;
+  int unread_ = 0;  ///< halves that were sent and not acknowledged
+  std::optional<PictureReplyMessage> pending_;
+};
+
+std::vector<uint8_t> bytes_of(const Received& received) {
+  if (!received.file || received.message.file_bytes > kPictureFileLimit)
+    throw Error(ErrorKind::Input, "no file came");
+  std::vector<uint8_t> bytes(received.message.file_bytes);
+  size_t done = 0;
+  while (done < bytes.size()) {
+    const ssize_t n = ::pread(received.file.get(), bytes.data() + done, bytes.size() - done,
+                              static_cast<off_t>(done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) throw Error(ErrorKind::Input, std::string("cannot read: ") + std::strerror(errno));
+    if (n == 0) throw Error(ErrorKind::Input, "became shorter while it was read");
+    done += static_cast<size_t>(n);
+  }
+  return bytes;
+}
+
+/// Returns the name that decoders see; only its extension is meaningful.
+std::string name_of(const PictureRequestMessage& message) {
+  const auto end = std::find(message.extension.begin(), message.extension.end(), '\0');
+  return "picture" + std::string(message.extension.begin(), end);
+}
+
+void serve(const Received& received, std::span<uint8_t> memory) {
+  const std::vector<uint8_t> bytes = bytes_of(received);
+  const std::string name = name_of(received.message);
+  if (received.message.request == PictureRequest::Probe) {
+    send(header_of(frames::picture_codec().probe(bytes, name)));
+    return;
+  }
+  RowsToPlayer sink(memory);
+  frames::picture_codec().decode_codes(bytes, name, sink);
+  sink.finish();
+  send({.reply = PictureReply::Done});
+}
+
+void send_failure(const std::string& cause) {
+  PictureReplyMessage message{.reply = PictureReply::Failed};
+  std::copy_n(cause.begin(), std::min(cause.size(), message.cause.size() - 1),
+              message.cause.begin());
+  send(message);
+}
+
+std::span<uint8_t> map_memory() {
+  void* const memory =
+      ::mmap(nullptr, kMemoryBytes, PROT_READ | PROT_WRITE, MAP_SHARED, kPictureMemory, 0);
+  if (memory == MAP_FAILED)
+    throw Error(ErrorKind::Usage, "pictures: started without memory to share",
+                "lenticule starts this by itself");
+  ::close(kPictureMemory);
+  return {static_cast<uint8_t*>(memory), kMemoryBytes};
+}
+
+/// Decodes a picture of one pixel, so that no library has to be loaded afterwards.
+void warm_up() {
+  constexpr std::string_view kPixel = "P6\n1 1\n255\nabc";
+  const std::span bytes(reinterpret_cast<const uint8_t*>(kPixel.data()), kPixel.size());
+  (void)frames::picture_codec().probe(bytes, "pixel.ppm");
+}
+
+}  // namespace
+
+int run_pictures(pid_t parent) {
+  if (parent > 0 && !die_with(parent)) return 1;
+  volunteer_for_oom();
+  // Makes malloc return a large picture's memory to the system.
+  (void)::mallopt(M_MMAP_THRESHOLD, 1 << 20);
+  (void)::mallopt(M_ARENA_MAX, 1);
+  const std::span<uint8_t> memory = map_memory();
+  warm_up();
+  confine(kPictureMemoryLimit, parent, kDescriptors);
+  send({.reply = PictureReply::Idle});
+  try {
+    while (true) {
+      const Received received = receive();
+      try {
+        serve(received, memory);
+      } catch (const PictureUnwanted&) {
+        send({.reply = PictureReply::Idle});
+      } catch (const PlayerGone&) {
+        throw;
+      } catch (const std::bad_alloc&) {
+        send_failure("needs more than " + std::to_string(kPictureMemoryLimit >> 20) +
+                     " MiB to be decoded, the limit of one picture");
+      } catch (const std::exception& error) {
+        send_failure(error.what());
+      }
+    }
+  } catch (const PlayerGone&) {
+    return 0;
+  }
+}
+
+}  // namespace lenticule::video

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-video/pixel_convert.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+
+namespace lenticule::video {
+namespace {
+
+/// Sums stay below 2^62 (values of +-2^9.5 codes), and a coefficient's error of half a unit times
+/// the largest value, 2^22, is below 2^-30 codes.
+constexpr int kFraction = 52;
+constexpr int64_t kHalf = int64_t{1} << (kFraction - 1);
+
+int64_t fixed(double value) {
+  return std::llround(std::ldexp(value, kFraction));
+}
+
+/// Returns twice the number of luma samples per chroma sample: the sum of one axis's weights.
+int parts(int shift) {
+  return 2 << shift;
+}
+
+int chroma_size(int luma, int shift) {
+  return (luma + (1 << shift) - 1) >> shift;
+}
+
+std::vector<uint8_t> table_of_codes(int depth, bool full_range) {
+  const int most = (1 << depth) - 1;
+  const int low = full_range ? 0 : 16 << (depth - 8);
+  const int span = full_range ? most : 219 << (depth - 8);
+  std::vector<uint8_t> table(static_cast<size_t>(most) + 1);
+  for (int v = 0; v <= most; ++v) {
+    const int64_t scaled = 510 * int64_t{std::clamp(v - low, 0, span)} + span;
+    table[static_cast<size_t>(v)] = static_cast<uint8_t>(scaled / (2 * span));
+  }
+  return table;
+}
+
+uint8_t clipped(int64_t sum) {
+  return static_cast<uint8_t>(std::clamp<int64_t>((sum + kHalf) >> kFraction, 0, 255));
+}
+
+bool is_whole_byte(const PixelComponent& component) {
+  return component.depth == 8 && component.shift == 0;
+}
+
+}  // namespace
+
+PixelConverter::PixelConverter(const PixelLayout& layout, int width, int height)
+    : layout_(layout),
+      width_(width),
+      height_(height),
+      chroma_width_(chroma_size(width, layout.chroma_shift_x)),
+      chroma_height_(chroma_size(height, layout.chroma_shift_y)),
+      copies_bytes_(layout.model == ColourModel::Rgb &&
+                    std::all_of(layout.components.begin(), layout.components.end(), is_whole_byte)),
+      values_(static_cast<size_t>(width)),
+      second_(static_cast<size_t>(width)) {
+  LENTICULE_CHECK(width > 0 && height > 0);
+  for (const PixelComponent& c : layout.components) LENTICULE_CHECK(c.depth >= 1 && c.depth <= 16);
+  const bool limited = layout.model == ColourModel::Grey && !layout.full_range;
+  LENTICULE_CHECK(layout.model == ColourModel::Rgb || layout.components[0].depth >= 8);
+  code_of_value_ = table_of_codes(layout.components[0].depth, !limited);
+  if (layout.model != ColourModel::Yuv) return;
+  across_ = taps(width, layout.chroma_shift_x, layout.site.across);
+  down_ = taps(height, layout.chroma_shift_y, layout.site.down);
+  cb_.resize(static_cast<size_t>(width));
+  cr_.resize(static_cast<size_t>(width));
+  plan_matrix();
+}
+
+/// Chroma sample k lies at luma position n k + site (n - 1) / 2.
+std::vector<PixelConverter::Tap> PixelConverter::taps(int luma, int shift, int site) {
+  const int whole = parts(shift);
+  const int last = chroma_size(luma, shift) - 1;
+  const int begin = site * ((1 << shift) - 1);
+  std::vector<Tap> all(static_cast<size_t>(luma));
+  for (int x = 0; x < luma; ++x) {
+    const int position = 2 * x - begin;
+    const int first = position >= 0 ? position / whole : -1;
+    all[static_cast<size_t>(x)] = {.first = std::clamp(first, 0, last),
+                                   .second = std::clamp(first + 1, 0, last),
+                                   .weight_second = position - first * whole};
+  }
+  return all;
+}
+
+void PixelConverter::plan_matrix() {
+  const int depth = layout_.components[0].depth;
+  const double one = std::ldexp(1.0, depth - 8);
+  const double most = std::ldexp(1.0, depth) - 1.0;
+  const double luma_span = layout_.full_range ? most : 219.0 * one;
+  const double chroma_span = layout_.full_range ? most : 224.0 * one;
+  const double black = layout_.full_range ? 0.0 : 16.0 * one;
+  const double grey = 128.0 * one;
+  const double kr = layout_.kr;
+  const double kb = layout_.kb;
+  const double kg = 1.0 - kr - kb;
+  const int whole = parts(layout_.chroma_shift_x) * parts(layout_.chroma_shift_y);
+  const double y = 255.0 / luma_span;
+  const double c = 255.0 / chroma_span / whole;
+  luma_ = fixed(y);
+  red_cr_ = fixed(2.0 * (1.0 - kr) * c);
+  green_cb_ = fixed(-2.0 * (1.0 - kb) * kb / kg * c);
+  green_cr_ = fixed(-2.0 * (1.0 - kr) * kr / kg * c);
+  blue_cb_ = fixed(2.0 * (1.0 - kb) * c);
+  // Computed from the rounded coefficients, so that grey stays exactly grey.
+  const auto zero = static_cast<int64_t>(grey) * whole;
+  const int64_t black_part = luma_ * static_cast<int64_t>(black);
+  red_0_ = -black_part - red_cr_ * zero;
+  green_0_ = -black_part - (green_cb_ + green_cr_) * zero;
+  blue_0_ = -black_part - blue_cb_ * zero;
+}
+
+void PixelConverter::convert(const PicturePlanes& picture, std::span<uint8_t> rgb) {
+  LENTICULE_CHECK(picture.width == width_ && picture.height == height_);
+  const size_t row_bytes = static_cast<size_t>(width_) * 3;
+  LENTICULE_CHECK(rgb.size() == row_bytes * static_cast<size_t>(height_));
+  for (int row = 0; row < height_; ++row) {
+    uint8_t* out = rgb.data() + static_cast<size_t>(row) * row_bytes;
+    switch (layout_.model) {
+      case ColourModel::Rgb:
+        rgb_row(picture, row, out);
+        break;
+      case ColourModel::Grey:
+        grey_row(picture, row, out);
+        break;
+      case ColourModel::Yuv:
+        yuv_row(picture, row, out);
+        break;
+    }
+  }
+}
+
+void PixelConverter::unpack(const PicturePlanes& picture, int component, int row, int count,
+                            uint16_t* out) const {
+  const PixelComponent& c = layout_.components[static_cast<size_t>(component)];
+  const auto plane = static_cast<size_t>(c.plane);
+  const uint8_t* in = picture.data[plane] + row * picture.stride[plane] + c.offset;
+  const auto mask = static_cast<unsigned>((1 << c.depth) - 1);
+  const bool wide = c.shift + c.depth > 8;
+  const int high = layout_.big_endian ? 0 : 1;
+  for (int x = 0; x < count; ++x, in += c.step) {
+    const unsigned word = wide ? static_cast<unsigned>(in[high] << 8 | in[1 - high]) : *in;
+    out[x] = static_cast<uint16_t>((word >> c.shift) & mask);
+  }
+}
+
+void PixelConverter::rgb_row(const PicturePlanes& picture, int row, uint8_t* out) {
+  for (int channel = 0; channel < 3; ++channel) {
+    if (copies_bytes_) {
+      const PixelComponent& c = layout_.components[static_cast<size_t>(channel)];
+      const auto plane = static_cast<size_t>(c.plane);
+      const uint8_t* in = picture.data[plane] + row * picture.stride[plane] + c.offset;
+      for (int x = 0; x < width_; ++x) out[3 * x + channel] = in[x * c.step];
+      continue;
+    }
+    unpack(picture, channel, row, width_, values_.data());
+    const int depth = layout_.components[static_cast<size_t>(channel)].depth;
+    if (depth == layout_.components[0].depth) {
+      for (int x = 0; x < width_; ++x) out[3 * x + channel] = code_of_value_[values_[x]];
+      continue;
+    }
+    const int most = (1 << depth) - 1;  // 5-6-5: green is deeper
+    for (int x = 0; x < width_; ++x)
+      out[3 * x + channel] = static_cast<uint8_t>((510 * values_[x] + most) / (2 * most));
+  }
+}
+
+void PixelConverter::grey_row(const PicturePlanes& picture, int row, uint8_t* out) {
+  unpack(picture, 0, row, width_, values_.data());
+  for (int x = 0; x < width_; ++x)
+    out[3 * x] = out[3 * x + 1] = out[3 * x + 2] = code_of_value_[values_[x]];
+}
+
+/// Interpolates one chroma channel at every luma position of a row, in parts of a code value.
+void PixelConverter::chroma_row(const PicturePlanes& picture, int component, int row,
+                                std::vector<int32_t>& out) {
+  const Tap& down = down_[static_cast<size_t>(row)];
+  const int whole_x = parts(layout_.chroma_shift_x);
+  const int whole_y = parts(layout_.chroma_shift_y);
+  unpack(picture, component, down.first, chroma_width_, values_.data());
+  unpack(picture, component, down.second, chroma_width_, second_.data());
+  const int weight = down.weight_second;
+  for (int x = 0; x < width_; ++x) {
+    const Tap& tap = across_[static_cast<size_t>(x)];
+    const int left = (whole_y - weight) * values_[tap.first] + weight * second_[tap.first];
+    const int right = (whole_y - weight) * values_[tap.second] + weight * second_[tap.second];
+    out[x] = (whole_x - tap.weight_second) * left + tap.weight_second * right;
+  }
+}
+
+void PixelConverter::yuv_row(const PicturePlanes& picture, int row, uint8_t* out) {
+  chroma_row(picture, 1, row, cb_);
+  chroma_row(picture, 2, row, cr_);
+  unpack(picture, 0, row, width_, values_.data());
+  for (int x = 0; x < width_; ++x) {
+    const int64_t y = luma_ * values_[x];
+    const int64_t cb = cb_[x];
+    const int64_t cr = cr_[x];
+    out[3 * x] = clipped(y + red_0_ + red_cr_ * cr);
+    out[3 * x + 1] = clipped(y + green_0_ + green_cb_ * cb + green_cr_ * cr);
+    out[3 * x + 2] = clipped(y + blue_0_ + blue_cb_ * cb);
+  }
+}
+
+}  // namespace lenticule::video

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// PixelConverter converts decoded pictures to 8-bit RGB, rounded once and to the nearest code.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "apps/lenticule-video/pixel_layout.h"
+
+namespace lenticule::video {
+
+/// Copies 8-bit RGB unchanged; deeper RGB becomes round(255 v / (2^depth - 1)). Y'CbCr follows
+/// ITU-R BT.601/709/2020: R = Y' + 2 (1 - Kr) Cr and so on. Subsampled chroma is interpolated
+/// linearly from the positions of its samples. Everything is computed in one exact sum, which is
+/// then rounded half up and clipped. Gamut and transfer function are not changed: code values stay
+/// code values.
+///
+/// convert() allocates no memory. Thread safety: one thread.
+class PixelConverter {
+ public:
+  PixelConverter(const PixelLayout& layout, int width, int height);
+
+  /// Converts a picture of the constructor's size; `rgb` holds width * height * 3 bytes.
+  void convert(const PicturePlanes& picture, std::span<uint8_t> rgb);
+
+ private:
+  /// The weights of two neighbouring chroma samples at one luma position, in parts of the axis's
+  /// total.
+  struct Tap {
+    int first = 0;
+    int second = 0;
+    int weight_second = 0;
+  };
+
+  [[nodiscard]] static std::vector<Tap> taps(int luma, int shift, int site);
+  void plan_matrix();
+  void unpack(const PicturePlanes& picture, int component, int row, int count, uint16_t* out) const;
+  void rgb_row(const PicturePlanes& picture, int row, uint8_t* out);
+  void grey_row(const PicturePlanes& picture, int row, uint8_t* out);
+  void yuv_row(const PicturePlanes& picture, int row, uint8_t* out);
+  void chroma_row(const PicturePlanes& picture, int component, int row, std::vector<int32_t>& out);
+
+  PixelLayout layout_;
+  int width_;
+  int height_;
+  int chroma_width_;
+  int chroma_height_;
+  bool copies_bytes_;
+  std::vector<uint8_t> code_of_value_;  ///< used for RGB and grey
+  std::vector<Tap> across_;
+  std::vector<Tap> down_;
+  std::vector<uint16_t> values_;
+  std::vector<uint16_t> second_;
+  std::vector<int32_t> cb_;
+  std::vector<int32_t> cr_;
+
+  // Coefficients times 2^kFraction, per code value of luma and per part of a chroma code value.
+  int64_t luma_ = 0;
+  int64_t red_cr_ = 0;
+  int64_t green_cb_ = 0;
+  int64_t green_cr_ = 0;
+  int64_t blue_cb_ = 0;
+  int64_t red_0_ = 0;
+  int64_t green_0_ = 0;
+  int64_t blue_0_ = 0;
+};
+
+}  // namespace lenticule::video

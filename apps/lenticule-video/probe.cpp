@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule-video probe reports the streams of a file as JSON.
+#include <unistd.h>
+
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <string_view>
+
+#include "apps/lenticule-video/clip_reader.h"
+#include "apps/lenticule-video/confinement.h"
+#include "apps/lenticule-video/subcommands.h"
+#include "base/print.h"
+#include "base/unique_fd.h"
+
+namespace lenticule::video {
+namespace {
+
+using nlohmann::json;
+
+constexpr uint64_t kMemoryBytes = uint64_t{2} << 30;
+constexpr unsigned kSeconds = 20;
+
+json rational(AVRational value) {
+  if (value.num <= 0 || value.den <= 0) return nullptr;
+  return json::array({value.num, value.den});
+}
+
+json text_or_null(const char* text) {
+  return text != nullptr ? json(text) : json(nullptr);
+}
+
+/// Returns the duration in seconds; null if neither the stream nor the container states it.
+json duration(const AVFormatContext& format, const AVStream& stream) {
+  if (stream.duration > 0) return static_cast<double>(stream.duration) * av_q2d(stream.time_base);
+  if (format.duration > 0) return static_cast<double>(format.duration) / AV_TIME_BASE;
+  return nullptr;
+}
+
+/// Returns the expected number of frames: the container's, or the number that fits the duration if
+/// the duration is that of this stream alone.
+json expected_frames(const AVFormatContext& format, const AVStream& stream) {
+  if (stream.nb_frames > 0) return stream.nb_frames;
+  const AVRational rate = stream.avg_frame_rate;
+  if (format.nb_streams != 1 || rate.num <= 0 || rate.den <= 0) return nullptr;
+  if (std::string_view(format.iformat->name).find("matroska") == std::string_view::npos)
+    return nullptr;  // durations of other containers are estimates
+  if (format.duration <= 0) return nullptr;
+  const double seconds = static_cast<double>(format.duration) / AV_TIME_BASE;
+  return static_cast<int64_t>(std::llround(seconds * av_q2d(rate)));
+}
+
+/// Returns the EXIF number of the orientation, or null for angles other than quarter turns.
+json orientation(const AVStream& stream) {
+  size_t bytes = 0;
+  const uint8_t* const data = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, &bytes);
+  if (data == nullptr || bytes < 9 * sizeof(int32_t)) return 1;
+  std::array<int32_t, 9> m{};
+  std::memcpy(m.data(), data, sizeof m);
+  struct Turn {
+    int a, b, c, d;
+    int orientation;
+  };
+  constexpr std::array<Turn, 8> kTurns = {{{1, 0, 0, 1, 1},
+                                           {-1, 0, 0, 1, 2},
+                                           {-1, 0, 0, -1, 3},
+                                           {1, 0, 0, -1, 4},
+                                           {0, 1, 1, 0, 5},
+                                           {0, 1, -1, 0, 6},
+                                           {0, -1, -1, 0, 7},
+                                           {0, -1, 1, 0, 8}}};
+  constexpr int kOne = 1 << 16;
+  for (const Turn& turn : kTurns)
+    if (m[0] == turn.a * kOne && m[1] == turn.b * kOne && m[3] == turn.c * kOne &&
+        m[4] == turn.d * kOne)
+      return turn.orientation;
+  return nullptr;
+}
+
+/// Returns {"layout": "side by side", "right_first": ...}, or null if there is no tag.
+json stereo(const AVStream& stream) {
+  size_t bytes = 0;
+  const uint8_t* const data = av_stream_get_side_data(&stream, AV_PKT_DATA_STEREO3D, &bytes);
+  const AVDictionaryEntry* const mode = av_dict_get(stream.metadata, "stereo_mode", nullptr, 0);
+  if (data == nullptr || bytes < sizeof(AVStereo3D)) {
+    if (mode == nullptr || std::string_view(mode->value) == "mono") return nullptr;
+    return {{"layout", mode->value}, {"right_first", false}};
+  }
+  AVStereo3D tag{};
+  std::memcpy(&tag, data, sizeof tag);
+  if (tag.type == AV_STEREO3D_2D) return nullptr;
+  return {{"layout", av_stereo3d_type_name(tag.type)},
+          {"right_first", (tag.flags & AV_STEREO3D_FLAG_INVERT) != 0}};
+}
+
+AVRational rate_of(const AVStream& stream) {
+  return stream.avg_frame_rate.num > 0 ? stream.avg_frame_rate : stream.r_frame_rate;
+}
+
+json describe(AVFormatContext& format, AVStream& stream) {
+  const AVCodecParameters& p = *stream.codecpar;
+  const PixelVerdict verdict = judge_pixels(tags_of(p));
+  const AVRational aspect = av_guess_sample_aspect_ratio(&format, &stream, nullptr);
+  return {{"index", stream.index},
+          {"codec", avcodec_get_name(p.codec_id)},
+          {"width", p.width},
+          {"height", p.height},
+          {"rate", rational(rate_of(stream))},
+          {"frames", stream.nb_frames > 0 ? json(stream.nb_frames) : json(nullptr)},
+          {"expected_frames", expected_frames(format, stream)},
+          {"orientation", orientation(stream)},
+          {"stereo", stereo(stream)},
+          {"duration_s", duration(format, stream)},
+          {"pixel_format", text_or_null(av_get_pix_fmt_name(static_cast<AVPixelFormat>(p.format)))},
+          {"colour_space", text_or_null(av_color_space_name(p.color_space))},
+          {"transfer", text_or_null(av_color_transfer_name(p.color_trc))},
+          {"range", text_or_null(av_color_range_name(p.color_range))},
+          {"sample_aspect", rational(aspect)},
+          {"sampling", verdict.sampling},
+          {"depth", verdict.depth},
+          {"exact", verdict.exact},
+          {"full_chroma", verdict.layout && !verdict.layout->subsampled()},
+          {"refusal", verdict.layout ? json(nullptr) : json(verdict.refusal)}};
+}
+
+}  // namespace
+
+int run_probe(const std::string& file) {
+  const UniqueFd input(open_clip_file(file));
+  alarm(kSeconds);  // ends the program if parsing the file takes longer
+  confine(kMemoryBytes);
+  const int fd = input.get();
+  Container container(fd, file);
+  AVFormatContext& format = container.format();
+  json streams = json::array();
+  for (unsigned i = 0; i < format.nb_streams; ++i) {
+    AVStream& stream = *format.streams[i];
+    if (stream.codecpar->codec_type != AVMEDIA_TYPE_VIDEO) continue;
+    if ((stream.disposition & AV_DISPOSITION_ATTACHED_PIC) != 0) continue;
+    streams.push_back(describe(format, stream));
+  }
+  const json report = {{"container", format.iformat->name}, {"streams", streams}};
+  print_out("{}\n", Verbatim{json_text(report, 2)});
+  return 0;
+}
+
+}  // namespace lenticule::video

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// decoder_filter lists the system calls that a decoder may make, as a classic BPF program.
+#pragma once
+
+#include <linux/filter.h>
+
+#include <vector>
+
+namespace lenticule::video {
+
+/// Returns a filter in which calls that are not listed fail with EPERM, and calls of a foreign
+/// architecture kill the process. Signals to other processes, opening, connecting, executing,
+/// changing identity or scheduling, and executable memory are not allowed.
+[[nodiscard]] std::vector<sock_filter> decoder_filter();
+
+}  // namespace lenticule::video

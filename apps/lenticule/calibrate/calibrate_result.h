@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// conclude_calibration ends every calibration: it prints the result, writes the report and saves
+// the rig.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "apps/lenticule/cli/command.h"
+#include "calib/calibration.h"
+#include "calib/report/rig_record.h"
+
+namespace lenticule::player {
+
+struct ResultFlags {
+  std::string output;
+  std::string report;
+  std::optional<double> temperature;
+  bool json = false;
+};
+
+void declare_result_flags(CLI::App& app, ResultFlags& flags);
+
+/// Writes the report beside the rig, saves the rig unless it was refused (the old one is kept under
+/// a number), and prints both paths. Returns kOk, or kQuality if the rig was not saved.
+ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDetails details,
+                              const ResultFlags& flags);
+
+}  // namespace lenticule::player

@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule man prints the manual page, generated from the same tables as --help.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+#include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/command_tree.h"
+#include "base/print.h"
+
+namespace lenticule::player {
+namespace {
+
+/// Escapes text that troff would take for a request or an escape.
+std::string roff(const std::string& text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '\\') {
+      out += "\\e";
+    } else if (c == '-') {
+      out += "\\-";
+    } else if (c == '\n') {
+      out += "\n.br\n";
+    } else {
+      out += c;
+    }
+  }
+  if (!out.empty() && (out.front() == '.' || out.front() == '\'')) out.insert(0, "\\&");
+  return out;
+}
+
+std::string option_entry(const CLI::Option& option) {
+  std::string name = option.get_positional() ? option.get_name(true) : option.get_name(false, true);
+  const bool takes_value = option.get_expected_max() > 0 && !option.get_type_name().empty();
+  if (takes_value && !option.get_positional()) name += " " + option.get_type_name();
+  std::string text = option.get_description();
+  if (!option.get_default_str().empty()) text += " [" + option.get_default_str() + "]";
+  return fmt::format(".TP\n\\fB{}\\fR\n{}\n", roff(name), roff(text));
+}
+
+std::string command_section(const CLI::App& app, const std::string& prefix) {
+  std::string arguments;
+  for (const CLI::Option* positional : positionals(app))
+    arguments += " \\fI" + roff(positional->get_name(true)) + "\\fR";
+  std::string text =
+      fmt::format(".SS {}\n\\fB{}\\fR{} [options]\n.PP\n{}\n", roff(prefix + app.get_name()),
+                  roff(prefix + app.get_name()), arguments, roff(app.get_description()));
+  for (const CLI::Option* positional : positionals(app)) text += option_entry(*positional);
+  for (const CLI::Option* flag : flags(app))
+    if (flag->get_name() != "--help") text += option_entry(*flag);
+  for (const CLI::App* sub : visible_commands(app))
+    text += command_section(*sub, prefix + app.get_name() + " ");
+  return text;
+}
+
+constexpr const char* kExitCodes =
+    ".SH EXIT STATUS\n"
+    ".TP\n0\nsuccess\n"
+    ".TP\n1\nit could not be done\n"
+    ".TP\n2\nthe command line makes no sense\n"
+    ".TP\n3\na device is missing, busy or forbidden\n"
+    ".TP\n4\nan input is invalid, or was made for another rig\n"
+    ".TP\n5\na quality limit was missed\n"
+    ".TP\n130, 143\ninterrupted by Ctrl\\-C or by SIGTERM; what was finished is kept\n";
+
+std::string manual(const CLI::App& root) {
+  std::string text = fmt::format(
+      ".TH LENTICULE 1 \"\" \"lenticule {}\" \"User Commands\"\n"
+      ".SH NAME\nlenticule \\- driver, player and renderer for lenticular 3\\-D displays\n"
+      ".SH SYNOPSIS\n.B lenticule\n\\fICOMMAND\\fR [options]\n"
+      ".SH DESCRIPTION\n{}\nResults go to standard output, everything else to standard error.\n"
+      ".SH COMMANDS\n",
+      LENTICULE_VERSION, roff(root.get_description()));
+  for (const CLI::App* command : visible_commands(root)) text += command_section(*command, "");
+  text += ".SH EXAMPLES\n";
+  for (const Command& command : commands())
+    if (command.example[0] != '\0')
+      text += fmt::format(".TP\n{}\n\\fB{}\\fR\n", roff(command.summary), roff(command.example));
+  text += kExitCodes;
+  text +=
+      ".SH ENVIRONMENT\n.TP\n\\fBLENTICULE_ISA\\fR\nlimits the instruction set: baseline, avx2 or "
+      "avx512\n";
+  return text;
+}
+
+}  // namespace
+
+Run declare_man(CLI::App& app) {
+  return [&app] {
+    print_out("{}", Verbatim{manual(*app.get_parent())});
+    return kOk;
+  };
+}
+
+}  // namespace lenticule::player

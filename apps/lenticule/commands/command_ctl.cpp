@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule ctl controls a player that runs with --control.
+
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/triple.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "player/control/control_client.h"
+#include "player/control/control_protocol.h"
+#include "player/process/interrupt.h"
+#include "player/sources/source_open.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct CtlFlags {
+  std::string socket;
+  bool json = false;
+  double wait_s = 60.0;
+  std::string source;
+  std::optional<uint64_t> frame;
+  std::optional<uint64_t> item;
+  std::string count;
+  std::optional<double> offset, pitch, offset_by, pitch_by;
+  std::string file;
+  std::string eye;
+  std::optional<uint64_t> events;
+};
+
+std::string socket_of(const CtlFlags& flags) {
+  if (!flags.socket.empty()) return flags.socket;
+  const char* const from_environment = std::getenv("LENTICULE_CONTROL");
+  if (from_environment != nullptr && *from_environment != '\0') return from_environment;
+  return only_control_socket();
+}
+
+/// Makes a path absolute, because the player has another working folder.
+std::string from_the_root(const std::string& source) {
+  const bool is_file =
+      source != kCardSource && source != kViewsSource && !source.starts_with("ring:");
+  return is_file ? std::filesystem::absolute(source).string() : source;
+}
+
+template <typename Value>
+void put(ordered_json& request, const char* field, const std::optional<Value>& value) {
+  if (value) request[field] = *value;
+}
+
+ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
+  ordered_json request = {{"id", 1}, {"do", verb}};
+  if (!flags.source.empty()) request["source"] = from_the_root(flags.source);
+  put(request, "frame", flags.frame);
+  put(request, "item", flags.item);
+  put(request, "offset", flags.offset);
+  put(request, "pitch", flags.pitch);
+  put(request, "offset_by", flags.offset_by);
+  put(request, "pitch_by", flags.pitch_by);
+  if (flags.count == "forever") request["count"] = flags.count;
+  if (const auto count = whole_number(flags.count)) request["count"] = *count;
+  if (!flags.file.empty()) request["file"] = std::filesystem::absolute(flags.file).string();
+  if (flags.eye.empty()) return request;
+  const Vec3 eye = parse_triple("--eye", flags.eye);
+  request["eye"] = {eye.x, eye.y, eye.z};
+  return request;
+}
+
+/// Prints "taking.source: a/%05d.png", one value per line.
+void print_text(const ordered_json& value, const std::string& name) {
+  if (value.is_object())
+    for (const auto& [key, inner] : value.items())
+      print_text(inner, name.empty() ? key : name + "." + key);
+  else
+    print_out("{}: {}\n", name,
+              value.is_null()     ? "-"
+              : value.is_string() ? value.get<std::string>()
+                                  : json_text(value));
+}
+
+void print_answer(ordered_json answer, bool as_json) {
+  answer.erase("id");
+  answer.erase("ok");
+  if (as_json)
+    print_out("{}\n", Verbatim{json_text(answer, 2)});
+  else
+    print_text(answer, "");
+}
+
+[[noreturn]] void throw_error(const ordered_json& answer) {
+  const auto text = [&](const char* key) {
+    const auto error = answer.value("error", ordered_json::object());
+    return error.is_object() ? error.value(key, std::string()) : std::string();
+  };
+  const auto error = answer.value("error", ordered_json::object());
+  const int kind = error.is_object() ? error.value("kind", 1) : 1;
+  const bool is_known =
+      kind == static_cast<int>(ErrorKind::Usage) || kind == static_cast<int>(ErrorKind::Device);
+  const std::string object = text("object");
+  throw Error(is_known ? static_cast<ErrorKind>(kind) : ErrorKind::Failed,
+              object.empty() ? text("cause") : object + ": " + text("cause"), text("remedy"));
+}
+
+ordered_json answer_of(ControlClient& client, std::chrono::milliseconds wait) {
+  const auto answer = client.receive(wait, interrupt_fd());
+  if (!answer && interrupted()) return nullptr;
+  if (!answer)
+    throw Error(ErrorKind::Failed, "ctl: no answer came",
+                "the player still works on it; --wait says how long to wait");
+  if (!answer->value("ok", false)) throw_error(*answer);
+  return *answer;
+}
+
+/// Prints one line per event, until interrupted, the player ends, or the requested number is
+/// reached.
+ExitCode stream_events(ControlClient& client, const CtlFlags& flags) {
+  uint64_t printed = 0;
+  while (!flags.events || printed < *flags.events) {
+    const auto event = client.receive(std::chrono::seconds(1), interrupt_fd());
+    if (interrupted()) return interrupt_exit_code();
+    if (!event) continue;
+    print_out("{}\n", json_text(*event));
+    flush_results();
+    ++printed;
+  }
+  return kOk;
+}
+
+ExitCode run_ctl(const std::string& verb, const CtlFlags& flags) {
+  const auto wait = std::chrono::milliseconds(static_cast<int64_t>(flags.wait_s * 1000.0));
+  ControlClient client(socket_of(flags), wait);
+  client.send(request_of(verb, flags));
+  const ordered_json answer = answer_of(client, wait);
+  if (answer.is_null()) return interrupt_exit_code();
+  if (verb == verb_name(ControlVerb::Subscribe)) return stream_events(client, flags);
+  print_answer(answer, flags.json);
+  return kOk;
+}
+
+void declare_place(CLI::App& app, CtlFlags& flags) {
+  app.add_option("--item", flags.item, "of the list, counted from 0");
+  app.add_option("--frame", flags.frame, "of the item, counted from 0");
+}
+
+void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFlags& flags) {
+  for (const auto& [app, verb] : verbs) {
+    if (verb == ControlVerb::Load) {
+      app->add_option("source", flags.source, "what 'lenticule play' takes, or a list: LIST.toml")
+          ->required();
+      declare_place(*app, flags);
+    } else if (verb == ControlVerb::Seek) {
+      declare_place(*app, flags);
+    } else if (verb == ControlVerb::Loop) {
+      app->add_option("count", flags.count, "a number of loops, or forever")->required();
+    } else if (verb == ControlVerb::Trim) {
+      app->add_option("--offset", flags.offset, "slide the picture to so many lenses");
+      app->add_option("--pitch", flags.pitch, "stretch the pitch to this part of it");
+      app->add_option("--offset-by", flags.offset_by, "slide it further by so many lenses: 0.02");
+      app->add_option("--pitch-by", flags.pitch_by, "stretch it further: 1e-5");
+    } else if (verb == ControlVerb::Snapshot) {
+      app->add_option("file", flags.file, "picture to write: .png, .tif, .exr or .ppm")->required();
+      app->add_option("--eye", flags.eye, "as an eye there sees it, mm: X,Y,Z");
+    } else if (verb == ControlVerb::Subscribe) {
+      app->add_option("--count", flags.events, "end after so many events");
+    }
+  }
+}
+
+const std::vector<std::pair<ControlVerb, const char*>>& verb_summaries() {
+  static const std::vector<std::pair<ControlVerb, const char*>> table = {
+      {ControlVerb::Status, "what is on the glass, and what comes"},
+      {ControlVerb::Load, "play something else as soon as it is ready"},
+      {ControlVerb::Play, "go on after a pause"},
+      {ControlVerb::Pause, "hold the picture"},
+      {ControlVerb::Seek, "go to a frame, or an item of the list"},
+      {ControlVerb::Next, "go to the next item"},
+      {ControlVerb::Previous, "go to the item before"},
+      {ControlVerb::Loop, "say how often it is played"},
+      {ControlVerb::Trim, "correct what drifted since the calibration"},
+      {ControlVerb::Snapshot, "write what is on the glass to a picture"},
+      {ControlVerb::Stats, "print the player's statistics"},
+      {ControlVerb::Doctor, "say whether subpixels reach the glass unchanged"},
+      {ControlVerb::Subscribe, "print events as they come, one JSON object a line"},
+      {ControlVerb::Quit, "end the player in good order"},
+  };
+  return table;
+}
+
+}  // namespace
+
+Run declare_ctl(CLI::App& app) {
+  const auto flags = std::make_shared<CtlFlags>();
+  app.require_subcommand(1);
+  app.add_option(
+      "--socket", flags->socket,
+      "the player's --control (default: $LENTICULE_CONTROL, or that of the only service)");
+  app.add_option("--wait", flags->wait_s, "seconds to wait for an answer")
+      ->check(CLI::Range(0.01, 86400.0))
+      ->capture_default_str();
+  app.add_flag("--json", flags->json, "print the answer as JSON");
+  std::vector<std::pair<CLI::App*, ControlVerb>> verbs;
+  for (const auto& [verb, summary] : verb_summaries()) {
+    CLI::App* const sub = app.add_subcommand(verb_name(verb), summary);
+    sub->fallthrough();  // flags of ctl may follow the verb
+    verbs.emplace_back(sub, verb);
+  }
+  declare_values(verbs, *flags);
+  return [flags, verbs]() -> ExitCode {
+    for (const auto& [sub, verb] : verbs)
+      if (sub->parsed()) return run_ctl(verb_name(verb), *flags);
+    throw Error(ErrorKind::Usage, "ctl: no verb", "see lenticule ctl --help");
+  };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule doctor checks whether every subpixel reaches the panel unchanged, and lists remedies.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <memory>
+
+#include "apps/lenticule/cli/command.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "display/kms/probe/output_key.h"
+#include "display/kms/survey/inspect.h"
+#include "player/session/panel_json.h"
+
+namespace lenticule::player {
+namespace {
+
+struct DoctorFlags {
+  std::string display = "kms";
+  bool json = false;
+};
+
+nlohmann::json examine(const DoctorFlags& flags) {
+  const display::OutputKey key = display::parse_kms_spec(flags.display);
+  const auto session = display::make_direct_session();
+  nlohmann::json json = {{"cards", nlohmann::json::array()}, {"outputs", nlohmann::json::array()}};
+  for (const auto& card : display::inspect_cards(session).cards)
+    json["cards"].push_back(to_json(card));
+  for (const auto& diagnosis : display::diagnose(session, key))
+    json["outputs"].push_back(to_json(diagnosis));
+  return json;
+}
+
+std::string text_of(const nlohmann::json& value) {
+  return value.get<std::string>();
+}
+
+void print_cards(const nlohmann::json& cards) {
+  for (const auto& card : cards) {
+    const std::string problem = text_of(card["problem"]);
+    const auto& counts = card["counts_vblanks"];
+    print_out("{} ({}, driver {}): {}; {}\n", text_of(card["path"]), text_of(card["bus"]),
+              card["driver"].get<std::string>().empty() ? "?" : text_of(card["driver"]),
+              !problem.empty()                       ? problem
+              : card["master_available"].get<bool>() ? "free to use"
+                                                     : "another program is master",
+              counts.is_null()     ? "vblank counter not known while its outputs are off"
+              : counts.get<bool>() ? "counts vblanks"
+                                   : "has no vblank counter, time is used instead");
+  }
+}
+
+void print_properties(const nlohmann::json& properties) {
+  if (properties.empty()) return;
+  print_out("  {:<10} {:<24} {:<16} {:<12} {}\n", "object", "property", "found", "wanted",
+            "outcome");
+  for (const auto& row : properties)
+    print_out("  {:<10} {:<24} {:<16} {:<12} {}\n", text_of(row["object"]),
+              text_of(row["property"]), text_of(row["found"]), text_of(row["wanted"]),
+              text_of(row["outcome"]));
+}
+
+void print_list(const char* label, const nlohmann::json& lines) {
+  for (const auto& line : lines) print_out("    {} {}\n", label, text_of(line));
+}
+
+void print_output(const nlohmann::json& output) {
+  const nlohmann::json& panel = output["panel"];
+  const nlohmann::json& exactness = output["exactness"];
+  print_out("{} on {}\n", text_of(panel["connector"]), text_of(panel["card"]));
+  print_properties(exactness["properties"]);
+  if (!text_of(output["problem"]).empty())
+    print_out("  cannot be used: {}\n", text_of(output["problem"]));
+  print_out("  EXACT {}{}\n", text_of(exactness["exact"]),
+            output["tested"].get<bool>() ? "" : " (not tested with the driver)");
+  print_list("because", exactness["reasons"]);
+  print_list("could not see:", exactness["unseen"]);
+  print_list("note:", exactness["remarks"]);
+  print_list("proved:", exactness["proved"]);
+  print_list("try:", exactness["remedies"]);
+  if (!text_of(output["remedy"]).empty()) print_out("    try: {}\n", text_of(output["remedy"]));
+}
+
+void print_text(const nlohmann::json& json) {
+  print_cards(json["cards"]);
+  for (const auto& output : json["outputs"]) print_output(output);
+}
+
+/// Returns kDevice if no output can show frames, kQuality if frames would be altered, and kFailed
+/// if the check was not possible. For several panels the worst result counts.
+ExitCode verdict_of(const nlohmann::json& outputs) {
+  const auto usable = [](const auto& output) { return text_of(output["problem"]).empty(); };
+  const auto answers = [&](display::Verdict verdict) {
+    return std::any_of(outputs.begin(), outputs.end(), [&](const auto& output) {
+      return output["exactness"]["exact"] == display::verdict_name(verdict);
+    });
+  };
+  if (std::none_of(outputs.begin(), outputs.end(), usable)) return kDevice;
+  if (answers(display::Verdict::No)) return kQuality;
+  return answers(display::Verdict::Unknown) ? kFailed : kOk;
+}
+
+}  // namespace
+
+Run declare_doctor(CLI::App& app) {
+  auto flags = std::make_shared<DoctorFlags>();
+  app.add_option("--display", flags->display, "kms[:CONNECTOR|:edid:MFG...|:/dev/dri/...]")
+      ->capture_default_str();
+  app.add_flag("--json", flags->json, "print everything as JSON");
+  return [flags]() -> ExitCode {
+    const nlohmann::json json = examine(*flags);
+    if (flags->json)
+      print_json(json);
+    else
+      print_text(json);
+    if (json["cards"].empty())
+      throw Error(
+          ErrorKind::Device, "no graphics card was found",
+          "only 'lenticule play' and 'lenticule calibrate' work without one: --display virtual");
+    if (json["outputs"].empty())
+      throw Error(ErrorKind::Device, fmt::format("{}: no such panel is connected", flags->display),
+                  "'lenticule panels' lists what there is");
+    return verdict_of(json["outputs"]);
+  };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule panels lists the connected panels and the rig of each.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "apps/lenticule/cli/command.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "display/kms/survey/inspect.h"
+#include "optics/rig_file.h"
+#include "optics/trim.h"
+#include "player/session/panel_json.h"
+
+namespace lenticule::player {
+namespace {
+
+struct PanelsFlags {
+  std::string rigs;
+  bool json = false;
+};
+
+struct NamedRig {
+  std::string file;
+  optics::Rig rig;
+};
+
+/// Loads every rig file of the folder; reports files that cannot be read on standard error and
+/// skips them.
+std::vector<NamedRig> load_rigs(const std::string& folder) {
+  std::vector<NamedRig> rigs;
+  if (folder.empty()) return rigs;
+  std::error_code error;
+  std::filesystem::directory_iterator entries(folder, error);
+  if (error)
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", folder, error.message()),
+                "name a folder of rig files");
+  for (const auto& entry : entries) {
+    if (entry.path().extension() != ".toml" || optics::is_trim_file(entry.path())) continue;
+    try {
+      rigs.push_back({entry.path().string(), optics::load_rig(entry.path())});
+    } catch (const Error& problem) {
+      say("lenticule: {}\n", problem.what());
+    }
+  }
+  std::sort(rigs.begin(), rigs.end(),
+            [](const NamedRig& a, const NamedRig& b) { return a.file < b.file; });
+  return rigs;
+}
+
+bool shows_size(const display::PanelFacts& panel, const optics::Panel& size) {
+  return std::any_of(panel.modes.begin(), panel.modes.end(), [&](const auto& mode) {
+    return mode.usable && mode.width == size.width_px && mode.height == size.height_px;
+  });
+}
+
+/// Returns the rigs that name this panel; a rig without an identity matches none.
+std::vector<std::string> rigs_of(const display::PanelFacts& panel,
+                                 const std::vector<NamedRig>& rigs) {
+  std::vector<std::string> files;
+  for (const NamedRig& named : rigs)
+    if (panel.identity && !named.rig.identity.empty() &&
+        display::matches(named.rig.identity, *panel.identity) && shows_size(panel, named.rig.panel))
+      files.push_back(named.file);
+  return files;
+}
+
+nlohmann::json panels_as_json(const display::Inspection& inspection,
+                              const std::vector<NamedRig>& rigs) {
+  nlohmann::json json = {{"cards", nlohmann::json::array()}, {"panels", nlohmann::json::array()}};
+  for (const auto& card : inspection.cards) json["cards"].push_back(to_json(card));
+  for (const auto& panel : inspection.panels) {
+    nlohmann::json entry = to_json(panel);
+    entry["rigs"] = rigs_of(panel, rigs);
+    json["panels"].push_back(std::move(entry));
+  }
+  return json;
+}
+
+std::string text_of(const nlohmann::json& value) {
+  return value.get<std::string>();
+}
+
+void print_identity(const nlohmann::json& panel) {
+  const nlohmann::json& identity = panel["identity"];
+  if (identity.is_null()) {
+    print_out("  EDID        {}\n", text_of(panel["edid"]));
+    return;
+  }
+  print_out("  panel       {} 0x{:04x} serial '{}' name '{}'\n", text_of(identity["manufacturer"]),
+            identity["product"].get<unsigned>(), text_of(identity["serial"]),
+            text_of(identity["name"]));
+  print_out("  EDID        sha256 {}\n", text_of(identity["edid_sha256"]));
+}
+
+void print_panel(const nlohmann::json& panel, bool with_rigs) {
+  const bool connected = panel["connected"].get<bool>();
+  print_out("{} on {}: {}\n", text_of(panel["connector"]), text_of(panel["card"]),
+            connected ? "connected" : "nothing connected");
+  if (!connected) return;
+  print_identity(panel);
+  print_out("  size        {} x {} mm\n", panel["width_mm"].get<unsigned>(),
+            panel["height_mm"].get<unsigned>());
+  for (const auto& mode : panel["modes"])
+    print_out("  mode        {}x{} at {} = {:.4f} Hz{}{}\n", mode["width_px"].get<int>(),
+              mode["height_px"].get<int>(), text_of(mode["refresh"]),
+              mode["refresh_hz"].get<double>(), mode["preferred"].get<bool>() ? " (own)" : "",
+              mode["usable"].get<bool>() ? "" : " (interlaced or doubled)");
+  for (const auto& rig : panel["rigs"]) print_out("  rig         {}\n", text_of(rig));
+  if (with_rigs && panel["rigs"].empty()) print_out("  rig         none names this panel\n");
+}
+
+void print_text(const nlohmann::json& json, bool with_rigs) {
+  for (const auto& card : json["cards"])
+    if (!text_of(card["problem"]).empty())
+      print_out("{}: {}\n", text_of(card["path"]), text_of(card["problem"]));
+  for (const auto& panel : json["panels"]) print_panel(panel, with_rigs);
+}
+
+}  // namespace
+
+Run declare_panels(CLI::App& app) {
+  auto flags = std::make_shared<PanelsFlags>();
+  app.add_option("--rigs", flags->rigs, "folder of rig files; says which belongs to which panel");
+  app.add_flag("--json", flags->json, "print everything as JSON");
+  return [flags]() -> ExitCode {
+    const std::vector<NamedRig> rigs = load_rigs(flags->rigs);
+    const nlohmann::json json =
+        panels_as_json(display::inspect_cards(display::make_direct_session()), rigs);
+    if (flags->json)
+      print_json(json);
+    else
+      print_text(json, !flags->rigs.empty());
+    if (!json["panels"].empty()) return kOk;
+    throw Error(
+        ErrorKind::Device, "no graphics card with an output was found",
+        "only 'lenticule play' and 'lenticule calibrate' work without one: --display virtual");
+  };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule play plays a source on a display.
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/content_flags.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "frames/picture_codec.h"
+#include "player/process/interrupt.h"
+#include "player/process/private_folder.h"
+#include "player/session/play_plan.h"
+#include "player/session/play_run.h"
+#include "player/session/preflight.h"
+#include "player/session/rig_trouble.h"
+#include "player/session/service_manager.h"
+#include "player/session/start_history.h"
+#include "player/sources/confined_pictures.h"
+
+namespace lenticule::player {
+namespace {
+
+/// Number of recent failed starts after which the player starts in safe mode.
+constexpr int kFailuresUntilSafe = 5;
+/// Number of failed starts, with those in safe mode, after which the source is suspected.
+constexpr int kFailuresUntilCard = 10;
+
+SafeStart safe_start(const PlayFlags& flags, const StartHistory& history) {
+  const int failures = history.failures();
+  return {.on = flags.safe || failures >= kFailuresUntilSafe,
+          .card_first = failures >= kFailuresUntilCard,
+          .failures = failures,
+          .last_reason = history.last_reason()};
+}
+
+ExitCode play_with(const PlayFlags& flags, const ServiceManager& manager, const SafeStart& safe) {
+  if (safe.failures >= kFailuresUntilSafe)
+    say("{} starts failed within two minutes: starting with care\n", safe.failures);
+  if (!safe.on) return PlayRun(flags, make_plan(flags, manager.present()), manager, safe).run();
+  std::optional<PlayPlan> plan = plan_when_rig_is_right(flags, manager);
+  if (!plan) return interrupt_exit_code();
+  return PlayRun(flags, std::move(*plan), manager, safe).run();
+}
+
+ExitCode run_play(const PlayFlags& flags) {
+  if (flags.preflight) return run_preflight(flags, make_plan(flags, false));
+  const ServiceManager manager;
+  check_display_choice(flags, manager.present());
+  const bool may_reload = manager.present() || !flags.control.empty();
+  if (may_reload && !has_terminal()) reload_at_hangup();
+  StartHistory history(runtime_folder(), time_since_boot());
+  try {
+    const ExitCode code = play_with(flags, manager, safe_start(flags, history));
+    history.ended_well();
+    return code;
+  } catch (const Error& error) {
+    history.failed(error.what());
+    throw;
+  }
+}
+
+/// PicturesDecodedElsewhere makes pictures be decoded in confined processes while it exists,
+/// because a player shows untrusted files for days. Commands run by hand decode in their own
+/// process.
+class PicturesDecodedElsewhere {
+ public:
+  PicturesDecodedElsewhere() { frames::use_picture_reader(&pictures_); }
+  ~PicturesDecodedElsewhere() { frames::use_picture_reader(nullptr); }
+  PicturesDecodedElsewhere(const PicturesDecodedElsewhere&) = delete;
+  PicturesDecodedElsewhere& operator=(const PicturesDecodedElsewhere&) = delete;
+
+ private:
+  ConfinedPictures pictures_;
+};
+
+void declare_flags(CLI::App& app, PlayFlags& flags) {
+  app.add_option(
+         "source", flags.source,
+         "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a video; "
+         "views to be woven here: a quilt, a pattern or a video of quilts (NAME_qs8x6a0.75.png), "
+         "stereo (NAME_sbs.mkv), depth (NAME_rgbd.png), 'views:view%02d.png'; LIST.toml: a "
+         "playlist, card: a test card, or views: the rig's views by their numbers")
+      ->required();
+  app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
+  app.add_option("--display", flags.display,
+                 "kms, kms:CONNECTOR, kms:edid:MFG[:PRODUCT[:SERIAL]], kms:/dev/dri/..., or "
+                 "virtual, virtual:3840x2160@60, virtual:3840x2160@59.94,jitter_us=500")
+      ->each([&flags](const std::string&) { flags.display_named = true; })
+      ->capture_default_str();
+  app.add_option("--clock", flags.clock,
+                 "of a virtual display: real, or simulated (as fast as the source can)")
+      ->check(CLI::IsMember({"real", "simulated"}))
+      ->capture_default_str();
+  app.add_option("--fps", flags.fps, "content rate: 24, 59.94, 24000/1001 (default: the source's)");
+  app.add_option("--loop", flags.loop, "play N times, or forever (default 1)");
+  app.add_option("--late", flags.late, "what to do about late frames: slip, drop or hold")
+      ->capture_default_str();
+  app.add_option("--frames", flags.frames, "A:B, only these frames of a pattern");
+  declare_content_flags(app, flags.content);
+  declare_weaving_flags(app, flags.weaving);
+  app.add_option("--duration", flags.duration_s,
+                 "stop after so many seconds; without --loop, loop until then")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--prime", flags.prime,
+                 "frames that must be ready before the first is shown, waiting for them as long as "
+                 "--wait says (default: half of the slots, or what came within two seconds)")
+      ->check(CLI::Range(1, 1'000'000));
+  app.add_option("--slots", flags.slots, "frames kept ready in memory")
+      ->check(CLI::Range(2, 4096))
+      ->capture_default_str();
+  app.add_option("--buffers", flags.buffers, "scan-out buffers")
+      ->check(CLI::Range(2, 16))
+      ->capture_default_str();
+  app.add_option("--wait", flags.wait, "give up when no frame came for so many seconds, or forever")
+      ->capture_default_str();
+  app.add_option(
+      "--wait-for-panel", flags.wait_for_panel,
+      "with kms: wait so many seconds, or forever, for a panel that is not there, or was "
+      "lost; another panel shows a test card meanwhile (default: forever as a service, "
+      "else not at the start, and 10 after a loss)");
+  app.add_option(
+         "--on-exit", flags.on_exit,
+         "with kms: restore what was shown before, hold the last frame for the next player, "
+         "or black (default: hold as a service, else restore)")
+      ->check(CLI::IsMember({"restore", "hold", "black"}));
+  app.add_flag("--allow-inexact", flags.allow_inexact,
+               "with kms: show frames even where it is known that subpixels arrive changed "
+               "('lenticule doctor' says what changes them)");
+  app.add_flag(
+      "--safe", flags.safe,
+      "start with care: take nothing over from a player before, no real-time priority, and "
+      "show a test card with the reason as long as the source cannot be played (a service "
+      "does so by itself after five failed starts)");
+  app.add_flag("--trim", flags.trim,
+               "change the rig's trim with the terminal's keys while playing: left and right slide "
+               "the picture by 0.01 lens, up and down change the pitch by 1e-5; with shift (or H J "
+               "K L) ten times as much, with ctrl a tenth; escape takes it back. Kept in "
+               "RIG.trim.toml. The views follow at once, frames woven elsewhere have to be made "
+               "again");
+  app.add_option("--record", flags.record,
+                 "record what was on the glass: checksums:FILE or png:FOLDER");
+  app.add_option("--stats", flags.stats, "write statistics there, every second and at the end");
+  app.add_option("--control", flags.control,
+                 "listen there, on a Unix socket, for 'lenticule ctl' (default: nowhere)");
+  app.add_option("--control-group", flags.control_group,
+                 "members of this group may steer it too, and not only its own user and root");
+  app.add_option("--memory", flags.memory_mib,
+                 "MiB for frames that are decoded ahead, instead of --slots: of what is played, of "
+                 "what comes next, and of what is on its way out")
+      ->check(CLI::Range(1, 1 << 20));
+  app.add_flag("--preflight", flags.preflight,
+               "play nothing: read the source, or each item of a list, for some seconds, and say "
+               "whether disk and decoder keep up (exit code 5 if not)");
+  app.add_flag("--json", flags.json, "print the statistics as JSON at the end");
+}
+
+}  // namespace
+
+Run declare_play(CLI::App& app) {
+  const auto flags = std::make_shared<PlayFlags>();
+  declare_flags(app, *flags);
+  return [flags] {
+    const PicturesDecodedElsewhere confined;
+    return run_play(*flags);
+  };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,396 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule rig show|check|import|export|trim shows, checks, converts and trims rig files.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "apps/lenticule/cli/command.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/print.h"
+#include "calib/report/rig_record.h"
+#include "frames/quilt.h"
+#include "frames/weaving/mpv_shader.h"
+#include "optics/calibration_import.h"
+#include "optics/effective_sheet.h"
+#include "optics/model.h"
+#include "optics/rig_file.h"
+#include "optics/trim.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::json;
+using optics::OpticalModel;
+using optics::Rig;
+
+constexpr size_t kMaxCalibrationBytes = 4u << 20;
+
+struct RigOptions {
+  std::string file;
+  std::string output;
+  std::string format = "auto";
+  std::string mpv_shader;
+  std::string quilt = "8x6";
+  double offset_by = 0.0;
+  double pitch_by = 0.0;
+  bool reset_trim = false;
+  bool as_json = false;
+};
+
+double degrees(double tangent) {
+  return std::atan(tangent) * 180.0 / std::numbers::pi;
+}
+
+/// Prints the JSON as lines of text with indented sections.
+void print_text(const json& value, int indent = 0) {
+  for (const auto& [key, member] : value.items()) {
+    if (member.is_object()) {
+      print_out("{:{}}{}\n", "", indent, key);
+      print_text(member, indent + 2);
+    } else if (member.is_array() && !member.empty() && member.front().is_string()) {
+      for (const json& line : member)
+        print_out("{:{}}{}: {}\n", "", indent, key, line.get<std::string>());
+    } else {
+      const std::string text = member.is_null()     ? "infinite"
+                               : member.is_string() ? member.get<std::string>()
+                               : member.is_number_float()
+                                   ? fmt::format("{:.7g}", member.get<double>())
+                                   : json_text(member);
+      print_out("{:{}}{:<{}} {}\n", "", indent, key, 26 - indent, text);
+    }
+  }
+}
+
+void print_result(const json& value, bool as_json) {
+  if (as_json) {
+    print_json(value);
+  } else {
+    print_text(value);
+  }
+}
+
+json panel_json(const optics::Panel& panel) {
+  return {{"width_px", panel.width_px},
+          {"height_px", panel.height_px},
+          {"pixel_width_mm", panel.pixel_width.value},
+          {"pixel_height_mm", panel.pixel_height.value},
+          {"width_mm", panel.width_px * panel.pixel_width.value},
+          {"height_mm", panel.height_px * panel.pixel_height.value},
+          {"layout", panel.layout.name()}};
+}
+
+json sheet_json(const optics::LensSheet& sheet, const optics::Panel& panel) {
+  return {
+      {"pitch_subpx", sheet.pitch.value},
+      {"slant", sheet.slant},
+      {"slant_degrees", degrees(sheet.slant * panel.pixel_width.value / panel.pixel_height.value)},
+      {"offset_lenses", sheet.offset.value},
+      {"gap_mm", sheet.gap.value},
+      {"refraction_shape", sheet.refraction_shape},
+      {"spot_sigma_lenses", sheet.spot_sigma.value},
+      {"channel_offset_subpx",
+       {sheet.channel_offset[0].value, sheet.channel_offset[1].value,
+        sheet.channel_offset[2].value}},
+      {"residual_columns", sheet.residual.columns},
+      {"residual_rows", sheet.residual.rows}};
+}
+
+json derived_json(const OpticalModel& model) {
+  const Rig& rig = model.rig();
+  const double z = rig.viewing.distance.value;
+  return {{"effective_pitch_subpx", optics::effective_sheet(rig).pitch.value},
+          {"lens_pitch_mm", model.pitch_mm()},
+          {"lens_count", 3.0 * rig.panel.width_px / rig.sheet.pitch.value},
+          {"views_per_lens", rig.sheet.pitch.value},
+          {"lobe_width_mm", finite_or_null(model.lobe_width_mm(z))},
+          {"lobe_degrees", 2.0 * degrees(0.5 * model.pitch_mm() / rig.sheet.gap.value)},
+          {"depth_of_field_mm", model.depth_of_field_mm()}};
+}
+
+/// Returns the trim in the file beside the rig; it is included in all other numbers.
+json trim_json(const optics::Trim& trim, const std::string& rig_file) {
+  return {{"file", optics::trim_file_of(rig_file).string()},
+          {"offset_lenses", trim.offset.value},
+          {"pitch_relative", trim.pitch_relative},
+          {"fingerprint_without_trim", optics::fingerprint(optics::load_rig(rig_file))}};
+}
+
+ExitCode show(const RigOptions& options) {
+  const OpticalModel model(optics::load_trimmed_rig(options.file));
+  const Rig& rig = model.rig();
+  const optics::Trim trim = optics::load_trim(options.file);
+  json out = {{"name", rig.name},
+              {"fingerprint", optics::fingerprint(rig)},
+              {"panel", panel_json(rig.panel)},
+              {"sheet", sheet_json(rig.sheet, rig.panel)},
+              {"viewing",
+               {{"distance_mm", finite_or_null(rig.viewing.distance.value)},
+                {"height_mm", rig.viewing.height.value}}},
+              {"derived", derived_json(model)}};
+  for (const auto& [key, text] : rig.provenance) out["provenance"][key] = text;
+  if (!trim.empty()) out["trim"] = trim_json(trim, options.file);
+  print_result(out, options.as_json);
+  return kOk;
+}
+
+/// Returns warnings about values that are possible and probably wrong.
+std::vector<std::string> warnings_about(const OpticalModel& model) {
+  constexpr double kEyesMm = 65.0;
+  const Rig& rig = model.rig();
+  const optics::LensSheet& sheet = rig.sheet;
+  const double z = rig.viewing.distance.value;
+  const double aspect = rig.panel.pixel_width.value / rig.panel.pixel_height.value;
+  const double lobe = model.lobe_width_mm(z);
+  std::vector<std::string> warnings;
+  const auto warn = [&](bool unlikely, std::string text) {
+    if (unlikely) warnings.push_back(std::move(text));
+  };
+  warn(std::abs(aspect - 1.0) > 0.01, "panel: the pixels are not square");
+  warn(rig.panel.pixel_width.value < 0.02 || rig.panel.pixel_width.value > 2.0,
+       "panel.pixel_width_mm: no usual pixel size");
+  warn(std::abs(sheet.slant * aspect) > 1.0, "sheet.slant: steeper than 45 degrees");
+  warn(sheet.pitch.value < 4.0, "sheet.pitch_subpx: fewer than four subpixels per lens");
+  warn(std::isfinite(lobe) && lobe < kEyesMm,
+       fmt::format("a viewing zone is {:.0f} mm wide: no room for two eyes", lobe));
+  warn(std::isfinite(lobe) && lobe > z, "a viewing zone is wider than the viewing distance");
+  warn(sheet.refraction_shape < 0.3, "sheet.refraction_shape: a refractive index above 1.8");
+  warn(sheet.spot_sigma.value > 0.25, "sheet.spot_sigma_lenses: neighbouring views run together");
+  const auto largest =
+      std::max_element(sheet.residual.lenses.begin(), sheet.residual.lenses.end(),
+                       [](double a, double b) { return std::abs(a) < std::abs(b); });
+  warn(largest != sheet.residual.lenses.end() && std::abs(*largest) > 1.0,
+       "sheet.residual: corrections of more than a whole lens");
+  return warnings;
+}
+
+/// Warns of an unusually large trim. A sheet of acrylic expands by 7e-5 per kelvin relative to the
+/// panel's glass.
+void warn_of_trim(const optics::Trim& trim, std::vector<std::string>& warnings) {
+  constexpr double kMuchPitch = 1e-3, kMuchOffset = 0.5;
+  if (std::abs(trim.pitch_relative) > kMuchPitch || std::abs(trim.offset.value) > kMuchOffset)
+    warnings.emplace_back("trim: more than a sheet drifts by itself; calibrate again");
+}
+
+ExitCode check(const RigOptions& options) {
+  try {
+    const OpticalModel model(optics::load_trimmed_rig(options.file));
+    std::vector<std::string> warnings = warnings_about(model);
+    warn_of_trim(optics::load_trim(options.file), warnings);
+    if (options.as_json) {
+      print_json({{"file", options.file}, {"valid", true}, {"warnings", warnings}});
+    } else {
+      for (const std::string& warning : warnings) print_out("warning: {}\n", warning);
+      print_out("{}: valid, {} warning{}\n", options.file, warnings.size(),
+                warnings.size() == 1 ? "" : "s");
+    }
+    return kOk;
+  } catch (const Error& error) {
+    if (!options.as_json || error.kind() != ErrorKind::Input) throw;
+    print_json({{"file", options.file},
+                {"valid", false},
+                {"error", error.what()},
+                {"hint", error.hint()}});
+    return kInput;
+  }
+}
+
+/// Returns the format: CubeVi files have an interval, a visual.json has a pitch.
+std::string recognised_format(const std::string& text) {
+  const bool is_cubevi = text.find("\"interval\"") != std::string::npos;
+  return is_cubevi ? "cubevi" : "lkg";
+}
+
+struct Import {
+  Rig rig;
+  /// True if views are numbered from the right. A rig does not store this, so it must be set when
+  /// weaving.
+  bool inverted_views = false;
+};
+
+Import import_as(const std::string& format, const std::string& text, const std::string& source) {
+  if (format == "cubevi") return {.rig = optics::import_cubevi(text, source)};
+  optics::LookingGlassImport import = optics::import_looking_glass(text, source);
+  // The file's invView is set if its views are numbered in this project's order.
+  return {.rig = std::move(import.rig), .inverted_views = !import.views.inverted};
+}
+
+ExitCode import_calibration(const RigOptions& options) {
+  const std::string text = read_text_file(options.file, kMaxCalibrationBytes);
+  const std::string format = options.format == "auto" ? recognised_format(text) : options.format;
+  const auto [rig, inverted_views] = import_as(format, text, options.file);
+  const std::filesystem::path kept = calib::save_with_history(rig, options.output);
+  optics::save_trim({}, options.output);  // an existing trim belonged to the previous rig
+  if (inverted_views)
+    say("lenticule: {}: invView is 0: its views are numbered from the right\n"
+        "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
+        options.file);
+  print_result({{"format", format},
+                {"output", options.output},
+                {"name", rig.name},
+                {"fingerprint", optics::fingerprint(rig)},
+                {"pitch_subpx", rig.sheet.pitch.value},
+                {"slant", rig.sheet.slant},
+                {"gap_mm", rig.sheet.gap.value},
+                {"views_inverted", inverted_views},
+                {"old_rig_kept_as", kept.empty() ? json() : json(kept.string())}},
+               options.as_json);
+  return kOk;
+}
+
+/// Returns the largest difference in phase over the panel between the rig and the exported file:
+/// the other formats have no viewing distance and no refraction.
+double largest_phase_error(const Rig& rig, const Rig& exported) {
+  constexpr int kAcross = 32;
+  const OpticalModel ours(rig), theirs(exported);
+  double largest = 0.0;
+  for (int n = 0; n <= kAcross * kAcross; ++n) {
+    const double x = rig.panel.width_px * (n % (kAcross + 1)) / static_cast<double>(kAcross);
+    const double y = rig.panel.height_px * (n / (kAcross + 1)) / static_cast<double>(kAcross);
+    const double difference =
+        ours.phase(x, y, 1, ours.design_eye()) - theirs.phase(x, y, 1, theirs.design_eye());
+    largest = std::max(largest, std::abs(difference - std::round(difference)));
+  }
+  return largest;
+}
+
+/// Parses "8x6" or "8x6a0.75", as in a quilt's file name.
+frames::QuiltLayout quilt_layout(const std::string& text) {
+  const auto layout = frames::quilt_layout_of_name("_qs" + text + ".png");
+  if (layout) return *layout;
+  throw Error(ErrorKind::Usage, fmt::format("--quilt '{}': not columns x rows", text),
+              "the tiles of the quilts that the shader is for: --quilt 8x6");
+}
+
+ExitCode export_shader(const RigOptions& options) {
+  const Rig rig = optics::load_trimmed_rig(options.file);
+  const frames::QuiltLayout layout = quilt_layout(options.quilt);
+  write_text_file(options.mpv_shader, frames::mpv_shader(rig, layout));
+  print_result({{"output", options.mpv_shader},
+                {"columns", layout.columns},
+                {"rows", layout.rows},
+                {"width_px", rig.panel.width_px},
+                {"height_px", rig.panel.height_px}},
+               options.as_json);
+  return kOk;
+}
+
+ExitCode export_calibration(const RigOptions& options) {
+  if (!options.mpv_shader.empty()) return export_shader(options);
+  if (options.output.empty() || options.format == "auto")
+    throw Error(ErrorKind::Usage, "rig export: what to write?",
+                "say --format lkg or cubevi and -o FILE, or --mpv-shader FILE");
+  const Rig rig = optics::load_trimmed_rig(options.file);
+  const std::string text =
+      options.format == "cubevi" ? optics::export_cubevi(rig) : optics::export_looking_glass(rig);
+  const double error =
+      largest_phase_error(rig, import_as(options.format, text, options.output).rig);
+  write_text_file(options.output, text);
+  if (error > 0.01) {
+    say("lenticule: {}: up to {:.3f} lens off at the panel's edges\n"
+        "  the format has no viewing distance and no refraction\n",
+        options.output, error);
+  }
+  print_result({{"format", options.format},
+                {"output", options.output},
+                {"largest_phase_error_lenses", error}},
+               options.as_json);
+  return kOk;
+}
+
+/// Changes the trim by increments.
+ExitCode change_trim(const RigOptions& options) {
+  const Rig rig = optics::load_rig(options.file);
+  const optics::Trim before = optics::load_trim(options.file);
+  const optics::Trim after = optics::changed_by(options.reset_trim ? optics::Trim{} : before,
+                                                options.offset_by, options.pitch_by);
+  optics::validate_trim(after, "rig trim");
+  optics::validate_rig(optics::trimmed(rig, after), options.file);
+  if (after != before) optics::save_trim(after, options.file);
+  const std::string fingerprint = optics::fingerprint(optics::trimmed(rig, after));
+  print_result({{"file", optics::trim_file_of(options.file).string()},
+                {"offset_lenses", after.offset.value},
+                {"pitch_relative", after.pitch_relative},
+                {"fingerprint", fingerprint}},
+               options.as_json);
+  if (fingerprint != optics::fingerprint(optics::trimmed(rig, before)))
+    say("lenticule: {}: trimmed; films that were woven before are shown as they were woven\n"
+        "  render or weave again to have the trim in them; players and renderers take it at their "
+        "next start\n",
+        options.file);
+  return kOk;
+}
+
+using Action = ExitCode (*)(const RigOptions&);
+
+CLI::App* add_action(CLI::App& app, const char* name, const char* summary, const char* example,
+                     const std::shared_ptr<RigOptions>& options) {
+  CLI::App* sub = app.add_subcommand(name, summary);
+  sub->footer(fmt::format("Example:\n  {}", example));
+  sub->add_flag("--json", options->as_json, "print JSON");
+  return sub;
+}
+
+}  // namespace
+
+Run declare_rig(CLI::App& app) {
+  auto options = std::make_shared<RigOptions>();
+  app.require_subcommand(1);
+
+  CLI::App* show_app = add_action(app, "show", "print what a rig is and what follows from it",
+                                  "lenticule rig show kiosk-27-4k.toml", options);
+  show_app->add_option("RIG", options->file, "rig file")->required();
+
+  CLI::App* check_app = add_action(app, "check", "say whether a rig is valid and plausible",
+                                   "lenticule rig check kiosk-27-4k.toml", options);
+  check_app->add_option("RIG", options->file, "rig file")->required();
+
+  CLI::App* import_app =
+      add_action(app, "import", "make a rig file from another system's calibration",
+                 "lenticule rig import visual.json -o portrait.toml", options);
+  import_app->add_option("FILE", options->file, "calibration file")->required();
+  import_app->add_option("-o,--output", options->output, "rig file to write")->required();
+  import_app->add_option("--format", options->format, "auto, lkg (visual.json) or cubevi")
+      ->check(CLI::IsMember({"auto", "lkg", "cubevi"}))
+      ->capture_default_str();
+
+  CLI::App* export_app =
+      add_action(app, "export", "write a rig as another system's calibration",
+                 "lenticule rig export kiosk-27-4k.toml --format lkg -o visual.json", options);
+  export_app->add_option("RIG", options->file, "rig file")->required();
+  export_app->add_option("--format", options->format, "lkg (visual.json) or cubevi")
+      ->check(CLI::IsMember({"lkg", "cubevi"}));
+  export_app->add_option("-o,--output", options->output, "file to write");
+  export_app->add_option("--mpv-shader", options->mpv_shader,
+                         "write an mpv user shader that weaves quilt videos for this rig");
+  export_app->add_option("--quilt", options->quilt, "with --mpv-shader: the quilts' tiles, 8x6")
+      ->capture_default_str();
+
+  CLI::App* trim_app = add_action(
+      app, "trim", "correct what drifted since a rig was calibrated, in a file beside it",
+      "lenticule rig trim kiosk-27-4k.toml --offset-by 0.02", options);
+  trim_app->add_option("RIG", options->file, "rig file; it is not changed")->required();
+  trim_app->add_option("--offset-by", options->offset_by,
+                       "slide the picture under the lenses by so many lenses: 0.02");
+  trim_app->add_option("--pitch-by", options->pitch_by,
+                       "stretch the pitch by this part of it: 1e-5");
+  trim_app->add_flag("--reset", options->reset_trim, "begin from the calibration itself");
+
+  const std::vector<std::pair<const CLI::App*, Action>> actions = {{show_app, show},
+                                                                   {check_app, check},
+                                                                   {import_app, import_calibration},
+                                                                   {export_app, export_calibration},
+                                                                   {trim_app, change_trim}};
+  return [options, actions]() -> ExitCode {
+    for (const auto& [sub, action] : actions) {
+      if (sub->parsed()) return action(*options);
+    }
+    throw Error(ErrorKind::Usage, "rig: no action", "see lenticule rig --help");
+  };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// SceneSequence provides the scene of every frame: from one file (with or without animation),
+// numbered files, or a built-in sequence.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "frames/image_io.h"
+#include "frames/rational.h"
+#include "optics/model.h"
+#include "player/sources/frame_range.h"
+#include "render/scene/scene_description.h"
+#include "render/scene/stage.h"
+#include "scenes/scene_list.h"
+
+namespace lenticule::player {
+
+class SceneSequence {
+ public:
+  /// `scene` is a file, a pattern with %d or %0Nd, or builtin:NAME[:SIZE]. Throws Error(Input) for
+  /// files that cannot be read and for a pattern without any file, Error(Usage) for unknown names.
+  SceneSequence(const std::string& scene, frames::Rate rate);
+
+  /// Checks, before rendering, that all files of the range exist. Throws Error(Input) if one is
+  /// missing.
+  void require(const FrameRange& range) const;
+
+  /// Returns the scene of a frame, without nodes.
+  [[nodiscard]] render::SceneDescription at(uint64_t frame) const;
+  /// Returns true if every frame has the same scene.
+  [[nodiscard]] bool still() const { return still_; }
+  /// Returns the frame that determines size and depth, independent of the range to render.
+  [[nodiscard]] uint64_t reference_frame() const;
+
+ private:
+  [[nodiscard]] render::SceneDescription built_in(uint64_t frame) const;
+
+  frames::Rate rate_;
+  bool still_ = false;
+  std::optional<frames::FilePattern> pattern_;
+  const scenes::BuiltInScene* built_in_ = nullptr;
+  std::optional<int> size_;
+  std::optional<render::SceneDescription> file_;
+};
+
+/// StageSequence places the scenes of an animation: the depth scale, and without a camera the
+/// position, stay constant from frame to frame.
+class StageSequence {
+ public:
+  /// `reference` is the scene of SceneSequence::reference_frame(). Lifetime: the model must outlive
+  /// this object.
+  StageSequence(const render::SceneDescription& reference, const optics::OpticalModel& model,
+                const render::StageOptions& options);
+
+  /// Returns the placement of the reference frame, to report to the user.
+  [[nodiscard]] const render::Stage& reference() const { return reference_; }
+  [[nodiscard]] render::Stage at(const render::SceneDescription& scene) const;
+
+ private:
+  const optics::OpticalModel& model_;
+  render::StageOptions options_;
+  render::Stage reference_;
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+# lenticule_library(NAME SOURCES ... [DEPENDS ...] [PRIVATE_DEPENDS ...])
+#   Adds the static library lenticule_NAME (alias lenticule::NAME) for one folder.
+function(lenticule_library name)
+  cmake_parse_arguments(LIBRARY "" "" "SOURCES;DEPENDS;PRIVATE_DEPENDS" ${ARGN})
+  add_library(lenticule_${name} STATIC ${LIBRARY_SOURCES})
+  add_library(lenticule::${name} ALIAS lenticule_${name})
+  target_link_libraries(lenticule_${name}
+    PUBLIC lenticule_options ${LIBRARY_DEPENDS}
+    PRIVATE ${LIBRARY_PRIVATE_DEPENDS})
+endfunction()
+
+# lenticule_isa_variants(NAME KERNEL.cpp)
+#   Compiles one kernel source once per instruction set into the library NAME. The source puts its
+#   functions into `namespace LENTICULE_ISA_NAMESPACE` (isa_baseline, isa_avx2, isa_avx512) and must
+#   include nothing that defines non-inline or inline functions shared with other files, so that the
+#   linker cannot choose an AVX-512 copy of a shared inline function.
+#   base/cpu.h declares the variants and selects among them at run time.
+function(lenticule_isa_variants name kernel)
+  set(variants baseline)
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    list(APPEND variants avx2 avx512)
+  endif()
+  set(flags_baseline "")
+  set(flags_avx2 -mavx2 -mbmi2)
+  set(flags_avx512 -mavx512f -mavx512dq -mavx512bw -mavx512vl -mprefer-vector-width=512)
+  get_filename_component(stem ${kernel} NAME_WE)
+  foreach(variant IN LISTS variants)
+    set(object lenticule_${name}_${stem}_${variant})
+    add_library(${object} OBJECT ${kernel})
+    target_link_libraries(${object} PRIVATE lenticule_options)
+    target_compile_options(${object} PRIVATE -O3 -Wno-psabi ${flags_${variant}})
+    target_compile_definitions(${object} PRIVATE LENTICULE_ISA_NAMESPACE=isa_${variant})
+    target_sources(lenticule_${name} PRIVATE $<TARGET_OBJECTS:${object}>)
+  endforeach()
+endfunction()
+
+# GoogleTest's headers take most of the time of compiling a test, so they are precompiled once for all
+# test programs. Tests are optimised less than the libraries, because compiling them takes longer than
+# running their own code.
+function(lenticule_test_headers name)
+  # Three warnings of gcc are false at -O1: it inlines only one of an allocation and its release, and
+  # misestimates the length of short strings.
+  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-mismatched-new-delete;-Wno-array-bounds;-Wno-stringop-overflow>)
+  if(NOT TARGET lenticule_test_headers)
+    set(source ${PROJECT_BINARY_DIR}/test_headers.cpp)
+    if(NOT EXISTS ${source})
+      file(WRITE ${source} "// Carries the precompiled headers.\n")
+    endif()
+    add_library(lenticule_test_headers OBJECT ${source})
+    target_link_libraries(lenticule_test_headers PRIVATE lenticule_options GTest::gmock)
+    target_compile_options(lenticule_test_headers PRIVATE $<$<CONFIG:Release>:-O1> -fPIE)
+    target_compile_definitions(lenticule_test_headers PRIVATE
+      LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
+    target_precompile_headers(lenticule_test_headers PRIVATE <gmock/gmock.h> <gtest/gtest.h>)
+  endif()
+  target_precompile_headers(${name} REUSE_FROM lenticule_test_headers)
+endfunction()
+
+# lenticule_test(NAME KIND [FAST] [THREADED] [SLOW FILTER] [TIMEOUT SECONDS] SOURCES ... DEPENDS ...)
+#   One GoogleTest program; KIND (unit, property, golden, ...) becomes its CTest label.
+#   FAST: the program takes seconds as a whole. It is one CTest entry, which saves a process per case,
+#   with the label quick.
+#   SLOW: a GoogleTest filter; its cases have the label slow and run in scripts/test --all only.
+#   THREADED: the program is run under the thread sanitizer, too.
+function(lenticule_test name kind)
+  cmake_parse_arguments(TEST "FAST;THREADED" "SLOW;TIMEOUT" "SOURCES;DEPENDS" ${ARGN})
+  set(label ${kind})
+  if(TEST_THREADED)
+    set(label ${kind}-threaded)  # ctest -L matches parts: the label stands for both
+    set_property(GLOBAL APPEND PROPERTY LENTICULE_THREADED_TESTS ${name})
+  endif()
+  if(NOT TEST_TIMEOUT)
+    set(TEST_TIMEOUT 300)
+  endif()
+  if(kind STREQUAL unit)
+    set_property(GLOBAL APPEND PROPERTY LENTICULE_UNIT_TESTS ${name})
+  endif()
+  add_executable(${name} ${TEST_SOURCES})
+  target_link_libraries(${name} PRIVATE lenticule_options ${TEST_DEPENDS} GTest::gmock_main)
+  lenticule_test_headers(${name})
+  target_compile_definitions(${name} PRIVATE
+    LENTICULE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" LENTICULE_BINARY_DIR="${PROJECT_BINARY_DIR}")
+  set(skipped "\\[  SKIPPED \\]")
+  if(TEST_FAST)
+    add_test(NAME ${name} COMMAND ${name})
+    set_tests_properties(${name} PROPERTIES LABELS "${label};quick" TIMEOUT ${TEST_TIMEOUT}
+      SKIP_REGULAR_EXPRESSION "${skipped}")
+    return()
+  endif()
+  set(discovery DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)
+  gtest_discover_tests(${name} ${discovery} TEST_FILTER "-${TEST_SLOW}"
+    PROPERTIES LABELS ${label} TIMEOUT ${TEST_TIMEOUT} SKIP_REGULAR_EXPRESSION "${skipped}")
+  if(TEST_SLOW)
+    gtest_discover_tests(${name} ${discovery} TEST_FILTER "${TEST_SLOW}"
+      PROPERTIES LABELS ${label}-slow TIMEOUT ${TEST_TIMEOUT}
+      SKIP_REGULAR_EXPRESSION "${skipped}")
+  endif()
+endfunction()

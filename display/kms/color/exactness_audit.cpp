@@ -1,0 +1,340 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/color/exactness_audit.h"
+
+#include <fmt/format.h>
+#include <xf86drmMode.h>
+
+#include <algorithm>
+#include <string_view>
+#include <utility>
+
+#include "display/kms/color/driver_paths.h"
+#include "display/kms/color/link_readings.h"
+
+namespace lenticule::display {
+namespace {
+
+constexpr const char* kOtherOutput = "use an output of a graphics card";
+
+bool has_link(uint32_t connector_type) {
+  return connector_type != DRM_MODE_CONNECTOR_VIRTUAL &&
+         connector_type != DRM_MODE_CONNECTOR_WRITEBACK;
+}
+
+bool is_hdmi(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_HDMIA || type == DRM_MODE_CONNECTOR_HDMIB;
+}
+
+bool is_analogue(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_VGA || type == DRM_MODE_CONNECTOR_DVIA ||
+         type == DRM_MODE_CONNECTOR_Composite || type == DRM_MODE_CONNECTOR_SVIDEO ||
+         type == DRM_MODE_CONNECTOR_Component || type == DRM_MODE_CONNECTOR_TV ||
+         type == DRM_MODE_CONNECTOR_9PinDIN;
+}
+
+/// Returns true for links that may carry compressed pictures.
+bool may_compress(uint32_t type) {
+  return type == DRM_MODE_CONNECTOR_DisplayPort || type == DRM_MODE_CONNECTOR_eDP ||
+         type == DRM_MODE_CONNECTOR_DSI || type == DRM_MODE_CONNECTOR_USB;
+}
+
+bool names_encoding(const AuditRow& row) {
+  return row.outcome != AuditOutcome::Refused && row.outcome != AuditOutcome::Foreign &&
+         row.outcome != AuditOutcome::ReadOnly &&
+         (row.property == "Output format" || row.property == "output_color_format" ||
+          row.property == "hdmi_output_format" || row.property == "color_format" ||
+          row.property == "color format");
+}
+
+bool forces_full_range(const AuditRow& row) {
+  return (row.property == "Broadcast RGB" || row.property == "hdmi_quant_range") &&
+         row.now == row.wanted;
+}
+
+bool is_wrong(const AuditRow& row) {
+  return row.outcome == AuditOutcome::Refused || row.outcome == AuditOutcome::ReadOnly;
+}
+
+void add_remedy(ExactnessReport& report, std::string remedy) {
+  if (!remedy.empty() &&
+      std::find(report.remedies.begin(), report.remedies.end(), remedy) == report.remedies.end())
+    report.remedies.push_back(std::move(remedy));
+}
+
+void add_wrong(ExactnessReport& report, std::string reason, std::string remedy) {
+  report.reasons.push_back(std::move(reason));
+  add_remedy(report, std::move(remedy));
+}
+
+void add_unseen(ExactnessReport& report, std::string what, std::string remedy) {
+  report.unseen.push_back(std::move(what));
+  add_remedy(report, std::move(remedy));
+}
+
+void judge_row(ExactnessReport& report, const AuditRow& row) {
+  const std::string fact =
+      fmt::format("{} '{}' is {}: {}", row.object, row.property, row.now, row.effect);
+  if (!row.alters_pixels) {
+    if (row.object != "link" || !is_wrong(row)) return;
+    report.remarks.push_back(fact);
+    return add_remedy(report, row.remedy);
+  }
+  switch (row.outcome) {
+    case AuditOutcome::Neutral:
+    case AuditOutcome::Forced:
+      return report.proved.push_back(
+          fmt::format("{} '{}' is {}", row.object, row.property, row.now));
+    case AuditOutcome::Planned:
+      return report.proved.push_back(
+          fmt::format("{} '{}' would be set to {}", row.object, row.property, row.wanted));
+    case AuditOutcome::Refused:
+    case AuditOutcome::ReadOnly:
+      return add_wrong(report, fact, row.remedy);
+    case AuditOutcome::Foreign:
+      return add_unseen(report, fact + " unless that value is neutral", row.remedy);
+  }
+}
+
+void judge_driver(ExactnessReport& report, const LinkFacts& link) {
+  const DriverPath* const path = find_driver_path(link.driver);
+  if (path == nullptr) {
+    if (link.connector_type == DRM_MODE_CONNECTOR_SPI)
+      return add_wrong(
+          report, fmt::format("driver {}: panels on SPI get 16-bit colours (RGB565)", link.driver),
+          kOtherOutput);
+    return add_unseen(
+        report,
+        fmt::format("driver {}: whether it converts frames inside is not known", link.driver), "");
+  }
+  const std::string fact = fmt::format("driver {}: {}", link.driver, path->fact);
+  if (path->kind == PathKind::Alters) return add_wrong(report, fact, kOtherOutput);
+  report.proved.push_back(fact);
+}
+
+void judge_placement(ExactnessReport& report, const LinkFacts& link) {
+  if (!link.one_to_one) return;
+  if (*link.one_to_one)
+    report.proved.emplace_back("the plane shows the frame pixel for pixel");
+  else
+    add_wrong(report, "the plane does not show the frame pixel for pixel", "");
+}
+
+template <typename Test>
+bool any_row(const ExactnessReport& report, const Test& test) {
+  return std::any_of(report.rows.begin(), report.rows.end(), test);
+}
+
+bool has_link_row(const ExactnessReport& report, std::string_view property) {
+  return any_row(report, [&](const AuditRow& row) {
+    return row.object == "link" && row.property == property;
+  });
+}
+
+void judge_encoding(ExactnessReport& report, const LinkFacts& link) {
+  if (any_row(report, names_encoding)) {
+    report.proved.emplace_back("the driver was told to send RGB");
+    return;
+  }
+  if (link.only_as_420)
+    return add_wrong(report, "the panel takes this mode as YCbCr 4:2:0 only",
+                     "ask for a lower refresh, or use DisplayPort");
+  if (link.edid_known && !link.offers_ycbcr) {
+    report.proved.emplace_back("the panel takes RGB only");
+    return;
+  }
+  add_unseen(report,
+             link.edid_known
+                 ? "the panel also takes YCbCr, and the driver does not say what it sends"
+                 : "without a valid EDID it is not known what the link carries",
+             "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
+}
+
+void judge_range(ExactnessReport& report, const LinkFacts& link) {
+  if (!is_hdmi(link.connector_type)) return;
+  if (any_row(report, forces_full_range)) {
+    report.proved.emplace_back("the driver was told to send the full range of values");
+    return;
+  }
+  add_unseen(report, "the driver cannot be told to send the full range of values",
+             "set the panel's input to full range, and use its own mode rather than a television "
+             "one");
+}
+
+void judge_depth(ExactnessReport& report, const LinkFacts& link) {
+  if (link.bits_per_colour && *link.bits_per_colour < 8)
+    add_wrong(report,
+              fmt::format("the panel takes {} bits per colour: low bits are cut off or dithered",
+                          *link.bits_per_colour),
+              "use a panel of 8 bits per colour");
+  constexpr const char* kLook =
+      "run 'lenticule doctor' as root, whom the driver may tell; look at a test card of "
+      "single-step ramps";
+  if (!has_link_row(report, kDepthRow))
+    add_unseen(report, "bits per colour and dithering of the link cannot be read back", kLook);
+  if (may_compress(link.connector_type) && !has_link_row(report, kCompressionRow))
+    add_unseen(report, "whether the link compresses the picture (DSC) cannot be read back", kLook);
+}
+
+void judge_link(ExactnessReport& report, const LinkFacts& link) {
+  if (!has_link(link.connector_type)) {
+    report.proved.emplace_back("a virtual output has no link");
+    return;
+  }
+  if (is_analogue(link.connector_type))
+    add_wrong(report, "the link is analogue: the panel measures values anew",
+              "use a digital connector");
+  judge_encoding(report, link);
+  judge_range(report, link);
+  judge_depth(report, link);
+  if (link.other_native_size)
+    add_unseen(report,
+               "the EDID calls another size the panel's own: a bridge or an adapter may scale",
+               "connect the panel without an adapter, or load the EDID of what is sent "
+               "(drm.edid_firmware=)");
+}
+
+}  // namespace
+
+const char* verdict_name(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::Yes:
+      return "yes";
+    case Verdict::No:
+      return "no";
+    case Verdict::Unknown:
+      return "cannot tell";
+  }
+  return "?";
+}
+
+const char* outcome_name(AuditOutcome outcome) {
+  switch (outcome) {
+    case AuditOutcome::Neutral:
+      return "neutral";
+    case AuditOutcome::Forced:
+      return "forced";
+    case AuditOutcome::Planned:
+      return "would be forced";
+    case AuditOutcome::Refused:
+      return "refused";
+    case AuditOutcome::ReadOnly:
+      return "read only";
+    case AuditOutcome::Foreign:
+      return "no neutral value known";
+  }
+  return "?";
+}
+
+std::string ExactnessReport::summary() const {
+  const std::vector<std::string>& why = reasons.empty() ? unseen : reasons;
+  std::string text = fmt::format("EXACT {}", verdict_name(verdict));
+  for (size_t i = 0; i < why.size(); ++i) text += (i == 0 ? " (" : "; ") + why[i];
+  return why.empty() ? text : text + ")";
+}
+
+void ExactnessReport::conclude() {
+  verdict = !reasons.empty() ? Verdict::No : !unseen.empty() ? Verdict::Unknown : Verdict::Yes;
+}
+
+bool lost_a_setting(const ExactnessReport& before, const ExactnessReport& after) {
+  const auto held = [](const AuditRow& row) {
+    return row.outcome == AuditOutcome::Neutral || row.outcome == AuditOutcome::Forced;
+  };
+  return std::any_of(after.rows.begin(), after.rows.end(), [&](const AuditRow& row) {
+    if (row.outcome != AuditOutcome::Refused) return false;
+    return std::any_of(before.rows.begin(), before.rows.end(), [&](const AuditRow& old) {
+      return old.object == row.object && old.property == row.property && held(old);
+    });
+  });
+}
+
+const PropertyTable& PipeTables::of(KmsObject object) const {
+  if (object == KmsObject::Connector) return connector;
+  return object == KmsObject::Crtc ? crtc : plane;
+}
+
+std::optional<PipeTables> PipeTables::read(int fd, uint32_t connector, uint32_t crtc,
+                                           uint32_t plane) {
+  auto connector_table = PropertyTable::read(fd, connector, DRM_MODE_OBJECT_CONNECTOR);
+  auto crtc_table = PropertyTable::read(fd, crtc, DRM_MODE_OBJECT_CRTC);
+  auto plane_table = PropertyTable::read(fd, plane, DRM_MODE_OBJECT_PLANE);
+  if (!connector_table || !crtc_table || !plane_table) return std::nullopt;
+  return PipeTables{std::move(*connector_table), std::move(*crtc_table), std::move(*plane_table)};
+}
+
+ExactnessAudit::ExactnessAudit(const PipeTables& found) {
+  for (const ExactnessRule& rule : exactness_rules()) {
+    const PropertyTable& table = found.of(rule.object);
+    const Property* property = table.find(rule.property);
+    if (property == nullptr) continue;
+    const auto wanted = neutral_value(rule, *property);
+    if (wanted && property->writable() && rule.neutral != Neutral::Kept)
+      items_.push_back({&rule, *property, table.object(), *wanted});
+    else
+      leftovers_.push_back({&rule, *property, wanted});
+  }
+}
+
+std::vector<PropertySetting> ExactnessAudit::settings() const {
+  std::vector<PropertySetting> settings;
+  for (const Item& item : items_)
+    if (!item.refused) settings.push_back({item.object, item.found.id, item.wanted});
+  return settings;
+}
+
+void ExactnessAudit::set_refused(size_t index, bool refused) {
+  items_.at(index).refused = refused;
+}
+
+AuditRow ExactnessAudit::row_of(const Item& item, const std::optional<PipeTables>& now) const {
+  const Property* after = now ? now->of(item.rule->object).find(item.rule->property) : nullptr;
+  const uint64_t value = after != nullptr ? after->value : item.found.value;
+  AuditRow row{.object = object_name(item.rule->object),
+               .property = item.found.name,
+               .found = item.found.text_of(item.found.value),
+               .wanted = item.found.text_of(item.wanted),
+               .now = item.found.text_of(value),
+               .alters_pixels = item.rule->harm == Harm::Pixels,
+               .effect = item.rule->effect,
+               .remedy = item.rule->remedy};
+  if (value == item.wanted)
+    row.outcome = item.found.value == item.wanted ? AuditOutcome::Neutral : AuditOutcome::Forced;
+  else
+    row.outcome = now || item.refused ? AuditOutcome::Refused : AuditOutcome::Planned;
+  return row;
+}
+
+AuditRow ExactnessAudit::row_of(const Leftover& leftover,
+                                const std::optional<PipeTables>& now) const {
+  const Property* after =
+      now ? now->of(leftover.rule->object).find(leftover.rule->property) : nullptr;
+  const uint64_t value = after != nullptr ? after->value : leftover.found.value;
+  const bool neutral = leftover.wanted == value;
+  return {.object = object_name(leftover.rule->object),
+          .property = leftover.found.name,
+          .found = leftover.found.text_of(leftover.found.value),
+          .wanted = leftover.wanted ? leftover.found.text_of(*leftover.wanted) : "?",
+          .now = leftover.found.text_of(value),
+          .outcome = neutral           ? AuditOutcome::Neutral
+                     : leftover.wanted ? AuditOutcome::ReadOnly
+                                       : AuditOutcome::Foreign,
+          .alters_pixels = leftover.rule->harm == Harm::Pixels,
+          .effect = leftover.rule->effect,
+          .remedy = leftover.rule->remedy};
+}
+
+ExactnessReport ExactnessAudit::report(const LinkFacts& link, const std::optional<PipeTables>& now,
+                                       const std::vector<AuditRow>& further) const {
+  ExactnessReport report;
+  for (const Item& item : items_) report.rows.push_back(row_of(item, now));
+  for (const Leftover& leftover : leftovers_) report.rows.push_back(row_of(leftover, now));
+  report.rows.insert(report.rows.end(), further.begin(), further.end());
+  for (const AuditRow& row : report.rows) judge_row(report, row);
+  judge_driver(report, link);
+  judge_placement(report, link);
+  judge_link(report, link);
+  report.conclude();
+  return report;
+}
+
+}  // namespace lenticule::display

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+// ExactnessAudit finds the properties that change pixels, lists the values to write, and checks the
+// result.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "display/kms/color/exactness_report.h"
+#include "display/kms/color/exactness_rules.h"
+#include "display/kms/device/atomic_request.h"
+#include "display/kms/device/drm_properties.h"
+
+namespace lenticule::display {
+
+struct PipeTables {
+  PropertyTable connector;
+  PropertyTable crtc;
+  PropertyTable plane;
+
+  [[nodiscard]] const PropertyTable& of(KmsObject object) const;
+  /// Reads the properties; none if one of the objects no longer exists.
+  [[nodiscard]] static std::optional<PipeTables> read(int fd, uint32_t connector, uint32_t crtc,
+                                                      uint32_t plane);
+};
+
+/// Facts about the driver, the link and the panel that are not KMS properties.
+struct LinkFacts {
+  uint32_t connector_type = 0;  ///< DRM_MODE_CONNECTOR_*
+  std::string driver;
+  bool edid_known = false;
+  bool offers_ycbcr = false;
+  /// The panel accepts this mode only as YCbCr 4:2:0.
+  bool only_as_420 = false;
+  std::optional<int> bits_per_colour;
+  /// The EDID states another native size.
+  bool other_native_size = false;
+  /// None if there was no commit.
+  std::optional<bool> one_to_one;
+};
+
+/// Returns true if a property that was neutral in `before` is not neutral in `after`.
+[[nodiscard]] bool lost_a_setting(const ExactnessReport& before, const ExactnessReport& after);
+
+class ExactnessAudit {
+ public:
+  explicit ExactnessAudit(const PipeTables& found);
+
+  /// Returns the properties to write at a modeset, except refused ones.
+  [[nodiscard]] std::vector<PropertySetting> settings() const;
+  /// Marks a setting as refused or not, in order to find out which ones a driver rejects.
+  void set_refused(size_t index, bool refused);
+  [[nodiscard]] size_t count() const { return items_.size(); }
+
+  /// Returns the report. `now` holds the properties read after the commit; none if there was no
+  /// commit (`doctor`). `further` are rows about facts that are not properties.
+  [[nodiscard]] ExactnessReport report(const LinkFacts& link, const std::optional<PipeTables>& now,
+                                       const std::vector<AuditRow>& further) const;
+
+ private:
+  struct Item {
+    const ExactnessRule* rule = nullptr;
+    Property found;
+    uint32_t object = 0;
+    uint64_t wanted = 0;
+    bool refused = false;
+  };
+  struct Leftover {  ///< a setting that cannot be written
+    const ExactnessRule* rule = nullptr;
+    Property found;
+    std::optional<uint64_t> wanted;
+  };
+
+  [[nodiscard]] AuditRow row_of(const Item& item, const std::optional<PipeTables>& now) const;
+  [[nodiscard]] AuditRow row_of(const Leftover& leftover,
+                                const std::optional<PipeTables>& now) const;
+
+  std::vector<Item> items_;
+  std::vector<Leftover> leftovers_;
+};
+
+}  // namespace lenticule::display

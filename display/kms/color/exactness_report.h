@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// ExactnessReport states whether the panel receives the buffer's values unchanged, as plain data
+// for logs, stats and `doctor`.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace lenticule::display {
+
+enum class Verdict {
+  Yes,  ///< verified: every step that could change a subpixel was checked and leaves it unchanged
+  No,   ///< some step changes subpixels
+  Unknown,  ///< no error was found, and some step could not be checked
+};
+/// Returns "yes", "no" or "cannot tell".
+[[nodiscard]] const char* verdict_name(Verdict verdict);
+
+enum class AuditOutcome {
+  Neutral,   ///< had the neutral value already
+  Forced,    ///< was changed to the neutral value
+  Planned,   ///< would be changed when frames are displayed
+  Refused,   ///< the driver rejects the neutral value
+  ReadOnly,  ///< not neutral and not writable
+  Foreign,   ///< the driver has no value that is known to be neutral
+};
+[[nodiscard]] const char* outcome_name(AuditOutcome outcome);
+
+struct AuditRow {
+  std::string object;    ///< "connector", "crtc", "plane" or "link"
+  std::string property;  ///< the kernel's name
+  std::string found;     ///< value before this process wrote to it
+  std::string wanted;
+  std::string now;
+  AuditOutcome outcome = AuditOutcome::Neutral;
+  bool alters_pixels = false;  ///< if it is not neutral
+  std::string effect;
+  std::string remedy;
+};
+
+struct ExactnessReport {
+  Verdict verdict = Verdict::Unknown;
+  std::vector<std::string> proved{};    ///< steps that were checked and leave subpixels unchanged
+  std::vector<std::string> reasons{};   ///< steps that change them
+  std::vector<std::string> unseen{};    ///< steps that could not be checked
+  std::vector<std::string> remarks{};   ///< facts that affect timing and not pixels
+  std::vector<std::string> remedies{};  ///< actions for the user
+  std::vector<AuditRow> rows{};
+
+  /// Returns "EXACT no (connector 'underscan' is on: the picture is scaled)".
+  [[nodiscard]] std::string summary() const;
+  /// Sets the verdict from the lists.
+  void conclude();
+};
+
+}  // namespace lenticule::display

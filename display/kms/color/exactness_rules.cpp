@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/color/exactness_rules.h"
+
+#include <algorithm>
+#include <array>
+
+namespace lenticule::display {
+namespace {
+
+using enum KmsObject;
+using enum Neutral;
+using enum Harm;
+
+constexpr const char* kScaled = "the picture is scaled";
+constexpr const char* kDithered = "noise is added to the low bits";
+constexpr const char* kToned = "values are mapped to other values";
+constexpr const char* kMixed = "the three colours are mixed with each other";
+constexpr const char* kEncoded = "RGB is converted to another encoding and back";
+constexpr const char* kCable = "use DisplayPort, or an EDID that offers RGB only";
+constexpr const char* kDriver = "use another graphics card or driver";
+constexpr const char* kMenu = "switch it off in the panel's menu";
+
+// Names are spelled as in the kernel; several spellings belong to several drivers. "max bpc" is 8:
+// a larger value lets drivers choose other encodings to reach it, and the frames have 8 bits.
+constexpr std::array kRules = {
+    ExactnessRule{Connector,
+                  "max bpc",
+                  Number,
+                  8,
+                  {},
+                  Processing,
+                  "the link may use another encoding",
+                  kDriver},
+    ExactnessRule{Connector,
+                  "Broadcast RGB",
+                  Named,
+                  0,
+                  {"Full"},
+                  Pixels,
+                  "values are squeezed into 16..235",
+                  kCable},
+    // Names in Rockchip's kernels and in drivers derived from its HDMI driver.
+    ExactnessRule{Connector,
+                  "hdmi_output_format",
+                  Named,
+                  0,
+                  {"output_rgb", "rgb", "RGB", "rgb888"},
+                  Pixels,
+                  kEncoded,
+                  kCable},
+    ExactnessRule{Connector,
+                  "hdmi_quant_range",
+                  Named,
+                  0,
+                  {"full"},
+                  Pixels,
+                  "values are squeezed into 16..235",
+                  kCable},
+    ExactnessRule{Connector,
+                  "hdmi_output_depth",
+                  Named,
+                  0,
+                  {"24bit"},
+                  Processing,
+                  "the link may use another encoding",
+                  kDriver},
+    ExactnessRule{Connector, "Colorspace", Named, 0, {"Default"}, Pixels, kToned, kDriver},
+    ExactnessRule{Connector, "HDR_OUTPUT_METADATA", Number, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Connector,
+                  "content type",
+                  Named,
+                  0,
+                  {"Graphics"},
+                  Processing,
+                  "a television may sharpen and overscan",
+                  kMenu},
+    // Television settings, which Rockchip's kernels have on every connector; 50 is neutral.
+    ExactnessRule{Connector, "brightness", Centre, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Connector, "contrast", Centre, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Connector, "saturation", Centre, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Connector, "hue", Centre, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Connector, "sharpness", Kept, 0, {}, Pixels, "edges are sharpened", kDriver},
+    ExactnessRule{
+        Connector, "flicker reduction", Number, 0, {}, Pixels, "lines are mixed", kDriver},
+    ExactnessRule{Connector, "overscan", Number, 0, {}, Pixels, kScaled, kDriver},
+    ExactnessRule{Connector, "underscan", Named, 0, {"off"}, Pixels, kScaled, kDriver},
+    ExactnessRule{Connector, "underscan hborder", Number, 0, {}, Pixels, kScaled, kDriver},
+    ExactnessRule{Connector, "underscan vborder", Number, 0, {}, Pixels, kScaled, kDriver},
+    ExactnessRule{Connector, "left margin", Number, 0, {}, Pixels, kScaled, kDriver},
+    ExactnessRule{Connector, "right margin", Number, 0, {}, Pixels, kScaled, kDriver},
+    ExactnessRule{Connector, "top margin", Number, 0, {}, Pixels, kScaled, kDriver},
+    ExactnessRule{Connector, "bottom margin", Number, 0, {}, Pixels, kScaled, kDriver},
+    // No effect at the panel's native mode, the only one that is used.
+    ExactnessRule{Connector, "scaling mode", Named, 0, {"None"}, Processing, kScaled, kDriver},
+    ExactnessRule{Connector, "dither", Named, 0, {"off"}, Pixels, kDithered, kDriver},
+    ExactnessRule{Connector, "dithering mode", Named, 0, {"off"}, Pixels, kDithered, kDriver},
+    ExactnessRule{
+        Connector, "dithering depth", Named, 0, {"off", "8 bpc"}, Processing, kDithered, kDriver},
+    ExactnessRule{Connector,
+                  "abm level",
+                  Number,
+                  0,
+                  {},
+                  Pixels,
+                  "brightness follows the picture",
+                  "boot with amdgpu.abmlevel=0"},
+    ExactnessRule{Connector,
+                  "adaptive backlight modulation",
+                  Named,
+                  0,
+                  {"off"},
+                  Pixels,
+                  "brightness follows the picture",
+                  "boot with amdgpu.abmlevel=0"},
+    // nouveau: saturation is (value - 100) / 50, so that 150 is one and 100 is grey.
+    ExactnessRule{Connector, "color vibrance", Number, 150, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Connector, "vibrant hue", Number, 90, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Connector,
+                  "Content Protection",
+                  Named,
+                  0,
+                  {"Undesired"},
+                  Processing,
+                  "the link may go dark to agree on keys",
+                  kDriver},
+    ExactnessRule{Connector, "Output format", Named, 0, {"RGB", "rgb"}, Pixels, kEncoded, kCable},
+    ExactnessRule{Connector,
+                  "output_color_format",
+                  Named,
+                  0,
+                  {"output_rgb", "RGB", "rgb"},
+                  Pixels,
+                  kEncoded,
+                  kCable},
+    ExactnessRule{Connector, "color_format", Named, 0, {"rgb", "RGB"}, Pixels, kEncoded, kCable},
+    ExactnessRule{
+        Connector, "color format", Named, 0, {"RGB", "rgb", "RGB 4:4:4"}, Pixels, kEncoded, kCable},
+    ExactnessRule{Connector,
+                  "panel orientation",
+                  Kept,
+                  0,
+                  {"Normal"},
+                  Pixels,
+                  "the panel is mounted turned",
+                  "use a rig that was calibrated as mounted"},
+    ExactnessRule{Connector,
+                  "privacy-screen hw-state",
+                  Kept,
+                  0,
+                  {"Disabled", "Disabled-locked"},
+                  Pixels,
+                  "a filter narrows the view",
+                  "switch the privacy screen off"},
+
+    ExactnessRule{Crtc, "GAMMA_LUT", Number, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Crtc, "DEGAMMA_LUT", Number, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Crtc, "CTM", Number, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Crtc, "AMD_CRTC_REGAMMA_TF", Named, 0, {"Default"}, Pixels, kToned, kDriver},
+    ExactnessRule{Crtc,
+                  "VRR_ENABLED",
+                  Number,
+                  0,
+                  {},
+                  Processing,
+                  "brightness flickers with the refresh",
+                  kMenu},
+    ExactnessRule{Crtc, "SCALING_FILTER", Named, 0, {"Default"}, Processing, kScaled, kDriver},
+    ExactnessRule{
+        Crtc, "SHARPNESS_STRENGTH", Number, 0, {}, Pixels, "edges are sharpened", kDriver},
+
+    ExactnessRule{
+        Plane, "rotation", Named, 0, {"rotate-0"}, Pixels, "the picture is turned", kDriver},
+    ExactnessRule{Plane, "alpha", Maximum, 0, {}, Pixels, "the picture is dimmed", kDriver},
+    // All blend modes are equal for a format without alpha.
+    ExactnessRule{Plane,
+                  "pixel blend mode",
+                  Named,
+                  0,
+                  {"None", "Pre-multiplied"},
+                  Processing,
+                  "alpha would count",
+                  kDriver},
+    ExactnessRule{Plane, "brightness", Centre, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "contrast", Centre, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "saturation", Centre, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Plane, "hue", Centre, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Plane, "SCALING_FILTER", Named, 0, {"Default"}, Processing, kScaled, kDriver},
+    ExactnessRule{Plane, "COLOR_PIPELINE", Named, 0, {"Bypass"}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "AMD_PLANE_DEGAMMA_TF", Named, 0, {"Default"}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "AMD_PLANE_DEGAMMA_LUT", Number, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "AMD_PLANE_CTM", Number, 0, {}, Pixels, kMixed, kDriver},
+    ExactnessRule{Plane,
+                  "AMD_PLANE_HDR_MULT",
+                  Number,
+                  uint64_t{1} << 32,
+                  {},
+                  Pixels,
+                  "brightness is multiplied",
+                  kDriver},
+    ExactnessRule{Plane, "AMD_PLANE_SHAPER_TF", Named, 0, {"Default"}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "AMD_PLANE_SHAPER_LUT", Number, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "AMD_PLANE_LUT3D", Number, 0, {}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "AMD_PLANE_BLEND_TF", Named, 0, {"Default"}, Pixels, kToned, kDriver},
+    ExactnessRule{Plane, "AMD_PLANE_BLEND_LUT", Number, 0, {}, Pixels, kToned, kDriver},
+};
+
+std::optional<uint64_t> first_named(const ExactnessRule& rule, const Property& property) {
+  for (const char* const name : rule.names)
+    if (name != nullptr)
+      if (const auto value = property.value_named(name)) return value;
+  return std::nullopt;
+}
+
+}  // namespace
+
+const char* object_name(KmsObject object) {
+  switch (object) {
+    case Connector:
+      return "connector";
+    case Crtc:
+      return "crtc";
+    case Plane:
+      return "plane";
+  }
+  return "?";
+}
+
+std::span<const ExactnessRule> exactness_rules() {
+  return kRules;
+}
+
+std::optional<uint64_t> neutral_value(const ExactnessRule& rule, const Property& property) {
+  switch (rule.neutral) {
+    case Number:
+      if (property.is_range() && property.minimum <= property.maximum)
+        return std::clamp(rule.number, property.minimum, property.maximum);
+      return rule.number;
+    case Named:
+    case Kept:
+      return first_named(rule, property);
+    case Maximum:
+      return property.maximum;
+    case Centre:
+      if (property.is_range() && property.minimum == 0 && property.maximum == 100) return 50;
+      return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+}  // namespace lenticule::display

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// ConnectorInfo is the kernel's data about one connector and its panel, copied from libdrm.
+#pragma once
+
+#include <xf86drmMode.h>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "display/kms/device/drm_properties.h"
+#include "display/kms/device/edid.h"
+#include "frames/rational.h"
+
+namespace lenticule::display {
+
+enum class Probe {
+  Cached,  ///< the kernel's cached data
+  Full,    ///< queries the panel: may take hundreds of milliseconds
+};
+
+struct ConnectorInfo {
+  uint32_t id = 0;
+  uint32_t type = 0;   ///< DRM_MODE_CONNECTOR_*
+  std::string name{};  ///< "HDMI-A-1"
+  bool connected = false;
+  uint32_t width_mm = 0;
+  uint32_t height_mm = 0;
+  std::vector<drmModeModeInfo> modes{};
+  uint32_t possible_crtcs = 0;  ///< bit n = CRTC n of the resources
+  EdidReading edid{};
+  bool non_desktop = false;
+  bool tiled = false;
+  bool link_bad = false;
+  PropertyTable properties{};
+};
+
+/// Returns the connector; none if it is gone (MST hubs come and go).
+[[nodiscard]] std::optional<ConnectorInfo> read_connector(int fd, uint32_t id, Probe probe);
+[[nodiscard]] std::vector<ConnectorInfo> read_connectors(int fd, Probe probe);
+
+/// Returns true if the driver or the EDID marks the mode as preferred.
+[[nodiscard]] bool is_preferred(const drmModeModeInfo& mode);
+/// Returns the first preferred mode, else the first mode; null if there is none.
+[[nodiscard]] const drmModeModeInfo* preferred_mode(const std::vector<drmModeModeInfo>& modes);
+/// Returns the exact refresh rate: pixel clock over pixels per frame. 0/1 for a mode without
+/// timings.
+[[nodiscard]] frames::Rate refresh_of(const drmModeModeInfo& mode);
+/// Returns true if the timings are equal; names and types are ignored.
+[[nodiscard]] bool same_timings(const drmModeModeInfo& a, const drmModeModeInfo& b);
+/// Returns "3840x2160@60" with the exact rate in hertz.
+[[nodiscard]] std::string to_string(const drmModeModeInfo& mode);
+
+/// Returns "HDMI-A-1 on /dev/dri/card1: connected, LGD 0x1234 ..., 3840x2160@59.997".
+[[nodiscard]] std::string describe(const ConnectorInfo& connector, const std::string& card);
+
+}  // namespace lenticule::display

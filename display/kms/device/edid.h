@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// Reads the identity of a panel from its EDID. Modes come from the kernel instead.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "optics/rig.h"
+
+namespace lenticule::display {
+
+inline constexpr size_t kEdidBlockBytes = 128;
+
+enum class EdidProblem {
+  None,
+  Absent,       ///< no bytes
+  Short,        ///< less than one block
+  BadHeader,    ///< not the header of an EDID
+  BadChecksum,  ///< damaged: the identity cannot be trusted
+};
+
+[[nodiscard]] const char* edid_problem_name(EdidProblem problem);
+
+struct EdidIdentity {
+  std::string manufacturer;  ///< three letters, or "@[\]^_" for codes that are not letters
+  uint32_t product = 0;
+  uint32_t serial_number = 0;  ///< often 0, often shared by a whole series
+  std::string serial_text;     ///< printable characters only, may be empty
+  std::string name;            ///< printable characters only, may be empty
+  std::string sha256;          ///< checksum of the base block, lower-case hexadecimal
+
+  /// Returns the serial that a rig stores: the text if there is one, else the number.
+  [[nodiscard]] std::string serial() const;
+  friend bool operator==(const EdidIdentity&, const EdidIdentity&) = default;
+};
+
+/// Columns and rows of whole pixels.
+struct PixelSize {
+  int width = 0;
+  int height = 0;
+  friend bool operator==(const PixelSize&, const PixelSize&) = default;
+};
+
+struct EdidReading {
+  EdidProblem problem = EdidProblem::Absent;
+  /// Set only if there is no problem.
+  std::optional<EdidIdentity> identity{};
+  /// The sink accepts YCbCr; a driver may then choose it and alter every subpixel.
+  bool offers_ycbcr = false;
+  /// Television modes (VICs) that the sink accepts as YCbCr 4:2:0 only.
+  std::vector<uint8_t> only_as_420{};
+  std::optional<int> bits_per_colour{};
+  /// Size of the first detailed timing, if the EDID calls it native; none if it is interlaced.
+  std::optional<PixelSize> base_native{};
+  std::optional<PixelSize> displayid_native{};
+  std::optional<PixelSize> displayid_preferred{};  ///< first progressive preferred timing
+
+  /// Returns the panel's native sizes: DisplayID's first, then the first detailed timing's if it
+  /// differs. Empty if the EDID does not state any.
+  [[nodiscard]] std::vector<PixelSize> native_sizes() const;
+};
+
+/// Parses an EDID. Never throws because of the contents; extension blocks may be missing or
+/// damaged.
+[[nodiscard]] EdidReading read_edid(std::span<const uint8_t> bytes);
+
+/// Returns true if every member that the rig states is equal; an empty rig identity matches any
+/// panel.
+[[nodiscard]] bool matches(const optics::PanelIdentity& wanted, const EdidIdentity& panel);
+
+/// Returns the identity to store in a rig for this panel.
+[[nodiscard]] optics::PanelIdentity identity_for_rig(const EdidIdentity& panel);
+
+/// Return "LGD 0x1234 serial 42 'name'".
+[[nodiscard]] std::string to_string(const EdidIdentity& panel);
+[[nodiscard]] std::string to_string(const optics::PanelIdentity& identity);
+
+}  // namespace lenticule::display

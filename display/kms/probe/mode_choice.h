@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// Chooses the one mode in which a panel shows frames pixel for pixel.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "display/kms/device/connector.h"
+#include "display/kms/device/edid.h"
+#include "frames/frame.h"
+
+namespace lenticule::display {
+
+/// Returns the panel's native sizes; the panel would scale a picture of any other size, even one
+/// that it lists. These are the sizes of the modes that the kernel prefers, else the EDID's native
+/// sizes (EdidReading::native_sizes()). Empty if unknown: without an EDID the preferred mode is the
+/// driver's choice, as in virtual machines.
+[[nodiscard]] std::vector<PixelSize> native_sizes(const ConnectorInfo& connector);
+/// Returns true if the size is native or the native sizes are unknown.
+[[nodiscard]] bool may_be_native(const ConnectorInfo& connector, PixelSize size);
+
+/// Returns true if the mode is progressive without repeated lines.
+[[nodiscard]] bool is_plain(const drmModeModeInfo& mode);
+/// Returns true if the panel lists a mode with these timings whose size may be native.
+[[nodiscard]] bool offers_mode(const ConnectorInfo& connector, const drmModeModeInfo& mode);
+
+/// Returns the plain mode of exactly this size, if the size may be native: with `refresh` the
+/// nearest one within 0.05 %, otherwise the preferred one, otherwise the fastest.
+[[nodiscard]] std::optional<drmModeModeInfo> choose_mode(const ConnectorInfo& connector,
+                                                         const frames::FrameGeometry& panel,
+                                                         std::optional<frames::Rate> refresh);
+
+/// Returns the same mode. Throws Error(Input) that lists the panel's modes if there is none; never
+/// chooses a smaller mode.
+[[nodiscard]] drmModeModeInfo require_mode(const ConnectorInfo& connector,
+                                           const frames::FrameGeometry& panel,
+                                           std::optional<frames::Rate> refresh);
+
+}  // namespace lenticule::display

@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/scanout/flip_engine.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace lenticule::display {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr int kBlockingCommitsBeforeModeset = 2;
+constexpr Nanoseconds kShortestBackoff = milliseconds(50);
+constexpr Nanoseconds kLongestBackoff = std::chrono::seconds(1);
+constexpr Nanoseconds kFirstResume = milliseconds(100);
+constexpr Nanoseconds kLongestResume = std::chrono::seconds(2);
+
+}  // namespace
+
+FlipEngine::FlipEngine(LitOutput& lit, std::shared_ptr<Session> session,
+                       std::shared_ptr<Clock> clock, frames::Rate refresh, KmsCounters& counters)
+    : lit_(lit),
+      session_(std::move(session)),
+      clock_(std::move(clock)),
+      counters_(counters),
+      vblanks_(*lit.output, refresh, *clock_, counters),
+      // The start value differs from the serial numbers of a previous user of the card.
+      next_serial_(static_cast<uint64_t>(clock_->now().count()) | 1),
+      backoff_(kShortestBackoff),
+      resume_backoff_(kFirstResume) {}
+
+// --- events and timers ----------------------------------------------------------------------
+
+std::optional<DisplayEvent> FlipEngine::take_event() noexcept {
+  if (flip_.is_due(PendingFlip::Phase::Landed, now())) return deliver_flip();
+  if (const auto tick = vblanks_.take_tick())
+    return DisplayEvent{.kind = EventKind::Vblank, .sequence = tick->sequence, .time = tick->time};
+  return std::nullopt;
+}
+
+Nanoseconds FlipEngine::next_due() const noexcept {
+  Nanoseconds next = vblanks_.due();
+  if (flip_.phase() == PendingFlip::Phase::Landed || !paused_) next = std::min(next, flip_.due());
+  if (paused_) return std::min(next, resume_at_);
+  if (only_modeset_pending()) next = std::min(next, recover_at_);
+  return next;
+}
+
+void FlipEngine::run_timers() noexcept {
+  using enum PendingFlip::Phase;
+  if (paused_ && now() >= resume_at_) try_resume();
+  if (!paused_ && !lost_) {
+    if (flip_.is_due(Queued, now())) try_flip();
+    if (flip_.is_due(Armed, now())) {
+      counters_.flip_timeouts.add();
+      flip_.stick(now());
+    }
+    if (flip_.is_due(Stuck, now()) || (only_modeset_pending() && now() >= recover_at_)) recover();
+  }
+  vblanks_.run_timers();
+}
+
+void FlipEngine::read_events() noexcept {
+  const EventRead result = read_drm_events(lit_.output->device().fd(), *this);
+  if (result == EventRead::Truncated) counters_.truncated_reads.add();
+  if (result == EventRead::Gone) lose();
+}
+
+void FlipEngine::on_drm_event(const DrmEvent& event) noexcept {
+  if (event.kind == DrmEvent::Kind::Flip) return on_flip_event(event);
+  if (!vblanks_.observe(event)) counters_.stray_events.add();
+}
+
+bool FlipEngine::take_doubt() noexcept {
+  return std::exchange(panel_in_doubt_, false);
+}
+
+// --- flips ----------------------------------------------------------------------------------
+
+SubmitStatus FlipEngine::submit(KmsBuffer* buffer, uint64_t id) noexcept {
+  if (lost_) return SubmitStatus::Lost;
+  if (paused_ || flip_.phase() == PendingFlip::Phase::Stuck) return SubmitStatus::Paused;
+  if (flip_.phase() != PendingFlip::Phase::None) return SubmitStatus::Busy;
+
+  buffer->set_state(ScanoutState::Pending);
+  flip_.queue(buffer, id);
+  if (needs_modeset_)
+    flip_.stick(recover_at_);
+  else
+    try_flip();
+  if (!lost_ && !paused_) return SubmitStatus::Accepted;
+  buffer->set_state(ScanoutState::Acquired);
+  flip_.withdraw();
+  return lost_ ? SubmitStatus::Lost : SubmitStatus::Paused;
+}
+
+bool FlipEngine::request_vblank(uint64_t sequence) noexcept {
+  if (lost_) return false;
+  vblanks_.request(sequence, next_serial_++, !paused_);
+  return true;
+}
+
+void FlipEngine::try_flip() noexcept {
+  const uint64_t serial = next_serial_++;
+  const int error = lit_.output->flip(flip_.buffer()->framebuffer(), serial);
+  if (error == 0) return flip_.arm(serial, now() + flip_patience(vblanks_.period()));
+  const CommitFailure failure = note_failure(error);
+  if (failure == CommitFailure::Busy) flip_.put_off(now() + vblanks_.period());
+  if (failure == CommitFailure::Wrong) flip_.stick(now());
+}
+
+void FlipEngine::on_flip_event(const DrmEvent& event) noexcept {
+  if (!flip_.awaits(event.id)) return counters_.stray_events.add();
+  recovery_attempts_ = 0;
+  land(vblanks_.place(event));
+}
+
+void FlipEngine::land(VblankClock::Landing landing) noexcept {
+  flip_.land(landing.vblank, landing.report_at);
+}
+
+DisplayEvent FlipEngine::deliver_flip() noexcept {
+  const PendingFlip::Landed flip = flip_.deliver();
+  if (lit_.front != nullptr) lit_.front->set_state(ScanoutState::Free);
+  lit_.front = flip.buffer;
+  lit_.front->set_state(ScanoutState::OnGlass);
+  counters_.flips.add();
+  return {.kind = EventKind::Flip,
+          .id = flip.id,
+          .sequence = flip.vblank.sequence,
+          .time = flip.vblank.time};
+}
+
+// --- failures and recovery ------------------------------------------------------------------
+
+CommitFailure FlipEngine::note_failure(int error) noexcept {
+  const CommitFailure failure = classify(error);
+  switch (failure) {
+    case CommitFailure::Busy:
+      counters_.busy.add();
+      break;
+    case CommitFailure::Denied:
+      counters_.denied.add();
+      pause();
+      break;
+    case CommitFailure::Gone:
+      lose();
+      break;
+    case CommitFailure::Wrong:
+      counters_.refused.add();
+      needs_modeset_ = true;
+      break;
+  }
+  return failure;
+}
+
+/// Recovers a flip whose event is missing. A blocking commit returns when the frame is displayed,
+/// so its success replaces the lost event. If blocking commits fail, a modeset is tried, and then
+/// again after growing pauses.
+void FlipEngine::recover() noexcept {
+  const bool modeset = needs_modeset_ || ++recovery_attempts_ > kBlockingCommitsBeforeModeset;
+  const int error = modeset ? relight() : lit_.output->show(wanted_on_glass());
+  if (error == 0) return recovered();
+  const CommitFailure failure = note_failure(error);
+  if (failure == CommitFailure::Wrong) panel_in_doubt_ = true;
+  if (failure != CommitFailure::Busy && failure != CommitFailure::Wrong) return;
+  recover_at(now() + backoff_);
+  backoff_ = std::min(2 * backoff_, kLongestBackoff);
+}
+
+void FlipEngine::recovered() noexcept {
+  recovery_attempts_ = 0;
+  backoff_ = kShortestBackoff;
+  counters_.recoveries.add();
+  if (flip_.phase() == PendingFlip::Phase::Stuck) land(vblanks_.place_now());
+}
+
+int FlipEngine::relight() noexcept {
+  counters_.modesets.add();
+  const int error = lit_.output->relight(wanted_on_glass());
+  if (error != 0) return error;
+  needs_modeset_ = false;
+  vblanks_.rebase();
+  return 0;
+}
+
+void FlipEngine::recover_at(Nanoseconds when) noexcept {
+  recover_at_ = when;
+  flip_.stick(when);
+}
+
+void FlipEngine::relight_soon() noexcept {
+  needs_modeset_ = true;
+  if (!paused_) recover_at(now());
+}
+
+void FlipEngine::pause() noexcept {
+  if (paused_) return;
+  paused_ = true;
+  counters_.pauses.add();
+  resume_backoff_ = kFirstResume;
+  resume_at_ = now() + resume_backoff_;
+  flip_.stick(resume_at_);
+}
+
+void FlipEngine::set_session_ours(bool ours) noexcept {
+  if (!ours) return pause();
+  if (paused_) resume_at_ = now();
+}
+
+/// Tries to resume after a pause. The output's state may have changed meanwhile, so this takes a
+/// whole modeset.
+void FlipEngine::try_resume() noexcept {
+  if (session_->ensure_master(lit_.output->device().fd()) == Mastership::Held) {
+    const int error = relight();
+    if (error == 0) {
+      paused_ = false;
+      resume_at_ = kNever;
+      panel_in_doubt_ = true;
+      return recovered();
+    }
+    if (classify(error) == CommitFailure::Gone) return lose();
+  }
+  resume_backoff_ = std::min(2 * resume_backoff_, kLongestResume);
+  resume_at_ = now() + resume_backoff_;
+}
+
+}  // namespace lenticule::display

@@ -1,0 +1,251 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/scanout/kms_display.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "base/error.h"
+#include "display/kms/scanout/event_waiter.h"
+#include "display/kms/scanout/flip_engine.h"
+#include "display/kms/scanout/inherit_output.h"
+#include "display/kms/scanout/kms_counters.h"
+#include "display/kms/scanout/open_kms.h"
+#include "display/kms/scanout/panel_guard.h"
+
+namespace lenticule::display {
+namespace {
+
+constexpr Nanoseconds kSleepNoticed = std::chrono::milliseconds(500);
+
+KmsOptions with_services(KmsOptions options) {
+  if (!options.clock) options.clock = make_monotonic_clock();
+  if (!options.session) options.session = make_direct_session();
+  if (!options.platform) options.platform = make_linux_platform();
+  return options;
+}
+
+void check_options(const KmsOptions& options) {
+  if (options.wish.panel.format != frames::PixelFormat::Rgb8)
+    throw Error(ErrorKind::Usage, "kms: only 8-bit RGB frames can be shown");
+  if (options.buffers < kMinScanoutBuffers || options.buffers > kMaxScanoutBuffers)
+    throw Error(ErrorKind::Usage, fmt::format("kms: {} scan-out buffers", options.buffers),
+                fmt::format("use {} to {}", kMinScanoutBuffers, kMaxScanoutBuffers));
+}
+
+/// AtomicKmsDisplay combines an active output, the engine that flips on it, the monitor of its
+/// panel, and the waiter for all of their descriptors.
+class AtomicKmsDisplay final : public KmsDisplay {
+ public:
+  explicit AtomicKmsDisplay(KmsOptions options)
+      : options_(std::move(options)), clock_(options_.clock) {
+    open();
+  }
+  ~AtomicKmsDisplay() override { close(options_.exit); }
+  AtomicKmsDisplay(const AtomicKmsDisplay&) = delete;
+  AtomicKmsDisplay& operator=(const AtomicKmsDisplay&) = delete;
+
+  [[nodiscard]] const DisplayMode& mode() const override { return mode_; }
+  [[nodiscard]] Nanoseconds now() const noexcept override { return clock_->now(); }
+
+  [[nodiscard]] ScanoutBuffer* acquire() override {
+    for (const auto& buffer : lit_.buffers)
+      if (buffer->try_acquire()) return buffer.get();
+    return nullptr;
+  }
+  void discard(ScanoutBuffer* buffer) override { owned(buffer)->set_state(ScanoutState::Free); }
+
+  [[nodiscard]] SubmitStatus submit(ScanoutBuffer* buffer, uint64_t id) noexcept override {
+    KmsBuffer* const mine = owned(buffer);
+    return engine_ ? engine_->submit(mine, id) : SubmitStatus::Lost;
+  }
+  [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept override {
+    return engine_ && engine_->request_vblank(sequence);
+  }
+  [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override;
+
+  void reconnect() override {
+    close(ExitPolicy::Black);  // not Hold: the holder of the card would remain its master
+    open();
+  }
+  [[nodiscard]] KmsStatistics statistics() const noexcept override { return counters_.snapshot(); }
+  [[nodiscard]] ExactnessReport exactness() const override {
+    return lit_.output ? lit_.output->report() : ExactnessReport{};
+  }
+  [[nodiscard]] bool took_over() const noexcept override {
+    return lit_.output && lit_.output->took_over();
+  }
+  [[nodiscard]] int card_fd() const noexcept override {
+    return lit_.output ? lit_.output->device().fd() : -1;
+  }
+  [[nodiscard]] HandoverState handover() const noexcept override {
+    return lit_.output ? describe_output(lit_, mode_.geometry) : HandoverState{};
+  }
+
+ private:
+  void open();
+  void light_up();
+  void close(ExitPolicy exit) noexcept;
+  void leave_output(ExitPolicy exit) noexcept;
+
+  void run_timers() noexcept;
+  void handle(const ReadySet& ready) noexcept;
+  void follow_panel(bool news_waiting) noexcept;
+  void notice_sleep() noexcept;
+
+  static KmsBuffer* owned(ScanoutBuffer* buffer) noexcept {
+    auto* const mine = static_cast<KmsBuffer*>(buffer);
+    LENTICULE_CHECK(mine != nullptr && mine->state() == ScanoutState::Acquired);
+    return mine;
+  }
+
+  KmsOptions options_;
+  std::shared_ptr<Clock> clock_;
+  KmsCounters counters_;
+  DisplayMode mode_;
+  LitOutput lit_;
+  // These exist only while the output is active; they refer to it.
+  std::optional<FlipEngine> engine_;
+  std::optional<PanelGuard> guard_;
+  std::optional<EventWaiter> waiter_;
+  std::optional<GraphicsConsole> console_;
+  Nanoseconds asleep_{0};
+};
+
+// --- opening and closing --------------------------------------------------------------------
+
+void AtomicKmsDisplay::open() {
+  try {
+    light_up();
+  } catch (...) {
+    close(options_.exit);
+    throw;
+  }
+}
+
+void AtomicKmsDisplay::light_up() {
+  lit_ = light_output(options_);
+  options_.inherited.reset();
+  lit_.front->set_state(ScanoutState::OnGlass);
+  try {
+    require_exact(options_, *lit_.output);
+  } catch (...) {
+    close(ExitPolicy::Restore);  // a refused picture is not kept
+    throw;
+  }
+  // Reconnecting after a successful start tolerates inexact output and reports it instead of
+  // stopping.
+  options_.allow_inexact = true;
+  const OutputTarget& target = lit_.output->target();
+  const DrmDevice& device = lit_.output->device();
+  mode_ = {.geometry = options_.wish.panel,
+           .refresh = refresh_of(target.mode),
+           .name = fmt::format("{} on {} {}", target.connector.name, device.path(),
+                               to_string(target.mode)),
+           .hardware_clock = false};
+  asleep_ = options_.platform->time_asleep();
+  engine_.emplace(lit_, options_.session, clock_, mode_.refresh, counters_);
+  guard_.emplace(*lit_.output, options_.wish, options_.platform->watch_hotplug(), clock_,
+                 counters_);
+  waiter_.emplace(device.fd(), options_.session->fd(), guard_->fd());
+  mode_.hardware_clock = engine_->counts_by_hardware();
+  // The kernel takes the panel when the console returns to text mode, even if a process holds the
+  // card. A held frame therefore must not use the console.
+  if (options_.exit != ExitPolicy::Hold) console_.emplace(options_.platform->terminal());
+}
+
+void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
+  const bool lost = engine_ && engine_->lost();
+  waiter_.reset();
+  guard_.reset();
+  engine_.reset();
+  if (lit_.output) {
+    if (!lost) leave_output(exit);
+    lit_.front = nullptr;
+    lit_.buffers.clear();
+    const DrmDevice& device = lit_.output->device();
+    if (exit != ExitPolicy::Hold) device.session().drop_master(device.fd());
+    lit_.output.reset();
+  }
+  console_.reset();  // the console may draw again once the card is free
+}
+
+/// Leaves the output. A framebuffer is never removed while it is displayed.
+void AtomicKmsDisplay::leave_output(ExitPolicy exit) noexcept {
+  switch (exit) {
+    case ExitPolicy::Restore:
+      (void)lit_.output->restore();
+      return;
+    case ExitPolicy::Black:
+      (void)lit_.output->blank();
+      return;
+    case ExitPolicy::Hold:
+      for (const auto& buffer : lit_.buffers) buffer->abandon();
+  }
+}
+
+// --- waiting --------------------------------------------------------------------------------
+
+DisplayEvent AtomicKmsDisplay::wait_event(Nanoseconds deadline, int wake_fd) noexcept {
+  if (!engine_) return {.kind = EventKind::Lost};
+  for (bool over = false;;) {
+    if (!engine_->lost()) run_timers();
+    if (const auto event = engine_->take_event()) return *event;
+    if (engine_->lost()) return {.kind = EventKind::Lost};
+    if (over) return {.kind = EventKind::Timeout};
+    const Nanoseconds next = std::min({deadline, engine_->next_due(), guard_->next_due()});
+    const ReadySet ready = waiter_->wait(*clock_, next, wake_fd);
+    notice_sleep();
+    handle(ready);
+    over = ready.wake || now() >= deadline;
+  }
+}
+
+void AtomicKmsDisplay::run_timers() noexcept {
+  follow_panel(false);
+  engine_->run_timers();
+  if (engine_->take_doubt()) guard_->look();
+}
+
+void AtomicKmsDisplay::handle(const ReadySet& ready) noexcept {
+  if (ready.card) engine_->read_events();
+  if (ready.card_gone) engine_->lose();
+  if (ready.session) engine_->set_session_ours(options_.session->dispatch());
+  follow_panel(ready.watch);
+  // Written only when it changes, because other threads may read the mode at any time.
+  if (mode_.hardware_clock && !engine_->counts_by_hardware()) mode_.hardware_clock = false;
+}
+
+void AtomicKmsDisplay::follow_panel(bool news_waiting) noexcept {
+  switch (guard_->follow(news_waiting)) {
+    case PanelGuard::Advice::GoOn:
+      return;
+    case PanelGuard::Advice::Relight:
+      return engine_->relight_soon();
+    case PanelGuard::Advice::GoDark:
+      (void)lit_.output->blank();
+      return engine_->lose();
+  }
+}
+
+/// Detects that the machine was suspended, which loses pending flips and leaves links in an unknown
+/// state.
+void AtomicKmsDisplay::notice_sleep() noexcept {
+  const Nanoseconds asleep = options_.platform->time_asleep();
+  const bool slept = asleep > asleep_ + kSleepNoticed;
+  asleep_ = asleep;
+  if (!slept) return;
+  counters_.suspends.add();
+  guard_->look();
+  engine_->relight_soon();
+}
+
+}  // namespace
+
+std::unique_ptr<KmsDisplay> open_kms_display(const KmsOptions& options) {
+  check_options(options);
+  return std::make_unique<AtomicKmsDisplay>(with_services(options));
+}
+
+}  // namespace lenticule::display

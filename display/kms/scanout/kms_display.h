@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+// KmsDisplay shows frames on a panel through the kernel's atomic modesetting. See docs/kms.md.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "display/clock.h"
+#include "display/display.h"
+#include "display/kms/color/exactness_report.h"
+#include "display/kms/device/platform.h"
+#include "display/kms/device/session.h"
+#include "display/kms/probe/output_wish.h"
+#include "display/kms/scanout/handover.h"
+
+namespace lenticule::display {
+
+enum class ExitPolicy {
+  Restore,  ///< restore mode, picture and every property
+  Hold,     ///< leave the last frame to the process that holds the descriptor
+  Black,    ///< switch the output off
+};
+
+/// Output of a previous player: see handover.h.
+struct InheritedOutput {
+  UniqueFd card;
+  HandoverState state;
+};
+
+struct KmsOptions {
+  OutputWish wish;
+  /// None = the panel's preferred mode.
+  std::optional<frames::Rate> refresh;
+  int buffers = 3;  ///< 2 ... 4; fewer if the card has too little memory
+  ExitPolicy exit = ExitPolicy::Restore;
+  /// Takes over neither inherited buffers nor a running mode. An inherited card is still used,
+  /// because it is DRM master.
+  bool fresh = false;
+  /// Shows frames even if the driver or the link is known to alter subpixels.
+  bool allow_inexact = false;
+  /// Used once, when the display is opened.
+  std::shared_ptr<InheritedOutput> inherited;
+
+  /// Null = the real ones.
+  std::shared_ptr<Clock> clock;
+  std::shared_ptr<Session> session;
+  std::shared_ptr<KmsPlatform> platform;
+};
+
+enum class PanelState {
+  Showing,
+  Disconnected,  ///< flips continue, without a visible picture
+  Unreadable,    ///< connected, and its identity cannot be read yet
+  ModeMissing,  ///< the panel does not offer the mode at the moment; the output is kept and checked
+                ///< again
+  WrongPanel,   ///< another panel than the rig's: the output is off, the display Lost
+};
+[[nodiscard]] const char* panel_state_name(PanelState state);
+
+/// Monotonic counts since the display was opened.
+struct KmsStatistics {
+  uint64_t flips = 0;
+  uint64_t busy = 0;           ///< EBUSY
+  uint64_t denied = 0;         ///< EACCES, EPERM
+  uint64_t refused = 0;        ///< EINVAL, ENOENT, ENOSPC, ERANGE and others
+  uint64_t flip_timeouts = 0;  ///< flips without an event
+  uint64_t stray_events = 0;   ///< duplicate, stale or unrelated events
+  uint64_t truncated_reads = 0;
+  uint64_t recoveries = 0;  ///< successful recoveries
+  uint64_t modesets = 0;    ///< modesets after the first frame
+  uint64_t hotplugs = 0;    ///< changes of the connector that were examined
+  uint64_t links_bad = 0;
+  uint64_t suspends = 0;
+  uint64_t pauses = 0;
+  uint64_t lost_ticks = 0;  ///< vblank events that did not arrive
+  PanelState panel = PanelState::Showing;
+  bool hardware_clock = false;
+};
+
+/// Thread safety: as for Display; statistics() and exactness() from any thread.
+///
+/// wait_event() recovers from failures without the caller's help: an accepted flip always gets its
+/// event, possibly late. A modeset there may take seconds. After Lost, call reconnect().
+class KmsDisplay : public Display {
+ public:
+  /// Opens the display again after Lost, for the same request, exact or not; earlier buffers are
+  /// invalid. No other thread may use the display. Throws Error as open_kms_display() does; the
+  /// card is then closed, and reconnect() may be called again. Note that a process with a copy of
+  /// card_fd() may remain DRM master.
+  virtual void reconnect() = 0;
+  [[nodiscard]] virtual KmsStatistics statistics() const noexcept = 0;
+  /// Returns the report, which is updated every few seconds and soon after a change that the kernel
+  /// reports.
+  [[nodiscard]] virtual ExactnessReport exactness() const = 0;
+  /// Returns true if the first frame needed no modeset.
+  [[nodiscard]] virtual bool took_over() const noexcept = 0;
+
+  /// Return, for the next player, the card's descriptor (borrowed, to be duplicated) and the state
+  /// of the output.
+  [[nodiscard]] virtual int card_fd() const noexcept = 0;
+  [[nodiscard]] virtual HandoverState handover() const noexcept = 0;
+};
+
+/// Opens an output. Throws Error(Device) if there is no such output, it is not available or the
+/// driver refuses; Error(Quality) if it would change subpixels and that is not allowed;
+/// Error(Input) if the panel is not the rig's or lacks the mode. The first and the last list the
+/// available panels or modes.
+[[nodiscard]] std::unique_ptr<KmsDisplay> open_kms_display(const KmsOptions& options);
+
+}  // namespace lenticule::display

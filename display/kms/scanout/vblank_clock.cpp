@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/scanout/vblank_clock.h"
+
+#include <algorithm>
+
+#include "display/kms/scanout/pending_flip.h"
+
+namespace lenticule::display {
+namespace {
+
+constexpr int kSameSequencesBeforeSoftware = 2;
+constexpr Nanoseconds kTickPatience = std::chrono::milliseconds(200);
+
+}  // namespace
+
+Nanoseconds flip_patience(Nanoseconds period) noexcept {
+  return std::max<Nanoseconds>(4 * period, std::chrono::milliseconds(200));
+}
+
+VblankClock::Start VblankClock::first_reading(const KmsOutput& output, Nanoseconds now) {
+  uint64_t sequence = 0;
+  Nanoseconds time{0};
+  if (output.read_sequence(sequence, time) != 0) return {VblankCounter::Source::Software, {0, now}};
+  const bool plausible = time > Nanoseconds{0} && time <= now;
+  return {VblankCounter::Source::Hardware, {sequence, plausible ? time : now}};
+}
+
+VblankClock::VblankClock(const KmsOutput& output, frames::Rate refresh, Clock& clock,
+                         KmsCounters& counters)
+    : VblankClock(output, refresh, clock, counters, first_reading(output, clock.now())) {}
+
+VblankClock::VblankClock(const KmsOutput& output, frames::Rate refresh, Clock& clock,
+                         KmsCounters& counters, Start start)
+    : output_(output),
+      clock_(clock),
+      counters_(counters),
+      counter_(start.source, refresh, start.vblank),
+      last_flip_sequence_(start.vblank.sequence) {
+  counters_.hardware_clock.store(is_hardware(), std::memory_order_relaxed);
+}
+
+VblankClock::Landing VblankClock::place(const DrmEvent& flip) noexcept {
+  watch_sequences(flip.sequence);
+  const Nanoseconds now = clock_.now();
+  if (is_hardware())
+    return place_at(
+        counter_.observe_low_bits(static_cast<uint32_t>(flip.sequence), flip.time, now));
+  const bool plausible = flip.time > now - flip_patience(period()) && flip.time <= now;
+  return place_at(counter_.first_from(plausible ? flip.time : now));
+}
+
+VblankClock::Landing VblankClock::place_now() noexcept {
+  return place_at(counter_.first_from(clock_.now()));
+}
+
+VblankClock::Landing VblankClock::place_at(Vblank vblank) noexcept {
+  const uint64_t earliest = last_flip_sequence_ + 1;
+  if (vblank.sequence < earliest)
+    vblank = is_hardware() ? Vblank{earliest, vblank.time} : counter_.at(earliest);
+  last_flip_sequence_ = vblank.sequence;
+  return {.vblank = vblank, .report_at = is_hardware() ? clock_.now() : vblank.time};
+}
+
+/// Detects drivers that do not count: two flips cannot happen in the same vblank.
+void VblankClock::watch_sequences(uint64_t sequence) noexcept {
+  same_sequences_ = sequence == last_driver_sequence_ ? same_sequences_ + 1 : 0;
+  last_driver_sequence_ = sequence;
+  if (same_sequences_ < kSameSequencesBeforeSoftware || !is_hardware()) return;
+  counter_.use_software(clock_.now());
+  counters_.hardware_clock.store(false, std::memory_order_relaxed);
+}
+
+void VblankClock::request(uint64_t sequence, uint64_t serial, bool may_ask_driver) noexcept {
+  const Nanoseconds now = clock_.now();
+  const uint64_t target = std::max(sequence + 1, counter_.last_until(now).sequence);
+  if (tick_.phase == Tick::Phase::Awaited && tick_.sequence == target) return;  // already requested
+  tick_ = {.phase = Tick::Phase::Timed,
+           .sequence = target,
+           .serial = serial,
+           .due = counter_.at(target).time,
+           .vblank = {}};
+  if (!is_hardware() || !may_ask_driver) return;
+  if (output_.queue_sequence(counter_.driver_sequence(target), serial) != 0) return;
+  tick_.phase = Tick::Phase::Awaited;
+  tick_.due = std::max(tick_.due, now) + kTickPatience;
+}
+
+bool VblankClock::observe(const DrmEvent& tick) noexcept {
+  if (tick_.phase != Tick::Phase::Awaited || tick.id != tick_.serial) return false;
+  tick_.vblank = counter_.observe(tick.sequence, tick.time, clock_.now());
+  tick_.phase = Tick::Phase::Ready;
+  return true;
+}
+
+Nanoseconds VblankClock::due() const noexcept {
+  const bool waiting = tick_.phase == Tick::Phase::Awaited || tick_.phase == Tick::Phase::Timed;
+  return waiting ? tick_.due : kNever;
+}
+
+void VblankClock::run_timers() noexcept {
+  const Nanoseconds now = clock_.now();
+  if (now < due()) return;
+  if (tick_.phase == Tick::Phase::Awaited) {
+    counters_.lost_ticks.add();
+    tick_.vblank = counter_.last_until(now);
+  } else {
+    tick_.vblank = counter_.at(tick_.sequence);
+  }
+  tick_.phase = Tick::Phase::Ready;
+}
+
+std::optional<Vblank> VblankClock::take_tick() noexcept {
+  if (tick_.phase != Tick::Phase::Ready) return std::nullopt;
+  tick_.phase = Tick::Phase::None;
+  return tick_.vblank;
+}
+
+}  // namespace lenticule::display

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/survey/inspect.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "base/error.h"
+#include "display/kms/device/connector.h"
+#include "display/kms/probe/mode_choice.h"
+#include "display/kms/probe/output_choice.h"
+#include "display/kms/scanout/kms_output.h"
+#include "display/kms/scanout/scanout_pool.h"
+#include "display/kms/survey/panel_facts.h"
+
+namespace lenticule::display {
+namespace {
+
+std::string missing_caps(const DrmCaps& caps) {
+  if (caps.sufficient()) return {};
+  return caps.atomic ? "the driver lacks dumb buffers or exact flip events"
+                     : "the driver has no atomic modesetting";
+}
+
+/// Asks the first active CRTC; one that is off cannot be queried.
+std::optional<bool> counts_vblanks(int fd) {
+  const DrmResources resources(drmModeGetResources(fd));
+  for (int i = 0; resources && i < resources->count_crtcs; ++i) {
+    const auto table = PropertyTable::read(fd, resources->crtcs[i], DRM_MODE_OBJECT_CRTC);
+    if (!table || table->value("ACTIVE") != 1) continue;
+    uint64_t sequence = 0;
+    uint64_t nanoseconds = 0;
+    return drmCrtcGetSequence(fd, resources->crtcs[i], &sequence, &nanoseconds) == 0;
+  }
+  return std::nullopt;
+}
+
+/// BorrowedMastery drops DRM master when it is destroyed.
+class BorrowedMastery {
+ public:
+  explicit BorrowedMastery(const DrmDevice& device)
+      : device_(device), held_(device.session().ensure_master(device.fd()) == Mastership::Held) {}
+  ~BorrowedMastery() {
+    if (held_) device_.session().drop_master(device_.fd());
+  }
+  BorrowedMastery(const BorrowedMastery&) = delete;
+  BorrowedMastery& operator=(const BorrowedMastery&) = delete;
+  [[nodiscard]] bool held() const { return held_; }
+
+ private:
+  const DrmDevice& device_;
+  bool held_;
+};
+
+void inspect_card(Inspection& inspection, CardFacts& card, const DrmDevice& device) {
+  const BorrowedMastery mastery(device);
+  card.driver = device.driver();
+  card.master = mastery.held();
+  card.prefers_shadow = device.caps().prefer_shadow;
+  card.problem = missing_caps(device.caps());
+  card.counts_vblanks = counts_vblanks(device.fd());
+  for (const ConnectorInfo& connector : read_connectors(device.fd(), Probe::Full))
+    inspection.panels.push_back(panel_facts(connector, device.path()));
+}
+
+bool meant(const OutputKey& key, const ConnectorInfo& connector, const std::string& card) {
+  const drmModeModeInfo none{};
+  const drmModeModeInfo& mode = connector.modes.empty() ? none : connector.modes.front();
+  const OutputWish wish{.key = key,
+                        .identity = {},
+                        .panel = {mode.hdisplay, mode.vdisplay, frames::PixelFormat::Rgb8},
+                        .policy = IdentityPolicy::Ignore};
+  return connector.connected && choose_output(wish, {{card, connector}}).chosen.has_value();
+}
+
+PixelSize own_size(const ConnectorInfo& connector) {
+  const drmModeModeInfo* const mode = preferred_mode(connector.modes);
+  if (mode == nullptr)
+    throw Error(ErrorKind::Device, "the panel offers no mode",
+                "replace the cable, or load an EDID");
+  const auto native = native_sizes(connector);
+  return native.empty() ? PixelSize{mode->hdisplay, mode->vdisplay} : native.front();
+}
+
+/// Performs every step of opening a panel except the modeset.
+void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& connector,
+              const std::shared_ptr<KmsPlatform>& platform) {
+  const int fd = device.fd();
+  const PixelSize size = own_size(connector);
+  const frames::FrameGeometry geometry{size.width, size.height, frames::PixelFormat::Rgb8};
+  OutputTarget target{.connector = connector,
+                      .mode = require_mode(connector, geometry, std::nullopt)};
+  target.pipe = choose_pipe(fd, connector);
+  KmsOutput output(std::move(device), std::move(target), platform);
+  const BorrowedMastery mastery(output.device());
+  diagnosis.tested = mastery.held();
+  if (!mastery.held()) {
+    diagnosis.problem = "another program is master of the card: nothing could be tested";
+    diagnosis.remedy = "stop the desktop session or the player and ask again";
+  }
+  const KmsBuffer buffer(fd, platform, geometry);
+  const int error = output.rehearse(buffer.framebuffer());
+  diagnosis.exactness = output.report();
+  if (!mastery.held() || error == 0) return;
+  diagnosis.problem = fmt::format("the driver refuses its mode: {}", std::strerror(-error));
+  diagnosis.remedy = "use a better cable or port, or another output";
+}
+
+Diagnosis diagnose_panel(const std::shared_ptr<Session>& session,
+                         const std::shared_ptr<KmsPlatform>& platform, const DrmNode& node,
+                         const ConnectorInfo& connector) {
+  Diagnosis diagnosis{.panel = panel_facts(connector, node.path)};
+  try {
+    DrmDevice device = DrmDevice::open(session, node);
+    diagnosis.driver = device.driver();
+    diagnosis.problem = missing_caps(device.caps());
+    if (diagnosis.problem.empty()) rehearse(diagnosis, std::move(device), connector, platform);
+  } catch (const Error& error) {
+    diagnosis.problem = error.what();
+    diagnosis.remedy = error.hint();
+  }
+  return diagnosis;
+}
+
+}  // namespace
+
+Inspection inspect_cards(const std::shared_ptr<Session>& session) {
+  Inspection inspection;
+  for (const DrmNode& node : find_drm_nodes()) {
+    CardFacts card{.path = node.path, .bus = node.bus};
+    try {
+      inspect_card(inspection, card, DrmDevice::open(session, node));
+    } catch (const Error& error) {
+      card.problem = error.what();
+    }
+    inspection.cards.push_back(std::move(card));
+  }
+  return inspection;
+}
+
+std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session, const OutputKey& key,
+                                const std::shared_ptr<KmsPlatform>& platform) {
+  std::vector<Diagnosis> diagnoses;
+  for (const DrmNode& node : find_drm_nodes()) {
+    std::vector<ConnectorInfo> connectors;
+    try {
+      const DrmDevice device = DrmDevice::open(session, node);
+      const BorrowedMastery mastery(device);
+      connectors = read_connectors(device.fd(), Probe::Full);
+    } catch (const Error&) {
+      continue;  // inspect_cards() lists cards that cannot be opened
+    }
+    for (const ConnectorInfo& connector : connectors)
+      if (meant(key, connector, node.path))
+        diagnoses.push_back(diagnose_panel(session, platform, node, connector));
+  }
+  return diagnoses;
+}
+
+}  // namespace lenticule::display

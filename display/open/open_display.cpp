@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/open/open_display.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <optional>
+
+#include "base/error.h"
+#include "display/kms/probe/output_key.h"
+#include "display/virtual/virtual_display.h"
+
+namespace lenticule::display {
+namespace {
+
+constexpr int64_t kMaxJitterUs = 10'000'000;
+
+[[noreturn]] void reject(std::string_view spec) {
+  throw Error(ErrorKind::Usage, fmt::format("display '{}': not understood", spec),
+              "write virtual, virtual:3840x2160@60, kms or kms:CONNECTOR");
+}
+
+template <typename Integer>
+std::optional<Integer> parse_integer(std::string_view text) {
+  Integer value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+/// Removes and returns the text up to `separator`, or all of it if there is none.
+std::string_view take_until(std::string_view& text, char separator) {
+  const size_t end = text.find(separator);
+  const std::string_view head = text.substr(0, end);
+  text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
+  return head;
+}
+
+bool parse_mode(std::string_view mode, VirtualSpec& out) {
+  const bool has_refresh = mode.find('@') != std::string_view::npos;
+  std::string_view size = take_until(mode, '@');
+  if (has_refresh) out.refresh = frames::parse_rate(mode);
+  const auto width = parse_integer<int>(take_until(size, 'x'));
+  const auto height = parse_integer<int>(size);
+  if (!width || !height || *width < 1 || *height < 1) return false;
+  out.width = *width;
+  out.height = *height;
+  return true;
+}
+
+bool parse_option(std::string_view option, VirtualSpec& out) {
+  const std::string_view key = take_until(option, '=');
+  if (key == "jitter_us") {
+    const auto value = parse_integer<int64_t>(option);
+    if (!value || *value < 0 || *value > kMaxJitterUs) return false;
+    out.jitter_us = *value;
+    return true;
+  }
+  const auto value = parse_integer<uint64_t>(option);
+  if (key != "seed" || !value) return false;
+  out.seed = *value;
+  return true;
+}
+
+std::unique_ptr<Display> open_virtual(const DisplayRequest& request) {
+  const VirtualSpec spec = parse_virtual_spec(request.spec);
+  frames::FrameGeometry geometry = request.panel;
+  if (spec.width > 0) {
+    geometry.width = spec.width;
+    geometry.height = spec.height;
+  }
+  if (geometry != request.panel)
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("display '{}': {}x{} pixels, but the rig's panel has {}x{}", request.spec,
+                    geometry.width, geometry.height, request.panel.width, request.panel.height),
+        "woven frames fit one panel, pixel for pixel: use the rig of this display");
+  return open_virtual_display(
+      {.geometry = geometry,
+       .refresh = spec.refresh,
+       .buffers = request.buffers,
+       .clock = request.clock,
+       .faults = spec.jitter_us > 0 ? std::make_shared<UniformJitter>(
+                                          std::chrono::microseconds(spec.jitter_us), spec.seed)
+                                    : nullptr,
+       .recorder = request.recorder});
+}
+
+}  // namespace
+
+VirtualSpec parse_virtual_spec(std::string_view spec) {
+  constexpr std::string_view kName = "virtual";
+  VirtualSpec result;
+  std::string_view rest = spec;
+  if (!rest.starts_with(kName)) reject(spec);
+  rest.remove_prefix(kName.size());
+  if (rest.starts_with(':')) {
+    rest.remove_prefix(1);
+    if (!parse_mode(take_until(rest, ','), result)) reject(spec);
+  } else if (rest.starts_with(',')) {
+    rest.remove_prefix(1);
+  } else if (!rest.empty()) {
+    reject(spec);
+  }
+  while (!rest.empty())
+    if (!parse_option(take_until(rest, ','), result)) reject(spec);
+  return result;
+}
+
+bool is_kms_spec(std::string_view spec) {
+  return spec.substr(0, spec.find(':')) == "kms";
+}
+
+void check_display_spec(std::string_view spec) {
+  if (is_kms_spec(spec))
+    (void)parse_kms_spec(spec);
+  else
+    (void)parse_virtual_spec(spec);
+}
+
+KmsOptions kms_options_of(const DisplayRequest& request) {
+  KmsOptions options = request.kms;
+  options.wish.key = parse_kms_spec(request.spec);
+  options.wish.panel = request.panel;
+  options.buffers = request.buffers;
+  if (request.recorder)
+    throw Error(ErrorKind::Usage,
+                fmt::format("display '{}': cannot record what was on the glass", request.spec),
+                "record with --display virtual");
+  return options;
+}
+
+std::unique_ptr<Display> open_display(const DisplayRequest& request) {
+  return is_kms_spec(request.spec) ? open_kms_display(kms_options_of(request))
+                                   : open_virtual(request);
+}
+
+}  // namespace lenticule::display

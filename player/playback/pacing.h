@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+// Pacer decides which frame is shown at which vblank, by arithmetic on vblank numbers alone: no
+// clock, no input or output. The statistics count vblanks of the display's counter and are not
+// estimated from clocks.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "player/playback/cadence.h"
+
+namespace lenticule::player {
+
+/// Effect of a late frame on the schedule.
+enum class LatePolicy {
+  Slip,  ///< every frame is shown; all later ones move by the delay
+  Drop,  ///< late frames are left out (at most kMaxConsecutiveDrops, then it slips)
+  Hold,  ///< like Slip, but after an underrun the picture holds until the source is primed again
+};
+
+inline constexpr int kMaxConsecutiveDrops = 8;
+
+/// Parses "slip", "drop" or "hold". Throws Error(Usage).
+[[nodiscard]] LatePolicy parse_late_policy(std::string_view text);
+[[nodiscard]] const char* late_policy_name(LatePolicy policy);
+
+/// Every vblank from the first flip on belongs to exactly one of the first five counts: vblanks =
+/// shown + repeated_planned + repeated_underrun + missed + held.
+struct PaceCounts {
+  uint64_t shown = 0;              ///< flips: vblanks at which a new frame appeared
+  uint64_t repeated_planned = 0;   ///< repeats required by the cadence
+  uint64_t repeated_underrun = 0;  ///< repeats because the next frame was not available
+  uint64_t missed = 0;             ///< vblanks lost because a flip completed too late
+  uint64_t held = 0;               ///< vblanks with no frame due: paused, or after the last frame
+  uint64_t vblanks = 0;
+  uint64_t dropped = 0;          ///< frames left out because they were late
+  uint64_t skipped_planned = 0;  ///< frames left out because content is faster than the display
+  uint64_t slipped = 0;          ///< vblanks by which the schedule moved
+  uint64_t underruns = 0;        ///< times (not vblanks) the next frame was not available
+  uint64_t underruns_after_start = 0;  ///< underruns after the first second
+  friend bool operator==(const PaceCounts&, const PaceCounts&) = default;
+};
+
+enum class PaceDecision {
+  Submit,   ///< show frame() now
+  Later,    ///< not before vblank due(): decide again one vblank before that
+  Starved,  ///< frame() is due, but not available
+  Skip,     ///< frame() is left out; frame() now returns the next one
+};
+
+/// Pacer keeps the schedule of one playback. Thread safety: one thread.
+class Pacer {
+ public:
+  Pacer(frames::Rate content, frames::Rate refresh, LatePolicy policy);
+
+  /// Returns the index of the frame to show next, counted from 0 over all loops.
+  [[nodiscard]] uint64_t frame() const noexcept { return base_frame_ + cadence_.frame(); }
+  /// Returns the vblank from which frame() should be displayed. Meaningless before the first flip.
+  [[nodiscard]] uint64_t due() const noexcept { return origin_ + cadence_.due(); }
+
+  /// Decides what to do now. `target` is the first vblank that a submission made now can reach;
+  /// `ready` is true if frame() can be submitted.
+  [[nodiscard]] PaceDecision decide(uint64_t target, bool ready) noexcept;
+
+  /// Reports that frame() was submitted for vblank `target`.
+  void submitted(uint64_t target) noexcept;
+  /// Reports that the submitted frame has been displayed since vblank `sequence`; frame() is now
+  /// the next one.
+  void flipped(uint64_t sequence) noexcept;
+
+  /// Starts a new schedule with the next flip, after a pause or a seek, without a burst to catch
+  /// up. The vblanks before that flip count as held.
+  void begin_epoch() noexcept {
+    epoch_pending_ = true;
+    starved_since_.reset();
+  }
+
+  /// Changes the content's rate from frame() on; frame() stays due at the same vblank.
+  void change_rate(frames::Rate content) noexcept;
+
+  /// Continues with `frame` after the display was lost, as after a pause; its refresh may have
+  /// changed. Counts are kept.
+  void resume(frames::Rate content, frames::Rate refresh, uint64_t frame) noexcept;
+
+  /// Reports that no more frames follow: a supposed underrun was the end of the sequence.
+  void end_of_sequence() noexcept { starved_since_.reset(); }
+  /// Ends the playback with vblank `end` (exclusive) and counts the last frame's vblanks. Call it
+  /// once.
+  void finish(uint64_t end) noexcept;
+
+  /// Returns the rate as played: locked to the display where possible.
+  [[nodiscard]] frames::Rate content_rate() const noexcept { return content_; }
+  [[nodiscard]] bool started() const noexcept { return shown_at_.has_value(); }
+  [[nodiscard]] uint64_t first_vblank() const noexcept { return first_vblank_; }
+  [[nodiscard]] const PaceCounts& counts() const noexcept { return counts_; }
+
+ private:
+  void begin_schedule(uint64_t sequence) noexcept;
+  void account(uint64_t expected, uint64_t end, uint64_t starved) noexcept;
+  void count_underrun(uint64_t starved) noexcept;
+  void advance_past_same_vblank() noexcept;
+  [[nodiscard]] uint64_t expected_vblank() const noexcept;
+
+  frames::Rate content_;
+  frames::Rate refresh_;
+  LatePolicy policy_;
+  uint64_t start_up_vblanks_;
+
+  Cadence cadence_;
+  uint64_t base_frame_ = 0;  ///< frame at which the schedule began
+  uint64_t origin_ = 0;      ///< vblank at which the schedule began, moved by slips
+  bool epoch_pending_ = true;
+
+  uint64_t first_vblank_ = 0;
+  std::optional<uint64_t> shown_at_;  ///< vblank of the last flip
+  /// Vblank at which the next frame, or a dropped one before it, was due.
+  std::optional<uint64_t> owed_since_;
+  std::optional<uint64_t> starved_since_;  ///< first vblank without the frame that was due
+  uint64_t target_ = 0;                    ///< target vblank of the submitted frame
+  int consecutive_drops_ = 0;
+  PaceCounts counts_;
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/playback/play_statistics.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstdio>
+#include <fstream>
+
+#include "base/print.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::ordered_json;
+
+ordered_json latency_json(const LatencySummary& latency) {
+  return {{"count", latency.count},
+          {"p50", latency.p50_us},
+          {"p99", latency.p99_us},
+          {"max", latency.max_us}};
+}
+
+ordered_json pace_json(const PaceCounts& pace) {
+  return {{"vblanks", pace.vblanks},
+          {"shown", pace.shown},
+          {"repeated_planned", pace.repeated_planned},
+          {"repeated_underrun", pace.repeated_underrun},
+          {"missed_vblanks", pace.missed},
+          {"held", pace.held},
+          {"dropped", pace.dropped},
+          {"skipped_planned", pace.skipped_planned},
+          {"slipped_vblanks", pace.slipped},
+          {"underruns", pace.underruns},
+          {"underruns_after_start", pace.underruns_after_start}};
+}
+
+}  // namespace
+
+void LiveGlassPlace::publish(const GlassPlace& place) noexcept {
+  const auto values = std::bit_cast<std::array<uint64_t, kFields>>(place);
+  const uint64_t version = version_.load(std::memory_order_relaxed);
+  version_.store(version + 1, std::memory_order_seq_cst);
+  for (size_t k = 0; k < kFields; ++k) fields_[k].store(values[k], std::memory_order_seq_cst);
+  version_.store(version + 2, std::memory_order_seq_cst);
+}
+
+GlassPlace LiveGlassPlace::read() const noexcept {
+  std::array<uint64_t, kFields> values{};
+  uint64_t before = 0;
+  do {
+    before = version_.load(std::memory_order_seq_cst);
+    for (size_t k = 0; k < kFields; ++k) values[k] = fields_[k].load(std::memory_order_seq_cst);
+  } while (before % 2 != 0 || before != version_.load(std::memory_order_seq_cst));
+  return std::bit_cast<GlassPlace>(values);
+}
+
+void LivePaceCounts::publish(const PaceCounts& counts) noexcept {
+  const auto values = std::bit_cast<std::array<uint64_t, kFields>>(counts);
+  for (size_t i = 0; i < kFields; ++i) fields_[i].set(values[i]);
+}
+
+PaceCounts LivePaceCounts::read() const noexcept {
+  std::array<uint64_t, kFields> values{};
+  for (size_t i = 0; i < kFields; ++i) values[i] = fields_[i].get();
+  return std::bit_cast<PaceCounts>(values);
+}
+
+void FillerStatistics::sample_ready(uint64_t ready) noexcept {
+  ready_min.set(ready_samples.get() == 0 ? ready : std::min(ready_min.get(), ready));
+  ready_sum.add(ready);
+  ready_samples.add();
+}
+
+ResidentMemory read_resident_memory() {
+  ResidentMemory memory;
+  std::ifstream file("/proc/self/status");
+  for (std::string line; std::getline(file, line);) {
+    unsigned long long kibibytes = 0;
+    const auto is = [&](const char* pattern) {
+      return std::sscanf(line.c_str(), pattern, &kibibytes) == 1;
+    };
+    if (is("VmRSS: %llu kB")) memory.total = kibibytes * 1024;
+    if (is("RssAnon: %llu kB")) memory.anonymous = kibibytes * 1024;
+    if (is("RssShmem: %llu kB")) memory.shared = kibibytes * 1024;
+    if (is("VmHWM: %llu kB")) memory.peak = kibibytes * 1024;
+  }
+  return memory;
+}
+
+nlohmann::ordered_json to_json(const PlayReport& report) {
+  ordered_json json = {{"outcome", report.outcome},
+                       {"source", report.source},
+                       {"display", report.display},
+                       {"width", report.geometry.width},
+                       {"height", report.geometry.height},
+                       {"clock", report.hardware_clock ? "hardware" : "software"},
+                       {"refresh", frames::to_string(report.refresh)},
+                       {"refresh_hz", report.refresh.hertz()},
+                       {"refresh_measured_hz", report.refresh_measured_hz},
+                       {"content_rate", frames::to_string(report.content_rate)},
+                       {"late_policy", late_policy_name(report.late)},
+                       {"real_time_priority", report.real_time},
+                       {"first_frame_ms", report.first_frame_ms}};
+  json.update(pace_json(report.pace));
+  json.update({{"late_submits", report.late_submits},
+               {"flip_timeouts", report.flip_timeouts},
+               {"vblank_timeouts", report.vblank_timeouts},
+               {"busy", report.busy},
+               {"stray_events", report.stray_events},
+               {"display_returns", report.display_returns},
+               {"frames_lost", report.frames_lost},
+               {"frames_shown_again", report.frames_shown_again},
+               {"frames_cut", report.frames_cut},
+               {"loops", report.loops},
+               {"frames_copied", report.filled},
+               {"frames_released", report.released},
+               {"ring_fill", {{"min", report.ready_min}, {"avg", report.ready_avg}}},
+               {"submit_to_flip_us", latency_json(report.submit_to_flip)},
+               {"wake_latency_us", latency_json(report.wake)},
+               {"copy_us", latency_json(report.copy)},
+               {"resident_bytes",
+                {{"total", report.memory.total},
+                 {"anonymous", report.memory.anonymous},
+                 {"shared", report.memory.shared},
+                 {"peak", report.memory.peak}}},
+               {"log_lines_dropped", dropped_log_lines()}});
+  return json;
+}
+
+ordered_json to_json(const frames::FrameDamage& damage) {
+  return {{"damaged_frames", damage.damaged},
+          {"missing_frames", damage.missing},
+          {"repeated_frames", damage.repeated}};
+}
+
+std::string damage_text(const frames::FrameDamage& damage) {
+  return fmt::format("{} frames damaged, {} missing, {} repeated", damage.damaged, damage.missing,
+                     damage.repeated);
+}
+
+std::string summary_text(const PlayReport& report) {
+  const PaceCounts& pace = report.pace;
+  return fmt::format(
+      "{} on {}: {} frames in {} vblanks, {} repeated by plan, {} by underrun ({} underruns, {} "
+      "after start-up), {} missed, {} dropped\n"
+      "first frame after {:.0f} ms; submit to flip {:.1f} ms median, copy {:.1f} ms median, {:.1f} "
+      "ms at most; {} MiB resident",
+      escaped(report.source), escaped(report.display), pace.shown, pace.vblanks,
+      pace.repeated_planned, pace.repeated_underrun, pace.underruns, pace.underruns_after_start,
+      pace.missed, pace.dropped, report.first_frame_ms, report.submit_to_flip.p50_us / 1000,
+      report.copy.p50_us / 1000, report.copy.max_us / 1000, report.memory.total >> 20);
+}
+
+}  // namespace lenticule::player

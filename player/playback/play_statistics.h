@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// LiveStatistics holds the counters of a running playback, PlayReport the report made of them.
+// docs/player.md explains each figure.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "frames/frame.h"
+#include "frames/frame_source.h"
+#include "frames/rational.h"
+#include "player/playback/latency_histogram.h"
+#include "player/playback/pacing.h"
+
+namespace lenticule::player {
+
+/// Counter is written by one thread and read by any; updates of different counters are not ordered.
+class Counter {
+ public:
+  void add(uint64_t amount = 1) noexcept { set(get() + amount); }
+  void set(uint64_t value) noexcept { value_.store(value, std::memory_order_relaxed); }
+  [[nodiscard]] uint64_t get() const noexcept { return value_.load(std::memory_order_relaxed); }
+
+ private:
+  std::atomic<uint64_t> value_{0};
+};
+
+/// LivePaceCounts makes PaceCounts readable from a second thread.
+class LivePaceCounts {
+ public:
+  void publish(const PaceCounts& counts) noexcept;
+  [[nodiscard]] PaceCounts read() const noexcept;
+
+ private:
+  static constexpr size_t kFields = sizeof(PaceCounts) / sizeof(uint64_t);
+  std::array<Counter, kFields> fields_;
+};
+
+/// Identifies the displayed frame.
+struct GlassPlace {
+  uint64_t frames = 0;  ///< frames shown so far; 0 = none yet
+  uint64_t index = 0;   ///< index in the playback
+  uint64_t item = 0;    ///< item number that the source gives
+  uint64_t number = 0;  ///< frame number within the item
+};
+
+/// LiveGlassPlace publishes a GlassPlace that any thread can read consistently (a seqlock); its one
+/// writer never waits.
+class LiveGlassPlace {
+ public:
+  void publish(const GlassPlace& place) noexcept;
+  [[nodiscard]] GlassPlace read() const noexcept;
+
+ private:
+  static constexpr size_t kFields = sizeof(GlassPlace) / sizeof(uint64_t);
+  std::atomic<uint64_t> version_{0};  ///< odd during a write
+  std::array<std::atomic<uint64_t>, kFields> fields_{};
+};
+
+struct PresenterStatistics {
+  LivePaceCounts pace;
+  LiveGlassPlace glass;
+  Counter frames_cut;       ///< filled frames left out because of a jump
+  Counter late_submits;     ///< submissions within the margin before their vblank, even if on time
+  Counter flip_timeouts;    ///< flips without an event
+  Counter vblank_timeouts;  ///< requested vblanks without an event
+  Counter busy;             ///< submissions refused because a flip was pending
+  Counter stray_events;     ///< events of flips that were not awaited
+  Counter display_returns;  ///< times the display was lost and came back
+  Counter frames_lost;      ///< frames lost with the display before they were visible
+  Counter frames_shown_again;  ///< frames displayed when the display was lost and shown again
+  Counter real_time;           ///< 1 if the presenter has a real-time priority
+  Counter first_flip_ns;       ///< std::chrono::steady_clock
+  Counter content_numerator;
+  Counter content_denominator;
+  Counter first_sequence;
+  Counter first_vblank_ns;  ///< display clock
+  Counter last_sequence;
+  Counter last_vblank_ns;
+  LatencyHistogram submit_to_flip;
+  LatencyHistogram wake;  ///< time from the vblank until the presenter runs
+};
+
+struct FillerStatistics {
+  Counter filled;    ///< frames copied into scan-out memory
+  Counter released;  ///< frames returned uncopied because they would have been too late
+  Counter loops;     ///< times the sequence was complete
+  Counter ready_sum;
+  Counter ready_samples;
+  Counter ready_min;
+  LatencyHistogram copy;
+
+  void sample_ready(uint64_t ready) noexcept;
+};
+
+struct LiveStatistics {
+  PresenterStatistics presenter;
+  FillerStatistics filler;
+};
+
+/// Memory of this process in bytes; zeros where /proc is missing.
+struct ResidentMemory {
+  uint64_t total = 0;      ///< includes pages of program and library files
+  uint64_t anonymous = 0;  ///< part allocated by the process itself
+  uint64_t shared = 0;     ///< part in shared memory: the ring
+  uint64_t peak = 0;
+};
+[[nodiscard]] ResidentMemory read_resident_memory();
+
+/// The figures at one moment.
+struct PlayReport {
+  std::string source;
+  std::string display;
+  frames::FrameGeometry geometry;
+  frames::Rate refresh;
+  frames::Rate content_rate;  ///< rate as played
+  LatePolicy late = LatePolicy::Slip;
+  bool hardware_clock = false;
+  bool real_time = false;
+  std::string outcome;  ///< "playing", "finished", "interrupted", ...
+
+  PaceCounts pace;
+  uint64_t late_submits = 0;
+  uint64_t flip_timeouts = 0;
+  uint64_t vblank_timeouts = 0;
+  uint64_t busy = 0;
+  uint64_t stray_events = 0;
+  uint64_t display_returns = 0;
+  uint64_t frames_lost = 0;
+  uint64_t frames_shown_again = 0;
+  uint64_t frames_cut = 0;
+  uint64_t loops = 0;
+  uint64_t filled = 0;
+  uint64_t released = 0;
+  double refresh_measured_hz = 0;  ///< 0 = not yet
+  double first_frame_ms = 0;       ///< time from the start of the command; 0 = not yet
+  uint64_t ready_min = 0;
+  double ready_avg = 0;
+  LatencySummary submit_to_flip;
+  LatencySummary wake;
+  LatencySummary copy;
+  ResidentMemory memory;
+};
+
+[[nodiscard]] nlohmann::ordered_json to_json(const PlayReport& report);
+[[nodiscard]] nlohmann::ordered_json to_json(const frames::FrameDamage& damage);
+/// Returns "12 frames damaged, 3 missing, 0 repeated".
+[[nodiscard]] std::string damage_text(const frames::FrameDamage& damage);
+/// Returns two lines for people.
+[[nodiscard]] std::string summary_text(const PlayReport& report);
+
+}  // namespace lenticule::player

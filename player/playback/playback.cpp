@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/playback/playback.h"
+
+#include <fmt/format.h>
+#include <poll.h>
+#include <pthread.h>
+#include <sched.h>
+
+#include <atomic>
+#include <thread>
+
+#include "base/error.h"
+
+namespace lenticule::player {
+namespace {
+
+using std::chrono::milliseconds;
+using SteadyClock = std::chrono::steady_clock;
+
+constexpr milliseconds kReportInterval{1000};
+constexpr int kPresenterPriority =
+    10;  // below the kernel's interrupt threads, above everything else
+
+/// Returns true if the real-time priority was granted.
+bool take_real_time_priority() noexcept {
+  sched_param parameters{};
+  parameters.sched_priority = kPresenterPriority;
+  return pthread_setschedparam(pthread_self(), SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters) == 0;
+}
+
+/// Threads owns the threads of one playback and ends them in its destructor.
+class Threads {
+ public:
+  Threads(display::Display& display, frames::FrameSource& source, LiveStatistics& statistics,
+          const PlaybackOptions& options)
+      : statistics_(statistics),
+        own_filler_(options.filling == Filling::OwnThread),
+        real_time_(options.real_time_priority),
+        filler_(source, display, statistics.filler,
+                {.loops = options.loops,
+                 .prime = options.prime,
+                 .keep_newest = options.bring_back != nullptr,
+                 .keep_shown = options.control != nullptr}),
+        presenter_(display, filler_, statistics.presenter,
+                   {.content = options.content,
+                    .late = options.late,
+                    .vblanks = options.vblanks,
+                    .prime_timeout = options.prime_timeout,
+                    .stall_timeout = options.stall_timeout,
+                    .filling = options.filling}),
+        control_(options.control) {
+    if (control_ != nullptr) control_->attach(presenter_, filler_, statistics_.presenter);
+  }
+  ~Threads() {
+    end();
+    if (control_ != nullptr) control_->detach();
+  }
+  Threads(const Threads&) = delete;
+  Threads& operator=(const Threads&) = delete;
+
+  /// Returns a descriptor that is readable when the presenter has finished.
+  [[nodiscard]] int over_fd() const noexcept { return over_.fd(); }
+  void request_stop() noexcept { presenter_.request_stop(); }
+
+  void start() {
+    if (own_filler_) filler_thread_ = std::thread([this] { filler_.run(); });
+    presenter_thread_ = std::thread([this] {
+      if (real_time_ && take_real_time_priority()) statistics_.presenter.real_time.set(1);
+      outcome_ = presenter_.run();
+      over_.signal();
+    });
+  }
+
+  /// Forgets the lost display's buffers. Call it after end(), before the display is opened again.
+  void forget_buffers() noexcept { filler_.forget_buffers(); }
+  /// Starts the threads again after forget_buffers(), once the display is back.
+  void start_again() {
+    over_.drain();
+    presenter_.resume(filler_.begin_again());
+    start();
+  }
+
+  /// Joins the threads; outcome() and failure() are final afterwards.
+  void end() noexcept {
+    presenter_.request_stop();
+    if (presenter_thread_.joinable()) presenter_thread_.join();
+    filler_.request_stop();
+    if (filler_thread_.joinable()) filler_thread_.join();
+  }
+  void close_books() noexcept { presenter_.close_books(); }
+  [[nodiscard]] PlayOutcome outcome() const noexcept { return outcome_; }
+  [[nodiscard]] auto time_left() const noexcept { return presenter_.time_left(); }
+  [[nodiscard]] std::string failure() const {
+    return filler_.state() == Filler::State::Failed ? filler_.failure() : std::string();
+  }
+
+ private:
+  LiveStatistics& statistics_;
+  const bool own_filler_;
+  const bool real_time_;
+  Filler filler_;
+  Presenter presenter_;
+  PlaybackControl* const control_;
+  WakeFd over_;
+  PlayOutcome outcome_ = PlayOutcome::Stopped;
+  std::thread filler_thread_;
+  std::thread presenter_thread_;
+};
+
+double measured_refresh_hz(const PresenterStatistics& statistics) {
+  const uint64_t vblanks = statistics.last_sequence.get() - statistics.first_sequence.get();
+  const uint64_t elapsed = statistics.last_vblank_ns.get() - statistics.first_vblank_ns.get();
+  const bool known = statistics.first_vblank_ns.get() > 0 && vblanks > 0 && elapsed > 0;
+  return known ? static_cast<double>(vblanks) * 1e9 / static_cast<double>(elapsed) : 0.0;
+}
+
+double first_frame_ms(const PresenterStatistics& statistics, SteadyClock::time_point started) {
+  const uint64_t flip = statistics.first_flip_ns.get();
+  if (flip == 0) return 0.0;
+  const auto since = std::chrono::nanoseconds(flip) - started.time_since_epoch();
+  return std::chrono::duration<double, std::milli>(since).count();
+}
+
+void add_counters(const LiveStatistics& live, PlayReport& report) {
+  const PresenterStatistics& presenter = live.presenter;
+  report.real_time = presenter.real_time.get() != 0;
+  report.pace = presenter.pace.read();
+  if (presenter.content_numerator.get() > 0)
+    report.content_rate = {
+        .numerator = static_cast<int64_t>(presenter.content_numerator.get()),
+        .denominator = static_cast<int64_t>(presenter.content_denominator.get())};
+  report.late_submits = presenter.late_submits.get();
+  report.flip_timeouts = presenter.flip_timeouts.get();
+  report.vblank_timeouts = presenter.vblank_timeouts.get();
+  report.busy = presenter.busy.get();
+  report.stray_events = presenter.stray_events.get();
+  report.display_returns = presenter.display_returns.get();
+  report.frames_lost = presenter.frames_lost.get();
+  report.frames_shown_again = presenter.frames_shown_again.get();
+  report.frames_cut = presenter.frames_cut.get();
+  report.refresh_measured_hz = measured_refresh_hz(presenter);
+  report.submit_to_flip = presenter.submit_to_flip.summary();
+  report.wake = presenter.wake.summary();
+
+  const FillerStatistics& filler = live.filler;
+  report.loops = filler.loops.get();
+  report.filled = filler.filled.get();
+  report.released = filler.released.get();
+  report.ready_min = filler.ready_min.get();
+  const uint64_t samples = filler.ready_samples.get();
+  if (samples > 0)
+    report.ready_avg = static_cast<double>(filler.ready_sum.get()) / static_cast<double>(samples);
+  report.copy = filler.copy.summary();
+}
+
+class Reporter {
+ public:
+  Reporter(const display::Display& display, const PlaybackOptions& options,
+           const LiveStatistics& live)
+      : live_(live), started_(options.started) {
+    still_.source = options.source_name;
+    still_.late = options.late;
+    look_at(display);
+  }
+
+  /// Reads the display's mode; no other thread may use the display meanwhile.
+  void look_at(const display::Display& display) {
+    const display::DisplayMode& mode = display.mode();
+    still_.display = mode.name;
+    still_.geometry = mode.geometry;
+    still_.refresh = mode.refresh;
+    still_.hardware_clock = mode.hardware_clock;
+  }
+
+  [[nodiscard]] PlayReport now(const char* outcome) const {
+    PlayReport report = still_;
+    report.outcome = outcome;
+    add_counters(live_, report);
+    report.first_frame_ms = first_frame_ms(live_.presenter, started_);
+    report.memory = read_resident_memory();
+    return report;
+  }
+
+ private:
+  const LiveStatistics& live_;
+  SteadyClock::time_point started_;
+  PlayReport still_;  ///< constant fields
+};
+
+/// Waits for the presenter's end; forwards the stop request and sends reports.
+void watch(Threads& threads, const Reporter& reporter, const PlaybackOptions& options) {
+  pollfd entries[2] = {{.fd = threads.over_fd(), .events = POLLIN, .revents = 0},
+                       {.fd = options.stop_fd, .events = POLLIN, .revents = 0}};
+  while (true) {
+    const int ready = poll(entries, 2, static_cast<int>(kReportInterval.count()));
+    if (entries[0].revents != 0) return;
+    if (entries[1].revents != 0) {
+      threads.request_stop();
+      entries[1].fd = -1;  // report the stop only once
+    }
+    if (ready == 0 && options.on_report) options.on_report(reporter.now("playing"));
+  }
+}
+
+Comeback bring_back(const Threads& threads, const Reporter& reporter, frames::FrameSource& source,
+                    const PlaybackOptions& options) {
+  const PlayReport report = reporter.now(outcome_name(PlayOutcome::DisplayLost));
+  return options.bring_back({.report = report,
+                             .time_left = threads.time_left(),
+                             .serve_source = [&source] { source.service(); }});
+}
+
+/// Plays to the end, reconnecting the display whenever it is lost and can be reopened.
+PlayOutcome play_to_the_end(Threads& threads, Reporter& reporter, display::Display& display,
+                            frames::FrameSource& source, const PlaybackOptions& options) {
+  threads.start();
+  while (true) {
+    watch(threads, reporter, options);
+    threads.end();
+    if (threads.outcome() != PlayOutcome::DisplayLost) return threads.outcome();
+    if (!options.bring_back) return PlayOutcome::DisplayLost;
+    threads.forget_buffers();
+    const Comeback comeback = bring_back(threads, reporter, source, options);
+    if (comeback == Comeback::TimeOver) return PlayOutcome::Finished;
+    if (comeback == Comeback::Stopped) return PlayOutcome::Stopped;
+    if (comeback == Comeback::GivenUp) return PlayOutcome::DisplayLost;
+    reporter.look_at(display);
+    threads.start_again();
+  }
+}
+
+void check_sizes(const display::Display& display, const frames::FrameSource& source,
+                 const std::string& name) {
+  const frames::FrameGeometry panel = display.mode().geometry;
+  const frames::FrameGeometry frame = source.geometry();
+  if (frame == panel) return;
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: frames of {}x{} pixels, but the display has {}x{}", name,
+                          frame.width, frame.height, panel.width, panel.height),
+              "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+}
+
+}  // namespace
+
+void PlaybackControl::attach(Presenter& presenter, Filler& filler,
+                             const PresenterStatistics& statistics) {
+  const std::lock_guard lock(mutex_);
+  presenter_ = &presenter;
+  filler_ = &filler;
+  statistics_ = &statistics;
+  presenter.set_paused(paused_);
+}
+
+void PlaybackControl::detach() {
+  const std::lock_guard lock(mutex_);
+  presenter_ = nullptr;
+  filler_ = nullptr;
+  statistics_ = nullptr;
+}
+
+void PlaybackControl::pause(bool paused) {
+  const std::lock_guard lock(mutex_);
+  paused_ = paused;
+  if (presenter_ != nullptr) presenter_->set_paused(paused);
+}
+
+bool PlaybackControl::paused() const {
+  const std::lock_guard lock(mutex_);
+  return paused_;
+}
+
+GlassPlace PlaybackControl::on_glass() const {
+  const std::lock_guard lock(mutex_);
+  return statistics_ != nullptr ? statistics_->glass.read() : GlassPlace{};
+}
+
+bool PlaybackControl::copy_shown(frames::WovenFrame& into) {
+  const std::lock_guard lock(mutex_);
+  if (filler_ == nullptr || statistics_->glass.read().frames == 0) return false;
+  return filler_->copy_shown(into, milliseconds(1000));
+}
+
+const char* outcome_name(PlayOutcome outcome) {
+  switch (outcome) {
+    case PlayOutcome::Finished:
+      return "finished";
+    case PlayOutcome::Stopped:
+      return "interrupted";
+    case PlayOutcome::SourceFailed:
+      return "source failed";
+    case PlayOutcome::SourceStalled:
+      return "source stalled";
+    case PlayOutcome::DisplayLost:
+      return "display lost";
+  }
+  return "unknown";
+}
+
+PlayResult play(display::Display& display, frames::FrameSource& source,
+                const PlaybackOptions& options) {
+  check_sizes(display, source, options.source_name);
+  LiveStatistics statistics;
+  Reporter reporter(display, options, statistics);
+  Threads threads(display, source, statistics, options);
+  const PlayOutcome outcome = play_to_the_end(threads, reporter, display, source, options);
+  threads.close_books();
+  return {.outcome = outcome,
+          .failure = threads.failure(),
+          .report = reporter.now(outcome_name(outcome))};
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// play() shows a source on a display: it starts, supervises and ends the threads.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "display/display.h"
+#include "frames/frame_source.h"
+#include "player/playback/play_statistics.h"
+#include "player/playback/presenter.h"
+
+namespace lenticule::player {
+
+/// The state passed to bring_back after a display is lost. Used on the thread of play(); no other
+/// thread uses the display or the source meanwhile.
+struct LostDisplay {
+  const PlayReport& report;
+  /// Time until the requested vblanks are over; none = no end.
+  std::optional<std::chrono::nanoseconds> time_left;
+  /// Keeps the source's peers connected; call it about every second.
+  std::function<void()> serve_source;
+};
+
+enum class Comeback {
+  Back,      ///< the display works again with frames of the same size: playing continues
+  GivenUp,   ///< the outcome is DisplayLost
+  Stopped,   ///< the outcome is Stopped
+  TimeOver,  ///< LostDisplay::time_left is over: the outcome is Finished
+};
+
+class Filler;
+
+/// PlaybackControl lets other threads control a playback. While no playback is attached, pausing is
+/// remembered and everything else reports that nothing is displayed. Lifetime: must outlive the
+/// playbacks that use it.
+class PlaybackControl {
+ public:
+  /// Thread safety: any thread.
+  void pause(bool paused);
+  [[nodiscard]] bool paused() const;
+  [[nodiscard]] GlassPlace on_glass() const;
+  /// Copies the displayed frame, which must have the size of `into`; returns false if that is not
+  /// possible. Waits at most a second.
+  [[nodiscard]] bool copy_shown(frames::WovenFrame& into);
+
+  /// Called by play(): attaches the running playback, and detaches it before play() returns.
+  void attach(Presenter& presenter, Filler& filler, const PresenterStatistics& statistics);
+  void detach();
+
+ private:
+  mutable std::mutex mutex_;
+  bool paused_ = false;
+  Presenter* presenter_ = nullptr;
+  Filler* filler_ = nullptr;
+  const PresenterStatistics* statistics_ = nullptr;
+};
+
+struct PlaybackOptions {
+  /// Content rate; none = the source's own rate, else the display's refresh.
+  std::optional<frames::Rate> content = std::nullopt;
+  LatePolicy late = LatePolicy::Slip;
+  uint64_t loops = 1;  ///< or kForever
+  uint64_t prime = 1;  ///< frames that must be ready before the first is shown
+  std::optional<uint64_t> vblanks = std::nullopt;
+  std::chrono::nanoseconds prime_timeout = std::chrono::seconds(2);
+  std::optional<std::chrono::nanoseconds> stall_timeout = std::chrono::seconds(60);
+  Filling filling = Filling::OwnThread;
+  /// Requests real-time priority for the presenter; continues without it if not permitted.
+  bool real_time_priority = false;
+
+  /// May be null. If set, frames stay acquired until they are no longer displayed.
+  PlaybackControl* control = nullptr;
+
+  /// Readable = stop; -1 = never.
+  int stop_fd = -1;
+  /// Called about once a second on the thread of play(); an exception from it ends the playback and
+  /// leaves play().
+  std::function<void(const PlayReport&)> on_report = nullptr;
+  /// Reconnects a lost display. The source's newest frame is then shown again and the sequence
+  /// continues from there. Null = a lost display ends the playback.
+  std::function<Comeback(const LostDisplay&)> bring_back = nullptr;
+  /// Reference time of PlayReport::first_frame_ms, and the source's name in the report.
+  std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+  std::string source_name = {};
+};
+
+struct PlayResult {
+  PlayOutcome outcome = PlayOutcome::Finished;
+  std::string failure;  ///< the source's error if it failed
+  PlayReport report;
+};
+
+[[nodiscard]] const char* outcome_name(PlayOutcome outcome);
+
+/// Plays to the end and returns the result. Other threads use the display and the source meanwhile,
+/// none afterwards. Throws Error(Input) if the source's frames do not have the display's size.
+[[nodiscard]] PlayResult play(display::Display& display, frames::FrameSource& source,
+                              const PlaybackOptions& options);
+
+}  // namespace lenticule::player

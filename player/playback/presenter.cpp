@@ -1,0 +1,429 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/playback/presenter.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace lenticule::player {
+namespace {
+
+using display::DisplayEvent;
+using display::EventKind;
+using display::Nanoseconds;
+using display::SubmitStatus;
+using std::chrono::milliseconds;
+
+/// Longest wait before the stop request is checked again.
+constexpr Nanoseconds kLongestWait = milliseconds(100);
+/// Real time that a working source is waited for in simulated time.
+constexpr milliseconds kSourcePatience{10'000};
+/// A submission less than this before its vblank counts as late.
+constexpr Nanoseconds kSubmitMargin = std::chrono::microseconds(1500);
+/// The display is considered lost after this many consecutive flips without an event, or refusals.
+constexpr int kMaxEventsLost = 8;
+constexpr int kMaxRefusals = 64;
+
+Nanoseconds period_of(frames::Rate refresh) {
+  return Nanoseconds(static_cast<int64_t>(1e9 / refresh.hertz()));
+}
+
+}  // namespace
+
+Presenter::Presenter(display::Display& display, Filler& filler, PresenterStatistics& statistics,
+                     const PresenterOptions& options)
+    : display_(display),
+      filler_(filler),
+      statistics_(statistics),
+      options_(options),
+      period_(period_of(display.mode().refresh)),
+      pacer_(display.mode().refresh, display.mode().refresh, options.late),
+      wanted_rate_(display.mode().refresh) {
+  filler_.wake_at_cuts(wake_);
+}
+
+void Presenter::set_paused(bool paused) noexcept {
+  paused_.store(paused, std::memory_order_release);
+  wake_.signal();
+}
+
+void Presenter::request_stop() noexcept {
+  stopping_.store(true, std::memory_order_release);
+  wake_.signal();
+}
+
+PlayOutcome Presenter::run() noexcept {
+  if (!pacer_.started()) {
+    prime();
+    choose_rate();
+  }
+  play_on();
+  return outcome_.value_or(PlayOutcome::Stopped);
+}
+
+void Presenter::play_on() noexcept {
+  while (!over()) {
+    act();
+    if (over()) break;
+    handle(display_.wait_event(awaited_by() + event_patience(), wake_.fd()));
+    publish();
+  }
+  land_pending_flip();
+}
+
+void Presenter::close_books() noexcept {
+  pacer_.finish(end_vblank_.value_or(last_sequence_ + 1));
+  publish();
+}
+
+/// Resets what belonged to the lost display and keeps the displayed frame's accounting.
+void Presenter::resume(uint64_t frame) noexcept {
+  stopping_.store(false, std::memory_order_release);
+  outcome_.reset();
+  end_vblank_.reset();
+  pending_.reset();
+  starved_since_.reset();
+  tick_requested_ = rebuffering_ = false;
+  shows_one_more_ = true;
+  events_lost_in_a_row_ = refused_in_a_row_ = 0;
+  period_ = period_of(display_.mode().refresh);
+  count_begins_anew_ = true;
+  statistics_.display_returns.add();
+  const uint64_t expected = pacer_.frame();
+  if (frame < expected)
+    statistics_.frames_shown_again.add(expected - frame);
+  else
+    statistics_.frames_lost.add(frame - expected);
+  first_frame_ = frame;
+  if (!pacer_.started()) return;
+  wanted_rate_ = content_wanted();
+  pacer_.resume(wanted_rate_, display_.mode().refresh, frame);
+  state_rate();
+}
+
+/// Waits until enough frames are ready to start: all requested, all possible, or those that arrived
+/// within the timeout.
+void Presenter::prime() noexcept {
+  Nanoseconds begin = display_.now();
+  std::optional<Nanoseconds> first_frame;
+  while (!over()) {
+    if (options_.filling == Filling::InPresenter) filler_.pump(kSourcePatience);
+    filler_.wake_at_next_change(wake_);
+    const Nanoseconds now = display_.now();
+    const bool over_already = filler_.state() != Filler::State::Running;
+    if (filler_.idle()) begin = now;
+    if (filler_.peek() != nullptr) {
+      if (!first_frame) first_frame = now;
+      if (filler_.primed() || now >= *first_frame + options_.prime_timeout) return;
+    } else if (over_already) {
+      outcome_ = PlayOutcome::SourceFailed;
+    } else if (options_.stall_timeout && now >= begin + *options_.stall_timeout) {
+      outcome_ = PlayOutcome::SourceStalled;
+    }
+    if (over()) return;
+    handle(display_.wait_event(now + kLongestWait, wake_.fd()));
+  }
+}
+
+/// Returns the content's rate. A source may learn its rate only with its first frame, and change it
+/// with any frame.
+frames::Rate Presenter::content_wanted() const noexcept {
+  const frames::Rate refresh = display_.mode().refresh;
+  if (options_.content) return *options_.content;
+  return filler_.peek() != nullptr ? filler_.peek()->rate.value_or(refresh) : refresh;
+}
+
+void Presenter::choose_rate() noexcept {
+  const frames::Rate refresh = display_.mode().refresh;
+  wanted_rate_ = content_wanted();
+  pacer_ = Pacer(wanted_rate_, refresh, options_.late);
+  if (first_frame_ > 0) pacer_.resume(wanted_rate_, refresh, first_frame_);
+  state_rate();
+}
+
+void Presenter::state_rate() noexcept {
+  statistics_.content_numerator.set(static_cast<uint64_t>(pacer_.content_rate().numerator));
+  statistics_.content_denominator.set(static_cast<uint64_t>(pacer_.content_rate().denominator));
+}
+
+/// Decides what the next vblank shows, unless that is decided already.
+void Presenter::act() noexcept {
+  if (options_.filling == Filling::InPresenter) filler_.pump(kSourcePatience);
+  if (pending_) return;
+  follow_cut();
+  const uint64_t target = next_reachable_vblank();
+  if (!end_vblank_ && options_.vblanks && pacer_.started())
+    if (target >= pacer_.first_vblank() + *options_.vblanks)
+      end_vblank_ = pacer_.first_vblank() + *options_.vblanks;
+  if (end_vblank_) return end_at_vblank(*end_vblank_, outcome_at_end_);
+  if (holds_still()) return request_vblank(last_sequence_);
+
+  while (true) {
+    discard_before(pacer_.frame());
+    follow_rate();
+    switch (pacer_.decide(target, head_is_ready())) {
+      case PaceDecision::Submit:
+        return submit(*filler_.peek(), target);
+      case PaceDecision::Later:
+        return request_vblank(pacer_.due() - 2);
+      case PaceDecision::Starved:
+        return starve(target);
+      case PaceDecision::Skip:
+        break;
+    }
+  }
+}
+
+bool Presenter::head_is_ready() const noexcept {
+  const FilledFrame* const head = filler_.peek();
+  if (head == nullptr || head->index != pacer_.frame()) return false;
+  return !rebuffering_ || filler_.primed();
+}
+
+void Presenter::discard_before(uint64_t index) noexcept {
+  filler_.skip_before(index);
+  const FilledFrame* head = filler_.peek();
+  for (; head != nullptr && head->index < index; head = filler_.peek()) discard_head();
+}
+
+void Presenter::discard_head() noexcept {
+  display_.discard(filler_.peek()->buffer);
+  filler_.pop();
+  filler_.buffer_freed();
+}
+
+/// Handles a discontinuity of the source: discards frames filled before it and starts a new
+/// schedule with the first frame after it. Until then the displayed frame stays.
+void Presenter::follow_cut() noexcept {
+  const uint64_t cut = filler_.cut();
+  if (cut != cut_) {
+    cut_ = cut;
+    after_cut_ = shows_one_more_ = true;
+    rebuffering_ = false;
+    starved_since_.reset();
+    pacer_.begin_epoch();
+  }
+  const FilledFrame* head = filler_.peek();
+  for (; head != nullptr && head->cut < cut_; head = filler_.peek()) {
+    discard_head();
+    statistics_.frames_cut.add();
+  }
+  if (!after_cut_ || head == nullptr) return;
+  after_cut_ = false;
+  wanted_rate_ = content_wanted();
+  pacer_.resume(wanted_rate_, display_.mode().refresh, head->index);
+  state_rate();
+}
+
+/// Follows the rate of the next frame: items of a list may have rates of their own.
+void Presenter::follow_rate() noexcept {
+  const FilledFrame* const head = filler_.peek();
+  if (options_.content || head == nullptr || head->index != pacer_.frame()) return;
+  const frames::Rate rate = head->rate.value_or(display_.mode().refresh);
+  if (rate == wanted_rate_) return;
+  wanted_rate_ = rate;
+  pacer_.change_rate(rate);
+  state_rate();
+}
+
+bool Presenter::holds_still() noexcept {
+  if (!paused_.load(std::memory_order_acquire) || shows_one_more_) return false;
+  starved_since_.reset();
+  pacer_.begin_epoch();
+  return true;
+}
+
+void Presenter::submit(const FilledFrame& frame, uint64_t target) noexcept {
+  const Nanoseconds now = display_.now();
+  const uint64_t id = frame.index;
+  const FilledFrame head = frame;
+  switch (display_.submit(frame.buffer, id)) {
+    case SubmitStatus::Accepted:
+      break;
+    case SubmitStatus::Busy:
+      statistics_.busy.add();
+      if (++refused_in_a_row_ >= kMaxRefusals) outcome_ = PlayOutcome::DisplayLost;
+      return request_vblank(last_sequence_);
+    case SubmitStatus::Paused:
+      pacer_.begin_epoch();
+      return request_vblank(last_sequence_);
+    case SubmitStatus::Lost:
+      outcome_ = PlayOutcome::DisplayLost;
+      return;
+  }
+  filler_.pop();
+  pacer_.submitted(target);
+  pending_ = {
+      .target = target, .id = id, .submitted = now, .number = head.number, .item = head.item};
+  shows_one_more_ = false;
+  refused_in_a_row_ = 0;
+  rebuffering_ = false;
+  starved_since_.reset();
+
+  const auto periods_ahead = static_cast<int64_t>(target - last_sequence_);
+  const Nanoseconds vblank = last_vblank_ + periods_ahead * period_;
+  const Nanoseconds margin = std::min(kSubmitMargin, period_ / 4);
+  if (pacer_.started() && now + margin > vblank) statistics_.late_submits.add();
+}
+
+/// Handles a frame that is due and not ready: the displayed frame stays.
+void Presenter::starve(uint64_t target) noexcept {
+  const Filler::State state = filler_.state();
+  if (state != Filler::State::Running && filler_.peek() == nullptr) {
+    pacer_.end_of_sequence();
+    const uint64_t end = std::max(pacer_.due(), target);
+    return end_at_vblank(
+        end, state == Filler::State::Ended ? PlayOutcome::Finished : PlayOutcome::SourceFailed);
+  }
+  const Nanoseconds now = display_.now();
+  if (filler_.idle()) {
+    starved_since_.reset();
+    pacer_.begin_epoch();
+  } else if (!starved_since_) {
+    starved_since_ = now;
+  }
+  if (options_.stall_timeout && starved_since_ &&
+      now >= *starved_since_ + *options_.stall_timeout) {
+    outcome_ = PlayOutcome::SourceStalled;
+    return;
+  }
+  if (filler_.between_sequences()) pacer_.begin_epoch();
+  rebuffering_ = options_.late == LatePolicy::Hold;
+  filler_.wake_at_next_change(wake_);
+  if (head_is_ready()) wake_.signal();
+  request_vblank(last_sequence_);
+}
+
+/// Ends the playback at `vblank`; the displayed frame stays until then.
+void Presenter::end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept {
+  end_vblank_ = vblank;
+  outcome_at_end_ = outcome;
+  if (last_sequence_ >= vblank) {
+    outcome_ = outcome;
+    return;
+  }
+  request_vblank(vblank - 1);
+}
+
+void Presenter::request_vblank(uint64_t sequence) noexcept {
+  if (!tick_requested_ || sequence != tick_after_) {
+    tick_after_ = sequence;
+    const uint64_t periods = std::max(sequence, last_sequence_) + 1 - last_sequence_;
+    tick_expected_ = last_vblank_ + static_cast<int64_t>(periods) * period_;
+  }
+  const auto theirs = static_cast<int64_t>(sequence - count_ahead_);
+  const bool known = !count_begins_anew_ && theirs > 0;
+  tick_requested_ = display_.request_vblank(known ? static_cast<uint64_t>(theirs) : 0);
+  if (!tick_requested_) outcome_ = PlayOutcome::DisplayLost;
+}
+
+/// Converts the display's vblank number to this playback's. The first event after the display came
+/// back gives the new offset; the elapsed time gives this playback's number.
+DisplayEvent Presenter::in_our_count(DisplayEvent event) noexcept {
+  if (std::exchange(count_begins_anew_, false) && last_vblank_ > Nanoseconds{0}) {
+    const int64_t away = std::max<int64_t>(1, (event.time - last_vblank_) / period_);
+    count_ahead_ = last_sequence_ + static_cast<uint64_t>(away) - event.sequence;
+  }
+  event.sequence += count_ahead_;
+  return event;
+}
+
+void Presenter::handle(const DisplayEvent& event) noexcept {
+  switch (event.kind) {
+    case EventKind::Flip:
+      return handle_flip(in_our_count(event));
+    case EventKind::Vblank:
+      tick_requested_ = false;
+      return observe_vblank(in_our_count(event));
+    case EventKind::Timeout:
+      return handle_timeout();
+    case EventKind::Lost:
+      outcome_ = PlayOutcome::DisplayLost;
+      return;
+  }
+}
+
+void Presenter::handle_flip(const DisplayEvent& event) noexcept {
+  if (!pending_ || pending_->id != event.id) {
+    statistics_.stray_events.add();
+    return;
+  }
+  if (!pacer_.started()) {
+    const auto now = std::chrono::steady_clock::now().time_since_epoch();
+    statistics_.first_flip_ns.set(static_cast<uint64_t>(Nanoseconds(now).count()));
+    statistics_.first_sequence.set(event.sequence);
+    statistics_.first_vblank_ns.set(static_cast<uint64_t>(event.time.count()));
+  }
+  statistics_.submit_to_flip.record(event.time - pending_->submitted);
+  observe_vblank(event);
+  pacer_.flipped(event.sequence);
+  filler_.shown(pending_->id);
+  statistics_.glass.publish({.frames = pacer_.counts().shown,
+                             .index = pending_->id,
+                             .item = pending_->item,
+                             .number = pending_->number});
+  pending_.reset();
+  events_lost_in_a_row_ = 0;
+  filler_.buffer_freed();
+}
+
+void Presenter::observe_vblank(const DisplayEvent& event) noexcept {
+  statistics_.wake.record(display_.now() - event.time);
+  last_sequence_ = std::max(last_sequence_, event.sequence);
+  last_vblank_ = std::max(last_vblank_, event.time);
+  statistics_.last_sequence.set(last_sequence_);
+  statistics_.last_vblank_ns.set(static_cast<uint64_t>(last_vblank_.count()));
+}
+
+/// Handles a wait that ended without an event: either another thread woke the presenter, or an
+/// event is missing. A flip without an event is assumed to have completed at its target; the next
+/// event corrects the count.
+void Presenter::handle_timeout() noexcept {
+  wake_.drain();
+  const Nanoseconds now = display_.now();
+  if (pending_ && now >= pending_->submitted + event_patience()) {
+    statistics_.flip_timeouts.add();
+    if (++events_lost_in_a_row_ >= kMaxEventsLost) outcome_ = PlayOutcome::DisplayLost;
+    pacer_.flipped(pending_->target);
+    pending_.reset();
+    filler_.buffer_freed();
+  } else if (!pending_ && tick_requested_ && now >= tick_expected_ + event_patience()) {
+    statistics_.vblank_timeouts.add();
+    tick_requested_ = false;
+  }
+}
+
+/// Waits, before run() returns, until the last submitted buffer is displayed or the display does
+/// not answer.
+void Presenter::land_pending_flip() noexcept {
+  while (pending_ && outcome_ != PlayOutcome::DisplayLost)
+    handle(display_.wait_event(pending_->submitted + event_patience(), -1));
+}
+
+uint64_t Presenter::next_reachable_vblank() const noexcept {
+  const Nanoseconds since = std::max(display_.now() - last_vblank_, Nanoseconds{0});
+  return last_sequence_ + 1 + static_cast<uint64_t>(since / period_);
+}
+
+std::optional<Nanoseconds> Presenter::time_left() const noexcept {
+  if (!options_.vblanks || !pacer_.started()) return std::nullopt;
+  const uint64_t end = pacer_.first_vblank() + *options_.vblanks;
+  const uint64_t next = next_reachable_vblank();
+  return end > next ? static_cast<int64_t>(end - next) * period_ : Nanoseconds{0};
+}
+
+/// Returns the time at which the awaited event should arrive.
+Nanoseconds Presenter::awaited_by() const noexcept {
+  if (pending_) return pending_->submitted;
+  const Nanoseconds now = display_.now();
+  return tick_requested_ ? std::max(tick_expected_, now) : now;
+}
+
+Nanoseconds Presenter::event_patience() const noexcept {
+  return std::max<Nanoseconds>(5 * period_, milliseconds(250));
+}
+
+void Presenter::publish() noexcept {
+  statistics_.pace.publish(pacer_.counts());
+}
+
+}  // namespace lenticule::player

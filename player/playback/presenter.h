@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+// Presenter shows the right frame at every vblank: it takes filled buffers, submits them when the
+// pacer says so, and records the vblank numbers that the display reports. The loop neither throws
+// nor allocates.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <optional>
+
+#include "base/wake_fd.h"
+#include "display/display.h"
+#include "player/playback/filler.h"
+#include "player/playback/pacing.h"
+#include "player/playback/play_statistics.h"
+
+namespace lenticule::player {
+
+enum class Filling {
+  OwnThread,    ///< another thread executes Filler::run()
+  InPresenter,  ///< the presenter fills between vblanks: for simulated time, which stands still
+                ///< meanwhile
+};
+
+enum class PlayOutcome {
+  Finished,       ///< the sequence or the requested time is over
+  Stopped,        ///< request_stop()
+  SourceFailed,   ///< the last frame stays until the end of its time
+  SourceStalled,  ///< no frame came for stall_timeout
+  DisplayLost,
+};
+
+struct PresenterOptions {
+  /// Content rate; none = the source's own rate, else the display's refresh.
+  std::optional<frames::Rate> content = std::nullopt;
+  LatePolicy late = LatePolicy::Slip;
+  /// Vblanks to play, counted from the first flip; none = to the end.
+  std::optional<uint64_t> vblanks = std::nullopt;
+  /// Timeout for complete priming once the first frame is there.
+  display::Nanoseconds prime_timeout = std::chrono::seconds(2);
+  /// Timeout for the next frame if none is ready; none = no timeout.
+  std::optional<display::Nanoseconds> stall_timeout = std::chrono::seconds(60);
+  Filling filling = Filling::OwnThread;
+};
+
+/// Thread safety: the presenter's thread, except where noted.
+class Presenter {
+ public:
+  Presenter(display::Display& display, Filler& filler, PresenterStatistics& statistics,
+            const PresenterOptions& options);
+
+  /// Runs the playback. Returns DisplayLost as soon as the display reports that state.
+  [[nodiscard]] PlayOutcome run() noexcept;
+  /// Prepares another run() after DisplayLost, once the display is back; it shows `frame` first.
+  /// The vblank count is advanced by the elapsed time.
+  void resume(uint64_t frame) noexcept;
+  /// Returns the time until the requested vblanks are over; none = no end.
+  [[nodiscard]] std::optional<display::Nanoseconds> time_left() const noexcept;
+  /// Counts the last frame's vblanks. Call it once after the last run().
+  void close_books() noexcept;
+  /// Any thread: completes the pending flip and ends run().
+  void request_stop() noexcept;
+  /// Any thread: keeps the displayed frame, except that one frame is shown after every
+  /// discontinuity of the source.
+  void set_paused(bool paused) noexcept;
+
+ private:
+  struct PendingFlip {
+    uint64_t target = 0;
+    uint64_t id = 0;
+    display::Nanoseconds submitted{0};
+    uint64_t number = 0;
+    uint32_t item = 0;
+  };
+
+  void play_on() noexcept;
+  void prime() noexcept;
+  [[nodiscard]] frames::Rate content_wanted() const noexcept;
+  void choose_rate() noexcept;
+  void state_rate() noexcept;
+  void act() noexcept;
+  void submit(const FilledFrame& frame, uint64_t target) noexcept;
+  void starve(uint64_t target) noexcept;
+  void end_at_vblank(uint64_t vblank, PlayOutcome outcome) noexcept;
+  void discard_before(uint64_t index) noexcept;
+  void discard_head() noexcept;
+  void follow_cut() noexcept;
+  void follow_rate() noexcept;
+  [[nodiscard]] bool holds_still() noexcept;
+  [[nodiscard]] bool head_is_ready() const noexcept;
+  void request_vblank(uint64_t sequence) noexcept;
+
+  void handle(const display::DisplayEvent& event) noexcept;
+  void handle_flip(const display::DisplayEvent& event) noexcept;
+  void handle_timeout() noexcept;
+  void observe_vblank(const display::DisplayEvent& event) noexcept;
+  void land_pending_flip() noexcept;
+
+  [[nodiscard]] display::DisplayEvent in_our_count(display::DisplayEvent event) noexcept;
+  [[nodiscard]] uint64_t next_reachable_vblank() const noexcept;
+  [[nodiscard]] display::Nanoseconds awaited_by() const noexcept;
+  [[nodiscard]] display::Nanoseconds event_patience() const noexcept;
+  [[nodiscard]] bool over() const noexcept {
+    return outcome_.has_value() || stopping_.load(std::memory_order_acquire);
+  }
+  void publish() noexcept;
+
+  display::Display& display_;
+  Filler& filler_;
+  PresenterStatistics& statistics_;
+  const PresenterOptions options_;
+  display::Nanoseconds period_;
+  Pacer pacer_;
+  uint64_t first_frame_ = 0;  ///< not 0 if the display was lost before it showed a frame
+
+  std::optional<PlayOutcome> outcome_;
+  std::optional<uint64_t> end_vblank_;  ///< vblank at which playing ends
+  PlayOutcome outcome_at_end_ = PlayOutcome::Finished;
+  std::optional<PendingFlip> pending_;
+  bool tick_requested_ = false;
+  uint64_t tick_after_ = 0;                ///< vblank after which the requested tick is due
+  display::Nanoseconds tick_expected_{0};  ///< time at which that tick is expected
+  bool rebuffering_ = false;               ///< LatePolicy::Hold after an underrun
+  std::optional<display::Nanoseconds> starved_since_;
+  frames::Rate wanted_rate_;    ///< rate of the next frame, before it is locked to the display
+  uint64_t cut_ = 0;            ///< the source's discontinuity number that was handled last
+  bool after_cut_ = false;      ///< waiting for the first frame after a discontinuity
+  bool shows_one_more_ = true;  ///< shows one more frame although paused
+  uint64_t last_sequence_ = 0;
+  display::Nanoseconds last_vblank_{0};
+  /// This playback's vblank number less the display's, whose count starts again when the display
+  /// comes back.
+  uint64_t count_ahead_ = 0;
+  bool count_begins_anew_ = false;
+  int events_lost_in_a_row_ = 0;
+  int refused_in_a_row_ = 0;
+
+  WakeFd wake_;
+  std::atomic<bool> stopping_{false};
+  std::atomic<bool> paused_{false};
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/card_texts.h"
+
+#include <fmt/format.h>
+
+namespace lenticule::player {
+namespace {
+
+using display::CardText;
+using display::OutputWish;
+using display::PanelFacts;
+using display::PanelSearch;
+
+constexpr const char* kGoesOn = "Playing goes on by itself as soon as it is there.";
+
+bool is_named_by(const OutputWish& wish, const PanelFacts& panel) {
+  return wish.identity.empty() || (panel.identity && matches(wish.identity, *panel.identity));
+}
+
+struct Trouble {
+  const char* headline;
+  std::string remedy;
+};
+
+Trouble trouble_with(const OutputWish& wish, const PanelSearch& search, const PanelFacts& panel) {
+  if (!panel.identity && !wish.identity.empty())
+    return {"UNKNOWN PANEL",
+            fmt::format("Its EDID is {}: switch it off and on, or replace the cable. {}",
+                        display::edid_problem_name(panel.edid_problem), kGoesOn)};
+  if (!is_named_by(wish, panel))
+    return {
+        "WRONG PANEL",
+        fmt::format("Connect the expected panel. Or, if this one is right, give it a rig of its "
+                    "own: 'lenticule panels' says what to write under [identity]. {}",
+                    kGoesOn)};
+  if (!search.may_come) return {"WHICH PANEL?", search.refusal.hint() + "."};
+  return {
+      "NO SUCH MODE",
+      fmt::format("Frames fit one panel, pixel for pixel. Connect the expected panel, or use this "
+                  "panel's own rig. {}",
+                  kGoesOn)};
+}
+
+const display::ModeFacts* preferred_mode(const PanelFacts& panel) {
+  const display::ModeFacts* best = nullptr;
+  for (const display::ModeFacts& mode : panel.modes)
+    if (best == nullptr || (mode.preferred && !best->preferred)) best = &mode;
+  return best;
+}
+
+}  // namespace
+
+std::string describe_expected(const frames::FrameGeometry& panel,
+                              const optics::PanelIdentity& identity) {
+  std::string text = fmt::format("{}x{} pixels", panel.width, panel.height);
+  if (!identity.empty()) text += ", " + display::to_string(identity);
+  return text;
+}
+
+std::string describe_found(const PanelFacts& panel) {
+  std::string text = panel.connector + ": ";
+  text += panel.identity ? display::to_string(*panel.identity)
+                         : fmt::format("EDID {}", display::edid_problem_name(panel.edid_problem));
+  if (const display::ModeFacts* mode = preferred_mode(panel))
+    text += fmt::format(", {}x{}@{:.6g}", mode->width, mode->height, mode->refresh.hertz());
+  return text;
+}
+
+CardText wrong_panel_card(const OutputWish& wish, const PanelSearch& search,
+                          const PanelFacts& shown_on, const std::string& rig) {
+  const Trouble trouble = trouble_with(wish, search, shown_on);
+  CardText card{.headline = trouble.headline,
+                .rows = {{"expected", describe_expected(wish.panel, wish.identity)},
+                         {"found", describe_found(shown_on)}}};
+  // A rig may identify a panel by its EDID's checksum alone.
+  if (shown_on.identity && !wish.identity.edid_sha256.empty())
+    card.rows.back().text += fmt::format(", EDID {}", shown_on.identity->sha256.substr(0, 12));
+  for (const PanelFacts& other : search.present)
+    if (other.connector != shown_on.connector) card.rows.push_back({"", describe_found(other)});
+  card.rows.push_back({"rig", rig});
+  card.rows.push_back({"do", trouble.remedy});
+  return card;
+}
+
+CardText trouble_card(const std::string& what, const Error& error) {
+  CardText card{.headline = "CANNOT PLAY", .rows = {{"what", what}, {"why", error.what()}}};
+  if (!error.hint().empty()) card.rows.push_back({"do", error.hint()});
+  card.rows.push_back({"", "It is tried again by itself."});
+  return card;
+}
+
+CardText rig_card(const optics::Rig& rig, const std::string& file) {
+  const optics::Panel& panel = rig.panel;
+  return {.headline = "TEST CARD",
+          .rows = {{"rig", rig.name.empty() ? file : fmt::format("{} ({})", rig.name, file)},
+                   {"panel", describe_expected({panel.width_px, panel.height_px}, rig.identity)},
+                   {"sheet", fmt::format("pitch {:.6g} subpixels, slant {:.6g}, fingerprint {}",
+                                         rig.sheet.pitch.value, rig.sheet.slant,
+                                         optics::fingerprint(rig))}}};
+}
+
+}  // namespace lenticule::player

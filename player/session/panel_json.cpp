@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/panel_json.h"
+
+namespace lenticule::player {
+namespace {
+
+nlohmann::json identity_as_json(const display::EdidIdentity& identity) {
+  return {{"manufacturer", identity.manufacturer},
+          {"product", identity.product},
+          {"serial", identity.serial()},
+          {"name", identity.name},
+          {"edid_sha256", identity.sha256}};
+}
+
+nlohmann::json mode_as_json(const display::ModeFacts& mode) {
+  return {{"width_px", mode.width},
+          {"height_px", mode.height},
+          {"refresh", frames::to_string(mode.refresh)},
+          {"refresh_hz", mode.refresh.hertz()},
+          {"preferred", mode.preferred},
+          {"usable", mode.usable}};
+}
+
+}  // namespace
+
+nlohmann::json to_json(const display::CardFacts& card) {
+  nlohmann::json json = {{"path", card.path},
+                         {"bus", card.bus},
+                         {"driver", card.driver},
+                         {"problem", card.problem},
+                         {"master_available", card.master},
+                         {"prefers_shadow", card.prefers_shadow},
+                         {"counts_vblanks", nullptr}};
+  if (card.counts_vblanks) json["counts_vblanks"] = *card.counts_vblanks;
+  return json;
+}
+
+nlohmann::json to_json(const display::PanelFacts& panel) {
+  nlohmann::json modes = nlohmann::json::array();
+  for (const display::ModeFacts& mode : panel.modes) modes.push_back(mode_as_json(mode));
+  nlohmann::json json = {{"connector", panel.connector},
+                         {"card", panel.card},
+                         {"connected", panel.connected},
+                         {"non_desktop", panel.non_desktop},
+                         {"tiled", panel.tiled},
+                         {"link_bad", panel.link_bad},
+                         {"width_mm", panel.width_mm},
+                         {"height_mm", panel.height_mm},
+                         {"edid", display::edid_problem_name(panel.edid_problem)},
+                         {"identity", nullptr},
+                         {"modes", std::move(modes)}};
+  if (panel.identity) json["identity"] = identity_as_json(*panel.identity);
+  return json;
+}
+
+nlohmann::json to_json(const display::ExactnessReport& report) {
+  nlohmann::json rows = nlohmann::json::array();
+  for (const display::AuditRow& row : report.rows)
+    rows.push_back({{"object", row.object},
+                    {"property", row.property},
+                    {"found", row.found},
+                    {"wanted", row.wanted},
+                    {"now", row.now},
+                    {"outcome", display::outcome_name(row.outcome)},
+                    {"alters_pixels", row.alters_pixels},
+                    {"effect", row.effect},
+                    {"remedy", row.remedy}});
+  return {{"exact", display::verdict_name(report.verdict)},
+          {"proved", report.proved},
+          {"reasons", report.reasons},
+          {"unseen", report.unseen},
+          {"remarks", report.remarks},
+          {"remedies", report.remedies},
+          {"properties", std::move(rows)}};
+}
+
+nlohmann::json to_json(const display::Diagnosis& diagnosis) {
+  return {{"panel", to_json(diagnosis.panel)}, {"driver", diagnosis.driver},
+          {"problem", diagnosis.problem},      {"remedy", diagnosis.remedy},
+          {"tested", diagnosis.tested},        {"exactness", to_json(diagnosis.exactness)}};
+}
+
+nlohmann::json to_json(const display::KmsStatistics& statistics) {
+  return {{"flips", statistics.flips},
+          {"busy", statistics.busy},
+          {"denied", statistics.denied},
+          {"refused", statistics.refused},
+          {"flip_timeouts", statistics.flip_timeouts},
+          {"stray_events", statistics.stray_events},
+          {"truncated_reads", statistics.truncated_reads},
+          {"recoveries", statistics.recoveries},
+          {"modesets", statistics.modesets},
+          {"hotplugs", statistics.hotplugs},
+          {"links_bad", statistics.links_bad},
+          {"suspends", statistics.suspends},
+          {"pauses", statistics.pauses},
+          {"lost_ticks", statistics.lost_ticks},
+          {"panel", display::panel_state_name(statistics.panel)},
+          {"hardware_clock", statistics.hardware_clock}};
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/panel_wait.h"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "player/session/card_texts.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::Nanoseconds;
+using display::PanelSearch;
+
+constexpr Nanoseconds kForEver = Nanoseconds::max();
+/// Time between two attempts, each of which probes every panel.
+constexpr Nanoseconds kRound = std::chrono::seconds(1);
+/// A panel that wakes up may appear to be another one for this long.
+constexpr Nanoseconds kCardAfter = std::chrono::seconds(2);
+/// A display that shows a card reports hotplug events; probing is only a precaution.
+constexpr int kRoundsPerLook = 10;
+/// A display that worked for this long counts as recovered.
+constexpr Nanoseconds kSound = std::chrono::seconds(10);
+
+display::KmsOptions with_services(display::KmsOptions options) {
+  if (!options.clock) options.clock = display::make_monotonic_clock();
+  if (!options.session) options.session = display::make_direct_session();
+  return options;
+}
+
+/// Returns options for a test card: a card is not left on the panel for a successor.
+display::KmsOptions for_cards(display::KmsOptions options) {
+  if (options.exit == display::ExitPolicy::Hold) options.exit = display::ExitPolicy::Black;
+  options.allow_inexact = true;  // text is readable even if colours are inexact
+  return options;
+}
+
+PanelWaitOptions complete(PanelWaitOptions options) {
+  options.kms = with_services(std::move(options.kms));
+  return options;
+}
+
+Nanoseconds later(Nanoseconds now, std::optional<Nanoseconds> duration) {
+  return duration && *duration < kForEver - now ? now + *duration : kForEver;
+}
+
+/// Returns true if the requested panel is missing and another one can show the card.
+bool deserves_a_card(const PanelSearch& search) {
+  return !search.found && !search.present.empty();
+}
+
+class CardOff {
+ public:
+  explicit CardOff(PanelCard& card) : card_(card) {}
+  ~CardOff() { card_.close(); }
+  CardOff(const CardOff&) = delete;
+  CardOff& operator=(const CardOff&) = delete;
+
+ private:
+  PanelCard& card_;
+};
+
+}  // namespace
+
+PanelWait::PanelWait(PanelWaitOptions options)
+    : options_(complete(std::move(options))), card_(for_cards(options_.kms)) {}
+
+bool PanelWait::cancelled() const {
+  pollfd entry{.fd = options_.cancel_fd, .events = POLLIN, .revents = 0};
+  return options_.cancel_fd >= 0 && poll(&entry, 1, 0) > 0;
+}
+
+std::unique_ptr<display::KmsDisplay> PanelWait::open(const std::function<void()>& meanwhile) {
+  std::unique_ptr<display::KmsDisplay> opened;
+  try_until(
+      later(now(), options_.at_start),
+      [&] {
+        // Cleared before the attempt, because an inherited output can be used only once, successful
+        // or not.
+        display::KmsOptions options = options_.kms;
+        options_.kms.inherited.reset();
+        opened = display::open_kms_display(options);
+      },
+      meanwhile);
+  return opened;
+}
+
+Comeback PanelWait::bring_back(display::KmsDisplay& display, const LostDisplay& lost) {
+  const bool was_sound = !back_since_ || now() >= *back_since_ + kSound;
+  if (was_sound) lost_since_ = now();
+  const Nanoseconds out_of_time = later(now(), lost.time_left);
+  const Nanoseconds give_up = std::min(later(lost_since_, options_.after_loss), out_of_time);
+  if (options_.let_go) options_.let_go();
+  try {
+    if (!was_sound) (void)rest(kRound);
+    if (now() >= give_up)
+      throw Error(ErrorKind::Device, "kms: lost again and again",
+                  "'lenticule doctor' tests this output");
+    try_until(
+        give_up, [&] { display.reconnect(); }, lost.serve_source);
+  } catch (const Error& error) {
+    refusal_ = error;
+    if (cancelled()) return Comeback::Stopped;
+    return now() >= out_of_time ? Comeback::TimeOver : Comeback::GivenUp;
+  }
+  back_since_ = now();
+  return Comeback::Back;
+}
+
+/// Tries at once, and then whenever the requested panel seems to be connected. Removes the card
+/// when it returns.
+void PanelWait::try_until(Nanoseconds give_up, const Attempt& attempt,
+                          const std::function<void()>& meanwhile) {
+  const CardOff card_off(card_);
+  const Nanoseconds card_from = now() + kCardAfter;
+  PanelSearch search{.found = true};
+  int rounds_to_look = 0;
+  while (true) {
+    if (search.found && succeeds(attempt)) return;
+    if (now() >= give_up) throw Error(*refusal_);
+    const bool was_found = search.found;
+    if (card_.display() == nullptr || rounds_to_look-- <= 0) {
+      search = search_panel(options_.kms, card_.display());
+      rounds_to_look = kRoundsPerLook;
+    }
+    if (search.found && !was_found) continue;
+    if (!search.found) refusal_ = search.refusal;
+    if (!search.found && !search.may_come && give_up != kForEver) throw Error(*refusal_);
+    if (now() >= card_from) show_card(search);
+    if (meanwhile) meanwhile();
+    if (options_.tell)
+      options_.tell({.reason = *refusal_,
+                     .panel_missing = !search.found,
+                     .card_shown = card_.display() != nullptr});
+    if (rest(std::min(kRound, give_up - now()))) rounds_to_look = 0;
+  }
+}
+
+bool PanelWait::succeeds(const Attempt& attempt) {
+  card_.close();
+  try {
+    attempt();
+    return true;
+  } catch (const Error& error) {
+    refusal_ = error;
+    if (options_.let_go) options_.let_go();
+    // The panel is connected and the driver alters pixel values; waiting would not help.
+    if (error.kind() == ErrorKind::Quality) throw;
+    return false;
+  }
+}
+
+void PanelWait::show_card(const PanelSearch& search) {
+  if (!deserves_a_card(search)) return card_.close();
+  const display::PanelFacts& panel = search.present.front();
+  (void)card_.show(panel, wrong_panel_card(options_.kms.wish, search, panel, options_.rig));
+}
+
+/// Throws Error(Device) when cancelled.
+bool PanelWait::rest(Nanoseconds duration) {
+  const Nanoseconds until = now() + duration;
+  bool news = false;
+  if (card_.display() != nullptr)
+    news = card_.wait(until, options_.cancel_fd);
+  else
+    (void)options_.kms.clock->wait_until(until, options_.cancel_fd);
+  if (cancelled()) throw Error(ErrorKind::Device, "kms: interrupted while waiting for a panel");
+  return news;
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/play_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <memory>
+
+#include "base/error.h"
+#include "base/print.h"
+#include "optics/trim.h"
+#include "player/control/control_peer.h"
+#include "player/playlist/playlist.h"
+#include "player/process/interrupt.h"
+#include "player/session/card_texts.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::Nanoseconds;
+
+constexpr auto kLongestPriming = std::chrono::hours(24);  // used with --wait forever
+/// Long enough to plug a loose cable back in.
+constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
+
+/// Returns the loops. Test cards and numbered views loop forever by default.
+uint64_t parse_loops(const PlayFlags& flags) {
+  const bool is_looked_at = flags.source == kCardSource || flags.source == kViewsSource;
+  if (flags.loop.empty()) return flags.duration_s || is_looked_at ? kForever : 1;
+  if (flags.loop == "forever") return kForever;
+  uint64_t loops = 0;
+  const char* const last = flags.loop.data() + flags.loop.size();
+  const auto [end, error] = std::from_chars(flags.loop.data(), last, loops);
+  if (error == std::errc() && end == last && loops > 0) return loops;
+  throw Error(ErrorKind::Usage, fmt::format("--loop '{}': not a number of loops", flags.loop),
+              "write a number from 1 on, or forever");
+}
+
+/// Parses a timeout; none = forever.
+std::optional<std::chrono::nanoseconds> parse_wait(const char* flag, const std::string& text,
+                                                   uint32_t least) {
+  if (text == "forever") return std::nullopt;
+  uint32_t seconds = 0;
+  const char* const last = text.data() + text.size();
+  const auto [end, error] = std::from_chars(text.data(), last, seconds);
+  if (error == std::errc() && end == last && seconds >= least) return std::chrono::seconds(seconds);
+  throw Error(ErrorKind::Usage, fmt::format("{} '{}': not a number of seconds", flag, text),
+              fmt::format("write a number from {} on, or forever", least));
+}
+
+display::ExitPolicy exit_policy(const std::string& on_exit, bool service) {
+  if (on_exit == "black") return display::ExitPolicy::Black;
+  if (on_exit == "hold" || (on_exit.empty() && service)) return display::ExitPolicy::Hold;
+  return display::ExitPolicy::Restore;
+}
+
+/// Returns the options of a KMS display other than its name.
+display::KmsOptions kms_options(const PlayFlags& flags, const optics::Rig& rig, bool service) {
+  if (!flags.record.empty())
+    throw Error(ErrorKind::Usage, "--record: a graphics card does not tell what it showed",
+                "record with --display virtual");
+  if (flags.clock != "real")
+    throw Error(ErrorKind::Usage, "--clock: a panel has a clock of its own",
+                "simulate with --display virtual");
+  display::KmsOptions options;
+  options.wish.identity = rig.identity;
+  options.exit = exit_policy(flags.on_exit, service);
+  options.allow_inexact = flags.allow_inexact;
+  return options;
+}
+
+void plan_waiting(const PlayFlags& flags, bool service, PlayPlan& plan) {
+  if (!flags.wait_for_panel.empty()) {
+    plan.panel_at_start = parse_wait("--wait-for-panel", flags.wait_for_panel, 0);
+    plan.panel_after_loss = plan.panel_at_start;
+  } else if (!service) {
+    plan.panel_at_start = Nanoseconds{0};
+    plan.panel_after_loss = kPanelAfterLoss;
+  }
+}
+
+/// Returns the slots of one source. Three sources may be open at once: the playing one, the next
+/// one, and the one whose last frame is still displayed.
+int slots_of(const PlayFlags& flags, frames::FrameGeometry panel) {
+  if (!flags.memory_mib) return flags.slots;
+  const auto bytes = static_cast<uint64_t>(*flags.memory_mib) << 20;
+  const uint64_t slots = bytes / 3 / panel.frame_bytes();
+  if (slots >= 2) return static_cast<int>(std::min<uint64_t>(slots, 4096));
+  throw Error(
+      ErrorKind::Usage,
+      fmt::format("--memory {}: less than two frames for each of three sources", *flags.memory_mib),
+      fmt::format("at least {} for this panel", (panel.frame_bytes() * 6 >> 20) + 1));
+}
+
+void plan_control(const PlayFlags& flags, PlayPlan& plan) {
+  if (!flags.control_group.empty() && flags.control.empty())
+    throw Error(ErrorKind::Usage, "--control-group: there is no control socket", "add --control");
+  if (!flags.control.empty() && flags.clock == "simulated")
+    throw Error(ErrorKind::Usage, "--control: simulated time does not wait for anybody",
+                "leave --clock simulated out");
+  if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
+}
+
+/// Sets how views are laid out in a single source; items of a list state that in their names.
+void plan_content(const PlayFlags& flags, PlayPlan& plan) {
+  const bool no_file = flags.source == kCardSource || flags.source == kViewsSource ||
+                       flags.source.starts_with(kRingSource);
+  if (flags.content.any() && (no_file || is_playlist_file(flags.source)))
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: flags that say how views lie are for one file", flags.source),
+                "items of a list say it by their names or sidecars: docs/content.md");
+  (void)weave_options(flags.weaving);  // called early for its errors
+  plan.source.content = flags.content;
+  plan.source.content_of = flags.source;
+  plan.source.weaving = flags.weaving;
+}
+
+}  // namespace
+
+void check_display_choice(const PlayFlags& flags, bool service) {
+  if (flags.display_named) return;
+  const auto refuse = [](const std::string& what) {
+    throw Error(ErrorKind::Usage, what,
+                "add --display kms, or --display virtual where nobody has to see it");
+  };
+  if (service) refuse("--display: a service is told what it plays on");
+  if (!flags.wait_for_panel.empty()) refuse("--wait-for-panel: no panel is named");
+  if (!flags.on_exit.empty()) refuse("--on-exit: no panel is named");
+  say("no display is named: played on the virtual display, which nobody sees "
+      "(--display kms is a panel)\n");
+}
+
+PlayPlan make_plan(const PlayFlags& flags, bool service) {
+  PlayPlan plan;
+  plan.playback.loops = parse_loops(flags);
+  plan.playback.late = parse_late_policy(flags.late);
+  plan.playback.stall_timeout = parse_wait("--wait", flags.wait, 1);
+  plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
+  if (flags.prime)  // a user who sets --prime wants to wait until that many frames are ready
+    plan.playback.prime_timeout = plan.playback.stall_timeout.value_or(kLongestPriming);
+  plan.playback.started = flags.started;
+  plan.playback.source_name = flags.source;
+  plan.playback.stop_fd = interrupt_fd();
+  if (!flags.fps.empty()) plan.playback.content = frames::parse_rate(flags.fps);
+  if (flags.clock == "simulated") {
+    plan.display.clock = std::make_shared<display::SimulatedClock>();
+    plan.playback.filling = Filling::InPresenter;
+  } else {
+    plan.playback.real_time_priority = true;
+  }
+  plan.display.spec = flags.display;
+  plan.display.buffers = flags.buffers;
+  display::check_display_spec(flags.display);
+  plan.source.text = flags.source;
+  plan.source.rig_file = flags.rig;
+  plan_content(flags, plan);
+  plan.source.slots = flags.slots;
+  plan.source.plays_again = plan.playback.loops != 1;
+  plan.duration_s = flags.duration_s;
+  plan_waiting(flags, service, plan);
+  if (!flags.frames.empty()) plan.source.frames = parse_frame_range(flags.frames);
+
+  plan_control(flags, plan);
+  const bool may_show_views =
+      flags.source == kViewsSource || is_playlist_file(flags.source) || !flags.control.empty();
+  if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(flags.rig);
+  plan.source.trim = plan.trim;
+  plan.source.rig = std::make_shared<FollowedRig>(flags.rig, plan.trim);
+  const optics::Rig rig = plan.source.rig->rig();
+  plan.source.panel = {.width = rig.panel.width_px, .height = rig.panel.height_px};
+  plan.source.slots = slots_of(flags, plan.source.panel);
+  plan.source.identity = optics::load_rig_and_identity(flags.rig).identity;
+  plan.source.warnings = std::make_shared<RigWarnings>();
+  plan.source.rig_name = rig.name;
+  plan.source.card = rig_card(rig, flags.rig);
+  plan.display.panel = plan.source.panel;
+  if (display::is_kms_spec(flags.display)) plan.display.kms = kms_options(flags, rig, service);
+  return plan;
+}
+
+std::optional<uint64_t> vblanks_of(std::optional<double> duration_s, frames::Rate refresh) {
+  constexpr double kMaxDurationS = 1e9;
+  if (!duration_s) return std::nullopt;
+  if (!(*duration_s <= kMaxDurationS))
+    throw Error(ErrorKind::Usage, fmt::format("--duration {}: too long", *duration_s),
+                "use --loop forever");
+  return std::max<uint64_t>(1, static_cast<uint64_t>(*duration_s * refresh.hertz()));
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+// PlayFlags holds the flags of `lenticule play`; make_plan checks them and turns them into a
+// PlayPlan before any source or display is opened.
+#pragma once
+
+#include <sys/types.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "display/open/open_display.h"
+#include "player/playback/playback.h"
+#include "player/sources/live_trim.h"
+#include "player/sources/source_open.h"
+
+namespace lenticule::player {
+
+/// The values given on the command line.
+struct PlayFlags {
+  std::string source;
+  std::string rig;
+  std::string display = "virtual";
+  bool display_named = false;  ///< --display was given
+  std::string clock = "real";
+  std::string fps;
+  std::string loop;
+  std::string late = "slip";
+  std::string frames;
+  ContentFlags content;
+  WeavingFlags weaving;
+  std::string record;
+  std::string stats;
+  std::string wait = "60";
+  std::string wait_for_panel;
+  std::string on_exit;
+  bool allow_inexact = false;
+  std::optional<double> duration_s;
+  std::optional<uint64_t> prime;
+  int slots = 8;
+  int buffers = 3;
+  std::string control;
+  std::string control_group;
+  std::optional<int> memory_mib;
+  bool preflight = false;
+  bool safe = false;
+  bool trim = false;
+  bool json = false;
+  std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
+};
+
+/// Prints one line if no display was named, because the virtual display shows nothing. Throws
+/// Error(Usage) if a panel was clearly intended: for a service, and with flags that concern panels.
+void check_display_choice(const PlayFlags& flags, bool service);
+
+struct PlayPlan {
+  /// Null unless the trim can change while playing, or the rig's own views may be played.
+  std::shared_ptr<LiveTrim> trim;
+  SourceRequest source;
+  display::DisplayRequest display;
+  PlaybackOptions playback;
+  /// Timeouts for the panel; none = wait forever.
+  std::optional<display::Nanoseconds> panel_at_start;
+  std::optional<display::Nanoseconds> panel_after_loss;
+  std::optional<double> duration_s;
+  std::optional<gid_t> control_group;
+};
+
+/// Reads the rig and makes the plan. `service` is true if a service manager started this process:
+/// flags that were not given then have defaults for a kiosk. Throws Error(Usage) for invalid flags,
+/// Error(Input) for the rig.
+[[nodiscard]] PlayPlan make_plan(const PlayFlags& flags, bool service);
+
+/// Returns the number of whole vblanks within the duration, at least one; none without a duration.
+[[nodiscard]] std::optional<uint64_t> vblanks_of(std::optional<double> duration_s,
+                                                 frames::Rate refresh);
+
+}  // namespace lenticule::player

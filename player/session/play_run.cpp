@@ -1,0 +1,480 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/play_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "base/json_output.h"
+#include "base/print.h"
+#include "display/open/open_display.h"
+#include "optics/trim.h"
+#include "player/process/interrupt.h"
+#include "player/process/progress.h"
+#include "player/session/card_texts.h"
+#include "player/session/kept_output.h"
+#include "player/session/panel_json.h"
+#include "player/sources/still_source.h"
+
+namespace lenticule::player {
+namespace {
+
+using display::Nanoseconds;
+
+/// Time that a test card is shown before its source is tried again.
+constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
+/// The same for a source that seems to crash the player.
+constexpr Nanoseconds kTryDangerousSource = std::chrono::seconds(60);
+
+std::string progress_note(const PlayReport& report) {
+  return fmt::format("{} underruns, {} missed vblanks, {} dropped", report.pace.underruns,
+                     report.pace.missed, report.pace.dropped);
+}
+
+/// Returns the number of frames to show; 0 = unknown.
+uint64_t frames_to_show(const frames::FrameSource& source, uint64_t loops) {
+  return source.frame_count().value_or(0) * loops;
+}
+
+uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
+  const double seconds = std::chrono::duration<double>(duration).count();
+  return std::max<uint64_t>(1, static_cast<uint64_t>(seconds * refresh.hertz()));
+}
+
+/// Frames that another process wove cannot be woven again here.
+std::string trim_advice(const SourceRequest& source) {
+  if (source.text == kViewsSource || is_woven_here(source)) return {};
+  return "these frames were woven before this trim "
+         "and do not follow it: make them again; a player "
+         "and its renderer take the trim when both are started again";
+}
+
+Error crash_loop(const SafeStart& safe) {
+  const std::string last = safe.last_reason.empty() ? "it crashed or was killed" : safe.last_reason;
+  return {ErrorKind::Failed,
+          fmt::format("the player ended {} times within two minutes; the last "
+                      "time: {}",
+                      safe.failures, last),
+          "look into the journal"};
+}
+
+}  // namespace
+
+PlayRun::PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& manager,
+                 SafeStart safe)
+    : flags_(flags),
+      plan_(std::move(plan)),
+      manager_(manager),
+      safe_(std::move(safe)),
+      card_time_(safe_.card_first ? kTryDangerousSource : kTryAgain) {
+  if (!safe_.on) return;
+  plan_.display.kms.fresh = true;
+  plan_.playback.real_time_priority = false;
+}
+
+/// Detaches the control socket's commands from the source before the source is destroyed.
+PlayRun::~PlayRun() {
+  if (steered_) steered_->let_go();
+}
+
+ExitCode PlayRun::run() {
+  if (!flags_.stats.empty()) stats_file_.emplace(flags_.stats);
+  steered_.emplace(flags_, plan_, trim_advice(plan_.source));
+  if (safe_.card_first)
+    trouble_ = crash_loop(safe_);
+  else
+    open_the_source();
+  if (!flags_.record.empty()) plan_.display.recorder = display::open_recorder(flags_.record);
+  try {
+    open_display();
+  } catch (const Error&) {
+    if (interrupted()) return interrupt_exit_code();
+    throw;
+  }
+  announce();
+  if (flags_.trim) trim_keys_.emplace(plan_.trim, trim_advice(plan_.source));
+  PlayResult result;
+  do {
+    result = trouble_ ? play_card() : play_source();
+  } while (goes_on_after(result));
+  return conclude(result);
+}
+
+// --- display --------------------------------------------------------------------------------
+
+/// Opens the display, taking over the output that a previous player left.
+void PlayRun::open_display() {
+  std::vector<KeptDescriptor> kept = take_kept_descriptors();
+  kept_ = !kept.empty();
+  plan_.display.kms.inherited = kept_output(std::move(kept));
+  manager_.status("opening " + plan_.display.spec);
+  const bool is_panel = display::is_kms_spec(plan_.display.spec);
+  // No other process can become the card's DRM master while the service manager holds the card
+  // open.
+  if (!is_panel || !plan_.display.kms.inherited) let_go();
+  if (is_panel)
+    open_panel();
+  else
+    display_ = display::open_display(plan_.display);
+  service_.emplace(manager_, kms_);
+  kept_ = kms_ != nullptr && manager_.present();
+  if (plan_.duration_s)
+    end_ = display_->now() + std::chrono::duration_cast<Nanoseconds>(
+                                 std::chrono::duration<double>(*plan_.duration_s));
+}
+
+void PlayRun::open_panel() {
+  lost_ = nothing_yet("waiting for the panel");
+  panel_.emplace(
+      PanelWaitOptions{.kms = display::kms_options_of(plan_.display),
+                       .at_start = plan_.panel_at_start,
+                       .after_loss = plan_.panel_after_loss,
+                       .rig = flags_.rig,
+                       .cancel_fd = interrupt_fd(),
+                       .tell = [this](const PanelWaiting& waiting) { tell_waiting(waiting); },
+                       .let_go = [this] { let_go(); }});
+  std::unique_ptr<display::KmsDisplay> opened = panel_->open([this] {
+    if (opened_.source) opened_.source->service();
+  });
+  kms_ = opened.get();
+  display_ = std::move(opened);
+  told_.clear();
+}
+
+void PlayRun::let_go() {
+  if (std::exchange(kept_, false)) forget_output(manager_);
+}
+
+/// Pings the watchdog only while no usable panel is connected. A connected panel that cannot be
+/// opened is an error, so the watchdog is left to restart the service.
+void PlayRun::tell_waiting(const PanelWaiting& waiting) {
+  const std::string why = waiting.reason.what();
+  steered_->tell_state("waiting for the panel");
+  if (std::exchange(told_, why) != why) say("waiting for the panel: {}\n", why);
+  manager_.status(fmt::format("waiting for the panel{}: {}",
+                              waiting.card_shown ? ", test card shown" : "", why));
+  if (waiting.panel_missing) manager_.ping();
+  look_after_files();
+  nlohmann::ordered_json statistics = statistics_json(lost_);
+  statistics["waiting_for"] = {{"reason", why},
+                               {"panel_missing", waiting.panel_missing},
+                               {"test_card_shown", waiting.card_shown}};
+  write_stats(statistics);
+}
+
+Comeback PlayRun::bring_back(const LostDisplay& lost) {
+  lost_ = lost.report;
+  say("{}: lost\n", lost.report.display);
+  steered_->tell_state("display lost");
+  const Comeback comeback = panel_->bring_back(*kms_, lost);
+  told_.clear();
+  if (comeback != Comeback::Back) return comeback;
+  kept_ = manager_.present();
+  service_->keep_again();
+  steered_->tell_state("playing");
+  told_exactness_ = kms_->exactness().summary();
+  say("{}: back, {}\n", kms_->mode().name, told_exactness_);
+  return comeback;
+}
+
+// --- playback -------------------------------------------------------------------------------
+
+/// Opens the source. In safe mode a source that cannot be opened is shown as an error on a card
+/// instead of ending the run.
+void PlayRun::open_the_source() {
+  try {
+    steered_->open(opened_);
+    trouble_.reset();
+  } catch (const Error& error) {
+    if (!safe_.on || error.kind() == ErrorKind::Usage) throw;
+    trouble_ = error;
+  }
+}
+
+std::optional<uint64_t> PlayRun::vblanks_left() const {
+  if (!end_) return std::nullopt;
+  return whole_vblanks(*end_ - display_->now(), display_->mode().refresh);
+}
+
+/// Returns true if the requested time is over. A duration in whole vblanks may end up to one vblank
+/// early.
+bool PlayRun::time_is_over() const {
+  if (!end_) return false;
+  const std::chrono::duration<double> vblank(1.0 / display_->mode().refresh.hertz());
+  return *end_ - display_->now() < vblank;
+}
+
+PlayResult PlayRun::play_source() {
+  PlaybackOptions options = plan_.playback;
+  // Counted from the first frame; in safe mode, several playbacks share the time.
+  options.vblanks =
+      safe_.on ? vblanks_left() : vblanks_of(plan_.duration_s, display_->mode().refresh);
+  steered_->prepare(options, display_->mode().refresh);
+  return play_on_display(*opened_.source, options);
+}
+
+PlayResult PlayRun::play_card() {
+  say("{}\n", trouble_->what());
+  steered_->tell_state("test card");
+  service_->set_trouble(trouble_->what());
+  StillSource card(
+      draw_test_card(display_->mode().geometry, trouble_card(flags_.source, *trouble_)));
+  PlaybackOptions options = plan_.playback;
+  options.loops = kForever;
+  options.prime = 1;
+  options.content.reset();
+  options.vblanks = whole_vblanks(std::exchange(card_time_, kTryAgain), display_->mode().refresh);
+  if (const auto left = vblanks_left()) options.vblanks = std::min(*options.vblanks, *left);
+  return play_on_display(card, options);
+}
+
+PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions options) {
+  Progress progress("playing", "frames", frames_to_show(source, options.loops));
+  options.on_report = [&](const PlayReport& report) {
+    look_after_files();
+    steered_->report(report);
+    write_stats(statistics_json(report));
+    service_->report(report);
+    tell_exactness();
+    progress.update(report.pace.shown, progress_note(report));
+  };
+  if (panel_) options.bring_back = [this](const LostDisplay& lost) { return bring_back(lost); };
+  write_stats(statistics_json(nothing_yet("starting")));
+  PlayResult result = play(*display_, source, options);
+  progress.update(result.report.pace.shown, progress_note(result.report));
+  progress.finish(outcome_name(result.outcome));
+  return result;
+}
+
+/// Returns true if playback continues. In safe mode the source is tried again after its test card,
+/// and a source that failed is replaced by a card.
+bool PlayRun::goes_on_after(const PlayResult& result) {
+  const bool ended_by_others =
+      result.outcome == PlayOutcome::Stopped || result.outcome == PlayOutcome::DisplayLost;
+  if (!safe_.on || ended_by_others || interrupted()) return false;
+  if (time_is_over()) return false;
+  if (trouble_) {
+    open_the_source();
+    if (!trouble_) service_->set_trouble({});
+    return true;
+  }
+  if (result.outcome == PlayOutcome::Finished) return false;
+  trouble_ = source_trouble(result);
+  return true;
+}
+
+// --- output files ---------------------------------------------------------------------------
+
+/// Called about once a second.
+void PlayRun::look_after_files() {
+  if (take_reload_request()) reload();
+  if (plan_.trim) plan_.trim->save_again();
+  follow_rig();
+  tell_write_trouble();
+}
+
+std::vector<PlayRun::WrittenFile> PlayRun::written_files() {
+  std::vector<WrittenFile> files;
+  if (stats_file_) files.push_back({flags_.stats, stats_file_->state()});
+  if (plan_.display.recorder)
+    files.push_back({flags_.record, plan_.display.recorder->writes().state()});
+  if (plan_.trim)
+    files.push_back({optics::trim_file_of(flags_.rig).string(), plan_.trim->writes().state()});
+  return files;
+}
+
+/// Reports each file once when writing begins to fail, and once when it works again.
+void PlayRun::tell_write_trouble() {
+  std::string all;
+  for (const WrittenFile& file : written_files()) {
+    const std::string& reason = file.state.reason;
+    if (!reason.empty()) {
+      const bool names_it = reason.find(": ") != std::string::npos;
+      const std::string what = names_it ? reason : fmt::format("{}: {}", file.name, reason);
+      all += all.empty() ? what : ", " + what;
+      if (cannot_write_.insert(file.name).second)
+        say("{}; playing goes on, and it is tried again\n", what);
+    } else if (cannot_write_.erase(file.name) > 0) {
+      say("{}: written again after {} failures\n", file.name, file.state.failures);
+    }
+  }
+  if (!rig_trouble_.empty()) all += all.empty() ? rig_trouble_ : ", " + rig_trouble_;
+  if (service_) service_->set_warning(all);
+}
+
+void PlayRun::follow_rig() {
+  FollowedRig& rig = *plan_.source.rig;
+  rig.look();
+  const uint64_t version = rig.version();
+  if (std::exchange(rig_version_, version) != version && plan_.trim) plan_.trim->follow_files();
+  const std::string complaint = rig.complaint();
+  if (std::exchange(rig_trouble_, complaint) == complaint) return;
+  if (complaint.empty())
+    say("{}: can be used again\n", flags_.rig);
+  else
+    say("{}; the rig stays what it was\n", complaint);
+}
+
+void PlayRun::reload() {
+  say("reloading: rig, list and films are looked at again\n");
+  plan_.source.rig->read_again();
+  steered_->look_again();
+  if (stats_file_) stats_file_->try_at_once();
+  if (plan_.display.recorder) plan_.display.recorder->writes().try_at_once();
+  if (plan_.trim) plan_.trim->writes().try_at_once();
+}
+
+// --- reports --------------------------------------------------------------------------------
+
+/// Returns the report with the figures of the graphics card and of safe mode.
+nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const {
+  nlohmann::ordered_json json = to_json(report);
+  if (kms_ != nullptr) {
+    json["exactness"] = to_json(kms_->exactness());
+    json["kms"] = to_json(kms_->statistics());
+    json["kms"]["took_over"] = kms_->took_over();
+  }
+  if (opened_.source) json.update(to_json(opened_.source->damage()));
+  if (const auto warnings = plan_.source.warnings->all(); !warnings.empty())
+    json["rig_warnings"] = warnings;
+  if (safe_.on) {
+    json["safe_start"] = {{"failed_starts", safe_.failures}, {"trouble", nullptr}};
+    if (trouble_) json["safe_start"]["trouble"] = trouble_->what();
+  }
+  return json;
+}
+
+void PlayRun::write_stats(nlohmann::ordered_json statistics) {
+  statistics["write_trouble"] = nlohmann::ordered_json::array();
+  for (const WrittenFile& file : written_files())
+    if (file.state.failures > 0)
+      statistics["write_trouble"].push_back(
+          {{"object", file.name}, {"cause", file.state.reason}, {"failures", file.state.failures}});
+  statistics["rig_trouble"] = rig_trouble_;
+  steered_->complete(statistics);
+  if (stats_file_) stats_file_->write(json_text(statistics, 2) + "\n");
+}
+
+PlayReport PlayRun::nothing_yet(const char* outcome) const {
+  PlayReport report;
+  report.source = flags_.source;
+  report.display = flags_.display;
+  report.outcome = outcome;
+  return report;
+}
+
+/// Reports the exactness when it has changed.
+void PlayRun::tell_exactness() {
+  if (kms_ == nullptr) return;
+  const std::string exactness = kms_->exactness().summary();
+  if (std::exchange(told_exactness_, exactness) != exactness)
+    say("{}: now {}\n", display_->mode().name, exactness);
+}
+
+/// Prints the start message once, for people and the journal.
+void PlayRun::announce() {
+  if (kms_ != nullptr) told_exactness_ = kms_->exactness().summary();
+  if (kms_ != nullptr)
+    say("{}: {}, {}\n", display_->mode().name, told_exactness_,
+        kms_->took_over() ? "taken over without a modeset" : "lit by a modeset");
+  if (!trouble_ && !opened_.stall_hint.empty())
+    say("playing {} on {}: waiting for a renderer\n", flags_.source, display_->mode().name);
+}
+
+// --- end ------------------------------------------------------------------------------------
+
+ExitCode PlayRun::conclude(const PlayResult& result) {
+  nlohmann::ordered_json statistics = statistics_json(result.report);
+  steered_->complete(statistics);
+  manager_.stopping(outcome_name(result.outcome));
+  trim_keys_.reset();
+  if (plan_.trim) plan_.trim->writes().try_at_once();
+  look_after_files();
+  service_.reset();
+  kms_ = nullptr;
+  display_.reset();  // completes the recording
+  if (plan_.display.recorder) statistics["recording"] = finish_recording();
+  finish_statistics(statistics);
+  if (output_trouble_ && result.outcome != PlayOutcome::Finished)
+    say("{}\n", output_trouble_->what());
+  if (flags_.json)
+    print_json(statistics);
+  else
+    say("{}\n", Verbatim{summary_text(result.report)});
+  if (const auto damage = opened_.source ? opened_.source->damage() : frames::FrameDamage{};
+      damage.any())
+    say("{}: {}\n", flags_.source, damage_text(damage));
+  return exit_code_after(result);
+}
+
+void PlayRun::finish_statistics(const nlohmann::ordered_json& statistics) {
+  constexpr auto kLastPatience = std::chrono::seconds(10);
+  write_stats(statistics);
+  if (!stats_file_) return;
+  const std::string why = stats_file_->finish(kLastPatience);
+  if (!why.empty() && !output_trouble_) output_trouble_.emplace(ErrorKind::Failed, why);
+}
+
+nlohmann::ordered_json PlayRun::finish_recording() {
+  display::ScanoutRecorder& recorder = *plan_.display.recorder;
+  try {
+    recorder.finish();
+  } catch (const Error& error) {
+    output_trouble_ = error;
+  }
+  const uint64_t skipped = recorder.skipped();
+  if (skipped > 0)
+    say("{}: {} frames that were on the glass came too fast and are not recorded\n"
+        "  record checksums, or fewer frames a second, or with --clock simulated\n",
+        flags_.record, skipped);
+  return {{"place", flags_.record}, {"skipped", skipped}, {"lost", recorder.lost()}};
+}
+
+ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
+  switch (result.outcome) {
+    case PlayOutcome::Finished:
+      if (trouble_) throw Error(*trouble_);
+      if (const std::string why = steered_->failure(); !why.empty()) throw list_trouble(why);
+      if (output_trouble_) throw Error(*output_trouble_);
+      return kOk;
+    case PlayOutcome::Stopped:
+      return interrupt_exit_code();
+    case PlayOutcome::SourceFailed:
+    case PlayOutcome::SourceStalled:
+      throw source_trouble(result);
+    case PlayOutcome::DisplayLost:
+      throw lost_display();
+  }
+  return kFailed;
+}
+
+Error PlayRun::list_trouble(const std::string& why) const {
+  const bool names_its_object = why.find(": ") != std::string::npos;
+  return {ErrorKind::Input, names_its_object ? why : fmt::format("{}: {}", flags_.source, why)};
+}
+
+Error PlayRun::source_trouble(const PlayResult& result) const {
+  const auto trouble = [&](ErrorKind kind, const std::string& what, const std::string& hint) {
+    return Error(kind, fmt::format("{}: {}", flags_.source, what), hint);
+  };
+  if (result.outcome == PlayOutcome::SourceStalled)
+    return trouble(ErrorKind::Failed, fmt::format("no frame came for {} s", flags_.wait),
+                   opened_.stall_hint);
+  if (const std::string why = steered_->failure(); !why.empty()) return list_trouble(why);
+  const bool empty = result.report.filled == 0;
+  const bool cannot_loop = opened_.loop_obstacle && !empty;
+  return trouble(cannot_loop ? ErrorKind::Failed : ErrorKind::Input, result.failure,
+                 cannot_loop ? opened_.loop_obstacle() : "");
+}
+
+Error PlayRun::lost_display() const {
+  const std::string what = fmt::format("display '{}': it went away", flags_.display);
+  if (!panel_ || !panel_->refusal()) return {ErrorKind::Device, what};
+  return {ErrorKind::Device,
+          fmt::format("{} and did not come back: {}", what, panel_->refusal()->what()),
+          panel_->refusal()->hint()};
+}
+
+}  // namespace lenticule::player

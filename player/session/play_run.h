@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// PlayRun is one run of `lenticule play` from the plan to the exit code: it opens source and
+// display, plays, reconnects a lost panel, and reports to the user, the service manager and control
+// clients.
+#pragma once
+
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/exit_code.h"
+#include "display/kms/scanout/kms_display.h"
+#include "player/playback/playback.h"
+#include "player/session/panel_wait.h"
+#include "player/session/play_plan.h"
+#include "player/session/play_service.h"
+#include "player/session/service_manager.h"
+#include "player/session/statistics_file.h"
+#include "player/session/steered_play.h"
+#include "player/session/trim_keys.h"
+#include "player/sources/source_open.h"
+
+namespace lenticule::player {
+
+/// Safe mode, after failed starts or on request: takes over no previous output, requests no
+/// real-time priority, and shows a test card with the reason while the source cannot be played.
+struct SafeStart {
+  bool on = false;
+  /// Shows the card before the source is tried at all, because the source may be the cause of the
+  /// crashes.
+  bool card_first = false;
+  int failures = 0;
+  std::string last_reason{};
+};
+
+/// Thread safety: one thread.
+class PlayRun {
+ public:
+  PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& manager, SafeStart safe);
+
+  ~PlayRun();
+  PlayRun(const PlayRun&) = delete;
+  PlayRun& operator=(const PlayRun&) = delete;
+
+  /// Runs once. Throws Error for a failure that ends the run.
+  ExitCode run();
+
+ private:
+  // Display.
+  void open_display();
+  void open_panel();
+  [[nodiscard]] Comeback bring_back(const LostDisplay& lost);
+  void tell_waiting(const PanelWaiting& waiting);
+  void let_go();
+
+  // Playback.
+  void open_the_source();
+  [[nodiscard]] PlayResult play_source();
+  [[nodiscard]] PlayResult play_card();
+  [[nodiscard]] PlayResult play_on_display(frames::FrameSource& source, PlaybackOptions options);
+  [[nodiscard]] bool goes_on_after(const PlayResult& result);
+  [[nodiscard]] std::optional<uint64_t> vblanks_left() const;
+  [[nodiscard]] bool time_is_over() const;
+
+  // Output files beside the video.
+  struct WrittenFile {
+    std::string name;
+    WriteState state;
+  };
+  [[nodiscard]] std::vector<WrittenFile> written_files();
+  void look_after_files();
+  void tell_write_trouble();
+  void follow_rig();
+  void reload();
+
+  // Reports.
+  void tell_exactness();
+  void announce();
+  void write_stats(nlohmann::ordered_json statistics);
+  [[nodiscard]] nlohmann::ordered_json statistics_json(const PlayReport& report) const;
+  [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
+
+  // End of the run.
+  [[nodiscard]] nlohmann::ordered_json finish_recording();
+  void finish_statistics(const nlohmann::ordered_json& statistics);
+  [[nodiscard]] ExitCode conclude(const PlayResult& result);
+  [[nodiscard]] ExitCode exit_code_after(const PlayResult& result) const;
+  [[nodiscard]] Error list_trouble(const std::string& why) const;
+  [[nodiscard]] Error source_trouble(const PlayResult& result) const;
+  [[nodiscard]] Error lost_display() const;
+
+  const PlayFlags& flags_;
+  PlayPlan plan_;
+  const ServiceManager& manager_;
+  const SafeStart safe_;
+
+  std::optional<SteeredPlay> steered_;
+  OpenedSource opened_;             ///< destroyed before steered_, which controls it
+  std::optional<Error> trouble_;    ///< safe mode: why the source is not played
+  display::Nanoseconds card_time_;  ///< display time of the card before the source is tried again
+  std::optional<PanelWait> panel_;
+  std::unique_ptr<display::Display> display_;
+  display::KmsDisplay* kms_ = nullptr;  ///< display_, if it is a KMS display
+  std::optional<PlayService> service_;
+  std::optional<display::Nanoseconds> end_;  ///< end of the requested time, display clock
+  bool kept_ = false;  ///< the service manager holds a copy of the card's descriptor
+  std::optional<TrimKeys> trim_keys_;
+  std::optional<StatisticsFile> stats_file_;
+  std::set<std::string> cannot_write_;  ///< files already reported as not writable
+  std::string rig_trouble_;
+  uint64_t rig_version_ = 1;
+  /// The first output that is incomplete at the end.
+  std::optional<Error> output_trouble_;
+  std::string told_exactness_;
+  std::string told_;  ///< the reported reason for waiting; each is reported once
+  PlayReport lost_;   ///< the report while waiting for a panel
+};
+
+}  // namespace lenticule::player

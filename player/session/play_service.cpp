@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/play_service.h"
+
+#include <fmt/format.h>
+
+#include <optional>
+
+#include "player/session/kept_output.h"
+
+namespace lenticule::player {
+
+Pulse pulse_of(const PlayReport& report, const display::KmsStatistics* kms) {
+  Pulse pulse{.flips = report.pace.shown,
+              .vblanks = report.wake.count,
+              .failures = report.flip_timeouts + report.busy};
+  if (kms == nullptr) return pulse;
+  pulse.flips = kms->flips;
+  pulse.failures += kms->busy + kms->refused + kms->flip_timeouts;
+  pulse.panel_away = kms->panel != display::PanelState::Showing;
+  return pulse;
+}
+
+std::string status_text(const PlayReport& report, const display::KmsStatistics* kms,
+                        const display::ExactnessReport* exactness) {
+  std::string text;
+  if (exactness != nullptr) text = exactness->summary() + "; ";
+  text += fmt::format("{} frames shown, {} underruns, {} missed vblanks", report.pace.shown,
+                      report.pace.underruns, report.pace.missed);
+  if (kms != nullptr) text += fmt::format(", panel {}", panel_state_name(kms->panel));
+  return text + "; " + report.display;
+}
+
+PlayService::PlayService(const ServiceManager& manager, const display::KmsDisplay* display)
+    : manager_(manager), display_(display), last_beat_(std::chrono::steady_clock::now()) {
+  keep_again();
+}
+
+void PlayService::keep_again() {
+  if (display_ != nullptr) keep_output(manager_, *display_);
+}
+
+void PlayService::report(const PlayReport& report) {
+  if (!manager_.present()) return;
+  std::optional<display::KmsStatistics> kms;
+  std::optional<display::ExactnessReport> exactness;
+  if (display_ != nullptr) {
+    kms = display_->statistics();
+    exactness = display_->exactness();
+  }
+  const display::KmsStatistics* const statistics = kms ? &*kms : nullptr;
+  std::string text = status_text(report, statistics, exactness ? &*exactness : nullptr);
+  if (!trouble_.empty()) text = "test card shown: " + trouble_ + "; " + text;
+  if (!warning_.empty()) text += "; " + warning_;
+  if (!ready_ && report.first_frame_ms > 0) {
+    ready_ = true;
+    manager_.ready(text);
+  } else if (ready_) {
+    manager_.status(text);
+  }
+
+  if (!manager_.watchdog()) return;
+  // Often enough for the watchdog, and rarely enough that a failing display is noticed between two
+  // pings.
+  const auto now = std::chrono::steady_clock::now();
+  if (now - last_beat_ < *manager_.watchdog() * 2 / 5) return;
+  last_beat_ = now;
+  if (heartbeat_.beats(pulse_of(report, statistics))) manager_.ping();
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/preflight.h"
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+#include "base/json_output.h"
+#include "base/print.h"
+#include "display/open/open_display.h"
+#include "player/process/interrupt.h"
+#include "player/session/steered_play.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::ordered_json;
+
+/// Longest reading time for each item.
+constexpr auto kLongest = std::chrono::seconds(5);
+constexpr frames::Rate kStills{4, 1};
+
+/// Returns the refresh rate without opening the display. A panel's mode is not known yet, so the
+/// usual rate is assumed.
+frames::Rate refresh_of(const std::string& display) {
+  return display::is_kms_spec(display) ? frames::Rate{60, 1}
+                                       : display::parse_virtual_spec(display).refresh;
+}
+
+frames::Rate needed_rate(const PlaylistItem& item, const frames::FrameSource& source,
+                         const PlayFlags& flags, const PlayPlan& plan) {
+  if (plan.playback.content) return *plan.playback.content;
+  if (item.rate) return *item.rate;
+  const auto usual = source.frame_count() == uint64_t{1} ? kStills : refresh_of(flags.display);
+  return source.rate().value_or(usual);
+}
+
+ordered_json examine(const PlaylistItem& item, const PlayFlags& flags, const PlayPlan& plan) {
+  ordered_json row = {
+      {"source", item.source}, {"figures", nullptr}, {"problems", ordered_json::array()}};
+  const bool is_ring = item.source.starts_with("ring:");
+  if (is_ring) return row;  // a ring's renderer determines its own pace
+  try {
+    OpenedSource opened = item_opener(plan.source)(item, 0);
+    const frames::FrameGeometry size = opened.source->geometry();
+    if (size != plan.source.panel)
+      row["problems"].push_back(fmt::format("frames of {}x{} pixels, but the panel has {}x{}",
+                                            size.width, size.height, plan.source.panel.width,
+                                            plan.source.panel.height));
+    const frames::Rate rate = needed_rate(item, *opened.source, flags, plan);
+    try {
+      row["figures"] = to_json(measure_source(*opened.source, rate, kLongest));
+    } catch (const Error& error) {
+      row["problems"].push_back(error.what());
+    }
+    const frames::FrameDamage damage = opened.source->damage();
+    row.update(to_json(damage));
+    if (damage.any()) row["problems"].push_back(damage_text(damage));
+  } catch (const Error& error) {
+    row["problems"].push_back(error.what());
+  }
+  return row;
+}
+
+void print_row(const ordered_json& row) {
+  const auto& figures = row["figures"];
+  const auto source = row["source"].get<std::string>();
+  for (const auto& problem : row["problems"]) {
+    const auto text = problem.get<std::string>();
+    print_out("{}\n", text.starts_with(source) ? text : source + ": " + text);
+  }
+  if (!figures.is_null())
+    print_out("{}: {}: needs {:.1f} frames/s ({:.0f} MB/s), {:.1f} frames/s ({:.0f} MB/s) came\n",
+              source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
+              figures["needed_frames_per_s"].get<double>(),
+              figures["needed_mb_per_s"].get<double>(), figures["seen_frames_per_s"].get<double>(),
+              figures["seen_mb_per_s"].get<double>());
+  else if (row["problems"].empty())
+    print_out("{}: a ring is not read\n", source);
+}
+
+}  // namespace
+
+ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
+  const Playlist list = read_playlist(flags.source, flags, plan);
+  std::vector<PlaylistItem> items = list.items;
+  if (list.standby) items.push_back(*list.standby);
+  ordered_json rows = ordered_json::array();
+  for (const PlaylistItem& item : items) {
+    if (interrupted()) return interrupt_exit_code();
+    rows.push_back(examine(item, flags, plan));
+    if (!flags.json) print_row(rows.back());
+  }
+  const bool too_slow = std::any_of(rows.begin(), rows.end(), [](const ordered_json& row) {
+    return !row["figures"].is_null() && row["figures"]["too_slow"].get<bool>();
+  });
+  const bool bad = std::any_of(rows.begin(), rows.end(),
+                               [](const ordered_json& row) { return !row["problems"].empty(); });
+  if (flags.json) print_out("{}\n", Verbatim{json_text(rows, 2)});
+  if (bad) return kInput;
+  return too_slow ? kQuality : kOk;
+}
+
+}  // namespace lenticule::player

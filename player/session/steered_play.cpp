@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/steered_play.h"
+
+#include <unistd.h>
+
+#include <csignal>
+#include <filesystem>
+#include <utility>
+
+#include "base/error.h"
+#include "base/print.h"
+#include "player/sources/followed_files.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr size_t kMaxComplaints = 1000;
+
+bool folder_exists(const std::filesystem::path& file) {
+  std::error_code error;
+  return std::filesystem::is_directory(file.has_parent_path() ? file.parent_path() : ".", error);
+}
+
+/// Returns true if the source is a file that is shown forever, which may be replaced meanwhile.
+bool is_followed(const PlayPlan& plan) {
+  return plan.playback.loops == kForever && !marks_of_source(plan.source.text).empty();
+}
+
+/// Ends the process as Ctrl-C would; every wait of the player reacts to the signal.
+void quit_in_good_order() {
+  (void)::kill(::getpid(), SIGTERM);
+}
+
+}  // namespace
+
+Playlist read_playlist(const std::string& source, const PlayFlags& flags, const PlayPlan& plan) {
+  if (!is_playlist_file(source)) {
+    Playlist list = playlist_of(source, plan.playback.loops);
+    if (source == flags.source) list.items.front().frames = plan.source.frames;
+    return list;
+  }
+  Playlist list = load_playlist(source);
+  const bool says_how_often = !flags.loop.empty() || flags.duration_s;
+  if (says_how_often) list.rounds = plan.playback.loops;
+  return list;
+}
+
+ItemOpener item_opener(const SourceRequest& like) {
+  return [like](const PlaylistItem& item, uint64_t first_frame) {
+    SourceRequest request = like;
+    request.text = item.source;
+    request.frames = item.frames;
+    request.first_frame = first_frame;
+    request.plays_again = item.loops != 1 || item.duration_s.has_value();
+    return open_source(request);
+  };
+}
+
+ItemLook item_look(const SourceRequest& like) {
+  return [content = like.content, of = like.content_of](const PlaylistItem& item) {
+    return marks_of_source(item.source, item.source == of ? content : ContentFlags{});
+  };
+}
+
+SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std::string& advice)
+    : flags_(flags), plan_(plan), is_list_(is_playlist_file(flags.source)) {
+  if (is_list_ && plan.source.frames)
+    throw Error(ErrorKind::Usage, "--frames: a list says so item by item",
+                "write frames = \"A:B\" under its [[item]]");
+  if (plan.trim) trim_version_ = plan.trim->version();
+  if (flags.control.empty()) return;
+  controls_ = std::make_unique<PlayControls>(PlayControlsOptions{
+      .panel = plan.source.panel,
+      .read_playlist =
+          [this](const std::string& source) {
+            Playlist list = read_playlist(source, flags_, plan_);
+            // Sources loaded over the control socket loop until the next command.
+            const bool for_ever = flags_.loop.empty() && !is_playlist_file(source);
+            if (for_ever) list.items.front().loops = kForever;
+            return list;
+          },
+      .trim = plan.trim,
+      .trim_advice = advice,
+      .quit = quit_in_good_order});
+  listen();
+}
+
+/// Opens the control socket. A full disk must not prevent playing, so a failure is retried.
+void SteeredPlay::listen() {
+  try {
+    server_ = std::make_unique<ControlServer>(
+        ControlServerOptions{.socket = flags_.control, .group = plan_.control_group}, *controls_);
+    serving_.store(server_.get());
+    listening_.succeeded();
+  } catch (const Error& error) {
+    const bool may_change = error.kind() == ErrorKind::Failed && folder_exists(flags_.control);
+    const bool first = listening_.state().failures == 0;
+    if (first && !may_change) throw;
+    if (first) say("{}; playing goes on, and it is tried again\n", error.what());
+    listening_.failed(error.what());
+  }
+}
+
+SteeredPlay::~SteeredPlay() {
+  let_go();
+}
+
+void SteeredPlay::let_go() {
+  if (controls_) controls_->steer(nullptr);
+  source_ = nullptr;
+}
+
+void SteeredPlay::open(OpenedSource& opened) {
+  let_go();
+  if (!is_list_ && !controls_ && !is_followed(plan_)) {
+    opened = open_source(plan_.source);
+    return;
+  }
+  opened = {};
+  auto source = std::make_unique<PlaylistSource>(
+      std::make_shared<const Playlist>(read_playlist(flags_.source, flags_, plan_)),
+      PlaylistSourceOptions{
+          .panel = plan_.source.panel,
+          .open = item_opener(plan_.source),
+          .rate = plan_.playback.content,
+          .on_event = [this](const PlaylistEvent& event) { on_item(event); },
+          .look_at = item_look(plan_.source),
+          .read_list =
+              [this](const std::string& name) { return read_playlist(name, flags_, plan_); }});
+  source->open_first();
+  source_ = source.get();
+  opened.source = std::move(source);
+  if (controls_) controls_->steer(source_);
+}
+
+void SteeredPlay::prepare(PlaybackOptions& options, frames::Rate refresh) {
+  if (source_ == nullptr) return;
+  source_->set_display_rate(refresh);
+  options.loops = 1;  // the list counts the loops itself
+  if (controls_) options.control = &controls_->playback();
+  tell_state("playing");
+}
+
+void SteeredPlay::tell_state(const std::string& state) {
+  if (controls_) controls_->tell_state(state);
+  if (std::exchange(state_, state) != state) publish({{"event", "state"}, {"state", state}});
+}
+
+void SteeredPlay::publish(ordered_json event) {
+  if (ControlServer* const server = serving_.load()) server->publish(std::move(event));
+}
+
+/// Called on the list's threads.
+void SteeredPlay::on_item(const PlaylistEvent& event) {
+  switch (event.kind) {
+    case PlaylistEvent::Kind::ItemStarted:
+      return publish({{"event", "item_started"}, {"source", event.source}});
+    case PlaylistEvent::Kind::Seam:
+      return publish({{"event", "seam"}, {"source", event.source}});
+    case PlaylistEvent::Kind::ItemDamaged:
+      publish({{"event", "damaged_item"}, {"source", event.source}, {"cause", event.detail}});
+      return complain("damaged", event);
+    case PlaylistEvent::Kind::ItemSkipped:
+      publish({{"event", "bad_item"}, {"source", event.source}, {"cause", event.detail}});
+      return complain("left out", event);
+    case PlaylistEvent::Kind::Kept:
+      publish({{"event", "not_replaced"}, {"source", event.source}, {"cause", event.detail}});
+      return complain("the one before goes on", event);
+    case PlaylistEvent::Kind::Replaced:
+      say("{}: was replaced, and is played as it is now\n", event.source);
+      return publish({{"event", "replaced"}, {"source", event.source}});
+  }
+}
+
+void SteeredPlay::complain(const std::string& how, const PlaylistEvent& event) {
+  const bool named = event.detail.starts_with(event.source);
+  const std::string complaint = named ? event.detail : event.source + ": " + event.detail;
+  const std::lock_guard lock(told_mutex_);
+  if (told_.size() < kMaxComplaints && told_.insert(complaint).second)
+    say("{}: {}\n", how, complaint);
+}
+
+void SteeredPlay::look_again() {
+  if (source_ != nullptr) source_->look_again();
+}
+
+void SteeredPlay::report(const PlayReport& report) {
+  const auto now = std::chrono::steady_clock::now();
+  if (controls_ && !server_ && listening_.due(now)) listen();
+  (void)pace_.look(report, now);
+  if (const auto warning = pace_.warning(now)) {
+    say("{}\n", *warning);
+    publish({{"event", "too_slow"}, {"figures", to_json(pace_.figures())}});
+  }
+  publish_changes(report);
+}
+
+void SteeredPlay::publish_changes(const PlayReport& report) {
+  const uint64_t missed = report.pace.missed - before_.pace.missed;
+  const uint64_t late = report.pace.repeated_underrun - before_.pace.repeated_underrun;
+  if (missed + late > 0)
+    publish({{"event", "frame_missed"}, {"missed_vblanks", missed}, {"late_frames", late}});
+  if (plan_.trim && plan_.trim->version() != trim_version_) {
+    trim_version_ = plan_.trim->version();
+    const optics::Trim trim = plan_.trim->trim();
+    publish({{"event", "trim_changed"},
+             {"offset_lenses", trim.offset.value},
+             {"pitch_relative", trim.pitch_relative}});
+  }
+  before_ = report;
+}
+
+void SteeredPlay::complete(ordered_json& statistics) {
+  statistics["source_pace"] = to_json(pace_.figures());
+  if (source_ != nullptr) {
+    const PlaylistStatus status = source_->status();
+    statistics["playlist"] = {{"list", status.list},
+                              {"source", status.source},
+                              {"items", status.items},
+                              {"rounds_done", status.rounds_done},
+                              {"items_started", status.started},
+                              {"seams", status.seams},
+                              {"items_skipped", status.skipped},
+                              {"last_trouble", status.last_trouble},
+                              {"damaged_items", ordered_json::array()}};
+    for (const auto& [source, damage] : status.damaged_items) {
+      ordered_json item = {{"source", source}};
+      item.update(to_json(damage));
+      statistics["playlist"]["damaged_items"].push_back(std::move(item));
+    }
+  }
+  if (server_) {
+    const ControlCounts counts = server_->counts();
+    statistics["control"] = {{"accepted", counts.accepted},
+                             {"refused", counts.refused},
+                             {"dropped", counts.dropped},
+                             {"displaced", counts.displaced}};
+  }
+  if (controls_) controls_->tell_statistics(statistics);
+}
+
+std::string SteeredPlay::failure() const {
+  if (source_ == nullptr) return {};
+  const PlaylistStatus status = source_->status();
+  const bool nothing_played = status.started == 0;
+  const bool only_one_broke = !is_list_ && status.started <= 1 && status.skipped > 0;
+  if (!nothing_played && !only_one_broke) return {};
+  return status.last_trouble.empty() ? "nothing in it could be played" : status.last_trouble;
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// SteeredPlay adds playlists and a control socket to a run of `lenticule play`.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "player/control/control_server.h"
+#include "player/control/play_controls.h"
+#include "player/playlist/playlist_source.h"
+#include "player/playlist/source_pace.h"
+#include "player/session/play_plan.h"
+
+namespace lenticule::player {
+
+/// Returns the list to play: that of a file, or a list of one source. Throws Error.
+[[nodiscard]] Playlist read_playlist(const std::string& source, const PlayFlags& flags,
+                                     const PlayPlan& plan);
+/// Returns a function that opens items as the plan's source would be opened.
+[[nodiscard]] ItemOpener item_opener(const SourceRequest& like);
+
+/// Returns a function that checks items' files; the plan's flags apply to its own source alone.
+[[nodiscard]] ItemLook item_look(const SourceRequest& like);
+
+/// Only measures the source's pace if the source is plain and there is no control socket. Thread
+/// safety: the player's main thread.
+class SteeredPlay {
+ public:
+  /// Starts to listen. Throws as ControlServer does. `advice` is sent with every trim.
+  SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std::string& advice);
+  ~SteeredPlay();
+  SteeredPlay(const SteeredPlay&) = delete;
+  SteeredPlay& operator=(const SteeredPlay&) = delete;
+
+  /// Opens the source as open_source() does; `before` is the previously opened one, which is
+  /// closed.
+  void open(OpenedSource& opened);
+  /// Detaches from the source; call it before the source is destroyed.
+  void let_go();
+  /// Sets the playback options that lists and control need.
+  void prepare(PlaybackOptions& options, frames::Rate refresh);
+  /// Checks the list's and the item's files now.
+  void look_again();
+  /// Sets the state, one word; publishes an event if it changed.
+  void tell_state(const std::string& state);
+  /// Call about once a second: updates the statistics, warns, and publishes events.
+  void report(const PlayReport& report);
+  void complete(nlohmann::ordered_json& statistics);
+  /// Returns why the playback failed: an only item that failed, or a list without a playable item.
+  /// Empty otherwise.
+  [[nodiscard]] std::string failure() const;
+
+ private:
+  void listen();
+  void on_item(const PlaylistEvent& event);
+  void complain(const std::string& how, const PlaylistEvent& event);
+  void publish(nlohmann::ordered_json event);
+  void publish_changes(const PlayReport& report);
+
+  const PlayFlags& flags_;
+  const PlayPlan& plan_;
+  const bool is_list_;
+  std::unique_ptr<PlayControls> controls_;
+  std::unique_ptr<ControlServer> server_;
+  std::atomic<ControlServer*> serving_{nullptr};  ///< server_, for all threads
+  RetriedWrites listening_;                       ///< retries to open the socket
+  PlaylistSource* source_ = nullptr;
+  SourcePace pace_;
+  PlayReport before_;
+  uint64_t trim_version_ = 0;
+  std::string state_;
+  std::mutex told_mutex_;
+  std::set<std::string> told_;  ///< complaints already printed; each is printed once
+};
+
+}  // namespace lenticule::player

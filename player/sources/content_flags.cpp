@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/content_flags.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <string_view>
+
+#include "base/error.h"
+
+namespace lenticule::player {
+namespace {
+
+/// Parses one end of a range: a number, followed by nothing, "%" or "px". Returns false for other
+/// text.
+bool read_disparity(std::string_view text, double& value, bool& in_pixels) {
+  const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (read.ec != std::errc() || !std::isfinite(value)) return false;
+  const std::string_view unit(read.ptr, static_cast<size_t>(text.data() + text.size() - read.ptr));
+  in_pixels = unit == "px";
+  if (!in_pixels) value /= 100.0;
+  return in_pixels || unit.empty() || unit == "%";
+}
+
+}  // namespace
+
+bool ContentFlags::any() const {
+  return !grid.empty() || views != 0 || aspect || invert || !stereo.empty() || !depth.empty() ||
+         !depth_range.empty() || invert_depth || !from_rig.empty() || reweave;
+}
+
+frames::WeaveOptions weave_options(const WeavingFlags& flags) {
+  return {.filter = frames::parse_view_filter(flags.filter),
+          .fit = frames::parse_picture_fit(flags.fit)};
+}
+
+std::optional<frames::Crosstalk> crosstalk_of(const std::string& text, const optics::Rig& rig,
+                                              int views) {
+  if (text.empty()) return std::nullopt;
+  if (text == "spot") return frames::crosstalk_of_spot(rig.sheet.spot_sigma.value * views);
+  double percent = 0.0;
+  const char* const end = text.data() + text.size();
+  const auto read = std::from_chars(text.data(), end, percent);
+  if (read.ec != std::errc() || read.ptr != end)
+    throw Error(ErrorKind::Usage, fmt::format("--crosstalk '{}': not a percentage", text),
+                "for example --crosstalk 12, or --crosstalk spot");
+  return frames::crosstalk_of_percent(percent);
+}
+
+void read_grid(const std::string& text, frames::QuiltLayout& layout) {
+  const char* const end = text.data() + text.size();
+  const auto columns = std::from_chars(text.data(), end, layout.columns);
+  if (columns.ec == std::errc() && columns.ptr != end && *columns.ptr == 'x') {
+    const auto rows = std::from_chars(columns.ptr + 1, end, layout.rows);
+    if (rows.ec == std::errc() && rows.ptr == end) return;
+  }
+  throw Error(ErrorKind::Usage, fmt::format("--grid '{}': not columns x rows", text),
+              "for example --grid 8x6");
+}
+
+void read_depth_range(const std::string& text, frames::DepthOptions& options) {
+  const size_t colon = text.find(':');
+  bool back_px = false, front_px = false;
+  const std::string_view all(text);
+  if (colon != std::string::npos && read_disparity(all.substr(0, colon), options.back, back_px) &&
+      read_disparity(all.substr(colon + 1), options.front, front_px) && back_px == front_px) {
+    options.in_pixels = back_px;
+    return;
+  }
+  throw Error(ErrorKind::Usage, fmt::format("--depth-range '{}': not two disparities", text),
+              "for example --depth-range -2:2, in percent of the width, or -20px:20px");
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/content_meaning.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "base/error.h"
+#include "frames/image_io.h"
+#include "frames/sequence/sequence_reader.h"
+#include "frames/views_input/jps_tag.h"
+#include "frames/views_input/quilt_sidecar.h"
+#include "player/sources/source_names.h"
+#include "player/sources/video_program.h"
+
+namespace lenticule::player {
+namespace {
+
+using Kind = ContentMeaning::Kind;
+
+constexpr double kSameAspect = 0.005;
+
+bool is_file_name(const std::string& text) {
+  return text != kCardSource && text != kViewsSource && !text.starts_with(kRingSource) &&
+         !text.ends_with(".toml");
+}
+
+/// Returns the sidecar; for a pattern, the one of its first picture.
+std::optional<frames::QuiltSidecar> find_sidecar(const std::string& text) {
+  if (!frames::FilePattern::looks_like_pattern(text)) return frames::read_sidecar_of(text);
+  const frames::FilePattern pattern(text);
+  const std::vector<uint64_t> numbers = pattern.existing();
+  if (numbers.empty()) return std::nullopt;
+  return frames::read_sidecar_of(pattern.path(numbers.front()));
+}
+
+void refuse_other_flags(const ContentFlags& flags) {
+  const int kinds = (flags.grid.empty() ? 0 : 1) + (flags.stereo.empty() ? 0 : 1) +
+                    (flags.depth.empty() ? 0 : 1) + (flags.from_rig.empty() ? 0 : 1);
+  if (kinds > 1)
+    throw Error(ErrorKind::Usage, "--grid, --stereo, --depth and --from-rig exclude each other",
+                "each says another thing about the same picture");
+}
+
+void require_agreement(const std::string& text, const frames::QuiltSidecar& sidecar,
+                       const frames::QuiltLayout& named, const ContentFlags& flags) {
+  const std::string file = frames::sidecar_of(text).filename().string();
+  if (flags.grid.empty() && (sidecar.columns != named.columns || sidecar.rows != named.rows))
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its name says {} x {} tiles, {} {} x {}", text, named.columns,
+                            named.rows, file, *sidecar.columns, *sidecar.rows),
+                "rename one of them, or say --grid");
+  const bool aspects_differ = sidecar.aspect && named.aspect &&
+                              std::abs(*sidecar.aspect / *named.aspect - 1.0) > kSameAspect;
+  if (!flags.aspect && aspects_differ)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its name says an aspect of {}, {} {}", text, *named.aspect, file,
+                            *sidecar.aspect),
+                "rename one of them, or say --aspect");
+}
+
+/// Combines the name, the sidecar and the flags; later ones override earlier ones.
+ContentMeaning quilt(const MeaningRequest& request,
+                     const std::optional<frames::QuiltSidecar>& sidecar) {
+  const ContentFlags& flags = request.flags;
+  const auto named = frames::quilt_layout_of_name(request.text);
+  ContentMeaning meaning{.kind = Kind::Quilt};
+  frames::QuiltLayout& layout = meaning.layout;
+  if (named) layout = *named;
+  if (sidecar && sidecar->columns) {
+    if (named) require_agreement(request.text, *sidecar, *named, flags);
+    layout.columns = *sidecar->columns;
+    layout.rows = *sidecar->rows;
+    layout.views = sidecar->views.value_or(0);
+    if (sidecar->aspect) layout.aspect = sidecar->aspect;
+    meaning.rightmost_first = sidecar->inverted;
+  }
+  if (!flags.grid.empty()) {
+    read_grid(flags.grid, layout);
+    layout.views = 0;
+  }
+  if (flags.views != 0) layout.views = flags.views;
+  if (flags.aspect) layout.aspect = flags.aspect;
+  frames::check_quilt_layout(layout, request.text);
+  return meaning;
+}
+
+ContentMeaning with_depth(const MeaningRequest& request,
+                          const std::optional<frames::QuiltSidecar>& sidecar) {
+  const ContentFlags& flags = request.flags;
+  ContentMeaning meaning{.kind = Kind::DepthInside};
+  frames::DepthOptions& options = meaning.depth_options;
+  if (sidecar && sidecar->depth) {
+    meaning.depth = *sidecar->depth;
+    meaning.aspect = sidecar->aspect;
+    options.black_is_near = sidecar->black_is_near;
+    options.back *= sidecar->depthiness;
+    options.front *= sidecar->depthiness;
+  }
+  if (const auto place = frames::parse_depth_place(flags.depth))
+    meaning.depth = *place;
+  else if (!flags.depth.empty())
+    meaning.kind = Kind::OwnDepth;
+  if (!flags.depth_range.empty()) read_depth_range(flags.depth_range, options);
+  options.black_is_near = options.black_is_near != flags.invert_depth;
+  if (flags.views != 0) options.views = flags.views;
+  return meaning;
+}
+
+ContentMeaning stereo(const frames::StereoLayout& layout, const ContentFlags& flags) {
+  if (flags.views != 0 && flags.views != 2)
+    throw Error(ErrorKind::Usage, fmt::format("--views {}: two eyes are two views", flags.views));
+  return {.kind = Kind::Stereo, .stereo = layout};
+}
+
+/// Returns the stereo layout of a tag in the file: in JPEG stereo pictures and in videos.
+std::optional<ContentMeaning> tagged_stereo(const std::string& text, const ContentFlags& flags) {
+  if (!flags.stereo.empty()) return std::nullopt;
+  if (frames::is_jps_name(text)) {
+    const frames::JpsTag tag = frames::read_jps_tag(text);
+    ContentMeaning meaning = stereo(tag.stereo, flags);
+    meaning.rightmost_first = tag.right_first;
+    return meaning;
+  }
+  if (!looks_like_video(text)) return std::nullopt;
+  const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
+  if (!tag) return std::nullopt;
+  const bool beside = tag->layout == "side by side";
+  if (!beside && tag->layout != "top and bottom")
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its stereo tag says '{}'; two eyes beside or above each other "
+                            "are read",
+                            text, tag->layout),
+                "--stereo none plays it as it is");
+  // The shape of the pixels shows whether each eye is squeezed.
+  ContentMeaning meaning = stereo({.beside = beside, .half = false}, flags);
+  meaning.rightmost_first = tag->right_first;
+  return meaning;
+}
+
+void refuse_multi_picture(const std::string& text) {
+  const std::string extension = std::filesystem::path(text).extension().string();
+  if (extension == ".mpo" || extension == ".MPO")
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: a file of several pictures, of which only the first can be read", text),
+        "take them apart, for example with exiftool, and play 'views:left.jpg|right.jpg'");
+}
+
+ContentMeaning other_rig(const ContentFlags& flags) {
+  if (!flags.grid.empty() || flags.aspect || flags.invert)
+    throw Error(ErrorKind::Usage, "--from-rig: the input is a woven frame, not a quilt",
+                "leave --grid, --aspect and --invert away");
+  return {.kind = Kind::OtherRig};
+}
+
+ContentMeaning container(const MeaningRequest& request) {
+  const frames::SequenceReader reader(request.text);
+  const frames::SequenceInfo& info = reader.info();
+  if (info.kind == frames::SequenceKind::Views) {
+    LENTICULE_CHECK(info.views.has_value());
+    ContentMeaning meaning{.kind = Kind::Quilt};
+    meaning.layout = {.columns = info.views->columns,
+                      .rows = info.views->rows,
+                      .views = info.views->count,
+                      .aspect = request.flags.aspect};
+    if (info.views->aspect > 0.0 && !meaning.layout.aspect)
+      meaning.layout.aspect = info.views->aspect;
+    meaning.rightmost_first = info.views->rightmost_first;
+    return meaning;
+  }
+  const bool other =
+      !info.rig_fingerprint.empty() && info.rig_fingerprint != request.rig_fingerprint;
+  if (!request.flags.reweave || !other) return {};
+  ContentMeaning meaning = other_rig(request.flags);
+  meaning.rig_toml = info.rig_toml;
+  return meaning;
+}
+
+/// Returns the format of a source without prefix, container or --from-rig.
+ContentMeaning picture(const MeaningRequest& request) {
+  refuse_multi_picture(request.text);
+  const ContentFlags& flags = request.flags;
+  if (!flags.depth.empty() && !frames::parse_depth_place(flags.depth))
+    return with_depth(request, std::nullopt);
+  const bool stereo_flag = !flags.stereo.empty() && flags.stereo != "none";
+  if (stereo_flag) return stereo(frames::parse_stereo(flags.stereo), flags);
+  const auto sidecar = find_sidecar(request.text);
+  if (!flags.depth.empty() || (flags.grid.empty() && sidecar && sidecar->depth))
+    return with_depth(request, sidecar);
+  const bool says_grid = !flags.grid.empty() || (sidecar && sidecar->columns);
+  if (says_grid || frames::quilt_layout_of_name(request.text)) return quilt(request, sidecar);
+  const auto named = frames::stereo_of_name(request.text);
+  if (named && flags.stereo.empty()) return stereo(*named, flags);
+  if (auto tagged = tagged_stereo(request.text, flags)) return *tagged;
+  if (frames::is_rgbd_name(request.text)) return with_depth(request, std::nullopt);
+  const bool is_set =
+      request.patterns_are_views && frames::FilePattern::looks_like_pattern(request.text);
+  return {.kind = is_set ? Kind::ViewFiles : Kind::Woven};
+}
+
+ContentMeaning kind_of(const MeaningRequest& request) {
+  if (request.text.starts_with(kViewFiles)) return {.kind = Kind::ViewFiles};
+  if (!is_file_name(request.text)) return {};
+  if (!request.flags.from_rig.empty()) return other_rig(request.flags);
+  if (frames::is_sequence_name(request.text)) return container(request);
+  return picture(request);
+}
+
+/// Refuses flags that would have no effect, since the user expects one.
+void refuse_idle_flags(const MeaningRequest& request, Kind kind) {
+  const ContentFlags& flags = request.flags;
+  const bool has_depth = kind == Kind::OwnDepth || kind == Kind::DepthInside;
+  if (!has_depth && (!flags.depth_range.empty() || flags.invert_depth))
+    throw Error(ErrorKind::Usage, fmt::format("--depth-range: {} has no depth", request.text),
+                "--depth says where it is");
+  const bool about_views = flags.views != 0 || flags.aspect || flags.invert;
+  if (kind == Kind::Woven && about_views && is_file_name(request.text))
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: woven frames, of which --views, --aspect and --invert say nothing",
+                            request.text),
+                "--grid, --stereo, --depth or 'views:' say how views lie in it");
+}
+
+}  // namespace
+
+ContentMeaning meaning_of(const MeaningRequest& request) {
+  refuse_other_flags(request.flags);
+  ContentMeaning meaning = kind_of(request);
+  if (meaning.kind == Kind::ViewFiles && !request.flags.grid.empty())
+    throw Error(ErrorKind::Usage, "--grid: the input is a pattern of views, not a quilt");
+  refuse_idle_flags(request, meaning.kind);
+  if (request.flags.aspect) meaning.aspect = request.flags.aspect;
+  if (request.flags.invert) meaning.rightmost_first = !meaning.rightmost_first;
+  return meaning;
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/content_open.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <utility>
+
+#include "base/error.h"
+#include "frames/image_sequence.h"
+#include "frames/sequence/sequence_reader.h"
+#include "frames/weaving/reweave.h"
+#include "optics/rig_file.h"
+#include "optics/trim.h"
+#include "player/process/interrupt.h"
+#include "player/sources/source_names.h"
+#include "player/sources/video_program.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using frames::FrameSource;
+using frames::ViewInput;
+using Kind = ContentMeaning::Kind;
+using Sources = std::vector<std::unique_ptr<FrameSource>>;
+
+/// Limits of views per source: each film has a thread and pictures, each video a process.
+constexpr size_t kMostFilms = 128;
+constexpr size_t kMostVideos = 16;
+/// Limit for playback: 2 GiB, the size of 86 views of 3840x2160.
+constexpr uint64_t kMostPlayedViewBytes = uint64_t{2} << 30;
+constexpr auto kPatience = std::chrono::minutes(1);
+constexpr std::chrono::milliseconds kLook{100};
+
+std::vector<std::string> parts_of(const std::string& text) {
+  std::vector<std::string> parts(1);
+  for (const char c : text) {
+    if (c == '|')
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  }
+  return parts;
+}
+
+/// Expands "view%02d/%05d.png": returns the second pattern in each folder of the first.
+std::vector<std::string> in_numbered_folders(const fs::path& text) {
+  std::vector<std::string> films;
+  for (const fs::path& folder : frames::list_frame_files(text.parent_path().string()))
+    films.push_back((folder / text.filename()).string());
+  return films;
+}
+
+/// Returns one name for each view.
+std::vector<std::string> names_of_views(const std::string& text) {
+  std::vector<std::string> names = parts_of(text);
+  if (names.size() > 1) return names;
+  if (frames::FilePattern::looks_like_pattern(fs::path(text).parent_path().string()))
+    return in_numbered_folders(text);
+  if (!frames::FilePattern::looks_like_pattern(text)) return names;
+  names.clear();
+  for (const fs::path& file : frames::list_frame_files(text)) names.push_back(file.string());
+  return names;
+}
+
+std::string without_prefix(const std::string& text) {
+  return text.starts_with(kViewFiles) ? text.substr(kViewFiles.size()) : text;
+}
+
+void require_count(const ContentRequest& request, size_t views) {
+  const int wanted = request.what.flags.views;
+  if (wanted != 0 && static_cast<size_t>(wanted) != views)
+    throw Error(ErrorKind::Input, fmt::format("{}: {} views, where --views says {}",
+                                              request.what.text, views, wanted));
+}
+
+uint64_t most_view_bytes(const ContentRequest& request) {
+  return request.how.plays ? kMostPlayedViewBytes : frames::kMostViewBytes;
+}
+
+/// Returns the stated aspect, or that of the picture's pixels if they are not square.
+std::optional<double> aspect_of(const std::optional<double>& stated, const FrameSource& source) {
+  return stated ? stated : frames::stated_aspect(source.geometry(), source.pixel_aspect());
+}
+
+std::unique_ptr<ViewInput> open_still_views(const ContentRequest& request,
+                                            const ContentMeaning& meaning,
+                                            const std::vector<std::string>& names) {
+  if (request.how.frames)
+    throw Error(ErrorKind::Usage, "--frames: that is one picture",
+                "give --frames to films, such as 'views:view%02d/%05d.png'");
+  std::vector<fs::path> files(names.begin(), names.end());
+  if (meaning.rightmost_first) std::reverse(files.begin(), files.end());
+  return std::make_unique<ViewInput>(frames::read_views(files, without_prefix(request.what.text),
+                                                        meaning.aspect, most_view_bytes(request)));
+}
+
+std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const ContentMeaning& meaning,
+                                      const std::vector<std::string>& names) {
+  const bool videos = std::any_of(names.begin(), names.end(),
+                                  [](const std::string& name) { return looks_like_video(name); });
+  const size_t most = videos ? kMostVideos : kMostFilms;
+  if (names.size() > most)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} films, where at most {} play together", request.what.text,
+                            names.size(), most),
+                "make a quilt of them");
+  Sources films;
+  PictureRequest how = request.how;
+  how.decoder_threads = 1;
+  for (const std::string& name : names) {
+    films.push_back(open_pictures(name, how));
+    if (films.back()->geometry() != films.front()->geometry())
+      throw Error(ErrorKind::Input, fmt::format("{}: of another size than {}", name, names[0]),
+                  "views are all of one size");
+  }
+  auto arrangement =
+      frames::arrange_pictures(films.front()->geometry(), static_cast<int>(names.size()),
+                               aspect_of(meaning.aspect, *films.front()), meaning.rightmost_first);
+  return std::make_unique<ViewInput>(std::move(films), std::move(arrangement), request.what.text);
+}
+
+std::unique_ptr<ViewInput> open_view_files(const ContentRequest& request,
+                                           const ContentMeaning& meaning) {
+  const std::vector<std::string> names = names_of_views(without_prefix(request.what.text));
+  require_count(request, names.size());
+  const bool films = std::any_of(names.begin(), names.end(), [](const std::string& name) {
+    return looks_like_video(name) || frames::FilePattern::looks_like_pattern(name);
+  });
+  return films ? open_films(request, meaning, names) : open_still_views(request, meaning, names);
+}
+
+std::unique_ptr<ViewInput> input_of(Sources sources,
+                                    std::unique_ptr<frames::ViewArrangement> arrangement,
+                                    const ContentRequest& request) {
+  return std::make_unique<ViewInput>(std::move(sources), std::move(arrangement), request.what.text);
+}
+
+/// Refuses depth in float files: depth is read as 8-bit codes, and float files have another scale.
+void refuse_float_depth(const std::string& file) {
+  const std::string extension = fs::path(file).extension().string();
+  if (extension == ".exr" || extension == ".hdr")
+    throw Error(ErrorKind::Usage, fmt::format("--depth {}: depth as floats is not read", file),
+                "store it as a grey picture, near being white");
+}
+
+std::unique_ptr<ViewInput> open_with_own_depth(const ContentRequest& request,
+                                               const ContentMeaning& meaning) {
+  refuse_float_depth(request.what.flags.depth);
+  Sources sources;
+  sources.push_back(open_pictures(request.what.text, request.how));
+  sources.push_back(open_pictures(request.what.flags.depth, request.how));
+  frames::DepthOptions options = meaning.depth_options;
+  options.threads = request.drawing_threads;
+  options.most_bytes = most_view_bytes(request);
+  auto arrangement = frames::arrange_depth(sources.front()->geometry(),
+                                           aspect_of(meaning.aspect, *sources.front()), options);
+  return input_of(std::move(sources), std::move(arrangement), request);
+}
+
+optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& meaning) {
+  const ContentFlags& flags = request.what.flags;
+  if (flags.from_rig.empty()) {
+    if (meaning.rig_toml.empty())
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: does not keep the rig that it was woven for", request.what.text),
+                  "name it: --from-rig RIG.toml");
+    return optics::parse_rig(meaning.rig_toml, request.what.text + ": its rig");
+  }
+  auto [rig, identity] = optics::load_rig_and_identity(flags.from_rig);
+  if (!frames::is_sequence_name(request.what.text)) return rig;
+  const frames::SequenceReader reader(request.what.text);
+  const std::string& kept = reader.info().rig_fingerprint;
+  const optics::RigMatch matched = optics::match(frames::rig_of(reader.info()), identity);
+  // The frames were woven before the rig was trimmed, so the rig in the file is the correct one.
+  if (matched == optics::RigMatch::Trimmed && !reader.info().rig_toml.empty())
+    return optics::parse_rig(reader.info().rig_toml, request.what.text + ": its rig");
+  if (matched != optics::RigMatch::Same)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: was woven for another rig ({}) than {} ({})", request.what.text,
+                            kept, flags.from_rig, identity.fingerprint),
+                "say --reweave in place of --from-rig: the rig is in the file");
+  return rig;
+}
+
+std::unique_ptr<ViewInput> open_other_rig(const ContentRequest& request,
+                                          const ContentMeaning& meaning) {
+  const optics::OpticalModel model(rig_of_woven(request, meaning));
+  const int wanted = request.what.flags.views;
+  PictureRequest how = request.how;
+  how.before_weaving = false;  // subsampled chroma mixes pixels of different views
+  Sources sources;
+  sources.push_back(open_pictures(request.what.text, how));
+  auto arrangement = frames::arrange_woven(
+      sources.front()->geometry(), model, wanted > 0 ? wanted : frames::views_in_woven(model.rig()),
+      request.what.text);
+  return input_of(std::move(sources), std::move(arrangement), request);
+}
+
+std::unique_ptr<frames::ViewArrangement> arrangement_of(const ContentRequest& request,
+                                                        const ContentMeaning& meaning,
+                                                        const FrameSource& source) {
+  const std::string& name = request.what.text;
+  const frames::FrameGeometry picture = source.geometry();
+  const double pixel_aspect = source.pixel_aspect();
+  if (meaning.kind == Kind::Quilt) {
+    frames::QuiltLayout layout = meaning.layout;
+    if (!layout.aspect)
+      layout.aspect = frames::stated_aspect(
+          {.width = picture.width / layout.columns, .height = picture.height / layout.rows},
+          pixel_aspect);
+    return frames::arrange_quilt(picture, layout, meaning.rightmost_first, name);
+  }
+  if (meaning.kind == Kind::Stereo) {
+    frames::StereoTiles tiles = frames::tiles_of(meaning.stereo, picture);
+    const bool beside = meaning.stereo.beside && !meaning.stereo.half;
+    const bool above = !meaning.stereo.beside && !meaning.stereo.half;
+    const frames::FrameGeometry eye{.width = picture.width / (beside ? 2 : 1),
+                                    .height = picture.height / (above ? 2 : 1)};
+    if (const auto stated = frames::stated_aspect(eye, pixel_aspect)) tiles.layout.aspect = stated;
+    if (meaning.aspect) tiles.layout.aspect = meaning.aspect;
+    return frames::arrange_quilt(picture, tiles.layout,
+                                 tiles.rightmost_first != meaning.rightmost_first, name);
+  }
+  LENTICULE_CHECK(meaning.kind == Kind::DepthInside);
+  frames::DepthOptions options = meaning.depth_options;
+  options.threads = request.drawing_threads;
+  options.most_bytes = most_view_bytes(request);
+  const bool beside =
+      meaning.depth == frames::DepthPlace::Left || meaning.depth == frames::DepthPlace::Right;
+  const frames::FrameGeometry colours{.width = picture.width / (beside ? 2 : 1),
+                                      .height = picture.height / (beside ? 1 : 2)};
+  const auto aspect =
+      meaning.aspect ? meaning.aspect : frames::stated_aspect(colours, pixel_aspect);
+  return frames::arrange_depth_in(picture, meaning.depth, aspect, options, name);
+}
+
+}  // namespace
+
+std::unique_ptr<ViewInput> open_views(const ContentRequest& request,
+                                      const ContentMeaning& meaning) {
+  LENTICULE_CHECK(meaning.kind != Kind::Woven);
+  if (meaning.kind == Kind::ViewFiles) return open_view_files(request, meaning);
+  if (meaning.kind == Kind::OwnDepth) return open_with_own_depth(request, meaning);
+  if (meaning.kind == Kind::OtherRig) return open_other_rig(request, meaning);
+  Sources sources;
+  sources.push_back(open_pictures(request.what.text, request.how));
+  auto arrangement = arrangement_of(request, meaning, *sources.front());
+  return input_of(std::move(sources), std::move(arrangement), request);
+}
+
+void await_first(ViewInput& input, const std::string& name) {
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
+    switch (input.next()) {
+      case frames::PullStatus::Ready:
+        return;
+      case frames::PullStatus::End:
+        throw Error(ErrorKind::Input, fmt::format("{}: has no frames", name));
+      case frames::PullStatus::Failed:
+        throw Error(ErrorKind::Input, input.failure());
+      case frames::PullStatus::NotYet:
+        input.wait(kLook);
+    }
+  }
+  throw Error(ErrorKind::Failed, fmt::format("{}: no picture came", name));
+}
+
+frames::FrameDamage await_damage(ViewInput& input) {
+  input.release();
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  while (std::chrono::steady_clock::now() < deadline && !interrupted()) {
+    const frames::PullStatus status = input.next();
+    if (status == frames::PullStatus::Ready) input.release();
+    if (status == frames::PullStatus::NotYet) input.wait(kLook);
+    if (status == frames::PullStatus::End || status == frames::PullStatus::Failed) break;
+  }
+  return input.damage();
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// marks_of_source records the state of a source's files, so that a replaced source can be played
+// again.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/file_mark.h"
+#include "player/sources/content_flags.h"
+
+namespace lenticule::player {
+
+/// Returns the state of every file of a source and its sidecar; for a pattern, of the first 256
+/// files, and their number. Empty for rings and for sources generated here. `flags` are those given
+/// with the source. Costs one stat() per file.
+[[nodiscard]] std::vector<FileMark> marks_of_source(const std::string& text,
+                                                    const ContentFlags& flags = {});
+
+}  // namespace lenticule::player

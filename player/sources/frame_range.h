@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// FrameRange selects frames of a sequence.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+namespace lenticule::player {
+
+/// Frame numbers [begin, end).
+struct FrameRange {
+  uint64_t begin = 0;
+  uint64_t end = 1;
+  [[nodiscard]] uint64_t count() const { return end - begin; }
+  friend bool operator==(const FrameRange&, const FrameRange&) = default;
+};
+
+/// Parses "A:B", or "N" for one frame. Throws Error(Usage).
+[[nodiscard]] FrameRange parse_frame_range(std::string_view text);
+
+/// Parses decimal digits without any other character, at most a hundred million (a frame number, a
+/// size).
+[[nodiscard]] std::optional<uint64_t> whole_number(std::string_view text);
+
+}  // namespace lenticule::player

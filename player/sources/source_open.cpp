@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/source_open.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <utility>
+
+#include "base/error.h"
+#include "frames/image_sequence.h"
+#include "frames/ring/ring_player.h"
+#include "frames/sequence/sequence_source.h"
+#include "optics/rig_file.h"
+#include "player/sources/content_open.h"
+#include "player/sources/still_source.h"
+#include "player/sources/video_program.h"
+#include "player/sources/views_source.h"
+#include "player/sources/weaving_source.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+
+optics::RigIdentity present_rig(const SourceRequest& request) {
+  return request.trim ? request.trim->identity() : request.identity;
+}
+
+OpenedSource open_ring(const SourceRequest& request, const std::string& socket) {
+  if (socket.empty())
+    throw Error(ErrorKind::Usage, "source 'ring:': no socket", "write ring:/run/user/1000/panel");
+  if (request.frames)
+    throw Error(ErrorKind::Usage, "--frames: a ring plays what its renderer sends",
+                "give --frames to lenticule render");
+  std::unique_ptr<frames::RingPlayer> ring =
+      frames::RingPlayer::open({.socket = socket,
+                                .geometry = request.panel,
+                                .slots = request.slots,
+                                .rig_fingerprint = optics::to_text(present_rig(request)),
+                                .on_other_trim =
+                                    [warnings = request.warnings](const std::string& difference) {
+                                      if (warnings) warnings->add(difference);
+                                    },
+                                .keep_for_loop = request.plays_again});
+  OpenedSource opened;
+  opened.loop_obstacle = [player = ring.get()] { return player->statistics().loop_obstacle; };
+  opened.source = std::move(ring);
+  opened.stall_hint =
+      fmt::format("start a renderer: lenticule render SCENE --rig RIG -o ring:{}", socket);
+  return opened;
+}
+
+void refuse_other_kinds(const std::string& text) {
+  const std::string extension = fs::path(text).extension().string();
+  constexpr std::array kNotYet = {".m3u", ".toml", ".json"};
+  const bool not_yet = std::find(kNotYet.begin(), kNotYet.end(), extension) != kNotYet.end();
+  std::error_code ignored;
+  if (!not_yet && !fs::is_directory(text, ignored) && !text.empty()) return;
+  throw Error(
+      ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
+      "play ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, card or "
+      "views");
+}
+
+void require_panel_size(const SourceRequest& request, const frames::FrameGeometry& geometry,
+                        const std::string& name) {
+  if (geometry == request.panel) return;
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", name, geometry.width,
+                          geometry.height, request.panel.width, request.panel.height),
+              "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
+}
+
+PictureRequest picture_request(const SourceRequest& request) {
+  return {.frames = request.frames,
+          .first_frame = request.first_frame,
+          .pool_frames = std::max(request.slots, 2),
+          .decoder_threads = decoding_threads(),
+          .plays_again = request.plays_again,
+          .before_weaving = false,
+          .plays = true};
+}
+
+OpenedSource open_woven_pictures(const SourceRequest& request) {
+  refuse_other_kinds(request.text);
+  OpenedSource opened;
+  PictureRequest how = picture_request(request);
+  how.size = request.panel;
+  opened.source = open_pictures(request.text, how);
+  return opened;
+}
+
+/// Returns the name in the rig that a container stores.
+std::string kept_rig_name(const frames::SequenceInfo& info) {
+  try {
+    return optics::parse_rig(info.rig_toml, "rig").name;
+  } catch (const Error&) {
+    return {};
+  }
+}
+
+void require_same_rig(const SourceRequest& request, const frames::SequenceInfo& info) {
+  const optics::RigIdentity theirs = frames::rig_of(info), ours = present_rig(request);
+  const optics::RigMatch matched = optics::match(theirs, ours);
+  if (matched == optics::RigMatch::Same) return;
+  if (matched == optics::RigMatch::Trimmed) {
+    if (request.warnings)
+      request.warnings->add(
+          fmt::format("{}: {}", request.text, optics::trim_difference(theirs, ours)));
+    return;
+  }
+  throw Error(
+      ErrorKind::Input,
+      fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", request.text,
+                  kept_rig_name(info), info.rig_fingerprint, request.rig_name, ours.fingerprint),
+      "woven frames fit one panel: render them for this rig, or say --reweave, which takes "
+      "them apart and costs sharpness");
+}
+
+OpenedSource open_sequence(const SourceRequest& request) {
+  // The size is checked before the pool is allocated, because an untrusted file may state any size.
+  const frames::SequenceReader reader(request.text);
+  require_same_rig(request, reader.info());
+  require_panel_size(request, reader.geometry(), request.text);
+  OpenedSource opened;
+  opened.source = open_pictures(request.text, picture_request(request));
+  return opened;
+}
+
+MeaningRequest meaning_request(const SourceRequest& request) {
+  const bool meant = request.content_of == request.text;
+  return {.text = request.text,
+          .flags = meant ? request.content : ContentFlags{},
+          .rig_fingerprint = present_rig(request).fingerprint};
+}
+
+/// Opens a source that is woven here. Quilts are large: only a few are kept ahead, beside the
+/// requested number of woven frames.
+OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning& meaning) {
+  constexpr int kPicturesAhead = 4;
+  ContentRequest content{.what = meaning_request(request),
+                         .how = picture_request(request),
+                         .drawing_threads = decoding_threads()};
+  content.how.pool_frames = kPicturesAhead;
+  content.how.before_weaving = true;
+  OpenedSource opened;
+  opened.source = std::make_unique<WeavingSource>(
+      open_views(content, meaning),
+      WeavingSourceOptions{.rig_file = request.rig_file,
+                           .rig = request.rig,
+                           .name = request.text,
+                           .loom = {.weave = weave_options(request.weaving),
+                                    .crosstalk = request.weaving.crosstalk,
+                                    .threads = decoding_threads()},
+                           .pool_frames = std::max(request.slots, 3),
+                           .plays_again = request.plays_again});
+  return opened;
+}
+
+OpenedSource open_card(const SourceRequest& request) {
+  if (request.frames)
+    throw Error(ErrorKind::Usage, "--frames: a test card is one picture",
+                "give --frames to a pattern such as 'out/%05d.png'");
+  OpenedSource opened;
+  opened.source = std::make_unique<StillSource>(draw_test_card(request.panel, request.card));
+  return opened;
+}
+
+OpenedSource open_views_of_rig(const SourceRequest& request) {
+  LENTICULE_CHECK(request.trim != nullptr);
+  if (request.frames)
+    throw Error(ErrorKind::Usage, "--frames: numbered views are one picture",
+                "give --frames to a pattern such as 'out/%05d.png'");
+  OpenedSource opened;
+  opened.source = std::make_unique<ViewsSource>(request.trim);
+  return opened;
+}
+
+}  // namespace
+
+bool is_woven_here(const SourceRequest& request) {
+  try {
+    return meaning_of(meaning_request(request)).kind != ContentMeaning::Kind::Woven;
+  } catch (const Error&) {
+    return false;  // opening the source reports the error
+  }
+}
+
+OpenedSource open_source(const SourceRequest& request) {
+  if (request.text == kCardSource) return open_card(request);
+  if (request.text == kViewsSource) return open_views_of_rig(request);
+  if (request.text.starts_with(kRingSource))
+    return open_ring(request, request.text.substr(kRingSource.size()));
+  const ContentMeaning meaning = meaning_of(meaning_request(request));
+  if (meaning.kind != ContentMeaning::Kind::Woven) return open_woven_here(request, meaning);
+  if (frames::is_sequence_name(request.text)) return open_sequence(request);
+  return open_woven_pictures(request);
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+// open_source opens the SOURCE argument of `play` as a FrameSource.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "display/test_card.h"
+#include "frames/frame_source.h"
+#include "player/sources/content_flags.h"
+#include "player/sources/followed_rig.h"
+#include "player/sources/frame_range.h"
+#include "player/sources/live_trim.h"
+#include "player/sources/rig_warnings.h"
+#include "player/sources/source_names.h"
+
+namespace lenticule::player {
+
+struct SourceRequest {
+  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", a video file, "card", "views", or a
+  /// source in docs/content.md: quilts, stereo, depth, "views:view%02d.png".
+  std::string text = {};
+  /// Layout of the views in `content_of`, and in no other source: flags of the command line do not
+  /// apply to sources named by a list or over the control socket.
+  ContentFlags content = {};
+  std::string content_of = {};
+  WeavingFlags weaving = {};
+  frames::FrameGeometry panel = {};
+  /// Identity of the rig at the start; `trim` has the current one.
+  optics::RigIdentity identity = {};
+  std::string rig_name = {};  ///< name in messages
+  std::string rig_file = {};  ///< sources that are woven here follow changes of this file
+  /// Shared rig of that file, for all sources woven here.
+  std::shared_ptr<FollowedRig> rig = nullptr;
+  int slots = 8;  ///< frames in memory: slots of the ring or of the picture pool
+  std::optional<FrameRange> frames = std::nullopt;  ///< frames of a pattern, container or video
+  /// First frame of the first round. Kinds of source that cannot start there ignore it; frames
+  /// carry their numbers.
+  uint64_t first_frame = 0;
+  bool plays_again = false;                        ///< keeps frames for the next loop if they fit
+  display::CardText card = {};                     ///< text of a test card
+  std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of "views"
+  /// Receives warnings about frames that do not match the rig; may be null.
+  std::shared_ptr<RigWarnings> warnings = nullptr;
+};
+
+/// Returns true if the source consists of views that are woven here and so can follow every change
+/// of the rig. Reads sidecars and containers' headers; returns false if they cannot be read.
+[[nodiscard]] bool is_woven_here(const SourceRequest& request);
+
+struct OpenedSource {
+  std::unique_ptr<frames::FrameSource> source;
+  /// Returns, after playing and while `source` exists, why the sequence could not be repeated;
+  /// empty if it could. Null for sources that can always be repeated.
+  std::function<std::string()> loop_obstacle;
+  /// Advice if no frame arrives; may be empty.
+  std::string stall_hint;
+};
+
+/// Opens the source. Throws Error(Usage) for a source that cannot be played, Error(Input) for
+/// pictures and videos that are missing, broken or of another size than the panel, Error(Device) or
+/// Error(Failed) for a ring that cannot be opened.
+[[nodiscard]] OpenedSource open_source(const SourceRequest& request);
+
+}  // namespace lenticule::player

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Parsers for the output of lenticule-video. The output is not trusted: a video file may have taken
+// over the process that wrote it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "frames/frame.h"
+#include "frames/image_io.h"
+#include "frames/rational.h"
+
+namespace lenticule::player {
+
+/// Layout of two eyes in a stream's frames, from the stream's tag.
+struct VideoStereo {
+  std::string layout;        ///< FFmpeg's name: "side by side", "top and bottom", ...
+  bool right_first = false;  ///< the right eye's picture is the left or the upper one
+};
+
+struct VideoStream {
+  int index = 0;
+  frames::FrameGeometry geometry;    ///< size within the ring's limits
+  std::optional<frames::Rate> rate;  ///< average rate of the stream
+  std::optional<uint64_t> frames;    ///< number that the container claims
+  std::optional<double> duration_s;
+  std::optional<uint64_t> expected_frames;  ///< number that the container, or its duration, claims
+  double pixel_aspect = 1.0;                ///< width over height of a pixel
+  /// Rotation of the frames; empty for angles other than quarter turns.
+  std::optional<frames::Orientation> orientation = frames::Orientation::Upright;
+  std::optional<VideoStereo> stereo;  ///< layout of two eyes from a tag
+  std::string codec;                  ///< escaped, like all text here
+  std::string pixel_format;           ///< FFmpeg's name
+  std::string sampling;               ///< "rgb", "grey", "4:4:4", "4:2:0", ...
+  bool exact = false;                 ///< every code arrives as stored
+  bool full_chroma = false;           ///< RGB, grey or 4:4:4: subpixels keep their own colours
+  std::string refusal;                ///< reason why it cannot be decoded; empty if it can
+};
+
+/// Parses a probe's report. Throws Error(Input) "source: cause" if it is malformed, if a stream's
+/// sizes or numbers are out of range, and if it has no streams.
+[[nodiscard]] std::vector<VideoStream> parse_video_probe(std::string_view text,
+                                                         const std::string& source);
+
+/// A line that a decoder prints while it works.
+struct VideoEvent {
+  enum class Kind { Position, Broken, Clip, Other };
+  Kind kind = Kind::Other;
+  uint64_t frame = 0;           ///< frame number in the file (Position)
+  std::optional<int64_t> time;  ///< time stamp of that frame
+  uint64_t broken = 0;          ///< frames and packets left out or faulty so far
+  uint64_t left_out = 0;  ///< frames left out in this round (Clip); `frame` is the number that came
+};
+/// Returns none if the line is not such an event. Never throws because of the line's contents.
+[[nodiscard]] std::optional<VideoEvent> parse_video_event(std::string_view line);
+
+}  // namespace lenticule::player

@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/video_program.h"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <deque>
+#include <mutex>
+#include <optional>
+#include <string_view>
+#include <system_error>
+
+#include "base/error.h"
+#include "base/exit_code.h"
+#include "base/text.h"
+#include "player/process/child_process.h"
+#include "player/process/sibling_program.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kName = "lenticule-video";
+constexpr std::chrono::seconds kProbeLimit{30};
+
+/// Returns the first line without the program's name: "FILE: cause" of "lenticule-video: FILE:
+/// cause".
+std::string first_line(const std::string& output) {
+  constexpr std::string_view kPrefix = "lenticule-video: ";
+  std::string line = escaped(output.substr(0, std::min(output.find('\n'), size_t{500})));
+  if (line.starts_with(kPrefix)) line.erase(0, kPrefix.size());
+  return line;
+}
+
+/// State of a file; it changes when the file is replaced or written to.
+struct FileState {
+  dev_t device = 0;
+  ino_t inode = 0;
+  off_t bytes = 0;
+  int64_t modified_ns = 0;
+  int64_t changed_ns = 0;
+  friend bool operator==(const FileState&, const FileState&) = default;
+};
+
+std::optional<FileState> state_of(const fs::path& file) {
+  struct stat status {};
+  if (stat(file.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return std::nullopt;
+  const auto nanoseconds = [](const timespec& time) {
+    return int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
+  };
+  return FileState{status.st_dev, status.st_ino, status.st_size, nanoseconds(status.st_mtim),
+                   nanoseconds(status.st_ctim)};
+}
+
+/// A cached probe. A video's streams are needed several times before it plays: to detect its
+/// format, and to open it.
+struct KnownStreams {
+  FileState state;
+  std::string program;
+  std::vector<VideoStream> streams;
+};
+constexpr size_t kMostKnown = 32;
+std::mutex known_mutex;
+std::deque<KnownStreams> known_streams;  ///< newest first
+
+std::optional<std::vector<VideoStream>> remembered(const std::optional<FileState>& state,
+                                                   const std::string& program) {
+  const std::lock_guard lock(known_mutex);
+  for (const KnownStreams& one : known_streams)
+    if (state == one.state && program == one.program) return one.streams;
+  return std::nullopt;
+}
+
+void remember(const FileState& state, const std::string& program,
+              const std::vector<VideoStream>& streams) {
+  const std::lock_guard lock(known_mutex);
+  known_streams.push_front({state, program, streams});
+  if (known_streams.size() > kMostKnown) known_streams.pop_back();
+}
+
+}  // namespace
+
+fs::path find_video_program() {
+  if (auto program = find_sibling_program(kName)) return *std::move(program);
+  throw Error(ErrorKind::Failed, fmt::format("{}: not found beside lenticule", kName),
+              "reinstall lenticule: video files are read and written by this part of it");
+}
+
+bool looks_like_video(const fs::path& file) {
+  constexpr std::array<std::string_view, 17> kNames = {
+      ".mkv", ".webm", ".mp4", ".m4v", ".mov", ".avi", ".nut",  ".ts", ".m2ts",
+      ".mpg", ".mpeg", ".ogv", ".flv", ".mxf", ".wmv", ".apng", ".y4m"};
+  std::string extension = file.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return std::find(kNames.begin(), kNames.end(), extension) != kNames.end();
+}
+
+std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {
+  const std::string path = (program.empty() ? find_video_program() : program).string();
+  const std::optional<FileState> state = state_of(file);
+  if (const auto known = remembered(state, path)) return *known;
+  const ChildResult result = run_child({path, "probe", "--", file.string()}, kProbeLimit);
+  if (result.exit_code == kOk) {
+    std::vector<VideoStream> streams = parse_video_probe(result.output, file.string());
+    // A file that changed during the probe is probed again the next time.
+    if (state && state_of(file) == state) remember(*state, path, streams);
+    return streams;
+  }
+  if (result.exit_code == kInput) throw Error(ErrorKind::Input, first_line(result.output));
+  if (result.exit_code == kFailed) throw Error(ErrorKind::Failed, first_line(result.output));
+  throw Error(ErrorKind::Input,
+              fmt::format("{}: the program that looks at it {}", file.string(),
+                          result.timed_out ? "does not come to an end" : "crashed"),
+              "the file is broken; convert it anew");
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,364 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/video_source.h"
+
+#include <fmt/format.h>
+#include <sys/epoll.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <deque>
+#include <utility>
+
+#include "base/error.h"
+#include "base/exit_code.h"
+#include "base/unique_fd.h"
+#include "frames/ring/frame_number.h"
+#include "frames/ring/ring_player.h"
+#include "player/process/private_folder.h"
+#include "player/sources/video_child.h"
+#include "player/sources/video_program.h"
+
+namespace lenticule::player {
+namespace {
+
+using frames::PullStatus;
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr int kLeastSlots = 4;  ///< a ring's minimum of three, and one held over the loop point
+constexpr size_t kMostRestarts = 3;
+constexpr auto kRestartWindow = 60s;
+/// Timeout for the start: loading some hundred libraries on a busy machine may take long.
+constexpr std::chrono::milliseconds kStartPatience = 10s;
+
+const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
+                                 const VideoRequest& request) {
+  if (!request.stream) return streams.front();
+  for (const VideoStream& stream : streams)
+    if (stream.index == *request.stream) return stream;
+  throw Error(ErrorKind::Usage,
+              fmt::format("{}: no stream {} with pictures", request.file.string(), *request.stream),
+              "see lenticule-video probe");
+}
+
+frames::FrameGeometry upright_geometry(const VideoStream& stream) {
+  return frames::turned_geometry(stream.geometry, *stream.orientation);
+}
+
+/// Refuses tags that would require changing the pixels of woven frames.
+void refuse_tags_of_woven(const VideoStream& stream, const std::string& file) {
+  constexpr double kSquare = 0.005;
+  if (stream.orientation != frames::Orientation::Upright)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: is tagged to be turned, and woven frames are never turned", file),
+                "remove its rotation, or turn the views before they are woven");
+  if (std::abs(stream.pixel_aspect - 1.0) > kSquare)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: its pixels are tagged {:.3g} times as wide as high, and woven "
+                            "frames are never scaled",
+                            file, stream.pixel_aspect),
+                "remove the sample aspect ratio, or scale the views before they are woven");
+}
+
+void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
+  const std::string file = request.file.string();
+  if (!stream.refusal.empty())
+    throw Error(ErrorKind::Input, fmt::format("{}: {}", file, stream.refusal),
+                "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
+  if (!stream.orientation)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: is tagged to be turned by other than quarter turns", file),
+                "remove its rotation");
+  if (!request.before_weaving) refuse_tags_of_woven(stream, file);
+  if (!stream.full_chroma && !request.before_weaving)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: {} chroma ({}) mixes the colours of neighbouring subpixels", file,
+                            stream.sampling, stream.pixel_format),
+                "weave it from a quilt instead; woven frames are stored as RGB or 4:4:4");
+}
+
+VideoStream suitable_stream(const VideoRequest& request) {
+  const VideoStream stream = choose_stream(probe_video(request.file, request.program), request);
+  refuse_unsuitable(stream, request);
+  if (request.accept) request.accept(upright_geometry(stream));
+  return stream;
+}
+
+uint64_t slots_for(const VideoStream& stream, const VideoRequest& request) {
+  const uint64_t fit = request.most_bytes / stream.geometry.frame_bytes();
+  const auto most = static_cast<uint64_t>(std::max(request.slots, kLeastSlots));
+  return std::clamp<uint64_t>(fit, kLeastSlots, most);
+}
+
+class Source final : public VideoSource {
+ public:
+  explicit Source(const VideoRequest& request)
+      : request_(request),
+        program_(request.program.empty() ? find_video_program() : request.program),
+        stream_(suitable_stream(request)),
+        upright_(upright_geometry(stream_)),
+        slots_(slots_for(stream_, request)),
+        ring_(frames::RingPlayer::open({.socket = folder_.path() / "ring",
+                                        .geometry = upright_,
+                                        .slots = static_cast<int>(slots_),
+                                        .rig_fingerprint = {}})),
+        events_(::epoll_create1(EPOLL_CLOEXEC)) {
+    if (!events_ || !watch(ring_->wake_fd()) || !watch(child_.wake_fd()))
+      throw Error(ErrorKind::Failed, "video: no descriptor is left");
+    // A range ends at a known frame; a container may be wrong about its last frame.
+    if (!request_.frames) child_.expect_frames(stream_.expected_frames);
+    begin_child();
+  }
+
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return upright_; }
+  [[nodiscard]] frames::FrameDamage damage() const override {
+    return {.damaged = broken_before_.load() + child_.broken(), .missing = child_.missing()};
+  }
+  [[nodiscard]] double pixel_aspect() const override {
+    return frames::upright_pixel_aspect({.geometry = stream_.geometry,
+                                         .orientation = *stream_.orientation,
+                                         .pixel_aspect = stream_.pixel_aspect});
+  }
+  [[nodiscard]] std::optional<frames::Rate> rate() const override { return stream_.rate; }
+  [[nodiscard]] std::optional<uint64_t> frame_count() const override { return frames_in_loop_; }
+  [[nodiscard]] PullStatus pull(frames::LentFrame& out) override;
+  void release(uint64_t token) override;
+  [[nodiscard]] int max_lent() const override { return ring_->max_lent() - 1; }
+  [[nodiscard]] uint64_t ready_count() const override {
+    return ring_->ready_count() + (held_ ? 1 : 0);
+  }
+  [[nodiscard]] bool saturated() const override { return ring_->saturated() || !failure_.empty(); }
+  [[nodiscard]] bool rewind() override;
+  [[nodiscard]] int wake_fd() const override { return events_.get(); }
+  void service() override;
+  [[nodiscard]] std::string failure() const override { return failure_; }
+  [[nodiscard]] VideoStatistics statistics() const override;
+
+ private:
+  [[nodiscard]] bool watch(int fd) const;
+  [[nodiscard]] PullStatus take(const frames::LentFrame& lent, frames::LentFrame& out);
+  void begin_child();
+  void supervise();
+  void bury();
+  [[nodiscard]] bool may_restart();
+  void watch_for_hang();
+
+  const VideoRequest request_;
+  const std::filesystem::path program_;
+  const VideoStream stream_;
+  const frames::FrameGeometry upright_;
+  const uint64_t slots_;
+  const PrivateFolder folder_;
+  std::unique_ptr<frames::RingPlayer> ring_;
+  UniqueFd events_;
+
+  uint64_t loop_ = 0;      ///< loop of the next pull()
+  uint64_t next_ = 0;      ///< frame that pull() expects
+  bool complete_ = false;  ///< the present decoder has sent all frames
+  bool at_end_ = false;    ///< End was returned and rewind() not called
+  /// First frame of the next loop, held over the loop point.
+  std::optional<frames::LentFrame> held_;
+  std::optional<uint64_t> frames_in_loop_;
+  uint64_t position_ = 0;  ///< frames taken from the ring, in all loops
+  uint64_t lent_ = 0;
+
+  uint64_t child_loop_ = 0;  ///< loop in which the present child was started
+  bool burying_ = false;     ///< the child is dead, but the ring may not have noticed yet
+  ChildEnd end_;
+  std::string failure_;
+  bool out_of_order_ = false;
+
+  std::deque<Clock::time_point> restarts_;
+  VideoStatistics counts_;
+  std::atomic<uint64_t> broken_before_{0};  ///< count of the decoders before the present one
+  bool child_showed_life_ = false;
+  bool killed_ = false;
+  uint64_t signs_ = 0;
+  Clock::time_point last_sign_;
+  Clock::time_point last_look_;
+  VideoChild child_;  // last member, so that it is destroyed first
+};
+
+bool Source::watch(int fd) const {
+  epoll_event event = {};
+  event.events = EPOLLIN;
+  event.data.fd = fd;
+  return ::epoll_ctl(events_.get(), EPOLL_CTL_ADD, fd, &event) == 0;
+}
+
+// --- frames ------------------------------------------------------------------------------------
+
+PullStatus Source::pull(frames::LentFrame& out) {
+  if (out_of_order_) return PullStatus::Failed;
+  if (at_end_) return PullStatus::End;
+  if (held_) {
+    out = *std::exchange(held_, std::nullopt);
+    out.number = next_++;
+    return PullStatus::Ready;
+  }
+  frames::LentFrame lent;
+  switch (ring_->pull(lent)) {
+    case PullStatus::Ready:
+      ++lent_;
+      return take(lent, out);
+    case PullStatus::End:
+      // A decoder that was replaced after its last frame leaves an empty sequence.
+      if (request_.plays_again || next_ == 0) break;
+      // The number of left-out frames is known once the decoder has reported it or is dead.
+      complete_ = true;
+      if (child_.present() && child_.rounds() == 0) break;
+      at_end_ = true;
+      frames_in_loop_ = next_;
+      return PullStatus::End;
+    default:
+      break;
+  }
+  supervise();
+  return failure_.empty() ? PullStatus::NotYet : PullStatus::Failed;
+}
+
+PullStatus Source::take(const frames::LentFrame& lent, frames::LentFrame& out) {
+  const uint64_t position = frames::position_of(lent.number);
+  const bool begins = frames::begins_clip(lent.number);
+  if (position == position_ && begins && next_ > 0) {
+    ++position_;
+    held_ = lent;
+    at_end_ = true;
+    frames_in_loop_ = next_;
+    return PullStatus::End;
+  }
+  if (position == position_ && begins == (next_ == 0)) {
+    ++position_;
+    out = lent;
+    out.number = next_++;
+    return PullStatus::Ready;
+  }
+  release(lent.token);
+  out_of_order_ = true;
+  failure_ = fmt::format("{}: the decoder sent frame {} in place of {}", request_.file.string(),
+                         position, position_);
+  child_.kill();
+  return PullStatus::Failed;
+}
+
+void Source::release(uint64_t token) {
+  --lent_;
+  ring_->release(token);
+}
+
+bool Source::rewind() {
+  if (!at_end_) return next_ == 0;
+  at_end_ = false;
+  next_ = 0;
+  ++loop_;
+  if (!request_.plays_again && !child_.present()) begin_child();
+  return true;
+}
+
+// --- decoder -----------------------------------------------------------------------------------
+
+/// Starts a decoder at the frame after the last one in the ring. A number beyond the clip's end,
+/// which only the decoder knows, continues in the next loop.
+void Source::begin_child() {
+  const uint64_t from = (held_ ? 1 : next_) + ring_->ready_count();
+  const FrameRange range = request_.frames.value_or(FrameRange{0, uint64_t{1} << 40});
+  std::vector<std::string> arguments = {
+      program_.string(), "decode",
+      "--ring",          (folder_.path() / "ring").string(),
+      "--stream",        std::to_string(stream_.index),
+      "--begin",         std::to_string(range.begin),
+      "--end",           std::to_string(range.end),
+      "--from",          std::to_string(from),
+      "--position",      std::to_string(position_ + ring_->ready_count())};
+  const std::optional<VideoEvent> known = child_.position();
+  if (known && known->time && known->frame <= range.begin + from)
+    arguments.insert(arguments.end(), {"--known-frame", std::to_string(known->frame),
+                                       "--known-time=" + std::to_string(*known->time)});
+  if (request_.plays_again) arguments.emplace_back("--loop");
+  if (request_.before_weaving) arguments.emplace_back("--before-weaving");
+  arguments.insert(arguments.end(), {"--", request_.file.string()});
+  if (*stream_.orientation != frames::Orientation::Upright)
+    arguments.insert(arguments.end() - 2,
+                     {"--orientation", std::to_string(static_cast<int>(*stream_.orientation))});
+  broken_before_.fetch_add(child_.broken());
+  complete_ = false;
+  child_loop_ = loop_;
+  child_showed_life_ = killed_ = false;
+  last_sign_ = last_look_ = Clock::now();
+  child_.start(std::move(arguments));
+}
+
+void Source::service() {
+  ring_->service();
+  supervise();
+}
+
+/// Handles the end of a child, once the ring has taken over everything that it had published.
+void Source::supervise() {
+  if (const auto end = burying_ ? std::nullopt : child_.take_end()) {
+    end_ = *end;
+    burying_ = true;
+  }
+  if (!burying_) return watch_for_hang();
+  ring_->service();
+  if (ring_->statistics().renderer_connected) return;
+  burying_ = false;
+  bury();
+}
+
+void Source::bury() {
+  if (!failure_.empty()) return;
+  const bool complete = end_.exit_code == kOk && !request_.plays_again;
+  if (complete && child_loop_ == loop_) return;  // pull() returns the end when it gets there
+  const bool sent_all = complete_ && child_loop_ == loop_;
+  if ((at_end_ || sent_all) && !request_.plays_again) return;
+  if (complete) return begin_child();
+  const bool final_word = end_.exit_code == kInput || end_.exit_code == kUsage;
+  if (!final_word && may_restart()) return begin_child();
+  failure_ = fmt::format("{}: {}: {}", request_.file.string(),
+                         final_word ? "cannot be decoded" : "the decoder ends again and again",
+                         end_.text());
+}
+
+bool Source::may_restart() {
+  const Clock::time_point now = Clock::now();
+  while (!restarts_.empty() && now - restarts_.front() > kRestartWindow) restarts_.pop_front();
+  if (restarts_.size() >= kMostRestarts) return false;
+  restarts_.push_back(now);
+  ++counts_.restarts;
+  return true;
+}
+
+/// Kills a decoder that hangs. Time counts only while the player pulls and the decoder has a free
+/// slot, so that a pause is not taken for a hang.
+void Source::watch_for_hang() {
+  if (!child_.present() || killed_) return;
+  const Clock::time_point now = Clock::now();
+  const uint64_t signs = position_ + ring_->ready_count() + child_.events();
+  const bool looked_away = now - std::exchange(last_look_, now) > request_.patience / 2;
+  const bool full = ring_->ready_count() + lent_ >= slots_;
+  if (signs != signs_) child_showed_life_ = true;
+  if (std::exchange(signs_, signs) != signs || looked_away || full) last_sign_ = now;
+  const auto patience =
+      child_showed_life_ ? request_.patience : std::max(request_.patience, kStartPatience);
+  if (now - last_sign_ < patience) return;
+  killed_ = true;
+  ++counts_.hangs;
+  child_.kill();
+}
+
+VideoStatistics Source::statistics() const {
+  VideoStatistics now = counts_;
+  now.broken = child_.broken();
+  now.decoder = child_.pid();
+  return now;
+}
+
+}  // namespace
+
+std::unique_ptr<VideoSource> open_video(const VideoRequest& request) {
+  return std::make_unique<Source>(request);
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sole wrapper of Embree: handles that release themselves, errors as exceptions, and the calls that
+// differ between Embree 3 and 4. embree_packets.h wraps the packet calls.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <type_traits>
+
+#if LENTICULE_EMBREE_MAJOR >= 4
+#include <embree4/rtcore.h>
+#else
+#include <embree3/rtcore.h>
+#endif
+
+namespace lenticule::render {
+
+struct EmbreeRelease {
+  void operator()(RTCDevice device) const noexcept { rtcReleaseDevice(device); }
+  void operator()(RTCScene scene) const noexcept { rtcReleaseScene(scene); }
+  void operator()(RTCGeometry geometry) const noexcept { rtcReleaseGeometry(geometry); }
+};
+template <class Handle>
+using EmbreeHandle = std::unique_ptr<std::remove_pointer_t<Handle>, EmbreeRelease>;
+using EmbreeScene = EmbreeHandle<RTCScene>;
+using EmbreeGeometry = EmbreeHandle<RTCGeometry>;
+
+/// EmbreeDevice owns a device and remembers the first error that Embree reported through its
+/// callback.
+class EmbreeDevice {
+ public:
+  /// `threads` is the number of threads that build acceleration structures; 0 = all cores. Throws
+  /// Error(Failed).
+  explicit EmbreeDevice(int threads);
+  ~EmbreeDevice();
+  EmbreeDevice(const EmbreeDevice&) = delete;
+  EmbreeDevice& operator=(const EmbreeDevice&) = delete;
+
+  [[nodiscard]] RTCDevice get() const { return device_.get(); }
+
+  /// Throws Error(Failed) "doing: Embree's message" if Embree reported an error since the last
+  /// call.
+  void check(const std::string& doing) const;
+
+ private:
+  struct Report;
+  // Declared first, so that it is destroyed last: the device may report errors while it is
+  // released.
+  std::unique_ptr<Report> report_;
+  EmbreeHandle<RTCDevice> device_;
+};
+
+/// Returns the widest packet that Embree traces as a unit on this machine: 16, 8 or 4. Embree
+/// splits wider packets into single rays. Returns 16 before the first device is created.
+[[nodiscard]] int widest_packet();
+
+/// Coherence tells Embree if the rays of a packet start at nearly one place in nearly one
+/// direction. The coherent mode is faster for such packets and much slower for others.
+enum class Coherence { Coherent, Incoherent };
+
+/// Returns true if Embree accepts these numbers. Some distributions' Embree checks rays and aborts
+/// the process, so numbers outside these bounds must not reach Embree. Returns false for NaN.
+[[nodiscard]] inline bool embree_accepts(float x, float y, float z) {
+  constexpr float kLimit = 1e18F;
+  return x > -kLimit && x < kLimit && y > -kLimit && y < kLimit && z > -kLimit && z < kLimit;
+}
+
+#if LENTICULE_EMBREE_MAJOR >= 4
+
+[[nodiscard]] inline RTCRayQueryFlags query_flags(Coherence coherence) {
+  return coherence == Coherence::Coherent ? RTC_RAY_QUERY_FLAG_COHERENT
+                                          : RTC_RAY_QUERY_FLAG_INCOHERENT;
+}
+[[nodiscard]] inline RTCIntersectArguments intersect_arguments(Coherence coherence) {
+  RTCIntersectArguments arguments;
+  rtcInitIntersectArguments(&arguments);
+  arguments.flags = query_flags(coherence);
+  return arguments;
+}
+[[nodiscard]] inline RTCOccludedArguments occluded_arguments(Coherence coherence) {
+  RTCOccludedArguments arguments;
+  rtcInitOccludedArguments(&arguments);
+  arguments.flags = query_flags(coherence);
+  return arguments;
+}
+inline void intersect1(RTCScene scene, RTCRayHit& ray) {
+  RTCIntersectArguments arguments = intersect_arguments(Coherence::Incoherent);
+  rtcIntersect1(scene, &ray, &arguments);
+}
+inline void occluded1(RTCScene scene, RTCRay& ray) {
+  RTCOccludedArguments arguments = occluded_arguments(Coherence::Incoherent);
+  rtcOccluded1(scene, &ray, &arguments);
+}
+
+#else
+
+[[nodiscard]] inline RTCIntersectContext query_context(Coherence coherence) {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = coherence == Coherence::Coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT
+                                                   : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
+  return context;
+}
+inline void intersect1(RTCScene scene, RTCRayHit& ray) {
+  RTCIntersectContext context = query_context(Coherence::Incoherent);
+  rtcIntersect1(scene, &context, &ray);
+}
+inline void occluded1(RTCScene scene, RTCRay& ray) {
+  RTCIntersectContext context = query_context(Coherence::Incoherent);
+  rtcOccluded1(scene, &context, &ray);
+}
+
+#endif
+
+}  // namespace lenticule::render

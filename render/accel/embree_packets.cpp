@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/accel/embree_packets.h"
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+
+namespace lenticule::render {
+namespace {
+
+/// Returns true if Embree treats one direction component of all rays of a packet as positive, or of
+/// all as negative. Embree replaces components of either sign that are nearer to zero than 1e-18 by
+/// +1e-18.
+bool on_one_side(const int* valid, const float* components) {
+  // Fast path: nearly always all sign bits are equal, and this runs for every packet.
+  constexpr auto kClear = std::bit_cast<int32_t>(1e-17F);
+  int32_t any = 0, all = -1, small = 0;
+  for (size_t r = 0; r < 16; ++r) {
+    const auto bits = std::bit_cast<int32_t>(components[r]);
+    any |= bits & valid[r];
+    all &= bits | ~valid[r];
+    small |= ((bits & 0x7fffffff) < kClear ? -1 : 0) & valid[r];
+  }
+  if (any >= 0 || (all < 0 && small == 0)) return true;
+  int negative = 0;
+  for (size_t r = 0; r < 16; ++r) negative |= valid[r] & (components[r] >= 0.0F ? 0 : -1);
+  return negative == 0;
+}
+
+}  // namespace
+
+bool in_one_octant(const int* valid, const RTCRay16& rays) {
+  return on_one_side(valid, rays.dir_x) && on_one_side(valid, rays.dir_y) &&
+         on_one_side(valid, rays.dir_z);
+}
+
+namespace {
+
+Coherence coherence_of(Coherence wanted, const int* valid, const RTCRay16& rays) {
+  return wanted == Coherence::Coherent && in_one_octant(valid, rays) ? Coherence::Coherent
+                                                                     : Coherence::Incoherent;
+}
+
+/// Calls `trace`, one of Embree's functions for packets of that width.
+template <class Trace, class Rays>
+void call(Trace* trace, const int* valid, RTCScene scene, Rays& rays, Coherence coherence) {
+#if LENTICULE_EMBREE_MAJOR >= 4
+  auto arguments = [&] {
+    if constexpr (requires { rays.hit; })
+      return intersect_arguments(coherence);
+    else
+      return occluded_arguments(coherence);
+  }();
+  trace(valid, scene, &rays, &arguments);
+#else
+  RTCIntersectContext context = query_context(coherence);
+  trace(valid, scene, &context, &rays);
+#endif
+}
+
+void query(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence) {
+  call(rtcIntersect16, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRayHit8& rays, Coherence coherence) {
+  call(rtcIntersect8, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRayHit4& rays, Coherence coherence) {
+  call(rtcIntersect4, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence) {
+  call(rtcOccluded16, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRay8& rays, Coherence coherence) {
+  call(rtcOccluded8, valid, scene, rays, coherence);
+}
+void query(const int* valid, RTCScene scene, RTCRay4& rays, Coherence coherence) {
+  call(rtcOccluded4, valid, scene, rays, coherence);
+}
+
+/// Traces sixteen rays in parts of `kLanes`. Embree's packets are arrays of four-byte numbers with
+/// one element per lane.
+template <class Part, int kLanes, class Whole>
+void query_parts(const int* valid, RTCScene scene, Whole& rays, Coherence coherence) {
+  static_assert(sizeof(Whole) * kLanes == sizeof(Part) * 16 && sizeof(Part) % (4 * kLanes) == 0);
+  constexpr size_t kFields = sizeof(Part) / (4 * kLanes);
+  auto* whole = reinterpret_cast<unsigned char*>(&rays);
+  for (int first = 0; first < 16; first += kLanes) {
+    alignas(64) int part_valid[kLanes];
+    int any = 0;
+    for (int r = 0; r < kLanes; ++r) any |= part_valid[r] = valid[first + r];
+    if (any == 0) continue;
+    Part part;
+    auto* lanes = reinterpret_cast<unsigned char*>(&part);
+    for (size_t f = 0; f < kFields; ++f)
+      std::memcpy(lanes + f * 4 * kLanes, whole + f * 64 + 4 * first, 4 * kLanes);
+    query(part_valid, scene, part, coherence);
+    for (size_t f = 0; f < kFields; ++f)
+      std::memcpy(whole + f * 64 + 4 * first, lanes + f * 4 * kLanes, 4 * kLanes);
+  }
+}
+
+template <class Eight, class Four, class Whole>
+void query_in(int width, const int* valid, RTCScene scene, Whole& rays, Coherence coherence) {
+  if (width == 16) return query(valid, scene, rays, coherence);
+  if (width == 8) return query_parts<Eight, 8>(valid, scene, rays, coherence);
+  query_parts<Four, 4>(valid, scene, rays, coherence);
+}
+
+}  // namespace
+
+void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence,
+                 int width) {
+  query_in<RTCRayHit8, RTCRayHit4>(width, valid, scene, rays,
+                                   coherence_of(coherence, valid, rays.ray));
+}
+
+void occluded16(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence, int width) {
+  query_in<RTCRay8, RTCRay4>(width, valid, scene, rays, coherence_of(coherence, valid, rays));
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+// Masks of a packet's sixteen lanes: -1 (active) or 0 per lane, as Embree needs, or one bit per
+// lane.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
+#include "render/accel/ray_stream.h"
+
+namespace lenticule::render {
+
+[[nodiscard]] inline bool any_lane(const int* valid) {
+  int all = 0;
+  for (size_t r = 0; r < kPacket; ++r) all |= valid[r];
+  return all != 0;
+}
+
+/// Returns a bit mask of the valid lanes.
+[[nodiscard]] inline uint32_t lane_bits(const int* valid) {
+#if defined(__SSE2__)
+  const auto four = [&](size_t first) {
+    return _mm_loadu_si128(reinterpret_cast<const __m128i*>(valid + first));
+  };
+  const __m128i low = _mm_packs_epi32(four(0), four(4)), high = _mm_packs_epi32(four(8), four(12));
+  return static_cast<uint32_t>(_mm_movemask_epi8(_mm_packs_epi16(low, high)));
+#else
+  uint32_t bits = 0;
+  for (uint32_t r = 0; r < kPacket; ++r) bits |= static_cast<uint32_t>(valid[r] & 1) << r;
+  return bits;
+#endif
+}
+
+/// Bit of each lane. A loop over lanes that tests `(lanes & kLaneBit[r]) != 0` can be vectorized.
+inline constexpr uint32_t kLaneBit[kPacket] = {
+    1U << 0, 1U << 1, 1U << 2,  1U << 3,  1U << 4,  1U << 5,  1U << 6,  1U << 7,
+    1U << 8, 1U << 9, 1U << 10, 1U << 11, 1U << 12, 1U << 13, 1U << 14, 1U << 15};
+
+inline constexpr uint32_t kAllLanes = (1U << kPacket) - 1;
+
+/// Sets the lanes in `lanes` to invalid.
+inline void take_lanes(uint32_t lanes, int* valid) {
+  if (lanes == 0) return;
+  for (size_t r = 0; r < kPacket; ++r) valid[r] = (lanes & kLaneBit[r]) != 0 ? 0 : valid[r];
+}
+
+[[nodiscard]] inline uint64_t count_lanes(const int* valid) {
+  int sum = 0;
+  for (size_t r = 0; r < kPacket; ++r) sum += valid[r];
+  return static_cast<uint64_t>(-sum);
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/accel/quadric_kernel.h"
+
+#include "render/accel/packet_fields.h"
+
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
+namespace lenticule::render::LENTICULE_ISA_NAMESPACE {
+namespace {
+
+using namespace quadric_kernel;
+using packet_kernel::Field;
+
+// Number of lanes per step: the number of doubles in a vector of the instruction set.
+#if defined(__AVX512F__)
+constexpr int kStep = 8;
+#elif defined(__AVX2__)
+constexpr int kStep = 4;
+#else
+constexpr int kStep = 2;
+#endif
+constexpr int kInstance = packet_kernel::kGeometry + 1;
+constexpr uint32_t kNone = ~0U;
+
+// Parts of a packet, in Embree's types and in double precision. Embree's arrays may have any
+// alignment.
+using Floats = float __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
+using Words = uint32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
+using Masks = int32_t __attribute__((vector_size(4 * kStep), may_alias, aligned(4)));
+using Doubles = double __attribute__((vector_size(8 * kStep)));
+using Wide = int64_t __attribute__((vector_size(8 * kStep)));  // -1 is true
+
+inline Floats& floats_at(const Packet& packet, int field, int first) {
+  return *reinterpret_cast<Floats*>(packet.rays + field * packet.lanes + first);
+}
+inline Words& words_at(const Packet& packet, int field, int first) {
+  return *reinterpret_cast<Words*>(packet.rays + field * packet.lanes + first);
+}
+inline Doubles wide(const Floats& v) {
+  return __builtin_convertvector(v, Doubles);
+}
+inline Doubles root(const Doubles& v) {
+#if defined(__AVX512F__)
+  return reinterpret_cast<Doubles>(
+      _mm512_maskz_sqrt_pd(static_cast<__mmask8>(~0U), reinterpret_cast<__m512d>(v)));
+#elif defined(__AVX2__)
+  return reinterpret_cast<Doubles>(_mm256_sqrt_pd(reinterpret_cast<__m256d>(v)));
+#else
+  Doubles out;
+  for (int r = 0; r < kStep; ++r) out[r] = __builtin_sqrt(v[r]);
+  return out;
+#endif
+}
+
+struct Vector {
+  Doubles x, y, z;
+};
+inline Vector vector_at(const Packet& packet, int field, int first) {
+  return {wide(floats_at(packet, field, first)), wide(floats_at(packet, field + 1, first)),
+          wide(floats_at(packet, field + 2, first))};
+}
+inline Doubles dot(const Vector& a, const Vector& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+inline Vector spread(const double (&v)[3]) {
+  return {Doubles{} + v[0], Doubles{} + v[1], Doubles{} + v[2]};
+}
+inline Vector operator+(const Vector& a, const Vector& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+inline Vector operator-(const Vector& a, const Vector& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+inline Vector operator*(const Vector& a, const Doubles& s) {
+  return {a.x * s, a.y * s, a.z * s};
+}
+
+/// Returns the first of two ascending roots that lies inside the ray, or the ray's end.
+/// `low_counts` and `high_counts` mark the lanes in which the roots exist.
+inline Doubles first_root(const Doubles& low, const Wide& low_counts, const Doubles& high,
+                          const Wide& high_counts, const Doubles& near, const Doubles& far) {
+  const Doubles second = (high_counts & (high > near) & (high < far)) ? high : far;
+  return (low_counts & (low > near) & (low < far)) ? low : second;
+}
+
+inline Doubles distance(const Sphere& sphere, const Vector& origin, const Vector& direction,
+                        const Doubles& near, const Doubles& far) {
+  const Vector centre = spread(sphere.centre);
+  const Doubles per_squared = 1.0 / dot(direction, direction);
+  const Doubles nearest = dot(centre - origin, direction) * per_squared;
+  const Vector off = origin + direction * nearest - centre;
+  const Doubles inside = sphere.radius * sphere.radius - dot(off, off);
+  const Wide meets = inside >= 0.0;
+  const Doubles half = root(meets ? inside * per_squared : Doubles{});
+  return first_root(nearest - half, meets, nearest + half, meets, near, far);
+}
+
+inline Doubles distance(const Cone& cone, const Vector& origin, const Vector& direction,
+                        const Doubles& near, const Doubles& far) {
+  const Vector axis = spread(cone.axis);
+  const Vector from_base = origin - spread(cone.base);
+  const Doubles along = dot(from_base, axis);
+  const Doubles along_step = dot(direction, axis);
+  const Vector across = from_base - axis * along;
+  const Vector across_step = direction - axis * along_step;
+  const Doubles radius = cone.base_radius + cone.slope * along;
+  const Doubles radius_step = cone.slope * along_step;
+  const Doubles a = dot(across_step, across_step) - radius_step * radius_step;
+  const Doubles half_b = dot(across, across_step) - radius * radius_step;
+  const Doubles c = dot(across, across) - radius * radius;
+
+  const Doubles discriminant = half_b * half_b - a * c;
+  const Wide real = discriminant >= 0.0;
+  const Doubles size = root(real ? discriminant : Doubles{});
+  // A half_b of -0 counts as negative, like std::copysign does.
+  const Doubles signed_size = reinterpret_cast<Wide>(half_b) < 0 ? -size : size;
+  const Doubles q = -(half_b + signed_size);
+  const Wide flat = a == 0.0;
+  const Wide at_zero = q == 0.0;
+  const Doubles by_q = c / q, by_a = flat ? by_q : q / a;
+  const Doubles low = at_zero ? Doubles{} : (by_q < by_a ? by_q : by_a);
+  const Doubles high = at_zero ? Doubles{} : (by_q < by_a ? by_a : by_q);
+  const Wide roots = real & ~(at_zero & flat);
+  const auto on_cone = [&](const Doubles& t) {
+    const Doubles s = along + t * along_step;
+    return roots & (s >= 0.0) & (s <= cone.height);
+  };
+  return first_root(low, on_cone(low), high, on_cone(high), near, far);
+}
+
+inline Doubles absolute(const Doubles& v) {
+  return reinterpret_cast<Doubles>(reinterpret_cast<Wide>(v) & 0x7fffffffffffffff);
+}
+inline Doubles larger(const Doubles& a, const Doubles& b) {
+  return a < b ? b : a;
+}
+
+inline Doubles distance(const Triangle& triangle, const Vector& origin, const Vector& direction,
+                        const Doubles& near, const Doubles& far) {
+  const Vector corner = spread(triangle.corner), normal = spread(triangle.normal);
+  const Vector from_corner = origin - corner;
+  const Doubles t = -dot(from_corner, normal) / dot(direction, normal);
+  const Vector at = from_corner + direction * t;
+  const Vector p = at + corner;
+  const Doubles room =
+      triangle.edge_room * larger(larger(absolute(p.x), absolute(p.y)), absolute(p.z));
+  const Doubles u = dot(at, spread(triangle.u_axis)), v = dot(at, spread(triangle.v_axis));
+  const Wide inside = (u >= -(room * triangle.slope[0])) & (v >= -(room * triangle.slope[1])) &
+                      (u + v <= 1.0 + room * triangle.slope[2]);
+  return first_root(t, inside, t, inside, near, far);
+}
+
+template <class Shape>
+inline Doubles distance(const Shape& shape, const Packet& packet, int first) {
+  return distance(shape, vector_at(packet, packet_kernel::kOriginX, first),
+                  vector_at(packet, packet_kernel::kDirectionX, first),
+                  wide(floats_at(packet, packet_kernel::kTNear, first)),
+                  wide(floats_at(packet, packet_kernel::kTFar, first)));
+}
+
+inline Masks& valid_at(const Packet& packet, int first) {
+  return *reinterpret_cast<Masks*>(packet.valid + first);
+}
+
+template <class Shape>
+void intersect(const Shape& shape, uint32_t geometry, uint32_t primitive, const Packet& packet) {
+  for (int first = 0; first < packet.lanes; first += kStep) {
+    Masks& lanes = valid_at(packet, first);
+    Floats& far = floats_at(packet, packet_kernel::kTFar, first);
+    const Floats t = __builtin_convertvector(distance(shape, packet, first), Floats);
+    // Rounding to single precision may put t behind the current hit.
+    const Masks met = lanes & (t < far);
+    far = met ? t : far;
+    const auto set = [&](int field, uint32_t value) {
+      Words& words = words_at(packet, field, first);
+      words = met ? Words{} + value : words;
+    };
+    set(packet_kernel::kPrimitive, primitive);
+    set(packet_kernel::kGeometry, geometry);
+    set(kInstance, kNone);
+    lanes = met;
+  }
+}
+
+template <class Shape>
+void occlude(const Shape& shape, const Packet& packet) {
+  for (int first = 0; first < packet.lanes; first += kStep) {
+    Masks& lanes = valid_at(packet, first);
+    Floats& far = floats_at(packet, packet_kernel::kTFar, first);
+    const Wide nearer = distance(shape, packet, first) < wide(far);
+    const Masks met = lanes & __builtin_convertvector(nearer, Masks);
+    far = met ? Floats{} - __builtin_inff() : far;
+    lanes = met;
+  }
+}
+
+}  // namespace
+
+extern const quadric_kernel::Kernel kQuadricKernel;
+const quadric_kernel::Kernel kQuadricKernel{.step = kStep,
+                                            .intersect_sphere = intersect<Sphere>,
+                                            .occlude_sphere = occlude<Sphere>,
+                                            .intersect_cone = intersect<Cone>,
+                                            .occlude_cone = occlude<Cone>,
+                                            .intersect_triangle = intersect<Triangle>,
+                                            .occlude_triangle = occlude<Triangle>};
+
+}  // namespace lenticule::render::LENTICULE_ISA_NAMESPACE

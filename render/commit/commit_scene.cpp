@@ -1,0 +1,370 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "base/error.h"
+#include "render/accel/user_geometry.h"
+#include "render/commit/idle_lights.h"
+#include "render/culling/primitive_tree.h"
+#include "render/culling/shaft_proofs.h"
+#include "render/scene/lighting.h"
+#include "render/scene/scene.h"
+#include "render/scene/scene_fingerprint.h"
+#include "render/shading/shading_tables.h"
+
+namespace lenticule::render {
+namespace {
+
+/// Largest coordinate in scene units: beyond it, single precision is useless and Embree silently
+/// drops the primitive.
+constexpr double kFarthest = 1e15;
+
+/// Largest number of primitives for which a culling tree is built: above it, the build takes longer
+/// than a frame gains.
+constexpr size_t kMostProvable = size_t{1} << 19;
+
+/// Committer converts one description to the scene frame and checks every number.
+class Committer {
+ public:
+  Committer(const SceneDescription& description, const Stage& stage, Scene& scene)
+      : description_(description), stage_(stage), scene_(scene) {}
+
+  void commit(const Surroundings& surroundings, IdleLights idle_lights) {
+    set_frame();
+    scene_.content = scene_fingerprint(description_, surroundings, stage_);
+    scene_.picture = picture_fingerprint(scene_.content, stage_);
+    add_materials();
+    for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
+    for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
+    for (const Cone& cone : description_.cones) add_cone(cone);
+    // Content that the stage leaves out in front stays left out; only the ground extends toward the
+    // viewer.
+    nearest_ = std::min(nearest_, stage_.near_mm);
+    if (surroundings.ground) add_ground(surroundings);
+    scene_.near_mm = std::isfinite(nearest_) ? nearest_ : 0.0;
+    add_lights();
+    scene_.ambient =
+        description_.ambient.value_or(Vec3{kDefaultAmbient, kDefaultAmbient, kDefaultAmbient});
+    if (!is_finite(scene_.ambient)) refuse("ambient light", "is not finite");
+    scene_.backdrop = make_backdrop(description_, stage_, surroundings);
+    scene_.backdrop.up = turned(scene_.backdrop.up);
+    scene_.backdrop.ahead = turned(scene_.backdrop.ahead);
+    scene_.colour_managed = description_.colour_managed;
+    scene_.textures = description_.textures;
+    if (idle_lights == IdleLights::LeaveOut) scene_.lights_left_out = remove_idle_lights(scene_);
+    build();
+  }
+
+ private:
+  [[noreturn]] void refuse(const std::string& object, const std::string& cause) const {
+    throw Error(ErrorKind::Input, fmt::format("{}: {} {}", description_.source, object, cause));
+  }
+
+  void set_frame() {
+    const Affine& world_from_panel = stage_.world_from_panel;
+    const double world_per_mm = length(world_from_panel.column_x);
+    const double volume = world_from_panel.determinant();
+    if (!(world_per_mm > 0.0) || !std::isfinite(1.0 / world_per_mm) || !std::isfinite(volume) ||
+        volume == 0.0 || !is_finite(world_from_panel.origin))
+      refuse("stage", "has no usable size");
+    units_per_world_ = 1.0 / world_per_mm;
+    centre_ = world_from_panel.origin;
+    set_axes();
+    scene_.units_per_world = units_per_world_;
+    scene_.scene_from_panel = {turned(world_from_panel.column_x) * units_per_world_,
+                               turned(world_from_panel.column_y) * units_per_world_,
+                               turned(world_from_panel.column_z) * units_per_world_,
+                               {}};
+    if (parallel_) remove_rounding(scene_.scene_from_panel);
+    const Affine panel_from_scene = scene_.scene_from_panel.inverse();
+    depth_ = {panel_from_scene.column_x.z, panel_from_scene.column_y.z,
+              panel_from_scene.column_z.z};
+  }
+
+  /// Sets the scene's axes. They are the panel's axes if these are perpendicular in the world: then
+  /// the rays of a row share two of the three coordinates of origin and direction.
+  void set_axes() {
+    const Affine& world_from_panel = stage_.world_from_panel;
+    const Vec3 x = normalized(world_from_panel.column_x);
+    const Vec3 y = normalized(world_from_panel.column_y);
+    const Vec3 z = normalized(world_from_panel.column_z);
+    constexpr double kRight = 1e-12;
+    parallel_ = std::abs(dot(x, y)) < kRight && std::abs(dot(y, z)) < kRight &&
+                std::abs(dot(z, x)) < kRight;
+    if (!parallel_) return;
+    axis_x_ = x;
+    axis_z_ = normalized(cross(x, y));  // a mirrored stage has its depth reversed
+    axis_y_ = cross(axis_z_, x);
+  }
+
+  static void remove_rounding(Affine& scene_from_panel) {
+    scene_from_panel.column_x = {1.0, 0.0, 0.0};
+    scene_from_panel.column_y = {0.0, scene_from_panel.column_y.y, 0.0};
+    scene_from_panel.column_z = {0.0, 0.0, scene_from_panel.column_z.z};
+  }
+
+  /// Returns the components of a world direction along the scene's axes.
+  [[nodiscard]] Vec3 turned(Vec3 world) const {
+    return {dot(axis_x_, world), dot(axis_y_, world), dot(axis_z_, world)};
+  }
+
+  Vec3 scene_point(Vec3 world, const char* what, const std::string& name) const {
+    const Vec3 p = turned(world - centre_) * units_per_world_;
+    if (!is_finite(world))
+      refuse(fmt::format("{} '{}'", what, name), "has a position that is not finite");
+    if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) < kFarthest))
+      refuse(fmt::format("{} '{}'", what, name), "lies too far from the stage");
+    return p;
+  }
+
+  double scene_length(double world, const char* what) const {
+    const double l = world * units_per_world_;
+    if (!(world >= 0.0) || !(l < kFarthest)) refuse(what, fmt::format("has a radius of {}", world));
+    return l;
+  }
+
+  void see(Vec3 point, double reach = 0.0) {
+    nearest_ = std::max(nearest_, dot(depth_, point) + reach);
+  }
+
+  int material_index(int index, const std::string& object) const {
+    const auto count = static_cast<int>(scene_.materials.size());
+    if (index < 0 || index >= count)
+      refuse(object, fmt::format("has no material number {}", index));
+    return index;
+  }
+
+  void add_materials() {
+    scene_.materials = description_.materials;
+    if (scene_.materials.empty()) scene_.materials.emplace_back();
+    const auto textures = static_cast<int>(description_.textures.size());
+    for (const Material& m : scene_.materials) {
+      const std::string object = fmt::format("material '{}'", m.name);
+      if (m.texture >= textures ||
+          (m.texture >= 0 && !usable(description_.textures[m.texture].get())))
+        refuse(object, "names a texture that is not there");
+      const double scalars[] = {m.diffuse, m.specular, m.shine, m.transmittance};
+      const bool finite = is_finite(m.colour) && is_finite(m.emission) &&
+                          std::all_of(std::begin(scalars), std::end(scalars),
+                                      [](double v) { return std::isfinite(v); });
+      if (!finite) refuse(object, "has a value that is not finite");
+      if (!(m.refraction_index > 0.0) || !std::isfinite(m.refraction_index))
+        refuse(object, fmt::format("has a refraction index of {}", m.refraction_index));
+    }
+  }
+
+  static bool usable(const Texture* texture) {
+    return texture && texture->width > 0 && texture->height > 0 &&
+           texture->rgba.size() == 4 * static_cast<size_t>(texture->width) * texture->height;
+  }
+
+  void add_mesh(const TriangleMesh& mesh) {
+    LENTICULE_CHECK(mesh.node < 0);
+    const std::string object = fmt::format("mesh '{}'", mesh.name);
+    if (mesh.triangles.empty()) return;
+    if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size())
+      refuse(object, "has another number of normals than of vertices");
+    if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.positions.size())
+      refuse(object, "has another number of texture coordinates than of vertices");
+    if (mesh.triangles.size() > std::numeric_limits<uint32_t>::max() / 4)
+      refuse(object, "has too many triangles");
+    for (const auto& triangle : mesh.triangles)
+      for (const uint32_t vertex : triangle)
+        if (vertex >= mesh.positions.size())
+          refuse(object, fmt::format("has no vertex {}", vertex));
+
+    MeshShape shape;
+    shape.material = material_index(mesh.material, object);
+    shape.triangles = mesh.triangles;
+    shape.uvs = mesh.uvs;
+    shape.positions.reserve(mesh.positions.size() + 1);
+    std::vector<Vec3> exact;
+    exact.reserve(mesh.positions.size());
+    for (const Vec3& position : mesh.positions) {
+      const Vec3 p = scene_point(position, "mesh", mesh.name);
+      see(p);
+      exact.push_back(p);
+      shape.positions.emplace_back(p);
+    }
+    find_wide_triangles(exact, shape);
+    shape.positions.emplace_back();
+    shape.normals.reserve(mesh.normals.size());
+    for (const Vec3& normal : mesh.normals) {
+      if (!is_finite(normal)) refuse(object, "has a normal that is not finite");
+      shape.normals.emplace_back(turned(normal));
+    }
+    scene_.meshes.push_back(std::move(shape));
+  }
+
+  void find_wide_triangles(const std::vector<Vec3>& positions, MeshShape& shape) {
+    const auto geometry = static_cast<uint32_t>(scene_.meshes.size());
+    for (size_t n = 0; n < shape.triangles.size(); ++n) {
+      const std::array<uint32_t, 3>& triangle = shape.triangles[n];
+      const std::array<Vec3, 3> corner = {positions[triangle[0]], positions[triangle[1]],
+                                          positions[triangle[2]]};
+      if (!is_wide(corner)) continue;
+      if (shape.wide.empty()) {
+        shape.wide.assign(shape.triangles.size(), MeshShape::kNotWide);
+        shape.narrow_triangles = shape.triangles;
+      }
+      shape.wide[n] = static_cast<uint32_t>(scene_.wide_triangles.size());
+      shape.narrow_triangles[n] = {triangle[0], triangle[0], triangle[0]};
+      WideTriangle& wide = scene_.wide_triangles.emplace_back(make_wide_triangle(corner));
+      wide.geometry = geometry;
+      wide.primitive = static_cast<uint32_t>(n);
+    }
+  }
+
+  void add_sphere(const Sphere& sphere) {
+    const SphereShape shape{.centre = scene_point(sphere.centre, "sphere", "centre"),
+                            .radius = scene_length(sphere.radius, "sphere"),
+                            .inward = sphere.inward,
+                            .material = material_index(sphere.material, "sphere")};
+    see(shape.centre, shape.radius * length(depth_));
+    scene_.spheres.push_back(shape);
+  }
+
+  void add_cone(const Cone& cone) {
+    const Vec3 base = scene_point(cone.base, "cone", "base");
+    const Vec3 apex = scene_point(cone.apex, "cone", "apex");
+    const double base_radius = scene_length(cone.base_radius, "cone");
+    const double apex_radius = scene_length(cone.apex_radius, "cone");
+    const double height = length(apex - base);
+    if (!(height > 0.0)) refuse("cone", "has no height");
+    const ConeShape shape{.base = base,
+                          .axis = (apex - base) / height,
+                          .height = height,
+                          .base_radius = base_radius,
+                          .slope = (apex_radius - base_radius) / height,
+                          .inward = cone.inward,
+                          .material = material_index(cone.material, "cone")};
+    // Extent of a unit disc across the axis toward the viewer.
+    const double tilt = length(depth_ - shape.axis * dot(depth_, shape.axis));
+    see(base, base_radius * tilt);
+    see(apex, apex_radius * tilt);
+    scene_.cones.push_back(shape);
+  }
+
+  void add_ground(const Surroundings& surroundings) {
+    if (!is_finite(surroundings.ground_colour)) refuse("ground", "has a colour that is not finite");
+    const Bounds bounds = scene_bounds(description_);
+    if (bounds.empty()) return;
+    scene_.materials.push_back({.name = "ground", .colour = surroundings.ground_colour});
+    add_mesh(ground_plane(bounds, world_up(stage_), static_cast<int>(scene_.materials.size()) - 1));
+  }
+
+  void add_lights() {
+    for (const Light& light : description_.lights) {
+      LENTICULE_CHECK(light.node < 0);
+      const bool placed = light.kind != Light::Kind::Directional;
+      const bool aimed = light.kind != Light::Kind::Point;
+      if (!is_finite(light.colour) || (aimed && !is_finite(light.direction)))
+        refuse("light", "has a value that is not finite");
+      const Vec3 direction = turned(normalized(light.direction));
+      if (aimed && direction == Vec3{}) refuse("light", "has no direction");
+      scene_.lights.push_back(
+          {.kind = light.kind,
+           .position = placed ? scene_point(light.position, "light", "position") : Vec3{},
+           .direction = direction,
+           .colour = light.colour,
+           .falls_off = light.falls_off,
+           .cos_inner = light.cos_inner,
+           .cos_outer = light.cos_outer});
+    }
+    // A file that states an ambient light defines its own lighting, so no default light is added.
+    if (description_.lights.empty() && !description_.ambient)
+      scene_.lights.push_back(default_light());
+  }
+
+  SceneLight default_light() const {
+    return {.kind = Light::Kind::Directional,
+            .direction = normalized(scene_.scene_from_panel.vector(kDefaultSunDirection)),
+            .colour = Vec3{1, 1, 1} * kDefaultSun};
+  }
+
+  void build() {
+    const RTCDevice device = scene_.device.get();
+    scene_.embree.reset(rtcNewScene(device));
+    scene_.device.check(description_.source);
+    // Robust mode: no ray passes between two triangles of a closed surface. Regular grids of rays
+    // on regular meshes do hit edges and vertices.
+    rtcSetSceneFlags(scene_.embree.get(), RTC_SCENE_FLAG_ROBUST);
+    for (size_t i = 0; i < scene_.meshes.size(); ++i)
+      attach(mesh_geometry(scene_.meshes[i]), {GeometryEntry::Kind::Mesh, i});
+    if (!scene_.spheres.empty())
+      attach(make_sphere_geometry(device, scene_.spheres), {GeometryEntry::Kind::Spheres});
+    if (!scene_.cones.empty())
+      attach(make_cone_geometry(device, scene_.cones), {GeometryEntry::Kind::Cones});
+    if (!scene_.wide_triangles.empty())
+      attach_last(make_wide_geometry(device, scene_.wide_triangles));
+    rtcCommitScene(scene_.embree.get());
+    scene_.device.check(description_.source);
+    scene_.shading = std::make_unique<const ShadingTables>(scene_);
+    if (primitives() > kMostProvable) return;
+    scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
+    scene_.proofs = std::make_unique<ShaftProofs>(scene_, *scene_.tree);
+  }
+
+  [[nodiscard]] size_t primitives() const {
+    size_t sum = scene_.spheres.size() + scene_.cones.size();
+    for (const MeshShape& mesh : scene_.meshes) sum += mesh.triangles.size();
+    return sum;
+  }
+
+  EmbreeGeometry mesh_geometry(const MeshShape& mesh) const {
+    EmbreeGeometry geometry(rtcNewGeometry(scene_.device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
+    if (!geometry) return geometry;
+    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                               mesh.positions.data(), 0, sizeof(Vec3f), mesh.positions.size() - 1);
+    const auto& triangles = mesh.wide.empty() ? mesh.triangles : mesh.narrow_triangles;
+    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
+                               triangles.data(), 0, sizeof(triangles[0]), triangles.size());
+    rtcSetGeometryMask(geometry.get(), ~0U);
+    rtcCommitGeometry(geometry.get());
+    return geometry;
+  }
+
+  void attach(EmbreeGeometry geometry, GeometryEntry entry) {
+    attach_last(std::move(geometry));
+    scene_.geometries.push_back(entry);
+  }
+
+  /// Attaches a geometry without a GeometryEntry: its hits report the numbers of other geometries.
+  void attach_last(EmbreeGeometry geometry) {
+    scene_.device.check(description_.source);
+    LENTICULE_CHECK(geometry != nullptr);
+    rtcAttachGeometryByID(scene_.embree.get(), geometry.get(),
+                          static_cast<unsigned>(scene_.geometries.size()));
+  }
+
+  const SceneDescription& description_;
+  const Stage& stage_;
+  Scene& scene_;
+  Vec3 centre_;
+  bool parallel_ = false;
+  Vec3 axis_x_{1, 0, 0}, axis_y_{0, 1, 0}, axis_z_{0, 0, 1};  ///< the scene's, in world space
+  double units_per_world_ = 1.0;
+  Vec3 depth_;  ///< its dot product with a scene point is the point's panel z
+  double nearest_ = -std::numeric_limits<double>::infinity();
+};
+
+}  // namespace
+
+Scene::Scene(const SceneDescription& description, const Stage& stage,
+             const Surroundings& surroundings, int threads, IdleLights idle_lights)
+    : device(threads) {
+  Committer(description, stage, *this).commit(surroundings, idle_lights);
+}
+
+Scene::~Scene() = default;
+
+std::array<Vec3, 3> corners_of(const Scene& scene, const MeshShape& mesh, uint32_t triangle) {
+  if (const WideTriangle* wide = scene.wide_triangle(mesh, triangle)) return wide->corner;
+  const auto& [a, b, c] = mesh.triangles[triangle];
+  return {Vec3(mesh.positions[a]), Vec3(mesh.positions[b]), Vec3(mesh.positions[c])};
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/culling/background.h"
+
+#include "render/scene/texture.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr int kFewPackets = 8;
+
+int channel_at(const TilePlan& plan, const Tile& tile, int column, int row) {
+  // Subpixels to the left of the panel have negative numbers.
+  return (plan.subpixel(tile, column, row) % 3 + 3) % 3;
+}
+
+void fill_flat(const Scene& scene, const TilePlan& plan, const Tile& tile, ColumnRange columns,
+               float weight, std::span<float> light) {
+  for (int row = 0; row < TilePlan::kRows; ++row) {
+    float* out = light.data() + static_cast<size_t>(row * tile.columns);
+    for (int first = columns.begin; first < columns.begin + 3; ++first) {
+      const int channel = channel_at(plan, tile, first, row);
+      const float more = weight * static_cast<float>(component(scene.backdrop.colour, channel));
+      for (int column = first; column < columns.end; column += 3) out[column] += more;
+    }
+  }
+}
+
+float seen_by(const Scene& scene, const RayPacket& packet, size_t r, int channel) {
+  const RTCRay16& ray = packet.rays.ray;
+  const Vec3 direction{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
+  return static_cast<float>(backdrop_light(scene.backdrop, normalized(direction), channel));
+}
+
+}  // namespace
+
+Background::Background() : packets_(kFewPackets) {
+  static_assert(kPartColumns % kFewPackets == 0);
+  init_packets(packets_);
+}
+
+void Background::add_run(Run run) {
+  if (run_count_ > 0 && runs_[run_count_ - 1].empty == run.empty)
+    runs_[run_count_ - 1].columns.end = run.columns.end;
+  else
+    runs_[run_count_++] = run;
+}
+
+std::span<const Background::Run> Background::runs(const BeamTester& tester,
+                                                  const PrimaryPackets::Maker& maker) {
+  run_count_ = 0;
+  const Run whole{{0, TilePlan::kColumns}, false};
+  std::array<Beam, kParts> beams;
+  Beam all;
+  bool known = tester.usable();
+  for (int p = 0; p < kParts && known; ++p) {
+    Beam& beam = beams[static_cast<size_t>(p)];
+    known = maker.beam({p * kPartColumns, (p + 1) * kPartColumns}, beam);
+    all.extend(beam);
+  }
+  if (!known) {
+    add_run(whole);
+  } else if (tester.empty(all)) {
+    add_run({whole.columns, true});
+  } else {
+    for (int p = 0; p < kParts; ++p)
+      add_run({{p * kPartColumns, (p + 1) * kPartColumns},
+               tester.empty(beams[static_cast<size_t>(p)])});
+  }
+  return {runs_.data(), run_count_};
+}
+
+void Background::fill(const Scene& scene, const TilePlan& plan, const Tile& tile,
+                      ColumnRange columns, double weight, PrimaryPackets::Maker& maker,
+                      std::span<float> light) {
+  filled_ += maker.count(columns);
+  const auto each = static_cast<float>(weight);
+  if (scene.backdrop.flat()) return fill_flat(scene, plan, tile, columns, each, light);
+  maker.prepare(packets_);
+  for (int column = columns.begin; column < columns.end; column += kFewPackets) {
+    maker.columns(column, packets_);
+    for (int k = 0; k < kFewPackets; ++k)
+      for (int row = 0; row < TilePlan::kRows; ++row) {
+        const RayPacket& packet = packets_[static_cast<size_t>(k)];
+        const auto r = static_cast<size_t>(row);
+        if (packet.valid[r] == 0) continue;
+        light[static_cast<size_t>(row * tile.columns + column + k)] +=
+            each * seen_by(scene, packet, r, channel_at(plan, tile, column + k, row));
+      }
+  }
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Background finds the parts of a tile that show only the backdrop. These parts are filled instead
+// of traced.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "render/culling/beam_tester.h"
+#include "render/rays/primary_packets.h"
+
+namespace lenticule::render {
+
+/// Background fills parts of tiles. Thread safety: used by one thread. It keeps its memory from
+/// tile to tile.
+class Background {
+ public:
+  Background();
+
+  /// Run of a tile's columns.
+  struct Run {
+    ColumnRange columns;
+    bool empty = false;  ///< no ray of these columns meets anything
+  };
+  /// Returns the runs of the tile that `maker` was started with, from left to right.
+  [[nodiscard]] std::span<const Run> runs(const BeamTester& tester,
+                                          const PrimaryPackets::Maker& maker);
+
+  /// Adds to light[row * tile.columns + column] the light that PacketTracer::trace would add for
+  /// rays that meet nothing. The calling thread must flush denormals.
+  void fill(const Scene& scene, const TilePlan& plan, const Tile& tile, ColumnRange columns,
+            double weight, PrimaryPackets::Maker& maker, std::span<float> light);
+
+  /// Returns the number of rays that were filled instead of traced.
+  [[nodiscard]] uint64_t filled() const { return filled_; }
+
+ private:
+  /// Columns per test, about six lenses of common sheets: narrow enough to fit gaps between
+  /// objects, and wide enough to keep the tests cheap.
+  static constexpr int kPartColumns = 48;
+  static constexpr int kParts = TilePlan::kColumns / kPartColumns;
+  static_assert(TilePlan::kColumns % kPartColumns == 0);
+
+  void add_run(Run run);
+
+  std::array<Run, kParts> runs_;
+  size_t run_count_ = 0;
+  std::vector<RayPacket> packets_;
+  uint64_t filled_ = 0;
+};
+
+}  // namespace lenticule::render

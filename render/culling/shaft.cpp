@@ -1,0 +1,429 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/culling/shaft.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "render/accel/quadrics.h"
+#include "render/culling/octahedron.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+constexpr float kMargin = kRoundingMargin;
+/// Height limit relative to reach, below which a point counts as in the patch's plane: secondary
+/// rays start at a height of 2^-19 of the reach.
+constexpr float kFlatness = 1.0F / (1 << 22);
+/// Rounding error of products of unit vectors; less than kMargin.
+constexpr float kUnitRounding = 1e-6F;
+/// Smallest sine of the angle to the patch's plane at which rays leave the plane fast enough for
+/// rounding not to matter.
+constexpr float kLeastAscent = 1e-4F;
+
+/// Factor of the coordinates for Patch::level: directions are rounded by a few units in the last
+/// place, and secondary rays start 2^-19 above their plane.
+constexpr float kLevel = 1.0F;
+
+float largest(Vec3f v) {
+  return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
+}
+
+/// Sized is a patch and its extent. Secondary rays start off a patch by a fraction of the extent
+/// and of the patch's coordinates.
+struct Sized {
+  Patch patch;
+  float extent = 0.0F;
+};
+
+Sized triangle_patch(const Scene& scene, const MeshShape& mesh, const SurfaceCell& cell) {
+  const std::array<uint32_t, 3>& corners = mesh.triangles[cell.primitive];
+  const WideTriangle* wide = scene.wide_triangle(mesh, cell.primitive);
+  const Vec3f a = mesh.positions[corners[0]];
+  const Vec3f edge1 = mesh.positions[corners[1]] - a;
+  const Vec3f edge2 = mesh.positions[corners[2]] - a;
+  const float part = 1.0F / static_cast<float>(cell.divisions);
+  const auto at = [&](float du, float dv) {
+    return a + edge1 * ((static_cast<float>(cell.u) + du) * part) +
+           edge2 * ((static_cast<float>(cell.v) + dv) * part);
+  };
+  Patch patch{.centre = at(0.5F, 0.5F), .flat = true};
+  for (const float du : {0.0F, 1.0F})
+    for (const float dv : {0.0F, 1.0F})
+      patch.radius = std::max(patch.radius, length(at(du, dv) - patch.centre));
+  const Vec3 outer = wide != nullptr ? wide->normal : normalized(cross(Vec3(edge1), Vec3(edge2)));
+  const Vec3 normal = cell.outer_side ? outer : -outer;
+  const float extent = std::max(largest(edge1), largest(edge2));
+  patch.normal = Vec3f(normal);
+  // Rays start closer to a wide triangle than its extent suggests.
+  const float reach = wide != nullptr ? static_cast<float>(wide->reach) : extent;
+  const float near = std::max(0.0F, largest(patch.centre) - patch.radius);
+  const Vec3 corner = wide != nullptr ? wide->corner[0] : Vec3(a);
+  const float rises = kFlatness * ((wide != nullptr ? near : largest(patch.centre)) + reach);
+  patch.exact_normal = normal;
+  patch.exact_height = dot(normal, corner) + double{rises};
+  patch.height = static_cast<float>(dot(normal, corner)) + rises;
+  patch.level = kLevel * (largest(patch.centre) - patch.radius + reach);
+  return {patch, extent};
+}
+
+Sized sphere_patch(const SphereShape& sphere, const SurfaceCell& cell) {
+  const DirectionCell from_centre = direction_cell(cell.u, cell.v, cell.divisions);
+  const auto radius = static_cast<float>(sphere.radius);
+  // Chord from the centre of the cap to its rim.
+  const float chord = std::sqrt(std::max(0.0F, 2.0F - 2.0F * from_centre.cosine));
+  return {{.centre = Vec3f(sphere.centre) + from_centre.middle * radius,
+           .radius = radius * chord,
+           .leaves_convex = cell.outer_side != sphere.inward},
+          radius};
+}
+
+Sized cone_patch(const ConeShape& cone, const SurfaceCell& cell) {
+  const DirectionCell across = direction_cell(cell.u, cell.v, cell.divisions);
+  const Vec3f axis(cone.axis);
+  const auto height = static_cast<float>(cone.height);
+  const float step = height / static_cast<float>(cell.divisions_along);
+  const float begin = step * static_cast<float>(cell.w);
+  const auto radius_at = [&](float s) {
+    return static_cast<float>(cone.base_radius) + static_cast<float>(cone.slope) * s;
+  };
+  const float widest = std::max(radius_at(begin), radius_at(begin + step));
+  Patch patch{.leaves_convex = cell.outer_side != cone.inward};
+  patch.centre = Vec3f(cone.base) + axis * (begin + 0.5F * step);
+  patch.radius = widest + 0.5F * step;
+  // The cell of directions may contain no direction across the axis, or many; then the patch is the
+  // whole ring.
+  const Vec3f flat = across.middle - axis * dot(across.middle, axis);
+  if (length(flat) < 0.5F || across.cosine < 0.5F) return {patch, height + widest};
+  // A direction across the axis is no farther from `flat` than twice the cell's radius.
+  const float chord = 2.0F * std::sqrt(std::max(0.0F, 2.0F - 2.0F * across.cosine));
+  patch.centre = patch.centre + normalized(flat) * widest;
+  patch.radius =
+      std::min(patch.radius + widest,
+               0.5F * step * (1.0F + std::abs(static_cast<float>(cone.slope))) + widest * chord);
+  return {patch, height + widest};
+}
+
+}  // namespace
+
+Patch patch_of(const Scene& scene, const SurfaceCell& cell) {
+  const GeometryEntry& entry = scene.geometries[cell.geometry];
+  Sized sized;
+  switch (entry.kind) {
+    case GeometryEntry::Kind::Mesh:
+      sized = triangle_patch(scene, scene.meshes[entry.mesh], cell);
+      break;
+    case GeometryEntry::Kind::Spheres:
+      sized = sphere_patch(scene.spheres[cell.primitive], cell);
+      break;
+    case GeometryEntry::Kind::Cones:
+      sized = cone_patch(scene.cones[cell.primitive], cell);
+      break;
+  }
+  Patch& patch = sized.patch;
+  patch.radius += kMargin * (largest(patch.centre) + patch.radius + sized.extent);
+  patch.geometry = cell.geometry;
+  patch.primitive = cell.primitive;
+  return patch;
+}
+
+Shaft shaft_to_point(const Patch& from, Vec3 point) {
+  Shaft shaft{.from = from, .to_point = true, .point = Vec3f(point)};
+  const Vec3f way = shaft.point - from.centre;
+  // The direction of a ray is rounded too; the resulting error grows with the distance.
+  shaft.from.radius += kMargin * length(way);
+  shaft.axis = normalized(way);
+  return shaft;
+}
+
+Shaft shaft_to_ball(const Patch& from, Vec3 middle, double radius) {
+  Shaft shaft = shaft_to_point(from, middle);
+  shaft.ball = static_cast<float>(radius) * (1.0F + kMargin);
+  return shaft;
+}
+
+Shaft shaft_in_cone(const Patch& from, Vec3f axis, float cosine) {
+  Shaft shaft{.from = from, .axis = axis};
+  // Slightly wider, for the rounding of directions.
+  shaft.cosine = cosine - kMargin;
+  shaft.sine = std::sqrt(std::max(0.0F, 1.0F - shaft.cosine * shaft.cosine)) + kMargin;
+  return shaft;
+}
+
+Shaft shaft_around(const Patch& from, double length) {
+  Shaft shaft{.from = from, .within = static_cast<float>(length) * (1.0F + kMargin)};
+  shaft.from.radius += shaft.within;
+  return shaft;
+}
+
+namespace {
+
+/// Hull is the convex hull of a shaft, for tests against separating planes.
+class Hull {
+ public:
+  explicit Hull(const Shaft& shaft) : shaft_(shaft) {
+    for (int i = 0; i < 3; ++i) {
+      Vec3f unit{i == 0 ? 1.0F : 0.0F, i == 1 ? 1.0F : 0.0F, i == 2 ? 1.0F : 0.0F};
+      high_[i] = reach(unit);
+      low_[i] = -reach(-unit);
+    }
+    above_ = shaft.from.flat &&
+             (shaft.within > 0.0F ? shaft.within < shaft.from.level : ascent() > kLeastAscent);
+  }
+
+  /// Returns the largest n . p of the hull's points; n is unit.
+  [[nodiscard]] float reach(Vec3f n) const {
+    const float start = dot(shaft_.from.centre, n) + shaft_.from.radius;
+    if (shaft_.within > 0.0F) return start;
+    if (shaft_.to_point)
+      return std::max(start, dot(shaft_.point, n) + shaft_.ball + kMargin * largest(shaft_.point));
+    return dot(shaft_.axis, n) <= -shaft_.sine + kUnitRounding ? start : kInfinity;
+  }
+
+  [[nodiscard]] bool misses_box(Vec3f low, Vec3f high) const {
+    if (low.x > high_[0] || high.x < low_[0] || low.y > high_[1] || high.y < low_[1] ||
+        low.z > high_[2] || high.z < low_[2])
+      return true;
+    const Vec3f middle = (low + high) * 0.5F;
+    const Vec3f half = (high - low) * 0.5F;
+    const auto spread = [&](Vec3f n) {
+      return std::abs(half.x * n.x) + std::abs(half.y * n.y) + std::abs(half.z * n.z);
+    };
+    const Patch& from = shaft_.from;
+    if (above_ && dot(from.normal, middle) + spread(from.normal) <= from.height) return true;
+    const Vec3f n = toward(middle);
+    return dot(middle, n) - spread(n) > reach(n);
+  }
+
+  [[nodiscard]] bool misses_triangle(Vec3f a, Vec3f b, Vec3f c) const {
+    const Patch& from = shaft_.from;
+    if (above_ &&
+        std::max({dot(from.normal, a), dot(from.normal, b), dot(from.normal, c)}) <= from.height)
+      return true;
+    return passes_triangle(a, b, c, 0.0F);
+  }
+
+  /// Tests a wide triangle in double precision, since single precision is too coarse for its
+  /// corners.
+  [[nodiscard]] bool misses_wide_triangle(const WideTriangle& triangle) const {
+    const auto& [a, b, c] = triangle.corner;
+    const Patch& from = shaft_.from;
+    if (above_ && std::max({dot(from.exact_normal, a), dot(from.exact_normal, b),
+                            dot(from.exact_normal, c)}) <= from.exact_height)
+      return true;
+    const float room = kMargin * (largest(Vec3f(a)) + largest(Vec3f(b)) + largest(Vec3f(c)));
+    return passes_triangle(Vec3f(a), Vec3f(b), Vec3f(c), room);
+  }
+
+  [[nodiscard]] bool misses_sphere(Vec3f centre, float radius) const {
+    const Vec3f n = toward(centre);
+    return dot(centre, n) - radius > reach(n);
+  }
+
+ private:
+  /// Returns true if a plane separates the hull from a triangle whose corners are rounded by at
+  /// most `room`.
+  [[nodiscard]] bool passes_triangle(Vec3f a, Vec3f b, Vec3f c, float room) const {
+    const auto apart = [&](Vec3f n) {
+      return std::min({dot(a, n), dot(b, n), dot(c, n)}) - room > reach(n);
+    };
+    if (apart(toward((a + b + c) * (1.0F / 3.0F)))) return true;
+    const Vec3f plane = normalized(cross(b - a, c - a));
+    if (apart(plane) || apart(-plane)) return true;
+    for (const Vec3f edge : {b - a, c - b, a - c}) {
+      const Vec3f n = normalized(cross(edge, shaft_.axis));
+      if (apart(lean(n)) || apart(lean(-n))) return true;
+    }
+    return false;
+  }
+
+  /// Tilts a normal across the axis back until the cone of directions lies behind its plane.
+  [[nodiscard]] Vec3f lean(Vec3f across) const {
+    return shaft_.to_point ? across : across * shaft_.cosine - shaft_.axis * shaft_.sine;
+  }
+
+  /// Returns the normal of a plane that is likely to separate the hull from a point.
+  [[nodiscard]] Vec3f toward(Vec3f p) const {
+    const Vec3f way = p - shaft_.from.centre;
+    float along = std::max(0.0F, dot(way, shaft_.axis));
+    const bool beside = along > 0.0F;
+    if (shaft_.to_point) along = std::min(along, length(shaft_.point - shaft_.from.centre));
+    const Vec3f off = normalized(way - shaft_.axis * along);
+    return beside ? lean(off) : off;
+  }
+
+  /// Returns the smallest sine of the angle between a ray and the patch's plane.
+  [[nodiscard]] float ascent() const {
+    const Patch& from = shaft_.from;
+    if (shaft_.to_point)
+      return (dot(from.normal, shaft_.point) - shaft_.ball - from.height) /
+             (length(shaft_.point - from.centre) + from.radius + shaft_.ball);
+    const float sine = dot(from.normal, shaft_.axis);
+    const float cosine = std::sqrt(std::max(0.0F, 1.0F - sine * sine));
+    return sine * shaft_.cosine - cosine * shaft_.sine;
+  }
+
+  const Shaft& shaft_;
+  std::array<float, 3> low_{}, high_{};
+  bool above_ = false;  ///< all rays rise above the patch's plane
+};
+
+/// Obstacles tests if a single primitive blocks all rays from a patch to a point or into a ball.
+/// All rays are segments. At the fraction f of their length they are within (1 - f) patch radii
+/// plus f ball radii of the middle ray.
+class Obstacles {
+ public:
+  explicit Obstacles(const Shaft& shaft)
+      : from_(shaft.from),
+        point_(shaft.point),
+        ball_(shaft.ball),
+        way_(shaft.point - shaft.from.centre) {
+    for (int i = 0; i < 3; ++i) inverse_[i] = 1.0F / part(way_, i);
+    squared_ = dot(way_, way_);
+  }
+
+  /// Returns true if the middle ray reaches the box: a primitive that blocks all rays blocks the
+  /// middle one.
+  [[nodiscard]] bool reaches_box(Vec3f low, Vec3f high) const {
+    float enter = 0.0F, leave = 1.0F;
+    for (int i = 0; i < 3; ++i) {
+      const float a = (part(low, i) - part(from_.centre, i)) * inverse_[i];
+      const float b = (part(high, i) - part(from_.centre, i)) * inverse_[i];
+      // Zero times infinity is NaN: the ray lies in the box's plane and may pass.
+      enter = std::fmax(enter, std::fmin(a, b));
+      leave = std::fmin(leave, std::fmax(a, b));
+    }
+    return enter <= leave;
+  }
+
+  /// Returns true if a point of each ray lies inside the sphere, and both ends of each ray lie
+  /// outside.
+  [[nodiscard]] bool behind_sphere(Vec3f centre, float radius) const {
+    const float margin = kMargin * (radius + largest(centre) + largest(point_));
+    const float part_way = dot(centre - from_.centre, way_) / squared_;
+    if (!(part_way > 0.0F && part_way < 1.0F)) return false;
+    const float off = length(from_.centre + way_ * part_way - centre);
+    return off + from_.radius * (1.0F - part_way) + ball_ * part_way + margin < radius &&
+           length(centre - point_) > radius + ball_ + margin &&
+           length(centre - from_.centre) > radius + from_.radius + margin;
+  }
+
+  /// Returns true if the patch lies inside the pyramid from the point through the triangle, and
+  /// beyond the triangle. Returns false for triangles near the point, where a wide margin at the
+  /// patch shrinks to nothing.
+  [[nodiscard]] bool behind_triangle(Vec3f a, Vec3f b, Vec3f c) const {
+    if (ball_ > 0.0F) return along_prism(a, b, c);
+    constexpr float kNear = 0.25F;
+    const Vec3f normal = normalized(cross(b - a, c - a));
+    const float beyond = dot(normal, a - point_);
+    if (!(std::abs(beyond) > kNear * std::abs(dot(normal, way_)))) return false;
+    const Vec3f outward = beyond > 0.0F ? normal : -normal;
+    const float margin = from_.radius + kMargin * (largest(a) + largest(b) + largest(c) +
+                                                   largest(point_) + largest(from_.centre));
+    if (!(std::abs(beyond) > margin && dot(outward, from_.centre - a) > margin)) return false;
+    const auto inside = [&](Vec3f p, Vec3f q, Vec3f opposite) {
+      const Vec3f n = normalized(cross(p - point_, q - point_));
+      const float side = dot(n, from_.centre - point_);
+      return std::abs(side) > margin && (side > 0.0F) == (dot(n, opposite - point_) > 0.0F);
+    };
+    return inside(a, b, c) && inside(b, c, a) && inside(c, a, b);
+  }
+
+ private:
+  static float part(Vec3f v, int i) { return i == 0 ? v.x : i == 1 ? v.y : v.z; }
+
+  /// Returns true if patch and ball lie inside the prism that extends the triangle along the middle
+  /// ray, on different sides of the triangle.
+  [[nodiscard]] bool along_prism(Vec3f a, Vec3f b, Vec3f c) const {
+    const float margin =
+        kMargin * (largest(a) + largest(b) + largest(c) + largest(point_) + largest(from_.centre));
+    const Vec3f normal = normalized(cross(b - a, c - a));
+    const float before = dot(normal, from_.centre - a), beyond = dot(normal, point_ - a);
+    if ((before > 0.0F) == (beyond > 0.0F) || !(std::abs(before) > from_.radius + margin) ||
+        !(std::abs(beyond) > ball_ + margin))
+      return false;
+    const float widest = std::max(from_.radius, ball_) + margin;
+    const auto inside = [&](Vec3f p, Vec3f q, Vec3f opposite) {
+      const Vec3f across = cross(q - p, way_);
+      // An edge parallel to the middle ray defines no plane after rounding.
+      constexpr float kLeastSine = 0.05F;
+      if (!(length(across) > kLeastSine * length(q - p) * length(way_))) return false;
+      const Vec3f n = normalized(across);
+      const float side = dot(n, from_.centre - p);
+      return std::abs(side) > widest && (side > 0.0F) == (dot(n, opposite - p) > 0.0F);
+    };
+    return inside(a, b, c) && inside(b, c, a) && inside(c, a, b);
+  }
+
+  const Patch& from_;
+  Vec3f point_;
+  float ball_;
+  Vec3f way_;  ///< vector from the patch's centre to the point
+  std::array<float, 3> inverse_{};
+  float squared_ = 0.0F;
+};
+
+float grown(const SphereShape& sphere) {
+  const auto radius = static_cast<float>(sphere.radius);
+  return radius + kMargin * (radius + largest(Vec3f(sphere.centre)));
+}
+
+bool blocks(const Scene& scene, const Obstacles& obstacles, const PrimitiveTree::Leaf& leaf) {
+  const GeometryEntry& entry = scene.geometries[leaf.geometry];
+  if (entry.kind == GeometryEntry::Kind::Cones) return false;  // open: rays may pass lengthwise
+  if (entry.kind == GeometryEntry::Kind::Spheres) {
+    const SphereShape& sphere = scene.spheres[leaf.primitive];
+    return obstacles.behind_sphere(Vec3f(sphere.centre), static_cast<float>(sphere.radius));
+  }
+  const MeshShape& mesh = scene.meshes[entry.mesh];
+  const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
+  return obstacles.behind_triangle(mesh.positions[corners[0]], mesh.positions[corners[1]],
+                                   mesh.positions[corners[2]]);
+}
+
+bool misses_primitive(const Scene& scene, const Hull& hull, const Patch& from,
+                      const PrimitiveTree::Leaf& leaf) {
+  if (from.leaves_convex && leaf.geometry == from.geometry && leaf.primitive == from.primitive)
+    return true;
+  const GeometryEntry& entry = scene.geometries[leaf.geometry];
+  if (entry.kind == GeometryEntry::Kind::Cones) return false;  // its box is in the way
+  if (entry.kind == GeometryEntry::Kind::Spheres) {
+    const SphereShape& sphere = scene.spheres[leaf.primitive];
+    return hull.misses_sphere(Vec3f(sphere.centre), grown(sphere));
+  }
+  const MeshShape& mesh = scene.meshes[entry.mesh];
+  if (const WideTriangle* wide = scene.wide_triangle(mesh, leaf.primitive))
+    return hull.misses_wide_triangle(*wide);
+  const std::array<uint32_t, 3>& corners = mesh.triangles[leaf.primitive];
+  return hull.misses_triangle(mesh.positions[corners[0]], mesh.positions[corners[1]],
+                              mesh.positions[corners[2]]);
+}
+
+}  // namespace
+
+ShaftTester::ShaftTester(const Scene& scene, const PrimitiveTree& tree)
+    : scene_(scene), tree_(tree) {}
+
+bool ShaftTester::empty(const Shaft& shaft) const {
+  const Hull hull(shaft);
+  const bool met = tree_.search(
+      true, [&](Vec3f low, Vec3f high) { return !hull.misses_box(low, high); },
+      [&](const PrimitiveTree::Leaf& leaf) {
+        return !misses_primitive(scene_, hull, shaft.from, leaf);
+      });
+  return !met;
+}
+
+bool ShaftTester::blocked(const Shaft& shaft) const {
+  if (!shaft.to_point) return false;
+  const Obstacles obstacles(shaft);
+  return tree_.search(
+      false, [&](Vec3f low, Vec3f high) { return obstacles.reaches_box(low, high); },
+      [&](const PrimitiveTree::Leaf& leaf) { return blocks(scene_, obstacles, leaf); });
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,422 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/methods/adaptive/adaptive_frame.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+
+#include "render/rays/glass_rays.h"
+#include "render/rays/primary_rays.h"
+#include "render/scene/texture.h"
+
+namespace lenticule::render {
+namespace {
+
+/// Largest share of a band's subpixels that may exceed the tolerated error.
+constexpr double kMostBeyond = 0.03;
+
+}  // namespace
+
+AdaptiveFrame::AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& whole,
+                             KeySamples& memory, frames::WovenFrame& frame)
+    : plan(of),
+      grid(keys),
+      scene(whole),
+      out(frame),
+      samples(memory),
+      groups(whole),
+      sweep(of.planes, whole),
+      encoder(whole.colour_managed),
+      start_mm(primary_start_mm(scene.near_mm, of.planes.model().rig().viewing.distance.value)),
+      beams(whole) {
+  for (size_t at = 0; at < backdrop.size(); ++at)
+    backdrop[at] = encoder.code(
+        static_cast<float>(component(scene.backdrop.colour, static_cast<int>(at % 3))));
+  if (scene.backdrop.flat()) eyes = keys.eyes();
+  samples.begin(keys);
+  bands.resize(
+      static_cast<size_t>((of.planes.rows() + AdaptiveWorker::kBand - 1) / AdaptiveWorker::kBand));
+}
+
+void AdaptiveFrame::keep(const Kept& what) {
+  kept = what;
+  samples.watch_changes();
+}
+
+AdaptiveWorker::AdaptiveWorker(AdaptiveFrame& frame)
+    : frame_(frame),
+      colours_(frame.plan.options, frame.plan.tiles),
+      sweep_(frame.sweep),
+      uncertain_(frame.plan.planes, frame.plan.tiles),
+      drawn_(frame.plan.full.packets(), frame.plan.tiles, frame.plan.centre),
+      settler_(frame.samples, frame.grid, frame.plan.agreement, frame.scene.colour_managed,
+               frame.plan.options.soft),
+      packet_(1),
+      keys_(frame.grid.row_samples()),
+      found_row_(frame.plan.planes.row_subpixels()) {
+  init_packets(packet_);
+  colours_.tracer().integrate_lamps(true);
+  judge_exactly(false);
+}
+
+void AdaptiveWorker::judge_exactly(bool exactly) {
+  PacketTracer& tracer = colours_.tracer();
+  tracer.multiply_samples(exactly ? kFinerAudit : 1);
+  tracer.tolerate(exactly ? 0.0F : frame_.plan.agreement.noticed(frame_.scene.colour_managed));
+}
+
+void AdaptiveWorker::set_sample(int picture, size_t lane) {
+  KeySamples::Sample sample{.group = found_.group[lane],
+                            .way = found_.notes.way[lane],
+                            .light = {.lit = found_.notes.lit[lane],
+                                      .hidden = found_.notes.hidden[lane],
+                                      .secondary_way = found_.notes.secondary_way[lane],
+                                      .around = found_.notes.around[lane]}};
+  if (frame_.plan.options.soft.shadow_samples > 0)
+    for (size_t lamp = 0; lamp < sample.light.seen.size(); ++lamp)
+      sample.light.seen[lamp] = KeySamples::Light::parts_of_lamp(found_.notes.seen[lamp][lane]);
+  for (size_t c = 0; c < 3; ++c) {
+    sample.value[c] = frame_.encoder.parts(found_.light[c][lane]);
+    sample.light.secondary[c] = found_.secondary[c][lane];
+  }
+  frame_.samples.set(sample_places_[lane].row, picture, sample_places_[lane].column, sample);
+}
+
+/// Traces the listed samples; idle lanes repeat the last one.
+void AdaptiveWorker::trace_samples(int picture) {
+  if (listed_ == 0) return;
+  std::array<uint32_t, kPacket> seeds{};
+  for (size_t lane = 0; lane < kPacket; ++lane) {
+    const SamplePlace& place = sample_places_[std::min(lane, listed_ - 1)];
+    packet_[0].valid[lane] = lane < listed_ ? -1 : 0;
+    if (colours_.tracer().needs_seeds())
+      seeds[lane] = sampling::subpixel_seed(place.row, place.column, 1 + picture);
+    set_glass_ray(frame_.scene, frame_.start_mm, frame_.grid.ray(place.row, picture, place.column),
+                  packet_[0], lane);
+  }
+  colours_.tracer().set_seeds(seeds);
+  colours_.trace(frame_.scene, frame_.groups,
+                 frame_.plan.agreement.noticed(frame_.scene.colour_managed), packet_[0], found_);
+  for (size_t lane = 0; lane < listed_; ++lane) set_sample(picture, lane);
+  listed_ = 0;
+}
+
+void AdaptiveWorker::list_sample(int picture, SamplePlace place) {
+  if (place.row >= frame_.grid.rows() || place.column >= frame_.grid.columns()) return;
+  sample_places_[listed_++] = place;
+  if (listed_ == kPacket) trace_samples(picture);
+}
+
+void AdaptiveWorker::list_unless_kept(int picture, SamplePlace place) {
+  if (!frame_.kept.at(frame_.grid.panel_row(place.row, picture),
+                      frame_.grid.ray(place.row, picture, place.column).x_mm))
+    list_sample(picture, place);
+}
+
+void AdaptiveWorker::take_coarse_samples(int first_row, int picture) {
+  constexpr int kStep = KeySamples::kCoarse;
+  for (int column = 0; column < frame_.grid.columns(); column += kBlock * kStep)
+    for (int n = 0; n < kBlock * kBlock; ++n)
+      list_unless_kept(picture, {first_row + n / kBlock * kStep, column + n % kBlock * kStep});
+  trace_samples(picture);
+}
+
+/// Takes the other samples. With sampled light none is interpolated, since more samples average out
+/// the noise.
+void AdaptiveWorker::take_other_samples(int first_row, int picture) {
+  constexpr int kStep = KeySamples::kCoarse;
+  const bool may_fill = !frame_.plan.options.soft.any();
+  const int end = std::min(first_row + kSampleRows, frame_.grid.rows());
+  for (int row = first_row; row < end; row += kStep)
+    for (int column = 0; column < frame_.grid.columns(); column += kStep) {
+      const bool were_filled = frame_.samples.is_filled(row, picture, column);
+      if (may_fill && frame_.samples.fill(row, picture, column, frame_.plan.agreement)) continue;
+      for (const SamplePlace& place : {SamplePlace{row, column + 1}, SamplePlace{row + 1, column},
+                                       SamplePlace{row + 1, column + 1}})
+        were_filled ? list_sample(picture, place) : list_unless_kept(picture, place);
+    }
+  trace_samples(picture);
+}
+
+void AdaptiveWorker::render_band(int first_row) {
+  uncertain_.clear();
+  drawn_.clear();
+  const int end = std::min(first_row + kBand, frame_.plan.planes.rows());
+  const bool is_kept = is_whole_band_kept(first_row);
+  for (int row = first_row; row < end; ++row)
+    is_kept ? copy_row(first_row, row) : render_row(first_row, row);
+  uncertain_.shade(frame_.scene, frame_.start_mm, first_row, colours_.tracer());
+  write_uncertain(first_row);
+  audit_band(first_row, is_kept ? (*frame_.kept.bands)[static_cast<size_t>(first_row / kBand)]
+                                : AdaptiveFrame::Band{});
+}
+
+/// Returns true if the band can be copied: no content that its subpixels see and no sample that
+/// they are interpolated from has changed. Retraced bands are not copied, since rendering again
+/// would give other bytes.
+bool AdaptiveWorker::is_whole_band_kept(int first_row) const {
+  const int band = first_row / kBand;
+  const AdaptiveFrame::Kept& kept = frame_.kept;
+  if (kept.parts == nullptr || !kept.parts->whole_band(band)) return false;
+  if ((*kept.bands)[static_cast<size_t>(band)].mended) return false;
+  const KeyGrid::Between first = frame_.grid.between(first_row);
+  const KeyGrid::Between last =
+      frame_.grid.between(std::min(first_row + kBand, frame_.plan.planes.rows()) - 1);
+  return !frame_.samples.rows_changed(std::min(first.above[0], first.above[1]),
+                                      std::max(last.above[0], last.above[1]) + 1);
+}
+
+/// Returns true if a single subpixel can be copied. Subpixels selected by the audit cannot, since
+/// the previous frame holds their exact code instead of the interpolated one.
+bool AdaptiveWorker::is_kept(int row, size_t at, const KeyGrid::Between& between) const {
+  if (!frame_.kept.at(row, double{x_mm_[at]})) return false;
+  if ((*frame_.kept.bands)[static_cast<size_t>(row / kBand)].mended) return false;
+  const auto n = static_cast<uint32_t>(at);
+  const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), n / kDrawnOneIn);
+  if (n == drawn.mending || n == drawn.judging) return false;
+  return settler_.is_as_before(between, found_row_.places(at));
+}
+
+void AdaptiveWorker::render_row(int first_row, int row) {
+  const KeyGrid::Between between = frame_.grid.between(row);
+  find_cells(between);
+  sweep_.sweep(row, swept_, frame_.eyes);
+  arrange_rays();
+  group_of_cut_.clear();
+  for (const SweptCut& cut : swept_.cuts)
+    group_of_cut_.push_back(frame_.groups.of(cut.geometry, cut.primitive));
+  group_of_cut_.push_back(SurfaceGroups::kNothing);  // read, but not used, in lanes without a cut
+  look_up(between);
+  add_drawn(first_row, row);
+  sort_row(first_row, row, between);
+  std::copy_n(found_row_.codes.data(), frame_.plan.planes.row_subpixels(), frame_.out.row(row));
+}
+
+void AdaptiveWorker::copy_row(int first_row, int row) {
+  const size_t count = frame_.plan.planes.row_subpixels();
+  std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
+  counts_.copied += count;
+  add_drawn(first_row, row);
+}
+
+/// Finds the cells around a row. The rows of even and of odd views change at different panel rows.
+void AdaptiveWorker::find_cells(const KeyGrid::Between& between) {
+  for (int picture = 0; picture < frame_.grid.pictures(); ++picture) {
+    const auto odd = static_cast<size_t>(picture % 2);
+    if (between.above[odd] == keys_row_[odd]) continue;
+    frame_.samples.find_cells(between.above[odd], picture, frame_.plan.agreement,
+                              keys_.data() + picture * frame_.grid.stride());
+  }
+  std::copy_n(between.above, 2, keys_row_.begin());
+}
+
+/// Arranges the rays by subpixel, if they are ordered by lens.
+void AdaptiveWorker::arrange_rays() {
+  const PlaneRays& rays = sweep_.rays();
+  x_mm_ = rays.x_mm.data();
+  tan_x_ = rays.tan_x.data();
+  if (rays.subpixel.empty()) return;
+  arranged_x_.resize(rays.end + lookup_kernel::kLanes);
+  arranged_tan_.resize(rays.end + lookup_kernel::kLanes);
+  for (size_t n = 0; n < rays.end; ++n) {
+    const auto at = static_cast<size_t>(rays.subpixel[n]);
+    arranged_x_[at] = rays.x_mm[n];
+    arranged_tan_[at] = rays.tan_x[n];
+  }
+  x_mm_ = arranged_x_.data();
+  tan_x_ = arranged_tan_.data();
+}
+
+AdaptiveWorker::FoundRow::FoundRow(size_t subpixels) {
+  const size_t room = subpixels + lookup_kernel::kLanes;
+  for (auto* bytes : {&codes, &states}) bytes->resize(room);
+  for (auto* numbers : {&left, &cell[0], &cell[1]}) numbers->resize(room);
+  for (auto* parts : {&of_right, &part[0], &part[1]}) parts->resize(room);
+}
+
+lookup_kernel::Found AdaptiveWorker::FoundRow::arrays() {
+  return {.codes = codes.data(),
+          .states = states.data(),
+          .left = left.data(),
+          .of_right = of_right.data(),
+          .cell = {cell[0].data(), cell[1].data()},
+          .part = {part[0].data(), part[1].data()}};
+}
+
+std::array<LightSettler::Place, 2> AdaptiveWorker::FoundRow::places(size_t at) const {
+  const auto odd = static_cast<size_t>(left[at] & 1);
+  return {LightSettler::Place{cell[0][at], part[0][at], 1.0F - of_right[at], odd},
+          LightSettler::Place{cell[1][at], part[1][at], of_right[at], 1 - odd}};
+}
+
+void AdaptiveWorker::look_up(const KeyGrid::Between& between) {
+  const size_t count = frame_.plan.planes.row_subpixels();
+  const lookup_kernel::SampleRows interval{.key = keys_.data(),
+                                           .values = frame_.samples.values(),
+                                           .plane = static_cast<int>(frame_.samples.row_samples()),
+                                           .row = {between.above[0], between.above[1]},
+                                           .part = {between.part[0], between.part[1]}};
+  const lookup_kernel::Row row{.x = x_mm_,
+                               .tan = tan_x_,
+                               .z = swept_.z_mm.data(),
+                               .cut = swept_.cut.data(),
+                               .group = group_of_cut_.data(),
+                               .count = static_cast<int>(count),
+                               .most_apart = frame_.plan.agreement.apart};
+  frame_.plan.kernel.look_up(frame_.grid.lookup(), interval, row, found_row_.arrays());
+}
+
+uint8_t AdaptiveWorker::backdrop_code(int row, size_t at) const {
+  const Backdrop& backdrop = frame_.scene.backdrop;
+  if (backdrop.flat()) return frame_.backdrop[at % 3];
+  const RowPlanes& planes = frame_.plan.planes;
+  const RowPlane plane = planes.plane_at(row + planes.height_in_row(0));
+  const Vec3 way = frame_.scene.scene_from_panel.vector({-double{tan_x_[at]}, -plane.tan_y, -1.0});
+  return frame_.encoder.code(
+      static_cast<float>(backdrop_light(backdrop, normalized(way), static_cast<int>(at % 3))));
+}
+
+void AdaptiveWorker::add_drawn(int first_row, int row) {
+  const auto count = static_cast<uint32_t>(frame_.plan.planes.row_subpixels());
+  const auto add = [&](uint32_t at, Draw draw) {
+    if (at < count)
+      drawn_.add({.at = static_cast<int32_t>(at),
+                  .row = static_cast<uint16_t>(row - first_row),
+                  .draw = draw});
+  };
+  for (uint32_t stretch = 0; stretch * kDrawnOneIn < count; ++stretch) {
+    const DrawnPair drawn = drawn_of(static_cast<uint32_t>(row), stretch);
+    add(drawn.mending, Draw::Mending);
+    add(drawn.judging, Draw::Judging);
+  }
+}
+
+void AdaptiveWorker::add_uncertain(int first_row, int row, size_t at,
+                                   const KeyGrid::Between& between) {
+  const auto cut_number = static_cast<size_t>(swept_.cut[at]);
+  const SweptCut& cut = swept_.cuts[cut_number];
+  const uint32_t group = group_of_cut_[cut_number];
+  UncertainSubpixels::Subpixel& added = uncertain_.add();
+  added.at = static_cast<int32_t>(at);
+  added.row = static_cast<uint16_t>(row - first_row);
+  added.x_mm = x_mm_[at];
+  added.tan_x = tan_x_[at];
+  added.z_mm = swept_.z_mm[at];
+  added.geometry = cut.geometry;
+  added.primitive = cut.primitive;
+  added.group = group;
+  settler_.settle({.rows = between,
+                   .places = found_row_.places(at),
+                   .group = group,
+                   .channel = static_cast<int>(at % 3)},
+                  added.settled, uncertain_.lamps());
+}
+
+/// Writes the colours of subpixels that see nothing, and lists the unresolved ones.
+void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& between) {
+  static_assert(lookup_kernel::kFound == 0 && lookup_kernel::kNothing == 1);
+  constexpr uint64_t kAllNothing = 0x0101010101010101;
+  const bool flat = frame_.scene.backdrop.flat();
+  const bool may_keep = frame_.kept.parts != nullptr;
+  const size_t count = frame_.plan.planes.row_subpixels();
+  uint64_t unknown = 0, copied = 0;
+  for (size_t first = 0; first < count; first += sizeof(uint64_t)) {
+    uint64_t eight;  // states; the array is slightly longer than the row
+    std::memcpy(&eight, found_row_.states.data() + first, sizeof eight);
+    if (eight == 0) continue;
+    if (flat && eight == kAllNothing) {
+      std::memcpy(found_row_.codes.data() + first,
+                  frame_.backdrop.data() + first % frame_.backdrop.size(), sizeof eight);
+      continue;
+    }
+    const size_t end = std::min(first + sizeof eight, count);
+    for (size_t at = first; at < end; ++at) {
+      if (found_row_.states[at] == lookup_kernel::kNothing)
+        found_row_.codes[at] = backdrop_code(row, at);
+      if (found_row_.states[at] != lookup_kernel::kUnknown) continue;
+      if (may_keep && is_kept(row, at, between)) {
+        found_row_.codes[at] = frame_.kept.frame->row(row)[at];
+        ++copied;
+        continue;
+      }
+      add_uncertain(first_row, row, at, between);
+      ++unknown;
+    }
+  }
+  counts_.shaded += unknown;
+  counts_.copied += copied;
+  counts_.interpolated += count - unknown - copied;
+}
+
+void AdaptiveWorker::write_uncertain(int first_row) {
+  for (const UncertainSubpixels::Subpixel& s : uncertain_.subpixels())
+    frame_.out.row(first_row + s.row)[s.at] = frame_.encoder.code(s.light);
+}
+
+/// Audits a band. `known` holds the results of a copied band, in which all audited subpixels are
+/// already exact.
+void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known) {
+  judge_exactly(true);
+  drawn_.trace(frame_.scene, first_row, colours_.tracer());
+  judge_exactly(false);
+  AuditCounts mending, judging;
+  for (const DrawnSubpixels::Subpixel& s : drawn_.subpixels()) {
+    uint8_t& code = frame_.out.row(first_row + s.row)[s.at];
+    const uint8_t exact = frame_.encoder.code(s.light);
+    const uint64_t beyond = is_beyond(code, exact) ? 1 : 0;
+    (s.draw == Draw::Mending ? mending : judging) += {.drawn = 1, .beyond = beyond};
+    code = exact;
+  }
+  AdaptiveFrame::Band& band = frame_.bands[static_cast<size_t>(first_row / kBand)];
+  mending.beyond = std::min(mending.drawn, mending.beyond + known.mending.beyond);
+  judging.beyond = std::min(judging.drawn, judging.beyond + known.judging.beyond);
+  band = {.mending = mending, .judging = judging};
+  if (needs_mending(mending, kMostBeyond) && frame_.plan.options.soft.any())
+    mending.beyond -= std::min(mending.beyond, count_noise(first_row));
+  if (needs_mending(mending, kMostBeyond)) {
+    mend_band(first_row);
+    judging.beyond = 0;
+    band.mended = true;
+  }
+  counts_.audit += judging;
+}
+
+bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
+  return std::abs(int{code} - int{exact}) > frame_.plan.options.tolerated_error;
+}
+
+/// Returns the number of Mending samples whose code under method full exceeds the tolerated error
+/// due to sampling noise alone. The audited subpixels are exact in the frame.
+uint64_t AdaptiveWorker::count_noise(int first_row) {
+  colours_.tracer().tolerate(0.0F);
+  colours_.tracer().integrate_lamps(false);
+  drawn_.trace(frame_.scene, first_row, colours_.tracer());
+  colours_.tracer().integrate_lamps(true);
+  judge_exactly(false);
+  uint64_t beyond = 0;
+  for (const DrawnSubpixels::Subpixel& s : drawn_.subpixels())
+    if (s.draw == Draw::Mending &&
+        is_beyond(frame_.encoder.code(s.light), frame_.out.row(first_row + s.row)[s.at]))
+      ++beyond;
+  return beyond;
+}
+
+/// Renders the band with method full's exact bytes.
+void AdaptiveWorker::mend_band(int first_row) {
+  if (!full_)
+    full_ = std::make_unique<FullTiles::Worker>(frame_.plan.full, frame_.scene, frame_.beams);
+  const TilePlan& plan = frame_.plan.tiles;
+  const int first_tile = first_row / kBand * plan.per_band();
+  for (int n = 0; n < plan.per_band(); ++n) full_->render(plan.tile(first_tile + n), frame_.out);
+  const int rows = std::min(kBand, frame_.plan.planes.rows() - first_row);
+  counts_.mended += frame_.plan.planes.row_subpixels() * static_cast<size_t>(rows);
+}
+
+RayCounts AdaptiveWorker::rays() {
+  RayCounts counts = colours_.tracer().counts();
+  if (full_) counts += full_->rays();
+  return counts;
+}
+
+}  // namespace lenticule::render

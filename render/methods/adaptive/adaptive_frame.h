@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+// One frame of method adaptive, and the work of each thread on it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "frames/frame.h"
+#include "render/methods/adaptive/audit.h"
+#include "render/methods/adaptive/colour_tracer.h"
+#include "render/methods/adaptive/drawn_subpixels.h"
+#include "render/methods/adaptive/kept_parts.h"
+#include "render/methods/adaptive/key_samples.h"
+#include "render/methods/adaptive/light_settler.h"
+#include "render/methods/adaptive/uncertain_subpixels.h"
+#include "render/methods/full_tiles.h"
+#include "render/row_sweep/row_sweep.h"
+#include "render/scene/surface_groups.h"
+#include "render/shading/light_encoder.h"
+
+namespace lenticule::render {
+
+/// AdaptivePlan holds the data for a rig's frames. Lifetime: outlives the frames.
+struct AdaptivePlan {
+  const RenderOptions& options;
+  const RowPlanes& planes;
+  const FullTiles& full;
+  const TilePlan& tiles;    ///< the tiles of `full`
+  const Footprint& centre;  ///< centre of subpixels
+  const lookup_kernel::Kernel& kernel;
+  Agreement agreement;
+};
+
+/// AdaptiveFrame is shared by the threads. The steps are: take samples, mark bends, render bands of
+/// rows.
+struct AdaptiveFrame {
+  /// Reuses `memory` for the samples.
+  AdaptiveFrame(const AdaptivePlan& of, const KeyGrid& keys, const Scene& scene, KeySamples& memory,
+                frames::WovenFrame& frame);
+
+  const AdaptivePlan& plan;
+  const KeyGrid& grid;
+  const Scene& scene;
+  frames::WovenFrame& out;
+  KeySamples& samples;
+  SurfaceGroups groups;
+  RowSweep sweep;
+  LightEncoder encoder;
+  double start_mm;
+  BeamTester beams;
+  std::array<uint8_t, 24> backdrop{};  ///< codes of eight pixels, if the backdrop is flat
+  /// Places on the viewing line to which rays go, if the backdrop is flat: then rays far from all
+  /// objects are not made.
+  std::optional<Interval> eyes;
+
+  /// Audit results of a band of rows.
+  struct Band {
+    AuditCounts mending, judging;
+    bool mended = false;
+  };
+  std::vector<Band> bands;
+
+  /// Unchanged regions, which reuse the samples in `memory` from the previous frame.
+  struct Kept {
+    const KeptParts* parts = nullptr;  ///< null: no unchanged regions
+    const frames::WovenFrame* frame = nullptr;
+    const std::vector<Band>* bands = nullptr;
+
+    [[nodiscard]] bool at(int row, double x_mm) const {
+      return parts != nullptr && parts->at(row, x_mm);
+    }
+  };
+  Kept kept;
+  /// Sets the unchanged regions. Lifetime: the objects that `what` points to must outlive the
+  /// frame.
+  void keep(const Kept& what);
+};
+
+/// Origin of the colours of the subpixels in a thread's bands.
+struct AdaptiveCounts {
+  uint64_t interpolated = 0;  ///< interpolated between samples, or showing the backdrop
+  uint64_t shaded = 0;        ///< shaded individually, with light resolved from samples or traced
+  uint64_t copied = 0;        ///< copied from the previous frame, where the content looked the same
+  uint64_t mended = 0;        ///< retraced in full, in bands that failed the audit
+  AuditCounts audit;          ///< final audit of delivered frames
+};
+
+/// AdaptiveWorker renders bands of one frame. The calling thread must flush denormals. Thread
+/// safety: used by one thread.
+class AdaptiveWorker {
+ public:
+  static constexpr int kBand = TilePlan::kRows;  ///< rows
+  static constexpr int kBlock = 4;               ///< rows and columns of coarse samples in a packet
+  static constexpr int kSampleRows = kBlock * KeySamples::kCoarse;
+  /// Factor of the number of soft-light rays for audited subpixels, so that their own noise does
+  /// not distort the audit.
+  static constexpr int kFinerAudit = 4;
+
+  /// Lifetime: `frame` must outlive the object.
+  explicit AdaptiveWorker(AdaptiveFrame& frame);
+
+  /// Takes the coarse samples of kSampleRows rows of one cache view.
+  void take_coarse_samples(int first_row, int picture);
+  /// Takes the other samples, after the coarse ones of these rows and of the rows below.
+  void take_other_samples(int first_row, int picture);
+  /// Renders kBand rows of the panel.
+  void render_band(int first_row);
+
+  [[nodiscard]] const AdaptiveCounts& counts() const { return counts_; }
+  [[nodiscard]] RayCounts rays();
+  /// Returns the culled primary rays, see FullTiles::Worker::background().
+  [[nodiscard]] uint64_t background() const { return full_ ? full_->background() : 0; }
+
+ private:
+  /// Selects exact tracing for the audit; otherwise weak rays are skipped.
+  void judge_exactly(bool exactly);
+  struct SamplePlace {
+    int row, column;
+  };
+  void list_sample(int picture, SamplePlace place);
+  void list_unless_kept(int picture, SamplePlace place);
+  void trace_samples(int picture);
+  void set_sample(int picture, size_t lane);
+  void render_row(int first_row, int row);
+  void copy_row(int first_row, int row);
+  [[nodiscard]] bool is_whole_band_kept(int first_row) const;
+  [[nodiscard]] bool is_kept(int row, size_t at, const KeyGrid::Between& between) const;
+  void arrange_rays();
+  void look_up(const KeyGrid::Between& between);
+  void find_cells(const KeyGrid::Between& between);
+  void add_drawn(int first_row, int row);
+  void add_uncertain(int first_row, int row, size_t at, const KeyGrid::Between& between);
+  void sort_row(int first_row, int row, const KeyGrid::Between& between);
+  [[nodiscard]] uint8_t backdrop_code(int row, size_t at) const;
+  void write_uncertain(int first_row);
+  void audit_band(int first_row, const AdaptiveFrame::Band& known);
+  [[nodiscard]] bool is_beyond(uint8_t code, uint8_t exact) const;
+  uint64_t count_noise(int first_row);
+  void mend_band(int first_row);
+
+  AdaptiveFrame& frame_;
+  ColourTracer colours_;
+  ColourTracer::Colours found_;
+  RowSweep::Worker sweep_;
+  SweptRow swept_;
+  const float* x_mm_ = nullptr;  ///< per subpixel of the last swept row
+  const float* tan_x_ = nullptr;
+  std::vector<float> arranged_x_, arranged_tan_;
+  UncertainSubpixels uncertain_;
+  DrawnSubpixels drawn_;
+  std::unique_ptr<FullTiles::Worker> full_;  ///< created when a band is retraced
+  LightSettler settler_;
+  std::vector<RayPacket> packet_;  ///< a single packet
+  std::array<SamplePlace, kPacket> sample_places_{};
+  size_t listed_ = 0;  ///< elements of sample_places_ in use
+  std::vector<uint32_t> keys_;
+  std::array<int, 2> keys_row_{-1, -1};
+  std::vector<uint32_t> group_of_cut_;
+  /// Look-up results of a row, see lookup_kernel::Found.
+  struct FoundRow {
+    std::vector<uint8_t> codes, states;
+    std::vector<int32_t> left, cell[2];
+    std::vector<float> of_right, part[2];
+
+    explicit FoundRow(size_t subpixels);
+    [[nodiscard]] lookup_kernel::Found arrays();
+    [[nodiscard]] std::array<LightSettler::Place, 2> places(size_t at) const;
+  };
+  FoundRow found_row_;
+  AdaptiveCounts counts_;
+};
+
+}  // namespace lenticule::render

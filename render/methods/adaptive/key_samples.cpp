@@ -1,0 +1,231 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/methods/adaptive/key_samples.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <span>
+#include <utility>
+
+#include "render/scene/surface_groups.h"
+
+namespace lenticule::render {
+namespace {
+
+constexpr int kCode = lookup_kernel::kCodeParts;
+
+int parts(double codes) {
+  return static_cast<int>(codes * kCode + 0.5);
+}
+
+}  // namespace
+
+Agreement Agreement::for_error(double codes) {
+  // Linear interpolation between samples with a second difference of b has an error of b / 8 in the
+  // middle. Differences between corners or views are interpolated, so at most half of them is
+  // error.
+  return {.coarse = parts(4.0 * codes),
+          .unlike = parts(2.0 * codes),
+          .alike = parts(24.0),
+          .bend = parts(8.0 * codes),
+          .apart = static_cast<float>(parts(8.0 * codes)),
+          .secondary = static_cast<float>(8.0 * codes / 255.0),
+          .around = 0.25F,
+          .seen = 0.75F,
+          .little = static_cast<float>(0.5 * codes / 255.0)};
+}
+
+void KeySamples::begin(const KeyGrid& grid) {
+  grid_ = &grid;
+  watches_changes_ = false;
+  if (rows_ == grid.rows() && columns_ == grid.columns() && row_samples_ == grid.row_samples())
+    return;
+  rows_ = grid.rows();
+  columns_ = grid.columns();
+  row_samples_ = grid.row_samples();
+  const size_t count = row_samples_ * static_cast<size_t>(rows_);
+  // The padding of the rows stays zero. The lookup reads one element past the requested one.
+  values_.assign(3 * count + 2, 0);
+  groups_.assign(count, 0);
+  ways_.assign(count, 0);
+  lights_.assign(count, {});
+  for (auto* flags : {&bends_, &filled_, &changed_}) flags->assign(count, 0);
+}
+
+void KeySamples::watch_changes() {
+  std::fill(changed_.begin(), changed_.end(), uint8_t{0});
+  watches_changes_ = true;
+}
+
+namespace {
+
+bool show_one_thing(std::span<const KeySamples::Sample, 4> corners, int most_apart) {
+  const KeySamples::Sample& first = corners[0];
+  for (const KeySamples::Sample& corner : corners)
+    if (corner.group != first.group || corner.way != first.way ||
+        corner.light.lit != first.light.lit || corner.light.hidden != first.light.hidden)
+      return false;
+  for (size_t c = 0; c < 3; ++c) {
+    const auto [low, high] = std::minmax({int{corners[0].value[c]}, int{corners[1].value[c]},
+                                          int{corners[2].value[c]}, int{corners[3].value[c]}});
+    if (high - low > most_apart) return false;
+  }
+  return true;
+}
+
+/// Returns the mean of two samples that show one surface.
+KeySamples::Sample middle(const KeySamples::Sample& a, const KeySamples::Sample& b) {
+  KeySamples::Sample between = a;
+  for (size_t c = 0; c < 3; ++c) {
+    between.value[c] = static_cast<uint16_t>((a.value[c] + b.value[c] + 1) / 2);
+    between.light.secondary[c] = 0.5F * (a.light.secondary[c] + b.light.secondary[c]);
+  }
+  between.light.around = 0.5F * (a.light.around + b.light.around);
+  for (size_t n = 0; n < between.light.seen.size(); ++n)
+    between.light.seen[n] = static_cast<uint8_t>((a.light.seen[n] + b.light.seen[n] + 1) / 2);
+  return between;
+}
+
+}  // namespace
+
+void KeySamples::set(int row, int picture, int column, const Sample& sample) {
+  const size_t at = index(row, picture, column);
+  std::array<uint16_t, 3> before{};
+  for (size_t c = 0; c < 3; ++c) {
+    uint16_t& value =
+        values_[(3 * static_cast<size_t>(row) + c) * row_samples_ + in_row(picture, column)];
+    before[c] = std::exchange(value, sample.value[c]);
+  }
+  if (watches_changes_ && (before != sample.value || groups_[at] != sample.group ||
+                           ways_[at] != sample.way || lights_[at] != sample.light))
+    changed_[at] = 1;
+  groups_[at] = sample.group;
+  ways_[at] = sample.way;
+  lights_[at] = sample.light;
+}
+
+bool KeySamples::cell_changed(int row, size_t in_row) const {
+  const uint8_t* above = changed_.data() + static_cast<size_t>(row) * row_samples_ + in_row;
+  const uint8_t* below = above + row_samples_;
+  return (above[0] | above[1] | below[0] | below[1]) != 0;
+}
+
+bool KeySamples::rows_changed(int first, int last) const {
+  const auto begin =
+      changed_.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(first) * row_samples_);
+  const auto end =
+      changed_.begin() + static_cast<std::ptrdiff_t>(static_cast<size_t>(last + 1) * row_samples_);
+  return std::any_of(begin, end, [](uint8_t changed) { return changed != 0; });
+}
+
+/// Returns true if the coarse samples around a cell of one view have the same path as the cell's
+/// first sample wherever they show its surface: thin shadows and reflections between samples show
+/// up in samples nearby.
+bool KeySamples::is_quiet(int top, size_t in_row, int left) const {
+  constexpr int kAround = 3 * kCoarse;
+  const auto place = [&](int r, int c) {
+    return static_cast<size_t>(r) * row_samples_ + in_row + static_cast<size_t>(c);
+  };
+  const size_t first = place(top, left);
+  if (groups_[first] == SurfaceGroups::kNothing) return true;  // all its path ids are the same
+  const int end_row = std::min(top + kCoarse + kAround, rows_ - 1);
+  const int end_column = std::min(left + kCoarse + kAround, columns_ - 1);
+  for (int r = std::max(top - kAround, 0); r <= end_row; r += kCoarse)
+    for (int c = std::max(left - kAround, 0); c <= end_column; c += kCoarse)
+      if (groups_[place(r, c)] == groups_[first] && ways_[place(r, c)] != ways_[first])
+        return false;
+  return true;
+}
+
+std::array<KeySamples::Sample, 4> KeySamples::corners(int top, size_t in_row, int left) const {
+  std::array<Sample, 4> corners;
+  for (size_t n = 0; n < 4; ++n) {
+    const size_t row = static_cast<size_t>(top) + (n >= 2 ? kCoarse : 0);
+    const size_t column = in_row + static_cast<size_t>(left) + (n % 2 != 0 ? kCoarse : 0);
+    const size_t at = row * row_samples_ + column;
+    corners[n] = {.group = groups_[at], .way = ways_[at], .light = lights_[at]};
+    for (size_t c = 0; c < 3; ++c)
+      corners[n].value[c] = values_[(3 * row + c) * row_samples_ + column];
+  }
+  return corners;
+}
+
+bool KeySamples::fill(int top, int picture, int left, const Agreement& agreement) {
+  if (top + kCoarse >= rows_ || left + kCoarse >= columns_) return false;
+  const size_t first = in_row(picture, 0);
+  const std::array<Sample, 4> corner = corners(top, first, left);
+  const bool fills = show_one_thing(corner, agreement.coarse) && is_quiet(top, first, left);
+  filled_[index(top, picture, left)] = fills ? 1 : 0;
+  if (!fills) return false;
+  const Sample above = middle(corner[0], corner[1]), below = middle(corner[2], corner[3]);
+  set(top, picture, left + 1, above);
+  set(top + 1, picture, left, middle(corner[0], corner[2]));
+  set(top + 1, picture, left + 1, middle(above, below));
+  return true;
+}
+
+/// Marks bends over three consecutive samples along the row and across rows.
+void KeySamples::mark_bends(int row, const Agreement& agreement) {
+  const size_t first = static_cast<size_t>(row) * row_samples_;
+  const size_t above = row > 0 ? first - row_samples_ : first;
+  const size_t below = row + 1 < rows_ ? first + row_samples_ : first;
+  const auto alike = [&](size_t a, size_t b) {
+    return groups_[a] == groups_[b] && ways_[a] == ways_[b];
+  };
+  const auto bend = [&](size_t a, size_t b, size_t c) {  // indices of values
+    return std::abs(int{values_[a]} - 2 * int{values_[b]} + int{values_[c]});
+  };
+  const bool has_column = above != first && below != first;
+  for (size_t n = 1; n + 1 < row_samples_; ++n) {
+    const size_t at = first + n;
+    const bool in_row = alike(at - 1, at) && alike(at, at + 1);
+    const bool in_column = has_column && alike(above + n, at) && alike(at, below + n);
+    int most = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      const size_t value = (3 * static_cast<size_t>(row) + c) * row_samples_ + n;
+      if (in_row) most = std::max(most, bend(value - 1, value, value + 1));
+      if (in_column)
+        most = std::max(most, bend(value - 3 * row_samples_, value, value + 3 * row_samples_));
+    }
+    const uint8_t bends = most > agreement.bend ? 1 : 0;
+    if (std::exchange(bends_[at], bends) != bends) changed_[at] = 1;
+  }
+}
+
+void KeySamples::find_cells(int row, int picture, const Agreement& agreement,
+                            uint32_t* keys) const {
+  const size_t in_row = static_cast<size_t>(picture) * static_cast<size_t>(grid_->stride());
+  const size_t first = static_cast<size_t>(row) * row_samples_ + in_row;
+  const auto last = static_cast<size_t>(grid_->stride()) - 1;
+  keys[last] = 0;
+  for (size_t n = 0; n < last; ++n) {
+    const size_t at = first + n;
+    const size_t corners[] = {at, at + 1, at + row_samples_, at + row_samples_ + 1};
+    const auto same = [&](const std::vector<uint32_t>& of) {
+      return of[corners[0]] == of[corners[1]] && of[corners[0]] == of[corners[2]] &&
+             of[corners[0]] == of[corners[3]];
+    };
+    keys[n] = 0;
+    if (!same(groups_) || groups_[at] == SurfaceGroups::kNothing) continue;
+    bool bends = false;
+    for (const size_t corner : corners) bends = bends || bends_[corner] != 0;
+    const int limit = same(ways_) && !bends ? agreement.alike : agreement.unlike;
+    const size_t value = 3 * static_cast<size_t>(row) * row_samples_ + in_row + n;
+    keys[n] = groups_[at] | (range(value) <= limit ? 0 : lookup_kernel::kUneven);
+  }
+}
+
+/// Returns the largest difference between a cell's corners in any channel; `value` is the index of
+/// the first.
+int KeySamples::range(size_t value) const {
+  int most = 0;
+  for (size_t c = 0; c < 3; ++c) {
+    const size_t above = value + c * row_samples_, below = above + 3 * row_samples_;
+    const auto [low, high] = std::minmax({int{values_[above]}, int{values_[above + 1]},
+                                          int{values_[below]}, int{values_[below + 1]}});
+    most = std::max(most, high - low);
+  }
+  return most;
+}
+
+}  // namespace lenticule::render

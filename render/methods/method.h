@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Method is the interface of the render methods, which render a scene to a woven frame.
+#pragma once
+
+#include <cstdint>
+
+#include "frames/frame.h"
+#include "render/options/render_options.h"
+#include "render/options/render_statistics.h"
+#include "render/scene/scene.h"
+#include "render/scene/stage.h"
+
+namespace lenticule::render {
+
+class Method {
+ public:
+  virtual ~Method() = default;
+  /// Sets the number of the next frame to be rendered. By default, methods count their frames.
+  virtual void set_frame(uint64_t number) { static_cast<void>(number); }
+  /// Returns the first frame of the consecutive frames that must be rendered before frame `number`
+  /// to get the same bytes as in an uninterrupted sequence; `number` itself if the method needs
+  /// none.
+  [[nodiscard]] virtual uint64_t first_needed(uint64_t number) const { return number; }
+  /// Renders one frame; the frame has the rig's panel size. Equal input gives equal bytes,
+  /// independent of the number of threads. Thread safety: one call at a time.
+  virtual RenderStatistics render(const Scene& scene, const Stage& stage,
+                                  frames::WovenFrame& frame) = 0;
+  /// Returns a picture that is white where re-projection left the last frame's subpixels empty.
+  /// Returns null if not requested (RenderOptions::keep_missing), and for methods without
+  /// re-projection.
+  [[nodiscard]] virtual const frames::WovenFrame* missing_subpixels() const { return nullptr; }
+};
+
+}  // namespace lenticule::render

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// Scene holds a scene committed to Embree: Embree's structures and all shading data, in the scene
+// frame.
+//
+// The scene frame is the world coordinate system after three changes: the stage's centre becomes
+// the origin, the axes become the panel's axes, and one unit becomes one millimetre on the panel.
+// In the scene frame single precision resolves a fraction of a subpixel, independent of the scene's
+// units and of its distance from the world origin.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "render/accel/embree.h"
+#include "render/accel/quadrics.h"
+#include "render/accel/wide_triangle.h"
+#include "render/scene/scene_description.h"
+#include "render/scene/scene_fingerprint.h"
+#include "render/scene/stage.h"
+#include "render/scene/surroundings.h"
+
+namespace lenticule::render {
+
+/// IdleLights selects whether lights that cannot contribute to any surface are left out
+/// (render/commit/idle_lights.h). The picture is the same in both cases.
+enum class IdleLights { LeaveOut, Keep };
+
+/// MeshShape holds the buffers of one mesh. Embree reads the buffers in place.
+struct MeshShape {
+  std::vector<Vec3f> positions;  ///< one more than vertices: Embree reads 16 bytes each
+  std::vector<std::array<uint32_t, 3>> triangles;
+  std::vector<Vec3f> normals;             ///< per vertex, or empty
+  std::vector<std::array<float, 2>> uvs;  ///< per vertex, or empty
+  int material = 0;
+
+  static constexpr uint32_t kNotWide = ~0U;
+  /// Index in Scene::wide_triangles per triangle, or kNotWide. Empty if the mesh has no
+  /// wide triangle.
+  std::vector<uint32_t> wide;
+  /// The triangles as given to Embree: wide triangles are collapsed to points. Empty if the mesh
+  /// has no wide triangle.
+  std::vector<std::array<uint32_t, 3>> narrow_triangles;
+};
+
+/// A light in the scene frame.
+struct SceneLight {
+  Light::Kind kind = Light::Kind::Point;
+  Vec3 position{};
+  Vec3 direction{};  ///< unit; direction in which the light travels
+  Vec3 colour{};
+  bool falls_off = false;
+  double cos_inner = 1.0;
+  double cos_outer = 0.0;
+};
+
+/// GeometryEntry maps an Embree geometry number to the list that holds the geometry.
+struct GeometryEntry {
+  enum class Kind { Mesh, Spheres, Cones } kind = Kind::Mesh;
+  size_t mesh = 0;
+};
+
+class PrimitiveTree;
+class ShadingTables;
+class ShaftProofs;
+
+/// Scene holds a scene committed to Embree. Thread safety: shared by all threads; immutable while
+/// frames are rendered, except `proofs`.
+struct Scene {
+  /// Commits a description without nodes (see at_time()). `threads` is the number of threads that
+  /// build the acceleration structures, 0 = all cores; the picture does not depend on it. Throws
+  /// Error(Input) "source: object: cause" for non-finite numbers, non-positive sizes, indices out
+  /// of range and an unreadable environment; Error(Failed) for Embree's errors.
+  Scene(const SceneDescription& description, const Stage& stage, const Surroundings& surroundings,
+        int threads = 0, IdleLights idle_lights = IdleLights::LeaveOut);
+  ~Scene();
+  Scene(const Scene&) = delete;
+  Scene& operator=(const Scene&) = delete;
+
+  // The device and the buffers come first, so that they are released last: the Embree scene and its
+  // geometries belong to the device and read the buffers.
+  EmbreeDevice device;
+  std::vector<MeshShape> meshes;
+  std::vector<SphereShape> spheres;
+  std::vector<ConeShape> cones;
+  std::vector<WideTriangle> wide_triangles;
+  std::vector<GeometryEntry> geometries;  ///< indexed by Embree's geometry number
+  EmbreeScene embree;
+
+  std::vector<Material> materials;
+  std::vector<std::shared_ptr<const Texture>> textures;
+  std::vector<SceneLight> lights;
+  size_t lights_left_out = 0;  ///< number of lights that cannot contribute to any surface
+  Vec3 ambient;
+  Backdrop backdrop;
+  bool colour_managed = true;
+
+  Affine scene_from_panel;  ///< millimetres in the panel frame to scene frame; its origin is zero
+  double units_per_world = 1.0;  ///< scene units per world unit
+  double near_mm = 0.0;          ///< panel z of the nearest point that may be displayed
+  Fingerprint content;           ///< scene_fingerprint()
+  Fingerprint picture;           ///< picture_fingerprint()
+
+  std::unique_ptr<const ShadingTables> shading;  ///< shading tables of all members above
+  std::unique_ptr<const PrimitiveTree> tree;     ///< null if too large
+  std::unique_ptr<ShaftProofs> proofs;  ///< filled while frames are rendered; null if too large
+
+  /// Returns null for a triangle that is not wide.
+  [[nodiscard]] const WideTriangle* wide_triangle(const MeshShape& mesh, uint32_t triangle) const {
+    if (mesh.wide.empty() || mesh.wide[triangle] == MeshShape::kNotWide) return nullptr;
+    return &wide_triangles[mesh.wide[triangle]];
+  }
+};
+
+/// Returns the corners in the scene frame; in double precision for a wide triangle.
+[[nodiscard]] std::array<Vec3, 3> corners_of(const Scene& scene, const MeshShape& mesh,
+                                             uint32_t triangle);
+
+}  // namespace lenticule::render

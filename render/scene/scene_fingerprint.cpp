@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/scene/scene_fingerprint.h"
+
+#include "render/scene/scene_mixer.h"
+
+namespace lenticule::render {
+
+Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings& surroundings,
+                              const Stage& stage) {
+  SceneMixer mixer;
+  mixer.add(scene.materials);
+  mixer.add(scene.meshes);
+  mixer.add(scene.spheres);
+  mixer.add(scene.cones);
+  mixer.add(scene.lights);
+  mixer.add(scene.background);
+  mixer.add(scene.ambient);
+  mixer.add(scene.colour_managed);
+  mixer.add(surroundings.background);
+  mixer.add(surroundings.sky);
+  mixer.add(surroundings.environment_file);
+  mixer.add(surroundings.ground);
+  mixer.add(surroundings.ground_colour);
+  if (scene.lights.empty() && !scene.ambient) {
+    mixer.add(stage.world_from_panel.column_x);
+    mixer.add(stage.world_from_panel.column_z);
+  }
+  return mixer.value();
+}
+
+Fingerprint picture_fingerprint(const Fingerprint& scene, const Stage& stage) {
+  SceneMixer mixer;
+  mixer.add(scene.first);
+  mixer.add(scene.second);
+  const Affine& map = stage.world_from_panel;
+  for (const Vec3& column : {map.column_x, map.column_y, map.column_z, map.origin})
+    mixer.add(column);
+  mixer.add(stage.near_mm);
+  return mixer.value();
+}
+
+}  // namespace lenticule::render

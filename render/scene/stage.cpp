@@ -1,0 +1,351 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/scene/stage.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+#include "base/error.h"
+#include "base/interval.h"
+#include "render/scene/camera_pose.h"
+
+namespace lenticule::render {
+namespace {
+
+/// Factor of the distance to the look-at point: content farther away does not reduce the depth
+/// scale.
+constexpr double kBackdropDistance = 3.0;
+/// Fraction of the distance from the panel to the eye that content must not exceed.
+constexpr double kNearestToEye = 0.5;
+
+/// Orientation holds the panel's axes in world coordinates: right, up, toward the viewer.
+struct Orientation {
+  Vec3 right{1, 0, 0};
+  Vec3 up{0, 1, 0};
+  Vec3 toward{0, 0, 1};
+  [[nodiscard]] Vec3 turned(Vec3 world) const {
+    return {dot(right, world), dot(up, world), dot(toward, world)};
+  }
+};
+
+struct Framing {
+  Orientation orientation;
+  Vec3 centre;
+  double mm_per_unit = 1.0;
+};
+
+struct PanelSize {
+  double width_mm;
+  double height_mm;
+};
+
+PanelSize panel_size(const optics::OpticalModel& model) {
+  const optics::Panel& panel = model.rig().panel;
+  return {panel.width_px * panel.pixel_width.value, panel.height_px * panel.pixel_height.value};
+}
+
+void check(bool good, const char* what) {
+  if (!good) throw Error(ErrorKind::Usage, std::string("stage: ") + what);
+}
+
+void validate(const StageOptions& o) {
+  const auto positive = [](double v) { return std::isfinite(v) && v > 0.0; };
+  check(!o.centre || is_finite(*o.centre), "the centre must be finite");
+  check(!o.mm_per_unit || positive(*o.mm_per_unit), "the scale must be a positive number");
+  check(!o.depth_scale || positive(*o.depth_scale), "the depth scale must be a positive number");
+  check(positive(o.depth_budget), "the depth budget must be a positive number");
+  check(positive(o.fill) && o.fill <= 1.0, "the fill must lie in 0..1");
+  check(std::isfinite(o.turn_degrees), "the turn must be finite");
+}
+
+Orientation camera_orientation(const Camera& camera) {
+  Orientation o;
+  o.toward = normalized(camera.from - camera.at);
+  const Vec3 up = up_is_usable(camera) ? camera.up : any_perpendicular(o.toward);
+  o.right = normalized(cross(up, o.toward));
+  o.up = cross(o.toward, o.right);
+  return o;
+}
+
+/// Returns the axes for a scene rotated by +degrees about `up`: the axes rotate the opposite way.
+Orientation turned_about_up(const Orientation& o, double degrees) {
+  const double angle = std::remainder(degrees, 360.0) * std::numbers::pi / 180.0;
+  const double c = std::cos(angle);
+  const double s = std::sin(angle);
+  return {o.right * c + o.toward * s, o.up, o.toward * c - o.right * s};
+}
+
+std::array<Vec3, 8> corners(const Bounds& b) {
+  std::array<Vec3, 8> out;
+  for (size_t i = 0; i < 8; ++i)
+    out[i] = {i & 1 ? b.high.x : b.low.x, i & 2 ? b.high.y : b.low.y, i & 4 ? b.high.z : b.low.z};
+  return out;
+}
+
+/// Returns the largest scale at which every corner stays within the fraction `fill` of the panel.
+double fitting_scale(const Bounds& bounds, const Framing& framing, PanelSize panel, double fill) {
+  Vec3 half;
+  for (const Vec3 corner : corners(bounds)) {
+    const Vec3 p = framing.orientation.turned(corner - framing.centre);
+    half = {std::max(half.x, std::abs(p.x)), std::max(half.y, std::abs(p.y)),
+            std::max(half.z, std::abs(p.z))};
+  }
+  // A scene without width and height (seen end-on) is scaled by its depth.
+  if (half.x == 0.0 && half.y == 0.0) half.y = half.z;
+  return fill / 2.0 * std::min(panel.width_mm / half.x, panel.height_mm / half.y);
+}
+
+double camera_span(const Camera& camera) {
+  const double half_angle = camera.vertical_fov_degrees / 2.0 * std::numbers::pi / 180.0;
+  return 2.0 * length(camera.at - camera.from) * std::tan(half_angle);
+}
+
+Framing frame_scene(const SceneDescription& scene, const Bounds& bounds, PanelSize panel,
+                    const StageOptions& options) {
+  Framing framing;
+  const Camera* camera = scene.cameras.empty() ? nullptr : &scene.cameras.front();
+  framing.orientation =
+      turned_about_up(camera ? camera_orientation(*camera) : Orientation{}, options.turn_degrees);
+  framing.centre = camera ? camera->at : bounds.low + (bounds.high - bounds.low) / 2.0;
+  framing.centre = options.centre.value_or(framing.centre);
+  if (options.mm_per_unit)
+    framing.mm_per_unit = *options.mm_per_unit;
+  else if (camera)
+    framing.mm_per_unit = std::min(panel.width_mm, panel.height_mm) / camera_span(*camera);
+  else
+    framing.mm_per_unit = fitting_scale(bounds, framing, panel, options.fill);
+  if (!std::isfinite(framing.mm_per_unit) || framing.mm_per_unit <= 0.0)
+    throw Error(ErrorKind::Input, scene.source + ": the scene has no extent to be shown");
+  return framing;
+}
+
+// ---- depth seen by a camera
+
+/// Half-space of the points with dot(normal, p) + offset >= 0.
+struct Plane {
+  Vec3 normal;
+  double offset = 0.0;
+  [[nodiscard]] double side(Vec3 p) const { return dot(normal, p) + offset; }
+};
+
+/// SeenDepth computes the depth range of the content inside a camera's view frustum, in camera
+/// coordinates (the camera looks along -z).
+class SeenDepth {
+ public:
+  SeenDepth(const Camera& camera, PanelSize panel) : from_(camera.from) {
+    orientation_ = camera_orientation(camera);
+    const double distance = length(camera.at - camera.from);
+    const double tangent = camera_span(camera) / 2.0 / distance;
+    const double shorter = std::min(panel.width_mm, panel.height_mm);
+    const double tx = tangent * panel.width_mm / shorter;
+    const double ty = tangent * panel.height_mm / shorter;
+    nearest_ = std::min(camera.hither, distance);
+    farthest_ = kBackdropDistance * distance;
+    planes_ = {Plane{normalized(Vec3{1, 0, -tx})}, Plane{normalized(Vec3{-1, 0, -tx})},
+               Plane{normalized(Vec3{0, 1, -ty})}, Plane{normalized(Vec3{0, -1, -ty})},
+               Plane{{0, 0, -1}, -nearest_},       Plane{{0, 0, 1}, farthest_}};
+  }
+
+  void add_triangle(Vec3 a, Vec3 b, Vec3 c) {
+    polygon_ = {seen(a), seen(b), seen(c)};
+    for (const Plane& plane : planes_) {
+      clip(plane);
+      if (polygon_.empty()) return;
+    }
+    for (const Vec3 p : polygon_) depth_.extend(-p.z);
+  }
+
+  /// Adds a ball of radius `radius` whose content extends `half_depth` in depth to each side of the
+  /// centre.
+  void add_ball(Vec3 centre, double radius, double half_depth) {
+    const Vec3 p = seen(centre);
+    for (const Plane& plane : planes_)
+      if (plane.side(p) < -radius) return;
+    depth_.extend(std::clamp(-p.z - half_depth, nearest_, farthest_));
+    depth_.extend(std::clamp(-p.z + half_depth, nearest_, farthest_));
+  }
+
+  void add_cone(const Cone& cone) {
+    const Vec3 axis = cone.apex - cone.base;
+    const double along = normalized(orientation_.turned(axis)).z;
+    const double across = std::sqrt(std::max(0.0, 1.0 - along * along));
+    const double radius = std::max(cone.base_radius, cone.apex_radius);
+    const double half_length = length(axis) / 2.0;
+    add_ball(cone.base + axis / 2.0, std::hypot(half_length, radius),
+             std::abs(along) * half_length + across * radius);
+  }
+
+  /// Returns the range of distances along the viewing direction.
+  [[nodiscard]] Interval depth() const { return depth_; }
+
+ private:
+  [[nodiscard]] Vec3 seen(Vec3 world) const { return orientation_.turned(world - from_); }
+
+  /// Keeps the part of polygon_ on the positive side of the plane.
+  void clip(const Plane& plane) {
+    clipped_.clear();
+    for (size_t i = 0; i < polygon_.size(); ++i) {
+      const Vec3 p = polygon_[i];
+      const Vec3 q = polygon_[(i + 1) % polygon_.size()];
+      const double sp = plane.side(p);
+      const double sq = plane.side(q);
+      if (sp >= 0.0) clipped_.push_back(p);
+      if ((sp >= 0.0) != (sq >= 0.0)) clipped_.push_back(p + (q - p) * (sp / (sp - sq)));
+    }
+    std::swap(polygon_, clipped_);
+  }
+
+  Orientation orientation_;
+  Vec3 from_;
+  double nearest_ = 0.0;
+  double farthest_ = 0.0;
+  std::array<Plane, 6> planes_;
+  std::vector<Vec3> polygon_;
+  std::vector<Vec3> clipped_;
+  Interval depth_;
+};
+
+Interval depth_seen_by(const Camera& camera, const SceneDescription& scene, PanelSize panel) {
+  SeenDepth seen(camera, panel);
+  for (const TriangleMesh& mesh : scene.meshes)
+    for (const auto& [a, b, c] : mesh.triangles)
+      seen.add_triangle(mesh.positions[a], mesh.positions[b], mesh.positions[c]);
+  for (const Sphere& s : scene.spheres) seen.add_ball(s.centre, s.radius, s.radius);
+  for (const Cone& c : scene.cones) seen.add_cone(c);
+  return seen.depth();
+}
+
+// ---- depth
+
+/// Returns the range of panel z of the bounds, in mm before depth scaling.
+Interval depth_of_bounds(const Bounds& bounds, const Framing& framing) {
+  Interval z;
+  for (const Vec3 corner : corners(bounds))
+    z.extend(framing.orientation.turned(corner - framing.centre).z * framing.mm_per_unit);
+  return z;
+}
+
+/// Returns the range of z of the content that must stay inside the depth budget.
+Interval depth_to_fit(const SceneDescription& scene, const Interval& all, const Framing& framing,
+                      PanelSize panel, double turn_degrees) {
+  // A rotated scene is no longer seen from its camera's position.
+  if (scene.cameras.empty() || turn_degrees != 0.0) return all;
+  const Camera& camera = scene.cameras.front();
+  const Interval seen = depth_seen_by(camera, scene, panel);
+  if (seen.empty()) return all;
+  const double eye = framing.orientation.turned(camera.from - framing.centre).z;
+  Interval z;
+  z.extend((eye - seen.low) * framing.mm_per_unit);
+  z.extend((eye - seen.high) * framing.mm_per_unit);
+  return z;
+}
+
+double fitting_depth_scale(const Interval& z, double budget_mm, double viewing_distance_mm) {
+  double scale = 1.0;
+  const auto keep_below = [&](double reach, double limit) {
+    if (reach > 0.0) scale = std::min(scale, limit / reach);
+  };
+  keep_below(std::max(z.high, -z.low), budget_mm);
+  keep_below(z.high, kNearestToEye * viewing_distance_mm);
+  return scale;
+}
+
+/// Returns the z of the plane where the camera starts to see, in mm before depth scaling.
+double camera_plane(const SceneDescription& scene, const Framing& framing) {
+  if (scene.cameras.empty()) return std::numeric_limits<double>::infinity();
+  const Camera& camera = scene.cameras.front();
+  const double hither = std::min(camera.hither, length(camera.at - camera.from));
+  return (framing.orientation.turned(camera.from - framing.centre).z - hither) *
+         framing.mm_per_unit;
+}
+
+Affine panel_from_world(const Framing& framing, double depth_scale) {
+  const auto [right, up, toward] = framing.orientation;
+  const double s = framing.mm_per_unit;
+  const double d = s * depth_scale;
+  Affine map{{right.x * s, up.x * s, toward.x * d},
+             {right.y * s, up.y * s, toward.y * d},
+             {right.z * s, up.z * s, toward.z * d},
+             {}};
+  map.origin = -map.vector(framing.centre);
+  return map;
+}
+
+/// Returns the inverse map, built directly rather than by inversion, so that it is exact for any
+/// scale.
+Affine world_from_panel(const Framing& framing, double depth_scale) {
+  const double s = framing.mm_per_unit;
+  return {framing.orientation.right / s, framing.orientation.up / s,
+          framing.orientation.toward / (s * depth_scale), framing.centre};
+}
+
+void extend_disc(Bounds& bounds, Vec3 centre, Vec3 axis, double radius) {
+  const Vec3 n = normalized(axis);
+  const auto reach = [&](double along) {
+    return radius * std::sqrt(std::max(0.0, 1 - along * along));
+  };
+  const Vec3 half{reach(n.x), reach(n.y), reach(n.z)};
+  bounds.extend(centre - half);
+  bounds.extend(centre + half);
+}
+
+}  // namespace
+
+void Bounds::extend(Vec3 p) {
+  const bool first = empty();
+  low = first ? p : Vec3{std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+  high = first ? p : Vec3{std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
+}
+
+Bounds scene_bounds(const SceneDescription& scene) {
+  if (!scene.nodes.empty()) return scene_bounds(at_time(scene, 0.0));
+  Bounds bounds;
+  for (const TriangleMesh& mesh : scene.meshes)
+    for (const auto& triangle : mesh.triangles)
+      for (const uint32_t corner : triangle) bounds.extend(mesh.positions[corner]);
+  for (const Sphere& s : scene.spheres) {
+    const Vec3 half{s.radius, s.radius, s.radius};
+    bounds.extend(s.centre - half);
+    bounds.extend(s.centre + half);
+  }
+  for (const Cone& c : scene.cones) {
+    extend_disc(bounds, c.base, c.apex - c.base, c.base_radius);
+    extend_disc(bounds, c.apex, c.apex - c.base, c.apex_radius);
+  }
+  return bounds;
+}
+
+Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& model,
+                 const StageOptions& options) {
+  validate(options);
+  if (!scene.nodes.empty()) return make_stage(at_time(scene, 0.0), model, options);
+  const Bounds bounds = scene_bounds(scene);
+  if (bounds.empty())
+    throw Error(ErrorKind::Input, scene.source + ": nothing to see in this scene");
+
+  const PanelSize panel = panel_size(model);
+  const Framing framing = frame_scene(scene, bounds, panel, options);
+  const Interval all = depth_of_bounds(bounds, framing);
+
+  Stage stage;
+  stage.mm_per_unit = framing.mm_per_unit;
+  stage.depth_of_field_mm = model.depth_of_field_mm();
+  if (options.depth_scale)
+    stage.depth_scale = *options.depth_scale;
+  else
+    stage.depth_scale = fitting_depth_scale(
+        depth_to_fit(scene, all, framing, panel, options.turn_degrees),
+        options.depth_budget * stage.depth_of_field_mm, model.rig().viewing.distance.value);
+  stage.near_mm = std::min(all.high, camera_plane(scene, framing)) * stage.depth_scale;
+  stage.far_mm = all.low * stage.depth_scale;
+  stage.panel_from_world = panel_from_world(framing, stage.depth_scale);
+  stage.world_from_panel = world_from_panel(framing, stage.depth_scale);
+  if (!(stage.panel_from_world.determinant() > 0.0) || !is_finite(stage.panel_from_world.origin))
+    throw Error(ErrorKind::Input, scene.source + ": the scene's scale is absurd");
+  return stage;
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stage places a scene in front of, on and behind the panel.
+#pragma once
+
+#include <optional>
+
+#include "optics/model.h"
+#include "optics/vec.h"
+#include "render/scene/scene_description.h"
+
+namespace lenticule::render {
+
+/// StageOptions holds the user's placement options. Defaults place the scene's centre on the panel
+/// and make its depth fit the budget.
+struct StageOptions {
+  std::optional<Vec3> centre{};         ///< world point that is placed at the centre of the panel
+  std::optional<double> mm_per_unit{};  ///< size on the panel
+  /// Depth scale relative to mm_per_unit: 1 = undistorted, 0.5 = half as deep. Default: 1, or less
+  /// if the scene would exceed the depth budget.
+  std::optional<double> depth_scale{};
+  /// Largest distance of content from the panel, in units of the sheet's depth of field.
+  double depth_budget = 1.0;
+  /// Fraction of the panel's height and width that a fitted scene may fill.
+  double fill = 0.9;
+  /// Rotation of the scene about the panel's vertical axis, degrees.
+  double turn_degrees = 0.0;
+};
+
+struct Stage {
+  Affine panel_from_world;  ///< mm from world units; linear part = depth scale * rotation * scale
+  Affine world_from_panel;
+  double mm_per_unit = 1.0;
+  double depth_scale = 1.0;
+  /// Panel z of the nearest displayed content: the front of the scene's bounds, but never in front
+  /// of the plane where its camera starts to see (a wall behind the camera is not displayed). Rays
+  /// start here.
+  double near_mm = 0.0;
+  double far_mm = 0.0;             ///< panel z of the back of the scene's bounds
+  double depth_of_field_mm = 0.0;  ///< the rig's; infinite for a sheet without a gap
+};
+
+/// World-space bounds of all visible content (infinite planes excepted).
+struct Bounds {
+  Vec3 low{1, 1, 1};
+  Vec3 high{-1, -1, -1};
+  [[nodiscard]] bool empty() const { return !(low.x <= high.x); }
+  void extend(Vec3 p);
+};
+[[nodiscard]] Bounds scene_bounds(const SceneDescription& scene);
+
+/// Computes the placement of a scene. The orientation comes from the scene's first camera if it has
+/// one (its view direction points into the panel, its up vector is up); otherwise world y is up and
+/// world z points to the viewer. With a camera, the point that it looks at lies on the panel, and
+/// the square that its vertical field of view spans at that point fills the panel's shorter side.
+/// Without a camera, the bounds are centred on the panel and scaled to fit.
+///
+/// With a camera, the depth budget applies to the content that the camera sees up to three times
+/// the distance of the point that it looks at (so a ground that extends to the horizon does not
+/// flatten the scene). Without a camera it applies to all content. No content comes nearer than
+/// half the distance from the panel to the eye. Nodes are evaluated at time 0.
+/// Throws Error(Input) for a scene that is empty or has no extent, Error(Usage) for invalid
+/// options.
+[[nodiscard]] Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& model,
+                               const StageOptions& options = {});
+
+}  // namespace lenticule::render

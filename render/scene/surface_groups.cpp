@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/scene/surface_groups.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <numeric>
+
+namespace lenticule::render {
+namespace {
+
+/// Cosine between the normals of two faces above which they count as coplanar (a thousandth of a
+/// degree).
+constexpr double kSamePlane = 1.0 - 1.5e-10;
+
+/// Joined is a union-find structure of triangles.
+class Joined {
+ public:
+  explicit Joined(size_t count) : parent_(count) {
+    std::iota(parent_.begin(), parent_.end(), uint32_t{0});
+  }
+  uint32_t root(uint32_t n) {
+    while (parent_[n] != n) n = parent_[n] = parent_[parent_[n]];
+    return n;
+  }
+  void join(uint32_t a, uint32_t b) { parent_[root(a)] = root(b); }
+
+ private:
+  std::vector<uint32_t> parent_;
+};
+
+using VertexBits = std::array<uint32_t, 6>;
+
+VertexBits bits_of(const MeshShape& mesh, size_t vertex) {
+  const auto bits = [](float v) { return std::bit_cast<uint32_t>(v + 0.0F); };  // -0 becomes +0
+  const Vec3f& p = mesh.positions[vertex];
+  if (mesh.normals.empty()) return {bits(p.x), bits(p.y), bits(p.z), 0, 0, 0};
+  const Vec3f& n = mesh.normals[vertex];
+  return {bits(p.x), bits(p.y), bits(p.z), bits(n.x), bits(n.y), bits(n.z)};
+}
+
+/// Gives equal vertices one number, since files often repeat vertices.
+std::vector<uint32_t> welded(const MeshShape& mesh) {
+  const size_t count = mesh.positions.size() - 1;
+  std::vector<std::pair<VertexBits, uint32_t>> vertices(count);
+  for (size_t n = 0; n < count; ++n) vertices[n] = {bits_of(mesh, n), static_cast<uint32_t>(n)};
+  std::sort(vertices.begin(), vertices.end());
+  std::vector<uint32_t> number(count);
+  for (size_t n = 0; n < count; ++n) {
+    const bool same = n > 0 && vertices[n].first == vertices[n - 1].first;
+    number[vertices[n].second] = same ? number[vertices[n - 1].second] : vertices[n].second;
+  }
+  return number;
+}
+
+Vec3 face_normal(const MeshShape& mesh, uint32_t triangle) {
+  const auto corner = [&](size_t n) { return Vec3(mesh.positions[mesh.triangles[triangle][n]]); };
+  const Vec3 normal = cross(corner(1) - corner(0), corner(2) - corner(0));
+  const double size = length(normal);
+  return size > 0.0 ? normal / size : Vec3{};
+}
+
+struct Edge {
+  uint64_t ends = 0;
+  uint32_t triangle = 0;
+  friend bool operator<(const Edge& a, const Edge& b) { return a.ends < b.ends; }
+};
+
+std::vector<Edge> edges_of(const MeshShape& mesh) {
+  const std::vector<uint32_t> number = welded(mesh);
+  std::vector<Edge> edges;
+  edges.reserve(3 * mesh.triangles.size());
+  for (uint32_t t = 0; t < mesh.triangles.size(); ++t)
+    for (size_t n = 0; n < 3; ++n) {
+      const uint64_t a = number[mesh.triangles[t][n]], b = number[mesh.triangles[t][(n + 1) % 3]];
+      edges.push_back({std::min(a, b) << 32 | std::max(a, b), t});
+    }
+  std::sort(edges.begin(), edges.end());
+  return edges;
+}
+
+Joined join_triangles(const MeshShape& mesh) {
+  Joined joined(mesh.triangles.size());
+  const std::vector<Edge> edges = edges_of(mesh);
+  for (size_t n = 1; n < edges.size(); ++n) {
+    const Edge &a = edges[n - 1], &b = edges[n];
+    if (a.ends != b.ends) continue;
+    if (mesh.normals.empty() &&
+        !(dot(face_normal(mesh, a.triangle), face_normal(mesh, b.triangle)) > kSamePlane))
+      continue;
+    joined.join(a.triangle, b.triangle);
+  }
+  return joined;
+}
+
+uint32_t group_number(const Scene& scene, int material, uint32_t count) {
+  const Material& m = scene.materials[static_cast<size_t>(material)];
+  const bool glass = m.transmittance > 0.0;
+  const bool view = m.specular > 0.0 || glass;
+  return (count + 1) << 2 | (glass ? 2U : 0U) | (view ? 1U : 0U);
+}
+
+}  // namespace
+
+SurfaceGroups::SurfaceGroups(const Scene& scene) {
+  for (const GeometryEntry& entry : scene.geometries) {
+    first_.push_back(groups_.size());
+    if (entry.kind == GeometryEntry::Kind::Mesh) add_mesh(scene, scene.meshes[entry.mesh]);
+    if (entry.kind == GeometryEntry::Kind::Spheres)
+      for (const SphereShape& sphere : scene.spheres) add(scene, sphere.material);
+    if (entry.kind == GeometryEntry::Kind::Cones)
+      for (const ConeShape& cone : scene.cones) add(scene, cone.material);
+  }
+}
+
+void SurfaceGroups::add(const Scene& scene, int material) {
+  groups_.push_back(group_number(scene, material, count_++));
+}
+
+void SurfaceGroups::add_mesh(const Scene& scene, const MeshShape& mesh) {
+  Joined joined = join_triangles(mesh);
+  for (uint32_t t = 0; t < mesh.triangles.size(); ++t)
+    groups_.push_back(group_number(scene, mesh.material, count_ + joined.root(t)));
+  count_ += static_cast<uint32_t>(mesh.triangles.size());
+}
+
+}  // namespace lenticule::render

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+// Background of a scene: a flat colour, a sky gradient or an environment picture; and the ground
+// plane.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "render/scene/scene_description.h"
+#include "render/scene/stage.h"
+
+namespace lenticule::render {
+
+/// Surroundings holds environment options that add to or replace the scene file's.
+struct Surroundings {
+  std::optional<Vec3> background;  ///< replaces the scene's background
+  bool sky = false;                ///< vertical gradient instead of a flat background
+  std::string environment_file;    ///< latitude-longitude picture, empty = none
+  bool ground = false;             ///< adds a plane under the scene
+  Vec3 ground_colour{0.5, 0.5, 0.5};
+};
+
+/// Backdrop is the light that comes from infinitely far away.
+struct Backdrop {
+  Vec3 colour;
+  Vec3 up{0, 1, 0};      ///< unit, the world axis that is up
+  Vec3 ahead{0, 0, -1};  ///< unit, the world direction at the centre of the environment picture
+  bool sky = false;
+  std::shared_ptr<const Texture> environment;
+
+  /// Returns true if the light is the same in every direction.
+  [[nodiscard]] bool flat() const { return !sky && !environment; }
+};
+
+/// Creates the backdrop. Throws Error(Input) for an environment file that cannot be read.
+[[nodiscard]] Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
+                                     const Surroundings& surroundings);
+
+/// Returns one colour channel of the light from `direction` (unit, away from the eye).
+[[nodiscard]] double backdrop_light(const Backdrop& backdrop, Vec3 direction, int channel);
+
+/// Returns the world axis nearest to the panel's up, so that "down" is preserved for files whose z
+/// axis is up.
+[[nodiscard]] Vec3 world_up(const Stage& stage);
+
+/// Returns a large square under the scene's bounds, facing up, in world coordinates.
+[[nodiscard]] TriangleMesh ground_plane(const Bounds& bounds, Vec3 up, int material);
+
+}  // namespace lenticule::render

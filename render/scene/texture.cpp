@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/scene/texture.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lenticule::render {
+namespace {
+
+/// Two neighbouring texels along one axis and the weight of the second.
+struct Neighbours {
+  int first = 0;
+  int second = 0;
+  double blend = 0.0;
+};
+
+/// Returns the distance of a coordinate above the next lower integer; beyond 2^52 all doubles are
+/// integers. Does not use std::floor, which is a function call without SSE4, since this runs for
+/// every shaded point.
+double beyond_whole(double coordinate) {
+  constexpr double kWhole = 4503599627370496.0;
+  if (!(std::abs(coordinate) < kWhole)) return 0.0;
+  const double beyond = coordinate - static_cast<double>(static_cast<int64_t>(coordinate));
+  return beyond < 0.0 ? beyond + 1.0 : beyond;
+}
+
+Neighbours neighbours(double coordinate, int size, bool repeat) {
+  if (!std::isfinite(coordinate)) coordinate = 0.0;
+  // Reduced to the picture first, so that huge coordinates neither overflow nor lose the blend
+  // weight.
+  coordinate = repeat ? beyond_whole(coordinate) : std::clamp(coordinate, 0.0, 1.0);
+  // Measured from half a texel before the first texel, so that the value is at least 0 and
+  // truncation rounds down; `first` is one less.
+  const double texel = coordinate * size + 0.5;
+  const int second = static_cast<int>(texel);
+  const int first = second - 1;
+  const double blend = texel - second;
+  if (repeat) return {first < 0 ? size - 1 : first, second >= size ? 0 : second, blend};
+  return {std::max(first, 0), std::min(second, size - 1), blend};
+}
+
+/// Interpolates; the result lies between a and b since part < 1.
+double blended(double a, double b, double part) {
+  return a + part * (b - a);
+}
+
+}  // namespace
+
+double texture_value(const Texture& texture, double u, double v, int channel) {
+  const Neighbours x = neighbours(u, texture.width, texture.repeat_u);
+  const Neighbours y = neighbours(v, texture.height, texture.repeat_v);
+  const auto texel = [&](int column, int row) {
+    const size_t index =
+        static_cast<size_t>(row) * static_cast<size_t>(texture.width) + static_cast<size_t>(column);
+    return double{texture.rgba[index * 4 + static_cast<size_t>(channel)]};
+  };
+  const double top = blended(texel(x.first, y.first), texel(x.second, y.first), x.blend);
+  const double bottom = blended(texel(x.first, y.second), texel(x.second, y.second), x.blend);
+  return blended(top, bottom, y.blend);
+}
+
+bool same_texture(const std::shared_ptr<const Texture>& a,
+                  const std::shared_ptr<const Texture>& b) {
+  if (a == b) return true;
+  return a && b && a->width == b->width && a->height == b->height && a->repeat_u == b->repeat_u &&
+         a->repeat_v == b->repeat_v && a->rgba == b->rgba;
+}
+
+}  // namespace lenticule::render

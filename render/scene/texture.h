@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// Texture look-up, one colour channel at a time.
+#pragma once
+
+#include "render/scene/scene_description.h"
+
+namespace lenticule::render {
+
+/// Returns component 0, 1 or 2 of a colour: the value that a subpixel of that channel needs.
+[[nodiscard]] inline double component(const Vec3& colour, int channel) {
+  return channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
+}
+
+/// Interpolates bilinearly between texel centres; (0, 0) is the top-left corner of the picture.
+/// Outside the picture, the texture repeats or its border is extended, as repeat_u and repeat_v
+/// state. A non-finite coordinate counts as 0.
+[[nodiscard]] double texture_value(const Texture& texture, double u, double v, int channel);
+
+/// Returns true if two textures are equal. Frames of one file share their textures; frames of
+/// separate files have equal copies. Two null pointers are equal.
+[[nodiscard]] bool same_texture(const std::shared_ptr<const Texture>& a,
+                                const std::shared_ptr<const Texture>& b);
+
+}  // namespace lenticule::render

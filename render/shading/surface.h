@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Surface describes the point where a ray met the scene, as input of shading.
+#pragma once
+
+#include "render/accel/ray_stream.h"
+#include "render/scene/scene.h"
+
+namespace lenticule::render {
+
+struct Surface {
+  Vec3 point;
+  Vec3 geometric_normal;      ///< unit, on the side the ray came from
+  Vec3 shading_normal;        ///< unit, interpolated if the mesh has normals, on the same side
+  bool outer_side = true;     ///< the ray came from outside: it would enter the object
+  double spawn_offset = 0.0;  ///< distance along the normal at which secondary rays start
+  const Material* material = nullptr;
+  double colour = 1.0;  ///< product of material and texture colour, in the ray's channel
+};
+
+struct Barycentric {
+  double u = 0.0;
+  double v = 0.0;
+};
+
+/// Looks up a texture at a point of a mesh's triangle; returns 1 if the mesh has no texture
+/// coordinates.
+[[nodiscard]] double texture_of_mesh(const Texture& texture, const MeshShape& mesh,
+                                     uint32_t triangle, Barycentric at, int channel);
+
+/// Computes the surface at a hit. Only the primitive is taken from Embree; the point is computed in
+/// double precision from the ray and the primitive, so that it lies on the surface as exactly as
+/// possible.
+[[nodiscard]] Surface surface_at(const Scene& scene, const PathRay& ray, const Hit& hit);
+
+}  // namespace lenticule::render

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-bench/harness/bench.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "apps/lenticule-bench/probes/visibility_rate.h"
+#include "optics/rig_file.h"
+#include "render/scene/stage.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::player {
+namespace {
+
+TEST(Benchmarks, HaveDifferentNames) {
+  std::set<std::string> names;
+  for (const Benchmark& benchmark : benchmarks()) EXPECT_TRUE(names.insert(benchmark.name).second);
+  EXPECT_TRUE(names.contains("exact"));
+  EXPECT_TRUE(names.contains("memory"));
+}
+
+TEST(KioskRig, IsTheSampleRig) {
+  const optics::Rig sample =
+      optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/kiosk-27-4k.toml");
+  EXPECT_EQ(optics::fingerprint(kiosk_rig()), optics::fingerprint(sample));
+  EXPECT_NO_THROW(optics::validate_rig(kiosk_rig(), "kiosk"));
+}
+
+TEST(Median, IsTheMiddle) {
+  EXPECT_EQ(median({3.0, 1.0, 2.0}), 2.0);
+  EXPECT_EQ(median({4.0, 1.0, 2.0, 3.0}), 2.5);
+  EXPECT_EQ(median({}), 0.0);
+}
+
+TEST(TimeVisibility, TracesEverySubpixel) {
+  const optics::Rig rig = testing::make_rig({.width = 50, .height = 30});
+  const render::Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {});
+  const render::VisibilityTiming timing =
+      render::time_visibility(scene, optics::OpticalModel(rig), 2);
+  EXPECT_EQ(timing.rays, 50U * 30U * 3U);
+  EXPECT_GT(timing.bare_seconds, 0.0);
+  EXPECT_GT(timing.pass_seconds, 0.0);
+}
+
+}  // namespace
+}  // namespace lenticule::player

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+// What other ray tracers are given, and what is read from their output.
+#include "apps/lenticule-bench/harness/peers.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "apps/lenticule-bench/harness/pov_writer.h"
+#include "base/error.h"
+#include "render/loaders/nff.h"
+#include "scenes/scene_list.h"
+
+namespace lenticule::player {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+/// One of everything that both can say.
+render::SceneDescription small_scene() {
+  return render::parse_nff(
+      "v from 0 -4 1 at 0 0 1 up 0 0 1 angle 60 hither 0.1 resolution 8 8\n"
+      "b 0.1 0.2 0.3\n"
+      "l 1 2 3\n"
+      "f 1 0.5 0.25 0.8 0.2 20 0 1\n"
+      "s 0 0 1 0.5\n"
+      "c 0 0 0 0.5 0 0 1 0.25\n"
+      "c 1 0 0 0.5 1 0 1 0.5\n"
+      "p 3 0 0 0 1 0 0 0 1 0\n"
+      "pp 3 0 0 0 0 0 1 1 0 0 0 0 1 0 1 0 0 0 1\n",
+      "small");
+}
+
+TEST(PovWriter, SaysTheWholeScene) {
+  EXPECT_EQ(write_pov(small_scene(), {.aspect = 1.5, .max_depth = 1}), R"(#version 3.7;
+global_settings { max_trace_level 2 assumed_gamma srgb ambient_light rgb 1 }
+background { color rgb <0.1, 0.2, 0.3> }
+camera { perspective location <0, -4, 1> sky <0, 0, 1> up y right -1.5*x angle 81.7867893 look_at <0, 0, 1> }
+light_source { <1, 2, 3> color rgb <0.5, 0.5, 0.5> }
+#declare M0 = material { texture {
+  pigment { color rgb <1, 0.5, 0.25> transmit 0 }
+  finish { ambient rgb <0.1, 0.1, 0.1> diffuse 0.8 phong 0.2 phong_size 20
+    reflection 0.2 } } interior { ior 1 } }
+mesh2 {
+  vertex_vectors { 3
+    ,<0, 0, 0>
+    ,<1, 0, 0>
+    ,<0, 1, 0>
+  }
+  face_indices { 1
+    ,<0, 1, 2>
+  }
+  material { M0 } }
+mesh2 {
+  vertex_vectors { 3
+    ,<0, 0, 0>
+    ,<1, 0, 0>
+    ,<0, 1, 0>
+  }
+  normal_vectors { 3
+    ,<0, 0, 1>
+    ,<0, 0, 1>
+    ,<0, 0, 1>
+  }
+  face_indices { 1
+    ,<0, 1, 2>
+  }
+  material { M0 } }
+sphere { <0, 0, 1>, 0.5 material { M0 } }
+cone { <0, 0, 0>, 0.5, <0, 0, 1>, 0.25 open material { M0 } }
+cylinder { <1, 0, 0>, <1, 0, 1>, 0.5 open material { M0 } }
+)");
+}
+
+TEST(PovWriter, RefusesWhatItCannotSay) {
+  const auto refused = [](auto change) {
+    render::SceneDescription scene = small_scene();
+    change(scene);
+    EXPECT_THROW((void)write_pov(scene, {}), Error);
+  };
+  refused([](auto& scene) { scene.cameras.clear(); });
+  refused([](auto& scene) { scene.materials[0].texture = 0; });
+  refused([](auto& scene) { scene.lights[0].kind = render::Light::Kind::Spot; });
+  refused([](auto& scene) { scene.nodes.emplace_back(); });
+}
+
+TEST(PlainNff, IsReadBackAsTheSameScene) {
+  const render::SceneDescription scene = small_scene();
+  const render::SceneDescription again = render::parse_nff(write_plain_nff(scene), "again");
+  EXPECT_THAT(again.notes, ::testing::IsEmpty());
+  EXPECT_EQ(again.background, scene.background);
+  EXPECT_EQ(again.cameras.at(0).from, scene.cameras.at(0).from);
+  EXPECT_EQ(again.cameras.at(0).vertical_fov_degrees, scene.cameras.at(0).vertical_fov_degrees);
+  EXPECT_EQ(again.lights.at(0).colour, scene.lights.at(0).colour);
+  EXPECT_EQ(again.materials.size(), scene.materials.size());
+  EXPECT_EQ(again.meshes.at(0).positions, scene.meshes.at(0).positions);
+  EXPECT_EQ(again.meshes.at(1).normals, scene.meshes.at(1).normals);
+  EXPECT_EQ(again.spheres.size(), 1U);
+  EXPECT_EQ(again.cones.size(), 2U);
+}
+
+double triangle_area(const render::SceneDescription& scene) {
+  double area = 0.0;
+  for (const auto& mesh : scene.meshes)
+    for (const auto& [a, b, c] : mesh.triangles)
+      area += length(cross(mesh.positions[b] - mesh.positions[a],
+                           mesh.positions[c] - mesh.positions[a])) /
+              2.0;
+  return area;
+}
+
+// Written, read, written plainly and read again: nothing is lost on either way.
+TEST(PlainNff, EveryBuiltInSceneComesBack) {
+  for (const scenes::BuiltInScene& built_in : scenes::scene_list()) {
+    const auto once = render::parse_nff(scenes::write_scene(built_in, 2, 5), built_in.name);
+    const auto again = render::parse_nff(write_plain_nff(once), built_in.name);
+    EXPECT_THAT(again.notes, ::testing::IsEmpty()) << built_in.name;
+    EXPECT_EQ(again.materials.size(), once.materials.size()) << built_in.name;
+    EXPECT_EQ(again.lights.size(), once.lights.size()) << built_in.name;
+    EXPECT_EQ(again.cameras.at(0).from, once.cameras.at(0).from) << built_in.name;
+    ASSERT_EQ(again.spheres.size(), once.spheres.size()) << built_in.name;
+    ASSERT_EQ(again.cones.size(), once.cones.size()) << built_in.name;
+    for (size_t i = 0; i < once.spheres.size(); ++i) {
+      ASSERT_EQ(again.spheres[i].centre, once.spheres[i].centre) << built_in.name;
+      ASSERT_EQ(again.spheres[i].radius, once.spheres[i].radius) << built_in.name;
+    }
+    for (size_t i = 0; i < once.cones.size(); ++i) {
+      ASSERT_EQ(again.cones[i].apex, once.cones[i].apex) << built_in.name;
+      ASSERT_EQ(again.cones[i].base_radius, once.cones[i].base_radius) << built_in.name;
+    }
+    EXPECT_NEAR(triangle_area(again), triangle_area(once), 1e-9 * triangle_area(once));
+  }
+}
+
+TEST(PlainNff, HasTheMeanColourOfTextures) {
+  render::SceneDescription scene = small_scene();
+  scene.textures.push_back(std::make_shared<const render::Texture>(
+      render::Texture{.width = 2, .height = 1, .rgba = {1, 0.5, 0, 1, 0, 0.5, 0.5, 1}}));
+  scene.materials[0].colour = {1, 1, 0.5};
+  scene.materials[0].texture = 0;
+  EXPECT_THAT(write_plain_nff(scene), HasSubstr("\nf 0.5 0.5 0.125 0.8 "));
+}
+
+// Some readers stop at a comment before the view.
+TEST(PlainNff, BeginsWithTheView) {
+  EXPECT_TRUE(write_plain_nff(small_scene()).starts_with("v\n"));
+}
+
+TEST(PeerPicture, HasTheRaysAndTheAspect) {
+  const PeerJob job = peer_picture(3.0 * 3840 * 2160, 16.0 / 9.0);
+  EXPECT_NEAR(1.0 * job.width * job.height, 3.0 * 3840 * 2160, 3840);
+  EXPECT_NEAR(1.0 * job.width / job.height, 16.0 / 9.0, 1e-3);
+  EXPECT_GE(peer_picture(1, 1000.0).height, 1);
+}
+
+const Peer& peer(const std::string& name) {
+  for (const Peer& each : peers())
+    if (name == each.name) return each;
+  throw std::out_of_range(name);
+}
+
+TEST(Tachyon, IsTimedByItsOwnWords) {
+  const Peer& tachyon = peer("Tachyon");
+  EXPECT_EQ(tachyon.traced_seconds("Preprocessing Time:     0.0017 seconds\n"
+                                   "\r  Ray Tracing Time:     2.4236 seconds\n"
+                                   "    Image I/O Time:     0.0017 seconds\n"),
+            2.4236);
+  EXPECT_EQ(tachyon.traced_seconds("segmentation fault"), std::nullopt);
+  EXPECT_EQ(tachyon.traced_seconds("Ray Tracing Time: soon"), std::nullopt);
+}
+
+TEST(Tachyon, CountsTheCamerasRaysAsALevel) {
+  const PeerJob job{.width = 640, .height = 360, .threads = 2, .max_depth = 1, .picture = ""};
+  EXPECT_THAT(peer("Tachyon").arguments("scene.nff", job),
+              ElementsAre("scene.nff", "-res", "640", "360", "-numthreads", "2", "-raydepth", "2",
+                          "-fullshade", "-nosave"));
+}
+
+TEST(PovRay, IsTimedByItsOwnWords) {
+  const Peer& povray = peer("POV-Ray");
+  EXPECT_EQ(
+      povray.traced_seconds("  Parse Time:       0 hours  0 minutes  7 seconds (7.5 seconds)\n"
+                            "  Trace Time:       0 hours  1 minutes  2 seconds (62.042 "
+                            "seconds)\n              using 2 thread(s)\n"),
+      62.042);
+  EXPECT_EQ(povray.traced_seconds("Parse Error: Cannot open (4) files\n"), std::nullopt);
+  EXPECT_EQ(povray.traced_seconds("Trace Time: none\n (3 seconds)"), std::nullopt);
+}
+
+TEST(PovRay, KeepsAPictureOnlyWhenAsked) {
+  PeerJob job{.width = 640, .height = 360, .threads = 2, .max_depth = 1, .picture = ""};
+  EXPECT_THAT(peer("POV-Ray").arguments("scene.pov", job), Contains("-F"));
+  job.picture = "out.ppm";
+  EXPECT_THAT(peer("POV-Ray").arguments("scene.pov", job), Contains("+Oout.ppm"));
+}
+
+TEST(Peers, HaveWishesForTheClassicScenesOnly) {
+  EXPECT_EQ(peer("Tachyon").target("tree"), 30.0);
+  EXPECT_EQ(peer("POV-Ray").target("balls"), 10.0);
+  for (const Peer& each : peers()) EXPECT_EQ(each.target("mine.nff"), 0.0);
+}
+
+}  // namespace
+}  // namespace lenticule::player

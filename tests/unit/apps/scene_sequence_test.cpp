@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule/offline/scene_sequence.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "base/error.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::player {
+namespace {
+
+TEST(FrameRange, IsHalfOpenOrOneFrame) {
+  EXPECT_EQ(parse_frame_range("3:7").begin, 3U);
+  EXPECT_EQ(parse_frame_range("3:7").end, 7U);
+  EXPECT_EQ(parse_frame_range("5").begin, 5U);
+  EXPECT_EQ(parse_frame_range("5").count(), 1U);
+  for (const char* text :
+       {"", ":", "1:", ":2", "2:2", "3:1", "-1:2", "a:b", "1:2:3", "1.5", "0:99999999999999999999"})
+    EXPECT_THROW((void)parse_frame_range(text), Error) << text;
+}
+
+TEST(SceneSequence, RepeatsBuiltInScenes) {
+  const SceneSequence demo("builtin:demo", frames::Rate{});
+  EXPECT_FALSE(demo.still());
+  const auto period = static_cast<uint64_t>(scenes::find_scene("demo").frames);
+  ASSERT_GT(period, 1U);
+  const auto positions = [&](uint64_t frame) { return demo.at(frame).meshes.at(0).positions; };
+  EXPECT_EQ(positions(1), positions(1 + period));
+}
+
+TEST(SceneSequence, RefusesUnknownScenesAndSizes) {
+  for (const char* name : {"builtin:nothing", "builtin:teapot:0x",
+                           "builtin:teapot:", "builtin:teapot:999999999", "builtin:"})
+    EXPECT_THROW(SceneSequence(name, frames::Rate{}), Error) << name;
+}
+
+class NumberedScenes : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::path(::testing::TempDir()) /
+              ("scenes-" + std::to_string(::getpid()) + "-" +
+               ::testing::UnitTest::GetInstance()->current_test_info()->name());
+    std::filesystem::create_directories(folder_);
+    for (const int number : {3, 4, 6}) {
+      std::ofstream file(folder_ / ("s-0" + std::to_string(number) + ".nff"));
+      file << "f 1 1 1 1 0 0 0 1\ns " << number << " 0 0 1\n";
+    }
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  [[nodiscard]] std::string pattern() const { return (folder_ / "s-%02d.nff").string(); }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(NumberedScenes, AreLoadedFrameByFrame) {
+  const SceneSequence scenes(pattern(), frames::Rate{});
+  EXPECT_FALSE(scenes.still());
+  EXPECT_EQ(scenes.reference_frame(), 3U);
+  EXPECT_EQ(scenes.at(4).spheres.at(0).centre.x, 4.0);
+}
+
+TEST_F(NumberedScenes, MustAllBeThere) {
+  const SceneSequence scenes(pattern(), frames::Rate{});
+  EXPECT_NO_THROW(scenes.require({3, 5}));
+  try {
+    scenes.require({3, 7});
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("s-05.nff"), std::string::npos);
+  }
+  EXPECT_THROW(SceneSequence((folder_ / "t-%02d.nff").string(), frames::Rate{}), Error);
+}
+
+TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
+  const optics::OpticalModel model(testing::make_rig({}));
+  render::SceneDescription scene;
+  scene.materials = {render::Material{}};
+  scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}};
+  const StageSequence stages(scene, model, {});
+  scene.spheres[0].centre = {1, 2, 3};  // it moved; the stage must not follow
+  const render::Stage later = stages.at(scene);
+  EXPECT_EQ(later.mm_per_unit, stages.reference().mm_per_unit);
+  EXPECT_EQ(later.panel_from_world.origin, stages.reference().panel_from_world.origin);
+
+  render::Camera camera;
+  camera.from = {0, 0, 10};
+  scene.cameras = {camera};
+  const StageSequence filmed(scene, model, {});
+  scene.cameras[0].from = {3, 0, 10};
+  EXPECT_EQ(filmed.at(scene).depth_scale, filmed.reference().depth_scale);
+}
+
+}  // namespace
+}  // namespace lenticule::player

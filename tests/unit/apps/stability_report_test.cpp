@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// What passes and what does not in the table of `bench stability`.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <limits>
+#include <set>
+#include <stdexcept>
+
+#include "apps/lenticule-bench/stability/report.h"
+#include "apps/lenticule-bench/stability/rows.h"
+#include "apps/lenticule-bench/stability/tally.h"
+
+namespace lenticule::player {
+namespace {
+
+StabilityRow good_row() {
+  return {.name = "good",
+          .stressed = "nothing",
+          .samples = 12345678,
+          .samples_are = "rays",
+          .failures_are = "holes",
+          .worst = 1e-12,
+          .bound = 1e-9,
+          .unit = "lens"};
+}
+
+TEST(StabilityRow, PassesWithinItsBounds) {
+  EXPECT_TRUE(passes(good_row()));
+  StabilityRow row = good_row();
+  row.worst = row.bound;
+  row.failures = row.failures_allowed = 3;
+  EXPECT_TRUE(passes(row));
+}
+
+TEST(StabilityRow, FailsBeyondThem) {
+  StabilityRow row = good_row();
+  row.failures = 1;
+  EXPECT_FALSE(passes(row));
+  row = good_row();
+  row.failures_allowed = 3;
+  row.failures = 4;
+  EXPECT_FALSE(passes(row));
+  row = good_row();
+  row.worst = 1.1e-9;
+  EXPECT_FALSE(passes(row));
+}
+
+TEST(StabilityRow, FailsWhereNothingWasMeasured) {
+  StabilityRow row = good_row();
+  row.samples = 0;
+  EXPECT_FALSE(passes(row));
+  row = good_row();
+  row.worst = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(passes(row));
+}
+
+TEST(StabilityReport, PassesIfAllRowsDo) {
+  StabilityReport report{.seconds = 1.0, .rows = {good_row(), good_row()}};
+  EXPECT_TRUE(passes(report));
+  report.rows[1].failures = 1;
+  EXPECT_FALSE(passes(report));
+  EXPECT_FALSE(passes(StabilityReport{}));
+}
+
+TEST(StabilityReport, TextAndJsonAgree) {
+  StabilityReport report{.seconds = 1.0, .rows = {good_row(), good_row()}};
+  report.rows[1].name = "bad";
+  report.rows[1].failures = 7;
+  const std::string text = to_text(report);
+  EXPECT_NE(text.find("pass good  12 345 678 rays: 0 holes; error 1e-12 of 1e-09 lens"),
+            std::string::npos)
+      << text;
+  EXPECT_NE(text.find("FAIL bad   12 345 678 rays: 7 holes"), std::string::npos) << text;
+  EXPECT_NE(text.find("1 of 2 rows pass"), std::string::npos) << text;
+  const nlohmann::json json = to_json(report);
+  EXPECT_EQ(json["passes"], false);
+  EXPECT_EQ(json["rows"][0]["passes"], true);
+  EXPECT_EQ(json["rows"][1]["passes"], false);
+  EXPECT_EQ(json["rows"][1]["failures"], 7);
+}
+
+TEST(Tally, CountsANumberThatIsNoneAsInfinitelyWrong) {
+  Tally tally;
+  tally.check(true);
+  tally.check(false);
+  tally.error(1e-3);
+  tally.error(std::numeric_limits<double>::quiet_NaN());
+  SharedTally shared;
+  shared.add(tally);
+  shared.add(tally);
+  EXPECT_EQ(shared.sum().samples, 4U);
+  EXPECT_EQ(shared.sum().failures, 2U);
+  EXPECT_EQ(shared.sum().worst, std::numeric_limits<double>::infinity());
+}
+
+TEST(StabilityCases, HaveDifferentNames) {
+  std::set<std::string> names;
+  for (const StabilityCase& one : stability_cases()) EXPECT_TRUE(names.insert(one.name).second);
+  EXPECT_GE(names.size(), 20U);
+}
+
+TEST(ForEachPart, DoesEveryPartOnceAndThrowsOn) {
+  for (const int threads : {1, 3}) {
+    std::vector<std::atomic<int>> done(100);
+    for_each_part({.threads = threads}, done.size(), [&](uint64_t k) { ++done[k]; });
+    for (const auto& times : done) EXPECT_EQ(times.load(), 1);
+    EXPECT_THROW(for_each_part({.threads = threads}, 10,
+                               [](uint64_t k) {
+                                 if (k == 5) throw std::runtime_error("5");
+                               }),
+                 std::runtime_error);
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::player
