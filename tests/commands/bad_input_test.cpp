@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whatever a file or an argument says: one or two clear lines, the documented exit code, no crash,
-// nothing half-written left behind.
+// Checks that the program answers every bad file and argument with one or two clear lines and the
+// documented exit code, without a crash and without partial files.
 
 #include <algorithm>
 
@@ -49,7 +49,7 @@ class BadInput : public CommandTest {
     write("scene.nff", kTinyScene);
   }
 
-  /// The rig with one text replaced by another.
+  /// Writes the rig with one text replaced by another.
   void write_rig(const std::string& from, const std::string& to) const {
     std::string text = kTinyRig;
     const size_t at = text.find(from);
@@ -64,7 +64,7 @@ class BadInput : public CommandTest {
     return run({"render", scene, "--rig", rig, "--method", "full", "-o", out}, limits);
   }
 
-  /// One error of one or two lines that names `object`, with the given exit code.
+  /// Expects an error of one or two lines that names `object`, and the given exit code.
   static void expect_clear_error(const ProcessResult& result, int exit_code,
                                  const std::string& object) {
     EXPECT_EQ(result.exit_code, exit_code) << result.err;
@@ -78,13 +78,13 @@ class BadInput : public CommandTest {
   }
 };
 
-TEST_F(BadInput, TheUnspoiledInputsRender) {
+TEST_F(BadInput, RendersUndamagedInputs) {
   const ProcessResult result = render(path("scene.nff"), path("rig.toml"), path("out.png"));
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_TRUE(std::filesystem::exists(path("out.png")));
 }
 
-TEST_F(BadInput, MissingFiles) {
+TEST_F(BadInput, NamesMissingFiles) {
   expect_clear_error(render(path("none.nff"), path("rig.toml"), path("o.png")), 4, "none.nff");
   expect_clear_error(render(path("scene.nff"), path("none.toml"), path("o.png")), 4, "none.toml");
   expect_clear_error(run({"play", path("none-%03d.png"), "--rig", path("rig.toml")}), 4, "none-");
@@ -96,7 +96,7 @@ TEST_F(BadInput, MissingFiles) {
   EXPECT_EQ(listing(), (std::vector<std::string>{"rig.toml", "scene.nff"}));
 }
 
-TEST_F(BadInput, WithoutACalibrationADefaultIsTakenInSilence) {
+TEST_F(BadInput, RefusesToPlayWithoutACalibration) {
   ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("film.png")).exit_code, 0);
   const std::string record = "png:" + path("shown");
   const ProcessResult none = run({"play", path("film.png"), "--record", record});
@@ -111,7 +111,7 @@ TEST_F(BadInput, WithoutACalibrationADefaultIsTakenInSilence) {
   EXPECT_FALSE(std::filesystem::exists(path("shown"))) << "something was shown";
 }
 
-TEST_F(BadInput, RigPitchThatIsZeroNegativeOrNotANumber) {
+TEST_F(BadInput, RefusesAPitchThatIsZeroNegativeOrNotANumber) {
   for (const char* pitch : {"0.0", "-7.5", "nan", "inf", "1e300", "1e-300"}) {
     write_rig("pitch_subpx = 7.5", std::string("pitch_subpx = ") + pitch);
     expect_clear_error(render(path("scene.nff"), path("bad.toml"), path("o.png")), 4,
@@ -126,14 +126,14 @@ TEST_F(BadInput, RigErrorsNameFileAndLine) {
   EXPECT_NE(result.err.find("pitch_subpx"), std::string::npos) << "no nearest key: " << result.err;
 }
 
-TEST_F(BadInput, AbsurdPanels) {
+TEST_F(BadInput, RefusesImpossiblePanelSizes) {
   for (const char* width : {"0", "-48", "1000000000", "99999999999999999999", "48.5"}) {
     write_rig("width_px = 48", std::string("width_px = ") + width);
     expect_clear_error(render(path("scene.nff"), path("bad.toml"), path("o.png")), 4, "bad.toml");
   }
 }
 
-TEST_F(BadInput, RigsThatAreNoRigs) {
+TEST_F(BadInput, RefusesFilesThatAreNotRigs) {
   for (const std::string& text : {std::string(), std::string("["), std::string(100000, '['),
                                   std::string("\0\xff\xfe", 3), std::string("format = 99\n")}) {
     write("bad.toml", text);
@@ -141,7 +141,7 @@ TEST_F(BadInput, RigsThatAreNoRigs) {
   }
 }
 
-TEST_F(BadInput, PicturesCutShort) {
+TEST_F(BadInput, RefusesTruncatedPictures) {
   ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("whole.png")).exit_code, 0);
   std::ifstream in(path("whole.png"), std::ios::binary);
   const std::string whole{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
@@ -158,7 +158,7 @@ TEST_F(BadInput, PicturesCutShort) {
   EXPECT_FALSE(std::filesystem::exists(path("o.png")));
 }
 
-TEST_F(BadInput, AFrameForAnotherPanel) {
+TEST_F(BadInput, RefusesAFrameForAnotherPanel) {
   ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("f-001.png")).exit_code, 0);
   write_rig("width_px = 48", "width_px = 60");
   expect_clear_error(run({"play", path("f-%03d.png"), "--rig", path("bad.toml")}), 4, "48");
@@ -167,7 +167,7 @@ TEST_F(BadInput, AFrameForAnotherPanel) {
                      4, "48");
 }
 
-TEST_F(BadInput, ScenesWithNumbersThatAreNone) {
+TEST_F(BadInput, RefusesScenesWithNonFiniteNumbers) {
   std::string text = kTinyScene;
   text.replace(text.find("s 0 0 0 1"), 9, "s nan 0 0 1");
   write("nan.nff", text);
@@ -176,7 +176,7 @@ TEST_F(BadInput, ScenesWithNumbersThatAreNone) {
   expect_clear_error(render(path("nan.obj"), path("rig.toml"), path("o.png")), 4, "nan.obj");
 }
 
-TEST_F(BadInput, EmptyScenes) {
+TEST_F(BadInput, RefusesEmptyAndUnknownScenes) {
   std::string text = kTinyScene;
   text.resize(text.find("s 0 0 0 1"));
   write("empty.nff", text);
@@ -198,7 +198,7 @@ TEST_F(BadInput, ScenesOfAnySizeRender) {
   }
 }
 
-TEST_F(BadInput, OutputThatCannotBeWritten) {
+TEST_F(BadInput, ReportsOutputThatCannotBeWritten) {
   expect_clear_error(render(path("scene.nff"), path("rig.toml"), path("no/such/folder/o.png")), 1,
                      "no/such/folder");
   expect_clear_error(render(path("scene.nff"), path("rig.toml"), path("scene.nff/o.png")), 1,
@@ -211,7 +211,7 @@ TEST_F(BadInput, OutputThatCannotBeWritten) {
                      2, "same.png");
 }
 
-TEST_F(BadInput, AFullDiskLeavesNothingHalfWritten) {
+TEST_F(BadInput, AFullDiskLeavesNoPartialFiles) {
   const auto before = listing();
   const ProcessLimits full{.largest_file_bytes = 256};
   expect_clear_error(render(path("scene.nff"), path("rig.toml"), path("o.png"), full), 1, "o.png");
@@ -223,7 +223,7 @@ TEST_F(BadInput, AFullDiskLeavesNothingHalfWritten) {
   EXPECT_EQ(listing(), before);
 }
 
-TEST_F(BadInput, ArgumentsThatMakeNoSense) {
+TEST_F(BadInput, RefusesInvalidArguments) {
   const auto usage = [&](std::vector<std::string> extra) {
     std::vector<std::string> all = {"render", path("scene.nff"), "--rig", path("rig.toml"),
                                     "-o",     path("o.png")};
@@ -254,7 +254,7 @@ TEST_F(BadInput, ArgumentsThatMakeNoSense) {
                      "-1");
 }
 
-TEST_F(BadInput, ADisplayThatIsNotThereIsADeviceError) {
+TEST_F(BadInput, AMissingDisplayIsADeviceError) {
   ASSERT_EQ(render(path("scene.nff"), path("rig.toml"), path("f-001.png")).exit_code, 0);
   expect_clear_error(
       run({"play", path("f-%03d.png"), "--rig", path("rig.toml"), "--display", "kms"}), 3, "kms");

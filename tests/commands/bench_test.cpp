@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule bench: what it measures is for people; that it measures what was asked is tested here.
+// Tests that `lenticule bench` measures the requested scenes and methods. The measured figures are
+// not checked.
 #include <nlohmann/json.hpp>
 
 #include "tests/commands/program.h"
@@ -16,7 +17,7 @@ std::vector<std::string> bench_exact(std::vector<std::string> more) {
   return arguments;
 }
 
-TEST_F(BenchTest, ErrorExplainsItself) {
+TEST_F(BenchTest, ErrorHelpListsItsFlags) {
   const ProcessResult result = run({"bench", "error", "--help"});
   EXPECT_EQ(result.exit_code, 0);
   EXPECT_NE(result.out.find("Example:\n  lenticule bench error tree"), std::string::npos);
@@ -25,7 +26,7 @@ TEST_F(BenchTest, ErrorExplainsItself) {
     EXPECT_NE(result.out.find(flag), std::string::npos) << flag;
 }
 
-TEST_F(BenchTest, ErrorMeasuresEveryMethodOnBothCourses) {
+TEST_F(BenchTest, ErrorMeasuresEveryMethodInBothScenarios) {
   const ProcessResult result =
       run({"bench", "error", "--quick", "--rig", source_file("scenes/rigs/tiny.toml"), "--methods",
            "interpolate,temporal,none-such", "--frames", "3", "--no-peers", "--json", "--svg",
@@ -51,7 +52,7 @@ TEST_F(BenchTest, ErrorMeasuresEveryMethodOnBothCourses) {
   EXPECT_GT(std::filesystem::file_size(path("error.svg")), 500U);
 }
 
-TEST_F(BenchTest, ErrorPrintsTablesAndWhatIsMissing) {
+TEST_F(BenchTest, ErrorPrintsTablesAndNamesMissingMethods) {
   const ProcessResult result =
       run({"bench", "error", "--course", "still", "--methods", "lens-view,none-such", "--no-peers",
            "--rig", source_file("scenes/rigs/tiny.toml"), "tree:3"});
@@ -61,7 +62,7 @@ TEST_F(BenchTest, ErrorPrintsTablesAndWhatIsMissing) {
     EXPECT_NE(result.out.find(text), std::string::npos) << text;
 }
 
-TEST_F(BenchTest, ErrorRefusesWhatItDoesNotKnow) {
+TEST_F(BenchTest, ErrorRefusesUnknownScenesErrorsAndScenarios) {
   EXPECT_EQ(run({"bench", "error", "no-such-scene"}).exit_code, 4);
   EXPECT_EQ(run({"bench", "error", "--errors", "-1"}).exit_code, 2);
   EXPECT_EQ(run({"bench", "error", "--course", "sitting"}).exit_code, 2);
@@ -70,7 +71,7 @@ TEST_F(BenchTest, ErrorRefusesWhatItDoesNotKnow) {
             2);
 }
 
-TEST_F(BenchTest, ExactExplainsItself) {
+TEST_F(BenchTest, ExactHelpListsItsFlags) {
   const ProcessResult result = run({"bench", "exact", "--help"});
   EXPECT_EQ(result.exit_code, 0);
   EXPECT_NE(result.out.find("Example:\n  lenticule bench exact"), std::string::npos);
@@ -115,13 +116,13 @@ TEST_F(BenchTest, ExactComparesWithAnUprightRig) {
   EXPECT_GT(nlohmann::json::parse(result.out).at("upright")[0].at("slanted_over_upright"), 0.0);
 }
 
-/// A stand-in for a peer, found first in the path.
+/// Writes a stand-in for a reference renderer, which is found first in the path.
 void write_program(const std::string& file, const std::string& script) {
   std::ofstream(file) << "#!/bin/sh\n" << script << '\n';
   std::filesystem::permissions(file, std::filesystem::perms::owner_all);
 }
 
-TEST_F(BenchTest, APeerThatIsMissingOrFailsIsSaid) {
+TEST_F(BenchTest, ReportsAPeerThatIsMissingOrFails) {
   write_program(path("tachyon"), "echo 'no memory' >&2; exit 9");
   std::vector<std::string> arguments = program(bench_exact({"--scene", "teapot:2", "--peers"}));
   arguments.insert(arguments.begin(), {"/usr/bin/env", "PATH=" + path("")});
@@ -134,7 +135,7 @@ TEST_F(BenchTest, APeerThatIsMissingOrFailsIsSaid) {
   EXPECT_EQ(rows[1].at("failure"), "not installed (scripts/packages bench)");
 }
 
-TEST_F(BenchTest, APeersOwnTimeMakesTheRatio) {
+TEST_F(BenchTest, ComputesTheRatioFromThePeersOwnTime) {
   write_program(path("tachyon"), "echo '  Ray Tracing Time:     2.0000 seconds'");
   write_program(path("povray"),
                 "echo '  Trace Time: 0 hours 0 minutes 1 seconds (1.0 seconds)' >&2");
@@ -173,7 +174,7 @@ TEST_F(BenchPaper, MeasuresASpanOfEachSceneWithEachMethod) {
     for (const nlohmann::json& method : scene["methods"])
       EXPECT_GT(method.at("seconds_per_frame").get<double>(), 0.0);
   }
-  // The frames of the paper's table, whichever span is in the middle.
+  // The frames are those of the paper's table, also if another span is in the middle.
   EXPECT_EQ(out.at("teapot")[0].at("first"), 96);
 }
 
@@ -182,7 +183,7 @@ TEST_F(BenchPaper, ContinuesFromItsStateAndRefusesAnother) {
       arguments({"--scene", "tetra", "--state", path("state.json"), "--json"});
   const ProcessResult once = run(first);
   ASSERT_EQ(once.exit_code, 0) << once.err;
-  // The same figures to the last digit: nothing was measured again.
+  // Equal figures to the last digit show that the second run measured nothing again.
   const ProcessResult again = run(first);
   ASSERT_EQ(again.exit_code, 0) << again.err;
   EXPECT_EQ(once.out, again.out);
@@ -199,7 +200,7 @@ TEST_F(BenchPaper, ContinuesFromItsStateAndRefusesAnother) {
   EXPECT_NE(broken.err.find("not the state of a run"), std::string::npos);
 }
 
-TEST_F(BenchPaper, NamesWhatItDoesNotKnow) {
+TEST_F(BenchPaper, NamesUnknownScenesAndMethods) {
   const ProcessResult scene = run(arguments({"--scene", "kettle"}));
   EXPECT_EQ(scene.exit_code, 2);
   EXPECT_NE(scene.err.find("kettle"), std::string::npos);

@@ -35,10 +35,10 @@ class ByEyeCommand : public CommandTest {
   optics::Rig rig_;
 };
 
-/// Nine steps, of which the band chart takes two presses.
+/// Nine steps; the band chart takes two key presses.
 constexpr const char* kToTheEnd = "enter*11";
 
-TEST_F(ByEyeCommand, SavesWhatTheKeysFoundAndKeepsTheOldRig) {
+TEST_F(ByEyeCommand, SavesTheFoundValuesAndKeepsTheOldRig) {
   const ProcessResult result =
       calibrate("enter*3 # to the slant\nright*2 enter up*3 shift+left enter*7\n");
   ASSERT_EQ(result.exit_code, 0) << result.err;
@@ -56,7 +56,7 @@ TEST_F(ByEyeCommand, SavesWhatTheKeysFoundAndKeepsTheOldRig) {
   EXPECT_EQ(optics::load_rig(path("rig.2.toml")), found);
 }
 
-TEST_F(ByEyeCommand, TakesTheTrimInAndLeavesNone) {
+TEST_F(ByEyeCommand, MergesTheTrimIntoTheRigAndClearsIt) {
   optics::save_trim({Lenses(0.125), 1e-4}, path("rig.toml"));
   const optics::Rig seen = optics::load_trimmed_rig(path("rig.toml"));
   ASSERT_EQ(calibrate(kToTheEnd).exit_code, 0);
@@ -94,7 +94,7 @@ TEST_F(ByEyeCommand, ShowsEveryChartOfItsSteps) {
   EXPECT_EQ(charts, 11) << "one per step, two for the bands";
 }
 
-TEST_F(ByEyeCommand, WithoutStandardInputThereAreNoKeys) {
+TEST_F(ByEyeCommand, FailsWithoutStandardInput) {
   const std::string command = std::string(LENTICULE_PROGRAM) + " calibrate by-eye --rig " +
                               path("rig.toml") + " --display virtual -o " + path("new.toml") +
                               " 0<&-";
@@ -103,7 +103,7 @@ TEST_F(ByEyeCommand, WithoutStandardInputThereAreNoKeys) {
   EXPECT_NE(result.err.find("keys ended"), std::string::npos) << result.err;
 }
 
-TEST_F(ByEyeCommand, RefusesDistancesThatMakeNoSense) {
+TEST_F(ByEyeCommand, RefusesInvalidDistances) {
   EXPECT_EQ(calibrate("q", {"--distance", "-5"}).exit_code, 2);
   rig_.viewing.distance = Millimetres(std::numeric_limits<double>::infinity());
   optics::save_rig(rig_, path("rig.toml"));
@@ -112,8 +112,8 @@ TEST_F(ByEyeCommand, RefusesDistancesThatMakeNoSense) {
   EXPECT_NE(parallel.err.find("--distance"), std::string::npos) << parallel.err;
 }
 
-TEST_F(ByEyeCommand, AScriptHasToInsistOnAnImplausibleGap) {
-  // To the zones, then 25 mm where the rig says 107 mm.
+TEST_F(ByEyeCommand, AScriptNeedsInsistToSaveAnImplausibleGap) {
+  // Moves to the zones, then enters 25 mm where the rig says 107 mm.
   const std::string keys = "enter*7 shift+left*8 left*2 enter*4";
   const ProcessResult refused = calibrate(keys);
   EXPECT_EQ(refused.exit_code, 5) << refused.err;
@@ -125,7 +125,7 @@ TEST_F(ByEyeCommand, AScriptHasToInsistOnAnImplausibleGap) {
   EXPECT_GT(optics::load_rig(path("rig.toml")).sheet.gap.value, 20.0);
 }
 
-TEST_F(ByEyeCommand, TrimsAddUpAreToldAndCanBeReset) {
+TEST_F(ByEyeCommand, TrimsAddUpAreReportedAndCanBeReset) {
   const auto trim = [this](std::vector<std::string> flags) {
     flags.insert(flags.begin(), {"rig", "trim", path("rig.toml"), "--json"});
     return run(flags);
@@ -150,7 +150,7 @@ TEST_F(ByEyeCommand, TrimsAddUpAreToldAndCanBeReset) {
   EXPECT_EQ(trim({"--pitch-by", "nan"}).exit_code, 4);
 }
 
-TEST_F(ByEyeCommand, EveryCommandTakesTheTrim) {
+TEST_F(ByEyeCommand, EveryCommandAppliesTheTrim) {
   frames::write_woven(
       frames::WovenFrame({.width = rig_.panel.width_px, .height = rig_.panel.height_px}).view(),
       path("black.png"));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Folders of photographs, from the patterns that the program writes to the rig that it finds; the
-// simulated bench stands for the panel and the photographer.
+// Tests photograph folders from the patterns that the program writes to the rig that it finds. The
+// simulated bench replaces the panel and the photographer.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -37,7 +37,7 @@ CameraPicture photographed(SimulatedBench& bench, const frames::WovenFrame& patt
   return picture;
 }
 
-/// As a camera stores it.
+/// Encodes a picture as a camera stores it.
 frames::WovenFrame coded(const CameraPicture& picture) {
   frames::WovenFrame frame({.width = picture.width, .height = picture.height});
   for (int y = 0; y < picture.height; ++y)
@@ -62,7 +62,7 @@ class PhotosCommand : public CommandTest {
         {"calibrate", "photos", "--rig", path("start.toml"), "--write-patterns", path("patterns")});
     ASSERT_EQ(wrote.exit_code, 0) << wrote.err;
   }
-  /// The camera stands `by_mm` aside from picture `knocked` on.
+  /// Photographs all patterns; the camera is displaced by `by_mm` from picture `knocked` on.
   void photograph_all(const calib::TrialViewpoint& place, int knocked = -1, double by_mm = 0.0) {
     bench_.move_camera(place.position_mm, place.look_at_mm, place.roll_degrees);
     const std::filesystem::path folder = folder_ / place.name;
@@ -90,7 +90,7 @@ class PhotosCommand : public CommandTest {
   SimulatedBench bench_{trial_.panel, trial_.sheet, trial_.link, trial_.camera, trial_.seed};
 };
 
-TEST_F(PhotosCommand, FoldersFromThreePlacesFindTheSheet) {
+TEST_F(PhotosCommand, FindsTheSheetFromThreeFolders) {
   write_patterns();
   for (const calib::TrialViewpoint& place : trial_.viewpoints) photograph_all(place);
   std::vector<std::string> arguments = {"calibrate", "photos"};
@@ -104,12 +104,13 @@ TEST_F(PhotosCommand, FoldersFromThreePlacesFindTheSheet) {
   const optics::Rig rig = optics::load_rig(path("found.toml"));
   const calib::TrialErrors errors = calib::errors_of(rig, bench_, trial_);
   EXPECT_LT(errors.worst_lenses, 0.02);
-  EXPECT_LT(std::abs(errors.pitch), 4e-5);  // a quarter of the lenses of a whole panel
+  EXPECT_LT(std::abs(errors.pitch),
+            4e-5);  // tolerance for a quarter of the lenses of a whole panel
   EXPECT_TRUE(std::filesystem::exists(path("found.report.html")));
   EXPECT_NE(found.out.find("Calibrated"), std::string::npos) << found.out;
 }
 
-TEST_F(PhotosCommand, PhotographsOfAnotherRigsPatternsAreRefused) {
+TEST_F(PhotosCommand, RefusesPhotographsOfAnotherRigsPatterns) {
   write_patterns();
   photograph_all(trial_.viewpoints.front());
   optics::Rig other = trial_.start;
@@ -125,7 +126,7 @@ TEST_F(PhotosCommand, PhotographsOfAnotherRigsPatternsAreRefused) {
   EXPECT_FALSE(std::filesystem::exists(path("found.toml")));
 }
 
-TEST_F(PhotosCommand, ADistanceThatTheFolderContradictsIsRefused) {
+TEST_F(PhotosCommand, RefusesADistanceThatThePhotographsContradict) {
   write_patterns();
   photograph_all(trial_.viewpoints.front());
   const ProcessResult right = calibrate_centre("start.toml", {"--distance", "700"});
@@ -135,7 +136,7 @@ TEST_F(PhotosCommand, ADistanceThatTheFolderContradictsIsRefused) {
   EXPECT_NE(wrong.out.find("not 1400 mm"), std::string::npos) << wrong.out;
 }
 
-TEST_F(PhotosCommand, ACameraThatWasKnockedIsRefusedWithItsPhotograph) {
+TEST_F(PhotosCommand, NamesThePhotographAtWhichTheCameraMoved) {
   write_patterns();
   for (const double by_mm : {2.0, 0.7}) {
     photograph_all(trial_.viewpoints.front(), 40, by_mm);
@@ -158,7 +159,7 @@ TEST_F(DimPanel, IsRefused) {
   EXPECT_EQ(result.exit_code, 5) << result.err << result.out;
 }
 
-TEST_F(PhotosCommand, APatternThatNobodyPhotographedIsNamed) {
+TEST_F(PhotosCommand, NamesAFolderWithoutPhotographs) {
   std::filesystem::create_directories(path("centre"));
   const ProcessResult result = run({"calibrate", "photos", path("centre"), "--rig",
                                     path("start.toml"), "-o", path("found.toml")});

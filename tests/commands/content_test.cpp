@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Other people's content from the command line to pictures: quilts, two eyes, depth, films per
-// view, frames of other rigs; played, woven, converted and refused.
+// Tests third-party content from the command line to pictures: quilts, stereo pairs, depth, one
+// video per view, frames of other rigs. Each is played, woven, converted or refused.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -23,7 +23,7 @@ using frames::WovenFrame;
 const std::string kTiny = source_file("scenes/rigs/tiny.toml");
 const std::string kOther = source_file("scenes/rigs/paper-64.toml");
 
-/// Smooth enough that chroma of half resolution is not far off, and each tile another.
+/// Returns a quilt whose tiles differ, smooth enough for chroma of half resolution.
 WovenFrame quilt_picture(int columns, int rows, int seed, int tile_width = 12,
                          int tile_height = 8) {
   WovenFrame quilt({.width = columns * tile_width, .height = rows * tile_height});
@@ -54,7 +54,7 @@ class ContentCommand : public CommandTest {
     words.insert(words.begin(), "convert");
     return run(words);
   }
-  /// What was on the glass, in order, each frame once.
+  /// Returns the displayed frames in order, each once.
   [[nodiscard]] std::vector<WovenFrame> played(const std::string& source,
                                                std::vector<std::string> more = {},
                                                const std::string& rig = kTiny) const {
@@ -91,14 +91,14 @@ class ContentCommand : public CommandTest {
 
 constexpr frames::QuiltLayout kGrid{.columns = 3, .rows = 2, .views = 0, .aspect = 1.5};
 
-TEST_F(ContentCommand, AQuiltVideoPlaysAsItsPicturesDo) {
+TEST_F(ContentCommand, AQuiltVideoPlaysLikeItsPictures) {
   std::vector<WovenFrame> expected;
   for (int n = 0; n < 4; ++n) {
     save(fmt::format("p_qs3x2a1.5_{}.png", n), quilt_picture(3, 2, n));
     expected.push_back(woven(quilt_picture(3, 2, n), kGrid));
   }
   EXPECT_EQ(played(path("p_qs3x2a1.5_%d.png")), expected);
-  // Through FFV1, whose name gets the layout.
+  // FFV1 is lossless; the layout becomes part of the file's name.
   succeed(convert({path("p_qs3x2a1.5_%d.png"), "-o", path("film.mkv"), "--rate", "30"}));
   ASSERT_TRUE(fs::exists(path("film_qs3x2a1.5.mkv")));
   EXPECT_EQ(played(path("film_qs3x2a1.5.mkv")), expected);
@@ -110,7 +110,7 @@ TEST_F(ContentCommand, AQuiltVideoPlaysAsItsPicturesDo) {
             woven(quilt_picture(3, 2, 3), kGrid, {.order = frames::ViewOrder::RightToLeft}));
 }
 
-/// Tile t of 3 x 2 in a grey of its own, as Y'CbCr 4:2:0 of the usual range.
+/// Tile t of 3 x 2 has a grey of its own, in Y'CbCr 4:2:0 of limited range.
 TEST_F(ContentCommand, AQuiltVideoMayHaveChromaOfHalfResolution) {
   const auto luma = [](int tile) { return 16 + 36 * tile; };
   std::string raw(36 * 16 * 3 / 2, '\x80');
@@ -144,7 +144,7 @@ TEST_F(ContentCommand, AnUprightPanelIsWovenFromAVideoToo) {
             woven(quilt_picture(5, 3, 1, 12, 16), layout, {}, upright));
 }
 
-TEST_F(ContentCommand, ALastRowThatIsNotFullIsKeptThroughEveryKind) {
+TEST_F(ContentCommand, AnIncompleteLastRowSurvivesEveryFormat) {
   save("p_0.png", quilt_picture(3, 2, 0));
   save("p_1.png", quilt_picture(3, 2, 1));
   frames::QuiltLayout five = kGrid;
@@ -158,7 +158,7 @@ TEST_F(ContentCommand, ALastRowThatIsNotFullIsKeptThroughEveryKind) {
   EXPECT_EQ(played(path("film.lts")), expected) << "a container of views";
   succeed(convert({path("film.lts"), "-o", path("again_%d.png")}));
   EXPECT_EQ(played(path("again_%d_qs3x2a1.5.png")), expected) << "the sidecar has the count";
-  // Woven on the way is the same as woven while playing.
+  // Weaving while converting gives the same frames as weaving while playing.
   succeed(convert({path("film.lts"), "--rig", kTiny, "-o", path("w%d.png")}));
   EXPECT_EQ(frames::read_woven(path("w1.png")), expected[1]);
   succeed(convert({path("film.lts"), "--rig", kTiny, "-o", path("woven.lts")}));
@@ -180,7 +180,7 @@ TEST_F(ContentCommand, ViewsAsPicturesComeBackAsTheSameQuilt) {
                                      woven(quilt_picture(3, 2, 2), kGrid)}));
 }
 
-/// Left half red, right half blue; or above and below.
+/// Returns a picture with red on the left and blue on the right, or red above and blue below.
 WovenFrame two_eyes(bool beside) {
   WovenFrame picture({.width = beside ? 96 : 48, .height = beside ? 32 : 64});
   for (int y = 0; y < picture.height(); ++y)
@@ -189,7 +189,7 @@ WovenFrame two_eyes(bool beside) {
   return picture;
 }
 
-/// How red and how blue what an eye in one half of the lobe sees is.
+/// Amounts of red and blue that an eye in one half of the lobe sees.
 struct Seen {
   double red = 0.0, blue = 0.0;
 };
@@ -209,7 +209,7 @@ void expect_red_for_the_left_eye(const WovenFrame& frame) {
   EXPECT_GT(seen_by(frame, 1).blue, 4.0 * seen_by(frame, 1).red);
 }
 
-TEST_F(ContentCommand, EachEyeSeesItsOwnPictureHoweverTheyAreStored) {
+TEST_F(ContentCommand, EachEyeSeesItsOwnPictureInEveryStereoLayout) {
   for (const auto& [name, beside] : std::map<std::string, bool>{
            {"a_sbs.png", true}, {"b_hsbs.png", true}, {"c_tb.png", false}, {"d_htb.png", false}}) {
     save(name, two_eyes(beside));
@@ -223,21 +223,21 @@ TEST_F(ContentCommand, EachEyeSeesItsOwnPictureHoweverTheyAreStored) {
   expect_red_for_the_left_eye(shown[0]);
 }
 
-TEST_F(ContentCommand, EyesComeApartAndTogether) {
+TEST_F(ContentCommand, StereoPicturesAreSplitAndJoined) {
   save("c_tb.png", two_eyes(false));
   succeed(convert({path("c_tb.png"), "-o", "views:" + path("eye%d.png")}));
   EXPECT_EQ(frames::read_woven(path("eye0.png")).row(0)[0], 255) << "left is red";
   EXPECT_EQ(frames::read_woven(path("eye1.png")).row(0)[2], 255) << "right is blue";
   expect_red_for_the_left_eye(woven_by_command(
       {"views:" + path("eye0.png") + "|" + path("eye1.png"), "--filter", "nearest"}));
-  // As a video whose name asks for a grid.
+  // The name of the video states a grid.
   succeed(convert({path("c_tb.png"), "-o", path("eyes_qs2x1.mkv")}));
   const auto shown = played(path("eyes_qs2x1.mkv"), {"--filter", "nearest"});
   ASSERT_EQ(shown.size(), 1U);
   expect_red_for_the_left_eye(shown[0]);
 }
 
-/// A bright column in the middle of the picture, with its depth to the right.
+/// Returns a bright column in the middle of the picture, with its depth map to the right.
 WovenFrame column_with_depth(uint8_t depth, uint8_t ground) {
   WovenFrame picture({.width = 96, .height = 32});
   for (int y = 0; y < 32; ++y)
@@ -249,7 +249,7 @@ WovenFrame column_with_depth(uint8_t depth, uint8_t ground) {
   return picture;
 }
 
-/// The middle of the light in a view's row.
+/// Returns the centre of brightness of a view's row.
 double middle_of_light(const WovenFrame& view) {
   double light = 0.0, moment = 0.0;
   for (int x = 0; x < view.width(); ++x)
@@ -260,7 +260,7 @@ double middle_of_light(const WovenFrame& view) {
   return light > 0.0 ? moment / light : -1.0;
 }
 
-TEST_F(ContentCommand, NearThingsMoveAgainstTheEyeAndFarOnesWithIt) {
+TEST_F(ContentCommand, NearObjectsMoveAgainstTheEyeAndFarOnesWithIt) {
   save("near_rgbd.png", column_with_depth(255, 127));
   const std::vector<std::string> how = {"--views", "5", "--depth-range", "-6px:6px"};
   const auto drawn = [&](const std::string& name, std::vector<std::string> more = {}) {
@@ -275,7 +275,7 @@ TEST_F(ContentCommand, NearThingsMoveAgainstTheEyeAndFarOnesWithIt) {
   save("far_rgbd.png", column_with_depth(0, 0));
   EXPECT_NEAR(drawn("far_rgbd.png"), 6.0, 0.6) << "behind it: to the right";
   EXPECT_NEAR(drawn("far_rgbd.png", {"--invert-depth"}), -6.0, 0.6);
-  // Depth as a file of its own is the same.
+  // Depth in a separate file gives the same result.
   const WovenFrame both = column_with_depth(255, 127);
   WovenFrame colour({.width = 48, .height = 32}), depth({.width = 48, .height = 32});
   for (int y = 0; y < 32; ++y) {
@@ -285,14 +285,14 @@ TEST_F(ContentCommand, NearThingsMoveAgainstTheEyeAndFarOnesWithIt) {
   save("colour.png", colour);
   save("depth.png", depth);
   EXPECT_NEAR(drawn("colour.png", {"--depth", path("depth.png")}), -6.0, 0.6);
-  // And the player weaves what convert draws.
+  // The player weaves the same views that convert writes.
   succeed(convert({path("near_rgbd.png"), "-o", path("q_qs3x2.png"), "--views", "5"}));
   std::vector<WovenFrame> shown = played(path("near_rgbd.png"), {"--views", "5"});
   ASSERT_EQ(shown.size(), 1U);
   EXPECT_EQ(shown, played(path("q_qs3x2.png"))) << "5 of 6 tiles, as the sidecar says";
 }
 
-TEST_F(ContentCommand, SidecarsSayWhatNamesDoNot) {
+TEST_F(ContentCommand, SidecarsSupplyTheLayoutThatTheNameLacks) {
   save("city.png", quilt_picture(3, 2, 0));
   write("city.json", R"({"columns": 3, "rows": 2, "viewCount": 5, "aspect": 1.5, "invert": 1})");
   frames::QuiltLayout five = kGrid;
@@ -311,12 +311,13 @@ TEST_F(ContentCommand, SidecarsSayWhatNamesDoNot) {
       {"weave", path("town_qs3x2a1.5.png"), "--grid", "3x2", "--rig", kTiny, "-o", path("w.png")}));
 }
 
-TEST_F(ContentCommand, WovenForAnotherRigIsRefusedOrWovenAnew) {
+TEST_F(ContentCommand, FramesForAnotherRigAreRefusedOrRewoven) {
   save("q_qs3x2a1.5.png", quilt_picture(3, 2, 0));
   succeed(convert({path("q_qs3x2a1.5.png"), "--rig", kTiny, "-o", path("tiny.lts")}));
   expect_refusal(run({"play", path("tiny.lts"), "--rig", kOther}), 4, "'tiny'");
   expect_refusal(convert({path("tiny.lts"), "--rig", kOther, "-o", path("b.lts")}), 4, "--reweave");
-  // A rig of the same panel with other lenses: played as it is, it would be wrong without a sign.
+  // The rig has the same panel and other lenses: frames for it would look wrong here without a
+  // warning.
   optics::Rig shifted = optics::load_rig(kTiny);
   shifted.sheet.offset = Lenses(shifted.sheet.offset.value + 0.4);
   optics::save_rig(shifted, path("shifted.toml"));
@@ -339,7 +340,7 @@ TEST_F(ContentCommand, WovenForAnotherRigIsRefusedOrWovenAnew) {
   EXPECT_EQ(played(path("anew.lts"), {}, path("shifted.toml")), anew);
 }
 
-TEST_F(ContentCommand, RefusesWhatCannotBe) {
+TEST_F(ContentCommand, RefusesImpossibleConversions) {
   save("w0.png", quilt_picture(1, 1, 0, 48, 32));
   save("q_qs3x2a1.5.png", quilt_picture(3, 2, 0));
   expect_refusal(convert({path("w%d.png"), "--as", "quilt", "-o", path("q.png")}), 2, "--from-rig");
@@ -367,7 +368,7 @@ TEST_F(ContentCommand, RefusesWhatCannotBe) {
   expect_refusal(run({"play", "views:" + path("none%d.png"), "--rig", kTiny}), 4, "none%d.png");
 }
 
-TEST_F(ContentCommand, AnInterruptedContainerIsGoneOnWith) {
+TEST_F(ContentCommand, ResumesAnInterruptedContainer) {
   for (int n = 0; n < 6; ++n) save(fmt::format("p_qs3x2a1.5_{}.png", n), quilt_picture(3, 2, n));
   const std::string input = path("p_qs3x2a1.5_%d.png");
   succeed(convert({input, "-o", path("whole.lts")}));
@@ -382,7 +383,7 @@ TEST_F(ContentCommand, AnInterruptedContainerIsGoneOnWith) {
   EXPECT_EQ(bytes, std::string((std::istreambuf_iterator<char>(whole)), {}));
 }
 
-TEST_F(ContentCommand, AListPlaysKindsByTheirNames) {
+TEST_F(ContentCommand, AListDetectsEachItemsFormatByItsName) {
   save("q_qs3x2a1.5.png", quilt_picture(3, 2, 0));
   save("eyes_sbs.png", two_eyes(true));
   write("list.toml",

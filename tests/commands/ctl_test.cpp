@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Players on the virtual display, steered by `lenticule ctl`.
+// Tests `lenticule ctl` with players on the virtual display.
 #include <chrono>
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -17,14 +17,14 @@ using nlohmann::json;
 constexpr frames::FrameGeometry kPanel{.width = 48, .height = 32};
 constexpr int kFrames = 20;
 
-/// Every pixel of frame k of film `film`.
+/// Returns the value of every pixel of frame k of film `film`.
 uint8_t level(int film, uint64_t k) {
   return static_cast<uint8_t>(100 * film + static_cast<int>(k));
 }
 
 class Ctl : public CommandTest {
  protected:
-  /// Writing pictures safely takes longer than most tests.
+  /// Written once for all tests: writing pictures safely takes longer than most tests.
   static void SetUpTestSuite() {
     films_ = std::filesystem::temp_directory_path() /
              ("lenticule-ctl-films-" + std::to_string(getpid()));
@@ -52,7 +52,7 @@ class Ctl : public CommandTest {
           "loops = \"forever\"\n");
   }
   void TearDown() override {
-    player_.reset();  // it writes into the folder
+    player_.reset();  // the player writes into the folder
     CommandTest::TearDown();
   }
   static std::string film_name(int film) { return film == 0 ? "a" : "b"; }
@@ -76,7 +76,7 @@ class Ctl : public CommandTest {
     words.insert(words.begin(), {"ctl", "--json", "--socket", path("c.sock")});
     return run(words);
   }
-  /// What a verb answers; it succeeds.
+  /// Returns the answer to a verb and expects success.
   [[nodiscard]] json answer(const std::vector<std::string>& words) const {
     const ProcessResult result = ctl(words);
     EXPECT_EQ(result.exit_code, 0) << words.front() << ": " << result.err;
@@ -103,7 +103,7 @@ class Ctl : public CommandTest {
     return glass.value("frame", uint64_t{9999}) == frame &&
            glass.value("source", "") == film_pattern(film);
   }
-  /// What a snapshot has, all of whose pixels are alike.
+  /// Returns the pixel value of a snapshot and expects equal pixels.
   [[nodiscard]] int level_on_glass() const {
     (void)answer({"snapshot", path("snap.png")});
     const frames::WovenFrame snap = frames::read_woven(path("snap.png"));
@@ -112,7 +112,8 @@ class Ctl : public CommandTest {
   }
   void pause_still() const {
     EXPECT_EQ(answer({"pause"})["paused"], true);
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // a pending flip lands
+    std::this_thread::sleep_for(
+        std::chrono::milliseconds(50));  // time for a pending flip to complete
   }
   [[nodiscard]] uint64_t frames_shown() const {
     return answer({"status"})["frames_shown"].get<uint64_t>();
@@ -133,7 +134,7 @@ class Ctl : public CommandTest {
   std::unique_ptr<BackgroundProcess> player_;
 };
 
-TEST_F(Ctl, APauseStopsTheFramesThatReachTheGlass) {
+TEST_F(Ctl, APauseStopsDisplayedFrames) {
   start(film_pattern(0), {"--loop", "forever"});
   pause_still();
   EXPECT_EQ(answer({"status"})["state"], "paused");
@@ -168,7 +169,7 @@ TEST_F(Ctl, SeekAndNextLandOnTheExactFrame) {
   EXPECT_TRUE(comes_true([&] { return !shows(0, 19); })) << "and it goes on from there";
 }
 
-TEST_F(Ctl, WhatCannotBeLoadedLeavesTheOldOnePlaying) {
+TEST_F(Ctl, AFailedLoadLeavesTheOldSourcePlaying) {
   start(film_pattern(0), {"--loop", "forever"});
   write("broken.png", "no picture");
   write("broken.toml", "loop = never\n");
@@ -184,7 +185,7 @@ TEST_F(Ctl, WhatCannotBeLoadedLeavesTheOldOnePlaying) {
   EXPECT_TRUE(comes_true([&] { return on_glass()["source"] == film_pattern(1); }));
 }
 
-TEST_F(Ctl, ATrimChangesWhatIsWovenHere) {
+TEST_F(Ctl, ATrimChangesFramesWovenByThePlayer) {
   start("views", {"--loop", "forever"});
   (void)answer({"snapshot", path("before.png")});
   EXPECT_EQ(answer({"trim", "--offset-by", "0.25"})["offset_lenses"], 0.25);
@@ -203,11 +204,11 @@ TEST_F(Ctl, ATrimChangesWhatIsWovenHere) {
   EXPECT_EQ(eye["width"], frames::read_woven(path("eye.png")).width());
 }
 
-TEST_F(Ctl, EventsComeAsLinesAndTheListEndsWhenTold) {
+TEST_F(Ctl, SubscribePrintsOneLinePerEventAndEndsAtItsCount) {
   start(path("list.toml"));
   BackgroundProcess listener(
       program({"ctl", "--socket", path("c.sock"), "subscribe", "--count", "2"}));
-  // It has subscribed when the seams of the film that plays are counted to it.
+  // The load's events can only arrive if the listener has subscribed by then.
   (void)answer({"load", film_pattern(1)});
   const ProcessResult heard = listener.wait(std::chrono::seconds(60));
   EXPECT_EQ(heard.exit_code, 0) << heard.err;
@@ -220,7 +221,7 @@ TEST_F(Ctl, EventsComeAsLinesAndTheListEndsWhenTold) {
   EXPECT_EQ(player_->wait(std::chrono::seconds(60)).exit_code, 0);
 }
 
-TEST_F(Ctl, ExitCodesAreThoseOfTheContract) {
+TEST_F(Ctl, ExitCodesFollowTheContract) {
   EXPECT_EQ(ctl({"status"}).exit_code, 3) << "no player";
   EXPECT_EQ(ctl({"explode"}).exit_code, 2);
   EXPECT_EQ(ctl({"load"}).exit_code, 2);
@@ -236,7 +237,7 @@ TEST_F(Ctl, ExitCodesAreThoseOfTheContract) {
   EXPECT_TRUE(answer({"stats"})["statistics"].contains("shown"));
 }
 
-TEST_F(Ctl, AListPlaysItsItemsAndNamesWhatItLeavesOut) {
+TEST_F(Ctl, AListPlaysItsItemsAndNamesSkippedOnes) {
   write("short.toml",
         "[[item]]\nsource = \"a/%03d.png\"\n[[item]]\nsource = \"gone.png\"\n"
         "[[item]]\nsource = \"b/%03d.png\"\nfps = \"30\"\nframes = \"0:10\"\n");
@@ -256,7 +257,7 @@ TEST_F(Ctl, AListPlaysItsItemsAndNamesWhatItLeavesOut) {
   EXPECT_NE(wrong.err.find("wrong.toml:3: unknown key 'speed'"), std::string::npos) << wrong.err;
 }
 
-TEST_F(Ctl, PreflightSaysWhetherTheSourceKeepsUp) {
+TEST_F(Ctl, PreflightReportsIfTheSourceIsFastEnough) {
   std::filesystem::create_directory(path("own"));
   for (uint64_t k = 0; k < 5; ++k) write_frame(0, k, path("own"));
   const auto preflight = [&](const std::string& fps) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule depth, render --prefilter and bench depth as users run them.
+// Tests `lenticule depth`, `render --prefilter` and `bench depth` on the command line.
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"
@@ -26,7 +26,7 @@ class DepthCommand : public CommandTest {
   }
 };
 
-TEST_F(DepthCommand, SaysHowDeepASceneIs) {
+TEST_F(DepthCommand, ReportsTheDepthOfAScene) {
   const ProcessResult flat = depth("builtin:tree:3", {"--json", "--depth-scale", "0.1"});
   ASSERT_EQ(flat.exit_code, 0) << flat.err;
   const auto fits = nlohmann::json::parse(flat.out);
@@ -62,7 +62,7 @@ TEST_F(DepthCommand, PrintsATableAndAddsUpFrames) {
   EXPECT_EQ(json.at("subpixels"), 2 * 48 * 32 * 3);
 }
 
-TEST_F(DepthCommand, PrefilterIsAskedFor) {
+TEST_F(DepthCommand, PrefiltersOnlyOnRequest) {
   const auto off = render("off.png", {});
   ASSERT_EQ(off.exit_code, 0) << off.err;
   ASSERT_EQ(render("named.png", {"--prefilter", "off"}).exit_code, 0);
@@ -78,7 +78,7 @@ TEST_F(DepthCommand, PrefilterIsAskedFor) {
   EXPECT_EQ(nlohmann::json::parse(off.out).at("prefilter_rays"), 0);
 }
 
-TEST_F(DepthCommand, WhatCannotBeMeantIsRefused) {
+TEST_F(DepthCommand, RefusesInvalidPrefilterOptions) {
   for (const auto& [more, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
            {{"--prefilter", "blur"}, "prefilter 'blur': unknown"},
            {{"--prefilter", "depth", "--method", "adaptive"},
@@ -95,7 +95,7 @@ TEST_F(DepthCommand, WhatCannotBeMeantIsRefused) {
   EXPECT_EQ(depth("builtin:teapot:2", {"--picture", path("x.doc")}).exit_code, 2);
 }
 
-TEST_F(DepthCommand, BenchMeasuresEveryWay) {
+TEST_F(DepthCommand, BenchMeasuresEveryPrefilter) {
   const ProcessResult result =
       run({"bench", "depth", "tree:3", "--rig", source_file("scenes/rigs/tiny.toml"), "--frames",
            "2", "--truth", "33", "--json", "--pictures", path("worst")});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every command explains itself.
+// Tests the help of every command.
 #include <sstream>
 
 #include "tests/commands/program.h"
@@ -28,8 +28,8 @@ TEST(Help, ListsTheCommandsOfTheContract) {
     EXPECT_NE(std::find(names.begin(), names.end(), name), names.end()) << name;
 }
 
-// Every first step must be a command that exists: its own help is asked for.
-TEST(Help, WithoutACommandFirstStepsAreShownAndExitsWithTwo) {
+// Asks for the help of each first step, so that every step names a command that exists.
+TEST(Help, ShowsFirstStepsAndExitsWithTwoWithoutACommand) {
   const ProcessResult result = run({});
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_TRUE(result.out.empty()) << result.out;
@@ -49,7 +49,7 @@ TEST(Help, WithoutACommandFirstStepsAreShownAndExitsWithTwo) {
   EXPECT_EQ(steps, 5);
 }
 
-TEST(Help, OfEveryCommandEndsWithAnExampleAndExitsWithZero) {
+TEST(Help, EveryCommandsHelpEndsWithAnExampleAndExitsWithZero) {
   for (const std::string& name : command_names_from_help()) {
     const ProcessResult result = run({name, "--help"});
     EXPECT_EQ(result.exit_code, 0) << name;
@@ -58,7 +58,7 @@ TEST(Help, OfEveryCommandEndsWithAnExampleAndExitsWithZero) {
   }
 }
 
-TEST(Help, EveryCommandThatPrintsKnowsJson) {
+TEST(Help, EveryCommandThatPrintsAcceptsJson) {
   for (const auto& command : std::vector<std::vector<std::string>>{{"render"},
                                                                    {"play"},
                                                                    {"weave"},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The main road: a scene file becomes woven frames, a ring carries them to a player, and what the
-// display shows is, byte for byte, what was rendered; an eye sees it in the right depth order.
+// Tests the end-to-end path: a scene file becomes woven frames, a ring passes them to a player, the
+// display shows the rendered bytes unchanged, and an eye sees the right depth order.
 #include <csignal>
 #include <nlohmann/json.hpp>
 
@@ -33,7 +33,7 @@ distance_mm = 500.0
 height_mm = 0.0
 )";
 
-/// A red ball before the glass, left of a green one on it, left of a blue one behind it.
+/// A red ball in front of the panel, left of a green one on it, left of a blue one behind it.
 constexpr const char* kThreeBalls = R"(b 0 0 0
 v
 from 0 0 10
@@ -69,7 +69,7 @@ class MainRoad : public CommandTest {
   }
 };
 
-/// Mean column of the pixels in which `channel` stands out.
+/// Returns the mean column of the pixels in which `channel` dominates.
 double centre_column(const WovenFrame& picture, size_t channel) {
   double sum = 0.0;
   double weight = 0.0;
@@ -92,11 +92,11 @@ TEST_F(MainRoad, EyesSeeTheScenesDepthOrder) {
             0);
   const WovenFrame left = eye_picture(-25.0);
   const WovenFrame right = eye_picture(25.0);
-  // What is before the glass moves against the eye, what is behind it goes along.
+  // Objects in front of the panel move against the eye, objects behind it move with the eye.
   EXPECT_LT(centre_column(right, 0), centre_column(left, 0) - 1.0);
   EXPECT_NEAR(centre_column(right, 1), centre_column(left, 1), 1.0);
   EXPECT_GT(centre_column(right, 2), centre_column(left, 2) + 1.0);
-  // And the picture is not mirrored.
+  // The picture is not mirrored.
   EXPECT_LT(centre_column(left, 0), centre_column(left, 1));
   EXPECT_LT(centre_column(left, 1), centre_column(left, 2));
 }

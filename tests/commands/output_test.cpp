@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is printed, where it cannot be printed, and what names from outside do to it.
+// Tests output that cannot be printed, and untrusted names in messages and results.
 #include <nlohmann/json.hpp>
 
 #include "tests/commands/program.h"
@@ -9,19 +9,19 @@ namespace {
 
 using nlohmann::json;
 
-/// Turns the title of a terminal, clears it, and ends its line.
+/// Sets the title of a terminal, clears the screen and starts a forged line.
 constexpr const char* kHostile = "\x1b]0;owned\x07\x1b[2J\nlenticule: all is well\xc2\x9b\xff";
 
 class Output : public CommandTest {
  protected:
   const std::string rig = source_file("scenes/rigs/kiosk-27-1080.toml");
 
-  /// `script` runs in a shell; "$1" is the program, "$2" the rig and "$3" the test's folder.
+  /// Runs `script` in a shell; "$1" is the program, "$2" the rig and "$3" the test's folder.
   [[nodiscard]] ProcessResult shell(const std::string& script) const {
     return run_process({"/bin/sh", "-c", script, "sh", LENTICULE_PROGRAM, rig, folder_.string()});
   }
 
-  /// Nothing but printable text and line ends.
+  /// Expects nothing but printable text and line ends.
   static void expect_harmless(const std::string& text) {
     for (const char c : text)
       EXPECT_TRUE(c == '\n' || (c >= ' ' && c != 0x7f) || static_cast<unsigned char>(c) >= 0xa0)
@@ -35,14 +35,14 @@ class Output : public CommandTest {
 constexpr const char* kPlay =
     R"("$1" play card --rig "$2" --display virtual --duration 1 --stats "$3/stats.json")";
 
-TEST_F(Output, PlayingGoesOnWhenTheLogsDiskIsFull) {
+TEST_F(Output, PlayingContinuesWhenTheLogsDiskIsFull) {
   const ProcessResult played = shell(std::string(kPlay) + " 2>/dev/full");
   EXPECT_EQ(played.exit_code, 0) << played.signal;
   const json stats = json::parse(std::ifstream(path("stats.json")));
   EXPECT_EQ(stats.at("outcome"), "finished");
 }
 
-TEST_F(Output, PlayingGoesOnWhenTheLogsReaderIsGone) {
+TEST_F(Output, PlayingContinuesWhenTheLogsReaderIsGone) {
   const ProcessResult played =
       shell("{ " + std::string(kPlay) + " 2>&1 >/dev/null; echo $? >\"$3/code\"; } | true");
   std::string code;
@@ -50,8 +50,8 @@ TEST_F(Output, PlayingGoesOnWhenTheLogsReaderIsGone) {
   EXPECT_EQ(code, "0") << played.err;
 }
 
-TEST_F(Output, DroppedLogLinesAreInTheStatistics) {
-  // The picture is read before the panel is found; only then a line is due.
+TEST_F(Output, DroppedLogLinesAreCountedInTheStatistics) {
+  // The picture is read before the panel is found; only then is a line due.
   const ProcessResult played =
       shell(R"("$1" play card --rig "$2" --display kms:HDMI-A-99 --wait-for-panel 1 )"
             R"(--stats "$3/stats.json" 2>/dev/full)");
@@ -130,7 +130,7 @@ TEST_F(Output, APlaylistsTitlesAndItemsAreEscaped) {
   expect_harmless({std::istreambuf_iterator<char>(stats), {}});
 }
 
-TEST_F(Output, ErrorsAreJsonForThoseWhoAskForIt) {
+TEST_F(Output, ErrorsAreJsonOnRequest) {
   struct Case {
     std::vector<std::string> arguments;
     int exit_code;
@@ -158,7 +158,7 @@ TEST_F(Output, ErrorsAreJsonForThoseWhoAskForIt) {
   }
 }
 
-TEST_F(Output, AMistypedCommandOrFlagNamesTheOneThatWasMeant) {
+TEST_F(Output, SuggestsTheNearestCommandOrFlag) {
   struct Case {
     std::vector<std::string> arguments;
     const char* error;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Full and read-only disks, folders that go, flooded sockets, closed terminals: the film goes on.
+// Tests that the film continues on full and read-only disks, removed folders, flooded sockets and
+// closed terminals.
 #include <fcntl.h>
 #include <pty.h>
 #include <sys/resource.h>
@@ -29,15 +30,15 @@ class OutsideTrouble : public PlayerTest {
   }
   [[nodiscard]] std::string film() const { return path("film/%03d.png"); }
 
-  /// Whether this process may mount file systems for its children. Elsewhere the tests make the
-  /// same trouble by other means.
+  /// Returns true if this process may mount file systems for its children. Otherwise the tests
+  /// cause the same errors by other means.
   [[nodiscard]] static bool may_mount() {
     static const bool may =
         run_process({"/bin/sh", "-c", "unshare -m mount -t tmpfs -o size=64k none /mnt"})
             .exit_code == 0;
     return may;
   }
-  /// Runs `words` after `mounts` in a mount namespace of their own.
+  /// Returns a command that runs `words` after `mounts` in a mount namespace of their own.
   [[nodiscard]] static std::vector<std::string> among(const std::string& mounts,
                                                       const std::vector<std::string>& words) {
     std::vector<std::string> all = {"/usr/bin/env",
@@ -50,11 +51,11 @@ class OutsideTrouble : public PlayerTest {
     all.insert(all.end(), words.begin(), words.end());
     return all;
   }
-  /// The file as the player sees it.
+  /// Returns the path of a file in the player's mount namespace.
   [[nodiscard]] std::string seen_by_player(const std::string& file) const {
     return "/proc/" + std::to_string(player_->pid()) + "/root" + file;
   }
-  /// No file of the player can grow beyond `bytes` from now on.
+  /// Limits the size of every file that the player writes to `bytes` from now on.
   void limit_files(rlim_t bytes) const {
     rlimit limit{};
     ASSERT_EQ(prlimit(player_->pid(), RLIMIT_FSIZE, nullptr, &limit), 0);
@@ -79,7 +80,7 @@ class OutsideTrouble : public PlayerTest {
   }
 };
 
-TEST_F(OutsideTrouble, AFullRuntimeFolderIsToldOnceAndTheFilmGoesOn) {
+TEST_F(OutsideTrouble, AFullRuntimeFolderIsReportedOnceAndTheFilmContinues) {
   const std::string run = path("run");
   std::vector<std::string> words =
       play_words(film(), {"--loop", "forever", "--stats", run + "/stats.json"});
@@ -112,7 +113,7 @@ TEST_F(OutsideTrouble, AFullRuntimeFolderIsToldOnceAndTheFilmGoesOn) {
   EXPECT_NE(played.err.find("written again"), std::string::npos) << played.err;
 }
 
-TEST_F(OutsideTrouble, AReadOnlyRootKeepsNothingFromPlaying) {
+TEST_F(OutsideTrouble, PlaysOnAReadOnlyRoot) {
   fs::create_directories(path("out"));
   const std::vector<std::string> outputs = {"--loop",   "forever",
                                             "--stats",  path("out/stats.json"),
@@ -141,7 +142,7 @@ TEST_F(OutsideTrouble, AReadOnlyRootKeepsNothingFromPlaying) {
   EXPECT_EQ(played.exit_code, 143) << played.err;
 }
 
-TEST_F(OutsideTrouble, VideosPlayWhereThereIsNoTmp) {
+TEST_F(OutsideTrouble, PlaysVideosWithoutTmp) {
   const ProcessResult made = run({"convert", film(), "-o", path("clip.mkv"), "--rate", "30"});
   ASSERT_EQ(made.exit_code, 0) << made.err;
   std::vector<std::string> words = {"/usr/bin/env", "-u", "XDG_RUNTIME_DIR", "-u",
@@ -149,7 +150,7 @@ TEST_F(OutsideTrouble, VideosPlayWhereThereIsNoTmp) {
   const std::vector<std::string> play = play_words(path("clip.mkv"), {"--loop", "forever"});
   words.insert(words.end(), play.begin(), play.end());
   if (may_mount()) {
-    // The folder of the test may lie in /tmp: it is seen in /mnt, and nothing else is left.
+    // The test's folder may lie in /tmp, so it is mounted at /mnt; /tmp itself is empty.
     for (std::string& word : words)
       if (word.find(folder_.string()) == 0) word.replace(0, folder_.string().size(), "/mnt");
     words = among(
@@ -164,10 +165,10 @@ TEST_F(OutsideTrouble, VideosPlayWhereThereIsNoTmp) {
   EXPECT_EQ(quit().exit_code, 143);
 }
 
-TEST_F(OutsideTrouble, AFullDiskUnderTheLogEndsNothing) {
+TEST_F(OutsideTrouble, PlaysOnWhenTheLogsDiskIsFull) {
   const std::string log = may_mount() ? path("run/log") : "/dev/full";
   std::vector<std::string> words = {"/bin/sh", "-c", "exec \"$@\" 2>" + log, "sh"};
-  // A controlling terminal would make SIGHUP the end.
+  // SIGHUP would end a player that has a controlling terminal.
   words.insert(words.end(), {"/usr/bin/env", "setsid"});
   const std::vector<std::string> play = play_words(film(), {"--loop", "forever"});
   words.insert(words.end(), play.begin(), play.end());
@@ -176,13 +177,13 @@ TEST_F(OutsideTrouble, AFullDiskUnderTheLogEndsNothing) {
   ASSERT_TRUE(has_started());
   if (may_mount()) fill(seen_by_player(path("run/fill")));
   for (int k = 0; k < 3; ++k) {
-    player_->signal(SIGHUP);  // it says that it reloads
+    player_->signal(SIGHUP);  // makes the player log a reload
     EXPECT_TRUE(film_goes_on());
   }
   EXPECT_EQ(quit().exit_code, 143);
 }
 
-TEST_F(OutsideTrouble, AFloodedControlSocketLeavesTheFilmAlone) {
+TEST_F(OutsideTrouble, PlaysOnWhileTheControlSocketIsFlooded) {
   start(play_words(film(), {"--loop", "forever", "--record", "checksums:" + path("sums")}));
   ASSERT_TRUE(has_started());
   std::atomic<bool> over{false};
@@ -203,7 +204,7 @@ TEST_F(OutsideTrouble, AFloodedControlSocketLeavesTheFilmAlone) {
   };
   std::vector<std::thread> attackers;
   for (int k = 0; k < 3; ++k) attackers.emplace_back(flood);
-  // Each question is a connection of its own: some are answered, whatever else comes.
+  // Each request uses a connection of its own; some are answered in spite of the flood.
   EXPECT_TRUE(film_goes_on(120));
   over = true;
   for (std::thread& attacker : attackers) attacker.join();
@@ -213,7 +214,7 @@ TEST_F(OutsideTrouble, AFloodedControlSocketLeavesTheFilmAlone) {
   EXPECT_EQ(played.exit_code, 143) << played.err;
 }
 
-TEST_F(OutsideTrouble, SixteenIdleClientsKeepNobodyOut) {
+TEST_F(OutsideTrouble, SixteenIdleClientsDoNotBlockANewOne) {
   start(play_words(film(), {"--loop", "forever"}));
   ASSERT_TRUE(has_started());
   const frames::UnixAddress address = frames::unix_address(socket_);
@@ -226,7 +227,7 @@ TEST_F(OutsideTrouble, SixteenIdleClientsKeepNobodyOut) {
   EXPECT_EQ(quit().exit_code, 143);
 }
 
-TEST_F(OutsideTrouble, AFolderThatIsRemovedUnderTheStatisticsEndsNothing) {
+TEST_F(OutsideTrouble, PlaysOnWhenTheStatisticsFolderIsRemoved) {
   fs::create_directories(path("out"));
   start(play_words(film(), {"--loop", "forever", "--stats", path("out/stats.json")}));
   ASSERT_TRUE(has_started());
@@ -236,7 +237,7 @@ TEST_F(OutsideTrouble, AFolderThatIsRemovedUnderTheStatisticsEndsNothing) {
   EXPECT_EQ(quit().exit_code, 143);
 }
 
-TEST_F(OutsideTrouble, WhatIsNotWholeAtTheEndOfTheFilmIsExitCodeOne) {
+TEST_F(OutsideTrouble, AnIncompleteOutputAtTheEndIsExitCodeOne) {
   const auto play = [&](std::vector<std::string> more) {
     std::vector<std::string> words = {"play",       "card",
                                       "--rig",      path("rig.toml"),
@@ -257,7 +258,7 @@ TEST_F(OutsideTrouble, WhatIsNotWholeAtTheEndOfTheFilmIsExitCodeOne) {
   }
 }
 
-TEST_F(OutsideTrouble, WhatCanNeverBeWrittenIsRefusedAtOnce) {
+TEST_F(OutsideTrouble, RefusesUnwritableOutputsBeforePlaying) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
   for (const std::vector<std::string>& output :
        {std::vector<std::string>{"--stats", path("none/stats.json")},
@@ -279,7 +280,7 @@ TEST_F(OutsideTrouble, WhatCanNeverBeWrittenIsRefusedAtOnce) {
 
 // --- signals ----------------------------------------------------------------------------------
 
-TEST_F(OutsideTrouble, ATerminalThatClosesEndsThePlayerInGoodOrder) {
+TEST_F(OutsideTrouble, AClosedTerminalEndsThePlayerCleanly) {
   int terminal = -1;
   const pid_t child = forkpty(&terminal, nullptr, nullptr, nullptr);
   ASSERT_GE(child, 0);
@@ -305,7 +306,7 @@ TEST_F(OutsideTrouble, ATerminalThatClosesEndsThePlayerInGoodOrder) {
   EXPECT_FALSE(fs::exists(path("c.sock")));
 }
 
-TEST_F(OutsideTrouble, AHangupEndsWhatNobodyCanSteer) {
+TEST_F(OutsideTrouble, AHangupEndsAPlayerWithoutAControlSocket) {
   const ProcessResult played =
       run({"play", film(), "--rig", path("rig.toml"), "--display", "virtual:48x32@60", "--loop",
            "forever", "--stats", path("stats.json")},
@@ -314,7 +315,7 @@ TEST_F(OutsideTrouble, AHangupEndsWhatNobodyCanSteer) {
   EXPECT_EQ(stats(path("stats.json")).value("outcome", ""), "interrupted");
 }
 
-TEST_F(OutsideTrouble, WithoutATerminalAHangupReadsTheListAgain) {
+TEST_F(OutsideTrouble, WithoutATerminalAHangupReloadsTheList) {
   write_picture("other.png", 7);
   write("list.toml", "loop = \"forever\"\n[[item]]\nsource = \"film/%03d.png\"\n");
   std::vector<std::string> words = {"/usr/bin/env", "setsid"};
@@ -357,7 +358,7 @@ class EmptySequence : public OutsideTrouble {
   }
 };
 
-TEST_F(EmptySequence, ARingThatPlaysForEverWaitsForTheNextRenderer) {
+TEST_F(EmptySequence, ALoopingRingWaitsForTheNextRenderer) {
   start(play_words("ring:" + path("ring.sock"), {"--loop", "forever", "--wait", "forever"}));
   wait_for_ring();
   say_goodbye_without_a_frame();
@@ -367,7 +368,7 @@ TEST_F(EmptySequence, ARingThatPlaysForEverWaitsForTheNextRenderer) {
   EXPECT_EQ(quit().exit_code, 143);
 }
 
-TEST_F(EmptySequence, TheSameWithoutAControlSocket) {
+TEST_F(EmptySequence, ALoopingRingWaitsWithoutAControlSocket) {
   start({LENTICULE_PROGRAM, "play", "ring:" + path("ring.sock"), "--rig", path("rig.toml"),
          "--display", "virtual:48x32@60", "--loop", "forever", "--wait", "forever", "--stats",
          path("stats.json")});
@@ -382,7 +383,7 @@ TEST_F(EmptySequence, TheSameWithoutAControlSocket) {
   EXPECT_EQ(player_->wait(kPlayerPatience).exit_code, 143);
 }
 
-TEST_F(EmptySequence, NamedAloneItIsAnErrorOfTheInput) {
+TEST_F(EmptySequence, AsTheOnlySourceIsAnInputError) {
   start({LENTICULE_PROGRAM, "play", "ring:" + path("ring.sock"), "--rig", path("rig.toml"),
          "--display", "virtual:48x32@60"});
   wait_for_ring();
@@ -392,7 +393,7 @@ TEST_F(EmptySequence, NamedAloneItIsAnErrorOfTheInput) {
   EXPECT_NE(played.err.find("holds no frame"), std::string::npos) << played.err;
 }
 
-TEST_F(EmptySequence, InAListItIsLeftOutWithAReason) {
+TEST_F(EmptySequence, InAListIsSkippedWithAReason) {
   write("list.toml",
         "[[item]]\nsource = \"ring:" + path("ring.sock") +
             "\"\nwait_s = 60\n[[item]]\nsource = \"film/%03d.png\"\nloops = \"forever\"\n");

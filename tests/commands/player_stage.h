@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Players that run beside a test, are asked over their control sockets, and have a film to play.
+// Starts players beside a test, sends them requests over their control sockets, and writes films
+// for them.
 #pragma once
 
 #include <chrono>
@@ -16,13 +17,13 @@
 
 namespace lenticule::test {
 
-/// Long enough for the slowest machine; a test that needs it has failed.
+/// A timeout beyond the slowest machine's needs; a test that reaches it has failed.
 inline constexpr std::chrono::seconds kPlayerPatience{60};
 
 class PlayerTest : public CommandTest {
  protected:
   using json = nlohmann::json;
-  static constexpr frames::FrameGeometry kPanel{.width = 48, .height = 32};  // of tiny.toml
+  static constexpr frames::FrameGeometry kPanel{.width = 48, .height = 32};  // panel of tiny.toml
   static constexpr int kFilmFrames = 6;
 
   void SetUp() override {
@@ -30,11 +31,11 @@ class PlayerTest : public CommandTest {
     std::filesystem::copy_file(source_file("scenes/rigs/tiny.toml"), path("rig.toml"));
   }
   void TearDown() override {
-    player_.reset();  // it writes into the folder
+    player_.reset();  // the player writes into the folder
     CommandTest::TearDown();
   }
 
-  /// One picture, every pixel of which has this value; put in place of what was there.
+  /// Writes a picture whose pixels all have the value `level`; replaces an existing file.
   void write_picture(const std::string& name, uint8_t level,
                      frames::FrameGeometry size = kPanel) const {
     frames::WovenFrame frame(size);
@@ -42,14 +43,15 @@ class PlayerTest : public CommandTest {
     const std::filesystem::path file = path(name);
     frames::write_woven(frame.view(), file);
   }
-  /// film/000.png ...: frame k has level + k.
+  /// Writes film/000.png ...: frame k has the value level + k.
   void write_film(const std::string& folder, uint8_t level) const {
     std::filesystem::create_directories(path(folder));
     for (int k = 0; k < kFilmFrames; ++k)
       write_picture(folder + "/00" + std::to_string(k) + ".png", static_cast<uint8_t>(level + k));
   }
 
-  /// `play SOURCE` with rig, virtual display and a control socket; `wrapper` begins the command.
+  /// Returns the words of `play SOURCE` with rig, virtual display and control socket; `wrapper`
+  /// begins the command.
   [[nodiscard]] std::vector<std::string> play_words(const std::string& source,
                                                     std::vector<std::string> more = {}) const {
     std::vector<std::string> words = {
@@ -66,7 +68,7 @@ class PlayerTest : public CommandTest {
     words.insert(words.begin(), {"ctl", "--json", "--socket", socket_});
     return run(words);
   }
-  /// What a verb answers; null where it does not succeed.
+  /// Returns the answer to a verb; null if the verb fails.
   [[nodiscard]] json asked(const std::vector<std::string>& words) const {
     const ProcessResult result = ctl(words);
     return result.exit_code == 0 ? json::parse(result.out) : json();
@@ -86,7 +88,7 @@ class PlayerTest : public CommandTest {
     }
     return true;
   }
-  /// So many more frames reach the glass.
+  /// Returns true once `frames` more frames are displayed.
   [[nodiscard]] bool film_goes_on(uint64_t frames = 30) const {
     const uint64_t before = frames_shown();
     return comes_true([&] { return frames_shown() >= before + frames; });
@@ -94,7 +96,8 @@ class PlayerTest : public CommandTest {
   [[nodiscard]] bool says_about(const char* key, const std::string& text) const {
     return status().value(key, json()).dump().find(text) != std::string::npos;
   }
-  /// Every pixel of the frame on the glass; -1 where they differ or cannot be had.
+  /// Returns the value of every pixel of the displayed frame; -1 if the pixels differ or no frame
+  /// is available.
   [[nodiscard]] int level_on_glass() const {
     if (ctl({"snapshot", path("snap.png")}).exit_code != 0) return -1;
     const frames::WovenFrame snap = frames::read_woven(path("snap.png"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the command tests call the program, and a folder to work in.
+// Calls the program for the command tests and gives each test a folder.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -24,12 +24,12 @@ inline ProcessResult run(std::vector<std::string> arguments, const ProcessLimits
   return run_process(program(std::move(arguments)), limits);
 }
 
-/// A file of the source tree.
+/// Returns the path of a file of the source tree.
 inline std::string source_file(const std::string& name) {
   return std::string(LENTICULE_SOURCE_DIR) + "/" + name;
 }
 
-/// A temporary folder per test, removed at its end.
+/// A fixture that creates a temporary folder per test and removes it at the end.
 class CommandTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -49,7 +49,7 @@ class CommandTest : public testing::Test {
     std::ofstream(folder_ / name, std::ios::binary) << text;
   }
 
-  /// Names of everything in the folder, sorted.
+  /// Returns the names of all entries of the folder, sorted.
   [[nodiscard]] std::vector<std::string> listing() const {
     std::vector<std::string> names;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rendering with methods that reuse points, as users run it.
+// Tests rendering with methods that reuse points on the command line.
 #include <nlohmann/json.hpp>
 
 #include "frames/image_io.h"
@@ -47,7 +47,7 @@ class ReuseCommand : public CommandTest {
   frames::WovenFrame frame(const std::string& name) { return frames::read_woven(path(name)); }
 };
 
-/// Where a run was broken does not show, whether a key frame lies between or not.
+/// An interrupted run gives the same bytes, with and without a key frame after the interruption.
 TEST_F(ReuseCommand, ResumesToTheSameBytes) {
   const ProcessResult whole = render("whole", "3:20");
   ASSERT_EQ(whole.exit_code, 0) << whole.err;
@@ -64,7 +64,7 @@ TEST_F(ReuseCommand, ResumesToTheSameBytes) {
     EXPECT_EQ(frame(std::string("whole/") + name), frame(std::string("broken/") + name)) << name;
 }
 
-TEST_F(ReuseCommand, ShowsWhatWasMissing) {
+TEST_F(ReuseCommand, PaintsAndCountsMissingSubpixels) {
   const ProcessResult result = render("out", "0:2", {"--missing", path("missing/%02d.png")});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const auto report = nlohmann::json::parse(result.out);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `lenticule rig import`: what the other system's file says and a rig cannot hold is said.
+// Tests that `lenticule rig import` reports what a rig cannot express.
 #include <nlohmann/json.hpp>
 
 #include "tests/commands/program.h"
@@ -21,7 +21,7 @@ class RigImport : public CommandTest {
   }
 };
 
-TEST_F(RigImport, HintsAtInvertWhereViewsRunTheOtherWay) {
+TEST_F(RigImport, SuggestsInvertForReversedViewOrder) {
   for (const char* extra : {R"(, "invView": 0)", ""}) {
     const ProcessResult result = import(extra);
     EXPECT_TRUE(views_inverted(result));
@@ -29,13 +29,13 @@ TEST_F(RigImport, HintsAtInvertWhereViewsRunTheOtherWay) {
   }
 }
 
-TEST_F(RigImport, IsSilentWhereViewsRunAsOurs) {
+TEST_F(RigImport, GivesNoHintForTheUsualViewOrder) {
   const ProcessResult result = import(R"(, "invView": 1)");
   EXPECT_FALSE(views_inverted(result));
   EXPECT_EQ(result.err, "");
 }
 
-TEST_F(RigImport, KeepsTheRigThatWasThere) {
+TEST_F(RigImport, KeepsTheOldRig) {
   ASSERT_EQ(import("").exit_code, 0);
   ASSERT_EQ(run({"rig", "trim", path("rig.toml"), "--offset-by", "0.1"}).exit_code, 0);
   const ProcessResult second = import(R"(, "flipImageX": 1)");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The renderers of docs/examples, which speak the ring's protocol from docs/ring.md alone, against
-// the player: what is shown is what they drew.
+// Tests the example renderers of docs/examples, which implement docs/ring.md on their own, against
+// the player: the displayed frames are those that they drew.
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -12,9 +12,9 @@ namespace lenticule::test {
 namespace {
 
 const std::string kTiny = source_file("scenes/rigs/tiny.toml");
-constexpr uint64_t kFrames = 24;  // more than slots, so that some are waited for
+constexpr uint64_t kFrames = 24;  // more than slots, so that the renderer waits for some
 
-/// As the examples draw it.
+/// Returns the frame that the examples draw.
 frames::WovenFrame drawn(uint64_t number) {
   frames::WovenFrame frame({.width = 48, .height = 32});
   for (int y = 0; y < frame.height(); ++y)
@@ -48,7 +48,7 @@ class RingExamples : public CommandTest {
       char name[16];
       std::snprintf(name, sizeof name, "%08ju.png", uintmax_t{number});
       const std::string file = path(std::string("shown/") + name);
-      if (!std::filesystem::exists(file)) continue;  // a busy machine records not every frame
+      if (!std::filesystem::exists(file)) continue;  // a busy machine does not record every frame
       EXPECT_EQ(frames::read_woven(file), drawn(number)) << number;
       ++compared;
     }
@@ -56,15 +56,15 @@ class RingExamples : public CommandTest {
   }
 };
 
-TEST_F(RingExamples, TheRendererInCShowsTheFramesThatItDrew) {
+TEST_F(RingExamples, TheCRenderersFramesAreDisplayedUnchanged) {
   expect_shown({RING_RENDERER_EXAMPLE});
 }
 
-TEST_F(RingExamples, TheRendererInPythonShowsTheFramesThatItDrew) {
+TEST_F(RingExamples, ThePythonRenderersFramesAreDisplayedUnchanged) {
   expect_shown({"/usr/bin/python3", source_file("docs/examples/ring_renderer.py")});
 }
 
-TEST_F(RingExamples, TheyAreRefusedWithAnotherRig) {
+TEST_F(RingExamples, AreRefusedForAnotherRig) {
   const std::string socket = path("ring");
   const BackgroundProcess player(
       program({"play", "ring:" + socket, "--rig", kTiny, "--display", "virtual"}));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts that fail again and again: the next one shows what is wrong instead of dying forever.
+// Tests that after repeated failed starts the next start shows the reason instead of failing again.
 #include <algorithm>
 #include <ctime>
 #include <nlohmann/json.hpp>
@@ -45,7 +45,7 @@ class SafeStart : public CommandTest {
   [[nodiscard]] nlohmann::json stats() const {
     return nlohmann::json::parse(std::ifstream(path("stats.json")));
   }
-  /// A white line along every edge, and not the film.
+  /// Returns true if the picture is a test card: a white line along every edge.
   [[nodiscard]] bool is_card(const std::string& file) const {
     const frames::WovenFrame frame = frames::read_woven(path(file));
     return std::all_of(frame.row(0), frame.row(0) + 3 * kPanel.width,
@@ -53,7 +53,7 @@ class SafeStart : public CommandTest {
   }
 };
 
-TEST_F(SafeStart, ASourceThatCannotBeOpenedIsACardWithTheReason) {
+TEST_F(SafeStart, ShowsTheReasonOnACardWhenTheSourceCannotBeOpened) {
   const ProcessResult played =
       run_process(play({"--safe", "--duration", "1", "--record", "png:" + path("shown")}));
   EXPECT_EQ(played.exit_code, 4) << played.err;
@@ -64,7 +64,7 @@ TEST_F(SafeStart, ASourceThatCannotBeOpenedIsACardWithTheReason) {
   EXPECT_EQ(stats().at("real_time_priority"), false);
 }
 
-TEST_F(SafeStart, TheFilmIsPlayedAsSoonAsItCanBe) {
+TEST_F(SafeStart, PlaysTheFilmAsSoonAsItCanBeOpened) {
   BackgroundProcess player(play({"--safe", "--loop", "2", "--record", "png:" + path("shown")}));
   for (int i = 0; i < 3000 && !std::filesystem::exists(path("stats.json")); ++i)
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -75,11 +75,11 @@ TEST_F(SafeStart, TheFilmIsPlayedAsSoonAsItCanBe) {
   EXPECT_TRUE(stats().at("safe_start").at("trouble").is_null());
 }
 
-TEST_F(SafeStart, AFlagThatMakesNoSenseStaysAnError) {
+TEST_F(SafeStart, AnInvalidFlagIsStillAnError) {
   EXPECT_EQ(run_process(play({"--safe", "--loop", "never"})).exit_code, 2);
 }
 
-TEST_F(SafeStart, ACrashLoopEndsInACardInsteadOfDyingForEver) {
+TEST_F(SafeStart, ACrashLoopEndsInACardWithTheReason) {
   for (int start = 0; start < 5; ++start) {
     const ProcessResult played = run_process(play({}));
     EXPECT_EQ(played.exit_code, 4) << played.err;
@@ -92,7 +92,7 @@ TEST_F(SafeStart, ACrashLoopEndsInACardInsteadOfDyingForEver) {
   EXPECT_EQ(stats().at("safe_start").at("failed_starts"), 5);
 }
 
-TEST_F(SafeStart, ASourceThatEndsEveryPlayerIsNotTriedAtOnce) {
+TEST_F(SafeStart, DelaysASourceThatCrashedEveryPlayer) {
   write_film();
   std::string starts;
   timespec since_boot{};
@@ -106,7 +106,7 @@ TEST_F(SafeStart, ASourceThatEndsEveryPlayerIsNotTriedAtOnce) {
   EXPECT_NE(played.err.find("ended 10 times"), std::string::npos) << played.err;
 }
 
-TEST_F(SafeStart, OrderlyEndsAreNoFailures) {
+TEST_F(SafeStart, OrderlyEndsDoNotCountAsFailures) {
   write_film();
   for (int start = 0; start < 7; ++start) {
     const ProcessResult played = run_process(play({}));

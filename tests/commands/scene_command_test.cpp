@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule scene: the list, and a scene with its camera path as files for this and other programs.
+// Tests `lenticule scene`: the list, and a scene with its camera path as files for this and other
+// programs.
 #include <gmock/gmock.h>
 
 #include <fstream>
@@ -30,7 +31,7 @@ class SceneCommand : public CommandTest {
   }
 };
 
-TEST_F(SceneCommand, ListsWhatEachSceneIsMadeOf) {
+TEST_F(SceneCommand, ListsThePrimitivesOfEachScene) {
   const auto list = nlohmann::json::parse(run({"scene", "list", "--json"}).out);
   std::map<std::string, nlohmann::json> scenes;
   for (const auto& scene : list) scenes[scene["name"]] = scene;
@@ -72,7 +73,7 @@ TEST_F(SceneCommand, ACameraPathAloneWritesNoScene) {
   EXPECT_EQ(std::count(path_text.begin(), path_text.end(), '\n'), 634 + 1);
 }
 
-TEST_F(SceneCommand, SaysThatNffLosesPictures) {
+TEST_F(SceneCommand, WarnsThatNffLosesTextures) {
   const ProcessResult room = run({"scene", "room", "-o", path("room.nff"), "--json"});
   EXPECT_EQ(room.exit_code, 0);
   EXPECT_THAT(room.err, HasSubstr("NFF has no pictures"));

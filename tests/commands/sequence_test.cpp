@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sequence containers on the command line: rendered, resumed, played, converted, refused.
+// Tests sequence containers on the command line: rendered, resumed, played, converted, refused.
 #include <csignal>
 #include <fstream>
 #include <iterator>
@@ -23,7 +23,7 @@ class SequenceCommand : public CommandTest {
   }
 };
 
-TEST_F(SequenceCommand, IsRenderedInTwoSittingsAndConvertedToTheSamePictures) {
+TEST_F(SequenceCommand, IsRenderedInTwoRunsAndConvertedToTheSamePictures) {
   ASSERT_EQ(render("3:5", "film.lts").exit_code, 0);
   const ProcessResult second = render("3:7", "film.lts");
   ASSERT_EQ(second.exit_code, 0) << second.err;
@@ -35,7 +35,7 @@ TEST_F(SequenceCommand, IsRenderedInTwoSittingsAndConvertedToTheSamePictures) {
     EXPECT_EQ(frames::read_woven(path(name)), frames::read_woven(path("out" + name))) << name;
 }
 
-TEST_F(SequenceCommand, IsPlayedAtItsRateAndCountsWhatIsDamaged) {
+TEST_F(SequenceCommand, IsPlayedAtItsRateAndCountsDamagedFrames) {
   ASSERT_EQ(render("0:4", "film.lts").exit_code, 0);
   {
     std::fstream file(path("film.lts"), std::ios::binary | std::ios::in | std::ios::out);
@@ -63,7 +63,7 @@ TEST_F(SequenceCommand, RefusesAnotherRigNamingBoth) {
   EXPECT_TRUE(std::filesystem::exists(path("film.lts")));
 }
 
-/// A film, then a trim: what was woven before plays on and says how far off it is.
+/// Makes a film, then a trim: older frames still play, with a warning that states the phase error.
 TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
   std::filesystem::copy_file(kTiny, path("rig.toml"));
   const std::string rig = path("rig.toml");
@@ -82,7 +82,7 @@ TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
   EXPECT_NE(after.err.find("film.lts: woven for the rig before the trim by +0.01 lens"),
             std::string::npos)
       << after.err;
-  // The same in a list, whose rounds do not repeat the warning.
+  // The same film in a list: later rounds do not repeat the warning.
   write("list.toml", "format = 1\n[[item]]\nsource = \"film.lts\"\n");
   const ProcessResult list = run({"play", path("list.toml"), "--rig", rig, "--display", "virtual",
                                   "--clock", "simulated", "--loop", "3"});
@@ -91,7 +91,7 @@ TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
   EXPECT_NE(first, std::string::npos) << list.err;
   EXPECT_EQ(list.err.find("before the trim", first + 1), std::string::npos) << list.err;
 
-  // A film of the trimmed rig plays without a word, and with one once the trim is taken back.
+  // A film of the trimmed rig plays without a warning, and with one after the trim is reset.
   ASSERT_EQ(run({"render", "builtin:demo", "--rig", rig, "--frames", "0:3", "-o", path("film.lts")})
                 .exit_code,
             0)
@@ -101,11 +101,11 @@ TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
   const ProcessResult reset = run(play);
   EXPECT_EQ(reset.exit_code, 0);
   EXPECT_NE(reset.err.find("before the trim by -0.01 lens"), std::string::npos) << reset.err;
-  // It is still another rig's film for another rig.
+  // A film of another rig is still refused.
   EXPECT_EQ(run({"play", path("film.lts"), "--rig", kOther, "--display", "virtual"}).exit_code, 4);
 }
 
-TEST_F(SequenceCommand, ARendererWithoutThePlayersTrimIsLetIn) {
+TEST_F(SequenceCommand, ARendererWithoutThePlayersTrimIsAccepted) {
   std::filesystem::copy_file(kTiny, path("trimmed.toml"));
   ASSERT_EQ(run({"rig", "trim", path("trimmed.toml"), "--offset-by", "0.02"}).exit_code, 0);
   BackgroundProcess player(program({"play", "ring:" + path("ring"), "--rig", path("trimmed.toml"),
@@ -145,7 +145,7 @@ TEST_F(SequenceCommand, AnotherFilmIsReplacedOnlyWithOverwrite) {
   EXPECT_EQ(again("builtin:rings", kTiny, "film.lts", {"--overwrite"}).exit_code, 0);
   EXPECT_FALSE(unchanged());
 
-  // What was begun counts, and so does what is no film.
+  // An unfinished file protects the name as well, and so does a file that is not a film.
   std::filesystem::rename(path("film.lts"), path("begun.lts.part"));
   EXPECT_EQ(again("builtin:demo", kTiny, "begun.lts").exit_code, 4);
   write("notes.lts", "not a film");
@@ -199,8 +199,8 @@ TEST_F(SequenceCommand, KilledAtAnyMomentAndResumedTheFileHasTheBytesOfOneRun) {
   EXPECT_EQ(listing(), (std::vector<std::string>{"film.lts", "whole.lts"}));
 }
 
-/// Whatever a killed renderer or encoder was writing when it died.
-TEST_F(SequenceCommand, WhatKilledWritersLeftIsGoneAfterTheNextRun) {
+/// Covers every file that a renderer or encoder was writing when it was killed.
+TEST_F(SequenceCommand, TheNextRunRemovesFilesOfKilledWriters) {
   const std::vector<std::string> pictures =
       program({"render", "builtin:demo", "--rig", kTiny, "--frames", "0:400", "-o",
                path("out/%03d.png"), "--overwrite"});
@@ -213,7 +213,7 @@ TEST_F(SequenceCommand, WhatKilledWritersLeftIsGoneAfterTheNextRun) {
     writer.signal(SIGKILL);
     (void)writer.wait(std::chrono::seconds(60));
   }
-  // The encoder of a killed run may take a moment to see that nothing comes any more.
+  // The encoder of a killed run may take a moment to notice the end of its input.
   size_t left = 1;
   for (int tries = 0; tries < 50 && left > 0; ++tries) {
     const ProcessResult again = run_process(video);

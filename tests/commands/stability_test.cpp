@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of stress cases: every row passes, and a row that is not there is an error.
+// Tests that every row of the table of stress cases passes, and that an unknown row is an error.
 #include <nlohmann/json.hpp>
 
 #include "tests/commands/program.h"
@@ -25,7 +25,7 @@ TEST(Stability, PrintsOneRowOnRequest) {
   EXPECT_NE(result.err.find("stability"), std::string::npos) << result.err;
 }
 
-TEST(Stability, AnUnknownRowIsAUsageErrorThatNamesTheOthers) {
+TEST(Stability, AnUnknownRowIsAUsageErrorThatListsTheKnownOnes) {
   const ProcessResult result = run({"bench", "stability", "--row", "weather"});
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_NE(result.err.find("corners"), std::string::npos) << result.err;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `lenticule play card`: a test card on any display, without a panel for those who have none.
+// Tests `lenticule play card`: a test card on any display, also without a panel.
 #include <algorithm>
 #include <csignal>
 #include <nlohmann/json.hpp>
@@ -31,7 +31,7 @@ TEST_F(TestCardCommand, IsShownOnAVirtualDisplayInThePanelsSize) {
   EXPECT_GT(lit, 100'000) << "words and patterns";
 }
 
-TEST_F(TestCardCommand, RecordingSaysHowManyFramesItMissed) {
+TEST_F(TestCardCommand, RecordingReportsTheNumberOfMissedFrames) {
   const ProcessResult played =
       run({"play", "card", "--rig", source_file("scenes/rigs/kiosk-27-4k.toml"), "--display",
            "virtual", "--fps", "60", "--loop", "40", "--record", "png:" + path("shown"), "--json"});
@@ -44,7 +44,7 @@ TEST_F(TestCardCommand, RecordingSaysHowManyFramesItMissed) {
   EXPECT_EQ(played.err.find("are not recorded") != std::string::npos, skipped > 0) << played.err;
 }
 
-TEST_F(TestCardCommand, StaysUntilItIsInterrupted) {
+TEST_F(TestCardCommand, IsShownUntilInterrupted) {
   const ProcessResult played =
       run({"play", "card", "--rig", rig, "--display", "virtual"},
           {.interrupt_signal = SIGINT, .interrupt_after = std::chrono::milliseconds(1500)});
@@ -52,7 +52,7 @@ TEST_F(TestCardCommand, StaysUntilItIsInterrupted) {
   EXPECT_NE(played.err.find("interrupted"), std::string::npos) << played.err;
 }
 
-TEST_F(TestCardCommand, NeedsAPanelWhereItIsAskedForOne) {
+TEST_F(TestCardCommand, TimesOutIfTheNamedPanelIsMissing) {
   const ProcessResult played = run({"play", "card", "--rig", rig, "--display", "kms:HDMI-A-99",
                                     "--wait-for-panel", "1", "--stats", path("stats.json")});
   EXPECT_EQ(played.exit_code, 3) << played.err;

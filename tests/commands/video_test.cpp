@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Video files as their users meet them: played by lenticule, looked at and made by lenticule-video.
+// Tests video files on the command line: played by lenticule, probed and written by
+// lenticule-video.
 #include <gmock/gmock.h>
 
 #include <chrono>
@@ -17,7 +18,7 @@ namespace fs = std::filesystem;
 using namespace std::chrono_literals;
 using nlohmann::json;
 
-constexpr int kWidth = 48;  // of scenes/rigs/tiny.toml
+constexpr int kWidth = 48;  // size of scenes/rigs/tiny.toml
 constexpr int kHeight = 32;
 
 class VideoCommands : public CommandTest {
@@ -45,7 +46,7 @@ class VideoCommands : public CommandTest {
             "--display", "virtual"};
   }
 
-  /// The decoder that `player` has started, whichever of its threads did; 0 while there is none.
+  /// Returns the decoder that any thread of `player` has started; 0 if there is none.
   [[nodiscard]] static pid_t decoder_of(pid_t player) {
     std::error_code gone;
     const fs::path threads = "/proc/" + std::to_string(player) + "/task";
@@ -60,7 +61,7 @@ class VideoCommands : public CommandTest {
     return 0;
   }
 
-  /// Neither gone nor waiting for init to notice that it is.
+  /// Returns true if the process exists and is not a zombie.
   [[nodiscard]] static bool runs(pid_t process) {
     std::ifstream in("/proc/" + std::to_string(process) + "/stat");
     const std::string text((std::istreambuf_iterator<char>(in)), {});
@@ -81,7 +82,7 @@ TEST_F(VideoCommands, PlayShowsEveryFrameInEveryLoop) {
   EXPECT_EQ(statistics["content_rate"], "30");
 }
 
-TEST_F(VideoCommands, PlayRefusesOtherSizesAndHalvedColours) {
+TEST_F(VideoCommands, PlayRefusesOtherSizesAndSubsampledChroma) {
   make_clip("large.mkv", kWidth + 2, kHeight, 1);
   EXPECT_EQ(run(play("large.mkv")).exit_code, 4);
   make_clip("halved.mkv", kWidth, kHeight, 1, "--pixels yuv420p");
@@ -104,7 +105,7 @@ TEST_F(VideoCommands, ProbeDescribesAClip) {
   EXPECT_EQ(stream["full_chroma"], true);
 }
 
-TEST_F(VideoCommands, ExitCodesAreTheContracts) {
+TEST_F(VideoCommands, ExitCodesFollowTheContract) {
   EXPECT_EQ(video({"--help"}).exit_code, 0);
   EXPECT_EQ(video({"probe"}).exit_code, 2);
   EXPECT_EQ(video({"probe", path("absent.mkv")}).exit_code, 4);
@@ -114,11 +115,11 @@ TEST_F(VideoCommands, ExitCodesAreTheContracts) {
   EXPECT_TRUE(listing().empty());
 }
 
-TEST_F(VideoCommands, TheDecoderDiesWithThePlayer) {
+TEST_F(VideoCommands, TheDecoderEndsWithThePlayer) {
   make_clip("clip.mkv", kWidth, kHeight, 3);
   std::vector<std::string> words = play("clip.mkv");
   words.insert(words.end(), {"--loop", "forever"});
-  // Through a shell that tells its number before it becomes the player.
+  // The shell writes its process id before it becomes the player.
   std::string command = "echo $$ > " + path("pid") + "; exec";
   for (const std::string& word : program(words)) command += " '" + word + "'";
   const BackgroundProcess player({"/bin/sh", "-c", command});

@@ -96,7 +96,7 @@ def ball(columns=32, rows=16):
 
 
 def quad(width, depth, repeats):
-    """On the ground, facing up."""
+    """A square on the ground, facing up."""
     positions = [[-width, 0, depth], [width, 0, depth], [width, 0, -depth], [-width, 0, -depth]]
     uvs = [[0, repeats * depth / width], [repeats, repeats * depth / width], [repeats, 0], [0, 0]]
     return positions, [[0, 1, 0]] * 4, uvs, [0, 1, 2, 0, 2, 3]

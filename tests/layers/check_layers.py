@@ -7,7 +7,7 @@
 Fails with a list of the places where
 - a module includes one that docs/architecture.md does not allow it to include, or names a library
   that belongs to another module,
-- sub-folders of a module include each other in a circle,
+- sub-folders of a module include each other in a cycle,
 - a folder holds more than MOST_FILES sources,
 - a source prints without base/print.h,
 - a kernel for one instruction set is named outside of base/cpu.h, which asks the processor.
@@ -73,7 +73,7 @@ def module_of(path):
 
 
 def circles(arrows):
-    """The sets of folders that reach each other (Tarjan's strongly connected components)."""
+    """Returns the sets of folders that reach each other (Tarjan's strongly connected components)."""
     number, low, stack, found = {}, {}, [], []
 
     def visit(folder):

@@ -3,7 +3,7 @@
 
 Usage: check_named_tests.py SOURCE_DIR
 
-What counts as a test's name, in backticks: Suite.Name or Instances/Suite.Name of GoogleTest, .Name of
+Names of tests, in backticks: Suite.Name or Instances/Suite.Name of GoogleTest, .Name of
 the suite named before it, test_FILE.NAME of tests/vm, fuzz.replay.NAME, and scripts/NAME.
 """
 
@@ -20,7 +20,7 @@ GOOGLE = re.compile(r"(?:\w+/)?([A-Z]\w*)\.([A-Z]\w+)")
 
 
 def existing(source):
-    """Names of every test in the tree."""
+    """Returns the names of all tests in the tree."""
     names = set()
     for path in (source / "tests").rglob("*.cpp"):
         text = path.read_text()
@@ -35,7 +35,7 @@ def existing(source):
 
 
 def named(text):
-    """(line number, name) of every test that a page names."""
+    """Yields (line number, name) for every test that a page names."""
     suite = ""
     for number, line in enumerate(text.splitlines(), 1):
         for word in re.findall(r"`([^`]+)`", line):

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Counts what a test program allocates, to hold running loops to their promise. To be included by
-// one source of a program. The address sanitizer brings its own operators new, which must not be
-// mixed with these: then nothing is counted.
+// Counts the allocations of a test program, to check that running loops do not allocate. Only one
+// source of a program may include this file. The address sanitizer has operators new of its own,
+// which must not be mixed with these: then nothing is counted.
 #pragma once
 
 #include <atomic>

@@ -6,7 +6,7 @@
 namespace lenticule::testing {
 namespace {
 
-/// Ex of the eye on the viewing line that sees a panel point at the apex line of `lens`.
+/// Returns Ex of the eye on the viewing line that sees a panel point at the apex line of `lens`.
 double eye_of(const optics::OpticalModel& model, Vec2 point_px, int channel, int64_t lens,
               double near_ex) {
   optics::Eye eye = model.design_eye();
@@ -43,7 +43,7 @@ ReferenceLine beam_line(const optics::OpticalModel& model, int i, int j, int cha
       parallel ? mm.y + gap * eye.y : (mm.y * eye.z_mm + gap * eye.y) / (eye.z_mm + gap);
   const double apex = model.lens_point_mm(mm, eye).x;
   const double x = apex + place.lens * model.pitch_mm();
-  // Where the ray of an eye far away goes, it goes all across the lens.
+  // The rays to an eye at infinity are parallel across the whole lens.
   if (parallel) return {.x_mm = x, .y_mm = y, .tan_x = eye.x, .tan_y = eye.y};
   return {.x_mm = x, .y_mm = y, .tan_x = (eye.x - x) / eye.z_mm, .tan_y = (eye.y - y) / eye.z_mm};
 }

@@ -12,7 +12,8 @@ namespace {
 constexpr long double kJoined = 1.5L;
 constexpr long double kHair = 1e-9L;
 
-/// From pixel `left` to pixel `right`; the same one for half a pixel at an edge.
+/// A piece of the row from pixel `left` to pixel `right`; at an edge both are the same pixel, for
+/// half a pixel.
 struct Piece {
   long double begin, end;
   int left, right;
@@ -48,7 +49,7 @@ struct Hit {
   bool surely;
 };
 
-/// The nearest pieces at pixel k; several where a hair decides.
+/// Returns the nearest pieces at pixel k; several if rounding decides between them.
 std::vector<Hit> hits_at(const DepthRow& row, const std::vector<Piece>& pieces, int k) {
   const long double x = k + 0.5L;
   std::vector<Hit> hits;
@@ -80,14 +81,15 @@ Colour colour_of(const DepthRow& row, const Hit& hit) {
   return colour;
 }
 
-/// One pixel further into the surface that ends there.
+/// Returns the next pixel inside the surface that ends there.
 int inner_pixel(const DepthRow& row, const Hit& edge, int step) {
   const int source = edge.piece.left;
   const bool same = step < 0 ? joined(row, source - 1) : joined(row, source);
   return same ? source + step : source;
 }
 
-/// Covered whichever way a hair decides: inside a piece, or where one ends and another begins.
+/// Returns true if the pixel is covered however rounding decides: inside a piece, or where one
+/// piece ends and another begins.
 bool certain(const std::vector<Hit>& hits, int k) {
   bool ends = false, begins = false;
   for (const Hit& hit : hits) {
@@ -98,7 +100,7 @@ bool certain(const std::vector<Hit>& hits, int k) {
   return ends && begins;
 }
 
-/// The pieces that may bound a hole on one side.
+/// Returns the pieces that may bound a hole on one side.
 std::vector<Hit> edge_of_hole(const DepthRow& row, const std::vector<Piece>& pieces, int k,
                               int step) {
   const int width = static_cast<int>(row.disparity.size());

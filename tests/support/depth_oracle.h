@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// One row of a picture and its depth, seen by one view, as slowly and plainly as possible: for
-// every pixel, all pieces of the row are asked whether they cover it. Shares no code with
-// frames/views_input/depth_views.cpp but the definition in its header.
+// Reference implementation of one row of a depth view, slow and simple: every pixel is tested
+// against all pieces of the row. It shares only the definition in the header with
+// frames/views_input/depth_views.cpp.
 #pragma once
 
 #include <array>
@@ -16,8 +16,8 @@ struct DepthRow {
 
 using Colour = std::array<int, 3>;
 
-/// Every colour that a right implementation may give pixel `k` of view `view` of `views`: several
-/// where rounding decides between pieces. Codes are off by one at most.
+/// Returns every colour that a correct implementation may give pixel `k` of view `view` of `views`:
+/// several if rounding decides between pieces. Codes may differ by one.
 [[nodiscard]] std::vector<Colour> depth_oracle(const DepthRow& row, int view, int views, int k);
 
 }  // namespace lenticule::test

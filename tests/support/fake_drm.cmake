@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-# A fake libdrm. As sources of the test program its functions come before those of the library, and
-# --as-needed keeps the library out when nothing of it is missing.
+# A fake libdrm. Its functions are sources of the test program and so replace those of the library;
+# --as-needed drops the library if the fake is complete.
 add_library(lenticule_fake_drm INTERFACE)
 target_sources(lenticule_fake_drm INTERFACE
   ${CMAKE_CURRENT_LIST_DIR}/fake_drm.cpp

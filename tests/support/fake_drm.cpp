@@ -22,7 +22,7 @@ bool readable(int fd) {
   return fd >= 0 && poll(&entry, 1, 0) == 1;
 }
 
-/// Waiting lets simulated time pass, one happening after the other.
+/// A clock of simulated time: waiting advances it from event to event.
 class FakeClock final : public display::Clock {
  public:
   explicit FakeClock(FakeDrm& machine) : machine_(machine) {}

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A graphics card in memory behind libdrm's own functions: objects, properties, atomic commits,
-// vblanks in simulated time, and everything that can go wrong, on request.
+// Simulates a graphics card behind libdrm's own functions: objects, properties, atomic commits,
+// vblanks in simulated time, and faults on request.
 #pragma once
 
 #include <xf86drmMode.h>
@@ -25,7 +25,7 @@ namespace lenticule::testing {
 
 using display::Nanoseconds;
 
-/// An EDID base block with a right checksum.
+/// Makes an EDID base block with a correct checksum.
 struct EdidMaker {
   std::string manufacturer = "LGD";
   uint16_t product = 0x1234;
@@ -33,7 +33,7 @@ struct EdidMaker {
   std::string serial_text{};
   std::string name = "Panel";
   bool ycbcr = false;
-  /// Of the first detailed timing; none if 0.
+  /// size of the first detailed timing; no timing if 0
   int width = 0;
   int height = 0;
   bool interlaced = false;
@@ -50,11 +50,11 @@ struct FakeProperty {
   uint64_t minimum = 0;
   uint64_t maximum = 0;
   std::vector<std::pair<std::string, uint64_t>> enums{};
-  /// What the driver refuses to take, with -EINVAL.
+  /// a value that the driver refuses with -EINVAL
   std::optional<uint64_t> refuses{};
-  /// The driver says yes and keeps its own value.
+  /// the driver accepts writes and keeps its own value
   bool ignores_writes = false;
-  /// Changing it takes a modeset.
+  /// a change needs a modeset
   bool needs_modeset = false;
 };
 
@@ -93,19 +93,19 @@ struct FakeRamp {
   std::vector<uint16_t> red, green, blue;
 };
 
-/// A fault of the k-th call from now on (0 = the next one).
+/// A fault of the k-th call from now (0 = the next one).
 struct CallFault {
   int skip = 0;
-  int count = 1;                       ///< calls that fail after that
+  int count = 1;                       ///< number of calls that fail from there
   int error = 0;                       ///< positive errno
-  std::optional<Nanoseconds> until{};  ///< fails until then instead of `count` times
+  std::optional<Nanoseconds> until{};  ///< calls fail until this time, instead of `count` times
 };
 
-/// The terminal that the player was started from.
+/// The terminal from which the player was started.
 class FakeTerminal final : public display::TerminalCalls {
  public:
-  int open_error = ENXIO;  ///< none at all, as for a service
-  int get_error = 0;       ///< ENOTTY: not a virtual one
+  int open_error = ENXIO;  ///< no terminal at all, as for a service
+  int get_error = 0;       ///< ENOTTY: not a virtual terminal
   int set_error = 0;
   bool foreground = true;
   int mode = 0;  ///< KD_TEXT
@@ -122,7 +122,7 @@ class FakeTerminal final : public display::TerminalCalls {
   [[nodiscard]] int set_mode(int fd, int mode) noexcept override;
 
  private:
-  // No vector: signal handlers come here too.
+  // An array, not a vector, because signal handlers write to it.
   std::array<int, 8> set_{};
   size_t sets_ = 0;
 };
@@ -136,12 +136,12 @@ class FakeCard {
   FakeCard(const FakeCard&) = delete;
   FakeCard& operator=(const FakeCard&) = delete;
 
-  /// A connector with a panel of one mode, with the usual writable properties.
+  /// Adds a connector with a panel of one mode and the usual writable properties.
   FakeConnector& add_connector(uint32_t type, uint32_t type_id, drmModeModeInfo mode,
                                const std::vector<uint8_t>& edid);
-  uint32_t add_crtc();  ///< with its primary plane; returns the CRTC's id
+  uint32_t add_crtc();  ///< adds a CRTC with its primary plane; returns the CRTC's id
   uint32_t add_overlay_plane(uint32_t crtc);
-  /// The driver has no look-up tables among its properties, but a ramp as the kernel makes it.
+  /// Gives the CRTC a legacy gamma ramp instead of look-up table properties.
   FakeRamp& use_legacy_gamma(uint32_t crtc, size_t entries);
   FakeProperty& add_property(uint32_t object, FakeProperty property);
   uint32_t add_blob(std::vector<uint8_t> bytes);
@@ -152,47 +152,48 @@ class FakeCard {
   }
   void set_edid(uint32_t connector, const std::vector<uint8_t>& bytes);
   [[nodiscard]] uint32_t primary_of(uint32_t crtc) { return primary_planes.at(crtc); }
-  /// The words that are scanned out for this CRTC; empty if it is off or shows nothing.
+  /// Returns the pixels that this CRTC scans out; empty if the CRTC is off or shows nothing.
   [[nodiscard]] std::vector<uint32_t> glass(uint32_t crtc);
-  /// What somebody drew before us: the CRTC runs in the connector's first mode.
+  /// Makes the CRTC show another program's picture in the connector's first mode.
   void show_console(uint32_t connector, uint32_t crtc);
 
-  void unplug();  ///< the card itself: POLLHUP, ENODEV
+  void unplug();  ///< removes the card: POLLHUP, ENODEV
 
   std::string path;
   std::string driver;
   bool atomic = true;
   bool counts_vblanks = true;
-  uint64_t sequence_base = 0;  ///< of the driver's counter at time 0
+  uint64_t sequence_base = 0;  ///< value of the driver's counter at time 0
   Nanoseconds period{16'666'667};
   uint32_t max_buffers = 16;
-  Nanoseconds timestamp_shift{0};  ///< of what events say, not of when they come
-  std::function<void(uint64_t sequence, const FakeBuffer&)> on_flip{};  ///< taken for that vblank
-  std::function<Nanoseconds()> event_delay{};  ///< of when they come, on top of the vblank
+  Nanoseconds timestamp_shift{0};  ///< added to timestamps in events, not to their arrival
+  std::function<void(uint64_t sequence, const FakeBuffer&)>
+      on_flip{};                               ///< called at each flip's vblank
+  std::function<Nanoseconds()> event_delay{};  ///< delay of an event's arrival after its vblank
 
   std::map<uint32_t, FakeObject> objects;
   std::vector<uint32_t> crtcs, planes;
   std::vector<std::unique_ptr<FakeConnector>> connectors;
-  std::map<uint32_t, uint32_t> primary_planes;  ///< by CRTC
-  std::map<uint32_t, uint32_t> possible_crtcs;  ///< of planes
+  std::map<uint32_t, uint32_t> primary_planes;  ///< keyed by CRTC id
+  std::map<uint32_t, uint32_t> possible_crtcs;  ///< bit masks by plane
   std::map<uint32_t, std::vector<uint8_t>> blobs;
   std::map<uint32_t, FakeBuffer> buffers;
   std::map<uint32_t, FakeFramebuffer> framebuffers;
-  std::map<uint32_t, FakeRamp> ramps;  ///< by CRTC
+  std::map<uint32_t, FakeRamp> ramps;  ///< keyed by CRTC id
 
-  // Faults.
+  // --- faults
   std::vector<CallFault> flip_faults, commit_faults, test_faults, create_faults, map_faults,
       get_connector_faults, set_master_faults, get_gamma_faults, set_gamma_faults;
   std::deque<EventFault> event_faults;  ///< one per flip event, in order
-  bool foreign_master = false;          ///< somebody else has it
+  bool foreign_master = false;          ///< another program is master
   bool gone = false;
-  bool forbidden = false;  ///< may not be opened
+  bool forbidden = false;  ///< opening the card is not permitted
 
-  // What happened.
+  // --- counters
   int flips = 0, blocking_commits = 0, modesets = 0, tests = 0, full_probes = 0, rmfb_on_screen = 0;
   uint64_t last_flip_id = 0;
 
-  // Used by fake_drm_calls.cpp.
+  // --- used by fake_drm_calls.cpp
   struct Pending {
     Nanoseconds at{0};
     std::vector<uint8_t> bytes{};
@@ -214,12 +215,12 @@ class FakeCard {
 
   uint32_t next_id = 100;
   int master_fd = -1;
-  std::map<int, int> ends;  ///< the player's end -> ours
+  std::map<int, int> ends;  ///< the player's end of the event pipe -> ours
   std::vector<Pending> pending;
   Nanoseconds busy_until{-1};
 };
 
-/// The machine: cards, clock, hotplug news. One at a time.
+/// The machine: cards, clock, hotplug events. Only one instance may exist at a time.
 class FakeDrm {
  public:
   FakeDrm();
@@ -234,13 +235,13 @@ class FakeDrm {
   [[nodiscard]] std::shared_ptr<display::KmsPlatform> platform();
 
   [[nodiscard]] Nanoseconds now() const { return now_; }
-  /// Time passes; events become readable on the way.
+  /// Advances time; events on the way become readable.
   void advance_to(Nanoseconds time);
-  /// Called when time passes this moment, once.
+  /// Calls `what` once when time reaches this moment.
   void at(Nanoseconds time, std::function<void()> what);
   void announce_hotplug();
   void sleep(Nanoseconds duration) { asleep_ += duration; }
-  /// mmap fails this many times, after `skip` successes.
+  /// Makes mmap fail this many times, after `skip` successes.
   void fail_maps(int skip, int count) {
     map_skip_ = skip;
     map_failures_ = count;
@@ -253,11 +254,11 @@ class FakeDrm {
 
   std::vector<std::unique_ptr<FakeCard>> cards;
   std::shared_ptr<FakeTerminal> terminal = std::make_shared<FakeTerminal>();
-  /// Of sysfs and debugfs, by path.
+  /// Files of sysfs and debugfs, by path.
   std::map<std::string, std::string> kernel_files;
-  std::mutex kernel_files_mutex;  ///< the player's other threads read them
+  std::mutex kernel_files_mutex;  ///< needed because the player's other threads read the files
   int mappings_alive = 0;
-  bool no_hotplug_monitor = false;  ///< watching for news throws
+  bool no_hotplug_monitor = false;  ///< opening the hotplug monitor throws
 
  private:
   friend class FakePlatform;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// libdrm's functions that do: mastership, commits, buffers, vblanks. Together with
-// fake_drm_objects.cpp every one that display/kms calls is here.
+// Implements libdrm's functions that change state: mastership, commits, buffers, vblanks. This file
+// and fake_drm_objects.cpp implement every function that display/kms calls.
 #include <drm_fourcc.h>
 #include <xf86drm.h>
 #include <xf86drmMode.h>
@@ -13,7 +13,7 @@ using namespace lenticule::testing;
 
 namespace {
 
-/// 0 where the driver counts vblanks and this CRTC runs; errno otherwise.
+/// Returns 0 if the driver counts vblanks and this CRTC runs; errno otherwise.
 int check_counting(FakeCard* card, uint32_t crtc) {
   if (card == nullptr) return ENODEV;
   return card->counts_vblanks && card->value(crtc, "ACTIVE") == 1 ? 0 : EOPNOTSUPP;
@@ -103,7 +103,7 @@ int drmModeCreateDumbBuffer(int fd, uint32_t width, uint32_t height, uint32_t bp
   *pitch = (width * 4 + 63) / 64 * 64;
   *size = uint64_t{*pitch} * height;
   card->buffers[*handle] = {.width = width, .height = height, .pitch = *pitch};
-  card->buffers[*handle].bytes.assign(*size, 0xcd);  // somebody's old picture
+  card->buffers[*handle].bytes.assign(*size, 0xcd);  // an old picture of another program
   return 0;
 }
 int drmModeDestroyDumbBuffer(int fd, uint32_t handle) {

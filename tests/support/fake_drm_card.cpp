@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One fake card: its objects, what its driver takes and refuses, and the events that it sends.
+// Implements one fake card: its objects, the requests that its driver accepts and refuses, and its
+// events.
 #include <drm.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -40,7 +41,8 @@ FakeProperty* property_of(FakeCard& card, uint32_t object, uint32_t id) {
   return nullptr;
 }
 
-/// What any driver checks before it takes a request.
+/// Returns the error of the checks that every driver makes before it accepts a request; 0 if all
+/// pass.
 int check_setting(FakeCard& card, FakeProperty* property, uint64_t value, bool may_modeset) {
   if (property == nullptr) return -ENOENT;
   if ((property->flags & DRM_MODE_PROP_IMMUTABLE) != 0) return -EINVAL;
@@ -280,7 +282,7 @@ uint64_t FakeCard::sequence_at(Nanoseconds time) const {
 
 void FakeCard::schedule_flip_event(uint32_t crtc, uint64_t id) {
   const Nanoseconds now = FakeDrm::instance().now();
-  // Without vblanks a flip is done as soon as the driver is.
+  // A flip without vblanks completes as soon as the driver can.
   const Nanoseconds at = counts_vblanks ? next_vblank() : now + std::chrono::milliseconds(1);
   busy_until = at;
   EventFault fault = EventFault::None;
@@ -356,7 +358,7 @@ void FakeCard::closed(int fd) {
   if (gone && ends.empty()) forget_contents();
 }
 
-/// What was on a card that was pulled out went with it.
+/// Drops the buffers of an unplugged card, which are lost.
 void FakeCard::forget_contents() {
   buffers.clear();
   framebuffers.clear();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the fake's libdrm functions have in common.
+// Declares helpers of the fake's libdrm functions.
 #pragma once
 
 #include <algorithm>
@@ -14,19 +14,19 @@ namespace lenticule::testing {
 
 using Faults = std::vector<CallFault> FakeCard::*;
 
-/// The card behind a descriptor, unless it was unplugged; null otherwise.
+/// Returns the card behind a descriptor; null if it was unplugged.
 inline FakeCard* card_of(int fd) {
   FakeCard* card = FakeDrm::instance().card_of(fd);
   return card != nullptr && !card->gone ? card : nullptr;
 }
 
-/// How every call to a card begins: 0, or the negative errno that it ends with because the card is
-/// gone or a fault was planned for this call.
+/// Begins every call to a card: returns 0, or the negative errno of a lost card or of a fault
+/// planned for this call.
 inline int begin_call(FakeCard* card, Faults planned) {
   return card == nullptr ? -ENODEV : -card->fail_with(card->*planned);
 }
 
-/// Memory as libdrm hands it out.
+/// Allocates memory as libdrm does.
 template <typename T>
 T* zeroed(size_t count = 1) {
   return static_cast<T*>(std::calloc(std::max<size_t>(count, 1), sizeof(T)));

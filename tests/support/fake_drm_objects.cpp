@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// libdrm's functions that tell: which cards there are, and what is on them.
+// Implements libdrm's query functions: the cards and their objects.
 #include <drm_fourcc.h>
 #include <xf86drm.h>
 #include <xf86drmMode.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A source whose frames become ready when a test says so, and a recorder that remembers what was on
-// the glass.
+// Provides a source whose frames become ready when a test decides, and a recorder that remembers
+// the displayed frames.
 #pragma once
 
 #include <cstdint>
@@ -17,9 +17,9 @@
 
 namespace lenticule::test {
 
-/// The pixels of frame `number`: different for every number, subpixel by subpixel.
+/// Returns the pixels of frame `number`: every subpixel differs between numbers.
 [[nodiscard]] frames::WovenFrame numbered_frame(frames::FrameGeometry geometry, uint64_t number);
-/// XXH64 of a frame's RGB bytes.
+/// Returns XXH64 of a frame's RGB bytes.
 [[nodiscard]] uint64_t checksum_of(const frames::FrameView& frame);
 
 struct FakeSourceScript {
@@ -27,10 +27,10 @@ struct FakeSourceScript {
   uint64_t frames = 10;
   std::optional<frames::Rate> rate = std::nullopt;
   bool can_rewind = true;
-  /// When pull number n (over all loops) has its frame, in `clock`'s time; at once if null.
+  /// Returns the time in `clock` at which pull number n (over all loops) is ready; at once if null.
   std::function<display::Nanoseconds(uint64_t)> ready_at = nullptr;
   std::shared_ptr<display::Clock> clock = nullptr;
-  /// Number of pulled frames after which the source is broken.
+  /// Number of pulled frames after which the source fails.
   std::optional<uint64_t> fails_after = std::nullopt;
 };
 
@@ -70,7 +70,7 @@ struct Glass {
   friend bool operator==(const Glass&, const Glass&) = default;
 };
 
-/// Any thread may ask.
+/// Remembers displayed frames. Thread safety: any thread may call.
 class RememberingRecorder final : public display::ScanoutRecorder {
  public:
   void record(const display::ShownFrame& shown,

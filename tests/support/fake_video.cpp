@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Stands in for lenticule-video where a test wants a decoder that is quick, or that misbehaves. The
-// "file" names what it does: FRAMES-WHAT.mkv, for example 3-well.mkv. Frames are 4x2 pixels whose
-// first byte is the frame's number.
+// Replaces lenticule-video in tests that need a fast or faulty decoder. The name of the "file"
+// selects the behaviour: FRAMES-WHAT.mkv, for example 3-well.mkv. Frames are 4x2 pixels whose first
+// byte is the frame's number.
 #include <unistd.h>
 
 #include <cstdio>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// LDR-FLIP of one pixel after the paper's formulas, each filter as one square of weights.
+// Computes LDR-FLIP of one pixel by the paper's formulas, with each filter as one square of
+// weights.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,7 +17,7 @@ using Matrix = std::array<Colour, 3>;
 
 constexpr Real kPi = std::numbers::pi_v<Real>;
 
-// XYZ of linear sRGB under D65.
+// Matrix from linear sRGB to XYZ under D65.
 constexpr Matrix kXyzFromRgb = {
     {{10135552.0L / 24577794, 8788810.0L / 24577794, 4435075.0L / 24577794},
      {2613072.0L / 12288897, 8788810.0L / 12288897, 887015.0L / 12288897},
@@ -34,7 +35,7 @@ Real determinant(const Matrix& m) {
          m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
 }
 
-/// v of m v = b, by Cramer's rule.
+/// Solves m v = b for v by Cramer's rule.
 Colour solved(const Matrix& m, const Colour& b) {
   Colour v{};
   for (size_t column = 0; column < 3; ++column) {
@@ -53,7 +54,7 @@ Real linear(Real encoded) {
   return encoded > 0.04045L ? std::pow((encoded + 0.055L) / 1.055L, 2.4L) : encoded / 12.92L;
 }
 
-/// Y Cx Cz of a pixel; beyond the borders that of the border.
+/// Returns Y Cx Cz of a pixel; border pixels are repeated outward.
 Colour opponent(const frames::FrameView& picture, int i, int j) {
   i = std::clamp(i, 0, picture.geometry.width - 1);
   j = std::clamp(j, 0, picture.geometry.height - 1);
@@ -71,7 +72,7 @@ Real curve(Real t) {
   return t > delta * delta * delta ? std::cbrt(t) : t / (3 * delta * delta) + 4.0L / 29;
 }
 
-/// Hunt-adjusted L*a*b* of linear sRGB.
+/// Returns Hunt-adjusted L*a*b* of linear sRGB.
 Colour adjusted(const Colour& rgb) {
   const Colour xyz = times(kXyzFromRgb, rgb);
   const Colour w = white();

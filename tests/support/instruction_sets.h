@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The instruction sets that tests compare kernels on. A machine that lacks one must run the best
-// below it: the same tests judge both.
+// Lists the instruction sets on which tests compare kernels. A machine that lacks one must run the
+// best one below it, which the same tests check.
 #pragma once
 
 #include <array>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The view under a subpixel as Looking Glass programs find it: holoplay-core 0.0.11 with the
-// numbers that looking-glass-webxr 0.6 gives it, and what their Unity SDK makes of flipSubp and
-// invView, which those two do not read.
+// Computes the view under a subpixel as Looking Glass programs do: holoplay-core 0.0.11 with the
+// numbers of looking-glass-webxr 0.6, and the Unity SDK's handling of flipSubp and invView, which
+// those two do not read.
 #pragma once
 
 #include <array>

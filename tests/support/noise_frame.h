@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A picture of which no sample tells anything of another.
+// Makes a picture of independent random samples.
 #pragma once
 
 #include <random>

@@ -9,7 +9,7 @@ namespace {
 
 using optics::Rig;
 
-/// Root of an increasing function between low and high.
+/// Returns the root of an increasing function between low and high.
 template <class Function>
 Real bisect(Real low, Real high, const Function& f) {
   for (int i = 0; i < 200; ++i) {
@@ -20,7 +20,7 @@ Real bisect(Real low, Real high, const Function& f) {
   return low + (high - low) / 2;
 }
 
-/// Knot (c, r) of the residual map, with the border continued in straight lines.
+/// Returns knot (c, r) of the residual map, extrapolated linearly beyond the border.
 Real knot(const optics::ResidualMap& map, int c, int r) {
   const auto inside = [&](int column, int row) {
     return static_cast<Real>(map.lenses[static_cast<size_t>(row * map.columns + column)]);
@@ -41,7 +41,7 @@ Real knot(const optics::ResidualMap& map, int c, int r) {
   return along_row(r);
 }
 
-/// The Catmull-Rom kernel as a function of the distance from the knot.
+/// Returns the Catmull-Rom kernel as a function of the distance from the knot.
 Real kernel(Real distance) {
   const Real d = std::fabs(distance);
   if (d < 1) return 1 - d * d * (Real(5) - 3 * d) / 2;
@@ -96,7 +96,7 @@ RealPoint oracle_lens_point(const Rig& rig, RealPoint q, const RealEye& eye) {
     const RealPoint shift = oracle_shift(rig, q, eye);
     return {q.x + shift.x, q.y + shift.y};
   }
-  // L lies on the way from Q to the point in front of the eye: L = Q + part * (E - Q).
+  // L lies between Q and the point in front of the eye: L = Q + part * (E - Q).
   const Real dx = eye.x - q.x, dy = eye.y - q.y;
   const Real length = std::sqrt(dx * dx + dy * dy);
   if (length == 0) return q;
@@ -124,7 +124,7 @@ RealRay oracle_ray(const Rig& rig, int i, int j, int channel) {
   const Real seen_from_centre = oracle_phase(rig, at_px, channel, eye);
   const Real lens = std::floor(seen_from_centre + Real(0.5));
 
-  // Phase grows with the eye's x: widen until the lens is in between.
+  // Phase grows with the eye's x: the range is widened until it contains the lens.
   const auto missing = [&](Real x) {
     return oracle_phase(rig, at_px, channel, {x, eye.y, eye.z}) - lens;
   };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The optical model once more, slow and obvious: long double, every equation as it is written in
-// docs/optics.md, every unknown found by bisection. Shares no formula code with optics/.
+// Reference implementation of the optical model, slow and simple: long double, every equation as
+// written in docs/optics.md, every unknown found by bisection. It shares no formula code with
+// optics/.
 #pragma once
 
 #include "optics/model.h"
@@ -17,20 +18,20 @@ struct RealPoint {
 struct RealEye {
   Real x = 0;
   Real y = 0;
-  Real z = 0;  ///< infinite: x and y are tangents
+  Real z = 0;  ///< if infinite, x and y are tangents
 };
 RealEye real_eye(const optics::Eye& eye);
 
-/// lambda_c(X, Y), panel pixels.
+/// Returns lambda_c(X, Y) for panel pixels.
 Real oracle_lens_coordinate(const optics::Rig& rig, RealPoint at_px, int channel);
 
-/// Delta(L, E), millimetres.
+/// Returns Delta(L, E) in millimetres.
 RealPoint oracle_shift(const optics::Rig& rig, RealPoint lens_point, const RealEye& eye);
 
-/// L with L - Delta(L, E) = Q, millimetres.
+/// Returns L with L - Delta(L, E) = Q, in millimetres.
 RealPoint oracle_lens_point(const optics::Rig& rig, RealPoint panel_point, const RealEye& eye);
 
-/// Phi_E(Q).
+/// Returns Phi_E(Q).
 Real oracle_phase(const optics::Rig& rig, RealPoint at_px, int channel, const RealEye& eye);
 
 struct RealRay {

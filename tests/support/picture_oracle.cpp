@@ -21,7 +21,7 @@ Real weight(int dx, int dy) {
   return std::exp(-static_cast<Real>(dx * dx + dy * dy) / (2.0L * 1.5L * 1.5L));
 }
 
-/// The weighted mean of f(x, y) over the window about (i, j).
+/// Returns the weighted mean of f(x, y) over the window about (i, j).
 template <class F>
 Real window_mean(int i, int j, F f) {
   Real sum = 0;

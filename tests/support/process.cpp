@@ -57,7 +57,7 @@ Child start(const std::vector<std::string>& arguments,
   return {pid, out[0], err[0]};
 }
 
-/// Appends what is there; false at the end of the stream.
+/// Appends available output; returns false at the end of the stream.
 bool drain(int fd, std::string& text) {
   std::array<char, 65536> buffer;
   const ssize_t n = read(fd, buffer.data(), buffer.size());

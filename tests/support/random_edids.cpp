@@ -14,7 +14,8 @@ namespace {
 constexpr size_t kBlock = 128;
 using Bytes = std::vector<uint8_t>;
 
-/// The standard's generators are the same everywhere, its distributions are not.
+/// Draws random numbers. The standard's generators are the same everywhere, its distributions are
+/// not.
 class Dice {
  public:
   explicit Dice(uint64_t number) : engine_(number * 0x9e3779b97f4a7c15U + 1) {}
@@ -128,11 +129,11 @@ Bytes base_block(Dice& dice, size_t extensions) {
 
 // --- CTA-861 --------------------------------------------------------------------------------
 
-/// A VIC that exists.
+/// Returns a VIC that exists.
 uint8_t any_vic(Dice& dice) {
   const unsigned pick = dice.below(127 + 27);
   const auto vic = static_cast<uint8_t>(pick < 127 ? pick + 1 : pick - 127 + 193);
-  return vic <= 64 && dice.one_in(8) ? vic | 0x80 : vic;  // the bit says that it is native
+  return vic <= 64 && dice.one_in(8) ? vic | 0x80 : vic;  // the bit marks the mode as native
 }
 
 Bytes cta_data_block(Dice& dice) {
@@ -148,9 +149,9 @@ Bytes cta_data_block(Dice& dice) {
     case 1:
       return {1 << 5 | 3, 0x09, 0x07, 0x07};  // audio: LPCM
     case 2:
-      return with_vics({7 << 5, 14});  // video that comes as 4:2:0 only
+      return with_vics({7 << 5, 14});  // video modes with 4:2:0 only
     case 3:
-      return {7 << 5 | 2, 15, dice.byte()};  // which of the above also come as 4:2:0
+      return {7 << 5 | 2, 15, dice.byte()};  // bit map of the modes above that also allow 4:2:0
     case 4:
       return {7 << 5 | 2, 0, 0xca};  // video capabilities
     default:
@@ -234,7 +235,7 @@ Bytes displayid_timing_5(Dice& dice) {
 
 Bytes displayid_timing_6(Dice& dice) {
   Bytes timing = dice.bytes(14);
-  timing[2] = timing[2] & 0xbf;  // without the image's size
+  timing[2] = timing[2] & 0xbf;  // clears the bit for the image size
   timing[7] = 159;
   timing[8] = 47;
   timing[9] = 0;

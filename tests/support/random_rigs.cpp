@@ -11,7 +11,7 @@ using optics::PixelCell;
 using optics::Rig;
 using optics::SubpixelLayout;
 
-// std::uniform_*_distribution differs between libraries; these do not.
+// std::uniform_*_distribution differs between libraries; these functions do not.
 double uniform(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * (static_cast<double>(random() >> 11) * 0x1p-53);
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# The slow oracle of the renderer: no Embree, no packets, no shared code with render/ beyond the
+# The renderer's slow reference implementation: no Embree, no packets, no code of render/ but the
 # plain scene description.
 add_library(lenticule_reference_renderer STATIC
   ${CMAKE_CURRENT_LIST_DIR}/reference_renderer.cpp

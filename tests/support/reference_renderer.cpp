@@ -24,10 +24,11 @@ constexpr double kFar = std::numeric_limits<double>::infinity();
 
 struct Line {
   Vec3 from;
-  Vec3 way;  // unit
+  Vec3 way;  // unit vector
 };
 
-/// Names one primitive, so that it is not met again where a ray starts on it, however large it is.
+/// Identifies one primitive, so that a ray that starts on it does not hit it again, however large
+/// it is.
 struct Primitive {
   const void* list = nullptr;
   size_t index = 0;
@@ -37,7 +38,7 @@ struct Primitive {
 struct Meeting {
   double t = kFar;
   Vec3 outward{};       // geometric normal on the outer side
-  Vec3 interpolated{};  // or zero
+  Vec3 interpolated{};  // interpolated normal, or zero
   const Material* material = nullptr;
   Vec3 colour{};
   Primitive primitive{};
@@ -73,7 +74,7 @@ Vec3 bilinear(const Texture& texture, double u, double v) {
          texel(texture, left + 1, top + 1) * (fx * fy);
 }
 
-/// Signed areas of the three corner triangles in the triangle's own plane.
+/// Computes the signed areas of the three corner triangles in the triangle's own plane.
 void meet_triangle(const SceneDescription& scene, const TriangleMesh& mesh, size_t index,
                    const Line& line, double t_min, Meeting& nearest) {
   const auto [ia, ib, ic] = mesh.triangles[index];
@@ -107,12 +108,12 @@ void meet_triangle(const SceneDescription& scene, const TriangleMesh& mesh, size
   }
 }
 
-/// Of two roots, one of which is where the line starts, the other.
+/// Returns the root that is not the line's start.
 double other_root(double a, double b) {
   return std::abs(a) > std::abs(b) ? a : b;
 }
 
-/// By the closest approach of the line to the centre.
+/// Uses the closest approach of the line to the centre.
 void meet_sphere(const SceneDescription& scene, size_t index, const Line& line, double t_min,
                  bool starts_on_it, Meeting& nearest) {
   const Sphere& sphere = scene.spheres[index];
@@ -132,7 +133,7 @@ void meet_sphere(const SceneDescription& scene, size_t index, const Line& line, 
   }
 }
 
-/// In coordinates whose z runs from base to apex: x^2 + y^2 = (r0 + k z)^2.
+/// Uses coordinates whose z runs from base to apex: x^2 + y^2 = (r0 + k z)^2.
 void meet_cone(const SceneDescription& scene, size_t index, const Line& line, double t_min,
                bool starts_on_it, Meeting& nearest) {
   const Cone& cone = scene.cones[index];
@@ -143,7 +144,7 @@ void meet_cone(const SceneDescription& scene, size_t index, const Line& line, do
   const Vec3 o = line.from - cone.base;
   const Vec3 p{dot(o, x), dot(o, y), dot(o, z)};
   const Vec3 d{dot(line.way, x), dot(line.way, y), dot(line.way, z)};
-  // Of large cones, double precision loses what is left of the squares.
+  // Double precision loses the difference of the squares for large cones.
   using Real = long double;
   const double k = (cone.apex_radius - cone.base_radius) / height;
   const Real r = Real{cone.base_radius} + Real{k} * p.z;
@@ -184,21 +185,21 @@ Vec3 ambient_of(const SceneDescription& scene) {
   return {0.12, 0.12, 0.12};
 }
 
-/// The rotation between the world and the panel, whose axes are the panel's in the world.
+/// The rotation between world and panel: the panel's axes in world coordinates.
 struct Axes {
   Vec3 x, y, z;
   [[nodiscard]] Vec3 in_panel(Vec3 v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
   [[nodiscard]] Vec3 in_world(Vec3 v) const { return x * v.x + y * v.y + z * v.z; }
 };
 
-/// What a tracer knows of the subpixel whose ray it follows.
+/// The subpixel whose ray is traced.
 struct Subpixel {
   Axes axes;
   double world_per_mm = 1.0;
   uint32_t seed = 0;
 };
 
-/// A place that light leaves toward the viewer, as lamps see it.
+/// A point from which light leaves toward the viewer, as its lights see it.
 struct Place {
   Vec3 point;
   Vec3 facing;  // geometric normal
@@ -253,7 +254,7 @@ class Tracer {
   }
 
  private:
-  /// What arrives from all around.
+  /// Returns the light from the hemisphere.
   Vec3 ambient(const Place& place) const {
     const bool surroundings = soft_.environment_samples > 0;
     const int count = surroundings ? soft_.environment_samples : soft_.occlusion_samples;
@@ -265,7 +266,7 @@ class Tracer {
           reference_point(subpixel_.seed, place.path, 0, static_cast<uint32_t>(k));
       Vec3 way = subpixel_.axes.in_world(
           reference_cosine_direction(at, subpixel_.axes.in_panel(place.smooth)));
-      // Below the surface itself: mirrored about it.
+      // A direction below the surface is mirrored about it.
       if (dot(way, place.facing) < 0.0) way = way - place.facing * (2 * dot(way, place.facing));
       if (!(meet_all(scene_, {place.point, way}, least_step_, place.at.primitive).t < reach))
         ++open;
@@ -273,7 +274,7 @@ class Tracer {
     return (surroundings ? scene_.background : ambient_of(scene_)) * (double(open) / count);
   }
 
-  /// The mean of as many small lamps as there are samples.
+  /// Returns the mean of as many point lights as there are samples.
   Vec3 from_lamp(const Light& lamp, uint32_t use, const Place& place) const {
     const bool sun = lamp.kind == Light::Kind::Directional;
     const double size = sun ? std::tan(soft_.sun_radius_degrees * std::numbers::pi / 180.0)
@@ -367,7 +368,7 @@ double reference_subpixel(const SceneDescription& scene, const render::Stage& st
                           const optics::OpticalModel& model, int i, int j, int channel,
                           const ReferenceOptions& options) {
   const optics::SubpixelRay ray = model.ray(i, j, channel);
-  // The line is followed from just before the eye, through the lens, into the glass.
+  // The line starts just before the eye and runs through the lens into the panel.
   const double start_mm =
       options.from_near_plane ? stage.near_mm : 0.99 * model.rig().viewing.distance.value;
   const double light =

@@ -27,7 +27,7 @@ uint32_t backwards(uint32_t x) {
   return out;
 }
 
-/// Binary digits after the point. Owen's scrambling is done to the digits in reverse order.
+/// Scrambles binary digits after the point. Owen's scrambling works on the digits in reverse order.
 double scrambled(uint32_t digits, uint32_t seed) {
   uint32_t x = backwards(digits);
   x ^= x * 0x3d20adeaU;
@@ -38,12 +38,12 @@ double scrambled(uint32_t digits, uint32_t seed) {
   return std::floor(backwards(x) / 256.0) / 16777216.0;
 }
 
-/// The matrix of Sobol's second dimension: binomial coefficients, odd or even.
+/// Applies the matrix of Sobol's second dimension: binomial coefficients modulo 2.
 uint32_t second_dimension(uint32_t index) {
   uint32_t digits = 0;
   for (int row = 0; row < 32; ++row) {
     bool odd = false;
-    // C(k, row) is odd where row's bits are among k's.
+    // C(k, row) is odd if row's bits are a subset of k's.
     for (int k = row; k < 32; ++k) odd ^= bit(index, k) && (row & ~k) == 0;
     if (odd) digits |= 1U << (31 - row);
   }
@@ -78,7 +78,7 @@ Vec3 reference_on_disc(SquarePoint point) {
 }
 
 Vec3 reference_turned(Vec3 across, Vec3 axis) {
-  // A mirror halfway between the axis and the z axis; y is turned back where that is -z.
+  // A mirror halfway between the axis and the z axis; y is turned back if that axis is -z.
   const double side = axis.z < -0.31 ? -1.0 : 1.0;
   const Vec3 half = axis + Vec3{0.0, 0.0, side};
   const Vec3 before{across.x, side * across.y, 0.0};

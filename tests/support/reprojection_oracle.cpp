@@ -34,7 +34,7 @@ FoundPoint oracle_on_chords(const optics::OpticalModel& model, int row, int chan
     if (!a.there || !b.there || ray_a.lens != lens || ray_b.lens != lens) continue;
     const InPlane pa = point_of(ray_a, a);
     const InPlane pb = point_of(ray_b, b);
-    // How far the ends lie to the right of the target's ray.
+    // Distances of the ends to the right of the target's ray.
     const double off_a = pa.x - (eye_ray.lens_x_mm + eye_ray.tan_x * pa.z);
     const double off_b = pb.x - (eye_ray.lens_x_mm + eye_ray.tan_x * pb.z);
     const double scale = 1e-4 * (1.0 + std::max(std::abs(pa.z), std::abs(pb.z)));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Re-projection between lenses once more, slow and obvious: double precision, one subpixel at a
-// time, rays by OpticalModel::ray, no tiles and no columns.
+// Reference implementation of re-projection between lenses, slow and simple: double precision, one
+// subpixel at a time, rays by OpticalModel::ray, no tiles and no columns.
 #pragma once
 
 #include <vector>
@@ -9,7 +9,7 @@
 
 namespace lenticule::testing {
 
-/// What a subpixel shows, as its tracer found it.
+/// The point that a subpixel shows, as its tracer found it.
 struct SeenPoint {
   bool there = false;
   double z_mm = 0.0;
@@ -21,7 +21,7 @@ struct FoundPoint {
   bool known = false;
   double z_mm = 0.0;
   double code = 0.0;
-  /// How much of the decision rounding can turn: small where it is close.
+  /// Margin of the decision against rounding errors: small if the decision is close.
   double margin = 1.0;
 };
 
@@ -30,10 +30,10 @@ struct OracleRules {
   double agreement = 16.0;
 };
 
-/// One row and channel: `points[i]` is what pixel i shows. Looks for what pixel `target` shows
-/// among the points under `lens`: every two neighbours there make a chord; the chord nearest to the
-/// eye that the target's ray crosses decides, and only one between points that belong together
-/// knows.
+/// Finds the point that pixel `target` shows among the points under `lens`, in one row and channel;
+/// `points[i]` is the point of pixel i. Every two neighbours under the lens form a chord; of the
+/// chords that the target's ray crosses the nearest to the eye decides. The result is known only if
+/// the chord's ends belong to the same surface.
 [[nodiscard]] FoundPoint oracle_on_chords(const optics::OpticalModel& model, int row, int channel,
                                           const std::vector<SeenPoint>& points, int target,
                                           long lens, const OracleRules& rules);

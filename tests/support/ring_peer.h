@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What ring tests share: frames that show tearing, a folder for sockets, a serviced player.
+// Provides for ring tests: frames that reveal tearing, a folder for sockets, a serviced player.
 #pragma once
 
 #include <chrono>
@@ -22,10 +22,10 @@ namespace lenticule::test {
 /// Writes `id` into every eight bytes (the tail gets its first bytes), so that any two frames
 /// differ in every 4 KiB page.
 void stamp_frame(std::span<uint8_t> pixels, uint64_t id);
-/// The id, or nothing if not the whole frame carries the same.
+/// Returns the id; nothing if not the whole frame carries the same id.
 [[nodiscard]] std::optional<uint64_t> stamped_id(std::span<const uint8_t> pixels);
 
-/// A fresh folder with a short name; gone at the end.
+/// Creates a folder with a short name and removes it at the end.
 class SocketFolder {
  public:
   SocketFolder();
@@ -39,35 +39,35 @@ class SocketFolder {
   std::filesystem::path folder_;
 };
 
-/// 160 x 120 RGB: 57600 bytes, 15 pages.
+/// Returns options for 160 x 120 RGB: 57600 bytes, 15 pages.
 [[nodiscard]] frames::RingOptions small_ring(const std::filesystem::path& socket);
 
-/// Services the player, waiting on its wake_fd, until `done` or patience (20 s) is over: then
-/// false.
+/// Services the player, waiting on its wake_fd, until `done`; returns false after 20 s.
 [[nodiscard]] bool service_until(frames::RingPlayer& player, const std::function<bool()>& done);
 
-/// Runs `body` in another thread while this one services the player. What it throws comes out.
+/// Runs `body` in another thread while this one services the player; rethrows its exception.
 void serviced(frames::RingPlayer& player, const std::function<void()>& body);
 
-/// Connects from another thread while this one services the player. Errors come out as thrown.
+/// Connects from another thread while this one services the player; rethrows errors.
 [[nodiscard]] std::unique_ptr<frames::RingRenderer> connect_to(
     frames::RingPlayer& player, const std::filesystem::path& socket,
     const frames::RendererHello& hello = {},
     std::chrono::milliseconds timeout = std::chrono::seconds(10));
 
-/// Writes and publishes one stamped frame; the status of the step that went wrong, or Ok.
+/// Writes and publishes one stamped frame; returns the status of the step that failed, or Ok.
 [[nodiscard]] frames::RingStatus push_frame(
     frames::RingRenderer& renderer, uint64_t number, uint64_t id,
     std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
 
-/// Pulls and releases everything that is ready; the ids in order, nothing for a torn frame.
+/// Pulls and releases every frame that is ready; returns the ids in order, nothing for a torn
+/// frame.
 [[nodiscard]] std::vector<std::optional<uint64_t>> pull_all(frames::RingPlayer& player);
 
-/// A connected SEQPACKET socket, nothing said yet.
+/// Returns a connected SEQPACKET socket before any message.
 [[nodiscard]] UniqueFd knock(const std::filesystem::path& socket);
 
-/// A renderer without manners: shakes hands properly, then lets the test do anything to the shared
-/// memory and the socket. Waits at most 20 s for the player.
+/// A renderer that need not follow the protocol: after a valid handshake the test may write
+/// anything to the shared memory and the socket. Waits at most 20 s for the player.
 class RawRenderer {
  public:
   explicit RawRenderer(const std::filesystem::path& socket);
@@ -79,7 +79,7 @@ class RawRenderer {
   [[nodiscard]] std::span<uint8_t> memory() const { return memory_.bytes(); }
   [[nodiscard]] std::span<frames::SlotEntry> table() const;
   [[nodiscard]] std::span<uint8_t> pixels(int slot) const;
-  /// Closes the socket and keeps the memory.
+  /// Closes the socket and keeps the memory mapped.
   void hang_up() { socket_.reset(); }
 
  private:

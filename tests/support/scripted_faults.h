@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A virtual display's misbehaviour, vblank by vblank.
+// Scripts the faults of a virtual display, vblank by vblank.
 #pragma once
 
 #include <map>

@@ -16,7 +16,7 @@ using render::Sphere;
 using render::Texture;
 using render::TriangleMesh;
 
-// Odd numbers on purpose: nothing lines up with the lattice of subpixels.
+// Odd numbers on purpose: no object is aligned with the lattice of subpixels.
 constexpr Vec3 kLampLeft{-7.13, 8.29, 9.41};
 constexpr Vec3 kLampRight{6.37, 5.71, 7.93};
 
@@ -66,7 +66,7 @@ SceneDescription named(const char* source) {
   return scene;
 }
 
-/// Spheres on a floor, as code values: what NFF files are like.
+/// Spheres on a floor, in code values, as in NFF files.
 NamedScene spheres_and_shadows() {
   SceneDescription scene = named("spheres");
   scene.colour_managed = false;
@@ -89,7 +89,7 @@ NamedScene cones_and_cylinders() {
   tilted.apex = {-0.91, 1.37, 0.83};
   tilted.apex_radius = 0.21;
   tilted.material = 1;
-  Cone tube;  // open, seen partly from inside
+  Cone tube;  // open, with its inside partly visible
   tube.base = {1.37, -0.93, -1.13};
   tube.base_radius = 0.81;
   tube.apex = {1.71, 0.57, 0.97};
@@ -108,7 +108,7 @@ NamedScene cones_and_cylinders() {
   return {"cones", scene};
 }
 
-/// Meshes in linear light: smooth normals, a texture, a sun, a spot, emission.
+/// Returns meshes in linear light: smooth normals, a texture, a sun, a spot, emission.
 NamedScene meshes_and_lamps() {
   SceneDescription scene = named("meshes");
   scene.materials = {matte({0.9, 0.9, 0.85}), plastic({0.6, 0.2, 0.7}), matte({1, 1, 1}),
@@ -160,7 +160,7 @@ NamedScene glasses() {
   TriangleMesh wall = rectangle_mesh({-3.93, -2.21, -2.07}, {7.91, 0, 0.31}, {0.13, 4.57, 0}, 0);
   wall.uvs = {{0, 1}, {2.3F, 1}, {2.3F, 0}, {0, 0}};
   scene.spheres = {{.centre = {-1.19, 0.21, 0.47}, .radius = 1.13, .material = 1},
-                   // A bubble inside the glass.
+                   // A bubble inside the glass ball.
                    {.centre = {-1.27, 0.31, 0.51}, .radius = 0.43, .inward = true, .material = 1},
                    {.centre = {0.17, -1.03, -0.87}, .radius = 0.59, .material = 3}};
   scene.meshes = {wall, box_mesh({0.57, -1.11, -0.37}, {1.83, 0.87, 0.79}, 2)};
@@ -243,7 +243,7 @@ optics::Rig make_rig(const TinyRig& tiny) {
   rig.sheet.pitch = Subpixels(tiny.pitch_subpx);
   rig.sheet.slant = tiny.slant;
   rig.sheet.offset = Lenses(0.137);
-  // Lobes of about thirty degrees whatever the pitch.
+  // Lobes of about thirty degrees for every pitch.
   rig.sheet.gap = Millimetres(tiny.pitch_subpx * tiny.pixel_mm / 3.0 / 0.55);
   rig.sheet.refraction_shape = 1.0 / (1.49 * 1.49);
   rig.viewing.distance = Millimetres(tiny.distance_mm);
@@ -265,7 +265,7 @@ render::Stage make_tiny_stage(const TinyStage& tiny) {
   stage.world_from_panel.origin = tiny.centre;
   stage.mm_per_unit = s;
   stage.depth_scale = tiny.depth_scale;
-  stage.near_mm = std::numeric_limits<double>::infinity();  // nothing is left out
+  stage.near_mm = std::numeric_limits<double>::infinity();  // nothing is omitted
   return stage;
 }
 

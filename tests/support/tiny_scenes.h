@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small scenes, rigs and stages, made by hand for tests of the renderer.
+// Provides small handmade scenes, rigs and stages for tests of the renderer.
 #pragma once
 
 #include <string>
@@ -16,19 +16,19 @@ struct NamedScene {
   render::SceneDescription scene;
 };
 
-/// Scenes of about 6 x 4 x 4 units around the origin, y up, seen from +z. Between them they use
+/// Returns scenes of about 6 x 4 x 4 units around the origin, y up, seen from +z. Together they use
 /// every primitive, every kind of light, mirrors, glass, total reflection, textures, smooth
 /// normals, inward and two-sided surfaces.
 [[nodiscard]] std::vector<NamedScene> tiny_scenes();
 
-/// An axis-aligned box of twelve triangles whose outside is the outside.
+/// Returns an axis-aligned box of twelve triangles that face outward.
 [[nodiscard]] render::TriangleMesh box_mesh(Vec3 low, Vec3 high, int material);
-/// A sphere of triangles with vertex normals.
+/// Returns a sphere of triangles with vertex normals.
 [[nodiscard]] render::TriangleMesh ball_mesh(Vec3 centre, double radius, int rings, int material);
-/// One rectangle, corner + side vectors; its outside is cross(a, b).
+/// Returns one rectangle, corner + side vectors; it faces toward cross(a, b).
 [[nodiscard]] render::TriangleMesh rectangle_mesh(Vec3 corner, Vec3 a, Vec3 b, int material);
 
-/// Everything about a rig of large pixels that tests vary.
+/// The parameters of a rig of large pixels that tests vary.
 struct TinyRig {
   int width = 12;
   int height = 8;
@@ -41,7 +41,7 @@ struct TinyRig {
 };
 [[nodiscard]] optics::Rig make_rig(const TinyRig& tiny);
 
-/// How a scene is put on the glass.
+/// The placement of a scene at the panel.
 struct TinyStage {
   Vec3 centre{0, 0, 0};
   double mm_per_unit = 9.0;
@@ -50,7 +50,7 @@ struct TinyStage {
 };
 [[nodiscard]] render::Stage make_tiny_stage(const TinyStage& tiny = {});
 
-/// The same scene, scaled about the origin and then moved.
+/// Returns the scene, scaled about the origin and then moved.
 [[nodiscard]] render::SceneDescription moved(render::SceneDescription scene, double scale,
                                              Vec3 offset);
 

@@ -17,7 +17,7 @@ double size_of(Vec3 p) {
   return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
 }
 
-/// Distance of a line from the line through a and b; its sign says which side.
+/// Returns the distance of a line from the line through a and b; the sign states the side.
 double side(Vec3 origin, Vec3 direction, Vec3 a, Vec3 b) {
   const Vec3 across = cross(direction, b - a);
   const double size = length(across);
@@ -90,7 +90,7 @@ class Oracle {
   [[nodiscard]] std::vector<OracleHit> take() { return std::move(hits_); }
 
  private:
-  /// z of the nearest point behind the start, or -infinity.
+  /// Returns z of the nearest point behind the start, or -infinity.
   template <class Shape>
   [[nodiscard]] double nearest(const Shape& shape, Vec3 origin) const {
     const render::Roots roots = render::meet(shape, scene_.scene_from_panel.point(origin),

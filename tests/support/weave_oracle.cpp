@@ -12,7 +12,7 @@ using frames::PictureFit;
 using frames::ViewFilter;
 using frames::ViewOrder;
 
-// Each step gains a factor of distance over gap, at least 100.
+// Each step improves the result by a factor of distance over gap, at least 100.
 constexpr int kSteps = 12;
 
 struct Point {
@@ -25,7 +25,7 @@ Point subpixel_mm(const optics::Rig& rig, int i, int j, int channel) {
           Real(rig.panel.pixel_height.value) * (Real(rig.panel.height_px) / 2 - Real(centre.y))};
 }
 
-/// lambda of a point on the glass, from its place in mm.
+/// Returns lambda of a panel point in mm.
 Real lens_coordinate(const optics::Rig& rig, Point p, int channel) {
   const Real right_px = p.x / Real(rig.panel.pixel_width.value) +
                         Real(rig.sheet.channel_offset[size_t(channel)].value) / 3;
@@ -34,7 +34,7 @@ Real lens_coordinate(const optics::Rig& rig, Point p, int channel) {
          Real(rig.sheet.offset.value);
 }
 
-/// L with L - Delta(L, E) = Q for E = (eye_x, Ey, Z), by repeating L = Q + Delta(L).
+/// Returns L with L - Delta(L, E) = Q for E = (eye_x, Ey, Z), by repeating L = Q + Delta(L).
 Point seen_through(const optics::Rig& rig, Point q, Real eye_x) {
   const Real z = rig.viewing.distance.value, height = rig.viewing.height.value;
   const Real kappa = 1 - Real(rig.sheet.refraction_shape);
@@ -52,17 +52,18 @@ Real lens_width_mm(const optics::Rig& rig) {
   return Real(rig.sheet.pitch.value) * Real(rig.panel.pixel_width.value) / 3;
 }
 
-/// Where the ray of the subpixel crosses the glass: looks for the eye on the viewing line that sees
-/// it on the axis of its lens. The height is the paraxial one by definition.
+/// Returns the point where the ray of the subpixel crosses the panel's plane: finds the eye on the
+/// viewing line that sees the subpixel on the axis of its lens. The height is the paraxial one by
+/// definition.
 Point lens_point(const optics::Rig& rig, Point q, Real lens, int channel) {
   const Real z = rig.viewing.distance.value, g = rig.sheet.gap.value;
-  if (std::isinf(z))  // straight ahead, up and down there is no shift
+  if (std::isinf(z))  // straight ahead there is no vertical shift
     return {q.x + (lens - lens_coordinate(rig, q, channel)) * lens_width_mm(rig), q.y};
   Real eye_x = 0;
   Point p = seen_through(rig, q, eye_x);
   for (int step = 0; step < kSteps; ++step) {
     const Real error_mm = (lens - lens_coordinate(rig, p, channel)) * lens_width_mm(rig);
-    eye_x += error_mm * z / g;  // exact for a thin sheet; what is left shrinks in the next step
+    eye_x += error_mm * z / g;  // exact for a thin sheet; the next step reduces the remaining error
     p = seen_through(rig, q, eye_x);
   }
   return {p.x, (q.y * z + g * Real(rig.viewing.height.value)) / (z + g)};
@@ -85,12 +86,14 @@ Real clamp_to(Real v, Real low, Real high) {
   return std::min(std::max(v, low), high);
 }
 
-/// Every pixel of a tile with its tent: a fraction (u, v) of the tile from its left and top.
+/// Sums every pixel of a tile with its tent filter at the fraction (u, v) of the tile from its left
+/// and top.
 Real picture_light(const WeaveOracle& o, int view, Real u, Real v, int channel) {
   const int tile_w = o.quilt.width() / o.layout.columns;
   const int tile_h = o.quilt.height() / o.layout.rows;
   const int tile_left = view % o.layout.columns * tile_w;
-  const int tile_bottom = o.quilt.height() - view / o.layout.columns * tile_h;  // one past
+  const int tile_bottom =
+      o.quilt.height() - view / o.layout.columns * tile_h;  // one past the last row
   const Real x = clamp_to(u * tile_w, 0.5L, tile_w - 0.5L);
   const Real y = clamp_to(v * tile_h, 0.5L, tile_h - 0.5L);
   Real light = 0;
@@ -117,7 +120,7 @@ Real share_of_view(const WeaveOracle& o, int view, Real number) {
   return 0;
 }
 
-/// The light of a subpixel whose phase is `phase`.
+/// Returns the light of a subpixel whose phase is `phase`.
 Real light_at_phase(const WeaveOracle& o, Point q, int channel, Real phase) {
   const auto& panel = o.rig.panel;
   const Real lens = std::floor(phase + 0.5L);
@@ -163,8 +166,8 @@ long double WeaveOracle::phase(int i, int j, int channel) const {
 }
 
 std::set<int> WeaveOracle::subpixel(int i, int j, int channel) const {
-  // Both sides of any border that lies within the stated error of the row evaluation, and both
-  // roundings where they are this close; the weaver's Gauss filter cuts its tails off.
+  // Tries both sides of any border within the stated error of the row evaluation, and both
+  // roundings if they are this close; the weaver's Gauss filter is truncated.
   constexpr Real kNudge = 1e-8L;
   const Real slack = options.filter == ViewFilter::Gauss ? 0.1L : 1e-4L;
   const Point q = subpixel_mm(rig, i, j, channel);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Weaving as slowly and plainly as possible, in long double: shares no code with frames/weave.cpp
-// or optics/model.cpp. Takes rigs without a residual map.
+// Reference implementation of weaving, slow and simple, in long double. It shares no code with
+// frames/weave.cpp or optics/model.cpp, and supports rigs without a residual map.
 #pragma once
 
 #include <set>
@@ -18,11 +18,11 @@ struct WeaveOracle {
   frames::QuiltLayout layout;
   frames::WeaveOptions options;
 
-  /// The code values that a right weaver may give this subpixel: one, or two where it lies on a
-  /// border between views or lenses, or where rounding could go either way.
+  /// Returns the code values that a correct weaver may give this subpixel: one, or two if the
+  /// subpixel lies on a border between views or lenses, or if rounding could go either way.
   [[nodiscard]] std::set<int> subpixel(int i, int j, int channel) const;
 
-  /// Phi_E0 of a subpixel.
+  /// Returns Phi_E0 of a subpixel.
   [[nodiscard]] long double phase(int i, int j, int channel) const;
 };
 

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs in the guest as root: a lens sheet on the panel that a card drives, and the camera before
-// it.
+// Runs in the guest as root: simulates a lens sheet on the panel that a card drives, and the camera
+// in front of the sheet.
 //   vm_calibration_camera start RIG                  writes the rig that a calibration starts from
 //   vm_calibration_camera look CARD OUTPUT INPUT     is the camera until its standard input ends
-//   vm_calibration_camera judge RIG X Y Z            how far a rig is from the truth, as JSON; the
-//                                                    first viewpoint was found at X Y Z mm
-//   vm_calibration_camera rehearse                   the same calibration without any driver
-// `look` reads what CARD scans out, makes of it what the simulated camera sees, and sends that
-// through vivid's OUTPUT to its INPUT. Lines "move N" put the camera to viewpoint N; "at N" is its
-// answer when the picture from there is on its way.
+//   vm_calibration_camera judge RIG X Y Z            prints a rig's errors against the ground
+//                                                    truth as JSON; the first viewpoint was
+//                                                    found at X Y Z mm
+//   vm_calibration_camera rehearse                   runs the same calibration without any driver
+// `look` reads the picture that CARD scans out, computes the simulated camera's picture, and sends
+// it through vivid's OUTPUT to its INPUT. Lines "move N" move the camera to viewpoint N; it answers
+// "at N" when the picture from there has been sent.
 #include <poll.h>
 #include <unistd.h>
 
@@ -33,10 +34,10 @@ using calib::SimulatedBench;
 using calib::Trial;
 
 constexpr int panel_width = 960, panel_height = 540;
-// The smallest of vivid's HDMI timings that shows enough of the panel.
+// The smallest of vivid's HDMI timings that resolves enough of the panel.
 constexpr int camera_width = 640, camera_height = 480;
 
-// Six rays per pixel are a fast and grainy picture, the 1 % of noise is a usual webcam's.
+// Six rays per pixel give a fast and noisy picture; 1 % of noise is a usual webcam's.
 Trial the_trial() {
   Trial trial = calib::plain_trial(panel_width, panel_height, camera_width, camera_height);
   trial.sheet.deformation_lenses = 0.05;
@@ -60,7 +61,8 @@ uint8_t srgb_code(float light) {
   return static_cast<uint8_t>(std::lround(255.0 * encoded));
 }
 
-// The code of each of 65536 lights: a power per sample would take an emulated machine seconds.
+// A table of the codes of 65536 lights: one power per sample would take an emulated machine
+// seconds.
 class SrgbCodes {
  public:
   SrgbCodes() {
@@ -77,7 +79,7 @@ class SrgbCodes {
   std::vector<uint8_t> codes_;
 };
 
-// The driver's own of the camera's size; it throws where there are none.
+// Returns the driver's timings of the camera's size; throws if there are none.
 v4l2_dv_timings camera_timings(VideoNode& node) {
   v4l2_enum_dv_timings offered{};
   do {
@@ -94,9 +96,9 @@ class PictureSender {
       : output_(output, V4L2_BUF_TYPE_VIDEO_OUTPUT), bytes_(frame_bytes) {
     VideoNode loop(input, V4L2_BUF_TYPE_VIDEO_CAPTURE);
     loop.set_control("Loop Video", 1);
-    loop.set_control("OSD Text Mode", 2);  // none
+    loop.set_control("OSD Text Mode", 2);  // no text
     v4l2_dv_timings timings = camera_timings(output_);
-    // The input does not look at the output's, and without equal ones it shows noise.
+    // The input does not follow the output's timings, and shows noise if they differ.
     loop.call(VIDIOC_S_DV_TIMINGS, &timings, "timings of the input");
     output_.call(VIDIOC_S_DV_TIMINGS, &timings, "timings of the output");
     choose_format();
@@ -122,7 +124,7 @@ class PictureSender {
     wanted.colorspace = V4L2_COLORSPACE_SRGB;
     wanted.xfer_func = V4L2_XFER_FUNC_SRGB;
     wanted.quantization = V4L2_QUANTIZATION_FULL_RANGE;
-    wanted.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // without it the driver does not look at these
+    wanted.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // the driver ignores these fields otherwise
     const v4l2_pix_format got = output_.choose(wanted);
     if (got.sizeimage != frame_bytes || got.quantization == V4L2_QUANTIZATION_LIM_RANGE)
       throw std::runtime_error("the output takes other bytes than full-range RGB");
@@ -148,7 +150,7 @@ class LookingCamera {
   }
 
  private:
-  // Waits a little for them; false when there will be no more.
+  // Waits a little for orders; returns false at their end.
   bool take_orders() {
     pollfd waiting{STDIN_FILENO, POLLIN, 0};
     if (poll(&waiting, 1, 20) <= 0) return true;
@@ -177,7 +179,7 @@ class LookingCamera {
     arrived_ = false;
   }
 
-  // A picture whose exposure began after the panel had changed.
+  // Returns a picture whose exposure began after the panel had changed.
   CameraPicture photograph() {
     const auto exposure = std::chrono::milliseconds{18};
     CameraPicture picture;
@@ -214,8 +216,8 @@ class LookingCamera {
 
 // ---- judging ------------------------------------------------------------------------------------
 
-// The pitch of the line nearest to the phases that the camera sees over the panel, as a calibration
-// defines it.
+// Returns the pitch of the line nearest to the phases that the camera sees over the panel, as a
+// calibration defines it.
 double true_effective_pitch(const SimulatedBench& bench, const Trial& trial, const Vec3& eye) {
   constexpr int columns = 17, rows = 9;
   double slope = 0.0, squares = 0.0;
@@ -229,8 +231,9 @@ double true_effective_pitch(const SimulatedBench& bench, const Trial& trial, con
   return 1.5 * trial.panel.width_px * squares / slope;
 }
 
-// How far the phase that the rig gives for an eye is from what the true eye sees, at worst over the
-// panel. A single viewpoint does not tell its distance well, but what is seen from there.
+// Returns the largest difference over the panel between the phase that the rig gives for an eye and
+// the phase for the true eye. A single viewpoint determines its distance badly, but its phases
+// well.
 double worst_lenses_at(const optics::OpticalModel& model, const Vec3& found_eye,
                        const SimulatedBench& bench, const Vec3& true_eye) {
   const optics::Panel& panel = model.rig().panel;

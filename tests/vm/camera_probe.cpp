@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs in the guest: looks through a camera as a calibration does, and plays the camera's opposite.
+// Runs in the guest: captures from a camera as a calibration does, or sends pictures to it.
 //   vm_camera_probe list                      paths and names of the cameras
-//   vm_camera_probe set DEVICE NAME VALUE     sets a control, or presses it
+//   vm_camera_probe set DEVICE NAME VALUE     sets a control, or presses a button
 //   vm_camera_probe send OUTPUT FORMAT        sends eight patches of colour, 1280x720, until killed
 //   vm_camera_probe watch DEVICE FORMAT WIDTH HEIGHT RATE COUNT
-// `watch` grabs COUNT pictures and says what it saw. When the camera goes it opens it again once.
+// `watch` grabs COUNT pictures and prints a report. If the camera is lost, it is reopened once.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -25,7 +25,7 @@ using calib::GrabStatus;
 using std::chrono::seconds;
 
 constexpr int output_width = 1280, output_height = 720;
-constexpr int patch_count = 8;  // upright bars, as in vivid's own colour bars
+constexpr int patch_count = 8;  // vertical bars, as in vivid's own colour bars
 
 // R'G'B' in percent.
 struct Colour {
@@ -44,7 +44,7 @@ double luma_of(const Colour& colour) {
   return (0.2126 * colour.red + 0.7152 * colour.green + 0.0722 * colour.blue) / 100.0;
 }
 
-// BT.709: the numbers of the standard.
+// BT.709 with the numbers of the standard.
 struct Codes {
   Codes(const Colour& colour, bool full) {
     const double luma = luma_of(colour);
@@ -64,7 +64,7 @@ bool is_ycbcr(uint32_t format) {
   return format == V4L2_PIX_FMT_YUYV || format == V4L2_PIX_FMT_NV12;
 }
 
-// The driver says it, whatever it was asked for.
+// Returns the range that the driver reports, which may differ from the requested one.
 bool is_full_range(const v4l2_pix_format& format) {
   if (format.quantization == V4L2_QUANTIZATION_DEFAULT) return !is_ycbcr(format.pixelformat);
   return format.quantization == V4L2_QUANTIZATION_FULL_RANGE;
@@ -74,7 +74,7 @@ const Colour& patch_at(int x) {
   return patches[x * patch_count / output_width];
 }
 
-// One pixel's bytes; of 4:2:2 and NV12 luma only every second pixel decides on the colour.
+// Writes one pixel's bytes; in 4:2:2 and NV12 only every second pixel sets the chroma.
 void put_pixel(std::vector<uint8_t>& bytes, const v4l2_pix_format& format, int x, int y) {
   const Codes codes(patch_at(x), is_full_range(format));
   uint8_t* const row = &bytes[static_cast<size_t>(y) * format.bytesperline];
@@ -118,7 +118,7 @@ int send(const std::string& path, const std::string& format_name) {
   wanted.colorspace = V4L2_COLORSPACE_REC709;
   wanted.ycbcr_enc = V4L2_YCBCR_ENC_709;
   wanted.xfer_func = V4L2_XFER_FUNC_709;
-  wanted.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // without it the driver does not look at these
+  wanted.priv = V4L2_PIX_FMT_PRIV_MAGIC;  // the driver ignores these fields otherwise
   const v4l2_pix_format got = output.choose(wanted);
   std::vector<uint8_t> picture(got.sizeimage);
   for (int y = 0; y < output_height; ++y)
@@ -182,7 +182,7 @@ void print_tally(Tally& tally) {
               static_cast<unsigned long long>(tally.last_sequence - tally.first_sequence));
 }
 
-// False when the camera went.
+// Returns false if the camera was lost.
 bool grab_all(Camera& camera, int count, Tally& tally) {
   CameraPicture picture;
   for (int i = 0; i < count; ++i) {
@@ -196,7 +196,7 @@ bool grab_all(Camera& camera, int count, Tally& tally) {
   return true;
 }
 
-// While the driver is not back yet it is tried again, for half a minute at most.
+// Tries to open the camera for half a minute at most, until the driver is back.
 std::unique_ptr<Camera> open_again(const calib::V4l2Options& options) {
   for (int tries = 0; tries < 150; ++tries) {
     try {

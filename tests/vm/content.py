@@ -6,7 +6,7 @@ import subprocess
 import picture
 from vm_test import require_program
 
-PIXEL_MM = 0.15565  # of a 27 inch panel of 3840x2160, whatever the size: optics do not matter here
+PIXEL_MM = 0.15565  # of a 27 inch panel of 3840x2160; optics do not matter here
 
 RIG = """format = 1
 name = "panel of the virtual machine"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The little of libdrm that the guest's test programs share: owned handles, properties by name.
+// Wraps the parts of libdrm that the guest's test programs share: owned handles, properties by
+// name.
 #pragma once
 
 #include <sys/mman.h>
@@ -40,7 +41,7 @@ using Properties = std::unique_ptr<drmModeObjectProperties, Freed<drmModeFreeObj
 using Property = std::unique_ptr<drmModePropertyRes, Freed<drmModeFreeProperty>>;
 using AtomicRequest = std::unique_ptr<drmModeAtomicReq, Freed<drmModeAtomicFree>>;
 
-// A file descriptor that closes itself.
+// Owns a file descriptor.
 class Descriptor {
  public:
   explicit Descriptor(int fd = -1) : fd_(fd) {}
@@ -63,7 +64,7 @@ struct NamedProperty {
   uint64_t value = 0;
 };
 
-// A property of a KMS object by its exact name; throws where there is none.
+// Returns a property of a KMS object by its exact name; throws if there is none.
 inline NamedProperty property(int fd, uint32_t object, uint32_t type, const std::string& name) {
   const Properties all(drmModeObjectGetProperties(fd, object, type));
   for (uint32_t i = 0; all && i < all->count_props; ++i) {
@@ -80,7 +81,7 @@ inline void assign(int fd, drmModeAtomicReq* request, uint32_t object, uint32_t 
   checked(drmModeAtomicAddProperty(request, object, id, value), "cannot ask for " + name);
 }
 
-// A mapped XRGB8888 buffer with its framebuffer; removed from the card when it goes.
+// A mapped XRGB8888 buffer with its framebuffer; both are removed from the card at the end.
 class DumbBuffer {
  public:
   DumbBuffer(int fd, uint32_t width, uint32_t height) : fd_(fd), width_(width), height_(height) {
@@ -108,7 +109,7 @@ class DumbBuffer {
   uint32_t framebuffer() const { return framebuffer_; }
   uint32_t width() const { return width_; }
   uint32_t height() const { return height_; }
-  // Row y: width() pixels of 4 bytes, blue, green, red, unused.
+  // Returns row y: width() pixels of 4 bytes, blue, green, red, unused.
   std::span<uint8_t> row(uint32_t y) {
     return {pixels_ + static_cast<size_t>(y) * pitch_, static_cast<size_t>(width_) * 4};
   }

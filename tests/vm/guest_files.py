@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gets what the virtual machines need into build/vm: Debian's kernel, one more driver, an initramfs.
+"""Prepares the files of the virtual machines in build/vm: Debian's kernel, one more driver, an initramfs.
 
 The kernel package is unpacked, never installed on this machine. vkms, the driver with a timer's
 vblanks and a writeback connector, is not in Debian's kernel and is built from its own source.
-Does nothing when all is there: the kernel's part is made again when its version or LAYOUT changes,
+Does nothing if all files exist: the kernel's part is made again when its version or LAYOUT changes,
 the initramfs when guest_init does.
 """
 
@@ -20,17 +20,17 @@ import sys
 
 HERE = pathlib.Path(__file__).resolve().parent
 OUTPUT = pathlib.Path(os.environ.get("LENTICULE_VM_DIR", HERE.parents[1] / "build" / "vm"))
-LAYOUT = 1  # raised by whoever changes what make_kernel leaves behind
+LAYOUT = 1  # to be raised with every change of make_kernel's output
 HEADERS = pathlib.Path("/usr/src")
 BUSYBOX = pathlib.Path("/bin/busybox")
 
-# What the guest's first process needs before it can read the host's files; every other module is
-# read from there when it is wanted.
+# Modules of the guest's first process before it can read the host's files; every other module is
+# read from there when needed.
 BOOT_MODULES = ["virtio_pci", "9pnet_virtio", "9p", "overlay"]
 
 
 class Unprepared(Exception):
-    """Something is missing; the text says what and what to do."""
+    """A prerequisite is missing; the text names it and the remedy."""
 
 
 def say(text):
@@ -53,7 +53,7 @@ def run(command, hint, **options):
 
 
 def kernel_release():
-    """The newest amd64 kernel whose headers are installed, for example 6.1.0-30-amd64."""
+    """Returns the newest amd64 kernel whose headers are installed, for example 6.1.0-30-amd64."""
     found = [folder.name.removeprefix("linux-headers-")
              for folder in HEADERS.glob("linux-headers-*-amd64")]
     if not found:
@@ -128,7 +128,7 @@ def build_vkms(release, modules):
 
 
 def boot_modules(release):
-    """Files of BOOT_MODULES and of what they depend on, in an order in which they load."""
+    """Returns the files of BOOT_MODULES and their dependencies, in loading order."""
     ordered = []
     for module in BOOT_MODULES:
         listing = run(["modprobe", "-d", OUTPUT / "kernel", "-S", release, "--show-depends", module],
@@ -183,7 +183,7 @@ def digest_of(*parts):
 
 
 def up_to_date(name, wanted):
-    """Whether the part called name was made from what is wanted now."""
+    """Returns true if the part called name was made from the current inputs."""
     stamp = OUTPUT / f"{name}.stamp"
     return stamp.exists() and stamp.read_text() == wanted
 
@@ -201,7 +201,7 @@ def make_kernel(release):
 
 @contextlib.contextmanager
 def one_at_a_time():
-    """Two test runs of one tree must not prepare it at once; the second waits for the first."""
+    """Lets only one test run of a tree prepare it; a second run waits."""
     OUTPUT.parent.mkdir(parents=True, exist_ok=True)
     with open(OUTPUT.with_suffix(".lock"), "w", encoding="ascii") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

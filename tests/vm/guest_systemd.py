@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""systemd in a guest: first process of a namespace, since the guest's own first process is the agent."""
+"""Runs systemd in a guest, as first process of a namespace: the guest's own is the agent."""
 
 import time
 
 from vm import CommandFailed
 
-# A systemd that starts reads thousands of files: a minute, where others keep the host busy.
+# A starting systemd reads thousands of files, which takes a minute on a busy host.
 ANSWER_SECONDS = 180
 
 
@@ -25,7 +25,7 @@ class Systemd:
             time.sleep(0.5)
 
     def run(self, command, timeout=ANSWER_SECONDS):
-        """Runs a shell command from within the namespace: systemctl talks to nobody outside."""
+        """Runs a shell command in the namespace, outside of which systemctl does not work."""
         outside = self.process.pid
         return self.vm.run(f"pid=$(cat /proc/{outside}/task/{outside}/children) && "
                            f"exec nsenter --target $pid --pid --mount {command}", timeout)
@@ -41,14 +41,14 @@ class Systemd:
 
 
 class Unit:
-    """One unit of it."""
+    """One unit of this systemd."""
 
     def __init__(self, systemd, name):
         self.systemd = systemd
         self.name = name
 
     def check(self, *words):
-        """systemctl WORDS UNIT, which must succeed; returns its output."""
+        """Runs systemctl WORDS UNIT, which must succeed; returns its output."""
         result = self.systemd.systemctl(*words, self.name)
         assert result.code == 0, (result, self.journal())
         return result.stdout

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the tests call exact, in order and on time: these judge the judges. Needs no machine."""
+"""Tests the checks behind "exact", "in order" and "on time". Needs no machine."""
 
 import contextlib
 import importlib.machinery
@@ -44,7 +44,7 @@ class Numbers(unittest.TestCase):
 
 
 def composed(vblanks_per_frame, first=500):
-    """Checksums of frames 0, 1, 2 ... that stay for so many vblanks each, on an empty screen."""
+    """Returns checksums of frames 0, 1, 2 ..., each shown for a number of vblanks."""
     crcs = [7, 7]
     for number, vblanks in enumerate(vblanks_per_frame):
         crcs += [1000 + number % FRAMES] * vblanks
@@ -92,7 +92,7 @@ def load_runner():
 
 
 class Bench:
-    """Stands for machines; notes how many there were."""
+    """Replaces machines and counts them."""
 
     def __init__(self):
         self.booted = 0
@@ -115,7 +115,7 @@ class Bench:
 
 class Runner(unittest.TestCase):
     def outcome(self, *problems):
-        """Counts after a test that meets these problems, one at each attempt, and machines used."""
+        """Returns counts after a test with these problems, one per attempt, and machines used."""
         runner, bench, left = load_runner(), Bench(), list(problems)
 
         def function(_):

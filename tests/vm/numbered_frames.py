@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Frames whose every pixel tells their number, and the renderer that pushes them into a player.
+"""Makes frames whose every pixel contains their number, and pushes them into a player.
 
 Frame N is a woven picture under noise, with N added to every pixel: red and blue carry the low byte
 of N, green carries both bytes. So any two frames differ in every pixel, a mixture of two shows as
@@ -30,7 +30,7 @@ class NumberedPictures:
         return picture.Picture(*self.size, bytes(rgb))
 
     def shown_in(self, seen, number):
-        """Whether a picture is frame(number), in every pixel."""
+        """Returns true if every pixel of the picture is that of frame(number)."""
         return (seen.width, seen.height) == self.size and all(
             seen.rgb[channel::3] == values for channel, values in enumerate(self._values(number)))
 
@@ -40,19 +40,19 @@ class NumberedPictures:
                                  f"{picture.describe_difference(seen, self.frame(number))}")
 
     def _values(self, number):
-        """One channel after the other."""
+        """Returns the values, one channel after the other."""
         low, high = number & 255, number >> 8
         for channel, added in enumerate((low, low + high, -low)):
             yield self._channels[channel].translate(_plus(added))
 
     def _claim(self, seen):
-        """What the first pixel says."""
+        """Returns the number in the first pixel."""
         red, green, _ = (seen.rgb[channel] - self._channels[channel][0] for channel in range(3))
         return f"the first pixel says {(red & 255) + ((green - red & 255) << 8)}"
 
 
 class NumberedFrames(NumberedPictures):
-    """The frames of a test, on the host; their base and their rig, where the guest sees them."""
+    """The frames of a test on the host; their base and rig are shared with the guest."""
 
     def __init__(self, vm, width, height):
         woven = Content(vm, width, height, 1)
@@ -80,7 +80,7 @@ class PacedRenderer:
         self.process = vm.start(command + (["/exchange/allowed"] if paced else []))
 
     def allow(self, count):
-        """In one piece: the guest must never read half a number."""
+        """Writes the number atomically: the guest must never read half of it."""
         written = self._allowed.with_suffix(".new")
         written.write_text(f"{count}\n")
         written.replace(self._allowed)

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs in the guest: pushes numbered frames into a player's ring, as fast as a test allows it.
+// Runs in the guest: pushes numbered frames into a player's ring, as fast as a test allows.
 //   vm_paced_renderer SOCKET RIG_FINGERPRINT BASE.ppm COUNT [ALLOWED]
-// Frame N is the base picture with N added to every pixel, so that each pixel tells N and any two
-// frames differ everywhere (numbered_frames.py computes the same). The file ALLOWED holds how many
-// frames may be published by now; without it all may. The sequence is finished when it holds more
-// than COUNT. Ends when nothing happened for two minutes.
+// Frame N is the base picture with N added to every pixel, so that each pixel identifies N and any
+// two frames differ everywhere (numbered_frames.py computes the same). The file ALLOWED holds the
+// number of frames that may be published; without it all may. A number larger than COUNT finishes
+// the sequence. The program ends after two minutes without progress.
 #include <lenticule.h>
 
 #include <chrono>
@@ -69,7 +69,7 @@ void paint(uint8_t* pixels, const Ppm& base, uint64_t number) {
   }
 }
 
-// The number in the file; 0 while it is not there.
+// Returns the number in the file; 0 if the file does not exist.
 uint64_t allowed_now(const std::string& path) {
   uint64_t allowed = 0;
   std::ifstream(path) >> allowed;

@@ -27,12 +27,12 @@ class Picture:
         return tuple(self.rgb[at:at + 3])
 
     def with_pixel(self, x, y, colour):
-        """The same picture with one pixel changed."""
+        """Returns the picture with one pixel changed."""
         at = (y * self.width + x) * 3
         return Picture(self.width, self.height, self.rgb[:at] + bytes(colour) + self.rgb[at + 3:])
 
     def xrgb(self):
-        """The bytes of a tightly packed XRGB8888 buffer: blue, green, red, 255."""
+        """Returns the bytes of a tightly packed XRGB8888 buffer: blue, green, red, 255."""
         packed = bytearray(b"\xff") * (self.width * self.height * 4)
         for channel in range(3):
             packed[2 - channel::4] = self.rgb[channel::3]
@@ -43,7 +43,7 @@ class Picture:
 
 
 def differing_pixels(one, other):
-    """How many pixels differ; all of the larger one where the sizes differ."""
+    """Returns how many pixels differ; all of the larger picture if the sizes differ."""
     if (one.width, one.height) != (other.width, other.height):
         return max(one.width * one.height, other.width * other.height)
     stride = one.width * 3
@@ -56,7 +56,7 @@ def differing_pixels(one, other):
 
 
 def describe_difference(one, other):
-    """A line for people: sizes, count and the first differing pixel."""
+    """Returns a line of text: sizes, count and the first differing pixel."""
     if (one.width, one.height) != (other.width, other.height):
         return f"sizes differ: {one.width}x{one.height} and {other.width}x{other.height}"
     at = next((i for i, (a, b) in enumerate(zip(one.rgb, other.rgb)) if a != b), None)
@@ -74,19 +74,19 @@ def assert_same(seen, expected):
 
 
 def noise(width, height, seed):
-    """Every subpixel random: no shift, swap or scaling of it goes unnoticed."""
+    """Returns random subpixels, which reveal any shift, swap or scaling."""
     return Picture(width, height, random.Random(seed).randbytes(width * height * 3))
 
 
 def combined(one, other):
-    """Exclusive or, bit by bit: under noise no region of a picture is flat any more."""
+    """Returns the bitwise exclusive or: with noise no region of a picture is flat."""
     size = len(one.rgb)
     bits = int.from_bytes(one.rgb, "big") ^ int.from_bytes(other.rgb, "big")
     return Picture(one.width, one.height, bits.to_bytes(size, "big"))
 
 
 def read(path):
-    """A Picture from a PPM (P6, 8 bits) or PNG (8 bits, RGB or RGBA, not interlaced) file."""
+    """Reads a PPM (P6, 8 bits) or PNG (8 bits, RGB or RGBA, not interlaced) file."""
     data = pathlib.Path(path).read_bytes()
     return from_png(data) if data.startswith(b"\x89PNG") else from_ppm(data)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""picture.py is the judge of the other tests: these judge it. Needs no machine."""
+"""Tests picture.py, on which the other tests rely. Needs no machine."""
 
 import random
 import struct
@@ -10,7 +10,7 @@ import picture
 
 
 def filtered(kind, row, above, channels):
-    """A PNG row filtered as the format's definition says, byte by byte."""
+    """Returns a PNG row filtered byte by byte by the format's definition."""
     result = bytearray([kind])
     for i, value in enumerate(row):
         a = row[i - channels] if i >= channels else 0
@@ -25,7 +25,7 @@ def filtered(kind, row, above, channels):
 
 
 def png(width, height, channels, pixels):
-    """A PNG whose rows use the five filters in turn."""
+    """Returns a PNG whose rows use the five filters in turn."""
     stride, rows, above = width * channels, b"", bytes(width * channels)
     for y in range(height):
         row = pixels[y * stride:(y + 1) * stride]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Starting lenticule play in a guest and reading what it says of itself."""
+"""Starts lenticule play in a guest and reads its statistics."""
 
 import json
 import time
@@ -10,13 +10,13 @@ STATS = "/tmp/stats.json"
 
 
 def play_command(vm, content, *flags):
-    """content: a Content or NumberedFrames, which knows its source and its rig."""
+    """Returns the command; content (Content or NumberedFrames) has the source and rig."""
     return [require_program(vm, "lenticule"), "play", content.source(), "--rig", content.rig,
             "--display", "kms", "--stats", STATS, *flags]
 
 
 def play(vm, content, *flags, **options):
-    """A running player. Options: see VirtualMachine.start()."""
+    """Starts a player. Options: see VirtualMachine.start()."""
     vm.run(["rm", "-f", STATS])
     return vm.start(play_command(vm, content, *flags), **options)
 
@@ -26,7 +26,7 @@ def stats(vm):
 
 
 def wait_until_shown(vm, player, count=1, timeout=60):
-    """Waits until the player says that it has shown so many frames; returns its statistics."""
+    """Waits until the player reports that many frames; returns its statistics."""
     deadline = time.monotonic() + timeout
     while True:
         running = player.running()

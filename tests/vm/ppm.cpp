@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading and writing PPM files.
+// Reads and writes PPM files.
 #include "ppm.h"
 
 #include <fstream>

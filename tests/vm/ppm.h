@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// PPM files, in which the harness and the guest's test programs exchange pictures.
+// Reads and writes PPM files, in which the harness and the guest's test programs exchange pictures.
 #pragma once
 
 #include <cstdint>
@@ -13,7 +13,7 @@ struct Ppm {
   std::string rgb;
 };
 
-// Both throw std::runtime_error.
+// Both functions throw std::runtime_error.
 Ppm read_ppm(const std::string& path);
 void write_ppm(const std::string& path, const Ppm& picture);
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs in the guest: lists what a card offers, and shows a picture on it by the shortest way.
+// Runs in the guest: lists a card's connectors and modes, and shows a picture with the simplest
+// calls.
 //   vm_probe list CARD                    one line per connector
 //   vm_probe show CARD PPM SECONDS        shows it at its own size; prints five vblanks if any
 #include <fcntl.h>
@@ -26,7 +27,8 @@ Descriptor open_card(const std::string& path) {
 
 void list(const std::string& path) {
   const Descriptor card = open_card(path);
-  // Hidden from clients that do not ask; a driver without one refuses nothing here.
+  // Writeback connectors are hidden from clients that do not ask; a driver without one ignores this
+  // call.
   drmSetClientCap(card.get(), DRM_CLIENT_CAP_WRITEBACK_CONNECTORS, 1);
   const Resources resources(drmModeGetResources(card.get()));
   if (!resources) throw std::runtime_error("no KMS resources");
@@ -82,7 +84,7 @@ void fill(DumbBuffer& buffer, const Ppm& picture) {
       row[x] = static_cast<uint8_t>(source[2]);
       row[x + 1] = static_cast<uint8_t>(source[1]);
       row[x + 2] = static_cast<uint8_t>(source[0]);
-      row[x + 3] = 0;  // must not matter
+      row[x + 3] = 0;  // the fourth byte must not matter
     }
   }
 }

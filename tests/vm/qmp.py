@@ -10,7 +10,7 @@ class QmpError(Exception):
 
 
 class Qmp:
-    """A connection that owns the socket given to it. Not for use by several threads."""
+    """A connection that owns its socket. Thread safety: for one thread."""
 
     def __init__(self, connection, timeout=10.0):
         self._connection = connection
@@ -21,7 +21,7 @@ class Qmp:
         self.execute("qmp_capabilities")
 
     def execute(self, command, **arguments):
-        """Runs one command and returns what QEMU returns; events met on the way are kept."""
+        """Runs one command and returns its result; events meanwhile are kept."""
         request = {"execute": command}
         if arguments:
             request["arguments"] = arguments

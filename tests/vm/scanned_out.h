@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reads the picture that a card scans out for another program, as a camera before the panel would.
+// Reads the picture that a card scans out for another program, as a camera in front of the panel
+// would.
 #pragma once
 
 #include <fcntl.h>
@@ -15,7 +16,7 @@ namespace lenticule::vm {
 
 using Framebuffer = std::unique_ptr<drmModeFB2, Freed<drmModeFreeFB2>>;
 
-// The pixels of somebody's dumb buffer, for reading. Only root is given such buffers.
+// The pixels of another program's dumb buffer, for reading. Only root has access to such buffers.
 class ForeignBuffer {
  public:
   ForeignBuffer(int fd, const drmModeFB2& framebuffer) : fd_(fd), handle_(framebuffer.handles[0]) {
@@ -35,7 +36,7 @@ class ForeignBuffer {
     if (handle_ != 0) drmCloseBufferHandle(fd_, handle_);
   }
 
-  // Null where it could not be mapped: its owner may just have removed it.
+  // Returns null if the buffer could not be mapped, since its owner may just have removed it.
   const uint8_t* pixels() const { return pixels_; }
 
  private:
@@ -49,11 +50,11 @@ class ScannedOut {
  public:
   explicit ScannedOut(const std::string& card)
       : card_(checked(open(card.c_str(), O_RDWR | O_CLOEXEC), card)) {
-    // Who opens a card first becomes its master, which the program under test has to be.
+    // The first program that opens a card becomes its master, which must be the program under test.
     drmDropMaster(card_.get());
   }
 
-  // The picture of the first CRTC that shows one; none where there is none, or not any more.
+  // Returns the picture of the first CRTC that shows one; nothing if none does.
   std::optional<frames::WovenFrame> read() {
     const uint32_t id = framebuffer_id();
     const Framebuffer framebuffer(id == 0 ? nullptr : drmModeGetFB2(card_.get(), id));
@@ -75,7 +76,7 @@ class ScannedOut {
     return 0;
   }
 
-  // Bytes blue, green, red, unused in the buffer.
+  // The buffer's bytes are blue, green, red, unused.
   static frames::WovenFrame copy_of(const uint8_t* pixels, const drmModeFB2& framebuffer) {
     const int width = static_cast<int>(framebuffer.width);
     frames::WovenFrame frame({width, static_cast<int>(framebuffer.height)});

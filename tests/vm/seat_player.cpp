@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs in the guest: plays a source on the rig's panel, again and again, through a seat (libseat)
-// until it is interrupted. Prints "shown N pauses N modesets N took_over 0|1" once a second.
+// Runs in the guest: plays a source on the rig's panel in a loop through a seat (libseat) until
+// interrupted. Prints "shown N pauses N modesets N took_over 0|1" once a second.
 //   vm_seat_player SOURCE RIG
 #include <cstdio>
 #include <exception>

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs in the guest: what a service manager does for a player, and no more.
+"""Runs in the guest: the part of a service manager that a player uses.
 
     service_host.py WATCHDOG_SECONDS PROGRAM ARGUMENT...
 
@@ -26,7 +26,7 @@ def say(text):
 
 
 def start(command, watchdog, stored):
-    """The child's process id. stored: pairs of name and descriptor."""
+    """Starts the child and returns its process id. stored: pairs of name and descriptor."""
     child = os.fork()
     if child:
         say(f"started {child}")
@@ -43,7 +43,7 @@ def start(command, watchdog, stored):
 
 
 def take_message(listener, stored):
-    """Prints what came, and stores or drops descriptors as told; returns what is stored then."""
+    """Prints a message, stores or drops descriptors, and returns the stored ones."""
     text, ancillary, _, _ = listener.recvmsg(65536, socket.CMSG_SPACE(64))
     fds = array.array("i")
     for level, kind, data in ancillary:

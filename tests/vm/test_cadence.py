@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""At which vblank each frame comes, over a minute, for content of any rate on a display of 60 Hz.
+"""Tests the vblank of each frame over a minute, for content of any rate on a display of 60 Hz.
 
-The judge is the driver: vkms tells the checksum of the picture at every vblank, by the vblank's
+The measurement is the driver's: vkms reports a checksum of the picture with every vblank's
 number. The guest's clock counts its instructions, so what else this host does cannot delay the
 player, and a repeat that was not planned is the player's fault or that of the guest's scheduler. None
 is allowed. The mode is small, so that composing a picture takes less than a vblank; it is tall because
@@ -18,10 +18,10 @@ from playing import play, stats
 from vm_test import Machine, vm_test
 
 WIDTH, HEIGHT = 160, 400
-# A player that is due must not wait for a driver's work that has begun.
+# A due player must not wait for work that the driver has begun.
 MACHINE = Machine(modules=("vkms",), clock="instructions",
                   kernel=f"preempt=full video=Virtual-1:{WIDTH}x{HEIGHT}@60")
-FRAMES = 60  # as many as are told apart; they are played in a loop
+FRAMES = 60  # number of distinguishable frames; they are played in a loop
 RATES = {"24": Fraction(24), "25": Fraction(25), "30": None, "59.94": None, "60": None}
 
 
@@ -32,12 +32,12 @@ class Shown:
 
 
 def planned_rate(text, refresh):
-    """24 and 25 as they are; what is close to a whole fraction of the refresh is locked to it."""
+    """Returns the rate; rates close to a whole fraction of the refresh are locked to it."""
     return RATES[text] or refresh / round(refresh / Fraction(text))
 
 
 def record(vm, content, seconds):
-    """Plays; returns the checksum of every vblank meanwhile, and the player's statistics."""
+    """Plays; returns the checksum of every vblank, and the player's statistics."""
     frames = NumberedFrames(vm, WIDTH, HEIGHT)
     player = play(vm, frames, "--fps", content, "--loop", "forever", "--duration", str(seconds),
                   "--slots", str(FRAMES + 2), "--prime", str(FRAMES), "--wait", "forever")
@@ -60,7 +60,7 @@ def wait_until_it_listens(player):
 
 
 def shown_frames(composed, numbers):
-    """Each frame with its first vblank; numbers: which frame a checksum stands for. Every vblank from
+    """Returns each frame with its first vblank; numbers: frame by checksum. Every vblank from
     the first to the last of them must have been composed, and show one of them."""
     known = [at for at, frame in enumerate(composed) if frame.crc in numbers]
     playing = composed[known[0]:known[-1] + 1]
@@ -72,7 +72,7 @@ def shown_frames(composed, numbers):
 
 
 def unplanned_repeats(shown, refresh, rate):
-    """How many vblanks the last frame came too late. None may be missing or out of order, and none
+    """Returns the delay of the last frame in vblanks. None may be missing or out of order, and none
     too early."""
     assert [s.number for s in shown] == [k % FRAMES for k in range(len(shown))], shown
     late = [s.vblank - shown[0].vblank - k * refresh // rate for k, s in enumerate(shown)]
@@ -109,10 +109,10 @@ def check_rates(vm, rates, seconds):
 
 
 @vm_test(MACHINE, slow=True)
-def a_minute_of_each_rate_comes_as_planned(vm):
+def a_minute_of_each_rate_is_shown_as_planned(vm):
     check_rates(vm, RATES, 60)
 
 
 @vm_test(MACHINE)
-def five_seconds_of_24_and_of_60_come_as_planned(vm):
+def five_seconds_of_24_and_of_60_are_shown_as_planned(vm):
     check_rates(vm, ["24", "60"], 5)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A calibration with a camera, from KMS to V4L2: only the sheet and the camera's optics are simulated.
+"""Tests calibrating with a camera, from KMS to V4L2: only sheet and camera optics are simulated.
 
 The patterns go through virtio-gpu; vm_calibration_camera reads what is scanned out, traces what a
 camera sees of it through the lenses, and sends that through vivid's HDMI loop.
@@ -20,15 +20,15 @@ FOLDER = "/tmp/calibration"
 RIG = f"{FOLDER}/rig.toml"
 ENTER, MOVES = f"{FOLDER}/enter", f"{FOLDER}/moves"
 
-# 1e-5 is what a panel with 1496 lenses is held to. The same error of the phase at the edges is four
-# times as much pitch on this one with 374.
+# The limit for a panel with 1496 lenses is 1e-5. The same error of the phase at the edges is four
+# times as much pitch on this panel with 374.
 PITCH_TOLERANCE = 1e-5 * 1496 / 374
 PHASE_TOLERANCE = 0.02  # lenses
 PATTERN_SECONDS = 10
 
 
 class Bench:
-    """The guest's panel under a sheet, the camera before it, and a rig to start from."""
+    """The guest's panel under a sheet, the camera in front of it, and the rig to start from."""
 
     def __init__(self, vm):
         self.vm = vm
@@ -66,7 +66,7 @@ class Bench:
         return sorted(self.vm.check(["ls", FOLDER]).stdout.split())
 
     def judge(self, report):
-        """How far the rig is from the truth."""
+        """Returns the rig's errors against the ground truth."""
         eye = report["viewpoints"][0]["eye_mm"]
         judged = self.vm.check([self.program, "judge", RIG, *map(str, eye)], 120).stdout
         print("   ", judged, end="", flush=True)
@@ -74,7 +74,7 @@ class Bench:
 
 
 def wait_until(process, condition, timeout):
-    """While the process must not end."""
+    """Waits until the condition holds; fails if the process ends before."""
     deadline = time.monotonic() + timeout
     while not condition():
         assert process.running() and time.monotonic() < deadline, (process.stdout, process.stderr)
@@ -125,13 +125,13 @@ def three_viewpoints_give_the_rig_of_every_eye(vm):
     truth = bench.judge(report)
     assert report["verdict"] == "intrinsic", report["reasons"]
     check_effective_pitches(report, truth)
-    # Beyond the steepest angle that a viewpoint saw, the law is extrapolated.
+    # The model is extrapolated beyond the steepest angle of any viewpoint.
     assert truth["worst_lenses"] < PHASE_TOLERANCE, truth
     check_files(bench, report)
 
 
 @vm_test(BENCH)
-def a_camera_that_is_unplugged_leaves_the_rig_as_it_was(vm):
+def an_unplugged_camera_leaves_the_rig_unchanged(vm):
     bench = Bench(vm)
     before = bench.files()
     calibrating = bench.calibrate(1, "--no-prompts")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cameras through the calibration's own code, on vivid: one that sees its HDMI output, one webcam."""
+"""Tests the calibration's camera code on vivid: an HDMI input in a loop, and a webcam."""
 
 from test_vivid import VIVID, node_called
 from vm_test import require_program, vm_test
@@ -30,7 +30,7 @@ def watched(vm, *arguments, **options):
 
 
 class Report:
-    """What a watching probe has printed, by the first word of each line."""
+    """The output of a watching probe, by the first word of each line."""
 
     def __init__(self, text):
         self.text = text
@@ -76,7 +76,7 @@ def cameras_are_listed_and_outputs_are_not(vm):
 
 
 @vm_test(VIVID)
-def colours_that_are_sent_are_seen(vm):
+def received_colours_match_sent_ones(vm):
     camera, output = node_called(vm, INPUT), node_called(vm, OUTPUT)
     set_control(vm, camera, "Loop Video", 1)
     set_control(vm, camera, "OSD Text Mode", 2)
@@ -94,7 +94,7 @@ def colours_that_are_sent_are_seen(vm):
 
 
 def assert_bars(vm, camera, pixel_format):
-    """The driver's bars of 100 % have their colours, whatever their transfer function."""
+    """Checks the colours of the driver's bars of 100 %, for any transfer function."""
     report = watched(vm, camera, pixel_format, count=1, rate=60)
     for colour, seen in zip([*SENT[:7], (0, 0, 0)], report.patches(), strict=True):
         expected = expected_light(colour, len(seen), linear_srgb)
@@ -119,7 +119,7 @@ def the_drivers_own_colours_are_seen_in_every_format(vm):
 
 
 @vm_test(VIVID)
-def what_the_driver_says_about_its_colours_is_heeded(vm):
+def the_drivers_colour_description_is_used(vm):
     camera = node_called(vm, WEBCAM)
     set_control(vm, camera, "OSD Text Mode", 2)
     set_control(vm, camera, "Test Pattern", 1)
@@ -135,7 +135,7 @@ def what_the_driver_says_about_its_colours_is_heeded(vm):
 
 
 @vm_test(VIVID)
-def damaged_and_lost_pictures_do_no_harm(vm):
+def damaged_and_lost_pictures_are_counted_and_skipped(vm):
     camera = node_called(vm, WEBCAM)
     watching = watch(vm, camera, rate=60, count=150)
     watching.wait_for_line("streaming", 60)
@@ -154,7 +154,7 @@ def damaged_and_lost_pictures_do_no_harm(vm):
 
 
 @vm_test(VIVID)
-def counters_that_begin_again_count_on(vm):
+def restarted_counters_continue_counting(vm):
     camera = node_called(vm, WEBCAM)
     set_control(vm, camera, "Wrap Sequence Number", 1)
     report = watched(vm, camera, rate=60, count=150)
@@ -165,7 +165,7 @@ def counters_that_begin_again_count_on(vm):
 
 
 @vm_test(VIVID)
-def a_fatal_error_is_the_end_and_the_camera_opens_anew(vm):
+def a_fatal_error_ends_the_stream_and_the_camera_opens_again(vm):
     camera = node_called(vm, WEBCAM)
     watching = watch(vm, camera, count=100000)
     watching.wait_for_line("streaming", 60)
@@ -178,11 +178,11 @@ def a_fatal_error_is_the_end_and_the_camera_opens_anew(vm):
 
 
 @vm_test(VIVID)
-def an_unplugged_camera_is_gone_and_opens_anew(vm):
+def an_unplugged_camera_is_lost_and_opens_again(vm):
     camera = node_called(vm, WEBCAM)
     watching = watch(vm, camera, count=100000)
     watching.wait_for_line("streaming", 60)
-    # vivid connects itself again when the last user has closed it, and not before.
+    # vivid connects itself again only after the last user has closed it.
     set_control(vm, camera, "Disconnect", 1)
     result = watching.wait(60)
     assert result.code == 0, result
@@ -202,7 +202,7 @@ def a_failed_start_leaves_nothing_behind(vm):
 
 
 @vm_test(VIVID)
-def a_taken_camera_names_who_has_it(vm):
+def a_camera_in_use_names_its_user(vm):
     camera = node_called(vm, WEBCAM)
     watching = watch(vm, camera, count=100000)
     watching.wait_for_line("streaming", 60)
@@ -225,7 +225,7 @@ def a_forbidden_camera_names_the_group(vm):
 
 
 @vm_test(VIVID)
-def controls_are_held_and_drift_is_noticed(vm):
+def controls_are_kept_and_drift_is_detected(vm):
     camera = node_called(vm, WEBCAM)
     set_control(vm, camera, "Gain, Automatic", 1)
     watching = watch(vm, camera, rate=60, count=200)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A file system that is full, which only root can make."""
+"""Tests a full file system, which only root can make."""
 
 from vm import SOURCE
 from vm_test import Machine, require_program, vm_test
@@ -9,7 +9,7 @@ RIG = "/tmp/tiny.toml"
 
 
 @vm_test(VIRTIO)
-def a_full_one_keeps_nothing_half_written(vm):
+def a_full_disk_leaves_no_partial_files(vm):
     program = require_program(vm, "lenticule")
     vm.write_file(RIG, (SOURCE / "scenes/rigs/tiny.toml").read_bytes())
     render = [program, "render", "builtin:teapot", "--rig", RIG, "-o"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""lenticule doctor: its verdict and exit code on each kind of machine, as docs/kms.md lists them."""
+"""Tests verdict and exit code of lenticule doctor on each kind of machine of docs/kms.md."""
 
 import json
 import signal
@@ -29,7 +29,7 @@ def check_healthy(vm, driver, counts_vblanks):
     assert output["exactness"]["exact"] == "yes" and output["tested"], output
     assert output["exactness"]["reasons"] == [] and output["exactness"]["unseen"] == [], output
     assert any(driver in line for line in output["exactness"]["proved"]), output
-    # It leaves the card to the next one who wants it.
+    # It releases the card for the next program.
     assert json.loads(doctor(vm, USABLE, "--display", "kms:Virtual-1").stdout) == found
     missing = doctor(vm, NO_PANEL, "--display", "kms:HDMI-A-7")
     assert json.loads(missing.stdout)["outputs"] == [], missing
@@ -47,7 +47,7 @@ def finds_vkms_healthy(vm):
 
 
 @vm_test(Machine(display="cirrus"), fresh=True)
-def finds_that_cirrus_cuts_colours(vm):
+def reports_that_cirrus_reduces_colours(vm):
     found = json.loads(doctor(vm, INEXACT).stdout)
     [output] = found["outputs"]
     assert output["driver"] == "cirrus" and output["exactness"]["exact"] == "no", output
@@ -55,13 +55,13 @@ def finds_that_cirrus_cuts_colours(vm):
 
 
 @vm_test(Machine(display="cirrus"), fresh=True)
-def refuses_to_play_where_colours_are_cut(vm):
+def refuses_to_play_with_reduced_colours(vm):
     content = Content(vm, 1600, 900, 2)
     command = play_command(vm, content, "--frames", "1:2", "--duration", "2")
     refused = vm.run(command, 60)
     assert refused.code == INEXACT and "RGB565" in refused.stderr, refused
     assert "--allow-inexact" in refused.stderr, refused
-    # What was refused is wrong indeed: the one flag shows it, and most pixels differ.
+    # The refusal was right: with the flag that allows it, most pixels differ.
     player = play(vm, content, "--frames", "1:2", "--loop", "forever", "--allow-inexact")
     wait_until_shown(vm, player)
     assert stats(vm)["exactness"]["exact"] == "no"
@@ -73,27 +73,27 @@ def refuses_to_play_where_colours_are_cut(vm):
 
 
 @vm_test(Machine())
-def says_that_there_is_no_card(vm):
+def reports_a_missing_card(vm):
     result = doctor(vm, NO_PANEL)
     assert json.loads(result.stdout) == {"cards": [], "outputs": []}, result
     assert "no graphics card was found" in result.stderr, result
 
 
 @vm_test(Machine())
-def refuses_a_name_that_makes_no_sense(vm):
+def refuses_an_invalid_name(vm):
     result = doctor(vm, USAGE, "--display", "kms:edid:")
     assert result.stdout == "" and "edid" in result.stderr, result
 
 
 @vm_test(VIRTIO, fresh=True)
-def finds_no_panel_where_all_are_unplugged(vm):
+def finds_no_panel_if_all_are_unplugged(vm):
     vm.write_file("/sys/class/drm/card0-Virtual-1/status", "off")
     found = json.loads(doctor(vm, NO_PANEL).stdout)
     assert len(found["cards"]) == 1 and found["outputs"] == [], found
 
 
 @vm_test(VIRTIO)
-def says_that_another_program_is_master(vm):
+def reports_that_another_program_is_master(vm):
     player = play(vm, Content(vm, 1920, 1080, 3), "--frames", "1:2", "--loop", "forever")
     wait_until_shown(vm, player)
     result = vm.run([require_program(vm, "lenticule"), "doctor", "--json"], 60)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbered frames, one after the other: each comes onto the glass, whole, once and in order.
+"""Tests that numbered frames are displayed completely, once and in order.
 
 The renderer publishes the next frame only when the one before was seen and compared in every pixel,
-so the asynchronous oracles cannot miss one; that the player counts as many flips as frames leaves
+so the asynchronous checks cannot miss one; that the player counts as many flips as frames leaves
 no room for others in between.
 """
 
@@ -47,7 +47,7 @@ def check_every_dump(vm, width, height, count):
 
 
 def next_screen(vm, before):
-    """The first dump that differs from the last one."""
+    """Returns the first dump that differs from the last one."""
     deadline = time.monotonic() + SECONDS_PER_FRAME
     while True:
         begin = time.monotonic()
@@ -95,7 +95,7 @@ def bochs_shows_each_frame_exactly(vm):
 # -- vkms -----------------------------------------------------------------------------------------
 
 class CrcLog:
-    """The checksums of all composed frames, over several captures: a writeback ends one."""
+    """Collects the checksums of all composed frames over several captures: a writeback ends one."""
 
     def __init__(self, vm):
         self._vm = vm
@@ -106,7 +106,7 @@ class CrcLog:
         return self._ended + vkms.parse_crcs(self._capture.stdout if self._capture else "")
 
     def wait_for(self, expected, number):
-        """Until the newest composed frame is the expected one."""
+        """Waits until the newest composed frame is the expected one."""
         deadline = time.monotonic() + SECONDS_PER_FRAME
         while True:
             newest = self.composed()[-1:]
@@ -128,7 +128,7 @@ def changes(crcs):
 
 
 def check_every_crc(vm, width, height, count, writeback_every):
-    """By the driver's checksum of every frame that it composes, and by its pixels for some."""
+    """Checks every frame by the driver's checksum, and some frames by their pixels."""
     writeback = require_program(vm, "vm_writeback_capture")
     frames = NumberedFrames(vm, width, height)
     player, renderer = start(vm, frames, count)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The harness itself: commands, users, signals, files, udev."""
+"""Tests the harness itself: commands, users, signals, files, udev."""
 
 import signal
 import time
@@ -17,7 +17,7 @@ def a_command_returns_its_code_and_both_outputs(vm):
 
 
 @vm_test(VIRTIO)
-def an_ordinary_user_is_one(vm):
+def an_ordinary_user_has_no_privileges(vm):
     assert vm.check(["id", "-u"], uid=1000).stdout == "1000\n"
     assert "video" in vm.check(["id", "-Gn"], uid=1000, groups=("video",)).stdout.split()
     assert vm.run("echo x > /sys/class/drm/card0/uevent", uid=1000).code != 0
@@ -43,7 +43,7 @@ def a_signal_reaches_the_program_itself(vm):
 
 
 @vm_test(VIRTIO)
-def files_come_back_as_they_were_sent(vm):
+def files_are_returned_unchanged(vm):
     data = bytes(range(256)) * 5000
     vm.write_file("/tmp/data", data)
     assert vm.read_file("/tmp/data") == data
@@ -53,7 +53,7 @@ def files_come_back_as_they_were_sent(vm):
 def the_guest_cannot_write_into_this_tree(vm):
     assert vm.run(["touch", f"{vm.files}/written-by-the-guest"]).code != 0
     assert not (vm.files / "written-by-the-guest").exists()
-    vm.check(["touch", "/etc/written-by-the-guest"])  # falls on the tmpfs above the host's files
+    vm.check(["touch", "/etc/written-by-the-guest"])  # goes to the tmpfs above the host's files
 
 
 @vm_test(VIRTIO)
@@ -70,7 +70,7 @@ def udev_names_the_card_and_reports_its_changes(vm):
     assert "-card\n" in links, links
     monitor = vm.start(["udevadm", "monitor", "--udev", "--property", "--subsystem-match=drm"])
     monitor.wait_for_line("UDEV - the event", 20)
-    deadline = time.monotonic() + 20  # it prints that before it listens: ask until it hears
+    deadline = time.monotonic() + 20  # printed before udev listens: repeat until an event
     while "ACTION=change" not in monitor.stdout:
         assert time.monotonic() < deadline, monitor.stdout
         vm.write_file("/sys/class/drm/card0/uevent", "change")

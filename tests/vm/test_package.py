@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Debian package: made by cpack, installed by dpkg, then a kiosk as docs/kiosk.md sets it up."""
+"""Tests the Debian package: made by cpack, installed by dpkg, then a kiosk as in docs/kiosk.md."""
 
 import json
 import pathlib
@@ -15,15 +15,15 @@ SOURCE = pathlib.Path(__file__).resolve().parents[2]
 # Small, since the guest renders its own frames.
 MACHINE = Machine(display="virtio-gpu", width=320, height=240)
 FRAMES = 3
-# Without the triggers of other packages: one indexes all manual pages of this host, another time.
+# No triggers of other packages: one of them would index all manual pages of this host.
 DPKG = "dpkg --no-triggers --force-unsafe-io"
 STATS = "/run/lenticule/lobby/stats.json"
-# Shorter than the 30 s after which the player looks at its panel without having heard of it.
+# Shorter than the 30 s after which the player probes its panel without an event.
 HEARD_SECONDS = 25
 
 
 def make_package(vm):
-    """cpack's .deb, where the guest sees it."""
+    """Returns cpack's .deb in a folder that the guest sees."""
     require_program(vm, "lenticule")
     for made in ["CPackConfig.cmake", "generated/lenticule.1", "include/liblenticule.so"]:
         if not (vm.build / made).exists():
@@ -37,7 +37,7 @@ def make_package(vm):
 
 
 def check_files(systemd):
-    """What dpkg put there is complete, and the user, folders and rules are in force."""
+    """Checks that the installed files are complete and user, folders and rules are in force."""
     assert systemd.check("dpkg --verify lenticule") == ""
     assert systemd.check("id -Gn lenticule").split() == ["lenticule", "video"]
     folders = systemd.check("stat -c '%n %U:%G %a' /etc/lenticule /var/lib/lenticule")
@@ -53,7 +53,7 @@ def check_files(systemd):
 
 
 def check_program(vm, systemd):
-    """It runs from where it was installed, and so does the part of it that reads pictures."""
+    """Checks that the installed program runs, including its library for pictures."""
     systemd.check(f"mount -t tmpfs none {vm.build}/modules")  # nothing to be found there any more
     assert systemd.check("which lenticule") == "/usr/bin/lenticule\n"
     assert systemd.check("lenticule --version").startswith("lenticule ")
@@ -62,7 +62,7 @@ def check_program(vm, systemd):
 
 
 def wait_for_frames(vm, content):
-    """Until every frame of the sequence was on the screen, and nothing else."""
+    """Waits until every frame of the sequence was on the screen, and no other picture."""
     frames = {frame.rgb: number for number, frame in enumerate(content.frames())}
     console = vm.screendump()
     seen = set()
@@ -85,7 +85,7 @@ def stats(vm):
 
 
 def plug(vm, status, wanted):
-    """As if somebody pulled the cable or put it back; the service must hear of it."""
+    """Simulates unplugging or plugging the cable; the service must receive the event."""
     vm.write_file("/sys/class/drm/card0-Virtual-1/status", status)
     vm.write_file("/sys/class/drm/card0/uevent", "change")
     deadline = time.monotonic() + HEARD_SECONDS
@@ -95,7 +95,7 @@ def plug(vm, status, wanted):
 
 
 def upgrade(vm, systemd, package, player, content):
-    """A new player takes the picture over from the one that runs, and a new renderer fills its ring."""
+    """Installs a new player, which takes over the picture, and a new renderer for its ring."""
     before = player.wait_for_main_process()
     systemd.check(f"{DPKG} --install {package}", 300)
     player.wait_for_main_process(other_than=before)
@@ -104,7 +104,7 @@ def upgrade(vm, systemd, package, player, content):
 
 
 @vm_test(MACHINE, fresh=True)
-def makes_a_kiosk(vm):
+def sets_up_a_kiosk(vm):
     package = make_package(vm)
     content = Content(vm, MACHINE.width, MACHINE.height, FRAMES)
     systemd = Systemd(vm)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""lenticule play on the kernel's drivers: pictures from files, and which panel they come onto."""
+"""Tests lenticule play on the kernel's drivers: pictures from files, and the choice of panel."""
 
 import json
 import signal
@@ -12,7 +12,7 @@ from vm_test import Machine, require_program, vm_test
 
 
 def check_held_frame(vm, content, number):
-    """Frame `number` alone, again and again: QEMU sees exactly it."""
+    """Plays frame `number` in a loop and expects exactly that frame in QEMU."""
     player = play(vm, content, "--frames", f"{number}:{number + 1}", "--loop", "forever")
     shown = wait_until_shown(vm, player)
     vm.wait_for_screen(content.frame(number))

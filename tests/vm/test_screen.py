@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""QEMU's screendump as an oracle: what a driver scans out is seen byte for byte."""
+"""Tests that QEMU's screendump returns exactly the bytes that a driver scans out."""
 
 import picture
 from vm_test import Machine, vm_test
@@ -11,7 +11,7 @@ def card_status(vm):
 
 
 def show_on_framebuffer(vm, shown):
-    """Writes a picture into /dev/fb0, with the console's hands off it."""
+    """Writes a picture into /dev/fb0 while the console does not draw."""
     vm.run("for c in /sys/class/vtconsole/*/bind; do echo 0 > $c; done")
     stride = int(vm.read_file("/sys/class/graphics/fb0/stride"))
     assert stride == shown.width * 4, stride
@@ -23,7 +23,7 @@ def check_screen(vm, width, height):
     shown = picture.noise(width, height, seed=width)
     show_on_framebuffer(vm, shown)
     vm.wait_for_screen(shown)
-    # The comparison must notice the least change there is: one step of one subpixel.
+    # The comparison must detect the smallest change: one step of one subpixel.
     x, y = width - 1, height // 2
     red, green, blue = shown.pixel(x, y)
     changed = shown.with_pixel(x, y, (red, green ^ 1, blue))

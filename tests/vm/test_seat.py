@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A card from seatd, on a virtual terminal that people switch away from and back to."""
+"""Tests a card from seatd while the user switches virtual terminals."""
 
 import signal
 import time
@@ -9,7 +9,7 @@ from vm_test import Machine, require_program, vm_test
 
 
 def report(player, wanted, timeout=60):
-    """Waits for a line of the player that says so; returns its numbers by name."""
+    """Waits for a matching line of the player; returns its numbers by name."""
     deadline = time.monotonic() + timeout
     while True:
         lines = [line.split() for line in player.stdout.splitlines() if line.startswith("shown ")]
@@ -31,7 +31,7 @@ def wait_until_not(vm, shown, timeout=30):
 @vm_test(Machine(display="virtio-gpu"), fresh=True)
 def the_picture_comes_back_with_its_terminal(vm):
     content = Content(vm, 1920, 1080, 1)
-    vm.check("chmod 600 /dev/dri/card0")  # no way to it but through the seat
+    vm.check("chmod 600 /dev/dri/card0")  # accessible only through the seat
     vm.check("echo elsewhere >/dev/tty2")
     vm.check(["busybox", "chvt", "1"])
     console = vm.screendump()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of the picture when players end, and what a service manager hears of them."""
+"""Tests the picture after a player's end, and the messages to a service manager."""
 
 import pathlib
 import time
@@ -31,7 +31,7 @@ def start_service(vm, content, *flags, **options):
 
 
 def buffers(vm):
-    """What the card's buffers take: how many can be scanned out, and bytes of shared memory."""
+    """Returns the card's buffers: how many can be scanned out, and bytes of shared memory."""
     listed = vm.check("cat /sys/kernel/debug/dri/0/framebuffer").stdout
     shared = vm.check("grep Shmem: /proc/meminfo").stdout.split()[1]
     return listed.count("framebuffer["), int(shared) * 1024
@@ -66,7 +66,7 @@ def check_lives(vm, width, height, lives, gap_seconds):
 
 @vm_test(VIRTIO, fresh=True)
 def a_killed_player_leaves_its_frame_to_the_next_one(vm):
-    check_lives(vm, 1920, 1080, 3, gap_seconds=2)  # without a holder the console is back by then
+    check_lives(vm, 1920, 1080, 3, gap_seconds=2)  # the console returns if no process holds the card
 
 
 @vm_test(Machine(display="virtio-gpu", width=640, height=480), fresh=True, slow=True)
@@ -75,7 +75,7 @@ def fifty_killed_players_leak_no_buffer(vm):
 
 
 @vm_test(VIRTIO, fresh=True)
-def tells_the_service_manager_how_it_is(vm):
+def reports_its_state_to_the_service_manager(vm):
     content = Content(vm, 1920, 1080, 3)
     service = start_service(vm, content, "--fps", "2")
     service.wait_for_line("READY 1", 60)
@@ -83,7 +83,7 @@ def tells_the_service_manager_how_it_is(vm):
     assert status.startswith("STATUS EXACT yes"), status
     wait_for_lines(service, "WATCHDOG 1", 2, 60)
     child = service.wait_for_line("started", 1).split()[1]
-    # A process that does not run does not ping.
+    # A stopped process sends no pings.
     vm.check(["kill", "-STOP", child])
     time.sleep(1)
     pings = service.stdout.count("WATCHDOG")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The units, rules and folders of udev/ under a real systemd, with its sandbox and descriptor store."""
+"""Tests the units, rules and folders of udev/ under a real systemd with its sandbox."""
 
 import json
 import pathlib
@@ -15,8 +15,8 @@ PLAYER = "lenticule-player@lobby.service"
 
 
 def install(vm):
-    """What the package does, on the guest's throw-away layer."""
-    # Nothing from the build tree, which may lie in /tmp: the units have a /tmp of their own.
+    """Installs the files of the package in the guest's temporary layer."""
+    # No files of the build tree, which may lie in /tmp: the units have a /tmp of their own.
     vm.check(["cp", require_program(vm, "lenticule"), "/usr/local/bin/lenticule"])
     vm.check(["cp", vm.build / "modules" / "lenticule-pictures.so", "/usr/lib/"])
     for unit in FILES.glob("*.service"):
@@ -46,7 +46,7 @@ def systemd_keeps_the_picture_over_a_crash(vm):
     vm.wait_for_screen(content.frame(1))
     now = unit.facts("NFileDescriptorStore")
     assert now["NFileDescriptorStore"] == "2", now
-    time.sleep(12)  # longer than the watchdog's patience
+    time.sleep(12)  # longer than the watchdog's timeout
     assert unit.wait_for_main_process() == first, unit.journal()
     assert "EXACT yes" in unit.facts("StatusText")["StatusText"], unit.journal()
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""vivid: a camera made of software, whose HDMI input sees exactly what its HDMI output sends."""
+"""Tests vivid, a software camera whose HDMI input receives exactly the output's bytes."""
 
 from vm_test import Machine, require_program, vm_test
 
@@ -9,7 +9,7 @@ VIVID = Machine(modules=(
 
 
 def node_called(vm, name):
-    """The video node whose card name ends so; their order is the driver's business."""
+    """Returns the video node whose card name ends so; the order of nodes is undefined."""
     nodes = vm.check("grep -H . /sys/class/video4linux/*/name").stdout
     for line in nodes.splitlines():
         path, _, label = line.partition(":")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""vkms: a card with a timer's vblanks, whose composed frames can be read back and checksummed."""
+"""Tests vkms, a card with a timer's vblanks whose composed frames can be read back."""
 
 import picture
 import vkms
@@ -47,7 +47,7 @@ def the_checksum_of_its_frames_is_the_expected_one(vm):
     expected = vkms.expected_crc(shown)
     assert {frame.crc for frame in frames} == {expected}, (frames, hex(expected))
     process.kill()
-    # The least change there is must be noticed by both: the driver and the computation.
+    # The driver and the computation must both detect the smallest change.
     red, green, blue = shown.pixel(0, 0)
     changed = shown.with_pixel(0, 0, (red, green, blue ^ 1))
     show(vm, changed)
@@ -60,7 +60,7 @@ def writeback_returns_every_pixel_of_a_running_program(vm):
     capture = require_program(vm, "vm_writeback_capture")
     shown = picture.noise(*SIZE, seed=3)
     process = show(vm, shown)
-    for _ in range(2):  # it leaves the pipe as it found it, so that it works again
+    for _ in range(2):  # the first capture restores the pipe, so that a second one works
         picture.assert_same(vkms.writeback(vm, process.pid, capture), shown)
     assert process.running()
     red, green, blue = shown.pixel(5, 7)
@@ -69,7 +69,7 @@ def writeback_returns_every_pixel_of_a_running_program(vm):
 
 
 @vm_test(VKMS)
-def both_oracles_agree_at_full_size(vm):
+def both_references_agree_at_full_size(vm):
     capture = require_program(vm, "vm_writeback_capture")
     shown = picture.noise(1920, 1080, seed=4)
     process = show(vm, shown)

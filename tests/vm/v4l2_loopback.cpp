@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Runs in the guest: sends a picture through vivid's HDMI output into its HDMI input.
-//   vm_v4l2_loopback OUTPUT INPUT          prints how many of the bytes came back different
+//   vm_v4l2_loopback OUTPUT INPUT          prints the number of bytes that arrived changed
 #include <cstdio>
 #include <random>
 #include <vector>
@@ -37,8 +37,8 @@ int loop(const std::string& output_path, const std::string& input_path) {
   output.map_buffers();
   const std::vector<uint8_t> sent = noise();
   output.start(&sent);
-  // The input takes its timings from what arrives, as a capture card would; otherwise it shows
-  // its own noise.
+  // The input copies the timings of the arriving signal, as a capture card would; otherwise it
+  // shows its own noise.
   v4l2_dv_timings timings{};
   input.call(VIDIOC_QUERY_DV_TIMINGS, &timings, "no signal");
   input.call(VIDIOC_S_DV_TIMINGS, &timings, "timings");
@@ -46,7 +46,7 @@ int loop(const std::string& output_path, const std::string& input_path) {
   input.map_buffers();
   input.start(nullptr);
   for (uint32_t i = 0; i < 2 * VideoNode::buffer_count;
-       ++i) {  // the first ones may be of before the signal
+       ++i) {  // the first pictures may be older than the signal
     output.next(false);
     input.next(false);
   }

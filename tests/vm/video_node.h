@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A video node of vivid, driven by hand: controls by name, formats, buffers that are sent or taken.
+// Drives a video node of vivid by hand: controls by name, formats, buffers in both directions.
 #pragma once
 
 #include <fcntl.h>
@@ -35,7 +35,7 @@ class VideoNode {
     checked(ioctl(fd_.get(), request, argument), what);
   }
 
-  // Presses it where it is a button.
+  // Sets a control, or presses a button.
   void set_control(const std::string& name, int value) {
     v4l2_query_ext_ctrl control{};
     do {
@@ -46,7 +46,8 @@ class VideoNode {
     call(VIDIOC_S_CTRL, &setting, name.c_str());
   }
 
-  // What is not set in `wanted` stays as the driver has it. Returns what the driver made of it.
+  // Sets a format; fields not set in `wanted` keep the driver's values. Returns the driver's
+  // result.
   v4l2_pix_format choose(const v4l2_pix_format& wanted) {
     v4l2_format format{};
     format.type = type_;
@@ -87,7 +88,7 @@ class VideoNode {
     call(VIDIOC_STREAMON, &type_, "start");
   }
 
-  // Waits for the next done buffer, hands it back to the driver, and returns its pixels.
+  // Waits for the next completed buffer, returns it to the driver, and returns its pixels.
   std::vector<uint8_t> next(bool copy) {
     v4l2_buffer buffer = take_done();
     std::vector<uint8_t> pixels;
@@ -96,7 +97,7 @@ class VideoNode {
     return pixels;
   }
 
-  // Sends one picture. An output repeats its newest one until another is sent.
+  // Sends one picture. An output repeats its newest picture until the next one.
   void send(const std::vector<uint8_t>& contents) {
     v4l2_buffer buffer = take_done();
     std::memcpy(mapped_[buffer.index], contents.data(), contents.size());

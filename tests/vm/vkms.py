@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the vkms driver tells about the frames that it composes: a checksum of each, by vblank.
+"""Reads the checksums of the frames that the vkms driver composes, by vblank.
 
 /sys/kernel/debug/dri/N/crtc-0/crc gives the CRC of every composed frame with its vblank number, to
-root and without being the card's master, so it judges a running player from outside. The checksum
+root and without being the card's master, so it checks a running player from outside. The checksum
 covers the composed line buffers: four little-endian 16-bit values per pixel (alpha, red, green,
 blue), row after row, with 8-bit channels widened by 257 (0xAB becomes 0xABAB) and alpha 0xFFFF;
 the kernel's crc32_le starts at 0 and inverts nothing. Emulated, composing a frame can take longer
@@ -23,7 +23,7 @@ class FrameCrc:
 
 
 def expected_crc(shown):
-    """The checksum of vkms when its CRTC of the picture's size shows exactly this picture."""
+    """Returns the checksum of vkms for a CRTC that shows exactly this picture."""
     count = shown.width * shown.height
     composed = bytearray(b"\xff") * (count * 8)
     for channel in range(3):
@@ -39,7 +39,7 @@ def crc_folder(vm):
 
 
 def parse_crcs(text):
-    """The frames in what the kernel's crc/data file gave: a line '0xVBLANK 0xCRC' and a 0 byte
+    """Returns the frames in data of the kernel's crc/data: a line '0xVBLANK 0xCRC' and a 0 byte
     each."""
     frames = []
     for line in text.replace("\0", "").splitlines(keepends=True):
@@ -58,7 +58,7 @@ def start_crc_capture(vm):
 
 
 def vkms_crc_of_next_frames(vm, count, timeout=60):
-    """The checksums of the next composed frames, in order; the CRTC must be active."""
+    """Returns the checksums of the next composed frames, in order; the CRTC must be active."""
     folder = crc_folder(vm)
     vm.write_file(f"{folder}/control", "auto")
     data = shlex.quote(f"{folder}/data")
@@ -67,7 +67,7 @@ def vkms_crc_of_next_frames(vm, count, timeout=60):
 
 
 def writeback(vm, pid, program):
-    """The Picture that vkms composes for the process pid, which is the card's master.
+    """Returns the Picture that vkms composes for the process pid, the card's master.
 
     program: the path of vm_writeback_capture. See there for how it disturbs that process.
     """

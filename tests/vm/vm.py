@@ -43,7 +43,7 @@ class VmError(Exception):
 
 
 class MachineStalled(VmError):
-    """It runs, but not even a SIGKILL takes effect any more: nothing that a program could have done."""
+    """The machine runs, but even SIGKILL has no effect, which no program can cause."""
 
 
 class CommandFailed(AssertionError):
@@ -52,7 +52,7 @@ class CommandFailed(AssertionError):
 
 @dataclasses.dataclass(frozen=True)
 class Machine:
-    """What a test needs. Tests with equal needs share one booted machine."""
+    """The machine that a test needs. Tests with equal needs share one booted machine."""
 
     display: str = "none"  # QEMU's display device: virtio-gpu, bochs, cirrus or none
     width: int = 1920  # the display's preferred mode
@@ -60,7 +60,7 @@ class Machine:
     memory_mib: int = 2048
     modules: tuple = ()  # module names, each with its parameters: ("vkms enable_cursor=0",)
     kernel: str = ""  # further arguments for the kernel
-    clock: str = "real"  # or "instructions": the guest's time is what it has executed
+    clock: str = "real"  # or "instructions": the guest's time is the number of executed instructions
 
     def __str__(self):
         display = self.display
@@ -72,7 +72,7 @@ class Machine:
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    """What a finished command left. code is 128 + N where signal N ended it."""
+    """The result of a finished command. code is 128 + N if signal N ended it."""
 
     code: int
     stdout: str
@@ -91,7 +91,7 @@ class Process:
 
     @property
     def pid(self):
-        """The guest's process id of the program itself, not of a shell around it."""
+        """Returns the guest's process id of the program itself, not of a shell around it."""
         deadline = time.monotonic() + 10
         while time.monotonic() < deadline:
             text = self._text("pid")
@@ -102,7 +102,7 @@ class Process:
 
     @property
     def stdout(self):
-        """What it has written so far."""
+        """Returns the output so far."""
         return self._text("stdout")
 
     @property
@@ -118,7 +118,7 @@ class Process:
         self._vm.check(["kill", f"-{int(number)}", str(self.pid)])
 
     def wait(self, timeout):
-        """Its Result; kills it and raises when it is not done in time."""
+        """Returns the Result; kills the program and raises after the timeout."""
         if not self._vm.listen(timeout, until=lambda: self.code is not None):
             self.kill()
             raise CommandFailed(f"'{self.command}' was not done after {timeout} s\n"
@@ -126,7 +126,7 @@ class Process:
         return Result(self.code, self.stdout, self.stderr)
 
     def kill(self):
-        """Ends it and its children with SIGKILL and waits until they are gone."""
+        """Ends the program and its children with SIGKILL and waits for their end."""
         if self.code is None:
             self._vm.request(f"kill {self.number}")
             if not self._vm.listen(20, until=lambda: self.code is not None):
@@ -158,7 +158,7 @@ class VirtualMachine:
     """Boots in its constructor; close() or `with` ends it. For one thread."""
 
     def __init__(self, machine, files, build=None, accelerator="tcg", boot_seconds=BOOT_SECONDS):
-        """files: what guest_files.prepare() returned. build: a build tree the guest must see."""
+        """files: the result of guest_files.prepare(). build: a build tree for the guest."""
         self.machine = machine
         self.files = pathlib.Path(files)
         self.build = pathlib.Path(build).resolve() if build else None
@@ -209,7 +209,7 @@ class VirtualMachine:
         return process
 
     def run(self, command, timeout=60, **options):
-        """Runs a command to its end; its Result says how it went. Options: see start()."""
+        """Runs a command to its end and returns its Result. Options: see start()."""
         return self.start(command, **options).wait(timeout)
 
     def check(self, command, timeout=60, **options):
@@ -221,7 +221,7 @@ class VirtualMachine:
         return result
 
     def program(self, name):
-        """The path, the same in the guest, of a program that the build tree has made."""
+        """Returns the path of a program of the build tree, which is the same in the guest."""
         for folder, folders, names in os.walk(self.build or ""):
             folders[:] = [f for f in folders if f != "CMakeFiles"]
             path = pathlib.Path(folder) / name
@@ -232,7 +232,7 @@ class VirtualMachine:
     # -- files, modules, devices ------------------------------------------------------------------
 
     def read_file(self, path):
-        """A guest file's bytes; also of files in /sys and /proc, whose length is not known."""
+        """Returns a guest file's bytes, also of files in /sys and /proc of unknown length."""
         self._count += 1
         copy = self.exchange / f"file-{self._count}"
         self.check(["sh", "-c", f"cat {shlex.quote(str(path))} > /exchange/{copy.name}"])
@@ -255,7 +255,7 @@ class VirtualMachine:
         self.check(f"until [ -e {shlex.quote(path)} ]; do sleep 0.05; done", timeout)
 
     def card(self, driver):
-        """The number N of /dev/dri/cardN that a driver serves."""
+        """Returns the number N of /dev/dri/cardN that a driver serves."""
         names = self.check("grep -H . /sys/kernel/debug/dri/*/name").stdout
         for line in names.splitlines():
             path, _, name = line.partition(":")
@@ -273,7 +273,7 @@ class VirtualMachine:
         self.check(["udevadm", "settle", "--timeout=30"])
 
     def state_of_kernel(self):
-        """Which of its tasks are blocked where; asks by keyboard, so that nothing else need work."""
+        """Returns the blocked tasks; uses the keyboard, which works if nothing else does."""
         for question in ["w", "l"]:
             with contextlib.suppress(qmp.QmpError):
                 self.qmp("send-key", keys=[{"type": "qcode", "data": key}
@@ -290,7 +290,7 @@ class VirtualMachine:
         return self._qmp.execute(command, **arguments)
 
     def screendump(self):
-        """The picture that QEMU's display device scans out now."""
+        """Returns the picture that QEMU's display device scans out now."""
         path = self.folder / "screen.ppm"
         self.qmp("screendump", filename=str(path), device="display0")
         return picture.read(path)
@@ -313,7 +313,7 @@ class VirtualMachine:
             raise VmError(f"the machine is gone ({problem})\n{self.logs()}") from None
 
     def listen(self, timeout, until=None):
-        """Takes the agent's answers for so long, or until a condition holds; returns whether."""
+        """Reads the agent's answers until a condition holds; returns false after the timeout."""
         deadline = time.monotonic() + timeout
         while not (until and until()):
             left = deadline - time.monotonic()
@@ -345,12 +345,12 @@ class VirtualMachine:
     # -- life -------------------------------------------------------------------------------------
 
     def end_processes(self):
-        """Kills what a test left running."""
+        """Kills processes that a test left running."""
         for process in list(self._processes.values()):
             process.kill()
 
     def logs(self, lines=40):
-        """The end of the console's and QEMU's output, for a failure's report."""
+        """Returns the end of the console's and QEMU's output, for a failure's report."""
         parts = []
         for name in ["qemu.log", "console.log"]:
             path = self.folder / name
@@ -372,7 +372,7 @@ class VirtualMachine:
             shutil.rmtree(self.folder, ignore_errors=True)
 
     def console_path(self):
-        """The Unix socket of the shell's serial port."""
+        """Returns the Unix socket of the shell's serial port."""
         return self.folder / "shell.sock"
 
     def _start(self, accelerator, boot_seconds):
@@ -439,7 +439,7 @@ def _shared_folder(tag, path, access):
 def _display_arguments(machine):
     size = f"xres={machine.width},yres={machine.height}"
     if machine.display == "virtio-gpu":
-        # The default of 256 MiB is gone after 7 buffers of 3840x2160, silently.
+        # The default of 256 MiB silently holds only 7 buffers of 3840x2160.
         return ["-device", f"virtio-gpu-pci,id=display0,{size},max_hostmem=1G"]
     if machine.display == "bochs":
         return ["-device", f"bochs-display,id=display0,{size},vgamem=64M"]
@@ -466,7 +466,7 @@ def _die_with_parent():
 
 
 def choose_accelerator(files):
-    """kvm where a machine really boots with it, tcg elsewhere; LENTICULE_VM_ACCEL overrides.
+    """Returns kvm if a machine really boots with it, else tcg; LENTICULE_VM_ACCEL overrides.
 
     /dev/kvm can exist, open and create a machine, and QEMU still abort a moment later, so the
     probe is a boot. Its outcome is kept until this host restarts.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a test file imports: the mark that makes a function a test, and the way to skip.
+"""Declares the decorator that makes a function a test, and the exception that skips.
 
     @vm_test(Machine(display="bochs"))
     def shows_something(vm): ...
@@ -29,8 +29,8 @@ class Test:
 def vm_test(machine, fresh=False, slow=False):
     """Registers a test.
 
-    fresh: it gets a machine of its own, because it leaves it changed.
-    slow: it takes minutes and --quick leaves it out; a quick test proves the same for less.
+    fresh: the test gets its own machine, because it leaves the machine changed.
+    slow: the test takes minutes, and --quick skips it; a quick test covers the same with less.
     """
     def register(function):
         file = function.__module__.removeprefix("test_")
@@ -41,7 +41,7 @@ def vm_test(machine, fresh=False, slow=False):
 
 
 def require_program(vm, name):
-    """The path of a program of the build tree; skips where it has not been built."""
+    """Returns the path of a program of the build tree; skips if it has not been built."""
     try:
         return vm.program(name)
     except FileNotFoundError as problem:

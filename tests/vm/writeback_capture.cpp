@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs in the guest as root: takes the picture that a vkms card composes for a running program.
+// Runs in the guest as root: captures the picture that a vkms card composes for a running program.
 //   vm_writeback_capture PID PPM
-// Only the card's master may commit. This takes a copy of the master's own open file from the
-// process PID (pidfd_getfd), puts the CRTC's output from the panel to the writeback connector for
-// one frame, and back: the kernel does not let this driver feed both at once. Each way counts as a
-// mode set, so the program sees its flips delayed or refused with EBUSY: capture a still picture.
+// Only the card's master may commit. The program copies the master's own open file from the process
+// PID (pidfd_getfd), switches the CRTC's output from the panel to the writeback connector for one
+// frame, and back: this driver does not allow both at once. Each switch is a mode set, so the
+// program under test sees its flips delayed or refused with EBUSY: capture a still picture.
 #include <fcntl.h>
 #include <poll.h>
 #include <sys/syscall.h>
@@ -19,7 +19,7 @@
 namespace lenticule::vm {
 namespace {
 
-// By number: the first glibc with these functions declares them for C only.
+// Called by number, since the first glibc with these functions declares them for C only.
 Descriptor open_process(int pid) {
   const long fd = syscall(SYS_pidfd_open, pid, 0);
   return Descriptor(checked(static_cast<int>(fd), "process " + std::to_string(pid)));
@@ -34,7 +34,7 @@ bool is_vkms_master(int fd) {
   return version && std::string(version->name) == "vkms" && drmIsMaster(fd);
 }
 
-// The process's file of a vkms card of which it is master.
+// Returns the process's file of a vkms card of which the process is master.
 Descriptor card_of(int pid) {
   const Descriptor process = open_process(pid);
   const std::string folder = "/proc/" + std::to_string(pid) + "/fd";
@@ -65,8 +65,8 @@ void find_connectors(int fd, const drmModeRes& resources, Pipe& pipe) {
   }
 }
 
-// Writeback connectors are hidden unless asked for; the wish is taken back at once because it
-// belongs to the file that the program uses too.
+// Writeback connectors are hidden unless a client asks for them. The request is reset at once,
+// because it belongs to the file that the program under test uses too.
 Pipe find_pipe(int fd) {
   checked(drmSetClientCap(fd, DRM_CLIENT_CAP_WRITEBACK_CONNECTORS, 1), "writeback connectors");
   const Resources resources(drmModeGetResources(fd));
@@ -81,7 +81,7 @@ Pipe find_pipe(int fd) {
   return pipe;
 }
 
-// Commits, waiting out the program's own commits: EBUSY means that one is on its way.
+// Commits, and retries while a commit of the program is pending (EBUSY).
 void commit(int fd, drmModeAtomicReq* request, const char* what) {
   for (int attempt = 0; attempt < 200; ++attempt) {
     if (drmModeAtomicCommit(fd, request, DRM_MODE_ATOMIC_ALLOW_MODESET, nullptr) == 0) return;
@@ -91,7 +91,7 @@ void commit(int fd, drmModeAtomicReq* request, const char* what) {
   throw std::runtime_error(std::string(what) + ": " + std::strerror(errno));
 }
 
-// Feeds the writeback connector instead of the panel; returns the fence of the written frame.
+// Switches the CRTC to the writeback connector; returns the fence of the written frame.
 Descriptor divert(int fd, const Pipe& pipe, const DumbBuffer& buffer) {
   int32_t fence = -1;  // written by the kernel during the commit
   const AtomicRequest request(drmModeAtomicAlloc());

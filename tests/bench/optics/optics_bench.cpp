@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the subpixel-to-ray map costs: each instruction set, with and without a residual map,
-// against the scalar model. items_per_second are subpixels.
+// Measures the subpixel-to-ray map: each instruction set, with and without a residual map, against
+// the scalar model. items_per_second are subpixels.
 #include <benchmark/benchmark.h>
 
 #include <random>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Parts of the renderer on small inputs; `lenticule bench exact` measures whole frames.
+// Measures parts of the renderer on small inputs; `lenticule bench exact` measures whole frames.
 #include <benchmark/benchmark.h>
 
 #include "render/make_method.h"
@@ -35,7 +35,7 @@ void making_rays(benchmark::State& state) {
 }
 BENCHMARK(making_rays);
 
-/// Spheres, cones, meshes, mirrors, glass: see tests/support/tiny_scenes.h.
+/// The scenes contain spheres, cones, meshes, mirrors and glass: see tests/support/tiny_scenes.h.
 void whole_frame(benchmark::State& state) {
   const optics::OpticalModel model(bench_panel());
   const Scene scene(tiny_scene(static_cast<size_t>(state.range(0))), testing::make_tiny_stage(), {},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as a camera's format and picture: an Error, a damaged picture, or light in [0, 1].
-//   byte 0     which pixel format
+// Reads any bytes as a camera's format and picture: the result is an Error, a damaged picture, or
+// light in [0, 1].
+//   byte 0     index of the pixel format
 //   bytes 1-2  width and height
 //   byte 3     padding of rows
 //   bytes 4-7  colour space, Y'CbCr encoding, quantization, transfer function
@@ -25,7 +26,7 @@ RawFormat format_of(std::span<const uint8_t> header) {
                    .height = header[2],
                    .bytes_per_line = 0,
                    .coding = {header[4], header[5], header[6], header[7]}};
-  // 1 in 256 has rows that are too short.
+  // 1 in 256 inputs has rows that are too short.
   if (header[3] > 0) format.bytes_per_line = row_bytes(layout, format.width) + header[3] - 1;
   if (header[3] == 255) format.bytes_per_line = 1;
   return format;
@@ -47,7 +48,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   const RawFormat format = format_of({data, kHeaderBytes});
   try {
     PixelUnpacker unpacker(format, "fuzz");
-    // A copy of its own size, so that reading one byte too many is noticed.
+    // The copy has exactly the picture's size, so that the sanitizer finds a read of one byte more.
     const std::vector<uint8_t> picture_bytes(data + kHeaderBytes, data + size);
     CameraPicture picture;
     if (unpacker.unpack(picture_bytes, picture))

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as a quilt's sidecar: an Error that names it, nothing, or a layout that quilts can
-// have.
+// Reads any bytes as a quilt's sidecar: the result is an Error that names the file, nothing, or a
+// valid layout.
 #include <string_view>
 
 #include "base/error.h"

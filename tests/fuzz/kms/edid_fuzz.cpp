@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes from a cable are read without harm, and the checksum is put right to get further in.
+// Reads any bytes as an EDID, also with a corrected checksum, which reaches more of the reader.
 #include <cstdlib>
 #include <vector>
 

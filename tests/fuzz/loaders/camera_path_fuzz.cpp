@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any text is either refused with an Error or becomes poses that a stage can be made from.
+// Reads any text as a camera path: the result is an Error, or poses from which a stage can be made.
 #include <cstdint>
 #include <string_view>
 

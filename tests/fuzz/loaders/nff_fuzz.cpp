@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any text is either refused with an Error or becomes a scene that may be traced.
+// Reads any text as a scene: the result is an Error, or a scene that can be traced.
 #include <cmath>
 #include <cstdint>
 #include <string_view>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as a rig file: an Error with a line, or a rig that reads back the same and whose every
-// subpixel has a finite ray.
+// Reads any bytes as a rig file: the result is an Error with a line, or a rig that survives a round
+// trip and has a finite ray for every subpixel.
 #include <cmath>
 #include <string_view>
 

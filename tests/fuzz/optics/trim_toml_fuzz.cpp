@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as a trim: an Error with a line, or a trim within its limits.
+// Reads any bytes as a trim: the result is an Error with a line, or a trim within its limits.
 #include <cmath>
 #include <string_view>
 

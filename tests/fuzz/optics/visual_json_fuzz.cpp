@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as another system's calibration: an Error, or a rig that survives being exported.
+// Reads any bytes as another system's calibration: the result is an Error, or a rig that can be
+// exported.
 #include <cmath>
 #include <string_view>
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as a request: an Error, or a request whose numbers are within their limits. Either way
-// there is one answer line that is JSON.
+// Reads any bytes as a request: the result is an Error, or a request whose numbers are within their
+// limits. In both cases the answer is one line of JSON.
 #include <cmath>
 #include <string_view>
 

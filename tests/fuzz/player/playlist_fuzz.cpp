@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as a playlist: an Error with a line, or a list that can be walked through.
+// Reads any bytes as a playlist: the result is an Error with a line, or a valid list.
 #include <string_view>
 
 #include "base/error.h"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Any bytes as what lenticule-video says: an Error, or streams that a ring can be made for.
+// Reads any bytes as the output of lenticule-video: the result is an Error, or streams for which a
+// ring can be made.
 #include <string_view>
 
 #include "base/error.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything that a peer can say: handshake messages, the header of the memory, the slot table. The
-// first byte chooses which.
+// Tests all input from a peer: handshake messages, the header of the memory, the slot table. The
+// first byte chooses one of them.
 #include <algorithm>
 #include <cstring>
 #include <memory>
@@ -18,7 +18,7 @@ void read_messages(std::span<const uint8_t> bytes) {
   RendererHello hello;
   if (read_hello(bytes, hello) == nullptr) {
     LENTICULE_CHECK(hello.name.size() < 64 && hello.rig_fingerprint.size() < 128);
-    const HelloMessage again = make_hello(hello);  // what was let in can be said
+    const HelloMessage again = make_hello(hello);  // an accepted message can be sent
     RendererHello same;
     LENTICULE_CHECK(read_hello({reinterpret_cast<const uint8_t*>(&again), sizeof again}, same) ==
                     nullptr);
@@ -47,8 +47,8 @@ void read_memory_header(std::span<const uint8_t> bytes) {
   LENTICULE_CHECK(layout.table_offset + layout.slots * sizeof(SlotEntry) <= layout.slots_offset);
 }
 
-/// Twelve bytes are one act: what, which slot, and what is written there. The books must balance
-/// whatever the table says.
+/// Applies actions of twelve bytes each: kind, slot, and the value written there. The slot table
+/// must stay consistent for any bytes.
 void keep_books(std::span<const uint8_t> bytes) {
   constexpr int kSlots = 4;
   std::vector<SlotEntry> table(kSlots);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sequence containers and their parts. The first byte chooses: a whole file as it is, a whole file
-// whose checksums are made right first (so that the parsers behind them are reached), a band's
-// payload, or metadata.
+// Tests sequence containers and their parts. The first byte chooses: an unchanged file, a file
+// whose checksums are corrected first (to reach the parsers behind them), a band's payload, or
+// metadata.
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -24,7 +24,8 @@ void store_u64(uint64_t value, uint8_t* to) {
   for (int i = 0; i < 8; ++i) to[i] = static_cast<uint8_t>(value >> 8 * i);
 }
 
-/// Checksums of one frame's bands, table and header. Returns where the next frame begins.
+/// Corrects the checksums of one frame's bands, table and header; returns the offset of the next
+/// frame.
 size_t mend_frame(std::vector<uint8_t>& file, size_t at, size_t bands) {
   const size_t table = at + kFrameHeaderBytes;
   const size_t payload = table + bands * kBandEntryBytes;

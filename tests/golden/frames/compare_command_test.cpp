@@ -135,7 +135,7 @@ TEST_F(CompareCommand, TwoFoldersArePairedByName) {
   expect_failure(compare(path("empty"), path("b")), 4, "no pictures");
 }
 
-TEST_F(CompareCommand, DrawsWhereTheWorstFrameDiffers) {
+TEST_F(CompareCommand, DrawsTheDifferencesOfTheWorstFrame) {
   (void)picture("a0.png", 8, 8, 50);
   (void)picture("a1.png", 8, 8, 0);
   (void)picture("b0.png", 8, 8, 51);
@@ -158,7 +158,7 @@ TEST_F(CompareCommand, AMissedLimitIsExitCode5AfterTheFigures) {
   EXPECT_EQ(compare(a, b, {"--limit-psnr", "28"}).exit_code, 0);
 }
 
-TEST_F(CompareCommand, RefusesWhatCannotBeCompared) {
+TEST_F(CompareCommand, RefusesIncomparablePictures) {
   const std::string a = picture("a.png", kWidth, kHeight, 100);
   expect_failure(compare(a, picture("b.png", kHeight, kWidth, 100)), 4, "b.png");
   expect_failure(compare(a, path("none.png")), 4, "none.png");

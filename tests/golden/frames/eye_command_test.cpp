@@ -27,7 +27,7 @@ TEST_F(EyeCommand, SeesAGreyPanelAsGrey) {
   EXPECT_EQ(seen.row(seen.height() / 2)[middle], 90);
 }
 
-TEST_F(EyeCommand, MakesThePictureTheSizeAskedFor) {
+TEST_F(EyeCommand, MakesAPictureOfTheRequestedSize) {
   ASSERT_EQ(
       eye(picture("woven.png", kWidth, kHeight, 90), "0,0,600", {"--size", "31x17"}).exit_code, 0);
   EXPECT_EQ(frames::probe_image(path("seen.png")),
@@ -43,7 +43,7 @@ TEST_F(EyeCommand, RefusesAFrameOfAnotherPanel) {
   EXPECT_FALSE(std::filesystem::exists(path("seen.png")));
 }
 
-TEST_F(EyeCommand, RefusesPlacesAndSizesWithoutSense) {
+TEST_F(EyeCommand, RefusesInvalidPlacesAndSizes) {
   const std::string woven = picture("woven.png", kWidth, kHeight, 90);
   for (const char* place : {"0,0", "0,0,0", "0,0,-5", "a,b,c", "nan,0,600", "0,0,inf", "1,2,3,4"})
     expect_failure(eye(woven, place), 2, "--eye");
@@ -52,7 +52,7 @@ TEST_F(EyeCommand, RefusesPlacesAndSizesWithoutSense) {
   EXPECT_FALSE(std::filesystem::exists(path("seen.png")));
 }
 
-TEST_F(EyeCommand, LeavesNothingOnAFullDisk) {
+TEST_F(EyeCommand, LeavesNoFileOnAFullDisk) {
   const std::string woven = picture("woven.png", kWidth, kHeight, 90);
   expect_failure(eye(woven, "0,0,600", {}, {.largest_file_bytes = 20}), 1, "seen.png");
   before_.emplace_back("woven.png");

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the tests of weave, eye and compare share: a small rig, pictures, and what a clear failure
-// is.
+// A fixture for the tests of weave, eye and compare: a small rig, pictures, and a check for clear
+// errors.
 #pragma once
 
 #include <algorithm>
@@ -48,7 +48,7 @@ height_mm = 0.0
     return path(name);
   }
 
-  /// A quilt of 3 x 2 tiles of 8 x 6 pixels, tile t filled with 40 (t + 1).
+  /// Writes a quilt of 3 x 2 tiles of 8 x 6 pixels, tile t filled with 40 (t + 1).
   [[nodiscard]] std::string quilt(const std::string& name) const {
     frames::WovenFrame frame({.width = 24, .height = 12});
     for (int y = 0; y < 12; ++y)
@@ -58,14 +58,14 @@ height_mm = 0.0
     return path(name);
   }
 
-  /// The first half of a file.
+  /// Writes the first half of a file.
   [[nodiscard]] std::string truncated(const std::string& whole, const std::string& name) const {
     std::filesystem::copy_file(whole, path(name));
     std::filesystem::resize_file(path(name), std::filesystem::file_size(whole) / 2);
     return path(name);
   }
 
-  /// The documented exit code and a message of one or two lines that names `object`.
+  /// Expects the exit code and a message of one or two lines that names `object`.
   static void expect_failure(const ProcessResult& result, int exit_code,
                              const std::string& object) {
     EXPECT_EQ(result.exit_code, exit_code) << result.err;

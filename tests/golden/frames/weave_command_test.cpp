@@ -17,7 +17,7 @@ class WeaveCommand : public FrameCommandTest {
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run(arguments, limits);
   }
-  /// Nothing but the inputs that the test itself wrote.
+  /// Expects no files except the test's own inputs.
   void expect_no_output() const {
     for (const std::string& name : listing()) {
       EXPECT_NE(name, "woven.png");
@@ -27,7 +27,7 @@ class WeaveCommand : public FrameCommandTest {
   [[nodiscard]] frames::WovenFrame woven() const { return frames::read_woven(path("woven.png")); }
 };
 
-TEST_F(WeaveCommand, TakesTheGridFromTheName) {
+TEST_F(WeaveCommand, ReadsTheGridFromTheName) {
   const auto done = json_of(weave(quilt("q_qs3x2a1.5.png"), {"--json", "--filter", "nearest"}));
   EXPECT_EQ(done["views"], 6);
   EXPECT_EQ(done["width"], kWidth);
@@ -39,14 +39,14 @@ TEST_F(WeaveCommand, TakesTheGridFromTheName) {
   EXPECT_EQ(codes, (std::set<uint8_t>{40, 80, 120, 160, 200, 240}));
 }
 
-TEST_F(WeaveCommand, FlagsOverruleTheName) {
+TEST_F(WeaveCommand, FlagsOverrideTheName) {
   const auto done = json_of(weave(quilt("q_qs1x1.png"), {"--json", "--grid", "3x2", "--views", "4",
                                                          "--aspect", "1.5", "--invert"}));
   EXPECT_EQ(done["views"], 4);
   EXPECT_EQ(done["inverted"], true);
 }
 
-TEST_F(WeaveCommand, APatternOfViewsIsTheSameAsTheirQuilt) {
+TEST_F(WeaveCommand, APatternOfViewsGivesTheSameFrameAsTheirQuilt) {
   ASSERT_EQ(weave(quilt("q_qs3x2a1.5.png")).exit_code, 0);
   const auto from_quilt = woven();
   for (int view = 0; view < 6; ++view)
@@ -55,7 +55,7 @@ TEST_F(WeaveCommand, APatternOfViewsIsTheSameAsTheirQuilt) {
   EXPECT_EQ(woven(), from_quilt);
 }
 
-TEST_F(WeaveCommand, RefusesWhatItCannotRead) {
+TEST_F(WeaveCommand, RefusesUnreadableInput) {
   expect_failure(weave(path("none_qs3x2a1.5.png")), 4, "none_qs3x2a1.5.png");
   expect_failure(weave(truncated(quilt("q.png"), "cut_qs3x2a1.5.png")), 4, "truncated");
   expect_failure(weave(path("none%d.png")), 4, "none%d.png");
@@ -65,7 +65,7 @@ TEST_F(WeaveCommand, RefusesWhatItCannotRead) {
   expect_no_output();
 }
 
-TEST_F(WeaveCommand, RefusesRequestsWithoutSense) {
+TEST_F(WeaveCommand, RefusesInvalidRequests) {
   const std::string plain = quilt("plain.png");
   expect_failure(weave(plain), 2, "how many tiles");
   for (const char* grid : {"3", "3x", "x2", "3x2x1", "0x2", "-3x2", "a"})
@@ -80,7 +80,7 @@ TEST_F(WeaveCommand, RefusesRequestsWithoutSense) {
   expect_no_output();
 }
 
-TEST_F(WeaveCommand, LeavesNothingWhereItCannotWrite) {
+TEST_F(WeaveCommand, LeavesNoFileIfWritingFails) {
   const std::string input = quilt("q_qs3x2a1.5.png");
   const auto weave_to = [&](const std::string& output, const ProcessLimits& limits = {}) {
     return run({"weave", input, "--rig", path("rig.toml"), "-o", output}, limits);
@@ -91,7 +91,7 @@ TEST_F(WeaveCommand, LeavesNothingWhereItCannotWrite) {
   expect_no_output();
 }
 
-TEST_F(WeaveCommand, RefusesARigThatIsNone) {
+TEST_F(WeaveCommand, RefusesAnInvalidRig) {
   write("bad.toml", "format = 1\n");
   expect_failure(
       run({"weave", quilt("q_qs3x2a1.5.png"), "--rig", path("bad.toml"), "-o", path("woven.png")}),

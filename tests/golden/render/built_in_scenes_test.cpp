@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small woven pictures of every built-in scene, its textures included, against the oracle.
+// Compares small woven pictures of every built-in scene, textures included, with the reference
+// implementation.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,8 +32,8 @@ frames::WovenFrame render_full(const render::SceneDescription& description,
   return frame;
 }
 
-/// Whether a ray that passes beside this one sees what was rendered: outlines, and outlines in
-/// curved mirrors, which magnify the rounding of single precision.
+/// Returns true if a ray beside this one gives the rendered colour. Covers outlines, and outlines
+/// in curved mirrors, which magnify the rounding of single precision.
 bool lies_on_an_outline(const render::SceneDescription& scene, const render::Stage& stage,
                         const optics::OpticalModel& model, int i, int j, int channel,
                         double rendered) {
@@ -52,11 +53,11 @@ bool lies_on_an_outline(const render::SceneDescription& scene, const render::Sta
 
 class BuiltInScenes : public ::testing::TestWithParam<Case> {};
 
-TEST_P(BuiltInScenes, AreWovenAsTheOracleSeesThem) {
+TEST_P(BuiltInScenes, AgreeWithTheReference) {
   const auto [name, size] = GetParam();
   const render::SceneDescription scene =
       player::describe_built_in(scenes::find_scene(name), size, 40);
-  // The paper's upright lenses with parallel zones, and slanted ones for a viewer.
+  // The paper's upright lenses with parallel zones, and slanted ones for a viewer at a distance.
   const TinyRig upright{
       .pitch_subpx = 12.0, .slant = 0.0, .distance_mm = std::numeric_limits<double>::infinity()};
   int on_outlines = 0;
@@ -100,8 +101,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, BuiltInScenes,
                            return name;
                          });
 
-// A case for every scene of the list: a new one is not forgotten.
-TEST(BuiltInScenes, AreAllLookedAt) {
+// Checks that every scene of the list has a case, so that new scenes are tested.
+TEST(BuiltInScenes, AreAllTested) {
   EXPECT_EQ(scenes::scene_list().size(), 12U);
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Method full against the oracle, subpixel by subpixel, on a family of tiny rigs.
+// Compares method full with the reference implementation, subpixel by subpixel, on a family of tiny
+// rigs.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -28,8 +29,8 @@ frames::WovenFrame render_full(const render::SceneDescription& description,
   return frame;
 }
 
-/// True if the oracle, looking past either side of an edge that is a hundred-thousandth of a
-/// millimetre away or less, sees what the renderer saw.
+/// Returns true if an edge is a hundred-thousandth of a millimetre away or less and the reference
+/// gives the rendered colour on one of its sides.
 bool lies_on_an_edge(const NamedScene& named, const render::Stage& stage,
                      const optics::OpticalModel& model, int i, int j, int channel, int rendered) {
   for (const double x : {-1e-5, 0.0, 1e-5})
@@ -47,7 +48,7 @@ struct Agreement {
   int subpixels = 0;
   int on_edges = 0;
   int different_by_one = 0;
-  int lit = 0;  ///< not background: the comparison is about something
+  int lit = 0;  ///< number of subpixels that show objects, so that the comparison is not empty
 };
 
 Agreement compare(const NamedScene& named, const render::Stage& stage, const optics::Rig& rig) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The paper's methods on its scenes: how far they may be off `full`, that they reuse, and that what
-// they say of themselves adds up.
+// Tests the paper's methods on its scenes: their deviation from `full`, that they reuse points, and
+// that their statistics add up.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace {
 constexpr int kFirstFrame = 96;
 constexpr int kFrames = 3;
 
-/// The least PSNR of the last frame: about a decibel below what each method reached when this was
+/// The least PSNR of the last frame: about a decibel below the value measured when the test was
 /// written.
 struct Expected {
   const char* scene;
@@ -32,7 +32,7 @@ struct Made {
   render::RenderStatistics statistics;
 };
 
-/// The last of a few frames of the scene's camera path.
+/// Returns the last of a few frames of the scene's camera path.
 Made last_frame(const Expected& expected, const optics::OpticalModel& model, const char* name) {
   const scenes::BuiltInScene& scene = scenes::find_scene(expected.scene);
   render::RenderOptions options;
@@ -51,7 +51,7 @@ Made last_frame(const Expected& expected, const optics::OpticalModel& model, con
 
 class PaperMethods : public ::testing::TestWithParam<Expected> {};
 
-TEST_P(PaperMethods, AreAsGoodAsTheyWere) {
+TEST_P(PaperMethods, KeepTheirQuality) {
   const Expected& expected = GetParam();
   const optics::OpticalModel model(make_rig({.width = 240,
                                              .height = 96,

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The methods that reuse points against method full: how far they may be off, and that they reuse.
+// Tests the methods that reuse points against method full: their deviation, and that they reuse
+// points.
 #include <gtest/gtest.h>
 
 #include "frames/compare.h"
@@ -17,8 +18,8 @@ struct Limits {
 
 class ReuseQuality : public ::testing::TestWithParam<NamedScene> {};
 
-/// Of the third frame of a turning scene, on upright and on slanted lenses.
-TEST_P(ReuseQuality, IsAsGoodAsItWas) {
+/// Measures the third frame of a turning scene, on upright and on slanted lenses.
+TEST_P(ReuseQuality, DoesNotDecrease) {
   for (const double slant : {0.0, 0.25}) {
     const optics::Rig rig = make_rig({.width = 240,
                                       .height = 96,

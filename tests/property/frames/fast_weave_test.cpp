@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fast weaver against the reference: all of a family of tiny rigs, large ones at random, every
-// kernel that this machine has.
+// Tests the fast weaver against the reference: all rigs of a tiny family, random large ones, and
+// every kernel that this machine supports.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -35,12 +35,13 @@ int furthest(const WovenFrame& a, const WovenFrame& b) {
   return most;
 }
 
-/// What was compared with the plain kernel, so that a test cannot pass by comparing nothing.
+/// Records which kernels were compared with the plain one, so that a test cannot pass without a
+/// comparison.
 class Compared {
  public:
   void note(WeaveKernel kernel) { ++count_[kernel]; }
 
-  /// The processor is asked itself, not the code under test.
+  /// Queries the processor directly instead of using the code under test.
   void expect_all_kernels_of_this_machine() const {
     const int plans = count_of(WeaveKernel::Turned);
     EXPECT_GT(plans, 0);
@@ -62,7 +63,7 @@ class Compared {
   std::map<WeaveKernel, int> count_;
 };
 
-/// All kernels agree, and are within a level of the reference.
+/// Expects all kernels to agree and to be within one level of the reference.
 void expect_like_reference(const optics::Rig& rig, const ViewSet& views,
                            const WeaveOptions& options, Compared& compared) {
   const optics::OpticalModel model(rig);
@@ -113,7 +114,7 @@ TEST(FastWeave, IsWithinALevelOfTheReferenceOnLargeRigs) {
     if (n >= 8) rig.sheet.residual = {.columns = 5, .rows = 4, .lenses = {}};
     for (int knot = 0; n >= 8 && knot < 20; ++knot)
       rig.sheet.residual.lenses.push_back(0.2 * unit(random));
-    // Steep in the picture: columns must be right to a thousandth of a pixel.
+    // The picture is steep: columns must be right to a thousandth of a pixel.
     const ViewSet views(weave_noise(9 * 160, 5 * (n == 1 ? 90 : 45), 3), {.columns = 9, .rows = 5});
     expect_like_reference(rig, views,
                           {.filter = n % 5 == 3 ? ViewFilter::Nearest : ViewFilter::Linear,
@@ -124,8 +125,8 @@ TEST(FastWeave, IsWithinALevelOfTheReferenceOnLargeRigs) {
   compared.expect_all_kernels_of_this_machine();
 }
 
-TEST(FastWeave, GivesTheReferencesBytesWhereOnePixelCounts) {
-  // Views of one pixel each: whatever the place in the picture, nothing is mixed.
+TEST(FastWeave, GivesTheReferencesBytesForOnePixelViews) {
+  // Views of one pixel each: no position in the picture mixes pixels.
   for (const double pitch : {3.0, 6.0, 7.71, 24.04})
     for (const double slant : {0.0, 1.0 / 3.0, 0.2513, -0.14})
       for (const SubpixelLayout& layout : {SubpixelLayout::rgb(), SubpixelLayout::bgr()}) {
@@ -142,7 +143,7 @@ TEST(FastWeave, GivesTheReferencesBytesWhereOnePixelCounts) {
       }
 }
 
-TEST(FastWeave, LeavesEveryEvenPictureAsItIs) {
+TEST(FastWeave, KeepsEveryUniformPicture) {
   const optics::OpticalModel model(weave_rig(200, 30, 7.71, 0.2513, 600.0));
   for (int code = 0; code < 256; ++code) {
     WovenFrame quilt({.width = 30, .height = 20});
@@ -153,8 +154,8 @@ TEST(FastWeave, LeavesEveryEvenPictureAsItIs) {
   }
 }
 
-/// Widths around those that are turned at once, up to the last byte that may be read.
-TEST(FastWeave, EveryWidthOfViewsIsTurnedAlike) {
+/// Widths around a block that is transposed at once, up to the last byte that may be read.
+TEST(FastWeave, TransposesViewsOfEveryWidth) {
   Compared compared;
   for (int width = 1; width <= 36; ++width)
     for (const int views : {1, 15, 16, 17, 33}) {
@@ -166,7 +167,7 @@ TEST(FastWeave, EveryWidthOfViewsIsTurnedAlike) {
   compared.expect_all_kernels_of_this_machine();
 }
 
-TEST(FastWeave, TheKernelIsTheBestThatWasAskedFor) {
+TEST(FastWeave, UsesTheBestRequestedKernel) {
   const optics::OpticalModel model(weave_rig(40, 9, 7.71, 0.2513, 300.0));
   const auto plan = [&](int width, ViewFilter filter) {
     return WeavePlan(model, {.count = 5, .width = width, .height = 9, .aspect = 1.0},

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbered views woven for an imported visual.json are what the published formula says, for every
-// variant of the file and at every subpixel including the four corners.
+// Tests numbered views woven for an imported visual.json against the published formula, for every
+// variant of the file and at every subpixel, including the four corners.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -47,7 +47,7 @@ std::string json_of(const VisualFile& f) {
       f.flip_subpixels ? 1 : 0, f.inverted ? 1 : 0, cell_keys);
 }
 
-/// The published position among the views, in [0, 1): the view is floor(position * views).
+/// Returns the published position among the views, in [0, 1): the view is floor(position * views).
 double published_position(const VisualFile& f, int i, int j, int channel) {
   const test::LookingGlassFile numbers = {
       .width = double(f.width),
@@ -70,7 +70,7 @@ class PublishedWeave : public ::testing::TestWithParam<VisualFile> {};
 TEST_P(PublishedWeave, PutsTheSameViewUnderEverySubpixel) {
   const VisualFile& file = GetParam();
   constexpr int kViews = 45;
-  // A quilt of 9 x 5 one-pixel tiles, each the code of its view.
+  // A quilt of 9 x 5 one-pixel tiles, each with the code of its view.
   WovenFrame quilt({.width = 9, .height = 5});
   for (int view = 0; view < kViews; ++view)
     for (int c = 0; c < 3; ++c) quilt.row(4 - view / 9)[view % 9 * 3 + c] = uint8_t(5 * view);
@@ -90,7 +90,7 @@ TEST_P(PublishedWeave, PutsTheSameViewUnderEverySubpixel) {
       for (int c = 0; c < 3; ++c) {
         const double view = published_position(file, i, j, c) * kViews;
         if (std::abs(view - std::round(view)) < 1e-6) {
-          ++undecided;  // on a border between two views
+          ++undecided;  // lies on a border between two views
           continue;
         }
         ASSERT_EQ(woven.row(j)[3 * i + c], 5 * static_cast<int>(view))

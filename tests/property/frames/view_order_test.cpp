@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The whole way: numbered views, woven, seen through the lenses. An eye in the middle of view k's
-// zone sees view k, at the panel's edges too.
+// Tests the whole path: numbered views, woven, seen through the lenses. An eye in the middle of
+// view k's zone sees view k, at the panel's edges too.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -26,7 +26,8 @@ optics::Rig rig_of(const Kiosk& kiosk) {
                .pixel_width = Millimetres(0.15567),
                .pixel_height = Millimetres(0.15567),
                .layout = optics::SubpixelLayout::rgb()};
-  // Eight subpixels of each colour under a lens: the nearest one is well inside a quarter of it.
+  // Eight subpixels of each colour under a lens: the nearest one is well within a quarter of the
+  // lens.
   rig.sheet.pitch = Subpixels(24.04);
   rig.sheet.slant = kiosk.slant;
   rig.sheet.offset = Lenses(0.3);
@@ -36,7 +37,7 @@ optics::Rig rig_of(const Kiosk& kiosk) {
   return rig;
 }
 
-TEST_P(SeenViews, AreThoseOfTheEyesPlaceInNearlyAllLenses) {
+TEST_P(SeenViews, MatchTheEyesPlaceInNearlyAllLenses) {
   const optics::OpticalModel model(rig_of(GetParam()));
   constexpr int kViews = 4;
   std::vector<WovenFrame> pictures;

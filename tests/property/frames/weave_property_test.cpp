@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The weaver against the plain long double one: all of a family of tiny rigs, and places of large
-// ones including every corner.
+// Tests the weaver against a plain one in long double: all rigs of a tiny family, and places of
+// large ones including every corner.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -16,7 +16,7 @@ using optics::SubpixelLayout;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Of everything a little: pixels that are not square, colours that are shifted.
+/// Returns a rig with rectangular pixels and shifted colours.
 optics::Rig tiny_rig(int width, int height, double pitch, double slant,
                      const SubpixelLayout& layout, double distance) {
   optics::Rig rig = test::weave_rig(width, height, pitch, slant, distance, layout);
@@ -27,7 +27,7 @@ optics::Rig tiny_rig(int width, int height, double pitch, double slant,
   return rig;
 }
 
-/// The oracle takes its time: few views, as many as it takes to see all filters, fits and orders.
+/// Returns few views, since the reference is slow, but all filters, fits and orders.
 std::span<const test::WeaveSetting> few_views() {
   return test::weave_settings().first(6);
 }
@@ -75,7 +75,8 @@ TEST(Weave, EqualsThePlainWeaverAtTheCornersOfLargePanels) {
     rig.sheet.offset = Lenses(unit(random));
     rig.sheet.gap = Millimetres(2.0 * rig.sheet.pitch.value * 0.2 / 3.0);
     const optics::OpticalModel model(rig);
-    // Smooth views: the paraxial height of a lens point is a fraction of a pixel off here.
+    // The views are smooth, since the paraxial height of a lens point is off by a fraction of a
+    // pixel here.
     const test::WeaveSetting& setting = few_views()[static_cast<size_t>(n % 2)];
     WovenFrame quilt({.width = setting.layout.columns, .height = setting.layout.rows});
     for (size_t b = 0; b < quilt.bytes().size(); ++b)
@@ -95,7 +96,7 @@ TEST(Weave, EqualsThePlainWeaverAtTheCornersOfLargePanels) {
   }
 }
 
-TEST(Weave, RowsDoNotDependOnHowTheyAreShared) {
+TEST(Weave, RowsDoNotDependOnTheirDistributionToThreads) {
   const optics::Rig rig = tiny_rig(40, 30, 7.71, 0.2513, SubpixelLayout::rgb(), 300.0);
   const optics::OpticalModel model(rig);
   const ViewSet views(test::weave_noise(21, 10, 5), {.columns = 3, .rows = 2});

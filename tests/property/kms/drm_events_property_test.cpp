@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whatever bytes come from a card: no event is invented, none is read beyond the end.
+// Tests that no bytes from a card make the reader invent an event or read beyond the end.
 #include <drm.h>
 #include <gtest/gtest.h>
 
@@ -54,7 +54,7 @@ std::vector<uint8_t> stream_of(std::mt19937& random, std::vector<uint64_t>& ids)
 
 }  // namespace
 
-TEST(DrmEvents, WholeStreamsAreReadWholeAndUnknownEventsSkipped) {
+TEST(DrmEvents, CompleteStreamsAreReadAndUnknownEventsSkipped) {
   std::mt19937 random(1);
   for (int round = 0; round < 2000; ++round) {
     std::vector<uint64_t> ids;
@@ -80,7 +80,7 @@ TEST(DrmEvents, EveryCutGivesAPrefixOfTheEvents) {
   }
 }
 
-TEST(DrmEvents, GarbageEnds) {
+TEST(DrmEvents, GarbageTerminates) {
   std::mt19937 random(3);
   for (int round = 0; round < 20000; ++round) {
     std::vector<uint8_t> bytes(random() % 200);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The whole player on a fake card, in simulated time: a million vblanks whose events come up to 0.9
-// of a period late, 400 days after the machine was started, over a wrap of the driver's counter.
+// Tests the whole player on a fake card in simulated time: a million vblanks whose events come up
+// to 0.9 of a period late, 400 days after the machine's start, while the driver's counter wraps
+// around.
 #include <malloc.h>
 
 #include <array>
@@ -18,7 +19,7 @@ constexpr uint64_t kVblanks = 1'000'000;
 constexpr uint64_t kFramesPerLoop = 7;
 constexpr uint64_t kFlips = (kVblanks * 5 + 11) / 12;
 
-/// A panel of exactly 60 Hz.
+/// Returns the mode of a panel of exactly 60 Hz.
 drmModeModeInfo exact_sixty() {
   drmModeModeInfo mode = make_mode(kWidth, kHeight, 60);
   mode.htotal = 100;
@@ -27,7 +28,7 @@ drmModeModeInfo exact_sixty() {
   return mode;
 }
 
-/// Judges every flip as the card takes it; remembers nothing.
+/// Checks every flip as the card accepts it, and stores none.
 class FlipJudge {
  public:
   FlipJudge() {
@@ -48,7 +49,7 @@ class FlipJudge {
   [[nodiscard]] uint64_t flips() const { return flips_; }
   [[nodiscard]] uint64_t wrong() const { return wrong_; }
   [[nodiscard]] uint64_t first() const { return first_; }
-  /// Bytes in use that were not in use after a tenth of the time.
+  /// Returns the bytes that have been added to the memory in use since a tenth of the time.
   [[nodiscard]] int64_t growth() const {
     return static_cast<int64_t>(memory_late_) - static_cast<int64_t>(memory_early_);
   }
@@ -66,7 +67,7 @@ class FlipJudge {
 
 class KmsPlayback : public KmsStage {};
 
-TEST_F(KmsPlayback, AMillionVblanksWithJitterHaveNoSeamAndMemoryIsFlat) {
+TEST_F(KmsPlayback, AMillionVblanksWithJitterHaveNoGapAndConstantMemory) {
   machine.advance_to(std::chrono::hours(24 * 400));
   connector->modes = {exact_sixty()};
   card.sequence_base =

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Long runs with every fault at random: each accepted frame is reported once, in order, on the
-// glass, and nothing grows.
+// Tests long runs with random faults: each accepted frame is displayed and reported once, in order,
+// and memory does not grow.
 #include <random>
 
 #include "tests/unit/kms/kms_stage.h"
@@ -46,7 +46,7 @@ class KmsSoak : public KmsStage {
   }
 };
 
-TEST_F(KmsSoak, EveryFrameIsReportedOnceInOrderWhateverHappens) {
+TEST_F(KmsSoak, EveryFrameIsReportedOnceInOrderDespiteFaults) {
   std::mt19937 random(7);
   open();
   uint64_t last = 0;

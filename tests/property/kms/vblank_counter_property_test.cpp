@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A million vblanks of drivers that jitter, skip, wrap and lie.
+// Tests a million vblanks of drivers that jitter, skip, wrap around and report wrong counts.
 #include <gtest/gtest.h>
 
 #include <random>
@@ -14,7 +14,7 @@ using display::VblankCounter;
 
 constexpr Nanoseconds kPeriod{16'666'667};
 
-TEST(VblankCounterLaw, HonestDriversAreRepeatedExactly) {
+TEST(VblankCounterLaw, CountsOfHonestDriversAreKeptExactly) {
   std::mt19937_64 random(4);
   uint64_t truth = random() % 1000 + 0xfff00000;
   Nanoseconds time = std::chrono::seconds(5);
@@ -30,7 +30,7 @@ TEST(VblankCounterLaw, HonestDriversAreRepeatedExactly) {
   }
 }
 
-TEST(VblankCounterLaw, LiarsNeverTurnSequenceOrTimeBack) {
+TEST(VblankCounterLaw, WrongDriversNeverReverseSequenceOrTime) {
   std::mt19937_64 random(5);
   Nanoseconds now = std::chrono::seconds(5);
   VblankCounter counter(VblankCounter::Source::Hardware, {60, 1}, {0, now});

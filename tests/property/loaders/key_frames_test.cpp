@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// At the time of a key the scene stands as the key says; between keys it goes there without a jump.
+// Tests that at the time of a key the scene has the key's pose, and that it moves between keys
+// without a jump.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -52,14 +53,14 @@ SceneDescription scene_of(const Keys& keys) {
   return scene;
 }
 
-/// q v q*, written out with cross products: another formula than the code's matrix.
+/// Computes q v q* with cross products, a formula independent of the code's matrix.
 Vec3 rotated(const Quaternion& q, Vec3 v) {
   const Vec3 axis{q[0], q[1], q[2]};
   const Vec3 t = cross(axis, v) * 2.0;
   return v + t * q[3] + cross(axis, t);
 }
 
-TEST(KeyFrames, AtAKeyTheSceneStandsAsTheKeySays) {
+TEST(KeyFrames, AtAKeyTheSceneHasTheKeysPose) {
   std::mt19937 random(3);
   for (int round = 0; round < 200; ++round) {
     const Keys keys = random_keys(random);

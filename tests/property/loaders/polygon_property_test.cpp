@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For any simple polygon the triangles cover exactly its area, and each turns the polygon's way.
+// Tests that for any simple polygon the triangles cover exactly its area and have its orientation.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -14,7 +14,8 @@ namespace {
 
 using Outline = std::vector<Vec2>;
 
-/// Star-shaped about the origin: any radii at ascending angles give a simple polygon.
+/// Returns a polygon that is star-shaped about the origin: any radii at ascending angles make it
+/// simple.
 Outline random_star(std::mt19937& random, int corners) {
   std::uniform_real_distribution<double> radius(0.05, 1.0);
   std::uniform_real_distribution<double> jitter(0.0, 0.9);
@@ -27,7 +28,7 @@ Outline random_star(std::mt19937& random, int corners) {
   return outline;
 }
 
-/// A band that winds inward: far from star-shaped, with many concave corners.
+/// Returns a band that winds inward: far from star-shaped, with many concave corners.
 Outline random_spiral(std::mt19937& random, int corners) {
   std::uniform_real_distribution<double> jitter(-0.02, 0.02);
   Outline outer;
@@ -42,7 +43,7 @@ Outline random_spiral(std::mt19937& random, int corners) {
   return outer;
 }
 
-/// Into a random plane, at a random place and scale.
+/// Places an outline in a random plane, at a random place and scale.
 std::vector<Vec3> placed(std::mt19937& random, const Outline& outline) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   Vec3 normal{unit(random), unit(random), unit(random)};
@@ -85,7 +86,7 @@ TEST(PolygonProperty, TrianglesCoverRandomSpirals) {
     expect_exactly_covered(placed(random, random_spiral(random, 20 + round % 200)));
 }
 
-// Also clockwise, and starting anywhere: the area must not depend on either.
+// Clockwise outlines and any start corner give the same area.
 TEST(PolygonProperty, DirectionAndStartDoNotMatter) {
   std::mt19937 random(13);
   for (int round = 0; round < 300; ++round) {
@@ -97,9 +98,9 @@ TEST(PolygonProperty, DirectionAndStartDoNotMatter) {
   }
 }
 
-// Corners on a small integer grid: many collinear and coinciding ones, outlines that cross. Nothing
-// is promised but an end and indices in range.
-TEST(PolygonProperty, AnyOutlineEnds) {
+// Corners on a small integer grid: many collinear and coinciding ones, outlines that cross. Only
+// termination and indices in range are required.
+TEST(PolygonProperty, TerminatesForAnyOutline) {
   std::mt19937 random(17);
   std::uniform_int_distribution<int> place(0, 4);
   for (int round = 0; round < 5000; ++round) {

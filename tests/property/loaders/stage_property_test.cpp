@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whatever the scene's size and place, its stage fits the panel and the depth budget, and its two
-// maps undo each other.
+// Tests that for any size and place of the scene, its stage fits the panel and the depth budget,
+// and its two maps are inverse.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -31,7 +31,7 @@ optics::OpticalModel random_model(std::mt19937& random) {
   return optics::OpticalModel(rig);
 }
 
-/// A cloud of spheres, 1e-6 to 1e6 in size; far away where doubles still resolve it.
+/// Returns a cloud of spheres, 1e-6 to 1e6 in size, as far away as doubles still resolve it.
 SceneDescription random_scene(std::mt19937& random) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   const double size = std::pow(10.0, 6.0 * unit(random));
@@ -69,7 +69,7 @@ TEST(StageProperty, AnySceneFitsThePanelAndTheDepthBudget) {
   }
 }
 
-TEST(StageProperty, TheMapsUndoEachOther) {
+TEST(StageProperty, TheMapsAreInverse) {
   std::mt19937 random(22);
   std::uniform_real_distribution<double> mm(-300.0, 300.0);
   for (int round = 0; round < 500; ++round) {
@@ -80,7 +80,7 @@ TEST(StageProperty, TheMapsUndoEachOther) {
   }
 }
 
-// Moving a scene with its camera changes nothing on the glass.
+// Moving a scene together with its camera does not change the displayed frame.
 TEST(StageProperty, TheStageFollowsTheCamera) {
   std::mt19937 random(23);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);

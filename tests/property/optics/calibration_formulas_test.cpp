@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Imported calibrations against the formulas of their own systems, evaluated here as published.
+// Tests imported calibrations against the formulas of their own systems, evaluated here as
+// published.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -22,7 +23,7 @@ double uniform(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * (static_cast<double>(random() >> 11) * 0x1p-53);
 }
 
-/// Distance of two phases, whole lenses aside.
+/// Returns the distance of two phases modulo whole lenses.
 double apart(double a, double b) {
   return std::abs(std::remainder(a - b, 1.0));
 }
@@ -36,7 +37,7 @@ double number(const json& file, const char* key) {
   return value.is_object() ? value.at("value").get<double>() : value.get<double>();
 }
 
-/// The four corners, then anywhere.
+/// The four corners first, then random pixels.
 struct Pixel {
   int i;
   int j;
@@ -106,7 +107,7 @@ TEST(LookingGlassImport, GivesTheClassicShadersPhases) {
   }
 }
 
-/// A device of the first generation that is built mirrored: red is on the right of each pixel.
+/// A device of the first generation that is built mirrored: red is at the right of each pixel.
 TEST(LookingGlassImport, FlipImageXReversesLensesAndSubpixels) {
   const json file = {{"pitch", 47.56},  {"slope", 5.48},   {"center", 0.2}, {"DPI", 338},
                      {"screenW", 2560}, {"screenH", 1600}, {"invView", 1},  {"flipImageX", 1},
@@ -131,7 +132,7 @@ TEST(LookingGlassImport, BothFlipsLeaveTheSubpixelsInOrder) {
   EXPECT_EQ(import_looking_glass(file.dump(), "classic").rig.panel.layout.name(), "bgr");
 }
 
-TEST(LookingGlassImport, KnowsThePortraitSample) {
+TEST(LookingGlassImport, AcceptsThePortraitSample) {
   const json file = {{"pitch", 52.59},  {"slope", -7.0835}, {"center", 0.5},    {"DPI", 324},
                      {"screenW", 1536}, {"screenH", 2048},  {"viewCone", 40.0}, {"flipSubp", 0}};
   const Rig rig = import_looking_glass(file.dump(), "portrait").rig;
@@ -213,7 +214,7 @@ TEST_P(CellPattern, SurvivesExportAndImport) {
 
 INSTANTIATE_TEST_SUITE_P(Modes, CellPattern, ::testing::Range(0, 5));
 
-TEST(LookingGlassImport, IsTheSameEachTime) {
+TEST(LookingGlassImport, IsDeterministic) {
   std::mt19937_64 random(17);
   json file = random_visual(random, true);
   file["CellPatternMode"] = 3;
@@ -224,7 +225,7 @@ TEST(LookingGlassImport, IsTheSameEachTime) {
   EXPECT_EQ(fingerprint(first), fingerprint(import_looking_glass(text, "b").rig));
 }
 
-TEST(LookingGlassExport, SaysTheSamePhasesInItsOwnTerms) {
+TEST(LookingGlassExport, KeepsThePhases) {
   std::mt19937_64 random(23);
   for (int r = 0; r < 40; ++r) {
     Rig rig = test::kiosk_rig();
@@ -245,7 +246,7 @@ TEST(LookingGlassExport, SaysTheSamePhasesInItsOwnTerms) {
   }
 }
 
-TEST(LookingGlassExport, RefusesWhatTheFormatCannotSay) {
+TEST(LookingGlassExport, RefusesRigsThatTheFormatCannotExpress) {
   const auto refused = [](Rig rig, const char* key) {
     try {
       (void)export_looking_glass(rig);
@@ -275,7 +276,7 @@ TEST(LookingGlassExport, RefusesWhatTheFormatCannotSay) {
 // --- CubeVi
 
 double cubevi_fraction(const json& file, int i, int j, int channel) {
-  const double x = i + 1.0, y = j + 1.0;  // their second half pixel
+  const double x = i + 1.0, y = j + 1.0;  // their pixel coordinates include a second half pixel
   const int c = file.value("pixel_order", "rgb") == "bgr" ? 2 - channel : channel;
   const double interval = file.at("interval").get<double>();
   return fract((3.0 * (x + y * file.at("slope").get<double>()) + c + file.at("x0").get<double>()) /
@@ -309,7 +310,7 @@ TEST(CubeviImport, ReadsTheGridAsAResidualMap) {
   const OpticalModel flat(import_cubevi(file.dump(), "flat"));
   for (int n = 0; n < 77; ++n) file["grid"].push_back(uniform(random, -0.58, 0.96));
   const OpticalModel bent(import_cubevi(file.dump(), "bent"));
-  // At the knots both kinds of interpolation are the knot's value.
+  // Both kinds of interpolation give the knot's value at a knot.
   for (int row = 0; row < 7; ++row) {
     for (int column = 0; column < 11; ++column) {
       const double x = 512.0 * column, y = 480.0 * row;
@@ -332,7 +333,7 @@ TEST(CubeviImport, ReadsTheNestedForm) {
   EXPECT_NEAR(rig.sheet.gap.value, 43.0 * 0.1167 / 3.0, 1e-12);
 }
 
-TEST(CubeviExport, ComesBackAsTheSamePhases) {
+TEST(CubeviExport, KeepsThePhases) {
   std::mt19937_64 random(41);
   Rig rig = test::kiosk_rig();
   rig.viewing = {};

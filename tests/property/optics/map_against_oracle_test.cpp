@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fast map against the slow one: a million random subpixels of a thousand random rigs.
+// Tests the fast map against the slow reference: a million random subpixels of a thousand random
+// rigs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +20,7 @@ using test::Real;
 using test::RealEye;
 using test::RealPoint;
 
-/// The eye that a ray goes to, from the ray alone.
+/// Returns the eye that a ray reaches, from the ray alone.
 RealEye eye_of(const Rig& rig, double lens_x_mm, double lens_y_mm, double tan_x, double tan_y) {
   const Real z = rig.viewing.distance.value;
   if (std::isinf(z)) return {tan_x, tan_y, z};
@@ -41,13 +42,14 @@ struct Errors {
   long on_border = 0;
 
   void raise(double& worst, Real error) {
-    // Written so that a NaN is the worst of all.
+    // The comparison makes NaN the worst error.
     const double size = static_cast<double>(std::fabs(error));
     worst = size <= worst ? worst : size;
   }
 };
 
-/// One subpixel of the fast map: its lens and place, and whether its own eye sees it through it.
+/// Checks one subpixel of the fast map: its lens and place, and that its own eye sees it through
+/// that lens.
 void check(const OpticalModel& model, const RowRays& rays, size_t s, int i, int j, int channel,
            Errors& errors) {
   const Rig& rig = model.rig();
@@ -57,7 +59,7 @@ void check(const OpticalModel& model, const RowRays& rays, size_t s, int i, int 
   const Real lens = std::floor(seen + Real(0.5));
   ++errors.subpixels;
   if (static_cast<long>(lens) != rays.lens[s]) {
-    // Only on a border, where half a lens up and half a lens down are the same place.
+    // Only at a border, where half a lens up and half a lens down are the same place.
     errors.raise(errors.place, std::fabs(seen - rays.lens[s]) - Real(0.5));
     ++errors.on_border;
   } else {
@@ -68,7 +70,7 @@ void check(const OpticalModel& model, const RowRays& rays, size_t s, int i, int 
   errors.raise(errors.round_trip, oracle_phase(rig, at_px, channel, eye) - rays.lens[s]);
 }
 
-TEST(FastMap, IsWithinANanolensOfTheOracleForAMillionRandomSubpixels) {
+TEST(FastMap, IsWithinANanolensOfTheReferenceForAMillionRandomSubpixels) {
   constexpr int kRigs = 1000, kPixelsPerRig = 334;
   std::mt19937_64 random(20240531);
   Errors errors;
@@ -78,7 +80,7 @@ TEST(FastMap, IsWithinANanolensOfTheOracleForAMillionRandomSubpixels) {
     const RowRayEvaluator evaluator(model);
     const Panel& panel = model.rig().panel;
     for (int n = 0; n < kPixelsPerRig; ++n) {
-      // Corners first, then anywhere.
+      // The corners first, then random subpixels.
       const int i = n < 4 ? (n % 2) * (panel.width_px - 1)
                           : static_cast<int>(random() % static_cast<uint64_t>(panel.width_px));
       const int j = n < 4 ? (n / 2) * (panel.height_px - 1)
@@ -97,9 +99,9 @@ TEST(FastMap, IsWithinANanolensOfTheOracleForAMillionRandomSubpixels) {
   RecordProperty("worst_place_lenses", std::to_string(errors.place));
 }
 
-/// Anything that the validator lets through, however absurd.
+/// Returns an extreme rig that the validator accepts.
 Rig wild_rig(std::mt19937_64& random) {
-  const auto wild = [&](double low, double high) {  // evenly over the orders of magnitude
+  const auto wild = [&](double low, double high) {  // uniform over the orders of magnitude
     return low * std::pow(high / low, static_cast<double>(random() >> 11) * 0x1p-53);
   };
   const auto sign = [&] { return random() % 2 == 0 ? 1.0 : -1.0; };
@@ -124,7 +126,7 @@ Rig wild_rig(std::mt19937_64& random) {
   return rig;
 }
 
-TEST(FastMap, IsRightOnTheWildestRigsThatAreValid) {
+TEST(FastMap, IsCorrectOnExtremeValidRigs) {
   std::mt19937_64 random(5150);
   RowRays rays;
   Errors errors;
@@ -155,7 +157,7 @@ TEST(FastMap, IsRightOnTheWildestRigsThatAreValid) {
               errors.round_trip);
 }
 
-TEST(FastMap, GivesTheOraclesRays) {
+TEST(FastMap, GivesTheReferencesRays) {
   std::mt19937_64 random(7);
   RowRays rays;
   double position = 0.0, direction = 0.0;
@@ -213,7 +215,7 @@ TEST(ScalarModel, AgreesWithTheFastMap) {
   }
 }
 
-TEST(ScalarModel, GivesTheOraclesPhaseToAnyEye) {
+TEST(ScalarModel, GivesTheReferencesPhaseForAnyEye) {
   std::mt19937_64 random(13);
   for (int r = 0; r < 200; ++r) {
     const OpticalModel model(test::random_rig(random));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the model says in first order, which is what people measure and what other systems assume.
+// Tests the model to first order, which is what users measure and other systems assume.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +11,7 @@
 namespace lenticule::optics {
 namespace {
 
-/// Without the bending of oblique rays the paraxial laws are exact.
+/// Returns a kiosk without refraction of oblique rays, for which the paraxial laws are exact.
 Rig straight_kiosk() {
   Rig rig = test::kiosk_rig();
   rig.sheet.refraction_shape = 1.0;
@@ -32,7 +32,7 @@ TEST(EffectivePitch, IsThePitchTimesOnePlusGapOverDistance) {
 }
 
 TEST(EffectivePitch, IsWrongByTenToTheMinusFiveIfTheTwoFormsAreMixed) {
-  // Starting from the panel point needs Ez + g where starting from the lens point needs Ez.
+  // The formula has Ez + g from the panel point and Ez from the lens point.
   const OpticalModel model(straight_kiosk());
   const double gap = model.rig().sheet.gap.value, z = 700.0;
   const double lenses =
@@ -48,8 +48,8 @@ TEST(Lobe, IsAsWideAsThePitchTimesDistanceOverGap) {
   const OpticalModel model(straight_kiosk());
   const double z = 700.0, lobe = model.lobe_width_mm(z);
   EXPECT_NEAR(lobe, 125.0, 0.05);
-  // One lobe sideways and the next lens shows the same subpixel: seen from the lens point the shift
-  // is exact, from the panel point (Ez + g) / Ez as far.
+  // One lobe sideways the next lens shows the same subpixel: from the lens point the shift is
+  // exact, from the panel point the distance is (Ez + g) / Ez times as far.
   const Vec2 lens_point{100.0, 50.0};
   const double moved = model.refraction_shift_mm(lens_point, {lobe, 0, z}).x -
                        model.refraction_shift_mm(lens_point, {0, 0, z}).x;
@@ -109,7 +109,7 @@ TEST(LensPoint, IsWhereTheShiftLeadsBackToThePanelPoint) {
   }
 }
 
-TEST(Trim, OfPitchOrSlantLeavesThePanelsCentreStill) {
+TEST(Trim, OfPitchOrSlantKeepsThePanelsCentre) {
   std::mt19937_64 random(5);
   for (int r = 0; r < 100; ++r) {
     Rig rig = test::random_rig(random);
@@ -168,12 +168,13 @@ TEST(LensPhase, MovesByOneLensAfterOnePitch) {
     const double pitch_px = rig.sheet.pitch.value / 3.0;
     const double here = model.lens_coordinate(10.0, 20.0, 0);
     ASSERT_NEAR(model.lens_coordinate(10.0 + pitch_px, 20.0, 0), here + 1.0, 1e-9);
-    // Down a row the axes have moved left by the slant.
+    // One row down the axes have moved left by the slant.
     ASSERT_NEAR(model.lens_coordinate(10.0 - rig.sheet.slant, 21.0, 0), here, 1e-9);
   }
 }
 
-/// Panel point at which the full law and the paraxial one put a subpixel's lens point, y in pixels.
+/// Returns the vertical distance in pixels between the panel points of the full law and of the
+/// paraxial one for a subpixel's lens point.
 double bend_px(const OpticalModel& model, int i, int j) {
   const Panel& panel = model.rig().panel;
   const SubpixelRay ray = model.ray(i, j, 1);
@@ -200,7 +201,7 @@ TEST(RowPlane, DiffersFromTheFullLawByAFractionOfAPixel) {
   EXPECT_NEAR(middle, 0.055, 0.01);
   EXPECT_LT(end - middle, 0.2);
   EXPECT_LT(anywhere, 0.3);
-  EXPECT_LT(std::abs(bend_px(model, 0, 1080)), 1e-3);  // nothing at the eye's height
+  EXPECT_LT(std::abs(bend_px(model, 0, 1080)), 1e-3);  // zero at the eye's height
 }
 
 TEST(RowPlane, HoldsEveryRayOfARow) {

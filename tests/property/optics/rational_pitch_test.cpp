@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// At rational pitches whole columns of subpixels lie exactly on the border between two lenses.
-// Integer arithmetic says which lens has them: the half-open cell [-1/2, 1/2).
+// Tests rational pitches, at which whole columns of subpixels lie exactly on the border between two
+// lenses. Integer arithmetic decides their lens: the half-open cell [-1/2, 1/2).
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -69,7 +69,7 @@ TEST_P(RationalPitch, GivesEverySubpixelToTheLensOfTheHalfOpenCell) {
       }
     }
   }
-  // With a slant of whole thirds some rows have many, with sixths none.
+  // Slants of whole thirds put many subpixels of some rows on a border, sixths put none there.
   const bool has_borders = GetParam().slant_sixths % 2 == 0 && GetParam().slant_sixths != 0;
   if (has_borders) {
     EXPECT_GT(on_border, 500);

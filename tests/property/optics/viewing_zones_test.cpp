@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// From frames to eyes: who sees what, and that left stays left up to the edges of the panel.
+// Tests the path from frames to eyes: which eye sees which view, and that left stays left up to the
+// edges of the panel.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -30,7 +31,7 @@ uint8_t code_of(int number) {
   return static_cast<uint8_t>(40 + 20 * number);
 }
 
-/// Every subpixel carries the number of the view that it belongs to.
+/// Returns a frame in which every subpixel has the number of its view.
 Frame numbered_frame(const OpticalModel& model, int views) {
   const Panel& panel = model.rig().panel;
   Frame frame{panel.width_px, panel.height_px, {}};
@@ -51,7 +52,8 @@ Eye eye_of_view(const OpticalModel& model, int view, int views) {
   return eye;
 }
 
-/// Part of the samples that show the number, among those through which the eye sees the panel.
+/// Returns the share of the samples that show the number, among those through which the eye sees
+/// the panel.
 double share_showing(const RgbPicture& picture, int number) {
   long right = 0, seen = 0;
   for (const uint8_t code : picture.pixels) {
@@ -70,7 +72,7 @@ TEST(NumberedViews, AreSeenByTheSimulatorFromTheirEyes) {
   }
 }
 
-TEST(NumberedViews, OfAStereoKioskAreSeenByTheSimulatorInEveryLens) {
+TEST(NumberedViews, OfAStereoKioskAreSeenInEveryLens) {
   const OpticalModel kiosk(test::kiosk_rig());
   const Frame stereo = numbered_frame(kiosk, 2);
   for (int k = 0; k < 2; ++k) {
@@ -79,8 +81,8 @@ TEST(NumberedViews, OfAStereoKioskAreSeenByTheSimulatorInEveryLens) {
   }
 }
 
-/// What `lens` shows around row j: over a few rows a slanted lens passes a subpixel right in its
-/// focus; its view number.
+/// Returns the number that `lens` shows near row j: within a few rows a slanted lens has a subpixel
+/// exactly in its focus.
 int shown_number(const OpticalModel& model, const Frame& frame, int64_t lens, int j,
                  const Eye& eye) {
   double best = 1.0;
@@ -119,8 +121,9 @@ TEST(NumberedViews, OfASixViewKioskAreInTheFocusOfEveryLens) {
   EXPECT_GE(static_cast<double>(right), 0.999 * static_cast<double>(lenses));
 }
 
-/// Views of a stereo pair that the lenses at the left and right 5 % of the panel show to the eye at
-/// `x_mm`, with lobes chosen by `place_of(i, j, c)`: the share of lenses that show `expected`.
+/// Returns the share of lenses that show `expected`. Looks at the views of a stereo pair that the
+/// lenses at the left and right 5 % of the panel show to the eye at `x_mm`, with lobes chosen by
+/// `place_of(i, j, c)`.
 template <class PlaceOf>
 double share_at_edges(const OpticalModel& model, double x_mm, int expected,
                       const PlaceOf& place_of) {

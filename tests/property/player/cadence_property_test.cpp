@@ -11,7 +11,7 @@ namespace {
 using frames::Rate;
 __extension__ typedef unsigned __int128 Uint128;
 
-/// floor(k * refresh / content) by the book.
+/// Returns floor(k * refresh / content) in exact arithmetic.
 uint64_t ideal_vblank(uint64_t k, Rate content, Rate refresh) {
   const Uint128 numerator = Uint128{k} * static_cast<uint64_t>(refresh.numerator) *
                             static_cast<uint64_t>(content.denominator);

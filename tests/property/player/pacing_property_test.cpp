@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The pacer against a display and a source that misbehave at random, with books kept separately.
+// Tests the pacer with a display and a source that fail at random, with counts kept separately.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@ using frames::Rate;
 
 struct Trouble {
   double late_frame = 0.0;   ///< probability that a frame is not ready when it is due
-  double missed_flip = 0.0;  ///< probability that a flip lands late
+  double missed_flip = 0.0;  ///< probability that a flip completes late
   uint64_t longest = 5;      ///< vblanks
 };
 
@@ -25,7 +25,7 @@ struct Flip {
   uint64_t vblank = 0;
 };
 
-/// What really happened, counted without the pacer.
+/// The events that really happened, counted without the pacer.
 struct Books {
   std::vector<Flip> flips;
   uint64_t starved_vblanks = 0;
@@ -38,14 +38,14 @@ class Model {
   Model(Pacer& pacer, Trouble trouble, uint64_t seed)
       : pacer_(pacer), trouble_(trouble), random_(seed) {}
 
-  /// Plays until frame `last` is shown, from a vblank counter that has been running for a while.
+  /// Plays until frame `last` is shown, starting at vblank `vblank`.
   Books play(uint64_t last, uint64_t vblank) {
     while (pacer_.frame() <= last) vblank = step(vblank);
     return books_;
   }
 
  private:
-  /// At vblank `now`: one decision. Returns when the next is made.
+  /// Makes one decision at vblank `now`; returns the vblank of the next one.
   uint64_t step(uint64_t now) {
     int drops = 0;
     while (true) {
@@ -98,7 +98,7 @@ class PacingProperty : public testing::TestWithParam<Case> {};
 constexpr Rate kRefresh{60, 1};
 constexpr uint64_t kSeed = 99;
 
-TEST_P(PacingProperty, BooksAddUpWhateverHappens) {
+TEST_P(PacingProperty, CountsAddUpDespiteFaults) {
   for (uint64_t seed = kSeed; seed < kSeed + 20; ++seed) {
     Pacer pacer(GetParam().content, kRefresh, GetParam().policy);
     Model model(pacer, {.late_frame = 0.05, .missed_flip = 0.05, .longest = 30}, seed);
@@ -123,7 +123,7 @@ TEST_P(PacingProperty, BooksAddUpWhateverHappens) {
   }
 }
 
-TEST_P(PacingProperty, WithoutTroubleEveryFrameIsAtItsIdealVblank) {
+TEST_P(PacingProperty, WithoutFaultsEveryFrameIsAtItsIdealVblank) {
   Pacer pacer(GetParam().content, kRefresh, GetParam().policy);
   const Rate content = pacer.content_rate();
   Model model(pacer, {}, kSeed);
@@ -137,12 +137,12 @@ TEST_P(PacingProperty, WithoutTroubleEveryFrameIsAtItsIdealVblank) {
   EXPECT_EQ(pacer.counts().slipped + pacer.counts().missed + pacer.counts().dropped, 0u);
 }
 
-TEST_P(PacingProperty, DropReturnsToTheFirstScheduleAfterShortTrouble) {
+TEST_P(PacingProperty, DropReturnsToTheFirstScheduleAfterShortFaults) {
   if (GetParam().policy != LatePolicy::Drop) return;
   for (uint64_t seed = kSeed; seed < kSeed + 20; ++seed) {
     Pacer pacer(GetParam().content, kRefresh, LatePolicy::Drop);
     const Rate content = pacer.content_rate();
-    // Too short for eight frames in a row to be late.
+    // Faults too short for eight late frames in a row.
     (void)Model(pacer, {.late_frame = 0.02, .missed_flip = 0.02, .longest = 2}, seed).play(2000, 7);
     Model calm(pacer, {}, seed);
     const uint64_t first = pacer.first_vblank();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A million vblanks with jitter, in simulated time: nothing is missed, every seam is exact.
+// Tests a million vblanks with jitter in simulated time: nothing is missed, every loop point is
+// exact.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -15,7 +16,7 @@ constexpr frames::FrameGeometry kTiny{.width = 8, .height = 2};
 constexpr uint64_t kVblanks = 20'000;
 constexpr uint64_t kFramesPerLoop = 7;
 
-/// Checks every shown frame as it comes; remembers nothing.
+/// Checks every shown frame as it comes, and stores none.
 class SeamChecker final : public display::ScanoutRecorder {
  public:
   SeamChecker() {

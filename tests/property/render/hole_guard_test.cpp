@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures have no pinholes at corners that lie on the rays of subpixels to the last bit, and the
-// guard that sees to that leaves everything else alone.
+// Tests that pictures have no pinholes at corners that lie exactly on the rays of subpixels, and
+// that the crack filter changes nothing else.
 #include "render/integrator/hole_guard.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ namespace lenticule::render {
 namespace {
 
 constexpr int kWidth = 480, kHeight = 320;
-constexpr int kEvery = 4;  // rows, and pixels: mm
+constexpr int kEvery = 4;  // rows between fans, which are also mm, since pixels are 1 mm high
 
 optics::Rig rig() {
   return testing::make_rig({.width = kWidth, .height = kHeight, .pixel_mm = 1.0});
@@ -37,7 +37,7 @@ SceneDescription bright_on_black() {
   return scene;
 }
 
-/// Eight triangles around a point of the glass, as high as wide.
+/// Adds eight triangles around a point of the panel's plane, as high as wide.
 void add_fan(TriangleMesh& mesh, Vec3 middle, std::mt19937_64& random) {
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   const auto first = static_cast<uint32_t>(mesh.positions.size());
@@ -51,12 +51,13 @@ void add_fan(TriangleMesh& mesh, Vec3 middle, std::mt19937_64& random) {
   }
 }
 
-/// Something small near the eye: rays start there, which makes corners coarser to them.
+/// Returns a small triangle near the eye: rays start there, which reduces the precision of the
+/// corners.
 TriangleMesh far_start() {
   return testing::rectangle_mesh({0, 0, 600}, {1e-3, 0, 0}, {0, 1e-3, 0}, 0);
 }
 
-/// A fan's middle on the ray of every twelfth subpixel of every fourth row.
+/// A fan centred on the ray of every twelfth subpixel of every fourth row.
 struct Fans {
   Fans() {
     const optics::OpticalModel model(rig());
@@ -116,12 +117,12 @@ TEST(HoleGuard, GivesTheSameBytesForEveryNumberOfThreads) {
   }
 }
 
-TEST(HoleGuard, LeavesTrueGapsOpen) {
-  // A sheet with a slit, a twentieth of a millimetre wide, that some rays go through.
+TEST(HoleGuard, KeepsTrueGapsOpen) {
+  // The sheet has a slit, a twentieth of a millimetre wide, through which some rays pass.
   SceneDescription scene = bright_on_black();
   scene.meshes = {testing::rectangle_mesh({-300, -200, 1}, {600, 0, 0}, {0, 200, 0}, 0),
                   testing::rectangle_mesh({-300, 0.05, 1}, {600, 0, 0}, {0, 200, 0}, 0)};
-  // Rows lie half a pixel from the middle: turned, so that the slit crosses them.
+  // Rows lie half a pixel from the middle, so the scene is turned until the slit crosses rows.
   for (TriangleMesh& mesh : scene.meshes)
     for (Vec3& p : mesh.positions) p = {0.8 * p.x - 0.6 * p.y, 0.6 * p.x + 0.8 * p.y, p.z};
   frames::WovenFrame frame({kWidth, kHeight});

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The picture of a scene does not depend on where its author put the origin or which unit was used.
+// Tests that the picture of a scene does not depend on its origin or its unit.
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -21,7 +21,7 @@ frames::WovenFrame picture(const render::SceneDescription& description, const re
   return frame;
 }
 
-/// Subpixels that differ by more than the last bit.
+/// Returns the number of subpixels that differ by more than the last bit.
 int differences(const frames::WovenFrame& a, const frames::WovenFrame& b) {
   int count = 0;
   for (size_t k = 0; k < a.bytes().size(); ++k)
@@ -35,7 +35,7 @@ class Invariance : public ::testing::TestWithParam<NamedScene> {
   const TinyStage home_{.centre = {0.1, 0.0, -0.2}, .mm_per_unit = 9.0, .turn_degrees = 11.0};
 };
 
-TEST_P(Invariance, UnitsDoNotMatter) {
+TEST_P(Invariance, PicturesDoNotDependOnUnits) {
   const frames::WovenFrame at_home = picture(GetParam().scene, make_tiny_stage(home_), rig_);
   for (const double scale : {1e-6, 1e-3, 7.0, 1e3, 1e6}) {
     TinyStage stage = home_;
@@ -47,7 +47,7 @@ TEST_P(Invariance, UnitsDoNotMatter) {
   }
 }
 
-TEST_P(Invariance, TheOriginDoesNotMatter) {
+TEST_P(Invariance, PicturesDoNotDependOnTheOrigin) {
   const frames::WovenFrame at_home = picture(GetParam().scene, make_tiny_stage(home_), rig_);
   for (const double distance : {1e3, 1e6, 1e7}) {
     const Vec3 offset{distance, -0.7 * distance, 0.4 * distance};

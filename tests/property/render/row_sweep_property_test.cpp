@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The row sweep against Embree on whole rows of large panels and of random rigs. Where the two see
-// different surfaces, the oracle tells whether the ray passes an edge or a place where two surfaces
-// meet.
+// Tests the row sweep against Embree on whole rows of large panels and of random rigs. Where the
+// two see different surfaces, the reference decides if the ray passes an edge or a place where two
+// surfaces meet.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -78,7 +78,7 @@ class Rows {
   double start_mm_;
 };
 
-/// Balls of many small triangles, boxes, spheres and cones, as wide as `extent_mm`.
+/// Returns balls of many small triangles, boxes, spheres and cones, over a width of `extent_mm`.
 SceneDescription crowd(std::mt19937_64& random, double extent_mm) {
   const auto uniform = [&](double low, double high) {
     return low + (high - low) * (static_cast<double>(random() >> 11) * 0x1p-53);
@@ -109,7 +109,7 @@ Stage stage_for(std::mt19937_64& random) {
                                    .turn_degrees = static_cast<double>(random() % 90) - 45.0});
 }
 
-TEST(RowSweepAgainstEmbree, KioskRows) {
+TEST(RowSweepAgainstEmbree, AgreesOnKioskRows) {
   std::mt19937_64 random(11);
   const optics::Rig rig = test::kiosk_rig();
   const double width = rig.panel.width_px * rig.panel.pixel_width.value;
@@ -124,7 +124,7 @@ TEST(RowSweepAgainstEmbree, KioskRows) {
   RecordProperty("different", static_cast<int>(counts.different));
 }
 
-TEST(RowSweepAgainstEmbree, RandomRigs) {
+TEST(RowSweepAgainstEmbree, AgreesOnRandomRigs) {
   std::mt19937_64 random(12);
   Counts counts;
   for (int n = 0; n < 60; ++n) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays that leave a surface do not meet it again where they started.
+// Tests that rays leaving a surface do not hit it again at their start.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,7 +38,7 @@ struct Shadows {
 using Away = std::function<Vec3(Vec3 normal, Sampler&)>;
 
 /// Sends packets of rays at the scene's only object, which is convex from `side`, and from every
-/// hit one shadow ray along `away(normal)`, into the open.
+/// hit one shadow ray into the open, along `away(normal)`.
 class ShadowCounter {
  public:
   ShadowCounter(const SceneDescription& description, double size, Side side, Away away)
@@ -110,7 +110,7 @@ Vec3 anywhere(Vec3 normal, Sampler& sampler) {
   return dot(v, normal) > 0.0 ? v : -v;
 }
 
-/// A hundredth of a degree above the surface.
+/// Returns a direction a hundredth of a degree above the surface.
 Vec3 grazing(Vec3 normal, Sampler& sampler) {
   const Vec3 along = normalized(cross(normal, sampler.direction()));
   return normalized(along + normal * 1.7e-4);
@@ -146,7 +146,7 @@ TEST_P(SelfIntersection, NeverOnATiltedGridOfTriangles) {
       grid.triangles.push_back({a, a + kSide + 1, a + kSide});
     }
   scene.meshes = {grid};
-  // Rounded to single precision the grid is no plane: a grazing ray may meet a neighbour.
+  // Rounded to single precision the grid is not a plane: a grazing ray may hit a neighbour.
   const Shadows shadows = count_self_shadows(scene, size, Side::Viewer, anywhere);
   EXPECT_GT(shadows.hits, 1500);
   EXPECT_EQ(shadows.self_shadowed, 0);
@@ -183,7 +183,7 @@ TEST_P(SelfIntersection, NeverOnTheOutsideOfACone) {
   expect_none(scene, GetParam(), Side::Far);
 }
 
-/// In millimetres on the glass: from a thousandth to ten kilometres.
+/// Sizes in millimetres on the panel: from a thousandth to ten kilometres.
 INSTANTIATE_TEST_SUITE_P(Sizes, SelfIntersection, ::testing::Values(1e-3, 1.0, 300.0, 1e7));
 
 }  // namespace

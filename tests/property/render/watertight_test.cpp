@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Nothing shines through a closed mesh, not even where rays aim at its edges on purpose.
+// Tests that no ray passes through a closed mesh, even if it aims exactly at an edge.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -60,7 +60,7 @@ TEST_F(Watertight, RaysAtPointsOfEdgesStayInside) {
   EXPECT_EQ(misses(Coherence::Coherent), 0U);
 }
 
-/// Exactly at a corner Embree's robust mode lets a few rays slip between the triangles around it.
+/// Exactly at a corner Embree's robust mode lets a few rays pass between the triangles around it.
 TEST_F(Watertight, RaysAtCornersAreCaughtByTheGuard) {
   std::vector<ProbeRay> rays;
   for (const Vec3 from : kInside)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Grounds that run to the horizon, and planets to stand on, take nothing from what stands on them.
+// Tests that grounds up to the horizon and planets do not change the objects that stand on them.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -44,8 +44,8 @@ struct Materials {
   double ball_transmittance = 0.0;
 };
 
-/// Two balls, one of them of triangles, and a rod that stand on y = -1 before a lamp, in a dome
-/// that hides where grounds end.
+/// Returns two balls, one of them of triangles, and a rod that stand on y = -1 before an area
+/// light, in a dome that hides the ends of grounds.
 SceneDescription things(const Materials& of) {
   SceneDescription scene;
   scene.background = {0.1, 0.2, 0.4};
@@ -101,7 +101,7 @@ TEST(WidePrimitives, AGroundOfAnySizeGivesTheSamePicture) {
     }
 }
 
-TEST(WidePrimitives, AWallAsLargeIsSeenInMirrorsAsItIs) {
+TEST(WidePrimitives, AHugeWallIsMirroredCorrectly) {
   const optics::Rig rig = rig_of(96, 64);
   const auto between_walls = [](double half_size) {
     SceneDescription scene = on_square(things(kKinds[1]), half_size);
@@ -130,7 +130,8 @@ TEST(WidePrimitives, EveryInstructionSetGivesTheSameBytes) {
     EXPECT_EQ(one, rendered(scene, rig, stage_of(), {.threads = 2, .isa = isa, .cancelled = {}}));
 }
 
-/// Adaptive frames look a ground up between samples: where it is must be known well.
+/// Adaptive frames interpolate a ground between samples, which needs a precise position of the
+/// ground.
 TEST(WidePrimitives, AdaptiveFramesAreAsCloseOnAGroundOfAnySize) {
   const optics::Rig rig = make_rig({.width = 400, .height = 240, .pixel_mm = 0.9});
   const auto beyond = [&](double half_size) {
@@ -147,7 +148,7 @@ TEST(WidePrimitives, AdaptiveFramesAreAsCloseOnAGroundOfAnySize) {
   EXPECT_LT(beyond(1e6), 1.5 * near + 0.001);
 }
 
-/// True if the oracle sees what was rendered through a place that is hardly another.
+/// Returns true if the reference gives the rendered colour at a place that is hardly different.
 bool lies_on_an_edge(const SceneDescription& scene, const Stage& stage,
                      const optics::OpticalModel& model, int i, int j, int channel, int rendered) {
   for (const double x : {-1e-2, 0.0, 1e-2})
@@ -159,8 +160,8 @@ bool lies_on_an_edge(const SceneDescription& scene, const Stage& stage,
   return false;
 }
 
-/// Subpixels that differ by more than a code value must lie on an edge, and a quarter of a percent
-/// may.
+/// Expects subpixels that differ by more than one code value to lie on an edge; a quarter of a
+/// percent is allowed.
 int expect_as_the_oracle_says(const SceneDescription& scene, const std::string& name) {
   const optics::Rig rig = rig_of(48, 32);
   const Stage stage = stage_of();
@@ -182,7 +183,7 @@ int expect_as_the_oracle_says(const SceneDescription& scene, const std::string& 
   return on_edges;
 }
 
-TEST(WidePrimitives, LargeShapesAreAsTheOracleSays) {
+TEST(WidePrimitives, LargeShapesAgreeWithTheReference) {
   for (const Materials& kind : kKinds) {
     const SceneDescription on_it = things(kind);
     for (const double size : {1e2, 1e4, 1e6}) {
@@ -243,7 +244,7 @@ TEST(WidePrimitives, NoRaySlipsBetweenWideAndNarrowTriangles) {
   }
 }
 
-TEST(WidePrimitives, AreThoseThatAreWiderThanFarAway) {
+TEST(WidePrimitives, AreWiderThanTheirDistance) {
   const auto triangle = [](double size, Vec3 at) {
     return std::array<Vec3, 3>{at, at + Vec3{size, 0, 0}, at + Vec3{0, size, 0}};
   };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random histories of renderers and a player against the obvious model: a std::deque of frames.
+// Tests random histories of renderers and a player against a simple model: a std::deque of frames.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,13 +13,13 @@
 namespace lenticule::frames {
 namespace {
 
-/// What the model expects pull() to hand out: a frame, or the end of a sequence.
+/// The expected result of pull(): a frame, or the end of a sequence.
 struct Expected {
   bool end = false;
   uint64_t number = 0;
 };
 
-/// One random history. Renderers are honest, but die, go and come at any moment.
+/// One random history. Renderers are honest, but die, leave and come at any time.
 class History {
  public:
   History(int slots, LoopKeeping keeping, unsigned seed)
@@ -146,7 +146,7 @@ class History {
     if (newly_shut == 1) shut_.insert(*held_);
     held_.reset();
     connected_ = false;
-    // Sooner or later it dies for good; a few stay.
+    // The renderer dies for good sooner or later; a few stay.
     if (newly_shut == 1 && (shut_.size() > 1 || random_() % 2 == 0)) {
       ledger_.recover(epoch);
       for (auto at = shut_.begin(); at != shut_.end();)
@@ -179,7 +179,7 @@ class History {
   uint64_t pulled_ = 0;
 };
 
-TEST(SlotLedgerModel, HandsOutExactlyWhatADequeWould) {
+TEST(SlotLedgerModel, HandsOutTheSameFramesAsADeque) {
   for (const LoopKeeping keeping : {LoopKeeping::Off, LoopKeeping::On})
     for (const int slots : {3, 4, 7, 64})
       for (unsigned seed = 1; seed <= 10; ++seed) {
@@ -195,7 +195,8 @@ TEST(SlotLedgerModel, HandsOutExactlyWhatADequeWould) {
       }
 }
 
-/// Any sequence that fits is replayed exactly, any number of times, whatever is lent meanwhile.
+/// Any sequence that fits is replayed exactly, any number of times and with any frames acquired
+/// meanwhile.
 TEST(SlotLedgerModel, RewindReplaysTheWholeSequence) {
   std::mt19937 random(5);
   for (int round = 0; round < 300; ++round) {
@@ -211,7 +212,7 @@ TEST(SlotLedgerModel, RewindReplaysTheWholeSequence) {
     ledger.finish_sequence(frames);
     ASSERT_EQ(ledger.end_tenancy(TenantFate::Dead), 0);
 
-    std::deque<int> lent;  // the player keeps up to two frames, across the seam
+    std::deque<int> lent;  // the player keeps up to two frames, across the loop point
     for (int turn = 0; turn < 4; ++turn) {
       for (int k = 0; k < frames; ++k) {
         while (lent.size() > random() % 2) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whatever a built-in scene writes, the NFF reader reads, without a complaint.
+// Tests that the NFF reader reads every built-in scene without a warning.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -14,9 +14,9 @@ namespace {
 
 class EveryScene : public ::testing::TestWithParam<int> {};
 
-TEST_P(EveryScene, IsReadBackWithoutANote) {
+TEST_P(EveryScene, IsReadBackWithoutAWarning) {
   const BuiltInScene& scene = scene_list()[static_cast<size_t>(GetParam())];
-  // At size 1 the teapot's lip is cut so coarsely that four of its triangles have no area.
+  // The teapot's lip of size 1 is so coarse that four of its triangles have no area.
   for (const int size : {2, 3, 5}) {
     for (const int frame : {0, scene.frames / 3, scene.frames - 1}) {
       const auto read = render::parse_nff(write_scene(scene, size, frame), scene.name);
@@ -27,7 +27,7 @@ TEST_P(EveryScene, IsReadBackWithoutANote) {
   }
 }
 
-// A path jumps nowhere, and ends next to where it began.
+// A camera path has no jumps and ends next to its start.
 TEST_P(EveryScene, ItsCameraPathIsReadBackAndSmooth) {
   const BuiltInScene& scene = scene_list()[static_cast<size_t>(GetParam())];
   const auto path = render::parse_camera_path(write_camera_path(scene, 2), scene.name);
@@ -44,8 +44,8 @@ TEST_P(EveryScene, ItsCameraPathIsReadBackAndSmooth) {
   }
 }
 
-// So that one NFF file and the camera path are the sequence.
-TEST_P(EveryScene, OnlyTheCameraMovesWhereItSaysSo) {
+// One NFF file and the camera path describe the whole sequence.
+TEST_P(EveryScene, OnlyTheCameraMovesIfDeclared) {
   const BuiltInScene& scene = scene_list()[static_cast<size_t>(GetParam())];
   const auto without_view = [&](int frame) {
     const std::string text = write_scene(scene, 2, frame);
@@ -63,7 +63,7 @@ INSTANTIATE_TEST_SUITE_P(Scenes, EveryScene,
                            return name;
                          });
 
-// Spheres of one generation may touch but must not run into each other.
+// Spheres of one level may touch but must not intersect.
 TEST(BallsScene, NoTwoSpheresIntersect) {
   const auto read = render::parse_nff(write_scene(find_scene("balls"), 3, 0), "balls");
   for (size_t i = 0; i < read.spheres.size(); ++i) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `lenticule bench error` makes of what it measures.
+// Tests how `lenticule bench error` evaluates its measurements.
 #include "apps/lenticule-bench/render/bench_error.h"
 
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ optics::Rig sample_rig(const std::string& name) {
   return optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/" + name);
 }
 
-TEST(ErrorEntrants, BeginWithFullAndAreOneForEachToleratedError) {
+TEST(ErrorEntrants, BeginWithFullAndContainOnePerToleratedError) {
   const auto entrants = error_entrants({"temporal", "full", "adaptive"}, {0.5, 2}, {"full"});
   ASSERT_EQ(entrants.size(), 4U);
   EXPECT_EQ(entrants[0].name, "full");
@@ -42,7 +42,7 @@ TEST(ErrorEntrants, BeginWithFullAndAreOneForEachToleratedError) {
   EXPECT_THROW((void)error_entrants({"adaptive"}, {std::nan("")}, {}), Error);
 }
 
-TEST(BoundTally, CountsTheFramesWhoseShareLiesWithin) {
+TEST(BoundTally, CountsTheFramesWhoseShareIsWithinTheBound) {
   BoundTally tally;
   EXPECT_TRUE(tally.figures().is_null());
   tally.add(0.0, 0.0);
@@ -145,7 +145,7 @@ TEST(ErrorSummary, AddsUpErrorsAndLeavesEqualFramesOutOfTheMeanPsnr) {
   EXPECT_TRUE(bound_of_all(nlohmann::json::array()).is_null());
 }
 
-TEST(ErrorSummary, OfEqualFramesHasNoPsnr) {
+TEST(ErrorSummary, HasNoPsnrForEqualFrames) {
   nlohmann::json course = small_course();
   course["methods"][1]["frames"] = {frame_of(1, 0, 0)};
   summarize_errors(course, {});
@@ -156,13 +156,13 @@ TEST(ErrorSummary, OfEqualFramesHasNoPsnr) {
   EXPECT_TRUE(m["flicker_mean"].is_null());
 }
 
-TEST(CoarserRig, OfTheKioskIsTheFullHdKiosk) {
+TEST(CoarserRig, TurnsTheKioskIntoTheFullHdKiosk) {
   EXPECT_EQ(optics::fingerprint(coarser_rig(sample_rig("kiosk-27-4k.toml"), 2)),
             optics::fingerprint(sample_rig("kiosk-27-1080.toml")));
   EXPECT_EQ(optics::fingerprint(coarser_rig(kiosk_rig(), 1)), optics::fingerprint(kiosk_rig()));
 }
 
-TEST(SeenPixels, AreAsManyInADegreeAsTheViewingDistanceMakesThem) {
+TEST(SeenPixels, PerDegreeFollowFromTheViewingDistance) {
   const optics::Rig rig = sample_rig("kiosk-27-4k.toml");
   // A lens is 7.701 / 3 pixels of 0.15567 mm wide; a degree is 12.217 mm at 700 mm.
   EXPECT_NEAR(seen_pixels_per_degree(rig), 12.2173 / (7.701 / 3 * 0.15567), 0.01);
@@ -188,7 +188,7 @@ nlohmann::json measured(const std::string& scene, ErrorCourse course, int runs) 
   return result;
 }
 
-TEST(ErrorCourses, FiguresAreThoseOfTheFramesOneByOne) {
+TEST(ErrorCourses, FiguresAgreeWithFramesMeasuredOneByOne) {
   const nlohmann::json course = measured("tree:3", ErrorCourse::Moving, 2);
   ASSERT_EQ(course["methods"].size(), 4U);
   EXPECT_TRUE(course["methods"][3]["missing"].get<bool>());
@@ -220,7 +220,7 @@ TEST(ErrorCourses, FiguresAreThoseOfTheFramesOneByOne) {
   }
 }
 
-TEST(ErrorCourses, AStillFrameIsRenderedTwiceByTheSameMethods) {
+TEST(ErrorCourses, AStillFrameIsRenderedTwiceByEachMethod) {
   const nlohmann::json course = measured("gltf:teapot:1", ErrorCourse::Still, 1);
   const nlohmann::json& temporal = course["methods"][2]["frames"];
   ASSERT_EQ(temporal.size(), 2U);
@@ -231,7 +231,7 @@ TEST(ErrorCourses, AStillFrameIsRenderedTwiceByTheSameMethods) {
   EXPECT_EQ(lens_view[1]["eyes"][1]["flicker_largest"], 0);
 }
 
-TEST(ErrorScenes, AsGltfAreNotTachyons) {
+TEST(ErrorScenes, AsGltfAreNotGivenToTachyon) {
   EXPECT_EQ(ErrorScene("tree:3").name_for_peers(), "builtin:tree:3");
   EXPECT_FALSE(ErrorScene("gltf:teapot:1").name_for_peers().has_value());
   EXPECT_FALSE(ErrorScene("tree:3").still());
@@ -240,7 +240,7 @@ TEST(ErrorScenes, AsGltfAreNotTachyons) {
 
 // ---- pictures
 
-TEST(TileSheet, ShowsTheTileAndWhatTheEyeSeesThere) {
+TEST(TileSheet, ShowsTheTileAndTheEyesView) {
   const frames::WovenFrame a = test::noise_frame(200, 100, 1);
   const frames::WovenFrame b = test::noise_frame(200, 100, 2);
   const frames::WovenFrame eye_a = test::noise_frame(50, 20, 3);
@@ -257,7 +257,7 @@ TEST(TileSheet, ShowsTheTileAndWhatTheEyeSeesThere) {
         ASSERT_EQ(sheet.row(j)[3 * i + c], a.row(j / 4)[from]);
         ASSERT_EQ(sheet.row(j)[3 * (i + 392) + c], b.row(j / 4)[from]);
         ASSERT_EQ(sheet.row(j)[3 * (i + 784) + c], heat.row(j / 4)[from]);
-        // The panel's pixel 40 is the eye's pixel 10: four and five of the panel's to one.
+        // The panel's pixel 40 is the eye's pixel 10: four panel pixels per eye pixel.
         const int seen_i = static_cast<int>((40 + (i + 0.5) / 4) / 4);
         const int seen_j = static_cast<int>((j + 0.5) / 4 / 5);
         ASSERT_EQ(sheet.row(392 + j)[3 * i + c], eye_a.row(seen_j)[3 * seen_i + c]);
@@ -265,12 +265,12 @@ TEST(TileSheet, ShowsTheTileAndWhatTheEyeSeesThere) {
       }
 }
 
-TEST(WorstPlaces, KeepsTheWorstOfAllFramesAndNoneTwice) {
+TEST(WorstPlaces, KeepsTheWorstPlacesOfAllFramesWithoutDuplicates) {
   const frames::WovenFrame full({.width = 500, .height = 100});
   SeenPictures seen;
   seen.fill(frames::WovenFrame({.width = 50, .height = 10}));
   SeenPictures seen_test = seen;
-  std::ranges::fill(seen_test[2].bytes(), uint8_t{99});  // to the right eye everything is wrong
+  std::ranges::fill(seen_test[2].bytes(), uint8_t{99});  // every pixel is wrong for the right eye
   const auto off = [&](std::initializer_list<std::pair<int, int>> places) {
     frames::WovenFrame frame = full;
     for (const auto& [x, levels] : places) frame.row(50)[3 * x] = static_cast<uint8_t>(levels);
@@ -294,7 +294,7 @@ TEST(WorstPlaces, KeepsTheWorstOfAllFramesAndNoneTwice) {
   }
 }
 
-TEST(ErrorEyes, SeeNothingBetweenEqualFramesAndSomethingBetweenOthers) {
+TEST(ErrorEyes, SeeNoDifferenceBetweenEqualFramesOnly) {
   const optics::OpticalModel model(sample_rig("tiny.toml"));
   frames::BandWorkers workers(2);
   ErrorEyes eyes(model, workers);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The parts of `lenticule bench exact` that need no clock.
+// Tests the parts of `lenticule bench exact` that need no clock.
 #include "apps/lenticule-bench/render/bench_exact.h"
 
 #include <gmock/gmock.h>
@@ -61,7 +61,7 @@ TEST(BenchScene, NamesOfBuiltInScenesNeedNoPrefix) {
   EXPECT_EQ(bench_scene_name("trees/tree.nff"), "trees/tree.nff");
 }
 
-TEST(TimeByTurns, GivesEveryCaseEveryRun) {
+TEST(TimeByTurns, RunsEveryCaseInEveryRun) {
   BenchScene scene({.scene = "builtin:tree:2", .rig = small_rig(), .threads = 1});
   TimedCase with{.scene = &scene, .options = scene.options(1)};
   TimedCase without = with;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The sums behind `lenticule bench paper`.
+// Tests the sums behind `lenticule bench paper`.
 #include "apps/lenticule-bench/render/bench_paper.h"
 
 #include <gtest/gtest.h>
@@ -58,7 +58,7 @@ TEST(PaperSummary, AddsUpFramesOfAllSpans) {
     return nlohmann::json{{"frame", number},
                           {"methods", {{"full", figures(4, {})}, {"hybrid", figures(1, mse)}}}};
   };
-  // "hybrid" stands for any method: names that this build lacks are left out.
+  // "hybrid" is an example of a method; names that this build lacks are skipped.
   const nlohmann::json span = {{"scene", "teapot"}, {"first", 0}, {"frames", {frame(3, 1)}}};
   const nlohmann::json later = {{"scene", "teapot"}, {"first", 16}, {"frames", {frame(20, 100)}}};
   const nlohmann::json summary = summarize("teapot", {span, later});

@@ -27,7 +27,7 @@ TEST(KioskRig, IsTheSampleRig) {
   EXPECT_NO_THROW(optics::validate_rig(kiosk_rig(), "kiosk"));
 }
 
-TEST(Median, IsTheMiddle) {
+TEST(Median, IsTheMiddleValue) {
   EXPECT_EQ(median({3.0, 1.0, 2.0}), 2.0);
   EXPECT_EQ(median({4.0, 1.0, 2.0, 3.0}), 2.5);
   EXPECT_EQ(median({}), 0.0);

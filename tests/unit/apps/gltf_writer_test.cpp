@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes written as glTF, read back by the loader that everybody's files go through.
+// Tests scenes written as glTF by reading them back with the production loader.
 #include "apps/lenticule/offline/gltf_writer.h"
 
 #include <gmock/gmock.h>
@@ -45,7 +45,7 @@ TEST(GltfWriter, GearsAreReadBackWithEveryTriangleLightAndTexture) {
 }
 
 // glTF's up is y, the scene's is z.
-TEST(GltfWriter, TheUprightStaysUpright) {
+TEST(GltfWriter, ConvertsTheUpAxis) {
   const render::SceneDescription gears = built_in("gears", 1);
   const render::SceneDescription again = read_back(write_gltf(gears));
   const render::Bounds before = render::scene_bounds(gears);
@@ -57,7 +57,7 @@ TEST(GltfWriter, TheUprightStaysUpright) {
   EXPECT_NEAR(again.cameras[0].up.y, 1.0, 0.7);
 }
 
-TEST(GltfWriter, NormalsAndTexelsArriveAsTheyWere) {
+TEST(GltfWriter, KeepsNormalsAndTexels) {
   render::SceneDescription scene = built_in("teapot", 2);
   scene.textures.push_back(std::make_shared<const render::Texture>(
       render::Texture{.width = 2, .height = 1, .rgba = {1, 0.5, 0, 1, 0, 0.2, 0.8, 1}}));
@@ -72,7 +72,7 @@ TEST(GltfWriter, NormalsAndTexelsArriveAsTheyWere) {
   EXPECT_GE(smooth, 1);
 }
 
-TEST(GltfWriter, SaysWhatItCannotSay) {
+TEST(GltfWriter, RefusesScenesWithSpheres) {
   for (const char* name : {"balls", "tree", "mount", "lattice", "room"}) {
     try {
       (void)write_gltf(built_in(name, 1));

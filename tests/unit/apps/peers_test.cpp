@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What other ray tracers are given, and what is read from their output.
+// Tests the input for the reference renderers and the parsing of their output.
 #include "apps/lenticule-bench/harness/peers.h"
 
 #include <gmock/gmock.h>
@@ -19,7 +19,7 @@ using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// One of everything that both can say.
+/// Returns a scene with one of every primitive that both formats support.
 render::SceneDescription small_scene() {
   return render::parse_nff(
       "v from 0 -4 1 at 0 0 1 up 0 0 1 angle 60 hither 0.1 resolution 8 8\n"
@@ -34,7 +34,7 @@ render::SceneDescription small_scene() {
       "small");
 }
 
-TEST(PovWriter, SaysTheWholeScene) {
+TEST(PovWriter, WritesTheWholeScene) {
   EXPECT_EQ(write_pov(small_scene(), {.aspect = 1.5, .max_depth = 1}), R"(#version 3.7;
 global_settings { max_trace_level 2 assumed_gamma srgb ambient_light rgb 1 }
 background { color rgb <0.1, 0.2, 0.3> }
@@ -75,7 +75,7 @@ cylinder { <1, 0, 0>, <1, 0, 1>, 0.5 open material { M0 } }
 )");
 }
 
-TEST(PovWriter, RefusesWhatItCannotSay) {
+TEST(PovWriter, RefusesUnsupportedScenes) {
   const auto refused = [](auto change) {
     render::SceneDescription scene = small_scene();
     change(scene);
@@ -112,8 +112,8 @@ double triangle_area(const render::SceneDescription& scene) {
   return area;
 }
 
-// Written, read, written plainly and read again: nothing is lost on either way.
-TEST(PlainNff, EveryBuiltInSceneComesBack) {
+// Writes, reads, writes as plain text and reads again: nothing is lost in either step.
+TEST(PlainNff, KeepsEveryBuiltInScene) {
   for (const scenes::BuiltInScene& built_in : scenes::scene_list()) {
     const auto once = render::parse_nff(scenes::write_scene(built_in, 2, 5), built_in.name);
     const auto again = render::parse_nff(write_plain_nff(once), built_in.name);
@@ -149,7 +149,7 @@ TEST(PlainNff, BeginsWithTheView) {
   EXPECT_TRUE(write_plain_nff(small_scene()).starts_with("v\n"));
 }
 
-TEST(PeerPicture, HasTheRaysAndTheAspect) {
+TEST(PeerPicture, HasTheRequestedNumberOfRaysAndAspect) {
   const PeerJob job = peer_picture(3.0 * 3840 * 2160, 16.0 / 9.0);
   EXPECT_NEAR(1.0 * job.width * job.height, 3.0 * 3840 * 2160, 3840);
   EXPECT_NEAR(1.0 * job.width / job.height, 16.0 / 9.0, 1e-3);
@@ -162,7 +162,7 @@ const Peer& peer(const std::string& name) {
   throw std::out_of_range(name);
 }
 
-TEST(Tachyon, IsTimedByItsOwnWords) {
+TEST(Tachyon, IsTimedByItsOwnOutput) {
   const Peer& tachyon = peer("Tachyon");
   EXPECT_EQ(tachyon.traced_seconds("Preprocessing Time:     0.0017 seconds\n"
                                    "\r  Ray Tracing Time:     2.4236 seconds\n"
@@ -172,14 +172,14 @@ TEST(Tachyon, IsTimedByItsOwnWords) {
   EXPECT_EQ(tachyon.traced_seconds("Ray Tracing Time: soon"), std::nullopt);
 }
 
-TEST(Tachyon, CountsTheCamerasRaysAsALevel) {
+TEST(Tachyon, CountsCameraRaysAsOneBounce) {
   const PeerJob job{.width = 640, .height = 360, .threads = 2, .max_depth = 1, .picture = ""};
   EXPECT_THAT(peer("Tachyon").arguments("scene.nff", job),
               ElementsAre("scene.nff", "-res", "640", "360", "-numthreads", "2", "-raydepth", "2",
                           "-fullshade", "-nosave"));
 }
 
-TEST(PovRay, IsTimedByItsOwnWords) {
+TEST(PovRay, IsTimedByItsOwnOutput) {
   const Peer& povray = peer("POV-Ray");
   EXPECT_EQ(
       povray.traced_seconds("  Parse Time:       0 hours  0 minutes  7 seconds (7.5 seconds)\n"
@@ -190,14 +190,14 @@ TEST(PovRay, IsTimedByItsOwnWords) {
   EXPECT_EQ(povray.traced_seconds("Trace Time: none\n (3 seconds)"), std::nullopt);
 }
 
-TEST(PovRay, KeepsAPictureOnlyWhenAsked) {
+TEST(PovRay, KeepsAPictureOnlyOnRequest) {
   PeerJob job{.width = 640, .height = 360, .threads = 2, .max_depth = 1, .picture = ""};
   EXPECT_THAT(peer("POV-Ray").arguments("scene.pov", job), Contains("-F"));
   job.picture = "out.ppm";
   EXPECT_THAT(peer("POV-Ray").arguments("scene.pov", job), Contains("+Oout.ppm"));
 }
 
-TEST(Peers, HaveWishesForTheClassicScenesOnly) {
+TEST(Peers, HaveTargetsForTheClassicScenesOnly) {
   EXPECT_EQ(peer("Tachyon").target("tree"), 30.0);
   EXPECT_EQ(peer("POV-Ray").target("balls"), 10.0);
   for (const Peer& each : peers()) EXPECT_EQ(each.target("mine.nff"), 0.0);

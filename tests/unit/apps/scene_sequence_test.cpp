@@ -22,7 +22,7 @@ TEST(FrameRange, IsHalfOpenOrOneFrame) {
     EXPECT_THROW((void)parse_frame_range(text), Error) << text;
 }
 
-TEST(SceneSequence, RepeatsBuiltInScenes) {
+TEST(SceneSequence, RepeatsBuiltInScenesAfterTheirLastFrame) {
   const SceneSequence demo("builtin:demo", frames::Rate{});
   EXPECT_FALSE(demo.still());
   const auto period = static_cast<uint64_t>(scenes::find_scene("demo").frames);
@@ -63,7 +63,7 @@ TEST_F(NumberedScenes, AreLoadedFrameByFrame) {
   EXPECT_EQ(scenes.at(4).spheres.at(0).centre.x, 4.0);
 }
 
-TEST_F(NumberedScenes, MustAllBeThere) {
+TEST_F(NumberedScenes, MustAllExist) {
   const SceneSequence scenes(pattern(), frames::Rate{});
   EXPECT_NO_THROW(scenes.require({3, 5}));
   try {
@@ -81,7 +81,7 @@ TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
   scene.materials = {render::Material{}};
   scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}};
   const StageSequence stages(scene, model, {});
-  scene.spheres[0].centre = {1, 2, 3};  // it moved; the stage must not follow
+  scene.spheres[0].centre = {1, 2, 3};  // the sphere moves; the stage must stay
   const render::Stage later = stages.at(scene);
   EXPECT_EQ(later.mm_per_unit, stages.reference().mm_per_unit);
   EXPECT_EQ(later.panel_from_world.origin, stages.reference().panel_from_world.origin);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What passes and what does not in the table of `bench stability`.
+// Tests which rows of the table of `bench stability` pass.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -33,7 +33,7 @@ TEST(StabilityRow, PassesWithinItsBounds) {
   EXPECT_TRUE(passes(row));
 }
 
-TEST(StabilityRow, FailsBeyondThem) {
+TEST(StabilityRow, FailsOutsideItsBounds) {
   StabilityRow row = good_row();
   row.failures = 1;
   EXPECT_FALSE(passes(row));
@@ -46,7 +46,7 @@ TEST(StabilityRow, FailsBeyondThem) {
   EXPECT_FALSE(passes(row));
 }
 
-TEST(StabilityRow, FailsWhereNothingWasMeasured) {
+TEST(StabilityRow, FailsWithoutAMeasurement) {
   StabilityRow row = good_row();
   row.samples = 0;
   EXPECT_FALSE(passes(row));
@@ -55,7 +55,7 @@ TEST(StabilityRow, FailsWhereNothingWasMeasured) {
   EXPECT_FALSE(passes(row));
 }
 
-TEST(StabilityReport, PassesIfAllRowsDo) {
+TEST(StabilityReport, PassesIfAllRowsPass) {
   StabilityReport report{.seconds = 1.0, .rows = {good_row(), good_row()}};
   EXPECT_TRUE(passes(report));
   report.rows[1].failures = 1;
@@ -80,7 +80,7 @@ TEST(StabilityReport, TextAndJsonAgree) {
   EXPECT_EQ(json["rows"][1]["failures"], 7);
 }
 
-TEST(Tally, CountsANumberThatIsNoneAsInfinitelyWrong) {
+TEST(Tally, CountsNonFiniteNumbersAsInfiniteErrors) {
   Tally tally;
   tally.check(true);
   tally.check(false);
@@ -100,7 +100,7 @@ TEST(StabilityCases, HaveDifferentNames) {
   EXPECT_GE(names.size(), 20U);
 }
 
-TEST(ForEachPart, DoesEveryPartOnceAndThrowsOn) {
+TEST(ForEachPart, RunsEveryPartOnceAndRethrows) {
   for (const int threads : {1, 3}) {
     std::vector<std::atomic<int>> done(100);
     for_each_part({.threads = threads}, done.size(), [&](uint64_t k) { ++done[k]; });

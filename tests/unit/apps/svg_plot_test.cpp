@@ -26,7 +26,7 @@ TEST(AxisTicks, AreRoundAndCoverTheNumbers) {
   EXPECT_THAT(axis_ticks(1, 3e4, kLog), ElementsAre(1, 10, 100, 1000, 10000, 100000));
 }
 
-TEST(AxisTicks, OfASinglePlaceStillSpanSomething) {
+TEST(AxisTicks, SpanARangeForASingleValue) {
   for (const auto scale : {kLinear, kLog}) {
     for (const double at : {0.0001, 1.0, 5.0, 123456.0}) {
       const std::vector<double> ticks = axis_ticks(at, at, scale);
@@ -38,7 +38,7 @@ TEST(AxisTicks, OfASinglePlaceStillSpanSomething) {
   }
 }
 
-TEST(AxisTicks, ThatReachFarStayFewAndAscend) {
+TEST(AxisTicks, StayFewAndAscendOverAWideRange) {
   for (const auto scale : {kLinear, kLog}) {
     const std::vector<double> ticks = axis_ticks(1e-7, 1e9, scale);
     EXPECT_LE(ticks.size(), 20U);
@@ -48,7 +48,7 @@ TEST(AxisTicks, ThatReachFarStayFewAndAscend) {
   }
 }
 
-TEST(AxisTicks, RefuseWhatCannotBeDrawn) {
+TEST(AxisTicks, RefuseInvalidRanges) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double infinite = std::numeric_limits<double>::infinity();
   EXPECT_THROW((void)axis_ticks(nan, 1, kLinear), Error);
@@ -66,7 +66,7 @@ Plot two_lines() {
   return plot;
 }
 
-TEST(SvgPlot, PutsPointsWhereTheAxesSay) {
+TEST(SvgPlot, PlacesPointsByTheAxes) {
   Plot plot = two_lines();
   plot.x.scale = kLinear;
   plot.series = {{.label = "line", .points = {{0, 0}, {5, 5}, {10, 10}}}};
@@ -74,13 +74,13 @@ TEST(SvgPlot, PutsPointsWhereTheAxesSay) {
   EXPECT_THAT(svg_of(plot), HasSubstr("M84.0 364.0L327.0 202.0L570.0 40.0"));
 }
 
-TEST(SvgPlot, ALogarithmicAxisGivesEveryDecadeTheSameRoom) {
+TEST(SvgPlot, ALogarithmicAxisGivesEveryDecadeTheSameLength) {
   Plot plot = two_lines();
   plot.series = {{.label = "line", .points = {{1, 0}, {100, 2}, {10000, 4}}}};
   EXPECT_THAT(svg_of(plot), HasSubstr("M84.0 364.0L327.0 202.0L570.0 40.0"));
 }
 
-TEST(SvgPlot, MarksWithoutALineAreMarksOnly) {
+TEST(SvgPlot, MarksCanBeDrawnWithoutALine) {
   Plot plot = two_lines();
   plot.x.scale = kLinear;
   plot.series = {{.label = "marks",
@@ -93,7 +93,7 @@ TEST(SvgPlot, MarksWithoutALineAreMarksOnly) {
   EXPECT_THAT(svg, Not(HasSubstr("L327.0")));
 }
 
-TEST(SvgPlot, NamesEverythingAndEscapesIt) {
+TEST(SvgPlot, LabelsEverythingAndEscapesText) {
   const std::string svg = svg_of(two_lines());
   for (const char* text : {">a &lt; b<", ">x &amp; x<", ">y<", ">first<", ">&quot;second&quot;<"})
     EXPECT_THAT(svg, HasSubstr(text));
@@ -108,7 +108,7 @@ TEST(SvgPlot, WithoutAPointIsAUsageError) {
   EXPECT_THROW((void)svg_of(plot), Error);
 }
 
-TEST(SvgPlot, AFileThatCannotBeWrittenIsSaid) {
+TEST(SvgPlot, ReportsAFileThatCannotBeWritten) {
   EXPECT_THROW(write_svg(two_lines(), "/nowhere/plot.svg"), Error);
 }
 

@@ -16,7 +16,7 @@
 namespace lenticule {
 namespace {
 
-/// Puts `fd` in the place of a standard descriptor until its end.
+/// Replaces a standard descriptor by `fd` during its lifetime.
 class Redirected {
  public:
   Redirected(int standard, int fd) : standard_(standard), before_(dup(standard)) {
@@ -43,7 +43,7 @@ struct Pipe {
     reader = UniqueFd(ends[0]);
     writer = UniqueFd(ends[1]);
   }
-  /// What is in the pipe now.
+  /// Returns the bytes that are in the pipe now.
   [[nodiscard]] std::string read_all() const {
     std::string text(1 << 17, '\0');
     const ssize_t n = read(reader.get(), text.data(), text.size());
@@ -83,7 +83,7 @@ TEST(Print, DiagnosticsForAReaderThatIsGoneAreDroppedAndCounted) {
   EXPECT_EQ(dropped_log_lines() - before, 1u);
 }
 
-// Without a bound this test does not end.
+// The test hangs if the printer waits without a limit.
 TEST(Print, DiagnosticsDoNotWaitForAReaderThatDoesNotRead) {
   const Pipe pipe;
   const uint64_t before = dropped_log_lines();

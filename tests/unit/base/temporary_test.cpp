@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Temporary files and folders: what is left of killed processes goes, what is in use stays.
+// Tests temporary files and folders: leftovers of killed processes are removed, files in use stay.
 #include "base/temporary.h"
 
 #include <fcntl.h>
@@ -25,7 +25,7 @@ namespace {
 using test::ScratchFolder;
 namespace fs = std::filesystem;
 
-/// Runs `work` in a child, which then waits to be killed. Kills it at the end of the scope.
+/// Runs `work` in a child process, which then waits; kills the child at the end of the scope.
 class Owner {
  public:
   explicit Owner(const std::function<void()>& work) {
@@ -58,7 +58,7 @@ class Owner {
   bool started_ = false;
 };
 
-TEST(TemporaryFile, TakesItsTargetsPlaceWhenItIsKept) {
+TEST(TemporaryFile, ReplacesItsTargetWhenKept) {
   const ScratchFolder folder;
   write_text_file(folder / "a", "old");
   {
@@ -71,13 +71,13 @@ TEST(TemporaryFile, TakesItsTargetsPlaceWhenItIsKept) {
   EXPECT_EQ(folder.entries(), 1u);
 }
 
-TEST(TemporaryFile, IsGoneWhenItIsNotKept) {
+TEST(TemporaryFile, IsRemovedUnlessKept) {
   const ScratchFolder folder;
   { const TemporaryFile file(folder / "a"); }
   EXPECT_EQ(folder.entries(), 0u);
 }
 
-TEST(TemporaryFile, ReplacesWhatALinkNames) {
+TEST(TemporaryFile, ReplacesTheTargetOfALink) {
   const ScratchFolder folder;
   write_text_file(folder / "a", "old");
   fs::create_symlink("a", folder / "link");
@@ -95,9 +95,8 @@ TEST(TemporaryFile, RefusesTargetsThatAreNotRegularFiles) {
   EXPECT_EQ(folder.entries(), 1u);
 }
 
-/// A process that is asked to create a file while another thread could create one too: the mode
-/// comes from the umask, which is not touched.
-TEST(TemporaryFile, HasTheModeThatTheUmaskGives) {
+/// The mode of a new file follows the umask, and writing does not change the umask.
+TEST(TemporaryFile, HasTheModeOfTheUmask) {
   const ScratchFolder folder;
   const mode_t before = umask(027);
   write_text_file(folder / "a", "x");
@@ -107,7 +106,7 @@ TEST(TemporaryFile, HasTheModeThatTheUmaskGives) {
   EXPECT_EQ(status.st_mode & 0777u, 0640u);
 }
 
-TEST(TextFiles, OtherThreadsCreateFilesWithTheirUmaskMeanwhile) {
+TEST(TextFiles, DoNotChangeTheUmaskOfOtherThreads) {
   const ScratchFolder folder;
   const mode_t before = umask(077);
   std::atomic<bool> done{false};
@@ -129,7 +128,7 @@ TEST(TextFiles, OtherThreadsCreateFilesWithTheirUmaskMeanwhile) {
   EXPECT_EQ(others, 0);
 }
 
-TEST(Leftovers, OfAKilledProcessAreSweptAndThoseInUseStay) {
+TEST(Leftovers, OfAKilledProcessAreRemovedAndFilesInUseStay) {
   const ScratchFolder folder;
   Owner dead([&] { new TemporaryFile(folder / "a"); });
   Owner alive([&] { new TemporaryFile(folder / "b"); });
@@ -140,11 +139,11 @@ TEST(Leftovers, OfAKilledProcessAreSweptAndThoseInUseStay) {
   EXPECT_EQ(sweep_leftovers(folder.path()), 1u);
   EXPECT_EQ(folder.entries(), 1u);
   alive.kill_it();
-  { const TemporaryFile next(folder / "c"); }  // sweeps by itself
+  { const TemporaryFile next(folder / "c"); }  // creating a temporary file removes leftovers
   EXPECT_EQ(folder.entries(), 0u);
 }
 
-TEST(Leftovers, FoldersOfAKilledProcessAreSweptWithAllThatIsInThem) {
+TEST(Leftovers, FoldersOfAKilledProcessAreRemovedWithTheirContents) {
   const ScratchFolder folder;
   Owner owner([&] {
     const auto* kept = new TemporaryFolder(folder.path());
@@ -158,7 +157,7 @@ TEST(Leftovers, FoldersOfAKilledProcessAreSweptWithAllThatIsInThem) {
   EXPECT_EQ(folder.entries(), 0u);
 }
 
-/// A child that got the file, as an encoder does, is an owner too.
+/// A child that inherited the file, such as an encoder, counts as an owner.
 TEST(Leftovers, OfAProcessWhoseChildStillWritesStay) {
   const ScratchFolder folder;
   std::array<int, 2> child{};
@@ -182,7 +181,7 @@ TEST(Leftovers, OfAProcessWhoseChildStillWritesStay) {
   close(child[1]);
 }
 
-TEST(Leftovers, OtherFilesAreNeverSwept) {
+TEST(Leftovers, OtherFilesAreNeverRemoved) {
   const ScratchFolder folder;
   for (const char* name : {".lenticule-1-0.tmp", "lenticule-1-0.unfinished", ".lenticule-notes",
                            "a.unfinished", ".lenticule-unfinished-x", "film.lts.part"})

@@ -17,7 +17,7 @@ TEST(Text, EscapingKeepsPrintableUtf8) {
   EXPECT_EQ(escaped(""), "");
 }
 
-TEST(Text, EscapingShowsTheBytesOfControlsAndOfWhatIsNotUtf8) {
+TEST(Text, EscapingShowsTheBytesOfControlsAndOfInvalidUtf8) {
   EXPECT_EQ(escaped("\x1b]0;title\x07"), "\\x1b]0;title\\x07");
   EXPECT_EQ(escaped("a\nb\tc\rd\x7f"), "a\\x0ab\\x09c\\x0dd\\x7f");
   EXPECT_EQ(escaped(std::string_view("a\0b", 3)), "a\\x00b");
@@ -30,7 +30,7 @@ TEST(Text, EscapingShowsTheBytesOfControlsAndOfWhatIsNotUtf8) {
   EXPECT_EQ(escaped("\xe2\x82"), "\\xe2\\x82") << "cut short";
 }
 
-TEST(Text, EscapingShowsMarksThatTurnOrHideText) {
+TEST(Text, EscapingShowsBidirectionalAndInvisibleCharacters) {
   EXPECT_EQ(escaped("a\u202egnp.exe"), "a\\xe2\\x80\\xaegnp.exe");
   for (const char* mark : {"\u061c", "\u200b", "\u200e", "\u200f", "\u2028", "\u2029", "\u202a",
                            "\u2066", "\u2069", "\ufeff", "\U000e0041"})
@@ -49,7 +49,7 @@ TEST(Text, ShorteningCutsAfterAWholeCharacter) {
   EXPECT_EQ(shortened("abcd", 3), "...");
 }
 
-TEST(Text, JsonIsValidAsciiWhateverBytesItsTextsHave) {
+TEST(Text, JsonIsValidAsciiForAnyBytes) {
   const std::string text = json_text(nlohmann::json{{"name", "\x1b[2J\xff\u009b\u202e\u00e9"}});
   for (const char c : text) EXPECT_TRUE(c >= ' ' && c < 0x7f) << static_cast<int>(c);
   EXPECT_EQ(nlohmann::json::parse(text)["name"], "\x1b[2J\ufffd\u009b\u202e\u00e9");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule.h against a real player.
+// Tests lenticule.h against a real player.
 #include <gtest/gtest.h>
 #include <lenticule.h>
 #include <sys/wait.h>
@@ -67,7 +67,7 @@ TEST_F(CApi, PushesFrames) {
   EXPECT_EQ(player_->pull(frame), PullStatus::End);
 }
 
-TEST_F(CApi, TellsThePlayerWhatTheHelloSays) {
+TEST_F(CApi, PassesTheHelloToThePlayer) {
   lenticule_hello hello = LENTICULE_HELLO_INIT;
   hello.name = "somebody's renderer";
   hello.rate_numerator = 60000;
@@ -79,7 +79,7 @@ TEST_F(CApi, TellsThePlayerWhatTheHelloSays) {
   EXPECT_EQ(player_->frame_count(), 0u);
 }
 
-TEST_F(CApi, SaysWhyItCannotConnect) {
+TEST_F(CApi, ReportsWhyItCannotConnect) {
   EXPECT_EQ(lenticule_ring_connect((folder_.folder() / "none").c_str(), nullptr, 0, &ring_),
             LENTICULE_NO_PLAYER);
   EXPECT_EQ(ring_, nullptr);
@@ -99,7 +99,7 @@ TEST_F(CApi, ReportsARefusal) {
   EXPECT_NE(error_.find("0123456789abcdef"), std::string::npos) << error_;
 }
 
-TEST_F(CApi, RejectsAHelloThatMakesNoSense) {
+TEST_F(CApi, RejectsAnInvalidHello) {
   lenticule_hello hello = LENTICULE_HELLO_INIT;
   hello.struct_size = 1;
   EXPECT_EQ(connect(&hello), LENTICULE_MISUSE);
@@ -113,7 +113,7 @@ TEST_F(CApi, RejectsAHelloThatMakesNoSense) {
   EXPECT_EQ(connect(nullptr), LENTICULE_OK);
 }
 
-TEST_F(CApi, CatchesMisuseWithoutHarm) {
+TEST_F(CApi, ReportsMisuseWithoutCrashing) {
   uint8_t* pixels = nullptr;
   EXPECT_EQ(lenticule_ring_connect(nullptr, nullptr, 0, &ring_), LENTICULE_MISUSE);
   EXPECT_EQ(lenticule_ring_connect("x", nullptr, 0, nullptr), LENTICULE_MISUSE);
@@ -139,7 +139,7 @@ TEST_F(CApi, CatchesMisuseWithoutHarm) {
   EXPECT_EQ(player_->statistics().violations, 0u);
 }
 
-TEST_F(CApi, SaysTimedOutAndGone) {
+TEST_F(CApi, ReportsTimeoutsAndALostPlayer) {
   ASSERT_EQ(connect(nullptr), LENTICULE_OK);
   uint8_t* pixels = nullptr;
   for (uint64_t k = 0; k < 4; ++k) {
@@ -153,7 +153,7 @@ TEST_F(CApi, SaysTimedOutAndGone) {
   EXPECT_EQ(lenticule_ring_finish(ring_), LENTICULE_OK) << "nobody is left to hear it: no matter";
 }
 
-TEST_F(CApi, KeepsErrorsApartByThread) {
+TEST_F(CApi, KeepsOneErrorPerThread) {
   EXPECT_EQ(lenticule_ring_publish(nullptr), LENTICULE_MISUSE);
   const std::string mine = lenticule_last_error();
   std::thread([] {
@@ -198,8 +198,8 @@ TEST_F(CApi, TheDocumentedExampleRuns) {
   EXPECT_EQ(player_->statistics().renderer_name, "push_frames");
 }
 
-TEST(CApiExample, FailsWithAMessageWhenNobodyListens) {
-  // Five seconds of patience are the example's own; a path that cannot be one needs none.
+TEST(CApiExample, FailsWithAMessageWithoutAPlayer) {
+  // The example waits five seconds for a player; an impossible path fails at once.
   const std::string command =
       std::string(PUSH_FRAMES_EXAMPLE) + " " + std::string(200, 'x') + " 1 2>/dev/null";
   const int status = std::system(command.c_str());

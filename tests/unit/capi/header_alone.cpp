@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule.h must compile as the first and only include of a C++ program, too.
+// Checks that lenticule.h compiles as the first and only include of a C++ program.
 #include <lenticule.h>
 
 lenticule_status header_alone_cxx(lenticule_ring** ring);

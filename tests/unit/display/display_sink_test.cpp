@@ -16,7 +16,7 @@ using std::chrono::seconds;
 
 constexpr frames::FrameGeometry kSmall{.width = 16, .height = 4};
 
-/// No flip event ever comes.
+/// A fault that drops every flip event.
 class Deaf final : public VirtualFaults {
  public:
   EventFate what = EventFate::Drop;
@@ -35,7 +35,7 @@ class DisplaySinkTest : public testing::Test {
   }
 };
 
-TEST_F(DisplaySinkTest, ReturnsWhenTheFrameIsOnTheGlass) {
+TEST_F(DisplaySinkTest, ReturnsWhenTheFrameIsDisplayed) {
   const auto display = open(nullptr);
   DisplaySink sink(*display);
   for (uint64_t k = 0; k < 20; ++k) {
@@ -57,7 +57,7 @@ TEST_F(DisplaySinkTest, TimesOutAndStaysUsable) {
   for (int k = 0; k < 5; ++k) EXPECT_EQ(sink.show(frame.view(), seconds(1)), ShowResult::Shown);
 }
 
-TEST_F(DisplaySinkTest, SaysWhenTheDisplayIsGone) {
+TEST_F(DisplaySinkTest, ReportsALostDisplay) {
   const auto gone = std::make_shared<Deaf>();
   gone->what = EventFate::Unplug;
   const auto display = open(gone);

@@ -33,7 +33,7 @@ TEST(OpenDisplay, ReadsEveryPartOfAVirtualSpec) {
   EXPECT_EQ(parse_virtual_spec("virtual,jitter_us=500").jitter_us, 500);
 }
 
-TEST(OpenDisplay, RefusesSpecsThatMakeNoSense) {
+TEST(OpenDisplay, RefusesInvalidSpecs) {
   for (const char* spec :
        {"", "virtua", "virtualx", "virtual:", "virtual:0x0@60", "virtual:64", "virtual:64x",
         "virtual:-64x36", "virtual:64x36x2", "virtual:99999999999x36", "virtual:64x36,jitter_us=-1",
@@ -56,7 +56,7 @@ TEST(OpenDisplay, RefusesAnotherSizeThanThePanels) {
   EXPECT_EQ(kind_of_failure("virtual:32x36@60"), ErrorKind::Input);
 }
 
-TEST(OpenDisplay, RefusesToOpenAPanelThatNoCardHas) {
+TEST(OpenDisplay, RefusesAMissingPanel) {
   try {
     (void)open_display({.spec = "kms:Nonsense-77", .panel = kPanel});
     FAIL() << "opened";
@@ -65,12 +65,12 @@ TEST(OpenDisplay, RefusesToOpenAPanelThatNoCardHas) {
   }
 }
 
-TEST(OpenDisplay, RefusesKmsSpecsThatMakeNoSense) {
+TEST(OpenDisplay, RefusesInvalidKmsSpecs) {
   for (const char* spec : {"kms:nodash", "kms:edid:", "kms:DP 1-", "kmsx"})
     EXPECT_THROW(check_display_spec(spec), Error) << spec;
 }
 
-TEST(OpenDisplay, TellsKmsFromTheRest) {
+TEST(OpenDisplay, DistinguishesKmsSpecs) {
   EXPECT_TRUE(is_kms_spec("kms"));
   EXPECT_TRUE(is_kms_spec("kms:DP-1"));
   EXPECT_FALSE(is_kms_spec("kmsx"));

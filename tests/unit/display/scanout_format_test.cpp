@@ -24,7 +24,7 @@ std::vector<uint8_t> random_bytes(size_t count) {
 TEST_P(ScanoutFormat, ExpandsEverySubpixelAtEveryWidthAndAlignment) {
   for (size_t pixels = 0; pixels < 100; ++pixels)
     for (size_t shift = 0; shift < 9; ++shift) {
-      // Exactly as many bytes as pixels need: a longer read is found by the address sanitizer.
+      // The vector has no spare bytes, so that the address sanitizer finds longer reads.
       const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
       std::vector<uint32_t> xrgb(shift + pixels + 1, kGuard);
       expand_row(GetParam(), rgb.data(), xrgb.data() + shift, pixels);
@@ -36,7 +36,7 @@ TEST_P(ScanoutFormat, ExpandsEverySubpixelAtEveryWidthAndAlignment) {
     }
 }
 
-TEST_P(ScanoutFormat, PacksBackWhateverTheXByteHolds) {
+TEST_P(ScanoutFormat, IgnoresTheXByteWhenPacking) {
   for (size_t pixels = 0; pixels < 100; ++pixels) {
     const std::vector<uint8_t> rgb = random_bytes(3 * pixels);
     std::vector<uint32_t> xrgb(pixels);

@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 
 constexpr frames::FrameGeometry kSmall{.width = 11, .height = 3};
 
-/// Scan-out memory holding a numbered frame.
+/// Scan-out memory that holds a numbered frame.
 struct Scanout {
   frames::WovenFrame frame;
   std::vector<uint32_t> words;
@@ -73,7 +73,7 @@ TEST_F(Recorder, WritesOneChecksumLinePerFrame) {
   EXPECT_THAT(listing(), testing::ElementsAre("sums.txt"));
 }
 
-TEST_F(Recorder, SaysHowManyFramesItMissedAfterTheLast) {
+TEST_F(Recorder, ReportsTheNumberOfMissedFramesAtTheEnd) {
   const auto recorder = open_recorder("checksums:" + path("sums.txt"));
   for (int i = 0; i < 5; ++i) recorder->count_skipped();
   recorder->record({.sequence = 12, .id = 5, .skipped_before = 3}, Scanout(1).view());
@@ -85,12 +85,12 @@ TEST_F(Recorder, SaysHowManyFramesItMissedAfterTheLast) {
   EXPECT_EQ(recorder->skipped(), 5u);
 }
 
-TEST_F(Recorder, LeavesNothingBehindUnfinished) {
+TEST_F(Recorder, LeavesNoUnfinishedFiles) {
   open_recorder("checksums:" + path("sums.txt"))->record({}, Scanout(1).view());
   EXPECT_THAT(listing(), testing::IsEmpty());
 }
 
-TEST_F(Recorder, WritesPicturesOfWhatWasOnTheGlass) {
+TEST_F(Recorder, WritesPicturesOfDisplayedFrames) {
   const auto recorder = open_recorder("png:" + path("shown"));
   const Scanout scanout(3);
   recorder->record({.sequence = 10, .id = 42}, scanout.view());
@@ -98,7 +98,7 @@ TEST_F(Recorder, WritesPicturesOfWhatWasOnTheGlass) {
   EXPECT_EQ(frames::read_woven(folder / "shown" / "00000042.png"), scanout.frame);
 }
 
-TEST_F(Recorder, RefusesPlacesAndKindsThatAreNone) {
+TEST_F(Recorder, RefusesInvalidPathsAndFormats) {
   const auto kind_of = [](const std::string& spec) {
     try {
       (void)open_recorder(spec);
@@ -114,7 +114,7 @@ TEST_F(Recorder, RefusesPlacesAndKindsThatAreNone) {
   EXPECT_EQ(kind_of("png:" + path("file/shown")), ErrorKind::Failed);
 }
 
-/// Lets files of this process grow no further, as a full disk would, until it is gone.
+/// Simulates a full disk during its lifetime by limiting the file size of this process.
 class FullDisk {
  public:
   explicit FullDisk(rlim_t largest_file) {
@@ -131,11 +131,11 @@ class FullDisk {
   rlimit before_{};
 };
 
-TEST_F(Recorder, LinesThatAFullDiskDoesNotTakeAreWrittenWhenThereIsRoomAgain) {
+TEST_F(Recorder, WritesLinesRejectedByAFullDiskWhenSpaceIsFree) {
   const auto recorder = open_recorder("checksums:" + path("sums.txt"));
   const Scanout scanout(1);
   {
-    const FullDisk full(1000);  // in the middle of a line
+    const FullDisk full(1000);  // ends in the middle of a line
     for (uint64_t id = 0; id < 500; ++id)
       recorder->record({.sequence = id, .id = id}, scanout.view());
     EXPECT_GE(recorder->writes().state().failures, 1u);
@@ -153,7 +153,7 @@ TEST_F(Recorder, LinesThatAFullDiskDoesNotTakeAreWrittenWhenThereIsRoomAgain) {
   EXPECT_FALSE(std::getline(file, line));
 }
 
-TEST_F(Recorder, WhatAFullDiskTookStaysInWholeLinesAndTheRestIsCounted) {
+TEST_F(Recorder, OnAFullDiskKeepsWholeLinesAndCountsTheRest) {
   const auto recorder = open_recorder("checksums:" + path("sums.txt"));
   const Scanout scanout(1);
   const FullDisk full(1000);
@@ -171,25 +171,26 @@ TEST_F(Recorder, WhatAFullDiskTookStaysInWholeLinesAndTheRestIsCounted) {
   EXPECT_EQ(recorder->lost(), 500 - (lines - 1));
 }
 
-TEST_F(Recorder, AFullDiskIsNoReasonNotToBegin) {
+TEST_F(Recorder, StartsOnAFullDisk) {
   const FullDisk full(0);
   const auto recorder = open_recorder("checksums:" + path("sums.txt"));
   EXPECT_EQ(recorder->writes().state().failures, 1u);
 }
 
-TEST_F(Recorder, ANameThatIsNoRegularFileIsRefusedAtOnce) {
+TEST_F(Recorder, RefusesNamesThatAreNotRegularFiles) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
   for (const std::string& name : {path("pipe"), std::string("/dev/null"), folder.string()})
     EXPECT_THROW((void)open_recorder("checksums:" + name), Error) << name;
   EXPECT_THROW((void)open_recorder("png:" + path("pipe")), Error);
 }
 
-TEST_F(Recorder, PicturesGoOnOnceThereIsRoomAndTheLostOnesAreCounted) {
+TEST_F(Recorder, WritesPicturesAgainWhenSpaceIsFreeAndCountsLostOnes) {
   const auto recorder = open_recorder("png:" + path("shown"));
   {
     const FullDisk full(10);
     recorder->record({.id = 1}, Scanout(1).view());
-    recorder->record({.id = 2}, Scanout(2).view());  // not tried: the first was just refused
+    recorder->record({.id = 2},
+                     Scanout(2).view());  // skipped, since the previous frame was just refused
   }
   EXPECT_EQ(recorder->writes().state().failures, 1u);
   recorder->writes().try_at_once();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Test cards are read back from their pixels, dot by dot, as an eye would.
+// Tests test cards by reading them back from their pixels, dot by dot.
 #include "display/test_card.h"
 
 #include <gmock/gmock.h>
@@ -37,7 +37,7 @@ uint32_t pixel(const WovenFrame& frame, int x, int y) {
   return uint32_t{p[0]} << 16 | uint32_t{p[1]} << 8 | p[2];
 }
 
-/// True or false if the whole dot is white or black, none if it is neither.
+/// Returns true if the whole dot is white, false if it is black, nothing if it is mixed.
 std::optional<bool> dot(const WovenFrame& frame, int x, int y, int scale) {
   const uint32_t first = pixel(frame, x, y);
   if (first != 0 && first != 0xffffff) return std::nullopt;
@@ -47,7 +47,7 @@ std::optional<bool> dot(const WovenFrame& frame, int x, int y, int scale) {
   return first != 0;
 }
 
-/// The character whose every dot is where it belongs; '\0' if none.
+/// Returns the character whose every dot matches; '\0' if none does.
 char read_character(const WovenFrame& frame, int x, int y, int scale) {
   Glyph seen{};
   for (int row = 0; row < kGlyphHeight; ++row)
@@ -61,7 +61,7 @@ char read_character(const WovenFrame& frame, int x, int y, int scale) {
   return '\0';
 }
 
-/// All words of a card, as they can be read from its pixels.
+/// Returns all text of a card as read from its pixels.
 std::string read_card(const WovenFrame& frame, const CardLayout& layout) {
   std::string all;
   for (const PlacedText& placed : layout.texts) {
@@ -77,7 +77,7 @@ std::string read_card(const WovenFrame& frame, const CardLayout& layout) {
   return all;
 }
 
-/// As `text` would be written, whatever the line breaks are.
+/// Returns `text` without spaces and line breaks.
 std::string without_spaces(const std::string& text) {
   std::string result;
   for (const char c : text)
@@ -98,7 +98,7 @@ TEST_P(TestCardSize, EveryWordIsLegible) {
     EXPECT_THAT(read, HasSubstr(without_spaces(row.text)));
   }
   EXPECT_THAT(read, HasSubstr("CHROMA"));
-  // Letters of a fiftieth of the shorter side at least: legible from across a lobby.
+  // Letters have at least a fiftieth of the shorter side, which is legible across a lobby.
   EXPECT_GE(7 * 50 * layout.scale, std::min(GetParam().width, GetParam().height));
 }
 
@@ -118,7 +118,7 @@ TEST_P(TestCardSize, TheOutermostPixelsAreAWhiteLine) {
   EXPECT_EQ(pixel(frame, 1, h / 2), 0U) << "one pixel wide";
 }
 
-TEST_P(TestCardSize, CornersTellTurnedAndMirroredPictures) {
+TEST_P(TestCardSize, CornersRevealRotatedAndMirroredPictures) {
   const WovenFrame frame = draw_test_card(GetParam(), wrong_panel());
   EXPECT_EQ(pixel(frame, 4, 4), 0xff0000U);
   EXPECT_EQ(pixel(frame, frame.width() - 5, 4), 0x00ff00U);
@@ -126,7 +126,7 @@ TEST_P(TestCardSize, CornersTellTurnedAndMirroredPictures) {
   EXPECT_EQ(pixel(frame, frame.width() - 5, frame.height() - 5), 0xffffffU);
 }
 
-TEST_P(TestCardSize, AScalerWouldSpoilLinesOfOnePixel) {
+TEST_P(TestCardSize, ScalingWouldBlurOnePixelLines) {
   const WovenFrame frame = draw_test_card(GetParam(), wrong_panel());
   const auto patches = lay_out_card(GetParam(), wrong_panel()).patches;
   ASSERT_TRUE(patches);
@@ -146,7 +146,7 @@ TEST_P(TestCardSize, AScalerWouldSpoilLinesOfOnePixel) {
   }
 }
 
-TEST_P(TestCardSize, SubsampledChromaWouldMakeBothHalvesAlike) {
+TEST_P(TestCardSize, SubsampledChromaWouldEqualizeBothHalves) {
   const WovenFrame frame = draw_test_card(GetParam(), wrong_panel());
   const auto patches = lay_out_card(GetParam(), wrong_panel()).patches;
   ASSERT_TRUE(patches);
@@ -181,7 +181,7 @@ INSTANTIATE_TEST_SUITE_P(Panels, TestCardSize,
                                   std::to_string(panel.param.height);
                          });
 
-TEST(TestCard, FitsFramesOfAnySizeAndIsTheSameEveryTime) {
+TEST(TestCard, FitsFramesOfAnySizeAndIsDeterministic) {
   for (const int width : {1, 2, 3, 5, 17, 64, 199, 321, 800})
     for (const int height : {1, 2, 3, 7, 31, 100, 241, 600}) {
       const FrameGeometry geometry{width, height};
@@ -192,14 +192,14 @@ TEST(TestCard, FitsFramesOfAnySizeAndIsTheSameEveryTime) {
     }
 }
 
-TEST(TestCard, HasRoomForTheHeadlineFirst) {
+TEST(TestCard, PrefersTheHeadlineIfSpaceIsShort) {
   const FrameGeometry small{160, 60};
   const CardLayout layout = lay_out_card(small, wrong_panel());
   EXPECT_FALSE(layout.patches);
   EXPECT_THAT(read_card(draw_test_card(small, wrong_panel()), layout), HasSubstr("WRONG"));
 }
 
-TEST(TestCard, DoesNotChokeOnWhatAPanelSaysOfItself) {
+TEST(TestCard, ToleratesAnyTextFromAPanel) {
   CardText text{
       .headline = std::string(5000, 'W'),
       .rows = {

@@ -39,7 +39,7 @@ TEST(VblankTimeline, TimesBeforeTheOriginBelongToVblankZero) {
   EXPECT_EQ(timeline.sequence_at(seconds(5)), 0u);
 }
 
-TEST(VblankTimeline, RefusesRefreshesFinerThanAnyClock) {
+TEST(VblankTimeline, RefusesRefreshRatesBeyondTheClocksResolution) {
   EXPECT_THROW(VblankTimeline(Nanoseconds(0), {(int64_t{1} << 40) + 1, int64_t{1} << 38}), Error);
 }
 

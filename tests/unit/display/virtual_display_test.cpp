@@ -59,7 +59,7 @@ TEST_F(VirtualDisplayTest, FlipsAtTheFirstVblankAfterSubmission) {
   EXPECT_EQ(display->now(), timeline.time_of(2));
 }
 
-TEST_F(VirtualDisplayTest, ShowsWhatWasFilledSubpixelBySubpixel) {
+TEST_F(VirtualDisplayTest, ShowsEverySubpixelUnchanged) {
   for (uint64_t id = 0; id < 8; ++id) {
     show(id);
     EXPECT_EQ(display->wait_event(kFar, -1).kind, EventKind::Flip);
@@ -81,7 +81,7 @@ TEST_F(VirtualDisplayTest, HoldsOneFlipAtATime) {
   EXPECT_EQ(display->submit(second, 2), SubmitStatus::Accepted);
 }
 
-TEST_F(VirtualDisplayTest, FreesABufferOnlyWhenItsSuccessorIsOnTheGlass) {
+TEST_F(VirtualDisplayTest, FreesABufferOnlyWhenItsSuccessorIsDisplayed) {
   show(1);
   EXPECT_EQ(display->wait_event(kFar, -1).id, 1u);
   show(2);
@@ -103,7 +103,7 @@ TEST_F(VirtualDisplayTest, TakesDiscardedBuffersBack) {
   EXPECT_EQ(available, 3);
 }
 
-TEST_F(VirtualDisplayTest, TicksOnceWhenAsked) {
+TEST_F(VirtualDisplayTest, SendsOneVblankEventPerRequest) {
   ASSERT_TRUE(display->request_vblank(4));
   const DisplayEvent event = display->wait_event(kFar, -1);
   EXPECT_EQ(event.kind, EventKind::Vblank);
@@ -112,7 +112,7 @@ TEST_F(VirtualDisplayTest, TicksOnceWhenAsked) {
   EXPECT_EQ(display->wait_event(display->now() + seconds(1), -1).kind, EventKind::Timeout);
 }
 
-TEST_F(VirtualDisplayTest, TicksAtOnceForAVblankThatIsOver) {
+TEST_F(VirtualDisplayTest, SendsTheEventOfAPastVblankAtOnce) {
   clock->advance(seconds(1));
   ASSERT_TRUE(display->request_vblank(3));
   const DisplayEvent event = display->wait_event(kFar, -1);
@@ -155,7 +155,7 @@ TEST_F(VirtualDisplayTest, ADroppedEventStillFlips) {
   EXPECT_EQ(recorder->shown()[0].sequence, 1u);
 }
 
-TEST_F(VirtualDisplayTest, ADuplicatedEventComesTwice) {
+TEST_F(VirtualDisplayTest, ADuplicatedEventArrivesTwice) {
   faults->fates[1] = EventFate::Duplicate;
   show(1);
   EXPECT_EQ(display->wait_event(kFar, -1).id, 1u);
@@ -172,7 +172,7 @@ TEST_F(VirtualDisplayTest, AnUnpluggedDisplayStaysLost) {
   EXPECT_FALSE(display->request_vblank(9));
 }
 
-TEST_F(VirtualDisplayTest, IsAsExactAfter400Days) {
+TEST_F(VirtualDisplayTest, IsExactAfter400Days) {
   clock->advance(400 * hours(24) + milliseconds(1));
   show(1);
   const DisplayEvent event = display->wait_event(kFar, -1);
@@ -198,7 +198,7 @@ TEST(VirtualDisplayOpening, RefusesAbsurdOptions) {
             ErrorKind::Usage);
 }
 
-/// Shows frames 0 ... `frames` - 1 as fast as the display takes them.
+/// Shows frames 0 ... `frames` - 1 as fast as the display accepts them.
 void show_frames(Display& display, uint64_t frames) {
   for (uint64_t id = 0; id < frames;) {
     ScanoutBuffer* const buffer = display.acquire();
@@ -215,8 +215,8 @@ void show_frames(Display& display, uint64_t frames) {
   }
 }
 
-TEST(VirtualDisplayInRealTime, RecordingThatCannotKeepUpCountsEveryFrameItMisses) {
-  /// Finishes its first frame only after the playback.
+TEST(VirtualDisplayInRealTime, SlowRecordingCountsEveryMissedFrame) {
+  /// A recorder that finishes its first frame only after the playback.
   struct Stuck final : ScanoutRecorder {
     std::atomic<bool> stuck{true};
     std::atomic<uint64_t> recorded{0};
@@ -238,7 +238,7 @@ TEST(VirtualDisplayInRealTime, RecordingThatCannotKeepUpCountsEveryFrameItMisses
   EXPECT_EQ(recorder->recorded + recorder->skipped(), kFrames);
 }
 
-TEST(VirtualDisplayInRealTime, RecordsOnAThreadOfItsOwnWithoutTearing) {
+TEST(VirtualDisplayInRealTime, RecordsOnItsOwnThreadWithoutTearing) {
   const auto recorder = std::make_shared<RememberingRecorder>();
   auto display =
       open_virtual_display({.geometry = kSmall, .refresh = {500, 1}, .recorder = recorder});

@@ -58,7 +58,7 @@ TEST(Compare, OneLevelEverywhereIs48Decibel) {
   EXPECT_EQ(d.total.count_over(1), 0u) << "over one level, not from one level on";
 }
 
-TEST(Compare, ChannelsAreApartAndTheTotalIsTheirMean) {
+TEST(Compare, ChannelsAreSeparateAndTheTotalIsTheirMean) {
   const WovenFrame reference = grey(10, 1, 100);
   WovenFrame other = reference;
   other.row(0)[0] = 110;     // red, once by 10
@@ -89,7 +89,7 @@ TEST(Compare, OtherSizesAreAnInputError) {
         ErrorKind::Usage);
 }
 
-TEST(CompareViews, ADamagedViewIsFoundAndNoOtherIsBlamed) {
+TEST(CompareViews, OnlyADamagedViewIsReported) {
   const optics::OpticalModel model(small_rig(60, 40));
   std::vector<WovenFrame> pictures(6, grey(1, 1, 80));
   const WeaveOptions options{.filter = ViewFilter::Nearest, .fit = PictureFit::Stretch};
@@ -108,7 +108,7 @@ TEST(CompareViews, ADamagedViewIsFoundAndNoOtherIsBlamed) {
   EXPECT_EQ(samples, 60u * 40u * 3u) << "every subpixel belongs to one view";
 }
 
-TEST(CompareViews, AsManyAsSubpixelsUnderALens) {
+TEST(CompareViews, CountsOneViewPerSubpixelUnderALens) {
   EXPECT_EQ(native_view_count(small_rig(8, 6)), 8);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Runs something that must throw lenticule::Error and gives the error back.
+// Runs a call that must throw lenticule::Error and returns the error.
 #pragma once
 
 #include <gtest/gtest.h>

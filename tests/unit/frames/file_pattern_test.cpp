@@ -19,13 +19,13 @@ TEST(FilePattern, PadsLikePrintf) {
   EXPECT_EQ(FilePattern("a%03db.tif").path(12), "a012b.tif");
 }
 
-TEST(FilePattern, RefusesWhatIsNotOneNumberInTheFileName) {
+TEST(FilePattern, RefusesPatternsWithoutExactlyOneNumber) {
   for (const char* text : {"plain.png", "%s.png", "%5d.png", "%d%d.png", "%d/a.png", "%", "%0",
                            "50%", "%-3d.png", "%099d.png", "%ld.png", "%d%%.png", "%00000d.png"})
     EXPECT_EQ(error_of([&] { FilePattern pattern(text); }).kind(), ErrorKind::Usage) << text;
 }
 
-TEST(FilePattern, TellsPatternsFromNames) {
+TEST(FilePattern, DistinguishesPatternsFromNames) {
   EXPECT_TRUE(FilePattern::looks_like_pattern("a/%05d.png"));
   EXPECT_FALSE(FilePattern::looks_like_pattern("a/00001.png"));
 }

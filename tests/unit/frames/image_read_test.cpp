@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pictures come in as the exact code values in the file, whole, or not at all.
+// Tests that pictures are read with the file's exact code values, or refused as a whole.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -50,7 +50,7 @@ TEST_F(ImageRead, GreyIsRepeated) {
               ElementsAre(7, 7, 7, 200, 200, 200));
 }
 
-TEST_F(ImageRead, AlphaIsDroppedAndNotMultipliedIn) {
+TEST_F(ImageRead, AlphaIsDroppedWithoutPremultiplying) {
   EXPECT_THAT(
       codes(PngMaker(2, 1, 8, PngColour::Rgba).rows({0, 10, 20, 30, 0, 40, 50, 60, 128}).finish()),
       ElementsAre(10, 20, 30, 40, 50, 60));
@@ -81,7 +81,7 @@ TEST_F(ImageRead, OneBitGreyIsBlackAndWhite) {
 }
 
 TEST_F(ImageRead, SixteenBitsRoundToTheNearestCode) {
-  // 257 * code is exact; up to 128 more still belongs to it.
+  // 257 * code is exact; values up to 128 larger still round to the same code.
   EXPECT_THAT(codes(PngMaker(5, 1, 16, PngColour::Grey)
                         .rows({0, 0, 0, 0, 128, 0, 129, 0xFF, 0x7F, 0xFF, 0xFF})
                         .finish()),
@@ -145,7 +145,7 @@ TEST_P(ImageCut, AnywhereIsAnError) {
   for (size_t size = 0; size < file.size(); ++size) {
     SCOPED_TRACE(size);
     try {
-      // A format may end in bytes that say nothing; then the pixels must be right.
+      // A format may end with redundant bytes; if they are cut, the pixels must be right.
       const auto frame = read({file.begin(), file.begin() + std::ptrdiff_t(size)},
                               std::string("cut") + GetParam());
       EXPECT_EQ(frame, noise_frame(5, 4));
@@ -157,7 +157,7 @@ TEST_P(ImageCut, AnywhereIsAnError) {
 INSTANTIATE_TEST_SUITE_P(Formats, ImageCut, ::testing::Values(".png", ".tif", ".exr", ".ppm"));
 
 TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {
-  // The smallest baseline JPEG: 8 x 8 grey, one block of DC 0.
+  // The smallest baseline JPEG: 8 x 8 grey, one block with DC 0.
   std::vector<uint8_t> file = {0xFF, 0xD8, 0xFF, 0xDB, 0, 67, 0};
   file.insert(file.end(), 64, 1);
   const std::vector<uint8_t> rest = {
@@ -177,7 +177,7 @@ TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {
 }
 
 TEST_F(ImageRead, TooManyPixelsAreRefusedByTheHeader) {
-  // Headers alone: nothing could be decoded, so nothing was tried.
+  // The files are headers only: decoding is impossible, so the size must be checked before.
   const auto refuse = [&](uint32_t width, uint32_t height) {
     const auto file = PngMaker(width, height, 8, PngColour::Rgb).rows({0, 0, 0, 0}).finish();
     return std::string(error_of([&] { read(file); }).what());
@@ -190,7 +190,7 @@ TEST_F(ImageRead, TooManyPixelsAreRefusedByTheHeader) {
   EXPECT_THAT(refuse(0, 1), HasSubstr("picture.png"));
 }
 
-TEST_F(ImageRead, FilesThatAreNoPictures) {
+TEST_F(ImageRead, RefusesFilesThatAreNotPictures) {
   EXPECT_THAT(error_of([&] { (void)read_woven(folder_ / "none.png"); }).what(),
               HasSubstr("none.png: cannot read: No such file"));
   EXPECT_THAT(error_of([&] { (void)read_woven(folder_.path()); }).what(), HasSubstr("directory"));
@@ -208,13 +208,13 @@ TEST_F(ImageRead, TheBytesDecideAndNotTheExtension) {
   EXPECT_EQ(read(file, "picture.jpg").row(0)[2], 3);
 }
 
-TEST_F(ImageRead, ProbeTellsTheSize) {
+TEST_F(ImageRead, ProbeReturnsTheSize) {
   test::write_bytes(folder_ / "p.png",
                     PngMaker(3, 1, 8, PngColour::Grey).rows({0, 1, 2, 3}).finish());
   EXPECT_EQ(probe_image(folder_ / "p.png"), (FrameGeometry{.width = 3, .height = 1}));
 }
 
-TEST_F(ImageRead, IntoAFrameOfTheSameSizeOnly) {
+TEST_F(ImageRead, ReadsIntoAFrameOfTheSameSizeOnly) {
   test::write_bytes(folder_ / "p.png",
                     PngMaker(3, 1, 8, PngColour::Grey).rows({0, 1, 2, 3}).finish());
   WovenFrame right({.width = 3, .height = 1});
@@ -228,7 +228,7 @@ TEST_F(ImageRead, IntoAFrameOfTheSameSizeOnly) {
   EXPECT_THAT(error.what(), HasSubstr("3 x 1 pixels where 1 x 3 are expected"));
 }
 
-TEST_F(ImageRead, TextureIsLinearLightWithAlphaApart) {
+TEST_F(ImageRead, TextureIsLinearLightWithSeparateAlpha) {
   const FloatImage image = read_texture(
       PngMaker(1, 2, 8, PngColour::Rgba).rows({0, 255, 128, 0, 51, 0, 0, 0, 0, 255}).finish(),
       "embedded");
@@ -241,14 +241,14 @@ TEST_F(ImageRead, TextureIsLinearLightWithAlphaApart) {
   EXPECT_FLOAT_EQ(image.rgba[7], 1.0f);
 }
 
-TEST_F(ImageRead, TextureOf16BitsKeepsThem) {
+TEST_F(ImageRead, TextureKeeps16Bits) {
   const FloatImage image =
       read_texture(PngMaker(1, 1, 16, PngColour::Grey).rows({0, 0x80, 0x01}).finish(), "embedded");
   EXPECT_NEAR(image.rgba[0], linear_from_srgb(0x8001 / 65535.0), 1e-7);
   EXPECT_EQ(image.rgba[3], 1.0f);
 }
 
-TEST_F(ImageRead, DamagedTextureNamesItself) {
+TEST_F(ImageRead, DamagedTextureIsNamed) {
   const std::vector<uint8_t> nonsense = {1, 2, 3};
   EXPECT_THAT(error_of([&] { (void)read_texture(nonsense, "scene.gltf: image 3"); }).what(),
               HasSubstr("scene.gltf: image 3"));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A sequence plays in order, without a gap at the seam, from a pool of bounded size.
+// Tests that a sequence plays in order, without a gap at the loop point, from a pool of bounded
+// size.
 #include "frames/image_sequence.h"
 
 #include <gmock/gmock.h>
@@ -20,7 +21,7 @@ using test::ScratchFolder;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// A frame whose every byte is its number.
+/// Writes frames whose every byte is their number.
 void write_numbered(const ScratchFolder& folder, int count, int first = 0) {
   for (int n = first; n < first + count; ++n) {
     WovenFrame frame({.width = 8, .height = 4});
@@ -39,7 +40,7 @@ void wait_for_wake(ImageSequence& sequence) {
   sequence.service();
 }
 
-/// What a player does: waits for a frame or for the end of the sequence.
+/// Waits for a frame or for the end of the sequence, as a player does.
 PullStatus pull_waiting(ImageSequence& sequence, LentFrame& out) {
   PullStatus status = sequence.pull(out);
   while (status == PullStatus::NotYet && !::testing::Test::HasFatalFailure()) {
@@ -65,7 +66,7 @@ struct PoolCase {
 };
 class SequencePool : public ::testing::TestWithParam<PoolCase> {};
 
-TEST_P(SequencePool, PlaysManyRoundsInOrderWhileFramesAreHeld) {
+TEST_P(SequencePool, PlaysManyLoopsInOrderWhileFramesAreHeld) {
   const auto [files, pool, threads] = GetParam();
   const ScratchFolder folder;
   write_numbered(folder, files);
@@ -99,7 +100,7 @@ INSTANTIATE_TEST_SUITE_P(Sizes, SequencePool,
                                            PoolCase{5, 3, 2}, PoolCase{7, 4, 3}, PoolCase{4, 4, 2},
                                            PoolCase{2, 1, 1}));
 
-TEST(ImageSequence, SaysWhatItIs) {
+TEST(ImageSequence, ReportsItsGeometryAndLength) {
   const ScratchFolder folder;
   write_numbered(folder, 3);
   const ImageSequence sequence(files_in(folder), {.rate = Rate{24000, 1001}});
@@ -108,7 +109,7 @@ TEST(ImageSequence, SaysWhatItIs) {
   EXPECT_EQ(sequence.rate(), (Rate{24000, 1001}));
 }
 
-TEST(ImageSequence, TheNextRoundIsReadyBeforeTheEnd) {
+TEST(ImageSequence, TheNextLoopIsReadyBeforeTheEnd) {
   const ScratchFolder folder;
   write_numbered(folder, 6);
   ImageSequence sequence(files_in(folder), {.pool_frames = 4});
@@ -121,7 +122,7 @@ TEST(ImageSequence, TheNextRoundIsReadyBeforeTheEnd) {
   EXPECT_EQ(sequence.ready_count(), 4u);
   ASSERT_EQ(sequence.pull(lent), PullStatus::End);
   ASSERT_TRUE(sequence.rewind());
-  // No waiting in between: the seam is no slower than any other frame.
+  // Pulling does not wait: the loop point is no slower than any other frame.
   ASSERT_EQ(sequence.pull(lent), PullStatus::Ready);
   EXPECT_EQ(lent.number, 0u);
 }
@@ -141,7 +142,7 @@ TEST(ImageSequence, DecodesNoFurtherThanItsPool) {
   EXPECT_EQ(sequence.ready_count(), 3u);
 }
 
-TEST(ImageSequence, ThatFitsIsReadOnce) {
+TEST(ImageSequence, IsReadOnceIfItFitsIntoThePool) {
   const ScratchFolder folder;
   write_numbered(folder, 3);
   const auto files = files_in(folder);
@@ -159,7 +160,7 @@ TEST(ImageSequence, ThatFitsIsReadOnce) {
   }
 }
 
-TEST(ImageSequence, RewindsOnlyAtTheEdgesOfARound) {
+TEST(ImageSequence, RewindsOnlyAtTheStartOrEnd) {
   const ScratchFolder folder;
   write_numbered(folder, 2);
   ImageSequence sequence(files_in(folder));
@@ -171,7 +172,7 @@ TEST(ImageSequence, RewindsOnlyAtTheEdgesOfARound) {
   EXPECT_EQ(lent.number, 1u);
 }
 
-TEST(ImageSequence, AnUnreadableFrameFailsWhenItsTurnComes) {
+TEST(ImageSequence, AnUnreadableFrameFailsWhenItIsDue) {
   const ScratchFolder folder;
   write_numbered(folder, 5);
   auto bytes = test::read_bytes(folder / "003.png");
@@ -202,7 +203,7 @@ TEST(ImageSequence, AFrameOfAnotherSizeFails) {
   EXPECT_THAT(sequence.failure(), HasSubstr("002.png: 4 x 8 pixels where 8 x 4 are expected"));
 }
 
-TEST(ImageSequence, AFirstFileThatIsNoPictureIsRefusedAtOnce) {
+TEST(ImageSequence, AFirstFileThatIsNotAPictureIsRefusedAtOnce) {
   const ScratchFolder folder;
   test::write_bytes(folder / "000.png", {1, 2, 3});
   EXPECT_EQ(error_of([&] { ImageSequence sequence(files_in(folder)); }).kind(), ErrorKind::Input);
@@ -212,7 +213,7 @@ TEST(ImageSequence, AFirstFileThatIsNoPictureIsRefusedAtOnce) {
   EXPECT_EQ(error_of([&] { ImageSequence sequence(none); }).kind(), ErrorKind::Input);
 }
 
-TEST(ImageSequence, CanBeDroppedAtAnyTime) {
+TEST(ImageSequence, CanBeDestroyedAtAnyTime) {
   const ScratchFolder folder;
   write_numbered(folder, 4);
   for (int n = 0; n < 20; ++n) {
@@ -231,7 +232,7 @@ TEST(FrameFiles, StartAtTheFirstNumber) {
   EXPECT_THAT(list_frame_files("still.png"), ElementsAre("still.png"));
 }
 
-TEST(FrameFiles, AHoleIsNamed) {
+TEST(FrameFiles, AMissingFrameIsNamed) {
   const ScratchFolder folder;
   write_numbered(folder, 4);
   std::filesystem::remove(folder / "002.png");

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames go out as exact code values, whole, or not at all.
+// Tests that frames are written with exact code values, completely or not at all.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -20,7 +20,7 @@ using test::error_of;
 using test::ScratchFolder;
 using ::testing::HasSubstr;
 
-/// Every code value in every channel.
+/// Returns a frame with every code value in every channel.
 WovenFrame all_codes() {
   WovenFrame frame({.width = 256, .height = 3});
   for (int j = 0; j < 3; ++j)
@@ -30,7 +30,7 @@ WovenFrame all_codes() {
   return frame;
 }
 
-/// A full disk for the file sizes of this process, and the signal of it ignored.
+/// Simulates a full disk with a limit on this process's file size, and ignores the limit's signal.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(rlim_t bytes) {
@@ -54,14 +54,14 @@ class WrittenAs : public ::testing::TestWithParam<const char*> {
   ScratchFolder folder_;
 };
 
-TEST_P(WrittenAs, EveryCodeValueComesBack) {
+TEST_P(WrittenAs, KeepsEveryCodeValue) {
   const auto file = folder_ / (std::string("frame") + GetParam());
   write_woven(all_codes().view(), file);
   EXPECT_EQ(read_woven(file), all_codes());
   EXPECT_EQ(folder_.entries(), 1u) << "temporary files left";
 }
 
-TEST_P(WrittenAs, SamePixelsAreTheSameBytes) {
+TEST_P(WrittenAs, EqualPixelsGiveEqualBytes) {
   const auto file = folder_ / (std::string("frame") + GetParam());
   write_woven(all_codes().view(), file);
   const auto bytes = test::read_bytes(file);
@@ -126,7 +126,7 @@ TEST(ImageWrite, DevicesAreNotReplaced) {
   EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));
 }
 
-TEST(ImageWrite, ASymbolicLinkKeepsPointing) {
+TEST(ImageWrite, ASymbolicLinkIsFollowed) {
   const ScratchFolder folder;
   write_woven(WovenFrame({.width = 2, .height = 2}).view(), folder / "real.png");
   std::filesystem::create_symlink("real.png", folder / "link.png");
@@ -135,14 +135,14 @@ TEST(ImageWrite, ASymbolicLinkKeepsPointing) {
   EXPECT_EQ(read_woven(folder / "real.png"), all_codes());
 }
 
-TEST(ImageWrite, TheLongestNamesWork) {
+TEST(ImageWrite, AcceptsTheLongestNames) {
   const ScratchFolder folder;
   const auto file = folder / (std::string(251, 'x') + ".png");
   write_woven(all_codes().view(), file);
   EXPECT_EQ(read_woven(file), all_codes());
 }
 
-TEST(ImageWrite, ThreadsDoNotMeet) {
+TEST(ImageWrite, ThreadsDoNotInterfere) {
   const ScratchFolder folder;
   {
     std::vector<std::jthread> threads;
@@ -164,7 +164,7 @@ TEST(Srgb, EveryCodeSurvivesLinearLight) {
     EXPECT_EQ(code_from_linear(linear_of_codes()[static_cast<size_t>(code)]), code);
 }
 
-TEST(Srgb, LightOutsideIsClipped) {
+TEST(Srgb, ClipsLightOutOfRange) {
   EXPECT_EQ(code_from_linear(-1.0), 0);
   EXPECT_EQ(code_from_linear(2.0), 255);
   EXPECT_EQ(code_from_linear(std::numeric_limits<double>::quiet_NaN()), 0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Makes PNG files of every colour type byte by byte, with stored (uncompressed) data, so that the
-// reader is not tested against its own writer.
+// reader is not tested with its own writer's files.
 #pragma once
 
 #include <cstdint>
@@ -33,7 +33,7 @@ class PngMaker {
     return *this;
   }
 
-  /// Rows as they are in the file: each starts with its filter byte.
+  /// Appends rows in the file's form: each starts with its filter byte.
   PngMaker& rows(const std::vector<uint8_t>& filtered_rows) {
     std::vector<uint8_t> zlib = {0x78, 0x01, 0x01};
     const auto n = static_cast<uint16_t>(filtered_rows.size());

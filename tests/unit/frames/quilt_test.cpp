@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which tile is which camera's, for every grid that quilts come in.
+// Tests which tile belongs to which camera, for every grid of quilts.
 #include "frames/quilt.h"
 
 #include <gmock/gmock.h>
@@ -15,7 +15,7 @@ namespace {
 using test::error_of;
 using ::testing::HasSubstr;
 
-/// A quilt whose tiles' every byte is the tile's place from the top-left corner.
+/// Returns a quilt in which every byte of a tile is the tile's index from the top-left corner.
 WovenFrame counted_tiles(int columns, int rows, int tile_w, int tile_h) {
   WovenFrame quilt({.width = columns * tile_w, .height = rows * tile_h});
   for (int y = 0; y < quilt.height(); ++y)
@@ -36,7 +36,7 @@ TEST(QuiltName, IsColumnsRowsAspect) {
   EXPECT_EQ(quilt_layout_of_name("a_qs2x2a1_qs4x3a1.png")->columns, 4) << "the last one counts";
 }
 
-TEST(QuiltName, NonsenseIsNoLayout) {
+TEST(QuiltName, RefusesInvalidLayouts) {
   for (const char* name :
        {"a.png", "qs8x6a0.75.png", "a_qs8.png", "a_qsx6a1.png", "a_qs0x6a1.png", "a_qs8x-6a1.png",
         "a_qs8x6a0.png", "a_qs8x6anan.png", "a_qs8x6a-1.png", "a_qs99999x99999a1.png",
@@ -67,7 +67,7 @@ INSTANTIATE_TEST_SUITE_P(Grids, QuiltGrid,
                                            Grid{1, 23, 0}, Grid{23, 1, 0}, Grid{5, 5, 23},
                                            Grid{4, 3, 9}, Grid{4, 3, 1}, Grid{8, 6, 48}));
 
-TEST(Quilt, ARestThatDoesNotDivideIsAtTheRightAndTheTop) {
+TEST(Quilt, SurplusPixelsAreAtTheRightAndTheTop) {
   WovenFrame quilt({.width = 11, .height = 7});
   for (int y = 0; y < 7; ++y)
     for (int x = 0; x < 33; ++x) quilt.row(y)[x] = static_cast<uint8_t>(10 * y + x / 3);
@@ -78,7 +78,7 @@ TEST(Quilt, ARestThatDoesNotDivideIsAtTheRightAndTheTop) {
   EXPECT_EQ(*set.pixel(5, 2, 0), 18) << "one unused row above, two columns beside";
 }
 
-TEST(Quilt, AspectIsTheNamedOneOrThatOfTheTiles) {
+TEST(Quilt, AspectComesFromTheNameOrTheTiles) {
   EXPECT_DOUBLE_EQ(ViewSet(counted_tiles(2, 2, 4, 3), {.columns = 2, .rows = 2}).aspect(), 4.0 / 3);
   EXPECT_DOUBLE_EQ(
       ViewSet(counted_tiles(2, 2, 4, 3), {.columns = 2, .rows = 2, .views = 0, .aspect = 1.5})
@@ -86,7 +86,7 @@ TEST(Quilt, AspectIsTheNamedOneOrThatOfTheTiles) {
       1.5);
 }
 
-TEST(Quilt, LayoutsWithoutSenseAreUsageErrors) {
+TEST(Quilt, InvalidLayoutsAreUsageErrors) {
   for (const QuiltLayout& layout :
        {QuiltLayout{.columns = 0, .rows = 1}, QuiltLayout{.columns = 1, .rows = -1},
         QuiltLayout{.columns = 65, .rows = 65}, QuiltLayout{.columns = 2, .rows = 2, .views = 5},

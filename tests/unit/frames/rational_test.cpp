@@ -37,7 +37,7 @@ TEST(Rate, TextRoundTrips) {
   EXPECT_DOUBLE_EQ(parse_rate("25/2").hertz(), 12.5);
 }
 
-TEST(Rate, NonsenseIsAUsageError) {
+TEST(Rate, InvalidTextIsAUsageError) {
   for (const char* text : {"",
                            "abc",
                            "-1",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A folder of its own for one test, gone afterwards.
+// Creates a folder for one test and removes it afterwards.
 #pragma once
 
 #include <cstdint>

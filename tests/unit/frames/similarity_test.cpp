@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// SSIM, MSE and PSNR against their definitions, and the views that eyes see.
+// Tests SSIM, MSE and PSNR against their definitions, and the views that eyes see.
 #include "frames/similarity.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ namespace {
 
 using test::error_of;
 
-/// Soft waves, and the same with an error that grows downward.
+/// Returns soft waves with an error that grows downward.
 WovenFrame waves(int width, int height, double error) {
   WovenFrame frame({.width = width, .height = height});
   for (int j = 0; j < height; ++j)
@@ -37,7 +37,7 @@ TEST(Similarity, IsOneForEqualPicturesOnly) {
   EXPECT_LT(*structural_similarity(a.view(), waves(40, 30, 10).view()), 1.0);
 }
 
-TEST(Similarity, IsWhatTheDefinitionSays) {
+TEST(Similarity, AgreesWithItsDefinition) {
   for (const auto& [width, height] : {std::pair{11, 11}, {12, 30}, {37, 16}}) {
     for (const double error : {0.5, 3.0, 30.0}) {
       const WovenFrame a = waves(width, height, 0);
@@ -53,8 +53,8 @@ TEST(Similarity, IsWhatTheDefinitionSays) {
   }
 }
 
-// Two flat pictures: only the first factor is left, which can be worked out by hand.
-TEST(Similarity, OfFlatPicturesIsThatOfTheirMeans) {
+// Only the first factor remains for two flat pictures; it is computed by hand.
+TEST(Similarity, ComparesTheMeansOfFlatPictures) {
   WovenFrame a({.width = 16, .height = 16});
   WovenFrame b = a;
   std::fill(a.bytes().begin(), a.bytes().end(), uint8_t{100});
@@ -75,7 +75,7 @@ TEST(Similarity, IsSymmetricAndFallsWithTheError) {
   }
 }
 
-TEST(Similarity, NeedsAWholeWindow) {
+TEST(Similarity, NeedsPicturesOfAtLeastOneWindow) {
   const WovenFrame small = test::noise_frame(10, 40, 1);
   EXPECT_FALSE(structural_similarity(small.view(), small.view()).has_value());
   EXPECT_EQ(error_of([&] {
@@ -84,7 +84,7 @@ TEST(Similarity, NeedsAWholeWindow) {
             ErrorKind::Input);
 }
 
-TEST(Differences, AreWhatTheirDefinitionsSay) {
+TEST(Differences, AgreeWithTheirDefinitions) {
   const WovenFrame a = test::noise_frame(23, 9, 5);
   const WovenFrame b = test::noise_frame(23, 9, 6);
   const PictureDifference d = compare_pictures(a.view(), b.view());
@@ -135,7 +135,7 @@ optics::Rig rig(double distance_mm) {
 }
 
 TEST(DecodedView, ShowsTheSubpixelsOfThatView) {
-  constexpr int kViews = 3;  // as many as each channel has subpixels under a lens
+  constexpr int kViews = 3;  // number of subpixels of each channel under a lens
   for (const double distance : {600.0, std::numeric_limits<double>::infinity()}) {
     const optics::OpticalModel model(rig(distance));
     // Every subpixel has the code of its view.

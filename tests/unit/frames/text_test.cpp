@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Words in frames: the font, where its dots land, how lines break.
+// Tests text in frames: the font, the position of its dots, line breaks.
 #include "frames/text.h"
 
 #include <gmock/gmock.h>

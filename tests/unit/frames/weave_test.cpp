@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Conventions of weaving that are right or wrong as a whole: half pixels, corners, orders, borders.
+// Tests the conventions of weaving: half pixels, corners, orders, borders.
 #include "frames/weave.h"
 
 #include <gmock/gmock.h>
@@ -16,8 +16,8 @@ using test::error_of;
 using ::testing::DoubleNear;
 using ::testing::ElementsAre;
 
-/// Square pixels of 0.1 mm, one lens per pixel with its axis at the pixel's centre, seen from far
-/// away: every subpixel's ray leaves the glass at its pixel's centre.
+/// Returns a rig with square pixels of 0.1 mm and one lens per pixel with its axis at the pixel's
+/// centre, seen from far away: every subpixel's ray leaves the panel at its pixel's centre.
 optics::Rig one_lens_per_pixel(int width, int height) {
   optics::Rig rig;
   rig.name = "one lens per pixel";
@@ -42,7 +42,7 @@ WovenFrame noise(int width, int height) {
   return frame;
 }
 
-/// Views of one pixel each, whose code is their index + 1, so that black stays outside.
+/// Returns views of one pixel each, whose code is their index + 1, so that 0 means outside.
 ViewSet coded_views(int count) {
   std::vector<WovenFrame> views;
   for (int view = 0; view < count; ++view) {
@@ -61,7 +61,7 @@ struct Size {
 };
 class PanelShape : public ::testing::TestWithParam<Size> {};
 
-TEST_P(PanelShape, ThePictureOfThePanelsSizeComesThroughUnchanged) {
+TEST_P(PanelShape, APictureOfThePanelsSizeIsUnchanged) {
   const auto [width, height] = GetParam();
   const optics::OpticalModel model(one_lens_per_pixel(width, height));
   const WovenFrame picture = noise(width, height);
@@ -75,7 +75,8 @@ TEST_P(PanelShape, ThePictureOfThePanelsSizeComesThroughUnchanged) {
 TEST_P(PanelShape, AHalvedPanelShowsTheMeansOfTheRightPixels) {
   const auto [width, height] = GetParam();
   const optics::OpticalModel model(one_lens_per_pixel(width, height));
-  // Twice the panel's pixels: each panel pixel's centre is the corner of four of the picture's.
+  // The picture has twice the panel's pixels: each panel pixel's centre is the corner of four
+  // picture pixels.
   WovenFrame picture({.width = 2 * width, .height = 2 * height});
   const WovenFrame expected = noise(width, height);
   for (int y = 0; y < picture.height(); ++y)
@@ -87,7 +88,7 @@ INSTANTIATE_TEST_SUITE_P(Shapes, PanelShape,
                          ::testing::Values(Size{16, 9}, Size{9, 16}, Size{4, 3}, Size{7, 7},
                                            Size{1, 5}, Size{64, 2}));
 
-TEST(Weave, AMarkInEachCornerStaysInItsCorner) {
+TEST(Weave, MarksInCornersStayInTheirCorners) {
   const optics::OpticalModel model(one_lens_per_pixel(40, 30));
   WovenFrame picture({.width = 8, .height = 6});
   picture.row(0)[0] = 255;                                      // red, top left
@@ -101,7 +102,7 @@ TEST(Weave, AMarkInEachCornerStaysInItsCorner) {
   EXPECT_THAT(std::vector<int>(woven.row(29), woven.row(29) + 3), ElementsAre(0, 0, 255));
   EXPECT_THAT(std::vector<int>(woven.row(29) + 39 * 3, woven.row(29) + 40 * 3),
               ElementsAre(255, 255, 255));
-  // Five panel pixels per picture pixel: mirror images of each other about the centre.
+  // Five panel pixels per picture pixel; left and right halves mirror each other.
   for (int i = 0; i < 40; ++i) EXPECT_EQ(woven.row(0)[i * 3], woven.row(29)[(39 - i) * 3]);
   for (int j = 0; j < 30; ++j) EXPECT_EQ(woven.row(j)[0], woven.row(29 - j)[39 * 3]);
 }
@@ -113,7 +114,7 @@ TEST(Weave, ViewsGrowToTheRightAcrossTheViewersAndToTheLeftUnderTheLens) {
   const optics::OpticalModel model(rig);
   const ViewSet views = coded_views(9);
   const WovenFrame woven = weave(views, model, kCoded);
-  // The rightmost subpixel under a lens is seen from the leftmost place: by camera 0.
+  // The rightmost subpixel under a lens is seen from the leftmost position, that of camera 0.
   std::vector<int> under_lens(woven.row(0) + 45, woven.row(0) + 54);
   EXPECT_THAT(under_lens, ElementsAre(9, 8, 7, 6, 5, 4, 3, 2, 1));
   const WovenFrame reversed = weave(views, model, kReversed);
@@ -133,7 +134,7 @@ TEST(Weave, FractionalPitchesAreNotRounded) {
   }
 }
 
-TEST(Weave, LettersAndPillarsAreBlackOnlyWhenContained) {
+TEST(Weave, BarsAreBlackOnlyWithContain) {
   const optics::OpticalModel model(one_lens_per_pixel(40, 20));
   WovenFrame white({.width = 4, .height = 4});
   std::fill(white.bytes().begin(), white.bytes().end(), uint8_t{255});
@@ -173,7 +174,7 @@ TEST(Weave, ARoundedAspectLeavesNoHairline) {
                           [](uint8_t code) { return code == 255; }));
 }
 
-TEST(Weave, HalfAndHalfIsHalfTheLight) {
+TEST(Weave, MixesInLinearLight) {
   optics::Rig rig = one_lens_per_pixel(3, 1);
   rig.sheet.pitch = Subpixels(9.0);
   rig.sheet.offset = Lenses(0.0);  // the middle subpixel is on the axis: v = 1 of 2
@@ -200,7 +201,7 @@ TEST(ViewWeights, NearestSpansAreOpenOnTheLeft) {
 }
 
 TEST(NearestView, IsNotMovedOverABorderByRounding) {
-  // At pitch 6 and slant 1/3 whole columns lie on the borders of 6 views.
+  // Whole columns lie on the borders of 6 views at pitch 6 and slant 1/3.
   for (int border = 1; border < 6; ++border) {
     for (const double rounding : {-1e-12, 0.0, 1e-12})
       EXPECT_EQ(nearest_view(border + rounding, 6), border - 1) << border << " " << rounding;

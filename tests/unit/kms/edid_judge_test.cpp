@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is read from an EDID is what Debian's edid-decode reads from it: for a few thousand random
-// ones, and for every file of the folders that are named below or in LENTICULE_EDIDS.
+// Compares our EDID reader with Debian's edid-decode on a few thousand random EDIDs and on every
+// file of the folders named below or in LENTICULE_EDIDS.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -45,7 +45,7 @@ std::optional<std::smatch> find_line(const std::vector<std::string>& lines, cons
   return std::nullopt;
 }
 
-/// What edid-decode says, as far as we read it too.
+/// The part of edid-decode's output that our reader covers.
 struct Judgement {
   std::string manufacturer;
   uint32_t product = 0;
@@ -62,7 +62,7 @@ std::optional<uint32_t> number_after(const std::vector<std::string>& lines, cons
   return static_cast<uint32_t>(std::stoul((*match)[1].str()));
 }
 
-/// The first progressive size of the indented lines after the headline.
+/// Returns the first progressive size of the indented lines after the headline.
 std::optional<PixelSize> size_below(const std::vector<std::string>& lines, const char* headline) {
   const std::regex size("^  .*?(\\d+)x(\\d+)(i?)\\s");
   auto at = std::find_if(lines.begin(), lines.end(), [&](const std::string& line) {
@@ -164,7 +164,7 @@ class EdidJudge : public ::testing::Test {
       if (!entry.is_regular_file()) continue;
       std::ifstream stream(entry.path(), std::ios::binary);
       const std::vector<uint8_t> bytes{std::istreambuf_iterator<char>(stream), {}};
-      // Other files lie there too, and damaged EDIDs, of which nothing is believed.
+      // The folders hold other files and damaged EDIDs, which our reader rejects.
       if (display::read_edid(bytes).problem != display::EdidProblem::None) continue;
       compare(bytes, entry.path().string());
     }
@@ -182,16 +182,16 @@ class EdidJudge : public ::testing::Test {
 
 }  // namespace
 
-TEST_F(EdidJudge, RandomEdidsAreReadAsByEdidDecode) {
+TEST_F(EdidJudge, AgreesWithEdidDecodeOnRandomEdids) {
   compare_random(0, kFew);
 }
 
-// Each takes a process of edid-decode.
-TEST_F(EdidJudge, ThousandsOfRandomEdidsAreReadAsByEdidDecode) {
+// Each EDID takes a process of edid-decode, so this case is slow.
+TEST_F(EdidJudge, AgreesWithEdidDecodeOnThousandsOfRandomEdids) {
   compare_random(kFew, kThousands);
 }
 
-TEST_F(EdidJudge, EdidsOfPackagesAreReadAsByEdidDecode) {
+TEST_F(EdidJudge, AgreesWithEdidDecodeOnInstalledEdids) {
   compare_folder(LENTICULE_SOURCE_DIR "/tests/fuzz/corpus/edid");
   compare_folder("/usr/libexec/installed-tests/colord");
   compare_folder("/usr/lib/firmware/edid");
@@ -200,7 +200,7 @@ TEST_F(EdidJudge, EdidsOfPackagesAreReadAsByEdidDecode) {
   EXPECT_GT(compared_, 0);
 }
 
-TEST_F(EdidJudge, TelevisionModesAreThoseOfEdidDecode) {
+TEST_F(EdidJudge, AgreesWithEdidDecodeOnTelevisionModes) {
   for (const display::TelevisionMode& mode : display::television_modes()) {
     const auto result = test::run_process({kJudge, "--vic", std::to_string(mode.vic)});
     const std::vector<std::string> lines = lines_of(result.out);

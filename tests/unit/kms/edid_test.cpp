@@ -45,7 +45,7 @@ TEST(Edid, ProblemsAreNamedAndGiveNoIdentity) {
   EXPECT_EQ(read_edid(bytes).problem, EdidProblem::BadHeader);
 }
 
-TEST(Edid, MakerCodesThatAreNoLettersKeepTheirCode) {
+TEST(Edid, MakerCodesWithoutLettersKeepTheirNumber) {
   auto bytes = EdidMaker{}.bytes();
   const auto set = [&](size_t at, uint8_t value) {
     bytes[127] = static_cast<uint8_t>(bytes[127] + bytes[at] - value);
@@ -68,7 +68,7 @@ TEST(Edid, UnprintableTextIsLeftOut) {
   EXPECT_EQ(reading.identity->name, "A[31mB");
 }
 
-TEST(Edid, TellsWhetherThePanelTakesYcbcr) {
+TEST(Edid, DetectsPanelsThatAcceptYcbcr) {
   EXPECT_FALSE(read_edid(EdidMaker{}.bytes()).offers_ycbcr);
   EXPECT_TRUE(read_edid(EdidMaker{.ycbcr = true}.bytes()).offers_ycbcr);
   auto with_extension = EdidMaker{}.bytes();
@@ -83,7 +83,7 @@ TEST(Edid, TellsWhetherThePanelTakesYcbcr) {
   EXPECT_FALSE(read_edid(with_extension).offers_ycbcr) << "half an extension says nothing";
 }
 
-TEST(Edid, FirstDetailedTimingTellsThePanelsPixels) {
+TEST(Edid, FirstDetailedTimingGivesThePanelsSize) {
   EXPECT_EQ(read_edid(EdidMaker{.width = 3840, .height = 2160}.bytes()).base_native,
             (display::PixelSize{3840, 2160}));
   EXPECT_EQ(read_edid(EdidMaker{.width = 4095, .height = 15}.bytes()).base_native,

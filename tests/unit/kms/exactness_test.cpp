@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whatever may change a subpixel is made neutral, read back, reported and put back.
+// Tests that every property that can change a subpixel is made neutral, read back, reported and
+// restored.
 #include <gmock/gmock.h>
 
 #include <set>
@@ -21,14 +22,14 @@ class Exactness : public KmsStage {
  protected:
   Exactness() {
     connector->type = DRM_MODE_CONNECTOR_VIRTUAL;
-    card.driver = "virtio_gpu";  // known to hand frames on as they are
+    card.driver = "virtio_gpu";  // known to pass frames on unchanged
   }
 
   void open_even_if_inexact() {
     options.allow_inexact = true;
     open();
   }
-  /// Opening must fail for this reason, and nothing of ours may be left on the panel.
+  /// Expects opening to fail for this reason, and the panel to show nothing of ours.
   void expect_refused(const std::string& reason) {
     try {
       open();
@@ -50,7 +51,7 @@ class Exactness : public KmsStage {
     return "[CRTC:1:pipe Z]:\n\tdither=yes, bpp=18\n[CRTC:" + std::to_string(crtc) +
            ":pipe A]:\n\t" + text + "\n";
   }
-  /// Debug files that an i915 of root tells everything in.
+  /// Adds the debug files in which an i915 run by root reports its complete pipeline.
   void tell_all_in_debugfs() {
     machine.kernel_files[debugfs("i915_display_info")] =
         crtc_section("pipe src=24x6+0+0, dither=no, bpp=24");
@@ -100,7 +101,7 @@ TEST_F(Exactness, InheritedColourStateIsClearedAndRestored) {
   EXPECT_EQ(card.value(connector->id, "Colorspace"), 0U);
   EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
 
-  // The kernel drops a blob that nothing refers to: the contents must come back, not the number.
+  // The kernel drops a blob without users: the contents must be restored, not the number.
   card.blobs.erase(lut);
   card.blobs.erase(hdr);
   show.reset();
@@ -112,7 +113,7 @@ TEST_F(Exactness, InheritedColourStateIsClearedAndRestored) {
   EXPECT_EQ(card.value(connector->id, "Colorspace"), 9U);
 }
 
-TEST_F(Exactness, EnumeratorsAreFoundByNameWhateverTheirNumber) {
+TEST_F(Exactness, EnumeratorsAreFoundByNameForAnyNumber) {
   add_enum(connector->id, "Broadcast RGB", 3, {{"Limited 16:235", 3}, {"Full", 17}});
   add_enum(connector->id, "underscan", 1, {{"on", 1}, {"off", 5}});
   card.add_property(card.primary_of(crtc), {.name = "rotation",
@@ -133,7 +134,7 @@ TEST_F(Exactness, NamesMatchExactly) {
   EXPECT_EQ(card.value(connector->id, "max bpc extra"), 12U);
 }
 
-TEST_F(Exactness, AlphaIsOpaqueAndMarginsAreGone) {
+TEST_F(Exactness, SetsOpaqueAlphaAndNoMargins) {
   add_range(card.primary_of(crtc), "alpha", 100, 0xffff);
   add_range(connector->id, "left margin", 20, 100);
   open();
@@ -141,7 +142,7 @@ TEST_F(Exactness, AlphaIsOpaqueAndMarginsAreGone) {
   EXPECT_EQ(card.value(connector->id, "left margin"), 0U);
 }
 
-TEST_F(Exactness, ColourVibranceOfOneIsNotTheMiddleOfItsRange) {
+TEST_F(Exactness, NeutralColourVibranceIsOneAndNotTheMiddleOfItsRange) {
   add_range(connector->id, "color vibrance", 100, 200);
   open();
   EXPECT_EQ(card.value(connector->id, "color vibrance"), 150U);
@@ -160,7 +161,7 @@ TEST_F(Exactness, RefusedSettingIsFoundAndTheRestIsStillForced) {
   EXPECT_FALSE(show->exactness().remedies.empty());
 }
 
-TEST_F(Exactness, DriverThatSaysYesAndDoesNothingIsFoundOut) {
+TEST_F(Exactness, DriverThatIgnoresWritesIsDetected) {
   add_enum(connector->id, "Broadcast RGB", 0, {{"Automatic", 0}, {"Full", 1}}).ignores_writes =
       true;
   open_even_if_inexact();
@@ -205,7 +206,7 @@ TEST_F(Exactness, ScaledPlaneIsNotExact) {
   EXPECT_EQ(show->exactness().verdict, Verdict::No);
 }
 
-TEST_F(Exactness, SettingsAreForcedAgainAfterSomebodyElseDrew) {
+TEST_F(Exactness, SettingsAreForcedAgainAfterAnotherProgramWasMaster) {
   FakeProperty& abm = add_range(connector->id, "abm level", 0, 4);
   const std::string name = abm.name;
   open();
@@ -216,9 +217,9 @@ TEST_F(Exactness, SettingsAreForcedAgainAfterSomebodyElseDrew) {
   EXPECT_EQ(card.value(connector->id, name), 0U);
 }
 
-// --- refused, or said ---------------------------------------------------------------------
+// --- refused or reported ------------------------------------------------------------------
 
-TEST_F(Exactness, DriverThatConvertsIsRefusedBeforeAnythingIsShown) {
+TEST_F(Exactness, DriverThatConvertsColoursIsRefusedBeforeTheFirstFrame) {
   for (const display::DriverPath& path : display::driver_paths()) {
     if (path.kind != display::PathKind::Alters) continue;
     card.driver = path.driver;
@@ -227,7 +228,7 @@ TEST_F(Exactness, DriverThatConvertsIsRefusedBeforeAnythingIsShown) {
   }
 }
 
-TEST_F(Exactness, CirrusIsKnownToCutColours) {
+TEST_F(Exactness, CirrusIsReportedAsReducingColours) {
   card.driver = "cirrus";
   expect_refused("RGB565");
   open_even_if_inexact();
@@ -241,14 +242,14 @@ TEST_F(Exactness, AnyPanelOnSpiIsRefused) {
   expect_refused("RGB565");
 }
 
-TEST_F(Exactness, DriverThatIsNotKnownCannotBeTold) {
+TEST_F(Exactness, UnknownDriverHasUnknownExactness) {
   card.driver = "brandnew";
   open();
   EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
   EXPECT_THAT(show->exactness().summary(), HasSubstr("brandnew"));
 }
 
-TEST_F(Exactness, RefusedPictureIsTakenBack) {
+TEST_F(Exactness, RefusedOutputIsRestored) {
   card.show_console(connector->id, crtc);
   const uint64_t console = card.value(card.primary_of(crtc), "FB_ID");
   add_enum(connector->id, "Broadcast RGB", 0, {{"Automatic", 0}, {"Full", 1}}).ignores_writes =
@@ -263,7 +264,7 @@ TEST_F(Exactness, AnalogueLinkIsNotExact) {
   expect_refused("analogue");
 }
 
-TEST_F(Exactness, ExactAnswerListsWhatWasProved) {
+TEST_F(Exactness, ExactVerdictListsItsEvidence) {
   open();
   const auto report = show->exactness();
   EXPECT_THAT(report.proved, Contains(HasSubstr("driver virtio_gpu")));
@@ -273,9 +274,9 @@ TEST_F(Exactness, ExactAnswerListsWhatWasProved) {
   EXPECT_TRUE(report.unseen.empty());
 }
 
-// --- what no property tells -----------------------------------------------------------------
+// --- not covered by any property ------------------------------------------------------------
 
-TEST_F(Exactness, RealLinkIsExactOnlyWhereTheDriverTellsAll) {
+TEST_F(Exactness, RealLinkIsExactOnlyIfTheDriverReportsEverything) {
   become_edp_of_i915();
   open();
   EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
@@ -322,7 +323,7 @@ TEST_F(Exactness, PowerSavingThatFollowsThePictureIsNotExact) {
   EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
 }
 
-TEST_F(Exactness, SelfRefreshIsRemarkedAndChangesNoPixel) {
+TEST_F(Exactness, SelfRefreshIsReportedAndStaysExact) {
   become_edp_of_i915();
   tell_all_in_debugfs();
   machine.kernel_files[debugfs("eDP-1/i915_psr_status")] =
@@ -345,7 +346,7 @@ TEST_F(Exactness, RockchipSendsRgbOfFullRange) {
   EXPECT_THAT(show->exactness().proved, Contains(HasSubstr("full range")));
 }
 
-TEST_F(Exactness, KnobsOfTelevisionsAreCentredWhereTheirCentreIsKnown) {
+TEST_F(Exactness, TelevisionPropertiesWithAKnownCentreAreCentred) {
   for (const char* knob : {"brightness", "contrast", "saturation", "hue"}) {
     add_range(connector->id, knob, 70, 100);
     add_range(card.primary_of(crtc), knob, 30, 100);
@@ -358,14 +359,14 @@ TEST_F(Exactness, KnobsOfTelevisionsAreCentredWhereTheirCentreIsKnown) {
   EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
 }
 
-TEST_F(Exactness, KnobOfAnotherRangeCannotBeTold) {
+TEST_F(Exactness, TelevisionPropertyOfAnotherRangeIsUnknown) {
   add_range(connector->id, "brightness", 70, 255);
   open();
   EXPECT_EQ(card.value(connector->id, "brightness"), 70U);
   EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
 }
 
-TEST_F(Exactness, AnotherNativeSizeInTheEdidCannotBeTold) {
+TEST_F(Exactness, AnotherNativeSizeInTheEdidIsUnknown) {
   connector->type = DRM_MODE_CONNECTOR_eDP;
   card.set_edid(connector->id,
                 EdidMaker{.serial_text = "ONE", .width = 3840, .height = 2160}.bytes());
@@ -401,7 +402,7 @@ TEST_F(Exactness, PropertyThatIsChangedWhilePlayingIsPutBack) {
   EXPECT_EQ(show->statistics().modesets, 1U);
 }
 
-TEST_F(Exactness, ChangeThatCannotBePutBackIsSaidAndPlayingGoesOn) {
+TEST_F(Exactness, ChangeThatCannotBePutBackIsReportedAndPlayingContinues) {
   add_enum(connector->id, "privacy-screen hw-state", 0, {{"Disabled", 0}, {"Enabled", 1}}).flags |=
       DRM_MODE_PROP_IMMUTABLE;
   open();
@@ -414,7 +415,7 @@ TEST_F(Exactness, ChangeThatCannotBePutBackIsSaidAndPlayingGoesOn) {
   EXPECT_EQ(show->statistics().modesets, 0U);
 }
 
-TEST_F(Exactness, NewsOfTheKernelMakesTheAuditComeSooner) {
+TEST_F(Exactness, HotplugEventTriggersTheAuditEarlier) {
   open();
   machine.kernel_files["/sys/class/drm/card0-Virtual-1/amdgpu/panel_power_savings"] = "2\n";
   machine.announce_hotplug();
@@ -422,7 +423,7 @@ TEST_F(Exactness, NewsOfTheKernelMakesTheAuditComeSooner) {
   EXPECT_EQ(show->exactness().verdict, Verdict::No);
 }
 
-TEST_F(Exactness, DriverThatKeepsItsValueIsRelitOnceAndNotForEver) {
+TEST_F(Exactness, DriverThatKeepsItsValueGetsOneModesetOnly) {
   open();
   FakeProperty* gamma = card.object(crtc).find("GAMMA_LUT");
   gamma->value = card.add_blob({1});

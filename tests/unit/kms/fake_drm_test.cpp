@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fake must answer every call of libdrm that display/kms makes, or the tests would judge the
-// machine they run on. Other libraries may bring libdrm along; this program itself must not need
-// it.
+// Tests that the fake implements every call of libdrm that display/kms makes; otherwise the tests
+// would depend on the machine's own card. Other libraries may load libdrm, but this program itself
+// must not link to it.
 #include <gtest/gtest.h>
 #include <link.h>
 
@@ -10,7 +10,7 @@
 namespace lenticule::testing {
 namespace {
 
-/// The libraries that the program itself asks for.
+/// Returns the libraries that the program itself links to.
 std::string needed_by(const dl_phdr_info& program) {
   std::string names;
   for (int i = 0; i < program.dlpi_phnum; ++i) {
@@ -33,7 +33,7 @@ int keep_first(dl_phdr_info* info, size_t, void* names) {
 
 }  // namespace
 
-TEST(FakeDrm, AnswersEveryCallItself) {
+TEST(FakeDrm, ImplementsEveryLibdrmCall) {
   std::string needed;
   dl_iterate_phdr(keep_first, &needed);
   EXPECT_NE(needed.find("libc.so"), std::string::npos) << "the list is read wrongly";

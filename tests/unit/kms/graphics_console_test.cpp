@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The text console is quiet while frames are shown, and back however the player ends.
+// Tests that the text console is in graphics mode while frames are shown, and restored however the
+// player ends.
 #include "display/kms/device/graphics_console.h"
 
 #include <fcntl.h>
@@ -28,7 +29,7 @@ class Console : public ::testing::Test {
     sigaction(signal, nullptr, &action);
     return action.sa_handler;
   }
-  /// Runs `what` in a process of its own; how that ended.
+  /// Runs `what` in a child process and returns the exit status.
   template <typename What>
   static int status_of_child(What what) {
     const pid_t child = fork();
@@ -44,7 +45,7 @@ class Console : public ::testing::Test {
   std::shared_ptr<FakeTerminal> terminal = std::make_shared<FakeTerminal>();
 };
 
-TEST_F(Console, GraphicsModeComesAndGoes) {
+TEST_F(Console, SetsAndRestoresGraphicsMode) {
   {
     const GraphicsConsole console(terminal);
     EXPECT_TRUE(console.active());
@@ -55,11 +56,11 @@ TEST_F(Console, GraphicsModeComesAndGoes) {
   EXPECT_EQ(terminal->opened, 0);
 }
 
-TEST_F(Console, NothingHappensWithoutATerminalThatMayBeConfigured) {
+TEST_F(Console, DoesNothingWithoutAConfigurableTerminal) {
   const std::vector<std::function<void(FakeTerminal&)>> spoils = {
-      [](FakeTerminal& t) { t.open_error = ENXIO; },   // a service
-      [](FakeTerminal& t) { t.get_error = ENOTTY; },   // a serial line, a window
-      [](FakeTerminal& t) { t.set_error = EPERM; },    // somebody else's
+      [](FakeTerminal& t) { t.open_error = ENXIO; },   // a service without a terminal
+      [](FakeTerminal& t) { t.get_error = ENOTTY; },   // a serial line or a terminal window
+      [](FakeTerminal& t) { t.set_error = EPERM; },    // a terminal of another user
       [](FakeTerminal& t) { t.foreground = false; }};  // Ctrl-C would not arrive
   for (const auto& spoil : spoils) {
     const auto spoiled = std::make_shared<FakeTerminal>();
@@ -73,7 +74,7 @@ TEST_F(Console, NothingHappensWithoutATerminalThatMayBeConfigured) {
   }
 }
 
-TEST_F(Console, GraphicsModeOfSomebodyElseStays) {
+TEST_F(Console, GraphicsModeOfAnotherProgramStays) {
   terminal->mode = KD_GRAPHICS;
   EXPECT_FALSE(GraphicsConsole(terminal).active());
   EXPECT_EQ(terminal->mode, KD_GRAPHICS);
@@ -98,13 +99,13 @@ TEST_F(Console, HandlerThatExitsAtOnceRestoresOnlyOnce) {
   EXPECT_EQ(terminal->modes_set().size(), 2U);
 }
 
-TEST_F(Console, EveryDeadlySignalPutsTextBackAndKillsAsEver) {
+TEST_F(Console, EveryDeadlySignalRestoresTextModeAndStillKills) {
   for (const int signal : {SIGHUP, SIGINT, SIGQUIT, SIGILL, SIGTRAP, SIGABRT, SIGBUS, SIGFPE,
                            SIGSEGV, SIGTERM, SIGSYS, SIGXCPU}) {
     int ends[2];
     ASSERT_EQ(pipe2(ends, O_CLOEXEC | O_NONBLOCK), 0);
     const int status = status_of_child([&] {
-      // Sanitizers have handlers of their own.
+      // Sanitizers install handlers of their own.
       std::signal(signal, SIG_DFL);
       terminal->on_set = [&](int mode) {
         const char letter = mode == KD_TEXT ? 't' : 'g';
@@ -123,7 +124,7 @@ TEST_F(Console, EveryDeadlySignalPutsTextBackAndKillsAsEver) {
   }
 }
 
-TEST_F(Console, HandlersOfTheProgramAreNotTouched) {
+TEST_F(Console, SignalHandlersOfTheProgramAreKept) {
   static const auto mine = [](int) {};
   std::signal(SIGTERM, mine);
   {
@@ -175,7 +176,7 @@ class DisplayConsole : public KmsStage {
   DisplayConsole() { machine.terminal->open_error = 0; }
 };
 
-TEST_F(DisplayConsole, IsQuietWhileFramesAreShownAndDrawsAgainWhenTheCardIsFree) {
+TEST_F(DisplayConsole, IsInGraphicsModeWhileFramesAreShownAndDrawsAgainAfterwards) {
   card.show_console(connector->id, crtc);
   const auto before = card.glass(crtc);
   open();
@@ -190,7 +191,7 @@ TEST_F(DisplayConsole, IsQuietWhileFramesAreShownAndDrawsAgainWhenTheCardIsFree)
   EXPECT_EQ(machine.terminal->opened, 0);
 }
 
-TEST_F(DisplayConsole, IsBackAfterEveryFailure) {
+TEST_F(DisplayConsole, IsRestoredAfterEveryFailure) {
   card.commit_faults = {{.count = 1000, .error = EINVAL}};
   EXPECT_THROW(open(), Error);
   EXPECT_EQ(machine.terminal->mode, KD_TEXT);
@@ -201,7 +202,7 @@ TEST_F(DisplayConsole, IsBackAfterEveryFailure) {
   EXPECT_EQ(machine.terminal->opened, 0);
 }
 
-TEST_F(DisplayConsole, IsBackWhileTheCardIsLost) {
+TEST_F(DisplayConsole, IsRestoredWhileTheCardIsLost) {
   open();
   card.unplug();
   EXPECT_EQ(wait(seconds(1)).kind, EventKind::Lost);
@@ -212,7 +213,7 @@ TEST_F(DisplayConsole, IsBackWhileTheCardIsLost) {
   EXPECT_EQ(machine.terminal->mode, KD_GRAPHICS);
 }
 
-TEST_F(DisplayConsole, StaysAsItIsWhereTheLastFrameIsHeld) {
+TEST_F(DisplayConsole, StaysInGraphicsModeWhileTheLastFrameIsHeld) {
   options.exit = display::ExitPolicy::Hold;
   open();
   flip(1);
@@ -220,7 +221,7 @@ TEST_F(DisplayConsole, StaysAsItIsWhereTheLastFrameIsHeld) {
   EXPECT_TRUE(machine.terminal->modes_set().empty()) << "text mode would take the panel";
 }
 
-TEST_F(DisplayConsole, IsNotNeeded) {
+TEST_F(DisplayConsole, IsOptional) {
   machine.terminal->open_error = ENXIO;
   open();
   flip(1);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A player dies; the next one takes the card, the picture and the buffers, without a flash.
+// Tests that after a player's death the next one takes over card, picture and buffers without a
+// modeset.
 #include <fcntl.h>
 
 #include "kms_stage.h"
@@ -10,14 +11,14 @@ using display::HandoverState;
 
 class Handover : public KmsStage {
  protected:
-  /// Plays one frame, then is gone; what the next player is given.
+  /// Plays one frame, then dies; returns the state for the next player.
   std::shared_ptr<display::InheritedOutput> die_after(unsigned seed) {
     options.exit = display::ExitPolicy::Hold;
     open();
     flip(seed);
     auto left = std::make_shared<display::InheritedOutput>();
     left->state = show->handover();
-    // The same open file under another number, as a descriptor store keeps it.
+    // The same open file has another number, as in systemd's descriptor store.
     const int old_fd = show->card_fd();
     left->card = UniqueFd(fcntl(old_fd, F_DUPFD_CLOEXEC, 0));
     const int ours = card.ends.at(old_fd);
@@ -53,7 +54,7 @@ TEST_F(Handover, FiftyDeathsLeakNoBuffer) {
     EXPECT_EQ(card.framebuffers.size(), 3U);
     EXPECT_EQ(card.modesets, 0);
     options.exit = display::ExitPolicy::Restore;
-    // The next round opens the card itself.
+    // The next iteration opens the card itself.
     show.reset();
     while (!card.ends.empty()) card.closed(card.ends.begin()->first);
     card.buffers.clear();
@@ -61,7 +62,7 @@ TEST_F(Handover, FiftyDeathsLeakNoBuffer) {
   }
 }
 
-TEST_F(Handover, EventMeantForTheDeadPlayerIsNotOurs) {
+TEST_F(Handover, EventForTheDeadPlayerIsIgnored) {
   auto left = die_after(1);
   card.schedule_flip_event(crtc, 4711);
   machine.advance_to(machine.now() + seconds(1));
@@ -71,7 +72,7 @@ TEST_F(Handover, EventMeantForTheDeadPlayerIsNotOurs) {
   EXPECT_EQ(show->statistics().stray_events, 0U) << "drained before it could be mistaken";
 }
 
-TEST_F(Handover, StateThatIsNotTrueAnyMoreIsNotUsed) {
+TEST_F(Handover, OutdatedStateIsNotUsed) {
   const auto spoil = std::vector<std::function<void(HandoverState&)>>{
       [](HandoverState& state) { state.connector = 9999; },
       [](HandoverState& state) { state.plane = 9999; },
@@ -91,7 +92,7 @@ TEST_F(Handover, StateThatIsNotTrueAnyMoreIsNotUsed) {
   }
 }
 
-TEST_F(Handover, AFreshStartUsesTheCardButNoBufferOfTheDead) {
+TEST_F(Handover, AFreshStartUsesTheCardButNotTheOldBuffers) {
   options.inherited = die_after(1);
   options.fresh = true;
   open();
@@ -103,7 +104,7 @@ TEST_F(Handover, AFreshStartUsesTheCardButNoBufferOfTheDead) {
   expect_on_glass(2);
 }
 
-TEST_F(Handover, DescriptorThatIsNoCardIsNotUsed) {
+TEST_F(Handover, DescriptorThatIsNotACardIsNotUsed) {
   options.inherited = std::make_shared<display::InheritedOutput>();
   options.inherited->card = UniqueFd(::open("/dev/null", O_RDWR | O_CLOEXEC));
   open();
@@ -111,7 +112,7 @@ TEST_F(Handover, DescriptorThatIsNoCardIsNotUsed) {
   expect_on_glass(1);
 }
 
-TEST_F(Handover, StateSurvivesItsBytes) {
+TEST_F(Handover, StateSurvivesSerialization) {
   open();
   const HandoverState state = show->handover();
   const auto bytes = display::handover_bytes(state);
@@ -119,7 +120,7 @@ TEST_F(Handover, StateSurvivesItsBytes) {
   EXPECT_EQ(display::parse_handover(bytes.first(bytes.size() - 1)), std::nullopt);
 }
 
-TEST_F(Handover, ImplausibleBytesAreNoState) {
+TEST_F(Handover, ImplausibleBytesAreRejected) {
   open();
   const HandoverState good = show->handover();
   const auto rejected = [&](auto change) {

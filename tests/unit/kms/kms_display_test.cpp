@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// A display without trouble: exact pixels, one flip per vblank, everything put back.
+// Tests a display without faults: exact pixels, one flip per vblank, everything restored.
 #include "kms_stage.h"
 
 namespace lenticule::testing {
 
 class KmsDisplay : public KmsStage {
  protected:
-  /// One frame stays for so long; then frames go on, vblank by vblank.
+  /// Shows one frame for 400 days; then frames continue, vblank by vblank.
   void expect_400_days() {
     constexpr Nanoseconds days = std::chrono::hours(24 * 400);
     machine.advance_to(machine.now() + days);
@@ -22,7 +22,7 @@ class KmsDisplay : public KmsStage {
   }
 };
 
-TEST_F(KmsDisplay, ShowsEverySubpixelAsItIs) {
+TEST_F(KmsDisplay, ShowsEverySubpixelUnchanged) {
   open();
   for (unsigned seed = 1; seed <= 20; ++seed) {
     flip(seed);
@@ -32,7 +32,7 @@ TEST_F(KmsDisplay, ShowsEverySubpixelAsItIs) {
   EXPECT_EQ(show->statistics().stray_events, 0U);
 }
 
-TEST_F(KmsDisplay, FirstPictureIsBlackNotSomebodysMemory) {
+TEST_F(KmsDisplay, FirstPictureIsBlackNotOldMemory) {
   open();
   EXPECT_EQ(card.glass(crtc), std::vector<uint32_t>(size_t{kWidth} * kHeight, 0));
 }
@@ -52,7 +52,7 @@ TEST_F(KmsDisplay, FlipsOncePerVblankByTheDriversCount) {
   for (unsigned seed = 2; seed < 100; ++seed) EXPECT_EQ(flip(seed).sequence, first + seed - 1);
 }
 
-TEST_F(KmsDisplay, CountsByTimeWhereTheDriverDoesNot) {
+TEST_F(KmsDisplay, CountsByTimeIfTheDriverDoesNotCount) {
   card.counts_vblanks = false;
   open();
   EXPECT_FALSE(show->mode().hardware_clock);
@@ -64,7 +64,7 @@ TEST_F(KmsDisplay, CountsByTimeWhereTheDriverDoesNot) {
   }
 }
 
-TEST_F(KmsDisplay, NoticesADriverThatPromisesACountAndHasNone) {
+TEST_F(KmsDisplay, DetectsADriverThatClaimsACounterButHasNone) {
   open();
   EXPECT_TRUE(show->mode().hardware_clock);
   card.counts_vblanks = false;
@@ -78,7 +78,7 @@ TEST_F(KmsDisplay, NoticesADriverThatPromisesACountAndHasNone) {
   EXPECT_FALSE(show->statistics().hardware_clock);
 }
 
-TEST_F(KmsDisplay, TellsAVblankWithoutAFlip) {
+TEST_F(KmsDisplay, ReportsAVblankWithoutAFlip) {
   for (const bool counts : {true, false}) {
     card.counts_vblanks = counts;
     open();
@@ -108,7 +108,7 @@ TEST_F(KmsDisplay, AllowsOneFlipAtATime) {
   EXPECT_EQ(wait().id, 1U);
 }
 
-TEST_F(KmsDisplay, NeverHandsOutTheBufferOnTheGlass) {
+TEST_F(KmsDisplay, NeverHandsOutTheDisplayedBuffer) {
   open();
   flip(1);
   EXPECT_EQ(submit(2), SubmitStatus::Accepted);
@@ -157,7 +157,7 @@ TEST_F(KmsDisplay, ClearsOverlaysFromItsCrtc) {
   EXPECT_EQ(card.value(overlay, "CRTC_ID"), 0U);
 }
 
-TEST_F(KmsDisplay, PutsThePictureBackWhenItLeaves) {
+TEST_F(KmsDisplay, RestoresThePreviousPictureAtTheEnd) {
   card.show_console(connector->id, crtc);
   const auto before = card.glass(crtc);
   open();
@@ -175,7 +175,7 @@ TEST_F(KmsDisplay, SwitchesTheOutputOffIfAskedTo) {
   EXPECT_EQ(card.value(crtc, "ACTIVE"), 0U);
 }
 
-TEST_F(KmsDisplay, LeavesNothingBehind) {
+TEST_F(KmsDisplay, ReleasesEverythingAtTheEnd) {
   for (int i = 0; i < 50; ++i) {
     open();
     flip(1);

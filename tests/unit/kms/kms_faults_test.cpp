@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything that a driver, a link or another session may do while frames are shown.
+// Tests every fault of a driver, a link or another session while frames are shown.
 #include <cerrno>
 
 #include "kms_stage.h"
@@ -8,7 +8,7 @@ namespace lenticule::testing {
 
 class KmsFaults : public KmsStage {
  protected:
-  /// Shows one frame after the fault to prove that all is well again.
+  /// Shows one frame after the fault to check that the display works again.
   void expect_playing(unsigned seed) {
     flip(seed);
     expect_on_glass(seed);
@@ -53,7 +53,7 @@ TEST_F(KmsFaults, LateFlipEventIsWaitedFor) {
   expect_playing(2);
 }
 
-TEST_F(KmsFaults, FlipEventThatComesAfterItsPatienceIsNoSecondFlip) {
+TEST_F(KmsFaults, FlipEventAfterItsTimeoutIsNotASecondFlip) {
   open();
   flip(1);
   card.event_delay = [] { return milliseconds(350); };
@@ -74,7 +74,7 @@ TEST_F(KmsFaults, StaleEventIdIsIgnored) {
   expect_playing(2);
 }
 
-TEST_F(KmsFaults, EventThatIsNoEventIsCountedAndSurvived) {
+TEST_F(KmsFaults, GarbageInTheEventStreamIsCountedAndIgnored) {
   open();
   flip(1);
   for (const auto& [theirs, ours] : card.ends) (void)!write(ours, "garbage", 7);
@@ -91,7 +91,7 @@ TEST_F(KmsFaults, BusyOnceIsTriedAgain) {
   EXPECT_EQ(show->statistics().recoveries, 0U);
 }
 
-TEST_F(KmsFaults, BusyFiveTimesIsTriedAgain) {
+TEST_F(KmsFaults, BusyFiveTimesIsRetried) {
   open();
   card.flip_faults = {{.count = 5, .error = EBUSY}};
   expect_playing(1);
@@ -99,7 +99,7 @@ TEST_F(KmsFaults, BusyFiveTimesIsTriedAgain) {
   EXPECT_EQ(show->statistics().modesets, 0U);
 }
 
-TEST_F(KmsFaults, BusyForASecondEndsInTheSamePicture) {
+TEST_F(KmsFaults, BusyForASecondStillShowsTheFrame) {
   open();
   flip(1);
   const Nanoseconds until = machine.now() + seconds(1);
@@ -111,7 +111,7 @@ TEST_F(KmsFaults, BusyForASecondEndsInTheSamePicture) {
   expect_playing(3);
 }
 
-TEST_F(KmsFaults, BusyForeverBlocksNobody) {
+TEST_F(KmsFaults, BusyForeverDoesNotBlockThePlayer) {
   open();
   flip(1);
   card.flip_faults = {{.error = EBUSY, .until = Nanoseconds::max()}};
@@ -151,7 +151,7 @@ TEST_F(KmsFaults, LostMastershipPausesAndResumes) {
   machine.at(machine.now() + seconds(3), [this] { card.foreign_master = false; });
   EXPECT_EQ(submit(2), SubmitStatus::Paused);
   EXPECT_EQ(submit(2), SubmitStatus::Paused);
-  // Time goes on meanwhile, so that the player's clock does.
+  // Time passes, so that the player's clock advances.
   ASSERT_TRUE(show->request_vblank(before));
   EXPECT_EQ(wait(seconds(1)).kind, EventKind::Vblank);
   idle(seconds(6));
@@ -161,7 +161,7 @@ TEST_F(KmsFaults, LostMastershipPausesAndResumes) {
   expect_playing(3);
 }
 
-TEST_F(KmsFaults, MastershipLostBehindAFlipKeepsTheFlip) {
+TEST_F(KmsFaults, MastershipLostAfterASubmitKeepsTheFlip) {
   open();
   flip(1);
   card.event_faults = {EventFault::Lose};
@@ -201,7 +201,7 @@ TEST_F(KmsFaults, UnpluggedCardIsLostAndComesBack) {
   expect_playing(2);
 }
 
-TEST_F(KmsFaults, HangUpBehindAFlipIsLostAtOnce) {
+TEST_F(KmsFaults, HangUpAfterASubmitIsLostAtOnce) {
   open();
   flip(1);
   EXPECT_EQ(submit(2), SubmitStatus::Accepted);
@@ -214,7 +214,7 @@ TEST_F(KmsFaults, HangUpBehindAFlipIsLostAtOnce) {
   EXPECT_EQ(machine.mappings_alive, 0);
 }
 
-TEST_F(KmsFaults, LostDisplayThatWouldHoldItsFrameLetsGoOfTheCard) {
+TEST_F(KmsFaults, LostDisplayReleasesTheCardEvenIfItHoldsItsFrame) {
   options.exit = display::ExitPolicy::Hold;
   open();
   flip(1);
@@ -230,7 +230,7 @@ TEST_F(KmsFaults, LostDisplayThatWouldHoldItsFrameLetsGoOfTheCard) {
   expect_playing(2);
 }
 
-TEST_F(KmsFaults, DisplayThatIsReopenedWithoutBeingLostIsSound) {
+TEST_F(KmsFaults, DisplayCanBeReconnectedWithoutBeingLost) {
   open();
   flip(1);
   show->reconnect();
@@ -241,7 +241,7 @@ TEST_F(KmsFaults, DisplayThatIsReopenedWithoutBeingLostIsSound) {
   EXPECT_EQ(wait().kind, EventKind::Lost);
 }
 
-TEST_F(KmsFaults, CardThatAnswersNoDeviceIsLost) {
+TEST_F(KmsFaults, CardThatReturnsEnodevIsLost) {
   open();
   flip(1);
   card.flip_faults = {{.error = ENODEV}};
@@ -250,7 +250,7 @@ TEST_F(KmsFaults, CardThatAnswersNoDeviceIsLost) {
 }
 
 TEST_F(KmsFaults, SequenceWrapsWithoutAGap) {
-  // The 32-bit counter of the events wraps a few frames after the start.
+  // The 32-bit counter of the events wraps around a few frames after the start.
   const uint64_t now = static_cast<uint64_t>(machine.now() / card.period);
   card.sequence_base = (uint64_t{1} << 32) - 10 - now;
   open();
@@ -263,7 +263,7 @@ TEST_F(KmsFaults, SequenceWrapsWithoutAGap) {
   EXPECT_GT(last, uint64_t{1} << 32);
 }
 
-TEST_F(KmsFaults, SequenceWrapsWithoutAGapBetweenFlipsAndAskedForVblanks) {
+TEST_F(KmsFaults, SequenceWrapsWithoutAGapBetweenFlipsAndRequestedVblanks) {
   const uint64_t now = static_cast<uint64_t>(machine.now() / card.period);
   card.sequence_base = (uint64_t{1} << 32) - 10 - now;
   open();
@@ -280,10 +280,10 @@ TEST_F(KmsFaults, SequenceWrapsWithoutAGapBetweenFlipsAndAskedForVblanks) {
   EXPECT_EQ(show->statistics().lost_ticks, 0U);
 }
 
-TEST_F(KmsFaults, SuspendRelightsAndGoesOn) {
+TEST_F(KmsFaults, SuspendCausesAModesetAndPlayingContinues) {
   open();
   flip(1);
-  card.event_faults = {EventFault::Lose};  // sleep takes flips with it
+  card.event_faults = {EventFault::Lose};  // sleep loses pending flips
   EXPECT_EQ(submit(2), SubmitStatus::Accepted);
   machine.sleep(std::chrono::hours(8));
   const DisplayEvent event = wait(seconds(5));
@@ -295,7 +295,7 @@ TEST_F(KmsFaults, SuspendRelightsAndGoesOn) {
   expect_playing(3);
 }
 
-TEST_F(KmsFaults, TimestampsThatJumpArePutRight) {
+TEST_F(KmsFaults, TimestampsThatJumpAreCorrected) {
   open();
   DisplayEvent last = flip(1);
   unsigned seed = 2;
@@ -314,8 +314,8 @@ TEST_F(KmsFaults, TimestampsThatJumpArePutRight) {
   EXPECT_NEAR(static_cast<double>((machine.now() - last.time).count()), 0.0, 1e6);
 }
 
-TEST_F(KmsFaults, ClockThatJumpsAheadBehindAFlipLosesNothing) {
-  // The process was stopped, or its machine, without the kernel's calling it sleep.
+TEST_F(KmsFaults, ClockThatJumpsAheadAfterASubmitLosesNothing) {
+  // The process or its machine was stopped without a suspend event from the kernel.
   for (const bool counts : {true, false}) {
     card.counts_vblanks = counts;
     open();
@@ -337,7 +337,7 @@ TEST_F(KmsFaults, ClockJumpOfTheDriverNeverTurnsTimeBack) {
   open();
   DisplayEvent last = flip(1);
   for (unsigned seed = 2; seed < 20; ++seed) {
-    // The counter falls back and leaps ahead, as after a reset of the card.
+    // The counter goes back or jumps ahead, as after a reset of the card.
     card.sequence_base = seed % 2 == 0 ? 0 : 5000;
     const DisplayEvent event = flip(seed);
     EXPECT_GT(event.sequence, last.sequence);
@@ -346,7 +346,7 @@ TEST_F(KmsFaults, ClockJumpOfTheDriverNeverTurnsTimeBack) {
   }
 }
 
-TEST_F(KmsFaults, VblankEventThatNeverComesIsTimed) {
+TEST_F(KmsFaults, LostVblankEventIsReplacedByATimer) {
   open();
   const DisplayEvent shown = flip(1);
   ASSERT_TRUE(show->request_vblank(shown.sequence));
@@ -357,7 +357,7 @@ TEST_F(KmsFaults, VblankEventThatNeverComesIsTimed) {
   EXPECT_EQ(show->statistics().lost_ticks, 1U);
 }
 
-TEST_F(KmsFaults, EveryFaultAtOnceStillEndsInThePicture) {
+TEST_F(KmsFaults, AllFaultsTogetherStillShowTheFrame) {
   open();
   unsigned random = 1;
   for (unsigned seed = 1; seed < 300; ++seed) {

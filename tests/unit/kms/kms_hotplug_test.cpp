@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Panels that come, go, change and lie.
+// Tests panels that are plugged, unplugged, changed, or that report wrong data.
 #include <cerrno>
 
 #include "kms_stage.h"
@@ -20,7 +20,7 @@ class KmsHotplug : public KmsStage {
     machine.announce_hotplug();
     idle(seconds(1));
   }
-  /// The panel comes back with this EDID, and its own one is read a second later.
+  /// Replugs the panel with this EDID; its own one can be read a second later.
   void expect_held_until_readable(const std::vector<uint8_t>& edid) {
     open();
     flip(1);
@@ -38,7 +38,7 @@ class KmsHotplug : public KmsStage {
   const std::vector<uint8_t> own_edid = EdidMaker{.serial_text = "ONE"}.bytes();
 };
 
-TEST_F(KmsHotplug, PanelSwitchedOffAndOnIsLitAgain) {
+TEST_F(KmsHotplug, PanelSwitchedOffAndOnGetsAModeset) {
   open();
   flip(1);
   replug(own_edid);
@@ -49,7 +49,7 @@ TEST_F(KmsHotplug, PanelSwitchedOffAndOnIsLitAgain) {
   expect_on_glass(2);
 }
 
-TEST_F(KmsHotplug, FlipsGoOnWhileNobodyWatches) {
+TEST_F(KmsHotplug, FlipsContinueWhileThePanelIsDisconnected) {
   open();
   flip(1);
   connector->connected = false;
@@ -59,7 +59,7 @@ TEST_F(KmsHotplug, FlipsGoOnWhileNobodyWatches) {
   EXPECT_EQ(show->statistics().panel, PanelState::Disconnected);
 }
 
-TEST_F(KmsHotplug, StormOf100IsAFewLooks) {
+TEST_F(KmsHotplug, StormOf100EventsCausesFewProbes) {
   open();
   flip(1);
   const int probes = card.full_probes;
@@ -75,7 +75,7 @@ TEST_F(KmsHotplug, StormOf100IsAFewLooks) {
   expect_on_glass(2);
 }
 
-TEST_F(KmsHotplug, ChangeWithoutNewsIsFoundByTheSlowLook) {
+TEST_F(KmsHotplug, ChangeWithoutEventIsFoundByPolling) {
   open();
   connector->connected = false;
   idle(seconds(29));
@@ -84,7 +84,7 @@ TEST_F(KmsHotplug, ChangeWithoutNewsIsFoundByTheSlowLook) {
   EXPECT_EQ(show->statistics().panel, PanelState::Disconnected);
 }
 
-TEST_F(KmsHotplug, ChangedSerialIsAnotherPanelAndGoesDark) {
+TEST_F(KmsHotplug, ChangedSerialIsAnotherPanelAndIsSwitchedOff) {
   open();
   flip(1);
   replug(EdidMaker{.serial_text = "TWO"}.bytes());
@@ -94,21 +94,21 @@ TEST_F(KmsHotplug, ChangedSerialIsAnotherPanelAndGoesDark) {
   EXPECT_THROW(show->reconnect(), Error);
 }
 
-TEST_F(KmsHotplug, EdidThatIsAbsentIsReadAgainUntilItIsThere) {
+TEST_F(KmsHotplug, AbsentEdidIsReadAgainUntilItIsComplete) {
   expect_held_until_readable({});
 }
 
-TEST_F(KmsHotplug, EdidThatIsShortIsReadAgainUntilItIsThere) {
+TEST_F(KmsHotplug, ShortEdidIsReadAgainUntilItIsComplete) {
   expect_held_until_readable({own_edid.begin(), own_edid.begin() + 40});
 }
 
-TEST_F(KmsHotplug, EdidWithABadChecksumIsReadAgainUntilItIsThere) {
+TEST_F(KmsHotplug, EdidWithABadChecksumIsReadAgainUntilItIsComplete) {
   auto damaged = own_edid;
   damaged[60] ^= 0xff;
   expect_held_until_readable(damaged);
 }
 
-TEST_F(KmsHotplug, ShrunkModeListIsHeldNotObeyed) {
+TEST_F(KmsHotplug, ShrunkModeListKeepsTheMode) {
   open();
   flip(1);
   const auto modes = connector->modes;
@@ -124,7 +124,7 @@ TEST_F(KmsHotplug, ShrunkModeListIsHeldNotObeyed) {
   expect_on_glass(3);
 }
 
-TEST_F(KmsHotplug, EmptyModeListIsHeldNotObeyed) {
+TEST_F(KmsHotplug, EmptyModeListKeepsTheMode) {
   open();
   flip(1);
   const auto modes = connector->modes;
@@ -139,7 +139,7 @@ TEST_F(KmsHotplug, EmptyModeListIsHeldNotObeyed) {
   expect_on_glass(3);
 }
 
-TEST_F(KmsHotplug, PanelThatNowPrefersAnotherSizeIsHeld) {
+TEST_F(KmsHotplug, PanelThatNowPrefersAnotherSizeKeepsTheMode) {
   open();
   flip(1);
   const auto modes = connector->modes;

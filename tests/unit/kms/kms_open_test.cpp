@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Finding the one panel that is meant, and everything that can fail before the first picture.
+// Tests the search for the requested panel, and every failure before the first picture.
 #include <gmock/gmock.h>
 
 #include <cerrno>
@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 
 class KmsOpen : public KmsStage {
  protected:
-  /// The error that opening ends with.
+  /// Returns the error that opening throws.
   Error failure() {
     try {
       open();
@@ -44,7 +44,7 @@ TEST_F(KmsOpen, ThreeConnectorsInTheWrongOrderStillShowTheRigsPanel) {
   EXPECT_EQ(card.value(connector->id, "CRTC_ID"), 0U);
 }
 
-TEST_F(KmsOpen, TwoPanelsThatFitAreAnErrorThatListsThem) {
+TEST_F(KmsOpen, TwoMatchingPanelsAreAnErrorThatListsThem) {
   add_panel(2, "TWO");
   options.wish.identity = {};
   const Error error = failure();
@@ -102,7 +102,7 @@ TEST_F(KmsOpen, NoPanelIsAnErrorAtOnce) {
   EXPECT_THAT(failure().what(), HasSubstr("no panel is connected"));
 }
 
-TEST_F(KmsOpen, UnreadableEdidNeverPassesForTheRigsPanel) {
+TEST_F(KmsOpen, UnreadableEdidNeverMatchesTheRigsPanel) {
   const auto own = EdidMaker{.serial_text = "ONE"}.bytes();
   auto damaged = own;
   damaged[60] ^= 0xff;
@@ -118,12 +118,12 @@ TEST_F(KmsOpen, UnreadableEdidNeverPassesForTheRigsPanel) {
   }
 }
 
-TEST_F(KmsOpen, NoCardAtAllSaysSo) {
+TEST_F(KmsOpen, NoCardIsAnErrorThatSaysSo) {
   card.gone = true;
   EXPECT_THAT(failure().what(), HasSubstr("no graphics card has an output"));
 }
 
-TEST_F(KmsOpen, CardThatMayNotBeOpenedIsNamed) {
+TEST_F(KmsOpen, CardWithoutPermissionIsNamed) {
   card.forbidden = true;
   const Error error = failure();
   EXPECT_EQ(error.kind(), ErrorKind::Device);
@@ -156,7 +156,7 @@ TEST_F(KmsOpen, NoSpaceAtTheTestIsAnErrorNotASmallerMode) {
   EXPECT_EQ(card.buffers.size(), 0U);
 }
 
-TEST_F(KmsOpen, FailureAfterLightingPutsThePictureBack) {
+TEST_F(KmsOpen, FailureAfterTheModesetRestoresThePreviousPicture) {
   card.show_console(connector->id, crtc);
   const auto before = card.glass(crtc);
   machine.no_hotplug_monitor = true;
@@ -196,7 +196,7 @@ TEST_F(KmsOpen, PanelThatWouldScaleIsRefusedThoughItListsTheSize) {
   EXPECT_FALSE(found.panels[0].modes[1].native);
 }
 
-TEST_F(KmsOpen, OnlyPanelOfTheNativeSizeIsMeantWhenAnotherListsThatSizeToo) {
+TEST_F(KmsOpen, PrefersThePanelWhoseNativeSizeFits) {
   FakeConnector& second = add_panel(2, "TWO");
   connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60),
                       make_mode(kWidth, kHeight, 60, false)};
@@ -320,7 +320,7 @@ TEST_F(KmsOpen, InspectionFindsPanelsAndGivesMastershipBack) {
   EXPECT_EQ(card.modesets + card.blocking_commits + card.flips, 0);
 }
 
-TEST_F(KmsOpen, DiagnosisTestsThePanelsOwnModeAndLeavesNothing) {
+TEST_F(KmsOpen, DiagnosisTestsThePanelsOwnModeAndChangesNothing) {
   connector->modes = {make_mode(kWidth, kHeight, 60, false),
                       make_mode(kWidth * 2, kHeight * 2, 60)};
   const auto diagnoses = display::diagnose(options.session, {}, options.platform);
@@ -335,7 +335,7 @@ TEST_F(KmsOpen, DiagnosisTestsThePanelsOwnModeAndLeavesNothing) {
   EXPECT_EQ(card.master_fd, -1);
 }
 
-TEST_F(KmsOpen, DiagnosisNamesWhatTheDriverRefuses) {
+TEST_F(KmsOpen, DiagnosisNamesTheRefusedRequest) {
   card.test_faults = {{.count = 1000, .error = ENOSPC}};
   const auto diagnoses = display::diagnose(options.session, {}, options.platform);
   ASSERT_EQ(diagnoses.size(), 1U);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// One fake card with one panel, and a display on it: what most tests begin with.
+// Provides one fake card with one panel and a display on it for most tests.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ inline constexpr int kWidth = 24;
 inline constexpr int kHeight = 6;
 inline constexpr frames::FrameGeometry kPanel{kWidth, kHeight, frames::PixelFormat::Rgb8};
 
-/// A frame whose every subpixel depends on `seed`.
+/// Returns a frame whose every subpixel depends on `seed`.
 inline frames::WovenFrame make_frame(unsigned seed) {
   frames::WovenFrame frame(kPanel);
   unsigned value = seed * 77 + 1;
@@ -81,7 +81,7 @@ class KmsStage : public ::testing::Test {
     return event;
   }
   void expect_on_glass(unsigned seed) { EXPECT_EQ(card.glass(crtc), words_of(make_frame(seed))); }
-  /// Lets time pass while nothing is shown.
+  /// Advances time without submitting frames.
   void idle(Nanoseconds time) {
     const Nanoseconds until = machine.now() + time;
     while (machine.now() < until && show->wait_event(until, -1).kind != EventKind::Lost) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The two threads beside the presenter: the one that fills buffers, and the one that asks panels.
+// Tests the two threads beside the presenter: one fills buffers, the other probes panels.
 #include <poll.h>
 
 #include <atomic>
@@ -18,7 +18,7 @@ class KmsThreads : public KmsStage {
   }
 };
 
-TEST_F(KmsThreads, PanelIsAskedOnAThreadOfItsOwn) {
+TEST_F(KmsThreads, PanelIsProbedOnItsOwnThread) {
   const UniqueFd fd = options.session->open_device(card.path);
   const auto seen = display::read_connector(fd.get(), connector->id, display::Probe::Cached);
   ASSERT_TRUE(seen);
@@ -41,7 +41,7 @@ TEST_F(KmsThreads, PanelIsAskedOnAThreadOfItsOwn) {
   options.session->close_device(fd.get());
 }
 
-TEST_F(KmsThreads, FramesAreFilledBesideThePresenter) {
+TEST_F(KmsThreads, FramesAreFilledOnAnotherThreadThanThePresenters) {
   constexpr unsigned kFrames = 300;
   open();
   std::atomic<display::ScanoutBuffer*> handed{nullptr};

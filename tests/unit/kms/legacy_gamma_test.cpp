@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gamma ramp of drivers that have no property for it.
+// Tests the gamma ramp of drivers that have no gamma property.
 #include "display/kms/color/legacy_gamma.h"
 
 #include <gmock/gmock.h>
@@ -21,9 +21,9 @@ class LegacyGamma : public KmsStage {
  protected:
   LegacyGamma() : ramp(card.use_legacy_gamma(crtc, 256)) {
     connector->type = DRM_MODE_CONNECTOR_VIRTUAL;
-    card.driver = "virtio_gpu";  // known to hand frames on as they are
+    card.driver = "virtio_gpu";  // known to pass frames on unchanged
   }
-  /// As a night light leaves it: blue at half.
+  /// Sets the ramp of a night light: blue at half.
   void warm() {
     for (uint16_t& value : ramp.blue) value /= 2;
     warm_blue = ramp.blue;
@@ -58,7 +58,7 @@ TEST_F(LegacyGamma, InheritedRampIsClearedAndRestored) {
   EXPECT_EQ(ramp.red, linear_ramp(256).red);
 }
 
-TEST_F(LegacyGamma, IsClearedWithoutAModesetToo) {
+TEST_F(LegacyGamma, IsClearedEvenWithoutAModeset) {
   card.show_console(connector->id, crtc);
   warm();
   open();
@@ -74,7 +74,7 @@ TEST_F(LegacyGamma, KernelsOwnRampIsNeutral) {
   EXPECT_EQ(show->exactness().verdict, Verdict::Yes);
 }
 
-TEST_F(LegacyGamma, IsClearedAgainAfterSomebodyElseDrew) {
+TEST_F(LegacyGamma, IsClearedAgainAfterAnotherProgramWasMaster) {
   open();
   flip(1);
   warm();
@@ -105,7 +105,7 @@ TEST_F(LegacyGamma, RampThatCannotBeReadIsLeftAloneAndUnknown) {
   EXPECT_EQ(ramp.blue, warm_blue);
 }
 
-TEST_F(LegacyGamma, DoctorSaysWhatWouldBeForcedAndTouchesNothing) {
+TEST_F(LegacyGamma, DoctorReportsTheRampWithoutChangingIt) {
   warm();
   const auto diagnoses = display::diagnose(options.session, {}, options.platform);
   ASSERT_EQ(diagnoses.size(), 1U);
@@ -115,7 +115,7 @@ TEST_F(LegacyGamma, DoctorSaysWhatWouldBeForcedAndTouchesNothing) {
   EXPECT_EQ(ramp.blue, warm_blue);
 }
 
-TEST_F(LegacyGamma, IsNoneOfOursWhereThereAreProperties) {
+TEST_F(LegacyGamma, IsLeftAloneIfTheDriverHasGammaProperties) {
   card.add_property(crtc, {.name = "GAMMA_LUT", .flags = DRM_MODE_PROP_BLOB});
   warm();
   open();
@@ -123,7 +123,7 @@ TEST_F(LegacyGamma, IsNoneOfOursWhereThereAreProperties) {
   EXPECT_EQ(ramp.blue, warm_blue) << "the kernel keeps the two in step by itself";
 }
 
-TEST(LinearRamp, MapsEveryByteToItselfWhetherHardwareCutsOrRounds) {
+TEST(LinearRamp, MapsEveryByteToItselfForTruncatingAndRoundingHardware) {
   for (const size_t entries : {256U, 1024U, 4096U}) {
     const auto ramp = linear_ramp(entries);
     ASSERT_EQ(ramp.red.size(), entries);
@@ -137,7 +137,7 @@ TEST(LinearRamp, MapsEveryByteToItselfWhetherHardwareCutsOrRounds) {
   }
 }
 
-TEST(LinearRamp, OfAnyOtherLengthGoesFromNothingToFull) {
+TEST(LinearRamp, SpansTheFullRangeForEveryLength) {
   const auto ramp = linear_ramp(33);
   EXPECT_EQ(ramp.red.front(), 0);
   EXPECT_EQ(ramp.red.back(), 65535);

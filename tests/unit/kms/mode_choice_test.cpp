@@ -22,7 +22,7 @@ drmModeModeInfo with_clock(uint32_t kilohertz, bool preferred) {
   return mode;
 }
 
-/// What is chosen where nobody knows the panel's own size.
+/// Returns the chosen mode if the panel's own size is unknown.
 std::optional<drmModeModeInfo> choose_mode(const std::vector<drmModeModeInfo>& modes,
                                            const frames::FrameGeometry& panel,
                                            std::optional<frames::Rate> refresh) {
@@ -30,7 +30,7 @@ std::optional<drmModeModeInfo> choose_mode(const std::vector<drmModeModeInfo>& m
   return display::choose_mode(connector, panel, refresh);
 }
 
-/// With an EDID that was read.
+/// Returns a connector whose EDID could be read.
 ConnectorInfo panel_of(const std::vector<drmModeModeInfo>& modes,
                        std::optional<PixelSize> first_timing = std::nullopt) {
   return {.name = "HDMI-A-1",
@@ -43,7 +43,7 @@ TEST(ModeChoice, RefreshIsTheExactFraction) {
   EXPECT_EQ(display::refresh_of(with_clock(593407, true)), frames::make_rate(593407, 9900));
 }
 
-TEST(ModeChoice, PreferredModeWinsUnlessARefreshIsAskedFor) {
+TEST(ModeChoice, PreferredModeWinsUnlessARefreshIsRequested) {
   const std::vector<drmModeModeInfo> modes = {with_clock(594000, false), with_clock(593407, true),
                                               with_clock(297000, false)};
   EXPECT_EQ(choose_mode(modes, kUhd, std::nullopt)->clock, 593407U);
@@ -53,7 +53,7 @@ TEST(ModeChoice, PreferredModeWinsUnlessARefreshIsAskedFor) {
   EXPECT_FALSE(choose_mode(modes, kUhd, frames::make_rate(50, 1)));
 }
 
-TEST(ModeChoice, AlmostSixtyIsMeantBySixty) {
+TEST(ModeChoice, ARequestFor60HzMatchesAModeOf59Point997Hz) {
   const std::vector<drmModeModeInfo> modes = {with_clock(593970, true)};  // 59.997 Hz
   EXPECT_TRUE(choose_mode(modes, kUhd, frames::make_rate(60, 1)));
 }
@@ -91,13 +91,13 @@ TEST(ModeChoice, ListedSizeThatIsNotThePanelsOwnIsNeverUsed) {
 }
 
 TEST(ModeChoice, KernelsPreferenceCountsBeforeTheEdidsTiming) {
-  // The kernel knows about panels whose EDID lies.
+  // The kernel has quirks for panels with a wrong EDID.
   const ConnectorInfo panel = panel_of({with_clock(594000, true)}, PixelSize{1920, 1080});
   EXPECT_EQ(display::native_sizes(panel), std::vector<PixelSize>({{3840, 2160}}));
 }
 
 TEST(ModeChoice, TimingOfTheEdidCountsWithoutAPreferredMode) {
-  // A cable too slow for the preferred mode: the kernel drops it, and the size stays.
+  // The cable is too slow for the preferred mode: the kernel drops the mode, and the size stays.
   const std::vector<drmModeModeInfo> modes = {with_clock(297000, false),
                                               make_mode(1920, 1080, 60, false)};
   const ConnectorInfo panel = panel_of(modes, PixelSize{3840, 2160});
@@ -111,8 +111,8 @@ TEST(ModeChoice, PanelThatPrefersTwoSizesHasBoth) {
   EXPECT_EQ(display::native_sizes(panel), std::vector<PixelSize>({{3840, 2160}, {5120, 2880}}));
 }
 
-TEST(ModeChoice, WithoutAnEdidAnyListedSizeServesAndThePreferredModeGoesFirst) {
-  // As virtual machines' drivers: a list of sizes, and one that they like.
+TEST(ModeChoice, WithoutAnEdidAnyListedSizeFitsAndThePreferredModeWins) {
+  // Drivers of virtual machines list sizes and prefer one of them.
   for (const EdidProblem problem : {EdidProblem::Absent, EdidProblem::BadChecksum}) {
     const ConnectorInfo output{
         .modes = {make_mode(1024, 768, 60), with_clock(594000, false), with_clock(297000, false)},

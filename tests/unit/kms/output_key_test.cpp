@@ -10,7 +10,7 @@ namespace lenticule::testing {
 using display::OutputKey;
 using display::parse_kms_spec;
 
-TEST(OutputKey, KnowsTheFourWaysToNameAPanel) {
+TEST(OutputKey, ReadsAllFourFormsOfAPanelName) {
   EXPECT_EQ(parse_kms_spec("kms"), OutputKey{});
   EXPECT_EQ(parse_kms_spec("kms:auto"), OutputKey{});
   EXPECT_EQ(parse_kms_spec("kms:HDMI-A-1").text, "HDMI-A-1");

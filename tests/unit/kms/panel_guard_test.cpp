@@ -28,18 +28,18 @@ class PanelJudgement : public ::testing::Test {
   const std::vector<uint8_t> own = EdidMaker{.serial_text = "ONE"}.bytes();
 };
 
-TEST_F(PanelJudgement, OfThePanelThatIsMeant) {
+TEST_F(PanelJudgement, AcceptsTheRequestedPanel) {
   EXPECT_EQ(state_of(panel_with(own)), PanelState::Showing);
 }
 
-TEST_F(PanelJudgement, OfNobody) {
+TEST_F(PanelJudgement, ReportsAMissingPanelAsDisconnected) {
   EXPECT_EQ(judge_panel(nullptr, wish, make_mode(64, 32, 60)), PanelState::Disconnected);
   ConnectorInfo panel = panel_with(own);
   panel.connected = false;
   EXPECT_EQ(state_of(panel), PanelState::Disconnected);
 }
 
-TEST_F(PanelJudgement, OfAnotherPanelAndOfOneThatCannotBeTold) {
+TEST_F(PanelJudgement, ReportsWrongAndUnreadablePanelsUnlessIdentityIsIgnored) {
   EXPECT_EQ(state_of(panel_with(EdidMaker{.serial_text = "TWO"}.bytes())), PanelState::WrongPanel);
   EXPECT_EQ(state_of(panel_with({})), PanelState::Unreadable);
   wish.policy = display::IdentityPolicy::Ignore;
@@ -47,7 +47,7 @@ TEST_F(PanelJudgement, OfAnotherPanelAndOfOneThatCannotBeTold) {
   EXPECT_EQ(state_of(panel_with({})), PanelState::Showing);
 }
 
-TEST_F(PanelJudgement, OfAModeThatIsGoneOrWouldBeScaled) {
+TEST_F(PanelJudgement, ReportsAModeThatIsGoneOrWouldBeScaled) {
   ConnectorInfo panel = panel_with(own);
   panel.modes = {make_mode(64, 32, 50)};
   EXPECT_EQ(state_of(panel), PanelState::ModeMissing);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looking for a panel without opening it, also while a display of ours is lit.
+// Tests the search for a panel without opening it, also while a display of ours is active.
 #include "display/kms/survey/panel_search.h"
 
 #include <gmock/gmock.h>
@@ -20,13 +20,13 @@ class PanelSearchTest : public KmsStage {
   }
 };
 
-TEST_F(PanelSearchTest, FindsWhatOpeningWouldTakeAndLeavesTheCardAlone) {
+TEST_F(PanelSearchTest, FindsThePanelThatOpeningWouldUseWithoutBecomingMaster) {
   EXPECT_TRUE(search().found);
   EXPECT_EQ(card.master_fd, -1);
   EXPECT_EQ(card.tests + card.modesets + card.blocking_commits, 0);
 }
 
-TEST_F(PanelSearchTest, SaysWhoIsThereInsteadAndThatThePanelMayCome) {
+TEST_F(PanelSearchTest, ListsPresentPanelsAndReportsThatThePanelMayCome) {
   add_panel(9, "ANOTHER");
   add_panel(2, "OFF").connected = false;
   options.wish.identity.serial = "EXPECTED";
@@ -41,7 +41,7 @@ TEST_F(PanelSearchTest, SaysWhoIsThereInsteadAndThatThePanelMayCome) {
   EXPECT_EQ(result.present[1].connector, "HDMI-A-9");
 }
 
-TEST_F(PanelSearchTest, AnOutputThatIsNamedIsLookedAtAlone) {
+TEST_F(PanelSearchTest, ProbesOnlyANamedOutput) {
   add_panel(2, "TWO");
   options.wish.identity.serial = "EXPECTED";
   options.wish.key = {.kind = display::OutputKey::Kind::Connector, .text = "HDMI-A-2"};
@@ -50,13 +50,13 @@ TEST_F(PanelSearchTest, AnOutputThatIsNamedIsLookedAtAlone) {
   EXPECT_EQ(result.present[0].identity->serial_text, "TWO");
 }
 
-TEST_F(PanelSearchTest, AnEdidSaysWhoNotWhere) {
+TEST_F(PanelSearchTest, AnEdidKeyDoesNotRestrictTheConnector) {
   options.wish.identity = {};
   options.wish.key = display::parse_output_key("edid:LGD:0x1234:EXPECTED");
   EXPECT_EQ(search().present.size(), 1U) << "the panel that hangs there instead";
 }
 
-TEST_F(PanelSearchTest, TwoThatFitAreNotSettledByWaiting) {
+TEST_F(PanelSearchTest, WaitingDoesNotResolveTwoMatches) {
   add_panel(2, "TWO");
   options.wish.identity = {};
   const PanelSearch result = search();
@@ -74,7 +74,7 @@ TEST_F(PanelSearchTest, APanelWithoutTheModeIsNotFoundAndMayCome) {
   EXPECT_TRUE(result.present[0].modes[0].preferred);
 }
 
-TEST_F(PanelSearchTest, AsksTheCardOfALitDisplayThroughIt) {
+TEST_F(PanelSearchTest, ProbesAnActiveDisplaysCardThroughThatDisplay) {
   open();
   flip(1);
   const size_t ends = card.ends.size();
@@ -86,7 +86,7 @@ TEST_F(PanelSearchTest, AsksTheCardOfALitDisplayThroughIt) {
   expect_on_glass(2);
 }
 
-TEST_F(PanelSearchTest, NoCardIsARefusalNotACrash) {
+TEST_F(PanelSearchTest, NoCardIsRefused) {
   card.gone = true;
   const PanelSearch result = search();
   EXPECT_FALSE(result.found);

@@ -23,7 +23,7 @@ TEST(PendingFlip, WaitsForNothingWhenThereIsNone) {
   EXPECT_EQ(flip.phase(), Phase::None) << "nothing can be stuck";
 }
 
-TEST(PendingFlip, GoesFromTheQueueToTheGlass) {
+TEST(PendingFlip, GoesFromQueuedToDisplayed) {
   PendingFlip flip;
   flip.queue(nullptr, 42);
   EXPECT_TRUE(flip.is_due(Phase::Queued, kNow));
@@ -68,7 +68,7 @@ TEST(PendingFlip, CountsRefusalsOfOneFlipOnly) {
   }
 }
 
-TEST(PendingFlip, SticksFromEveryPhaseOnTheWay) {
+TEST(PendingFlip, CanGetStuckInEveryPhase) {
   PendingFlip flip;
   flip.queue(nullptr, 1);
   flip.stick(kNow);

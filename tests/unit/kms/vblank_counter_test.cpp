@@ -31,7 +31,7 @@ TEST(VblankCounter, NeverRunsBackwards) {
   EXPECT_EQ(counter.observe_low_bits(1001, seconds(1), seconds(3)).time, counter.last().time);
 }
 
-TEST(VblankCounter, PutsImpossibleTimesRight) {
+TEST(VblankCounter, CorrectsImpossibleTimes) {
   VblankCounter counter(VblankCounter::Source::Hardware, kSixty, {10, seconds(10)});
   const Nanoseconds now = seconds(10) + milliseconds(40);
   for (const Nanoseconds wrong : {Nanoseconds{0}, Nanoseconds(seconds(999)), Nanoseconds{-5}}) {
@@ -43,7 +43,7 @@ TEST(VblankCounter, PutsImpossibleTimesRight) {
   }
 }
 
-TEST(VblankCounter, GoesOnFromWhereItWasAfterAReset) {
+TEST(VblankCounter, ContinuesAfterAReset) {
   VblankCounter counter(VblankCounter::Source::Hardware, kSixty, {5000, seconds(100)});
   counter.rebase(seconds(101));
   const Vblank vblank = counter.observe_low_bits(3, seconds(101), seconds(101));
@@ -51,7 +51,7 @@ TEST(VblankCounter, GoesOnFromWhereItWasAfterAReset) {
   EXPECT_EQ(counter.driver_sequence(vblank.sequence + 1), 4U);
 }
 
-TEST(VblankCounter, CountsByTimeWithoutADriver) {
+TEST(VblankCounter, CountsByTimeWithoutADriversCount) {
   VblankCounter counter(VblankCounter::Source::Software, kSixty, {0, seconds(1)});
   EXPECT_EQ(counter.first_from(seconds(2)).sequence, 60U);
   EXPECT_EQ(counter.first_from(seconds(2) + Nanoseconds{1}).sequence, 61U);

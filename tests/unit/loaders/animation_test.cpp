@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// at_time: key frames, hierarchies, and what a transform does to normals, lights and cameras.
+// Tests at_time: key frames, hierarchies, and the transform of normals, lights and cameras.
 #include "render/loaders/animation.h"
 
 #include <gmock/gmock.h>
@@ -25,7 +25,7 @@ void expect_near(Vec3 a, Vec3 b) {
   EXPECT_LT(length(a - b), 1e-12) << a.x << ' ' << a.y << ' ' << a.z;
 }
 
-/// One triangle on one animated node.
+/// Returns one triangle on one animated node.
 SceneDescription moving_triangle() {
   SceneDescription scene;
   scene.nodes.resize(1);
@@ -66,7 +66,7 @@ TEST(AtTime, SteppedKeysHoldUntilTheNext) {
 TEST(AtTime, RotationsTakeTheShorterArc) {
   SceneDescription scene = moving_triangle();
   Quaternion far = about_y(90);
-  for (double& v : far) v = -v;  // the same rotation, the other way round
+  for (double& v : far) v = -v;  // the same rotation as the negated quaternion
   scene.nodes[0].rotations = {.times = {0, 1}, .values = {about_y(0), far}};
   const double c = std::sqrt(0.5);
   const SceneDescription half = at_time(scene, 0.5);
@@ -97,7 +97,7 @@ TEST(AtTime, NormalsStayAtRightAnglesUnderUnevenScale) {
   EXPECT_NEAR(length(baked.normals[0]), 1.0, 1e-12);
 }
 
-TEST(AtTime, AMirroringNodeKeepsTheOutsideOut) {
+TEST(AtTime, AMirroringNodeKeepsFacesOutward) {
   SceneDescription scene = moving_triangle();
   scene.nodes[0].animated = false;
   scene.nodes[0].local.column_x = {-1, 0, 0};
@@ -129,7 +129,7 @@ TEST(AtTime, MovesLightsAndCameras) {
   expect_near(later.cameras[0].up, {0, 1, 0});
 }
 
-TEST(AtTime, AVertexThatLeavesTheNumbersIsAnInputError) {
+TEST(AtTime, ANonFiniteVertexIsAnInputError) {
   SceneDescription scene = moving_triangle();
   scene.meshes[0].name = "wing";
   scene.nodes[0].scales = {.times = {0}, .values = {{std::numeric_limits<double>::max(), 1, 1}}};
@@ -139,11 +139,11 @@ TEST(AtTime, AVertexThatLeavesTheNumbersIsAnInputError) {
   EXPECT_THAT(error.what(), ::testing::HasSubstr("wing"));
 }
 
-TEST(BakeStillNodes, LeavesOnlyWhatMoves) {
+TEST(BakeStillNodes, KeepsOnlyMovingNodes) {
   SceneDescription scene = moving_triangle();
   scene.nodes.resize(3);
   scene.nodes[1].local.origin = {7, 0, 0};
-  scene.nodes[2].parent = 0;  // still itself, but carried
+  scene.nodes[2].parent = 0;  // still itself, but child of a moving node
   TriangleMesh still = scene.meshes[0];
   still.node = 1;
   TriangleMesh carried = still;

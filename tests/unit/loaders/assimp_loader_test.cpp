@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// glTF, OBJ, PLY and STL: what becomes what, and that broken files are refused or survived.
+// Tests the import of glTF, OBJ, PLY and STL, and that broken files are refused without a crash.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -27,7 +27,7 @@ std::filesystem::path data(const std::string& name) {
   return std::filesystem::path(LENTICULE_SOURCE_DIR) / "tests/data" / name;
 }
 
-/// A file of its own that goes away with the test.
+/// A file that is removed after the test.
 class TemporaryFile {
  public:
   TemporaryFile(const std::string& name, const std::string& text)
@@ -75,7 +75,7 @@ class TurningBox : public ::testing::Test {
   const SceneDescription scene_ = load_scene(data("turning-box.gltf"));
 };
 
-TEST_F(TurningBox, LoadsWithoutANote) {
+TEST_F(TurningBox, LoadsWithoutAWarning) {
   EXPECT_THAT(scene_.notes, IsEmpty());
 }
 
@@ -86,7 +86,7 @@ TEST_F(TurningBox, ShowsAMeshOncePerNode) {
   EXPECT_EQ(names.count("crate"), 1U);
 }
 
-TEST_F(TurningBox, TheCameraStandsAndSeesAsTheFileSays) {
+TEST_F(TurningBox, TheCameraHasTheFilesPoseAndFieldOfView) {
   ASSERT_THAT(scene_.cameras, SizeIs(1));
   const Camera camera = at_time(scene_, 0).cameras[0];
   const double down = 13.0 * std::numbers::pi / 180.0;
@@ -148,7 +148,7 @@ TEST_F(TurningBox, TextureCoordinatesStartAtTheTop) {
   EXPECT_LT(red(36, 36), 0.8F);
 }
 
-TEST_F(TurningBox, MaterialsFollowMetalAndRoughness) {
+TEST_F(TurningBox, MaterialsFollowMetalnessAndRoughness) {
   const Material& gold = material_named(scene_, "gold");
   EXPECT_TRUE(gold.tinted_specular);
   EXPECT_NEAR(gold.specular, 0.65, 1e-6);
@@ -160,13 +160,13 @@ TEST_F(TurningBox, MaterialsFollowMetalAndRoughness) {
   EXPECT_TRUE(scene_.colour_managed);
 }
 
-TEST_F(TurningBox, LightsShineAsPlacedAndAreExposed) {
+TEST_F(TurningBox, LightsKeepTheirPlaceAndAreExposed) {
   ASSERT_THAT(scene_.lights, SizeIs(2));
   const Light& sun =
       scene_.lights[0].kind == Light::Kind::Directional ? scene_.lights[0] : scene_.lights[1];
   const Light& lamp =
       scene_.lights[0].kind == Light::Kind::Point ? scene_.lights[0] : scene_.lights[1];
-  // Down by 50 degrees, then 35 degrees to the right.
+  // Downward by 50 degrees, then 35 degrees to the right.
   EXPECT_NEAR(sun.direction.y, -std::sin(50.0 * std::numbers::pi / 180.0), 1e-5);
   EXPECT_GT(sun.direction.x, 0.1);
   EXPECT_FALSE(sun.falls_off);
@@ -176,7 +176,7 @@ TEST_F(TurningBox, LightsShineAsPlacedAndAreExposed) {
   EXPECT_LT(sun.colour.x, 1.4);
 }
 
-TEST(Gltf, ATextureThatIsNotThereIsNotedAndThePlainColourKept) {
+TEST(Gltf, AMissingTextureIsReportedAndThePlainColourKept) {
   const SceneDescription scene = load_scene(data("missing-texture.gltf"));
   EXPECT_THAT(scene.notes, Contains(HasSubstr("there-is-no-such.png")));
   const Material& material = material_named(scene, "lost");
@@ -184,12 +184,12 @@ TEST(Gltf, ATextureThatIsNotThereIsNotedAndThePlainColourKept) {
   expect_near(material.colour, {0.2, 0.4, 0.8}, 1e-6);
 }
 
-TEST(Gltf, AStillSceneHasNoNodesLeft) {
+TEST(Gltf, AStillSceneHasNoNodes) {
   const SceneDescription scene = load_scene(data("textured-quad.gltf"));
   EXPECT_THAT(scene.nodes, IsEmpty());
   EXPECT_EQ(scene.duration_seconds, 0.0);
   EXPECT_THAT(scene.textures, SizeIs(1));
-  // The quad lay on the ground and its node stands it up.
+  // The quad lies in the ground plane of its node, and the node turns it upright.
   for (const Vec3 p : scene.meshes.at(0).positions) EXPECT_NEAR(p.z, 0.0, 1e-6);
 }
 
@@ -237,7 +237,7 @@ TEST(Loaders, ExtensionsMayBeInCapitals) {
   EXPECT_THAT(load_scene(copy.path()).spheres, SizeIs(1));
 }
 
-// ---- what is wrong
+// ---- errors
 
 Error refused(const std::filesystem::path& file) {
   return error_of([&] { (void)load_scene(file); });
@@ -293,7 +293,7 @@ TEST(BrokenScenes, MissingUnknownAndSpecialFilesAreRefused) {
   EXPECT_THAT(refused("/dev/null").what(), HasSubstr("not a regular file"));
 }
 
-TEST(BrokenScenes, APipeIsNotWaitedFor) {
+TEST(BrokenScenes, APipeIsRefusedWithoutWaiting) {
   const auto pipe =
       std::filesystem::path(::testing::TempDir()) / (std::to_string(::getpid()) + "-pipe.obj");
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);

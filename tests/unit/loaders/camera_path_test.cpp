@@ -35,12 +35,12 @@ TEST(CameraPath, ReadsOnePoseALine) {
   EXPECT_EQ(path[1].vertical_fov_degrees, 30.0);
 }
 
-TEST(CameraPath, APoseMayNotRunOverTheEndOfItsLine) {
+TEST(CameraPath, APoseMustEndOnItsLine) {
   EXPECT_THAT(refusal("0 0 1 0 0 0 0 1 0\n0 0 1 0 0 0\n0 1 0\n"),
               StartsWith("walk.path:2: a pose is nine numbers"));
 }
 
-TEST(CameraPath, RefusesWhatIsNoPose) {
+TEST(CameraPath, RefusesInvalidPoses) {
   EXPECT_THAT(refusal("# nothing\n"), HasSubstr("no pose"));
   EXPECT_THAT(refusal("0 0 1 0 0 x 0 1 0\n"), StartsWith("walk.path:1: a pose's number"));
   EXPECT_THAT(refusal("\n0 0 1 0 0 nan 0 1 0\n"), StartsWith("walk.path:2:"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The Error that a call throws, so that a test can look at its kind and words.
+// Returns the Error that a call throws, so that a test can check its kind and text.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 
 namespace lenticule {
 
-/// Fails the test, and returns an Error of kind Failed, if nothing or something else is thrown.
+/// Fails the test and returns an Error of kind Failed if the call throws nothing or another type.
 template <class Call>
 Error error_of(Call call) {
   try {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// NFF: what each line becomes, and that what is wrong is refused with its line.
+// Tests the meaning of every NFF line, and that errors name their line.
 #include "render/loaders/nff.h"
 
 #include <gmock/gmock.h>
@@ -46,7 +46,7 @@ TEST(Nff, ReadsTheView) {
   EXPECT_EQ(camera.hither, 0.5);
 }
 
-TEST(Nff, AnUpAlongTheViewIsReplacedAndNoted) {
+TEST(Nff, AnUpVectorAlongTheViewIsReplacedAndReported) {
   const SceneDescription scene =
       parse("v from 0 0 5 at 0 0 0 up 0 0 1 angle 30 hither 1 resolution 1 1\n" + kBall);
   EXPECT_NEAR(scene.cameras[0].up.z, 0.0, 1e-12);
@@ -54,7 +54,7 @@ TEST(Nff, AnUpAlongTheViewIsReplacedAndNoted) {
   EXPECT_THAT(scene.notes, Contains(HasSubstr("line 1")));
 }
 
-TEST(Nff, TakesColoursAsTheyAre) {
+TEST(Nff, KeepsColoursUnchanged) {
   const SceneDescription scene = parse("b 0.1 0.2 0.3\nf 0.4 0.5 0.6 0.7 0.2 33 0.1 1.5\n" + kBall);
   EXPECT_FALSE(scene.colour_managed);
   EXPECT_EQ(scene.background, (Vec3{0.1, 0.2, 0.3}));
@@ -103,7 +103,7 @@ TEST(Nff, AConeAndACylinderKeepTheirEnds) {
 }
 
 TEST(Nff, AConcavePolygonIsNotFanned) {
-  // An arrow head: the fan from its first corner would cover the notch.
+  // An arrow head: a fan from the first corner would cover the notch.
   const SceneDescription scene = parse("p 4\n-1 0 0  0 0.5 0  1 0 0  0 3 0\n");
   const TriangleMesh& mesh = scene.meshes.at(0);
   double area = 0.0;
@@ -134,14 +134,14 @@ TEST(Nff, RepeatedFillsShareOneMaterialAndOneMesh) {
   EXPECT_THAT(scene.meshes[0].triangles, SizeIs(50));
 }
 
-TEST(Nff, AnyWhitespaceAndCommentsAnywhere) {
+TEST(Nff, AcceptsWhitespaceAndCommentsAnywhere) {
   const SceneDescription scene =
       parse("# first\r\ns\t1\r\n2 # a comment\n\n   3\f+4e0#end\n#last, without a line feed");
   EXPECT_EQ(scene.spheres[0].centre, (Vec3{1, 2, 3}));
   EXPECT_EQ(scene.spheres[0].radius, 4.0);
 }
 
-/// Everything that a scene is, as one text.
+/// Returns every property of a scene as one text.
 std::string summary(const SceneDescription& scene) {
   std::ostringstream out;
   const auto vector = [&](Vec3 v) { out << v.x << ' ' << v.y << ' ' << v.z << "; "; };
@@ -182,9 +182,9 @@ std::string replaced(std::string text, const std::string& what, const std::strin
   return text;
 }
 
-// The databases' generators, their ports and people's editors do not agree on the white space, on
-// how a number looks, or on where a comment may stand.
-TEST(Nff, TheSameSceneInEveryHandwritingIsTheSameScene) {
+// The databases' generators, their ports and editors differ in white space, number formats and the
+// position of comments.
+TEST(Nff, EveryFormattingOfAFileGivesTheSameScene) {
   const std::string plain =
       "v\nfrom 2 0.5 -0.25\nat 0 0 0\nup 0 0 1\nangle 45\nhither 0.001\nresolution 512 512\n"
       "b 0.078 0.361 0.753\n"
@@ -214,13 +214,13 @@ TEST(Nff, TheSameSceneInEveryHandwritingIsTheSameScene) {
   for (const auto& [name, text] : hands) EXPECT_EQ(summary(parse(text)), expected) << name;
 }
 
-TEST(Nff, LinesAreCountedWhateverEndsThem) {
+TEST(Nff, CountsLinesForEveryLineEnding) {
   for (const char* end : {"\n", "\r\n", "\r"})
     EXPECT_THAT(refusal(replaced("s 0 0 0 1\n# two\n\nq\n", "\n", end)),
                 StartsWith("scene.nff:4: unknown line 'q'"));
 }
 
-TEST(Nff, WhatShowsNothingIsDroppedAndNoted) {
+TEST(Nff, InvisiblePrimitivesAreDroppedAndReported) {
   const SceneDescription scene =
       parse(kBall + "s 0 0 0 0\nc 0 0 0 1 0 0 0 1\np 3\n0 0 0 1 1 1 2 2 2\n");
   EXPECT_THAT(scene.spheres, SizeIs(1));

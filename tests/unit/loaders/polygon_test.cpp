@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Polygons into triangles: the shapes that fans and careless ear clipping get wrong.
+// Tests the triangulation of polygons that fans and naive ear clipping get wrong.
 #include "render/loaders/polygon.h"
 
 #include <gmock/gmock.h>
@@ -18,7 +18,8 @@ double area(const std::vector<Vec3>& corners, const Triangulation& cut) {
   return sum;
 }
 
-/// Sum of signed areas along the polygon's normal: equal to area() only if no triangle is flipped.
+/// Returns the sum of signed areas along the polygon's normal; equal to area() only if no triangle
+/// is flipped.
 double signed_area(const std::vector<Vec3>& corners, const Triangulation& cut) {
   const Vec3 normal = normalized(polygon_area_vector(corners));
   double sum = 0.0;
@@ -58,7 +59,7 @@ TEST(Polygon, AHoleJoinedByADoubleEdgeStaysOpen) {
   expect_covered(corners, 12.0);
 }
 
-TEST(Polygon, StraightAndRepeatedCornersDoNoHarm) {
+TEST(Polygon, AcceptsCollinearAndRepeatedCorners) {
   expect_covered({{0, 0, 0},
                   {1, 0, 0},
                   {1, 0, 0},
@@ -98,7 +99,7 @@ TEST(Polygon, LiesInAnyPlaneAtAnyScale) {
   }
 }
 
-TEST(Polygon, OneWithoutAnAreaGivesNothing) {
+TEST(Polygon, WithoutAnAreaGivesNoTriangles) {
   EXPECT_THAT(triangulate(std::vector<Vec3>{}).triangles, ::testing::IsEmpty());
   EXPECT_THAT(triangulate(std::vector<Vec3>{{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}).triangles,
               ::testing::IsEmpty());
@@ -106,7 +107,7 @@ TEST(Polygon, OneWithoutAnAreaGivesNothing) {
               ::testing::IsEmpty());
 }
 
-TEST(Polygon, ACrossedOutlineEndsAndIsReported) {
+TEST(Polygon, ASelfIntersectingOutlineTerminatesAndIsReported) {
   // A pentagram with unequal arms: its outline crosses itself five times.
   std::vector<Vec3> corners;
   for (int i = 0; i < 5; ++i) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stage: which way up, how large, how deep, and that it survives any scale and place.
+// Tests the stage: orientation, size and depth, at any scale and place of the scene.
 #include "render/scene/stage.h"
 
 #include <gmock/gmock.h>
@@ -17,7 +17,8 @@ namespace {
 constexpr double kWidth = 600.0;
 constexpr double kHeight = 300.0;
 
-/// 600 x 300 mm, seen from 700 mm; the depth of field follows from the gap.
+/// Returns a panel of 600 x 300 mm, seen from `distance_mm`; the depth of field follows from the
+/// gap.
 optics::OpticalModel model(double gap_mm = 2.0, double distance_mm = 700.0) {
   optics::Rig rig;
   rig.panel.width_px = 6000;
@@ -37,7 +38,7 @@ TriangleMesh quad(Vec3 a, Vec3 b, Vec3 c, Vec3 d) {
   return mesh;
 }
 
-/// A square across the view at depth z, half a unit to each side.
+/// Returns a square across the view at depth z, half a unit to each side.
 TriangleMesh card(double z) {
   return quad({-0.5, -0.5, z}, {0.5, -0.5, z}, {0.5, 0.5, z}, {-0.5, 0.5, z});
 }
@@ -75,16 +76,16 @@ TEST(StageBounds, CoverSpheresConesAndUsedVertices) {
   cone.apex_radius = 1.0;
   scene.cones = {cone};
   scene.meshes = {card(-1)};
-  scene.meshes[0].positions.push_back({999, 999, 999});  // of no triangle
+  scene.meshes[0].positions.push_back({999, 999, 999});  // not used by any triangle
   const Bounds b = scene_bounds(scene);
   expect_near(b.low, {-3, -3, -2});
   expect_near(b.high, {12, 3, 5});
 }
 
-TEST(StageWithoutACamera, PutsTheMiddleOnTheGlassAndFitsTheBounds) {
+TEST(StageWithoutACamera, CentresTheSceneOnThePanelAndFitsTheBounds) {
   const Stage stage = make_stage(ball_scene({3, 4, 5}, 2.0), model());
   expect_near(stage.panel_from_world.point({3, 4, 5}), {0, 0, 0});
-  // 0.9 of the height for a diameter of 4.
+  // The ball has a diameter of 4 and covers 0.9 of the height.
   EXPECT_NEAR(stage.mm_per_unit, 0.9 * kHeight / 4.0, 1e-9);
   const Vec3 top = stage.panel_from_world.point({3, 6, 5});
   expect_near(top, {0, 0.45 * kHeight, 0}, 1e-9);
@@ -97,7 +98,7 @@ TEST(StageWithoutACamera, FitsWhicheverSideIsTighter) {
   EXPECT_NEAR(make_stage(scene, model()).mm_per_unit, 0.9 * kWidth / 10.0, 1e-9);
 }
 
-TEST(StageWithoutACamera, ShrinksTheDepthOnlyAsFarAsTheBudgetAsks) {
+TEST(StageWithoutACamera, ShrinksTheDepthOnlyToTheBudget) {
   const optics::OpticalModel rig = model();
   const Stage deep = make_stage(ball_scene(), rig);
   EXPECT_LT(deep.depth_scale, 1.0);
@@ -113,7 +114,7 @@ TEST(StageWithoutACamera, ShrinksTheDepthOnlyAsFarAsTheBudgetAsks) {
 }
 
 TEST(StageWithoutACamera, NothingComesNearerThanHalfwayToTheEye) {
-  // A sheet this thick resolves all depths: only the eye limits the scene.
+  // A sheet this thick resolves all depths, so that only the eye limits the scene.
   const Stage stage = make_stage(ball_scene(), model(90.0, 100.0));
   EXPECT_GT(stage.depth_of_field_mm, 700.0);
   EXPECT_NEAR(stage.near_mm, 50.0, 1e-9);
@@ -124,7 +125,7 @@ TEST(StageWithoutACamera, NothingComesNearerThanHalfwayToTheEye) {
 
 TEST(StageWithACamera, ItsAxesBecomeThePanels) {
   SceneDescription scene = ball_scene();
-  // Looks along world -x with z up: right is world +y.
+  // The camera looks along world -x with z up: right is world +y.
   scene.cameras = {camera({10, 0, 0}, {0, 0, 0}, {0, 0, 1}, 40)};
   const Stage stage = make_stage(scene, model());
   const double s = stage.mm_per_unit;
@@ -148,12 +149,12 @@ TEST(StageWithACamera, AHorizonDoesNotFlattenTheScene) {
   scene.meshes = {quad({-1e6, -1, 1e6}, {1e6, -1, 1e6}, {1e6, -1, -1e6}, {-1e6, -1, -1e6})};
   const Stage stage = make_stage(scene, model());
   EXPECT_LT(stage.depth_scale, alone);
-  // Twice the distance behind the glass counts, not a million.
+  // The depth is limited to twice the distance behind the panel, not a million.
   const double reach = 2.0 * std::hypot(1.0, 10.0) * stage.mm_per_unit;
   EXPECT_NEAR(stage.depth_scale, stage.depth_of_field_mm / reach, 1e-3 * stage.depth_scale);
 }
 
-TEST(StageWithACamera, WhatItDoesNotSeeDoesNotCount) {
+TEST(StageWithACamera, IgnoresGeometryOutsideItsView) {
   SceneDescription scene = ball_scene();
   scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
   const double alone = make_stage(scene, model()).depth_scale;
@@ -173,7 +174,7 @@ TEST(StageWithACamera, TheWallBehindItIsNotShown) {
   EXPECT_NEAR(stage.near_mm, 9.0 * stage.mm_per_unit * stage.depth_scale, 1e-9);
 }
 
-TEST(StageOptions, OverrideWhatIsChosen) {
+TEST(StageOptions, OverrideAutomaticChoices) {
   SceneDescription scene = ball_scene();
   scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
   const Stage stage = make_stage(
@@ -182,16 +183,15 @@ TEST(StageOptions, OverrideWhatIsChosen) {
   expect_near(stage.panel_from_world.point({2, 2, 4}), {25, 0, 12.5});
 }
 
-TEST(StageOptions, ATurnBringsTheSidesToTheFront) {
-  // A quarter turn about the vertical takes world +x to the viewer's... back: seen from above the
-  // scene turns anticlockwise.
+TEST(StageOptions, ARotationBringsTheSidesToTheFront) {
+  // A quarter turn about the vertical: seen from above the scene turns anticlockwise.
   const Stage stage = make_stage(ball_scene(), model(), {.depth_scale = 1.0, .turn_degrees = 90});
   const double s = stage.mm_per_unit;
   expect_near(stage.panel_from_world.point({1, 0, 0}), {0, 0, -s});
   expect_near(stage.panel_from_world.point({0, 0, 1}), {s, 0, 0});
 }
 
-TEST(StageOptions, NonsenseIsAUsageError) {
+TEST(StageOptions, InvalidValuesAreUsageErrors) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const StageOptions& options :
        {StageOptions{.centre = Vec3{nan, 0, 0}}, StageOptions{.mm_per_unit = 0.0},
@@ -202,14 +202,14 @@ TEST(StageOptions, NonsenseIsAUsageError) {
               ErrorKind::Usage);
 }
 
-TEST(Stage, ItsTwoMapsUndoEachOtherAtAnyScaleAndPlace) {
+TEST(Stage, ItsTwoMapsAreInverseAtAnyScaleAndPlace) {
   for (const double radius : {1e-6, 1.0, 1e6}) {
     for (const double offset : {0.0, 1e7}) {
       const Vec3 centre{offset, -offset, offset / 2};
       const Stage stage = make_stage(ball_scene(centre, radius), model());
       for (const Vec3 mm : {Vec3{}, Vec3{100, 50, 5}, Vec3{-300, 150, -20}}) {
         const Vec3 back = stage.panel_from_world.point(stage.world_from_panel.point(mm));
-        // A double near 1e7 resolves 2e-9: for a scene a millionth in size that is 0.3 mm.
+        // A double near 1e7 resolves 2e-9, which is 0.3 mm in a scene a millionth in size.
         const double resolution = 1e-15 * std::max(offset, radius) * stage.mm_per_unit;
         expect_near(back, mm, 1e-9 + 10.0 * resolution);
       }
@@ -217,7 +217,7 @@ TEST(Stage, ItsTwoMapsUndoEachOtherAtAnyScaleAndPlace) {
   }
 }
 
-TEST(Stage, ASceneWithNothingInItIsAnInputError) {
+TEST(Stage, AnEmptySceneIsAnInputError) {
   SceneDescription nothing;
   nothing.source = "void.nff";
   const Error error = error_of([&] { (void)make_stage(nothing, model()); });

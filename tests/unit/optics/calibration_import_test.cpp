@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is refused; what the numbers become is in tests/property/optics.
+// Tests refused calibrations; tests/property/optics covers the meaning of the numbers.
 #include "optics/calibration_import.h"
 
 #include <gtest/gtest.h>
@@ -67,7 +67,7 @@ TEST(VisualJson, RefusesBadCells) {
   const std::string good =
       R"([{"ROffsetX":0,"ROffsetY":0,"GOffsetX":0,"GOffsetY":0,"BOffsetX":0,"BOffsetY":0}])";
   EXPECT_EQ(visual_complaint(cells(good, "0")), "");
-  EXPECT_EQ(visual_complaint(cells("[]", "0")), "");  // none: stripes
+  EXPECT_EQ(visual_complaint(cells("[]", "0")), "");  // no cells: stripes
   EXPECT_EQ(visual_complaint(cells(good, "5")), "a.json: CellPatternMode: not one of 0 to 4");
   EXPECT_EQ(visual_complaint(cells(good, "-1")), "a.json: CellPatternMode: not one of 0 to 4");
   EXPECT_NE(visual_complaint(cells("[1]", "0")), "");
@@ -75,7 +75,7 @@ TEST(VisualJson, RefusesBadCells) {
   EXPECT_NE(visual_complaint(cells(with(good, "\"GOffsetX\":0", "\"GOffsetX\":7"), "0")), "");
 }
 
-TEST(VisualJson, RefusesPicturesThatAreToBeMirrored) {
+TEST(VisualJson, RefusesMirroredPictures) {
   const auto flipped = [](const std::string& more) {
     return visual_complaint(with(kVisual, R"("invView")", more + R"(, "invView")"));
   };
@@ -86,10 +86,11 @@ TEST(VisualJson, RefusesPicturesThatAreToBeMirrored) {
       R"("subpixelCells": [{"ROffsetX": -0.3, "ROffsetY": 0, "GOffsetX": 0, "GOffsetY": 0,
          "BOffsetX": 0.3, "BOffsetY": 0}])";
   EXPECT_EQ(flipped(cells), "");
-  EXPECT_EQ(flipped(cells + R"(, "flipSubp": 1)"), "");  // cells say where red and blue are
+  EXPECT_EQ(flipped(cells + R"(, "flipSubp": 1)"),
+            "");  // the cells state the places of red and blue
 }
 
-TEST(VisualJson, RefusesWhatIsNotJson) {
+TEST(VisualJson, RefusesInvalidJson) {
   for (const char* text : {"", "[", "[]", "3", "\"x\"", "{\"pitch\":", "\xFF\xFE"}) {
     EXPECT_EQ(visual_complaint(text).rfind("a.json: ", 0), 0u) << text;
   }

@@ -38,7 +38,7 @@ uint8_t pixel(const RgbPicture& picture, int u, int v, int c) {
   return picture.pixels[static_cast<size_t>(3 * (v * picture.width + u) + c)];
 }
 
-TEST(EyePicture, IsHalfThePanelUnlessToldOtherwise) {
+TEST(EyePicture, IsHalfThePanelsSizeByDefault) {
   const OpticalModel model(test::upright_rig());
   const Frame frame(model.rig().panel);
   const RgbPicture half = simulate_eye(model, frame.view(), {0, 0, kInfinity});
@@ -84,8 +84,8 @@ TEST(EyePicture, KeepsEveryGreyLevelOfAFlatFrame) {
 }
 
 TEST(EyePicture, MixesInLinearLight) {
-  // An eye between two views, a wide spot: black and white in equal parts are half the light, which
-  // is code 188, not 128.
+  // An eye between two views with a wide spot: equal parts of black and white are half the light,
+  // which is code 188, not 128.
   Rig rig = test::upright_rig();
   rig.sheet.spot_sigma = Lenses(0.3);
   const OpticalModel model(rig);
@@ -104,7 +104,7 @@ TEST(EyePicture, IsBlackWhereTheEyeLooksPastThePanel) {
   const OpticalModel model(test::upright_rig());
   Frame frame(model.rig().panel);
   std::fill(frame.pixels.begin(), frame.pixels.end(), uint8_t{200});
-  // Far to the right, so the left lenses show what is left of the panel.
+  // Far to the right, where the left lenses show the area left of the panel.
   const RgbPicture seen = simulate_eye(model, frame.view(), {1.0, 0, kInfinity});
   EXPECT_EQ(pixel(seen, 0, 20, 1), 0);
   EXPECT_EQ(pixel(seen, 255, 20, 1), 200);
@@ -146,7 +146,7 @@ TEST(SeenColumn, HasThePhaseNearestToTheLens) {
     for (int i = 0; i < std::min(width, 3000); ++i) {
       if (off(i) < off(best)) best = i;
     }
-    if (best == 2999) continue;  // the lens is further right than this search went
+    if (best == 2999) continue;  // the lens is further right than the search range
     ASSERT_GE(found, 0);
     ASSERT_LE(off(found), off(best) + 1e-12);
   }

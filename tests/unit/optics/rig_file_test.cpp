@@ -40,7 +40,7 @@ std::string with(std::string text, const std::string& from, const std::string& t
   return text.replace(at, from.size(), to);
 }
 
-/// What is said about a text, remedy included; empty if it is accepted.
+/// Returns the error for a text, remedy included; empty if the text is accepted.
 std::string complaint(const std::string& text) {
   try {
     (void)parse_rig(text, "a.toml");
@@ -137,7 +137,7 @@ struct BadText {
 };
 class RigFileComplaint : public ::testing::TestWithParam<BadText> {};
 
-TEST_P(RigFileComplaint, StartsWithTheLine) {
+TEST_P(RigFileComplaint, BeginsWithTheLineNumber) {
   const BadText& bad = GetParam();
   const std::string said = complaint(with(kSmall, bad.from, bad.to));
   EXPECT_EQ(said.rfind(bad.says, 0), 0u) << said;
@@ -171,7 +171,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadText{"name = \"small\"", "name = 5", "a.toml:2: 'name' is not text"},
         BadText{"500", "inf\n[identity]\nproduct = -1", "a.toml:15: 'identity.product'"}));
 
-TEST(RigFile, SaysThatAFormatIsMissing) {
+TEST(RigFile, ReportsAMissingFormat) {
   EXPECT_EQ(complaint("x = 1\n").rfind("a.toml:1: ", 0), 0u);
   EXPECT_EQ(complaint("").rfind("a.toml:1: no key 'format'", 0), 0u);
 }
@@ -180,7 +180,7 @@ TEST(RigFile, SurvivesDeepNesting) {
   EXPECT_EQ(complaint("x = " + std::string(100000, '[')).rfind("a.toml:1: ", 0), 0u);
 }
 
-TEST(RigFile, ReadsBackWhatItWroteBitForBit) {
+TEST(RigFile, SurvivesARoundTripBitForBit) {
   std::mt19937_64 random(2024);
   for (int r = 0; r < 400; ++r) {
     Rig rig = test::random_rig(random);
@@ -196,7 +196,7 @@ TEST(RigFile, ReadsBackWhatItWroteBitForBit) {
   }
 }
 
-TEST(RigFile, OfEverySampleRigIsValid) {
+TEST(RigFile, IsValidForEverySampleRig) {
   int rigs = 0;
   for (const auto& entry : fs::directory_iterator(fs::path(LENTICULE_SOURCE_DIR) / "scenes/rigs")) {
     EXPECT_NO_THROW((void)load_rig(entry.path())) << entry.path();
@@ -205,7 +205,7 @@ TEST(RigFile, OfEverySampleRigIsValid) {
   EXPECT_GE(rigs, 4);
 }
 
-TEST(RigFile, IsReplacedWholeAndLeavesNothingBehind) {
+TEST(RigFile, IsReplacedAtomicallyWithoutLeftovers) {
   const TemporaryFolder folder;
   const fs::path file = folder.path() / "rig.toml";
   save_rig(test::kiosk_rig(), file);
@@ -214,7 +214,7 @@ TEST(RigFile, IsReplacedWholeAndLeavesNothingBehind) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder.path()), {}), 1);
 }
 
-TEST(RigFile, LeavesTheOldOneWhenItCannotBeWritten) {
+TEST(RigFile, KeepsTheOldOneWhenItCannotBeWritten) {
   const TemporaryFolder folder;
   const fs::path target = folder.path() / "rig.toml";
   fs::create_directories(target / "occupied");  // a rename onto a folder with content fails
@@ -243,7 +243,7 @@ TEST(RigFile, ThatCannotBeReadIsAnInputError) {
   EXPECT_EQ(kind_of(folder.path()), ErrorKind::Input);
   const fs::path pipe = folder.path() / "pipe";
   ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
-  EXPECT_EQ(kind_of(pipe), ErrorKind::Input);  // and does not wait for a writer
+  EXPECT_EQ(kind_of(pipe), ErrorKind::Input);  // reading does not wait for a writer
   const fs::path large = folder.path() / "large.toml";
   std::ofstream(large) << std::string((16u << 20) + 1, '#');
   EXPECT_EQ(kind_of(large), ErrorKind::Input);

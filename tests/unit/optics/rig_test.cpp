@@ -24,7 +24,7 @@ struct BadRig {
 
 class RigWithAProblem : public ::testing::TestWithParam<BadRig> {};
 
-TEST_P(RigWithAProblem, IsNamedByItsKey) {
+TEST_P(RigWithAProblem, IsReportedByItsKey) {
   Rig rig = test::kiosk_rig();
   GetParam().spoil(rig);
   const auto problem = find_problem(rig);
@@ -122,7 +122,7 @@ TEST(Fingerprint, IsTheSameOnEveryMachine) {
   EXPECT_EQ(fingerprint(test::upright_rig()), "a92153edfbbe967c");
 }
 
-TEST(Fingerprint, IgnoresWhatDoesNotChangePixels) {
+TEST(Fingerprint, IgnoresValuesThatDoNotChangePixels) {
   Rig rig = test::kiosk_rig();
   const std::string before = fingerprint(rig);
   rig.name = "another name";
@@ -132,7 +132,7 @@ TEST(Fingerprint, IgnoresWhatDoesNotChangePixels) {
   EXPECT_EQ(fingerprint(rig), before);
 }
 
-TEST(Fingerprint, ChangesWithEverythingThatChangesPixels) {
+TEST(Fingerprint, ChangesWithEveryValueThatChangesPixels) {
   const std::string before = fingerprint(test::kiosk_rig());
   const std::vector<std::function<void(Rig&)>> changes = {
       [](Rig& r) { r.panel.width_px += 1; },

@@ -24,7 +24,7 @@ bool same_bits(const RowRays& a, const RowRays& b) {
          same_bits(a.place, b.place);
 }
 
-/// For what this machine lacks, the best below it runs.
+/// A set that the machine lacks is replaced by the best below it.
 TEST(RowRays, AreTheSameBitsForEveryInstructionSet) {
   std::mt19937_64 random(77);
   for (int r = 0; r < 60; ++r) {
@@ -83,14 +83,14 @@ TEST(RowRays, DoNotAllocateOnceTheyHaveTheirSize) {
   }
 }
 
-TEST(RowRays, OfAnEmptyRangeAreNone) {
+TEST(RowRays, AreEmptyForAnEmptyRange) {
   const RowRayEvaluator evaluator{OpticalModel(test::kiosk_rig())};
   RowRays rays;
   evaluator.evaluate(0, 5, 5, rays);
   EXPECT_EQ(rays.size(), 0u);
 }
 
-TEST(RowPhases, AreTheModels) {
+TEST(RowPhases, AgreeWithTheModel) {
   std::mt19937_64 random(80);
   std::vector<double> phase;
   for (int r = 0; r < 60; ++r) {
@@ -106,7 +106,7 @@ TEST(RowPhases, AreTheModels) {
   }
 }
 
-/// Sets LENTICULE_ISA and puts the old value back.
+/// Sets LENTICULE_ISA and restores the old value at the end.
 class IsaWish {
  public:
   explicit IsaWish(const char* wish) {
@@ -121,7 +121,7 @@ class IsaWish {
   std::string old_;
 };
 
-TEST(RowPhases, AreTheModelsMuchNearerThanTheSheetIsThick) {
+TEST(RowPhases, AgreeWithTheModelCloseToTheSheet) {
   Rig rig = test::kiosk_rig();
   rig.sheet.channel_offset = {Subpixels(0.1), Subpixels(-0.2), Subpixels(0.3)};
   const OpticalModel model(rig);
@@ -134,7 +134,7 @@ TEST(RowPhases, AreTheModelsMuchNearerThanTheSheetIsThick) {
       const Vec2 at = rig.panel.subpixel_centre_px(s / 3, 700, s % 3);
       const double phase = model.phase(at.x, at.y, s % 3, eye);
       ASSERT_NEAR(row[static_cast<size_t>(s - 3000)], phase, 1e-9) << z_mm;
-      // A point of the glass without a colour's offset is where that colour seems to sit.
+      // A panel point without the colour's offset is the apparent place of that colour.
       const double x = at.x + rig.sheet.channel_offset[static_cast<size_t>(s % 3)].value / 3.0;
       double alone = 0.0;
       evaluator.evaluate_points({&x, 1}, {&at.y, 1}, {&alone, 1});
@@ -147,12 +147,12 @@ TEST(RowPhases, AreTheModelsMuchNearerThanTheSheetIsThick) {
   }
 }
 
-TEST(BestIsa, CanBeAskedForLess) {
+TEST(BestIsa, CanBeLimited) {
   const IsaWish wish("baseline");
   EXPECT_EQ(best_isa(), Isa::Baseline);
 }
 
-TEST(BestIsa, IsNeverMoreThanTheMachineCan) {
+TEST(BestIsa, NeverExceedsTheMachine) {
   const IsaWish wish("avx512");
   EXPECT_TRUE(isa_supported(best_isa()));
 }
@@ -162,7 +162,7 @@ TEST(BestIsa, RefusesUnknownNames) {
   EXPECT_THROW((void)best_isa(), Error);
 }
 
-TEST(SelectKernel, GivesWhatIsAskedForOrTheBestBelowItThatTheMachineHas) {
+TEST(SelectKernel, ReturnsTheRequestedKernelOrTheBestSupportedBelowIt) {
   const int baseline = 0, avx2 = 1, avx512 = 2;
   const auto selected = [&](Isa isa) { return select_kernel(isa, baseline, avx2, avx512); };
   const int best = isa_supported(Isa::Avx512) ? avx512 : isa_supported(Isa::Avx2) ? avx2 : baseline;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The guard in front of the TOML parser: letters outside ASCII only in texts and comments.
+// Tests the check before the TOML parser: characters outside ASCII are allowed only in strings and
+// comments.
 #include "optics/toml_text.h"
 
 #include <gmock/gmock.h>
@@ -10,7 +11,7 @@
 namespace lenticule::optics {
 namespace {
 
-TEST(TomlLetters, BelongIntoTextsAndComments) {
+TEST(TomlLetters, AreAllowedInStringsAndComments) {
   for (const char* good : {"", "\xEF\xBB\xBF# byte order mark\na = 1\n",
                            "# K\xC3\xBC"
                            "che\n",
@@ -26,7 +27,7 @@ TEST(TomlLetters, BelongIntoTextsAndComments) {
     EXPECT_EQ(stray_letter_line(good), std::nullopt) << good;
 }
 
-TEST(TomlLetters, AreFoundElsewhereWithTheirLine) {
+TEST(TomlLetters, AreReportedElsewhereWithTheirLine) {
   const auto at = [](const char* text) { return stray_letter_line(text).value_or(0); };
   EXPECT_EQ(at("\xC3\xA4 = 1\n"), 1);
   EXPECT_EQ(at("\n\n[\xC3\xA4]\n"), 3);
@@ -37,7 +38,7 @@ TEST(TomlLetters, AreFoundElsewhereWithTheirLine) {
   EXPECT_EQ(at("a = \"no end\n\xC3\xA4 = 1\n"), 2);
 }
 
-TEST(TomlLetters, AreRefusedByTheReaderAndKeptInTexts) {
+TEST(TomlLetters, AreRefusedByTheReaderAndKeptInStrings) {
   try {
     static_cast<void>(parse_toml("a = 1\n\xC6\x8D = 2\n", "rig.toml"));
     FAIL();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trims: beside the rig, never in it; small, whole, and taken by everybody who asks for the rig.
+// Tests trims: stored beside the rig, limited in size, and applied by every load of the rig.
 #include "optics/trim.h"
 
 #include <gmock/gmock.h>
@@ -56,7 +56,7 @@ TEST(Trim, LiesBesideItsRig) {
   EXPECT_FALSE(is_trim_file("a/kiosk.toml"));
 }
 
-TEST(Trim, MovesThePhaseByWhatItSaysAndLeavesTheMiddle) {
+TEST(Trim, MovesThePhaseByItsOffsetAndKeepsTheCentre) {
   const Rig rig = test::kiosk_rig();
   const OpticalModel before(rig), after(trimmed(rig, {Lenses(0.25), 1e-4}));
   const double x = rig.panel.width_px / 2.0, y = rig.panel.height_px / 2.0;
@@ -67,7 +67,7 @@ TEST(Trim, MovesThePhaseByWhatItSaysAndLeavesTheMiddle) {
   EXPECT_NE(fingerprint(after.rig()), fingerprint(rig));
 }
 
-TEST(Trim, StepsBackAndForthEndWhereTheyBegan) {
+TEST(Trim, StepsBackAndForthCancelExactly) {
   Trim trim;
   for (int n = 0; n < 10; ++n) trim = changed_by(trim, 0.01, 1e-5);
   EXPECT_EQ(trim, (Trim{Lenses(0.1), 1e-4}));
@@ -93,7 +93,7 @@ TEST(RigIdentity, KeepsTheCalibrationThroughATrim) {
               HasSubstr("+0.02 lens and -1e-05 of the pitch"));
 }
 
-TEST(RigIdentity, OfAnotherCalibrationMatchesWithNoTrim) {
+TEST(RigIdentity, OfAnotherCalibrationNeverMatches) {
   Rig other = test::kiosk_rig();
   other.sheet.gap = other.sheet.gap * 1.01;
   const Trim trim{Lenses(0.01), 0.0};
@@ -112,7 +112,7 @@ TEST(RigIdentity, IsReadFromItsText) {
   }
 }
 
-TEST(RigIdentity, AnyOtherTextIsAFingerprintAndNoMore) {
+TEST(RigIdentity, AnyOtherTextIsAPlainFingerprint) {
   const std::string calibration = fingerprint(test::kiosk_rig());
   for (const std::string& text :
        {std::string(), std::string("beef"), "beef trims " + calibration,
@@ -127,7 +127,7 @@ TEST(RigIdentity, AnyOtherTextIsAFingerprintAndNoMore) {
   }
 }
 
-TEST_F(TrimFile, IsReadAsItWasWritten) {
+TEST_F(TrimFile, IsReadBackUnchanged) {
   EXPECT_EQ(load_trimmed_rig(rig_file_), test::kiosk_rig()) << "no file, no trim";
   const Trim trim{Lenses(-0.1234567890123), 3.3e-5};
   save_trim(trim, rig_file_);
@@ -140,7 +140,7 @@ TEST_F(TrimFile, IsReadAsItWasWritten) {
   EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1);
 }
 
-TEST_F(TrimFile, MistakesNameFileAndLine) {
+TEST_F(TrimFile, ErrorsNameFileAndLine) {
   const std::string file = trim_file_of(rig_file_).string();
   EXPECT_THAT(complaint("offset_lenses = 0.1\npitch = 2\n"),
               HasSubstr(file + ":2: unknown key 'pitch'"));
@@ -153,7 +153,7 @@ TEST_F(TrimFile, MistakesNameFileAndLine) {
   EXPECT_THAT(complaint("# nothing\n"), "none");
 }
 
-TEST_F(TrimFile, ThatIsNoFileIsRefusedInsteadOfOverlooked) {
+TEST_F(TrimFile, ThatIsNotAFileIsAnError) {
   fs::create_directory(trim_file_of(rig_file_));
   EXPECT_THROW((void)load_trimmed_rig(rig_file_), Error);
   fs::remove(trim_file_of(rig_file_));
@@ -161,7 +161,7 @@ TEST_F(TrimFile, ThatIsNoFileIsRefusedInsteadOfOverlooked) {
   EXPECT_THROW((void)load_trimmed_rig(rig_file_), Error);
 }
 
-TEST_F(TrimFile, TooMuchIsNotSaved) {
+TEST_F(TrimFile, ValuesOutOfRangeAreNotSaved) {
   EXPECT_THROW(save_trim({Lenses(2.0), 0.0}, rig_file_), Error);
   EXPECT_THROW(save_trim({Lenses(0.0), std::nan("")}, rig_file_), Error);
   EXPECT_FALSE(fs::exists(trim_file_of(rig_file_)));

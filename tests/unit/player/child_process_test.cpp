@@ -28,17 +28,17 @@ TEST(ChildProcess, IsEndedAtItsLimit) {
   EXPECT_EQ(result.exit_code, -1);
 }
 
-TEST(ChildProcess, HasNothingToRead) {
+TEST(ChildProcess, HasAnEmptyStandardInput) {
   EXPECT_EQ(shell("cat").output, "");
 }
 
-TEST(ChildProcess, KeepsTheEndOfAFlood) {
+TEST(ChildProcess, KeepsTheEndOfLongOutput) {
   const ChildResult result = shell("head -c 20000000 /dev/zero; echo the end");
   EXPECT_THAT(result.output, ::testing::EndsWith("the end\n"));
   EXPECT_LT(result.output.size(), 10'000'000U);
 }
 
-TEST(ChildProcess, ThatIsNotThereIsAnError) {
+TEST(ChildProcess, MissingProgramIsAnError) {
   EXPECT_THROW((void)run_child({"/nowhere/program"}, seconds(1)), Error);
 }
 

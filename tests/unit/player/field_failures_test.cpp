@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Failures that players of other people shipped, as their users saw them: each is played from the
-// source to the glass.
+// Tests that failures known from other players do not occur here; each test plays from a source
+// through the player to the panel.
 #include <gmock/gmock.h>
 
 #include <cerrno>
@@ -26,7 +26,7 @@ using testing::make_mode;
 
 class FieldFailures : public testing::GlassStage {
  protected:
-  /// Plays `frames` frames and expects each of them on the glass, once and in order.
+  /// Plays `frames` frames and expects each of them displayed, once and in order.
   void expect_all_shown(uint64_t frames = 20) {
     script.frames = frames;
     const PlayResult result = play_script();
@@ -48,7 +48,7 @@ class FieldFailures : public testing::GlassStage {
   }
 };
 
-TEST_F(FieldFailures, TheFilmPlaysOnTheDesktopMonitorBecauseItCameFirst) {
+TEST_F(FieldFailures, ShowsTheFilmOnTheRigsPanelAmongSeveralMonitors) {
   card.set_edid(connector->id, EdidMaker{.manufacturer = "DEL", .serial_text = "DESK"}.bytes());
   testing::FakeConnector& panel = card.add_connector(
       DRM_MODE_CONNECTOR_DisplayPort, 1, make_mode(testing::kWidth, testing::kHeight, 60),
@@ -63,7 +63,7 @@ TEST_F(FieldFailures, TheFilmPlaysOnTheDesktopMonitorBecauseItCameFirst) {
   EXPECT_EQ(card.value(third.id, "CRTC_ID"), 0u);
 }
 
-TEST_F(FieldFailures, AnEdidReadWhileThePanelSleptIsKeptForEver) {
+TEST_F(FieldFailures, ReadsTheEdidAgainUntilItIsComplete) {
   auto damaged = EdidMaker{.serial_text = "ONE"}.bytes();
   damaged[60] ^= 0xff;
   for (const auto& asleep : {std::vector<uint8_t>{}, damaged,
@@ -78,16 +78,16 @@ TEST_F(FieldFailures, AnEdidReadWhileThePanelSleptIsKeptForEver) {
   }
 }
 
-TEST_F(FieldFailures, ThePictureFreezesBecauseAFlipEventNeverCame) {
+TEST_F(FieldFailures, PlaysOnWhenFlipEventsAreLost) {
   card.event_faults.assign(20, testing::EventFault::Lose);
   expect_all_shown();
   EXPECT_EQ(show->statistics().flip_timeouts, 20u);
 }
 
-TEST_F(FieldFailures, AfterAPowerCycleThePanelRunsInASmallerMode) {
+TEST_F(FieldFailures, WaitsForThePanelsModeAfterAPowerCycle) {
   const auto modes = connector->modes;
   on_shown = [&](uint64_t id) {
-    if (id == 5) {  // switched off and on: it offers a fallback mode first
+    if (id == 5) {  // after a power cycle the panel offers a fallback mode first
       connector->modes = {make_mode(testing::kWidth / 2, testing::kHeight / 2, 60)};
       connector->connected = false;
       machine.announce_hotplug();
@@ -104,9 +104,9 @@ TEST_F(FieldFailures, AfterAPowerCycleThePanelRunsInASmallerMode) {
   EXPECT_EQ(card.value(card.primary_of(crtc), "CRTC_W"), uint64_t{testing::kWidth});
 }
 
-TEST_F(FieldFailures, HdrAndGammaOfTheProgramBeforeTintThePicture) {
+TEST_F(FieldFailures, ClearsInheritedHdrAndGammaAndRestoresThemAtTheEnd) {
   connector->type = DRM_MODE_CONNECTOR_VIRTUAL;
-  card.driver = "virtio_gpu";  // known to hand frames on as they are
+  card.driver = "virtio_gpu";  // known to pass frames on unchanged
   card.show_console(connector->id, crtc);
   const uint32_t lut = card.add_blob({1, 2, 3});
   for (const char* name : {"GAMMA_LUT", "DEGAMMA_LUT", "CTM"})
@@ -126,7 +126,7 @@ TEST_F(FieldFailures, HdrAndGammaOfTheProgramBeforeTintThePicture) {
   EXPECT_EQ(card.value(connector->id, "Colorspace"), 9u);
 }
 
-TEST_F(FieldFailures, BlackIsGreyBecauseTheLinkRunsInLimitedRange) {
+TEST_F(FieldFailures, SetsTheLinkToFullRange) {
   add_enum(connector->id, "Broadcast RGB", 0,
            {{"Automatic", 0}, {"Full", 1}, {"Limited 16:235", 2}});
   expect_all_shown();
@@ -134,7 +134,7 @@ TEST_F(FieldFailures, BlackIsGreyBecauseTheLinkRunsInLimitedRange) {
   EXPECT_NE(show->exactness().verdict, Verdict::No);
 }
 
-TEST_F(FieldFailures, ALimitedRangeThatCannotBeChangedIsNotSaid) {
+TEST_F(FieldFailures, RefusesOrReportsALimitedRangeThatCannotBeChanged) {
   add_enum(connector->id, "Broadcast RGB", 2, {{"Full", 1}, {"Limited 16:235", 2}}).ignores_writes =
       true;
   EXPECT_THROW(open(), Error) << "refused unless told otherwise";
@@ -145,17 +145,17 @@ TEST_F(FieldFailures, ALimitedRangeThatCannotBeChangedIsNotSaid) {
   EXPECT_FALSE(show->exactness().remedies.empty());
 }
 
-TEST_F(FieldFailures, AnHdmiPanelThatTakesYcbcrIsCalledExact) {
+TEST_F(FieldFailures, ReportsUnknownExactnessForAnHdmiPanelThatAcceptsYcbcr) {
   card.set_edid(connector->id, EdidMaker{.serial_text = "ONE", .ycbcr = true}.bytes());
   expect_all_shown();
   EXPECT_EQ(show->exactness().verdict, Verdict::Unknown);
   EXPECT_THAT(show->exactness().summary(), HasSubstr("YCbCr"));
 }
 
-TEST_F(FieldFailures, TheScalerIsEngagedAndEverySubpixelIsWrong) {
+TEST_F(FieldFailures, ResetsAScaledPlaneLeftByAnotherProgram) {
   card.show_console(connector->id, crtc);
   testing::FakeObject& plane = card.object(card.primary_of(crtc));
-  plane.find("SRC_W")->value = uint64_t{testing::kWidth / 2} << 16;  // whoever was here before
+  plane.find("SRC_W")->value = uint64_t{testing::kWidth / 2} << 16;  // left by the program before
   plane.find("CRTC_X")->value = 3;
   on_shown = [&](uint64_t) {
     EXPECT_EQ(plane.value("SRC_W"), uint64_t{testing::kWidth} << 16);
@@ -168,7 +168,7 @@ TEST_F(FieldFailures, TheScalerIsEngagedAndEverySubpixelIsWrong) {
   expect_all_shown();
 }
 
-TEST_F(FieldFailures, AFilmForASmallPanelIsScaledUpOnALargeOne) {
+TEST_F(FieldFailures, RefusesAPanelLargerThanTheFilm) {
   connector->modes = {make_mode(2 * testing::kWidth, 2 * testing::kHeight, 60)};
   EXPECT_THROW(open(), Error);
   EXPECT_EQ(card.modesets, 0);
@@ -176,7 +176,7 @@ TEST_F(FieldFailures, AFilmForASmallPanelIsScaledUpOnALargeOne) {
 
 class Uptime : public FieldFailures, public ::testing::WithParamInterface<int> {};
 
-TEST_P(Uptime, AfterDaysPhasesTurnIntoNumbersThatAreNone) {
+TEST_P(Uptime, CountsVblanksAndMeasuresRefreshAsAfterAFreshStart) {
   machine.advance_to(hours(24 * GetParam()));
   playing.content = frames::Rate{24, 1};
   script.frames = 24;
@@ -191,7 +191,7 @@ TEST_P(Uptime, AfterDaysPhasesTurnIntoNumbersThatAreNone) {
 
 INSTANTIATE_TEST_SUITE_P(Days, Uptime, ::testing::Values(1, 30, 400, 4000));
 
-TEST_F(FieldFailures, TheLoopHasAGapAndTheLastFrameIsCutShort) {
+TEST_F(FieldFailures, LoopsWithoutAGapAndShowsTheLastFrameInFull) {
   script.frames = 5;
   playing.loops = 200;
   playing.content = frames::Rate{30, 1};
@@ -211,7 +211,7 @@ TEST_F(FieldFailures, TheLoopHasAGapAndTheLastFrameIsCutShort) {
   EXPECT_EQ(result.report.pace.vblanks, 2000u) << "the last frame has its time, too";
 }
 
-TEST_F(FieldFailures, AFrozenRendererTakesThePictureWithIt) {
+TEST_F(FieldFailures, KeepsTheLastFrameWhenTheRendererFreezes) {
   script.frames = 10;
   script.ready_at = [](uint64_t n) { return n < 6 ? seconds(0) : hours(100'000); };
   playing.stall_timeout = seconds(30);
@@ -220,7 +220,7 @@ TEST_F(FieldFailures, AFrozenRendererTakesThePictureWithIt) {
       << "the last whole frame stays";
 }
 
-TEST_F(FieldFailures, AFrozenPlayerLooksAliveToItsWatchdog) {
+TEST_F(FieldFailures, StopsWatchdogPingsWhenNoFrameIsShown) {
   open();
   Heartbeat heartbeat;
   PlayReport report;
@@ -235,15 +235,16 @@ TEST_F(FieldFailures, AFrozenPlayerLooksAliveToItsWatchdog) {
   card.commit_faults = card.flip_faults;
   EXPECT_EQ(submit(2), testing::SubmitStatus::Accepted);
   EXPECT_EQ(wait(seconds(20)).kind, testing::EventKind::Timeout);
-  report.wake.count += 100;  // its thread runs, but no picture comes
+  report.wake.count += 100;  // the thread runs, but displays no picture
   EXPECT_FALSE(beats());
 }
 
-TEST_F(FieldFailures, SomethingSmoothsTheFrameOnItsWayToTheGlass) {
+TEST_F(FieldFailures, ShowsEverySubpixelUnchanged) {
   open();
   display::ScanoutBuffer* buffer = show->acquire();
   ASSERT_NE(buffer, nullptr);
-  frames::WovenFrame frame(testing::kPanel);  // subpixels as different as can be
+  frames::WovenFrame frame(
+      testing::kPanel);  // adjacent subpixels with the largest possible difference
   for (size_t i = 0; i < frame.bytes().size(); ++i)
     frame.bytes()[i] = (i + i / frame.geometry().row_bytes()) % 2 == 0 ? 0 : 255;
   buffer->fill(frame.view());
@@ -252,7 +253,7 @@ TEST_F(FieldFailures, SomethingSmoothsTheFrameOnItsWayToTheGlass) {
   EXPECT_EQ(card.glass(crtc), testing::words_of(frame));
 }
 
-TEST_F(FieldFailures, AFilmWovenForAnotherPanelIsShownAnyway) {
+TEST_F(FieldFailures, RefusesAFilmWovenForAnotherPanel) {
   options.wish.identity.serial = "ANOTHER";
   EXPECT_THROW(open(), Error);
   options.wish.identity.serial = "ONE";
@@ -261,7 +262,7 @@ TEST_F(FieldFailures, AFilmWovenForAnotherPanelIsShownAnyway) {
   EXPECT_TRUE(shown.empty());
 }
 
-TEST_F(FieldFailures, ACablePulledForAMomentNeedsSomebodyToRestartThePlayer) {
+TEST_F(FieldFailures, RecoversWithoutRestartAfterCableIsReplugged) {
   PanelWaitOptions waiting;
   waiting.kms = options;
   PanelWait panel(waiting);

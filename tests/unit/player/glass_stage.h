@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A player on a fake card, from the source to the glass, in simulated time.
+// Runs a player on a fake card, from the source to the panel, in simulated time.
 #pragma once
 
 #include <functional>
@@ -12,14 +12,14 @@
 
 namespace lenticule::testing {
 
-/// What was on the glass, and whether its pixels were those of its frame.
+/// A displayed frame, and whether its pixels were correct.
 struct Shown {
   uint64_t id = 0;
   bool right = false;
   friend bool operator==(const Shown&, const Shown&) = default;
 };
 
-/// Passes everything on, and looks at the glass whenever a flip is reported.
+/// Forwards every call, and reads the scan-out buffer whenever a flip is reported.
 class WatchedDisplay final : public display::Display {
  public:
   WatchedDisplay(display::Display& inner, std::function<void(uint64_t)> on_flip)
@@ -54,7 +54,7 @@ class GlassStage : public KmsStage {
     playing.filling = player::Filling::InPresenter;
   }
 
-  /// Opens the display unless it is, and plays the script on it.
+  /// Opens the display if necessary and plays the script on it.
   player::PlayResult play_script() {
     if (!show) open();
     test::FakeSource source(script);
@@ -67,7 +67,7 @@ class GlassStage : public KmsStage {
     return result;
   }
 
-  /// What was shown, in order; fails where the pixels were not those of the frame.
+  /// Returns the numbers of the displayed frames, in order; fails if the pixels of one were wrong.
   [[nodiscard]] std::vector<uint64_t> ids() const {
     std::vector<uint64_t> result;
     for (const Shown& s : shown) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Trimming while playing: what keys do to the trim, its file and the views on the glass, and that
-// the terminal is given back.
+// Tests trimming while playing: how keys change the trim, its file and the displayed views, and
+// that the terminal is restored.
 #include "player/sources/live_trim.h"
 
 #include <fcntl.h>
@@ -43,7 +43,7 @@ class LiveTrimTest : public testing::Test {
   optics::Rig rig_;
 };
 
-TEST_F(LiveTrimTest, EveryPressIsSavedAndEscapeTakesThemBack) {
+TEST_F(LiveTrimTest, EveryKeyPressIsSavedAndEscapeUndoesAll) {
   optics::save_trim({Lenses(0.5), 0.0}, rig_file_);
   LiveTrim trim(rig_file_);
   const uint64_t version = trim.version();
@@ -58,7 +58,7 @@ TEST_F(LiveTrimTest, EveryPressIsSavedAndEscapeTakesThemBack) {
   EXPECT_EQ(optics::load_trim(rig_file_), (optics::Trim{Lenses(0.5), 0.0}));
 }
 
-TEST_F(LiveTrimTest, OtherKeysMeanNothing) {
+TEST_F(LiveTrimTest, OtherKeysAreIgnored) {
   LiveTrim trim(rig_file_);
   for (const Key key : {Key::Next, Key::Quit, Key::Undo, Key::Restore})
     EXPECT_EQ(trim.press({key}), "");
@@ -66,14 +66,14 @@ TEST_F(LiveTrimTest, OtherKeysMeanNothing) {
   EXPECT_FALSE(fs::exists(optics::trim_file_of(rig_file_)));
 }
 
-TEST_F(LiveTrimTest, WhatIsNoTrimIsNotChanged) {
+TEST_F(LiveTrimTest, TrimStaysWithinItsLimits) {
   LiveTrim trim(rig_file_);
   for (int n = 0; n < 10; ++n) (void)trim.press({Key::Right, Stride::Coarse});
   EXPECT_THAT(trim.press({Key::Right, Stride::Coarse}), HasSubstr("the trim stays"));
   EXPECT_NEAR(optics::load_trim(rig_file_).offset.value, 1.0, 1e-12);
 }
 
-TEST_F(LiveTrimTest, WhatCannotBeSavedHoldsAndIsSavedLater) {
+TEST_F(LiveTrimTest, AnUnsavableTrimIsAppliedAndSavedLater) {
   LiveTrim trim(rig_file_);
   const fs::path away = folder_.string() + "-away";
   fs::rename(folder_, away);
@@ -89,7 +89,7 @@ TEST_F(LiveTrimTest, WhatCannotBeSavedHoldsAndIsSavedLater) {
   EXPECT_EQ(trim.writes().state().reason, "");
 }
 
-TEST_F(LiveTrimTest, FollowsFilesThatSomebodyElseReplaced) {
+TEST_F(LiveTrimTest, FollowsFilesThatAnotherProgramReplaced) {
   LiveTrim trim(rig_file_);
   optics::save_trim({Lenses(0.25), 0.0}, rig_file_);
   trim.follow_files();
@@ -110,7 +110,7 @@ TEST_F(LiveTrimTest, FollowsFilesThatSomebodyElseReplaced) {
 
 class FollowedRigTest : public LiveTrimTest {};
 
-TEST_F(FollowedRigTest, KeepsTheLastGoodRigAndSaysWhy) {
+TEST_F(FollowedRigTest, KeepsTheLastGoodRigAndReportsTheReason) {
   FollowedRig rig(rig_file_);
   EXPECT_EQ(rig.rig(), rig_);
   std::ofstream(rig_file_) << "broken [";
@@ -137,7 +137,7 @@ TEST_F(FollowedRigTest, KeepsTheLastGoodRigAndSaysWhy) {
   EXPECT_THAT(rig.complaint(), HasSubstr("tiny.toml"));
 }
 
-TEST_F(FollowedRigTest, ATrimThatIsNotSavedYetIsFollowed) {
+TEST_F(FollowedRigTest, FollowsATrimThatIsNotSavedYet) {
   const auto trim = std::make_shared<LiveTrim>(rig_file_);
   FollowedRig rig(rig_file_, trim);
   fs::create_directories(optics::trim_file_of(rig_file_) / "in the way");
@@ -147,7 +147,7 @@ TEST_F(FollowedRigTest, ATrimThatIsNotSavedYetIsFollowed) {
   EXPECT_NE(rig.rig(), rig_);
 }
 
-TEST_F(LiveTrimTest, ViewsFollowWhileLentFramesStay) {
+TEST_F(LiveTrimTest, NewViewsFollowTheTrimWhileAcquiredFramesStay) {
   const auto trim = std::make_shared<LiveTrim>(rig_file_);
   ViewsSource source(trim);
   const auto woven_for = [](const optics::Rig& rig) {
@@ -192,7 +192,7 @@ class PseudoTerminal {
   int slave_ = -1;
 };
 
-TEST(RawTerminalTest, IsGivenBackOnEveryWayOut) {
+TEST(RawTerminalTest, IsRestoredOnEveryExitPath) {
   const PseudoTerminal terminal;
   ASSERT_GE(terminal.slave(), 0);
   const tcflag_t before = terminal.local_flags();

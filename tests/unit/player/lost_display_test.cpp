@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The display goes away in mid-playback, and comes back.
+// Tests displays that are lost during playback and come back.
 #include <gmock/gmock.h>
 
 #include <cerrno>
@@ -20,7 +20,7 @@ class LostDisplayTest : public testing::GlassStage {
     playing.bring_back = [this](const LostDisplay& lost) { return replug(lost); };
   }
 
-  /// The card is there again after `away`.
+  /// Reconnects the card after `away`.
   Comeback replug(const LostDisplay& lost) {
     ++losses;
     time_left = lost.time_left;
@@ -43,7 +43,7 @@ class LostDisplayTest : public testing::GlassStage {
   std::optional<Nanoseconds> time_left;
 };
 
-TEST_F(LostDisplayTest, CardPulledOutInMidSequenceGoesOnWhereItWas) {
+TEST_F(LostDisplayTest, ContinuesAtTheSameFrameAfterTheCardReturns) {
   script.frames = 20;
   on_shown = [this](uint64_t id) {
     if (id == 9 && losses == 0) card.unplug();
@@ -51,7 +51,7 @@ TEST_F(LostDisplayTest, CardPulledOutInMidSequenceGoesOnWhereItWas) {
   const PlayResult result = play_script();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
   EXPECT_EQ(losses, 1);
-  // Three buffers: one on the glass, at most two filled ahead go down with the card.
+  // Three buffers: one is displayed, at most two filled ahead are lost with the card.
   EXPECT_THAT(ids(), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11, 12, 13, 14, 15, 16,
                                             17, 18, 19));
   EXPECT_EQ(result.report.display_returns, 1u);
@@ -61,12 +61,12 @@ TEST_F(LostDisplayTest, CardPulledOutInMidSequenceGoesOnWhereItWas) {
   EXPECT_EQ(result.report.pace.underruns, 0u);
 }
 
-TEST_F(LostDisplayTest, TheTimeWithoutADisplayIsHeldVblanks) {
+TEST_F(LostDisplayTest, CountsTheTimeWithoutADisplayAsHeldVblanks) {
   script.frames = 20;
   on_shown = [this](uint64_t id) {
     if (id == 9 && losses == 0) card.unplug();
   };
-  // The count of the card begins anew, as after a reset.
+  // The card's vblank count restarts, as after a reset.
   meanwhile = [this] {
     card.sequence_base = uint64_t{0} - static_cast<uint64_t>(machine.now() / card.period);
   };
@@ -76,7 +76,7 @@ TEST_F(LostDisplayTest, TheTimeWithoutADisplayIsHeldVblanks) {
   EXPECT_NEAR(result.report.refresh_measured_hz, 59.9, 0.5);
 }
 
-TEST_F(LostDisplayTest, AStillPictureIsBackOnTheGlassAlthoughTheSourceIsSilent) {
+TEST_F(LostDisplayTest, ShowsAStillPictureAgainAlthoughTheSourceHasNoNewFrame) {
   script.frames = 1;
   script.can_rewind = false;
   playing.loops = kForever;
@@ -92,7 +92,7 @@ TEST_F(LostDisplayTest, AStillPictureIsBackOnTheGlassAlthoughTheSourceIsSilent) 
   EXPECT_EQ(result.report.frames_lost, 0u);
 }
 
-TEST_F(LostDisplayTest, TheLastFrameGetsItsTimeAfterALoss) {
+TEST_F(LostDisplayTest, ShowsTheLastFrameForItsFullTimeAfterALoss) {
   script.frames = 2;
   playing.content = frames::Rate{1, 1};
   on_shown = [this](uint64_t id) {
@@ -104,7 +104,7 @@ TEST_F(LostDisplayTest, TheLastFrameGetsItsTimeAfterALoss) {
   EXPECT_THAT(ids(), ::testing::ElementsAre(0, 1, 1));
 }
 
-TEST_F(LostDisplayTest, ALossBeforeTheFirstPictureIsNoReasonToWaitForever) {
+TEST_F(LostDisplayTest, ALossBeforeTheFirstPictureDoesNotBlockForever) {
   script.ready_at = [this](uint64_t) {
     return machine.now() < seconds(101) ? seconds(101) : seconds(0);
   };
@@ -115,17 +115,17 @@ TEST_F(LostDisplayTest, ALossBeforeTheFirstPictureIsNoReasonToWaitForever) {
   EXPECT_THAT(ids(), ::testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8, 9));
 }
 
-TEST_F(LostDisplayTest, AFlipThatWasRefusedAsNoDeviceLosesNothingButWhatWasFilled) {
+TEST_F(LostDisplayTest, AFlipRefusedWithEnodevLosesOnlyFilledBuffers) {
   card.flip_faults = {{.error = ENODEV}};
   const PlayResult result = play_script();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
   EXPECT_EQ(losses, 1);
-  // Nothing was on the glass yet: the frames before the newest are lost.
+  // No frame was displayed yet: the frames before the newest are lost.
   EXPECT_EQ(result.report.frames_lost + result.report.pace.shown, 10u);
   EXPECT_EQ(ids().back(), 9u);
 }
 
-TEST_F(LostDisplayTest, AnotherRefreshAfterTheReturnIsPacedAnew) {
+TEST_F(LostDisplayTest, ADifferentRefreshAfterTheReturnRestartsPacing) {
   script.frames = 40;
   playing.content = frames::Rate{30, 1};
   on_shown = [this](uint64_t id) {
@@ -138,12 +138,12 @@ TEST_F(LostDisplayTest, AnotherRefreshAfterTheReturnIsPacedAnew) {
   const PlayResult result = play_script();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
   EXPECT_NEAR(result.report.refresh.hertz(), 120, 2);
-  // 10 frames of 2 vblanks, then 29 or so of 4.
+  // 10 frames of 2 vblanks, then about 29 of 4.
   EXPECT_EQ(result.report.pace.missed, 0u);
   EXPECT_GE(result.report.pace.repeated_planned, 9u + 28u * 3u);
 }
 
-TEST_F(LostDisplayTest, AThirtiethLossIsAsGoodAsTheFirst) {
+TEST_F(LostDisplayTest, RecoversFromThirtyLosses) {
   script.frames = 5;
   playing.loops = 100;
   on_shown = [this](uint64_t id) {
@@ -159,7 +159,7 @@ TEST_F(LostDisplayTest, AThirtiethLossIsAsGoodAsTheFirst) {
   EXPECT_EQ(card.buffers.size(), 3u);
 }
 
-TEST_F(LostDisplayTest, TimeAskedForRunsOnWhileTheDisplayIsAway) {
+TEST_F(LostDisplayTest, TheRequestedDurationContinuesWhileTheDisplayIsAway) {
   script.frames = 10;
   playing.loops = kForever;
   playing.vblanks = 120;
@@ -175,7 +175,7 @@ TEST_F(LostDisplayTest, TimeAskedForRunsOnWhileTheDisplayIsAway) {
   EXPECT_EQ(ids().back(), 60u) << "the time was over when the card came back";
 }
 
-TEST_F(LostDisplayTest, GivingUpIsALostDisplayWithItsBooksClosed) {
+TEST_F(LostDisplayTest, GivingUpIsALostDisplayWithCompleteStatistics) {
   playing.bring_back = [this](const LostDisplay&) {
     EXPECT_THROW(show->reconnect(), Error);
     return Comeback::GivenUp;
@@ -190,7 +190,7 @@ TEST_F(LostDisplayTest, GivingUpIsALostDisplayWithItsBooksClosed) {
   EXPECT_EQ(result.report.pace.shown, 5u);
 }
 
-TEST_F(LostDisplayTest, WhatBringingBackThrowsLeavesNothingBehind) {
+TEST_F(LostDisplayTest, AnErrorInReconnectingReleasesEverything) {
   playing.bring_back = [this](const LostDisplay&) {
     show->reconnect();
     return Comeback::Back;
@@ -201,7 +201,7 @@ TEST_F(LostDisplayTest, WhatBringingBackThrowsLeavesNothingBehind) {
   EXPECT_THROW((void)play_script(), Error);
 }
 
-TEST_F(LostDisplayTest, AnInterruptionWhileTheDisplayIsAwayIsAnInterruption) {
+TEST_F(LostDisplayTest, AnInterruptionWhileTheDisplayIsAwayEndsPlaying) {
   playing.bring_back = [](const LostDisplay&) { return Comeback::Stopped; };
   on_shown = [this](uint64_t id) {
     if (id == 4) card.unplug();

@@ -8,7 +8,7 @@
 namespace lenticule::player {
 namespace {
 
-/// Shows frame() at vblank `target`; it lands there or later.
+/// Shows frame() at vblank `target`; the flip completes at `landed`.
 void flip(Pacer& pacer, uint64_t target, uint64_t landed) {
   EXPECT_EQ(pacer.decide(target, true), PaceDecision::Submit);
   pacer.submitted(target);
@@ -83,7 +83,7 @@ TEST(Pacer, DropKeepsALateFrameWhoseSuccessorIsNotDue) {
   EXPECT_EQ(pacer.counts().dropped, 0u);
 }
 
-TEST(Pacer, AFlipThatLandsLateIsAMissNotAnUnderrun) {
+TEST(Pacer, AFlipThatCompletesLateIsAMissNotAnUnderrun) {
   Pacer pacer = started(LatePolicy::Slip);
   flip(pacer, 101, 103);
   EXPECT_EQ(pacer.counts().missed, 2u);
@@ -91,7 +91,7 @@ TEST(Pacer, AFlipThatLandsLateIsAMissNotAnUnderrun) {
   EXPECT_EQ(pacer.due(), 104u);
 }
 
-TEST(Pacer, AFrameThatComesInTheLastMomentIsNoUnderrun) {
+TEST(Pacer, AFrameReadyJustInTimeIsNoUnderrun) {
   Pacer pacer = started(LatePolicy::Slip);
   EXPECT_EQ(pacer.decide(101, false), PaceDecision::Starved);
   flip(pacer, 101);
@@ -119,7 +119,7 @@ TEST(Pacer, TheLastFrameHasItsFullTime) {
   EXPECT_EQ(pacer.counts().underruns, 0u);
 }
 
-TEST(Pacer, ACounterThatGoesBackDoesNotConfuseIt) {
+TEST(Pacer, ToleratesACounterThatGoesBack) {
   Pacer pacer = started(LatePolicy::Slip);
   flip(pacer, 101, 50);
   EXPECT_EQ(pacer.due(), 102u);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Coming by the panel that is wanted, and what another one shows meanwhile: on fake cards, in
-// simulated time.
+// Tests waiting for the requested panel, and the picture on a wrong panel meanwhile, on fake cards
+// in simulated time.
 #include "player/session/panel_wait.h"
 
 #include <gmock/gmock.h>
@@ -51,7 +51,7 @@ class PanelWaitTest : public testing::KmsStage {
     return {ErrorKind::Failed, ""};
   }
 
-  /// Another panel hangs on the connector, with a mode of its own.
+  /// Connects another panel with a mode of its own.
   void plug_other(const std::string& serial = "OTHER", frames::FrameGeometry size = kOther) {
     connector->connected = true;
     connector->modes = {testing::make_mode(size.width, size.height, 60)};
@@ -79,7 +79,7 @@ class PanelWaitTest : public testing::KmsStage {
     at(after, [this] { glass.push_back(card.glass(crtc)); });
   }
 
-  /// The words that a card for the panel on the connector has in this moment.
+  /// Returns the pixels of the test card that the connected panel should show now.
   [[nodiscard]] std::vector<uint32_t> expected_card(frames::FrameGeometry size) const {
     const display::PanelSearch search = display::search_panel(options);
     const display::CardText text =
@@ -97,14 +97,14 @@ class PanelWaitTest : public testing::KmsStage {
   std::vector<std::vector<uint32_t>> glass;
 };
 
-TEST_F(PanelWaitTest, APanelThatIsThereIsOpenedAtOnce) {
+TEST_F(PanelWaitTest, OpensAPresentPanelAtOnce) {
   show = make().open();
   flip(1);
   expect_on_glass(1);
   EXPECT_EQ(rounds, 0);
 }
 
-TEST_F(PanelWaitTest, WithoutWaitingAnotherPanelIsAnErrorThatListsWhatIsThere) {
+TEST_F(PanelWaitTest, WithoutWaitingAnotherPanelIsAnErrorThatListsPresentPanels) {
   plug_other();
   waiting.at_start = seconds(0);
   const Nanoseconds before = machine.now();
@@ -115,7 +115,7 @@ TEST_F(PanelWaitTest, WithoutWaitingAnotherPanelIsAnErrorThatListsWhatIsThere) {
   EXPECT_EQ(card.modesets, 0) << "nothing was shown on somebody else's panel";
 }
 
-TEST_F(PanelWaitTest, PanelOffAtStartIsWaitedForAndPlayedOnWhenItComes) {
+TEST_F(PanelWaitTest, WaitsForAPanelThatIsOffAtStart) {
   connector->connected = false;
   waiting.at_start = hours(24);
   const Nanoseconds comes = machine.now() + seconds(1000);
@@ -129,7 +129,7 @@ TEST_F(PanelWaitTest, PanelOffAtStartIsWaitedForAndPlayedOnWhenItComes) {
   expect_on_glass(1);
 }
 
-TEST_F(PanelWaitTest, ACardThatComesLateIsWaitedFor) {
+TEST_F(PanelWaitTest, WaitsForAGraphicsCardThatAppearsLate) {
   card.gone = true;
   waiting.at_start = seconds(60);
   at(seconds(5), [this] { card.gone = false; });
@@ -137,7 +137,7 @@ TEST_F(PanelWaitTest, ACardThatComesLateIsWaitedFor) {
   flip(1);
 }
 
-TEST_F(PanelWaitTest, WaitingEndsInTheErrorWhenNothingComes) {
+TEST_F(PanelWaitTest, WaitingEndsInAnErrorIfNoPanelComes) {
   connector->connected = false;
   waiting.at_start = seconds(30);
   const Nanoseconds before = machine.now();
@@ -145,7 +145,7 @@ TEST_F(PanelWaitTest, WaitingEndsInTheErrorWhenNothingComes) {
   EXPECT_EQ(machine.now() - before, seconds(30));
 }
 
-TEST_F(PanelWaitTest, AnEdidThatAppearsLateShowsNoCardBefore) {
+TEST_F(PanelWaitTest, ALateEdidShowsNoTestCardMeanwhile) {
   card.set_edid(connector->id, {});
   waiting.at_start = seconds(60);
   at(milliseconds(1500), [this] { plug_own(); });
@@ -154,7 +154,7 @@ TEST_F(PanelWaitTest, AnEdidThatAppearsLateShowsNoCardBefore) {
   flip(1);
 }
 
-TEST_F(PanelWaitTest, TwoPanelsThatFitAreNotWaitedForOnACommandLine) {
+TEST_F(PanelWaitTest, TwoMatchingPanelsAreAnErrorOnACommandLine) {
   card.add_crtc();
   card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 2,
                      testing::make_mode(testing::kWidth, testing::kHeight, 60),
@@ -167,7 +167,7 @@ TEST_F(PanelWaitTest, TwoPanelsThatFitAreNotWaitedForOnACommandLine) {
   EXPECT_EQ(machine.now(), before);
 }
 
-TEST_F(PanelWaitTest, ACardInUseIsTriedAgainUntilItIsFree) {
+TEST_F(PanelWaitTest, RetriesAGraphicsCardInUseUntilItIsFree) {
   card.foreign_master = true;
   at(seconds(5), [this] { card.foreign_master = false; });
   show = make().open();
@@ -184,7 +184,7 @@ TEST_F(PanelWaitTest, AnInterruptionEndsTheWaiting) {
   EXPECT_THAT(failure().what(), HasSubstr("interrupted"));
 }
 
-TEST_F(PanelWaitTest, AWrongPanelShowsACardInItsOwnModeUntilTheRightOneComes) {
+TEST_F(PanelWaitTest, AWrongPanelShowsATestCardInItsOwnModeUntilTheRightOneComes) {
   plug_other();
   look_at_glass(seconds(1));
   look_at_glass(seconds(6));
@@ -201,7 +201,7 @@ TEST_F(PanelWaitTest, AWrongPanelShowsACardInItsOwnModeUntilTheRightOneComes) {
   EXPECT_EQ(card.buffers.size(), 3u) << "the card's buffers are gone";
 }
 
-TEST_F(PanelWaitTest, TheCardFollowsThePanelsThatComeAndGo) {
+TEST_F(PanelWaitTest, TheTestCardFollowsPluggedPanels) {
   plug_other();
   at(seconds(10), [this] { unplug_panel(); });
   at(seconds(12), [this] { plug_other("THIRD", {321, 201}); });
@@ -216,7 +216,7 @@ TEST_F(PanelWaitTest, TheCardFollowsThePanelsThatComeAndGo) {
   EXPECT_EQ(glass[1], expected);
 }
 
-TEST_F(PanelWaitTest, TheCardIsWrittenAnewForAnotherPanelOfTheSameSize) {
+TEST_F(PanelWaitTest, TheTestCardIsRedrawnForAnotherPanelOfTheSameSize) {
   plug_other();
   std::vector<uint32_t> expected;
   at(seconds(10), [this] { plug_other("THIRD"); });
@@ -227,7 +227,7 @@ TEST_F(PanelWaitTest, TheCardIsWrittenAnewForAnotherPanelOfTheSameSize) {
   EXPECT_EQ(glass.at(0), expected);
 }
 
-TEST_F(PanelWaitTest, TheCardIsLitAnewForAPanelOfTheSameSizeAndOtherTimings) {
+TEST_F(PanelWaitTest, TheTestCardGetsAModesetForAPanelWithOtherTimings) {
   plug_other();
   at(seconds(10), [this] {
     plug_other("THIRD");
@@ -245,7 +245,7 @@ TEST_F(PanelWaitTest, TheCardIsLitAnewForAPanelOfTheSameSizeAndOtherTimings) {
   EXPECT_GE(modesets, 1);
 }
 
-TEST_F(PanelWaitTest, AStaticCardLeavesThePanelAlone) {
+TEST_F(PanelWaitTest, AStaticTestCardProbesThePanelRarely) {
   plug_other();
   int probes_before = 0;
   at(seconds(100), [&] { probes_before = card.full_probes; });
@@ -257,7 +257,7 @@ TEST_F(PanelWaitTest, AStaticCardLeavesThePanelAlone) {
   EXPECT_GT(probes, 0) << "news may be lost";
 }
 
-TEST_F(PanelWaitTest, APanelWithoutTheRigsModeShowsACardThatSaysSo) {
+TEST_F(PanelWaitTest, APanelWithoutTheRigsModeShowsThatOnATestCard) {
   connector->modes = {testing::make_mode(kOther.width, kOther.height, 60)};
   options.wish.identity = {};
   look_at_glass(seconds(6));
@@ -268,7 +268,7 @@ TEST_F(PanelWaitTest, APanelWithoutTheRigsModeShowsACardThatSaysSo) {
   flip(1);
 }
 
-TEST_F(PanelWaitTest, GivingUpTakesTheCardAway) {
+TEST_F(PanelWaitTest, GivingUpRemovesTheTestCard) {
   card.show_console(connector->id, crtc);
   plug_other();
   waiting.at_start = seconds(10);
@@ -278,7 +278,7 @@ TEST_F(PanelWaitTest, GivingUpTakesTheCardAway) {
   EXPECT_TRUE(card.value(crtc, "ACTIVE") == 1) << "the console is back";
 }
 
-TEST_F(PanelWaitTest, ACardThatCannotBeShownIsNoReasonToStopWaiting) {
+TEST_F(PanelWaitTest, WaitingContinuesIfTheTestCardCannotBeShown) {
   plug_other();
   card.foreign_master = true;
   at(seconds(20), [this] {
@@ -290,7 +290,7 @@ TEST_F(PanelWaitTest, ACardThatCannotBeShownIsNoReasonToStopWaiting) {
   flip(1);
 }
 
-TEST_F(PanelWaitTest, AServiceLetsGoOfWhatWouldStayMasterOfTheCard) {
+TEST_F(PanelWaitTest, AServiceReleasesDescriptorsThatWouldStayMaster) {
   connector->connected = false;
   at(seconds(3), [this] { connector->connected = true; });
   show = make().open();
@@ -310,7 +310,7 @@ class PanelReturn : public PanelWaitTest {
   std::optional<std::chrono::nanoseconds> time_left;
 };
 
-TEST_F(PanelReturn, ACardThatWasPulledOutAndPutBackIsUsedAgain) {
+TEST_F(PanelReturn, AGraphicsCardThatReturnsIsUsedAgain) {
   PanelWait wait = make();
   show = wait.open();
   flip(1);
@@ -322,7 +322,7 @@ TEST_F(PanelReturn, ACardThatWasPulledOutAndPutBackIsUsedAgain) {
   expect_on_glass(2);
 }
 
-TEST_F(PanelReturn, AnotherPanelOnTheCableShowsACardAndTheRightOneGoesOn) {
+TEST_F(PanelReturn, AnotherPanelShowsATestCardAndTheRightOneContinues) {
   PanelWait wait = make();
   show = wait.open();
   flip(1);
@@ -343,7 +343,7 @@ TEST_F(PanelReturn, AnotherPanelOnTheCableShowsACardAndTheRightOneGoesOn) {
   expect_on_glass(2);
 }
 
-TEST_F(PanelReturn, IsGivenUpWhenItsTimeIsOver) {
+TEST_F(PanelReturn, IsGivenUpAfterItsTimeout) {
   waiting.after_loss = seconds(10);
   PanelWait wait = make();
   show = wait.open();
@@ -355,7 +355,7 @@ TEST_F(PanelReturn, IsGivenUpWhenItsTimeIsOver) {
   EXPECT_THAT(wait.refusal()->what(), HasSubstr("no graphics card"));
 }
 
-TEST_F(PanelReturn, IsNotWaitedForWhenPlayingWouldBeOver) {
+TEST_F(PanelReturn, WaitingEndsWithThePlayingTime) {
   time_left = seconds(4);
   PanelWait wait = make();
   show = wait.open();
@@ -363,7 +363,7 @@ TEST_F(PanelReturn, IsNotWaitedForWhenPlayingWouldBeOver) {
   EXPECT_EQ(lose_and_bring_back(wait), Comeback::TimeOver);
 }
 
-TEST_F(PanelReturn, EndsWithAnInterruption) {
+TEST_F(PanelReturn, WaitingEndsWithAnInterruption) {
   WakeFd interrupted;
   waiting.cancel_fd = interrupted.fd();
   PanelWait wait = make();
@@ -373,7 +373,7 @@ TEST_F(PanelReturn, EndsWithAnInterruption) {
   EXPECT_EQ(lose_and_bring_back(wait), Comeback::Stopped);
 }
 
-TEST_F(PanelReturn, ADisplayThatIsLostAgainAndAgainGetsNoMoreTimeThanOnce) {
+TEST_F(PanelReturn, RepeatedLossesShareOneTimeout) {
   waiting.after_loss = seconds(10);
   PanelWait wait = make();
   show = wait.open();
@@ -388,7 +388,7 @@ TEST_F(PanelReturn, ADisplayThatIsLostAgainAndAgainGetsNoMoreTimeThanOnce) {
   EXPECT_LE(losses, 13) << "a pause lies between two";
 }
 
-TEST_F(PanelReturn, ALossAfterALongTimeHasAllTheTimeAgain) {
+TEST_F(PanelReturn, ALossAfterALongTimeHasTheFullTimeout) {
   waiting.after_loss = seconds(10);
   PanelWait wait = make();
   show = wait.open();
@@ -414,7 +414,7 @@ display::PanelFacts panel_on(const std::string& connector, const display::EdidId
   return panel;
 }
 
-TEST(WrongPanelCard, SaysWhatWasExpectedWhatIsThereAndWhatToDo) {
+TEST(WrongPanelCard, NamesExpectedPanelPresentPanelAndRemedy) {
   const display::OutputWish wish{
       .key = {},
       .identity = {.manufacturer = "LGD", .product = 0x1234, .serial = "42", .edid_sha256 = {}},
@@ -439,7 +439,7 @@ TEST(WrongPanelCard, SaysWhatWasExpectedWhatIsThereAndWhatToDo) {
   EXPECT_THAT(card.rows[4].text, HasSubstr("lenticule panels"));
 }
 
-TEST(WrongPanelCard, TellsPanelsApartThatDifferInNothingButTheirChecksum) {
+TEST(WrongPanelCard, DistinguishesPanelsThatDifferOnlyInTheirChecksum) {
   display::OutputWish wish;
   wish.identity.edid_sha256 = std::string(64, 'a');
   display::EdidIdentity twin;
@@ -451,7 +451,7 @@ TEST(WrongPanelCard, TellsPanelsApartThatDifferInNothingButTheirChecksum) {
   EXPECT_THAT(card.rows[1].text, HasSubstr("bbbbbbbbbbbb"));
 }
 
-TEST(WrongPanelCard, AnUnreadableEdidIsNotCalledAWrongPanel) {
+TEST(WrongPanelCard, AnUnreadableEdidIsNotReportedAsAWrongPanel) {
   display::OutputWish wish;
   wish.identity.serial = "42";
   display::PanelSearch search;

@@ -30,21 +30,21 @@ class PlayPlanTest : public testing::Test {
   }
 };
 
-TEST_F(PlayPlanTest, ACommandLineDoesNotWaitForAPanelButGivesALostOneTime) {
+TEST_F(PlayPlanTest, ACommandLineWaitsOnlyForALostPanel) {
   const PlayPlan plan = make_plan(flags, false);
   EXPECT_EQ(plan.panel_at_start, seconds(0));
   EXPECT_EQ(plan.panel_after_loss, seconds(10));
   EXPECT_EQ(plan.display.kms.exit, display::ExitPolicy::Restore);
 }
 
-TEST_F(PlayPlanTest, AServiceWaitsForItsPanelForEverAndHoldsItsLastFrame) {
+TEST_F(PlayPlanTest, AServiceWaitsForeverForItsPanelAndHoldsItsLastFrame) {
   const PlayPlan plan = make_plan(flags, true);
   EXPECT_EQ(plan.panel_at_start, std::nullopt);
   EXPECT_EQ(plan.panel_after_loss, std::nullopt);
   EXPECT_EQ(plan.display.kms.exit, display::ExitPolicy::Hold);
 }
 
-TEST_F(PlayPlanTest, WhoSaysHowLongToWaitIsObeyedInBothCases) {
+TEST_F(PlayPlanTest, AnExplicitWaitAppliesAtStartAndAfterALoss) {
   flags.wait_for_panel = "7";
   const PlayPlan service = make_plan(flags, true);
   EXPECT_EQ(service.panel_at_start, seconds(7));
@@ -57,7 +57,7 @@ TEST_F(PlayPlanTest, WhoSaysHowLongToWaitIsObeyedInBothCases) {
   EXPECT_EQ(failure(), ErrorKind::Usage);
 }
 
-TEST_F(PlayPlanTest, ATestCardIsShownUntilItIsEnough) {
+TEST_F(PlayPlanTest, ATestCardLoopsForeverByDefault) {
   flags.source = kCardSource;
   EXPECT_EQ(make_plan(flags, false).playback.loops, kForever);
   flags.loop = "2";
@@ -67,7 +67,7 @@ TEST_F(PlayPlanTest, ATestCardIsShownUntilItIsEnough) {
   EXPECT_EQ(make_plan(flags, false).playback.loops, 1u);
 }
 
-TEST_F(PlayPlanTest, WhatAGraphicsCardCannotDoIsSaidBeforeItIsOpened) {
+TEST_F(PlayPlanTest, RefusesImpossibleKmsOptionsBeforeOpeningTheCard) {
   flags.record = "png:/nowhere";
   EXPECT_EQ(failure(), ErrorKind::Usage);
   flags.record.clear();

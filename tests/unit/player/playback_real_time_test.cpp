@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Playing with real threads and a real clock. What is asserted does not depend on how fast the
-// machine is: the slip policy shows every frame, however late.
+// Tests playing with real threads and a real clock. The assertions hold on slow machines too, since
+// the slip policy shows every frame, however late.
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -45,7 +45,7 @@ TEST(PlaybackInRealTime, ShowsEveryFrameOfEveryLoopWholeAndInOrder) {
   }
 }
 
-TEST(PlaybackInRealTime, StopsWhenToldTo) {
+TEST(PlaybackInRealTime, StopsOnRequest) {
   const auto display = fast_display(nullptr);
   test::FakeSource source({.geometry = kSmall, .frames = kFrames});
   WakeFd stop;
@@ -72,7 +72,7 @@ TEST(PlaybackInRealTime, StopsWhileItWaitsForTheFirstFrame) {
             PlayOutcome::Stopped);
 }
 
-TEST(PlaybackInRealTime, AReportThatCannotBeWrittenEndsIt) {
+TEST(PlaybackInRealTime, AnUnwritableReportEndsPlaying) {
   const auto display = fast_display(nullptr);
   test::FakeSource source({.geometry = kSmall, .frames = kFrames});
   int reports = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Playing in simulated time: every vblank of every case is the same on every run.
+// Tests playing in simulated time: every vblank of every case is the same on every run.
 #include "player/playback/playback.h"
 
 #include <gmock/gmock.h>
@@ -48,7 +48,7 @@ class Playback : public testing::Test {
     return result;
   }
 
-  /// When frame `number` of loop 0 becomes ready, all others being ready at once.
+  /// Delays frame `number` of loop 0 until `until`; all other frames are ready at once.
   void delay_frame(uint64_t number, display::Nanoseconds until) {
     script.ready_at = [number, until](uint64_t n) {
       return n == number ? until : display::Nanoseconds{0};
@@ -81,7 +81,7 @@ TEST_F(Playback, ShowsEveryFrameUnchangedAndInOrder) {
     EXPECT_EQ(glass.checksum, test::checksum_of(test::numbered_frame(kSmall, glass.id).view()));
 }
 
-TEST_F(Playback, GivesFilmItsCadenceAndTheLastFrameItsFullTime) {
+TEST_F(Playback, ShowsFilmInItsCadenceAndTheLastFrameInFull) {
   options.content = frames::Rate{24, 1};
   script.frames = 24;
   const PlayResult result = play_script();
@@ -92,7 +92,7 @@ TEST_F(Playback, GivesFilmItsCadenceAndTheLastFrameItsFullTime) {
   for (size_t k = 0; k < vblanks.size(); ++k) EXPECT_EQ(vblanks[k], 1 + k * 5 / 2) << "frame " << k;
 }
 
-TEST_F(Playback, TakesTheSourcesOwnRate) {
+TEST_F(Playback, UsesTheSourcesOwnRate) {
   script.rate = frames::Rate{30, 1};
   EXPECT_EQ(play_script().report.pace.vblanks, 20u);
 }
@@ -160,7 +160,7 @@ TEST_F(Playback, EventsThatComeLaterThanAPeriodAreMissedVblanks) {
   EXPECT_THAT(shown_vblanks(), testing::ElementsAre(1, 2, 3, 4, 6, 7, 8, 9, 10, 11));
 }
 
-TEST_F(Playback, AFlipWhoseEventIsLostIsCountedAndPlayingGoesOn) {
+TEST_F(Playback, CountsALostFlipEventAndPlaysOn) {
   faults->fates[4] = EventFate::Drop;
   const PlayResult result = play_script();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
@@ -174,16 +174,16 @@ TEST_F(Playback, ADisplayThatNeverAnswersIsLost) {
   EXPECT_EQ(play_script().outcome, PlayOutcome::DisplayLost);
 }
 
-TEST_F(Playback, ATickThatIsLostIsAskedForAgain) {
+TEST_F(Playback, ALostVblankEventIsRequestedAgain) {
   options.content = frames::Rate{20, 1};
-  faults->fates[3] = EventFate::Drop;  // the tick before the second frame
+  faults->fates[3] = EventFate::Drop;  // the vblank event before the second frame
   const PlayResult result = play_script();
   EXPECT_EQ(result.outcome, PlayOutcome::Finished);
   EXPECT_EQ(shown_ids(), count_to(10));
   EXPECT_GE(result.report.vblank_timeouts, 1u);
 }
 
-TEST_F(Playback, ContentThatIsSlowLosesNoTick) {
+TEST_F(Playback, SlowContentLosesNoVblankEvent) {
   options.content = frames::Rate{1, 2};
   const PlayResult result = play_script();
   EXPECT_EQ(result.report.vblank_timeouts, 0u);
@@ -191,7 +191,7 @@ TEST_F(Playback, ContentThatIsSlowLosesNoTick) {
   EXPECT_EQ(result.report.pace.missed, 0u);
 }
 
-TEST_F(Playback, EventsThatComeTwiceAreIgnored) {
+TEST_F(Playback, DuplicateEventsAreIgnored) {
   faults->otherwise = EventFate::Duplicate;
   const PlayResult result = play_script();
   EXPECT_EQ(shown_ids(), count_to(10));
@@ -199,13 +199,13 @@ TEST_F(Playback, EventsThatComeTwiceAreIgnored) {
   EXPECT_EQ(result.report.pace.vblanks, 10u);
 }
 
-TEST_F(Playback, AnUnpluggedDisplayEndsIt) {
+TEST_F(Playback, AnUnpluggedDisplayEndsPlaying) {
   faults->fates[5] = EventFate::Unplug;
   EXPECT_EQ(play_script().outcome, PlayOutcome::DisplayLost);
   EXPECT_EQ(shown_ids(), count_to(4));
 }
 
-TEST_F(Playback, ABrokenSourceKeepsItsLastFrameForItsTime) {
+TEST_F(Playback, ABrokenSourcesLastFrameIsShownForItsFullTime) {
   script.fails_after = 5;
   options.content = frames::Rate{30, 1};
   const PlayResult result = play_script();
@@ -216,7 +216,7 @@ TEST_F(Playback, ABrokenSourceKeepsItsLastFrameForItsTime) {
   EXPECT_EQ(result.report.pace.underruns, 0u);
 }
 
-TEST_F(Playback, ASourceThatStopsIsNotWaitedForLongerThanAsked) {
+TEST_F(Playback, AStalledSourceEndsPlayingAfterItsTimeout) {
   delay_frame(5, seconds(100'000));
   options.stall_timeout = seconds(7);
   const PlayResult result = play_script();
@@ -226,21 +226,21 @@ TEST_F(Playback, ASourceThatStopsIsNotWaitedForLongerThanAsked) {
   EXPECT_LE(clock->now(), seconds(8));
 }
 
-TEST_F(Playback, ASourceThatNeverBeginsIsNotWaitedForLongerThanAsked) {
+TEST_F(Playback, ASourceThatNeverStartsEndsPlayingAfterItsTimeout) {
   delay_frame(0, seconds(100'000));
   options.stall_timeout = seconds(3);
   EXPECT_EQ(play_script().outcome, PlayOutcome::SourceStalled);
   EXPECT_TRUE(shown_ids().empty());
 }
 
-TEST_F(Playback, WaitsForeverWhenAsked) {
+TEST_F(Playback, WaitsForeverOnRequest) {
   delay_frame(5, seconds(1000));
   options.stall_timeout.reset();
   EXPECT_EQ(play_script().outcome, PlayOutcome::Finished);
   EXPECT_EQ(shown_ids(), count_to(10));
 }
 
-TEST_F(Playback, StartsWithWhatIsThereWhenPrimingTakesTooLong) {
+TEST_F(Playback, StartsWithAvailableFramesIfPrimingTakesTooLong) {
   class NeverSaturated final : public frames::FrameSource {
    public:
     explicit NeverSaturated(FakeSource& inner) : inner_(inner) {}
@@ -271,7 +271,7 @@ TEST_F(Playback, StartsWithWhatIsThereWhenPrimingTakesTooLong) {
   EXPECT_GE(recorder->shown().front().sequence, 60u);
 }
 
-TEST_F(Playback, StopsAfterTheVblanksThatWereAskedFor) {
+TEST_F(Playback, StopsAfterTheRequestedVblanks) {
   options.loops = kForever;
   options.vblanks = 35;
   const PlayResult result = play_script();
@@ -280,7 +280,7 @@ TEST_F(Playback, StopsAfterTheVblanksThatWereAskedFor) {
   EXPECT_EQ(shown_ids(), count_to(35));
 }
 
-TEST_F(Playback, SaysWhenASequenceCannotBePlayedAgain) {
+TEST_F(Playback, ReportsASequenceThatCannotBePlayedAgain) {
   script.can_rewind = false;
   options.loops = 2;
   const PlayResult result = play_script();
@@ -289,7 +289,7 @@ TEST_F(Playback, SaysWhenASequenceCannotBePlayedAgain) {
   EXPECT_EQ(shown_ids(), count_to(10));
 }
 
-TEST_F(Playback, ForEverWaitsForTheNextSequenceWithoutCallingItAnUnderrun) {
+TEST_F(Playback, LoopingForeverWaitsForTheNextSequenceWithoutAnUnderrun) {
   script.can_rewind = false;
   options.loops = kForever;
   options.stall_timeout = seconds(2);
@@ -299,7 +299,7 @@ TEST_F(Playback, ForEverWaitsForTheNextSequenceWithoutCallingItAnUnderrun) {
   EXPECT_GE(result.report.pace.held, 100u);
 }
 
-TEST_F(Playback, AnEmptySequenceIsAFailureNotAHang) {
+TEST_F(Playback, AnEmptySequenceIsAnError) {
   script.frames = 0;
   options.loops = kForever;
   EXPECT_EQ(play_script().outcome, PlayOutcome::SourceFailed);
@@ -317,7 +317,7 @@ TEST_F(Playback, RefusesFramesOfAnotherSize) {
   }
 }
 
-TEST_F(Playback, ItsReportSaysTheSameInJsonAsInNumbers) {
+TEST_F(Playback, TheJsonReportHasTheReportsNumbers) {
   options.content = frames::Rate{24, 1};
   const PlayResult result = play_script();
   const nlohmann::ordered_json json = to_json(result.report);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A rig that cannot be read, where nobody knows yet what panel there should be.
+// Tests a rig that cannot be read, so that the panel it asks for is unknown.
 #include "player/session/rig_trouble.h"
 
 #include <fmt/format.h>
@@ -30,7 +30,7 @@ class RigTrouble : public testing::KmsStage {
     connector->modes = {testing::make_mode(320, 200, 60)};
   }
   void TearDown() override { fs::remove_all(folder); }
-  /// What keeps the rig from being read now.
+  /// Returns the error that keeps the rig from being read.
   [[nodiscard]] Error trouble() const {
     try {
       (void)make_plan(flags, false);
@@ -45,7 +45,7 @@ class RigTrouble : public testing::KmsStage {
   }
 };
 
-TEST_F(RigTrouble, IsSaidOnWhateverPanelIsThereUntilItIsPutRight) {
+TEST_F(RigTrouble, IsShownOnTheConnectedPanelUntilTheRigIsRepaired) {
   const frames::WovenFrame expected =
       display::draw_test_card({320, 200}, trouble_card(flags.rig, trouble()));
   std::vector<uint32_t> glass;
@@ -59,18 +59,18 @@ TEST_F(RigTrouble, IsSaidOnWhateverPanelIsThereUntilItIsPutRight) {
   EXPECT_EQ(card.buffers.size(), 0u);
 }
 
-TEST_F(RigTrouble, IsNotWaitedForWhereThereIsNoPanel) {
+TEST_F(RigTrouble, IsAnErrorOnAVirtualDisplay) {
   flags.display = "virtual";
   EXPECT_THROW((void)plan_when_rig_is_right(flags, manager, options), Error);
 }
 
-TEST_F(RigTrouble, WaitsWithoutAPanelToo) {
+TEST_F(RigTrouble, WaitsAlsoWithoutAConnectedPanel) {
   connector->connected = false;
   machine.at(machine.now() + seconds(12), [&] { put_right(); });
   EXPECT_TRUE(plan_when_rig_is_right(flags, manager, options));
 }
 
-TEST_F(RigTrouble, FlagsThatMakeNoSenseStayAnError) {
+TEST_F(RigTrouble, InvalidFlagsAreStillAnError) {
   flags.loop = "never";
   EXPECT_THROW((void)plan_when_rig_is_right(flags, manager, options), Error);
 }

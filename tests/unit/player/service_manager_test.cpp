@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a service manager hears, over a socket of the test's own.
+// Tests the messages to a service manager, over a socket of the test's own.
 #include "player/session/service_manager.h"
 
 #include <fcntl.h>
@@ -34,7 +34,7 @@ struct Message {
   UniqueFd fd;
 };
 
-/// A service manager's end of $NOTIFY_SOCKET.
+/// The service manager's end of $NOTIFY_SOCKET.
 class ListeningManager {
  public:
   ListeningManager() : socket_(::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0)) {
@@ -101,7 +101,7 @@ bool same_file(int one, int other) {
   return fstat(one, &a) == 0 && fstat(other, &b) == 0 && a.st_ino == b.st_ino;
 }
 
-TEST(ServiceManager, IsSilentWithoutAService) {
+TEST(ServiceManager, SendsNothingOutsideAService) {
   unsetenv("NOTIFY_SOCKET");
   const ServiceManager manager;
   EXPECT_FALSE(manager.present());
@@ -110,7 +110,7 @@ TEST(ServiceManager, IsSilentWithoutAService) {
   manager.keep("x", 0);
 }
 
-TEST(ServiceManager, SaysHowItIs) {
+TEST(ServiceManager, ReportsStatusReadyWatchdogAndStopping) {
   ListeningManager listener;
   const ServiceManager manager;
   ASSERT_TRUE(manager.present());
@@ -124,13 +124,13 @@ TEST(ServiceManager, SaysHowItIs) {
   EXPECT_EQ(listener.next().text, "STOPPING=1\nSTATUS=finished");
 }
 
-TEST(ServiceManager, KeepsAStatusFromBecomingACommand) {
+TEST(ServiceManager, EscapesLineEndsInAStatus) {
   ListeningManager listener;
   ServiceManager().status("panel 'x'\nWATCHDOG=1");
   EXPECT_EQ(listener.next().text, "STATUS=panel 'x'\\x0aWATCHDOG=1");
 }
 
-TEST(ServiceManager, KnowsItsWatchdog) {
+TEST(ServiceManager, ReadsTheWatchdogIntervalForItsOwnProcess) {
   ListeningManager listener;
   EXPECT_FALSE(ServiceManager().watchdog());
   setenv("WATCHDOG_USEC", "10000000", 1);
@@ -139,7 +139,7 @@ TEST(ServiceManager, KnowsItsWatchdog) {
   EXPECT_FALSE(ServiceManager().watchdog());
 }
 
-TEST(ServiceManager, ReplacesWhatItKeptUnderThatName) {
+TEST(ServiceManager, ReplacesAStoredDescriptorOfTheSameName) {
   ListeningManager listener;
   const UniqueFd file = memory_file({1, 2, 3});
   ServiceManager().keep("card", file.get());
@@ -149,10 +149,10 @@ TEST(ServiceManager, ReplacesWhatItKeptUnderThatName) {
   EXPECT_TRUE(same_file(kept.fd.get(), file.get()));
 }
 
-TEST(KeptDescriptors, ComeWithTheirNamesAndOnlyOnce) {
+TEST(KeptDescriptors, AreReturnedOnceWithTheirNames) {
   const UniqueFd file = memory_file({7});
   const pid_t child = fork();
-  if (child == 0) {  // descriptors have to be number 3 and up
+  if (child == 0) {  // systemd passes descriptors from number 3 on
     const int high = fcntl(file.get(), F_DUPFD, 100);
     const bool placed = dup2(high, 3) == 3 && dup2(high, 4) == 4;
     setenv("LISTEN_PID", std::to_string(getpid()).c_str(), 1);
@@ -196,7 +196,7 @@ std::vector<KeptDescriptor> kept(const std::vector<uint8_t>& state) {
   return descriptors;
 }
 
-TEST(KeptOutput, IsWhatWasKept) {
+TEST(KeptOutput, IsTheStoredState) {
   const display::HandoverState state = plausible_state();
   const auto bytes = display::handover_bytes(state);
   const auto output = kept_output(kept({bytes.begin(), bytes.end()}));
@@ -205,7 +205,7 @@ TEST(KeptOutput, IsWhatWasKept) {
   EXPECT_TRUE(output->card);
 }
 
-TEST(KeptOutput, IsNothingWhereAnythingIsWrong) {
+TEST(KeptOutput, IsEmptyIfAnythingIsInconsistent) {
   EXPECT_EQ(kept_output({}), nullptr);
   EXPECT_EQ(kept_output(kept({})), nullptr);
   const display::HandoverState state = plausible_state();
@@ -221,13 +221,13 @@ TEST(KeptOutput, IsNothingWhereAnythingIsWrong) {
   EXPECT_EQ(kept_output(kept(changed)), nullptr) << "not a state";
 }
 
-TEST(Heartbeat, BeatsWhilePicturesCome) {
+TEST(Heartbeat, BeatsWhileFramesAreDisplayed) {
   Heartbeat heartbeat;
   EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 10}));
   EXPECT_TRUE(heartbeat.beats({.flips = 20, .vblanks = 20, .failures = 3}));
 }
 
-TEST(Heartbeat, BeatsWhileThereIsNothingNewToShow) {
+TEST(Heartbeat, BeatsWhileNoFrameIsDue) {
   Heartbeat heartbeat;
   EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 10}));
   EXPECT_TRUE(heartbeat.beats({.flips = 10, .vblanks = 300}));
@@ -268,7 +268,7 @@ TEST(PlayService, IsReadyWithTheFirstPicture) {
   EXPECT_EQ(listener.next().text.substr(0, 7), "STATUS=");
 }
 
-TEST(PlayService, NamesVerdictAndPanelInItsStatus) {
+TEST(PlayService, StatusNamesVerdictAndPanel) {
   const display::KmsStatistics kms{.panel = display::PanelState::Disconnected};
   const display::ExactnessReport exactness{.verdict = display::Verdict::No, .reasons = {"gamma"}};
   const std::string text = status_text(PlayReport{}, &kms, &exactness);
@@ -276,7 +276,7 @@ TEST(PlayService, NamesVerdictAndPanelInItsStatus) {
   EXPECT_NE(text.find("panel disconnected"), std::string::npos) << text;
 }
 
-TEST(PlayService, CountsTheCardsFailuresAgainstTheHeart) {
+TEST(PlayService, CountsTheCardsFailuresForTheHeartbeat) {
   PlayReport report;
   report.pace.shown = 5;
   const display::KmsStatistics kms{.flips = 4, .busy = 1, .refused = 2, .flip_timeouts = 3};

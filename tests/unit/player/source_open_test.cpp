@@ -44,12 +44,12 @@ class SourceOpen : public testing::Test {
   }
 };
 
-TEST_F(SourceOpen, TakesAllFramesOfAPattern) {
+TEST_F(SourceOpen, OpensAllFramesOfAPattern) {
   const OpenedSource opened = open_source({.text = pattern(), .panel = kSmall});
   EXPECT_EQ(opened.source->frame_count(), 5u);
 }
 
-TEST_F(SourceOpen, BeginsAtALaterFrameAndItsSecondRoundAtTheFirst) {
+TEST_F(SourceOpen, BeginsAtALaterFrameAndLoopsFromTheFirst) {
   for (const int slots : {2, 3, 8}) {
     const OpenedSource opened =
         open_source({.text = pattern(), .panel = kSmall, .slots = slots, .first_frame = 3});
@@ -72,13 +72,13 @@ TEST_F(SourceOpen, BeginsAtALaterFrameAndItsSecondRoundAtTheFirst) {
   }
 }
 
-TEST_F(SourceOpen, TakesARangeOfAPattern) {
+TEST_F(SourceOpen, OpensARangeOfAPattern) {
   const OpenedSource opened =
       open_source({.text = pattern(), .panel = kSmall, .frames = FrameRange{4, 7}});
   EXPECT_EQ(opened.source->frame_count(), 3u);
 }
 
-TEST_F(SourceOpen, TakesATestCardOfThePanelsSizeThatNeverEnds) {
+TEST_F(SourceOpen, OpensATestCardOfThePanelsSizeThatNeverEnds) {
   const OpenedSource opened =
       open_source({.text = "card", .panel = {64, 48}, .card = {.headline = "HI", .rows = {}}});
   frames::FrameSource& source = *opened.source;
@@ -97,7 +97,7 @@ TEST_F(SourceOpen, TakesATestCardOfThePanelsSizeThatNeverEnds) {
             ErrorKind::Usage);
 }
 
-TEST_F(SourceOpen, TakesOnePicture) {
+TEST_F(SourceOpen, OpensOnePicture) {
   const OpenedSource opened = open_source({.text = (folder / "005.png").string(), .panel = kSmall});
   EXPECT_EQ(opened.source->frame_count(), 1u);
 }
@@ -118,7 +118,7 @@ TEST_F(SourceOpen, NamesBothSizesOfAFrameForAnotherPanel) {
   EXPECT_EQ(failure(request, "20x10"), ErrorKind::Input);
 }
 
-TEST_F(SourceOpen, RefusesWhatItCannotPlay) {
+TEST_F(SourceOpen, RefusesUnplayableSources) {
   for (const std::string& text :
        {std::string(), folder.string(), std::string("ring:"), std::string("list.m3u")})
     EXPECT_EQ(failure({.text = text, .panel = kSmall}, ""), ErrorKind::Usage) << text;
@@ -130,7 +130,7 @@ TEST_F(SourceOpen, RefusesWhatItCannotPlay) {
       ErrorKind::Usage);
 }
 
-TEST_F(SourceOpen, OpensARingAndSaysHowToFeedIt) {
+TEST_F(SourceOpen, OpensARingAndPrintsHowToConnect) {
   const std::string socket = (folder / "ring.sock").string();
   const OpenedSource opened = open_source({.text = "ring:" + socket, .panel = kSmall});
   EXPECT_EQ(opened.source->geometry(), kSmall);

@@ -30,7 +30,7 @@ TEST_F(StartHistoryTest, CountsStartsThatCrashed) {
     EXPECT_EQ(StartHistory(folder, seconds(1000 + i)).failures(), i) << "nobody said goodbye";
 }
 
-TEST_F(StartHistoryTest, CountsStartsThatFailedAndKnowsWhy) {
+TEST_F(StartHistoryTest, CountsStartsThatFailedAndKeepsTheReason) {
   StartHistory(folder, seconds(1000)).failed("film/%05d.png: no such file\nreally");
   const StartHistory next(folder, seconds(1001));
   EXPECT_EQ(next.failures(), 1);
@@ -46,13 +46,13 @@ TEST_F(StartHistoryTest, DoesNotCountOrderlyEnds) {
   }
 }
 
-TEST_F(StartHistoryTest, ForgetsWhatIsLongAgo) {
+TEST_F(StartHistoryTest, ForgetsOldStarts) {
   for (int i = 0; i < 5; ++i) (void)StartHistory(folder, seconds(1000 + i));
   EXPECT_EQ(StartHistory(folder, seconds(1003) + kStartsRemembered).failures(), 2);
   EXPECT_EQ(StartHistory(folder, seconds(100'000)).failures(), 0);
 }
 
-TEST_F(StartHistoryTest, FiveStartsThatAWatchdogEndedAreRemembered) {
+TEST_F(StartHistoryTest, RemembersFiveStartsEndedByAWatchdog) {
   constexpr int kWatchdogAbortAndPause = 10 + 5 + 1;
   int failures = 0;
   for (int i = 0; i < 6; ++i)
@@ -60,7 +60,7 @@ TEST_F(StartHistoryTest, FiveStartsThatAWatchdogEndedAreRemembered) {
   EXPECT_EQ(failures, 5);
 }
 
-TEST_F(StartHistoryTest, BelievesNoFileThatMakesNoSense) {
+TEST_F(StartHistoryTest, IgnoresCorruptFiles) {
   write("yesterday\n\n99999999999999999999999 x\n-5 y\n2000 in the future\n999 right\n1000\n");
   const StartHistory history(folder, seconds(1000));
   EXPECT_EQ(history.failures(), 2);
@@ -69,7 +69,7 @@ TEST_F(StartHistoryTest, BelievesNoFileThatMakesNoSense) {
   EXPECT_EQ(StartHistory(folder, seconds(1000)).failures(), 0);
 }
 
-TEST_F(StartHistoryTest, StartsWithoutAFolderAndWithOneThatCannotBeWritten) {
+TEST_F(StartHistoryTest, WorksWithoutAWritableFolder) {
   EXPECT_EQ(StartHistory({}, seconds(1000)).failures(), 0);
   EXPECT_FALSE(fs::exists("starts"));
   StartHistory history("/proc/none", seconds(1000));
@@ -78,7 +78,7 @@ TEST_F(StartHistoryTest, StartsWithoutAFolderAndWithOneThatCannotBeWritten) {
   history.ended_well();
 }
 
-TEST(RuntimeFolder, IsTheFirstThatTheManagerNames) {
+TEST(RuntimeFolder, IsTheFirstFolderNamedByTheManager) {
   unsetenv("RUNTIME_DIRECTORY");
   EXPECT_TRUE(runtime_folder().empty());
   setenv("RUNTIME_DIRECTORY", "/run/lenticule/lobby:/run/other", 1);

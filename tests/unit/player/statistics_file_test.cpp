@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The file of --stats on disks that are full, gone, or come back.
+// Tests the file of --stats on disks that are full, removed, or come back.
 #include "player/session/statistics_file.h"
 
 #include <gtest/gtest.h>
@@ -50,7 +50,7 @@ TEST_F(StatisticsFileTest, HoldsTheNewestTextAtTheEnd) {
   EXPECT_EQ(text(), "99");
 }
 
-TEST_F(StatisticsFileTest, AFolderThatGoesAndComesIsWrittenToAgain) {
+TEST_F(StatisticsFileTest, WritesAgainWhenARemovedFolderReturns) {
   StatisticsFile file(folder_ / "stats.json");
   fs::remove_all(folder_);
   file.write("a");
@@ -62,14 +62,14 @@ TEST_F(StatisticsFileTest, AFolderThatGoesAndComesIsWrittenToAgain) {
   EXPECT_EQ(text(), "b");
 }
 
-TEST_F(StatisticsFileTest, SaysAtTheEndWhatIsNotThere) {
+TEST_F(StatisticsFileTest, ReportsAMissingFileAtTheEnd) {
   StatisticsFile file(folder_ / "stats.json");
   fs::remove_all(folder_);
   file.write("a");
   EXPECT_NE(file.finish(seconds(60)).find("stats.json: cannot write"), std::string::npos);
 }
 
-TEST_F(StatisticsFileTest, RefusesNamesThatCanNeverBeWritten) {
+TEST_F(StatisticsFileTest, RefusesUnwritableNames) {
   EXPECT_THROW(StatisticsFile(folder_ / "none" / "stats.json"), Error);
   EXPECT_THROW(StatisticsFile{folder_}, Error);
   ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decoded pictures as RGB: against the plain formula in double precision, through real files.
+// Tests decoded pictures in RGB against the plain formula in double precision, through real files.
 #include <gmock/gmock.h>
 
 #include <cmath>
@@ -16,7 +16,7 @@ namespace {
 constexpr int kWidth = 37;
 constexpr int kHeight = 19;
 
-/// Y'CbCr of one pixel as code values, and what they mean.
+/// Converts Y'CbCr code values to RGB by the formula of the standards.
 struct Formula {
   double kr;
   double kb;
@@ -35,7 +35,8 @@ struct Formula {
   }
 };
 
-/// Where the exact value lies in the very middle between two codes either is right.
+/// Expects the rounded value; where the exact value lies in the very middle between two codes,
+/// either is right.
 void expect_rounded(double exact, uint8_t code, const std::string& where) {
   const double scaled = 255.0 * exact;
   const double rounded = std::clamp(std::floor(scaled + 0.5), 0.0, 255.0);
@@ -59,7 +60,7 @@ struct Plane {
         static_cast<size_t>(std::clamp(y, 0, height - 1) * width + std::clamp(x, 0, width - 1));
     return wide ? bytes[2 * i] + 256.0 * bytes[2 * i + 1] : bytes[i];
   }
-  /// Linear between samples, the outermost ones repeated.
+  /// Interpolates linearly between samples; the outermost ones are repeated.
   [[nodiscard]] double between(double x, double y) const {
     const int left = static_cast<int>(std::floor(x));
     const int top = static_cast<int>(std::floor(y));
@@ -149,13 +150,13 @@ TEST_F(VideoPixels, DeepChromaFollowsTheFormula) {
                  {0.2627, 0.0593, false, 10});
 }
 
-TEST_F(VideoPixels, HalvedChromaIsRefusedForWovenFrames) {
+TEST_F(VideoPixels, SubsampledChromaIsRefusedForWovenFrames) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels + 2 * kQuarter, 6);
   EXPECT_THAT(refusal(raw, "--pixels yuv420p"),
               testing::AllOf(testing::HasSubstr("4:2:0"), testing::HasSubstr("from a quilt")));
 }
 
-TEST_F(VideoPixels, HalvedChromaIsTakenFromWhereItLiesBeforeWeaving) {
+TEST_F(VideoPixels, SubsampledChromaIsInterpolatedAtItsSiteBeforeWeaving) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels + 2 * kQuarter, 7);
   expect_formula(raw, decoded(raw, "--pixels yuv420p --matrix bt709 --range tv", true),
                  {0.2126, 0.0722, false, 8}, {.nx = 2, .ny = 2, .site_x = 0.0, .site_y = 0.5});
@@ -165,14 +166,14 @@ TEST_F(VideoPixels, HalvedChromaIsTakenFromWhereItLiesBeforeWeaving) {
                  {0.2126, 0.0722, true, 8}, {.nx = 2});
 }
 
-TEST_F(VideoPixels, LightAndFilmCurvesAreRefused) {
+TEST_F(VideoPixels, LinearAndFilmTransferFunctionsAreRefused) {
   const std::vector<uint8_t> raw = test::random_bytes(kPixels * 3, 9);
   EXPECT_THAT(refusal(raw, "--pixels yuv444p --transfer linear"), testing::HasSubstr("linear"));
   EXPECT_THAT(refusal(raw, "--pixels yuv444p --transfer smpte2084"),
               testing::HasSubstr("smpte2084"));
 }
 
-/// Every code of one, over a coarse net of the other two.
+/// Tries every code of one component with a coarse grid of the other two.
 TEST(PixelConverter, AgreesWithTheFormulaOverTheWholeCube) {
   PixelLayout layout;
   layout.model = ColourModel::Yuv;

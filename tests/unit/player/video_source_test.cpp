@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Video files as frames: in order, each once, whatever happens to the process that decodes them.
+// Tests video files as frame sources: frames come in order, each once, also if the decoder process
+// dies.
 #include "player/sources/video_source.h"
 
 #include <gmock/gmock.h>
@@ -21,7 +22,7 @@ using namespace std::chrono_literals;
 
 class VideoPlays : public test::VideoTest {
  protected:
-  /// Waits until a decoder runs, and sends it a signal.
+  /// Waits until a decoder runs and sends a signal to it.
   static void strike(VideoSource& source, int signal) {
     const auto deadline = std::chrono::steady_clock::now() + test::kVideoDeadline;
     while (source.statistics().decoder <= 0) {
@@ -69,7 +70,7 @@ TEST_F(VideoPlays, ARangeOfFrames) {
   expect_status(*source, PullStatus::End);
 }
 
-TEST_F(VideoPlays, LoopsWithoutASeam) {
+TEST_F(VideoPlays, LoopsWithoutARepeatedOrLostFrame) {
   VideoRequest wanted = request(write_clip("clip.mkv", 3));
   wanted.plays_again = true;
   const auto source = open_video(wanted);
@@ -81,7 +82,7 @@ TEST_F(VideoPlays, LoopsWithoutASeam) {
   EXPECT_EQ(source->statistics().restarts, 0u);
 }
 
-TEST_F(VideoPlays, RewindsWithANewDecoderWhereNoLoopWasAskedFor) {
+TEST_F(VideoPlays, RewindsWithANewDecoderIfNoLoopWasRequested) {
   const auto source = open_video(request(write_clip("clip.mkv", 3)));
   for (int loop = 0; loop < 3; ++loop) {
     for (uint64_t k = 0; k < 3; ++k) expect_frame(*source, k);
@@ -91,7 +92,7 @@ TEST_F(VideoPlays, RewindsWithANewDecoderWhereNoLoopWasAskedFor) {
   EXPECT_EQ(source->statistics().restarts, 0u);
 }
 
-TEST_F(VideoPlays, GoesOnAfterADecoderWasKilledOrStopped) {
+TEST_F(VideoPlays, ContinuesAfterADecoderWasKilledOrStopped) {
   const auto clip = write_clip("clip.mkv", 40);
   for (const int signal : {SIGKILL, SIGSTOP, SIGSEGV}) {
     VideoRequest wanted = request(clip);
@@ -109,7 +110,7 @@ TEST_F(VideoPlays, GoesOnAfterADecoderWasKilledOrStopped) {
   EXPECT_EQ(errno, ECHILD);
 }
 
-TEST_F(VideoPlays, GoesOnInALoopWhoseLengthIsNotKnownYet) {
+TEST_F(VideoPlays, ContinuesInALoopOfUnknownLength) {
   const auto clip = write_clip("clip.mkv", 5);
   for (uint64_t strike_at = 0; strike_at < 8; strike_at += 3) {
     VideoRequest wanted = request(clip);
@@ -147,27 +148,27 @@ TEST_F(VideoPlays, GivesUpAfterTheFourthDeathWithinAMinute) {
   EXPECT_THAT(source->failure(), testing::HasSubstr("signal 9"));
 }
 
-TEST_F(VideoPlays, RefusesWhatIsNoVideo) {
+TEST_F(VideoPlays, RefusesFilesThatAreNotVideos) {
   std::ofstream(file("words.mkv")) << "these are words, not pictures\n";
   EXPECT_THAT(refusal(request(file("words.mkv"))), testing::HasSubstr("not a video"));
   EXPECT_THAT(refusal(request(file("absent.mkv"))), testing::HasSubstr("No such file"));
   EXPECT_THAT(refusal(request(folder)), testing::HasSubstr("not a regular file"));
 }
 
-TEST_F(VideoPlays, RefusesASizeThatNobodyCanHave) {
+TEST_F(VideoPlays, RefusesImpossibleSizes) {
   std::ofstream(file("huge.y4m")) << "YUV4MPEG2 W100000 H100000 F25:1 Ip C444\nFRAME\n";
   (void)refusal(request(file("huge.y4m")));
   std::ofstream(file("large.y4m")) << "YUV4MPEG2 W32768 H32768 F25:1 Ip C444\nFRAME\n";
   (void)refusal(request(file("large.y4m")));
 }
 
-TEST_F(VideoPlays, SaysThatAStreamIsNotThere) {
+TEST_F(VideoPlays, ReportsAMissingStream) {
   VideoRequest wanted = request(write_clip("clip.mkv", 1));
   wanted.stream = 3;
   EXPECT_THAT(refusal(wanted, ErrorKind::Usage), testing::HasSubstr("no stream 3"));
 }
 
-/// More by hand: LENTICULE_DAMAGED_CLIPS=400.
+/// Returns the number of damaged clips; LENTICULE_DAMAGED_CLIPS=400 makes a longer run by hand.
 int damaged_clips() {
   const char* const wanted = std::getenv("LENTICULE_DAMAGED_CLIPS");
   return wanted != nullptr ? std::atoi(wanted) : 24;
@@ -203,8 +204,8 @@ TEST_F(VideoPlays, DamagedFilesEndOrFailAndNeverHang) {
   }
 }
 
-/// Unless it is built with a sanitizer, which needs calls of its own.
-TEST_F(VideoPlays, TheDecoderIsLockedIn) {
+/// Not in sanitizer builds, since a sanitizer needs system calls of its own.
+TEST_F(VideoPlays, TheDecoderIsSandboxed) {
   VideoRequest wanted = request(write_clip("clip.mkv", 3));
   wanted.plays_again = true;
   const auto source = open_video(wanted);
@@ -223,7 +224,7 @@ TEST_F(VideoPlays, TheDecoderIsLockedIn) {
   EXPECT_THAT(read("/limits"), testing::ContainsRegex("Max core file size +0 "));
 }
 
-/// A decoder that goes on where another one was, by a time stamp that may be wrong.
+/// A decoder that starts where another one stopped, with a time stamp that may be wrong.
 class VideoResumes : public VideoPlays {
  protected:
   void expect_from(uint64_t from, const std::filesystem::path& clip, const std::string& time) {
@@ -244,7 +245,7 @@ class VideoResumes : public VideoPlays {
   }
 };
 
-TEST_F(VideoResumes, AtTheVeryFrameWhateverItIsTold) {
+TEST_F(VideoResumes, AtTheExactFrameForAnyTimeStamp) {
   for (const VideoCodec codec : {VideoCodec::Ffv1, VideoCodec::X264Rgb}) {
     const auto clip = write_clip("clip.mkv", 40, codec);
     // Matroska counts milliseconds: 20 * 1001 / 24 = 834.2
@@ -255,7 +256,7 @@ TEST_F(VideoResumes, AtTheVeryFrameWhateverItIsTold) {
   }
 }
 
-// --- with a decoder that is none ---------------------------------------------------------------
+// --- with a fake decoder ----------------------------------------------------------------------
 
 class FakeVideo : public VideoPlays {
  protected:
@@ -275,7 +276,7 @@ class FakeVideo : public VideoPlays {
   }
 };
 
-TEST_F(FakeVideo, TenThousandLoops) {
+TEST_F(FakeVideo, DeliversTenThousandLoops) {
   const auto source = open("3-well.mkv", true);
   for (int loop = 0; loop < 10000; ++loop) {
     for (uint64_t k = 0; k < 3; ++k)
@@ -285,7 +286,7 @@ TEST_F(FakeVideo, TenThousandLoops) {
   }
 }
 
-TEST_F(FakeVideo, AFrameThatIsLeftOutIsNoticed) {
+TEST_F(FakeVideo, DetectsASkippedFrame) {
   const auto source = open("5-skips.mkv", false);
   ASSERT_EQ(pull_number(*source, 0), PullStatus::Ready);
   ASSERT_EQ(pull_number(*source, 1), PullStatus::Ready);
@@ -293,14 +294,14 @@ TEST_F(FakeVideo, AFrameThatIsLeftOutIsNoticed) {
   EXPECT_THAT(source->failure(), testing::HasSubstr("frame 3 in place of 2"));
 }
 
-TEST_F(FakeVideo, ADeathAfterAFrameCostsNothing) {
+TEST_F(FakeVideo, ADecodersDeathAfterAFrameLosesNoFrame) {
   const auto source = open("5-dies.mkv", false);
   for (uint64_t k = 0; k < 5; ++k) ASSERT_EQ(pull_number(*source, k), PullStatus::Ready);
   EXPECT_EQ(pull_number(*source, 0), PullStatus::End);
   EXPECT_EQ(source->statistics().restarts, 1u);
 }
 
-TEST_F(FakeVideo, StumblingAfterTheGoodbyeIsNoFailure) {
+TEST_F(FakeVideo, ADecodersFailureAfterItsLastFrameIsIgnored) {
   const auto source = open("3-stumbles.mkv", false);
   for (int loop = 0; loop < 2; ++loop) {
     for (uint64_t k = 0; k < 3; ++k) ASSERT_EQ(pull_number(*source, k), PullStatus::Ready);
@@ -309,13 +310,13 @@ TEST_F(FakeVideo, StumblingAfterTheGoodbyeIsNoFailure) {
   }
 }
 
-TEST_F(FakeVideo, NoiseIsNotBelieved) {
+TEST_F(FakeVideo, InvalidMessagesAreRejected) {
   const auto source = open("3-noise.mkv", false);
   for (uint64_t k = 0; k < 3; ++k) ASSERT_EQ(pull_number(*source, k), PullStatus::Ready);
   EXPECT_EQ(pull_number(*source, 0), PullStatus::End);
 }
 
-TEST_F(FakeVideo, ADecoderThatRefusesIsNotAskedAgain) {
+TEST_F(FakeVideo, ADecoderThatRefusesIsNotRestarted) {
   const auto source = open("3-refuses.mkv", false);
   EXPECT_EQ(pull_number(*source, 0), PullStatus::Failed);
   EXPECT_THAT(source->failure(), testing::HasSubstr("it is no clip"));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What tests of video files share: clips made on the spot, and a way to pull with an end.
+// Makes clips for tests of video files, and pulls frames with a deadline.
 #pragma once
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@
 
 namespace lenticule::test {
 
-/// Far beyond what anything here takes: a test that comes so far has found a hang.
+/// A timeout far beyond every test's needs: a test that reaches it hangs.
 inline constexpr std::chrono::seconds kVideoDeadline{60};
 
 inline std::vector<uint8_t> random_bytes(size_t count, unsigned seed) {
@@ -44,7 +44,7 @@ class VideoTest : public testing::Test {
 
   [[nodiscard]] std::filesystem::path file(const std::string& name) const { return folder / name; }
 
-  /// Frame k of every clip that write_clip() makes.
+  /// Returns frame k of every clip that write_clip() makes.
   [[nodiscard]] static frames::WovenFrame clip_frame(uint64_t k) {
     frames::WovenFrame frame(kSmall);
     std::ranges::copy(random_bytes(kSmall.frame_bytes(), static_cast<unsigned>(k) + 1),
@@ -65,7 +65,7 @@ class VideoTest : public testing::Test {
     return file(name);
   }
 
-  /// One frame of any pixel format, through FFV1.
+  /// Encodes one frame of any pixel format with FFV1.
   [[nodiscard]] std::filesystem::path encode(const std::string& name, int width, int height,
                                              const std::vector<uint8_t>& raw,
                                              const std::string& flags) const {
@@ -84,7 +84,7 @@ class VideoTest : public testing::Test {
     return {.file = clip, .program = LENTICULE_VIDEO_PROGRAM};
   }
 
-  /// The next thing that is not "not yet"; NotYet when the deadline is over.
+  /// Returns the next status other than NotYet; NotYet after the deadline.
   [[nodiscard]] static frames::PullStatus pull(frames::FrameSource& source,
                                                frames::LentFrame& out) {
     const auto deadline = std::chrono::steady_clock::now() + kVideoDeadline;
@@ -111,7 +111,7 @@ class VideoTest : public testing::Test {
     EXPECT_EQ(pull(source, lent), status) << source.failure();
   }
 
-  /// The first frame of a clip.
+  /// Returns the first frame of a clip.
   [[nodiscard]] static std::vector<uint8_t> first_frame(const player::VideoRequest& wanted) {
     const auto source = player::open_video(wanted);
     frames::LentFrame lent;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Written video files: whole under their name, or not there.
+// Tests that a video file appears under its name only when complete.
 #include "apps/lenticule/offline/video_writer.h"
 
 #include <gmock/gmock.h>
@@ -24,7 +24,7 @@ class VideoWrites : public test::VideoTest {
   }
 };
 
-TEST_F(VideoWrites, NothingIsLeftWithoutFinish) {
+TEST_F(VideoWrites, LeavesNoFileWithoutFinish) {
   {
     VideoWriter writer(options("clip.mkv"));
     writer.write(clip_frame(0).view());
@@ -33,7 +33,7 @@ TEST_F(VideoWrites, NothingIsLeftWithoutFinish) {
   EXPECT_EQ(files(), 0u);
 }
 
-TEST_F(VideoWrites, TheOldFileStaysUntilTheNewOneIsWhole) {
+TEST_F(VideoWrites, KeepsTheOldFileUntilTheNewOneIsComplete) {
   std::ofstream(file("clip.mkv")) << "old";
   VideoWriter writer(options("clip.mkv"));
   writer.write(clip_frame(0).view());
@@ -43,7 +43,7 @@ TEST_F(VideoWrites, TheOldFileStaysUntilTheNewOneIsWhole) {
   EXPECT_EQ(files(), 1u);
 }
 
-TEST_F(VideoWrites, AFolderThatIsNotThere) {
+TEST_F(VideoWrites, ReportsAMissingFolder) {
   EXPECT_THROW(VideoWriter(options("absent/clip.mkv")), Error);
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views that are woven while they play: the right frames in order, loop after loop, and new plans
-// without a frame missing.
+// Tests views that are woven while playing: the right frames in order in every loop, and plan
+// changes without a missing frame.
 #include "player/sources/weaving_source.h"
 
 #include <gtest/gtest.h>
@@ -81,7 +81,7 @@ class WeavingSourceTest : public testing::Test {
   fs::path rig_file_;
 };
 
-/// Bounded: a source that never answers fails the test.
+/// Pulls with a limit: a source that never answers fails the test.
 PullStatus pull_soon(WeavingSource& source, LentFrame& out) {
   for (int n = 0; n < 2000; ++n) {
     const PullStatus status = source.pull(out);
@@ -106,7 +106,7 @@ WovenFrame copy_of(const LentFrame& lent) {
   return frame;
 }
 
-/// The still frame, looked at once.
+/// Returns the still frame and expects the source to end after it.
 WovenFrame look(WeavingSource& source) {
   LentFrame lent;
   EXPECT_EQ(pull_soon(source, lent), PullStatus::Ready);
@@ -117,7 +117,7 @@ WovenFrame look(WeavingSource& source) {
   return frame;
 }
 
-TEST_F(WeavingSourceTest, PlaysASequenceInOrderLoopAfterLoop) {
+TEST_F(WeavingSourceTest, PlaysASequenceInOrderInEveryLoop) {
   WeavingSource source(quilts(write_quilts(5)), options());
   EXPECT_EQ(source.frame_count(), 5U);
   for (int loop = 0; loop < 3; ++loop) {
@@ -134,7 +134,7 @@ TEST_F(WeavingSourceTest, PlaysASequenceInOrderLoopAfterLoop) {
   }
 }
 
-TEST_F(WeavingSourceTest, WhoDoesNotPlayAgainAsksForEveryRound) {
+TEST_F(WeavingSourceTest, WithoutLoopingEachRoundNeedsARewind) {
   WeavingSourceOptions once = options();
   once.plays_again = false;
   WeavingSource source(quilts(write_quilts(2)), once);
@@ -152,7 +152,7 @@ TEST_F(WeavingSourceTest, WhoDoesNotPlayAgainAsksForEveryRound) {
   }
 }
 
-TEST_F(WeavingSourceTest, UndoesCrosstalkIfAsked) {
+TEST_F(WeavingSourceTest, CompensatesCrosstalkOnRequest) {
   const WovenFrame quilt = noise_quilt(7);
   WeavingSourceOptions undone = options();
   undone.loom.crosstalk = "12";
@@ -181,7 +181,7 @@ TEST_F(WeavingSourceTest, WeavesAStillAgainWhenItsTrimChanges) {
   source.release(held.token);
 }
 
-TEST_F(WeavingSourceTest, GoesOnWithTheOldRigWhenTheNewOneIsBroken) {
+TEST_F(WeavingSourceTest, KeepsTheOldRigWhenTheNewOneIsBroken) {
   const WovenFrame quilt = noise_quilt(7);
   WeavingSource source(still(quilt), options());
   const WovenFrame before = expected(quilt);
@@ -191,7 +191,7 @@ TEST_F(WeavingSourceTest, GoesOnWithTheOldRigWhenTheNewOneIsBroken) {
   EXPECT_EQ(source.plans(), 1U);
 }
 
-TEST_F(WeavingSourceTest, NoFrameIsMissingWhileATrimChanges) {
+TEST_F(WeavingSourceTest, LosesNoFrameWhileATrimChanges) {
   WeavingSource source(quilts(write_quilts(5)), options());
   const WovenFrame before = expected(noise_quilt(0));
   uint64_t shown = 0;
@@ -229,7 +229,7 @@ TEST_F(WeavingSourceTest, ABrokenQuiltFailsWhenItsTurnComes) {
   EXPECT_NE(source.failure().find("_02.png"), std::string::npos) << source.failure();
 }
 
-TEST_F(WeavingSourceTest, IsWhatThePlayerOpensForAQuiltsName) {
+TEST_F(WeavingSourceTest, IsOpenedForAQuiltsName) {
   const std::vector<fs::path> files = write_quilts(2);
   const optics::Rig rig = optics::load_rig(rig_file_);
   const auto opened = open_source({.text = files[1].string(),

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays that are proved to meet nothing: the bounds that the proofs are made of, and the bytes.
+// Tests rays that are culled because they provably hit nothing: the bounds behind the test, and the
+// bytes.
 #include "render/culling/background.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +19,7 @@ bool holds(const Interval& interval, double value) {
   return value >= interval.low && value <= interval.high;
 }
 
-/// Every ray that Embree would be shown lies within the bounds of its columns.
+/// Expects every ray that Embree would trace to lie within the bounds of its columns.
 void expect_bounds_hold(const optics::Rig& rig, const Scene& scene, int tile_index) {
   const optics::OpticalModel model(rig);
   const TilePlan plan(rig);
@@ -42,7 +43,7 @@ void expect_bounds_hold(const optics::Rig& rig, const Scene& scene, int tile_ind
       for (size_t r = 0; r < kPacket; ++r) {
         if (packet.valid[r] == 0) continue;
         ++valid;
-        // The scene's axes are the panel's here.
+        // The scene's axes equal the panel's here.
         const double tan_x = double{ray.dir_x[r]} / double{ray.dir_z[r]};
         const double tan_y = double{ray.dir_y[r]} / double{ray.dir_z[r]};
         ASSERT_TRUE(holds(beam.tan_x, tan_x)) << c << ' ' << r;
@@ -72,7 +73,7 @@ TEST(Beam, HoldsTheRaysOfRandomRigs) {
   }
 }
 
-/// Of one small triangle: beams that surround it are not empty, beams beside it are.
+/// The scene is one small triangle: beams that surround it are not empty, beams beside it are.
 TEST(Beam, IsEmptyBesideATriangleOnly) {
   SceneDescription description;
   description.materials.emplace_back();
@@ -145,7 +146,7 @@ void expect_same_bytes(const SceneDescription& description, const optics::Rig& r
   counts.rays += with.primary_rays;
 }
 
-TEST(Background, GivesTheSameBytesFilledAsTraced) {
+TEST(Background, GivesTheSameBytesAsTracing) {
   Counts flat, sky;
   for (const optics::Rig& rig : some_rigs())
     for (const testing::NamedScene& named : testing::tiny_scenes()) {
@@ -169,8 +170,8 @@ TEST(Background, GivesTheSameBytesWithSeveralSamplesAndAGround) {
   EXPECT_LT(ground.proved, ground.rays);
 }
 
-/// Small things strewn over the glass, before and behind it: gaps of all sizes between them.
-TEST(Background, GivesTheSameBytesAroundRandomThings) {
+/// Small objects lie around the panel's plane with gaps of all sizes between them.
+TEST(Background, GivesTheSameBytesAroundRandomObjects) {
   std::mt19937_64 random(77);
   std::uniform_real_distribution<double> place(-6.0, 6.0), size(0.02, 0.6);
   Counts counts;

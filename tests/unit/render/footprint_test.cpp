@@ -13,9 +13,9 @@ namespace {
 
 using testing::make_rig;
 
-// The model takes the exact vertical shift into account where a slanted lens turns it into a
-// horizontal one; the footprint takes that as constant across the subpixel. A hundredth of a
-// subpixel is what that may cost: of its width on the glass, of its step in the tangent.
+// The model uses the exact vertical shift where a slanted lens turns it into a horizontal one; the
+// footprint treats it as constant across the subpixel. The error may be a hundredth of a subpixel:
+// of its width on the panel, and of its step in the tangent.
 constexpr double kWidthShare = 1e-2 * 5.0 / 3.0;
 constexpr double kTangentShare = 1e-2 * 0.55 / 7.7;
 
@@ -61,8 +61,8 @@ TEST(Footprint, CentreIsTheRayItself) {
   EXPECT_EQ(ray.tan_y, same.tan_y);
 }
 
-/// One subpixel to the right by the footprint is the next subpixel by the model, as long as both
-/// are under one lens.
+/// One subpixel to the right by the footprint is the next subpixel by the model, if both are under
+/// one lens.
 TEST(Footprint, AgreesWithTheModelOneSubpixelFurther) {
   for (const double distance : {700.0, std::numeric_limits<double>::infinity()}) {
     const optics::OpticalModel model(make_rig({.width = 60, .distance_mm = distance}));
@@ -81,7 +81,7 @@ TEST(Footprint, AgreesWithTheModelOneSubpixelFurther) {
   }
 }
 
-/// The same down the lens: one pixel row further is the model's next row.
+/// The same holds along the lens: one pixel row further is the model's next row.
 TEST(Footprint, AgreesWithTheModelOneRowFurther) {
   for (const double slant : {0.0, 0.2, -0.3}) {
     const optics::OpticalModel model(

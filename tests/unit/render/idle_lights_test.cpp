@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lights that bring nothing are left out; the bytes are the same.
+// Tests that lights without a contribution are skipped and the bytes stay the same.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -36,7 +36,7 @@ Rendered rendered(const SceneDescription& description, IdleLights idle) {
   return out;
 }
 
-/// How many were left out; the bytes have to be the same.
+/// Returns the number of skipped lights and expects equal bytes.
 uint64_t left_out(const SceneDescription& scene) {
   const Rendered without = rendered(scene, IdleLights::LeaveOut);
   const Rendered with = rendered(scene, IdleLights::Keep);
@@ -46,7 +46,7 @@ uint64_t left_out(const SceneDescription& scene) {
   return without.statistics.lights_left_out;
 }
 
-TEST(IdleLights, AreLeftOut) {
+TEST(IdleLights, AreSkipped) {
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
     SCOPED_TRACE(named.name);
     SceneDescription scene = named.scene;
@@ -59,11 +59,11 @@ TEST(IdleLights, AreLeftOut) {
   }
 }
 
-TEST(IdleLights, AreKeptWhereTheyMightMatter) {
+TEST(IdleLights, AreKeptIfTheyMightContribute) {
   SceneDescription scene = testing::tiny_scenes().front().scene;
-  scene.lights = {spot({0, 0, 40}, {0, 0, -1}, 5.0),      // on the scene
-                  spot({0, 0, 0}, {0, 0, 1}, 5.0),        // inside it
-                  spot({0, 40, 0}, {0, -1, 0.3}, 20.0)};  // its rim
+  scene.lights = {spot({0, 0, 40}, {0, 0, -1}, 5.0),      // shines on the scene
+                  spot({0, 0, 0}, {0, 0, 1}, 5.0),        // is inside the scene
+                  spot({0, 40, 0}, {0, -1, 0.3}, 20.0)};  // touches the rim of the scene
   scene.lights.push_back(
       {.kind = Light::Kind::Point, .position = {}, .colour = {0, 0, 0}, .falls_off = true});
   EXPECT_EQ(left_out(scene), 0U);

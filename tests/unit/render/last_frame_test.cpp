@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Frames in which nothing changes are copied; whatever changes, they are not.
+// Tests that frames without a change are copied, and frames with any change are not.
 #include "render/culling/last_frame.h"
 
 #include <gtest/gtest.h>
@@ -14,11 +14,11 @@
 namespace lenticule::render {
 namespace {
 
-/// Everything that one frame is made of.
+/// All inputs of one frame.
 struct Shot {
   SceneDescription scene;
   testing::TinyStage stage{};
-  double near_mm = HUGE_VAL;  ///< nothing nearer is shown
+  double near_mm = HUGE_VAL;  ///< nearest distance that is shown
   Surroundings surroundings{.background = {}, .environment_file = {}};
 };
 
@@ -69,14 +69,14 @@ TEST(LastFrame, IsCopiedWhileNothingChanges) {
   }
 }
 
-TEST(LastFrame, IsRenderedAgainUnlessAskedFor) {
+TEST(LastFrame, IsReusedOnlyOnRequest) {
   const Shot shot{.scene = testing::tiny_scenes().front().scene};
   Frames run(false);
   run.render(shot);
   EXPECT_EQ(run.render(shot).copied_subpixels, 0U);
 }
 
-/// A scene in which every kind of thing is to be seen.
+/// Returns a scene that shows every kind of object.
 Shot all_kinds() {
   Shot shot;
   SceneDescription& scene = shot.scene;
@@ -159,7 +159,7 @@ const std::vector<std::function<void(Shot&)>>& changes() {
   return list;
 }
 
-TEST(LastFrame, IsNotCopiedWhereAnythingChanges) {
+TEST(LastFrame, IsNotCopiedIfAnythingChanges) {
   const Shot before = all_kinds();
   const frames::WovenFrame first = fresh(before);
   int visible = 0;
@@ -173,7 +173,7 @@ TEST(LastFrame, IsNotCopiedWhereAnythingChanges) {
     EXPECT_EQ(run.frame, expected) << "change " << n;
     visible += expected == first ? 0 : 1;
   }
-  // Or else the scene would not tell whether a change matters.
+  // Otherwise the scene could not show if a change matters.
   EXPECT_GE(visible, static_cast<int>(changes().size()) - 3);
 }
 

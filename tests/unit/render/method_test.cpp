@@ -49,7 +49,7 @@ TEST(MakeMethod, RefusesOptionsOutOfRange) {
     EXPECT_THROW((void)make_method("full", model, options), Error);
 }
 
-/// The picture may not depend on how the work was shared out.
+/// The picture must not depend on the distribution of work to threads.
 TEST(MethodFull, GivesTheSameBytesWithAnyNumberOfThreads) {
   const optics::Rig rig = make_rig({.width = 150, .height = 70, .pixel_mm = 0.5});
   for (const testing::NamedScene& named : testing::tiny_scenes())
@@ -63,7 +63,7 @@ TEST(MethodFull, GivesTheSameBytesWithAnyNumberOfThreads) {
     }
 }
 
-/// Of our own loops; Embree takes the machine's best whatever is asked.
+/// Covers our own loops; Embree always uses the machine's best set.
 TEST(MethodFull, GivesTheSameBytesWithEveryInstructionSet) {
   const optics::Rig rig = make_rig({.width = 150, .height = 70, .pixel_mm = 0.5});
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
@@ -77,7 +77,7 @@ TEST(MethodFull, GivesTheSameBytesWithEveryInstructionSet) {
   }
 }
 
-/// What is proved to meet nothing is not traced, and nothing else changes.
+/// Rays that provably hit nothing are not traced, and nothing else changes.
 TEST(MethodFull, GivesTheSameBytesWithoutSkippingEmptyShafts) {
   const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
   const optics::OpticalModel model(rig);
@@ -103,8 +103,8 @@ TEST(MethodFull, GivesTheSameBytesWithoutSkippingEmptyShafts) {
   EXPECT_GT(proved_secondary, 1000U);
 }
 
-/// What cannot change a code value is left out, and nothing else changes.
-TEST(MethodFull, GivesTheSameBytesWithoutLeavingOutWeakRays) {
+/// Rays that cannot change a code value are skipped, and nothing else changes.
+TEST(MethodFull, GivesTheSameBytesWithoutSkippingWeakRays) {
   const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
   const optics::OpticalModel model(rig);
   uint64_t left_out = 0;
@@ -127,7 +127,7 @@ TEST(MethodFull, GivesTheSameBytesWithoutLeavingOutWeakRays) {
   EXPECT_GT(left_out, 1000U);
 }
 
-TEST(MethodFull, GivesTheSameBytesWhateverTheOrderOfTiles) {
+TEST(MethodFull, GivesTheSameBytesForAnyOrderOfTiles) {
   const optics::Rig rig = make_rig({.width = 300, .height = 140, .pixel_mm = 0.25});
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
     const auto with = [&](bool backwards) {
@@ -179,8 +179,9 @@ TEST(MethodFull, EncodesColourManagedScenesOnly) {
   EXPECT_EQ(rendered(empty, make_rig({}), make_tiny_stage()).row(0)[0], 128);
 }
 
-/// A plane in the glass shows every eye the same place: the picture is the texture, not a mixture.
-TEST(MethodFull, ContentOnTheGlassIsTheSameFromEveryView) {
+/// All eyes see a plane in the panel's plane at the same place: the picture is the texture, not a
+/// blend.
+TEST(MethodFull, ContentInThePanelsPlaneIsTheSameFromEveryView) {
   SceneDescription scene;
   scene.colour_managed = false;
   scene.ambient = Vec3{1, 1, 1};
@@ -190,7 +191,7 @@ TEST(MethodFull, ContentOnTheGlassIsTheSameFromEveryView) {
                   testing::rectangle_mesh({0, -50, 0}, {50, 0, 0}, {0, 100, 0}, 1)};
   const optics::Rig rig = make_rig({.width = 90, .height = 30, .pixel_mm = 1.0});
   const frames::WovenFrame frame = rendered(scene, rig, make_tiny_stage({.mm_per_unit = 1.0}));
-  // Off the seam by more than a lens, left is white and right is black in all channels.
+  // More than a lens away from the edge, left is white and right is black in all channels.
   const int margin = 6;
   for (int j = 0; j < frame.height(); ++j)
     for (int i = 0; i < frame.width(); ++i)
@@ -200,7 +201,7 @@ TEST(MethodFull, ContentOnTheGlassIsTheSameFromEveryView) {
       }
 }
 
-/// Sub-sampling smooths edges and leaves flat places alone.
+/// Supersampling smooths edges and keeps uniform areas.
 TEST(MethodFull, SamplesSmoothEdgesOnly) {
   SceneDescription scene;
   scene.colour_managed = false;
@@ -233,7 +234,7 @@ TEST(MethodFull, DepthZeroHasNoReflections) {
             0);
 }
 
-TEST(MethodFull, GroundAndSkyFillWhatTheSceneLeavesOpen) {
+TEST(MethodFull, GroundAndSkyFillTheBackground) {
   const optics::Rig rig = make_rig({.width = 60, .height = 40, .pixel_mm = 1.0});
   SceneDescription scene;
   scene.background = {0, 0, 0};

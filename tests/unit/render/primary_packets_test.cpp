@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rays made from polynomials against those of the map itself.
+// Compares rays made from polynomials with those of the map itself.
 #include "render/rays/primary_packets.h"
 
 #include <gtest/gtest.h>
@@ -13,12 +13,12 @@
 namespace lenticule::render {
 namespace {
 
-/// Largest differences over a tile, as far as the rays are both there.
+/// Largest differences over a tile, for rays that exist in both.
 struct Difference {
   double tangent = 0.0;
   double origin_mm = 0.0;
   int rays = 0;
-  int wrong_lanes = 0;  ///< there in one and not in the other
+  int wrong_lanes = 0;  ///< lanes with a ray in one only
 };
 
 Vec3 lane(const float* x, const float* y, const float* z, size_t r) {
@@ -68,7 +68,7 @@ struct Bench {
   Footprint footprint;
 };
 
-/// Single precision resolves this much of a coordinate of the panel, with a few roundings.
+/// Returns the resolution of single precision for a coordinate of the panel, with a few roundings.
 double origin_tolerance(const optics::Rig& rig, const Scene& scene, const PrimaryRays& exact) {
   const double size = rig.panel.width_px * rig.panel.pixel_width.value +
                       rig.panel.height_px * rig.panel.pixel_height.value +
@@ -76,7 +76,7 @@ double origin_tolerance(const optics::Rig& rig, const Scene& scene, const Primar
   return 4.0 * size / (1 << 24);
 }
 
-/// The kiosk's panel with pixels twice as large: its tiles take two parabolas each.
+/// Returns the kiosk's panel with pixels twice as large, whose tiles need two parabolas each.
 optics::Rig coarse_kiosk_rig() {
   optics::Rig rig = test::kiosk_rig();
   rig.panel.width_px /= 2;
@@ -86,7 +86,7 @@ optics::Rig coarse_kiosk_rig() {
   return rig;
 }
 
-TEST(PrimaryPackets, KioskComesFromPolynomials) {
+TEST(PrimaryPackets, UsesPolynomialsForTheKiosk) {
   const Bench kiosk(test::kiosk_rig());
   EXPECT_TRUE(kiosk.packets.fast());
   const Bench upright(test::upright_rig());
@@ -154,7 +154,7 @@ TEST(PrimaryPackets, EveryInstructionSetGivesTheSameBits) {
   }
 }
 
-/// Upright lenses of whole subpixels put every eighth column exactly on a border.
+/// Upright lenses of a whole number of subpixels put every eighth column exactly on a border.
 TEST(PrimaryPackets, BordersFollowTheMap) {
   optics::Rig rig = test::upright_rig();
   const auto description = testing::tiny_scenes().front().scene;

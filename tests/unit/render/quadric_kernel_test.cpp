@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Packets of rays and rays one by one give the same bits.
+// Tests that packets of rays and single rays give the same bits.
 #include "render/accel/quadric_kernel.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ struct alignas(64) Packet {
   int valid[kLanes];
 };
 
-/// A packet cut into narrower ones, as Embree has them where its vectors are narrower.
+/// Cuts a packet into narrower ones, as Embree does where its vectors are narrower.
 class Parts {
  public:
   Parts(Packet& whole, size_t lanes) : whole_(whole), lanes_(lanes) {}
@@ -63,7 +63,8 @@ class QuadricKernel : public ::testing::TestWithParam<Isa> {
   double any() { return uniform_(random_); }
   Vec3 vector() { return {any(), any(), any()}; }
 
-  /// Rays around the origin, some parallel to an axis, some that end or begin in the middle.
+  /// Returns rays around the origin, some parallel to an axis, some that start or end in the
+  /// middle.
   Packet packet() {
     Packet packet;
     std::memset(static_cast<void*>(&packet), 0, sizeof packet);
@@ -93,7 +94,7 @@ class QuadricKernel : public ::testing::TestWithParam<Isa> {
     return first_root(meet(shape, origin, direction), double{ray.tnear[r]}, double{ray.tfar[r]});
   }
 
-  /// Returns how many lanes met the shape.
+  /// Returns the number of lanes that hit the shape.
   template <class Shape, class Intersect>
   int expect_same_hits(const Shape& shape, const Intersect& intersect) {
     const Packet before = packet();
@@ -126,7 +127,7 @@ class QuadricKernel : public ::testing::TestWithParam<Isa> {
     }
   }
 
-  /// 16, 8 and, where the kernel takes so few, 4.
+  /// Widths 16, 8 and, if the kernel supports it, 4.
   void next_width() {
     const auto step = static_cast<size_t>(kernel().step);
     lanes_ = lanes_ / 2 < std::max<size_t>(step, 4) ? kLanes : lanes_ / 2;
@@ -137,7 +138,7 @@ class QuadricKernel : public ::testing::TestWithParam<Isa> {
   std::uniform_real_distribution<double> uniform_{-1.0, 1.0};
 };
 
-TEST_P(QuadricKernel, MeetsSpheresAsOneRayDoes) {
+TEST_P(QuadricKernel, IntersectsSpheresLikeSingleRays) {
   int met = 0;
   for (int round = 0; round < 3000; ++round) {
     const SphereShape sphere{.centre = vector(), .radius = 0.01 + std::abs(any())};
@@ -153,7 +154,7 @@ TEST_P(QuadricKernel, MeetsSpheresAsOneRayDoes) {
   EXPECT_GT(met, 2500);
 }
 
-TEST_P(QuadricKernel, MeetsConesAsOneRayDoes) {
+TEST_P(QuadricKernel, IntersectsConesLikeSingleRays) {
   int met = 0;
   for (int round = 0; round < 3000; ++round) {
     const Vec3 base = vector(), apex = round % 10 == 0 ? base + Vec3{0, 1, 0} : vector();
@@ -182,7 +183,7 @@ TEST_P(QuadricKernel, MeetsConesAsOneRayDoes) {
   EXPECT_GT(met, 2500);
 }
 
-TEST_P(QuadricKernel, MeetsWideTrianglesAsOneRayDoes) {
+TEST_P(QuadricKernel, IntersectsWideTrianglesLikeSingleRays) {
   const auto copy = [](Vec3 v, double(&out)[3]) {
     out[0] = v.x;
     out[1] = v.y;

@@ -27,20 +27,20 @@ TEST(QuadraticRoots, AreAscending) {
   }
 }
 
-TEST(QuadraticRoots, KeepTheSmallRootWhereTheTextbookLosesIt) {
+TEST(QuadraticRoots, KeepTheSmallRootWithoutCancellation) {
   // t^2 - 2e8 t + 1: the small root is 5e-9, of which the textbook formula keeps no digit.
   const Roots roots = quadratic_roots(1.0, -1e8, 1.0);
   ASSERT_EQ(roots.count, 2);
   EXPECT_NEAR(roots.t[0], 5e-9, 1e-21);
 }
 
-TEST(QuadraticRoots, OfALinearEquationAreOne) {
+TEST(QuadraticRoots, HaveOneRootForALinearEquation) {
   const Roots roots = quadratic_roots(0.0, 2.0, -8.0);
   ASSERT_EQ(roots.count, 1);
   EXPECT_DOUBLE_EQ(roots.t[0], 2.0);
 }
 
-TEST(QuadraticRoots, AreNoneForNumbersThatAreNot) {
+TEST(QuadraticRoots, AreNoneForNonFiniteCoefficients) {
   EXPECT_EQ(quadratic_roots(1.0, std::nan(""), 1.0).count, 0);
   EXPECT_EQ(quadratic_roots(1.0, 0.0, 1.0).count, 0);
 }
@@ -53,7 +53,7 @@ TEST(FirstRoot, IsTheNearestInsideTheRange) {
   EXPECT_EQ(first_root(roots, 0.0, 0.5), 0.5);
 }
 
-TEST(Sphere, IsMetOnItsSurfaceFromAMillionRadiiAway) {
+TEST(Sphere, IsHitOnItsSurfaceFromAMillionRadiiAway) {
   std::mt19937_64 random(7);
   std::uniform_real_distribution<double> unit(-1.0, 1.0);
   const SphereShape sphere{.centre = {3.0, -2.0, 5.0}, .radius = 0.7};
@@ -89,13 +89,13 @@ TEST(Cone, HasItsRadiusAtEveryHeight) {
   }
 }
 
-TEST(Cone, DoesNotGoOnBeyondItsTip) {
+TEST(Cone, EndsAtItsTip) {
   const ConeShape shape = cone({0, 0, 0}, {0, 1, 0}, 1.0, 0.0);
   EXPECT_EQ(meet(shape, {5, 1.5, 0}, {-1, 0, 0}).count, 0);
   EXPECT_EQ(meet(shape, {5, 0.5, 0}, {-1, 0, 0}).count, 2);
 }
 
-TEST(Cone, NormalIsPerpendicularToItsSideAndTurnsWithInward) {
+TEST(Cone, NormalIsPerpendicularToItsSideAndFlipsWithInward) {
   ConeShape shape = cone({0, 0, 0}, {0, 3, 0}, 2.0, 0.5);
   const Vec3 point = project_onto(shape, {1.2, 1.1, 0.3});
   const Vec3 normal = outer_normal(shape, point);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What reaches Embree, and what does not.
+// Tests which rays reach Embree.
 #include "render/accel/ray_stream.h"
 
 #include <gtest/gtest.h>
@@ -18,7 +18,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// A floor and a sphere above it: both kinds of geometry, in scene millimetres.
+/// Returns a floor and a sphere above it, which are both kinds of geometry, in scene millimetres.
 SceneDescription floor_and_sphere() {
   SceneDescription scene;
   scene.source = "test";
@@ -43,8 +43,8 @@ std::vector<Vec3> unusable_vectors() {
           {0, -kInfinity, 0}, {1e30, 0, 0}, {0, 0, 1e300}, {0, -1e18, 0}};
 }
 
-TEST_F(RayStream, RaysThatAreNotFiniteAreCountedAndNeverReachEmbree) {
-  // Embree ends the process when it meets one of these.
+TEST_F(RayStream, NonFiniteRaysAreCountedAndNeverReachEmbree) {
+  // Embree ends the process if it traces one of these.
   for (const Vec3 bad : unusable_vectors()) {
     const std::vector<PathRay> rays = {ray({0, 9, 0}, {0, -1, 0}), ray(bad, {0, -1, 0}),
                                        ray({5, 9, 0}, bad)};
@@ -59,7 +59,7 @@ TEST_F(RayStream, RaysThatAreNotFiniteAreCountedAndNeverReachEmbree) {
   }
 }
 
-TEST_F(RayStream, ShadowRaysThatAreNotFiniteAddNothing) {
+TEST_F(RayStream, NonFiniteShadowRaysAddNothing) {
   std::vector<double> light(1, 0.0);
   for (const Vec3 bad : unusable_vectors()) {
     const std::vector<ShadowRay> rays = {
@@ -87,7 +87,7 @@ TEST_F(RayStream, InactiveLanesAreNeitherTracedNorCounted) {
   EXPECT_EQ(hits[4].geometry, 0U);
 }
 
-TEST_F(RayStream, AnyNumberOfRaysIsTraced) {
+TEST_F(RayStream, TracesAnyNumberOfRays) {
   for (const size_t count : {0U, 1U, 15U, 16U, 17U, 33U}) {
     const std::vector<PathRay> rays(count, ray({5, 9, 0}, {0, -1, 0}));
     std::vector<Hit> hits(count);
@@ -96,7 +96,7 @@ TEST_F(RayStream, AnyNumberOfRaysIsTraced) {
   }
 }
 
-TEST_F(RayStream, LightArrivesUnlessSomethingIsInTheWay) {
+TEST_F(RayStream, LightArrivesUnlessOccluded) {
   std::vector<double> light(4, 0.0);
   const std::vector<ShadowRay> rays = {
       {.origin = {0, 1, 0}, .direction = {0, 1, 0}, .distance = 9, .light = 1, .target = 0},
@@ -111,8 +111,8 @@ TEST_F(RayStream, LightArrivesUnlessSomethingIsInTheWay) {
   EXPECT_EQ(light, (std::vector<double>{0, 2, 4, 0}));
 }
 
-/// Sixteen rays from the middle of a closed ball, all to one side of each axis, of which one comes
-/// as near to the other side of an axis as `nearly` says.
+/// Returns sixteen directions from the middle of a closed ball, all on one side of each axis; one
+/// of them comes as close to the other side of an axis as `nearly` states.
 std::vector<Vec3> directions_beside_an_axis(size_t axis, double nearly) {
   std::vector<Vec3> directions;
   for (int k = 0; k < static_cast<int>(kPacket); ++k) {
@@ -138,9 +138,9 @@ class ClosedBall : public ::testing::TestWithParam<double> {
   RTCScene embree_ = scene_.embree.get();
 };
 
-// Embree takes these components for positive ones, and the bounds of a packet with negative ones
-// beside them for none that meet anything.
-TEST_P(ClosedBall, LosesNoPacketOfWhichOneRayIsNearlyAlongAnAxis) {
+// Embree treats these components as positive; beside negative ones, its bounds of the packet would
+// hit nothing.
+TEST_P(ClosedBall, StopsPacketsWithARayNearlyAlongAnAxis) {
   for (size_t axis = 0; axis < 3; ++axis) {
     std::vector<PathRay> rays;
     std::vector<ShadowRay> shadows;
@@ -161,7 +161,7 @@ INSTANTIATE_TEST_SUITE_P(Nearly, ClosedBall,
                          ::testing::Values(0.0, -0.0, 1e-30, -1e-30, -6.9e-19, -1.1e-18, -1e-12,
                                            1e-19, 1e-12, 1e-3));
 
-TEST(InOneOctant, AsksForTheSignsThatEmbreeSees) {
+TEST(InOneOctant, UsesTheSignsThatEmbreeUses) {
   alignas(64) int valid[kPacket];
   RTCRay16 rays{};
   const auto all = [&](float most, float one) {
@@ -187,8 +187,8 @@ TEST(InOneOctant, AsksForTheSignsThatEmbreeSees) {
   EXPECT_TRUE(in_one_octant(valid, rays)) << "an empty lane counts";
 }
 
-/// Embree takes packets in the width of its vectors; whatever that is, rays meet the same.
-TEST_F(RayStream, PacketsOfAllWidthsMeetTheSame) {
+/// Embree takes packets in the width of its vectors; rays hit the same for every width.
+TEST_F(RayStream, PacketsOfAllWidthsHitTheSame) {
   std::mt19937_64 random(4);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   int met = 0;

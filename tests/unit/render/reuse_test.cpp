@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The methods that reuse points: re-projection against its oracle, counters, depth order, and what
-// a sequence may not depend on.
+// Tests the methods that reuse points: re-projection against its reference, counters, depth order,
+// and the invariances of a sequence.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -35,7 +35,7 @@ frames::WovenFrame blank(const optics::Rig& rig) {
   return frames::WovenFrame({rig.panel.width_px, rig.panel.height_px});
 }
 
-/// A sequence: the stage of frame n is turned n times.
+/// A sequence; the stage of frame n is turned n times.
 struct Rendered {
   std::vector<frames::WovenFrame> frames;
   std::vector<RenderStatistics> statistics;
@@ -66,7 +66,8 @@ struct Agreement {
   int known = 0;
 };
 
-/// Every subpixel of a traced tile, looked for under the lens on its left, by both.
+/// Looks up every subpixel of a traced tile under the lens at its left, with the kernel and with
+/// the reference.
 Agreement compare_with_oracle(const SceneDescription& description, const optics::Rig& rig) {
   const optics::OpticalModel model(rig);
   const RenderOptions options;
@@ -124,7 +125,7 @@ Agreement compare_with_oracle(const SceneDescription& description, const optics:
   return agreement;
 }
 
-TEST(Reprojection, IsWhatTheOracleSays) {
+TEST(Reprojection, AgreesWithTheReference) {
   Agreement all;
   for (const testing::NamedScene& named : testing::tiny_scenes())
     for (const double pitch : {7.7, 24.0, 31.3})
@@ -184,7 +185,7 @@ TEST(ReuseMethods, GiveTheSameBytesWithAnyNumberOfThreadsAndInstructionSet) {
     }
 }
 
-/// What does not move is not touched.
+/// Frames without motion are not changed.
 TEST(ReuseMethods, OverTimeKeepStillPictures) {
   const SceneDescription scene = testing::tiny_scenes().front().scene;
   const optics::Rig rig = small_rig();
@@ -196,7 +197,7 @@ TEST(ReuseMethods, OverTimeKeepStillPictures) {
   }
 }
 
-TEST(ReuseMethods, OverTimeBeginAnewAfterACut) {
+TEST(ReuseMethods, OverTimeRestartAfterACut) {
   const SceneDescription scene = testing::tiny_scenes().front().scene;
   const optics::Rig rig = small_rig();
   const std::vector<Stage> stages = {make_tiny_stage({.mm_per_unit = 6.0}),
@@ -208,7 +209,7 @@ TEST(ReuseMethods, OverTimeBeginAnewAfterACut) {
   EXPECT_EQ(cut.frames[2], rendered("full", scene, rig, {stages[2]}).frames[0]);
 }
 
-TEST(ReuseMethods, OverTimeBeginAnewWhenSomethingMoves) {
+TEST(ReuseMethods, OverTimeRestartWhenAnObjectMoves) {
   const optics::Rig rig = small_rig();
   const optics::OpticalModel model(rig);
   const Stage stage = make_tiny_stage();
@@ -222,7 +223,7 @@ TEST(ReuseMethods, OverTimeBeginAnewWhenSomethingMoves) {
   EXPECT_EQ(frame, rendered("full", scene, rig, {stage}).frames[0]);
 }
 
-/// Frames that are made from others say from which; without the others they are others.
+/// A frame made from earlier frames names them; without them the frame differs.
 TEST(ReuseMethods, OverTimeNeedTheFramesSinceTheLastKeyFrame) {
   const optics::Rig rig = small_rig();
   const optics::OpticalModel model(rig);
@@ -243,8 +244,8 @@ TEST(ReuseMethods, OverTimeNeedTheFramesSinceTheLastKeyFrame) {
   EXPECT_EQ(frame, whole.frames[4]);
 }
 
-/// A red pane before a blue wall: wherever an eye sees red in the exact picture and around it, it
-/// sees red in the others, and the same with blue.
+/// A red pane before a blue wall: wherever an eye sees red in and around a place of the exact
+/// picture, it sees red in the others, and the same for blue.
 TEST(ReuseMethods, KeepTheOrderOfDepth) {
   SceneDescription scene;
   scene.colour_managed = false;
@@ -272,7 +273,7 @@ TEST(ReuseMethods, KeepTheOrderOfDepth) {
       const optics::RgbPicture expected = seen(full.frames[2], x);
       const optics::RgbPicture actual = seen(made.frames[2], x);
       int compared = 0, swapped = 0;
-      // One lens wide, both pictures have edges.
+      // The margin is one lens wide, where both pictures have edges.
       constexpr int kMargin = 5;
       for (int j = 1; j + 1 < expected.height; ++j)
         for (int i = kMargin; i + kMargin < expected.width; ++i) {
@@ -294,9 +295,9 @@ TEST(ReuseMethods, KeepTheOrderOfDepth) {
   }
 }
 
-/// A pane comes nearer by a tenth of a row a frame: its outlines grow over the background, and what
-/// enters at the panel's border was seen in no frame before.
-TEST(ReuseMethods, OverTimeOutlinesKeepUpWithWhatMovesSlowly) {
+/// A pane approaches by a tenth of a row per frame: its outlines grow over the background, and the
+/// parts that enter at the panel's border were in no frame before.
+TEST(ReuseMethods, OverTimeOutlinesFollowSlowObjects) {
   SceneDescription scene;
   scene.colour_managed = false;
   scene.ambient = Vec3{1, 1, 1};
@@ -316,7 +317,7 @@ TEST(ReuseMethods, OverTimeOutlinesKeepUpWithWhatMovesSlowly) {
       int strange = 0;
       for (int j = 0; j < rig.panel.height_px; ++j)
         for (int s = 0; s < 3 * rig.panel.width_px; ++s) {
-          bool shown = false;  // one row up or down, where outlines may be
+          bool shown = false;  // within one row, where outlines may lie
           for (const int row : {j - 1, j, j + 1})
             shown = shown || (row >= 0 && row < rig.panel.height_px &&
                               full.frames[n].row(row)[s] == made.frames[n].row(j)[s]);
@@ -327,7 +328,7 @@ TEST(ReuseMethods, OverTimeOutlinesKeepUpWithWhatMovesSlowly) {
   }
 }
 
-TEST(ReuseMethods, TakeOneSampleOnly) {
+TEST(ReuseMethods, AllowOneSampleOnly) {
   const optics::OpticalModel model(small_rig());
   for (const std::string& name : reusing_methods())
     EXPECT_THROW((void)make_method(name, model, {.samples = 4, .cancelled = {}}), Error);

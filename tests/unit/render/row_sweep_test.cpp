@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The row sweep against every primitive tried by every ray, on rigs small enough for that.
+// Tests the row sweep against every ray with every primitive, on rigs small enough for that.
 #include "render/row_sweep/row_sweep.h"
 
 #include <gtest/gtest.h>
@@ -107,7 +107,7 @@ Counts count_frame(const optics::Rig& rig, const SceneDescription& description,
   return counts;
 }
 
-TEST(RowSweep, SeesWhatEveryRaySees) {
+TEST(RowSweep, AgreesWithEveryRay) {
   Counts sum;
   for (const NamedRig& rig : tiny_rigs())
     for (const testing::NamedScene& scene : testing::tiny_scenes()) {
@@ -138,7 +138,7 @@ TEST(RowSweep, FollowsTheStage) {
     }
 }
 
-TEST(RowSweep, LeavesOutWhatTheStageLeavesOut) {
+TEST(RowSweep, OmitsGeometryOutsideTheStage) {
   Stage stage = testing::make_tiny_stage();
   stage.near_mm = -1.5;
   for (const testing::NamedScene& scene : testing::tiny_scenes()) {
@@ -161,12 +161,12 @@ TriangleMesh triangle(Vec3 a, Vec3 b, Vec3 c) {
   mesh.triangles = {{0, 1, 2}};
   return mesh;
 }
-/// World units are millimetres of the panel.
+/// Returns a stage whose world units are millimetres of the panel.
 Stage plain_stage() {
   return testing::make_tiny_stage({.mm_per_unit = 1.0});
 }
 
-TEST(RowSweep, TellsOutlinesOfEverySlope) {
+TEST(RowSweep, ResolvesOutlinesOfEverySlope) {
   for (const NamedRig& rig : tiny_rigs()) {
     std::vector<TriangleMesh> spokes;
     for (int n = 0; n < 36; ++n) {
@@ -183,15 +183,15 @@ TEST(RowSweep, TellsOutlinesOfEverySlope) {
   }
 }
 
-TEST(RowSweep, TakesTrianglesThroughGlassEyeAndNearBound) {
+TEST(RowSweep, HandlesTrianglesThroughPanelEyeAndNearBound) {
   const TriangleMesh cases[] = {
-      triangle({-50, -30, -400}, {60, -25, 300}, {5, 40, 20}),         // through the glass
+      triangle({-50, -30, -400}, {60, -25, 300}, {5, 40, 20}),         // through the panel's plane
       triangle({-50, -30, -400}, {60, -25, 693}, {5, 40, 693}),        // touches the near bound
       triangle({-50, -30, -400}, {90, -25, 700}, {5, 40, 20}),         // touches the eye's plane
-      triangle({-500, -30, -400}, {900, -250, 2000}, {-5, 400, 900}),  // goes on behind the eye
+      triangle({-500, -30, -400}, {900, -250, 2000}, {-5, 400, 900}),  // continues behind the eye
       triangle({-50, 3, -100}, {60, -2500, 5000}, {5, 40, 900}),
-      triangle({-20, -30, 650}, {20, -25, 640}, {5, 40, 660}),   // right before the eye
-      triangle({-20, -30, 800}, {20, -25, 900}, {5, 40, 1000}),  // behind it: not seen
+      triangle({-20, -30, 650}, {20, -25, 640}, {5, 40, 660}),   // just in front of the eye
+      triangle({-20, -30, 800}, {20, -25, 900}, {5, 40, 1000}),  // wholly behind the eye: not seen
   };
   for (const double distance : {700.0, kInfinity})
     for (size_t n = 0; n < std::size(cases); ++n) {
@@ -203,7 +203,7 @@ TEST(RowSweep, TakesTrianglesThroughGlassEyeAndNearBound) {
     }
 }
 
-TEST(RowSweep, OneTriangleOverEverythingHidesTheRest) {
+TEST(RowSweep, ACoveringTriangleHidesTheRest) {
   const TriangleMesh wall = triangle({-1e5, -1e5, 1}, {1e5, -1e5, 2}, {0, 2e5, 0});
   SceneDescription scene = scene_of({wall, testing::box_mesh({-20, -20, -30}, {20, 20, -5}, 0)});
   for (const NamedRig& rig : tiny_rigs()) {
@@ -214,20 +214,21 @@ TEST(RowSweep, OneTriangleOverEverythingHidesTheRest) {
   }
 }
 
-TEST(RowSweep, SeesNothingWhereThereIsNothing) {
+TEST(RowSweep, ReturnsNothingForAnEmptyScene) {
   const Counts counts = count_frame(testing::make_rig({}), scene_of({}), plain_stage());
   EXPECT_EQ(counts.seen, 0);
   EXPECT_EQ(counts.wrong, 0);
 }
 
-TEST(RowSweep, TakesSliversAndTrianglesSeenEdgeOn) {
+TEST(RowSweep, HandlesSliversAndTrianglesSeenEdgeOn) {
   const optics::OpticalModel model(testing::make_rig({}));
   std::vector<TriangleMesh> meshes;
   for (int n = 0; n < 24; ++n) {
     const double x = -28.0 + 2.4 * n;
     meshes.push_back(triangle({x, -20, 5}, {x + 1e-4, -20, 5}, {x + 3, 20, -5}));
-    meshes.push_back(triangle({x, 1, -9}, {x, 1, -9}, {x + 1, 2, -9}));   // no area
-    meshes.push_back(triangle({x, -20, 30}, {x, 20, -30}, {x, 20, 30}));  // along the depth
+    meshes.push_back(triangle({x, 1, -9}, {x, 1, -9}, {x + 1, 2, -9}));  // no area
+    meshes.push_back(
+        triangle({x, -20, 30}, {x, 20, -30}, {x, 20, 30}));  // parallel to the depth axis
   }
   for (int j = 0; j < 8; ++j) {  // exactly in a row's plane
     const optics::SubpixelRay ray = model.ray(2, j, 1);
@@ -240,7 +241,8 @@ TEST(RowSweep, TakesSliversAndTrianglesSeenEdgeOn) {
 }
 
 TEST(RowSweep, LeavesNoHolesInClosedMeshes) {
-  // Corners and edges lie exactly on rays: a grid whose corners are rays' points on the glass.
+  // Corners and edges lie exactly on rays: the grid's corners are the rays' points in the panel's
+  // plane.
   const optics::Rig rig = testing::make_rig({.pitch_subpx = 9.0, .slant = 0.0});
   const optics::OpticalModel model(rig);
   TriangleMesh grid;
@@ -269,7 +271,7 @@ TEST(RowSweep, LeavesNoHolesInClosedMeshes) {
   }
 }
 
-/// Where two triangles share an edge their cuts end in the same bits, so no ray passes between
+/// Cuts of two triangles that share an edge end in the same bits, so that no ray passes between
 /// them: the cut of a closed mesh is closed.
 TEST(RowSweep, CutsOfClosedMeshesAreClosed) {
   const optics::OpticalModel model(testing::make_rig({.height = 300, .pixel_mm = 0.2}));
@@ -288,7 +290,7 @@ TEST(RowSweep, CutsOfClosedMeshesAreClosed) {
   }
 }
 
-TEST(RowSweep, BarycentricsAreThoseOfTheRay) {
+TEST(RowSweep, BarycentricsAgreeWithTheRay) {
   const optics::OpticalModel model(testing::make_rig({}));
   const Vec3 a{-60, -45, -20}, b{65, -40, 10}, c{5, 80, -30};
   const Scene scene(scene_of({triangle(a, b, c)}), plain_stage(), {}, 1);
@@ -342,7 +344,7 @@ TEST(RowSweep, GivesTheSameBitsOnEveryInstructionSet) {
     }
 }
 
-TEST(RowSweep, ARowAloneIsTheRowOfTheFrame) {
+TEST(RowSweep, ARowAloneEqualsTheRowOfTheFrame) {
   const optics::OpticalModel model(testing::make_rig({.width = 30, .height = 40}));
   const Scene scene(testing::tiny_scenes().front().scene,
                     testing::make_tiny_stage({.mm_per_unit = 25.0}), {}, 1);
@@ -361,7 +363,7 @@ TEST(RowSweep, ARowAloneIsTheRowOfTheFrame) {
   }
 }
 
-/// Small things here and there, on a panel several tiles wide.
+/// Returns small scattered objects for a panel several tiles wide.
 SceneDescription strewn_things(std::mt19937_64& random) {
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   SceneDescription scene;
@@ -376,14 +378,14 @@ SceneDescription strewn_things(std::mt19937_64& random) {
   return scene;
 }
 
-/// Several tiles wide.
+/// Returns rigs several tiles wide.
 std::vector<NamedRig> wide_rigs() {
   const auto make = [](testing::TinyRig rig) {
     rig.width = 1200;
     rig.height = 160;
     rig.pixel_mm = 0.15;
     optics::Rig made = testing::make_rig(rig);
-    // Lobes of ten degrees, as kiosks have: polynomials fit those of thirty less well.
+    // Lobes of ten degrees, as kiosks have; polynomials fit lobes of thirty degrees less well.
     made.sheet.gap = Millimetres(3.0 * made.sheet.gap.value);
     return made;
   };
@@ -407,7 +409,7 @@ struct LeftOut {
   size_t rays = 0, of = 0;
 };
 
-/// A row of which the rays far from everything are not made sees what the whole row sees.
+/// Expects a row whose rays far from every object are skipped to agree with the whole row.
 void expect_same_row(RowSweep::Worker& whole, RowSweep::Worker& partly, int row,
                      const Interval& eyes, LeftOut& left_out) {
   SweptRow all, some;
@@ -428,7 +430,7 @@ void expect_same_row(RowSweep::Worker& whole, RowSweep::Worker& partly, int row,
   }
 }
 
-TEST(RowSweep, LeavesOutRaysThatAreFarFromEverything) {
+TEST(RowSweep, SkipsRaysFarFromEveryObject) {
   std::mt19937_64 random(8);
   for (const NamedRig& rig : wide_rigs()) {
     const optics::OpticalModel model(rig.rig);
@@ -445,7 +447,7 @@ TEST(RowSweep, LeavesOutRaysThatAreFarFromEverything) {
       for (int row = 70; row < 90; ++row)
         ASSERT_NO_FATAL_FAILURE(expect_same_row(whole, partly, row, eyes, left_out)) << rig.name;
     }
-    // Where the map itself is asked, all rays are made.
+    // All rays are made from the map itself if there is a residual map.
     if (rig.name == "residual")
       EXPECT_EQ(left_out.rays, 0U);
     else
@@ -453,7 +455,7 @@ TEST(RowSweep, LeavesOutRaysThatAreFarFromEverything) {
   }
 }
 
-TEST(RowSweep, AllocatesNothingOnceWarm) {
+TEST(RowSweep, AllocatesNothingAfterTheFirstFrame) {
   for (const NamedRig& rig : tiny_rigs()) {
     const optics::OpticalModel model(rig.rig);
     const Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {}, 1);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sample points and the directions that kernels make of them, against the oracle's.
+// Tests sample points and the kernels' directions from them against the reference.
 #include "render/shading/sample_set.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ namespace {
 using shading_kernel::NewRays;
 using shading_kernel::Surfaces;
 
-TEST(SampleSet, SeedsAreThoseOfTheOracle) {
+TEST(SampleSet, SeedsAgreeWithTheReference) {
   for (const int row : {0, 1, 17, 2159})
     for (const int subpixel : {-3, 0, 5, 11519})
       for (const int sample : {0, 3})
@@ -44,11 +44,11 @@ TEST(SampleSet, SeedsOfNeighboursDiffer) {
   for (int row = 0; row < 200; ++row)
     for (int subpixel = 0; subpixel < 600; ++subpixel)
       seeds.insert(sampling::subpixel_seed(row, subpixel, 0));
-  // Of 120 000 seeds of 32 bits, one or two pairs are equal by chance.
+  // One or two pairs of 120 000 seeds of 32 bits are equal by chance.
   EXPECT_GT(seeds.size(), 120000U - 20U);
 }
 
-/// However 2^k points are cut into equal boxes whose sides are powers of two: one in each.
+/// Each equal box whose sides are powers of two contains exactly one of 2^k points.
 TEST(SampleSet, SpreadsPointsEvenly) {
   for (const uint32_t seed : {1U, 77U, 0xdeadbeefU})
     for (int k = 1; k <= 8; ++k)
@@ -64,7 +64,7 @@ TEST(SampleSet, SpreadsPointsEvenly) {
       }
 }
 
-/// Sixteen lanes that look at surfaces of any orientation.
+/// Tests sixteen lanes at surfaces of any orientation.
 class SampleRays : public ::testing::TestWithParam<Isa> {
  protected:
   struct alignas(64) Made {
@@ -102,7 +102,7 @@ class SampleRays : public ::testing::TestWithParam<Isa> {
     lanes[2][r] = static_cast<float>(v.z);
   }
 
-  /// A sun or a lamp in that direction, or there.
+  /// Places a sun in that direction, or an area light at that place.
   static void place(shading_kernel::Light& lamp, bool sun, Vec3 middle) {
     lamp.kind = sun ? shading_kernel::Light::kDirectional : shading_kernel::Light::kPoint;
     for (int k = 0; k < 3; ++k) {
@@ -134,7 +134,7 @@ class SampleRays : public ::testing::TestWithParam<Isa> {
 
 constexpr double kUnit = 2e-6;
 
-TEST_P(SampleRays, ToAllAroundAreTheOracles) {
+TEST_P(SampleRays, ToTheHemisphereAgreeWithTheReference) {
   std::mt19937_64 random(3);
   const sampling::SampleSet set =
       sampling::sample_set(seeds_, sampling::kFirstPath, sampling::kUseAmbient);
@@ -151,7 +151,7 @@ TEST_P(SampleRays, ToAllAroundAreTheOracles) {
         ++below;
         expected = expected - geometric_[r] * (2.0 * height);
       }
-      // Near the rim, a rounding of the radius is the root of one of the height.
+      // Near the rim a rounding error of the radius grows to the root of one of the height.
       const double steep = std::max(1e-3, dot(expected, smooth_[r]));
       ASSERT_LT(length(direction(made, r) - expected), kUnit / steep) << i << " lane " << r;
       ASSERT_GT(dot(direction(made, r), geometric_[r]), -kUnit);
@@ -161,7 +161,7 @@ TEST_P(SampleRays, ToAllAroundAreTheOracles) {
   EXPECT_GT(below, 100);
 }
 
-TEST_P(SampleRays, ToLampsAreTheOracles) {
+TEST_P(SampleRays, ToAreaLightsAgreeWithTheReference) {
   std::mt19937_64 random(5);
   const sampling::SampleSet set =
       sampling::sample_set(seeds_, sampling::kFirstPath, sampling::use_of_light(2));
@@ -195,7 +195,7 @@ TEST_P(SampleRays, ToLampsAreTheOracles) {
   EXPECT_GT(rays, 2000);
 }
 
-/// What a lamp brings to a lane from one direction, Lambert and Phong.
+/// The light that a lane gets from one direction, by Lambert and Phong.
 struct Reflection {
   Vec3 geometric, smooth, view;
   double specular, shine;
@@ -210,10 +210,10 @@ struct Reflection {
 
 struct OverDisc {
   double mean = 0.0, largest = 0.0;
-  int hidden = 0;  ///< points from where nothing comes
+  int hidden = 0;  ///< points without a contribution
 };
 
-/// By a spiral of many points of equal areas.
+/// Integrates over a spiral of many points of equal areas.
 OverDisc over_disc(const Reflection& reflection, Vec3 middle, double radius) {
   constexpr int kPoints = 20000;
   const double golden = std::numbers::pi * (3.0 - std::sqrt(5.0));
@@ -230,7 +230,7 @@ OverDisc over_disc(const Reflection& reflection, Vec3 middle, double radius) {
   return over;
 }
 
-TEST_P(SampleRays, WholeLampsAreTheIntegralOverTheirDisc) {
+TEST_P(SampleRays, WholeAreaLightsEqualTheIntegralOverTheirDisc) {
   std::mt19937_64 random(8);
   shading_kernel::Light lamp{};
   lamp.colour[0] = 1.0F;
@@ -266,8 +266,8 @@ TEST_P(SampleRays, WholeLampsAreTheIntegralOverTheirDisc) {
         EXPECT_NEAR(double{brings[r]}, over.mean, 2e-3) << "lane " << r;
         ++whole;
       } else if (is_partly || is_whole) {
-        // A straight edge across the disc, the horizon of a bent normal, leaves the seven points
-        // wrong by half of the middle's weight at most.
+        // A straight edge across the disc, the horizon of a bent normal, causes an error of the
+        // seven points of at most half of the middle's weight.
         EXPECT_NEAR(double{brings[r]}, over.mean, 0.13 * over.largest) << "lane " << r;
         ++partly;
       } else {
@@ -282,7 +282,7 @@ TEST_P(SampleRays, WholeLampsAreTheIntegralOverTheirDisc) {
   EXPECT_GT(none, 20);
 }
 
-/// And of the baseline with itself, which is all that some machines can compare.
+/// Compares the baseline with itself, too, since some machines have no other set.
 TEST_P(SampleRays, HaveTheSameBitsAsTheBaseline) {
   std::mt19937_64 random(9);
   const shading_kernel::Kernel& plain = shading_kernel_for(Isa::Baseline);

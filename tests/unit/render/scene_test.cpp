@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Committing scenes: what is refused, and where things end up.
+// Tests committing scenes: refused input, and the resulting positions.
 #include "render/scene/scene.h"
 
 #include <gtest/gtest.h>
@@ -74,7 +74,7 @@ TEST(SceneCommit, RefusesEveryNumberThatIsNotFiniteNamingTheFile) {
     }
 }
 
-TEST(SceneCommit, RefusesIndicesThatLeadNowhere) {
+TEST(SceneCommit, RefusesIndicesOutOfRange) {
   SceneDescription scene = good_scene();
   scene.meshes[0].triangles[2][1] = 8;
   EXPECT_EQ(refusal(scene), "good.test: mesh 'box' has no vertex 8");
@@ -95,7 +95,7 @@ TEST(SceneCommit, RefusesIndicesThatLeadNowhere) {
   EXPECT_NE(refusal(scene), "");
 }
 
-TEST(SceneCommit, RefusesSizesThatCannotBe) {
+TEST(SceneCommit, RefusesImpossibleSizes) {
   SceneDescription scene = good_scene();
   scene.spheres[0].radius = -1.0;
   EXPECT_NE(refusal(scene), "");
@@ -113,13 +113,13 @@ TEST(SceneCommit, RefusesAStageWithoutSize) {
   EXPECT_THROW(Scene(good_scene(), stage, {}, 1), Error);
 }
 
-TEST(SceneCommit, RefusesAnEnvironmentThatIsNotThere) {
+TEST(SceneCommit, RefusesAMissingEnvironment) {
   Surroundings surroundings;
   surroundings.environment_file = "/nowhere/sky.png";
   EXPECT_NE(refusal(good_scene(), surroundings).find("/nowhere/sky.png"), std::string::npos);
 }
 
-TEST(SceneCommit, TakesAnEmptyScene) {
+TEST(SceneCommit, AcceptsAnEmptyScene) {
   SceneDescription scene;
   scene.source = "empty";
   EXPECT_EQ(refusal(scene), "");
@@ -141,7 +141,7 @@ TEST(SceneCommit, KnowsTheNearestPointOfEveryPrimitive) {
   SceneDescription scene;
   scene.spheres = {{.centre = {0, 0, 3}, .radius = 1}};
   EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 20.0, 1e-9);
-  Cone cone;  // lies along x: its rim reaches a radius toward the viewer
+  Cone cone;  // lies along x: the rim is a radius nearer to the viewer
   cone.base = {-1, 0, 5};
   cone.apex = {1, 0, 5};
   cone.base_radius = cone.apex_radius = 1.0;
@@ -151,7 +151,7 @@ TEST(SceneCommit, KnowsTheNearestPointOfEveryPrimitive) {
   EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 40.0, 1e-9);
 }
 
-TEST(SceneCommit, LeavesOutWhatTheStageLeavesOut) {
+TEST(SceneCommit, AppliesTheStagesNearBound) {
   Stage stage = testing::make_tiny_stage({.mm_per_unit = 10.0});
   SceneDescription scene;
   scene.spheres = {{.centre = {0, 0, 3}, .radius = 1}};
@@ -159,7 +159,7 @@ TEST(SceneCommit, LeavesOutWhatTheStageLeavesOut) {
   EXPECT_NEAR(Scene(scene, stage, {}, 1).near_mm, 15.0, 1e-9);
 }
 
-TEST(SceneCommit, LightsASceneThatSaysNothingAboutLight) {
+TEST(SceneCommit, AddsLightsToASceneWithoutLights) {
   SceneDescription scene = good_scene();
   scene.lights.clear();
   EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).lights.size(), 1U);

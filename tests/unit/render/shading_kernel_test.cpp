@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sixteen lanes in single precision against the formulas in double, and one instruction set against
-// another.
+// Tests sixteen lanes in single precision against the formulas in double, and the instruction sets
+// against each other.
 #include "render/shading/shading_kernel.h"
 
 #include <gtest/gtest.h>
@@ -34,7 +34,7 @@ std::vector<const Kernel*> runnable_kernels() {
   return kernels;
 }
 
-/// Everything the kernel writes for one packet and one light.
+/// All output of the kernel for one packet and one light.
 struct alignas(64) Shaded {
   Surfaces surfaces{};
   float own[kPacket]{};
@@ -48,7 +48,7 @@ class ShadingKernel : public ::testing::TestWithParam<testing::NamedScene> {
     for (size_t r = 0; r < kPacket; ++r) weight_[r] = 0.25F + 0.01F * static_cast<float>(r);
   }
 
-  /// Rays from a sphere around the scene toward its middle, some of them invalid.
+  /// Aims rays from a sphere around the scene toward its middle, some of them invalid.
   void aim(std::mt19937_64& random) {
     std::uniform_real_distribution<double> any(-1.0, 1.0);
     rays_.assign(kPacket, {});
@@ -62,9 +62,9 @@ class ShadingKernel : public ::testing::TestWithParam<testing::NamedScene> {
     intersect16(packet_.valid, scene_.embree.get(), packet_.rays, Coherence::Incoherent);
   }
 
-  /// False if nothing was met.
+  /// Shades the packet; returns false if no ray hits.
   bool shade(const Kernel& kernel, size_t light, Shaded& out) {
-    std::memset(static_cast<void*>(&out), 0, sizeof out);  // padding too
+    std::memset(static_cast<void*>(&out), 0, sizeof out);  // includes the padding
     for (size_t r = 0; r < kPacket; ++r) out.surfaces.channel[r] = rays_[r].channel;
     const ShadingTables& tables = *scene_.shading;
     if (!kernel.find_surfaces(tables.tables(), &packet_.rays.ray.org_x[0], packet_.valid,
@@ -77,7 +77,7 @@ class ShadingKernel : public ::testing::TestWithParam<testing::NamedScene> {
     out.mirrored.packet = &out.mirrored_packet.rays.ray.org_x[0];
     out.mirrored.valid = out.mirrored_packet.valid;
     kernel.mirrored_rays(out.surfaces, weight_, out.mirrored);
-    out.shadow.packet = out.mirrored.packet = nullptr;  // to be compared as bytes
+    out.shadow.packet = out.mirrored.packet = nullptr;  // the bytes are compared
     out.shadow.valid = out.mirrored.valid = nullptr;
     return true;
   }
@@ -102,7 +102,7 @@ Vec3 direction_of(const RayPacket& packet, size_t r) {
   return {double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}};
 }
 
-constexpr double kMillimetres = 5e-5;  // a dozen roundings of 60, the length of a ray
+constexpr double kMillimetres = 5e-5;  // a dozen rounding errors of 60, the length of a ray
 constexpr double kUnit = 1e-5;
 
 void ShadingKernel::expect_lane_agrees(const Shaded& shaded, size_t light, size_t r) const {
@@ -119,11 +119,11 @@ void ShadingKernel::expect_lane_agrees(const Shaded& shaded, size_t light, size_
   EXPECT_LT(length(lane(s.smooth, r) - expected.shading_normal), kUnit);
   EXPECT_EQ(s.outer_side[r] != 0, expected.outer_side);
   EXPECT_EQ(&scene_.materials[static_cast<size_t>(s.material[r])], expected.material);
-  // The kernel leaves more room than double precision needs, but not much.
+  // The kernel's offset is larger than double precision needs, but not much.
   EXPECT_GE(double{s.spawn_offset[r]}, expected.spawn_offset);
   EXPECT_LE(double{s.spawn_offset[r]}, 1e-4 + 4.0 * expected.spawn_offset);
 
-  if (expected.material->texture >= 0) return;  // whose colour the tracer looks up
+  if (expected.material->texture >= 0) return;  // the tracer looks up its colour
   const double weight = double{weight_[r]};
   EXPECT_NEAR(double{shaded.own[r]}, weight * own_light(expected, scene_.ambient, ray.channel),
               1e-6);
@@ -138,7 +138,8 @@ void ShadingKernel::expect_lane_agrees(const Shaded& shaded, size_t light, size_
   } else {
     EXPECT_LT(reflected, 2e-5);
   }
-  if (expected.material->transmittance > 0.0) return;  // the tracer does these in double precision
+  if (expected.material->transmittance > 0.0)
+    return;  // the tracer computes these in double precision
   const Continuation on = continuation(expected, ray.direction);
   EXPECT_NEAR(double{shaded.mirrored.weight[r]}, weight * on.mirror_weight, 1e-6);
   EXPECT_EQ(shaded.mirrored_packet.valid[r] != 0, on.mirror_weight > 0.0);
@@ -171,7 +172,7 @@ TEST_P(ShadingKernel, AgreesWithDoublePrecisionLaneByLane) {
   EXPECT_GT(lanes, 500);
 }
 
-/// And again on the first, which is all that a machine with the baseline alone can compare.
+/// Includes the first set again, since a machine may have only the baseline.
 TEST_P(ShadingKernel, GivesTheSameBitsOnEveryInstructionSet) {
   std::mt19937_64 random(11);
   const std::vector<const Kernel*> kernels = runnable_kernels();
@@ -192,7 +193,7 @@ TEST_P(ShadingKernel, GivesTheSameBitsOnEveryInstructionSet) {
 INSTANTIATE_TEST_SUITE_P(TinyScenes, ShadingKernel, ::testing::ValuesIn(testing::tiny_scenes()),
                          [](const auto& scene) { return scene.param.name; });
 
-/// One lane that looks straight down at a white floor, lit from a place.
+/// Tests one lane that looks straight down at a white floor, lit from a given place.
 class Highlight : public ::testing::Test {
  protected:
   static double reflected(double shine, double degrees, shading_kernel::Light light = {}) {
@@ -220,7 +221,7 @@ class Highlight : public ::testing::Test {
 TEST_F(Highlight, FollowsThePowerFromDullToVerySharp) {
   for (const double shine : {0.0, 0.5, 1.0, 3.0, 27.0, 200.0, 1000.0})
     for (const double degrees : {0.0, 0.5, 3.0, 20.0, 60.0, 89.0}) {
-      // What rounding the light's direction to single precision may change.
+      // Effect of rounding the light's direction to single precision.
       const double tolerance = 1e-6 + 4e-7 * shine;
       EXPECT_NEAR(reflected(shine, degrees),
                   std::pow(std::cos(degrees * 3.14159265358979323846 / 180.0), shine), tolerance)
@@ -228,7 +229,7 @@ TEST_F(Highlight, FollowsThePowerFromDullToVerySharp) {
     }
 }
 
-TEST_F(Highlight, OfALightThatFallsOff) {
+TEST_F(Highlight, FollowsTheFalloffOfALight) {
   shading_kernel::Light light{};
   light.falls_off = 1;
   light.world_units_squared = 25.0F;
@@ -247,7 +248,7 @@ TEST_F(Highlight, OfASpotEndsAtItsOuterCone) {
   EXPECT_NEAR(reflected(0.0, 10.0, light), inside * inside, 1e-5);
 }
 
-TEST(ShadingKernelRays, ThatEmbreeMustNotSeeAreRefused) {
+TEST(ShadingKernelRays, UnusableForEmbreeAreRefused) {
   Surfaces s{};
   for (size_t r = 0; r < kPacket; ++r) {
     s.active[r] = -1;

@@ -72,7 +72,7 @@ TEST(Arrival, FallsOffWithTheSquareOfTheDistanceInWorldUnits) {
   EXPECT_DOUBLE_EQ(arrival(light, {}, 10.0, 0).intensity, 1.0);
 }
 
-TEST(Arrival, OfASunIsTheSameEverywhere) {
+TEST(Arrival, OfASunIsConstant) {
   SceneLight light;
   light.kind = Light::Kind::Directional;
   light.direction = {0, -1, 0};
@@ -101,7 +101,7 @@ TEST(Arrival, OfASpotEndsAtItsOuterCone) {
   EXPECT_EQ(at_angle(0.41), 0.0);
 }
 
-TEST(Arrival, AtTheLightItselfIsNothing) {
+TEST(Arrival, AtTheLightItselfIsZero) {
   SceneLight light;
   light.falls_off = true;
   EXPECT_EQ(arrival(light, light.position, 1.0, 0).intensity, 0.0);
@@ -144,7 +144,8 @@ TEST(Continuation, ReflectsTotallyBeyondTheCriticalAngle) {
   m.refraction_index = 1.5;
   Surface surface = facing_up(m);
   surface.outer_side = false;
-  const Continuation inside = continuation(surface, -slanted(42.0));  // critical: 41.8 degrees
+  const Continuation inside =
+      continuation(surface, -slanted(42.0));  // critical angle: 41.8 degrees
   EXPECT_EQ(inside.transmit_weight, 0.0);
   EXPECT_NEAR(inside.mirror_weight, 1.0, 1e-12);
   EXPECT_GT(continuation(surface, -slanted(41.7)).transmit_weight, 0.0);
@@ -162,7 +163,7 @@ TEST(Continuation, AtTheCriticalAngleStaysFinite) {
   EXPECT_TRUE(is_finite(on.mirror_direction));
 }
 
-TEST(Continuation, GoesStraightThroughWhatDoesNotRefract) {
+TEST(Continuation, GoesStraightThroughAnIndexOfOne) {
   Material m;
   m.transmittance = 1.0;
   const Vec3 direction = -slanted(70.0);

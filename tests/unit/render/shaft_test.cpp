@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Shafts that are said to be empty are empty, and enough of them are found.
+// Tests that shafts reported as empty are empty, and that enough of them are found.
 #include "render/culling/shaft.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@
 namespace lenticule::render {
 namespace {
 
-/// A floor of 100 mm and a ball of 10 mm that hovers 30 mm above its middle.
+/// Returns a floor of 100 mm and a ball of 10 mm that hovers 30 mm above its middle.
 SceneDescription ball_over_floor() {
   SceneDescription scene;
   scene.source = "test";
@@ -32,7 +32,7 @@ class BallOverFloor : public ::testing::Test {
   [[nodiscard]] bool empty(const Shaft& shaft) const { return tester_.empty(shaft); }
   [[nodiscard]] bool blocked(const Shaft& shaft) const { return tester_.blocked(shaft); }
 
-  /// A cell of 1 mm around a place of the floor, seen from above.
+  /// Returns a cell of 1 mm around a place of the floor, seen from above.
   [[nodiscard]] Patch floor_patch(double x, double z) const {
     for (uint32_t triangle = 0; triangle < 2; ++triangle)
       for (int u = 0; u < 64; ++u)
@@ -55,7 +55,7 @@ class BallOverFloor : public ::testing::Test {
 
 constexpr float kCosine5Degrees = 0.99619F;
 
-TEST_F(BallOverFloor, StraightUpIsOpenBesideTheBallOnly) {
+TEST_F(BallOverFloor, StraightUpIsOpenOnlyBesideTheBall) {
   EXPECT_TRUE(empty(shaft_in_cone(floor_patch(40, 0), {0, 1, 0}, kCosine5Degrees)));
   EXPECT_TRUE(empty(shaft_in_cone(floor_patch(-16, 5), {0, 1, 0}, kCosine5Degrees)));
   EXPECT_FALSE(empty(shaft_in_cone(floor_patch(9, 0), {0, 1, 0}, kCosine5Degrees)));
@@ -68,7 +68,7 @@ TEST_F(BallOverFloor, ALightBeforeTheBallIsSeenAndOneBehindItIsNot) {
   EXPECT_TRUE(empty(shaft_to_point(floor_patch(30, 0), {0, 100, 0})));
 }
 
-TEST_F(BallOverFloor, ALightBehindTheBallIsBlockedWhereAllOfTheBallIsInTheWay) {
+TEST_F(BallOverFloor, ALightBehindTheBallIsBlockedInTheUmbra) {
   EXPECT_TRUE(blocked(shaft_to_point(floor_patch(0, 0), {0, 100, 0})));
   EXPECT_FALSE(blocked(shaft_to_point(floor_patch(0, 0), {0, 18, 0}))) << "before the ball";
   EXPECT_FALSE(blocked(shaft_to_point(floor_patch(0, 0), {0, 30, 0}))) << "in the ball";
@@ -76,7 +76,7 @@ TEST_F(BallOverFloor, ALightBehindTheBallIsBlockedWhereAllOfTheBallIsInTheWay) {
   EXPECT_FALSE(blocked(shaft_in_cone(floor_patch(0, 0), {0, 1, 0}, kCosine5Degrees)));
 }
 
-TEST_F(BallOverFloor, ALampIsBlockedWhereAllOfItIsBehindTheBall) {
+TEST_F(BallOverFloor, AnAreaLightIsBlockedWhereItIsWhollyBehindTheBall) {
   EXPECT_TRUE(blocked(shaft_to_ball(floor_patch(0, 0), {0, 100, 0}, 10)));
   EXPECT_FALSE(blocked(shaft_to_ball(floor_patch(0, 0), {0, 100, 0}, 40))) << "wider than the ball";
   EXPECT_FALSE(blocked(shaft_to_ball(floor_patch(0, 0), {0, 44, 0}, 5))) << "touches the ball";
@@ -85,7 +85,7 @@ TEST_F(BallOverFloor, ALampIsBlockedWhereAllOfItIsBehindTheBall) {
   EXPECT_FALSE(empty(shaft_to_ball(floor_patch(30, 0), {30, 5, 0}, 8))) << "sinks into the floor";
 }
 
-TEST_F(BallOverFloor, NothingIsAroundWhatIsFarEnough) {
+TEST_F(BallOverFloor, TheHemisphereIsOpenFarFromTheBall) {
   EXPECT_TRUE(empty(shaft_around(floor_patch(0, 0), 15)));
   EXPECT_FALSE(empty(shaft_around(floor_patch(0, 0), 25)));
   EXPECT_FALSE(empty(shaft_around(floor_patch(9, 0), 22)));
@@ -93,14 +93,14 @@ TEST_F(BallOverFloor, NothingIsAroundWhatIsFarEnough) {
   EXPECT_FALSE(blocked(shaft_around(floor_patch(0, 0), 25)));
 }
 
-TEST_F(BallOverFloor, TheFloorBlocksALampBelowIt) {
+TEST_F(BallOverFloor, TheFloorBlocksAnAreaLightBelowIt) {
   const Patch above{.centre = {5, 9, 5}, .radius = 1};
   EXPECT_TRUE(blocked(shaft_to_ball(above, {5, -100, 5}, 4)));
   EXPECT_FALSE(blocked(shaft_to_ball(above, {5, -100, 5}, 60))) << "seen past an edge";
   EXPECT_FALSE(blocked(shaft_to_ball(above, {5, -3, 5}, 4))) << "comes through the floor";
 }
 
-TEST_F(BallOverFloor, AtTheRimOfTheShadowNothingIsProved) {
+TEST_F(BallOverFloor, TheRimOfTheShadowIsUndecided) {
   const Vec3 light{0, 100, 0};
   int undecided = 0;
   for (float x = 0; x < 30; x += 0.25F) {
@@ -124,7 +124,7 @@ TEST_F(BallOverFloor, IntoTheFloorIsNotOpen) {
   EXPECT_FALSE(empty(shaft_in_cone(floor_patch(40, 0), {0, -1, 0}, kCosine5Degrees)));
 }
 
-TEST_F(BallOverFloor, TheBallDoesNotStandInItsOwnWay) {
+TEST_F(BallOverFloor, TheBallDoesNotOccludeItself) {
   const Patch top = patch_of(scene_, {.geometry = 1, .u = 4, .v = 7, .divisions = 8});
   const Vec3f outward = normalized(top.centre - Vec3f{0, 30, 0});
   ASSERT_GT(outward.y, 0.0F);
@@ -132,7 +132,7 @@ TEST_F(BallOverFloor, TheBallDoesNotStandInItsOwnWay) {
   EXPECT_FALSE(empty(shaft_to_point(floor_patch(0, 0), Vec3(top.centre + outward))));
 }
 
-/// Whatever is proved must hold for every ray that could be asked about.
+/// Every conservative result must hold for all rays that it covers.
 class ShaftSoundness : public ::testing::TestWithParam<testing::NamedScene> {
  protected:
   ShaftSoundness() : scene_(GetParam().scene, testing::make_tiny_stage(), {}, 1) {}
@@ -193,7 +193,7 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
         ++(known == ShaftProof::Empty ? proved_lit : proved_dark);
         EXPECT_EQ(blocked(start, normalized(way), length(way)), known == ShaftProof::Blocked);
       }
-      // Any point of a lamp.
+      // A random point of an area light.
       for (size_t light = 0; light < scene_.lights.size(); ++light) {
         const SceneLight& lamp = scene_.lights[light];
         const SoftSizes sizes{.lamp_radius = round % 2 == 0 ? 3.0 : 14.0,
@@ -211,7 +211,7 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
                           sun ? std::numeric_limits<float>::infinity() : length(way)),
                   known == ShaftProof::Blocked);
       }
-      // Anything around, as low as directions may be.
+      // A random direction of the hemisphere, as low as directions may be.
       Vec3 low = unit_vector();
       low = normalized(low - Vec3(normal) * (dot(low, Vec3(normal)) - 1e-7));
       const SoftSizes around{.around = round % 2 == 0 ? 4.0 : 9.0};
@@ -222,7 +222,7 @@ TEST_P(ShaftSoundness, HoldsForEveryRay) {
         EXPECT_FALSE(blocked(start, Vec3f(dot(steep, Vec3(normal)) < 0.0 ? -steep : steep),
                              static_cast<float>(around.around)));
       }
-      // Any direction of some bin above the surface.
+      // A random direction in a bin above the surface.
       Vec3f direction(unit_vector());
       if (dot(direction, normal) < 0) direction = -direction;
       const float sum = std::abs(direction.x) + std::abs(direction.y) + std::abs(direction.z);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Lamps with a size, occlusion and light of the surroundings: against the oracle, against what is
-// known in closed form, and how their errors fall.
+// Tests area lights, occlusion and environment light against the reference and closed forms, and
+// the convergence of their errors.
 #include "render/options/soft_light.h"
 
 #include <gtest/gtest.h>
@@ -48,8 +48,7 @@ RenderOptions with(const SoftLight& soft) {
   return {.threads = 1, .soft = soft, .cancelled = {}};
 }
 
-/// Everything that can be asked for, in two ways because occlusion and environment exclude each
-/// other.
+/// Returns all options, in two sets because occlusion and environment exclude each other.
 std::vector<SoftLight> kinds() {
   return {{.shadow_samples = 5,
            .lamp_radius_mm = 13.0,
@@ -64,9 +63,9 @@ std::vector<SoftLight> kinds() {
 
 class SoftLightOfTinyScenes : public ::testing::TestWithParam<testing::NamedScene> {};
 
-/// The same samples in double precision: a sample more or less, where a ray grazes an edge, is
-/// allowed in one of two thousand subpixels.
-TEST_P(SoftLightOfTinyScenes, AgreesWithTheOracle) {
+/// The same samples in double precision: in one of two thousand subpixels, a sample may differ
+/// where a ray grazes an edge.
+TEST_P(SoftLightOfTinyScenes, AgreesWithTheReference) {
   const optics::Rig rig = make_rig({.width = 40, .height = 26, .pixel_mm = 1.5});
   const optics::OpticalModel model(rig);
   const Stage stage = make_tiny_stage({.centre = {0.1, 0.0, -0.2}, .turn_degrees = 13.0});
@@ -93,8 +92,8 @@ INSTANTIATE_TEST_SUITE_P(TinyScenes, SoftLightOfTinyScenes,
                          ::testing::ValuesIn(testing::tiny_scenes()),
                          [](const auto& scene) { return scene.param.name; });
 
-/// A white wall, matte, with a ball before it and a lamp beside the eye: half of the wall's light
-/// is the lamp's, the rest comes from all around.
+/// Returns a matte white wall with a ball in front of it and an area light beside the eye: half of
+/// the wall's light comes from the area light, the rest from the hemisphere.
 SceneDescription wall_and_ball() {
   SceneDescription scene;
   scene.colour_managed = false;
@@ -120,7 +119,7 @@ SoftLight only_environment(int samples) {
   return {.environment_samples = samples};
 }
 
-/// What has no size casts the shadows that it always cast.
+/// Lights without a size cast hard shadows as before.
 TEST_P(SoftLightOfTinyScenes, WithoutSizeOrSamplesHasTheBytesOfHardLight) {
   const optics::Rig rig = make_rig({.width = 100, .height = 60, .pixel_mm = 0.6});
   const frames::WovenFrame hard = picture(GetParam().scene, rig, make_tiny_stage(), {}).frame;
@@ -130,7 +129,7 @@ TEST_P(SoftLightOfTinyScenes, WithoutSizeOrSamplesHasTheBytesOfHardLight) {
     EXPECT_EQ(hard, picture(GetParam().scene, rig, make_tiny_stage(), with(soft)).frame);
 }
 
-TEST_P(SoftLightOfTinyScenes, HasTheSameBytesHoweverTheWorkIsDone) {
+TEST_P(SoftLightOfTinyScenes, HasTheSameBytesForAnyThreadsTilesAndInstructionSet) {
   const optics::Rig rig = make_rig({.width = 150, .height = 40, .pixel_mm = 0.6});
   for (const SoftLight& soft : kinds()) {
     RenderOptions options = with(soft);
@@ -149,9 +148,8 @@ TEST_P(SoftLightOfTinyScenes, HasTheSameBytesHoweverTheWorkIsDone) {
   }
 }
 
-/// Samples that are proved to see a lamp, or not to, or to have nothing around them, are not
-/// traced, and nothing else changes.
-TEST_P(SoftLightOfTinyScenes, HasTheSameBytesWithoutProofs) {
+/// Samples whose visibility is decided by culling are not traced, and nothing else changes.
+TEST_P(SoftLightOfTinyScenes, HasTheSameBytesWithoutCulling) {
   const optics::Rig rig = make_rig({.width = 300, .height = 80, .pixel_mm = 0.25});
   for (const double size : {2.0, 15.0}) {
     RenderOptions options = with({.shadow_samples = 4,
@@ -184,7 +182,7 @@ TEST_P(SoftLightOfTinyScenes, HasTheSameBytesWithoutProofs) {
   }
 }
 
-TEST_P(SoftLightOfTinyScenes, OcclusionOnlyTakesAmbientLightAway) {
+TEST_P(SoftLightOfTinyScenes, OcclusionOnlyReducesAmbientLight) {
   const optics::Rig rig = make_rig({.width = 100, .height = 60, .pixel_mm = 0.6});
   SceneDescription dark = GetParam().scene;
   dark.ambient = Vec3{};
@@ -203,9 +201,9 @@ TEST_P(SoftLightOfTinyScenes, OcclusionOnlyTakesAmbientLightAway) {
   EXPECT_GT(between, 100);
 }
 
-/// Matte surfaces send back no more than all lamps straight above them would give, and no less than
-/// without lamps.
-TEST(SoftShadows, StayBetweenNoLightAndAllOfIt) {
+/// Matte surfaces reflect no more than with all lights straight above them, and no less than
+/// without lights.
+TEST(SoftShadows, StayBetweenNoLightAndFullLight) {
   const optics::Rig rig = make_rig({.width = 60, .height = 40, .pixel_mm = 1.0});
   const auto codes = [&](const SceneDescription& scene, const SoftLight& soft) {
     return picture(scene, rig, make_tiny_stage(), with(soft)).frame;
@@ -224,8 +222,8 @@ TEST(SoftShadows, StayBetweenNoLightAndAllOfIt) {
   for (const uint8_t code : dim.bytes()) ASSERT_LE(code, 179);
 }
 
-/// Nothing is in the way: every sample says so.
-TEST(Occlusion, OfAnOpenSurfaceIsNone) {
+/// Nothing occludes: all samples agree.
+TEST(Occlusion, IsZeroForAnOpenSurface) {
   SceneDescription scene = wall_and_ball();
   scene.spheres.clear();
   const optics::Rig rig = make_rig({});
@@ -233,8 +231,8 @@ TEST(Occlusion, OfAnOpenSurfaceIsNone) {
             picture(scene, rig, make_tiny_stage(), with({})).frame);
 }
 
-/// Inside a closed box every ray to all around ends at a wall.
-TEST(Occlusion, InAClosedRoomIsComplete) {
+/// Inside a closed box every ray to the hemisphere ends at a wall.
+TEST(Occlusion, IsCompleteInAClosedRoom) {
   SceneDescription scene = wall_and_ball();
   scene.lights.clear();
   scene.meshes = {testing::box_mesh({-9, -8, -4}, {9, 8, 9}, 0)};
@@ -251,11 +249,11 @@ TEST(Occlusion, InAClosedRoomIsComplete) {
   expect_all({}, 102);
 }
 
-/// No point of the lamp is seen from the wall behind a wide screen.
-TEST(SoftShadows, BehindAScreenAreComplete) {
+/// No point of the light is visible from the wall behind a wide screen.
+TEST(SoftShadows, AreCompleteBehindAScreen) {
   SceneDescription scene = wall_and_ball();
   scene.spheres.clear();
-  scene.lights.front().position = {0.0, 0.0, -9.0};  // behind the wall
+  scene.lights.front().position = {0.0, 0.0, -9.0};  // wholly behind the wall
   const optics::Rig rig = make_rig({});
   SceneDescription unlit = scene;
   unlit.lights.clear();
@@ -263,9 +261,9 @@ TEST(SoftShadows, BehindAScreenAreComplete) {
             picture(unlit, rig, make_tiny_stage(), with({})).frame);
 }
 
-/// Surroundings of one brightness: whatever is white disappears in them, and what is half as bright
-/// is half as bright, smooth normals or not.
-TEST(EnvironmentLight, OfOneBrightnessComesBackFromEverySurface) {
+/// A white surface in an environment of uniform brightness has the environment's brightness and a
+/// grey one half of it, with smooth normals or without.
+TEST(EnvironmentLight, OfUniformBrightnessIsReflectedByEverySurface) {
   SceneDescription scene;
   scene.colour_managed = false;
   scene.background = {0.8, 0.8, 0.8};
@@ -274,7 +272,7 @@ TEST(EnvironmentLight, OfOneBrightnessComesBackFromEverySurface) {
   scene.spheres = {{.centre = {-2.5, 0, 0}, .radius = 1.2, .material = 1}};
   scene.meshes = {testing::ball_mesh({2.5, 0, 0}, 1.2, 5, 1),
                   testing::ball_mesh({0, 0, 0}, 1, 4, 0)};
-  // Apart from each other they would not be alone: each sees a little of its neighbours.
+  // One object at a time, since several would reflect each other.
   const optics::Rig rig = make_rig({});
   int half = 0;
   for (int only = 0; only < 3; ++only) {
@@ -292,8 +290,8 @@ TEST(EnvironmentLight, OfOneBrightnessComesBackFromEverySurface) {
   EXPECT_GT(half, 20);
 }
 
-/// A wall before which nothing stands, under a sky: the sum over all directions, by quadrature.
-TEST(EnvironmentLight, OfASkyIsItsIntegral) {
+/// An unoccluded wall under a sky: the sum over all directions, by quadrature.
+TEST(EnvironmentLight, OfASkyEqualsItsIntegral) {
   SceneDescription scene = wall_and_ball();
   scene.colour_managed = true;
   scene.spheres.clear();
@@ -336,7 +334,7 @@ class SoftLightConverges : public ::testing::TestWithParam<Converging> {
     int i, j, channel;
     double expected;
   };
-  /// Some of the places where a few samples do not agree, with what thousands say.
+  /// Returns some places where a few samples disagree, with the values of thousands of samples.
   [[nodiscard]] std::vector<Place> uncertain_places() const {
     const optics::OpticalModel model(rig_);
     const frames::WovenFrame few = codes(4), more = codes(64);
@@ -358,8 +356,8 @@ class SoftLightConverges : public ::testing::TestWithParam<Converging> {
   const Stage stage_ = make_tiny_stage();
 };
 
-/// At least as fast as independent samples would: half the error for four times the rays.
-TEST_P(SoftLightConverges, ToTheOracleOfThousandsOfSamples) {
+/// The convergence is at least that of independent samples: half the error for four times the rays.
+TEST_P(SoftLightConverges, ToAReferenceWithThousandsOfSamples) {
   const std::vector<Place> places = uncertain_places();
   ASSERT_GT(places.size(), 150U);
   std::vector<double> errors;
@@ -374,7 +372,7 @@ TEST_P(SoftLightConverges, ToTheOracleOfThousandsOfSamples) {
     std::printf("%s: %zu places, %d samples: %.2f codes\n", GetParam().name, places.size(), samples,
                 errors.back());
   }
-  constexpr double kRounding = 0.3;  // of codes
+  constexpr double kRounding = 0.3;  // rounding error in codes
   for (size_t k = 1; k < errors.size(); ++k) EXPECT_LE(errors[k], 0.5 * errors[k - 1] + kRounding);
   EXPECT_LE(errors[3], errors[0] / 8.0 + kRounding);
 }
@@ -385,8 +383,8 @@ INSTANTIATE_TEST_SUITE_P(Kinds, SoftLightConverges,
                                            Converging{"environment", only_environment}),
                          [](const auto& kind) { return std::string(kind.param.name); });
 
-/// The errors of subpixels that an eye sees together have nothing to do with each other.
-TEST_P(SoftLightConverges, WithErrorsThatDoNotGoTogether) {
+/// The errors of subpixels that an eye sees together are uncorrelated.
+TEST_P(SoftLightConverges, WithUncorrelatedErrors) {
   const optics::Rig rig = make_rig({.width = 120, .height = 78, .pixel_mm = 0.5});
   const auto codes = [&](int samples) {
     return picture(wall_and_ball(), rig, stage_, with(GetParam().options(samples))).frame;
@@ -420,7 +418,7 @@ TEST_P(SoftLightConverges, WithErrorsThatDoNotGoTogether) {
   }
 }
 
-/// Traces the first tile of a wall and a ball, as the methods do.
+/// Traces one tile of a wall and a ball as the methods do.
 class SoftTile : public ::testing::Test {
  protected:
   SoftTile()
@@ -428,7 +426,7 @@ class SoftTile : public ::testing::Test {
         model_(rig_),
         scene_(wall_and_ball(), make_tiny_stage(), {}, 1),
         plan_(rig_),
-        tile_(plan_.tile(4)),  // the left one in the middle
+        tile_(plan_.tile(4)),  // the left tile of the middle row
         packets_(model_, plan_, best_isa()),
         maker_(packets_),
         centre_(model_, {}) {
@@ -452,7 +450,7 @@ class SoftTile : public ::testing::Test {
   Footprint centre_;
 };
 
-TEST_F(SoftTile, MoreRaysForTheAskingAreThoseOfMoreSamples) {
+TEST_F(SoftTile, MultipliedSamplesEqualMoreSamples) {
   for (const auto& kind : {only_shadows, only_occlusion, only_environment}) {
     PacketTracer many(with(kind(12))), few(with(kind(3)));
     const std::vector<float> expected = whole(many);
@@ -464,8 +462,8 @@ TEST_F(SoftTile, MoreRaysForTheAskingAreThoseOfMoreSamples) {
   }
 }
 
-/// Lanes bring their seeds along, wherever they come from.
-TEST_F(SoftTile, LanesOfSeveralColumnsAreTheSameAsInTheirOwn) {
+/// Lanes keep their own seeds in any packet.
+TEST_F(SoftTile, PacketsOfSeveralColumnsGiveTheSameLanes) {
   SoftLight soft = only_occlusion(5);
   soft.shadow_samples = 6;
   PacketTracer tracer(with(soft));
@@ -473,7 +471,7 @@ TEST_F(SoftTile, LanesOfSeveralColumnsAreTheSameAsInTheirOwn) {
   std::vector<RayPacket> columns(16);
   init_packets(columns);
   maker_.prepare(columns);
-  // In the middle of the panel.
+  // A column in the middle of the panel.
   const int first = 225 - plan_.subpixel(tile_, 0, 0);
   ASSERT_TRUE(first >= 0 && first + 16 <= tile_.columns);
   maker_.columns(first, columns);
@@ -507,8 +505,8 @@ TEST_F(SoftTile, LanesOfSeveralColumnsAreTheSameAsInTheirOwn) {
   EXPECT_GT(lit, 10);
 }
 
-/// What methods that reuse points trace has the bytes of `full`.
-TEST(SoftLight, IsThereInMethodsThatReusePoints) {
+/// Points traced by methods that reuse points have the bytes of `full`.
+TEST(SoftLight, WorksInMethodsThatReusePoints) {
   const optics::Rig rig = make_rig({.width = 120, .height = 50, .pixel_mm = 0.5});
   const optics::OpticalModel model(rig);
   const Stage stage = make_tiny_stage();
@@ -531,7 +529,7 @@ TEST(SoftLight, IsThereInMethodsThatReusePoints) {
   }
 }
 
-TEST(SoftLight, RefusesWhatMakesNoSense) {
+TEST(SoftLight, RefusesInvalidOptions) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double inf = std::numeric_limits<double>::infinity();
   for (const SoftLight& bad :

@@ -11,7 +11,7 @@
 namespace lenticule::render {
 namespace {
 
-/// Four columns, two rows; red numbers the columns, green the rows.
+/// Returns a texture of four columns and two rows; red is the column, green the row.
 std::shared_ptr<const Texture> panorama() {
   auto texture = std::make_shared<Texture>();
   texture->width = 4;
@@ -24,7 +24,7 @@ std::shared_ptr<const Texture> panorama() {
   return texture;
 }
 
-TEST(Backdrop, IsFlatUnlessToldOtherwise) {
+TEST(Backdrop, IsFlatByDefault) {
   SceneDescription scene;
   scene.background = {0.1, 0.2, 0.3};
   const Stage stage = testing::make_tiny_stage();
@@ -47,7 +47,7 @@ TEST(Backdrop, EnvironmentIsAheadInItsMiddleAndTurnsRight) {
   Backdrop backdrop;
   backdrop.environment = panorama();
   const double diagonal = std::sqrt(0.5);
-  // Texel centres lie at +-45 and +-135 degrees; red counts them from the left.
+  // Texel centres lie at +-45 and +-135 degrees; red numbers them from the left.
   EXPECT_NEAR(backdrop_light(backdrop, {-diagonal, 0, -diagonal}, 0), 1.0, 1e-9);
   EXPECT_NEAR(backdrop_light(backdrop, {diagonal, 0, -diagonal}, 0), 2.0, 1e-9);
   EXPECT_NEAR(backdrop_light(backdrop, {diagonal, 0, diagonal}, 0), 3.0, 1e-9);

@@ -11,7 +11,7 @@
 namespace lenticule::render {
 namespace {
 
-/// 2 x 2: red counts columns, green counts rows, blue is 1 in the bottom right only.
+/// Returns 2 x 2 texels: red is the column, green the row, blue is 1 in the bottom right only.
 Texture four_texels() {
   Texture texture;
   texture.width = 2;
@@ -34,7 +34,7 @@ TEST(TextureValue, IsBilinearBetweenCentres) {
   EXPECT_DOUBLE_EQ(texture_value(texture, 0.5, 0.5, 2), 0.25);
 }
 
-TEST(TextureValue, VZeroIsTheTop) {
+TEST(TextureValue, HasVZeroAtTheTop) {
   EXPECT_LT(texture_value(four_texels(), 0.5, 0.3, 1), texture_value(four_texels(), 0.5, 0.7, 1));
 }
 
@@ -49,7 +49,7 @@ TEST(TextureValue, RepeatsOrContinuesItsBorder) {
   EXPECT_DOUBLE_EQ(texture_value(texture, -1e300, 0.25, 0), 0.0);
 }
 
-/// The texels beside a coordinate, as the definition has them.
+/// Interpolates the texels beside a coordinate by the definition.
 double plainly(const Texture& texture, double u, double v, int channel) {
   const auto texel = [&](double column, double row) {
     const auto on = [](double i, int size, bool repeat) {
@@ -70,7 +70,7 @@ double plainly(const Texture& texture, double u, double v, int channel) {
   return std::lerp(above, below, y - top);
 }
 
-TEST(TextureValue, IsWhatTheDefinitionSays) {
+TEST(TextureValue, AgreesWithItsDefinition) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> any(-3.0, 4.0);
   for (int round = 0; round < 2000; ++round) {
@@ -89,7 +89,7 @@ TEST(TextureValue, IsWhatTheDefinitionSays) {
   }
 }
 
-TEST(TextureValue, SurvivesCoordinatesThatAreNotNumbers) {
+TEST(TextureValue, ToleratesNonFiniteCoordinates) {
   for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()})
     EXPECT_TRUE(std::isfinite(texture_value(four_texels(), bad, bad, 0)));
 }

@@ -44,7 +44,7 @@ TEST(TilePlan, ColumnsStayUnderTheirLens) {
       const Vec2 centre = rig.panel.subpixel_centre_px(s / 3, tile.row_begin + row, s % 3);
       return model.lens_coordinate(centre.x, centre.y, s % 3);
     };
-    // Never more than half a subpixel off the lens that the first row is under.
+    // A column stays within half a subpixel of the phase of its first row.
     for (int row = 1; row < tile.rows; ++row)
       EXPECT_NEAR(phase(row), phase(0), 0.5 / rig.sheet.pitch.value + 1e-9) << slant;
   }

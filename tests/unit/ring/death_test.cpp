@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Two processes; either is killed or stopped at random moments, and the other must go on.
+// Tests two processes; either is killed or stopped at random times, and the other must continue.
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/mman.h>
@@ -23,9 +23,9 @@ using test::stamped_id;
 
 constexpr int kKillsOfEach = 100;
 
-/// When to kill. Every fourth life is cut at any moment from its first one on (also before and in
-/// the handshake); the others once some frames were shown, and a little later, so that on a slow
-/// machine, too, most lives get somewhere.
+/// The time of a kill. Every fourth process is killed at any time from its start (also before and
+/// during the handshake); the others after some frames were shown and a random delay, so that on a
+/// slow machine, too, most processes deliver frames.
 struct Fate {
   Fate(int round, std::mt19937& random)
       : any_moment(round % 4 == 0),
@@ -36,14 +36,14 @@ struct Fate {
   microseconds then;
 };
 
-/// A frame that takes a while to write, so that most kills fall into the middle of one.
+/// Returns a ring whose frames take a while to write, so that most kills hit a half-written frame.
 RingOptions busy_ring(const std::filesystem::path& socket) {
   RingOptions options = test::small_ring(socket);
   options.geometry = {.width = 640, .height = 480, .format = PixelFormat::Rgb8};
   return options;
 }
 
-/// A child process that runs `body` and is certainly dead when this goes out of scope.
+/// A child process that runs `body` and is dead at the end of the scope.
 class Child {
  public:
   template <typename Body>
@@ -60,7 +60,7 @@ class Child {
   Child& operator=(const Child&) = delete;
 
   void send(int signal) const { ::kill(pid_, signal); }
-  /// Waits until the signal to stop has been obeyed.
+  /// Waits until the process has stopped.
   void stop() const {
     send(SIGSTOP);
     ::waitpid(pid_, nullptr, WUNTRACED);
@@ -76,7 +76,7 @@ class Child {
   pid_t pid_;
 };
 
-/// Connects and pushes frames as fast as slots come free, until somebody dies.
+/// Connects and pushes frames as fast as slots become free, until player or renderer dies.
 void render_for_ever(const std::filesystem::path& socket, uint64_t first_id) {
   const auto renderer = RingRenderer::connect(socket, {}, std::chrono::seconds(20));
   for (uint64_t k = 0;; ++k)
@@ -84,7 +84,7 @@ void render_for_ever(const std::filesystem::path& socket, uint64_t first_id) {
       return;
 }
 
-/// Plays what comes, as a player does: one frame stays on the glass until the next is there.
+/// Plays incoming frames as a player does: one frame stays displayed until the next is available.
 class Screen {
  public:
   explicit Screen(RingPlayer& player) : player_(player) {}
@@ -134,7 +134,7 @@ void refresh_for(Screen& screen, microseconds duration) {
   } while (std::chrono::steady_clock::now() < end);
 }
 
-TEST(RingDeath, APlayerSurvivesEveryDeathOfItsRenderers) {
+TEST(RingDeath, APlayerSurvivesKilledRenderers) {
   SocketFolder folder;
   const auto player = RingPlayer::open(busy_ring(folder.socket()));
   Screen screen(*player);
@@ -177,7 +177,7 @@ TEST(RingDeath, APlayerSurvivesEveryDeathOfItsRenderers) {
   EXPECT_EQ(screen.torn(), 0u);
 }
 
-/// What a player process tells the test; survives its death.
+/// Figures that a player process reports to the test in shared memory; they survive its death.
 struct Report {
   std::atomic<uint64_t> shown;
   std::atomic<uint64_t> torn;
@@ -210,7 +210,7 @@ void play_for_ever(const std::filesystem::path& socket, Report& report) {
   }
 }
 
-TEST(RingDeath, ARendererSurvivesEveryDeathOfItsPlayers) {
+TEST(RingDeath, ARendererSurvivesKilledPlayers) {
   SocketFolder folder;
   SharedReport report;
   std::mt19937 random(20240301);
@@ -252,7 +252,7 @@ TEST(RingDeath, ARendererSurvivesEveryDeathOfItsPlayers) {
   EXPECT_EQ(test::pull_all(*last), std::vector{std::optional<uint64_t>(77)});
 }
 
-TEST(RingDeath, AStoppedRendererStopsNobodyElse) {
+TEST(RingDeath, AStoppedRendererDoesNotBlockThePlayer) {
   SocketFolder folder;
   const auto player = RingPlayer::open(busy_ring(folder.socket()));
   Screen screen(*player);
@@ -285,11 +285,11 @@ TEST(RingDeath, AStoppedRendererStopsNobodyElse) {
   EXPECT_EQ(player->statistics().violations, 0u);
 }
 
-TEST(RingDeath, ARendererThatLostItsConnectionCannotSpoilTheNextOne) {
+TEST(RingDeath, ADisconnectedRendererCannotDamageTheNextOnesFrames) {
   SocketFolder folder;
   const auto player = RingPlayer::open(busy_ring(folder.socket()));
   Screen screen(*player);
-  // Takes a slot, loses its socket, and goes on writing into the slot as if nothing had happened.
+  // The renderer takes a slot, loses its socket, and continues to write into the slot.
   Child zombie([&] {
     test::RawRenderer renderer(folder.socket());
     if (!take_free_slot(renderer.table()[1], renderer.epoch())) return;

@@ -46,7 +46,7 @@ TEST(RingLayout, SlotsNeitherOverlapNorLeaveTheMemory) {
     }
 }
 
-TEST(RingLayout, ReadsBackWhatItWrote) {
+TEST(RingLayout, SurvivesARoundTrip) {
   const RingLayout layout = plan_layout(kKiosk, 8);
   RingLayout read;
   EXPECT_EQ(read_header(*header_of(layout), layout.memory_bytes, read), nullptr);
@@ -62,14 +62,14 @@ TEST(RingLayout, RejectsAHeaderWithAnyByteChanged) {
       const auto bad = header_of(layout);
       reinterpret_cast<uint8_t*>(bad.get())[at] ^= static_cast<uint8_t>(change);
       RingLayout read;
-      // A change that makes another consistent layout does not exist: sizes and offsets follow from
-      // the geometry, which would have to change with them.
+      // No single change gives another consistent layout: sizes and offsets follow from the
+      // geometry, which would have to change with them.
       EXPECT_NE(read_header(*bad, SIZE_MAX, read), nullptr) << "byte " << at << " ^ " << change;
       EXPECT_EQ(read, RingLayout()) << "a bad header must leave no layout";
     }
 }
 
-TEST(RingLayout, NamesWhatIsWrongWithAHeader) {
+TEST(RingLayout, NamesTheInvalidFieldOfAHeader) {
   const RingLayout layout = plan_layout(kSmall, 8);
   RingLayout read;
   const auto problem = [&](auto change) {
@@ -98,14 +98,14 @@ TEST(RingLayout, NamesWhatIsWrongWithAHeader) {
               "offsets or sizes do not agree");
 }
 
-TEST(RingLayout, RejectsAHeaderThatPromisesMoreThanThereIs) {
+TEST(RingLayout, RejectsAHeaderLargerThanItsMemory) {
   const RingLayout layout = plan_layout(kSmall, 8);
   RingLayout read;
   EXPECT_STREQ(read_header(*header_of(layout), layout.memory_bytes - 1, read),
                "memory smaller than the header says");
 }
 
-TEST(SlotWord, CountsEpochsAroundWithoutZero) {
+TEST(SlotWord, EpochsWrapAroundWithoutZero) {
   EXPECT_EQ(next_epoch(1), 2u);
   EXPECT_EQ(next_epoch(kMaxEpoch), 1u);
   EXPECT_NE(slot_word(SlotState::Free, kMaxEpoch), slot_word(SlotState::Free, 1));
@@ -124,7 +124,7 @@ TEST(SlotWord, LetsOnlyTheRightEpochTakeASlot) {
   EXPECT_EQ(entry.word, slot_word(SlotState::Ready, 7));
 }
 
-TEST(StampedFrame, ShowsASingleForeignByteAnywhere) {
+TEST(StampedFrame, DetectsASingleForeignByteAnywhere) {
   std::vector<uint8_t> frame(57600 + 5);
   test::stamp_frame(frame, 0x1122334455667788);
   EXPECT_EQ(test::stamped_id(frame), 0x1122334455667788u);

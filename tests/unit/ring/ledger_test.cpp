@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The player's books against a table that the test writes by hand: honest, late, dead and lying
-// renderers.
+// Tests the player's slot table with honest, late, dead and lying renderers; the test writes the
+// shared table by hand.
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -32,7 +32,7 @@ TEST_F(Ledger, OffersEverySlotAtFirst) {
   EXPECT_FALSE(ledger_.saturated());
 }
 
-TEST_F(Ledger, FollowsTheOrderOfPublishingNotOfSlots) {
+TEST_F(Ledger, FollowsTheOrderOfPublishing) {
   publish(2, 0, 0);
   publish(0, 1, 1);
   publish(3, 2, 2);
@@ -42,7 +42,7 @@ TEST_F(Ledger, FollowsTheOrderOfPublishingNotOfSlots) {
   }
 }
 
-TEST_F(Ledger, MarksWhatItShowsAndWhatItGivesBack) {
+TEST_F(Ledger, MarksShownAndReleasedSlots) {
   publish(1, 0, 0);
   ASSERT_EQ(pull(), PullStatus::Ready);
   EXPECT_EQ(table_[1].word, slot_word(SlotState::Showing, 1));
@@ -50,7 +50,7 @@ TEST_F(Ledger, MarksWhatItShowsAndWhatItGivesBack) {
   EXPECT_EQ(table_[1].word, slot_word(SlotState::Free, 1));
 }
 
-TEST_F(Ledger, TakesHalfWrittenSlotsBackFromTheDead) {
+TEST_F(Ledger, ReclaimsHalfWrittenSlotsOfADeadRenderer) {
   publish(0, 0, 0);
   write(1);
   EXPECT_EQ(ledger_.end_tenancy(TenantFate::Dead), 0);
@@ -101,7 +101,7 @@ TEST_F(Ledger, FramesOfADeadRendererAreGivenBackInTheNewEpoch) {
   EXPECT_EQ(table_[0].word, slot_word(SlotState::Free, 2));
 }
 
-// Each of these is something that no honest renderer does.
+// No honest renderer does any of the following.
 TEST_F(Ledger, NoticesAnUnknownState) {
   table_[2].word = 0;
   EXPECT_EQ(pull(), PullStatus::NotYet);
@@ -109,7 +109,7 @@ TEST_F(Ledger, NoticesAnUnknownState) {
   EXPECT_EQ(ledger_.violations(), 1u);
 }
 
-TEST_F(Ledger, NoticesAStateOfThePlayersOwn) {
+TEST_F(Ledger, NoticesAStateReservedForThePlayer) {
   table_[2].word = slot_word(SlotState::Showing, 1);
   EXPECT_EQ(pull(), PullStatus::NotYet);
   EXPECT_TRUE(ledger_.misbehaved());
@@ -148,7 +148,7 @@ TEST_F(Ledger, NoticesAnAbsurdFrameNumber) {
   EXPECT_TRUE(ledger_.misbehaved());
 }
 
-TEST_F(Ledger, NoticesAFrameThatIsTakenBackAndGoesOnAsIfNot) {
+TEST_F(Ledger, NoticesAWithdrawnFrame) {
   publish(0, 0, 0);
   ledger_.take_published();
   table_[0].word = slot_word(SlotState::Writing, 1);
@@ -171,7 +171,7 @@ TEST_F(Ledger, NoticesAGoodbyeWithAnotherCount) {
   EXPECT_EQ(ledger_.violations(), 1u);
 }
 
-TEST_F(Ledger, TakesNothingMoreFromALiar) {
+TEST_F(Ledger, AcceptsNoFurtherFramesAfterAViolation) {
   table_[2].word = 0;
   ledger_.take_published();
   publish(0, 0, 0);
@@ -184,11 +184,11 @@ TEST_F(Ledger, TakesNothingMoreFromALiar) {
   EXPECT_EQ(pull(), PullStatus::Ready);
 }
 
-TEST_F(Ledger, DoesNotBlameTheNextRendererForTheOneBefore) {
+TEST_F(Ledger, ViolationsDoNotAffectTheNextRenderer) {
   publish(0, 0, 0);
   publish(1, 1, 1);
   (void)ledger_.end_tenancy(TenantFate::MayLive);
-  table_[0].word = 0;  // taken over, waits to be shown
+  table_[0].word = 0;  // taken over, waiting to be shown
   table_[2].word = 0;  // offered to the next renderer
   ledger_.renew_offers();
   ledger_.begin_tenancy({});
@@ -198,8 +198,8 @@ TEST_F(Ledger, DoesNotBlameTheNextRendererForTheOneBefore) {
   EXPECT_TRUE(take_free_slot(table_[2], ledger_.epoch()));
 }
 
-/// Pixels in the test's own memory, so that a thread sanitizer sees both sides: the slot words
-/// alone must order every access.
+/// The pixels are in the test's own memory, so that a thread sanitizer sees both sides: the slot
+/// words alone must order every access.
 TEST(SlotWords, OrderThePixelsBetweenTwoThreads) {
   constexpr int kSlots = 3;
   constexpr uint64_t kFrames = 20000;

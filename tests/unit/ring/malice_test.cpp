@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Renderers that mean harm: the player neither crashes nor hangs, and serves the next honest one.
+// Tests malicious renderers: the player neither crashes nor hangs, and serves the next honest one.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
@@ -29,7 +29,7 @@ class RingMalice : public testing::Test {
     serviced(*player_, [&] { renderer = std::make_unique<RawRenderer>(folder_.socket()); });
     return renderer;
   }
-  /// Frames of an honest renderer come through whole, `frames` of them.
+  /// Expects `frames` frames of an honest renderer to arrive undamaged.
   void expect_service_for_the_honest(uint64_t frames) {
     const auto honest = test::connect_to(*player_, folder_.socket());
     for (uint64_t k = 0; k < frames; ++k) {
@@ -53,7 +53,7 @@ TEST_F(RingMalice, CannotResizeOrResealTheMemory) {
   EXPECT_NE(::fcntl(renderer->memory_fd(), F_ADD_SEALS, F_SEAL_WRITE), 0);
 }
 
-TEST_F(RingMalice, HolesInTheMemoryOnlySpoilItsOwnFrames) {
+TEST_F(RingMalice, HolesInTheMemoryDamageOnlyTheRenderersOwnFrames) {
   const auto renderer = raw();
   const size_t bytes = renderer->memory().size();
   ASSERT_TRUE(take_free_slot(renderer->table()[0], renderer->epoch()));
@@ -70,7 +70,7 @@ TEST_F(RingMalice, HolesInTheMemoryOnlySpoilItsOwnFrames) {
   EXPECT_FALSE(connected()) << "the liar is sent away";
 }
 
-TEST_F(RingMalice, AnyBadWordEndsTheConnection) {
+TEST_F(RingMalice, AnyInvalidSlotWordEndsTheConnection) {
   for (const uint32_t word : {0u, 0xffffffffu, 4u, 7u}) {
     player_.reset();
     player_ = RingPlayer::open(test::small_ring(folder_.socket()));
@@ -84,7 +84,7 @@ TEST_F(RingMalice, AnyBadWordEndsTheConnection) {
   }
 }
 
-TEST_F(RingMalice, SlotsHeldByTheUndeadRunOutWithAReason) {
+TEST_F(RingMalice, SlotsOfDisconnectedRenderersRunOutWithAReason) {
   for (int round = 0; round < 3; ++round) {
     const auto renderer = raw();
     int taken = 0;
@@ -105,7 +105,7 @@ TEST_F(RingMalice, SlotsHeldByTheUndeadRunOutWithAReason) {
   }
 }
 
-TEST_F(RingMalice, NonsenseOnTheSocketEndsTheConnection) {
+TEST_F(RingMalice, InvalidMessagesEndTheConnection) {
   std::mt19937 random(7);
   for (int round = 0; round < 50; ++round) {
     const auto renderer = raw();
@@ -119,7 +119,7 @@ TEST_F(RingMalice, NonsenseOnTheSocketEndsTheConnection) {
   expect_service_for_the_honest(5);
 }
 
-TEST_F(RingMalice, NonsenseInsteadOfHelloIsRefused) {
+TEST_F(RingMalice, AnInvalidHelloIsRefused) {
   std::mt19937 random(8);
   for (int round = 0; round < 50; ++round) {
     const UniqueFd socket = knock(folder_.socket());
@@ -139,7 +139,7 @@ TEST_F(RingMalice, NonsenseInsteadOfHelloIsRefused) {
   expect_service_for_the_honest(5);
 }
 
-TEST_F(RingMalice, AnotherVersionIsToldWhichOneIsSpokenHere) {
+TEST_F(RingMalice, ARefusedVersionLearnsThePlayersVersion) {
   const UniqueFd socket = knock(folder_.socket());
   HelloMessage hello = make_hello({});
   hello.prefix.version = 2;
@@ -154,7 +154,7 @@ TEST_F(RingMalice, AnotherVersionIsToldWhichOneIsSpokenHere) {
   EXPECT_NE(text.find("version 1"), std::string::npos) << text;
 }
 
-TEST_F(RingMalice, SilentConnectionsKeepNobodyOut) {
+TEST_F(RingMalice, SilentConnectionsDoNotBlockOthers) {
   std::vector<UniqueFd> silent;
   for (int i = 0; i < 64; ++i) {
     silent.push_back(knock(folder_.socket()));
@@ -163,7 +163,7 @@ TEST_F(RingMalice, SilentConnectionsKeepNobodyOut) {
   expect_service_for_the_honest(5);
 }
 
-TEST_F(RingMalice, AFloodOfMessagesDoesNotHoldThePlayerUp) {
+TEST_F(RingMalice, AFloodOfMessagesDoesNotDelayThePlayer) {
   const auto renderer = raw();
   for (int round = 0; round < 50; ++round) {
     while (send_message(renderer->socket(), make_wake(MessageKind::Wanted)) == Transfer::Done) {
@@ -177,7 +177,7 @@ TEST_F(RingMalice, AFloodOfMessagesDoesNotHoldThePlayerUp) {
 
 TEST_F(RingMalice, AnEventThatBlocksCannotBlockThePlayer) {
   const auto renderer = raw();
-  // The flag belongs to the description that both sides share.
+  // The flag belongs to the open file description that both processes share.
   ASSERT_EQ(::fcntl(renderer->published_event(), F_SETFL, 0), 0);
   const uint64_t most = UINT64_MAX - 1;
   for (int round = 0; round < 20; ++round) {
@@ -206,7 +206,7 @@ TEST_F(RingMalice, DescriptorsSentToThePlayerAreNotKept) {
   EXPECT_LE(open_fds(), before);
 }
 
-/// Writes anything anywhere into header and table, now and then something plausible.
+/// Writes random words into header and table, sometimes plausible ones.
 [[noreturn]] void scribble(const std::filesystem::path& socket, unsigned seed) {
   std::mt19937 random(seed);
   try {
@@ -242,14 +242,14 @@ TEST_F(RingMalice, DescriptorsSentToThePlayerAreNotKept) {
   ::_exit(0);
 }
 
-TEST_F(RingMalice, RandomWritesIntoTheSharedTableDoNoHarm) {
+TEST_F(RingMalice, SurvivesRandomWritesIntoTheSharedTable) {
   constexpr unsigned kScribblers = 60;
   for (unsigned round = 0; round < kScribblers; ++round) {
     const pid_t child = ::fork();
     ASSERT_GE(child, 0);
     if (child == 0) scribble(folder_.socket(), round);
     const uint64_t renderers = player_->statistics().renderers;
-    // Half of them are met by a player that keeps a frame and is slow to look.
+    // The player holds a frame and polls slowly in half of the runs.
     LentFrame kept;
     bool keeps = false;
     EXPECT_TRUE(test::service_until(*player_,

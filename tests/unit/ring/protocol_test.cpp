@@ -29,7 +29,7 @@ std::string hello_problem(const HelloMessage& message) {
   return problem ? problem : "none";
 }
 
-TEST(RingProtocol, HelloComesThroughUnchanged) {
+TEST(RingProtocol, HelloArrivesUnchanged) {
   RendererHello read;
   ASSERT_EQ(read_hello(bytes_of(make_hello(full_hello())), read), nullptr);
   EXPECT_EQ(read.name, "teapot");
@@ -38,7 +38,7 @@ TEST(RingProtocol, HelloComesThroughUnchanged) {
   EXPECT_EQ(read.frame_count, 240u);
 }
 
-TEST(RingProtocol, WhatIsNotStatedStaysUnstated) {
+TEST(RingProtocol, OptionalFieldsStayUnset) {
   RendererHello read = full_hello();
   ASSERT_EQ(read_hello(bytes_of(make_hello({})), read), nullptr);
   EXPECT_EQ(read.rate, std::nullopt);
@@ -92,7 +92,7 @@ TEST(RingProtocol, RejectsEveryWrongLength) {
     EXPECT_NE(read_hello(bytes_of(message).first(size), read), nullptr) << size;
 }
 
-TEST(RingProtocol, RefusesToSendWhatNobodyWouldAccept) {
+TEST(RingProtocol, RefusesToSendInvalidMessages) {
   const auto rejects = [](const RendererHello& hello) {
     EXPECT_THROW((void)make_hello(hello), Error);
   };
@@ -151,7 +151,7 @@ class SocketPair : public testing::Test {
   UniqueFd near_, far_;
 };
 
-TEST_F(SocketPair, PassesDescriptorsOnlyToThoseWhoTakeThem) {
+TEST_F(SocketPair, PassesDescriptorsOnlyToReceiversThatAcceptThem) {
   const std::array<int, 2> fds = {near_.get(), far_.get()};
   Packet packet;
   ASSERT_EQ(send_message(near_.get(), make_accept(4096, 1), fds), Transfer::Done);
@@ -171,7 +171,7 @@ TEST_F(SocketPair, NeverBlocks) {
   EXPECT_EQ(transfer, Transfer::WouldBlock) << "a full queue";
 }
 
-TEST_F(SocketPair, SeesAPacketThatIsTooLong) {
+TEST_F(SocketPair, DetectsAnOverlongPacket) {
   const std::array<uint8_t, 1000> junk = {};
   ASSERT_EQ(send_bytes(near_.get(), junk), Transfer::Done);
   Packet packet;
@@ -179,7 +179,7 @@ TEST_F(SocketPair, SeesAPacketThatIsTooLong) {
   EXPECT_GT(packet.size, kMaxMessageBytes);
 }
 
-TEST_F(SocketPair, HearsTheLastWordsOfAPeerThatLeftMailUnread) {
+TEST_F(SocketPair, ReceivesTheLastMessageOfAPeerThatLeftUnreadMessages) {
   ASSERT_EQ(send_message(far_.get(), make_wake(MessageKind::Freed)), Transfer::Done);
   ASSERT_EQ(send_message(near_.get(), make_goodbye(5)), Transfer::Done);
   near_.reset();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sequences that are kept in the ring for a gapless loop.
+// Tests sequences that stay in the ring for a gapless loop.
 #include <gtest/gtest.h>
 
 #include <thread>
@@ -33,7 +33,7 @@ class RingLoop : public testing::Test {
     renderer->finish();
     player_->service();
   }
-  /// Pulls and releases until End; the ids in order.
+  /// Pulls and releases until End; returns the ids in order.
   std::vector<uint64_t> play_through() {
     std::vector<uint64_t> ids;
     LentFrame frame;
@@ -50,7 +50,7 @@ class RingLoop : public testing::Test {
 
 using Ids = std::vector<uint64_t>;
 
-TEST_F(RingLoop, ReplaysASequenceThatFitsAfterItsRendererLeft) {
+TEST_F(RingLoop, ReplaysAFittingSequenceAfterItsRendererLeft) {
   deliver(3);
   for (int turn = 0; turn < 5; ++turn) {
     EXPECT_EQ(play_through(), (Ids{0, 1, 2}));
@@ -68,7 +68,7 @@ TEST_F(RingLoop, ReplaysASequenceThatFillsTheRingExactly) {
   EXPECT_EQ(play_through(), (Ids{0, 1, 2, 3}));
 }
 
-TEST_F(RingLoop, RewindsWhileTheLastFramesAreStillLent) {
+TEST_F(RingLoop, RewindsWhileTheLastFramesAreStillAcquired) {
   deliver(2);
   LentFrame first, second, again;
   ASSERT_EQ(player_->pull(first), PullStatus::Ready);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A player and a renderer, both real, in one process.
+// Tests a real player and a real renderer in one process.
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/stat.h>
@@ -27,7 +27,7 @@ class Ring : public testing::Test {
   std::unique_ptr<RingRenderer> connect(const RendererHello& hello = {}) {
     return connect_to(*player_, folder_.socket(), hello);
   }
-  /// Serviced first, as a player's loop does.
+  /// Services the player first, as its loop does.
   PullStatus pull(LentFrame& frame) {
     player_->service();
     return player_->pull(frame);
@@ -37,14 +37,14 @@ class Ring : public testing::Test {
   std::unique_ptr<RingPlayer> player_;
 };
 
-TEST_F(Ring, TellsTheRendererWhatThePlayerWants) {
+TEST_F(Ring, PassesThePlayersGeometryToTheRenderer) {
   open();
   const auto renderer = connect();
   EXPECT_EQ(renderer->geometry(), player_->geometry());
   EXPECT_EQ(renderer->slots(), 4);
 }
 
-TEST_F(Ring, TellsThePlayerWhatTheRendererSaidOfItself) {
+TEST_F(Ring, PassesTheRenderersHelloToThePlayer) {
   open();
   EXPECT_EQ(player_->rate(), std::nullopt);
   const auto renderer = connect(
@@ -69,7 +69,7 @@ TEST_F(Ring, HandsFramesOverInTheOrderOfPublishing) {
   EXPECT_EQ(player_->statistics().violations, 0u);
 }
 
-TEST_F(Ring, SaysNotYetWhenNothingIsPublished) {
+TEST_F(Ring, ReturnsNotYetBeforeTheFirstFrame) {
   open();
   LentFrame frame;
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
@@ -135,7 +135,7 @@ TEST_F(Ring, WakesThePlayerWhenAFrameIsPublished) {
   EXPECT_EQ(::poll(&query, 1, 0), 0) << "service() clears the wake-up";
 }
 
-TEST_F(Ring, LendsOneFrameLessThanItHasSlots) {
+TEST_F(Ring, HandsOutOneFrameLessThanItHasSlots) {
   open();
   const auto renderer = connect();
   for (uint64_t k = 0; k < 4; ++k) ASSERT_EQ(push_frame(*renderer, k, k), RingStatus::Ok);
@@ -145,7 +145,7 @@ TEST_F(Ring, LendsOneFrameLessThanItHasSlots) {
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
 }
 
-TEST_F(Ring, KeepsALentFrameWhileOthersComeAndGo) {
+TEST_F(Ring, KeepsAnAcquiredFrameWhileOthersComeAndGo) {
   open();
   const auto renderer = connect();
   ASSERT_EQ(push_frame(*renderer, 0, 42), RingStatus::Ok);
@@ -160,7 +160,7 @@ TEST_F(Ring, KeepsALentFrameWhileOthersComeAndGo) {
   EXPECT_EQ(stamped_id(on_glass.frame.bytes), 42u);
 }
 
-TEST_F(Ring, EndsAfterGoodbyeOnceAllFramesArePulled) {
+TEST_F(Ring, EndsAfterTheFinMessageOnceAllFramesArePulled) {
   open();
   const auto renderer = connect();
   ASSERT_EQ(push_frame(*renderer, 0, 0), RingStatus::Ok);
@@ -231,7 +231,7 @@ TEST_F(Ring, ReportsEndOnceBetweenSequencesThatFollowClosely) {
   EXPECT_EQ(pull(frame), PullStatus::NotYet);
 }
 
-TEST_F(Ring, TellsTheRendererThatThePlayerIsGone) {
+TEST_F(Ring, ReportsALostPlayerToTheRenderer) {
   open();
   const auto renderer = connect();
   std::span<uint8_t> pixels;
@@ -267,7 +267,7 @@ TEST_F(Ring, RefusesASecondRendererWhileOneIsConnected) {
   EXPECT_EQ(push_frame(*first, 0, 0), RingStatus::Ok) << "the first one must not notice";
 }
 
-TEST_F(Ring, LetsAWaitingRendererInWhenTheFirstOneEnds) {
+TEST_F(Ring, AcceptsAWaitingRendererWhenTheFirstOneEnds) {
   open();
   auto first = connect();
   std::unique_ptr<RingRenderer> second;
@@ -297,7 +297,7 @@ TEST_F(Ring, RefusesFramesForAnotherRig) {
       {.name = "x", .rig_fingerprint = "0123456789abcdef", .rate = {}, .frame_count = {}}));
 }
 
-TEST_F(Ring, TakesFramesForAnotherTrimOfItsRigAndTellsSo) {
+TEST_F(Ring, AcceptsFramesForAnotherTrimOfItsRigAndReportsIt) {
   RingOptions options = small_ring(folder_.socket());
   options.rig_fingerprint = "0123456789abcdef trims fedcba9876543210 0.01 0";
   std::vector<std::string> told;
@@ -353,7 +353,7 @@ TEST_F(Ring, RefusesImpossibleOptions) {
   EXPECT_EQ(kind_of(options), ErrorKind::Failed) << "12 TiB are more than half of the memory";
 }
 
-TEST_F(Ring, FramesWithLargeSlotsAreAlignedAndWhole) {
+TEST_F(Ring, LargeFramesAreAlignedAndComplete) {
   RingOptions options = small_ring(folder_.socket());
   options.geometry = {.width = 1280, .height = 800, .format = PixelFormat::Rgb8};
   options.prefault = RingPrefault::Lazily;
@@ -369,7 +369,7 @@ TEST_F(Ring, FramesWithLargeSlotsAreAlignedAndWhole) {
   }
 }
 
-/// The threads share nothing but the ring; a sanitizer run shows it.
+/// The threads share only the ring, which a thread sanitizer run verifies.
 TEST_F(Ring, TwoThreadsPassFramesWithoutTearing) {
   open();
   const auto renderer = connect();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The player's socket file: its mode, its end, and what lay there before.
+// Tests the player's socket file: its mode, its removal, and an existing file at its place.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -25,7 +25,7 @@ std::optional<ErrorKind> kind_of_failure(const std::filesystem::path& path) {
   return std::nullopt;
 }
 
-/// What a player leaves behind when it is killed: the file of a socket that nobody has any more.
+/// Leaves the socket file of a killed player, to which no process listens.
 void leave_dead_socket(const std::filesystem::path& path) {
   UniqueFd fd(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
   const UnixAddress address = unix_address(path);
@@ -42,7 +42,7 @@ TEST(RingSocket, OnlyItsOwnerMayUseIt) {
   EXPECT_EQ(status.st_mode & 0777, 0600u);
 }
 
-TEST(RingSocket, GoesAwayWithThePlayer) {
+TEST(RingSocket, IsRemovedWithThePlayer) {
   SocketFolder folder;
   { ListenSocket socket(folder.socket()); }
   EXPECT_FALSE(std::filesystem::exists(folder.socket()));
@@ -71,7 +71,7 @@ TEST(RingSocket, RefusesTheSocketOfALivePlayer) {
   EXPECT_TRUE(std::filesystem::exists(folder.socket())) << "and leaves it alone";
 }
 
-TEST(RingSocket, NeverRemovesAFileThatIsNoSocket) {
+TEST(RingSocket, NeverRemovesAFileThatIsNotASocket) {
   SocketFolder folder;
   std::ofstream(folder.socket()) << "precious";
   EXPECT_EQ(kind_of_failure(folder.socket()), ErrorKind::Usage);
@@ -87,7 +87,7 @@ TEST(RingSocket, NamesAPathThatIsTooLongOrLeadsNowhere) {
   EXPECT_EQ(kind_of_failure(folder.folder() / std::string(most, 'x')), std::nullopt);
 }
 
-TEST(RingSocket, OfManyPlayersThatStartAtOnceOneWins) {
+TEST(RingSocket, ExactlyOneOfManyPlayersThatStartTogetherWins) {
   SocketFolder folder;
   for (int round = 0; round < 10; ++round) {
     leave_dead_socket(folder.socket());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What each generator makes, counted against its formula, and the shapes that must be whole.
+// Tests the primitive counts of each generator against formulas, and that closed shapes are closed.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -18,7 +18,7 @@ SceneCounts counts(const char* name, int size) {
   return build_scene(find_scene(name), size).counts;
 }
 
-TEST(SmallBallsScene, IsASphereflakeAndAGlassBall) {
+TEST(SmallBallsScene, ContainsASphereflakeAndAGlassBall) {
   for (const auto& [size, spheres] : {std::pair{1, 10}, {2, 91}, {3, 820}})
     EXPECT_EQ(counts("small-balls", size).spheres, spheres + 1);
 }
@@ -39,7 +39,7 @@ TEST(MountScene, EveryHalvingMakesFourTrianglesOfOne) {
   }
 }
 
-TEST(TetraScene, EveryGenerationMakesFourOfOne) {
+TEST(TetraScene, EveryLevelMakesFourOfOne) {
   for (const int n : {1, 2, 6}) EXPECT_EQ(counts("tetra", n).polygons, 1 << (2 * n));
 }
 
@@ -92,7 +92,7 @@ TEST(PaperScenes, HaveThePapersFrames) {
   }
 }
 
-// ---- polygons as readers without any cleverness take them
+// ---- polygons as a simple reader triangulates them
 
 using Polygon = std::vector<Vec3>;
 
@@ -128,12 +128,12 @@ TEST(EveryScene, WritesConvexFlatPolygonsOnly) {
   }
 }
 
-/// A corner in millionths, so that what is written alike is alike.
+/// Returns a corner in millionths, so that equal text gives equal keys.
 std::array<long, 3> key(Vec3 p) {
   return {std::lround(p.x * 1e6), std::lround(p.y * 1e6), std::lround(p.z * 1e6)};
 }
 
-/// Edges that no polygon runs the other way.
+/// Returns the number of edges that no polygon uses in the opposite direction.
 int open_edges(const std::vector<Polygon>& polygons) {
   std::map<std::pair<std::array<long, 3>, std::array<long, 3>>, int> edges;
   for (const Polygon& p : polygons)
@@ -153,15 +153,15 @@ double volume(const std::vector<Polygon>& polygons) {
   return six / 6.0;
 }
 
-TEST(GearsScene, AGearIsClosedAndItsOutsideIsOut) {
+TEST(GearsScene, AGearIsClosedAndFacesOutward) {
   std::vector<Polygon> polygons = plain_polygons(write_scene(find_scene("gears"), 1));
-  std::erase_if(polygons, [](const Polygon& p) { return p.size() == 3; });  // the table
+  std::erase_if(polygons, [](const Polygon& p) { return p.size() == 3; });  // removes the table
   EXPECT_EQ(open_edges(polygons), 0);
-  // A disc of the pitch radius with its hole: teeth and gaps are about even.
+  // A disc of the pitch radius with its hole: teeth and gaps have about equal volume.
   EXPECT_NEAR(volume(polygons), 3.1416 * (0.25 - 0.04) * 0.28, 0.01);
 }
 
-TEST(TetraScene, IsClosedAndItsOutsideIsOut) {
+TEST(TetraScene, IsClosedAndFacesOutward) {
   const std::vector<Polygon> polygons = plain_polygons(write_scene(find_scene("tetra"), 3));
   EXPECT_EQ(open_edges(polygons), 0);
   EXPECT_NEAR(volume(polygons),
@@ -169,7 +169,7 @@ TEST(TetraScene, IsClosedAndItsOutsideIsOut) {
               1e-6);
 }
 
-// No two teeth of one layer in each other: each gear's outline against its neighbour's.
+// Checks that no two teeth of one layer overlap: each gear's outline against its neighbour's.
 TEST(GearsScene, NeighboursMeshWithoutTouching) {
   const std::vector<Polygon> polygons = plain_polygons(write_scene(find_scene("gears"), 2));
   const auto inside = [](const Polygon& p, Vec3 q) {
@@ -199,12 +199,12 @@ TEST(MountScene, AFinerOneHasTheCornersOfACoarserOne) {
 
 // ---- pictures
 
-TEST(Pictures, AreOfCodeValuesAndContinueWhereTheyRepeat) {
+TEST(Pictures, AreCodeValuesAndContinueAtTheRepeat) {
   for (const SharedPicture& picture :
        {checker_picture(), marble_picture(), wood_picture(), brick_picture(), weave_picture()}) {
     ASSERT_EQ(picture->rgb.size(), 3U * picture->width * picture->height) << picture->name;
     for (const float value : picture->rgb) ASSERT_TRUE(value >= 0.0F && value <= 1.0F);
-    // Across the seam from right to left texels differ no more than inside.
+    // Across the edge from right to left, texels differ no more than inside.
     const auto red = [&](int column, int row) {
       return picture->rgb[3 * static_cast<size_t>(row * picture->width + column)];
     };
@@ -219,14 +219,14 @@ TEST(Pictures, AreOfCodeValuesAndContinueWhereTheyRepeat) {
   }
 }
 
-TEST(Pictures, TheirMeanIsTheirMean) {
+TEST(Pictures, ComputeTheirMean) {
   const Picture two{.name = "two", .width = 2, .height = 1, .rgb = {0, 0.5F, 1, 1, 0.5F, 0}};
   EXPECT_EQ(two.mean(), (Vec3{0.5, 0.5, 0.5}));
 }
 
 // ---- the two forms of a scene
 
-TEST(SceneParts, PlainTextHasTheSameCountsAndSaysWhatIsMissing) {
+TEST(SceneParts, PlainTextHasTheSameCountsAndNamesMissingParts) {
   for (const BuiltInScene& scene : scene_list()) {
     const SceneParts kept = build_scene(scene, 2);
     const SceneParts plain = build_scene(scene, 2, 0, Pictures::Plain);
@@ -249,7 +249,7 @@ TEST(SceneParts, CommentsComeLastForReadersThatStopAtOne) {
   }
 }
 
-TEST(PicturedMesh, ABoardsPictureStandsUpright) {
+TEST(PicturedMesh, ABoardsPictureIsUpright) {
   PicturedMesh mesh;
   append_board(mesh, {.corner = {0, 0, 1}, .along = {2, 0, 0}, .across = {0, 0, -1}, .columns = 3});
   ASSERT_EQ(mesh.positions.size(), 4U);
@@ -259,7 +259,7 @@ TEST(PicturedMesh, ABoardsPictureStandsUpright) {
   }
 }
 
-TEST(PicturedMesh, BallsAndBoxesTurnOutward) {
+TEST(PicturedMesh, BallsAndBoxesFaceOutward) {
   PicturedMesh ball;
   append_ball(ball, {1, 2, 3}, 0.5, 6);
   EXPECT_EQ(ball.triangles.size(), 4U * 6 * 5);
@@ -271,7 +271,7 @@ TEST(PicturedMesh, BallsAndBoxesTurnOutward) {
       six += dot(mesh.positions[a], cross(mesh.positions[b], mesh.positions[c]));
     return six / 6.0;
   };
-  EXPECT_NEAR(volume_of(ball), 0.4665, 0.001);  // of 0.5236 for the round one
+  EXPECT_NEAR(volume_of(ball), 0.4665, 0.001);  // an exact sphere has 0.5236
   EXPECT_NEAR(volume_of(box), 6.0, 1e-12);
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The table of built-in scenes and the text they write.
+// Tests the table of built-in scenes and their text.
 #include "scenes/scene_list.h"
 
 #include <gmock/gmock.h>
@@ -13,7 +13,7 @@
 namespace lenticule::scenes {
 namespace {
 
-/// Lines whose first word is `keyword`.
+/// Returns the number of lines whose first word is `keyword`.
 int count_lines(const std::string& text, const std::string& keyword) {
   std::istringstream in(text);
   int count = 0;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The teapot's mesh against what is known about the original: its size, its symmetry, its openings.
+// Tests the teapot's mesh against known facts of the original: its size, its symmetry, its
+// openings.
 #include "scenes/teapot_mesh.h"
 
 #include <gmock/gmock.h>
@@ -53,30 +54,30 @@ TEST(TeapotMesh, IsItsOwnMirrorImage) {
   for (const Vec3 p : positions) EXPECT_TRUE(known.contains(point({p.x, -p.y, p.z})));
 }
 
-TEST(TeapotMesh, NormalsAreUnitAndLieOnTheSideThatTheCornersTurnAbout) {
+TEST(TeapotMesh, NormalsAreUnitVectorsOnTheFrontSide) {
   for (const int size : {3, 16}) {
     for (const auto& [a, b, c] : teapot_triangles(size)) {
       const Vec3 face = normalized(cross(b.position - a.position, c.position - a.position));
       for (const SurfacePoint& corner : {a, b, c}) ASSERT_NEAR(length(corner.normal), 1.0, 1e-12);
-      // Single corners of a coarse spout may lean away; their mean never does.
+      // Single corners of a coarse spout may lean away, but not their mean.
       ASSERT_GT(dot(face, a.normal + b.normal + c.normal), 0.0) << "size " << size;
     }
   }
 }
 
-TEST(TeapotMesh, EnclosesAVolumeSoTheOutsideIsOut) {
+TEST(TeapotMesh, EnclosesAVolumeAndFacesOutward) {
   double six_volumes = 0.0;
   for (const auto& [a, b, c] : teapot_triangles(16))
     six_volumes += dot(a.position, cross(b.position, c.position));
-  // A round pot of radius 2 and height 2.4 would be 30; the teapot is slimmer, and has a handle.
+  // A cylinder of radius 2 and height 2.4 has a volume of 30; the teapot is slimmer and has a
+  // handle.
   EXPECT_GT(six_volumes / 6.0, 20.0);
   EXPECT_LT(six_volumes / 6.0, 30.0);
 }
 
-// Neighbouring patches share their edges to the last bit; what stays open are the rims that the
-// original leaves open too: lid and pot's mouth (4 arcs each), both ends of handle and spout (2
-// halves each).
-TEST(TeapotMesh, IsWatertightButForTheOriginalsRims) {
+// Neighbouring patches share their edges to the last bit. The rims that the original leaves open
+// stay open: lid and pot's mouth (4 arcs each), both ends of handle and spout (2 halves each).
+TEST(TeapotMesh, IsWatertightExceptForTheOriginalsRims) {
   constexpr int kSize = 9;
   std::map<std::pair<Point, Point>, int> edges;
   for (const SurfaceTriangle& t : teapot_triangles(kSize))

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bands come back exactly, with every codec, every set of taps and every instruction set; payloads
-// that no encoder wrote are refused.
+// Tests that bands are decoded exactly, with every codec, every set of predictors and every
+// instruction set, and that invalid payloads are refused.
 #include "frames/sequence/band_codec.h"
 
 #include <gtest/gtest.h>
@@ -32,7 +32,7 @@ std::vector<TapTable> tap_sets(const WovenFrame& frame) {
   return {TapTable{}, up, choose_taps(frame.view(), frame.height())};
 }
 
-/// Encodes with each instruction set: all give the same bytes.
+/// Encodes with each instruction set and expects equal bytes.
 bool encode_everywhere(BandCodec codec, std::span<const uint8_t> band, const TapTable& taps,
                        std::vector<uint8_t>& payload) {
   bool encoded = false;
@@ -49,7 +49,7 @@ bool encode_everywhere(BandCodec codec, std::span<const uint8_t> band, const Tap
   return encoded;
 }
 
-TEST(BandCodec, RoundTripsWithEveryCodecTapSetAndInstructionSet) {
+TEST(BandCodec, RoundTripsWithEveryCodecPredictorSetAndInstructionSet) {
   int tapped = 0;
   for (const auto& geometry : kSizes) {
     for (const Content content : kContents) {
@@ -75,7 +75,7 @@ TEST(BandCodec, RoundTripsWithEveryCodecTapSetAndInstructionSet) {
   EXPECT_GE(tapped, 30);
 }
 
-TEST(BandCodec, EncodeNeverNeedsMoreThanTheBand) {
+TEST(BandCodec, EncodedBandsAreNeverLargerThanTheBand) {
   for (const auto& geometry : kSizes) {
     for (const Content content : kContents) {
       const WovenFrame frame = make_frame(geometry, content, 1);
@@ -121,7 +121,7 @@ TEST(BandDecoder, RefusesEveryShortenedPayload) {
   }
 }
 
-/// A payload of one stored block, to be spoilt.
+/// Returns a payload of one stored block, for tests that damage it.
 std::vector<uint8_t> one_block(uint32_t taps, uint32_t distance, uint8_t mode, uint32_t mask,
                                size_t values) {
   std::vector<uint8_t> payload;
@@ -139,7 +139,7 @@ std::vector<uint8_t> one_block(uint32_t taps, uint32_t distance, uint8_t mode, u
   return payload;
 }
 
-TEST(BandDecoder, RefusesWhatNoEncoderWrites) {
+TEST(BandDecoder, RefusesInvalidPayloads) {
   BandDecoder decoder(32);
   std::vector<uint8_t> band(32);
   const auto decodes = [&](const std::vector<uint8_t>& payload, size_t bytes = 32) {

@@ -41,7 +41,7 @@ std::vector<uint8_t> oracle_decode_taps(std::span<const uint8_t> payload, size_t
   EXPECT_TRUE(payload.empty());
 
   std::vector<uint8_t> band(band_bytes);
-  size_t block = 0;  // among those with a mask
+  size_t block = 0;  // index among the blocks with a mask
   size_t value = 0;
   for (size_t i = 0; i < band_bytes; ++i) {
     const uint8_t mode = modes[i / 32];

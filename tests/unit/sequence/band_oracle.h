@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a payload of the tap codec decodes to, byte by byte, as docs/formats.md says it.
+// Decodes a payload of the predictor codec byte by byte, as docs/formats.md specifies it.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace lenticule::test {
 
-/// Fails the running test for a payload that breaks the format.
+/// Decodes a payload; fails the running test if the payload breaks the format.
 std::vector<uint8_t> oracle_decode_taps(std::span<const uint8_t> payload, size_t band_bytes);
 
 }  // namespace lenticule::test

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every single byte of a file is spoilt: that is noticed, costs the frames that need it, and never
-// shows a wrong picture.
+// Damages every single byte of a file: the damage is detected, costs only the frames that need the
+// byte, and never shows a wrong picture.
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -27,7 +27,7 @@ constexpr FrameGeometry kGeometry{9, 12};
 constexpr int kFrames = 4;
 
 struct Played {
-  std::vector<int> numbers;  ///< of the pictures that were shown
+  std::vector<int> numbers;  ///< numbers of the pictures shown
   uint64_t damaged = 0;
 };
 
@@ -58,7 +58,7 @@ Played play(const std::filesystem::path& file) {
   return played;
 }
 
-/// What is to be shown when these frames are lost.
+/// Returns the pictures to be shown when these frames are lost.
 std::vector<int> with_replacements(const std::set<int>& lost) {
   std::vector<int> numbers;
   for (int n = 0; n < kFrames; ++n) {
@@ -72,7 +72,7 @@ std::vector<int> with_replacements(const std::set<int>& lost) {
 
 class SpoiltByte : public ::testing::TestWithParam<uint8_t> {};
 
-TEST_P(SpoiltByte, IsNoticedAndReplaced) {
+TEST_P(SpoiltByte, IsDetectedAndItsFrameReplaced) {
   const ScratchFolder folder;
   test::write_sequence(folder / "good.lts", kGeometry, Content::Noise, kFrames);
   const std::vector<uint8_t> good = test::read_bytes(folder / "good.lts");
@@ -80,7 +80,7 @@ TEST_P(SpoiltByte, IsNoticedAndReplaced) {
   const size_t data_begin = kFileHeaderBytes + metadata.size();
   const size_t index_begin = good.size() - kTrailerBytes - 8 * kFrames;
   const size_t record = (index_begin - data_begin) / kFrames;
-  // In place: a file that is truncated and written again waits for the disk.
+  // Written in place, since truncating and rewriting a file waits for the disk.
   const UniqueFd file(::open((folder / "good.lts").c_str(), O_RDWR | O_CLOEXEC));
   for (size_t i = 0; i < good.size(); ++i) {
     const auto spoilt = static_cast<uint8_t>(good[i] ^ GetParam());
@@ -104,7 +104,7 @@ TEST_P(SpoiltByte, IsNoticedAndReplaced) {
 
 INSTANTIATE_TEST_SUITE_P(Bits, SpoiltByte, ::testing::Values(0x01, 0x80, 0xff));
 
-TEST(SequenceDamage, WithoutAnIndexTheFramesBehindTheDamageAreFoundAgain) {
+TEST(SequenceDamage, FindsFramesBehindTheDamageWithoutAnIndex) {
   const ScratchFolder folder;
   std::vector<uint64_t> ends;
   {
@@ -115,12 +115,12 @@ TEST(SequenceDamage, WithoutAnIndexTheFramesBehindTheDamageAreFoundAgain) {
     }
   }
   std::vector<uint8_t> bytes = test::read_bytes(folder / "a.lts.part");
-  bytes[ends[1] + 5] ^= 0x40;  // in the header of frame 1
+  bytes[ends[1] + 5] ^= 0x40;  // damages the header of frame 1
   test::write_bytes(folder / "a.lts.part", bytes);
   const Played played = play(folder / "a.lts.part");
   EXPECT_EQ(played.numbers, (std::vector<int>{0, 0, 2, 3}));
   EXPECT_EQ(played.damaged, 1u);
-  // A writer goes on before the damage.
+  // A writer continues before the damage.
   SequenceWriter writer(folder / "a.lts", info_of(kGeometry), {.resume = true, .threads = 1});
   EXPECT_EQ(writer.frame_count(), 1u);
 }
@@ -146,7 +146,7 @@ TEST(SequenceDamage, AFileWithoutAReadableFrameFails) {
   EXPECT_THAT(source.failure(), ::testing::HasSubstr("frame 0"));
 }
 
-TEST(SequenceDamage, WithoutFramesThereIsNothingToPlay) {
+TEST(SequenceDamage, RefusesAFileWithoutFrames) {
   const ScratchFolder folder;
   test::write_sequence(folder / "a.lts", kGeometry, Content::Noise, 0);
   const Error error = test::error_of([&] { SequenceSource(folder / "a.lts"); });

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is written is read back: any size, any frame, any order, after any number of sittings.
+// Tests that written frames are read back: any size, any frame, any order, after any number of
+// resumed runs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -47,7 +48,7 @@ TEST(SequenceFile, RoundTripsOddSizesInAnyOrder) {
   }
 }
 
-TEST(SequenceFile, BandsThatDoNotChangeAreStoredOnce) {
+TEST(SequenceFile, UnchangedBandsAreStoredOnce) {
   const ScratchFolder folder;
   const WovenFrame still = make_frame({200, 144}, Content::Noise, 1);
   WovenFrame moved = still;
@@ -65,7 +66,7 @@ TEST(SequenceFile, BandsThatDoNotChangeAreStoredOnce) {
   for (uint64_t n = 0; n < 13; ++n) expect_frame(reader, n, n == 11 ? moved : still);
 }
 
-TEST(SequenceFile, IsCalledPartUntilItIsFinished) {
+TEST(SequenceFile, IsNamedPartUntilFinished) {
   const ScratchFolder folder;
   SequenceWriter writer(folder / "a.lts", info_of(kSmall), {.threads = 1});
   writer.append(make_frame(kSmall, Content::Ramp, 0).view());
@@ -79,7 +80,7 @@ TEST(SequenceFile, IsCalledPartUntilItIsFinished) {
   EXPECT_EQ(SequenceReader(folder / "a.lts").frame_count(), 2u);
 }
 
-TEST(SequenceFile, AnOldFileStaysUntilTheNewOneIsFinished) {
+TEST(SequenceFile, KeepsTheOldFileUntilTheNewOneIsFinished) {
   const ScratchFolder folder;
   write_sequence(folder / "a.lts", kSmall, Content::Ramp, 3);
   SequenceWriter writer(folder / "a.lts", info_of(kSmall), {.threads = 1});
@@ -88,7 +89,7 @@ TEST(SequenceFile, AnOldFileStaysUntilTheNewOneIsFinished) {
   EXPECT_EQ(SequenceReader(folder / "a.lts").frame_count(), 0u);
 }
 
-TEST(SequenceFile, GoesOnWhereItWasLeft) {
+TEST(SequenceFile, ResumesAfterTheLastFrame) {
   const ScratchFolder folder;
   for (int sitting = 0; sitting < 4; ++sitting) {
     SequenceWriter writer(folder / "a.lts", info_of(kSmall), {.resume = true, .threads = 1});
@@ -104,7 +105,7 @@ TEST(SequenceFile, GoesOnWhereItWasLeft) {
   EXPECT_THAT(reader.find_damaged(), IsEmpty());
 }
 
-TEST(SequenceFile, RefusesToGoOnWithSomethingElse) {
+TEST(SequenceFile, RefusesToResumeAnotherSequence) {
   const ScratchFolder folder;
   write_sequence(folder / "a.lts", kSmall, Content::Ramp, 1);
   const auto go_on = [&](const SequenceInfo& info) {
@@ -122,7 +123,7 @@ TEST(SequenceFile, RefusesToGoOnWithSomethingElse) {
   EXPECT_EQ(SequenceReader(folder / "a.lts").frame_count(), 1u) << "refused, but not left alone";
 }
 
-TEST(SequenceFile, OnlyOneWriterAtATime) {
+TEST(SequenceFile, AllowsOnlyOneWriterAtATime) {
   const ScratchFolder folder;
   SequenceWriter writer(folder / "a.lts", info_of(kSmall), {.threads = 1});
   for (const bool resume : {false, true}) {
@@ -133,7 +134,7 @@ TEST(SequenceFile, OnlyOneWriterAtATime) {
   }
 }
 
-TEST(SequenceFile, RefusesWhatIsNoSequence) {
+TEST(SequenceFile, RefusesFilesThatAreNotSequences) {
   const ScratchFolder folder;
   EXPECT_EQ(error_of([&] { SequenceReader(folder / "missing.lts"); }).kind(), ErrorKind::Input);
   EXPECT_EQ(error_of([&] { SequenceReader{folder.path()}; }).kind(), ErrorKind::Input);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The metadata survive the way into JSON and back; anything else names its key.
+// Tests that the metadata survive the conversion to JSON and back, and that errors name their key.
 #include "frames/sequence/sequence_info.h"
 
 #include <gmock/gmock.h>
@@ -44,13 +44,13 @@ TEST(SequenceInfo, RoundTrips) {
   EXPECT_EQ(round_trip(info), info);
 }
 
-TEST(SequenceInfo, TextThatIsNoUnicodeDoesNoHarm) {
+TEST(SequenceInfo, AcceptsTextThatIsNotUnicode) {
   SequenceInfo info = test::info_of(kGeometry);
   info.software = "\xff\xfe";
   EXPECT_FALSE(round_trip(info).software.empty());
 }
 
-TEST(SequenceInfo, NamesWhatIsWrong) {
+TEST(SequenceInfo, NamesTheInvalidKey) {
   const auto cause = [](const std::string& json) {
     const Error error = error_of([&] { (void)parse_sequence_info(json, kGeometry, "a.lts"); });
     EXPECT_EQ(error.kind(), ErrorKind::Input);

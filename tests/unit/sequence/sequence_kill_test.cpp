@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A writer that dies loses the frame in flight and nothing else, wherever it dies.
+// Tests that a writer that is killed at any point loses only its unfinished frame.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -45,7 +45,7 @@ void resume_to_the_end(const std::filesystem::path& file, uint64_t at_least) {
   EXPECT_EQ(SequenceReader(file).find_damaged(), std::vector<uint64_t>());
 }
 
-/// Ends of the frames in a whole unfinished file.
+/// Writes an unfinished file and returns the ends of its frames.
 std::vector<uint64_t> write_unfinished(const std::filesystem::path& file) {
   SequenceWriter writer(file, info_of(kGeometry), {.threads = 1});
   std::vector<uint64_t> ends = {writer.bytes_written()};
@@ -56,8 +56,8 @@ std::vector<uint64_t> write_unfinished(const std::filesystem::path& file) {
   return ends;
 }
 
-/// Frames of every kind: some bands of a frame are those of the frame before, some contents are
-/// predicted by other taps than the contents that came 32 frames earlier.
+/// Returns frames of every kind: some bands equal those of the previous frame, some contents use
+/// other predictors than the contents 32 frames earlier.
 WovenFrame film_frame(int n) {
   const Content content = n / 20 % 2 == 0 ? Content::Lenses : Content::Ramp;
   WovenFrame frame = make_frame(kGeometry, content, n / 4);
@@ -74,7 +74,7 @@ void write_film(const std::filesystem::path& file, int until, bool resume) {
   if (until == kFilmFrames) writer.finish();
 }
 
-TEST(SequenceKill, ResumedAfterAnyCutTheFileHasTheBytesOfOneRun) {
+TEST(SequenceKill, ResumedAfterAnyTruncationTheFileHasTheBytesOfOneRun) {
   const ScratchFolder folder;
   write_film(folder / "whole.lts", kFilmFrames, false);
   const std::vector<uint8_t> whole = test::read_bytes(folder / "whole.lts");
@@ -84,7 +84,8 @@ TEST(SequenceKill, ResumedAfterAnyCutTheFileHasTheBytesOfOneRun) {
   for (int trial = 0; trial < 150; ++trial) {
     std::vector<uint8_t> cut = whole;
     if (trial > 0) cut.resize(begin + random() % (whole.size() - begin));
-    const char* name = trial % 2 == 0 ? "a.lts.part" : "a.lts";  // a finished file may be cut, too
+    const char* name =
+        trial % 2 == 0 ? "a.lts.part" : "a.lts";  // a finished file may be truncated, too
     test::write_bytes(folder / name, cut);
     write_film(folder / "a.lts", kFilmFrames, true);
     ASSERT_EQ(test::read_bytes(folder / "a.lts"), whole) << "cut at " << cut.size();
@@ -121,19 +122,20 @@ TEST(SequenceKill, ResumedAfterKillsTheFileHasTheBytesOfOneRun) {
   }
 }
 
-TEST(SequenceKill, CutAnywhereKeepsEveryWholeFrame) {
+TEST(SequenceKill, TruncatedAnywhereKeepsEveryCompleteFrame) {
   const ScratchFolder folder;
   const std::vector<uint64_t> ends = write_unfinished(folder / "whole.lts");
   const std::vector<uint8_t> whole = test::read_bytes(folder / "whole.lts.part");
   ASSERT_EQ(whole.size(), ends.back());
   std::mt19937_64 random(11);
   for (int trial = 0; trial < 200; ++trial) {
-    // The ends themselves are the likeliest places for a mistake.
+    // Mistakes are most likely exactly at the ends.
     const uint64_t cut = trial < kFrames + 1 ? ends[static_cast<size_t>(trial)]
                                              : ends[0] + random() % (ends.back() - ends[0] + 1);
     std::vector<uint8_t> bytes = whole;
     bytes.resize(cut);
-    if (trial % 3 == 2) bytes.resize(cut + random() % 5000, 0);  // as a power cut leaves it
+    if (trial % 3 == 2)
+      bytes.resize(cut + random() % 5000, 0);  // zeros at the end, as a power cut leaves them
     test::write_bytes(folder / "a.lts.part", bytes);
     const auto kept =
         static_cast<uint64_t>(std::upper_bound(ends.begin(), ends.end(), cut) - ends.begin()) - 1;
@@ -142,7 +144,7 @@ TEST(SequenceKill, CutAnywhereKeepsEveryWholeFrame) {
   }
 }
 
-/// Appends frames until it is killed; tells each finished one to the pipe.
+/// Appends frames until killed; writes the number of each finished one to the pipe.
 [[noreturn]] void write_until_killed(const std::filesystem::path& file, int pipe) {
   SequenceWriter writer(file, info_of(kGeometry), {.resume = true, .threads = 1});
   for (auto n = static_cast<int>(writer.frame_count()); n < kFrames; ++n) {
@@ -154,7 +156,7 @@ TEST(SequenceKill, CutAnywhereKeepsEveryWholeFrame) {
   _exit(0);
 }
 
-TEST(SequenceKill, KilledWritersLoseTheFrameInFlightOnly) {
+TEST(SequenceKill, KilledWritersLoseOnlyTheUnfinishedFrame) {
   std::mt19937 random(3);
   for (int trial = 0; trial < 40; ++trial) {
     const ScratchFolder folder;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files of more than 4 GiB, made with holes: read at their far end, and continued there.
+// Tests files of more than 4 GiB, made with holes: read at their end, and continued there.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -21,7 +21,7 @@ using test::make_frame;
 constexpr FrameGeometry kGeometry{50, 30};
 constexpr uint64_t kFar = (uint64_t{5} << 30) + 12345;
 
-/// The second frame's record, as it has to be where it begins at `to`.
+/// Returns the second frame's record with the offsets that it needs at position `to`.
 std::vector<uint8_t> moved_record(int fd, const SequenceLayout& layout, uint64_t to) {
   const uint64_t from = layout.frames[1];
   std::vector<BandEntry> entries(static_cast<size_t>(layout.header.bands()));

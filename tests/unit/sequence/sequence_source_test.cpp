@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A container plays in order, without a gap at its seams, from a pool of bounded size.
+// Tests that a container plays in order, without a gap at its loop points, from a pool of bounded
+// size.
 #include "frames/sequence/sequence_source.h"
 
 #include <gmock/gmock.h>
@@ -40,7 +41,7 @@ PullStatus pull_waiting(SequenceSource& source, LentFrame& out) {
   return status;
 }
 
-/// Numbers of one round, each checked against the pixels.
+/// Returns the numbers of one loop's frames, each checked against the pixels.
 std::vector<uint64_t> play_round(SequenceSource& source) {
   std::vector<uint64_t> numbers;
   LentFrame lent;
@@ -61,7 +62,7 @@ struct PoolCase {
 };
 class SequenceSeams : public ::testing::TestWithParam<PoolCase> {};
 
-TEST_P(SequenceSeams, TenThousandRoundsAreTheExactSequence) {
+TEST_P(SequenceSeams, TenThousandLoopsAreTheExactSequence) {
   const auto [frames, pool, threads] = GetParam();
   const ScratchFolder folder;
   test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, frames);
@@ -79,7 +80,7 @@ INSTANTIATE_TEST_SUITE_P(Pools, SequenceSeams,
                          ::testing::Values(PoolCase{3, 2, 1}, PoolCase{5, 3, 2}, PoolCase{3, 8, 2},
                                            PoolCase{1, 2, 1}));
 
-TEST(SequenceSource, KeepsWhatIsLentWhileItDecodesOn) {
+TEST(SequenceSource, KeepsAcquiredFramesWhileItDecodesFurther) {
   const ScratchFolder folder;
   test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 20);
   SequenceSource source(folder / "a.lts", {.pool_frames = 5, .decoder_threads = 3});
@@ -132,7 +133,7 @@ TEST(SequenceSource, PlaysARange) {
   EXPECT_THAT(error.what(), HasSubstr("has frames 0 to 8"));
 }
 
-TEST(SequenceSource, RewindsOnlyAtTheEnds) {
+TEST(SequenceSource, RewindsOnlyAtTheStartOrEnd) {
   const ScratchFolder folder;
   test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 3);
   SequenceSource source(folder / "a.lts", {.pool_frames = 2});
@@ -143,7 +144,7 @@ TEST(SequenceSource, RewindsOnlyAtTheEnds) {
   source.release(lent.token);
 }
 
-TEST(SequenceSource, AFileThatIsCutWhileItPlaysIsReplacedByWhatIsLeft) {
+TEST(SequenceSource, ContinuesWithTheRemainingFramesIfTheFileIsTruncated) {
   const ScratchFolder folder;
   test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 40);
   const SequenceReader layout(folder / "a.lts");
@@ -159,7 +160,7 @@ TEST(SequenceSource, AFileThatIsCutWhileItPlaysIsReplacedByWhatIsLeft) {
   EXPECT_GT(source.damaged_frames(), 10u);
 }
 
-TEST(SequenceSource, CanBeGivenUpAtAnyTime) {
+TEST(SequenceSource, CanBeDestroyedAtAnyTime) {
   const ScratchFolder folder;
   test::write_sequence(folder / "a.lts", {400, 300}, Content::Noise, 6);
   for (int i = 0; i < 30; ++i) {

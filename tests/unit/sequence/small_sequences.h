@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small containers for tests, and frames of every kind to put into them.
+// Writes small containers for tests, and makes frames of every kind for them.
 #pragma once
 
 #include <cstdint>
@@ -12,13 +12,13 @@
 namespace lenticule::test {
 
 enum class Content {
-  Noise,   ///< nothing to predict
+  Noise,   ///< unpredictable
   Flat,    ///< one colour
   Ramp,    ///< a slow change along and across
   Lenses,  ///< repeats every 7.7 subpixels, sheared from row to row
 };
 
-/// Depends on its arguments only; frames of different numbers differ.
+/// Returns a frame that depends on the arguments only; frames of different numbers differ.
 frames::WovenFrame make_frame(frames::FrameGeometry geometry, Content content, int number);
 
 frames::SequenceInfo info_of(frames::FrameGeometry geometry);

@@ -1,2 +1,2 @@
-// A wrong arrow, for the test of the check.
+// A forbidden include, for the test of the check.
 #include "display/display.h"

@@ -1,4 +1,4 @@
-// A wrong library, for the test of the check.
+// A forbidden library, for the test of the check.
 #include <xf86drm.h>
 
 int best() {

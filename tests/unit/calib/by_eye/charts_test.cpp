@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charts, subpixel by subpixel against the optical model, and as an eye sees them.
+// Tests charts, subpixel by subpixel against the optical model, and as an eye sees them.
 #include "frames/charts/charts.h"
 
 #include <gtest/gtest.h>
@@ -42,7 +42,8 @@ struct Place {
   double place;  ///< -1/2 ... 1/2
 };
 
-/// Subpixels anywhere, with the place that the model gives them for the eye on the viewing line.
+/// Returns random subpixels, with the place that the model gives them for the eye on the viewing
+/// line.
 std::vector<Place> random_places(const optics::Rig& rig) {
   const optics::OpticalModel model(rig);
   std::mt19937 random(3);
@@ -62,7 +63,7 @@ bool lit(const WovenFrame& frame, const Place& p) {
   return frame.row(p.j)[3 * p.i + p.channel] != 0;
 }
 
-TEST(Charts, ACombLightsAQuarterOfEveryLens) {
+TEST(Charts, CombLightsAQuarterOfEveryLens) {
   const optics::Rig rig = chart_rig();
   const WovenFrame frame = frames::draw_chart({.pattern = ChartPattern::Comb, .rig = rig});
   for (const Place& p : random_places(rig)) {
@@ -71,7 +72,7 @@ TEST(Charts, ACombLightsAQuarterOfEveryLens) {
   }
 }
 
-TEST(Charts, BandsAreCombsOfTheirOwnPitch) {
+TEST(Charts, BandsAreCombsWithDifferentPitches) {
   const optics::Rig rig = chart_rig();
   constexpr double kReach = 0.1;
   const WovenFrame frame = frames::draw_chart(
@@ -86,7 +87,7 @@ TEST(Charts, BandsAreCombsOfTheirOwnPitch) {
     for (const Place& p : random_places(own)) {
       if (p.j * frames::kBands / rig.panel.height_px != band || p.j % (300 / frames::kBands) < 2)
         continue;
-      // The marked band's offset is the exact one, these rigs' the paraxial one.
+      // The marked band has the exact offset, these rigs the paraxial one.
       if (std::abs(std::abs(p.place) - 0.125) < 1e-3) continue;
       ASSERT_EQ(lit(frame, p), std::abs(p.place) < 0.125) << band;
       ++compared;
@@ -167,7 +168,7 @@ TEST(Charts, WordsAndMagnifierStayInTheirPlaces) {
   chart.magnifier = true;
   chart.words = {"2 of 9: slant", std::string(2000, 'x')};
   const WovenFrame full = frames::draw_chart(chart);
-  // The middle band belongs to the pattern whatever is said.
+  // The middle band shows the pattern in every chart.
   for (int j = 130; j < 175; ++j)
     EXPECT_TRUE(std::equal(full.row(j), full.row(j) + 480 * 3, plain.row(j))) << j;
   EXPECT_NE(full, plain);
@@ -180,7 +181,7 @@ TEST(Charts, WordsAndMagnifierStayInTheirPlaces) {
                   plain.row(142 + j)[3 * (228 + i) + c]);
 }
 
-TEST(Charts, SmallestAndOddestPanelsAreDrawn) {
+TEST(Charts, DrawsTinyAndUnusualPanels) {
   for (const auto& [width, height] : {std::pair{1, 1}, {3, 1}, {1, 40}, {17, 5}}) {
     optics::Rig rig = chart_rig();
     rig.panel.width_px = width;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Keys from terminals and from scripts, well-formed and not.
+// Tests valid and invalid keys from terminals and scripts.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -25,7 +25,7 @@ std::vector<KeyPress> decoded(std::string_view bytes) {
   return presses;
 }
 
-TEST(KeyDecoder, ArrowsComeWithTheirStrides) {
+TEST(KeyDecoder, ArrowsHaveTheirStrides) {
   EXPECT_THAT(decoded("\x1b[A\x1b[1;2B\x1b[1;5C\x1bOD"),
               ElementsAre(KeyPress{Key::Up}, KeyPress{Key::Down, Stride::Coarse},
                           KeyPress{Key::Right, Stride::Fine}, KeyPress{Key::Left}));
@@ -43,14 +43,14 @@ TEST(KeyDecoder, LettersAreEnoughForAPlainTerminal) {
                           KeyPress{Key::Redo}, KeyPress{Key::Compare}));
 }
 
-TEST(KeyDecoder, AnEscapeIsAKeyOnlyWhenNothingFollows) {
+TEST(KeyDecoder, AnEscapeIsAKeyOnlyIfNothingFollows) {
   EXPECT_THAT(decoded("\x1b"), ElementsAre(KeyPress{Key::Restore}));
   EXPECT_THAT(decoded("\x1b\x1b[A"), ElementsAre(KeyPress{Key::Restore}, KeyPress{Key::Up}));
   EXPECT_THAT(decoded("\x1bx\x1b[99;99Z\x1b[200~"), IsEmpty()) << "unknown ones are dropped";
   EXPECT_THAT(decoded("\x1b["), IsEmpty());
 }
 
-TEST(KeyDecoder, NoiseNeitherHangsNorGrows) {
+TEST(KeyDecoder, NoiseIsConsumedWithoutGrowth) {
   std::mt19937 random(7);
   KeyDecoder decoder;
   size_t presses = 0;
@@ -64,7 +64,7 @@ TEST(KeyDecoder, NoiseNeitherHangsNorGrows) {
   EXPECT_EQ(decoder.feed('q'), KeyPress{Key::Quit});
 }
 
-TEST(KeyScript, EveryPressIsReadAsItIsWritten) {
+TEST(KeyScript, ReadsEveryKey) {
   std::string script;
   std::vector<KeyPress> all;
   for (int key = 0; key <= static_cast<int>(Key::Quit); ++key)
@@ -75,13 +75,13 @@ TEST(KeyScript, EveryPressIsReadAsItIsWritten) {
   EXPECT_EQ(parse_key_script(script, "keys"), all);
 }
 
-TEST(KeyScript, CountsAndRemarks) {
+TEST(KeyScript, ReadsCountsAndComments) {
   EXPECT_THAT(parse_key_script("left*3 # and so on: nonsense\r\n\n  enter", "keys"),
               ElementsAre(KeyPress{Key::Left}, KeyPress{Key::Left}, KeyPress{Key::Left},
                           KeyPress{Key::Next}));
 }
 
-TEST(KeyScript, MistakesNameTheirLine) {
+TEST(KeyScript, ErrorsNameTheirLine) {
   for (const std::string bad : {"lift", "left*0", "left*-1", "left*", "left*2x", "shift+",
                                 "left*99999999999", "left*60000 left*60000", "\x01"}) {
     try {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The whole procedure, by somebody who sees only what the sheet shows: it has to end at the sheet.
+// Tests the whole procedure with a scripted observer who sees only what the sheet shows: the result
+// must be the true sheet.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -29,7 +30,7 @@ std::ostream& operator<<(std::ostream& out, const Case& c) {
   return out << c.name;
 }
 
-/// 4K, 27 inches: as many lenses as on the real thing.
+/// Returns a rig of 4K at 27 inches with as many lenses as a real panel.
 optics::Rig true_rig(const Case& c) {
   optics::Rig rig =
       optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/kiosk-27-4k.toml");
@@ -96,7 +97,7 @@ Case right_but_for_the_gap(double gap_error) {
   return {"gap", 7.701, 0.2521, 0.1, 2.238, 700, 0.0, 0.0, gap_error};
 }
 
-/// Starts where the sheet looks right from the first distance.
+/// Returns a procedure with the sheet that looks right from the first distance.
 Procedure at_gap_step(const Case& c, Step step) {
   SheetValues values = sheet_values(true_rig(c), c.distance_mm);
   values.gap_mm *= 1.0 + c.gap_error;
@@ -105,7 +106,7 @@ Procedure at_gap_step(const Case& c, Step step) {
   return procedure;
 }
 
-TEST(ByEyeGap, ZonesTellTheGapWithinTwoPercent) {
+TEST(ByEyeGap, ZonesGiveTheGapWithinTwoPercent) {
   const Case c = right_but_for_the_gap(0.15);
   Procedure procedure = at_gap_step(c, Step::GapByFlips);
   ASSERT_GT(std::abs(procedure.rig().sheet.gap.value / c.gap_mm - 1.0), 0.1);
@@ -115,7 +116,7 @@ TEST(ByEyeGap, ZonesTellTheGapWithinTwoPercent) {
   EXPECT_NEAR(procedure.rig().sheet.pitch.value / c.pitch_subpx, 1.0, 1e-4);
 }
 
-TEST(ByEyeGap, ASecondDistanceTellsTheGapWithinFivePercent) {
+TEST(ByEyeGap, ASecondDistanceGivesTheGapWithinFivePercent) {
   const Case c = right_but_for_the_gap(-0.15);
   Procedure procedure = at_gap_step(c, Step::GapByDistance);
   const SheetValues before = sheet_values(procedure.rig(), c.distance_mm);

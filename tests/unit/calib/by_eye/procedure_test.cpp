@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The procedure as a machine: what keys change, what they leave alone, and that nothing is lost.
+// Tests the procedure as a state machine: which values keys change and which they keep, and that no
+// change is lost.
 #include "calib/by_eye/procedure.h"
 
 #include <gmock/gmock.h>
@@ -48,7 +49,7 @@ void press(Procedure& procedure, Key key, int times = 1, Stride stride = Stride:
   for (int n = 0; n < times; ++n) procedure.press({key, stride});
 }
 
-TEST(Procedure, ThatChangesNothingGivesTheSameSheet) {
+TEST(Procedure, WithoutChangesGivesTheSameSheet) {
   Procedure procedure = at(Step::Save);
   const optics::Rig before = small_rig(), after = procedure.rig();
   EXPECT_NEAR(after.sheet.pitch.value, before.sheet.pitch.value, 1e-12);
@@ -60,7 +61,7 @@ TEST(Procedure, ThatChangesNothingGivesTheSameSheet) {
   EXPECT_EQ(procedure.status(), Procedure::Status::Saved);
 }
 
-TEST(Procedure, StepsComeInTheirOrder) {
+TEST(Procedure, StepsFollowInOrder) {
   Procedure procedure(small_rig(), kDistance);
   std::vector<Step> seen = {procedure.step()};
   for (int n = 0; n < kSteps + 1; ++n) {
@@ -94,7 +95,7 @@ TEST(Procedure, ArrowsMoveOneValueByTheirStride) {
   EXPECT_NEAR(tilt * 180.0 / M_PI, 3 * 10 * 0.1 * 0.01, 1e-9);
 }
 
-TEST(Procedure, AGapThatChangesLeavesThePictureFromHere) {
+TEST(Procedure, AChangedGapKeepsThePictureFromTheSamePlace) {
   Procedure procedure = at(Step::GapByFlips);
   const SheetValues before = sheet_values(procedure.rig(), kDistance);
   press(procedure, Key::Right, 2, Stride::Coarse);
@@ -108,7 +109,7 @@ TEST(Procedure, AGapThatChangesLeavesThePictureFromHere) {
   EXPECT_TRUE(procedure.gap_was_found());
 }
 
-/// The exact law: eyes one spacing apart see phases one lens apart.
+/// Exact law: eyes one spacing apart see phases one lens apart.
 TEST(SheetValues, SpacingAndGapAgreeWithTheOpticalModel) {
   const optics::Rig rig = small_rig();
   SheetValues values = sheet_values(rig, kDistance);
@@ -125,7 +126,7 @@ TEST(SheetValues, SpacingAndGapAgreeWithTheOpticalModel) {
   }
 }
 
-TEST(SheetValues, TwoPitchesGiveTheGapBack) {
+TEST(SheetValues, TwoPitchesDetermineTheGap) {
   const optics::Rig rig = small_rig();
   for (const double second : {400.0, 1000.0}) {
     const double near = sheet_values(rig, kDistance).effective_pitch_subpx;
@@ -158,7 +159,7 @@ TEST(Procedure, SwappedEyesAreHalfALensApart) {
   EXPECT_NEAR(procedure.rig().sheet.offset.value, before, 1e-9);
 }
 
-TEST(Procedure, UndoAndRedoGoAllTheWay) {
+TEST(Procedure, UndoAndRedoCoverEveryChange) {
   Procedure procedure = at(Step::Slant);
   std::vector<optics::Rig> rigs = {procedure.rig()};
   const std::vector<Key> keys = {Key::Right, Key::Up, Key::SlantLess, Key::Down, Key::Left};
@@ -203,7 +204,7 @@ TEST(Procedure, EscapeRestoresAndCanBeUndone) {
   EXPECT_EQ(procedure.rig(), edited);
 }
 
-TEST(Procedure, WhatNoRigCanBeIsRefusedWithAReason) {
+TEST(Procedure, RefusesInvalidRigsWithAReason) {
   Procedure procedure = at(Step::Pitch);
   press(procedure, Key::Coarser, 2);
   for (int n = 0; n < 200; ++n) press(procedure, Key::Down, 1, Stride::Coarse);
@@ -211,7 +212,7 @@ TEST(Procedure, WhatNoRigCanBeIsRefusedWithAReason) {
   EXPECT_EQ(optics::find_problem(procedure.rig()), std::nullopt);
 }
 
-TEST(Procedure, TheBandThatIsTakenBecomesThePitch) {
+TEST(Procedure, TheChosenBandBecomesThePitch) {
   Procedure procedure = at(Step::RoughPitch);
   const double before = sheet_values(procedure.rig(), kDistance).effective_pitch_subpx;
   press(procedure, Key::Down, 4);
@@ -231,7 +232,7 @@ TEST(Procedure, TheBandThatIsTakenBecomesThePitch) {
   EXPECT_EQ(procedure.step(), Step::RoughPitch) << "undo goes to where it was done";
 }
 
-/// Zones of 25 mm where the start's are 117 mm apart.
+/// Enters zones of 25 mm where the start's are 117 mm apart.
 void enter_narrow_zones(Procedure& procedure) {
   for (int n = 0; n < 200 && gap_of_spacing(small_rig(), sheet_values(procedure.rig(), kDistance),
                                             kDistance, 25.0) > procedure.rig().sheet.gap.value;
@@ -239,7 +240,7 @@ void enter_narrow_zones(Procedure& procedure) {
     press(procedure, Key::Left);
 }
 
-TEST(Procedure, AsksOnceMoreBeforeItTakesAnImplausibleGap) {
+TEST(Procedure, AsksAgainBeforeItAcceptsAnImplausibleGap) {
   Procedure procedure = at(Step::GapByFlips);
   enter_narrow_zones(procedure);
   const double gap = procedure.rig().sheet.gap.value;
@@ -255,7 +256,7 @@ TEST(Procedure, AsksOnceMoreBeforeItTakesAnImplausibleGap) {
   EXPECT_EQ(procedure.step(), Step::GapByDistance);
 }
 
-TEST(Procedure, RefusesImplausibleValuesThatNobodyConfirms) {
+TEST(Procedure, RefusesUnconfirmedImplausibleValues) {
   const auto finished = [](Doubts doubts) {
     Procedure procedure(small_rig(), kDistance, doubts);
     for (int n = 0; n < 2 * kSteps && procedure.step() != Step::GapByFlips; ++n)
@@ -288,7 +289,7 @@ TEST(Procedure, AsksAboutEveryValueThatIsFarFromItsStart) {
   EXPECT_THAT(doubt_of(rig, start, values), HasSubstr("gap"));
 }
 
-TEST(Procedure, AsksAboutAGapThatMakesNoViewingCone) {
+TEST(Procedure, AsksAboutAGapWithoutAViewingCone) {
   optics::Rig rig = small_rig();
   rig.sheet.gap = Millimetres(7.0);
   const SheetValues start = sheet_values(rig, kDistance);
@@ -298,7 +299,7 @@ TEST(Procedure, AsksAboutAGapThatMakesNoViewingCone) {
   EXPECT_THAT(doubt_of(rig, start, values), HasSubstr("viewing cone of 3.9 degrees"));
 }
 
-TEST(Procedure, EveryStepSaysWhatToLookForInThePanelsLetters) {
+TEST(Procedure, EveryStepsInstructionsUseThePanelsFont) {
   for (int step = 0; step < kSteps; ++step) {
     const Guide guide = guide_of(static_cast<Step>(step), 700, 1050);
     EXPECT_FALSE(guide.task.empty());
@@ -311,7 +312,7 @@ TEST(Procedure, EveryStepSaysWhatToLookForInThePanelsLetters) {
   }
 }
 
-TEST(Procedure, DistancesThatMakeNoSenseAreRefused) {
+TEST(Procedure, RefusesInvalidDistances) {
   for (const double distance :
        {0.0, -1.0, 0.5, std::nan(""), 1e300, std::numeric_limits<double>::infinity()}) {
     try {
@@ -323,8 +324,8 @@ TEST(Procedure, DistancesThatMakeNoSenseAreRefused) {
   }
 }
 
-/// Whatever is pressed, there is a chart of a valid rig.
-TEST(Procedure, SurvivesAnyKeys) {
+/// Any sequence of keys gives a chart of a valid rig.
+TEST(Procedure, KeepsAValidRigForAnyKeys) {
   std::mt19937 random(11);
   for (int run = 0; run < 40; ++run) {
     Procedure procedure(small_rig(), kDistance);

@@ -24,7 +24,7 @@ Complex turn(double cycles) {
   return std::polar(1.0, -2.0 * std::numbers::pi * cycles);
 }
 
-/// How strong a stripe of `cycles` over the row there is.
+/// Returns the strength of a stripe pattern with `cycles` over the row.
 double strength(const std::vector<double>& row, double cycles) {
   const Complex step = turn(cycles / static_cast<double>(row.size()));
   Complex at = 1.0, sum = 0.0;
@@ -41,7 +41,7 @@ void take_mean_away(std::vector<double>& row) {
   for (double& value : row) value -= mean;
 }
 
-/// Number of stripes in a row; 0 if it is even.
+/// Returns the number of stripes in a row; 0 if the row is even.
 double stripes_in(std::vector<double> row, double most) {
   constexpr double kFaint = 0.05;
   take_mean_away(row);
@@ -77,7 +77,7 @@ ScriptedObserver::ScriptedObserver(const optics::Rig& truth, Procedure& procedur
       procedure_(procedure),
       frame_({.width = truth.panel.width_px, .height = truth.panel.height_px}) {}
 
-/// Only the rows that are looked at are drawn.
+/// Draws only the rows that are used.
 Glimpse ScriptedObserver::look(double x_mm, int columns, int rows) {
   ++glimpses_;
   const optics::Rig& rig = truth_.rig();
@@ -136,7 +136,7 @@ void ScriptedObserver::null(const std::function<double()>& measure, double press
 
 // --- rough pitch ------------------------------------------------------------------------------
 
-/// The one with the fewest stripes; of several alike, the middle one.
+/// Chooses the band with the fewest stripes; the middle one of several equal ones.
 void ScriptedObserver::choose_band() {
   constexpr int kColumns = 1024;
   const Glimpse seen = look(0.0, kColumns, frames::kBands);
@@ -163,7 +163,7 @@ Stripes ScriptedObserver::stripes() {
   constexpr int kColumns = 768, kRows = 48, kBlocks = 64;
   constexpr double kMost = 23.0, kStep = 0.25, kFaint = 0.05;
   const Glimpse seen = look(0.0, kColumns, kRows);
-  // The light of broad places, for the stripes are broad, less its mean.
+  // Light of broad areas, less the mean, since the stripes are broad.
   std::vector<double> light(size_t{kBlocks} * kRows);
   for (int v = 0; v < kRows; ++v)
     for (int u = 0; u < kColumns; ++u)
@@ -190,9 +190,10 @@ Stripes ScriptedObserver::stripes() {
   return best;
 }
 
-/// How far a stripe wanders off the blue lines from top to bottom, in stripes.
+/// Returns how far a stripe deviates from the blue lines from top to bottom, in stripes.
 void ScriptedObserver::straighten_stripes() {
-  const optics::Rig shown = procedure_.chart().rig;  // for the blue lines, which are to be seen
+  const optics::Rig shown =
+      procedure_.chart().rig;  // shows the blue lines, which an observer can see
   const optics::Panel& panel = shown.panel;
   const double lines = shown.sheet.slant * panel.height_px / panel.width_px;
   const auto wandering = [&] {
@@ -214,7 +215,7 @@ void ScriptedObserver::spread_stripes() {
 
 constexpr int kColourColumns = 600, kColourRows = 30;
 
-/// The middle of the panel as red as it is green.
+/// Balances red and green in the middle of the panel.
 void ScriptedObserver::balance_colours() {
   const auto middle = [&] {
     return look(0.0, kColourColumns, kColourRows).redness(0.4, 0.6, 0.4, 0.6);
@@ -224,7 +225,7 @@ void ScriptedObserver::balance_colours() {
   null(middle, lens_per_unit / kOffsetStepLenses, Key::Right, Key::Left);
 }
 
-/// Left as red as right, top as red as bottom, the middle balanced, again and again.
+/// Equalizes left and right, then top and bottom, then the middle, `rounds` times.
 void ScriptedObserver::even_out(int rounds) {
   const optics::Rig shown = procedure_.chart().rig;
   const optics::Panel& panel = shown.panel;
@@ -248,7 +249,7 @@ void ScriptedObserver::even_out(int rounds) {
   }
 }
 
-// --- the whole way ----------------------------------------------------------------------------
+// --- whole procedure --------------------------------------------------------------------------
 
 void ScriptedObserver::find_sheet() {
   press(Key::Next);
@@ -271,7 +272,7 @@ void ScriptedObserver::find_sheet() {
   even_out(3);
 }
 
-/// Where the middle turns from red to green.
+/// Returns the place where the middle turns from red to green.
 double ScriptedObserver::crossing(double from_mm, double to_mm) {
   for (int n = 0; n < 14; ++n) {
     const double middle = 0.5 * (from_mm + to_mm);
@@ -285,7 +286,7 @@ void ScriptedObserver::find_gap_by_flips() {
   const auto red_at = [&](double x_mm) {
     return look(x_mm, 300, 15).redness(0.4, 0.6, 0.4, 0.6) > 0.0;
   };
-  // In steps to either side: from the middle's own turn to the next ones of the same kind.
+  // Steps to either side, from the turn in the middle to the next ones of the same kind.
   std::vector<double> turns;
   constexpr double kStep = 8.0, kFar = 200.0;
   bool was_red = red_at(-kFar);

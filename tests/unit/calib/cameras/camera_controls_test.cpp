@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is locked, in which order, and what is said where it cannot be.
+// Tests which controls are locked, in which order, and which problems are reported.
 #include "calib/cameras/camera_controls.h"
 
 #include <gmock/gmock.h>
@@ -22,7 +22,7 @@ using testing::IsEmpty;
 
 constexpr uint32_t kInactive = V4L2_CTRL_FLAG_INACTIVE | V4L2_CTRL_FLAG_VOLATILE;
 
-/// As a good webcam: everything can be set once it is no longer automatic.
+/// Returns the controls of a good webcam: all can be set once they are not automatic.
 std::vector<FakeControl> webcam_controls() {
   return {
       {V4L2_CID_AUTO_WHITE_BALANCE, "White Balance, Automatic", 0, 1, 1},
@@ -79,7 +79,7 @@ TEST_F(Locking, SwitchesAutomaticOffBeforeSettingValues) {
   EXPECT_EQ(controls.exposure(), microseconds(33300));
 }
 
-TEST_F(Locking, LeavesValuesThatNobodyWishedFor) {
+TEST_F(Locking, LeavesUnrequestedValuesAlone) {
   CameraControls controls = with({});
   ASSERT_EQ(controls.lock(), 0);
   EXPECT_EQ(camera_.control(V4L2_CID_GAIN).value, 40);
@@ -87,8 +87,8 @@ TEST_F(Locking, LeavesValuesThatNobodyWishedFor) {
   EXPECT_THAT(controls.unlocked(), IsEmpty());
 }
 
-TEST_F(Locking, SaysWhatStaysAutomatic) {
-  camera_.on_set = nullptr;  // the others stay inactive
+TEST_F(Locking, ReportsControlsThatStayAutomatic) {
+  camera_.on_set = nullptr;  // the other controls stay inactive
   CameraControls controls = with({.focus = 100});
   ASSERT_EQ(controls.lock(), 0);
   EXPECT_THAT(controls.unlocked(),
@@ -98,7 +98,7 @@ TEST_F(Locking, SaysWhatStaysAutomatic) {
   EXPECT_EQ(controls.exposure(), std::nullopt);
 }
 
-TEST_F(Locking, SaysWhatIsMissing) {
+TEST_F(Locking, ReportsMissingControls) {
   camera_.controls.clear();
   CameraControls controls = with({});
   ASSERT_EQ(controls.lock(), 0);
@@ -106,7 +106,7 @@ TEST_F(Locking, SaysWhatIsMissing) {
                                                "no manual white balance", "no manual focus"));
 }
 
-TEST_F(Locking, ReadsBackWhatTheCameraMadeOfIt) {
+TEST_F(Locking, ReadsBackTheValuesThatTheCameraSet) {
   camera_.on_set = [](FakeCamera& camera, uint32_t id, int32_t value) {
     release_manual_ones(camera, id, value);
     if (id == V4L2_CID_GAIN) camera.control(id).value = 8;
@@ -119,10 +119,11 @@ TEST_F(Locking, ReadsBackWhatTheCameraMadeOfIt) {
   EXPECT_THAT(controls.drifted(), IsEmpty()) << "8 is what is held";
 }
 
-TEST_F(Locking, SaysWhenExposuresAreNotWholeRefreshes) {
+TEST_F(Locking, ReportsExposuresThatAreNotWholeRefreshes) {
   camera_.on_set = [](FakeCamera& camera, uint32_t id, int32_t value) {
     release_manual_ones(camera, id, value);
-    if (id == V4L2_CID_EXPOSURE_ABSOLUTE) camera.control(id).value = 312;  // in steps, as many do
+    if (id == V4L2_CID_EXPOSURE_ABSOLUTE)
+      camera.control(id).value = 312;  // rounds to steps, as many cameras do
   };
   CameraControls controls = with({});
   ASSERT_EQ(controls.lock(), 0);
@@ -148,7 +149,7 @@ TEST_F(Locking, AFailingControlDoesNotStopTheOthers) {
   EXPECT_EQ(camera_.control(V4L2_CID_GAIN).value, 9);
 }
 
-TEST_F(Locking, FindsDrift) {
+TEST_F(Locking, DetectsDrift) {
   CameraControls controls = with({});
   ASSERT_EQ(controls.lock(), 0);
   EXPECT_THAT(controls.drifted(), IsEmpty());
@@ -160,7 +161,7 @@ TEST_F(Locking, FindsDrift) {
   EXPECT_THAT(controls.drifted(), IsEmpty());
 }
 
-TEST_F(Locking, UnplugIsNoticedAtEveryCall) {
+TEST_F(Locking, DetectsUnplugAtEveryCall) {
   for (int calls = 0;; ++calls) {
     test::OneCamera stage;
     stage.camera.controls = webcam_controls();
@@ -178,7 +179,7 @@ TEST_F(Locking, UnplugIsNoticedAtEveryCall) {
   }
 }
 
-TEST_F(Locking, AGoneCameraHasDrifted) {
+TEST_F(Locking, AnUnpluggedCameraHasDrifted) {
   CameraControls controls = with({});
   ASSERT_EQ(controls.lock(), 0);
   camera_.unplugged = true;
@@ -187,14 +188,14 @@ TEST_F(Locking, AGoneCameraHasDrifted) {
   EXPECT_THAT(drifted[0], HasSubstr("no such device"));
 }
 
-TEST_F(Locking, AListOfControlsWithoutEndIsCutOff) {
+TEST_F(Locking, LimitsAnEndlessListOfControls) {
   camera_.endless_controls = true;
   CameraControls controls = with({.gain = 5});
   EXPECT_EQ(controls.lock(), 0);
   EXPECT_EQ(camera_.control(V4L2_CID_GAIN).value, 5) << "the others are locked all the same";
 }
 
-TEST_F(Locking, AbsurdRangesAreSurvived) {
+TEST_F(Locking, ToleratesAbsurdRanges) {
   for (FakeControl& control : camera_.controls) {
     control.minimum = std::numeric_limits<int64_t>::min();
     control.maximum = std::numeric_limits<int64_t>::max();
@@ -216,7 +217,7 @@ ControlInfo exposure_control(int64_t minimum, int64_t maximum, int64_t step = 1)
   return control;
 }
 
-TEST(WholeRefreshes, FitIntoTheControl) {
+TEST(WholeRefreshes, FitIntoTheControlsRange) {
   EXPECT_EQ(whole_refreshes(exposure_control(1, 10000), 60.0, 1), 167);
   EXPECT_EQ(whole_refreshes(exposure_control(1, 10000), 60.0, 2), 333);
   EXPECT_EQ(whole_refreshes(exposure_control(1, 10000), 50.0, 3), 600);

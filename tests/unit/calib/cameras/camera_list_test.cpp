@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which nodes are cameras, and which one is meant.
+// Tests which nodes are cameras, and which camera a name selects.
 #include "calib/cameras/camera_list.h"
 
 #include <gmock/gmock.h>
@@ -32,7 +32,7 @@ class Listing : public testing::Test {
   test::FakeSystem system_;
 };
 
-TEST_F(Listing, LeavesOutNodesThatAreNoCameras) {
+TEST_F(Listing, SkipsNodesThatAreNotCameras) {
   const std::vector<CameraListing> cameras = list_cameras(system_);
   ASSERT_EQ(cameras.size(), 2U);
   EXPECT_EQ(cameras[0].path, "/dev/video0");
@@ -52,7 +52,7 @@ TEST_F(Listing, NamesFormatsAndSizes) {
   EXPECT_FALSE(formats[1].usable);
 }
 
-TEST_F(Listing, SaysWhyACameraCannotBeAsked) {
+TEST_F(Listing, ReportsWhyACameraCannotBeQueried) {
   system_.entries[2].open_error = EACCES;
   const std::vector<CameraListing> cameras = list_cameras(system_);
   ASSERT_EQ(cameras.size(), 2U);
@@ -69,13 +69,13 @@ TEST_F(Listing, FindsByPathNumberAndIdentity) {
   EXPECT_EQ(find_camera(system_, "/somewhere/else").path, "/somewhere/else");
 }
 
-TEST_F(Listing, AnUnknownNameIsNoCamera) {
+TEST_F(Listing, RefusesAnUnknownName) {
   const Error error = test::error_of([&] { (void)find_camera(system_, "usb-Nobody"); });
   EXPECT_EQ(error.kind(), ErrorKind::Device);
   EXPECT_THAT(error.what(), HasSubstr("none is called 'usb-Nobody'"));
 }
 
-TEST_F(Listing, WithoutANameThereMustBeOne) {
+TEST_F(Listing, WithoutANameExactlyOneCameraMustExist) {
   const Error several = test::error_of([&] { (void)find_camera(system_, ""); });
   EXPECT_EQ(several.kind(), ErrorKind::Usage);
   EXPECT_THAT(several.hint(), HasSubstr("/dev/v4l/by-id/usb-First-index0, /dev/video2"));
@@ -86,7 +86,7 @@ TEST_F(Listing, WithoutANameThereMustBeOne) {
   EXPECT_EQ(none.kind(), ErrorKind::Device);
 }
 
-TEST(RealSystem, AnswersWithoutACamera) {
+TEST(RealSystem, WorksWithoutACamera) {
   V4l2System& system = linux_v4l2();
   (void)system.nodes();
   EXPECT_EQ(system.open("/dev/video-that-is-not").error, ENOENT);
@@ -94,7 +94,7 @@ TEST(RealSystem, AnswersWithoutACamera) {
   EXPECT_FALSE(system.group("/dev/null").empty());
 }
 
-TEST(RealSystem, ADeviceThatIsNoCameraIsRefused) {
+TEST(RealSystem, RefusesADeviceThatIsNotACamera) {
   V4l2Options options;
   options.device = "/dev/null";
   const Error error = test::error_of([&] { (void)open_v4l2_camera(options); });

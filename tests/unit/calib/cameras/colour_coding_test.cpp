@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// V4L2's rules for what drivers leave open, and the formulas of the standards.
+// Tests V4L2's defaults for properties that drivers leave open, and the formulas of the standards.
 #include "calib/cameras/colour_coding.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 namespace lenticule::calib {
 namespace {
 
-TEST(ColourRules, AWebcamThatSaysNothingIsSrgbIn601) {
+TEST(ColourRules, AWebcamWithoutStatementsIsSrgbIn601) {
   const ColourCoding coding = resolved({}, Samples::Ycbcr);
   EXPECT_EQ(coding.colorspace, V4L2_COLORSPACE_SRGB);
   EXPECT_EQ(coding.ycbcr_enc, V4L2_YCBCR_ENC_601);
@@ -21,7 +21,8 @@ TEST(ColourRules, AWebcamThatSaysNothingIsSrgbIn601) {
 TEST(ColourRules, RgbIsFullRange) {
   EXPECT_EQ(resolved({}, Samples::Rgb).quantization, V4L2_QUANTIZATION_FULL_RANGE);
   ColourCoding coding;
-  coding.quantization = V4L2_QUANTIZATION_LIM_RANGE;  // unless it says otherwise, as HDMI does
+  coding.quantization =
+      V4L2_QUANTIZATION_LIM_RANGE;  // unless the driver states otherwise, as for HDMI
   EXPECT_EQ(resolved(coding, Samples::Rgb).quantization, V4L2_QUANTIZATION_LIM_RANGE);
 }
 
@@ -46,7 +47,7 @@ TEST(ColourRules, FollowTheColourSpace) {
   EXPECT_EQ(resolved(raw, Samples::Rgb).xfer_func, V4L2_XFER_FUNC_NONE);
 }
 
-TEST(ColourRules, NumbersOfTheFutureAreHeldForUnsaid) {
+TEST(ColourRules, UnknownNumbersCountAsUnset) {
   const ColourCoding strange{99, 99, 99, 99};
   EXPECT_EQ(resolved(strange, Samples::Ycbcr).xfer_func, V4L2_XFER_FUNC_SRGB);
   EXPECT_EQ(resolved(strange, Samples::Ycbcr).ycbcr_enc, V4L2_YCBCR_ENC_601);
@@ -58,8 +59,8 @@ struct Point {
   double linear;
 };
 
-// From the standards' own formulas in the other direction, computed by hand.
-TEST(Transfer, MeetsKnownPoints) {
+// The points come from the inverse formulas of the standards, computed by hand.
+TEST(Transfer, PassesKnownPoints) {
   const Point points[] = {
       {V4L2_XFER_FUNC_NONE, 0.5, 0.5},
       {V4L2_XFER_FUNC_SRGB, 0.5, 0.214041},
@@ -86,8 +87,8 @@ TEST(Transfer, RunsFromBlackToWhiteAndUpwards) {
   }
 }
 
-TEST(Transfer, TheTableIsAsGoodAsTheFormula) {
-  const double allowed = 3e-5;  // BT.709's straight part does not quite meet its power
+TEST(Transfer, TheTableAgreesWithTheFormula) {
+  const double allowed = 3e-5;  // BT.709's linear part does not quite meet its power function
   for (uint32_t number = V4L2_XFER_FUNC_709; number <= V4L2_XFER_FUNC_SMPTE2084; ++number) {
     const TransferCurve curve(number);
     for (int i = 0; i <= 9973; ++i)

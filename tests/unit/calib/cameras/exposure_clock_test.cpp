@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dates and counts of pictures from drivers' stamps, good and bad.
+// Tests times and numbers of pictures from valid and invalid timestamps of drivers.
 #include "calib/cameras/exposure_clock.h"
 
 #include <gtest/gtest.h>
@@ -18,13 +18,13 @@ BufferStamp stamped(Nanoseconds time) {
   return {.sequence = 0, .time = time, .monotonic = true};
 }
 
-TEST(ExposureClock, GoesBackFromTheEndOfTheReadout) {
+TEST(ExposureClock, CountsBackFromTheEndOfTheReadout) {
   ExposureClock clock(milliseconds{20}, milliseconds{30});
   EXPECT_EQ(clock.exposed_at(stamped(kNow - milliseconds{5}), kNow), kNow - milliseconds{30});
   EXPECT_FALSE(clock.unreliable());
 }
 
-TEST(ExposureClock, GoesOnFromTheStartOfTheExposure) {
+TEST(ExposureClock, CountsForwardFromTheStartOfTheExposure) {
   ExposureClock clock(milliseconds{20}, milliseconds{30});
   BufferStamp stamp = stamped(kNow - milliseconds{60});
   stamp.start_of_exposure = true;
@@ -36,7 +36,7 @@ TEST(ExposureClock, AnUnknownExposureLastsAsLongAsAFrame) {
   EXPECT_EQ(clock.exposed_at(stamped(kNow), kNow), kNow - milliseconds{30});
 }
 
-TEST(ExposureClock, ReplacesStampsOfAnotherClock) {
+TEST(ExposureClock, ReplacesTimestampsOfAnotherClock) {
   ExposureClock clock(milliseconds{20}, milliseconds{30});
   BufferStamp stamp = stamped(kNow - seconds{1});
   stamp.monotonic = false;
@@ -44,7 +44,7 @@ TEST(ExposureClock, ReplacesStampsOfAnotherClock) {
   EXPECT_TRUE(clock.unreliable());
 }
 
-TEST(ExposureClock, ReplacesStampsThatCannotBe) {
+TEST(ExposureClock, ReplacesImpossibleTimestamps) {
   for (const Nanoseconds bad : {Nanoseconds{0}, kNow - seconds{11}, kNow + milliseconds{6}}) {
     ExposureClock clock(milliseconds{0}, milliseconds{0});
     EXPECT_EQ(clock.exposed_at(stamped(bad), kNow), kNow) << bad.count();
@@ -55,7 +55,7 @@ TEST(ExposureClock, ReplacesStampsThatCannotBe) {
   EXPECT_EQ(clock.exposed_at(stamped(kNow - seconds{2}), kNow), kNow) << "it went back";
 }
 
-TEST(ExposureClock, AStampALittleAheadIsAllowedButNoPictureIs) {
+TEST(ExposureClock, AcceptsATimestampSlightlyAheadButNoPictureAhead) {
   ExposureClock clock(milliseconds{20}, milliseconds{30});
   EXPECT_EQ(clock.exposed_at(stamped(kNow + milliseconds{29}), kNow), kNow);
   EXPECT_EQ(clock.exposed_at(stamped(kNow + milliseconds{30}), kNow + milliseconds{10}),
@@ -70,14 +70,14 @@ TEST(ExposureClock, CountsLostPictures) {
   EXPECT_EQ(clock.count(12), 12U);
 }
 
-TEST(ExposureClock, CountsOnWhereTheCounterBeginsAgain) {
+TEST(ExposureClock, ContinuesCountingWhenTheCounterRestarts) {
   ExposureClock clock(std::nullopt, Nanoseconds{0});
   EXPECT_EQ(clock.count(0xFFFFFFFEU), 0xFFFFFFFEU);
   EXPECT_EQ(clock.count(0xFFFFFFFFU), 0xFFFFFFFFU);
   EXPECT_EQ(clock.count(1), uint64_t{1} << 32 | 1U) << "0 was lost";
 }
 
-TEST(ExposureClock, ACounterThatStandsOrGoesBackStillCounts) {
+TEST(ExposureClock, CountsPicturesIfTheCounterStallsOrGoesBack) {
   ExposureClock clock(std::nullopt, Nanoseconds{0});
   EXPECT_EQ(clock.count(100), 100U);
   EXPECT_EQ(clock.count(100), 101U);

@@ -55,7 +55,7 @@ bool FakeCamera::released() const {
 int FakeCamera::answer(unsigned long request, void* argument) {
   if (calls_until_unplugged && (*calls_until_unplugged)-- <= 0) unplugged = true;
   if (unplugged) {
-    // The driver lets go by itself of what a gone device cannot be asked for.
+    // A driver stops streaming by itself when its device is unplugged.
     if (request == VIDIOC_STREAMOFF) streaming = false;
     if (request == VIDIOC_REQBUFS) reserved = 0;
     return ENODEV;

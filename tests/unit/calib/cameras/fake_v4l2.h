@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera made of a table: it answers V4L2's calls as drivers do, keeps a log of them, and fails
-// where a test wants it to. Time passes only while somebody waits.
+// Simulates a V4L2 camera from a table: answers the calls as drivers do, logs them, and fails on
+// request. Time passes only while a caller waits.
 #pragma once
 
 #include <linux/videodev2.h>
@@ -33,9 +33,9 @@ struct FakeControl {
   uint32_t type = V4L2_CTRL_TYPE_INTEGER;
 };
 
-/// A picture that the driver has ready. What is not given is as it should be.
+/// A picture that the driver has ready. Members without a value get valid defaults.
 struct FakeFrame {
-  uint8_t code = 128;  ///< every byte of it
+  uint8_t code = 128;  ///< value of every byte
   uint32_t flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
   std::optional<uint32_t> bytesused{};
   std::optional<uint32_t> sequence{};
@@ -43,7 +43,7 @@ struct FakeFrame {
   std::optional<Nanoseconds> time{};
 };
 
-/// Public members are the script; change them at any time.
+/// A fake camera. Its public members are the script; a test may change them at any time.
 class FakeCamera {
  public:
   FakeCamera();
@@ -51,30 +51,30 @@ class FakeCamera {
   std::string card = "Fake Camera";
   uint32_t device_caps = V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING;
   std::vector<calib::FormatOffer> formats;
-  /// What the driver makes of a format that it accepts.
+  /// Changes a format that the driver accepts.
   std::function<void(v4l2_pix_format&)> adjust = [](v4l2_pix_format&) {};
   std::vector<FakeControl> controls;
-  /// Behind them come odd ones without end.
+  /// Appends odd controls without end.
   bool endless_controls = false;
-  /// What setting a control does to others.
+  /// Called when a control is set, to change others.
   std::function<void(FakeCamera&, uint32_t id, int32_t value)> on_set;
-  /// errno of the next calls of a request; 0 lets one through.
+  /// errno of the next calls of a request; 0 lets a call succeed.
   std::map<unsigned long, std::deque<int>> errors;
-  /// After this many further calls all of them are ENODEV.
+  /// After this many further calls every call fails with ENODEV.
   std::optional<int> calls_until_unplugged{};
   bool map_fails = false;
   uint32_t most_buffers = 32;
   v4l2_fract interval{1, 30};
   bool tells_rate = true;
-  /// What QUERY_DV_TIMINGS answers: ENOTTY for a camera.
+  /// errno of QUERY_DV_TIMINGS: ENOTTY for a camera.
   int signal_error = ENOTTY;
-  /// Ready ones, taken in order; with `endless` more are made when they run out.
+  /// Frames that are ready, in order; with `endless` more are made when they run out.
   std::deque<FakeFrame> frames;
   bool endless = true;
-  /// What poll() says instead of the truth, once each.
+  /// Wrong results of poll(), one per call.
   std::deque<int> poll_answers;
 
-  // What happened.
+  // Time and log of the calls so far.
   Nanoseconds clock = std::chrono::seconds{100};
   std::vector<std::string> log;  ///< "S_FMT", "set Gain=3", "map", ...
   int polls = 0;
@@ -86,7 +86,7 @@ class FakeCamera {
 
   [[nodiscard]] FakeControl& control(uint32_t id);
   [[nodiscard]] long logged(const std::string& what) const;
-  /// Nothing is open, mapped, reserved or running.
+  /// Returns true if nothing is open, mapped, reserved or streaming.
   [[nodiscard]] bool released() const;
 
   int answer(unsigned long request, void* argument);
@@ -114,7 +114,7 @@ class FakeCamera {
   uint32_t next_sequence_ = 0;
 };
 
-/// Nodes and who is behind them.
+/// A system with device nodes and the fake cameras behind them.
 class FakeSystem final : public calib::V4l2System {
  public:
   struct Entry {

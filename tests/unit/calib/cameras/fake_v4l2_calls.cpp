@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the fake camera's driver answers about itself: capabilities, formats, controls.
+// Implements the fake driver's queries: capabilities, formats, controls.
 #include <algorithm>
 #include <cstring>
 
@@ -67,7 +67,7 @@ int FakeCamera::query_capabilities(v4l2_capability& capability) {
   put_text(capability.card, card);
   put_text(capability.bus_info, "usb-1.2");
   capability.device_caps = device_caps;
-  // Of the whole device: the other node's as well.
+  // Capabilities of the whole device, including the other node's.
   capability.capabilities =
       V4L2_CAP_DEVICE_CAPS | V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_STREAMING | V4L2_CAP_META_CAPTURE;
   return 0;
@@ -90,7 +90,7 @@ int FakeCamera::enumerate_size(v4l2_frmsizeenum& size) {
   return EINVAL;
 }
 
-/// As many drivers do: a size that it does not have becomes the first that it has.
+/// Replaces an unsupported size by the first supported one, as many drivers do.
 int FakeCamera::set_format(v4l2_format& format, bool really) {
   v4l2_pix_format& pix = format.fmt.pix;
   for (const calib::FormatOffer& offer : formats) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is asked of a driver, and what is believed of its answers.
+// Tests the format requested from a driver, and the checks of its answers.
 #include "calib/cameras/format_choice.h"
 
 #include <gmock/gmock.h>
@@ -30,7 +30,7 @@ class Choosing : public testing::Test {
   test::FakeCamera& camera_ = stage_.camera;
 };
 
-TEST_F(Choosing, RawBeforeSharedBeforeCompressed) {
+TEST_F(Choosing, PrefersRawToSharedChromaToCompressed) {
   const uint32_t in_order[] = {V4L2_PIX_FMT_GREY,  V4L2_PIX_FMT_Y16,  V4L2_PIX_FMT_SGRBG8,
                                V4L2_PIX_FMT_YUYV,  V4L2_PIX_FMT_NV12, V4L2_PIX_FMT_RGB24,
                                V4L2_PIX_FMT_BGR24, V4L2_PIX_FMT_MJPEG};
@@ -65,7 +65,7 @@ TEST_F(Choosing, WithoutAListOfSizesTheDriverDecides) {
   EXPECT_EQ(agreed().raw.width, 1280);
 }
 
-TEST_F(Choosing, BelievesWhatIsReadBack) {
+TEST_F(Choosing, UsesTheValuesReadBack) {
   camera_.formats = {{V4L2_PIX_FMT_YUYV, {kHd}}};
   camera_.adjust = [](v4l2_pix_format& pix) {
     pix.width = 1024;
@@ -86,7 +86,7 @@ TEST_F(Choosing, BelievesWhatIsReadBack) {
   EXPECT_EQ(raw.coding.xfer_func, V4L2_XFER_FUNC_SRGB);
 }
 
-TEST_F(Choosing, FieldsThatAnOldDriverDoesNotKnowAreNotBelieved) {
+TEST_F(Choosing, IgnoresFieldsUnknownToAnOldDriver) {
   camera_.adjust = [](v4l2_pix_format& pix) {
     pix.priv = 0;
     pix.quantization = 77;
@@ -94,7 +94,7 @@ TEST_F(Choosing, FieldsThatAnOldDriverDoesNotKnowAreNotBelieved) {
   EXPECT_EQ(agreed().raw.coding.quantization, 0U);
 }
 
-TEST_F(Choosing, AFormatThatTheDriverReplacesIsNotTakenForGranted) {
+TEST_F(Choosing, DetectsAFormatReplacedByTheDriver) {
   camera_.formats = {{V4L2_PIX_FMT_GREY, {kHd}}, {V4L2_PIX_FMT_MJPEG, {kHd}}};
   camera_.adjust = [](v4l2_pix_format& pix) {
     if (pix.pixelformat == V4L2_PIX_FMT_GREY) pix.pixelformat = v4l2_fourcc('H', '2', '6', '4');
@@ -102,7 +102,7 @@ TEST_F(Choosing, AFormatThatTheDriverReplacesIsNotTakenForGranted) {
   EXPECT_EQ(fourcc_name(agreed().raw.fourcc), "MJPG");
 }
 
-TEST_F(Choosing, TellsTheFrameRateThatItGot) {
+TEST_F(Choosing, ReportsTheActualFrameRate) {
   camera_.interval = {1001, 15000};
   EXPECT_NEAR(agreed().frames_per_second, 14.985, 1e-3);
   camera_.interval = {0, 30};
@@ -128,7 +128,7 @@ TEST_F(Choosing, RefusesInterlacedPictures) {
   EXPECT_THAT(refusal().what(), HasSubstr("interlaced"));
 }
 
-TEST_F(Choosing, RefusesWithTheListOfWhatThereIs) {
+TEST_F(Choosing, RefusesWithAListOfAvailableFormats) {
   camera_.formats = {{v4l2_fourcc('H', '2', '6', '4'), {kHd}},
                      {v4l2_fourcc('H', 'E', 'V', 'C'), {kHd}}};
   EXPECT_THAT(refusal().what(), HasSubstr("no pixel format that is known among H264, HEVC"));

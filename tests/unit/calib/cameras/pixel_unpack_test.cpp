@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bytes of known colours come out as the light that they stand for; damaged ones do not come out.
+// Tests that bytes of known colours are decoded to their light, and damaged ones are rejected.
 #include "calib/cameras/pixel_unpack.h"
 
 #include <gmock/gmock.h>
@@ -26,7 +26,7 @@ RawFormat format_of(uint32_t fourcc, int width, int height, size_t bytes_per_lin
                    .height = height,
                    .bytes_per_line = bytes_per_line,
                    .coding = {}};
-  format.coding.colorspace = V4L2_COLORSPACE_RAW;  // codes are light
+  format.coding.colorspace = V4L2_COLORSPACE_RAW;  // codes are linear light
   return format;
 }
 
@@ -43,7 +43,7 @@ float light_at(const CameraPicture& picture, int x, int y, int channel) {
   return picture.light.at(static_cast<size_t>(place));
 }
 
-TEST(Grey, CodesAreLight) {
+TEST(Grey, CodesAreLinearLight) {
   const CameraPicture picture = unpacked(format_of(V4L2_PIX_FMT_GREY, 2, 2), {0, 51, 102, 255});
   EXPECT_EQ(picture.channels, 1);
   EXPECT_THAT(picture.light, testing::Pointwise(testing::FloatNear(1e-6F),
@@ -68,7 +68,7 @@ TEST(Grey, WideSamplesAreLittleEndian) {
               1e-6);
 }
 
-TEST(Grey, IsFullRangeWhereTheDriverSaysNothing) {
+TEST(Grey, IsFullRangeIfTheDriverStatesNothing) {
   RawFormat format = format_of(V4L2_PIX_FMT_GREY, 3, 1);
   format.coding = {};
   EXPECT_THAT(
@@ -88,7 +88,7 @@ TEST(Grey, LimitedRangeHasItsBlackAndWhite) {
   EXPECT_NEAR(wide.light[1], 1.0, 1e-6);
 }
 
-TEST(Rgb, BytesAreInTheirOrder) {
+TEST(Rgb, BytesAreInTheFormatsOrder) {
   const Bytes bytes{255, 51, 0};
   EXPECT_NEAR(unpacked(format_of(V4L2_PIX_FMT_RGB24, 1, 1), bytes).light[0], 1.0, 1e-6);
   EXPECT_NEAR(unpacked(format_of(V4L2_PIX_FMT_RGB24, 1, 1), bytes).light[1], 0.2, 1e-6);
@@ -96,13 +96,13 @@ TEST(Rgb, BytesAreInTheirOrder) {
   EXPECT_NEAR(unpacked(format_of(V4L2_PIX_FMT_BGR24, 1, 1), bytes).light[2], 1.0, 1e-6);
 }
 
-TEST(Rgb, TheTransferFunctionIsUndone) {
+TEST(Rgb, TheTransferFunctionIsInverted) {
   RawFormat format = format_of(V4L2_PIX_FMT_RGB24, 1, 1);
   format.coding.colorspace = V4L2_COLORSPACE_SRGB;
   EXPECT_NEAR(unpacked(format, {188, 0, 255}).light[0], 0.5029, 1e-4);
 }
 
-// An encoder by the standards' definition: luma is a weighted sum, colours are differences from it.
+// Encodes by the standards' definition: luma is a weighted sum, chroma is the difference from luma.
 struct Encoder {
   double red_weight;
   double blue_weight;
@@ -125,7 +125,7 @@ const std::vector<Colour> kColours{{0, 0, 0},       {1, 1, 1},       {1, 0, 0},
                                    {0, 1, 0},       {0, 0, 1},       {0.5, 0.5, 0.5},
                                    {0.9, 0.3, 0.1}, {0.1, 0.4, 0.8}, {0.2, 0.9, 0.6}};
 
-/// One colour all over.
+/// Returns a picture of a single colour.
 Bytes picture_of(uint32_t fourcc, const std::array<uint8_t, 3>& code) {
   const auto [y, cb, cr] = code;
   if (fourcc == V4L2_PIX_FMT_YUYV) return {y, cb, y, cr};
@@ -133,7 +133,7 @@ Bytes picture_of(uint32_t fourcc, const std::array<uint8_t, 3>& code) {
   return {y, y, cb, cr};
 }
 
-TEST(Ycbcr, EveryEncodingGivesTheColourBack) {
+TEST(Ycbcr, EveryEncodingIsDecodedExactly) {
   const std::pair<uint32_t, Encoder> encodings[] = {
       {V4L2_YCBCR_ENC_601, {0.299, 0.114, false}},
       {V4L2_YCBCR_ENC_709, {0.2126, 0.0722, false}},
@@ -174,7 +174,7 @@ TEST(Ycbcr, OddSizesHaveHalfAPair) {
 TEST(Ycbcr, Nv12SharesColoursAmongFour) {
   Bytes planes(16, 128);
   planes.resize(24, 128);
-  planes[16 + 4 + 2 + 1] = 255;  // Cr of the lower right four
+  planes[16 + 4 + 2 + 1] = 255;  // Cr of the four pixels at the lower right
   const CameraPicture picture = unpacked(format_of(V4L2_PIX_FMT_NV12, 4, 4), planes);
   for (int y = 0; y < 4; ++y)
     for (int x = 0; x < 4; ++x)
@@ -208,7 +208,7 @@ Bytes mosaic(const BayerCase& order, int width, int height, Code code) {
   return bytes;
 }
 
-TEST(Bayer, OneColourIsOneColourUpToTheEdges) {
+TEST(Bayer, AUniformColourStaysUniformUpToTheEdges) {
   const int codes[] = {200, 100, 50};
   for (const BayerCase& order : kBayer)
     for (const auto& [width, height] : {std::pair{2, 2}, {3, 5}, {8, 6}}) {
@@ -222,7 +222,7 @@ TEST(Bayer, OneColourIsOneColourUpToTheEdges) {
     }
 }
 
-TEST(Bayer, RampsStayRampsInside) {
+TEST(Bayer, RampsStayLinearInside) {
   const auto ramp = [](int x, int y, int channel) { return 20 + 7 * x + 5 * y + 30 * channel; };
   for (const BayerCase& order : kBayer) {
     const CameraPicture picture =
@@ -240,7 +240,7 @@ class Jpeg : public testing::Test {
   static constexpr int kWidth = 48;
   static constexpr int kHeight = 32;
 
-  /// A smooth picture with some structure, so that cutting it anywhere loses something.
+  /// Makes a smooth picture with some structure, so that a cut anywhere loses information.
   Jpeg() {
     for (int y = 0; y < kHeight; ++y)
       for (int x = 0; x < kWidth; ++x)
@@ -269,46 +269,46 @@ class Jpeg : public testing::Test {
   Bytes jpeg_;
 };
 
-TEST_F(Jpeg, GivesThePictureBack) {
+TEST_F(Jpeg, DecodesThePicture) {
   const CameraPicture picture = unpacked(format_of(V4L2_PIX_FMT_MJPEG, kWidth, kHeight), jpeg_);
   ASSERT_EQ(picture.light.size(), rgb_.size());
   for (size_t i = 0; i < rgb_.size(); ++i)
     ASSERT_NEAR(picture.light[i], rgb_[i] / 255.0, 0.02) << i;
 }
 
-TEST_F(Jpeg, OfOneColourChannelIsGreyInThree) {
+TEST_F(Jpeg, OfOneChannelIsGreyInAllThree) {
   const CameraPicture picture =
       unpacked(format_of(V4L2_PIX_FMT_MJPEG, kWidth, kHeight), compressed(TJSAMP_GRAY));
   EXPECT_EQ(picture.channels, 3);
   EXPECT_EQ(light_at(picture, 5, 5, 0), light_at(picture, 5, 5, 2));
 }
 
-TEST_F(Jpeg, CutOffAnywhereItIsDamaged) {
+TEST_F(Jpeg, TruncatedAnywhereIsDamaged) {
   for (size_t size = 0; size < jpeg_.size(); size += 7)
     EXPECT_FALSE(accepts({jpeg_.begin(), jpeg_.begin() + static_cast<long>(size)})) << size;
   EXPECT_FALSE(accepts({jpeg_.begin(), jpeg_.end() - 2})) << "no end marker";
 }
 
-TEST_F(Jpeg, CutOffWithAnEndMarkerItIsDamaged) {
+TEST_F(Jpeg, TruncatedWithAnEndMarkerIsDamaged) {
   Bytes bytes(jpeg_.begin(), jpeg_.begin() + static_cast<long>(jpeg_.size() * 3 / 4));
   bytes.insert(bytes.end(), {0xFF, 0xD9});
   EXPECT_FALSE(accepts(bytes));
 }
 
-TEST_F(Jpeg, BytesBeforeAndAfterTheEndMarkerDoNoHarm) {
+TEST_F(Jpeg, BytesAroundTheEndMarkerAreIgnored) {
   Bytes bytes = jpeg_;
   bytes.insert(bytes.end() - 2, 60, 0x17);  // more than the decoder has read ahead
   EXPECT_TRUE(accepts(bytes));
-  bytes.insert(bytes.end(), 100, 0);  // as buffers have behind the picture
+  bytes.insert(bytes.end(), 100, 0);  // driver buffers have spare bytes after the picture
   EXPECT_TRUE(accepts(bytes));
 }
 
-TEST_F(Jpeg, OfAnotherSizeItIsDamaged) {
+TEST_F(Jpeg, OfAnotherSizeIsDamaged) {
   EXPECT_FALSE(accepts(jpeg_, kWidth, kHeight - 1));
   EXPECT_FALSE(accepts(jpeg_, kWidth * 2, kHeight));
 }
 
-TEST_F(Jpeg, GarbageIsDamagedAndTheNextPictureIsNot) {
+TEST_F(Jpeg, GarbageDoesNotAffectTheNextPicture) {
   PixelUnpacker unpacker(format_of(V4L2_PIX_FMT_MJPEG, kWidth, kHeight), "test");
   std::mt19937 random(1);
   CameraPicture picture;
@@ -321,7 +321,7 @@ TEST_F(Jpeg, GarbageIsDamagedAndTheNextPictureIsNot) {
   EXPECT_TRUE(unpacker.unpack(jpeg_, picture));
 }
 
-TEST(Unpacking, RefusesWhatItCannotDo) {
+TEST(Unpacking, RefusesUnsupportedFormats) {
   const RawFormat refused[] = {
       format_of(v4l2_fourcc('H', '2', '6', '4'), 8, 8),
       format_of(V4L2_PIX_FMT_GREY, 0, 8),
@@ -340,12 +340,13 @@ TEST(Unpacking, RefusesWhatItCannotDo) {
   }
 }
 
-TEST(Unpacking, NeverReadsBehindTooFewBytes) {
+TEST(Unpacking, NeverReadsPastTheEnd) {
   for (const PixelLayout& layout : supported_layouts()) {
     if (layout.packing == Packing::Jpeg) continue;
     PixelUnpacker unpacker(format_of(layout.fourcc, 5, 3), "test");
     CameraPicture picture;
-    const Bytes enough(unpacker.bytes_needed(), 77);  // what is beyond it the sanitizer watches
+    const Bytes enough(unpacker.bytes_needed(),
+                       77);  // the address sanitizer finds reads beyond the end
     EXPECT_TRUE(unpacker.unpack(enough, picture)) << fourcc_name(layout.fourcc);
     const Bytes too_few(unpacker.bytes_needed() - 1, 77);
     EXPECT_FALSE(unpacker.unpack(too_few, picture)) << fourcc_name(layout.fourcc);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera from opening to closing, when nothing goes wrong or little.
+// Tests a camera from opening to closing, without serious faults.
 #include "calib/cameras/v4l2_camera.h"
 
 #include <gmock/gmock.h>
@@ -39,7 +39,7 @@ class OpenCamera : public testing::Test {
   CameraPicture picture_;
 };
 
-TEST_F(OpenCamera, TellsItsFacts) {
+TEST_F(OpenCamera, ReportsItsProperties) {
   const std::unique_ptr<Camera> camera = opened();
   const CameraFacts& facts = camera->facts();
   EXPECT_EQ(facts.name, "Fake Camera");
@@ -52,12 +52,12 @@ TEST_F(OpenCamera, TellsItsFacts) {
   EXPECT_THAT(facts.unlocked, IsEmpty());
 }
 
-TEST_F(OpenCamera, IsKnownByItsStableNameWhereItHasOne) {
+TEST_F(OpenCamera, UsesItsStableNameIfItHasOne) {
   stage_.system.entries[0].node.stable_path = "/dev/v4l/by-id/usb-Maker_Camera_1234-index0";
   EXPECT_EQ(opened()->facts().identity, "/dev/v4l/by-id/usb-Maker_Camera_1234-index0");
 }
 
-TEST_F(OpenCamera, GivesPicturesInTheirOrder) {
+TEST_F(OpenCamera, ReturnsPicturesInOrder) {
   camera_.frames = {{.code = 0}, {.code = 51}, {.code = 255}};
   const std::unique_ptr<Camera> camera = opened();
   for (const float light : {0.0F, 0.2F, 1.0F}) {
@@ -68,13 +68,13 @@ TEST_F(OpenCamera, GivesPicturesInTheirOrder) {
   }
 }
 
-TEST_F(OpenCamera, GivesEveryBufferBack) {
+TEST_F(OpenCamera, ReturnsEveryBufferToTheDriver) {
   const std::unique_ptr<Camera> camera = opened();
   for (int i = 0; i < 100; ++i) ASSERT_EQ(camera->grab(picture_, seconds{1}), GrabStatus::Ready);
   EXPECT_EQ(picture_.sequence, 99U);
 }
 
-TEST_F(OpenCamera, DatesAndCountsPictures) {
+TEST_F(OpenCamera, TimestampsAndCountsPictures) {
   const Nanoseconds start = camera_.clock;
   camera_.frames = {{.sequence = 0xFFFFFFFF, .time = start - milliseconds{50}},
                     {.sequence = 2, .time = start - milliseconds{10}}};
@@ -85,12 +85,12 @@ TEST_F(OpenCamera, DatesAndCountsPictures) {
   ASSERT_EQ(camera->grab(picture_, seconds{1}), GrabStatus::Ready);
   EXPECT_EQ(picture_.sequence - first, 3U) << "two were lost";
   EXPECT_EQ(picture_.time - time, milliseconds{40});
-  // Two refreshes are exposed, and a frame is read.
+  // The exposure takes two refreshes, the readout one frame.
   EXPECT_NEAR(static_cast<double>((start - time).count()), 50e6 + 0.5 * (33.3e6 + 33.333e6), 1e5);
   EXPECT_THAT(camera->facts().unlocked, IsEmpty());
 }
 
-TEST_F(OpenCamera, WithoutMonotonicStampsItsOwnClockCounts) {
+TEST_F(OpenCamera, UsesItsOwnClockWithoutMonotonicTimestamps) {
   camera_.frames = {{.flags = 0, .time = seconds{5}}, {.flags = 0, .time = seconds{6}}};
   const std::unique_ptr<Camera> camera = opened();
   ASSERT_EQ(camera->grab(picture_, seconds{1}), GrabStatus::Ready);
@@ -117,7 +117,7 @@ TEST_F(OpenCamera, LocksControlsBeforeAndAfterTheStart) {
   EXPECT_EQ(std::count(camera_.log.begin(), start, "set Gain=33"), 1);
 }
 
-TEST_F(OpenCamera, ACameraThatForgetsAtTheStartIsLockedAgain) {
+TEST_F(OpenCamera, LocksAgainIfStreamingResetsControls) {
   options_.exposure_periods = 3;
   camera_.on_set = [](test::FakeCamera& camera, uint32_t, int32_t) {
     if (!camera.streaming) camera.control(V4L2_CID_EXPOSURE_ABSOLUTE).value = 7;
@@ -127,14 +127,14 @@ TEST_F(OpenCamera, ACameraThatForgetsAtTheStartIsLockedAgain) {
   EXPECT_THAT(camera->facts().unlocked, IsEmpty()) << "what was wrong before no longer counts";
 }
 
-TEST_F(OpenCamera, NoticesDrift) {
+TEST_F(OpenCamera, DetectsDrift) {
   const std::unique_ptr<Camera> camera = opened();
   EXPECT_THAT(camera->drifted_controls(), IsEmpty());
   camera_.control(V4L2_CID_GAIN).value = 99;
   EXPECT_THAT(camera->drifted_controls(), Contains("Gain was 10 and is now 99"));
 }
 
-TEST_F(OpenCamera, GivesEverythingBackInTheRightOrder) {
+TEST_F(OpenCamera, ReleasesEverythingInTheRightOrder) {
   opened().reset();
   EXPECT_TRUE(camera_.released());
   EXPECT_THAT(camera_.log, Not(Contains("free while mapped")));
@@ -144,7 +144,7 @@ TEST_F(OpenCamera, GivesEverythingBackInTheRightOrder) {
                                         "unmap", "free", "close"));
 }
 
-TEST_F(OpenCamera, FewerBuffersThanAskedForWillDo) {
+TEST_F(OpenCamera, AcceptsFewerBuffersThanRequested) {
   camera_.most_buffers = 2;
   const std::unique_ptr<Camera> camera = opened();
   for (int i = 0; i < 10; ++i) EXPECT_EQ(camera->grab(picture_, seconds{1}), GrabStatus::Ready);
@@ -167,7 +167,7 @@ TEST_F(OpenCamera, RefusesOptionsOutOfRange) {
   EXPECT_EQ(camera_.open_count, 0);
 }
 
-TEST_F(OpenCamera, ANodeForOtherDataIsNoCamera) {
+TEST_F(OpenCamera, RefusesANodeForOtherData) {
   camera_.device_caps = V4L2_CAP_META_CAPTURE | V4L2_CAP_STREAMING;
   const Error error = test::error_of([&] { (void)opened(); });
   EXPECT_EQ(error.kind(), ErrorKind::Device);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras that are taken, forbidden, unplugged, or whose driver says strange things.
+// Tests cameras that are in use, forbidden, unplugged, or whose driver returns invalid data.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -63,7 +63,7 @@ TEST_F(CameraFaults, ATakenCameraNamesTheProgram) {
   EXPECT_THAT(refusal().hint(), HasSubstr("fuser -v /dev/video0"));
 }
 
-TEST_F(CameraFaults, AMissingCameraIsSaidToBeMissing) {
+TEST_F(CameraFaults, ReportsAMissingCamera) {
   stage_.system.entries.clear();
   const Error error = refusal();
   EXPECT_EQ(error.kind(), ErrorKind::Device);
@@ -71,7 +71,7 @@ TEST_F(CameraFaults, AMissingCameraIsSaidToBeMissing) {
   EXPECT_THAT(error.hint(), HasSubstr("plug the camera in"));
 }
 
-TEST_F(CameraFaults, AFullBusIsSaidToBeFull) {
+TEST_F(CameraFaults, ReportsAFullBus) {
   camera_.errors[VIDIOC_STREAMON] = {ENOSPC};
   EXPECT_THAT(refusal().what(), HasSubstr("not enough room on the USB bus"));
   EXPECT_TRUE(camera_.released());
@@ -85,7 +85,7 @@ TEST_F(CameraFaults, TooFewBuffersAreRefused) {
   }
 }
 
-TEST_F(CameraFaults, BuffersThatCannotBeMappedAreGivenBack) {
+TEST_F(CameraFaults, ReleasesBuffersThatCannotBeMapped) {
   camera_.map_fails = true;
   EXPECT_THAT(refusal().what(), HasSubstr("cannot get buffers: cannot allocate memory"));
   EXPECT_TRUE(camera_.released());
@@ -104,7 +104,7 @@ TEST_F(CameraFaults, UnplugWhileOpeningIsAnErrorAtEveryCall) {
     try {
       const std::unique_ptr<Camera> camera = open_v4l2_camera(options(), stage.system);
       if (!stage.camera.unplugged) break;
-      // Gone so late that only the next picture can tell.
+      // The camera is unplugged so late that only the next picture can fail.
       EXPECT_EQ(camera->grab(picture_, seconds{1}), GrabStatus::Gone) << "call " << calls;
     } catch (const Error& error) {
       EXPECT_EQ(error.kind(), ErrorKind::Device) << "call " << calls;
@@ -114,7 +114,7 @@ TEST_F(CameraFaults, UnplugWhileOpeningIsAnErrorAtEveryCall) {
   EXPECT_GT(calls, 30);
 }
 
-TEST_F(CameraFaults, UnplugWhileStreamingGivesEverythingBack) {
+TEST_F(CameraFaults, UnplugWhileStreamingReleasesEverything) {
   const std::unique_ptr<Camera> camera = opened();
   ASSERT_EQ(grab(*camera), GrabStatus::Ready);
   camera_.unplugged = true;
@@ -126,7 +126,7 @@ TEST_F(CameraFaults, UnplugWhileStreamingGivesEverythingBack) {
   (void)camera->now();
 }
 
-TEST_F(CameraFaults, UnplugBetweenTakingAndGivingBack) {
+TEST_F(CameraFaults, UnplugBetweenAcquireAndReleaseIsDetected) {
   const std::unique_ptr<Camera> camera = opened();
   camera_.frames.emplace_back();
   camera_.calls_until_unplugged = 1;
@@ -134,7 +134,7 @@ TEST_F(CameraFaults, UnplugBetweenTakingAndGivingBack) {
   EXPECT_TRUE(camera_.released());
 }
 
-TEST_F(CameraFaults, APluggedInCameraOpensAnew) {
+TEST_F(CameraFaults, AReconnectedCameraOpensAgain) {
   std::unique_ptr<Camera> camera = opened();
   camera_.unplugged = true;
   EXPECT_EQ(grab(*camera), GrabStatus::Gone);
@@ -162,7 +162,7 @@ TEST_F(CameraFaults, DamagedJpegsAreDropped) {
   for (int i = 0; i < 10; ++i) EXPECT_EQ(grab(*camera), GrabStatus::Corrupt);
 }
 
-TEST_F(CameraFaults, WaitsNoLongerThanTold) {
+TEST_F(CameraFaults, WaitsNoLongerThanItsTimeout) {
   camera_.endless = false;
   const std::unique_ptr<Camera> camera = opened();
   const Nanoseconds before = camera_.clock;
@@ -177,14 +177,14 @@ TEST_F(CameraFaults, WaitsNoLongerThanTold) {
   EXPECT_EQ(camera->grab(picture_, Nanoseconds{0}), GrabStatus::Ready) << "still usable";
 }
 
-TEST_F(CameraFaults, SignalsAndFalseAlarmsDoNotEndTheWait) {
+TEST_F(CameraFaults, SignalsAndSpuriousWakeupsDoNotEndTheWait) {
   const std::unique_ptr<Camera> camera = opened();
   camera_.poll_answers = {0, 0, POLLIN, POLLIN, 0};
   camera_.errors[VIDIOC_DQBUF] = {EAGAIN, EINTR, EINTR, EAGAIN};
   EXPECT_EQ(grab(*camera), GrabStatus::Ready);
 }
 
-TEST_F(CameraFaults, ADriverThatIsAlwaysReadyAndNeverHasAnythingTimesOut) {
+TEST_F(CameraFaults, ADriverThatIsReadyWithoutPicturesTimesOut) {
   const std::unique_ptr<Camera> camera = opened();
   camera_.poll_answers.assign(5000, POLLIN);
   camera_.errors[VIDIOC_DQBUF].assign(5000, EAGAIN);
@@ -192,12 +192,12 @@ TEST_F(CameraFaults, ADriverThatIsAlwaysReadyAndNeverHasAnythingTimesOut) {
   EXPECT_EQ(grab(*camera), GrabStatus::TimedOut);
 }
 
-TEST_F(CameraFaults, CallsThatAreInterruptedForEverFail) {
+TEST_F(CameraFaults, CallsInterruptedForeverFail) {
   camera_.errors[VIDIOC_REQBUFS].assign(1000, EINTR);
   EXPECT_THAT(refusal().what(), HasSubstr("interrupted system call"));
 }
 
-TEST_F(CameraFaults, PassingTroublesCostAPictureLastingOnesTheCamera) {
+TEST_F(CameraFaults, ATransientErrorLosesAPictureAPersistentOneTheCamera) {
   const std::unique_ptr<Camera> camera = opened();
   camera_.poll_answers.assign(1000, POLLIN);
   camera_.errors[VIDIOC_DQBUF].assign(3, EIO);
@@ -214,7 +214,7 @@ TEST_F(CameraFaults, PassingTroublesCostAPictureLastingOnesTheCamera) {
   EXPECT_TRUE(camera_.released());
 }
 
-TEST_F(CameraFaults, ABrokenStreamIsGone) {
+TEST_F(CameraFaults, ABrokenStreamLosesTheCamera) {
   for (const int events : {POLLERR, POLLHUP, POLLNVAL, -EBADF}) {
     const std::unique_ptr<Camera> camera = opened();
     camera_.poll_answers = {events};
@@ -226,14 +226,14 @@ TEST_F(CameraFaults, ABrokenStreamIsGone) {
   }
 }
 
-TEST_F(CameraFaults, ABufferThatDoesNotExistIsNotRead) {
+TEST_F(CameraFaults, IgnoresAnInvalidBufferIndex) {
   camera_.frames = {FakeFrame{.index = 4000}};
   const std::unique_ptr<Camera> camera = opened();
   EXPECT_EQ(grab(*camera), GrabStatus::Gone);
   EXPECT_TRUE(camera_.released());
 }
 
-TEST_F(CameraFaults, ABufferThatIsNotTakenBackIsTheEnd) {
+TEST_F(CameraFaults, ABufferThatCannotBeRequeuedLosesTheCamera) {
   const std::unique_ptr<Camera> camera = opened();
   camera_.errors[VIDIOC_QBUF] = {EINVAL};
   EXPECT_EQ(grab(*camera), GrabStatus::Gone);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole calibrations on the simulated bench, small.
+// Tests whole calibrations on the simulated bench, at small size.
 #include "calib/fit/calibrate.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,8 @@ TEST(Calibrate, ThreeViewpointsFindTheSheetForEveryEye) {
   ASSERT_EQ(result.failure, "");
   EXPECT_EQ(result.calibration.verdict, Verdict::Intrinsic)
       << (result.calibration.reasons.empty() ? "" : result.calibration.reasons.front());
-  // Where no viewpoint looked as steeply the law of the chief ray is extrapolated, with a warning.
+  // The law of the chief ray is extrapolated, with a warning, to angles steeper than any
+  // viewpoint's.
   EXPECT_LT(result.errors.worst_lenses, 0.02);
   EXPECT_FALSE(result.calibration.warnings.empty());
   for (const Viewpoint& viewpoint : result.calibration.viewpoints)
@@ -37,7 +38,7 @@ TEST(Calibrate, ThreeViewpointsFindTheSheetForEveryEye) {
   EXPECT_EQ(result.calibration.rig.sheet.residual.columns, 24);
 }
 
-TEST(Calibrate, OneViewpointIsGoodForItsOwnEyeOnlyAndSaysSo) {
+TEST(Calibrate, OneViewpointIsValidForItsOwnEyeOnlyAndReportsThat) {
   Trial trial = small_trial();
   trial.viewpoints.resize(1);
   const TrialResult result = run_trial(trial);
@@ -45,11 +46,11 @@ TEST(Calibrate, OneViewpointIsGoodForItsOwnEyeOnlyAndSaysSo) {
   EXPECT_EQ(result.calibration.verdict, Verdict::Effective);
   ASSERT_EQ(result.errors.effective_pitch.size(), 1U);
   EXPECT_LT(std::abs(result.errors.effective_pitch[0]), 2e-5);
-  // The gap was taken over, wrong as it was.
+  // The fit keeps the wrong gap of the start.
   EXPECT_DOUBLE_EQ(result.calibration.rig.sheet.gap.value, trial.start.sheet.gap.value);
 }
 
-TEST(Calibrate, NothingMeasuredIsRefused) {
+TEST(Calibrate, RefusesAnEmptyMeasurement) {
   const Calibration found = calibrate({}, small_trial().start, {});
   EXPECT_EQ(found.verdict, Verdict::Refused);
   ASSERT_FALSE(found.reasons.empty());

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fit on observations made by formula, so that its errors are the fit's own.
+// Tests the fit on observations made by formula, so that all errors come from the fit.
 #include "calib/fit/joint_fit.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ class FitStage {
   }
 
  private:
-  /// A camera at `eye` that looks at the panel's centre.
+  /// Returns the pose of a camera at `eye` that looks at the panel's centre.
   static PoseValues looking_at_centre(const Vec3& eye) {
     const Vec3 forward = normalized(-eye);
     const Vec3 right = normalized(cross(forward, Vec3{0, 1, 0}));
@@ -108,7 +108,7 @@ TEST(PoseFit, FindsTheCamera) {
   EXPECT_NEAR(fit->rms_px, 0.1, 0.03);
 }
 
-TEST(GapSearch, AStartFarOffFindsTheRightWholeLenses) {
+TEST(GapSearch, FindsTheRightWholeLensesFromAFarStart) {
   const FitStage stage(2);
   for (const double factor : {0.6, 0.8, 1.3, 1.8}) {
     const SheetStart start = stage.start(factor);
@@ -123,7 +123,7 @@ TEST(GapSearch, AStartFarOffFindsTheRightWholeLenses) {
   }
 }
 
-TEST(JointFit, ComesWithinItsOwnStandardErrors) {
+TEST(JointFit, IsWithinItsOwnStandardErrors) {
   const FitStage stage(3);
   const std::optional<JointFit> fit = fitted(stage, 0.9);
   ASSERT_TRUE(fit);
@@ -141,7 +141,7 @@ TEST(JointFit, ComesWithinItsOwnStandardErrors) {
 }
 
 TEST(JointFit, StandardErrorsAgreeWithTheScatter) {
-  // 40 times: the scatter of a standard deviation itself is 11 %.
+  // 40 runs give a standard deviation to 11 %.
   constexpr int kTimes = 40;
   std::array<double, kSheetCount> squares{}, variances{}, sums{};
   for (unsigned seed = 100; seed < 100 + kTimes; ++seed) {
@@ -161,14 +161,14 @@ TEST(JointFit, StandardErrorsAgreeWithTheScatter) {
         << sums[k] / kTimes / std::sqrt(variances[k] / kTimes);
 }
 
-TEST(JointFit, BlocksThatClaimTooLittleErrorAreFoundOut) {
+TEST(JointFit, DetectsBlocksThatStateTooLittleError) {
   const FitStage stage(5, 0.012);
   const std::optional<JointFit> fit = fitted(stage, 1.0);
   ASSERT_TRUE(fit);
   EXPECT_NEAR(fit->phase_scale, 3.0, 0.4);
 }
 
-TEST(Prediction, DriftIsLargerAwayFromTheViewpoints) {
+TEST(Prediction, DriftGrowsAwayFromTheViewpoints) {
   const FitStage stage(6);
   const std::optional<JointFit> fit = fitted(stage, 1.0);
   ASSERT_TRUE(fit);
@@ -182,7 +182,7 @@ TEST(Prediction, DriftIsLargerAwayFromTheViewpoints) {
   EXPECT_LT(line.pitch_subpx.sigma, 1e-5);
 }
 
-TEST(Prediction, TheLawsOwnErrorsComeOnTopOfNoise) {
+TEST(Prediction, AddsTheModelsErrorsToNoise) {
   const FitStage stage(6);
   const std::optional<JointFit> fit = fitted(stage, 1.0);
   ASSERT_TRUE(fit);

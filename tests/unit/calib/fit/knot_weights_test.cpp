@@ -10,7 +10,7 @@
 namespace lenticule::calib {
 namespace {
 
-TEST(KnotWeights, AreTheSplinesOwn) {
+TEST(KnotWeights, AgreeWithTheSpline) {
   std::mt19937 random(4);
   std::uniform_real_distribution<double> lenses(-0.2, 0.2), place(-0.1, 1.1);
   for (const KnotGrid grid : {KnotGrid{2, 2}, KnotGrid{5, 3}, KnotGrid{24, 14}, KnotGrid{1, 1}}) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The measuring model against the optical model that everything else uses.
+// Tests the measuring model against the optical model that everything else uses.
 #include "calib/fit/projection.h"
 
 #include <gtest/gtest.h>
@@ -26,7 +26,7 @@ optics::Rig rig_with_map() {
   return rig;
 }
 
-TEST(Projection, PhasesAreTheOpticalModels) {
+TEST(Projection, PhasesAgreeWithTheOpticalModel) {
   const optics::Rig rig = rig_with_map();
   const optics::OpticalModel model(rig);
   const SheetParameters sheet = sheet_start(rig).values;
@@ -43,7 +43,7 @@ TEST(Projection, PhasesAreTheOpticalModels) {
   }
 }
 
-TEST(Projection, DistortionIsUndone) {
+TEST(Projection, DistortionIsInverted) {
   const CameraValues camera = {1400.0, 970.0, 530.0, -0.05, 0.02};
   for (double x = -0.5; x <= 0.5; x += 0.1)
     for (double y = -0.3; y <= 0.3; y += 0.1) {
@@ -58,7 +58,7 @@ TEST(Projection, DistortionIsUndone) {
 
 TEST(Projection, AStraightCameraLooksStraight) {
   const CameraValues camera = {1000.0, 500.0, 300.0, 0.0, 0.0};
-  // Turned by half a turn about x: y down and z toward the panel.
+  // Half a turn about x: y down and z toward the panel.
   const PoseValues pose = {std::numbers::pi, 0, 0, 10.0, 20.0, 700.0};
   const PlanePoint<double> middle = lens_plane_point(camera.data(), pose.data(), 500.0, 300.0);
   EXPECT_NEAR(middle.x, 10.0, 1e-9);
@@ -68,7 +68,7 @@ TEST(Projection, AStraightCameraLooksStraight) {
   EXPECT_NEAR(right.y, 20.0 - 35.0, 1e-9);
 }
 
-TEST(Observations, SheetsGoInAndOut) {
+TEST(Observations, ConvertSheetsToParametersAndBack) {
   const optics::Rig rig = rig_with_map();
   optics::LensSheet back;
   put_sheet(sheet_start(rig).values, {}, {}, rig.panel, back);

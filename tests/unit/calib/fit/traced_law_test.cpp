@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the fit believes that fringes and wide patterns show from the side, against traced lenses:
-// observations without noise, so that all that is left is the law.
+// Tests the fit's model of fringes and wide patterns seen from the side against traced lenses. The
+// observations have no noise, so that only the model's error remains.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -84,10 +84,10 @@ class TracedViews {
   std::vector<View> views_;
 };
 
-/// Sheets of wide and narrow cones, fine and coarse.
+/// Tests sheets of wide and narrow viewing cones, fine and coarse.
 class TracedLaw : public testing::TestWithParam<uint64_t> {};
 
-TEST_P(TracedLaw, HoldsForEveryEyeOfTheZone) {
+TEST_P(TracedLaw, HoldsForEveryEyeInTheZone) {
   Trial trial = random_trial(GetParam(), 3840, 2160, 1920, 1080);
   trial.sheet.deformation_lenses = 0.0;
   const std::optional<JointFit> fit = TracedViews(trial).fit();

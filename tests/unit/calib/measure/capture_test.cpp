@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Capturing on the simulated bench and on cameras that misbehave.
+// Tests capturing on the simulated bench and with faulty cameras.
 #include "calib/measure/capture.h"
 
 #include <gmock/gmock.h>
@@ -15,7 +15,7 @@ namespace {
 using std::chrono::milliseconds;
 using testing::HasSubstr;
 
-/// A display that shows anything, and remembers how many.
+/// A display that accepts every frame and counts them.
 class PlainSink final : public frames::FrameSink {
  public:
   explicit PlainSink(const optics::Panel& panel)
@@ -33,7 +33,7 @@ class PlainSink final : public frames::FrameSink {
   frames::FrameGeometry geometry_;
 };
 
-/// A camera that answers as the test says.
+/// A camera that returns scripted answers.
 class ScriptedCamera final : public Camera {
  public:
   [[nodiscard]] const CameraFacts& facts() const override { return facts_; }
@@ -76,31 +76,31 @@ class CaptureTest : public testing::Test {
   ErrorKind kind_ = ErrorKind::Failed;
 };
 
-TEST_F(CaptureTest, EveryPatternIsShownAndTaken) {
+TEST_F(CaptureTest, ShowsAndCapturesEveryPattern) {
   EXPECT_EQ(failure_of(), "");
   EXPECT_EQ(sink_.shown, 3);
   EXPECT_EQ(taken_, 3);
 }
 
-TEST_F(CaptureTest, AnUnpluggedCameraEndsWithItsReason) {
+TEST_F(CaptureTest, AnUnpluggedCameraEndsTheCaptureWithAReason) {
   camera_.status = GrabStatus::Gone;
   EXPECT_THAT(failure_of(), HasSubstr("camera: unplugged"));
   EXPECT_EQ(kind_, ErrorKind::Device);
 }
 
-TEST_F(CaptureTest, ASilentOrBrokenCameraEndsInsteadOfWaiting) {
+TEST_F(CaptureTest, ASilentOrBrokenCameraEndsTheCapture) {
   camera_.status = GrabStatus::TimedOut;
   EXPECT_THAT(failure_of(), HasSubstr("no picture for"));
   camera_.status = GrabStatus::Corrupt;
   EXPECT_THAT(failure_of(), HasSubstr("damaged"));
 }
 
-TEST_F(CaptureTest, AClockThatStandsStillEndsToo) {
+TEST_F(CaptureTest, AStoppedClockEndsTheCapture) {
   camera_.stuck = true;
   EXPECT_THAT(failure_of(), HasSubstr("does not get to see"));
 }
 
-TEST_F(CaptureTest, ALostDisplayEnds) {
+TEST_F(CaptureTest, ALostDisplayEndsTheCapture) {
   sink_.result = frames::ShowResult::Lost;
   EXPECT_THAT(failure_of(), HasSubstr("display: it went away"));
   EXPECT_EQ(kind_, ErrorKind::Device);
@@ -111,13 +111,13 @@ TEST_F(CaptureTest, AnotherSizeIsRefused) {
   EXPECT_THROW(PatternCapture(other, camera_, panel_, {}, {}), Error);
 }
 
-TEST_F(CaptureTest, PeopleCanInterrupt) {
+TEST_F(CaptureTest, CanBeInterrupted) {
   EXPECT_THAT(failure_of([](const Pattern&) { return false; }), HasSubstr("interrupted"));
   EXPECT_EQ(sink_.shown, 0);
 }
 
-/// Shows nothing, remembers the patterns that were asked for.
-TEST(PhotoPatterns, AreWhatAMeasurementThatIsNotAdaptiveShows) {
+/// The display shows nothing and records the requested patterns.
+TEST(PhotoPatterns, AreThePatternsOfANonAdaptiveMeasurement) {
   Trial trial = plain_trial(960, 540, 480, 270);
   trial.camera.samples = 4;
   trial.start.sheet.pitch = Subpixels(trial.sheet.pitch_subpx * 1.004);

@@ -20,7 +20,7 @@ class MarkStage {
     for (int y = 0; y < 40; ++y)
       for (int x = 0; x < 100; ++x) {
         double light = 0.6 * panel;
-        // The part of the pixel that lies in the rows of the cells.
+        // The part of the camera pixel within the rows of the cells.
         const double top = 15.0 + moved.y, left = 8.0 + moved.x;
         const double in_row =
             std::clamp(y + 1.0 - top, 0.0, 1.0) * std::clamp(top + 10.0 - y, 0.0, 1.0);
@@ -75,7 +75,7 @@ TEST(MarkReader, ReadsEveryNumberOnAnyPattern) {
       }
 }
 
-TEST(MarkReader, HalfWayBetweenTwoPicturesIsUnsettled) {
+TEST(MarkReader, ABlendOfTwoPicturesIsUnsettled) {
   MarkStage stage;
   const std::optional<MarkReader> reader = stage.reader();
   ASSERT_TRUE(reader);
@@ -84,7 +84,7 @@ TEST(MarkReader, HalfWayBetweenTwoPicturesIsUnsettled) {
       << "the parity is wrong";
 }
 
-TEST(MarkReader, SomebodyBeforeThePanelIsNoticed) {
+TEST(MarkReader, DetectsAnObstructedPanel) {
   MarkStage stage;
   const std::optional<MarkReader> reader = stage.reader();
   ASSERT_TRUE(reader);
@@ -100,7 +100,7 @@ TEST(MarkReader, HiddenCellsAreNotFound) {
       << "no parity cell";
 }
 
-TEST(MarkReader, ReadsEveryCodeOnAnyPatternEvenADimOne) {
+TEST(MarkReader, ReadsEveryCodeOnAnyPatternEvenIfDim) {
   MarkStage stage;
   const std::optional<MarkReader> reader = stage.code_reader();
   ASSERT_TRUE(reader);
@@ -114,7 +114,7 @@ TEST(MarkReader, ReadsEveryCodeOnAnyPatternEvenADimOne) {
       }
 }
 
-TEST(MarkReader, MarksWithoutACodeHaveNone) {
+TEST(MarkReader, ReadsNoCodeFromMarksWithoutOne) {
   MarkStage stage;
   const std::optional<MarkReader> reader = stage.reader();
   ASSERT_TRUE(reader);
@@ -122,7 +122,7 @@ TEST(MarkReader, MarksWithoutACodeHaveNone) {
   EXPECT_EQ(reader->read(stage.marked(0.5, 1)).code, kNoCode);
 }
 
-TEST(MarkReader, ABitOfTheCodeBetweenLitAndDarkIsNotRead) {
+TEST(MarkReader, AnAmbiguousBitGivesNoCode) {
   MarkStage stage;
   const std::optional<MarkReader> reader = stage.code_reader();
   ASSERT_TRUE(reader);
@@ -131,7 +131,7 @@ TEST(MarkReader, ABitOfTheCodeBetweenLitAndDarkIsNotRead) {
   EXPECT_EQ(reading.code, kNoCode);
 }
 
-TEST(MarkReader, TellsHowFarTheMarksHaveMoved) {
+TEST(MarkReader, MeasuresTheMovementOfTheMarks) {
   MarkStage stage;
   stage.noise = 0.005;
   const std::optional<MarkReader> reader = stage.code_reader();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fringes made by formula, with the staircase that a lens sheet makes of them.
+// Tests fringes made by formula, with the steps that a lens sheet adds.
 #include "calib/measure/fringe_phase.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ optics::Panel panel_4k() {
   return panel;
 }
 
-/// A camera of 480 x 270 pixels that sees the panel upright, 8 panel pixels in each.
+/// A camera of 480 x 270 pixels that sees the panel upright, 8 panel pixels per camera pixel.
 class FringeStage {
  public:
   explicit FringeStage(const LinearPhase& truth, double bend = 0.0) : truth_(truth), bend_(bend) {
@@ -81,7 +81,7 @@ LinearPhase phase_of(double pitch, double slant, double constant) {
   return {.constant = constant, .per_px_x = 3.0 / pitch, .per_px_y = 3.0 * slant / pitch};
 }
 
-TEST(FringePhase, AStartTenPercentOffIsFoundAndRefined) {
+TEST(FringePhase, RefinesAStartThatIsTenPercentOff) {
   const LinearPhase truth = phase_of(7.70123, 0.2521, 0.3);
   FringeStage stage(truth, 0.1);
   for (const double off : {0.92, 1.09}) {
@@ -102,7 +102,7 @@ TEST(FringePhase, AStartTenPercentOffIsFoundAndRefined) {
   }
 }
 
-TEST(FringePhase, BlocksGiveThePhaseWithHonestErrors) {
+TEST(FringePhase, BlocksGiveThePhaseWithRealisticErrors) {
   const LinearPhase truth = phase_of(7.70123, 0.2521, 0.3);
   FringeStage stage(truth, 0.1);
   stage.show({.pitch_subpx = 7.72, .slant = 0.2521, .phase = 0.0}, 0.4);
@@ -120,7 +120,7 @@ TEST(FringePhase, BlocksGiveThePhaseWithHonestErrors) {
 }
 
 TEST(FringePhase, WholeLensesContinueFromBlockToBlock) {
-  // Seven fringes away from the model: phases of more than a lens must not jump.
+  // Seven fringes off the model: phases of more than a lens must not jump.
   const LinearPhase truth = phase_of(7.70123, 0.2521, 0.0);
   FringeStage stage(truth);
   stage.show({.pitch_subpx = 7.70123, .slant = 0.2521, .phase = 0.0}, 0.1);
@@ -132,7 +132,7 @@ TEST(FringePhase, WholeLensesContinueFromBlockToBlock) {
     ASSERT_NEAR(block.phase - stage.phase_at(block.panel_px), first, 0.05);
 }
 
-TEST(FringePhase, NoLightNoFringes) {
+TEST(FringePhase, FindsNoFringesWithoutLight) {
   FringeStage stage(phase_of(7.7, 0.25, 0.0));
   const std::vector<Complex> dark(kWidth * kHeight);
   const std::vector<Vec2> points(kWidth * kHeight);

@@ -6,7 +6,7 @@
 namespace lenticule::calib {
 namespace {
 
-/// A camera whose channels overlap a little, behind a link that hands everything through.
+/// Returns pictures of a camera whose channels overlap a little, behind a lossless link.
 LinkPictures whole_link(int channels) {
   LinkPictures pictures{.camera_channels = channels};
   pictures.flat = {{{0.20, 0.02, 0.00}, {0.03, 0.30, 0.03}, {0.00, 0.04, 0.10}}};
@@ -19,7 +19,7 @@ LinkPictures whole_link(int channels) {
   return pictures;
 }
 
-TEST(LinkCheck, AWholeLinkIsFine) {
+TEST(LinkCheck, AcceptsALinkWithFullChroma) {
   for (const int channels : {1, 3}) {
     const LinkCheck check = check_link(whole_link(channels));
     EXPECT_FALSE(check.chroma_subsampled);
@@ -29,7 +29,7 @@ TEST(LinkCheck, AWholeLinkIsFine) {
   }
 }
 
-TEST(LinkCheck, ColoursThatLeakAreHalvedChroma) {
+TEST(LinkCheck, ReportsLeakingColoursAsSubsampledChroma) {
   LinkPictures pictures = whole_link(3);
   for (size_t c = 0; c < 3; ++c) pictures.columns[0][c] += 0.1 * pictures.flat[1][c];
   const LinkCheck check = check_link(pictures);
@@ -39,7 +39,7 @@ TEST(LinkCheck, ColoursThatLeakAreHalvedChroma) {
   EXPECT_NE(check.findings[0].find("4:4:4"), std::string::npos);
 }
 
-TEST(LinkCheck, ChecksThatAreTooDarkMeanScaling) {
+TEST(LinkCheck, ReportsDarkCheckerboardsAsScaling) {
   LinkPictures pictures = whole_link(3);
   for (double& light : pictures.checks) light *= 0.6;
   const LinkCheck check = check_link(pictures);

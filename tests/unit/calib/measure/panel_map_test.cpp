@@ -9,7 +9,7 @@
 namespace lenticule::calib {
 namespace {
 
-/// A camera from the side, with some barrel distortion, over a 4K panel.
+/// Returns the panel point of a camera at the side, with barrel distortion, over a 4K panel.
 Vec2 seen_point(Vec2 camera) {
   const double x = (camera.x - 980.0) / 1400.0, y = (camera.y - 530.0) / 1400.0;
   const double r2 = x * x + y * y;
@@ -48,14 +48,14 @@ TEST(PanelMap, FollowsADistortingCameraFromTheSide) {
   EXPECT_LT(worst_error(*map), 0.2);
 }
 
-TEST(PanelMap, WrongSightingsDoNotPullIt) {
+TEST(PanelMap, ToleratesWrongSightings) {
   const std::optional<PanelMap> map = PanelMap::fit(sightings(0.5, 0.1));
   ASSERT_TRUE(map);
   EXPECT_LT(worst_error(*map), 0.6);
   EXPECT_NEAR(map->typical_error_px(), 0.6, 0.3);
 }
 
-TEST(PanelMap, PointsOnALineMakeNoMap) {
+TEST(PanelMap, RefusesPointsOnALine) {
   std::vector<Sighting> line;
   for (int i = 0; i < 100; ++i)
     line.push_back({.camera_px = {10.0 * i, 20.0 * i}, .panel_px = {30.0 * i, 7.0 * i}});

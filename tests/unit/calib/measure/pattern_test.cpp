@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Patterns against their formulas, written out slowly.
+// Tests patterns against their formulas in plain form.
 #include "calib/measure/pattern.h"
 
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ frames::WovenFrame drawn(const Pattern& pattern, const optics::Panel& panel) {
   return frame;
 }
 
-/// The code of a turn, by the formula.
+/// Returns the code for a phase in turns, by the formula.
 int sinusoid_code(double turns) {
   const double light = 0.5 + 0.5 * kPatternDepth * std::cos(2.0 * std::numbers::pi * turns);
   return frames::code_from_linear(light);
@@ -40,7 +40,7 @@ class PatternOnLayouts : public testing::TestWithParam<const char*> {
   optics::Panel panel_ = panel_of(optics::SubpixelLayout::named(GetParam()));
 };
 
-TEST_P(PatternOnLayouts, FringesFollowEverySubpixelsOwnPlace) {
+TEST_P(PatternOnLayouts, FringesFollowEverySubpixelsPosition) {
   const Fringe fringe{.pitch_subpx = 7.701, .slant = -0.3, .phase = 0.37};
   const frames::WovenFrame frame = drawn({.shape = fringe, .channels = {}}, panel_);
   for (int j = 0; j < panel_.height_px; j += 7)
@@ -70,7 +70,7 @@ TEST_P(PatternOnLayouts, WavesVaryAlongOneAxisOnly) {
 
 INSTANTIATE_TEST_SUITE_P(All, PatternOnLayouts, testing::Values("rgb", "bgr", "vrgb", "vbgr"));
 
-TEST(Pattern, ChannelsThatAreOffStayDark) {
+TEST(Pattern, DisabledChannelsStayDark) {
   const optics::Panel panel = panel_of({});
   const frames::WovenFrame frame =
       drawn({.shape = Flat{{1.0, 1.0, 1.0}}, .channels = Channels::only(1)}, panel);
@@ -97,7 +97,7 @@ TEST(Pattern, CombLightsOnePlaceUnderEachLens) {
   EXPECT_NEAR(lit, 0.2 * panel.width_px * panel.height_px, 0.01 * lit);
 }
 
-TEST(Pattern, ColumnsAndChecksLightHalf) {
+TEST(Pattern, ColumnsAndCheckerboardsLightHalfThePixels) {
   const optics::Panel panel = panel_of({});
   const frames::WovenFrame columns = drawn({.shape = Columns{}, .channels = {}}, panel);
   const frames::WovenFrame checks = drawn({.shape = Checks{}, .channels = {}}, panel);
@@ -108,7 +108,7 @@ TEST(Pattern, ColumnsAndChecksLightHalf) {
     }
 }
 
-/// Which cells are lit, a bit each from the left.
+/// Returns the lit cells, one bit each from the left.
 int lit_cells(const frames::WovenFrame& frame, const MarkCells& cells) {
   int bits = 0;
   for (int cell = 0; cell < cells.count; ++cell) {
@@ -118,7 +118,7 @@ int lit_cells(const frames::WovenFrame& frame, const MarkCells& cells) {
   return bits;
 }
 
-TEST(Pattern, MarksTellTheirNumberAndCoverNothingElse) {
+TEST(Pattern, MarksEncodeTheirNumberAndCoverNothingElse) {
   const optics::Panel panel = panel_of({});
   for (const int code : {kNoCode, 0, 5, 7}) {
     const MarkCells cells = MarkCells::of(panel, code != kNoCode);
@@ -135,7 +135,7 @@ TEST(Pattern, MarksTellTheirNumberAndCoverNothingElse) {
   }
 }
 
-TEST(PhaseSteps, AreAllPhasesOnceAndNeverNeighbours) {
+TEST(PhaseSteps, ContainEveryPhaseOnceWithoutNeighbours) {
   for (const int count : {3, 4, 8, 16}) {
     const std::vector<double> phases = phase_steps(count);
     const std::set<double> distinct(phases.begin(), phases.end());

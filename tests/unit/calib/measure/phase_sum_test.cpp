@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kTurn = 2.0 * std::numbers::pi;
 
-/// The wave at one pixel that sees `light` of cos(theta - 2 pi phase).
+/// Returns the wave at a pixel that sees `light` of cos(theta - 2 pi phase).
 Complex stepped(double theta, int steps, const std::function<double(double)>& light) {
   PhaseSum sum(1, steps);
   const std::vector<uint32_t> pixel = {0};
@@ -32,7 +32,7 @@ double angle_between(Complex wave, double theta) {
   return std::remainder(std::arg(wave) - theta, kTurn);
 }
 
-TEST(PhaseSum, ASinusoidGivesItsPhaseAndStrengthWhateverTheBackground) {
+TEST(PhaseSum, ASinusoidGivesItsPhaseAndAmplitudeOnAnyBackground) {
   for (const int steps : {3, 4, 8})
     for (double theta = 0.0; theta < kTurn; theta += 0.31) {
       const Complex wave = stepped(theta, steps, [](double c) { return 0.4 + 0.25 * c; });
@@ -41,7 +41,7 @@ TEST(PhaseSum, ASinusoidGivesItsPhaseAndStrengthWhateverTheBackground) {
     }
 }
 
-TEST(PhaseSum, EightStepsAreBlindToACamerasCurve) {
+TEST(PhaseSum, EightStepsCancelACamerasTransferFunction) {
   double worst3 = 0.0, worst8 = 0.0;
   const auto curved = [](double c) { return std::pow(0.5 + 0.45 * c, 1.0 / 2.2); };
   for (double theta = 0.0; theta < kTurn; theta += 0.1) {
@@ -52,7 +52,7 @@ TEST(PhaseSum, EightStepsAreBlindToACamerasCurve) {
   EXPECT_LT(worst8, 0.002 * kTurn);
 }
 
-TEST(Geometry, PositionsComeBackFromThreeLevels) {
+TEST(Geometry, RecoversPositionsFromThreeLevels) {
   constexpr int kAxis = 3840;
   const auto levels = wave_levels(kAxis, 2.567);
   EXPECT_GE(levels[0].period_px, kAxis);

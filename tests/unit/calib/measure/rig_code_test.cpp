@@ -16,7 +16,7 @@ RigCodeReadings readings_of(const RigCode& code) {
   return readings;
 }
 
-TEST(RigCode, PicturesOfAllPatternsGiveTheFingerprintBack) {
+TEST(RigCode, ReadsTheFingerprintFromPicturesOfAllPatterns) {
   for (const char* fingerprint : {"0123456789abcdef", "ffffffffffffffff", "0000000000000001"}) {
     const RigCode code(fingerprint);
     const RigCodeReadings readings = readings_of(code);
@@ -26,14 +26,14 @@ TEST(RigCode, PicturesOfAllPatternsGiveTheFingerprintBack) {
   }
 }
 
-TEST(RigCode, AnotherRigIsNoticedAndNamed) {
+TEST(RigCode, DetectsAndNamesAnotherRig) {
   const RigCode expected("0123456789abcdef"), other("0123456789abcdee");
   const RigCodeReadings readings = readings_of(other);
   EXPECT_TRUE(readings.first_foreign(expected));
   EXPECT_EQ(readings.fingerprint(), other.fingerprint());
 }
 
-TEST(RigCode, AMixOfTwoRigsIsNamedByItsFirstForeignPicture) {
+TEST(RigCode, NamesTheFirstPictureOfAnotherRigInAMix) {
   const RigCode expected("0123456789abcdef"), other("76543210fedcba98");
   RigCodeReadings readings;
   for (size_t n = 0; n < kPatterns; ++n)
@@ -43,7 +43,7 @@ TEST(RigCode, AMixOfTwoRigsIsNamedByItsFirstForeignPicture) {
   EXPECT_EQ(readings.fingerprint(), std::nullopt);
 }
 
-TEST(RigCode, WhatCannotBeReadIsNoFingerprint) {
+TEST(RigCode, UnreadableMarksGiveNoFingerprint) {
   RigCodeReadings readings;
   for (size_t n = 0; n < kPatterns; ++n) readings.add(kNoCode);
   EXPECT_EQ(readings.read(), 0U);

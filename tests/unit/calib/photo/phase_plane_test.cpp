@@ -9,8 +9,8 @@
 namespace lenticule::calib {
 namespace {
 
-/// Blocks as a plane that is off by `error` would leave them, with a place mistaken by `shift`
-/// fringes that changes over the panel.
+/// Returns the blocks of a plane that is off by `error`, with a position error of `shift` fringes
+/// that varies over the panel.
 std::vector<FringeBlock> blocks_of(const LensPlane& error, double shift, double noise,
                                    uint32_t seed) {
   std::mt19937 random(seed);
@@ -35,7 +35,7 @@ std::vector<FringeBlock> blocks_of(const LensPlane& error, double shift, double 
   return blocks;
 }
 
-TEST(PhasePlane, TellsPitchFromMistakenPlaces) {
+TEST(PhasePlane, SeparatesPitchFromPositionErrors) {
   const LensPlane truth{0.07, -0.11, 0.05};
   const PlaneCorrection found = fit_plane(blocks_of(truth, 0.1, 0.0, 1));
   EXPECT_NEAR(found.add.at, truth.at, 1e-5);
@@ -44,7 +44,7 @@ TEST(PhasePlane, TellsPitchFromMistakenPlaces) {
   EXPECT_EQ(found.used, 384);
 }
 
-TEST(PhasePlane, OneBlockInTenMayBeAnything) {
+TEST(PhasePlane, ToleratesOneOutlierInTenBlocks) {
   const LensPlane truth{0.02, 0.03, -0.04};
   std::vector<FringeBlock> blocks = blocks_of(truth, 0.01, 0.002, 2);
   for (size_t i = 0; i < blocks.size(); i += 10) blocks[i].phase = 0.4;
@@ -55,8 +55,8 @@ TEST(PhasePlane, OneBlockInTenMayBeAnything) {
   EXPECT_NEAR(found.rms_lenses, 0.002, 0.0004);
 }
 
-// The standard errors are those of many tries.
-TEST(PhasePlane, ItsErrorsAreTheScatterOfManyTries) {
+// The standard errors agree with the scatter of many runs.
+TEST(PhasePlane, ItsStandardErrorsAgreeWithTheScatter) {
   double squares = 0.0, predicted = 0.0;
   constexpr int kTries = 60;
   for (int i = 0; i < kTries; ++i) {
@@ -68,14 +68,14 @@ TEST(PhasePlane, ItsErrorsAreTheScatterOfManyTries) {
   EXPECT_NEAR(std::sqrt(squares / predicted), 1.0, 0.3);
 }
 
-TEST(PhasePlane, SearchesAFringeAndAHalfFar) {
+TEST(PhasePlane, SearchesUpToOneAndAHalfFringes) {
   const LensPlane truth{0.3, 1.33, -1.21};
   const LensPlane found = search_plane(blocks_of(truth, 0.02, 0.01, 3));
   EXPECT_NEAR(found.across, truth.across, 0.08);
   EXPECT_NEAR(found.down, truth.down, 0.08);
 }
 
-TEST(PhasePlane, TooFewBlocksGiveNothing) {
+TEST(PhasePlane, RefusesTooFewBlocks) {
   std::vector<FringeBlock> blocks = blocks_of({0.1, 0.1, 0.1}, 0.0, 0.0, 1);
   blocks.resize(19);
   const PlaneCorrection found = fit_plane(blocks);

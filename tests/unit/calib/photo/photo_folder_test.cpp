@@ -19,7 +19,7 @@ using test::ScratchFolder;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// A picture that is one code all over.
+/// Writes a picture of a single code.
 void write_plain(const std::filesystem::path& file, uint8_t code, int width = 4, int height = 3) {
   frames::WovenFrame frame({width, height, frames::PixelFormat::Rgb8});
   std::fill(frame.bytes().begin(), frame.bytes().end(), code);
@@ -32,20 +32,20 @@ std::vector<std::string> names(const PhotoFolder& photos) {
   return out;
 }
 
-TEST(PhotoFolder, NamesAreOrderedAsPeopleCount) {
+TEST(PhotoFolder, OrdersNamesByTheirNumbers) {
   EXPECT_TRUE(stands_before("IMG_9.jpg", "IMG_10.jpg"));
   EXPECT_FALSE(stands_before("IMG_10.jpg", "IMG_9.jpg"));
   EXPECT_TRUE(stands_before("img_9.jpg", "IMG_10.JPG"));
   EXPECT_TRUE(stands_before("a", "ab"));
   EXPECT_TRUE(stands_before("a2b10", "a2b11"));
   EXPECT_TRUE(stands_before("99999999999999999999998", "99999999999999999999999"));
-  // Equal but for zeros or case: one order all the same.
+  // Names that differ in zeros or case only still have a strict order.
   EXPECT_NE(stands_before("a01", "a1"), stands_before("a1", "a01"));
   EXPECT_NE(stands_before("A1", "a1"), stands_before("a1", "A1"));
   EXPECT_FALSE(stands_before("a1", "a1"));
 }
 
-TEST(PhotoFolder, GivesPicturesInOrderAndThenIsGone) {
+TEST(PhotoFolder, ReturnsPicturesInOrderAndThenEnds) {
   const ScratchFolder folder;
   write_plain(folder / "p10.png", 255);
   write_plain(folder / "p9.png", 128);
@@ -73,7 +73,7 @@ TEST(PhotoFolder, GivesPicturesInOrderAndThenIsGone) {
   EXPECT_EQ(photos.grab(picture, Nanoseconds(0)), GrabStatus::Gone);
 }
 
-TEST(PhotoFolder, SaysWhatIsMissing) {
+TEST(PhotoFolder, ReportsMissingPhotographs) {
   const ScratchFolder folder;
   Error error = error_of([&] { PhotoFolder(folder / "none", 1); });
   EXPECT_EQ(error.kind(), ErrorKind::Input);
@@ -100,7 +100,7 @@ TEST(PhotoFolder, ABrokenPhotographIsNamed) {
   EXPECT_THAT(error_of([&] { PhotoFolder(folder.path(), 1); }).what(), HasSubstr("a.png"));
 }
 
-TEST(PhotoFolder, WhatChangesMeanwhileEndsIt) {
+TEST(PhotoFolder, AChangedFolderIsAnError) {
   const ScratchFolder folder;
   for (const char* change : {"gone", "other size", "no picture"}) {
     write_plain(folder / "a.png", 1);

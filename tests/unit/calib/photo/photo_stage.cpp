@@ -12,7 +12,7 @@
 namespace lenticule::test {
 namespace {
 
-/// Light of a row of subpixels around a place, weighted by the lens spot.
+/// Returns the light of a row of subpixels around a place, weighted by the lens spot.
 class Glass {
  public:
   Glass(const optics::Rig& rig, const frames::WovenFrame& shown)
@@ -44,7 +44,7 @@ class Glass {
   double sigma_subpx_;
 };
 
-/// The direction of a picture point, panel frame.
+/// Returns the direction of a picture point in the panel's frame.
 Vec3 direction_of(const PhotoStage& stage, double column, double row) {
   const double u = (column - 0.5 * stage.width) / stage.focal_px;
   const double v = -(row - 0.5 * stage.height) / stage.focal_px;
@@ -56,7 +56,8 @@ Vec3 direction_of(const PhotoStage& stage, double column, double row) {
   return {x * std::cos(yaw) - std::sin(yaw), y, -x * std::sin(yaw) - std::cos(yaw)};
 }
 
-/// What a ray finds: the lens it meets, and under that lens the place that the eye sees.
+/// Returns the light of a ray: finds the lens that the ray meets, then the place that the eye sees
+/// under that lens.
 double light_along(const PhotoStage& stage, const optics::OpticalModel& model, const Glass& glass,
                    Vec3 direction) {
   const Vec3 at = stage.eye_mm + direction * (-stage.eye_mm.z / direction.z);
@@ -83,7 +84,7 @@ float pixel_light(const PhotoStage& stage, const optics::OpticalModel& model, co
   return static_cast<float>(stage.ambient + stage.gain * sum / (side * side));
 }
 
-/// Running mean over 2 reach + 1 pixels with the given step between them.
+/// Replaces values by the running mean over 2 reach + 1 of them, with the given step between them.
 void blur_line(float* first, size_t step, int count, int reach) {
   std::vector<float> line;
   for (int i = 0; i < count; ++i) line.push_back(first[static_cast<size_t>(i) * step]);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Photographs of a panel under its sheet by the chief-ray model: each camera pixel gathers rays,
-// each ray meets a lens, and each lens shows what is where the eye sees it, blurred by its spot.
+// Makes photographs of a panel under its sheet by the chief-ray model: each camera pixel gathers
+// rays, each ray meets a lens, and each lens shows the place that the eye sees through it, blurred
+// by its spot.
 #pragma once
 
 #include <cstdint>
@@ -13,24 +14,24 @@
 namespace lenticule::test {
 
 struct PhotoStage {
-  optics::Rig rig;  ///< the truth
+  optics::Rig rig;  ///< ground truth
   int width = 1024;
   int height = 576;
   double focal_px = 1120.0;
   Vec3 eye_mm{20.0, -15.0, 700.0};
   double yaw_degrees = 0.0;
   double roll_degrees = 0.0;
-  double distortion = 0.0;  ///< as PhotoPose has it
-  double noise = 0.0;       ///< standard deviation, of full scale
+  double distortion = 0.0;  ///< convention of PhotoPose
+  double noise = 0.0;       ///< standard deviation as a share of full scale
   double gain = 0.8;        ///< light of a white panel
   double ambient = 0.01;
-  int rays_per_side = 3;  ///< of a pixel
-  int blur_px = 0;        ///< half width of a box, both ways, twice
+  int rays_per_side = 3;  ///< rays per camera pixel and side
+  int blur_px = 0;        ///< half width of a box filter, applied twice in both directions
   bool eight_bits = true;
   uint32_t seed = 1;
 };
 
-/// 27 inches, 3840 x 2160, about 1500 lenses.
+/// Returns a rig of 27 inches, 3840 x 2160, about 1500 lenses.
 [[nodiscard]] optics::Rig desk_rig();
 
 [[nodiscard]] calib::CameraPicture photograph(const PhotoStage& stage,

@@ -41,27 +41,27 @@ double worst(const optics::ResidualMap& map) {
   return off;
 }
 
-TEST(SheetMap, FollowsASmoothShapeToTheBorder) {
+TEST(SheetMap, FollowsASmoothShapeUpToTheBorder) {
   const Measured m = measured();
   const optics::ResidualMap map = smooth_map(m.blocks, m.residuals);
   ASSERT_EQ(map.lenses.size(), static_cast<size_t>(map.columns * map.rows));
   EXPECT_LT(worst(map), 0.006);
 }
 
-TEST(SheetMap, ABubbleDoesNotBendIt) {
+TEST(SheetMap, ToleratesABubble) {
   Measured m = measured();
   for (const size_t i : {100U, 101U, 200U, 300U}) m.residuals[i] = 0.45;
   EXPECT_LT(worst(smooth_map(m.blocks, m.residuals)), 0.02);
 }
 
-TEST(SheetMap, TooFewBlocksAreNoMap) {
+TEST(SheetMap, RefusesTooFewBlocks) {
   Measured m = measured();
   m.blocks.resize(99);
   m.residuals.resize(99);
   EXPECT_TRUE(smooth_map(m.blocks, m.residuals).empty());
 }
 
-TEST(SheetMap, SumsAgreeEverywhereWithTheirParts) {
+TEST(SheetMap, EqualsTheSumOfItsPartsEverywhere) {
   optics::ResidualMap coarse{3, 2, {0.0, 0.1, 0.05, -0.1, 0.0, 0.2}};
   optics::ResidualMap fine{5, 4, {}};
   for (int i = 0; i < 20; ++i) fine.lenses.push_back(0.01 * std::sin(i));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A single photograph by the simulated bench, whose rays are refracted by real cylinders: nothing
-// of it follows the formulas that are fitted.
+// Tests a single photograph with the simulated bench, whose rays are refracted by real cylinders
+// and do not follow the fitted formulas.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -37,7 +37,7 @@ SimulatedCamera bench_camera() {
   return camera;
 }
 
-/// What somebody believes of that sheet.
+/// Returns the rig that a user assumes for that sheet.
 optics::Rig believed(const SimulatedSheet& sheet) {
   optics::Rig rig = test::desk_rig();
   const ChiefRay ray = chief_ray(sheet, 1);
@@ -61,7 +61,8 @@ Calibration calibrate(SimulatedBench& bench, const optics::Rig& start) {
   return fit_single_photo(picture, chart, tape);
 }
 
-/// Over the panel but its outermost twentieths, for the eye found against the eye there is.
+/// Returns the largest phase error over the panel without its outermost twentieths, for the fitted
+/// eye against the true eye.
 double worst_phase(const Calibration& found, const SimulatedBench& bench) {
   const optics::OpticalModel model(found.rig);
   const Vec3 eye = found.viewpoints.at(0).eye_mm;
@@ -90,7 +91,7 @@ TEST(SinglePhotoOnTheBench, FindsRealLenses) {
   EXPECT_NEAR(found.camera.k1, -0.02, 0.01);
 }
 
-TEST(SinglePhotoOnTheBench, MapsASheetThatIsNotEven) {
+TEST(SinglePhotoOnTheBench, MapsAnUnevenSheet) {
   SimulatedSheet sheet = bench_sheet();
   sheet.deformation_lenses = 0.1;
   const optics::Rig start = believed(sheet);
@@ -99,7 +100,7 @@ TEST(SinglePhotoOnTheBench, MapsASheetThatIsNotEven) {
   ASSERT_EQ(found.verdict, Verdict::Effective) << found.reasons.at(0);
   EXPECT_FALSE(found.rig.sheet.residual.empty());
   EXPECT_FALSE(optics::find_problem(found.rig));
-  EXPECT_LT(worst_phase(found, bench), 0.05);  // in the corners, under the tags
+  EXPECT_LT(worst_phase(found, bench), 0.05);  // worst in the corners, under the tags
 }
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The photographs are made with another pitch, slant and offset than the chart was drawn for.
+// Tests photographs of panels whose pitch, slant and offset differ from those of the chart.
 #include "calib/photo/single_photo.h"
 
 #include <gmock/gmock.h>
@@ -19,7 +19,7 @@ using test::PhotoStage;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// The chart of a rig whose pitch is 0.4 % off, drawn once for all tests.
+/// The chart of a rig whose pitch is 0.4 % off; drawn once for all tests.
 struct Shown {
   SinglePhotoChart chart;
   frames::WovenFrame frame;
@@ -44,7 +44,7 @@ PhotoStage stage() {
   return stage;
 }
 
-/// As somebody measures with a tape.
+/// Returns priors of a user who measures with a tape.
 PhotoPriors tape(const PhotoStage& stage) {
   PhotoPriors priors;
   priors.distance_mm = Estimate{stage.eye_mm.z, 3.0};
@@ -55,7 +55,7 @@ double without_lenses(double phase) {
   return phase - std::round(phase);
 }
 
-/// Largest error of the phase over the panel, seen by the eye found, against the truth.
+/// Returns the largest phase error over the panel, for the fitted eye against the ground truth.
 double worst_phase(const Calibration& found, const PhotoStage& stage) {
   const optics::OpticalModel truth(stage.rig), model(found.rig);
   const Vec3 e = stage.eye_mm, f = found.viewpoints[0].eye_mm;
@@ -96,8 +96,8 @@ TEST(SinglePhoto, FindsPitchSlantAndOffset) {
   EXPECT_FALSE(optics::find_problem(found.rig));
 }
 
-// Whoever has no tape gets less, and is told how much less.
-TEST(SinglePhoto, ADistanceThatIsNotKnownIsInTheErrors) {
+// The result is less accurate and states larger errors without a measured distance.
+TEST(SinglePhoto, AnUnknownDistanceIncreasesTheStatedErrors) {
   const PhotoStage s = stage();
   const Calibration found = fit_single_photo(photograph(s, shown().frame), shown().chart);
   expect_found(found, s, 1e-5, 5e-6, 0.02);
@@ -109,7 +109,7 @@ TEST(SinglePhoto, ADistanceThatIsNotKnownIsInTheErrors) {
   EXPECT_THAT(found.warnings, ::testing::Contains(HasSubstr("how far the camera was")));
 }
 
-TEST(SinglePhoto, FromTheSideTurnedAndThroughABentLens) {
+TEST(SinglePhoto, ToleratesObliqueRotatedAndDistortedPhotographs) {
   PhotoStage s = stage();
   s.eye_mm = {150.0, 40.0, 680.0};
   s.yaw_degrees = 12.0;
@@ -129,7 +129,7 @@ TEST(SinglePhoto, APhoneMayBeHeldUpright) {
   expect_found(found, s, 3e-6, 1e-5, 0.006);
 }
 
-TEST(SinglePhoto, BlurMakesTagsLargerAndNothingWorse) {
+TEST(SinglePhoto, ToleratesBlur) {
   PhotoStage s = stage();
   s.blur_px = 2;
   s.noise = 0.01;
@@ -137,7 +137,7 @@ TEST(SinglePhoto, BlurMakesTagsLargerAndNothingWorse) {
   expect_found(found, s, 4e-6, 1e-5, 0.01);
 }
 
-TEST(SinglePhoto, SaysWhyItRefuses) {
+TEST(SinglePhoto, RefusesWithAReason) {
   PhotoStage s = stage();
   s.rays_per_side = 1;
   const auto reason = [&](const optics::Rig& rig) {
@@ -148,7 +148,7 @@ TEST(SinglePhoto, SaysWhyItRefuses) {
   };
   s.width = 320;
   s.height = 180;
-  s.focal_px = 1120.0;  // the panel's middle only
+  s.focal_px = 1120.0;  // light in the panel's middle only
   EXPECT_THAT(reason(desk_rig()), HasSubstr("of 9 tags were found"));
   s = stage();
   s.rays_per_side = 1;
@@ -161,11 +161,11 @@ TEST(SinglePhoto, SaysWhyItRefuses) {
   EXPECT_THAT(reason(desk_rig()), HasSubstr("clipped"));
   s.gain = 0.8;
   optics::Rig unfocused = desk_rig();
-  unfocused.sheet.spot_sigma = Lenses(0.6);  // each lens shows the mean of what is under it
+  unfocused.sheet.spot_sigma = Lenses(0.6);  // each lens shows the mean of the subpixels under it
   EXPECT_THAT(reason(unfocused), HasSubstr("fringes"));
 }
 
-/// Over the panel for an eye where the camera really was, as a viewer is placed by millimetres.
+/// Returns the largest phase error over the panel for an eye at the camera's true place.
 double worst_placed(const Calibration& found, const PhotoStage& stage) {
   const optics::OpticalModel truth(stage.rig), model(found.rig);
   const Vec3 e = stage.eye_mm;
@@ -177,7 +177,7 @@ double worst_placed(const Calibration& found, const PhotoStage& stage) {
   return worst;
 }
 
-/// As worst_placed; whole lenses of the offset do not show.
+/// Returns worst_placed without whole lenses of the offset, which are invisible.
 double placed_error(Calibration found, const PhotoStage& stage) {
   const optics::OpticalModel truth(stage.rig), model(found.rig);
   const Vec3 e = stage.eye_mm;
@@ -187,7 +187,7 @@ double placed_error(Calibration found, const PhotoStage& stage) {
   return worst_placed(found, stage);
 }
 
-/// Refused, or right to what is stated.
+/// Expects a refusal, or errors within the stated ones.
 void expect_honest(const Calibration& found, const PhotoStage& stage, const std::string& what) {
   if (found.verdict == Verdict::Refused) return;
   EXPECT_LE(placed_error(found, stage), found.drift.worst_lenses) << what;
@@ -204,8 +204,8 @@ Calibration from_start(double pitch_factor, double slant_error, uint32_t seed) {
   return fit_single_photo(photograph(s, draw_single_photo_chart(chart)), chart, tape(s));
 }
 
-// Up to where the start may be, whatever bands show no fringes there.
-TEST(SinglePhoto, AStartThatIsFarOffIsFoundOrRefused) {
+// Covers the whole allowed range of starts, including those without visible fringes.
+TEST(SinglePhoto, AFarStartIsCorrectedOrRefused) {
   uint32_t seed = 1;
   for (const double factor : {0.92, 0.95, 0.96, 0.97, 1.03, 1.04, 1.05, 1.08}) {
     const Calibration found = from_start(factor, 0.02, ++seed);
@@ -216,7 +216,8 @@ TEST(SinglePhoto, AStartThatIsFarOffIsFoundOrRefused) {
   EXPECT_EQ(too_far.verdict, Verdict::Refused);
 }
 
-/// What a program shows that fits the chart into 95 % of the panel, smoothly.
+/// Scales a frame smoothly to a part of the panel, as a viewer that fits pictures into its window
+/// does.
 frames::WovenFrame scaled(const frames::WovenFrame& frame, double part) {
   frames::WovenFrame out(frame.geometry());
   const double left = 0.5 * (1.0 - part) * frame.width(), top = 0.5 * (1.0 - part) * frame.height();
@@ -238,7 +239,7 @@ frames::WovenFrame scaled(const frames::WovenFrame& frame, double part) {
   return out;
 }
 
-TEST(SinglePhoto, AChartThatWasScaledIsRefused) {
+TEST(SinglePhoto, RefusesAScaledChart) {
   PhotoStage s = stage();
   s.rays_per_side = 2;
   for (const double part : {0.95, 0.99}) {
@@ -249,7 +250,7 @@ TEST(SinglePhoto, AChartThatWasScaledIsRefused) {
   }
 }
 
-TEST(SinglePhoto, WhatThePictureCannotContradictIsInTheStatedError) {
+TEST(SinglePhoto, ErrorsOfTheInputAreWithinTheStatedError) {
   PhotoStage s = stage();
   s.rays_per_side = 2;
   for (const uint32_t seed : {1U, 2U}) {
@@ -271,7 +272,7 @@ TEST(SinglePhoto, WhatThePictureCannotContradictIsInTheStatedError) {
   }
 }
 
-TEST(SinglePhoto, DistanceAndFocalLengthThatContradictEachOtherAreRefused) {
+TEST(SinglePhoto, RefusesAContradictoryDistanceAndFocalLength) {
   const PhotoStage s = stage();
   const CameraPicture picture = photograph(s, shown().frame);
   PhotoPriors priors = tape(s);
@@ -282,7 +283,7 @@ TEST(SinglePhoto, DistanceAndFocalLengthThatContradictEachOtherAreRefused) {
               ElementsAre(HasSubstr("not 600 mm")));
 }
 
-TEST(SinglePhoto, APanelSizeThatTheTapeContradictsIsRefused) {
+TEST(SinglePhoto, RefusesAPanelSizeThatTheMeasuredDistanceContradicts) {
   PhotoStage s = stage();
   s.rays_per_side = 2;
   SinglePhotoChart believed = shown().chart;
@@ -296,7 +297,7 @@ TEST(SinglePhoto, APanelSizeThatTheTapeContradictsIsRefused) {
               ElementsAre(HasSubstr("the panel's size in the rig is wrong by 16 %")));
 }
 
-TEST(SinglePhoto, ACropBesideTheMiddleIsRefusedOrInTheStatedError) {
+TEST(SinglePhoto, AnOffCentreCropIsRefusedOrWithinTheStatedError) {
   PhotoStage s = stage();
   s.rays_per_side = 2;
   s.focal_px = 780.0;
@@ -304,7 +305,7 @@ TEST(SinglePhoto, ACropBesideTheMiddleIsRefusedOrInTheStatedError) {
     s.yaw_degrees = yaw;
     const CameraPicture whole = photograph(s, shown().frame);
     CameraPicture cropped = whole;
-    cropped.width = 7 * whole.width / 10;  // what is cut off is at the left
+    cropped.width = 7 * whole.width / 10;  // cut off at the left
     cropped.light.clear();
     for (int j = 0; j < whole.height; ++j)
       for (int i = whole.width - cropped.width; i < whole.width; ++i)
@@ -316,7 +317,7 @@ TEST(SinglePhoto, ACropBesideTheMiddleIsRefusedOrInTheStatedError) {
   }
 }
 
-TEST(SinglePhoto, NoPictureIsTooStrange) {
+TEST(SinglePhoto, SurvivesArbitraryPictures) {
   for (const float light : {0.0F, 0.5F, 1.0F, std::nanf(""), INFINITY, -1.0F}) {
     const CameraPicture picture{64, 64, 3, std::vector<float>(64 * 64 * 3, light), 0, {}};
     const Calibration found = fit_single_photo(picture, shown().chart);

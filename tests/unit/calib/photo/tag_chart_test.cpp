@@ -21,7 +21,7 @@ using test::desk_rig;
 
 constexpr int kPixelsSeenAsOne = 3;
 
-/// From so far away that three by three pixels look like one.
+/// Returns the frame from so far away that three by three pixels blur into one.
 PhotoLight as_seen_without_a_sheet(const frames::WovenFrame& frame) {
   constexpr int kSide = kPixelsSeenAsOne;
   PhotoLight picture{frame.width() / kSide, frame.height() / kSide, {}};
@@ -43,7 +43,7 @@ const frames::WovenFrame& desk_frame() {
   return kFrame;
 }
 
-TEST(TagChart, PlansForTheRig) {
+TEST(TagChart, IsPlannedForTheRig) {
   const SinglePhotoChart chart = plan_single_photo_chart(desk_rig());
   EXPECT_GE(chart.fringes, 30);
   EXPECT_LE(chart.fringes, 60);
@@ -60,7 +60,7 @@ TEST(TagChart, PlansForTheRig) {
   EXPECT_FALSE(chart.tags[4].covers({960.0, 1080.0}, 0.0));
 }
 
-// The two combs beat with the lenses F times each across the panel, in opposite directions.
+// The two combs beat with the lenses F times across the panel, in opposite directions.
 TEST(TagChart, CombsAreDetunedInOppositeDirections) {
   const SinglePhotoChart chart = plan_single_photo_chart(desk_rig());
   for (const double direction : {1.0, -1.0}) {
@@ -76,7 +76,7 @@ TEST(TagChart, CombsAreDetunedInOppositeDirections) {
 TEST(TagChart, DrawsTheCombInLinearLight) {
   const SinglePhotoChart chart = plan_single_photo_chart(desk_rig());
   const frames::WovenFrame& frame = desk_frame();
-  const int j = 700;  // between the tags
+  const int j = 700;  // a row between the tags
   double worst = 0.0;
   for (int k = 3 * 100; k < 3 * 300; ++k) {
     const double x = (k + 0.5) / 3.0;
@@ -122,7 +122,7 @@ TEST(TagChart, AnotherRigHasOtherTags) {
   EXPECT_EQ(plan_single_photo_chart(other).tag(id), nullptr);
 }
 
-TEST(TagChart, APanelTooSmallForTagsIsRefused) {
+TEST(TagChart, RefusesAPanelTooSmallForTags) {
   optics::Rig rig = desk_rig();
   rig.panel.width_px = 1024;
   rig.panel.height_px = 600;
@@ -131,7 +131,7 @@ TEST(TagChart, APanelTooSmallForTagsIsRefused) {
   EXPECT_THAT(error.what(), ::testing::HasSubstr("too few for nine tags"));
 }
 
-TEST(TagFinder, FindsTagsThatNoiseHides) {
+TEST(TagFinder, FindsTagsInNoise) {
   PhotoLight picture = as_seen_without_a_sheet(desk_frame());
   std::mt19937 random(1);
   std::normal_distribution<float> noise(0.0F, 0.35F);
@@ -139,7 +139,7 @@ TEST(TagFinder, FindsTagsThatNoiseHides) {
   EXPECT_GE(find_tags(picture, 9).size(), 8U);
 }
 
-TEST(TagFinder, NothingIsFoundInNothing) {
+TEST(TagFinder, FindsNothingWithoutTags) {
   EXPECT_TRUE(find_tags({0, 0, {}}, 9).empty());
   EXPECT_TRUE(find_tags({100, 100, std::vector<float>(10000, NAN)}, 9).empty());
   EXPECT_TRUE(find_tags({100, 100, std::vector<float>(10000, 0.0F)}, 9).empty());

@@ -10,8 +10,8 @@
 namespace lenticule::calib {
 namespace {
 
-// The rig file has its own idea of printable text; escaped() may not be wider.
-TEST(PlainText, EveryPairOfBytesIsFitForARigFile) {
+// The rig file's own rule for printable text must accept everything that escaped() returns.
+TEST(PlainText, EveryPairOfBytesIsValidInARigFile) {
   optics::Rig rig = test::sample_rig();
   for (int first = 0; first < 256; ++first) {
     std::string all;
@@ -25,7 +25,7 @@ TEST(PlainText, EveryPairOfBytesIsFitForARigFile) {
   }
 }
 
-TEST(PlainText, HtmlShowsMarkupInsteadOfObeyingIt) {
+TEST(PlainText, HtmlEscapesMarkup) {
   EXPECT_EQ(html_escaped("<b a='1' c=\"2\">&\n"),
             "&lt;b a=&#39;1&#39; c=&quot;2&quot;&gt;&amp;\\x0a");
 }

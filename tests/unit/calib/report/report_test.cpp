@@ -29,7 +29,7 @@ size_t count(const std::string& text, const std::string& part) {
   return found;
 }
 
-/// Every start tag has its end tag in the right order.
+/// Returns true if every start tag has its end tag in the right order.
 bool is_balanced(const std::string& html) {
   static const std::set<std::string> kAlone = {"meta", "!DOCTYPE"};
   std::vector<std::string> open;
@@ -52,7 +52,7 @@ bool is_balanced(const std::string& html) {
   return open.empty();
 }
 
-TEST(ReportJson, HoldsWhatWasFound) {
+TEST(ReportJson, HoldsTheResults) {
   const auto json = report_json(sample_calibration(), sample_details());
   EXPECT_EQ(json.at("verdict"), "intrinsic");
   EXPECT_EQ(json.at("when"), "2026-03-01T12:34:56Z");
@@ -69,7 +69,7 @@ TEST(ReportJson, HoldsWhatWasFound) {
   EXPECT_EQ(json.at("camera_used").at("unlocked").at(0), "no manual focus");
 }
 
-TEST(ReportJson, WhatIsNotFiniteIsNull) {
+TEST(ReportJson, NonFiniteNumbersAreNull) {
   Calibration c = sample_calibration();
   c.parameters[0].estimate = {kNan, kInfinity};
   c.rig.viewing.distance = Millimetres(kInfinity);
@@ -82,7 +82,7 @@ TEST(ReportJson, WhatIsNotFiniteIsNull) {
   EXPECT_TRUE(json.at("spot").is_null());
 }
 
-TEST(ReportJson, AnyBytesInNamesCanBeWritten) {
+TEST(ReportJson, AcceptsAnyBytesInNames) {
   Calibration c = sample_calibration();
   c.viewpoints[0].name = "\xff\xfe";
   RecordDetails details = sample_details();
@@ -97,7 +97,7 @@ TEST(ReportJson, AnEmptyCalibrationIsRefused) {
   EXPECT_TRUE(json.at("viewpoints").empty());
 }
 
-TEST(ReportHtml, IsOneWholeDocumentWithNothingFromOutside) {
+TEST(ReportHtml, IsOneDocumentWithoutExternalResources) {
   const std::string html = report_html(sample_calibration(), sample_details());
   EXPECT_TRUE(is_balanced(html));
   for (const char* outside : {"<script", "http:", "https:", "<link", "<img", "url(", "@import"})
@@ -105,7 +105,7 @@ TEST(ReportHtml, IsOneWholeDocumentWithNothingFromOutside) {
   EXPECT_EQ(count(html, "<html"), 1U);
 }
 
-TEST(ReportHtml, SaysWhatWasFound) {
+TEST(ReportHtml, ShowsTheResults) {
   const std::string html = report_html(sample_calibration(), sample_details());
   EXPECT_THAT(html, HasSubstr("<strong>Calibrated</strong>"));
   EXPECT_THAT(html, HasSubstr("7.7012301 \u00b1 0.0000042"));
@@ -118,7 +118,7 @@ TEST(ReportHtml, SaysWhatWasFound) {
   EXPECT_EQ(count(html, "<svg"), 8U);
 }
 
-TEST(ReportHtml, MarksWhatMissesItsLimit) {
+TEST(ReportHtml, MarksValuesOutsideTheirLimits) {
   Calibration c = sample_calibration();
   EXPECT_EQ(count(report_html(c, sample_details()), "<td class=\"bad\""), 0U);
   c.viewpoints[0].max_lenses = 0.021;
@@ -129,7 +129,7 @@ TEST(ReportHtml, MarksWhatMissesItsLimit) {
   EXPECT_THAT(html, HasSubstr("Missed."));
 }
 
-TEST(ReportHtml, TextsFromDevicesAreShownAndNotObeyed) {
+TEST(ReportHtml, EscapesTextsFromDevices) {
   const std::string evil = "<script>alert('1')</script>&\"\xff\n";
   Calibration c = sample_calibration();
   RecordDetails details = sample_details();
@@ -145,7 +145,7 @@ TEST(ReportHtml, TextsFromDevicesAreShownAndNotObeyed) {
   EXPECT_TRUE(is_balanced(html));
 }
 
-TEST(ReportHtml, NothingKnownIsSaidToBeNotKnown) {
+TEST(ReportHtml, ReportsUnknownValuesAsUnknown) {
   EXPECT_TRUE(is_balanced(report_html(Calibration{}, RecordDetails{})));
   Calibration c = sample_calibration();
   c.viewpoints.resize(1);
@@ -162,7 +162,7 @@ TEST(ReportHtml, NothingKnownIsSaidToBeNotKnown) {
   EXPECT_THAT(html, Not(HasSubstr("hang together")));
 }
 
-TEST(ReportWords, EachVerdictSaysWhatToDo) {
+TEST(ReportWords, EachVerdictNamesARemedy) {
   Calibration c = sample_calibration();
   EXPECT_THAT(advice(c).front(), HasSubstr("Use it"));
   c.verdict = Verdict::Effective;
@@ -173,7 +173,7 @@ TEST(ReportWords, EachVerdictSaysWhatToDo) {
   EXPECT_THAT(report_html(c, sample_details()), HasSubstr("verdict refused"));
 }
 
-TEST(ReportWords, ErrorsSetTheDigits) {
+TEST(ReportWords, ErrorsDetermineTheDigits) {
   EXPECT_EQ(with_error({7.70123012, 1.25e-6}), "7.7012301 \u00b1 0.0000013");
   EXPECT_EQ(with_error({2.2, 0.0}), "2.2");
   EXPECT_EQ(with_error({2.2, kNan}), "2.2");
@@ -181,7 +181,7 @@ TEST(ReportWords, ErrorsSetTheDigits) {
   EXPECT_EQ(with_error({1234.0, 25.0}), "1234 \u00b1 25");
 }
 
-TEST(FieldPicture, ColoursHaveASignAndEnds) {
+TEST(FieldPicture, ColoursShowTheSignAndSaturate) {
   EXPECT_EQ(signed_colour(0.0), "#fafaf7");
   EXPECT_EQ(signed_colour(1.0), signed_colour(5.0));
   EXPECT_EQ(signed_colour(-1.0), "#2154a0");
@@ -189,7 +189,7 @@ TEST(FieldPicture, ColoursHaveASignAndEnds) {
   EXPECT_EQ(signed_colour(kNan), "#c4c4c4");
 }
 
-TEST(FieldPicture, FineFieldsAreAveragedWithoutWhatNobodyMeasured) {
+TEST(FieldPicture, FineFieldsAreAveragedWithoutMissingValues) {
   PanelField field{128, 72, std::vector<double>(128 * 72, 2.0)};
   for (int i : {0, 1, 128, 129}) field.values[static_cast<size_t>(i)] = kNan;
   field.values[2] = 6.0;
@@ -202,7 +202,7 @@ TEST(FieldPicture, FineFieldsAreAveragedWithoutWhatNobodyMeasured) {
   EXPECT_DOUBLE_EQ(coarse.values[2], 2.0);
 }
 
-// The figures of the design: 27 inches, 7.7 subpixels, 700 mm.
+// Numbers of the design: 27 inches, pitch 7.7 subpixels, 700 mm.
 TEST(Sensitivity, AgreesWithTheToleranceTable) {
   const auto rows = sensitivities(test::sample_rig(), {0.0, 0.0, 700.0});
   const auto worst = [&](const std::string& part) {
@@ -211,16 +211,16 @@ TEST(Sensitivity, AgreesWithTheToleranceTable) {
     ADD_FAILURE() << part;
     return kNan;
   };
-  // By the gradient alone (3/P times half the panel's extent along it).
+  // The expected phase error by the gradient alone (3/P times half the panel's extent along it).
   const double half = 3.0 * (1920.0 + 0.2521 * 1080.0) / 7.70123;
   EXPECT_NEAR(worst("warmer"), 7e-5 * half, 0.002);
   EXPECT_NEAR(worst("pitch off"), 1e-5 * half, 0.0003);
   EXPECT_NEAR(worst("slant off"), 1e-5 * 3.0 * 1080.0 / 7.70123, 0.0001);
   EXPECT_NEAR(worst("offset off"), 0.01, 1e-12);
-  // 0.0080 lens per millimetre on the axis.
+  // The change on the axis is 0.0080 lens per millimetre.
   EXPECT_NEAR(worst("to the side"), 5 * 0.0080, 0.004);
-  // 4.4e-5 of pitch for 10 mm of distance, less toward the corners, where light bends more: the
-  // shift's derivative, by its formula.
+  // 10 mm of distance change the pitch by 4.4e-5, and by less toward the corners, where light bends
+  // more: the derivative of the shift, by its formula.
   const double r = 0.15565 * std::hypot(1920.0, 1080.0) / 705.0;
   const double bent = std::pow(1.0 + 0.55 * r * r, -1.5);
   EXPECT_NEAR(worst("nearer"), 2.2 * 10.0 / (705.0 * 705.0) * bent * half, 0.002);

@@ -36,7 +36,7 @@ std::string content(const std::filesystem::path& file) {
   return {bytes.begin(), bytes.end()};
 }
 
-TEST(RigRecord, SaysWhereTheNumbersComeFrom) {
+TEST(RigRecord, StatesTheOriginOfItsNumbers) {
   const optics::Rig rig = with_record(sample_calibration(), sample_details());
   EXPECT_EQ(entry(rig, "date"), "2026-03-01T12:34:56Z");
   EXPECT_EQ(entry(rig, "tool"), std::string("lenticule ") + LENTICULE_VERSION);
@@ -55,7 +55,7 @@ TEST(RigRecord, SaysWhereTheNumbersComeFrom) {
   EXPECT_EQ(optics::fingerprint(rig), optics::fingerprint(sample_rig()));
 }
 
-TEST(RigRecord, AnEffectiveCalibrationSaysSo) {
+TEST(RigRecord, StatesThatACalibrationIsEffective) {
   Calibration c = sample_calibration();
   c.verdict = Verdict::Effective;
   c.reasons = {"one viewpoint only"};
@@ -65,7 +65,7 @@ TEST(RigRecord, AnEffectiveCalibrationSaysSo) {
   EXPECT_EQ(entry(rig, "reasons"), "one viewpoint only");
 }
 
-TEST(RigRecord, SurvivesTheRigFile) {
+TEST(RigRecord, SurvivesARoundTripThroughTheRigFile) {
   Calibration c = sample_calibration();
   RecordDetails details = sample_details();
   details.camera.name = "bad \xff\x01 \"name\" \\ <x>\n";
@@ -75,7 +75,7 @@ TEST(RigRecord, SurvivesTheRigFile) {
   EXPECT_EQ(entry(rig, "reasons").size(), 4096U);
 }
 
-TEST(RigRecord, NumbersThatAreNotKnownAreLeftOut) {
+TEST(RigRecord, UnknownNumbersAreOmitted) {
   Calibration c = sample_calibration();
   c.viewpoints.clear();
   const optics::Rig rig = with_record(c, sample_details());
@@ -96,7 +96,7 @@ TEST(RigRecord, EarlierOriginsBecomeHistory) {
   EXPECT_EQ(entry(rig, "history_3"), "none");
 }
 
-TEST(RigRecord, LongOriginsAreCutToFit) {
+TEST(RigRecord, LongOriginsAreShortened) {
   Calibration c = sample_calibration();
   c.rig.provenance = {{"note", std::string(4000, 'x')}, {"more", std::string(4000, 'y')}};
   const optics::Rig rig = with_record(c, sample_details());
@@ -124,7 +124,7 @@ TEST(RigRecord, ThreeHundredCalibrationsDropTheOldestAndCountThem) {
   EXPECT_EQ(optics::parse_rig(optics::rig_to_toml(c.rig), "text"), c.rig);
 }
 
-TEST(RigRecord, HistoryThatSomebodyWroteByHandDoesNoHarm) {
+TEST(RigRecord, ToleratesHandWrittenHistory) {
   Calibration c = sample_calibration();
   c.rig.provenance = {{"history_99999999999999999999", "far"},
                       {"history_", "none"},
@@ -136,14 +136,14 @@ TEST(RigRecord, HistoryThatSomebodyWroteByHandDoesNoHarm) {
   EXPECT_EQ(optics::parse_rig(optics::rig_to_toml(rig), "text"), rig);
 }
 
-TEST(SaveWithHistory, TheFirstRigHasNoCopy) {
+TEST(SaveWithHistory, DoesNotCopyBeforeTheFirstSave) {
   const ScratchFolder folder;
   EXPECT_TRUE(save_with_history(sample_rig(), folder / "rig.toml").empty());
   EXPECT_EQ(optics::load_rig(folder / "rig.toml"), sample_rig());
   EXPECT_EQ(folder.entries(), 1U);
 }
 
-TEST(SaveWithHistory, TheOldBytesStayBesideTheNewFile) {
+TEST(SaveWithHistory, KeepsTheOldBytesBesideTheNewFile) {
   const ScratchFolder folder;
   const auto file = folder / "rig.toml";
   for (const char* old : {"# by hand\n", "second", ""}) {
@@ -157,7 +157,7 @@ TEST(SaveWithHistory, TheOldBytesStayBesideTheNewFile) {
   EXPECT_EQ(folder.entries(), 4U);
 }
 
-TEST(SaveWithHistory, NoCopyOverwritesWhatIsThere) {
+TEST(SaveWithHistory, NeverOverwritesAnExistingCopy) {
   const ScratchFolder folder;
   const auto file = folder / "rig.toml";
   std::ofstream(file) << "old";
@@ -168,15 +168,15 @@ TEST(SaveWithHistory, NoCopyOverwritesWhatIsThere) {
   EXPECT_EQ(content(folder / "rig.7.toml"), "kept");
 }
 
-/// Ends the program rather than letting it go on with the other tests.
+/// Ends the child process rather than running the remaining tests in it.
 bool every_save_copies(const std::filesystem::path& file, int saves) noexcept {
   bool copied = true;
   for (int i = 0; i < saves; ++i) copied = copied && !save_with_history(sample_rig(), file).empty();
   return copied;
 }
 
-// Several programs at once: each keeps the file that it replaces, under a name of its own.
-TEST(SaveWithHistory, CopiesOfSeveralProgramsDoNotMeet) {
+// Several programs save at once: each keeps the file that it replaces under a unique name.
+TEST(SaveWithHistory, CopiesOfSeveralProgramsHaveDifferentNames) {
   const ScratchFolder folder;
   const auto file = folder / "rig.toml";
   std::ofstream(file) << "old";
@@ -195,7 +195,7 @@ TEST(SaveWithHistory, CopiesOfSeveralProgramsDoNotMeet) {
   EXPECT_EQ(folder.entries(), 1U + kPrograms * kSaves);
 }
 
-/// Root may write everywhere: for so long nobody is who works here.
+/// Drops root's rights during its lifetime, since root may write everywhere.
 class AsNobody {
  public:
   AsNobody() : was_root_(::geteuid() == 0) {
@@ -211,7 +211,7 @@ class AsNobody {
   bool was_root_;
 };
 
-TEST(SaveWithHistory, AFolderThatCannotBeWrittenKeepsTheOldRig) {
+TEST(SaveWithHistory, KeepsTheOldRigInAReadOnlyFolder) {
   using std::filesystem::perms;
   const ScratchFolder folder;
   const auto file = folder / "rig.toml";
@@ -229,7 +229,7 @@ TEST(SaveWithHistory, AFolderThatCannotBeWrittenKeepsTheOldRig) {
   EXPECT_EQ(folder.entries(), 1U);
 }
 
-/// No file may grow beyond a size meanwhile: a full disk, for root as well.
+/// Simulates a full disk by a limit on file sizes, which also applies to root.
 class FullDisk {
  public:
   explicit FullDisk(rlim_t bytes) {
@@ -250,11 +250,11 @@ class FullDisk {
   void (*handler_)(int) = nullptr;
 };
 
-TEST(SaveWithHistory, AFullDiskLeavesEverythingAsItWas) {
+TEST(SaveWithHistory, AFullDiskChangesNothing) {
   const ScratchFolder folder;
   const auto file = folder / "rig.toml";
   std::ofstream(file) << "old";
-  // Room for neither; for the copy, but not for the new rig.
+  // Space for neither file; space for the copy, but not for the new rig.
   for (const rlim_t room : {0, 100}) {
     const Error error = error_of([&] {
       const FullDisk full(room);
@@ -266,9 +266,10 @@ TEST(SaveWithHistory, AFullDiskLeavesEverythingAsItWas) {
   }
 }
 
-TEST(SaveWithHistory, AFailedCopyLeavesEverythingAsItWas) {
+TEST(SaveWithHistory, AFailedCopyChangesNothing) {
   const ScratchFolder folder;
-  const std::string long_name = std::string(250, 'r') + ".toml";  // no room for a number
+  const std::string long_name =
+      std::string(250, 'r') + ".toml";  // no space for a number in the name
   std::ofstream(folder / long_name) << "old";
   const Error error = error_of([&] { (void)save_with_history(sample_rig(), folder / long_name); });
   EXPECT_EQ(error.kind(), ErrorKind::Failed);
@@ -276,7 +277,7 @@ TEST(SaveWithHistory, AFailedCopyLeavesEverythingAsItWas) {
   EXPECT_EQ(folder.entries(), 1U);
 }
 
-TEST(SaveWithHistory, ABadRigReplacesNothing) {
+TEST(SaveWithHistory, AnInvalidRigReplacesNothing) {
   const ScratchFolder folder;
   const auto file = folder / "rig.toml";
   std::ofstream(file) << "old";
@@ -289,7 +290,7 @@ TEST(SaveWithHistory, ABadRigReplacesNothing) {
   EXPECT_EQ(folder.entries(), 1U);
 }
 
-TEST(SaveWithHistory, WhatIsNoFileIsRefused) {
+TEST(SaveWithHistory, RefusesTargetsThatAreNotFiles) {
   const ScratchFolder folder;
   std::filesystem::create_directory(folder / "rig.toml");
   EXPECT_EQ(error_of([&] { (void)save_with_history(sample_rig(), folder / "rig.toml"); }).kind(),

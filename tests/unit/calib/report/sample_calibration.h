@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A calibration with something in every member, as a fit would leave it.
+// Provides a calibration with a value in every member, as a fit returns it.
 #pragma once
 
 #include <cmath>

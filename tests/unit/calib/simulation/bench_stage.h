@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Small panels, quiet cameras and patterns for tests of the simulated bench.
+// Provides small panels, quiet cameras and patterns for tests of the simulated bench.
 #pragma once
 
 #include <cmath>
@@ -16,7 +16,7 @@ namespace lenticule::calib::test {
 
 inline constexpr Nanoseconds kLong = std::chrono::seconds(10);
 
-/// 160 mm x 90 mm.
+/// Returns a panel of 160 mm x 90 mm.
 inline optics::Panel small_panel(int width_px = 640, int height_px = 360) {
   optics::Panel panel;
   panel.width_px = width_px;
@@ -26,7 +26,7 @@ inline optics::Panel small_panel(int width_px = 640, int height_px = 360) {
   return panel;
 }
 
-/// Focused on the pixels, for light along the axis, with the given viewing cone.
+/// Returns a sheet with the given viewing cone, focused on the pixels for light along the axis.
 inline SimulatedSheet focused_sheet(const optics::Panel& panel, double pitch_subpx, double slant,
                                     double cone_degrees = 12.0) {
   SimulatedSheet sheet;
@@ -41,7 +41,7 @@ inline SimulatedSheet focused_sheet(const optics::Panel& panel, double pitch_sub
   return sheet;
 }
 
-/// No noise, no rounding, linear: the light itself. The panel fills some 70 % of the width.
+/// Returns a linear camera without noise and rounding. The panel fills some 70 % of its width.
 inline SimulatedCamera quiet_camera(int width = 640, int height = 480) {
   SimulatedCamera camera;
   camera.width = width;
@@ -72,7 +72,7 @@ inline frames::WovenFrame plain_frame(const optics::Panel& panel, uint8_t red, u
   return frame;
 }
 
-/// cos(2 pi s / pitch + phase) in linear light, s = 3 ((X - W/2) + slant (Y - H/2)).
+/// Returns cos(2 pi s / pitch + phase) in linear light, s = 3 ((X - W/2) + slant (Y - H/2)).
 inline frames::WovenFrame fringe_frame(const optics::Panel& panel, double pitch_subpx, double slant,
                                        double phase_cycles) {
   frames::WovenFrame frame({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
@@ -90,7 +90,7 @@ inline frames::WovenFrame fringe_frame(const optics::Panel& panel, double pitch_
   return frame;
 }
 
-/// Shows a frame and returns the picture of the first exposure that is wholly of it.
+/// Shows a frame and returns the picture of the first exposure that covers only this frame.
 inline CameraPicture look(SimulatedBench& bench, const frames::WovenFrame& frame) {
   CameraPicture picture;
   if (bench.sink().show(frame.view(), kLong) != frames::ShowResult::Shown) return {};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Links that lose chroma, and panels whose subpixels are elsewhere.
+// Tests links that lose chroma, and panels with an unexpected subpixel layout.
 #include "calib/simulation/driven_panel.h"
 
 #include <gtest/gtest.h>
@@ -10,7 +10,8 @@ namespace lenticule::calib::test {
 namespace {
 
 void expect_finds_all_centres(const optics::Panel& panel, double half_x, double half_y) {
-  const SubpixelFinder finder(panel, 0.19);  // open over 0.9 of the width and of the height
+  const SubpixelFinder finder(panel,
+                              0.19);  // the openings cover 0.9 of the width and of the height
   for (int channel = 0; channel < 3; ++channel) {
     const Vec2 at = panel.subpixel_centre_px(5, 3, channel);
     const SubpixelId id = static_cast<SubpixelId>((3 * panel.width_px + 5) * 4 + channel);
@@ -37,7 +38,7 @@ TEST(SubpixelFinder, KnowsEveryLayout) {
   expect_finds_all_centres(panel, 1.0 / 6.0, 0.5);
 }
 
-TEST(SubpixelFinder, FindsNothingInTheMatrixAndBesideThePanel) {
+TEST(SubpixelFinder, FindsNothingInTheBlackMatrixAndBesideThePanel) {
   const optics::Panel panel = small_panel(12, 8);
   const SubpixelFinder finder(panel, 0.3);
   EXPECT_FALSE(finder.find(1.0 / 3.0, 0.5));
@@ -48,7 +49,7 @@ TEST(SubpixelFinder, FindsNothingInTheMatrixAndBesideThePanel) {
   EXPECT_FALSE(finder.find(std::nan(""), 0.5));
 }
 
-/// Red columns, one pixel lit and one dark.
+/// Returns red columns, alternately lit and dark.
 frames::WovenFrame red_columns(int width, int height) {
   frames::WovenFrame frame({width, height, frames::PixelFormat::Rgb8});
   for (int j = 0; j < height; ++j) {
@@ -57,7 +58,7 @@ frames::WovenFrame red_columns(int width, int height) {
   return frame;
 }
 
-TEST(PanelLink, FullChromaKeepsEveryCode) {
+TEST(PanelLink, KeepsEveryCodeWithFullChroma) {
   const frames::WovenFrame frame = red_columns(5, 3);
   const DrivenFrame driven = drive(frame.view(), Chroma::Full);
   for (size_t pixel = 0; pixel < 15; ++pixel) {
@@ -70,7 +71,7 @@ TEST(PanelLink, FullChromaKeepsEveryCode) {
 TEST(PanelLink, SharedChromaLeaksIntoOtherColours) {
   for (const Chroma chroma : {Chroma::HalfWidth, Chroma::HalfBoth}) {
     const DrivenFrame driven = drive(red_columns(6, 4).view(), chroma);
-    // Y = 54.2 and 0; of both, Cr = 63.75 and Cb = -14.6.
+    // Y = 54.2 and 0; the shared Cr = 63.75 and Cb = -14.6.
     EXPECT_NEAR(driven.codes[0], 54 + 1.5748 * 64, 1.5);
     EXPECT_NEAR(driven.codes[1], 54 - 0.4681 * 64 + 0.1873 * 15, 1.5);
     EXPECT_NEAR(driven.codes[4], 1.5748 * 64, 1.5);
@@ -86,7 +87,7 @@ TEST(PanelLink, GreySurvivesSharedChroma) {
   }
 }
 
-TEST(PanelLink, OnlyTheTwoByTwoKindMixesRows) {
+TEST(PanelLink, OnlyTwoByTwoSubsamplingMixesRows) {
   frames::WovenFrame rows({2, 2, frames::PixelFormat::Rgb8});
   rows.row(0)[0] = rows.row(0)[3] = 255;  // a red row above a black one
   const DrivenFrame half_width = drive(rows.view(), Chroma::HalfWidth);
@@ -114,8 +115,8 @@ TEST(PanelLink, TheCameraSeesTheLeakedColour) {
   EXPECT_GT(green[1], 1.0);
 }
 
-/// Mean light over the picture of a panel that lights only its first channel where `phase` of the
-/// layout the player believes in is near a lens's middle.
+/// Returns the mean light of a panel that lights only its first channel where `phase` of the
+/// assumed layout is near a lens's centre.
 double red_comb_light(SimulatedBench& bench, const optics::Panel& believed, Vec3 eye) {
   frames::WovenFrame frame({believed.width_px, believed.height_px, frames::PixelFormat::Rgb8});
   for (int j = 60; j < 120; ++j) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writes what the simulated camera sees of white, of fringes and of a lit half, as PNG:
-// simulated_bench_pictures FOLDER. Prints the processor time of tracing and
-// gathering on one thread.
+// Writes the simulated camera's pictures of white, of fringes and of a lit half as PNG:
+// simulated_bench_pictures FOLDER. Prints the processor time of tracing and gathering on one
+// thread.
 #include <cmath>
 #include <cstdio>
 #include <ctime>
@@ -25,7 +25,7 @@ void write_picture(const calib::CameraPicture& picture, const std::filesystem::p
   frames::write_woven(frame.view(), file);
 }
 
-/// Mean and deviation of the middle of the picture: how coarse white looks.
+/// Prints mean and deviation of the middle of the picture, which show the noise of white.
 void print_middle(const calib::CameraPicture& picture) {
   for (int channel = 0; channel < picture.channels; ++channel) {
     double sum = 0.0;
@@ -44,7 +44,7 @@ void print_middle(const calib::CameraPicture& picture) {
   }
 }
 
-/// Processor time, which other programs do not change.
+/// A stopwatch of processor time, which other programs do not affect.
 class Stopwatch {
  public:
   void report(const char* what) {

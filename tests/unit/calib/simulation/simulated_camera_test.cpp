@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The habits of the simulated camera: noise, mosaic, codes, JPEG, time, and going away.
+// Tests the properties of the simulated camera: noise, mosaic, codes, JPEG, time, and unplugging.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -20,7 +20,8 @@ struct Statistics {
   double deviation = 0.0;
 };
 
-/// Of one channel over a part of the picture, edges in parts of its sides.
+/// Returns the statistics of one channel over a part of the picture; the edges are shares of the
+/// sides.
 Statistics statistics(const CameraPicture& picture, int channel, double left, double top,
                       double right, double bottom) {
   double sum = 0.0;
@@ -50,7 +51,7 @@ double row_light(const CameraPicture& picture, int row) {
   return sum;
 }
 
-/// A bench of few pixels, for what has nothing to do with lenses.
+/// A bench of few pixels for tests that do not depend on lenses.
 struct Stage {
   optics::Panel panel = small_panel(320, 180);
   SimulatedSheet sheet = focused_sheet(panel, 7.7, 0.25);
@@ -69,7 +70,7 @@ struct Stage {
   }
 };
 
-TEST(SimulatedCamera, GivesWhiteItsLight) {
+TEST(SimulatedCamera, RendersWhiteWithItsBrightness) {
   Stage stage;
   stage.camera.samples = 40;
   EXPECT_NEAR(middle(stage.see(stage.grey(255)), 0).mean, 0.7, 0.007);
@@ -124,7 +125,7 @@ TEST(SimulatedCamera, SeparatesColoursThroughItsMosaic) {
   EXPECT_NEAR(middle(blue, 2).mean, 0.7, 0.02);
 }
 
-TEST(SimulatedCamera, LeaksColoursAsItsResponseSays) {
+TEST(SimulatedCamera, MixesColoursByItsResponse) {
   Stage stage;
   stage.camera.bayer = true;
   stage.camera.samples = 40;
@@ -134,7 +135,7 @@ TEST(SimulatedCamera, LeaksColoursAsItsResponseSays) {
   EXPECT_NEAR(middle(stage.see(stage.grey(255)), 1).mean, 0.7, 0.02);
 }
 
-TEST(SimulatedCamera, RoundsToEightBitsOfItsCurve) {
+TEST(SimulatedCamera, RoundsToEightBitsOfItsTransferFunction) {
   Stage stage;
   stage.camera.curve = stage.camera.assumed_curve = CameraCurve::Srgb;
   stage.camera.eight_bits = true;
@@ -147,7 +148,7 @@ TEST(SimulatedCamera, RoundsToEightBitsOfItsCurve) {
   }
 }
 
-TEST(SimulatedCamera, IsReadWithTheCurveThatIsAssumed) {
+TEST(SimulatedCamera, IsReadWithTheAssumedTransferFunction) {
   Stage stage;
   stage.camera.ambient = 0.5;
   stage.camera.curve = CameraCurve::Gamma;
@@ -157,7 +158,7 @@ TEST(SimulatedCamera, IsReadWithTheCurveThatIsAssumed) {
   EXPECT_NEAR(double{light_at(picture, 3, 3, 0)}, std::sqrt(0.5), 1e-4);
 }
 
-/// Root mean square difference of all values.
+/// Returns the root mean square difference of all values.
 double difference(const CameraPicture& a, const CameraPicture& b) {
   double squares = 0.0;
   for (size_t i = 0; i < a.light.size(); ++i) {
@@ -258,9 +259,9 @@ TEST(LightTiming, MixesFramesAsAnIntegralOverTheExposure) {
   EXPECT_DOUBLE_EQ(old_frame_part(-4.0, 16.0, 0.0, 0.0), 0.25);
 }
 
-TEST(LightTiming, WholePeriodsOfTheBacklightDoNotShow) {
+TEST(LightTiming, WholePeriodsOfTheBacklightCancel) {
   EXPECT_NEAR(backlight_mean(1.234, 1000.0 / 240.0 * 4.0, 240.0, 0.3), 1.0, 1e-9);
-  EXPECT_NEAR(backlight_mean(0.0, 1.0, 250.0, 0.5), 2.0, 1e-9);  // on all the time
+  EXPECT_NEAR(backlight_mean(0.0, 1.0, 250.0, 0.5), 2.0, 1e-9);  // backlight on all the time
   EXPECT_NEAR(backlight_mean(2.5, 1.0, 250.0, 0.5), 0.0, 1e-9);
   EXPECT_EQ(backlight_mean(3.0, 1.0, 0.0, 0.5), 1.0);
 }
@@ -287,10 +288,10 @@ TEST(SimulatedCamera, ShowsThePanelTurningDownItsRows) {
     least = std::min(least, expected);
     most = std::max(most, expected);
   }
-  EXPECT_GT(most - least, 0.2);  // else this would prove little
+  EXPECT_GT(most - least, 0.2);  // otherwise the test would prove little
 }
 
-TEST(SimulatedCamera, ForgetsAFrameAfterItsTime) {
+TEST(SimulatedCamera, ShowsNoTraceOfAFrameAfterItsResponseTime) {
   Stage stage;
   stage.link.response_ms = 6.0;
   SimulatedBench bench = stage.bench();
@@ -300,7 +301,7 @@ TEST(SimulatedCamera, ForgetsAFrameAfterItsTime) {
   EXPECT_LT(middle(black, 0).mean, 1e-4);
 }
 
-TEST(SimulatedCamera, CountsLostPicturesAndNeverWaitsLonger) {
+TEST(SimulatedCamera, CountsLostPicturesWithoutWaiting) {
   Stage stage;
   SimulatedBench bench = stage.bench();
   CameraPicture picture;
@@ -309,7 +310,7 @@ TEST(SimulatedCamera, CountsLostPicturesAndNeverWaitsLonger) {
   const Nanoseconds before = bench.camera().now();
   EXPECT_EQ(bench.camera().grab(picture, Nanoseconds(1000)), GrabStatus::TimedOut);
   EXPECT_EQ(bench.camera().now() - before, Nanoseconds(1000));
-  for (int i = 0; i < 12; ++i) {  // 200 ms of vblanks, six camera pictures
+  for (int i = 0; i < 12; ++i) {  // 200 ms of vblanks: six camera pictures
     ASSERT_EQ(bench.sink().show(stage.grey(0).view(), kLong), frames::ShowResult::Shown);
   }
   ASSERT_EQ(bench.camera().grab(picture, kLong), GrabStatus::Ready);
@@ -331,7 +332,7 @@ TEST(SimulatedCamera, IsGoneWhenUnplugged) {
   EXPECT_NE(bench.camera().failure(), "");
 }
 
-TEST(SimulatedCamera, RepeatsItselfBySeedWhateverTheThreads) {
+TEST(SimulatedCamera, IsReproducibleBySeedForAnyNumberOfThreads) {
   Stage stage;
   stage.sheet.bubbles = 0.05;
   stage.sheet.deformation_lenses = 0.1;
@@ -360,20 +361,20 @@ TEST(SimulatedCamera, ShakesFromFrameToFrame) {
   EXPECT_GT(difference(look(shaken, fringes), look(shaken, fringes)), 0.03);
 }
 
-TEST(SimulatedCamera, MovesWhereItIsTold) {
+TEST(SimulatedCamera, MovesToTheRequestedPlace) {
   Stage stage;
   SimulatedBench bench = stage.bench();
   const CameraPicture before = look(bench, stage.grey(255));
   bench.move_camera({20, 15, 800}, {0, 0, 0}, 0.0);
   const CameraPicture after = look(bench, stage.grey(255));
-  // Twice as far: half as wide, so what was panel is dark now.
+  // The panel looks half as wide at twice the distance: the outer area is dark now.
   EXPECT_GT(statistics(before, 0, 0.18, 0.45, 0.24, 0.55).mean, 0.6);
   EXPECT_EQ(statistics(after, 0, 0.18, 0.45, 0.24, 0.55).mean, 0.0);
   EXPECT_EQ(bench.camera_truth().position_mm.z, 800.0);
   EXPECT_THROW(bench.move_camera({0, 0, -5}, {0, 0, -10}, 0.0), Error);
 }
 
-TEST(SimulatedBench, RefusesWhatCannotBe) {
+TEST(SimulatedBench, RefusesImpossibleOptions) {
   Stage stage;
   stage.sheet.radius_mm = 0.1;  // lenses wider than their cylinders
   EXPECT_THROW((void)stage.see(stage.grey(0)), Error);
@@ -393,7 +394,7 @@ TEST(SimulatedBench, RefusesWhatCannotBe) {
   EXPECT_THROW((void)stage.see(stage.grey(0)), Error);
 }
 
-TEST(RandomBench, DrawsOnlyWhatCanBe) {
+TEST(RandomBench, DrawsOnlyValidOptions) {
   PortableRandom random(11);
   optics::Panel panel;
   panel.width_px = 3840;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The camera's picture against the truth of the same bench: two ways through the same lenses.
+// Tests the camera's picture against the ground truth of the same bench: two independent
+// computations with the same lenses.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -13,12 +14,13 @@ namespace lenticule::calib::test {
 namespace {
 
 constexpr int kSteps = 4;
-/// Half of it is the noise of 20 rays per pixel: with ten times as many, 0.0003 to 0.001 are left.
+/// Half of the error is noise of the 20 rays per pixel: with ten times as many, 0.0003 to 0.001
+/// remain.
 constexpr double kMostError = 0.0025;
 constexpr int kHalfWindow = 6;  // camera pixels: two millimetres, over which a sheet is straight
 using ComplexPicture = std::vector<std::complex<double>>;
 
-/// The phase of fringes at every camera pixel, from four pictures with stepped fringes.
+/// Returns the phase of fringes at every camera pixel, from four pictures with stepped fringes.
 ComplexPicture step_fringes(SimulatedBench& bench, const optics::Panel& panel, double pitch_subpx,
                             double slant, int channel) {
   ComplexPicture sum;
@@ -51,8 +53,8 @@ double wrapped(double cycles) {
   return cycles - std::round(cycles);
 }
 
-/// Root mean square difference between fringes in the picture and fringes minus truth, over the
-/// panel.
+/// Returns the root mean square difference over the panel between the fringes in the picture and
+/// the fringes by the ground truth.
 double phase_error(const optics::Panel& panel, const SimulatedSheet& sheet,
                    const SimulatedCamera& camera, int channel) {
   SimulatedBench bench(panel, sheet, {}, camera, 5);
@@ -120,7 +122,7 @@ TEST(TracedPicture, ShowsTheTruePhaseOfLensesThatFaceThePanel) {
 TEST(TracedPicture, ShowsEachColourThroughItsOwnIndex) {
   const optics::Panel panel = small_panel();
   SimulatedSheet sheet = focused_sheet(panel, 7.7, 0.25);
-  sheet.index = {1.46, 1.50, 1.54};  // strong, to tell the colours apart
+  sheet.index = {1.46, 1.50, 1.54};  // strong dispersion to separate the colours
   SimulatedCamera camera = oblique_camera();
   camera.bayer = true;
   EXPECT_LT(phase_error(panel, sheet, camera, 2), kMostError);
@@ -129,8 +131,8 @@ TEST(TracedPicture, ShowsEachColourThroughItsOwnIndex) {
   EXPECT_GT(std::abs(red - bench.truth_phase(600, 180, 2, camera.position_mm)), 0.03);
 }
 
-/// In the middle of the panel, lights the subpixels whose true phase is nearer than `reach` to a
-/// lens's middle plus `middle`.
+/// Returns a frame that lights, in the middle of the panel, the subpixels whose true phase is
+/// within `reach` of a lens's centre plus `middle`.
 frames::WovenFrame comb_frame(const SimulatedBench& bench, const optics::Panel& panel,
                               double middle, double reach, Vec3 eye) {
   frames::WovenFrame frame({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
@@ -158,7 +160,7 @@ double mean_of_middle(const CameraPicture& picture) {
   return sum / count;
 }
 
-TEST(TracedPicture, AFocusedLensSeesOnlyTheColumnBehindIt) {
+TEST(TracedPicture, AFocusedLensShowsOnlyTheColumnBehindIt) {
   const optics::Panel panel = small_panel(320, 180);
   const SimulatedSheet sheet = focused_sheet(panel, 12.3, 0.25);
   const SimulatedCamera camera = quiet_camera(320, 240);
@@ -170,10 +172,10 @@ TEST(TracedPicture, AFocusedLensSeesOnlyTheColumnBehindIt) {
   EXPECT_LT(unseen, 0.01 * camera.white_light);
 }
 
-TEST(TracedPicture, ALensOutOfFocusSeesMore) {
+TEST(TracedPicture, AnUnfocusedLensShowsMore) {
   const optics::Panel panel = small_panel(320, 180);
   SimulatedSheet sheet = focused_sheet(panel, 12.3, 0.25);
-  sheet.radius_mm *= 2.0;  // half the power: half the lens is spread over the panel
+  sheet.radius_mm *= 2.0;  // half the power: the light of the panel spreads over half the lens
   const SimulatedCamera camera = quiet_camera(320, 240);
   SimulatedBench bench(panel, sheet, {}, camera, 3);
   const Vec3 eye = camera.position_mm;
@@ -181,7 +183,7 @@ TEST(TracedPicture, ALensOutOfFocusSeesMore) {
   EXPECT_GT(unseen, 0.1 * camera.white_light);
 }
 
-TEST(TracedPicture, HasThePanelWhereTheCameraLooks) {
+TEST(TracedPicture, ShowsThePanelAtItsProjection) {
   const optics::Panel panel = small_panel();
   const SimulatedSheet sheet = focused_sheet(panel, 4.1, 0.2, 20.0);
   const SimulatedCamera camera = oblique_camera();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The truth that calibrations are judged by, against a slow tracer that shares nothing with it, and
-// against the laws that hold for thin lenses.
+// Tests the ground truth for calibrations against a slow tracer with independent code, and against
+// the laws of thin lenses.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -19,7 +19,7 @@ struct SlowRay {
   Real du, dv, dz;
 };
 
-/// Bends a ray by splitting its direction into the parts along and across the surface.
+/// Refracts a ray by splitting its direction into the parts along and across the surface.
 bool bend(SlowRay& ray, Real normal_u, Real normal_z, Real index_before, Real index_after) {
   const Real length = std::sqrt(ray.du * ray.du + ray.dv * ray.dv + ray.dz * ray.dz);
   const Real u = ray.du / length, v = ray.dv / length, z = ray.dz / length;
@@ -44,7 +44,7 @@ void drop_to(SlowRay& ray, Real z) {
   ray.z = z;
 }
 
-/// How far the ray is above the surface of the lens, `way` along its direction.
+/// Returns the height of the ray above the lens surface after `way` along its direction.
 Real above_surface(const SimulatedSheet& sheet, const SlowRay& ray, Real way) {
   const Real u = ray.u + way * ray.du;
   const Real radius = sheet.radius_mm;
@@ -52,10 +52,10 @@ Real above_surface(const SimulatedSheet& sheet, const SlowRay& ray, Real way) {
   return ray.z + way * ray.dz - (sheet.lens_toward_panel ? sag : -sag);
 }
 
-/// Walks down to the lens surface by halving; false where the ray leaves the lens sideways.
+/// Finds the lens surface by bisection; false if the ray leaves the lens sideways.
 bool walk_to_surface(const SimulatedSheet& sheet, Real half_pitch, SlowRay& ray) {
-  Real low = (0.3L * half_pitch - ray.z) / ray.dz;    // surely above: sags are smaller
-  Real high = (-0.3L * half_pitch - ray.z) / ray.dz;  // surely below
+  Real low = (0.3L * half_pitch - ray.z) / ray.dz;  // certainly above the surface: sags are smaller
+  Real high = (-0.3L * half_pitch - ray.z) / ray.dz;  // certainly below the surface
   for (int step = 0; step < 62; ++step) {
     const Real middle = (low + high) / 2;
     (above_surface(sheet, ray, middle) > 0 ? low : high) = middle;
@@ -66,7 +66,7 @@ bool walk_to_surface(const SimulatedSheet& sheet, Real half_pitch, SlowRay& ray)
   return std::abs(ray.u) <= half_pitch;
 }
 
-/// Follows one ray that aims at (u, 0, 0) from the eye; false if it is not this lens's.
+/// Traces one ray that aims at (u, 0, 0) from the eye; false if the ray misses this lens.
 bool follow(const SimulatedSheet& sheet, int channel, Real half_pitch, Real u, Vec3 eye, Real& at_u,
             Real& at_v) {
   const Real index = sheet.index[static_cast<size_t>(channel)];
@@ -99,7 +99,7 @@ struct SlowMean {
   Real v = 0;
 };
 
-/// Mean of where evenly spread rays from the eye land, of those that go through the lens at 0.
+/// Returns the mean panel position of evenly spread rays from the eye through the lens at 0.
 SlowMean slow_mean(const SimulatedSheet& sheet, int channel, Real pitch, Vec3 eye) {
   constexpr int kRays = 20000;
   SlowMean sum;
@@ -129,9 +129,9 @@ struct SlowSheet {
     across_y = -s.slant / turn;
   }
 
-  /// How far, across the lens, light from the eye misses `point` when it goes through the lens
-  /// whose apex line passes `apex_x` in the point's row. Of that line the place is used from which
-  /// the light misses along the lens by nothing.
+  /// Returns how far, across the lens, light from the eye misses `point` after the lens whose apex
+  /// line passes `apex_x` in the point's row. The ray goes through the place of the apex line from
+  /// which the miss along the lens is zero.
   [[nodiscard]] Real miss(Real apex_x, Vec2 point, Vec3 eye) const {
     Real slide = 0;
     SlowMean mean;
@@ -147,8 +147,8 @@ struct SlowSheet {
   }
 };
 
-/// Lens coordinate whose lens shows the panel point to the eye: a lens is tried at two places of
-/// the row, and the rest is a straight line.
+/// Returns the coordinate of the lens that shows the panel point to the eye: two places of the row
+/// are tried, and the rest is linear.
 Real slow_phase(const optics::Panel& panel, const SimulatedSheet& sheet, int channel, Vec2 point,
                 Vec3 eye) {
   const SlowSheet slow(panel, sheet, channel);
@@ -169,8 +169,8 @@ void expect_slow_tracer_agrees(const SimulatedSheet& sheet, int channel) {
   const Vec3 eye{-60, 45, 330};
   for (const Vec2 at : kPlaces) {
     const Real slow = slow_phase(panel, sheet, channel, {panel.x_mm(at.x), panel.y_mm(at.y)}, eye);
-    // The slow tracer's rays begin and end at the rim of the lens to a 3000th of it: with 30 times
-    // as many the largest difference was 1.2e-6.
+    // The slow tracer resolves the rim of the lens to a 3000th: with 30 times as many rays the
+    // largest difference was 1.2e-6.
     EXPECT_NEAR(bench.truth_phase(at.x, at.y, channel, eye), static_cast<double>(slow), 1e-4)
         << at.x << ", " << at.y;
   }
@@ -180,7 +180,7 @@ TEST(TruthPhase, AgreesWithASlowTracer) {
   SimulatedSheet sheet = focused_sheet(small_panel(), 7.7, 0.25, 16.0);
   sheet.index = {1.49, 1.50, 1.51};
   sheet.offset_lenses = 0.3;
-  sheet.thickness_mm *= 0.93;  // out of focus: then the weights of the rays matter
+  sheet.thickness_mm *= 0.93;  // out of focus, where the weights of the rays matter
   expect_slow_tracer_agrees(sheet, 2);
 }
 
@@ -199,7 +199,8 @@ TEST(TruthPhase, AgreesWithASlowTracerWhenTheLensesFaceThePanel) {
   expect_slow_tracer_agrees(sheet, 0);
 }
 
-/// Lens coordinate for a chief ray through flat slabs, solved in the plane of lens and eye.
+/// Returns the lens coordinate of a chief ray through flat slabs, solved in the plane of lens and
+/// eye.
 double slab_phase(const optics::Panel& panel, const SimulatedSheet& sheet, Vec2 at, Vec3 eye) {
   const ChiefRay chief = chief_ray(sheet, 1);
   const Vec2 q{panel.x_mm(at.x), panel.y_mm(at.y)};
@@ -218,8 +219,8 @@ double slab_phase(const optics::Panel& panel, const SimulatedSheet& sheet, Vec2 
 TEST(TruthPhase, FollowsTheSlabLawForThinLenses) {
   const optics::Panel panel = small_panel();
   const Vec3 eye{-60, 45, 330};
-  // Lenses much narrower than their focal length have no aberrations, and nearly all of the shift
-  // is the slab's. What is left shrinks with the square of the width of the lens.
+  // Lenses much narrower than their focal length have no aberrations, and the slab causes nearly
+  // all of the shift. The remaining difference shrinks with the square of the lens's width.
   double worst[2] = {};
   for (int narrow = 0; narrow < 2; ++narrow) {
     SimulatedSheet sheet = focused_sheet(panel, 7.7, 0.25, narrow == 1 ? 2.0 : 4.0);
@@ -233,7 +234,7 @@ TEST(TruthPhase, FollowsTheSlabLawForThinLenses) {
     }
   }
   EXPECT_LT(worst[0], 4e-4);
-  EXPECT_GT(worst[0], 1e-7);  // real lenses do differ
+  EXPECT_GT(worst[0], 1e-7);  // real lenses differ
   EXPECT_NEAR(worst[0] / worst[1], 4.0, 0.4);
 }
 

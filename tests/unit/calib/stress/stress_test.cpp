@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every stress case of calibration at small size. `lenticule bench calibrate --stress --full` runs
-// them at the size of real panels.
+// Runs every stress case of calibration at small size; `lenticule bench calibrate --stress --full`
+// runs them at the size of real panels.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@
 
 namespace lenticule::calib {
 
-/// GoogleTest would print bytes.
+/// Prints the name, since GoogleTest would print bytes.
 static void PrintTo(const StressCase& one, std::ostream* out) {
   *out << one.name;
 }
@@ -36,17 +36,17 @@ std::string name_of(const testing::TestParamInfo<StressCase>& one) {
   return name;
 }
 
-TEST_P(Stress, MeetsItsDemand) {
+TEST_P(Stress, MeetsItsRequirement) {
   const StressOutcome outcome = run_stress_case(GetParam(), StressSize::Small, {});
   const std::string figures = figures_of(outcome, limits_at(GetParam(), StressSize::Small));
   EXPECT_FALSE(outcome.wrong) << figures;
-  // What falls short is written down, and must be taken out again once it does not.
+  // A known shortfall is recorded in the table and must be removed from it once the case passes.
   EXPECT_EQ(outcome.held, GetParam().shortfall.empty()) << figures;
 }
 
 INSTANTIATE_TEST_SUITE_P(Cases, Stress, testing::ValuesIn(stress_cases()), name_of);
 
-TEST(StressCases, CoverEveryRowOfTheTableUnderNamesOfTheirOwn) {
+TEST(StressCases, CoverEveryRowOfTheTableWithUniqueNames) {
   std::set<std::string> names;
   std::set<int> rows;
   for (const StressCase& one : stress_cases()) {

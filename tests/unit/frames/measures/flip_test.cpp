@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// FLIP against its definition in long double, and what must be true of it.
+// Tests FLIP against its definition in long double, and its basic properties.
 #include "frames/measures/flip.h"
 
 #include <gtest/gtest.h>
@@ -16,7 +16,7 @@ namespace {
 
 using test::error_of;
 
-/// Soft coloured waves with an edge across, and noise of some strength on top.
+/// Returns soft coloured waves with an edge and noise of the given strength.
 WovenFrame scene(int width, int height, double noise, unsigned seed = 1) {
   std::mt19937 random(seed);
   WovenFrame frame({.width = width, .height = height});
@@ -49,7 +49,7 @@ WovenFrame flat(uint8_t r, uint8_t g, uint8_t b) {
   return frame;
 }
 
-TEST(Flip, IsWhatTheDefinitionSays) {
+TEST(Flip, AgreesWithItsDefinition) {
   for (const double ppd : {7.0, 30.6, kFlipPixelsPerDegree}) {
     for (const double noise : {2.0, 20.0, 255.0}) {
       const WovenFrame a = scene(19, 14, 0);
@@ -65,7 +65,7 @@ TEST(Flip, IsWhatTheDefinitionSays) {
   }
 }
 
-TEST(Flip, OfTheFurthestColoursIsAsTheAuthorsScaleIt) {
+TEST(Flip, IsScaledAsPublishedForTheFurthestColours) {
   const auto everywhere = [](const WovenFrame& a, const WovenFrame& b, double expected) {
     for (const float value : map_of(a, b, 30.0)) ASSERT_NEAR(value, expected, 1e-4);
   };
@@ -77,7 +77,7 @@ TEST(Flip, OfTheFurthestColoursIsAsTheAuthorsScaleIt) {
   EXPECT_GT(largest, 0.95);
 }
 
-TEST(Flip, IsNoughtForEqualPicturesOnly) {
+TEST(Flip, IsZeroForEqualPicturesOnly) {
   const WovenFrame a = scene(40, 30, 0);
   for (const float value : map_of(a, a, 30.0)) ASSERT_EQ(value, 0.0F);
   WovenFrame b = a;
@@ -101,11 +101,11 @@ TEST(Flip, GrowsWithNoiseAndWithNearness) {
     EXPECT_GT(now, before) << noise;
     before = now;
   }
-  // The farther away, the more pixels a degree has, and the more of the noise the eye blurs.
+  // A larger distance gives more pixels per degree, and the eye blurs more of the noise.
   EXPECT_LT(mean_of(a, scene(60, 40, 16), 60.0), mean_of(a, scene(60, 40, 16), 15.0));
 }
 
-TEST(Flip, StaysBetweenNoughtAndOne) {
+TEST(Flip, StaysBetweenZeroAndOne) {
   std::mt19937 random(3);
   WovenFrame a({.width = 50, .height = 40});
   WovenFrame b = a;
@@ -128,7 +128,7 @@ TEST(Flip, FiguresAreMeanAndPercentile) {
   EXPECT_DOUBLE_EQ(flip_figures({}).mean, 0.0);
 }
 
-TEST(Flip, RefusesWhatCannotBeCompared) {
+TEST(Flip, RefusesIncomparablePictures) {
   const WovenFrame a = scene(20, 10, 0);
   EXPECT_EQ(error_of([&] { (void)FlipPicture(a.view(), 0.0); }).kind(), ErrorKind::Usage);
   EXPECT_EQ(error_of([&] { (void)FlipPicture(a.view(), std::nan("")); }).kind(), ErrorKind::Usage);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flicker, and the differences of views that are worked out once for many frames.
+// Tests flicker, and view differences that are prepared once for many frames.
 #include <gtest/gtest.h>
 
 #include "error_matchers.h"
@@ -28,7 +28,7 @@ TEST(Flicker, IsTheChangeOfTheErrorAndNotTheError) {
   const Flicker first = meter.add(of_codes({10, 20, 30}).view(), of_codes({250, 20, 30}).view());
   EXPECT_EQ(first.largest, 0) << "there is nothing before it";
   EXPECT_EQ(first.mean, 0.0);
-  // Errors were 240, 0, 0 and are now -60, 0, 3: changes of 300, 0 and 3.
+  // The errors were 240, 0, 0 and are now -60, 0, 3: changes of 300, 0 and 3.
   const Flicker second = meter.add(of_codes({100, 200, 77}).view(), of_codes({40, 200, 80}).view());
   EXPECT_EQ(second.largest, 300);
   EXPECT_DOUBLE_EQ(second.mean, 101.0);
@@ -38,7 +38,7 @@ TEST(Flicker, IsTheChangeOfTheErrorAndNotTheError) {
   EXPECT_EQ(third.mean, 0.0);
 }
 
-TEST(Flicker, OfAnErrorThatComesAndGoesIsTheError) {
+TEST(Flicker, EqualsAnErrorThatComesAndGoes) {
   const WovenFrame a = plus(WovenFrame({.width = 16, .height = 9}), 100);
   FlickerMeter meter;
   for (int n = 0; n < 6; ++n) {

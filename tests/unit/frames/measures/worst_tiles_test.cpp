@@ -26,7 +26,7 @@ long double mse_in(const WovenFrame& a, const WovenFrame& b, const Tile& tile) {
   return test::mse_by_definition(cut(a, tile).view(), cut(b, tile).view(), -1);
 }
 
-/// Every place that the header names, one after the other.
+/// Finds the worst tile by trying every position that the header allows.
 std::optional<Tile> slowly_worst(const WovenFrame& a, const WovenFrame& b, int side,
                                  const std::vector<Tile>& taken) {
   std::optional<Tile> worst;
@@ -42,7 +42,7 @@ std::optional<Tile> slowly_worst(const WovenFrame& a, const WovenFrame& b, int s
   return worst;
 }
 
-TEST(WorstTiles, AreThoseThatASlowSearchFinds) {
+TEST(WorstTiles, AgreeWithASlowSearch) {
   std::mt19937 random(11);
   WovenFrame a({.width = 70, .height = 53});
   for (uint8_t& byte : a.bytes()) byte = static_cast<uint8_t>(random() & 255U);
@@ -61,7 +61,7 @@ TEST(WorstTiles, AreThoseThatASlowSearchFinds) {
   }
 }
 
-TEST(WorstTiles, FindsTheCornerWhereTheOnlyErrorIs) {
+TEST(WorstTiles, FindTheCornerWithTheOnlyError) {
   const WovenFrame a({.width = 101, .height = 67});
   WovenFrame b = a;
   b.row(66)[3 * 100 + 2] = 255;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Views from a picture and its depth: against a plain oracle, and for what anybody can see: which
-// way things move, what covers what, what appears behind them.
+// Tests views made from a picture and its depth map against a plain reference implementation, and
+// their visible properties: direction of motion, occlusion, filled holes.
 #include "frames/views_input/depth_views.h"
 
 #include <gtest/gtest.h>
@@ -27,7 +27,7 @@ void fill(WovenFrame& picture, int left, int right, uint8_t code) {
     std::fill(picture.row(row) + left * 3, picture.row(row) + right * 3, code);
 }
 
-/// Plateaus, ramps and steps.
+/// Returns a depth map of plateaus, ramps and steps.
 WovenFrame random_depth(int width, int height, std::mt19937& random) {
   WovenFrame depth({.width = width, .height = height});
   for (int row = 0; row < height; ++row) {
@@ -62,7 +62,7 @@ bool is_one_of(const std::vector<test::Colour>& allowed, const uint8_t* rgb) {
   return false;
 }
 
-TEST(DepthViews, AreTheOraclesForSurfacesStepsAndHoles) {
+TEST(DepthViews, AgreeWithTheReferenceForSurfacesStepsAndHoles) {
   std::mt19937 random(5);
   const int width = 40, height = 12;
   for (const auto& [views, back, front] :
@@ -85,14 +85,14 @@ TEST(DepthViews, AreTheOraclesForSurfacesStepsAndHoles) {
   }
 }
 
-/// Where the white part of row 0 begins.
+/// Returns the column where the white part of row 0 begins.
 int white_begins(const FrameView& picture) {
   for (int i = 0; i < picture.geometry.width; ++i)
     if (picture.row(0)[i * 3] == 255) return i;
   return -1;
 }
 
-/// A white box at 20 to 24 of 48, over a black ground on the glass.
+/// A white box at columns 20 to 24 of 48, over a black ground in the panel's plane.
 struct Box {
   WovenFrame colour = grey(48, 2, 0);
   WovenFrame depth = grey(48, 2, 0);
@@ -103,7 +103,7 @@ struct Box {
   }
 };
 
-TEST(DepthViews, MoveWhatIsNearLeftAndWhatIsFarRightAsTheEyeMovesRight) {
+TEST(DepthViews, MoveNearObjectsLeftAndFarOnesRightAsTheEyeMovesRight) {
   const Box near(255);
   DepthViews before(48, 2, {.views = 3, .back = 0.0, .front = 8.0, .in_pixels = true});
   const auto in_front = before.draw(window_of(near.colour.view()), window_of(near.depth.view()));
@@ -113,36 +113,36 @@ TEST(DepthViews, MoveWhatIsNearLeftAndWhatIsFarRightAsTheEyeMovesRight) {
 
   const Box far(0, 255);
   DepthViews behind(48, 2, {.views = 3, .back = -8.0, .front = 0.0, .in_pixels = true});
-  // The ground, on the glass, covers a box behind it where it slides under.
+  // The ground in the panel's plane hides a box behind it where the box moves under it.
   const auto far_away = behind.draw(window_of(far.colour.view()), window_of(far.depth.view()));
   EXPECT_EQ(white_begins(far_away[1]), 20);
   EXPECT_EQ(white_begins(far_away[0]), -1) << "hidden behind the ground left of its hole";
 }
 
-TEST(DepthViews, FillsHolesFromTheFartherSide) {
+TEST(DepthViews, FillHolesFromTheFartherSide) {
   Box box(255);
   fill(box.colour, 0, 20, 60);
   fill(box.colour, 24, 48, 90);
   DepthViews drawn(48, 2, {.views = 2, .back = 0.0, .front = 8.0, .in_pixels = true});
   const auto views = drawn.draw(window_of(box.colour.view()), window_of(box.depth.view()));
-  // In the left view the box stands at 24 to 28 and has left 20 to 24.
+  // The box is at 24 to 28 in the left view and uncovers 20 to 24.
   for (int i = 20; i < 24; ++i) EXPECT_NE(views[0].row(0)[i * 3], 255) << i;
   for (int i = 24; i < 28; ++i) EXPECT_EQ(views[0].row(0)[i * 3], 255) << i;
   for (int i = 16; i < 20; ++i) EXPECT_EQ(views[1].row(0)[i * 3], 255) << i;
   for (int i = 20; i < 24; ++i) EXPECT_NE(views[1].row(0)[i * 3], 255) << i;
 }
 
-TEST(DepthViews, FlatDepthOnTheGlassIsThePictureItself) {
+TEST(DepthViews, ReproduceThePictureForDepthInThePanelsPlane) {
   std::mt19937 random(9);
   WovenFrame colour({.width = 31, .height = 9});
   for (uint8_t& byte : colour.bytes()) byte = static_cast<uint8_t>(random());
-  const WovenFrame depth = grey(7, 3, 0);  // of another size
+  const WovenFrame depth = grey(7, 3, 0);  // a wrong size
   DepthViews drawn(31, 9, {.views = 4, .back = 0.0, .front = 0.1});
   for (const FrameView& view : drawn.draw(window_of(colour.view()), window_of(depth.view())))
     EXPECT_TRUE(std::equal(view.bytes.begin(), view.bytes.end(), colour.bytes().begin()));
 }
 
-TEST(DepthViews, BlackCanBeNearAndWidthsAreAsGoodAsPixels) {
+TEST(DepthViews, AcceptInvertedDepthAndRelativeRanges) {
   const Box white(255), black(0, 255);
   DepthViews pixels(48, 2, {.views = 2, .back = 0.0, .front = 6.0, .in_pixels = true});
   DepthViews widths(48, 2,
@@ -154,7 +154,7 @@ TEST(DepthViews, BlackCanBeNearAndWidthsAreAsGoodAsPixels) {
         std::equal(one[view].bytes.begin(), one[view].bytes.end(), two[view].bytes.begin()));
 }
 
-TEST(DepthViews, RefusesWhatMakesNoSense) {
+TEST(DepthViews, RefuseInvalidInput) {
   const auto kind = [](const DepthOptions& options, int width = 8) {
     return error_of([&] { const DepthViews drawn(width, 4, options); }).kind();
   };

@@ -18,7 +18,7 @@ QuiltSidecar parsed(const std::string& json) {
   return parse_quilt_sidecar(json, "city.json").value();
 }
 
-TEST(QuiltSidecar, ReadsTheSpellingsThatAreAbout) {
+TEST(QuiltSidecar, ReadsCommonSpellings) {
   const char* const files[] = {
       R"({"columns": 8, "rows": 6, "viewCount": 45, "aspect": 0.75, "invert": 1})",
       R"({"cols": 8, "rows": 6, "view_count": 45, "aspect": 0.75, "invert_views": true})",
@@ -37,7 +37,7 @@ TEST(QuiltSidecar, ReadsTheSpellingsThatAreAbout) {
   EXPECT_FALSE(parsed(R"({"columns": 5, "rows": 9, "aspect": -1})").aspect);
 }
 
-TEST(QuiltSidecar, ReadsWhereDepthLies) {
+TEST(QuiltSidecar, ReadsThePositionOfTheDepthMap) {
   const QuiltSidecar bottom = parsed(
       R"({"isRGBD": 1, "rows": 8, "columns": 6, "aspect": 1.5, "depth_loc": 0,
           "depth_inversion": 1, "depthiness": 0.5})");
@@ -50,13 +50,13 @@ TEST(QuiltSidecar, ReadsWhereDepthLies) {
   EXPECT_EQ(parsed(R"({"isRGBD": 1})").depth, DepthPlace::Right);
 }
 
-TEST(QuiltSidecar, IsNoneWhenItIsAboutSomethingElse) {
+TEST(QuiltSidecar, IsIgnoredIfItIsNotAboutQuilts) {
   for (const char* const json :
        {"{}", "[1, 2]", R"({"shown": 30, "views": 3})", "null", R"({"isRGBD": 0})"})
     EXPECT_FALSE(parse_quilt_sidecar(json, "city.json")) << json;
 }
 
-TEST(QuiltSidecar, NamesFileAndReason) {
+TEST(QuiltSidecar, ErrorsNameFileAndReason) {
   const std::pair<const char*, const char*> wrong[] = {
       {"{", "city.json"},
       {R"({"columns": 8})", "rows"},

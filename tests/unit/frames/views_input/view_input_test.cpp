@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Names of other people's pictures, and sets of views that are put together from several sources.
+// Tests names of third-party pictures, and view sets combined from several sources.
 #include "frames/views_input/view_input.h"
 
 #include <fmt/format.h>
@@ -15,7 +15,7 @@ namespace {
 
 using test::error_of;
 
-TEST(ContentName, FindsTwoEyesInNames) {
+TEST(ContentName, FindsStereoLayoutsInNames) {
   const std::pair<const char*, StereoLayout> names[] = {
       {"film_sbs.mkv", {.beside = true, .half = false}},
       {"a/film_HSBS_%05d.png", {.beside = true, .half = true}},
@@ -62,7 +62,7 @@ TEST(ContentName, SqueezedEyesHaveTheWholePicturesAspect) {
   EXPECT_EQ(error_of([] { (void)parse_stereo("ou"); }).kind(), ErrorKind::Usage);
 }
 
-/// Pictures of 2 x 2 pixels of one code each.
+/// Opens pictures of 2 x 2 pixels, each of one code value.
 std::unique_ptr<ImageSequence> film(const test::ScratchFolder& folder, const std::string& name,
                                     int frames, int code) {
   std::vector<std::filesystem::path> files;
@@ -84,7 +84,7 @@ PullStatus next_of(ViewInput& input) {
   return PullStatus::NotYet;
 }
 
-TEST(ViewInput, PutsThePicturesOfAMomentTogetherRoundAfterRound) {
+TEST(ViewInput, CombinesThePicturesOfOneTimeInEveryLoop) {
   const test::ScratchFolder folder;
   std::vector<std::unique_ptr<FrameSource>> films;
   for (int view = 0; view < 3; ++view)

@@ -13,7 +13,7 @@ namespace {
 
 using test::error_of;
 
-/// What an eye in the middle of view `eye` gets, in linear light, by the definition.
+/// Returns the linear light that an eye in the middle of view `eye` sees, by the definition.
 double seen(const ViewSet& views, const Crosstalk& crosstalk, int eye, int channel) {
   double light = 0.0, sum = 0.0;
   for (int view = 0; view < views.count(); ++view) {
@@ -42,7 +42,7 @@ double worst_error(const ViewSet& meant, const ViewSet& shown, const Crosstalk& 
   return worst;
 }
 
-TEST(Crosstalk, OfNeighboursIsUndoneWhereThePanelCanShowIt) {
+TEST(Crosstalk, OfNeighboursIsCancelledWithinThePanelsRange) {
   const ViewSet views = grey_views({120, 140, 130, 150, 145, 120, 135});
   const Crosstalk crosstalk = crosstalk_of_percent(20.0);
   EXPECT_GT(worst_error(views, views, crosstalk), 0.01);
@@ -50,7 +50,7 @@ TEST(Crosstalk, OfNeighboursIsUndoneWhereThePanelCanShowIt) {
       << "half a code is 0.002 of full light here";
 }
 
-TEST(Crosstalk, IsClampedAtBlackAndWhiteAndStillBetter) {
+TEST(Crosstalk, IsReducedEvenIfClampedAtBlackAndWhite) {
   const ViewSet views = grey_views({0, 0, 255, 255, 0, 0, 0, 255});
   const Crosstalk crosstalk = crosstalk_of_percent(20.0);
   const ViewSet shown = compensate(views, crosstalk);
@@ -59,7 +59,7 @@ TEST(Crosstalk, IsClampedAtBlackAndWhiteAndStillBetter) {
   EXPECT_LE(worst_error(views, shown, crosstalk), worst_error(views, views, crosstalk));
 }
 
-TEST(Crosstalk, OfASpotComesCloserToWhatWasMeant) {
+TEST(Crosstalk, OfASpotIsReduced) {
   const ViewSet views = grey_views({60, 70, 90, 120, 160, 120, 90, 70, 60, 60, 90, 120});
   for (const double sigma : {0.5, 0.8, 1.5}) {
     const Crosstalk crosstalk = crosstalk_of_spot(sigma);
@@ -86,7 +86,7 @@ TEST(Crosstalk, NeitherChangesEvenViewsNorMakesNoiseGrowWithoutBound) {
   }
 }
 
-TEST(Crosstalk, RefusesWhatCannotBeUndone) {
+TEST(Crosstalk, RefusesPercentagesOutOfRange) {
   for (const double percent : {-1.0, 41.0, std::nan("")})
     EXPECT_EQ(error_of([&] { (void)crosstalk_of_percent(percent); }).kind(), ErrorKind::Usage);
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The shader's arithmetic, evaluated here in single precision from the constants in its text,
-// against the weaver and numbered views.
+// Evaluates the shader's arithmetic in single precision from the constants in its text, and
+// compares the result with the weaver and with numbered views.
 #include "frames/weaving/mpv_shader.h"
 
 #include <gtest/gtest.h>
@@ -30,7 +30,7 @@ std::map<std::string, float> constants_of(const std::string& shader) {
   return constants;
 }
 
-/// View number in float, before it is rounded down.
+/// Returns the view number in float, before rounding down.
 float view_of(std::map<std::string, float>& k, int i, int j, int channel) {
   const std::string colour(1, "RGB"[channel]);
   const float x = static_cast<float>(i) + k[colour + "_X"];
@@ -55,7 +55,7 @@ optics::Rig rig_of(int width, int height, const optics::SubpixelLayout& layout) 
   return rig;
 }
 
-TEST(MpvShader, ShowsTheViewsThatTheWeaverShows) {
+TEST(MpvShader, ShowsTheSameViewsAsTheWeaver) {
   using optics::SubpixelLayout;
   for (const SubpixelLayout& layout :
        {SubpixelLayout::rgb(), SubpixelLayout::bgr(), SubpixelLayout::vrgb()})
@@ -74,7 +74,7 @@ TEST(MpvShader, ShowsTheViewsThatTheWeaverShows) {
           for (int c = 0; c < 3; ++c) {
             const float view = view_of(constants, i, j, c);
             if (std::abs(view - std::round(view)) < 2e-3F) {
-              ++undecided;  // on a border between two views
+              ++undecided;  // lies on a border between two views
               continue;
             }
             ASSERT_EQ(woven.row(j)[3 * i + c], 5 * static_cast<int>(view)) << i << ", " << j;
@@ -88,7 +88,7 @@ TEST(MpvShader, FoldsTheViewingDistanceIntoThePitch) {
   rig.viewing = {.height = Millimetres(40.0), .distance = Millimetres(600.0)};
   const optics::OpticalModel model(rig);
   auto constants = constants_of(mpv_shader(rig, {.columns = 8, .rows = 6}));
-  // Near the panel's centre, where paraxial is exact.
+  // The paraxial formula is exact near the panel's centre.
   for (const int i : {1900, 1919, 1920, 1950}) {
     const double place = model.ray(i, 1080, 1).place;
     const double exact = optics::view_number(place, 48);
@@ -96,7 +96,7 @@ TEST(MpvShader, FoldsTheViewingDistanceIntoThePitch) {
   }
 }
 
-TEST(MpvShader, RefusesWhatItCannotSay) {
+TEST(MpvShader, RefusesUnsupportedRigsAndLayouts) {
   optics::Rig rig = rig_of(64, 64, optics::SubpixelLayout::rgb());
   EXPECT_EQ(error_of([&] { (void)mpv_shader(rig, {.columns = 0}); }).kind(), ErrorKind::Usage);
   rig.sheet.residual = {.columns = 2, .rows = 2, .lenses = {0, 0, 0, 0.01}};

@@ -16,12 +16,12 @@ ViewSet coded_views(int count, int width, int height) {
   for (int view = 0; view < count; ++view) {
     views.emplace_back(FrameGeometry{.width = width, .height = height});
     for (uint8_t& byte : views.back().bytes()) byte = static_cast<uint8_t>(view + 1);
-    views.back().row(0)[0] = static_cast<uint8_t>(200 - view);  // which way up
+    views.back().row(0)[0] = static_cast<uint8_t>(200 - view);  // marks the top row
   }
   return ViewSet(std::move(views), 0.75);
 }
 
-TEST(QuiltFile, IsReadBackAsTheSameViewsForAnyNumberOfThem) {
+TEST(QuiltFile, IsReadBackAsTheSameViewsForAnyViewCount) {
   const test::ScratchFolder folder;
   for (const int count : {1, 2, 7, 45, 48}) {
     const ViewSet views = coded_views(count, 5, 7);
@@ -29,7 +29,7 @@ TEST(QuiltFile, IsReadBackAsTheSameViewsForAnyNumberOfThem) {
     auto layout = quilt_layout_of_name(file);
     ASSERT_TRUE(layout.has_value()) << file;
     EXPECT_DOUBLE_EQ(layout->aspect.value_or(0.0), 0.75);
-    layout->views = count;  // a name does not say how many tiles are in use
+    layout->views = count;  // a name does not state how many tiles are in use
     const ViewSet back = read_quilt(file, *layout);
     ASSERT_EQ(back.width(), 5);
     ASSERT_EQ(back.height(), 7);
@@ -50,7 +50,7 @@ TEST(QuiltFile, PutsTheLeftmostViewAtTheBottomLeft) {
   EXPECT_EQ(quilt.row(1)[4 * 3], 0) << "the last tile is unused";
 }
 
-TEST(QuiltFile, NamesSayTheLayout) {
+TEST(QuiltFile, NamesStateTheLayout) {
   const QuiltLayout layout{.columns = 8, .rows = 6, .views = 0, .aspect = 0.75};
   EXPECT_EQ(quilt_name("a/city.png", layout), "a/city_qs8x6a0.75.png");
   EXPECT_EQ(quilt_name("a/city_qs8x6a0.75.png", layout), "a/city_qs8x6a0.75.png");

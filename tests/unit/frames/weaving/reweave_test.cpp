@@ -30,7 +30,7 @@ optics::Rig rig_of(double pitch, double slant, double offset) {
   return rig;
 }
 
-/// Waves that move a little from view to view; `lenses` is how many lenses one is long.
+/// Returns waves that move a little from view to view; a wave is `lenses` lenses long.
 ViewSet waves(int count, double lenses) {
   constexpr int kWidth = 320, kHeight = 180;
   const double per_pixel = 2.0 * M_PI / (lenses * kWidth / 250.0);
@@ -61,7 +61,7 @@ double reweave_psnr(const optics::Rig& from, const optics::Rig& to, double lense
   return psnr(weave_fast(decoded, b), weave_fast(views, b));
 }
 
-TEST(Reweave, KeepsSmoothPicturesAndLosesWhatLensesCannotHold) {
+TEST(Reweave, KeepsSmoothPicturesAndLosesDetailBelowALens) {
   const optics::Rig from = rig_of(7.71, 0.2513, 0.3), to = rig_of(8.33, -0.1667, 0.1);
   const double smooth = reweave_psnr(from, to, 25.0), detailed = reweave_psnr(from, to, 5.0);
   RecordProperty("smooth_db", std::to_string(smooth));
@@ -71,8 +71,8 @@ TEST(Reweave, KeepsSmoothPicturesAndLosesWhatLensesCannotHold) {
   EXPECT_GT(smooth, detailed + 3.0);
 }
 
-TEST(Reweave, PutsViewsBackWhereTheyWere) {
-  // Each view one colour: all that can go wrong is their order and where the lobe begins.
+TEST(Reweave, KeepsTheOrderOfViews) {
+  // Each view has one colour, so that only the order and the lobe's start can be wrong.
   const optics::OpticalModel a(rig_of(8.0, 0.25, 0.3));
   std::vector<WovenFrame> coded(8, WovenFrame({.width = 4, .height = 4}));
   for (size_t view = 0; view < coded.size(); ++view)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Requests, and whatever is none.
+// Tests valid and invalid requests.
 #include "player/control/control_protocol.h"
 
 #include <gmock/gmock.h>
@@ -50,7 +50,7 @@ TEST(ControlProtocol, EveryVerbHasItsFields) {
     EXPECT_STREQ(verb_name(parse(std::string(R"({"do":")") + name + "\"}").verb), name);
 }
 
-TEST(ControlProtocol, WhatIsUnknownIsRefusedByName) {
+TEST(ControlProtocol, UnknownVerbsAndFieldsAreRefusedByName) {
   EXPECT_EQ(complaint(R"({"do":"explode"})"), "do: there is no verb 'explode'");
   EXPECT_EQ(complaint(R"({"do":"pause","hard":true})"), "pause: it has no field 'hard'");
   EXPECT_EQ(complaint(R"({"do":"seek"})"), "seek: neither frame nor item");
@@ -71,7 +71,7 @@ TEST(ControlProtocol, WhatIsUnknownIsRefusedByName) {
   EXPECT_THAT(complaint(R"({"id":[1],"do":"status"})"), testing::StartsWith("id: "));
 }
 
-TEST(ControlProtocol, GarbageIsAnErrorWithTheIdAsFarAsThereIsOne) {
+TEST(ControlProtocol, GarbageIsAnErrorWithTheRequestsIdIfReadable) {
   for (const std::string line : {"", "{", "[]", "7", "null", "status", "{\"do\":\"status\"}}",
                                  "\xff\xfe", "{\"do\":\"\xff\"}"})
     EXPECT_EQ(complaint(line), "request: not a JSON object on one line") << line;
@@ -95,7 +95,7 @@ TEST(ControlProtocol, AnswersAreOneLineEach) {
   EXPECT_EQ(error["error"]["remedy"], "look for it");
 }
 
-TEST(ControlPeers, TheOwnerAndRootMayEverythingTheGroupMaySteerOthersNothing) {
+TEST(ControlPeers, OwnerAndRootMayDoEverythingGroupMayControlOthersNothing) {
   const ControlPolicy policy{.owner = 1000, .group = 44};
   EXPECT_EQ(rights_of({.uid = 1000, .groups = {}}, policy), ControlRights::Everything);
   EXPECT_EQ(rights_of({.uid = 0, .groups = {}}, policy), ControlRights::Everything);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The control socket with a player behind it that only remembers.
+// Tests the control socket with a player that only records requests.
 #include "player/control/control_server.h"
 
 #include <fcntl.h>
@@ -84,7 +84,7 @@ class ControlSocket : public testing::Test {
     server = std::make_unique<ControlServer>(std::move(options), player);
   }
   [[nodiscard]] ControlClient client() const { return {socket, kPatience}; }
-  /// A connection without manners.
+  /// Returns a raw connection that need not follow the protocol.
   [[nodiscard]] UniqueFd raw() const {
     const frames::UnixAddress address = frames::unix_address(socket);
     UniqueFd fd(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
@@ -96,7 +96,7 @@ class ControlSocket : public testing::Test {
   static void say(const UniqueFd& fd, const std::string& text) {
     (void)::send(fd.get(), text.data(), text.size(), MSG_NOSIGNAL);
   }
-  /// Everything up to the end of the connection.
+  /// Reads up to the end of the connection.
   static std::string hear_all(const UniqueFd& fd) {
     std::string all;
     std::array<char, 4096> bytes{};
@@ -134,7 +134,7 @@ TEST_F(ControlSocket, AnswersWithTheIdOfTheRequest) {
   EXPECT_EQ(ask(one, {{"id", 2}, {"do", "fly"}})["error"]["object"], "do");
 }
 
-TEST_F(ControlSocket, IsForItsOwnerAloneAndGoesWithThePlayer) {
+TEST_F(ControlSocket, IsPrivateToItsOwnerAndRemovedWithThePlayer) {
   serve();
   struct stat status {};
   ASSERT_EQ(::stat(socket.c_str(), &status), 0);
@@ -163,7 +163,7 @@ TEST_F(ControlSocket, ReplacesADeadSocketAndNothingElse) {
   EXPECT_TRUE(fs::exists(file));
 }
 
-TEST_F(ControlSocket, StrangersAreToldSoAndClosed) {
+TEST_F(ControlSocket, StrangersAreRefusedAndDisconnected) {
   serve({.peer = [](int) { return ControlPeer{.uid = geteuid() + 1, .groups = {}}; }});
   const UniqueFd stranger = raw();
   say(stranger, "{\"do\":\"quit\"}\n");
@@ -175,7 +175,7 @@ TEST_F(ControlSocket, StrangersAreToldSoAndClosed) {
   EXPECT_THAT(hear_all(raw()), testing::HasSubstr("another user's player"));
 }
 
-TEST_F(ControlSocket, HalfLinesWaitAndPipelinedOnesComeInOrder) {
+TEST_F(ControlSocket, PartialLinesWaitAndPipelinedOnesAreAnsweredInOrder) {
   serve();
   const UniqueFd slow = raw();
   say(slow, "{\"id\":1,\"do\":");
@@ -192,7 +192,7 @@ TEST_F(ControlSocket, HalfLinesWaitAndPipelinedOnesComeInOrder) {
   EXPECT_EQ(expected, 100);
 }
 
-TEST_F(ControlSocket, GarbageIsAnsweredAndEndlessLinesEndTheConnection) {
+TEST_F(ControlSocket, GarbageIsAnsweredAndOverlongLinesEndTheConnection) {
   serve();
   const UniqueFd noisy = raw();
   say(noisy, "\xff\x01garbage\n{}\n[1,2]\n");
@@ -222,13 +222,13 @@ TEST_F(ControlSocket, AThousandClientsAreServedOrTurnedAway) {
       ControlClient after = client();
       return ask(after, {{"do", "status"}})["ok"] == true;
     } catch (const Error&) {
-      return false;  // those that are gone are not noticed at once
+      return false;  // the server does not notice closed connections at once
     }
   }));
   EXPECT_GT(server->counts().displaced, 0u);
 }
 
-/// Everybody is a member of the group until `owner` is set.
+/// Makes every client a member of the group until `owner` is set.
 struct Callers {
   std::atomic<bool> owner{false};
   [[nodiscard]] ControlServerOptions options() {
@@ -240,7 +240,7 @@ struct Callers {
   }
 };
 
-TEST_F(ControlSocket, TheClientThatWasIdleForLongestMakesRoomForANewOne) {
+TEST_F(ControlSocket, TheLongestIdleClientIsReplacedByANewOne) {
   Callers callers;
   serve(callers.options());
   std::vector<ControlClient> all;
@@ -259,7 +259,7 @@ TEST_F(ControlSocket, TheClientThatWasIdleForLongestMakesRoomForANewOne) {
   EXPECT_EQ(server->counts().displaced, 1u);
 }
 
-TEST_F(ControlSocket, WhoOnlyListensStaysLongerThanWhoDoesNothing) {
+TEST_F(ControlSocket, SubscribersOutlastIdleClients) {
   Callers callers;
   serve(callers.options());
   ControlClient listener = client();
@@ -272,7 +272,7 @@ TEST_F(ControlSocket, WhoOnlyListensStaysLongerThanWhoDoesNothing) {
   EXPECT_EQ(ask(listener, {{"do", "stats"}})["ok"], true);
 }
 
-TEST_F(ControlSocket, WhereAllAreBusyAMemberOfTheGroupIsRefusedAndTheOwnerIsNot) {
+TEST_F(ControlSocket, WithOnlyBusyClientsAGroupMemberIsRefusedAndTheOwnerIsNot) {
   Callers callers;
   serve(callers.options());
   std::vector<ControlClient> all;
@@ -289,7 +289,7 @@ TEST_F(ControlSocket, WhereAllAreBusyAMemberOfTheGroupIsRefusedAndTheOwnerIsNot)
   EXPECT_EQ(server->counts().displaced, 1u);
 }
 
-TEST_F(ControlSocket, SpacesNowAndThenDoNotMakeAClientBusy) {
+TEST_F(ControlSocket, AClientThatSendsOnlySpacesIsIdle) {
   Callers callers;
   serve(callers.options());
   std::vector<UniqueFd> slow;
@@ -304,7 +304,7 @@ TEST_F(ControlSocket, SpacesNowAndThenDoNotMakeAClientBusy) {
   }
 }
 
-TEST_F(ControlSocket, AClientThatNeverReadsIsDroppedAndHurtsNobody) {
+TEST_F(ControlSocket, AClientThatNeverReadsIsDroppedWithoutDelayingOthers) {
   serve({.limits = {.events_per_second = 1'000'000}});
   const UniqueFd deaf = raw();
   say(deaf, "{\"do\":\"subscribe\"}\n");
@@ -320,7 +320,7 @@ TEST_F(ControlSocket, AClientThatNeverReadsIsDroppedAndHurtsNobody) {
   EXPECT_EQ(server->counts().dropped, 1u);
 }
 
-TEST_F(ControlSocket, RequestsOfAClientThatNeverReadsAreNotReadForEver) {
+TEST_F(ControlSocket, RequestsOfAClientThatNeverReadsAreReadUpToALimit) {
   serve();
   player.fill_answers(10'000);
   const UniqueFd deaf = raw();
@@ -337,7 +337,7 @@ TEST_F(ControlSocket, RequestsOfAClientThatNeverReadsAreNotReadForEver) {
   EXPECT_LT(player.verbs().size(), sent) << "not all of it was taken in";
 }
 
-TEST_F(ControlSocket, LateAnswersComeAndThoseForTheGoneAreForgotten) {
+TEST_F(ControlSocket, LateAnswersArriveUnlessTheirClientIsGone) {
   serve();
   {
     ControlClient gone = client();
@@ -354,7 +354,7 @@ TEST_F(ControlSocket, LateAnswersComeAndThoseForTheGoneAreForgotten) {
   EXPECT_EQ((*late)["id"], 2);
 }
 
-TEST_F(ControlSocket, AnswersAfterItsEndGoNowhere) {
+TEST_F(ControlSocket, AnswersAfterTheServersEndAreDropped) {
   serve();
   ControlClient one = client();
   one.send({{"do", "load"}, {"source", "a"}});
@@ -364,7 +364,7 @@ TEST_F(ControlSocket, AnswersAfterItsEndGoNowhere) {
   EXPECT_THROW((void)one.receive(kPatience), Error);
 }
 
-TEST_F(ControlSocket, TooManyEventsAreCountedInsteadOfSent) {
+TEST_F(ControlSocket, SurplusEventsAreCountedInsteadOfSent) {
   serve({.limits = {.events_per_second = 5}});
   ControlClient listener = client();
   (void)ask(listener, {{"do", "subscribe"}});
@@ -382,7 +382,7 @@ TEST_F(ControlSocket, TooManyEventsAreCountedInsteadOfSent) {
   EXPECT_LE(heard, 100u);
 }
 
-TEST(ControlClients, NobodyThereIsADeviceThatIsMissing) {
+TEST(ControlClients, AMissingPlayerIsADeviceError) {
   try {
     const ControlClient client("/nonexistent/c.sock", seconds(1));
     FAIL();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// When a source is called too slow, and with which figures.
+// Tests when a source is reported as too slow, and with which figures.
 #include "player/playlist/source_pace.h"
 
 #include <gmock/gmock.h>
@@ -24,7 +24,7 @@ PlayReport report_of(uint64_t shown, uint64_t late) {
   return report;
 }
 
-TEST(SourcePace, IsTooSlowWhileFramesAreLateAndSaysSoNowAndThen) {
+TEST(SourcePace, IsTooSlowWhileFramesAreLateAndWarnsAtIntervals) {
   SourcePace pace;
   Time now{seconds(100)};
   EXPECT_FALSE(pace.look(report_of(60, 0), now).too_slow);
@@ -45,7 +45,7 @@ TEST(SourcePace, IsTooSlowWhileFramesAreLateAndSaysSoNowAndThen) {
   EXPECT_FALSE(pace.look(report_of(240, 60), now += seconds(1)).too_slow);
 }
 
-TEST(SourcePace, TheFirstSecondIsNobodysFault) {
+TEST(SourcePace, IgnoresTheFirstSecond) {
   SourcePace pace;
   PlayReport report = report_of(50, 10);
   report.pace.underruns_after_start = 0;
@@ -53,7 +53,7 @@ TEST(SourcePace, TheFirstSecondIsNobodysFault) {
   EXPECT_FALSE(pace.look(report, Time{seconds(2)}).too_slow);
 }
 
-TEST(SourcePace, ReadsASourceToItsEndOrToItsFailure) {
+TEST(SourcePace, ReadsASourceToItsEndOrItsError) {
   test::FakeSource good({.frames = 50});
   EXPECT_GT(measure_source(good, {1, 60}, seconds(20)).seen_fps, 0.0);
   EXPECT_EQ(good.lent(), 0u);
@@ -63,7 +63,7 @@ TEST(SourcePace, ReadsASourceToItsEndOrToItsFailure) {
   EXPECT_THROW((void)measure_source(empty, {1, 60}, seconds(20)), Error);
 }
 
-TEST(SourcePace, ASourceThatNeedsTimeForEachFrameIsTooSlowForMore) {
+TEST(SourcePace, DetectsASourceSlowerThanItsRate) {
   const auto clock = display::make_monotonic_clock();
   const auto begin = clock->now();
   test::FakeSource slow({.frames = 20,

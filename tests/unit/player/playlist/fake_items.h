@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Items of a playlist that are scripted sources, opened by name.
+// Provides playlist items that are scripted sources, opened by name.
 #pragma once
 
 #include <atomic>
@@ -59,7 +59,7 @@ struct FakeItem {
   FakeSourceScript script{.geometry = kItemSize};
 };
 
-/// The disk that a list's items are on. Any thread.
+/// A fake disk with the items of a list. Thread safety: any thread may call.
 class FakeShelf {
  public:
   void put(const std::string& name, FakeItem item) {
@@ -68,7 +68,7 @@ class FakeShelf {
   }
   [[nodiscard]] player::ItemOpener opener() {
     return [this](const player::PlaylistItem& item, uint64_t frame) {
-      (void)frame;  // a source that cannot begin elsewhere
+      (void)frame;  // this source cannot begin at a later frame
       const std::lock_guard lock(mutex_);
       ++opened_;
       const auto found = items_.find(item.source);

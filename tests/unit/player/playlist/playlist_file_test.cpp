@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading playlists, and which item is for which time.
+// Tests the playlist reader, and which item is scheduled at which time.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ std::string complaint(const std::string& text) {
   return "none";
 }
 
-TEST(PlaylistFile, HasEveryKeyItsPlace) {
+TEST(PlaylistFile, ReadsEveryKey) {
   const Playlist list = parse(R"(format = 1
 loop = "forever"
 [default]
@@ -63,7 +63,7 @@ loops = "forever"
   EXPECT_EQ(list.items[2].source, "ring:/run/ring.sock");
 }
 
-TEST(PlaylistFile, FilesAreInTheListsFolder) {
+TEST(PlaylistFile, FilesAreRelativeToTheListsFolder) {
   const auto source_of = [](const std::string& source) {
     return parse("[[item]]\nsource = \"" + source + "\"\n").items.front().source;
   };
@@ -76,7 +76,7 @@ TEST(PlaylistFile, FilesAreInTheListsFolder) {
   EXPECT_EQ(source_of("ring:/run/ring.sock"), "ring:/run/ring.sock");
 }
 
-TEST(PlaylistFile, ComplaintsNameTheLineAndTheReason) {
+TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   const std::string item = "[[item]]\nsource = \"a.png\"\n";
   EXPECT_EQ(complaint(""), "list.toml:1: no [[item]]");
   EXPECT_THAT(complaint("\n\xC6\x8Dop = 1\n"), testing::HasSubstr(":2: a letter outside ASCII"));
@@ -121,7 +121,7 @@ TEST(PlaylistFile, ASpanOverMidnightBelongsToTheDayOnWhichItBegan) {
   EXPECT_TRUE(sunday.permits({0, 30})) << "Monday's first hour";
 }
 
-TEST(PlaylistOrder, PassesOverWhatIsNotForThisTime) {
+TEST(PlaylistOrder, SkipsItemsThatAreNotScheduledNow) {
   Playlist list{.name = "l", .items = {}, .standby = {}, .rounds = 2};
   list.items.resize(3);
   list.items[1].schedule = Schedule{.days = 0x7f, .from_minute = 600, .to_minute = 660};
@@ -135,7 +135,7 @@ TEST(PlaylistOrder, PassesOverWhatIsNotForThisTime) {
   EXPECT_EQ(next_item(list, 2, 1, morning).kind, NextItem::Kind::End);
 }
 
-TEST(PlaylistOrder, StandsByOnlyIfNothingIsForThisTime) {
+TEST(PlaylistOrder, StandsByOnlyIfNoItemIsScheduledNow) {
   Playlist list{.name = "l", .items = {}, .standby = {}, .rounds = kForever};
   list.items.resize(2);
   for (PlaylistItem& item : list.items)

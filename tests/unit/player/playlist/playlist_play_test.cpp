@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Playlists in simulated time: every frame of every seam, at its vblank.
+// Tests playlists in simulated time: every frame around every loop point at its vblank.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -65,7 +65,7 @@ class PlaylistPlay : public testing::Test {
   }
 };
 
-TEST_F(PlaylistPlay, TenThousandSeamsWithoutARepeatedOrLostFrame) {
+TEST_F(PlaylistPlay, RepeatsAndLosesNoFrameAtTenThousandLoopPoints) {
   put("a", 0, 3);
   put("b", 10, 2);
   constexpr uint64_t kRounds = 5'000;
@@ -84,7 +84,7 @@ TEST_F(PlaylistPlay, TenThousandSeamsWithoutARepeatedOrLostFrame) {
 }
 
 TEST_F(PlaylistPlay, EveryItemHasItsOwnRate) {
-  put("film", 0, 4, frames::Rate{24, 1});    // due at 0, 2, 5, 7, and 10 is the next item's
+  put("film", 0, 4, frames::Rate{24, 1});    // due at 0, 2, 5, 7; the next item begins at 10
   put("video", 10, 3, frames::Rate{60, 1});  // 10, 11, 12
   put("slow", 20, 2, frames::Rate{10, 1});   // 13, 19
   play_list(list_of({"film", "video", "slow"}));
@@ -104,7 +104,7 @@ TEST_F(PlaylistPlay, LoopsAndDurationsCountFrames) {
   EXPECT_THAT(shown_numbers(32), testing::ElementsAre(0, 1, 2, 0, 1, 2, 10, 11, 10));
 }
 
-TEST_F(PlaylistPlay, AStillPictureStaysForAWhile) {
+TEST_F(PlaylistPlay, AStillPictureStaysForItsDuration) {
   put("still", 0, 1);
   put("b", 10, 1);
   Playlist list = list_of({"still", "b"});
@@ -115,7 +115,7 @@ TEST_F(PlaylistPlay, AStillPictureStaysForAWhile) {
   EXPECT_EQ(result.report.pace.underruns, 0u);
 }
 
-TEST_F(PlaylistPlay, BrokenItemsArePassedOverWithTheirNames) {
+TEST_F(PlaylistPlay, BrokenItemsAreSkippedAndNamed) {
   put("a", 0, 2);
   put("b", 10, 2);
   shelf.put("breaks", {20, {.geometry = kItemSize, .frames = 5, .fails_after = 2}});
@@ -131,17 +131,17 @@ TEST_F(PlaylistPlay, BrokenItemsArePassedOverWithTheirNames) {
   EXPECT_THAT(skipped, testing::UnorderedElementsAre("missing", "breaks", "large", "empty"));
 }
 
-TEST_F(PlaylistPlay, AListOfNothingThatCanBePlayedEnds) {
+TEST_F(PlaylistPlay, AListWithoutPlayableItemsEnds) {
   const PlayResult result = play_list(list_of({"missing", "gone"}));
   EXPECT_EQ(result.report.pace.shown, 0u);
   EXPECT_EQ(status.skipped, 2u);
 }
 
-TEST_F(PlaylistPlay, AListOfOneThatCannotBeOpenedIsAnError) {
+TEST_F(PlaylistPlay, AListOfOneUnreadableItemIsAnError) {
   EXPECT_THROW((void)play_list(list_of({"missing"})), Error);
 }
 
-TEST_F(PlaylistPlay, StandsByUntilThereIsSomethingForThisTime) {
+TEST_F(PlaylistPlay, StandsByUntilAnItemIsScheduled) {
   put("standby", 0, 2);
   put("day", 10, 2);
   Playlist list = list_of({"day"}, kForever);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Pausing and going elsewhere while it plays, with real threads and a real clock. Nothing here
-// depends on how fast the machine is.
+// Tests pausing and jumping while playing, with real threads and a real clock. No assertion depends
+// on the machine's speed.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -70,7 +70,7 @@ class PlaylistSteer : public testing::Test {
     const uint64_t before = control.on_glass().frames;
     return within_patience([&] { return control.on_glass().frames > before; });
   }
-  /// Empty, or why the old place goes on.
+  /// Returns an empty text, or the reason why the old place stays.
   [[nodiscard]] std::string jump(Jump where) const {
     std::promise<std::string> promise;
     source->jump(std::move(where),
@@ -80,7 +80,7 @@ class PlaylistSteer : public testing::Test {
   }
   void pause_still() {
     control.pause(true);
-    // A flip that was pending lands, sooner or later.
+    // A pending flip completes within a few polls.
     uint64_t frames = 0;
     do {
       frames = control.on_glass().frames;
@@ -92,7 +92,7 @@ class PlaylistSteer : public testing::Test {
   }
 };
 
-TEST_F(PlaylistSteer, APauseHoldsThePictureAndPlayingGoesOnWithTheNextFrame) {
+TEST_F(PlaylistSteer, APauseHoldsThePictureAndPlayingContinuesWithTheNextFrame) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 1000}});
   start(playlist_of("a", kForever));
   ASSERT_TRUE(is_moving());
@@ -126,7 +126,7 @@ TEST_F(PlaylistSteer, ASeekWhilePausedShowsExactlyThatFrame) {
   EXPECT_TRUE(plays("a", 999));
 }
 
-TEST_F(PlaylistSteer, AJumpLeavesOutWhatWasFilledBefore) {
+TEST_F(PlaylistSteer, AJumpDiscardsFramesFilledBefore) {
   shelf.put("slow", {0, {.geometry = kItemSize, .frames = 100, .rate = frames::Rate{1, 2}}});
   shelf.put("b", {500, {.geometry = kItemSize, .frames = 50}});
   start(playlist_of("slow", kForever));
@@ -139,7 +139,7 @@ TEST_F(PlaylistSteer, AJumpLeavesOutWhatWasFilledBefore) {
       << "the slow one's frames 1 and 2 were in the scan-out buffers";
 }
 
-TEST_F(PlaylistSteer, WhatCannotBeOpenedLeavesTheOldOnePlaying) {
+TEST_F(PlaylistSteer, AFailedOpenLeavesTheOldItemPlaying) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 10}});
   shelf.put("large", {0, {.geometry = {.width = 32, .height = 8}, .frames = 10}});
   shelf.put("breaks", {0, {.geometry = kItemSize, .frames = 10, .fails_after = 0}});
@@ -152,7 +152,7 @@ TEST_F(PlaylistSteer, WhatCannotBeOpenedLeavesTheOldOnePlaying) {
   EXPECT_EQ(source->status().source, "a");
 }
 
-TEST_F(PlaylistSteer, NextAndPreviousGoRoundTheList) {
+TEST_F(PlaylistSteer, NextAndPreviousWrapAroundTheList) {
   for (const char* name : {"a", "b", "c"})
     shelf.put(name, {0, {.geometry = kItemSize, .frames = 100'0}});
   Playlist list = list_of({"a", "b", "c"}, kForever);
@@ -170,7 +170,7 @@ TEST_F(PlaylistSteer, NextAndPreviousGoRoundTheList) {
   EXPECT_EQ(jump({.item = 3}), "item 3: the list has 3");
 }
 
-TEST_F(PlaylistSteer, OfManyJumpsTheLastCounts) {
+TEST_F(PlaylistSteer, TheLastOfManyJumpsCounts) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 1000}});
   start(playlist_of("a", kForever));
   ASSERT_TRUE(is_moving());
@@ -183,7 +183,7 @@ TEST_F(PlaylistSteer, OfManyJumpsTheLastCounts) {
   EXPECT_TRUE(within_patience([&] { return plays("a", kJumps - 1); }));
 }
 
-TEST_F(PlaylistSteer, TheNumberOfLoopsCanBeTakenBack) {
+TEST_F(PlaylistSteer, TheNumberOfLoopsCanBeReduced) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 10}});
   start(playlist_of("a", kForever));
   ASSERT_TRUE(is_moving());

@@ -9,19 +9,19 @@
 namespace lenticule::render {
 namespace {
 
-TEST(Audit, BoundsAShareByTheBinomialLaw) {
+TEST(Audit, BoundsAShareByTheBinomialDistribution) {
   EXPECT_EQ(bound_of_share({}), 1.0);
   EXPECT_EQ(bound_of_share({.drawn = 5, .beyond = 5}), 1.0);
-  // None of n: (1 - p)^n = 0.01.
+  // None of n exceeds the tolerance: (1 - p)^n = 0.01.
   EXPECT_NEAR(bound_of_share({.drawn = 459, .beyond = 0}), 1.0 - std::pow(0.01, 1.0 / 459.0), 1e-9);
   // One of two: 1 - p^2 = 0.01.
   EXPECT_NEAR(bound_of_share({.drawn = 2, .beyond = 1}), std::sqrt(0.99), 1e-9);
-  // Many: the normal approximation.
+  // Many samples: the normal approximation.
   const double normal = 0.02 + 2.326 * std::sqrt(0.02 * 0.98 / 50000.0);
   EXPECT_NEAR(bound_of_share({.drawn = 50000, .beyond = 1000}), normal, 1e-4);
 }
 
-TEST(Audit, TheBoundHoldsAsOftenAsItSays) {
+TEST(Audit, TheBoundHoldsWithTheStatedProbability) {
   std::mt19937_64 random(3);
   for (const double share : {0.001, 0.02, 0.3}) {
     std::binomial_distribution<uint64_t> beyond(700, share);
@@ -32,14 +32,14 @@ TEST(Audit, TheBoundHoldsAsOftenAsItSays) {
   }
 }
 
-TEST(Audit, MendsWhatIsBadAndLeavesWhatMayBeChance) {
+TEST(Audit, RetracesBadBandsAndToleratesChance) {
   EXPECT_FALSE(needs_mending({.drawn = 360, .beyond = 0}, 0.03));
   EXPECT_FALSE(needs_mending({.drawn = 360, .beyond = 15}, 0.03));
   EXPECT_TRUE(needs_mending({.drawn = 360, .beyond = 40}, 0.03));
   EXPECT_FALSE(needs_mending({}, 0.03));
 }
 
-TEST(Audit, DrawsWithoutFavour) {
+TEST(Audit, SamplesUniformly) {
   constexpr uint32_t kRows = 64, kColumns = 11520;
   uint64_t mending = 0, judging = 0, odd_rows = 0;
   std::array<uint64_t, 3> channels{};

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the audit of method adaptive takes for true is what method full gives, to the last byte.
+// Tests that the reference colours in the audit of method adaptive equal those of method full to
+// the last byte.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -36,8 +37,8 @@ Rendered rendered(const std::string& method, const SceneDescription& description
   return out;
 }
 
-/// Three thin rods with balls at their ends, a small block where they cross, and at each end the
-/// same again, smaller and turned.
+/// Makes three thin rods with balls at their ends, a small block where they cross, and at each end
+/// a smaller, rotated copy of the whole.
 class Jacks {
  public:
   explicit Jacks(SceneDescription& scene) : scene_(scene) {}
@@ -52,7 +53,7 @@ class Jacks {
       const Vec3 arm = axes[static_cast<size_t>(n / 2)] * (n % 2 == 0 ? size : -size);
       if (n % 2 == 0) add_rod(centre - arm, centre + arm, 0.04 * size);
       scene_.spheres.push_back({.centre = centre + arm, .radius = 0.1 * size, .material = n % 2});
-      // Not back to where it came from.
+      // No copy in the direction of the parent.
       if (levels > 1 && n != came_along) add(centre + arm, 0.45 * size, levels - 1, n ^ 1);
     }
   }
@@ -66,7 +67,7 @@ class Jacks {
   SceneDescription& scene_;
 };
 
-/// All mirrors; of glass in part if there is any transmittance.
+/// Returns a scene of mirrors, in part of glass if there is any transmittance.
 SceneDescription jacks(double transmittance = 0.0) {
   SceneDescription scene;
   scene.background = {0.08, 0.36, 0.53};
@@ -105,13 +106,14 @@ Audited audited(const frames::WovenFrame& full, const frames::WovenFrame& adapti
   return sum;
 }
 
-constexpr double kNeverMended = 40.0;  ///< code values
+constexpr double kNeverMended =
+    40.0;  ///< code values; an error limit so large that no band is retraced
 
 optics::Rig rig_of(double slant = 1.0 / 3.0) {
   return make_rig({.width = 400, .height = 240, .slant = slant, .pixel_mm = 0.1});
 }
 
-TEST(AuditedSubpixels, AreThoseOfFullHoweverOftenThinThingsAreMirrored) {
+TEST(AuditedSubpixels, EqualFullForRepeatedlyMirroredThinObjects) {
   for (const double transmittance : {0.0, 0.5})
     for (int depth = 1; depth <= 6; ++depth) {
       const SceneDescription scene = jacks(transmittance);
@@ -123,12 +125,12 @@ TEST(AuditedSubpixels, AreThoseOfFullHoweverOftenThinThingsAreMirrored) {
       EXPECT_GT(all.count, 1000U);
       EXPECT_EQ(all.different, 0U) << "depth " << depth << ", glass " << transmittance;
       EXPECT_GT(adaptive.statistics.interpolated_subpixels, 0U);
-      // Or there was nothing to tell apart.
+      // Otherwise the scene would have too few secondary rays for the comparison.
       EXPECT_GT(adaptive.statistics.secondary_rays, 10000U);
     }
 }
 
-TEST(AuditedSubpixels, AreThoseOfFullForEveryInstructionSetAndNumberOfThreads) {
+TEST(AuditedSubpixels, EqualFullForEveryInstructionSetAndNumberOfThreads) {
   const SceneDescription scene = jacks();
   RenderOptions options{.threads = 1, .max_depth = 6, .cancelled = {}};
   const Rendered full = rendered("full", scene, rig_of(), options);
@@ -144,7 +146,7 @@ TEST(AuditedSubpixels, AreThoseOfFullForEveryInstructionSetAndNumberOfThreads) {
 
 /// Rows and columns that end inside a tile, lenses that lean either way, subpixels whose rays come
 /// from the rig's map itself, eyes at infinity.
-TEST(AuditedSubpixels, AreThoseOfFullOnEveryKindOfRig) {
+TEST(AuditedSubpixels, EqualFullOnEveryKindOfRig) {
   const SceneDescription scene = jacks();
   std::vector<optics::Rig> rigs = {
       rig_of(-0.2),
@@ -153,7 +155,7 @@ TEST(AuditedSubpixels, AreThoseOfFullOnEveryKindOfRig) {
       make_rig({.width = 400, .height = 64, .pixel_mm = 4.0}),
       make_rig({.width = 400, .height = 64, .distance_mm = HUGE_VAL, .pixel_mm = 0.1}),
       make_rig({.width = 400, .height = 64, .pixel_mm = 0.1})};
-  // Its rays come from the map, one by one.
+  // Rays come from the map, one by one, if there is a residual map.
   std::mt19937_64 random(5);
   rigs.back().sheet.residual = test::random_residual(random, 7, 5, 0.15);
   for (const optics::Rig& rig : rigs) {
@@ -167,7 +169,7 @@ TEST(AuditedSubpixels, AreThoseOfFullOnEveryKindOfRig) {
   }
 }
 
-TEST(AuditedSubpixels, TheBoundHoldsWhereThinThingsAreMirrored) {
+TEST(AuditedSubpixels, KeepTheErrorBoundForMirroredThinObjects) {
   for (const double error : {1.0, 3.0}) {
     const SceneDescription scene = jacks();
     RenderOptions options{.threads = 2, .max_depth = 6, .cancelled = {}};

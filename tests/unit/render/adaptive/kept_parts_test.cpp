@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is kept from one frame to the next looks the same in both.
+// Tests that regions marked as unchanged between two frames look the same in both.
 #include "render/methods/adaptive/kept_parts.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,8 @@ optics::Rig wide_rig() {
   return make_rig({.width = 400, .height = 240, .pixel_mm = 0.2});
 }
 
-/// A floor, a wall, and balls, boxes and cones before it; matt, but for `shiny` of them.
+/// Returns a floor, a wall, and balls, boxes and cones in front of it; matte except for a share
+/// `shiny` of them.
 SceneDescription strewn(std::mt19937_64& random, double shiny, int of_each = 5) {
   std::uniform_real_distribution<double> any(-1.0, 1.0), part(0.0, 1.0);
   SceneDescription scene;
@@ -53,8 +54,8 @@ SceneDescription strewn(std::mt19937_64& random, double shiny, int of_each = 5) 
   return scene;
 }
 
-/// Its wall gets grain that is finer than samples, the more the higher, `most` at the top: of much,
-/// bands are mended.
+/// Adds grain finer than the samples to the wall, increasing with the height up to `most` at the
+/// top. Strong grain makes bands be retraced.
 void add_grain(SceneDescription& scene, float most, std::mt19937_64& random) {
   constexpr int kSize = 256;
   std::uniform_real_distribution<float> any(-0.5F, 0.5F);
@@ -74,7 +75,7 @@ void add_grain(SceneDescription& scene, float most, std::mt19937_64& random) {
         {static_cast<float>((p.x + 4.0) / 8.0), static_cast<float>(1.0 - (p.y + 2.0) / 5.0)});
 }
 
-/// Moves, or changes, one thing or two.
+/// Moves or changes one or two objects.
 void stir(SceneDescription& scene, std::mt19937_64& random) {
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   const Vec3 by{0.4 * any(random), 0.3 * any(random), 0.3 * any(random)};
@@ -119,8 +120,8 @@ class Frames {
   std::unique_ptr<Method> method_;
 };
 
-/// Method full renders both frames: through what is kept no byte differs.
-TEST(KeptParts, LookTheSameInFull) {
+/// Method full renders both frames: through unchanged regions no byte differs.
+TEST(KeptParts, AreEqualInBothFramesOfFull) {
   const optics::Rig rig = wide_rig();
   const optics::OpticalModel model(rig);
   const RowPlanes planes(model);
@@ -160,7 +161,7 @@ TEST(KeptParts, LookTheSameInFull) {
   EXPECT_GT(kept, compared / 5);
 }
 
-TEST(KeptParts, AreNoneWhereMoreThanThingsChanged) {
+TEST(KeptParts, AreEmptyIfMoreThanObjectsChanged) {
   const optics::Rig rig = wide_rig();
   const optics::OpticalModel model(rig);
   const RowPlanes planes(model);
@@ -209,8 +210,8 @@ struct Course {
   uint32_t seed;
 };
 
-/// Frames in which things move: the bytes of frames by themselves, and of any number of threads,
-/// and what the audit says of them. How many subpixels were mended.
+/// Renders frames with moving objects and expects the bytes of frames rendered alone and with any
+/// number of threads, and equal audit figures. Returns the number of retraced subpixels.
 uint64_t expect_no_byte_changes(const Course& course, const SoftLight& soft) {
   SCOPED_TRACE(::testing::Message() << "seed " << course.seed);
   std::mt19937_64 random(course.seed);
@@ -245,7 +246,7 @@ uint64_t expect_no_byte_changes(const Course& course, const SoftLight& soft) {
   return mended;
 }
 
-TEST(KeptParts, ChangeNoByteOfMethodAdaptive) {
+TEST(KeptParts, DoNotChangeTheBytesOfMethodAdaptive) {
   uint64_t mended = 0;
   for (const Course& course : {Course{0.0, 0.0F, 5, 2.0, 12, 5}, Course{0.3, 0.0F, 16, 2.0, 12, 6},
                                Course{0.2, 1.0F, 9, 2.0, 20, 7}, Course{0.0, 0.03F, 9, 2.0, 20, 8}})
@@ -253,7 +254,7 @@ TEST(KeptParts, ChangeNoByteOfMethodAdaptive) {
   EXPECT_GT(mended, 0U);
 }
 
-TEST(KeptParts, ChangeNoByteOfSoftLight) {
+TEST(KeptParts, DoNotChangeTheBytesOfSoftLight) {
   expect_no_byte_changes({0.2, 0.0F, 8, 2.0, 6, 9}, {.shadow_samples = 4,
                                                      .lamp_radius_mm = 25.0,
                                                      .sun_radius_degrees = 5.0,

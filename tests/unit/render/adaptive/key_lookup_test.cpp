@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where points lie in key pictures, and the lookup kernel against the same in double precision.
+// Tests the position of points in cache views, and the lookup kernel against double precision.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -22,7 +22,7 @@ using lookup_kernel::Kernel;
 using lookup_kernel::Row;
 using lookup_kernel::SampleRows;
 
-/// A row of random rays and surfaces before random samples, most of which agree.
+/// A row of random rays and surfaces with random samples, most of which agree.
 struct Case {
   Grid grid{};
   std::vector<uint32_t> keys, groups;
@@ -93,19 +93,20 @@ void Case::draw_row(std::mt19937_64& random, bool parallel) {
          .most_apart = 600.0F};
 }
 
-/// What one subpixel finds, in double precision.
+/// The result for one subpixel, in double precision.
 struct Expected {
   uint8_t state = lookup_kernel::kUnknown;
   double code = 0.0;
-  bool close_call = false;  ///< a rounding may decide otherwise
+  bool close_call = false;  ///< true if rounding may change the result
   double left = 0.0, of_right = 0.0;
-  double column[2] = {};  ///< in the pictures on both sides, from the left end of a row of samples
+  double column[2] =
+      {};  ///< columns in the pictures on both sides, counted from the left end of a row of samples
 };
 
 struct InPicture {
   uint32_t key = 0;
   double value = 0.0;
-  double column = 0.0;  ///< -1 outside
+  double column = 0.0;  ///< -1 outside the picture
   bool close_call = false;
 };
 
@@ -176,7 +177,7 @@ Expected oracle(const Case& c, int n) {
   return found;
 }
 
-/// Room for what a row finds.
+/// Arrays for the results of a row.
 struct FoundArrays {
   static constexpr size_t kRoom = kCount + 16;
   std::vector<uint8_t> codes = std::vector<uint8_t>(kRoom), states = codes;
@@ -205,7 +206,7 @@ struct FoundArrays {
 
 class KeyLookup : public ::testing::TestWithParam<Isa> {};
 
-TEST_P(KeyLookup, FindsWhatDoublePrecisionFinds) {
+TEST_P(KeyLookup, AgreesWithDoublePrecision) {
   std::mt19937_64 random(11);
   int found = 0, unknown = 0;
   for (int round = 0; round < 60; ++round) {
@@ -257,7 +258,7 @@ INSTANTIATE_TEST_SUITE_P(InstructionSets, KeyLookup,
                          ::testing::ValuesIn(test::every_instruction_set()),
                          [](const auto& isa) { return std::string(isa_name(isa.param)); });
 
-/// What is found of one point of a ray, of which samples know nothing.
+/// Returns the result for one point of a ray, without matching samples.
 FoundArrays look_up_alone(const Grid& grid, const PanelRay& ray, float z) {
   constexpr size_t kLanes = lookup_kernel::kLanes;
   const std::vector<float> x(kLanes, static_cast<float>(ray.x_mm));
@@ -283,8 +284,8 @@ FoundArrays look_up_alone(const Grid& grid, const PanelRay& ray, float z) {
   return arrays;
 }
 
-/// A point on a sample's ray is found at just that sample.
-TEST(KeyGrid, PointsLieWhereTheSamplesSeeThem) {
+/// A point on a sample's ray is found exactly at that sample.
+TEST(KeyGrid, PlacesPointsWhereTheSamplesSeeThem) {
   std::mt19937_64 random(7);
   std::uniform_real_distribution<double> depth(-60.0, 60.0);
   for (const double distance : {700.0, std::numeric_limits<double>::infinity()}) {
@@ -329,7 +330,7 @@ TEST(KeyGrid, EveryRowLiesBetweenRowsOfSamples) {
   }
 }
 
-TEST(LightEncoder, IsWithinAPartOfTheCurve) {
+TEST(LightEncoder, IsCloseToTheExactCurve) {
   const LightEncoder managed(true), straight(false);
   for (int n = -10; n <= 10010; ++n) {
     const float light = static_cast<float>(n) / 10000.0F;

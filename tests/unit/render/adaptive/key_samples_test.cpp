@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Samples that are not traced, since those around them say what they show.
+// Tests samples that are interpolated from their neighbours instead of traced.
 #include "render/methods/adaptive/key_samples.h"
 
 #include <gtest/gtest.h>
@@ -24,7 +24,7 @@ class FilledSamples : public ::testing::Test {
       for (int column = 0; column < grid_.columns(); ++column) set(row, column, slope(row, column));
   }
 
-  /// Light that falls off evenly; its parts are whole between samples, too.
+  /// Returns a sample of evenly decreasing light; values between samples are whole numbers, too.
   static KeySamples::Sample slope(int row, int column) {
     const auto value = static_cast<uint16_t>(8000 + 16 * row + 8 * column);
     const auto secondary = 0.001F * static_cast<float>(row + column);
@@ -52,7 +52,7 @@ class FilledSamples : public ::testing::Test {
   Agreement agreement_ = Agreement::for_error(2.0);
 };
 
-TEST_F(FilledSamples, LieBetweenThoseAround) {
+TEST_F(FilledSamples, InterpolateTheirNeighbours) {
   for (const auto& [row, column] : {std::pair{0, 1}, {1, 0}, {1, 1}})
     set(kTop + row, kLeft + column, {.value = {1, 2, 3}, .group = 8, .way = 5});
   ASSERT_TRUE(fill());
@@ -61,7 +61,7 @@ TEST_F(FilledSamples, LieBetweenThoseAround) {
       for (int channel = 0; channel < 3; ++channel)
         EXPECT_EQ(value(kTop + row, kLeft + column, channel),
                   slope(kTop + row, kLeft + column).value[static_cast<size_t>(channel)]);
-  // And show the same: a cell of them has a key.
+  // The samples are equal, so a cell of them has a key.
   std::vector<uint32_t> keys(static_cast<size_t>(grid_.stride()));
   samples_.find_cells(kTop, kPicture, agreement_, keys.data());
   EXPECT_EQ(keys[kLeft], 4U);
@@ -88,9 +88,9 @@ TEST_F(FilledSamples, AreTracedWhereCornersDiffer) {
   }
 }
 
-/// A shadow that is thinner than samples lie apart shows somewhere beside; another surface that
-/// does is no reason.
-TEST_F(FilledSamples, AreTracedWhereSomethingIsNear) {
+/// A shadow thinner than the sample distance shows in some sample nearby and requires tracing. A
+/// nearby sample of another surface does not.
+TEST_F(FilledSamples, AreTracedNearAShadow) {
   KeySamples::Sample shadow = slope(kTop, kLeft);
   shadow.way = 78;
   for (const auto& [row, column, filled] : {std::tuple{-6, 0, false},
@@ -111,14 +111,14 @@ TEST_F(FilledSamples, AreTracedWhereSomethingIsNear) {
   }
 }
 
-TEST_F(FilledSamples, AreTracedAtTheEnds) {
+TEST_F(FilledSamples, AreTracedAtTheBorders) {
   EXPECT_TRUE(samples_.fill(0, kPicture, 0, agreement_));
   const int last_row = (grid_.rows() - 1) / 2 * 2, last_column = (grid_.columns() - 1) / 2 * 2;
   EXPECT_FALSE(samples_.fill(last_row, kPicture, 0, agreement_));
   EXPECT_FALSE(samples_.fill(0, kPicture, last_column, agreement_));
 }
 
-TEST_F(FilledSamples, AreKnownAsSuch) {
+TEST_F(FilledSamples, AreMarkedAsFilled) {
   const auto is_filled = [&] { return samples_.is_filled(kTop, kPicture, kLeft); };
   EXPECT_FALSE(is_filled());
   ASSERT_TRUE(fill());
@@ -146,15 +146,15 @@ class ChangedSamples : public FilledSamples {
   }
 };
 
-TEST_F(ChangedSamples, AreNoneWhereAllIsSetAgain) {
+TEST_F(ChangedSamples, AreEmptyIfAllSamplesAreSetAgain) {
   for (int row = 0; row < grid_.rows(); ++row)
     for (int column = 0; column < grid_.columns(); ++column) set(row, column, slope(row, column));
   mark_bends();
   EXPECT_FALSE(samples_.rows_changed(0, grid_.rows() - 1));
 }
 
-/// Whatever is another: all four cells around it, and no others, know it.
-TEST_F(ChangedSamples, AreCornersOfFourCells) {
+/// Any difference marks all four cells around the sample, and no others.
+TEST_F(ChangedSamples, AffectTheirFourCells) {
   const KeySamples::Sample same = slope(kTop, kLeft);
   std::vector<KeySamples::Sample> others(7, same);
   others[0].value[2] += 1;
@@ -179,8 +179,8 @@ TEST_F(ChangedSamples, AreCornersOfFourCells) {
   }
 }
 
-/// They say whether a cell may be interpolated in, though they are as they were themselves.
-TEST_F(ChangedSamples, AreThoseBesideANewBend) {
+/// A changed slope decides if cells may be interpolated, though their own samples are unchanged.
+TEST_F(ChangedSamples, IncludeNeighboursOfAChangedSlope) {
   KeySamples::Sample brighter = slope(kTop, kLeft);
   for (uint16_t& value : brighter.value) value = static_cast<uint16_t>(value + 20 * kCode);
   set(kTop, kLeft, brighter);

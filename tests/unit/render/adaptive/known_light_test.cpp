@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a traced packet tells of its light, and what is saved by knowing it.
+// Tests the notes that a traced packet records about its light, and the rays that the notes save.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -29,7 +29,7 @@ class KnownLight : public ::testing::TestWithParam<testing::NamedScene> {
         groups_(scene_),
         tracer_(RenderOptions{.soft = soft, .cancelled = {}}) {}
 
-  /// Neighbouring rays toward the middle of the scene.
+  /// Aims neighbouring rays toward the middle of the scene.
   void aim(std::mt19937_64& random) {
     std::uniform_real_distribution<double> any(-1.0, 1.0);
     const Vec3 from = normalized(Vec3{any(random), any(random), any(random)}) * 60.0;
@@ -54,7 +54,7 @@ class KnownLight : public ::testing::TestWithParam<testing::NamedScene> {
   alignas(64) std::array<float, kPacket> light_{}, known_light_{};
 };
 
-TEST_P(KnownLight, TellingChangesNothing) {
+TEST_P(KnownLight, RecordingNotesChangesNoByte) {
   std::mt19937_64 random(5);
   for (int round = 0; round < 100; ++round) {
     aim(random);
@@ -65,8 +65,8 @@ TEST_P(KnownLight, TellingChangesNothing) {
   }
 }
 
-/// With what the notes say, and with nothing, the light is the same.
-TEST_P(KnownLight, KnowingChangesNothing) {
+/// The light is the same with the notes and without them.
+TEST_P(KnownLight, UsingNotesChangesNoByte) {
   std::mt19937_64 random(6);
   uint64_t saved = 0;
   for (int round = 0; round < 100; ++round) {
@@ -94,8 +94,8 @@ TEST_P(KnownLight, KnowingChangesNothing) {
   EXPECT_GT(saved, 100U);
 }
 
-/// The rays of one colour serve the others, whatever weight they have there.
-TEST_P(KnownLight, OtherColoursMeetTheSame) {
+/// The rays of one colour serve the others, for any weight of the colours.
+TEST_P(KnownLight, ServesTheOtherColours) {
   std::mt19937_64 random(7);
   for (int round = 0; round < 100; ++round) {
     aim(random);
@@ -114,9 +114,8 @@ TEST_P(KnownLight, OtherColoursMeetTheSame) {
   }
 }
 
-/// What is tolerated saves rays, and no lane is off by more: these scenes are no brighter than
-/// white by much.
-TEST_P(KnownLight, LeavesOutNoMoreThanIsTolerated) {
+/// The tolerance saves rays, and no lane exceeds it: these scenes are hardly brighter than white.
+TEST_P(KnownLight, StaysWithinTheToleratedError) {
   std::mt19937_64 random(8);
   constexpr float kBrightest = 2.0F;
   uint64_t exact_rays = 0, rays = 0;
@@ -142,14 +141,15 @@ TEST_P(KnownLight, LeavesOutNoMoreThanIsTolerated) {
   EXPECT_GT(tracer_.counts().too_little, 0U);
 }
 
-/// The same with light that is sampled.
+/// Repeats the tests with sampled light.
 class KnownSoftLight : public KnownLight {
  protected:
   static constexpr SoftLight kSoft{.shadow_samples = 16,
                                    .lamp_radius_mm = 8.0,
                                    .occlusion_samples = 16,
                                    .occlusion_distance_mm = 20.0};
-  /// Codes; samples of a lamp that is partly below the horizon are summed, not integrated.
+  /// tolerance in codes; samples of an area light partly below the horizon are summed, not
+  /// integrated
   static constexpr double kNear = 4.0 / 255.0;
 
   KnownSoftLight() : KnownLight(kSoft) {
@@ -175,7 +175,7 @@ class KnownSoftLight : public KnownLight {
   int compared_ = 0, near_ = 0;
 };
 
-TEST_P(KnownSoftLight, OtherColoursSendNoRaysToLampsAndAround) {
+TEST_P(KnownSoftLight, OtherColoursNeedNoRaysToAreaLightsAndEnvironment) {
   std::mt19937_64 random(9);
   for (int round = 0; round < 60; ++round) {
     aim(random);
@@ -194,8 +194,8 @@ TEST_P(KnownSoftLight, OtherColoursSendNoRaysToLampsAndAround) {
   EXPECT_GE(near_, 0.99 * compared_);
 }
 
-/// What the notes say of lamps and of what is around is enough to shade the first surface.
-TEST_P(KnownSoftLight, SharesOfTheNotesAreAsGoodAsRays) {
+/// The notes about area lights and the hemisphere suffice to shade the first surface.
+TEST_P(KnownSoftLight, SharesOfTheNotesReplaceRays) {
   std::mt19937_64 random(10);
   for (int round = 0; round < 60; ++round) {
     aim(random);
@@ -225,8 +225,8 @@ TEST_P(KnownSoftLight, SharesOfTheNotesAreAsGoodAsRays) {
   EXPECT_GE(near_, 0.99 * compared_);
 }
 
-/// Shares of integrals are nearer to the truth than sums of as many samples.
-TEST_P(KnownSoftLight, IntegralsAreNoWorseThanSums) {
+/// Shares of integrals are closer to the ground truth than sums of as many samples.
+TEST_P(KnownSoftLight, IntegralsAreAtLeastAsAccurateAsSums) {
   std::mt19937_64 random(11);
   double of_sums = 0.0, of_integrals = 0.0;
   alignas(64) std::array<float, kPacket> truth{};
@@ -254,8 +254,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, KnownLight, ::testing::ValuesIn(testing::tiny_s
 INSTANTIATE_TEST_SUITE_P(Scenes, KnownSoftLight, ::testing::ValuesIn(testing::tiny_scenes()),
                          name_of);
 
-/// A ball over a floor: the notes tell the shadow from the lit floor, and one surface from another.
-TEST(Notes, TellShadowsAndSurfacesApart) {
+/// A ball over a floor: the notes distinguish the shadow from the lit floor, and the two surfaces.
+TEST(Notes, DistinguishShadowsAndSurfaces) {
   SceneDescription description;
   description.materials = {Material{.name = "floor"}, Material{.name = "mirror", .specular = 0.5}};
   description.meshes = {testing::rectangle_mesh({-5, 0, -5}, {0, 0, 10}, {10, 0, 0}, 0)};
@@ -277,7 +277,7 @@ TEST(Notes, TellShadowsAndSurfacesApart) {
   };
   for (size_t n = 0; n < kPacket; ++n) aim(n, {3.0, 0.0, 3.0});  // lit floor
   aim(1, {3.5, 0.0, 3.0});                                       // lit floor, too
-  aim(2, {0.0, 0.0, 0.0});                                       // in the ball's shadow
+  aim(2, {0.0, 0.0, 0.0});                                       // shadow of the ball
   aim(3, {0.2, 2.0, 0.0});                                       // the ball
   RayPacket packet;
   load_packet(rays, packet);

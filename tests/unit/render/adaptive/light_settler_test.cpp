@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What samples settle of a subpixel's light, against the corners taken one by one.
+// Tests the light that the samples resolve for a subpixel, against the corners evaluated one by
+// one.
 #include "render/methods/adaptive/light_settler.h"
 
 #include <gtest/gtest.h>
@@ -15,7 +16,7 @@ namespace {
 
 constexpr SoftLight kSoft{.shadow_samples = 16, .occlusion_samples = 16};
 
-/// Of corners that show the surface; weights as they count.
+/// A corner that shows the same surface, with its interpolation weight.
 struct Corner {
   KeySamples::Light light;
   double weight;
@@ -36,7 +37,7 @@ class SettledSamples : public ::testing::Test {
           samples_.set(row, picture, column, draw_sample());
   }
 
-  /// Surfaces 4 and 8 beside each other; most lights and ways are the same.
+  /// Draws a sample: surfaces 4 and 8 are adjacent; most lights and path ids are equal.
   KeySamples::Sample draw_sample() {
     const auto one_in = [&](uint64_t n) { return random_() % n == 0; };
     KeySamples::Sample sample{.group = one_in(4) ? 8U : 4U};
@@ -152,7 +153,7 @@ class SettledSamples : public ::testing::Test {
     return settled.lamps_known != 0 ? lamps_.at(settled.lamps) : SettledLamps{};
   }
 
-  /// False where rays to the lamp are wanted.
+  /// Checks one area light; returns false if rays to the light are needed.
   bool expect_lamp(const std::vector<Corner>& corners, const SettledLight& settled,
                    const SettledLamps& lamps, size_t lamp) {
     int low = 255, high = 0, shining = 0;
@@ -189,7 +190,7 @@ class SettledSamples : public ::testing::Test {
   int settled_ = 0, known_ = 0, same_lamps_ = 0, other_lamps_ = 0;
 };
 
-TEST_F(SettledSamples, AgreeWhereAllCornersDo) {
+TEST_F(SettledSamples, AgreeWithTheirCornersIfAllCornersAgree) {
   for (const bool colour_managed : {false, true}) {
     LightSettler settler(samples_, grid_, agreement_, colour_managed, kSoft);
     for (int row = 0; row < planes_.rows(); ++row)
@@ -207,8 +208,8 @@ TEST_F(SettledSamples, AgreeWhereAllCornersDo) {
   EXPECT_GT(other_lamps_, 500);
 }
 
-/// Cells are remembered by row and surface, whatever was asked before.
-TEST_F(SettledSamples, DoNotDependOnWhatWasAskedBefore) {
+/// Cells are cached by row and surface, independently of earlier lookups.
+TEST_F(SettledSamples, DoNotDependOnEarlierLookups) {
   LightSettler used(samples_, grid_, agreement_, false, kSoft);
   for (int n = 0; n < 3000; ++n) {
     const auto row = static_cast<int>(random_() % static_cast<uint64_t>(planes_.rows()));
@@ -230,8 +231,8 @@ TEST_F(SettledSamples, DoNotDependOnWhatWasAskedBefore) {
   }
 }
 
-/// Where occlusion is not sampled, nobody asks for it.
-TEST_F(SettledSamples, LeaveOutWhatNobodyAsksFor) {
+/// If occlusion is not sampled, no caller requests it.
+TEST_F(SettledSamples, SkipUnrequestedLight) {
   LightSettler settler(samples_, grid_, agreement_, false, {});
   for (int n = 0; n < 500; ++n) {
     SettledLight settled;

@@ -20,7 +20,7 @@ namespace {
 using testing::make_rig;
 using testing::make_tiny_stage;
 
-/// Large enough for most subpixels to lie between samples.
+/// Returns a rig large enough for most subpixels to lie between samples.
 optics::Rig wide_rig() {
   return make_rig({.width = 400, .height = 240, .pixel_mm = 0.2});
 }
@@ -45,7 +45,7 @@ Rendered rendered(const std::string& method, const SceneDescription& description
 struct Difference {
   double psnr = 0.0;
   double beyond = 0.0;   ///< share off by more than two codes
-  double far_off = 0.0;  ///< by more than eight
+  double far_off = 0.0;  ///< share off by more than eight codes
 };
 
 Difference compare(const frames::WovenFrame& a, const frames::WovenFrame& b) {
@@ -82,7 +82,7 @@ TEST(MethodAdaptive, IsCloseToFullOnEveryScene) {
   EXPECT_GT(interpolated, shaded);
 }
 
-TEST(MethodAdaptive, WithoutErrorHasTheBytesOfFull) {
+TEST(MethodAdaptive, WithZeroErrorHasTheBytesOfFull) {
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
     const RenderOptions exact{.tolerated_error = 0.0, .cancelled = {}};
     EXPECT_EQ(rendered("full", named.scene, wide_rig()).frame,
@@ -91,7 +91,7 @@ TEST(MethodAdaptive, WithoutErrorHasTheBytesOfFull) {
   }
 }
 
-TEST(MethodAdaptive, ASmallerErrorIsCloser) {
+TEST(MethodAdaptive, ASmallerErrorIsCloserToFull) {
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
     const Rendered full = rendered("full", named.scene, wide_rig());
     const auto with = [&](double error) {
@@ -103,7 +103,7 @@ TEST(MethodAdaptive, ASmallerErrorIsCloser) {
   }
 }
 
-TEST(MethodAdaptive, GivesTheSameBytesHoweverTheWorkIsDone) {
+TEST(MethodAdaptive, GivesTheSameBytesForAnyThreadsTilesAndInstructionSet) {
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
     const Rendered one =
         rendered("adaptive", named.scene, wide_rig(), {.threads = 1, .cancelled = {}});
@@ -118,11 +118,11 @@ TEST(MethodAdaptive, GivesTheSameBytesHoweverTheWorkIsDone) {
   }
 }
 
-/// With soft light it asks for proofs, when and where depends on what they brought before: rays
-/// that bring little are left out whether or not a proof could be had.
-TEST(MethodAdaptive, ProofsChangeNoByteOfSoftLight) {
+/// The method requests culling tests depending on their success so far; weak rays are skipped
+/// whether or not a test was available.
+TEST(MethodAdaptive, CullingDoesNotChangeTheBytesOfSoftLight) {
   for (testing::NamedScene& named : testing::tiny_scenes()) {
-    // What is mirrored brings one code value at most.
+    // Reflections contribute one code value at most.
     named.scene.background = {1.0, 1.0, 1.0};
     for (Material& material : named.scene.materials) material.specular = 0.0035;
     const SoftLight around{.occlusion_samples = 4, .occlusion_distance_mm = 10.0};
@@ -181,13 +181,13 @@ TEST(MethodAdaptive, ShowsSkiesAndEmptyScenesAsFullDoes) {
   }
 }
 
-/// A sheet in the glass with as many stripes as there are rows of samples, nearly: each row of
-/// samples sees one shade.
+/// Returns a sheet in the panel's plane with nearly as many stripes as there are rows of samples,
+/// so that each row of samples sees one shade.
 SceneDescription finely_striped(const optics::Rig& rig) {
   SceneDescription scene;
   scene.colour_managed = false;
   scene.ambient = Vec3{1, 1, 1};
-  // It mirrors less than is noticed, but not what is mended.
+  // The reflections are below the tolerated error, but retraced subpixels show them.
   scene.materials = {
       Material{.name = "paper", .colour = {1, 1, 1}, .specular = 0.003, .texture = 0}};
   scene.background = {1, 1, 1};
@@ -210,7 +210,7 @@ SceneDescription finely_striped(const optics::Rig& rig) {
 
 struct Pair {
   frames::WovenFrame full, adaptive;
-  RenderStatistics statistics;  ///< of adaptive
+  RenderStatistics statistics;  ///< statistics of adaptive
 };
 
 Pair rendered_striped(const optics::Rig& rig) {
@@ -224,8 +224,8 @@ Pair rendered_striped(const optics::Rig& rig) {
   return out;
 }
 
-/// Samples a few pixels apart know nothing of such detail: the audit finds it out.
-TEST(MethodAdaptive, MendsWhatSamplesMiss) {
+/// Samples a few pixels apart miss such detail: the audit detects it.
+TEST(MethodAdaptive, RetracesDetailMissedBySamples) {
   const auto [full, adaptive, s] = rendered_striped(wide_rig());
   const Difference off = compare(full, adaptive);
   EXPECT_LE(off.beyond, s.beyond_bound);
@@ -234,7 +234,7 @@ TEST(MethodAdaptive, MendsWhatSamplesMiss) {
   EXPECT_EQ(full, adaptive) << "what is mended is as full renders it";
 }
 
-TEST(MethodAdaptive, LeavesFramesToFullWhereItWouldMendMostOfThem) {
+TEST(MethodAdaptive, FallsBackToFullIfMostBandsWouldBeRetraced) {
   const auto [full, adaptive, s] =
       rendered_striped(make_rig({.width = 120, .height = 640, .pixel_mm = 0.2}));
   EXPECT_EQ(full, adaptive);
@@ -243,8 +243,8 @@ TEST(MethodAdaptive, LeavesFramesToFullWhereItWouldMendMostOfThem) {
   EXPECT_EQ(s.mended_subpixels, 0U);
 }
 
-/// Soft light is a sum of samples, and noisy: the truth is full with many.
-TEST(MethodAdaptive, SoftLightIsAsGoodAsFulls) {
+/// Soft light is a noisy sum of samples: the ground truth is full with many samples.
+TEST(MethodAdaptive, SoftLightIsAsAccurateAsFulls) {
   const auto with = [](int samples) {
     return RenderOptions{.soft = {.shadow_samples = samples,
                                   .lamp_radius_mm = 8.0,
@@ -267,8 +267,8 @@ TEST(MethodAdaptive, SoftLightIsAsGoodAsFulls) {
   }
 }
 
-/// Green, which says how the light came, sees nothing of them.
-TEST(MethodAdaptive, SoftLightFallsOnSurfacesOfOneColour) {
+/// Green decides about the light's path, and these surfaces reflect no green.
+TEST(MethodAdaptive, LightsSurfacesOfASinglePrimaryColourSoftly) {
   for (const Vec3 colour : {Vec3{0.9, 0, 0}, Vec3{0, 0, 0.9}}) {
     SceneDescription scene = testing::tiny_scenes().front().scene;
     for (Material& material : scene.materials) material.colour = colour;
@@ -303,8 +303,8 @@ TEST(MethodAdaptive, CopiesFramesInWhichNothingChanges) {
   EXPECT_EQ(render(again), 0U);
 }
 
-/// Of a stage that is squeezed too flat Embree takes no ray: subpixels are black, not background.
-TEST(MethodAdaptive, ShowsWhatFullDoesWhereRaysAreNotFit) {
+/// Embree accepts no ray of a stage that is squeezed too flat: subpixels are black, not background.
+TEST(MethodAdaptive, AgreesWithFullForUnusableRays) {
   const optics::Rig rig = make_rig({.width = 120, .height = 60, .pixel_mm = 0.6});
   const optics::OpticalModel model(rig);
   SceneDescription description = testing::tiny_scenes().front().scene;
@@ -339,7 +339,7 @@ TEST(MethodAdaptive, EndsEarlyWhenCancelled) {
   EXPECT_FALSE(method->render(scene, stage, frame).completed);
 }
 
-TEST(MethodAdaptive, RefusesWhatItCannotDo) {
+TEST(MethodAdaptive, RefusesUnsupportedOptions) {
   const optics::OpticalModel model(make_rig({}));
   for (const double error :
        {-1.0, std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()})

@@ -24,21 +24,21 @@ std::set<uint32_t> groups_of(const SurfaceGroups& groups, uint32_t geometry, siz
   return found;
 }
 
-TEST(SurfaceGroups, FacesOfABoxAreSixSurfaces) {
+TEST(SurfaceGroups, ABoxHasSixSurfaces) {
   const Scene scene(scene_of({testing::box_mesh({-1, -1, -1}, {1, 2, 3}, 0)}),
                     testing::make_tiny_stage(), {});
   const SurfaceGroups groups(scene);
   EXPECT_EQ(groups_of(groups, 0, 12).size(), 6U);
 }
 
-TEST(SurfaceGroups, ASmoothMeshIsOne) {
+TEST(SurfaceGroups, ASmoothMeshIsOneSurface) {
   const TriangleMesh ball = testing::ball_mesh({0, 0, 0}, 1.0, 9, 0);
   const size_t triangles = ball.triangles.size();
   const Scene scene(scene_of({ball}), testing::make_tiny_stage(), {});
   EXPECT_EQ(groups_of(SurfaceGroups(scene), 0, triangles).size(), 1U);
 }
 
-TEST(SurfaceGroups, ASmoothMeshWithFacetedNormalsIsMany) {
+TEST(SurfaceGroups, ASmoothMeshWithFacetedNormalsIsManySurfaces) {
   TriangleMesh ball = testing::ball_mesh({0, 0, 0}, 1.0, 9, 0);
   ball.normals.clear();
   const size_t triangles = ball.triangles.size();
@@ -48,7 +48,7 @@ TEST(SurfaceGroups, ASmoothMeshWithFacetedNormalsIsMany) {
   EXPECT_LE(count, triangles);
 }
 
-TEST(SurfaceGroups, RepeatedVerticesAreTheSame) {
+TEST(SurfaceGroups, RepeatedVerticesAreMerged) {
   TriangleMesh sheet = testing::rectangle_mesh({-1, -1, 0}, {2, 0, 0}, {0, 2, 0}, 0);
   TriangleMesh split;
   for (const auto& triangle : sheet.triangles) {
@@ -60,7 +60,7 @@ TEST(SurfaceGroups, RepeatedVerticesAreTheSame) {
   EXPECT_EQ(groups_of(SurfaceGroups(scene), 0, 2).size(), 1U);
 }
 
-TEST(SurfaceGroups, MeshesSpheresAndConesAreApartAndTellTheirLight) {
+TEST(SurfaceGroups, MeshesSpheresAndConesAreSeparateAndHaveTheirViewDependence) {
   SceneDescription description = scene_of({testing::box_mesh({-1, -1, -1}, {1, 1, 1}, 0),
                                            testing::box_mesh({-1, -1, -1}, {1, 1, 1}, 1)});
   description.spheres = {Sphere{.centre = {3, 0, 0}, .radius = 1.0, .material = 2},

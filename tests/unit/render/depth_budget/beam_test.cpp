@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Places in a beam, their rays, and how many there are.
+// Tests the sample positions in a beam, their rays, and their number.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,7 +17,7 @@ namespace {
 
 using testing::make_rig;
 
-TEST(BeamSamples, StartInTheMiddleAndLieOppositeEachOther) {
+TEST(BeamSamples, StartInTheMiddleAndAreSymmetric) {
   for (const int count : {1, 3, 4, 5, 9, 17, 64, 257}) {
     const auto places = beam_samples(count);
     ASSERT_EQ(places.size(), static_cast<size_t>(count % 2 == 0 ? count - 1 : count));
@@ -35,7 +35,8 @@ TEST(BeamSamples, StartInTheMiddleAndLieOppositeEachOther) {
 TEST(BeamSamples, FillTheBeamEvenly) {
   for (const int count : {17, 257}) {
     std::set<int> strata;
-    // Star discrepancy in the plane of height and lens: parts of the square that begin in a corner.
+    // Star discrepancy in the plane of height and lens: the share of samples in boxes that begin in
+    // a corner.
     const auto places = beam_samples(count);
     for (const SubpixelPlace& place : places) {
       EXPECT_LE(std::abs(place.x), 0.5);
@@ -66,7 +67,7 @@ TEST(BeamRays, GrowWithTheDepth) {
   EXPECT_EQ(beam_rays(std::numeric_limits<double>::infinity(), 65), 65);
 }
 
-TEST(BeamRays, NeverAreMoreThanAllowedAndAlwaysOdd) {
+TEST(BeamRays, AreOddAndWithinTheLimit) {
   for (const int most : {3, 4, 8, 16, 17, 100, 1024})
     for (double depth = 0.01; depth < 1000.0; depth *= 1.3) {
       EXPECT_LE(beam_rays(depth, most), most);
@@ -75,7 +76,7 @@ TEST(BeamRays, NeverAreMoreThanAllowedAndAlwaysOdd) {
     }
 }
 
-TEST(PrefilterName, IsOneOfFour) {
+TEST(PrefilterName, AcceptsFourNames) {
   EXPECT_EQ(prefilter_named("off"), Prefilter::Off);
   EXPECT_EQ(prefilter_named("depth"), Prefilter::Depth);
   EXPECT_EQ(prefilter_named("beam"), Prefilter::Beam);
@@ -90,7 +91,7 @@ TEST(PrefilterName, IsOneOfFour) {
   }
 }
 
-/// Footprint against the eye that is looked for: to a hundredth of a subpixel.
+/// The footprint agrees with the searched eye to a hundredth of a subpixel.
 TEST(BeamRay, GoesToTheEyeThatSeesThePlace) {
   for (const double distance : {700.0, std::numeric_limits<double>::infinity()})
     for (const double slant : {0.0, 1.0 / 3.0}) {

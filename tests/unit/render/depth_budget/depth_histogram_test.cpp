@@ -23,9 +23,9 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 TEST(DepthHistogram, CountsEachSubpixelOnce) {
   DepthHistogram h(8.0);
   h.add(0.0, 0.0);
-  h.add(0.125, 1.0);  // still at the glass: an eighth
+  h.add(0.125, 1.0);  // still in the panel's plane: an eighth
   h.add(-0.126, -1.0);
-  h.add(1.0, 8.0);  // still within
+  h.add(1.0, 8.0);  // still within the depth of field
   h.add(1.01, 8.1);
   h.add(-2.0, -16.0);
   h.add(-50.0, -400.0);
@@ -53,8 +53,8 @@ TEST(DepthHistogram, BinsHoldTheirLowerEnd) {
   EXPECT_EQ(std::accumulate(bins.begin(), bins.end(), uint64_t{0}), 8U);
 }
 
-/// What the oracle of visibility and the definition say of every subpixel.
-TEST(MeasureDepth, AgreesWithTheOracle) {
+/// Compares every subpixel with the reference visibility and the definition.
+TEST(MeasureDepth, AgreesWithTheReference) {
   for (const char* layout : {"rgb", "cells"}) {
     const optics::OpticalModel model(
         make_rig({.width = 24, .height = 12, .layout = layout, .pixel_mm = 2.5}));
@@ -73,7 +73,7 @@ TEST(MeasureDepth, AgreesWithTheOracle) {
         }
       const DepthHistogram h = measure_depth(model, scene, 2);
       EXPECT_EQ(h.subpixels(), 24U * 12U * 3U);
-      // One subpixel on an edge may see the other side.
+      // A subpixel on an edge may see the other side.
       const auto close = [&](uint64_t a, uint64_t b) {
         return std::abs(static_cast<double>(a) - static_cast<double>(b)) <= 1.0;
       };
@@ -87,7 +87,7 @@ TEST(MeasureDepth, AgreesWithTheOracle) {
   }
 }
 
-TEST(MeasureDepth, PaintsWhatItCounts) {
+TEST(MeasureDepth, PicturesAgreeWithTheCounts) {
   const optics::OpticalModel model(make_rig({.width = 24, .height = 12, .pixel_mm = 2.5}));
   SceneDescription pane;
   pane.materials = {Material{}};

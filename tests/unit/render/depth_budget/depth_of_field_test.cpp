@@ -20,10 +20,10 @@ TEST(DepthOfField, StraightAheadIsGapTimesPitch) {
   EXPECT_DOUBLE_EQ(field.along_mm(0.0, 0.0), model.depth_of_field_mm());
 }
 
-/// At the depth of field a point moves by a lens pitch from one subpixel to the next: by
-/// definition, for rays as oblique as a rig has them. Lenses as wide as these are no grating of
-/// thin lines: what two subpixels of one are apart is known to a percent.
-TEST(DepthOfField, IsWhereASubpixelIsAsWideAsALens) {
+/// A point at the depth of field moves by a lens pitch from one subpixel to the next: by
+/// definition, for rays as oblique as a rig has them. Lenses as wide as these are not a fine
+/// grating: the distance of two subpixels under one lens is accurate to a percent.
+TEST(DepthOfField, IsTheDepthAtWhichASubpixelIsAsWideAsALens) {
   double most_oblique = 0.0;
   for (const double distance : {400.0, std::numeric_limits<double>::infinity()})
     for (const double height : {0.0, 200.0}) {
@@ -53,7 +53,7 @@ TEST(DepthOfField, IsWhereASubpixelIsAsWideAsALens) {
   EXPECT_GT(most_oblique, 0.5);
 }
 
-TEST(DepthOfField, LeastIsLessThanOfAnyRay) {
+TEST(DepthOfField, LeastIsALowerBoundForAnyRay) {
   const DepthOfField field{optics::OpticalModel(make_rig({}))};
   for (double x = -3.0; x <= 3.0; x += 0.1)
     for (double y = -3.0; y <= 3.0; y += 0.1)

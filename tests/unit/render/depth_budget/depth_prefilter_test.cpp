@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Methods with a prefilter: what they leave alone, and what they make of the rest.
+// Tests methods with a prefilter: the parts that stay unchanged, and the filtered rest.
 #include "render/depth_budget/depth_prefilter.h"
 
 #include <gtest/gtest.h>
@@ -32,7 +32,7 @@ struct Rendered {
 
 Rendered rendered(const SceneDescription& description, const Stage& stage,
                   const optics::OpticalModel& model, const RenderOptions& options) {
-  // As many threads as the work may have: Embree's own bound is everybody's.
+  // The scene uses as many threads as the work may have, since Embree's limit is global.
   const Scene scene(description, stage, {}, kThreads);
   const optics::Panel& panel = model.rig().panel;
   Rendered out{frames::WovenFrame({panel.width_px, panel.height_px}), {}};
@@ -45,12 +45,12 @@ RenderOptions with(Prefilter prefilter, int samples = 17) {
   return {.prefilter = prefilter, .prefilter_samples = samples, .cancelled = {}};
 }
 
-/// Scenes as deep as several depths of field.
+/// Returns a stage for scenes as deep as several depths of field.
 Stage deep_stage() {
   return make_tiny_stage({.depth_scale = 8.0, .turn_degrees = 20.0});
 }
 
-/// By subpixel of the frame, in depths of field; minus infinity where nothing is seen.
+/// Returns the depth of each subpixel in depths of field; minus infinity for background.
 std::vector<double> depths(const SceneDescription& description, const Stage& stage,
                            const optics::OpticalModel& model) {
   const Scene scene(description, stage, {}, 1);
@@ -69,7 +69,7 @@ std::vector<double> depths(const SceneDescription& description, const Stage& sta
   return found;
 }
 
-TEST(DepthPrefilter, LeavesScenesWithinTheDepthOfFieldAsTheyAre) {
+TEST(DepthPrefilter, DoesNotChangeScenesWithinTheDepthOfField) {
   const optics::OpticalModel model(make_rig({.width = 60, .height = 40}));
   for (testing::NamedScene named : testing::tiny_scenes()) {
     const Stage stage = make_tiny_stage({.depth_scale = 0.5});
@@ -87,8 +87,8 @@ TEST(DepthPrefilter, LeavesScenesWithinTheDepthOfFieldAsTheyAre) {
   }
 }
 
-/// Edges of what stands at the glass stay as sharp as they are, before deep content, too.
-TEST(DepthPrefilter, ChangesNothingThatIsSharp) {
+/// Edges of objects in the panel's plane stay sharp, also in front of deep content.
+TEST(DepthPrefilter, KeepsSharpEdges) {
   const optics::OpticalModel model(make_rig({.width = 60, .height = 40}));
   int sharp = 0, changed = 0;
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
@@ -107,8 +107,8 @@ TEST(DepthPrefilter, ChangesNothingThatIsSharp) {
   EXPECT_GT(changed, 500);
 }
 
-/// Codes of the same colour, a lens's worth to both sides and one above and below, in the same band
-/// of sixteen rows.
+/// Returns true if the codes of the same colour are equal within a lens's width to both sides and
+/// one row above and below, in the same band of sixteen rows.
 bool all_alike_around(const frames::WovenFrame& full, int reach, int j, int s) {
   for (int r = std::max(j - 1, 0); r <= std::min(j + 1, full.height() - 1); ++r) {
     if (r / 16 != j / 16) continue;
@@ -120,7 +120,7 @@ bool all_alike_around(const frames::WovenFrame& full, int reach, int j, int s) {
   return true;
 }
 
-/// What it says of its neighbours' codes and of its beam, by the oracle.
+/// Checks the claims about neighbouring codes and about the beam with the reference.
 void expect_means_over_the_beam(Prefilter prefilter) {
   constexpr int kWidth = 12, kHeight = 8, kRow = 3 * kWidth;
   const optics::OpticalModel model(make_rig({}));
@@ -153,7 +153,7 @@ void expect_means_over_the_beam(Prefilter prefilter) {
   }
   EXPECT_GT(averaged, 300U);
   EXPECT_GT(left_out, 15U);
-  // Rays that pass an edge within a hundredth of a subpixel see the other side of it.
+  // Rays that pass an edge within a hundredth of a subpixel may see the other side.
   EXPECT_LE(off, averaged / 50);
 }
 
@@ -162,7 +162,7 @@ TEST(DepthPrefilter, IsTheMeanOverTheBeam) {
   expect_means_over_the_beam(Prefilter::Beam);
 }
 
-TEST(DepthPrefilter, GivesTheSameBytesHoweverTheWorkIsDone) {
+TEST(DepthPrefilter, GivesTheSameBytesForAnyThreadsTilesAndInstructionSet) {
   const optics::OpticalModel model(make_rig({.width = 150, .height = 40}));
   for (const testing::NamedScene& named : testing::tiny_scenes())
     for (const Prefilter prefilter : {Prefilter::Depth, Prefilter::Beam, Prefilter::Exhaustive}) {
@@ -182,8 +182,8 @@ TEST(DepthPrefilter, GivesTheSameBytesHoweverTheWorkIsDone) {
     }
 }
 
-/// Whose neighbours are asked, subpixel by subpixel: counted, and by their bytes.
-TEST(DepthPrefilter, TracesNothingWhereAllAroundIsAlike) {
+/// The subpixels with traced neighbours are counted, and compared by their bytes.
+TEST(DepthPrefilter, TracesNoExtraRaysInUniformRegions) {
   const optics::OpticalModel model(make_rig({.width = 60, .height = 40}));
   for (const testing::NamedScene& named : testing::tiny_scenes()) {
     const Rendered full = rendered(named.scene, deep_stage(), model, with(Prefilter::Off));
@@ -212,10 +212,10 @@ TEST(DepthPrefilter, CountsItsRays) {
   EXPECT_EQ(s.primary_rays, off.statistics.primary_rays + s.prefilter_rays);
 }
 
-/// A wall with waves from left to right, straight behind or before the glass.
+/// A wall with horizontal waves, parallel to the panel.
 struct Grating {
   double z_mm = 0.0;
-  double per_mm = 0.1;  ///< waves
+  double per_mm = 0.1;  ///< spatial frequency in waves
 };
 constexpr double kMean = 0.45, kSwing = 0.4;
 
@@ -246,16 +246,17 @@ SceneDescription wall_of(const Grating& grating) {
 }
 
 struct Contrast {
-  double seen = 0.0;      ///< of the wave where subpixels see it, of its own
-  double expected = 0.0;  ///< of the lens, the subpixel and, under slanted lenses, its height
+  double seen = 0.0;  ///< contrast of the wave where subpixels of this beam see it
+  double expected =
+      0.0;  ///< contrast expected from the lens, the subpixel and, under slanted lenses, its height
 };
 
 double sinc(double waves) {
   return waves == 0.0 ? 1.0 : std::sin(std::numbers::pi * waves) / (std::numbers::pi * waves);
 }
 
-/// Fits the wave to what the frame shows; what is expected varies with the ray and is weighted
-/// alike.
+/// Fits the wave to the frame's codes; the expected contrast varies with the ray and has the same
+/// weights.
 Contrast contrast_of(const frames::WovenFrame& frame, const optics::OpticalModel& model,
                      const Grating& grating) {
   const DepthOfField field(model);
@@ -269,7 +270,8 @@ Contrast contrast_of(const frames::WovenFrame& frame, const optics::OpticalModel
       const double across = model.pitch_mm() * grating.per_mm;
       const double subpixel =
           std::abs(grating.z_mm) / field.along_mm(ray.tan_x, ray.tan_y) * across;
-      // A pixel's height along the lens moves the lens point, and the place under the lens with it.
+      // A pixel's height moves the lens point along a slanted lens, and the place under the lens
+      // with it.
       const double height_mm = model.rig().sheet.slant * model.rig().panel.pixel_height.value;
       const double subpixel_mm = model.rig().panel.pixel_width.value / 3.0;
       const double aside = 1.0 + grating.z_mm / field.along_mm(ray.tan_x, ray.tan_y) *
@@ -291,7 +293,7 @@ TEST(DepthPrefilter, HasTheContrastOfItsBeam) {
   const optics::OpticalModel model(parallel_rig());
   for (const double depth : {0.0, 0.5, 1.5, 2.0, 4.0, 8.0, -1.5, -4.0, -8.0})
     for (const double waves : {0.3, 0.6, 0.9}) {
-      // So many in the width of the beam.
+      // That many waves in the width of the beam.
       const Grating grating{.z_mm = depth * model.depth_of_field_mm(),
                             .per_mm = waves / (model.pitch_mm() * (1.0 + std::abs(depth)))};
       const SceneDescription wall = wall_of(grating);
@@ -310,8 +312,9 @@ TEST(DepthPrefilter, HasTheContrastOfItsBeam) {
     }
 }
 
-/// What is much finer than the beam is gone, where one ray shows it in full contrast: as noise.
-TEST(DepthPrefilter, TakesAwayWhatIsFinerThanTheBeam) {
+/// Detail much finer than the beam disappears, where a single ray shows it as noise with full
+/// contrast.
+TEST(DepthPrefilter, RemovesDetailFinerThanTheBeam) {
   const optics::OpticalModel model(parallel_rig());
   const Grating grating{.z_mm = -4.0 * model.depth_of_field_mm(),
                         .per_mm = 2.6 / (5.0 * model.pitch_mm())};
@@ -328,7 +331,7 @@ TEST(DepthPrefilter, TakesAwayWhatIsFinerThanTheBeam) {
   EXPECT_LT(deviation(Prefilter::Depth), 0.08);
 }
 
-TEST(DepthPrefilter, WhatItCannotDoIsRefused) {
+TEST(DepthPrefilter, RefusesUnsupportedOptions) {
   const optics::OpticalModel model(make_rig({}));
   const auto refused = [&](const std::string& method, const RenderOptions& options,
                            const std::string& what, const std::string& hint) {

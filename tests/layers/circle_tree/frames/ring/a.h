@@ -1,3 +1,3 @@
 // SPDX-License-Identifier: Apache-2.0
-// Half of a circle, for the test of the check.
+// Half of an include cycle, for the test of the check.
 #include "frames/sequence/b.h"
