@@ -17,7 +17,8 @@ PLAYER = "lenticule-player@lobby.service"
 def install(vm):
     """Installs the files of the package in the guest's temporary layer."""
     # No files of the build tree, which may lie in /tmp: the units have a /tmp of their own.
-    vm.check(["cp", require_program(vm, "lenticule"), "/usr/local/bin/lenticule"])
+    for program in ("lenticule", "lenticule-video"):  # the second decodes pictures
+        vm.check(["cp", require_program(vm, program), f"/usr/local/bin/{program}"])
     vm.check(["cp", vm.build / "modules" / "lenticule-pictures.so", "/usr/lib/"])
     for unit in FILES.glob("*.service"):
         vm.check(["cp", unit, "/etc/systemd/system/"])
