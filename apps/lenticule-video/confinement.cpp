@@ -16,6 +16,8 @@
 #include <cstdio>
 #include <cstring>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "apps/lenticule-video/seccomp_filter.h"
 #include "base/error.h"
@@ -86,8 +88,7 @@ void leave_namespaces() {
     (void)unshare(CLONE_NEWNET | CLONE_NEWIPC);
 }
 
-void install_filter() {
-  std::vector<sock_filter> code = decoder_filter();
+void install(std::vector<sock_filter> code) {
   sock_fprog program{.len = static_cast<unsigned short>(code.size()), .filter = code.data()};
   // Uses prctl instead of seccomp(2), which systemd services may not call by default.
   if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program, 0, 0) != 0) cannot("seccomp");
@@ -112,12 +113,13 @@ void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   if (kSanitized) return;
+  std::vector<sock_filter> filter = decoder_filter();  // while it may still open a descriptor
   leave_namespaces();
   if (parent > 0 && !die_with(parent))
     throw Error(ErrorKind::Failed, "decoder: the player is gone");
   set_limits(extra_bytes, descriptors);
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) cannot("no_new_privs");
-  install_filter();
+  install(std::move(filter));
 }
 
 }  // namespace lenticule::video
