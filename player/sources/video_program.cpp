@@ -105,7 +105,7 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
   const std::string path = (program.empty() ? find_video_program() : program).string();
   const std::optional<FileState> state = state_of(file);
   if (const auto known = remembered(state, path)) return *known;
-  const ChildResult result = run_child({path, "probe", "--", file.string()}, kProbeLimit);
+  const ProgramRun result = run_child({path, "probe", "--", file.string()}, kProbeLimit);
   if (result.exit_code == kOk) {
     std::vector<VideoStream> streams = parse_video_probe(result.output, file.string());
     // A file that changed during the probe is probed again the next time.
