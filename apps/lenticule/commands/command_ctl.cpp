@@ -13,6 +13,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/triple.h"
 #include "base/error.h"
+#include "base/numbers.h"
 #include "base/print.h"
 #include "player/control/control_client.h"
 #include "player/control/control_protocol.h"
@@ -67,7 +68,7 @@ ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   put(request, "offset_by", flags.offset_by);
   put(request, "pitch_by", flags.pitch_by);
   if (flags.count == "forever") request["count"] = flags.count;
-  if (const auto count = whole_number(flags.count)) request["count"] = *count;
+  if (const auto count = number_from<uint64_t>(flags.count)) request["count"] = *count;
   if (!flags.file.empty()) request["file"] = std::filesystem::absolute(flags.file).string();
   if (flags.eye.empty()) return request;
   const Vec3 eye = parse_triple("--eye", flags.eye);

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <charconv>
 #include <memory>
 #include <string>
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/triple.h"
+#include "base/numbers.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/eye_simulator.h"
@@ -30,15 +30,13 @@ struct EyeFlags {
 optics::EyeOptions read_size(const std::string& text) {
   optics::EyeOptions options;
   if (text.empty()) return options;
-  const char* const end = text.data() + text.size();
-  const auto width = std::from_chars(text.data(), end, options.width);
-  const bool cross = width.ec == std::errc() && width.ptr != end && *width.ptr == 'x';
-  const auto height = std::from_chars(cross ? width.ptr + 1 : end, end, options.height);
+  const auto size = numbers_from<int, 2>(text, 'x');
   const auto fits = [](int side) { return side >= 1 && side <= frames::kMaxImageSide; };
-  if (!cross || height.ec != std::errc() || height.ptr != end || !fits(options.width) ||
-      !fits(options.height))
+  if (!size || !fits((*size)[0]) || !fits((*size)[1]))
     throw Error(ErrorKind::Usage, fmt::format("--size '{}': not width x height", text),
                 "for example --size 1920x1080");
+  options.width = (*size)[0];
+  options.height = (*size)[1];
   return options;
 }
 
