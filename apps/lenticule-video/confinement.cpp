@@ -21,6 +21,7 @@
 
 #include "apps/lenticule-video/seccomp_filter.h"
 #include "base/error.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::video {
 namespace {
@@ -102,11 +103,9 @@ bool die_with(pid_t parent) noexcept {
 }
 
 void volunteer_for_oom() noexcept {
-  const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
-  if (fd < 0) return;
+  const UniqueFd score(open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC));
   constexpr std::array kScore = {'5', '0', '0'};
-  (void)!write(fd, kScore.data(), kScore.size());
-  close(fd);
+  (void)!write(score.get(), kScore.data(), kScore.size());
 }
 
 void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
