@@ -55,6 +55,8 @@ int run_program(const Program& program, int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == 0) return print_help(app, error, style);
     return report_error(usage_error(app, error), style);
+  } catch (const Error& error) {  // the value of a flag
+    return report_error(error, style);
   }
   return run_reporting_errors(runs.at(app.get_subcommands().front()), style);
 }
