@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <utility>
 
 #include "base/error.h"
+#include "base/numbers.h"
 
 namespace lenticule {
 namespace {
@@ -113,10 +113,8 @@ std::optional<KeyPress> press_of_word(std::string_view word) {
 int take_count(std::string_view& word) {
   const size_t star = word.find('*');
   if (star == std::string_view::npos) return 1;
-  const std::string_view digits = word.substr(star + 1);
-  int count = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), count);
-  if (error != std::errc() || end != digits.data() + digits.size() || count < 1) return 0;
+  const int count = number_from<int>(word.substr(star + 1)).value_or(0);
+  if (count < 1) return 0;
   word = word.substr(0, star);
   return count;
 }

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <sys/eventfd.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -12,23 +11,19 @@
 
 namespace lenticule {
 
-WakeFd::WakeFd() : fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
-  if (fd_ < 0)
-    throw Error(ErrorKind::Failed, fmt::format("player: no eventfd: {}", std::strerror(errno)),
+WakeFd::WakeFd(const char* owner) : fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
+  if (!fd_)
+    throw Error(ErrorKind::Failed, fmt::format("{}: no eventfd: {}", owner, std::strerror(errno)),
                 "raise the limit of open files");
 }
 
-WakeFd::~WakeFd() {
-  close(fd_);
+void WakeFd::signal() const noexcept {
+  (void)eventfd_write(fd_.get(), 1);
 }
 
-void WakeFd::signal() noexcept {
-  (void)eventfd_write(fd_, 1);
-}
-
-void WakeFd::drain() noexcept {
+void WakeFd::drain() const noexcept {
   eventfd_t count = 0;
-  (void)eventfd_read(fd_, &count);
+  (void)eventfd_read(fd_.get(), &count);
 }
 
 }  // namespace lenticule

@@ -21,8 +21,9 @@ find_package(Ceres REQUIRED)
 find_package(Eigen3 REQUIRED)
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg)
 pkg_check_modules(APRILTAG REQUIRED IMPORTED_TARGET apriltag)
-# FFmpeg 5.1 (Debian 12) or later, for lenticule-video only.
+# For lenticule-video only: FFmpeg 5.1 (Debian 12) or later, and the filter of system calls.
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET libavformat libavcodec libavutil)
+pkg_check_modules(LIBSECCOMP REQUIRED IMPORTED_TARGET libseccomp)
 pkg_check_modules(LIBSYSTEMD REQUIRED IMPORTED_TARGET libsystemd)
 
 # Embree 4 if the distribution has it, otherwise Embree 3 (Debian 12): render/accel/embree.h hides the

@@ -12,6 +12,7 @@
 #include <ctime>
 
 #include "base/error.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::display {
 namespace {
@@ -27,14 +28,11 @@ bool readable_now(int fd) noexcept {
 class MonotonicClock final : public Clock {
  public:
   MonotonicClock() : timer_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)) {
-    if (timer_ < 0)
+    if (!timer_)
       throw Error(ErrorKind::Failed,
                   fmt::format("display clock: no timer: {}", std::strerror(errno)),
                   "raise the limit of open files");
   }
-  ~MonotonicClock() override { close(timer_); }
-  MonotonicClock(const MonotonicClock&) = delete;
-  MonotonicClock& operator=(const MonotonicClock&) = delete;
 
   [[nodiscard]] Nanoseconds now() const noexcept override {
     timespec time{};
@@ -45,7 +43,7 @@ class MonotonicClock final : public Clock {
   [[nodiscard]] WaitResult wait_until(Nanoseconds deadline, int wake_fd) noexcept override {
     if (deadline <= now()) return readable_now(wake_fd) ? WaitResult::Woken : WaitResult::Reached;
     arm(deadline);
-    pollfd entries[2] = {{.fd = timer_, .events = POLLIN, .revents = 0},
+    pollfd entries[2] = {{.fd = timer_.get(), .events = POLLIN, .revents = 0},
                          {.fd = wake_fd, .events = POLLIN, .revents = 0}};
     while (poll(entries, 2, -1) < 0 && errno == EINTR && now() < deadline) {
     }
@@ -59,10 +57,10 @@ class MonotonicClock final : public Clock {
     itimerspec when{};
     when.it_value.tv_sec = deadline.count() / kNanosecondsPerSecond;
     when.it_value.tv_nsec = deadline.count() % kNanosecondsPerSecond;
-    timerfd_settime(timer_, TFD_TIMER_ABSTIME, &when, nullptr);
+    timerfd_settime(timer_.get(), TFD_TIMER_ABSTIME, &when, nullptr);
   }
 
-  int timer_;
+  UniqueFd timer_;
 };
 
 }  // namespace

@@ -2,7 +2,6 @@
 #include "frames/decoded_source.h"
 
 #include <fmt/format.h>
-#include <sys/eventfd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -18,19 +17,10 @@ namespace {
 
 constexpr int kMinPoolFrames = 2;  // one displayed, one being decoded
 
-UniqueFd make_wake_fd(const char* name) {
-  UniqueFd fd(::eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-  if (!fd)
-    throw Error(ErrorKind::Failed,
-                fmt::format("{}: no eventfd: {}", name, std::generic_category().message(errno)),
-                "raise the limit of open files");
-  return fd;
-}
-
 }  // namespace
 
 DecodedSource::DecodedSource(const char* name, std::unique_ptr<FrameDecoding> decoding)
-    : rounds_(decoding->rounds()), wake_(make_wake_fd(name)), decoding_(std::move(decoding)) {
+    : rounds_(decoding->rounds()), wake_(name), decoding_(std::move(decoding)) {
   LENTICULE_CHECK(rounds_.first < rounds_.last && rounds_.loop < rounds_.last);
   LENTICULE_CHECK(rounds_.skipped < rounds_.last - rounds_.first);
   next_decode_ = next_pull_ = round_begin_ = rounds_.skipped;
@@ -119,8 +109,7 @@ bool DecodedSource::rewind() {
 }
 
 void DecodedSource::service() {
-  eventfd_t count = 0;
-  static_cast<void>(::eventfd_read(wake_.get(), &count));
+  wake_.drain();
 }
 
 std::string DecodedSource::failure() const {
@@ -166,7 +155,7 @@ std::string DecodedSource::decode(int thread, uint64_t ticket, WovenFrame& to) {
 }
 
 void DecodedSource::wake() const {
-  static_cast<void>(::eventfd_write(wake_.get(), 1));
+  wake_.signal();
 }
 
 }  // namespace lenticule::frames

@@ -13,7 +13,7 @@
 #include <thread>
 #include <vector>
 
-#include "base/unique_fd.h"
+#include "base/wake_fd.h"
 #include "frames/frame_source.h"
 
 namespace lenticule::frames {
@@ -73,7 +73,7 @@ class DecodedSource : public FrameSource {
   [[nodiscard]] bool saturated() const final;
   /// Succeeds at the end and at the start of a round, but not in its middle.
   [[nodiscard]] bool rewind() final;
-  [[nodiscard]] int wake_fd() const final { return wake_.get(); }
+  [[nodiscard]] int wake_fd() const final { return wake_.fd(); }
   void service() final;
   [[nodiscard]] std::string failure() const final;
 
@@ -106,7 +106,7 @@ class DecodedSource : public FrameSource {
   void wake() const;
 
   const DecodedRounds rounds_;
-  UniqueFd wake_;
+  WakeFd wake_;
   bool resident_ = false;  ///< every frame has its own slot and stays there
 
   mutable std::mutex mutex_;

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <optional>
 #include <system_error>
 
 #include "base/error.h"
+#include "base/numbers.h"
 #include "frames/image_io.h"
 
 namespace lenticule::frames {
@@ -37,9 +37,8 @@ std::optional<Conversion> parse_conversion(std::string_view text) {
   if (end >= text.size() || text[end] != 'd' || end - digits_begin > 2) return std::nullopt;
   // A pattern without the zero would pad with blanks; "%0d" has no padding.
   if (end > digits_begin && text[1] != '0') return std::nullopt;
-  int digits = 0;
-  std::from_chars(text.data() + digits_begin, text.data() + end, digits);
-  return Conversion{end + 1, digits};
+  const auto digits = number_from<int>(text.substr(digits_begin, end - digits_begin));
+  return Conversion{end + 1, digits.value_or(0)};
 }
 
 }  // namespace
@@ -77,12 +76,10 @@ std::vector<uint64_t> FilePattern::existing() const {
        it.increment(error)) {
     const std::string name = it->path().filename().string();
     if (name.size() <= stem.size() + suffix_.size() || !name.starts_with(stem)) continue;
-    uint64_t number = 0;
-    const char* const digits_end = name.data() + name.size() - suffix_.size();
-    const auto parsed = std::from_chars(name.data() + stem.size(), digits_end, number);
-    if (parsed.ec != std::errc() || parsed.ptr != digits_end) continue;
+    const size_t digits = name.size() - stem.size() - suffix_.size();
+    const auto number = number_from<uint64_t>(std::string_view(name).substr(stem.size(), digits));
     // Excludes names such as "7.png", which "%05d.png" does not produce.
-    if (path(number).filename().string() == name) numbers.push_back(number);
+    if (number && path(*number).filename().string() == name) numbers.push_back(*number);
   }
   std::sort(numbers.begin(), numbers.end());
   return numbers;

@@ -4,11 +4,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <utility>
 
 #include "base/error.h"
+#include "base/numbers.h"
 #include "frames/image_sequence.h"
 
 namespace lenticule::frames {
@@ -25,15 +25,6 @@ bool sensible_grid(int columns, int rows) {
   return columns >= 1 && rows >= 1 && columns <= kMaxViews && rows <= kMaxViews / columns;
 }
 
-/// Removes a number from the front of `text`; returns false if there is none.
-template <class Number>
-bool take_number(std::string_view& text, Number& value) {
-  const auto parsed = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (parsed.ec != std::errc()) return false;
-  text.remove_prefix(static_cast<size_t>(parsed.ptr - text.data()));
-  return true;
-}
-
 bool take(std::string_view& text, char c) {
   if (!text.starts_with(c)) return false;
   text.remove_prefix(1);
@@ -43,12 +34,8 @@ bool take(std::string_view& text, char c) {
 /// Removes a number such as "0.75" from the front; no exponent, so that letters after the number
 /// keep their own meaning.
 std::optional<double> take_aspect(std::string_view& text) {
-  double aspect = 0.0;
-  const auto parsed =
-      std::from_chars(text.data(), text.data() + text.size(), aspect, std::chars_format::fixed);
-  if (parsed.ec != std::errc() || !sensible_aspect(aspect)) return std::nullopt;
-  text.remove_prefix(static_cast<size_t>(parsed.ptr - text.data()));
-  return aspect;
+  const auto aspect = take_number<double>(text, std::chars_format::fixed);
+  return aspect && sensible_aspect(*aspect) ? aspect : std::nullopt;
 }
 
 }  // namespace
@@ -72,10 +59,12 @@ std::optional<QuiltLayout> quilt_layout_of_name(const std::filesystem::path& fil
   const size_t mark = stem.rfind("_qs");
   if (mark == std::string::npos) return std::nullopt;
   std::string_view text = std::string_view(stem).substr(mark + 3);
+  const auto columns = take_number<int>(text);
+  const auto rows = columns && take(text, 'x') ? take_number<int>(text) : std::nullopt;
+  if (!rows || !sensible_grid(*columns, *rows)) return std::nullopt;
   QuiltLayout layout;
-  if (!take_number(text, layout.columns) || !take(text, 'x') || !take_number(text, layout.rows) ||
-      !sensible_grid(layout.columns, layout.rows))
-    return std::nullopt;
+  layout.columns = *columns;
+  layout.rows = *rows;
   if (take(text, 'a')) {
     layout.aspect = take_aspect(text);
     if (!layout.aspect) return std::nullopt;

@@ -3,11 +3,11 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <numeric>
 #include <optional>
 
 #include "base/error.h"
+#include "base/numbers.h"
 
 namespace lenticule::frames {
 namespace {
@@ -15,13 +15,6 @@ namespace {
 constexpr int64_t kMaxRate = 10000;
 constexpr int64_t kMaxSecondsPerFrame = 3600;
 constexpr int kMaxDecimals = 6;
-
-std::optional<int64_t> parse_integer(std::string_view text) {
-  int64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
 
 [[noreturn]] void reject(std::string_view text) {
   throw Error(ErrorKind::Usage, fmt::format("rate '{}': not a positive rate", text),
@@ -62,11 +55,10 @@ Rate make_rate(int64_t numerator, int64_t denominator) {
 Rate parse_rate(std::string_view text) {
   if (const auto nominal = broadcast_rate(text)) return make_rate(*nominal * 1000, 1001);
 
-  if (const size_t slash = text.find('/'); slash != std::string_view::npos) {
-    const auto numerator = parse_integer(text.substr(0, slash));
-    const auto denominator = parse_integer(text.substr(slash + 1));
-    if (!numerator || !denominator) reject(text);
-    return make_rate(*numerator, *denominator);
+  if (text.find('/') != std::string_view::npos) {
+    const auto ratio = numbers_from<int64_t, 2>(text, '/');
+    if (!ratio) reject(text);
+    return make_rate((*ratio)[0], (*ratio)[1]);
   }
 
   const size_t point = text.find('.');
@@ -79,7 +71,7 @@ Rate parse_rate(std::string_view text) {
   if (!plain || decimals.size() > kMaxDecimals) reject(text);
   int64_t denominator = 1;
   for (size_t i = 0; i < decimals.size(); ++i) denominator *= 10;
-  return make_rate(*parse_integer(digits), denominator);
+  return make_rate(*number_from<int64_t>(digits), denominator);
 }
 
 std::string to_string(Rate rate) {

@@ -16,9 +16,12 @@
 #include <cstdio>
 #include <cstring>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "apps/lenticule-video/seccomp_filter.h"
 #include "base/error.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::video {
 namespace {
@@ -86,8 +89,7 @@ void leave_namespaces() {
     (void)unshare(CLONE_NEWNET | CLONE_NEWIPC);
 }
 
-void install_filter() {
-  std::vector<sock_filter> code = decoder_filter();
+void install(std::vector<sock_filter> code) {
   sock_fprog program{.len = static_cast<unsigned short>(code.size()), .filter = code.data()};
   // Uses prctl instead of seccomp(2), which systemd services may not call by default.
   if (prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program, 0, 0) != 0) cannot("seccomp");
@@ -101,23 +103,22 @@ bool die_with(pid_t parent) noexcept {
 }
 
 void volunteer_for_oom() noexcept {
-  const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
-  if (fd < 0) return;
+  const UniqueFd score(open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC));
   constexpr std::array kScore = {'5', '0', '0'};
-  (void)!write(fd, kScore.data(), kScore.size());
-  close(fd);
+  (void)!write(score.get(), kScore.data(), kScore.size());
 }
 
 void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
   if (kSanitized) return;
+  std::vector<sock_filter> filter = decoder_filter();  // while it may still open a descriptor
   leave_namespaces();
   if (parent > 0 && !die_with(parent))
     throw Error(ErrorKind::Failed, "decoder: the player is gone");
   set_limits(extra_bytes, descriptors);
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) cannot("no_new_privs");
-  install_filter();
+  install(std::move(filter));
 }
 
 }  // namespace lenticule::video

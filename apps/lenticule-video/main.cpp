@@ -2,46 +2,21 @@
 // lenticule-video does all work with FFmpeg for lenticule in a separate process, which may crash.
 
 #include <CLI/CLI.hpp>
-#include <exception>
 #include <functional>
 #include <map>
-#include <sstream>
 
 #include "apps/lenticule-video/av_handles.h"
 #include "apps/lenticule-video/subcommands.h"
-#include "base/cpu.h"
-#include "base/error.h"
 #include "base/exit_code.h"
-#include "base/print.h"
+#include "base/main_function.h"
 
 namespace {
 
 using namespace lenticule::video;
 using lenticule::ExitCode;
-using lenticule::say;
 using Run = std::function<int()>;
 
-int run_reporting_errors(const Run& run) {
-  try {
-    const int code = run();
-    lenticule::flush_results();
-    return code;
-  } catch (const lenticule::Error& error) {
-    say("lenticule-video: {}\n", error.what());
-    if (!error.hint().empty()) say("  {}\n", error.hint());
-    return lenticule::exit_code_of(error.kind());
-  } catch (const std::exception& error) {
-    say("lenticule-video: {}\n", error.what());
-    return ExitCode::kFailed;
-  }
-}
-
-int print_help(const CLI::App& app, const CLI::ParseError& request) {
-  std::ostringstream text;
-  app.exit(request, text, text);
-  lenticule::print_out("{}", lenticule::Verbatim{text.view()});
-  return ExitCode::kOk;
-}
+constexpr lenticule::ErrorStyle kStyle{.program = "lenticule-video"};
 
 Run declare_probe(CLI::App& app) {
   const auto file = std::make_shared<std::string>();
@@ -100,12 +75,7 @@ Run declare_pictures(CLI::App& app) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  lenticule::prepare_standard_streams();
-  const int environment = run_reporting_errors([] {
-    static_cast<void>(lenticule::best_isa());
-    return ExitCode::kOk;
-  });
-  if (environment != ExitCode::kOk) return environment;
+  if (const int code = lenticule::prepare_program(kStyle); code != ExitCode::kOk) return code;
   av_log_set_level(AV_LOG_QUIET);  // errors are reported by this program from FFmpeg's error codes
   CLI::App app{"Reads and writes video files for lenticule, in a process of its own."};
   app.name("lenticule-video");
@@ -124,10 +94,9 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0)
-      return run_reporting_errors([&] { return print_help(app, error); });
-    say("lenticule-video: {}\n  see lenticule-video --help\n", error.what());
-    return ExitCode::kUsage;
+    if (error.get_exit_code() == 0) return lenticule::print_help(app, error, kStyle);
+    return lenticule::report_error(
+        {lenticule::ErrorKind::Usage, error.what(), "see lenticule-video --help"}, kStyle);
   }
-  return run_reporting_errors(runs.at(app.get_subcommands().front()));
+  return lenticule::run_reporting_errors(runs.at(app.get_subcommands().front()), kStyle);
 }

@@ -1,155 +1,127 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-video/seccomp_filter.h"
 
-#include <linux/audit.h>
 #include <linux/sched.h>
-#include <linux/seccomp.h>
+#include <seccomp.h>
 #include <sys/mman.h>
 #include <sys/prctl.h>
-#include <sys/syscall.h>
+#include <unistd.h>
 
 #include <array>
 #include <cerrno>
-#include <cstddef>
 #include <cstdint>
+#include <cstring>
+#include <memory>
+#include <string>
+
+#include "base/error.h"
+#include "base/unique_fd.h"
 
 namespace lenticule::video {
 namespace {
 
-#if defined(__x86_64__)
-constexpr uint32_t kArchitecture = AUDIT_ARCH_X86_64;
-#elif defined(__aarch64__)
-constexpr uint32_t kArchitecture = AUDIT_ARCH_AARCH64;
-#else
-#error "say which audit architecture this is"
-#endif
-constexpr uint32_t kForeignNumbers = 0x40000000;  ///< x32 calls on x86-64
-
-/// Calls for open descriptors, memory, threads, time and exit.
+/// Calls for open descriptors, memory, threads, time and exit. libseccomp skips those that the
+/// architecture does not have.
 constexpr std::array kAllowed = {
-    SYS_read,
-    SYS_pread64,
-    SYS_readv,
-    SYS_write,
-    SYS_writev,
-    SYS_lseek,
-    SYS_close,
-    SYS_fstat,
-    SYS_sendmsg,
-    SYS_recvmsg,
-    SYS_ppoll,
-    SYS_munmap,
-    SYS_mremap,
-    SYS_madvise,
-    SYS_brk,
-    SYS_futex,
-    SYS_rt_sigaction,
-    SYS_rt_sigprocmask,
-    SYS_rt_sigreturn,
-    SYS_sigaltstack,
-    SYS_set_robust_list,
-    SYS_sched_yield,
-    SYS_sched_getaffinity,
-    SYS_getpid,
-    SYS_gettid,
-    SYS_getrandom,
-    SYS_clock_gettime,
-    SYS_clock_nanosleep,
-    SYS_nanosleep,
-    SYS_gettimeofday,
-    SYS_restart_syscall,
-    SYS_exit,
-    SYS_exit_group,
-#ifdef SYS_rseq
-    SYS_rseq,
-#endif
-#ifdef SYS_poll
-    SYS_poll,
-#endif
+    SCMP_SYS(read),
+    SCMP_SYS(pread64),
+    SCMP_SYS(readv),
+    SCMP_SYS(write),
+    SCMP_SYS(writev),
+    SCMP_SYS(lseek),
+    SCMP_SYS(close),
+    SCMP_SYS(fstat),
+    SCMP_SYS(sendmsg),
+    SCMP_SYS(recvmsg),
+    SCMP_SYS(poll),
+    SCMP_SYS(ppoll),
+    SCMP_SYS(munmap),
+    SCMP_SYS(mremap),
+    SCMP_SYS(madvise),
+    SCMP_SYS(brk),
+    SCMP_SYS(futex),
+    SCMP_SYS(rseq),
+    SCMP_SYS(rt_sigaction),
+    SCMP_SYS(rt_sigprocmask),
+    SCMP_SYS(rt_sigreturn),
+    SCMP_SYS(sigaltstack),
+    SCMP_SYS(set_robust_list),
+    SCMP_SYS(sched_yield),
+    SCMP_SYS(sched_getaffinity),
+    SCMP_SYS(getpid),
+    SCMP_SYS(gettid),
+    SCMP_SYS(getrandom),
+    SCMP_SYS(clock_gettime),
+    SCMP_SYS(clock_nanosleep),
+    SCMP_SYS(nanosleep),
+    SCMP_SYS(gettimeofday),
+    SCMP_SYS(restart_syscall),
+    SCMP_SYS(exit),
+    SCMP_SYS(exit_group),
 };
 
-class Program {
+constexpr uint32_t kDenied = SCMP_ACT_ERRNO(EPERM);
+/// Interface of Linux 4.14, the first one with SCMP_ACT_KILL_PROCESS. Detecting the interface would
+/// call seccomp(2), which systemd services may not call by default.
+constexpr unsigned kInterface = 3;
+
+/// Throws for a negative errno value.
+void check(int result) {
+  if (result < 0)
+    throw Error(ErrorKind::Failed, std::string("decoder: no filter of system calls can be made: ") +
+                                       std::strerror(-result));
+}
+
+class Rules {
  public:
-  void load(size_t offset) {
-    code_.push_back(BPF_STMT(BPF_LD | BPF_W | BPF_ABS, static_cast<uint32_t>(offset)));
+  Rules() {
+    check(seccomp_api_set(kInterface));
+    context_.reset(seccomp_init(kDenied));
+    if (!context_) check(-ENOMEM);
+    check(seccomp_attr_set(context_.get(), SCMP_FLTATR_ACT_BADARCH, SCMP_ACT_KILL_PROCESS));
   }
-  void answer(uint32_t action) { code_.push_back(BPF_STMT(BPF_RET | BPF_K, action)); }
-  /// Skips `steps` instructions unless the loaded word is `value`.
-  void unless_equal(uint32_t value, uint8_t steps) {
-    code_.push_back(BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, value, 0, steps));
+
+  void add(int call, uint32_t action) {
+    check(seccomp_rule_add_array(context_.get(), action, call, 0, nullptr));
   }
-  void skip_if_below(uint32_t value, uint8_t steps) {
-    code_.push_back(BPF_JUMP(BPF_JMP | BPF_JGE | BPF_K, value, 0, steps));
+  /// Allows the call if the bits `mask` of an argument are `value`.
+  void allow_if(int call, unsigned argument, uint32_t mask, uint32_t value) {
+    const scmp_arg_cmp condition{argument, SCMP_CMP_MASKED_EQ, mask, value};
+    check(seccomp_rule_add_array(context_.get(), SCMP_ACT_ALLOW, call, 1, &condition));
   }
-  void unless_any_bit(uint32_t bits, uint8_t steps) {
-    code_.push_back(BPF_JUMP(BPF_JMP | BPF_JSET | BPF_K, bits, 0, steps));
+
+  [[nodiscard]] std::vector<sock_filter> program() const {
+    const UniqueFd file(memfd_create("lenticule-filter", MFD_CLOEXEC));
+    if (!file) check(-errno);
+    check(seccomp_export_bpf(context_.get(), file.get()));
+    const off_t bytes = lseek(file.get(), 0, SEEK_END);
+    std::vector<sock_filter> code(bytes > 0 ? static_cast<size_t>(bytes) / sizeof(sock_filter) : 0);
+    if (bytes <= 0 || pread(file.get(), code.data(), static_cast<size_t>(bytes), 0) != bytes)
+      check(-EIO);
+    return code;
   }
-  [[nodiscard]] std::vector<sock_filter> take() { return std::move(code_); }
 
  private:
-  std::vector<sock_filter> code_;
+  struct Release {
+    void operator()(scmp_filter_ctx context) const { seccomp_release(context); }
+  };
+  std::unique_ptr<void, Release> context_;
 };
-
-constexpr uint32_t kDenied = SECCOMP_RET_ERRNO | EPERM;
-
-size_t argument(size_t index) {
-  return offsetof(seccomp_data, args) + index * sizeof(uint64_t);  // low word: little-endian
-}
-
-void check_architecture(Program& program) {
-  program.load(offsetof(seccomp_data, arch));
-  program.unless_equal(kArchitecture, 2);
-  program.load(offsetof(seccomp_data, nr));
-  program.skip_if_below(kForeignNumbers, 1);
-  program.answer(SECCOMP_RET_KILL_PROCESS);
-}
-
-/// Allows the call without PROT_EXEC, because code injection needs executable memory.
-void allow_without_exec(Program& program, long call) {
-  program.unless_equal(static_cast<uint32_t>(call), 4);
-  program.load(argument(2));
-  program.unless_any_bit(PROT_EXEC, 1);
-  program.answer(kDenied);
-  program.answer(SECCOMP_RET_ALLOW);
-}
-
-void allow_threads(Program& program) {
-  program.unless_equal(SYS_clone, 4);
-  program.load(argument(0));
-  program.unless_any_bit(CLONE_THREAD, 1);
-  program.answer(SECCOMP_RET_ALLOW);
-  program.answer(kDenied);
-#ifdef SYS_clone3
-  // clone3 takes its flags in memory, which a filter cannot read; with ENOSYS the C library falls
-  // back to clone.
-  program.unless_equal(SYS_clone3, 1);
-  program.answer(SECCOMP_RET_ERRNO | ENOSYS);
-#endif
-}
-
-void allow_thread_names(Program& program) {
-  program.unless_equal(SYS_prctl, 4);
-  program.load(argument(0));
-  program.unless_equal(PR_SET_NAME, 1);
-  program.answer(SECCOMP_RET_ALLOW);
-  program.answer(kDenied);
-}
 
 }  // namespace
 
 std::vector<sock_filter> decoder_filter() {
-  Program program;
-  check_architecture(program);
-  for (const long call : kAllowed) {
-    program.unless_equal(static_cast<uint32_t>(call), 1);
-    program.answer(SECCOMP_RET_ALLOW);
-  }
-  allow_without_exec(program, SYS_mmap);
-  allow_without_exec(program, SYS_mprotect);
-  allow_threads(program);
-  allow_thread_names(program);
-  program.answer(kDenied);
-  return program.take();
+  Rules rules;
+  for (const int call : kAllowed) rules.add(call, SCMP_ACT_ALLOW);
+  // Code injection needs executable memory.
+  rules.allow_if(SCMP_SYS(mmap), 2, PROT_EXEC, 0);
+  rules.allow_if(SCMP_SYS(mprotect), 2, PROT_EXEC, 0);
+  rules.allow_if(SCMP_SYS(clone), 0, CLONE_THREAD, CLONE_THREAD);
+  // clone3 takes its flags in memory, which a filter cannot read; with ENOSYS the C library falls
+  // back to clone.
+  rules.add(SCMP_SYS(clone3), SCMP_ACT_ERRNO(ENOSYS));
+  rules.allow_if(SCMP_SYS(prctl), 0, UINT32_MAX, PR_SET_NAME);
+  return rules.program();
 }
 
 }  // namespace lenticule::video

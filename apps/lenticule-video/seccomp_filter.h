@@ -10,7 +10,8 @@ namespace lenticule::video {
 
 /// Returns a filter in which calls that are not listed fail with EPERM, and calls of a foreign
 /// architecture kill the process. Signals to other processes, opening, connecting, executing,
-/// changing identity or scheduling, and executable memory are not allowed.
+/// changing identity or scheduling, and executable memory are not allowed. Uses one descriptor
+/// while it runs. Throws Error(Failed).
 [[nodiscard]] std::vector<sock_filter> decoder_filter();
 
 }  // namespace lenticule::video

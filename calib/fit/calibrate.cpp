@@ -8,6 +8,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/statistics.h"
 #include "calib/fit/joint_fit.h"
 #include "calib/fit/prediction.h"
 
@@ -255,14 +256,6 @@ void Calibrator::measure_colours() {
   result_.parameters.push_back({"channel_offset_subpx.blue", "subpixels", blue});
 }
 
-double percentile(std::vector<double> values, double part) {
-  if (values.empty()) return 0.0;
-  for (double& v : values) v = std::abs(v);
-  const auto at = static_cast<size_t>(part * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + static_cast<ptrdiff_t>(at), values.end());
-  return values[at];
-}
-
 /// CellGrid is a grid of cells over which residuals are averaged.
 struct CellGrid {
   int columns, rows;
@@ -322,9 +315,11 @@ void Calibrator::describe_viewpoints() {
     out.covered = m.covered;
     out.blocks = static_cast<int>(views_[v].phases.size());
     double square = 0.0;
-    for (const double rest : fit_->rests[v]) square += rest * rest;
+    for (const double rest : fit_->rests[v]) {
+      square += rest * rest;
+      out.max_lenses = std::max(out.max_lenses, std::abs(rest));
+    }
     out.rms_lenses = std::sqrt(square / std::max<double>(1.0, out.blocks));
-    out.max_lenses = percentile(fit_->rests[v], 1.0);
     out.reprojection_rms_px = fit_->geometry_rms_px;
     out.residual =
         field_of(views_[v], pose, fit_->values.camera, fit_->rests[v], panel_, kPictureCells);
@@ -459,10 +454,7 @@ void Calibrator::judge_moves(const ViewpointMeasurement& measured) {
       x.push_back(moves[n].x);
       y.push_back(moves[n].y);
     }
-    const auto at = static_cast<ptrdiff_t>(x.size() / 2);
-    std::nth_element(x.begin(), x.begin() + at, x.end());
-    std::nth_element(y.begin(), y.begin() + at, y.end());
-    return Vec2{x[static_cast<size_t>(at)], y[static_cast<size_t>(at)]};
+    return Vec2{upper_median(std::move(x)), upper_median(std::move(y))};
   };
   const auto misfit = [&](size_t begin, size_t end, Vec2 place) {
     double sum = 0.0;

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/statistics.h"
 #include "calib/fit/residuals.h"
 
 namespace lenticule::calib {
@@ -22,14 +23,6 @@ constexpr double kGaugeSigma = 3e-6;
 /// Focused cylinders have up to a twentieth of either.
 constexpr double kAberrationSigma = 0.05;
 constexpr double kSagSigma = 0.05;
-
-double median_size(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  for (double& v : values) v = std::abs(v);
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 double rms(const std::vector<double>& values) {
   double sum = 0.0;
@@ -222,9 +215,10 @@ class Bundle {
       const std::vector<double> seen = geometry_rests(v);
       geometry.insert(geometry.end(), seen.begin(), seen.end());
     }
-    fit_.phase_scale = std::max(0.05, 1.4826 * median_size(normalized));
+    fit_.phase_scale = std::max(0.05, 1.4826 * median_magnitude(normalized));
     if (options_.free_poses)
-      geometry_scale_ = options_.geometry_scatter * std::max(0.05, 1.4826 * median_size(geometry));
+      geometry_scale_ =
+          options_.geometry_scatter * std::max(0.05, 1.4826 * median_magnitude(geometry));
   }
 
   /// Returns the residuals of both coordinates of each geometry point, in its standard errors.

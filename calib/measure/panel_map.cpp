@@ -6,6 +6,8 @@
 #include <array>
 #include <cmath>
 
+#include "base/statistics.h"
+
 namespace lenticule::calib {
 namespace {
 
@@ -42,12 +44,6 @@ struct Normalizer {
 
 double length_of(Vec2 v) {
   return std::hypot(v.x, v.y);
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace
@@ -144,10 +140,10 @@ std::optional<PanelMap> PanelMap::fit(const std::vector<Sighting>& sightings) {
     map.homography_ = *h;
     map.polynomial_ = {};
     std::vector<double> errors = map.errors_of(kept);
-    map.typical_error_px_ = median(errors);
+    map.typical_error_px_ = upper_median(errors);
     if (!map.fit_polynomial(kept, errors)) return std::nullopt;
     errors = map.errors_of(sightings);
-    map.typical_error_px_ = median(errors);
+    map.typical_error_px_ = upper_median(errors);
     kept.clear();
     for (size_t n = 0; n < sightings.size(); ++n)
       if (errors[n] <= kOutlier * std::max(map.typical_error_px_, 1e-6))

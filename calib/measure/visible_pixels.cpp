@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "base/statistics.h"
+
 namespace lenticule::calib {
 namespace {
 
@@ -14,13 +16,11 @@ constexpr double kBrightPart = 0.98;
 std::vector<uint32_t> visible_pixels(const GreyPicture& dark, const GreyPicture& white) {
   std::vector<float> rise(white.size());
   for (size_t i = 0; i < rise.size(); ++i) rise[i] = white.light[i] - dark.light[i];
-  std::vector<float> sorted = rise;
-  const auto bright =
-      sorted.begin() + static_cast<ptrdiff_t>(kBrightPart * static_cast<double>(sorted.size()));
-  std::nth_element(sorted.begin(), bright, sorted.end());
+  const float bright =
+      value_in_order(rise, static_cast<size_t>(kBrightPart * static_cast<double>(rise.size())));
   std::vector<uint32_t> pixels;
   for (size_t i = 0; i < rise.size(); ++i)
-    if (rise[i] > kLeastLight * *bright && dark.clipped[i] == 0 && white.clipped[i] == 0)
+    if (rise[i] > kLeastLight * bright && dark.clipped[i] == 0 && white.clipped[i] == 0)
       pixels.push_back(static_cast<uint32_t>(i));
   return pixels;
 }

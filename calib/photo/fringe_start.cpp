@@ -10,6 +10,8 @@
 #include <unsupported/Eigen/FFT>
 #include <vector>
 
+#include "base/statistics.h"
+
 namespace lenticule::calib {
 namespace {
 
@@ -76,9 +78,7 @@ class Spectrum {
     std::vector<double> sizes;
     for (int c = kLeastFringes; c < columns_ / 2; ++c)
       for (int r = 0; r < kRows; ++r) sizes.push_back(std::abs(values_(r, c)));
-    const auto middle = sizes.begin() + static_cast<ptrdiff_t>(sizes.size() / 2);
-    std::nth_element(sizes.begin(), middle, sizes.end());
-    usual_ = std::max(*middle, 1e-30);
+    usual_ = std::max(upper_median(std::move(sizes)), 1e-30);
   }
 
   /// Returns the strength; 1 is chance level, also for frequencies that the grid does not resolve

@@ -8,6 +8,8 @@
 #include <map>
 #include <numbers>
 
+#include "base/statistics.h"
+
 namespace lenticule::calib {
 namespace {
 
@@ -100,13 +102,6 @@ class Regression {
   Normal normal_ = Normal::Zero();
   Terms solution_ = Terms::Zero();
 };
-
-double median_magnitude(std::vector<double> values) {
-  for (double& value : values) value = std::abs(value);
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 void summarize(const Regression& regression, PlaneCorrection& out) {
   // Four times the scatter of a normal distribution with this median.

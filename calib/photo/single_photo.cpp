@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/photo/fringe_blocks.h"
 #include "calib/photo/fringe_start.h"
 #include "calib/photo/phase_plane.h"
@@ -92,10 +93,7 @@ using Refusal = std::optional<std::string>;
 
 /// Removes tags that are partly hidden: they are found, but at a wrong position.
 std::vector<TagSighting> without_misplaced(const Work& work) {
-  std::vector<double> off = work.pose->tag_off_px;
-  const auto middle = off.begin() + static_cast<ptrdiff_t>(off.size() / 2);
-  std::nth_element(off.begin(), middle, off.end());
-  const double most = std::max(4.0 * *middle, kMisplacedPx);
+  const double most = std::max(4.0 * upper_median(work.pose->tag_off_px), kMisplacedPx);
   std::vector<TagSighting> kept;
   for (size_t i = 0; i < work.tags.size(); ++i)
     if (work.pose->tag_off_px[i] <= most) kept.push_back(work.tags[i]);
@@ -211,10 +209,7 @@ void improve(Work& work, const LensPlane& add) {
 double median_contrast(const std::vector<FringeBlock>& blocks) {
   std::vector<double> values;
   for (const FringeBlock& block : blocks) values.push_back(block.contrast);
-  if (values.empty()) return 0.0;
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return upper_median(std::move(values));
 }
 
 /// Returns the fraction of the blocks that are outliers.

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/photo/tag_family.h"
 
 namespace lenticule::calib {
@@ -29,9 +30,8 @@ float white_level(const PhotoLight& picture) {
   for (const float value : picture.light)
     if (std::isfinite(value)) light.push_back(value);
   if (light.empty()) return 1.0F;
-  const auto at = light.end() - 1 - static_cast<ptrdiff_t>(light.size() / 200);
-  std::nth_element(light.begin(), at, light.end());
-  return std::max(*at, 1e-6F);
+  const size_t place = light.size() - 1 - light.size() / 200;
+  return std::max(value_in_order(std::move(light), place), 1e-6F);
 }
 
 /// Converts to eight bits of linear light: another curve would move the edges of blurred tags.

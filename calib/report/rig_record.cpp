@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -20,6 +19,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/numbers.h"
 #include "base/text.h"
 #include "calib/report/report_words.h"
 #include "optics/rig_file.h"
@@ -35,19 +35,12 @@ constexpr size_t kMaxTextBytes = 4096;
 constexpr std::string_view kHistory = "history_";
 constexpr std::string_view kDropped = "history_dropped";
 
-std::optional<uint64_t> whole_number(std::string_view text) {
-  uint64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
 /// Returns the number of an entry "history_NUMBER". At most nine digits are accepted, so that a
 /// larger number, written by hand, cannot cause an overflow.
 std::optional<uint64_t> history_number(std::string_view key) {
   if (!key.starts_with(kHistory)) return std::nullopt;
   const std::string_view digits = key.substr(kHistory.size());
-  return digits.size() <= 9 ? whole_number(digits) : std::nullopt;
+  return digits.size() <= 9 ? number_from<uint64_t>(digits) : std::nullopt;
 }
 
 void add(Entries& entries, std::string key, const std::string& text) {
@@ -140,7 +133,7 @@ History history_of(const Entries& provenance) {
   uint64_t newest = 0;
   for (const auto& [key, text] : provenance) {
     if (key == kDropped) {
-      history.dropped = whole_number(text).value_or(0);
+      history.dropped = number_from<uint64_t>(text).value_or(0);
     } else if (const auto number = history_number(key)) {
       history.states.emplace_back(*number, text);
       newest = std::max(newest, *number);
@@ -189,7 +182,8 @@ struct CopyName {
     const size_t around = stem.size() + 1 + extension.size();
     if (name.size() <= around || name.size() > around + 9) return 0;
     if (!name.starts_with(stem + ".") || !name.ends_with(extension)) return 0;
-    return whole_number(std::string_view(name).substr(stem.size() + 1, name.size() - around))
+    return number_from<uint64_t>(
+               std::string_view(name).substr(stem.size() + 1, name.size() - around))
         .value_or(0);
   }
 };

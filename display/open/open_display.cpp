@@ -3,10 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <optional>
 
 #include "base/error.h"
+#include "base/numbers.h"
 #include "display/kms/probe/output_key.h"
 #include "display/virtual/virtual_display.h"
 
@@ -20,43 +20,25 @@ constexpr int64_t kMaxJitterUs = 10'000'000;
               "write virtual, virtual:3840x2160@60, kms or kms:CONNECTOR");
 }
 
-template <typename Integer>
-std::optional<Integer> parse_integer(std::string_view text) {
-  Integer value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (text.empty() || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
-
-/// Removes and returns the text up to `separator`, or all of it if there is none.
-std::string_view take_until(std::string_view& text, char separator) {
-  const size_t end = text.find(separator);
-  const std::string_view head = text.substr(0, end);
-  text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
-  return head;
-}
-
 bool parse_mode(std::string_view mode, VirtualSpec& out) {
   const bool has_refresh = mode.find('@') != std::string_view::npos;
-  std::string_view size = take_until(mode, '@');
+  const auto size = numbers_from<int, 2>(take_until(mode, '@'), 'x');
   if (has_refresh) out.refresh = frames::parse_rate(mode);
-  const auto width = parse_integer<int>(take_until(size, 'x'));
-  const auto height = parse_integer<int>(size);
-  if (!width || !height || *width < 1 || *height < 1) return false;
-  out.width = *width;
-  out.height = *height;
+  if (!size || (*size)[0] < 1 || (*size)[1] < 1) return false;
+  out.width = (*size)[0];
+  out.height = (*size)[1];
   return true;
 }
 
 bool parse_option(std::string_view option, VirtualSpec& out) {
   const std::string_view key = take_until(option, '=');
   if (key == "jitter_us") {
-    const auto value = parse_integer<int64_t>(option);
+    const auto value = number_from<int64_t>(option);
     if (!value || *value < 0 || *value > kMaxJitterUs) return false;
     out.jitter_us = *value;
     return true;
   }
-  const auto value = parse_integer<uint64_t>(option);
+  const auto value = number_from<uint64_t>(option);
   if (key != "seed" || !value) return false;
   out.seed = *value;
   return true;

@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "frames/compare.h"
 #include "frames/srgb.h"
 
@@ -302,10 +303,9 @@ FlipFigures flip_figures(std::vector<float> map) {
   if (map.empty()) return {};
   double sum = 0.0;
   for (const float value : map) sum += value;
+  const double mean = sum / static_cast<double>(map.size());
   const size_t place = (map.size() * 99 + 99) / 100 - 1;
-  const auto middle = map.begin() + static_cast<ptrdiff_t>(place);
-  std::nth_element(map.begin(), middle, map.end());
-  return {.mean = sum / static_cast<double>(map.size()), .percentile_99 = *middle};
+  return {.mean = mean, .percentile_99 = value_in_order(std::move(map), place)};
 }
 
 }  // namespace lenticule::frames

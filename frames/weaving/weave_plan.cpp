@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "optics/row_rays.h"
 
 namespace lenticule::frames {
@@ -163,8 +164,7 @@ int32_t PlanBuilder::usual_step() {
   for (size_t n = 1; n < line.view.size(); ++n)
     if (line.lens[n] == line.lens[n - 1]) steps.push_back(line.view[n] - line.view[n - 1]);
   if (steps.empty()) return 0;
-  std::nth_element(steps.begin(), steps.begin() + static_cast<long>(steps.size() / 2), steps.end());
-  const double step = steps[steps.size() / 2] * kViewUnit;
+  const double step = upper_median(std::move(steps)) * kViewUnit;
   return std::abs(step) < (1 << 27) ? rounded(step) : 0;
 }
 

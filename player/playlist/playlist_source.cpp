@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 #include <sys/epoll.h>
-#include <sys/eventfd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -44,12 +43,12 @@ bool is_still(const OpenedSource& opened) {
 
 PlaylistSource::PlaylistSource(std::shared_ptr<const Playlist> list, PlaylistSourceOptions options)
     : options_(std::move(options)),
-      wake_(checked(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC))),
+      wake_("playlist"),
       poll_(checked(epoll_create1(EPOLL_CLOEXEC))),
       list_(std::move(list)) {
   lent_.reserve(kRemembered);
-  epoll_event event{.events = EPOLLIN, .data = {.fd = wake_.get()}};
-  if (epoll_ctl(poll_.get(), EPOLL_CTL_ADD, wake_.get(), &event) != 0) (void)checked(-1);
+  epoll_event event{.events = EPOLLIN, .data = {.fd = wake_.fd()}};
+  if (epoll_ctl(poll_.get(), EPOLL_CTL_ADD, wake_.fd(), &event) != 0) (void)checked(-1);
   status_.list = list_->name;
   status_.items = list_->items.size();
   worker_ = std::thread([this] { work(); });
@@ -67,7 +66,7 @@ PlaylistSource::~PlaylistSource() {
 }
 
 void PlaylistSource::wake_filler() const {
-  (void)eventfd_write(wake_.get(), 1);
+  wake_.signal();
 }
 
 // --- frames ---------------------------------------------------------------------------------
@@ -206,8 +205,7 @@ bool PlaylistSource::saturated() const {
 }
 
 void PlaylistSource::service() {
-  eventfd_t count = 0;
-  (void)eventfd_read(wake_.get(), &count);
+  wake_.drain();
   if (current_) current_->opened.source->service();
   try_wish();
 }

@@ -18,6 +18,7 @@
 
 #include "base/error.h"
 #include "base/unique_fd.h"
+#include "base/wake_fd.h"
 #include "frames/frame_source.h"
 #include "player/playlist/playlist.h"
 #include "player/sources/source_open.h"
@@ -242,7 +243,7 @@ class PlaylistSource final : public frames::FrameSource {
 
   const PlaylistSourceOptions options_;
   frames::Rate display_rate_{60, 1};
-  UniqueFd wake_;
+  WakeFd wake_;
   UniqueFd poll_;  ///< readable when wake_ or the current item's descriptor is
 
   // Filling thread only.

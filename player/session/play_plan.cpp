@@ -4,10 +4,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <memory>
 
 #include "base/error.h"
+#include "base/numbers.h"
 #include "base/print.h"
 #include "optics/trim.h"
 #include "player/control/control_peer.h"
@@ -29,10 +29,7 @@ uint64_t parse_loops(const PlayFlags& flags) {
   const bool is_looked_at = flags.source == kCardSource || flags.source == kViewsSource;
   if (flags.loop.empty()) return flags.duration_s || is_looked_at ? kForever : 1;
   if (flags.loop == "forever") return kForever;
-  uint64_t loops = 0;
-  const char* const last = flags.loop.data() + flags.loop.size();
-  const auto [end, error] = std::from_chars(flags.loop.data(), last, loops);
-  if (error == std::errc() && end == last && loops > 0) return loops;
+  if (const auto loops = number_from<uint64_t>(flags.loop); loops && *loops > 0) return *loops;
   throw Error(ErrorKind::Usage, fmt::format("--loop '{}': not a number of loops", flags.loop),
               "write a number from 1 on, or forever");
 }
@@ -41,10 +38,8 @@ uint64_t parse_loops(const PlayFlags& flags) {
 std::optional<std::chrono::nanoseconds> parse_wait(const char* flag, const std::string& text,
                                                    uint32_t least) {
   if (text == "forever") return std::nullopt;
-  uint32_t seconds = 0;
-  const char* const last = text.data() + text.size();
-  const auto [end, error] = std::from_chars(text.data(), last, seconds);
-  if (error == std::errc() && end == last && seconds >= least) return std::chrono::seconds(seconds);
+  const auto seconds = number_from<uint32_t>(text);
+  if (seconds && *seconds >= least) return std::chrono::seconds(*seconds);
   throw Error(ErrorKind::Usage, fmt::format("{} '{}': not a number of seconds", flag, text),
               fmt::format("write a number from {} on, or forever", least));
 }

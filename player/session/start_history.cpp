@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cstdlib>
 #include <ctime>
 #include <exception>
@@ -12,6 +11,7 @@
 #include <string_view>
 
 #include "base/file.h"
+#include "base/numbers.h"
 
 namespace lenticule::player {
 namespace {
@@ -46,13 +46,10 @@ void StartHistory::read(std::chrono::seconds now) {
   const std::vector<uint8_t> bytes = read_whole_file(file_, kMaxFileBytes);
   std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   while (!text.empty() && before_.size() < kMaxStarts) {
-    const std::string_view line = text.substr(0, text.find('\n'));
-    text.remove_prefix(std::min(line.size() + 1, text.size()));
-    int64_t at = 0;
-    const auto [end, error] = std::from_chars(line.data(), line.data() + line.size(), at);
-    const std::chrono::seconds when(at);
-    if (error != std::errc() || when > now || when < now - kStartsRemembered) continue;
-    std::string_view reason(end, static_cast<size_t>(line.data() + line.size() - end));
+    std::string_view reason = take_until(text, '\n');
+    const auto at = take_number<int64_t>(reason);
+    const std::chrono::seconds when(at.value_or(0));
+    if (!at || when > now || when < now - kStartsRemembered) continue;
     reason.remove_prefix(std::min(reason.find_first_not_of(' '), reason.size()));
     before_.push_back({when, one_line(reason)});
   }

@@ -6,14 +6,12 @@
 #include <poll.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <condition_variable>
-#include <csignal>
 #include <cstring>
 #include <ctime>
 #include <deque>
@@ -25,11 +23,11 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "base/subprocess.h"
 #include "base/text.h"
 #include "base/unique_fd.h"
 #include "frames/pictures/picture_messages.h"
 #include "player/process/interrupt.h"
-#include "player/process/spawn_program.h"
 #include "player/sources/video_program.h"
 
 namespace lenticule::player {
@@ -93,16 +91,12 @@ class Decoder {
       throw no_decoder(errno);
     socket_ = UniqueFd(ends[0]);
     const UniqueFd theirs(ends[1]);
-    const int error = spawn_program(
-        {program.string(), "pictures", "--parent", std::to_string(getpid())},
-        {{theirs.get(), wire::kPictureSocket}, {memory_.fd(), wire::kPictureMemory}}, pid_);
-    if (error != 0) throw no_decoder(error);
+    process_ =
+        Subprocess({program.string(), "pictures", "--parent", std::to_string(getpid())},
+                   {{theirs.get(), wire::kPictureSocket}, {memory_.fd(), wire::kPictureMemory}});
   }
-  ~Decoder() { (void)end(); }
-  Decoder(const Decoder&) = delete;
-  Decoder& operator=(const Decoder&) = delete;
 
-  [[nodiscard]] pid_t pid() const { return pid_; }
+  [[nodiscard]] pid_t pid() const { return process_.pid(); }
   /// Returns true if the decoder can take another picture.
   [[nodiscard]] bool is_idle() const { return idle_; }
 
@@ -172,7 +166,8 @@ class Decoder {
   [[nodiscard]] milliseconds processor_time() const {
     clockid_t clock{};
     timespec used{};
-    if (clock_getcpuclockid(pid_, &clock) != 0 || clock_gettime(clock, &used) != 0) return 0ms;
+    if (clock_getcpuclockid(process_.pid(), &clock) != 0 || clock_gettime(clock, &used) != 0)
+      return 0ms;
     return std::chrono::duration_cast<milliseconds>(std::chrono::seconds(used.tv_sec) +
                                                     std::chrono::nanoseconds(used.tv_nsec));
   }
@@ -286,10 +281,10 @@ class Decoder {
   }
 
   [[noreturn]] void fail_dead(const std::filesystem::path& file) {
-    const int status = end();  // a decoder that closed its socket and still runs is not usable
-    const std::string how = WIFSIGNALED(status)
-                                ? fmt::format("was ended by signal {}", WTERMSIG(status))
-                                : fmt::format("ended with exit code {}", WEXITSTATUS(status));
+    // A decoder that closed its socket and still runs is not usable.
+    const ProcessEnd end = process_.end();
+    const std::string how = end.signal != 0 ? fmt::format("was ended by signal {}", end.signal)
+                                            : fmt::format("ended with exit code {}", end.exit_code);
     throw Error(ready_ ? ErrorKind::Input : ErrorKind::Failed,
                 ready_ ? fmt::format("{}: its decoder {}", file.string(), how)
                        : fmt::format("lenticule-video: {} before its first picture", how),
@@ -297,23 +292,10 @@ class Decoder {
                        : "reinstall lenticule, or use a kernel with seccomp filters");
   }
 
-  /// Kills the process if it still runs; returns its wait status.
-  int end() {
-    const pid_t pid = std::exchange(pid_, -1);
-    int status = 0;
-    if (pid <= 0) return status;
-    // The process is dead already or is killed now, so the wait is short.
-    if (waitpid(pid, &status, WNOHANG) == pid) return status;
-    kill(pid, SIGKILL);
-    while (waitpid(pid, &status, 0) < 0 && errno == EINTR) {
-    }
-    return status;
-  }
-
   const PictureLimits limits_;
   SharedMemory memory_;
   UniqueFd socket_;
-  pid_t pid_ = -1;
+  Subprocess process_;
   bool ready_ = false;  ///< reported that its sandbox is active
   bool idle_ = true;
   milliseconds processor_begin_{0};

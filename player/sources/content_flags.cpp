@@ -3,11 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-#include <cmath>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/numbers.h"
 
 namespace lenticule::player {
 namespace {
@@ -15,12 +14,11 @@ namespace {
 /// Parses one end of a range: a number, followed by nothing, "%" or "px". Returns false for other
 /// text.
 bool read_disparity(std::string_view text, double& value, bool& in_pixels) {
-  const auto read = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (read.ec != std::errc() || !std::isfinite(value)) return false;
-  const std::string_view unit(read.ptr, static_cast<size_t>(text.data() + text.size() - read.ptr));
-  in_pixels = unit == "px";
-  if (!in_pixels) value /= 100.0;
-  return in_pixels || unit.empty() || unit == "%";
+  const auto number = take_number<double>(text);
+  if (!number) return false;
+  in_pixels = text == "px";
+  value = in_pixels ? *number : *number / 100.0;
+  return in_pixels || text.empty() || text == "%";
 }
 
 }  // namespace
@@ -39,24 +37,20 @@ std::optional<frames::Crosstalk> crosstalk_of(const std::string& text, const opt
                                               int views) {
   if (text.empty()) return std::nullopt;
   if (text == "spot") return frames::crosstalk_of_spot(rig.sheet.spot_sigma.value * views);
-  double percent = 0.0;
-  const char* const end = text.data() + text.size();
-  const auto read = std::from_chars(text.data(), end, percent);
-  if (read.ec != std::errc() || read.ptr != end)
+  const auto percent = number_from<double>(text);
+  if (!percent)
     throw Error(ErrorKind::Usage, fmt::format("--crosstalk '{}': not a percentage", text),
                 "for example --crosstalk 12, or --crosstalk spot");
-  return frames::crosstalk_of_percent(percent);
+  return frames::crosstalk_of_percent(*percent);
 }
 
 void read_grid(const std::string& text, frames::QuiltLayout& layout) {
-  const char* const end = text.data() + text.size();
-  const auto columns = std::from_chars(text.data(), end, layout.columns);
-  if (columns.ec == std::errc() && columns.ptr != end && *columns.ptr == 'x') {
-    const auto rows = std::from_chars(columns.ptr + 1, end, layout.rows);
-    if (rows.ec == std::errc() && rows.ptr == end) return;
-  }
-  throw Error(ErrorKind::Usage, fmt::format("--grid '{}': not columns x rows", text),
-              "for example --grid 8x6");
+  const auto grid = numbers_from<int, 2>(text, 'x');
+  if (!grid)
+    throw Error(ErrorKind::Usage, fmt::format("--grid '{}': not columns x rows", text),
+                "for example --grid 8x6");
+  layout.columns = (*grid)[0];
+  layout.rows = (*grid)[1];
 }
 
 void read_depth_range(const std::string& text, frames::DepthOptions& options) {

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string_view>
 
 namespace lenticule::player {
@@ -18,9 +17,5 @@ struct FrameRange {
 
 /// Parses "A:B", or "N" for one frame. Throws Error(Usage).
 [[nodiscard]] FrameRange parse_frame_range(std::string_view text);
-
-/// Parses decimal digits without any other character, at most a hundred million (a frame number, a
-/// size).
-[[nodiscard]] std::optional<uint64_t> whole_number(std::string_view text);
 
 }  // namespace lenticule::player

@@ -1,21 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "player/sources/video_child.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
-#include <csignal>
-#include <cstring>
 #include <utility>
 
 #include "base/error.h"
 #include "base/text.h"
-#include "player/process/spawn_program.h"
 
 namespace lenticule::player {
 namespace {
@@ -101,36 +96,31 @@ void VideoChild::look_after() {
       arguments = std::exchange(arguments_, {});
       last_words_.clear();
     }
-    int errors = -1;
-    if (!launch(arguments, errors)) continue;
-    listen(errors);
-    close(errors);
-    reap();
+    keep(arguments);
   }
 }
 
-bool VideoChild::launch(const std::vector<std::string>& arguments, int& errors) {
-  std::array<int, 2> pipe{};
-  int error = pipe2(pipe.data(), O_CLOEXEC) == 0 ? 0 : errno;
-  pid_t pid = -1;
-  if (error == 0) {
-    error = spawn_program(arguments, {{pipe[1], STDERR_FILENO}}, pid);
-    close(pipe[1]);
-    if (error != 0) close(pipe[0]);
+void VideoChild::keep(const std::vector<std::string>& arguments) {
+  Pipe errors;
+  Subprocess child;
+  try {
+    errors = make_pipe();
+    child = Subprocess(arguments, {{errors.writing.get(), STDERR_FILENO}});
+  } catch (const Error& error) {
+    report({.last_words = error.what()});
+    return;
   }
-  if (error != 0) {
-    report({.last_words =
-                fmt::format("{}: cannot be started: {}", arguments[0], std::strerror(error))});
-    return false;
+  errors.writing.reset();
+  {
+    const std::lock_guard lock(mutex_);
+    pid_ = child.pid();
   }
-  const std::lock_guard lock(mutex_);
-  pid_ = pid;
-  errors = pipe[0];
-  return true;
+  listen(child, errors.reading.get());
+  reap(std::move(child));
 }
 
 /// Reads events until the child's standard error is closed, at the latest when the child ends.
-void VideoChild::listen(int errors) {
+void VideoChild::listen(const Subprocess& child, int errors) {
   std::string line;
   while (true) {
     std::array<pollfd, 2> streams{pollfd{errors, POLLIN, 0}, pollfd{nudge_.fd(), POLLIN, 0}};
@@ -138,7 +128,7 @@ void VideoChild::listen(int errors) {
     nudge_.drain();
     {
       const std::lock_guard lock(mutex_);
-      if (kill_) ::kill(pid_, SIGKILL);
+      if (kill_) child.kill();
     }
     if (streams[0].revents != 0 && !read_some(errors, line)) break;
   }
@@ -179,19 +169,14 @@ void VideoChild::hear(std::string_view line) {
 
 /// Reaps the child. One that closed its standard error and still runs is out of control and is
 /// killed.
-void VideoChild::reap() {
-  ::kill(pid_, SIGKILL);
-  int status = 0;
-  while (waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
-  }
-  ChildEnd end;
+void VideoChild::reap(Subprocess child) {
+  const ProcessEnd how = child.end();
+  ChildEnd end{.exit_code = how.exit_code, .signal = how.signal, .last_words = {}};
   {
     const std::lock_guard lock(mutex_);
     end.last_words = last_words_;
     pid_ = -1;
   }
-  if (WIFEXITED(status)) end.exit_code = WEXITSTATUS(status);
-  if (WIFSIGNALED(status)) end.signal = WTERMSIG(status);
   report(std::move(end));
 }
 

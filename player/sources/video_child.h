@@ -14,6 +14,7 @@
 #include <thread>
 #include <vector>
 
+#include "base/subprocess.h"
 #include "base/wake_fd.h"
 #include "player/sources/video_probe.h"
 
@@ -64,11 +65,11 @@ class VideoChild {
 
  private:
   void look_after();
-  [[nodiscard]] bool launch(const std::vector<std::string>& arguments, int& errors);
-  void listen(int errors);
+  void keep(const std::vector<std::string>& arguments);
+  void listen(const Subprocess& child, int errors);
   [[nodiscard]] bool read_some(int errors, std::string& line);
   void hear(std::string_view line);
-  void reap();
+  void reap(Subprocess child);
   void report(ChildEnd end);
 
   WakeFd ended_;

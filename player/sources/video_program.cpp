@@ -16,6 +16,7 @@
 
 #include "base/error.h"
 #include "base/exit_code.h"
+#include "base/file_mark.h"
 #include "base/text.h"
 #include "player/process/child_process.h"
 #include "player/process/sibling_program.h"
@@ -37,30 +38,10 @@ std::string first_line(const std::string& output) {
   return line;
 }
 
-/// State of a file; it changes when the file is replaced or written to.
-struct FileState {
-  dev_t device = 0;
-  ino_t inode = 0;
-  off_t bytes = 0;
-  int64_t modified_ns = 0;
-  int64_t changed_ns = 0;
-  friend bool operator==(const FileState&, const FileState&) = default;
-};
-
-std::optional<FileState> state_of(const fs::path& file) {
-  struct stat status {};
-  if (stat(file.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return std::nullopt;
-  const auto nanoseconds = [](const timespec& time) {
-    return int64_t{time.tv_sec} * 1'000'000'000 + time.tv_nsec;
-  };
-  return FileState{status.st_dev, status.st_ino, status.st_size, nanoseconds(status.st_mtim),
-                   nanoseconds(status.st_ctim)};
-}
-
 /// A cached probe. A video's streams are needed several times before it plays: to detect its
 /// format, and to open it.
 struct KnownStreams {
-  FileState state;
+  FileMark file;
   std::string program;
   std::vector<VideoStream> streams;
 };
@@ -68,18 +49,18 @@ constexpr size_t kMostKnown = 32;
 std::mutex known_mutex;
 std::deque<KnownStreams> known_streams;  ///< newest first
 
-std::optional<std::vector<VideoStream>> remembered(const std::optional<FileState>& state,
+std::optional<std::vector<VideoStream>> remembered(const FileMark& file,
                                                    const std::string& program) {
   const std::lock_guard lock(known_mutex);
   for (const KnownStreams& one : known_streams)
-    if (state == one.state && program == one.program) return one.streams;
+    if (file == one.file && program == one.program) return one.streams;
   return std::nullopt;
 }
 
-void remember(const FileState& state, const std::string& program,
+void remember(const FileMark& file, const std::string& program,
               const std::vector<VideoStream>& streams) {
   const std::lock_guard lock(known_mutex);
-  known_streams.push_front({state, program, streams});
+  known_streams.push_front({file, program, streams});
   if (known_streams.size() > kMostKnown) known_streams.pop_back();
 }
 
@@ -103,13 +84,13 @@ bool looks_like_video(const fs::path& file) {
 
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {
   const std::string path = (program.empty() ? find_video_program() : program).string();
-  const std::optional<FileState> state = state_of(file);
-  if (const auto known = remembered(state, path)) return *known;
-  const ChildResult result = run_child({path, "probe", "--", file.string()}, kProbeLimit);
+  const FileMark mark = mark_of(file);
+  if (const auto known = remembered(mark, path)) return *known;
+  const ProgramRun result = run_child({path, "probe", "--", file.string()}, kProbeLimit);
   if (result.exit_code == kOk) {
     std::vector<VideoStream> streams = parse_video_probe(result.output, file.string());
     // A file that changed during the probe is probed again the next time.
-    if (state && state_of(file) == state) remember(*state, path, streams);
+    if (mark.there && mark_of(file) == mark) remember(mark, path, streams);
     return streams;
   }
   if (result.exit_code == kInput) throw Error(ErrorKind::Input, first_line(result.output));

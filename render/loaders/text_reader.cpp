@@ -3,10 +3,10 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cmath>
 
 #include "base/error.h"
+#include "base/numbers.h"
 #include "render/loaders/limits.h"
 
 namespace lenticule::render {
@@ -19,11 +19,7 @@ bool is_space(char c) {
 /// Parses the whole of `word` as a number, or returns nothing. Independent of the locale.
 std::optional<double> parse_number(std::string_view word) {
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
-  double value = 0.0;
-  const char* end = word.data() + word.size();
-  const auto [stop, error] = std::from_chars(word.data(), end, value);
-  if (error != std::errc() || stop != end || !std::isfinite(value)) return std::nullopt;
-  return value;
+  return number_from<double>(word);
 }
 
 }  // namespace

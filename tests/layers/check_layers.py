@@ -56,6 +56,7 @@ LIBRARIES = {
     "zstd": "frames apps/lenticule-bench",
     "lz4": "frames apps/lenticule-bench",
     "libav": "apps/lenticule-video",
+    "seccomp": "apps/lenticule-video",
 }
 
 # What prints to standard output or error. Formatting into a text and writing to an open file may stay.

@@ -9,7 +9,6 @@
 
 #include "apps/lenticule-bench/calibrate/bench_calibrate_stress.h"
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule/cli/triple.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "calib/simulation/trial.h"

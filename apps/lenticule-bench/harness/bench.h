@@ -8,6 +8,7 @@
 
 #include "apps/lenticule-bench/harness/bench_rigs.h"
 #include "apps/lenticule/cli/command.h"
+#include "base/statistics.h"
 
 namespace lenticule::player {
 
@@ -28,8 +29,5 @@ struct Benchmark {
 [[nodiscard]] nlohmann::json psnr_or_null(double mse);
 /// Formats such a number with one decimal, or as "equal".
 [[nodiscard]] std::string decibels(const nlohmann::json& psnr);
-
-/// Returns the median; the mean of the middle two for an even number of values. 0 without values.
-[[nodiscard]] double median(std::vector<double> values);
 
 }  // namespace lenticule::player

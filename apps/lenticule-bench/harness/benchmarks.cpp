@@ -93,11 +93,4 @@ std::string decibels(const nlohmann::json& psnr) {
   return psnr.is_null() ? "equal" : fmt::format("{:.1f}", psnr.get<double>());
 }
 
-double median(std::vector<double> values) {
-  if (values.empty()) return 0.0;
-  std::sort(values.begin(), values.end());
-  const size_t half = values.size() / 2;
-  return values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
-}
-
 }  // namespace lenticule::player

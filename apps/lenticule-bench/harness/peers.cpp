@@ -11,6 +11,7 @@
 
 #include "apps/lenticule-bench/harness/pov_writer.h"
 #include "base/error.h"
+#include "base/numbers.h"
 #include "scenes/nff_writer.h"
 
 namespace lenticule::player {
@@ -20,11 +21,10 @@ namespace {
 std::optional<double> number_after(const std::string& text, std::string_view before) {
   const size_t place = text.rfind(before);
   if (place == std::string::npos) return std::nullopt;
-  const char* begin = text.c_str() + place + before.size();
-  char* end = nullptr;
-  const double number = std::strtod(begin, &end);
-  if (end == begin || !std::isfinite(number) || number < 0.0) return std::nullopt;
-  return number;
+  std::string_view rest = std::string_view(text).substr(place + before.size());
+  rest.remove_prefix(std::min(rest.find_first_not_of(" \t\r\n"), rest.size()));
+  const auto number = take_number<double>(rest);
+  return number.value_or(-1.0) < 0.0 ? std::nullopt : number;
 }
 
 // ---- Tachyon

@@ -109,7 +109,7 @@ class Ffv1File final : public Candidate {
 
  private:
   static void run(const std::vector<std::string>& arguments) {
-    const ChildResult result = run_child(arguments, kFfmpegLimit);
+    const ProgramRun result = run_child(arguments, kFfmpegLimit);
     if (result.exit_code != 0) throw Error(ErrorKind::Failed, "ffmpeg: " + result.output);
   }
 

@@ -18,6 +18,7 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "base/error.h"
+#include "base/main_function.h"
 #include "base/print.h"
 #include "player/process/interrupt.h"
 
@@ -40,20 +41,6 @@ void render_one(const MemoryFlags& flags) {
                     .rig = bench_rig(flags.rig),
                     .threads = flags.threads});
   (void)bench.render(*bench.method(bench.options(render::RenderOptions{}.max_depth)));
-}
-
-[[noreturn]] void run_child(const MemoryFlags& flags) {
-  int code = kOk;
-  try {
-    render_one(flags);
-  } catch (const Error& error) {
-    say("lenticule: {}\n", error.what());
-    code = exit_code_of(error.kind());
-  } catch (const std::exception& error) {
-    say("lenticule: {}\n", error.what());
-    code = kFailed;
-  }
-  _exit(code);
 }
 
 struct ChildEnd {
@@ -84,7 +71,13 @@ ExitCode run(const MemoryFlags& flags) {
   if (child < 0)
     throw Error(ErrorKind::Failed,
                 fmt::format("bench memory: cannot start a process: {}", std::strerror(errno)));
-  if (child == 0) run_child(flags);
+  if (child == 0)
+    _exit(run_reporting_errors(
+        [&] {
+          render_one(flags);
+          return kOk;
+        },
+        {.program = "lenticule"}));
   const ChildEnd end = wait_for(child);
   if (interrupted()) return interrupt_exit_code();
   if (!WIFEXITED(end.status))

@@ -52,7 +52,7 @@ PeerRuns prepare(const Peer& peer, const render::SceneDescription& scene, const 
   return runs;
 }
 
-ChildResult start_peer(const PeerRuns& runs, const PeerJob& job, int limit_s) {
+ProgramRun start_peer(const PeerRuns& runs, const PeerJob& job, int limit_s) {
   std::vector<std::string> arguments = runs.peer->arguments(runs.scene_file, job);
   arguments.insert(arguments.begin(), runs.program);
   return run_child(arguments, std::chrono::seconds(limit_s));
@@ -61,7 +61,7 @@ ChildResult start_peer(const PeerRuns& runs, const PeerJob& job, int limit_s) {
 /// Runs a peer, unless it has failed before.
 void run_peer(PeerRuns& runs, const PeerJob& job, int limit_s) {
   if (!runs.failure.empty() || interrupted()) return;
-  const ChildResult result = start_peer(runs, job, limit_s);
+  const ProgramRun result = start_peer(runs, job, limit_s);
   const auto seconds = runs.peer->traced_seconds(result.output);
   if (result.timed_out)
     runs.failure = fmt::format("ended after {} s, the limit", limit_s);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "base/statistics.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 
@@ -46,15 +47,12 @@ bool write_preview(calib::Camera& camera, const std::string& file) {
 }
 
 std::string light_of(const calib::CameraPicture& picture) {
-  std::vector<float> light = picture.light;
+  const std::vector<float>& light = picture.light;
   if (light.empty()) return "no light";
-  const auto bright =
-      light.begin() + static_cast<ptrdiff_t>(kBrightPart * static_cast<double>(light.size() - 1));
-  std::nth_element(light.begin(), bright, light.end());
   const auto clipped =
-      std::ranges::count_if(picture.light, [](float v) { return v >= calib::kSaturatedLight; });
+      std::ranges::count_if(light, [](float v) { return v >= calib::kSaturatedLight; });
   return fmt::format("brightest {:.0f} % of full scale, clipped {:.1f} % of the picture",
-                     100.0 * double{*bright},
+                     100.0 * double{quantile(light, kBrightPart)},
                      100.0 * static_cast<double>(clipped) / static_cast<double>(light.size()));
 }
 

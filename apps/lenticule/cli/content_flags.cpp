@@ -8,7 +8,8 @@
 namespace lenticule::player {
 
 void declare_content_flags(CLI::App& app, ContentFlags& flags) {
-  app.add_option("--grid", flags.grid, "tiles of the quilt, columns x rows: 8x6");
+  app.add_option("--grid", flags.grid, "tiles of the quilt, columns x rows: 8x6")
+      ->type_name("COLUMNSxROWS");
   app.add_option("--views", flags.views,
                  "views in the quilt if the last tiles are empty; or as many as are to be made of "
                  "a picture with depth, or taken from a woven frame")
@@ -25,7 +26,8 @@ void declare_content_flags(CLI::App& app, ContentFlags& flags) {
   app.add_option("--depth-range", flags.depth_range,
                  "by how much the farthest and the nearest depth differ between the outermost "
                  "views: percent of a view's width (-2:2), or pixels (-20px:20px); more than 0 is "
-                 "in front of the glass");
+                 "in front of the glass")
+      ->type_name("FAR:NEAR");
   app.add_flag("--invert-depth", flags.invert_depth, "black is near, and not white");
   app.add_option("--from-rig", flags.from_rig,
                  "the input is woven for this rig: it is taken apart into views first");
@@ -42,7 +44,8 @@ void declare_weaving_flags(CLI::App& app, WeavingFlags& flags) {
       ->capture_default_str();
   app.add_option("--crosstalk", flags.crosstalk,
                  "undo what eyes get of neighbouring views: a percentage, or spot for what the "
-                 "rig's lens spot lets through");
+                 "rig's lens spot lets through")
+      ->type_name("PERCENT|spot");
 }
 
 }  // namespace lenticule::player

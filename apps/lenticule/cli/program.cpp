@@ -5,43 +5,16 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <exception>
 #include <map>
-#include <new>
-#include <sstream>
 #include <string_view>
 
-#include "apps/lenticule/cli/error_report.h"
 #include "apps/lenticule/cli/usage_error.h"
-#include "base/cpu.h"
+#include "base/main_function.h"
 #include "base/print.h"
 #include "player/process/interrupt.h"
 
 namespace lenticule::player {
 namespace {
-
-ExitCode run_reporting_errors(const Run& run, bool as_json) {
-  try {
-    const ExitCode code = run();
-    finish_results();
-    return code;
-  } catch (const Error& error) {
-    return report_error(error, as_json);
-  } catch (const std::bad_alloc&) {
-    return report_error({ErrorKind::Failed, "out of memory", "use a smaller panel or fewer slots"},
-                        as_json);
-  } catch (const std::exception& error) {
-    return report_error({ErrorKind::Failed, error.what()}, as_json);
-  }
-}
-
-/// Prints help or the version on standard output, because they are results.
-ExitCode print_help(const CLI::App& app, const CLI::ParseError& request) {
-  std::ostringstream text;
-  app.exit(request, text, text);
-  print_out("{}", Verbatim{text.view()});
-  return kOk;
-}
 
 /// Searches for --json directly, because the flags may be what cannot be parsed.
 bool asks_for_json(int argc, char** argv) {
@@ -52,16 +25,12 @@ bool asks_for_json(int argc, char** argv) {
 }  // namespace
 
 int run_program(const Program& program, int argc, char** argv) {
-  prepare_standard_streams();
+  const ErrorStyle style{.program = "lenticule",
+                         .as_json = asks_for_json(argc, argv),
+                         .memory_hint = "use a smaller panel or fewer slots"};
+  // The commands' declarations name the instruction set that is chosen here.
+  if (const int code = prepare_program(style); code != kOk) return code;
   install_interrupt_handlers();
-  // Choose the instruction set before the commands are declared, because their defaults name it.
-  const bool as_json = asks_for_json(argc, argv);
-  const auto choose_kernels = [] {
-    static_cast<void>(best_isa());
-    return kOk;
-  };
-  const ExitCode environment = run_reporting_errors(choose_kernels, as_json);
-  if (environment != kOk) return environment;
 
   CLI::App app{std::string("Renders, weaves and plays pictures for lenticular 3-D displays.\n") +
                program.first_steps};
@@ -84,11 +53,12 @@ int run_program(const Program& program, int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (error.get_exit_code() == 0)
-      return run_reporting_errors([&] { return print_help(app, error); }, as_json);
-    return report_error(usage_error(app, error), as_json);
+    if (error.get_exit_code() == 0) return print_help(app, error, style);
+    return report_error(usage_error(app, error), style);
+  } catch (const Error& error) {  // the value of a flag
+    return report_error(error, style);
   }
-  return run_reporting_errors(runs.at(app.get_subcommands().front()), as_json);
+  return run_reporting_errors(runs.at(app.get_subcommands().front()), style);
 }
 
 }  // namespace lenticule::player

@@ -7,18 +7,11 @@
 
 namespace lenticule::player {
 
-void StagingFlags::complete() {
-  if (!centre.empty()) stage.centre = parse_triple("--centre", centre);
-  if (!background.empty()) surroundings.background = parse_triple("--background", background);
-  if (!ground_colour.empty()) {
-    surroundings.ground = true;
-    surroundings.ground_colour = parse_triple("--ground-colour", ground_colour);
-  }
-}
-
 void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
   constexpr const char* kGroup = "Stage";
-  app.add_option("--centre", flags.centre, "X,Y,Z of the scene that lies at the panel's centre")
+  add_triple(
+      app, "--centre", "X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
+      "point of the scene that lies at the panel's centre")
       ->group(kGroup);
   app.add_option("--mm-per-unit", flags.stage.mm_per_unit, "size of a scene unit on the glass")
       ->group(kGroup);
@@ -39,14 +32,22 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
 
 void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
   constexpr const char* kGroup = "Surroundings";
-  app.add_option("--background", flags.background, "R,G,B instead of the scene's")->group(kGroup);
+  add_triple(
+      app, "--background", "R,G,B",
+      [&flags](Vec3 colour) { flags.surroundings.background = colour; },
+      "colour instead of the scene's")
+      ->group(kGroup);
   app.add_flag("--sky", flags.surroundings.sky, "a sky instead of a flat background")
       ->group(kGroup);
   app.add_option("--environment", flags.surroundings.environment_file,
                  "latitude-longitude picture instead of a flat background")
       ->group(kGroup);
   app.add_flag("--ground", flags.surroundings.ground, "a plane under the scene")->group(kGroup);
-  app.add_option("--ground-colour", flags.ground_colour, "R,G,B of that plane")->group(kGroup);
+  const auto take_ground = [&flags](Vec3 colour) {
+    flags.surroundings.ground = true;
+    flags.surroundings.ground_colour = colour;
+  };
+  add_triple(app, "--ground-colour", "R,G,B", take_ground, "colour of that plane")->group(kGroup);
 }
 
 }  // namespace lenticule::player

@@ -2,8 +2,6 @@
 // StagingFlags are the flags that place a scene in front of the panel and set its environment.
 #pragma once
 
-#include <string>
-
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
 
@@ -16,13 +14,6 @@ namespace lenticule::player {
 struct StagingFlags {
   render::StageOptions stage;
   render::Surroundings surroundings;
-  // Text as given, until complete() parses it.
-  std::string centre;
-  std::string background;
-  std::string ground_colour;
-
-  /// Parses the values that consist of several numbers. Throws Error(Usage).
-  void complete();
 };
 
 /// Lifetime: `flags` must outlive the parser.

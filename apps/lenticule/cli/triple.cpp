@@ -3,26 +3,25 @@
 
 #include <fmt/format.h>
 
-#include <array>
-#include <charconv>
+#include <CLI/CLI.hpp>
 
 #include "base/error.h"
+#include "base/numbers.h"
 
 namespace lenticule::player {
 
-Vec3 parse_triple(const char* flag, const std::string& text) {
-  std::array<double, 3> values{};
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  for (size_t i = 0; i < values.size(); ++i) {
-    const auto [rest, error] = std::from_chars(at, end, values[i]);
-    const bool ended = i + 1 == values.size() ? rest == end : rest != end && *rest == ',';
-    if (error != std::errc{} || !std::isfinite(values[i]) || !ended)
-      throw Error(ErrorKind::Usage, fmt::format("{} '{}': not three numbers", flag, text),
-                  fmt::format("for example {} 0,1.5,-2", flag));
-    at = rest + 1;
-  }
-  return {values[0], values[1], values[2]};
+Vec3 parse_triple(const std::string& flag, const std::string& text) {
+  const auto values = numbers_from<double, 3>(text, ',');
+  if (!values)
+    throw Error(ErrorKind::Usage, fmt::format("{} '{}': not three numbers", flag, text),
+                fmt::format("for example {} 0,1.5,-2", flag));
+  return {(*values)[0], (*values)[1], (*values)[2]};
+}
+
+CLI::Option* add_triple(CLI::App& app, const std::string& flag, const std::string& type,
+                        const std::function<void(Vec3)>& take, const std::string& description) {
+  const auto parse = [take, flag](const std::string& text) { take(parse_triple(flag, text)); };
+  return app.add_option_function<std::string>(flag, parse, description)->type_name(type);
 }
 
 }  // namespace lenticule::player

@@ -1,15 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
-// parse_triple parses a flag with three numbers: "x,y,z" or "r,g,b".
+// add_triple declares a flag with three numbers: "x,y,z" or "r,g,b".
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "optics/vec.h"
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
 
 namespace lenticule::player {
 
 /// Throws Error(Usage) "FLAG 'text': ..." unless `text` is three finite numbers separated by
 /// commas.
-[[nodiscard]] Vec3 parse_triple(const char* flag, const std::string& text);
+[[nodiscard]] Vec3 parse_triple(const std::string& flag, const std::string& text);
+
+/// Declares the flag; --help shows `type`, for example "X,Y,Z". Parsing the command line throws the
+/// error of parse_triple(), else calls `take`.
+CLI::Option* add_triple(CLI::App& app, const std::string& flag, const std::string& type,
+                        const std::function<void(Vec3)>& take, const std::string& description);
 
 }  // namespace lenticule::player

@@ -370,7 +370,8 @@ Run declare_convert(CLI::App& app) {
                  "rig that views are woven for; of woven frames the rig that they were made for, "
                  "to be kept with them");
   app.add_option("--rate", flags->rate, "frames per second, for example 24 or 24000/1001 (60)");
-  app.add_option("--frames", flags->frames, "A:B converts frames A to B - 1, counted from 0");
+  app.add_option("--frames", flags->frames, "A:B converts frames A to B - 1, counted from 0")
+      ->type_name("A:B");
   declare_content_flags(app, flags->content);
   declare_weaving_flags(app, flags->weaving);
   CLI::Option* const resume =

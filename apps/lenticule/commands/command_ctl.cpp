@@ -13,6 +13,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/triple.h"
 #include "base/error.h"
+#include "base/numbers.h"
 #include "base/print.h"
 #include "player/control/control_client.h"
 #include "player/control/control_protocol.h"
@@ -34,7 +35,7 @@ struct CtlFlags {
   std::string count;
   std::optional<double> offset, pitch, offset_by, pitch_by;
   std::string file;
-  std::string eye;
+  std::optional<Vec3> eye;
   std::optional<uint64_t> events;
 };
 
@@ -67,11 +68,9 @@ ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   put(request, "offset_by", flags.offset_by);
   put(request, "pitch_by", flags.pitch_by);
   if (flags.count == "forever") request["count"] = flags.count;
-  if (const auto count = whole_number(flags.count)) request["count"] = *count;
+  if (const auto count = number_from<uint64_t>(flags.count)) request["count"] = *count;
   if (!flags.file.empty()) request["file"] = std::filesystem::absolute(flags.file).string();
-  if (flags.eye.empty()) return request;
-  const Vec3 eye = parse_triple("--eye", flags.eye);
-  request["eye"] = {eye.x, eye.y, eye.z};
+  if (flags.eye) request["eye"] = {flags.eye->x, flags.eye->y, flags.eye->z};
   return request;
 }
 
@@ -160,7 +159,9 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
     } else if (verb == ControlVerb::Seek) {
       declare_place(*app, flags);
     } else if (verb == ControlVerb::Loop) {
-      app->add_option("count", flags.count, "a number of loops, or forever")->required();
+      app->add_option("count", flags.count, "a number of loops, or forever")
+          ->required()
+          ->type_name("N|forever");
     } else if (verb == ControlVerb::Trim) {
       app->add_option("--offset", flags.offset, "slide the picture to so many lenses");
       app->add_option("--pitch", flags.pitch, "stretch the pitch to this part of it");
@@ -168,7 +169,9 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
       app->add_option("--pitch-by", flags.pitch_by, "stretch it further: 1e-5");
     } else if (verb == ControlVerb::Snapshot) {
       app->add_option("file", flags.file, "picture to write: .png, .tif, .exr or .ppm")->required();
-      app->add_option("--eye", flags.eye, "as an eye there sees it, mm: X,Y,Z");
+      add_triple(
+          *app, "--eye", "X,Y,Z", [&flags](Vec3 eye) { flags.eye = eye; },
+          "as an eye there sees it, mm");
     } else if (verb == ControlVerb::Subscribe) {
       app->add_option("--count", flags.events, "end after so many events");
     }

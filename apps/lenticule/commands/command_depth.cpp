@@ -173,7 +173,6 @@ void write_plot(const nlohmann::json& r, const std::string& file) {
 }
 
 ExitCode run_depth(DepthFlags& flags) {
-  flags.staging.complete();
   if (!flags.picture.empty()) frames::check_writable_format(flags.picture);
   const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
   const Measured measured = measure(flags, model);
@@ -193,7 +192,8 @@ Run declare_depth(CLI::App& app) {
   app.add_option("SCENE", flags->scene, "as for render")->required();
   app.add_option("--rig", flags->rig, "rig file of the panel")->required();
   app.add_option("--frames", flags->frames, "A:B looks at frames A to B - 1, N at that one alone")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("A:B");
   app.add_option("--fps", flags->fps, "frames per second of the animation")->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")
       ->check(CLI::Range(0, 1024))

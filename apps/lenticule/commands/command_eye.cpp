@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <charconv>
 #include <memory>
 #include <string>
 
 #include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/triple.h"
+#include "base/numbers.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/eye_simulator.h"
@@ -20,39 +20,35 @@ namespace {
 struct EyeFlags {
   std::string woven;
   std::string rig;
-  std::string eye;
-  std::string size;
+  optics::Eye eye;
+  optics::EyeOptions options;  ///< by default the simulator's size
   std::string output;
   bool json = false;
 };
 
-/// Parses "1920x1080"; 0 x 0, the simulator's default, if not given.
-optics::EyeOptions read_size(const std::string& text) {
-  optics::EyeOptions options;
-  if (text.empty()) return options;
-  const char* const end = text.data() + text.size();
-  const auto width = std::from_chars(text.data(), end, options.width);
-  const bool cross = width.ec == std::errc() && width.ptr != end && *width.ptr == 'x';
-  const auto height = std::from_chars(cross ? width.ptr + 1 : end, end, options.height);
+optics::EyeOptions parse_size(const std::string& text) {
+  const auto size = numbers_from<int, 2>(text, 'x');
   const auto fits = [](int side) { return side >= 1 && side <= frames::kMaxImageSide; };
-  if (!cross || height.ec != std::errc() || height.ptr != end || !fits(options.width) ||
-      !fits(options.height))
+  if (!size || !fits((*size)[0]) || !fits((*size)[1]))
     throw Error(ErrorKind::Usage, fmt::format("--size '{}': not width x height", text),
                 "for example --size 1920x1080");
+  optics::EyeOptions options;
+  options.width = (*size)[0];
+  options.height = (*size)[1];
   return options;
 }
 
-optics::Eye read_eye(const std::string& text) {
-  const Vec3 place = parse_triple("--eye", text);
+optics::Eye eye_at(Vec3 place) {
   if (!(place.z > 0.0))
-    throw Error(ErrorKind::Usage, fmt::format("--eye '{}': not in front of the panel", text),
-                "millimetres right, up and away from the panel's centre: --eye -32,0,700");
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("--eye '{},{},{}': not in front of the panel", place.x, place.y, place.z),
+        "millimetres right, up and away from the panel's centre: --eye -32,0,700");
   return {.x = place.x, .y = place.y, .z_mm = place.z};
 }
 
 ExitCode run_eye(const EyeFlags& flags) {
-  const optics::Eye eye = read_eye(flags.eye);
-  const optics::EyeOptions options = read_size(flags.size);
+  const optics::Eye& eye = flags.eye;
   frames::check_writable_format(flags.output);
   const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
   const optics::Panel& panel = model.rig().panel;
@@ -69,7 +65,7 @@ ExitCode run_eye(const EyeFlags& flags) {
                             .width = woven.width(),
                             .height = woven.height(),
                             .stride_bytes = woven.geometry().row_bytes()},
-                           eye, options);
+                           eye, flags.options);
   const frames::FrameView picture{{.width = seen.width, .height = seen.height}, seen.pixels};
   frames::write_woven(picture, flags.output);
 
@@ -92,10 +88,14 @@ Run declare_eye(CLI::App& app) {
   const auto flags = std::make_shared<EyeFlags>();
   app.add_option("woven", flags->woven, "woven frame of the rig's panel")->required();
   app.add_option("--rig", flags->rig, "rig file")->required();
-  app.add_option("--eye", flags->eye,
-                 "place of the eye, mm right, up and away from the panel's centre: X,Y,Z")
+  add_triple(
+      app, "--eye", "X,Y,Z", [flags](Vec3 place) { flags->eye = eye_at(place); },
+      "place of the eye, mm right, up and away from the panel's centre")
       ->required();
-  app.add_option("--size", flags->size, "size of the picture, WxH (half the panel's pixels)");
+  app.add_option_function<std::string>(
+         "--size", [flags](const std::string& text) { flags->options = parse_size(text); },
+         "size of the picture (half the panel's pixels)")
+      ->type_name("WxH");
   app.add_option("-o,--output", flags->output, "picture: .png, .tif, .exr or .ppm")->required();
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags] { return run_eye(*flags); };

@@ -95,11 +95,13 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
                  "of a virtual display: real, or simulated (as fast as the source can)")
       ->check(CLI::IsMember({"real", "simulated"}))
       ->capture_default_str();
-  app.add_option("--fps", flags.fps, "content rate: 24, 59.94, 24000/1001 (default: the source's)");
-  app.add_option("--loop", flags.loop, "play N times, or forever (default 1)");
+  app.add_option("--fps", flags.fps, "content rate: 24, 59.94, 24000/1001 (default: the source's)")
+      ->type_name("RATE");
+  app.add_option("--loop", flags.loop, "play N times, or forever (default 1)")
+      ->type_name("N|forever");
   app.add_option("--late", flags.late, "what to do about late frames: slip, drop or hold")
       ->capture_default_str();
-  app.add_option("--frames", flags.frames, "A:B, only these frames of a pattern");
+  app.add_option("--frames", flags.frames, "A:B, only these frames of a pattern")->type_name("A:B");
   declare_content_flags(app, flags.content);
   declare_weaving_flags(app, flags.weaving);
   app.add_option("--duration", flags.duration_s,
@@ -116,12 +118,14 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
       ->check(CLI::Range(2, 16))
       ->capture_default_str();
   app.add_option("--wait", flags.wait, "give up when no frame came for so many seconds, or forever")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("SECONDS|forever");
   app.add_option(
-      "--wait-for-panel", flags.wait_for_panel,
-      "with kms: wait so many seconds, or forever, for a panel that is not there, or was "
-      "lost; another panel shows a test card meanwhile (default: forever as a service, "
-      "else not at the start, and 10 after a loss)");
+         "--wait-for-panel", flags.wait_for_panel,
+         "with kms: wait so many seconds, or forever, for a panel that is not there, or was "
+         "lost; another panel shows a test card meanwhile (default: forever as a service, "
+         "else not at the start, and 10 after a loss)")
+      ->type_name("SECONDS|forever");
   app.add_option(
          "--on-exit", flags.on_exit,
          "with kms: restore what was shown before, hold the last frame for the next player, "

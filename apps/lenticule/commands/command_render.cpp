@@ -86,10 +86,8 @@ struct RunTotals {
   }
 };
 
-/// Completes flags that consist of several numbers, and checks limits that the parser does not
-/// know.
+/// Checks limits that the parser does not know.
 void complete(RenderFlags& flags) {
-  flags.staging.complete();
   flags.options.prefilter = render::prefilter_named(flags.prefilter);
   if (!(flags.ring_timeout >= 0.0) || flags.ring_timeout > 86400.0)
     throw Error(ErrorKind::Usage, "--ring-timeout: not between 0 and 86400 seconds");
@@ -352,7 +350,8 @@ Run declare_render(CLI::App& app) {
   app.add_option("--missing", flags->missing,
                  "picture file or pattern: subpixels that re-projection left empty are white");
   app.add_option("--frames", flags->frames, "A:B renders frames A to B - 1, N that one alone")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("A:B");
   app.add_option("--fps", flags->fps, "frames per second of the animation")->capture_default_str();
   app.add_option("--camera", flags->camera,
                  "file with one camera per line: from, at, up, field of view");

@@ -368,7 +368,8 @@ Run declare_rig(CLI::App& app) {
   export_app->add_option("--mpv-shader", options->mpv_shader,
                          "write an mpv user shader that weaves quilt videos for this rig");
   export_app->add_option("--quilt", options->quilt, "with --mpv-shader: the quilts' tiles, 8x6")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("COLUMNSxROWS");
 
   CLI::App* trim_app = add_action(
       app, "trim", "correct what drifted since a rig was calibrated, in a file beside it",

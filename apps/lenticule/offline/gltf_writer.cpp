@@ -2,22 +2,19 @@
 #include "apps/lenticule/offline/gltf_writer.h"
 
 #include <fmt/format.h>
+#include <openssl/evp.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
-#include <limits>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <span>
 #include <utility>
 
-#include "apps/lenticule/offline/scratch_folder.h"
 #include "base/error.h"
-#include "base/file.h"
 #include "base/text.h"
-#include "frames/image_io.h"
+#include "frames/picture_codec.h"
 #include "frames/srgb.h"
 
 namespace lenticule::player {
@@ -35,15 +32,13 @@ constexpr int kRepeat = 10497;
 constexpr int kClamp = 33071;
 
 std::string base64(std::span<const uint8_t> bytes) {
-  constexpr const char* kDigits =
-      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (size_t i = 0; i < bytes.size(); i += 3) {
-    uint32_t group = 0;
-    for (size_t k = 0; k < 3; ++k) group = group << 8 | (i + k < bytes.size() ? bytes[i + k] : 0U);
-    for (size_t k = 0; k < 4; ++k)
-      text += i + k > bytes.size() ? '=' : kDigits[group >> (18 - 6 * k) & 63U];
+  constexpr size_t kPart = size_t{3} << 28;  // the length of its output must fit into an int
+  std::string text((bytes.size() + 2) / 3 * 4, '\0');
+  auto* out = reinterpret_cast<unsigned char*>(text.data());
+  while (!bytes.empty()) {
+    const auto part = bytes.first(std::min(bytes.size(), kPart));
+    out += EVP_EncodeBlock(out, part.data(), static_cast<int>(part.size()));
+    bytes = bytes.subspan(part.size());
   }
   return text;
 }
@@ -53,15 +48,11 @@ uint8_t code_of(const render::SceneDescription& scene, double value) {
   return static_cast<uint8_t>(std::lround(255.0 * std::clamp(value, 0.0, 1.0)));
 }
 
-/// Returns the texture as a PNG, written through a scratch file.
 std::vector<uint8_t> png_of(const render::SceneDescription& scene, const render::Texture& texture) {
   frames::WovenFrame picture({.width = texture.width, .height = texture.height});
   for (size_t i = 0; i < picture.bytes().size(); ++i)
     picture.bytes()[i] = code_of(scene, double{texture.rgba[i / 3 * 4 + i % 3]});
-  const ScratchFolder folder;
-  const std::string file = folder.file("texture.png");
-  frames::write_woven(picture.view(), file);
-  return read_whole_file(file, std::numeric_limits<uint32_t>::max());
+  return frames::picture_codec().encode(picture.view(), frames::ImageFormat::Png, texture.name);
 }
 
 void check(const render::SceneDescription& scene) {

@@ -8,6 +8,7 @@
 
 #include "apps/lenticule/offline/built_in_scene.h"
 #include "base/error.h"
+#include "base/numbers.h"
 
 namespace lenticule::player {
 namespace {
@@ -22,7 +23,7 @@ SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate) : rate
     const size_t colon = rest.find(':');
     built_in_ = &scenes::find_scene(rest.substr(0, colon));
     if (colon != std::string::npos) {
-      const auto size = whole_number(std::string_view(rest).substr(colon + 1));
+      const auto size = number_from<uint64_t>(std::string_view(rest).substr(colon + 1));
       if (!size || *size > static_cast<uint64_t>(built_in_->largest_size))
         throw Error(ErrorKind::Usage,
                     fmt::format("{}: not a size from 1 to {}", scene, built_in_->largest_size));

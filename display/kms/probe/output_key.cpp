@@ -4,9 +4,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <charconv>
 
 #include "base/error.h"
+#include "base/numbers.h"
 
 namespace lenticule::display {
 namespace {
@@ -20,21 +20,10 @@ constexpr size_t kLongestName = 64;
               "'lenticule panels' lists what there is");
 }
 
-std::string_view take_until(std::string_view& text, char separator) {
-  const size_t end = text.find(separator);
-  const std::string_view head = text.substr(0, end);
-  text.remove_prefix(end == std::string_view::npos ? text.size() : end + 1);
-  return head;
-}
-
 std::optional<uint32_t> parse_product(std::string_view text) {
   const bool hexadecimal = text.starts_with("0x") || text.starts_with("0X");
   if (hexadecimal) text.remove_prefix(2);
-  uint16_t value = 0;
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, value, hexadecimal ? 16 : 10);
-  if (text.empty() || error != std::errc() || stop != end) return std::nullopt;
-  return value;
+  return number_from<uint16_t>(text, hexadecimal ? 16 : 10);
 }
 
 OutputKey parse_edid_key(std::string_view text) {

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <poll.h>
-#include <sys/eventfd.h>
 
 #include <algorithm>
 #include <array>
@@ -23,24 +22,6 @@ constexpr Nanoseconds kSlowLook = std::chrono::seconds(30);
 constexpr Nanoseconds kBetweenAudits = std::chrono::seconds(3);
 constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
 
-UniqueFd make_eventfd() {
-  UniqueFd fd(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-  if (!fd)
-    throw Error(ErrorKind::Failed, fmt::format("kms: no eventfd: {}", std::strerror(errno)),
-                "raise the limit of open files");
-  return fd;
-}
-
-void signal(const UniqueFd& fd) noexcept {
-  const uint64_t one = 1;
-  (void)!write(fd.get(), &one, sizeof(one));
-}
-
-void drain(const UniqueFd& fd) noexcept {
-  uint64_t count = 0;
-  (void)!read(fd.get(), &count, sizeof(count));
-}
-
 }  // namespace
 
 PanelWatch::PanelWatch(int card_fd, const ConnectorInfo& seen,
@@ -52,8 +33,8 @@ PanelWatch::PanelWatch(int card_fd, const ConnectorInfo& seen,
       clock_(std::move(clock)),
       running_(running),
       chores_(std::move(chores)),
-      poke_(make_eventfd()),
-      told_(make_eventfd()),
+      poke_("kms"),
+      told_("kms"),
       connected_(seen.connected),
       link_bad_(seen.link_bad),
       slow_look_at_(clock_->now() + kSlowLook),
@@ -66,12 +47,12 @@ PanelWatch::~PanelWatch() {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
   }
-  signal(poke_);
+  poke_.signal();
   if (thread_.joinable()) thread_.join();
 }
 
 int PanelWatch::fd() const noexcept {
-  return running_ == Running::OwnThread ? told_.get() : monitor_->fd();
+  return running_ == Running::OwnThread ? told_.fd() : monitor_->fd();
 }
 
 Nanoseconds PanelWatch::next_step() const noexcept {
@@ -89,7 +70,7 @@ void PanelWatch::step() noexcept {
 }
 
 std::optional<PanelNews> PanelWatch::take_news() noexcept {
-  drain(told_);
+  told_.drain();
   const std::lock_guard lock(mutex_);
   return std::exchange(news_, std::nullopt);
 }
@@ -103,7 +84,7 @@ void PanelWatch::request_probe() noexcept {
     const std::lock_guard lock(mutex_);
     probe_requested_ = true;
   }
-  signal(poke_);
+  poke_.signal();
   step();
 }
 
@@ -117,11 +98,11 @@ void PanelWatch::run() noexcept {
     const Nanoseconds until =
         std::min({probe_at_.value_or(slow_look_at_), slow_look_at_, audit_at_});
     const auto sleep = std::clamp(until - now, Nanoseconds{0}, kLongestSleep);
-    std::array<pollfd, 2> entries = {pollfd{.fd = poke_.get(), .events = POLLIN, .revents = 0},
+    std::array<pollfd, 2> entries = {pollfd{.fd = poke_.fd(), .events = POLLIN, .revents = 0},
                                      pollfd{.fd = monitor_->fd(), .events = POLLIN, .revents = 0}};
     (void)poll(entries.data(), entries.size(),
                static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(sleep).count()));
-    drain(poke_);
+    poke_.drain();
     try {
       look(clock_->now());
     } catch (...) {
@@ -162,7 +143,7 @@ void PanelWatch::audit_if_due(Nanoseconds now, bool news) {
   audit_at_ = now + kBetweenAudits;
   if (!chores_.audit(std::exchange(audit_has_news_, false))) return;
   relight_wished_.store(true, std::memory_order_relaxed);
-  signal(told_);
+  told_.signal();
 }
 
 void PanelWatch::probe() {
@@ -180,7 +161,7 @@ void PanelWatch::tell(std::optional<ConnectorInfo> connector) {
     const std::lock_guard lock(mutex_);
     news_ = PanelNews{.connector = std::move(connector)};
   }
-  signal(told_);
+  told_.signal();
 }
 
 }  // namespace lenticule::display

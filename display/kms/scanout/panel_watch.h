@@ -10,7 +10,7 @@
 #include <optional>
 #include <thread>
 
-#include "base/unique_fd.h"
+#include "base/wake_fd.h"
 #include "display/clock.h"
 #include "display/kms/device/connector.h"
 #include "display/kms/device/platform.h"
@@ -69,8 +69,8 @@ class PanelWatch {
   std::shared_ptr<Clock> clock_;
   Running running_;
   PanelChores chores_;
-  UniqueFd poke_;  ///< eventfd: request_probe() and the end
-  UniqueFd told_;  ///< eventfd: a change is ready
+  WakeFd poke_;  ///< request_probe() and the end
+  WakeFd told_;  ///< a change is ready
 
   // Used by the probing thread only.
   bool connected_;

@@ -27,12 +27,6 @@ TEST(KioskRig, IsTheSampleRig) {
   EXPECT_NO_THROW(optics::validate_rig(kiosk_rig(), "kiosk"));
 }
 
-TEST(Median, IsTheMiddleValue) {
-  EXPECT_EQ(median({3.0, 1.0, 2.0}), 2.0);
-  EXPECT_EQ(median({4.0, 1.0, 2.0, 3.0}), 2.5);
-  EXPECT_EQ(median({}), 0.0);
-}
-
 TEST(TimeVisibility, TracesEverySubpixel) {
   const optics::Rig rig = testing::make_rig({.width = 50, .height = 30});
   const render::Scene scene(testing::tiny_scenes().front().scene, testing::make_tiny_stage(), {});

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule/cli/triple.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
 
 #include "base/error.h"
 
@@ -16,6 +19,23 @@ TEST(ParseTriple, RefusesEverythingElse) {
   for (const char* text : {"", "1", "1,2", "1,2,3,4", "1,2,3 ", "1 2 3", "a,b,c", "1,2,nan",
                            "inf,0,0", "1,,2", ",1,2", "1,2,"})
     EXPECT_THROW((void)parse_triple("--centre", text), Error) << text;
+}
+
+TEST(AddTriple, HelpShowsTheTypeAndWrongValuesAreErrorsOfTheCommandLine) {
+  CLI::App app;
+  Vec3 centre{};
+  add_triple(
+      app, "--centre", "X,Y,Z", [&](Vec3 at) { centre = at; }, "a point");
+  EXPECT_THAT(app.help(), ::testing::HasSubstr("--centre X,Y,Z"));
+  app.parse("--centre -1,2.5,3");
+  EXPECT_EQ(centre, (Vec3{-1, 2.5, 3}));
+  try {
+    app.parse("--centre 1,2");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::Usage);
+    EXPECT_STREQ(error.what(), "--centre '1,2': not three numbers");
+  }
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "png_maker.h"
-#include "scratch_folder.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
 namespace {

@@ -7,7 +7,7 @@
 
 #include "error_matchers.h"
 #include "frames/image_io.h"
-#include "scratch_folder.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
 namespace {

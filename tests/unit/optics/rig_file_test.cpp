@@ -13,6 +13,7 @@
 
 #include "base/error.h"
 #include "tests/support/random_rigs.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::optics {
 namespace {
@@ -50,22 +51,6 @@ std::string complaint(const std::string& text) {
     return std::string(error.what()) + (error.hint().empty() ? "" : " | " + error.hint());
   }
 }
-
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (fs::temp_directory_path() / "lenticule-rig-XXXXXX").string();
-    path_ = ::mkdtemp(name.data());
-  }
-  ~TemporaryFolder() {
-    fs::permissions(path_, fs::perms::owner_all);
-    fs::remove_all(path_);
-  }
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 TEST(RigFile, ReadsEveryKey) {
   const Rig rig = parse_rig(R"(
@@ -206,7 +191,7 @@ TEST(RigFile, IsValidForEverySampleRig) {
 }
 
 TEST(RigFile, IsReplacedAtomicallyWithoutLeftovers) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   const fs::path file = folder.path() / "rig.toml";
   save_rig(test::kiosk_rig(), file);
   save_rig(test::upright_rig(), file);
@@ -215,7 +200,7 @@ TEST(RigFile, IsReplacedAtomicallyWithoutLeftovers) {
 }
 
 TEST(RigFile, KeepsTheOldOneWhenItCannotBeWritten) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   const fs::path target = folder.path() / "rig.toml";
   fs::create_directories(target / "occupied");  // a rename onto a folder with content fails
   try {
@@ -230,7 +215,7 @@ TEST(RigFile, KeepsTheOldOneWhenItCannotBeWritten) {
 }
 
 TEST(RigFile, ThatCannotBeReadIsAnInputError) {
-  const TemporaryFolder folder;
+  const test::ScratchFolder folder;
   const auto kind_of = [](const fs::path& file) {
     try {
       (void)load_rig(file);

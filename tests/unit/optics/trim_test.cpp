@@ -15,6 +15,7 @@
 #include "optics/model.h"
 #include "optics/rig_file.h"
 #include "tests/support/random_rigs.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::optics {
 namespace {
@@ -25,12 +26,9 @@ using testing::HasSubstr;
 class TrimFile : public testing::Test {
  protected:
   void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "lenticule-trim-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
     rig_file_ = folder_ / "kiosk.toml";
     save_rig(test::kiosk_rig(), rig_file_);
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   void write(const std::string& text) const { std::ofstream(trim_file_of(rig_file_)) << text; }
   [[nodiscard]] std::string complaint(const std::string& text) const {
@@ -44,7 +42,8 @@ class TrimFile : public testing::Test {
     }
   }
 
-  fs::path folder_;
+  test::ScratchFolder scratch_;
+  fs::path folder_ = scratch_.path();
   fs::path rig_file_;
 };
 

@@ -20,6 +20,7 @@
 #include "player/process/raw_terminal.h"
 #include "player/sources/followed_rig.h"
 #include "player/sources/views_source.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -30,15 +31,13 @@ using testing::HasSubstr;
 class LiveTrimTest : public testing::Test {
  protected:
   void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "lenticule-live-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
     rig_file_ = folder_ / "tiny.toml";
     rig_ = optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml");
     optics::save_rig(rig_, rig_file_);
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
-  fs::path folder_;
+  test::ScratchFolder scratch_;
+  fs::path folder_ = scratch_.path();
   fs::path rig_file_;
   optics::Rig rig_;
 };

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -21,12 +22,6 @@ using std::chrono::seconds;
 
 class StatisticsFileTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "lenticule-stats-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   [[nodiscard]] std::string text() const {
     std::stringstream text;
     text << std::ifstream(folder_ / "stats.json").rdbuf();
@@ -40,7 +35,8 @@ class StatisticsFileTest : public testing::Test {
     return condition();
   }
 
-  fs::path folder_;
+  test::ScratchFolder scratch_;
+  fs::path folder_ = scratch_.path();
 };
 
 TEST_F(StatisticsFileTest, HoldsTheNewestTextAtTheEnd) {

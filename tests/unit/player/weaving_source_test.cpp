@@ -19,6 +19,7 @@
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/sources/source_open.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::player {
 namespace {
@@ -42,13 +43,10 @@ WovenFrame noise_quilt(uint32_t state) {
 class WeavingSourceTest : public testing::Test {
  protected:
   void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "lenticule-quilt-XXXXXX").string();
-    folder_ = ::mkdtemp(name.data());
     rig_file_ = folder_ / "tiny.toml";
     optics::save_rig(optics::load_rig(std::string(LENTICULE_SOURCE_DIR) + "/scenes/rigs/tiny.toml"),
                      rig_file_);
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   [[nodiscard]] WeavingSourceOptions options() const {
     return {.rig_file = rig_file_.string(), .pool_frames = 3};
@@ -77,7 +75,8 @@ class WeavingSourceTest : public testing::Test {
     return files;
   }
 
-  fs::path folder_;
+  test::ScratchFolder scratch_;
+  fs::path folder_ = scratch_.path();
   fs::path rig_file_;
 };
 

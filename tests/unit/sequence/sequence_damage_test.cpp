@@ -12,8 +12,8 @@
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/sequence_source.h"
 #include "frames/sequence/sequence_writer.h"
-#include "scratch_folder.h"
 #include "small_sequences.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
 namespace {

@@ -8,8 +8,8 @@
 #include "error_matchers.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
-#include "scratch_folder.h"
 #include "small_sequences.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
 namespace {

@@ -9,7 +9,7 @@
 #include "error_matchers.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
-#include "scratch_folder.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::calib {
 namespace {

@@ -13,7 +13,7 @@
 #include "error_matchers.h"
 #include "optics/rig_file.h"
 #include "sample_calibration.h"
-#include "scratch_folder.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::calib {
 namespace {

@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "error_matchers.h"
-#include "scratch_folder.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
 namespace {

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "error_matchers.h"
-#include "scratch_folder.h"
+#include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {
 namespace {
