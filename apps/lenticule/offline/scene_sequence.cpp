@@ -8,6 +8,7 @@
 
 #include "apps/lenticule/offline/built_in_scene.h"
 #include "base/error.h"
+#include "render/loaders/load_scene.h"
 
 namespace lenticule::player {
 namespace {
