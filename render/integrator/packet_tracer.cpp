@@ -18,38 +18,6 @@
 
 namespace lenticule::render {
 
-RayCounts& RayCounts::operator+=(const RayCounts& other) {
-  primary += other.primary;
-  secondary += other.secondary;
-  shadow += other.shadow;
-  ambient += other.ambient;
-  ambient_proved += other.ambient_proved;
-  invalid += other.invalid;
-  holes += other.holes;
-  shadow_proved += other.shadow_proved;
-  shadow_blocked += other.shadow_blocked;
-  secondary_proved += other.secondary_proved;
-  secondary_too_weak += other.secondary_too_weak;
-  too_little += other.too_little;
-  return *this;
-}
-
-void RayCounts::report(RenderStatistics& statistics) const {
-  statistics.primary_rays = primary;
-  statistics.shadow_rays = shadow;
-  statistics.secondary_rays = secondary;
-  statistics.ambient_rays = ambient;
-  statistics.ambient_rays_proved = ambient_proved;
-  statistics.invalid_rays = invalid;
-  statistics.suspected_holes = holes.suspected;
-  statistics.filled_holes = holes.filled;
-  statistics.shadow_rays_proved = shadow_proved;
-  statistics.shadow_rays_blocked = shadow_blocked;
-  statistics.secondary_rays_proved = secondary_proved;
-  statistics.secondary_rays_too_weak = secondary_too_weak;
-  statistics.rays_of_too_little = too_little;
-}
-
 namespace {
 
 using sampling::Turn;
@@ -158,16 +126,9 @@ PacketTracer::PacketTracer(const RenderOptions& options)
 PacketTracer::~PacketTracer() = default;
 PacketTracer::PacketTracer(PacketTracer&&) noexcept = default;
 
-RayCounts PacketTracer::counts() const {
-  RayCounts all = counts_;
-  const SoftShader::Counts& soft = soft_.counts();
-  all.shadow += soft.shadow;
-  all.shadow_proved += soft.shadow_proved;
-  all.shadow_blocked += soft.shadow_blocked;
-  all.ambient += soft.ambient;
-  all.ambient_proved += soft.ambient_proved;
-  all.invalid += soft.invalid;
-  return all;
+FrameCounts PacketTracer::counts() const {
+  FrameCounts all = counts_;
+  return all += soft_.counts();
 }
 
 bool PacketTracer::Payoff::worth_asking() {
@@ -301,9 +262,9 @@ void PacketTracer::trace_packet(const Scene& scene, double row_mm, const Colours
                                 const float* weight, RayPacket& packet) {
   clock_.turn_to(Work::TracePrimary);
   intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
-  fill_holes(scene, row_mm, packet, counts_.holes);
+  fill_holes(scene, row_mm, packet, counts_);
   clock_.turn_to(Work::Shade);
-  counts_.primary += count_lanes(packet.valid);
+  counts_.primary_rays += count_lanes(packet.valid);
   set_colours(colours);
   shade(scene, packet, weight, 0);
 }
@@ -342,7 +303,7 @@ void PacketTracer::shade(const Scene& scene, const RayPacket& packet, const floa
   rays.packet = &generation.mirrored.rays.ray.org_x[0];
   rays.valid = generation.mirrored.valid;
   const bool any = kernel_.mirrored_rays(surfaces, weight, rays);
-  counts_.invalid += static_cast<uint64_t>(rays.refused);
+  counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
   if (surfaces.any_transmits) return follow_glass(scene, packet, generation, weight, depth);
   if (!any) return;
   if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
@@ -352,7 +313,7 @@ void PacketTracer::shade(const Scene& scene, const RayPacket& packet, const floa
   if (ask.mirrored) {
     const uint32_t open = take_open(scene, asker, rays, generation.mirrored.valid);
     mirrored_payoff_.asked(!any_lane(generation.mirrored.valid));
-    counts_.secondary += static_cast<uint64_t>(std::popcount(open));
+    counts_.secondary_rays += static_cast<uint64_t>(std::popcount(open));
     add_backdrop(scene, generation.mirrored, rays.weight, open);
   }
   follow(scene, rays, generation.mirrored, depth, Turn::Mirrored);
@@ -416,7 +377,7 @@ void PacketTracer::leave_out_weak(const Scene& scene, NewRays& rays, size_t dept
     const bool perhaps = rays.valid[r] != 0 && (now >= 1.0F || later - now < kNotWorthAsking);
     if (!perhaps || code(now) != code(later)) continue;
     rays.valid[r] = 0;
-    ++counts_.secondary_too_weak;
+    ++counts_.secondary_rays_too_weak;
   }
 }
 
@@ -424,7 +385,7 @@ void PacketTracer::leave_out_little(const NewRays& rays, int* valid) {
   if (!(tolerated_ > 0.0F)) return;
   const uint32_t left_out =
       kernel_.leave_out(tolerated_, rays.weight, valid, lanes_.leeway, lanes_.light);
-  counts_.too_little += static_cast<uint64_t>(std::popcount(left_out));
+  counts_.rays_of_too_little += static_cast<uint64_t>(std::popcount(left_out));
 }
 
 /// Adds the backdrop's light for the rays of `lanes`, which met nothing.
@@ -457,12 +418,12 @@ void PacketTracer::add_lights(const Scene& scene, const Asker& asker, const floa
       continue;
     }
     const bool any = kernel_.shadow_rays(lights[light], asker.generation.surfaces, weight, rays);
-    counts_.invalid += static_cast<uint64_t>(rays.refused);
+    counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     uint32_t lit = known_ != nullptr && depth == 0 ? take_known(light, rays.valid) : 0;
     leave_out_little(rays, rays.valid);
     const uint32_t wanted = lit | lane_bits(rays.valid);
-    counts_.shadow += static_cast<uint64_t>(std::popcount(wanted));
+    counts_.shadow_rays += static_cast<uint64_t>(std::popcount(wanted));
     if (ask.points) lit |= take_lit(scene, asker, light, rays.valid);
     const bool some_left = any_lane(rays.valid);
     if (ask.points) shadow_payoff_.asked(!some_left);
@@ -646,8 +607,8 @@ KnownLanes PacketTracer::known_lanes(const Scene& scene, const Asker& asker, siz
 uint32_t PacketTracer::take_lit(const Scene& scene, const Asker& asker, size_t light, int* valid) {
   const KnownLanes known = known_lanes(scene, asker, light, lane_bits(valid));
   take_lanes(known.lit | known.blocked, valid);
-  counts_.shadow_proved += static_cast<uint64_t>(std::popcount(known.lit));
-  counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(known.blocked));
+  counts_.shadow_rays_proved += static_cast<uint64_t>(std::popcount(known.lit));
+  counts_.shadow_rays_blocked += static_cast<uint64_t>(std::popcount(known.blocked));
   return known.lit;
 }
 
@@ -668,7 +629,7 @@ uint32_t PacketTracer::take_open(const Scene& scene, const Asker& asker, const N
     }
   }
   take_lanes(empty, valid);
-  counts_.secondary_proved += static_cast<uint64_t>(std::popcount(empty));
+  counts_.secondary_rays_proved += static_cast<uint64_t>(std::popcount(empty));
   return empty;
 }
 
@@ -687,7 +648,7 @@ void PacketTracer::follow_glass(const Scene& scene, const RayPacket& packet, Gen
     set_lane(rays, r, {}, Vec3f(Vec3{0, 0, 1}));
     if (brings.weight[r] == 0.0F) return;
     if (!fit_for_embree(origin, direction)) {
-      ++counts_.invalid;
+      ++counts_.invalid_rays;
       return;
     }
     rays.valid[r] = -1;
@@ -793,7 +754,7 @@ void PacketTracer::follow(const Scene& scene, NewRays& rays, RayPacket& packet, 
                           Turn turn) {
   const uint64_t traced = count_lanes(packet.valid);
   if (traced == 0) return;
-  counts_.secondary += traced;
+  counts_.secondary_rays += traced;
   std::fill_n(packet.rays.hit.geomID, kPacket, RTC_INVALID_GEOMETRY_ID);
   generations_[depth + 1].path = sampling::longer_path(generations_[depth].path, turn);
   trace_secondary(scene, packet, depth);

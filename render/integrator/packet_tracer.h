@@ -11,8 +11,8 @@
 #include "render/accel/ray_stream.h"
 #include "render/culling/shaft_proofs.h"
 #include "render/integrator/hole_guard.h"
+#include "render/options/frame_counts.h"
 #include "render/options/render_options.h"
-#include "render/options/render_statistics.h"
 #include "render/options/work_clock.h"
 #include "render/rays/primary_packets.h"
 #include "render/scene/scene.h"
@@ -23,24 +23,6 @@ namespace lenticule::render {
 
 class DepthNotes;
 class SurfaceGroups;
-
-struct RayCounts {
-  uint64_t primary = 0;
-  uint64_t secondary = 0;
-  uint64_t shadow = 0;
-  uint64_t ambient = 0;         ///< rays that sample occlusion and the environment
-  uint64_t ambient_proved = 0;  ///< part of ambient that was culled: no geometry is near
-  uint64_t invalid = 0;
-  HoleCounts holes;
-  uint64_t shadow_proved = 0;       ///< part of shadow that was culled: certainly unoccluded
-  uint64_t shadow_blocked = 0;      ///< part of shadow that was culled: certainly occluded
-  uint64_t secondary_proved = 0;    ///< part of secondary, culled: no hit
-  uint64_t secondary_too_weak = 0;  ///< not traced: the light cannot change a code value
-  uint64_t too_little = 0;          ///< not traced: see PacketTracer::tolerate()
-
-  RayCounts& operator+=(const RayCounts& other);
-  void report(RenderStatistics& statistics) const;
-};
 
 /// PacketTracer traces tiles of one scene. Thread safety: used by one thread. It keeps its memory
 /// from tile to tile.
@@ -139,7 +121,8 @@ class PacketTracer {
                    const Known& known, RayPacket& packet, std::span<float, kPacket> light,
                    bool again = false);
 
-  [[nodiscard]] RayCounts counts() const;
+  /// Returns the counters of rays; those of subpixels are 0.
+  [[nodiscard]] FrameCounts counts() const;
   [[nodiscard]] WorkClock& clock() { return clock_; }
 
  private:
@@ -303,7 +286,7 @@ class PacketTracer {
   Payoff lamp_payoff_;
   Payoff around_payoff_;
   Payoff mirrored_payoff_;
-  RayCounts counts_;
+  FrameCounts counts_;
   WorkClock clock_;
 };
 

@@ -82,9 +82,9 @@ TEST_P(KnownLight, UsingNotesChangesNoByte) {
       known.secondary_lanes |= 1U << r;
       known.secondary[r] = notes.secondary[r];
     }
-    const uint64_t before = tracer_.counts().secondary;
+    const uint64_t before = tracer_.counts().secondary_rays;
     tracer_.trace_known(scene_, channel_, known, packet_, known_light_);
-    EXPECT_EQ(tracer_.counts().secondary, before);
+    EXPECT_EQ(tracer_.counts().secondary_rays, before);
     for (size_t r = 0; r < kPacket; ++r) {
       if (packet_.valid[r] == 0) continue;
       ASSERT_NEAR(light_[r], known_light_[r], 1e-5) << "all known, lane " << r;
@@ -119,7 +119,9 @@ TEST_P(KnownLight, StaysWithinTheToleratedError) {
   std::mt19937_64 random(8);
   constexpr float kBrightest = 2.0F;
   uint64_t exact_rays = 0, rays = 0;
-  const auto traced = [&] { return tracer_.counts().secondary + tracer_.counts().shadow; };
+  const auto traced = [&] {
+    return tracer_.counts().secondary_rays + tracer_.counts().shadow_rays;
+  };
   for (const float tolerated : {0.004F, 0.05F, 0.5F})
     for (int round = 0; round < 100; ++round) {
       aim(random);
@@ -138,7 +140,7 @@ TEST_P(KnownLight, StaysWithinTheToleratedError) {
       }
     }
   EXPECT_LT(rays, exact_rays);
-  EXPECT_GT(tracer_.counts().too_little, 0U);
+  EXPECT_GT(tracer_.counts().rays_of_too_little, 0U);
 }
 
 /// Repeats the tests with sampled light.
@@ -160,9 +162,9 @@ class KnownSoftLight : public KnownLight {
     tracer_.set_seeds(seeds);
   }
   [[nodiscard]] uint64_t traced() const {
-    const RayCounts counts = tracer_.counts();
-    return counts.shadow - counts.shadow_proved - counts.shadow_blocked + counts.ambient -
-           counts.ambient_proved;
+    const FrameCounts counts = tracer_.counts();
+    return counts.shadow_rays - counts.shadow_rays_proved - counts.shadow_rays_blocked +
+           counts.ambient_rays - counts.ambient_rays_proved;
   }
   void compare() {
     for (size_t r = 0; r < kPacket; ++r) {
