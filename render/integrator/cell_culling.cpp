@@ -9,8 +9,6 @@
 
 namespace lenticule::render {
 
-using shading_kernel::CellGroups;
-
 CellCulling::CellCulling(const RenderOptions& options, const SoftShader& soft)
     : kernel_(shading_kernel_for(options.isa)),
       enabled_(options.use_shaft_proofs),
@@ -106,7 +104,7 @@ uint32_t CellCulling::open_mirrored(const Scene& scene, const Cells& cells,
 
 KnownLanes CellCulling::known_lanes(ShaftProofs& proofs, const Cells& cells, size_t light,
                                     uint32_t wanted) {
-  const CellGroups& groups = cells.groups;
+  const shading_kernel::CellGroups& groups = cells.groups;
   KnownLanes known;
   for (int g = 0; g < groups.count; ++g) {
     if ((groups.lanes[g] & wanted) == 0) continue;
