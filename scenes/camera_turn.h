@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "scenes/nff_writer.h"
+#include "scenes/elements.h"
 
 namespace lenticule::scenes {
 

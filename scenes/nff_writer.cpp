@@ -3,18 +3,32 @@
 
 #include <fmt/format.h>
 
+#include <charconv>
 #include <iterator>
 
 namespace lenticule::scenes {
 namespace {
 
-/// Appends numbers with nine digits, which exceeds single precision. Adding 0 turns -0 into 0.
+/// Appends a number with nine digits. Adding 0 turns -0 into 0.
+template <class Out>
+Out format_number(Out out, double number) {
+  return fmt::format_to(out, "{:.9g}", number + 0.0);
+}
+
 template <class... Numbers>
 void append_numbers(std::string& text, Numbers... numbers) {
-  ((fmt::format_to(std::back_inserter(text), " {:.9g}", static_cast<double>(numbers) + 0.0)), ...);
+  ((text += ' ', format_number(std::back_inserter(text), static_cast<double>(numbers))), ...);
 }
 
 }  // namespace
+
+double as_read_from_nff(double number) {
+  char digits[32];
+  const char* const end = format_number(digits, number);
+  double read = 0.0;
+  std::from_chars(digits, end, read);
+  return read;
+}
 
 void NffWriter::vector(Vec3 v) {
   append_numbers(text_, v.x, v.y, v.z);
@@ -30,7 +44,7 @@ void NffWriter::comment(std::string_view text) {
   }
 }
 
-void NffWriter::view(const View& view) {
+void NffWriter::add(const View& view) {
   text_ += "v\nfrom";
   vector(view.from);
   text_ += "\nat";
@@ -46,20 +60,20 @@ void NffWriter::view(const View& view) {
   text_ += '\n';
 }
 
-void NffWriter::background(Vec3 colour) {
+void NffWriter::add(const Background& background) {
   text_ += 'b';
-  vector(colour);
+  vector(background.colour);
   text_ += '\n';
 }
 
-void NffWriter::light(Vec3 position, Vec3 colour) {
+void NffWriter::add(const PointLight& light) {
   text_ += 'l';
-  vector(position);
-  if (!(colour == Vec3{1, 1, 1})) vector(colour);
+  vector(light.position);
+  if (!(light.colour == Vec3{1, 1, 1})) vector(light.colour);
   text_ += '\n';
 }
 
-void NffWriter::fill(const Fill& fill) {
+void NffWriter::add(const Fill& fill) {
   text_ += 'f';
   vector(fill.colour);
   append_numbers(text_, fill.diffuse, fill.specular, fill.shine, fill.transmittance,
@@ -67,36 +81,29 @@ void NffWriter::fill(const Fill& fill) {
   text_ += '\n';
 }
 
-void NffWriter::sphere(Vec3 centre, double radius) {
+void NffWriter::add(const Sphere& sphere) {
   text_ += 's';
-  vector(centre);
-  append_numbers(text_, radius);
+  vector(sphere.centre);
+  append_numbers(text_, sphere.radius);
   text_ += '\n';
 }
 
-void NffWriter::cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius) {
+void NffWriter::add(const Cone& cone) {
   text_ += "c\n";
-  vector(base);
-  append_numbers(text_, base_radius);
+  vector(cone.base);
+  append_numbers(text_, cone.base_radius);
   text_ += '\n';
-  vector(apex);
-  append_numbers(text_, apex_radius);
+  vector(cone.apex);
+  append_numbers(text_, cone.apex_radius);
   text_ += '\n';
 }
 
-void NffWriter::polygon(std::span<const Vec3> corners) {
-  text_ += fmt::format("p {}\n", corners.size());
-  for (const Vec3 corner : corners) {
-    vector(corner);
-    text_ += '\n';
-  }
-}
-
-void NffWriter::patch(std::span<const SurfacePoint> corners) {
-  text_ += fmt::format("pp {}\n", corners.size());
-  for (const SurfacePoint& corner : corners) {
-    vector(corner.position);
-    vector(corner.normal);
+void NffWriter::add(const Polygon& polygon) {
+  const bool smooth = !polygon.normals.empty();
+  text_ += fmt::format("{} {}\n", smooth ? "pp" : "p", polygon.corners.size());
+  for (size_t i = 0; i < polygon.corners.size(); ++i) {
+    vector(polygon.corners[i]);
+    if (smooth) vector(polygon.normals[i]);
     text_ += '\n';
   }
 }

@@ -1,54 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// NffWriter writes NFF text, the format in which all built-in scenes are output.
+// NffWriter writes NFF text.
 #pragma once
 
-#include <array>
-#include <span>
 #include <string>
 #include <string_view>
 
-#include "optics/vec.h"
+#include "scenes/elements.h"
 
 namespace lenticule::scenes {
-
-struct View {
-  Vec3 from;
-  Vec3 at;
-  Vec3 up{0, 0, 1};
-  double angle_degrees = 45.0;  ///< full vertical field of view
-  double hither = 0.01;
-  int resolution = 512;
-};
-
-/// Fill holds the values of an f line.
-struct Fill {
-  Vec3 colour{1, 1, 1};
-  double diffuse = 0.8;
-  double specular = 0.0;
-  double shine = 10.0;
-  double transmittance = 0.0;
-  double refraction_index = 1.0;
-};
-
-struct SurfacePoint {
-  Vec3 position;
-  Vec3 normal;
-};
-using SurfaceTriangle = std::array<SurfacePoint, 3>;
 
 class NffWriter {
  public:
   /// Writes each line of `text` as a comment line.
   void comment(std::string_view text);
-  void view(const View& view);
-  void background(Vec3 colour);
-  void light(Vec3 position, Vec3 colour = {1, 1, 1});
-  void fill(const Fill& fill);
-  void sphere(Vec3 centre, double radius);
-  /// Writes an open cone; a cylinder if both radii are equal.
-  void cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius);
-  void polygon(std::span<const Vec3> corners);
-  void patch(std::span<const SurfacePoint> corners);
+  void add(const View& view);
+  void add(const Background& background);
+  void add(const PointLight& light);
+  void add(const Fill& fill);
+  void add(const Sphere& sphere);
+  void add(const Cone& cone);
+  void add(const Polygon& polygon);
 
   [[nodiscard]] std::string take() { return std::move(text_); }
 
@@ -57,5 +28,9 @@ class NffWriter {
 
   std::string text_;
 };
+
+/// Returns the number that a reader of the text gets for a number: with nine significant digits,
+/// which exceeds single precision, and without a negative zero.
+[[nodiscard]] double as_read_from_nff(double number);
 
 }  // namespace lenticule::scenes

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "scenes/nff_writer.h"
+#include "scenes/elements.h"
 #include "scenes/picture.h"
 
 namespace lenticule::scenes {

@@ -79,7 +79,7 @@ SceneParts build_scene(const BuiltInScene& scene, std::optional<int> size, int f
 }
 
 std::string write_scene(const BuiltInScene& scene, std::optional<int> size, int frame) {
-  return build_scene(scene, size, frame, Pictures::Plain).nff;
+  return nff_text(build_scene(scene, size, frame, Pictures::Plain));
 }
 
 std::string write_camera_path(const BuiltInScene& scene, std::optional<int> size) {

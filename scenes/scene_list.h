@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// List of the built-in scenes. Each scene is a function that writes NFF text, plus content that NFF
-// cannot express. A new scene needs a file, a declaration in scene_functions.h and an entry in
-// scene_list.cpp.
+// List of the built-in scenes. Each scene is a function that writes the elements of NFF, plus
+// content that NFF cannot express. A new scene needs a file, a declaration in scene_functions.h and
+// an entry in scene_list.cpp.
 #pragma once
 
 #include <optional>
@@ -25,7 +25,7 @@ struct BuiltInScene {
   int default_size;
   int largest_size;
   int frames;              ///< length of the sequence; 1 = still
-  bool only_camera_moves;  ///< one NFF text and the camera path describe the whole sequence
+  bool only_camera_moves;  ///< one NFF file and the camera path describe the whole sequence
   View (*camera)(const SceneOptions&);
   void (*write)(SceneWriter&, const SceneOptions&);  ///< writes everything except the camera
 };
@@ -35,9 +35,9 @@ struct BuiltInScene {
 /// Returns the scene called `name`; throws Error(Usage) with the list of names if there is none.
 [[nodiscard]] const BuiltInScene& find_scene(std::string_view name);
 
-/// Return the scene: build_scene with the pictures of its surfaces beside the text, write_scene as
-/// one plain NFF text. Equal arguments give equal bytes. Without `size`, the scene's default is
-/// used. Throw Error(Usage) for a size out of range or a negative frame.
+/// Return the scene: build_scene as data with the pictures of its surfaces, write_scene as one
+/// plain NFF text. Equal arguments give equal bytes. Without `size`, the scene's default is used.
+/// Throw Error(Usage) for a size out of range or a negative frame.
 [[nodiscard]] SceneParts build_scene(const BuiltInScene& scene, std::optional<int> size = {},
                                      int frame = 0, Pictures pictures = Pictures::Kept);
 [[nodiscard]] std::string write_scene(const BuiltInScene& scene, std::optional<int> size = {},

@@ -3,30 +3,80 @@
 
 #include <utility>
 
+#include "scenes/nff_writer.h"
+
 namespace lenticule::scenes {
+namespace {
+
+double rounded(double number) {
+  return as_read_from_nff(number);
+}
+Vec3 rounded(Vec3 v) {
+  return {rounded(v.x), rounded(v.y), rounded(v.z)};
+}
+
+}  // namespace
+
+std::string nff_text(const SceneParts& parts) {
+  NffWriter out;
+  for (const Element& element : parts.elements)
+    std::visit([&](const auto& kind) { out.add(kind); }, element);
+  for (const std::string& comment : parts.comments) out.comment(comment);
+  return out.take();
+}
+
+void SceneWriter::view(const View& view) {
+  parts_.elements.emplace_back(View{.from = rounded(view.from),
+                                    .at = rounded(view.at),
+                                    .up = rounded(view.up),
+                                    .angle_degrees = rounded(view.angle_degrees),
+                                    .hither = rounded(view.hither),
+                                    .resolution = view.resolution});
+}
+
+void SceneWriter::background(Vec3 colour) {
+  parts_.elements.emplace_back(Background{rounded(colour)});
+}
 
 void SceneWriter::light(Vec3 position, Vec3 colour) {
-  text_.light(position, colour);
+  parts_.elements.emplace_back(PointLight{rounded(position), rounded(colour)});
   ++parts_.counts.lights;
 }
 
+void SceneWriter::fill(const Fill& fill) {
+  parts_.elements.emplace_back(Fill{.colour = rounded(fill.colour),
+                                    .diffuse = rounded(fill.diffuse),
+                                    .specular = rounded(fill.specular),
+                                    .shine = rounded(fill.shine),
+                                    .transmittance = rounded(fill.transmittance),
+                                    .refraction_index = rounded(fill.refraction_index)});
+}
+
 void SceneWriter::sphere(Vec3 centre, double radius) {
-  text_.sphere(centre, radius);
+  parts_.elements.emplace_back(Sphere{rounded(centre), rounded(radius)});
   ++parts_.counts.spheres;
 }
 
 void SceneWriter::cone(Vec3 base, double base_radius, Vec3 apex, double apex_radius) {
-  text_.cone(base, base_radius, apex, apex_radius);
+  parts_.elements.emplace_back(
+      Cone{rounded(base), rounded(base_radius), rounded(apex), rounded(apex_radius)});
   ++parts_.counts.cones;
 }
 
 void SceneWriter::polygon(std::span<const Vec3> corners) {
-  text_.polygon(corners);
+  Polygon polygon;
+  for (const Vec3 corner : corners) polygon.corners.push_back(rounded(corner));
+  parts_.elements.emplace_back(std::move(polygon));
   ++parts_.counts.polygons;
 }
 
 void SceneWriter::patch(std::span<const SurfacePoint> corners) {
-  text_.patch(corners);
+  Polygon polygon;
+  for (const SurfacePoint& corner : corners) {
+    polygon.corners.push_back(rounded(corner.position));
+    polygon.normals.push_back(rounded(corner.normal));
+  }
+  parts_.elements.emplace_back(std::move(polygon));
   ++parts_.counts.polygons;
 }
 
@@ -52,12 +102,6 @@ void SceneWriter::write_plain(const PicturedMesh& mesh) {
       patch(
           std::array{SurfacePoint{p[a], n[a]}, SurfacePoint{p[b], n[b]}, SurfacePoint{p[c], n[c]}});
   }
-}
-
-SceneParts SceneWriter::take() {
-  for (const std::string& comment : comments_) text_.comment(comment);
-  parts_.nff = text_.take();
-  return std::move(parts_);
 }
 
 }  // namespace lenticule::scenes

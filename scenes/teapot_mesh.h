@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "scenes/nff_writer.h"
+#include "scenes/elements.h"
 
 namespace lenticule::scenes {
 

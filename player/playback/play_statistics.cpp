@@ -104,19 +104,9 @@ nlohmann::ordered_json to_json(const PlayReport& report) {
                        {"real_time_priority", report.real_time},
                        {"first_frame_ms", report.first_frame_ms}};
   json.update(pace_json(report.pace));
-  json.update({{"late_submits", report.late_submits},
-               {"flip_timeouts", report.flip_timeouts},
-               {"vblank_timeouts", report.vblank_timeouts},
-               {"busy", report.busy},
-               {"stray_events", report.stray_events},
-               {"display_returns", report.display_returns},
-               {"frames_lost", report.frames_lost},
-               {"frames_shown_again", report.frames_shown_again},
-               {"frames_cut", report.frames_cut},
-               {"loops", report.loops},
-               {"frames_copied", report.filled},
-               {"frames_released", report.released},
-               {"ring_fill", {{"min", report.ready_min}, {"avg", report.ready_avg}}},
+  for (const auto& [name, field] : kPresenterCounters<uint64_t>) json[name] = report.*field;
+  for (const auto& [name, field] : kFillerCounters<uint64_t>) json[name] = report.*field;
+  json.update({{"ring_fill", {{"min", report.ready_min}, {"avg", report.ready_avg}}},
                {"submit_to_flip_us", latency_json(report.submit_to_flip)},
                {"wake_latency_us", latency_json(report.wake)},
                {"copy_us", latency_json(report.copy)},

@@ -6,8 +6,10 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 
 #include "frames/frame.h"
 #include "frames/frame_source.h"
@@ -60,20 +62,58 @@ class LiveGlassPlace {
   std::array<std::atomic<uint64_t>, kFields> fields_{};
 };
 
-struct PresenterStatistics {
+// Counters of the two threads: Value is Counter during playback and uint64_t in a report. A new
+// counter is a field and a line of the table below the struct; the report and its JSON follow.
+
+template <class Value>
+struct PresenterCounts {
+  Value late_submits{};     ///< submissions within the margin before their vblank, even if on time
+  Value flip_timeouts{};    ///< flips without an event
+  Value vblank_timeouts{};  ///< requested vblanks without an event
+  Value busy{};             ///< submissions refused because a flip was pending
+  Value stray_events{};     ///< events of flips that were not awaited
+  Value display_returns{};  ///< times the display was lost and came back
+  Value frames_lost{};      ///< frames lost with the display before they were visible
+  Value frames_shown_again{};  ///< frames displayed when the display was lost and shown again
+  Value frames_cut{};          ///< filled frames left out because of a jump
+};
+template <class Value>
+inline constexpr std::pair<const char*, Value PresenterCounts<Value>::*> kPresenterCounters[] = {
+    {"late_submits", &PresenterCounts<Value>::late_submits},
+    {"flip_timeouts", &PresenterCounts<Value>::flip_timeouts},
+    {"vblank_timeouts", &PresenterCounts<Value>::vblank_timeouts},
+    {"busy", &PresenterCounts<Value>::busy},
+    {"stray_events", &PresenterCounts<Value>::stray_events},
+    {"display_returns", &PresenterCounts<Value>::display_returns},
+    {"frames_lost", &PresenterCounts<Value>::frames_lost},
+    {"frames_shown_again", &PresenterCounts<Value>::frames_shown_again},
+    {"frames_cut", &PresenterCounts<Value>::frames_cut},
+};
+static_assert(std::size(kPresenterCounters<uint64_t>) * sizeof(uint64_t) ==
+                  sizeof(PresenterCounts<uint64_t>),
+              "each field has a line");
+
+template <class Value>
+struct FillerCounts {
+  Value loops{};     ///< times the sequence was complete
+  Value filled{};    ///< frames copied into scan-out memory
+  Value released{};  ///< frames returned uncopied because they would have been too late
+};
+template <class Value>
+inline constexpr std::pair<const char*, Value FillerCounts<Value>::*> kFillerCounters[] = {
+    {"loops", &FillerCounts<Value>::loops},
+    {"frames_copied", &FillerCounts<Value>::filled},
+    {"frames_released", &FillerCounts<Value>::released},
+};
+static_assert(std::size(kFillerCounters<uint64_t>) * sizeof(uint64_t) ==
+                  sizeof(FillerCounts<uint64_t>),
+              "each field has a line");
+
+struct PresenterStatistics : PresenterCounts<Counter> {
   LivePaceCounts pace;
   LiveGlassPlace glass;
-  Counter frames_cut;       ///< filled frames left out because of a jump
-  Counter late_submits;     ///< submissions within the margin before their vblank, even if on time
-  Counter flip_timeouts;    ///< flips without an event
-  Counter vblank_timeouts;  ///< requested vblanks without an event
-  Counter busy;             ///< submissions refused because a flip was pending
-  Counter stray_events;     ///< events of flips that were not awaited
-  Counter display_returns;  ///< times the display was lost and came back
-  Counter frames_lost;      ///< frames lost with the display before they were visible
-  Counter frames_shown_again;  ///< frames displayed when the display was lost and shown again
-  Counter real_time;           ///< 1 if the presenter has a real-time priority
-  Counter first_flip_ns;       ///< std::chrono::steady_clock
+  Counter real_time;      ///< 1 if the presenter has a real-time priority
+  Counter first_flip_ns;  ///< std::chrono::steady_clock
   Counter content_numerator;
   Counter content_denominator;
   Counter first_sequence;
@@ -84,10 +124,7 @@ struct PresenterStatistics {
   LatencyHistogram wake;  ///< time from the vblank until the presenter runs
 };
 
-struct FillerStatistics {
-  Counter filled;    ///< frames copied into scan-out memory
-  Counter released;  ///< frames returned uncopied because they would have been too late
-  Counter loops;     ///< times the sequence was complete
+struct FillerStatistics : FillerCounts<Counter> {
   Counter ready_sum;
   Counter ready_samples;
   Counter ready_min;
@@ -111,7 +148,7 @@ struct ResidentMemory {
 [[nodiscard]] ResidentMemory read_resident_memory();
 
 /// The figures at one moment.
-struct PlayReport {
+struct PlayReport : PresenterCounts<uint64_t>, FillerCounts<uint64_t> {
   std::string source;
   std::string display;
   frames::FrameGeometry geometry;
@@ -123,18 +160,6 @@ struct PlayReport {
   std::string outcome;  ///< "playing", "finished", "interrupted", ...
 
   PaceCounts pace;
-  uint64_t late_submits = 0;
-  uint64_t flip_timeouts = 0;
-  uint64_t vblank_timeouts = 0;
-  uint64_t busy = 0;
-  uint64_t stray_events = 0;
-  uint64_t display_returns = 0;
-  uint64_t frames_lost = 0;
-  uint64_t frames_shown_again = 0;
-  uint64_t frames_cut = 0;
-  uint64_t loops = 0;
-  uint64_t filled = 0;
-  uint64_t released = 0;
   double refresh_measured_hz = 0;  ///< 0 = not yet
   double first_frame_ms = 0;       ///< time from the start of the command; 0 = not yet
   uint64_t ready_min = 0;

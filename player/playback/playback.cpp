@@ -129,23 +129,17 @@ void add_counters(const LiveStatistics& live, PlayReport& report) {
     report.content_rate = {
         .numerator = static_cast<int64_t>(presenter.content_numerator.get()),
         .denominator = static_cast<int64_t>(presenter.content_denominator.get())};
-  report.late_submits = presenter.late_submits.get();
-  report.flip_timeouts = presenter.flip_timeouts.get();
-  report.vblank_timeouts = presenter.vblank_timeouts.get();
-  report.busy = presenter.busy.get();
-  report.stray_events = presenter.stray_events.get();
-  report.display_returns = presenter.display_returns.get();
-  report.frames_lost = presenter.frames_lost.get();
-  report.frames_shown_again = presenter.frames_shown_again.get();
-  report.frames_cut = presenter.frames_cut.get();
+  for (size_t k = 0; k < std::size(kPresenterCounters<Counter>); ++k)
+    report.*kPresenterCounters<uint64_t>[k].second =
+        (presenter.*kPresenterCounters<Counter>[k].second).get();
   report.refresh_measured_hz = measured_refresh_hz(presenter);
   report.submit_to_flip = presenter.submit_to_flip.summary();
   report.wake = presenter.wake.summary();
 
   const FillerStatistics& filler = live.filler;
-  report.loops = filler.loops.get();
-  report.filled = filler.filled.get();
-  report.released = filler.released.get();
+  for (size_t k = 0; k < std::size(kFillerCounters<Counter>); ++k)
+    report.*kFillerCounters<uint64_t>[k].second =
+        (filler.*kFillerCounters<Counter>[k].second).get();
   report.ready_min = filler.ready_min.get();
   const uint64_t samples = filler.ready_samples.get();
   if (samples > 0)

@@ -26,9 +26,10 @@ RenderStatistics LastFrame::copy_to(frames::WovenFrame& frame) const {
   const auto start = std::chrono::steady_clock::now();
   frame = frame_;
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-  return {.subpixels = frame.bytes().size(),
-          .copied_subpixels = frame.bytes().size(),
-          .seconds = elapsed.count()};
+  RenderStatistics statistics;
+  statistics.subpixels = statistics.copied_subpixels = frame.bytes().size();
+  statistics.seconds = elapsed.count();
+  return statistics;
 }
 
 }  // namespace lenticule::render

@@ -23,13 +23,6 @@ RenderOptions for_sums(RenderOptions options) {
 
 }  // namespace
 
-PrefilterCounts& PrefilterCounts::operator+=(const PrefilterCounts& other) {
-  averaged += other.averaged;
-  rays += other.rays;
-  rays_left_out += other.rays_left_out;
-  return *this;
-}
-
 DepthPrefilter::DepthPrefilter(const optics::OpticalModel& model, const TilePlan& plan,
                                const RenderOptions& options)
     : plan_(plan),
@@ -62,6 +55,11 @@ DepthPrefilter::Worker::Worker(const DepthPrefilter& prefilter, const Scene& sce
       tracer_(prefilter.options_),
       packet_(1) {
   init_packets(packet_);
+}
+
+FrameCounts DepthPrefilter::Worker::counts() const {
+  FrameCounts all = counts_;
+  return all += tracer_.counts();
 }
 
 DepthNotes& DepthPrefilter::Worker::start(const Tile& tile) {
@@ -100,7 +98,7 @@ void DepthPrefilter::Worker::list_column(const Tile& tile, int column,
     if (prefilter_.surely_left(z_mm)) continue;
     if (neighbours_agree(tile, column, row)) {
       // The exact direction of the ray does not matter for this statistic.
-      counts_.rays_left_out += static_cast<uint64_t>(prefilter_.rays_for(z_mm, {}) - 1);
+      counts_.prefilter_rays_left_out += static_cast<uint64_t>(prefilter_.rays_for(z_mm, {}) - 1);
       continue;
     }
     if (!made) maker.columns(column, packet_);
@@ -110,8 +108,8 @@ void DepthPrefilter::Worker::list_column(const Tile& tile, int column,
     const PanelRay middle = panel_ray(panel_from_scene_, packet_[0], lane);
     const int rays = prefilter_.rays_for(z_mm, middle);
     if (rays == 1) continue;
-    ++counts_.averaged;
-    counts_.rays += static_cast<uint64_t>(rays - 1);
+    ++counts_.prefiltered_subpixels;
+    counts_.prefilter_rays += static_cast<uint64_t>(rays - 1);
     listed_.push_back({.target = static_cast<uint32_t>(target),
                        .subpixel = subpixel,
                        .row = row,

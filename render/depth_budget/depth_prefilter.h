@@ -21,13 +21,6 @@
 
 namespace lenticule::render {
 
-struct PrefilterCounts {
-  uint64_t averaged = 0;       ///< subpixels
-  uint64_t rays = 0;           ///< rays for these subpixels, beside their centre rays
-  uint64_t rays_left_out = 0;  ///< required by the depth, but neighbours agreed
-  PrefilterCounts& operator+=(const PrefilterCounts& other);
-};
-
 /// DepthPrefilter serves one rig. The result for a tile depends on that tile only. Thread safety:
 /// immutable, usable from any thread.
 class DepthPrefilter {
@@ -52,8 +45,8 @@ class DepthPrefilter {
     /// kAgreement, the centre ray stands for the mean and no ray is traced.
     void average(const Tile& tile, PrimaryPackets::Maker& maker, std::span<float> light);
 
-    [[nodiscard]] const PrefilterCounts& counts() const { return counts_; }
-    [[nodiscard]] RayCounts rays() const { return tracer_.counts(); }
+    /// Returns the counters of averaged subpixels and of their rays.
+    [[nodiscard]] FrameCounts counts() const;
 
    private:
     struct Listed {
@@ -84,7 +77,7 @@ class DepthPrefilter {
     alignas(64) std::array<int32_t, kPacket> channel_{};
     std::array<uint32_t, kPacket> seeds_{};
     alignas(64) std::array<float, kPacket> light_{};
-    PrefilterCounts counts_;
+    FrameCounts counts_;
   };
 
   /// Largest difference in code values between neighbours at which the centre ray stands for the

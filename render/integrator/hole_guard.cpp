@@ -159,7 +159,7 @@ double nearer_neighbour(const RayPacket& packet, size_t r) {
 
 }  // namespace
 
-void fill_holes(const Scene& scene, double step_mm, RayPacket& packet, HoleCounts& counts) {
+void fill_holes(const Scene& scene, double step_mm, RayPacket& packet, FrameCounts& counts) {
   const auto step = static_cast<float>(step_mm);
   uint32_t looked_at = 0;
   // A repaired lane can reveal a pinhole in the lane beside it.
@@ -169,9 +169,9 @@ void fill_holes(const Scene& scene, double step_mm, RayPacket& packet, HoleCount
     if (now == 0) return;
     for (size_t r = 0; r < kPacket; ++r) {
       if ((now >> r & 1U) == 0) continue;
-      ++counts.suspected;
+      ++counts.suspected_holes;
       if (!SecondLook(scene, packet, r, nearer_neighbour(packet, r)).fill()) continue;
-      ++counts.filled;
+      ++counts.filled_holes;
       again = true;
     }
     looked_at |= now;

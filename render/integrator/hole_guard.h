@@ -5,32 +5,20 @@
 // triangles meet in a corner, a ray that passes exactly through the corner can miss all of them.
 #pragma once
 
-#include <cstdint>
-
 #include "render/accel/ray_stream.h"
+#include "render/options/frame_counts.h"
 #include "render/scene/scene.h"
 
 namespace lenticule::render {
-
-struct HoleCounts {
-  uint64_t suspected = 0;  ///< rays that were examined again
-  uint64_t filled = 0;     ///< part of `suspected` that had passed through a pinhole
-
-  HoleCounts& operator+=(const HoleCounts& other) {
-    suspected += other.suspected;
-    filled += other.filled;
-    return *this;
-  }
-};
 
 /// Examines a packet of neighbouring rays that Embree has just traced, and repairs the hits of rays
 /// that passed through a pinhole. A ray is examined if it continues past the hits of its
 /// neighbours. Four rays at a tiny distance around it are traced, and all must end much sooner than
 /// the ray. The ray gets its own hit if it ends as soon when traced alone; otherwise the hit of one
 /// of the four, if it passes a corner within the rounding of single precision. The result depends
-/// on the packet and the scene only.
+/// on the packet and the scene only. Counts suspected and filled holes.
 ///
 /// `step_mm` is the distance between neighbouring rays. The calling thread must flush denormals.
-void fill_holes(const Scene& scene, double step_mm, RayPacket& packet, HoleCounts& counts);
+void fill_holes(const Scene& scene, double step_mm, RayPacket& packet, FrameCounts& counts);
 
 }  // namespace lenticule::render

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses the loader for a file.
+#include "render/loaders/load_scene.h"
+
 #include <fmt/format.h>
 
 #include "base/error.h"
 #include "render/loaders/assimp_loader.h"
 #include "render/loaders/nff.h"
 #include "render/loaders/scene_extension.h"
-#include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 

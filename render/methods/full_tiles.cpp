@@ -44,15 +44,13 @@ FullTiles::Worker::Worker(const FullTiles& tiles, const Scene& scene, const Beam
   if (tiles.prefilter_) prefilter_.emplace(*tiles.prefilter_, scene);
 }
 
-RayCounts FullTiles::Worker::rays() const {
-  RayCounts counts = tracer_.counts();
-  if (prefilter_) counts += prefilter_->rays();
-  counts.invalid += refused_;
+FrameCounts FullTiles::Worker::counts() const {
+  FrameCounts counts = tracer_.counts();
+  if (prefilter_) counts += prefilter_->counts();
+  counts.invalid_rays += refused_;
+  counts.primary_rays += background_.filled();
+  counts.primary_rays_proved += background_.filled();
   return counts;
-}
-
-PrefilterCounts FullTiles::Worker::prefiltered() const {
-  return prefilter_ ? prefilter_->counts() : PrefilterCounts{};
 }
 
 void FullTiles::Worker::render(const Tile& tile, frames::WovenFrame& frame) {

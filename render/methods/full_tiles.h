@@ -42,11 +42,8 @@ class FullTiles {
     /// Renders the tile's subpixels into the frame.
     void render(const Tile& tile, frames::WovenFrame& frame);
 
-    [[nodiscard]] RayCounts rays() const;
-    [[nodiscard]] PrefilterCounts prefiltered() const;
-    /// Returns the number of primary rays that were culled as meeting nothing; rays() does not
-    /// include them.
-    [[nodiscard]] uint64_t background() const { return background_.filled(); }
+    /// Returns the counters of rays and of averaged subpixels.
+    [[nodiscard]] FrameCounts counts() const;
     [[nodiscard]] const std::array<uint64_t, kWorks>& ticks() { return tracer_.clock().ticks(); }
 
    private:

@@ -61,36 +61,26 @@ class FullMethod final : public Method {
     });
     if (options_.copy_unchanged && !cancelled.load()) last_.keep(scene, frame);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    RenderStatistics statistics{.completed = !cancelled.load(),
-                                .subpixels = frame.bytes().size(),
-                                .lights_left_out = scene.lights_left_out,
-                                .traced_subpixels = frame.bytes().size(),
-                                .seconds = elapsed.count()};
-    count(workers, statistics);
+    RenderStatistics statistics = statistics_of(workers);
+    statistics.completed = !cancelled.load();
+    statistics.subpixels = statistics.traced_subpixels = frame.bytes().size();
+    statistics.lights_left_out = scene.lights_left_out;
+    statistics.seconds = elapsed.count();
     return statistics;
   }
 
  private:
   using Workers = tbb::enumerable_thread_specific<std::unique_ptr<FullTiles::Worker>>;
 
-  static void count(Workers& workers, RenderStatistics& statistics) {
-    RayCounts counts;
-    PrefilterCounts prefiltered;
-    uint64_t background = 0;
+  static RenderStatistics statistics_of(Workers& workers) {
+    RenderStatistics statistics;
     std::array<uint64_t, kWorks> ticks{};
     for (const std::unique_ptr<FullTiles::Worker>& worker : workers) {
-      counts += worker->rays();
-      prefiltered += worker->prefiltered();
-      background += worker->background();
+      statistics += worker->counts();
       for (size_t w = 0; w < kWorks; ++w) ticks[w] += worker->ticks()[w];
     }
     statistics.work = shares(ticks);
-    counts.report(statistics);
-    statistics.primary_rays += background;
-    statistics.primary_rays_proved += background;
-    statistics.prefiltered_subpixels = prefiltered.averaged;
-    statistics.prefilter_rays = prefiltered.rays;
-    statistics.prefilter_rays_left_out = prefiltered.rays_left_out;
+    return statistics;
   }
 
   RenderOptions options_;

@@ -5,7 +5,6 @@
 
 #include <array>
 #include <cstdint>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -136,11 +135,6 @@ struct SceneDescription {
   /// Repairs and omissions of the loader, for the user ("12 zero-area triangles dropped").
   std::vector<std::string> notes{};
 };
-
-/// Loads a file in any supported format, chosen by extension and content. Throws Error(Input) with
-/// the file, the line if the format has lines, and the reason. Non-finite vertices are errors.
-/// Zero-area triangles are dropped and noted; zero or non-finite normals are recomputed and noted.
-[[nodiscard]] SceneDescription load_scene(const std::filesystem::path& file);
 
 /// Returns the scene with every node's transform applied at `seconds`: meshes, lights and cameras
 /// are in world coordinates, and no nodes are left. Key frames are interpolated linearly (rotations

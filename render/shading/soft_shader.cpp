@@ -175,9 +175,9 @@ void SoftShader::count_known(KnownLanes known) {
     return static_cast<uint64_t>(options_.shadow_samples * factor_) *
            static_cast<uint64_t>(std::popcount(lanes));
   };
-  counts_.shadow += rays(known.lit | known.blocked);
-  counts_.shadow_proved += rays(known.lit);
-  counts_.shadow_blocked += rays(known.blocked);
+  counts_.shadow_rays += rays(known.lit | known.blocked);
+  counts_.shadow_rays_proved += rays(known.lit);
+  counts_.shadow_rays_blocked += rays(known.blocked);
 }
 
 LampSeen SoftShader::sample_lamp(const SoftPacket& packet, size_t lamp, const LampSamples& asked,
@@ -193,7 +193,7 @@ LampSeen SoftShader::sample_lamp(const SoftPacket& packet, size_t lamp, const La
   for (uint32_t i = 0; i < asked.count; ++i) {
     const bool any = kernel_.lamp_rays(shape, radius(shape), sampling::sample_of(set, i),
                                        packet.surfaces, part.data(), rays);
-    counts_.invalid += static_cast<uint64_t>(rays.refused);
+    counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     const uint32_t wanted = lane_bits(rays_.valid);
     const uint32_t seen = settle(known) | unblocked(packet.scene, Coherence::Coherent, clock);
@@ -220,9 +220,9 @@ uint32_t SoftShader::settle(KnownLanes known) {
   const uint32_t wanted = lane_bits(rays_.valid);
   const uint32_t lit = known.lit & wanted;
   const uint32_t blocked = known.blocked & wanted;
-  counts_.shadow += static_cast<uint64_t>(std::popcount(wanted));
-  counts_.shadow_proved += static_cast<uint64_t>(std::popcount(lit));
-  counts_.shadow_blocked += static_cast<uint64_t>(std::popcount(blocked));
+  counts_.shadow_rays += static_cast<uint64_t>(std::popcount(wanted));
+  counts_.shadow_rays_proved += static_cast<uint64_t>(std::popcount(lit));
+  counts_.shadow_rays_blocked += static_cast<uint64_t>(std::popcount(blocked));
   take_lanes(lit | blocked, rays_.valid);
   return lit;
 }
@@ -250,14 +250,14 @@ SoftShader::Around SoftShader::look_around(const SoftPacket& packet, uint32_t sa
   Around around;
   for (uint32_t i = 0; i < samples; ++i) {
     kernel_.ambient_rays(far, sampling::sample_of(set, i), packet.surfaces, rays);
-    counts_.invalid += static_cast<uint64_t>(rays.refused);
+    counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
     const uint32_t wanted = lane_bits(rays_.valid);
     const uint32_t known = open & wanted;
     around.lanes |= wanted;
     // All samples need the same lanes, so one that has nothing to trace stands for all.
     const uint32_t of_known = known == wanted ? samples : 1;
-    counts_.ambient += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(wanted));
-    counts_.ambient_proved += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(known));
+    counts_.ambient_rays += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(wanted));
+    counts_.ambient_rays_proved += uint64_t{of_known} * static_cast<uint64_t>(std::popcount(known));
     take_lanes(known, rays_.valid);
     const uint32_t traced = unblocked(packet.scene, Coherence::Incoherent, clock);
     for (size_t r = 0; r < kPacket; ++r)

@@ -10,6 +10,7 @@
 #include "base/cpu.h"
 #include "render/accel/ray_stream.h"
 #include "render/culling/shaft_proofs.h"
+#include "render/options/frame_counts.h"
 #include "render/options/soft_light.h"
 #include "render/options/work_clock.h"
 #include "render/scene/scene.h"
@@ -80,14 +81,6 @@ class SoftShader {
   /// Returns the sizes of the sampled lights.
   [[nodiscard]] SoftSizes sizes() const;
 
-  struct Counts {
-    uint64_t shadow = 0;
-    uint64_t shadow_proved = 0;
-    uint64_t shadow_blocked = 0;
-    uint64_t ambient = 0;
-    uint64_t ambient_proved = 0;
-    uint64_t invalid = 0;
-  };
   /// Adds to light[r] the light of an area light that lane r reflects, multiplied by weight[r].
   /// Arrays have sixteen elements and are aligned to 64 bytes. `shares` is used if area lights are
   /// integrated.
@@ -107,7 +100,7 @@ class SoftShader {
   /// ambient light.
   [[nodiscard]] const KnownShare& share() const { return share_; }
 
-  [[nodiscard]] const Counts& counts() const { return counts_; }
+  [[nodiscard]] const FrameCounts& counts() const { return counts_; }
 
  private:
   /// Returns the radius in scene units, or as a tangent; 0 if the light is not sampled.
@@ -153,7 +146,7 @@ class SoftShader {
   bool integrates_ = false;
   RayPacket rays_;
   KnownShare share_;
-  Counts counts_;
+  FrameCounts counts_;
 };
 
 }  // namespace lenticule::render

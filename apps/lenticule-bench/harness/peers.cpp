@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <string_view>
@@ -120,11 +119,9 @@ void write_mesh(scenes::NffWriter& out, const render::TriangleMesh& mesh) {
   for (const auto& [a, b, c] : mesh.triangles) {
     const auto& p = mesh.positions;
     const auto& n = mesh.normals;
-    if (n.empty())
-      out.polygon(std::array{p[a], p[b], p[c]});
-    else
-      out.patch(std::array{scenes::SurfacePoint{p[a], n[a]}, scenes::SurfacePoint{p[b], n[b]},
-                           scenes::SurfacePoint{p[c], n[c]}});
+    scenes::Polygon triangle{.corners = {p[a], p[b], p[c]}};
+    if (!n.empty()) triangle.normals = {n[a], n[b], n[c]};
+    out.add(triangle);
   }
 }
 
@@ -144,23 +141,25 @@ std::string write_plain_nff(const render::SceneDescription& scene) {
     throw Error(ErrorKind::Usage, fmt::format("{}: NFF needs a camera", scene.source));
   scenes::NffWriter out;
   const render::Camera& camera = scene.cameras.front();
-  out.view({.from = camera.from,
-            .at = camera.at,
-            .up = camera.up,
-            .angle_degrees = camera.vertical_fov_degrees});
-  out.background(scene.background);
-  for (const render::Light& light : scene.lights) out.light(light.position);
+  out.add(scenes::View{.from = camera.from,
+                       .at = camera.at,
+                       .up = camera.up,
+                       .angle_degrees = camera.vertical_fov_degrees});
+  out.add(scenes::Background{scene.background});
+  for (const render::Light& light : scene.lights) out.add(scenes::PointLight{light.position});
   for (size_t i = 0; i < scene.materials.size(); ++i) {
     const auto wears = [i](const auto& thing) { return static_cast<size_t>(thing.material) == i; };
-    out.fill(fill_of(scene, scene.materials[i]));
+    out.add(fill_of(scene, scene.materials[i]));
     for (const auto& mesh : scene.meshes)
       if (wears(mesh)) write_mesh(out, mesh);
     for (const auto& sphere : scene.spheres)
-      if (wears(sphere)) out.sphere(sphere.centre, sphere.inward ? -sphere.radius : sphere.radius);
+      if (wears(sphere))
+        out.add(scenes::Sphere{sphere.centre, sphere.inward ? -sphere.radius : sphere.radius});
     for (const auto& cone : scene.cones)
       if (wears(cone)) {
         const double side = cone.inward ? -1.0 : 1.0;
-        out.cone(cone.base, side * cone.base_radius, cone.apex, side * cone.apex_radius);
+        out.add(
+            scenes::Cone{cone.base, side * cone.base_radius, cone.apex, side * cone.apex_radius});
       }
   }
   return out.take();

@@ -48,7 +48,7 @@ Probe::Probe(const Scene& scene) : scene_(scene) {}
 uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
                       std::span<ProbeHit> hits) const {
   const FlushDenormals flush;
-  HoleCounts counts;
+  FrameCounts counts;
   RayPacket packet;
   shading_kernel::Surfaces surfaces{};
   std::vector<PathRay> lanes;
@@ -63,7 +63,7 @@ uint64_t Probe::trace(std::span<const ProbeRay> rays, HoleGuard guard,
         .find_surfaces(scene_.shading->tables(), &packet.rays.ray.org_x[0], packet.valid, surfaces);
     for (size_t k = 0; k < lanes.size(); ++k) hits[begin + k] = probe_hit(packet, surfaces, k);
   }
-  return counts.filled;
+  return counts.filled_holes;
 }
 
 void Probe::leave(std::span<const ProbeHit> hits, std::span<const Vec3> directions,

@@ -9,6 +9,7 @@
 #include "apps/lenticule-bench/render/bench_error.h"
 #include "apps/lenticule/offline/gltf_writer.h"
 #include "base/error.h"
+#include "render/loaders/load_scene.h"
 
 namespace lenticule::player {
 namespace {

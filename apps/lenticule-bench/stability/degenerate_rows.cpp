@@ -14,6 +14,7 @@
 #include "apps/lenticule-bench/stability/small_scenes.h"
 #include "apps/lenticule-bench/stability/tally.h"
 #include "base/error.h"
+#include "render/loaders/load_scene.h"
 
 namespace lenticule::player {
 namespace {

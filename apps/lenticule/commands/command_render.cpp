@@ -54,35 +54,7 @@ struct RunTotals {
 
   void add(const render::RenderStatistics& frame) {
     ++rendered;
-    rays.subpixels += frame.subpixels;
-    rays.primary_rays += frame.primary_rays;
-    rays.lights_left_out = std::max(rays.lights_left_out, frame.lights_left_out);
-    rays.primary_rays_proved += frame.primary_rays_proved;
-    rays.shadow_rays += frame.shadow_rays;
-    rays.secondary_rays += frame.secondary_rays;
-    rays.ambient_rays += frame.ambient_rays;
-    rays.ambient_rays_proved += frame.ambient_rays_proved;
-    rays.shadow_rays_proved += frame.shadow_rays_proved;
-    rays.shadow_rays_blocked += frame.shadow_rays_blocked;
-    rays.secondary_rays_proved += frame.secondary_rays_proved;
-    rays.secondary_rays_too_weak += frame.secondary_rays_too_weak;
-    rays.rays_of_too_little += frame.rays_of_too_little;
-    rays.invalid_rays += frame.invalid_rays;
-    rays.suspected_holes += frame.suspected_holes;
-    rays.filled_holes += frame.filled_holes;
-    rays.traced_subpixels += frame.traced_subpixels;
-    rays.projected_subpixels += frame.projected_subpixels;
-    rays.interpolated_subpixels += frame.interpolated_subpixels;
-    rays.copied_subpixels += frame.copied_subpixels;
-    rays.missing_subpixels += frame.missing_subpixels;
-    rays.mended_subpixels += frame.mended_subpixels;
-    rays.audited_subpixels += frame.audited_subpixels;
-    rays.audited_beyond += frame.audited_beyond;
-    rays.prefiltered_subpixels += frame.prefiltered_subpixels;
-    rays.prefilter_rays += frame.prefilter_rays;
-    rays.prefilter_rays_left_out += frame.prefilter_rays_left_out;
-    rays.beyond_bound = std::max(rays.beyond_bound, frame.beyond_bound);
-    rays.seconds += frame.seconds;
+    rays.add(frame);
   }
 };
 
@@ -113,50 +85,26 @@ nlohmann::json stage_json(const render::Stage& stage) {
 
 nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
                            const render::Stage& stage, const RunTotals& totals) {
-  return {{"scene", flags.scene},
-          {"rig", flags.rig},
-          {"rig_fingerprint", optics::fingerprint(rig)},
-          {"method", flags.method},
-          {"samples", flags.options.samples},
-          {"prefilter", flags.prefilter},
-          {"output", flags.output},
-          {"width", rig.panel.width_px},
-          {"height", rig.panel.height_px},
-          {"frames_rendered", totals.rendered},
-          {"frames_skipped", totals.skipped},
-          {"interrupted", interrupted()},
-          {"seconds", totals.seconds},
-          {"render_seconds", totals.rays.seconds},
-          {"subpixels", totals.rays.subpixels},
-          {"primary_rays", totals.rays.primary_rays},
-          {"primary_rays_proved", totals.rays.primary_rays_proved},
-          {"lights_left_out", totals.rays.lights_left_out},
-          {"shadow_rays", totals.rays.shadow_rays},
-          {"shadow_rays_proved", totals.rays.shadow_rays_proved},
-          {"shadow_rays_blocked", totals.rays.shadow_rays_blocked},
-          {"secondary_rays", totals.rays.secondary_rays},
-          {"secondary_rays_proved", totals.rays.secondary_rays_proved},
-          {"secondary_rays_too_weak", totals.rays.secondary_rays_too_weak},
-          {"rays_of_too_little", totals.rays.rays_of_too_little},
-          {"ambient_rays", totals.rays.ambient_rays},
-          {"ambient_rays_proved", totals.rays.ambient_rays_proved},
-          {"invalid_rays", totals.rays.invalid_rays},
-          {"suspected_holes", totals.rays.suspected_holes},
-          {"filled_holes", totals.rays.filled_holes},
-          {"frames_rendered_again", totals.again},
-          {"traced_subpixels", totals.rays.traced_subpixels},
-          {"projected_subpixels", totals.rays.projected_subpixels},
-          {"interpolated_subpixels", totals.rays.interpolated_subpixels},
-          {"copied_subpixels", totals.rays.copied_subpixels},
-          {"missing_subpixels", totals.rays.missing_subpixels},
-          {"mended_subpixels", totals.rays.mended_subpixels},
-          {"audited_subpixels", totals.rays.audited_subpixels},
-          {"audited_beyond", totals.rays.audited_beyond},
-          {"beyond_bound", totals.rays.beyond_bound},
-          {"prefiltered_subpixels", totals.rays.prefiltered_subpixels},
-          {"prefilter_rays", totals.rays.prefilter_rays},
-          {"prefilter_rays_left_out", totals.rays.prefilter_rays_left_out},
-          {"stage", stage_json(stage)}};
+  nlohmann::json json = {{"scene", flags.scene},
+                         {"rig", flags.rig},
+                         {"rig_fingerprint", optics::fingerprint(rig)},
+                         {"method", flags.method},
+                         {"samples", flags.options.samples},
+                         {"prefilter", flags.prefilter},
+                         {"output", flags.output},
+                         {"width", rig.panel.width_px},
+                         {"height", rig.panel.height_px},
+                         {"frames_rendered", totals.rendered},
+                         {"frames_skipped", totals.skipped},
+                         {"interrupted", interrupted()},
+                         {"seconds", totals.seconds},
+                         {"render_seconds", totals.rays.seconds},
+                         {"frames_rendered_again", totals.again},
+                         {"beyond_bound", totals.rays.beyond_bound},
+                         {"stage", stage_json(stage)}};
+  for (const render::FrameCounter& counter : render::kFrameCounters)
+    json[counter.name] = totals.rays.*counter.field;
+  return json;
 }
 
 /// Returns the number of threads: all cores, less one if a player on this machine takes the frames

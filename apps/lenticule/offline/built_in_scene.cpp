@@ -4,8 +4,10 @@
 #include <map>
 #include <string>
 #include <utility>
+#include <variant>
 
-#include "render/loaders/nff.h"
+#include "base/error.h"
+#include "render/loaders/nff_scene.h"
 
 namespace lenticule::player {
 namespace {
@@ -20,20 +22,52 @@ render::Texture texture_of(const scenes::Picture& picture) {
   return texture;
 }
 
+render::Material material_of(const scenes::Fill& fill) {
+  return {.colour = fill.colour,
+          .diffuse = fill.diffuse,
+          .specular = fill.specular,
+          .shine = fill.shine,
+          .transmittance = fill.transmittance,
+          .refraction_index = fill.refraction_index};
+}
+
+/// ElementAdder adds the elements of a scene to its description.
+class ElementAdder {
+ public:
+  explicit ElementAdder(render::NffScene& scene) : scene_(scene) {}
+
+  void operator()(const scenes::View& view) {
+    scene_.view({.name = "view",
+                 .from = view.from,
+                 .at = view.at,
+                 .up = view.up,
+                 .vertical_fov_degrees = view.angle_degrees,
+                 .hither = view.hither});
+  }
+  void operator()(const scenes::Background& background) { scene_.background(background.colour); }
+  void operator()(const scenes::PointLight& light) { scene_.light(light.position, light.colour); }
+  void operator()(const scenes::Fill& fill) { scene_.fill(material_of(fill)); }
+  void operator()(const scenes::Sphere& sphere) { scene_.sphere(sphere.centre, sphere.radius); }
+  void operator()(const scenes::Cone& cone) {
+    scene_.cone(cone.base, cone.base_radius, cone.apex, cone.apex_radius);
+  }
+  void operator()(const scenes::Polygon& polygon) {
+    LENTICULE_CHECK(scene_.polygon(polygon.corners, polygon.normals));
+  }
+
+ private:
+  render::NffScene& scene_;
+};
+
+/// PictureHanger adds the textured meshes of a scene to its description.
 class PictureHanger {
  public:
   explicit PictureHanger(render::SceneDescription& scene) : scene_(scene) {}
 
   void hang(scenes::PicturedMesh mesh) {
-    const auto& fill = mesh.fill;
-    scene_.materials.push_back({.name = mesh.picture->name,
-                                .colour = fill.colour,
-                                .diffuse = fill.diffuse,
-                                .specular = fill.specular,
-                                .shine = fill.shine,
-                                .transmittance = fill.transmittance,
-                                .refraction_index = fill.refraction_index,
-                                .texture = texture(*mesh.picture)});
+    render::Material& material = scene_.materials.emplace_back(material_of(mesh.fill));
+    material.name = mesh.picture->name;
+    material.texture = texture(*mesh.picture);
     scene_.meshes.push_back({.name = mesh.picture->name,
                              .material = static_cast<int>(scene_.materials.size() - 1),
                              .positions = std::move(mesh.positions),
@@ -59,8 +93,9 @@ class PictureHanger {
 render::SceneDescription describe_built_in(const scenes::BuiltInScene& scene,
                                            std::optional<int> size, int frame) {
   scenes::SceneParts parts = scenes::build_scene(scene, size, frame);
-  render::SceneDescription description =
-      render::parse_nff(parts.nff, std::string("builtin:") + scene.name);
+  render::NffScene elements(std::string("builtin:") + scene.name);
+  for (const scenes::Element& element : parts.elements) std::visit(ElementAdder(elements), element);
+  render::SceneDescription description = elements.finish();
   PictureHanger hanger(description);
   for (scenes::PicturedMesh& mesh : parts.pictured) hanger.hang(std::move(mesh));
   return description;

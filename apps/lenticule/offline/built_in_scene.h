@@ -9,8 +9,8 @@
 
 namespace lenticule::player {
 
-/// Parses the scene's NFF text and adds the textured surfaces. The source of the result is
-/// "builtin:NAME". Throws as scenes::build_scene does.
+/// Describes the scene's elements as the reader of NFF would, and adds the textured surfaces. The
+/// source of the result is "builtin:NAME". Throws as scenes::build_scene does.
 [[nodiscard]] render::SceneDescription describe_built_in(const scenes::BuiltInScene& scene,
                                                          std::optional<int> size = {},
                                                          int frame = 0);

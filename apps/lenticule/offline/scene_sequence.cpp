@@ -9,6 +9,7 @@
 #include "apps/lenticule/offline/built_in_scene.h"
 #include "base/error.h"
 #include "base/numbers.h"
+#include "render/loaders/load_scene.h"
 
 namespace lenticule::player {
 namespace {

@@ -196,7 +196,7 @@ void AdaptiveWorker::render_row(int first_row, int row) {
 void AdaptiveWorker::copy_row(int first_row, int row) {
   const size_t count = frame_.plan.planes.row_subpixels();
   std::copy_n(frame_.kept.frame->row(row), count, frame_.out.row(row));
-  counts_.copied += count;
+  counts_.copied_subpixels += count;
   add_drawn(first_row, row);
 }
 
@@ -344,9 +344,9 @@ void AdaptiveWorker::sort_row(int first_row, int row, const KeyGrid::Between& be
       ++unknown;
     }
   }
-  counts_.shaded += unknown;
-  counts_.copied += copied;
-  counts_.interpolated += count - unknown - copied;
+  counts_.traced_subpixels += unknown;
+  counts_.copied_subpixels += copied;
+  counts_.interpolated_subpixels += count - unknown - copied;
 }
 
 void AdaptiveWorker::write_uncertain(int first_row) {
@@ -379,7 +379,7 @@ void AdaptiveWorker::audit_band(int first_row, const AdaptiveFrame::Band& known)
     judging.beyond = 0;
     band.mended = true;
   }
-  counts_.audit += judging;
+  audit_ += judging;
 }
 
 bool AdaptiveWorker::is_beyond(uint8_t code, uint8_t exact) const {
@@ -410,12 +410,13 @@ void AdaptiveWorker::mend_band(int first_row) {
   const int first_tile = first_row / kBand * plan.per_band();
   for (int n = 0; n < plan.per_band(); ++n) full_->render(plan.tile(first_tile + n), frame_.out);
   const int rows = std::min(kBand, frame_.plan.planes.rows() - first_row);
-  counts_.mended += frame_.plan.planes.row_subpixels() * static_cast<size_t>(rows);
+  counts_.mended_subpixels += frame_.plan.planes.row_subpixels() * static_cast<size_t>(rows);
 }
 
-RayCounts AdaptiveWorker::rays() {
-  RayCounts counts = colours_.tracer().counts();
-  if (full_) counts += full_->rays();
+FrameCounts AdaptiveWorker::counts() {
+  FrameCounts counts = counts_;
+  counts += colours_.tracer().counts();
+  if (full_) counts += full_->counts();
   return counts;
 }
 

@@ -79,15 +79,6 @@ struct AdaptiveFrame {
   void keep(const Kept& what);
 };
 
-/// Origin of the colours of the subpixels in a thread's bands.
-struct AdaptiveCounts {
-  uint64_t interpolated = 0;  ///< interpolated between samples, or showing the backdrop
-  uint64_t shaded = 0;        ///< shaded individually, with light resolved from samples or traced
-  uint64_t copied = 0;        ///< copied from the previous frame, where the content looked the same
-  uint64_t mended = 0;        ///< retraced in full, in bands that failed the audit
-  AuditCounts audit;          ///< final audit of delivered frames
-};
-
 /// AdaptiveWorker renders bands of one frame. The calling thread must flush denormals. Thread
 /// safety: used by one thread.
 class AdaptiveWorker {
@@ -109,10 +100,10 @@ class AdaptiveWorker {
   /// Renders kBand rows of the panel.
   void render_band(int first_row);
 
-  [[nodiscard]] const AdaptiveCounts& counts() const { return counts_; }
-  [[nodiscard]] RayCounts rays();
-  /// Returns the culled primary rays, see FullTiles::Worker::background().
-  [[nodiscard]] uint64_t background() const { return full_ ? full_->background() : 0; }
+  /// Returns the counters of the bands rendered so far.
+  [[nodiscard]] FrameCounts counts();
+  /// Returns the final audit of the bands.
+  [[nodiscard]] const AuditCounts& audit() const { return audit_; }
 
  private:
   /// Selects exact tracing for the audit; otherwise weak rays are skipped.
@@ -170,7 +161,8 @@ class AdaptiveWorker {
     [[nodiscard]] std::array<LightSettler::Place, 2> places(size_t at) const;
   };
   FoundRow found_row_;
-  AdaptiveCounts counts_;
+  FrameCounts counts_;  ///< origin of the colours of the subpixels
+  AuditCounts audit_;
 };
 
 }  // namespace lenticule::render

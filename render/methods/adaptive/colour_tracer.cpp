@@ -12,8 +12,8 @@ constexpr int kFirst = 1;
 constexpr int kOthers[] = {0, 2};
 
 /// Returns the lights that reach the surfaces, which are the same in all colours.
-PacketTracer::Known lights_of(const PacketTracer::Notes& notes) {
-  PacketTracer::Known known{};
+KnownLight lights_of(const LightNotes& notes) {
+  KnownLight known{};
   known.set_lights(notes.lit, notes.hidden);
   return known;
 }
@@ -28,7 +28,7 @@ void ColourTracer::trace(const Scene& scene, const SurfaceGroups& groups, float 
   tracer_.trace_noting(scene, plan_, channel, groups, noticed, packet, light(kFirst));
   out.notes = tracer_.notes();
   std::copy_n(out.notes.secondary, kPacket, out.secondary[kFirst]);
-  const PacketTracer::Known known = lights_of(out.notes);
+  const KnownLight known = lights_of(out.notes);
   for (const int c : kOthers) {
     channel.fill(c);
     tracer_.trace_known(scene, channel, known, packet, light(c), true);

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "render/integrator/packet_tracer.h"
+#include "render/integrator/noting_tracer.h"
 #include "render/scene/surface_groups.h"
 
 namespace lenticule::render {
@@ -20,17 +20,17 @@ class ColourTracer {
     alignas(64) float light[3][kPacket];
     float secondary[3][kPacket];  ///< part of `light` from mirrored and refracted rays
     uint32_t group[kPacket];
-    PacketTracer::Notes notes;  ///< path records of the green channel
+    LightNotes notes;  ///< path records of the green channel
   };
-  /// Traces the valid lanes of the packet, which holds the hits afterwards, see PacketTracer. Light
+  /// Traces the valid lanes of the packet, which holds the hits afterwards, see NotingTracer. Light
   /// below `noticed` does not affect the notes.
   void trace(const Scene& scene, const SurfaceGroups& groups, float noticed, RayPacket& packet,
              Colours& out);
 
-  [[nodiscard]] PacketTracer& tracer() { return tracer_; }
+  [[nodiscard]] NotingTracer& tracer() { return tracer_; }
 
  private:
-  PacketTracer tracer_;
+  NotingTracer tracer_;
   const TilePlan& plan_;
 };
 

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "render/integrator/packet_tracer.h"
+#include "render/integrator/light_notes.h"
 #include "render/methods/adaptive/key_grid.h"
 
 namespace lenticule::render {
@@ -50,15 +50,15 @@ class KeySamples {
   /// changed.
   void watch_changes();
 
-  /// Composition of a sample's light, see PacketTracer::Notes.
+  /// Composition of a sample's light, see LightNotes.
   struct Light {
     uint32_t lit = 0, hidden = 0;
     uint32_t secondary_way = 0;
     std::array<float, 3> secondary{};
     float around = 0.0F;
     /// Visible shares of area lights, in units of 1 / kWholeLamp; kNotShining for
-    /// PacketTracer::kNoShare.
-    std::array<uint8_t, PacketTracer::kLamps> seen{};
+    /// LightNotes::kNoShare.
+    std::array<uint8_t, LightNotes::kLamps> seen{};
 
     static constexpr int kWholeLamp = 240;
     static constexpr uint8_t kNotShining = 255;
@@ -70,7 +70,7 @@ class KeySamples {
   struct Sample {
     std::array<uint16_t, 3> value{};  ///< code values, in parts
     uint32_t group = 0;               ///< group number of SurfaceGroups
-    uint32_t way = 0;                 ///< path id of PacketTracer::Notes
+    uint32_t way = 0;                 ///< path id of LightNotes
     Light light{};
   };
   void set(int row, int picture, int column, const Sample& sample);

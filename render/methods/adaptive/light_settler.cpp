@@ -146,7 +146,7 @@ void LightSettler::blend(const Point& point, SettledLight& out) const {
 
 /// Computes the means of the area lights' shares over the corners on which they shine.
 void LightSettler::blend_lamps(const Point& point, SettledLamps& out) const {
-  std::array<float, PacketTracer::kLamps> seen{}, weights{};
+  std::array<float, LightNotes::kLamps> seen{}, weights{};
   for (const Place& place : point.places) {
     if (place.cell < 0) continue;
     each_corner(point, place, [&](size_t at, float in_cell) {

@@ -14,15 +14,15 @@ namespace lenticule::render {
 
 /// SettledLamps holds the known visible shares of a subpixel's area lights.
 struct SettledLamps {
-  std::array<uint16_t, PacketTracer::kLamps> seen{};   ///< unit 1 / kWholeLamp
-  std::array<uint16_t, PacketTracer::kLamps> apart{};  ///< spread of the samples, in the same unit
+  std::array<uint16_t, LightNotes::kLamps> seen{};   ///< unit 1 / kWholeLamp
+  std::array<uint16_t, LightNotes::kLamps> apart{};  ///< spread of the samples, in the same unit
 
   static constexpr int kWholeLamp = 256 * KeySamples::Light::kWholeLamp;
 };
 
 /// SettledLight is small, since millions are sorted; so area lights are stored separately.
 struct SettledLight {
-  uint32_t lit = 0, hidden = 0;  ///< bits of PacketTracer::Notes on which all samples agree
+  uint32_t lit = 0, hidden = 0;  ///< bits of LightNotes on which all samples agree
   float secondary = 0.0F;        ///< valid if secondary_known
   float around = 0.0F;           ///< valid if around_known
   uint32_t lamps = 0;            ///< index of its SettledLamps, if any area light is known
@@ -34,9 +34,9 @@ struct SettledLight {
   /// below.
   uint8_t wanted = kNoSamples;
 
-  static constexpr uint8_t kAllSamples = PacketTracer::kLamps;  ///< ambient, or too little known
-  static constexpr uint8_t kNoSamples = PacketTracer::kLamps + 1;
-  static_assert(PacketTracer::kLamps <= 8, "a bit for each lamp");
+  static constexpr uint8_t kAllSamples = LightNotes::kLamps;  ///< ambient, or too little known
+  static constexpr uint8_t kNoSamples = LightNotes::kLamps + 1;
+  static_assert(LightNotes::kLamps <= 8, "a bit for each lamp");
 };
 
 /// LightSettler resolves light for subpixels of one frame. Thread safety: used by one thread. The
@@ -73,7 +73,7 @@ class LightSettler {
   /// Number of corners on which an area light would shine, and the range of its visible shares
   /// there.
   struct Lamps {
-    std::array<uint8_t, PacketTracer::kLamps> count{}, least, most{};
+    std::array<uint8_t, LightNotes::kLamps> count{}, least, most{};
 
     Lamps() { least.fill(KeySamples::Light::kNotShining); }
     void add(const KeySamples::Light& light);

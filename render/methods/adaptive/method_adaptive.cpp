@@ -195,38 +195,25 @@ class AdaptiveMethod final : public Method {
   bool trial_pays(Workers& workers) const {
     uint64_t rendered = 0, mended = 0;
     for (AdaptiveWorker& worker : workers) {
-      const AdaptiveCounts& counts = worker.counts();
-      rendered += counts.interpolated + counts.shaded + counts.copied;
-      mended += worker.counts().mended;
+      const FrameCounts counts = worker.counts();
+      rendered += counts.interpolated_subpixels + counts.traced_subpixels + counts.copied_subpixels;
+      mended += counts.mended_subpixels;
     }
     const uint64_t band = static_cast<uint64_t>(AdaptiveWorker::kBand) * planes_.row_subpixels();
     return rendered <= band || 5 * mended <= 4 * rendered;
   }
 
   static RenderStatistics statistics_of(Workers& workers, uint64_t subpixels) {
-    RayCounts rays;
-    AdaptiveCounts counts;
-    uint64_t background = 0;
+    RenderStatistics statistics;
+    AuditCounts audit;
     for (AdaptiveWorker& worker : workers) {
-      rays += worker.rays();
-      background += worker.background();
-      counts.interpolated += worker.counts().interpolated;
-      counts.shaded += worker.counts().shaded;
-      counts.copied += worker.counts().copied;
-      counts.mended += worker.counts().mended;
-      counts.audit += worker.counts().audit;
+      statistics += worker.counts();
+      audit += worker.audit();
     }
-    RenderStatistics statistics{.subpixels = subpixels,
-                                .traced_subpixels = counts.shaded,
-                                .interpolated_subpixels = counts.interpolated,
-                                .copied_subpixels = counts.copied,
-                                .mended_subpixels = counts.mended,
-                                .audited_subpixels = counts.audit.drawn,
-                                .audited_beyond = counts.audit.beyond,
-                                .beyond_bound = bound_of_share(counts.audit)};
-    rays.report(statistics);
-    statistics.primary_rays += background;
-    statistics.primary_rays_proved += background;
+    statistics.subpixels = subpixels;
+    statistics.audited_subpixels = audit.drawn;
+    statistics.audited_beyond = audit.beyond;
+    statistics.beyond_bound = bound_of_share(audit);
     return statistics;
   }
 

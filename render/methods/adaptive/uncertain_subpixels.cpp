@@ -129,7 +129,7 @@ void UncertainSubpixels::load_surfaces(const Scene& scene, double start_mm, size
 }
 
 void UncertainSubpixels::shade(const Scene& scene, double start_mm, int first_row,
-                               PacketTracer& tracer) {
+                               NotingTracer& tracer) {
   order();
   find_planes(first_row);
   for (size_t first = 0; first < subpixels_.size(); first += kPacket) {

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "render/integrator/packet_tracer.h"
+#include "render/integrator/noting_tracer.h"
 #include "render/methods/adaptive/light_settler.h"
 #include "render/rays/tile.h"
 #include "render/row_sweep/row_planes.h"
@@ -44,7 +44,7 @@ class UncertainSubpixels {
   /// Shades all subpixels on their known surfaces, and traces the light that is not resolved. Rows
   /// are counted from `first_row`. Afterwards the subpixels have a different order. The calling
   /// thread must flush denormals.
-  void shade(const Scene& scene, double start_mm, int first_row, PacketTracer& tracer);
+  void shade(const Scene& scene, double start_mm, int first_row, NotingTracer& tracer);
   [[nodiscard]] const std::vector<Subpixel>& subpixels() const { return subpixels_; }
 
  private:
@@ -64,7 +64,7 @@ class UncertainSubpixels {
   alignas(64) std::array<int32_t, kPacket> channel_{};
   std::array<uint32_t, kPacket> seeds_{};
   alignas(64) std::array<float, kPacket> light_{};
-  PacketTracer::Known known_{};
+  KnownLight known_{};
 };
 
 }  // namespace lenticule::render

@@ -22,27 +22,14 @@ namespace {
 
 using reprojection::Column;
 
-/// Numbers of subpixels of a tile or frame by the origin of their colour.
-struct FlagCounts {
-  uint64_t projected = 0;
-  uint64_t interpolated = 0;
-  uint64_t missing = 0;
-
-  FlagCounts& operator+=(const FlagCounts& other) {
-    projected += other.projected;
-    interpolated += other.interpolated;
-    missing += other.missing;
-    return *this;
-  }
-};
-
-FlagCounts count_flags(std::span<const Column> columns) {
-  FlagCounts counts;
+/// Counts the subpixels of a tile by the origin of their colour.
+FrameCounts count_flags(std::span<const Column> columns) {
+  FrameCounts counts;
   for (const Column& column : columns)
     for (size_t r = 0; r < kPacket; ++r) {
-      counts.projected += column.flag[r] == reprojection::kProjected ? 1 : 0;
-      counts.interpolated += column.flag[r] == reprojection::kInterpolated ? 1 : 0;
-      counts.missing += column.missing[r] != 0 ? 1 : 0;
+      counts.projected_subpixels += column.flag[r] == reprojection::kProjected ? 1 : 0;
+      counts.interpolated_subpixels += column.flag[r] == reprojection::kInterpolated ? 1 : 0;
+      counts.missing_subpixels += column.missing[r] != 0 ? 1 : 0;
     }
   return counts;
 }
@@ -120,24 +107,19 @@ class ReuseMethod final : public Method {
   struct Worker {
     Worker(const SweepPlan& plan, const RenderOptions& options) : sweep(plan, options) {}
     MicroImageSweep sweep;
-    FlagCounts counts;
+    FrameCounts counts;  ///< see count_flags()
   };
   using Workers = tbb::enumerable_thread_specific<Worker>;
 
   [[nodiscard]] RenderStatistics gather(Workers& workers) const {
-    RayCounts rays;
-    FlagCounts flags;
-    for (Worker& worker : workers) {
-      rays += worker.sweep.tracer().counts();
-      flags += worker.counts;
-    }
     RenderStatistics statistics;
-    rays.report(statistics);
+    for (Worker& worker : workers) {
+      statistics += worker.sweep.tracer().counts();
+      statistics += worker.counts;
+    }
     statistics.subpixels = geometry_.frame_bytes();
-    statistics.projected_subpixels = flags.projected;
-    statistics.interpolated_subpixels = flags.interpolated;
-    statistics.missing_subpixels = flags.missing;
-    statistics.traced_subpixels = statistics.subpixels - flags.projected - flags.interpolated;
+    statistics.traced_subpixels =
+        statistics.subpixels - statistics.projected_subpixels - statistics.interpolated_subpixels;
     return statistics;
   }
 

@@ -11,6 +11,7 @@
 #include "apps/lenticule/offline/built_in_scene.h"
 #include "apps/lenticule/offline/scratch_folder.h"
 #include "base/error.h"
+#include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
 
 namespace lenticule::player {

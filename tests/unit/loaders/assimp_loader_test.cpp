@@ -11,7 +11,7 @@
 #include <numbers>
 #include <set>
 
-#include "render/scene/scene_description.h"
+#include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"
 #include "tests/unit/loaders/error_of.h"
 

@@ -10,6 +10,7 @@
 #include <sstream>
 
 #include "render/loaders/limits.h"
+#include "render/loaders/load_scene.h"
 #include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {

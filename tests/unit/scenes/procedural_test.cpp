@@ -233,7 +233,8 @@ TEST(SceneParts, PlainTextHasTheSameCountsAndNamesMissingParts) {
     EXPECT_EQ(kept.counts.primitives(), plain.counts.primitives()) << scene.name;
     EXPECT_EQ(kept.counts.lights, plain.counts.lights) << scene.name;
     EXPECT_TRUE(plain.pictured.empty());
-    EXPECT_EQ(plain.nff.find("NFF has no pictures") != std::string::npos, !kept.pictured.empty());
+    EXPECT_EQ(nff_text(plain).find("NFF has no pictures") != std::string::npos,
+              !kept.pictured.empty());
   }
 }
 

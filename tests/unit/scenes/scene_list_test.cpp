@@ -5,10 +5,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <set>
 #include <sstream>
 
 #include "base/error.h"
+#include "scenes/nff_writer.h"
 
 namespace lenticule::scenes {
 namespace {
@@ -48,6 +50,24 @@ TEST(SceneList, AnUnknownNameIsAUsageErrorThatListsTheOthers) {
     EXPECT_EQ(error.kind(), ErrorKind::Usage);
     EXPECT_THAT(error.what(), ::testing::HasSubstr("teapod"));
     EXPECT_THAT(error.hint(), ::testing::HasSubstr("teapot"));
+  }
+}
+
+TEST(NffWriter, SaysWhichNumberAReaderGets) {
+  EXPECT_EQ(as_read_from_nff(0.1), 0.1);
+  EXPECT_EQ(as_read_from_nff(1.0 / 3.0), 0.333333333);
+  EXPECT_EQ(as_read_from_nff(-1234567890.6), -1234567890.0);
+  EXPECT_EQ(as_read_from_nff(1.00000000049e-17), 1e-17);
+  EXPECT_FALSE(std::signbit(as_read_from_nff(-0.0)));
+  for (double number = 1e-20; number < 1e20; number *= 7.13) {
+    NffWriter text;
+    text.add(Background{{number, -number, 0.0}});
+    std::istringstream words(text.take().substr(1));
+    double first = 0.0, second = 0.0;
+    words >> first >> second;
+    EXPECT_EQ(as_read_from_nff(number), first);
+    EXPECT_EQ(as_read_from_nff(-number), second);
+    EXPECT_EQ(as_read_from_nff(first), first);
   }
 }
 

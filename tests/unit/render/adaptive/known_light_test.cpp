@@ -5,7 +5,7 @@
 #include <cstring>
 #include <random>
 
-#include "render/integrator/packet_tracer.h"
+#include "render/integrator/noting_tracer.h"
 #include "render/methods/adaptive/colour_tracer.h"
 #include "render/shading/shading_tables.h"
 #include "tests/support/tiny_scenes.h"
@@ -48,7 +48,7 @@ class KnownLight : public ::testing::TestWithParam<testing::NamedScene> {
   optics::Rig rig_;
   TilePlan plan_;
   SurfaceGroups groups_;
-  PacketTracer tracer_;
+  NotingTracer tracer_;
   RayPacket packet_;
   alignas(64) std::array<int32_t, kPacket> channel_{};
   alignas(64) std::array<float, kPacket> light_{}, known_light_{};
@@ -72,8 +72,8 @@ TEST_P(KnownLight, UsingNotesChangesNoByte) {
   for (int round = 0; round < 100; ++round) {
     aim(random);
     tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
-    const PacketTracer::Notes notes = tracer_.notes();
-    PacketTracer::Known known{};
+    const LightNotes notes = tracer_.notes();
+    render::KnownLight known{};
     tracer_.trace_known(scene_, channel_, known, packet_, known_light_);
     known.set_lights(notes.lit, notes.hidden);
     for (size_t r = 0; r < kPacket; ++r) {
@@ -82,9 +82,9 @@ TEST_P(KnownLight, UsingNotesChangesNoByte) {
       known.secondary_lanes |= 1U << r;
       known.secondary[r] = notes.secondary[r];
     }
-    const uint64_t before = tracer_.counts().secondary;
+    const uint64_t before = tracer_.counts().secondary_rays;
     tracer_.trace_known(scene_, channel_, known, packet_, known_light_);
-    EXPECT_EQ(tracer_.counts().secondary, before);
+    EXPECT_EQ(tracer_.counts().secondary_rays, before);
     for (size_t r = 0; r < kPacket; ++r) {
       if (packet_.valid[r] == 0) continue;
       ASSERT_NEAR(light_[r], known_light_[r], 1e-5) << "all known, lane " << r;
@@ -103,7 +103,7 @@ TEST_P(KnownLight, ServesTheOtherColours) {
     tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     for (const int32_t colour : {0, 2}) {
       channel_.fill(colour);
-      const PacketTracer::Known nothing{};
+      const render::KnownLight nothing{};
       RayPacket first = packet_, second = packet_;
       tracer_.trace_known(scene_, channel_, nothing, first, known_light_, true);
       const auto secondary = std::to_array(tracer_.notes().secondary);
@@ -119,7 +119,9 @@ TEST_P(KnownLight, StaysWithinTheToleratedError) {
   std::mt19937_64 random(8);
   constexpr float kBrightest = 2.0F;
   uint64_t exact_rays = 0, rays = 0;
-  const auto traced = [&] { return tracer_.counts().secondary + tracer_.counts().shadow; };
+  const auto traced = [&] {
+    return tracer_.counts().secondary_rays + tracer_.counts().shadow_rays;
+  };
   for (const float tolerated : {0.004F, 0.05F, 0.5F})
     for (int round = 0; round < 100; ++round) {
       aim(random);
@@ -138,7 +140,7 @@ TEST_P(KnownLight, StaysWithinTheToleratedError) {
       }
     }
   EXPECT_LT(rays, exact_rays);
-  EXPECT_GT(tracer_.counts().too_little, 0U);
+  EXPECT_GT(tracer_.counts().rays_of_too_little, 0U);
 }
 
 /// Repeats the tests with sampled light.
@@ -160,9 +162,9 @@ class KnownSoftLight : public KnownLight {
     tracer_.set_seeds(seeds);
   }
   [[nodiscard]] uint64_t traced() const {
-    const RayCounts counts = tracer_.counts();
-    return counts.shadow - counts.shadow_proved - counts.shadow_blocked + counts.ambient -
-           counts.ambient_proved;
+    const FrameCounts counts = tracer_.counts();
+    return counts.shadow_rays - counts.shadow_rays_proved - counts.shadow_rays_blocked +
+           counts.ambient_rays - counts.ambient_rays_proved;
   }
   void compare() {
     for (size_t r = 0; r < kPacket; ++r) {
@@ -182,7 +184,7 @@ TEST_P(KnownSoftLight, OtherColoursNeedNoRaysToAreaLightsAndEnvironment) {
     channel_.fill(1);
     tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
     channel_.fill(0);
-    const PacketTracer::Known nothing{};
+    const render::KnownLight nothing{};
     RayPacket first = packet_, second = packet_;
     const uint64_t before = traced();
     tracer_.trace_known(scene_, channel_, nothing, first, known_light_, true);
@@ -200,13 +202,13 @@ TEST_P(KnownSoftLight, SharesOfTheNotesReplaceRays) {
   for (int round = 0; round < 60; ++round) {
     aim(random);
     tracer_.trace_noting(scene_, plan_, channel_, groups_, 0.0F, packet_, light_);
-    const PacketTracer::Notes& notes = tracer_.notes();
-    PacketTracer::Known known{};
+    const LightNotes& notes = tracer_.notes();
+    render::KnownLight known{};
     for (size_t r = 0; r < kPacket; ++r) {
       known.secondary_lanes |= 1U << r;
       known.secondary[r] = notes.secondary[r];
       const auto tell = [&](KnownShare& share, float value) {
-        if (value == PacketTracer::kNoShare) return;
+        if (value == LightNotes::kNoShare) return;
         ASSERT_GE(value, 0.0F);
         ASSERT_LE(value, 1.0F);
         share.lanes |= 1U << r;
@@ -266,7 +268,7 @@ TEST(Notes, DistinguishShadowsAndSurfaces) {
   const SurfaceGroups groups(scene);
   const optics::Rig rig = testing::make_rig({});
   const TilePlan plan(rig);
-  PacketTracer tracer(RenderOptions{.cancelled = {}});
+  NotingTracer tracer(RenderOptions{.cancelled = {}});
   std::vector<PathRay> rays(kPacket);
   const Affine& from_panel = scene.scene_from_panel;
   const auto aim = [&](size_t n, Vec3 world) {
@@ -284,7 +286,7 @@ TEST(Notes, DistinguishShadowsAndSurfaces) {
   std::array<int32_t, kPacket> channel{};
   alignas(64) std::array<float, kPacket> light{};
   tracer.trace_noting(scene, plan, channel, groups, 0.0F, packet, light);
-  const PacketTracer::Notes& notes = tracer.notes();
+  const LightNotes& notes = tracer.notes();
   EXPECT_EQ(notes.way[0], notes.way[1]);
   EXPECT_NE(notes.way[0], notes.way[2]);
   EXPECT_NE(notes.way[0], notes.way[3]);

@@ -44,7 +44,7 @@ class SettledSamples : public ::testing::Test {
     sample.light = {.lit = one_in(8) ? 1U : 3U,
                     .hidden = one_in(8) ? 0U : 4U,
                     .secondary_way = one_in(12) ? 5U : 6U,
-                    .around = one_in(12) ? PacketTracer::kNoShare
+                    .around = one_in(12) ? LightNotes::kNoShare
                                          : 0.5F + 0.05F * static_cast<float>(random_() % 6)};
     for (size_t lamp = 0; lamp < sample.light.seen.size(); ++lamp)
       sample.light.seen[lamp] = one_in(4) ? KeySamples::Light::kNotShining
@@ -143,7 +143,7 @@ class SettledSamples : public ::testing::Test {
     }
     ++settled_;
     uint8_t wanted = settled.around_known ? SettledLight::kNoSamples : SettledLight::kAllSamples;
-    for (size_t lamp = 0; lamp < PacketTracer::kLamps; ++lamp)
+    for (size_t lamp = 0; lamp < LightNotes::kLamps; ++lamp)
       if (!expect_lamp(corners, settled, lamps, lamp) && wanted == SettledLight::kNoSamples)
         wanted = static_cast<uint8_t>(lamp);
     EXPECT_EQ(settled.wanted, wanted);
