@@ -77,10 +77,10 @@ std::unique_ptr<display::KmsDisplay> PanelWait::open(const std::function<void()>
   try_until(
       later(now(), options_.at_start),
       [&] {
-        // Cleared before the attempt, because an inherited output can be used only once, successful
+        // Cleared before the attempt, because a previous output can be used only once, successful
         // or not.
         display::KmsOptions options = options_.kms;
-        options_.kms.inherited.reset();
+        options_.kms.previous.reset();
         opened = display::open_kms_display(options);
       },
       meanwhile);
@@ -154,8 +154,8 @@ bool PanelWait::succeeds(const Attempt& attempt) {
 
 void PanelWait::show_card(const PanelSearch& search) {
   if (!deserves_a_card(search)) return card_.close();
-  const display::PanelFacts& panel = search.present.front();
-  (void)card_.show(panel, wrong_panel_card(options_.kms.wish, search, panel, options_.rig));
+  const display::PanelInfo& panel = search.present.front();
+  (void)card_.show(panel, wrong_panel_card(options_.kms.output, search, panel, options_.rig));
 }
 
 /// Throws Error(Device) when cancelled.

@@ -9,8 +9,8 @@
 #include <string>
 
 #include "base/error.h"
+#include "display/kms/inspect.h"
 #include "display/kms/scanout/kms_display.h"
-#include "display/kms/survey/panel_search.h"
 #include "player/playback/playback.h"
 #include "player/session/panel_card.h"
 
@@ -26,7 +26,7 @@ struct PanelWaiting {
 };
 
 struct PanelWaitOptions {
-  /// A clock or session that is null is created. `inherited` is used once.
+  /// A clock or session that is null is created. `previous` is used once.
   display::KmsOptions kms;
   /// Timeouts at the start and after a loss; none = wait forever, zero = do not wait.
   std::optional<display::Nanoseconds> at_start;

@@ -108,12 +108,12 @@ ExitCode PlayRun::run() {
 void PlayRun::open_display() {
   std::vector<KeptDescriptor> kept = take_kept_descriptors();
   kept_ = !kept.empty();
-  plan_.display.kms.inherited = kept_output(std::move(kept));
+  plan_.display.kms.previous = kept_output(std::move(kept));
   manager_.status("opening " + plan_.display.spec);
   const bool is_panel = display::is_kms_spec(plan_.display.spec);
   // No other process can become the card's DRM master while the service manager holds the card
   // open.
-  if (!is_panel || !plan_.display.kms.inherited) let_go();
+  if (!is_panel || !plan_.display.kms.previous) let_go();
   if (is_panel)
     open_panel();
   else

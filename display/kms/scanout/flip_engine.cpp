@@ -17,13 +17,13 @@ constexpr Nanoseconds kLongestResume = std::chrono::seconds(2);
 
 }  // namespace
 
-FlipEngine::FlipEngine(LitOutput& lit, std::shared_ptr<Session> session,
+FlipEngine::FlipEngine(ActiveOutput& active, std::shared_ptr<Session> session,
                        std::shared_ptr<Clock> clock, frames::Rate refresh, KmsCounters& counters)
-    : lit_(lit),
+    : active_(active),
       session_(std::move(session)),
       clock_(std::move(clock)),
       counters_(counters),
-      vblanks_(*lit.output, refresh, *clock_, counters),
+      vblanks_(*active.output, refresh, *clock_, counters),
       // The start value differs from the serial numbers of a previous user of the card.
       next_serial_(static_cast<uint64_t>(clock_->now().count()) | 1),
       backoff_(kShortestBackoff),
@@ -61,7 +61,7 @@ void FlipEngine::run_timers() noexcept {
 }
 
 void FlipEngine::read_events() noexcept {
-  const EventRead result = read_drm_events(lit_.output->device().fd(), *this);
+  const EventRead result = read_drm_events(active_.output->device().fd(), *this);
   if (result == EventRead::Truncated) counters_.truncated_reads.add();
   if (result == EventRead::Gone) lose();
 }
@@ -102,7 +102,7 @@ bool FlipEngine::request_vblank(uint64_t sequence) noexcept {
 
 void FlipEngine::try_flip() noexcept {
   const uint64_t serial = next_serial_++;
-  const int error = lit_.output->flip(flip_.buffer()->framebuffer(), serial);
+  const int error = active_.output->flip(flip_.buffer()->framebuffer(), serial);
   if (error == 0) return flip_.arm(serial, now() + flip_patience(vblanks_.period()));
   const CommitFailure failure = note_failure(error);
   if (failure == CommitFailure::Busy) flip_.put_off(now() + vblanks_.period());
@@ -121,9 +121,9 @@ void FlipEngine::land(VblankClock::Landing landing) noexcept {
 
 DisplayEvent FlipEngine::deliver_flip() noexcept {
   const PendingFlip::Landed flip = flip_.deliver();
-  if (lit_.front != nullptr) lit_.front->set_state(ScanoutState::Free);
-  lit_.front = flip.buffer;
-  lit_.front->set_state(ScanoutState::OnGlass);
+  if (active_.front != nullptr) active_.front->set_state(ScanoutState::Free);
+  active_.front = flip.buffer;
+  active_.front->set_state(ScanoutState::OnGlass);
   counters_.flips.add();
   return {.kind = EventKind::Flip,
           .id = flip.id,
@@ -159,7 +159,7 @@ CommitFailure FlipEngine::note_failure(int error) noexcept {
 /// again after growing pauses.
 void FlipEngine::recover() noexcept {
   const bool modeset = needs_modeset_ || ++recovery_attempts_ > kBlockingCommitsBeforeModeset;
-  const int error = modeset ? relight() : lit_.output->show(wanted_on_glass());
+  const int error = modeset ? relight() : active_.output->show(wanted_on_glass());
   if (error == 0) return recovered();
   const CommitFailure failure = note_failure(error);
   if (failure == CommitFailure::Wrong) panel_in_doubt_ = true;
@@ -177,7 +177,7 @@ void FlipEngine::recovered() noexcept {
 
 int FlipEngine::relight() noexcept {
   counters_.modesets.add();
-  const int error = lit_.output->relight(wanted_on_glass());
+  const int error = active_.output->set_mode(wanted_on_glass());
   if (error != 0) return error;
   needs_modeset_ = false;
   vblanks_.rebase();
@@ -211,7 +211,7 @@ void FlipEngine::set_session_ours(bool ours) noexcept {
 /// Tries to resume after a pause. The output's state may have changed meanwhile, so this takes a
 /// whole modeset.
 void FlipEngine::try_resume() noexcept {
-  if (session_->ensure_master(lit_.output->device().fd()) == Mastership::Held) {
+  if (session_->ensure_master(active_.output->device().fd()) == Mastership::Held) {
     const int error = relight();
     if (error == 0) {
       paused_ = false;

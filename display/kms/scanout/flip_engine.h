@@ -12,9 +12,9 @@
 #include "display/display.h"
 #include "display/kms/device/drm_events.h"
 #include "display/kms/device/session.h"
+#include "display/kms/scanout/active_output.h"
 #include "display/kms/scanout/commit_failure.h"
 #include "display/kms/scanout/kms_counters.h"
-#include "display/kms/scanout/lit_output.h"
 #include "display/kms/scanout/pending_flip.h"
 #include "display/kms/scanout/vblank_clock.h"
 
@@ -23,9 +23,9 @@ namespace lenticule::display {
 /// Allocates memory only for modesets. Thread safety: the presenter's thread.
 class FlipEngine final : private DrmEventHandler {
  public:
-  /// Lifetime: `lit`, whose front buffer the engine keeps up to date, and `counters` must outlive
-  /// the engine.
-  FlipEngine(LitOutput& lit, std::shared_ptr<Session> session, std::shared_ptr<Clock> clock,
+  /// Lifetime: `active`, whose front buffer the engine keeps up to date, and `counters` must
+  /// outlive the engine.
+  FlipEngine(ActiveOutput& active, std::shared_ptr<Session> session, std::shared_ptr<Clock> clock,
              frames::Rate refresh, KmsCounters& counters);
 
   /// See Display::submit() and request_vblank().
@@ -74,10 +74,10 @@ class FlipEngine final : private DrmEventHandler {
     return needs_modeset_ && !flip_.under_way();
   }
   [[nodiscard]] uint32_t wanted_on_glass() const noexcept {
-    return (flip_.buffer() != nullptr ? flip_.buffer() : lit_.front)->framebuffer();
+    return (flip_.buffer() != nullptr ? flip_.buffer() : active_.front)->framebuffer();
   }
 
-  LitOutput& lit_;
+  ActiveOutput& active_;
   std::shared_ptr<Session> session_;
   std::shared_ptr<Clock> clock_;
   KmsCounters& counters_;

@@ -7,11 +7,10 @@
 #include <utility>
 
 #include "base/error.h"
+#include "display/kms/scanout/active_output.h"
 #include "display/kms/scanout/event_waiter.h"
 #include "display/kms/scanout/flip_engine.h"
-#include "display/kms/scanout/inherit_output.h"
 #include "display/kms/scanout/kms_counters.h"
-#include "display/kms/scanout/open_kms.h"
 #include "display/kms/scanout/panel_guard.h"
 
 namespace lenticule::display {
@@ -27,7 +26,7 @@ KmsOptions with_services(KmsOptions options) {
 }
 
 void check_options(const KmsOptions& options) {
-  if (options.wish.panel.format != frames::PixelFormat::Rgb8)
+  if (options.output.panel.format != frames::PixelFormat::Rgb8)
     throw Error(ErrorKind::Usage, "kms: only 8-bit RGB frames can be shown");
   if (options.buffers < kMinScanoutBuffers || options.buffers > kMaxScanoutBuffers)
     throw Error(ErrorKind::Usage, fmt::format("kms: {} scan-out buffers", options.buffers),
@@ -50,7 +49,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   [[nodiscard]] Nanoseconds now() const noexcept override { return clock_->now(); }
 
   [[nodiscard]] ScanoutBuffer* acquire() override {
-    for (const auto& buffer : lit_.buffers)
+    for (const auto& buffer : active_.buffers)
       if (buffer->try_acquire()) return buffer.get();
     return nullptr;
   }
@@ -71,21 +70,21 @@ class AtomicKmsDisplay final : public KmsDisplay {
   }
   [[nodiscard]] KmsStatistics statistics() const noexcept override { return counters_.snapshot(); }
   [[nodiscard]] ExactnessReport exactness() const override {
-    return lit_.output ? lit_.output->report() : ExactnessReport{};
+    return active_.output ? active_.output->report() : ExactnessReport{};
   }
   [[nodiscard]] bool took_over() const noexcept override {
-    return lit_.output && lit_.output->took_over();
+    return active_.output && active_.output->took_over();
   }
   [[nodiscard]] int card_fd() const noexcept override {
-    return lit_.output ? lit_.output->device().fd() : -1;
+    return active_.output ? active_.output->device().fd() : -1;
   }
-  [[nodiscard]] HandoverState handover() const noexcept override {
-    return lit_.output ? describe_output(lit_, mode_.geometry) : HandoverState{};
+  [[nodiscard]] TakeoverState takeover_state() const noexcept override {
+    return active_.output ? takeover_state_of(active_, mode_.geometry) : TakeoverState{};
   }
 
  private:
   void open();
-  void light_up();
+  void start();
   void close(ExitPolicy exit) noexcept;
   void leave_output(ExitPolicy exit) noexcept;
 
@@ -104,7 +103,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   std::shared_ptr<Clock> clock_;
   KmsCounters counters_;
   DisplayMode mode_;
-  LitOutput lit_;
+  ActiveOutput active_;
   // These exist only while the output is active; they refer to it.
   std::optional<FlipEngine> engine_;
   std::optional<PanelGuard> guard_;
@@ -117,19 +116,19 @@ class AtomicKmsDisplay final : public KmsDisplay {
 
 void AtomicKmsDisplay::open() {
   try {
-    light_up();
+    start();
   } catch (...) {
     close(options_.exit);
     throw;
   }
 }
 
-void AtomicKmsDisplay::light_up() {
-  lit_ = light_output(options_);
-  options_.inherited.reset();
-  lit_.front->set_state(ScanoutState::OnGlass);
+void AtomicKmsDisplay::start() {
+  active_ = open_output(options_);
+  options_.previous.reset();
+  active_.front->set_state(ScanoutState::OnGlass);
   try {
-    require_exact(options_, *lit_.output);
+    require_exact(options_, *active_.output);
   } catch (...) {
     close(ExitPolicy::Restore);  // a refused picture is not kept
     throw;
@@ -137,16 +136,16 @@ void AtomicKmsDisplay::light_up() {
   // Reconnecting after a successful start tolerates inexact output and reports it instead of
   // stopping.
   options_.allow_inexact = true;
-  const OutputTarget& target = lit_.output->target();
-  const DrmDevice& device = lit_.output->device();
-  mode_ = {.geometry = options_.wish.panel,
-           .refresh = refresh_of(target.mode),
-           .name = fmt::format("{} on {} {}", target.connector.name, device.path(),
-                               to_string(target.mode)),
-           .hardware_clock = false};
+  const Pipe& pipe = active_.output->pipe();
+  const DrmDevice& device = active_.output->device();
+  mode_ = {
+      .geometry = options_.output.panel,
+      .refresh = refresh_of(pipe.mode),
+      .name = fmt::format("{} on {} {}", pipe.connector.name, device.path(), to_string(pipe.mode)),
+      .hardware_clock = false};
   asleep_ = options_.platform->time_asleep();
-  engine_.emplace(lit_, options_.session, clock_, mode_.refresh, counters_);
-  guard_.emplace(*lit_.output, options_.wish, options_.platform->watch_hotplug(), clock_,
+  engine_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
+  guard_.emplace(*active_.output, options_.output, options_.platform->watch_hotplug(), clock_,
                  counters_);
   waiter_.emplace(device.fd(), options_.session->fd(), guard_->fd());
   mode_.hardware_clock = engine_->counts_by_hardware();
@@ -160,13 +159,13 @@ void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
   waiter_.reset();
   guard_.reset();
   engine_.reset();
-  if (lit_.output) {
+  if (active_.output) {
     if (!lost) leave_output(exit);
-    lit_.front = nullptr;
-    lit_.buffers.clear();
-    const DrmDevice& device = lit_.output->device();
+    active_.front = nullptr;
+    active_.buffers.clear();
+    const DrmDevice& device = active_.output->device();
     if (exit != ExitPolicy::Hold) device.session().drop_master(device.fd());
-    lit_.output.reset();
+    active_.output.reset();
   }
   console_.reset();  // the console may draw again once the card is free
 }
@@ -175,13 +174,13 @@ void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
 void AtomicKmsDisplay::leave_output(ExitPolicy exit) noexcept {
   switch (exit) {
     case ExitPolicy::Restore:
-      (void)lit_.output->restore();
+      (void)active_.output->restore();
       return;
     case ExitPolicy::Black:
-      (void)lit_.output->blank();
+      (void)active_.output->blank();
       return;
     case ExitPolicy::Hold:
-      for (const auto& buffer : lit_.buffers) buffer->abandon();
+      for (const auto& buffer : active_.buffers) buffer->abandon();
   }
 }
 
@@ -224,7 +223,7 @@ void AtomicKmsDisplay::follow_panel(bool news_waiting) noexcept {
     case PanelGuard::Advice::Relight:
       return engine_->relight_soon();
     case PanelGuard::Advice::GoDark:
-      (void)lit_.output->blank();
+      (void)active_.output->blank();
       return engine_->lose();
   }
 }

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "display/kms/probe/mode_choice.h"
+#include "display/kms/probe/pipe.h"
 #include "display/kms/scanout/pending_flip.h"
 
 namespace lenticule::display {
@@ -12,9 +12,9 @@ namespace {
 
 constexpr Nanoseconds kLookAgain = std::chrono::seconds(2);
 
-bool is_expected(const ConnectorInfo& connector, const OutputWish& wish) {
-  return wish.policy == IdentityPolicy::Ignore || wish.identity.empty() ||
-         (connector.edid.identity && matches(wish.identity, *connector.edid.identity));
+bool is_expected(const ConnectorInfo& connector, const OutputRequest& request) {
+  return request.policy == IdentityPolicy::Ignore || request.identity.empty() ||
+         (connector.edid.identity && matches(request.identity, *connector.edid.identity));
 }
 
 PanelWatch::Running running_by(const Clock& clock) {
@@ -23,24 +23,24 @@ PanelWatch::Running running_by(const Clock& clock) {
 
 }  // namespace
 
-PanelState judge_panel(const ConnectorInfo* connector, const OutputWish& wish,
+PanelState judge_panel(const ConnectorInfo* connector, const OutputRequest& request,
                        const drmModeModeInfo& mode) {
   if (connector == nullptr || !connector->connected) return PanelState::Disconnected;
-  if (!is_expected(*connector, wish))
+  if (!is_expected(*connector, request))
     return connector->edid.problem == EdidProblem::None ? PanelState::WrongPanel
                                                         : PanelState::Unreadable;
   return offers_mode(*connector, mode) ? PanelState::Showing : PanelState::ModeMissing;
 }
 
-PanelGuard::PanelGuard(KmsOutput& output, const OutputWish& wish,
+PanelGuard::PanelGuard(KmsOutput& output, const OutputRequest& request,
                        std::unique_ptr<HotplugMonitor> monitor, std::shared_ptr<Clock> clock,
                        KmsCounters& counters)
     : output_(output),
-      wish_(wish),
+      request_(request),
       clock_(std::move(clock)),
       counters_(counters),
       watch_(
-          output.device().fd(), output.target().connector, std::move(monitor), clock_,
+          output.device().fd(), output.pipe().connector, std::move(monitor), clock_,
           running_by(*clock_),
           {.audit =
                [&output](bool news) {
@@ -86,7 +86,7 @@ PanelGuard::Advice PanelGuard::follow(bool news_waiting) noexcept {
 /// that is only switched off and on then needs no modeset.
 PanelGuard::Advice PanelGuard::heed(const PanelNews& news) {
   const ConnectorInfo* const connector = news.connector ? &*news.connector : nullptr;
-  const PanelState state = judge_panel(connector, wish_, output_.target().mode);
+  const PanelState state = judge_panel(connector, request_, output_.pipe().mode);
   const PanelState before = counters_.panel.exchange(state, std::memory_order_relaxed);
   switch (state) {
     case PanelState::Disconnected:
@@ -102,7 +102,7 @@ PanelGuard::Advice PanelGuard::heed(const PanelNews& news) {
   }
   if (connector->link_bad) counters_.links_bad.add();
   const bool relight = before != PanelState::Showing || connector->link_bad;
-  output_.renew_connector(*connector);
+  output_.update_connector(*connector);
   return relight ? Advice::Relight : Advice::GoOn;
 }
 

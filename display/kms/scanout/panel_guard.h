@@ -6,25 +6,26 @@
 #include <memory>
 
 #include "display/clock.h"
-#include "display/kms/probe/output_wish.h"
+#include "display/kms/probe/output_request.h"
 #include "display/kms/scanout/kms_counters.h"
 #include "display/kms/scanout/kms_output.h"
 #include "display/kms/scanout/panel_watch.h"
 
 namespace lenticule::display {
 
-/// Returns the state of a panel for frames in `mode` with the request `wish`. `connector` null =
+/// Returns the state of a panel for frames in `mode`. `connector` null =
 /// the connector is gone.
-[[nodiscard]] PanelState judge_panel(const ConnectorInfo* connector, const OutputWish& wish,
+[[nodiscard]] PanelState judge_panel(const ConnectorInfo* connector, const OutputRequest& request,
                                      const drmModeModeInfo& mode);
 
 /// Audits the output repeatedly while monitoring. Thread safety: one thread.
 class PanelGuard {
  public:
-  /// Lifetime: `output`, whose connector data the guard updates, `wish` and `counters` must outlive
-  /// the guard.
-  PanelGuard(KmsOutput& output, const OutputWish& wish, std::unique_ptr<HotplugMonitor> monitor,
-             std::shared_ptr<Clock> clock, KmsCounters& counters);
+  /// Lifetime: `output`, whose connector data the guard updates, `request` and `counters` must
+  /// outlive the guard.
+  PanelGuard(KmsOutput& output, const OutputRequest& request,
+             std::unique_ptr<HotplugMonitor> monitor, std::shared_ptr<Clock> clock,
+             KmsCounters& counters);
 
   /// Returns a descriptor that is readable when follow() should be called; -1 if never.
   [[nodiscard]] int fd() const noexcept { return watch_.fd(); }
@@ -47,7 +48,7 @@ class PanelGuard {
   void look_again() noexcept;
 
   KmsOutput& output_;
-  const OutputWish& wish_;
+  const OutputRequest& request_;
   std::shared_ptr<Clock> clock_;
   KmsCounters& counters_;
   PanelWatch watch_;

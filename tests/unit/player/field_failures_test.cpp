@@ -254,9 +254,9 @@ TEST_F(FieldFailures, ShowsEverySubpixelUnchanged) {
 }
 
 TEST_F(FieldFailures, RefusesAFilmWovenForAnotherPanel) {
-  options.wish.identity.serial = "ANOTHER";
+  options.output.identity.serial = "ANOTHER";
   EXPECT_THROW(open(), Error);
-  options.wish.identity.serial = "ONE";
+  options.output.identity.serial = "ONE";
   script.geometry.width = testing::kWidth + 1;
   EXPECT_THROW((void)play_script(), Error);
   EXPECT_TRUE(shown.empty());

@@ -83,7 +83,7 @@ class PanelWaitTest : public testing::KmsStage {
   [[nodiscard]] std::vector<uint32_t> expected_card(frames::FrameGeometry size) const {
     const display::PanelSearch search = display::search_panel(options);
     const display::CardText text =
-        wrong_panel_card(options.wish, search, search.present.at(0), "lobby.toml");
+        wrong_panel_card(options.output, search, search.present.at(0), "lobby.toml");
     const frames::WovenFrame frame = draw_test_card(size, text);
     return testing::words_of(frame);
   }
@@ -159,7 +159,7 @@ TEST_F(PanelWaitTest, TwoMatchingPanelsAreAnErrorOnACommandLine) {
   card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 2,
                      testing::make_mode(testing::kWidth, testing::kHeight, 60),
                      testing::EdidMaker{.serial_text = "TWO"}.bytes());
-  options.wish.identity = {};
+  options.output.identity = {};
   waiting.at_start = seconds(60);
   const Nanoseconds before = machine.now();
   EXPECT_THAT(failure().what(), HasSubstr("more than one panel fits"));
@@ -259,7 +259,7 @@ TEST_F(PanelWaitTest, AStaticTestCardProbesThePanelRarely) {
 
 TEST_F(PanelWaitTest, APanelWithoutTheRigsModeShowsThatOnATestCard) {
   connector->modes = {testing::make_mode(kOther.width, kOther.height, 60)};
-  options.wish.identity = {};
+  options.output.identity = {};
   look_at_glass(seconds(6));
   at(seconds(10), [this] { plug_own(); });
   const auto expected = expected_card(kOther);
@@ -401,22 +401,21 @@ TEST_F(PanelReturn, ALossAfterALongTimeHasTheFullTimeout) {
   }
 }
 
-display::PanelFacts panel_on(const std::string& connector) {
-  display::PanelFacts panel;
+display::PanelInfo panel_on(const std::string& connector) {
+  display::PanelInfo panel;
   panel.connector = connector;
   panel.connected = true;
   return panel;
 }
 
-display::PanelFacts panel_on(const std::string& connector, const display::EdidIdentity& identity) {
-  display::PanelFacts panel = panel_on(connector);
+display::PanelInfo panel_on(const std::string& connector, const display::EdidIdentity& identity) {
+  display::PanelInfo panel = panel_on(connector);
   panel.identity = identity;
   return panel;
 }
 
 TEST(WrongPanelCard, NamesExpectedPanelPresentPanelAndRemedy) {
-  const display::OutputWish wish{
-      .key = {},
+  const display::OutputRequest request{
       .identity = {.manufacturer = "LGD", .product = 0x1234, .serial = "42", .edid_sha256 = {}},
       .panel = {3840, 2160}};
   display::EdidIdentity dell;
@@ -429,7 +428,7 @@ TEST(WrongPanelCard, NamesExpectedPanelPresentPanelAndRemedy) {
       {.width = 1920, .height = 1080, .refresh = {60, 1}},
       {.width = 2560, .height = 1440, .refresh = {60, 1}, .preferred = true}};
   const display::CardText card =
-      wrong_panel_card(wish, search, search.present[0], "/etc/lenticule/lobby.toml");
+      wrong_panel_card(request, search, search.present[0], "/etc/lenticule/lobby.toml");
   EXPECT_EQ(card.headline, "WRONG PANEL");
   ASSERT_EQ(card.rows.size(), 5u);
   EXPECT_EQ(card.rows[0].text, "3840x2160 pixels, LGD 0x1234 serial 42");
@@ -440,24 +439,24 @@ TEST(WrongPanelCard, NamesExpectedPanelPresentPanelAndRemedy) {
 }
 
 TEST(WrongPanelCard, DistinguishesPanelsThatDifferOnlyInTheirChecksum) {
-  display::OutputWish wish;
-  wish.identity.edid_sha256 = std::string(64, 'a');
+  display::OutputRequest request;
+  request.identity.edid_sha256 = std::string(64, 'a');
   display::EdidIdentity twin;
   twin.sha256 = std::string(64, 'b');
   display::PanelSearch search;
   search.present = {panel_on("DP-1", twin)};
-  const display::CardText card = wrong_panel_card(wish, search, search.present[0], "rig");
+  const display::CardText card = wrong_panel_card(request, search, search.present[0], "rig");
   EXPECT_THAT(card.rows[0].text, HasSubstr("aaaaaaaaaaaa"));
   EXPECT_THAT(card.rows[1].text, HasSubstr("bbbbbbbbbbbb"));
 }
 
 TEST(WrongPanelCard, AnUnreadableEdidIsNotReportedAsAWrongPanel) {
-  display::OutputWish wish;
-  wish.identity.serial = "42";
+  display::OutputRequest request;
+  request.identity.serial = "42";
   display::PanelSearch search;
   search.present = {panel_on("DP-1")};
   search.present[0].edid_problem = display::EdidProblem::BadChecksum;
-  const display::CardText card = wrong_panel_card(wish, search, search.present[0], "rig");
+  const display::CardText card = wrong_panel_card(request, search, search.present[0], "rig");
   EXPECT_EQ(card.headline, "UNKNOWN PANEL");
 }
 
