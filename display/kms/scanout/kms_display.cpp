@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "base/error.h"
+#include "display/kms/device/drm_events.h"
 #include "display/kms/scanout/active_output.h"
-#include "display/kms/scanout/event_waiter.h"
-#include "display/kms/scanout/flip_engine.h"
 #include "display/kms/scanout/kms_counters.h"
+#include "display/kms/scanout/page_flip.h"
 #include "display/kms/scanout/panel_guard.h"
 
 namespace lenticule::display {
@@ -33,7 +33,7 @@ void check_options(const KmsOptions& options) {
                 fmt::format("use {} to {}", kMinScanoutBuffers, kMaxScanoutBuffers));
 }
 
-/// AtomicKmsDisplay combines an active output, the engine that flips on it, the monitor of its
+/// AtomicKmsDisplay combines an active output, the handler of its page flips, the monitor of its
 /// panel, and the waiter for all of their descriptors.
 class AtomicKmsDisplay final : public KmsDisplay {
  public:
@@ -57,10 +57,10 @@ class AtomicKmsDisplay final : public KmsDisplay {
 
   [[nodiscard]] SubmitStatus submit(ScanoutBuffer* buffer, uint64_t id) noexcept override {
     KmsBuffer* const mine = owned(buffer);
-    return engine_ ? engine_->submit(mine, id) : SubmitStatus::Lost;
+    return flips_ ? flips_->submit(mine, id) : SubmitStatus::Lost;
   }
   [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept override {
-    return engine_ && engine_->request_vblank(sequence);
+    return flips_ && flips_->request_vblank(sequence);
   }
   [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override;
 
@@ -105,7 +105,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   DisplayMode mode_;
   ActiveOutput active_;
   // These exist only while the output is active; they refer to it.
-  std::optional<FlipEngine> engine_;
+  std::optional<PageFlipHandler> flips_;
   std::optional<PanelGuard> guard_;
   std::optional<EventWaiter> waiter_;
   std::optional<GraphicsConsole> console_;
@@ -144,21 +144,21 @@ void AtomicKmsDisplay::start() {
       .name = fmt::format("{} on {} {}", pipe.connector.name, device.path(), to_string(pipe.mode)),
       .hardware_clock = false};
   asleep_ = options_.platform->time_asleep();
-  engine_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
+  flips_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
   guard_.emplace(*active_.output, options_.output, options_.platform->watch_hotplug(), clock_,
                  counters_);
   waiter_.emplace(device.fd(), options_.session->fd(), guard_->fd());
-  mode_.hardware_clock = engine_->counts_by_hardware();
+  mode_.hardware_clock = flips_->counts_by_hardware();
   // The kernel takes the panel when the console returns to text mode, even if a process holds the
   // card. A held frame therefore must not use the console.
   if (options_.exit != ExitPolicy::Hold) console_.emplace(options_.platform->terminal());
 }
 
 void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
-  const bool lost = engine_ && engine_->lost();
+  const bool lost = flips_ && flips_->lost();
   waiter_.reset();
   guard_.reset();
-  engine_.reset();
+  flips_.reset();
   if (active_.output) {
     if (!lost) leave_output(exit);
     active_.front = nullptr;
@@ -187,13 +187,13 @@ void AtomicKmsDisplay::leave_output(ExitPolicy exit) noexcept {
 // --- waiting --------------------------------------------------------------------------------
 
 DisplayEvent AtomicKmsDisplay::wait_event(Nanoseconds deadline, int wake_fd) noexcept {
-  if (!engine_) return {.kind = EventKind::Lost};
+  if (!flips_) return {.kind = EventKind::Lost};
   for (bool over = false;;) {
-    if (!engine_->lost()) run_timers();
-    if (const auto event = engine_->take_event()) return *event;
-    if (engine_->lost()) return {.kind = EventKind::Lost};
+    if (!flips_->lost()) run_timers();
+    if (const auto event = flips_->take_event()) return *event;
+    if (flips_->lost()) return {.kind = EventKind::Lost};
     if (over) return {.kind = EventKind::Timeout};
-    const Nanoseconds next = std::min({deadline, engine_->next_due(), guard_->next_due()});
+    const Nanoseconds next = std::min({deadline, flips_->next_due(), guard_->next_due()});
     const ReadySet ready = waiter_->wait(*clock_, next, wake_fd);
     notice_sleep();
     handle(ready);
@@ -203,17 +203,17 @@ DisplayEvent AtomicKmsDisplay::wait_event(Nanoseconds deadline, int wake_fd) noe
 
 void AtomicKmsDisplay::run_timers() noexcept {
   follow_panel(false);
-  engine_->run_timers();
-  if (engine_->take_doubt()) guard_->look();
+  flips_->run_timers();
+  if (flips_->take_doubt()) guard_->look();
 }
 
 void AtomicKmsDisplay::handle(const ReadySet& ready) noexcept {
-  if (ready.card) engine_->read_events();
-  if (ready.card_gone) engine_->lose();
-  if (ready.session) engine_->set_session_ours(options_.session->dispatch());
-  follow_panel(ready.watch);
+  if (ready.card) flips_->read_events();
+  if (ready.card_gone) flips_->lose();
+  if (ready.session) flips_->set_session_ours(options_.session->dispatch());
+  follow_panel(ready.hotplug);
   // Written only when it changes, because other threads may read the mode at any time.
-  if (mode_.hardware_clock && !engine_->counts_by_hardware()) mode_.hardware_clock = false;
+  if (mode_.hardware_clock && !flips_->counts_by_hardware()) mode_.hardware_clock = false;
 }
 
 void AtomicKmsDisplay::follow_panel(bool news_waiting) noexcept {
@@ -221,10 +221,10 @@ void AtomicKmsDisplay::follow_panel(bool news_waiting) noexcept {
     case PanelGuard::Advice::GoOn:
       return;
     case PanelGuard::Advice::Relight:
-      return engine_->relight_soon();
+      return flips_->relight_soon();
     case PanelGuard::Advice::GoDark:
       (void)active_.output->blank();
-      return engine_->lose();
+      return flips_->lose();
   }
 }
 
@@ -237,7 +237,7 @@ void AtomicKmsDisplay::notice_sleep() noexcept {
   if (!slept) return;
   counters_.suspends.add();
   guard_->look();
-  engine_->relight_soon();
+  flips_->relight_soon();
 }
 
 }  // namespace

@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "display/kms/probe/pipe.h"
-#include "display/kms/scanout/pending_flip.h"
 
 namespace lenticule::display {
 namespace {
