@@ -11,7 +11,7 @@
 #include "display/kms/scanout/active_output.h"
 #include "display/kms/scanout/kms_counters.h"
 #include "display/kms/scanout/page_flip.h"
-#include "display/kms/scanout/panel_guard.h"
+#include "display/kms/scanout/panel_monitor.h"
 
 namespace lenticule::display {
 namespace {
@@ -90,7 +90,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
 
   void run_timers() noexcept;
   void handle(const ReadySet& ready) noexcept;
-  void follow_panel(bool news_waiting) noexcept;
+  void follow_panel(bool event_waiting) noexcept;
   void notice_sleep() noexcept;
 
   static KmsBuffer* owned(ScanoutBuffer* buffer) noexcept {
@@ -106,7 +106,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   ActiveOutput active_;
   // These exist only while the output is active; they refer to it.
   std::optional<PageFlipHandler> flips_;
-  std::optional<PanelGuard> guard_;
+  std::optional<PanelMonitor> monitor_;
   std::optional<EventWaiter> waiter_;
   std::optional<GraphicsConsole> console_;
   Nanoseconds asleep_{0};
@@ -145,9 +145,9 @@ void AtomicKmsDisplay::start() {
       .hardware_clock = false};
   asleep_ = options_.platform->time_asleep();
   flips_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
-  guard_.emplace(*active_.output, options_.output, options_.platform->watch_hotplug(), clock_,
-                 counters_);
-  waiter_.emplace(device.fd(), options_.session->fd(), guard_->fd());
+  monitor_.emplace(*active_.output, options_.output, options_.platform->watch_hotplug(), clock_,
+                   counters_);
+  waiter_.emplace(device.fd(), options_.session->fd(), monitor_->fd());
   mode_.hardware_clock = flips_->counts_by_hardware();
   // The kernel takes the panel when the console returns to text mode, even if a process holds the
   // card. A held frame therefore must not use the console.
@@ -157,7 +157,7 @@ void AtomicKmsDisplay::start() {
 void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
   const bool lost = flips_ && flips_->lost();
   waiter_.reset();
-  guard_.reset();
+  monitor_.reset();
   flips_.reset();
   if (active_.output) {
     if (!lost) leave_output(exit);
@@ -193,7 +193,7 @@ DisplayEvent AtomicKmsDisplay::wait_event(Nanoseconds deadline, int wake_fd) noe
     if (const auto event = flips_->take_event()) return *event;
     if (flips_->lost()) return {.kind = EventKind::Lost};
     if (over) return {.kind = EventKind::Timeout};
-    const Nanoseconds next = std::min({deadline, flips_->next_due(), guard_->next_due()});
+    const Nanoseconds next = std::min({deadline, flips_->next_due(), monitor_->next_due()});
     const ReadySet ready = waiter_->wait(*clock_, next, wake_fd);
     notice_sleep();
     handle(ready);
@@ -204,27 +204,27 @@ DisplayEvent AtomicKmsDisplay::wait_event(Nanoseconds deadline, int wake_fd) noe
 void AtomicKmsDisplay::run_timers() noexcept {
   follow_panel(false);
   flips_->run_timers();
-  if (flips_->take_doubt()) guard_->look();
+  if (flips_->take_panel_check()) monitor_->check_now();
 }
 
 void AtomicKmsDisplay::handle(const ReadySet& ready) noexcept {
   if (ready.card) flips_->read_events();
-  if (ready.card_gone) flips_->lose();
+  if (ready.card_gone) flips_->mark_lost();
   if (ready.session) flips_->set_session_ours(options_.session->dispatch());
   follow_panel(ready.hotplug);
   // Written only when it changes, because other threads may read the mode at any time.
   if (mode_.hardware_clock && !flips_->counts_by_hardware()) mode_.hardware_clock = false;
 }
 
-void AtomicKmsDisplay::follow_panel(bool news_waiting) noexcept {
-  switch (guard_->follow(news_waiting)) {
-    case PanelGuard::Advice::GoOn:
+void AtomicKmsDisplay::follow_panel(bool event_waiting) noexcept {
+  switch (monitor_->handle_events(event_waiting)) {
+    case PanelMonitor::Action::None:
       return;
-    case PanelGuard::Advice::Relight:
-      return flips_->relight_soon();
-    case PanelGuard::Advice::GoDark:
+    case PanelMonitor::Action::SetMode:
+      return flips_->request_modeset();
+    case PanelMonitor::Action::SwitchOff:
       (void)active_.output->blank();
-      return flips_->lose();
+      return flips_->mark_lost();
   }
 }
 
@@ -236,8 +236,8 @@ void AtomicKmsDisplay::notice_sleep() noexcept {
   asleep_ = asleep;
   if (!slept) return;
   counters_.suspends.add();
-  guard_->look();
-  flips_->relight_soon();
+  monitor_->check_now();
+  flips_->request_modeset();
 }
 
 }  // namespace

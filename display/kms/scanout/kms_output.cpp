@@ -74,7 +74,7 @@ KmsOutput::KmsOutput(DrmDevice device, Pipe pipe, std::shared_ptr<KmsPlatform> p
       mode_blob_(make_mode_blob(device_.fd(), pipe_.mode)),
       framebuffer_property_(tables_.plane.require("FB_ID")),
       platform_(std::move(platform)),
-      link_(link_facts()),
+      link_(link_info()),
       place_{.card = device_.path(), .connector = pipe_.connector.name, .crtc = pipe_.crtc} {}
 
 std::vector<PropertySetting> KmsOutput::plane_settings(uint32_t framebuffer) const {
@@ -274,7 +274,7 @@ void KmsOutput::settle() {
   update_report(PipeTables::read(device_.fd(), pipe_.connector.id, pipe_.crtc, pipe_.plane));
 }
 
-LinkFacts KmsOutput::link_facts() const {
+LinkInfo KmsOutput::link_info() const {
   const EdidReading& edid = pipe_.connector.edid;
   const PixelSize size{pipe_.mode.hdisplay, pipe_.mode.vdisplay};
   const std::vector<PixelSize> native = edid.native_sizes();
@@ -291,13 +291,13 @@ LinkFacts KmsOutput::link_facts() const {
 
 void KmsOutput::update_connector(ConnectorInfo connector) {
   pipe_.connector = std::move(connector);
-  LinkFacts facts = link_facts();
+  LinkInfo info = link_info();
   const std::lock_guard lock(mutex_);
-  link_ = std::move(facts);
+  link_ = std::move(info);
 }
 
 ExactnessReport KmsOutput::make_report(const std::optional<PipeTables>& now, AuditDepth depth) {
-  LinkFacts link;
+  LinkInfo link;
   LinkPlace place;
   std::vector<AuditRow> debugfs_rows;
   {

@@ -91,7 +91,7 @@ class KmsOutput {
   [[noreturn]] void fail(int error) const;
   void remember(uint32_t framebuffer);
   void settle();
-  [[nodiscard]] LinkFacts link_facts() const;
+  [[nodiscard]] LinkInfo link_info() const;
   [[nodiscard]] ExactnessReport make_report(const std::optional<PipeTables>& now, AuditDepth depth);
   void update_report(const std::optional<PipeTables>& now);
 
@@ -109,7 +109,7 @@ class KmsOutput {
   std::shared_ptr<KmsPlatform> platform_;
 
   mutable std::mutex mutex_;  ///< guards the members below
-  LinkFacts link_;
+  LinkInfo link_;
   LinkPlace place_;
   std::vector<AuditRow> debugfs_rows_;
   ExactnessReport report_;

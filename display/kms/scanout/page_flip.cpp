@@ -126,7 +126,7 @@ void PageFlipHandler::run_timers() noexcept {
 void PageFlipHandler::read_events() noexcept {
   const EventRead result = read_drm_events(active_.output->device().fd(), *this);
   if (result == EventRead::Truncated) counters_.truncated_reads.add();
-  if (result == EventRead::Gone) lose();
+  if (result == EventRead::Gone) mark_lost();
 }
 
 void PageFlipHandler::on_drm_event(const DrmEvent& event) noexcept {
@@ -134,8 +134,8 @@ void PageFlipHandler::on_drm_event(const DrmEvent& event) noexcept {
   if (!vblanks_.observe(event)) counters_.stray_events.add();
 }
 
-bool PageFlipHandler::take_doubt() noexcept {
-  return std::exchange(panel_in_doubt_, false);
+bool PageFlipHandler::take_panel_check() noexcept {
+  return std::exchange(panel_check_due_, false);
 }
 
 // --- flips ----------------------------------------------------------------------------------
@@ -207,7 +207,7 @@ CommitFailure PageFlipHandler::note_failure(int error) noexcept {
       pause();
       break;
     case CommitFailure::Gone:
-      lose();
+      mark_lost();
       break;
     case CommitFailure::Wrong:
       counters_.refused.add();
@@ -222,10 +222,10 @@ CommitFailure PageFlipHandler::note_failure(int error) noexcept {
 /// again after growing pauses.
 void PageFlipHandler::recover() noexcept {
   const bool modeset = needs_modeset_ || ++recovery_attempts_ > kBlockingCommitsBeforeModeset;
-  const int error = modeset ? relight() : active_.output->show(wanted_on_glass());
+  const int error = modeset ? set_mode() : active_.output->show(wanted_on_glass());
   if (error == 0) return recovered();
   const CommitFailure failure = note_failure(error);
-  if (failure == CommitFailure::Wrong) panel_in_doubt_ = true;
+  if (failure == CommitFailure::Wrong) panel_check_due_ = true;
   if (failure != CommitFailure::Busy && failure != CommitFailure::Wrong) return;
   recover_at(now() + backoff_);
   backoff_ = std::min(2 * backoff_, kLongestBackoff);
@@ -238,7 +238,7 @@ void PageFlipHandler::recovered() noexcept {
   if (flip_.phase() == PendingFlip::Phase::Stuck) land(vblanks_.place_now());
 }
 
-int PageFlipHandler::relight() noexcept {
+int PageFlipHandler::set_mode() noexcept {
   counters_.modesets.add();
   const int error = active_.output->set_mode(wanted_on_glass());
   if (error != 0) return error;
@@ -252,7 +252,7 @@ void PageFlipHandler::recover_at(Nanoseconds when) noexcept {
   flip_.stick(when);
 }
 
-void PageFlipHandler::relight_soon() noexcept {
+void PageFlipHandler::request_modeset() noexcept {
   needs_modeset_ = true;
   if (!paused_) recover_at(now());
 }
@@ -275,14 +275,14 @@ void PageFlipHandler::set_session_ours(bool ours) noexcept {
 /// whole modeset.
 void PageFlipHandler::try_resume() noexcept {
   if (session_->ensure_master(active_.output->device().fd()) == Mastership::Held) {
-    const int error = relight();
+    const int error = set_mode();
     if (error == 0) {
       paused_ = false;
       resume_at_ = kNever;
-      panel_in_doubt_ = true;
+      panel_check_due_ = true;
       return recovered();
     }
-    if (classify(error) == CommitFailure::Gone) return lose();
+    if (classify(error) == CommitFailure::Gone) return mark_lost();
   }
   resume_backoff_ = std::min(2 * resume_backoff_, kLongestResume);
   resume_at_ = now() + resume_backoff_;

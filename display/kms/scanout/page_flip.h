@@ -110,13 +110,14 @@ class PageFlipHandler final : private DrmEventHandler {
 
   /// Requests a modeset, because the output may be in any state. The modeset also shows the pending
   /// flip, if there is one.
-  void relight_soon() noexcept;
+  void request_modeset() noexcept;
   /// Marks the display as lost: the card, or the right to use this panel, is gone permanently.
-  void lose() noexcept { lost_ = true; }
+  void mark_lost() noexcept { lost_ = true; }
   [[nodiscard]] bool lost() const noexcept { return lost_; }
   [[nodiscard]] bool counts_by_hardware() const noexcept { return vblanks_.is_hardware(); }
-  /// Returns true once after a failure that a change of the panel could explain.
-  [[nodiscard]] bool take_doubt() noexcept;
+  /// Returns true once after a failure that a change of the panel could explain: the panel should
+  /// be checked.
+  [[nodiscard]] bool take_panel_check() noexcept;
 
  private:
   void on_drm_event(const DrmEvent& event) noexcept override;
@@ -129,7 +130,7 @@ class PageFlipHandler final : private DrmEventHandler {
   CommitFailure note_failure(int error) noexcept;
   void recover() noexcept;
   void recovered() noexcept;
-  [[nodiscard]] int relight() noexcept;
+  [[nodiscard]] int set_mode() noexcept;
   void recover_at(Nanoseconds when) noexcept;
   void pause() noexcept;
   void try_resume() noexcept;
@@ -155,7 +156,7 @@ class PageFlipHandler final : private DrmEventHandler {
   Nanoseconds backoff_;
   bool needs_modeset_ = false;
   Nanoseconds recover_at_{0};
-  bool panel_in_doubt_ = false;
+  bool panel_check_due_ = false;
   bool lost_ = false;
   bool paused_ = false;
   Nanoseconds resume_at_ = kNever;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/scanout/panel_watch.h"
+#include "display/kms/scanout/connector_prober.h"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -19,8 +19,8 @@ namespace {
 /// A panel causes bursts of hotplug events; one probe after the burst is enough.
 constexpr Nanoseconds kDebounce = std::chrono::milliseconds(200);
 /// Polling interval, in case events are lost or blocked by a sandbox.
-constexpr Nanoseconds kSlowLook = std::chrono::seconds(30);
-constexpr Nanoseconds kBetweenAudits = std::chrono::seconds(3);
+constexpr Nanoseconds kPollInterval = std::chrono::seconds(30);
+constexpr Nanoseconds kAuditInterval = std::chrono::seconds(3);
 constexpr Nanoseconds kLongestSleep = std::chrono::seconds(1);
 
 UniqueFd make_eventfd() {
@@ -43,87 +43,86 @@ void drain(const UniqueFd& fd) noexcept {
 
 }  // namespace
 
-PanelWatch::PanelWatch(int card_fd, const ConnectorInfo& seen,
-                       std::unique_ptr<HotplugMonitor> monitor, std::shared_ptr<Clock> clock,
-                       Running running, PanelChores chores)
+ConnectorProber::ConnectorProber(int card_fd, const ConnectorInfo& seen,
+                                 std::unique_ptr<HotplugMonitor> hotplug,
+                                 std::shared_ptr<Clock> clock, Running running, Audit audit)
     : card_fd_(card_fd),
       connector_id_(seen.id),
-      monitor_(std::move(monitor)),
+      hotplug_(std::move(hotplug)),
       clock_(std::move(clock)),
       running_(running),
-      chores_(std::move(chores)),
-      poke_(make_eventfd()),
-      told_(make_eventfd()),
+      audit_(std::move(audit)),
+      wake_(make_eventfd()),
+      ready_(make_eventfd()),
       connected_(seen.connected),
       link_bad_(seen.link_bad),
-      slow_look_at_(clock_->now() + kSlowLook),
-      audit_at_(chores_.audit ? clock_->now() + kBetweenAudits : Nanoseconds::max()) {
+      poll_at_(clock_->now() + kPollInterval),
+      audit_at_(audit_ ? clock_->now() + kAuditInterval : kNever) {
   if (running_ == Running::OwnThread) thread_ = std::thread([this] { run(); });
 }
 
-PanelWatch::~PanelWatch() {
+ConnectorProber::~ConnectorProber() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
   }
-  signal(poke_);
+  signal(wake_);
   if (thread_.joinable()) thread_.join();
 }
 
-int PanelWatch::fd() const noexcept {
-  return running_ == Running::OwnThread ? told_.get() : monitor_->fd();
+int ConnectorProber::fd() const noexcept {
+  return running_ == Running::OwnThread ? ready_.get() : hotplug_->fd();
 }
 
-Nanoseconds PanelWatch::next_step() const noexcept {
-  if (running_ == Running::OwnThread) return Nanoseconds::max();
-  return std::min({probe_at_.value_or(Nanoseconds::max()), slow_look_at_, audit_at_});
+Nanoseconds ConnectorProber::next_step() const noexcept {
+  if (running_ == Running::OwnThread) return kNever;
+  return std::min({probe_at_.value_or(kNever), poll_at_, audit_at_});
 }
 
-void PanelWatch::step() noexcept {
+void ConnectorProber::step() noexcept {
   if (running_ == Running::OwnThread) return;
   try {
-    look(clock_->now());
+    work(clock_->now());
   } catch (...) {
     probe_at_ = clock_->now() + kDebounce;  // out of memory: try again
   }
 }
 
-std::optional<PanelNews> PanelWatch::take_news() noexcept {
-  drain(told_);
+std::optional<HotplugEvent> ConnectorProber::take_event() noexcept {
+  drain(ready_);
   const std::lock_guard lock(mutex_);
-  return std::exchange(news_, std::nullopt);
+  return std::exchange(event_, std::nullopt);
 }
 
-bool PanelWatch::take_wish_to_relight() noexcept {
-  return relight_wished_.exchange(false, std::memory_order_relaxed);
+bool ConnectorProber::take_modeset_request() noexcept {
+  return modeset_requested_.exchange(false, std::memory_order_relaxed);
 }
 
-void PanelWatch::request_probe() noexcept {
+void ConnectorProber::request_probe() noexcept {
   {
     const std::lock_guard lock(mutex_);
     probe_requested_ = true;
   }
-  signal(poke_);
+  signal(wake_);
   step();
 }
 
-void PanelWatch::run() noexcept {
+void ConnectorProber::run() noexcept {
   while (true) {
     {
       const std::lock_guard lock(mutex_);
       if (stopping_) return;
     }
     const Nanoseconds now = clock_->now();
-    const Nanoseconds until =
-        std::min({probe_at_.value_or(slow_look_at_), slow_look_at_, audit_at_});
+    const Nanoseconds until = std::min({probe_at_.value_or(poll_at_), poll_at_, audit_at_});
     const auto sleep = std::clamp(until - now, Nanoseconds{0}, kLongestSleep);
-    std::array<pollfd, 2> entries = {pollfd{.fd = poke_.get(), .events = POLLIN, .revents = 0},
-                                     pollfd{.fd = monitor_->fd(), .events = POLLIN, .revents = 0}};
+    std::array<pollfd, 2> entries = {pollfd{.fd = wake_.get(), .events = POLLIN, .revents = 0},
+                                     pollfd{.fd = hotplug_->fd(), .events = POLLIN, .revents = 0}};
     (void)poll(entries.data(), entries.size(),
                static_cast<int>(std::chrono::ceil<std::chrono::milliseconds>(sleep).count()));
-    drain(poke_);
+    drain(wake_);
     try {
-      look(clock_->now());
+      work(clock_->now());
     } catch (...) {
       probe_at_ = clock_->now() + kDebounce;
     }
@@ -131,45 +130,41 @@ void PanelWatch::run() noexcept {
 }
 
 /// Does one round: reads hotplug events, and probes if a probe is due.
-void PanelWatch::look(Nanoseconds now) {
-  const bool news = monitor_->drain();
-  if (news && !probe_at_) probe_at_ = now + kDebounce;
-  audit_if_due(now, news);
-  bool asked = false;
+void ConnectorProber::work(Nanoseconds now) {
+  const bool hotplug = hotplug_->drain();
+  if (hotplug && !probe_at_) probe_at_ = now + kDebounce;
+  audit_if_due(now, hotplug);
+  bool requested = false;
   {
     const std::lock_guard lock(mutex_);
-    asked = std::exchange(probe_requested_, false);
+    requested = std::exchange(probe_requested_, false);
   }
-  if (now >= slow_look_at_) {
-    slow_look_at_ = now + kSlowLook;
+  if (now >= poll_at_) {
+    poll_at_ = now + kPollInterval;
     const auto current = read_connector(card_fd_, connector_id_, Probe::Cached);
     if (!current || current->connected != connected_ || current->link_bad != link_bad_)
       probe_at_ = now;
   }
-  if (!asked && (!probe_at_ || now < *probe_at_)) return;
+  if (!requested && (!probe_at_ || now < *probe_at_)) return;
   probe_at_.reset();
-  probe();
+  report(read_connector(card_fd_, connector_id_, Probe::Full));
 }
 
 /// Audits if due; after a hotplug event, as soon as its burst is over.
-void PanelWatch::audit_if_due(Nanoseconds now, bool news) {
-  if (!chores_.audit) return;
-  if (news && !audit_has_news_) {
-    audit_has_news_ = true;
+void ConnectorProber::audit_if_due(Nanoseconds now, bool hotplug) {
+  if (!audit_) return;
+  if (hotplug && !audit_after_hotplug_) {
+    audit_after_hotplug_ = true;
     audit_at_ = std::min(audit_at_, now + kDebounce);
   }
   if (now < audit_at_) return;
-  audit_at_ = now + kBetweenAudits;
-  if (!chores_.audit(std::exchange(audit_has_news_, false))) return;
-  relight_wished_.store(true, std::memory_order_relaxed);
-  signal(told_);
+  audit_at_ = now + kAuditInterval;
+  if (!audit_(std::exchange(audit_after_hotplug_, false))) return;
+  modeset_requested_.store(true, std::memory_order_relaxed);
+  signal(ready_);
 }
 
-void PanelWatch::probe() {
-  tell(read_connector(card_fd_, connector_id_, Probe::Full));
-}
-
-void PanelWatch::tell(std::optional<ConnectorInfo> connector) {
+void ConnectorProber::report(std::optional<ConnectorInfo> connector) {
   if (connector) {
     connected_ = connector->connected;
     link_bad_ = connector->link_bad;
@@ -178,9 +173,9 @@ void PanelWatch::tell(std::optional<ConnectorInfo> connector) {
   }
   {
     const std::lock_guard lock(mutex_);
-    news_ = PanelNews{.connector = std::move(connector)};
+    event_ = HotplugEvent{.connector = std::move(connector)};
   }
-  signal(told_);
+  signal(ready_);
 }
 
 }  // namespace lenticule::display

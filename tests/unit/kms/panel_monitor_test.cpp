@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/scanout/panel_guard.h"
+#include "display/kms/scanout/panel_monitor.h"
 
 #include <gtest/gtest.h>
 
