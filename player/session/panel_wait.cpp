@@ -87,7 +87,7 @@ std::unique_ptr<display::KmsDisplay> PanelWait::open(const std::function<void()>
   return opened;
 }
 
-Comeback PanelWait::bring_back(display::KmsDisplay& display, const LostDisplay& lost) {
+ReconnectResult PanelWait::reconnect(display::KmsDisplay& display, const LostDisplay& lost) {
   const bool was_sound = !back_since_ || now() >= *back_since_ + kSound;
   if (was_sound) lost_since_ = now();
   const Nanoseconds out_of_time = later(now(), lost.time_left);
@@ -102,11 +102,11 @@ Comeback PanelWait::bring_back(display::KmsDisplay& display, const LostDisplay& 
         give_up, [&] { display.reconnect(); }, lost.serve_source);
   } catch (const Error& error) {
     refusal_ = error;
-    if (cancelled()) return Comeback::Stopped;
-    return now() >= out_of_time ? Comeback::TimeOver : Comeback::GivenUp;
+    if (cancelled()) return ReconnectResult::Stopped;
+    return now() >= out_of_time ? ReconnectResult::TimeOver : ReconnectResult::GivenUp;
   }
   back_since_ = now();
-  return Comeback::Back;
+  return ReconnectResult::Reconnected;
 }
 
 /// Tries at once, and then whenever the requested panel seems to be connected. Removes the card

@@ -53,11 +53,11 @@ class PanelWait {
   [[nodiscard]] std::unique_ptr<display::KmsDisplay> open(
       const std::function<void()>& meanwhile = nullptr);
 
-  /// Reconnects a display that open() returned; for PlaybackOptions::bring_back. A display that is
+  /// Reconnects a display that open() returned; for PlaybackOptions::reconnect. A display that is
   /// lost again right after it came back shares the timeout of the first loss.
-  [[nodiscard]] Comeback bring_back(display::KmsDisplay& display, const LostDisplay& lost);
+  [[nodiscard]] ReconnectResult reconnect(display::KmsDisplay& display, const LostDisplay& lost);
 
-  /// Returns the reason why the last bring_back() gave up.
+  /// Returns the reason why the last reconnect() gave up.
   [[nodiscard]] const std::optional<Error>& refusal() const { return refusal_; }
 
  private:

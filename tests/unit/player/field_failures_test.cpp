@@ -267,7 +267,7 @@ TEST_F(FieldFailures, RecoversWithoutRestartAfterCableIsReplugged) {
   waiting.kms = options;
   PanelWait panel(waiting);
   show = panel.open();
-  playing.bring_back = [&](const LostDisplay& lost) { return panel.bring_back(*show, lost); };
+  playing.reconnect = [&](const LostDisplay& lost) { return panel.reconnect(*show, lost); };
   on_shown = [this](uint64_t id) {
     if (id != 9) return;
     card.unplug();

@@ -299,13 +299,13 @@ TEST_F(PanelWaitTest, AServiceReleasesDescriptorsThatWouldStayMaster) {
 
 class PanelReturn : public PanelWaitTest {
  protected:
-  Comeback lose_and_bring_back(PanelWait& wait) {
+  ReconnectResult lose_and_reconnect(PanelWait& wait) {
     int served = 0;
     const PlayReport report;
-    const Comeback comeback = wait.bring_back(
+    const ReconnectResult result = wait.reconnect(
         *show, {.report = report, .time_left = time_left, .serve_source = [&] { ++served; }});
     EXPECT_LE(std::abs(served - rounds), 1);
-    return comeback;
+    return result;
   }
   std::optional<std::chrono::nanoseconds> time_left;
 };
@@ -316,7 +316,7 @@ TEST_F(PanelReturn, AGraphicsCardThatReturnsIsUsedAgain) {
   flip(1);
   card.unplug();
   at(seconds(40), [this] { card.gone = false; });
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Reconnected);
   EXPECT_GE(rounds, 39);
   flip(2);
   expect_on_glass(2);
@@ -336,7 +336,7 @@ TEST_F(PanelReturn, AnotherPanelShowsATestCardAndTheRightOneContinues) {
   look_at_glass(seconds(5));
   at(seconds(10), [this] { unplug_panel(); });
   at(seconds(12), [this] { plug_own(); });
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Reconnected);
   EXPECT_EQ(glass.at(0), expected) << "never 3-D that was made for another panel";
   EXPECT_TRUE(card_shown || rounds > 0);
   flip(2);
@@ -349,7 +349,7 @@ TEST_F(PanelReturn, IsGivenUpAfterItsTimeout) {
   show = wait.open();
   card.unplug();
   const Nanoseconds before = machine.now();
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::GivenUp);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::GivenUp);
   EXPECT_EQ(machine.now() - before, seconds(10));
   ASSERT_TRUE(wait.refusal());
   EXPECT_THAT(wait.refusal()->what(), HasSubstr("no graphics card"));
@@ -360,7 +360,7 @@ TEST_F(PanelReturn, WaitingEndsWithThePlayingTime) {
   PanelWait wait = make();
   show = wait.open();
   card.unplug();
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::TimeOver);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::TimeOver);
 }
 
 TEST_F(PanelReturn, WaitingEndsWithAnInterruption) {
@@ -370,7 +370,7 @@ TEST_F(PanelReturn, WaitingEndsWithAnInterruption) {
   show = wait.open();
   card.unplug();
   at(seconds(4), [&] { interrupted.signal(); });
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Stopped);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Stopped);
 }
 
 TEST_F(PanelReturn, RepeatedLossesShareOneTimeout) {
@@ -378,13 +378,13 @@ TEST_F(PanelReturn, RepeatedLossesShareOneTimeout) {
   PanelWait wait = make();
   show = wait.open();
   int losses = 0;
-  Comeback comeback = Comeback::Back;
-  for (; comeback == Comeback::Back && losses < 100; ++losses) {
+  ReconnectResult result = ReconnectResult::Reconnected;
+  for (; result == ReconnectResult::Reconnected && losses < 100; ++losses) {
     card.flip_faults = {{.error = EIO}};
     EXPECT_EQ(submit(1), testing::SubmitStatus::Lost);
-    comeback = lose_and_bring_back(wait);
+    result = lose_and_reconnect(wait);
   }
-  EXPECT_EQ(comeback, Comeback::GivenUp);
+  EXPECT_EQ(result, ReconnectResult::GivenUp);
   EXPECT_LE(losses, 13) << "a pause lies between two";
 }
 
@@ -396,7 +396,7 @@ TEST_F(PanelReturn, ALossAfterALongTimeHasTheFullTimeout) {
     idle(seconds(60));
     card.unplug();
     at(seconds(8), [this] { card.gone = false; });
-    EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+    EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Reconnected);
     rounds = 0;
   }
 }
