@@ -10,6 +10,9 @@
 
 namespace lenticule::display {
 
+/// The value "never" for due times.
+inline constexpr Nanoseconds kNever = Nanoseconds::max();
+
 enum class WaitResult {
   Reached,  ///< the deadline has passed
   Woken,    ///< the descriptor became readable before the deadline

@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "base/numbers.h"
-#include "display/kms/probe/output_key.h"
+#include "display/kms/probe/output_request.h"
 #include "display/virtual/virtual_display.h"
 
 namespace lenticule::display {
@@ -102,8 +102,8 @@ void check_display_spec(std::string_view spec) {
 
 KmsOptions kms_options_of(const DisplayRequest& request) {
   KmsOptions options = request.kms;
-  options.wish.key = parse_kms_spec(request.spec);
-  options.wish.panel = request.panel;
+  options.output = parse_kms_spec(request.spec, options.output);
+  options.output.panel = request.panel;
   options.buffers = request.buffers;
   if (request.recorder)
     throw Error(ErrorKind::Usage,

@@ -16,7 +16,7 @@ namespace lenticule::display {
 
 struct DisplayRequest {
   /// "virtual", "virtual:3840x2160@59.94", "virtual:3840x2160@60,jitter_us=500", "kms",
-  /// "kms:HDMI-A-1", "kms:edid:LGD", "kms:/dev/dri/card1" (see parse_output_key())
+  /// "kms:HDMI-A-1", "kms:edid:LGD", "kms:/dev/dri/card1" (see parse_output())
   std::string spec = "virtual";
   /// Size of the frames; a display of another size is refused.
   frames::FrameGeometry panel = {};
@@ -25,7 +25,7 @@ struct DisplayRequest {
   /// Virtual displays only: null = no recording.
   std::shared_ptr<ScanoutRecorder> recorder = nullptr;
   int buffers = 3;
-  /// KMS displays only; key, panel and buffers are taken from above. A simulated clock or a
+  /// KMS displays only; output, panel and buffers are taken from above. A simulated clock or a
   /// recorder is not supported there.
   KmsOptions kms = {};
 };

@@ -39,7 +39,7 @@ class Threads {
         filler_(source, display, statistics.filler,
                 {.loops = options.loops,
                  .prime = options.prime,
-                 .keep_newest = options.bring_back != nullptr,
+                 .keep_newest = options.reconnect != nullptr,
                  .keep_shown = options.control != nullptr}),
         presenter_(display, filler_, statistics.presenter,
                    {.content = options.content,
@@ -196,12 +196,12 @@ void watch(Threads& threads, const Reporter& reporter, const PlaybackOptions& op
   }
 }
 
-Comeback bring_back(const Threads& threads, const Reporter& reporter, frames::FrameSource& source,
-                    const PlaybackOptions& options) {
+ReconnectResult reconnect(const Threads& threads, const Reporter& reporter,
+                          frames::FrameSource& source, const PlaybackOptions& options) {
   const PlayReport report = reporter.now(outcome_name(PlayOutcome::DisplayLost));
-  return options.bring_back({.report = report,
-                             .time_left = threads.time_left(),
-                             .serve_source = [&source] { source.service(); }});
+  return options.reconnect({.report = report,
+                            .time_left = threads.time_left(),
+                            .serve_source = [&source] { source.service(); }});
 }
 
 /// Plays to the end, reconnecting the display whenever it is lost and can be reopened.
@@ -212,12 +212,12 @@ PlayOutcome play_to_the_end(Threads& threads, Reporter& reporter, display::Displ
     watch(threads, reporter, options);
     threads.end();
     if (threads.outcome() != PlayOutcome::DisplayLost) return threads.outcome();
-    if (!options.bring_back) return PlayOutcome::DisplayLost;
+    if (!options.reconnect) return PlayOutcome::DisplayLost;
     threads.forget_buffers();
-    const Comeback comeback = bring_back(threads, reporter, source, options);
-    if (comeback == Comeback::TimeOver) return PlayOutcome::Finished;
-    if (comeback == Comeback::Stopped) return PlayOutcome::Stopped;
-    if (comeback == Comeback::GivenUp) return PlayOutcome::DisplayLost;
+    const ReconnectResult result = reconnect(threads, reporter, source, options);
+    if (result == ReconnectResult::TimeOver) return PlayOutcome::Finished;
+    if (result == ReconnectResult::Stopped) return PlayOutcome::Stopped;
+    if (result == ReconnectResult::GivenUp) return PlayOutcome::DisplayLost;
     reporter.look_at(display);
     threads.start_again();
   }

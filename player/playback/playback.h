@@ -15,7 +15,7 @@
 
 namespace lenticule::player {
 
-/// The state passed to bring_back after a display is lost. Used on the thread of play(); no other
+/// The state passed to PlaybackOptions::reconnect. Used on the thread of play(); no other
 /// thread uses the display or the source meanwhile.
 struct LostDisplay {
   const PlayReport& report;
@@ -25,11 +25,11 @@ struct LostDisplay {
   std::function<void()> serve_source;
 };
 
-enum class Comeback {
-  Back,      ///< the display works again with frames of the same size: playing continues
-  GivenUp,   ///< the outcome is DisplayLost
-  Stopped,   ///< the outcome is Stopped
-  TimeOver,  ///< LostDisplay::time_left is over: the outcome is Finished
+enum class ReconnectResult {
+  Reconnected,  ///< the display works again with frames of the same size: playing continues
+  GivenUp,      ///< the outcome is DisplayLost
+  Stopped,      ///< the outcome is Stopped
+  TimeOver,     ///< LostDisplay::time_left is over: the outcome is Finished
 };
 
 class Filler;
@@ -82,7 +82,7 @@ struct PlaybackOptions {
   std::function<void(const PlayReport&)> on_report = nullptr;
   /// Reconnects a lost display. The source's newest frame is then shown again and the sequence
   /// continues from there. Null = a lost display ends the playback.
-  std::function<Comeback(const LostDisplay&)> bring_back = nullptr;
+  std::function<ReconnectResult(const LostDisplay&)> reconnect = nullptr;
   /// Reference time of PlayReport::first_frame_ms, and the source's name in the report.
   std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
   std::string source_name = {};

@@ -7,14 +7,14 @@ namespace lenticule::player {
 namespace {
 
 using display::CardText;
-using display::OutputWish;
-using display::PanelFacts;
+using display::OutputRequest;
+using display::PanelInfo;
 using display::PanelSearch;
 
 constexpr const char* kGoesOn = "Playing goes on by itself as soon as it is there.";
 
-bool is_named_by(const OutputWish& wish, const PanelFacts& panel) {
-  return wish.identity.empty() || (panel.identity && matches(wish.identity, *panel.identity));
+bool is_named_by(const OutputRequest& request, const PanelInfo& panel) {
+  return request.identity.empty() || (panel.identity && matches(request.identity, *panel.identity));
 }
 
 struct Trouble {
@@ -22,12 +22,13 @@ struct Trouble {
   std::string remedy;
 };
 
-Trouble trouble_with(const OutputWish& wish, const PanelSearch& search, const PanelFacts& panel) {
-  if (!panel.identity && !wish.identity.empty())
+Trouble trouble_with(const OutputRequest& request, const PanelSearch& search,
+                     const PanelInfo& panel) {
+  if (!panel.identity && !request.identity.empty())
     return {"UNKNOWN PANEL",
             fmt::format("Its EDID is {}: switch it off and on, or replace the cable. {}",
                         display::edid_problem_name(panel.edid_problem), kGoesOn)};
-  if (!is_named_by(wish, panel))
+  if (!is_named_by(request, panel))
     return {
         "WRONG PANEL",
         fmt::format("Connect the expected panel. Or, if this one is right, give it a rig of its "
@@ -41,9 +42,9 @@ Trouble trouble_with(const OutputWish& wish, const PanelSearch& search, const Pa
                   kGoesOn)};
 }
 
-const display::ModeFacts* preferred_mode(const PanelFacts& panel) {
-  const display::ModeFacts* best = nullptr;
-  for (const display::ModeFacts& mode : panel.modes)
+const display::ModeInfo* preferred_mode(const PanelInfo& panel) {
+  const display::ModeInfo* best = nullptr;
+  for (const display::ModeInfo& mode : panel.modes)
     if (best == nullptr || (mode.preferred && !best->preferred)) best = &mode;
   return best;
 }
@@ -57,25 +58,25 @@ std::string describe_expected(const frames::FrameGeometry& panel,
   return text;
 }
 
-std::string describe_found(const PanelFacts& panel) {
+std::string describe_found(const PanelInfo& panel) {
   std::string text = panel.connector + ": ";
   text += panel.identity ? display::to_string(*panel.identity)
                          : fmt::format("EDID {}", display::edid_problem_name(panel.edid_problem));
-  if (const display::ModeFacts* mode = preferred_mode(panel))
+  if (const display::ModeInfo* mode = preferred_mode(panel))
     text += fmt::format(", {}x{}@{:.6g}", mode->width, mode->height, mode->refresh.hertz());
   return text;
 }
 
-CardText wrong_panel_card(const OutputWish& wish, const PanelSearch& search,
-                          const PanelFacts& shown_on, const std::string& rig) {
-  const Trouble trouble = trouble_with(wish, search, shown_on);
+CardText wrong_panel_card(const OutputRequest& request, const PanelSearch& search,
+                          const PanelInfo& shown_on, const std::string& rig) {
+  const Trouble trouble = trouble_with(request, search, shown_on);
   CardText card{.headline = trouble.headline,
-                .rows = {{"expected", describe_expected(wish.panel, wish.identity)},
+                .rows = {{"expected", describe_expected(request.panel, request.identity)},
                          {"found", describe_found(shown_on)}}};
   // A rig may identify a panel by its EDID's checksum alone.
-  if (shown_on.identity && !wish.identity.edid_sha256.empty())
+  if (shown_on.identity && !request.identity.edid_sha256.empty())
     card.rows.back().text += fmt::format(", EDID {}", shown_on.identity->sha256.substr(0, 12));
-  for (const PanelFacts& other : search.present)
+  for (const PanelInfo& other : search.present)
     if (other.connector != shown_on.connector) card.rows.push_back({"", describe_found(other)});
   card.rows.push_back({"rig", rig});
   card.rows.push_back({"do", trouble.remedy});

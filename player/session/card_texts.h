@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "display/kms/survey/panel_search.h"
+#include "display/kms/inspect.h"
 #include "display/test_card.h"
 #include "optics/rig.h"
 
@@ -14,13 +14,13 @@ namespace lenticule::player {
 [[nodiscard]] std::string describe_expected(const frames::FrameGeometry& panel,
                                             const optics::PanelIdentity& identity);
 /// Describes a connected panel: "HDMI-A-1: LGD 0x1234 serial 42 'name', 3840x2160@60".
-[[nodiscard]] std::string describe_found(const display::PanelFacts& panel);
+[[nodiscard]] std::string describe_found(const display::PanelInfo& panel);
 
 /// Returns the card that is shown on `shown_on`, one of the panels that are connected instead of
 /// the requested one. `rig` is the name of the rig's file.
-[[nodiscard]] display::CardText wrong_panel_card(const display::OutputWish& wish,
+[[nodiscard]] display::CardText wrong_panel_card(const display::OutputRequest& request,
                                                  const display::PanelSearch& search,
-                                                 const display::PanelFacts& shown_on,
+                                                 const display::PanelInfo& shown_on,
                                                  const std::string& rig);
 
 /// Returns the card that is shown while `what` cannot be played and is tried again.

@@ -17,7 +17,7 @@ void forget_output(const ServiceManager& manager);
 
 /// Returns the output that a previous player left; null if there is none or its state is not valid.
 /// Closes the other descriptors.
-[[nodiscard]] std::shared_ptr<display::InheritedOutput> kept_output(
+[[nodiscard]] std::shared_ptr<display::PreviousOutput> kept_output(
     std::vector<KeptDescriptor> descriptors);
 
 }  // namespace lenticule::player

@@ -16,17 +16,17 @@ constexpr Nanoseconds kPatience = std::chrono::seconds(5);
 constexpr Nanoseconds kNap = std::chrono::milliseconds(500);
 
 /// Returns the mode that the panel itself prefers; null if none can show a frame pixel for pixel.
-const display::ModeFacts* own_mode(const display::PanelFacts& panel) {
-  const display::ModeFacts* best = nullptr;
-  for (const display::ModeFacts& mode : panel.modes)
+const display::ModeInfo* own_mode(const display::PanelInfo& panel) {
+  const display::ModeInfo* best = nullptr;
+  for (const display::ModeInfo& mode : panel.modes)
     if (mode.usable && (best == nullptr || (mode.preferred && !best->preferred))) best = &mode;
   return best;
 }
 
 }  // namespace
 
-bool PanelCard::show(const display::PanelFacts& panel, const display::CardText& text) {
-  const display::ModeFacts* const mode = own_mode(panel);
+bool PanelCard::show(const display::PanelInfo& panel, const display::CardText& text) {
+  const display::ModeInfo* const mode = own_mode(panel);
   if (mode == nullptr) return false;
   const frames::FrameGeometry geometry{mode->width, mode->height};
   try {
@@ -47,23 +47,22 @@ bool PanelCard::show(const display::PanelFacts& panel, const display::CardText& 
 
 /// Returns true if the card is shown on that panel. Compares the refresh too: another panel on the
 /// same connector may have the same size with other timings.
-bool PanelCard::shows_on(const display::PanelFacts& panel, const frames::FrameGeometry& geometry,
+bool PanelCard::shows_on(const display::PanelInfo& panel, const frames::FrameGeometry& geometry,
                          frames::Rate refresh) const {
   return display_ && connector_ == panel.connector && display_->mode().geometry == geometry &&
          display_->mode().refresh == refresh &&
          display_->statistics().panel == display::PanelState::Showing;
 }
 
-void PanelCard::open(const display::PanelFacts& panel, const frames::FrameGeometry& geometry,
+void PanelCard::open(const display::PanelInfo& panel, const frames::FrameGeometry& geometry,
                      frames::Rate refresh) {
   close();
   display::KmsOptions options = services_;
-  options.wish = {.key = {.kind = display::OutputKey::Kind::Connector, .text = panel.connector},
-                  .identity = {},
-                  .panel = geometry,
-                  .policy = display::IdentityPolicy::Ignore};
-  options.refresh = refresh;
-  options.inherited.reset();
+  options.output = {.connector = panel.connector,
+                    .policy = display::IdentityPolicy::Ignore,
+                    .panel = geometry,
+                    .refresh = refresh};
+  options.previous.reset();
   options.buffers = display::kMinScanoutBuffers;
   display_ = display::open_kms_display(options);
   sink_ = std::make_unique<display::DisplaySink>(*display_);

@@ -6,8 +6,8 @@
 #include <memory>
 
 #include "display/display_sink.h"
+#include "display/kms/inspect.h"
 #include "display/kms/scanout/kms_display.h"
-#include "display/kms/survey/panel_search.h"
 #include "display/test_card.h"
 
 namespace lenticule::player {
@@ -21,7 +21,7 @@ class PanelCard {
 
   /// Shows the card on `panel`, unless it is shown there already. Returns false if the panel cannot
   /// show it.
-  bool show(const display::PanelFacts& panel, const display::CardText& text);
+  bool show(const display::PanelInfo& panel, const display::CardText& text);
   void close() noexcept;
 
   /// Runs the display until `deadline`, or until `wake_fd` (or -1) is readable. Returns true, and
@@ -32,9 +32,9 @@ class PanelCard {
   [[nodiscard]] const display::KmsDisplay* display() const { return display_.get(); }
 
  private:
-  [[nodiscard]] bool shows_on(const display::PanelFacts& panel,
+  [[nodiscard]] bool shows_on(const display::PanelInfo& panel,
                               const frames::FrameGeometry& geometry, frames::Rate refresh) const;
-  void open(const display::PanelFacts& panel, const frames::FrameGeometry& geometry,
+  void open(const display::PanelInfo& panel, const frames::FrameGeometry& geometry,
             frames::Rate refresh);
 
   display::KmsOptions services_;

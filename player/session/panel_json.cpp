@@ -12,7 +12,7 @@ nlohmann::json identity_as_json(const display::EdidIdentity& identity) {
           {"edid_sha256", identity.sha256}};
 }
 
-nlohmann::json mode_as_json(const display::ModeFacts& mode) {
+nlohmann::json mode_as_json(const display::ModeInfo& mode) {
   return {{"width_px", mode.width},
           {"height_px", mode.height},
           {"refresh", frames::to_string(mode.refresh)},
@@ -23,7 +23,7 @@ nlohmann::json mode_as_json(const display::ModeFacts& mode) {
 
 }  // namespace
 
-nlohmann::json to_json(const display::CardFacts& card) {
+nlohmann::json to_json(const display::CardInfo& card) {
   nlohmann::json json = {{"path", card.path},
                          {"bus", card.bus},
                          {"driver", card.driver},
@@ -35,9 +35,9 @@ nlohmann::json to_json(const display::CardFacts& card) {
   return json;
 }
 
-nlohmann::json to_json(const display::PanelFacts& panel) {
+nlohmann::json to_json(const display::PanelInfo& panel) {
   nlohmann::json modes = nlohmann::json::array();
-  for (const display::ModeFacts& mode : panel.modes) modes.push_back(mode_as_json(mode));
+  for (const display::ModeInfo& mode : panel.modes) modes.push_back(mode_as_json(mode));
   nlohmann::json json = {{"connector", panel.connector},
                          {"card", panel.card},
                          {"connected", panel.connected},

@@ -6,13 +6,13 @@
 #include <nlohmann/json.hpp>
 
 #include "display/kms/color/exactness_report.h"
+#include "display/kms/inspect.h"
 #include "display/kms/scanout/kms_display.h"
-#include "display/kms/survey/inspect.h"
 
 namespace lenticule::player {
 
-[[nodiscard]] nlohmann::json to_json(const display::CardFacts& card);
-[[nodiscard]] nlohmann::json to_json(const display::PanelFacts& panel);
+[[nodiscard]] nlohmann::json to_json(const display::CardInfo& card);
+[[nodiscard]] nlohmann::json to_json(const display::PanelInfo& panel);
 [[nodiscard]] nlohmann::json to_json(const display::ExactnessReport& report);
 [[nodiscard]] nlohmann::json to_json(const display::Diagnosis& diagnosis);
 [[nodiscard]] nlohmann::json to_json(const display::KmsStatistics& statistics);

@@ -77,17 +77,17 @@ std::unique_ptr<display::KmsDisplay> PanelWait::open(const std::function<void()>
   try_until(
       later(now(), options_.at_start),
       [&] {
-        // Cleared before the attempt, because an inherited output can be used only once, successful
+        // Cleared before the attempt, because a previous output can be used only once, successful
         // or not.
         display::KmsOptions options = options_.kms;
-        options_.kms.inherited.reset();
+        options_.kms.previous.reset();
         opened = display::open_kms_display(options);
       },
       meanwhile);
   return opened;
 }
 
-Comeback PanelWait::bring_back(display::KmsDisplay& display, const LostDisplay& lost) {
+ReconnectResult PanelWait::reconnect(display::KmsDisplay& display, const LostDisplay& lost) {
   const bool was_sound = !back_since_ || now() >= *back_since_ + kSound;
   if (was_sound) lost_since_ = now();
   const Nanoseconds out_of_time = later(now(), lost.time_left);
@@ -102,11 +102,11 @@ Comeback PanelWait::bring_back(display::KmsDisplay& display, const LostDisplay& 
         give_up, [&] { display.reconnect(); }, lost.serve_source);
   } catch (const Error& error) {
     refusal_ = error;
-    if (cancelled()) return Comeback::Stopped;
-    return now() >= out_of_time ? Comeback::TimeOver : Comeback::GivenUp;
+    if (cancelled()) return ReconnectResult::Stopped;
+    return now() >= out_of_time ? ReconnectResult::TimeOver : ReconnectResult::GivenUp;
   }
   back_since_ = now();
-  return Comeback::Back;
+  return ReconnectResult::Reconnected;
 }
 
 /// Tries at once, and then whenever the requested panel seems to be connected. Removes the card
@@ -154,8 +154,8 @@ bool PanelWait::succeeds(const Attempt& attempt) {
 
 void PanelWait::show_card(const PanelSearch& search) {
   if (!deserves_a_card(search)) return card_.close();
-  const display::PanelFacts& panel = search.present.front();
-  (void)card_.show(panel, wrong_panel_card(options_.kms.wish, search, panel, options_.rig));
+  const display::PanelInfo& panel = search.present.front();
+  (void)card_.show(panel, wrong_panel_card(options_.kms.output, search, panel, options_.rig));
 }
 
 /// Throws Error(Device) when cancelled.

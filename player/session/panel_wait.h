@@ -9,8 +9,8 @@
 #include <string>
 
 #include "base/error.h"
+#include "display/kms/inspect.h"
 #include "display/kms/scanout/kms_display.h"
-#include "display/kms/survey/panel_search.h"
 #include "player/playback/playback.h"
 #include "player/session/panel_card.h"
 
@@ -26,7 +26,7 @@ struct PanelWaiting {
 };
 
 struct PanelWaitOptions {
-  /// A clock or session that is null is created. `inherited` is used once.
+  /// A clock or session that is null is created. `previous` is used once.
   display::KmsOptions kms;
   /// Timeouts at the start and after a loss; none = wait forever, zero = do not wait.
   std::optional<display::Nanoseconds> at_start;
@@ -53,11 +53,11 @@ class PanelWait {
   [[nodiscard]] std::unique_ptr<display::KmsDisplay> open(
       const std::function<void()>& meanwhile = nullptr);
 
-  /// Reconnects a display that open() returned; for PlaybackOptions::bring_back. A display that is
+  /// Reconnects a display that open() returned; for PlaybackOptions::reconnect. A display that is
   /// lost again right after it came back shares the timeout of the first loss.
-  [[nodiscard]] Comeback bring_back(display::KmsDisplay& display, const LostDisplay& lost);
+  [[nodiscard]] ReconnectResult reconnect(display::KmsDisplay& display, const LostDisplay& lost);
 
-  /// Returns the reason why the last bring_back() gave up.
+  /// Returns the reason why the last reconnect() gave up.
   [[nodiscard]] const std::optional<Error>& refusal() const { return refusal_; }
 
  private:

@@ -59,7 +59,7 @@ display::KmsOptions kms_options(const PlayFlags& flags, const optics::Rig& rig, 
     throw Error(ErrorKind::Usage, "--clock: a panel has a clock of its own",
                 "simulate with --display virtual");
   display::KmsOptions options;
-  options.wish.identity = rig.identity;
+  options.output.identity = rig.identity;
   options.exit = exit_policy(flags.on_exit, service);
   options.allow_inexact = flags.allow_inexact;
   return options;

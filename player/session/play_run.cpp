@@ -108,12 +108,12 @@ ExitCode PlayRun::run() {
 void PlayRun::open_display() {
   std::vector<KeptDescriptor> kept = take_kept_descriptors();
   kept_ = !kept.empty();
-  plan_.display.kms.inherited = kept_output(std::move(kept));
+  plan_.display.kms.previous = kept_output(std::move(kept));
   manager_.status("opening " + plan_.display.spec);
   const bool is_panel = display::is_kms_spec(plan_.display.spec);
   // No other process can become the card's DRM master while the service manager holds the card
   // open.
-  if (!is_panel || !plan_.display.kms.inherited) let_go();
+  if (!is_panel || !plan_.display.kms.previous) let_go();
   if (is_panel)
     open_panel();
   else
@@ -164,19 +164,19 @@ void PlayRun::tell_waiting(const PanelWaiting& waiting) {
   write_stats(statistics);
 }
 
-Comeback PlayRun::bring_back(const LostDisplay& lost) {
+ReconnectResult PlayRun::reconnect(const LostDisplay& lost) {
   lost_ = lost.report;
   say("{}: lost\n", lost.report.display);
   steered_->tell_state("display lost");
-  const Comeback comeback = panel_->bring_back(*kms_, lost);
+  const ReconnectResult result = panel_->reconnect(*kms_, lost);
   told_.clear();
-  if (comeback != Comeback::Back) return comeback;
+  if (result != ReconnectResult::Reconnected) return result;
   kept_ = manager_.present();
   service_->keep_again();
   steered_->tell_state("playing");
   told_exactness_ = kms_->exactness().summary();
   say("{}: back, {}\n", kms_->mode().name, told_exactness_);
-  return comeback;
+  return result;
 }
 
 // --- playback -------------------------------------------------------------------------------
@@ -240,7 +240,7 @@ PlayResult PlayRun::play_on_display(frames::FrameSource& source, PlaybackOptions
     tell_exactness();
     progress.update(report.pace.shown, progress_note(report));
   };
-  if (panel_) options.bring_back = [this](const LostDisplay& lost) { return bring_back(lost); };
+  if (panel_) options.reconnect = [this](const LostDisplay& lost) { return reconnect(lost); };
   write_stats(statistics_json(nothing_yet("starting")));
   PlayResult result = play(*display_, source, options);
   progress.update(result.report.pace.shown, progress_note(result.report));

@@ -53,7 +53,7 @@ class PlayRun {
   // Display.
   void open_display();
   void open_panel();
-  [[nodiscard]] Comeback bring_back(const LostDisplay& lost);
+  [[nodiscard]] ReconnectResult reconnect(const LostDisplay& lost);
   void tell_waiting(const PanelWaiting& waiting);
   void let_go();
 

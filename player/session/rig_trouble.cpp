@@ -4,7 +4,7 @@
 #include <poll.h>
 
 #include "base/error.h"
-#include "display/kms/survey/panel_search.h"
+#include "display/kms/inspect.h"
 #include "player/process/interrupt.h"
 #include "player/session/card_texts.h"
 #include "player/session/panel_card.h"
@@ -18,8 +18,8 @@ constexpr Nanoseconds kTryAgain = std::chrono::seconds(5);
 
 /// Returns options that accept any panel that the display's name allows.
 display::KmsOptions any_panel(const std::string& spec, display::KmsOptions options) {
-  options.wish.key = display::parse_kms_spec(spec);
-  options.wish.policy = display::IdentityPolicy::Ignore;
+  options.output = display::parse_kms_spec(spec, options.output);
+  options.output.policy = display::IdentityPolicy::Ignore;
   options.exit = display::ExitPolicy::Black;
   if (!options.clock) options.clock = display::make_monotonic_clock();
   if (!options.session) options.session = display::make_direct_session();

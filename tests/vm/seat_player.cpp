@@ -28,7 +28,7 @@ int play(const char* source, const char* rig_file) {
   const optics::Rig rig = optics::load_rig(rig_file);
   const frames::FrameGeometry panel{.width = rig.panel.width_px, .height = rig.panel.height_px};
   display::KmsOptions options;
-  options.wish.panel = panel;
+  options.output.panel = panel;
   options.session = display::make_seat_session();
   const std::unique_ptr<display::KmsDisplay> display = display::open_kms_display(options);
   std::printf("opened %s\n", display->mode().name.c_str());

@@ -81,7 +81,7 @@ display::DisplayRequest display_request(const ByEyeFlags& flags, const optics::R
   display::DisplayRequest request{
       .spec = flags.display, .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px}};
   request.recorder = recorder_of(flags);
-  if (display::is_kms_spec(flags.display)) request.kms.wish.identity = rig.identity;
+  if (display::is_kms_spec(flags.display)) request.kms.output.identity = rig.identity;
   request.kms.allow_inexact = flags.allow_inexact;
   return request;
 }

@@ -99,7 +99,7 @@ class CameraRun {
     display::DisplayRequest request{
         .spec = flags.display,
         .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px}};
-    if (display::is_kms_spec(flags.display)) request.kms.wish.identity = rig.identity;
+    if (display::is_kms_spec(flags.display)) request.kms.output.identity = rig.identity;
     request.kms.allow_inexact = flags.allow_inexact;
     display_ = display::open_display(request);
     sink_ = std::make_unique<display::DisplaySink>(*display_);

@@ -153,7 +153,7 @@ ExitCode show(const ShowFlags& flags) {
     return kOk;
   }
   display::DisplayRequest request{.spec = flags.display, .panel = frame.geometry()};
-  if (display::is_kms_spec(flags.display)) request.kms.wish.identity = model.rig().identity;
+  if (display::is_kms_spec(flags.display)) request.kms.output.identity = model.rig().identity;
   request.kms.allow_inexact = flags.allow_inexact;
   const auto display = display::open_display(request);
   display::DisplaySink sink(*display);

@@ -9,8 +9,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/print.h"
-#include "display/kms/probe/output_key.h"
-#include "display/kms/survey/inspect.h"
+#include "display/kms/inspect.h"
 #include "player/session/panel_json.h"
 
 namespace lenticule::player {
@@ -22,12 +21,12 @@ struct DoctorFlags {
 };
 
 nlohmann::json examine(const DoctorFlags& flags) {
-  const display::OutputKey key = display::parse_kms_spec(flags.display);
+  const display::OutputRequest request = display::parse_kms_spec(flags.display);
   const auto session = display::make_direct_session();
   nlohmann::json json = {{"cards", nlohmann::json::array()}, {"outputs", nlohmann::json::array()}};
   for (const auto& card : display::inspect_cards(session).cards)
     json["cards"].push_back(to_json(card));
-  for (const auto& diagnosis : display::diagnose(session, key))
+  for (const auto& diagnosis : display::diagnose(session, request))
     json["outputs"].push_back(to_json(diagnosis));
   return json;
 }

@@ -11,7 +11,7 @@
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/print.h"
-#include "display/kms/survey/inspect.h"
+#include "display/kms/inspect.h"
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/session/panel_json.h"
@@ -52,14 +52,14 @@ std::vector<NamedRig> load_rigs(const std::string& folder) {
   return rigs;
 }
 
-bool shows_size(const display::PanelFacts& panel, const optics::Panel& size) {
+bool shows_size(const display::PanelInfo& panel, const optics::Panel& size) {
   return std::any_of(panel.modes.begin(), panel.modes.end(), [&](const auto& mode) {
     return mode.usable && mode.width == size.width_px && mode.height == size.height_px;
   });
 }
 
 /// Returns the rigs that name this panel; a rig without an identity matches none.
-std::vector<std::string> rigs_of(const display::PanelFacts& panel,
+std::vector<std::string> rigs_of(const display::PanelInfo& panel,
                                  const std::vector<NamedRig>& rigs) {
   std::vector<std::string> files;
   for (const NamedRig& named : rigs)

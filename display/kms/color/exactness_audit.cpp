@@ -95,7 +95,7 @@ void judge_row(ExactnessReport& report, const AuditRow& row) {
   }
 }
 
-void judge_driver(ExactnessReport& report, const LinkFacts& link) {
+void judge_driver(ExactnessReport& report, const LinkInfo& link) {
   const DriverPath* const path = find_driver_path(link.driver);
   if (path == nullptr) {
     if (link.connector_type == DRM_MODE_CONNECTOR_SPI)
@@ -111,7 +111,7 @@ void judge_driver(ExactnessReport& report, const LinkFacts& link) {
   report.proved.push_back(fact);
 }
 
-void judge_placement(ExactnessReport& report, const LinkFacts& link) {
+void judge_placement(ExactnessReport& report, const LinkInfo& link) {
   if (!link.one_to_one) return;
   if (*link.one_to_one)
     report.proved.emplace_back("the plane shows the frame pixel for pixel");
@@ -130,7 +130,7 @@ bool has_link_row(const ExactnessReport& report, std::string_view property) {
   });
 }
 
-void judge_encoding(ExactnessReport& report, const LinkFacts& link) {
+void judge_encoding(ExactnessReport& report, const LinkInfo& link) {
   if (any_row(report, names_encoding)) {
     report.proved.emplace_back("the driver was told to send RGB");
     return;
@@ -149,7 +149,7 @@ void judge_encoding(ExactnessReport& report, const LinkFacts& link) {
              "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
 }
 
-void judge_range(ExactnessReport& report, const LinkFacts& link) {
+void judge_range(ExactnessReport& report, const LinkInfo& link) {
   if (!is_hdmi(link.connector_type)) return;
   if (any_row(report, forces_full_range)) {
     report.proved.emplace_back("the driver was told to send the full range of values");
@@ -160,7 +160,7 @@ void judge_range(ExactnessReport& report, const LinkFacts& link) {
              "one");
 }
 
-void judge_depth(ExactnessReport& report, const LinkFacts& link) {
+void judge_depth(ExactnessReport& report, const LinkInfo& link) {
   if (link.bits_per_colour && *link.bits_per_colour < 8)
     add_wrong(report,
               fmt::format("the panel takes {} bits per colour: low bits are cut off or dithered",
@@ -175,7 +175,7 @@ void judge_depth(ExactnessReport& report, const LinkFacts& link) {
     add_unseen(report, "whether the link compresses the picture (DSC) cannot be read back", kLook);
 }
 
-void judge_link(ExactnessReport& report, const LinkFacts& link) {
+void judge_link(ExactnessReport& report, const LinkInfo& link) {
   if (!has_link(link.connector_type)) {
     report.proved.emplace_back("a virtual output has no link");
     return;
@@ -323,7 +323,7 @@ AuditRow ExactnessAudit::row_of(const Leftover& leftover,
           .remedy = leftover.rule->remedy};
 }
 
-ExactnessReport ExactnessAudit::report(const LinkFacts& link, const std::optional<PipeTables>& now,
+ExactnessReport ExactnessAudit::report(const LinkInfo& link, const std::optional<PipeTables>& now,
                                        const std::vector<AuditRow>& further) const {
   ExactnessReport report;
   for (const Item& item : items_) report.rows.push_back(row_of(item, now));

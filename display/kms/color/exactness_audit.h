@@ -25,8 +25,8 @@ struct PipeTables {
                                                       uint32_t plane);
 };
 
-/// Facts about the driver, the link and the panel that are not KMS properties.
-struct LinkFacts {
+/// Data about the driver, the link and the panel that are not KMS properties.
+struct LinkInfo {
   uint32_t connector_type = 0;  ///< DRM_MODE_CONNECTOR_*
   std::string driver;
   bool edid_known = false;
@@ -55,7 +55,7 @@ class ExactnessAudit {
 
   /// Returns the report. `now` holds the properties read after the commit; none if there was no
   /// commit (`doctor`). `further` are rows about facts that are not properties.
-  [[nodiscard]] ExactnessReport report(const LinkFacts& link, const std::optional<PipeTables>& now,
+  [[nodiscard]] ExactnessReport report(const LinkInfo& link, const std::optional<PipeTables>& now,
                                        const std::vector<AuditRow>& further) const;
 
  private:

@@ -37,13 +37,13 @@ class UdevHotplug final : public HotplugMonitor {
   }
 
   [[nodiscard]] bool drain() noexcept override {
-    bool news = false;
+    bool any = false;
     while (monitor_) {
       const UdevDevice device(udev_monitor_receive_device(monitor_.get()));
       if (!device) break;
-      news = true;
+      any = true;
     }
-    return news;
+    return any;
   }
 
  private:

@@ -7,35 +7,38 @@
 #include <functional>
 #include <utility>
 
-#include "display/kms/device/drm_device.h"
-#include "display/kms/probe/mode_choice.h"
+#include "display/kms/probe/pipe.h"
 
 namespace lenticule::display {
 namespace {
 
-using Indices = std::vector<size_t>;
+// --- listing --------------------------------------------------------------------------------
 
-bool key_matches(const OutputKey& key, const OutputCandidate& candidate) {
-  const ConnectorInfo& connector = candidate.connector;
-  switch (key.kind) {
-    case OutputKey::Kind::Auto:
-      return true;
-    case OutputKey::Kind::Connector:
-      return connector.name == key.text;
-    case OutputKey::Kind::Card:
-      return same_device(candidate.card, key.text);
-    case OutputKey::Kind::Edid:
-      return connector.edid.identity && matches({.manufacturer = key.manufacturer,
-                                                 .product = key.product,
-                                                 .serial = key.serial,
-                                                 .edid_sha256 = {}},
-                                                *connector.edid.identity);
-  }
-  return false;
+void add_connectors(ConnectorList& list, int fd, const std::string& card,
+                    std::optional<size_t> device) {
+  for (ConnectorInfo& info : read_connectors(fd, Probe::Full))
+    list.connectors.push_back({card, std::move(info), device});
 }
 
-bool named_directly(const OutputKey& key) {
-  return key.kind == OutputKey::Kind::Connector || key.kind == OutputKey::Kind::Edid;
+void add_device(ConnectorList& list, DrmDevice device) {
+  add_connectors(list, device.fd(), device.path(), list.devices.size());
+  list.devices.push_back(std::move(device));
+}
+
+// --- choosing -------------------------------------------------------------------------------
+
+using Indices = std::vector<size_t>;
+
+bool is_named(const CardConnector& candidate, const OutputRequest& request) {
+  const ConnectorInfo& info = candidate.info;
+  if (!request.connector.empty() && info.name != request.connector) return false;
+  if (!request.card.empty() && !same_device(candidate.card, request.card)) return false;
+  return request.edid.empty() || (info.edid.identity && matches(request.edid, *info.edid.identity));
+}
+
+/// Returns true if the request names one output, not a card with several ones.
+bool names_one_output(const OutputRequest& request) {
+  return !request.connector.empty() || !request.edid.empty();
 }
 
 /// Keeps the candidates that pass, unless none does.
@@ -47,96 +50,116 @@ void narrow(Indices& indices, const std::function<bool(size_t)>& passes) {
 
 class Chooser {
  public:
-  Chooser(const OutputWish& wish, const std::vector<OutputCandidate>& candidates)
-      : wish_(wish), candidates_(candidates) {}
+  Chooser(const OutputRequest& request, const ConnectorList& list)
+      : request_(request), list_(list) {}
 
   [[nodiscard]] OutputChoice choose() const {
-    Indices indices = meant();
+    Indices indices = named();
     if (indices.empty())
       return refuse(
-          "no such output",
-          candidates_.empty() ? "--display virtual works without one" : "name one of those", true);
+          ErrorKind::Device, "no such output",
+          list_.connectors.empty() ? "--display virtual works without one" : "name one of those",
+          true);
     std::erase_if(indices, [&](size_t i) { return !at(i).connected; });
     if (indices.empty())
-      return refuse("no panel is connected", "switch the panel on and check its cable", true);
+      return refuse(ErrorKind::Device, "no panel is connected",
+                    "switch the panel on and check its cable", true);
     if (checks_identity()) return choose_by_identity(indices);
-    if (!named_directly(wish_.key))
-      narrow(indices,
-             [&](size_t i) { return choose_mode(at(i), wish_.panel, std::nullopt).has_value(); });
+    if (!names_one_output(request_))
+      narrow(indices, [&](size_t i) {
+        return choose_mode(at(i), request_.panel, std::nullopt).has_value();
+      });
     return only_one(indices);
   }
 
-  /// Returns the connected candidates on the requested output. A key by EDID does not restrict the
-  /// output.
+  /// Returns the connected candidates on the requested output. A request by EDID does not restrict
+  /// the output.
   [[nodiscard]] Indices present() const {
     Indices indices;
-    for (size_t i = 0; i < candidates_.size(); ++i) {
-      const bool here =
-          wish_.key.kind == OutputKey::Kind::Edid || key_matches(wish_.key, candidates_[i]);
-      const bool usable = !at(i).non_desktop || wish_.key.kind == OutputKey::Kind::Connector;
+    for (size_t i = 0; i < list_.connectors.size(); ++i) {
+      const bool here = !request_.edid.empty() || is_named(list_.connectors[i], request_);
+      const bool usable = !at(i).non_desktop || !request_.connector.empty();
       if (here && usable && at(i).connected) indices.push_back(i);
     }
     return indices;
   }
 
  private:
-  [[nodiscard]] const ConnectorInfo& at(size_t i) const { return candidates_[i].connector; }
+  [[nodiscard]] const ConnectorInfo& at(size_t i) const { return list_.connectors[i].info; }
   [[nodiscard]] bool checks_identity() const {
-    return wish_.policy == IdentityPolicy::Require && !wish_.identity.empty();
+    return request_.policy == IdentityPolicy::Require && !request_.identity.empty();
   }
 
-  [[nodiscard]] Indices meant() const {
+  [[nodiscard]] Indices named() const {
     Indices indices;
-    for (size_t i = 0; i < candidates_.size(); ++i)
-      if (key_matches(wish_.key, candidates_[i]) &&
-          (!at(i).non_desktop || named_directly(wish_.key)))
+    for (size_t i = 0; i < list_.connectors.size(); ++i)
+      if (is_named(list_.connectors[i], request_) &&
+          (!at(i).non_desktop || names_one_output(request_)))
         indices.push_back(i);
     return indices;
   }
 
   [[nodiscard]] OutputChoice choose_by_identity(Indices indices) const {
     std::erase_if(indices, [&](size_t i) {
-      return !at(i).edid.identity || !matches(wish_.identity, *at(i).edid.identity);
+      return !at(i).edid.identity || !matches(request_.identity, *at(i).edid.identity);
     });
     if (!indices.empty()) return only_one(indices);
-    OutputChoice choice = refuse(
-        fmt::format("none is the panel that the rig was made for ({})", to_string(wish_.identity)),
-        "connect that panel, or use this panel's own rig", true);
-    choice.kind = ErrorKind::Input;
-    return choice;
+    return refuse(ErrorKind::Input,
+                  fmt::format("none is the panel that the rig was made for ({})",
+                              to_string(request_.identity)),
+                  "connect that panel, or use this panel's own rig", true);
   }
 
   [[nodiscard]] OutputChoice only_one(const Indices& indices) const {
     if (indices.size() > 1)
-      return refuse("more than one panel fits", "name one: --display kms:CONNECTOR", false);
+      return refuse(ErrorKind::Device, "more than one panel fits",
+                    "name one: --display kms:CONNECTOR", false);
     if (at(indices.front()).tiled)
-      return refuse("the panel is fed by two connectors that cannot be flipped as one",
+      return refuse(ErrorKind::Device,
+                    "the panel is fed by two connectors that cannot be flipped as one",
                     "set the panel to single-stream transport in its menu", false);
     return {.chosen = indices.front()};
   }
 
-  [[nodiscard]] OutputChoice refuse(const std::string& cause, std::string remedy,
-                                    bool may_come) const {
+  [[nodiscard]] OutputChoice refuse(ErrorKind kind, const std::string& cause,
+                                    const std::string& remedy, bool may_come) const {
+    if (list_.problem && list_.connectors.empty())
+      return {.refusal = *list_.problem, .may_come = may_come};
     std::string text = "kms: " + cause;
     const char* separator = ": ";
-    for (const OutputCandidate& candidate : candidates_)
-      text += std::exchange(separator, "; ") + describe(candidate.connector, candidate.card);
-    if (candidates_.empty()) text += " (no graphics card has an output)";
-    return {.chosen = std::nullopt,
-            .kind = ErrorKind::Device,
-            .cause = text,
-            .remedy = std::move(remedy),
-            .may_come = may_come};
+    for (const CardConnector& candidate : list_.connectors)
+      text += std::exchange(separator, "; ") + describe(candidate.info, candidate.card);
+    if (list_.connectors.empty()) text += " (no graphics card has an output)";
+    if (list_.problem) text += fmt::format(" ({})", list_.problem->what());
+    return {.refusal = {kind, text, remedy}, .may_come = may_come};
   }
 
-  const OutputWish& wish_;
-  const std::vector<OutputCandidate>& candidates_;
+  const OutputRequest& request_;
+  const ConnectorList& list_;
 };
 
 }  // namespace
 
-OutputChoice choose_output(const OutputWish& wish, const std::vector<OutputCandidate>& candidates) {
-  const Chooser chooser(wish, candidates);
+ConnectorList list_connectors(const std::shared_ptr<Session>& session,
+                              std::optional<DrmDevice>& previous, const OpenCard& open) {
+  ConnectorList list;
+  for (const DrmNode& node : find_drm_nodes()) {
+    try {
+      if (open.fd >= 0 && same_device(open.path, node.path))
+        add_connectors(list, open.fd, open.path, std::nullopt);
+      else if (previous && previous->fd() >= 0 && same_device(previous->path(), node.path))
+        add_device(list, std::move(*previous));
+      else
+        add_device(list, DrmDevice::open(session, node));
+    } catch (const Error& error) {
+      list.problem = error;
+    }
+  }
+  return list;
+}
+
+OutputChoice choose_output(const OutputRequest& request, const ConnectorList& list) {
+  const Chooser chooser(request, list);
   OutputChoice choice = chooser.choose();
   choice.present = chooser.present();
   return choice;

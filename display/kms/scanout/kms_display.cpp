@@ -7,12 +7,11 @@
 #include <utility>
 
 #include "base/error.h"
-#include "display/kms/scanout/event_waiter.h"
-#include "display/kms/scanout/flip_engine.h"
-#include "display/kms/scanout/inherit_output.h"
+#include "display/kms/device/drm_events.h"
+#include "display/kms/scanout/active_output.h"
 #include "display/kms/scanout/kms_counters.h"
-#include "display/kms/scanout/open_kms.h"
-#include "display/kms/scanout/panel_guard.h"
+#include "display/kms/scanout/page_flip.h"
+#include "display/kms/scanout/panel_monitor.h"
 
 namespace lenticule::display {
 namespace {
@@ -27,14 +26,14 @@ KmsOptions with_services(KmsOptions options) {
 }
 
 void check_options(const KmsOptions& options) {
-  if (options.wish.panel.format != frames::PixelFormat::Rgb8)
+  if (options.output.panel.format != frames::PixelFormat::Rgb8)
     throw Error(ErrorKind::Usage, "kms: only 8-bit RGB frames can be shown");
   if (options.buffers < kMinScanoutBuffers || options.buffers > kMaxScanoutBuffers)
     throw Error(ErrorKind::Usage, fmt::format("kms: {} scan-out buffers", options.buffers),
                 fmt::format("use {} to {}", kMinScanoutBuffers, kMaxScanoutBuffers));
 }
 
-/// AtomicKmsDisplay combines an active output, the engine that flips on it, the monitor of its
+/// AtomicKmsDisplay combines an active output, the handler of its page flips, the monitor of its
 /// panel, and the waiter for all of their descriptors.
 class AtomicKmsDisplay final : public KmsDisplay {
  public:
@@ -50,7 +49,7 @@ class AtomicKmsDisplay final : public KmsDisplay {
   [[nodiscard]] Nanoseconds now() const noexcept override { return clock_->now(); }
 
   [[nodiscard]] ScanoutBuffer* acquire() override {
-    for (const auto& buffer : lit_.buffers)
+    for (const auto& buffer : active_.buffers)
       if (buffer->try_acquire()) return buffer.get();
     return nullptr;
   }
@@ -58,10 +57,10 @@ class AtomicKmsDisplay final : public KmsDisplay {
 
   [[nodiscard]] SubmitStatus submit(ScanoutBuffer* buffer, uint64_t id) noexcept override {
     KmsBuffer* const mine = owned(buffer);
-    return engine_ ? engine_->submit(mine, id) : SubmitStatus::Lost;
+    return flips_ ? flips_->submit(mine, id) : SubmitStatus::Lost;
   }
   [[nodiscard]] bool request_vblank(uint64_t sequence) noexcept override {
-    return engine_ && engine_->request_vblank(sequence);
+    return flips_ && flips_->request_vblank(sequence);
   }
   [[nodiscard]] DisplayEvent wait_event(Nanoseconds deadline, int wake_fd) noexcept override;
 
@@ -71,27 +70,27 @@ class AtomicKmsDisplay final : public KmsDisplay {
   }
   [[nodiscard]] KmsStatistics statistics() const noexcept override { return counters_.snapshot(); }
   [[nodiscard]] ExactnessReport exactness() const override {
-    return lit_.output ? lit_.output->report() : ExactnessReport{};
+    return active_.output ? active_.output->report() : ExactnessReport{};
   }
   [[nodiscard]] bool took_over() const noexcept override {
-    return lit_.output && lit_.output->took_over();
+    return active_.output && active_.output->took_over();
   }
   [[nodiscard]] int card_fd() const noexcept override {
-    return lit_.output ? lit_.output->device().fd() : -1;
+    return active_.output ? active_.output->device().fd() : -1;
   }
-  [[nodiscard]] HandoverState handover() const noexcept override {
-    return lit_.output ? describe_output(lit_, mode_.geometry) : HandoverState{};
+  [[nodiscard]] TakeoverState takeover_state() const noexcept override {
+    return active_.output ? takeover_state_of(active_, mode_.geometry) : TakeoverState{};
   }
 
  private:
   void open();
-  void light_up();
+  void start();
   void close(ExitPolicy exit) noexcept;
   void leave_output(ExitPolicy exit) noexcept;
 
   void run_timers() noexcept;
   void handle(const ReadySet& ready) noexcept;
-  void follow_panel(bool news_waiting) noexcept;
+  void follow_panel(bool event_waiting) noexcept;
   void notice_sleep() noexcept;
 
   static KmsBuffer* owned(ScanoutBuffer* buffer) noexcept {
@@ -104,10 +103,10 @@ class AtomicKmsDisplay final : public KmsDisplay {
   std::shared_ptr<Clock> clock_;
   KmsCounters counters_;
   DisplayMode mode_;
-  LitOutput lit_;
+  ActiveOutput active_;
   // These exist only while the output is active; they refer to it.
-  std::optional<FlipEngine> engine_;
-  std::optional<PanelGuard> guard_;
+  std::optional<PageFlipHandler> flips_;
+  std::optional<PanelMonitor> monitor_;
   std::optional<EventWaiter> waiter_;
   std::optional<GraphicsConsole> console_;
   Nanoseconds asleep_{0};
@@ -117,19 +116,19 @@ class AtomicKmsDisplay final : public KmsDisplay {
 
 void AtomicKmsDisplay::open() {
   try {
-    light_up();
+    start();
   } catch (...) {
     close(options_.exit);
     throw;
   }
 }
 
-void AtomicKmsDisplay::light_up() {
-  lit_ = light_output(options_);
-  options_.inherited.reset();
-  lit_.front->set_state(ScanoutState::OnGlass);
+void AtomicKmsDisplay::start() {
+  active_ = open_output(options_);
+  options_.previous.reset();
+  active_.front->set_state(ScanoutState::OnGlass);
   try {
-    require_exact(options_, *lit_.output);
+    require_exact(options_, *active_.output);
   } catch (...) {
     close(ExitPolicy::Restore);  // a refused picture is not kept
     throw;
@@ -137,36 +136,36 @@ void AtomicKmsDisplay::light_up() {
   // Reconnecting after a successful start tolerates inexact output and reports it instead of
   // stopping.
   options_.allow_inexact = true;
-  const OutputTarget& target = lit_.output->target();
-  const DrmDevice& device = lit_.output->device();
-  mode_ = {.geometry = options_.wish.panel,
-           .refresh = refresh_of(target.mode),
-           .name = fmt::format("{} on {} {}", target.connector.name, device.path(),
-                               to_string(target.mode)),
-           .hardware_clock = false};
+  const Pipe& pipe = active_.output->pipe();
+  const DrmDevice& device = active_.output->device();
+  mode_ = {
+      .geometry = options_.output.panel,
+      .refresh = refresh_of(pipe.mode),
+      .name = fmt::format("{} on {} {}", pipe.connector.name, device.path(), to_string(pipe.mode)),
+      .hardware_clock = false};
   asleep_ = options_.platform->time_asleep();
-  engine_.emplace(lit_, options_.session, clock_, mode_.refresh, counters_);
-  guard_.emplace(*lit_.output, options_.wish, options_.platform->watch_hotplug(), clock_,
-                 counters_);
-  waiter_.emplace(device.fd(), options_.session->fd(), guard_->fd());
-  mode_.hardware_clock = engine_->counts_by_hardware();
+  flips_.emplace(active_, options_.session, clock_, mode_.refresh, counters_);
+  monitor_.emplace(*active_.output, options_.output, options_.platform->watch_hotplug(), clock_,
+                   counters_);
+  waiter_.emplace(device.fd(), options_.session->fd(), monitor_->fd());
+  mode_.hardware_clock = flips_->counts_by_hardware();
   // The kernel takes the panel when the console returns to text mode, even if a process holds the
   // card. A held frame therefore must not use the console.
   if (options_.exit != ExitPolicy::Hold) console_.emplace(options_.platform->terminal());
 }
 
 void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
-  const bool lost = engine_ && engine_->lost();
+  const bool lost = flips_ && flips_->lost();
   waiter_.reset();
-  guard_.reset();
-  engine_.reset();
-  if (lit_.output) {
+  monitor_.reset();
+  flips_.reset();
+  if (active_.output) {
     if (!lost) leave_output(exit);
-    lit_.front = nullptr;
-    lit_.buffers.clear();
-    const DrmDevice& device = lit_.output->device();
+    active_.front = nullptr;
+    active_.buffers.clear();
+    const DrmDevice& device = active_.output->device();
     if (exit != ExitPolicy::Hold) device.session().drop_master(device.fd());
-    lit_.output.reset();
+    active_.output.reset();
   }
   console_.reset();  // the console may draw again once the card is free
 }
@@ -175,26 +174,26 @@ void AtomicKmsDisplay::close(ExitPolicy exit) noexcept {
 void AtomicKmsDisplay::leave_output(ExitPolicy exit) noexcept {
   switch (exit) {
     case ExitPolicy::Restore:
-      (void)lit_.output->restore();
+      (void)active_.output->restore();
       return;
     case ExitPolicy::Black:
-      (void)lit_.output->blank();
+      (void)active_.output->blank();
       return;
     case ExitPolicy::Hold:
-      for (const auto& buffer : lit_.buffers) buffer->abandon();
+      for (const auto& buffer : active_.buffers) buffer->abandon();
   }
 }
 
 // --- waiting --------------------------------------------------------------------------------
 
 DisplayEvent AtomicKmsDisplay::wait_event(Nanoseconds deadline, int wake_fd) noexcept {
-  if (!engine_) return {.kind = EventKind::Lost};
+  if (!flips_) return {.kind = EventKind::Lost};
   for (bool over = false;;) {
-    if (!engine_->lost()) run_timers();
-    if (const auto event = engine_->take_event()) return *event;
-    if (engine_->lost()) return {.kind = EventKind::Lost};
+    if (!flips_->lost()) run_timers();
+    if (const auto event = flips_->take_event()) return *event;
+    if (flips_->lost()) return {.kind = EventKind::Lost};
     if (over) return {.kind = EventKind::Timeout};
-    const Nanoseconds next = std::min({deadline, engine_->next_due(), guard_->next_due()});
+    const Nanoseconds next = std::min({deadline, flips_->next_due(), monitor_->next_due()});
     const ReadySet ready = waiter_->wait(*clock_, next, wake_fd);
     notice_sleep();
     handle(ready);
@@ -204,28 +203,28 @@ DisplayEvent AtomicKmsDisplay::wait_event(Nanoseconds deadline, int wake_fd) noe
 
 void AtomicKmsDisplay::run_timers() noexcept {
   follow_panel(false);
-  engine_->run_timers();
-  if (engine_->take_doubt()) guard_->look();
+  flips_->run_timers();
+  if (flips_->take_panel_check()) monitor_->check_now();
 }
 
 void AtomicKmsDisplay::handle(const ReadySet& ready) noexcept {
-  if (ready.card) engine_->read_events();
-  if (ready.card_gone) engine_->lose();
-  if (ready.session) engine_->set_session_ours(options_.session->dispatch());
-  follow_panel(ready.watch);
+  if (ready.card) flips_->read_events();
+  if (ready.card_gone) flips_->mark_lost();
+  if (ready.session) flips_->set_session_ours(options_.session->dispatch());
+  follow_panel(ready.hotplug);
   // Written only when it changes, because other threads may read the mode at any time.
-  if (mode_.hardware_clock && !engine_->counts_by_hardware()) mode_.hardware_clock = false;
+  if (mode_.hardware_clock && !flips_->counts_by_hardware()) mode_.hardware_clock = false;
 }
 
-void AtomicKmsDisplay::follow_panel(bool news_waiting) noexcept {
-  switch (guard_->follow(news_waiting)) {
-    case PanelGuard::Advice::GoOn:
+void AtomicKmsDisplay::follow_panel(bool event_waiting) noexcept {
+  switch (monitor_->handle_events(event_waiting)) {
+    case PanelMonitor::Action::None:
       return;
-    case PanelGuard::Advice::Relight:
-      return engine_->relight_soon();
-    case PanelGuard::Advice::GoDark:
-      (void)lit_.output->blank();
-      return engine_->lose();
+    case PanelMonitor::Action::SetMode:
+      return flips_->request_modeset();
+    case PanelMonitor::Action::SwitchOff:
+      (void)active_.output->blank();
+      return flips_->mark_lost();
   }
 }
 
@@ -237,8 +236,8 @@ void AtomicKmsDisplay::notice_sleep() noexcept {
   asleep_ = asleep;
   if (!slept) return;
   counters_.suspends.add();
-  guard_->look();
-  engine_->relight_soon();
+  monitor_->check_now();
+  flips_->request_modeset();
 }
 
 }  // namespace

@@ -12,8 +12,8 @@
 #include "display/kms/color/exactness_report.h"
 #include "display/kms/device/platform.h"
 #include "display/kms/device/session.h"
-#include "display/kms/probe/output_wish.h"
-#include "display/kms/scanout/handover.h"
+#include "display/kms/probe/output_request.h"
+#include "display/kms/scanout/takeover_state.h"
 
 namespace lenticule::display {
 
@@ -23,25 +23,23 @@ enum class ExitPolicy {
   Black,    ///< switch the output off
 };
 
-/// Output of a previous player: see handover.h.
-struct InheritedOutput {
+/// The output of the previous player, to be taken over.
+struct PreviousOutput {
   UniqueFd card;
-  HandoverState state;
+  TakeoverState state;
 };
 
 struct KmsOptions {
-  OutputWish wish;
-  /// None = the panel's preferred mode.
-  std::optional<frames::Rate> refresh;
+  OutputRequest output;
   int buffers = 3;  ///< 2 ... 4; fewer if the card has too little memory
   ExitPolicy exit = ExitPolicy::Restore;
-  /// Takes over neither inherited buffers nor a running mode. An inherited card is still used,
-  /// because it is DRM master.
+  /// Takes over neither buffers nor a running mode. The card of the previous player is still used,
+  /// because its descriptor is DRM master.
   bool fresh = false;
   /// Shows frames even if the driver or the link is known to alter subpixels.
   bool allow_inexact = false;
   /// Used once, when the display is opened.
-  std::shared_ptr<InheritedOutput> inherited;
+  std::shared_ptr<PreviousOutput> previous;
 
   /// Null = the real ones.
   std::shared_ptr<Clock> clock;
@@ -100,7 +98,7 @@ class KmsDisplay : public Display {
   /// Return, for the next player, the card's descriptor (borrowed, to be duplicated) and the state
   /// of the output.
   [[nodiscard]] virtual int card_fd() const noexcept = 0;
-  [[nodiscard]] virtual HandoverState handover() const noexcept = 0;
+  [[nodiscard]] virtual TakeoverState takeover_state() const noexcept = 0;
 };
 
 /// Opens an output. Throws Error(Device) if there is no such output, it is not available or the

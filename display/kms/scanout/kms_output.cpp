@@ -21,10 +21,10 @@ constexpr uint32_t kTestOnly = DRM_MODE_ATOMIC_TEST_ONLY;
 constexpr uint32_t kAllowModeset = DRM_MODE_ATOMIC_ALLOW_MODESET;
 constexpr uint32_t kFlipFlags = DRM_MODE_ATOMIC_NONBLOCK | DRM_MODE_PAGE_FLIP_EVENT;
 
-PipeTables read_tables(int fd, const OutputTarget& target) {
-  auto tables = PipeTables::read(fd, target.connector.id, target.pipe.crtc, target.pipe.plane);
+PipeTables read_tables(int fd, const Pipe& pipe) {
+  auto tables = PipeTables::read(fd, pipe.connector.id, pipe.crtc, pipe.plane);
   if (tables) return std::move(*tables);
-  throw Error(ErrorKind::Device, fmt::format("{}: vanished", target.connector.name));
+  throw Error(ErrorKind::Device, fmt::format("{}: vanished", pipe.connector.name));
 }
 
 BlobId make_mode_blob(int fd, const drmModeModeInfo& mode) {
@@ -32,7 +32,7 @@ BlobId make_mode_blob(int fd, const drmModeModeInfo& mode) {
   const int error = drmModeCreatePropertyBlob(fd, &mode, sizeof(mode), &id);
   if (error != 0)
     throw Error(ErrorKind::Device,
-                fmt::format("kms: cannot hand over a mode: {}", std::strerror(-error)));
+                fmt::format("kms: cannot create a mode: {}", std::strerror(-error)));
   return {fd, id};
 }
 
@@ -65,30 +65,27 @@ const char* hint_for(int error) {
 
 }  // namespace
 
-KmsOutput::KmsOutput(DrmDevice device, OutputTarget target, std::shared_ptr<KmsPlatform> platform)
+KmsOutput::KmsOutput(DrmDevice device, Pipe pipe, std::shared_ptr<KmsPlatform> platform)
     : device_(std::move(device)),
-      target_(std::move(target)),
-      tables_(read_tables(device_.fd(), target_)),
+      pipe_(std::move(pipe)),
+      tables_(read_tables(device_.fd(), pipe_)),
       audit_(tables_),
       gamma_(device_.fd(), tables_.crtc),
-      mode_blob_(make_mode_blob(device_.fd(), target_.mode)),
+      mode_blob_(make_mode_blob(device_.fd(), pipe_.mode)),
       framebuffer_property_(tables_.plane.require("FB_ID")),
       platform_(std::move(platform)),
-      link_(link_facts()),
-      place_{
-          .card = device_.path(), .connector = target_.connector.name, .crtc = target_.pipe.crtc} {}
+      link_(link_info()),
+      place_{.card = device_.path(), .connector = pipe_.connector.name, .crtc = pipe_.crtc} {}
 
 std::vector<PropertySetting> KmsOutput::plane_settings(uint32_t framebuffer) const {
   const PropertyTable& plane = tables_.plane;
-  const uint64_t width = target_.mode.hdisplay;
-  const uint64_t height = target_.mode.vdisplay;
+  const uint64_t width = pipe_.mode.hdisplay;
+  const uint64_t height = pipe_.mode.vdisplay;
   const auto set = [&](const char* name, uint64_t value) {
     return PropertySetting{plane.object(), plane.require(name), value};
   };
-  return {set("FB_ID", framebuffer), set("CRTC_ID", target_.pipe.crtc),
-          set("SRC_X", 0),           set("SRC_Y", 0),
-          set("SRC_W", width << 16), set("SRC_H", height << 16),
-          set("CRTC_X", 0),          set("CRTC_Y", 0),
+  return {set("FB_ID", framebuffer), set("CRTC_ID", pipe_.crtc), set("SRC_X", 0),  set("SRC_Y", 0),
+          set("SRC_W", width << 16), set("SRC_H", height << 16), set("CRTC_X", 0), set("CRTC_Y", 0),
           set("CRTC_W", width),      set("CRTC_H", height)};
 }
 
@@ -96,7 +93,7 @@ std::vector<PropertySetting> KmsOutput::mode_settings() const {
   const PropertyTable& connector = tables_.connector;
   const PropertyTable& crtc = tables_.crtc;
   std::vector<PropertySetting> settings = {
-      {connector.object(), connector.require("CRTC_ID"), target_.pipe.crtc},
+      {connector.object(), connector.require("CRTC_ID"), pipe_.crtc},
       {crtc.object(), crtc.require("MODE_ID"), mode_blob_.get()},
       {crtc.object(), crtc.require("ACTIVE"), 1}};
   if (const Property* link = connector.find("link-status"))
@@ -112,16 +109,16 @@ std::vector<PropertySetting> KmsOutput::unlink_settings() const {
   const int fd = device_.fd();
   const DrmPlanes planes(drmModeGetPlaneResources(fd));
   for (uint32_t i = 0; planes && i < planes->count_planes; ++i) {
-    if (planes->planes[i] == target_.pipe.plane) continue;
+    if (planes->planes[i] == pipe_.plane) continue;
     if (const auto table = PropertyTable::read(fd, planes->planes[i], DRM_MODE_OBJECT_PLANE))
-      unlink(settings, *table, target_.pipe.crtc, true);
+      unlink(settings, *table, pipe_.crtc, true);
   }
   const DrmResources resources(drmModeGetResources(fd));
   for (int i = 0; resources && i < resources->count_connectors; ++i) {
-    if (resources->connectors[i] == target_.connector.id) continue;
+    if (resources->connectors[i] == pipe_.connector.id) continue;
     if (const auto table =
             PropertyTable::read(fd, resources->connectors[i], DRM_MODE_OBJECT_CONNECTOR))
-      unlink(settings, *table, target_.pipe.crtc, false);
+      unlink(settings, *table, pipe_.crtc, false);
   }
   return settings;
 }
@@ -140,11 +137,11 @@ int KmsOutput::commit(const std::vector<PropertySetting>& settings, uint32_t fla
   return request.commit(device_.fd(), flags);
 }
 
-bool KmsOutput::runs_in_our_mode() const {
-  if (tables_.connector.value("CRTC_ID") != target_.pipe.crtc) return false;
-  if (tables_.crtc.value("ACTIVE") != 1 || target_.connector.link_bad) return false;
-  const DrmCrtc crtc(drmModeGetCrtc(device_.fd(), target_.pipe.crtc));
-  return crtc && crtc->mode_valid != 0 && same_timings(crtc->mode, target_.mode);
+bool KmsOutput::runs_in_mode() const {
+  if (tables_.connector.value("CRTC_ID") != pipe_.crtc) return false;
+  if (tables_.crtc.value("ACTIVE") != 1 || pipe_.connector.link_bad) return false;
+  const DrmCrtc crtc(drmModeGetCrtc(device_.fd(), pipe_.crtc));
+  return crtc && crtc->mode_valid != 0 && same_timings(crtc->mode, pipe_.mode);
 }
 
 void KmsOutput::remember(uint32_t framebuffer) {
@@ -155,7 +152,7 @@ void KmsOutput::remember(uint32_t framebuffer) {
 }
 
 bool KmsOutput::take_over(uint32_t framebuffer) {
-  if (!runs_in_our_mode()) return false;
+  if (!runs_in_mode()) return false;
   std::vector<PropertySetting> settings = plane_settings(framebuffer);
   append(settings, unlink_settings());
   append(settings, audit_.settings());
@@ -166,7 +163,7 @@ bool KmsOutput::take_over(uint32_t framebuffer) {
   return took_over_;
 }
 
-void KmsOutput::light_up(uint32_t framebuffer, Clock& clock, RunningMode running) {
+void KmsOutput::activate(uint32_t framebuffer, Clock& clock, RunningMode running) {
   if (running == RunningMode::TakeOver && take_over(framebuffer)) return;
   remember(framebuffer);
   int error = test(framebuffer);
@@ -207,24 +204,24 @@ void KmsOutput::find_refused_settings(uint32_t framebuffer) {
 
 void KmsOutput::fail(int error) const {
   throw Error(ErrorKind::Device,
-              fmt::format("{} on {}: cannot show {}: {}", target_.connector.name, device_.path(),
-                          to_string(target_.mode), std::strerror(error)),
+              fmt::format("{} on {}: cannot show {}: {}", pipe_.connector.name, device_.path(),
+                          to_string(pipe_.mode), std::strerror(error)),
               hint_for(error));
 }
 
 int KmsOutput::flip(uint32_t framebuffer, uint64_t id) noexcept {
   flip_request_.clear();
-  flip_request_.set({target_.pipe.plane, framebuffer_property_, framebuffer});
+  flip_request_.set({pipe_.plane, framebuffer_property_, framebuffer});
   return flip_request_.commit(device_.fd(), kFlipFlags, id);
 }
 
 int KmsOutput::show(uint32_t framebuffer) noexcept {
   flip_request_.clear();
-  flip_request_.set({target_.pipe.plane, framebuffer_property_, framebuffer});
+  flip_request_.set({pipe_.plane, framebuffer_property_, framebuffer});
   return flip_request_.commit(device_.fd(), 0);
 }
 
-int KmsOutput::relight(uint32_t framebuffer) noexcept {
+int KmsOutput::set_mode(uint32_t framebuffer) noexcept {
   try {
     const int error = commit(everything(framebuffer), kAllowModeset);
     if (error == 0) settle();
@@ -249,22 +246,21 @@ bool KmsOutput::restore() noexcept {
 
 int KmsOutput::read_sequence(uint64_t& sequence, Nanoseconds& time) const noexcept {
   uint64_t nanoseconds = 0;
-  if (drmCrtcGetSequence(device_.fd(), target_.pipe.crtc, &sequence, &nanoseconds) != 0)
-    return -errno;
+  if (drmCrtcGetSequence(device_.fd(), pipe_.crtc, &sequence, &nanoseconds) != 0) return -errno;
   time = Nanoseconds(static_cast<int64_t>(nanoseconds));
   return 0;
 }
 
 int KmsOutput::queue_sequence(uint64_t sequence, uint64_t id) const noexcept {
   uint64_t queued = 0;
-  const int result = drmCrtcQueueSequence(device_.fd(), target_.pipe.crtc,
-                                          DRM_CRTC_SEQUENCE_NEXT_ON_MISS, sequence, &queued, id);
+  const int result = drmCrtcQueueSequence(device_.fd(), pipe_.crtc, DRM_CRTC_SEQUENCE_NEXT_ON_MISS,
+                                          sequence, &queued, id);
   return result == 0 ? 0 : -errno;
 }
 
 bool KmsOutput::placed_one_to_one(const PipeTables& tables) const {
-  const uint64_t width = target_.mode.hdisplay;
-  const uint64_t height = target_.mode.vdisplay;
+  const uint64_t width = pipe_.mode.hdisplay;
+  const uint64_t height = pipe_.mode.vdisplay;
   const PropertyTable& plane = tables.plane;
   return plane.value("SRC_X") == 0 && plane.value("SRC_Y") == 0 && plane.value("CRTC_X") == 0 &&
          plane.value("CRTC_Y") == 0 && plane.value("SRC_W") == width << 16 &&
@@ -275,34 +271,33 @@ bool KmsOutput::placed_one_to_one(const PipeTables& tables) const {
 /// Completes an accepted commit: sets the legacy gamma ramp and updates the report.
 void KmsOutput::settle() {
   (void)gamma_.make_linear();  // the report states whether it is linear
-  update_report(
-      PipeTables::read(device_.fd(), target_.connector.id, target_.pipe.crtc, target_.pipe.plane));
+  update_report(PipeTables::read(device_.fd(), pipe_.connector.id, pipe_.crtc, pipe_.plane));
 }
 
-LinkFacts KmsOutput::link_facts() const {
-  const EdidReading& edid = target_.connector.edid;
-  const PixelSize size{target_.mode.hdisplay, target_.mode.vdisplay};
+LinkInfo KmsOutput::link_info() const {
+  const EdidReading& edid = pipe_.connector.edid;
+  const PixelSize size{pipe_.mode.hdisplay, pipe_.mode.vdisplay};
   const std::vector<PixelSize> native = edid.native_sizes();
-  return {.connector_type = target_.connector.type,
+  return {.connector_type = pipe_.connector.type,
           .driver = device_.driver(),
           .edid_known = edid.identity.has_value(),
           .offers_ycbcr = edid.offers_ycbcr,
-          .only_as_420 = is_one_of(target_.mode, edid.only_as_420),
+          .only_as_420 = is_one_of(pipe_.mode, edid.only_as_420),
           .bits_per_colour = edid.bits_per_colour,
           .other_native_size =
               !native.empty() && std::find(native.begin(), native.end(), size) == native.end(),
           .one_to_one = std::nullopt};
 }
 
-void KmsOutput::renew_connector(ConnectorInfo connector) {
-  target_.connector = std::move(connector);
-  LinkFacts facts = link_facts();
+void KmsOutput::update_connector(ConnectorInfo connector) {
+  pipe_.connector = std::move(connector);
+  LinkInfo info = link_info();
   const std::lock_guard lock(mutex_);
-  link_ = std::move(facts);
+  link_ = std::move(info);
 }
 
 ExactnessReport KmsOutput::make_report(const std::optional<PipeTables>& now, AuditDepth depth) {
-  LinkFacts link;
+  LinkInfo link;
   LinkPlace place;
   std::vector<AuditRow> debugfs_rows;
   {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // KmsOutput controls one connector, CRTC and primary plane that show one framebuffer at a time,
-// pixel for pixel. It issues the kernel calls; KmsDisplay decides when.
+// pixel for pixel. It makes the kernel calls; KmsDisplay decides when.
 #pragma once
 
 #include <memory>
@@ -18,15 +18,9 @@
 #include "display/kms/device/drm_device.h"
 #include "display/kms/device/platform.h"
 #include "display/kms/device/saved_state.h"
-#include "display/kms/probe/pipe_choice.h"
+#include "display/kms/probe/pipe.h"
 
 namespace lenticule::display {
-
-struct OutputTarget {
-  ConnectorInfo connector;
-  drmModeModeInfo mode{};
-  Pipe pipe{};
-};
 
 /// Handling of a mode in which the panel already runs.
 enum class RunningMode { TakeOver, SetAnew };
@@ -42,18 +36,18 @@ enum class AuditDepth {
 class KmsOutput {
  public:
   /// Throws Error(Device) if the driver lacks a feature that atomic modesetting needs.
-  KmsOutput(DrmDevice device, OutputTarget target, std::shared_ptr<KmsPlatform> platform);
+  KmsOutput(DrmDevice device, Pipe pipe, std::shared_ptr<KmsPlatform> platform);
 
   /// Shows the first frame: without a modeset if the panel already runs in this mode and may be
   /// taken over, else with a modeset that was tested before. Sets every property of the audit that
   /// the driver accepts. Throws Error(Device).
-  void light_up(uint32_t framebuffer, Clock& clock, RunningMode running);
+  void activate(uint32_t framebuffer, Clock& clock, RunningMode running);
   /// Takes over a displayed picture without a modeset. Returns false if the kernel would need one.
   [[nodiscard]] bool take_over(uint32_t framebuffer);
 
   /// Makes a report of the facts known before a test or a commit.
   void foresee() { update_report(std::nullopt); }
-  /// Tests with the driver what light_up() would do, without doing it: returns 0 or a negative
+  /// Tests with the driver what activate() would do, without doing it: returns 0 or a negative
   /// errno. The report then states which properties would be forced or refused.
   [[nodiscard]] int rehearse(uint32_t framebuffer);
 
@@ -62,26 +56,26 @@ class KmsOutput {
   /// Shows the framebuffer with a blocking commit, without a modeset.
   [[nodiscard]] int show(uint32_t framebuffer) noexcept;
   /// Shows the framebuffer with a blocking modeset.
-  [[nodiscard]] int relight(uint32_t framebuffer) noexcept;
+  [[nodiscard]] int set_mode(uint32_t framebuffer) noexcept;
   /// Updates the connector's data, which reports use.
-  void renew_connector(ConnectorInfo connector);
+  void update_connector(ConnectorInfo connector);
   /// Switches the CRTC off.
   [[nodiscard]] int blank() noexcept;
-  /// Restores the state that light_up() found.
+  /// Restores the state that activate() found.
   bool restore() noexcept;
 
   [[nodiscard]] const DrmDevice& device() const { return device_; }
-  [[nodiscard]] const OutputTarget& target() const { return target_; }
+  [[nodiscard]] const Pipe& pipe() const { return pipe_; }
   /// Reads the driver's vblank count and its time, if the driver counts.
   [[nodiscard]] int read_sequence(uint64_t& sequence, Nanoseconds& time) const noexcept;
   [[nodiscard]] int queue_sequence(uint64_t sequence, uint64_t id) const noexcept;
-  /// Returns true if light_up() needed no modeset.
+  /// Returns true if activate() needed no modeset.
   [[nodiscard]] bool took_over() const { return took_over_; }
   /// Thread safety: any thread.
   [[nodiscard]] ExactnessReport report() const;
   /// Reads all properties again and updates the report; changes nothing on the output. Returns true
-  /// if a property that was neutral no longer is, so that relight() would help. Thread safety: any
-  /// thread, once light_up() or take_over() has returned; flips do not wait for it.
+  /// if a property that was neutral no longer is, so that set_mode() would help. Thread safety: any
+  /// thread, once activate() or take_over() has returned; flips do not wait for it.
   [[nodiscard]] bool audit_again(AuditDepth depth);
 
  private:
@@ -90,19 +84,19 @@ class KmsOutput {
   [[nodiscard]] std::vector<PropertySetting> unlink_settings() const;
   [[nodiscard]] std::vector<PropertySetting> everything(uint32_t framebuffer) const;
   [[nodiscard]] int commit(const std::vector<PropertySetting>& settings, uint32_t flags) const;
-  [[nodiscard]] bool runs_in_our_mode() const;
+  [[nodiscard]] bool runs_in_mode() const;
   [[nodiscard]] bool placed_one_to_one(const PipeTables& tables) const;
   [[nodiscard]] int test(uint32_t framebuffer);
   void find_refused_settings(uint32_t framebuffer);
   [[noreturn]] void fail(int error) const;
   void remember(uint32_t framebuffer);
   void settle();
-  [[nodiscard]] LinkFacts link_facts() const;
+  [[nodiscard]] LinkInfo link_info() const;
   [[nodiscard]] ExactnessReport make_report(const std::optional<PipeTables>& now, AuditDepth depth);
   void update_report(const std::optional<PipeTables>& now);
 
   DrmDevice device_;
-  OutputTarget target_;
+  Pipe pipe_;
   PipeTables tables_;  ///< values found at the start
   ExactnessAudit audit_;
   LegacyGamma gamma_;
@@ -115,7 +109,7 @@ class KmsOutput {
   std::shared_ptr<KmsPlatform> platform_;
 
   mutable std::mutex mutex_;  ///< guards the members below
-  LinkFacts link_;
+  LinkInfo link_;
   LinkPlace place_;
   std::vector<AuditRow> debugfs_rows_;
   ExactnessReport report_;

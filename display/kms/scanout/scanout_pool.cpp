@@ -90,12 +90,12 @@ KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::Fram
 }
 
 KmsBuffer::KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
-                     const ScanoutNames& names)
-    : geometry_(geometry), pitch_(names.pitch), size_(names.size) {
-  if (!holds(geometry, pitch_, size_)) fail("inherit", EINVAL);
-  mapping_ = map_buffer(fd, platform, names.handle, size_);
-  handle_ = DumbHandle(fd, names.handle);
-  framebuffer_ = FramebufferId(fd, names.framebuffer);
+                     const TakeoverState::Buffer& buffer)
+    : geometry_(geometry), pitch_(buffer.pitch), size_(buffer.size) {
+  if (!holds(geometry, pitch_, size_)) fail("take over", EINVAL);
+  mapping_ = map_buffer(fd, platform, buffer.handle, size_);
+  handle_ = DumbHandle(fd, buffer.handle);
+  framebuffer_ = FramebufferId(fd, buffer.framebuffer);
 }
 
 void KmsBuffer::fill(const frames::FrameView& frame) noexcept {
@@ -113,7 +113,7 @@ bool KmsBuffer::try_acquire() noexcept {
                                         std::memory_order_acq_rel);
 }
 
-ScanoutNames KmsBuffer::names() const {
+TakeoverState::Buffer KmsBuffer::takeover_buffer() const {
   return {
       .handle = handle_.get(), .framebuffer = framebuffer_.get(), .pitch = pitch_, .size = size_};
 }

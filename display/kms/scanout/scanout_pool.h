@@ -9,7 +9,7 @@
 #include "display/display.h"
 #include "display/kms/device/drm_handles.h"
 #include "display/kms/device/platform.h"
-#include "display/kms/scanout/handover.h"
+#include "display/kms/scanout/takeover_state.h"
 
 namespace lenticule::display {
 
@@ -33,14 +33,6 @@ class ScanoutMapping {
   size_t size_ = 0;
 };
 
-/// The kernel's ids of one buffer, which another process may inherit.
-struct ScanoutNames {
-  uint32_t handle = 0;
-  uint32_t framebuffer = 0;
-  uint32_t pitch = 0;
-  uint64_t size = 0;
-};
-
 class KmsBuffer final : public ScanoutBuffer {
  public:
   /// Creates a buffer and fills it with black, which touches every page. Throws Error(Failed) if
@@ -50,7 +42,7 @@ class KmsBuffer final : public ScanoutBuffer {
   /// Wraps a buffer that another process created, keeping its contents. Takes ownership of the ids
   /// only on success.
   KmsBuffer(int fd, std::shared_ptr<KmsPlatform> platform, frames::FrameGeometry geometry,
-            const ScanoutNames& names);
+            const TakeoverState::Buffer& buffer);
 
   void fill(const frames::FrameView& frame) noexcept override;
 
@@ -62,7 +54,8 @@ class KmsBuffer final : public ScanoutBuffer {
     return state_.load(std::memory_order_acquire);
   }
   [[nodiscard]] uint32_t framebuffer() const { return framebuffer_.get(); }
-  [[nodiscard]] ScanoutNames names() const;
+  /// Returns the ids with which another process can take over the buffer.
+  [[nodiscard]] TakeoverState::Buffer takeover_buffer() const;
   /// Unmaps the buffer, and leaves contents and ids to the process that holds the card's
   /// descriptor.
   void abandon() noexcept;

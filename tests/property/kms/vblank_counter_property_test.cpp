@@ -4,7 +4,7 @@
 
 #include <random>
 
-#include "display/kms/scanout/vblank_counter.h"
+#include "display/kms/scanout/vblank_clock.h"
 
 namespace lenticule::testing {
 

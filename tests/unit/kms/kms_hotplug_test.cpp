@@ -209,7 +209,7 @@ TEST_F(KmsHotplug, ConnectorThatVanishesIsDisconnected) {
 }
 
 TEST_F(KmsHotplug, AnyPanelOfTheRightSizeServesARigWithoutIdentity) {
-  options.wish.identity = {};
+  options.output.identity = {};
   open();
   flip(1);
   replug(EdidMaker{.serial_text = "TWO"}.bytes());

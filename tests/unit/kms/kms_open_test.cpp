@@ -5,12 +5,11 @@
 #include <cerrno>
 
 #include "base/error.h"
-#include "display/kms/survey/inspect.h"
+#include "display/kms/inspect.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {
 
-using display::OutputKey;
 using ::testing::HasSubstr;
 
 class KmsOpen : public KmsStage {
@@ -38,7 +37,7 @@ class KmsOpen : public KmsStage {
 TEST_F(KmsOpen, ThreeConnectorsInTheWrongOrderStillShowTheRigsPanel) {
   add_panel(2, "TWO");
   FakeConnector& third = add_panel(3, "THREE");
-  options.wish.identity.serial = "THREE";
+  options.output.identity.serial = "THREE";
   open();
   EXPECT_NE(card.value(third.id, "CRTC_ID"), 0U);
   EXPECT_EQ(card.value(connector->id, "CRTC_ID"), 0U);
@@ -46,7 +45,7 @@ TEST_F(KmsOpen, ThreeConnectorsInTheWrongOrderStillShowTheRigsPanel) {
 
 TEST_F(KmsOpen, TwoMatchingPanelsAreAnErrorThatListsThem) {
   add_panel(2, "TWO");
-  options.wish.identity = {};
+  options.output.identity = {};
   const Error error = failure();
   EXPECT_EQ(error.kind(), ErrorKind::Device);
   EXPECT_THAT(error.what(), HasSubstr("HDMI-A-1"));
@@ -54,7 +53,7 @@ TEST_F(KmsOpen, TwoMatchingPanelsAreAnErrorThatListsThem) {
 }
 
 TEST_F(KmsOpen, AnotherPanelThanTheRigsIsRefused) {
-  options.wish.identity.serial = "OTHER";
+  options.output.identity.serial = "OTHER";
   const Error error = failure();
   EXPECT_EQ(error.kind(), ErrorKind::Input);
   EXPECT_THAT(error.what(), HasSubstr("serial ONE"));
@@ -62,8 +61,8 @@ TEST_F(KmsOpen, AnotherPanelThanTheRigsIsRefused) {
 }
 
 TEST_F(KmsOpen, AnotherPanelMayShowATestCard) {
-  options.wish.identity.serial = "OTHER";
-  options.wish.policy = display::IdentityPolicy::Ignore;
+  options.output.identity.serial = "OTHER";
+  options.output.policy = display::IdentityPolicy::Ignore;
   open();
   flip(1);
 }
@@ -80,8 +79,8 @@ TEST_F(KmsOpen, AFreshStartSetsTheModeAlthoughItRuns) {
 
 TEST_F(KmsOpen, PanelNamedByEdidIsFound) {
   FakeConnector& second = add_panel(2, "TWO");
-  options.wish.identity = {};
-  options.wish.key = display::parse_output_key("edid:LGD:0x1234:TWO");
+  options.output.identity = {};
+  options.output = display::parse_output("edid:LGD:0x1234:TWO", options.output);
   open();
   EXPECT_NE(card.value(second.id, "CRTC_ID"), 0U);
 }
@@ -91,7 +90,7 @@ TEST_F(KmsOpen, ConnectorOnAnotherCardIsFound) {
   const uint32_t crtc_there = other.add_crtc();
   other.add_connector(DRM_MODE_CONNECTOR_DisplayPort, 1, make_mode(kWidth, kHeight, 60),
                       EdidMaker{.serial_text = "FAR"}.bytes());
-  options.wish.identity.serial = "FAR";
+  options.output.identity.serial = "FAR";
   open();
   EXPECT_EQ(other.value(crtc_there, "ACTIVE"), 1U);
   EXPECT_EQ(card.master_fd, -1) << "the card that was only looked at is not kept";
@@ -200,7 +199,7 @@ TEST_F(KmsOpen, PrefersThePanelWhoseNativeSizeFits) {
   FakeConnector& second = add_panel(2, "TWO");
   connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60),
                       make_mode(kWidth, kHeight, 60, false)};
-  options.wish.identity = {};
+  options.output.identity = {};
   open();
   EXPECT_NE(card.value(second.id, "CRTC_ID"), 0U);
 }
@@ -209,7 +208,7 @@ TEST_F(KmsOpen, OutputWithoutAnEdidShowsAnySizeThatItLists) {
   card.set_edid(connector->id, {});
   connector->modes = {make_mode(kWidth * 2, kHeight * 2, 60),
                       make_mode(kWidth, kHeight, 60, false)};
-  options.wish.identity = {};
+  options.output.identity = {};
   open();
   flip(1);
   expect_on_glass(1);
@@ -225,7 +224,7 @@ TEST_F(KmsOpen, OneTileOfAPanelIsRefused) {
 TEST_F(KmsOpen, HeadsetIsSkippedUnlessNamed) {
   card.object(connector->id).find("non-desktop")->value = 1;
   EXPECT_EQ(failure().kind(), ErrorKind::Device);
-  options.wish.key = {.kind = OutputKey::Kind::Connector, .text = "HDMI-A-1"};
+  options.output.connector = "HDMI-A-1";
   open();
 }
 

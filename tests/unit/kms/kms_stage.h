@@ -49,8 +49,8 @@ class KmsStage : public ::testing::Test {
     crtc = card.add_crtc();
     connector = &card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 1, make_mode(kWidth, kHeight, 60),
                                     EdidMaker{.serial_text = "ONE"}.bytes());
-    options.wish.panel = kPanel;
-    options.wish.identity = {
+    options.output.panel = kPanel;
+    options.output.identity = {
         .manufacturer = "LGD", .product = 0x1234, .serial = "ONE", .edid_sha256 = {}};
     options.clock = machine.clock();
     options.session = machine.session();

@@ -5,7 +5,7 @@
 #include <atomic>
 #include <thread>
 
-#include "display/kms/scanout/panel_watch.h"
+#include "display/kms/scanout/connector_prober.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {
@@ -23,19 +23,19 @@ TEST_F(KmsThreads, PanelIsProbedOnItsOwnThread) {
   const auto seen = display::read_connector(fd.get(), connector->id, display::Probe::Cached);
   ASSERT_TRUE(seen);
   {
-    display::PanelWatch watch(fd.get(), *seen, options.platform->watch_hotplug(),
-                              display::make_monotonic_clock(),
-                              display::PanelWatch::Running::OwnThread);
+    display::ConnectorProber prober(fd.get(), *seen, options.platform->watch_hotplug(),
+                                    display::make_monotonic_clock(),
+                                    display::ConnectorProber::Running::OwnThread);
     for (int i = 0; i < 3; ++i) {
       machine.announce_hotplug();
-      ASSERT_TRUE(readable_within(watch.fd(), 20'000));
-      const auto news = watch.take_news();
-      ASSERT_TRUE(news && news->connector);
-      EXPECT_TRUE(news->connector->connected);
-      EXPECT_FALSE(watch.take_news());
+      ASSERT_TRUE(readable_within(prober.fd(), 20'000));
+      const auto event = prober.take_event();
+      ASSERT_TRUE(event && event->connector);
+      EXPECT_TRUE(event->connector->connected);
+      EXPECT_FALSE(prober.take_event());
     }
-    watch.request_probe();
-    EXPECT_TRUE(readable_within(watch.fd(), 20'000));
+    prober.request_probe();
+    EXPECT_TRUE(readable_within(prober.fd(), 20'000));
   }
   EXPECT_GE(card.full_probes, 4);
   options.session->close_device(fd.get());

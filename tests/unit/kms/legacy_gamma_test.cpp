@@ -6,7 +6,7 @@
 
 #include <cerrno>
 
-#include "display/kms/survey/inspect.h"
+#include "display/kms/inspect.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/probe/mode_choice.h"
-
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "display/kms/probe/pipe.h"
 #include "tests/support/fake_drm.h"
 
 namespace lenticule::testing {

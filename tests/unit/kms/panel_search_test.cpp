@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests the search for a panel without opening it, also while a display of ours is active.
-#include "display/kms/survey/panel_search.h"
-
 #include <gmock/gmock.h>
 
+#include "display/kms/inspect.h"
 #include "kms_stage.h"
 
 namespace lenticule::testing {
@@ -29,7 +28,7 @@ TEST_F(PanelSearchTest, FindsThePanelThatOpeningWouldUseWithoutBecomingMaster) {
 TEST_F(PanelSearchTest, ListsPresentPanelsAndReportsThatThePanelMayCome) {
   add_panel(9, "ANOTHER");
   add_panel(2, "OFF").connected = false;
-  options.wish.identity.serial = "EXPECTED";
+  options.output.identity.serial = "EXPECTED";
   const PanelSearch result = search();
   EXPECT_FALSE(result.found);
   EXPECT_TRUE(result.may_come);
@@ -43,22 +42,22 @@ TEST_F(PanelSearchTest, ListsPresentPanelsAndReportsThatThePanelMayCome) {
 
 TEST_F(PanelSearchTest, ProbesOnlyANamedOutput) {
   add_panel(2, "TWO");
-  options.wish.identity.serial = "EXPECTED";
-  options.wish.key = {.kind = display::OutputKey::Kind::Connector, .text = "HDMI-A-2"};
+  options.output.identity.serial = "EXPECTED";
+  options.output.connector = "HDMI-A-2";
   const PanelSearch result = search();
   ASSERT_EQ(result.present.size(), 1U);
   EXPECT_EQ(result.present[0].identity->serial_text, "TWO");
 }
 
 TEST_F(PanelSearchTest, AnEdidKeyDoesNotRestrictTheConnector) {
-  options.wish.identity = {};
-  options.wish.key = display::parse_output_key("edid:LGD:0x1234:EXPECTED");
+  options.output.identity = {};
+  options.output = display::parse_output("edid:LGD:0x1234:EXPECTED", options.output);
   EXPECT_EQ(search().present.size(), 1U) << "the panel that hangs there instead";
 }
 
 TEST_F(PanelSearchTest, WaitingDoesNotResolveTwoMatches) {
   add_panel(2, "TWO");
-  options.wish.identity = {};
+  options.output.identity = {};
   const PanelSearch result = search();
   EXPECT_FALSE(result.found);
   EXPECT_FALSE(result.may_come);

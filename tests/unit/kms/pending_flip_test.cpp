@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/scanout/pending_flip.h"
-
 #include <gtest/gtest.h>
+
+#include "display/kms/scanout/page_flip.h"
 
 namespace lenticule::testing {
 

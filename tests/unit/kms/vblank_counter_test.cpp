@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/scanout/vblank_counter.h"
-
 #include <gtest/gtest.h>
+
+#include "display/kms/scanout/vblank_clock.h"
 
 namespace lenticule::testing {
 

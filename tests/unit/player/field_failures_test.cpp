@@ -254,9 +254,9 @@ TEST_F(FieldFailures, ShowsEverySubpixelUnchanged) {
 }
 
 TEST_F(FieldFailures, RefusesAFilmWovenForAnotherPanel) {
-  options.wish.identity.serial = "ANOTHER";
+  options.output.identity.serial = "ANOTHER";
   EXPECT_THROW(open(), Error);
-  options.wish.identity.serial = "ONE";
+  options.output.identity.serial = "ONE";
   script.geometry.width = testing::kWidth + 1;
   EXPECT_THROW((void)play_script(), Error);
   EXPECT_TRUE(shown.empty());
@@ -267,7 +267,7 @@ TEST_F(FieldFailures, RecoversWithoutRestartAfterCableIsReplugged) {
   waiting.kms = options;
   PanelWait panel(waiting);
   show = panel.open();
-  playing.bring_back = [&](const LostDisplay& lost) { return panel.bring_back(*show, lost); };
+  playing.reconnect = [&](const LostDisplay& lost) { return panel.reconnect(*show, lost); };
   on_shown = [this](uint64_t id) {
     if (id != 9) return;
     card.unplug();

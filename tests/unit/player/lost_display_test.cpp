@@ -17,11 +17,11 @@ using std::chrono::seconds;
 class LostDisplayTest : public testing::GlassStage {
  protected:
   LostDisplayTest() {
-    playing.bring_back = [this](const LostDisplay& lost) { return replug(lost); };
+    playing.reconnect = [this](const LostDisplay& lost) { return replug(lost); };
   }
 
   /// Reconnects the card after `away`.
-  Comeback replug(const LostDisplay& lost) {
+  ReconnectResult replug(const LostDisplay& lost) {
     ++losses;
     time_left = lost.time_left;
     EXPECT_EQ(lost.report.outcome, "display lost");
@@ -34,7 +34,7 @@ class LostDisplayTest : public testing::GlassStage {
     card.gone = false;
     if (meanwhile) meanwhile();
     show->reconnect();
-    return Comeback::Back;
+    return ReconnectResult::Reconnected;
   }
 
   Nanoseconds away = seconds(3);
@@ -176,9 +176,9 @@ TEST_F(LostDisplayTest, TheRequestedDurationContinuesWhileTheDisplayIsAway) {
 }
 
 TEST_F(LostDisplayTest, GivingUpIsALostDisplayWithCompleteStatistics) {
-  playing.bring_back = [this](const LostDisplay&) {
+  playing.reconnect = [this](const LostDisplay&) {
     EXPECT_THROW(show->reconnect(), Error);
-    return Comeback::GivenUp;
+    return ReconnectResult::GivenUp;
   };
   on_shown = [this](uint64_t id) {
     if (id == 4) card.unplug();
@@ -191,9 +191,9 @@ TEST_F(LostDisplayTest, GivingUpIsALostDisplayWithCompleteStatistics) {
 }
 
 TEST_F(LostDisplayTest, AnErrorInReconnectingReleasesEverything) {
-  playing.bring_back = [this](const LostDisplay&) {
+  playing.reconnect = [this](const LostDisplay&) {
     show->reconnect();
-    return Comeback::Back;
+    return ReconnectResult::Reconnected;
   };
   on_shown = [this](uint64_t id) {
     if (id == 4) card.unplug();
@@ -202,7 +202,7 @@ TEST_F(LostDisplayTest, AnErrorInReconnectingReleasesEverything) {
 }
 
 TEST_F(LostDisplayTest, AnInterruptionWhileTheDisplayIsAwayEndsPlaying) {
-  playing.bring_back = [](const LostDisplay&) { return Comeback::Stopped; };
+  playing.reconnect = [](const LostDisplay&) { return ReconnectResult::Stopped; };
   on_shown = [this](uint64_t id) {
     if (id == 4) card.unplug();
   };

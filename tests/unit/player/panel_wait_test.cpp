@@ -83,7 +83,7 @@ class PanelWaitTest : public testing::KmsStage {
   [[nodiscard]] std::vector<uint32_t> expected_card(frames::FrameGeometry size) const {
     const display::PanelSearch search = display::search_panel(options);
     const display::CardText text =
-        wrong_panel_card(options.wish, search, search.present.at(0), "lobby.toml");
+        wrong_panel_card(options.output, search, search.present.at(0), "lobby.toml");
     const frames::WovenFrame frame = draw_test_card(size, text);
     return testing::words_of(frame);
   }
@@ -159,7 +159,7 @@ TEST_F(PanelWaitTest, TwoMatchingPanelsAreAnErrorOnACommandLine) {
   card.add_connector(DRM_MODE_CONNECTOR_HDMIA, 2,
                      testing::make_mode(testing::kWidth, testing::kHeight, 60),
                      testing::EdidMaker{.serial_text = "TWO"}.bytes());
-  options.wish.identity = {};
+  options.output.identity = {};
   waiting.at_start = seconds(60);
   const Nanoseconds before = machine.now();
   EXPECT_THAT(failure().what(), HasSubstr("more than one panel fits"));
@@ -259,7 +259,7 @@ TEST_F(PanelWaitTest, AStaticTestCardProbesThePanelRarely) {
 
 TEST_F(PanelWaitTest, APanelWithoutTheRigsModeShowsThatOnATestCard) {
   connector->modes = {testing::make_mode(kOther.width, kOther.height, 60)};
-  options.wish.identity = {};
+  options.output.identity = {};
   look_at_glass(seconds(6));
   at(seconds(10), [this] { plug_own(); });
   const auto expected = expected_card(kOther);
@@ -299,13 +299,13 @@ TEST_F(PanelWaitTest, AServiceReleasesDescriptorsThatWouldStayMaster) {
 
 class PanelReturn : public PanelWaitTest {
  protected:
-  Comeback lose_and_bring_back(PanelWait& wait) {
+  ReconnectResult lose_and_reconnect(PanelWait& wait) {
     int served = 0;
     const PlayReport report;
-    const Comeback comeback = wait.bring_back(
+    const ReconnectResult result = wait.reconnect(
         *show, {.report = report, .time_left = time_left, .serve_source = [&] { ++served; }});
     EXPECT_LE(std::abs(served - rounds), 1);
-    return comeback;
+    return result;
   }
   std::optional<std::chrono::nanoseconds> time_left;
 };
@@ -316,7 +316,7 @@ TEST_F(PanelReturn, AGraphicsCardThatReturnsIsUsedAgain) {
   flip(1);
   card.unplug();
   at(seconds(40), [this] { card.gone = false; });
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Reconnected);
   EXPECT_GE(rounds, 39);
   flip(2);
   expect_on_glass(2);
@@ -336,7 +336,7 @@ TEST_F(PanelReturn, AnotherPanelShowsATestCardAndTheRightOneContinues) {
   look_at_glass(seconds(5));
   at(seconds(10), [this] { unplug_panel(); });
   at(seconds(12), [this] { plug_own(); });
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Reconnected);
   EXPECT_EQ(glass.at(0), expected) << "never 3-D that was made for another panel";
   EXPECT_TRUE(card_shown || rounds > 0);
   flip(2);
@@ -349,7 +349,7 @@ TEST_F(PanelReturn, IsGivenUpAfterItsTimeout) {
   show = wait.open();
   card.unplug();
   const Nanoseconds before = machine.now();
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::GivenUp);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::GivenUp);
   EXPECT_EQ(machine.now() - before, seconds(10));
   ASSERT_TRUE(wait.refusal());
   EXPECT_THAT(wait.refusal()->what(), HasSubstr("no graphics card"));
@@ -360,7 +360,7 @@ TEST_F(PanelReturn, WaitingEndsWithThePlayingTime) {
   PanelWait wait = make();
   show = wait.open();
   card.unplug();
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::TimeOver);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::TimeOver);
 }
 
 TEST_F(PanelReturn, WaitingEndsWithAnInterruption) {
@@ -370,7 +370,7 @@ TEST_F(PanelReturn, WaitingEndsWithAnInterruption) {
   show = wait.open();
   card.unplug();
   at(seconds(4), [&] { interrupted.signal(); });
-  EXPECT_EQ(lose_and_bring_back(wait), Comeback::Stopped);
+  EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Stopped);
 }
 
 TEST_F(PanelReturn, RepeatedLossesShareOneTimeout) {
@@ -378,13 +378,13 @@ TEST_F(PanelReturn, RepeatedLossesShareOneTimeout) {
   PanelWait wait = make();
   show = wait.open();
   int losses = 0;
-  Comeback comeback = Comeback::Back;
-  for (; comeback == Comeback::Back && losses < 100; ++losses) {
+  ReconnectResult result = ReconnectResult::Reconnected;
+  for (; result == ReconnectResult::Reconnected && losses < 100; ++losses) {
     card.flip_faults = {{.error = EIO}};
     EXPECT_EQ(submit(1), testing::SubmitStatus::Lost);
-    comeback = lose_and_bring_back(wait);
+    result = lose_and_reconnect(wait);
   }
-  EXPECT_EQ(comeback, Comeback::GivenUp);
+  EXPECT_EQ(result, ReconnectResult::GivenUp);
   EXPECT_LE(losses, 13) << "a pause lies between two";
 }
 
@@ -396,27 +396,26 @@ TEST_F(PanelReturn, ALossAfterALongTimeHasTheFullTimeout) {
     idle(seconds(60));
     card.unplug();
     at(seconds(8), [this] { card.gone = false; });
-    EXPECT_EQ(lose_and_bring_back(wait), Comeback::Back);
+    EXPECT_EQ(lose_and_reconnect(wait), ReconnectResult::Reconnected);
     rounds = 0;
   }
 }
 
-display::PanelFacts panel_on(const std::string& connector) {
-  display::PanelFacts panel;
+display::PanelInfo panel_on(const std::string& connector) {
+  display::PanelInfo panel;
   panel.connector = connector;
   panel.connected = true;
   return panel;
 }
 
-display::PanelFacts panel_on(const std::string& connector, const display::EdidIdentity& identity) {
-  display::PanelFacts panel = panel_on(connector);
+display::PanelInfo panel_on(const std::string& connector, const display::EdidIdentity& identity) {
+  display::PanelInfo panel = panel_on(connector);
   panel.identity = identity;
   return panel;
 }
 
 TEST(WrongPanelCard, NamesExpectedPanelPresentPanelAndRemedy) {
-  const display::OutputWish wish{
-      .key = {},
+  const display::OutputRequest request{
       .identity = {.manufacturer = "LGD", .product = 0x1234, .serial = "42", .edid_sha256 = {}},
       .panel = {3840, 2160}};
   display::EdidIdentity dell;
@@ -429,7 +428,7 @@ TEST(WrongPanelCard, NamesExpectedPanelPresentPanelAndRemedy) {
       {.width = 1920, .height = 1080, .refresh = {60, 1}},
       {.width = 2560, .height = 1440, .refresh = {60, 1}, .preferred = true}};
   const display::CardText card =
-      wrong_panel_card(wish, search, search.present[0], "/etc/lenticule/lobby.toml");
+      wrong_panel_card(request, search, search.present[0], "/etc/lenticule/lobby.toml");
   EXPECT_EQ(card.headline, "WRONG PANEL");
   ASSERT_EQ(card.rows.size(), 5u);
   EXPECT_EQ(card.rows[0].text, "3840x2160 pixels, LGD 0x1234 serial 42");
@@ -440,24 +439,24 @@ TEST(WrongPanelCard, NamesExpectedPanelPresentPanelAndRemedy) {
 }
 
 TEST(WrongPanelCard, DistinguishesPanelsThatDifferOnlyInTheirChecksum) {
-  display::OutputWish wish;
-  wish.identity.edid_sha256 = std::string(64, 'a');
+  display::OutputRequest request;
+  request.identity.edid_sha256 = std::string(64, 'a');
   display::EdidIdentity twin;
   twin.sha256 = std::string(64, 'b');
   display::PanelSearch search;
   search.present = {panel_on("DP-1", twin)};
-  const display::CardText card = wrong_panel_card(wish, search, search.present[0], "rig");
+  const display::CardText card = wrong_panel_card(request, search, search.present[0], "rig");
   EXPECT_THAT(card.rows[0].text, HasSubstr("aaaaaaaaaaaa"));
   EXPECT_THAT(card.rows[1].text, HasSubstr("bbbbbbbbbbbb"));
 }
 
 TEST(WrongPanelCard, AnUnreadableEdidIsNotReportedAsAWrongPanel) {
-  display::OutputWish wish;
-  wish.identity.serial = "42";
+  display::OutputRequest request;
+  request.identity.serial = "42";
   display::PanelSearch search;
   search.present = {panel_on("DP-1")};
   search.present[0].edid_problem = display::EdidProblem::BadChecksum;
-  const display::CardText card = wrong_panel_card(wish, search, search.present[0], "rig");
+  const display::CardText card = wrong_panel_card(request, search, search.present[0], "rig");
   EXPECT_EQ(card.headline, "UNKNOWN PANEL");
 }
 

@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "display/kms/scanout/handover.h"
+#include "display/kms/scanout/takeover_state.h"
 #include "player/session/heartbeat.h"
 #include "player/session/kept_output.h"
 #include "player/session/play_service.h"
@@ -173,8 +173,8 @@ TEST(KeptDescriptors, AreNoneWithoutAService) {
   EXPECT_TRUE(take_kept_descriptors().empty());
 }
 
-display::HandoverState plausible_state() {
-  display::HandoverState state;
+display::TakeoverState plausible_state() {
+  display::TakeoverState state;
   state.connector = 31;
   state.crtc = 32;
   state.plane = 33;
@@ -197,8 +197,8 @@ std::vector<KeptDescriptor> kept(const std::vector<uint8_t>& state) {
 }
 
 TEST(KeptOutput, IsTheStoredState) {
-  const display::HandoverState state = plausible_state();
-  const auto bytes = display::handover_bytes(state);
+  const display::TakeoverState state = plausible_state();
+  const auto bytes = display::bytes_of(state);
   const auto output = kept_output(kept({bytes.begin(), bytes.end()}));
   ASSERT_NE(output, nullptr);
   EXPECT_EQ(output->state, state);
@@ -208,8 +208,8 @@ TEST(KeptOutput, IsTheStoredState) {
 TEST(KeptOutput, IsEmptyIfAnythingIsInconsistent) {
   EXPECT_EQ(kept_output({}), nullptr);
   EXPECT_EQ(kept_output(kept({})), nullptr);
-  const display::HandoverState state = plausible_state();
-  const auto bytes = display::handover_bytes(state);
+  const display::TakeoverState state = plausible_state();
+  const auto bytes = display::bytes_of(state);
   std::vector<uint8_t> changed(bytes.begin(), bytes.end());
   changed.pop_back();
   EXPECT_EQ(kept_output(kept(changed)), nullptr) << "too short";

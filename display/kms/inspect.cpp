@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/survey/inspect.h"
+#include "display/kms/inspect.h"
 
 #include <fmt/format.h>
 
@@ -9,14 +9,39 @@
 
 #include "base/error.h"
 #include "display/kms/device/connector.h"
-#include "display/kms/probe/mode_choice.h"
 #include "display/kms/probe/output_choice.h"
+#include "display/kms/probe/pipe.h"
 #include "display/kms/scanout/kms_output.h"
 #include "display/kms/scanout/scanout_pool.h"
-#include "display/kms/survey/panel_facts.h"
 
 namespace lenticule::display {
 namespace {
+
+ModeInfo mode_info(const drmModeModeInfo& mode, const ConnectorInfo& connector) {
+  return {.width = mode.hdisplay,
+          .height = mode.vdisplay,
+          .refresh = refresh_of(mode),
+          .preferred = is_preferred(mode),
+          .native = may_be_native(connector, {mode.hdisplay, mode.vdisplay}),
+          .usable = is_plain(mode)};
+}
+
+PanelInfo panel_info(const ConnectorInfo& connector, const std::string& card) {
+  PanelInfo info{.card = card,
+                 .connector = connector.name,
+                 .connected = connector.connected,
+                 .non_desktop = connector.non_desktop,
+                 .tiled = connector.tiled,
+                 .link_bad = connector.link_bad,
+                 .width_mm = connector.width_mm,
+                 .height_mm = connector.height_mm,
+                 .edid_problem = connector.edid.problem,
+                 .identity = connector.edid.identity,
+                 .modes = {}};
+  for (const drmModeModeInfo& mode : connector.modes)
+    info.modes.push_back(mode_info(mode, connector));
+  return info;
+}
 
 std::string missing_caps(const DrmCaps& caps) {
   if (caps.sufficient()) return {};
@@ -54,7 +79,7 @@ class BorrowedMastery {
   bool held_;
 };
 
-void inspect_card(Inspection& inspection, CardFacts& card, const DrmDevice& device) {
+void inspect_card(Inspection& inspection, CardInfo& card, const DrmDevice& device) {
   const BorrowedMastery mastery(device);
   card.driver = device.driver();
   card.master = mastery.held();
@@ -62,17 +87,14 @@ void inspect_card(Inspection& inspection, CardFacts& card, const DrmDevice& devi
   card.problem = missing_caps(device.caps());
   card.counts_vblanks = counts_vblanks(device.fd());
   for (const ConnectorInfo& connector : read_connectors(device.fd(), Probe::Full))
-    inspection.panels.push_back(panel_facts(connector, device.path()));
+    inspection.panels.push_back(panel_info(connector, device.path()));
 }
 
-bool meant(const OutputKey& key, const ConnectorInfo& connector, const std::string& card) {
-  const drmModeModeInfo none{};
-  const drmModeModeInfo& mode = connector.modes.empty() ? none : connector.modes.front();
-  const OutputWish wish{.key = key,
-                        .identity = {},
-                        .panel = {mode.hdisplay, mode.vdisplay, frames::PixelFormat::Rgb8},
-                        .policy = IdentityPolicy::Ignore};
-  return connector.connected && choose_output(wish, {{card, connector}}).chosen.has_value();
+bool is_requested(OutputRequest request, const ConnectorInfo& connector, const std::string& card) {
+  request.policy = IdentityPolicy::Ignore;
+  ConnectorList list;
+  list.connectors.push_back({card, connector});
+  return connector.connected && choose_output(request, list).chosen.has_value();
 }
 
 PixelSize own_size(const ConnectorInfo& connector) {
@@ -90,10 +112,8 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
   const int fd = device.fd();
   const PixelSize size = own_size(connector);
   const frames::FrameGeometry geometry{size.width, size.height, frames::PixelFormat::Rgb8};
-  OutputTarget target{.connector = connector,
-                      .mode = require_mode(connector, geometry, std::nullopt)};
-  target.pipe = choose_pipe(fd, connector);
-  KmsOutput output(std::move(device), std::move(target), platform);
+  const drmModeModeInfo mode = require_mode(connector, geometry, std::nullopt);
+  KmsOutput output(std::move(device), choose_pipe(fd, connector, mode), platform);
   const BorrowedMastery mastery(output.device());
   diagnosis.tested = mastery.held();
   if (!mastery.held()) {
@@ -111,7 +131,7 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
 Diagnosis diagnose_panel(const std::shared_ptr<Session>& session,
                          const std::shared_ptr<KmsPlatform>& platform, const DrmNode& node,
                          const ConnectorInfo& connector) {
-  Diagnosis diagnosis{.panel = panel_facts(connector, node.path)};
+  Diagnosis diagnosis{.panel = panel_info(connector, node.path)};
   try {
     DrmDevice device = DrmDevice::open(session, node);
     diagnosis.driver = device.driver();
@@ -124,12 +144,21 @@ Diagnosis diagnose_panel(const std::shared_ptr<Session>& session,
   return diagnosis;
 }
 
+std::optional<Error> missing_mode(const ConnectorInfo& connector, const KmsOptions& options) {
+  try {
+    (void)require_mode(connector, options.output.panel, options.output.refresh);
+  } catch (const Error& error) {
+    return error;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 Inspection inspect_cards(const std::shared_ptr<Session>& session) {
   Inspection inspection;
   for (const DrmNode& node : find_drm_nodes()) {
-    CardFacts card{.path = node.path, .bus = node.bus};
+    CardInfo card{.path = node.path, .bus = node.bus};
     try {
       inspect_card(inspection, card, DrmDevice::open(session, node));
     } catch (const Error& error) {
@@ -140,7 +169,31 @@ Inspection inspect_cards(const std::shared_ptr<Session>& session) {
   return inspection;
 }
 
-std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session, const OutputKey& key,
+PanelSearch search_panel(const KmsOptions& options, const KmsDisplay* active) {
+  OpenCard open;
+  if (active != nullptr)
+    open = {.fd = active->card_fd(), .path = active->takeover_state().card.data()};
+  std::optional<DrmDevice> none;
+  const ConnectorList list = list_connectors(options.session, none, open);
+  const OutputChoice choice = choose_output(options.output, list);
+
+  PanelSearch search{
+      .found = choice.chosen.has_value(), .refusal = choice.refusal, .may_come = choice.may_come};
+  if (choice.chosen)
+    if (auto missing = missing_mode(list.connectors[*choice.chosen].info, options)) {
+      search.found = false;
+      search.refusal = *missing;
+      search.may_come = true;  // panels may list fewer modes than they have while they wake up
+    }
+  for (const size_t i : choice.present)
+    search.present.push_back(panel_info(list.connectors[i].info, list.connectors[i].card));
+  std::sort(search.present.begin(), search.present.end(),
+            [](const PanelInfo& a, const PanelInfo& b) { return a.connector < b.connector; });
+  return search;
+}
+
+std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session,
+                                const OutputRequest& request,
                                 const std::shared_ptr<KmsPlatform>& platform) {
   std::vector<Diagnosis> diagnoses;
   for (const DrmNode& node : find_drm_nodes()) {
@@ -153,7 +206,7 @@ std::vector<Diagnosis> diagnose(const std::shared_ptr<Session>& session, const O
       continue;  // inspect_cards() lists cards that cannot be opened
     }
     for (const ConnectorInfo& connector : connectors)
-      if (meant(key, connector, node.path))
+      if (is_requested(request, connector, node.path))
         diagnoses.push_back(diagnose_panel(session, platform, node, connector));
   }
   return diagnoses;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Chooses the one mode in which a panel shows frames pixel for pixel.
+// Pipe is the connector, the mode, the CRTC and the primary plane with which a panel shows frames
+// pixel for pixel. These functions choose them.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -10,6 +12,13 @@
 #include "frames/frame.h"
 
 namespace lenticule::display {
+
+struct Pipe {
+  ConnectorInfo connector;
+  drmModeModeInfo mode{};
+  uint32_t crtc = 0;
+  uint32_t plane = 0;
+};
 
 /// Returns the panel's native sizes; the panel would scale a picture of any other size, even one
 /// that it lists. These are the sizes of the modes that the kernel prefers, else the EDID's native
@@ -35,5 +44,10 @@ namespace lenticule::display {
 [[nodiscard]] drmModeModeInfo require_mode(const ConnectorInfo& connector,
                                            const frames::FrameGeometry& panel,
                                            std::optional<frames::Rate> refresh);
+
+/// Prefers the CRTC that already drives the connector (its mode can then be taken over without a
+/// modeset), then an unused one. Throws Error(Device) if no CRTC with a primary plane for XRGB8888
+/// can drive the connector.
+[[nodiscard]] Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode);
 
 }  // namespace lenticule::display

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// HandoverState is the state that a player passes to the next one together with the card's
+// TakeoverState is the state that a player passes to the next one together with the card's
 // descriptor, so that the last frame stays displayed and the next one needs no modeset.
 #pragma once
 
@@ -16,7 +16,7 @@ inline constexpr int kMaxScanoutBuffers = 4;
 
 /// Plain bytes, for a sealed memory file. Object ids belong to the open descriptor, not to the
 /// process that created the objects.
-struct HandoverState {
+struct TakeoverState {
   static constexpr uint64_t kMagic = 0x3144'4e41'484c'4bff;
   static constexpr uint32_t kVersion = 1;
 
@@ -29,6 +29,7 @@ struct HandoverState {
   int32_t height = 0;
   uint32_t buffer_count = 0;
   uint32_t reserved = 0;
+  /// The kernel's ids of a scan-out buffer, and its size.
   struct Buffer {
     uint32_t handle = 0;
     uint32_t framebuffer = 0;
@@ -41,16 +42,16 @@ struct HandoverState {
   std::array<char, 64> edid_sha256{};  ///< checksum of the panel's EDID, zeros if it has none
   std::array<char, 64> card{};         ///< path of the card's node, zero-terminated
 
-  friend bool operator==(const HandoverState&, const HandoverState&) = default;
+  friend bool operator==(const TakeoverState&, const TakeoverState&) = default;
 };
-static_assert(std::is_trivially_copyable_v<HandoverState>);
+static_assert(std::is_trivially_copyable_v<TakeoverState>);
 
 /// Returns the state; none unless the bytes are a state of this version and every number is
 /// plausible.
-[[nodiscard]] std::optional<HandoverState> parse_handover(std::span<const uint8_t> bytes);
-[[nodiscard]] std::span<const uint8_t> handover_bytes(const HandoverState& state);
+[[nodiscard]] std::optional<TakeoverState> parse_takeover_state(std::span<const uint8_t> bytes);
+[[nodiscard]] std::span<const uint8_t> bytes_of(const TakeoverState& state);
 
 /// Frees every buffer in the state, if the state is not taken over.
-void discard_buffers(int fd, const HandoverState& state) noexcept;
+void discard_buffers(int fd, const TakeoverState& state) noexcept;
 
 }  // namespace lenticule::display

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/probe/output_key.h"
+#include "display/kms/probe/output_request.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "base/error.h"
 #include "base/numbers.h"
@@ -26,19 +27,19 @@ std::optional<uint32_t> parse_product(std::string_view text) {
   return number_from<uint16_t>(text, hexadecimal ? 16 : 10);
 }
 
-OutputKey parse_edid_key(std::string_view text) {
-  OutputKey key{.kind = OutputKey::Kind::Edid};
+optics::PanelIdentity parse_edid(std::string_view text) {
+  optics::PanelIdentity edid;
   std::string_view rest = text.substr(kEdidPrefix.size());
-  key.manufacturer = take_until(rest, ':');
-  const bool letters = key.manufacturer.size() == 3 &&
-                       std::all_of(key.manufacturer.begin(), key.manufacturer.end(),
+  edid.manufacturer = take_until(rest, ':');
+  const bool letters = edid.manufacturer.size() == 3 &&
+                       std::all_of(edid.manufacturer.begin(), edid.manufacturer.end(),
                                    [](char letter) { return letter >= 'A' && letter <= 'Z'; });
   if (!letters) reject(text, "a maker has three capital letters");
-  if (rest.empty()) return key;
-  key.product = parse_product(take_until(rest, ':'));
-  if (!key.product) reject(text, "the product is a number up to 65535");
-  key.serial = rest;
-  return key;
+  if (rest.empty()) return edid;
+  edid.product = parse_product(take_until(rest, ':'));
+  if (!edid.product) reject(text, "the product is a number up to 65535");
+  edid.serial = rest;
+  return edid;
 }
 
 bool is_connector_name(std::string_view text) {
@@ -51,21 +52,28 @@ bool is_connector_name(std::string_view text) {
 
 }  // namespace
 
-OutputKey parse_output_key(std::string_view text) {
-  if (text.empty() || text == "auto") return {};
-  if (text.starts_with(kEdidPrefix)) return parse_edid_key(text);
-  if (text.starts_with('/')) return {.kind = OutputKey::Kind::Card, .text = std::string(text)};
-  if (!is_connector_name(text)) reject(text, "not understood");
-  return {.kind = OutputKey::Kind::Connector, .text = std::string(text)};
+OutputRequest parse_output(std::string_view text, OutputRequest request) {
+  request.connector.clear();
+  request.card.clear();
+  request.edid = {};
+  if (text.empty() || text == "auto") return request;
+  if (text.starts_with(kEdidPrefix))
+    request.edid = parse_edid(text);
+  else if (text.starts_with('/'))
+    request.card = text;
+  else if (is_connector_name(text))
+    request.connector = text;
+  else
+    reject(text, "not understood");
+  return request;
 }
 
-OutputKey parse_kms_spec(std::string_view spec) {
+OutputRequest parse_kms_spec(std::string_view spec, OutputRequest request) {
   constexpr std::string_view kName = "kms";
   if (!spec.starts_with(kName)) reject(spec, "not a KMS display");
-  std::string_view rest = spec.substr(kName.size());
-  if (rest.empty()) return {};
-  if (!rest.starts_with(':')) reject(spec, "not understood");
-  return parse_output_key(rest.substr(1));
+  const std::string_view rest = spec.substr(kName.size());
+  if (!rest.empty() && !rest.starts_with(':')) reject(spec, "not understood");
+  return parse_output(rest.empty() ? rest : rest.substr(1), std::move(request));
 }
 
 }  // namespace lenticule::display

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inspects every card and panel without displaying anything, for `panels` and `doctor`.
+// Describes cards and panels without displaying anything: all of them for `panels`, the requested
+// one for a player that waits for it, and the effect of playing on it for `doctor`. These structs
+// have no types of libdrm.
 #pragma once
 
 #include <cstdint>
@@ -8,16 +10,18 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "display/kms/color/exactness_report.h"
 #include "display/kms/device/edid.h"
 #include "display/kms/device/platform.h"
 #include "display/kms/device/session.h"
-#include "display/kms/probe/output_key.h"
+#include "display/kms/probe/output_request.h"
+#include "display/kms/scanout/kms_display.h"
 #include "frames/rational.h"
 
 namespace lenticule::display {
 
-struct ModeFacts {
+struct ModeInfo {
   int width = 0;
   int height = 0;
   frames::Rate refresh;
@@ -26,7 +30,7 @@ struct ModeFacts {
   bool usable = false;  ///< progressive without repeated lines
 };
 
-struct PanelFacts {
+struct PanelInfo {
   std::string card;       ///< path of the card's node
   std::string connector;  ///< "HDMI-A-1"
   bool connected = false;
@@ -37,10 +41,10 @@ struct PanelFacts {
   uint32_t height_mm = 0;
   EdidProblem edid_problem = EdidProblem::Absent;
   std::optional<EdidIdentity> identity;
-  std::vector<ModeFacts> modes;
+  std::vector<ModeInfo> modes;
 };
 
-struct CardFacts {
+struct CardInfo {
   std::string path;
   std::string bus{};
   std::string driver{};
@@ -53,17 +57,36 @@ struct CardFacts {
 };
 
 struct Inspection {
-  std::vector<CardFacts> cards;
-  std::vector<PanelFacts> panels;
+  std::vector<CardInfo> cards;
+  std::vector<PanelInfo> panels;
 };
 
-/// Collects all available facts; a card that cannot be opened is listed with its problem. DRM
+/// Collects all available data; a card that cannot be opened is listed with its problem. DRM
 /// master acquired by opening a card is dropped at once.
 [[nodiscard]] Inspection inspect_cards(const std::shared_ptr<Session>& session);
 
+struct PanelSearch {
+  /// Exactly one panel matches and has the mode: open_kms_display() would open it.
+  bool found = false;
+  /// If not found: the error that open_kms_display() would throw. May list every connector.
+  Error refusal{ErrorKind::Device, ""};
+  /// True if a panel that is connected later could match.
+  bool may_come = true;
+  /// Connected panels on the requested output, of any identity, by name. All panels for a request
+  /// by EDID.
+  std::vector<PanelInfo> present{};
+};
+
+/// Finds the requested panel, or the reason why none matches. Probes every connector of every card,
+/// with the request and the session (which must be set) of `options`. `active` is an open display
+/// of this process, whose card is probed through it; null if there is none. Throws only if memory
+/// is exhausted.
+[[nodiscard]] PanelSearch search_panel(const KmsOptions& options,
+                                       const KmsDisplay* active = nullptr);
+
 /// The effect of playing on this panel on its output.
 struct Diagnosis {
-  PanelFacts panel;
+  PanelInfo panel;
   std::string driver{};
   std::string problem{};  ///< reason why nothing could be displayed; empty if frames can be
   std::string remedy{};
@@ -72,9 +95,10 @@ struct Diagnosis {
   ExactnessReport exactness{};  ///< outcomes are "would be forced"
 };
 
-/// Diagnoses every connected panel that the key names. Commits nothing.
+/// Diagnoses every connected panel on the requested output, of any identity and size. Commits
+/// nothing.
 [[nodiscard]] std::vector<Diagnosis> diagnose(
-    const std::shared_ptr<Session>& session, const OutputKey& key,
+    const std::shared_ptr<Session>& session, const OutputRequest& request,
     const std::shared_ptr<KmsPlatform>& platform = make_linux_platform());
 
 }  // namespace lenticule::display

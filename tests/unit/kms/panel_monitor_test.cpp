@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/scanout/panel_guard.h"
+#include "display/kms/scanout/panel_monitor.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@ namespace lenticule::testing {
 
 using display::ConnectorInfo;
 using display::judge_panel;
-using display::OutputWish;
+using display::OutputRequest;
 using display::PanelState;
 
 class PanelJudgement : public ::testing::Test {
@@ -18,11 +18,10 @@ class PanelJudgement : public ::testing::Test {
     return {.connected = true, .modes = {make_mode(64, 32, 60)}, .edid = display::read_edid(edid)};
   }
   [[nodiscard]] PanelState state_of(const ConnectorInfo& panel) const {
-    return judge_panel(&panel, wish, make_mode(64, 32, 60));
+    return judge_panel(&panel, request, make_mode(64, 32, 60));
   }
 
-  OutputWish wish{
-      .key = {},
+  OutputRequest request{
       .identity = {.manufacturer = "LGD", .product = {}, .serial = "ONE", .edid_sha256 = {}},
       .panel = {64, 32, frames::PixelFormat::Rgb8}};
   const std::vector<uint8_t> own = EdidMaker{.serial_text = "ONE"}.bytes();
@@ -33,7 +32,7 @@ TEST_F(PanelJudgement, AcceptsTheRequestedPanel) {
 }
 
 TEST_F(PanelJudgement, ReportsAMissingPanelAsDisconnected) {
-  EXPECT_EQ(judge_panel(nullptr, wish, make_mode(64, 32, 60)), PanelState::Disconnected);
+  EXPECT_EQ(judge_panel(nullptr, request, make_mode(64, 32, 60)), PanelState::Disconnected);
   ConnectorInfo panel = panel_with(own);
   panel.connected = false;
   EXPECT_EQ(state_of(panel), PanelState::Disconnected);
@@ -42,7 +41,7 @@ TEST_F(PanelJudgement, ReportsAMissingPanelAsDisconnected) {
 TEST_F(PanelJudgement, ReportsWrongAndUnreadablePanelsUnlessIdentityIsIgnored) {
   EXPECT_EQ(state_of(panel_with(EdidMaker{.serial_text = "TWO"}.bytes())), PanelState::WrongPanel);
   EXPECT_EQ(state_of(panel_with({})), PanelState::Unreadable);
-  wish.policy = display::IdentityPolicy::Ignore;
+  request.policy = display::IdentityPolicy::Ignore;
   EXPECT_EQ(state_of(panel_with(EdidMaker{.serial_text = "TWO"}.bytes())), PanelState::Showing);
   EXPECT_EQ(state_of(panel_with({})), PanelState::Showing);
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "display/kms/scanout/flip_engine.h"
+#include "display/kms/scanout/page_flip.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <utility>
 
 namespace lenticule::display {
@@ -9,21 +10,83 @@ namespace {
 
 using std::chrono::milliseconds;
 
+constexpr int kRefusalsBeforeStuck = 5;
 constexpr int kBlockingCommitsBeforeModeset = 2;
 constexpr Nanoseconds kShortestBackoff = milliseconds(50);
 constexpr Nanoseconds kLongestBackoff = std::chrono::seconds(1);
 constexpr Nanoseconds kFirstResume = milliseconds(100);
 constexpr Nanoseconds kLongestResume = std::chrono::seconds(2);
 
+/// Returns the class of `error`, a negative errno.
+CommitFailure classify(int error) noexcept {
+  switch (-error) {
+    case EBUSY:
+      return CommitFailure::Busy;
+    case EACCES:
+    case EPERM:
+      return CommitFailure::Denied;
+    case ENODEV:
+    case EIO:
+    case ENXIO:
+    case EBADF:
+      return CommitFailure::Gone;
+    default:
+      return CommitFailure::Wrong;
+  }
+}
+
 }  // namespace
 
-FlipEngine::FlipEngine(LitOutput& lit, std::shared_ptr<Session> session,
-                       std::shared_ptr<Clock> clock, frames::Rate refresh, KmsCounters& counters)
-    : lit_(lit),
+// --- PendingFlip ----------------------------------------------------------------------------
+
+void PendingFlip::queue(KmsBuffer* buffer, uint64_t id) noexcept {
+  *this = PendingFlip{};
+  phase_ = Phase::Queued;
+  buffer_ = buffer;
+  id_ = id;
+  due_ = Nanoseconds{0};
+}
+
+void PendingFlip::arm(uint64_t serial, Nanoseconds patience_ends) noexcept {
+  phase_ = Phase::Armed;
+  serial_ = serial;
+  due_ = patience_ends;
+  refusals_ = 0;
+}
+
+void PendingFlip::put_off(Nanoseconds until) noexcept {
+  phase_ = ++refusals_ > kRefusalsBeforeStuck ? Phase::Stuck : Phase::Queued;
+  due_ = until;
+}
+
+void PendingFlip::stick(Nanoseconds due) noexcept {
+  if (!under_way()) return;
+  phase_ = Phase::Stuck;
+  due_ = due;
+}
+
+void PendingFlip::land(Vblank vblank, Nanoseconds report_at) noexcept {
+  phase_ = Phase::Landed;
+  vblank_ = vblank;
+  due_ = report_at;
+}
+
+PendingFlip::Landed PendingFlip::deliver() noexcept {
+  const Landed landed{.buffer = buffer_, .id = id_, .vblank = vblank_};
+  *this = PendingFlip{};
+  return landed;
+}
+
+// --- PageFlipHandler: construction ----------------------------------------------------------
+
+PageFlipHandler::PageFlipHandler(ActiveOutput& active, std::shared_ptr<Session> session,
+                                 std::shared_ptr<Clock> clock, frames::Rate refresh,
+                                 KmsCounters& counters)
+    : active_(active),
       session_(std::move(session)),
       clock_(std::move(clock)),
       counters_(counters),
-      vblanks_(*lit.output, refresh, *clock_, counters),
+      vblanks_(*active.output, refresh, *clock_, counters),
       // The start value differs from the serial numbers of a previous user of the card.
       next_serial_(static_cast<uint64_t>(clock_->now().count()) | 1),
       backoff_(kShortestBackoff),
@@ -31,14 +94,14 @@ FlipEngine::FlipEngine(LitOutput& lit, std::shared_ptr<Session> session,
 
 // --- events and timers ----------------------------------------------------------------------
 
-std::optional<DisplayEvent> FlipEngine::take_event() noexcept {
+std::optional<DisplayEvent> PageFlipHandler::take_event() noexcept {
   if (flip_.is_due(PendingFlip::Phase::Landed, now())) return deliver_flip();
   if (const auto tick = vblanks_.take_tick())
     return DisplayEvent{.kind = EventKind::Vblank, .sequence = tick->sequence, .time = tick->time};
   return std::nullopt;
 }
 
-Nanoseconds FlipEngine::next_due() const noexcept {
+Nanoseconds PageFlipHandler::next_due() const noexcept {
   Nanoseconds next = vblanks_.due();
   if (flip_.phase() == PendingFlip::Phase::Landed || !paused_) next = std::min(next, flip_.due());
   if (paused_) return std::min(next, resume_at_);
@@ -46,7 +109,7 @@ Nanoseconds FlipEngine::next_due() const noexcept {
   return next;
 }
 
-void FlipEngine::run_timers() noexcept {
+void PageFlipHandler::run_timers() noexcept {
   using enum PendingFlip::Phase;
   if (paused_ && now() >= resume_at_) try_resume();
   if (!paused_ && !lost_) {
@@ -60,24 +123,24 @@ void FlipEngine::run_timers() noexcept {
   vblanks_.run_timers();
 }
 
-void FlipEngine::read_events() noexcept {
-  const EventRead result = read_drm_events(lit_.output->device().fd(), *this);
+void PageFlipHandler::read_events() noexcept {
+  const EventRead result = read_drm_events(active_.output->device().fd(), *this);
   if (result == EventRead::Truncated) counters_.truncated_reads.add();
-  if (result == EventRead::Gone) lose();
+  if (result == EventRead::Gone) mark_lost();
 }
 
-void FlipEngine::on_drm_event(const DrmEvent& event) noexcept {
+void PageFlipHandler::on_drm_event(const DrmEvent& event) noexcept {
   if (event.kind == DrmEvent::Kind::Flip) return on_flip_event(event);
   if (!vblanks_.observe(event)) counters_.stray_events.add();
 }
 
-bool FlipEngine::take_doubt() noexcept {
-  return std::exchange(panel_in_doubt_, false);
+bool PageFlipHandler::take_panel_check() noexcept {
+  return std::exchange(panel_check_due_, false);
 }
 
 // --- flips ----------------------------------------------------------------------------------
 
-SubmitStatus FlipEngine::submit(KmsBuffer* buffer, uint64_t id) noexcept {
+SubmitStatus PageFlipHandler::submit(KmsBuffer* buffer, uint64_t id) noexcept {
   if (lost_) return SubmitStatus::Lost;
   if (paused_ || flip_.phase() == PendingFlip::Phase::Stuck) return SubmitStatus::Paused;
   if (flip_.phase() != PendingFlip::Phase::None) return SubmitStatus::Busy;
@@ -94,36 +157,36 @@ SubmitStatus FlipEngine::submit(KmsBuffer* buffer, uint64_t id) noexcept {
   return lost_ ? SubmitStatus::Lost : SubmitStatus::Paused;
 }
 
-bool FlipEngine::request_vblank(uint64_t sequence) noexcept {
+bool PageFlipHandler::request_vblank(uint64_t sequence) noexcept {
   if (lost_) return false;
   vblanks_.request(sequence, next_serial_++, !paused_);
   return true;
 }
 
-void FlipEngine::try_flip() noexcept {
+void PageFlipHandler::try_flip() noexcept {
   const uint64_t serial = next_serial_++;
-  const int error = lit_.output->flip(flip_.buffer()->framebuffer(), serial);
+  const int error = active_.output->flip(flip_.buffer()->framebuffer(), serial);
   if (error == 0) return flip_.arm(serial, now() + flip_patience(vblanks_.period()));
   const CommitFailure failure = note_failure(error);
   if (failure == CommitFailure::Busy) flip_.put_off(now() + vblanks_.period());
   if (failure == CommitFailure::Wrong) flip_.stick(now());
 }
 
-void FlipEngine::on_flip_event(const DrmEvent& event) noexcept {
+void PageFlipHandler::on_flip_event(const DrmEvent& event) noexcept {
   if (!flip_.awaits(event.id)) return counters_.stray_events.add();
   recovery_attempts_ = 0;
   land(vblanks_.place(event));
 }
 
-void FlipEngine::land(VblankClock::Landing landing) noexcept {
+void PageFlipHandler::land(VblankClock::Landing landing) noexcept {
   flip_.land(landing.vblank, landing.report_at);
 }
 
-DisplayEvent FlipEngine::deliver_flip() noexcept {
+DisplayEvent PageFlipHandler::deliver_flip() noexcept {
   const PendingFlip::Landed flip = flip_.deliver();
-  if (lit_.front != nullptr) lit_.front->set_state(ScanoutState::Free);
-  lit_.front = flip.buffer;
-  lit_.front->set_state(ScanoutState::OnGlass);
+  if (active_.front != nullptr) active_.front->set_state(ScanoutState::Free);
+  active_.front = flip.buffer;
+  active_.front->set_state(ScanoutState::OnGlass);
   counters_.flips.add();
   return {.kind = EventKind::Flip,
           .id = flip.id,
@@ -133,7 +196,7 @@ DisplayEvent FlipEngine::deliver_flip() noexcept {
 
 // --- failures and recovery ------------------------------------------------------------------
 
-CommitFailure FlipEngine::note_failure(int error) noexcept {
+CommitFailure PageFlipHandler::note_failure(int error) noexcept {
   const CommitFailure failure = classify(error);
   switch (failure) {
     case CommitFailure::Busy:
@@ -144,7 +207,7 @@ CommitFailure FlipEngine::note_failure(int error) noexcept {
       pause();
       break;
     case CommitFailure::Gone:
-      lose();
+      mark_lost();
       break;
     case CommitFailure::Wrong:
       counters_.refused.add();
@@ -157,44 +220,44 @@ CommitFailure FlipEngine::note_failure(int error) noexcept {
 /// Recovers a flip whose event is missing. A blocking commit returns when the frame is displayed,
 /// so its success replaces the lost event. If blocking commits fail, a modeset is tried, and then
 /// again after growing pauses.
-void FlipEngine::recover() noexcept {
+void PageFlipHandler::recover() noexcept {
   const bool modeset = needs_modeset_ || ++recovery_attempts_ > kBlockingCommitsBeforeModeset;
-  const int error = modeset ? relight() : lit_.output->show(wanted_on_glass());
+  const int error = modeset ? set_mode() : active_.output->show(wanted_on_glass());
   if (error == 0) return recovered();
   const CommitFailure failure = note_failure(error);
-  if (failure == CommitFailure::Wrong) panel_in_doubt_ = true;
+  if (failure == CommitFailure::Wrong) panel_check_due_ = true;
   if (failure != CommitFailure::Busy && failure != CommitFailure::Wrong) return;
   recover_at(now() + backoff_);
   backoff_ = std::min(2 * backoff_, kLongestBackoff);
 }
 
-void FlipEngine::recovered() noexcept {
+void PageFlipHandler::recovered() noexcept {
   recovery_attempts_ = 0;
   backoff_ = kShortestBackoff;
   counters_.recoveries.add();
   if (flip_.phase() == PendingFlip::Phase::Stuck) land(vblanks_.place_now());
 }
 
-int FlipEngine::relight() noexcept {
+int PageFlipHandler::set_mode() noexcept {
   counters_.modesets.add();
-  const int error = lit_.output->relight(wanted_on_glass());
+  const int error = active_.output->set_mode(wanted_on_glass());
   if (error != 0) return error;
   needs_modeset_ = false;
   vblanks_.rebase();
   return 0;
 }
 
-void FlipEngine::recover_at(Nanoseconds when) noexcept {
+void PageFlipHandler::recover_at(Nanoseconds when) noexcept {
   recover_at_ = when;
   flip_.stick(when);
 }
 
-void FlipEngine::relight_soon() noexcept {
+void PageFlipHandler::request_modeset() noexcept {
   needs_modeset_ = true;
   if (!paused_) recover_at(now());
 }
 
-void FlipEngine::pause() noexcept {
+void PageFlipHandler::pause() noexcept {
   if (paused_) return;
   paused_ = true;
   counters_.pauses.add();
@@ -203,23 +266,23 @@ void FlipEngine::pause() noexcept {
   flip_.stick(resume_at_);
 }
 
-void FlipEngine::set_session_ours(bool ours) noexcept {
+void PageFlipHandler::set_session_ours(bool ours) noexcept {
   if (!ours) return pause();
   if (paused_) resume_at_ = now();
 }
 
 /// Tries to resume after a pause. The output's state may have changed meanwhile, so this takes a
 /// whole modeset.
-void FlipEngine::try_resume() noexcept {
-  if (session_->ensure_master(lit_.output->device().fd()) == Mastership::Held) {
-    const int error = relight();
+void PageFlipHandler::try_resume() noexcept {
+  if (session_->ensure_master(active_.output->device().fd()) == Mastership::Held) {
+    const int error = set_mode();
     if (error == 0) {
       paused_ = false;
       resume_at_ = kNever;
-      panel_in_doubt_ = true;
+      panel_check_due_ = true;
       return recovered();
     }
-    if (classify(error) == CommitFailure::Gone) return lose();
+    if (classify(error) == CommitFailure::Gone) return mark_lost();
   }
   resume_backoff_ = std::min(2 * resume_backoff_, kLongestResume);
   resume_at_ = now() + resume_backoff_;

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// OutputRequest is what the user asks for: an output, the panel on it and its mode.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "frames/frame.h"
+#include "frames/rational.h"
+#include "optics/rig.h"
+
+namespace lenticule::display {
+
+enum class IdentityPolicy {
+  Require,  ///< the panel must be the one for which the rig was made
+  Ignore,   ///< any connected panel, for test cards and measurements
+};
+
+struct OutputRequest {
+  // The name of the output, at most one of the three; none = any output ("auto").
+  std::string connector{};       ///< "HDMI-A-1"
+  std::string card{};            ///< path of the card's node
+  optics::PanelIdentity edid{};  ///< manufacturer, and perhaps product and serial number
+
+  optics::PanelIdentity identity{};  ///< panel identity in the rig; empty = any
+  IdentityPolicy policy = IdentityPolicy::Require;
+
+  // The mode.
+  frames::FrameGeometry panel{};
+  std::optional<frames::Rate> refresh{};  ///< none = the panel's preferred mode
+
+  friend bool operator==(const OutputRequest&, const OutputRequest&) = default;
+};
+
+/// Returns `request` for the output that `text` names: "auto" (or nothing), "HDMI-A-1",
+/// "edid:MFG[:product[:serial]]", "/dev/dri/...". The product is decimal or 0x hexadecimal. Throws
+/// Error(Usage).
+[[nodiscard]] OutputRequest parse_output(std::string_view text, OutputRequest request = {});
+
+/// Does the same for the rest of a display's name after "kms" or "kms:". Throws Error(Usage) if the
+/// name does not begin so.
+[[nodiscard]] OutputRequest parse_kms_spec(std::string_view spec, OutputRequest request = {});
+
+}  // namespace lenticule::display

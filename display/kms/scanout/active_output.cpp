@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "display/kms/scanout/active_output.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "base/error.h"
+#include "display/kms/device/drm_device.h"
+#include "display/kms/device/drm_events.h"
+#include "display/kms/probe/output_choice.h"
+#include "display/kms/probe/pipe.h"
+
+namespace lenticule::display {
+namespace {
+
+// --- taking over the output of the previous player ------------------------------------------
+
+/// Returns true if the panel of the state is connected and still matches the request.
+bool same_panel(const ConnectorInfo& connector, const KmsOptions& options) {
+  const TakeoverState& state = options.previous->state;
+  if (!connector.connected) return false;
+  const std::string_view known(state.edid_sha256.data(), state.edid_sha256.size());
+  if (connector.edid.identity ? connector.edid.identity->sha256 != known : known[0] != '\0')
+    return false;
+  ConnectorList list;
+  list.connectors.push_back({state.card.data(), connector});
+  return choose_output(options.output, list).chosen.has_value();
+}
+
+/// Returns the buffer that the kernel's plane shows; null if none of these.
+KmsBuffer* displayed_buffer(int fd, const TakeoverState& state, const ScanoutPool& buffers) {
+  const DrmPlane plane(drmModeGetPlane(fd, state.plane));
+  if (!plane || plane->crtc_id != state.crtc) return nullptr;
+  const auto found = std::find_if(buffers.begin(), buffers.end(), [&](const auto& buffer) {
+    return buffer->framebuffer() == plane->fb_id;
+  });
+  return found == buffers.end() ? nullptr : found->get();
+}
+
+ScanoutPool take_over_buffers(int fd, const KmsOptions& options) {
+  const TakeoverState& state = options.previous->state;
+  ScanoutPool pool;
+  for (uint32_t i = 0; i < state.buffer_count; ++i)
+    pool.push_back(
+        std::make_unique<KmsBuffer>(fd, options.platform, options.output.panel, state.buffers[i]));
+  return pool;
+}
+
+/// Discards events that were meant for the previous player.
+void drain_events(int fd) {
+  struct Ignore final : DrmEventHandler {
+    void on_drm_event(const DrmEvent& event) noexcept override { (void)event; }
+  } ignore;
+  for (int i = 0; i < 16; ++i) (void)read_drm_events(fd, ignore);
+}
+
+/// Returns none, without changing the output, if any part does not match the state.
+std::optional<ActiveOutput> try_take_over(const KmsOptions& options, DrmDevice& device) {
+  const TakeoverState& state = options.previous->state;
+  const frames::FrameGeometry panel = options.output.panel;
+  if (state.width != panel.width || state.height != panel.height) return std::nullopt;
+  if (!device.caps().sufficient() ||
+      device.session().ensure_master(device.fd()) != Mastership::Held)
+    return std::nullopt;
+  auto connector = read_connector(device.fd(), state.connector, Probe::Full);
+  if (!connector || !same_panel(*connector, options)) return std::nullopt;
+  const auto mode = choose_mode(*connector, panel, options.output.refresh);
+  if (!mode) return std::nullopt;
+  Pipe pipe = choose_pipe(device.fd(), std::move(*connector), *mode);
+  if (pipe.crtc != state.crtc || pipe.plane != state.plane) return std::nullopt;
+
+  const int fd = device.fd();
+  drain_events(fd);
+  ActiveOutput active;
+  ScanoutPool buffers = take_over_buffers(fd, options);
+  active.front = displayed_buffer(fd, state, buffers);
+  active.output = std::make_unique<KmsOutput>(std::move(device), std::move(pipe), options.platform);
+  active.buffers = std::move(buffers);
+  if (active.front == nullptr) active.front = active.buffers.front().get();
+  active.output->activate(active.front->framebuffer(), *options.clock, RunningMode::TakeOver);
+  return active;
+}
+
+/// Takes over `options.previous`; returns none if it does not match, and then its buffers are freed
+/// and its card is in `card`.
+std::optional<ActiveOutput> take_over_output(const KmsOptions& options,
+                                             std::optional<DrmDevice>& card) {
+  PreviousOutput& previous = *options.previous;
+  try {
+    card.emplace(DrmDevice::adopt(options.session, std::move(previous.card),
+                                  std::string(previous.state.card.data())));
+    if (!options.fresh)
+      if (auto active = try_take_over(options, *card)) return active;
+  } catch (const Error&) {
+    // The state does not match: start from scratch.
+  }
+  if (card && card->fd() >= 0) discard_buffers(card->fd(), previous.state);
+  return std::nullopt;
+}
+
+// --- opening any output ---------------------------------------------------------------------
+
+/// Finds the requested panel and its card.
+std::pair<DrmDevice, ConnectorInfo> find_panel(const KmsOptions& options,
+                                               std::optional<DrmDevice>& previous) {
+  ConnectorList list = list_connectors(options.session, previous);
+  const OutputChoice choice = choose_output(options.output, list);
+  if (!choice.chosen) throw Error(choice.refusal);
+  CardConnector& chosen = list.connectors[*choice.chosen];
+  return {std::move(list.devices[*chosen.device]), std::move(chosen.info)};
+}
+
+void require_master(const DrmDevice& device) {
+  switch (device.session().ensure_master(device.fd())) {
+    case Mastership::Held:
+      return;
+    case Mastership::Denied:
+      throw Error(ErrorKind::Device,
+                  fmt::format("{}: cannot become DRM master: permission denied", device.path()),
+                  "another program opened it first: stop the desktop session, plymouth or the "
+                  "other player ('fuser -v' on the card names it)");
+    case Mastership::Busy:
+      throw Error(ErrorKind::Device,
+                  fmt::format("{}: cannot become DRM master: in use", device.path()),
+                  "stop the desktop session, plymouth or the other player ('fuser -v' on the card "
+                  "names it)");
+  }
+}
+
+void require_caps(const DrmDevice& device) {
+  const DrmCaps& caps = device.caps();
+  if (caps.sufficient()) return;
+  const char* const missing = !caps.atomic                 ? "atomic modesetting"
+                              : !caps.dumb_buffers         ? "dumb buffers"
+                              : !caps.monotonic_timestamps ? "monotonic timestamps"
+                                                           : "the CRTC in its events";
+  throw Error(ErrorKind::Device,
+              fmt::format("{}: driver {} has not {}", device.path(), device.driver(), missing),
+              "use a card with a kernel modesetting driver (nvidia: nvidia_drm.modeset=1)");
+}
+
+ActiveOutput open_new_output(const KmsOptions& options, std::optional<DrmDevice> previous) {
+  auto [device, connector] = find_panel(options, previous);
+  require_caps(device);
+  require_master(device);
+  const OutputRequest& request = options.output;
+  const drmModeModeInfo mode = require_mode(connector, request.panel, request.refresh);
+  Pipe pipe = choose_pipe(device.fd(), std::move(connector), mode);
+
+  ActiveOutput active;
+  active.output = std::make_unique<KmsOutput>(std::move(device), std::move(pipe), options.platform);
+  active.output->foresee();
+  // Checked before a frame is shown, as far as the facts are known.
+  require_exact(options, *active.output);
+  active.buffers = make_scanout_pool(active.output->device().fd(), options.platform, request.panel,
+                                     options.buffers);
+  active.front = active.buffers.front().get();
+  active.output->activate(active.front->framebuffer(), *options.clock,
+                          options.fresh ? RunningMode::SetAnew : RunningMode::TakeOver);
+  return active;
+}
+
+template <size_t N>
+void copy_text(const std::string& text, std::array<char, N>& to) noexcept {
+  std::memcpy(to.data(), text.data(), std::min(text.size(), N));
+}
+
+}  // namespace
+
+ActiveOutput open_output(const KmsOptions& options) {
+  std::optional<DrmDevice> card;
+  if (options.previous && options.previous->card)
+    if (auto active = take_over_output(options, card)) return std::move(*active);
+  return open_new_output(options, std::move(card));
+}
+
+void require_exact(const KmsOptions& options, const KmsOutput& output) {
+  const ExactnessReport report = output.report();
+  if (options.allow_inexact || report.verdict != Verdict::No) return;
+  std::string why;
+  for (const std::string& reason : report.reasons) why += (why.empty() ? "" : "; ") + reason;
+  std::string hint;
+  for (const std::string& remedy : report.remedies) hint += remedy + ", or ";
+  throw Error(ErrorKind::Quality,
+              fmt::format("{} on {}: subpixels would not arrive as they are: {}",
+                          output.pipe().connector.name, output.device().path(), why),
+              hint + "show it all the same with --allow-inexact");
+}
+
+TakeoverState takeover_state_of(const ActiveOutput& active, frames::FrameGeometry geometry) {
+  TakeoverState state;
+  const Pipe& pipe = active.output->pipe();
+  state.connector = pipe.connector.id;
+  state.crtc = pipe.crtc;
+  state.plane = pipe.plane;
+  state.width = geometry.width;
+  state.height = geometry.height;
+  state.buffer_count = static_cast<uint32_t>(active.buffers.size());
+  for (size_t i = 0; i < active.buffers.size(); ++i)
+    state.buffers.at(i) = active.buffers[i]->takeover_buffer();
+  if (pipe.connector.edid.identity)
+    copy_text(pipe.connector.edid.identity->sha256, state.edid_sha256);
+  copy_text(active.output->device().path(), state.card);
+  state.card.back() = '\0';
+  return state;
+}
+
+}  // namespace lenticule::display

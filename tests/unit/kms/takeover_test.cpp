@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests that after a player's death the next one takes over card, picture and buffers without a
+// modeset.
+#include <fcntl.h>
+
+#include "kms_stage.h"
+
+namespace lenticule::testing {
+
+using display::TakeoverState;
+
+class Takeover : public KmsStage {
+ protected:
+  /// Plays one frame, then dies; returns the state for the next player.
+  std::shared_ptr<display::PreviousOutput> die_after(unsigned seed) {
+    options.exit = display::ExitPolicy::Hold;
+    open();
+    flip(seed);
+    auto left = std::make_shared<display::PreviousOutput>();
+    left->state = show->takeover_state();
+    // The same open file has another number, as in systemd's descriptor store.
+    const int old_fd = show->card_fd();
+    left->card = UniqueFd(fcntl(old_fd, F_DUPFD_CLOEXEC, 0));
+    const int ours = card.ends.at(old_fd);
+    card.ends.erase(old_fd);
+    card.ends[left->card.get()] = ours;
+    card.master_fd = left->card.get();
+    show.reset();
+    card.modesets = card.blocking_commits = 0;
+    return left;
+  }
+};
+
+TEST_F(Takeover, LastFrameStaysAndTheNextPlayerNeedsNoModeset) {
+  options.previous = die_after(1);
+  expect_on_glass(1);
+  open();
+  expect_on_glass(1);
+  EXPECT_TRUE(show->took_over());
+  EXPECT_EQ(card.modesets, 0);
+  EXPECT_EQ(card.buffers.size(), 3U);
+  flip(2);
+  expect_on_glass(2);
+  flip(3);
+  expect_on_glass(3);
+  EXPECT_EQ(card.modesets, 0);
+}
+
+TEST_F(Takeover, FiftyDeathsLeakNoBuffer) {
+  for (unsigned i = 0; i < 50; ++i) {
+    options.previous = die_after(i);
+    open();
+    EXPECT_EQ(card.buffers.size(), 3U);
+    EXPECT_EQ(card.framebuffers.size(), 3U);
+    EXPECT_EQ(card.modesets, 0);
+    options.exit = display::ExitPolicy::Restore;
+    // The next iteration opens the card itself.
+    show.reset();
+    while (!card.ends.empty()) card.closed(card.ends.begin()->first);
+    card.buffers.clear();
+    card.framebuffers.clear();
+  }
+}
+
+TEST_F(Takeover, EventForTheDeadPlayerIsIgnored) {
+  auto left = die_after(1);
+  card.schedule_flip_event(crtc, 4711);
+  machine.advance_to(machine.now() + seconds(1));
+  options.previous = left;
+  open();
+  flip(2);
+  EXPECT_EQ(show->statistics().stray_events, 0U) << "drained before it could be mistaken";
+}
+
+TEST_F(Takeover, OutdatedStateIsNotUsed) {
+  const auto spoil = std::vector<std::function<void(TakeoverState&)>>{
+      [](TakeoverState& state) { state.connector = 9999; },
+      [](TakeoverState& state) { state.plane = 9999; },
+      [](TakeoverState& state) { state.width = kWidth * 2; },
+      [](TakeoverState& state) { state.edid_sha256[0] ^= 1; },
+      [](TakeoverState& state) { state.buffers[1].handle = 9999; }};
+  for (const auto& spoiled : spoil) {
+    options.previous = die_after(1);
+    spoiled(options.previous->state);
+    open();
+    flip(2);
+    expect_on_glass(2);
+    show.reset();
+    while (!card.ends.empty()) card.closed(card.ends.begin()->first);
+    card.buffers.clear();
+    card.framebuffers.clear();
+  }
+}
+
+TEST_F(Takeover, AFreshStartUsesTheCardButNotTheOldBuffers) {
+  options.previous = die_after(1);
+  options.fresh = true;
+  open();
+  EXPECT_FALSE(show->took_over());
+  EXPECT_EQ(card.modesets, 1);
+  EXPECT_EQ(card.buffers.size(), 3U);
+  EXPECT_EQ(card.glass(crtc), std::vector<uint32_t>(size_t{kWidth} * kHeight, 0));
+  flip(2);
+  expect_on_glass(2);
+}
+
+TEST_F(Takeover, DescriptorThatIsNotACardIsNotUsed) {
+  options.previous = std::make_shared<display::PreviousOutput>();
+  options.previous->card = UniqueFd(::open("/dev/null", O_RDWR | O_CLOEXEC));
+  open();
+  flip(1);
+  expect_on_glass(1);
+}
+
+TEST_F(Takeover, StateSurvivesSerialization) {
+  open();
+  const TakeoverState state = show->takeover_state();
+  const auto bytes = display::bytes_of(state);
+  EXPECT_EQ(display::parse_takeover_state(bytes), state);
+  EXPECT_EQ(display::parse_takeover_state(bytes.first(bytes.size() - 1)), std::nullopt);
+}
+
+TEST_F(Takeover, ImplausibleBytesAreRejected) {
+  open();
+  const TakeoverState good = show->takeover_state();
+  const auto rejected = [&](auto change) {
+    TakeoverState state = good;
+    change(state);
+    return !display::parse_takeover_state(display::bytes_of(state)).has_value();
+  };
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.magic ^= 1; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.version = 2; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.buffer_count = 5; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.buffer_count = 0; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.width = -1; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.buffers[0].pitch = 4; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.buffers[0].size = 1; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.buffers[0].size = ~uint64_t{0}; }));
+  EXPECT_TRUE(rejected([](TakeoverState& s) { s.card.fill('x'); }));
+}
+
+}  // namespace lenticule::testing
