@@ -105,6 +105,11 @@ class Decoder {
   [[nodiscard]] pid_t pid() const { return pid_; }
   /// Returns true if the decoder can take another picture.
   [[nodiscard]] bool is_idle() const { return idle_; }
+  /// Returns false if the process has ended, for example because the kernel needed its memory.
+  [[nodiscard]] bool is_alive() const {
+    pollfd stream{.fd = socket_.get(), .events = 0, .revents = 0};
+    return poll(&stream, 1, 0) == 0;
+  }
 
   [[nodiscard]] frames::PictureInfo probe(const std::filesystem::path& file) {
     begin(file, wire::PictureRequest::Probe);
@@ -127,7 +132,9 @@ class Decoder {
   void begin(const std::filesystem::path& file, wire::PictureRequest request) {
     const OpenedFile opened = open_regular_file(file, wire::kPictureFileLimit);
     if (!ready_) {
-      limit_from_here();
+      // Starting is not part of the picture: on a slow machine, loading some hundred libraries takes
+      // more processor time than most pictures.
+      silent_since_ = SteadyTime::now();
       if (receive(file).reply != wire::PictureReply::Idle) fail_protocol(file);
       ready_ = true;
     }
@@ -197,7 +204,7 @@ class Decoder {
 
   void check_time(const std::filesystem::path& file) const {
     using std::chrono::seconds;
-    if (processor_time() > processor_begin_ + processor_limit_)
+    if (ready_ && processor_time() > processor_begin_ + processor_limit_)
       throw Error(
           ErrorKind::Input,
           fmt::format("{}: not decoded after {:.3g} s of processor time, the limit of this "
@@ -343,6 +350,8 @@ class ConfinedPictures::Pool {
   /// Returns an idle decoder, or a new one.
   std::unique_ptr<Decoder> take() {
     std::unique_lock lock(mutex_);
+    // A picture is not to blame for a decoder that ended before it.
+    std::erase_if(idle_, [](const auto& decoder) { return !decoder->is_alive(); });
     ++waiting_;
     while (idle_.empty() && failures_.empty()) {
       // Another thread may have taken the decoder that this thread ordered.
