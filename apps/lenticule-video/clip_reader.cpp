@@ -123,7 +123,8 @@ void SliceErrors::hear(void* source, int /*level*/, const char* format, va_list 
   if (source == nullptr || *static_cast<const AVClass* const*>(source) != avcodec_get_class())
     return;
   const auto& codec = *static_cast<const AVCodecContext*>(source);
-  if (codec.opaque == nullptr || !std::string_view(format).starts_with("slice CRC mismatch")) return;
+  if (codec.opaque == nullptr || !std::string_view(format).starts_with("slice CRC mismatch"))
+    return;
   auto& errors = *static_cast<SliceErrors*>(codec.opaque);
   const std::lock_guard lock(errors.mutex_);
   errors.packets_.insert(codec.reordered_opaque);

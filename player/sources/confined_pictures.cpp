@@ -42,6 +42,8 @@ namespace wire = frames::confined;
 
 constexpr size_t kMostIdle = 8;
 constexpr milliseconds kLook{200};
+/// Timeout for the start: loading some hundred libraries on a busy machine may take long.
+constexpr milliseconds kStartPatience{180'000};
 constexpr milliseconds kInterruptedPatience{2000};
 constexpr double kMostPixelAspect = 100.0;
 constexpr int64_t kMegapixel = 1'000'000;
@@ -132,8 +134,8 @@ class Decoder {
   void begin(const std::filesystem::path& file, wire::PictureRequest request) {
     const OpenedFile opened = open_regular_file(file, wire::kPictureFileLimit);
     if (!ready_) {
-      // Starting is not part of the picture: on a slow machine, loading some hundred libraries takes
-      // more processor time than most pictures.
+      // Starting is not part of the picture: on a slow machine, loading some hundred libraries
+      // takes more processor time than most pictures.
       silent_since_ = SteadyTime::now();
       if (receive(file).reply != wire::PictureReply::Idle) fail_protocol(file);
       ready_ = true;
@@ -212,10 +214,11 @@ class Decoder {
                       file.string(), std::chrono::duration<double>(processor_limit_).count()),
           "convert it to a PNG or an uncompressed TIFF");
     const auto silence = SteadyTime::now() - silent_since_;
-    if (silence > limits_.silence)
+    const milliseconds longest = ready_ ? limits_.silence : kStartPatience;
+    if (silence > longest)
       throw Error(ErrorKind::Input,
                   fmt::format("{}: its decoder was silent for {} s", file.string(),
-                              std::chrono::duration_cast<seconds>(limits_.silence).count()));
+                              std::chrono::duration_cast<seconds>(longest).count()));
     if (interrupted() && silence > kInterruptedPatience)
       throw Error(ErrorKind::Failed, fmt::format("{}: interrupted", file.string()));
   }

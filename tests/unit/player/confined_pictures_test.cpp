@@ -17,7 +17,9 @@ namespace {
 /// Collects the rows of one picture.
 class Rows final : public frames::PictureSink {
  public:
-  void accept(const frames::PictureInfo& info) override { frame = frames::WovenFrame(info.geometry); }
+  void accept(const frames::PictureInfo& info) override {
+    frame = frames::WovenFrame(info.geometry);
+  }
   std::span<uint8_t> rows(int y, int rows) override {
     const size_t row_bytes = frame.geometry().row_bytes();
     return frame.bytes().subspan(row_bytes * size_t(y), row_bytes * size_t(rows));
