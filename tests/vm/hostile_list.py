@@ -133,7 +133,8 @@ class HostileList:
     # -- items -------------------------------------------------------------------------------------
 
     def _still(self, name, shown, kind="good picture", **more):
-        self.items.append(Item(kind, f"{HOME}/{name}", [shown], settings={"duration_s": 1, "wait_s": 100}, **more))
+        self.items.append(Item(kind, f"{HOME}/{name}", [shown],
+                               settings={"duration_s": 1, "wait_s": 100}, **more))
 
     def _moving(self, name, shown, kind="good film", **more):
         settings = {"wait_s": 100, **more.pop("settings", {})}
@@ -289,7 +290,7 @@ class HostileList:
         kind = "not a kind that is played"
         self._bad(kind, "list.m3u", b"good.png\n")
         self._bad(kind, "script.sh", b"#!/bin/sh\nexit 1\n")
-        self._bad("a ring without a renderer", f"ring:{HOME}/no-renderer.sock")
+        self._bad("a ring without a renderer", "ring:/tmp/no-renderer.sock")
         self.items[-1].settings["wait_s"] = 2
 
     def _broken_sequences(self):

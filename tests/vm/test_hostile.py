@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """Tests that a list of good items between hostile ones is played to its end without a fault.
 
-vkms reports the checksum of every picture that it composes. Each of them must be a frame of a good
-item, in the order of the list; every frame of every good item must be among them. The memory of the
-player and of its decoders is bounded by a control group, beyond which the kernel would kill one.
+A program in the guest looks twenty times a second at the buffer that the driver scans out. Each picture
+must be a frame of a good item, in the order of the list; every frame of every good item must be among them.
+The memory of the player and of its decoders is bounded by a control group, beyond which the kernel would kill
+one.
 """
 
+import itertools
 import json
+import signal
 import time
 
 import hostile_list
-import vkms
+import scanout_watch
 from hostile_list import DAMAGED, HEIGHT, HOME, LEFT_OUT, WIDTH, HostileList
+from test_frames import changes
 from vm import HERE
 from vm_test import Machine, require_program, vm_test
 
-MACHINE = Machine(modules=("vkms",), kernel=f"video=Virtual-1:{WIDTH}x{HEIGHT}@60")
+MACHINE = Machine(modules=("vkms",), memory_mib=3072, kernel=f"video=Virtual-1:{WIDTH}x{HEIGHT}@60")
 MEMORY_MIB = 512  # all memory of the player and its decoders, with cached files and kernel buffers
 GROUP = "/sys/fs/cgroup/hostile"
-STATS, CHECKSUMS, MEMORY = "/tmp/stats.json", "/tmp/checksums", "/tmp/memory.json"
+LIBRARIES = "/tmp/libraries"
+STATS, SHOWN, MEMORY = "/tmp/stats.json", "/tmp/shown", "/tmp/memory.json"
 SECONDS_PER_ROUND = 900  # a bound, not an expectation
 SIGNS_OF_A_CRASH = ("segfault", "traps:", "general protection", "oom-kill", "Out of memory", "BUG:")
 
@@ -27,27 +32,41 @@ def start_player(vm, playlist, *flags):
     vm.check(f"mountpoint -q /sys/fs/cgroup || mount -t cgroup2 none /sys/fs/cgroup; mkdir -p {GROUP}; "
              f"echo +memory > /sys/fs/cgroup/cgroup.subtree_control; "
              f"echo {MEMORY_MIB}M > {GROUP}/memory.max; chmod 666 /dev/dri/card*; "
-             f"rm -f {STATS} {CHECKSUMS}; echo /tmp/core.%e > /proc/sys/kernel/core_pattern")
-    warm_up(vm)
+             f"rm -f {STATS}; echo /tmp/core.%e > /proc/sys/kernel/core_pattern")
+    copy_libraries(vm)
     enter = (f'ulimit -c unlimited; echo $$ > {GROUP}/cgroup.procs; cd /; '
              'exec setpriv --reuid=1000 --regid=1000 --groups=video -- "$@"')
     player = vm.start(["sh", "-c", enter, "player", require_program(vm, "lenticule"), "play", playlist,
-                       "--rig", f"{HOME}/rig.toml", "--display", "kms", "--stats", STATS, *flags])
+                       "--rig", f"{HOME}/rig.toml", "--display", "kms", "--stats", STATS, *flags],
+                      environment={"LD_LIBRARY_PATH": LIBRARIES})
     vm.start(["/usr/bin/python3", HERE / "memory_watch.py", GROUP, MEMORY])
     return player
 
 
-def warm_up(vm):
-    """Reads all programs and libraries, so that their pages are not counted as the player's memory."""
+def copy_libraries(vm):
+    """Copies the libraries of all programs into the guest's memory. Each of the many decoders loads some
+    hundred, and asking the host for each of them takes longer than everything else."""
     names = ["lenticule", "lenticule-video", "lenticule-pictures.so"]
     programs = " ".join(require_program(vm, name) for name in names)
-    vm.check(f"ldd {programs} | awk '$3 ~ /^\\// {{print $3}}' | sort -u | xargs cat {programs} > /dev/null",
-             300)
+    vm.check(f"[ -e {LIBRARIES} ] || {{ mkdir {LIBRARIES} && ldd {programs} | awk '$3 ~ /^\\// {{print $3}}' "
+             f"| sort -u | xargs cp -L -t {LIBRARIES}; }}", 300)
 
 
 def record(vm):
-    vm.write_file(f"{vkms.crc_folder(vm)}/control", "auto")
-    return vm.start(f"cat {vkms.crc_folder(vm)}/data > {CHECKSUMS}")
+    watch = vm.start(["/usr/bin/python3", HERE / "scanout_watch.py", f"/dev/dri/card{vm.card('vkms')}", SHOWN])
+    watch.wait_for_line("looking", 120)
+    return watch
+
+
+def recorded(text):
+    """Returns the checksum that each look found, and the number of looks that were discarded."""
+    lines = [line.split() for line in text.splitlines()]
+    return ([int(checksum, 16) for checksum, count, _ in lines for _ in range(int(count))],
+            sum(int(discarded) for _, _, discarded in lines))
+
+
+def checksum(shown):
+    return scanout_watch.checksum_of(*(shown.rgb[channel::3] for channel in (2, 1, 0)))
 
 
 def playing_now(vm):
@@ -75,26 +94,24 @@ class Tricks:
 
 
 def play(vm, hostile, seconds, *flags):
-    """Plays the list; returns the player's result and the composed frames."""
-    player = start_player(vm, hostile.install(1), *flags)
+    """Plays the list; returns the player's result and what recorded() returns."""
+    playlist = hostile.install(1)
+    watch = record(vm)
+    player = start_player(vm, playlist, *flags)
     deadline = time.monotonic() + seconds
-    tricks, capture = Tricks(vm, hostile.items), None
+    tricks = Tricks(vm, hostile.items)
     while player.running():
         assert time.monotonic() < deadline, (player.stdout, player.stderr)
-        source = playing_now(vm)
-        if source and not capture:
-            capture = record(vm)
-        tricks.look(source)
+        tricks.look(playing_now(vm))
         time.sleep(0.3)
-    result = player.wait(10)
-    assert capture, result.stderr
-    capture.kill()
-    return result, vkms.parse_crcs(vm.read_file(CHECKSUMS).decode())
+    watch.send(signal.SIGTERM)
+    assert watch.wait(60).code == 0, watch.stderr
+    return player.wait(10), *recorded(vm.read_file(SHOWN).decode())
 
 
 # -- checks, which judges_test.py tests ---------------------------------------------------------------
 
-def owners_of(good, checksum=vkms.expected_crc):
+def owners_of(good):
     """Returns (place of the item, number of the frame) by checksum; the number is -1 for pictures that
     may be shown and need not be."""
     owners = {}
@@ -105,17 +122,28 @@ def owners_of(good, checksum=vkms.expected_crc):
     return owners
 
 
-def check_pictures(composed, good, owners):
-    """Checks that the items were shown in the order of the list, and each of their frames. composed:
+def runs_of(shown, good, owners):
+    """Returns a line for each run of equal checksums, to look for a foreign one."""
+    def name(crc):
+        if crc not in owners:
+            return f"no item ({crc:08x})"
+        place, number = owners[crc]
+        return f"{good[place].source} frame {number}"
+    return [f"{len(list(run)):5} times {name(crc)}" for crc, run in itertools.groupby(shown)]
+
+
+def check_pictures(shown, good, owners):
+    """Checks that the items were shown in the order of the list, and each of their frames. shown:
     checksums, without pictures before the first item and after the last. Returns the rounds."""
-    foreign = [crc for crc in composed if crc not in owners]
-    assert not foreign, f"{len(set(foreign))} pictures, shown {len(foreign)} times, are of no item"
-    places = [owners[crc][0] for crc in composed]
+    foreign = {crc for crc in shown if crc not in owners}
+    assert not foreign, (f"{len(foreign)} pictures are of no item:\n"
+                         + "\n".join(runs_of(shown, good, owners)))
+    places = [owners[crc][0] for crc in shown]
     turns = [place for at, place in enumerate(places) if at == 0 or places[at - 1] != place]
     for at, place in enumerate(turns):
         assert place == at % len(good), (f"{good[place].source} is shown in place of "
                                          f"{good[at % len(good)].source}, in round {at // len(good)}")
-    seen = {owners[crc] for crc in composed}
+    seen = {owners[crc] for crc in shown}
     for place, item in enumerate(good):
         lost = [number for number in range(len(item.pictures)) if (place, number) not in seen]
         assert not lost, f"{item.source}: frames {lost} were not shown"
@@ -139,12 +167,12 @@ def check_reports(printed, items):
     return len(reports)
 
 
-def without_console(composed, owners):
-    """Returns the checksums without those of the console, which the kernel shows when the player has
-    ended."""
-    known = [at for at, crc in enumerate(composed) if crc in owners]
+def without_console(shown, owners):
+    """Returns the checksums without those of the console, which the kernel shows before the player's first
+    picture and after its end."""
+    known = [at for at, crc in enumerate(shown) if crc in owners]
     assert known, "no picture of any item"
-    return composed[:known[-1] + 1]
+    return shown[known[0]:known[-1] + 1]
 
 
 # -- tests ---------------------------------------------------------------------------------------------
@@ -153,7 +181,7 @@ def check_list(vm, hostile, seconds, *flags):
     good, bad = hostile.good(), [item for item in hostile.items if LEFT_OUT in item.reports]
     before = len(vm.kernel_log().splitlines())
     began = time.monotonic()
-    result, composed = play(vm, hostile, seconds, *flags)
+    result, looks, discarded = play(vm, hostile, seconds, *flags)
     done, memory = json.loads(vm.read_file(STATS)), json.loads(vm.read_file(MEMORY))
     minutes = (time.monotonic() - began) / 60
     assert result.code == 0, (result.code, result.stderr)
@@ -163,7 +191,7 @@ def check_list(vm, hostile, seconds, *flags):
     assert not crashes, crashes
     assert not vm.check("ls /tmp").stdout.count("core."), "a program left a core file"
     owners = owners_of(good)
-    shown = without_console([frame.crc for frame in composed], owners)
+    shown = without_console(looks, owners)
     rounds = check_pictures(shown, good, owners)
     reports = check_reports(result.stderr, hostile.items)
     skipped = done["playlist"]["items_skipped"]
@@ -174,8 +202,8 @@ def check_list(vm, hostile, seconds, *flags):
     for kind, count in sorted(hostile.counts().items()):
         print(f"{count:5}  {kind}")
     print(f"{len(hostile.items):5}  items; {rounds:.1f} rounds in {minutes:.1f} minutes; "
-          f"{len(shown)} composed pictures, all of {len(owners)} known ones; {reports} reports of "
-          f"{skipped} items left out and {len(damaged)} damaged\n"
+          f"{len(shown)} looks at {len(changes(shown))} pictures, each one of {len(owners)} known "
+          f"({discarded} looks discarded); {reports} reports; {skipped} items left out, {len(damaged)} sources damaged\n"
           f"       memory: at most {memory['own_kib'] / 1024:.0f} MiB of {memory['processes']} "
           f"processes ({memory['resident_kib'] / 1024:.0f} MiB with program files); "
           f"{peak:.0f} MiB with cached files and kernel buffers, of {MEMORY_MIB} MiB", flush=True)
