@@ -20,7 +20,7 @@ from vm_test import require_program
 
 WIDTH, HEIGHT = 320, 480
 HOME = "/tmp/hostile"
-FRAMES, RATE = 5, 5  # of a film, and per second: every frame is composed several times
+FRAMES, RATE = 4, 2  # of a film, and per second: every frame is seen several times on a busy host, too
 LEFT_OUT, DAMAGED, KEPT = "left out", "damaged", "the one before goes on"
 
 
@@ -134,7 +134,7 @@ class HostileList:
 
     def _still(self, name, shown, kind="good picture", **more):
         self.items.append(Item(kind, f"{HOME}/{name}", [shown],
-                               settings={"duration_s": 1, "wait_s": 100}, **more))
+                               settings={"duration_s": 1.5, "wait_s": 100}, **more))
 
     def _moving(self, name, shown, kind="good film", **more):
         settings = {"wait_s": 100, **more.pop("settings", {})}
@@ -213,7 +213,7 @@ class HostileList:
             self._still(name, self._woven(self.folder / name), kind="good views, woven while playing")
         self.items.append(Item("good views, woven while playing", f"views:{HOME}/view%02d.png",
                                [self._woven(f"views:{self.folder}/view%02d.png")],
-                               settings={"duration_s": 1, "wait_s": 100}))
+                               settings={"duration_s": 1.5, "wait_s": 100}))
 
     def _change(self, name, change):
         path = self.folder / name
@@ -343,7 +343,7 @@ class HostileList:
         self._moving("cut.mkv", shown[:2], kind, reports=(DAMAGED,), also=shown[2:3])
         shown = self._film("damaged.mkv")
         data = bytearray((self.folder / "damaged.mkv").read_bytes())
-        data[len(data) // 2] ^= 255
+        data[len(data) * 5 // 8] ^= 255  # in frame 2
         self._write("damaged.mkv", bytes(data))
         self._moving("damaged.mkv", shown[:2] + shown[3:], kind, reports=(DAMAGED,))
 
@@ -391,7 +391,7 @@ class HostileList:
 
     def _trick(self, name, shown, trick, undo, reports=(KEPT,)):
         self.items.append(Item("vanishing or replaced file", f"{HOME}/{name}", shown, reports,
-                               settings={"duration_s": 8, "wait_s": 100}, trick=f"cd {HOME} && {trick}",
+                               settings={"duration_s": 10, "wait_s": 100}, trick=f"cd {HOME} && {trick}",
                                undo=f"cd {HOME} && {undo}"))
 
 

@@ -23,7 +23,8 @@ MACHINE = Machine(modules=("vkms",), memory_mib=3072, kernel=f"video=Virtual-1:{
 MEMORY_MIB = 512  # all memory of the player and its decoders, with cached files and kernel buffers
 GROUP = "/sys/fs/cgroup/hostile"
 LIBRARIES = "/tmp/libraries"
-STATS, SHOWN, MEMORY = "/tmp/stats.json", "/tmp/shown", "/tmp/memory.json"
+STATS, TRICKS = "/tmp/stats.json", "/tmp/tricks.json"
+SHOWN, MEMORY = "/tmp/shown", "/tmp/memory.json"
 SECONDS_PER_ROUND = 900  # a bound, not an expectation
 SIGNS_OF_A_CRASH = ("segfault", "traps:", "general protection", "oom-kill", "Out of memory", "BUG:")
 
@@ -69,44 +70,19 @@ def checksum(shown):
     return scanout_watch.checksum_of(*(shown.rgb[channel::3] for channel in (2, 1, 0)))
 
 
-def playing_now(vm):
-    """Returns the source from which the player takes frames; empty before the first one."""
-    text = vm.run(f"cat {STATS}").stdout
-    return json.loads(text).get("playlist", {}).get("source", "") if text else ""
-
-
-class Tricks:
-    """Changes the files of an item while it plays, and restores them afterwards."""
-
-    def __init__(self, vm, items):
-        self._vm = vm
-        self._items = {item.source: item for item in items if item.trick}
-        self._done = None
-
-    def look(self, source):
-        if self._done and self._done.source != source:
-            if self._done.undo:
-                self._vm.check(self._done.undo)
-            self._done = None
-        if not self._done and source in self._items:
-            self._done = self._items[source]
-            self._vm.check(self._done.trick)
-
-
 def play(vm, hostile, seconds, *flags):
     """Plays the list; returns the player's result and what recorded() returns."""
     playlist = hostile.install(1)
     watch = record(vm)
     player = start_player(vm, playlist, *flags)
-    deadline = time.monotonic() + seconds
-    tricks = Tricks(vm, hostile.items)
-    while player.running():
-        assert time.monotonic() < deadline, (player.stdout, player.stderr)
-        tricks.look(playing_now(vm))
-        time.sleep(0.3)
+    vm.write_file(TRICKS, json.dumps({item.source: [item.trick, item.undo] for item in hostile.items
+                                      if item.trick}))
+    trickster = vm.start(["/usr/bin/python3", HERE / "trickster.py", STATS, TRICKS])
+    result = player.wait(seconds)
+    assert trickster.running(), trickster.stderr
     watch.send(signal.SIGTERM)
     assert watch.wait(60).code == 0, watch.stderr
-    return player.wait(10), *recorded(vm.read_file(SHOWN).decode())
+    return result, *recorded(vm.read_file(SHOWN).decode())
 
 
 # -- checks, which judges_test.py tests ---------------------------------------------------------------
