@@ -116,7 +116,9 @@ void SliceErrors::watch(AVCodecContext& codec) {
 
 bool SliceErrors::take(int64_t packet) {
   const std::lock_guard lock(mutex_);
-  return packets_.erase(packet) > 0;
+  const bool damaged = packets_.contains(packet);
+  packets_.erase(packets_.begin(), packets_.upper_bound(packet));
+  return damaged;
 }
 
 void SliceErrors::hear(void* source, int /*level*/, const char* format, va_list /*arguments*/) {

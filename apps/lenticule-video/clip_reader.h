@@ -53,7 +53,7 @@ class SliceErrors {
   /// Listens to this decoder and to its copies in other threads; takes its members `opaque` and
   /// `reordered_opaque`, the number of the packet.
   void watch(AVCodecContext& codec);
-  /// Returns true if the packet of that number was damaged, and forgets the packet.
+  /// Returns true if the packet of that number was damaged; forgets it and all before it.
   [[nodiscard]] bool take(int64_t packet);
 
  private:
