@@ -6,7 +6,9 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdarg>
 #include <cstring>
+#include <string_view>
 #include <utility>
 
 #include "apps/lenticule-video/descriptor_io.h"
@@ -99,6 +101,39 @@ AVStream& Container::video_stream(std::optional<int> wanted) {
   fail(name_, "no stream with pictures");
 }
 
+// --- slice checksums ---------------------------------------------------------------------------
+
+SliceErrors::SliceErrors() {
+  av_log_set_callback(hear);
+}
+
+void SliceErrors::watch(AVCodecContext& codec) {
+  const std::lock_guard lock(mutex_);
+  packets_.clear();
+  codec.opaque = this;
+  codec.reordered_opaque = 0;
+}
+
+bool SliceErrors::take(int64_t packet) {
+  const std::lock_guard lock(mutex_);
+  const bool damaged = packets_.contains(packet);
+  packets_.erase(packets_.begin(), packets_.upper_bound(packet));
+  return damaged;
+}
+
+void SliceErrors::hear(void* source, int /*level*/, const char* format, va_list /*arguments*/) {
+  if (source == nullptr || *static_cast<const AVClass* const*>(source) != avcodec_get_class())
+    return;
+  const auto& codec = *static_cast<const AVCodecContext*>(source);
+  if (codec.opaque == nullptr || !std::string_view(format).starts_with("slice CRC mismatch"))
+    return;
+  auto& errors = *static_cast<SliceErrors*>(codec.opaque);
+  const std::lock_guard lock(errors.mutex_);
+  errors.packets_.insert(codec.reordered_opaque);
+}
+
+// --- frames --------------------------------------------------------------------------------------
+
 ClipReader::ClipReader(const int& fd, std::string name, std::optional<int> stream, int threads)
     : fd_(fd),
       name_(std::move(name)),
@@ -117,6 +152,7 @@ void ClipReader::open() {
     container_->format().streams[i]->discard =
         static_cast<int>(i) == stream_->index ? AVDISCARD_DEFAULT : AVDISCARD_ALL;
   open_decoder();
+  awaits_key_ = false;
   draining_ = false;
   read_errors_ = 0;
 }
@@ -134,6 +170,7 @@ void ClipReader::open_decoder() {
   codec_->max_pixels = kMostPixels;
   codec_->codec_whitelist = av_strdup(allowed_codecs());
   codec_->pkt_timebase = stream_->time_base;
+  slice_errors_.watch(*codec_);
   codec_->err_recognition = AV_EF_CRCCHECK;
   // A damaged frame of an intra-only codec is skipped. Frames of other codecs depend on each other,
   // so the decoder conceals the error.
@@ -147,6 +184,10 @@ void ClipReader::open_decoder() {
 ClipReader::Step ClipReader::next() {
   while (true) {
     const int error = avcodec_receive_frame(codec_.get(), frame_.get());
+    if (error == 0 && is_spoilt()) {
+      ++broken_;
+      continue;
+    }
     if (error == 0) {
       const bool faulty =
           frame_->decode_error_flags != 0 || (frame_->flags & AV_FRAME_FLAG_CORRUPT) != 0;
@@ -161,6 +202,13 @@ ClipReader::Step ClipReader::next() {
     }
     if (draining_ || !feed()) return Step::End;
   }
+}
+
+/// Returns true if the frame has a damaged slice, or depends on a frame that had one.
+bool ClipReader::is_spoilt() {
+  const bool damaged = slice_errors_.take(frame_->reordered_opaque);
+  awaits_key_ = damaged || (awaits_key_ && frame_->key_frame == 0);
+  return awaits_key_;
 }
 
 /// Sends the next packet, or the end of the stream, to the decoder; returns false if it accepts
@@ -179,6 +227,7 @@ bool ClipReader::feed() {
     }
     read_errors_ = 0;
     const bool ours = packet_->stream_index == stream_->index;
+    ++codec_->reordered_opaque;
     const int sent = ours ? avcodec_send_packet(codec_.get(), packet_.get()) : 0;
     av_packet_unref(packet_.get());
     if (!ours) continue;
@@ -192,6 +241,7 @@ bool ClipReader::seek(int64_t time) {
   AVFormatContext& format = container_->format();
   if (av_seek_frame(&format, stream_->index, time, AVSEEK_FLAG_BACKWARD) < 0) return false;
   avcodec_flush_buffers(codec_.get());
+  awaits_key_ = false;
   draining_ = false;
   read_errors_ = 0;
   return true;

@@ -2,8 +2,11 @@
 // ClipReader decodes one video stream of a file, frame after frame in display order.
 #pragma once
 
+#include <cstdarg>
 #include <cstdint>
+#include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -36,6 +39,30 @@ class Container {
   AvInput format_;  // last member: uses io_
 };
 
+/// SliceErrors collects the packets in which FFmpeg's decoder of FFV1 found a wrong checksum. The
+/// decoder replaces their slices by those of the frame before and reports that only in its log.
+///
+/// Thread safety: any thread.
+class SliceErrors {
+ public:
+  /// Installs the log callback that hears the reports.
+  SliceErrors();
+  SliceErrors(const SliceErrors&) = delete;
+  SliceErrors& operator=(const SliceErrors&) = delete;
+
+  /// Listens to this decoder and to its copies in other threads; takes its members `opaque` and
+  /// `reordered_opaque`, the number of the packet.
+  void watch(AVCodecContext& codec);
+  /// Returns true if the packet of that number was damaged; forgets it and all before it.
+  [[nodiscard]] bool take(int64_t packet);
+
+ private:
+  static void hear(void* source, int level, const char* format, va_list arguments);
+
+  std::mutex mutex_;
+  std::set<int64_t> packets_;
+};
+
 /// Thread safety: one thread. Lifetime: the descriptor must outlive the reader.
 class ClipReader {
  public:
@@ -45,7 +72,8 @@ class ClipReader {
   ClipReader(const int& fd, std::string name, std::optional<int> stream, int threads);
 
   [[nodiscard]] const AVStream& stream() const { return *stream_; }
-  /// Decodes the next picture. Packets that cannot be decoded are skipped and counted.
+  /// Decodes the next picture. Packets that cannot be decoded, and pictures with a wrong checksum,
+  /// are skipped and counted.
   [[nodiscard]] Step next();
   [[nodiscard]] const AVFrame& frame() const { return *frame_; }
   /// Returns the time stamp of frame(), or AV_NOPTS_VALUE.
@@ -65,6 +93,7 @@ class ClipReader {
   void open();
   void open_decoder();
   [[nodiscard]] bool feed();
+  [[nodiscard]] bool is_spoilt();
 
   const int& fd_;
   std::string name_;
@@ -72,10 +101,12 @@ class ClipReader {
   int threads_;
   std::unique_ptr<Container> container_;
   AVStream* stream_ = nullptr;
+  SliceErrors slice_errors_;  // must precede codec_, which uses it
   AvCodec codec_;
   AvPacket packet_;
   AvFrame frame_;
   bool draining_ = false;
+  bool awaits_key_ = false;  ///< an FFV1 frame was damaged, and later ones may depend on it
   uint64_t broken_ = 0;
   uint64_t faulty_ = 0;
   int read_errors_ = 0;

@@ -113,6 +113,7 @@ class PictureReader {
       const int rows = std::min(rows_per_band, height() - y);
       if (!decode(y, rows, buffer.data())) fail_decoding();
       if (format_ == ImageFormat::Tiff && memory_.ran_out()) fail("truncated");
+      if (format_ == ImageFormat::Jpeg && warns_of_damage()) fail_decoding();
       sink(Band{y, rows, channels_read(), sample_, buffer.data()});
     }
   }
@@ -202,6 +203,15 @@ class PictureReader {
       return input_->read_tiles(0, 0, x0, x0 + width(), y0, y0 + rows, spec().z, spec().z + 1, 0,
                                 channels, sample_type(), out);
     return input_->read_scanlines(0, 0, y0, y0 + rows, spec().z, 0, channels, sample_type(), out);
+  }
+
+  /// Returns true if libjpeg filled in missing or damaged data. OpenImageIO counts that as success
+  /// and keeps the first warning. Bytes between the data and the next marker change no pixel.
+  [[nodiscard]] bool warns_of_damage() const {
+    if (!input_->has_error()) return false;
+    const std::string warning = input_->geterror(false);
+    const auto says = [&](const char* words) { return warning.find(words) != std::string::npos; };
+    return says("Premature end") || (says("Corrupt JPEG data") && !says("extraneous bytes"));
   }
 
   [[noreturn]] void fail_decoding() const {

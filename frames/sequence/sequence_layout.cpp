@@ -96,6 +96,18 @@ bool read_index(int fd, uint64_t file_bytes, SequenceLayout& layout) {
   return offsets_make_sense(layout.frames, layout.header, layout.data_end);
 }
 
+/// Returns true if the last frame is followed by an index that may be damaged or incomplete.
+bool index_follows(int fd, uint64_t file_bytes, const SequenceLayout& layout) {
+  const uint64_t index_bytes = layout.frames.size() * kOffsetBytes;
+  const uint64_t rest = file_bytes - layout.data_end;
+  if (rest == index_bytes + kTrailerBytes) return true;
+  std::vector<uint8_t> index(std::min(rest, index_bytes));
+  if (index.size() < kOffsetBytes || !read_at(fd, layout.data_end, index)) return false;
+  for (size_t at = 0; at + kOffsetBytes <= index.size(); at += kOffsetBytes)
+    if (load_u64(&index[at]) != layout.frames[at / kOffsetBytes]) return false;
+  return true;
+}
+
 /// FrameSearch finds the frames of a file without their index.
 class FrameSearch {
  public:
@@ -184,10 +196,11 @@ SequenceLayout read_sequence_layout(int fd, const std::string& source) {
   SequenceLayout layout;
   layout.header = read_file_header(fd, source);
   layout.info = read_info(fd, layout.header, file_bytes, source);
-  layout.from_index = read_index(fd, file_bytes, layout);
+  layout.from_index = layout.has_every_frame = read_index(fd, file_bytes, layout);
   if (layout.from_index) return layout;
   layout.frames.clear();
   FrameSearch(fd, layout.header, file_bytes).run(layout);
+  layout.has_every_frame = index_follows(fd, file_bytes, layout);
   return layout;
 }
 

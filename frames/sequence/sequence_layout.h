@@ -18,6 +18,7 @@ struct SequenceLayout {
   std::vector<uint64_t> frames;  ///< offsets of the frame headers; 0 for a damaged frame
   uint64_t data_end = 0;         ///< end of the last frame, where the next frame would be appended
   bool from_index = false;       ///< false: the frames were found by scanning the file
+  bool has_every_frame = false;  ///< false: the file ends after some frame, without its index
 };
 
 /// Reads the header, the metadata and the index of an open file. Throws Error(Input) that begins

@@ -3,22 +3,37 @@
 
 #include <fcntl.h>
 
+#include <algorithm>
 #include <limits>
-#include <string_view>
+#include <string>
 
 #include "base/file.h"
 #include "frames/sequence/file_bytes.h"
 
 namespace lenticule::frames {
 
+namespace {
+
+uint64_t missing_at_end(const std::filesystem::path& file, const SequenceLayout& layout) {
+  if (layout.has_every_frame || is_unfinished_name(file)) return 0;
+  const uint64_t announced = layout.info.loop_end.value_or(0);
+  return std::max<uint64_t>(announced, layout.frames.size() + 1) - layout.frames.size();
+}
+
+}  // namespace
+
 bool is_sequence_name(const std::filesystem::path& file) {
-  const std::string name = file.filename().string();
-  return name.ends_with(".lts") || name.ends_with(".lts.part");
+  return file.filename().string().ends_with(".lts") || is_unfinished_name(file);
+}
+
+bool is_unfinished_name(const std::filesystem::path& file) {
+  return file.filename().string().ends_with(".lts.part");
 }
 
 SequenceReader::SequenceReader(const std::filesystem::path& file)
     : fd_(open_regular_file(file, std::numeric_limits<uint64_t>::max()).descriptor),
-      layout_(read_sequence_layout(fd_.get(), file.string())) {}
+      layout_(read_sequence_layout(fd_.get(), file.string())),
+      missing_(missing_at_end(file, layout_)) {}
 
 uint64_t SequenceReader::file_bytes() const {
   return size_of(fd_.get());

@@ -16,6 +16,7 @@ namespace lenticule::frames {
 
 /// Returns true for ".lts", and for ".lts.part", the name of an unfinished file.
 [[nodiscard]] bool is_sequence_name(const std::filesystem::path& file);
+[[nodiscard]] bool is_unfinished_name(const std::filesystem::path& file);
 
 class SequenceReader {
  public:
@@ -31,6 +32,9 @@ class SequenceReader {
   /// Returns false if the index is missing or damaged, and the frames were found without it.
   [[nodiscard]] bool has_index() const { return layout_.from_index; }
   [[nodiscard]] uint64_t file_bytes() const;
+  /// Returns the smallest number of frames that can be missing at the end: 0, or, if the finished
+  /// file was cut, 1 or the number of frames up to the end of its loop.
+  [[nodiscard]] uint64_t missing_frames() const { return missing_; }
 
   /// Returns a decoder for one thread.
   ///
@@ -51,6 +55,7 @@ class SequenceReader {
 
   UniqueFd fd_;
   SequenceLayout layout_;
+  uint64_t missing_;
 };
 
 }  // namespace lenticule::frames

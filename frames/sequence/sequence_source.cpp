@@ -46,6 +46,7 @@ class SequenceSource::Frames final : public FrameDecoding {
 
   [[nodiscard]] const SequenceInfo& info() const { return reader_.info(); }
   [[nodiscard]] uint64_t damaged() const { return damaged_.load(); }
+  [[nodiscard]] uint64_t missing() const { return options_.end ? 0 : reader_.missing_frames(); }
   [[nodiscard]] DecodedRounds rounds() const override;
 
   std::string decode(int thread, uint64_t frame, uint64_t next, WovenFrame& to) override {
@@ -111,6 +112,11 @@ const SequenceInfo& SequenceSource::info() const {
 
 uint64_t SequenceSource::damaged_frames() const {
   return frames_.damaged();
+}
+
+FrameDamage SequenceSource::damage() const {
+  const uint64_t damaged = frames_.damaged();
+  return {.damaged = damaged, .missing = frames_.missing(), .repeated = damaged};
 }
 
 }  // namespace lenticule::frames

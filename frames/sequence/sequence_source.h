@@ -41,9 +41,8 @@ class SequenceSource final : public DecodedSource {
   [[nodiscard]] const SequenceInfo& info() const;
   /// Returns the number of damaged frames that were decoded; each of them was replaced.
   [[nodiscard]] uint64_t damaged_frames() const;
-  [[nodiscard]] FrameDamage damage() const override {
-    return {.damaged = damaged_frames(), .repeated = damaged_frames()};
-  }
+  /// Missing are the frames behind the end of a file that was cut: at least one.
+  [[nodiscard]] FrameDamage damage() const override;
 
  private:
   class Frames;

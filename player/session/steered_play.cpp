@@ -177,8 +177,10 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
 void SteeredPlay::complain(const std::string& how, const PlaylistEvent& event) {
   const bool named = event.detail.starts_with(event.source);
   const std::string complaint = named ? event.detail : event.source + ": " + event.detail;
+  // The number of damaged frames may differ from round to round, the item is reported once.
+  const bool damaged = event.kind == PlaylistEvent::Kind::ItemDamaged;
   const std::lock_guard lock(told_mutex_);
-  if (told_.size() < kMaxComplaints && told_.insert(complaint).second)
+  if (told_.size() < kMaxComplaints && told_.insert(damaged ? event.source : complaint).second)
     say("{}: {}\n", how, complaint);
 }
 

@@ -40,6 +40,8 @@ namespace wire = frames::confined;
 
 constexpr size_t kMostIdle = 8;
 constexpr milliseconds kLook{200};
+/// Timeout for the start: loading some hundred libraries on a busy machine may take long.
+constexpr milliseconds kStartPatience{180'000};
 constexpr milliseconds kInterruptedPatience{2000};
 constexpr double kMostPixelAspect = 100.0;
 constexpr int64_t kMegapixel = 1'000'000;
@@ -99,6 +101,11 @@ class Decoder {
   [[nodiscard]] pid_t pid() const { return process_.pid(); }
   /// Returns true if the decoder can take another picture.
   [[nodiscard]] bool is_idle() const { return idle_; }
+  /// Returns false if the process has ended, for example because the kernel needed its memory.
+  [[nodiscard]] bool is_alive() const {
+    pollfd stream{.fd = socket_.get(), .events = 0, .revents = 0};
+    return poll(&stream, 1, 0) == 0;
+  }
 
   [[nodiscard]] frames::PictureInfo probe(const std::filesystem::path& file) {
     begin(file, wire::PictureRequest::Probe);
@@ -121,7 +128,9 @@ class Decoder {
   void begin(const std::filesystem::path& file, wire::PictureRequest request) {
     const OpenedFile opened = open_regular_file(file, wire::kPictureFileLimit);
     if (!ready_) {
-      limit_from_here();
+      // Starting is not part of the picture: on a slow machine, loading some hundred libraries
+      // takes more processor time than most pictures.
+      silent_since_ = SteadyTime::now();
       if (receive(file).reply != wire::PictureReply::Idle) fail_protocol(file);
       ready_ = true;
     }
@@ -192,7 +201,7 @@ class Decoder {
 
   void check_time(const std::filesystem::path& file) const {
     using std::chrono::seconds;
-    if (processor_time() > processor_begin_ + processor_limit_)
+    if (ready_ && processor_time() > processor_begin_ + processor_limit_)
       throw Error(
           ErrorKind::Input,
           fmt::format("{}: not decoded after {:.3g} s of processor time, the limit of this "
@@ -200,10 +209,11 @@ class Decoder {
                       file.string(), std::chrono::duration<double>(processor_limit_).count()),
           "convert it to a PNG or an uncompressed TIFF");
     const auto silence = SteadyTime::now() - silent_since_;
-    if (silence > limits_.silence)
+    const milliseconds longest = ready_ ? limits_.silence : kStartPatience;
+    if (silence > longest)
       throw Error(ErrorKind::Input,
                   fmt::format("{}: its decoder was silent for {} s", file.string(),
-                              std::chrono::duration_cast<seconds>(limits_.silence).count()));
+                              std::chrono::duration_cast<seconds>(longest).count()));
     if (interrupted() && silence > kInterruptedPatience)
       throw Error(ErrorKind::Failed, fmt::format("{}: interrupted", file.string()));
   }
@@ -325,6 +335,8 @@ class ConfinedPictures::Pool {
   /// Returns an idle decoder, or a new one.
   std::unique_ptr<Decoder> take() {
     std::unique_lock lock(mutex_);
+    // A picture is not to blame for a decoder that ended before it.
+    std::erase_if(idle_, [](const auto& decoder) { return !decoder->is_alive(); });
     ++waiting_;
     while (idle_.empty() && failures_.empty()) {
       // Another thread may have taken the decoder that this thread ordered.

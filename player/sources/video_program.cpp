@@ -27,7 +27,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kName = "lenticule-video";
-constexpr std::chrono::seconds kProbeLimit{30};
+/// Starting the program on a busy machine may take most of it.
+constexpr std::chrono::seconds kProbeLimit{60};
 
 /// Returns the first line without the program's name: "FILE: cause" of "lenticule-video: FILE:
 /// cause".

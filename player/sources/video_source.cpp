@@ -30,7 +30,7 @@ constexpr int kLeastSlots = 4;  ///< a ring's minimum of three, and one held ove
 constexpr size_t kMostRestarts = 3;
 constexpr auto kRestartWindow = 60s;
 /// Timeout for the start: loading some hundred libraries on a busy machine may take long.
-constexpr std::chrono::milliseconds kStartPatience = 10s;
+constexpr std::chrono::milliseconds kStartPatience = 60s;
 
 const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
                                  const VideoRequest& request) {

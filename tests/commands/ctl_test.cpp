@@ -2,6 +2,8 @@
 // Tests `lenticule ctl` with players on the virtual display.
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <thread>
@@ -255,6 +257,31 @@ TEST_F(Ctl, AListPlaysItsItemsAndNamesSkippedOnes) {
   const ProcessResult wrong = run({"play", path("wrong.toml"), "--rig", path("rig.toml")});
   EXPECT_EQ(wrong.exit_code, 4);
   EXPECT_NE(wrong.err.find("wrong.toml:3: unknown key 'speed'"), std::string::npos) << wrong.err;
+}
+
+TEST_F(Ctl, ADamagedItemIsReportedOnceHoweverOftenItPlays) {
+  const std::string film = path("film.lts");
+  ASSERT_EQ(run({"convert", film_pattern(0), "--rig", path("rig.toml"), "-o", film}).exit_code, 0);
+  {
+    std::fstream file(film, std::ios::in | std::ios::out | std::ios::binary);
+    const auto middle = static_cast<std::streamoff>(std::filesystem::file_size(film) / 2);
+    file.seekg(middle);
+    const int byte = file.get();
+    file.seekp(middle);
+    file.put(static_cast<char>(byte ^ 1));
+  }
+  // The second item has three times the damage of the first.
+  write("list.toml",
+        "[[item]]\nsource = \"film.lts\"\n[[item]]\nsource = \"film.lts\"\nloops = 3\n");
+  const ProcessResult played =
+      run({"play", path("list.toml"), "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
+           "--clock", "simulated", "--slots", "3", "--json"});
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  const std::string report = "damaged: " + film;
+  const size_t first = played.err.find(report);
+  ASSERT_NE(first, std::string::npos) << played.err;
+  EXPECT_EQ(played.err.find(report, first + 1), std::string::npos) << played.err;
+  EXPECT_GE(json::parse(played.out)["damaged_frames"], 4);
 }
 
 TEST_F(Ctl, PreflightReportsIfTheSourceIsFastEnough) {

@@ -10,9 +10,11 @@ import unittest
 from fractions import Fraction
 
 import picture
+from hostile_list import DAMAGED, LEFT_OUT, Item, some_of_each_kind
 from numbered_frames import NumberedPictures
 from test_cadence import FRAMES, shown_frames, unplanned_repeats
 from test_frames import changes
+from test_hostile import check_pictures, check_reports, owners_of, recorded, without_console
 from vkms import FrameCrc
 from vm import Machine, MachineStalled, VmError
 from vm_test import Test
@@ -81,6 +83,71 @@ class Cadences(unittest.TestCase):
 
     def test_changes_are_what_came_after_something_else(self):
         self.assertEqual(changes([1, 1, 2, 2, 1]), [1, 2, 1])
+
+
+def hostile_items():
+    """Returns a good item of two frames, a bad one, a damaged one of one frame, and another good one."""
+    pictures = [picture.noise(4, 4, seed) for seed in range(6)]
+    return [Item("good", "/a.lts", pictures[:2]), Item("bad", "/bad.png", [], (LEFT_OUT,)),
+            Item("damaged", "/b.lts", pictures[2:3], (DAMAGED,), also=pictures[3:4]),
+            Item("good", "/\x1bc.png", pictures[4:5])]
+
+
+class HostileLists(unittest.TestCase):
+    REPORTS = ("playing: 1 frames\nleft out: /bad.png: truncated\n"
+               "damaged: /b.lts: 1 frames damaged, 0 missing, 0 repeated\n")
+
+    def setUp(self):
+        self.items = hostile_items()
+        self.good = [item for item in self.items if item.pictures]
+        self.owners = owners_of(self.good)
+        self.a, self.a2, self.b, self.b_also, self.c = list(self.owners)
+
+    def rounds(self, *composed):
+        return check_pictures(composed, self.good, self.owners)
+
+    def test_every_frame_in_order_is_a_round(self):
+        self.assertEqual(self.rounds(self.a, self.a, self.a2, self.b, self.b_also, self.c), 1)
+        self.assertEqual(self.rounds(self.a, self.a2, self.b, self.c, self.a, self.b, self.c), 2)
+
+    def test_a_picture_of_no_item_is_wrong(self):
+        with self.assertRaisesRegex(AssertionError, "(?s)1 pictures are of no item:.* 2 times no item .00000007"):
+            self.rounds(self.a, self.a2, 7, 7, self.b, self.c)
+
+    def test_an_item_or_a_frame_that_is_not_shown_is_wrong(self):
+        with self.assertRaisesRegex(AssertionError, "in place of /b.lts"):
+            self.rounds(self.a, self.a2, self.c)
+        with self.assertRaisesRegex(AssertionError, r"/a.lts: frames \[1\] were not shown"):
+            self.rounds(self.a, self.b, self.c)
+
+    def test_pictures_of_the_console_are_accepted_only_before_the_first_item_and_after_the_last(self):
+        self.assertEqual(without_console([7, self.a, 7, self.b, 7, 7], self.owners),
+                         [self.a, 7, self.b])
+
+    def test_looks_are_read_as_they_were_written(self):
+        self.assertEqual(recorded("0000000a 2 0\nffffffff 1 3\n"), ([10, 10, 0xFFFFFFFF], 3))
+
+    def test_equal_pictures_of_two_items_are_refused(self):
+        with self.assertRaisesRegex(AssertionError, "look alike"):
+            owners_of([self.good[0], self.good[0]])
+
+    def test_each_bad_item_is_reported_once_and_no_other(self):
+        self.assertEqual(check_reports(self.REPORTS, self.items), 2)
+        for wrong in [self.REPORTS * 2, "", self.REPORTS.replace("damaged: ", "left out: "),
+                      self.REPORTS + "left out: /a.lts: truncated\n",
+                      self.REPORTS + "left out: /\\x1bc.png: truncated\n"]:
+            with self.assertRaises(AssertionError):
+                check_reports(wrong, self.items)
+
+    def test_a_decoder_that_died_is_wrong(self):
+        with self.assertRaisesRegex(AssertionError, "a decoder died"):
+            check_reports(self.REPORTS.replace("truncated", "its decoder was ended by signal 11"),
+                          self.items)
+
+    def test_some_of_each_kind_are_the_first_the_last_and_others_between(self):
+        items = [Item("x", str(number), []) for number in range(10)] + [Item("y", "10", [])]
+        self.assertEqual([item.source for item in some_of_each_kind(items, 3)], ["0", "4", "9", "10"])
+        self.assertEqual(some_of_each_kind(items, 100), items)
 
 
 def load_runner():

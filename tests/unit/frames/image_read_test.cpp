@@ -156,16 +156,27 @@ TEST_P(ImageCut, AnywhereIsAnError) {
 }
 INSTANTIATE_TEST_SUITE_P(Formats, ImageCut, ::testing::Values(".png", ".tif", ".exr", ".ppm"));
 
-TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {
-  // The smallest baseline JPEG: 8 x 8 grey, one block with DC 0.
+/// Returns the smallest baseline JPEG: 8 pixels wide and grey, with the data of one block (DC 0).
+std::vector<uint8_t> jpeg_of_one_block(uint8_t stated_height) {
   std::vector<uint8_t> file = {0xFF, 0xD8, 0xFF, 0xDB, 0, 67, 0};
   file.insert(file.end(), 64, 1);
-  const std::vector<uint8_t> rest = {
-      0xFF, 0xC0, 0, 11, 8,    0,    8,    0, 8, 1, 1, 0x11, 0, 0xFF, 0xC4, 0,    20,   0x00,
-      1,    0,    0, 0,  0,    0,    0,    0, 0, 0, 0, 0,    0, 0,    0,    0,    0,    0,
-      0xFF, 0xC4, 0, 20, 0x10, 1,    0,    0, 0, 0, 0, 0,    0, 0,    0,    0,    0,    0,
-      0,    0,    0, 0,  0,    0xFF, 0xDA, 0, 8, 1, 1, 0,    0, 63,   0,    0x3F, 0xFF, 0xD9};
+  const std::vector<uint8_t> rest = {0xFF, 0xC0, 0,    11,   8,    0,    stated_height,
+                                     0,    8,    1,    1,    0x11, 0,    0xFF,
+                                     0xC4, 0,    20,   0x00, 1,    0,    0,
+                                     0,    0,    0,    0,    0,    0,    0,
+                                     0,    0,    0,    0,    0,    0,    0,
+                                     0,    0xFF, 0xC4, 0,    20,   0x10, 1,
+                                     0,    0,    0,    0,    0,    0,    0,
+                                     0,    0,    0,    0,    0,    0,    0,
+                                     0,    0,    0,    0xFF, 0xDA, 0,    8,
+                                     1,    1,    0,    0,    63,   0,    0x3F,
+                                     0xFF, 0xD9};
   file.insert(file.end(), rest.begin(), rest.end());
+  return file;
+}
+
+TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {
+  const std::vector<uint8_t> file = jpeg_of_one_block(8);
   EXPECT_EQ(read(file, "grey.jpg").row(7)[0], 128);
   for (size_t size = 0; size < file.size(); ++size) {
     SCOPED_TRACE(size);
@@ -174,6 +185,20 @@ TEST_F(ImageRead, JpegWithoutItsEndIsAnError) {
               }).kind(),
               ErrorKind::Input);
   }
+}
+
+TEST_F(ImageRead, JpegWithLessDataThanItsHeaderStatesIsAnError) {
+  for (const uint8_t height : {uint8_t{16}, uint8_t{64}, uint8_t{255}}) {
+    const Error error = error_of([&] { read(jpeg_of_one_block(height), "grey.jpg"); });
+    EXPECT_EQ(error.kind(), ErrorKind::Input);
+    EXPECT_THAT(error.what(), HasSubstr("grey.jpg: truncated or damaged: JPEG error: Corrupt"));
+  }
+}
+
+TEST_F(ImageRead, JpegWithBytesBetweenItsDataAndItsEndIsRead) {
+  std::vector<uint8_t> file = jpeg_of_one_block(8);
+  file.insert(file.end() - 2, 60, 0x17);
+  EXPECT_EQ(read(file, "grey.jpg").row(7)[0], 128);
 }
 
 TEST_F(ImageRead, TooManyPixelsAreRefusedByTheHeader) {

@@ -204,6 +204,36 @@ TEST_F(VideoPlays, DamagedFilesEndOrFailAndNeverHang) {
   }
 }
 
+TEST_F(VideoPlays, ADamagedFrameIsLeftOutAndCounted) {
+  constexpr uint64_t kFrames = 6;
+  std::vector<uint8_t> clip;
+  {
+    std::ifstream in(write_clip("whole.mkv", kFrames), std::ios::binary);
+    clip.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  uint64_t all_damaged = 0;
+  for (size_t place = 1000; place + 500 < clip.size(); place += clip.size() / 16) {
+    std::vector<uint8_t> bytes = clip;
+    bytes[place] ^= 0xff;
+    std::ofstream(file("damaged.mkv"), std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+    const auto source = open_video(request(file("damaged.mkv")));
+    uint64_t next = 0, shown = 0;
+    frames::LentFrame lent;
+    for (; pull(*source, lent) == PullStatus::Ready; ++shown) {
+      while (next < kFrames && !std::ranges::equal(lent.frame.bytes, clip_frame(next).bytes()))
+        ++next;
+      EXPECT_LT(next++, kFrames) << "frame " << shown << " is none of the clip, place " << place;
+      source->release(lent.token);
+    }
+    const frames::FrameDamage damage = source->damage();
+    EXPECT_EQ(damage.damaged + damage.missing, kFrames - shown) << "place " << place;
+    all_damaged += damage.damaged;
+  }
+  EXPECT_GT(all_damaged, 5u);
+}
+
 /// Not in sanitizer builds, since a sanitizer needs system calls of its own.
 TEST_F(VideoPlays, TheDecoderIsSandboxed) {
   VideoRequest wanted = request(write_clip("clip.mkv", 3));

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <deque>
+#include <filesystem>
 
 #include "error_matchers.h"
 #include "frames/sequence/sequence_writer.h"
@@ -158,6 +159,57 @@ TEST(SequenceSource, ContinuesWithTheRemainingFramesIfTheFileIsTruncated) {
   }
   EXPECT_EQ(shown, 40);
   EXPECT_GT(source.damaged_frames(), 10u);
+}
+
+/// Returns the damage that is known of a file as soon as it is open.
+FrameDamage damage_of(const std::filesystem::path& file, SequenceSourceOptions options = {}) {
+  return SequenceSource(file, options).damage();
+}
+
+TEST(SequenceSource, CountsAtLeastOneMissingFrameIfTheFileWasCut) {
+  const ScratchFolder folder;
+  test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 9);
+  const std::vector<uint8_t> whole = test::read_bytes(folder / "a.lts");
+  EXPECT_EQ(damage_of(folder / "a.lts").missing, 0u);
+  const size_t index_begin = whole.size() - kTrailerBytes - 9 * 8;
+  for (const size_t cut : {index_begin / 2, index_begin - 1, index_begin}) {
+    test::write_bytes(folder / "a.lts", {whole.begin(), whole.begin() + std::ptrdiff_t(cut)});
+    EXPECT_EQ(damage_of(folder / "a.lts").missing, 1u) << cut;
+    EXPECT_EQ(damage_of(folder / "a.lts", {.end = 2}).missing, 0u) << "the range is complete";
+    std::filesystem::copy(folder / "a.lts", folder / "a.lts.part",
+                          std::filesystem::copy_options::overwrite_existing);
+    EXPECT_EQ(damage_of(folder / "a.lts.part").missing, 0u) << "an unfinished file is not cut";
+  }
+}
+
+TEST(SequenceSource, CountsNoMissingFrameIfOnlyTheIndexWasCutOrDamaged) {
+  const ScratchFolder folder;
+  test::write_sequence(folder / "a.lts", kGeometry, Content::Flat, 9);
+  const std::vector<uint8_t> whole = test::read_bytes(folder / "a.lts");
+  const size_t index_begin = whole.size() - kTrailerBytes - 9 * 8;
+  for (size_t cut = index_begin + 8; cut < whole.size(); ++cut) {
+    test::write_bytes(folder / "a.lts", {whole.begin(), whole.begin() + std::ptrdiff_t(cut)});
+    EXPECT_EQ(damage_of(folder / "a.lts"), FrameDamage{}) << cut;
+  }
+  std::vector<uint8_t> damaged = whole;
+  damaged[index_begin] ^= 1;
+  test::write_bytes(folder / "a.lts", damaged);
+  EXPECT_EQ(damage_of(folder / "a.lts"), FrameDamage{});
+}
+
+TEST(SequenceSource, CountsTheFramesThatACutFileLacksOfItsLoop) {
+  const ScratchFolder folder;
+  SequenceInfo info = info_of(kGeometry);
+  info.loop_end = 7;
+  SequenceWriter writer(folder / "a.lts", info, {.threads = 1});
+  uint64_t end_of_third = 0;
+  for (int n = 0; n < 7; ++n) {
+    writer.append(make_frame(kGeometry, Content::Flat, n).view());
+    if (n == 2) end_of_third = writer.bytes_written();
+  }
+  writer.finish();
+  std::filesystem::resize_file(folder / "a.lts", end_of_third + 1);
+  EXPECT_EQ(damage_of(folder / "a.lts").missing, 4u);
 }
 
 TEST(SequenceSource, CanBeDestroyedAtAnyTime) {
