@@ -174,7 +174,7 @@ void PlaylistSource::hand_out(Play& play, LentFrame& out) {
     broken_in_a_row_ = 0;
     ++status_.started;
   }
-  tell(PlaylistEvent::Kind::ItemStarted, play.item.source);
+  tell(PlaylistEvent::Kind::ItemStarted, play.item.source.text);
 }
 
 void PlaylistSource::release(uint64_t token) {
@@ -268,7 +268,7 @@ bool PlaylistSource::goes_round(Play& play) {
   if (!more || is_outdated()) return false;
   if (takes_replacement(play)) return true;
   if (play.opened.source->rewind()) {
-    if (!is_still(play.opened)) tell(PlaylistEvent::Kind::Seam, play.item.source);
+    if (!is_still(play.opened)) tell(PlaylistEvent::Kind::Seam, play.item.source.text);
   } else if (play.opened.loop_obstacle && (limited || loops == kForever)) {
     play.waits_for_renderer = true;
   } else {
@@ -293,7 +293,7 @@ bool PlaylistSource::takes_replacement(Play& play) {
   }
   fresh->pulled = play.pulled;  // its play time continues
   fresh->loops_done = play.loops_done;
-  const std::string source = play.item.source;
+  const std::string source = play.item.source.text;
   leave_current();
   begin(std::move(fresh));
   tell(PlaylistEvent::Kind::Replaced, source);
@@ -365,12 +365,12 @@ void PlaylistSource::begin(std::unique_ptr<Play> play) {
   if (replacement_) trash_.push_back(std::move(replacement_));
   status_.list = current_->list->name;
   status_.items = current_->list->items.size();
-  status_.source = current_->item.source;
+  status_.source = current_->item.source.text;
   status_.item = current_->index;
   status_.frames = current_->opened.source->frame_count();
   status_.rounds_done = current_->rounds_done;
   on_standby_ = !current_->index;
-  began_.push_back({current_->number, current_->item.source, current_->index});
+  began_.push_back({current_->number, current_->item.source.text, current_->index});
   if (began_.size() > kRemembered) began_.pop_front();
 }
 
@@ -383,7 +383,8 @@ void PlaylistSource::leave_current() {
   }
   count_damage(*current_);
   if (current_->damage.any())
-    tell(PlaylistEvent::Kind::ItemDamaged, current_->item.source, damage_text(current_->damage));
+    tell(PlaylistEvent::Kind::ItemDamaged, current_->item.source.text,
+         damage_text(current_->damage));
   if (current_->lent > 0)
     retired_.push_back(std::move(current_));
   else
@@ -403,9 +404,9 @@ void PlaylistSource::count_damage(Play& play) {
                                  .repeated = now.repeated - before.repeated};
   const std::lock_guard lock(mutex_);
   status_.damage += more;
-  const bool known = status_.damaged_items.contains(play.item.source);
+  const bool known = status_.damaged_items.contains(play.item.source.text);
   if (known || status_.damaged_items.size() < kMostDamagedItems)
-    status_.damaged_items[play.item.source] += more;
+    status_.damaged_items[play.item.source.text] += more;
 }
 
 /// Leaves the item to the opening thread to close, because closing may take long.
@@ -416,7 +417,7 @@ void PlaylistSource::throw_away(std::unique_ptr<Play> play) {
 }
 
 void PlaylistSource::break_current(const std::string& why) {
-  const std::string source = current_->item.source;
+  const std::string source = current_->item.source.text;
   leave_current();
   count_skipped(source, why.empty() ? "frames of another size than the panel" : why);
 }
@@ -500,7 +501,7 @@ void PlaylistSource::enter_wish(std::unique_ptr<Play> play, uint64_t serial, Len
 
 void PlaylistSource::fail_wish(std::unique_ptr<Play> play, uint64_t serial,
                                const std::string& why) {
-  const Error error(ErrorKind::Input, play->item.source + ": " + why);
+  const Error error(ErrorKind::Input, play->item.source.text + ": " + why);
   throw_away(std::move(play));
   JumpDone done;
   {

@@ -33,13 +33,13 @@ std::unique_ptr<PlaylistSource::Play> PlaylistSource::open_play(const PlaylistIt
   const frames::FrameGeometry size = source.geometry();
   if (size != options_.panel)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: frames of {}x{} pixels, but the panel has {}x{}", item.source,
+                fmt::format("{}: frames of {}x{} pixels, but the panel has {}x{}", item.source.text,
                             size.width, size.height, options_.panel.width, options_.panel.height),
                 "woven frames fit one panel, pixel for pixel");
   if (source.frame_count() && frame >= *source.frame_count())
     throw Error(
         ErrorKind::Usage,
-        fmt::format("frame {}: {} has {} frames", frame, item.source, *source.frame_count()),
+        fmt::format("frame {}: {} has {} frames", frame, item.source.text, *source.frame_count()),
         "frames are counted from 0");
   return play;
 }
@@ -98,7 +98,7 @@ void PlaylistSource::open_wish(std::unique_lock<std::mutex>& lock) {
   } catch (const Error& thrown) {
     error = thrown;
   } catch (const std::exception& thrown) {
-    error.emplace(ErrorKind::Failed, item.source + ": " + thrown.what());
+    error.emplace(ErrorKind::Failed, item.source.text + ": " + thrown.what());
   }
   lock.lock();
   if (!wish_ || wish_->serial != serial) {
@@ -154,7 +154,7 @@ void PlaylistSource::open_next(std::unique_lock<std::mutex>& lock) {
   if (broken_in_a_row_ + 1 >= list->items.size() || standby)
     retry_at_ = SteadyClock::now() + kRetry;
   lock.unlock();
-  count_skipped(item.source, why);
+  count_skipped(item.source.text, why);
   lock.lock();
 }
 
@@ -284,7 +284,7 @@ void PlaylistSource::look_at_item(std::unique_lock<std::mutex>& lock) {
   lock.lock();
   if (!play) {
     lock.unlock();
-    tell(PlaylistEvent::Kind::Kept, item.source, why);
+    tell(PlaylistEvent::Kind::Kept, item.source.text, why);
     lock.lock();
     return;
   }

@@ -45,7 +45,7 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
 
 /// Frames that another process wove cannot be woven again here.
 std::string trim_advice(const SourceRequest& source) {
-  if (source.text == kViewsSource || is_woven_here(source)) return {};
+  if (source.spec.kind == SourceKind::RigViews || is_woven_here(source)) return {};
   return "these frames were woven before this trim "
          "and do not follow it: make them again; a player "
          "and its renderer take the trim when both are started again";
