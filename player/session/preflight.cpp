@@ -9,8 +9,9 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "display/open/open_display.h"
+#include "player/playlist/source_pace.h"
 #include "player/process/interrupt.h"
-#include "player/session/steered_play.h"
+#include "player/session/play_items.h"
 
 namespace lenticule::player {
 namespace {
