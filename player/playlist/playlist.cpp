@@ -22,12 +22,8 @@ bool Schedule::permits(LocalTime time) const {
   return evening || night;
 }
 
-bool is_playlist_file(std::string_view source) {
-  return source.ends_with(".toml");
-}
-
-Playlist playlist_of(const std::string& source, uint64_t rounds) {
-  Playlist list{.name = source, .items = {}, .standby = {}, .rounds = 1};
+Playlist playlist_of(const SourceSpec& source, uint64_t rounds) {
+  Playlist list{.name = source.text, .items = {}, .standby = {}, .rounds = 1};
   // Loops of the item itself are seamless; rounds of a list are not.
   list.items.push_back({.source = source, .loops = rounds});
   return list;

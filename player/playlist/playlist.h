@@ -13,6 +13,7 @@
 #include "frames/rational.h"
 #include "player/playback/filler.h"
 #include "player/sources/frame_range.h"
+#include "player/sources/source_spec.h"
 
 namespace lenticule::player {
 
@@ -35,7 +36,7 @@ struct Schedule {
 };
 
 struct PlaylistItem {
-  std::string source{};                ///< a source of `lenticule play`; not a list
+  SourceSpec source{};                 ///< not a list
   uint64_t loops = 1;                  ///< or kForever; not together with a duration
   std::optional<double> duration_s{};  ///< duration in content time
   /// Duration of a still picture that has neither loops nor a duration; none = one frame.
@@ -66,9 +67,6 @@ inline constexpr size_t kMaxPlaylistBytes = size_t{1} << 20;
 inline constexpr size_t kMaxPlaylistItems = 1000;
 inline constexpr double kStillSeconds = 10.0;
 
-/// Returns true for "name.toml", which `play` and `load` treat as a list.
-[[nodiscard]] bool is_playlist_file(std::string_view source);
-
 /// Parses a playlist; docs/control.md lists the keys. Files are relative to `folder`. Throws
 /// Error(Input) that begins with "name:LINE: ".
 [[nodiscard]] Playlist parse_playlist(std::string_view toml, const std::string& name,
@@ -76,7 +74,7 @@ inline constexpr double kStillSeconds = 10.0;
 /// Reads and parses a file. Throws Error(Input), also for a file that cannot be read.
 [[nodiscard]] Playlist load_playlist(const std::filesystem::path& file);
 /// Returns a list of one item.
-[[nodiscard]] Playlist playlist_of(const std::string& source, uint64_t rounds);
+[[nodiscard]] Playlist playlist_of(const SourceSpec& source, uint64_t rounds);
 
 struct NextItem {
   enum class Kind {

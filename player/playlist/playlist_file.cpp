@@ -9,7 +9,6 @@
 #include "base/file.h"
 #include "optics/toml_text.h"
 #include "player/playlist/playlist.h"
-#include "player/sources/source_names.h"
 
 namespace lenticule::player {
 namespace {
@@ -39,9 +38,7 @@ class Reader {
   }
   [[nodiscard]] PlaylistItem item(const toml::node& node) const;
   void item_key(std::string_view key, const toml::node& node, PlaylistItem& item) const;
-  [[nodiscard]] std::string source(const toml::node& node) const;
-  [[nodiscard]] std::string in_folder(const std::string& file) const;
-  [[nodiscard]] std::string files(const std::string& names) const;
+  [[nodiscard]] SourceSpec source(const toml::node& node) const;
   [[nodiscard]] std::string text(const toml::node& node) const;
   [[nodiscard]] double seconds(const toml::node& node) const;
   [[nodiscard]] uint64_t loops(const toml::node& node) const;
@@ -99,7 +96,7 @@ PlaylistItem Reader::item(const toml::node& node) const {
               "its rig is given with --rig");
     item_key(key.str(), value, item);
   }
-  if (item.source.empty()) fail(node, "no source");
+  if (item.source.text.empty()) fail(node, "no source");
   if (item.duration_s && table->contains("loops"))
     fail(node, "loops and duration_s exclude each other");
   if (!table->contains("loops") && !item.duration_s) item.still_s = kStillSeconds;
@@ -147,32 +144,13 @@ bool Reader::waits_until_primed(const toml::node& node) const {
   return cut == "primed";
 }
 
-std::string Reader::source(const toml::node& node) const {
-  const std::string source = text(node);
-  if (source.empty() || source.size() > kMaxSourceBytes || source.find('\0') != std::string::npos)
+SourceSpec Reader::source(const toml::node& node) const {
+  const std::string name = text(node);
+  if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
     fail(node, "source: not a name");
-  if (is_playlist_file(source)) fail(node, "source: a list holds no lists");
-  if (source == kCardSource || source == kViewsSource || source.starts_with(kRingSource))
-    return source;
-  if (source.starts_with(kViewFiles))
-    return std::string(kViewFiles) + files(source.substr(kViewFiles.size()));
-  return in_folder(source);
-}
-
-std::string Reader::in_folder(const std::string& file) const {
-  return std::filesystem::path(file).is_relative() ? (folder_ / file).string() : file;
-}
-
-/// Resolves each name of "left.mkv|right.mkv" against the list's folder.
-std::string Reader::files(const std::string& names) const {
-  std::string all;
-  for (size_t begin = 0; begin <= names.size();) {
-    const size_t end = std::min(names.find('|', begin), names.size());
-    if (begin > 0) all += '|';
-    all += in_folder(names.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return all;
+  const SourceSpec source = parse_source(name);
+  if (source.kind == SourceKind::List) fail(node, "source: a list holds no lists");
+  return source.in_folder(folder_);
 }
 
 double Reader::seconds(const toml::node& node) const {

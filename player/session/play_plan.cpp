@@ -11,7 +11,6 @@
 #include "base/print.h"
 #include "optics/trim.h"
 #include "player/control/control_peer.h"
-#include "player/playlist/playlist.h"
 #include "player/process/interrupt.h"
 #include "player/session/card_texts.h"
 
@@ -25,8 +24,8 @@ constexpr auto kLongestPriming = std::chrono::hours(24);  // used with --wait fo
 constexpr Nanoseconds kPanelAfterLoss = std::chrono::seconds(10);
 
 /// Returns the loops. Test cards and numbered views loop forever by default.
-uint64_t parse_loops(const PlayFlags& flags) {
-  const bool is_looked_at = flags.source == kCardSource || flags.source == kViewsSource;
+uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {
+  const bool is_looked_at = kind == SourceKind::Card || kind == SourceKind::RigViews;
   if (flags.loop.empty()) return flags.duration_s || is_looked_at ? kForever : 1;
   if (flags.loop == "forever") return kForever;
   if (const auto loops = number_from<uint64_t>(flags.loop); loops && *loops > 0) return *loops;
@@ -97,17 +96,15 @@ void plan_control(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
 }
 
-/// Sets how views are laid out in a single source; items of a list state that in their names.
+/// Checks the flags that state how views are laid out in a single source; items of a list state
+/// that in their names.
 void plan_content(const PlayFlags& flags, PlayPlan& plan) {
-  const bool no_file = flags.source == kCardSource || flags.source == kViewsSource ||
-                       flags.source.starts_with(kRingSource);
-  if (flags.content.any() && (no_file || is_playlist_file(flags.source)))
+  const SourceSpec& source = plan.source.spec;
+  if (source.content.any() && !source.has_pictures())
     throw Error(ErrorKind::Usage,
-                fmt::format("{}: flags that say how views lie are for one file", flags.source),
+                fmt::format("{}: flags that say how views lie are for one file", source.text),
                 "items of a list say it by their names or sidecars: docs/content.md");
   (void)weave_options(flags.weaving);  // called early for its errors
-  plan.source.content = flags.content;
-  plan.source.content_of = flags.source;
   plan.source.weaving = flags.weaving;
 }
 
@@ -128,7 +125,9 @@ void check_display_choice(const PlayFlags& flags, bool service) {
 
 PlayPlan make_plan(const PlayFlags& flags, bool service) {
   PlayPlan plan;
-  plan.playback.loops = parse_loops(flags);
+  plan.source.spec = parse_source(flags.source, flags.content);
+  const SourceKind kind = plan.source.spec.kind;
+  plan.playback.loops = parse_loops(flags, kind);
   plan.playback.late = parse_late_policy(flags.late);
   plan.playback.stall_timeout = parse_wait("--wait", flags.wait, 1);
   plan.playback.prime = flags.prime.value_or(std::max(1, flags.slots / 2));
@@ -147,7 +146,6 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
   plan.display.spec = flags.display;
   plan.display.buffers = flags.buffers;
   display::check_display_spec(flags.display);
-  plan.source.text = flags.source;
   plan.source.rig_file = flags.rig;
   plan_content(flags, plan);
   plan.source.slots = flags.slots;
@@ -158,7 +156,7 @@ PlayPlan make_plan(const PlayFlags& flags, bool service) {
 
   plan_control(flags, plan);
   const bool may_show_views =
-      flags.source == kViewsSource || is_playlist_file(flags.source) || !flags.control.empty();
+      kind == SourceKind::RigViews || kind == SourceKind::List || !flags.control.empty();
   if (flags.trim || may_show_views) plan.trim = std::make_shared<LiveTrim>(flags.rig);
   plan.source.trim = plan.trim;
   plan.source.rig = std::make_shared<FollowedRig>(flags.rig, plan.trim);

@@ -10,7 +10,6 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "display/open/open_display.h"
-#include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
 #include "player/session/card_texts.h"
@@ -45,7 +44,7 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
 
 /// Frames that another process wove cannot be woven again here.
 std::string trim_advice(const SourceRequest& source) {
-  if (source.text == kViewsSource || is_woven_here(source)) return {};
+  if (source.spec.kind == SourceKind::RigViews || is_woven_here(source)) return {};
   return "these frames were woven before this trim "
          "and do not follow it: make them again; a player "
          "and its renderer take the trim when both are started again";
@@ -68,6 +67,7 @@ PlayRun::PlayRun(const PlayFlags& flags, PlayPlan plan, const ServiceManager& ma
       plan_(std::move(plan)),
       manager_(manager),
       safe_(std::move(safe)),
+      outputs_(flags_, plan_),
       card_time_(safe_.card_first ? kTryDangerousSource : kTryAgain) {
   if (!safe_.on) return;
   plan_.display.kms.fresh = true;
@@ -80,13 +80,12 @@ PlayRun::~PlayRun() {
 }
 
 ExitCode PlayRun::run() {
-  if (!flags_.stats.empty()) stats_file_.emplace(flags_.stats);
   steered_.emplace(flags_, plan_, trim_advice(plan_.source));
   if (safe_.card_first)
     trouble_ = crash_loop(safe_);
   else
     open_the_source();
-  if (!flags_.record.empty()) plan_.display.recorder = display::open_recorder(flags_.record);
+  outputs_.open_recording();
   try {
     open_display();
   } catch (const Error&) {
@@ -265,43 +264,16 @@ bool PlayRun::goes_on_after(const PlayResult& result) {
   return true;
 }
 
-// --- output files ---------------------------------------------------------------------------
+// --- files ----------------------------------------------------------------------------------
 
 /// Called about once a second.
 void PlayRun::look_after_files() {
   if (take_reload_request()) reload();
-  if (plan_.trim) plan_.trim->save_again();
+  outputs_.save_trim_again();
   follow_rig();
-  tell_write_trouble();
-}
-
-std::vector<PlayRun::WrittenFile> PlayRun::written_files() {
-  std::vector<WrittenFile> files;
-  if (stats_file_) files.push_back({flags_.stats, stats_file_->state()});
-  if (plan_.display.recorder)
-    files.push_back({flags_.record, plan_.display.recorder->writes().state()});
-  if (plan_.trim)
-    files.push_back({optics::trim_file_of(flags_.rig).string(), plan_.trim->writes().state()});
-  return files;
-}
-
-/// Reports each file once when writing begins to fail, and once when it works again.
-void PlayRun::tell_write_trouble() {
-  std::string all;
-  for (const WrittenFile& file : written_files()) {
-    const std::string& reason = file.state.reason;
-    if (!reason.empty()) {
-      const bool names_it = reason.find(": ") != std::string::npos;
-      const std::string what = names_it ? reason : fmt::format("{}: {}", file.name, reason);
-      all += all.empty() ? what : ", " + what;
-      if (cannot_write_.insert(file.name).second)
-        say("{}; playing goes on, and it is tried again\n", what);
-    } else if (cannot_write_.erase(file.name) > 0) {
-      say("{}: written again after {} failures\n", file.name, file.state.failures);
-    }
-  }
-  if (!rig_trouble_.empty()) all += all.empty() ? rig_trouble_ : ", " + rig_trouble_;
-  if (service_) service_->set_warning(all);
+  std::string warning = outputs_.tell_trouble();
+  if (!rig_trouble_.empty()) warning += warning.empty() ? rig_trouble_ : ", " + rig_trouble_;
+  if (service_) service_->set_warning(warning);
 }
 
 void PlayRun::follow_rig() {
@@ -321,9 +293,7 @@ void PlayRun::reload() {
   say("reloading: rig, list and films are looked at again\n");
   plan_.source.rig->read_again();
   steered_->look_again();
-  if (stats_file_) stats_file_->try_at_once();
-  if (plan_.display.recorder) plan_.display.recorder->writes().try_at_once();
-  if (plan_.trim) plan_.trim->writes().try_at_once();
+  outputs_.try_at_once();
 }
 
 // --- reports --------------------------------------------------------------------------------
@@ -347,14 +317,10 @@ nlohmann::ordered_json PlayRun::statistics_json(const PlayReport& report) const 
 }
 
 void PlayRun::write_stats(nlohmann::ordered_json statistics) {
-  statistics["write_trouble"] = nlohmann::ordered_json::array();
-  for (const WrittenFile& file : written_files())
-    if (file.state.failures > 0)
-      statistics["write_trouble"].push_back(
-          {{"object", file.name}, {"cause", file.state.reason}, {"failures", file.state.failures}});
+  outputs_.describe_trouble(statistics);
   statistics["rig_trouble"] = rig_trouble_;
   steered_->complete(statistics);
-  if (stats_file_) stats_file_->write(json_text(statistics, 2) + "\n");
+  outputs_.write_statistics(statistics);
 }
 
 PlayReport PlayRun::nothing_yet(const char* outcome) const {
@@ -395,10 +361,11 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
   service_.reset();
   kms_ = nullptr;
   display_.reset();  // completes the recording
-  if (plan_.display.recorder) statistics["recording"] = finish_recording();
-  finish_statistics(statistics);
-  if (output_trouble_ && result.outcome != PlayOutcome::Finished)
-    say("{}\n", output_trouble_->what());
+  if (plan_.display.recorder) statistics["recording"] = outputs_.finish_recording();
+  write_stats(statistics);
+  outputs_.finish_statistics();
+  if (outputs_.incomplete() && result.outcome != PlayOutcome::Finished)
+    say("{}\n", outputs_.incomplete()->what());
   if (flags_.json)
     print_json(statistics);
   else
@@ -409,35 +376,12 @@ ExitCode PlayRun::conclude(const PlayResult& result) {
   return exit_code_after(result);
 }
 
-void PlayRun::finish_statistics(const nlohmann::ordered_json& statistics) {
-  constexpr auto kLastPatience = std::chrono::seconds(10);
-  write_stats(statistics);
-  if (!stats_file_) return;
-  const std::string why = stats_file_->finish(kLastPatience);
-  if (!why.empty() && !output_trouble_) output_trouble_.emplace(ErrorKind::Failed, why);
-}
-
-nlohmann::ordered_json PlayRun::finish_recording() {
-  display::ScanoutRecorder& recorder = *plan_.display.recorder;
-  try {
-    recorder.finish();
-  } catch (const Error& error) {
-    output_trouble_ = error;
-  }
-  const uint64_t skipped = recorder.skipped();
-  if (skipped > 0)
-    say("{}: {} frames that were on the glass came too fast and are not recorded\n"
-        "  record checksums, or fewer frames a second, or with --clock simulated\n",
-        flags_.record, skipped);
-  return {{"place", flags_.record}, {"skipped", skipped}, {"lost", recorder.lost()}};
-}
-
 ExitCode PlayRun::exit_code_after(const PlayResult& result) const {
   switch (result.outcome) {
     case PlayOutcome::Finished:
       if (trouble_) throw Error(*trouble_);
       if (const std::string why = steered_->failure(); !why.empty()) throw list_trouble(why);
-      if (output_trouble_) throw Error(*output_trouble_);
+      if (outputs_.incomplete()) throw Error(*outputs_.incomplete());
       return kOk;
     case PlayOutcome::Stopped:
       return interrupt_exit_code();

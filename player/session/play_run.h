@@ -7,19 +7,17 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <set>
 #include <string>
-#include <vector>
 
 #include "base/error.h"
 #include "base/exit_code.h"
 #include "display/kms/scanout/kms_display.h"
 #include "player/playback/playback.h"
 #include "player/session/panel_wait.h"
+#include "player/session/play_outputs.h"
 #include "player/session/play_plan.h"
 #include "player/session/play_service.h"
 #include "player/session/service_manager.h"
-#include "player/session/statistics_file.h"
 #include "player/session/steered_play.h"
 #include "player/session/trim_keys.h"
 #include "player/sources/source_open.h"
@@ -66,14 +64,8 @@ class PlayRun {
   [[nodiscard]] std::optional<uint64_t> vblanks_left() const;
   [[nodiscard]] bool time_is_over() const;
 
-  // Output files beside the video.
-  struct WrittenFile {
-    std::string name;
-    WriteState state;
-  };
-  [[nodiscard]] std::vector<WrittenFile> written_files();
+  // Files that are read and written meanwhile.
   void look_after_files();
-  void tell_write_trouble();
   void follow_rig();
   void reload();
 
@@ -85,8 +77,6 @@ class PlayRun {
   [[nodiscard]] PlayReport nothing_yet(const char* outcome) const;
 
   // End of the run.
-  [[nodiscard]] nlohmann::ordered_json finish_recording();
-  void finish_statistics(const nlohmann::ordered_json& statistics);
   [[nodiscard]] ExitCode conclude(const PlayResult& result);
   [[nodiscard]] ExitCode exit_code_after(const PlayResult& result) const;
   [[nodiscard]] Error list_trouble(const std::string& why) const;
@@ -98,6 +88,7 @@ class PlayRun {
   const ServiceManager& manager_;
   const SafeStart safe_;
 
+  PlayOutputs outputs_;
   std::optional<SteeredPlay> steered_;
   OpenedSource opened_;             ///< destroyed before steered_, which controls it
   std::optional<Error> trouble_;    ///< safe mode: why the source is not played
@@ -109,12 +100,8 @@ class PlayRun {
   std::optional<display::Nanoseconds> end_;  ///< end of the requested time, display clock
   bool kept_ = false;  ///< the service manager holds a copy of the card's descriptor
   std::optional<TrimKeys> trim_keys_;
-  std::optional<StatisticsFile> stats_file_;
-  std::set<std::string> cannot_write_;  ///< files already reported as not writable
   std::string rig_trouble_;
   uint64_t rig_version_ = 1;
-  /// The first output that is incomplete at the end.
-  std::optional<Error> output_trouble_;
   std::string told_exactness_;
   std::string told_;  ///< the reported reason for waiting; each is reported once
   PlayReport lost_;   ///< the report while waiting for a panel

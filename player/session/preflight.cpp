@@ -9,8 +9,9 @@
 #include "base/json_output.h"
 #include "base/print.h"
 #include "display/open/open_display.h"
+#include "player/playlist/source_pace.h"
 #include "player/process/interrupt.h"
-#include "player/session/steered_play.h"
+#include "player/session/play_items.h"
 
 namespace lenticule::player {
 namespace {
@@ -38,9 +39,9 @@ frames::Rate needed_rate(const PlaylistItem& item, const frames::FrameSource& so
 
 ordered_json examine(const PlaylistItem& item, const PlayFlags& flags, const PlayPlan& plan) {
   ordered_json row = {
-      {"source", item.source}, {"figures", nullptr}, {"problems", ordered_json::array()}};
-  const bool is_ring = item.source.starts_with("ring:");
-  if (is_ring) return row;  // a ring's renderer determines its own pace
+      {"source", item.source.text}, {"figures", nullptr}, {"problems", ordered_json::array()}};
+  // A ring's renderer determines its own pace.
+  if (item.source.kind == SourceKind::Ring) return row;
   try {
     OpenedSource opened = item_opener(plan.source)(item, 0);
     const frames::FrameGeometry size = opened.source->geometry();
@@ -83,7 +84,7 @@ void print_row(const ordered_json& row) {
 }  // namespace
 
 ExitCode run_preflight(const PlayFlags& flags, const PlayPlan& plan) {
-  const Playlist list = read_playlist(flags.source, flags, plan);
+  const Playlist list = read_playlist(plan.source.spec, flags, plan);
   std::vector<PlaylistItem> items = list.items;
   if (list.standby) items.push_back(*list.standby);
   ordered_json rows = ordered_json::array();

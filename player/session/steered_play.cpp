@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/print.h"
+#include "player/session/play_items.h"
 #include "player/sources/followed_files.h"
 
 namespace lenticule::player {
@@ -25,7 +26,7 @@ bool folder_exists(const std::filesystem::path& file) {
 
 /// Returns true if the source is a file that is shown forever, which may be replaced meanwhile.
 bool is_followed(const PlayPlan& plan) {
-  return plan.playback.loops == kForever && !marks_of_source(plan.source.text).empty();
+  return plan.playback.loops == kForever && !marks_of_source(plan.source.spec).empty();
 }
 
 /// Ends the process as Ctrl-C would; every wait of the player reacts to the signal.
@@ -35,37 +36,8 @@ void quit_in_good_order() {
 
 }  // namespace
 
-Playlist read_playlist(const std::string& source, const PlayFlags& flags, const PlayPlan& plan) {
-  if (!is_playlist_file(source)) {
-    Playlist list = playlist_of(source, plan.playback.loops);
-    if (source == flags.source) list.items.front().frames = plan.source.frames;
-    return list;
-  }
-  Playlist list = load_playlist(source);
-  const bool says_how_often = !flags.loop.empty() || flags.duration_s;
-  if (says_how_often) list.rounds = plan.playback.loops;
-  return list;
-}
-
-ItemOpener item_opener(const SourceRequest& like) {
-  return [like](const PlaylistItem& item, uint64_t first_frame) {
-    SourceRequest request = like;
-    request.text = item.source;
-    request.frames = item.frames;
-    request.first_frame = first_frame;
-    request.plays_again = item.loops != 1 || item.duration_s.has_value();
-    return open_source(request);
-  };
-}
-
-ItemLook item_look(const SourceRequest& like) {
-  return [content = like.content, of = like.content_of](const PlaylistItem& item) {
-    return marks_of_source(item.source, item.source == of ? content : ContentFlags{});
-  };
-}
-
 SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std::string& advice)
-    : flags_(flags), plan_(plan), is_list_(is_playlist_file(flags.source)) {
+    : flags_(flags), plan_(plan), is_list_(plan.source.spec.kind == SourceKind::List) {
   if (is_list_ && plan.source.frames)
     throw Error(ErrorKind::Usage, "--frames: a list says so item by item",
                 "write frames = \"A:B\" under its [[item]]");
@@ -74,10 +46,13 @@ SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std
   controls_ = std::make_unique<PlayControls>(PlayControlsOptions{
       .panel = plan.source.panel,
       .read_playlist =
-          [this](const std::string& source) {
+          [this](const std::string& text) {
+            // The flags of the command line apply to its own source alone.
+            const SourceSpec& own = plan_.source.spec;
+            const SourceSpec source = text == own.text ? own : parse_source(text);
             Playlist list = read_playlist(source, flags_, plan_);
             // Sources loaded over the control socket loop until the next command.
-            const bool for_ever = flags_.loop.empty() && !is_playlist_file(source);
+            const bool for_ever = flags_.loop.empty() && source.kind != SourceKind::List;
             if (for_ever) list.items.front().loops = kForever;
             return list;
           },
@@ -120,15 +95,17 @@ void SteeredPlay::open(OpenedSource& opened) {
   }
   opened = {};
   auto source = std::make_unique<PlaylistSource>(
-      std::make_shared<const Playlist>(read_playlist(flags_.source, flags_, plan_)),
+      std::make_shared<const Playlist>(read_playlist(plan_.source.spec, flags_, plan_)),
       PlaylistSourceOptions{
           .panel = plan_.source.panel,
           .open = item_opener(plan_.source),
           .rate = plan_.playback.content,
           .on_event = [this](const PlaylistEvent& event) { on_item(event); },
-          .look_at = item_look(plan_.source),
+          .look_at = [](const PlaylistItem& item) { return marks_of_source(item.source); },
           .read_list =
-              [this](const std::string& name) { return read_playlist(name, flags_, plan_); }});
+              [this](const std::string& name) {
+                return read_playlist(parse_source(name), flags_, plan_);
+              }});
   source->open_first();
   source_ = source.get();
   opened.source = std::move(source);

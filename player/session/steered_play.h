@@ -18,15 +18,6 @@
 
 namespace lenticule::player {
 
-/// Returns the list to play: that of a file, or a list of one source. Throws Error.
-[[nodiscard]] Playlist read_playlist(const std::string& source, const PlayFlags& flags,
-                                     const PlayPlan& plan);
-/// Returns a function that opens items as the plan's source would be opened.
-[[nodiscard]] ItemOpener item_opener(const SourceRequest& like);
-
-/// Returns a function that checks items' files; the plan's flags apply to its own source alone.
-[[nodiscard]] ItemLook item_look(const SourceRequest& like);
-
 /// Only measures the source's pace if the source is plain and there is no control socket. Thread
 /// safety: the player's main thread.
 class SteeredPlay {

@@ -28,6 +28,7 @@ struct ContentFlags {
   bool reweave = false;
 
   [[nodiscard]] bool any() const;
+  friend bool operator==(const ContentFlags&, const ContentFlags&) = default;
 };
 
 struct WeavingFlags {

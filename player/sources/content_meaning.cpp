@@ -11,7 +11,6 @@
 #include "frames/sequence/sequence_reader.h"
 #include "frames/views_input/jps_tag.h"
 #include "frames/views_input/quilt_sidecar.h"
-#include "player/sources/source_names.h"
 #include "player/sources/video_program.h"
 
 namespace lenticule::player {
@@ -20,11 +19,6 @@ namespace {
 using Kind = ContentMeaning::Kind;
 
 constexpr double kSameAspect = 0.005;
-
-bool is_file_name(const std::string& text) {
-  return text != kCardSource && text != kViewsSource && !text.starts_with(kRingSource) &&
-         !text.ends_with(".toml");
-}
 
 /// Returns the sidecar; for a pattern, the one of its first picture.
 std::optional<frames::QuiltSidecar> find_sidecar(const std::string& text) {
@@ -61,15 +55,14 @@ void require_agreement(const std::string& text, const frames::QuiltSidecar& side
 }
 
 /// Combines the name, the sidecar and the flags; later ones override earlier ones.
-ContentMeaning quilt(const MeaningRequest& request,
-                     const std::optional<frames::QuiltSidecar>& sidecar) {
-  const ContentFlags& flags = request.flags;
-  const auto named = frames::quilt_layout_of_name(request.text);
+ContentMeaning quilt(const SourceSpec& source, const std::optional<frames::QuiltSidecar>& sidecar) {
+  const ContentFlags& flags = source.content;
+  const auto named = frames::quilt_layout_of_name(source.text);
   ContentMeaning meaning{.kind = Kind::Quilt};
   frames::QuiltLayout& layout = meaning.layout;
   if (named) layout = *named;
   if (sidecar && sidecar->columns) {
-    if (named) require_agreement(request.text, *sidecar, *named, flags);
+    if (named) require_agreement(source.text, *sidecar, *named, flags);
     layout.columns = *sidecar->columns;
     layout.rows = *sidecar->rows;
     layout.views = sidecar->views.value_or(0);
@@ -82,13 +75,12 @@ ContentMeaning quilt(const MeaningRequest& request,
   }
   if (flags.views != 0) layout.views = flags.views;
   if (flags.aspect) layout.aspect = flags.aspect;
-  frames::check_quilt_layout(layout, request.text);
+  frames::check_quilt_layout(layout, source.text);
   return meaning;
 }
 
-ContentMeaning with_depth(const MeaningRequest& request,
+ContentMeaning with_depth(const ContentFlags& flags,
                           const std::optional<frames::QuiltSidecar>& sidecar) {
-  const ContentFlags& flags = request.flags;
   ContentMeaning meaning{.kind = Kind::DepthInside};
   frames::DepthOptions& options = meaning.depth_options;
   if (sidecar && sidecar->depth) {
@@ -115,7 +107,9 @@ ContentMeaning stereo(const frames::StereoLayout& layout, const ContentFlags& fl
 }
 
 /// Returns the stereo layout of a tag in the file: in JPEG stereo pictures and in videos.
-std::optional<ContentMeaning> tagged_stereo(const std::string& text, const ContentFlags& flags) {
+std::optional<ContentMeaning> tagged_stereo(const SourceSpec& source) {
+  const std::string& text = source.text;
+  const ContentFlags& flags = source.content;
   if (!flags.stereo.empty()) return std::nullopt;
   if (frames::is_jps_name(text)) {
     const frames::JpsTag tag = frames::read_jps_tag(text);
@@ -123,7 +117,7 @@ std::optional<ContentMeaning> tagged_stereo(const std::string& text, const Conte
     meaning.rightmost_first = tag.right_first;
     return meaning;
   }
-  if (!looks_like_video(text)) return std::nullopt;
+  if (source.kind != SourceKind::Video) return std::nullopt;
   const std::optional<VideoStereo> tag = probe_video(text).front().stereo;
   if (!tag) return std::nullopt;
   const bool beside = tag->layout == "side by side";
@@ -156,7 +150,7 @@ ContentMeaning other_rig(const ContentFlags& flags) {
 }
 
 ContentMeaning container(const MeaningRequest& request) {
-  const frames::SequenceReader reader(request.text);
+  const frames::SequenceReader reader(request.source.text);
   const frames::SequenceInfo& info = reader.info();
   if (info.kind == frames::SequenceKind::Views) {
     LENTICULE_CHECK(info.views.has_value());
@@ -164,7 +158,7 @@ ContentMeaning container(const MeaningRequest& request) {
     meaning.layout = {.columns = info.views->columns,
                       .rows = info.views->rows,
                       .views = info.views->count,
-                      .aspect = request.flags.aspect};
+                      .aspect = request.source.content.aspect};
     if (info.views->aspect > 0.0 && !meaning.layout.aspect)
       meaning.layout.aspect = info.views->aspect;
     meaning.rightmost_first = info.views->rightmost_first;
@@ -172,67 +166,69 @@ ContentMeaning container(const MeaningRequest& request) {
   }
   const bool other =
       !info.rig_fingerprint.empty() && info.rig_fingerprint != request.rig_fingerprint;
-  if (!request.flags.reweave || !other) return {};
-  ContentMeaning meaning = other_rig(request.flags);
+  if (!request.source.content.reweave || !other) return {};
+  ContentMeaning meaning = other_rig(request.source.content);
   meaning.rig_toml = info.rig_toml;
   return meaning;
 }
 
 /// Returns the format of a source without prefix, container or --from-rig.
-ContentMeaning picture(const MeaningRequest& request) {
-  refuse_multi_picture(request.text);
-  const ContentFlags& flags = request.flags;
+ContentMeaning picture(const SourceSpec& source, bool patterns_are_views) {
+  const std::string& text = source.text;
+  const ContentFlags& flags = source.content;
+  refuse_multi_picture(text);
   if (!flags.depth.empty() && !frames::parse_depth_place(flags.depth))
-    return with_depth(request, std::nullopt);
+    return with_depth(flags, std::nullopt);
   const bool stereo_flag = !flags.stereo.empty() && flags.stereo != "none";
   if (stereo_flag) return stereo(frames::parse_stereo(flags.stereo), flags);
-  const auto sidecar = find_sidecar(request.text);
+  const auto sidecar = find_sidecar(text);
   if (!flags.depth.empty() || (flags.grid.empty() && sidecar && sidecar->depth))
-    return with_depth(request, sidecar);
+    return with_depth(flags, sidecar);
   const bool says_grid = !flags.grid.empty() || (sidecar && sidecar->columns);
-  if (says_grid || frames::quilt_layout_of_name(request.text)) return quilt(request, sidecar);
-  const auto named = frames::stereo_of_name(request.text);
+  if (says_grid || frames::quilt_layout_of_name(text)) return quilt(source, sidecar);
+  const auto named = frames::stereo_of_name(text);
   if (named && flags.stereo.empty()) return stereo(*named, flags);
-  if (auto tagged = tagged_stereo(request.text, flags)) return *tagged;
-  if (frames::is_rgbd_name(request.text)) return with_depth(request, std::nullopt);
-  const bool is_set =
-      request.patterns_are_views && frames::FilePattern::looks_like_pattern(request.text);
+  if (auto tagged = tagged_stereo(source)) return *tagged;
+  if (frames::is_rgbd_name(text)) return with_depth(flags, std::nullopt);
+  const bool is_set = patterns_are_views && frames::FilePattern::looks_like_pattern(text);
   return {.kind = is_set ? Kind::ViewFiles : Kind::Woven};
 }
 
 ContentMeaning kind_of(const MeaningRequest& request) {
-  if (request.text.starts_with(kViewFiles)) return {.kind = Kind::ViewFiles};
-  if (!is_file_name(request.text)) return {};
-  if (!request.flags.from_rig.empty()) return other_rig(request.flags);
-  if (frames::is_sequence_name(request.text)) return container(request);
-  return picture(request);
+  const SourceSpec& source = request.source;
+  if (source.kind == SourceKind::ViewFiles) return {.kind = Kind::ViewFiles};
+  if (!source.has_pictures()) return {};
+  if (!source.content.from_rig.empty()) return other_rig(source.content);
+  if (source.kind == SourceKind::Sequence) return container(request);
+  return picture(source, request.patterns_are_views);
 }
 
 /// Refuses flags that would have no effect, since the user expects one.
-void refuse_idle_flags(const MeaningRequest& request, Kind kind) {
-  const ContentFlags& flags = request.flags;
+void refuse_idle_flags(const SourceSpec& source, Kind kind) {
+  const ContentFlags& flags = source.content;
   const bool has_depth = kind == Kind::OwnDepth || kind == Kind::DepthInside;
   if (!has_depth && (!flags.depth_range.empty() || flags.invert_depth))
-    throw Error(ErrorKind::Usage, fmt::format("--depth-range: {} has no depth", request.text),
+    throw Error(ErrorKind::Usage, fmt::format("--depth-range: {} has no depth", source.text),
                 "--depth says where it is");
   const bool about_views = flags.views != 0 || flags.aspect || flags.invert;
-  if (kind == Kind::Woven && about_views && is_file_name(request.text))
+  if (kind == Kind::Woven && about_views && source.has_pictures())
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: woven frames, of which --views, --aspect and --invert say nothing",
-                            request.text),
+                            source.text),
                 "--grid, --stereo, --depth or 'views:' say how views lie in it");
 }
 
 }  // namespace
 
 ContentMeaning meaning_of(const MeaningRequest& request) {
-  refuse_other_flags(request.flags);
+  const ContentFlags& flags = request.source.content;
+  refuse_other_flags(flags);
   ContentMeaning meaning = kind_of(request);
-  if (meaning.kind == Kind::ViewFiles && !request.flags.grid.empty())
+  if (meaning.kind == Kind::ViewFiles && !flags.grid.empty())
     throw Error(ErrorKind::Usage, "--grid: the input is a pattern of views, not a quilt");
-  refuse_idle_flags(request, meaning.kind);
-  if (request.flags.aspect) meaning.aspect = request.flags.aspect;
-  if (request.flags.invert) meaning.rightmost_first = !meaning.rightmost_first;
+  refuse_idle_flags(request.source, meaning.kind);
+  if (flags.aspect) meaning.aspect = flags.aspect;
+  if (flags.invert) meaning.rightmost_first = !meaning.rightmost_first;
   return meaning;
 }
 

@@ -8,7 +8,7 @@
 
 #include "frames/quilt.h"
 #include "frames/views_input/content_name.h"
-#include "player/sources/content_flags.h"
+#include "player/sources/source_spec.h"
 
 namespace lenticule::player {
 
@@ -33,8 +33,7 @@ struct ContentMeaning {
 };
 
 struct MeaningRequest {
-  std::string text = {};
-  ContentFlags flags = {};
+  SourceSpec source = {};
   /// True for `weave`, where 'view%02d.png' means views; all other commands take it for woven
   /// frames.
   bool patterns_are_views = false;

@@ -15,8 +15,6 @@
 #include "optics/rig_file.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
-#include "player/sources/source_names.h"
-#include "player/sources/video_program.h"
 
 namespace lenticule::player {
 namespace {
@@ -35,17 +33,6 @@ constexpr uint64_t kMostPlayedViewBytes = uint64_t{2} << 30;
 constexpr auto kPatience = std::chrono::minutes(1);
 constexpr std::chrono::milliseconds kLook{100};
 
-std::vector<std::string> parts_of(const std::string& text) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == '|')
-      parts.emplace_back();
-    else
-      parts.back() += c;
-  }
-  return parts;
-}
-
 /// Expands "view%02d/%05d.png": returns the second pattern in each folder of the first.
 std::vector<std::string> in_numbered_folders(const fs::path& text) {
   std::vector<std::string> films;
@@ -55,9 +42,10 @@ std::vector<std::string> in_numbered_folders(const fs::path& text) {
 }
 
 /// Returns one name for each view.
-std::vector<std::string> names_of_views(const std::string& text) {
-  std::vector<std::string> names = parts_of(text);
+std::vector<std::string> names_of_views(const SourceSpec& source) {
+  std::vector<std::string> names = source.files();
   if (names.size() > 1) return names;
+  const std::string text = source.without_prefix();
   if (frames::FilePattern::looks_like_pattern(fs::path(text).parent_path().string()))
     return in_numbered_folders(text);
   if (!frames::FilePattern::looks_like_pattern(text)) return names;
@@ -66,15 +54,15 @@ std::vector<std::string> names_of_views(const std::string& text) {
   return names;
 }
 
-std::string without_prefix(const std::string& text) {
-  return text.starts_with(kViewFiles) ? text.substr(kViewFiles.size()) : text;
+bool is_video(const std::string& name) {
+  return kind_of_file(name) == SourceKind::Video;
 }
 
 void require_count(const ContentRequest& request, size_t views) {
-  const int wanted = request.what.flags.views;
+  const int wanted = request.source.content.views;
   if (wanted != 0 && static_cast<size_t>(wanted) != views)
     throw Error(ErrorKind::Input, fmt::format("{}: {} views, where --views says {}",
-                                              request.what.text, views, wanted));
+                                              request.source.text, views, wanted));
 }
 
 uint64_t most_view_bytes(const ContentRequest& request) {
@@ -94,18 +82,17 @@ std::unique_ptr<ViewInput> open_still_views(const ContentRequest& request,
                 "give --frames to films, such as 'views:view%02d/%05d.png'");
   std::vector<fs::path> files(names.begin(), names.end());
   if (meaning.rightmost_first) std::reverse(files.begin(), files.end());
-  return std::make_unique<ViewInput>(frames::read_views(files, without_prefix(request.what.text),
+  return std::make_unique<ViewInput>(frames::read_views(files, request.source.without_prefix(),
                                                         meaning.aspect, most_view_bytes(request)));
 }
 
 std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const ContentMeaning& meaning,
                                       const std::vector<std::string>& names) {
-  const bool videos = std::any_of(names.begin(), names.end(),
-                                  [](const std::string& name) { return looks_like_video(name); });
+  const bool videos = std::any_of(names.begin(), names.end(), is_video);
   const size_t most = videos ? kMostVideos : kMostFilms;
   if (names.size() > most)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: {} films, where at most {} play together", request.what.text,
+                fmt::format("{}: {} films, where at most {} play together", request.source.text,
                             names.size(), most),
                 "make a quilt of them");
   Sources films;
@@ -120,15 +107,15 @@ std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const Conte
   auto arrangement =
       frames::arrange_pictures(films.front()->geometry(), static_cast<int>(names.size()),
                                aspect_of(meaning.aspect, *films.front()), meaning.rightmost_first);
-  return std::make_unique<ViewInput>(std::move(films), std::move(arrangement), request.what.text);
+  return std::make_unique<ViewInput>(std::move(films), std::move(arrangement), request.source.text);
 }
 
 std::unique_ptr<ViewInput> open_view_files(const ContentRequest& request,
                                            const ContentMeaning& meaning) {
-  const std::vector<std::string> names = names_of_views(without_prefix(request.what.text));
+  const std::vector<std::string> names = names_of_views(request.source);
   require_count(request, names.size());
   const bool films = std::any_of(names.begin(), names.end(), [](const std::string& name) {
-    return looks_like_video(name) || frames::FilePattern::looks_like_pattern(name);
+    return is_video(name) || frames::FilePattern::looks_like_pattern(name);
   });
   return films ? open_films(request, meaning, names) : open_still_views(request, meaning, names);
 }
@@ -136,7 +123,8 @@ std::unique_ptr<ViewInput> open_view_files(const ContentRequest& request,
 std::unique_ptr<ViewInput> input_of(Sources sources,
                                     std::unique_ptr<frames::ViewArrangement> arrangement,
                                     const ContentRequest& request) {
-  return std::make_unique<ViewInput>(std::move(sources), std::move(arrangement), request.what.text);
+  return std::make_unique<ViewInput>(std::move(sources), std::move(arrangement),
+                                     request.source.text);
 }
 
 /// Refuses depth in float files: depth is read as 8-bit codes, and float files have another scale.
@@ -149,10 +137,10 @@ void refuse_float_depth(const std::string& file) {
 
 std::unique_ptr<ViewInput> open_with_own_depth(const ContentRequest& request,
                                                const ContentMeaning& meaning) {
-  refuse_float_depth(request.what.flags.depth);
+  refuse_float_depth(request.source.content.depth);
   Sources sources;
-  sources.push_back(open_pictures(request.what.text, request.how));
-  sources.push_back(open_pictures(request.what.flags.depth, request.how));
+  sources.push_back(open_pictures(request.source.text, request.how));
+  sources.push_back(open_pictures(request.source.content.depth, request.how));
   frames::DepthOptions options = meaning.depth_options;
   options.threads = request.drawing_threads;
   options.most_bytes = most_view_bytes(request);
@@ -162,25 +150,26 @@ std::unique_ptr<ViewInput> open_with_own_depth(const ContentRequest& request,
 }
 
 optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& meaning) {
-  const ContentFlags& flags = request.what.flags;
+  const ContentFlags& flags = request.source.content;
   if (flags.from_rig.empty()) {
     if (meaning.rig_toml.empty())
-      throw Error(ErrorKind::Input,
-                  fmt::format("{}: does not keep the rig that it was woven for", request.what.text),
-                  "name it: --from-rig RIG.toml");
-    return optics::parse_rig(meaning.rig_toml, request.what.text + ": its rig");
+      throw Error(
+          ErrorKind::Input,
+          fmt::format("{}: does not keep the rig that it was woven for", request.source.text),
+          "name it: --from-rig RIG.toml");
+    return optics::parse_rig(meaning.rig_toml, request.source.text + ": its rig");
   }
   auto [rig, identity] = optics::load_rig_and_identity(flags.from_rig);
-  if (!frames::is_sequence_name(request.what.text)) return rig;
-  const frames::SequenceReader reader(request.what.text);
+  if (request.source.kind != SourceKind::Sequence) return rig;
+  const frames::SequenceReader reader(request.source.text);
   const std::string& kept = reader.info().rig_fingerprint;
   const optics::RigMatch matched = optics::match(frames::rig_of(reader.info()), identity);
   // The frames were woven before the rig was trimmed, so the rig in the file is the correct one.
   if (matched == optics::RigMatch::Trimmed && !reader.info().rig_toml.empty())
-    return optics::parse_rig(reader.info().rig_toml, request.what.text + ": its rig");
+    return optics::parse_rig(reader.info().rig_toml, request.source.text + ": its rig");
   if (matched != optics::RigMatch::Same)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: was woven for another rig ({}) than {} ({})", request.what.text,
+                fmt::format("{}: was woven for another rig ({}) than {} ({})", request.source.text,
                             kept, flags.from_rig, identity.fingerprint),
                 "say --reweave in place of --from-rig: the rig is in the file");
   return rig;
@@ -189,21 +178,21 @@ optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& me
 std::unique_ptr<ViewInput> open_other_rig(const ContentRequest& request,
                                           const ContentMeaning& meaning) {
   const optics::OpticalModel model(rig_of_woven(request, meaning));
-  const int wanted = request.what.flags.views;
+  const int wanted = request.source.content.views;
   PictureRequest how = request.how;
   how.before_weaving = false;  // subsampled chroma mixes pixels of different views
   Sources sources;
-  sources.push_back(open_pictures(request.what.text, how));
+  sources.push_back(open_pictures(request.source.text, how));
   auto arrangement = frames::arrange_woven(
       sources.front()->geometry(), model, wanted > 0 ? wanted : frames::views_in_woven(model.rig()),
-      request.what.text);
+      request.source.text);
   return input_of(std::move(sources), std::move(arrangement), request);
 }
 
 std::unique_ptr<frames::ViewArrangement> arrangement_of(const ContentRequest& request,
                                                         const ContentMeaning& meaning,
                                                         const FrameSource& source) {
-  const std::string& name = request.what.text;
+  const std::string& name = request.source.text;
   const frames::FrameGeometry picture = source.geometry();
   const double pixel_aspect = source.pixel_aspect();
   if (meaning.kind == Kind::Quilt) {
@@ -247,7 +236,7 @@ std::unique_ptr<ViewInput> open_views(const ContentRequest& request,
   if (meaning.kind == Kind::OwnDepth) return open_with_own_depth(request, meaning);
   if (meaning.kind == Kind::OtherRig) return open_other_rig(request, meaning);
   Sources sources;
-  sources.push_back(open_pictures(request.what.text, request.how));
+  sources.push_back(open_pictures(request.source.text, request.how));
   auto arrangement = arrangement_of(request, meaning, *sources.front());
   return input_of(std::move(sources), std::move(arrangement), request);
 }

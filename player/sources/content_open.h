@@ -12,12 +12,12 @@
 namespace lenticule::player {
 
 struct ContentRequest {
-  MeaningRequest what;
+  SourceSpec source = {};
   PictureRequest how = {};
   int drawing_threads = 1;  ///< threads that make views from depth
 };
 
-/// Opens the source. `meaning` is that of request.what, and not Woven. Throws Error(Usage) and
+/// Opens the source. `meaning` is that of the source, and not Woven. Throws Error(Usage) and
 /// Error(Input) for inputs that are missing, broken, of different sizes or lengths, or too large.
 [[nodiscard]] std::unique_ptr<frames::ViewInput> open_views(const ContentRequest& request,
                                                             const ContentMeaning& meaning);

@@ -4,7 +4,6 @@
 #include "base/error.h"
 #include "frames/image_io.h"
 #include "frames/views_input/quilt_sidecar.h"
-#include "player/sources/source_names.h"
 
 namespace lenticule::player {
 namespace {
@@ -37,16 +36,10 @@ void add_marks(const std::string& text, std::vector<FileMark>& marks) {
 
 }  // namespace
 
-std::vector<FileMark> marks_of_source(const std::string& text, const ContentFlags& flags) {
+std::vector<FileMark> marks_of_source(const SourceSpec& source) {
   std::vector<FileMark> marks;
-  if (text == kCardSource || text == kViewsSource || text.starts_with(kRingSource)) return marks;
-  std::string rest = text.starts_with(kViewFiles) ? text.substr(kViewFiles.size()) : text;
-  for (size_t begin = 0; begin <= rest.size();) {
-    const size_t end = std::min(rest.find('|', begin), rest.size());
-    add_marks(rest.substr(begin, end - begin), marks);
-    begin = end + 1;
-  }
-  for (const std::string& file : {flags.depth, flags.from_rig})
+  for (const std::string& file : source.files()) add_marks(file, marks);
+  for (const std::string& file : {source.content.depth, source.content.from_rig})
     if (!file.empty()) add_marks(file, marks);
   return marks;
 }

@@ -3,18 +3,16 @@
 // again.
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include "base/file_mark.h"
-#include "player/sources/content_flags.h"
+#include "player/sources/source_spec.h"
 
 namespace lenticule::player {
 
 /// Returns the state of every file of a source and its sidecar; for a pattern, of the first 256
-/// files, and their number. Empty for rings and for sources generated here. `flags` are those given
-/// with the source. Costs one stat() per file.
-[[nodiscard]] std::vector<FileMark> marks_of_source(const std::string& text,
-                                                    const ContentFlags& flags = {});
+/// files, and their number. Empty for rings and for sources generated here. Costs one stat() per
+/// file.
+[[nodiscard]] std::vector<FileMark> marks_of_source(const SourceSpec& source);
 
 }  // namespace lenticule::player

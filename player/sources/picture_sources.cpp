@@ -11,7 +11,7 @@
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
 #include "frames/sequence/sequence_source.h"
-#include "player/sources/video_program.h"
+#include "player/sources/source_spec.h"
 #include "player/sources/video_source.h"
 
 namespace lenticule::player {
@@ -107,8 +107,9 @@ std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) 
 
 std::unique_ptr<frames::FrameSource> open_pictures(const std::string& text,
                                                    const PictureRequest& request) {
-  if (frames::is_sequence_name(text)) return open_container(text, request);
-  if (!looks_like_video(text)) return open_files(text, request);
+  const SourceKind kind = kind_of_file(text);
+  if (kind == SourceKind::Sequence) return open_container(text, request);
+  if (kind != SourceKind::Video) return open_files(text, request);
   return open_video(
       {.file = text,
        .slots = request.pool_frames,

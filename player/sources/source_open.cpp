@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <utility>
 
@@ -15,7 +14,6 @@
 #include "optics/rig_file.h"
 #include "player/sources/content_open.h"
 #include "player/sources/still_source.h"
-#include "player/sources/video_program.h"
 #include "player/sources/views_source.h"
 #include "player/sources/weaving_source.h"
 
@@ -28,7 +26,8 @@ optics::RigIdentity present_rig(const SourceRequest& request) {
   return request.trim ? request.trim->identity() : request.identity;
 }
 
-OpenedSource open_ring(const SourceRequest& request, const std::string& socket) {
+OpenedSource open_ring(const SourceRequest& request) {
+  const std::string socket = request.spec.without_prefix();
   if (socket.empty())
     throw Error(ErrorKind::Usage, "source 'ring:': no socket", "write ring:/run/user/1000/panel");
   if (request.frames)
@@ -52,12 +51,13 @@ OpenedSource open_ring(const SourceRequest& request, const std::string& socket) 
   return opened;
 }
 
-void refuse_other_kinds(const std::string& text) {
+void refuse_other_kinds(const SourceSpec& source) {
+  const std::string& text = source.text;
   const std::string extension = fs::path(text).extension().string();
-  constexpr std::array kNotYet = {".m3u", ".toml", ".json"};
-  const bool not_yet = std::find(kNotYet.begin(), kNotYet.end(), extension) != kNotYet.end();
   std::error_code ignored;
-  if (!not_yet && !fs::is_directory(text, ignored) && !text.empty()) return;
+  if (source.has_pictures() && extension != ".m3u" && extension != ".json" && !text.empty() &&
+      !fs::is_directory(text, ignored))
+    return;
   throw Error(
       ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
       "play ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, card or "
@@ -84,11 +84,11 @@ PictureRequest picture_request(const SourceRequest& request) {
 }
 
 OpenedSource open_woven_pictures(const SourceRequest& request) {
-  refuse_other_kinds(request.text);
+  refuse_other_kinds(request.spec);
   OpenedSource opened;
   PictureRequest how = picture_request(request);
   how.size = request.panel;
-  opened.source = open_pictures(request.text, how);
+  opened.source = open_pictures(request.spec.text, how);
   return opened;
 }
 
@@ -108,12 +108,12 @@ void require_same_rig(const SourceRequest& request, const frames::SequenceInfo& 
   if (matched == optics::RigMatch::Trimmed) {
     if (request.warnings)
       request.warnings->add(
-          fmt::format("{}: {}", request.text, optics::trim_difference(theirs, ours)));
+          fmt::format("{}: {}", request.spec.text, optics::trim_difference(theirs, ours)));
     return;
   }
   throw Error(
       ErrorKind::Input,
-      fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", request.text,
+      fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", request.spec.text,
                   kept_rig_name(info), info.rig_fingerprint, request.rig_name, ours.fingerprint),
       "woven frames fit one panel: render them for this rig, or say --reweave, which takes "
       "them apart and costs sharpness");
@@ -121,26 +121,23 @@ void require_same_rig(const SourceRequest& request, const frames::SequenceInfo& 
 
 OpenedSource open_sequence(const SourceRequest& request) {
   // The size is checked before the pool is allocated, because an untrusted file may state any size.
-  const frames::SequenceReader reader(request.text);
+  const frames::SequenceReader reader(request.spec.text);
   require_same_rig(request, reader.info());
-  require_panel_size(request, reader.geometry(), request.text);
+  require_panel_size(request, reader.geometry(), request.spec.text);
   OpenedSource opened;
-  opened.source = open_pictures(request.text, picture_request(request));
+  opened.source = open_pictures(request.spec.text, picture_request(request));
   return opened;
 }
 
 MeaningRequest meaning_request(const SourceRequest& request) {
-  const bool meant = request.content_of == request.text;
-  return {.text = request.text,
-          .flags = meant ? request.content : ContentFlags{},
-          .rig_fingerprint = present_rig(request).fingerprint};
+  return {.source = request.spec, .rig_fingerprint = present_rig(request).fingerprint};
 }
 
 /// Opens a source that is woven here. Quilts are large: only a few are kept ahead, beside the
 /// requested number of woven frames.
 OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning& meaning) {
   constexpr int kPicturesAhead = 4;
-  ContentRequest content{.what = meaning_request(request),
+  ContentRequest content{.source = request.spec,
                          .how = picture_request(request),
                          .drawing_threads = decoding_threads()};
   content.how.pool_frames = kPicturesAhead;
@@ -150,7 +147,7 @@ OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning&
       open_views(content, meaning),
       WeavingSourceOptions{.rig_file = request.rig_file,
                            .rig = request.rig,
-                           .name = request.text,
+                           .name = request.spec.text,
                            .loom = {.weave = weave_options(request.weaving),
                                     .crosstalk = request.weaving.crosstalk,
                                     .threads = decoding_threads()},
@@ -189,13 +186,12 @@ bool is_woven_here(const SourceRequest& request) {
 }
 
 OpenedSource open_source(const SourceRequest& request) {
-  if (request.text == kCardSource) return open_card(request);
-  if (request.text == kViewsSource) return open_views_of_rig(request);
-  if (request.text.starts_with(kRingSource))
-    return open_ring(request, request.text.substr(kRingSource.size()));
+  if (request.spec.kind == SourceKind::Card) return open_card(request);
+  if (request.spec.kind == SourceKind::RigViews) return open_views_of_rig(request);
+  if (request.spec.kind == SourceKind::Ring) return open_ring(request);
   const ContentMeaning meaning = meaning_of(meaning_request(request));
   if (meaning.kind != ContentMeaning::Kind::Woven) return open_woven_here(request, meaning);
-  if (frames::is_sequence_name(request.text)) return open_sequence(request);
+  if (request.spec.kind == SourceKind::Sequence) return open_sequence(request);
   return open_woven_pictures(request);
 }
 

@@ -11,23 +11,16 @@
 
 #include "display/test_card.h"
 #include "frames/frame_source.h"
-#include "player/sources/content_flags.h"
 #include "player/sources/followed_rig.h"
 #include "player/sources/frame_range.h"
 #include "player/sources/live_trim.h"
 #include "player/sources/rig_warnings.h"
-#include "player/sources/source_names.h"
+#include "player/sources/source_spec.h"
 
 namespace lenticule::player {
 
 struct SourceRequest {
-  /// "ring:SOCKET", "dir/%05d.png", one picture, "FILE.lts", a video file, "card", "views", or a
-  /// source in docs/content.md: quilts, stereo, depth, "views:view%02d.png".
-  std::string text = {};
-  /// Layout of the views in `content_of`, and in no other source: flags of the command line do not
-  /// apply to sources named by a list or over the control socket.
-  ContentFlags content = {};
-  std::string content_of = {};
+  SourceSpec spec = {};
   WeavingFlags weaving = {};
   frames::FrameGeometry panel = {};
   /// Identity of the rig at the start; `trim` has the current one.
@@ -43,7 +36,7 @@ struct SourceRequest {
   uint64_t first_frame = 0;
   bool plays_again = false;                        ///< keeps frames for the next loop if they fit
   display::CardText card = {};                     ///< text of a test card
-  std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of "views"
+  std::shared_ptr<const LiveTrim> trim = nullptr;  ///< the rig of its own views
   /// Receives warnings about frames that do not match the rig; may be null.
   std::shared_ptr<RigWarnings> warnings = nullptr;
 };

@@ -73,16 +73,6 @@ fs::path find_video_program() {
               "reinstall lenticule: video files are read and written by this part of it");
 }
 
-bool looks_like_video(const fs::path& file) {
-  constexpr std::array<std::string_view, 17> kNames = {
-      ".mkv", ".webm", ".mp4", ".m4v", ".mov", ".avi", ".nut",  ".ts", ".m2ts",
-      ".mpg", ".mpeg", ".ogv", ".flv", ".mxf", ".wmv", ".apng", ".y4m"};
-  std::string extension = file.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return std::find(kNames.begin(), kNames.end(), extension) != kNames.end();
-}
-
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {
   const std::string path = (program.empty() ? find_video_program() : program).string();
   const FileMark mark = mark_of(file);

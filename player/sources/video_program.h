@@ -14,10 +14,6 @@ namespace lenticule::player {
 /// Error(Failed).
 [[nodiscard]] std::filesystem::path find_video_program();
 
-/// Returns true for names of files that lenticule-video reads: .mkv, .webm, .mp4, .mov, .avi, .nut,
-/// ...
-[[nodiscard]] bool looks_like_video(const std::filesystem::path& file);
-
 /// Runs `lenticule-video probe` for at most half a minute, or returns the cached report if the file
 /// is unchanged. Throws Error(Input) with the program's message if the file is not a video,
 /// Error(Failed) if the program does not work. An empty `program` is searched for.

@@ -34,7 +34,7 @@ int play(const char* source, const char* rig_file) {
   std::printf("opened %s\n", display->mode().name.c_str());
 
   player::SourceRequest request;
-  request.text = source;
+  request.spec = player::parse_source(source);
   request.panel = panel;
   request.identity = optics::identity_of(rig, {});
   request.plays_again = true;

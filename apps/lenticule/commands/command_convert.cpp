@@ -65,9 +65,9 @@ class ConvertPlan {
   }
 
   [[nodiscard]] MeaningRequest what(bool views_wanted) const {
-    MeaningRequest request{.text = flags_.input, .flags = flags_.content};
+    MeaningRequest request{.source = parse_source(flags_.input, flags_.content)};
     // Woven frames of any rig are separated if views are wanted.
-    if (views_wanted) request.flags.reweave = true;
+    if (views_wanted) request.source.content.reweave = true;
     if (rig && !views_wanted) request.rig_fingerprint = rig->identity.fingerprint;
     return request;
   }
@@ -138,11 +138,11 @@ class ConvertRun {
   }
 
   [[nodiscard]] std::unique_ptr<ConvertInput> open_input() {
-    const bool container = frames::is_sequence_name(flags_.input);
+    const bool container = kind_of_file(flags_.input) == SourceKind::Sequence;
     if (plan_.meaning.kind == Kind::Woven)
       return container ? open_container_input(flags_.input) : open_woven_input(flags_.input, how());
     if (container) refuse_damaged();
-    ContentRequest request{.what = plan_.what(plan_.result == Result::Quilt),
+    ContentRequest request{.source = plan_.what(plan_.result == Result::Quilt).source,
                            .how = how(),
                            .drawing_threads = all_threads()};
     std::unique_ptr<frames::ViewInput> views = open_views(request, plan_.meaning);

@@ -18,7 +18,8 @@
 #include "player/control/control_client.h"
 #include "player/control/control_protocol.h"
 #include "player/process/interrupt.h"
-#include "player/sources/source_open.h"
+#include "player/sources/frame_range.h"
+#include "player/sources/source_spec.h"
 
 namespace lenticule::player {
 namespace {
@@ -46,13 +47,6 @@ std::string socket_of(const CtlFlags& flags) {
   return only_control_socket();
 }
 
-/// Makes a path absolute, because the player has another working folder.
-std::string from_the_root(const std::string& source) {
-  const bool is_file =
-      source != kCardSource && source != kViewsSource && !source.starts_with("ring:");
-  return is_file ? std::filesystem::absolute(source).string() : source;
-}
-
 template <typename Value>
 void put(ordered_json& request, const char* field, const std::optional<Value>& value) {
   if (value) request[field] = *value;
@@ -60,7 +54,9 @@ void put(ordered_json& request, const char* field, const std::optional<Value>& v
 
 ordered_json request_of(const std::string& verb, const CtlFlags& flags) {
   ordered_json request = {{"id", 1}, {"do", verb}};
-  if (!flags.source.empty()) request["source"] = from_the_root(flags.source);
+  if (!flags.source.empty())
+    // The player may have another working folder.
+    request["source"] = parse_source(flags.source).in_folder(std::filesystem::current_path()).text;
   put(request, "frame", flags.frame);
   put(request, "item", flags.item);
   put(request, "offset", flags.offset);

@@ -19,6 +19,7 @@
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"
+#include "player/sources/source_spec.h"
 #include "render/depth_budget/prefilter.h"
 #include "render/loaders/camera_path.h"
 #include "render/make_method.h"
@@ -112,7 +113,7 @@ nlohmann::json result_json(const RenderFlags& flags, const optics::Rig& rig,
 int threads_of(const RenderFlags& flags) {
   constexpr int kFewCores = 4;
   const int cores = static_cast<int>(std::thread::hardware_concurrency());
-  const bool beside_player = flags.output.starts_with("ring:");
+  const bool beside_player = parse_source(flags.output).kind == SourceKind::Ring;
   return flags.options.threads == 0 && beside_player && cores >= kFewCores ? cores - 1
                                                                            : flags.options.threads;
 }

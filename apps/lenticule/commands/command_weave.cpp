@@ -41,11 +41,8 @@ struct WeaveFlags {
   bool json = false;
 };
 
-ContentRequest content_request(const WeaveFlags& flags, const optics::Rig& rig) {
-  ContentRequest request{.what = {.text = flags.input,
-                                  .flags = flags.content,
-                                  .patterns_are_views = true,
-                                  .rig_fingerprint = optics::fingerprint(rig)},
+ContentRequest content_request(const WeaveFlags& flags) {
+  ContentRequest request{.source = parse_source(flags.input, flags.content),
                          .drawing_threads = all_threads()};
   if (flags.frame.empty()) return request;
   request.how.frames = parse_frame_range(flags.frame);
@@ -57,8 +54,10 @@ ContentRequest content_request(const WeaveFlags& flags, const optics::Rig& rig) 
 
 /// Loads the only set of views, or the requested one.
 std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
-  const ContentRequest request = content_request(flags, rig);
-  const ContentMeaning meaning = meaning_of(request.what);
+  const ContentRequest request = content_request(flags);
+  const ContentMeaning meaning = meaning_of({.source = request.source,
+                                             .patterns_are_views = true,
+                                             .rig_fingerprint = optics::fingerprint(rig)});
   if (meaning.kind == ContentMeaning::Kind::Woven)
     throw Error(ErrorKind::Usage, fmt::format("{}: how many tiles?", flags.input),
                 "name the file *_qs8x6a0.75.png, say --grid 8x6, --stereo, --depth or --from-rig, "

@@ -14,6 +14,7 @@
 #include "frames/image_io.h"
 #include "frames/ring/ring_renderer.h"
 #include "player/process/interrupt.h"
+#include "player/sources/source_spec.h"
 
 namespace lenticule::player {
 namespace {
@@ -21,7 +22,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 namespace fs = std::filesystem;
 
-constexpr std::string_view kRing = "ring:";
 /// Longest delay until a signal is noticed during a wait.
 constexpr std::chrono::milliseconds kWaitSlice{200};
 
@@ -81,7 +81,7 @@ class PictureFiles final : public FrameOutput {
 class RingOutput final : public FrameOutput {
  public:
   explicit RingOutput(const OutputRequest& request)
-      : socket_(request.target.substr(kRing.size())),
+      : socket_(parse_source(request.target).without_prefix()),
         geometry_(request.geometry),
         patience_(request.ring_timeout_seconds) {
     if (socket_.empty())
@@ -148,7 +148,8 @@ class RingOutput final : public FrameOutput {
 }  // namespace
 
 std::unique_ptr<FrameOutput> open_output(const OutputRequest& request) {
-  if (request.target.starts_with(kRing)) return std::make_unique<RingOutput>(request);
+  if (parse_source(request.target).kind == SourceKind::Ring)
+    return std::make_unique<RingOutput>(request);
   if (request.target.ends_with(".lts")) {
     require_writable_folder(request.target);
     require_replaceable_film(request);

@@ -11,7 +11,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
     const Playlist list =
         parse_playlist({reinterpret_cast<const char*>(data), size}, "fuzz.toml", "/folder");
     LENTICULE_CHECK(!list.items.empty() && list.items.size() <= kMaxPlaylistItems);
-    for (const PlaylistItem& item : list.items) LENTICULE_CHECK(!item.source.empty());
+    for (const PlaylistItem& item : list.items) LENTICULE_CHECK(!item.source.text.empty());
     std::optional<size_t> at;
     uint64_t rounds = 0;
     for (int step = 0; step < 100; ++step) {

@@ -58,7 +58,7 @@ TEST_F(PlayPlanTest, AnExplicitWaitAppliesAtStartAndAfterALoss) {
 }
 
 TEST_F(PlayPlanTest, ATestCardLoopsForeverByDefault) {
-  flags.source = kCardSource;
+  flags.source = "card";
   EXPECT_EQ(make_plan(flags, false).playback.loops, kForever);
   flags.loop = "2";
   EXPECT_EQ(make_plan(flags, false).playback.loops, 2u);

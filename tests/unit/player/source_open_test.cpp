@@ -39,20 +39,20 @@ class SourceOpen : public testing::Test {
       EXPECT_THAT(error.what(), testing::HasSubstr(named));
       return error.kind();
     }
-    ADD_FAILURE() << request.text << " was opened";
+    ADD_FAILURE() << request.spec.text << " was opened";
     return ErrorKind::Quality;
   }
 };
 
 TEST_F(SourceOpen, OpensAllFramesOfAPattern) {
-  const OpenedSource opened = open_source({.text = pattern(), .panel = kSmall});
+  const OpenedSource opened = open_source({.spec = parse_source(pattern()), .panel = kSmall});
   EXPECT_EQ(opened.source->frame_count(), 5u);
 }
 
 TEST_F(SourceOpen, BeginsAtALaterFrameAndLoopsFromTheFirst) {
   for (const int slots : {2, 3, 8}) {
-    const OpenedSource opened =
-        open_source({.text = pattern(), .panel = kSmall, .slots = slots, .first_frame = 3});
+    const OpenedSource opened = open_source(
+        {.spec = parse_source(pattern()), .panel = kSmall, .slots = slots, .first_frame = 3});
     std::vector<uint64_t> numbers;
     frames::LentFrame lent;
     for (int rounds = 0; rounds < 2;) {
@@ -74,13 +74,13 @@ TEST_F(SourceOpen, BeginsAtALaterFrameAndLoopsFromTheFirst) {
 
 TEST_F(SourceOpen, OpensARangeOfAPattern) {
   const OpenedSource opened =
-      open_source({.text = pattern(), .panel = kSmall, .frames = FrameRange{4, 7}});
+      open_source({.spec = parse_source(pattern()), .panel = kSmall, .frames = FrameRange{4, 7}});
   EXPECT_EQ(opened.source->frame_count(), 3u);
 }
 
 TEST_F(SourceOpen, OpensATestCardOfThePanelsSizeThatNeverEnds) {
-  const OpenedSource opened =
-      open_source({.text = "card", .panel = {64, 48}, .card = {.headline = "HI", .rows = {}}});
+  const OpenedSource opened = open_source(
+      {.spec = parse_source("card"), .panel = {64, 48}, .card = {.headline = "HI", .rows = {}}});
   frames::FrameSource& source = *opened.source;
   const frames::WovenFrame expected =
       display::draw_test_card({64, 48}, {.headline = "HI", .rows = {}});
@@ -93,27 +93,33 @@ TEST_F(SourceOpen, OpensATestCardOfThePanelsSizeThatNeverEnds) {
     EXPECT_TRUE(source.rewind());
     EXPECT_FALSE(source.rewind()) << "at the start";
   }
-  EXPECT_EQ(failure({.text = "card", .panel = kSmall, .frames = FrameRange{0, 1}}, "--frames"),
+  EXPECT_EQ(failure({.spec = parse_source("card"), .panel = kSmall, .frames = FrameRange{0, 1}},
+                    "--frames"),
             ErrorKind::Usage);
 }
 
 TEST_F(SourceOpen, OpensOnePicture) {
-  const OpenedSource opened = open_source({.text = (folder / "005.png").string(), .panel = kSmall});
+  const OpenedSource opened =
+      open_source({.spec = parse_source((folder / "005.png").string()), .panel = kSmall});
   EXPECT_EQ(opened.source->frame_count(), 1u);
 }
 
 TEST_F(SourceOpen, NamesTheFirstMissingFrameOfARange) {
-  EXPECT_EQ(failure({.text = pattern(), .panel = kSmall, .frames = FrameRange{4, 10}}, "008.png"),
+  EXPECT_EQ(failure({.spec = parse_source(pattern()), .panel = kSmall, .frames = FrameRange{4, 10}},
+                    "008.png"),
             ErrorKind::Input);
-  EXPECT_EQ(failure({.text = pattern(), .panel = kSmall, .frames = FrameRange{0, 10}}, "000.png"),
+  EXPECT_EQ(failure({.spec = parse_source(pattern()), .panel = kSmall, .frames = FrameRange{0, 10}},
+                    "000.png"),
             ErrorKind::Input);
   const FrameRange endless{4, ~uint64_t{0}};
-  EXPECT_EQ(failure({.text = pattern(), .panel = kSmall, .frames = endless}, "008.png"),
-            ErrorKind::Input);
+  EXPECT_EQ(
+      failure({.spec = parse_source(pattern()), .panel = kSmall, .frames = endless}, "008.png"),
+      ErrorKind::Input);
 }
 
 TEST_F(SourceOpen, NamesBothSizesOfAFrameForAnotherPanel) {
-  const SourceRequest request{.text = pattern(), .panel = {.width = 20, .height = 10}};
+  const SourceRequest request{.spec = parse_source(pattern()),
+                              .panel = {.width = 20, .height = 10}};
   EXPECT_EQ(failure(request, "16x8"), ErrorKind::Input);
   EXPECT_EQ(failure(request, "20x10"), ErrorKind::Input);
 }
@@ -121,18 +127,21 @@ TEST_F(SourceOpen, NamesBothSizesOfAFrameForAnotherPanel) {
 TEST_F(SourceOpen, RefusesUnplayableSources) {
   for (const std::string& text :
        {std::string(), folder.string(), std::string("ring:"), std::string("list.m3u")})
-    EXPECT_EQ(failure({.text = text, .panel = kSmall}, ""), ErrorKind::Usage) << text;
-  EXPECT_EQ(failure({.text = (folder / "none.png").string(), .panel = kSmall}, "none.png"),
-            ErrorKind::Input);
+    EXPECT_EQ(failure({.spec = parse_source(text), .panel = kSmall}, ""), ErrorKind::Usage) << text;
   EXPECT_EQ(
-      failure({.text = (folder / "005.png").string(), .panel = kSmall, .frames = FrameRange{0, 1}},
-              "005.png"),
-      ErrorKind::Usage);
+      failure({.spec = parse_source((folder / "none.png").string()), .panel = kSmall}, "none.png"),
+      ErrorKind::Input);
+  EXPECT_EQ(failure({.spec = parse_source((folder / "005.png").string()),
+                     .panel = kSmall,
+                     .frames = FrameRange{0, 1}},
+                    "005.png"),
+            ErrorKind::Usage);
 }
 
 TEST_F(SourceOpen, OpensARingAndPrintsHowToConnect) {
   const std::string socket = (folder / "ring.sock").string();
-  const OpenedSource opened = open_source({.text = "ring:" + socket, .panel = kSmall});
+  const OpenedSource opened =
+      open_source({.spec = parse_source("ring:" + socket), .panel = kSmall});
   EXPECT_EQ(opened.source->geometry(), kSmall);
   EXPECT_TRUE(fs::is_socket(socket));
   EXPECT_THAT(opened.stall_hint, testing::HasSubstr("ring:" + socket));

@@ -231,16 +231,16 @@ TEST_F(WeavingSourceTest, ABrokenQuiltFailsWhenItsTurnComes) {
 TEST_F(WeavingSourceTest, IsOpenedForAQuiltsName) {
   const std::vector<fs::path> files = write_quilts(2);
   const optics::Rig rig = optics::load_rig(rig_file_);
-  const auto opened = open_source({.text = files[1].string(),
+  const auto opened = open_source({.spec = parse_source(files[1].string()),
                                    .panel = {rig.panel.width_px, rig.panel.height_px},
                                    .rig_file = rig_file_.string()});
   LentFrame lent;
   ASSERT_EQ(opened.source->pull(lent), PullStatus::Ready);
   EXPECT_EQ(copy_of(lent), expected(noise_quilt(1)));
   opened.source->release(lent.token);
-  EXPECT_TRUE(is_woven_here({.text = "views:a/%02d.png"}));
-  EXPECT_FALSE(is_woven_here({.text = "ring:/tmp/x_qs8x6a0.75"}));
-  EXPECT_FALSE(is_woven_here({.text = "out/%05d.png"}));
+  EXPECT_TRUE(is_woven_here({.spec = parse_source("views:a/%02d.png")}));
+  EXPECT_FALSE(is_woven_here({.spec = parse_source("ring:/tmp/x_qs8x6a0.75")}));
+  EXPECT_FALSE(is_woven_here({.spec = parse_source("out/%05d.png")}));
 }
 
 }  // namespace

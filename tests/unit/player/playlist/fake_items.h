@@ -71,9 +71,9 @@ class FakeShelf {
       (void)frame;  // this source cannot begin at a later frame
       const std::lock_guard lock(mutex_);
       ++opened_;
-      const auto found = items_.find(item.source);
+      const auto found = items_.find(item.source.text);
       if (found == items_.end())
-        throw Error(ErrorKind::Input, item.source + ": no such file", "look for it");
+        throw Error(ErrorKind::Input, item.source.text + ": no such file", "look for it");
       player::OpenedSource opened;
       opened.source = std::make_unique<OffsetSource>(found->second.base, found->second.script);
       return opened;
@@ -92,7 +92,7 @@ class FakeShelf {
   player::Playlist list{.name = "list", .items = {}, .standby = {}, .rounds = rounds};
   for (const std::string& name : names) {
     list.items.emplace_back();
-    list.items.back().source = name;
+    list.items.back().source = player::parse_source(name);
   }
   return list;
 }

@@ -48,24 +48,24 @@ loops = "forever"
 )");
   EXPECT_EQ(list.rounds, kForever);
   ASSERT_TRUE(list.standby);
-  EXPECT_EQ(list.standby->source, "card");
+  EXPECT_EQ(list.standby->source.text, "card");
   ASSERT_EQ(list.items.size(), 3u);
-  EXPECT_EQ(list.items[0].source, "/films/a/%05d.png");
+  EXPECT_EQ(list.items[0].source.text, "/films/a/%05d.png");
   EXPECT_EQ(list.items[0].loops, 3u);
   EXPECT_EQ(list.items[0].rate, (frames::Rate{24000, 1001}));
   EXPECT_EQ(list.items[0].frames, (FrameRange{2, 9}));
-  EXPECT_EQ(list.items[1].source, "/b.png");
+  EXPECT_EQ(list.items[1].source.text, "/b.png");
   EXPECT_EQ(list.items[1].duration_s, 2.5);
   EXPECT_EQ(list.items[1].wait_s, 3.0);
   EXPECT_TRUE(list.items[1].waits_until_primed);
   EXPECT_EQ(list.items[1].schedule, (Schedule{0x41, 22 * 60, 2 * 60 + 30}));
   EXPECT_EQ(list.items[2].loops, kForever);
-  EXPECT_EQ(list.items[2].source, "ring:/run/ring.sock");
+  EXPECT_EQ(list.items[2].source.text, "ring:/run/ring.sock");
 }
 
 TEST(PlaylistFile, FilesAreRelativeToTheListsFolder) {
   const auto source_of = [](const std::string& source) {
-    return parse("[[item]]\nsource = \"" + source + "\"\n").items.front().source;
+    return parse("[[item]]\nsource = \"" + source + "\"\n").items.front().source.text;
   };
   EXPECT_EQ(source_of("a_qs8x6.png"), "/films/a_qs8x6.png");
   EXPECT_EQ(source_of("/a.lts"), "/a.lts");

@@ -147,7 +147,7 @@ TEST_F(PlaylistPlay, StandsByUntilAnItemIsScheduled) {
   Playlist list = list_of({"day"}, kForever);
   list.items[0].schedule = Schedule{.days = 0x7f, .from_minute = 600, .to_minute = 660};
   list.standby.emplace();
-  list.standby->source = "standby";
+  list.standby->source = parse_source("standby");
   options.vblanks = 20;
   play_list(list);
   const std::vector<uint64_t> numbers = shown_numbers(32);

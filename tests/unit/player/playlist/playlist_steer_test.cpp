@@ -88,13 +88,13 @@ class PlaylistSteer : public testing::Test {
     } while (control.on_glass().frames != frames);
   }
   [[nodiscard]] std::shared_ptr<const Playlist> other(const std::string& name) const {
-    return std::make_shared<const Playlist>(playlist_of(name, kForever));
+    return std::make_shared<const Playlist>(playlist_of(parse_source(name), kForever));
   }
 };
 
 TEST_F(PlaylistSteer, APauseHoldsThePictureAndPlayingContinuesWithTheNextFrame) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 1000}});
-  start(playlist_of("a", kForever));
+  start(playlist_of(parse_source("a"), kForever));
   ASSERT_TRUE(is_moving());
   pause_still();
   const GlassPlace paused = control.on_glass();
@@ -110,7 +110,7 @@ TEST_F(PlaylistSteer, APauseHoldsThePictureAndPlayingContinuesWithTheNextFrame) 
 
 TEST_F(PlaylistSteer, ASeekWhilePausedShowsExactlyThatFrame) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 1000}});
-  start(playlist_of("a", kForever));
+  start(playlist_of(parse_source("a"), kForever));
   ASSERT_TRUE(is_moving());
   pause_still();
   for (const uint64_t frame : {500u, 7u, 0u, 999u}) {
@@ -129,7 +129,7 @@ TEST_F(PlaylistSteer, ASeekWhilePausedShowsExactlyThatFrame) {
 TEST_F(PlaylistSteer, AJumpDiscardsFramesFilledBefore) {
   shelf.put("slow", {0, {.geometry = kItemSize, .frames = 100, .rate = frames::Rate{1, 2}}});
   shelf.put("b", {500, {.geometry = kItemSize, .frames = 50}});
-  start(playlist_of("slow", kForever));
+  start(playlist_of(parse_source("slow"), kForever));
   ASSERT_TRUE(within_patience([&] { return plays("slow", 0); }));
   ASSERT_EQ(jump({.list = other("b")}), "");
   ASSERT_TRUE(within_patience([&] { return control.on_glass().frames > 1; }));
@@ -143,7 +143,7 @@ TEST_F(PlaylistSteer, AFailedOpenLeavesTheOldItemPlaying) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 10}});
   shelf.put("large", {0, {.geometry = {.width = 32, .height = 8}, .frames = 10}});
   shelf.put("breaks", {0, {.geometry = kItemSize, .frames = 10, .fails_after = 0}});
-  start(playlist_of("a", kForever));
+  start(playlist_of(parse_source("a"), kForever));
   ASSERT_TRUE(is_moving());
   EXPECT_EQ(jump({.list = other("missing")}), "missing: no such file");
   EXPECT_NE(jump({.list = other("large")}).find("32x8"), std::string::npos);
@@ -172,7 +172,7 @@ TEST_F(PlaylistSteer, NextAndPreviousWrapAroundTheList) {
 
 TEST_F(PlaylistSteer, TheLastOfManyJumpsCounts) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 1000}});
-  start(playlist_of("a", kForever));
+  start(playlist_of(parse_source("a"), kForever));
   ASSERT_TRUE(is_moving());
   pause_still();
   std::atomic<int> answers{0};
@@ -185,7 +185,7 @@ TEST_F(PlaylistSteer, TheLastOfManyJumpsCounts) {
 
 TEST_F(PlaylistSteer, TheNumberOfLoopsCanBeReduced) {
   shelf.put("a", {0, {.geometry = kItemSize, .frames = 10}});
-  start(playlist_of("a", kForever));
+  start(playlist_of(parse_source("a"), kForever));
   ASSERT_TRUE(is_moving());
   source->set_loops(1);
   player.join();

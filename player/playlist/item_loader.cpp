@@ -1,0 +1,472 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/playlist/item_loader.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace lenticule::player {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+/// Pause before another attempt when no item can be played or none is
+/// scheduled.
+constexpr auto kRetry = std::chrono::seconds(1);
+/// Time between two checks of the files. A new state must be seen twice in a
+/// row, because the file may still be being written.
+constexpr auto kLook = std::chrono::seconds(1);
+
+}  // namespace
+
+ItemLoader::ItemLoader(std::shared_ptr<const Playlist> list, ItemLoaderOptions options,
+                       PlaylistReporter& reporter, WakeFd& wake)
+    : options_(std::move(options)), reporter_(reporter), wake_(wake), cursor_(std::move(list)) {
+  thread_ = std::thread([this] { work(); });
+}
+
+ItemLoader::~ItemLoader() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  work_there_.notify_all();
+  thread_.join();
+  const Error ending(ErrorKind::Failed, "load: the player is ending");
+  if (wish_ && wish_->done) wish_->done(&ending);
+}
+
+std::unique_ptr<OpenItem> ItemLoader::open_item(const PlaylistItem& item, uint64_t frame) const {
+  auto open = std::make_unique<OpenItem>();
+  open->item = item;
+  open->first_frame = frame;
+  open->skips_to_first = frame > 0;
+  if (options_.look_at) open->files = options_.look_at(item);
+  open->opened = options_.open(item, frame);
+  const std::string& name = item.source.text;
+  const frames::FrameSource& source = *open->opened.source;
+  const frames::FrameGeometry size = source.geometry();
+  if (size != options_.panel)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: frames of {}x{} pixels, but the panel has {}x{}", name, size.width,
+                            size.height, options_.panel.width, options_.panel.height),
+                "woven frames fit one panel, pixel for pixel");
+  if (source.frame_count() && frame >= *source.frame_count())
+    throw Error(ErrorKind::Usage,
+                fmt::format("frame {}: {} has {} frames", frame, name, *source.frame_count()),
+                "frames are counted from 0");
+  return open;
+}
+
+void ItemLoader::open_first() {
+  const std::shared_ptr<const Playlist> list = [this] {
+    const std::lock_guard lock(mutex_);
+    return cursor_.list();
+  }();
+  std::unique_ptr<OpenItem> first;
+  if (list->items.size() == 1 && !list->items.front().schedule)
+    first = open_item(list->items.front(), 0);
+  const std::lock_guard lock(mutex_);
+  next_wanted_ = first == nullptr;
+  if (first) locked_offer(std::move(first), {.kind = NextItem::Kind::Item});
+  work_there_.notify_all();
+}
+
+void ItemLoader::locked_discard(std::unique_ptr<OpenItem>& item) {
+  if (item) trash_.push_back(std::move(item));
+}
+
+void ItemLoader::locked_offer(std::unique_ptr<OpenItem> item, const NextItem& pick) {
+  item->list = cursor_.list();
+  if (pick.kind == NextItem::Kind::Item) {
+    item->index = pick.index;
+    cursor_.choose(pick.index, pick.rounds_done);
+  }
+  item->rounds_done = cursor_.rounds_done();
+  next_ = std::move(item);
+  next_wanted_ = false;
+  wake_.signal();
+}
+
+// --- loader thread
+// --------------------------------------------------------------------------
+
+void ItemLoader::work() {
+  Lock lock(mutex_);
+  while (!stopping_) {
+    if (!trash_.empty()) {
+      empty_trash(lock);
+    } else if (wish_ && !wish_->opened) {
+      open_wish(lock);
+    } else if (next_wanted_ && !next_ && !list_over_ && SteadyClock::now() >= retry_at_) {
+      open_next(lock);
+    } else if (is_time_to_look()) {
+      look_at_ = SteadyClock::now() + kLook;
+      const bool at_once = std::exchange(look_now_, false);
+      look_at_list(lock, at_once);
+      look_at_item(lock);
+    } else {
+      work_there_.wait_for(lock, kRetry);
+    }
+  }
+}
+
+void ItemLoader::empty_trash(Lock& lock) {
+  std::vector<std::unique_ptr<OpenItem>> trash = std::move(trash_);
+  trash_.clear();
+  lock.unlock();
+  trash.clear();
+  lock.lock();
+}
+
+/// Opens the target of a jump. At most two items are open beside the displayed
+/// one, so the item that was to be next is closed.
+void ItemLoader::open_wish(Lock& lock) {
+  wish_->opened = true;
+  const uint64_t serial = wish_->serial;
+  const PlaylistPlace place = wish_->place;
+  const uint64_t frame = wish_->frame;
+  std::unique_ptr<OpenItem> gone = std::move(next_);
+  const bool next_was_wanted = next_wanted_ || gone;
+  next_wanted_ = false;
+  if (gone) cursor_.back_to_playing();
+  lock.unlock();
+  gone.reset();
+  const PlaylistItem& item = place.list->items[place.index];
+  std::unique_ptr<OpenItem> open;
+  std::optional<Error> error;
+  try {
+    open = open_item(item, frame);
+  } catch (const Error& thrown) {
+    error = thrown;
+  } catch (const std::exception& thrown) {
+    error.emplace(ErrorKind::Failed, item.source.text + ": " + thrown.what());
+  }
+  lock.lock();
+  if (!wish_ || wish_->serial != serial) return locked_discard(open);
+  if (open) {
+    open->list = place.list;
+    open->index = place.index;
+    open->rounds_done = place.rounds_done;
+    wish_->item = std::move(open);
+    return wake_.signal();
+  }
+  const JumpDone done = std::move(wish_->done);
+  wish_.reset();
+  next_wanted_ = next_was_wanted;
+  lock.unlock();
+  done(&*error);
+  wake_.signal();
+  lock.lock();
+}
+
+void ItemLoader::open_next(Lock& lock) {
+  const auto list = cursor_.list();
+  const uint64_t serial = wish_serial_;
+  const NextItem pick = cursor_.next(options_.local_time());
+  const bool standby = pick.kind == NextItem::Kind::Standby;
+  nothing_for_now_ = pick.kind == NextItem::Kind::None;
+  list_over_ = pick.kind == NextItem::Kind::End;
+  const bool waits = standby && followed_.standby;
+  if (nothing_for_now_ || waits) retry_at_ = SteadyClock::now() + kRetry;
+  if (nothing_for_now_ || list_over_ || waits) return wake_.signal();
+
+  const PlaylistItem item = standby ? *list->standby : list->items[pick.index];
+  lock.unlock();
+  std::unique_ptr<OpenItem> open;
+  std::string why;
+  try {
+    open = open_item(item, 0);
+  } catch (const std::exception& error) {
+    why = error.what();
+  }
+  lock.lock();
+  if (serial != wish_serial_ || list != cursor_.list()) return locked_discard(open);
+  if (open) return locked_offer(std::move(open), pick);
+  if (!standby) cursor_.choose(pick.index, pick.rounds_done);
+  if (broken_in_a_row_ + 1 >= list->items.size() || standby)
+    retry_at_ = SteadyClock::now() + kRetry;
+  lock.unlock();
+  skip(item.source.text, why);
+  lock.lock();
+}
+
+// --- replaced files
+// -------------------------------------------------------------------------
+
+bool ItemLoader::is_time_to_look() const {
+  const bool follows = options_.look_at || options_.read_list;
+  return follows && !ended_ && (look_now_ || SteadyClock::now() >= look_at_);
+}
+
+/// Reads the list if its file was replaced. A list that cannot be read is not
+/// tried again until its file changes.
+void ItemLoader::look_at_list(Lock& lock, bool at_once) {
+  const auto list = cursor_.list();
+  if (!options_.read_list || !list->file) return;
+  lock.unlock();
+  const FileMark now = mark_of(list->name);
+  lock.lock();
+  const bool steady = std::exchange(list_seen_, now) == now;
+  const bool is_new = now != *list->file;
+  if (list != cursor_.list() || !(at_once || (is_new && steady))) return;
+  lock.unlock();
+  std::optional<Playlist> read;
+  std::string why;
+  try {
+    read = options_.read_list(list->name);
+  } catch (const std::exception& error) {
+    why = error.what();
+  }
+  lock.lock();
+  if (list != cursor_.list()) return;
+  const bool is_read = read.has_value();
+  if (is_read)
+    locked_take_list(std::move(*read));
+  else
+    cursor_.keep_list(now);
+  lock.unlock();
+  if (is_read)
+    reporter_.replaced(list->name);
+  else
+    reporter_.kept(list->name, why);
+  lock.lock();
+}
+
+/// Replaces the list. An item that the new list does not contain ends with its
+/// round.
+void ItemLoader::locked_take_list(Playlist list) {
+  const auto taken = std::make_shared<const Playlist>(std::move(list));
+  const bool plays_item = followed_.number != 0 && !followed_.standby;
+  const bool continues = cursor_.replace_list(taken, plays_item ? &followed_.item : nullptr);
+  outdated_ = plays_item ? !continues : followed_.standby && taken->standby != followed_.item;
+  next_wanted_ = next_wanted_ || next_;
+  locked_discard(next_);
+  list_over_ = nothing_for_now_ = false;
+  retry_at_ = {};
+  broken_in_a_row_ = 0;
+  reporter_.take_list(taken->items.size(), cursor_.playing());
+  wake_.signal();
+}
+
+/// Opens the item again if its files were replaced. Not needed when the next
+/// item is already being opened.
+void ItemLoader::look_at_item(Lock& lock) {
+  if (!options_.look_at || followed_.number == 0 || next_ || next_wanted_ || wish_ || outdated_)
+    return;
+  const uint32_t number = followed_.number;
+  const PlaylistItem item = followed_.item;
+  if (followed_.files.empty()) return;
+  lock.unlock();
+  const std::vector<FileMark> now = options_.look_at(item);
+  lock.lock();
+  if (followed_.number != number) return;
+  const bool steady = std::exchange(followed_.seen, now) == now;
+  if (!steady || now == followed_.files) return;
+  followed_.files = now;
+  lock.unlock();
+  std::unique_ptr<OpenItem> open;
+  std::string why;
+  try {
+    open = open_item(item, 0);
+  } catch (const std::exception& error) {
+    why = error.what();
+  }
+  if (!open) reporter_.kept(item.source.text, why);
+  lock.lock();
+  if (!open) return;
+  if (followed_.number != number) return locked_discard(open);
+  open->number = number;
+  open->list = cursor_.list();
+  open->index = cursor_.playing();
+  open->rounds_done = followed_.rounds_done;
+  locked_discard(replacement_);
+  replacement_ = std::move(open);
+}
+
+// --- filler
+// ---------------------------------------------------------------------------------
+
+ItemLoader::Offer ItemLoader::take_next() {
+  const std::lock_guard lock(mutex_);
+  if (!next_ && !list_over_ && !next_wanted_) {
+    next_wanted_ = true;
+    work_there_.notify_all();
+  }
+  if (!next_) return {};
+  if (next_->item.waits_until_primed && !next_->opened.source->saturated())
+    return {.item = nullptr, .primes = true};
+  return {.item = std::move(next_), .primes = false};
+}
+
+void ItemLoader::want_next() {
+  const std::lock_guard lock(mutex_);
+  next_wanted_ = true;
+  work_there_.notify_all();
+}
+
+bool ItemLoader::next_is_there() const {
+  const std::lock_guard lock(mutex_);
+  return next_ != nullptr;
+}
+
+ItemLoader::Prospect ItemLoader::prospect() {
+  const std::lock_guard lock(mutex_);
+  ended_ = list_over_ && !wish_ && !next_ && !held_;
+  if (ended_) return Prospect::Ended;
+  const bool idle = held_ || nothing_for_now_ || broken_in_a_row_ > 0 || wish_;
+  return idle ? Prospect::Idle : Prospect::Soon;
+}
+
+void ItemLoader::begin(const OpenItem& item) {
+  const std::lock_guard lock(mutex_);
+  followed_ = {.number = item.number,
+               .standby = !item.index,
+               .rounds_done = item.rounds_done,
+               .item = item.item,
+               .files = item.files,
+               .seen = item.files};
+  outdated_ = false;
+  locked_discard(replacement_);
+  cursor_.begin(item.index);
+}
+
+void ItemLoader::leave() {
+  const std::lock_guard lock(mutex_);
+  followed_ = {};
+}
+
+void ItemLoader::note_first_frame() {
+  const std::lock_guard lock(mutex_);
+  broken_in_a_row_ = 0;
+}
+
+void ItemLoader::skip(const std::string& source, const std::string& why) {
+  {
+    const std::lock_guard lock(mutex_);
+    ++broken_in_a_row_;
+  }
+  reporter_.skipped(source, why);
+}
+
+void ItemLoader::close(std::unique_ptr<OpenItem> item) {
+  const std::lock_guard lock(mutex_);
+  trash_.push_back(std::move(item));
+  work_there_.notify_all();
+}
+
+uint64_t ItemLoader::loops_of(const OpenItem& item) const {
+  const std::lock_guard lock(mutex_);
+  const std::vector<PlaylistItem>& items = cursor_.list()->items;
+  return items.size() == 1 && item.index ? items.front().loops : item.item.loops;
+}
+
+bool ItemLoader::is_outdated() const {
+  const std::lock_guard lock(mutex_);
+  return outdated_;
+}
+
+std::unique_ptr<OpenItem> ItemLoader::take_replacement(uint32_t number) {
+  const std::lock_guard lock(mutex_);
+  if (!replacement_ || replacement_->number != number) return nullptr;
+  return std::move(replacement_);
+}
+
+// --- jumps
+// ----------------------------------------------------------------------------------
+
+void ItemLoader::jump(const Jump& jump, const JumpDone& done) {
+  std::optional<Wish> replaced;
+  std::optional<Error> error;
+  try {
+    const std::lock_guard lock(mutex_);
+    if (ended_)
+      throw Error(ErrorKind::Failed, "control: playing is about to end", "pause it earlier");
+    replaced = std::exchange(wish_, Wish{.place = cursor_.target_of(jump),
+                                         .frame = jump.frame,
+                                         .serial = wish_serial_ + 1,
+                                         .opened = false,
+                                         .item = nullptr,
+                                         .done = done,
+                                         .since = SteadyClock::now()});
+    ++wish_serial_;
+    if (replaced) locked_discard(replaced->item);
+  } catch (const Error& thrown) {
+    error = thrown;
+  }
+  work_there_.notify_all();
+  if (error) return done(&*error);
+  const Error superseded(ErrorKind::Failed, "load: another one came before it was ready");
+  if (replaced && replaced->done) replaced->done(&superseded);
+}
+
+std::optional<ItemLoader::Arrival> ItemLoader::take_arrival() {
+  const std::lock_guard lock(mutex_);
+  if (!wish_ || !wish_->item) return std::nullopt;
+  return Arrival{.item = std::move(wish_->item), .serial = wish_->serial, .since = wish_->since};
+}
+
+void ItemLoader::put_back(Arrival arrival) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (wish_ && wish_->serial == arrival.serial) wish_->item = std::move(arrival.item);
+  }
+  if (arrival.item) close(std::move(arrival.item));
+}
+
+JumpDone ItemLoader::accept(uint64_t serial) {
+  const std::lock_guard lock(mutex_);
+  if (!wish_ || wish_->serial != serial) return nullptr;
+  JumpDone done = std::move(wish_->done);
+  cursor_.jump(wish_->place);
+  list_over_ = nothing_for_now_ = false;
+  ++wish_serial_;  // discards the item being opened for the old place
+  locked_discard(next_);
+  next_wanted_ = false;
+  wish_.reset();
+  return done;
+}
+
+void ItemLoader::fail(Arrival arrival, const std::string& why) {
+  const Error error(ErrorKind::Input, arrival.item->item.source.text + ": " + why);
+  close(std::move(arrival.item));
+  JumpDone done;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!wish_ || wish_->serial != arrival.serial) return;
+    done = std::move(wish_->done);
+    wish_.reset();
+    next_wanted_ = true;
+    work_there_.notify_all();
+  }
+  done(&error);
+}
+
+// --- any thread
+// -----------------------------------------------------------------------------
+
+void ItemLoader::set_loops(uint64_t loops) {
+  const std::lock_guard lock(mutex_);
+  cursor_.set_loops(loops);
+  list_over_ = false;
+  work_there_.notify_all();
+}
+
+void ItemLoader::hold(bool held) {
+  const std::lock_guard lock(mutex_);
+  held_ = held;
+  wake_.signal();
+}
+
+void ItemLoader::look_again() {
+  const std::lock_guard lock(mutex_);
+  look_now_ = true;
+  work_there_.notify_all();
+}
+
+bool ItemLoader::is_jumping() const {
+  const std::lock_guard lock(mutex_);
+  return wish_.has_value();
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+// ItemLoader opens and closes the items of a playlist on a thread of its own,
+// because both may take long: the next item ahead of time, the target of a
+// jump, and files that were replaced.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "base/error.h"
+#include "base/wake_fd.h"
+#include "player/playlist/open_item.h"
+#include "player/playlist/playlist_cursor.h"
+#include "player/playlist/playlist_reporter.h"
+
+namespace lenticule::player {
+
+/// Returns the state of an item's files; two results are equal as long as no
+/// file was replaced. Thread safety: any thread.
+using ItemLook = std::function<std::vector<FileMark>(const PlaylistItem& item)>;
+/// Reads a list again. Throws Error. Thread safety: any thread; may take long.
+using ListReader = std::function<Playlist(const std::string& name)>;
+/// Called with null when the first frame of the new place has been taken,
+/// otherwise with the reason why the old item continues.
+using JumpDone = std::function<void(const Error* error)>;
+
+struct ItemLoaderOptions {
+  frames::FrameGeometry panel = {};
+  ItemOpener open;
+  std::function<LocalTime()> local_time;
+  ItemLook look_at = nullptr;      ///< null: replaced files of items are not detected
+  ListReader read_list = nullptr;  ///< null: a replaced list is not detected
+};
+
+/// Thread safety: each function says on which thread it runs. The filler is the
+/// thread that takes frames; items are handed over, so that only one thread at
+/// a time uses an OpenItem. `wake` is signalled when the filler may find
+/// something new.
+class ItemLoader {
+ public:
+  /// Lifetime: `reporter` and `wake` must outlive the loader.
+  ItemLoader(std::shared_ptr<const Playlist> list, ItemLoaderOptions options,
+             PlaylistReporter& reporter, WakeFd& wake);
+  /// Ends the thread. A pending jump fails.
+  ~ItemLoader();
+  ItemLoader(const ItemLoader&) = delete;
+  ItemLoader& operator=(const ItemLoader&) = delete;
+
+  /// Opens the only item of a list on the calling thread, or begins to look for
+  /// the first item that can be played. Throws as ItemOpener does. Called
+  /// before the filler begins.
+  void open_first();
+
+  // The next item. Thread safety: the filler.
+  struct Offer {
+    std::unique_ptr<OpenItem> item;  ///< null: none is ready
+    bool primes = false;             ///< it is open, and waits until its pool is full
+  };
+  [[nodiscard]] Offer take_next();
+  void want_next();
+  [[nodiscard]] bool next_is_there() const;
+  enum class Prospect {
+    Ended,  ///< the list is over, which is final
+    Idle,   ///< no frame is due: a pause, a time without items, only broken
+            ///< items, a jump
+    Soon,   ///< an item is being opened
+  };
+  /// Returns the prospect of a filler without an item.
+  [[nodiscard]] Prospect prospect();
+
+  // The playing item. Thread safety: the filler.
+  void begin(const OpenItem& item);
+  void leave();
+  void note_first_frame();
+  /// Counts and reports an item that cannot be played, or not any further.
+  void skip(const std::string& source, const std::string& why);
+  void close(std::unique_ptr<OpenItem> item);
+  [[nodiscard]] uint64_t loops_of(const OpenItem& item) const;
+  /// Returns true if the list was replaced by one that does not continue the
+  /// playing item.
+  [[nodiscard]] bool is_outdated() const;
+  /// Returns the item of that number with its new files; null if they were not
+  /// replaced.
+  [[nodiscard]] std::unique_ptr<OpenItem> take_replacement(uint32_t number);
+
+  // The target of a jump. Thread safety: the filler.
+  struct Arrival {
+    std::unique_ptr<OpenItem> item;
+    uint64_t serial = 0;
+    std::chrono::steady_clock::time_point since{};  ///< time of the request
+  };
+  /// Returns the target if it is open; its first frame is still to come.
+  [[nodiscard]] std::optional<Arrival> take_arrival();
+  void put_back(Arrival arrival);
+  /// Moves the list to the target, and returns the function to call then. Null
+  /// if another jump was requested meanwhile.
+  [[nodiscard]] JumpDone accept(uint64_t serial);
+  void fail(Arrival arrival, const std::string& why);
+
+  // Thread safety: any thread.
+  void jump(const Jump& jump, const JumpDone& done);
+  void set_loops(uint64_t loops);
+  void hold(bool held);
+  void look_again();
+  [[nodiscard]] bool is_jumping() const;
+
+ private:
+  using SteadyTime = std::chrono::steady_clock::time_point;
+  using Lock = std::unique_lock<std::mutex>;
+
+  /// A requested jump.
+  struct Wish {
+    PlaylistPlace place;
+    uint64_t frame = 0;
+    uint64_t serial = 0;
+    bool opened = false;
+    std::unique_ptr<OpenItem> item;  ///< null until it is open, and while the filler tries it
+    JumpDone done;
+    SteadyTime since{};
+  };
+  /// The playing item, whose files are checked.
+  struct Followed {
+    uint32_t number = 0;  ///< 0: none
+    bool standby = false;
+    uint64_t rounds_done = 0;
+    PlaylistItem item{};
+    std::vector<FileMark> files{};
+    std::vector<FileMark> seen{};  ///< state at the last check
+  };
+
+  // Loader thread. Functions with a lock release it while they open, close or
+  // read files.
+  void work();
+  void empty_trash(Lock& lock);
+  void open_wish(Lock& lock);
+  void open_next(Lock& lock);
+  [[nodiscard]] bool is_time_to_look() const;
+  void look_at_list(Lock& lock, bool at_once);
+  void look_at_item(Lock& lock);
+
+  // Any thread. `locked_`: the caller holds the mutex.
+  [[nodiscard]] std::unique_ptr<OpenItem> open_item(const PlaylistItem& item, uint64_t frame) const;
+  void locked_offer(std::unique_ptr<OpenItem> item, const NextItem& pick);
+  void locked_discard(std::unique_ptr<OpenItem>& item);
+  void locked_take_list(Playlist list);
+
+  const ItemLoaderOptions options_;
+  PlaylistReporter& reporter_;
+  WakeFd& wake_;
+
+  /// Guards the members below. Items are never opened, closed or decoded while
+  /// it is locked.
+  mutable std::mutex mutex_;
+  std::condition_variable work_there_;
+  PlaylistCursor cursor_;
+  std::unique_ptr<OpenItem> next_;
+  bool next_wanted_ = false;
+  std::optional<Wish> wish_;
+  uint64_t wish_serial_ = 0;  ///< changes when an item that is being opened is not wanted any more
+  std::unique_ptr<OpenItem> replacement_;  ///< replaces the item of followed_ at its loop point
+  std::vector<std::unique_ptr<OpenItem>> trash_;  ///< items to close
+  Followed followed_;
+  bool outdated_ = false;   ///< the new list no longer contains the playing item unchanged
+  bool list_over_ = false;  ///< the last round is over
+  bool held_ = false;
+  bool ended_ = false;            ///< the filler was told that the list is over
+  bool nothing_for_now_ = false;  ///< no item is scheduled now
+  size_t broken_in_a_row_ = 0;
+  SteadyTime retry_at_{};
+  bool look_now_ = false;
+  SteadyTime look_at_{};
+  std::optional<FileMark> list_seen_;  ///< state of the list's file at the last check
+  bool stopping_ = false;
+
+  std::thread thread_;  // last member: the thread uses everything above
+};
+
+}  // namespace lenticule::player

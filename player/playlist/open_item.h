@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// OpenItem is an item of a playlist with its open source and the progress of
+// its playback.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "player/playlist/playlist.h"
+#include "player/sources/source_open.h"
+
+namespace lenticule::player {
+
+/// Thread safety: one thread at a time. The loader opens the item, the filler
+/// plays it and gives it back to the loader to be closed.
+struct OpenItem {
+  // Set by the loader.
+  std::shared_ptr<const Playlist> list;
+  PlaylistItem item;
+  std::optional<size_t> index;  ///< none: standby
+  uint64_t rounds_done = 0;     ///< rounds of the list when the item was chosen
+  uint64_t first_frame = 0;
+  std::vector<FileMark> files;  ///< state of the files before the item was opened
+  OpenedSource opened;
+
+  // Changed by the filler.
+  uint32_t number = 0;  ///< running number over all items that were started
+  uint64_t pulled = 0;
+  uint64_t pulled_this_round = 0;
+  uint64_t loops_done = 0;
+  uint64_t lent = 0;
+  frames::FrameDamage damage{};  ///< the part that is already reported
+  bool skips_to_first = false;
+  bool waits_for_renderer = false;  ///< a ring between two sequences
+  std::chrono::steady_clock::time_point waiting_since{};
+
+  [[nodiscard]] bool is_still() const { return opened.source->frame_count() == uint64_t{1}; }
+  /// Returns true for the item of a list of one, which waits for frames as long
+  /// as its player does.
+  [[nodiscard]] bool is_alone() const { return list->items.size() == 1 && !list->standby; }
+  [[nodiscard]] bool waited_too_long() const;
+  /// Returns the number of frames after which the item ends at this rate; none
+  /// if loops end it.
+  [[nodiscard]] std::optional<uint64_t> frame_limit(frames::Rate rate) const;
+};
+
+/// Opens an item from its frame `first_frame` on, as open_source() does. Thread
+/// safety: any thread; may take long.
+using ItemOpener = std::function<OpenedSource(const PlaylistItem& item, uint64_t first_frame)>;
+
+}  // namespace lenticule::player

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/playlist/playlist_cursor.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "base/error.h"
+
+namespace lenticule::player {
+
+void PlaylistCursor::choose(size_t index, uint64_t rounds_done) {
+  chosen_ = index;
+  rounds_done_ = rounds_done;
+}
+
+void PlaylistCursor::back_to_playing() {
+  if (playing_) chosen_ = playing_;
+}
+
+PlaylistPlace PlaylistCursor::target_of(const Jump& jump) const {
+  const auto list = jump.list ? jump.list : list_;
+  const auto items = static_cast<int64_t>(list->items.size());
+  const auto here = static_cast<int64_t>((playing_ ? playing_ : chosen_).value_or(0));
+  int64_t index = jump.item.value_or(0);
+  if (jump.relative) index = ((index + here) % items + items) % items;
+  if (!jump.item && !jump.list) index = here;
+  if (index < 0 || index >= items)
+    throw Error(ErrorKind::Usage, fmt::format("item {}: the list has {}", index, items),
+                "items are counted from 0");
+  return {.list = list,
+          .index = static_cast<size_t>(index),
+          .rounds_done = jump.list ? 0 : rounds_done_};
+}
+
+void PlaylistCursor::jump(const PlaylistPlace& place) {
+  list_ = place.list;
+  choose(place.index, place.rounds_done);
+}
+
+void PlaylistCursor::set_loops(uint64_t loops) {
+  auto list = std::make_shared<Playlist>(*list_);
+  if (list->items.size() == 1) list->items.front().loops = loops;
+  if (list->items.size() > 1) list->rounds = loops;
+  rounds_done_ = 0;
+  list_ = std::move(list);
+}
+
+void PlaylistCursor::keep_list(const FileMark& file) {
+  auto kept = std::make_shared<Playlist>(*list_);
+  kept->file = file;
+  list_ = std::move(kept);
+}
+
+bool PlaylistCursor::replace_list(std::shared_ptr<const Playlist> list,
+                                  const PlaylistItem* playing) {
+  list_ = std::move(list);
+  const std::vector<PlaylistItem>& items = list_->items;
+  if (playing == nullptr) {
+    if (chosen_ && *chosen_ >= items.size()) chosen_.reset();
+    return false;
+  }
+  const auto place_of = [&](auto&& is_it) -> std::optional<size_t> {
+    const auto found = std::find_if(items.begin(), items.end(), is_it);
+    if (found == items.end()) return std::nullopt;
+    return static_cast<size_t>(found - items.begin());
+  };
+  // The same item may be in the list several times.
+  if (playing_ && *playing_ < items.size() && items[*playing_] == *playing)
+    chosen_ = playing_;
+  else
+    chosen_ = place_of([&](const PlaylistItem& item) { return item == *playing; });
+  if (chosen_) {
+    playing_ = chosen_;
+    return true;
+  }
+  // Changed settings of the item take effect when it begins again, so the item
+  // itself is next.
+  const auto changed =
+      place_of([&](const PlaylistItem& item) { return item.source == playing->source; });
+  if (changed && *changed > 0) chosen_ = *changed - 1;
+  return false;
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/playlist/playlist_reporter.h"
+
+#include <utility>
+
+#include "player/playback/play_statistics.h"
+
+namespace lenticule::player {
+namespace {
+
+using Kind = PlaylistEvent::Kind;
+
+constexpr size_t kRememberedItems = 64;
+constexpr size_t kMostDamagedItems = 1000;
+
+}  // namespace
+
+PlaylistReporter::PlaylistReporter(const Playlist& list, OnEvent on_event)
+    : on_event_(std::move(on_event)) {
+  status_.list = list.name;
+  status_.items = list.items.size();
+}
+
+void PlaylistReporter::begin(const OpenItem& item) {
+  const std::lock_guard lock(mutex_);
+  status_.list = item.list->name;
+  status_.items = item.list->items.size();
+  status_.source = item.item.source.text;
+  status_.item = item.index;
+  status_.frames = item.opened.source->frame_count();
+  status_.rounds_done = item.rounds_done;
+  begun_.push_back({item.number, item.item.source.text, item.index});
+  if (begun_.size() > kRememberedItems) begun_.pop_front();
+}
+
+void PlaylistReporter::started(const OpenItem& item) {
+  {
+    const std::lock_guard lock(mutex_);
+    ++status_.started;
+  }
+  tell(Kind::ItemStarted, item.item.source.text, {});
+}
+
+void PlaylistReporter::seam(const std::string& source) {
+  {
+    const std::lock_guard lock(mutex_);
+    ++status_.seams;
+  }
+  tell(Kind::Seam, source, {});
+}
+
+void PlaylistReporter::skipped(const std::string& source, const std::string& why) {
+  {
+    const std::lock_guard lock(mutex_);
+    ++status_.skipped;
+    status_.last_trouble = why;
+  }
+  tell(Kind::ItemSkipped, source, why);
+}
+
+void PlaylistReporter::replaced(const std::string& source) {
+  tell(Kind::Replaced, source, {});
+}
+
+void PlaylistReporter::kept(const std::string& source, const std::string& why) {
+  tell(Kind::Kept, source, why);
+}
+
+void PlaylistReporter::count_damage(OpenItem& item) {
+  const frames::FrameDamage now = item.opened.source->damage();
+  const frames::FrameDamage before = std::exchange(item.damage, now);
+  if (now == before) return;
+  const frames::FrameDamage more{.damaged = now.damaged - before.damaged,
+                                 .missing = now.missing - before.missing,
+                                 .repeated = now.repeated - before.repeated};
+  const std::string& source = item.item.source.text;
+  const std::lock_guard lock(mutex_);
+  status_.damage += more;
+  const bool known = status_.damaged_items.contains(source);
+  if (known || status_.damaged_items.size() < kMostDamagedItems)
+    status_.damaged_items[source] += more;
+}
+
+void PlaylistReporter::tell_damage(const OpenItem& item) {
+  if (item.damage.any()) tell(Kind::ItemDamaged, item.item.source.text, damage_text(item.damage));
+}
+
+void PlaylistReporter::take_list(size_t items, std::optional<size_t> playing) {
+  const std::lock_guard lock(mutex_);
+  status_.items = items;
+  status_.item = playing;
+}
+
+PlaylistStatus PlaylistReporter::status() const {
+  const std::lock_guard lock(mutex_);
+  return status_;
+}
+
+frames::FrameDamage PlaylistReporter::damage() const {
+  const std::lock_guard lock(mutex_);
+  return status_.damage;
+}
+
+std::string PlaylistReporter::source_of(uint32_t number) const {
+  const std::lock_guard lock(mutex_);
+  for (const Begun& one : begun_)
+    if (one.number == number) return one.source;
+  return {};
+}
+
+std::optional<size_t> PlaylistReporter::place_of(uint32_t number) const {
+  const std::lock_guard lock(mutex_);
+  for (const Begun& one : begun_)
+    if (one.number == number) return one.index;
+  return std::nullopt;
+}
+
+void PlaylistReporter::tell(Kind kind, const std::string& source, const std::string& detail) const {
+  if (on_event_) on_event_({kind, source, detail});
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// PlaylistReporter keeps the status of a playlist, and passes its events and
+// faults on.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "player/playlist/open_item.h"
+
+namespace lenticule::player {
+
+struct PlaylistEvent {
+  enum class Kind {
+    ItemStarted,  ///< its first frame was taken; the panel shows it a few frames
+                  ///< later
+    Seam,         ///< loop point: the item begins again without a gap
+    ItemSkipped,  ///< the item cannot be played, or not any further
+    Replaced,     ///< the list, or the item's file, was replaced and is played from
+                  ///< now on
+    Kept,         ///< a replacement cannot be played: the old content continues
+    ItemDamaged,  ///< the item was played, but some of its frames were damaged,
+                  ///< missing or repeated
+  };
+  Kind kind = Kind::ItemStarted;
+  std::string source;
+  std::string detail;  ///< reason for ItemSkipped or Kept
+};
+
+/// A snapshot of the playlist's state.
+struct PlaylistStatus {
+  std::string list;
+  std::string source;  ///< source that frames are taken from; empty if none
+  std::optional<size_t> item{};
+  size_t items = 0;
+  std::optional<uint64_t> frames{};  ///< frames in one round of the item, if known
+  uint64_t rounds_done = 0;
+  uint64_t started = 0;
+  uint64_t seams = 0;
+  uint64_t skipped = 0;
+  std::string last_trouble{};
+  frames::FrameDamage damage{};  ///< total over all items so far
+  /// The damaged items, by source.
+  std::map<std::string, frames::FrameDamage> damaged_items{};
+  bool opening = false;  ///< the target of a jump is being opened
+};
+
+/// Thread safety: any thread. Events are sent on the thread that reports them,
+/// without a lock.
+class PlaylistReporter {
+ public:
+  using OnEvent = std::function<void(const PlaylistEvent&)>;
+
+  /// `on_event` may be null.
+  PlaylistReporter(const Playlist& list, OnEvent on_event);
+
+  /// Reports that frames are taken from the item from now on.
+  void begin(const OpenItem& item);
+  void started(const OpenItem& item);
+  void seam(const std::string& source);
+  void skipped(const std::string& source, const std::string& why);
+  /// Reports a list or an item that was replaced, or whose replacement cannot
+  /// be used.
+  void replaced(const std::string& source);
+  void kept(const std::string& source, const std::string& why);
+  /// Adds the damage that the item's source found since the last call.
+  void count_damage(OpenItem& item);
+  /// Reports the whole damage of an item that ends.
+  void tell_damage(const OpenItem& item);
+  /// Reports the size of a new list, and the place of the playing item in it.
+  void take_list(size_t items, std::optional<size_t> playing);
+
+  [[nodiscard]] PlaylistStatus status() const;
+  [[nodiscard]] frames::FrameDamage damage() const;
+  /// Returns the source of an item by its number; empty if it is no longer
+  /// remembered.
+  [[nodiscard]] std::string source_of(uint32_t number) const;
+  /// Returns the item's place in the list, if it is remembered and in the list.
+  [[nodiscard]] std::optional<size_t> place_of(uint32_t number) const;
+
+ private:
+  struct Begun {
+    uint32_t number = 0;
+    std::string source;
+    std::optional<size_t> index;
+  };
+  void tell(PlaylistEvent::Kind kind, const std::string& source, const std::string& detail) const;
+
+  const OnEvent on_event_;
+  mutable std::mutex mutex_;  ///< guards the members below; no other lock is taken under it
+  PlaylistStatus status_;
+  std::deque<Begun> begun_;
+};
+
+}  // namespace lenticule::player

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/play_items.h"
+
+namespace lenticule::player {
+
+Playlist read_playlist(const SourceSpec& source, const PlayFlags& flags, const PlayPlan& plan) {
+  if (source.kind != SourceKind::List) {
+    Playlist list = playlist_of(source, plan.playback.loops);
+    if (source == plan.source.spec) list.items.front().frames = plan.source.frames;
+    return list;
+  }
+  Playlist list = load_playlist(source.text);
+  const bool says_how_often = !flags.loop.empty() || flags.duration_s;
+  if (says_how_often) list.rounds = plan.playback.loops;
+  return list;
+}
+
+ItemOpener item_opener(const SourceRequest& like) {
+  return [like](const PlaylistItem& item, uint64_t first_frame) {
+    SourceRequest request = like;
+    request.spec = item.source;
+    request.frames = item.frames;
+    request.first_frame = first_frame;
+    request.plays_again = item.loops != 1 || item.duration_s.has_value();
+    return open_source(request);
+  };
+}
+
+}  // namespace lenticule::player

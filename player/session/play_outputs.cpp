@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/session/play_outputs.h"
+
+#include <fmt/format.h>
+
+#include "base/json_output.h"
+#include "base/print.h"
+#include "display/open/open_display.h"
+#include "optics/trim.h"
+
+namespace lenticule::player {
+
+using nlohmann::ordered_json;
+
+PlayOutputs::PlayOutputs(const PlayFlags& flags, PlayPlan& plan) : flags_(flags), plan_(plan) {
+  if (!flags.stats.empty()) statistics_.emplace(flags.stats);
+}
+
+void PlayOutputs::open_recording() {
+  if (!flags_.record.empty()) plan_.display.recorder = display::open_recorder(flags_.record);
+}
+
+std::vector<PlayOutputs::File> PlayOutputs::files() const {
+  std::vector<File> files;
+  if (statistics_) files.push_back({flags_.stats, statistics_->state()});
+  if (plan_.display.recorder)
+    files.push_back({flags_.record, plan_.display.recorder->writes().state()});
+  if (plan_.trim)
+    files.push_back({optics::trim_file_of(flags_.rig).string(), plan_.trim->writes().state()});
+  return files;
+}
+
+void PlayOutputs::write_statistics(const ordered_json& statistics) {
+  if (statistics_) statistics_->write(json_text(statistics, 2) + "\n");
+}
+
+void PlayOutputs::describe_trouble(ordered_json& statistics) const {
+  statistics["write_trouble"] = ordered_json::array();
+  for (const File& file : files())
+    if (file.state.failures > 0)
+      statistics["write_trouble"].push_back(
+          {{"object", file.name}, {"cause", file.state.reason}, {"failures", file.state.failures}});
+}
+
+std::string PlayOutputs::tell_trouble() {
+  std::string all;
+  for (const File& file : files()) {
+    const std::string& reason = file.state.reason;
+    if (!reason.empty()) {
+      const bool names_it = reason.find(": ") != std::string::npos;
+      const std::string what = names_it ? reason : fmt::format("{}: {}", file.name, reason);
+      all += all.empty() ? what : ", " + what;
+      if (cannot_write_.insert(file.name).second)
+        say("{}; playing goes on, and it is tried again\n", what);
+    } else if (cannot_write_.erase(file.name) > 0) {
+      say("{}: written again after {} failures\n", file.name, file.state.failures);
+    }
+  }
+  return all;
+}
+
+void PlayOutputs::try_at_once() {
+  if (statistics_) statistics_->try_at_once();
+  if (plan_.display.recorder) plan_.display.recorder->writes().try_at_once();
+  if (plan_.trim) plan_.trim->writes().try_at_once();
+}
+
+void PlayOutputs::save_trim_again() {
+  if (plan_.trim) plan_.trim->save_again();
+}
+
+ordered_json PlayOutputs::finish_recording() {
+  if (!plan_.display.recorder) return nullptr;
+  display::ScanoutRecorder& recorder = *plan_.display.recorder;
+  try {
+    recorder.finish();
+  } catch (const Error& error) {
+    incomplete_ = error;
+  }
+  const uint64_t skipped = recorder.skipped();
+  if (skipped > 0)
+    say("{}: {} frames that were on the glass came too fast and are not recorded\n"
+        "  record checksums, or fewer frames a second, or with --clock simulated\n",
+        flags_.record, skipped);
+  return {{"place", flags_.record}, {"skipped", skipped}, {"lost", recorder.lost()}};
+}
+
+void PlayOutputs::finish_statistics() {
+  constexpr auto kLastPatience = std::chrono::seconds(10);
+  if (!statistics_) return;
+  const std::string why = statistics_->finish(kLastPatience);
+  if (!why.empty() && !incomplete_) incomplete_.emplace(ErrorKind::Failed, why);
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// SourceSpec is a SOURCE as the user names it. parse_source is the only place that knows by which
+// name a source is of which kind.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "player/sources/content_flags.h"
+
+namespace lenticule::player {
+
+enum class SourceKind {
+  Card,       ///< "card": a test card
+  RigViews,   ///< "views": the rig's views, each showing its number
+  Ring,       ///< "ring:SOCKET": frames of another process
+  ViewFiles,  ///< "views:PATTERN", "views:A|B": a picture or a film per view
+  List,       ///< "NAME.toml": a playlist
+  Sequence,   ///< "NAME.lts", and "NAME.lts.part" while it is unfinished
+  Video,      ///< "NAME.mkv" and the other names that lenticule-video reads
+  Pictures,   ///< all other names: a picture, or a pattern such as "out/%05d.png"
+};
+
+/// Only the name decides the kind. Whether the pictures of a file are woven frames or views is
+/// decided by meaning_of(), which also reads flags, sidecars and containers.
+struct SourceSpec {
+  SourceKind kind = SourceKind::Pictures;
+  std::string text = {};      ///< the name as it was given
+  ContentFlags content = {};  ///< flags that were given with the source; none for items of lists
+
+  /// Returns true for a source whose pictures are in files.
+  [[nodiscard]] bool has_pictures() const;
+  /// Returns the text after "ring:" or "views:", otherwise the whole text.
+  [[nodiscard]] std::string without_prefix() const;
+  /// Returns the files and patterns that the text names: several for "views:A|B", none for a source
+  /// that is not in files.
+  [[nodiscard]] std::vector<std::string> files() const;
+  /// Returns the same source, as seen from elsewhere: its relative files are resolved against
+  /// `folder`.
+  [[nodiscard]] SourceSpec in_folder(const std::filesystem::path& folder) const;
+
+  friend bool operator==(const SourceSpec&, const SourceSpec&) = default;
+};
+
+[[nodiscard]] SourceSpec parse_source(std::string text, ContentFlags content = {});
+
+/// Returns Sequence, Video or Pictures, for a file or pattern within a source.
+[[nodiscard]] SourceKind kind_of_file(const std::filesystem::path& file);
+
+}  // namespace lenticule::player

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "player/sources/source_spec.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace lenticule::player {
+namespace {
+
+TEST(SourceSpec, TheNameDecidesTheKind) {
+  const auto kind = [](const char* text) { return parse_source(text).kind; };
+  EXPECT_EQ(kind("card"), SourceKind::Card);
+  EXPECT_EQ(kind("views"), SourceKind::RigViews);
+  EXPECT_EQ(kind("ring:/run/panel"), SourceKind::Ring);
+  EXPECT_EQ(kind("views:left.mkv|right.mkv"), SourceKind::ViewFiles);
+  EXPECT_EQ(kind("evening.toml"), SourceKind::List);
+  EXPECT_EQ(kind("film.lts"), SourceKind::Sequence);
+  EXPECT_EQ(kind("film.lts.part"), SourceKind::Sequence);
+  EXPECT_EQ(kind("film.MKV"), SourceKind::Video);
+  EXPECT_EQ(kind("out/%05d.png"), SourceKind::Pictures);
+  EXPECT_EQ(kind("./card"), SourceKind::Pictures);
+  EXPECT_EQ(kind(""), SourceKind::Pictures);
+}
+
+TEST(SourceSpec, APrefixDecidesBeforeAnExtension) {
+  EXPECT_EQ(parse_source("ring:panel.toml").kind, SourceKind::Ring);
+  EXPECT_EQ(parse_source("views:a.lts").kind, SourceKind::ViewFiles);
+}
+
+TEST(SourceSpec, NamesItsFiles) {
+  const auto files = [](const char* text) { return parse_source(text).files(); };
+  EXPECT_THAT(files("a|b.png"), testing::ElementsAre("a|b.png"));
+  EXPECT_THAT(files("views:left.png|/right.png"), testing::ElementsAre("left.png", "/right.png"));
+  EXPECT_THAT(files("views:v%02d/%05d.png"), testing::ElementsAre("v%02d/%05d.png"));
+  EXPECT_THAT(files("list.toml"), testing::ElementsAre("list.toml"));
+  for (const char* text : {"card", "views", "ring:panel"})
+    EXPECT_THAT(files(text), testing::IsEmpty()) << text;
+}
+
+TEST(SourceSpec, OnlyFilesOfPicturesHavePictures) {
+  for (const char* text : {"a.png", "a.lts", "a.mkv", "views:a|b"})
+    EXPECT_TRUE(parse_source(text).has_pictures()) << text;
+  for (const char* text : {"card", "views", "ring:panel", "list.toml"})
+    EXPECT_FALSE(parse_source(text).has_pictures()) << text;
+}
+
+TEST(SourceSpec, ResolvesRelativeFilesAgainstAFolder) {
+  const auto in_films = [](const char* text) {
+    return parse_source(text).in_folder("/films").text;
+  };
+  EXPECT_EQ(in_films("a.png"), "/films/a.png");
+  EXPECT_EQ(in_films("/a.png"), "/a.png");
+  EXPECT_EQ(in_films("evening.toml"), "/films/evening.toml");
+  EXPECT_EQ(in_films("views:left.mkv|/b/right.mkv"), "views:/films/left.mkv|/b/right.mkv");
+  for (const char* text : {"card", "views", "ring:panel"}) EXPECT_EQ(in_films(text), text);
+}
+
+}  // namespace
+}  // namespace lenticule::player
