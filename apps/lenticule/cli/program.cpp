@@ -49,13 +49,37 @@ bool asks_for_json(int argc, char** argv) {
                      [](const char* argument) { return std::string_view(argument) == "--json"; });
 }
 
+/// Returns the declaration of a command; null if another program has it.
+Declare declare_of(const Program& program, std::string_view command) {
+  const auto found = std::find_if(program.declared.begin(), program.declared.end(),
+                                  [&](const Declaration& one) { return command == one.command; });
+  return found != program.declared.end() ? found->declare : nullptr;
+}
+
+/// Returns the command that the arguments name, if another program has it. No flag before the
+/// command takes a value.
+const Command* command_of_another(const Program& program, int argc, char** argv) {
+  char** const word = std::find_if(argv + std::min(argc, 1), argv + argc,
+                                   [](const char* one) { return one[0] != '-'; });
+  if (word == argv + argc) return nullptr;
+  for (const Command& command : program.commands)
+    if (std::string_view(*word) == command.name)
+      return declare_of(program, command.name) == nullptr ? &command : nullptr;
+  return nullptr;
+}
+
 }  // namespace
 
 int run_program(const Program& program, int argc, char** argv) {
   prepare_standard_streams();
+  const bool as_json = asks_for_json(argc, argv);
+  if (const Command* command = command_of_another(program, argc, argv)) {
+    LENTICULE_CHECK(program.others != nullptr);
+    return run_reporting_errors(
+        [&]() -> ExitCode { become_program(*program.others, command->name, argv); }, as_json);
+  }
   install_interrupt_handlers();
   // Choose the instruction set before the commands are declared, because their defaults name it.
-  const bool as_json = asks_for_json(argc, argv);
   const auto choose_kernels = [] {
     static_cast<void>(best_isa());
     return kOk;
@@ -74,7 +98,7 @@ int run_program(const Program& program, int argc, char** argv) {
   for (const Command& command : program.commands) {
     CLI::App* sub = app.add_subcommand(command.name, command.summary);
     sub->footer(fmt::format("Example:\n  {}", command.example));
-    runs[sub] = command.declare(*sub);
+    if (const Declare declare = declare_of(program, command.name)) runs[sub] = declare(*sub);
   }
 
   if (argc == 1 && program.first_steps[0] != '\0') {
