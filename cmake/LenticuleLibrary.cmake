@@ -35,6 +35,17 @@ function(lenticule_isa_variants name kernel)
   endforeach()
 endfunction()
 
+# lenticule_command_line(LIBRARY FLAGS): sets how a library of commands is compiled, and the sources in
+# FLAGS, which declare flags.
+function(lenticule_command_line library flags)
+  # A command line is not performance critical; -O1 saves a fifth of the build time.
+  target_compile_options(${library} PRIVATE $<$<CONFIG:Release>:-O1>)
+  target_compile_options(${flags} PRIVATE $<$<CONFIG:Release>:-O1>)
+  # These headers take most of the compile time of the sources that include them.
+  target_precompile_headers(${library} PRIVATE <fmt/format.h> <nlohmann/json.hpp>)
+  target_precompile_headers(${flags} PRIVATE <CLI/CLI.hpp> <fmt/format.h> <nlohmann/json.hpp>)
+endfunction()
+
 # GoogleTest's headers take most of the time of compiling a test, so they are precompiled once for all
 # test programs. Tests are optimised less than the libraries, because compiling them takes longer than
 # running their own code.

@@ -15,7 +15,7 @@ constexpr const char* kModule = LENTICULE_PICTURES_MODULE;
 
 [[noreturn]] void fail(const std::string& cause) {
   throw Error(ErrorKind::Failed, fmt::format("{}: cannot be used: {}", kModule, cause),
-              "reinstall lenticule: pictures are read and written by this part of it");
+              "install the package lenticule-media of the same version, which reads pictures");
 }
 
 std::string loader_message() {

@@ -11,12 +11,13 @@ Run declare_all_benchmarks(CLI::App& app);
 }
 
 int main(int argc, char** argv) {
-  using lenticule::player::Command;
+  using namespace lenticule::player;
   std::array<char, 6> name = {"bench"};
   std::vector<char*> words(argv, argv + argc);
   words.insert(words.begin() + 1, name.data());
   words.push_back(nullptr);
   const Command bench = {"bench", "run a benchmark of this build on this machine",
-                         "lenticule bench exact", lenticule::player::declare_all_benchmarks};
-  return lenticule::player::run_program({.commands = {&bench, 1}}, argc + 1, words.data());
+                         "lenticule bench exact"};
+  const Declaration declared = {"bench", declare_all_benchmarks};
+  return run_program({.commands = {&bench, 1}, .declared = {&declared, 1}}, argc + 1, words.data());
 }

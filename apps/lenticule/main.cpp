@@ -1,19 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+// lenticule plays, and passes the commands that it does not run itself on to lenticule-tools. So it
+// starts fast, and a machine with a panel needs few libraries.
 #include "apps/lenticule/cli/program.h"
 
-namespace {
-
-constexpr const char* kFirstSteps = R"(
-  play a film on a panel    lenticule play film.lts --rig lobby.toml --display kms
-  show a quilt or a video   lenticule play views_qs8x6a0.75.png --rig lobby.toml --display kms
-  render a scene            lenticule render teapot.nff --rig lobby.toml -o woven.png
-  calibrate a lens sheet    lenticule calibrate by-eye --rig start.toml --display kms -o lobby.toml
-  check a panel             lenticule doctor
-)";
-
-}  // namespace
-
 int main(int argc, char** argv) {
-  return lenticule::player::run_program(
-      {.commands = lenticule::player::commands(), .first_steps = kFirstSteps}, argc, argv);
+  using namespace lenticule::player;
+  constexpr OtherProgram kTools = {.name = "lenticule-tools", .package = "lenticule"};
+  return run_program({.commands = commands(),
+                      .declared = player_commands(),
+                      .others = &kTools,
+                      .first_steps = kFirstSteps},
+                     argc, argv);
 }

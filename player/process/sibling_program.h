@@ -8,8 +8,9 @@
 
 namespace lenticule::player {
 
-/// Returns the path of an executable in this program's folder or in the folder for helper programs
-/// (../libexec/lenticule); none if there is no such file.
+/// Returns the path of an executable in this program's folder, in the folder for helper programs
+/// (../libexec/lenticule), or as a helper program in that of lenticule (../../bin); none if there
+/// is no such file.
 [[nodiscard]] std::optional<std::filesystem::path> find_sibling_program(std::string_view name);
 
 }  // namespace lenticule::player

@@ -299,7 +299,7 @@ class Decoder {
                 ready_ ? fmt::format("{}: its decoder {}", file.string(), how)
                        : fmt::format("lenticule-video: {} before its first picture", how),
                 ready_ ? "the file is broken; convert it anew"
-                       : "reinstall lenticule, or use a kernel with seccomp filters");
+                       : "reinstall lenticule-media, or use a kernel with seccomp filters");
   }
 
   const PictureLimits limits_;

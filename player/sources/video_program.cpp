@@ -69,8 +69,8 @@ void remember(const FileMark& file, const std::string& program,
 
 fs::path find_video_program() {
   if (auto program = find_sibling_program(kName)) return *std::move(program);
-  throw Error(ErrorKind::Failed, fmt::format("{}: not found beside lenticule", kName),
-              "reinstall lenticule: video files are read and written by this part of it");
+  throw Error(ErrorKind::Failed, fmt::format("{} is not installed", kName),
+              "install the package lenticule-media, which reads pictures and videos");
 }
 
 std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& program) {

@@ -116,6 +116,15 @@ TEST_F(BenchTest, ExactComparesWithAnUprightRig) {
   EXPECT_GT(nlohmann::json::parse(result.out).at("upright")[0].at("slanted_over_upright"), 0.0);
 }
 
+TEST_F(BenchTest, StartMeasuresTheProgramAndItsFirstFrame) {
+  const ProcessResult result = run(
+      {"bench", "start", "--rig", source_file("scenes/rigs/tiny.toml"), "--runs", "1", "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  EXPECT_GT(json.at("program_ms").get<double>(), 0.0);
+  EXPECT_GT(json.at("first_frame_ms").get<double>(), 0.0);
+}
+
 /// Writes a stand-in for a reference renderer, which is found first in the path.
 void write_program(const std::string& file, const std::string& script) {
   std::ofstream(file) << "#!/bin/sh\n" << script << '\n';

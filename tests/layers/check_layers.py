@@ -31,8 +31,10 @@ MAY_INCLUDE = {
     "calib": "base optics frames",
     "player": "base optics frames display",
     "apps/lenticule-video": "base optics frames",
-    "apps/lenticule": "base optics frames scenes render display calib player",
-    "apps/lenticule-bench": "base optics frames scenes render display calib player apps/lenticule",
+    "apps/lenticule": "base optics frames display player",
+    "apps/lenticule-tools": "base optics frames scenes render display calib player apps/lenticule",
+    "apps/lenticule-bench": "base optics frames scenes render display calib player apps/lenticule "
+                            "apps/lenticule-tools",
 }
 
 # the beginning of a header's name: the modules that may name it
@@ -51,7 +53,7 @@ LIBRARIES = {
     "unsupported/Eigen": "calib",
     "turbojpeg": "calib",
     "apriltag": "calib",
-    "CLI": "apps/lenticule apps/lenticule-bench apps/lenticule-video",
+    "CLI": "apps/lenticule apps/lenticule-tools apps/lenticule-bench apps/lenticule-video",
     "systemd": "player",
     "zstd": "frames apps/lenticule-bench",
     "lz4": "frames apps/lenticule-bench",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tests the Debian package: made by cpack, installed by dpkg, then a kiosk as in docs/kiosk.md."""
+"""Tests the Debian packages: made by cpack, installed by dpkg, then a kiosk as in docs/kiosk.md."""
 
 import json
 import pathlib
@@ -22,9 +22,13 @@ STATS = "/run/lenticule/lobby/stats.json"
 HEARD_SECONDS = 25
 
 
-def make_package(vm):
-    """Returns cpack's .deb in a folder that the guest sees."""
-    require_program(vm, "lenticule")
+KIOSK = ["lenticule-player", "lenticule-media"]
+
+
+def make_packages(vm):
+    """Makes cpack's .deb files in a folder that the guest sees."""
+    for program in ["lenticule", "lenticule-tools", "lenticule-video"]:
+        require_program(vm, program)
     for made in ["CPackConfig.cmake", "generated/lenticule.1", "include/liblenticule.so"]:
         if not (vm.build / made).exists():
             raise Skip(f"{made} is not in {vm.build}: the package needs the whole tree built")
@@ -32,13 +36,18 @@ def make_package(vm):
     done = subprocess.run(["cpack", "-G", "DEB", "--config", vm.build / "CPackConfig.cmake",
                            "-B", folder], capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done
-    [package] = folder.glob("*.deb")
-    return f"/exchange/package/{package.name}"
+    assert len(list(folder.glob("*.deb"))) >= 5, list(folder.iterdir())
+
+
+def install(systemd, *names):
+    files = " ".join(f"/exchange/package/{name}_*.deb" for name in names)
+    systemd.check(f"sh -c '{DPKG} --install {files}'", 300)
+    for name in names:
+        assert systemd.check(f"dpkg --verify {name}") == ""
 
 
 def check_files(systemd):
-    """Checks that the installed files are complete and user, folders and rules are in force."""
-    assert systemd.check("dpkg --verify lenticule") == ""
+    """Checks that user, folders and rules are in force."""
     assert systemd.check("id -Gn lenticule").split() == ["lenticule", "video"]
     folders = systemd.check("stat -c '%n %U:%G %a' /etc/lenticule /var/lib/lenticule")
     assert folders.splitlines() == ["/etc/lenticule root:root 755",
@@ -53,10 +62,16 @@ def check_files(systemd):
 
 
 def check_program(vm, systemd):
-    """Checks that the installed program runs, including its library for pictures."""
+    """Checks that the installed program runs, and names the package of what it lacks."""
     systemd.check(f"mount -t tmpfs none {vm.build}/modules")  # nothing to be found there any more
     assert systemd.check("which lenticule") == "/usr/bin/lenticule\n"
     assert systemd.check("lenticule --version").startswith("lenticule ")
+    missing = systemd.run("lenticule render builtin:demo")
+    assert missing.code == 1 and "install the package lenticule\n" in missing.stderr, missing
+
+
+def check_tools(systemd):
+    """Checks that the installed renderer's program runs, including its library for pictures."""
     crate = SOURCE / "tests" / "data" / "crate.png"
     systemd.check(f"lenticule compare {crate} {crate}")
 
@@ -94,10 +109,10 @@ def plug(vm, status, wanted):
         time.sleep(0.2)
 
 
-def upgrade(vm, systemd, package, player, content):
+def upgrade(vm, systemd, player, content):
     """Installs a new player, which takes over the picture, and a new renderer for its ring."""
     before = player.wait_for_main_process()
-    systemd.check(f"{DPKG} --install {package}", 300)
+    install(systemd, *KIOSK, "lenticule")
     player.wait_for_main_process(other_than=before)
     wait_for_frames(vm, content)
     assert stats(vm)["kms"]["took_over"], stats(vm)["kms"]
@@ -105,13 +120,15 @@ def upgrade(vm, systemd, package, player, content):
 
 @vm_test(MACHINE, fresh=True)
 def sets_up_a_kiosk(vm):
-    package = make_package(vm)
+    make_packages(vm)
     content = Content(vm, MACHINE.width, MACHINE.height, FRAMES)
     systemd = Systemd(vm)
     console = vm.screendump()
-    systemd.check(f"{DPKG} --install {package}", 300)
+    install(systemd, *KIOSK)
     check_files(systemd)
     check_program(vm, systemd)
+    install(systemd, "lenticule")
+    check_tools(systemd)
 
     vm.check(["cp", content.rig, "/etc/lenticule/lobby.toml"])
     vm.write_file("/etc/lenticule/lobby.conf",
@@ -130,9 +147,9 @@ def sets_up_a_kiosk(vm):
         plug(vm, "on", "showing")
         wait_for_frames(vm, content)
     assert stats(vm)["kms"]["hotplugs"] >= 4, stats(vm)["kms"]
-    upgrade(vm, systemd, package, player, content)
+    upgrade(vm, systemd, player, content)
 
-    systemd.check(f"{DPKG} --remove lenticule", 120)
+    systemd.check(f"{DPKG} --remove lenticule {' '.join(KIOSK)}", 120)
     assert systemd.systemctl("is-active", player.name).stdout == "inactive\n"  # and not "failed"
     vm.wait_for_screen(console)
     picture.assert_same(vm.screendump(), console)

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <string_view>
 
-#include "apps/lenticule/offline/scene_sequence.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "player/process/interrupt.h"
 #include "scenes/scene_list.h"
 

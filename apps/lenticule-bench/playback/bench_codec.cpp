@@ -16,7 +16,7 @@
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-bench/harness/thread_clock.h"
 #include "apps/lenticule-bench/playback/codec_trial.h"
-#include "apps/lenticule/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "frames/image_io.h"

@@ -16,7 +16,7 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/playback/vblank_budget.h"
-#include "apps/lenticule/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "display/virtual/virtual_display.h"

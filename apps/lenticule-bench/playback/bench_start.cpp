@@ -6,23 +6,21 @@
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "optics/rig_file.h"
 #include "player/process/interrupt.h"
+#include "player/process/sibling_program.h"
 
 namespace lenticule::player {
 namespace {
-
-namespace fs = std::filesystem;
 
 struct StartFlags {
   std::string rig;
@@ -35,19 +33,24 @@ struct ProgramOutput {
   double seconds = 0.0;
 };
 
-/// Runs this program with arguments that need no quoting in a shell.
-ProgramOutput run_self(const std::string& arguments) {
-  const std::string self = fs::read_symlink("/proc/self/exe").string();
+std::string find_lenticule() {
+  if (const auto program = find_sibling_program("lenticule")) return program->string();
+  throw Error(ErrorKind::Failed, "lenticule: not found beside lenticule-bench",
+              "install the package lenticule-player");
+}
+
+/// Runs lenticule with arguments that need no quoting in a shell.
+ProgramOutput run_lenticule(const std::string& program, const std::string& arguments) {
   const auto begin = std::chrono::steady_clock::now();
-  std::FILE* pipe = popen(fmt::format("'{}' {} 2>/dev/null", self, arguments).c_str(), "re");
-  if (pipe == nullptr) throw Error(ErrorKind::Failed, self + ": cannot be started");
+  std::FILE* pipe = popen(fmt::format("'{}' {} 2>/dev/null", program, arguments).c_str(), "re");
+  if (pipe == nullptr) throw Error(ErrorKind::Failed, program + ": cannot be started");
   ProgramOutput output;
   char buffer[4096];
   for (size_t n = 0; (n = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
     output.text.append(buffer, n);
   const int status = pclose(pipe);
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin;
-  if (status != 0) throw Error(ErrorKind::Failed, fmt::format("{} {}: failed", self, arguments));
+  if (status != 0) throw Error(ErrorKind::Failed, fmt::format("{} {}: failed", program, arguments));
   output.seconds = elapsed.count();
   return output;
 }
@@ -64,6 +67,7 @@ void write_noise(const optics::Rig& rig, const std::string& file) {
 }
 
 ExitCode run(const StartFlags& flags) {
+  const std::string program = find_lenticule();
   const optics::Rig rig = bench_rig(flags.rig);
   const ScratchFolder scratch;
   optics::save_rig(rig, scratch.file("rig.toml"));
@@ -73,8 +77,8 @@ ExitCode run(const StartFlags& flags) {
   std::vector<double> loading;
   std::vector<double> first_frame;
   for (int i = 0; i < flags.runs && !interrupted(); ++i) {
-    loading.push_back(1000.0 * run_self("--version").seconds);
-    const auto report = nlohmann::json::parse(run_self(play).text);
+    loading.push_back(1000.0 * run_lenticule(program, "--version").seconds);
+    const auto report = nlohmann::json::parse(run_lenticule(program, play).text);
     first_frame.push_back(report.at("first_frame_ms").get<double>());
   }
   if (interrupted()) return interrupt_exit_code();

@@ -12,8 +12,8 @@
 #include <thread>
 
 #include "apps/lenticule-bench/harness/bench.h"
-#include "apps/lenticule/offline/scratch_folder.h"
-#include "apps/lenticule/offline/video_writer.h"
+#include "apps/lenticule-tools/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/video_writer.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "frames/image_io.h"

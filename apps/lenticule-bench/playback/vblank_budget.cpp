@@ -11,7 +11,7 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-bench/harness/thread_clock.h"
-#include "apps/lenticule/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "display/scanout_format.h"

@@ -13,7 +13,7 @@
 #include "apps/lenticule-bench/harness/bench_timing.h"
 #include "apps/lenticule-bench/render/bench_error_eyes.h"
 #include "apps/lenticule-bench/render/bench_error_pictures.h"
-#include "apps/lenticule/offline/scene_sequence.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "base/print.h"
 #include "frames/compare.h"
 #include "frames/decoded_view.h"

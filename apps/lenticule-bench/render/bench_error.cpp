@@ -8,7 +8,7 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/render/bench_exact.h"
-#include "apps/lenticule/cli/soft_light_flags.h"
+#include "apps/lenticule-tools/cli/soft_light_flags.h"
 #include "base/print.h"
 #include "player/process/interrupt.h"
 #include "player/process/progress.h"

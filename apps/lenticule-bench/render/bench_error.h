@@ -10,8 +10,8 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule/offline/scene_sequence.h"
-#include "apps/lenticule/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
+#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "optics/rig.h"
 #include "render/options/soft_light.h"
 

@@ -7,7 +7,7 @@
 
 #include "apps/lenticule-bench/harness/bench_scene.h"
 #include "apps/lenticule-bench/render/bench_error.h"
-#include "apps/lenticule/offline/gltf_writer.h"
+#include "apps/lenticule-tools/offline/gltf_writer.h"
 #include "base/error.h"
 #include "render/loaders/load_scene.h"
 

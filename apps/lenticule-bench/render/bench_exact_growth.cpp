@@ -12,7 +12,7 @@
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/harness/bench_timing.h"
 #include "apps/lenticule-bench/render/bench_exact.h"
-#include "apps/lenticule/cli/svg_plot.h"
+#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/print.h"
 #include "player/process/interrupt.h"
 

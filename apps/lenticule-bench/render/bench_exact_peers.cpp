@@ -12,7 +12,7 @@
 #include "apps/lenticule-bench/harness/bench_timing.h"
 #include "apps/lenticule-bench/harness/peers.h"
 #include "apps/lenticule-bench/render/bench_exact.h"
-#include "apps/lenticule/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "base/print.h"
 #include "player/process/child_process.h"

@@ -8,7 +8,7 @@
 
 #include "apps/lenticule-bench/harness/bench.h"
 #include "apps/lenticule-bench/render/bench_paper.h"
-#include "apps/lenticule/cli/svg_plot.h"
+#include "apps/lenticule-tools/cli/svg_plot.h"
 #include "base/print.h"
 
 namespace lenticule::player {

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Command is an entry of the command table: one file per command, one line in commands.cpp.
+// Command is an entry of the command table, Declaration connects it with its code: one file per
+// command, one row in commands.cpp, which every program has, and one declaration in the program
+// that runs the command.
 #pragma once
 
 #include <functional>
-#include <string>
-#include <vector>
+#include <span>
 
 #include "base/exit_code.h"
 #include "base/json_output.h"
@@ -28,10 +29,26 @@ struct Command {
   const char* name;
   const char* summary;
   const char* example;  ///< shown at the end of --help
+};
+
+struct Declaration {
+  const char* command;  ///< name in the table
   Declare declare;
 };
 
 /// Returns all commands, in the order in which --help lists them.
-[[nodiscard]] const std::vector<Command>& commands();
+[[nodiscard]] std::span<const Command> commands();
+/// Returns the declarations of the commands that a machine with a panel needs. They use no library
+/// for rendering, calibration, pictures or videos.
+[[nodiscard]] std::span<const Declaration> player_commands();
+
+/// Lines that --help shows before the list of commands, and that a call without a command prints.
+inline constexpr const char* kFirstSteps = R"(
+  play a film on a panel    lenticule play film.lts --rig lobby.toml --display kms
+  show a quilt or a video   lenticule play views_qs8x6a0.75.png --rig lobby.toml --display kms
+  render a scene            lenticule render teapot.nff --rig lobby.toml -o woven.png
+  calibrate a lens sheet    lenticule calibrate by-eye --rig start.toml --display kms -o lobby.toml
+  check a panel             lenticule doctor
+)";
 
 }  // namespace lenticule::player

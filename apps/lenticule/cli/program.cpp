@@ -22,6 +22,25 @@ bool asks_for_json(int argc, char** argv) {
                      [](const char* argument) { return std::string_view(argument) == "--json"; });
 }
 
+/// Returns the declaration of a command; null if another program has it.
+Declare declare_of(const Program& program, std::string_view command) {
+  const auto found = std::find_if(program.declared.begin(), program.declared.end(),
+                                  [&](const Declaration& one) { return command == one.command; });
+  return found != program.declared.end() ? found->declare : nullptr;
+}
+
+/// Returns the command that the arguments name, if another program has it. No flag before the
+/// command takes a value.
+const Command* command_of_another(const Program& program, int argc, char** argv) {
+  char** const word = std::find_if(argv + std::min(argc, 1), argv + argc,
+                                   [](const char* one) { return one[0] != '-'; });
+  if (word == argv + argc) return nullptr;
+  for (const Command& command : program.commands)
+    if (std::string_view(*word) == command.name)
+      return declare_of(program, command.name) == nullptr ? &command : nullptr;
+  return nullptr;
+}
+
 }  // namespace
 
 int run_program(const Program& program, int argc, char** argv) {
@@ -30,6 +49,11 @@ int run_program(const Program& program, int argc, char** argv) {
                          .memory_hint = "use a smaller panel or fewer slots"};
   // The commands' declarations name the instruction set that is chosen here.
   if (const int code = prepare_program(style); code != kOk) return code;
+  if (const Command* command = command_of_another(program, argc, argv)) {
+    LENTICULE_CHECK(program.others != nullptr);
+    return run_reporting_errors(
+        [&]() -> int { become_program(*program.others, command->name, argv); }, style);
+  }
   install_interrupt_handlers();
 
   CLI::App app{std::string("Renders, weaves and plays pictures for lenticular 3-D displays.\n") +
@@ -43,7 +67,7 @@ int run_program(const Program& program, int argc, char** argv) {
   for (const Command& command : program.commands) {
     CLI::App* sub = app.add_subcommand(command.name, command.summary);
     sub->footer(fmt::format("Example:\n  {}", command.example));
-    runs[sub] = command.declare(*sub);
+    if (const Declare declare = declare_of(program, command.name)) runs[sub] = declare(*sub);
   }
 
   if (argc == 1 && program.first_steps[0] != '\0') {

@@ -6,18 +6,21 @@
 #include <span>
 
 #include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/other_program.h"
 
 namespace lenticule::player {
 
 struct Program {
   std::span<const Command> commands;
-  /// Lines that --help shows before the list of commands, and that a call without a command prints.
+  std::span<const Declaration> declared;
+  /// The program that runs the commands that are not declared; null if all are.
+  const OtherProgram* others = nullptr;
   const char* first_steps = "";
 };
 
-/// Runs the command that `argv` names and returns the exit code for main(). Prints errors in the
-/// format of the commands' contract (docs/player.md). Call it once, before other threads are
-/// started.
+/// Runs the command that `argv` names and returns the exit code for main(), or replaces this
+/// process by the program that has the command. Prints errors in the format of the commands'
+/// contract (docs/player.md). Call it once, before other threads are started.
 [[nodiscard]] int run_program(const Program& program, int argc, char** argv);
 
 }  // namespace lenticule::player

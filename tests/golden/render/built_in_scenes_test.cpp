@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "apps/lenticule/offline/built_in_scene.h"
+#include "apps/lenticule-tools/offline/built_in_scene.h"
 #include "render/make_method.h"
 #include "tests/support/reference_renderer.h"
 #include "tests/support/tiny_scenes.h"

@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "apps/lenticule-bench/render/bench_paper.h"
-#include "apps/lenticule/offline/built_in_scene.h"
+#include "apps/lenticule-tools/offline/built_in_scene.h"
 #include "frames/compare.h"
 #include "render/make_method.h"
 #include "scenes/scene_list.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests scenes written as glTF by reading them back with the production loader.
-#include "apps/lenticule/offline/gltf_writer.h"
+#include "apps/lenticule-tools/offline/gltf_writer.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "apps/lenticule/offline/built_in_scene.h"
-#include "apps/lenticule/offline/scratch_folder.h"
+#include "apps/lenticule-tools/offline/built_in_scene.h"
+#include "apps/lenticule-tools/offline/scratch_folder.h"
 #include "base/error.h"
 #include "render/loaders/load_scene.h"
 #include "render/scene/stage.h"

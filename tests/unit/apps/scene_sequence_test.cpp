@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule/offline/scene_sequence.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
 
 #include <gtest/gtest.h>
 

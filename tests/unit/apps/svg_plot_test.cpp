@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "apps/lenticule/cli/svg_plot.h"
+#include "apps/lenticule-tools/cli/svg_plot.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "apps/lenticule/offline/video_writer.h"
+#include "apps/lenticule-tools/offline/video_writer.h"
 #include "player/sources/video_source.h"
 #include "tests/support/process.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Tests that a video file appears under its name only when complete.
-#include "apps/lenticule/offline/video_writer.h"
+#include "apps/lenticule-tools/offline/video_writer.h"
 
 #include <gmock/gmock.h>
 

@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule calibrate camera shows patterns on the panel and photographs them with a V4L2 camera
+// from several viewpoints.
+#include <fmt/format.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cmath>
+#include <memory>
+
+#include "apps/lenticule-tools/calibrate/calibrate.h"
+#include "apps/lenticule-tools/calibrate/calibrate_result.h"
+#include "apps/lenticule-tools/calibrate/camera_preview.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "calib/cameras/v4l2_camera.h"
+#include "calib/fit/calibrate.h"
+#include "display/display_sink.h"
+#include "display/open/open_display.h"
+#include "optics/trim.h"
+#include "player/process/interrupt.h"
+#include "player/process/progress.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::json;
+
+struct CameraFlags {
+  std::string rig;
+  std::string display = "kms";
+  calib::V4l2Options camera;
+  bool list = false;
+  bool allow_inexact = false;
+  int viewpoints = 3;
+  bool no_prompts = false;
+  int settle_ms = 150;
+  int average = 3;
+  double gap_tolerance = 0.5;
+  std::string preview;
+  ResultFlags result;
+};
+
+/// Positions for the camera, best first: unequal distances to the sides distinguish gaps that equal
+/// distances do not.
+struct Place {
+  const char* name;
+  const char* where;
+};
+constexpr std::array<Place, 5> kPlaces = {{
+    {"centre", "in front of the panel's middle, where a viewer's eye will be"},
+    {"left", "about 250 mm to the left of that, still aimed at the middle"},
+    {"right", "about 300 mm to the right of the first place, still aimed at the middle"},
+    {"near", "in front of the middle again, a quarter nearer"},
+    {"high", "in front of the middle, 150 mm higher"},
+}};
+
+ExitCode list_all(bool as_json) {
+  json all = json::array();
+  for (const calib::CameraListing& camera : calib::list_cameras()) {
+    json formats = json::array();
+    for (const calib::CameraFormat& format : camera.formats)
+      formats.push_back({{"pixel_format", format.pixel_format},
+                         {"usable", format.usable},
+                         {"sizes", format.sizes}});
+    all.push_back({{"path", camera.path},
+                   {"stable_path", camera.stable_path},
+                   {"name", camera.name},
+                   {"bus", camera.bus},
+                   {"formats", formats},
+                   {"problem", camera.problem}});
+  }
+  if (as_json) {
+    print_json(all);
+    return kOk;
+  }
+  if (all.empty()) print_out("no camera\n");
+  for (const json& camera : all) {
+    print_out("{}  {}  {}\n", camera["path"].get<std::string>(), camera["name"].get<std::string>(),
+              camera["stable_path"].get<std::string>());
+    if (!camera["problem"].get<std::string>().empty())
+      print_out("  {}\n", camera["problem"].get<std::string>());
+    for (const json& format : camera["formats"])
+      print_out(
+          "  {}{}: {}\n", format["pixel_format"].get<std::string>(),
+          format["usable"].get<bool>() ? "" : " (not usable)",
+          fmt::format("{}", fmt::join(format["sizes"].get<std::vector<std::string>>(), ", ")));
+  }
+  return kOk;
+}
+
+class CameraRun {
+ public:
+  explicit CameraRun(const CameraFlags& flags)
+      : flags_(flags), model_(optics::load_trimmed_rig(flags.rig)) {
+    const optics::Rig& rig = model_.rig();
+    display::DisplayRequest request{
+        .spec = flags.display,
+        .panel = {.width = rig.panel.width_px, .height = rig.panel.height_px}};
+    if (display::is_kms_spec(flags.display)) request.kms.output.identity = rig.identity;
+    request.kms.allow_inexact = flags.allow_inexact;
+    display_ = display::open_display(request);
+    sink_ = std::make_unique<display::DisplaySink>(*display_);
+    calib::V4l2Options options = flags.camera;
+    options.refresh_hz = display_->mode().refresh.hertz();
+    camera_ = calib::open_v4l2_camera(options);
+    for (const std::string& unlocked : camera_->facts().unlocked) say("camera: {}\n", unlocked);
+  }
+
+  ExitCode run() {
+    std::vector<calib::ViewpointMeasurement> measured;
+    for (int v = 0; v < flags_.viewpoints; ++v) {
+      const Place& place = kPlaces[static_cast<size_t>(v)];
+      show_white();
+      if (!flags_.no_prompts) wait_for_person(place, v);
+      if (interrupted()) return interrupt_exit_code();
+      measured.push_back(measure(place, v));
+      tell(measured.back());
+    }
+    const calib::RecordDetails details{.when = std::chrono::system_clock::now(),
+                                       .method = "camera",
+                                       .camera = camera_->facts(),
+                                       .temperature_celsius = {}};
+    // Release the panel before the computation.
+    sink_.reset();
+    display_.reset();
+    calib::CalibrateOptions options;
+    options.gap_tolerance = flags_.gap_tolerance;
+    return conclude_calibration(calib::calibrate(measured, model_.rig(), options), details,
+                                flags_.result);
+  }
+
+ private:
+  void show_white() {
+    const calib::Pattern white{.shape = calib::Flat{{1.0, 1.0, 1.0}}, .channels = {}, .mark = 3};
+    frames::WovenFrame frame;
+    calib::draw_pattern(white, model_.rig().panel, frame);
+    if (sink_->show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
+      throw Error(ErrorKind::Device, "display: nothing got onto the glass");
+  }
+
+  /// Waits for the user. Meanwhile the panel is white, and pictures of it show whether the camera
+  /// and the light are right.
+  void wait_for_person(const Place& place, int number) {
+    say("\nViewpoint {} of {}: put the camera {}.\n"
+        "The whole panel must be in the picture, which it should nearly fill. Then press "
+        "enter.\n",
+        number + 1, flags_.viewpoints, place.where);
+    while (!interrupted() && !enter_pressed()) {
+      calib::CameraPicture picture;
+      const calib::GrabStatus status = camera_->grab(picture, std::chrono::seconds(1));
+      if (status == calib::GrabStatus::Gone)
+        throw Error(ErrorKind::Device, "camera: " + camera_->failure(),
+                    "nothing was written; connect it again and start over");
+      if (status != calib::GrabStatus::Ready) continue;
+      if (!flags_.preview.empty()) write_picture(picture, flags_.preview);
+      if (isatty(STDERR_FILENO) != 0) say("\r\x1b[K  {}", light_of(picture));
+    }
+    say("\n");
+  }
+
+  /// Waits half a second for the Enter key.
+  static bool enter_pressed() {
+    std::array<pollfd, 2> waiting = {{{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0},
+                                      {.fd = interrupt_fd(), .events = POLLIN, .revents = 0}}};
+    if (poll(waiting.data(), waiting.size(), 500) <= 0 || waiting[0].revents == 0) return false;
+    std::array<char, 256> line{};
+    const ssize_t got = read(STDIN_FILENO, line.data(), line.size());
+    if (got != 0) return got > 0;
+    throw Error(ErrorKind::Usage, "calibrate camera: standard input has ended",
+                "run it in a terminal, or with --no-prompts");
+  }
+
+  calib::ViewpointMeasurement measure(const Place& place, int number) {
+    const calib::MeasureOptions options{.name = place.name, .link_and_spot = number == 0};
+    Progress progress(place.name, "patterns", static_cast<uint64_t>(calib::pattern_count(options)));
+    uint64_t shown = 0;
+    const calib::CaptureProgress each = [&](const calib::Pattern&) {
+      progress.update(shown++);
+      if (shown % 16 == 0) check_controls();
+      if (shown % 16 == 0 && !flags_.preview.empty()) write_preview(*camera_, flags_.preview);
+      return !interrupted();
+    };
+    calib::CaptureOptions capture;
+    capture.settle = std::chrono::milliseconds(flags_.settle_ms);
+    capture.average = flags_.average;
+    calib::ViewpointMeasurement measured =
+        calib::measure_viewpoint(*sink_, *camera_, model_, capture, options, each);
+    progress.finish();
+    return measured;
+  }
+
+  void check_controls() {
+    const std::vector<std::string> drifted = camera_->drifted_controls();
+    if (drifted.empty()) return;
+    throw Error(ErrorKind::Device, "camera: " + drifted.front(),
+                "another program may be changing the camera; close it and start over");
+  }
+
+  static void tell(const calib::ViewpointMeasurement& m) {
+    say("  effective pitch {:.6f} subpixels, slant {:.6f}, contrast {:.0f} %, {:.0f} % of "
+        "the panel, {} pictures late, {} unsettled, {} damaged\n",
+        m.line.pitch_subpx(), m.line.slant(), 100.0 * m.contrast, 100.0 * m.covered, m.counts.late,
+        m.counts.unsettled, m.counts.corrupt);
+  }
+
+  const CameraFlags& flags_;
+  optics::OpticalModel model_;
+  std::unique_ptr<display::Display> display_;
+  std::unique_ptr<display::DisplaySink> sink_;
+  std::unique_ptr<calib::Camera> camera_;
+};
+
+void declare_camera_flags(CLI::App& way, CameraFlags& flags) {
+  way.add_option("--device", flags.camera.device,
+                 "/dev/videoN or a name of /dev/v4l/by-id (default: the only camera)");
+  way.add_option("--width", flags.camera.width, "of the pictures, pixels (0 = near 1920)")
+      ->capture_default_str();
+  way.add_option("--height", flags.camera.height, "of the pictures, pixels")->capture_default_str();
+  way.add_option("--fps", flags.camera.frames_per_second, "pictures per second")
+      ->capture_default_str();
+  way.add_option("--pixel-format", flags.camera.pixel_format,
+                 "for example YUYV (default: the best for measuring)");
+  way.add_option("--exposure-periods", flags.camera.exposure_periods,
+                 "exposure, in refreshes of the panel")
+      ->check(CLI::Range(1, 60))
+      ->capture_default_str();
+  way.add_option("--gain", flags.camera.gain, "in the camera's own numbers");
+}
+
+}  // namespace
+
+CalibrateWay declare_calibrate_camera(CLI::App& app) {
+  const auto flags = std::make_shared<CameraFlags>();
+  CLI::App* way =
+      app.add_subcommand("camera", "find the sheet with a V4L2 camera at one or several places");
+  way->footer(
+      "Darken the room, let the panel warm up for half an hour, use a tripod.\n"
+      "Example:\n  lenticule calibrate camera --rig start.toml --display kms -o kiosk.toml");
+  CLI::Option* rig = way->add_option("--rig", flags->rig, "rig file to start from");
+  way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
+      ->capture_default_str();
+  way->add_flag("--allow-inexact", flags->allow_inexact,
+                "with kms: show patterns even where it is known that subpixels arrive changed");
+  declare_camera_flags(*way, *flags);
+  way->add_option("--viewpoints", flags->viewpoints,
+                  "places of the camera; one gives a rig for that eye only")
+      ->check(CLI::Range(1, static_cast<int>(kPlaces.size())))
+      ->capture_default_str();
+  way->add_flag("--no-prompts", flags->no_prompts, "do not wait for enter at each place");
+  way->add_option("--settle-ms", flags->settle_ms, "from a new pattern to the first picture of it")
+      ->check(CLI::Range(0, 5000))
+      ->capture_default_str();
+  way->add_option("--average", flags->average, "pictures of each pattern")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  way->add_option("--gap-tolerance", flags->gap_tolerance,
+                  "how far the starting gap may be off, relative")
+      ->check(CLI::Range(0.01, 3.0))
+      ->capture_default_str();
+  way->add_option("--preview", flags->preview, "picture file that is kept fresh: what is seen");
+  declare_result_flags(*way, flags->result);
+  CLI::Option* list = way->add_flag("--list", flags->list, "list the cameras and end");
+  rig->excludes(list);
+  way->get_option("--output")->required(false);
+  return {.app = way, .run = [flags]() -> ExitCode {
+            if (flags->list) return list_all(flags->result.json);
+            if (flags->rig.empty() || flags->result.output.empty())
+              throw Error(ErrorKind::Usage, "calibrate camera: --rig and -o are needed",
+                          "see lenticule calibrate camera --help");
+            return CameraRun(*flags).run();
+          }};
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,221 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule calibrate photos calibrates from photographs: one photograph of the photo chart, or
+// folders with photographs of all patterns.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "apps/lenticule-tools/calibrate/calibrate.h"
+#include "apps/lenticule-tools/calibrate/calibrate_result.h"
+#include "base/error.h"
+#include "base/print.h"
+#include "calib/fit/calibrate.h"
+#include "calib/photo/pattern_manifest.h"
+#include "calib/photo/photo_folder.h"
+#include "calib/photo/single_photo.h"
+#include "calib/photo/tag_chart.h"
+#include "frames/image_io.h"
+#include "optics/trim.h"
+#include "player/process/interrupt.h"
+#include "player/process/progress.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct PhotosFlags {
+  std::vector<std::string> sources;
+  std::string rig;
+  std::string write_patterns;
+  std::string patterns;
+  std::optional<double> distance_mm;
+  std::optional<double> focal_px;
+  ResultFlags result;
+};
+
+/// NoDisplay accepts frames without showing them, because the photographs were taken of another
+/// display.
+class NoDisplay final : public frames::FrameSink {
+ public:
+  explicit NoDisplay(const optics::Panel& panel)
+      : geometry_{.width = panel.width_px, .height = panel.height_px} {}
+  [[nodiscard]] frames::FrameGeometry geometry() const override { return geometry_; }
+  [[nodiscard]] frames::ShowResult show(const frames::FrameView&,
+                                        std::chrono::nanoseconds) override {
+    return frames::ShowResult::Shown;
+  }
+
+ private:
+  frames::FrameGeometry geometry_;
+};
+
+ExitCode write_patterns(const PhotosFlags& flags, const optics::Rig& rig) {
+  const std::vector<calib::Pattern> patterns = calib::photo_patterns(rig);
+  fs::create_directories(flags.write_patterns);
+  // An interrupted run may leave patterns of two rigs, so the old manifest must not remain valid.
+  std::error_code absent;
+  fs::remove(fs::path(flags.write_patterns) / calib::kPatternManifest, absent);
+  Progress progress("writing", "patterns", patterns.size());
+  frames::WovenFrame frame;
+  for (size_t n = 0; n < patterns.size() && !interrupted(); ++n) {
+    calib::draw_pattern(patterns[n], rig.panel, frame);
+    frames::write_woven(frame.view(), fmt::format("{}/{:03}.png", flags.write_patterns, n));
+    progress.update(n + 1);
+  }
+  progress.finish();
+  if (interrupted()) return interrupt_exit_code();
+  calib::write_manifest(calib::manifest_of(rig, patterns.size()), flags.write_patterns);
+  if (flags.result.json)
+    print_json({{"folder", flags.write_patterns}, {"patterns", patterns.size()}});
+  else
+    print_out(
+        "{}: {} patterns. Show each full-screen (lenticule play), photograph it from the same\n"
+        "place with everything on manual, and give the folder of photographs to calibrate "
+        "photos.\n",
+        flags.write_patterns, patterns.size());
+  return kOk;
+}
+
+calib::RecordDetails details_of(const std::string& method, const calib::CameraFacts& camera) {
+  return {.when = std::chrono::system_clock::now(),
+          .method = method,
+          .camera = camera,
+          .temperature_celsius = {}};
+}
+
+// Returns priors for the given values. A tape measure is accurate to half a centimetre, a data
+// sheet's focal length to two percent.
+calib::PhotoPriors priors_of(const PhotosFlags& flags) {
+  calib::PhotoPriors priors;
+  if (flags.distance_mm) priors.distance_mm = calib::Estimate{*flags.distance_mm, 5.0};
+  if (flags.focal_px) priors.focal_px = calib::Estimate{*flags.focal_px, 0.02 * *flags.focal_px};
+  return priors;
+}
+
+ExitCode from_one(const PhotosFlags& flags, const optics::Rig& rig) {
+  const calib::SinglePhotoChart chart = calib::plan_single_photo_chart(rig);
+  const calib::CameraPicture photograph = calib::read_photograph(flags.sources.front());
+  const calib::Calibration found = calib::fit_single_photo(photograph, chart, priors_of(flags));
+  calib::CameraFacts camera;
+  camera.name = flags.sources.front();
+  camera.width = photograph.width;
+  camera.height = photograph.height;
+  camera.channels = photograph.channels;
+  camera.pixel_format = "photograph";
+  return conclude_calibration(found, details_of("one photograph", camera), flags.result);
+}
+
+/// Looks for a manifest among the photographs, then in the folder of the patterns. Returns false if
+/// there is none. Throws Error(Input) if it belongs to another rig.
+bool manifest_agrees(const PhotosFlags& flags, const std::string& folder, const optics::Rig& rig) {
+  for (const std::string& place : {folder, flags.patterns}) {
+    if (place.empty()) continue;
+    const std::optional<calib::PatternManifest> manifest = calib::read_manifest(place);
+    if (!manifest) continue;
+    calib::check_manifest(*manifest, rig, place);
+    return true;
+  }
+  return false;
+}
+
+/// Checks the rig: by the marks in the photographs, or by the manifest if they are not readable.
+void require_known_rig(calib::ViewpointMeasurement& measured, bool manifest_agrees,
+                       const std::string& folder) {
+  if (measured.rig_code_read) return;
+  if (!manifest_agrees)
+    throw Error(ErrorKind::Input,
+                fmt::format("{}: nothing says which rig these patterns were written for: no code "
+                            "is read beside the marks, and there is no {}",
+                            folder, calib::kPatternManifest),
+                "name the folder that --write-patterns wrote with --patterns; patterns without a "
+                "manifest have to be written and photographed again");
+  measured.warnings.emplace_back(
+      "no code is read beside the marks: that the patterns are this rig's is the manifest's word");
+}
+
+ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
+  const optics::OpticalModel model(rig);
+  const size_t wanted = calib::photo_patterns(rig).size();
+  std::vector<calib::ViewpointMeasurement> measured;
+  calib::CameraFacts camera;
+  for (const std::string& folder : flags.sources) {
+    calib::PhotoFolder photographs(folder, wanted);
+    NoDisplay nowhere(rig.panel);
+    const bool known = manifest_agrees(flags, folder, rig);
+    const std::string name = photographs.facts().name;
+    Progress progress(name, "photographs", wanted);
+    uint64_t read = 0;
+    calib::CaptureOptions capture;
+    capture.average = 1;
+    capture.clocked = false;
+    capture.most_dropped = 0;
+    measured.push_back(calib::measure_viewpoint(
+        nowhere, photographs, model, capture,
+        {.name = name, .link_and_spot = false, .adaptive = false}, [&](const calib::Pattern&) {
+          progress.update(read++);
+          return !interrupted();
+        }));
+    progress.finish();
+    require_known_rig(measured.back(), known, folder);
+    camera = photographs.facts();
+  }
+  calib::CalibrateOptions options;
+  const calib::PhotoPriors known = priors_of(flags);
+  options.distance_mm = known.distance_mm;
+  options.focal_px = known.focal_px;
+  return conclude_calibration(calib::calibrate(measured, rig, options),
+                              details_of("photographs", camera), flags.result);
+}
+
+ExitCode run_photos(const PhotosFlags& flags) {
+  const optics::Rig rig = optics::load_trimmed_rig(flags.rig);
+  for (const auto& [flag, value] :
+       {std::pair("--distance", flags.distance_mm), std::pair("--focal-px", flags.focal_px)})
+    if (value && !(*value > 0.0 && std::isfinite(*value)))
+      throw Error(ErrorKind::Usage, fmt::format("{}: {:g} is no length", flag, *value),
+                  "it must be a number above 0");
+  if (!flags.write_patterns.empty()) return write_patterns(flags, rig);
+  if (flags.sources.empty() || flags.result.output.empty())
+    throw Error(ErrorKind::Usage, "calibrate photos: photographs and -o are needed",
+                "or --write-patterns FOLDER, to get what has to be photographed");
+  const bool one = flags.sources.size() == 1 && !fs::is_directory(flags.sources.front());
+  return one ? from_one(flags, rig) : from_folders(flags, rig);
+}
+
+}  // namespace
+
+CalibrateWay declare_calibrate_photos(CLI::App& app) {
+  const auto flags = std::make_shared<PhotosFlags>();
+  CLI::App* way = app.add_subcommand(
+      "photos", "find the sheet from photographs: one of the photo chart, or folders of patterns");
+  way->footer(
+      "One photograph, good for the eye that it was taken from:\n"
+      "  lenticule calibrate show photo-chart --rig start.toml --display kms\n"
+      "  lenticule calibrate photos IMG_0001.jpg --rig start.toml -o kiosk.toml --distance 700\n"
+      "All patterns, from three places, one folder each:\n"
+      "  lenticule calibrate photos --rig start.toml --write-patterns patterns\n"
+      "  lenticule calibrate photos centre left right --rig start.toml -o kiosk.toml");
+  way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
+  way->add_option("--rig", flags->rig, "rig file to start from")->required();
+  way->add_option("--write-patterns", flags->write_patterns,
+                  "folder to write all patterns to, with a manifest, then end");
+  way->add_option("--patterns", flags->patterns,
+                  "folder that --write-patterns wrote, if the photographs do not show their rig");
+  way->add_option("--distance", flags->distance_mm,
+                  "from the glass to the camera of the first photograph, mm: without it a single "
+                  "photograph is less exact; folders are checked against it");
+  way->add_option("--focal-px", flags->focal_px,
+                  "focal length in pixels of the photograph, if it is known: as --distance");
+  declare_result_flags(*way, flags->result);
+  way->get_option("--output")->required(false);
+  return {.app = way, .run = [flags] { return run_photos(*flags); }};
+}
+
+}  // namespace lenticule::player

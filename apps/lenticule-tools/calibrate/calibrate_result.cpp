@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-tools/calibrate/calibrate_result.h"
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+
+#include "base/file.h"
+#include "base/print.h"
+#include "calib/report/report_html.h"
+#include "calib/report/report_json.h"
+#include "calib/report/report_words.h"
+#include "optics/rig_file.h"
+#include "optics/trim.h"
+
+namespace lenticule::player {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+/// Returns "kiosk.report.html" for "kiosk.toml".
+std::string report_beside(const std::string& rig_file) {
+  fs::path name(rig_file);
+  name.replace_extension(".report.html");
+  return name.string();
+}
+
+void print_text(const calib::Calibration& found, const json& files) {
+  print_out("{}\n{}\n", calib::verdict_headline(found.verdict), calib::verdict_explained(found));
+  for (const std::string& reason : found.reasons) print_out("  - {}\n", reason);
+  for (const std::string& finding : found.link.findings) print_out("  - {}\n", finding);
+  for (const std::string& warning : found.warnings) print_out("  note: {}\n", warning);
+  for (const calib::Parameter& p : found.parameters)
+    print_out("  {:<28} {} {}\n", p.name, calib::with_error(p.estimate), p.unit);
+  for (const std::string& advice : calib::advice(found)) print_out("  next: {}\n", advice);
+  for (const auto& [what, file] : files.items())
+    if (file.is_string()) print_out("{}: {}\n", what, file.get<std::string>());
+}
+
+}  // namespace
+
+void declare_result_flags(CLI::App& app, ResultFlags& flags) {
+  app.add_option("-o,--output", flags.output,
+                 "rig file to write; one that is there is kept under a number")
+      ->required();
+  app.add_option("--report", flags.report, "HTML report (default: beside the rig file)");
+  app.add_option("--temperature", flags.temperature,
+                 "of the room, degrees Celsius, for the record");
+  app.add_flag("--json", flags.json, "print the whole report as JSON");
+}
+
+ExitCode conclude_calibration(const calib::Calibration& found, calib::RecordDetails details,
+                              const ResultFlags& flags) {
+  details.temperature_celsius = flags.temperature;
+  const std::string report = flags.report.empty() ? report_beside(flags.output) : flags.report;
+  write_text_file(report, calib::report_html(found, details));
+  json files = {{"report", report}, {"rig", nullptr}, {"old_rig_kept_as", nullptr}};
+  const bool saved = found.verdict != calib::Verdict::Refused;
+  if (saved) {
+    const fs::path kept =
+        calib::save_with_history(calib::with_record(found, details), flags.output);
+    // The new calibration includes the drift that the old trim corrected.
+    optics::save_trim({}, flags.output);
+    files["rig"] = flags.output;
+    if (!kept.empty()) files["old_rig_kept_as"] = kept.string();
+  }
+  if (flags.json) {
+    json out = calib::report_json(found, details);
+    out["files"] = files;
+    print_json(out);
+  } else {
+    print_text(found, files);
+  }
+  return saved ? kOk : kQuality;
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "apps/lenticule-tools/cli/staging_flags.h"
+
+#include <CLI/CLI.hpp>
+
+#include "apps/lenticule/cli/triple.h"
+
+namespace lenticule::player {
+
+void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
+  constexpr const char* kGroup = "Stage";
+  add_triple(
+      app, "--centre", "X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
+      "point of the scene that lies at the panel's centre")
+      ->group(kGroup);
+  app.add_option("--mm-per-unit", flags.stage.mm_per_unit, "size of a scene unit on the glass")
+      ->group(kGroup);
+  app.add_option("--depth-scale", flags.stage.depth_scale,
+                 "depth relative to width and height; 1 is undistorted")
+      ->group(kGroup);
+  app.add_option("--depth-budget", flags.stage.depth_budget,
+                 "how far a fitted scene may leave the glass, in depths of field of the sheet")
+      ->group(kGroup)
+      ->capture_default_str();
+  app.add_option("--fill", flags.stage.fill, "part of the panel that a fitted scene fills")
+      ->group(kGroup)
+      ->capture_default_str();
+  app.add_option("--turn", flags.stage.turn_degrees, "turn the scene about the vertical, degrees")
+      ->group(kGroup)
+      ->capture_default_str();
+}
+
+void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
+  constexpr const char* kGroup = "Surroundings";
+  add_triple(
+      app, "--background", "R,G,B",
+      [&flags](Vec3 colour) { flags.surroundings.background = colour; },
+      "colour instead of the scene's")
+      ->group(kGroup);
+  app.add_flag("--sky", flags.surroundings.sky, "a sky instead of a flat background")
+      ->group(kGroup);
+  app.add_option("--environment", flags.surroundings.environment_file,
+                 "latitude-longitude picture instead of a flat background")
+      ->group(kGroup);
+  app.add_flag("--ground", flags.surroundings.ground, "a plane under the scene")->group(kGroup);
+  const auto take_ground = [&flags](Vec3 colour) {
+    flags.surroundings.ground = true;
+    flags.surroundings.ground_colour = colour;
+  };
+  add_triple(app, "--ground-colour", "R,G,B", take_ground, "colour of that plane")->group(kGroup);
+}
+
+}  // namespace lenticule::player

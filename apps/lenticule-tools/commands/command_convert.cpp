@@ -1,0 +1,387 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule convert converts frames and views between file formats. If frames need neither weaving
+// nor separating into views, no pixel changes.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/lenticule-tools/offline/convert_input.h"
+#include "apps/lenticule-tools/offline/convert_output.h"
+#include "apps/lenticule-tools/offline/existing_output.h"
+#include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/content_flags.h"
+#include "base/print.h"
+#include "frames/sequence/sequence_reader.h"
+#include "frames/weaving/quilt_file.h"
+#include "optics/rig_file.h"
+#include "optics/trim.h"
+#include "player/playback/play_statistics.h"
+#include "player/process/interrupt.h"
+#include "player/process/progress.h"
+
+namespace lenticule::player {
+namespace {
+
+using Kind = ContentMeaning::Kind;
+
+/// Length of an input that does not state it.
+constexpr uint64_t kManyFrames = uint64_t{1} << 24;
+
+struct ConvertFlags {
+  std::string input;
+  std::string output;
+  std::string as;
+  std::string rig;
+  std::string rate;
+  std::string frames;
+  ContentFlags content;
+  WeavingFlags weaving;
+  bool resume = false;
+  bool overwrite = false;
+  bool keep_damaged = false;
+  bool json = false;
+};
+
+/// Content of the written frames.
+enum class Result { Woven, Quilt };
+
+/// ConvertPlan checks the flags before a file is opened.
+class ConvertPlan {
+ public:
+  explicit ConvertPlan(const ConvertFlags& flags) : flags_(flags) {
+    if (!flags.rig.empty()) rig = optics::load_rig_and_identity(flags.rig);
+    const bool views_wanted = flags.as == "quilt" || is_view_files(flags.output);
+    meaning = meaning_of(what(views_wanted));
+    const bool has_views = meaning.kind != Kind::Woven;
+    result =
+        views_wanted || (has_views && flags.as.empty() && !rig) ? Result::Quilt : Result::Woven;
+    refuse_what_makes_no_sense(has_views);
+  }
+
+  [[nodiscard]] MeaningRequest what(bool views_wanted) const {
+    MeaningRequest request{.source = parse_source(flags_.input, flags_.content)};
+    // Woven frames of any rig are separated if views are wanted.
+    if (views_wanted) request.source.content.reweave = true;
+    if (rig && !views_wanted) request.rig_fingerprint = rig->identity.fingerprint;
+    return request;
+  }
+
+  std::optional<optics::TrimmedRig> rig;
+  ContentMeaning meaning;
+  Result result = Result::Woven;
+
+ private:
+  void refuse_what_makes_no_sense(bool has_views) const {
+    if (result == Result::Quilt && !has_views)
+      throw Error(ErrorKind::Usage, fmt::format("{}: woven frames, not views", flags_.input),
+                  "--from-rig RIG, the rig that they were woven for, takes them apart");
+    if (result == Result::Quilt && rig)
+      throw Error(ErrorKind::Usage, "--rig: quilts and views are for any rig",
+                  "leave it out; --from-rig names the rig that frames were woven for");
+    if (result == Result::Woven && has_views && !rig)
+      throw Error(ErrorKind::Usage,
+                  fmt::format("{}: views, to be woven for which rig?", flags_.input),
+                  "add --rig RIG");
+    if (flags_.output.ends_with(".toml") || flags_.output.ends_with(".json"))
+      throw Error(ErrorKind::Usage, fmt::format("-o {}: not a kind that is written", flags_.output),
+                  "FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");
+  }
+
+  const ConvertFlags& flags_;
+};
+
+class ConvertRun {
+ public:
+  explicit ConvertRun(const ConvertFlags& flags) : flags_(flags), plan_(flags) {
+    if (!flags.frames.empty()) wanted_ = parse_frame_range(flags.frames);
+    input_ = open_input();
+    info_ = input_->info();
+    range_ = {.begin = 0, .end = input_->count().value_or(kManyFrames)};
+    if (wanted_) choose_frames(*wanted_);
+    if (!flags.rate.empty()) info_.rate = frames::parse_rate(flags.rate);
+    if (plan_.result == Result::Quilt)
+      state_views();
+    else if (plan_.rig)
+      state_rig(*plan_.rig);
+    open_output();
+  }
+
+  ExitCode run() {
+    const auto start = std::chrono::steady_clock::now();
+    frames::WovenFrame frame(info_.geometry);
+    Progress progress("converting", "frames", input_->count() ? range_.count() : 0);
+    for (uint64_t n = 0; n < range_.count() && !interrupted(); ++n) {
+      if (!convert_frame(n, frame)) break;
+      progress.update(n + 1);
+    }
+    if (!interrupted()) finish();
+    progress.finish();
+    seconds_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    report();
+    return interrupt_exit_code();
+  }
+
+ private:
+  [[nodiscard]] PictureRequest how() const {
+    return {.frames = std::nullopt,
+            .first_frame = wanted_ ? wanted_->begin : 0,
+            .pool_frames = 2 * all_threads(),
+            .decoder_threads = all_threads(),
+            .plays_again = false,
+            .before_weaving = plan_.meaning.kind != Kind::Woven};
+  }
+
+  [[nodiscard]] std::unique_ptr<ConvertInput> open_input() {
+    const bool container = kind_of_file(flags_.input) == SourceKind::Sequence;
+    if (plan_.meaning.kind == Kind::Woven)
+      return container ? open_container_input(flags_.input) : open_woven_input(flags_.input, how());
+    if (container) refuse_damaged();
+    ContentRequest request{.source = plan_.what(plan_.result == Result::Quilt).source,
+                           .how = how(),
+                           .drawing_threads = all_threads()};
+    std::unique_ptr<frames::ViewInput> views = open_views(request, plan_.meaning);
+    shape_ = views->shape();
+    return make_view_input(std::move(views), frames_of_views(), flags_.input);
+  }
+
+  [[nodiscard]] FramesOfViews frames_of_views() {
+    if (plan_.result == Result::Quilt) {
+      layout_ = layout_of_quilt();
+      return {
+          .loom = nullptr, .geometry = frames::quilt_geometry(shape_, layout_), .layout = layout_};
+    }
+    const optics::Rig& rig = plan_.rig.value().rig;
+    const LoomOptions options{.weave = weave_options(flags_.weaving),
+                              .crosstalk = flags_.weaving.crosstalk,
+                              .threads = all_threads()};
+    return {.loom = std::make_unique<Loom>(rig, shape_, options),
+            .geometry = {.width = rig.panel.width_px, .height = rig.panel.height_px},
+            .layout = {}};
+  }
+
+  /// Returns the quilt's layout: that in the target's name, or that of the input quilt.
+  [[nodiscard]] frames::QuiltLayout layout_of_quilt() const {
+    frames::QuiltLayout layout = frames::quilt_layout_for(shape_);
+    const auto take_grid = [&](const frames::QuiltLayout& grid) {
+      if (grid.columns * grid.rows < shape_.count) return;
+      layout.columns = grid.columns;
+      layout.rows = grid.rows;
+    };
+    if (plan_.meaning.kind == Kind::Quilt) take_grid(plan_.meaning.layout);
+    if (const auto named = frames::quilt_layout_of_name(flags_.output)) take_grid(*named);
+    return layout;
+  }
+
+  /// Refuses damaged frames: woven from views, a frame of another time would not be noticed.
+  void refuse_damaged() {
+    const frames::SequenceReader reader(flags_.input);
+    const std::vector<uint64_t> damaged =
+        reader.find_damaged([](uint64_t) { return !interrupted(); });
+    if (damaged.empty()) return;
+    if (!flags_.keep_damaged) fail_damaged_container(damaged);
+    replaced_ = damaged.size();
+  }
+
+  [[noreturn]] void fail_damaged_container(const std::vector<uint64_t>& damaged) const {
+    LENTICULE_CHECK(!damaged.empty());
+    throw Error(ErrorKind::Failed,
+                fmt::format("{}: {} damaged, the first of them frame {}", flags_.input,
+                            damaged.size() == 1 ? "1 frame is"
+                                                : fmt::format("{} frames are", damaged.size()),
+                            damaged.front()),
+                "--keep-damaged repeats the frame before each of them");
+  }
+
+  /// Counts all damaged frames first, because the remedy depends on how many there are.
+  [[noreturn]] void fail_damaged(uint64_t number) const {
+    std::vector<uint64_t> damaged =
+        frames::SequenceReader(flags_.input).find_damaged([](uint64_t) { return !interrupted(); });
+    std::erase_if(damaged, [&](uint64_t n) { return n < range_.begin || n >= range_.end; });
+    if (damaged.empty()) damaged.push_back(number);
+    fail_damaged_container(damaged);
+  }
+
+  /// Refuses frames that a decoder left out or repaired.
+  void refuse_damage_of_sources() const {
+    const frames::FrameDamage damage = input_->damage();
+    if (!damage.any() || flags_.keep_damaged) return;
+    throw Error(
+        ErrorKind::Failed,
+        fmt::format("{}: {} of {} frames are damaged, {} are missing", flags_.input, damage.damaged,
+                    converted_ + damage.damaged + damage.missing, damage.missing),
+        "--keep-damaged converts what can be read");
+  }
+
+  /// Selects the frames. Loop points apply to the whole sequence only.
+  void choose_frames(FrameRange wanted) {
+    if (wanted.begin >= wanted.end || wanted.end > range_.end)
+      throw Error(ErrorKind::Input, fmt::format("{}: has frames 0:{}", flags_.input, range_.end),
+                  "name a range of frames that exist");
+    range_ = wanted;
+    info_.first_frame += wanted.begin;
+    info_.loop_begin = 0;
+    info_.loop_end.reset();
+  }
+
+  void state_views() {
+    info_.kind = frames::SequenceKind::Views;
+    info_.views = frames::SequenceViews{.count = shape_.count,
+                                        .columns = layout_.columns,
+                                        .rows = layout_.rows,
+                                        .aspect = shape_.aspect};
+    if (flags_.output.ends_with(".lts") && shape_.count > frames::kMaxSequenceViews)
+      throw Error(ErrorKind::Usage, fmt::format("-o {}: {} views, where {} fit", flags_.output,
+                                                shape_.count, frames::kMaxSequenceViews));
+  }
+
+  void state_rig(const optics::TrimmedRig& loaded) {
+    const optics::Rig& rig = loaded.rig;
+    const frames::FrameGeometry panel{.width = rig.panel.width_px, .height = rig.panel.height_px};
+    const optics::RigMatch matched = optics::match(frames::rig_of(info_), loaded.identity);
+    // Woven before the rig was trimmed: the file keeps the trim for which it was woven.
+    if (matched == optics::RigMatch::Trimmed) return;
+    if (matched == optics::RigMatch::Other)
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: was made for another rig than {}", flags_.input, flags_.rig),
+                  "--reweave takes the frames apart and weaves them for this one; or leave out "
+                  "--rig");
+    if (info_.geometry != panel)
+      throw Error(
+          ErrorKind::Input,
+          fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", flags_.input,
+                      info_.geometry.width, info_.geometry.height, panel.width, panel.height),
+          "woven frames fit one panel, pixel for pixel: name the rig they were made for");
+    frames::state_rig(info_, loaded.identity);
+    info_.rig_toml = optics::rig_to_toml(rig);
+  }
+
+  void open_output() {
+    if (info_.made_from.empty()) info_.made_from = made_from(flags_.input);
+    ConvertTarget target{.request = {.target = flags_.output,
+                                     .range = {.begin = info_.first_frame,
+                                               .end = info_.first_frame + range_.count()},
+                                     .geometry = info_.geometry,
+                                     .rig = frames::rig_of(info_),
+                                     .rate = info_.rate,
+                                     .resume = flags_.resume,
+                                     .overwrite = flags_.overwrite,
+                                     .sequence = info_}};
+    if (plan_.result == Result::Quilt) target.quilt = layout_;
+    written_ = target_name(target);
+    output_ = open_convert_output(target);
+  }
+
+  /// Converts one frame; returns false at the end of the input.
+  bool convert_frame(uint64_t n, frames::WovenFrame& frame) {
+    const uint64_t named = info_.first_frame + n;
+    if (flags_.resume && output_->has(named)) {
+      ++skipped_;
+      return true;
+    }
+    if (!read(range_.begin + n, frame)) return false;
+    if (output_->deliver(named, frame.view()) == Delivery::Interrupted) return false;
+    ++converted_;
+    return true;
+  }
+
+  bool read(uint64_t number, frames::WovenFrame& frame) {
+    const ReadResult result = input_->read(number, frame);
+    if (result == ReadResult::Ok) last_good_ = number;
+    if (result != ReadResult::Damaged) return result == ReadResult::Ok;
+    if (!flags_.keep_damaged || !last_good_ || input_->read(*last_good_, frame) != ReadResult::Ok)
+      fail_damaged(number);
+    ++replaced_;
+    return true;
+  }
+
+  void finish() {
+    refuse_damage_of_sources();
+    const uint64_t done = converted_ + skipped_;
+    const bool short_of_range = wanted_ && done < range_.count();
+    if (done == 0 || short_of_range)
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: ends after frame {}", flags_.input, range_.begin + done),
+                  "name a range of frames that exist");
+    output_->finish();
+  }
+
+  void report() const {
+    if (replaced_ > 0) say("{}: {} damaged frames were replaced\n", flags_.input, replaced_);
+    const frames::FrameDamage damage = input_->damage();
+    if (damage.any()) say("{}: {}\n", flags_.input, damage_text(damage));
+    if (written_ != flags_.output) say("{}\n", written_);
+    if (!flags_.json) return;
+    print_json({{"input", flags_.input},
+                {"output", written_},
+                {"kind", plan_.result == Result::Quilt ? "views" : "woven"},
+                {"views", shape_.count},
+                {"width", info_.geometry.width},
+                {"height", info_.geometry.height},
+                {"frames_converted", converted_},
+                {"frames_skipped", skipped_},
+                {"frames_replaced", replaced_},
+                {"frames_damaged", damage.damaged},
+                {"frames_missing", damage.missing},
+                {"rate", frames::to_string(info_.rate)},
+                {"interrupted", interrupted()},
+                {"seconds", seconds_}});
+  }
+
+  const ConvertFlags& flags_;
+  const ConvertPlan plan_;
+  std::optional<FrameRange> wanted_;
+  frames::ViewShape shape_;     ///< shape of the views, if there are any
+  frames::QuiltLayout layout_;  ///< layout of the written quilts
+  uint64_t replaced_ = 0;
+  std::unique_ptr<ConvertInput> input_;
+  frames::SequenceInfo info_;
+  FrameRange range_;
+  std::string written_;
+  std::unique_ptr<FrameOutput> output_;
+  std::optional<uint64_t> last_good_;
+  uint64_t converted_ = 0;
+  uint64_t skipped_ = 0;
+  double seconds_ = 0.0;
+};
+
+}  // namespace
+
+Run declare_convert(CLI::App& app) {
+  auto flags = std::make_shared<ConvertFlags>();
+  app.add_option("IN", flags->input,
+                 "woven frames: pattern ('out/%05d.png'), picture, video or FILE.lts; or views, as "
+                 "play takes them: quilts, stereo, depth, 'views:view%02d/%05d.png'")
+      ->required();
+  app.add_option("-o,--output", flags->output,
+                 "FILE.lts, FILE.mkv, pattern or picture; 'views:view%02d/%05d.png' for a picture "
+                 "per view. A quilt's layout is added to its name")
+      ->required();
+  app.add_option("--as", flags->as,
+                 "woven: for --rig; quilt: views in tiles (default: woven with --rig, else what "
+                 "they are)")
+      ->check(CLI::IsMember({"woven", "quilt"}));
+  app.add_option("--rig", flags->rig,
+                 "rig that views are woven for; of woven frames the rig that they were made for, "
+                 "to be kept with them");
+  app.add_option("--rate", flags->rate, "frames per second, for example 24 or 24000/1001 (60)");
+  app.add_option("--frames", flags->frames, "A:B converts frames A to B - 1, counted from 0")
+      ->type_name("A:B");
+  declare_content_flags(app, flags->content);
+  declare_weaving_flags(app, flags->weaving);
+  CLI::Option* const resume =
+      app.add_flag("--resume", flags->resume, "go on where an earlier run was stopped");
+  app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
+  app.add_flag("--keep-damaged,--replace-damaged", flags->keep_damaged,
+               "convert a damaged input, too: the frame before a damaged one is repeated, or a "
+               "video's damaged frame left out");
+  app.add_flag("--json", flags->json, "print what was done as JSON");
+  return [flags]() -> ExitCode { return ConvertRun(*flags).run(); };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule scene lists and writes the built-in scenes.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "apps/lenticule-tools/offline/built_in_scene.h"
+#include "apps/lenticule-tools/offline/gltf_writer.h"
+#include "apps/lenticule/cli/command.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/print.h"
+#include "scenes/scene_list.h"
+
+namespace lenticule::player {
+namespace {
+
+struct SceneFlags {
+  std::string name;
+  std::optional<int> size;
+  int frame = 0;
+  std::string output;
+  std::string camera;
+  bool json = false;
+};
+
+nlohmann::json to_json(const scenes::SceneCounts& counts) {
+  return {{"primitives", counts.primitives()},
+          {"polygons", counts.polygons},
+          {"spheres", counts.spheres},
+          {"cones", counts.cones},
+          {"lights", counts.lights}};
+}
+
+/// Returns the list; counts are those of the default size.
+nlohmann::json list_as_json() {
+  nlohmann::json list = nlohmann::json::array();
+  for (const scenes::BuiltInScene& scene : scenes::scene_list()) {
+    const scenes::SceneParts parts = scenes::build_scene(scene);
+    nlohmann::json entry = to_json(parts.counts);
+    entry.update({{"name", scene.name},
+                  {"summary", scene.summary},
+                  {"frames", scene.frames},
+                  {"only_camera_moves", scene.only_camera_moves},
+                  {"wears_pictures", !parts.pictured.empty()},
+                  {"size_meaning", scene.size_meaning},
+                  {"default_size", scene.default_size},
+                  {"largest_size", scene.largest_size}});
+    list.push_back(entry);
+  }
+  return list;
+}
+
+std::string frames_text(int frames) {
+  return frames == 1 ? "still" : fmt::format("{} frames", frames);
+}
+
+void print_list(const nlohmann::json& list) {
+  for (const auto& scene : list)
+    print_out(
+        "{0:<12} {1}\n{2:<12} {3} primitives, {4} lights, {5}{6}\n"
+        "{2:<12} size {7} (1..{8}): {9}\n",
+        scene["name"].get<std::string>(), scene["summary"].get<std::string>(), "",
+        scene["primitives"].get<int>(), scene["lights"].get<int>(),
+        frames_text(scene["frames"].get<int>()),
+        scene["wears_pictures"].get<bool>() ? ", pictures" : "", scene["default_size"].get<int>(),
+        scene["largest_size"].get<int>(), scene["size_meaning"].get<std::string>());
+}
+
+void write_text(const std::string& file, const std::string& text) {
+  write_file_atomically(file, {reinterpret_cast<const uint8_t*>(text.data()), text.size()});
+}
+
+/// A scene as text of a file, with notes about what the format cannot express.
+struct Written {
+  std::string text;
+  std::vector<std::string> notes;
+};
+
+Written as_nff(const scenes::BuiltInScene& scene, const SceneFlags& flags) {
+  Written written{scenes::write_scene(scene, flags.size, flags.frame), {}};
+  if (!scenes::build_scene(scene, 1).pictured.empty())
+    written.notes.emplace_back(
+        "NFF has no pictures: surfaces that wear one have its mean colour, "
+        "'lenticule render builtin:NAME' shows them");
+  return written;
+}
+
+Written as_gltf(const scenes::BuiltInScene& scene, const SceneFlags& flags) {
+  GltfText gltf = write_gltf(describe_built_in(scene, flags.size, flags.frame));
+  return {std::move(gltf.json), std::move(gltf.notes)};
+}
+
+Written written_as(const std::string& output, const scenes::BuiltInScene& scene,
+                   const SceneFlags& flags) {
+  const std::string extension = std::filesystem::path(output).extension().string();
+  if (output.empty() || extension == ".nff") return as_nff(scene, flags);
+  if (extension == ".gltf") return as_gltf(scene, flags);
+  throw Error(ErrorKind::Usage, fmt::format("{}: scenes are written as .nff or .gltf", output));
+}
+
+/// Writes one scene. With --camera and without -o, writes only the camera.
+void write_one(const SceneFlags& flags) {
+  const bool to_standard_output = flags.output.empty() && flags.camera.empty();
+  if (flags.json && to_standard_output)
+    throw Error(ErrorKind::Usage, "scene: --json needs -o FILE, standard output is the scene's",
+                "'lenticule scene list --json' prints what there is");
+  const scenes::BuiltInScene& scene = scenes::find_scene(flags.name);
+  const Written written = written_as(flags.output, scene, flags);
+  if (to_standard_output) return print_out("{}", Verbatim{written.text});
+  nlohmann::json done = {{"name", scene.name},
+                         {"size", flags.size.value_or(scene.default_size)},
+                         {"frame", flags.frame},
+                         {"frames", scene.frames}};
+  if (!flags.camera.empty()) {
+    write_text(flags.camera, scenes::write_camera_path(scene, flags.size));
+    done["camera"] = flags.camera;
+  }
+  if (!flags.output.empty()) {
+    write_text(flags.output, written.text);
+    done.update(to_json(scenes::build_scene(scene, flags.size, flags.frame).counts));
+    done.update(
+        {{"output", flags.output}, {"bytes", written.text.size()}, {"notes", written.notes}});
+    for (const std::string& note : written.notes) say("{}: {}\n", flags.output, note);
+  }
+  if (flags.json) print_json(done);
+}
+
+}  // namespace
+
+Run declare_scene(CLI::App& app) {
+  auto flags = std::make_shared<SceneFlags>();
+  app.add_option("NAME", flags->name, "a scene's name, or 'list'")->required();
+  app.add_option("--size", flags->size, "how fine or how many; 'list' says what it counts");
+  app.add_option("--frame", flags->frame, "frame of the scene's sequence")->capture_default_str();
+  app.add_option("-o,--output", flags->output,
+                 "file to write, .nff or .gltf; NFF on standard output if left out");
+  app.add_option("--camera", flags->camera,
+                 "file for the camera of every frame, as 'lenticule render --camera' reads it");
+  app.add_flag("--json", flags->json, "print what was listed or written as JSON");
+  return [flags]() -> ExitCode {
+    if (flags->name != "list") {
+      write_one(*flags);
+      return kOk;
+    }
+    const nlohmann::json list = list_as_json();
+    if (flags->json)
+      print_json(list);
+    else
+      print_list(list);
+    return kOk;
+  };
+}
+
+}  // namespace lenticule::player

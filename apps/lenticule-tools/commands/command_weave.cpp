@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule weave weaves one set of views into the frame of a rig.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "apps/lenticule-tools/offline/existing_output.h"
+#include "apps/lenticule/cli/command.h"
+#include "apps/lenticule/cli/content_flags.h"
+#include "base/print.h"
+#include "frames/image_io.h"
+#include "frames/quilt.h"
+#include "frames/weave.h"
+#include "frames/weaving/crosstalk.h"
+#include "frames/weaving/fast_weaver.h"
+#include "frames/weaving/quilt_file.h"
+#include "optics/trim.h"
+#include "player/playback/play_statistics.h"
+#include "player/process/interrupt.h"
+#include "player/process/progress.h"
+#include "player/sources/content_open.h"
+
+namespace lenticule::player {
+namespace {
+
+struct WeaveFlags {
+  std::string input;
+  std::string rig;
+  std::string output;
+  std::string frame;
+  ContentFlags content;
+  WeavingFlags weaving;
+  std::string quilt;
+  bool reference = false;
+  bool overwrite = false;
+  bool keep_damaged = false;
+  bool json = false;
+};
+
+ContentRequest content_request(const WeaveFlags& flags) {
+  ContentRequest request{.source = parse_source(flags.input, flags.content),
+                         .drawing_threads = all_threads()};
+  if (flags.frame.empty()) return request;
+  request.how.frames = parse_frame_range(flags.frame);
+  if (request.how.frames->count() != 1)
+    throw Error(ErrorKind::Usage, fmt::format("--frame {}: more than one", flags.frame),
+                "lenticule convert weaves sequences");
+  return request;
+}
+
+/// Loads the only set of views, or the requested one.
+std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const optics::Rig& rig) {
+  const ContentRequest request = content_request(flags);
+  const ContentMeaning meaning = meaning_of({.source = request.source,
+                                             .patterns_are_views = true,
+                                             .rig_fingerprint = optics::fingerprint(rig)});
+  if (meaning.kind == ContentMeaning::Kind::Woven)
+    throw Error(ErrorKind::Usage, fmt::format("{}: how many tiles?", flags.input),
+                "name the file *_qs8x6a0.75.png, say --grid 8x6, --stereo, --depth or --from-rig, "
+                "or give a pattern of views");
+  std::unique_ptr<frames::ViewInput> input = open_views(request, meaning);
+  if (input->frame_count() != uint64_t{1} && !request.how.frames)
+    throw Error(ErrorKind::Usage, fmt::format("{}: more than one frame", flags.input),
+                "say which with --frame N, or use lenticule convert");
+  await_first(*input, flags.input);
+  return input;
+}
+
+/// Returns the views to weave: unchanged, or with crosstalk compensation.
+const frames::ViewSet& compensated(const frames::ViewSet& views, const std::string& crosstalk,
+                                   const optics::Rig& rig, std::optional<frames::ViewSet>& kept) {
+  const auto wanted = crosstalk_of(crosstalk, rig, views.count());
+  if (!wanted) return views;
+  return kept.emplace(frames::compensate(views, *wanted));
+}
+
+/// Weaves with the reference implementation; returns false if interrupted.
+bool weave_by_reference(const frames::ViewSet& views, const optics::OpticalModel& model,
+                        const frames::WeaveOptions& options, frames::WovenFrame& frame) {
+  const frames::Weaver weaver(views, model, options);
+  Progress progress("weave", "rows", static_cast<uint64_t>(frame.height()));
+  constexpr int kBand = 32;
+  for (int j = 0; j < frame.height(); j += kBand) {
+    if (interrupted()) return false;
+    const int end = std::min(j + kBand, frame.height());
+    weaver.weave_rows(j, end, frame);
+    progress.update(static_cast<uint64_t>(end));
+  }
+  progress.finish();
+  return true;
+}
+
+nlohmann::json report(const WeaveFlags& flags, const frames::ViewSet& views,
+                      const frames::WeaveOptions& options, const optics::Rig& rig) {
+  return {{"output", flags.output},
+          {"width", rig.panel.width_px},
+          {"height", rig.panel.height_px},
+          {"rig", flags.rig},
+          {"rig_fingerprint", optics::fingerprint(rig)},
+          {"views", views.count()},
+          {"view_width", views.width()},
+          {"view_height", views.height()},
+          {"aspect", views.aspect()},
+          {"filter", frames::to_string(options.filter)},
+          {"fit", frames::to_string(options.fit)},
+          {"crosstalk", flags.weaving.crosstalk.empty() ? nlohmann::json()
+                                                        : nlohmann::json(flags.weaving.crosstalk)},
+          {"reference", flags.reference},
+          {"inverted", flags.content.invert}};
+}
+
+void print_report(const nlohmann::json& done) {
+  print_out("{}: {} x {}, woven from {} views of {} x {}, {}\n", done["output"].get<std::string>(),
+            done["width"].get<int>(), done["height"].get<int>(), done["views"].get<int>(),
+            done["view_width"].get<int>(), done["view_height"].get<int>(),
+            done["filter"].get<std::string>());
+}
+
+void refuse_damage(frames::ViewInput& input, const WeaveFlags& flags) {
+  const frames::FrameDamage damage = await_damage(input);
+  if (damage.any() && !flags.keep_damaged)
+    throw Error(ErrorKind::Failed, fmt::format("{}: {}", flags.input, damage_text(damage)),
+                "--keep-damaged weaves what can be read in place of a damaged frame");
+}
+
+ExitCode run_weave(const WeaveFlags& flags) {
+  const frames::WeaveOptions options = weave_options(flags.weaving);
+  frames::check_writable_format(flags.output);
+  const optics::OpticalModel model(optics::load_trimmed_rig(flags.rig));
+  const optics::Panel& panel = model.rig().panel;
+  const frames::FrameGeometry geometry{.width = panel.width_px, .height = panel.height_px};
+  require_replaceable_pictures(
+      {.target = flags.output, .range = {.begin = 0, .end = 1}, .overwrite = flags.overwrite},
+      geometry, [&flags](uint64_t) { return flags.output; });
+  const std::unique_ptr<frames::ViewInput> input = load_views(flags, model.rig());
+  std::optional<frames::ViewSet> kept;
+  const frames::ViewSet& views =
+      compensated(input->views(), flags.weaving.crosstalk, model.rig(), kept);
+  if (interrupted()) return interrupt_exit_code();
+  if (!flags.quilt.empty())
+    say("{}: the views\n", frames::write_quilt(views, flags.quilt).string());
+
+  frames::WovenFrame frame(geometry);
+  if (!flags.reference)
+    frame = frames::weave_fast(views, model, options, all_threads());
+  else if (!weave_by_reference(views, model, options, frame))
+    return interrupt_exit_code();
+  const nlohmann::json done = report(flags, views, options, model.rig());
+  refuse_damage(*input, flags);
+  frames::write_woven(frame.view(), flags.output);
+  if (flags.json)
+    print_json(done);
+  else
+    print_report(done);
+  return kOk;
+}
+
+}  // namespace
+
+Run declare_weave(CLI::App& app) {
+  const auto flags = std::make_shared<WeaveFlags>();
+  app.add_option("input", flags->input,
+                 "quilt (NAME_qs<columns>x<rows>a<aspect>.png), pattern of views (%03d.png), two "
+                 "eyes (NAME_sbs.png), a picture with depth (NAME_rgbd.png), one frame of a video "
+                 "or of FILE.lts, or with --from-rig a woven frame")
+      ->required();
+  app.add_option("--rig", flags->rig, "rig file")->required();
+  app.add_option("-o,--output", flags->output, "woven frame: .png, .tif, .exr or .ppm")->required();
+  app.add_option("--frame", flags->frame, "which frame of a sequence");
+  declare_content_flags(app, flags->content);
+  declare_weaving_flags(app, flags->weaving);
+  app.add_option("--quilt", flags->quilt,
+                 "also write the views, as they are woven, as a quilt; its layout is added to the "
+                 "name");
+  app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
+  app.add_flag("--reference", flags->reference,
+               "weave slowly, in double precision: what the fast weaver is tested against");
+  app.add_flag("--keep-damaged", flags->keep_damaged,
+               "weave from a damaged input, too: another frame may stand in for the one asked for");
+  app.add_flag("--json", flags->json, "print what was done as JSON");
+  return [flags] { return run_weave(*flags); };
+}
+
+}  // namespace lenticule::player

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule-tools has every command. lenticule starts it for those that need more than a player. It
+// has the others, too, because the manual and the completion scripts list the flags of all.
+#include <array>
+#include <vector>
+
+#include "apps/lenticule/cli/program.h"
+
+namespace lenticule::player {
+
+// Each function is defined in the file of its command.
+Run declare_render(CLI::App& app);
+Run declare_weave(CLI::App& app);
+Run declare_eye(CLI::App& app);
+Run declare_compare(CLI::App& app);
+Run declare_convert(CLI::App& app);
+Run declare_calibrate(CLI::App& app);
+Run declare_depth(CLI::App& app);
+Run declare_rig(CLI::App& app);
+Run declare_scene(CLI::App& app);
+Run declare_completion(CLI::App& app);
+Run declare_man(CLI::App& app);
+
+}  // namespace lenticule::player
+
+int main(int argc, char** argv) {
+  using namespace lenticule::player;
+  constexpr auto kTools = std::to_array<Declaration>({
+      {"render", declare_render},
+      {"weave", declare_weave},
+      {"eye", declare_eye},
+      {"compare", declare_compare},
+      {"convert", declare_convert},
+      {"calibrate", declare_calibrate},
+      {"depth", declare_depth},
+      {"rig", declare_rig},
+      {"scene", declare_scene},
+      {"completion", declare_completion},
+      {"man", declare_man},
+  });
+  std::vector<Declaration> declared(kTools.begin(), kTools.end());
+  declared.insert(declared.end(), player_commands().begin(), player_commands().end());
+  return run_program({.commands = commands(), .declared = declared, .first_steps = kFirstSteps},
+                     argc, argv);
+}

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// open_sequence_output writes rendered or converted frames to a sequence container.
+#pragma once
+
+#include <memory>
+
+#include "apps/lenticule-tools/offline/frame_output.h"
+
+namespace lenticule::player {
+
+/// Returns the FrameOutput of a target that ends in ".lts". Frames must be delivered in order,
+/// without those for which has() returns true. The unfinished file is called TARGET.part. Throws
+/// the errors of open_output(), and Error(Input) if a file to resume was started with other input.
+[[nodiscard]] std::unique_ptr<FrameOutput> open_sequence_output(const OutputRequest& request);
+
+}  // namespace lenticule::player

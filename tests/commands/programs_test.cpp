@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests that the programs of separate packages act as one command, and what each says when another
+// is not installed.
+#include <nlohmann/json.hpp>
+
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+/// A fixture with a copy of lenticule that has no other program beside it.
+class LonePlayer : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    std::filesystem::create_directories(path("usr/bin"));
+    std::filesystem::copy_file(LENTICULE_PROGRAM, path("usr/bin/lenticule"));
+  }
+
+  [[nodiscard]] ProcessResult run_alone(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.begin(), path("usr/bin/lenticule"));
+    return run_process(arguments);
+  }
+
+  [[nodiscard]] std::vector<std::string> play(const std::string& source) const {
+    return {"play",      source,    "--rig",  source_file("scenes/rigs/tiny.toml"),
+            "--display", "virtual", "--wait", "5"};
+  }
+};
+
+TEST_F(LonePlayer, ListsEveryCommand) {
+  EXPECT_EQ(run_alone({"--version"}).out, run({"--version"}).out);
+  EXPECT_EQ(run_alone({"--help"}).out, run({"--help"}).out);
+  EXPECT_EQ(run_alone({}).err, run({}).err);
+  EXPECT_EQ(run_alone({"rendr"}).err, run({"rendr"}).err);
+  EXPECT_EQ(run_alone({"play", "--help"}).out, run({"play", "--help"}).out);
+}
+
+TEST_F(LonePlayer, NamesThePackageOfACommandThatIsNotInstalled) {
+  for (const char* command : {"render", "weave", "eye", "compare", "convert", "calibrate", "depth",
+                              "rig", "scene", "completion", "man"}) {
+    const ProcessResult result = run_alone({command, "--help"});
+    EXPECT_EQ(result.exit_code, 1) << command;
+    EXPECT_EQ(result.err, std::string("lenticule: ") + command +
+                              ": lenticule-tools is not installed\n"
+                              "  install the package lenticule\n");
+  }
+  const ProcessResult bench = run_alone({"bench", "list"});
+  EXPECT_EQ(bench.exit_code, 1);
+  EXPECT_NE(bench.err.find("install the package lenticule-bench"), std::string::npos) << bench.err;
+}
+
+TEST_F(LonePlayer, ReportsAMissingProgramAsJson) {
+  const ProcessResult result = run_alone({"render", "builtin:demo", "--json"});
+  EXPECT_EQ(result.exit_code, 1);
+  const auto json = nlohmann::json::parse(result.err);
+  EXPECT_EQ(json.at("error"), "render: lenticule-tools is not installed");
+  EXPECT_EQ(json.at("hint"), "install the package lenticule");
+  EXPECT_EQ(json.at("exit_code"), 1);
+}
+
+TEST_F(LonePlayer, NamesThePackageThatReadsPicturesAndVideos) {
+  write("film.mkv", "not read");
+  for (const std::string& source : {source_file("tests/data/crate.png"), path("film.mkv")}) {
+    const ProcessResult result = run_alone(play(source));
+    EXPECT_EQ(result.exit_code, 1) << source << ": " << result.err;
+    EXPECT_NE(result.err.find("install the package lenticule-media"), std::string::npos)
+        << source << ": " << result.err;
+  }
+}
+
+TEST_F(LonePlayer, PlaysASequenceWithoutDecoders) {
+  const std::string rig = source_file("scenes/rigs/tiny.toml");
+  ASSERT_EQ(run({"render", "builtin:demo", "--rig", rig, "--frames", "0:2", "-o", path("film.lts")})
+                .exit_code,
+            0);
+  const ProcessResult result = run_alone(play(path("film.lts")));
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+}
+
+// As installed: /usr/bin/lenticule and /usr/libexec/lenticule/lenticule-tools.
+TEST_F(LonePlayer, FindsOtherProgramsInTheFolderForHelperPrograms) {
+  std::filesystem::create_directories(path("usr/libexec/lenticule"));
+  std::ofstream(path("usr/libexec/lenticule/lenticule-tools"))
+      << "#!/bin/sh\nprintf '%s,' \"$@\"\nexit 5\n";
+  std::filesystem::permissions(path("usr/libexec/lenticule/lenticule-tools"),
+                               std::filesystem::perms::owner_all);
+  const ProcessResult result = run_alone({"--json", "scene", "--", "a b", ""});
+  EXPECT_EQ(result.exit_code, 5);
+  EXPECT_EQ(result.out, "--json,scene,--,a b,,");
+  EXPECT_TRUE(result.err.empty()) << result.err;
+}
+
+TEST(Programs, ThePlayerIsLinkedWithNoLibraryForRenderingCalibrationPicturesOrVideos) {
+  const ProcessResult result = run_process({"/usr/bin/ldd", LENTICULE_PROGRAM});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_NE(result.out.find("libdrm"), std::string::npos) << result.out;
+  for (const char* library : {"embree", "tbb", "OpenImageIO", "assimp", "ceres", "turbojpeg",
+                              "apriltag", "avformat", "avcodec", "avutil"})
+    EXPECT_EQ(result.out.find(library), std::string::npos) << library;
+}
+
+TEST(Programs, ManualAndCompletionListTheFlagsOfEveryProgram) {
+  const std::string manual = run({"man"}).out;
+  for (const char* flag : {"wait\\-for\\-panel", "depth\\-budget"})
+    EXPECT_NE(manual.find(flag), std::string::npos) << flag;
+  for (const char* shell : {"bash", "zsh", "fish"}) {
+    const std::string script = run({"completion", shell}).out;
+    for (const char* flag : {"--wait-for-panel", "--depth-budget"})
+      EXPECT_NE(script.find(flag), std::string::npos) << shell << ": " << flag;
+  }
+}
+
+}  // namespace
+}  // namespace lenticule::test
