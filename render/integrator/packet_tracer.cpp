@@ -345,6 +345,7 @@ void PacketTracer::shade(const Scene& scene, const RayPacket& packet, const floa
   counts_.invalid += static_cast<uint64_t>(rays.refused);
   if (surfaces.any_transmits) return follow_glass(scene, packet, generation, weight, depth);
   if (!any) return;
+  const Coherence coherence = coherence_of(generation.mirrored.valid, generation.mirrored.rays.ray);
   if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
     leave_out_weak(scene, rays, depth);
   // Done before the culling queries, which are made only while they pay off.
@@ -355,7 +356,7 @@ void PacketTracer::shade(const Scene& scene, const RayPacket& packet, const floa
     counts_.secondary += static_cast<uint64_t>(std::popcount(open));
     add_backdrop(scene, generation.mirrored, rays.weight, open);
   }
-  follow(scene, rays, generation.mirrored, depth, Turn::Mirrored);
+  follow(scene, rays, generation.mirrored, coherence, depth, Turn::Mirrored);
 }
 
 PacketTracer::Asking PacketTracer::worth_asking(const Scene& scene, const Surfaces& met) {
@@ -459,6 +460,7 @@ void PacketTracer::add_lights(const Scene& scene, const Asker& asker, const floa
     const bool any = kernel_.shadow_rays(lights[light], asker.generation.surfaces, weight, rays);
     counts_.invalid += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
+    const Coherence coherence = coherence_of(rays.valid, lanes_.shadow);
     uint32_t lit = known_ != nullptr && depth == 0 ? take_known(light, rays.valid) : 0;
     leave_out_little(rays, rays.valid);
     const uint32_t wanted = lit | lane_bits(rays.valid);
@@ -466,7 +468,7 @@ void PacketTracer::add_lights(const Scene& scene, const Asker& asker, const floa
     if (ask.points) lit |= take_lit(scene, asker, light, rays.valid);
     const bool some_left = any_lane(rays.valid);
     if (ask.points) shadow_payoff_.asked(!some_left);
-    const uint32_t reached = lit | (some_left ? trace_shadows(scene, light, depth) : 0);
+    const uint32_t reached = lit | (some_left ? trace_shadows(scene, light, coherence, depth) : 0);
     kernel_.add_light(reached, rays.weight, lanes_.light);
     if (groups_ != nullptr) note_shadows(rays.weight, wanted, reached, light, depth);
   }
@@ -709,10 +711,10 @@ void PacketTracer::follow_glass(const Scene& scene, const RayPacket& packet, Gen
   }
   ++glass_above_;
   leave_out_little(mirrored, generation.mirrored.valid);
-  follow(scene, mirrored, generation.mirrored, depth, Turn::Mirrored);
+  follow(scene, mirrored, generation.mirrored, Coherence::Coherent, depth, Turn::Mirrored);
   --glass_above_;
   leave_out_little(refracted, generation.refracted.valid);
-  follow(scene, refracted, generation.refracted, depth, Turn::Refracted);
+  follow(scene, refracted, generation.refracted, Coherence::Coherent, depth, Turn::Refracted);
 }
 
 PacketTracer::Traced* PacketTracer::remember(uint32_t path, uint32_t what, uint32_t lanes) {
@@ -747,7 +749,8 @@ void PacketTracer::recall_share(uint32_t path, uint32_t what, KnownShare& known)
     known.set(found->lanes & ~known.lanes, found->share);
 }
 
-uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, size_t depth) {
+uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, Coherence coherence,
+                                     size_t depth) {
   const uint32_t path = generations_[depth].path;
   const auto what = static_cast<uint32_t>(light);
   const int* valid = lanes_.shadow_valid;
@@ -756,7 +759,7 @@ uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, size_t de
     return known->free & lanes;
   Traced* note = remember(path, what, lanes);
   clock_.turn_to(Work::TraceShadows);
-  occluded16(valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
+  occluded16(valid, scene.embree.get(), lanes_.shadow, coherence);
   clock_.turn_to(Work::Shade);
   uint32_t free = 0;
   for (uint32_t r = 0; r < kPacket; ++r)
@@ -765,7 +768,8 @@ uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, size_t de
   return free;
 }
 
-void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, size_t depth) {
+void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, Coherence coherence,
+                                   size_t depth) {
   const uint32_t path = generations_[depth + 1].path;
   RTCRayHit16& rays = packet.rays;
   const uint32_t lanes = lane_bits(packet.valid);
@@ -781,7 +785,7 @@ void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, size_t
   // slower.
   clock_.turn_to(Work::TraceSecondary);
   intersect16(packet.valid, scene.embree.get(), rays,
-              depth == 0 ? Coherence::Coherent : Coherence::Incoherent);
+              depth == 0 ? coherence : Coherence::Incoherent);
   clock_.turn_to(Work::Shade);
   if (note == nullptr) return;
   std::copy_n(rays.ray.tfar, kPacket, note->distance);
@@ -789,14 +793,14 @@ void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, size_t
   std::copy_n(rays.hit.primID, kPacket, note->primitive);
 }
 
-void PacketTracer::follow(const Scene& scene, NewRays& rays, RayPacket& packet, size_t depth,
-                          Turn turn) {
+void PacketTracer::follow(const Scene& scene, NewRays& rays, RayPacket& packet, Coherence coherence,
+                          size_t depth, Turn turn) {
   const uint64_t traced = count_lanes(packet.valid);
   if (traced == 0) return;
   counts_.secondary += traced;
   std::fill_n(packet.rays.hit.geomID, kPacket, RTC_INVALID_GEOMETRY_ID);
   generations_[depth + 1].path = sampling::longer_path(generations_[depth].path, turn);
-  trace_secondary(scene, packet, depth);
+  trace_secondary(scene, packet, coherence, depth);
   shade(scene, packet, rays.weight, depth + 1);
 }
 

@@ -206,8 +206,9 @@ class PacketTracer {
                      int* valid);
 
   /// Traces the shadow rays of lanes_.shadow_valid; returns a bit mask of the unoccluded lanes.
-  uint32_t trace_shadows(const Scene& scene, size_t light, size_t depth);
-  void trace_secondary(const Scene& scene, RayPacket& packet, size_t depth);
+  /// `coherence` is that of the packet before culling.
+  uint32_t trace_shadows(const Scene& scene, size_t light, Coherence coherence, size_t depth);
+  void trace_secondary(const Scene& scene, RayPacket& packet, Coherence coherence, size_t depth);
   /// Traced stores the hits of a packet, for reuse with the same rays.
   struct Traced {
     uint32_t path;   ///< sampling::longer_path() of the rays
@@ -274,8 +275,8 @@ class PacketTracer {
                   size_t depth);
   void follow_glass(const Scene& scene, const RayPacket& packet, Generation& generation,
                     const float* weight, size_t depth);
-  void follow(const Scene& scene, shading_kernel::NewRays& rays, RayPacket& packet, size_t depth,
-              sampling::Turn turn);
+  void follow(const Scene& scene, shading_kernel::NewRays& rays, RayPacket& packet,
+              Coherence coherence, size_t depth, sampling::Turn turn);
 
   const shading_kernel::Kernel& kernel_;
   SoftShader soft_;
