@@ -34,11 +34,14 @@ bool in_one_octant(const int* valid, const RTCRay16& rays) {
          on_one_side(valid, rays.dir_z);
 }
 
+Coherence coherence_of(const int* valid, const RTCRay16& rays) {
+  return in_one_octant(valid, rays) ? Coherence::Coherent : Coherence::Incoherent;
+}
+
 namespace {
 
-Coherence coherence_of(Coherence wanted, const int* valid, const RTCRay16& rays) {
-  return wanted == Coherence::Coherent && in_one_octant(valid, rays) ? Coherence::Coherent
-                                                                     : Coherence::Incoherent;
+Coherence checked(Coherence wanted, const int* valid, const RTCRay16& rays) {
+  return wanted == Coherence::Coherent ? coherence_of(valid, rays) : wanted;
 }
 
 /// Calls `trace`, one of Embree's functions for packets of that width.
@@ -110,12 +113,11 @@ void query_in(int width, const int* valid, RTCScene scene, Whole& rays, Coherenc
 
 void intersect16(const int* valid, RTCScene scene, RTCRayHit16& rays, Coherence coherence,
                  int width) {
-  query_in<RTCRayHit8, RTCRayHit4>(width, valid, scene, rays,
-                                   coherence_of(coherence, valid, rays.ray));
+  query_in<RTCRayHit8, RTCRayHit4>(width, valid, scene, rays, checked(coherence, valid, rays.ray));
 }
 
 void occluded16(const int* valid, RTCScene scene, RTCRay16& rays, Coherence coherence, int width) {
-  query_in<RTCRay8, RTCRay4>(width, valid, scene, rays, coherence_of(coherence, valid, rays));
+  query_in<RTCRay8, RTCRay4>(width, valid, scene, rays, checked(coherence, valid, rays));
 }
 
 }  // namespace lenticule::render

@@ -22,4 +22,10 @@ void occluded16(const int* valid, RTCScene scene, RTCRay16& rays, Coherence cohe
 /// packets would not be faster as coherent packets either.
 [[nodiscard]] bool in_one_octant(const int* valid, const RTCRay16& rays);
 
+/// Returns Coherent for a packet that is in_one_octant(). Embree's two modes round distances
+/// differently, and choose differently among triangles that meet at the ray. A caller that removes
+/// lanes by culling chooses the mode before, so that the remaining lanes have the same hits no
+/// matter which lanes are culled.
+[[nodiscard]] Coherence coherence_of(const int* valid, const RTCRay16& rays);
+
 }  // namespace lenticule::render

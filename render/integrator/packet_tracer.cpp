@@ -323,6 +323,7 @@ void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t de
     const bool any = kernel_.shadow_rays(lights[light], generation.surfaces, weight, rays);
     counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
+    const Coherence coherence = coherence_of(rays.valid, lanes_.shadow);
     uint32_t lit = memory_ != nullptr ? memory_->take_known(bounce, light, rays.valid) : 0;
     leave_out_little(rays, rays.valid);
     const uint32_t unknown = lane_bits(rays.valid);
@@ -333,7 +334,7 @@ void PacketTracer::add_lights(const Scene& scene, const float* weight, size_t de
     counts_.shadow_rays_proved += static_cast<uint64_t>(std::popcount(proved.lit));
     counts_.shadow_rays_blocked += static_cast<uint64_t>(std::popcount(proved.blocked));
     lit |= proved.lit;
-    const uint32_t reached = lit | trace_shadows(scene, light, depth);
+    const uint32_t reached = lit | trace_shadows(scene, light, coherence, depth);
     kernel_.add_light(reached, rays.weight, lanes_.light);
     if (memory_ != nullptr) memory_->note_shadows(bounce, light, rays.weight, wanted, reached);
   }
@@ -359,7 +360,8 @@ void PacketTracer::add_soft_light(const Scene& scene, size_t light, const float*
   if (memory_ != nullptr) memory_->keep_lamp(bounce, light, seen);
 }
 
-uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, size_t depth) {
+uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, Coherence coherence,
+                                     size_t depth) {
   const int* valid = lanes_.shadow_valid;
   const uint32_t lanes = lane_bits(valid);
   if (lanes == 0) return 0;
@@ -367,7 +369,7 @@ uint32_t PacketTracer::trace_shadows(const Scene& scene, size_t light, size_t de
   if (memory_ != nullptr)
     if (const auto unoccluded = memory_->recall_shadows(bounce, light, lanes)) return *unoccluded;
   clock_.turn_to(Work::TraceShadows);
-  occluded16(valid, scene.embree.get(), lanes_.shadow, Coherence::Coherent);
+  occluded16(valid, scene.embree.get(), lanes_.shadow, coherence);
   clock_.turn_to(Work::Shade);
   uint32_t unoccluded = 0;
   for (uint32_t r = 0; r < kPacket; ++r)
@@ -381,6 +383,7 @@ void PacketTracer::follow_mirror(const Scene& scene, const float* weight, size_t
   int* const valid = generation.mirrored.valid;
   NewRays& rays = generation.mirrored_rays;
   if (!mirror(generation, weight)) return;
+  const Coherence coherence = coherence_of(valid, generation.mirrored.rays.ray);
   if (skip_weak_ && glass_above_ == 0 && scene.shading->light_only_adds())
     leave_out_weak(scene, rays, depth);
   // Done before the culling queries, which are made only while they pay off.
@@ -390,7 +393,7 @@ void PacketTracer::follow_mirror(const Scene& scene, const float* weight, size_t
   counts_.secondary_rays_proved += static_cast<uint64_t>(std::popcount(open));
   counts_.secondary_rays += static_cast<uint64_t>(std::popcount(open));
   add_backdrop(scene, generation.mirrored, rays.weight, open);
-  follow(scene, rays, generation.mirrored, depth, Turn::Mirrored);
+  follow(scene, rays, generation.mirrored, coherence, depth, Turn::Mirrored);
 }
 
 bool PacketTracer::mirror(Generation& generation, const float* weight) {
@@ -441,31 +444,32 @@ void PacketTracer::follow_glass(const Scene& scene, const RayPacket& packet, con
   }
   ++glass_above_;
   leave_out_little(mirrored, generation.mirrored.valid);
-  follow(scene, mirrored, generation.mirrored, depth, Turn::Mirrored);
+  follow(scene, mirrored, generation.mirrored, Coherence::Coherent, depth, Turn::Mirrored);
   --glass_above_;
   leave_out_little(refracted, generation.refracted.valid);
-  follow(scene, refracted, generation.refracted, depth, Turn::Refracted);
+  follow(scene, refracted, generation.refracted, Coherence::Coherent, depth, Turn::Refracted);
 }
 
-void PacketTracer::follow(const Scene& scene, NewRays& rays, RayPacket& packet, size_t depth,
-                          Turn turn) {
+void PacketTracer::follow(const Scene& scene, NewRays& rays, RayPacket& packet, Coherence coherence,
+                          size_t depth, Turn turn) {
   const uint64_t traced = count_lanes(packet.valid);
   if (traced == 0) return;
   counts_.secondary_rays += traced;
   std::fill_n(packet.rays.hit.geomID, kPacket, RTC_INVALID_GEOMETRY_ID);
   generations_[depth + 1].path = sampling::longer_path(generations_[depth].path, turn);
-  trace_secondary(scene, packet, depth);
+  trace_secondary(scene, packet, coherence, depth);
   shade(scene, packet, rays.weight, depth + 1);
 }
 
-void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, size_t depth) {
+void PacketTracer::trace_secondary(const Scene& scene, RayPacket& packet, Coherence coherence,
+                                   size_t depth) {
   const uint32_t path = generations_[depth + 1].path;
   if (memory_ != nullptr && memory_->recall_hits(path, packet)) return;
   // Neighbouring rays diverge after two reflections at curved surfaces, and packet traversal is
   // slower.
   clock_.turn_to(Work::TraceSecondary);
   intersect16(packet.valid, scene.embree.get(), packet.rays,
-              depth == 0 ? Coherence::Coherent : Coherence::Incoherent);
+              depth == 0 ? coherence : Coherence::Incoherent);
   clock_.turn_to(Work::Shade);
   if (memory_ != nullptr) memory_->remember_hits(path, packet);
 }

@@ -113,15 +113,16 @@ class PacketTracer {
   void add_soft_light(const Scene& scene, size_t light, const float* weight, size_t depth);
   [[nodiscard]] SoftPacket soft_packet(const Scene& scene, size_t depth) const;
   /// Traces the shadow rays of lanes_.shadow_valid; returns a bit mask of the unoccluded lanes.
-  uint32_t trace_shadows(const Scene& scene, size_t light, size_t depth);
+  /// `coherence` is that of the packet before culling.
+  uint32_t trace_shadows(const Scene& scene, size_t light, Coherence coherence, size_t depth);
 
   /// Makes the mirrored rays of a bounce; returns false if there are none.
   bool mirror(Generation& generation, const float* weight);
   void follow_mirror(const Scene& scene, const float* weight, size_t depth);
   void follow_glass(const Scene& scene, const RayPacket& packet, const float* weight, size_t depth);
-  void follow(const Scene& scene, shading_kernel::NewRays& rays, RayPacket& packet, size_t depth,
-              sampling::Turn turn);
-  void trace_secondary(const Scene& scene, RayPacket& packet, size_t depth);
+  void follow(const Scene& scene, shading_kernel::NewRays& rays, RayPacket& packet,
+              Coherence coherence, size_t depth, sampling::Turn turn);
+  void trace_secondary(const Scene& scene, RayPacket& packet, Coherence coherence, size_t depth);
   /// Disables rays whose maximum contribution is below the tolerance and adds half of it.
   void leave_out_little(const shading_kernel::NewRays& rays, int* valid);
   /// Disables mirrored rays that cannot change the code value of their subpixel.

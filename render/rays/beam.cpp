@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/rays/beam.h"
 
+#include <initializer_list>
+
 namespace lenticule::render {
 
 Interval operator*(Interval a, Interval b) {

@@ -196,7 +196,8 @@ LampSeen SoftShader::sample_lamp(const SoftPacket& packet, size_t lamp, const La
     counts_.invalid_rays += static_cast<uint64_t>(rays.refused);
     if (!any) continue;
     const uint32_t wanted = lane_bits(rays_.valid);
-    const uint32_t seen = settle(known) | unblocked(packet.scene, Coherence::Coherent, clock);
+    const Coherence coherence = coherence_of(rays_.valid, rays_.rays.ray);
+    const uint32_t seen = settle(known) | unblocked(packet.scene, coherence, clock);
     ever_wanted |= wanted;
     ever_seen |= seen;
     ever_hidden |= wanted & ~seen;
