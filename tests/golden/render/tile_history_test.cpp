@@ -5,7 +5,7 @@
 
 #include <vector>
 
-#include "apps/lenticule/offline/scene_sequence.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
 #include "optics/rig_file.h"
 #include "render/accel/denormals.h"
 #include "render/make_method.h"
