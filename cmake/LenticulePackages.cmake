@@ -71,7 +71,7 @@ lenticule_package(media lenticule-media "picture and video decoders for lenticul
 .
 Reads and writes picture and video files for the other packages of lenticule.
 Files are decoded in a process without rights."
-  DEPENDS "lenticule-player ${same}")
+  DEPENDS "lenticule-player ${same}" SCRIPTS no-ldconfig/postinst no-ldconfig/postrm)
 lenticule_package(tools lenticule "renderer and tools for lenticular 3-D displays"
 "Renders scenes, and weaves other people's pictures and videos for a display
 behind a sheet of cylinder lenses. Finds the lens sheet with a camera, from
@@ -88,7 +88,7 @@ lenticule_package(library liblenticule0 "C library of renderers for lenticular 3
 "${about}
 .
 Passes the frames of any program to the player, through shared memory."
-  SECTION libs SCRIPTS triggers)
+  SECTION libs SCRIPTS triggers no-ldconfig/postinst no-ldconfig/postrm)
 lenticule_package(development liblenticule-dev "C library of renderers for lenticular 3-D displays - headers"
 "${about}
 .
