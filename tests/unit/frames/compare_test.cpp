@@ -6,8 +6,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "error_matchers.h"
 #include "frames/weave.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {
 namespace {

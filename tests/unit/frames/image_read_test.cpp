@@ -5,10 +5,10 @@
 
 #include <cmath>
 
-#include "error_matchers.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
 #include "png_maker.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {

@@ -9,8 +9,8 @@
 
 #include <deque>
 
-#include "error_matchers.h"
 #include "frames/image_io.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {

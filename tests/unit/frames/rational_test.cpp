@@ -5,7 +5,7 @@
 
 #include <limits>
 
-#include "error_matchers.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {
 namespace {

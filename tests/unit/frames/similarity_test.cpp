@@ -7,9 +7,9 @@
 #include <cmath>
 #include <limits>
 
-#include "error_matchers.h"
 #include "frames/compare.h"
 #include "frames/decoded_view.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/noise_frame.h"
 #include "tests/support/picture_oracle.h"
 

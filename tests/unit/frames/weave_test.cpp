@@ -7,7 +7,7 @@
 
 #include <numeric>
 
-#include "error_matchers.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {
 namespace {

@@ -8,11 +8,11 @@
 
 #include <set>
 
-#include "error_matchers.h"
 #include "frames/sequence/file_bytes.h"
 #include "frames/sequence/sequence_source.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {

@@ -5,10 +5,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "error_matchers.h"
 #include "frames/sequence/sequence_reader.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {

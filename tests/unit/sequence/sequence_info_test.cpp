@@ -5,8 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "error_matchers.h"
 #include "small_sequences.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {
 namespace {

@@ -11,9 +11,9 @@
 #include <deque>
 #include <filesystem>
 
-#include "error_matchers.h"
 #include "frames/sequence/sequence_writer.h"
 #include "small_sequences.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {

@@ -6,9 +6,9 @@
 
 #include <fstream>
 
-#include "error_matchers.h"
 #include "frames/image_io.h"
 #include "frames/srgb.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::calib {

@@ -10,9 +10,9 @@
 
 #include "calib/photo/tag_family.h"
 #include "calib/photo/tag_finder.h"
-#include "error_matchers.h"
 #include "frames/srgb.h"
 #include "photo_stage.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::calib {
 namespace {

@@ -10,9 +10,9 @@
 #include <csignal>
 #include <fstream>
 
-#include "error_matchers.h"
 #include "optics/rig_file.h"
 #include "sample_calibration.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::calib {

@@ -8,7 +8,7 @@
 #include <cmath>
 #include <random>
 
-#include "error_matchers.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/picture_oracle.h"
 
 namespace lenticule::frames {

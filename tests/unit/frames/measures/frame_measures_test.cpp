@@ -2,9 +2,9 @@
 // Tests flicker, and view differences that are prepared once for many frames.
 #include <gtest/gtest.h>
 
-#include "error_matchers.h"
 #include "frames/measures/flicker.h"
 #include "frames/measures/view_map.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/noise_frame.h"
 
 namespace lenticule::frames {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <random>
 
-#include "error_matchers.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/picture_oracle.h"
 
 namespace lenticule::frames {

@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-#include "error_matchers.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {

@@ -5,9 +5,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "error_matchers.h"
 #include "frames/image_io.h"
 #include "frames/image_sequence.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {

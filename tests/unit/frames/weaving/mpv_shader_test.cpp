@@ -9,8 +9,8 @@
 #include <map>
 #include <sstream>
 
-#include "error_matchers.h"
 #include "frames/weave.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "error_matchers.h"
+#include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 
 namespace lenticule::frames {

@@ -5,8 +5,8 @@
 
 #include <cmath>
 
-#include "error_matchers.h"
 #include "frames/weaving/fast_weaver.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::frames {
 namespace {
