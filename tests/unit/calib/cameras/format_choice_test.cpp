@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 
 #include "fake_v4l2.h"
-#include "tests/unit/frames/error_matchers.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::calib {
 namespace {

@@ -12,7 +12,7 @@
 #include <cmath>
 #include <random>
 
-#include "tests/unit/frames/error_matchers.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::calib {
 namespace {

@@ -9,7 +9,7 @@
 #include <chrono>
 
 #include "fake_v4l2.h"
-#include "tests/unit/frames/error_matchers.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::calib {
 namespace {

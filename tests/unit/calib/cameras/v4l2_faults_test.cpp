@@ -8,7 +8,7 @@
 
 #include "calib/cameras/v4l2_camera.h"
 #include "fake_v4l2.h"
-#include "tests/unit/frames/error_matchers.h"
+#include "tests/support/error_matchers.h"
 
 namespace lenticule::calib {
 namespace {
