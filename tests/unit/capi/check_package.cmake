@@ -5,8 +5,10 @@ cmake_minimum_required(VERSION 3.25)
 
 set(scratch ${BUILD}/capi-package)
 file(REMOVE_RECURSE ${scratch})
-execute_process(COMMAND ${CMAKE_COMMAND} --install ${BUILD} --component capi --prefix ${scratch}/tree
-  OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+foreach(component library development)
+  execute_process(COMMAND ${CMAKE_COMMAND} --install ${BUILD} --component ${component}
+    --prefix ${scratch}/tree OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
+endforeach()
 
 file(GLOB_RECURSE pc ${scratch}/tree/lenticule.pc)
 get_filename_component(pc_folder ${pc} DIRECTORY)

@@ -160,17 +160,17 @@ INSTANTIATE_TEST_SUITE_P(Formats, ImageCut, ::testing::Values(".png", ".tif", ".
 std::vector<uint8_t> jpeg_of_one_block(uint8_t stated_height) {
   std::vector<uint8_t> file = {0xFF, 0xD8, 0xFF, 0xDB, 0, 67, 0};
   file.insert(file.end(), 64, 1);
+  // Two Huffman tables of one code each: lengths of the codes (1 + 15 zeros), then the symbol 0.
   const std::vector<uint8_t> rest = {0xFF, 0xC0, 0,    11,   8,    0,    stated_height,
                                      0,    8,    1,    1,    0x11, 0,    0xFF,
                                      0xC4, 0,    20,   0x00, 1,    0,    0,
                                      0,    0,    0,    0,    0,    0,    0,
                                      0,    0,    0,    0,    0,    0,    0,
-                                     0,    0xFF, 0xC4, 0,    20,   0x10, 1,
+                                     0xFF, 0xC4, 0,    20,   0x10, 1,    0,
                                      0,    0,    0,    0,    0,    0,    0,
                                      0,    0,    0,    0,    0,    0,    0,
-                                     0,    0,    0,    0xFF, 0xDA, 0,    8,
-                                     1,    1,    0,    0,    63,   0,    0x3F,
-                                     0xFF, 0xD9};
+                                     0,    0xFF, 0xDA, 0,    8,    1,    1,
+                                     0,    0,    63,   0,    0x3F, 0xFF, 0xD9};
   file.insert(file.end(), rest.begin(), rest.end());
   return file;
 }
