@@ -186,7 +186,7 @@ TEST_F(SequenceCommand, KilledAtAnyMomentAndResumedTheFileHasTheBytesOfOneRun) {
   ASSERT_EQ(run_process(arguments("whole.lts")).exit_code, 0);
   for (int kills = 0; kills < 12; ++kills) {
     BackgroundProcess writer(arguments("film.lts"));
-    usleep(static_cast<useconds_t>(20000 + 15000 * kills));
+    usleep(static_cast<useconds_t>(50000 + 60000 * kills));
     writer.signal(SIGKILL);
     (void)writer.wait(std::chrono::seconds(60));
   }
@@ -207,9 +207,10 @@ TEST_F(SequenceCommand, TheNextRunRemovesFilesOfKilledWriters) {
   const std::vector<std::string> video =
       program({"convert", path("film.lts"), "--overwrite", "-o", path("out/film.mkv")});
   ASSERT_EQ(render("0:30", "film.lts").exit_code, 0);
+  std::filesystem::create_directory(path("out"));  // a renderer may be killed before it does that
   for (int kills = 0; kills < 12; ++kills) {
     BackgroundProcess writer(kills % 2 == 0 ? pictures : video);
-    usleep(static_cast<useconds_t>(30000 + 20000 * kills));
+    usleep(static_cast<useconds_t>(50000 + 60000 * kills));
     writer.signal(SIGKILL);
     (void)writer.wait(std::chrono::seconds(60));
   }
