@@ -191,7 +191,7 @@ void PlayControls::jump(Jump where, const Answer& answer) {
   if (source_ == nullptr) throw nothing_to_steer();
   PlaylistSource* const source = source_;
   const uint64_t frame = where.frame;
-  source->jump(std::move(where), [answer, source, frame](const Error* error) {
+  source->jump(where, [answer, source, frame](const Error* error) {
     if (error != nullptr) return answer(*error);
     ordered_json json = place_json(source->status());
     json["frame"] = frame;

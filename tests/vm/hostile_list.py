@@ -362,7 +362,8 @@ class HostileList:
 
     def _tricks(self):
         """Adds items whose files change while they play. They come last, so that all files of the
-        first round are there when it begins."""
+        first round are there when it begins. They play for 25 s: in an item's last 10 s the player
+        no longer looks for a new version, because it opens the next item."""
         kind = "vanishing or replaced file"
         shown, other = self._picture(), self._picture()
         self._write("replaced.png", files.png(shown))
@@ -391,7 +392,7 @@ class HostileList:
 
     def _trick(self, name, shown, trick, undo, reports=(KEPT,)):
         self.items.append(Item("vanishing or replaced file", f"{HOME}/{name}", shown, reports,
-                               settings={"duration_s": 10, "wait_s": 100}, trick=f"cd {HOME} && {trick}",
+                               settings={"duration_s": 25, "wait_s": 100}, trick=f"cd {HOME} && {trick}",
                                undo=f"cd {HOME} && {undo}"))
 
 
