@@ -48,5 +48,18 @@ TEST_F(RigImport, KeepsTheOldRig) {
       << "the trim of the rig before is not one of this rig";
 }
 
+TEST_F(RigImport, NamesAnOldRigOnlyIfThereWasOne) {
+  const ProcessResult first = import("");
+  EXPECT_TRUE(nlohmann::json::parse(first.out).at("old_rig_kept_as").is_null()) << first.out;
+  const auto imported_to = [&](const std::string& name) {
+    return run({"rig", "import", path("visual.json"), "-o", path(name)}).out;
+  };
+  const std::string none_before = imported_to("other.toml");
+  EXPECT_NE(none_before.find("fingerprint"), std::string::npos) << none_before;
+  EXPECT_EQ(none_before.find("old_rig_kept_as"), std::string::npos) << none_before;
+  const std::string one_before = imported_to("other.toml");
+  EXPECT_NE(one_before.find(path("other.1.toml")), std::string::npos) << one_before;
+}
+
 }  // namespace
 }  // namespace lenticule::test

@@ -229,16 +229,20 @@ ExitCode import_calibration(const RigOptions& options) {
     say("lenticule: {}: invView is 0: its views are numbered from the right\n"
         "  weave quilts and views for this panel with 'lenticule weave --invert'\n",
         options.file);
-  print_result({{"format", format},
-                {"output", options.output},
-                {"name", rig.name},
-                {"fingerprint", optics::fingerprint(rig)},
-                {"pitch_subpx", rig.sheet.pitch.value},
-                {"slant", rig.sheet.slant},
-                {"gap_mm", rig.sheet.gap.value},
-                {"views_inverted", inverted_views},
-                {"old_rig_kept_as", kept.empty() ? json() : json(kept.string())}},
-               options.as_json);
+  json done = {{"format", format},
+               {"output", options.output},
+               {"name", rig.name},
+               {"fingerprint", optics::fingerprint(rig)},
+               {"pitch_subpx", rig.sheet.pitch.value},
+               {"slant", rig.sheet.slant},
+               {"gap_mm", rig.sheet.gap.value},
+               {"views_inverted", inverted_views}};
+  if (!kept.empty()) {
+    done["old_rig_kept_as"] = kept.string();
+  } else if (options.as_json) {
+    done["old_rig_kept_as"] = nullptr;
+  }
+  print_result(done, options.as_json);
   return kOk;
 }
 
