@@ -385,7 +385,7 @@ class HostileList:
                     "mv vanished.lts vanishing.lts")
         self._write("gone-in-time.png", files.png(self._picture()))
         self._bad(kind, "gone-in-time.png")
-        self.items[0].trick = f"rm {HOME}/gone-in-time.png"
+        self.items[0].trick = f"rm -f {HOME}/gone-in-time.png"
         shown = self._picture()
         self._write("last.png", files.png(shown))
         self._still("last.png", shown)
