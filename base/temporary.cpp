@@ -109,8 +109,8 @@ fs::path folder_of(const fs::path& file) {
   return file.has_parent_path() ? file.parent_path() : fs::path(".");
 }
 
-/// Returns a temporary name beside `target`. The name is short whatever the length of the target's
-/// name, so that every file system that can hold the target can hold it.
+/// Returns a temporary name beside `target`. The name is short, so that every file system that can
+/// hold the target can hold it, too.
 fs::path temporary_beside(const fs::path& target) {
   static std::atomic<uint64_t> counter{0};
   return target.parent_path() /

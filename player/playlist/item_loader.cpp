@@ -88,8 +88,7 @@ void ItemLoader::locked_offer(std::unique_ptr<OpenItem> item, const NextItem& pi
   wake_.signal();
 }
 
-// --- loader thread
-// --------------------------------------------------------------------------
+// --- loader thread ---
 
 void ItemLoader::work() {
   Lock lock(mutex_);
@@ -191,8 +190,7 @@ void ItemLoader::open_next(Lock& lock) {
   lock.lock();
 }
 
-// --- replaced files
-// -------------------------------------------------------------------------
+// --- replaced files ---
 
 bool ItemLoader::is_time_to_look() const {
   const bool follows = options_.look_at || options_.read_list;
@@ -284,8 +282,7 @@ void ItemLoader::look_at_item(Lock& lock) {
   replacement_ = std::move(open);
 }
 
-// --- filler
-// ---------------------------------------------------------------------------------
+// --- filler ---
 
 ItemLoader::Offer ItemLoader::take_next() {
   const std::lock_guard lock(mutex_);
@@ -372,8 +369,7 @@ std::unique_ptr<OpenItem> ItemLoader::take_replacement(uint32_t number) {
   return std::move(replacement_);
 }
 
-// --- jumps
-// ----------------------------------------------------------------------------------
+// --- jumps ---
 
 void ItemLoader::jump(const Jump& jump, const JumpDone& done) {
   std::optional<Wish> replaced;
@@ -442,8 +438,7 @@ void ItemLoader::fail(Arrival arrival, const std::string& why) {
   done(&error);
 }
 
-// --- any thread
-// -----------------------------------------------------------------------------
+// --- any thread ---
 
 void ItemLoader::set_loops(uint64_t loops) {
   const std::lock_guard lock(mutex_);

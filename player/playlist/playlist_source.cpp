@@ -197,8 +197,7 @@ void PlaylistSource::service() {
   try_arrival();
 }
 
-// --- changes of items
-// -----------------------------------------------------------------------
+// --- changes of items ---
 
 frames::Rate PlaylistSource::rate_of(const OpenItem& item) const {
   if (fixed_rate_) return *fixed_rate_;
@@ -323,8 +322,7 @@ void PlaylistSource::watch(const OpenItem& item, bool on) const {
   (void)epoll_ctl(poll_.get(), on ? EPOLL_CTL_ADD : EPOLL_CTL_DEL, fd, &event);
 }
 
-// --- jumps
-// ----------------------------------------------------------------------------------
+// --- jumps ---
 
 /// Enters the target of a jump once its first frame is there; until then the
 /// old item continues.

@@ -91,7 +91,7 @@ void plan_control(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.control_group.empty() && flags.control.empty())
     throw Error(ErrorKind::Usage, "--control-group: there is no control socket", "add --control");
   if (!flags.control.empty() && flags.clock == "simulated")
-    throw Error(ErrorKind::Usage, "--control: simulated time does not wait for anybody",
+    throw Error(ErrorKind::Usage, "--control: simulated time does not wait for clients",
                 "leave --clock simulated out");
   if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
 }
@@ -102,8 +102,8 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   const SourceSpec& source = plan.source.spec;
   if (source.content.any() && !source.has_pictures())
     throw Error(ErrorKind::Usage,
-                fmt::format("{}: flags that say how views lie are for one file", source.text),
-                "items of a list say it by their names or sidecars: docs/content.md");
+                fmt::format("{}: flags for the layout of views are for one file", source.text),
+                "items of a list have it in their names or sidecars: docs/content.md");
   (void)weave_options(flags.weaving);  // called early for its errors
   plan.source.weaving = flags.weaving;
 }
@@ -114,12 +114,12 @@ void check_display_choice(const PlayFlags& flags, bool service) {
   if (flags.display_named) return;
   const auto refuse = [](const std::string& what) {
     throw Error(ErrorKind::Usage, what,
-                "add --display kms, or --display virtual where nobody has to see it");
+                "add --display kms, or --display virtual where no panel is needed");
   };
   if (service) refuse("--display: a service is told what it plays on");
   if (!flags.wait_for_panel.empty()) refuse("--wait-for-panel: no panel is named");
   if (!flags.on_exit.empty()) refuse("--on-exit: no panel is named");
-  say("no display is named: played on the virtual display, which nobody sees "
+  say("no display is named: played on the virtual display, which shows nothing "
       "(--display kms is a panel)\n");
 }
 

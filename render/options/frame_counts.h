@@ -45,7 +45,7 @@ struct FrameCounts {
 };
 
 struct FrameCounter {
-  const char* name;  ///< in the report
+  const char* name;  ///< key in the statistics
   uint64_t FrameCounts::*field;
   /// Sum adds threads and frames; Largest is for figures of the scene.
   enum class Total { Sum, Largest } total = Total::Sum;

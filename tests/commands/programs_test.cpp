@@ -78,7 +78,8 @@ TEST_F(LonePlayer, PlaysASequenceWithoutDecoders) {
   EXPECT_EQ(result.exit_code, 0) << result.err;
 }
 
-// As installed: /usr/bin/lenticule and /usr/libexec/lenticule/lenticule-tools.
+// The folders are those of an installation: /usr/bin/lenticule starts
+// /usr/libexec/lenticule/lenticule-tools.
 TEST_F(LonePlayer, FindsOtherProgramsInTheFolderForHelperPrograms) {
   std::filesystem::create_directories(path("usr/libexec/lenticule"));
   std::ofstream(path("usr/libexec/lenticule/lenticule-tools"))

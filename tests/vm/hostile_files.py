@@ -46,7 +46,7 @@ def chunk(kind, data):
 
 
 def png_of(width, height, compressed):
-    """Returns a PNG that states this size, whatever its data hold."""
+    """Returns a PNG whose header states this size. The data may be of another size."""
     header = struct.pack(">IIBBBBB", width & 0xFFFFFFFF, height & 0xFFFFFFFF, 8, 2, 0, 0, 0)
     return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", compressed)
             + chunk(b"IEND", b""))

@@ -21,7 +21,7 @@ struct EyeFlags {
   std::string woven;
   std::string rig;
   optics::Eye eye;
-  optics::EyeOptions options;  ///< by default the simulator's size
+  optics::EyeOptions options;  ///< the size is the simulator's unless --size is given
   std::string output;
   bool json = false;
 };
