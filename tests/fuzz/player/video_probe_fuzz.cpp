@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "frames/ring/ring_layout.h"
 #include "player/sources/video_probe.h"
 
@@ -16,7 +17,7 @@ void check(const player::VideoStream& stream) {
   if (stream.rate) LENTICULE_CHECK(stream.rate->numerator > 0 && stream.rate->denominator > 0);
   if (stream.duration_s) LENTICULE_CHECK(*stream.duration_s >= 0.0);
   for (const std::string* text : {&stream.codec, &stream.pixel_format, &stream.refusal})
-    for (const char c : *text) LENTICULE_CHECK(c >= ' ' && c <= '~');
+    LENTICULE_CHECK(*text == escaped(*text));  // printable, on one line
 }
 
 }  // namespace
