@@ -128,8 +128,8 @@ Trial jpeg_50(StressSize size) {
   return trial;
 }
 
-/// Shows every pattern from another camera position, each of which is traced again, so one
-/// viewpoint must suffice.
+/// Moves the camera a little for every pattern. Each of its positions is traced again, which takes
+/// long, so there is only one viewpoint.
 Trial shake(StressSize size) {
   Trial trial = base(size);
   trial.camera.shake_mm = 3.0;

@@ -44,7 +44,7 @@ struct KnownShare {
   alignas(64) std::array<float, kPacket> share{};
   alignas(64) std::array<float, kPacket> apart{};  ///< spread of the interpolated values
 
-  /// Sets exact shares.
+  /// Sets shares that are exact, not interpolated.
   void set(uint32_t of_lanes, float value);
   void set(uint32_t of_lanes, std::span<const float, kPacket> values);
 };

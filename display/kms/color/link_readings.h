@@ -24,7 +24,8 @@ struct LinkPlace {
 
 /// Returns a row for each sysfs file that could be read and parsed.
 [[nodiscard]] std::vector<AuditRow> read_sysfs_rows(KmsPlatform& platform, const LinkPlace& place);
-/// Same for debugfs. The driver takes locks to answer, so call it only while no flips are pending.
+/// Returns a row for each debugfs file that could be read and parsed. The driver takes locks to
+/// answer, so call it only while no flips are pending.
 [[nodiscard]] std::vector<AuditRow> read_debugfs_rows(KmsPlatform& platform,
                                                       const LinkPlace& place);
 
