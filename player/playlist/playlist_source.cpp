@@ -300,8 +300,11 @@ void PlaylistSource::leave_current() {
   if (!current_) return;
   watch(*current_, false);
   loader_.leave();
-  reporter_.count_damage(*current_);
-  reporter_.tell_damage(*current_);
+  // An item of which no frame was shown is reported as left out.
+  if (current_->pulled > 0) {
+    reporter_.count_damage(*current_);
+    reporter_.tell_damage(*current_);
+  }
   if (current_->lent > 0)
     retired_.push_back(std::move(current_));
   else

@@ -259,17 +259,37 @@ TEST_F(Ctl, AListPlaysItsItemsAndNamesSkippedOnes) {
   EXPECT_NE(wrong.err.find("wrong.toml:3: unknown key 'speed'"), std::string::npos) << wrong.err;
 }
 
+/// Changes the byte in the middle of a file.
+void damage(const std::string& file_name) {
+  std::fstream file(file_name, std::ios::in | std::ios::out | std::ios::binary);
+  const auto middle = static_cast<std::streamoff>(std::filesystem::file_size(file_name) / 2);
+  file.seekg(middle);
+  const int byte = file.get();
+  file.seekp(middle);
+  file.put(static_cast<char>(byte ^ 1));
+}
+
+TEST_F(Ctl, AFilmWithoutAGoodFrameIsReportedAsLeftOutOnly) {
+  const std::string film = path("film.lts");
+  ASSERT_EQ(
+      run({"convert", film_pattern(0), "--rig", path("rig.toml"), "--frames", "0:1", "-o", film})
+          .exit_code,
+      0);
+  damage(film);
+  write("list.toml", "[[item]]\nsource = \"film.lts\"\n[[item]]\nsource = \"b/%03d.png\"\n");
+  const ProcessResult played =
+      run({"play", path("list.toml"), "--rig", path("rig.toml"), "--display", "virtual:48x32@60",
+           "--clock", "simulated", "--json"});
+  ASSERT_EQ(played.exit_code, 0) << played.err;
+  EXPECT_NE(played.err.find("left out: " + film), std::string::npos) << played.err;
+  EXPECT_EQ(played.err.find("damaged: " + film), std::string::npos) << played.err;
+  EXPECT_EQ(json::parse(played.out)["damaged_frames"], 0);
+}
+
 TEST_F(Ctl, ADamagedItemIsReportedOnceHoweverOftenItPlays) {
   const std::string film = path("film.lts");
   ASSERT_EQ(run({"convert", film_pattern(0), "--rig", path("rig.toml"), "-o", film}).exit_code, 0);
-  {
-    std::fstream file(film, std::ios::in | std::ios::out | std::ios::binary);
-    const auto middle = static_cast<std::streamoff>(std::filesystem::file_size(film) / 2);
-    file.seekg(middle);
-    const int byte = file.get();
-    file.seekp(middle);
-    file.put(static_cast<char>(byte ^ 1));
-  }
+  damage(film);
   // The second item has three times the damage of the first.
   write("list.toml",
         "[[item]]\nsource = \"film.lts\"\n[[item]]\nsource = \"film.lts\"\nloops = 3\n");
