@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// Takes the place of the calibration in a build without it (LENTICULE_CALIBRATE=OFF), such as the
+// demo's.
+#include <CLI/CLI.hpp>
+
+#include "apps/lenticule/cli/command.h"
+#include "base/error.h"
+
+namespace lenticule::player {
+
+Run declare_calibrate(CLI::App& app) {
+  app.prefix_command();
+  return []() -> ExitCode {
+    throw Error(ErrorKind::Failed, "calibrate: this build has no calibration",
+                "build with: cmake --preset release && cmake --build --preset release");
+  };
+}
+
+}  // namespace lenticule::player
