@@ -76,7 +76,7 @@ TEST_F(ByEyeCommand, LeavesTheRigAloneUnlessItIsSaved) {
   EXPECT_NE(ended.err.find("keys ended"), std::string::npos) << ended.err;
   const ProcessResult bad = calibrate("enter\nentre");
   EXPECT_EQ(bad.exit_code, 4);
-  EXPECT_NE(bad.err.find("keys.txt:2: no key 'entre'"), std::string::npos) << bad.err;
+  EXPECT_NE(bad.err.find("keys.txt:2: unknown key 'entre'"), std::string::npos) << bad.err;
   EXPECT_EQ(listing(), before);
   EXPECT_EQ(optics::load_rig(path("rig.toml")), rig_);
 }
