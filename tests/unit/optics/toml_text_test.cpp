@@ -43,7 +43,7 @@ TEST(TomlLetters, AreRefusedByTheReaderAndKeptInStrings) {
     static_cast<void>(parse_toml("a = 1\n\xC6\x8D = 2\n", "rig.toml"));
     FAIL();
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), testing::StartsWith("rig.toml:2: a letter outside ASCII"));
+    EXPECT_THAT(error.what(), testing::StartsWith("rig.toml:2: a character outside ASCII"));
   }
   const toml::table table = parse_toml(
       "name = \"K\xC3\xBC"

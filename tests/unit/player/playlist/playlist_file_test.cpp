@@ -79,7 +79,7 @@ TEST(PlaylistFile, FilesAreRelativeToTheListsFolder) {
 TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   const std::string item = "[[item]]\nsource = \"a.png\"\n";
   EXPECT_EQ(complaint(""), "list.toml:1: no [[item]]");
-  EXPECT_THAT(complaint("\n\xC6\x8Dop = 1\n"), testing::HasSubstr(":2: a letter outside ASCII"));
+  EXPECT_THAT(complaint("\n\xC6\x8Dop = 1\n"), testing::HasSubstr(":2: a character outside ASCII"));
   EXPECT_EQ(complaint("# \xC3\xA4\n[[item]]\nsource = \"\\u00e4 \xC3\xA4.png\"\n"), "none");
   EXPECT_THAT(complaint("loop = = 1\n"), testing::StartsWith("list.toml:1: "));
   EXPECT_EQ(complaint(item + "speed = 3\n"), "list.toml:3: unknown key 'speed'");
