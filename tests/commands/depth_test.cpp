@@ -81,9 +81,9 @@ TEST_F(DepthCommand, PrefiltersOnlyOnRequest) {
 TEST_F(DepthCommand, RefusesInvalidPrefilterOptions) {
   for (const auto& [more, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
            {{"--prefilter", "blur"}, "prefilter 'blur': unknown"},
-           {{"--prefilter", "depth", "--method", "adaptive"},
-            "method adaptive: does not prefilter"},
-           {{"--prefilter", "beam", "--samples", "4"}, "samples 4: a prefilter chooses its own"},
+           {{"--prefilter", "depth", "--method", "adaptive"}, "method adaptive: has no prefilter"},
+           {{"--prefilter", "beam", "--samples", "4"},
+            "samples 4: cannot be combined with a prefilter"},
            {{"--prefilter", "depth", "--prefilter-samples", "1"},
             "prefilter samples 1: not in 3 ... 1024"}}) {
     const ProcessResult result = render("x.png", more);
