@@ -152,7 +152,7 @@ static uint32_t acquire(struct entry* table, uint32_t slots, uint32_t epoch) {
     poll(&wake, 1, 100); /* wakes when the player sends "freed" */
     for (;;) {
       const ssize_t got = recv(player, message, sizeof message, MSG_DONTWAIT);
-      if (got == 0) fail("the player is gone");
+      if (got == 0) fail("the player has ended");
       if (got < 0) break;
     }
   }

@@ -87,7 +87,7 @@ class Ring:
                 self.player.send(message(WANTED))
                 asked = True
             if select.select([self.player], [], [], 0.1)[0] and not self.player.recv(257):
-                sys.exit("the player is gone")
+                sys.exit("the player has ended")
 
     def write(self, slot, frame):
         begin = self.first + slot * self.stride

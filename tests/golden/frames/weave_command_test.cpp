@@ -60,7 +60,7 @@ TEST_F(WeaveCommand, RefusesUnreadableInput) {
   expect_failure(weave(truncated(quilt("q.png"), "cut_qs3x2a1.5.png")), 4, "truncated");
   expect_failure(weave(path("none%d.png")), 4, "none%d.png");
   write("text_qs3x2a1.5.png", "no picture");
-  expect_failure(weave(path("text_qs3x2a1.5.png")), 4, "not a known picture");
+  expect_failure(weave(path("text_qs3x2a1.5.png")), 4, "not a picture of a known format");
   expect_failure(weave(picture("small_qs3x2a1.png", 2, 2, 9)), 4, "too few");
   expect_no_output();
 }
