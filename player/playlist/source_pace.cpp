@@ -87,7 +87,8 @@ PaceFigures measure_source(frames::FrameSource& source, frames::Rate needed,
       ++frames;
     }
   }
-  if (pulled == 0) throw Error(ErrorKind::Input, "the source holds no frame, or none came in time");
+  if (pulled == 0)
+    throw Error(ErrorKind::Input, "the source contains no frame, or none arrived in time");
   const double seconds = std::chrono::duration<double>(SteadyClock::now() - *begin).count();
   PaceFigures figures{.needed_fps = needed.hertz()};
   // A source that fits the pool is decoded only once and never has to wait.

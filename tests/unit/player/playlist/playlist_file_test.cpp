@@ -85,7 +85,7 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   EXPECT_EQ(complaint(item + "speed = 3\n"), "list.toml:3: unknown key 'speed'");
   EXPECT_EQ(complaint("lop = 1\n" + item), "list.toml:1: unknown key 'lop'");
   EXPECT_EQ(complaint(item + "rig = \"other.toml\"\n"),
-            "list.toml:3: rig: a list is played on one panel");
+            "list.toml:3: rig: not allowed in a list, which is played on one panel");
   EXPECT_THAT(complaint(item + "loops = 0\n"), testing::HasSubstr(":3: not a number of loops"));
   EXPECT_THAT(complaint(item + "loops = 1.5\n"), testing::HasSubstr(":3: not a number of loops"));
   EXPECT_THAT(complaint(item + "duration_s = -1\n"), testing::HasSubstr(":3: not a number of s"));
@@ -105,7 +105,7 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   EXPECT_THAT(complaint(item + "schedule = {from = \"25:00\"}\n"),
               testing::HasSubstr(":3: not a time of day"));
   EXPECT_THAT(complaint(item + "schedule = {from = \"08:00\", to = \"08:00\"}\n"),
-              testing::HasSubstr("no time between"));
+              testing::HasSubstr("no time in between"));
 }
 
 TEST(PlaylistFile, ASpanOverMidnightBelongsToTheDayOnWhichItBegan) {
