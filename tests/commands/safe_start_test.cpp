@@ -83,7 +83,7 @@ TEST_F(SafeStart, ACrashLoopEndsInACardWithTheReason) {
   for (int start = 0; start < 5; ++start) {
     const ProcessResult played = run_process(play({}));
     EXPECT_EQ(played.exit_code, 4) << played.err;
-    EXPECT_EQ(played.err.find("with care"), std::string::npos);
+    EXPECT_EQ(played.err.find("in safe mode"), std::string::npos);
   }
   const ProcessResult careful =
       run_process(play({"--duration", "1", "--record", "png:" + path("shown")}));
