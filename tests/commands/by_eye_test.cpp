@@ -132,7 +132,7 @@ TEST_F(ByEyeCommand, TrimsAddUpAreReportedAndCanBeReset) {
   };
   ASSERT_EQ(trim({"--offset-by", "0.02"}).exit_code, 0);
   const ProcessResult twice = trim({"--offset-by", "0.02", "--pitch-by", "-1e-5"});
-  EXPECT_NE(twice.err.find("films that were woven before are shown as they were woven"),
+  EXPECT_NE(twice.err.find("films that were woven before do not follow the trim"),
             std::string::npos)
       << twice.err;
   EXPECT_EQ(json::parse(twice.out).at("offset_lenses"), 0.04);

@@ -54,7 +54,7 @@ TEST_F(DepthCommand, ReportsTheDepthOfAScene) {
 TEST_F(DepthCommand, PrintsATableAndAddsUpFrames) {
   const ProcessResult one = depth("builtin:teapot:2", {});
   ASSERT_EQ(one.exit_code, 0) << one.err;
-  for (const char* text : {"depth of field", "in front, beyond it", "at the glass", "share"})
+  for (const char* text : {"depth of field", "in front of it", "at the panel", "share"})
     EXPECT_NE(one.out.find(text), std::string::npos) << text;
   const ProcessResult two = depth("builtin:teapot:2", {"--frames", "0:2", "--json"});
   const auto json = nlohmann::json::parse(two.out);

@@ -165,7 +165,7 @@ TEST_F(SequenceCommand, PicturesOfAnotherPanelAndVideosAreReplacedOnlyWithOverwr
   EXPECT_EQ(again(kTiny).exit_code, 0);
   const ProcessResult other = again(kOther);
   EXPECT_EQ(other.exit_code, 4);
-  EXPECT_NE(other.err.find("00.png: is there already"), std::string::npos) << other.err;
+  EXPECT_NE(other.err.find("00.png: exists already"), std::string::npos) << other.err;
   EXPECT_EQ(again(kOther, {"--overwrite"}).exit_code, 0);
   write("01.png", "not a picture");
   EXPECT_EQ(again(kOther).exit_code, 4);
