@@ -213,7 +213,7 @@ StabilityRow LongRun::row() {
           .samples = rendered_ * racers_.size(),
           .samples_are = "frames",
           .failures = checks_.tally.failures,
-          .failures_are = "other when asked for alone, trends or leaks",
+          .failures_are = "frames that differ when rendered alone, trends or leaks",
           .worst = worst,
           .bound = 1.5,
           .unit = "times the first fifth's",
