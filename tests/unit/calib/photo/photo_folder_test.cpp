@@ -82,7 +82,7 @@ TEST(PhotoFolder, ReportsMissingPhotographs) {
   EXPECT_THAT(error.what(), HasSubstr("0 photographs"));
   write_plain(folder / "a.png", 1);
   error = error_of([&] { PhotoFolder(folder.path(), 36); });
-  EXPECT_THAT(error.what(), HasSubstr("1 photographs where 36 are wanted"));
+  EXPECT_THAT(error.what(), HasSubstr("1 photographs, but 36 are needed"));
 }
 
 TEST(PhotoFolder, AllPhotographsHaveOneSize) {

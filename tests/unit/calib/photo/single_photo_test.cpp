@@ -156,7 +156,7 @@ TEST(SinglePhoto, RefusesWithAReason) {
   other.sheet.pitch.value *= 1.0001;
   EXPECT_THAT(
       fit_single_photo(photograph(s, shown().frame), plan_single_photo_chart(other)).reasons,
-      ElementsAre(HasSubstr("drawn for another rig")));
+      ElementsAre(HasSubstr("made for another rig")));
   s.gain = 1.2;
   EXPECT_THAT(reason(desk_rig()), HasSubstr("clipped"));
   s.gain = 0.8;
