@@ -18,7 +18,7 @@ struct Words {
 Words prepare() {
   return {
       "before you begin",
-      "Put one eye {0:.0f} mm from the glass, in front of the panel's middle, and keep your head "
+      "Put one eye {0:.0f} mm from the panel, in front of the panel's middle, and keep your head "
       "still. The panel should have been on for half an hour.",
       {"The lines of one pixel are red, green and blue in turn, upright on the left and flat on "
        "the right. Where they are grey, blurred or in waves, the picture is scaled or its colours "

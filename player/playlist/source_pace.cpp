@@ -32,7 +32,7 @@ nlohmann::ordered_json to_json(const PaceFigures& figures) {
 }
 
 std::string figures_text(const PaceFigures& figures) {
-  return fmt::format("needs {:.1f} frames/s ({:.0f} MB/s), {:.1f} frames/s ({:.0f} MB/s) came",
+  return fmt::format("needs {:.1f} frames/s ({:.0f} MB/s), measured {:.1f} frames/s ({:.0f} MB/s)",
                      figures.needed_fps, figures.needed_mb_s, figures.seen_fps, figures.seen_mb_s);
 }
 

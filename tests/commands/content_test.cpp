@@ -271,7 +271,7 @@ TEST_F(ContentCommand, NearObjectsMoveAgainstTheEyeAndFarOnesWithIt) {
     return middle_of_light(frames::read_woven(path("v4.png"))) -
            middle_of_light(frames::read_woven(path("v0.png")));
   };
-  EXPECT_NEAR(drawn("near_rgbd.png"), -6.0, 0.6) << "nearer than the glass: to the left";
+  EXPECT_NEAR(drawn("near_rgbd.png"), -6.0, 0.6) << "nearer than the panel: to the left";
   save("far_rgbd.png", column_with_depth(0, 0));
   EXPECT_NEAR(drawn("far_rgbd.png"), 6.0, 0.6) << "behind it: to the right";
   EXPECT_NEAR(drawn("far_rgbd.png", {"--invert-depth"}), -6.0, 0.6);

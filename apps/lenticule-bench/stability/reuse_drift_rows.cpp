@@ -203,7 +203,7 @@ StabilityRow LongRun::row() {
     worst = std::max(worst, last / first);
     note += fmt::format("{} {:.2f} codes, trend {:+.1f}; ", racer.name, std::sqrt(first), trend);
   }
-  checks_.check("frames that stood still were copied", racers_.back().copied_subpixels > 0);
+  checks_.check("unchanged frames were copied", racers_.back().copied_subpixels > 0);
   const double grown =
       (static_cast<double>(memory_after_) - static_cast<double>(memory_before_)) / kMib;
   checks_.check("memory", grown < kMemoryMib);

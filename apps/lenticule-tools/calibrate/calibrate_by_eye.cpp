@@ -40,7 +40,7 @@ constexpr display::Nanoseconds kNap = kEscapePause;
 
 constexpr const char* kKeys =
     "Keys:\n"
-    "  arrows, or h j k l        what the step asks for; [ and ] turn the slant\n"
+    "  arrows, or h j k l        what the step asks for; [ and ] change the slant\n"
     "  shift, capital H J K L    ten times as far, like page up and page down\n"
     "  ctrl                      a tenth as far\n"
     "  + and -                   make all steps ten times larger or smaller\n"

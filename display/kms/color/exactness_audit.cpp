@@ -137,15 +137,15 @@ void judge_encoding(ExactnessReport& report, const LinkInfo& link) {
     return;
   }
   if (link.only_as_420)
-    return add_wrong(report, "the panel takes this mode as YCbCr 4:2:0 only",
+    return add_wrong(report, "the panel accepts this mode as YCbCr 4:2:0 only",
                      "use a lower refresh rate, or use DisplayPort");
   if (link.edid_known && !link.offers_ycbcr) {
-    report.proved.emplace_back("the panel takes RGB only");
+    report.proved.emplace_back("the panel accepts RGB only");
     return;
   }
   add_unseen(report,
              link.edid_known
-                 ? "the panel also takes YCbCr, and the driver does not say what it sends"
+                 ? "the panel also accepts YCbCr, and the driver does not report what it sends"
                  : "without a valid EDID it is not known what the link carries",
              "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
 }
@@ -164,7 +164,7 @@ void judge_range(ExactnessReport& report, const LinkInfo& link) {
 void judge_depth(ExactnessReport& report, const LinkInfo& link) {
   if (link.bits_per_colour && *link.bits_per_colour < 8)
     add_wrong(report,
-              fmt::format("the panel takes {} bits per colour: low bits are cut off or dithered",
+              fmt::format("the panel accepts {} bits per colour: low bits are cut off or dithered",
                           *link.bits_per_colour),
               "use a panel of 8 bits per colour");
   constexpr const char* kLook =

@@ -45,10 +45,10 @@ constexpr LinkFile kDebugfs[] = {
      "RGB is converted to another encoding and back", "write 0 to that file of debugfs"},
     // intel_psr_status(), same file as for DSC; it reports Panel Replay too
     {"PSR", "/sys/kernel/debug/dri/{1}/{2}/i915_psr_status", "PSR mode: ", "disabled", false,
-     "the panel refreshes itself, and a picture may come a vblank late", kLateRemedy},
+     "the panel refreshes itself, and a picture may be a vblank late", kLateRemedy},
     // psr_get(), same file as for force_yuv420_output
     {"PSR", "/sys/kernel/debug/dri/{1}/{2}/psr_state", "", "0", false,
-     "the panel refreshes itself, and a picture may come a vblank late", kLateRemedy},
+     "the panel refreshes itself, and a picture may be a vblank late", kLateRemedy},
 };
 
 /// Returns "card1" and "1" for "/dev/dri/card1".

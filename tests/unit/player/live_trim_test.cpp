@@ -164,7 +164,7 @@ TEST_F(LiveTrimTest, NewViewsFollowTheTrimWhileAcquiredFramesStay) {
   ASSERT_EQ(source.pull(second), frames::PullStatus::Ready);
   EXPECT_TRUE(same(second.frame, woven_for(trim->rig())));
   EXPECT_FALSE(same(second.frame, woven_for(rig_)));
-  EXPECT_TRUE(same(first.frame, woven_for(rig_))) << "it may be on its way to the glass";
+  EXPECT_TRUE(same(first.frame, woven_for(rig_))) << "it may be pending";
   source.release(first.token);
   source.release(second.token);
 }
