@@ -137,7 +137,7 @@ TEST_F(ImageRead, PngWithAFlippedBitIsAnErrorOrUnchanged) {
 
 class ImageCut : public ImageRead, public ::testing::WithParamInterface<const char*> {};
 
-TEST_P(ImageCut, AnywhereIsAnError) {
+TEST_P(ImageCut, AnywhereIsAnErrorOrKeepsThePixels) {
   const auto whole = folder_ / (std::string("whole") + GetParam());
   write_woven(noise_frame(5, 4).view(), whole);
   const auto file = test::read_bytes(whole);
