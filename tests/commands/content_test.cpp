@@ -393,7 +393,7 @@ TEST_F(ContentCommand, AListDetectsEachItemsFormatByItsName) {
   ASSERT_EQ(shown.size(), 2U);
   EXPECT_EQ(shown[0], woven(quilt_picture(3, 2, 0), kGrid));
   expect_refusal(run({"play", path("list.toml"), "--rig", kTiny, "--stereo", "sbs"}), 2,
-                 "for one file");
+                 "need a single file");
 }
 
 }  // namespace

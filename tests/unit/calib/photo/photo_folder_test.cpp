@@ -69,7 +69,7 @@ TEST(PhotoFolder, ReturnsPicturesInOrderAndThenEnds) {
     for (const float light : picture.light) EXPECT_NEAR(light, lights[i], 1e-5);
   }
   EXPECT_EQ(photos.grab(picture, Nanoseconds(0)), GrabStatus::Gone);
-  EXPECT_THAT(photos.failure(), HasSubstr("no more than 3"));
+  EXPECT_THAT(photos.failure(), HasSubstr("only 3 photographs"));
   EXPECT_EQ(photos.grab(picture, Nanoseconds(0)), GrabStatus::Gone);
 }
 

@@ -106,7 +106,7 @@ TEST(SinglePhoto, AnUnknownDistanceIncreasesTheStatedErrors) {
   EXPECT_GT(v.eye_sigma_mm.z, 20.0);
   EXPECT_GT(v.effective_pitch_subpx.sigma / pitch, 5e-6);
   EXPECT_LT(std::abs(v.effective_pitch_subpx.value - pitch), 2.0 * v.effective_pitch_subpx.sigma);
-  EXPECT_THAT(found.warnings, ::testing::Contains(HasSubstr("how far the camera was")));
+  EXPECT_THAT(found.warnings, ::testing::Contains(HasSubstr("the distance of the camera")));
 }
 
 TEST(SinglePhoto, ToleratesObliqueRotatedAndDistortedPhotographs) {
