@@ -36,12 +36,12 @@ void require_regular(const std::filesystem::path& file, mode_t mode) {
     fail_read(file, fmt::format("it is {}, not a regular file", kind_of_file(mode)));
 }
 
-/// Returns for example "3 MiB, at most 1 MiB are read"; sizes below 1 MiB are given in bytes.
+/// Returns for example "3 MiB, the limit is 1 MiB"; sizes below 1 MiB are given in bytes.
 std::string too_large(uint64_t size, uint64_t limit_bytes) {
   constexpr uint64_t kMebibyte = 1 << 20;
   if (limit_bytes < kMebibyte)
-    return fmt::format("{} bytes, at most {} bytes are read", size, limit_bytes);
-  return fmt::format("{} MiB, at most {} MiB are read", size / kMebibyte, limit_bytes / kMebibyte);
+    return fmt::format("{} bytes, the limit is {} bytes", size, limit_bytes);
+  return fmt::format("{} MiB, the limit is {} MiB", size / kMebibyte, limit_bytes / kMebibyte);
 }
 
 bool write_all(int fd, std::span<const uint8_t> bytes) {

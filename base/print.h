@@ -38,7 +38,7 @@ template <class T>
   } else if constexpr (std::is_convertible_v<const T&, std::string_view>) {
     return escaped(argument);
   } else {
-    static_assert(std::is_arithmetic_v<T>, "numbers, texts and paths are printed");
+    static_assert(std::is_arithmetic_v<T>, "only numbers, strings and paths can be printed");
     return argument;
   }
 }

@@ -54,8 +54,8 @@ void require_writable_place(const std::filesystem::path& file) {
                 "create the folder first");
   if (found && !S_ISDIR(status.st_mode))
     throw Error(ErrorKind::Failed,
-                file.string() + ": cannot write: " + folder.string() + " is no folder",
-                "name a file in a folder that exists");
+                file.string() + ": cannot write: " + folder.string() + " is not a folder",
+                "choose a file in an existing folder");
   if (::stat(file.c_str(), &status) == 0 && !S_ISREG(status.st_mode))
     throw Error(ErrorKind::Failed,
                 file.string() + ": cannot write: it is " + kind_of_file(status.st_mode) +

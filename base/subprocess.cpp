@@ -32,7 +32,7 @@ constexpr size_t kMostOutput = size_t{4} << 20;
 
 [[noreturn]] void cannot_start(const std::string& program, int error) {
   throw Error(ErrorKind::Failed,
-              fmt::format("{}: cannot be started: {}", program, std::strerror(error)));
+              fmt::format("{}: cannot start: {}", program, std::strerror(error)));
 }
 
 /// SpawnActions prepares the descriptors of the new process.
@@ -116,7 +116,7 @@ bool drain(int fd, std::string& text) {
 Pipe make_pipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
-    throw Error(ErrorKind::Failed, fmt::format("no pipe: {}", std::strerror(errno)),
+    throw Error(ErrorKind::Failed, fmt::format("cannot create a pipe: {}", std::strerror(errno)),
                 "raise the limit of open files");
   return {UniqueFd(ends[0]), UniqueFd(ends[1])};
 }

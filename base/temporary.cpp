@@ -200,12 +200,12 @@ TemporaryFolder::TemporaryFolder(const fs::path& parent) {
   for (int attempt = 0; attempt < kAttempts; ++attempt) {
     std::string name = (parent / fmt::format("{}{}", kFolderPrefix, kFolderEnd)).string();
     if (::mkdtemp(name.data()) == nullptr)
-      throw Error(ErrorKind::Failed, fmt::format("{}: cannot be made: {}", name, reason(errno)));
+      throw Error(ErrorKind::Failed, fmt::format("{}: cannot create: {}", name, reason(errno)));
     path_ = name;
     lock_ = UniqueFd(::open(name.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
     if (lock_ && hold(path_, lock_.get())) return;
   }
-  throw Error(ErrorKind::Failed, fmt::format("{}: no folder can be made there", parent.string()));
+  throw Error(ErrorKind::Failed, fmt::format("{}: cannot create a folder there", parent.string()));
 }
 
 TemporaryFolder::~TemporaryFolder() {

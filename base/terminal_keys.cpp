@@ -141,7 +141,7 @@ class ScriptReader {
     const int count = take_count(word);
     const auto press = press_of_word(word);
     if (count < 1 || !press)
-      throw Error(ErrorKind::Input, fmt::format("{}:{}: no key '{}'", source_, line, whole),
+      throw Error(ErrorKind::Input, fmt::format("{}:{}: unknown key '{}'", source_, line, whole),
                   "keys are written as left, shift+up, ctrl+right*3, enter, space, escape, u");
     if (static_cast<size_t>(count) + presses_.size() > size_t{kMaxScriptPresses})
       throw Error(ErrorKind::Input,

@@ -13,7 +13,8 @@ namespace lenticule {
 
 WakeFd::WakeFd(const char* owner) : fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {
   if (!fd_)
-    throw Error(ErrorKind::Failed, fmt::format("{}: no eventfd: {}", owner, std::strerror(errno)),
+    throw Error(ErrorKind::Failed,
+                fmt::format("{}: cannot create an eventfd: {}", owner, std::strerror(errno)),
                 "raise the limit of open files");
 }
 

@@ -30,7 +30,7 @@ class MonotonicClock final : public Clock {
   MonotonicClock() : timer_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)) {
     if (!timer_)
       throw Error(ErrorKind::Failed,
-                  fmt::format("display clock: no timer: {}", std::strerror(errno)),
+                  fmt::format("display clock: cannot create a timer: {}", std::strerror(errno)),
                   "raise the limit of open files");
   }
 

@@ -9,7 +9,7 @@ using frames::ShowResult;
 
 frames::ShowResult DisplaySink::show(const frames::FrameView& frame, Nanoseconds timeout) {
   if (frame.geometry != geometry())
-    throw Error(ErrorKind::Input, "display: the frame has another size than the panel");
+    throw Error(ErrorKind::Input, "display: the frame's size differs from the panel's");
   const Nanoseconds deadline = display_.now() + timeout;
 
   // An earlier flip that timed out may still hold its buffer and the display's one pending flip.

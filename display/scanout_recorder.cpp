@@ -30,7 +30,7 @@ namespace fs = std::filesystem;
 
 [[noreturn]] void fail(const fs::path& file, const std::string& cause) {
   throw Error(ErrorKind::Failed, fmt::format("{}: cannot write: {}", file.string(), cause),
-              "record to a folder that exists, is writable and has room");
+              "record to a folder that exists, is writable and has free space");
 }
 
 std::string message_of(int error) {
@@ -40,8 +40,8 @@ std::string message_of(int error) {
 /// Throws Error(Failed) unless the whole recording is on the disk.
 void require_whole(const fs::path& place, uint64_t lost, const std::string& reason) {
   if (lost > 0)
-    fail(place, fmt::format("{}: {} frames that were on the glass are missing",
-                            reason.empty() ? "there was no room for a while" : reason, lost));
+    fail(place, fmt::format("{}: {} displayed frames are missing",
+                            reason.empty() ? "the disk was full for a while" : reason, lost));
   if (!reason.empty()) fail(place, reason);
 }
 

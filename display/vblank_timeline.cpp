@@ -23,7 +23,7 @@ VblankTimeline::VblankTimeline(Nanoseconds origin, frames::Rate refresh)
     : origin_(origin), refresh_(refresh) {
   if (refresh.numerator > kMaxTerm || refresh.denominator > kMaxTerm)
     throw Error(ErrorKind::Usage,
-                fmt::format("refresh {}: more digits than a clock has", frames::to_string(refresh)),
+                fmt::format("refresh {}: too many digits", frames::to_string(refresh)),
                 "write 60, 59.94 or 60000/1001");
 }
 

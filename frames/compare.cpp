@@ -131,7 +131,7 @@ std::vector<Difference> compare_views(const FrameView& reference, const FrameVie
                 fmt::format("pictures of {} pixels: the rig's panel has {} x {}",
                             size_text(geometry), panel.width_px, panel.height_px));
   if (views < 1 || views > kMaxViews)
-    throw Error(ErrorKind::Usage, fmt::format("{} views: between 1 and {}", views, kMaxViews));
+    throw Error(ErrorKind::Usage, fmt::format("{} views: not in 1 ... {}", views, kMaxViews));
 
   std::vector<Difference> differences(static_cast<size_t>(views));
   const optics::RowRayEvaluator evaluator(model);

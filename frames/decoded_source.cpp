@@ -150,7 +150,7 @@ std::string DecodedSource::decode(int thread, uint64_t ticket, WovenFrame& to) {
     return decoding_->decode(thread, frame_of(ticket), frame_of(ticket + 1), to);
   } catch (const std::exception& error) {
     const std::string why = error.what();
-    return why.empty() ? fmt::format("frame {}: cannot be decoded", frame_of(ticket)) : why;
+    return why.empty() ? fmt::format("frame {}: cannot decode", frame_of(ticket)) : why;
   }
 }
 

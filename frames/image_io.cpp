@@ -33,8 +33,8 @@ ImageFormat writable_format(const std::filesystem::path& file) {
     default:
       break;
   }
-  throw Error(ErrorKind::Usage, fmt::format("{}: no picture format for this name", file.string()),
-              "end the name in .png, .tif, .tiff, .exr or .ppm");
+  throw Error(ErrorKind::Usage, fmt::format("{}: unknown picture format", file.string()),
+              "use a name that ends in .png, .tif, .tiff, .exr or .ppm");
 }
 
 class InThisProcess final : public PictureFileReader {
@@ -59,9 +59,9 @@ void refuse_tags_of_woven(const std::filesystem::path& file, const PictureInfo& 
   constexpr double kSquare = 0.005;
   if (info.orientation != Orientation::Upright)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: its orientation tag is {}, and woven frames are never turned",
+                fmt::format("{}: its orientation tag is {}, and woven frames are never rotated",
                             file.string(), static_cast<int>(info.orientation)),
-                "remove the tag, or turn the views before they are woven");
+                "remove the tag, or rotate the views before they are woven");
   if (std::abs(info.pixel_aspect - 1.0) > kSquare)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: its pixels are tagged {:.3g} times as wide as high, and woven "
@@ -203,7 +203,7 @@ void write_woven(const FrameView& frame, const std::filesystem::path& file) {
   if (frame.geometry.format != PixelFormat::Rgb8 || frame.geometry.width < 1 ||
       frame.geometry.height < 1)
     throw Error(ErrorKind::Failed,
-                fmt::format("{}: only frames of 8-bit RGB are written", file.string()));
+                fmt::format("{}: only 8-bit RGB frames can be written", file.string()));
   LENTICULE_CHECK(frame.bytes.size() == frame.geometry.frame_bytes());
   write_file_atomically(file, picture_codec().encode(frame, format, file.string()));
 }

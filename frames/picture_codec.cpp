@@ -30,7 +30,7 @@ const PictureCodec& load() {
   const auto entry = reinterpret_cast<PictureCodecEntry>(dlsym(module, kPictureCodecEntry));
   if (entry == nullptr) fail(loader_message());
   const PictureCodec* codec = entry(LENTICULE_VERSION);
-  if (codec == nullptr) fail("it belongs to another version");
+  if (codec == nullptr) fail("it is of another version");
   return *codec;
 }
 

@@ -42,15 +42,17 @@ std::optional<double> take_aspect(std::string_view& text) {
 
 void check_quilt_layout(const QuiltLayout& layout, const std::string& context) {
   if (!sensible_grid(layout.columns, layout.rows))
-    throw Error(
-        ErrorKind::Usage,
-        fmt::format("{}: a grid of {} x {} tiles", context, layout.columns, layout.rows),
-        fmt::format("columns and rows are at least 1, their product at most {}", kMaxViews));
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: a grid of {} x {} tiles is not supported", context, layout.columns,
+                            layout.rows),
+                fmt::format("columns and rows must be at least 1, and their product at most {}",
+                            kMaxViews));
   if (layout.views < 0 || layout.views > layout.columns * layout.rows)
     throw Error(ErrorKind::Usage, fmt::format("{}: {} views in a grid of {} x {} tiles", context,
                                               layout.views, layout.columns, layout.rows));
   if (layout.aspect && !sensible_aspect(*layout.aspect))
-    throw Error(ErrorKind::Usage, fmt::format("{}: aspect {}", context, *layout.aspect),
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: aspect {} is out of range", context, *layout.aspect),
                 "the aspect of a view is its width over its height, for example 0.75");
 }
 
@@ -126,11 +128,11 @@ ViewSet ViewSet::borrow(std::span<const FrameView> views, std::optional<double> 
 void ViewSet::take(std::span<const FrameView> views, std::optional<double> aspect) {
   if (views.empty() || views.size() > static_cast<size_t>(kMaxViews))
     throw Error(ErrorKind::Input,
-                fmt::format("{} views, where 1 to {} are taken", views.size(), kMaxViews));
+                fmt::format("{} views; 1 to {} are supported", views.size(), kMaxViews));
   const FrameGeometry& geometry = views.front().geometry;
   for (const FrameView& picture : views) {
     if (picture.geometry != geometry || geometry.width < 1 || geometry.height < 1)
-      throw Error(ErrorKind::Input, "views: their sizes differ, or are empty");
+      throw Error(ErrorKind::Input, "views: their sizes differ, or are 0");
     first_pixels_.push_back(picture.bytes.data());
   }
   width_ = geometry.width;
@@ -147,7 +149,7 @@ ViewSet ViewSet::reversed() && {
 void ViewSet::set_aspect(std::optional<double> aspect, const std::string& name) {
   aspect_ = aspect.value_or(static_cast<double>(width_) / height_);
   if (aspect && !sensible_aspect(aspect_))
-    throw Error(ErrorKind::Usage, fmt::format("{}: aspect {}", name, aspect_),
+    throw Error(ErrorKind::Usage, fmt::format("{}: aspect {} is out of range", name, aspect_),
                 "the aspect of a view is its width over its height, for example 0.75");
 }
 
@@ -169,7 +171,7 @@ ViewSet read_views(const std::vector<std::filesystem::path>& files, const std::s
       geometry.frame_bytes() > most_bytes / files.size())
     throw Error(
         ErrorKind::Input,
-        fmt::format("{}: {} views of {} x {} pixels; at most {} views and {} MiB are held", name,
+        fmt::format("{}: {} views of {} x {} pixels; the limits are {} views and {} MiB", name,
                     files.size(), geometry.width, geometry.height, kMaxViews, most_bytes >> 20),
         "use fewer or smaller views");
   std::vector<WovenFrame> views(files.size());

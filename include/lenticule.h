@@ -95,7 +95,7 @@ LENTICULE_API size_t lenticule_ring_stride(const lenticule_ring* ring);
 LENTICULE_API size_t lenticule_ring_frame_bytes(const lenticule_ring* ring);
 LENTICULE_API int lenticule_ring_slots(const lenticule_ring* ring);
 
-/* Waits for a free slot for frame `number`, the position in the sequence, which must grow from
+/* Waits for a free slot for frame `number`, the position in the sequence, which must increase from
  * frame to frame. On LENTICULE_OK *pixels points to the slot's lenticule_ring_frame_bytes() bytes;
  * the caller writes all of them, because the slot holds an old frame. The pointer is valid until
  * publish, abandon or close. On any other status *pixels is NULL. A ring has one acquired slot at a

@@ -85,7 +85,7 @@ Rig import_cubevi(std::string_view json, const std::string& source) {
 std::string export_cubevi(const Rig& rig) {
   const auto refuse = [](const char* key, const char* cause) {
     throw Error(ErrorKind::Input, fmt::format("CubeVi values: {}: {}", key, cause),
-                "the format has no place for it");
+                "the format cannot store it");
   };
   const Panel& panel = rig.panel;
   if (panel.layout.name() != "rgb" && panel.layout.name() != "bgr") {
@@ -95,7 +95,7 @@ std::string export_cubevi(const Rig& rig) {
     refuse("panel.pixel_height_mm", "pixels that are not square");
   }
   for (const Subpixels offset : rig.sheet.channel_offset) {
-    if (offset.value != 0.0) refuse("sheet.channel_offset_subpx", "offsets of single channels");
+    if (offset.value != 0.0) refuse("sheet.channel_offset_subpx", "offsets per channel");
   }
   const ResidualMap& residual = rig.sheet.residual;
   if (!residual.empty() && (residual.columns != kGridColumns || residual.rows != kGridRows)) {

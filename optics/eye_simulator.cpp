@@ -149,7 +149,7 @@ void check_eye(const Eye& eye) {
   throw Error(
       ErrorKind::Input,
       fmt::format("eye at {}, {}, {} mm: not in front of the panel", eye.x, eye.y, eye.z_mm),
-      "z is the distance from the glass and greater than 0");
+      "z is the distance from the panel, in millimetres, and must be greater than 0");
 }
 
 void check_frame(const Panel& panel, const RgbView& woven) {
@@ -157,7 +157,7 @@ void check_frame(const Panel& panel, const RgbView& woven) {
     throw Error(ErrorKind::Input,
                 fmt::format("woven frame: {}x{} pixels, but the rig's panel has {}x{}", woven.width,
                             woven.height, panel.width_px, panel.height_px),
-                "a woven frame only suits the rig that it was made for");
+                "use the rig that the frame was woven for");
   }
   LENTICULE_CHECK(woven.pixels != nullptr &&
                   woven.stride_bytes >= 3 * static_cast<size_t>(woven.width));
@@ -165,7 +165,8 @@ void check_frame(const Panel& panel, const RgbView& woven) {
 
 int output_side(int wished, int panel_side) {
   if (wished < 0 || wished > kMaxPanelPixels) {
-    throw Error(ErrorKind::Usage, fmt::format("eye picture: a side of {} pixels", wished),
+    throw Error(ErrorKind::Usage,
+                fmt::format("eye picture: size {} pixels is out of range", wished),
                 fmt::format("use 1 to {}, or 0 for half the panel", kMaxPanelPixels));
   }
   return wished > 0 ? wished : (panel_side + 1) / 2;

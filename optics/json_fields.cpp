@@ -60,7 +60,7 @@ bool JsonFields::flag(const std::string& key) const {
 std::string JsonFields::text_or(const std::string& key, const std::string& otherwise) const {
   const nlohmann::json* value = find(key);
   if (value == nullptr) return otherwise;
-  if (!value->is_string()) fail(key, "not text");
+  if (!value->is_string()) fail(key, "not a string");
   return value->get<std::string>();
 }
 

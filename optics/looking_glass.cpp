@@ -128,18 +128,19 @@ void add_cells(const Panel& panel, nlohmann::json& out) {
     for (const PixelCell& cell : *cells) out["subpixelCells"].push_back(cell_json(cell));
     return;
   }
-  throw Error(ErrorKind::Input, "visual.json: panel.layout: a cell table of another pattern",
-              "the format knows five patterns of up to four cells");
+  throw Error(ErrorKind::Input,
+              "visual.json: panel.layout: a cell table that matches no known pattern",
+              "the format has five patterns of up to four cells");
 }
 
 void refuse_what_cannot_be_said(const Rig& rig) {
   const auto refuse = [](const char* key, const char* cause) {
     throw Error(ErrorKind::Input, fmt::format("visual.json: {}: {}", key, cause),
-                "the format has no place for it");
+                "the format cannot store it");
   };
   if (!rig.sheet.residual.empty()) refuse("sheet.residual", "a residual map");
   for (const Subpixels offset : rig.sheet.channel_offset) {
-    if (offset.value != 0.0) refuse("sheet.channel_offset_subpx", "offsets of single channels");
+    if (offset.value != 0.0) refuse("sheet.channel_offset_subpx", "offsets per channel");
   }
   if (rig.sheet.slant == 0.0) refuse("sheet.slant", "upright lenses");
   if (rig.panel.pixel_width.value != rig.panel.pixel_height.value) {
@@ -151,7 +152,7 @@ void refuse_what_cannot_be_said(const Rig& rig) {
 /// mirrored.
 void refuse_what_rigs_cannot_say(const JsonFields& file) {
   if (file.flag("flipImageY"))
-    file.fail("flipImageY", "pictures mirrored top to bottom, which a rig cannot say");
+    file.fail("flipImageY", "pictures mirrored top to bottom, which a rig file cannot describe");
 }
 
 }  // namespace

@@ -119,7 +119,7 @@ Problem viewing_problem(const ViewingLine& viewing, const LensSheet& sheet) {
     return p;
   }
   if (z < sheet.gap.value) {
-    return RigProblem{"viewing.distance_mm", "nearer than the sheet is thick", {}};
+    return RigProblem{"viewing.distance_mm", "smaller than the thickness of the sheet", {}};
   }
   return {};
 }
@@ -147,15 +147,14 @@ Problem geometry_problem(const Rig& rig) {
   // Coupling is how much the y shift, which also changes with the eye's x, counteracts the x shift.
   const double coupling = slope * edge_y * kappa * straight / room(straight);
   if (room(straight) > 0.0 && !(coupling <= 0.5 && edge_x <= 1e3 && edge_y <= 1e3)) {
-    return RigProblem{"viewing.distance_mm", "too near for a panel of this size and slant", {}};
+    return RigProblem{"viewing.distance_mm", "too small for a panel of this size and slant", {}};
   }
   // The coupling and a residual map both widen a lens in terms of the shift.
   const double bend = sheet.residual.empty() ? 1.0 : 1.0 + 2.5 * kMaxResidualSlope;
   if (!(room(straight) > 0.0 &&
         room(shift_to_centre + half_lens * bend / (1.0 - coupling)) >= 0.05)) {
     return RigProblem{"sheet.gap_mm",
-                      "so thin for this pitch that a lens would have to send light beyond the "
-                      "critical angle",
+                      "too small for this pitch: a lens would send light beyond the critical angle",
                       "check gap_mm, pitch_subpx and the pixel size"};
   }
   return {};

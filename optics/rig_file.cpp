@@ -46,7 +46,7 @@ class Section {
 
   [[nodiscard]] const toml::node& get(std::string_view key) const {
     if (const toml::node* node = find(key)) return *node;
-    fail(table_.source().begin.line, fmt::format("no key '{}'", full_name(key)));
+    fail(table_.source().begin.line, fmt::format("key '{}' is missing", full_name(key)));
   }
 
   [[nodiscard]] double number(std::string_view key) const { return number_of(get(key), key); }
@@ -82,7 +82,7 @@ class Section {
 
   [[nodiscard]] std::string text_of(const toml::node& node, std::string_view key) const {
     if (const auto* text = node.as_string()) return text->get();
-    fail(node, fmt::format("'{}' is not text in quotes", full_name(key)));
+    fail(node, fmt::format("'{}' is not a string in quotes", full_name(key)));
   }
 
   [[nodiscard]] const toml::array& array(std::string_view key) const {
@@ -247,7 +247,7 @@ std::vector<std::pair<std::string, std::string>> read_provenance(const Section& 
 Rig read_rig(const Section& root) {
   root.allow_only({"format", "name", "panel", "sheet", "viewing", "identity", "provenance"});
   if (root.whole_within("format", 0, std::numeric_limits<int64_t>::max()) != kFormat) {
-    root.fail(root.get("format"), "a rig file of another format than 1",
+    root.fail(root.get("format"), "unknown format; expected 1",
               "it was made by a newer version of this program");
   }
   return {.name = root.text_or("name", {}),

@@ -76,8 +76,8 @@ std::optional<int> stray_letter_line(std::string_view text) {
 toml::table parse_toml(std::string_view text, const std::string& source) {
   // toml++ has undefined behaviour for such a character, so it is refused first.
   if (const std::optional<int> line = stray_letter_line(text))
-    fail(source, *line, "a letter outside ASCII that is not in quotes",
-         "keys and numbers are ASCII; texts go between quotes");
+    fail(source, *line, "a character outside ASCII that is not in quotes",
+         "keys and numbers are ASCII; put strings in quotes");
   try {
     return toml::parse(text);
   } catch (const toml::parse_error& error) {

@@ -45,12 +45,12 @@ void validate_trim(const Trim& trim, const std::string& context) {
     throw Error(
         ErrorKind::Input,
         fmt::format("{}: offset_lenses: {} is more than a lens", context, trim.offset.value),
-        "so much is no drift: calibrate again");
+        "that is more than a drift: calibrate again");
   if (!(std::abs(trim.pitch_relative) <= kMaxTrimPitch))
     throw Error(ErrorKind::Input,
                 fmt::format("{}: pitch_relative: {} is more than {}", context, trim.pitch_relative,
                             kMaxTrimPitch),
-                "so much is no drift: calibrate again");
+                "that is more than a drift: calibrate again");
 }
 
 Trim changed_by(const Trim& trim, double offset_lenses, double pitch_relative) {
@@ -158,7 +158,7 @@ std::string trim_difference(const RigIdentity& frames, const RigIdentity& rig) {
   if (change.offset.value != 0.0) by = fmt::format("{:+.4g} lens", change.offset.value);
   if (change.pitch_relative != 0.0)
     by += fmt::format("{}{:+.3g} of the pitch", by.empty() ? "" : " and ", change.pitch_relative);
-  return fmt::format("woven for the rig before the trim by {}; it is shown as it was woven", by);
+  return fmt::format("woven before the rig was trimmed by {}; played without that trim", by);
 }
 
 TrimmedRig load_rig_and_identity(const std::filesystem::path& rig_file) {

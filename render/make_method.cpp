@@ -25,12 +25,12 @@ void check_prefilter(const std::string& method, const RenderOptions& options) {
   if (options.prefilter == Prefilter::Off) return;
   check_range("prefilter samples", options.prefilter_samples, 3, kMostSamples);
   if (method != "full")
-    throw Error(ErrorKind::Usage, fmt::format("method {}: does not prefilter", method),
-                "method full does");
+    throw Error(ErrorKind::Usage, fmt::format("method {}: has no prefilter", method),
+                "use method full");
   if (options.samples != 1)
     throw Error(ErrorKind::Usage,
-                fmt::format("samples {}: a prefilter chooses its own", options.samples),
-                "--prefilter-samples says how many they may be");
+                fmt::format("samples {}: cannot be combined with a prefilter", options.samples),
+                "leave out --samples; --prefilter-samples sets the largest number");
 }
 
 }  // namespace
@@ -53,7 +53,7 @@ std::unique_ptr<Method> make_method(const std::string& name, const optics::Optic
   if (const auto reuse = reuse_named(name)) {
     if (options.samples != 1)
       throw Error(ErrorKind::Usage, fmt::format("method {}: takes one sample per subpixel", name),
-                  "method full averages several");
+                  "use method full for several");
     return make_method_reuse(*reuse, model, options);
   }
   throw Error(ErrorKind::Usage, fmt::format("method '{}': unknown", name),

@@ -10,7 +10,7 @@ namespace lenticule::scenes {
 
 const std::vector<BuiltInScene>& scene_list() {
   static const std::vector<BuiltInScene> table = {
-      {"demo", "a turning teapot between a ball before the glass and a column behind it",
+      {"demo", "a turning teapot between a ball in front of the panel and a column behind it",
        "cuts per teapot patch", 16, 100, kDemoFrames, false, demo_camera, write_demo},
       {"teapot", "the Newell teapot on a chequered board, the camera going round it",
        "cuts per teapot patch, squares along the board", 6, 100, kTeapotFrames, true, teapot_camera,
@@ -22,12 +22,12 @@ const std::vector<BuiltInScene>& scene_list() {
        "generations of spheres", 2, 5, kSmallBallsFrames, true, small_balls_camera,
        write_small_balls},
       {"primitives", "one of everything: balls, cones, boxes, a ring; mirror, glass, pictures",
-       "how finely ring and marble ball are cut", 8, 50, kPrimitivesFrames, true, primitives_camera,
+       "cuts of the ring and of the marble ball", 8, 50, kPrimitivesFrames, true, primitives_camera,
        write_primitives},
       {"tree", "cones that fork with a sphere at every joint, under seven lights",
        "generations of branches above the trunk", 11, 15, kTreeFrames, true, tree_camera,
        write_tree},
-      {"gears", "layers of meshed gears, one layer to be seen through, on a table",
+      {"gears", "layers of meshed gears on a table, one layer transparent",
        "gears along an edge of the cube", 4, 12, kGearsFrames, true, gears_camera, write_gears},
       {"balls", "a sphereflake: every sphere carries nine of a third of its size",
        "generations of spheres", 4, 6, 1, true, balls_camera, write_balls},
@@ -50,7 +50,7 @@ const BuiltInScene& find_scene(std::string_view name) {
     names += fmt::format("{}{}", names.empty() ? "" : ", ", scene.name);
   }
   throw Error(ErrorKind::Usage, fmt::format("no built-in scene is called '{}'", name),
-              "there are: " + names);
+              "use one of: " + names);
 }
 
 namespace {
@@ -61,7 +61,7 @@ SceneOptions options_of(const BuiltInScene& scene, std::optional<int> size, int 
   if (chosen < 1 || chosen > scene.largest_size)
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: size {} is not in 1..{}", scene.name, chosen, scene.largest_size),
-                fmt::format("the size of this scene: {}", scene.size_meaning));
+                fmt::format("the size of this scene means: {}", scene.size_meaning));
   if (frame < 0)
     throw Error(ErrorKind::Usage, fmt::format("{}: frame {} is negative", scene.name, frame));
   return {.size = chosen, .frame = frame % scene.frames};

@@ -67,7 +67,7 @@ int open_clip_file(const std::string& name) {
 
 Container::Container(const int& fd, std::string name)
     : name_(std::move(name)), io_(read_descriptor(fd)) {
-  if (::lseek(fd, 0, SEEK_SET) != 0) fail(name_, "cannot read from its start");
+  if (::lseek(fd, 0, SEEK_SET) != 0) fail(name_, "cannot seek to its start");
   AVFormatContext* format = avformat_alloc_context();
   if (format == nullptr) throw Error(ErrorKind::Failed, "video: out of memory");
   format->pb = io_.get();
@@ -81,8 +81,8 @@ Container::Container(const int& fd, std::string name)
   // The call frees `format` on failure.
   const int error = avformat_open_input(&format, nullptr, nullptr, nullptr);
   if (error < 0)
-    fail(name_, "not a video that can be read: " + av_reason(error),
-         std::string("containers that are read: ") + allowed_containers());
+    fail(name_, "not a readable video: " + av_reason(error),
+         std::string("supported containers: ") + allowed_containers());
   format_.reset(format);
   discard_all_but_video(*format);
   if (const int found = avformat_find_stream_info(format, nullptr); found < 0)
@@ -97,7 +97,7 @@ AVStream& Container::video_stream(std::optional<int> wanted) {
   }
   if (wanted)
     fail(name_, "stream " + std::to_string(*wanted) + " has no pictures",
-         "see lenticule-video probe");
+         "lenticule-video probe lists the streams");
   fail(name_, "no stream with pictures");
 }
 
@@ -165,7 +165,7 @@ void ClipReader::open_decoder() {
   codec_.reset(avcodec_alloc_context3(decoder));
   if (!codec_) throw Error(ErrorKind::Failed, "video: out of memory");
   if (const int error = avcodec_parameters_to_context(codec_.get(), &parameters); error < 0)
-    fail(name_, "broken stream header: " + av_reason(error));
+    fail(name_, "damaged stream header: " + av_reason(error));
   codec_->thread_count = threads_;
   codec_->max_pixels = kMostPixels;
   codec_->codec_whitelist = av_strdup(allowed_codecs());

@@ -42,9 +42,10 @@ constexpr bool kSanitized = false;
 constexpr uint64_t kMostPrinted = 1 << 20;
 
 [[noreturn]] void cannot(const char* what) {
-  throw Error(ErrorKind::Failed,
-              std::string("decoder: cannot be confined: ") + what + ": " + std::strerror(errno),
-              "use a kernel with seccomp filters; files are not decoded without");
+  throw Error(
+      ErrorKind::Failed,
+      std::string("decoder: cannot confine the process: ") + what + ": " + std::strerror(errno),
+      "use a kernel with seccomp filters; without them files are not decoded");
 }
 
 /// Returns the current size of the address space, with shared libraries and the ring.
@@ -115,7 +116,7 @@ void confine(uint64_t extra_bytes, pid_t parent, unsigned descriptors) {
   std::vector<sock_filter> filter = decoder_filter();  // while it may still open a descriptor
   leave_namespaces();
   if (parent > 0 && !die_with(parent))
-    throw Error(ErrorKind::Failed, "decoder: the player is gone");
+    throw Error(ErrorKind::Failed, "decoder: the player has ended");
   set_limits(extra_bytes, descriptors);
   if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) cannot("no_new_privs");
   install(std::move(filter));

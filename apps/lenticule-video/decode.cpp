@@ -136,7 +136,7 @@ void Feed::check_layout(const PixelVerdict& verdict) const {
     throw Error(ErrorKind::Input,
                 request_.file + ": chroma " + verdict.sampling +
                     " mixes the colours of neighbouring subpixels",
-                "weave it from a quilt instead, or say --before-weaving");
+                "weave it from a quilt instead, or use --before-weaving");
 }
 
 bool Feed::fits_ring() {

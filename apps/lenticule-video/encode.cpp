@@ -42,7 +42,7 @@ void must(int result, const std::string& file) {
 AVPixelFormat input_format(const EncodeRequest& request) {
   const AVPixelFormat format = av_get_pix_fmt(request.pixels.c_str());
   if (format != AV_PIX_FMT_NONE) return format;
-  throw Error(ErrorKind::Usage, "--pixels: no pixel format '" + request.pixels + "'",
+  throw Error(ErrorKind::Usage, "--pixels: unknown pixel format '" + request.pixels + "'",
               "for example rgb24, gbrp16le, yuv444p");
 }
 
@@ -57,7 +57,7 @@ AVPixelFormat encoder_format(const AVCodec& encoder, AVPixelFormat input) {
   if (input == AV_PIX_FMT_RGB24)
     for (const AVPixelFormat other : {AV_PIX_FMT_GBRP, AV_PIX_FMT_BGR0, AV_PIX_FMT_RGB24})
       if (takes(other)) return other;
-  throw Error(ErrorKind::Usage, fmt::format("--pixels: {} does not take {}", encoder.name,
+  throw Error(ErrorKind::Usage, fmt::format("--pixels: {} does not support {}", encoder.name,
                                             av_get_pix_fmt_name(input)));
 }
 
@@ -71,7 +71,7 @@ bool read_frame(std::span<uint8_t> bytes) {
     if (n < 0)
       throw Error(ErrorKind::Failed, std::string("standard input: ") + std::strerror(errno));
     if (n == 0 && done == 0) return false;
-    if (n == 0) throw Error(ErrorKind::Input, "standard input: ends in the middle of a frame");
+    if (n == 0) throw Error(ErrorKind::Input, "standard input: ends within a frame");
     done += static_cast<size_t>(n);
   }
   return true;
@@ -252,7 +252,8 @@ void check(const EncodeRequest& request) {
     throw Error(ErrorKind::Usage, std::string("--size: ") + problem);
   struct stat status {};
   if (request.file == "-" && (fstat(STDOUT_FILENO, &status) != 0 || !S_ISREG(status.st_mode)))
-    throw Error(ErrorKind::Usage, "-: standard output is no file", "Matroska has to be sought in");
+    throw Error(ErrorKind::Usage, "-: standard output is not a file",
+                "writing Matroska needs seeking");
 }
 
 }  // namespace
@@ -263,7 +264,7 @@ int run_encode(const EncodeRequest& request) {
   check(request);
   const int bytes =
       av_image_get_buffer_size(input_format(request), request.width, request.height, 1);
-  if (bytes <= 0) throw Error(ErrorKind::Usage, "--size: not with these --pixels");
+  if (bytes <= 0) throw Error(ErrorKind::Usage, "--size: cannot be combined with these --pixels");
   std::vector<uint8_t> pixels(static_cast<size_t>(bytes));
   OutputFile output(request.file);
   const int fd = output.fd();

@@ -27,48 +27,53 @@ Run declare_probe(CLI::App& app) {
 Run declare_decode(CLI::App& app) {
   const auto request = std::make_shared<DecodeRequest>();
   app.add_option("FILE", request->file, "video file")->required();
-  app.add_option("--ring", request->ring, "socket of the player")->required();
-  app.add_option("--rig-fingerprint", request->rig_fingerprint, "for a ring of one rig's frames");
-  app.add_option("--stream", request->stream, "index; the first with pictures");
-  app.add_option("--begin", request->begin, "first frame of the file that counts");
-  app.add_option("--end", request->end, "the one after the last");
-  app.add_option("--from", request->from, "start with this frame of those");
-  app.add_option("--position", request->position, "number of that frame in the ring");
-  app.add_option("--known-frame", request->known_frame, "frame of the file to seek ...");
-  app.add_option("--known-time", request->known_time, "... by its time stamp");
-  app.add_flag("--loop", request->loop, "again and again, until the player is gone");
+  app.add_option("--ring", request->ring, "socket of the player's ring")->required();
+  app.add_option("--rig-fingerprint", request->rig_fingerprint,
+                 "fingerprint of the rig, for a ring that checks it");
+  app.add_option("--stream", request->stream,
+                 "index of the stream; default: the first with pictures");
+  app.add_option("--begin", request->begin, "first frame to use");
+  app.add_option("--end", request->end, "frame after the last one to use");
+  app.add_option("--from", request->from, "frame to start with");
+  app.add_option("--position", request->position, "number of the start frame in the ring");
+  app.add_option("--known-frame", request->known_frame,
+                 "frame of the file whose time stamp is --known-time, for seeking");
+  app.add_option("--known-time", request->known_time, "time stamp of --known-frame");
+  app.add_flag("--loop", request->loop, "repeat until the player ends");
   app.add_flag("--before-weaving", request->before_weaving,
-               "let chroma of lower resolution through: the frames are not woven yet");
-  app.add_option("--orientation", request->orientation, "turns frames, numbered as EXIF does")
+               "accept chroma of lower resolution, because the frames are not woven yet");
+  app.add_option("--orientation", request->orientation,
+                 "rotation of the frames, numbered as in EXIF")
       ->check(CLI::Range(1, 8));
-  app.add_option("--threads", request->threads, "as many as cores, at most 4")
+  app.add_option("--threads", request->threads, "default: the number of cores, at most 4")
       ->check(CLI::Range(0, 64));
-  app.add_option("--parent", request->parent, "end with this process");
+  app.add_option("--parent", request->parent, "exit when this process ends");
   return [request] { return run_decode(*request); };
 }
 
 Run declare_encode(CLI::App& app) {
   const auto request = std::make_shared<EncodeRequest>();
-  app.add_option("FILE", request->file, "Matroska file; - is a file on standard output")
+  app.add_option("FILE", request->file, "Matroska file; - means a file that is standard output")
       ->required();
   app.add_option("--width", request->width, "pixels")->required();
   app.add_option("--height", request->height, "pixels")->required();
   app.add_option("--rate", request->rate, "frames per second")->capture_default_str();
-  app.add_option("--codec", request->codec, "both lossless")
+  app.add_option("--codec", request->codec, "codec; both are lossless")
       ->check(CLI::IsMember({"ffv1", "x264rgb"}))
       ->capture_default_str();
-  app.add_option("--pixels", request->pixels, "FFmpeg's name of what comes in, rows packed")
+  app.add_option("--pixels", request->pixels,
+                 "FFmpeg's name of the input's pixel format; rows are packed")
       ->capture_default_str();
   app.add_option("--matrix", request->matrix, "tag of Y'CbCr: bt709, smpte170m, bt2020nc, ...");
   app.add_option("--range", request->range, "tag: tv or pc");
   app.add_option("--transfer", request->transfer, "tag: bt709, iec61966-2-1, linear, ...");
-  app.add_option("--parent", request->parent, "end with this process");
+  app.add_option("--parent", request->parent, "exit when this process ends");
   return [request] { return run_encode(*request); };
 }
 
 Run declare_pictures(CLI::App& app) {
   const auto parent = std::make_shared<pid_t>(0);
-  app.add_option("--parent", *parent, "end with this process");
+  app.add_option("--parent", *parent, "exit when this process ends");
   return [parent] { return run_pictures(*parent); };
 }
 
@@ -82,11 +87,12 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("lenticule-video ") + LENTICULE_VERSION);
   app.require_subcommand(1);
   std::map<const CLI::App*, Run> runs;
-  CLI::App* const probe = app.add_subcommand("probe", "print what is in a file, as JSON");
+  CLI::App* const probe = app.add_subcommand("probe", "print the contents of a file as JSON");
   CLI::App* const decode = app.add_subcommand("decode", "decode a file into a player's ring");
-  CLI::App* const encode = app.add_subcommand("encode", "raw frames on standard input to a file");
+  CLI::App* const encode =
+      app.add_subcommand("encode", "encode raw frames from standard input to a file");
   CLI::App* const pictures =
-      app.add_subcommand("pictures", "decode pictures for the program that started this");
+      app.add_subcommand("pictures", "decode pictures for the program that started this one");
   runs[pictures] = declare_pictures(*pictures);
   runs[probe] = declare_probe(*probe);
   runs[decode] = declare_decode(*decode);

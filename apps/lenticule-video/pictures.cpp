@@ -137,7 +137,7 @@ class RowsToPlayer final : public frames::PictureSink {
 
 std::vector<uint8_t> bytes_of(const Received& received) {
   if (!received.file || received.message.file_bytes > kPictureFileLimit)
-    throw Error(ErrorKind::Input, "no file came");
+    throw Error(ErrorKind::Input, "no file arrived");
   std::vector<uint8_t> bytes(received.message.file_bytes);
   size_t done = 0;
   while (done < bytes.size()) {
@@ -145,7 +145,7 @@ std::vector<uint8_t> bytes_of(const Received& received) {
                               static_cast<off_t>(done));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) throw Error(ErrorKind::Input, std::string("cannot read: ") + std::strerror(errno));
-    if (n == 0) throw Error(ErrorKind::Input, "became shorter while it was read");
+    if (n == 0) throw Error(ErrorKind::Input, "became shorter during reading");
     done += static_cast<size_t>(n);
   }
   return bytes;
@@ -181,8 +181,8 @@ std::span<uint8_t> map_memory() {
   void* const memory =
       ::mmap(nullptr, kMemoryBytes, PROT_READ | PROT_WRITE, MAP_SHARED, kPictureMemory, 0);
   if (memory == MAP_FAILED)
-    throw Error(ErrorKind::Usage, "pictures: started without memory to share",
-                "lenticule starts this by itself");
+    throw Error(ErrorKind::Usage, "pictures: started without shared memory",
+                "lenticule starts this program itself");
   ::close(kPictureMemory);
   return {static_cast<uint8_t*>(memory), kMemoryBytes};
 }

@@ -68,8 +68,9 @@ constexpr unsigned kInterface = 3;
 /// Throws for a negative errno value.
 void check(int result) {
   if (result < 0)
-    throw Error(ErrorKind::Failed, std::string("decoder: no filter of system calls can be made: ") +
-                                       std::strerror(-result));
+    throw Error(ErrorKind::Failed,
+                std::string("decoder: cannot create the filter of system calls: ") +
+                    std::strerror(-result));
 }
 
 class Rules {

@@ -114,7 +114,7 @@ PixelLayout plain_layout(const AVPixFmtDescriptor& pixels) {
 }
 
 std::string named(const char* name) {
-  return name != nullptr ? name : "of no name";
+  return name != nullptr ? name : "without a name";
 }
 
 /// Changes Y'CbCr planes that hold G, B, R (identity matrix) into an RGB layout.

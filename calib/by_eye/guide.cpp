@@ -18,22 +18,22 @@ struct Words {
 Words prepare() {
   return {
       "before you begin",
-      "Put one eye {0:.0f} mm from the glass, in front of the panel's middle, and keep your head "
+      "Put one eye {0:.0f} mm from the panel, in front of the panel's middle, and keep your head "
       "still. The panel should have been on for half an hour.",
       {"The lines of one pixel are red, green and blue in turn, upright on the left and flat on "
-       "the right. Where they are grey, blurred or in waves, the picture is scaled or its "
-       "colours are averaged: no calibration can help before that is cured."},
-      "ENTER goes on"};
+       "the right. Where they are grey, blurred or in waves, the picture is scaled or its colours "
+       "are averaged: no calibration can help before that is fixed."},
+      "ENTER: continue"};
 }
 
 Words rough_pitch() {
   return {"rough pitch",
           "Find the band with the fewest and broadest stripes, alike on the left and on the right. "
-          "It is asked twice, the second time among bands ten times as close.",
+          "This step comes twice, the second time with bands ten times closer together.",
           {"Many narrow stripes: the pitch of this band is far off.",
            "Several bands without stripes: take the middle one.",
-           "No band better than the others: the first rig's pitch is more than a tenth off, or the "
-           "sheet does not face the eye."},
+           "No band is better than the others: the pitch of the first rig is more than a tenth "
+           "off, or the sheet does not face the eye."},
           "UP DOWN: move the blue mark, ENTER: take this band"};
 }
 
@@ -43,7 +43,7 @@ Words slant() {
           "at its bottom and in the same places. If there are no stripes, press UP a few times "
           "first.",
           {"Wrong slant: the stripes lie across the blue lines, and wander sideways from top to "
-           "bottom. The fewer stripes there are, the more they turn.",
+           "bottom. The fewer stripes there are, the more they rotate.",
            "Right slant, wrong pitch: the stripes are parallel to the lines, only too many. That "
            "is the next step."},
           "LEFT RIGHT: slant, UP DOWN: number of stripes, SHIFT or + : more, CTRL or - : less"};
@@ -64,8 +64,8 @@ Words offset() {
   return {"offset",
           "Hold your nose in front of the panel's middle and close one eye after the other: the "
           "left eye should see only red, the right eye only green.",
-          {"One eye sees both colours in the middle: the offset is off; go toward the side where "
-           "the colours are clean.",
+          {"One eye sees both colours in the middle: the offset is off; move the offset toward the "
+           "side where the colours are clean.",
            "The left eye sees green and the right one red: press I.",
            "It stays swapped however you move: the panel shows its picture mirrored."},
           "LEFT RIGHT: offset, I: swap the eyes"};
@@ -75,40 +75,40 @@ Words check() {
   return {"check",
           "Close one eye and move your head slowly sideways: everywhere on the panel red should "
           "turn into green at the same moment.",
-          {"Left and right edge too early and too late: the pitch, UP or DOWN; or your distance is "
-           "not {0:.0f} mm.",
-           "The whole panel turns beside the middle: the offset, LEFT or RIGHT.",
-           "The top turns before the bottom: the slant, [ or ].",
-           "Only some patches are off: the sheet is not flat there. No number of this procedure "
-           "describes that; calibrate with a camera."},
+          {"One edge turns too early and the other too late: correct the pitch with UP or DOWN; or "
+           "your distance is not {0:.0f} mm.",
+           "The whole panel turns beside the middle: correct the offset with LEFT or RIGHT.",
+           "The top turns before the bottom: correct the slant with [ or ].",
+           "Only some patches are off: the sheet is not flat there. This procedure cannot correct "
+           "that; calibrate with a camera."},
           "UP DOWN: pitch, LEFT RIGHT: offset, [ ]: slant"};
 }
 
 Words gap_by_flips() {
-  return {"gap, by its zones",
+  return {"gap, by the viewing zones",
           "At {0:.0f} mm, with one eye, move sideways and note where the panel's middle turns from "
           "red to green to your left, and the next place to your right where it does so again. "
           "Enter their distance. ENTER alone keeps the gap as it is.",
-          {"Wrong gap: at {0:.0f} mm all is well, but seen from nearer or farther the edges are of "
-           "another colour than the middle, and depth is too strong or too weak."},
+          {"Wrong gap: at {0:.0f} mm the picture is right, but seen from nearer or farther the "
+           "edges differ in colour from the middle, and depth is too strong or too weak."},
           "LEFT RIGHT: distance from red-to-green to red-to-green"};
 }
 
 Words gap_by_distance() {
   return {"gap, by a second distance",
-          "Move your eye to {1:.0f} mm and make the panel one colour once more, as for the pitch. "
+          "Move your eye to {1:.0f} mm and make the panel one colour again, as for the pitch. "
           "ENTER alone keeps the gap as it is.",
-          {"Wrong gap: stripes that were gone at {0:.0f} mm are back here.",
+          {"Wrong gap: stripes that had disappeared at {0:.0f} mm are visible here.",
            "What you change here leaves the picture at {0:.0f} mm as it is.",
            "The middle is dark: you are not in front of it; move your head, not the picture."},
-          "UP DOWN: make the stripes go, LEFT RIGHT: this distance, F: red and green"};
+          "UP DOWN: remove the stripes, LEFT RIGHT: this distance, F: red and green"};
 }
 
 Words numbered_views() {
   return {"views by their numbers",
           "One eye sees one number all over the panel. Moving to the right it counts up, and at "
           "the end of the zone it starts again at 0.",
-          {"Different numbers on the left and on the right: pitch, or your distance.",
+          {"Different numbers on the left and on the right: the pitch is off, or your distance is.",
            "Two numbers at once everywhere: you are between two views, or the offset is off.",
            "It counts down: the panel shows its picture mirrored."},
           "UP DOWN: pitch, LEFT RIGHT: offset, [ ]: slant"};
@@ -116,8 +116,8 @@ Words numbered_views() {
 
 Words save() {
   return {"save",
-          "SPACE shows the rig as it was and as it is now: is the new one better? ENTER saves it.",
-          {"The old one is better: ESCAPE brings it back, BACKSPACE goes back a step."},
+          "SPACE shows the old rig and the new one. If the new one is better, ENTER saves it.",
+          {"The old one is better: ESCAPE restores it, BACKSPACE returns to the previous step."},
           "SPACE: old and new, ENTER: save, ESCAPE: restore, Q: leave without saving"};
 }
 

@@ -43,7 +43,7 @@ Procedure::Procedure(const optics::Rig& rig, double distance_mm, Doubts doubts)
   if (problem)
     throw Error(ErrorKind::Usage,
                 fmt::format("distance {} mm: {}: {}", distance_mm, problem->key, problem->cause),
-                "give the distance from the glass to the eye in millimetres");
+                "give the distance from the panel to the eye in millimetres");
   start_.sheet = sheet_values(rig, distance_mm);
   start_.band_reach = kFirstReach;
   start_.cursor = kBands / 2;
@@ -98,7 +98,7 @@ void Procedure::press_control(Key key) {
     case Key::Finer:
       coarseness_ =
           std::clamp(coarseness_ + (key == Key::Coarser ? 1 : -1), -kMostCoarse, kMostCoarse);
-      note_ = fmt::format("steps are {:g} times the usual ones", std::pow(10.0, coarseness_));
+      note_ = fmt::format("steps are now {:g} times the usual size", std::pow(10.0, coarseness_));
       return;
     case Key::Next:
       return next();
@@ -115,7 +115,7 @@ void Procedure::press_control(Key key) {
     case Key::Restore: {
       State state = start_;
       state.step = state_.step;
-      if (change_to(state)) note_ = "everything is as it was at the start; u brings it back";
+      if (change_to(state)) note_ = "all values of the start are restored; u undoes this";
       return;
     }
     case Key::SwapEyes:
@@ -180,7 +180,7 @@ void Procedure::move_upward(double presses) {
 
 void Procedure::change_slant(double presses) {
   if (state_.step < Step::Slant || state_.step == Step::Save) {
-    note_ = "the slant comes after the rough pitch";
+    note_ = "the slant can be changed after the rough pitch";
     return;
   }
   State state = state_;
@@ -211,7 +211,7 @@ void Procedure::change_second_distance(double presses) {
   state.second_distance_mm += presses * kDistanceStepMm;
   const double ratio = state.second_distance_mm / distance_mm_;
   if (!(ratio > kLeastDistanceRatio || (ratio > 0.0 && ratio < 1.0 / kLeastDistanceRatio))) {
-    note_ = "too near to the first distance, or behind the glass";
+    note_ = "too near to the first distance, or behind the panel";
     return;
   }
   predict_second(state);
@@ -263,7 +263,7 @@ bool Procedure::is_settled() {
   if (doubts_ == Doubts::Refuse)
     status_ = Status::Refused;
   else
-    note_ += "; measure again, or press ENTER once more to take it";
+    note_ += "; measure again, or press ENTER once more to accept it";
   asked_ = doubt;
   return false;
 }
@@ -301,7 +301,7 @@ void Procedure::enter(Step step) {
 bool Procedure::change_to(const State& state) {
   const std::string problem = problem_of(state);
   if (!problem.empty()) {
-    note_ = "no further: " + problem;
+    note_ = "limit reached: " + problem;
     return false;
   }
   if (done_.size() >= kMaxUndo) done_.erase(done_.begin());

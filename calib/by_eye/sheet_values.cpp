@@ -75,12 +75,12 @@ double cone_degrees(const optics::Rig& rig, const SheetValues& values) {
 std::string doubt_of(const optics::Rig& rig, const SheetValues& start, const SheetValues& values) {
   const double pitch = values.effective_pitch_subpx / start.effective_pitch_subpx;
   if (pitch > kMostPitchRatio || pitch < 1.0 / kMostPitchRatio)
-    return fmt::format("a pitch of {:.3f} subpixels is {:.0f} % off the {:.3f} of the start",
-                       values.effective_pitch_subpx, 100.0 * std::abs(pitch - 1.0),
-                       start.effective_pitch_subpx);
+    return fmt::format(
+        "a pitch of {:.3f} subpixels differs by {:.0f} % from the {:.3f} of the start",
+        values.effective_pitch_subpx, 100.0 * std::abs(pitch - 1.0), start.effective_pitch_subpx);
   const double turned = slant_degrees(rig, values) - slant_degrees(rig, start);
   if (std::abs(turned) > kMostTurnDegrees)
-    return fmt::format("a slant of {:.1f} degrees is {:.1f} off the {:.1f} of the start",
+    return fmt::format("a slant of {:.1f} degrees differs by {:.1f} from the {:.1f} of the start",
                        slant_degrees(rig, values), std::abs(turned), slant_degrees(rig, start));
   const double gap = values.gap_mm / start.gap_mm;
   if (gap > kMostGapRatio || gap < 1.0 / kMostGapRatio)

@@ -272,17 +272,17 @@ void CameraControls::judge_exposure(int64_t got) {
   const double allowed = kPartOfRefreshAllowed + 0.5 / kExposureUnitsPerSecond * wishes_.refresh_hz;
   if (refreshes > 0.5 && std::abs(refreshes - std::round(refreshes)) <= allowed) return;
   unlocked_.push_back(
-      fmt::format("exposures of {:.1f} ms are not whole refreshes of {:.2f} ms: bands may wander "
+      fmt::format("exposures of {:.1f} ms are not whole refreshes of {:.2f} ms: bands may move "
                   "through the pictures",
                   static_cast<double>(got) / 10.0, 1000.0 / wishes_.refresh_hz));
 }
 
 void CameraControls::say_what_is_missing(const std::vector<ControlInfo>& controls) {
   if (!has_any(controls, {V4L2_CID_EXPOSURE_ABSOLUTE}))
-    unlocked_.emplace_back(has_any(controls, {V4L2_CID_EXPOSURE})
-                               ? "no exposure control in seconds: bands may wander through the "
-                                 "pictures"
-                               : "no manual exposure");
+    unlocked_.emplace_back(
+        has_any(controls, {V4L2_CID_EXPOSURE})
+            ? "no exposure control in seconds: bands may move through the pictures"
+            : "no manual exposure");
   if (!has_any(controls, {V4L2_CID_GAIN, V4L2_CID_ANALOGUE_GAIN, V4L2_CID_ISO_SENSITIVITY}))
     unlocked_.emplace_back("no manual gain");
   if (!has_any(controls, {V4L2_CID_WHITE_BALANCE_TEMPERATURE, V4L2_CID_RED_BALANCE}))

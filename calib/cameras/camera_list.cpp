@@ -56,15 +56,16 @@ bool describe(V4l2System& system, CameraListing& listing) {
 V4l2Node only_camera(V4l2System& system) {
   const std::vector<CameraListing> cameras = list_cameras(system);
   if (cameras.empty())
-    throw Error(ErrorKind::Device, "camera: there is none",
-                "plug one in; 'ls /dev/video*' shows what the kernel has");
+    throw Error(ErrorKind::Device, "camera: none is connected",
+                "connect one; 'ls /dev/video*' lists the kernel's video devices");
   if (cameras.size() == 1)
     return {.path = cameras.front().path, .stable_path = cameras.front().stable_path};
   std::string names;
   for (const CameraListing& camera : cameras)
     names += (names.empty() ? "" : ", ") +
              (camera.stable_path.empty() ? camera.path : camera.stable_path);
-  throw Error(ErrorKind::Usage, "camera: there are several", "name one of " + names);
+  throw Error(ErrorKind::Usage, "camera: several are connected",
+              "choose one with --device: " + names);
 }
 
 /// Returns the last component of a path.
@@ -95,7 +96,7 @@ V4l2Node find_camera(V4l2System& system, const std::string& wanted) {
       return node;
   if (wanted.find('/') != std::string::npos) return {.path = wanted, .stable_path = {}};
   throw Error(ErrorKind::Device, fmt::format("camera: none is called '{}'", wanted),
-              "'lenticule calibrate camera --list' shows which there are");
+              "'lenticule calibrate camera --list' lists the cameras");
 }
 
 std::vector<CameraListing> list_cameras() {

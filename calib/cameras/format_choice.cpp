@@ -112,9 +112,9 @@ std::vector<Candidate> candidates(V4l2Device& device, const FormatWish& wish) {
     names += (names.empty() ? "" : ", ") + fourcc_name(offer.fourcc);
   if (names.empty()) names = "nothing";
   const std::string wanted =
-      wish.pixel_format.empty() ? "no pixel format that is known" : "no " + wish.pixel_format;
+      wish.pixel_format.empty() ? "no known pixel format" : "no " + wish.pixel_format;
   throw Error(ErrorKind::Device, fmt::format("{}: {} among {}", path, wanted, names),
-              wish.pixel_format.empty() ? "use another camera" : "ask for one of those");
+              wish.pixel_format.empty() ? "use another camera" : "use one of those");
 }
 
 /// Sets inputs for HDMI and similar to the size of the arriving signal, which they adopt only on
@@ -124,7 +124,7 @@ void follow_signal(V4l2Device& device, V4l2System& system, const std::string& pa
   const int error = v4l2_call(device, VIDIOC_QUERY_DV_TIMINGS, &timings);
   if (error == ENOLINK || error == ENOLCK || error == ERANGE)
     throw Error(ErrorKind::Device, path + ": no usable signal: " + error_text(error),
-                "switch on what is connected to this input");
+                "switch on the device that is connected to this input");
   if (error != 0) return;  // a camera with its own timing
   const int refused = v4l2_call(device, VIDIOC_S_DV_TIMINGS, &timings);
   if (refused != 0) throw camera_failure(system, path, "follow the signal", refused);

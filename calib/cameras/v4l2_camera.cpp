@@ -53,7 +53,7 @@ std::unique_ptr<V4l2Device> open_node(V4l2System& system, const V4l2Node& node, 
   if (error != 0) throw camera_failure(system, node.path, "open it", error);
   if (!facts.captures)
     throw Error(ErrorKind::Device, node.path + ": not a camera",
-                "a USB camera has a second node for other data: take the other one");
+                "a USB camera has a second node for other data; use the other one");
   return std::move(opened.device);
 }
 
@@ -169,7 +169,7 @@ void V4l2Camera::stamp(const BufferStamp& stamp, CameraPicture& out) {
   if (!clock_->unreliable() || clock_reported_) return;
   clock_reported_ = true;
   facts_.unlocked.emplace_back(
-      "no usable timestamps: pictures are dated by when they arrive, which may be late");
+      "no usable timestamps: the time of arrival is used, which may be late");
 }
 
 /// Returns all resources to the driver, so that the camera can be opened again.

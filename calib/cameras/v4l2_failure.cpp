@@ -13,8 +13,8 @@ namespace {
 std::string busy_hint(V4l2System& system, const std::string& path) {
   const std::string holders = system.holders(path);
   if (holders.empty())
-    return fmt::format("end the program that uses the camera: 'sudo fuser -v {}' names it", path);
-  return "end the program that uses the camera: " + holders;
+    return fmt::format("close the program that uses the camera: 'sudo fuser -v {}' names it", path);
+  return "close the program that uses the camera: " + holders;
 }
 
 std::string forbidden_hint(V4l2System& system, const std::string& path) {
@@ -34,14 +34,14 @@ std::string hint_for(V4l2System& system, const std::string& path, int error) {
     case ENOENT:
     case ENODEV:
     case ENXIO:
-      return "plug the camera in; 'lenticule calibrate camera --list' shows which there are";
+      return "connect the camera; 'lenticule calibrate camera --list' lists the cameras";
     case ENOTTY:
-      return "name a camera; 'lenticule calibrate camera --list' shows which there are";
+      return "choose a camera with --device; 'lenticule calibrate camera --list' lists the cameras";
     case ENOMEM:
     case ENOSPC:
-      return "a smaller picture or fewer frames per second, or another USB port of its own";
+      return "use a smaller picture, fewer frames per second, or a separate USB port";
     default:
-      return "unplug the camera, plug it in again, and look at the kernel's messages (dmesg)";
+      return "disconnect the camera, connect it again, and read the kernel's messages (dmesg)";
   }
 }
 
@@ -52,7 +52,7 @@ std::string cause_of(int error) {
     case ENOTTY:
       return "not a video device";
     case ENOSPC:
-      return "not enough room on the USB bus";
+      return "not enough bandwidth on the USB bus";
     default:
       return error_text(error);
   }

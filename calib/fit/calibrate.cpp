@@ -157,13 +157,13 @@ bool Calibrator::choose_gap() {
   std::vector<GapCandidate> gaps = search_gaps(views_, *poses_, start_, panel_);
   if (!gaps.empty()) gaps = search_again(gaps.front());
   if (gaps.empty()) {
-    refuse("no gap between lenses and pixels explains what the viewpoints show together");
+    refuse("no gap between lenses and pixels agrees with all viewpoints");
     return false;
   }
   gap_ = gaps.front();
   if (gaps.size() > 1 && gaps[1].chi_squared - gaps[0].chi_squared < kAmbiguity)
     refuse(
-        fmt::format("two gaps explain the viewpoints about equally well: {:.3f} and {:.3f} mm. "
+        fmt::format("two gaps agree with the viewpoints about equally well: {:.3f} and {:.3f} mm. "
                     "Add a viewpoint at another distance to the side.",
                     gaps[0].gap_mm, gaps[1].gap_mm));
   return true;
@@ -177,7 +177,9 @@ bool Calibrator::fit() {
   start_from(measured_.front(), start_, panel_);
   poses_ = fit_poses(views_, start_.values, panel_);
   if (!poses_) {
-    refuse("where the camera was cannot be found out: no place explains the panel points it saw");
+    refuse(
+        "the place of the camera cannot be determined: no place agrees with the panel points it "
+        "saw");
     return false;
   }
   if (several() && !choose_gap()) return false;
@@ -228,8 +230,8 @@ void Calibrator::judge_layout() {
     const double least = std::min(contrast[0], contrast[2]);
     if (!(least > 0.0) || least > kLeastColourContrast * contrast[1]) continue;
     refuse(
-        fmt::format("{}: fringes of red or blue have {:.0f} % of the contrast of green ones: "
-                    "these subpixels do not sit where the panel's layout says",
+        fmt::format("{}: fringes of red or blue have {:.0f} % of the contrast of green ones: these "
+                    "subpixels are not where the panel's layout places them",
                     m.name, 100.0 * least / contrast[1]));
     return;
   }
@@ -248,7 +250,7 @@ void Calibrator::measure_colours() {
                                   apart(red.value, 0.0) > 0.6;
   if (result_.link.channels_swapped) {
     result_.link.findings.emplace_back(
-        "Red and blue are where the other one should be: the panel's subpixels are ordered BGR.");
+        "Red and blue are swapped: the panel's subpixels are ordered BGR.");
     return;
   }
   result_.rig.sheet.channel_offset = {Subpixels(red.value), Subpixels(0.0), Subpixels(blue.value)};
@@ -357,7 +359,7 @@ void Calibrator::leave_one_out() {
     options.free_poses = false;
     const std::optional<JointFit> part = fit_jointly(others, poses, start, gap, panel_, options);
     if (!part) {
-      refuse(fmt::format("{}: what the other viewpoints say of it cannot be found out",
+      refuse(fmt::format("{}: the other viewpoints do not suffice to predict it",
                          result_.viewpoints[out].name));
       continue;
     }
@@ -404,7 +406,7 @@ void Calibrator::warn_of_near_eyes() {
   if (nearest_known > kNearestPart * distance)
     result_.warnings.push_back(
         fmt::format("for eyes {:.0f} mm to the side and nearer than {:.0f} mm the far edge of the "
-                    "panel is extrapolated: add a viewpoint there if there are such eyes",
+                    "panel is extrapolated: add a viewpoint there if viewers will be there",
                     options_.zone_half_width_mm, nearest_known));
 }
 
@@ -412,21 +414,21 @@ void Calibrator::judge_viewpoint(const Viewpoint& viewpoint, const ViewpointMeas
   judge_light(measured);
   judge_moves(measured);
   if (viewpoint.rms_lenses > kMostRmsLenses)
-    refuse(fmt::format("{}: {:.3f} lens rms of the phase are left over: no lens sheet explains it",
+    refuse(fmt::format("{}: the phase residual is {:.3f} lens rms: no lens sheet explains it",
                        viewpoint.name, viewpoint.rms_lenses));
   if (viewpoint.covered < kLeastCovered)
-    refuse(fmt::format("{}: only {:.0f} % of what is seen of the panel could be used",
+    refuse(fmt::format("{}: only {:.0f} % of the visible part of the panel could be used",
                        viewpoint.name, 100.0 * viewpoint.covered));
   if (measured.drift_lenses > kMostDriftLenses)
     refuse(
-        fmt::format("{}: something moved by {:.3f} lens while it was measured: the camera, the "
+        fmt::format("{}: something moved by {:.3f} lens during the measurement: the camera, the "
                     "sheet, or its temperature",
                     viewpoint.name, measured.drift_lenses));
   else if (measured.drift_lenses > kNotableDriftLenses)
-    result_.warnings.push_back(fmt::format(
-        "{}: something moved by {:.3f} lens while it was measured; with the camera on a "
-        "stand it would be more exact",
-        viewpoint.name, measured.drift_lenses));
+    result_.warnings.push_back(
+        fmt::format("{}: something moved by {:.3f} lens during the measurement; put the camera on "
+                    "a stand for a more exact result",
+                    viewpoint.name, measured.drift_lenses));
 }
 
 /// Checks the aberration. The fit separates aberration and sheet by the form of the aberration,
@@ -437,10 +439,10 @@ void Calibrator::judge_aberration() {
   const double variance = fit_->covariance(kAberration, kAberration);
   const double room = 3.0 * std::sqrt(std::max(0.0, variance));
   if (found + room < kLeastAberration || found - room > kMostAberration)
-    refuse(
-        fmt::format("seen from the side the fringes move as no lenses on the viewer's side "
-                    "move them (aberration {:.3f} gaps): do the lenses face the panel?",
-                    found));
+    refuse(fmt::format(
+        "seen from the side, the fringes move in a way that lenses on the viewer's side cannot "
+        "cause (aberration {:.3f} gaps): check whether the lenses face the panel",
+        found));
 }
 
 /// Detects that the camera or the panel was moved: the patterns before and after then belong to two
@@ -488,8 +490,8 @@ void Calibrator::judge_beliefs() {
     if (!known) return;
     const double sigma = std::hypot(known->sigma, found.sigma);
     if (std::abs(found.value - known->value) <= kMostBeliefSigmas * sigma) return;
-    refuse(fmt::format("the {} is {:.0f} {} by the pictures, not {:.0f} {}", what, found.value,
-                       unit, known->value, unit));
+    refuse(fmt::format("the {} is {:.0f} {} according to the pictures, not {:.0f} {}", what,
+                       found.value, unit, known->value, unit));
   };
   const Viewpoint& first = result_.viewpoints.front();
   judge_one("first viewpoint's distance", "mm", options_.distance_mm,
@@ -506,7 +508,7 @@ void Calibrator::judge_beliefs() {
 void Calibrator::judge_light(const ViewpointMeasurement& measured) {
   if (measured.white_light == 0.0 || measured.white_light >= kLeastWhite) return;
   refuse(
-      fmt::format("{}: the white panel gives {:.1f} % of what the camera can take, {:.0f} % are "
+      fmt::format("{}: the white panel gives {:.1f} % of the camera's full scale, {:.0f} % are "
                   "needed: expose longer, or make the panel brighter",
                   measured.name, 100.0 * measured.white_light, 100.0 * kLeastWhite));
 }
@@ -516,8 +518,8 @@ void Calibrator::judge() {
   judge_beliefs();
   if (fit_->geometry_rms_px > kMostGeometryPart * panel_.width_px)
     refuse(
-        fmt::format("the panel points fit a flat panel to {:.1f} pixels only: is it curved, or "
-                    "did the camera zoom between the viewpoints?",
+        fmt::format("the panel points deviate from a flat panel by {:.1f} pixels: check whether "
+                    "the panel is curved, or the camera zoomed between the viewpoints",
                     fit_->geometry_rms_px));
   if (result_.link.chroma_subsampled || result_.link.scaled)
     refuse("the link or the panel alters single subpixels (see the link check)");
@@ -526,10 +528,11 @@ void Calibrator::judge() {
   judge_aberration();
   for (const Viewpoint& viewpoint : result_.viewpoints)
     if (viewpoint.foretold_lenses > options_.most_held_out_lenses)
-      refuse(fmt::format("{}: the other viewpoints foretell its phase to {:.3f} lens only",
+      refuse(fmt::format("{}: the other viewpoints predict its phase only to {:.3f} lens",
                          viewpoint.name, viewpoint.foretold_lenses));
   if (!several()) {
-    only_effective("one viewpoint cannot tell the lens pitch from the gap: good at this eye only");
+    only_effective(
+        "one viewpoint cannot separate the lens pitch from the gap: valid for this eye only");
   } else {
     if (result_.drift.worst_lenses > options_.most_drift_lenses)
       only_effective(fmt::format(
@@ -537,12 +540,13 @@ void Calibrator::judge() {
           "to the side",
           result_.drift.worst_lenses));
     if (views_.size() < 3)
-      only_effective("nothing tells how well two viewpoints foretell another place: add a third");
+      only_effective(
+          "with two viewpoints the prediction for other places cannot be checked: add a third");
     const double correlation = result_.correlations[0][3];
     if (std::abs(correlation) > kMostCorrelation)
       only_effective(
-          fmt::format("lens pitch and gap are correlated by {:.3f}: viewpoints further "
-                      "apart would tell them from each other",
+          fmt::format("lens pitch and gap are correlated by {:.3f}: viewpoints further apart would "
+                      "separate them",
                       correlation));
   }
   if (refused_) return;

@@ -31,9 +31,9 @@ PatternCapture::PatternCapture(frames::FrameSink& sink, Camera& camera, const op
   const frames::FrameGeometry wanted = sink.geometry();
   if (wanted.width != panel.width_px || wanted.height != panel.height_px)
     throw Error(ErrorKind::Input,
-                fmt::format("display: it shows {} x {} pixels, the rig's panel has {} x {}",
+                fmt::format("display: has {} x {} pixels, but the rig's panel has {} x {}",
                             wanted.width, wanted.height, panel.width_px, panel.height_px),
-                "the panel has to run at its own resolution");
+                "run the panel at its own resolution");
 }
 
 void PatternCapture::check_marks(MarkReader reader) {
@@ -99,11 +99,11 @@ void PatternCapture::show(const frames::WovenFrame& frame) {
     case frames::ShowResult::Shown:
       return;
     case frames::ShowResult::TimedOut:
-      throw Error(ErrorKind::Device, "display: a pattern did not get onto the glass in time",
-                  "another program may hold the display");
+      throw Error(ErrorKind::Device, "display: a pattern was not displayed in time",
+                  "another program may use the display");
     case frames::ShowResult::Lost:
-      throw Error(ErrorKind::Device, "display: it went away while patterns were shown",
-                  "plug it in again and start over; the rig file is as it was");
+      throw Error(ErrorKind::Device, "display: disconnected while patterns were shown",
+                  "connect it again and start over; the rig file is unchanged");
   }
 }
 
@@ -124,10 +124,10 @@ void PatternCapture::grab(Nanoseconds not_before) {
         throw Error(ErrorKind::Device,
                     fmt::format("camera: no picture for {} s",
                                 kMostSilences * std::chrono::duration<double>(timeout).count()),
-                    "is another program using it?");
+                    "check whether another program uses it");
       case GrabStatus::Gone:
         throw Error(ErrorKind::Device, "camera: " + camera_.failure(),
-                    "nothing was written; connect it again and start over");
+                    "nothing was written; connect the camera again and start over");
     }
   }
 }
@@ -158,7 +158,7 @@ void PatternCapture::add(double gain) {
     return;
   }
   if (sum_.light.size() != picture_.light.size())
-    throw Error(ErrorKind::Device, "camera: its pictures changed their size");
+    throw Error(ErrorKind::Device, "camera: the size of its pictures changed");
   for (size_t i = 0; i < sum_.light.size(); ++i) sum_.light[i] += factor * picture_.light[i];
 }
 
@@ -166,20 +166,19 @@ void PatternCapture::fail_dropped(const Pattern& pattern, Fit last) const {
   if (!options_.clocked)
     throw Error(ErrorKind::Quality,
                 fmt::format("photograph {}: {}", moves_.size() + 1,
-                            last == Fit::Late ? "its marks are those of another pattern"
-                                              : "its marks are not where the first ones had them"),
-                last == Fit::Late
-                    ? "photograph every pattern once, in their order"
-                    : "the camera or the panel was moved, or something stands before it: "
-                      "photograph this place again");
+                            last == Fit::Late
+                                ? "its marks are those of another pattern"
+                                : "its marks are not where they were in the first photographs"),
+                last == Fit::Late ? "photograph every pattern once, in their order"
+                                  : "the camera or the panel was moved, or something hides it: "
+                                    "photograph this place again");
   if (last == Fit::Lost)
     throw Error(ErrorKind::Device, "camera: the marks in the panel's middle are no longer seen",
-                "has the camera moved, or does something stand before the panel?");
+                "check whether the camera moved, or something hides the panel");
   if (last == Fit::Unsettled)
     throw Error(ErrorKind::Device, "camera: every picture shows the panel between two patterns",
                 "the exposure may be too long, or a program changes the panel's brightness");
-  throw Error(ErrorKind::Device,
-              fmt::format("camera: it does not get to see pattern number {}", pattern.mark),
+  throw Error(ErrorKind::Device, fmt::format("camera: never sees pattern number {}", pattern.mark),
               "pictures may come late (a larger --settle-ms), or out of order");
 }
 

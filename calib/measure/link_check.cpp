@@ -62,15 +62,15 @@ LinkCheck check_link(const LinkPictures& pictures) {
   check.chroma_subsampled = check.chroma_leak > kMostLeak || worst_half > 2.0 * kMostImbalance;
   if (check.chroma_subsampled)
     check.findings.push_back(fmt::format(
-        "The link does not carry every pixel's own colour (4:2:0 or 4:2:2): columns of one colour "
-        "leak {:.0f} % into the others. Set the output to RGB or 4:4:4 at full range.",
+        "The link does not transmit the colour of every pixel (4:2:0 or 4:2:2): columns of one "
+        "colour leak {:.0f} % into the others. Set the output to RGB or 4:4:4 at full range.",
         100.0 * check.chroma_leak));
   const double checks = total(pictures.checks) / std::max(total(pictures.white), 1e-9);
   check.scaled = std::abs(checks - 0.5) > kMostImbalance && !check.chroma_subsampled;
   if (check.scaled)
     check.findings.push_back(fmt::format(
         "Squares of one pixel give {:.0f} % of white light instead of 50 %: the panel scales or "
-        "sharpens the picture. Choose its own resolution and switch its picture processing off.",
+        "sharpens the picture. Use its own resolution and switch its picture processing off.",
         100.0 * checks));
   return check;
 }

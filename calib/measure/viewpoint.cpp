@@ -181,12 +181,12 @@ void ViewpointRun::find_panel() {
   pixels_ = visible_pixels(marks[0], white_);
   result_.white_light = mean_of(white_, pixels_) - mean_of(marks[0], pixels_);
   if (part_of(pixels_, white_) < kLeastPart)
-    fail("the camera sees no panel that turns from dark to white",
+    fail("the camera sees no panel that changes from dark to white",
          "point it at the whole panel, and darken the room");
   std::optional<MarkReader> reader = MarkReader::find(marks, white_);
   if (!reader)
     fail("the marks in the panel's middle are not seen",
-         "is the panel in focus, and does nothing stand before its middle?");
+         "check that the panel is in focus and nothing hides its middle");
   capture_.check_marks(std::move(*reader));
   dark_ = std::move(marks[0]);
   dark_colour_ = std::move(pictures[0]);
@@ -202,7 +202,7 @@ void ViewpointRun::check_rig() {
   const std::optional<size_t> foreign = codes.first_foreign(rig_code_);
   if (!foreign) return;
   const std::string remedy =
-      "give the rig that these patterns were written for as --rig, or write patterns for this one "
+      "use the rig that these patterns were written for as --rig, or write patterns for this one "
       "and photograph them";
   if (const std::optional<std::string> other = codes.fingerprint())
     throw Error(ErrorKind::Input,
@@ -235,8 +235,8 @@ void ViewpointRun::decode_geometry() {
   check_rig();  // first, because another rig's waves would be decoded to wrong positions
   map_ = PanelMap::fit(block_sightings(positions[0], positions[1]));
   if (!map_)
-    fail("which panel point the camera sees where cannot be decoded",
-         "is the panel sharp in the camera's picture, and does nothing lie over it?");
+    fail("the panel points in the camera's picture cannot be decoded",
+         "check that the panel is sharp in the camera's picture and nothing covers it");
   keep_pixels(positions[0], positions[1]);
 }
 
@@ -291,8 +291,8 @@ void ViewpointRun::keep_pixels(const std::vector<float>& x, const std::vector<fl
     panel_points_.push_back(p);
   }
   if (static_cast<double>(kept.size()) < 0.3 * static_cast<double>(pixels_.size()))
-    fail("most of what the camera sees of the panel contradicts itself",
-         "is the camera moving, or are there reflections on the sheet?");
+    fail("most panel points that the camera sees contradict each other",
+         "check whether the camera moves, or the sheet has reflections");
   pixels_ = std::move(kept);
   average_geometry(kept_x, kept_y);
 }
@@ -346,9 +346,9 @@ void ViewpointRun::find_pitch() {
   }
   if (!found)
     fail(
-        "no fringes are seen: the lens pitch cannot be near the starting one, or nothing of the "
-        "pattern gets through the sheet",
-        "give a rig with a better pitch and slant, or check that the sheet is in focus");
+        "no fringes are visible: the lens pitch is far from the starting one, or the pattern does "
+        "not pass the sheet",
+        "use a rig with a better pitch and slant, or check that the sheet is in focus");
   first_coherence_ = found->height * fringes.contrast;
   result_.line = found->phase;
   refine_line(fringes);
@@ -395,7 +395,8 @@ void ViewpointRun::refine_line(const Fringes& fringes) {
   for (int round = 0; round < 2; ++round) {
     const std::optional<LinearPhase> line = fit_linear(blocks_of(fringes), panel_);
     if (!line || !(line->per_px_x > 0.0))
-      fail("the fringes do not make one sheet of lenses", "is the sheet's slant about right?");
+      fail("the fringes do not agree with one sheet of lenses",
+           "check that the rig's slant is about right");
     result_.line = *line;
   }
 }
@@ -457,7 +458,7 @@ void ViewpointRun::measure_fringes() {
   }
   if (result_.contrast < kLeastContrast)
     fail(fmt::format("the fringes have a contrast of {:.1f} % only", 100.0 * result_.contrast),
-         "is the sheet in focus on the pixels, and the room dark?");
+         "check that the camera is focused on the sheet and the room is dark");
   int used = 0;
   for (const PhaseBlock& block : result_.blocks[1].blocks) used += block.pixels;
   const std::vector<uint32_t> lit = visible_pixels(dark_, white_);

@@ -49,7 +49,7 @@ std::optional<PatternManifest> read_manifest(const fs::path& folder) {
   try {
     const json in = json::parse(text);
     if (in.at("format") != kFormat || in.at("version") != kVersion)
-      throw Error(ErrorKind::Input, file.string() + ": is no manifest of patterns");
+      throw Error(ErrorKind::Input, file.string() + ": not a manifest of patterns");
     const json& rig = in.at("rig");
     return PatternManifest{.rig_name = rig.at("name"),
                            .fingerprint = rig.at("fingerprint"),
@@ -57,7 +57,7 @@ std::optional<PatternManifest> read_manifest(const fs::path& folder) {
                            .slant = rig.at("slant"),
                            .patterns = in.at("patterns")};
   } catch (const json::exception&) {
-    throw Error(ErrorKind::Input, file.string() + ": is no manifest of patterns",
+    throw Error(ErrorKind::Input, file.string() + ": not a manifest of patterns",
                 "write the patterns again with --write-patterns, which writes it");
   }
 }
@@ -73,8 +73,8 @@ void check_manifest(const PatternManifest& manifest, const optics::Rig& rig,
                           (folder / kPatternManifest).string(), manifest.rig_name,
                           manifest.fingerprint, manifest.pitch_subpx, manifest.slant, rig.name,
                           wanted.fingerprint, wanted.pitch_subpx, wanted.slant),
-              "give the rig that the patterns were written for as --rig, or write patterns for "
-              "this one and photograph them");
+              "use the rig that the patterns were written for as --rig, or write patterns for this "
+              "one and photograph them");
 }
 
 }  // namespace lenticule::calib

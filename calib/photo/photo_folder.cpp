@@ -110,7 +110,7 @@ CameraPicture read_photograph(const std::filesystem::path& file) {
 PhotoFolder::PhotoFolder(const std::filesystem::path& folder, size_t wanted)
     : files_(photographs_in(folder)) {
   if (files_.size() < std::max<size_t>(wanted, 1))
-    reject(folder, fmt::format("{} photographs where {} are wanted", files_.size(), wanted),
+    reject(folder, fmt::format("{} photographs, but {} are needed", files_.size(), wanted),
            "take one of each pattern, in their order, as .png, .jpg, .tif or .exr");
   for (const std::filesystem::path& file : files_) {
     const frames::FrameGeometry size = frames::probe_image(file);
@@ -122,21 +122,20 @@ PhotoFolder::PhotoFolder(const std::filesystem::path& folder, size_t wanted)
       reject(file,
              fmt::format("{} x {} pixels where the first photograph has {} x {}", size.width,
                          size.height, facts_.width, facts_.height),
-             "take all photographs with one camera from one place, none of them turned");
+             "take all photographs with one camera from one place, and rotate none");
   }
   facts_.name = folder.filename().empty() ? folder.parent_path().filename().string()
                                           : folder.filename().string();
   facts_.channels = 3;
   facts_.frames_per_second = 1.0;
   facts_.pixel_format = "photographs";
-  facts_.unlocked = {
-      "whether exposure, focus and colour were held still is the photographer's word"};
+  facts_.unlocked = {"it cannot be checked whether exposure, focus and colour stayed constant"};
 }
 
 GrabStatus PhotoFolder::grab(CameraPicture& out, Nanoseconds, Nanoseconds) {
   if (!failure_.empty()) return GrabStatus::Gone;
   if (next_ == files_.size()) {
-    failure_ = fmt::format("{}: there are no more than {} photographs", facts_.name, files_.size());
+    failure_ = fmt::format("{}: there are only {} photographs", facts_.name, files_.size());
     return GrabStatus::Gone;
   }
   try {

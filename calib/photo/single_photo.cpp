@@ -123,9 +123,9 @@ Refusal contradiction(const Work& work, const SinglePhotoChart& chart, const Pho
   const auto by_distance = found_without([](PhotoPriors& p) { p.focal_px.reset(); });
   if (!by_focal || !by_distance) return "distance and focal length contradict the tags";
   return fmt::format(
-      "distance and focal length contradict the picture: {:.0f} pixels of focal length see the "
-      "tags like this from {:.0f} mm, not {:.0f} mm, and from there it would be {:.0f} pixels; if "
-      "both are right the panel's size in the rig is wrong by {:.0f} %",
+      "distance and focal length contradict the picture: {:.0f} pixels of focal length give this "
+      "picture of the tags from {:.0f} mm, not {:.0f} mm, and at that distance the focal length "
+      "would be {:.0f} pixels; if both are right the panel's size in the rig is wrong by {:.0f} %",
       priors.focal_px->value, by_focal->eye_mm.z, priors.distance_mm->value,
       by_distance->focal_px * work.averaged,
       100.0 * std::abs(by_focal->eye_mm.z / priors.distance_mm->value - 1.0));
@@ -148,8 +148,9 @@ Refusal place_camera(Work& work, const SinglePhotoChart& chart, const PhotoPrior
   if (Refusal refusal = contradiction(work, chart, priors)) return refusal;
   constexpr double kMostCornerPx = 3.0;
   if (work.pose->corner_rms_px > kMostCornerPx)
-    return fmt::format("the tags are {:.1f} pixels off a flat panel seen by a plain lens",
-                       work.pose->corner_rms_px);
+    return fmt::format(
+        "the tags deviate by {:.1f} pixels from a flat panel seen through a simple lens",
+        work.pose->corner_rms_px);
   return std::nullopt;
 }
 
@@ -158,10 +159,10 @@ Refusal find_camera(Work& work, const SinglePhotoChart& chart, const PhotoPriors
   const size_t foreign = std::erase_if(
       work.tags, [&](const TagSighting& tag) { return chart.tag(tag.id) == nullptr; });
   if (work.tags.size() < kLeastTags && foreign >= kLeastTags)
-    return "the chart in the photograph was drawn for another rig than this one";
+    return "the chart in the photograph was made for another rig";
   if (work.tags.size() < kLeastTags)
     return fmt::format(
-        "only {} of {} tags were found: the panel is not whole in the picture, too small in it, or "
+        "only {} of {} tags were found: the panel is not completely in the picture, too small, or "
         "out of focus",
         work.tags.size(), chart.tags.size());
   return place_camera(work, chart, priors);
@@ -174,8 +175,8 @@ Refusal judge_scale(Work& work, const SinglePhotoChart& chart) {
   work.squares = light_of_squares(work.picture, *work.pose, chart);
   if (!work.squares || *work.squares >= kLeastSquares) return std::nullopt;
   return fmt::format(
-      "the chart was scaled before it was on the panel: its squares of one pixel have {:.0f} % of "
-      "the light they should have; show it pixel by pixel",
+      "the chart was scaled before it was displayed: its squares of one pixel have {:.0f} % of the "
+      "expected light; show it pixel by pixel",
       100.0 * *work.squares);
 }
 
@@ -190,7 +191,7 @@ Refusal find_fringes(Work& work, const SinglePhotoChart& chart) {
   const FringeCount count = count_fringes(work.fringes, chart);
   if (count.prominence < kLeastProminence)
     return "no fringes were found: the picture is blurred, the sheet is not on the panel, or its "
-           "pitch is more than a tenth off what was assumed";
+           "pitch differs by more than a tenth from the rig's";
   LensPlane plane = plane_of(chart.start);
   plane.across += count.more_lenses.x;
   plane.down += count.more_lenses.y;
@@ -244,8 +245,9 @@ Refusal fit_phases(Work& work, const SinglePhotoChart& chart) {
     return "the fringes are too faint: the picture is blurred or the room too bright";
   if (left_out(work) > kMostLeftOut || work.blocks.size() < 20 ||
       work.correction.rms_lenses > kMostRmsLenses)
-    return fmt::format("the fringes fit no even sheet (rms {:.3f} lenses in {} of {} blocks)",
-                       work.correction.rms_lenses, work.correction.used, work.blocks.size());
+    return fmt::format(
+        "the fringes do not fit an even sheet (rms {:.3f} lenses in {} of {} blocks)",
+        work.correction.rms_lenses, work.correction.used, work.blocks.size());
   return std::nullopt;
 }
 
@@ -399,7 +401,7 @@ void add_warnings(const Work& work, const SinglePhotoChart& chart, bool confirme
   if (work.uneven_lenses > kWantedMaxLenses)
     out.warnings.push_back(
         fmt::format("the sheet is not even: up to {:.3f} lenses, which the rig's map corrects for "
-                    "this eye; {:.3f} are left over",
+                    "this eye; {:.3f} remain",
                     work.uneven_lenses, work.correction.max_lenses));
   const size_t outliers = work.blocks.size() - static_cast<size_t>(work.correction.used);
   if (20 * outliers > work.blocks.size())
@@ -407,21 +409,23 @@ void add_warnings(const Work& work, const SinglePhotoChart& chart, bool confirme
         fmt::format("{} of {} blocks did not fit and were left out", outliers, work.blocks.size()));
   if (const double sigma = work.pose->eye_sigma_mm.z; sigma > 0.03 * work.pose->eye_mm.z)
     out.warnings.push_back(
-        fmt::format("how far the camera was is known to {:.0f} mm only: straight ahead, focal "
-                    "length and distance look the same",
+        fmt::format("the distance of the camera is known only to {:.0f} mm: straight ahead, focal "
+                    "length and distance cannot be separated",
                     sigma));
   if (!work.squares)
     out.warnings.emplace_back(
-        "whether the chart was shown pixel by pixel cannot be seen: the picture is too small");
+        "it cannot be checked whether the chart was shown pixel by pixel: the picture is too "
+        "small");
   const double there = drift_of(work, false).worst_lenses;
   if (out.drift.worst_lenses > std::max(kWantedMaxLenses, 2.0 * there))
-    out.warnings.push_back(fmt::format(
-        "an eye where the camera was sees phases right to {:.3f} lens, one that is put there by "
-        "its millimetres to {:.2f}: the picture cannot tell whether it was cropped{}",
-        there, out.drift.worst_lenses,
-        confirmed ? ""
-                  : ", nor confirm the distance; give both "
-                    "--distance and --focal-px"));
+    out.warnings.push_back(
+        fmt::format("an eye at the place of the camera sees phases right to {:.3f} lens, an eye "
+                    "that is placed there by the stated distance to {:.2f}: the picture does not "
+                    "show whether it was cropped{}",
+                    there, out.drift.worst_lenses,
+                    confirmed ? ""
+                              : ", nor confirm the distance; give both "
+                                "--distance and --focal-px"));
 }
 
 /// Adds the known values of the camera, also for a refusal.
@@ -449,8 +453,8 @@ void add_findings(const Work& work, const SinglePhotoChart& chart, const PhotoPr
   out.drift = drift_of(work, true);
   out.verdict = Verdict::Effective;
   out.reasons = {
-      "one photograph shows pitch and offset only as they are at its place; the gap is the one "
-      "assumed before"};
+      "one photograph determines pitch and offset only for its place; the gap is that of the "
+      "starting rig"};
   add_warnings(work, chart, priors.focal_px && priors.distance_mm, out);
 }
 

@@ -50,7 +50,7 @@ std::vector<ChartTag> place_tags(const optics::Rig& rig) {
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {} x {} pixels are too few for nine tags of {:.0f} pixels",
                             rig.name.empty() ? "rig" : rig.name, width, height, size),
-                "calibrate with several photographs, which need no tags");
+                "calibrate with several photographs, which do not need tags");
   std::vector<ChartTag> tags;
   const std::vector<int> ids = tag_ids(rig);
   for (int k = 0; k < kTagsAcross * kTagsAcross; ++k) {

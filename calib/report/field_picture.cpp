@@ -130,7 +130,7 @@ std::string spot_svg(const LensSpot& spot) {
   double largest = 0.0;
   for (const double light : spot.profile)
     if (std::isfinite(light)) largest = std::max(largest, light);
-  std::string svg = svg_head(kFieldWidth, kHeight, "light over the place under the lens");
+  std::string svg = svg_head(kFieldWidth, kHeight, "light by place under the lens");
   const double width = kFieldWidth / static_cast<double>(std::max<size_t>(spot.profile.size(), 1));
   for (size_t bin = 0; bin < spot.profile.size(); ++bin) {
     const double light = std::isfinite(spot.profile[bin]) ? std::max(spot.profile[bin], 0.0) : 0.0;

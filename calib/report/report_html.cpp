@@ -103,7 +103,7 @@ void add_table(Page& page, const std::vector<std::string>& heads,
 void add_verdict(Page& page, const Calibration& c) {
   page.add("<div class=\"verdict {}\"><strong>{}</strong>{}", to_string(c.verdict),
            html_escaped(verdict_headline(c.verdict)), html_escaped(verdict_explained(c)));
-  if (!c.reasons.empty()) page.add("<p>Why it is not better:</p>");
+  if (!c.reasons.empty()) page.add("<p>Why the result is not better:</p>");
   page.list(c.reasons);
   page.add("</div>");
   page.heading("What to do");
@@ -146,7 +146,7 @@ void add_origin(Page& page, const Calibration& c, const RecordDetails& details) 
         {text("temperature"), text(fmt::format("{:.1f} \u00b0C", *details.temperature_celsius))});
   add_table(page, {}, rows);
   if (details.camera.unlocked.empty()) return;
-  page.note("What the camera would not hold still:");
+  page.note("What the camera could not keep constant:");
   page.list(details.camera.unlocked);
 }
 
@@ -174,15 +174,15 @@ void add_correlations(Page& page, const Calibration& c) {
   const auto whole = [&](const std::vector<double>& row) { return row.size() == count; };
   if (count == 0 || count > c.parameters.size() || !std::ranges::all_of(c.correlations, whole))
     return;
-  page.heading("How far the numbers hang together");
+  page.heading("How the numbers are correlated");
   page.add("<div class=\"wide\"><table><tr><th>correlation</th>");
   for (size_t n = 0; n < count; ++n) page.add("<th>{}</th>", html_escaped(c.parameters[n].name));
   page.add("</tr>");
   for (size_t row = 0; row < count; ++row) add_correlation_row(page, c, row);
   page.add("</table></div>");
   page.note(
-      "Near 1 or -1, an error of one is hidden by an error of the other: only both together mean "
-      "something.");
+      "Near 1 or -1, an error of one number is compensated by an error of the other: only both "
+      "together are determined.");
 }
 
 Cell name_of(const Viewpoint& v) {
@@ -210,7 +210,7 @@ std::vector<Cell> quality_row(const Viewpoint& v) {
 
 void add_viewpoints(Page& page, const Calibration& c) {
   if (c.viewpoints.empty()) return;
-  page.heading("Seen from each place");
+  page.heading("Results of each viewpoint");
   std::vector<std::vector<Cell>> lenses, qualities;
   for (const Viewpoint& v : c.viewpoints) {
     lenses.push_back(lens_row(v));
@@ -218,13 +218,13 @@ void add_viewpoints(Page& page, const Calibration& c) {
   }
   add_table(page,
             {"place", "eye x, y, z (mm)", "tilt (\u00b0)", "contrast", "covered (%)",
-             "left over, rms (lenses)", "left over, max (lenses)", "geometry, rms (px)"},
+             "residual, rms (lenses)", "residual, max (lenses)", "geometry, rms (px)"},
             qualities);
-  page.note(fmt::format(
-      "Wanted: rms below {} and maximum below {} lenses where the fit looked, maximum below {} "
-      "where it did not; contrast above {}. x is to the right, y up, z toward the viewer, from the "
-      "middle of the sheet.",
-      kWantedRmsLenses, kWantedMaxLenses, kWantedHeldOutMaxLenses, kWantedContrast));
+  page.note(
+      fmt::format("Wanted: rms below {} and maximum below {} lenses where the fit used the data, "
+                  "maximum below {} elsewhere; contrast above {}. x is to the right, y up, z "
+                  "toward the viewer, from the middle of the sheet.",
+                  kWantedRmsLenses, kWantedMaxLenses, kWantedHeldOutMaxLenses, kWantedContrast));
   add_table(page,
             {"place", "effective pitch (subpixels)", "slant (px/px)", "effective offset (lenses)"},
             lenses);
@@ -258,7 +258,7 @@ void add_residuals(Page& page, const Calibration& c) {
     any = any || !shown.values.empty();
   }
   if (!any) return;
-  page.heading("What the fit leaves over");
+  page.heading("Residuals of the fit");
   for (const Viewpoint& v : c.viewpoints) {
     if (coarser(v.residual).values.empty()) continue;
     add_field(page, c, v.residual, scale_for(largest),
@@ -277,27 +277,27 @@ void add_local_map(Page& page, const Calibration& c) {
   const double scale = scale_for(largest_magnitude(coarser(map)));
   add_field(page, c, map, scale, "Lens coordinate minus that of an even grating");
   page.add(
-      "<figure>{}<figcaption>Corrected for when frames are made. {} by {} knots; its own "
-      "colours, not those of the maps above.</figcaption></figure>",
+      "<figure>{}<figcaption>Frames are corrected for it. {} by {} knots; the colours differ from "
+      "those of the maps above.</figcaption></figure>",
       colour_bar_svg(scale, "lenses"), map.columns, map.rows);
 }
 
 void add_held_out(Page& page, const Calibration& c) {
-  page.heading("Check at a place the fit never saw");
+  page.heading("Check at a place that the fit did not use");
   const ResidualSummary held_out = residual_summary(c, true);
   double foretold = 0.0;
   for (const Viewpoint& v : c.viewpoints)
     if (std::isfinite(v.foretold_lenses)) foretold = std::max(foretold, v.foretold_lenses);
   if (foretold > 0.0)
     page.add(
-        "<p>Each place was left out once and foretold by the others: to {} lenses at "
-        "worst; {} are allowed.</p>",
+        "<p>Each place was left out once and predicted by the others: to {} lenses at worst; {} "
+        "are allowed.</p>",
         number(foretold, 4).html, kWantedForetoldLenses);
   if (held_out.viewpoints == 0 && foretold > 0.0) return;
   if (held_out.viewpoints == 0) {
     page.add(
-        "<p>No place was kept aside. What is left over above was measured with the pictures "
-        "that made the fit, and says little about other places.</p>");
+        "<p>No place was kept aside. The residuals above were measured with the pictures of the "
+        "fit, and say little about other places.</p>");
     return;
   }
   const bool good = held_out.max_lenses <= kWantedHeldOutMaxLenses;
@@ -328,7 +328,7 @@ void add_spot(Page& page, const Calibration& c) {
 }
 
 void add_link(Page& page, const Calibration& c) {
-  page.heading("The way from the player to the glass");
+  page.heading("The path from the player to the panel");
   const LinkCheck& link = c.link;
   const auto answer = [](bool wrong, const char* if_wrong, const char* if_right) {
     return Cell{wrong ? if_wrong : if_right, wrong};
@@ -344,11 +344,11 @@ void add_link(Page& page, const Calibration& c) {
 }
 
 void add_drift(Page& page, const Calibration& c) {
-  page.heading("How far off it may be");
+  page.heading("Largest expected error");
   const DriftPrediction& d = c.drift;
   page.add(
-      "<p>From the standard errors, twice: at worst <b>{} lenses</b> at the {} of the panel "
-      "(pixel {:.0f}, {:.0f}) for an eye at ({:.0f}, {:.0f}, {:.0f}) mm. {} lenses are hardly "
+      "<p>From twice the standard errors: at worst <b>{} lenses</b> at the {} of the panel (pixel "
+      "{:.0f}, {:.0f}) for an eye at ({:.0f}, {:.0f}, {:.0f}) mm. {} lenses are hardly "
       "visible.</p>",
       number(d.worst_lenses, 4).html, panel_place(c.rig.panel, d.panel_x_px, d.panel_y_px),
       d.panel_x_px, d.panel_y_px, d.eye_mm.x, d.eye_mm.y, d.eye_mm.z, kVisiblePhaseLenses);
@@ -367,7 +367,7 @@ optics::Eye usual_eye(const Calibration& c) {
 void add_sensitivities(Page& page, const Calibration& c) {
   if (optics::find_problem(c.rig)) return;
   const optics::Eye eye = usual_eye(c);
-  page.heading("What small changes do");
+  page.heading("Effects of small changes");
   std::vector<std::vector<Cell>> rows;
   for (const Sensitivity& s : sensitivities(c.rig, eye))
     rows.push_back({text(s.change), number(s.worst_lenses, 4), text(s.allowed)});
@@ -377,8 +377,8 @@ void add_sensitivities(Page& page, const Calibration& c) {
             rows);
   page.note(fmt::format(
       "Computed with these numbers for an eye at ({:.0f}, {:.0f}, {:.0f}) mm that frames are made "
-      "for; nobody trims meanwhile. Warmth: acrylic that is free to grow by {} per kelvin against "
-      "the panel's glass; a bonded sheet grows less.",
+      "for, without trimming. Temperature: acrylic that is free to expand by {} per kelvin "
+      "relative to the panel's glass; a bonded sheet expands less.",
       eye.x, eye.y, eye.z_mm, kPitchPerKelvin));
 }
 

@@ -19,11 +19,11 @@ void add_link_advice(const LinkCheck& link, std::vector<std::string>& out) {
   if (link.scaled)
     out.emplace_back(
         "Show the panel's own resolution and switch off overscan and zoom: the picture is being "
-        "scaled, so that no subpixel is where it should be.");
+        "scaled, so that no subpixel is in its place.");
   if (link.chroma_subsampled)
     out.emplace_back(
         "Set the input of the television to PC or to RGB 4:4:4: colour arrives at half resolution, "
-        "so that red and blue cannot be steered one by one.");
+        "so that red and blue cannot be controlled separately.");
   if (link.channels_swapped)
     out.emplace_back(
         "Write layout = \"bgr\" into the rig and calibrate again: red and blue stripes are "
@@ -33,24 +33,23 @@ void add_link_advice(const LinkCheck& link, std::vector<std::string>& out) {
 void add_measurement_advice(const Calibration& calibration, std::vector<std::string>& out) {
   if (any_contrast_below(calibration, kWantedContrast))
     out.emplace_back(
-        "Look at the sheet: the fringes are weak. It may lie loose or wrong side down, have dust "
-        "or "
-        "a film on it, or the camera's aperture may be too wide.");
+        "Look at the sheet: the fringes are weak. It may be loose or upside down, be covered by "
+        "dust or a film, or the camera's aperture may be too wide.");
   const ResidualSummary used = residual_summary(calibration, false);
   if (used.max_lenses > kWantedMaxLenses || used.rms_lenses > kWantedRmsLenses)
     out.emplace_back(
-        "Look at the maps of what is left over: patches hint at bubbles or a bent sheet, slopes at "
-        "a camera that moved or at a sheet that was still warming up.");
+        "Look at the maps of residuals: patches suggest bubbles or a bent sheet, slopes suggest a "
+        "camera that moved or a sheet that was still warming up.");
   if (residual_summary(calibration, true).max_lenses > kWantedHeldOutMaxLenses)
     out.emplace_back(
         "Measure again from more places: the one kept aside is predicted too badly to trust places "
-        "nobody measured.");
+        "that were not measured.");
 }
 
 std::string place_of_first_eye(const Calibration& calibration) {
   for (const Viewpoint& v : calibration.viewpoints)
     if (!v.held_out)
-      return fmt::format("{:.0f} mm from the glass, {:.0f} mm right and {:.0f} mm above its centre",
+      return fmt::format("{:.0f} mm from the panel, {:.0f} mm right and {:.0f} mm above its centre",
                          v.eye_mm.z, v.eye_mm.x, v.eye_mm.y);
   return "the place it was measured from";
 }
@@ -59,19 +58,20 @@ void add_verdict_advice(const Calibration& calibration, std::vector<std::string>
   switch (calibration.verdict) {
     case Verdict::Intrinsic:
       out.emplace_back(
-          "Use it. If the picture drifts as the panel warms up, trim offset and pitch while it "
-          "plays; calibrate again after the sheet was taken off or pressed on.");
+          "Use the rig. If the picture drifts as the panel warms up, trim offset and pitch while "
+          "it plays; calibrate again after the sheet was taken off or pressed on.");
       return;
     case Verdict::Effective:
-      out.emplace_back(fmt::format("Use it for viewers near {}.", place_of_first_eye(calibration)));
       out.emplace_back(
-          "To serve viewers elsewhere, calibrate again with the camera also 200 to 300 mm to the "
-          "left and to the right, or a third nearer.");
+          fmt::format("Use the rig for viewers near {}.", place_of_first_eye(calibration)));
+      out.emplace_back(
+          "For viewers elsewhere, calibrate again with the camera also 200 to 300 mm to the left "
+          "and to the right, or a third nearer.");
       return;
     case Verdict::Refused:
-      out.emplace_back("Do not use these numbers; the rig file from before is still the best one.");
+      out.emplace_back("Do not use these numbers; the previous rig file is still the best one.");
       out.emplace_back(
-          "Remove the reasons named here and calibrate again, in a dark room with the camera on a "
+          "Remove the causes above and calibrate again, in a dark room with the camera on a "
           "tripod.");
   }
 }
@@ -98,10 +98,10 @@ std::string verdict_headline(Verdict verdict) {
 std::string verdict_explained(const Calibration& calibration) {
   switch (calibration.verdict) {
     case Verdict::Intrinsic:
-      return "The numbers describe the sheet itself and hold for every eye in front of it.";
+      return "The numbers describe the sheet itself and are valid for every eye in front of it.";
     case Verdict::Effective:
-      return "The numbers hold at " + place_of_first_eye(calibration) +
-             ". Pitch, gap and offset could not be told apart.";
+      return "The numbers are valid at " + place_of_first_eye(calibration) +
+             ". Pitch, gap and offset could not be separated.";
     case Verdict::Refused:
       return "The measurement is not good enough to be used.";
   }

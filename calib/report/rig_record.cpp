@@ -237,11 +237,11 @@ std::filesystem::path copy_beside(const std::filesystem::path& file) {
     const int error = rename_to_new(working, copy);
     if (error == 0) return copy;
     if (error != EEXIST)
-      throw Error(ErrorKind::Failed, fmt::format("{}: cannot keep the old rig: {}", copy.string(),
+      throw Error(ErrorKind::Failed, fmt::format("{}: cannot copy the old rig: {}", copy.string(),
                                                  std::generic_category().message(error)));
   }
   throw Error(ErrorKind::Failed, file.string() + ": no free number for a copy of the old rig",
-              "move the copies beside it elsewhere");
+              "move its old copies to another folder");
 }
 
 }  // namespace

@@ -43,7 +43,7 @@ struct Change {
 
 // The amounts are chosen such that the phase moves by hundredths of a lens on common panels.
 constexpr Change kChanges[] = {
-    {"K", 1.0, "{} {} warmer or colder, sheet free to grow",
+    {"K", 1.0, "{} {} warmer or colder, sheet free to expand",
      [](Situation& s, double by) { s.rig.sheet.pitch.value *= 1.0 + kPitchPerKelvin * by; }},
     {"mm", 10.0, "viewer {} {} nearer or farther",
      [](Situation& s, double by) { s.eye.z_mm += by; }},

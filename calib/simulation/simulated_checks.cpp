@@ -108,7 +108,7 @@ void check_sheet(const SimulatedSheet& sheet, const optics::Panel& panel) {
   require(within(sheet.gap_bow, -0.5, 0.5), object, "gap_bow", "-0.5 to 0.5");
   const double width_mm = panel.width_px * panel.pixel_width.value;
   require(sheet.curve_radius_mm == 0.0 || within(sheet.curve_radius_mm, width_mm, 1e9), object,
-          "curve_radius_mm", "0 or at least the panel's width");
+          "curve_radius_mm", "0, or at least the panel's width");
   require(within(sheet.black_matrix, 0.0, 0.95), object, "black_matrix", "0 to 0.95");
   require(within(sheet.haze, 0.0, 1.0), object, "haze", "0 to 1");
   require(within(sheet.scratches, 0, 1000), object, "scratches", "0 to 1000");

@@ -28,10 +28,10 @@ std::vector<StressCase> light_cases() {
        stress::low_resolution,
        D::Good,
        {0.02, 0.02, 3e-6}},
-      {"gamma", 6, "camera gamma of 1.3 taken for 1", stress::gamma, D::Good, {0.002, 0.02, 1e-6}},
+      {"gamma", 6, "camera gamma of 1.3 treated as 1", stress::gamma, D::Good, {0.002, 0.02, 1e-6}},
       {"gain-drift",
        7,
-       "sRGB taken for linear, 3 % gain drift",
+       "sRGB treated as linear, 3 % gain drift",
        stress::gain_drift,
        D::Good,
        {0.003, 0.02, 2e-6}},
@@ -128,8 +128,8 @@ std::vector<StressCase> sheet_cases() {
        .what = "pitch 6, vertical lenses",
        .trial = stress::vertical_6,
        .limits = {0.02, 0.02, 1e-6},
-       .shortfall = "a lens has two green subpixels, everywhere at the same places: what lies "
-                    "between them is not seen, and nothing can be measured"},
+       .shortfall = "a lens has two green subpixels, always at the same phases: the phases between "
+                    "them are not visible, so nothing can be measured"},
       {"third-6", 19, "pitch 6, slant 1/3", stress::third_6, D::Good, {0.02, 0.02, 1e-6}},
       {"wide-40", 20, "pitch 40", stress::wide_40, D::Good, {0.02, 0.02, 2e-6}},
       {"fine-4", 20, "pitch 4", stress::fine_4, D::GoodOrDetected, {0.02, 0.02, 2e-6}},
@@ -144,8 +144,9 @@ std::vector<StressCase> sheet_cases() {
        .what = "lenses toward the panel, air between",
        .trial = stress::lens_in,
        .limits = {0.02, 0.02, 1e-5},
-       .shortfall = "such lenses are lopsided to the side, which no chief ray tells: viewpoints "
-                    "contradict each other by 0.05 lens, and the calibration is refused"},
+       .shortfall =
+           "such lenses are asymmetric off axis, which the chief-ray model does not describe: "
+           "viewpoints contradict each other by 0.05 lens, and the calibration is refused"},
   };
 }
 

@@ -117,8 +117,9 @@ void rehearse(Diagnosis& diagnosis, DrmDevice device, const ConnectorInfo& conne
   const BorrowedMastery mastery(output.device());
   diagnosis.tested = mastery.held();
   if (!mastery.held()) {
-    diagnosis.problem = "another program is master of the card: nothing could be tested";
-    diagnosis.remedy = "stop the desktop session or the player and ask again";
+    diagnosis.problem =
+        "another program is DRM master of the card, so its outputs could not be tested";
+    diagnosis.remedy = "stop the desktop session or the player, then try again";
   }
   const KmsBuffer buffer(fd, platform, geometry);
   const int error = output.rehearse(buffer.framebuffer());

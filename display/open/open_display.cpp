@@ -107,7 +107,7 @@ KmsOptions kms_options_of(const DisplayRequest& request) {
   options.buffers = request.buffers;
   if (request.recorder)
     throw Error(ErrorKind::Usage,
-                fmt::format("display '{}': cannot record what was on the glass", request.spec),
+                fmt::format("display '{}': cannot record displayed frames", request.spec),
                 "record with --display virtual");
   return options;
 }

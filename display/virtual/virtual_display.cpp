@@ -35,9 +35,10 @@ void check_options(const VirtualDisplayOptions& options) {
   const auto& geometry = options.geometry;
   const auto sane = [](int side) { return side >= 1 && side <= kMaxPixels; };
   if (!sane(geometry.width) || !sane(geometry.height))
-    throw Error(ErrorKind::Usage,
-                fmt::format("virtual display {}x{}: no such size", geometry.width, geometry.height),
-                fmt::format("each side has 1 to {} pixels", kMaxPixels));
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("virtual display {}x{}: size out of range", geometry.width, geometry.height),
+        fmt::format("each side has 1 to {} pixels", kMaxPixels));
   if (geometry.format != frames::PixelFormat::Rgb8)
     throw Error(ErrorKind::Usage, "virtual display: only 8-bit RGB frames can be shown");
   if (options.buffers < kMinBuffers || options.buffers > kMaxBuffers)

@@ -121,7 +121,7 @@ static uint8_t* map(uint64_t bytes) {
   const struct header* header;
   if (seals < 0 || !(seals & F_SEAL_SHRINK)) fail("the memory is not sealed against shrinking");
   if (fstat(memory, &status) != 0 || (uint64_t)status.st_size != bytes)
-    fail("the memory has another size than the player announced");
+    fail("the size of the memory differs from the announced one");
   mapped = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, memory, 0);
   if (mapped == MAP_FAILED) fail("mmap");
   header = mapped;
@@ -152,7 +152,7 @@ static uint32_t acquire(struct entry* table, uint32_t slots, uint32_t epoch) {
     poll(&wake, 1, 100); /* wakes when the player sends "freed" */
     for (;;) {
       const ssize_t got = recv(player, message, sizeof message, MSG_DONTWAIT);
-      if (got == 0) fail("the player is gone");
+      if (got == 0) fail("the player has ended");
       if (got < 0) break;
     }
   }

@@ -59,7 +59,7 @@ class Ring:
         memory, self.published = fds
         size, self.epoch = struct.unpack_from("=QI", answer, 16)
         if not fcntl.fcntl(memory, F_GET_SEALS) & F_SEAL_SHRINK or os.fstat(memory).st_size != size:
-            sys.exit("the memory is not sealed, or has another size than announced")
+            sys.exit("the memory is not sealed, or its size differs from the announced one")
         self.memory = mmap.mmap(memory, size)
         (magic, abi, endian, self.slots, pixels, self.width, self.height, self.row_bytes,
          self.frame_bytes, self.table, self.entry_bytes, self.first, self.stride,
@@ -87,7 +87,7 @@ class Ring:
                 self.player.send(message(WANTED))
                 asked = True
             if select.select([self.player], [], [], 0.1)[0] and not self.player.recv(257):
-                sys.exit("the player is gone")
+                sys.exit("the player has ended")
 
     def write(self, slot, frame):
         begin = self.first + slot * self.stride

@@ -260,7 +260,7 @@ FlipPicture::FlipPicture(const FrameView& picture, double pixels_per_degree)
     : geometry_(picture.geometry), pixels_per_degree_(pixels_per_degree) {
   if (!(pixels_per_degree >= 1.0 && pixels_per_degree <= 1000.0))
     throw Error(ErrorKind::Usage,
-                fmt::format("{} pixels per degree: between 1 and 1000", pixels_per_degree));
+                fmt::format("{} pixels per degree: not in 1 ... 1000", pixels_per_degree));
   if (picture.bytes.empty()) return;
   Opponents planes = opponents_of(picture);
   const FeatureTaps taps = feature_taps(pixels_per_degree);

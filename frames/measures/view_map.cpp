@@ -33,7 +33,7 @@ ViewMap::ViewMap(const optics::OpticalModel& model, int views, BandWorkers& work
       views_(views),
       view_(geometry_.frame_bytes()) {
   if (views < 1 || views > kMaxViews)
-    throw Error(ErrorKind::Usage, fmt::format("{} views: between 1 and {}", views, kMaxViews));
+    throw Error(ErrorKind::Usage, fmt::format("{} views: not in 1 ... {}", views, kMaxViews));
   const optics::RowRayEvaluator evaluator(model);
   std::vector<optics::RowRays> rays(static_cast<size_t>(workers.count()));
   workers.run(kBands, [&](int band, int worker) {

@@ -88,7 +88,8 @@ std::vector<Candidate> candidates(const SquareSums& sums, const FrameGeometry& g
 std::vector<Tile> worst_tiles(const FrameView& reference, const FrameView& test, int side,
                               int count) {
   require_same_size(reference, test);
-  if (side < 1) throw Error(ErrorKind::Usage, fmt::format("tiles of {} pixels: at least 1", side));
+  if (side < 1)
+    throw Error(ErrorKind::Usage, fmt::format("tiles of {} pixels: must have at least 1", side));
   if (reference.bytes.empty()) return {};
   std::vector<Candidate> left = candidates(SquareSums(reference, test), reference.geometry, side);
   std::vector<Tile> worst;

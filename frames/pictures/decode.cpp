@@ -67,8 +67,9 @@ const char* unknown_kind(std::span<const uint8_t> bytes) {
   if (bytes.empty()) return "empty file";
   constexpr std::string_view kBox = "ftyp";
   const bool heif = bytes.size() >= 8 && std::equal(kBox.begin(), kBox.end(), bytes.begin() + 4);
-  return heif ? "HEIF and AVIF pictures are not read, nor their stereo tags; convert it to PNG"
-              : "not a known picture";
+  return heif ? "HEIF and AVIF are not supported, nor are their stereo tags; convert the picture "
+                "to PNG"
+              : "not a picture of a known format";
 }
 
 class PictureReader {
@@ -155,7 +156,7 @@ class PictureReader {
     OIIO::ImageSpec config;
     config.attribute("oiio:UnassociatedAlpha", 1);  // never multiply alpha into the code values
     input_ = OIIO::ImageInput::create(plugin_name(format_));
-    if (!input_) fail(fmt::format("this OpenImageIO reads no {}", plugin_name(format_)));
+    if (!input_) fail(fmt::format("this OpenImageIO cannot read {}", plugin_name(format_)));
     input_->threads(1);
     OIIO::ImageSpec ignored;
     input_->set_ioproxy(&memory_);
@@ -165,21 +166,23 @@ class PictureReader {
   void check_header(uint64_t file_bytes, uint64_t max_pixels) {
     const OIIO::ImageSpec& s = spec();
     if (s.width < 1 || s.height < 1 || s.depth > 1 || s.nchannels < 1 || s.deep)
-      fail("not a flat picture with pixels");
+      fail("not a two-dimensional picture with pixels");
     if (s.width > kMaxImageSide || s.height > kMaxImageSide)
-      fail(fmt::format("{} x {} pixels, at most {} on a side", s.width, s.height, kMaxImageSide));
+      fail(fmt::format("{} x {} pixels, the limit is {} per side", s.width, s.height,
+                       kMaxImageSide));
     const uint64_t pixels = static_cast<uint64_t>(s.width) * static_cast<uint64_t>(s.height);
     if (pixels > max_pixels)
-      fail(fmt::format("{} x {} pixels, at most {} million", s.width, s.height, max_pixels >> 20));
+      fail(fmt::format("{} x {} pixels, the limit is {} million", s.width, s.height,
+                       max_pixels >> 20));
     if (s.tile_width > kMaxImageSide || s.tile_height > kMaxImageSide ||
         s.tile_bytes() > (size_t{1} << 28))
-      fail("absurd tiles");
+      fail("tile size out of range");
     // Deflate shrinks at most 1032-fold: fewer bytes cannot hold the picture.
     constexpr uint64_t kMaxDeflateRatio = 1032;
     if (format_ == ImageFormat::Png && file_bytes * kMaxDeflateRatio < pixels / 8)
       fail("truncated");
     const auto sample = sample_of(s);
-    if (!sample) fail("neither integers of 8 or 16 bits nor floats");
+    if (!sample) fail("its samples are neither integers of 8 or 16 bits nor floats");
     sample_ = *sample;
   }
 

@@ -63,7 +63,7 @@ std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format, const st
     throw Error(ErrorKind::Failed, fmt::format("{}: cannot encode: {}", name, cause));
   };
   const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(plugin_name(format));
-  if (!output) fail(fmt::format("this OpenImageIO writes no {}", plugin_name(format)));
+  if (!output) fail(fmt::format("this OpenImageIO cannot write {}", plugin_name(format)));
   output->threads(1);
   output->set_ioproxy(&memory);
   const bool done = output->open(name, output_spec(frame.geometry, format)) &&

@@ -59,7 +59,8 @@ lenticule_status status_of(RingStatus status) noexcept {
     case RingStatus::TimedOut:
       return report(LENTICULE_TIMED_OUT, "ring: no slot became free in time");
     case RingStatus::Gone:
-      return report(LENTICULE_GONE, "ring: the player is gone", "close the ring and connect anew");
+      return report(LENTICULE_GONE, "ring: the player has ended",
+                    "close the ring and connect again");
   }
   return LENTICULE_FAILED;
 }
@@ -105,7 +106,7 @@ lenticule_status lenticule_ring_connect(const char* socket, const lenticule_hell
   *out = nullptr;
   if (!socket) return misuse("lenticule_ring_connect: socket is NULL");
   if (hello && hello->struct_size < sizeof(lenticule_hello))
-    return misuse("lenticule_ring_connect: start hello from LENTICULE_HELLO_INIT");
+    return misuse("lenticule_ring_connect: initialise hello with LENTICULE_HELLO_INIT");
   return guarded([&] {
     auto ring = std::make_unique<lenticule_ring>();
     ring->renderer =
@@ -143,11 +144,11 @@ lenticule_status lenticule_ring_acquire(lenticule_ring* ring, uint64_t number, i
                                         uint8_t** pixels) {
   if (!pixels) return misuse("lenticule_ring_acquire: pixels is NULL");
   *pixels = nullptr;
-  if (!is_open(ring)) return misuse("lenticule_ring_acquire: no ring");
+  if (!is_open(ring)) return misuse("lenticule_ring_acquire: ring is NULL or not connected");
   if (ring->finished) return report(LENTICULE_GONE, "ring: the sequence was finished");
   if (ring->holds_slot) return misuse("lenticule_ring_acquire: the last slot is not published yet");
   if (ring->has_published && number <= ring->last_number)
-    return misuse("lenticule_ring_acquire: frame numbers must grow");
+    return misuse("lenticule_ring_acquire: frame numbers must increase");
   return guarded([&] {
     std::span<uint8_t> slot;
     const RingStatus status =
@@ -180,7 +181,7 @@ lenticule_status lenticule_ring_abandon(lenticule_ring* ring) {
 
 lenticule_status lenticule_ring_finish(lenticule_ring* ring) {
   if (!is_open(ring) || ring->finished)
-    return misuse("lenticule_ring_finish: no ring, or finished before");
+    return misuse("lenticule_ring_finish: ring is NULL, not connected or already finished");
   ring->finished = true;
   ring->holds_slot = false;
   return guarded([&] {

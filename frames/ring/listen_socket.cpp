@@ -34,7 +34,7 @@ UniqueFd lock_folder(const std::filesystem::path& path) {
     if (::flock(fd.get(), LOCK_EX | LOCK_NB) == 0) return fd;
     std::this_thread::sleep_for(kLockPause);
   }
-  throw Error(ErrorKind::Device, path.string() + ": another program keeps its folder locked");
+  throw Error(ErrorKind::Device, path.string() + ": another program holds the lock of its folder");
 }
 
 enum class Occupant { None, Dead, Alive, NotASocket };
@@ -43,7 +43,7 @@ Occupant occupant_of(const std::filesystem::path& path, const UnixAddress& addre
   struct stat status;
   if (::lstat(path.c_str(), &status) != 0) {
     if (errno == ENOENT) return Occupant::None;
-    fail(path, "cannot look at the file");
+    fail(path, "cannot get the status of the file");
   }
   if (!S_ISSOCK(status.st_mode)) return Occupant::NotASocket;
   UniqueFd probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
@@ -76,7 +76,7 @@ void open_to_group(const std::filesystem::path& path, gid_t group) {
   const int error = errno;
   ::unlink(path.c_str());
   errno = error;
-  fail(path, "cannot give the socket to its group");
+  fail(path, "cannot change the group of the socket");
 }
 
 }  // namespace

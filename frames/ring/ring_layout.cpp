@@ -78,7 +78,7 @@ const char* read_header(const RingHeader& header, size_t available_bytes, RingLa
   std::memcpy(&fields, &header, sizeof fields);
   if (std::memcmp(fields.magic, kRingMagic, sizeof fields.magic) != 0) return "not a ring";
   if (fields.endian_tag != kEndianTag) return "written in another byte order";
-  if (fields.abi_version != kRingAbiVersion) return "another version of the ring";
+  if (fields.abi_version != kRingAbiVersion) return "unsupported version of the ring";
   if (fields.width > kMaxFrameSide) return "width outside 1 ... 32768";
   if (fields.height > kMaxFrameSide) return "height outside 1 ... 32768";
   const FrameGeometry geometry = {.width = static_cast<int>(fields.width),
@@ -87,7 +87,7 @@ const char* read_header(const RingHeader& header, size_t available_bytes, RingLa
   if (const char* problem = geometry_problem(geometry, fields.slots)) return problem;
   const RingLayout planned = plan_layout(geometry, static_cast<int>(fields.slots));
   const HeaderFields expected = fields_of(planned);
-  if (std::memcmp(&fields, &expected, sizeof fields) != 0) return "offsets or sizes do not agree";
+  if (std::memcmp(&fields, &expected, sizeof fields) != 0) return "inconsistent offsets or sizes";
   if (planned.memory_bytes > available_bytes) return "memory smaller than the header says";
   layout = planned;
   return nullptr;

@@ -280,7 +280,7 @@ std::optional<Refusal> Player::reason_to_refuse(const UniqueFd& socket, const Pa
             (hello.rig_fingerprint.empty() ? std::string("not stated") : hello.rig_fingerprint)};
   if (tenant_) return Refusal{RefuseReason::Busy, "busy: '" + hello_.name + "' is connected"};
   if (options_.slots - ledger_.shut() < kMinUsableSlots)
-    return Refusal{RefuseReason::Busy, "busy: disconnected renderers that have not ended hold " +
+    return Refusal{RefuseReason::Busy, "busy: renderers that are disconnected but still run hold " +
                                            std::to_string(ledger_.shut()) + " of " +
                                            std::to_string(options_.slots) + " slots"};
   return std::nullopt;

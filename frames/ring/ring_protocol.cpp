@@ -59,7 +59,7 @@ template <typename Message>
 const char* read_message(std::span<const uint8_t> bytes, MessageKind kind, Message& message) {
   MessagePrefix prefix;
   if (const char* problem = read_prefix(bytes, prefix)) return problem;
-  if (prefix.kind != kind) return "another message was expected";
+  if (prefix.kind != kind) return "unexpected message";
   if (bytes.size() != sizeof message) return "wrong length";
   std::memcpy(static_cast<void*>(&message), bytes.data(), sizeof message);
   return nullptr;
@@ -73,7 +73,7 @@ HelloMessage make_hello(const RendererHello& hello) {
   write_text(hello.rig_fingerprint, "the rig's fingerprint", message.rig_fingerprint);
   if (hello.rate) {
     if (!is_sensible_rate(hello.rate->numerator, hello.rate->denominator))
-      throw Error(ErrorKind::Usage, "ring: the frame rate makes no sense",
+      throw Error(ErrorKind::Usage, "ring: the frame rate is out of range",
                   "use 1/3600 ... 10000 frames per second");
     message.rate_numerator = hello.rate->numerator;
     message.rate_denominator = hello.rate->denominator;
@@ -129,7 +129,7 @@ const char* read_hello(std::span<const uint8_t> bytes, RendererHello& hello) {
       .name = *name, .rig_fingerprint = *fingerprint, .rate = {}, .frame_count = {}};
   if (message.rate_numerator != 0 || message.rate_denominator != 0) {
     if (!is_sensible_rate(message.rate_numerator, message.rate_denominator))
-      return "the frame rate makes no sense";
+      return "the frame rate is out of range";
     const int64_t divisor = std::gcd(message.rate_numerator, message.rate_denominator);
     checked.rate = Rate{message.rate_numerator / divisor, message.rate_denominator / divisor};
   }
@@ -154,7 +154,7 @@ const char* read_refuse(std::span<const uint8_t> bytes, RefuseReason& reason, st
   if (bytes.size() != sizeof message) return "wrong length";
   std::memcpy(static_cast<void*>(&message), bytes.data(), sizeof message);
   if (message.prefix.magic != kMessageMagic || message.prefix.kind != MessageKind::Refuse)
-    return "another message was expected";
+    return "unexpected message";
   if (message.reason < RefuseReason::Busy || message.reason > RefuseReason::OtherRig)
     return "unknown reason";
   const auto checked = read_text(message.text);

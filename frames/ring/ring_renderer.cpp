@@ -72,7 +72,8 @@ struct Obstacle {
 }
 
 [[noreturn]] void throw_nonsense(const std::string& path, const char* problem) {
-  throw Error(ErrorKind::Input, path + ": the other end is no ring player: " + problem);
+  throw Error(ErrorKind::Input,
+              path + ": the other end does not speak the ring protocol: " + problem);
 }
 
 class Attempt {
@@ -98,7 +99,7 @@ class Attempt {
 
  private:
   [[nodiscard]] std::optional<Admission> read_answer(UniqueFd socket, Obstacle& obstacle) {
-    obstacle = {"the player does not answer", "see what the player does"};
+    obstacle = {"the player does not answer", "check whether the player is stopped or overloaded"};
     wait_for(socket.get(), POLLIN, time_left(deadline_));
     Packet packet;
     if (receive_packet(socket.get(), packet, PassedFds::Take) != Transfer::Done)
@@ -113,7 +114,7 @@ class Attempt {
     Admission admission;
     if (const char* problem = read_accept(packet.bytes(), admission.accept))
       throw_nonsense(path_, problem);
-    if (!packet.fds[0] || !packet.fds[1]) throw_nonsense(path_, "it passed no memory");
+    if (!packet.fds[0] || !packet.fds[1]) throw_nonsense(path_, "it sent no memory");
     admission.socket = std::move(socket);
     admission.memory = std::move(packet.fds[0]);
     admission.published = std::move(packet.fds[1]);
@@ -145,7 +146,7 @@ Mapping map_memory(const std::string& path, const Admission& admission, RingLayo
   const uint64_t promised = admission.accept.memory_bytes;
   if (::fstat(fd, &status) != 0 || status.st_size < 0 ||
       static_cast<uint64_t>(status.st_size) != promised || promised < kHeaderBytes)
-    throw_nonsense(path, "the memory has another size than promised");
+    throw_nonsense(path, "the size of the memory differs from the announced one");
   const int seals = ::fcntl(fd, F_GET_SEALS);
   if (seals < 0 || (seals & F_SEAL_SHRINK) == 0) throw_nonsense(path, "the memory is not sealed");
   {

@@ -263,7 +263,7 @@ std::string SlotLedger::loop_obstacle() const {
     case LoopState::Keeping:
       return {};
     case LoopState::Off:
-      return "the ring was not asked to keep frames";
+      return "the ring was opened without keeping its frames for a loop";
     case LoopState::TooLong:
       return "the sequence has more frames than the ring's " + std::to_string(slots_.size()) +
              " slots";

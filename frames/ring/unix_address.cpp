@@ -10,7 +10,7 @@ namespace lenticule::frames {
 UnixAddress unix_address(const std::filesystem::path& path) {
   const std::string& text = path.native();
   UnixAddress result;
-  if (text.empty()) throw Error(ErrorKind::Usage, "ring: the socket has no name");
+  if (text.empty()) throw Error(ErrorKind::Usage, "ring: the path of the socket is empty");
   if (text.size() >= sizeof result.address.sun_path)
     throw Error(ErrorKind::Usage,
                 text + ": too long for a socket (" + std::to_string(text.size()) + " bytes)",

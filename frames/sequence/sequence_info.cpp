@@ -40,7 +40,7 @@ class Fields {
   [[nodiscard]] std::string text(const char* key) const {
     const json* value = find(key);
     if (value == nullptr) return {};
-    if (!value->is_string()) fail(source_, key, "not a text");
+    if (!value->is_string()) fail(source_, key, "not a string");
     return value->get<std::string>();
   }
   [[nodiscard]] uint64_t whole(const char* key, const json& value, uint64_t most) const {
@@ -94,7 +94,7 @@ SequenceViews parse_views(const Fields& all, const FrameGeometry& geometry) {
   views.rows = fields.positive("rows", kMaxSequenceViews);
   if (static_cast<int64_t>(views.columns) * views.rows < views.count ||
       views.columns > geometry.width || views.rows > geometry.height)
-    fail(all.source(), "views", "the grid does not fit");
+    fail(all.source(), "views", "the grid does not fit the views or the frame");
   const std::string order = fields.text("order");
   if (order != "left-to-right" && order != "right-to-left")
     fail(all.source(), "order", "neither left-to-right nor right-to-left");

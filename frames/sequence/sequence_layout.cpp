@@ -32,25 +32,26 @@ FileHeader read_file_header(int fd, const std::string& source) {
     case HeaderFlaw::None:
       return header;
     case HeaderFlaw::NoSequence:
-      refuse(source, "not a sequence container", "give a file that lenticule wrote (.lts)");
+      refuse(source, "not a sequence container", "use a file that lenticule wrote (.lts)");
     case HeaderFlaw::OtherVersion:
-      refuse(source, "a sequence container of another version",
-             "use the lenticule that wrote it, or convert it there");
+      refuse(source, "unsupported version of the sequence container",
+             "use the version of lenticule that wrote it, or convert the file with that version");
     case HeaderFlaw::Damaged:
-      refuse(source, "the header is damaged", "take a copy of the file, or render it again");
+      refuse(source, "the header is damaged", "restore the file from a copy, or render it again");
     case HeaderFlaw::OutOfRange:
       break;
   }
-  refuse(source, "frames of a size that is not supported", "the limits are in docs/formats.md");
+  refuse(source, "frame size not supported", "the limits are in docs/formats.md");
 }
 
 SequenceInfo read_info(int fd, const FileHeader& header, uint64_t file_bytes,
                        const std::string& source) {
   if (header.metadata_bytes > kMaxMetadataBytes || header.data_begin() > file_bytes)
-    refuse(source, "ends within its metadata", "take a copy of the file, or render it again");
+    refuse(source, "the file ends within its metadata",
+           "restore the file from a copy, or render it again");
   std::vector<uint8_t> text(header.metadata_bytes);
   if (!read_at(fd, kFileHeaderBytes, text) || checksum_of(text) != header.metadata_checksum)
-    refuse(source, "the metadata are damaged", "take a copy of the file, or render it again");
+    refuse(source, "the metadata is damaged", "restore the file from a copy, or render it again");
   return parse_sequence_info({reinterpret_cast<const char*>(text.data()), text.size()},
                              header.geometry, source);
 }

@@ -20,13 +20,13 @@ uint64_t checked_end(const std::filesystem::path& file, const SequenceSourceOpti
                      uint64_t count) {
   if (count == 0)
     throw Error(ErrorKind::Input, fmt::format("{}: has no frames", file.string()),
-                "its writer was stopped before the first one: go on with --resume");
+                "its writer was stopped before the first frame: continue with --resume");
   const uint64_t end = options.end.value_or(count);
   if (options.begin < end && end <= count) return end;
   throw Error(ErrorKind::Input,
               fmt::format("{}: has frames 0 to {}, not {} to {}", file.string(), count - 1,
                           options.begin, end - 1),
-              "name a range of frames that exist");
+              "use a range of existing frames");
 }
 
 }  // namespace
@@ -55,7 +55,7 @@ class SequenceSource::Frames final : public FrameDecoding {
     const bool decoded = decode_or_replace(decoders_[static_cast<size_t>(thread)], frame, to);
     if (spare_cache_) reader_.done_with(frame);
     return decoded ? std::string()
-                   : fmt::format("frame {}: neither it nor any near it can be read", frame);
+                   : fmt::format("frame {}: neither this frame nor one near it can be read", frame);
   }
 
  private:

@@ -80,8 +80,8 @@ SequenceWriter::SequenceWriter(fs::path file, const SequenceInfo& info,
     : file_(std::move(file)), part_(file_.string() + ".part"), workers_(options.threads) {
   if (!can_hold(info.geometry))
     throw Error(ErrorKind::Usage,
-                fmt::format("{}: frames of {}x{} pixels do not fit a container", file_.string(),
-                            info.geometry.width, info.geometry.height));
+                fmt::format("{}: frames of {}x{} pixels are too large for a sequence container",
+                            file_.string(), info.geometry.width, info.geometry.height));
   std::error_code ignored;
   const bool has_part = fs::exists(part_, ignored);
   const bool has_file = fs::exists(file_, ignored);
@@ -117,7 +117,7 @@ void SequenceWriter::begin(const SequenceInfo& info) {
   layout_.info = info;
   layout_.header = make_header(info, metadata);
   if (metadata.size() > kMaxMetadataBytes)
-    throw Error(ErrorKind::Usage, fmt::format("{}: metadata of more than {} MiB", file_.string(),
+    throw Error(ErrorKind::Usage, fmt::format("{}: metadata larger than {} MiB", file_.string(),
                                               kMaxMetadataBytes >> 20));
   std::vector<uint8_t> bytes;
   append_file_header(layout_.header, bytes);
@@ -132,15 +132,15 @@ void SequenceWriter::go_on(const fs::path& there, const SequenceInfo& info) {
   open_and_lock(there);
   layout_ = read_sequence_layout(fd_.get(), there.string());
   if (const char* other = difference(layout_.info, info))
-    throw Error(ErrorKind::Input, fmt::format("{}: was begun with {}", there.string(), other),
+    throw Error(ErrorKind::Input, fmt::format("{}: was started with {}", there.string(), other),
                 "remove it, or write to another file");
-  if (there != part_ && ::rename(there.c_str(), part_.c_str()) != 0) fail("cannot go on", errno);
+  if (there != part_ && ::rename(there.c_str(), part_.c_str()) != 0) fail("cannot continue", errno);
   const uint64_t count = count_whole_frames(fd_.get(), layout_);
   layout_.data_end = end_of(fd_.get(), layout_, count);
   layout_.frames.resize(count);
   // This also removes the index: until a new one is written, readers find the frames without it.
   if (::ftruncate(fd_.get(), static_cast<off_t>(layout_.data_end)) != 0)
-    fail("cannot be cut", errno);
+    fail("cannot truncate", errno);
 }
 
 /// Restores the state for encoding the next frame: the previous frame, the offsets of its bands,
@@ -204,7 +204,7 @@ void SequenceWriter::append(const FrameView& frame) {
   LENTICULE_CHECK(!finished_ && frame.geometry == layout_.header.geometry &&
                   frame.bytes.size() == frame.geometry.frame_bytes());
   if (frame_count() == kMaxSequenceFrames)
-    throw Error(ErrorKind::Failed, fmt::format("{}: holds {} frames, no more fit", part_.string(),
+    throw Error(ErrorKind::Failed, fmt::format("{}: full: {} frames are the limit", part_.string(),
                                                kMaxSequenceFrames));
   if (!in_step_) recall();
   if (frame_count() % kTapInterval == 0) taps_ = choose_taps(frame, layout_.header.band_rows);
@@ -245,7 +245,7 @@ void SequenceWriter::finish() {
                        static_cast<off_t>(layout_.data_end));  // else resuming truncates the file
     fail("cannot write", error);
   }
-  if (::rename(part_.c_str(), file_.c_str()) != 0) fail("cannot be renamed", errno);
+  if (::rename(part_.c_str(), file_.c_str()) != 0) fail("cannot rename", errno);
   sync_folder_of(file_);
   finished_ = true;
 }

@@ -50,8 +50,8 @@ bool means_half(const std::vector<std::string>& words, size_t at) {
 
 StereoLayout parse_stereo(const std::string& text) {
   if (const auto layout = stereo_word(text)) return *layout;
-  throw Error(ErrorKind::Usage, fmt::format("--stereo '{}': there is none of that name", text),
-              "sbs, tb, hsbs (half width), htb (half height), or none");
+  throw Error(ErrorKind::Usage, fmt::format("--stereo '{}': unknown", text),
+              "use sbs, tb, hsbs (half width), htb (half height) or none");
 }
 
 std::optional<StereoLayout> stereo_of_name(const std::filesystem::path& file) {

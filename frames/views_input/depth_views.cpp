@@ -21,14 +21,14 @@ constexpr int kWhole = 1 << 15;
 
 int checked_views(int width, int height, const DepthOptions& options) {
   if (options.views < 2 || options.views > kMaxViews)
-    throw Error(ErrorKind::Usage, fmt::format("depth: {} views", options.views),
-                fmt::format("2 to {} views can be made of a picture and its depth", kMaxViews));
+    throw Error(ErrorKind::Usage, fmt::format("depth: {} views are out of range", options.views),
+                fmt::format("2 to {} views can be made from a picture and its depth", kMaxViews));
   const uint64_t bytes = FrameGeometry{.width = width, .height = height}.frame_bytes();
   if (bytes > options.most_bytes / static_cast<uint64_t>(options.views))
     throw Error(ErrorKind::Input,
                 fmt::format("depth: {} views of {} x {} pixels are more than {} MiB, the limit",
                             options.views, width, height, options.most_bytes >> 20),
-                "ask for fewer --views");
+                "use fewer --views");
   return options.views;
 }
 
@@ -39,9 +39,10 @@ std::vector<double> disparities(int width, const DepthOptions& options) {
     return std::abs(disparity * unit) <= kMostDisparity * width;  // false for NaN
   };
   if (!sensible(options.back) || !sensible(options.front))
-    throw Error(ErrorKind::Usage,
-                fmt::format("depth: disparities of {} to {}", options.back, options.front),
-                "at most twice a view's width");
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("depth: disparities of {} to {} are out of range", options.back, options.front),
+        "the limit is twice a view's width");
   std::vector<double> table(256);
   for (size_t code = 0; code < table.size(); ++code) {
     const double near = static_cast<double>(options.black_is_near ? 255 - code : code) / 255.0;

@@ -52,13 +52,14 @@ JpsTag parse_jps_tag(std::span<const uint8_t> head, const std::string& name) {
   if (descriptor.size() < kDescriptorBytes) return {};
   const uint8_t flags = descriptor[3], layout = descriptor[4], type = descriptor[5];
   if (type != kStereoscopic)
-    throw Error(ErrorKind::Input, fmt::format("{}: its tag says that it is for one eye", name),
-                "--stereo none shows it as it is");
+    throw Error(ErrorKind::Input, fmt::format("{}: its tag says that it is not stereoscopic", name),
+                "use --stereo none to show it unchanged");
   if (layout != kBeside && layout != kAbove)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its tag says {}; two eyes beside or above each other are read",
-                            name, layout == 1 ? "interlaced rows" : "an unknown layout"),
-                "convert it to two eyes beside each other");
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: its tag says {}; only side by side and top and bottom are supported", name,
+                    layout == 1 ? "interlaced rows" : "an unknown layout"),
+        "convert it to side by side");
   const bool beside = layout == kBeside;
   const bool half = (flags & (beside ? kHalfWidth : kHalfHeight)) != 0;
   return {.stereo = {.beside = beside, .half = half}, .right_first = (flags & kLeftFirst) == 0};

@@ -90,7 +90,7 @@ DepthPlace depth_place(const Spellings& said) {
 void read_depth(const Spellings& said, QuiltSidecar& sidecar) {
   if (said.spelled(kIsDepth) == nullptr || !said.flag(kIsDepth)) return;
   if (said.flag(kChromaDepth))
-    said.fields().fail(said.spelled(kChromaDepth), "depth coded as colour is not read");
+    said.fields().fail(said.spelled(kChromaDepth), "depth coded as colour is not supported");
   sidecar.depth = depth_place(said);
   sidecar.black_is_near = said.flag(kBlackIsNear);
   sidecar.depthiness = said.fields().number_or("depthiness", 1.0);

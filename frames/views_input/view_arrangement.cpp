@@ -166,7 +166,7 @@ std::unique_ptr<ViewArrangement> arrange_woven(const FrameGeometry& picture,
                 fmt::format("{}: {}x{} pixels, but the panel of the rig that it was woven for has "
                             "{}x{}",
                             name, picture.width, picture.height, panel.width_px, panel.height_px),
-                "name the rig that it was woven for");
+                "use the rig that it was woven for");
   return std::make_unique<WovenForAnotherRig>(woven_for, views);
 }
 

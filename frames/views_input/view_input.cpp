@@ -20,8 +20,8 @@ ViewInput::ViewInput(std::vector<std::unique_ptr<FrameSource>> pictures,
   for (const Stream& stream : streams_)
     if (const auto others = stream.source->frame_count(); frames && others && frames != others)
       throw Error(ErrorKind::Input,
-                  fmt::format("{}: {} frames of one part, {} of another", name_, *frames, *others),
-                  "all parts have a picture for each frame");
+                  fmt::format("{}: one part has {} frames, another {}", name_, *frames, *others),
+                  "every part needs a picture for each frame");
 }
 
 ViewInput::ViewInput(ViewSet still)

@@ -115,7 +115,7 @@ class LightRows {
 Crosstalk crosstalk_of_percent(double percent) {
   if (!(percent >= 0.0 && percent <= kMostPercent))
     throw Error(ErrorKind::Usage, fmt::format("crosstalk {} %: not between 0 and 40", percent),
-                "the light that comes from the two neighbours of a view, for example 12");
+                "give the light that comes from the two neighbours of a view, for example 12");
   return {.shares = {1.0 - percent / 100.0, percent / 200.0}, .restraint = 0.0};
 }
 
@@ -137,8 +137,8 @@ std::vector<double> compensation_matrix(const Crosstalk& crosstalk, int views) {
 
 ViewSet compensate(const ViewSet& views, const Crosstalk& crosstalk) {
   if (views.count() > kMostCompensatedViews)
-    throw Error(ErrorKind::Usage, fmt::format("crosstalk: {} views, where {} are taken at most",
-                                              views.count(), kMostCompensatedViews));
+    throw Error(ErrorKind::Usage, fmt::format("crosstalk: {} views, the limit is {}", views.count(),
+                                              kMostCompensatedViews));
   const auto count = static_cast<size_t>(views.count());
   const std::vector<double> matrix = compensation_matrix(crosstalk, views.count());
   std::vector<WovenFrame> pictures(count,

@@ -93,9 +93,9 @@ WeaveKernel best_kernel(const WeavePlan& plan, Isa isa) {
 BlockWeaver::BlockWeaver(std::shared_ptr<const WeavePlan> plan, WeaveKernel kernel)
     : plan_(std::move(plan)), kernel_(kernel), turned_(nullptr, std::free) {
   if (!kernel_suits(kernel, *plan_))
-    throw Error(ErrorKind::Usage, fmt::format("weaving kernel {}: not on this machine, or not for "
-                                              "this plan",
-                                              to_string(kernel)));
+    throw Error(ErrorKind::Usage,
+                fmt::format("weaving kernel {}: not supported by this machine or this plan",
+                            to_string(kernel)));
   const ViewShape& shape = plan_->shape();
   const bool mixes = plan_->options().filter != ViewFilter::Nearest;
   terms_ = {.view_step = plan_->view_step(),

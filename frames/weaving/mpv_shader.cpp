@@ -11,7 +11,7 @@ namespace {
 
 void refuse(const char* key, const char* cause) {
   throw Error(ErrorKind::Input, fmt::format("mpv shader: {}: {}", key, cause),
-              "lenticule play weaves for such a rig");
+              "use lenticule play, which weaves for such a rig");
 }
 
 std::string constants(const optics::Rig& rig, const QuiltLayout& layout) {

@@ -40,7 +40,7 @@ FrameGeometry quilt_geometry(const ViewShape& views, const QuiltLayout& layout) 
 WovenFrame draw_quilt(const ViewSet& views, const QuiltLayout& layout) {
   check_quilt_layout(layout, "quilt");
   if (layout.view_count() != views.count())
-    throw Error(ErrorKind::Usage, fmt::format("quilt: {} tiles are in use, but there are {} views",
+    throw Error(ErrorKind::Usage, fmt::format("quilt: {} tiles are used, but there are {} views",
                                               layout.view_count(), views.count()));
   WovenFrame quilt(quilt_geometry(shape_of(views), layout));
   draw_quilt(views, layout, quilt);
@@ -63,9 +63,9 @@ std::filesystem::path quilt_name(const std::filesystem::path& file, const QuiltL
         !named->aspect || !layout.aspect || std::abs(*named->aspect - *layout.aspect) < 0.001;
     if (named->columns == layout.columns && named->rows == layout.rows && same_aspect) return file;
     throw Error(ErrorKind::Usage,
-                fmt::format("{}: its name does not say {} x {} tiles", file.string(),
+                fmt::format("{}: its name states another layout than {} x {} tiles", file.string(),
                             layout.columns, layout.rows),
-                "leave the layout out of the name: it is added");
+                "leave the layout out of the name; it is added");
   }
   std::string name = fmt::format("{}_qs{}x{}", file.stem().string(), layout.columns, layout.rows);
   if (layout.aspect) name += fmt::format("a{:.4g}", *layout.aspect);

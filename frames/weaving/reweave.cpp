@@ -88,7 +88,7 @@ ViewSet views_of_woven(const FrameView& woven, const optics::OpticalModel& model
         ErrorKind::Input,
         fmt::format("woven frame: {}x{} pixels, but the rig's panel has {}x{}",
                     woven.geometry.width, woven.geometry.height, panel.width_px, panel.height_px),
-        "name the rig that it was woven for");
+        "use the rig that it was woven for");
   const double aspect =
       panel.width_px * panel.pixel_width.value / (panel.height_px * panel.pixel_height.value);
   const PicturePlace place = place_picture(panel, aspect, PictureFit::Stretch);

@@ -406,9 +406,10 @@ WeavePlan::WeavePlan(const optics::OpticalModel& model, const ViewShape& shape,
     : shape_(shape), options_(options) {
   LENTICULE_CHECK(shape.count > 0 && shape.width > 0 && shape.height > 0 && threads > 0);
   if (shape.count > kMostPlannedViews)
-    throw Error(ErrorKind::Usage,
-                fmt::format("{} views: a plan takes {} at most", shape.count, kMostPlannedViews),
-                "weave them with --reference");
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("{} views: a weaving plan has at most {}", shape.count, kMostPlannedViews),
+        "use --reference for more");
   const optics::Rig& rig = model.rig();
   geometry_ = {.width = rig.panel.width_px, .height = rig.panel.height_px};
   spot_sigma_ = rig.sheet.spot_sigma.value * shape.count;

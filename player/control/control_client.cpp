@@ -29,7 +29,7 @@ using nlohmann::ordered_json;
 constexpr size_t kMaxAnswer = 8u << 20;
 
 [[noreturn]] void fail_gone(const std::string& socket) {
-  throw Error(ErrorKind::Device, socket + ": the player went away");
+  throw Error(ErrorKind::Device, socket + ": the player closed the connection");
 }
 
 int left_ms(Clock::time_point deadline) {
@@ -75,7 +75,7 @@ std::optional<ordered_json> ControlClient::take_line() {
   ordered_json line = ordered_json::parse(in_.substr(0, end), nullptr, false);
   in_.erase(0, end + 1);
   if (!line.is_object())
-    throw Error(ErrorKind::Failed, socket_ + ": what answered is no player of this kind");
+    throw Error(ErrorKind::Failed, socket_ + ": the other end does not speak the control protocol");
   return line;
 }
 
@@ -108,11 +108,11 @@ std::string only_control_socket() {
   }
   if (found.size() == 1) return found.front();
   if (found.empty())
-    throw Error(ErrorKind::Usage, "--socket: no player runs as a service here",
-                "name the socket that a player was given: lenticule play ... --control SOCKET");
+    throw Error(ErrorKind::Usage, "--socket: no player service runs on this machine",
+                "give the socket of a player: lenticule play ... --control SOCKET");
   throw Error(ErrorKind::Usage,
-              fmt::format("--socket: {} players run as services here", found.size()),
-              "name the socket of one: --socket " + found.front());
+              fmt::format("--socket: {} player services run on this machine", found.size()),
+              "give the socket of one: --socket " + found.front());
 }
 
 }  // namespace lenticule::player

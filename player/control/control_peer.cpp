@@ -38,7 +38,7 @@ gid_t group_named(const std::string& name) {
   group* found = nullptr;
   (void)::getgrnam_r(name.c_str(), &entry, strings.data(), strings.size(), &found);
   if (found != nullptr) return found->gr_gid;
-  throw Error(ErrorKind::Usage, fmt::format("--control-group '{}': there is no such group", name),
+  throw Error(ErrorKind::Usage, fmt::format("--control-group '{}': no such group", name),
               "getent group lists them");
 }
 

@@ -60,7 +60,7 @@ bool is_id(const json& id) {
 uint64_t whole(const std::string& field, const json& value) {
   if (value.is_number_unsigned() && value.get<uint64_t>() <= kMaxCount)
     return value.get<uint64_t>();
-  refuse(fmt::format("{}: not a whole number from 0 on", field));
+  refuse(fmt::format("{}: not a whole number of 0 or more", field));
 }
 
 double real(const std::string& field, const json& value) {
@@ -69,7 +69,7 @@ double real(const std::string& field, const json& value) {
 }
 
 std::string words(const std::string& field, const json& value) {
-  if (!value.is_string()) refuse(fmt::format("{}: not a text", field));
+  if (!value.is_string()) refuse(fmt::format("{}: not a string", field));
   const auto& text = value.get_ref<const std::string&>();
   if (!text.empty() && text.size() <= kMaxTextBytes && text.find('\0') == std::string::npos)
     return text;
@@ -80,12 +80,13 @@ uint64_t count_of_loops(const json& value) {
   if (value == "forever") return 0;
   const uint64_t loops = value.is_number_unsigned() ? whole("count", value) : 0;
   if (loops > 0) return loops;
-  refuse("count: not a number of loops", "a number from 1 on, or \"forever\"");
+  refuse("count: not a number of loops", "a number of 1 or more, or \"forever\"");
 }
 
 std::array<double, 3> eye(const json& value) {
   if (!value.is_array() || value.size() != 3)
-    refuse("eye: not three numbers", "millimetres right, up and away from the panel's centre");
+    refuse("eye: not three numbers",
+           "use millimetres to the right, up and away from the panel's centre");
   std::array<double, 3> place{};
   for (size_t k = 0; k < place.size(); ++k) place.at(k) = real("eye", value[k]);
   if (!(place[2] > 0.0)) refuse("eye: not in front of the panel");
@@ -117,15 +118,15 @@ void check_complete(const ControlRequest& request, const json& line) {
     case ControlVerb::Snapshot:
       needs("file");
       if (request.file.front() != '/')
-        refuse("file: not from the root on", "the player has another working folder than you");
+        refuse("file: not an absolute path", "the player's working folder may differ from yours");
       return;
     case ControlVerb::Seek:
-      if (!request.frame && !request.item) refuse("seek: neither frame nor item");
+      if (!request.frame && !request.item) refuse("seek: frame and item are missing");
       return;
     case ControlVerb::Trim:
       if (!request.offset_lenses && !request.pitch_relative) refuse("trim: nothing to change");
       if (request.relative && (line.contains("offset") || line.contains("pitch")))
-        refuse("trim: to a number or by a number, not both");
+        refuse("trim: absolute and relative values cannot be combined");
       return;
     default:
       return;
@@ -156,18 +157,18 @@ ControlRequest parse_control_request(std::string_view text, json& id) {
   if (!line.is_object())
     refuse("request: not a JSON object on one line", R"(for example {"id":1,"do":"status"})");
   if (line.contains("id") && is_id(line["id"])) id = line["id"];
-  if (line.contains("id") && !is_id(line["id"])) refuse("id: not a whole number or a short text");
-  if (!line.contains("do") || !line["do"].is_string()) refuse("do: no verb");
+  if (line.contains("id") && !is_id(line["id"])) refuse("id: not a whole number or a short string");
+  if (!line.contains("do") || !line["do"].is_string()) refuse("do: missing, or not a string");
   const auto& name = line["do"].get_ref<const std::string&>();
   const auto row = std::find_if(verbs().begin(), verbs().end(),
                                 [&](const VerbRow& one) { return one.name == name; });
-  if (row == verbs().end()) refuse(fmt::format("do: there is no verb '{}'", short_text(name)));
+  if (row == verbs().end()) refuse(fmt::format("do: unknown verb '{}'", short_text(name)));
 
   ControlRequest request{.id = id, .verb = row->verb};
   for (const auto& [field, value] : line.items()) {
     if (field == "id" || field == "do") continue;
     if (std::find(row->fields.begin(), row->fields.end(), field) == row->fields.end())
-      refuse(fmt::format("{}: it has no field '{}'", name, short_text(field)));
+      refuse(fmt::format("{}: unknown field '{}'", name, short_text(field)));
     take_field(field, value, request);
   }
   check_complete(request, line);

@@ -146,15 +146,15 @@ void ControlServer::admit(UniqueFd fd) {
   const ControlRights rights = peer ? rights_of(*peer, policy_) : ControlRights::None;
   if (rights == ControlRights::None) {
     refused_.fetch_add(1);
-    return tell_and_close(fd, {ErrorKind::Device, "control: another user's player",
-                               "be its user, root, or in the group of --control-group"});
+    return tell_and_close(fd, {ErrorKind::Device, "control: the player belongs to another user",
+                               "connect as its user, as root, or as a member of --control-group"});
   }
   if (clients_.size() >= options_.limits.clients && !make_room(rights)) {
     refused_.fetch_add(1);
     return tell_and_close(
         fd, {ErrorKind::Device,
              fmt::format("control: {} clients are connected and busy", options_.limits.clients),
-             "close one of them, or come back when one is idle"});
+             "close one of them, or try again when one is idle"});
   }
   accepted_.fetch_add(1);
   auto client = std::make_unique<Client>();
@@ -186,8 +186,10 @@ bool ControlServer::make_room(ControlRights newcomer) {
   const bool idle = !is_busy(**victim) && (*victim)->asked_at <= idle_since;
   if (!idle && !always) return false;
   displaced_.fetch_add(1);
-  tell_and_close((*victim)->fd, {ErrorKind::Device, "control: another client needs the place",
-                                 "connect again when there is something to ask"});
+  tell_and_close(
+      (*victim)->fd,
+      {ErrorKind::Device, "control: disconnected, because another client needed the connection",
+       "connect again for the next request"});
   clients_.erase(victim);
   return true;
 }
@@ -229,7 +231,7 @@ void ControlServer::take_lines(Client& client) {
   client.closing = true;
   queue(client, error_line(nullptr, {ErrorKind::Usage,
                                      fmt::format("request: longer than {} bytes", kMaxControlLine),
-                                     "one request a line"}));
+                                     "send one request per line"}));
 }
 
 void ControlServer::take_line(Client& client, const std::string& line) {

@@ -17,8 +17,8 @@ using nlohmann::ordered_json;
 constexpr size_t kMaxTasks = 4;
 
 Error nothing_to_steer() {
-  return {ErrorKind::Failed, "control: nothing is playing that could be steered",
-          "'status' says what the player is at"};
+  return {ErrorKind::Failed, "control: nothing is playing",
+          "'status' says what the player is doing"};
 }
 
 ordered_json place_json(const PlaylistStatus& status) {
@@ -101,8 +101,10 @@ void PlayControls::handle(const ControlRequest& request, ControlRights rights, A
       return answer(change_trim(request));
     case ControlVerb::Snapshot:
       if (rights != ControlRights::Everything)
-        throw Error(ErrorKind::Device, "snapshot: it writes a file as the player's user",
-                    "be the player's user, or root");
+        throw Error(
+            ErrorKind::Device,
+            "snapshot: not permitted, because the file would be written as the player's user",
+            "connect as the player's user, or as root");
       return snapshot(request, answer);
     case ControlVerb::Quit:
       answer(ordered_json{{"quitting", true}});
@@ -110,7 +112,7 @@ void PlayControls::handle(const ControlRequest& request, ControlRights rights, A
     case ControlVerb::Subscribe:
       break;
   }
-  throw Error(ErrorKind::Usage, "control: not for the player");
+  throw Error(ErrorKind::Usage, "control: the player does not handle this request");
 }
 
 // --- queries --------------------------------------------------------------------------------
@@ -209,7 +211,7 @@ void PlayControls::load(const ControlRequest& request, const Answer& answer) {
 }
 
 ordered_json PlayControls::change_trim(const ControlRequest& request) {
-  if (!options_.trim) throw Error(ErrorKind::Failed, "trim: this player has none");
+  if (!options_.trim) throw Error(ErrorKind::Failed, "trim: this player cannot change the trim");
   const optics::Trim now = options_.trim->change([&](const optics::Trim& trim) {
     if (request.relative)
       return optics::changed_by(trim, request.offset_lenses.value_or(0.0),
@@ -233,8 +235,8 @@ ordered_json PlayControls::take_snapshot(const ControlRequest& request) {
   frames::WovenFrame glass(options_.panel);
   const GlassPlace place = playback_.on_glass();
   if (!playback_.copy_shown(glass))
-    throw Error(ErrorKind::Failed, "snapshot: the frame on the glass is not in memory",
-                "with a source that lends few frames: play with more --slots");
+    throw Error(ErrorKind::Failed, "snapshot: the displayed frame is not in memory",
+                "if the source keeps few frames, play with more --slots");
   if (request.eye_mm) glass = seen_by(options_.trim->rig(), glass, *request.eye_mm);
   frames::write_woven(glass.view(), request.file);
   return {{"file", request.file},
@@ -249,7 +251,7 @@ void PlayControls::work_on(Answer answer, std::function<void(const Answer&)> tas
   {
     const std::lock_guard lock(tasks_mutex_);
     if (tasks_.size() >= kMaxTasks)
-      throw Error(ErrorKind::Failed, "control: too much to do already", "ask again later");
+      throw Error(ErrorKind::Failed, "control: too many requests are pending", "try again later");
     tasks_.push_back({std::move(answer), std::move(task)});
   }
   task_there_.notify_one();

@@ -240,7 +240,7 @@ Filler::Step Filler::begin_next_loop() {
   if (frames_this_loop_ == 0) {
     // A source that can be repeated would be empty again; a ring waits for the next renderer.
     const bool another_may_come = options_.loops == kForever && !source_.rewind();
-    if (!another_may_come) return end(State::Failed, "the sequence holds no frame");
+    if (!another_may_come) return end(State::Failed, "the sequence contains no frame");
     between_sequences_.store(true);
     notify_presenter();
     return Step::NoFrame;
@@ -249,7 +249,7 @@ Filler::Step Filler::begin_next_loop() {
   statistics_.loops.add();
   if (statistics_.loops.get() == options_.loops) return end(State::Ended, "");
   if (source_.rewind()) return Step::Worked;
-  if (options_.loops != kForever) return end(State::Failed, "the sequence cannot be played again");
+  if (options_.loops != kForever) return end(State::Failed, "the sequence cannot be repeated");
   between_sequences_.store(true);
   notify_presenter();
   return Step::NoFrame;

@@ -13,7 +13,7 @@ namespace lenticule::player {
 LatePolicy parse_late_policy(std::string_view text) {
   for (const LatePolicy policy : {LatePolicy::Slip, LatePolicy::Drop, LatePolicy::Hold})
     if (text == late_policy_name(policy)) return policy;
-  throw Error(ErrorKind::Usage, fmt::format("late policy '{}': there is none of that name", text),
+  throw Error(ErrorKind::Usage, fmt::format("late policy '{}': unknown", text),
               "use slip, drop or hold");
 }
 

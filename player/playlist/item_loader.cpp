@@ -377,7 +377,7 @@ void ItemLoader::jump(const Jump& jump, const JumpDone& done) {
   try {
     const std::lock_guard lock(mutex_);
     if (ended_)
-      throw Error(ErrorKind::Failed, "control: playing is about to end", "pause it earlier");
+      throw Error(ErrorKind::Failed, "control: playback is about to end", "pause it earlier");
     replaced = std::exchange(wish_, Wish{.place = cursor_.target_of(jump),
                                          .frame = jump.frame,
                                          .serial = wish_serial_ + 1,
@@ -392,7 +392,7 @@ void ItemLoader::jump(const Jump& jump, const JumpDone& done) {
   }
   work_there_.notify_all();
   if (error) return done(&*error);
-  const Error superseded(ErrorKind::Failed, "load: another one came before it was ready");
+  const Error superseded(ErrorKind::Failed, "load: replaced by a later load before it was ready");
   if (replaced && replaced->done) replaced->done(&superseded);
 }
 

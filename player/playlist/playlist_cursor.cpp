@@ -27,7 +27,7 @@ PlaylistPlace PlaylistCursor::target_of(const Jump& jump) const {
   if (jump.relative) index = ((index + here) % items + items) % items;
   if (!jump.item && !jump.list) index = here;
   if (index < 0 || index >= items)
-    throw Error(ErrorKind::Usage, fmt::format("item {}: the list has {}", index, items),
+    throw Error(ErrorKind::Usage, fmt::format("item {}: the list has {} items", index, items),
                 "items are counted from 0");
   return {.list = list,
           .index = static_cast<size_t>(index),

@@ -60,13 +60,13 @@ Playlist Reader::read(std::string_view text) const {
       // toml++'s conversion to a whole number is undefined for a float that is too large, so the
       // type is checked first.
       const auto* const format = node.as_integer();
-      if (format == nullptr || format->get() != 1)
-        fail(node, "format: this program reads format 1");
+      if (format == nullptr || format->get() != 1) fail(node, "format: unknown; expected 1");
     } else if (key.str() == "loop") {
       list.rounds = loops(node);
     } else if (key.str() == "default") {
       list.standby = item(node);
-      if (list.standby->schedule) fail(node, "default: is for all times that no item is for");
+      if (list.standby->schedule)
+        fail(node, "default: must not have a schedule: it plays when no item is scheduled");
     } else if (key.str() == "item") {
       items(node, list);
     } else {
@@ -74,7 +74,7 @@ Playlist Reader::read(std::string_view text) const {
               "a list has format, loop, [default] and [[item]]");
     }
   }
-  if (list.items.empty()) fail_at(1, "no [[item]]", "an item has at least: source = \"...\"");
+  if (list.items.empty()) fail_at(1, "no [[item]]", "an item needs at least source = \"...\"");
   return list;
 }
 
@@ -92,8 +92,8 @@ PlaylistItem Reader::item(const toml::node& node) const {
   PlaylistItem item;
   for (const auto& [key, value] : *table) {
     if (key.str() == "rig")
-      fail_at(key.source().begin.line, "rig: a list is played on one panel",
-              "its rig is given with --rig");
+      fail_at(key.source().begin.line, "rig: not allowed in a list, which is played on one panel",
+              "use --rig instead");
     item_key(key.str(), value, item);
   }
   if (item.source.text.empty()) fail(node, "no source");
@@ -133,30 +133,31 @@ void Reader::item_key(std::string_view key, const toml::node& node, PlaylistItem
 
 std::string Reader::text(const toml::node& node) const {
   if (const auto* const value = node.as_string()) return value->get();
-  fail(node, "not a text in quotes");
+  fail(node, "not a string in quotes");
 }
 
 bool Reader::waits_until_primed(const toml::node& node) const {
   const std::string cut = text(node);
   if (cut != "gapless" && cut != "primed")
-    fail(node, fmt::format("cut '{}': there is none of that name", cut.substr(0, 64)),
-         "gapless: with the next frame; primed: when it is decoded ahead");
+    fail(node, fmt::format("cut '{}': unknown", cut.substr(0, 64)),
+         "use gapless (starts with the next frame) or primed (starts when frames are decoded "
+         "ahead)");
   return cut == "primed";
 }
 
 SourceSpec Reader::source(const toml::node& node) const {
   const std::string name = text(node);
   if (name.empty() || name.size() > kMaxSourceBytes || name.find('\0') != std::string::npos)
-    fail(node, "source: not a name");
+    fail(node, "source: not a valid name");
   const SourceSpec source = parse_source(name);
-  if (source.kind == SourceKind::List) fail(node, "source: a list holds no lists");
+  if (source.kind == SourceKind::List) fail(node, "source: a list cannot contain a list");
   return source.in_folder(folder_);
 }
 
 double Reader::seconds(const toml::node& node) const {
   const auto value = node.is_number() ? node.value<double>() : std::nullopt;
   if (value && *value > 0.0 && *value <= kMaxSeconds) return *value;
-  fail(node, "not a number of seconds", fmt::format("more than 0, at most {}", kMaxSeconds));
+  fail(node, "not a number of seconds", fmt::format("write more than 0, at most {}", kMaxSeconds));
 }
 
 uint64_t Reader::loops(const toml::node& node) const {
@@ -165,7 +166,7 @@ uint64_t Reader::loops(const toml::node& node) const {
   const auto* const number = node.as_integer();
   if (number != nullptr && number->get() >= 1 && number->get() <= kMaxLoops)
     return static_cast<uint64_t>(number->get());
-  fail(node, "not a number of loops", "write a number from 1 on, or \"forever\"");
+  fail(node, "not a number of loops", "write a number of 1 or more, or \"forever\"");
 }
 
 Schedule Reader::schedule(const toml::node& node) const {
@@ -184,7 +185,7 @@ Schedule Reader::schedule(const toml::node& node) const {
               "a schedule has days, from and to");
   }
   if (schedule.from_minute == schedule.to_minute || schedule.from_minute == 24 * 60)
-    fail(node, "schedule: from and to leave no time between them");
+    fail(node, "schedule: from and to leave no time in between");
   return schedule;
 }
 

@@ -27,7 +27,8 @@ constexpr size_t kMostLent = 64;
 
 void check(bool done) {
   if (done) return;
-  throw Error(ErrorKind::Failed, fmt::format("playlist: no descriptor: {}", std::strerror(errno)),
+  throw Error(ErrorKind::Failed,
+              fmt::format("playlist: cannot create a file descriptor: {}", std::strerror(errno)),
               "raise the limit of open files");
 }
 
@@ -99,7 +100,7 @@ PullStatus PlaylistSource::pull_current(LentFrame& out) {
         return PullStatus::End;
       }
       if (!item.waited_too_long()) return PullStatus::NotYet;
-      break_current(fmt::format("no frame came for {} s", item.item.wait_s));
+      break_current(fmt::format("no frame arrived for {} s", item.item.wait_s));
       return PullStatus::End;
     case PullStatus::End:
       if (item.waits_for_renderer) {
@@ -225,7 +226,7 @@ bool PlaylistSource::goes_round(OpenItem& item) {
     // The only item is a ring that plays forever: the next renderer may deliver
     // frames.
     item.waits_for_renderer = item.is_alone() && loops == kForever && item.opened.loop_obstacle;
-    if (!item.waits_for_renderer) break_current("it holds no frame");
+    if (!item.waits_for_renderer) break_current("it contains no frame");
     return true;
   }
   bool more = limited || loops == kForever || item.loops_done < loops;
@@ -240,7 +241,7 @@ bool PlaylistSource::goes_round(OpenItem& item) {
   } else if (item.opened.loop_obstacle && (limited || loops == kForever)) {
     item.waits_for_renderer = true;
   } else {
-    break_current("it cannot be played again");
+    break_current("it cannot be repeated");
   }
   return true;
 }
@@ -315,7 +316,7 @@ void PlaylistSource::leave_current() {
 void PlaylistSource::break_current(const std::string& why) {
   const std::string source = current_->item.source.text;
   leave_current();
-  loader_.skip(source, why.empty() ? "frames of another size than the panel" : why);
+  loader_.skip(source, why.empty() ? "frame size differs from the panel's" : why);
 }
 
 void PlaylistSource::watch(const OpenItem& item, bool on) const {
@@ -342,14 +343,14 @@ void PlaylistSource::try_arrival() {
     case PullStatus::NotYet:
       if (SteadyClock::now() - arrival->since < kLongestJump)
         return loader_.put_back(std::move(*arrival));
-      return loader_.fail(std::move(*arrival), "no frame came");
+      return loader_.fail(std::move(*arrival), "no frame arrived");
     case PullStatus::End:
-      return loader_.fail(std::move(*arrival), "it holds no frame");
+      return loader_.fail(std::move(*arrival), "it contains no frame");
     case PullStatus::Failed:
       break;
   }
   const std::string why = source.failure();
-  loader_.fail(std::move(*arrival), why.empty() ? "frames of another size" : why);
+  loader_.fail(std::move(*arrival), why.empty() ? "frame size has changed" : why);
 }
 
 void PlaylistSource::arrive(ItemLoader::Arrival arrival, LentFrame first) {

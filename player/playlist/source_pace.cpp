@@ -32,7 +32,7 @@ nlohmann::ordered_json to_json(const PaceFigures& figures) {
 }
 
 std::string figures_text(const PaceFigures& figures) {
-  return fmt::format("needs {:.1f} frames/s ({:.0f} MB/s), {:.1f} frames/s ({:.0f} MB/s) came",
+  return fmt::format("needs {:.1f} frames/s ({:.0f} MB/s), measured {:.1f} frames/s ({:.0f} MB/s)",
                      figures.needed_fps, figures.needed_mb_s, figures.seen_fps, figures.seen_mb_s);
 }
 
@@ -87,7 +87,8 @@ PaceFigures measure_source(frames::FrameSource& source, frames::Rate needed,
       ++frames;
     }
   }
-  if (pulled == 0) throw Error(ErrorKind::Input, "the source holds no frame, or none came in time");
+  if (pulled == 0)
+    throw Error(ErrorKind::Input, "the source contains no frame, or none arrived in time");
   const double seconds = std::chrono::duration<double>(SteadyClock::now() - *begin).count();
   PaceFigures figures{.needed_fps = needed.hertz()};
   // A source that fits the pool is decoded only once and never has to wait.

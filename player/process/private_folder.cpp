@@ -42,7 +42,7 @@ PrivateFolder::PrivateFolder() {
       tried += fmt::format("{}{}", tried.empty() ? "" : ", ", error.what());
     }
   }
-  throw Error(ErrorKind::Failed, fmt::format("no folder for a socket can be made: {}", tried),
+  throw Error(ErrorKind::Failed, fmt::format("cannot create a folder for a socket: {}", tried),
               "free some space in one of these folders");
 }
 

@@ -11,7 +11,7 @@ using display::OutputRequest;
 using display::PanelInfo;
 using display::PanelSearch;
 
-constexpr const char* kGoesOn = "Playing goes on by itself as soon as it is there.";
+constexpr const char* kContinues = "Playback continues automatically when the panel is found.";
 
 bool is_named_by(const OutputRequest& request, const PanelInfo& panel) {
   return request.identity.empty() || (panel.identity && matches(request.identity, *panel.identity));
@@ -27,19 +27,19 @@ Trouble trouble_with(const OutputRequest& request, const PanelSearch& search,
   if (!panel.identity && !request.identity.empty())
     return {"UNKNOWN PANEL",
             fmt::format("Its EDID is {}: switch it off and on, or replace the cable. {}",
-                        display::edid_problem_name(panel.edid_problem), kGoesOn)};
+                        display::edid_problem_name(panel.edid_problem), kContinues)};
   if (!is_named_by(request, panel))
     return {
         "WRONG PANEL",
         fmt::format("Connect the expected panel. Or, if this one is right, give it a rig of its "
                     "own: 'lenticule panels' says what to write under [identity]. {}",
-                    kGoesOn)};
+                    kContinues)};
   if (!search.may_come) return {"WHICH PANEL?", search.refusal.hint() + "."};
   return {
       "NO SUCH MODE",
       fmt::format("Frames fit one panel, pixel for pixel. Connect the expected panel, or use this "
                   "panel's own rig. {}",
-                  kGoesOn)};
+                  kContinues)};
 }
 
 const display::ModeInfo* preferred_mode(const PanelInfo& panel) {
@@ -86,7 +86,7 @@ CardText wrong_panel_card(const OutputRequest& request, const PanelSearch& searc
 CardText trouble_card(const std::string& what, const Error& error) {
   CardText card{.headline = "CANNOT PLAY", .rows = {{"what", what}, {"why", error.what()}}};
   if (!error.hint().empty()) card.rows.push_back({"do", error.hint()});
-  card.rows.push_back({"", "It is tried again by itself."});
+  card.rows.push_back({"", "The player tries again automatically."});
   return card;
 }
 

@@ -94,7 +94,7 @@ std::string read_standard_input() {
     if (got <= 0) break;
     text.append(bytes.data(), static_cast<size_t>(got));
     if (text.size() > kMaxScriptBytes)
-      throw Error(ErrorKind::Input, "standard input: larger than a script of keys may be");
+      throw Error(ErrorKind::Input, "standard input: script of keys too large");
   }
   return text;
 }

@@ -96,7 +96,7 @@ ReconnectResult PanelWait::reconnect(display::KmsDisplay& display, const LostDis
   try {
     if (!was_sound) (void)rest(kRound);
     if (now() >= give_up)
-      throw Error(ErrorKind::Device, "kms: lost again and again",
+      throw Error(ErrorKind::Device, "kms: the panel is lost repeatedly",
                   "'lenticule doctor' tests this output");
     try_until(
         give_up, [&] { display.reconnect(); }, lost.serve_source);

@@ -51,7 +51,7 @@ std::string PlayOutputs::tell_trouble() {
       const std::string what = names_it ? reason : fmt::format("{}: {}", file.name, reason);
       all += all.empty() ? what : ", " + what;
       if (cannot_write_.insert(file.name).second)
-        say("{}; playing goes on, and it is tried again\n", what);
+        say("{}; playback continues, and the player tries again\n", what);
     } else if (cannot_write_.erase(file.name) > 0) {
       say("{}: written again after {} failures\n", file.name, file.state.failures);
     }
@@ -79,8 +79,8 @@ ordered_json PlayOutputs::finish_recording() {
   }
   const uint64_t skipped = recorder.skipped();
   if (skipped > 0)
-    say("{}: {} frames that were on the glass came too fast and are not recorded\n"
-        "  record checksums, or fewer frames a second, or with --clock simulated\n",
+    say("{}: {} displayed frames came too fast and are not recorded\n"
+        "  record checksums, play fewer frames per second, or use --clock simulated\n",
         flags_.record, skipped);
   return {{"place", flags_.record}, {"skipped", skipped}, {"lost", recorder.lost()}};
 }

@@ -30,7 +30,7 @@ uint64_t parse_loops(const PlayFlags& flags, SourceKind kind) {
   if (flags.loop == "forever") return kForever;
   if (const auto loops = number_from<uint64_t>(flags.loop); loops && *loops > 0) return *loops;
   throw Error(ErrorKind::Usage, fmt::format("--loop '{}': not a number of loops", flags.loop),
-              "write a number from 1 on, or forever");
+              "write a number of 1 or more, or forever");
 }
 
 /// Parses a timeout; none = forever.
@@ -40,7 +40,7 @@ std::optional<std::chrono::nanoseconds> parse_wait(const char* flag, const std::
   const auto seconds = number_from<uint32_t>(text);
   if (seconds && *seconds >= least) return std::chrono::seconds(*seconds);
   throw Error(ErrorKind::Usage, fmt::format("{} '{}': not a number of seconds", flag, text),
-              fmt::format("write a number from {} on, or forever", least));
+              fmt::format("write a number of {} or more, or forever", least));
 }
 
 display::ExitPolicy exit_policy(const std::string& on_exit, bool service) {
@@ -52,11 +52,11 @@ display::ExitPolicy exit_policy(const std::string& on_exit, bool service) {
 /// Returns the options of a KMS display other than its name.
 display::KmsOptions kms_options(const PlayFlags& flags, const optics::Rig& rig, bool service) {
   if (!flags.record.empty())
-    throw Error(ErrorKind::Usage, "--record: a graphics card does not tell what it showed",
-                "record with --display virtual");
+    throw Error(ErrorKind::Usage, "--record: a graphics card does not report what it displayed",
+                "use --display virtual");
   if (flags.clock != "real")
-    throw Error(ErrorKind::Usage, "--clock: a panel has a clock of its own",
-                "simulate with --display virtual");
+    throw Error(ErrorKind::Usage, "--clock: cannot be set for a panel, which has its own clock",
+                "use --display virtual");
   display::KmsOptions options;
   options.output.identity = rig.identity;
   options.exit = exit_policy(flags.on_exit, service);
@@ -84,15 +84,16 @@ int slots_of(const PlayFlags& flags, frames::FrameGeometry panel) {
   throw Error(
       ErrorKind::Usage,
       fmt::format("--memory {}: less than two frames for each of three sources", *flags.memory_mib),
-      fmt::format("at least {} for this panel", (panel.frame_bytes() * 6 >> 20) + 1));
+      fmt::format("use at least {} for this panel", (panel.frame_bytes() * 6 >> 20) + 1));
 }
 
 void plan_control(const PlayFlags& flags, PlayPlan& plan) {
   if (!flags.control_group.empty() && flags.control.empty())
-    throw Error(ErrorKind::Usage, "--control-group: there is no control socket", "add --control");
+    throw Error(ErrorKind::Usage, "--control-group: has no effect without a control socket",
+                "add --control");
   if (!flags.control.empty() && flags.clock == "simulated")
-    throw Error(ErrorKind::Usage, "--control: simulated time does not wait for clients",
-                "leave --clock simulated out");
+    throw Error(ErrorKind::Usage, "--control: cannot be combined with --clock simulated",
+                "leave out --clock simulated");
   if (!flags.control_group.empty()) plan.control_group = group_named(flags.control_group);
 }
 
@@ -102,8 +103,8 @@ void plan_content(const PlayFlags& flags, PlayPlan& plan) {
   const SourceSpec& source = plan.source.spec;
   if (source.content.any() && !source.has_pictures())
     throw Error(ErrorKind::Usage,
-                fmt::format("{}: flags for the layout of views are for one file", source.text),
-                "items of a list have it in their names or sidecars: docs/content.md");
+                fmt::format("{}: flags for the layout of views need a single file", source.text),
+                "items of a list state their layout in names or sidecars: docs/content.md");
   (void)weave_options(flags.weaving);  // called early for its errors
   plan.source.weaving = flags.weaving;
 }
@@ -114,13 +115,13 @@ void check_display_choice(const PlayFlags& flags, bool service) {
   if (flags.display_named) return;
   const auto refuse = [](const std::string& what) {
     throw Error(ErrorKind::Usage, what,
-                "add --display kms, or --display virtual where no panel is needed");
+                "add --display kms, or --display virtual if no panel is needed");
   };
-  if (service) refuse("--display: a service is told what it plays on");
-  if (!flags.wait_for_panel.empty()) refuse("--wait-for-panel: no panel is named");
-  if (!flags.on_exit.empty()) refuse("--on-exit: no panel is named");
-  say("no display is named: played on the virtual display, which shows nothing "
-      "(--display kms is a panel)\n");
+  if (service) refuse("--display: missing; a service needs it");
+  if (!flags.wait_for_panel.empty()) refuse("--wait-for-panel: has no effect without --display");
+  if (!flags.on_exit.empty()) refuse("--on-exit: has no effect without --display");
+  say("no --display: playing on the virtual display, which shows nothing (--display kms is a "
+      "panel)\n");
 }
 
 PlayPlan make_plan(const PlayFlags& flags, bool service) {

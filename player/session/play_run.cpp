@@ -45,9 +45,8 @@ uint64_t whole_vblanks(Nanoseconds duration, frames::Rate refresh) {
 /// Frames that another process wove cannot be woven again here.
 std::string trim_advice(const SourceRequest& source) {
   if (source.spec.kind == SourceKind::RigViews || is_woven_here(source)) return {};
-  return "these frames were woven before this trim "
-         "and do not follow it: make them again; a player "
-         "and its renderer take the trim when both are started again";
+  return "these frames were woven before this trim and do not follow it: render or weave them "
+         "again; a player and its renderer use the trim after both are restarted";
 }
 
 Error crash_loop(const SafeStart& safe) {
@@ -56,7 +55,7 @@ Error crash_loop(const SafeStart& safe) {
           fmt::format("the player ended {} times within two minutes; the last "
                       "time: {}",
                       safe.failures, last),
-          "look into the journal"};
+          "see the journal"};
 }
 
 }  // namespace
@@ -286,11 +285,11 @@ void PlayRun::follow_rig() {
   if (complaint.empty())
     say("{}: can be used again\n", flags_.rig);
   else
-    say("{}; the rig stays what it was\n", complaint);
+    say("{}; the previous rig stays in use\n", complaint);
 }
 
 void PlayRun::reload() {
-  say("reloading: rig, list and films are looked at again\n");
+  say("reloading: checking rig, list and films for changes\n");
   plan_.source.rig->read_again();
   steered_->look_again();
   outputs_.try_at_once();
@@ -344,7 +343,7 @@ void PlayRun::announce() {
   if (kms_ != nullptr) told_exactness_ = kms_->exactness().summary();
   if (kms_ != nullptr)
     say("{}: {}, {}\n", display_->mode().name, told_exactness_,
-        kms_->took_over() ? "taken over without a modeset" : "lit by a modeset");
+        kms_->took_over() ? "taken over without a modeset" : "started by a modeset");
   if (!trouble_ && !opened_.stall_hint.empty())
     say("playing {} on {}: waiting for a renderer\n", flags_.source, display_->mode().name);
 }
@@ -404,7 +403,7 @@ Error PlayRun::source_trouble(const PlayResult& result) const {
     return Error(kind, fmt::format("{}: {}", flags_.source, what), hint);
   };
   if (result.outcome == PlayOutcome::SourceStalled)
-    return trouble(ErrorKind::Failed, fmt::format("no frame came for {} s", flags_.wait),
+    return trouble(ErrorKind::Failed, fmt::format("no frame arrived for {} s", flags_.wait),
                    opened_.stall_hint);
   if (const std::string why = steered_->failure(); !why.empty()) return list_trouble(why);
   const bool empty = result.report.filled == 0;
@@ -414,10 +413,10 @@ Error PlayRun::source_trouble(const PlayResult& result) const {
 }
 
 Error PlayRun::lost_display() const {
-  const std::string what = fmt::format("display '{}': it went away", flags_.display);
+  const std::string what = fmt::format("display '{}': disconnected", flags_.display);
   if (!panel_ || !panel_->refusal()) return {ErrorKind::Device, what};
   return {ErrorKind::Device,
-          fmt::format("{} and did not come back: {}", what, panel_->refusal()->what()),
+          fmt::format("{} and not reconnected: {}", what, panel_->refusal()->what()),
           panel_->refusal()->hint()};
 }
 

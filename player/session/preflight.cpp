@@ -72,13 +72,13 @@ void print_row(const ordered_json& row) {
     print_out("{}\n", text.starts_with(source) ? text : source + ": " + text);
   }
   if (!figures.is_null())
-    print_out("{}: {}: needs {:.1f} frames/s ({:.0f} MB/s), {:.1f} frames/s ({:.0f} MB/s) came\n",
-              source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
-              figures["needed_frames_per_s"].get<double>(),
-              figures["needed_mb_per_s"].get<double>(), figures["seen_frames_per_s"].get<double>(),
-              figures["seen_mb_per_s"].get<double>());
+    print_out(
+        "{}: {}: needs {:.1f} frames/s ({:.0f} MB/s), measured {:.1f} frames/s ({:.0f} MB/s)\n",
+        source, figures["too_slow"].get<bool>() ? "TOO SLOW" : "keeps up",
+        figures["needed_frames_per_s"].get<double>(), figures["needed_mb_per_s"].get<double>(),
+        figures["seen_frames_per_s"].get<double>(), figures["seen_mb_per_s"].get<double>());
   else if (row["problems"].empty())
-    print_out("{}: a ring is not read\n", source);
+    print_out("{}: a ring is not checked\n", source);
 }
 
 }  // namespace

@@ -90,7 +90,7 @@ std::string StatisticsFile::finish(std::chrono::milliseconds patience) {
   shared_->ending = true;
   shared_->changed.notify_all();
   const bool over = shared_->changed.wait_for(lock, patience, [this] { return shared_->over; });
-  if (!over) return shared_->file.string() + ": cannot write: the disk does not answer";
+  if (!over) return shared_->file.string() + ": cannot write: the disk does not respond";
   return shared_->writes.state().reason;
 }
 

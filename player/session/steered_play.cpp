@@ -39,8 +39,8 @@ void quit_in_good_order() {
 SteeredPlay::SteeredPlay(const PlayFlags& flags, const PlayPlan& plan, const std::string& advice)
     : flags_(flags), plan_(plan), is_list_(plan.source.spec.kind == SourceKind::List) {
   if (is_list_ && plan.source.frames)
-    throw Error(ErrorKind::Usage, "--frames: a list says so item by item",
-                "write frames = \"A:B\" under its [[item]]");
+    throw Error(ErrorKind::Usage, "--frames: not allowed for a list",
+                "write frames = \"A:B\" in its [[item]]");
   if (plan.trim) trim_version_ = plan.trim->version();
   if (flags.control.empty()) return;
   controls_ = std::make_unique<PlayControls>(PlayControlsOptions{
@@ -73,7 +73,7 @@ void SteeredPlay::listen() {
     const bool may_change = error.kind() == ErrorKind::Failed && folder_exists(flags_.control);
     const bool first = listening_.state().failures == 0;
     if (first && !may_change) throw;
-    if (first) say("{}; playing goes on, and it is tried again\n", error.what());
+    if (first) say("{}; playback continues, and the player tries again\n", error.what());
     listening_.failed(error.what());
   }
 }
@@ -144,9 +144,9 @@ void SteeredPlay::on_item(const PlaylistEvent& event) {
       return complain("left out", event);
     case PlaylistEvent::Kind::Kept:
       publish({{"event", "not_replaced"}, {"source", event.source}, {"cause", event.detail}});
-      return complain("the one before goes on", event);
+      return complain("the previous one continues", event);
     case PlaylistEvent::Kind::Replaced:
-      say("{}: was replaced, and is played as it is now\n", event.source);
+      say("{}: was replaced; the new version is played\n", event.source);
       return publish({{"event", "replaced"}, {"source", event.source}});
   }
 }
@@ -226,7 +226,7 @@ std::string SteeredPlay::failure() const {
   const bool nothing_played = status.started == 0;
   const bool only_one_broke = !is_list_ && status.started <= 1 && status.skipped > 0;
   if (!nothing_played && !only_one_broke) return {};
-  return status.last_trouble.empty() ? "nothing in it could be played" : status.last_trouble;
+  return status.last_trouble.empty() ? "none of its items could be played" : status.last_trouble;
 }
 
 }  // namespace lenticule::player

@@ -15,8 +15,8 @@ namespace {
 
 std::unique_ptr<KeyInput> terminal_keys() {
   if (isatty(STDIN_FILENO) != 1)
-    throw Error(ErrorKind::Usage, "--trim: standard input is no terminal",
-                "trim with: lenticule rig trim RIG --offset-by 0.01");
+    throw Error(ErrorKind::Usage, "--trim: standard input is not a terminal",
+                "use lenticule rig trim RIG --offset-by 0.01");
   return open_key_input({});
 }
 

@@ -207,12 +207,12 @@ class Decoder {
           fmt::format("{}: not decoded after {:.3g} s of processor time, the limit of this "
                       "picture",
                       file.string(), std::chrono::duration<double>(processor_limit_).count()),
-          "convert it to a PNG or an uncompressed TIFF");
+          "convert it to PNG or uncompressed TIFF");
     const auto silence = SteadyTime::now() - silent_since_;
     const milliseconds longest = ready_ ? limits_.silence : kStartPatience;
     if (silence > longest)
       throw Error(ErrorKind::Input,
-                  fmt::format("{}: its decoder was silent for {} s", file.string(),
+                  fmt::format("{}: its decoder did not respond for {} s", file.string(),
                               std::chrono::duration_cast<seconds>(longest).count()));
     if (interrupted() && silence > kInterruptedPatience)
       throw Error(ErrorKind::Failed, fmt::format("{}: interrupted", file.string()));
@@ -298,7 +298,7 @@ class Decoder {
     throw Error(ready_ ? ErrorKind::Input : ErrorKind::Failed,
                 ready_ ? fmt::format("{}: its decoder {}", file.string(), how)
                        : fmt::format("lenticule-video: {} before its first picture", how),
-                ready_ ? "the file is broken; convert it anew"
+                ready_ ? "the file is broken; convert it again"
                        : "reinstall lenticule-media, or use a kernel with seccomp filters");
   }
 

@@ -34,7 +34,7 @@ void refuse_other_flags(const ContentFlags& flags) {
                     (flags.depth.empty() ? 0 : 1) + (flags.from_rig.empty() ? 0 : 1);
   if (kinds > 1)
     throw Error(ErrorKind::Usage, "--grid, --stereo, --depth and --from-rig exclude each other",
-                "each says another thing about the same picture");
+                "use one of them");
 }
 
 void require_agreement(const std::string& text, const frames::QuiltSidecar& sidecar,
@@ -44,14 +44,14 @@ void require_agreement(const std::string& text, const frames::QuiltSidecar& side
     throw Error(ErrorKind::Input,
                 fmt::format("{}: its name says {} x {} tiles, {} {} x {}", text, named.columns,
                             named.rows, file, *sidecar.columns, *sidecar.rows),
-                "rename one of them, or say --grid");
+                "rename one of them, or use --grid");
   const bool aspects_differ = sidecar.aspect && named.aspect &&
                               std::abs(*sidecar.aspect / *named.aspect - 1.0) > kSameAspect;
   if (!flags.aspect && aspects_differ)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: its name says an aspect of {}, {} {}", text, *named.aspect, file,
                             *sidecar.aspect),
-                "rename one of them, or say --aspect");
+                "rename one of them, or use --aspect");
 }
 
 /// Combines the name, the sidecar and the flags; later ones override earlier ones.
@@ -102,7 +102,7 @@ ContentMeaning with_depth(const ContentFlags& flags,
 
 ContentMeaning stereo(const frames::StereoLayout& layout, const ContentFlags& flags) {
   if (flags.views != 0 && flags.views != 2)
-    throw Error(ErrorKind::Usage, fmt::format("--views {}: two eyes are two views", flags.views));
+    throw Error(ErrorKind::Usage, fmt::format("--views {}: stereo has two views", flags.views));
   return {.kind = Kind::Stereo, .stereo = layout};
 }
 
@@ -122,11 +122,12 @@ std::optional<ContentMeaning> tagged_stereo(const SourceSpec& source) {
   if (!tag) return std::nullopt;
   const bool beside = tag->layout == "side by side";
   if (!beside && tag->layout != "top and bottom")
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: its stereo tag says '{}'; two eyes beside or above each other "
-                            "are read",
-                            text, tag->layout),
-                "--stereo none plays it as it is");
+    throw Error(
+        ErrorKind::Input,
+        fmt::format(
+            "{}: its stereo tag says '{}'; only side by side and top and bottom are supported",
+            text, tag->layout),
+        "use --stereo none to play it unchanged");
   // The shape of the pixels shows whether each eye is squeezed.
   ContentMeaning meaning = stereo({.beside = beside, .half = false}, flags);
   meaning.rightmost_first = tag->right_first;
@@ -139,13 +140,13 @@ void refuse_multi_picture(const std::string& text) {
     throw Error(
         ErrorKind::Input,
         fmt::format("{}: a file of several pictures, of which only the first can be read", text),
-        "take them apart, for example with exiftool, and play 'views:left.jpg|right.jpg'");
+        "separate them, for example with exiftool, and play 'views:left.jpg|right.jpg'");
 }
 
 ContentMeaning other_rig(const ContentFlags& flags) {
   if (!flags.grid.empty() || flags.aspect || flags.invert)
     throw Error(ErrorKind::Usage, "--from-rig: the input is a woven frame, not a quilt",
-                "leave --grid, --aspect and --invert away");
+                "leave out --grid, --aspect and --invert");
   return {.kind = Kind::OtherRig};
 }
 
@@ -209,13 +210,13 @@ void refuse_idle_flags(const SourceSpec& source, Kind kind) {
   const bool has_depth = kind == Kind::OwnDepth || kind == Kind::DepthInside;
   if (!has_depth && (!flags.depth_range.empty() || flags.invert_depth))
     throw Error(ErrorKind::Usage, fmt::format("--depth-range: {} has no depth", source.text),
-                "--depth says where it is");
+                "name the depth with --depth");
   const bool about_views = flags.views != 0 || flags.aspect || flags.invert;
   if (kind == Kind::Woven && about_views && source.has_pictures())
-    throw Error(ErrorKind::Usage,
-                fmt::format("{}: woven frames, of which --views, --aspect and --invert say nothing",
-                            source.text),
-                "--grid, --stereo, --depth or 'views:' say how views lie in it");
+    throw Error(
+        ErrorKind::Usage,
+        fmt::format("{}: --views, --aspect and --invert do not apply to woven frames", source.text),
+        "if it contains views, describe them with --grid, --stereo, --depth or 'views:'");
 }
 
 }  // namespace

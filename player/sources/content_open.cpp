@@ -61,7 +61,7 @@ bool is_video(const std::string& name) {
 void require_count(const ContentRequest& request, size_t views) {
   const int wanted = request.source.content.views;
   if (wanted != 0 && static_cast<size_t>(wanted) != views)
-    throw Error(ErrorKind::Input, fmt::format("{}: {} views, where --views says {}",
+    throw Error(ErrorKind::Input, fmt::format("{}: has {} views, but --views is {}",
                                               request.source.text, views, wanted));
 }
 
@@ -78,8 +78,8 @@ std::unique_ptr<ViewInput> open_still_views(const ContentRequest& request,
                                             const ContentMeaning& meaning,
                                             const std::vector<std::string>& names) {
   if (request.how.frames)
-    throw Error(ErrorKind::Usage, "--frames: that is one picture",
-                "give --frames to films, such as 'views:view%02d/%05d.png'");
+    throw Error(ErrorKind::Usage, "--frames: not allowed for a single picture",
+                "use --frames with films, such as 'views:view%02d/%05d.png'");
   std::vector<fs::path> files(names.begin(), names.end());
   if (meaning.rightmost_first) std::reverse(files.begin(), files.end());
   return std::make_unique<ViewInput>(frames::read_views(files, request.source.without_prefix(),
@@ -92,17 +92,18 @@ std::unique_ptr<ViewInput> open_films(const ContentRequest& request, const Conte
   const size_t most = videos ? kMostVideos : kMostFilms;
   if (names.size() > most)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: {} films, where at most {} play together", request.source.text,
+                fmt::format("{}: {} films; at most {} can be played together", request.source.text,
                             names.size(), most),
-                "make a quilt of them");
+                "combine them into a quilt");
   Sources films;
   PictureRequest how = request.how;
   how.decoder_threads = 1;
   for (const std::string& name : names) {
     films.push_back(open_pictures(name, how));
     if (films.back()->geometry() != films.front()->geometry())
-      throw Error(ErrorKind::Input, fmt::format("{}: of another size than {}", name, names[0]),
-                  "views are all of one size");
+      throw Error(ErrorKind::Input,
+                  fmt::format("{}: its size differs from that of {}", name, names[0]),
+                  "all views must have the same size");
   }
   auto arrangement =
       frames::arrange_pictures(films.front()->geometry(), static_cast<int>(names.size()),
@@ -131,8 +132,9 @@ std::unique_ptr<ViewInput> input_of(Sources sources,
 void refuse_float_depth(const std::string& file) {
   const std::string extension = fs::path(file).extension().string();
   if (extension == ".exr" || extension == ".hdr")
-    throw Error(ErrorKind::Usage, fmt::format("--depth {}: depth as floats is not read", file),
-                "store it as a grey picture, near being white");
+    throw Error(ErrorKind::Usage,
+                fmt::format("--depth {}: floating-point depth is not supported", file),
+                "store it as a grey picture in which white is near");
 }
 
 std::unique_ptr<ViewInput> open_with_own_depth(const ContentRequest& request,
@@ -155,8 +157,8 @@ optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& me
     if (meaning.rig_toml.empty())
       throw Error(
           ErrorKind::Input,
-          fmt::format("{}: does not keep the rig that it was woven for", request.source.text),
-          "name it: --from-rig RIG.toml");
+          fmt::format("{}: does not contain the rig that it was woven for", request.source.text),
+          "use --from-rig RIG.toml");
     return optics::parse_rig(meaning.rig_toml, request.source.text + ": its rig");
   }
   auto [rig, identity] = optics::load_rig_and_identity(flags.from_rig);
@@ -169,9 +171,9 @@ optics::Rig rig_of_woven(const ContentRequest& request, const ContentMeaning& me
     return optics::parse_rig(reader.info().rig_toml, request.source.text + ": its rig");
   if (matched != optics::RigMatch::Same)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: was woven for another rig ({}) than {} ({})", request.source.text,
-                            kept, flags.from_rig, identity.fingerprint),
-                "say --reweave in place of --from-rig: the rig is in the file");
+                fmt::format("{}: was woven for another rig ({}), not for {} ({})",
+                            request.source.text, kept, flags.from_rig, identity.fingerprint),
+                "use --reweave instead of --from-rig: the file contains its rig");
   return rig;
 }
 
@@ -255,7 +257,7 @@ void await_first(ViewInput& input, const std::string& name) {
         input.wait(kLook);
     }
   }
-  throw Error(ErrorKind::Failed, fmt::format("{}: no picture came", name));
+  throw Error(ErrorKind::Failed, fmt::format("{}: no picture arrived", name));
 }
 
 frames::FrameDamage await_damage(ViewInput& input) {

@@ -39,9 +39,9 @@ void FollowedRig::look() {
   try {
     optics::Rig rig = read();
     if (rig.panel.width_px != rig_.panel.width_px || rig.panel.height_px != rig_.panel.height_px) {
-      complaint_ = fmt::format("{}: is for a panel of {}x{} pixels, not of {}x{}",
-                               rig_file_.string(), rig.panel.width_px, rig.panel.height_px,
-                               rig_.panel.width_px, rig_.panel.height_px);
+      complaint_ = fmt::format("{}: is for a panel of {}x{} pixels, not {}x{}", rig_file_.string(),
+                               rig.panel.width_px, rig.panel.height_px, rig_.panel.width_px,
+                               rig_.panel.height_px);
       return;
     }
     complaint_.clear();

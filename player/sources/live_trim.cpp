@@ -46,7 +46,7 @@ std::string LiveTrim::press(const KeyPress& press) {
   try {
     take(wanted);
   } catch (const std::exception& error) {
-    return fmt::format("the trim stays: {}", error.what());
+    return fmt::format("the trim is unchanged: {}", error.what());
   }
   const std::string numbers = fmt::format("trim: offset {:+.3f} lenses, pitch {:+.1e}",
                                           wanted.offset.value, wanted.pitch_relative);

@@ -36,9 +36,9 @@ void check_size(const std::string& name, const frames::FrameGeometry& size,
                 "woven frames fit one panel, pixel for pixel: render or weave them for this rig");
   if (request.plays && pixels_of(size) > most_pixels)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: {}x{} pixels; at most {} million are played", name, size.width,
+                fmt::format("{}: {}x{} pixels; the limit is {} million", name, size.width,
                             size.height, most_pixels / 1'000'000),
-                "make the views smaller: a panel shows a fraction of so many pixels");
+                "make the views smaller; a panel shows only a fraction of so many pixels");
 }
 
 std::unique_ptr<frames::FrameSource> open_files(const std::string& text,
@@ -69,8 +69,8 @@ std::unique_ptr<frames::FrameSource> open_container(const std::string& text,
   if (request.frames) {
     const uint64_t named_first = frames::SequenceReader(text).info().first_frame;
     if (request.frames->begin < named_first)
-      throw Error(ErrorKind::Input, fmt::format("{}: begins with frame {}", text, named_first),
-                  "name a range of frames that exist");
+      throw Error(ErrorKind::Input, fmt::format("{}: starts at frame {}", text, named_first),
+                  "use a range of existing frames");
     options.begin = request.frames->begin - named_first;
     options.end = request.frames->end - named_first;
   }
@@ -89,8 +89,8 @@ int all_threads() {
 
 std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) {
   if (!frames::FilePattern::looks_like_pattern(text))
-    throw Error(ErrorKind::Usage, fmt::format("--frames: '{}' is one picture", text),
-                "write a pattern such as 'out/%05d.png'");
+    throw Error(ErrorKind::Usage, fmt::format("--frames: '{}' is a single picture", text),
+                "use a pattern such as 'out/%05d.png'");
   const frames::FilePattern pattern(text);
   std::vector<uint64_t> numbers = pattern.existing();
   std::erase_if(numbers, [&](uint64_t n) { return n < range.begin || n >= range.end; });
@@ -99,7 +99,7 @@ std::vector<fs::path> files_in_range(const std::string& text, FrameRange range) 
     const size_t index = static_cast<size_t>(n - range.begin);
     if (index >= numbers.size() || numbers[index] != n)
       throw Error(ErrorKind::Input, fmt::format("{}: no such file", pattern.path(n).string()),
-                  "name a range of frames that exist");
+                  "use a range of existing frames");
     files.push_back(pattern.path(n));
   }
   return files;

@@ -20,7 +20,7 @@ void RigWarnings::add(const std::string& warning) {
     if (known || warnings_.size() >= kMostWarnings) return;
     warnings_.push_back(warning);
   }
-  say("lenticule: {}\n  render or weave it again to have the trim in it\n", warning);
+  say("lenticule: {}\n  render or weave it again to apply the trim\n", warning);
 }
 
 std::vector<std::string> RigWarnings::all() const {

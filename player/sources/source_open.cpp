@@ -29,10 +29,12 @@ optics::RigIdentity present_rig(const SourceRequest& request) {
 OpenedSource open_ring(const SourceRequest& request) {
   const std::string socket = request.spec.without_prefix();
   if (socket.empty())
-    throw Error(ErrorKind::Usage, "source 'ring:': no socket", "write ring:/run/user/1000/panel");
+    throw Error(ErrorKind::Usage, "source 'ring:': no socket",
+                "for example ring:/run/user/1000/panel");
   if (request.frames)
-    throw Error(ErrorKind::Usage, "--frames: a ring plays what its renderer sends",
-                "give --frames to lenticule render");
+    throw Error(ErrorKind::Usage,
+                "--frames: not allowed for a ring, which plays what its renderer sends",
+                "use --frames with lenticule render");
   std::unique_ptr<frames::RingPlayer> ring =
       frames::RingPlayer::open({.socket = socket,
                                 .geometry = request.panel,
@@ -58,10 +60,9 @@ void refuse_other_kinds(const SourceSpec& source) {
   if (source.has_pictures() && extension != ".m3u" && extension != ".json" && !text.empty() &&
       !fs::is_directory(text, ignored))
     return;
-  throw Error(
-      ErrorKind::Usage, fmt::format("source '{}': not a kind that can be played", text),
-      "play ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, card or "
-      "views");
+  throw Error(ErrorKind::Usage, fmt::format("source '{}': unknown kind of source", text),
+              "use ring:SOCKET, FILE.lts, a pattern such as 'out/%05d.png', one picture, a video, "
+              "card or views");
 }
 
 void require_panel_size(const SourceRequest& request, const frames::FrameGeometry& geometry,
@@ -115,8 +116,8 @@ void require_same_rig(const SourceRequest& request, const frames::SequenceInfo& 
       ErrorKind::Input,
       fmt::format("{}: was woven for rig '{}' ({}), not for '{}' ({})", request.spec.text,
                   kept_rig_name(info), info.rig_fingerprint, request.rig_name, ours.fingerprint),
-      "woven frames fit one panel: render them for this rig, or say --reweave, which takes "
-      "them apart and costs sharpness");
+      "woven frames fit one panel: render them for this rig, or use --reweave, which weaves them "
+      "again and costs sharpness");
 }
 
 OpenedSource open_sequence(const SourceRequest& request) {
@@ -158,8 +159,8 @@ OpenedSource open_woven_here(const SourceRequest& request, const ContentMeaning&
 
 OpenedSource open_card(const SourceRequest& request) {
   if (request.frames)
-    throw Error(ErrorKind::Usage, "--frames: a test card is one picture",
-                "give --frames to a pattern such as 'out/%05d.png'");
+    throw Error(ErrorKind::Usage, "--frames: not allowed for a test card",
+                "use --frames with a pattern such as 'out/%05d.png'");
   OpenedSource opened;
   opened.source = std::make_unique<StillSource>(draw_test_card(request.panel, request.card));
   return opened;
@@ -168,8 +169,8 @@ OpenedSource open_card(const SourceRequest& request) {
 OpenedSource open_views_of_rig(const SourceRequest& request) {
   LENTICULE_CHECK(request.trim != nullptr);
   if (request.frames)
-    throw Error(ErrorKind::Usage, "--frames: numbered views are one picture",
-                "give --frames to a pattern such as 'out/%05d.png'");
+    throw Error(ErrorKind::Usage, "--frames: not allowed for numbered views",
+                "use --frames with a pattern such as 'out/%05d.png'");
   OpenedSource opened;
   opened.source = std::make_unique<ViewsSource>(request.trim);
   return opened;

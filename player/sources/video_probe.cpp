@@ -62,13 +62,14 @@ frames::FrameGeometry geometry(const JsonFields& fields) {
   constexpr uint64_t kMost = 0x7fffffff;
   const auto width = count(fields.find("width"), kMost);
   const auto height = count(fields.find("height"), kMost);
-  if (!width || !height) fields.fail("width", "no size");
+  if (!width || !height) fields.fail("width", "not a size");
   const frames::FrameGeometry size{.width = static_cast<int>(*width),
                                    .height = static_cast<int>(*height)};
   if (frames::geometry_problem(size, frames::kMinSlots) != nullptr)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: pictures of {}x{} pixels", fields.source(), *width, *height),
-                "between 1 and 32768 on a side can be played");
+                fmt::format("{}: pictures of {}x{} pixels cannot be played", fields.source(),
+                            *width, *height),
+                "each side must have 1 to 32768 pixels");
   return size;
 }
 
@@ -103,7 +104,7 @@ std::optional<VideoStereo> stereo(const JsonFields& fields) {
 VideoStream parse_stream(const json& object, const std::string& source) {
   const JsonFields fields(object, source);
   const auto index = count(fields.find("index"), kMostStreams * kMostStreams);
-  if (!index) fields.fail("index", "no number");
+  if (!index) fields.fail("index", "not a number");
   return {.index = static_cast<int>(*index),
           .geometry = geometry(fields),
           .rate = rate(fields),
@@ -124,12 +125,12 @@ VideoStream parse_stream(const json& object, const std::string& source) {
 }  // namespace
 
 std::vector<VideoStream> parse_video_probe(std::string_view text, const std::string& source) {
-  if (text.size() > kMostText) throw Error(ErrorKind::Input, source + ": too long a description");
+  if (text.size() > kMostText) throw Error(ErrorKind::Input, source + ": description too long");
   const json report = optics::parse_json(text, source);
   const JsonFields fields(report, source);
   const json* const streams = fields.find("streams");
   if (streams == nullptr || !streams->is_array() || streams->size() > kMostStreams)
-    throw Error(ErrorKind::Input, source + ": no list of streams");
+    throw Error(ErrorKind::Input, source + ": the list of streams is missing or too long");
   if (streams->empty()) throw Error(ErrorKind::Input, source + ": no stream with pictures");
   std::vector<VideoStream> all;
   for (const json& stream : *streams) all.push_back(parse_stream(stream, source));

@@ -87,9 +87,9 @@ std::vector<VideoStream> probe_video(const fs::path& file, const fs::path& progr
   if (result.exit_code == kInput) throw Error(ErrorKind::Input, first_line(result.output));
   if (result.exit_code == kFailed) throw Error(ErrorKind::Failed, first_line(result.output));
   throw Error(ErrorKind::Input,
-              fmt::format("{}: the program that looks at it {}", file.string(),
-                          result.timed_out ? "does not come to an end" : "crashed"),
-              "the file is broken; convert it anew");
+              fmt::format("{}: the program that examines it {}", file.string(),
+                          result.timed_out ? "does not end" : "crashed"),
+              "the file is broken; convert it again");
 }
 
 }  // namespace lenticule::player

@@ -38,8 +38,8 @@ const VideoStream& choose_stream(const std::vector<VideoStream>& streams,
   for (const VideoStream& stream : streams)
     if (stream.index == *request.stream) return stream;
   throw Error(ErrorKind::Usage,
-              fmt::format("{}: no stream {} with pictures", request.file.string(), *request.stream),
-              "see lenticule-video probe");
+              fmt::format("{}: stream {} has no pictures", request.file.string(), *request.stream),
+              "lenticule-video probe lists the streams");
 }
 
 frames::FrameGeometry upright_geometry(const VideoStream& stream) {
@@ -50,9 +50,10 @@ frames::FrameGeometry upright_geometry(const VideoStream& stream) {
 void refuse_tags_of_woven(const VideoStream& stream, const std::string& file) {
   constexpr double kSquare = 0.005;
   if (stream.orientation != frames::Orientation::Upright)
-    throw Error(ErrorKind::Input,
-                fmt::format("{}: is tagged to be turned, and woven frames are never turned", file),
-                "remove its rotation, or turn the views before they are woven");
+    throw Error(
+        ErrorKind::Input,
+        fmt::format("{}: is tagged to be rotated, and woven frames are never rotated", file),
+        "remove its rotation, or rotate the views before they are woven");
   if (std::abs(stream.pixel_aspect - 1.0) > kSquare)
     throw Error(ErrorKind::Input,
                 fmt::format("{}: its pixels are tagged {:.3g} times as wide as high, and woven "
@@ -68,7 +69,7 @@ void refuse_unsuitable(const VideoStream& stream, const VideoRequest& request) {
                 "convert it to RGB, or to Y'CbCr 4:4:4 of BT.709");
   if (!stream.orientation)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: is tagged to be turned by other than quarter turns", file),
+                fmt::format("{}: is tagged to be rotated, but not by quarter turns", file),
                 "remove its rotation");
   if (!request.before_weaving) refuse_tags_of_woven(stream, file);
   if (!stream.full_chroma && !request.before_weaving)
@@ -105,7 +106,7 @@ class Source final : public VideoSource {
                                         .rig_fingerprint = {}})),
         events_(::epoll_create1(EPOLL_CLOEXEC)) {
     if (!events_ || !watch(ring_->wake_fd()) || !watch(child_.wake_fd()))
-      throw Error(ErrorKind::Failed, "video: no descriptor is left");
+      throw Error(ErrorKind::Failed, "video: no file descriptor is left");
     // A range ends at a known frame; a container may be wrong about its last frame.
     if (!request_.frames) child_.expect_frames(stream_.expected_frames);
     begin_child();
@@ -236,7 +237,7 @@ PullStatus Source::take(const frames::LentFrame& lent, frames::LentFrame& out) {
   }
   release(lent.token);
   out_of_order_ = true;
-  failure_ = fmt::format("{}: the decoder sent frame {} in place of {}", request_.file.string(),
+  failure_ = fmt::format("{}: the decoder sent frame {} instead of {}", request_.file.string(),
                          position, position_);
   child_.kill();
   return PullStatus::Failed;
@@ -316,9 +317,9 @@ void Source::bury() {
   if (complete) return begin_child();
   const bool final_word = end_.exit_code == kInput || end_.exit_code == kUsage;
   if (!final_word && may_restart()) return begin_child();
-  failure_ = fmt::format("{}: {}: {}", request_.file.string(),
-                         final_word ? "cannot be decoded" : "the decoder ends again and again",
-                         end_.text());
+  failure_ =
+      fmt::format("{}: {}: {}", request_.file.string(),
+                  final_word ? "cannot be decoded" : "the decoder ends repeatedly", end_.text());
 }
 
 bool Source::may_restart() {

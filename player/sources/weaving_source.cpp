@@ -83,7 +83,7 @@ void WeavingSource::watch() noexcept {
     try {
       look_at_rig();
     } catch (const std::exception& error) {
-      say("{}: still woven for the old rig: {}\n", options_.rig_file, error.what());
+      say("{}: still woven for the previous rig: {}\n", options_.rig_file, error.what());
     }
   }
 }
@@ -192,7 +192,7 @@ bool WeavingSource::weave_next() {
       nothing_to_do_ = !options_.plays_again && rounds_wanted_ <= rounds_woven_;
       if (nothing_to_do_) return false;
     }
-    if (!input_->rewind()) throw Error(ErrorKind::Failed, options_.name + ": does not begin again");
+    if (!input_->rewind()) throw Error(ErrorKind::Failed, options_.name + ": cannot be restarted");
     at_end_ = false;
   }
   Slot* const slot = free_slot();

@@ -116,7 +116,7 @@ class Committer {
     if (!is_finite(world))
       refuse(fmt::format("{} '{}'", what, name), "has a position that is not finite");
     if (!(std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)}) < kFarthest))
-      refuse(fmt::format("{} '{}'", what, name), "lies too far from the stage");
+      refuse(fmt::format("{} '{}'", what, name), "is too far from the stage");
     return p;
   }
 
@@ -133,7 +133,7 @@ class Committer {
   int material_index(int index, const std::string& object) const {
     const auto count = static_cast<int>(scene_.materials.size());
     if (index < 0 || index >= count)
-      refuse(object, fmt::format("has no material number {}", index));
+      refuse(object, fmt::format("refers to material {}, which does not exist", index));
     return index;
   }
 
@@ -145,7 +145,7 @@ class Committer {
       const std::string object = fmt::format("material '{}'", m.name);
       if (m.texture >= textures ||
           (m.texture >= 0 && !usable(description_.textures[m.texture].get())))
-        refuse(object, "names a texture that is not there");
+        refuse(object, "refers to a texture that does not exist");
       const double scalars[] = {m.diffuse, m.specular, m.shine, m.transmittance};
       const bool finite = is_finite(m.colour) && is_finite(m.emission) &&
                           std::all_of(std::begin(scalars), std::end(scalars),
@@ -166,15 +166,15 @@ class Committer {
     const std::string object = fmt::format("mesh '{}'", mesh.name);
     if (mesh.triangles.empty()) return;
     if (!mesh.normals.empty() && mesh.normals.size() != mesh.positions.size())
-      refuse(object, "has another number of normals than of vertices");
+      refuse(object, "has a different number of normals than vertices");
     if (!mesh.uvs.empty() && mesh.uvs.size() != mesh.positions.size())
-      refuse(object, "has another number of texture coordinates than of vertices");
+      refuse(object, "has a different number of texture coordinates than vertices");
     if (mesh.triangles.size() > std::numeric_limits<uint32_t>::max() / 4)
       refuse(object, "has too many triangles");
     for (const auto& triangle : mesh.triangles)
       for (const uint32_t vertex : triangle)
         if (vertex >= mesh.positions.size())
-          refuse(object, fmt::format("has no vertex {}", vertex));
+          refuse(object, fmt::format("refers to vertex {}, which does not exist", vertex));
 
     MeshShape shape;
     shape.material = material_index(mesh.material, object);

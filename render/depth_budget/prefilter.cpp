@@ -49,7 +49,7 @@ Prefilter prefilter_named(const std::string& name) {
   if (name == "beam") return Prefilter::Beam;
   if (name == "exhaustive") return Prefilter::Exhaustive;
   throw Error(ErrorKind::Usage, fmt::format("prefilter '{}': unknown", name),
-              "there are: off, depth, beam, exhaustive");
+              "use off, depth, beam or exhaustive");
 }
 
 std::vector<SubpixelPlace> beam_samples(int count) {

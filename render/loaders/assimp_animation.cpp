@@ -84,7 +84,8 @@ class AnimationImport {
 void import_animation(const aiScene& from, const NodeNames& nodes, SceneDescription& scene) {
   if (from.mNumAnimations == 0) return;
   if (from.mNumAnimations > 1)
-    scene.notes.push_back(fmt::format("{} animations, the first is played", from.mNumAnimations));
+    scene.notes.push_back(
+        fmt::format("{} animations; only the first is used", from.mNumAnimations));
   const aiAnimation& animation = *from.mAnimations[0];
   AnimationImport import(animation, scene);
   for (const aiNodeAnim* channel : std::span(animation.mChannels, animation.mNumChannels)) {

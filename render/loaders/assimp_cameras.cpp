@@ -93,7 +93,7 @@ void import_cameras(const aiScene& from, const NodeNames& nodes, SceneDescriptio
       continue;
     }
     if (camera->mOrthographicWidth > 0.0F && scene.cameras.empty())
-      scene.notes.emplace_back("orthographic camera taken as a perspective one");
+      scene.notes.emplace_back("orthographic camera treated as a perspective one");
     focus(to, scene, bounds);
     scene.cameras.push_back(to);
   }

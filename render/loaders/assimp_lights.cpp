@@ -88,7 +88,7 @@ void import_lights(const aiScene& from, const NodeNames& nodes, SceneDescription
     to.node = node == nodes.end() ? -1 : node->second;
     scene.lights.push_back(to);
   }
-  if (unusable > 0) scene.notes.push_back(fmt::format("{} lights that shine on nothing", unusable));
+  if (unusable > 0) scene.notes.push_back(fmt::format("{} unusable lights left out", unusable));
   if (scene.ambient && !is_finite(*scene.ambient)) scene.ambient.reset();
 }
 

@@ -22,12 +22,12 @@ namespace {
 std::string tidy(const std::string& message) {
   constexpr size_t kLongest = 160;
   if (message.starts_with("No suitable reader"))
-    return "not what its name says: damaged, truncated or another format";
+    return "not in the format of its extension, or damaged or truncated";
   std::string out;
   for (const char c : message.substr(0, std::min(message.find('\n'), kLongest)))
     out += c >= ' ' && c < 127 ? c : '?';
   while (out.ends_with('.')) out.pop_back();
-  return out.empty() ? "cannot be understood" : out;
+  return out.empty() ? "cannot be parsed" : out;
 }
 
 [[noreturn]] void refuse(const std::filesystem::path& file, const std::string& reason) {
@@ -41,7 +41,7 @@ const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& fil
   importer.SetPropertyBool("IMPORT_NO_SKELETON_MESHES", true);
   const aiScene* scene = importer.ReadFile(file.string(), 0);
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
-  if (scene->mNumMeshes == 0) refuse(file, "nothing to see in this scene");
+  if (scene->mNumMeshes == 0) refuse(file, "the scene contains no visible object");
   check_meshes(*scene, file.string());
   // Not aiProcess_JoinIdenticalVertices, which merges vertices within 1e-5 units and so collapses a
   // small scene to a point.
@@ -58,7 +58,7 @@ SceneDescription convert(const aiScene& from, const std::filesystem::path& file)
   scene.colour_managed = true;
   import_materials(from, file.parent_path(), scene);
   const NodeNames nodes = import_nodes_and_meshes(from, scene);
-  if (scene.meshes.empty()) refuse(file, "nothing to see in this scene");
+  if (scene.meshes.empty()) refuse(file, "the scene contains no visible object");
   import_animation(from, nodes, scene);
   import_lights(from, nodes, scene);
   import_cameras(from, nodes, scene);
@@ -85,7 +85,7 @@ SceneDescription load_with_assimp(const std::filesystem::path& file) {
   } catch (const Error&) {
     throw;
   } catch (const std::bad_alloc&) {
-    refuse(file, "asks for more memory than there is");
+    refuse(file, "needs more memory than is available");
   } catch (const std::exception& failure) {
     refuse(file, tidy(failure.what()));
   }

@@ -39,8 +39,8 @@ void check_mesh(const aiMesh& mesh, const std::string& label, const std::string&
     const aiFace& face = mesh.mFaces[f];
     for (const unsigned index : std::span(face.mIndices, face.mNumIndices))
       if (index >= mesh.mNumVertices)
-        refuse(source,
-               fmt::format("{} face {} names vertex {} of {}", label, f, index, mesh.mNumVertices));
+        refuse(source, fmt::format("{} face {} refers to vertex {} of {}", label, f, index,
+                                   mesh.mNumVertices));
   }
 }
 
@@ -167,7 +167,7 @@ class MeshPlacer {
   void place(const aiNode& from, int node) {
     for (const unsigned index : std::span(from.mMeshes, from.mNumMeshes)) {
       if (index >= meshes_.size())
-        refuse(scene_.source, fmt::format("node '{}' names mesh {} of {}", from.mName.C_Str(),
+        refuse(scene_.source, fmt::format("node '{}' refers to mesh {} of {}", from.mName.C_Str(),
                                           index, meshes_.size()));
       const TriangleMesh& mesh = meshes_[index];
       if (mesh.triangles.empty()) continue;

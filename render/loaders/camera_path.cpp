@@ -23,11 +23,12 @@ std::vector<double> line_of_numbers(TextReader& reader) {
   while (reader.more_on_line() && numbers.size() <= kNumbersOfAPose)
     numbers.push_back(reader.number("a pose's number"));
   if (numbers.size() < kNumbersOfAPose)
-    reader.fail(fmt::format("a pose is nine numbers (from, at, up), here are {}", numbers.size()));
+    reader.fail(
+        fmt::format("a pose has nine numbers (from, at, up) or ten, not {}", numbers.size()));
   if (reader.more_on_line()) reader.fail("more than ten numbers in a pose");
   for (const double value : numbers)
     if (value < -kMaxCoordinate || value > kMaxCoordinate)
-      reader.fail(fmt::format("{:g} is too far away", value));
+      reader.fail(fmt::format("{:g} is out of range", value));
   return numbers;
 }
 
@@ -38,8 +39,8 @@ Camera pose(const std::vector<double>& n, double vertical_fov_degrees, const Tex
   camera.at = {n[3], n[4], n[5]};
   camera.up = {n[6], n[7], n[8]};
   camera.vertical_fov_degrees = vertical_fov_degrees;
-  if (camera.from == camera.at) reader.fail("from and at are one point");
-  if (!up_is_usable(camera)) reader.fail("up lies along the view direction");
+  if (camera.from == camera.at) reader.fail("from and at are the same point");
+  if (!up_is_usable(camera)) reader.fail("up is parallel to the view direction");
   return camera;
 }
 
@@ -52,11 +53,12 @@ std::vector<Camera> parse_camera_path(std::string_view text, const std::string& 
     const std::vector<double> numbers = line_of_numbers(reader);
     const double fov =
         numbers.size() > kNumbersOfAPose ? numbers.back() : Camera{}.vertical_fov_degrees;
-    if (fov < 1e-3 || fov > 179.0) reader.fail(fmt::format("a field of view of {:g} degrees", fov));
+    if (fov < 1e-3 || fov > 179.0)
+      reader.fail(fmt::format("field of view of {:g} degrees: not in 0.001 ... 179", fov));
     if (path.size() == kMaxPoses) reader.fail(fmt::format("more than {} poses", kMaxPoses));
     path.push_back(pose(numbers, fov, reader));
   }
-  if (path.empty()) throw Error(ErrorKind::Input, source + ": no pose in this camera path");
+  if (path.empty()) throw Error(ErrorKind::Input, source + ": the camera path contains no pose");
   return path;
 }
 

@@ -21,8 +21,8 @@ SceneDescription load_scene(const std::filesystem::path& file) {
   if (extension == ".nff") return load_nff(file);
   if (assimp_reads(extension)) return load_with_assimp(file);
   throw Error(ErrorKind::Input,
-              fmt::format("{}: unknown kind of scene '{}'", file.string(), extension),
-              "known are .nff, .gltf, .glb, .obj, .ply, .stl and the other formats of assimp");
+              fmt::format("{}: unknown scene format '{}'", file.string(), extension),
+              "use .nff, .gltf, .glb, .obj, .ply, .stl or another format of assimp");
 }
 
 }  // namespace lenticule::render

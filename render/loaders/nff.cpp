@@ -60,11 +60,12 @@ class NffParser {
     // Ignored, since the panel determines the size of the picture.
     (void)reader_.integer_in("resolution", 0, std::numeric_limits<int>::max());
     (void)reader_.integer_in("resolution", 0, std::numeric_limits<int>::max());
-    if (camera.from == camera.at) reader_.fail_at(line, "the view's from and at are one point");
+    if (camera.from == camera.at)
+      reader_.fail_at(line, "the view's from and at are the same point");
     if (!up_is_usable(camera)) {
       camera.up = any_perpendicular(camera.at - camera.from);
-      scene_.note(
-          fmt::format("line {}: the view's up lies along its direction, another is used", line));
+      scene_.note(fmt::format(
+          "line {}: the view's up is parallel to its direction; another up is used", line));
     }
     scene_.view(camera);
   }

@@ -21,7 +21,7 @@ SceneDescription NffScene::finish() {
   finish_lights();
   write_notes();
   if (scene_.meshes.empty() && scene_.spheres.empty() && scene_.cones.empty())
-    throw Error(ErrorKind::Input, scene_.source + ": nothing to see in this scene");
+    throw Error(ErrorKind::Input, scene_.source + ": the scene contains no visible object");
   return std::move(scene_);
 }
 
@@ -37,7 +37,7 @@ void NffScene::finish_lights() {
   const double each = n > 0 ? std::sqrt(n) / (2.0 * n) : 0.0;
   for (Light& light : scene_.lights) light.colour = light.colour * each;
   if (scene_.lights.empty()) {
-    scene_.notes.emplace_back("no light in the file: lit by a default one");
+    scene_.notes.emplace_back("no light in the file; a default light is used");
     return;
   }
   // Keeps shadows readable without washing the picture out.
@@ -145,7 +145,7 @@ void NffScene::write_notes() {
   note_dropped(dropped_.empty_cones, "cones without a surface dropped");
   note_dropped(dropped_.repaired_normals, "normals of length 0 replaced by their polygon's");
   if (dropped_.material_missing)
-    scene_.notes.emplace_back("objects before the first fill: drawn in white");
+    scene_.notes.emplace_back("objects before the first fill: rendered in white");
 }
 
 }  // namespace lenticule::render

@@ -38,8 +38,8 @@ void validate(const SoftLight& soft) {
     throw Error(ErrorKind::Usage,
                 fmt::format("occlusion distance {}: not above 0 mm", soft.occlusion_distance_mm));
   if (soft.occlusion_samples > 0 && soft.environment_samples > 0)
-    throw Error(ErrorKind::Usage, "occlusion: the environment light replaces what it would darken",
-                "ask for one of the two; environment light is occluded by itself");
+    throw Error(ErrorKind::Usage, "occlusion: cannot be combined with environment light",
+                "use one of the two; environment light includes occlusion");
 }
 
 }  // namespace lenticule::render

@@ -118,7 +118,7 @@ Framing frame_scene(const SceneDescription& scene, const Bounds& bounds, PanelSi
   else
     framing.mm_per_unit = fitting_scale(bounds, framing, panel, options.fill);
   if (!std::isfinite(framing.mm_per_unit) || framing.mm_per_unit <= 0.0)
-    throw Error(ErrorKind::Input, scene.source + ": the scene has no extent to be shown");
+    throw Error(ErrorKind::Input, scene.source + ": the scene has no extent");
   return framing;
 }
 
@@ -324,7 +324,7 @@ Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& mode
   if (!scene.nodes.empty()) return make_stage(at_time(scene, 0.0), model, options);
   const Bounds bounds = scene_bounds(scene);
   if (bounds.empty())
-    throw Error(ErrorKind::Input, scene.source + ": nothing to see in this scene");
+    throw Error(ErrorKind::Input, scene.source + ": the scene contains no visible object");
 
   const PanelSize panel = panel_size(model);
   const Framing framing = frame_scene(scene, bounds, panel, options);
@@ -344,7 +344,7 @@ Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& mode
   stage.panel_from_world = panel_from_world(framing, stage.depth_scale);
   stage.world_from_panel = world_from_panel(framing, stage.depth_scale);
   if (!(stage.panel_from_world.determinant() > 0.0) || !is_finite(stage.panel_from_world.origin))
-    throw Error(ErrorKind::Input, scene.source + ": the scene's scale is absurd");
+    throw Error(ErrorKind::Input, scene.source + ": the scene's scale is out of range");
   return stage;
 }
 

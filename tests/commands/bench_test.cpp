@@ -201,12 +201,13 @@ TEST_F(BenchPaper, ContinuesFromItsStateAndRefusesAnother) {
   other.insert(other.end(), {"--threads", "1"});
   const ProcessResult refused = run(other);
   EXPECT_EQ(refused.exit_code, 4);
-  EXPECT_NE(refused.err.find("state.json: of a run with other settings"), std::string::npos);
+  EXPECT_NE(refused.err.find("state.json: the state file is of a run with other settings"),
+            std::string::npos);
 
   write("state.json", "{\"spans\": 3}");
   const ProcessResult broken = run(first);
   EXPECT_EQ(broken.exit_code, 4);
-  EXPECT_NE(broken.err.find("not the state of a run"), std::string::npos);
+  EXPECT_NE(broken.err.find("not a state file"), std::string::npos);
 }
 
 TEST_F(BenchPaper, NamesUnknownScenesAndMethods) {

@@ -271,7 +271,7 @@ TEST_F(ContentCommand, NearObjectsMoveAgainstTheEyeAndFarOnesWithIt) {
     return middle_of_light(frames::read_woven(path("v4.png"))) -
            middle_of_light(frames::read_woven(path("v0.png")));
   };
-  EXPECT_NEAR(drawn("near_rgbd.png"), -6.0, 0.6) << "nearer than the glass: to the left";
+  EXPECT_NEAR(drawn("near_rgbd.png"), -6.0, 0.6) << "nearer than the panel: to the left";
   save("far_rgbd.png", column_with_depth(0, 0));
   EXPECT_NEAR(drawn("far_rgbd.png"), 6.0, 0.6) << "behind it: to the right";
   EXPECT_NEAR(drawn("far_rgbd.png", {"--invert-depth"}), -6.0, 0.6);
@@ -393,7 +393,7 @@ TEST_F(ContentCommand, AListDetectsEachItemsFormatByItsName) {
   ASSERT_EQ(shown.size(), 2U);
   EXPECT_EQ(shown[0], woven(quilt_picture(3, 2, 0), kGrid));
   expect_refusal(run({"play", path("list.toml"), "--rig", kTiny, "--stereo", "sbs"}), 2,
-                 "for one file");
+                 "need a single file");
 }
 
 }  // namespace

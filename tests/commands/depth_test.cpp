@@ -54,7 +54,7 @@ TEST_F(DepthCommand, ReportsTheDepthOfAScene) {
 TEST_F(DepthCommand, PrintsATableAndAddsUpFrames) {
   const ProcessResult one = depth("builtin:teapot:2", {});
   ASSERT_EQ(one.exit_code, 0) << one.err;
-  for (const char* text : {"depth of field", "in front, beyond it", "at the glass", "share"})
+  for (const char* text : {"depth of field", "in front of it", "at the panel", "share"})
     EXPECT_NE(one.out.find(text), std::string::npos) << text;
   const ProcessResult two = depth("builtin:teapot:2", {"--frames", "0:2", "--json"});
   const auto json = nlohmann::json::parse(two.out);
@@ -81,9 +81,9 @@ TEST_F(DepthCommand, PrefiltersOnlyOnRequest) {
 TEST_F(DepthCommand, RefusesInvalidPrefilterOptions) {
   for (const auto& [more, said] : std::vector<std::pair<std::vector<std::string>, std::string>>{
            {{"--prefilter", "blur"}, "prefilter 'blur': unknown"},
-           {{"--prefilter", "depth", "--method", "adaptive"},
-            "method adaptive: does not prefilter"},
-           {{"--prefilter", "beam", "--samples", "4"}, "samples 4: a prefilter chooses its own"},
+           {{"--prefilter", "depth", "--method", "adaptive"}, "method adaptive: has no prefilter"},
+           {{"--prefilter", "beam", "--samples", "4"},
+            "samples 4: cannot be combined with a prefilter"},
            {{"--prefilter", "depth", "--prefilter-samples", "1"},
             "prefilter samples 1: not in 3 ... 1024"}}) {
     const ProcessResult result = render("x.png", more);

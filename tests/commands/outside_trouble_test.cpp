@@ -274,7 +274,7 @@ TEST_F(OutsideTrouble, RefusesUnwritableOutputsBeforePlaying) {
     const ProcessResult played = run(words);
     EXPECT_EQ(played.exit_code, 1) << output.back() << played.err;
     EXPECT_NE(played.err.find("cannot write"), std::string::npos) << played.err;
-    EXPECT_EQ(played.err.find("goes on"), std::string::npos) << played.err;
+    EXPECT_EQ(played.err.find("playback continues"), std::string::npos) << played.err;
   }
 }
 
@@ -390,7 +390,7 @@ TEST_F(EmptySequence, AsTheOnlySourceIsAnInputError) {
   say_goodbye_without_a_frame();
   const ProcessResult played = player_->wait(kPlayerPatience);
   EXPECT_EQ(played.exit_code, 4) << played.err;
-  EXPECT_NE(played.err.find("holds no frame"), std::string::npos) << played.err;
+  EXPECT_NE(played.err.find("contains no frame"), std::string::npos) << played.err;
 }
 
 TEST_F(EmptySequence, InAListIsSkippedWithAReason) {
@@ -403,7 +403,7 @@ TEST_F(EmptySequence, InAListIsSkippedWithAReason) {
   EXPECT_TRUE(film_goes_on());
   EXPECT_EQ(status().value("items_skipped", 0), 1);
   const ProcessResult played = quit();
-  EXPECT_NE(played.err.find("it holds no frame"), std::string::npos) << played.err;
+  EXPECT_NE(played.err.find("it contains no frame"), std::string::npos) << played.err;
 }
 
 }  // namespace

@@ -68,7 +68,7 @@ TEST_F(ReuseCommand, PaintsAndCountsMissingSubpixels) {
   const ProcessResult result = render("out", "0:2", {"--missing", path("missing/%02d.png")});
   ASSERT_EQ(result.exit_code, 0) << result.err;
   const auto report = nlohmann::json::parse(result.out);
-  EXPECT_NE(result.err.find("missing after re-projection"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("missing after reprojection"), std::string::npos) << result.err;
   uint64_t white = 0;
   for (const char* name : {"missing/00.png", "missing/01.png"})
     for (const uint8_t code : frame(name).bytes()) white += code == 255 ? 1 : 0;

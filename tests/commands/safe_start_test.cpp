@@ -53,7 +53,7 @@ class SafeStart : public CommandTest {
   }
 };
 
-TEST_F(SafeStart, ShowsTheReasonOnACardWhenTheSourceCannotBeOpened) {
+TEST_F(SafeStart, ShowsATestCardWithTheReasonIfTheSourceCannotBeOpened) {
   const ProcessResult played =
       run_process(play({"--safe", "--duration", "1", "--record", "png:" + path("shown")}));
   EXPECT_EQ(played.exit_code, 4) << played.err;
@@ -79,11 +79,11 @@ TEST_F(SafeStart, AnInvalidFlagIsStillAnError) {
   EXPECT_EQ(run_process(play({"--safe", "--loop", "never"})).exit_code, 2);
 }
 
-TEST_F(SafeStart, ACrashLoopEndsInACardWithTheReason) {
+TEST_F(SafeStart, ACrashLoopShowsATestCardWithTheReason) {
   for (int start = 0; start < 5; ++start) {
     const ProcessResult played = run_process(play({}));
     EXPECT_EQ(played.exit_code, 4) << played.err;
-    EXPECT_EQ(played.err.find("with care"), std::string::npos);
+    EXPECT_EQ(played.err.find("in safe mode"), std::string::npos);
   }
   const ProcessResult careful =
       run_process(play({"--duration", "1", "--record", "png:" + path("shown")}));

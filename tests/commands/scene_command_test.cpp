@@ -76,7 +76,7 @@ TEST_F(SceneCommand, ACameraPathAloneWritesNoScene) {
 TEST_F(SceneCommand, WarnsThatNffLosesTextures) {
   const ProcessResult room = run({"scene", "room", "-o", path("room.nff"), "--json"});
   EXPECT_EQ(room.exit_code, 0);
-  EXPECT_THAT(room.err, HasSubstr("NFF has no pictures"));
+  EXPECT_THAT(room.err, HasSubstr("NFF has no textures"));
   EXPECT_EQ(nlohmann::json::parse(room.out)["notes"].size(), 1U);
   EXPECT_THAT(text_of("room.nff"), HasSubstr("# NFF has no pictures"));
   const ProcessResult tree = run({"scene", "tree", "-o", path("tree.nff")});

@@ -79,7 +79,7 @@ TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
   const ProcessResult after = run(play);
   ASSERT_EQ(after.exit_code, 0) << after.err;
   EXPECT_EQ(nlohmann::json::parse(after.out)["shown"], 3);
-  EXPECT_NE(after.err.find("film.lts: woven for the rig before the trim by +0.01 lens"),
+  EXPECT_NE(after.err.find("film.lts: woven before the rig was trimmed by +0.01 lens"),
             std::string::npos)
       << after.err;
   // The same film in a list: later rounds do not repeat the warning.
@@ -87,9 +87,9 @@ TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
   const ProcessResult list = run({"play", path("list.toml"), "--rig", rig, "--display", "virtual",
                                   "--clock", "simulated", "--loop", "3"});
   ASSERT_EQ(list.exit_code, 0) << list.err;
-  const size_t first = list.err.find("before the trim");
+  const size_t first = list.err.find("before the rig was trimmed");
   EXPECT_NE(first, std::string::npos) << list.err;
-  EXPECT_EQ(list.err.find("before the trim", first + 1), std::string::npos) << list.err;
+  EXPECT_EQ(list.err.find("before the rig was trimmed", first + 1), std::string::npos) << list.err;
 
   // A film of the trimmed rig plays without a warning, and with one after the trim is reset.
   ASSERT_EQ(run({"render", "builtin:demo", "--rig", rig, "--frames", "0:3", "-o", path("film.lts")})
@@ -100,7 +100,8 @@ TEST_F(SequenceCommand, PlaysAFilmThatWasWovenBeforeTheRigWasTrimmed) {
   ASSERT_EQ(run({"rig", "trim", rig, "--reset"}).exit_code, 0);
   const ProcessResult reset = run(play);
   EXPECT_EQ(reset.exit_code, 0);
-  EXPECT_NE(reset.err.find("before the trim by -0.01 lens"), std::string::npos) << reset.err;
+  EXPECT_NE(reset.err.find("before the rig was trimmed by -0.01 lens"), std::string::npos)
+      << reset.err;
   // A film of another rig is still refused.
   EXPECT_EQ(run({"play", path("film.lts"), "--rig", kOther, "--display", "virtual"}).exit_code, 4);
 }
@@ -115,7 +116,8 @@ TEST_F(SequenceCommand, ARendererWithoutThePlayersTrimIsAccepted) {
   EXPECT_EQ(rendered.exit_code, 0) << rendered.err;
   const ProcessResult played = player.wait(std::chrono::seconds(60));
   EXPECT_EQ(played.exit_code, 0) << played.err;
-  EXPECT_NE(played.err.find("before the trim by +0.02 lens"), std::string::npos) << played.err;
+  EXPECT_NE(played.err.find("before the rig was trimmed by +0.02 lens"), std::string::npos)
+      << played.err;
   const auto warnings = nlohmann::json::parse(played.out).at("rig_warnings");
   EXPECT_EQ(warnings.size(), 1u) << played.out;
 }
@@ -163,7 +165,7 @@ TEST_F(SequenceCommand, PicturesOfAnotherPanelAndVideosAreReplacedOnlyWithOverwr
   EXPECT_EQ(again(kTiny).exit_code, 0);
   const ProcessResult other = again(kOther);
   EXPECT_EQ(other.exit_code, 4);
-  EXPECT_NE(other.err.find("00.png: is there already"), std::string::npos) << other.err;
+  EXPECT_NE(other.err.find("00.png: exists already"), std::string::npos) << other.err;
   EXPECT_EQ(again(kOther, {"--overwrite"}).exit_code, 0);
   write("01.png", "not a picture");
   EXPECT_EQ(again(kOther).exit_code, 4);

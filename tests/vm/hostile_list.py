@@ -21,7 +21,7 @@ from vm_test import require_program
 WIDTH, HEIGHT = 320, 480
 HOME = "/tmp/hostile"
 FRAMES, RATE = 4, 2  # of a film, and per second: every frame is seen several times on a busy host, too
-LEFT_OUT, DAMAGED, KEPT = "left out", "damaged", "the one before goes on"
+LEFT_OUT, DAMAGED, KEPT = "left out", "damaged", "the previous one continues"
 
 
 @dataclasses.dataclass

@@ -57,7 +57,7 @@ def check_lives(vm, width, height, lives, gap_seconds):
         vm.check(["touch", "/tmp/start"], uid=1000)
     wait_for_lines(service, "READY", lives + 1, 60)
     picture.assert_same(vm.screendump(), content.frame(1))
-    assert service.stderr.count("lit by a modeset") <= 1, service.stderr  # the first one perhaps
+    assert service.stderr.count("started by a modeset") <= 1, service.stderr  # the first one perhaps
     assert service.stderr.count("taken over without a modeset") >= lives, service.stderr
     framebuffers, shared = buffers(vm)
     assert framebuffers == settled[0], (framebuffers, settled)

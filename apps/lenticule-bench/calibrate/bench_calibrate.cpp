@@ -165,7 +165,7 @@ void print_summary(const json& summary) {
   print_out("\n{} draws: {} good, {} refused, {} wrong; longest capture of a viewpoint {:.1f} s\n",
             summary["draws"].get<int>(), summary["good"].get<int>(), summary["refused"].get<int>(),
             summary["wrong"].get<int>(), summary["longest_capture_seconds"].get<double>());
-  print_out("{:<32} {:>10} {:>10}\n", "of those that are trusted", "median", "largest");
+  print_out("{:<32} {:>10} {:>10}\n", "errors of trusted calibrations", "median", "largest");
   for (const auto& [key, value] : summary.items())
     if (value.is_object() && value.contains("median"))
       print_out("{:<32} {:>10.2g} {:>10.2g}\n", key, value["median"].get<double>(),
@@ -208,10 +208,10 @@ ExitCode run_calibrate_bench(const CalibrateFlags& flags) {
 
 Run declare_bench_calibrate(CLI::App& app) {
   const auto flags = std::make_shared<CalibrateFlags>();
-  app.add_option("--draws", flags->draws, "sheets and cameras to draw")
+  app.add_option("--draws", flags->draws, "number of random sheets and cameras")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  app.add_option("--first", flags->first, "seed of the first")->capture_default_str();
+  app.add_option("--first", flags->first, "seed of the first draw")->capture_default_str();
   app.add_option("--panel-width", flags->panel_width, "pixels; the height is 9/16 of it")
       ->check(CLI::Range(320, 15360))
       ->capture_default_str();
@@ -219,11 +219,11 @@ Run declare_bench_calibrate(CLI::App& app) {
       ->check(CLI::Range(320, 7680))
       ->capture_default_str();
   CLI::Option* stress = app.add_flag("--stress", flags->stress.stress,
-                                     "the stress cases instead, one thing going wrong in each");
+                                     "run the stress cases instead, each with one disturbance");
   app.add_flag("--full", flags->stress.full,
-               "stress cases at the size of real panels: half an hour")
+               "run the stress cases at the size of real panels, which takes half an hour")
       ->needs(stress);
-  app.add_option("--only", flags->stress.only, "one stress case")->needs(stress);
+  app.add_option("--only", flags->stress.only, "run only this stress case")->needs(stress);
   app.add_flag("--json", flags->json, "print JSON");
   return [flags] {
     flags->stress.json = flags->json;

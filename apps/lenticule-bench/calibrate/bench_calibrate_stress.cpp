@@ -83,7 +83,7 @@ void print_case(const StressCase& one, const StressLimits& limits, const StressO
               limits.worst_lenses, limits.pitch);
   print_out("{}\n", outcome.held ? "yes" : "MISSED");
   if (!outcome.held || one.demand != StressDemand::Good)
-    print_out("    {}\n", outcome.said.empty() ? "nothing is said" : outcome.said);
+    print_out("    {}\n", outcome.said.empty() ? "no reason is given" : outcome.said);
   if (!outcome.held && !one.shortfall.empty()) print_out("    known: {}\n", one.shortfall);
 }
 

@@ -138,7 +138,7 @@ const std::vector<Peer>& peers() {
 
 std::string write_plain_nff(const render::SceneDescription& scene) {
   if (scene.cameras.empty())
-    throw Error(ErrorKind::Usage, fmt::format("{}: NFF needs a camera", scene.source));
+    throw Error(ErrorKind::Usage, fmt::format("{}: has no camera, which NFF needs", scene.source));
   scenes::NffWriter out;
   const render::Camera& camera = scene.cameras.front();
   out.add(scenes::View{.from = camera.from,

@@ -21,13 +21,13 @@ void check(const render::SceneDescription& scene) {
   const auto refuse = [&](const char* what) {
     throw Error(ErrorKind::Usage, fmt::format("{}: {}", scene.source, what));
   };
-  if (scene.cameras.empty()) refuse("a scene for POV-Ray needs a camera");
-  if (!scene.nodes.empty()) refuse("a scene for POV-Ray cannot have nodes");
+  if (scene.cameras.empty()) refuse("scenes without a camera cannot be written for POV-Ray");
+  if (!scene.nodes.empty()) refuse("scenes with nodes cannot be written for POV-Ray");
   for (const render::Material& material : scene.materials)
-    if (material.texture >= 0) refuse("textures cannot be said to POV-Ray");
+    if (material.texture >= 0) refuse("textures cannot be written for POV-Ray");
   for (const render::Light& light : scene.lights)
     if (light.kind != render::Light::Kind::Point || light.falls_off)
-      refuse("only point lights without falloff can be said to POV-Ray");
+      refuse("only point lights without falloff can be written for POV-Ray");
 }
 
 class PovText {

@@ -238,15 +238,15 @@ ExitCode run(const CodecFlags& flags) {
 
 Run declare_bench_codec(CLI::App& app) {
   auto flags = std::make_shared<CodecFlags>();
-  app.add_option("--scene", flags->scenes, "built-in scenes to render a frame of")
+  app.add_option("--scene", flags->scenes, "built-in scenes of which a frame is rendered")
       ->delimiter(',')
       ->capture_default_str();
-  app.add_option("--picture", flags->pictures, "woven frames in files, instead of scenes");
-  app.add_option("--rig", flags->rig, "rig file; a 27-inch 4K kiosk unless given");
-  app.add_option("--runs", flags->runs, "rounds, of which medians are taken")
+  app.add_option("--picture", flags->pictures, "woven frames in files to use instead of scenes");
+  app.add_option("--rig", flags->rig, "rig file (default: the 27-inch 4K kiosk)");
+  app.add_option("--runs", flags->runs, "number of rounds; medians are reported")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_flag("--quick", flags->quick, "a quarter of the panel");
+  app.add_flag("--quick", flags->quick, "use a quarter of the panel");
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags]() -> ExitCode { return run(*flags); };
 }

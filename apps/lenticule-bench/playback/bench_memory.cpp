@@ -81,8 +81,8 @@ ExitCode run(const MemoryFlags& flags) {
   const ChildEnd end = wait_for(child);
   if (interrupted()) return interrupt_exit_code();
   if (!WIFEXITED(end.status))
-    throw Error(ErrorKind::Failed,
-                fmt::format("bench memory: the renderer died of signal {}", WTERMSIG(end.status)));
+    throw Error(ErrorKind::Failed, fmt::format("bench memory: the renderer was killed by signal {}",
+                                               WTERMSIG(end.status)));
   if (WEXITSTATUS(end.status) != 0) return static_cast<ExitCode>(WEXITSTATUS(end.status));
 
   const bool within = end.peak_mib <= flags.limit_mib;
@@ -103,12 +103,12 @@ ExitCode run(const MemoryFlags& flags) {
 
 Run declare_bench_memory(CLI::App& app) {
   auto flags = std::make_shared<MemoryFlags>();
-  app.add_option("--rig", flags->rig, "rig file; the 4K kiosk if left out");
+  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
   app.add_option("--scene", flags->scene, "as for render")->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_option("--limit-mib", flags->limit_mib, "more than this is exit code 5")
+  app.add_option("--limit-mib", flags->limit_mib, "limit; a larger peak gives exit code 5")
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags]() -> ExitCode { return run(*flags); };

@@ -195,8 +195,8 @@ Run declare_bench_play(CLI::App& app) {
   app.add_option("--slots", flags->slots, "slots of the ring")
       ->check(CLI::Range(3, 4096))
       ->capture_default_str();
-  app.add_option("--rig", flags->rig, "rig file of the frames' costs; the 4K kiosk if left out");
-  app.add_option("--runs", flags->runs, "of each step of a frame, by turns")
+  app.add_option("--rig", flags->rig, "rig file for the costs of frames (default: the 4K kiosk)");
+  app.add_option("--runs", flags->runs, "interleaved runs of each step of a frame")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print as JSON");

@@ -43,7 +43,7 @@ std::string find_lenticule() {
 ProgramOutput run_lenticule(const std::string& program, const std::string& arguments) {
   const auto begin = std::chrono::steady_clock::now();
   std::FILE* pipe = popen(fmt::format("'{}' {} 2>/dev/null", program, arguments).c_str(), "re");
-  if (pipe == nullptr) throw Error(ErrorKind::Failed, program + ": cannot be started");
+  if (pipe == nullptr) throw Error(ErrorKind::Failed, program + ": cannot start");
   ProgramOutput output;
   char buffer[4096];
   for (size_t n = 0; (n = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
@@ -108,8 +108,8 @@ ExitCode run(const StartFlags& flags) {
 
 Run declare_bench_start(CLI::App& app) {
   auto flags = std::make_shared<StartFlags>();
-  app.add_option("--rig", flags->rig, "rig file; the 4K kiosk if left out");
-  app.add_option("--runs", flags->runs, "medians are taken over these")
+  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
+  app.add_option("--runs", flags->runs, "number of runs; medians are reported")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print as JSON");

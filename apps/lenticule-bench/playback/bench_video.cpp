@@ -135,7 +135,7 @@ void pull_frames(frames::FrameSource& source, uint64_t count) {
       case frames::PullStatus::Failed:
         break;
     }
-    throw Error(ErrorKind::Failed, "bench video: no frame comes: " + source.failure());
+    throw Error(ErrorKind::Failed, "bench video: no frame arrives: " + source.failure());
   }
 }
 
@@ -198,14 +198,14 @@ ExitCode run_video(const VideoFlags& given) {
 
 Run declare_bench_video(CLI::App& app) {
   const auto flags = std::make_shared<VideoFlags>();
-  app.add_option("--rig", flags->rig, "rig file (the 4K kiosk)");
-  app.add_option("--frames", flags->frames, "of the clip")
+  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
+  app.add_option("--frames", flags->frames, "number of frames of the clip")
       ->check(CLI::Range(kLeastFrames, 10000))
       ->capture_default_str();
-  app.add_option("--runs", flags->runs, "times that it is decoded; rates are medians")
+  app.add_option("--runs", flags->runs, "number of runs; rates are medians")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_flag("--quick", flags->quick, "few frames: only whether it works");
+  app.add_flag("--quick", flags->quick, "use few frames, as a functional check only");
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags] { return run_video(*flags); };
 }

@@ -223,11 +223,11 @@ ExitCode run(const WeaveBenchFlags& flags) {
 
 Run declare_bench_weave(CLI::App& app) {
   auto flags = std::make_shared<WeaveBenchFlags>();
-  app.add_option("--rig", flags->rig, "rig file; the 4K kiosk if left out");
-  app.add_option("--runs", flags->runs, "of each, weaving and copying by turns")
+  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
+  app.add_option("--runs", flags->runs, "interleaved runs of weaving and copying")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_flag("--quick", flags->quick, "45 views, linear, only");
+  app.add_flag("--quick", flags->quick, "measure only 45 views with the linear filter");
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags]() -> ExitCode { return run(*flags); };
 }

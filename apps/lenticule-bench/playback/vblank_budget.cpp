@@ -111,7 +111,7 @@ nlohmann::json measure_vblank_budget(const optics::Rig& rig, int runs) {
 }
 
 void print_vblank_budget(const nlohmann::json& rows) {
-  print_out("\none core's time per frame, and its part of a vblank at 60 Hz\n");
+  print_out("\none core's time per frame, and its share of a vblank at 60 Hz\n");
   print_out("{:<36} {:>9} {:>9} {:>9} {:>9} {:>9}\n", "", "decode ms", "weave ms", "copy ms",
             "total ms", "of vblank");
   const auto cell = [](const nlohmann::json& value) {

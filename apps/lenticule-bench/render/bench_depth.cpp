@@ -215,7 +215,7 @@ class DepthCourse {
 /// Prints the means of the frames' figures, separately for subpixels beyond and within the depth of
 /// field.
 void print_course(const nlohmann::json& course) {
-  print_out("{}, {}, {:g} depths of field: {:.0f} % beyond one; truth: {} rays\n",
+  print_out("{}, {}, {:g} depths of field: {:.0f} % outside one; ground truth: {} rays\n",
             course["scene"].get<std::string>(), course["rig"].get<std::string>(),
             course["depth_budget"].get<double>(), 100.0 * course["share_beyond"].get<double>(),
             course["truth_rays"].get<int>());
@@ -248,25 +248,27 @@ void print_course(const nlohmann::json& course) {
 Run declare_bench_depth(CLI::App& app) {
   auto flags = std::make_shared<DepthBenchFlags>();
   app.add_option("scenes", flags->scenes, "built-in scenes, as for render")->capture_default_str();
-  app.add_option("--rig", flags->rig, "rig file (the 4K kiosk with pixels six times as wide)");
-  app.add_option("--depth-budget", flags->budget, "depths of field that scenes may leave the glass")
+  app.add_option("--rig", flags->rig,
+                 "rig file (default: the 4K kiosk with pixels six times as wide)");
+  app.add_option("--depth-budget", flags->budget, "depth budgets of the scenes, in depths of field")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  app.add_option("--frames", flags->frames, "of the animation, in a row")
+  app.add_option("--frames", flags->frames, "number of consecutive frames of the animation")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--step", flags->step, "from one of them to the next")
+  app.add_option("--step", flags->step, "step from one of these frames to the next")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--truth", flags->truth, "rays per subpixel of the truth")
+  app.add_option("--truth", flags->truth, "rays per subpixel of the ground truth")
       ->check(CLI::Range(3, 1024))
       ->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
   app.add_option("--pictures", flags->pictures,
-                 "folder for the worst places: truth, way, difference; below, what an eye sees");
-  app.add_flag("--quick", flags->quick, "the first scene, with very large pixels");
+                 "folder for pictures of the worst places: ground truth, method, difference; "
+                 "below, what an eye sees");
+  app.add_flag("--quick", flags->quick, "measure only the first scene, with very large pixels");
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags]() -> ExitCode {
     optics::Rig rig = flags->rig.empty() ? coarser_rig(kiosk_rig(), 6) : bench_rig(flags->rig);

@@ -141,7 +141,7 @@ class ErrorRun {
       summarize_errors(measured, tachyon);
       if (!flags_.json) {
         if (courses_.empty())
-          print_out("machine   {}\ntimes     medians of {} run(s) by turns\n\n", machine_text(),
+          print_out("machine   {}\ntimes     medians of {} interleaved run(s)\n\n", machine_text(),
                     flags_.runs);
         print_error_course(measured);
       }
@@ -161,23 +161,24 @@ void declare_what(CLI::App& app, ErrorFlags& flags) {
   app.add_option("scenes", flags.scenes,
                  "built-in scenes, as for render, or gltf:NAME for one that is written as glTF")
       ->capture_default_str();
-  app.add_option("--rig", flags.rigs, "rig file; repeatable (the 4K and the Full HD kiosk)")
+  app.add_option("--rig", flags.rigs,
+                 "rig file; repeatable (default: the 4K and the Full HD kiosk)")
       ->allow_extra_args(false);
-  app.add_option("--methods", flags.methods, "beside full; those that are missing are said")
+  app.add_option("--methods", flags.methods, "methods besides full; missing ones are reported")
       ->allow_extra_args(false)
       ->delimiter(',')
       ->capture_default_str();
-  app.add_option("--errors", flags.errors, "code values that adaptive may be off by")
+  app.add_option("--errors", flags.errors, "error that adaptive may make, in code values")
       ->allow_extra_args(false)
       ->delimiter(',')
       ->capture_default_str();
   app.add_option("--course", flags.courses,
-                 "still: one frame twice; moving: frames of the animation in a row")
+                 "still: one frame twice; moving: consecutive frames of the animation")
       ->allow_extra_args(false)
       ->delimiter(',')
       ->check(CLI::IsMember({"still", "moving"}))
       ->capture_default_str();
-  app.add_option("--frames", flags.frames, "of a moving course")
+  app.add_option("--frames", flags.frames, "number of frames of a moving course")
       ->check(CLI::Range(1, 10000))
       ->capture_default_str();
 }
@@ -187,21 +188,23 @@ void declare_what(CLI::App& app, ErrorFlags& flags) {
 Run declare_bench_error(CLI::App& app) {
   auto flags = std::make_shared<ErrorFlags>();
   declare_what(app, *flags);
-  app.add_option("--runs", flags->runs, "medians of times are taken over these")
+  app.add_option("--runs", flags->runs, "number of runs; medians of times are reported")
       ->check(CLI::Range(1, 100))
       ->capture_default_str();
-  app.add_option("--max-depth", flags->depth, "of reflections and refractions")
+  app.add_option("--max-depth", flags->depth, "largest number of reflections and refractions")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_flag("--quick", flags->quick, "the first scene on the first rig, with larger pixels");
-  app.add_flag("--no-peers", flags->no_peers, "without Tachyon (scripts/packages bench)");
+  app.add_flag("--quick", flags->quick,
+               "measure only the first scene on the first rig, with larger pixels");
+  app.add_flag("--no-peers", flags->no_peers,
+               "leave out Tachyon (scripts/packages bench installs it)");
   app.add_option("--svg", flags->svg, "file for a plot of time against error");
-  app.add_option(
-      "--pictures", flags->pictures,
-      "folder for the worst places: reference, test, difference; below, what an eye sees");
+  app.add_option("--pictures", flags->pictures,
+                 "folder for pictures of the worst places: reference, test, difference; below, "
+                 "what an eye sees");
   app.add_flag("--json", flags->json, "print as JSON");
   declare_soft_light_flags(app, flags->soft);
   app.footer(

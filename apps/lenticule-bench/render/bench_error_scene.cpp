@@ -33,7 +33,7 @@ render::SceneDescription read_as_gltf(const render::SceneDescription& scene,
   std::ofstream out(file, std::ios::binary);
   out << write_gltf(scene).json;
   out.close();
-  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot be written", file));
+  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
   return render::at_time(render::load_scene(file), 0.0);
 }
 
@@ -44,7 +44,8 @@ std::vector<ErrorEntrant> error_entrants(const std::vector<std::string>& methods
                                          const std::vector<std::string>& known) {
   for (const double error : errors)
     if (!(error >= 0.0 && error <= 255.0))
-      throw Error(ErrorKind::Usage, fmt::format("--errors {}: from 0 to 255 code values", error));
+      throw Error(ErrorKind::Usage,
+                  fmt::format("--errors {}: not in 0 ... 255 code values", error));
   std::vector<ErrorEntrant> entrants = {entrant(kReference, {}, known)};
   for (const std::string& method : methods) {
     if (method == kReference) continue;

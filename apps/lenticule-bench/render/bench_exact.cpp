@@ -28,8 +28,7 @@ void print_heading(const nlohmann::json& r) {
   print_out("rig       {}, {}x{}\n", r["rig"].get<std::string>(), r["width"].get<int>(),
             r["height"].get<int>());
   const int lights = r["lights"].get<int>();
-  print_out("frames    {} generation(s) of mirrored rays, {}, medians of {} run(s) by turns\n",
-            r["depth"].get<int>(),
+  print_out("frames    {} bounce(s), {}, medians of {} interleaved run(s)\n", r["depth"].get<int>(),
             lights == 0 ? "all lights" : fmt::format("at most {} lights", lights),
             r["runs"].get<int>());
 }
@@ -80,7 +79,7 @@ void make_folder(const std::string& folder) {
   std::error_code error;
   if (!folder.empty()) std::filesystem::create_directories(folder, error);
   if (error)
-    throw Error(ErrorKind::Failed, fmt::format("{}: cannot be made: {}", folder, error.message()));
+    throw Error(ErrorKind::Failed, fmt::format("{}: cannot create: {}", folder, error.message()));
 }
 
 ExitCode run(ExactFlags flags) {
@@ -99,24 +98,29 @@ ExitCode run(ExactFlags flags) {
 }
 
 void declare_parts(CLI::App& app, ExactFlags& flags) {
-  app.add_flag("--rates", flags.rates,
-               "bare Embree, visibility and whole frames; measured when no other part is named");
-  app.add_flag("--upright", flags.upright, "the slanted rig against an upright one");
-  app.add_flag("--scaling", flags.scaling, "1, 2, ... all threads");
-  app.add_flag("--growth", flags.growth, "more subpixels, triangles, lights, subpixels per lens");
-  app.add_flag("--peers", flags.peers, "Tachyon and POV-Ray (scripts/packages bench) beside ours");
+  app.add_flag(
+      "--rates", flags.rates,
+      "measure bare Embree, visibility and whole frames (default if no other part is requested)");
+  app.add_flag("--upright", flags.upright, "compare the slanted rig with an upright one");
+  app.add_flag("--scaling", flags.scaling, "measure 1, 2, ... all threads");
+  app.add_flag("--growth", flags.growth,
+               "measure growing numbers of subpixels, triangles, lights and subpixels per lens");
+  app.add_flag("--peers", flags.peers,
+               "compare with Tachyon and POV-Ray (scripts/packages bench installs them)");
 }
 
 void declare_peers(CLI::App& app, ExactFlags& flags) {
-  app.add_option("--peer-mrays", flags.peer_mrays,
-                 "million primary rays of a peer's picture; 0 means as many as subpixels")
+  app.add_option(
+         "--peer-mrays", flags.peer_mrays,
+         "million primary rays of the other ray tracers' pictures; 0 means as many as subpixels")
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
-  app.add_option("--peer-limit", flags.peer_limit_s, "seconds after which a peer's run is ended")
+  app.add_option("--peer-limit", flags.peer_limit_s,
+                 "seconds after which a run of another ray tracer is ended")
       ->check(CLI::Range(1, 86400))
       ->capture_default_str();
   app.add_option("--peer-pictures", flags.peer_pictures,
-                 "folder for a small picture of each scene by each peer");
+                 "folder for a small picture of each scene by each other ray tracer");
 }
 
 }  // namespace
@@ -132,14 +136,14 @@ Run declare_bench_exact(CLI::App& app) {
   auto flags = std::make_shared<ExactFlags>();
   app.add_option("--scene", flags->scenes, "a built-in NAME[:SIZE], or as for render; repeatable")
       ->capture_default_str();
-  app.add_option("--rig", flags->rig, "rig file; the 4K kiosk if left out");
-  app.add_option("--depth", flags->depth, "generations of mirrored and refracted rays")
+  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
+  app.add_option("--depth", flags->depth, "number of bounces of mirrored and refracted rays")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
-  app.add_option("--lights", flags->lights, "drop the lights beyond so many; 0 keeps all")
+  app.add_option("--lights", flags->lights, "use at most this many lights; 0 uses all")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_option("--runs", flags->runs, "medians are taken over these")
+  app.add_option("--runs", flags->runs, "number of runs; medians are reported")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")

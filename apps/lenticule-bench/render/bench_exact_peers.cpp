@@ -34,7 +34,7 @@ void write_text(const std::string& file, const std::string& text) {
   std::ofstream out(file, std::ios::binary);
   out << text;
   out.close();
-  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot be written", file));
+  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
 }
 
 PeerRuns prepare(const Peer& peer, const render::SceneDescription& scene, const PeerJob& job,
@@ -68,7 +68,7 @@ void run_peer(PeerRuns& runs, const PeerJob& job, int limit_s) {
   else if (result.exit_code != 0)
     runs.failure = fmt::format("failed with exit code {}", result.exit_code);
   else if (!seconds || *seconds == 0.0)
-    runs.failure = "does not say how long it traced rays";
+    runs.failure = "does not report its ray tracing time";
   else
     runs.seconds.push_back(*seconds);
 }

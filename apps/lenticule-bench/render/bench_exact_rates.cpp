@@ -100,8 +100,8 @@ void print_rates(const nlohmann::json& r) {
   print_out("; {:.3g} M primary, {:.3g} M shadow, {:.3g} M mirrored rays\n",
             millions("primary_rays"), millions("shadow_rays"), millions("secondary_rays"));
   print_out(
-      "  proved to meet nothing: {:.3g} M shadow, {:.3g} M mirrored rays; to be blocked: "
-      "{:.3g} M shadow rays\n",
+      "  culled: {:.3g} M shadow, {:.3g} M mirrored rays that hit nothing, {:.3g} M shadow rays "
+      "that are blocked\n",
       millions("shadow_rays_proved"), millions("secondary_rays_proved"),
       millions("shadow_rays_blocked"));
   const auto share = [&r](const char* key) { return 100.0 * r["shares"][key].get<double>(); };

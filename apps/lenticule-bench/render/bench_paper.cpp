@@ -91,10 +91,10 @@ class PaperState {
     const nlohmann::json known = nlohmann::json::parse(bytes, nullptr, false);
     if (!known.is_object() || !known.contains("settings") || !known.contains("spans") ||
         !known["spans"].is_object())
-      throw Error(ErrorKind::Input, file_ + ": not the state of a run of bench paper");
+      throw Error(ErrorKind::Input, file_ + ": not a state file of bench paper");
     if (known["settings"] != content_["settings"])
-      throw Error(ErrorKind::Input, file_ + ": of a run with other settings",
-                  "name another file, or delete this one");
+      throw Error(ErrorKind::Input, file_ + ": the state file is of a run with other settings",
+                  "use another file, or delete this one");
     content_ = known;
   }
 
@@ -193,8 +193,8 @@ class PaperRun {
     print_out("machine   {}\nrig       {}, {}x{}\n", machine_text(), setup_.rig.name,
               setup_.rig.panel.width_px, setup_.rig.panel.height_px);
     print_out(
-        "frames    spans of {} in a row, medians of {} run(s) by turns; a scene is built anew "
-        "for each, shown apart\n\n",
+        "frames    spans of {} consecutive frames, medians of {} interleaved run(s); the time to "
+        "rebuild the scene is shown separately\n\n",
         flags_.quick ? "8 to 14" : "16", setup_.runs);
     for (const nlohmann::json& summary : summaries_) print_method_table(summary);
     if (!teapot_.empty()) print_quality_table(teapot_);
@@ -230,25 +230,28 @@ Run declare_bench_paper(CLI::App& app) {
   app.add_option("--scene", flags->scenes, "a built-in scene; repeatable")->capture_default_str();
   app.add_option("--method", flags->methods, "methods beside full; repeatable")
       ->capture_default_str();
-  app.add_option("--rig", flags->rig, "rig file; 64 upright lenses of 8 pixels if left out");
-  app.add_flag("--quick", flags->quick,
-               "eight frames of each scene in one run, fourteen of the teapot: some minutes");
+  app.add_option("--rig", flags->rig, "rig file (default: 64 upright lenses of 8 pixels)");
+  app.add_flag(
+      "--quick", flags->quick,
+      "measure eight frames of each scene in one run, fourteen of the teapot: some minutes");
   app.add_option("--spans", flags->spans,
-                 "so many spans of 16 frames, evenly spaced; 0 takes whole sequences")
+                 "number of evenly spaced spans of 16 frames; 0 measures whole sequences")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
-  app.add_option("--depth", flags->depth, "generations of mirrored and refracted rays")
+  app.add_option("--depth", flags->depth, "number of bounces of mirrored and refracted rays")
       ->check(CLI::Range(0, 64))
       ->capture_default_str();
   const CLI::Option* runs =
-      app.add_option("--runs", flags->runs, "medians are taken over these; 1 with --quick")
+      app.add_option("--runs", flags->runs, "number of runs; medians are reported; 1 with --quick")
           ->check(CLI::Range(1, 100))
           ->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();
-  app.add_flag("--no-peers", flags->no_peers, "without Tachyon (scripts/packages bench)");
-  app.add_option("--state", flags->state, "file that keeps what is measured: continues from there");
+  app.add_flag("--no-peers", flags->no_peers,
+               "leave out Tachyon (scripts/packages bench installs it)");
+  app.add_option("--state", flags->state,
+                 "file for intermediate results; a later run continues from it");
   app.add_option("--plots", flags->plots, "folder for plots of time against error as SVG");
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags, runs]() -> ExitCode {

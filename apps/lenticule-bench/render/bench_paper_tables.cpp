@@ -96,11 +96,11 @@ void print_quality_table(const std::vector<nlohmann::json>& teapot_spans) {
       print_quality_row(published, (*frame)["methods"][method]);
       any = true;
     }
-    if (!any) print_out("  none of its frames was rendered\n");
+    if (!any) print_out("  none of its frames were rendered\n");
   }
   print_out(
-      "  The paper's PSNR follows from its column if that is the mean squared error (MSE);\n"
-      "  its root is what RMSE means. Worst channel and view: RMSE.\n\n");
+      "  The paper's PSNR agrees with its column if the column is the mean squared error (MSE);\n"
+      "  the RMSE is its root. Worst channel and view: RMSE.\n\n");
 }
 
 void print_time_table(const nlohmann::json& summaries) {

@@ -237,14 +237,14 @@ Run declare_bench_reuse(CLI::App& app) {
   const auto flags = std::make_shared<ReuseFlags>();
   app.add_option("--scene", flags->scenes, "built-in scenes, or as for render")
       ->capture_default_str();
-  app.add_option("--rig", flags->rig, "rig file (the 4K kiosk)");
-  app.add_option("--max-depth", flags->depth, "of reflections and refractions")
+  app.add_option("--rig", flags->rig, "rig file (default: the 4K kiosk)");
+  app.add_option("--max-depth", flags->depth, "largest number of reflections and refractions")
       ->capture_default_str();
-  app.add_option("--runs", flags->runs, "frames of each way; times are medians")
+  app.add_option("--runs", flags->runs, "frames of each method; times are medians")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")->capture_default_str();
-  app.add_flag("--variants", flags->variants, "other ways to reuse points, too");
+  app.add_flag("--variants", flags->variants, "also measure variants of the reuse methods");
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags] { return run_reuse(*flags); };
 }

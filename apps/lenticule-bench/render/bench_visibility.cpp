@@ -135,8 +135,8 @@ Run declare_bench_visibility(CLI::App& app) {
   auto flags = std::make_shared<VisibilityFlags>();
   app.add_option("scenes", flags->scenes, "scenes, as for render");
   app.add_option("--rig", flags->rig, "rig file instead of the 4K kiosk");
-  app.add_option("--runs", flags->runs, "runs of each, by turns")->check(CLI::Range(1, 1000));
-  app.add_flag("--quick", flags->quick, "one run, one rig, fewer rows compared");
+  app.add_option("--runs", flags->runs, "interleaved runs of each")->check(CLI::Range(1, 1000));
+  app.add_flag("--quick", flags->quick, "measure one run and one rig, and compare fewer rows");
   app.add_flag("--json", flags->json, "print as JSON");
   return [flags] { return run(*flags); };
 }

@@ -202,7 +202,7 @@ StabilityRow stability_audit(const StabilitySize& size) {
     sum += one;
   });
   const auto frames = static_cast<double>(sum.frames);
-  return {.stressed = "random scenes: what method adaptive says of its frames, against full",
+  return {.stressed = "random scenes: what method adaptive reports about its frames, against full",
           .samples = sum.frames,
           .samples_are = "frames",
           .failures = sum.broken,
@@ -210,9 +210,9 @@ StabilityRow stability_audit(const StabilitySize& size) {
           .failures_are = "bounds that do not hold",
           .worst = std::abs(sum.found - sum.expected) / std::sqrt(sum.variance),
           .bound = 4.0,
-          .unit = "deviations of what is found",
-          .note = fmt::format("beyond {} codes on average {:.2f} %, bounds {:.2f} %; {} found of "
-                              "{:.0f} expected; {} frames mended",
+          .unit = "deviations of the number found",
+          .note = fmt::format("over {} codes: {:.2f} % on average, bounds {:.2f} %; {} found of "
+                              "{:.0f} expected; {} frames retraced",
                               kError, 100.0 * sum.true_share / frames, 100.0 * sum.bound / frames,
                               sum.found, sum.expected, sum.mended)};
 }

@@ -67,11 +67,11 @@ ExitCode run(const StabilityFlags& flags) {
 
 Run declare_bench_stability(CLI::App& app) {
   auto flags = std::make_shared<StabilityFlags>();
-  CLI::Option* quick = app.add_flag("--quick", flags->quick, "some seconds; the default");
+  CLI::Option* quick = app.add_flag("--quick", flags->quick, "run for some seconds (default)");
   app.add_flag("--full", flags->full,
-               "hundreds of millions of samples and whole 15360x8640 panels; takes an hour")
+               "use hundreds of millions of samples and whole 15360x8640 panels; takes an hour")
       ->excludes(quick);
-  app.add_option("--row", flags->row, "one row of the table only");
+  app.add_option("--row", flags->row, "run only this row of the table");
   app.add_option("--threads", flags->threads, "0 means all cores")
       ->check(CLI::Range(0, 1024))
       ->capture_default_str();

@@ -77,8 +77,8 @@ void refuse_shapes(NamedFailures& failures) {
                    refuses([&] { (void)render_small(scene, plain_stage(), small_rig(), 1); }));
   };
   expect("vertex at 1e30", [](auto& s) { s.meshes[0].positions[7].y = 1e30; });
-  expect("vertex that is not there", [](auto& s) { s.meshes[0].triangles[5][1] = 1U << 30U; });
-  expect("material that is not there", [](auto& s) { s.meshes[0].material = 7; });
+  expect("missing vertex", [](auto& s) { s.meshes[0].triangles[5][1] = 1U << 30U; });
+  expect("missing material", [](auto& s) { s.meshes[0].material = 7; });
   expect("negative radius", [](auto& s) { s.spheres = {{.radius = -1.0}}; });
   expect("cone without height", [](auto& s) {
     s.cones = {{.base = {1, 1, 1}, .apex = {1, 1, 1}}};
@@ -108,7 +108,7 @@ void compare_with_clean(NamedFailures& failures) {
   const frames::WovenFrame clean = render_small(scene, plain_stage(), small_rig(), 1);
   add_nothing(scene);
   const frames::WovenFrame littered = render_small(scene, plain_stage(), small_rig(), 1);
-  failures.check("picture with triangles that are nothing",
+  failures.check("picture with degenerate triangles",
                  std::ranges::equal(clean.bytes(), littered.bytes()));
   scene = ball_scene();
   scene.meshes[0].normals.assign(scene.meshes[0].positions.size(), Vec3{});

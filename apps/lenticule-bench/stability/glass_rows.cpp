@@ -54,7 +54,7 @@ StabilityRow stability_total_reflection(const StabilitySize& size) {
   scene.spheres = {{.centre = {19.7, 1.3, 2.1}, .radius = 14.9, .material = 1}};
   add_stripes(scene);
   StabilityRow row = compare_with_oracle(scene, rig_of(size), size);
-  row.stressed = "a turned box of glass and a ball of diamond: total internal reflection";
+  row.stressed = "a rotated box of glass and a ball of diamond: total internal reflection";
   return row;
 }
 

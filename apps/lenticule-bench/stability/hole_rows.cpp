@@ -95,7 +95,7 @@ StabilityRow count_holes(const StabilitySize& size, Aim aim, const char* stresse
           .samples_are = "rays",
           .failures = shared.sum().failures,
           .failures_are = "holes",
-          .note = fmt::format("{} rays slipped and were caught", filled.load())};
+          .note = fmt::format("{} rays passed through cracks and were caught", filled.load())};
 }
 
 }  // namespace

@@ -45,7 +45,7 @@ Crossing through_glass(int frames) {
   Crossing crossing{
       coloured_scene(), {-2.1, 0.9, -47.0}, {4.3 / frames, -1.9 / frames, 94.0 / frames}, frames};
   render::SceneDescription& scene = crossing.scene;
-  scene.source = "through the glass";
+  scene.source = "through the panel plane";
   add_mesh(scene, grid_mesh({-71.0, -13.0, -31.0}, {143.0, 1.3, 2.1}, {0.3, 37.0, 11.0}, 1), 0);
   add_mesh(scene, box_mesh({7.3, -9.1, -21.0}, {13.9, -3.7, 23.0}, 1), 1);
   add_mesh(scene, grid_mesh({-31.7, -17.1, -27.0}, {3.1, 0.7, 51.0}, {9.3, 41.9, 0.0}, 3), 2);
@@ -169,8 +169,8 @@ StabilityRow CrossingRun::row(const char* stressed) const {
   uint64_t samples = exact_tally_.samples, failures = exact_tally_.failures;
   uint64_t approximated = 0;
   double worst = 0.0;
-  std::string note = fmt::format("adaptive: {} other than full, {} than the oracle", exact_other_,
-                                 exact_tally_.failures);
+  std::string note = fmt::format("adaptive: {} differ from full, {} from the reference",
+                                 exact_other_, exact_tally_.failures);
   for (const Approximation& one : approximate_) {
     approximated += one.difference.samples();
     failures += one.strange;
@@ -203,7 +203,7 @@ StabilityRow run(Crossing crossing, const StabilitySize& size, const char* stres
 
 StabilityRow stability_reuse_through_glass(const StabilitySize& size) {
   return run(through_glass(size.full ? 400 : 32), size,
-             "a beam, sheets and balls move through the glass, by every method that re-uses");
+             "a beam, sheets and balls move through the panel plane, with every reuse method");
 }
 
 StabilityRow stability_reuse_through_eye(const StabilitySize& size) {

@@ -203,7 +203,7 @@ StabilityRow LongRun::row() {
     worst = std::max(worst, last / first);
     note += fmt::format("{} {:.2f} codes, trend {:+.1f}; ", racer.name, std::sqrt(first), trend);
   }
-  checks_.check("frames that stood still were copied", racers_.back().copied_subpixels > 0);
+  checks_.check("unchanged frames were copied", racers_.back().copied_subpixels > 0);
   const double grown =
       (static_cast<double>(memory_after_) - static_cast<double>(memory_before_)) / kMib;
   checks_.check("memory", grown < kMemoryMib);
@@ -213,7 +213,7 @@ StabilityRow LongRun::row() {
           .samples = rendered_ * racers_.size(),
           .samples_are = "frames",
           .failures = checks_.tally.failures,
-          .failures_are = "other when asked for alone, trends or leaks",
+          .failures_are = "frames that differ when rendered alone, trends or leaks",
           .worst = worst,
           .bound = 1.5,
           .unit = "times the first fifth's",

@@ -153,8 +153,8 @@ StabilityRow stability_reuse_slopes(const StabilitySize& size) {
       .worst = shared.sum().worst,
       .bound = 4e-7 * coordinates,
       .unit = "mm off the outline",
-      .note = fmt::format("{} outlines, {} subpixels on them; {} off by more than {} "
-                          "codes, at most {} as frames say",
+      .note = fmt::format("{} outlines, {} subpixels on them; {} off by more than {} codes, at "
+                          "most {} according to the frames",
                           degrees.size(), beyond.on_outline.load(), beyond.subpixels.load(), kError,
                           beyond.allowed.load())};
   if (beyond.subpixels > beyond.allowed) ++row.failures;

@@ -40,20 +40,20 @@ constexpr display::Nanoseconds kNap = kEscapePause;
 
 constexpr const char* kKeys =
     "Keys:\n"
-    "  arrows, or h j k l        what the step asks for; [ and ] turn the slant\n"
-    "  shift, capital H J K L    ten times as far; so do page up and page down\n"
+    "  arrows, or h j k l        what the step asks for; [ and ] change the slant\n"
+    "  shift, capital H J K L    ten times as far, like page up and page down\n"
     "  ctrl                      a tenth as far\n"
-    "  + and -                   all steps ten times larger or smaller from now on\n"
-    "  enter, backspace          next step, step before\n"
+    "  + and -                   make all steps ten times larger or smaller\n"
+    "  enter, backspace          next step, previous step\n"
     "  u, r                      undo, redo\n"
     "  space                     show the old rig, show the new one\n"
-    "  escape                    everything as it was at the start\n"
-    "  i                         left and right eye change places\n"
-    "  f, m, t                   other pattern, magnifier, words on the panel\n"
+    "  escape                    return to the values of the start\n"
+    "  i                         swap left and right eye\n"
+    "  f, m, t                   other pattern, magnifier, texts on the panel\n"
     "  q                         leave without saving\n"
     "Scripts write them as left, shift+up, ctrl+right*12, [, +, enter, backspace, space, escape, "
     "u;\n"
-    "what follows a # is a remark.\n"
+    "text after a # is a comment.\n"
     "Example:\n"
     "  lenticule calibrate by-eye --rig kiosk.toml --display kms --distance 700 -o kiosk.toml";
 
@@ -72,8 +72,8 @@ struct ByEyeFlags {
 std::shared_ptr<display::ScanoutRecorder> recorder_of(const ByEyeFlags& flags) {
   if (flags.record.empty()) return nullptr;
   if (display::is_kms_spec(flags.display))
-    throw Error(ErrorKind::Usage, "--record: a graphics card does not tell what it showed",
-                "record with --display virtual");
+    throw Error(ErrorKind::Usage, "--record: a graphics card does not report what it displayed",
+                "use --display virtual");
   return display::open_recorder(flags.record);
 }
 
@@ -90,7 +90,7 @@ double distance_of(const ByEyeFlags& flags, const optics::Rig& rig) {
   const double distance = flags.distance_mm.value_or(rig.viewing.distance.value);
   if (std::isinf(distance))
     throw Error(ErrorKind::Usage, fmt::format("{}: has no viewing distance", flags.rig),
-                "say how far the eye is from the glass: --distance 700");
+                "give the distance from the panel to the eye: --distance 700");
   return distance;
 }
 
@@ -125,8 +125,8 @@ void check_folder_of(const fs::path& file) {
   const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
   if (access(folder.c_str(), W_OK | X_OK) == 0) return;
   throw Error(ErrorKind::Failed,
-              fmt::format("{}: cannot be written there: {}", file.string(), std::strerror(errno)),
-              "name a folder that exists and that you may write to");
+              fmt::format("{}: cannot write: {}", file.string(), std::strerror(errno)),
+              "use an existing folder that you may write to");
 }
 
 class ByEyeRun {
@@ -181,8 +181,8 @@ class ByEyeRun {
       case frames::ShowResult::Shown:
         return;
       case frames::ShowResult::TimedOut:
-        throw Error(ErrorKind::Device, fmt::format("{}: shows nothing", display_->mode().name),
-                    "is another program in front, or the panel asleep?");
+        throw Error(ErrorKind::Device, fmt::format("{}: displays nothing", display_->mode().name),
+                    "check whether another program has the display or the panel is asleep");
       case frames::ShowResult::Lost:
         throw lost();
     }
@@ -194,7 +194,7 @@ class ByEyeRun {
   }
 
   [[nodiscard]] Error lost() const {
-    return {ErrorKind::Device, fmt::format("{}: went away", display_->mode().name),
+    return {ErrorKind::Device, fmt::format("{}: disconnected", display_->mode().name),
             "nothing was saved; connect it and start again"};
   }
 
@@ -221,13 +221,13 @@ class ByEyeRun {
     if (!request_.recorder) return;
     request_.recorder->finish();
     if (const uint64_t skipped = request_.recorder->skipped(); skipped > 0)
-      say("{}: {} charts came too fast to be recorded\n", flags_.record, skipped);
+      say("{}: {} charts were too fast to record\n", flags_.record, skipped);
   }
 
   ExitCode conclude() {
     if (procedure_.status() == Procedure::Status::Refused)
       throw Error(ErrorKind::Quality, "calibrate by-eye: " + procedure_.doubt(),
-                  "nothing was saved; measure again, or insist with --insist");
+                  "nothing was saved; measure again, or use --insist to save the values anyway");
     const bool saved = procedure_.status() == Procedure::Status::Saved;
     const optics::Rig rig = saved ? result_of(procedure_) : rig_;
     const std::string kept = saved ? save_keeping_old(rig, flags_.output) : "";
@@ -237,7 +237,7 @@ class ByEyeRun {
       print_text(rig, saved, kept);
     if (!saved && procedure_.status() == Procedure::Status::Running)
       throw Error(ErrorKind::Failed, "calibrate by-eye: the keys ended before the rig was saved",
-                  "a script ends with enter at the last step, or with q");
+                  "end the script with enter at the last step, or with q");
     return kOk;
   }
 
@@ -269,9 +269,9 @@ class ByEyeRun {
     if (!kept.empty()) say("the old rig is kept as {}\n", kept);
     const double design = rig.viewing.distance.value;
     if (!procedure_.gap_was_found() && procedure_.distance_mm() != design)
-      say("lenticule: calibrated from {:g} mm, used from {:g} mm, and the gap was taken "
-          "over\n  the pitch is as good as the gap; find that too, or calibrate from where "
-          "viewers are\n",
+      say("lenticule: calibrated from {:g} mm, used from {:g} mm, and the gap was not measured\n"
+          "  the pitch is only as good as the gap: measure the gap too, or calibrate at the "
+          "viewers' distance\n",
           procedure_.distance_mm(), design);
     print_out("{}: pitch {:.6f}, slant {:.6f}, offset {:.4f}, gap {:.4f} mm, fingerprint {}\n",
               flags_.output, rig.sheet.pitch.value, rig.sheet.slant, rig.sheet.offset.value,
@@ -292,26 +292,27 @@ class ByEyeRun {
 CalibrateWay declare_calibrate_by_eye(CLI::App& app) {
   const auto flags = std::make_shared<ByEyeFlags>();
   CLI::App* way = app.add_subcommand(
-      "by-eye", "find the sheet with charts and keys, without a camera; the charts say how");
+      "by-eye",
+      "measure the sheet with charts and keys, without a camera; the charts explain the steps");
   way->footer(kKeys);
-  way->add_option("--rig", flags->rig, "rig file to begin with; a trim beside it is taken in")
+  way->add_option("--rig", flags->rig, "rig file to start from; a trim beside it is included")
       ->required();
   way->add_option("--display", flags->display,
                   "kms, kms:CONNECTOR, or virtual, as for lenticule play")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
-                "with kms: show patterns even where it is known that subpixels arrive changed");
+                "with kms: show patterns even if subpixels are known to arrive changed");
   way->add_option("-o,--output", flags->output,
-                  "rig file to write; one that is there is kept under a number (RIG.1.toml)")
+                  "rig file to write; an existing one is kept under a number (RIG.1.toml)")
       ->required();
   way->add_option("--distance", flags->distance_mm,
-                  "from the glass to the eye, mm (default: the rig's viewing distance)");
+                  "distance from the panel to the eye, mm (default: the rig's viewing distance)");
   way->add_option("--keys", flags->keys,
-                  "file of keys to press (default: standard input, if that is no terminal)");
+                  "file of keys to press (default: standard input, if that is not a terminal)");
   way->add_option("--record", flags->record,
                   "with virtual: record the charts: checksums:FILE or png:FOLDER");
-  way->add_flag("--insist", flags->insist, "take values that are implausible without a question");
-  way->add_flag("--json", flags->json, "print what was found as JSON");
+  way->add_flag("--insist", flags->insist, "accept implausible values without asking");
+  way->add_flag("--json", flags->json, "print the result as JSON");
   return {.app = way, .run = [flags] { return ByEyeRun(*flags).run(); }};
 }
 

@@ -51,8 +51,8 @@ struct Place {
 };
 constexpr std::array<Place, 5> kPlaces = {{
     {"centre", "in front of the panel's middle, where a viewer's eye will be"},
-    {"left", "about 250 mm to the left of that, still aimed at the middle"},
-    {"right", "about 300 mm to the right of the first place, still aimed at the middle"},
+    {"left", "about 250 mm to the left of that, still aimed at the panel's middle"},
+    {"right", "about 300 mm to the right of the first place, still aimed at the panel's middle"},
     {"near", "in front of the middle again, a quarter nearer"},
     {"high", "in front of the middle, 150 mm higher"},
 }};
@@ -76,7 +76,7 @@ ExitCode list_all(bool as_json) {
     print_json(all);
     return kOk;
   }
-  if (all.empty()) print_out("no camera\n");
+  if (all.empty()) print_out("no camera found\n");
   for (const json& camera : all) {
     print_out("{}  {}  {}\n", camera["path"].get<std::string>(), camera["name"].get<std::string>(),
               camera["stable_path"].get<std::string>());
@@ -138,22 +138,22 @@ class CameraRun {
     frames::WovenFrame frame;
     calib::draw_pattern(white, model_.rig().panel, frame);
     if (sink_->show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
-      throw Error(ErrorKind::Device, "display: nothing got onto the glass");
+      throw Error(ErrorKind::Device, "display: the pattern was not displayed");
   }
 
   /// Waits for the user. Meanwhile the panel is white, and pictures of it show whether the camera
   /// and the light are right.
   void wait_for_person(const Place& place, int number) {
-    say("\nViewpoint {} of {}: put the camera {}.\n"
-        "The whole panel must be in the picture, which it should nearly fill. Then press "
-        "enter.\n",
+    say("\n"
+        "Viewpoint {} of {}: put the camera {}.\n"
+        "The picture must show the whole panel, which should nearly fill it. Then press enter.\n",
         number + 1, flags_.viewpoints, place.where);
     while (!interrupted() && !enter_pressed()) {
       calib::CameraPicture picture;
       const calib::GrabStatus status = camera_->grab(picture, std::chrono::seconds(1));
       if (status == calib::GrabStatus::Gone)
         throw Error(ErrorKind::Device, "camera: " + camera_->failure(),
-                    "nothing was written; connect it again and start over");
+                    "nothing was written; connect the camera again and start over");
       if (status != calib::GrabStatus::Ready) continue;
       if (!flags_.preview.empty()) write_picture(picture, flags_.preview);
       if (isatty(STDERR_FILENO) != 0) say("\r\x1b[K  {}", light_of(picture));
@@ -196,7 +196,7 @@ class CameraRun {
     const std::vector<std::string> drifted = camera_->drifted_controls();
     if (drifted.empty()) return;
     throw Error(ErrorKind::Device, "camera: " + drifted.front(),
-                "another program may be changing the camera; close it and start over");
+                "another program may be changing the camera; close that program and start over");
   }
 
   static void tell(const calib::ViewpointMeasurement& m) {
@@ -216,9 +216,10 @@ class CameraRun {
 void declare_camera_flags(CLI::App& way, CameraFlags& flags) {
   way.add_option("--device", flags.camera.device,
                  "/dev/videoN or a name of /dev/v4l/by-id (default: the only camera)");
-  way.add_option("--width", flags.camera.width, "of the pictures, pixels (0 = near 1920)")
+  way.add_option("--width", flags.camera.width, "width of the pictures, pixels (0 = near 1920)")
       ->capture_default_str();
-  way.add_option("--height", flags.camera.height, "of the pictures, pixels")->capture_default_str();
+  way.add_option("--height", flags.camera.height, "height of the pictures, pixels")
+      ->capture_default_str();
   way.add_option("--fps", flags.camera.frames_per_second, "pictures per second")
       ->capture_default_str();
   way.add_option("--pixel-format", flags.camera.pixel_format,
@@ -227,7 +228,7 @@ void declare_camera_flags(CLI::App& way, CameraFlags& flags) {
                  "exposure, in refreshes of the panel")
       ->check(CLI::Range(1, 60))
       ->capture_default_str();
-  way.add_option("--gain", flags.camera.gain, "in the camera's own numbers");
+  way.add_option("--gain", flags.camera.gain, "gain, in the camera's own units");
 }
 
 }  // namespace
@@ -235,7 +236,7 @@ void declare_camera_flags(CLI::App& way, CameraFlags& flags) {
 CalibrateWay declare_calibrate_camera(CLI::App& app) {
   const auto flags = std::make_shared<CameraFlags>();
   CLI::App* way =
-      app.add_subcommand("camera", "find the sheet with a V4L2 camera at one or several places");
+      app.add_subcommand("camera", "measure the sheet with a V4L2 camera at one or several places");
   way->footer(
       "Darken the room, let the panel warm up for half an hour, use a tripod.\n"
       "Example:\n  lenticule calibrate camera --rig start.toml --display kms -o kiosk.toml");
@@ -243,26 +244,26 @@ CalibrateWay declare_calibrate_camera(CLI::App& app) {
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
-                "with kms: show patterns even where it is known that subpixels arrive changed");
+                "with kms: show patterns even if subpixels are known to arrive changed");
   declare_camera_flags(*way, *flags);
   way->add_option("--viewpoints", flags->viewpoints,
-                  "places of the camera; one gives a rig for that eye only")
+                  "places of the camera; one place gives a rig for that eye only")
       ->check(CLI::Range(1, static_cast<int>(kPlaces.size())))
       ->capture_default_str();
-  way->add_flag("--no-prompts", flags->no_prompts, "do not wait for enter at each place");
-  way->add_option("--settle-ms", flags->settle_ms, "from a new pattern to the first picture of it")
+  way->add_flag("--no-prompts", flags->no_prompts, "do not wait for the enter key at each place");
+  way->add_option("--settle-ms", flags->settle_ms, "time from a new pattern to its first picture")
       ->check(CLI::Range(0, 5000))
       ->capture_default_str();
-  way->add_option("--average", flags->average, "pictures of each pattern")
+  way->add_option("--average", flags->average, "number of pictures of each pattern")
       ->check(CLI::Range(1, 64))
       ->capture_default_str();
-  way->add_option("--gap-tolerance", flags->gap_tolerance,
-                  "how far the starting gap may be off, relative")
+  way->add_option("--gap-tolerance", flags->gap_tolerance, "relative tolerance of the starting gap")
       ->check(CLI::Range(0.01, 3.0))
       ->capture_default_str();
-  way->add_option("--preview", flags->preview, "picture file that is kept fresh: what is seen");
+  way->add_option("--preview", flags->preview,
+                  "picture file that is updated with what the camera sees");
   declare_result_flags(*way, flags->result);
-  CLI::Option* list = way->add_flag("--list", flags->list, "list the cameras and end");
+  CLI::Option* list = way->add_flag("--list", flags->list, "list the cameras and exit");
   rig->excludes(list);
   way->get_option("--output")->required(false);
   return {.app = way, .run = [flags]() -> ExitCode {

@@ -131,13 +131,14 @@ void require_known_rig(calib::ViewpointMeasurement& measured, bool manifest_agre
   if (measured.rig_code_read) return;
   if (!manifest_agrees)
     throw Error(ErrorKind::Input,
-                fmt::format("{}: nothing says which rig these patterns were written for: no code "
-                            "is read beside the marks, and there is no {}",
+                fmt::format("{}: unknown for which rig these patterns were written: no code is "
+                            "readable beside the marks, and there is no {}",
                             folder, calib::kPatternManifest),
-                "name the folder that --write-patterns wrote with --patterns; patterns without a "
-                "manifest have to be written and photographed again");
+                "give the folder that --write-patterns wrote as --patterns; without a manifest, "
+                "write the patterns and photograph them again");
   measured.warnings.emplace_back(
-      "no code is read beside the marks: that the patterns are this rig's is the manifest's word");
+      "no code is readable beside the marks: only the manifest states that the patterns belong to "
+      "this rig");
 }
 
 ExitCode from_folders(const PhotosFlags& flags, const optics::Rig& rig) {
@@ -179,12 +180,12 @@ ExitCode run_photos(const PhotosFlags& flags) {
   for (const auto& [flag, value] :
        {std::pair("--distance", flags.distance_mm), std::pair("--focal-px", flags.focal_px)})
     if (value && !(*value > 0.0 && std::isfinite(*value)))
-      throw Error(ErrorKind::Usage, fmt::format("{}: {:g} is no length", flag, *value),
-                  "it must be a number above 0");
+      throw Error(ErrorKind::Usage, fmt::format("{}: {:g} is not a length", flag, *value),
+                  "use a number above 0");
   if (!flags.write_patterns.empty()) return write_patterns(flags, rig);
   if (flags.sources.empty() || flags.result.output.empty())
     throw Error(ErrorKind::Usage, "calibrate photos: photographs and -o are needed",
-                "or --write-patterns FOLDER, to get what has to be photographed");
+                "or use --write-patterns FOLDER to get the patterns to photograph");
   const bool one = flags.sources.size() == 1 && !fs::is_directory(flags.sources.front());
   return one ? from_one(flags, rig) : from_folders(flags, rig);
 }
@@ -194,7 +195,8 @@ ExitCode run_photos(const PhotosFlags& flags) {
 CalibrateWay declare_calibrate_photos(CLI::App& app) {
   const auto flags = std::make_shared<PhotosFlags>();
   CLI::App* way = app.add_subcommand(
-      "photos", "find the sheet from photographs: one of the photo chart, or folders of patterns");
+      "photos",
+      "measure the sheet from photographs: one of the photo chart, or folders of patterns");
   way->footer(
       "One photograph, good for the eye that it was taken from:\n"
       "  lenticule calibrate show photo-chart --rig start.toml --display kms\n"
@@ -205,14 +207,15 @@ CalibrateWay declare_calibrate_photos(CLI::App& app) {
   way->add_option("PHOTOS", flags->sources, "a photograph, or a folder for each viewpoint");
   way->add_option("--rig", flags->rig, "rig file to start from")->required();
   way->add_option("--write-patterns", flags->write_patterns,
-                  "folder to write all patterns to, with a manifest, then end");
-  way->add_option("--patterns", flags->patterns,
-                  "folder that --write-patterns wrote, if the photographs do not show their rig");
+                  "folder to write all patterns to, with a manifest; nothing else is done");
+  way->add_option(
+      "--patterns", flags->patterns,
+      "folder that --write-patterns wrote; needed if the photographs do not show their rig");
   way->add_option("--distance", flags->distance_mm,
-                  "from the glass to the camera of the first photograph, mm: without it a single "
-                  "photograph is less exact; folders are checked against it");
+                  "distance from the panel to the camera of the first photograph, mm; without it a "
+                  "single photograph is less exact; folders are checked against it");
   way->add_option("--focal-px", flags->focal_px,
-                  "focal length in pixels of the photograph, if it is known: as --distance");
+                  "focal length in pixels of the photograph, if known; used like --distance");
   declare_result_flags(*way, flags->result);
   way->get_option("--output")->required(false);
   return {.app = way, .run = [flags] { return run_photos(*flags); }};

@@ -41,11 +41,11 @@ void print_text(const calib::Calibration& found, const json& files) {
 
 void declare_result_flags(CLI::App& app, ResultFlags& flags) {
   app.add_option("-o,--output", flags.output,
-                 "rig file to write; one that is there is kept under a number")
+                 "rig file to write; an existing one is kept under a number")
       ->required();
   app.add_option("--report", flags.report, "HTML report (default: beside the rig file)");
   app.add_option("--temperature", flags.temperature,
-                 "of the room, degrees Celsius, for the record");
+                 "room temperature, degrees Celsius, recorded in the rig");
   app.add_flag("--json", flags.json, "print the whole report as JSON");
 }
 

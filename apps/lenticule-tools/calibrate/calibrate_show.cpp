@@ -83,9 +83,10 @@ Pattern comb(const Subject& subject) {
 
 const std::vector<NamedPattern>& patterns() {
   static const std::vector<NamedPattern> table = {
-      {"black", "nothing: the room's light, reflections",
+      {"black", "no light: shows room light and reflections",
        [](const Subject& s) { return flat(s, 0.0); }},
-      {"white", "all light: framing, exposure", [](const Subject& s) { return flat(s, 1.0); }},
+      {"white", "full light: for framing and exposure",
+       [](const Subject& s) { return flat(s, 1.0); }},
       {"fringes", "a sinusoid one lens wide: seen through the sheet, a few wide fringes",
        [](const Subject& s) {
          return Pattern{.shape = calib::Fringe{.pitch_subpx = s.pitch(),
@@ -93,10 +94,10 @@ const std::vector<NamedPattern>& patterns() {
                                                .phase = s.flags.phase},
                         .channels = s.channels};
        }},
-      {"wave-x", "a wide sinusoid across: which panel point is seen",
+      {"wave-x", "a wide horizontal sinusoid: shows which panel point is seen",
        [](const Subject& s) { return wave(s, false); }},
-      {"wave-y", "the same from top to bottom", [](const Subject& s) { return wave(s, true); }},
-      {"comb", "a quarter of each lens lit, at place --phase: spot and crosstalk", comb},
+      {"wave-y", "the same, vertical", [](const Subject& s) { return wave(s, true); }},
+      {"comb", "a quarter of each lens lit, at --phase: shows lens spot and crosstalk", comb},
       {"columns", "every other column of pixels: colours wash out on a 4:2:0 link",
        [](const Subject& s) { return Pattern{.shape = calib::Columns{}, .channels = s.channels}; }},
       {"checks", "squares of one pixel: bands appear where the panel scales",
@@ -137,7 +138,7 @@ void hold(display::Display& display, double seconds) {
     const auto event =
         display.wait_event(display.now() + std::chrono::milliseconds(200), interrupt_fd());
     if (event.kind == display::EventKind::Lost)
-      throw Error(ErrorKind::Device, "display: it went away", "plug it in again");
+      throw Error(ErrorKind::Device, "display: disconnected", "connect it again");
   }
 }
 
@@ -158,7 +159,7 @@ ExitCode show(const ShowFlags& flags) {
   const auto display = display::open_display(request);
   display::DisplaySink sink(*display);
   if (sink.show(frame.view(), std::chrono::seconds(10)) != frames::ShowResult::Shown)
-    throw Error(ErrorKind::Device, "display: the pattern did not get onto the glass");
+    throw Error(ErrorKind::Device, "display: the pattern was not displayed");
   say("{} on {}{}\n", flags.pattern, display->mode().name,
       flags.seconds > 0.0 ? "" : ", until Ctrl-C");
   hold(*display, flags.seconds);
@@ -170,7 +171,7 @@ ExitCode show(const ShowFlags& flags) {
 
 CalibrateWay declare_calibrate_show(CLI::App& app) {
   const auto flags = std::make_shared<ShowFlags>();
-  CLI::App* way = app.add_subcommand("show", "put one of the patterns on a display or into a file");
+  CLI::App* way = app.add_subcommand("show", "show a pattern on a display, or write it to a file");
   std::string help = "Patterns:\n";
   for (const NamedPattern& pattern : patterns())
     help += fmt::format("  {:<12} {}\n", pattern.name, pattern.what);
@@ -178,24 +179,26 @@ CalibrateWay declare_calibrate_show(CLI::App& app) {
                       kPhotoChart);
   way->footer(help +
               "Example:\n  lenticule calibrate show fringes --rig kiosk-27-4k.toml --display kms");
-  way->add_option("PATTERN", flags->pattern, "which one, see below")
+  way->add_option("PATTERN", flags->pattern, "name of the pattern, see below")
       ->required()
       ->check(CLI::IsMember(pattern_names()));
   way->add_option("--rig", flags->rig, "rig file")->required();
   way->add_option("--display", flags->display, "kms, kms:CONNECTOR, or virtual")
       ->capture_default_str();
   way->add_flag("--allow-inexact", flags->allow_inexact,
-                "with kms: show patterns even where it is known that subpixels arrive changed");
+                "with kms: show patterns even if subpixels are known to arrive changed");
   way->add_option("-o,--output", flags->output, "write a picture instead: .png, .tif, .ppm");
-  way->add_option("--phase", flags->phase, "of fringes and waves, in turns; of a comb, in lenses")
+  way->add_option("--phase", flags->phase,
+                  "phase of fringes and waves, in turns; of a comb, in lenses")
       ->capture_default_str();
-  way->add_option("--pitch-factor", flags->pitch_factor, "fringes so much wider")
+  way->add_option("--pitch-factor", flags->pitch_factor, "makes fringes wider by this factor")
       ->check(CLI::Range(0.1, 10.0))
       ->capture_default_str();
-  way->add_option("--channel", flags->channel, "subpixels that carry it: all, red, green, blue")
+  way->add_option("--channel", flags->channel,
+                  "subpixels that show the pattern: all, red, green, blue")
       ->check(CLI::IsMember({"all", "red", "green", "blue"}))
       ->capture_default_str();
-  way->add_option("--seconds", flags->seconds, "how long; 0 = until Ctrl-C")
+  way->add_option("--seconds", flags->seconds, "seconds to show it; 0 = until Ctrl-C")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
   way->add_flag("--json", flags->json, "print what was done as JSON");

@@ -52,11 +52,11 @@ calib::Trial trial_of(const SimulateFlags& flags) {
 }
 
 void print_truth(const calib::Trial& trial, const calib::TrialResult& result) {
-  print_out("\nthe truth of the bench: pitch {:.6f} subpixels, slant {:.6f}, offset {:.4f}\n",
+  print_out("\nground truth: pitch {:.6f} subpixels, slant {:.6f}, offset {:.4f}\n",
             trial.sheet.pitch_subpx, trial.sheet.slant, trial.sheet.offset_lenses);
   print_out(
-      "error of the rig: pitch {:.1e} (relative), slant {:.1e} px/px, gap {:.1e} (relative), "
-      "phase {:.4f} lens at worst for any eye of the zone\n",
+      "error of the rig: pitch {:.1e} (relative), slant {:.1e} px/px, gap {:.1e} (relative), phase "
+      "{:.4f} lens at worst for any eye of the viewing zone\n",
       result.errors.pitch, result.errors.slant, result.errors.gap, result.errors.worst_lenses);
 }
 
@@ -101,12 +101,11 @@ CalibrateWay declare_calibrate_simulate(CLI::App& app) {
   const auto flags = std::make_shared<SimulateFlags>();
   CLI::App* way = app.add_subcommand(
       "simulate",
-      "calibrate a simulated panel with a simulated camera, and compare with the truth");
+      "calibrate a simulated panel with a simulated camera, and compare with the ground truth");
   way->footer(
       "Example:\n  lenticule calibrate simulate --noise 0.03 --deformation 0.1 -o sim.toml");
-  way->add_option("--seed", flags->seed, "another number gives another bench")
-      ->capture_default_str();
-  way->add_flag("--random", flags->random, "draw sheet, camera and start at random");
+  way->add_option("--seed", flags->seed, "seed of the simulated set-up")->capture_default_str();
+  way->add_flag("--random", flags->random, "choose sheet, camera and starting rig at random");
   way->add_option("--panel-width", flags->panel_width, "pixels; the height is 9/16 of it")
       ->check(CLI::Range(320, 15360))
       ->capture_default_str();
@@ -116,13 +115,13 @@ CalibrateWay declare_calibrate_simulate(CLI::App& app) {
   way->add_option("--viewpoints", flags->viewpoints, "places of the camera")
       ->check(CLI::Range(1, 3))
       ->capture_default_str();
-  way->add_option("--noise", flags->noise, "of the camera, part of full scale")
+  way->add_option("--noise", flags->noise, "noise of the camera, as a fraction of full scale")
       ->check(CLI::Range(0.0, 0.2))
       ->capture_default_str();
-  way->add_option("--deformation", flags->deformation, "of the sheet, lenses")
+  way->add_option("--deformation", flags->deformation, "deformation of the sheet, lenses")
       ->check(CLI::Range(0.0, 0.5))
       ->capture_default_str();
-  way->add_option("--pictures", flags->pictures, "folder for what the camera sees of each pattern");
+  way->add_option("--pictures", flags->pictures, "folder for the camera's picture of each pattern");
   declare_result_flags(*way, flags->result);
   return {.app = way, .run = [flags] { return run_simulate(*flags); }};
 }

@@ -48,7 +48,7 @@ bool write_preview(calib::Camera& camera, const std::string& file) {
 
 std::string light_of(const calib::CameraPicture& picture) {
   const std::vector<float>& light = picture.light;
-  if (light.empty()) return "no light";
+  if (light.empty()) return "no light measured";
   const auto clipped =
       std::ranges::count_if(light, [](float v) { return v >= calib::kSaturatedLight; });
   return fmt::format("brightest {:.0f} % of full scale, clipped {:.1f} % of the picture",

@@ -22,7 +22,8 @@ Run declare_calibrate(CLI::App& app) {
   return [ways]() -> ExitCode {
     for (const CalibrateWay& way : ways)
       if (way.app->parsed()) return way.run();
-    throw Error(ErrorKind::Usage, "calibrate: no way was named", "see lenticule calibrate --help");
+    throw Error(ErrorKind::Usage, "calibrate: a subcommand is missing",
+                "see lenticule calibrate --help");
   };
 }
 

@@ -56,13 +56,27 @@ std::string command_section(const CLI::App& app, const std::string& prefix) {
 
 constexpr const char* kExitCodes =
     ".SH EXIT STATUS\n"
-    ".TP\n0\nsuccess\n"
-    ".TP\n1\nit could not be done\n"
-    ".TP\n2\nthe command line makes no sense\n"
-    ".TP\n3\na device is missing, busy or forbidden\n"
-    ".TP\n4\nan input is invalid, or was made for another rig\n"
-    ".TP\n5\na quality limit was missed\n"
-    ".TP\n130, 143\ninterrupted by Ctrl\\-C or by SIGTERM; what was finished is kept\n";
+    ".TP\n"
+    "0\n"
+    "success\n"
+    ".TP\n"
+    "1\n"
+    "failure\n"
+    ".TP\n"
+    "2\n"
+    "invalid command line\n"
+    ".TP\n"
+    "3\n"
+    "a device is missing, busy or not permitted\n"
+    ".TP\n"
+    "4\n"
+    "an input is invalid, or was made for another rig\n"
+    ".TP\n"
+    "5\n"
+    "a quality limit was missed\n"
+    ".TP\n"
+    "130, 143\n"
+    "interrupted by Ctrl\\-C or by SIGTERM; finished results are kept\n";
 
 std::string manual(const CLI::App& root) {
   std::string text = fmt::format(

@@ -13,19 +13,22 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
       app, "--centre", "X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
       "point of the scene that lies at the panel's centre")
       ->group(kGroup);
-  app.add_option("--mm-per-unit", flags.stage.mm_per_unit, "size of a scene unit on the glass")
+  app.add_option("--mm-per-unit", flags.stage.mm_per_unit,
+                 "size of a scene unit in the panel plane")
       ->group(kGroup);
   app.add_option("--depth-scale", flags.stage.depth_scale,
                  "depth relative to width and height; 1 is undistorted")
       ->group(kGroup);
   app.add_option("--depth-budget", flags.stage.depth_budget,
-                 "how far a fitted scene may leave the glass, in depths of field of the sheet")
+                 "how far a fitted scene may extend before and behind the panel, in depths of "
+                 "field of the sheet")
       ->group(kGroup)
       ->capture_default_str();
-  app.add_option("--fill", flags.stage.fill, "part of the panel that a fitted scene fills")
+  app.add_option("--fill", flags.stage.fill, "fraction of the panel that a fitted scene fills")
       ->group(kGroup)
       ->capture_default_str();
-  app.add_option("--turn", flags.stage.turn_degrees, "turn the scene about the vertical, degrees")
+  app.add_option("--turn", flags.stage.turn_degrees,
+                 "rotate the scene about the vertical axis, degrees")
       ->group(kGroup)
       ->capture_default_str();
 }
@@ -35,14 +38,13 @@ void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
   add_triple(
       app, "--background", "R,G,B",
       [&flags](Vec3 colour) { flags.surroundings.background = colour; },
-      "colour instead of the scene's")
+      "background colour instead of the scene's")
       ->group(kGroup);
-  app.add_flag("--sky", flags.surroundings.sky, "a sky instead of a flat background")
-      ->group(kGroup);
+  app.add_flag("--sky", flags.surroundings.sky, "use a sky as the background")->group(kGroup);
   app.add_option("--environment", flags.surroundings.environment_file,
-                 "latitude-longitude picture instead of a flat background")
+                 "latitude-longitude picture to use as the background")
       ->group(kGroup);
-  app.add_flag("--ground", flags.surroundings.ground, "a plane under the scene")->group(kGroup);
+  app.add_flag("--ground", flags.surroundings.ground, "add a plane under the scene")->group(kGroup);
   const auto take_ground = [&flags](Vec3 colour) {
     flags.surroundings.ground = true;
     flags.surroundings.ground_colour = colour;

@@ -177,9 +177,9 @@ void draw_series(SvgText& svg, const Plot& plot, const PlacedAxis& x, const Plac
 
 std::vector<double> axis_ticks(double low, double high, AxisScale scale) {
   if (!std::isfinite(low) || !std::isfinite(high) || low > high)
-    throw Error(ErrorKind::Usage, "plot: there is nothing to draw, or not a number");
+    throw Error(ErrorKind::Usage, "plot: no points, or a value is not a finite number");
   if (scale == AxisScale::Linear) return linear_ticks(low, high);
-  if (!(low > 0.0)) throw Error(ErrorKind::Usage, "plot: a logarithmic axis has no place for 0");
+  if (!(low > 0.0)) throw Error(ErrorKind::Usage, "plot: a logarithmic axis cannot show 0");
   return log_ticks(low, high);
 }
 
@@ -201,7 +201,7 @@ void write_svg(const Plot& plot, const std::string& file) {
   std::ofstream out(file, std::ios::binary);
   out << svg_of(plot);
   out.close();
-  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot be written", file));
+  if (!out) throw Error(ErrorKind::Failed, fmt::format("{}: cannot write", file));
 }
 
 }  // namespace lenticule::player

@@ -49,7 +49,7 @@ void write_error_picture(const PicturePair& files, const std::string& output) {
 
 ExitCode run_compare(const CompareFlags& flags) {
   if (flags.views != 0 && flags.rig.empty())
-    throw Error(ErrorKind::Usage, "--views: needs --rig to know which subpixel belongs to which");
+    throw Error(ErrorKind::Usage, "--views: needs --rig, which states the view of each subpixel");
   if (!flags.picture.empty()) frames::check_writable_format(flags.picture);
   std::optional<optics::OpticalModel> model;
   if (!flags.rig.empty()) model.emplace(optics::load_trimmed_rig(flags.rig));
@@ -81,9 +81,10 @@ Run declare_compare(CLI::App& app) {
   const auto flags = std::make_shared<CompareFlags>();
   app.add_option("reference", flags->reference, "picture, folder or pattern of pictures")
       ->required();
-  app.add_option("test", flags->test, "the same to be measured against it")->required();
+  app.add_option("test", flags->test, "picture, folder or pattern to compare with the reference")
+      ->required();
   app.add_option("--rig", flags->rig, "rig file: adds figures per view, and SSIM of what eyes see");
-  app.add_option("--views", flags->views, "number of views (as many as subpixels under a lens)")
+  app.add_option("--views", flags->views, "number of views (default: subpixels under a lens)")
       ->check(CLI::Range(1, frames::kMaxViews));
   app.add_option("--picture", flags->picture,
                  "picture of where the worst frame differs: black, blue 2, green 8, yellow 27, red "

@@ -80,17 +80,17 @@ class ConvertPlan {
   void refuse_what_makes_no_sense(bool has_views) const {
     if (result == Result::Quilt && !has_views)
       throw Error(ErrorKind::Usage, fmt::format("{}: woven frames, not views", flags_.input),
-                  "--from-rig RIG, the rig that they were woven for, takes them apart");
+                  "use --from-rig RIG, the rig that they were woven for, to split them into views");
     if (result == Result::Quilt && rig)
-      throw Error(ErrorKind::Usage, "--rig: quilts and views are for any rig",
-                  "leave it out; --from-rig names the rig that frames were woven for");
+      throw Error(ErrorKind::Usage, "--rig: has no effect on quilts and views",
+                  "leave it out; use --from-rig for the rig that frames were woven for");
     if (result == Result::Woven && has_views && !rig)
       throw Error(ErrorKind::Usage,
-                  fmt::format("{}: views, to be woven for which rig?", flags_.input),
+                  fmt::format("{}: views need a rig to be woven for", flags_.input),
                   "add --rig RIG");
     if (flags_.output.ends_with(".toml") || flags_.output.ends_with(".json"))
-      throw Error(ErrorKind::Usage, fmt::format("-o {}: not a kind that is written", flags_.output),
-                  "FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");
+      throw Error(ErrorKind::Usage, fmt::format("-o {}: unknown kind of output", flags_.output),
+                  "use FILE.lts, FILE.mkv, a pattern, a picture, or 'views:view%02d/%05d.png'");
   }
 
   const ConvertFlags& flags_;
@@ -195,7 +195,7 @@ class ConvertRun {
                             damaged.size() == 1 ? "1 frame is"
                                                 : fmt::format("{} frames are", damaged.size()),
                             damaged.front()),
-                "--keep-damaged repeats the frame before each of them");
+                "use --keep-damaged to repeat the frame before each of them");
   }
 
   /// Counts all damaged frames first, because the remedy depends on how many there are.
@@ -215,14 +215,14 @@ class ConvertRun {
         ErrorKind::Failed,
         fmt::format("{}: {} of {} frames are damaged, {} are missing", flags_.input, damage.damaged,
                     converted_ + damage.damaged + damage.missing, damage.missing),
-        "--keep-damaged converts what can be read");
+        "use --keep-damaged to convert the readable frames");
   }
 
   /// Selects the frames. Loop points apply to the whole sequence only.
   void choose_frames(FrameRange wanted) {
     if (wanted.begin >= wanted.end || wanted.end > range_.end)
       throw Error(ErrorKind::Input, fmt::format("{}: has frames 0:{}", flags_.input, range_.end),
-                  "name a range of frames that exist");
+                  "use a range of existing frames");
     range_ = wanted;
     info_.first_frame += wanted.begin;
     info_.loop_begin = 0;
@@ -236,7 +236,7 @@ class ConvertRun {
                                         .rows = layout_.rows,
                                         .aspect = shape_.aspect};
     if (flags_.output.ends_with(".lts") && shape_.count > frames::kMaxSequenceViews)
-      throw Error(ErrorKind::Usage, fmt::format("-o {}: {} views, where {} fit", flags_.output,
+      throw Error(ErrorKind::Usage, fmt::format("-o {}: {} views, but only {} fit", flags_.output,
                                                 shape_.count, frames::kMaxSequenceViews));
   }
 
@@ -248,15 +248,14 @@ class ConvertRun {
     if (matched == optics::RigMatch::Trimmed) return;
     if (matched == optics::RigMatch::Other)
       throw Error(ErrorKind::Input,
-                  fmt::format("{}: was made for another rig than {}", flags_.input, flags_.rig),
-                  "--reweave takes the frames apart and weaves them for this one; or leave out "
-                  "--rig");
+                  fmt::format("{}: was made for another rig, not for {}", flags_.input, flags_.rig),
+                  "use --reweave to weave them again for this rig, or leave out --rig");
     if (info_.geometry != panel)
       throw Error(
           ErrorKind::Input,
           fmt::format("{}: {}x{} pixels, but the rig's panel has {}x{}", flags_.input,
                       info_.geometry.width, info_.geometry.height, panel.width, panel.height),
-          "woven frames fit one panel, pixel for pixel: name the rig they were made for");
+          "woven frames fit one panel, pixel for pixel: use the rig that they were made for");
     frames::state_rig(info_, loaded.identity);
     info_.rig_toml = optics::rig_to_toml(rig);
   }
@@ -307,7 +306,7 @@ class ConvertRun {
     if (done == 0 || short_of_range)
       throw Error(ErrorKind::Input,
                   fmt::format("{}: ends after frame {}", flags_.input, range_.begin + done),
-                  "name a range of frames that exist");
+                  "use a range of existing frames");
     output_->finish();
   }
 
@@ -363,23 +362,23 @@ Run declare_convert(CLI::App& app) {
                  "per view. A quilt's layout is added to its name")
       ->required();
   app.add_option("--as", flags->as,
-                 "woven: for --rig; quilt: views in tiles (default: woven with --rig, else what "
-                 "they are)")
+                 "woven: frames for --rig; quilt: views in tiles (default: woven with --rig, else "
+                 "the kind of the input)")
       ->check(CLI::IsMember({"woven", "quilt"}));
   app.add_option("--rig", flags->rig,
-                 "rig that views are woven for; of woven frames the rig that they were made for, "
-                 "to be kept with them");
+                 "rig that views are woven for; for woven frames, the rig that they were made for, "
+                 "which is stored with them");
   app.add_option("--rate", flags->rate, "frames per second, for example 24 or 24000/1001 (60)");
   app.add_option("--frames", flags->frames, "A:B converts frames A to B - 1, counted from 0")
       ->type_name("A:B");
   declare_content_flags(app, flags->content);
   declare_weaving_flags(app, flags->weaving);
   CLI::Option* const resume =
-      app.add_flag("--resume", flags->resume, "go on where an earlier run was stopped");
+      app.add_flag("--resume", flags->resume, "continue where an earlier run was stopped");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
   app.add_flag("--keep-damaged,--replace-damaged", flags->keep_damaged,
-               "convert a damaged input, too: the frame before a damaged one is repeated, or a "
-               "video's damaged frame left out");
+               "also convert a damaged input: the frame before a damaged one is repeated; a "
+               "damaged frame of a video is left out");
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags]() -> ExitCode { return ConvertRun(*flags).run(); };
 }

@@ -139,11 +139,11 @@ void print_report(const nlohmann::json& r) {
     print_out("content                    from z = {:.1f} to {:.1f} mm: {:.2f} and {:.2f} depths\n",
               number("nearest_mm"), number("farthest_mm"), number("nearest_mm") / field_mm,
               number("farthest_mm") / field_mm);
-  print_line("in front, beyond it", number("share_in_front"), "averages over lenses");
+  print_line("in front of it", number("share_in_front"), "blurred over lenses");
   print_line("within it", number("share_within"), "sharp");
-  print_line("- at the glass", number("share_at_glass"),
+  print_line("- at the panel", number("share_at_glass"),
              fmt::format("within {:.2f} mm: the same in all views", field_mm / number("views")));
-  print_line("behind, beyond it", number("share_behind"), "averages over lenses");
+  print_line("behind it", number("share_behind"), "blurred over lenses");
   print_line("nothing", number("share_nothing"), "");
   print_histogram(r);
 }
@@ -166,7 +166,7 @@ void write_plot(const nlohmann::json& r, const std::string& file) {
   if (series.points.empty()) series.points = {{-1.0, 0.0}, {1.0, 0.0}};
   PlotSeries budget{.label = "depth of field", .points = {{-1.0, 0.0}, {1.0, 0.0}}};
   write_svg({.title = r["scene"].get<std::string>(),
-             .x = {.label = "depths of field before (+) and behind (-) the glass"},
+             .x = {.label = "depths of field in front of (+) and behind (-) the panel"},
              .y = {.label = "subpixels, %"},
              .series = {series, budget}},
             file);
@@ -191,7 +191,7 @@ Run declare_depth(CLI::App& app) {
   auto flags = std::make_shared<DepthFlags>();
   app.add_option("SCENE", flags->scene, "as for render")->required();
   app.add_option("--rig", flags->rig, "rig file of the panel")->required();
-  app.add_option("--frames", flags->frames, "A:B looks at frames A to B - 1, N at that one alone")
+  app.add_option("--frames", flags->frames, "A:B measures frames A to B - 1, N only frame N")
       ->capture_default_str()
       ->type_name("A:B");
   app.add_option("--fps", flags->fps, "frames per second of the animation")->capture_default_str();
@@ -200,8 +200,8 @@ Run declare_depth(CLI::App& app) {
       ->capture_default_str();
   app.add_option("--svg", flags->svg, "file for a plot of the table");
   app.add_option("--picture", flags->picture,
-                 "picture of the first frame: grey within the depth of field, white at the glass, "
-                 "yellow to red before and cyan to blue behind it up to eight times as far");
+                 "picture of the first frame: grey within the depth of field, white at the panel, "
+                 "yellow to red in front and cyan to blue behind, up to eight times as far");
   app.add_flag("--json", flags->json, "print as JSON");
   declare_stage_flags(app, flags->staging);
   declare_surroundings_flags(app, flags->staging);

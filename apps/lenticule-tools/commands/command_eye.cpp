@@ -57,7 +57,7 @@ ExitCode run_eye(const EyeFlags& flags) {
     throw Error(ErrorKind::Input,
                 fmt::format("{}: {} x {} pixels, the rig's panel has {} x {}", flags.woven,
                             woven.width(), woven.height(), panel.width_px, panel.height_px),
-                "this frame was woven for another rig");
+                "use the rig that the frame was woven for");
 
   const optics::RgbPicture seen =
       optics::simulate_eye(model,
@@ -94,7 +94,7 @@ Run declare_eye(CLI::App& app) {
       ->required();
   app.add_option_function<std::string>(
          "--size", [flags](const std::string& text) { flags->options = parse_size(text); },
-         "size of the picture (half the panel's pixels)")
+         "size of the picture (default: half the panel's pixels)")
       ->type_name("WxH");
   app.add_option("-o,--output", flags->output, "picture: .png, .tif, .exr or .ppm")->required();
   app.add_flag("--json", flags->json, "print what was done as JSON");

@@ -68,7 +68,8 @@ void complete(RenderFlags& flags) {
 
 void print_stage(const render::Stage& stage) {
   say("stage: {:.4g} mm per unit, depth {:.3g} times; ", stage.mm_per_unit, stage.depth_scale);
-  say("from {:.1f} mm before the glass to {:.1f} mm behind it; ", stage.near_mm, -stage.far_mm);
+  say("from {:.1f} mm in front of the panel to {:.1f} mm behind it; ", stage.near_mm,
+      -stage.far_mm);
   say("sharp within {:.1f} mm\n", stage.depth_of_field_mm);
 }
 
@@ -147,7 +148,8 @@ class RenderRun {
     output_ = open_output(output_request(flags.output));
     if (flags.missing.empty()) return;
     if (method_->missing_subpixels() == nullptr)
-      throw Error(ErrorKind::Usage, fmt::format("--missing: method {} leaves none", flags.method));
+      throw Error(ErrorKind::Usage,
+                  fmt::format("--missing: method {} leaves no subpixel empty", flags.method));
     missing_ = open_output(output_request(flags.missing));
   }
 
@@ -238,7 +240,7 @@ class RenderRun {
   void report() const {
     if (flags_.json) print_json(result_json(flags_, rig_, stages_->reference(), totals_));
     if (totals_.rays.invalid_rays > 0)
-      say("{} rays were not finite and stay black\n", totals_.rays.invalid_rays);
+      say("{} rays were not finite and are black\n", totals_.rays.invalid_rays);
     report_reuse();
   }
 
@@ -249,20 +251,20 @@ class RenderRun {
       return 100.0 * static_cast<double>(count) / static_cast<double>(s.subpixels);
     };
     if (s.audited_subpixels > 0) return report_audit(percent(s.traced_subpixels));
-    say("subpixels: {:.1f} % traced, {:.1f} % re-projected, {:.1f} % interpolated; "
-        "{:.1f} % were missing after re-projection\n",
+    say("subpixels: {:.1f} % traced, {:.1f} % reprojected, {:.1f} % interpolated; {:.1f} % were "
+        "missing after reprojection\n",
         percent(s.traced_subpixels), percent(s.projected_subpixels),
         percent(s.interpolated_subpixels), percent(s.missing_subpixels));
   }
 
   void report_audit(double shaded_percent) const {
     const render::RenderStatistics& s = totals_.rays;
-    say("subpixels: {:.1f} % shaded by themselves; of {} drawn and traced, {} were off by "
-        "more than {:g} code values; in no frame more than {:.2g} % of all (99 % sure)\n",
+    say("subpixels: {:.1f} % shaded individually; of {} sampled and traced, {} were off by more "
+        "than {:g} code values; in no frame more than {:.2g} % of all (99 % confidence)\n",
         shaded_percent, s.audited_subpixels, s.audited_beyond, flags_.options.tolerated_error,
         100.0 * s.beyond_bound);
     if (s.mended_subpixels > 0)
-      say("{} subpixels were off too often and were traced\n", s.mended_subpixels);
+      say("{} subpixels in regions with too many errors were traced again\n", s.mended_subpixels);
   }
 
   const RenderFlags& flags_;
@@ -294,39 +296,40 @@ Run declare_render(CLI::App& app) {
                  "full, lens-view, interpolate, temporal, hybrid or adaptive")
       ->capture_default_str();
   app.add_option("--error", flags->options.tolerated_error,
-                 "code values that method adaptive may be off; 0 is full")
+                 "error that method adaptive may make, in code values; 0 is method full")
       ->capture_default_str();
-  app.add_option("--missing", flags->missing,
-                 "picture file or pattern: subpixels that re-projection left empty are white");
-  app.add_option("--frames", flags->frames, "A:B renders frames A to B - 1, N that one alone")
+  app.add_option(
+      "--missing", flags->missing,
+      "picture file or pattern in which subpixels that reprojection left empty are white");
+  app.add_option("--frames", flags->frames, "A:B renders frames A to B - 1, N only frame N")
       ->capture_default_str()
       ->type_name("A:B");
   app.add_option("--fps", flags->fps, "frames per second of the animation")->capture_default_str();
   app.add_option("--camera", flags->camera,
                  "file with one camera per line: from, at, up, field of view");
   app.add_option("--threads", flags->options.threads,
-                 "0 means all cores, but one of four or more for the player of a ring")
+                 "0 means all cores; with a ring, one of four or more is left to the player")
       ->capture_default_str();
   app.add_option("--samples", flags->options.samples, "rays per subpixel, inside its area")
       ->capture_default_str();
-  app.add_option(
-         "--prefilter", flags->prefilter,
-         "average over the beam that a lens makes of a subpixel: off, depth (what lies beyond "
-         "the sheet's depth of field), beam (everything) or exhaustive (everything, slowly)")
+  app.add_option("--prefilter", flags->prefilter,
+                 "average over the beam of each subpixel: off, depth (outside the sheet's depth of "
+                 "field), beam (everywhere) or exhaustive (everywhere, slowly)")
       ->capture_default_str();
   app.add_option("--prefilter-samples", flags->options.prefilter_samples,
-                 "rays per subpixel that is averaged, at most")
+                 "largest number of rays per averaged subpixel")
       ->capture_default_str();
-  app.add_option("--max-depth", flags->options.max_depth, "of reflections and refractions")
+  app.add_option("--max-depth", flags->options.max_depth,
+                 "largest number of reflections and refractions")
       ->capture_default_str();
   app.add_option("-o,--output", flags->output,
                  "picture file, pattern ('out/%05d.png'), FILE.lts or ring:SOCKET")
       ->required();
   CLI::Option* const resume =
-      app.add_flag("--resume", flags->resume, "leave out frames that are there already");
+      app.add_flag("--resume", flags->resume, "skip frames that exist already");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp)->excludes(resume);
   app.add_option("--ring-timeout", flags->ring_timeout,
-                 "seconds to wait for a player, also for one that restarts")
+                 "seconds to wait for a player, including one that restarts")
       ->capture_default_str();
   app.add_flag("--json", flags->json, "print what was done as JSON");
   declare_stage_flags(app, flags->staging);

@@ -156,10 +156,11 @@ std::vector<std::string> warnings_about(const OpticalModel& model) {
   warn(std::abs(sheet.slant * aspect) > 1.0, "sheet.slant: steeper than 45 degrees");
   warn(sheet.pitch.value < 4.0, "sheet.pitch_subpx: fewer than four subpixels per lens");
   warn(std::isfinite(lobe) && lobe < kEyesMm,
-       fmt::format("a viewing zone is {:.0f} mm wide: no room for two eyes", lobe));
+       fmt::format("a viewing zone is {:.0f} mm wide: too narrow for two eyes", lobe));
   warn(std::isfinite(lobe) && lobe > z, "a viewing zone is wider than the viewing distance");
   warn(sheet.refraction_shape < 0.3, "sheet.refraction_shape: a refractive index above 1.8");
-  warn(sheet.spot_sigma.value > 0.25, "sheet.spot_sigma_lenses: neighbouring views run together");
+  warn(sheet.spot_sigma.value > 0.25,
+       "sheet.spot_sigma_lenses: so large that neighbouring views overlap");
   const auto largest =
       std::max_element(sheet.residual.lenses.begin(), sheet.residual.lenses.end(),
                        [](double a, double b) { return std::abs(a) < std::abs(b); });
@@ -173,7 +174,7 @@ std::vector<std::string> warnings_about(const OpticalModel& model) {
 void warn_of_trim(const optics::Trim& trim, std::vector<std::string>& warnings) {
   constexpr double kMuchPitch = 1e-3, kMuchOffset = 0.5;
   if (std::abs(trim.pitch_relative) > kMuchPitch || std::abs(trim.offset.value) > kMuchOffset)
-    warnings.emplace_back("trim: more than a sheet drifts by itself; calibrate again");
+    warnings.emplace_back("trim: larger than a drift; calibrate again");
 }
 
 ExitCode check(const RigOptions& options) {
@@ -267,7 +268,7 @@ frames::QuiltLayout quilt_layout(const std::string& text) {
   const auto layout = frames::quilt_layout_of_name("_qs" + text + ".png");
   if (layout) return *layout;
   throw Error(ErrorKind::Usage, fmt::format("--quilt '{}': not columns x rows", text),
-              "the tiles of the quilts that the shader is for: --quilt 8x6");
+              "give the tiles of the quilts that the shader plays: --quilt 8x6");
 }
 
 ExitCode export_shader(const RigOptions& options) {
@@ -286,8 +287,8 @@ ExitCode export_shader(const RigOptions& options) {
 ExitCode export_calibration(const RigOptions& options) {
   if (!options.mpv_shader.empty()) return export_shader(options);
   if (options.output.empty() || options.format == "auto")
-    throw Error(ErrorKind::Usage, "rig export: what to write?",
-                "say --format lkg or cubevi and -o FILE, or --mpv-shader FILE");
+    throw Error(ErrorKind::Usage, "rig export: no output requested",
+                "use --format lkg or cubevi and -o FILE, or --mpv-shader FILE");
   const Rig rig = optics::load_trimmed_rig(options.file);
   const std::string text =
       options.format == "cubevi" ? optics::export_cubevi(rig) : optics::export_looking_glass(rig);
@@ -322,9 +323,8 @@ ExitCode change_trim(const RigOptions& options) {
                 {"fingerprint", fingerprint}},
                options.as_json);
   if (fingerprint != optics::fingerprint(optics::trimmed(rig, before)))
-    say("lenticule: {}: trimmed; films that were woven before are shown as they were woven\n"
-        "  render or weave again to have the trim in them; players and renderers take it at their "
-        "next start\n",
+    say("lenticule: {}: trimmed; films that were woven before do not follow the trim\n"
+        "  render or weave them again; players and renderers use the trim from their next start\n",
         options.file);
   return kOk;
 }
@@ -345,16 +345,16 @@ Run declare_rig(CLI::App& app) {
   auto options = std::make_shared<RigOptions>();
   app.require_subcommand(1);
 
-  CLI::App* show_app = add_action(app, "show", "print what a rig is and what follows from it",
+  CLI::App* show_app = add_action(app, "show", "print a rig and the values that follow from it",
                                   "lenticule rig show kiosk-27-4k.toml", options);
   show_app->add_option("RIG", options->file, "rig file")->required();
 
-  CLI::App* check_app = add_action(app, "check", "say whether a rig is valid and plausible",
+  CLI::App* check_app = add_action(app, "check", "check whether a rig is valid and plausible",
                                    "lenticule rig check kiosk-27-4k.toml", options);
   check_app->add_option("RIG", options->file, "rig file")->required();
 
   CLI::App* import_app =
-      add_action(app, "import", "make a rig file from another system's calibration",
+      add_action(app, "import", "create a rig file from another system's calibration",
                  "lenticule rig import visual.json -o portrait.toml", options);
   import_app->add_option("FILE", options->file, "calibration file")->required();
   import_app->add_option("-o,--output", options->output, "rig file to write")->required();
@@ -375,15 +375,15 @@ Run declare_rig(CLI::App& app) {
       ->capture_default_str()
       ->type_name("COLUMNSxROWS");
 
-  CLI::App* trim_app = add_action(
-      app, "trim", "correct what drifted since a rig was calibrated, in a file beside it",
-      "lenticule rig trim kiosk-27-4k.toml --offset-by 0.02", options);
+  CLI::App* trim_app =
+      add_action(app, "trim", "correct drift since a rig was calibrated, in a file beside it",
+                 "lenticule rig trim kiosk-27-4k.toml --offset-by 0.02", options);
   trim_app->add_option("RIG", options->file, "rig file; it is not changed")->required();
   trim_app->add_option("--offset-by", options->offset_by,
-                       "slide the picture under the lenses by so many lenses: 0.02");
-  trim_app->add_option("--pitch-by", options->pitch_by,
-                       "stretch the pitch by this part of it: 1e-5");
-  trim_app->add_flag("--reset", options->reset_trim, "begin from the calibration itself");
+                       "shift the picture under the lenses by this many lenses: 0.02");
+  trim_app->add_option("--pitch-by", options->pitch_by, "change the pitch by this fraction: 1e-5");
+  trim_app->add_flag("--reset", options->reset_trim,
+                     "start from the calibration, without the present trim");
 
   const std::vector<std::pair<const CLI::App*, Action>> actions = {{show_app, show},
                                                                    {check_app, check},

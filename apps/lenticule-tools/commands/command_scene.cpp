@@ -85,8 +85,8 @@ Written as_nff(const scenes::BuiltInScene& scene, const SceneFlags& flags) {
   Written written{scenes::write_scene(scene, flags.size, flags.frame), {}};
   if (!scenes::build_scene(scene, 1).pictured.empty())
     written.notes.emplace_back(
-        "NFF has no pictures: surfaces that wear one have its mean colour, "
-        "'lenticule render builtin:NAME' shows them");
+        "NFF has no textures: textured surfaces have their mean colour; 'lenticule render "
+        "builtin:NAME' shows the textures");
   return written;
 }
 
@@ -107,8 +107,9 @@ Written written_as(const std::string& output, const scenes::BuiltInScene& scene,
 void write_one(const SceneFlags& flags) {
   const bool to_standard_output = flags.output.empty() && flags.camera.empty();
   if (flags.json && to_standard_output)
-    throw Error(ErrorKind::Usage, "scene: --json needs -o FILE, standard output is the scene's",
-                "'lenticule scene list --json' prints what there is");
+    throw Error(ErrorKind::Usage,
+                "scene: --json needs -o FILE, because the scene is written to standard output",
+                "'lenticule scene list --json' lists the scenes");
   const scenes::BuiltInScene& scene = scenes::find_scene(flags.name);
   const Written written = written_as(flags.output, scene, flags);
   if (to_standard_output) return print_out("{}", Verbatim{written.text});
@@ -135,12 +136,13 @@ void write_one(const SceneFlags& flags) {
 Run declare_scene(CLI::App& app) {
   auto flags = std::make_shared<SceneFlags>();
   app.add_option("NAME", flags->name, "a scene's name, or 'list'")->required();
-  app.add_option("--size", flags->size, "how fine or how many; 'list' says what it counts");
+  app.add_option("--size", flags->size, "how fine or how many; 'list' explains it for each scene");
   app.add_option("--frame", flags->frame, "frame of the scene's sequence")->capture_default_str();
   app.add_option("-o,--output", flags->output,
                  "file to write, .nff or .gltf; NFF on standard output if left out");
-  app.add_option("--camera", flags->camera,
-                 "file for the camera of every frame, as 'lenticule render --camera' reads it");
+  app.add_option(
+      "--camera", flags->camera,
+      "file for the camera of every frame, in the format of 'lenticule render --camera'");
   app.add_flag("--json", flags->json, "print what was listed or written as JSON");
   return [flags]() -> ExitCode {
     if (flags->name != "list") {

@@ -47,8 +47,8 @@ ContentRequest content_request(const WeaveFlags& flags) {
   if (flags.frame.empty()) return request;
   request.how.frames = parse_frame_range(flags.frame);
   if (request.how.frames->count() != 1)
-    throw Error(ErrorKind::Usage, fmt::format("--frame {}: more than one", flags.frame),
-                "lenticule convert weaves sequences");
+    throw Error(ErrorKind::Usage, fmt::format("--frame {}: more than one frame", flags.frame),
+                "use lenticule convert for sequences");
   return request;
 }
 
@@ -59,13 +59,14 @@ std::unique_ptr<frames::ViewInput> load_views(const WeaveFlags& flags, const opt
                                              .patterns_are_views = true,
                                              .rig_fingerprint = optics::fingerprint(rig)});
   if (meaning.kind == ContentMeaning::Kind::Woven)
-    throw Error(ErrorKind::Usage, fmt::format("{}: how many tiles?", flags.input),
-                "name the file *_qs8x6a0.75.png, say --grid 8x6, --stereo, --depth or --from-rig, "
+    throw Error(ErrorKind::Usage,
+                fmt::format("{}: the layout of the views is unknown", flags.input),
+                "name the file *_qs8x6a0.75.png, use --grid 8x6, --stereo, --depth or --from-rig, "
                 "or give a pattern of views");
   std::unique_ptr<frames::ViewInput> input = open_views(request, meaning);
   if (input->frame_count() != uint64_t{1} && !request.how.frames)
     throw Error(ErrorKind::Usage, fmt::format("{}: more than one frame", flags.input),
-                "say which with --frame N, or use lenticule convert");
+                "choose one with --frame N, or use lenticule convert");
   await_first(*input, flags.input);
   return input;
 }
@@ -124,7 +125,7 @@ void refuse_damage(frames::ViewInput& input, const WeaveFlags& flags) {
   const frames::FrameDamage damage = await_damage(input);
   if (damage.any() && !flags.keep_damaged)
     throw Error(ErrorKind::Failed, fmt::format("{}: {}", flags.input, damage_text(damage)),
-                "--keep-damaged weaves what can be read in place of a damaged frame");
+                "use --keep-damaged to weave a readable frame instead of a damaged one");
 }
 
 ExitCode run_weave(const WeaveFlags& flags) {
@@ -174,13 +175,13 @@ Run declare_weave(CLI::App& app) {
   declare_content_flags(app, flags->content);
   declare_weaving_flags(app, flags->weaving);
   app.add_option("--quilt", flags->quilt,
-                 "also write the views, as they are woven, as a quilt; its layout is added to the "
-                 "name");
+                 "also write the woven views as a quilt; its layout is added to the name");
   app.add_flag("--overwrite", flags->overwrite, kOverwriteHelp);
-  app.add_flag("--reference", flags->reference,
-               "weave slowly, in double precision: what the fast weaver is tested against");
+  app.add_flag(
+      "--reference", flags->reference,
+      "use the slow reference weaver in double precision, against which the fast one is tested");
   app.add_flag("--keep-damaged", flags->keep_damaged,
-               "weave from a damaged input, too: another frame may stand in for the one asked for");
+               "also weave from a damaged input: another frame may replace the requested one");
   app.add_flag("--json", flags->json, "print what was done as JSON");
   return [flags] { return run_weave(*flags); };
 }

@@ -81,7 +81,7 @@ void print_channels(const json& figures, const std::string& prefix = "") {
 }
 
 void print_views(const json& frame) {
-  print_out("subpixels of each view, and what an eye there sees\n");
+  print_out("subpixels of each view, and the picture that an eye there sees\n");
   for (size_t n = 0; n < frame["views"].size(); ++n) {
     const json& view = frame["views"][n];
     print_line(fmt::format("view {}", n), view);
@@ -110,8 +110,8 @@ void print_readings(const json& whole) {
   const json& total = whole["total"];
   if (total["psnr_db"].is_null()) return;
   print_out(
-      "a published \"RMSE\" may be either: {:.4f} if it is the root, {:.4f} if the table holds "
-      "mean squares (10 log10(255^2 / it) is then its PSNR)\n",
+      "to compare with a published \"RMSE\": {:.4f} if it is the root, {:.4f} if it is the mean "
+      "square (then 10 log10(255^2 / it) is its PSNR)\n",
       total["rmse"].get<double>(), total["mse"].get<double>());
 }
 

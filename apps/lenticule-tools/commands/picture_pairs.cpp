@@ -56,7 +56,7 @@ std::vector<PicturePair> pairs_by_name(const std::filesystem::path& reference,
     for (const std::string& name : wanted)
       if (!std::binary_search(there.begin(), there.end(), name))
         throw Error(ErrorKind::Input, fmt::format("{}: no such picture", (folder / name).string()),
-                    "both folders need pictures of the same names");
+                    "both folders need pictures with the same names");
   };
   require(names, others, test);
   require(others, names, reference);
@@ -70,12 +70,12 @@ std::vector<PicturePair> pairs_by_name(const std::filesystem::path& reference,
 std::vector<PicturePair> picture_pairs(const std::string& reference, const std::string& test) {
   const bool pattern = frames::FilePattern::looks_like_pattern(reference);
   if (pattern != frames::FilePattern::looks_like_pattern(test))
-    throw Error(ErrorKind::Usage, "compare: a pattern on one side only",
+    throw Error(ErrorKind::Usage, "compare: only one side is a pattern",
                 "give two files, two folders, or two patterns like a/%05d.png b/%05d.png");
   if (pattern) return pairs_by_number(reference, test);
   const bool folder = std::filesystem::is_directory(reference);
   if (folder != std::filesystem::is_directory(test))
-    throw Error(ErrorKind::Usage, "compare: a folder on one side only",
+    throw Error(ErrorKind::Usage, "compare: only one side is a folder",
                 "give two files, two folders, or two patterns like a/%05d.png b/%05d.png");
   if (folder) return pairs_by_name(reference, test);
   return {{reference, test}};

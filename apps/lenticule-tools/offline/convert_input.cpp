@@ -80,7 +80,7 @@ class ViewFrames final : public ConvertInput {
       views_->release();
       deadline = std::chrono::steady_clock::now() + kPatience;
     }
-    throw Error(ErrorKind::Failed, fmt::format("{}: no picture came", name_));
+    throw Error(ErrorKind::Failed, fmt::format("{}: no picture arrived", name_));
   }
 
   std::unique_ptr<frames::ViewInput> views_;

@@ -42,12 +42,12 @@ class VideoOutput final : public FrameOutput {
 
 std::unique_ptr<FrameOutput> open_video_output(const OutputRequest& request) {
   if (request.resume)
-    throw Error(ErrorKind::Usage, "--resume: a video cannot be gone on with",
-                "convert to FILE.lts, which can, and that to a video");
+    throw Error(ErrorKind::Usage, "--resume: not supported for video files",
+                "convert to FILE.lts with --resume, then FILE.lts to a video");
   if (fs::path(request.target).extension() != ".mkv")
     throw Error(ErrorKind::Usage,
                 fmt::format("-o {}: videos are written as Matroska", request.target),
-                "name it FILE.mkv");
+                "use a name such as FILE.mkv");
   require_replaceable_video(request);
   return std::make_unique<VideoOutput>(request);
 }
@@ -70,7 +70,7 @@ class ViewFilesOutput final : public FrameOutput {
         throw Error(
             ErrorKind::Usage,
             fmt::format("-o {}: one name for {} frames", request.target, request.range.count()),
-            "a folder per view, for example -o 'views:view%02d/%05d.png'");
+            "use a folder per view, for example -o 'views:view%02d/%05d.png'");
     }
     frames::check_writable_format(file(0, request.range.begin));
     require_replaceable_pictures(request,

@@ -20,8 +20,8 @@ namespace fs = std::filesystem;
 constexpr uint64_t kMostPictures = uint64_t{1} << 20;
 
 [[noreturn]] void refuse(const fs::path& file, const std::string& what) {
-  throw Error(ErrorKind::Input, fmt::format("{}: is there already: {}", file.string(), what),
-              "write to another name, or say --overwrite");
+  throw Error(ErrorKind::Input, fmt::format("{}: exists already: {}", file.string(), what),
+              "use another name, or --overwrite");
 }
 
 bool may_replace(const OutputRequest& request) {
@@ -50,7 +50,7 @@ void require_same_film(const OutputRequest& request, const fs::path& file,
     refuse(file,
            fmt::format("frames of {}x{} pixels, not of {}x{}", there.geometry.width,
                        there.geometry.height, request.geometry.width, request.geometry.height));
-  if (there.kind != wanted.kind) refuse(file, "another kind of frames");
+  if (there.kind != wanted.kind) refuse(file, "contains another kind of frames");
   if (optics::match(frames::rig_of(there), request.rig) == optics::RigMatch::Other)
     refuse(file, fmt::format("made for another rig ({})", there.rig_fingerprint));
   if (!there.made_from.empty() && !made_from.empty() && there.made_from != made_from)
@@ -100,7 +100,7 @@ void require_replaceable_pictures(const OutputRequest& request,
 
 void require_replaceable_video(const OutputRequest& request) {
   if (!may_replace(request) && is_there(request.target))
-    refuse(request.target, "a video does not say which rig and scene it is of");
+    refuse(request.target, "a video does not record its rig and scene");
 }
 
 }  // namespace lenticule::player

@@ -12,7 +12,7 @@
 namespace lenticule::player {
 
 inline constexpr const char* kOverwriteHelp =
-    "replace what is there, also if it is the film of another rig or scene";
+    "replace existing output, even if it is of another rig or scene";
 
 /// Returns the value of OutputRequest::made_from: the names of the file and of its folder, which
 /// are the same on every machine that has the project, and those of the camera's file if there is

@@ -44,7 +44,7 @@ class PictureFiles final : public FrameOutput {
       throw Error(
           ErrorKind::Usage,
           fmt::format("-o {}: one name for {} frames", request.target, request.range.count()),
-          "put a number into it, for example -o 'out/%05d.png'");
+          "use a number in the name, for example -o 'out/%05d.png'");
     }
     single_ = request.target;
     frames::check_writable_format(file(request.range.begin));
@@ -85,7 +85,8 @@ class RingOutput final : public FrameOutput {
         geometry_(request.geometry),
         patience_(request.ring_timeout_seconds) {
     if (socket_.empty())
-      throw Error(ErrorKind::Usage, "-o ring: no socket named", "for example -o ring:/run/x.sock");
+      throw Error(ErrorKind::Usage, "-o ring: the socket is missing",
+                  "for example -o ring:/run/x.sock");
     hello_.rig_fingerprint = optics::to_text(request.rig);
     hello_.rate = request.rate;
     hello_.frame_count = request.range.count();
@@ -104,7 +105,7 @@ class RingOutput final : public FrameOutput {
       if (status == frames::RingStatus::Ok) {
         if (slot.size() < pixels.bytes.size())
           throw Error(ErrorKind::Input,
-                      fmt::format("{}: slots too small for a frame", socket_.string()));
+                      fmt::format("{}: the slots are too small for a frame", socket_.string()));
         std::copy(pixels.bytes.begin(), pixels.bytes.end(), slot.begin());
         status = ring_->publish();
         if (status == frames::RingStatus::Ok) return Delivery::Done;
@@ -133,9 +134,9 @@ class RingOutput final : public FrameOutput {
     }
     if (ring_ && ring_->geometry() != geometry_)
       throw Error(ErrorKind::Input,
-                  fmt::format("{}: the player wants {}x{}, the rig has {}x{}", socket_.string(),
-                              ring_->geometry().width, ring_->geometry().height, geometry_.width,
-                              geometry_.height));
+                  fmt::format("{}: the player's panel has {}x{} pixels, the rig {}x{}",
+                              socket_.string(), ring_->geometry().width, ring_->geometry().height,
+                              geometry_.width, geometry_.height));
   }
 
   fs::path socket_;

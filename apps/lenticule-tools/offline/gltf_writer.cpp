@@ -58,9 +58,9 @@ std::vector<uint8_t> png_of(const render::SceneDescription& scene, const render:
 void check(const render::SceneDescription& scene) {
   if (!scene.spheres.empty() || !scene.cones.empty())
     throw Error(ErrorKind::Usage,
-                fmt::format("{}: {} spheres and {} cones, and glTF has triangles only",
+                fmt::format("{}: has {} spheres and {} cones, but glTF has only triangles",
                             scene.source, scene.spheres.size(), scene.cones.size()),
-                "write it as .nff");
+                "write the scene as .nff");
   if (!scene.nodes.empty())
     throw Error(ErrorKind::Usage,
                 fmt::format("{}: a scene for glTF cannot have nodes", scene.source));
@@ -219,7 +219,7 @@ class GltfWriter {
     lights.push_back(
         {{"type", "point"}, {"color", {colour.x, colour.y, colour.z}}, {"intensity", strongest}});
     if (!light.falls_off && !said_falloff_)
-      out_.notes.emplace_back("lights: glTF's fall off with distance, the scene's do not");
+      out_.notes.emplace_back("lights: fall off with distance in glTF, but not in the scene");
     said_falloff_ |= !light.falls_off;
   }
 
@@ -238,14 +238,14 @@ class GltfWriter {
                       {"perspective",
                        {{"yfov", camera.vertical_fov_degrees * std::numbers::pi / 180.0},
                         {"znear", camera.hither > 0.0 ? camera.hither : distance / 1000.0}}}}});
-    out_.notes.emplace_back("camera: glTF does not say how far away it looks");
+    out_.notes.emplace_back("camera: glTF does not store the distance of the point it looks at");
   }
 
   void finish() {
     root_["buffers"] =
         json::array({{{"byteLength", buffer_.size()},
                       {"uri", "data:application/octet-stream;base64," + base64(buffer_)}}});
-    out_.notes.emplace_back("materials: the nearest of glTF's, which are not Whitted's");
+    out_.notes.emplace_back("materials: approximated, because glTF has no Whitted materials");
     out_.json = json_text(root_);
     out_.json += '\n';
   }

@@ -149,7 +149,7 @@ void VideoWriter::Encoder::finish() {
 
 /// Reports the encoder's reason if it gave one; a broken pipe is only the consequence.
 void VideoWriter::Encoder::give_up() {
-  if (process_ && !wait_until(Clock::now() + 1s)) words_ += "the encoder does not go on";
+  if (process_ && !wait_until(Clock::now() + 1s)) words_ += "the encoder does not respond";
   const std::string line = words_.substr(0, words_.find('\n'));
   cannot_write(options_.file, line.empty() ? "the encoder crashed" : escaped(line));
 }

@@ -109,8 +109,8 @@ ordered_json answer_of(ControlClient& client, std::chrono::milliseconds wait) {
   const auto answer = client.receive(wait, interrupt_fd());
   if (!answer && interrupted()) return nullptr;
   if (!answer)
-    throw Error(ErrorKind::Failed, "ctl: no answer came",
-                "the player still works on it; --wait says how long to wait");
+    throw Error(ErrorKind::Failed, "ctl: no answer from the player",
+                "the player may still be working on it; --wait sets how long to wait");
   if (!answer->value("ok", false)) throw_error(*answer);
   return *answer;
 }
@@ -142,8 +142,8 @@ ExitCode run_ctl(const std::string& verb, const CtlFlags& flags) {
 }
 
 void declare_place(CLI::App& app, CtlFlags& flags) {
-  app.add_option("--item", flags.item, "of the list, counted from 0");
-  app.add_option("--frame", flags.frame, "of the item, counted from 0");
+  app.add_option("--item", flags.item, "item of the list, counted from 0");
+  app.add_option("--frame", flags.frame, "frame of the item, counted from 0");
 }
 
 void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFlags& flags) {
@@ -159,37 +159,38 @@ void declare_values(std::vector<std::pair<CLI::App*, ControlVerb>>& verbs, CtlFl
           ->required()
           ->type_name("N|forever");
     } else if (verb == ControlVerb::Trim) {
-      app->add_option("--offset", flags.offset, "slide the picture to so many lenses");
-      app->add_option("--pitch", flags.pitch, "stretch the pitch to this part of it");
-      app->add_option("--offset-by", flags.offset_by, "slide it further by so many lenses: 0.02");
-      app->add_option("--pitch-by", flags.pitch_by, "stretch it further: 1e-5");
+      app->add_option("--offset", flags.offset, "set the offset, in lenses");
+      app->add_option("--pitch", flags.pitch, "set the relative change of the pitch");
+      app->add_option("--offset-by", flags.offset_by,
+                      "change the offset by this many lenses: 0.02");
+      app->add_option("--pitch-by", flags.pitch_by, "change the pitch by this fraction: 1e-5");
     } else if (verb == ControlVerb::Snapshot) {
       app->add_option("file", flags.file, "picture to write: .png, .tif, .exr or .ppm")->required();
       add_triple(
           *app, "--eye", "X,Y,Z", [&flags](Vec3 eye) { flags.eye = eye; },
-          "as an eye there sees it, mm");
+          "as an eye there sees it: mm right, up and away from the panel's centre");
     } else if (verb == ControlVerb::Subscribe) {
-      app->add_option("--count", flags.events, "end after so many events");
+      app->add_option("--count", flags.events, "end after this many events");
     }
   }
 }
 
 const std::vector<std::pair<ControlVerb, const char*>>& verb_summaries() {
   static const std::vector<std::pair<ControlVerb, const char*>> table = {
-      {ControlVerb::Status, "what is on the glass, and what comes"},
+      {ControlVerb::Status, "print what is displayed and what comes next"},
       {ControlVerb::Load, "play something else as soon as it is ready"},
-      {ControlVerb::Play, "go on after a pause"},
-      {ControlVerb::Pause, "hold the picture"},
+      {ControlVerb::Play, "continue after a pause"},
+      {ControlVerb::Pause, "pause on the current frame"},
       {ControlVerb::Seek, "go to a frame, or an item of the list"},
       {ControlVerb::Next, "go to the next item"},
-      {ControlVerb::Previous, "go to the item before"},
-      {ControlVerb::Loop, "say how often it is played"},
-      {ControlVerb::Trim, "correct what drifted since the calibration"},
-      {ControlVerb::Snapshot, "write what is on the glass to a picture"},
+      {ControlVerb::Previous, "go to the previous item"},
+      {ControlVerb::Loop, "set how often the item is played"},
+      {ControlVerb::Trim, "correct drift since the calibration"},
+      {ControlVerb::Snapshot, "write the displayed frame to a picture"},
       {ControlVerb::Stats, "print the player's statistics"},
-      {ControlVerb::Doctor, "say whether subpixels reach the glass unchanged"},
-      {ControlVerb::Subscribe, "print events as they come, one JSON object a line"},
-      {ControlVerb::Quit, "end the player in good order"},
+      {ControlVerb::Doctor, "report whether subpixels reach the panel unchanged"},
+      {ControlVerb::Subscribe, "print events as they happen, one JSON object per line"},
+      {ControlVerb::Quit, "end the player cleanly"},
   };
   return table;
 }
@@ -201,7 +202,7 @@ Run declare_ctl(CLI::App& app) {
   app.require_subcommand(1);
   app.add_option(
       "--socket", flags->socket,
-      "the player's --control (default: $LENTICULE_CONTROL, or that of the only service)");
+      "the player's --control socket (default: $LENTICULE_CONTROL, or that of the only service)");
   app.add_option("--wait", flags->wait_s, "seconds to wait for an answer")
       ->check(CLI::Range(0.01, 86400.0))
       ->capture_default_str();
@@ -216,7 +217,7 @@ Run declare_ctl(CLI::App& app) {
   return [flags, verbs]() -> ExitCode {
     for (const auto& [sub, verb] : verbs)
       if (sub->parsed()) return run_ctl(verb_name(verb), *flags);
-    throw Error(ErrorKind::Usage, "ctl: no verb", "see lenticule ctl --help");
+    throw Error(ErrorKind::Usage, "ctl: a verb is missing", "see lenticule ctl --help");
   };
 }
 

@@ -43,10 +43,10 @@ void print_cards(const nlohmann::json& cards) {
               card["driver"].get<std::string>().empty() ? "?" : text_of(card["driver"]),
               !problem.empty()                       ? problem
               : card["master_available"].get<bool>() ? "free to use"
-                                                     : "another program is master",
-              counts.is_null()     ? "vblank counter not known while its outputs are off"
+                                                     : "another program is DRM master",
+              counts.is_null()     ? "vblank counter unknown while its outputs are off"
               : counts.get<bool>() ? "counts vblanks"
-                                   : "has no vblank counter, time is used instead");
+                                   : "has no vblank counter; time is used instead");
   }
 }
 
@@ -74,7 +74,7 @@ void print_output(const nlohmann::json& output) {
   print_out("  EXACT {}{}\n", text_of(exactness["exact"]),
             output["tested"].get<bool>() ? "" : " (not tested with the driver)");
   print_list("because", exactness["reasons"]);
-  print_list("could not see:", exactness["unseen"]);
+  print_list("could not check:", exactness["unseen"]);
   print_list("note:", exactness["remarks"]);
   print_list("proved:", exactness["proved"]);
   print_list("try:", exactness["remedies"]);
@@ -119,7 +119,7 @@ Run declare_doctor(CLI::App& app) {
           "only 'lenticule play' and 'lenticule calibrate' work without one: --display virtual");
     if (json["outputs"].empty())
       throw Error(ErrorKind::Device, fmt::format("{}: no such panel is connected", flags->display),
-                  "'lenticule panels' lists what there is");
+                  "'lenticule panels' lists the connected panels");
     return verdict_of(json["outputs"]);
   };
 }

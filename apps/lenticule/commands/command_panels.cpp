@@ -38,7 +38,7 @@ std::vector<NamedRig> load_rigs(const std::string& folder) {
   std::filesystem::directory_iterator entries(folder, error);
   if (error)
     throw Error(ErrorKind::Input, fmt::format("{}: {}", folder, error.message()),
-                "name a folder of rig files");
+                "use a folder of rig files");
   for (const auto& entry : entries) {
     if (entry.path().extension() != ".toml" || optics::is_trim_file(entry.path())) continue;
     try {
@@ -111,7 +111,7 @@ void print_panel(const nlohmann::json& panel, bool with_rigs) {
               mode["refresh_hz"].get<double>(), mode["preferred"].get<bool>() ? " (own)" : "",
               mode["usable"].get<bool>() ? "" : " (interlaced or doubled)");
   for (const auto& rig : panel["rigs"]) print_out("  rig         {}\n", text_of(rig));
-  if (with_rigs && panel["rigs"].empty()) print_out("  rig         none names this panel\n");
+  if (with_rigs && panel["rigs"].empty()) print_out("  rig         none for this panel\n");
 }
 
 void print_text(const nlohmann::json& json, bool with_rigs) {
@@ -125,7 +125,7 @@ void print_text(const nlohmann::json& json, bool with_rigs) {
 
 Run declare_panels(CLI::App& app) {
   auto flags = std::make_shared<PanelsFlags>();
-  app.add_option("--rigs", flags->rigs, "folder of rig files; says which belongs to which panel");
+  app.add_option("--rigs", flags->rigs, "folder of rig files; shows which belongs to which panel");
   app.add_flag("--json", flags->json, "print everything as JSON");
   return [flags]() -> ExitCode {
     const std::vector<NamedRig> rigs = load_rigs(flags->rigs);

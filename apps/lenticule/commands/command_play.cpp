@@ -39,7 +39,7 @@ SafeStart safe_start(const PlayFlags& flags, const StartHistory& history) {
 
 ExitCode play_with(const PlayFlags& flags, const ServiceManager& manager, const SafeStart& safe) {
   if (safe.failures >= kFailuresUntilSafe)
-    say("{} starts failed within two minutes: starting with care\n", safe.failures);
+    say("{} starts failed within two minutes: starting in safe mode\n", safe.failures);
   if (!safe.on) return PlayRun(flags, make_plan(flags, manager.present()), manager, safe).run();
   std::optional<PlayPlan> plan = plan_when_rig_is_right(flags, manager);
   if (!plan) return interrupt_exit_code();
@@ -78,12 +78,12 @@ class PicturesDecodedElsewhere {
 };
 
 void declare_flags(CLI::App& app, PlayFlags& flags) {
-  app.add_option(
-         "source", flags.source,
-         "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a video; "
-         "views to be woven here: a quilt, a pattern or a video of quilts (NAME_qs8x6a0.75.png), "
-         "stereo (NAME_sbs.mkv), depth (NAME_rgbd.png), 'views:view%02d.png'; LIST.toml: a "
-         "playlist, card: a test card, or views: the rig's views by their numbers")
+  app.add_option("source", flags.source,
+                 "ring:SOCKET, a sequence FILE.lts, a pattern such as 'out/%05d.png', a picture, a "
+                 "video; views, which are woven during playback: a quilt, a pattern or a video of "
+                 "quilts (NAME_qs8x6a0.75.png), stereo (NAME_sbs.mkv), depth (NAME_rgbd.png), "
+                 "'views:view%02d.png'; LIST.toml: a playlist, card: a test card, or views: the "
+                 "rig's views by their numbers")
       ->required();
   app.add_option("--rig", flags.rig, "the rig that the frames are woven for")->required();
   app.add_option("--display", flags.display,
@@ -92,7 +92,7 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
       ->each([&flags](const std::string&) { flags.display_named = true; })
       ->capture_default_str();
   app.add_option("--clock", flags.clock,
-                 "of a virtual display: real, or simulated (as fast as the source can)")
+                 "clock of a virtual display: real, or simulated (as fast as the source can)")
       ->check(CLI::IsMember({"real", "simulated"}))
       ->capture_default_str();
   app.add_option("--fps", flags.fps, "content rate: 24, 59.94, 24000/1001 (default: the source's)")
@@ -101,15 +101,16 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
       ->type_name("N|forever");
   app.add_option("--late", flags.late, "what to do about late frames: slip, drop or hold")
       ->capture_default_str();
-  app.add_option("--frames", flags.frames, "A:B, only these frames of a pattern")->type_name("A:B");
+  app.add_option("--frames", flags.frames, "A:B plays only frames A to B - 1 of a pattern")
+      ->type_name("A:B");
   declare_content_flags(app, flags.content);
   declare_weaving_flags(app, flags.weaving);
   app.add_option("--duration", flags.duration_s,
-                 "stop after so many seconds; without --loop, loop until then")
+                 "stop after this many seconds; without --loop, loop until then")
       ->check(CLI::PositiveNumber);
   app.add_option("--prime", flags.prime,
-                 "frames that must be ready before the first is shown, waiting for them as long as "
-                 "--wait says (default: half of the slots, or what came within two seconds)")
+                 "frames that must be ready before the first is shown; --wait limits the time "
+                 "(default: half of the slots, or what arrived within two seconds)")
       ->check(CLI::Range(1, 1'000'000));
   app.add_option("--slots", flags.slots, "frames kept ready in memory")
       ->check(CLI::Range(2, 4096))
@@ -117,14 +118,14 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
   app.add_option("--buffers", flags.buffers, "scan-out buffers")
       ->check(CLI::Range(2, 16))
       ->capture_default_str();
-  app.add_option("--wait", flags.wait, "give up when no frame came for so many seconds, or forever")
+  app.add_option("--wait", flags.wait,
+                 "give up if no frame arrives for this many seconds, or forever")
       ->capture_default_str()
       ->type_name("SECONDS|forever");
-  app.add_option(
-         "--wait-for-panel", flags.wait_for_panel,
-         "with kms: wait so many seconds, or forever, for a panel that is not there, or was "
-         "lost; another panel shows a test card meanwhile (default: forever as a service, "
-         "else not at the start, and 10 after a loss)")
+  app.add_option("--wait-for-panel", flags.wait_for_panel,
+                 "with kms: wait this many seconds, or forever, for a panel that is missing or was "
+                 "lost; another panel shows a test card meanwhile (default: forever as a service; "
+                 "otherwise 0 at the start and 10 after a loss)")
       ->type_name("SECONDS|forever");
   app.add_option(
          "--on-exit", flags.on_exit,
@@ -132,33 +133,33 @@ void declare_flags(CLI::App& app, PlayFlags& flags) {
          "or black (default: hold as a service, else restore)")
       ->check(CLI::IsMember({"restore", "hold", "black"}));
   app.add_flag("--allow-inexact", flags.allow_inexact,
-               "with kms: show frames even where it is known that subpixels arrive changed "
-               "('lenticule doctor' says what changes them)");
+               "with kms: show frames even if subpixels are known to arrive changed ('lenticule "
+               "doctor' reports what changes them)");
+  app.add_flag("--safe", flags.safe,
+               "start in safe mode: take nothing over from the previous player, use no real-time "
+               "priority, and show a test card with the reason while the source cannot be played "
+               "(a service does this by itself after five failed starts)");
   app.add_flag(
-      "--safe", flags.safe,
-      "start with care: take nothing over from a player before, no real-time priority, and "
-      "show a test card with the reason as long as the source cannot be played (a service "
-      "does so by itself after five failed starts)");
-  app.add_flag("--trim", flags.trim,
-               "change the rig's trim with the terminal's keys while playing: left and right slide "
-               "the picture by 0.01 lens, up and down change the pitch by 1e-5; with shift (or H J "
-               "K L) ten times as much, with ctrl a tenth; escape takes it back. Kept in "
-               "RIG.trim.toml. The views follow at once, frames woven elsewhere have to be made "
-               "again");
+      "--trim", flags.trim,
+      "change the rig's trim with the terminal's keys while playing: left and right slide the "
+      "picture by 0.01 lens, up and down change the pitch by 1e-5; with shift (or H J K L) ten "
+      "times as much, with ctrl a tenth; escape undoes all changes. Saved in RIG.trim.toml. Views "
+      "that are woven here follow at once; other frames must be rendered or woven again");
   app.add_option("--record", flags.record,
-                 "record what was on the glass: checksums:FILE or png:FOLDER");
-  app.add_option("--stats", flags.stats, "write statistics there, every second and at the end");
+                 "record the displayed frames: checksums:FILE or png:FOLDER");
+  app.add_option("--stats", flags.stats,
+                 "write statistics to this file, every second and at the end");
   app.add_option("--control", flags.control,
-                 "listen there, on a Unix socket, for 'lenticule ctl' (default: nowhere)");
+                 "listen on this Unix socket for 'lenticule ctl' (default: none)");
   app.add_option("--control-group", flags.control_group,
-                 "members of this group may steer it too, and not only its own user and root");
+                 "members of this group may control the player, as well as its user and root");
   app.add_option("--memory", flags.memory_mib,
-                 "MiB for frames that are decoded ahead, instead of --slots: of what is played, of "
-                 "what comes next, and of what is on its way out")
+                 "MiB for frames that are decoded ahead, instead of --slots; shared by the current "
+                 "item, the next item and the one that ends")
       ->check(CLI::Range(1, 1 << 20));
   app.add_flag("--preflight", flags.preflight,
-               "play nothing: read the source, or each item of a list, for some seconds, and say "
-               "whether disk and decoder keep up (exit code 5 if not)");
+               "play nothing: read the source, or each item of a list, for some seconds, and "
+               "report whether disk and decoder keep up (exit code 5 if not)");
   app.add_flag("--json", flags.json, "print the statistics as JSON at the end");
 }
 

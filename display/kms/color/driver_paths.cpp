@@ -12,12 +12,12 @@ using enum PathKind;
 constexpr const char* kRgb565 = "24-bit colours are cut to 16 bits (RGB565)";
 constexpr const char* kMipi = "drm_mipi_dbi.c, mipi_dbi_buf_copy()";
 constexpr const char* kFirmware =
-    "frames are converted to whatever format, size and scaling the firmware left";
+    "frames are converted to the format, size and scaling that the firmware set";
 
 // Files are in drivers/gpu/drm of Linux 6.1, unless another version is named.
 constexpr std::array kPaths = {
     // Virtual machines, whose host receives the buffer's bytes.
-    DriverPath{"virtio_gpu", AsItIs, "the host gets the words of the buffer",
+    DriverPath{"virtio_gpu", AsItIs, "the host gets the buffer's pixels unchanged",
                "virtio/virtgpu_plane.c, virtio_gpu_update_dumb_bo()"},
     DriverPath{"bochs-drm", AsItIs, "the host scans the buffer out of video memory",
                "tiny/bochs.c, bochs_plane_update()"},
@@ -38,12 +38,13 @@ constexpr std::array kPaths = {
                "tiny/ofdrm.c of Linux 6.2, ofdrm_primary_plane_helper_atomic_update()"},
     DriverPath{"efidrm", Alters, kFirmware, "sysfb/efidrm.c of Linux 6.16"},
     DriverPath{"vesadrm", Alters, kFirmware, "sysfb/vesadrm.c of Linux 6.16"},
-    DriverPath{"gm12u320", Alters,
-               "a USB projector gets copies in its own time, a part of them old when it is busy",
-               "tiny/gm12u320.c, gm12u320_copy_fb_to_blocks()"},
+    DriverPath{
+        "gm12u320", Alters,
+        "a USB projector gets copies at its own rate, and parts of old frames when it is busy",
+        "tiny/gm12u320.c, gm12u320_copy_fb_to_blocks()"},
     DriverPath{"udl", Alters, kRgb565, "udl/udl_transfer.c, pixel32_to_be16()"},
     DriverPath{"evdi", Alters, "the USB adapter compresses pictures",
-               "DisplayLink's own words; the driver is not the kernel's"},
+               "statement of DisplayLink; the driver is not part of the kernel"},
     DriverPath{"gud", Alters, "the USB adapter's own format may have fewer bits",
                "gud/gud_pipe.c, gud_prep_flush()"},
     DriverPath{"vmwgfx", Alters, "the driver may keep showing an old frame",

@@ -104,7 +104,8 @@ void judge_driver(ExactnessReport& report, const LinkInfo& link) {
           kOtherOutput);
     return add_unseen(
         report,
-        fmt::format("driver {}: whether it converts frames inside is not known", link.driver), "");
+        fmt::format("driver {}: it is not known whether the driver converts frames", link.driver),
+        "");
   }
   const std::string fact = fmt::format("driver {}: {}", link.driver, path->fact);
   if (path->kind == PathKind::Alters) return add_wrong(report, fact, kOtherOutput);
@@ -132,19 +133,19 @@ bool has_link_row(const ExactnessReport& report, std::string_view property) {
 
 void judge_encoding(ExactnessReport& report, const LinkInfo& link) {
   if (any_row(report, names_encoding)) {
-    report.proved.emplace_back("the driver was told to send RGB");
+    report.proved.emplace_back("the driver is set to send RGB");
     return;
   }
   if (link.only_as_420)
-    return add_wrong(report, "the panel takes this mode as YCbCr 4:2:0 only",
-                     "ask for a lower refresh, or use DisplayPort");
+    return add_wrong(report, "the panel accepts this mode as YCbCr 4:2:0 only",
+                     "use a lower refresh rate, or use DisplayPort");
   if (link.edid_known && !link.offers_ycbcr) {
-    report.proved.emplace_back("the panel takes RGB only");
+    report.proved.emplace_back("the panel accepts RGB only");
     return;
   }
   add_unseen(report,
              link.edid_known
-                 ? "the panel also takes YCbCr, and the driver does not say what it sends"
+                 ? "the panel also accepts YCbCr, and the driver does not report what it sends"
                  : "without a valid EDID it is not known what the link carries",
              "use DisplayPort, or an EDID that offers RGB only (drm.edid_firmware=)");
 }
@@ -152,10 +153,10 @@ void judge_encoding(ExactnessReport& report, const LinkInfo& link) {
 void judge_range(ExactnessReport& report, const LinkInfo& link) {
   if (!is_hdmi(link.connector_type)) return;
   if (any_row(report, forces_full_range)) {
-    report.proved.emplace_back("the driver was told to send the full range of values");
+    report.proved.emplace_back("the driver is set to send the full range of values");
     return;
   }
-  add_unseen(report, "the driver cannot be told to send the full range of values",
+  add_unseen(report, "the driver cannot be set to send the full range of values",
              "set the panel's input to full range, and use its own mode rather than a television "
              "one");
 }
@@ -163,11 +164,11 @@ void judge_range(ExactnessReport& report, const LinkInfo& link) {
 void judge_depth(ExactnessReport& report, const LinkInfo& link) {
   if (link.bits_per_colour && *link.bits_per_colour < 8)
     add_wrong(report,
-              fmt::format("the panel takes {} bits per colour: low bits are cut off or dithered",
+              fmt::format("the panel accepts {} bits per colour: low bits are cut off or dithered",
                           *link.bits_per_colour),
               "use a panel of 8 bits per colour");
   constexpr const char* kLook =
-      "run 'lenticule doctor' as root, whom the driver may tell; look at a test card of "
+      "run 'lenticule doctor' as root, which can read more of the driver; look at a test card of "
       "single-step ramps";
   if (!has_link_row(report, kDepthRow))
     add_unseen(report, "bits per colour and dithering of the link cannot be read back", kLook);
@@ -181,15 +182,14 @@ void judge_link(ExactnessReport& report, const LinkInfo& link) {
     return;
   }
   if (is_analogue(link.connector_type))
-    add_wrong(report, "the link is analogue: the panel measures values anew",
+    add_wrong(report, "the link is analogue: the panel digitises the values again",
               "use a digital connector");
   judge_encoding(report, link);
   judge_range(report, link);
   judge_depth(report, link);
   if (link.other_native_size)
-    add_unseen(report,
-               "the EDID calls another size the panel's own: a bridge or an adapter may scale",
-               "connect the panel without an adapter, or load the EDID of what is sent "
+    add_unseen(report, "the EDID states another native size: a bridge or an adapter may scale",
+               "connect the panel without an adapter, or load an EDID with the size that is sent "
                "(drm.edid_firmware=)");
 }
 

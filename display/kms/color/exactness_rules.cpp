@@ -102,7 +102,7 @@ constexpr std::array kRules = {
                   0,
                   {},
                   Pixels,
-                  "brightness follows the picture",
+                  "brightness changes with the picture",
                   "boot with amdgpu.abmlevel=0"},
     ExactnessRule{Connector,
                   "adaptive backlight modulation",
@@ -110,7 +110,7 @@ constexpr std::array kRules = {
                   0,
                   {"off"},
                   Pixels,
-                  "brightness follows the picture",
+                  "brightness changes with the picture",
                   "boot with amdgpu.abmlevel=0"},
     // nouveau: saturation is (value - 100) / 50, so that 150 is one and 100 is grey.
     ExactnessRule{Connector, "color vibrance", Number, 150, {}, Pixels, kMixed, kDriver},
@@ -141,7 +141,7 @@ constexpr std::array kRules = {
                   0,
                   {"Normal"},
                   Pixels,
-                  "the panel is mounted turned",
+                  "the panel is mounted rotated",
                   "use a rig that was calibrated as mounted"},
     ExactnessRule{Connector,
                   "privacy-screen hw-state",
@@ -169,7 +169,7 @@ constexpr std::array kRules = {
         Crtc, "SHARPNESS_STRENGTH", Number, 0, {}, Pixels, "edges are sharpened", kDriver},
 
     ExactnessRule{
-        Plane, "rotation", Named, 0, {"rotate-0"}, Pixels, "the picture is turned", kDriver},
+        Plane, "rotation", Named, 0, {"rotate-0"}, Pixels, "the picture is rotated", kDriver},
     ExactnessRule{Plane, "alpha", Maximum, 0, {}, Pixels, "the picture is dimmed", kDriver},
     // All blend modes are equal for a format without alpha.
     ExactnessRule{Plane,
@@ -178,7 +178,7 @@ constexpr std::array kRules = {
                   0,
                   {"None", "Pre-multiplied"},
                   Processing,
-                  "alpha would count",
+                  "the frame's alpha would take effect",
                   kDriver},
     ExactnessRule{Plane, "brightness", Centre, 0, {}, Pixels, kToned, kDriver},
     ExactnessRule{Plane, "contrast", Centre, 0, {}, Pixels, kToned, kDriver},

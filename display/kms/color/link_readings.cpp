@@ -27,7 +27,7 @@ struct LinkFile {
 
 constexpr LinkFile kSysfs[] = {
     {"panel_power_savings", "/sys/class/drm/{0}-{2}/amdgpu/panel_power_savings", "", "0", true,
-     "brightness follows the picture",
+     "brightness changes with the picture",
      "write 0 to amdgpu/panel_power_savings of the connector in /sys/class/drm, and keep "
      "power-profiles-daemon and tuned from raising it"},
 };
@@ -35,19 +35,20 @@ constexpr LinkFile kSysfs[] = {
 constexpr LinkFile kDebugfs[] = {
     // i915/display/intel_display_debugfs.c, i915_dsc_fec_support_show()
     {kCompressionRow, "/sys/kernel/debug/dri/{1}/{2}/i915_dsc_fec_support", "DSC_Enabled: ", "no",
-     true, "the link compresses the picture", "use a lower refresh, or a link with more lanes"},
+     true, "the link compresses the picture",
+     "use a lower refresh rate, or a link with more lanes"},
     // amd/display/amdgpu_dm/amdgpu_dm_debugfs.c, dp_dsc_clock_en_read()
     {kCompressionRow, "/sys/kernel/debug/dri/{1}/{2}/dsc_clock_en", "", "0", true,
-     "the link compresses the picture", "use a lower refresh, or a link with more lanes"},
+     "the link compresses the picture", "use a lower refresh rate, or a link with more lanes"},
     // force_yuv420_output_get(), same file
     {"force_yuv420_output", "/sys/kernel/debug/dri/{1}/{2}/force_yuv420_output", "", "0", true,
      "RGB is converted to another encoding and back", "write 0 to that file of debugfs"},
     // intel_psr_status(), same file as for DSC; it reports Panel Replay too
     {"PSR", "/sys/kernel/debug/dri/{1}/{2}/i915_psr_status", "PSR mode: ", "disabled", false,
-     "the panel refreshes itself, and a picture may come a vblank late", kLateRemedy},
+     "the panel refreshes itself, and a picture may be a vblank late", kLateRemedy},
     // psr_get(), same file as for force_yuv420_output
     {"PSR", "/sys/kernel/debug/dri/{1}/{2}/psr_state", "", "0", false,
-     "the panel refreshes itself, and a picture may come a vblank late", kLateRemedy},
+     "the panel refreshes itself, and a picture may be a vblank late", kLateRemedy},
 };
 
 /// Returns "card1" and "1" for "/dev/dri/card1".
@@ -123,9 +124,10 @@ std::optional<AuditRow> drrs_row(KmsPlatform& platform, const LinkPlace& place,
   if (!text) return std::nullopt;
   const std::string value = line_after(section_of(*text, place.crtc), "DRRS Enabled: ");
   if (value.empty()) return std::nullopt;
-  return row_for({"DRRS", "", "", "no", false, "the refresh rate sinks while a picture stands",
-                  "ask the driver for one refresh rate (i915: drrs in its debug files)"},
-                 value);
+  return row_for(
+      {"DRRS", "", "", "no", false, "the refresh rate drops while the picture does not change",
+       "set the driver to one refresh rate (i915: drrs in its debug files)"},
+      value);
 }
 
 }  // namespace

@@ -82,7 +82,7 @@ bool same_device(const std::string& a, const std::string& b) {
 DrmDevice::DrmDevice(std::shared_ptr<Session> session, UniqueFd fd, std::string path)
     : session_(std::move(session)), fd_(std::move(fd)), path_(std::move(path)) {
   if (drmIsKMS(fd_.get()) == 0)
-    throw Error(ErrorKind::Device, fmt::format("{}: a card without outputs", path_));
+    throw Error(ErrorKind::Device, fmt::format("{}: the card has no outputs", path_));
   driver_ = driver_of(fd_.get());
   caps_ = read_caps(fd_.get());
 }

@@ -83,7 +83,8 @@ EventRead read_drm_events(int fd, DrmEventHandler& handler) noexcept {
 EventWaiter::EventWaiter(int card_fd, int session_fd, int hotplug_fd)
     : epoll_(epoll_create1(EPOLL_CLOEXEC)) {
   if (!epoll_)
-    throw Error(ErrorKind::Failed, fmt::format("kms: no epoll: {}", std::strerror(errno)),
+    throw Error(ErrorKind::Failed,
+                fmt::format("kms: cannot create an epoll descriptor: {}", std::strerror(errno)),
                 "raise the limit of open files");
   add(card_fd, kCard);
   add(session_fd, kSession);

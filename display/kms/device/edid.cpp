@@ -205,7 +205,7 @@ std::string to_string(const EdidIdentity& panel) {
 }
 
 std::string to_string(const optics::PanelIdentity& identity) {
-  std::string text = identity.manufacturer.empty() ? "any maker" : identity.manufacturer;
+  std::string text = identity.manufacturer.empty() ? "any manufacturer" : identity.manufacturer;
   if (identity.product) text += fmt::format(" 0x{:04x}", *identity.product);
   if (!identity.serial.empty()) text += fmt::format(" serial {}", identity.serial);
   if (!identity.edid_sha256.empty())

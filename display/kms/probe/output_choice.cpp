@@ -58,7 +58,7 @@ class Chooser {
     if (indices.empty())
       return refuse(
           ErrorKind::Device, "no such output",
-          list_.connectors.empty() ? "--display virtual works without one" : "name one of those",
+          list_.connectors.empty() ? "--display virtual works without one" : "use one of those",
           true);
     std::erase_if(indices, [&](size_t i) { return !at(i).connected; });
     if (indices.empty())
@@ -113,7 +113,7 @@ class Chooser {
   [[nodiscard]] OutputChoice only_one(const Indices& indices) const {
     if (indices.size() > 1)
       return refuse(ErrorKind::Device, "more than one panel fits",
-                    "name one: --display kms:CONNECTOR", false);
+                    "choose one: --display kms:CONNECTOR", false);
     if (at(indices.front()).tiled)
       return refuse(ErrorKind::Device,
                     "the panel is fed by two connectors that cannot be flipped as one",

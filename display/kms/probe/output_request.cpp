@@ -18,7 +18,7 @@ constexpr size_t kLongestName = 64;
 [[noreturn]] void reject(std::string_view text, const char* cause) {
   throw Error(ErrorKind::Usage, fmt::format("output '{}': {}", text, cause),
               "write auto, HDMI-A-1, edid:MFG[:product[:serial]] or /dev/dri/by-path/...; "
-              "'lenticule panels' lists what there is");
+              "'lenticule panels' lists the connected panels");
 }
 
 std::optional<uint32_t> parse_product(std::string_view text) {
@@ -34,7 +34,7 @@ optics::PanelIdentity parse_edid(std::string_view text) {
   const bool letters = edid.manufacturer.size() == 3 &&
                        std::all_of(edid.manufacturer.begin(), edid.manufacturer.end(),
                                    [](char letter) { return letter >= 'A' && letter <= 'Z'; });
-  if (!letters) reject(text, "a maker has three capital letters");
+  if (!letters) reject(text, "a manufacturer is three capital letters");
   if (rest.empty()) return edid;
   edid.product = parse_product(take_until(rest, ':'));
   if (!edid.product) reject(text, "the product is a number up to 65535");

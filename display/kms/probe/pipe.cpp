@@ -76,11 +76,12 @@ std::string text_of(PixelSize size) {
   std::string own;
   for (const PixelSize native : native_sizes(connector))
     own += (own.empty() ? "" : " or ") + text_of(native);
-  throw Error(ErrorKind::Input,
-              fmt::format("{}: the panel would scale {} to its own {}, and no view would arrive",
-                          connector.name, text_of(size), own),
-              "use this panel's own rig; where its EDID states a wrong size, load a right one "
-              "(drm.edid_firmware=)");
+  throw Error(
+      ErrorKind::Input,
+      fmt::format("{}: the panel would scale {} to its own {}, which would destroy the views",
+                  connector.name, text_of(size), own),
+      "use this panel's own rig; if its EDID states a wrong size, load a correct EDID "
+      "(drm.edid_firmware=)");
 }
 
 // --- CRTC and plane -------------------------------------------------------------------------
@@ -165,7 +166,9 @@ drmModeModeInfo require_mode(const ConnectorInfo& connector, const frames::Frame
 
 Pipe choose_pipe(int fd, ConnectorInfo connector, const drmModeModeInfo& mode) {
   const DrmResources resources(drmModeGetResources(fd));
-  if (!resources) throw Error(ErrorKind::Device, fmt::format("{}: card is gone", connector.name));
+  if (!resources)
+    throw Error(ErrorKind::Device,
+                fmt::format("{}: the graphics card was removed", connector.name));
   const auto current = static_cast<uint32_t>(connector.properties.value("CRTC_ID"));
   const std::vector<uint32_t> taken = crtcs_taken(fd, connector.id);
 

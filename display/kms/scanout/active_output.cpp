@@ -141,7 +141,7 @@ void require_caps(const DrmDevice& device) {
                               : !caps.monotonic_timestamps ? "monotonic timestamps"
                                                            : "the CRTC in its events";
   throw Error(ErrorKind::Device,
-              fmt::format("{}: driver {} has not {}", device.path(), device.driver(), missing),
+              fmt::format("{}: driver {} lacks {}", device.path(), device.driver(), missing),
               "use a card with a kernel modesetting driver (nvidia: nvidia_drm.modeset=1)");
 }
 
@@ -188,9 +188,9 @@ void require_exact(const KmsOptions& options, const KmsOutput& output) {
   std::string hint;
   for (const std::string& remedy : report.remedies) hint += remedy + ", or ";
   throw Error(ErrorKind::Quality,
-              fmt::format("{} on {}: subpixels would not arrive as they are: {}",
+              fmt::format("{} on {}: subpixels would not arrive unchanged: {}",
                           output.pipe().connector.name, output.device().path(), why),
-              hint + "show it all the same with --allow-inexact");
+              hint + "use --allow-inexact to show frames anyway");
 }
 
 TakeoverState takeover_state_of(const ActiveOutput& active, frames::FrameGeometry geometry) {

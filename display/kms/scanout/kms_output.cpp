@@ -54,8 +54,8 @@ const char* hint_for(int error) {
     case EPERM:
       return "another program draws on this card: stop the desktop session or plymouth";
     case ENOSPC:
-      return "the link or the card has not the bandwidth: use a better cable or port, or ask for a "
-             "lower refresh; the size is never lowered";
+      return "the link or the card lacks the bandwidth: use a better cable or port, or a lower "
+             "refresh rate; the size is never reduced";
     case ERANGE:
       return "the driver would have to scale";
     default:

@@ -245,11 +245,11 @@ std::unique_ptr<Method> make_method_adaptive(const optics::OpticalModel& model,
                                              const RenderOptions& options) {
   if (!(options.tolerated_error >= 0.0) || !std::isfinite(options.tolerated_error))
     throw Error(ErrorKind::Usage, "--error: not a number of code values",
-                "zero has the bytes of method full, two is a good compromise");
+                "0 gives exactly the frames of method full; 2 is a good compromise");
   if (options.tolerated_error == 0.0) return make_method_full(model, options);
   if (options.samples != 1)
     throw Error(ErrorKind::Usage, "method adaptive: takes one sample per subpixel",
-                "method full averages several");
+                "use method full for several");
   auto method = std::make_unique<AdaptiveMethod>(model, options);
   if (!method->suits_rig()) return make_method_full(model, options);
   return method;

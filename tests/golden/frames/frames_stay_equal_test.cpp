@@ -55,7 +55,7 @@ class FramesStayEqual : public CommandTest {
   Hashes hashes_;
 };
 
-TEST_F(FramesStayEqual, AsInTheCommittedValues) {
+TEST_F(FramesStayEqual, TheirHashesAreTheCommittedOnes) {
   const std::string rig = source_file("scenes/rigs/tiny.toml");
   for (const char* method :
        {"full", "adaptive", "lens-view", "interpolate", "temporal", "hybrid"}) {

@@ -60,14 +60,14 @@ TEST_F(WeaveCommand, RefusesUnreadableInput) {
   expect_failure(weave(truncated(quilt("q.png"), "cut_qs3x2a1.5.png")), 4, "truncated");
   expect_failure(weave(path("none%d.png")), 4, "none%d.png");
   write("text_qs3x2a1.5.png", "no picture");
-  expect_failure(weave(path("text_qs3x2a1.5.png")), 4, "not a known picture");
+  expect_failure(weave(path("text_qs3x2a1.5.png")), 4, "not a picture of a known format");
   expect_failure(weave(picture("small_qs3x2a1.png", 2, 2, 9)), 4, "too few");
   expect_no_output();
 }
 
 TEST_F(WeaveCommand, RefusesInvalidRequests) {
   const std::string plain = quilt("plain.png");
-  expect_failure(weave(plain), 2, "how many tiles");
+  expect_failure(weave(plain), 2, "the layout of the views is unknown");
   for (const char* grid : {"3", "3x", "x2", "3x2x1", "0x2", "-3x2", "a"})
     expect_failure(weave(plain, {"--grid", grid}), 2, "");
   expect_failure(weave(plain, {"--grid", "3x2", "--views", "7"}), 2, "7 views");

@@ -66,7 +66,7 @@ TEST_P(BuiltInScenes, AgreeWithTheReference) {
   for (const TinyRig& tiny : {upright, TinyRig{}}) {
     const optics::OpticalModel model(make_rig(tiny));
     const render::Stage stage = render::make_stage(scene, model);
-    EXPECT_GT(stage.near_mm, 0.0) << "something stands before the glass";
+    EXPECT_GT(stage.near_mm, 0.0) << "something is in front of the panel";
     EXPECT_LT(stage.far_mm, 0.0) << "something stands behind it";
     const frames::WovenFrame frame = render_full(scene, stage, model);
     for (int j = 0; j < frame.height(); ++j)

@@ -124,7 +124,7 @@ TEST(Trim, OfPitchOrSlantKeepsThePanelsCentre) {
   }
 }
 
-TEST(Slant, MirroredMakesAMirroredMap) {
+TEST(Slant, MirroredGivesAMirroredMap) {
   Rig rig = test::kiosk_rig();
   rig.viewing.height = Millimetres(40.0);
   const OpticalModel model(rig);

@@ -151,7 +151,7 @@ TEST(LeftAndRight, KeepTheirOrderAtTheEdgesOfAWidePanel) {
   EXPECT_GE(share_at_edges(model, 32.0, 1, place), 0.999);
 }
 
-TEST(LeftAndRight, WouldBeMixedUpAtTheEdgesByTheLobesOfAnInfiniteDistance) {
+TEST(LeftAndRight, AreMixedAtTheEdgesIfTheViewingDistanceIsIgnored) {
   const OpticalModel model(test::kiosk_rig());
   const auto place = [&](int i, int j, int c) {
     const Vec2 q = model.rig().panel.subpixel_centre_px(i, j, c);

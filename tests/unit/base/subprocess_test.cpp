@@ -108,7 +108,7 @@ TEST(RunAndCapture, NamesAProgramThatCannotBeStarted) {
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::Failed);
-    EXPECT_STREQ(error.what(), "/nowhere/program: cannot be started: No such file or directory");
+    EXPECT_STREQ(error.what(), "/nowhere/program: cannot start: No such file or directory");
   }
 }
 

@@ -131,7 +131,8 @@ TEST_F(CApi, ReportsMisuseWithoutCrashing) {
   EXPECT_EQ(lenticule_ring_abandon(ring_), LENTICULE_OK);
   ASSERT_EQ(lenticule_ring_acquire(ring_, 5, 0, &pixels), LENTICULE_OK);
   ASSERT_EQ(lenticule_ring_publish(ring_), LENTICULE_OK);
-  EXPECT_EQ(lenticule_ring_acquire(ring_, 5, 0, &pixels), LENTICULE_MISUSE) << "numbers must grow";
+  EXPECT_EQ(lenticule_ring_acquire(ring_, 5, 0, &pixels), LENTICULE_MISUSE)
+      << "numbers must increase";
   EXPECT_EQ(lenticule_ring_finish(ring_), LENTICULE_OK);
   EXPECT_EQ(lenticule_ring_finish(ring_), LENTICULE_MISUSE);
   EXPECT_EQ(lenticule_ring_acquire(ring_, 6, 0, &pixels), LENTICULE_GONE);

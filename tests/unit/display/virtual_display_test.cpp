@@ -87,7 +87,7 @@ TEST_F(VirtualDisplayTest, FreesABufferOnlyWhenItsSuccessorIsDisplayed) {
   show(2);
   ScanoutBuffer* const third = display->acquire();
   EXPECT_NE(third, nullptr);
-  EXPECT_EQ(display->acquire(), nullptr) << "one on the glass, one pending, one taken";
+  EXPECT_EQ(display->acquire(), nullptr) << "one displayed, one pending, one taken";
   EXPECT_EQ(display->wait_event(kFar, -1).id, 2u);
   EXPECT_NE(display->acquire(), nullptr);
 }

@@ -137,7 +137,7 @@ TEST_F(ImageRead, PngWithAFlippedBitIsAnErrorOrUnchanged) {
 
 class ImageCut : public ImageRead, public ::testing::WithParamInterface<const char*> {};
 
-TEST_P(ImageCut, AnywhereIsAnError) {
+TEST_P(ImageCut, AnywhereIsAnErrorOrKeepsThePixels) {
   const auto whole = folder_ / (std::string("whole") + GetParam());
   write_woven(noise_frame(5, 4).view(), whole);
   const auto file = test::read_bytes(whole);
@@ -207,9 +207,9 @@ TEST_F(ImageRead, TooManyPixelsAreRefusedByTheHeader) {
     const auto file = PngMaker(width, height, 8, PngColour::Rgb).rows({0, 0, 0, 0}).finish();
     return std::string(error_of([&] { read(file); }).what());
   };
-  EXPECT_THAT(refuse(32769, 1), HasSubstr("at most 32768 on a side"));
-  EXPECT_THAT(refuse(1, 32769), HasSubstr("at most 32768 on a side"));
-  EXPECT_THAT(refuse(32768, 32768), HasSubstr("at most 256 million"));
+  EXPECT_THAT(refuse(32769, 1), HasSubstr("the limit is 32768 per side"));
+  EXPECT_THAT(refuse(1, 32769), HasSubstr("the limit is 32768 per side"));
+  EXPECT_THAT(refuse(32768, 32768), HasSubstr("the limit is 256 million"));
   EXPECT_THAT(refuse(16384, 16384), HasSubstr("truncated"));
   EXPECT_THAT(refuse(0xFFFFFFFF, 0xFFFFFFFF), HasSubstr("picture.png"));
   EXPECT_THAT(refuse(0, 1), HasSubstr("picture.png"));
@@ -225,7 +225,7 @@ TEST_F(ImageRead, RefusesFilesThatAreNotPictures) {
   EXPECT_THAT(error_of([&] {
                 read({'h', 'e', 'l', 'l', 'o'});
               }).what(),
-              HasSubstr("not a known picture"));
+              HasSubstr("not a picture of a known format"));
 }
 
 TEST_F(ImageRead, TheBytesDecideAndNotTheExtension) {

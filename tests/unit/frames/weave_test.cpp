@@ -107,7 +107,7 @@ TEST(Weave, MarksInCornersStayInTheirCorners) {
   for (int j = 0; j < 30; ++j) EXPECT_EQ(woven.row(j)[0], woven.row(29 - j)[39 * 3]);
 }
 
-TEST(Weave, ViewsGrowToTheRightAcrossTheViewersAndToTheLeftUnderTheLens) {
+TEST(Weave, ViewNumbersGrowRightwardForViewersAndLeftwardUnderALens) {
   optics::Rig rig = one_lens_per_pixel(30, 2);
   rig.sheet.pitch = Subpixels(9.0);
   rig.sheet.offset = Lenses(0.5);  // a lens's left edge at the panel's centre

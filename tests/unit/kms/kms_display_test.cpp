@@ -114,7 +114,7 @@ TEST_F(KmsDisplay, NeverHandsOutTheDisplayedBuffer) {
   EXPECT_EQ(submit(2), SubmitStatus::Accepted);
   display::ScanoutBuffer* third = show->acquire();
   ASSERT_NE(third, nullptr);
-  EXPECT_EQ(show->acquire(), nullptr) << "one on the glass, one pending, one being filled";
+  EXPECT_EQ(show->acquire(), nullptr) << "one displayed, one pending, one being filled";
   third->fill(make_frame(3).view());
   show->discard(third);
   EXPECT_EQ(wait().kind, EventKind::Flip);

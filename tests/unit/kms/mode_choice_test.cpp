@@ -83,8 +83,8 @@ TEST(ModeChoice, ListedSizeThatIsNotThePanelsOwnIsNeverUsed) {
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::Input);
     EXPECT_STREQ(error.what(),
-                 "HDMI-A-1: the panel would scale 1920x1080 to its own 3840x2160, and no view "
-                 "would arrive");
+                 "HDMI-A-1: the panel would scale 1920x1080 to its own 3840x2160, which would "
+                 "destroy the views");
     EXPECT_NE(error.hint().find("own rig"), std::string::npos);
   }
 }

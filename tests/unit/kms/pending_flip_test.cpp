@@ -81,7 +81,7 @@ TEST(PendingFlip, CanGetStuckInEveryPhase) {
   EXPECT_FALSE(flip.awaits(3));
   flip.land({}, kNow);
   flip.stick(kLater);
-  EXPECT_EQ(flip.phase(), Phase::Landed) << "what is on the glass is not stuck any more";
+  EXPECT_EQ(flip.phase(), Phase::Landed) << "the displayed frame is no longer stuck";
   flip.queue(nullptr, 4);
   flip.withdraw();
   EXPECT_EQ(flip.phase(), Phase::None);

@@ -37,18 +37,18 @@ TEST(CameraPath, ReadsOnePoseALine) {
 
 TEST(CameraPath, APoseMustEndOnItsLine) {
   EXPECT_THAT(refusal("0 0 1 0 0 0 0 1 0\n0 0 1 0 0 0\n0 1 0\n"),
-              StartsWith("walk.path:2: a pose is nine numbers"));
+              StartsWith("walk.path:2: a pose has nine numbers"));
 }
 
 TEST(CameraPath, RefusesInvalidPoses) {
   EXPECT_THAT(refusal("# nothing\n"), HasSubstr("no pose"));
   EXPECT_THAT(refusal("0 0 1 0 0 x 0 1 0\n"), StartsWith("walk.path:1: a pose's number"));
   EXPECT_THAT(refusal("\n0 0 1 0 0 nan 0 1 0\n"), StartsWith("walk.path:2:"));
-  EXPECT_THAT(refusal("0 0 1 0 0 1 0 1 0\n"), HasSubstr("from and at are one point"));
-  EXPECT_THAT(refusal("0 0 1 0 0 0 0 0 1\n"), HasSubstr("up lies along"));
+  EXPECT_THAT(refusal("0 0 1 0 0 1 0 1 0\n"), HasSubstr("from and at are the same point"));
+  EXPECT_THAT(refusal("0 0 1 0 0 0 0 0 1\n"), HasSubstr("up is parallel"));
   EXPECT_THAT(refusal("0 0 1 0 0 0 0 1 0 180\n"), HasSubstr("field of view of 180"));
   EXPECT_THAT(refusal("0 0 1 0 0 0 0 1 0 30 1\n"), HasSubstr("more than ten"));
-  EXPECT_THAT(refusal("1e20 0 1 0 0 0 0 1 0\n"), HasSubstr("too far away"));
+  EXPECT_THAT(refusal("1e20 0 1 0 0 0 0 1 0\n"), HasSubstr("1e+20 is out of range"));
 }
 
 TEST(CameraPath, LoadsAFileAndNamesAMissingOne) {

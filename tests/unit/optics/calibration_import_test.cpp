@@ -80,8 +80,9 @@ TEST(VisualJson, RefusesMirroredPictures) {
     return visual_complaint(with(kVisual, R"("invView")", more + R"(, "invView")"));
   };
   EXPECT_EQ(flipped(R"("flipImageX": 1, "flipImageY": {"value": 0}, "flipSubp": 1)"), "");
-  EXPECT_EQ(flipped(R"("flipImageY": {"value": 1})"),
-            "a.json: flipImageY: pictures mirrored top to bottom, which a rig cannot say");
+  EXPECT_EQ(
+      flipped(R"("flipImageY": {"value": 1})"),
+      "a.json: flipImageY: pictures mirrored top to bottom, which a rig file cannot describe");
   const std::string cells =
       R"("subpixelCells": [{"ROffsetX": -0.3, "ROffsetY": 0, "GOffsetX": 0, "GOffsetY": 0,
          "BOffsetX": 0.3, "BOffsetY": 0}])";

@@ -141,7 +141,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadText{"48", "40000", "a.toml:4: panel.width_px: 40000 is not within 1 to 32768"},
         BadText{"48", "99999999999999", "a.toml:4: 'panel.width_px' is not within"},
         BadText{"48", "48.5", "a.toml:4: 'panel.width_px' is not a whole number"},
-        BadText{"slant = 0.25\n", "", "a.toml:8: no key 'sheet.slant'"},
+        BadText{"slant = 0.25\n", "", "a.toml:8: key 'sheet.slant' is missing"},
         BadText{"[sheet]", "[sheet]\nresidual = 3", "a.toml:9: 'sheet.residual' is not a section"},
         BadText{"[sheet]", "[sheet]\nchannel_offset_subpx = [1]", "a.toml:9: "},
         BadText{"gap_mm = 6", "gap_mm = 6\n[sheet.residual]\ncolumns=2\nrows=2\nlenses=[0,1]",
@@ -151,14 +151,14 @@ INSTANTIATE_TEST_SUITE_P(
                 "a.toml:8: subpixel layout: an offset"},
         BadText{"[sheet]", "layout = {columns=1,rows=1,offsets_px=[[1]]}\n[sheet]",
                 "a.toml:8: a cell is a list of six numbers"},
-        BadText{"format = 1", "format = 2", "a.toml:1: a rig file of another format"},
+        BadText{"format = 1", "format = 2", "a.toml:1: unknown format; expected 1"},
         BadText{"[panel]", "[panel", "a.toml:3: "},
-        BadText{"name = \"small\"", "name = 5", "a.toml:2: 'name' is not text"},
+        BadText{"name = \"small\"", "name = 5", "a.toml:2: 'name' is not a string"},
         BadText{"500", "inf\n[identity]\nproduct = -1", "a.toml:15: 'identity.product'"}));
 
 TEST(RigFile, ReportsAMissingFormat) {
   EXPECT_EQ(complaint("x = 1\n").rfind("a.toml:1: ", 0), 0u);
-  EXPECT_EQ(complaint("").rfind("a.toml:1: no key 'format'", 0), 0u);
+  EXPECT_EQ(complaint("").rfind("a.toml:1: key 'format' is missing", 0), 0u);
 }
 
 TEST(RigFile, SurvivesDeepNesting) {

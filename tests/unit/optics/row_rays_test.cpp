@@ -45,7 +45,7 @@ TEST(RowRays, AreTheSameBitsForEveryInstructionSet) {
   }
 }
 
-TEST(RowRays, DoNotDependOnHowARowIsCut) {
+TEST(RowRays, DoNotDependOnHowARowIsDivided) {
   std::mt19937_64 random(78);
   for (int r = 0; r < 40; ++r) {
     const OpticalModel model(test::random_rig(random));

@@ -27,7 +27,7 @@ TEST(TomlLetters, AreAllowedInStringsAndComments) {
     EXPECT_EQ(stray_letter_line(good), std::nullopt) << good;
 }
 
-TEST(TomlLetters, AreReportedElsewhereWithTheirLine) {
+TEST(TomlLetters, AreReportedWithTheirLineOutsideStrings) {
   const auto at = [](const char* text) { return stray_letter_line(text).value_or(0); };
   EXPECT_EQ(at("\xC3\xA4 = 1\n"), 1);
   EXPECT_EQ(at("\n\n[\xC3\xA4]\n"), 3);
@@ -38,12 +38,12 @@ TEST(TomlLetters, AreReportedElsewhereWithTheirLine) {
   EXPECT_EQ(at("a = \"no end\n\xC3\xA4 = 1\n"), 2);
 }
 
-TEST(TomlLetters, AreRefusedByTheReaderAndKeptInStrings) {
+TEST(TomlLetters, AreRefusedByTheReaderOutsideStringsAndKeptInThem) {
   try {
     static_cast<void>(parse_toml("a = 1\n\xC6\x8D = 2\n", "rig.toml"));
     FAIL();
   } catch (const Error& error) {
-    EXPECT_THAT(error.what(), testing::StartsWith("rig.toml:2: a letter outside ASCII"));
+    EXPECT_THAT(error.what(), testing::StartsWith("rig.toml:2: a character outside ASCII"));
   }
   const toml::table table = parse_toml(
       "name = \"K\xC3\xBC"

@@ -87,7 +87,8 @@ TEST(RigIdentity, KeepsTheCalibrationThroughATrim) {
   EXPECT_EQ(match(plain, trimmed_once), RigMatch::Trimmed);
   EXPECT_EQ(match(trimmed_once, plain), RigMatch::Trimmed);
   EXPECT_EQ(match(trimmed_once, trimmed_more), RigMatch::Trimmed);
-  EXPECT_THAT(trim_difference(plain, trimmed_once), HasSubstr("before the trim by +0.01 lens;"));
+  EXPECT_THAT(trim_difference(plain, trimmed_once),
+              HasSubstr("before the rig was trimmed by +0.01 lens;"));
   EXPECT_THAT(trim_difference(trimmed_once, trimmed_more),
               HasSubstr("+0.02 lens and -1e-05 of the pitch"));
 }

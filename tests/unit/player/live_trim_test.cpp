@@ -68,7 +68,7 @@ TEST_F(LiveTrimTest, OtherKeysAreIgnored) {
 TEST_F(LiveTrimTest, TrimStaysWithinItsLimits) {
   LiveTrim trim(rig_file_);
   for (int n = 0; n < 10; ++n) (void)trim.press({Key::Right, Stride::Coarse});
-  EXPECT_THAT(trim.press({Key::Right, Stride::Coarse}), HasSubstr("the trim stays"));
+  EXPECT_THAT(trim.press({Key::Right, Stride::Coarse}), HasSubstr("the trim is unchanged"));
   EXPECT_NEAR(optics::load_trim(rig_file_).offset.value, 1.0, 1e-12);
 }
 
@@ -164,7 +164,7 @@ TEST_F(LiveTrimTest, NewViewsFollowTheTrimWhileAcquiredFramesStay) {
   ASSERT_EQ(source.pull(second), frames::PullStatus::Ready);
   EXPECT_TRUE(same(second.frame, woven_for(trim->rig())));
   EXPECT_FALSE(same(second.frame, woven_for(rig_)));
-  EXPECT_TRUE(same(first.frame, woven_for(rig_))) << "it may be on its way to the glass";
+  EXPECT_TRUE(same(first.frame, woven_for(rig_))) << "it may be pending";
   source.release(first.token);
   source.release(second.token);
 }

@@ -321,7 +321,7 @@ TEST_F(FakeVideo, DetectsASkippedFrame) {
   ASSERT_EQ(pull_number(*source, 0), PullStatus::Ready);
   ASSERT_EQ(pull_number(*source, 1), PullStatus::Ready);
   EXPECT_EQ(pull_number(*source, 2), PullStatus::Failed);
-  EXPECT_THAT(source->failure(), testing::HasSubstr("frame 3 in place of 2"));
+  EXPECT_THAT(source->failure(), testing::HasSubstr("frame 3 instead of 2"));
 }
 
 TEST_F(FakeVideo, ADecodersDeathAfterAFrameLosesNoFrame) {

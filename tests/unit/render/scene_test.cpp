@@ -77,10 +77,10 @@ TEST(SceneCommit, RefusesEveryNumberThatIsNotFiniteNamingTheFile) {
 TEST(SceneCommit, RefusesIndicesOutOfRange) {
   SceneDescription scene = good_scene();
   scene.meshes[0].triangles[2][1] = 8;
-  EXPECT_EQ(refusal(scene), "good.test: mesh 'box' has no vertex 8");
+  EXPECT_EQ(refusal(scene), "good.test: mesh 'box' refers to vertex 8, which does not exist");
   scene = good_scene();
   scene.meshes[0].material = 1;
-  EXPECT_EQ(refusal(scene), "good.test: mesh 'box' has no material number 1");
+  EXPECT_EQ(refusal(scene), "good.test: mesh 'box' refers to material 1, which does not exist");
   scene = good_scene();
   scene.spheres[0].material = -1;
   EXPECT_NE(refusal(scene), "");

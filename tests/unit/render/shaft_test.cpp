@@ -120,7 +120,7 @@ TEST_F(BallOverFloor, TheFloorBlocksALightBelowIt) {
   EXPECT_FALSE(blocked(shaft_to_point(above, {5, -100, 5}))) << "the patch reaches through it";
 }
 
-TEST_F(BallOverFloor, IntoTheFloorIsNotOpen) {
+TEST_F(BallOverFloor, DirectionsIntoTheFloorAreNotOpen) {
   EXPECT_FALSE(empty(shaft_in_cone(floor_patch(40, 0), {0, -1, 0}, kCosine5Degrees)));
 }
 

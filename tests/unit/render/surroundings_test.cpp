@@ -43,7 +43,7 @@ TEST(Backdrop, SkyIsBlueAboveAndDarkBelow) {
   EXPECT_GT(backdrop_light(sky, {1, 0, 0}, 0), backdrop_light(sky, {0, -1, 0}, 0));
 }
 
-TEST(Backdrop, EnvironmentIsAheadInItsMiddleAndTurnsRight) {
+TEST(Backdrop, TheEnvironmentsMiddleIsAheadAndItsRightIsToTheRight) {
   Backdrop backdrop;
   backdrop.environment = panorama();
   const double diagonal = std::sqrt(0.5);

@@ -162,7 +162,7 @@ TEST(RingDeath, APlayerSurvivesKilledRenderers) {
   }
   EXPECT_EQ(screen.torn(), 0u);
   EXPECT_EQ(screen.out_of_order(), 0u);
-  EXPECT_TRUE(screen.holds_whole_frame()) << "the last whole frame stays on the glass";
+  EXPECT_TRUE(screen.holds_whole_frame()) << "the last complete frame stays displayed";
   const RingStatistics figures = player->statistics();
   EXPECT_EQ(figures.violations, 0u);
   EXPECT_EQ(figures.renderer_deaths, figures.renderers);
@@ -172,7 +172,7 @@ TEST(RingDeath, APlayerSurvivesKilledRenderers) {
   const auto next = test::connect_to(*player, folder.socket());
   for (uint64_t k = 0; k < 3; ++k)
     EXPECT_EQ(test::push_frame(*next, k, (1000ull << 32) + k), RingStatus::Ok)
-        << "three of four slots are free again, the fourth is on the glass";
+        << "three of four slots are free again, the fourth is displayed";
   screen.refresh();
   EXPECT_EQ(screen.torn(), 0u);
 }

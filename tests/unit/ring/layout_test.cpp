@@ -80,7 +80,7 @@ TEST(RingLayout, NamesTheInvalidFieldOfAHeader) {
   };
   EXPECT_EQ(problem([](RingHeader&) {}), "none");
   EXPECT_EQ(problem([](RingHeader& h) { h.magic[0] = 'X'; }), "not a ring");
-  EXPECT_EQ(problem([](RingHeader& h) { h.abi_version = 2; }), "another version of the ring");
+  EXPECT_EQ(problem([](RingHeader& h) { h.abi_version = 2; }), "unsupported version of the ring");
   EXPECT_EQ(problem([](RingHeader& h) { h.endian_tag = 0x04030201; }),
             "written in another byte order");
   EXPECT_EQ(problem([](RingHeader& h) { h.slots = 2; }), "number of slots outside 3 ... 4096");
@@ -95,7 +95,7 @@ TEST(RingLayout, NamesTheInvalidFieldOfAHeader) {
         &RingHeader::entry_bytes, &RingHeader::slots_offset, &RingHeader::slot_stride,
         &RingHeader::memory_bytes})
     EXPECT_EQ(problem([field](RingHeader& h) { h.*field += 4096; }),
-              "offsets or sizes do not agree");
+              "inconsistent offsets or sizes");
 }
 
 TEST(RingLayout, RejectsAHeaderLargerThanItsMemory) {

@@ -64,8 +64,7 @@ TEST(RingProtocol, ChecksEveryFieldOfHello) {
   };
   EXPECT_EQ(with([](auto& m) { m.prefix.magic ^= 1; }), "not a ring message");
   EXPECT_EQ(with([](auto& m) { m.prefix.version = 2; }), "another protocol version");
-  EXPECT_EQ(with([](auto& m) { m.prefix.kind = MessageKind::Accept; }),
-            "another message was expected");
+  EXPECT_EQ(with([](auto& m) { m.prefix.kind = MessageKind::Accept; }), "unexpected message");
   EXPECT_EQ(with([](auto& m) { m.prefix.bytes = 16; }), "wrong length");
   EXPECT_EQ(with([](auto& m) { std::memset(m.name, 'n', sizeof m.name); }),
             "the name is not plain text");
@@ -81,7 +80,7 @@ TEST(RingProtocol, ChecksEveryFieldOfHello) {
                 m.rate_numerator = rate.first;
                 m.rate_denominator = rate.second;
               }),
-              "the frame rate makes no sense")
+              "the frame rate is out of range")
         << rate.first << "/" << rate.second;
 }
 

@@ -32,14 +32,14 @@ TEST(RingsScene, EveryKnotIsThirtySpheresAndThirtyCylinders) {
   }
 }
 
-TEST(MountScene, EveryHalvingMakesFourTrianglesOfOne) {
+TEST(MountScene, EveryHalvingDividesATriangleIntoFour) {
   for (const int n : {1, 2, 6}) {
     EXPECT_EQ(counts("mount", n).polygons, 2 << (2 * n));
     EXPECT_EQ(counts("mount", n).spheres, 4);
   }
 }
 
-TEST(TetraScene, EveryLevelMakesFourOfOne) {
+TEST(TetraScene, EveryLevelReplacesATetrahedronByFour) {
   for (const int n : {1, 2, 6}) EXPECT_EQ(counts("tetra", n).polygons, 1 << (2 * n));
 }
 

@@ -53,7 +53,7 @@ TEST(SceneList, AnUnknownNameIsAUsageErrorThatListsTheOthers) {
   }
 }
 
-TEST(NffWriter, SaysWhichNumberAReaderGets) {
+TEST(NffWriter, PredictsTheNumberThatAReaderGets) {
   EXPECT_EQ(as_read_from_nff(0.1), 0.1);
   EXPECT_EQ(as_read_from_nff(1.0 / 3.0), 0.333333333);
   EXPECT_EQ(as_read_from_nff(-1234567890.6), -1234567890.0);

@@ -208,7 +208,7 @@ TEST(Procedure, RefusesInvalidRigsWithAReason) {
   Procedure procedure = at(Step::Pitch);
   press(procedure, Key::Coarser, 2);
   for (int n = 0; n < 200; ++n) press(procedure, Key::Down, 1, Stride::Coarse);
-  EXPECT_THAT(procedure.note(), HasSubstr("no further"));
+  EXPECT_THAT(procedure.note(), HasSubstr("limit reached"));
   EXPECT_EQ(optics::find_problem(procedure.rig()), std::nullopt);
 }
 

@@ -77,7 +77,7 @@ TEST(Transfer, PassesKnownPoints) {
         << point.curve << " at " << point.encoded;
 }
 
-TEST(Transfer, RunsFromBlackToWhiteAndUpwards) {
+TEST(Transfer, IncreasesFromBlackToWhite) {
   for (uint32_t curve = V4L2_XFER_FUNC_709; curve <= V4L2_XFER_FUNC_SMPTE2084; ++curve) {
     EXPECT_NEAR(linear_by_formula(curve, 0.0), 0.0, 1e-9);
     EXPECT_NEAR(linear_by_formula(curve, 1.0), 1.0, 1e-6);

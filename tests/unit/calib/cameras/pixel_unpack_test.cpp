@@ -363,7 +363,7 @@ TEST(Unpacking, ReusesThePicture) {
   EXPECT_EQ(picture.light.data(), memory);
 }
 
-TEST(Names, AreTheKernels) {
+TEST(Names, OfPixelFormatsAreThoseOfTheKernel) {
   EXPECT_EQ(fourcc_name(V4L2_PIX_FMT_YUYV), "YUYV");
   EXPECT_EQ(fourcc_name(V4L2_PIX_FMT_Y16), "Y16");
   EXPECT_EQ(fourcc_name(0x00000007), "0x00000007");

@@ -68,12 +68,12 @@ TEST_F(CameraFaults, ReportsAMissingCamera) {
   const Error error = refusal();
   EXPECT_EQ(error.kind(), ErrorKind::Device);
   EXPECT_STREQ(error.what(), "/dev/video0: cannot open it: no such file or directory");
-  EXPECT_THAT(error.hint(), HasSubstr("plug the camera in"));
+  EXPECT_THAT(error.hint(), HasSubstr("connect the camera"));
 }
 
 TEST_F(CameraFaults, ReportsAFullBus) {
   camera_.errors[VIDIOC_STREAMON] = {ENOSPC};
-  EXPECT_THAT(refusal().what(), HasSubstr("not enough room on the USB bus"));
+  EXPECT_THAT(refusal().what(), HasSubstr("not enough bandwidth on the USB bus"));
   EXPECT_TRUE(camera_.released());
 }
 

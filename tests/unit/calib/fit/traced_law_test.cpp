@@ -105,7 +105,7 @@ TEST_P(TracedLaw, HoldsForEveryEyeInTheZone) {
 
 INSTANTIATE_TEST_SUITE_P(RandomSheets, TracedLaw, testing::Values(1, 2, 8, 17, 24));
 
-TEST(WidePatterns, SeeALongerGapAlongTheLensesAndOneLongerStillAcross) {
+TEST(WidePatterns, LengthenTheGapLessAlongTheLensesThanAcross) {
   optics::Panel panel;
   panel.width_px = 1000;
   panel.height_px = 1000;

@@ -97,12 +97,12 @@ TEST_F(CaptureTest, ASilentOrBrokenCameraEndsTheCapture) {
 
 TEST_F(CaptureTest, AStoppedClockEndsTheCapture) {
   camera_.stuck = true;
-  EXPECT_THAT(failure_of(), HasSubstr("does not get to see"));
+  EXPECT_THAT(failure_of(), HasSubstr("never sees pattern"));
 }
 
 TEST_F(CaptureTest, ALostDisplayEndsTheCapture) {
   sink_.result = frames::ShowResult::Lost;
-  EXPECT_THAT(failure_of(), HasSubstr("display: it went away"));
+  EXPECT_THAT(failure_of(), HasSubstr("display: disconnected"));
   EXPECT_EQ(kind_, ErrorKind::Device);
 }
 

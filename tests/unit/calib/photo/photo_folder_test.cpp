@@ -69,7 +69,7 @@ TEST(PhotoFolder, ReturnsPicturesInOrderAndThenEnds) {
     for (const float light : picture.light) EXPECT_NEAR(light, lights[i], 1e-5);
   }
   EXPECT_EQ(photos.grab(picture, Nanoseconds(0)), GrabStatus::Gone);
-  EXPECT_THAT(photos.failure(), HasSubstr("no more than 3"));
+  EXPECT_THAT(photos.failure(), HasSubstr("only 3 photographs"));
   EXPECT_EQ(photos.grab(picture, Nanoseconds(0)), GrabStatus::Gone);
 }
 
@@ -82,7 +82,7 @@ TEST(PhotoFolder, ReportsMissingPhotographs) {
   EXPECT_THAT(error.what(), HasSubstr("0 photographs"));
   write_plain(folder / "a.png", 1);
   error = error_of([&] { PhotoFolder(folder.path(), 36); });
-  EXPECT_THAT(error.what(), HasSubstr("1 photographs where 36 are wanted"));
+  EXPECT_THAT(error.what(), HasSubstr("1 photographs, but 36 are needed"));
 }
 
 TEST(PhotoFolder, AllPhotographsHaveOneSize) {

@@ -106,7 +106,7 @@ TEST(SinglePhoto, AnUnknownDistanceIncreasesTheStatedErrors) {
   EXPECT_GT(v.eye_sigma_mm.z, 20.0);
   EXPECT_GT(v.effective_pitch_subpx.sigma / pitch, 5e-6);
   EXPECT_LT(std::abs(v.effective_pitch_subpx.value - pitch), 2.0 * v.effective_pitch_subpx.sigma);
-  EXPECT_THAT(found.warnings, ::testing::Contains(HasSubstr("how far the camera was")));
+  EXPECT_THAT(found.warnings, ::testing::Contains(HasSubstr("the distance of the camera")));
 }
 
 TEST(SinglePhoto, ToleratesObliqueRotatedAndDistortedPhotographs) {
@@ -156,7 +156,7 @@ TEST(SinglePhoto, RefusesWithAReason) {
   other.sheet.pitch.value *= 1.0001;
   EXPECT_THAT(
       fit_single_photo(photograph(s, shown().frame), plan_single_photo_chart(other)).reasons,
-      ElementsAre(HasSubstr("drawn for another rig")));
+      ElementsAre(HasSubstr("made for another rig")));
   s.gain = 1.2;
   EXPECT_THAT(reason(desk_rig()), HasSubstr("clipped"));
   s.gain = 0.8;

@@ -116,7 +116,7 @@ TEST(ViewInput, RefusesPartsOfDifferentLengths) {
                     "films");
   });
   EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_NE(std::string(error.what()).find("3 frames of one part, 2 of another"), std::string::npos)
+  EXPECT_NE(std::string(error.what()).find("one part has 3 frames, another 2"), std::string::npos)
       << error.what();
 }
 

@@ -51,23 +51,23 @@ TEST(ControlProtocol, EveryVerbHasItsFields) {
 }
 
 TEST(ControlProtocol, UnknownVerbsAndFieldsAreRefusedByName) {
-  EXPECT_EQ(complaint(R"({"do":"explode"})"), "do: there is no verb 'explode'");
-  EXPECT_EQ(complaint(R"({"do":"pause","hard":true})"), "pause: it has no field 'hard'");
-  EXPECT_EQ(complaint(R"({"do":"seek"})"), "seek: neither frame nor item");
-  EXPECT_EQ(complaint(R"({"do":"seek","frame":-1})"), "frame: not a whole number from 0 on");
-  EXPECT_EQ(complaint(R"({"do":"seek","frame":1.5})"), "frame: not a whole number from 0 on");
-  EXPECT_EQ(complaint(R"({"do":"seek","frame":1e99})"), "frame: not a whole number from 0 on");
+  EXPECT_EQ(complaint(R"({"do":"explode"})"), "do: unknown verb 'explode'");
+  EXPECT_EQ(complaint(R"({"do":"pause","hard":true})"), "pause: unknown field 'hard'");
+  EXPECT_EQ(complaint(R"({"do":"seek"})"), "seek: frame and item are missing");
+  EXPECT_EQ(complaint(R"({"do":"seek","frame":-1})"), "frame: not a whole number of 0 or more");
+  EXPECT_EQ(complaint(R"({"do":"seek","frame":1.5})"), "frame: not a whole number of 0 or more");
+  EXPECT_EQ(complaint(R"({"do":"seek","frame":1e99})"), "frame: not a whole number of 0 or more");
   EXPECT_EQ(complaint(R"({"do":"load"})"), "load: no source");
   EXPECT_THAT(complaint(R"({"do":"load","source":""})"), testing::StartsWith("source: empty"));
   EXPECT_THAT(complaint(R"({"do":"load","source":"a\u0000b"})"), testing::StartsWith("source: "));
   EXPECT_EQ(complaint(R"({"do":"loop","count":0})"), "count: not a number of loops");
   EXPECT_EQ(complaint(R"({"do":"trim"})"), "trim: nothing to change");
   EXPECT_EQ(complaint(R"({"do":"trim","offset":1,"pitch_by":1})"),
-            "trim: to a number or by a number, not both");
-  EXPECT_EQ(complaint(R"({"do":"snapshot","file":"s.png"})"), "file: not from the root on");
+            "trim: absolute and relative values cannot be combined");
+  EXPECT_EQ(complaint(R"({"do":"snapshot","file":"s.png"})"), "file: not an absolute path");
   EXPECT_EQ(complaint(R"({"do":"snapshot","file":"/s","eye":[0,0,0]})"),
             "eye: not in front of the panel");
-  EXPECT_EQ(complaint(R"({"id":1})"), "do: no verb");
+  EXPECT_EQ(complaint(R"({"id":1})"), "do: missing, or not a string");
   EXPECT_THAT(complaint(R"({"id":[1],"do":"status"})"), testing::StartsWith("id: "));
 }
 

@@ -167,12 +167,12 @@ TEST_F(ControlSocket, StrangersAreRefusedAndDisconnected) {
   serve({.peer = [](int) { return ControlPeer{.uid = geteuid() + 1, .groups = {}}; }});
   const UniqueFd stranger = raw();
   say(stranger, "{\"do\":\"quit\"}\n");
-  EXPECT_THAT(hear_all(stranger), testing::HasSubstr("another user's player"));
+  EXPECT_THAT(hear_all(stranger), testing::HasSubstr("the player belongs to another user"));
   EXPECT_TRUE(player.verbs().empty());
   EXPECT_EQ(server->counts().refused, 1u);
   server.reset();
   serve({.peer = [](int) -> std::optional<ControlPeer> { return std::nullopt; }});
-  EXPECT_THAT(hear_all(raw()), testing::HasSubstr("another user's player"));
+  EXPECT_THAT(hear_all(raw()), testing::HasSubstr("the player belongs to another user"));
 }
 
 TEST_F(ControlSocket, PartialLinesWaitAndPipelinedOnesAreAnsweredInOrder) {
@@ -255,7 +255,8 @@ TEST_F(ControlSocket, TheLongestIdleClientIsReplacedByANewOne) {
   EXPECT_EQ(ask(all[2], {{"do", "stats"}})["ok"], true);
   const auto told = all[1].receive(kPatience);
   ASSERT_TRUE(told);
-  EXPECT_EQ((*told)["error"]["cause"], "another client needs the place");
+  EXPECT_EQ((*told)["error"]["cause"],
+            "disconnected, because another client needed the connection");
   EXPECT_EQ(server->counts().displaced, 1u);
 }
 

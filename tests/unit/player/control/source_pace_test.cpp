@@ -35,9 +35,10 @@ TEST(SourcePace, IsTooSlowWhileFramesAreLateAndWarnsAtIntervals) {
   EXPECT_DOUBLE_EQ(slow.needed_mb_s, 180.0);
   EXPECT_DOUBLE_EQ(slow.seen_mb_s, 120.0);
   EXPECT_EQ(slow.late_frames, 20u);
-  EXPECT_EQ(pace.warning(now),
-            "too slow: needs 60.0 frames/s (180 MB/s), 40.0 frames/s (120 MB/s) came; 20 frames "
-            "late so far");
+  EXPECT_EQ(
+      pace.warning(now),
+      "too slow: needs 60.0 frames/s (180 MB/s), measured 40.0 frames/s (120 MB/s); 20 frames "
+      "late so far");
   EXPECT_TRUE(pace.look(report_of(140, 40), now += seconds(1)).too_slow);
   EXPECT_FALSE(pace.warning(now)) << "a second later is no news";
   EXPECT_TRUE(pace.look(report_of(180, 60), now += seconds(9)).too_slow);

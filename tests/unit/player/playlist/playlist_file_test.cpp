@@ -79,13 +79,13 @@ TEST(PlaylistFile, FilesAreRelativeToTheListsFolder) {
 TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   const std::string item = "[[item]]\nsource = \"a.png\"\n";
   EXPECT_EQ(complaint(""), "list.toml:1: no [[item]]");
-  EXPECT_THAT(complaint("\n\xC6\x8Dop = 1\n"), testing::HasSubstr(":2: a letter outside ASCII"));
+  EXPECT_THAT(complaint("\n\xC6\x8Dop = 1\n"), testing::HasSubstr(":2: a character outside ASCII"));
   EXPECT_EQ(complaint("# \xC3\xA4\n[[item]]\nsource = \"\\u00e4 \xC3\xA4.png\"\n"), "none");
   EXPECT_THAT(complaint("loop = = 1\n"), testing::StartsWith("list.toml:1: "));
   EXPECT_EQ(complaint(item + "speed = 3\n"), "list.toml:3: unknown key 'speed'");
   EXPECT_EQ(complaint("lop = 1\n" + item), "list.toml:1: unknown key 'lop'");
   EXPECT_EQ(complaint(item + "rig = \"other.toml\"\n"),
-            "list.toml:3: rig: a list is played on one panel");
+            "list.toml:3: rig: not allowed in a list, which is played on one panel");
   EXPECT_THAT(complaint(item + "loops = 0\n"), testing::HasSubstr(":3: not a number of loops"));
   EXPECT_THAT(complaint(item + "loops = 1.5\n"), testing::HasSubstr(":3: not a number of loops"));
   EXPECT_THAT(complaint(item + "duration_s = -1\n"), testing::HasSubstr(":3: not a number of s"));
@@ -105,7 +105,7 @@ TEST(PlaylistFile, ErrorsNameTheLineAndTheReason) {
   EXPECT_THAT(complaint(item + "schedule = {from = \"25:00\"}\n"),
               testing::HasSubstr(":3: not a time of day"));
   EXPECT_THAT(complaint(item + "schedule = {from = \"08:00\", to = \"08:00\"}\n"),
-              testing::HasSubstr("no time between"));
+              testing::HasSubstr("no time in between"));
 }
 
 TEST(PlaylistFile, ASpanOverMidnightBelongsToTheDayOnWhichItBegan) {

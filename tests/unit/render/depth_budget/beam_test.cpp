@@ -87,7 +87,7 @@ TEST(PrefilterName, AcceptsFourNames) {
   } catch (const Error& error) {
     EXPECT_EQ(error.kind(), ErrorKind::Usage);
     EXPECT_STREQ(error.what(), "prefilter 'blur': unknown");
-    EXPECT_EQ(error.hint(), "there are: off, depth, beam, exhaustive");
+    EXPECT_EQ(error.hint(), "use off, depth, beam or exhaustive");
   }
 }
 

@@ -345,12 +345,12 @@ TEST(DepthPrefilter, RefusesUnsupportedOptions) {
     }
   };
   for (const char* method : {"adaptive", "lens-view", "temporal"})
-    refused(method, with(Prefilter::Depth),
-            std::string("method ") + method + ": does not prefilter", "method full does");
+    refused(method, with(Prefilter::Depth), std::string("method ") + method + ": has no prefilter",
+            "use method full");
   RenderOptions several = with(Prefilter::Beam);
   several.samples = 4;
-  refused("full", several, "samples 4: a prefilter chooses its own",
-          "--prefilter-samples says how many they may be");
+  refused("full", several, "samples 4: cannot be combined with a prefilter",
+          "leave out --samples; --prefilter-samples sets the largest number");
   refused("full", with(Prefilter::Depth, 2), "prefilter samples 2: not in 3 ... 1024", "");
   refused("full", with(Prefilter::Depth, 1025), "prefilter samples 1025: not in 3 ... 1024", "");
 }
