@@ -149,7 +149,7 @@ TEST_F(TrimFile, ErrorsNameFileAndLine) {
   EXPECT_THAT(complaint("offset_lenses = 1.5"), HasSubstr("more than a lens"));
   EXPECT_THAT(complaint("offset_lenses = nan"), HasSubstr("offset_lenses: nan"));
   EXPECT_THAT(complaint("pitch_relative = -0.02"), HasSubstr("pitch_relative: -0.02"));
-  EXPECT_THAT(complaint(std::string(100'000, '#')), HasSubstr("at most 65536 bytes"));
+  EXPECT_THAT(complaint(std::string(100'000, '#')), HasSubstr("the limit is 65536 bytes"));
   EXPECT_THAT(complaint("# nothing\n"), "none");
 }
 

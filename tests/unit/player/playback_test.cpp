@@ -285,7 +285,7 @@ TEST_F(Playback, ReportsASequenceThatCannotBePlayedAgain) {
   options.loops = 2;
   const PlayResult result = play_script();
   EXPECT_EQ(result.outcome, PlayOutcome::SourceFailed);
-  EXPECT_THAT(result.failure, testing::HasSubstr("again"));
+  EXPECT_THAT(result.failure, testing::HasSubstr("repeated"));
   EXPECT_EQ(shown_ids(), count_to(10));
 }
 

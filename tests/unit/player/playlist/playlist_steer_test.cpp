@@ -167,7 +167,7 @@ TEST_F(PlaylistSteer, NextAndPreviousWrapAroundTheList) {
   EXPECT_EQ(source->status().source, "c");
   ASSERT_EQ(jump({.item = 1}), "");
   EXPECT_EQ(source->status().source, "b");
-  EXPECT_EQ(jump({.item = 3}), "item 3: the list has 3");
+  EXPECT_EQ(jump({.item = 3}), "item 3: the list has 3 items");
 }
 
 TEST_F(PlaylistSteer, TheLastOfManyJumpsCounts) {
