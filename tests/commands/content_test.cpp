@@ -348,7 +348,7 @@ TEST_F(ContentCommand, RefusesImpossibleConversions) {
                  "--rig");
   expect_refusal(
       convert({path("q_qs3x2a1.5.png"), "--as", "quilt", "--rig", kTiny, "-o", path("q.png")}), 2,
-      "any rig");
+      "quilts and views");
   expect_refusal(convert({path("q_qs3x2a1.5.png"), "--resume", "-o", path("q.mkv")}), 2,
                  "--resume");
   expect_refusal(convert({path("q_qs3x2a1.5.png"), "-o", path("no_qs2x2.png")}), 2, "name");
@@ -356,7 +356,7 @@ TEST_F(ContentCommand, RefusesImpossibleConversions) {
   expect_refusal(
       run({"play", path("q_qs3x2a1.5.png"), "--rig", kTiny, "--grid", "3x2", "--stereo", "sbs"}), 2,
       "exclude");
-  expect_refusal(run({"play", "card", "--rig", kTiny, "--stereo", "sbs"}), 2, "one file");
+  expect_refusal(run({"play", "card", "--rig", kTiny, "--stereo", "sbs"}), 2, "a single file");
   expect_refusal(run({"play", path("w0.png"), "--rig", kTiny, "--depth", path("no.png")}), 4,
                  "no.png");
   expect_refusal(
