@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -25,6 +26,65 @@ struct Texture {
   std::string name{};
 };
 
+/// TextureUse binds a texture to one input of a material.
+struct TextureUse {
+  int texture = -1;  ///< index into SceneDescription::textures, or -1
+  int uv_set = 0;    ///< 0: TriangleMesh::uvs, 1: TriangleMesh::uvs2
+  /// Rows of the map from the mesh's coordinates (u, v, 1) to the texture's.
+  std::array<double, 6> uv_map{1, 0, 0, 0, 1, 0};
+};
+
+/// PbrMaterial is the metallic-roughness material of glTF 2.0 with its ratified extensions. Names,
+/// units and defaults are glTF's; colours are linear light. A texture multiplies the factor beside
+/// it, in the channels that glTF states.
+struct PbrMaterial {
+  Vec3 base_colour{1, 1, 1};
+  double alpha = 1.0;
+  TextureUse base_colour_texture{};  ///< RGB and alpha
+  double metallic = 1.0;
+  double roughness = 1.0;
+  TextureUse metallic_roughness_texture{};  ///< G: roughness, B: metallic
+  TextureUse normal_texture{};
+  double normal_scale = 1.0;
+  TextureUse occlusion_texture{};  ///< R
+  double occlusion_strength = 1.0;
+  Vec3 emission{0, 0, 0};  ///< with emissive_strength
+  TextureUse emission_texture{};
+  enum class AlphaMode { Opaque, Mask, Blend } alpha_mode = AlphaMode::Opaque;
+  double alpha_cutoff = 0.5;
+  bool double_sided = false;
+  bool unlit = false;
+  double ior = 1.5;
+  double specular = 1.0;
+  Vec3 specular_colour{1, 1, 1};
+  TextureUse specular_texture{};  ///< A
+  TextureUse specular_colour_texture{};
+  double clearcoat = 0.0;
+  double clearcoat_roughness = 0.0;
+  TextureUse clearcoat_texture{};            ///< R
+  TextureUse clearcoat_roughness_texture{};  ///< G
+  TextureUse clearcoat_normal_texture{};
+  Vec3 sheen_colour{0, 0, 0};
+  double sheen_roughness = 0.0;
+  TextureUse sheen_colour_texture{};
+  TextureUse sheen_roughness_texture{};  ///< A
+  double transmission = 0.0;
+  TextureUse transmission_texture{};  ///< R
+  double thickness = 0.0;             ///< world units; 0: the surface is thin
+  TextureUse thickness_texture{};     ///< G
+  double attenuation_distance = std::numeric_limits<double>::infinity();  ///< world units
+  Vec3 attenuation_colour{1, 1, 1};
+  double iridescence = 0.0;
+  double iridescence_ior = 1.3;
+  double iridescence_thickness_min = 100.0;  ///< nanometres
+  double iridescence_thickness_max = 400.0;
+  TextureUse iridescence_texture{};            ///< R
+  TextureUse iridescence_thickness_texture{};  ///< G
+  double anisotropy = 0.0;
+  double anisotropy_rotation = 0.0;  ///< radians
+  TextureUse anisotropy_texture{};   ///< RG: direction, B: strength
+};
+
 /// Whitted material. Colours are linear light in colour-managed formats (such as glTF) and code
 /// values in NFF; see SceneDescription::colour_managed.
 struct Material {
@@ -41,6 +101,9 @@ struct Material {
   bool tinted_specular = false;
   bool two_sided = true;
   int texture = -1;  ///< index of the base colour texture, which multiplies `colour`, or -1
+  /// If set, the surface is shaded by this model instead of Whitted's, and all members above except
+  /// `name` are ignored.
+  std::shared_ptr<const PbrMaterial> pbr{};
 };
 
 struct TriangleMesh {
@@ -51,6 +114,10 @@ struct TriangleMesh {
   std::vector<Vec3> normals{};  ///< per vertex, unit, or empty
   std::vector<std::array<float, 2>>
       uvs{};  ///< per vertex, v = 0 at the top of the texture, or empty
+  std::vector<std::array<float, 2>> uvs2{};     ///< second set, for PbrMaterial, or empty
+  std::vector<std::array<float, 4>> colours{};  ///< linear RGBA per vertex, or empty
+  /// Unit tangents per vertex; the fourth component is the sign of the bitangent. Or empty.
+  std::vector<std::array<float, 4>> tangents{};
   /// Index into SceneDescription::nodes of the node that moves this mesh, or -1 if the mesh is
   /// static.
   int node = -1;
