@@ -10,4 +10,11 @@ namespace lenticule::render {
 /// moves, so that frames do not repeat this work.
 void bake_still_nodes(SceneDescription& scene);
 
+/// Transforms a mesh; a map that mirrors also reverses the corners of the triangles. Throws
+/// Error(Input) if a vertex becomes non-finite.
+void transform_mesh(TriangleMesh& mesh, const Affine& map);
+
+/// Rotates the whole scene: its objects, and the nodes that move them.
+void transform_scene(SceneDescription& scene, const Affine& rotation);
+
 }  // namespace lenticule::render

@@ -10,7 +10,9 @@
 
 namespace lenticule::render {
 
-SceneDescription load_scene(const std::filesystem::path& file) {
+namespace {
+
+SceneDescription load(const std::filesystem::path& file) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
   if (!std::filesystem::exists(status))
@@ -23,6 +25,14 @@ SceneDescription load_scene(const std::filesystem::path& file) {
   throw Error(ErrorKind::Input,
               fmt::format("{}: unknown kind of scene '{}'", file.string(), extension),
               "known are .nff, .gltf, .glb, .obj, .ply, .stl and the other formats of assimp");
+}
+
+}  // namespace
+
+SceneDescription load_scene(const std::filesystem::path& file, const LoadOptions& options) {
+  SceneDescription scene = load(file);
+  turn_upright(scene, options.up.value_or(UpAxis::Y));
+  return scene;
 }
 
 }  // namespace lenticule::render

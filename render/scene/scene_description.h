@@ -23,6 +23,8 @@ struct Texture {
   std::vector<float> rgba{};  ///< linear light, width * height * 4
   bool repeat_u = true;
   bool repeat_v = true;
+  bool mirror_u = false;  ///< every second repetition is mirrored; requires repeat_u
+  bool mirror_v = false;
   std::string name{};
 };
 
@@ -106,6 +108,29 @@ struct Material {
   std::shared_ptr<const PbrMaterial> pbr{};
 };
 
+/// Skin lists the nodes that move the vertices of a mesh.
+struct Skin {
+  std::vector<int> joints{};              ///< indices into SceneDescription::nodes
+  std::vector<Affine> joint_from_mesh{};  ///< per joint (inverse bind matrix)
+};
+
+/// MorphTarget holds what a weight of 1 adds to each vertex; an empty list adds nothing.
+struct MorphTarget {
+  std::vector<Vec3f> positions{};
+  std::vector<Vec3f> normals{};
+  std::vector<Vec3f> tangents{};
+};
+
+/// Deformation makes the shape of a mesh depend on the time: first morph targets, with the weights
+/// of the mesh's node, then the skin.
+struct Deformation {
+  std::vector<MorphTarget> targets{};
+  int skin = -1;  ///< index into SceneDescription::skins, or -1
+  size_t joints_per_vertex = 0;
+  std::vector<uint16_t> joints{};  ///< indices into Skin::joints, joints_per_vertex of each vertex
+  std::vector<float> weights{};    ///< of those joints; their sum is 1 for each vertex
+};
+
 struct TriangleMesh {
   std::string name{};
   int material = 0;
@@ -121,6 +146,8 @@ struct TriangleMesh {
   /// Index into SceneDescription::nodes of the node that moves this mesh, or -1 if the mesh is
   /// static.
   int node = -1;
+  /// Null for a rigid mesh. A mesh with a skin follows its joints instead of its node.
+  std::shared_ptr<const Deformation> deformation{};
 };
 
 struct Sphere {
@@ -168,6 +195,9 @@ struct Channel {
   std::vector<double> times{};
   std::vector<T> values{};
   bool steps = false;  ///< each key holds until the next one, without interpolation
+  /// Derivatives before and after each key of a cubic Hermite spline, or empty.
+  std::vector<T> in_tangents{};
+  std::vector<T> out_tangents{};
 };
 
 struct Node {
@@ -177,10 +207,12 @@ struct Node {
   Vec3 scale{1, 1, 1};
   std::array<double, 4> rotation{0, 0, 0, 1};  ///< quaternion x, y, z, w
   Vec3 translation{0, 0, 0};
-  bool animated = false;
+  bool animated = false;  ///< one of the three channels has keys
   Channel<Vec3> translations{};
   Channel<std::array<double, 4>> rotations{};
   Channel<Vec3> scales{};
+  std::vector<double> morph_weights{};  ///< of the morph targets of the node's meshes
+  Channel<std::vector<double>> morph_weight_keys{};
 };
 
 struct SceneDescription {
@@ -193,6 +225,7 @@ struct SceneDescription {
   std::vector<Light> lights{};
   std::vector<Camera> cameras{};
   std::vector<Node> nodes{};  ///< parents before children
+  std::vector<Skin> skins{};
   Vec3 background{0, 0, 0};
   std::optional<Vec3> ambient{};  ///< flat ambient light; default depends on the format
   /// If true, colours are linear light and the picture is sRGB-encoded at the end. If false (NFF),
@@ -203,10 +236,11 @@ struct SceneDescription {
   std::vector<std::string> notes{};
 };
 
-/// Returns the scene with every node's transform applied at `seconds`: meshes, lights and cameras
-/// are in world coordinates, and no nodes are left. Key frames are interpolated linearly (rotations
-/// along the shorter arc) and hold before the first and after the last key. Throws Error(Input) if
-/// a vertex becomes non-finite.
+/// Returns the scene with every node's transform, morph weights and skins applied at `seconds`:
+/// meshes, lights and cameras are in world coordinates, and no nodes are left. Key frames are
+/// interpolated linearly (rotations along the shorter arc), by cubic splines or not at all, as each
+/// channel states, and hold before the first and after the last key. Throws Error(Input) if a
+/// vertex becomes non-finite.
 [[nodiscard]] SceneDescription at_time(const SceneDescription& scene, double seconds);
 
 }  // namespace lenticule::render
