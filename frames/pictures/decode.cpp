@@ -81,6 +81,9 @@ class PictureReader {
     set_up_oiio();
     format_ = detect_format(bytes, name_);
     if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
+    // glTF has textures in WebP; frames are not read from that format.
+    if (format_ == ImageFormat::WebP && max_pixels != kMaxTexturePixels)
+      fail("WebP pictures are read as textures only; convert it to PNG");
     // Checked before any decoder runs: libpng would print a message on standard error.
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
