@@ -89,30 +89,11 @@ T evaluate(const Channel<T>& channel, const T& otherwise, double seconds) {
                   channel.values[k + 1], channel.in_tangents[k + 1]);
 }
 
-Affine compose(Vec3 translation, const Quaternion& rotation, Vec3 scale) {
-  const auto [x, y, z, w] = unit(rotation);
-  return {Vec3{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)} * scale.x,
-          Vec3{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)} * scale.y,
-          Vec3{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)} * scale.z,
-          translation};
-}
-
 Affine parent_from_node(const Node& node, double seconds) {
   if (!node.animated) return node.local;
   return compose(evaluate(node.translations, node.translation, seconds),
                  evaluate(node.rotations, node.rotation, seconds),
                  evaluate(node.scales, node.scale, seconds));
-}
-
-std::vector<Affine> world_from_nodes(const std::vector<Node>& nodes, double seconds) {
-  std::vector<Affine> world(nodes.size());
-  for (size_t i = 0; i < nodes.size(); ++i) {
-    const int parent = nodes[i].parent;
-    LENTICULE_CHECK(parent < static_cast<int>(i));
-    const Affine local = parent_from_node(nodes[i], seconds);
-    world[i] = parent < 0 ? local : world[static_cast<size_t>(parent)] * local;
-  }
-  return world;
 }
 
 /// Transforms a normal by the transposed inverse; the sign of the determinant keeps normals outside
@@ -130,13 +111,18 @@ Vec3 direction_of(const Tangent& t) {
 }
 
 void set_direction(Tangent& tangent, Vec3 direction) {
-  const Vec3f unit_direction(normalized(direction));
+  Vec3f unit_direction(normalized(direction));
+  if (!is_finite(unit_direction)) unit_direction = {1, 0, 0};
   tangent = {unit_direction.x, unit_direction.y, unit_direction.z, tangent[3]};
 }
 
 void turn_tangent(Tangent& tangent, const Affine& map, bool mirrors) {
   set_direction(tangent, map.vector(direction_of(tangent)));
   if (mirrors) tangent[3] = -tangent[3];
+}
+
+bool is_unit(Vec3 v) {
+  return std::abs(dot(v, v) - 1.0) < 1e-6;
 }
 
 void require_finite(const TriangleMesh& mesh) {
@@ -216,11 +202,24 @@ void transform(Camera& camera, const Affine& world) {
   camera.up = normalized(world.vector(camera.up));
 }
 
+bool is_placed(const Light& light) {
+  return is_finite(light.position) && is_finite(light.direction);
+}
+
+bool is_placed(const Camera& camera) {
+  return is_finite(camera.from) && is_finite(camera.at) && is_finite(camera.up);
+}
+
 /// Bakes a light or a camera.
 template <class Object>
-void bake(Object& object, const SceneDescription&, const std::vector<Affine>& world, double) {
-  transform(object, world[static_cast<size_t>(object.node)]);
+void bake(Object& object, const SceneDescription& scene, const std::vector<Affine>& world,
+          double) {
+  const auto node = static_cast<size_t>(object.node);
+  transform(object, world[node]);
   object.node = -1;
+  if (!is_placed(object))
+    throw Error(ErrorKind::Input, scene.source + ": node '" + scene.nodes[node].name +
+                                      "': its transform is not finite");
 }
 
 /// Calls visit(object) for every object that belongs to a node.
@@ -262,14 +261,38 @@ bool moves(const Object& object, const SceneDescription&, const std::vector<bool
 
 }  // namespace
 
+Affine compose(Vec3 translation, const Quaternion& rotation, Vec3 scale) {
+  const auto [x, y, z, w] = unit(rotation);
+  return {Vec3{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)} * scale.x,
+          Vec3{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)} * scale.y,
+          Vec3{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)} * scale.z,
+          translation};
+}
+
+std::vector<Affine> world_from_nodes(const std::vector<Node>& nodes, double seconds) {
+  std::vector<Affine> world(nodes.size());
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    const int parent = nodes[i].parent;
+    LENTICULE_CHECK(parent < static_cast<int>(i));
+    const Affine local = parent_from_node(nodes[i], seconds);
+    world[i] = parent < 0 ? local : world[static_cast<size_t>(parent)] * local;
+  }
+  return world;
+}
+
 void transform_mesh(TriangleMesh& mesh, const Affine& map) {
   const bool mirrors = map.determinant() < 0.0;
   for (Vec3& p : mesh.positions) p = map.point(p);
   require_finite(mesh);
-  for (Vec3& n : mesh.normals) n = turned_normal(map, n);
+  bool degenerate = false;
+  for (Vec3& n : mesh.normals) {
+    n = turned_normal(map, n);
+    degenerate = degenerate || !is_unit(n);
+  }
   for (Tangent& tangent : mesh.tangents) turn_tangent(tangent, map, mirrors);
   if (mirrors)
     for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+  if (degenerate) clean(mesh);  // the map flattens the mesh
 }
 
 void transform_scene(SceneDescription& scene, const Affine& rotation) {
