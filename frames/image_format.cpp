@@ -29,8 +29,8 @@ bool is_webp(Bytes bytes) {
 }
 
 bool webp_reaches_end(Bytes bytes) {
-  const size_t length = size_t{bytes[4]} | size_t{bytes[5]} << 8 | size_t{bytes[6]} << 16 |
-                        size_t{bytes[7]} << 24;
+  const size_t length =
+      size_t{bytes[4]} | size_t{bytes[5]} << 8 | size_t{bytes[6]} << 16 | size_t{bytes[7]} << 24;
   return length <= bytes.size() - 8;
 }
 

@@ -212,8 +212,7 @@ bool is_placed(const Camera& camera) {
 
 /// Bakes a light or a camera.
 template <class Object>
-void bake(Object& object, const SceneDescription& scene, const std::vector<Affine>& world,
-          double) {
+void bake(Object& object, const SceneDescription& scene, const std::vector<Affine>& world, double) {
   const auto node = static_cast<size_t>(object.node);
   transform(object, world[node]);
   object.node = -1;
