@@ -8,6 +8,8 @@ find_package(TBB REQUIRED)
 # names the header folder of OpenCV, on which it does not depend.
 pkg_check_modules(OPENIMAGEIO REQUIRED IMPORTED_TARGET OpenImageIO)
 find_package(assimp REQUIRED)
+find_package(draco REQUIRED)
+find_package(meshoptimizer REQUIRED)
 find_package(CLI11 REQUIRED)
 find_package(nlohmann_json REQUIRED)
 pkg_check_modules(TOMLPLUSPLUS REQUIRED IMPORTED_TARGET tomlplusplus)

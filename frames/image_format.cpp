@@ -21,6 +21,19 @@ bool is_pnm(Bytes bytes) {
          (bytes[2] == ' ' || bytes[2] == '\n' || bytes[2] == '\r' || bytes[2] == '\t');
 }
 
+/// Returns true for a RIFF file (mark, length, kind) of the kind WEBP.
+bool is_webp(Bytes bytes) {
+  constexpr size_t kKindAt = 8;
+  return bytes.size() >= kKindAt && starts_with(bytes, "RIFF") &&
+         starts_with(bytes.subspan(kKindAt), "WEBP");
+}
+
+bool webp_reaches_end(Bytes bytes) {
+  const size_t length =
+      size_t{bytes[4]} | size_t{bytes[5]} << 8 | size_t{bytes[6]} << 16 | size_t{bytes[7]} << 24;
+  return length <= bytes.size() - 8;
+}
+
 uint32_t big_endian_32(Bytes bytes) {
   return uint32_t{bytes[0]} << 24 | uint32_t{bytes[1]} << 16 | uint32_t{bytes[2]} << 8 | bytes[3];
 }
@@ -125,6 +138,7 @@ ImageFormat detect_format(std::span<const uint8_t> bytes, std::string_view name)
   if (starts_with(bytes, "#?"sv)) return ImageFormat::Hdr;
   if (starts_with(bytes, "BM"sv)) return ImageFormat::Bmp;
   if (is_pnm(bytes)) return ImageFormat::Pnm;
+  if (is_webp(bytes)) return ImageFormat::WebP;
   const size_t dot = name.rfind('.');
   const bool targa =
       dot != std::string_view::npos && format_of_extension(name.substr(dot)) == ImageFormat::Targa;
@@ -149,6 +163,8 @@ const char* plugin_name(ImageFormat format) {
       return "targa";
     case ImageFormat::Hdr:
       return "hdr";
+    case ImageFormat::WebP:
+      return "webp";
     case ImageFormat::Unknown:
       break;
   }
@@ -158,6 +174,7 @@ const char* plugin_name(ImageFormat format) {
 bool reaches_end_mark(ImageFormat format, std::span<const uint8_t> bytes) {
   if (format == ImageFormat::Png) return png_reaches_end(bytes);
   if (format == ImageFormat::Jpeg) return jpeg_reaches_end(bytes);
+  if (format == ImageFormat::WebP) return webp_reaches_end(bytes);
   return true;
 }
 

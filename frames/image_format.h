@@ -9,7 +9,7 @@
 
 namespace lenticule::frames {
 
-enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr };
+enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr, WebP };
 
 /// Detects the format from the first bytes. Targa has no signature and is detected by the extension
 /// of `name`.
@@ -21,8 +21,8 @@ enum class ImageFormat { Unknown, Png, Jpeg, Tiff, Exr, Pnm, Bmp, Targa, Hdr };
 /// Returns OpenImageIO's name of the format; empty for Unknown.
 [[nodiscard]] const char* plugin_name(ImageFormat format);
 
-/// Returns false if a PNG or JPEG ends before its end mark. Other formats state the offsets of
-/// their pixels, so their decoders detect truncation: the result is always true for them.
+/// Returns false if a PNG, JPEG or WebP ends before its end mark. Other formats state the offsets
+/// of their pixels, so their decoders detect truncation: the result is always true for them.
 [[nodiscard]] bool reaches_end_mark(ImageFormat format, std::span<const uint8_t> bytes);
 
 /// Returns false if an EXR's header states attributes longer than the file, for which its decoder

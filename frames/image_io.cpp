@@ -186,12 +186,14 @@ void turn_upright(std::span<const uint8_t> stored, const FrameGeometry& geometry
   }
 }
 
-FloatImage read_texture(const std::filesystem::path& file) {
-  return picture_codec().decode_light(read_whole_file(file, kMaxFileBytes), file.string());
+FloatImage read_texture(const std::filesystem::path& file, TextureContent content) {
+  return picture_codec().decode_texture(read_whole_file(file, kMaxFileBytes), file.string(),
+                                        content);
 }
 
-FloatImage read_texture(std::span<const uint8_t> encoded, const std::string& name) {
-  return picture_codec().decode_light(encoded, name);
+FloatImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
+                        TextureContent content) {
+  return picture_codec().decode_texture(encoded, name, content);
 }
 
 void check_writable_format(const std::filesystem::path& file) {

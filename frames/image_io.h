@@ -91,11 +91,16 @@ void write_woven(const FrameView& frame, const std::filesystem::path& file);
 /// Throws the Error(Usage) of write_woven() early, before long work.
 void check_writable_format(const std::filesystem::path& file);
 
-/// Reads a texture, decoded to linear light (sRGB assumed for integer files, linear for float
-/// files).
-[[nodiscard]] FloatImage read_texture(const std::filesystem::path& file);
+/// TextureContent decides how the integers of a texture are decoded: colours from sRGB to linear
+/// light, other data (normals, roughness) to fractions of the largest value.
+enum class TextureContent { Colour, Data };
+
+/// Reads a texture. Float files hold linear light or data as they are.
+[[nodiscard]] FloatImage read_texture(const std::filesystem::path& file,
+                                      TextureContent content = TextureContent::Colour);
 /// Reads a texture from bytes in memory, as glTF embeds them; `name` is for messages.
-[[nodiscard]] FloatImage read_texture(std::span<const uint8_t> encoded, const std::string& name);
+[[nodiscard]] FloatImage read_texture(std::span<const uint8_t> encoded, const std::string& name,
+                                      TextureContent content = TextureContent::Colour);
 
 /// FilePattern is a pattern such as "dir/%05d.png" with exactly one %d or %0Nd, in the file's name
 /// and not in a folder's. Throws Error(Usage) otherwise.

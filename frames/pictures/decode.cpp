@@ -82,6 +82,9 @@ class PictureReader {
     set_up_oiio();
     format_ = detect_format(bytes, name_);
     if (format_ == ImageFormat::Unknown) fail(unknown_kind(bytes));
+    // glTF has textures in WebP; frames are not read from that format.
+    if (format_ == ImageFormat::WebP && max_pixels != kMaxTexturePixels)
+      fail("WebP pictures are read as textures only; convert it to PNG");
     // Checked before any decoder runs: libpng would print a message on standard error.
     if (!reaches_end_mark(format_, bytes)) fail("truncated");
     if (!header_fits(format_, bytes)) fail("its header states more bytes than the file has");
@@ -267,7 +270,14 @@ void codes_from_band(const Band& band, int width, uint8_t* out) {
   }
 }
 
-void light_from_band(const Band& band, int width, int alpha, float* out) {
+float fraction(uint8_t v) {
+  return float(v) / 255.0f;
+}
+float fraction(uint16_t v) {
+  return float(v) / 65535.0f;
+}
+
+void texels_from_band(const Band& band, int width, int alpha, TextureContent content, float* out) {
   const int r = band.colour_channel(0), g = band.colour_channel(1), b = band.colour_channel(2);
   const auto with = [=](auto light, auto coverage) {
     return [=](const auto* in, float* rgba) {
@@ -279,18 +289,22 @@ void light_from_band(const Band& band, int width, int alpha, float* out) {
   };
   switch (band.sample) {
     case Sample::U8: {
+      const auto share = [](uint8_t v) { return fraction(v); };
+      if (content == TextureContent::Data)
+        return convert_band<uint8_t>(band, width, out, 4, with(share, share));
       const auto light = [&table = linear_of_codes()](uint8_t v) {
         return static_cast<float>(table[v]);
       };
-      return convert_band<uint8_t>(band, width, out, 4,
-                                   with(light, [](uint8_t v) { return float(v) / 255.0f; }));
+      return convert_band<uint8_t>(band, width, out, 4, with(light, share));
     }
     case Sample::U16: {
+      const auto share = [](uint16_t v) { return fraction(v); };
+      if (content == TextureContent::Data)
+        return convert_band<uint16_t>(band, width, out, 4, with(share, share));
       const auto light = [](uint16_t v) {
         return static_cast<float>(linear_from_srgb(v / 65535.0));
       };
-      return convert_band<uint16_t>(band, width, out, 4,
-                                    with(light, [](uint16_t v) { return float(v) / 65535.0f; }));
+      return convert_band<uint16_t>(band, width, out, 4, with(light, share));
     }
     case Sample::F32: {
       const auto same = [](float v) { return v; };
@@ -319,14 +333,15 @@ void decode_codes(std::span<const uint8_t> bytes, const std::string& name, Pictu
   });
 }
 
-FloatImage decode_light(std::span<const uint8_t> bytes, const std::string& name) {
+FloatImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
+                          TextureContent content) {
   PictureReader reader(bytes, name, kMaxTexturePixels);
   FloatImage image{reader.width(), reader.height(), {}};
   const size_t row = static_cast<size_t>(image.width) * 4;
   reader.read([&](const Band& band) {
     if (image.rgba.empty()) image.rgba.resize(row * static_cast<size_t>(image.height));
-    light_from_band(band, image.width, reader.alpha_channel(),
-                    image.rgba.data() + row * static_cast<size_t>(band.y));
+    texels_from_band(band, image.width, reader.alpha_channel(), content,
+                     image.rgba.data() + row * static_cast<size_t>(band.y));
   });
   return image;
 }

@@ -17,8 +17,9 @@ class OiioCodec final : public PictureCodec {
                     PictureSink& sink) const override {
     pictures::decode_codes(bytes, name, sink);
   }
-  FloatImage decode_light(std::span<const uint8_t> bytes, const std::string& name) const override {
-    return pictures::decode_light(bytes, name);
+  FloatImage decode_texture(std::span<const uint8_t> bytes, const std::string& name,
+                            TextureContent content) const override {
+    return pictures::decode_texture(bytes, name, content);
   }
   std::vector<uint8_t> encode(const FrameView& frame, ImageFormat format,
                               const std::string& name) const override {

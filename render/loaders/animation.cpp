@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "render/loaders/mesh_cleanup.h"
 #include "render/scene/scene_description.h"
 
 namespace lenticule::render {
@@ -43,6 +44,34 @@ Quaternion mix(const Quaternion& from, const Quaternion& to, double t) {
       {wa * a[0] + wb * b[0], wa * a[1] + wb * b[1], wa * a[2] + wb * b[2], wa * a[3] + wb * b[3]});
 }
 
+std::vector<double> mix(const std::vector<double>& a, const std::vector<double>& b, double t) {
+  std::vector<double> mixed(a.size());
+  for (size_t i = 0; i < a.size(); ++i) mixed[i] = a[i] * (1.0 - t) + b[i] * t;
+  return mixed;
+}
+
+/// Weights of the two values and the two derivatives of a cubic Hermite spline.
+using HermiteWeights = std::array<double, 4>;
+
+HermiteWeights hermite_weights(double t, double interval) {
+  const double t2 = t * t;
+  const double t3 = t2 * t;
+  return {2 * t3 - 3 * t2 + 1, interval * (t3 - 2 * t2 + t), 3 * t2 - 2 * t3, interval * (t3 - t2)};
+}
+
+Vec3 weighted(const HermiteWeights& w, Vec3 a, Vec3 b, Vec3 c, Vec3 d) {
+  return a * w[0] + b * w[1] + c * w[2] + d * w[3];
+}
+
+/// Mixes quaternions or lists of morph weights component by component.
+template <class T>
+T weighted(const HermiteWeights& w, const T& a, const T& b, const T& c, const T& d) {
+  T mixed = a;
+  for (size_t i = 0; i < a.size(); ++i)
+    mixed[i] = a[i] * w[0] + b[i] * w[1] + c[i] * w[2] + d[i] * w[3];
+  return mixed;
+}
+
 /// Returns the value at a time: the first key's before the first key, the last key's after the
 /// last.
 template <class T>
@@ -53,16 +82,11 @@ T evaluate(const Channel<T>& channel, const T& otherwise, double seconds) {
   if (next == times.begin()) return channel.values.front();
   const auto k = static_cast<size_t>(next - times.begin()) - 1;
   if (next == times.end() || channel.steps) return channel.values[k];
-  return mix(channel.values[k], channel.values[k + 1],
-             (seconds - times[k]) / (times[k + 1] - times[k]));
-}
-
-Affine compose(Vec3 translation, const Quaternion& rotation, Vec3 scale) {
-  const auto [x, y, z, w] = unit(rotation);
-  return {Vec3{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)} * scale.x,
-          Vec3{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)} * scale.y,
-          Vec3{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)} * scale.z,
-          translation};
+  const double interval = times[k + 1] - times[k];
+  const double t = (seconds - times[k]) / interval;
+  if (channel.in_tangents.empty()) return mix(channel.values[k], channel.values[k + 1], t);
+  return weighted(hermite_weights(t, interval), channel.values[k], channel.out_tangents[k],
+                  channel.values[k + 1], channel.in_tangents[k + 1]);
 }
 
 Affine parent_from_node(const Node& node, double seconds) {
@@ -70,17 +94,6 @@ Affine parent_from_node(const Node& node, double seconds) {
   return compose(evaluate(node.translations, node.translation, seconds),
                  evaluate(node.rotations, node.rotation, seconds),
                  evaluate(node.scales, node.scale, seconds));
-}
-
-std::vector<Affine> world_from_nodes(const std::vector<Node>& nodes, double seconds) {
-  std::vector<Affine> world(nodes.size());
-  for (size_t i = 0; i < nodes.size(); ++i) {
-    const int parent = nodes[i].parent;
-    LENTICULE_CHECK(parent < static_cast<int>(i));
-    const Affine local = parent_from_node(nodes[i], seconds);
-    world[i] = parent < 0 ? local : world[static_cast<size_t>(parent)] * local;
-  }
-  return world;
 }
 
 /// Transforms a normal by the transposed inverse; the sign of the determinant keeps normals outside
@@ -91,37 +104,129 @@ Vec3 turned_normal(const Affine& a, Vec3 n) {
   return normalized(a.determinant() < 0.0 ? -turned : turned);
 }
 
-void bake(TriangleMesh& mesh, const Affine& world) {
-  for (Vec3& p : mesh.positions) {
-    p = world.point(p);
+using Tangent = std::array<float, 4>;
+
+Vec3 direction_of(const Tangent& t) {
+  return Vec3(Vec3f(t[0], t[1], t[2]));
+}
+
+void set_direction(Tangent& tangent, Vec3 direction) {
+  Vec3f unit_direction(normalized(direction));
+  if (!is_finite(unit_direction)) unit_direction = {1, 0, 0};
+  tangent = {unit_direction.x, unit_direction.y, unit_direction.z, tangent[3]};
+}
+
+void turn_tangent(Tangent& tangent, const Affine& map, bool mirrors) {
+  set_direction(tangent, map.vector(direction_of(tangent)));
+  if (mirrors) tangent[3] = -tangent[3];
+}
+
+bool is_unit(Vec3 v) {
+  return std::abs(dot(v, v) - 1.0) < 1e-6;
+}
+
+void require_finite(const TriangleMesh& mesh) {
+  for (const Vec3& p : mesh.positions)
     if (!is_finite(p))
       throw Error(ErrorKind::Input, "mesh '" + mesh.name + "': its node's transform is not finite");
-  }
-  for (Vec3& n : mesh.normals) n = turned_normal(world, n);
-  if (world.determinant() < 0.0)
-    for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
-  mesh.node = -1;
 }
 
-void bake(Light& light, const Affine& world) {
+/// Adds the morph targets to the vertices, each with its weight.
+void morph(TriangleMesh& mesh, const Deformation& deformation, const std::vector<double>& weights) {
+  const size_t targets = std::min(deformation.targets.size(), weights.size());
+  for (size_t k = 0; k < targets; ++k) {
+    const MorphTarget& target = deformation.targets[k];
+    const double weight = weights[k];
+    if (weight == 0.0) continue;
+    for (size_t i = 0; i < target.positions.size(); ++i)
+      mesh.positions[i] += Vec3(target.positions[i]) * weight;
+    for (size_t i = 0; i < std::min(target.normals.size(), mesh.normals.size()); ++i)
+      mesh.normals[i] += Vec3(target.normals[i]) * weight;
+    for (size_t i = 0; i < std::min(target.tangents.size(), mesh.tangents.size()); ++i) {
+      const Vec3 turned = direction_of(mesh.tangents[i]) + Vec3(target.tangents[i]) * weight;
+      set_direction(mesh.tangents[i], turned);
+    }
+  }
+}
+
+Affine plus(const Affine& a, const Affine& b, double weight) {
+  return {a.column_x + b.column_x * weight, a.column_y + b.column_y * weight,
+          a.column_z + b.column_z * weight, a.origin + b.origin * weight};
+}
+
+/// Moves every vertex by the weighted mean of the maps of its joints.
+void skin(TriangleMesh& mesh, const Deformation& deformation, const std::vector<Affine>& joints) {
+  constexpr Affine kZero{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 0, 0}};
+  const size_t per_vertex = deformation.joints_per_vertex;
+  for (size_t i = 0; i < mesh.positions.size(); ++i) {
+    Affine map = kZero;
+    for (size_t k = i * per_vertex; k < (i + 1) * per_vertex; ++k)
+      if (deformation.weights[k] != 0.0F)
+        map = plus(map, joints[deformation.joints[k]], double{deformation.weights[k]});
+    mesh.positions[i] = map.point(mesh.positions[i]);
+    if (!mesh.normals.empty()) mesh.normals[i] = turned_normal(map, mesh.normals[i]);
+    if (!mesh.tangents.empty()) turn_tangent(mesh.tangents[i], map, map.determinant() < 0.0);
+  }
+}
+
+void bake(TriangleMesh& mesh, const SceneDescription& scene, const std::vector<Affine>& world,
+          double seconds) {
+  const Node& node = scene.nodes[static_cast<size_t>(mesh.node)];
+  const Affine& world_from_mesh = world[static_cast<size_t>(mesh.node)];
+  mesh.node = -1;
+  const std::shared_ptr<const Deformation> deformation = std::move(mesh.deformation);
+  mesh.deformation.reset();
+  if (!deformation) return transform_mesh(mesh, world_from_mesh);
+  morph(mesh, *deformation, evaluate(node.morph_weight_keys, node.morph_weights, seconds));
+  if (deformation->skin < 0) {
+    transform_mesh(mesh, world_from_mesh);
+  } else {
+    const Skin& bones = scene.skins[static_cast<size_t>(deformation->skin)];
+    std::vector<Affine> joints;
+    for (size_t k = 0; k < bones.joints.size(); ++k)
+      joints.push_back(world[static_cast<size_t>(bones.joints[k])] * bones.joint_from_mesh[k]);
+    skin(mesh, *deformation, joints);
+    require_finite(mesh);
+  }
+  clean(mesh);  // a deformed triangle may have no area
+}
+
+void transform(Light& light, const Affine& world) {
   light.position = world.point(light.position);
   light.direction = normalized(world.vector(light.direction));
-  light.node = -1;
 }
 
-void bake(Camera& camera, const Affine& world) {
+void transform(Camera& camera, const Affine& world) {
   camera.from = world.point(camera.from);
   camera.at = world.point(camera.at);
   camera.up = normalized(world.vector(camera.up));
-  camera.node = -1;
 }
 
-/// Calls visit(object, node) for every object that belongs to a node.
+bool is_placed(const Light& light) {
+  return is_finite(light.position) && is_finite(light.direction);
+}
+
+bool is_placed(const Camera& camera) {
+  return is_finite(camera.from) && is_finite(camera.at) && is_finite(camera.up);
+}
+
+/// Bakes a light or a camera.
+template <class Object>
+void bake(Object& object, const SceneDescription& scene, const std::vector<Affine>& world, double) {
+  const auto node = static_cast<size_t>(object.node);
+  transform(object, world[node]);
+  object.node = -1;
+  if (!is_placed(object))
+    throw Error(ErrorKind::Input, scene.source + ": node '" + scene.nodes[node].name +
+                                      "': its transform is not finite");
+}
+
+/// Calls visit(object) for every object that belongs to a node.
 template <class Visit>
 void for_each_on_a_node(SceneDescription& scene, Visit visit) {
   const auto each = [&](auto& objects) {
     for (auto& object : objects)
-      if (object.node >= 0) visit(object, static_cast<size_t>(object.node));
+      if (object.node >= 0) visit(object);
   };
   each(scene.meshes);
   each(scene.lights);
@@ -137,23 +242,105 @@ std::vector<bool> moving_nodes(const std::vector<Node>& nodes) {
   return moving;
 }
 
+bool moves(const TriangleMesh& mesh, const SceneDescription& scene,
+           const std::vector<bool>& moving) {
+  const auto node = static_cast<size_t>(mesh.node);
+  if (!mesh.deformation) return moving[node];
+  if (!scene.nodes[node].morph_weight_keys.times.empty()) return true;
+  if (mesh.deformation->skin < 0) return moving[node];
+  const Skin& bones = scene.skins[static_cast<size_t>(mesh.deformation->skin)];
+  return std::ranges::any_of(bones.joints,
+                             [&](int joint) { return moving[static_cast<size_t>(joint)]; });
+}
+
+template <class Object>
+bool moves(const Object& object, const SceneDescription&, const std::vector<bool>& moving) {
+  return moving[static_cast<size_t>(object.node)];
+}
+
 }  // namespace
+
+Affine compose(Vec3 translation, const Quaternion& rotation, Vec3 scale) {
+  const auto [x, y, z, w] = unit(rotation);
+  return {Vec3{1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)} * scale.x,
+          Vec3{2 * (x * y - z * w), 1 - 2 * (x * x + z * z), 2 * (y * z + x * w)} * scale.y,
+          Vec3{2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y)} * scale.z,
+          translation};
+}
+
+std::vector<Affine> world_from_nodes(const std::vector<Node>& nodes, double seconds) {
+  std::vector<Affine> world(nodes.size());
+  for (size_t i = 0; i < nodes.size(); ++i) {
+    const int parent = nodes[i].parent;
+    LENTICULE_CHECK(parent < static_cast<int>(i));
+    const Affine local = parent_from_node(nodes[i], seconds);
+    world[i] = parent < 0 ? local : world[static_cast<size_t>(parent)] * local;
+  }
+  return world;
+}
+
+void transform_mesh(TriangleMesh& mesh, const Affine& map) {
+  const bool mirrors = map.determinant() < 0.0;
+  for (Vec3& p : mesh.positions) p = map.point(p);
+  require_finite(mesh);
+  bool degenerate = false;
+  for (Vec3& n : mesh.normals) {
+    n = turned_normal(map, n);
+    degenerate = degenerate || !is_unit(n);
+  }
+  for (Tangent& tangent : mesh.tangents) turn_tangent(tangent, map, mirrors);
+  if (mirrors)
+    for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+  if (degenerate) clean(mesh);  // the map flattens the mesh
+}
+
+void transform_scene(SceneDescription& scene, const Affine& rotation) {
+  const auto outside_nodes = [&](auto& objects, auto transform_object) {
+    for (auto& object : objects)
+      if (object.node < 0) transform_object(object, rotation);
+  };
+  outside_nodes(scene.meshes, transform_mesh);
+  outside_nodes(scene.lights, [](Light& light, const Affine& map) { transform(light, map); });
+  outside_nodes(scene.cameras, [](Camera& camera, const Affine& map) { transform(camera, map); });
+  for (Sphere& sphere : scene.spheres) sphere.centre = rotation.point(sphere.centre);
+  for (Cone& cone : scene.cones) {
+    cone.base = rotation.point(cone.base);
+    cone.apex = rotation.point(cone.apex);
+  }
+  if (scene.nodes.empty()) return;
+  // A new root node turns the others; it comes first, so every index grows by one.
+  Node root;
+  root.name = "up";
+  root.local = rotation;
+  for (Node& node : scene.nodes) ++node.parent;
+  scene.nodes.insert(scene.nodes.begin(), root);
+  for (Skin& bones : scene.skins)
+    for (int& joint : bones.joints) ++joint;
+  for_each_on_a_node(scene, [](auto& object) { ++object.node; });
+}
 
 void bake_still_nodes(SceneDescription& scene) {
   const std::vector<bool> moving = moving_nodes(scene.nodes);
   const std::vector<Affine> world = world_from_nodes(scene.nodes, 0.0);
-  for_each_on_a_node(scene, [&](auto& object, size_t node) {
-    if (!moving[node]) bake(object, world[node]);
+  bool still = true;
+  for_each_on_a_node(scene, [&](auto& object) {
+    if (moves(object, scene, moving))
+      still = false;
+    else
+      bake(object, scene, world, 0.0);
   });
-  if (std::find(moving.begin(), moving.end(), true) == moving.end()) scene.nodes.clear();
+  if (!still) return;
+  scene.nodes.clear();
+  scene.skins.clear();
 }
 
 SceneDescription at_time(const SceneDescription& scene, double seconds) {
   SceneDescription baked = scene;
   if (scene.nodes.empty()) return baked;
   const std::vector<Affine> world = world_from_nodes(scene.nodes, seconds);
-  for_each_on_a_node(baked, [&](auto& object, size_t node) { bake(object, world[node]); });
+  for_each_on_a_node(baked, [&](auto& object) { bake(object, scene, world, seconds); });
   baked.nodes.clear();
+  baked.skins.clear();
   return baked;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads glTF 2.0, OBJ, PLY, STL and the other formats that assimp reads.
+// Loads OBJ, STL and the other formats that assimp reads.
 #pragma once
 
 #include <filesystem>

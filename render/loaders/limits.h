@@ -9,6 +9,9 @@
 namespace lenticule::render {
 
 inline constexpr uintmax_t kMaxSceneFileBytes = uintmax_t{1} << 30;
+/// Buffers of a glTF scene from other files and data URIs, and decompressed, in total.
+inline constexpr size_t kMaxBufferBytes = size_t{1} << 32;
+inline constexpr size_t kMaxJsonValues = size_t{1} << 24;
 /// Squares of coordinates must be representable in single precision.
 inline constexpr double kMaxCoordinate = 1e15;
 inline constexpr size_t kMaxVertices = size_t{1} << 26;

@@ -3,26 +3,71 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <string_view>
+
 #include "base/error.h"
 #include "render/loaders/assimp_loader.h"
+#include "render/loaders/gltf_loader.h"
 #include "render/loaders/nff.h"
+#include "render/loaders/ply.h"
 #include "render/loaders/scene_extension.h"
 
 namespace lenticule::render {
 
-SceneDescription load_scene(const std::filesystem::path& file) {
+namespace {
+
+/// Habit of a format that does not state which axis points up.
+struct UpHabit {
+  std::string_view extension;
+  UpAxis up;
+  bool turned_already;  ///< the loader turns the scene by itself
+};
+constexpr std::array<UpHabit, 4> kUpHabits{{{".3ds", UpAxis::Z, true},
+                                            {".obj", UpAxis::Y, false},
+                                            {".ply", UpAxis::Z, false},
+                                            {".stl", UpAxis::Z, false}}};
+
+/// Turns the scene so that y is up, and notes the format's habit if that decides.
+void set_up_axis(SceneDescription& scene, const std::string& extension,
+                 const std::optional<UpAxis>& wanted) {
+  const auto* const habit = std::ranges::find(kUpHabits, extension, &UpHabit::extension);
+  if (habit == kUpHabits.end()) return turn_upright(scene, wanted.value_or(UpAxis::Y));
+  if (!wanted)
+    scene.notes.push_back(fmt::format(
+        "{} is taken as up, as is usual in {} files, which do not say (--up {} if the model lies "
+        "down)",
+        habit->up == UpAxis::Z ? "z" : "y", extension, habit->up == UpAxis::Z ? "y" : "z"));
+  if (!habit->turned_already) return turn_upright(scene, wanted.value_or(habit->up));
+  if (!wanted) return;
+  turn_upright(scene, UpAxis::MinusZ);  // undoes the loader's turn
+  turn_upright(scene, *wanted);
+}
+
+SceneDescription load(const std::filesystem::path& file, const std::string& extension) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
   if (!std::filesystem::exists(status))
     throw Error(ErrorKind::Input, fmt::format("{}: no such file", file.string()));
   if (!std::filesystem::is_regular_file(status))
     throw Error(ErrorKind::Input, fmt::format("{}: not a regular file", file.string()));
-  const std::string extension = extension_of(file);
   if (extension == ".nff") return load_nff(file);
+  if (extension == ".gltf" || extension == ".glb") return load_gltf(file);
+  if (extension == ".ply") return load_ply(file);
   if (assimp_reads(extension)) return load_with_assimp(file);
   throw Error(ErrorKind::Input,
               fmt::format("{}: unknown scene format '{}'", file.string(), extension),
               "use .nff, .gltf, .glb, .obj, .ply, .stl or another format of assimp");
+}
+
+}  // namespace
+
+SceneDescription load_scene(const std::filesystem::path& file, const LoadOptions& options) {
+  const std::string extension = extension_of(file);
+  SceneDescription scene = load(file, extension);
+  set_up_axis(scene, extension, options.up);
+  return scene;
 }
 
 }  // namespace lenticule::render

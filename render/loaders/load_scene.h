@@ -3,14 +3,22 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 
+#include "render/loaders/up_axis.h"
 #include "render/scene/scene_description.h"
 
 namespace lenticule::render {
 
-/// Loads a file in any supported format, chosen by its extension. Throws Error(Input) with the
-/// file, the line if the format has lines, and the reason. Non-finite vertices are errors.
-/// Zero-area triangles are dropped and noted; zero or non-finite normals are recomputed and noted.
-[[nodiscard]] SceneDescription load_scene(const std::filesystem::path& file);
+struct LoadOptions {
+  std::optional<UpAxis> up{};  ///< the file's axis that points up; default: as the format has it
+};
+
+/// Loads a file in any supported format, chosen by its extension; y is up in the result. Throws
+/// Error(Input) with the file, the line or JSON path if the format has one, and the reason.
+/// Non-finite vertices are errors. Zero-area triangles are dropped and noted; zero or non-finite
+/// normals are recomputed and noted.
+[[nodiscard]] SceneDescription load_scene(const std::filesystem::path& file,
+                                          const LoadOptions& options = {});
 
 }  // namespace lenticule::render

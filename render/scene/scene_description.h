@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,7 +23,68 @@ struct Texture {
   std::vector<float> rgba{};  ///< linear light, width * height * 4
   bool repeat_u = true;
   bool repeat_v = true;
+  bool mirror_u = false;  ///< every second repetition is mirrored; requires repeat_u
+  bool mirror_v = false;
   std::string name{};
+};
+
+/// TextureUse binds a texture to one input of a material.
+struct TextureUse {
+  int texture = -1;  ///< index into SceneDescription::textures, or -1
+  int uv_set = 0;    ///< 0: TriangleMesh::uvs, 1: TriangleMesh::uvs2
+  /// Rows of the map from the mesh's coordinates (u, v, 1) to the texture's.
+  std::array<double, 6> uv_map{1, 0, 0, 0, 1, 0};
+};
+
+/// PbrMaterial is the metallic-roughness material of glTF 2.0 with its ratified extensions. Names,
+/// units and defaults are glTF's; colours are linear light. A texture multiplies the factor beside
+/// it, in the channels that glTF states.
+struct PbrMaterial {
+  Vec3 base_colour{1, 1, 1};
+  double alpha = 1.0;
+  TextureUse base_colour_texture{};  ///< RGB and alpha
+  double metallic = 1.0;
+  double roughness = 1.0;
+  TextureUse metallic_roughness_texture{};  ///< G: roughness, B: metallic
+  TextureUse normal_texture{};
+  double normal_scale = 1.0;
+  TextureUse occlusion_texture{};  ///< R
+  double occlusion_strength = 1.0;
+  Vec3 emission{0, 0, 0};  ///< with emissive_strength
+  TextureUse emission_texture{};
+  enum class AlphaMode { Opaque, Mask, Blend } alpha_mode = AlphaMode::Opaque;
+  double alpha_cutoff = 0.5;
+  bool double_sided = false;
+  bool unlit = false;
+  double ior = 1.5;
+  double specular = 1.0;
+  Vec3 specular_colour{1, 1, 1};
+  TextureUse specular_texture{};  ///< A
+  TextureUse specular_colour_texture{};
+  double clearcoat = 0.0;
+  double clearcoat_roughness = 0.0;
+  TextureUse clearcoat_texture{};            ///< R
+  TextureUse clearcoat_roughness_texture{};  ///< G
+  TextureUse clearcoat_normal_texture{};
+  Vec3 sheen_colour{0, 0, 0};
+  double sheen_roughness = 0.0;
+  TextureUse sheen_colour_texture{};
+  TextureUse sheen_roughness_texture{};  ///< A
+  double transmission = 0.0;
+  TextureUse transmission_texture{};  ///< R
+  double thickness = 0.0;             ///< world units; 0: the surface is thin
+  TextureUse thickness_texture{};     ///< G
+  double attenuation_distance = std::numeric_limits<double>::infinity();  ///< world units
+  Vec3 attenuation_colour{1, 1, 1};
+  double iridescence = 0.0;
+  double iridescence_ior = 1.3;
+  double iridescence_thickness_min = 100.0;  ///< nanometres
+  double iridescence_thickness_max = 400.0;
+  TextureUse iridescence_texture{};            ///< R
+  TextureUse iridescence_thickness_texture{};  ///< G
+  double anisotropy = 0.0;
+  double anisotropy_rotation = 0.0;  ///< radians
+  TextureUse anisotropy_texture{};   ///< RG: direction, B: strength
 };
 
 /// Whitted material. Colours are linear light in colour-managed formats (such as glTF) and code
@@ -41,6 +103,32 @@ struct Material {
   bool tinted_specular = false;
   bool two_sided = true;
   int texture = -1;  ///< index of the base colour texture, which multiplies `colour`, or -1
+  /// If set, the surface is shaded by this model instead of Whitted's, and all members above except
+  /// `name` are ignored.
+  std::shared_ptr<const PbrMaterial> pbr{};
+};
+
+/// Skin lists the nodes that move the vertices of a mesh.
+struct Skin {
+  std::vector<int> joints{};              ///< indices into SceneDescription::nodes
+  std::vector<Affine> joint_from_mesh{};  ///< per joint (inverse bind matrix)
+};
+
+/// MorphTarget holds what a weight of 1 adds to each vertex; an empty list adds nothing.
+struct MorphTarget {
+  std::vector<Vec3f> positions{};
+  std::vector<Vec3f> normals{};
+  std::vector<Vec3f> tangents{};
+};
+
+/// Deformation makes the shape of a mesh depend on the time: first morph targets, with the weights
+/// of the mesh's node, then the skin.
+struct Deformation {
+  std::vector<MorphTarget> targets{};
+  int skin = -1;  ///< index into SceneDescription::skins, or -1
+  size_t joints_per_vertex = 0;
+  std::vector<uint16_t> joints{};  ///< indices into Skin::joints, joints_per_vertex of each vertex
+  std::vector<float> weights{};    ///< of those joints; their sum is 1 for each vertex
 };
 
 struct TriangleMesh {
@@ -51,9 +139,15 @@ struct TriangleMesh {
   std::vector<Vec3> normals{};  ///< per vertex, unit, or empty
   std::vector<std::array<float, 2>>
       uvs{};  ///< per vertex, v = 0 at the top of the texture, or empty
+  std::vector<std::array<float, 2>> uvs2{};     ///< second set, for PbrMaterial, or empty
+  std::vector<std::array<float, 4>> colours{};  ///< linear RGBA per vertex, or empty
+  /// Unit tangents per vertex; the fourth component is the sign of the bitangent. Or empty.
+  std::vector<std::array<float, 4>> tangents{};
   /// Index into SceneDescription::nodes of the node that moves this mesh, or -1 if the mesh is
   /// static.
   int node = -1;
+  /// Null for a rigid mesh. A mesh with a skin follows its joints instead of its node.
+  std::shared_ptr<const Deformation> deformation{};
 };
 
 struct Sphere {
@@ -101,6 +195,9 @@ struct Channel {
   std::vector<double> times{};
   std::vector<T> values{};
   bool steps = false;  ///< each key holds until the next one, without interpolation
+  /// Derivatives before and after each key of a cubic Hermite spline, or empty.
+  std::vector<T> in_tangents{};
+  std::vector<T> out_tangents{};
 };
 
 struct Node {
@@ -110,10 +207,12 @@ struct Node {
   Vec3 scale{1, 1, 1};
   std::array<double, 4> rotation{0, 0, 0, 1};  ///< quaternion x, y, z, w
   Vec3 translation{0, 0, 0};
-  bool animated = false;
+  bool animated = false;  ///< one of the three channels has keys
   Channel<Vec3> translations{};
   Channel<std::array<double, 4>> rotations{};
   Channel<Vec3> scales{};
+  std::vector<double> morph_weights{};  ///< of the morph targets of the node's meshes
+  Channel<std::vector<double>> morph_weight_keys{};
 };
 
 struct SceneDescription {
@@ -126,6 +225,7 @@ struct SceneDescription {
   std::vector<Light> lights{};
   std::vector<Camera> cameras{};
   std::vector<Node> nodes{};  ///< parents before children
+  std::vector<Skin> skins{};
   Vec3 background{0, 0, 0};
   std::optional<Vec3> ambient{};  ///< flat ambient light; default depends on the format
   /// If true, colours are linear light and the picture is sRGB-encoded at the end. If false (NFF),
@@ -136,10 +236,11 @@ struct SceneDescription {
   std::vector<std::string> notes{};
 };
 
-/// Returns the scene with every node's transform applied at `seconds`: meshes, lights and cameras
-/// are in world coordinates, and no nodes are left. Key frames are interpolated linearly (rotations
-/// along the shorter arc) and hold before the first and after the last key. Throws Error(Input) if
-/// a vertex becomes non-finite.
+/// Returns the scene with every node's transform, morph weights and skins applied at `seconds`:
+/// meshes, lights and cameras are in world coordinates, and no nodes are left. Key frames are
+/// interpolated linearly (rotations along the shorter arc), by cubic splines or not at all, as each
+/// channel states, and hold before the first and after the last key. Throws Error(Input) if a
+/// vertex becomes non-finite.
 [[nodiscard]] SceneDescription at_time(const SceneDescription& scene, double seconds);
 
 }  // namespace lenticule::render

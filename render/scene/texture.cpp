@@ -24,8 +24,13 @@ double beyond_whole(double coordinate) {
   return beyond < 0.0 ? beyond + 1.0 : beyond;
 }
 
-Neighbours neighbours(double coordinate, int size, bool repeat) {
+Neighbours neighbours(double coordinate, int size, bool repeat, bool mirror) {
   if (!std::isfinite(coordinate)) coordinate = 0.0;
+  if (mirror) {
+    const double in_pair = 2.0 * beyond_whole(coordinate / 2.0);
+    coordinate = in_pair > 1.0 ? 2.0 - in_pair : in_pair;
+    repeat = false;  // beyond the border lies the border's own mirror image
+  }
   // Reduced to the picture first, so that huge coordinates neither overflow nor lose the blend
   // weight.
   coordinate = repeat ? beyond_whole(coordinate) : std::clamp(coordinate, 0.0, 1.0);
@@ -47,8 +52,8 @@ double blended(double a, double b, double part) {
 }  // namespace
 
 double texture_value(const Texture& texture, double u, double v, int channel) {
-  const Neighbours x = neighbours(u, texture.width, texture.repeat_u);
-  const Neighbours y = neighbours(v, texture.height, texture.repeat_v);
+  const Neighbours x = neighbours(u, texture.width, texture.repeat_u, texture.mirror_u);
+  const Neighbours y = neighbours(v, texture.height, texture.repeat_v, texture.mirror_v);
   const auto texel = [&](int column, int row) {
     const size_t index =
         static_cast<size_t>(row) * static_cast<size_t>(texture.width) + static_cast<size_t>(column);
@@ -63,7 +68,8 @@ bool same_texture(const std::shared_ptr<const Texture>& a,
                   const std::shared_ptr<const Texture>& b) {
   if (a == b) return true;
   return a && b && a->width == b->width && a->height == b->height && a->repeat_u == b->repeat_u &&
-         a->repeat_v == b->repeat_v && a->rgba == b->rgba;
+         a->repeat_v == b->repeat_v && a->mirror_u == b->mirror_u && a->mirror_v == b->mirror_v &&
+         a->rgba == b->rgba;
 }
 
 }  // namespace lenticule::render

@@ -12,8 +12,8 @@ namespace lenticule::render {
 }
 
 /// Interpolates bilinearly between texel centres; (0, 0) is the top-left corner of the picture.
-/// Outside the picture, the texture repeats or its border is extended, as repeat_u and repeat_v
-/// state. A non-finite coordinate counts as 0.
+/// Outside the picture, the texture repeats, plainly or mirrored, or its border is extended, as the
+/// texture states. A non-finite coordinate counts as 0.
 [[nodiscard]] double texture_value(const Texture& texture, double u, double v, int channel);
 
 /// Returns true if two textures are equal. Frames of one file share their textures; frames of

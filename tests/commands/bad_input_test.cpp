@@ -190,6 +190,12 @@ TEST_F(BadInput, RefusesEmptyAndUnknownScenes) {
   expect_clear_error(render(path("words.nff"), path("rig.toml"), path("o.png")), 4, "words.nff:1");
 }
 
+TEST_F(BadInput, RefusesAnUpAxisThatIsNone) {
+  expect_clear_error(run({"render", path("scene.nff"), "--rig", path("rig.toml"), "--up", "north",
+                          "-o", path("o.png")}),
+                     2, "north");
+}
+
 TEST_F(BadInput, ScenesOfAnySizeRender) {
   for (const char* scale : {"1e-6", "1e6"}) {
     write("sized.obj", std::string("v 0 0 0\nv ") + scale + " 0 0\nv 0 " + scale + " 0\nf 1 2 3\n");

@@ -42,6 +42,8 @@ LIBRARIES = {
     "embree": "render apps/lenticule-bench",
     "OpenImageIO": "frames",
     "assimp": "render",
+    "draco": "render",
+    "meshoptimizer": "render",
     "tbb": "render apps/lenticule-bench",
     "toml": "optics player",
     "xf86drm": "display",

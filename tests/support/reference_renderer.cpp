@@ -49,12 +49,16 @@ Vec3 mix(Vec3 a, Vec3 b, Vec3 c, double wa, double wb, double wc) {
 }
 
 Vec3 texel(const Texture& texture, long x, long y) {
-  const auto place = [](long i, long size, bool repeat) {
+  const auto place = [](long i, long size, bool repeat, bool mirror) {
+    if (mirror) {
+      const long in_pair = ((i % (2 * size)) + 2 * size) % (2 * size);
+      return std::min(in_pair, 2 * size - 1 - in_pair);
+    }
     if (repeat) return ((i % size) + size) % size;
     return std::min(std::max(i, 0L), size - 1);
   };
-  const long column = place(x, texture.width, texture.repeat_u);
-  const long row = place(y, texture.height, texture.repeat_v);
+  const long column = place(x, texture.width, texture.repeat_u, texture.mirror_u);
+  const long row = place(y, texture.height, texture.repeat_v, texture.mirror_v);
   const float* rgba = &texture.rgba[static_cast<size_t>(row * texture.width + column) * 4];
   return {rgba[0], rgba[1], rgba[2]};
 }

@@ -9,6 +9,11 @@ namespace lenticule::player {
 
 void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
   constexpr const char* kGroup = "Stage";
+  app.add_option_function<std::string>(
+         "--up", [&flags](const std::string& name) { flags.load.up = render::up_axis_named(name); },
+         "axis of the scene file that points up: x, y, z, -x, -y or -z")
+      ->group(kGroup)
+      ->type_name("AXIS");
   add_triple(
       app, "--centre", "X,Y,Z", [&flags](Vec3 at) { flags.stage.centre = at; },
       "point of the scene that lies at the panel's centre")

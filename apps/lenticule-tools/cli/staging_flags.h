@@ -2,6 +2,7 @@
 // StagingFlags are the flags that place a scene in front of the panel and set its environment.
 #pragma once
 
+#include "render/loaders/load_scene.h"
 #include "render/scene/scene.h"
 #include "render/scene/stage.h"
 
@@ -12,6 +13,7 @@ class App;
 namespace lenticule::player {
 
 struct StagingFlags {
+  render::LoadOptions load;
   render::StageOptions stage;
   render::Surroundings surroundings;
 };

@@ -52,7 +52,7 @@ double depth_of_field_at_the_edge(const optics::OpticalModel& model) {
 /// Measures the scene; its picture is that of the first frame.
 Measured measure(const DepthFlags& flags, const optics::OpticalModel& model) {
   const FrameRange range = parse_frame_range(flags.frames);
-  const SceneSequence scenes(flags.scene, frames::parse_rate(flags.fps));
+  const SceneSequence scenes(flags.scene, frames::parse_rate(flags.fps), flags.staging.load);
   scenes.require(range);
   const StageSequence stages(scenes.at(scenes.reference_frame()), model, flags.staging.stage);
   const optics::Panel& panel = model.rig().panel;

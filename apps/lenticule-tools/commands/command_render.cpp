@@ -137,7 +137,7 @@ class RenderRun {
         loaded_(optics::load_rig_and_identity(flags.rig)),
         model_(rig_),
         method_(render::make_method(flags.method, model_, options_of(flags))),
-        scenes_(flags.scene, rate_) {
+        scenes_(flags.scene, rate_, flags.staging.load) {
     if (!flags.camera.empty()) cameras_ = render::load_camera_path(flags.camera);
     scenes_.require(range_);
     const render::SceneDescription reference =

@@ -29,6 +29,7 @@ constexpr int kVertices = 34962;
 constexpr int kIndices = 34963;
 constexpr int kLinear = 9729;
 constexpr int kRepeat = 10497;
+constexpr int kMirror = 33648;
 constexpr int kClamp = 33071;
 
 std::string base64(std::span<const uint8_t> bytes) {
@@ -115,10 +116,13 @@ class GltfWriter {
     root_["images"].push_back(
         {{"name", texture.name},
          {"uri", "data:image/png;base64," + base64(png_of(scene_, texture))}});
+    const auto wrap = [](bool repeat, bool mirror) {
+      return mirror ? kMirror : repeat ? kRepeat : kClamp;
+    };
     root_["samplers"].push_back({{"magFilter", kLinear},
                                  {"minFilter", kLinear},
-                                 {"wrapS", texture.repeat_u ? kRepeat : kClamp},
-                                 {"wrapT", texture.repeat_v ? kRepeat : kClamp}});
+                                 {"wrapS", wrap(texture.repeat_u, texture.mirror_u)},
+                                 {"wrapT", wrap(texture.repeat_v, texture.mirror_v)}});
     root_["textures"].push_back({{"source", n}, {"sampler", n}});
   }
 

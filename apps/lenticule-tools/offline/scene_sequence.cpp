@@ -9,7 +9,6 @@
 #include "apps/lenticule-tools/offline/built_in_scene.h"
 #include "base/error.h"
 #include "base/numbers.h"
-#include "render/loaders/load_scene.h"
 
 namespace lenticule::player {
 namespace {
@@ -18,7 +17,9 @@ constexpr std::string_view kBuiltIn = "builtin:";
 
 }  // namespace
 
-SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate) : rate_(rate) {
+SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate,
+                             const render::LoadOptions& options)
+    : rate_(rate), load_options_(options) {
   if (scene.starts_with(kBuiltIn)) {
     const std::string rest = scene.substr(kBuiltIn.size());
     const size_t colon = rest.find(':');
@@ -36,7 +37,7 @@ SceneSequence::SceneSequence(const std::string& scene, frames::Rate rate) : rate
     if (pattern_->existing().empty())
       throw Error(ErrorKind::Input, fmt::format("{}: no such files", scene));
   } else {
-    file_ = render::load_scene(scene);
+    file_ = render::load_scene(scene, load_options_);
     still_ = !(file_->duration_seconds > 0.0);
   }
 }
@@ -57,7 +58,8 @@ uint64_t SceneSequence::reference_frame() const {
 
 render::SceneDescription SceneSequence::at(uint64_t frame) const {
   if (built_in_) return built_in(frame);
-  if (pattern_) return render::at_time(render::load_scene(pattern_->path(frame)), 0.0);
+  if (pattern_)
+    return render::at_time(render::load_scene(pattern_->path(frame), load_options_), 0.0);
   const double seconds = static_cast<double>(frame) / rate_.hertz();
   return render::at_time(*file_, still_ ? 0.0 : seconds);
 }

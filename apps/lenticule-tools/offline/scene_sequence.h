@@ -12,6 +12,7 @@
 #include "frames/rational.h"
 #include "optics/model.h"
 #include "player/sources/frame_range.h"
+#include "render/loaders/load_scene.h"
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
 #include "scenes/scene_list.h"
@@ -22,7 +23,8 @@ class SceneSequence {
  public:
   /// `scene` is a file, a pattern with %d or %0Nd, or builtin:NAME[:SIZE]. Throws Error(Input) for
   /// files that cannot be read and for a pattern without any file, Error(Usage) for unknown names.
-  SceneSequence(const std::string& scene, frames::Rate rate);
+  SceneSequence(const std::string& scene, frames::Rate rate,
+                const render::LoadOptions& options = {});
 
   /// Checks, before rendering, that all files of the range exist. Throws Error(Input) if one is
   /// missing.
@@ -39,6 +41,7 @@ class SceneSequence {
   [[nodiscard]] render::SceneDescription built_in(uint64_t frame) const;
 
   frames::Rate rate_;
+  render::LoadOptions load_options_;
   bool still_ = false;
   std::optional<frames::FilePattern> pattern_;
   const scenes::BuiltInScene* built_in_ = nullptr;

@@ -52,12 +52,14 @@ TEST(TextureValue, RepeatsOrContinuesItsBorder) {
 /// Interpolates the texels beside a coordinate by the definition.
 double plainly(const Texture& texture, double u, double v, int channel) {
   const auto texel = [&](double column, double row) {
-    const auto on = [](double i, int size, bool repeat) {
-      const double wrapped = i - size * std::floor(i / size);
-      return static_cast<size_t>(repeat ? wrapped : std::clamp(i, 0.0, size - 1.0));
+    const auto on = [](double i, int size, bool repeat, bool mirror) {
+      const int period = mirror ? 2 * size : size;
+      const double wrapped = i - period * std::floor(i / period);
+      const double mirrored = wrapped < size ? wrapped : 2 * size - 1 - wrapped;
+      return static_cast<size_t>(repeat ? mirrored : std::clamp(i, 0.0, size - 1.0));
     };
-    const size_t x = on(column, texture.width, texture.repeat_u);
-    const size_t y = on(row, texture.height, texture.repeat_v);
+    const size_t x = on(column, texture.width, texture.repeat_u, texture.mirror_u);
+    const size_t y = on(row, texture.height, texture.repeat_v, texture.mirror_v);
     const size_t at = y * static_cast<size_t>(texture.width) + x;
     return double{texture.rgba[4 * at + static_cast<size_t>(channel)]};
   };
@@ -79,6 +81,8 @@ TEST(TextureValue, AgreesWithItsDefinition) {
     texture.height = 1 + static_cast<int>(random() % 5);
     texture.repeat_u = random() % 2 == 0;
     texture.repeat_v = random() % 2 == 0;
+    texture.mirror_u = texture.repeat_u && random() % 2 == 0;
+    texture.mirror_v = texture.repeat_v && random() % 2 == 0;
     for (int n = 0; n < 4 * texture.width * texture.height; ++n)
       texture.rgba.push_back(static_cast<float>(random() % 256) / 255.0F);
     const double u = round % 7 == 0 ? std::round(any(random)) : any(random);

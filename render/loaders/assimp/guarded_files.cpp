@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/loaders/guarded_files.h"
+#include "render/loaders/assimp/guarded_files.h"
 
 #include <algorithm>
 #include <assimp/IOStream.hpp>
@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/file.h"
+#include "render/loaders/file_names.h"
 #include "render/loaders/limits.h"
 
 namespace lenticule::render {
@@ -53,15 +54,28 @@ class BytesStream : public Assimp::IOStream {
 
 }  // namespace
 
+namespace {
+
+std::filesystem::path found(const std::filesystem::path& file) {
+  std::error_code error;
+  if (std::filesystem::exists(file, error)) return file;
+  return named_file(file.parent_path(), file.filename().string());
+}
+
+}  // namespace
+
 bool GuardedFiles::Exists(const char* file) const {
   std::error_code error;
-  return std::filesystem::is_regular_file(file, error);
+  return std::filesystem::is_regular_file(found(file), error);
 }
 
 Assimp::IOStream* GuardedFiles::Open(const char* file, const char* mode) {
   if (std::string_view(mode).find_first_of("wa+") != std::string_view::npos) return nullptr;
   try {
-    return std::make_unique<BytesStream>(read_whole_file(file, kMaxSceneFileBytes)).release();
+    if (!replaced_.empty() && replaced_ == file)
+      return std::make_unique<BytesStream>(bytes_).release();
+    return std::make_unique<BytesStream>(read_whole_file(found(file), kMaxSceneFileBytes))
+        .release();
   } catch (const Error&) {
     return nullptr;  // tells assimp that the file cannot be read
   }

@@ -7,7 +7,7 @@
 #include <span>
 
 #include "base/error.h"
-#include "render/loaders/assimp_parts.h"
+#include "render/loaders/assimp/parts.h"
 #include "render/loaders/limits.h"
 
 namespace lenticule::render {

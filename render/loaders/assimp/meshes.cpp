@@ -2,13 +2,18 @@
 // Imports nodes and meshes from assimp.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <span>
 
 #include "base/error.h"
-#include "render/loaders/assimp_parts.h"
+#include "frames/srgb.h"
+#include "render/loaders/assimp/parts.h"
 #include "render/loaders/limits.h"
+#include "render/loaders/lost_digits.h"
 #include "render/loaders/mesh_cleanup.h"
+#include "render/loaders/tangents.h"
 
 namespace lenticule::render {
 namespace {
@@ -107,11 +112,25 @@ std::vector<std::array<float, 2>> uvs_of(const aiMesh& mesh, unsigned set) {
   return uvs;
 }
 
+/// Returns the vertex colours, which these formats store as code values.
+std::vector<std::array<float, 4>> colours_of(const aiMesh& mesh) {
+  std::vector<std::array<float, 4>> colours;
+  if (!mesh.HasVertexColors(0)) return colours;
+  colours.reserve(mesh.mNumVertices);
+  const auto share = [](float v) { return std::isfinite(v) ? std::clamp(v, 0.0F, 1.0F) : 0.0F; };
+  const auto light = [&](float v) {
+    return static_cast<float>(frames::linear_from_srgb(double{share(v)}));
+  };
+  for (const aiColor4D& c : std::span(mesh.mColors[0], mesh.mNumVertices))
+    colours.push_back({light(c.r), light(c.g), light(c.b), share(c.a)});
+  return colours;
+}
+
 /// Valid content that the import leaves out.
 struct LeftOut {
   bool points_or_lines = false;
-  bool colours = false;
   bool skins = false;
+  LostDigits digits;
   MeshRepairs repairs;
 };
 
@@ -122,21 +141,58 @@ TriangleMesh mesh_of(const aiScene& scene, const aiMesh& from, LeftOut& left_out
   mesh.positions = vectors(from.mVertices, from.mNumVertices);
   if (from.HasNormals()) mesh.normals = vectors(from.mNormals, from.mNumVertices);
   mesh.uvs = uvs_of(from, uv_set(*scene.mMaterials[from.mMaterialIndex]));
+  mesh.colours = colours_of(from);
   mesh.triangles.reserve(from.mNumFaces);
   for (const aiFace& face : std::span(from.mFaces, from.mNumFaces))
     if (face.mNumIndices == 3)
       mesh.triangles.push_back({face.mIndices[0], face.mIndices[1], face.mIndices[2]});
-  left_out.colours |= from.HasVertexColors(0);
   left_out.skins |= from.HasBones() || from.mNumAnimMeshes > 0;
+  left_out.digits.add(mesh);
   const MeshRepairs repairs = clean(mesh);
   left_out.repairs.dropped_triangles += repairs.dropped_triangles;
   left_out.repairs.recomputed_normals += repairs.recomputed_normals;
   return mesh;
 }
 
+/// ColouredMaterials makes the materials that show vertex colours: white where the file has no
+/// texture, since the colours take the place of the material's.
+class ColouredMaterials {
+ public:
+  explicit ColouredMaterials(SceneDescription& scene) : scene_(scene) {}
+
+  int index(int material) {
+    const auto [known, added] =
+        known_.try_emplace(material, static_cast<int>(scene_.materials.size()));
+    if (!added) return known->second;
+    Material coloured = scene_.materials[static_cast<size_t>(material)];
+    coloured.pbr = std::make_shared<const PbrMaterial>(with_white(coloured));
+    scene_.materials.push_back(std::move(coloured));
+    return known->second;
+  }
+
+ private:
+  static PbrMaterial with_white(const Material& material) {
+    PbrMaterial pbr;
+    if (material.pbr) {
+      pbr = *material.pbr;
+    } else {
+      pbr.metallic = 0.0;
+      pbr.double_sided = true;
+      pbr.emission = material.emission;
+      pbr.base_colour_texture.texture = material.texture;
+    }
+    pbr.base_colour = {1, 1, 1};
+    return pbr;
+  }
+
+  SceneDescription& scene_;
+  std::map<int, int> known_;
+};
+
 /// Converts every mesh once; those without triangles stay empty.
 std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scene) {
   LeftOut left_out;
+  ColouredMaterials coloured(scene);
   std::vector<TriangleMesh> meshes(from.mNumMeshes);
   for (unsigned i = 0; i < from.mNumMeshes; ++i) {
     const aiMesh& mesh = *from.mMeshes[i];
@@ -146,6 +202,10 @@ std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scen
       meshes[i] = mesh_of(from, mesh, left_out);
     else
       left_out.points_or_lines = true;
+    TriangleMesh& to = meshes[i];
+    if (!to.colours.empty()) to.material = coloured.index(to.material);
+    const auto& pbr = scene.materials[static_cast<size_t>(to.material)].pbr;
+    if (pbr && pbr->normal_texture.texture >= 0) compute_tangents(to, false);
   }
   const auto note = [&](const std::string& text) { scene.notes.push_back(text); };
   if (const size_t n = left_out.repairs.dropped_triangles)
@@ -153,8 +213,8 @@ std::vector<TriangleMesh> all_meshes(const aiScene& from, SceneDescription& scen
   if (const size_t n = left_out.repairs.recomputed_normals)
     note(fmt::format("{} unusable normals recomputed", n));
   if (left_out.points_or_lines) note("points and lines left out");
-  if (left_out.colours) note("vertex colours left out");
   if (left_out.skins) note("bones and morph targets left out: those meshes keep their rest shape");
+  left_out.digits.write(scene);
   return meshes;
 }
 

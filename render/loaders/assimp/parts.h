@@ -21,9 +21,6 @@ template <class V>
   return Vec3(Vec3f(c.r, c.g, c.b));
 }
 
-/// Returns true for glTF, for which assimp has special conventions of cameras and lights.
-[[nodiscard]] bool is_gltf(const std::string& source);
-
 /// Throws Error(Input) with the mesh and the vertex or face that is invalid.
 void check_meshes(const aiScene& from, const std::string& source);
 
@@ -45,9 +42,5 @@ void import_lights(const aiScene& from, const NodeNames& nodes, SceneDescription
 /// Imports cameras. Requires the meshes to be in place: a file states the direction in which a
 /// camera looks, but not the distance.
 void import_cameras(const aiScene& from, const NodeNames& nodes, SceneDescription& scene);
-
-/// Scales all lights by a common factor so that they light the centre of the scene well. Files use
-/// candela, watts or arbitrary units, and leave the exposure to the viewer.
-void expose(SceneDescription& scene);
 
 }  // namespace lenticule::render

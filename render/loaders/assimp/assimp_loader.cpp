@@ -9,9 +9,13 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "render/loaders/animation.h"
-#include "render/loaders/assimp_parts.h"
-#include "render/loaders/guarded_files.h"
+#include "render/loaders/assimp/guarded_files.h"
+#include "render/loaders/assimp/obj_centre.h"
+#include "render/loaders/assimp/parts.h"
+#include "render/loaders/exposure.h"
+#include "render/loaders/limits.h"
 #include "render/loaders/scene_extension.h"
 
 namespace lenticule::render {
@@ -35,9 +39,10 @@ std::string tidy(const std::string& message) {
 }
 
 /// Reads the file. The data is checked before assimp's own post-processing runs, which trusts the
-/// data.
-const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& file) {
-  importer.SetIOHandler(std::make_unique<GuardedFiles>().release());  // the importer deletes it
+/// data. The importer deletes `files`.
+const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& file,
+                    std::unique_ptr<GuardedFiles> files) {
+  importer.SetIOHandler(files.release());
   importer.SetPropertyBool("IMPORT_NO_SKELETON_MESHES", true);
   const aiScene* scene = importer.ReadFile(file.string(), 0);
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
@@ -52,13 +57,18 @@ const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& fil
   return *scene;
 }
 
-SceneDescription convert(const aiScene& from, const std::filesystem::path& file) {
+/// `origin` is the point of the file that assimp's origin stands for.
+SceneDescription convert(const aiScene& from, const std::filesystem::path& file, Vec3 origin) {
   SceneDescription scene;
   scene.source = file.string();
   scene.colour_managed = true;
   import_materials(from, file.parent_path(), scene);
   const NodeNames nodes = import_nodes_and_meshes(from, scene);
   if (scene.meshes.empty()) refuse(file, "the scene contains no visible object");
+  // An OBJ file has no transforms: its nodes' coordinates are the file's.
+  if (!(origin == Vec3{}))
+    for (TriangleMesh& mesh : scene.meshes)
+      for (Vec3& p : mesh.positions) p += origin;
   import_animation(from, nodes, scene);
   import_lights(from, nodes, scene);
   import_cameras(from, nodes, scene);
@@ -69,11 +79,6 @@ SceneDescription convert(const aiScene& from, const std::filesystem::path& file)
 
 }  // namespace
 
-bool is_gltf(const std::string& source) {
-  const std::string extension = extension_of(source);
-  return extension == ".gltf" || extension == ".glb";
-}
-
 bool assimp_reads(const std::string& extension) {
   return !extension.empty() && Assimp::Importer().IsExtensionSupported(extension);
 }
@@ -81,7 +86,12 @@ bool assimp_reads(const std::string& extension) {
 SceneDescription load_with_assimp(const std::filesystem::path& file) {
   try {
     Assimp::Importer importer;
-    return convert(read(importer, file), file);
+    std::optional<CentredObj> centred;
+    if (extension_of(file) == ".obj")
+      centred = centre_obj(read_whole_file(file, kMaxSceneFileBytes));
+    if (!centred) return convert(read(importer, file, std::make_unique<GuardedFiles>()), file, {});
+    auto files = std::make_unique<GuardedFiles>(file.string(), std::move(centred->text));
+    return convert(read(importer, file, std::move(files)), file, centred->centre);
   } catch (const Error&) {
     throw;
   } catch (const std::bad_alloc&) {

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// Materials imports glTF's materials with their textures.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "render/loaders/gltf/document.h"
+#include "render/loaders/gltf/notes.h"
+#include "render/loaders/textures.h"
+
+namespace lenticule::render::gltf {
+
+/// MaterialInput lists what a material needs of the vertices of its meshes.
+struct MaterialInput {
+  /// Sets of texture coordinates (TEXCOORD_n), in the order of use: the first becomes
+  /// TriangleMesh::uvs, the second TriangleMesh::uvs2.
+  std::vector<uint64_t> uv_sets{};
+  /// Position in uv_sets of the coordinates that orient the tangents, if there are any.
+  std::optional<size_t> tangent_uvs{};
+};
+
+class Materials {
+ public:
+  /// Imports all materials. Lifetime: must not outlive document, scene and notes.
+  Materials(Document& document, SceneDescription& scene, Notes& notes);
+
+  /// Returns the index in the scene's materials of materials[index], or of the default material.
+  [[nodiscard]] int index(std::optional<size_t> index);
+  [[nodiscard]] const MaterialInput& input(int material) const {
+    return inputs_[static_cast<size_t>(material)];
+  }
+  /// Returns the material for a mesh that its node magnifies: the thickness of volumes is in the
+  /// mesh's units.
+  [[nodiscard]] int magnified(int material, double scale);
+
+ private:
+  void add(const std::optional<JsonAt>& material);
+  [[nodiscard]] TextureUse texture(const JsonAt& owner, const char* key,
+                                   frames::TextureContent content, MaterialInput& input);
+  [[nodiscard]] int picture(const JsonAt& texture, frames::TextureContent content);
+  void read_core(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
+  void read_specular_glossiness(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
+  void read_layers(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
+  void read_transmission(const JsonAt& from, PbrMaterial& to, MaterialInput& input);
+
+  Document& document_;
+  SceneDescription& scene_;
+  Notes& notes_;
+  Textures textures_;
+  std::vector<MaterialInput> inputs_;
+  std::optional<int> default_;
+  std::map<std::pair<int, double>, int> magnified_;
+};
+
+}  // namespace lenticule::render::gltf

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+// Textures adds the textures of a scene file to the scene, each once.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+
+#include "frames/image_io.h"
+#include "render/scene/scene_description.h"
+
+namespace lenticule::render {
+
+enum class TextureWrap { Repeat, Mirror, Clamp };
+
+/// TextureSource says which picture is wanted, and for what.
+struct TextureSource {
+  std::string name;  ///< identifies the picture within the scene
+  TextureWrap wrap_u = TextureWrap::Repeat;
+  TextureWrap wrap_v = TextureWrap::Repeat;
+  frames::TextureContent content = frames::TextureContent::Colour;
+  friend auto operator<=>(const TextureSource&, const TextureSource&) = default;
+};
+
+class Textures {
+ public:
+  using Decode = std::function<frames::FloatImage()>;
+
+  /// Lifetime: must not outlive the scene.
+  explicit Textures(SceneDescription& scene) : scene_(scene) {}
+
+  /// Returns the index of the texture. Calls `decode` for one that the scene has not yet; if that
+  /// throws an Error, the scene gets a note and the result is -1, since a missing picture should
+  /// not prevent displaying the scene.
+  int add(const TextureSource& source, const Decode& decode);
+
+ private:
+  SceneDescription& scene_;
+  std::map<TextureSource, int> known_;
+  size_t texels_ = 0;
+};
+
+}  // namespace lenticule::render

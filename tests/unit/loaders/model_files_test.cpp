@@ -1,0 +1,284 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests models as programs write them: OBJ far from the origin, MTL with metallic-roughness,
+// names in another case, up axes, vertex colours.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+
+#include "render/loaders/file_names.h"
+#include "render/loaders/load_scene.h"
+#include "tests/support/gltf_model.h"
+#include "tests/unit/loaders/error_of.h"
+
+namespace lenticule::render {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::SizeIs;
+
+class ModelFiles : public ::testing::Test {
+ protected:
+  ModelFiles() { std::filesystem::create_directories(folder_); }
+  ~ModelFiles() override { std::filesystem::remove_all(folder_); }
+
+  std::filesystem::path write(const std::string& name, const std::string& text) const {
+    std::filesystem::create_directories((folder_ / name).parent_path());
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return folder_ / name;
+  }
+  std::filesystem::path write(const std::string& name, const std::vector<uint8_t>& bytes) const {
+    return write(name, std::string(bytes.begin(), bytes.end()));
+  }
+
+  const std::filesystem::path folder_ =
+      std::filesystem::path(::testing::TempDir()) / ("model-files-" + std::to_string(::getpid()));
+};
+
+const std::string kTriangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\n";
+const std::string kFace = "f 1/1 2/2 3/3\n";
+
+void expect_near(Vec3 a, Vec3 b, double tolerance) {
+  EXPECT_LT(length(a - b), tolerance) << a.x << ' ' << a.y << ' ' << a.z;
+}
+
+// ---- OBJ
+
+TEST_F(ModelFiles, AnObjFarFromTheOriginKeepsItsDigits) {
+  const SceneDescription moved =
+      load_scene(write("moved.obj",
+                       "v 10000000.125 20000000.25 -30000000.5\nv 10000001.125 20000000.25 "
+                       "-30000000.5\r\nv 10000000.125 20000001.375 -30000000.5\nf 1 2 3\n"));
+  ASSERT_THAT(moved.meshes, SizeIs(1));
+  expect_near(moved.meshes[0].positions[0], {10000000.125, 20000000.25, -30000000.5}, 1e-6);
+  expect_near(moved.meshes[0].positions[1], {10000001.125, 20000000.25, -30000000.5}, 1e-6);
+  expect_near(moved.meshes[0].positions[2], {10000000.125, 20000001.375, -30000000.5}, 1e-6);
+  EXPECT_THAT(moved.notes, Not(Contains(HasSubstr("single precision"))));
+}
+
+TEST_F(ModelFiles, AnObjNearTheOriginIsReadAsItIs) {
+  const SceneDescription scene = load_scene(write("near.obj", kTriangle + kFace));
+  EXPECT_EQ(scene.meshes.at(0).positions[1], (Vec3{1, 0, 0}));
+}
+
+TEST_F(ModelFiles, AnStlFarFromTheOriginIsNoted) {
+  const SceneDescription scene = load_scene(
+      write("far.stl",
+            "solid a\nfacet normal 0 0 1\nouter loop\nvertex 10000000 0 0\n"
+            "vertex 10000008 0 0\nvertex 10000000 8 0\nendloop\nendfacet\nendsolid a\n"));
+  EXPECT_THAT(scene.notes, Contains(HasSubstr("single precision")));
+}
+
+TEST_F(ModelFiles, MtlStatesMetallicRoughness) {
+  write("skin.png", test::small_png());
+  write("paint.mtl",
+        "newmtl paint\nKd 0.5 0.25 0.125\nPr 0.375\nPm 0.75\nKe 2 1 0\n"
+        "map_Pr skin.png\nnorm skin.png\nmap_Ke skin.png\n");
+  const SceneDescription scene =
+      load_scene(write("model.obj", "mtllib paint.mtl\n" + kTriangle + "usemtl paint\n" + kFace));
+  const Material& material = scene.materials.at(static_cast<size_t>(scene.meshes.at(0).material));
+  ASSERT_TRUE(material.pbr);
+  EXPECT_EQ(material.pbr->base_colour, (Vec3{0.5, 0.25, 0.125}));
+  EXPECT_NEAR(material.pbr->roughness, 0.375, 1e-6);
+  EXPECT_NEAR(material.pbr->metallic, 0.75, 1e-6);
+  expect_near(material.pbr->emission, {2, 1, 0}, 1e-6);
+  EXPECT_TRUE(material.pbr->double_sided);
+  ASSERT_GE(material.pbr->normal_texture.texture, 0);
+  ASSERT_GE(material.pbr->emission_texture.texture, 0);
+  ASSERT_GE(material.pbr->metallic_roughness_texture.texture, 0);
+  const Texture& rough =
+      *scene.textures[static_cast<size_t>(material.pbr->metallic_roughness_texture.texture)];
+  EXPECT_NEAR(rough.rgba[13], 188.0 / 255.0, 1e-6) << "roughness in green, as data";
+  EXPECT_EQ(rough.rgba[14], 1.0F) << "no texture of metalness";
+  EXPECT_THAT(scene.meshes[0].tangents, SizeIs(3)) << "for the normal texture";
+}
+
+TEST_F(ModelFiles, AClassicMtlHasNoMetallicRoughness) {
+  write("paint.mtl", "newmtl paint\nKd 0.5 0.25 0.125\nKs 0.1 0.1 0.1\nNs 20\nillum 2\n");
+  const SceneDescription scene =
+      load_scene(write("model.obj", "mtllib paint.mtl\n" + kTriangle + "usemtl paint\n" + kFace));
+  EXPECT_FALSE(scene.materials.at(static_cast<size_t>(scene.meshes.at(0).material)).pbr);
+}
+
+TEST_F(ModelFiles, VertexColoursOfAnObjAreShown) {
+  const SceneDescription scene =
+      load_scene(write("coloured.obj", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n"));
+  const TriangleMesh& mesh = scene.meshes.at(0);
+  ASSERT_THAT(mesh.colours, SizeIs(3));
+  EXPECT_THAT(mesh.colours[1], ElementsAre(0.0F, 1.0F, 0.0F, 1.0F));
+  EXPECT_TRUE(scene.materials.at(static_cast<size_t>(mesh.material)).pbr);
+}
+
+// ---- file names
+
+TEST_F(ModelFiles, NamesMayDifferInTheCaseOfLetters) {
+  write("Textures/Wood.PNG", test::small_png());
+  write("Paint.MTL", "newmtl paint\nKd 1 1 1\nmap_Kd textures\\wood.png\n");
+  const SceneDescription scene =
+      load_scene(write("model.obj", "mtllib paint.mtl\n" + kTriangle + "usemtl paint\n" + kFace));
+  EXPECT_THAT(scene.textures, SizeIs(1)) << ::testing::PrintToString(scene.notes);
+}
+
+TEST_F(ModelFiles, AnExactNameComesFirst) {
+  write("a.png", "1");
+  write("A.png", "2");
+  EXPECT_EQ(named_file(folder_, "A.png"), folder_ / "A.png");
+  EXPECT_EQ(named_file(folder_, "a.png"), folder_ / "a.png");
+}
+
+TEST_F(ModelFiles, NamesMayBePercentEncoded) {
+  write("two words.png", "1");
+  EXPECT_EQ(named_file(folder_, "two%20words.png"), folder_ / "two words.png");
+}
+
+TEST_F(ModelFiles, APathOfAnotherMachineIsFoundBesideTheScene) {
+  write("wood.png", "1");
+  EXPECT_EQ(named_file(folder_, "C:\\models\\wood.png"), folder_ / "wood.png");
+}
+
+TEST_F(ModelFiles, AGltfReadsItsBufferAndPictureBesideIt) {
+  test::GltfModel model;
+  write("Data/model.bin", model.buffer());
+  write("two words.png", test::small_png());
+  model.json["images"] = {{{"uri", "two%20words.png"}}};
+  model.json["textures"] = {{{"source", 0}}};
+  model.material()["pbrMetallicRoughness"] = {{"baseColorTexture", {{"index", 0}}}};
+  nlohmann::json whole = model.json;
+  whole["buffers"] = {{{"uri", "Data/model.bin"}, {"byteLength", model.buffer().size()}}};
+  const SceneDescription scene = load_scene(write("model.gltf", whole.dump()));
+  EXPECT_THAT(scene.textures, SizeIs(1)) << ::testing::PrintToString(scene.notes);
+  EXPECT_THAT(scene.meshes.at(0).positions, SizeIs(4));
+}
+
+// ---- up axes
+
+const std::string kPly =
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    "0 0 0\n1 0 0\n0 0 2\n3 0 1 2\n";
+
+TEST_F(ModelFiles, PlyAndStlHaveZUpByHabit) {
+  const SceneDescription ply = load_scene(write("up.ply", kPly));
+  expect_near(ply.meshes.at(0).positions[2], {0, 2, 0}, 1e-9);
+  EXPECT_THAT(ply.notes, Contains(HasSubstr("z is taken as up")));
+  const SceneDescription stl =
+      load_scene(write("up.stl",
+                       "solid a\nfacet normal 0 1 0\nouter loop\nvertex 0 0 0\nvertex 0 0 3\n"
+                       "vertex 1 0 0\nendloop\nendfacet\nendsolid a\n"));
+  expect_near(stl.meshes.at(0).positions[1], {0, 3, 0}, 1e-9);
+}
+
+template <class T>
+void append(std::string& to, std::initializer_list<T> values) {
+  for (const T value : values)
+    to.append(reinterpret_cast<const char*>(&value), sizeof value);  // files are little endian
+}
+
+/// Returns a chunk of a 3DS file: number, length, content.
+std::string chunk(uint16_t number, const std::string& content) {
+  std::string bytes;
+  append<uint16_t>(bytes, {number});
+  append<uint32_t>(bytes, {static_cast<uint32_t>(content.size() + 6)});
+  return bytes + content;
+}
+
+TEST_F(ModelFiles, A3dsHasZUpWhateverItsLoaderDoes) {
+  std::string vertices;
+  append<uint16_t>(vertices, {3});
+  append<float>(vertices, {0, 0, 0, 1, 0, 0, 0, 0, 4});
+  std::string faces;
+  append<uint16_t>(faces, {1, 0, 1, 2, 0});
+  const std::string mesh = chunk(0x4100, chunk(0x4110, vertices) + chunk(0x4120, faces));
+  const std::filesystem::path file =
+      write("up.3ds", chunk(0x4D4D, chunk(0x3D3D, chunk(0x4000, std::string("a\0", 2) + mesh))));
+  const auto highest = [&](const LoadOptions& options) {
+    const SceneDescription scene = load_scene(file, options);
+    double high = 0.0;
+    for (const Vec3& p : scene.meshes.at(0).positions) high = std::max(high, p.y);
+    return high;
+  };
+  EXPECT_NEAR(highest({}), 4.0, 1e-6);
+  EXPECT_NEAR(highest({.up = UpAxis::Z}), 4.0, 1e-6);
+  EXPECT_NEAR(highest({.up = UpAxis::X}), 1.0, 1e-6);
+  EXPECT_NEAR(highest({.up = UpAxis::Y}), 0.0, 1e-6);
+}
+
+TEST_F(ModelFiles, FaceColoursOfABinaryStlAreShown) {
+  std::string file(80, '\0');
+  append<uint32_t>(file, {2});
+  for (const uint16_t colour : std::initializer_list<uint16_t>{0xFFFF, 0x8000}) {  // white, black
+    append<float>(file, {0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0});
+    append<uint16_t>(file, {colour});
+  }
+  const SceneDescription scene = load_scene(write("coloured.stl", file));
+  const TriangleMesh& mesh = scene.meshes.at(0);
+  ASSERT_THAT(mesh.colours, SizeIs(6));
+  EXPECT_EQ(mesh.colours[0][1], 1.0F);
+  EXPECT_EQ(mesh.colours[5][1], 0.0F);
+  EXPECT_TRUE(scene.materials.at(static_cast<size_t>(mesh.material)).pbr);
+}
+
+TEST_F(ModelFiles, AnObjHasYUpWithANote) {
+  const SceneDescription scene = load_scene(write("up.obj", kTriangle + kFace));
+  expect_near(scene.meshes.at(0).positions[2], {0, 1, 0}, 1e-9);
+  EXPECT_THAT(scene.notes, Contains(HasSubstr("--up z")));
+}
+
+TEST_F(ModelFiles, TheUserMayStateTheUpAxis) {
+  const std::filesystem::path ply = write("up.ply", kPly);
+  const auto third = [&](const char* axis) {
+    const SceneDescription scene = load_scene(ply, {.up = up_axis_named(axis)});
+    EXPECT_THAT(scene.notes, IsEmpty());
+    return scene.meshes.at(0).positions[2];
+  };
+  expect_near(third("y"), {0, 0, 2}, 1e-9);
+  expect_near(third("z"), {0, 2, 0}, 1e-9);
+  expect_near(third("-z"), {0, -2, 0}, 1e-9);
+  EXPECT_THAT(error_of([] { (void)up_axis_named("up"); }).what(), HasSubstr("--up 'up'"));
+}
+
+TEST(UpAxis, EveryAxisPointsUpAfterTheTurn) {
+  const std::vector<std::pair<const char*, Vec3>> axes{{"x", {1, 0, 0}},   {"y", {0, 1, 0}},
+                                                       {"z", {0, 0, 1}},   {"-x", {-1, 0, 0}},
+                                                       {"-y", {0, -1, 0}}, {"-z", {0, 0, -1}}};
+  for (const auto& [name, axis] : axes) {
+    SceneDescription scene;
+    Sphere sphere;
+    sphere.centre = axis;
+    scene.spheres = {sphere};
+    TriangleMesh mesh;
+    mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    mesh.triangles = {{0, 1, 2}};
+    mesh.normals = {{0, 0, 1}, {0, 0, 1}, {0, 0, 1}};
+    scene.meshes = {mesh};
+    turn_upright(scene, up_axis_named(name));
+    expect_near(scene.spheres[0].centre, {0, 1, 0}, 1e-12);
+    const auto& p = scene.meshes[0].positions;
+    expect_near(cross(p[1], p[2]), scene.meshes[0].normals[0], 1e-12);
+  }
+}
+
+TEST(UpAxis, TurnsNodesThatMove) {
+  test::GltfModel model;
+  model.animate(0, "translation", {0, 1}, {0, 0, 0, 0, 0, 2}, "VEC3");
+  const auto file =
+      std::filesystem::path(::testing::TempDir()) / ("up-" + std::to_string(::getpid()) + ".glb");
+  const std::vector<uint8_t> bytes = model.glb();
+  std::ofstream(file, std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()),
+             static_cast<std::streamsize>(bytes.size()));
+  const SceneDescription scene = load_scene(file, {.up = UpAxis::Z});
+  std::filesystem::remove(file);
+  expect_near(at_time(scene, 1.0).meshes.at(0).positions[0], {0, 2, 0}, 1e-6);
+  expect_near(at_time(scene, 0.0).meshes.at(0).positions[2], {1, 0, -1}, 1e-6);
+}
+
+}  // namespace
+}  // namespace lenticule::render
