@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/scene/studio_light.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace lenticule::render {
+namespace {
+
+/// SoftBox is a rectangle of light on the plane that touches the unit sphere at `towards`. Its edges
+/// fade over `edge` on each side.
+struct SoftBox {
+  Vec3 towards;
+  double half_width;
+  double half_height;
+  double edge;
+  double light;
+};
+
+constexpr std::array<SoftBox, 5> kBoxes{{
+    {{-0.62, 0.45, 0.64}, 0.42, 0.42, 0.12, 5.0},   // key, upper left before the model
+    {{0.80, 0.10, 0.60}, 0.22, 0.60, 0.10, 3.5},    // strip, right
+    {{0.00, 1.00, 0.00}, 0.80, 0.50, 0.20, 1.6},    // ceiling
+    {{0.70, 0.35, -0.62}, 0.30, 0.50, 0.10, 3.0},   // rim, right behind the model
+    {{-0.85, 0.10, -0.52}, 0.18, 0.60, 0.10, 3.0},  // rim, left behind the model
+}};
+
+constexpr double kFloor = 0.60;
+constexpr double kCeiling = 0.85;
+/// Sets the light of a white matt surface that faces the viewer to 1.
+constexpr double kExposure = 0.6087;
+
+double smooth_step(double low, double high, double v) {
+  const double t = std::clamp((v - low) / (high - low), 0.0, 1.0);
+  return t * t * (3.0 - 2.0 * t);
+}
+
+double box_light(const SoftBox& box, Vec3 direction) {
+  const Vec3 towards = normalized(box.towards);
+  const double along = dot(direction, towards);
+  if (along <= 0.0) return 0.0;
+  const Vec3 upright = std::abs(towards.y) > 0.99 ? Vec3{0, 0, -1} : Vec3{0, 1, 0};
+  const Vec3 right = normalized(cross(upright, towards));
+  const double x = std::abs(dot(direction, right)) / along;
+  const double y = std::abs(dot(direction, cross(towards, right))) / along;
+  return box.light * (1.0 - smooth_step(box.half_width - box.edge, box.half_width + box.edge, x)) *
+         (1.0 - smooth_step(box.half_height - box.edge, box.half_height + box.edge, y));
+}
+
+}  // namespace
+
+double studio_light(Vec3 direction) {
+  double light = kFloor + (kCeiling - kFloor) * smooth_step(-1.0, 1.0, direction.y);
+  for (const SoftBox& box : kBoxes) light += box_light(box, direction);
+  return light * kExposure;
+}
+
+}  // namespace lenticule::render

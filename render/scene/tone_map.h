@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tone maps compress the light of a scene into the range that a panel shows.
+#pragma once
+
+#include <string>
+
+#include "optics/vec.h"
+
+namespace lenticule::render {
+
+enum class ToneMap {
+  None,        ///< light above 1 is clipped
+  PbrNeutral,  ///< of Khronos: keeps base colours, compresses highlights
+  Aces,        ///< fit of the ACES reference transforms by Stephen Hill, as in three.js
+};
+
+/// Returns the tone map named none, pbr-neutral or aces. Throws Error(Usage) for other names.
+[[nodiscard]] ToneMap tone_map_named(const std::string& name);
+
+/// Maps linear light to linear light that the panel shows. All three channels of the result depend
+/// on all three of `light`.
+[[nodiscard]] Vec3 tone_mapped(ToneMap map, Vec3 light);
+
+/// Returns the light that tone_mapped() maps to `shown`, a colour between 0 and 1; the nearest such
+/// light for colours that the map does not reach.
+[[nodiscard]] Vec3 light_shown_as(ToneMap map, Vec3 shown);
+
+}  // namespace lenticule::render
