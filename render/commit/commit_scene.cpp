@@ -147,8 +147,8 @@ class Committer {
   void add_materials() {
     scene_.materials = description_.materials;
     if (scene_.materials.empty()) scene_.materials.emplace_back();
-    is_pbr_ = std::ranges::any_of(scene_.materials,
-                                  [](const Material& m) { return m.pbr != nullptr; });
+    is_pbr_ =
+        std::ranges::any_of(scene_.materials, [](const Material& m) { return m.pbr != nullptr; });
     for (Material& m : scene_.materials) {
       const std::string object = fmt::format("material '{}'", m.name);
       if (m.pbr) {
@@ -200,7 +200,8 @@ class Committer {
                 m.iridescence_thickness_min, m.iridescence_thickness_max, m.anisotropy,
                 m.anisotropy_rotation},
             [](double v) { return std::isfinite(v); });
-    if (!finite || !(m.attenuation_distance > 0.0)) refuse(object, "has a value that is not finite");
+    if (!finite || !(m.attenuation_distance > 0.0))
+      refuse(object, "has a value that is not finite");
     if (m.ior < 0.0) refuse(object, fmt::format("has a refraction index of {}", m.ior));
   }
 
@@ -212,8 +213,8 @@ class Committer {
   void set_pbr_backdrop(const Surroundings& surroundings) {
     Backdrop& backdrop = scene_.backdrop;
     const bool is_lit_by_pictures = has_studio() || backdrop.environment;
-    backdrop.tone_map = surroundings.tone_map.value_or(is_lit_by_pictures ? ToneMap::PbrNeutral
-                                                                          : ToneMap::None);
+    backdrop.tone_map =
+        surroundings.tone_map.value_or(is_lit_by_pictures ? ToneMap::PbrNeutral : ToneMap::None);
     // Files that state no background have a black one.
     if (has_studio() && !surroundings.background && description_.background == Vec3{})
       backdrop.colour = kStudioBackground;

@@ -143,7 +143,7 @@ class PacketTracer {
   std::vector<Generation> generations_;
   Lanes lanes_;
   std::unique_ptr<PbrTracer> pbr_;  ///< created when needed
-  LightMemory* memory_ = nullptr;  ///< null unless a NotingTracer traces
+  LightMemory* memory_ = nullptr;   ///< null unless a NotingTracer traces
   FrameCounts counts_;
   WorkClock clock_;
 };

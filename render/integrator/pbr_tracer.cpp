@@ -76,10 +76,9 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
     if (packet.valid[r] == 0 || packet.rays.hit.geomID[r] == RTC_INVALID_GEOMETRY_ID) continue;
     lanes |= kLaneBit[r];
     const RTCRay16& ray = packet.rays.ray;
-    paths_[r] = {
-        .origin = {double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}},
-        .direction = normalized(
-            Vec3{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}})};
+    paths_[r] = {.origin = {double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}},
+                 .direction = normalized(
+                     Vec3{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}})};
   }
   const uint32_t all = lanes;
   const RayPacket* met = &packet;
@@ -137,19 +136,18 @@ bool PbrTracer::meet(const View& view, const RayPacket& packet, size_t lane) {
     leave(view, path);
     return false;
   }
-  const double stretch = length(Vec3{double{ray.dir_x[lane]}, double{ray.dir_y[lane]}, double{ray.dir_z[lane]}});
+  const double stretch =
+      length(Vec3{double{ray.dir_x[lane]}, double{ray.dir_y[lane]}, double{ray.dir_z[lane]}});
   Lit& lit = lit_[lane];
-  lit.surface =
-      surface_at(view.scene, {.origin = path.origin, .direction = path.direction},
-                 {.geometry = packet.rays.hit.geomID[lane],
-                  .primitive = packet.rays.hit.primID[lane],
-                  .distance = static_cast<float>(double{ray.tfar[lane]} * stretch)});
+  lit.surface = surface_at(view.scene, {.origin = path.origin, .direction = path.direction},
+                           {.geometry = packet.rays.hit.geomID[lane],
+                            .primitive = packet.rays.hit.primID[lane],
+                            .distance = static_cast<float>(double{ray.tfar[lane]} * stretch)});
   const Surface& surface = lit.surface;
   const PbrMaterial& material = *surface.material->pbr;
   if (path.medium != nullptr)
-    path.weight = path.weight *
-                  attenuation(*path.medium,
-                              length(surface.point - path.origin) / view.scene.units_per_world);
+    path.weight = path.weight * attenuation(*path.medium, length(surface.point - path.origin) /
+                                                              view.scene.units_per_world);
   if (!surface.outer_side && is_volume(material)) {
     if (path.medium != nullptr) return exit(view, surface, path);
     if (!material.double_sided) return pass(surface, path);
@@ -190,8 +188,9 @@ bool PbrTracer::bend(const View& view, const Surface& surface, std::optional<Vec
   const Vec3 normal = surface.geometric_normal;
   if (largest(path.weight) < kLeastWeight) return false;
   path.origin = spawn_point(surface, through ? Side::Far : Side::Viewer);
-  path.direction = through ? *through
-                           : normalized(path.direction - normal * (2.0 * dot(path.direction, normal)));
+  path.direction = through
+                       ? *through
+                       : normalized(path.direction - normal * (2.0 * dot(path.direction, normal)));
   if (path.bends++ < most_bends_) return true;
   leave(view, path);
   return false;
@@ -222,8 +221,8 @@ bool PbrTracer::enter(const View& view, const Surface& surface, const PbrSurface
 /// All light leaves a volume, or none where it is mirrored totally: as in viewers, what the inner
 /// side mirrors is left out.
 bool PbrTracer::exit(const View& view, const Surface& surface, Path& path) const {
-  const auto out = through(surface, surface.shading_normal, path.direction,
-                           std::max(path.medium->ior, 1e-3));
+  const auto out =
+      through(surface, surface.shading_normal, path.direction, std::max(path.medium->ior, 1e-3));
   if (out) path.medium = nullptr;
   return bend(view, surface, out, path);
 }
@@ -237,8 +236,7 @@ Vec3 PbrTracer::shadow_ray(const View& view, size_t light, size_t lane, FrameCou
   shadow_.tfar[lane] = 0.0F;
   if (!lit.shader) return {};
   const Vec3 start = spawn_point(lit.surface, Side::Viewer);
-  const Arrival at =
-      arrival(view.pbr.unit_lights()[light], start, view.scene.units_per_world, 0);
+  const Arrival at = arrival(view.pbr.unit_lights()[light], start, view.scene.units_per_world, 0);
   if (at.intensity == 0.0) return {};
   const Vec3 brings = lit.weight * view.scene.lights[light].colour *
                       lit.shader->of_light(at.toward_light) * at.intensity;
@@ -283,10 +281,9 @@ Vec3 light_arriving(const Scene& scene, Vec3 origin, Vec3 direction, double far)
     ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     intersect1(scene.embree.get(), ray);
     if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return share;
-    const Surface surface = surface_at(scene, {.origin = origin, .direction = direction},
-                                       {.geometry = ray.hit.geomID,
-                                        .primitive = ray.hit.primID,
-                                        .distance = ray.ray.tfar});
+    const Surface surface = surface_at(
+        scene, {.origin = origin, .direction = direction},
+        {.geometry = ray.hit.geomID, .primitive = ray.hit.primID, .distance = ray.ray.tfar});
     share = share * scene.pbr->passed(surface);
     if (largest(share) < kLeastWeight) return {};
     const Vec3 next = spawn_point(surface, Side::Far);
@@ -332,8 +329,7 @@ void PbrTracer::add_lights(const View& view, FrameCounts& counts, WorkClock& clo
 
 void require_supported(const Scene& scene, const RenderOptions& options) {
   if (scene.pbr == nullptr || !options.soft.any()) return;
-  throw Error(ErrorKind::Usage,
-              "sampled light: not supported for metallic-roughness materials",
+  throw Error(ErrorKind::Usage, "sampled light: not supported for metallic-roughness materials",
               "render without --soft-shadows, --occlusion and --environment-light; the environment "
               "lights such materials anyway");
 }

@@ -36,9 +36,9 @@ class PbrTracer {
   /// Path is the state of one lane's ray.
   struct Path {
     Vec3 origin{};
-    Vec3 direction{};      ///< unit
-    Vec3 weight{1, 1, 1};  ///< share of the light ahead that reaches the viewer
-    Vec3 light{};          ///< light so far
+    Vec3 direction{};                     ///< unit
+    Vec3 weight{1, 1, 1};                 ///< share of the light ahead that reaches the viewer
+    Vec3 light{};                         ///< light so far
     const PbrMaterial* medium = nullptr;  ///< volume that the ray is in
     double roughness = 0.0;               ///< of the surfaces that transmitted the ray
     int bends = 0;
@@ -52,8 +52,8 @@ class PbrTracer {
   };
   struct View;
 
-  /// Computes the surface that a lane met, and its light except that of lights. Returns false if the
-  /// path ends there.
+  /// Computes the surface that a lane met, and its light except that of lights. Returns false if
+  /// the path ends there.
   bool meet(const View& view, const RayPacket& packet, size_t lane);
   // Each moves a path on from a surface, and returns false if the path ends.
 

@@ -29,9 +29,7 @@ int ceiling_quotient(int a, int b) {
 }  // namespace
 
 TilePlan::TilePlan(const optics::Rig& rig)
-    : width_(rig.panel.width_px),
-      height_(rig.panel.height_px),
-      beam_(beam_of(rig)) {
+    : width_(rig.panel.width_px), height_(rig.panel.height_px), beam_(beam_of(rig)) {
   // If the three subpixels of a pixel are not thirds of a row, columns move by whole pixels.
   const int step = subpixels_are_side_by_side(rig.panel.layout) ? 1 : 3;
   for (int row = 0; row < kRows; ++row)

@@ -112,7 +112,7 @@ struct Scene {
   std::unique_ptr<const ShadingTables> shading;  ///< shading tables of all members above
   /// Set if any material is metallic-roughness. Then all are: others are converted.
   std::unique_ptr<const PbrScene> pbr;
-  std::unique_ptr<const PrimitiveTree> tree;     ///< null if too large
+  std::unique_ptr<const PrimitiveTree> tree;  ///< null if too large
   std::unique_ptr<ShaftProofs> proofs;  ///< filled while frames are rendered; null if too large
 
   /// Returns null for a triangle that is not wide.

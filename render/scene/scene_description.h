@@ -15,8 +15,8 @@
 
 namespace lenticule::render {
 
-/// Texture holds the texels of a picture, rows from the top: either `codes` or `rgba`, four channels
-/// each.
+/// Texture holds the texels of a picture, rows from the top: either `codes` or `rgba`, four
+/// channels each.
 struct Texture {
   int width = 0;
   int height = 0;

@@ -64,15 +64,29 @@ class SceneMixer : public WordMixer {
   void add(const PbrMaterial& m) {
     add(static_cast<int>(m.alpha_mode));
     for (const bool flag : {m.double_sided, m.unlit}) add(flag);
-    for (const double number :
-         {m.alpha, m.metallic, m.roughness, m.normal_scale, m.occlusion_strength, m.alpha_cutoff,
-          m.ior, m.specular, m.clearcoat, m.clearcoat_roughness, m.sheen_roughness, m.transmission,
-          m.thickness, m.attenuation_distance, m.iridescence, m.iridescence_ior,
-          m.iridescence_thickness_min, m.iridescence_thickness_max, m.anisotropy,
-          m.anisotropy_rotation})
+    for (const double number : {m.alpha,
+                                m.metallic,
+                                m.roughness,
+                                m.normal_scale,
+                                m.occlusion_strength,
+                                m.alpha_cutoff,
+                                m.ior,
+                                m.specular,
+                                m.clearcoat,
+                                m.clearcoat_roughness,
+                                m.sheen_roughness,
+                                m.transmission,
+                                m.thickness,
+                                m.attenuation_distance,
+                                m.iridescence,
+                                m.iridescence_ior,
+                                m.iridescence_thickness_min,
+                                m.iridescence_thickness_max,
+                                m.anisotropy,
+                                m.anisotropy_rotation})
       add(number);
-    for (const Vec3& colour : {m.base_colour, m.emission, m.specular_colour, m.sheen_colour,
-                               m.attenuation_colour})
+    for (const Vec3& colour :
+         {m.base_colour, m.emission, m.specular_colour, m.sheen_colour, m.attenuation_colour})
       add(colour);
     for (const TextureUse& use :
          {m.base_colour_texture, m.metallic_roughness_texture, m.normal_texture,

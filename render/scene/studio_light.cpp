@@ -8,8 +8,8 @@
 namespace lenticule::render {
 namespace {
 
-/// SoftBox is a rectangle of light on the plane that touches the unit sphere at `towards`. Its edges
-/// fade over `edge` on each side.
+/// SoftBox is a rectangle of light on the plane that touches the unit sphere at `towards`. Its
+/// edges fade over `edge` on each side.
 struct SoftBox {
   Vec3 towards;
   double half_width;

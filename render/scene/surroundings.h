@@ -15,10 +15,10 @@ namespace lenticule::render {
 
 /// Surroundings holds environment options that add to or replace the scene file's.
 struct Surroundings {
-  std::optional<Vec3> background;  ///< replaces the scene's background
-  bool sky = false;                ///< vertical gradient instead of a flat background
-  std::string environment_file;    ///< latitude-longitude picture, empty = none
-  bool ground = false;             ///< adds a plane under the scene
+  std::optional<Vec3> background{};  ///< replaces the scene's background
+  bool sky = false;                  ///< vertical gradient instead of a flat background
+  std::string environment_file{};    ///< latitude-longitude picture, empty = none
+  bool ground = false;               ///< adds a plane under the scene
   Vec3 ground_colour{0.5, 0.5, 0.5};
   /// Of scenes with metallic-roughness materials. Default: ToneMap::PbrNeutral in the light of the
   /// studio, otherwise none.

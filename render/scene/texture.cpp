@@ -62,7 +62,8 @@ const std::array<float, 256>& light_of_codes() {
 
 bool is_complete(const Texture& texture) {
   if (texture.width <= 0 || texture.height <= 0) return false;
-  const size_t values = 4 * static_cast<size_t>(texture.width) * static_cast<size_t>(texture.height);
+  const size_t values =
+      4 * static_cast<size_t>(texture.width) * static_cast<size_t>(texture.height);
   return texture.codes.empty() ? texture.rgba.size() == values
                                : texture.codes.size() == values && texture.rgba.empty();
 }
@@ -91,7 +92,8 @@ bool same_texture(const std::shared_ptr<const Texture>& a,
                   const std::shared_ptr<const Texture>& b) {
   if (a == b) return true;
   return a && b && a->width == b->width && a->height == b->height && a->repeat_u == b->repeat_u &&
-         a->repeat_v == b->repeat_v && a->mirror_u == b->mirror_u && a->mirror_v == b->mirror_v && a->rgba == b->rgba && a->codes == b->codes;
+         a->repeat_v == b->repeat_v && a->mirror_u == b->mirror_u && a->mirror_v == b->mirror_v &&
+         a->rgba == b->rgba && a->codes == b->codes;
 }
 
 }  // namespace lenticule::render

@@ -52,24 +52,24 @@ Vec3 before_neutral(Vec3 shown) {
     lowered = (lowered - white * (1.0 - kept)) * (before / (peak * kept));
   }
   const double low = smallest(lowered);
-  const double floor =
-      low < kFloor ? std::sqrt(std::max(0.0, 4.0 * kFloor * low)) - low : kFloor;
+  const double floor = low < kFloor ? std::sqrt(std::max(0.0, 4.0 * kFloor * low)) - low : kFloor;
   return lowered + Vec3{floor, floor, floor};
 }
 
 // Hill's fit works in its own primaries; the columns of both matrices.
 constexpr Affine kAcesIn{
     {0.59719, 0.07600, 0.02840}, {0.35458, 0.90834, 0.13383}, {0.04823, 0.01566, 0.83777}, {}};
-constexpr Affine kAcesOut{
-    {1.60475, -0.10208, -0.00327}, {-0.53108, 1.10813, -0.07276}, {-0.07367, -0.00605, 1.07602}, {}};
+constexpr Affine kAcesOut{{1.60475, -0.10208, -0.00327},
+                          {-0.53108, 1.10813, -0.07276},
+                          {-0.07367, -0.00605, 1.07602},
+                          {}};
 constexpr double kAcesExposure = 1.0 / 0.6;
 // The curve (v^2 + a v - b) / (c v^2 + d v + e).
 constexpr double kA = 0.0245786, kB = 0.000090537, kC = 0.983729, kD = 0.4329510, kE = 0.238081;
 
 Vec3 aces(Vec3 light) {
-  const Vec3 curved = each(kAcesIn.vector(light * kAcesExposure), [](double v) {
-    return (v * (v + kA) - kB) / (v * (kC * v + kD) + kE);
-  });
+  const Vec3 curved = each(kAcesIn.vector(light * kAcesExposure),
+                           [](double v) { return (v * (v + kA) - kB) / (v * (kC * v + kD) + kE); });
   return each(kAcesOut.vector(curved), [](double v) { return std::clamp(v, 0.0, 1.0); });
 }
 

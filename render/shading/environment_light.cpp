@@ -56,9 +56,10 @@ std::vector<LobeSample> lobe_samples(double alpha) {
     if (light_cosine <= 0.0) continue;
     const double spread = cos_squared * (alpha * alpha - 1.0) + 1.0;
     const double density = alpha * alpha / (kPi * spread * spread) / 4.0;  // of the mirrored ray
-    samples.push_back({{2.0 * z * across * std::cos(turn), 2.0 * z * across * std::sin(turn), light_cosine},
-                       light_cosine,
-                       1.0 / (kSamples * density)});
+    samples.push_back(
+        {{2.0 * z * across * std::cos(turn), 2.0 * z * across * std::sin(turn), light_cosine},
+         light_cosine,
+         1.0 / (kSamples * density)});
   }
   return samples;
 }
@@ -77,7 +78,8 @@ Vec3 EnvironmentLight::Map::at(Vec3 way) const {
   const int x0 = (static_cast<int>(left) % width + width) % width, x1 = (x0 + 1) % width;
   const int y0 = static_cast<int>(above), y1 = std::min(y0 + 1, height - 1);
   const auto texel = [this](int x, int y) {
-    return Vec3(texels[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)]);
+    return Vec3(
+        texels[static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x)]);
   };
   const double s = column - left, t = row - above;
   return (texel(x0, y0) * (1.0 - s) + texel(x1, y0) * s) * (1.0 - t) +
@@ -97,8 +99,8 @@ EnvironmentLight::Map EnvironmentLight::Map::halved() const {
   return half;
 }
 
-/// Takes each sample from the copy of the map whose texels are about as large as the sample (Krivanek
-/// and Colbert, "Real-time Shading with Filtered Importance Sampling", 2008).
+/// Takes each sample from the copy of the map whose texels are about as large as the sample
+/// (Krivanek and Colbert, "Real-time Shading with Filtered Importance Sampling", 2008).
 EnvironmentLight::Map EnvironmentLight::filtered(const std::vector<Map>& light, double roughness) {
   const std::vector<LobeSample> lobe = lobe_samples(roughness * roughness);
   const double texel_angle =
@@ -108,14 +110,17 @@ EnvironmentLight::Map EnvironmentLight::filtered(const std::vector<Map>& light, 
   tbb::parallel_for(0, map.height, [&](int y) {
     for (int x = 0; x < map.width; ++x) {
       const Vec3 ahead = map.direction(x, y);
-      const Vec3 aside = normalized(cross(std::abs(ahead.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}, ahead));
+      const Vec3 aside =
+          normalized(cross(std::abs(ahead.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}, ahead));
       const Vec3 above = cross(ahead, aside);
       Vec3 sum;
       double weights = 0.0;
       for (const LobeSample& sample : lobe) {
-        const Vec3 d = aside * sample.direction.x + above * sample.direction.y + ahead * sample.direction.z;
+        const Vec3 d =
+            aside * sample.direction.x + above * sample.direction.y + ahead * sample.direction.z;
         // Texels are narrower toward the poles.
-        const double texel = texel_angle * std::max(0.05, std::sqrt(std::max(0.0, 1.0 - d.y * d.y)));
+        const double texel =
+            texel_angle * std::max(0.05, std::sqrt(std::max(0.0, 1.0 - d.y * d.y)));
         const double level = 0.5 * std::log2(sample.solid_angle / texel) + 0.5;
         const auto number = static_cast<size_t>(
             std::clamp(std::lround(level), 0L, static_cast<long>(light.size()) - 1));
@@ -169,12 +174,13 @@ EnvironmentLight::EnvironmentLight(Source source) : source_(std::move(source)) {
           sum += source_(direction_at((x + (i + 0.5) / kRaysPerSide) / sharp.width,
                                       (y + (j + 0.5) / kRaysPerSide) / sharp.height),
                          2.0 * kPi / (kRaysPerSide * kSourceWidth));
-      sharp.texels[static_cast<size_t>(y) * static_cast<size_t>(sharp.width) + static_cast<size_t>(x)] =
-          Vec3f(sum / (kRaysPerSide * kRaysPerSide));
+      sharp.texels[static_cast<size_t>(y) * static_cast<size_t>(sharp.width) +
+                   static_cast<size_t>(x)] = Vec3f(sum / (kRaysPerSide * kRaysPerSide));
     }
   });
   while (light.back().width > 8) light.push_back(light.back().halved());
-  const auto coarse = std::ranges::find_if(light, [](const Map& m) { return m.width <= kDiffuseWidth; });
+  const auto coarse =
+      std::ranges::find_if(light, [](const Map& m) { return m.width <= kDiffuseWidth; });
   diffuse_ = cosine_filtered(*coarse);
   for (int n = 1; n < kMaps; ++n)
     maps_.push_back(filtered(light, static_cast<double>(n) / (kMaps - 1)));

@@ -57,7 +57,8 @@ Covered covered(int texel, int size, int half) {
   const double begin = texel * step, end = begin + step;
   Covered out{.first = static_cast<int>(begin), .count = 0, .weights = {}};
   for (int n = out.first; n < size && n < end && out.count < 3; ++n)
-    out.weights[static_cast<size_t>(out.count++)] = (std::min(end, n + 1.0) - std::max(begin, n * 1.0)) / step;
+    out.weights[static_cast<size_t>(out.count++)] =
+        (std::min(end, n + 1.0) - std::max(begin, n * 1.0)) / step;
   return out;
 }
 
@@ -78,7 +79,8 @@ Ellipse ellipse_around(Vec2 a, Vec2 b) {
   // The product of both axes is the area, which the difference would lose to rounding.
   const double area = std::abs(a.x * b.y - a.y * b.x);
   out.minor = out.major > 0.0 ? area / out.major : 0.0;
-  const Vec2 axis = xx >= yy ? Vec2{0.5 * (xx - yy) + apart, xy} : Vec2{xy, 0.5 * (yy - xx) + apart};
+  const Vec2 axis =
+      xx >= yy ? Vec2{0.5 * (xx - yy) + apart, xy} : Vec2{xy, 0.5 * (yy - xx) + apart};
   const double size = std::hypot(axis.x, axis.y);
   if (size > 0.0) out.major_axis = {axis.x / size, axis.y / size};
   return out;
@@ -102,7 +104,8 @@ Neighbours neighbours(double coordinate, int size, bool repeat, bool mirror) {
   const int first = static_cast<int>(below);
   const double part = texel - below;
   if (!repeat) return {std::max(first, 0), std::min(first + 1, size - 1), part};
-  return {first < 0 ? size - 1 : std::min(first, size - 1), first + 1 >= size ? 0 : first + 1, part};
+  return {first < 0 ? size - 1 : std::min(first, size - 1), first + 1 >= size ? 0 : first + 1,
+          part};
 }
 
 }  // namespace
@@ -116,13 +119,15 @@ MipMaps::MipMaps(std::shared_ptr<const Texture> texture, Content content)
 MipMaps::LevelView MipMaps::level(size_t number) const {
   if (number == 0)
     return {texture_->width, texture_->height,
-            texture_->codes.empty() ? nullptr : texture_->codes.data(), texture_->rgba.data(), true};
+            texture_->codes.empty() ? nullptr : texture_->codes.data(), texture_->rgba.data(),
+            true};
   const Level& l = levels_[number - 1];
   return {l.width, l.height, l.codes.empty() ? nullptr : l.codes.data(), l.values.data(), false};
 }
 
 Value MipMaps::texel(const LevelView& from, int x, int y) const {
-  const size_t at = 4 * (static_cast<size_t>(y) * static_cast<size_t>(from.width) + static_cast<size_t>(x));
+  const size_t at =
+      4 * (static_cast<size_t>(y) * static_cast<size_t>(from.width) + static_cast<size_t>(x));
   Value value;
   for (size_t c = 0; c < 4; ++c) {
     if (from.codes == nullptr)
@@ -174,7 +179,8 @@ MipMaps::Level MipMaps::halved(const LevelView& from) const {
         for (int i = 0; i < columns.count; ++i)
           add(texel(from, columns.first + i, rows.first + j),
               rows.weights[static_cast<size_t>(j)] * columns.weights[static_cast<size_t>(i)], sum);
-      store(sum, static_cast<size_t>(y) * static_cast<size_t>(to.width) + static_cast<size_t>(x), to);
+      store(sum, static_cast<size_t>(y) * static_cast<size_t>(to.width) + static_cast<size_t>(x),
+            to);
     }
   });
   return to;
@@ -184,13 +190,12 @@ Value MipMaps::bilinear(const LevelView& from, Vec2 at) const {
   const Neighbours x = neighbours(at.x, from.width, texture_->repeat_u, texture_->mirror_u);
   const Neighbours y = neighbours(at.y, from.height, texture_->repeat_v, texture_->mirror_v);
   return mixed(mixed(texel(from, x.first, y.first), texel(from, x.second, y.first), x.part),
-               mixed(texel(from, x.first, y.second), texel(from, x.second, y.second), x.part), y.part);
+               mixed(texel(from, x.first, y.second), texel(from, x.second, y.second), x.part),
+               y.part);
 }
 
 Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
-  const auto texels = [&](Vec2 v) {
-    return Vec2{v.x * texture_->width, v.y * texture_->height};
-  };
+  const auto texels = [&](Vec2 v) { return Vec2{v.x * texture_->width, v.y * texture_->height}; };
   const Ellipse area = ellipse_around(texels(footprint.across), texels(footprint.along));
   const auto last = static_cast<double>(levels_.size());
   const double width = std::max({area.minor, area.major / kMostProbes, 1.0});
@@ -205,8 +210,8 @@ Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
     return part > 0.0 ? mixed(value, bilinear(coarse, point), part) : value;
   };
   const double longer = area.major / std::exp2(depth);
-  const int probes =
-      longer < kMostProbes ? std::max(1, static_cast<int>(std::ceil(longer - 1e-6))) : static_cast<int>(kMostProbes);
+  const int probes = longer < kMostProbes ? std::max(1, static_cast<int>(std::ceil(longer - 1e-6)))
+                                          : static_cast<int>(kMostProbes);
   if (probes == 1 || !std::isfinite(area.major)) return trilinear(at);
   const Vec2 axis{area.major_axis.x * area.major / texture_->width,
                   area.major_axis.y * area.major / texture_->height};

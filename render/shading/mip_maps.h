@@ -30,9 +30,9 @@ class MipMaps {
 
   using Value = std::array<double, 4>;
   /// Returns the mean over the footprint around (u, v): several trilinear lookups along its longer
-  /// axis. Repeats or extends the texture as Texture states. For normal maps the first three channels
-  /// are the mean vector, which is the shorter the more the vectors differ. Non-finite coordinates
-  /// count as 0.
+  /// axis. Repeats or extends the texture as Texture states. For normal maps the first three
+  /// channels are the mean vector, which is the shorter the more the vectors differ. Non-finite
+  /// coordinates count as 0.
   [[nodiscard]] Value value(Vec2 at, const TextureFootprint& footprint) const;
 
   [[nodiscard]] const Texture& texture() const { return *texture_; }

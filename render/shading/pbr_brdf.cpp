@@ -70,9 +70,8 @@ double smith_lambda(double cosine, double alpha) {
 LocalVec visible_normal(LocalVec view, double alpha, double u, double v) {
   const LocalVec stretched = normalized(LocalVec{alpha * view.x, alpha * view.y, view.z});
   const double across = stretched.x * stretched.x + stretched.y * stretched.y;
-  const LocalVec t1 = across > 0.0
-                          ? LocalVec{-stretched.y, stretched.x, 0.0} / std::sqrt(across)
-                          : LocalVec{1, 0, 0};
+  const LocalVec t1 = across > 0.0 ? LocalVec{-stretched.y, stretched.x, 0.0} / std::sqrt(across)
+                                   : LocalVec{1, 0, 0};
   const LocalVec t2 = cross(stretched, t1);
   const double radius = std::sqrt(u), angle = 2.0 * kPi * v;
   const double p1 = radius * std::cos(angle);
@@ -132,10 +131,8 @@ double ggx_distribution(LocalVec half, double alpha_t, double alpha_b) {
 }
 
 double smith_visibility(LocalVec view, LocalVec light, double alpha_t, double alpha_b) {
-  const double by_view =
-      light.z * length(LocalVec{alpha_t * view.x, alpha_b * view.y, view.z});
-  const double by_light =
-      view.z * length(LocalVec{alpha_t * light.x, alpha_b * light.y, light.z});
+  const double by_view = light.z * length(LocalVec{alpha_t * view.x, alpha_b * view.y, view.z});
+  const double by_light = view.z * length(LocalVec{alpha_t * light.x, alpha_b * light.y, light.z});
   return 0.5 / (by_view + by_light);
 }
 
@@ -218,12 +215,11 @@ Vec3 film_reflectance(double film_ior, double view_cosine, double thickness_nm, 
       each_pair(under, kOne * ior, [](double a, double b) { return a < b ? kPi : 0.0; }) +
       kOne * back_shift;
   const double path_nm = 2.0 * ior * thickness_nm * inner_cosine;
-  const Vec3 both = each_pair(second, kOne * first, [](double a, double b) {
-    return std::clamp(a * b, 1e-5, 0.9999);
-  });
+  const Vec3 both = each_pair(second, kOne * first,
+                              [](double a, double b) { return std::clamp(a * b, 1e-5, 0.9999); });
   const Vec3 root = each_pair(both, {}, [](double a, double) { return std::sqrt(a); });
-  const Vec3 series = each_pair(second * (passed * passed), both,
-                                [](double a, double b) { return a / (1.0 - b); });
+  const Vec3 series =
+      each_pair(second * (passed * passed), both, [](double a, double b) { return a / (1.0 - b); });
   Vec3 light = series + kOne * first;
   Vec3 term = series - kOne * passed;
   for (int m = 1; m <= 2; ++m) {
@@ -239,9 +235,8 @@ Vec3 film_f0(double film_ior, double view_cosine, double thickness_nm, Vec3 base
   const Vec3 seen = film_reflectance(film_ior, view_cosine, thickness_nm, base_f0);
   // Solves Schlick's approximation with f90 = 1 for f0.
   const double grazing = std::min(0.9999, fifth_power(1.0 - std::clamp(view_cosine, 0.0, 1.0)));
-  return each_pair(seen, {grazing, grazing, grazing}, [](double f, double g) {
-    return std::clamp((f - g) / (1.0 - g), 0.0, 1.0);
-  });
+  return each_pair(seen, {grazing, grazing, grazing},
+                   [](double f, double g) { return std::clamp((f - g) / (1.0 - g), 0.0, 1.0); });
 }
 
 }  // namespace lenticule::render

@@ -63,8 +63,9 @@ std::shared_ptr<const EnvironmentLight> light_of(const std::shared_ptr<const Tex
 }
 
 const std::shared_ptr<const EnvironmentLight>& studio() {
-  static const auto light = std::make_shared<const EnvironmentLight>(
-      [](Vec3 direction, double) { return Vec3{1, 1, 1} * studio_light(direction); });
+  static const auto light = std::make_shared<const EnvironmentLight>([](Vec3 direction, double) {
+    return Vec3{1, 1, 1} * studio_light(direction);
+  });
   return light;
 }
 
@@ -99,8 +100,8 @@ double rougher(double roughness, double more) {
   return std::sqrt(std::sqrt(std::min(1.0, alpha * alpha + more)));
 }
 
-/// Returns the square of alpha of normals that have a mean vector of this length (Toksvig, "Mipmapping
-/// Normal Maps", 2005; the concentration is that of a von Mises-Fisher distribution).
+/// Returns the square of alpha of normals that have a mean vector of this length (Toksvig,
+/// "Mipmapping Normal Maps", 2005; the concentration is that of a von Mises-Fisher distribution).
 double spread_of_normals(double mean_length) {
   const double r = std::clamp(mean_length, 0.1, 1.0);
   return 2.0 * (1.0 - r * r) / (r * (3.0 - r * r));
@@ -129,8 +130,8 @@ PbrScene::PbrScene(const Scene& scene, bool has_studio)
   using enum MipMaps::Content;
   for (const Material& material : scene.materials) {
     const PbrMaterial& m = *material.pbr;
-    any_passes_ = any_passes_ || m.alpha_mode != PbrMaterial::AlphaMode::Opaque ||
-                  m.transmission > 0.0;
+    any_passes_ =
+        any_passes_ || m.alpha_mode != PbrMaterial::AlphaMode::Opaque || m.transmission > 0.0;
     inputs_.push_back({.base_colour = input(m.base_colour_texture, Colour),
                        .metallic_roughness = input(m.metallic_roughness_texture, Data),
                        .normal = input(m.normal_texture, Normals),
@@ -157,7 +158,8 @@ PbrScene::PbrScene(const Scene& scene, bool has_studio)
 
 void PbrScene::set_environment(bool has_studio) {
   const Backdrop& backdrop = scene_.backdrop;
-  frame_ = {.right = cross(backdrop.ahead, backdrop.up), .up = backdrop.up, .back = -backdrop.ahead};
+  frame_ = {
+      .right = cross(backdrop.ahead, backdrop.up), .up = backdrop.up, .back = -backdrop.ahead};
   if (backdrop.environment)
     environment_ = light_of(backdrop.environment);
   else if (backdrop.sky)
@@ -170,8 +172,8 @@ void PbrScene::set_environment(bool has_studio) {
 
 PbrScene::Input PbrScene::input(const TextureUse& use, MipMaps::Content content) {
   if (use.texture < 0) return {};
-  const auto& maps = maps_.emplace_back(
-      mip_maps_of(scene_.textures[static_cast<size_t>(use.texture)], content));
+  const auto& maps =
+      maps_.emplace_back(mip_maps_of(scene_.textures[static_cast<size_t>(use.texture)], content));
   return {.maps = maps.get(), .uv_set = use.uv_set, .uv_map = use.uv_map};
 }
 
@@ -255,8 +257,8 @@ std::optional<MipMaps::Value> PbrScene::value(const Input& input, const Place& p
                            {.across = side(place.across), .along = side(place.along)});
 }
 
-/// Vertex tangents where there are some, otherwise the directions in which the texture's u grows and
-/// its v falls (v points down, the bitangent up).
+/// Vertex tangents where there are some, otherwise the directions in which the texture's u grows
+/// and its v falls (v points down, the bitangent up).
 PbrScene::TangentFrame PbrScene::tangents(const Input& input, const Place& place) {
   const auto upright = [&](Vec3 tangent, double sign) -> TangentFrame {
     const Vec3 flat = tangent - place.normal * dot(tangent, place.normal);
@@ -287,8 +289,8 @@ Vec3 PbrScene::mapped_normal(const Input& input, double scale, const Place& plac
   const TangentFrame frame = tangents(input, place);
   const Vec3 mean = colour_of(*texel);
   const Vec3 scaled{mean.x * scale, mean.y * scale, mean.z};
-  const Vec3 turned = normalized(frame.tangent * scaled.x + frame.bitangent * scaled.y +
-                                 place.normal * scaled.z);
+  const Vec3 turned =
+      normalized(frame.tangent * scaled.x + frame.bitangent * scaled.y + place.normal * scaled.z);
   return turned == Vec3{} ? place.normal : turned * std::min(1.0, length(mean));
 }
 
@@ -329,7 +331,8 @@ Vec3 PbrScene::passed(const Surface& surface) const {
 PbrSurface PbrScene::surface(const Surface& at, Vec3 direction,
                              const RayFootprint& footprint) const {
   const PbrMaterial& m = *at.material->pbr;
-  const MaterialInputs& inputs = inputs_[static_cast<size_t>(at.material - scene_.materials.data())];
+  const MaterialInputs& inputs =
+      inputs_[static_cast<size_t>(at.material - scene_.materials.data())];
   const Place place = place_of(scene_, at, direction, footprint);
   const double side = at.outer_side ? 1.0 : -1.0;
   PbrSurface out{.material = &m};
@@ -386,9 +389,9 @@ PbrSurface PbrScene::surface(const Surface& at, Vec3 direction,
   if (p.iridescence > 0.0) {
     const auto texel = value(inputs.iridescence_thickness, place);
     p.iridescence_ior = m.iridescence_ior;
-    p.iridescence_nm = m.iridescence_thickness_min +
-                       (m.iridescence_thickness_max - m.iridescence_thickness_min) *
-                           (texel ? (*texel)[1] : 1.0);
+    p.iridescence_nm =
+        m.iridescence_thickness_min +
+        (m.iridescence_thickness_max - m.iridescence_thickness_min) * (texel ? (*texel)[1] : 1.0);
   }
   if (m.anisotropy == 0.0) {
     p.tangent = perpendicular(p.normal);

@@ -76,7 +76,7 @@ class PbrScene {
     Barycentric at{};
     Vec2 across{}, along{};
     Vec3 edge1{}, edge2{};
-    Vec3 normal{};  ///< shading normal, on the front
+    Vec3 normal{};      ///< shading normal, on the front
     double bend = 0.0;  ///< square of the angle by which the normal changes across the footprint
   };
   /// Unit vectors along the texture's axes, perpendicular to the normal, on the front.

@@ -72,9 +72,8 @@ PbrShader::PbrShader(const PbrPoint& point) : point_(point) {
   stronger_ = quotient(single_ + multiple_, single_);
   below_specular_ = 1.0 - largest(single_ + multiple_);
 
-  sheen_albedo_ = largest(point.sheen_colour) > 0.0
-                      ? sheen_albedo(view_cosine_, point.sheen_roughness)
-                      : 0.0;
+  sheen_albedo_ =
+      largest(point.sheen_colour) > 0.0 ? sheen_albedo(view_cosine_, point.sheen_roughness) : 0.0;
   below_sheen_ = 1.0 - largest(point.sheen_colour) * sheen_albedo_;
   coat_cosine_ = seen_cosine(point.coat_normal, point.view);
   if (point.clearcoat > 0.0) {
@@ -82,8 +81,7 @@ PbrShader::PbrShader(const PbrPoint& point) : point_(point) {
     coat_albedo_ = point.clearcoat * (kCoatF0.x * coat.scale + coat.bias);
   }
   below_coat_ = 1.0 - coat_albedo_;
-  diffuse_ = point.colour *
-             ((1.0 - point.metallic) * (1.0 - point.transmission) * below_specular_);
+  diffuse_ = point.colour * ((1.0 - point.metallic) * (1.0 - point.transmission) * below_specular_);
 }
 
 Vec3 PbrShader::of_light(Vec3 toward_light) const {
@@ -93,7 +91,8 @@ Vec3 PbrShader::of_light(Vec3 toward_light) const {
   const double cosine = dot(point_.normal, toward_light);
   if (cosine > 0.0) {
     const LocalVec light{dot(point_.tangent, toward_light), dot(bitangent_, toward_light), cosine};
-    const LocalVec facet{dot(point_.tangent, half), dot(bitangent_, half), dot(point_.normal, half)};
+    const LocalVec facet{dot(point_.tangent, half), dot(bitangent_, half),
+                         dot(point_.normal, half)};
     const double lobe = kPi * cosine * ggx_distribution(facet, alpha_t_, alpha_b_) *
                         smith_visibility(local_view_, light, alpha_t_, alpha_b_);
     const Vec3 fresnel = schlick(f0_, f90_, dot(point_.view, half));
@@ -134,14 +133,13 @@ Vec3 PbrShader::of_environment(const EnvironmentLight& light, const Frame& frame
   }
   // Rough lobes lean toward the normal.
   const double squared = point_.roughness * point_.roughness;
-  const Vec3 mirror =
-      mixed(mirrored(point_.view, around), point_.normal, squared * squared);
+  const Vec3 mirror = mixed(mirrored(point_.view, around), point_.normal, squared * squared);
   const Vec3 matt = light.diffuse(frame.from_scene(point_.normal));
-  const double mirror_share =
-      mirror_occlusion(point_.occlusion, view_cosine_, point_.roughness);
-  Vec3 sum = (matt * diffuse_ * point_.occlusion +
-              (mirrored_light(mirror, point_.roughness) * single_ + matt * multiple_) * mirror_share) *
-             below_sheen_;
+  const double mirror_share = mirror_occlusion(point_.occlusion, view_cosine_, point_.roughness);
+  Vec3 sum =
+      (matt * diffuse_ * point_.occlusion +
+       (mirrored_light(mirror, point_.roughness) * single_ + matt * multiple_) * mirror_share) *
+      below_sheen_;
   if (sheen_albedo_ > 0.0) sum += point_.sheen_colour * matt * (sheen_albedo_ * point_.occlusion);
   sum = sum * below_coat_;
   if (point_.clearcoat > 0.0)

@@ -47,7 +47,9 @@ class PbrShader {
   /// of the environment are map_from_scene times those of the scene frame.
   struct Frame {
     Vec3 right{1, 0, 0}, up{0, 1, 0}, back{0, 0, 1};
-    [[nodiscard]] Vec3 from_scene(Vec3 d) const { return {dot(right, d), dot(up, d), dot(back, d)}; }
+    [[nodiscard]] Vec3 from_scene(Vec3 d) const {
+      return {dot(right, d), dot(up, d), dot(back, d)};
+    }
   };
   [[nodiscard]] Vec3 of_environment(const EnvironmentLight& light, const Frame& frame) const;
   /// Returns the light that the surface emits.
@@ -63,9 +65,9 @@ class PbrShader {
   double coat_cosine_ = 1.0;
   double alpha_t_ = 1.0, alpha_b_ = 1.0;
   Vec3 f0_{}, f90_{};
-  Vec3 single_{};    ///< albedo of light that is reflected once
-  Vec3 multiple_{};  ///< of light that is reflected between microfacets
-  Vec3 stronger_{};  ///< (single + multiple) / single
+  Vec3 single_{};                ///< albedo of light that is reflected once
+  Vec3 multiple_{};              ///< of light that is reflected between microfacets
+  Vec3 stronger_{};              ///< (single + multiple) / single
   double below_specular_ = 1.0;  ///< share of the light that reaches the layer below the GGX lobe
   Vec3 diffuse_{};
   double sheen_albedo_ = 0.0;

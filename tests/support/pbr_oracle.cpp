@@ -119,7 +119,9 @@ Vec3 oracle_of_light(const PbrPoint& p, Vec3 toward_light) {
   double coat_albedo = 0.0, coat_light = 0.0;
   if (p.clearcoat > 0.0) {
     const Axes axes = around(p.coat_normal);
-    const auto on_coat = [&](Vec3 d) { return Vec3{dot(axes.x, d), dot(axes.y, d), dot(axes.z, d)}; };
+    const auto on_coat = [&](Vec3 d) {
+      return Vec3{dot(axes.x, d), dot(axes.y, d), dot(axes.z, d)};
+    };
     const Vec3 cv = on_coat(p.view), cl = on_coat(toward_light);
     const double a = p.clearcoat_roughness * p.clearcoat_roughness;
     coat_albedo = p.clearcoat * oracle_ggx_albedo(cv.z, p.clearcoat_roughness, 0.04, 1.0);

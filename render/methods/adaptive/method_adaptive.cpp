@@ -136,8 +136,8 @@ class AdaptiveMethod final : public Method {
 
  private:
   /// Returns method full, for metallic-roughness materials; for stages so flat or so deep that rays
-  /// leave the range of single precision, since method full checks each ray; and for frames of which
-  /// the audit rejects most bands.
+  /// leave the range of single precision, since method full checks each ray; and for frames of
+  /// which the audit rejects most bands.
   Method& full() {
     if (!full_) full_ = make_method_full(planes_.model(), full_options_);
     return *full_;

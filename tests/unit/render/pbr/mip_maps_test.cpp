@@ -78,8 +78,10 @@ TEST(MipMaps, FilterAlongTheFootprint) {
   const double texel = 1.0 / 64;
   const Vec2 on_stripe{11.5 * texel, 0.3};
   const Vec2 narrow_x{0.5 * texel, 0.0}, narrow_y{0.0, 0.5 * texel};
-  EXPECT_NEAR(maps.value(on_stripe, {.across = narrow_x, .along = {0.0, 12 * texel}})[0], 1.0, 0.01);
-  EXPECT_NEAR(maps.value(on_stripe, {.across = {12 * texel, 0.0}, .along = narrow_y})[0], 0.5, 0.06);
+  EXPECT_NEAR(maps.value(on_stripe, {.across = narrow_x, .along = {0.0, 12 * texel}})[0], 1.0,
+              0.01);
+  EXPECT_NEAR(maps.value(on_stripe, {.across = {12 * texel, 0.0}, .along = narrow_y})[0], 0.5,
+              0.06);
 }
 
 TEST(MipMaps, ChangeLittleFromFootprintToFootprint) {
@@ -87,7 +89,9 @@ TEST(MipMaps, ChangeLittleFromFootprintToFootprint) {
   double last = -1.0;
   for (double size = 0.2 / 64; size < 2.0; size *= 1.02) {
     const double value = maps.value({0.31, 0.62}, {.across = {size, 0}, .along = {0, size}})[0];
-    if (last >= 0.0) EXPECT_NEAR(value, last, 0.05) << size;
+    if (last >= 0.0) {
+      EXPECT_NEAR(value, last, 0.05) << size;
+    }
     last = value;
   }
 }
@@ -108,7 +112,8 @@ TEST(MipMaps, OfNormalsKnowHowMuchTheyDiffer) {
   const auto texture = codes(32, 32, [&](int x, int) {
     const double side = x % 2 == 0 ? tilt : -tilt;
     return std::array{static_cast<int>(std::lround(127.5 + 127.5 * side)), 128,
-                      static_cast<int>(std::lround(127.5 + 127.5 * std::sqrt(1 - tilt * tilt))), 255};
+                      static_cast<int>(std::lround(127.5 + 127.5 * std::sqrt(1 - tilt * tilt))),
+                      255};
   });
   const MipMaps maps(texture, Normals);
   const auto length_at = [&](double size) {
@@ -131,7 +136,8 @@ TEST(MipMaps, TakeAnyNumbers) {
       }
 }
 
-/// Ten textures of 4096 x 4096 texels fit into 2.5 GB: a texture takes 64 MiB, its levels a third of that.
+/// Ten textures of 4096 x 4096 texels fit into 2.5 GB: a texture takes 64 MiB, its levels a third
+/// of that.
 TEST(MipMaps, HaveALevelForEachHalving) {
   EXPECT_EQ(MipMaps(noise(64, 64), Data).level_count(), 7U);
   EXPECT_EQ(MipMaps(noise(37, 11), Data).level_count(), 6U);

@@ -200,8 +200,9 @@ TEST(PbrFrames, MattSurfacesShowLambertsLawAndAmbientLight) {
 TEST(PbrFrames, ColoursAreMultipliedByTextureAndVertexColours) {
   SceneDescription scene;
   PbrMaterial& quad = add_quad(scene, 0.0, unlit({0.9, 0.9, 0.9}));
-  quad.base_colour_texture.texture =
-      add_texture(scene, 1, 1, [](int, int) { return std::array{0.5F, 0.25F, 1.0F, 1.0F}; });
+  quad.base_colour_texture.texture = add_texture(scene, 1, 1, [](int, int) {
+    return std::array{0.5F, 0.25F, 1.0F, 1.0F};
+  });
   scene.meshes.front().colours.assign(4, {1.0F, 0.5F, 0.5F, 1.0F});
   expect_colour(rendered(scene), {0.9 * 0.5, 0.9 * 0.125, 0.9 * 0.5});
 }
@@ -273,8 +274,8 @@ TEST(PbrFrames, NormalMapsTurnTheLight) {
   // Mirrored coordinates turn the map.
   scene.meshes.front().tangents.clear();
   for (auto& uv : scene.meshes.front().uvs) uv[0] = 1.0F - uv[0];
-  expect_colour(rendered(scene), Vec3{0.9, 0.9, 0.9} *
-                                     -dot(Vec3{-normal.x, normal.y, normal.z}, light));
+  expect_colour(rendered(scene),
+                Vec3{0.9, 0.9, 0.9} * -dot(Vec3{-normal.x, normal.y, normal.z}, light));
   quad.normal_scale = 0.0;
   expect_colour(rendered(scene), Vec3{0.9, 0.9, 0.9} * -light.z);
 }
@@ -341,7 +342,9 @@ TEST(PbrFrames, EightBitTexturesShowTheSameBytesAsFloats) {
       scene.materials.front() = {.name = "plain", .texture = number};
     }
     auto texture = std::make_shared<Texture>(*scene.textures.front());
-    if (codes) EXPECT_TRUE(keep_codes(*texture, true));
+    if (codes) {
+      EXPECT_TRUE(keep_codes(*texture, true));
+    }
     scene.textures.front() = texture;
     return scene;
   };

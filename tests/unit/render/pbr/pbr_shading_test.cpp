@@ -85,8 +85,8 @@ TEST(PbrShading, AgreesWithTheReferenceForRandomMaterialsAndLights) {
     const Vec3 light = random.direction(point.geometric, -0.3);
     const Vec3 found = PbrShader(point).of_light(light);
     const Vec3 wanted = testing::oracle_of_light(point, light);
-    for (const auto& [a, b] : {std::pair{found.x, wanted.x}, std::pair{found.y, wanted.y},
-                               std::pair{found.z, wanted.z}})
+    for (const auto& [a, b] :
+         {std::pair{found.x, wanted.x}, std::pair{found.y, wanted.y}, std::pair{found.z, wanted.z}})
       EXPECT_NEAR(a, b, 0.004 + 0.012 * b) << "material " << n;
   }
 }
@@ -151,9 +151,8 @@ TEST(PbrShading, ReflectsAsMuchOfLightsAsOfTheEnvironment) {
     for (const double roughness : {0.3, 0.6, 1.0})
       for (const double cosine : {0.2, 0.6, 1.0}) {
         const PbrShader shader(plain_point(view_at(cosine), roughness, metallic));
-        const Vec3 light = hemisphere_integral({0, 0, 1}, 300, [&](Vec3 l) {
-          return shader.of_light(l) / std::numbers::pi;
-        });
+        const Vec3 light = hemisphere_integral(
+            {0, 0, 1}, 300, [&](Vec3 l) { return shader.of_light(l) / std::numbers::pi; });
         EXPECT_NEAR(light.x, 1.0, 0.01) << metallic << ' ' << roughness << ' ' << cosine;
       }
 }

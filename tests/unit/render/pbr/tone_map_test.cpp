@@ -32,7 +32,8 @@ TEST(ToneMap, AcesMapsGreysToTheValuesOfItsFit) {
   expect_near(tone_mapped(ToneMap::Aces, {}), {}, 1e-3);
   // (v^2 + a v - b) / (c v^2 + d v + e) at v = 0.18 / 0.6; both matrices keep greys.
   const double v = 0.3;
-  const double grey = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
+  const double grey =
+      (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
   expect_near(tone_mapped(ToneMap::Aces, {0.18, 0.18, 0.18}), {grey, grey, grey}, 1e-4);
   expect_near(tone_mapped(ToneMap::Aces, {1e6, 1e6, 1e6}), {1, 1, 1}, 1e-12);
 }
