@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
 #include <initializer_list>
@@ -33,8 +34,8 @@ constexpr size_t kMostProvable = size_t{1} << 19;
 /// Committer converts one description to the scene frame and checks every number.
 class Committer {
  public:
-  Committer(const SceneDescription& description, const Stage& stage, Scene& scene)
-      : description_(description), stage_(stage), scene_(scene) {}
+  Committer(const SceneDescription& description, const Stage& stage, int threads, Scene& scene)
+      : description_(description), stage_(stage), threads_(threads), scene_(scene) {}
 
   void commit(const Surroundings& surroundings, IdleLights idle_lights) {
     set_frame();
@@ -383,7 +384,10 @@ class Committer {
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
     scene_.shading = std::make_unique<const ShadingTables>(scene_);
-    if (is_pbr_) scene_.pbr = std::make_unique<const PbrScene>(scene_, has_studio());
+    if (is_pbr_)
+      tbb::task_arena(threads_ > 0 ? threads_ : tbb::task_arena::automatic).execute([this] {
+        scene_.pbr = std::make_unique<const PbrScene>(scene_, has_studio());
+      });
     if (primitives() > kMostProvable) return;
     scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
     scene_.proofs = std::make_unique<ShaftProofs>(scene_, *scene_.tree);
@@ -423,6 +427,7 @@ class Committer {
 
   const SceneDescription& description_;
   const Stage& stage_;
+  int threads_;
   Scene& scene_;
   Vec3 centre_;
   bool parallel_ = false;
@@ -438,7 +443,7 @@ class Committer {
 Scene::Scene(const SceneDescription& description, const Stage& stage,
              const Surroundings& surroundings, int threads, IdleLights idle_lights)
     : device(threads) {
-  Committer(description, stage, *this).commit(surroundings, idle_lights);
+  Committer(description, stage, threads, *this).commit(surroundings, idle_lights);
 }
 
 Scene::~Scene() = default;

@@ -25,6 +25,12 @@ Vec3 direction_at(double u, double v) {
   return {across * std::sin(azimuth), std::cos(from_up), -across * std::cos(azimuth)};
 }
 
+/// Returns the place of a direction in a map.
+Vec2 place_of(Vec3 direction) {
+  return {0.5 + std::atan2(direction.x, -direction.z) / (2.0 * kPi),
+          std::acos(std::clamp(direction.y, -1.0, 1.0)) / kPi};
+}
+
 /// Returns the radical inverse of i in base 2.
 double radical_inverse(unsigned i) {
   double value = 0.0;
@@ -70,10 +76,9 @@ Vec3 EnvironmentLight::Map::direction(int x, int y) const {
   return direction_at((x + 0.5) / width, (y + 0.5) / height);
 }
 
-Vec3 EnvironmentLight::Map::at(Vec3 way) const {
-  const double u = 0.5 + std::atan2(way.x, -way.z) / (2.0 * kPi);
-  const double v = std::acos(std::clamp(way.y, -1.0, 1.0)) / kPi;
-  const double column = u * width - 0.5, row = std::clamp(v * height - 0.5, 0.0, height - 1.0);
+Vec3 EnvironmentLight::Map::at(Vec2 place) const {
+  const double column = place.x * width - 0.5;
+  const double row = std::clamp(place.y * height - 0.5, 0.0, height - 1.0);
   const double left = std::floor(column), above = std::floor(row);
   const int x0 = (static_cast<int>(left) % width + width) % width, x1 = (x0 + 1) % width;
   const int y0 = static_cast<int>(above), y1 = std::min(y0 + 1, height - 1);
@@ -124,7 +129,7 @@ EnvironmentLight::Map EnvironmentLight::filtered(const std::vector<Map>& light, 
         const double level = 0.5 * std::log2(sample.solid_angle / texel) + 0.5;
         const auto number = static_cast<size_t>(
             std::clamp(std::lround(level), 0L, static_cast<long>(light.size()) - 1));
-        sum += light[number].at(d) * sample.weight;
+        sum += light[number].at(place_of(d)) * sample.weight;
         weights += sample.weight;
       }
       map.texels[static_cast<size_t>(y) * static_cast<size_t>(map.width) + static_cast<size_t>(x)] =
@@ -191,15 +196,16 @@ Vec3 EnvironmentLight::mirrored(Vec3 direction, double roughness) const {
   const double place = std::clamp(roughness, 0.0, 1.0) * (kMaps - 1);
   const int below = std::min(static_cast<int>(place), kMaps - 2);
   const double part = place - below;
+  const Vec2 at = place_of(direction);
   const auto map = [&](int n) {
-    return n == 0 ? source_(direction, kSharp) : maps_[static_cast<size_t>(n - 1)].at(direction);
+    return n == 0 ? source_(direction, kSharp) : maps_[static_cast<size_t>(n - 1)].at(at);
   };
   if (part == 0.0) return map(below);
   return map(below) * (1.0 - part) + map(below + 1) * part;
 }
 
 Vec3 EnvironmentLight::diffuse(Vec3 normal) const {
-  return source_ ? diffuse_.at(normal) : uniform_;
+  return source_ ? diffuse_.at(place_of(normal)) : uniform_;
 }
 
 }  // namespace lenticule::render

@@ -40,7 +40,8 @@ class EnvironmentLight {
     std::vector<Vec3f> texels{};
 
     [[nodiscard]] Vec3 direction(int x, int y) const;
-    [[nodiscard]] Vec3 at(Vec3 direction) const;
+    /// Interpolates at a place in the picture; both coordinates are between 0 and 1.
+    [[nodiscard]] Vec3 at(Vec2 place) const;
     [[nodiscard]] Map halved() const;
   };
   /// Roughness increases by the same amount from map to map; the first map is the source itself.

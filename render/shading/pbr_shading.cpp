@@ -45,6 +45,7 @@ Vec3 dielectric_f0(const PbrPoint& point) {
 /// Returns the occlusion of mirrored light, which comes from a part of the hemisphere (Lagarde and
 /// de Rousiers, "Moving Frostbite to Physically Based Rendering", 2014).
 double mirror_occlusion(double occlusion, double cosine, double roughness) {
+  if (occlusion >= 1.0) return 1.0;
   const double narrow = std::exp2(-16.0 * roughness - 1.0);
   return std::clamp(std::pow(cosine + occlusion, narrow) - 1.0 + occlusion, 0.0, 1.0);
 }
