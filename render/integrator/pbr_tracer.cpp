@@ -90,6 +90,9 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
       if (meet(view, *met, r)) going |= kLaneBit[r];
     }
     add_lights(view, counts, clock);
+    for (size_t r = 0; r < kPacket; ++r)
+      if (lit_[r].shader)
+        paths_[r].light += lit_[r].weight * tone_mapped(view.pbr.tone_map(), lit_[r].light);
     lanes = going;
     if (lanes == 0) break;
     if (layer == kMostLayers) {
@@ -102,10 +105,7 @@ void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
   }
   for (uint32_t left = all; left != 0; left &= left - 1) {
     const auto r = static_cast<size_t>(std::countr_zero(left));
-    const Path& path = paths_[r];
-    light[r] = static_cast<float>(
-        path.is_unchanged ? backdrop_light(scene.backdrop, path.direction, channel[r])
-                          : component(tone_mapped(view.pbr.tone_map(), path.light), channel[r]));
+    light[r] = static_cast<float>(component(paths_[r].light, channel[r]));
   }
 }
 
@@ -158,16 +158,14 @@ bool PbrTracer::meet(const View& view, const RayPacket& packet, size_t lane) {
       view.pbr.surface(surface, path.direction, view.footprint(surface.point));
   const double alpha = shaded.point.alpha;
   if (alpha == 0.0) return pass(surface, path);
-  path.is_unchanged = false;
   lit.weight = path.weight * alpha;
   if (material.unlit) {
-    path.light += lit.weight * light_shown_as(view.pbr.tone_map(), shaded.point.colour);
+    path.light += lit.weight * shaded.point.colour;
     path.weight = path.weight * (1.0 - alpha);
     return pass(surface, path);
   }
   const PbrShader& shader = lit.shader.emplace(shaded.point);
-  path.light += lit.weight * (shader.emitted() +
-                              shader.of_environment(view.pbr.environment(), view.pbr.frame()));
+  lit.light = shader.emitted() + shader.of_environment(view.pbr.environment(), view.pbr.frame());
   const Vec3 through = shader.transmitted() * alpha;
   path.weight = path.weight * (through + kOne * (1.0 - alpha));
   if (largest(through) > 0.0)
@@ -238,8 +236,8 @@ Vec3 PbrTracer::shadow_ray(const View& view, size_t light, size_t lane, FrameCou
   const Vec3 start = spawn_point(lit.surface, Side::Viewer);
   const Arrival at = arrival(view.pbr.unit_lights()[light], start, view.scene.units_per_world, 0);
   if (at.intensity == 0.0) return {};
-  const Vec3 brings = lit.weight * view.scene.lights[light].colour *
-                      lit.shader->of_light(at.toward_light) * at.intensity;
+  const Vec3 brings =
+      view.scene.lights[light].colour * lit.shader->of_light(at.toward_light) * at.intensity;
   if (brings == Vec3{}) return {};
   if (!fit_for_embree(start, at.toward_light)) {
     ++counts.invalid_rays;
@@ -323,7 +321,7 @@ void PbrTracer::add_lights(const View& view, FrameCounts& counts, WorkClock& clo
     arriving_.fill({});
     trace_shadows(view, counts, clock);
     for (size_t r = 0; r < kPacket; ++r)
-      if (shadow_valid_[r] != 0) paths_[r].light += brings[r] * arriving_[r];
+      if (shadow_valid_[r] != 0) lit_[r].light += brings[r] * arriving_[r];
   }
 }
 

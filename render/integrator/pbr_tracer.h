@@ -42,12 +42,12 @@ class PbrTracer {
     const PbrMaterial* medium = nullptr;  ///< volume that the ray is in
     double roughness = 0.0;               ///< of the surfaces that transmitted the ray
     int bends = 0;
-    bool is_unchanged = true;  ///< the ray met nothing but holes
   };
-  /// Lit is a surface whose light of lights is still to be added.
+  /// Lit is a surface that a lane met, with its light so far.
   struct Lit {
     Surface surface{};
-    std::optional<PbrShader> shader{};  ///< empty if lights do not matter
+    std::optional<PbrShader> shader{};  ///< empty if the surface is not lit
+    Vec3 light{};                       ///< before the tone map
     Vec3 weight{};
   };
   struct View;

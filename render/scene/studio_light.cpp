@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 namespace lenticule::render {
 namespace {
@@ -36,23 +37,34 @@ double smooth_step(double low, double high, double v) {
   return t * t * (3.0 - 2.0 * t);
 }
 
-double box_light(const SoftBox& box, Vec3 direction) {
-  const Vec3 towards = normalized(box.towards);
-  const double along = dot(direction, towards);
-  if (along <= 0.0) return 0.0;
-  const Vec3 upright = std::abs(towards.y) > 0.99 ? Vec3{0, 0, -1} : Vec3{0, 1, 0};
-  const Vec3 right = normalized(cross(upright, towards));
-  const double x = std::abs(dot(direction, right)) / along;
-  const double y = std::abs(dot(direction, cross(towards, right))) / along;
-  return box.light * (1.0 - smooth_step(box.half_width - box.edge, box.half_width + box.edge, x)) *
-         (1.0 - smooth_step(box.half_height - box.edge, box.half_height + box.edge, y));
-}
+/// PlacedBox is a SoftBox with the axes of its plane.
+struct PlacedBox {
+  Vec3 towards, right, up;
+  SoftBox box;
+
+  explicit PlacedBox(const SoftBox& of) : towards(normalized(of.towards)), box(of) {
+    right = normalized(cross(std::abs(towards.y) > 0.99 ? Vec3{0, 0, -1} : Vec3{0, 1, 0}, towards));
+    up = cross(towards, right);
+  }
+
+  [[nodiscard]] double light(Vec3 direction) const {
+    const double along = dot(direction, towards);
+    if (along <= 0.0) return 0.0;
+    const double x = std::abs(dot(direction, right)), y = std::abs(dot(direction, up));
+    if (x >= (box.half_width + box.edge) * along || y >= (box.half_height + box.edge) * along)
+      return 0.0;
+    return box.light *
+           (1.0 - smooth_step(box.half_width - box.edge, box.half_width + box.edge, x / along)) *
+           (1.0 - smooth_step(box.half_height - box.edge, box.half_height + box.edge, y / along));
+  }
+};
 
 }  // namespace
 
 double studio_light(Vec3 direction) {
   double light = kFloor + (kCeiling - kFloor) * smooth_step(-1.0, 1.0, direction.y);
-  for (const SoftBox& box : kBoxes) light += box_light(box, direction);
+  static const std::vector<PlacedBox> boxes(kBoxes.begin(), kBoxes.end());
+  for (const PlacedBox& box : boxes) light += box.light(direction);
   return light * kExposure;
 }
 

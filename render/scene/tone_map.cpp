@@ -28,8 +28,6 @@ constexpr double kFloor = 0.04;
 constexpr double kStart = 0.8 - kFloor;
 constexpr double kDesaturation = 0.15;
 constexpr double kRoom = 1.0 - kStart;
-/// Brightest colour that has an inverse: 1 is the image of infinitely bright light.
-constexpr double kBrightest = 0.9999;
 
 Vec3 neutral(Vec3 light) {
   const double low = smallest(light);
@@ -40,20 +38,6 @@ Vec3 neutral(Vec3 light) {
   const double shown = 1.0 - kRoom * kRoom / (peak + kRoom - kStart);
   const double kept = 1.0 / (kDesaturation * (peak - shown) + 1.0);
   return lowered * (shown / peak * kept) + Vec3{shown, shown, shown} * (1.0 - kept);
-}
-
-Vec3 before_neutral(Vec3 shown) {
-  Vec3 lowered = each(shown, [](double v) { return std::clamp(v, 0.0, kBrightest); });
-  const double peak = largest(lowered);
-  if (peak >= kStart) {
-    const double before = kRoom * kRoom / (1.0 - peak) - kRoom + kStart;
-    const double kept = 1.0 / (kDesaturation * (before - peak) + 1.0);
-    const Vec3 white{peak, peak, peak};
-    lowered = (lowered - white * (1.0 - kept)) * (before / (peak * kept));
-  }
-  const double low = smallest(lowered);
-  const double floor = low < kFloor ? std::sqrt(std::max(0.0, 4.0 * kFloor * low)) - low : kFloor;
-  return lowered + Vec3{floor, floor, floor};
 }
 
 // Hill's fit works in its own primaries; the columns of both matrices.
@@ -71,16 +55,6 @@ Vec3 aces(Vec3 light) {
   const Vec3 curved = each(kAcesIn.vector(light * kAcesExposure),
                            [](double v) { return (v * (v + kA) - kB) / (v * (kC * v + kD) + kE); });
   return each(kAcesOut.vector(curved), [](double v) { return std::clamp(v, 0.0, 1.0); });
-}
-
-Vec3 before_aces(Vec3 shown) {
-  const Vec3 curved = kAcesOut.inverse().vector(shown);
-  const Vec3 in = each(curved, [](double y) {
-    const double held = std::clamp(y, 0.0, 1.0);
-    const double a = 1.0 - kC * held, b = kA - kD * held, c = -kB - kE * held;
-    return (std::sqrt(b * b - 4.0 * a * c) - b) / (2.0 * a);
-  });
-  return kAcesIn.inverse().vector(in) / kAcesExposure;
 }
 
 }  // namespace
@@ -103,18 +77,6 @@ Vec3 tone_mapped(ToneMap map, Vec3 light) {
       break;
   }
   return light;
-}
-
-Vec3 light_shown_as(ToneMap map, Vec3 shown) {
-  switch (map) {
-    case ToneMap::PbrNeutral:
-      return before_neutral(shown);
-    case ToneMap::Aces:
-      return before_aces(shown);
-    case ToneMap::None:
-      break;
-  }
-  return shown;
 }
 
 }  // namespace lenticule::render

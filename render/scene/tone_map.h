@@ -21,8 +21,4 @@ enum class ToneMap {
 /// on all three of `light`.
 [[nodiscard]] Vec3 tone_mapped(ToneMap map, Vec3 light);
 
-/// Returns the light that tone_mapped() maps to `shown`, a colour between 0 and 1; the nearest such
-/// light for colours that the map does not reach.
-[[nodiscard]] Vec3 light_shown_as(ToneMap map, Vec3 shown);
-
 }  // namespace lenticule::render

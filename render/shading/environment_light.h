@@ -12,7 +12,7 @@
 
 namespace lenticule::render {
 
-/// EnvironmentLight holds latitude-longitude maps of one light. Directions are unit; x is to the
+/// EnvironmentLight holds maps of one light. Directions are unit; x is to the
 /// right of the viewer, y up, and z points to the viewer. Thread safety: immutable.
 class EnvironmentLight {
  public:
@@ -33,16 +33,23 @@ class EnvironmentLight {
   [[nodiscard]] Vec3 diffuse(Vec3 normal) const;
 
  private:
-  /// Map is a latitude-longitude picture whose middle is the direction -z.
+  /// Map holds all directions in a square: the octahedron, unfolded. Around it lies a border of one
+  /// texel that repeats those across the edge.
   struct Map {
-    int width = 0;
-    int height = 0;
+    int size = 0;
     std::vector<Vec3f> texels{};
 
-    [[nodiscard]] Vec3 direction(int x, int y) const;
-    /// Interpolates at a place in the picture; both coordinates are between 0 and 1.
+    explicit Map(int side);
+    [[nodiscard]] Vec3f& texel(int x, int y) {
+      return texels[static_cast<size_t>((y + 1) * (size + 2) + x + 1)];
+    }
+    [[nodiscard]] const Vec3f& texel(int x, int y) const {
+      return texels[static_cast<size_t>((y + 1) * (size + 2) + x + 1)];
+    }
+    /// Interpolates at a place in the square; both coordinates are between 0 and 1.
     [[nodiscard]] Vec3 at(Vec2 place) const;
     [[nodiscard]] Map halved() const;
+    void set_border();
   };
   /// Roughness increases by the same amount from map to map; the first map is the source itself.
   static constexpr int kMaps = 9;
@@ -53,7 +60,7 @@ class EnvironmentLight {
   Source source_{};  ///< empty if the light is uniform
   Vec3 uniform_{};
   std::vector<Map> maps_{};
-  Map diffuse_{};
+  Map diffuse_{0};
 };
 
 }  // namespace lenticule::render

@@ -20,6 +20,15 @@ double clamped01(double v) {
   return v > 0.0 ? std::min(v, 1.0) : 0.0;
 }
 
+const std::array<double, 256>& share_of_codes() {
+  static const std::array<double, 256> shares = [] {
+    std::array<double, 256> all{};
+    for (size_t code = 0; code < all.size(); ++code) all[code] = static_cast<double>(code) / 255.0;
+    return all;
+  }();
+  return shares;
+}
+
 uint8_t nearest_code(double v) {
   return static_cast<uint8_t>(clamped01(v) * 255.0 + 0.5);
 }
@@ -73,7 +82,8 @@ Ellipse ellipse_around(Vec2 a, Vec2 b) {
   // Eigenvalues of the sum of the outer products of both sides.
   const double xx = a.x * a.x + b.x * b.x, yy = a.y * a.y + b.y * b.y;
   const double xy = a.x * a.y + b.x * b.y;
-  const double middle = 0.5 * (xx + yy), apart = std::hypot(0.5 * (xx - yy), xy);
+  const double middle = 0.5 * (xx + yy), half = 0.5 * (xx - yy);
+  const double apart = std::sqrt(half * half + xy * xy);
   Ellipse out;
   out.major = std::sqrt(middle + apart);
   // The product of both axes is the area, which the difference would lose to rounding.
@@ -81,7 +91,7 @@ Ellipse ellipse_around(Vec2 a, Vec2 b) {
   out.minor = out.major > 0.0 ? area / out.major : 0.0;
   const Vec2 axis =
       xx >= yy ? Vec2{0.5 * (xx - yy) + apart, xy} : Vec2{xy, 0.5 * (yy - xx) + apart};
-  const double size = std::hypot(axis.x, axis.y);
+  const double size = std::sqrt(axis.x * axis.x + axis.y * axis.y);
   if (size > 0.0) out.major_axis = {axis.x / size, axis.y / size};
   return out;
 }
@@ -111,7 +121,10 @@ Neighbours neighbours(double coordinate, int size, bool repeat, bool mirror) {
 }  // namespace
 
 MipMaps::MipMaps(std::shared_ptr<const Texture> texture, Content content)
-    : texture_(std::move(texture)), content_(content) {
+    : texture_(std::move(texture)),
+      content_(content),
+      colour_of_code_(content == Content::Colour ? frames::linear_of_codes().data()
+                                                 : share_of_codes().data()) {
   for (LevelView last = level(0); last.width > 1 || last.height > 1; last = level(levels_.size()))
     levels_.push_back(halved(last));
 }
@@ -129,13 +142,12 @@ Value MipMaps::texel(const LevelView& from, int x, int y) const {
   const size_t at =
       4 * (static_cast<size_t>(y) * static_cast<size_t>(from.width) + static_cast<size_t>(x));
   Value value;
-  for (size_t c = 0; c < 4; ++c) {
-    if (from.codes == nullptr)
-      value[c] = double{from.values[at + c]};
-    else if (content_ == Content::Colour && c < 3)
-      value[c] = frames::linear_of_codes()[from.codes[at + c]];
-    else
-      value[c] = from.codes[at + c] / 255.0;
+  if (from.codes == nullptr) {
+    for (size_t c = 0; c < 4; ++c) value[c] = double{from.values[at + c]};
+  } else {
+    const uint8_t* code = from.codes + at;
+    value = {colour_of_code_[code[0]], colour_of_code_[code[1]], colour_of_code_[code[2]],
+             share_of_codes()[code[3]]};
   }
   if (content_ != Content::Normals) return value;
   const Vec3 vector{2.0 * value[0] - 1.0, 2.0 * value[1] - 1.0, 2.0 * value[2] - 1.0};
@@ -200,7 +212,7 @@ Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
   const auto last = static_cast<double>(levels_.size());
   const double width = std::max({area.minor, area.major / kMostProbes, 1.0});
   // Not finite at the horizon of a plane.
-  const double depth = width < 1e9 ? std::min(std::log2(width), last) : last;
+  const double depth = width <= 1.0 ? 0.0 : width < 1e9 ? std::min(std::log2(width), last) : last;
   const auto sharper = static_cast<size_t>(depth);
   const double part = depth - static_cast<double>(sharper);
   const LevelView fine = level(sharper);
@@ -209,7 +221,7 @@ Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
     const Value value = bilinear(fine, point);
     return part > 0.0 ? mixed(value, bilinear(coarse, point), part) : value;
   };
-  const double longer = area.major / std::exp2(depth);
+  const double longer = area.major / width;
   const int probes = longer < kMostProbes ? std::max(1, static_cast<int>(std::ceil(longer - 1e-6)))
                                           : static_cast<int>(kMostProbes);
   if (probes == 1 || !std::isfinite(area.major)) return trilinear(at);

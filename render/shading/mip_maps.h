@@ -67,6 +67,7 @@ class MipMaps {
 
   std::shared_ptr<const Texture> texture_;
   Content content_;
+  const double* colour_of_code_;  ///< numbers of the 256 codes, for RGB
   std::vector<Level> levels_;
 };
 

@@ -50,7 +50,7 @@ class AlbedoTable {
 
  private:
   static constexpr size_t kCosines = 64;
-  static constexpr size_t kRoughnesses = 32;
+  static constexpr size_t kRoughnesses = 64;
   static double mix(double a, double b, double t) { return a + (b - a) * t; }
   static GgxAlbedo mix(GgxAlbedo a, GgxAlbedo b, double t) {
     return {mix(a.scale, b.scale, t), mix(a.bias, b.bias, t)};
@@ -87,7 +87,7 @@ GgxAlbedo integrated_ggx(double cosine, double roughness) {
   const double alpha = roughness * roughness;
   const double mirror = fifth_power(1.0 - cosine);
   if (alpha == 0.0) return {1.0 - mirror, mirror};
-  constexpr unsigned kSamples = 512;
+  constexpr unsigned kSamples = 256;
   const LocalVec view{std::sqrt(std::max(0.0, 1.0 - cosine * cosine)), 0.0, cosine};
   const double masking = 1.0 + smith_lambda(cosine, alpha);
   GgxAlbedo sum{0.0, 0.0};
@@ -106,7 +106,7 @@ GgxAlbedo integrated_ggx(double cosine, double roughness) {
 }
 
 double integrated_sheen(double cosine, double roughness) {
-  constexpr int kHeights = 48, kTurns = 32;
+  constexpr int kHeights = 32, kTurns = 24;
   const double held = std::max(roughness, kSmallestSheenRoughness);
   const LocalVec view{std::sqrt(std::max(0.0, 1.0 - cosine * cosine)), 0.0, cosine};
   double sum = 0.0;

@@ -26,14 +26,15 @@ struct GgxAlbedo {
   double scale = 1.0;
   double bias = 0.0;
 };
-/// Looks up the albedo in a table, within 0.004 of the integral.
+/// Looks up the albedo in a table, within 0.006 of the integral.
 [[nodiscard]] GgxAlbedo ggx_albedo(double view_cosine, double roughness);
 
 /// Returns the density of Charlie's microfacets, which model cloth.
 [[nodiscard]] double charlie_distribution(double half_cosine, double alpha);
 /// Returns Neubelt's visibility for cloth.
 [[nodiscard]] double neubelt_visibility(double view_cosine, double light_cosine);
-/// Looks up the directional albedo of white sheen in a table, within 0.01 of the integral.
+/// Looks up the directional albedo of white sheen in a table, within 0.01 of the integral, but at
+/// most 1: at grazing angles the model itself reflects more light than arrives.
 [[nodiscard]] double sheen_albedo(double view_cosine, double roughness);
 /// Smallest roughness of sheen: below it, all fibres would lie in the surface.
 inline constexpr double kSmallestSheenRoughness = 0.07;

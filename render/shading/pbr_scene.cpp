@@ -126,7 +126,6 @@ bool is_volume(const PbrMaterial& material) {
 PbrScene::PbrScene(const Scene& scene, bool has_studio)
     : scene_(scene), tone_map_(scene.backdrop.tone_map) {
   set_environment(has_studio);
-  flat_backdrop_ = light_shown_as(tone_map_, scene.backdrop.colour);
   using enum MipMaps::Content;
   for (const Material& material : scene.materials) {
     const PbrMaterial& m = *material.pbr;
@@ -179,10 +178,12 @@ PbrScene::Input PbrScene::input(const TextureUse& use, MipMaps::Content content)
 
 Vec3 PbrScene::backdrop(Vec3 direction, double roughness) const {
   const Backdrop& backdrop = scene_.backdrop;
-  if (backdrop.environment)
-    return environment_->mirrored(normalized(frame_.from_scene(direction)), roughness);
-  if (backdrop.sky) return light_shown_as(tone_map_, sky_colour(dot(direction, backdrop.up)));
-  return flat_backdrop_;
+  if (backdrop.flat()) return backdrop.colour;
+  if (backdrop.environment && roughness > 0.0)
+    return tone_mapped(tone_map_,
+                       environment_->mirrored(normalized(frame_.from_scene(direction)), roughness));
+  return {backdrop_light(backdrop, direction, 0), backdrop_light(backdrop, direction, 1),
+          backdrop_light(backdrop, direction, 2)};
 }
 
 PbrScene::Place PbrScene::place_of(const Scene& scene, const Surface& surface, Vec3 direction,

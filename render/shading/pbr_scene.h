@@ -41,8 +41,8 @@ class PbrScene {
   [[nodiscard]] const EnvironmentLight& environment() const { return *environment_; }
   [[nodiscard]] const PbrShader::Frame& frame() const { return frame_; }
   [[nodiscard]] ToneMap tone_map() const { return tone_map_; }
-  /// Returns the light, before the tone map, of a ray that leaves the scene. `roughness` is that of
-  /// the surfaces that transmitted the ray.
+  /// Returns the light, as shown, of a ray that leaves the scene. `roughness` is that of the
+  /// surfaces that transmitted the ray.
   [[nodiscard]] Vec3 backdrop(Vec3 direction, double roughness) const;
 
   /// Returns false if all rays end at the first surface that they meet from its front.
@@ -102,7 +102,6 @@ class PbrScene {
   std::shared_ptr<const EnvironmentLight> environment_;
   PbrShader::Frame frame_;
   ToneMap tone_map_;
-  Vec3 flat_backdrop_{};
   bool any_passes_ = false;
   std::vector<SceneLight> unit_lights_;
 };

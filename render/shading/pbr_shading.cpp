@@ -50,6 +50,26 @@ double mirror_occlusion(double occlusion, double cosine, double roughness) {
   return std::clamp(std::pow(cosine + occlusion, narrow) - 1.0 + occlusion, 0.0, 1.0);
 }
 
+Vec3 with_film(Vec3 f0, const PbrPoint& point, double view_cosine) {
+  if (point.iridescence == 0.0) return f0;
+  const Vec3 film = film_f0(point.iridescence_ior, view_cosine, point.iridescence_nm, f0);
+  return mixed(f0, film, point.iridescence);
+}
+
+/// Mirror is the GGX lobe of a metal or of a dielectric.
+struct Mirror {
+  Vec3 f0, f90;
+  Vec3 single;    ///< albedo of light that is reflected once
+  Vec3 multiple;  ///< of light that is reflected between microfacets
+
+  Mirror(Vec3 at_normal, Vec3 at_grazing, GgxAlbedo albedo)
+      : f0(at_normal), f90(at_grazing), single(f0 * albedo.scale + f90 * albedo.bias) {
+    const double lost = 1.0 - (albedo.scale + albedo.bias);
+    const Vec3 mean = f0 + (f90 - f0) / 21.0;
+    multiple = quotient(single * mean, kWhite - mean * lost) * lost;
+  }
+};
+
 }  // namespace
 
 PbrShader::PbrShader(const PbrPoint& point) : point_(point) {
@@ -60,18 +80,16 @@ PbrShader::PbrShader(const PbrPoint& point) : point_(point) {
   alpha_b_ = held * held;
   alpha_t_ = alpha_b_ + (1.0 - alpha_b_) * point.anisotropy * point.anisotropy;
 
-  f0_ = mixed(dielectric_f0(point), point.colour, point.metallic);
-  f90_ = kWhite * (point.specular + (1.0 - point.specular) * point.metallic);
-  if (point.iridescence > 0.0)
-    f0_ = mixed(f0_, film_f0(point.iridescence_ior, view_cosine_, point.iridescence_nm, f0_),
-                point.iridescence);
   const GgxAlbedo albedo = ggx_albedo(view_cosine_, point.roughness);
-  single_ = f0_ * albedo.scale + f90_ * albedo.bias;
-  const double lost = 1.0 - (albedo.scale + albedo.bias);
-  const Vec3 mean = f0_ + (f90_ - f0_) / 21.0;
-  multiple_ = quotient(single_ * mean, kWhite - mean * lost) * lost;
+  const Mirror dielectric(with_film(dielectric_f0(point), point, view_cosine_),
+                          kWhite * point.specular, albedo);
+  const Mirror metal(with_film(point.colour, point, view_cosine_), kWhite, albedo);
+  f0_ = mixed(dielectric.f0, metal.f0, point.metallic);
+  f90_ = mixed(dielectric.f90, metal.f90, point.metallic);
+  single_ = mixed(dielectric.single, metal.single, point.metallic);
+  multiple_ = mixed(dielectric.multiple, metal.multiple, point.metallic);
   stronger_ = quotient(single_ + multiple_, single_);
-  below_specular_ = 1.0 - largest(single_ + multiple_);
+  below_mirror_ = (1.0 - point.metallic) * (1.0 - largest(dielectric.single + dielectric.multiple));
 
   sheen_albedo_ =
       largest(point.sheen_colour) > 0.0 ? sheen_albedo(view_cosine_, point.sheen_roughness) : 0.0;
@@ -82,7 +100,7 @@ PbrShader::PbrShader(const PbrPoint& point) : point_(point) {
     coat_albedo_ = point.clearcoat * (kCoatF0.x * coat.scale + coat.bias);
   }
   below_coat_ = 1.0 - coat_albedo_;
-  diffuse_ = point.colour * ((1.0 - point.metallic) * (1.0 - point.transmission) * below_specular_);
+  diffuse_ = point.colour * ((1.0 - point.transmission) * below_mirror_);
 }
 
 Vec3 PbrShader::of_light(Vec3 toward_light) const {
@@ -155,8 +173,7 @@ Vec3 PbrShader::emitted() const {
 }
 
 Vec3 PbrShader::transmitted() const {
-  return point_.colour * (point_.transmission * (1.0 - point_.metallic) * below_specular_ *
-                          below_sheen_ * below_coat_);
+  return point_.colour * (point_.transmission * below_mirror_ * below_sheen_ * below_coat_);
 }
 
 }  // namespace lenticule::render

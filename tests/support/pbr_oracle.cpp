@@ -129,21 +129,31 @@ Vec3 oracle_of_light(const PbrPoint& p, Vec3 toward_light) {
       coat_light = p.clearcoat * kPi * cl.z * facets(cv, cl, a, a) * fresnel(0.04, 1.0, half_view);
   }
   const double most_sheen = std::max({p.sheen_colour.x, p.sheen_colour.y, p.sheen_colour.z});
-  const double sheen_albedo = most_sheen > 0.0 ? oracle_sheen_albedo(v.z, p.sheen_roughness) : 0.0;
+  const double sheen_albedo =
+      most_sheen > 0.0 ? std::min(1.0, oracle_sheen_albedo(v.z, p.sheen_roughness)) : 0.0;
 
-  // The albedo of the base, per channel.
+  // The mirror lobe of a dielectric and of a metal, per channel.
   const double white = oracle_ggx_albedo(v.z, p.roughness, 1.0, 1.0);
-  const double f90 = p.specular * (1.0 - p.metallic) + p.metallic;
-  double f0[3], albedo[3], single[3];
+  const auto total_of = [&](double single, double f0, double f90) {
+    const double mean = f0 + (f90 - f0) / 21.0;
+    return single + single * mean / (1.0 - mean * (1.0 - white)) * (1.0 - white);
+  };
+  const auto mix = [&](double dielectric, double metal) {
+    return dielectric * (1.0 - p.metallic) + metal * p.metallic;
+  };
+  const double f90 = mix(p.specular, 1.0);
+  double f0[3], albedo[3], single[3], most_albedo = 0.0;
   for (int c = 0; c < 3; ++c) {
     const double dielectric =
         std::min(1.0, ratio * ratio * component(p.specular_colour, c)) * p.specular;
-    f0[c] = dielectric * (1.0 - p.metallic) + component(p.colour, c) * p.metallic;
-    single[c] = oracle_ggx_albedo(v.z, p.roughness, f0[c], f90);
-    const double mean = f0[c] + (f90 - f0[c]) / 21.0;
-    albedo[c] = single[c] + single[c] * mean / (1.0 - mean * (1.0 - white)) * (1.0 - white);
+    const double metal = component(p.colour, c);
+    const double once = oracle_ggx_albedo(v.z, p.roughness, dielectric, p.specular);
+    const double once_metal = oracle_ggx_albedo(v.z, p.roughness, metal, 1.0);
+    f0[c] = mix(dielectric, metal);
+    single[c] = mix(once, once_metal);
+    most_albedo = std::max(most_albedo, total_of(once, dielectric, p.specular));
+    albedo[c] = mix(total_of(once, dielectric, p.specular), total_of(once_metal, metal, 1.0));
   }
-  const double most_albedo = std::max({albedo[0], albedo[1], albedo[2]});
   const double ab = p.roughness * p.roughness;
   const double at = ab + (1.0 - ab) * p.anisotropy * p.anisotropy;
   const auto channel = [&](int c) {
