@@ -65,7 +65,7 @@ struct LobeSample {
 /// Takes each sample from the map whose texels are about as large as the sample (Krivanek and
 /// Colbert, "Real-time Shading with Filtered Importance Sampling", 2008).
 std::vector<LobeSample> lobe_samples(double alpha, size_t maps) {
-  const unsigned count = alpha < 0.1 ? 64 : 128;
+  const unsigned count = alpha < 0.1 ? 64 : 256;
   const double texel_angle = 4.0 * kPi / (kSourceSize * kSourceSize);
   std::vector<LobeSample> samples;
   for (unsigned n = 0; n < count; ++n) {

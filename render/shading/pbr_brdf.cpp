@@ -87,7 +87,7 @@ GgxAlbedo integrated_ggx(double cosine, double roughness) {
   const double alpha = roughness * roughness;
   const double mirror = fifth_power(1.0 - cosine);
   if (alpha == 0.0) return {1.0 - mirror, mirror};
-  constexpr unsigned kSamples = 256;
+  constexpr unsigned kSamples = 512;
   const LocalVec view{std::sqrt(std::max(0.0, 1.0 - cosine * cosine)), 0.0, cosine};
   const double masking = 1.0 + smith_lambda(cosine, alpha);
   GgxAlbedo sum{0.0, 0.0};

@@ -26,7 +26,7 @@ struct GgxAlbedo {
   double scale = 1.0;
   double bias = 0.0;
 };
-/// Looks up the albedo in a table, within 0.006 of the integral.
+/// Looks up the albedo in a table, within 0.004 of the integral.
 [[nodiscard]] GgxAlbedo ggx_albedo(double view_cosine, double roughness);
 
 /// Returns the density of Charlie's microfacets, which model cloth.

@@ -52,22 +52,23 @@ double component(Vec3 v, int n) {
 }  // namespace
 
 double oracle_ggx_albedo(double view_cosine, double roughness, double f0, double f90) {
-  // Midpoint rule over microfacet normals, with as many normals as GGX has in each part of its
-  // integral.
+  // Midpoint rule over microfacet normals with the density of GGX, denser still where few are
+  // tilted far: they are all that grazing views see.
   constexpr int kSteps = 300;
   const double a = roughness * roughness;
   const Vec3 v{std::sqrt(1.0 - view_cosine * view_cosine), 0.0, view_cosine};
   double sum = 0.0;
   for (int i = 0; i < kSteps; ++i)
     for (int k = 0; k < kSteps; ++k) {
-      const double u = (i + 0.5) / kSteps, turn = kPi * (k + 0.5) / kSteps;
-      const double tan = a * std::sqrt(u / (1.0 - u)), z = 1.0 / std::sqrt(1.0 + tan * tan);
+      const double rest = 1.0 - (i + 0.5) / kSteps, turn = kPi * (k + 0.5) / kSteps;
+      const double left = rest * rest * rest, density = 3.0 * rest * rest;
+      const double tan = a * std::sqrt((1.0 - left) / left), z = 1.0 / std::sqrt(1.0 + tan * tan);
       const Vec3 h{z * tan * std::cos(turn), z * tan * std::sin(turn), z};
       const double along = dot(v, h);
       const Vec3 l = h * (2.0 * along) - v;
       if (along <= 0.0 || l.z <= 0.0) continue;
       const double without_density = facets(v, l, a, a) / distribution(h, a, a);
-      sum += without_density * fresnel(f0, f90, along) * l.z * 4.0 * along / h.z;
+      sum += density * without_density * fresnel(f0, f90, along) * l.z * 4.0 * along / h.z;
     }
   return sum / (kSteps * kSteps);
 }
