@@ -77,7 +77,7 @@ std::vector<LobeSample> lobe_samples(double alpha, size_t maps) {
     const double across = 2.0 * std::sqrt(cos_squared * (1.0 - cos_squared));
     const double spread = cos_squared * (alpha * alpha - 1.0) + 1.0;
     const double density = alpha * alpha / (kPi * spread * spread) / 4.0;  // of the mirrored ray
-    const double level = 0.5 * std::log2(1.0 / (count * density * texel_angle)) + 0.5;
+    const double level = 0.5 * std::log2(1.0 / (count * density * texel_angle));
     const double last = static_cast<double>(maps) - 1.0;
     samples.push_back({{across * std::cos(turn), across * std::sin(turn), light_cosine},
                        light_cosine,
