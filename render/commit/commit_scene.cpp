@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <oneapi/tbb/task_arena.h>
 
 #include <algorithm>
+#include <initializer_list>
 #include <limits>
 #include <utility>
 
@@ -13,6 +15,9 @@
 #include "render/scene/lighting.h"
 #include "render/scene/scene.h"
 #include "render/scene/scene_fingerprint.h"
+#include "render/scene/studio_light.h"
+#include "render/scene/texture.h"
+#include "render/shading/pbr_scene.h"
 #include "render/shading/shading_tables.h"
 
 namespace lenticule::render {
@@ -29,14 +34,16 @@ constexpr size_t kMostProvable = size_t{1} << 19;
 /// Committer converts one description to the scene frame and checks every number.
 class Committer {
  public:
-  Committer(const SceneDescription& description, const Stage& stage, Scene& scene)
-      : description_(description), stage_(stage), scene_(scene) {}
+  Committer(const SceneDescription& description, const Stage& stage, int threads, Scene& scene)
+      : description_(description), stage_(stage), threads_(threads), scene_(scene) {}
 
   void commit(const Surroundings& surroundings, IdleLights idle_lights) {
     set_frame();
     scene_.content = scene_fingerprint(description_, surroundings, stage_);
     scene_.picture = picture_fingerprint(scene_.content, stage_);
     add_materials();
+    if (surroundings.tone_map.value_or(ToneMap::None) != ToneMap::None && !is_pbr_)
+      refuse("tone map:", "no material is metallic-roughness");
     for (const TriangleMesh& mesh : description_.meshes) add_mesh(mesh);
     for (const Sphere& sphere : description_.spheres) add_sphere(sphere);
     for (const Cone& cone : description_.cones) add_cone(cone);
@@ -52,6 +59,7 @@ class Committer {
     scene_.backdrop = make_backdrop(description_, stage_, surroundings);
     scene_.backdrop.up = turned(scene_.backdrop.up);
     scene_.backdrop.ahead = turned(scene_.backdrop.ahead);
+    if (is_pbr_) set_pbr_backdrop(surroundings);
     scene_.colour_managed = description_.colour_managed;
     scene_.textures = description_.textures;
     if (idle_lights == IdleLights::LeaveOut) scene_.lights_left_out = remove_idle_lights(scene_);
@@ -140,12 +148,17 @@ class Committer {
   void add_materials() {
     scene_.materials = description_.materials;
     if (scene_.materials.empty()) scene_.materials.emplace_back();
-    const auto textures = static_cast<int>(description_.textures.size());
-    for (const Material& m : scene_.materials) {
+    is_pbr_ =
+        std::ranges::any_of(scene_.materials, [](const Material& m) { return m.pbr != nullptr; });
+    for (Material& m : scene_.materials) {
       const std::string object = fmt::format("material '{}'", m.name);
-      if (m.texture >= textures ||
-          (m.texture >= 0 && !usable(description_.textures[m.texture].get())))
-        refuse(object, "refers to a texture that does not exist");
+      if (m.pbr) {
+        check(*m.pbr, object);
+        m = {.name = m.name, .pbr = m.pbr};
+        continue;
+      }
+      if (is_pbr_) m.pbr = std::make_shared<const PbrMaterial>(pbr_like(m));
+      if (!is_texture(m.texture)) refuse(object, "refers to a texture that does not exist");
       const double scalars[] = {m.diffuse, m.specular, m.shine, m.transmittance};
       const bool finite = is_finite(m.colour) && is_finite(m.emission) &&
                           std::all_of(std::begin(scalars), std::end(scalars),
@@ -156,9 +169,56 @@ class Committer {
     }
   }
 
-  static bool usable(const Texture* texture) {
-    return texture && texture->width > 0 && texture->height > 0 &&
-           texture->rgba.size() == 4 * static_cast<size_t>(texture->width) * texture->height;
+  /// Returns true for -1, no texture, as well.
+  bool is_texture(int index) const {
+    if (index < 0) return true;
+    const auto& all = description_.textures;
+    const auto at = static_cast<size_t>(index);
+    return at < all.size() && all[at] && is_complete(*all[at]);
+  }
+
+  void check(const PbrMaterial& m, const std::string& object) const {
+    for (const TextureUse* use :
+         {&m.base_colour_texture, &m.metallic_roughness_texture, &m.normal_texture,
+          &m.occlusion_texture, &m.emission_texture, &m.specular_texture,
+          &m.specular_colour_texture, &m.clearcoat_texture, &m.clearcoat_roughness_texture,
+          &m.clearcoat_normal_texture, &m.sheen_colour_texture, &m.sheen_roughness_texture,
+          &m.transmission_texture, &m.thickness_texture, &m.iridescence_texture,
+          &m.iridescence_thickness_texture, &m.anisotropy_texture}) {
+      if (!is_texture(use->texture)) refuse(object, "names a texture that is not there");
+      if (!std::ranges::all_of(use->uv_map, [](double v) { return std::isfinite(v); }))
+        refuse(object, "has a texture transform that is not finite");
+    }
+    // The attenuation distance may be infinite.
+    const bool finite =
+        is_finite(m.base_colour) && is_finite(m.emission) && is_finite(m.specular_colour) &&
+        is_finite(m.sheen_colour) && is_finite(m.attenuation_colour) &&
+        std::ranges::all_of(
+            std::initializer_list<double>{
+                m.alpha, m.metallic, m.roughness, m.normal_scale, m.occlusion_strength,
+                m.alpha_cutoff, m.ior, m.specular, m.clearcoat, m.clearcoat_roughness,
+                m.sheen_roughness, m.transmission, m.thickness, m.iridescence, m.iridescence_ior,
+                m.iridescence_thickness_min, m.iridescence_thickness_max, m.anisotropy,
+                m.anisotropy_rotation},
+            [](double v) { return std::isfinite(v); });
+    if (!finite || !(m.attenuation_distance > 0.0))
+      refuse(object, "has a value that is not finite");
+    if (m.ior < 0.0) refuse(object, fmt::format("has a refraction index of {}", m.ior));
+  }
+
+  /// Returns true if nothing in the file lights its metallic-roughness materials.
+  [[nodiscard]] bool has_studio() const {
+    return is_pbr_ && description_.lights.empty() && !description_.ambient;
+  }
+
+  void set_pbr_backdrop(const Surroundings& surroundings) {
+    Backdrop& backdrop = scene_.backdrop;
+    const bool is_lit_by_pictures = has_studio() || backdrop.environment;
+    backdrop.tone_map =
+        surroundings.tone_map.value_or(is_lit_by_pictures ? ToneMap::PbrNeutral : ToneMap::None);
+    // Files that state no background have a black one.
+    if (has_studio() && !surroundings.background && description_.background == Vec3{})
+      backdrop.colour = kStudioBackground;
   }
 
   void add_mesh(const TriangleMesh& mesh) {
@@ -180,6 +240,7 @@ class Committer {
     shape.material = material_index(mesh.material, object);
     shape.triangles = mesh.triangles;
     shape.uvs = mesh.uvs;
+    if (is_pbr_) add_pbr_vertices(mesh, object, shape);
     shape.positions.reserve(mesh.positions.size() + 1);
     std::vector<Vec3> exact;
     exact.reserve(mesh.positions.size());
@@ -197,6 +258,23 @@ class Committer {
       shape.normals.emplace_back(turned(normal));
     }
     scene_.meshes.push_back(std::move(shape));
+  }
+
+  void add_pbr_vertices(const TriangleMesh& mesh, const std::string& object,
+                        MeshShape& shape) const {
+    const auto require = [&](size_t count, const char* what) {
+      if (count != 0 && count != mesh.positions.size())
+        refuse(object, fmt::format("has another number of {} than of vertices", what));
+    };
+    require(mesh.uvs2.size(), "second texture coordinates");
+    require(mesh.colours.size(), "colours");
+    require(mesh.tangents.size(), "tangents");
+    shape.uvs2 = mesh.uvs2;
+    shape.colours = mesh.colours;
+    for (const auto& [x, y, z, sign] : mesh.tangents) {
+      const Vec3f to(turned(Vec3{double{x}, double{y}, double{z}}));
+      shape.tangents.push_back({to.x, to.y, to.z, sign});
+    }
   }
 
   void find_wide_triangles(const std::vector<Vec3>& positions, MeshShape& shape) {
@@ -253,6 +331,9 @@ class Committer {
     const Bounds bounds = scene_bounds(description_);
     if (bounds.empty()) return;
     scene_.materials.push_back({.name = "ground", .colour = surroundings.ground_colour});
+    if (is_pbr_)
+      scene_.materials.back().pbr =
+          std::make_shared<const PbrMaterial>(pbr_like(scene_.materials.back()));
     add_mesh(ground_plane(bounds, world_up(stage_), static_cast<int>(scene_.materials.size()) - 1));
   }
 
@@ -275,7 +356,7 @@ class Committer {
            .cos_outer = light.cos_outer});
     }
     // A file that states an ambient light defines its own lighting, so no default light is added.
-    if (description_.lights.empty() && !description_.ambient)
+    if (description_.lights.empty() && !description_.ambient && !is_pbr_)
       scene_.lights.push_back(default_light());
   }
 
@@ -303,6 +384,10 @@ class Committer {
     rtcCommitScene(scene_.embree.get());
     scene_.device.check(description_.source);
     scene_.shading = std::make_unique<const ShadingTables>(scene_);
+    if (is_pbr_)
+      tbb::task_arena(threads_ > 0 ? threads_ : tbb::task_arena::automatic).execute([this] {
+        scene_.pbr = std::make_unique<const PbrScene>(scene_, has_studio());
+      });
     if (primitives() > kMostProvable) return;
     scene_.tree = std::make_unique<const PrimitiveTree>(scene_);
     scene_.proofs = std::make_unique<ShaftProofs>(scene_, *scene_.tree);
@@ -342,9 +427,11 @@ class Committer {
 
   const SceneDescription& description_;
   const Stage& stage_;
+  int threads_;
   Scene& scene_;
   Vec3 centre_;
   bool parallel_ = false;
+  bool is_pbr_ = false;
   Vec3 axis_x_{1, 0, 0}, axis_y_{0, 1, 0}, axis_z_{0, 0, 1};  ///< the scene's, in world space
   double units_per_world_ = 1.0;
   Vec3 depth_;  ///< its dot product with a scene point is the point's panel z
@@ -356,7 +443,7 @@ class Committer {
 Scene::Scene(const SceneDescription& description, const Stage& stage,
              const Surroundings& surroundings, int threads, IdleLights idle_lights)
     : device(threads) {
-  Committer(description, stage, *this).commit(surroundings, idle_lights);
+  Committer(description, stage, threads, *this).commit(surroundings, idle_lights);
 }
 
 Scene::~Scene() = default;

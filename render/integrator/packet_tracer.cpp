@@ -7,12 +7,14 @@
 #include <cmath>
 #include <limits>
 
+#include "base/error.h"
 #include "frames/srgb.h"
 #include "render/accel/embree_packets.h"
 #include "render/accel/lane_masks.h"
 #include "render/integrator/depth_notes.h"
 #include "render/integrator/hole_guard.h"
 #include "render/integrator/light_memory.h"
+#include "render/integrator/pbr_tracer.h"
 #include "render/scene/texture.h"
 #include "render/shading/shading.h"
 #include "render/shading/shading_tables.h"
@@ -144,7 +146,7 @@ void PacketTracer::trace(const Scene& scene, const TilePlan& plan, const Tile& t
       RayPacket& packet = primary_[static_cast<size_t>(k)];
       const Colours& of_column = colours[static_cast<size_t>((column + k) % 3)];
       if (is_soft_) seed_column(plan, tile, column + k, sample.number);
-      trace_packet(scene, plan.row_mm(), of_column, weights.data(), packet);
+      trace_packet(scene, plan, of_column, weights.data(), packet);
       if (sample.depths != nullptr) sample.depths->note(column + k, packet);
       float* out = light.data() + column + k;
       for (size_t row = 0; row < kPacket; ++row)
@@ -178,27 +180,44 @@ PacketTracer::Colours PacketTracer::colours_of(const Scene& scene,
 void PacketTracer::trace_lanes(const Scene& scene, const TilePlan& plan,
                                std::span<const int32_t, kPacket> channel, RayPacket& packet,
                                std::span<float, kPacket> light) {
-  trace_packet(scene, plan.row_mm(), colours_of(scene, channel), kWhole.data(), packet);
+  trace_packet(scene, plan, colours_of(scene, channel), kWhole.data(), packet);
   std::copy_n(lanes_.light, kPacket, light.data());
 }
 
 void PacketTracer::shade_lanes(const Scene& scene, std::span<const int32_t, kPacket> channel,
                                const RayPacket& packet, std::span<float, kPacket> light) {
+  LENTICULE_CHECK(scene.pbr == nullptr);
   clock_.turn_to(Work::Shade);
   set_colours(colours_of(scene, channel));
   shade(scene, packet, kWhole.data(), 0);
   std::copy_n(lanes_.light, kPacket, light.data());
 }
 
-void PacketTracer::trace_packet(const Scene& scene, double row_mm, const Colours& colours,
+void PacketTracer::trace_packet(const Scene& scene, const TilePlan& plan, const Colours& colours,
                                 const float* weight, RayPacket& packet) {
   clock_.turn_to(Work::TracePrimary);
   intersect16(packet.valid, scene.embree.get(), packet.rays, Coherence::Coherent);
-  fill_holes(scene, row_mm, packet, counts_);
+  fill_holes(scene, plan.row_mm(), packet, counts_);
   clock_.turn_to(Work::Shade);
   counts_.primary_rays += count_lanes(packet.valid);
   set_colours(colours);
+  if (scene.pbr != nullptr) return shade_pbr(scene, plan, packet, weight);
   shade(scene, packet, weight, 0);
+}
+
+void PacketTracer::shade_pbr(const Scene& scene, const TilePlan& plan, const RayPacket& packet,
+                             const float* weight) {
+  if (!pbr_) pbr_ = std::make_unique<PbrTracer>(static_cast<int>(generations_.size()) - 1);
+  uint32_t met = 0;
+  for (size_t r = 0; r < kPacket; ++r)
+    if (packet.rays.hit.geomID[r] != RTC_INVALID_GEOMETRY_ID) met |= kLaneBit[r];
+  const uint32_t valid = lane_bits(packet.valid);
+  add_backdrop(scene, packet, weight, valid & ~met);
+  std::array<float, kPacket> light{};
+  pbr_->shade(scene, plan.beam(), std::span<const int32_t, kPacket>(lanes_.channel), packet, light,
+              counts_, clock_);
+  for (size_t r = 0; r < kPacket; ++r)
+    if ((valid & met & kLaneBit[r]) != 0) lanes_.light[r] += weight[r] * light[r];
 }
 
 void PacketTracer::set_colours(const Colours& colours) {

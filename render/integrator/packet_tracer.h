@@ -22,6 +22,7 @@ namespace lenticule::render {
 
 class DepthNotes;
 class LightMemory;
+class PbrTracer;
 
 /// PacketTracer traces tiles of one scene. Thread safety: used by one thread. It keeps its memory
 /// from tile to tile.
@@ -98,8 +99,11 @@ class PacketTracer {
   void set_colours(const Colours& colours);
   void seed_column(const TilePlan& plan, const Tile& tile, int column, int sample);
   /// Traces a packet; its light is left in lanes_.light.
-  void trace_packet(const Scene& scene, double row_mm, const Colours& colours, const float* weight,
-                    RayPacket& packet);
+  void trace_packet(const Scene& scene, const TilePlan& plan, const Colours& colours,
+                    const float* weight, RayPacket& packet);
+  /// Does what shade() does for primary rays, in a scene of metallic-roughness materials.
+  void shade_pbr(const Scene& scene, const TilePlan& plan, const RayPacket& packet,
+                 const float* weight);
 
   // `depth` is the number of bounces before the rays that met the surfaces; `weight` is the factor
   // of each lane's light.
@@ -138,7 +142,8 @@ class PacketTracer {
   std::vector<RayPacket> primary_;
   std::vector<Generation> generations_;
   Lanes lanes_;
-  LightMemory* memory_ = nullptr;  ///< null unless a NotingTracer traces
+  std::unique_ptr<PbrTracer> pbr_;  ///< created when needed
+  LightMemory* memory_ = nullptr;   ///< null unless a NotingTracer traces
   FrameCounts counts_;
   WorkClock clock_;
 };

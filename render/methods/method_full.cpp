@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "render/culling/last_frame.h"
+#include "render/integrator/pbr_tracer.h"
 #include "render/methods/full_tiles.h"
 
 namespace lenticule::render {
@@ -42,6 +43,7 @@ class FullMethod final : public Method {
     const frames::FrameGeometry& geometry = frame.geometry();
     LENTICULE_CHECK(geometry.width == width_ && geometry.height == height_ &&
                     geometry.format == frames::PixelFormat::Rgb8);
+    require_supported(scene, options_);
     if (options_.copy_unchanged && last_.shows(scene)) return last_.copy_to(frame);
     const auto start = std::chrono::steady_clock::now();
     std::atomic<bool> cancelled{false};

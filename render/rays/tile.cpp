@@ -11,6 +11,17 @@ bool subpixels_are_side_by_side(const optics::SubpixelLayout& layout) {
   return layout.name() == "rgb" || layout.name() == "bgr";
 }
 
+BeamSize beam_of(const optics::Rig& rig) {
+  const double pixel_mm = rig.panel.pixel_width.value;
+  const double subpixel_mm =
+      subpixels_are_side_by_side(rig.panel.layout) ? pixel_mm / 3.0 : pixel_mm;
+  const double gap_mm = rig.sheet.gap.value;
+  return {.lens_mm = rig.sheet.pitch.value * pixel_mm / 3.0,
+          .row_mm = rig.panel.pixel_height.value,
+          .subpixels_per_gap = gap_mm > 0.0 ? subpixel_mm / gap_mm : 0.0,
+          .inverse_distance = 1.0 / rig.viewing.distance.value};
+}
+
 int ceiling_quotient(int a, int b) {
   return (a + b - 1) / b;
 }
@@ -18,9 +29,7 @@ int ceiling_quotient(int a, int b) {
 }  // namespace
 
 TilePlan::TilePlan(const optics::Rig& rig)
-    : width_(rig.panel.width_px),
-      height_(rig.panel.height_px),
-      row_mm_(rig.panel.pixel_height.value) {
+    : width_(rig.panel.width_px), height_(rig.panel.height_px), beam_(beam_of(rig)) {
   // If the three subpixels of a pixel are not thirds of a row, columns move by whole pixels.
   const int step = subpixels_are_side_by_side(rig.panel.layout) ? 1 : 3;
   for (int row = 0; row < kRows; ++row)

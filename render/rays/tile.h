@@ -2,7 +2,9 @@
 // Division of a frame into tiles, the units of work.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "optics/rig.h"
 
@@ -21,6 +23,25 @@ struct Tile {
 struct ColumnRange {
   int begin = 0;
   int end = 0;
+};
+
+/// BeamSize is the size of the part of a scene that one subpixel stands for: the distance to what
+/// its neighbours show, in the panel frame. `z` is in millimetres before the panel.
+struct BeamSize {
+  double lens_mm = 0.0;            ///< width of a lens along a row
+  double row_mm = 0.0;             ///< height of a row
+  double subpixels_per_gap = 0.0;  ///< tangent of the angle between neighbouring views
+  double inverse_distance = 0.0;   ///< of the viewing line
+
+  /// Returns the distance between neighbouring lenses, or between neighbouring views where those
+  /// are farther apart.
+  [[nodiscard]] double across_mm(double z) const {
+    return std::max(lens_mm * closer(z), subpixels_per_gap * std::abs(z));
+  }
+  [[nodiscard]] double along_mm(double z) const { return row_mm * closer(z); }
+
+ private:
+  [[nodiscard]] double closer(double z) const { return std::abs(1.0 - z * inverse_distance); }
 };
 
 class TilePlan {
@@ -45,12 +66,13 @@ class TilePlan {
   }
   [[nodiscard]] int row_subpixels() const { return 3 * width_; }
   /// Returns the distance between two rows.
-  [[nodiscard]] double row_mm() const { return row_mm_; }
+  [[nodiscard]] double row_mm() const { return beam_.row_mm; }
+  [[nodiscard]] const BeamSize& beam() const { return beam_; }
 
  private:
   int width_;
   int height_;
-  double row_mm_;
+  BeamSize beam_;
   std::array<int, kRows> shifts_{};
   int first_column_;
   int bands_;

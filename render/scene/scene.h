@@ -35,6 +35,10 @@ struct MeshShape {
   std::vector<std::array<uint32_t, 3>> triangles;
   std::vector<Vec3f> normals;             ///< per vertex, or empty
   std::vector<std::array<float, 2>> uvs;  ///< per vertex, or empty
+  // For metallic-roughness materials, see TriangleMesh:
+  std::vector<std::array<float, 2>> uvs2{};
+  std::vector<std::array<float, 4>> colours{};
+  std::vector<std::array<float, 4>> tangents{};
   int material = 0;
 
   static constexpr uint32_t kNotWide = ~0U;
@@ -63,6 +67,7 @@ struct GeometryEntry {
   size_t mesh = 0;
 };
 
+class PbrScene;
 class PrimitiveTree;
 class ShadingTables;
 class ShaftProofs;
@@ -105,7 +110,9 @@ struct Scene {
   Fingerprint picture;           ///< picture_fingerprint()
 
   std::unique_ptr<const ShadingTables> shading;  ///< shading tables of all members above
-  std::unique_ptr<const PrimitiveTree> tree;     ///< null if too large
+  /// Set if any material is metallic-roughness. Then all are: others are converted.
+  std::unique_ptr<const PbrScene> pbr;
+  std::unique_ptr<const PrimitiveTree> tree;  ///< null if too large
   std::unique_ptr<ShaftProofs> proofs;  ///< filled while frames are rendered; null if too large
 
   /// Returns null for a triangle that is not wide.

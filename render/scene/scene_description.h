@@ -15,12 +15,14 @@
 
 namespace lenticule::render {
 
-/// Texture holds an 8-bit sRGB or float image that OpenImageIO decoded to linear light. (0, 0) is
-/// the top-left texel.
+/// Texture holds the texels of a picture, rows from the top: either `codes` or `rgba`, four
+/// channels each.
 struct Texture {
   int width = 0;
   int height = 0;
-  std::vector<float> rgba{};  ///< linear light, width * height * 4
+  std::vector<float> rgba{};  ///< linear light, or the values of a float file
+  /// 8-bit values as the file has them. Where the texture is a colour, RGB is sRGB-encoded.
+  std::vector<uint8_t> codes{};
   bool repeat_u = true;
   bool repeat_v = true;
   bool mirror_u = false;  ///< every second repetition is mirrored; requires repeat_u

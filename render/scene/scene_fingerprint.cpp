@@ -21,6 +21,8 @@ Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings&
   mixer.add(surroundings.environment_file);
   mixer.add(surroundings.ground);
   mixer.add(surroundings.ground_colour);
+  mixer.add(surroundings.tone_map.has_value());
+  mixer.add(static_cast<int>(surroundings.tone_map.value_or(ToneMap::None)));
   if (scene.lights.empty() && !scene.ambient) {
     mixer.add(stage.world_from_panel.column_x);
     mixer.add(stage.world_from_panel.column_z);

@@ -53,6 +53,49 @@ class SceneMixer : public WordMixer {
     add(m.emission);
     add(m.tinted_specular);
     add(m.texture);
+    add(m.pbr != nullptr);
+    if (m.pbr) add(*m.pbr);
+  }
+  void add(const TextureUse& use) {
+    add(use.texture);
+    add(use.uv_set);
+    add(use.uv_map);
+  }
+  void add(const PbrMaterial& m) {
+    add(static_cast<int>(m.alpha_mode));
+    for (const bool flag : {m.double_sided, m.unlit}) add(flag);
+    for (const double number : {m.alpha,
+                                m.metallic,
+                                m.roughness,
+                                m.normal_scale,
+                                m.occlusion_strength,
+                                m.alpha_cutoff,
+                                m.ior,
+                                m.specular,
+                                m.clearcoat,
+                                m.clearcoat_roughness,
+                                m.sheen_roughness,
+                                m.transmission,
+                                m.thickness,
+                                m.attenuation_distance,
+                                m.iridescence,
+                                m.iridescence_ior,
+                                m.iridescence_thickness_min,
+                                m.iridescence_thickness_max,
+                                m.anisotropy,
+                                m.anisotropy_rotation})
+      add(number);
+    for (const Vec3& colour :
+         {m.base_colour, m.emission, m.specular_colour, m.sheen_colour, m.attenuation_colour})
+      add(colour);
+    for (const TextureUse& use :
+         {m.base_colour_texture, m.metallic_roughness_texture, m.normal_texture,
+          m.occlusion_texture, m.emission_texture, m.specular_texture, m.specular_colour_texture,
+          m.clearcoat_texture, m.clearcoat_roughness_texture, m.clearcoat_normal_texture,
+          m.sheen_colour_texture, m.sheen_roughness_texture, m.transmission_texture,
+          m.thickness_texture, m.iridescence_texture, m.iridescence_thickness_texture,
+          m.anisotropy_texture})
+      add(use);
   }
   void add(const TriangleMesh& mesh) { add_mesh(mesh); }
   void add(const Sphere& sphere) { add_sphere(sphere); }
@@ -85,6 +128,9 @@ class SceneMixer : public WordMixer {
     add(mesh.triangles);
     add(mesh.normals);
     add(mesh.uvs);
+    add(mesh.uvs2);
+    add(mesh.colours);
+    add(mesh.tangents);
   }
   /// Mixes a Sphere or a SphereShape.
   template <class Ball>

@@ -31,8 +31,12 @@ double environment_light(const Backdrop& backdrop, Vec3 direction, int channel) 
   const Vec3 right = cross(backdrop.ahead, backdrop.up);
   const double azimuth = std::atan2(dot(direction, right), dot(direction, backdrop.ahead));
   const double from_up = std::acos(std::clamp(dot(direction, backdrop.up), -1.0, 1.0));
-  return texture_value(*backdrop.environment, 0.5 + azimuth / (2.0 * std::numbers::pi),
-                       from_up / std::numbers::pi, channel);
+  const auto value = [&](int of) {
+    return texture_value(*backdrop.environment, 0.5 + azimuth / (2.0 * std::numbers::pi),
+                         from_up / std::numbers::pi, of);
+  };
+  if (backdrop.tone_map == ToneMap::None) return value(channel);
+  return component(tone_mapped(backdrop.tone_map, {value(0), value(1), value(2)}), channel);
 }
 
 std::shared_ptr<const Texture> load_environment(const std::string& file, bool colour_managed) {
@@ -61,6 +65,12 @@ Vec3 nearest_axis(Vec3 v) {
 }
 
 }  // namespace
+
+Vec3 sky_colour(double up_cosine) {
+  constexpr Vec3 kUp{0, 1, 0};
+  const Vec3 direction{0, up_cosine, 0};
+  return {sky_light(direction, kUp, 0), sky_light(direction, kUp, 1), sky_light(direction, kUp, 2)};
+}
 
 Vec3 world_up(const Stage& stage) {
   return nearest_axis(stage.world_from_panel.column_y);

@@ -9,16 +9,20 @@
 
 #include "render/scene/scene_description.h"
 #include "render/scene/stage.h"
+#include "render/scene/tone_map.h"
 
 namespace lenticule::render {
 
 /// Surroundings holds environment options that add to or replace the scene file's.
 struct Surroundings {
-  std::optional<Vec3> background;  ///< replaces the scene's background
-  bool sky = false;                ///< vertical gradient instead of a flat background
-  std::string environment_file;    ///< latitude-longitude picture, empty = none
-  bool ground = false;             ///< adds a plane under the scene
+  std::optional<Vec3> background{};  ///< replaces the scene's background
+  bool sky = false;                  ///< vertical gradient instead of a flat background
+  std::string environment_file{};    ///< latitude-longitude picture, empty = none
+  bool ground = false;               ///< adds a plane under the scene
   Vec3 ground_colour{0.5, 0.5, 0.5};
+  /// Of scenes with metallic-roughness materials. Default: ToneMap::PbrNeutral in the light of the
+  /// studio, otherwise none.
+  std::optional<ToneMap> tone_map{};
 };
 
 /// Backdrop is the light that comes from infinitely far away.
@@ -28,6 +32,8 @@ struct Backdrop {
   Vec3 ahead{0, 0, -1};  ///< unit, the world direction at the centre of the environment picture
   bool sky = false;
   std::shared_ptr<const Texture> environment;
+  /// Applied to the environment picture. Colours and the sky are stated as they are shown.
+  ToneMap tone_map = ToneMap::None;
 
   /// Returns true if the light is the same in every direction.
   [[nodiscard]] bool flat() const { return !sky && !environment; }
@@ -37,7 +43,10 @@ struct Backdrop {
 [[nodiscard]] Backdrop make_backdrop(const SceneDescription& description, const Stage& stage,
                                      const Surroundings& surroundings);
 
-/// Returns one colour channel of the light from `direction` (unit, away from the eye).
+/// Returns the sky's colour in a direction whose cosine to the vertical is `up_cosine`.
+[[nodiscard]] Vec3 sky_colour(double up_cosine);
+
+/// Returns one colour channel of the light from `direction` (unit, away from the eye) as shown.
 [[nodiscard]] double backdrop_light(const Backdrop& backdrop, Vec3 direction, int channel);
 
 /// Returns the world axis nearest to the panel's up, so that "down" is preserved for files whose z

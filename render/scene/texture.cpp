@@ -2,7 +2,10 @@
 #include "render/scene/texture.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+
+#include "frames/srgb.h"
 
 namespace lenticule::render {
 namespace {
@@ -49,7 +52,33 @@ double blended(double a, double b, double part) {
   return a + part * (b - a);
 }
 
+/// Light of the 256 codes, rounded as float textures are.
+const std::array<float, 256>& light_of_codes() {
+  static const std::array<float, 256> light = [] {
+    std::array<float, 256> rounded{};
+    for (size_t code = 0; code < rounded.size(); ++code)
+      rounded[code] = static_cast<float>(frames::linear_of_codes()[code]);
+    return rounded;
+  }();
+  return light;
+}
+
 }  // namespace
+
+bool is_complete(const Texture& texture) {
+  if (texture.width <= 0 || texture.height <= 0) return false;
+  const size_t values =
+      4 * static_cast<size_t>(texture.width) * static_cast<size_t>(texture.height);
+  return texture.codes.empty() ? texture.rgba.size() == values
+                               : texture.codes.size() == values && texture.rgba.empty();
+}
+
+double texel_light(const Texture& texture, size_t texel, int channel) {
+  const size_t at = texel * 4 + static_cast<size_t>(channel);
+  if (texture.codes.empty()) return double{texture.rgba[at]};
+  const uint8_t code = texture.codes[at];
+  return double{channel == 3 ? static_cast<float>(code) / 255.0F : light_of_codes()[code]};
+}
 
 double texture_value(const Texture& texture, double u, double v, int channel) {
   const Neighbours x = neighbours(u, texture.width, texture.repeat_u, texture.mirror_u);
@@ -57,7 +86,7 @@ double texture_value(const Texture& texture, double u, double v, int channel) {
   const auto texel = [&](int column, int row) {
     const size_t index =
         static_cast<size_t>(row) * static_cast<size_t>(texture.width) + static_cast<size_t>(column);
-    return double{texture.rgba[index * 4 + static_cast<size_t>(channel)]};
+    return texel_light(texture, index, channel);
   };
   const double top = blended(texel(x.first, y.first), texel(x.second, y.first), x.blend);
   const double bottom = blended(texel(x.first, y.second), texel(x.second, y.second), x.blend);
@@ -69,7 +98,7 @@ bool same_texture(const std::shared_ptr<const Texture>& a,
   if (a == b) return true;
   return a && b && a->width == b->width && a->height == b->height && a->repeat_u == b->repeat_u &&
          a->repeat_v == b->repeat_v && a->mirror_u == b->mirror_u && a->mirror_v == b->mirror_v &&
-         a->rgba == b->rgba;
+         a->rgba == b->rgba && a->codes == b->codes;
 }
 
 }  // namespace lenticule::render

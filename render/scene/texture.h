@@ -2,6 +2,8 @@
 // Texture look-up, one colour channel at a time.
 #pragma once
 
+#include <cstddef>
+
 #include "render/scene/scene_description.h"
 
 namespace lenticule::render {
@@ -10,6 +12,12 @@ namespace lenticule::render {
 [[nodiscard]] inline double component(const Vec3& colour, int channel) {
   return channel == 0 ? colour.x : channel == 1 ? colour.y : colour.z;
 }
+
+/// Returns true if the texture has texels, and as many as its size states.
+[[nodiscard]] bool is_complete(const Texture& texture);
+
+/// Returns a channel of a texel as linear light; `texel` counts row by row. Alpha is channel 3.
+[[nodiscard]] double texel_light(const Texture& texture, size_t texel, int channel);
 
 /// Interpolates bilinearly between texel centres; (0, 0) is the top-left corner of the picture.
 /// Outside the picture, the texture repeats, plainly or mirrored, or its border is extended, as the

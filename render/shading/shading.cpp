@@ -32,16 +32,6 @@ Vec3 mirror_direction(const Surface& surface, Vec3 direction) {
                         : mirrored(direction, surface.geometric_normal));
 }
 
-/// Refracts by Snell's law at `normal`, which faces the viewer; returns nothing for total internal
-/// reflection.
-std::optional<Vec3> refracted(Vec3 direction, Vec3 normal, double eta) {
-  const double cosine = std::min(1.0, -dot(direction, normal));
-  const double squared = 1.0 - eta * eta * (1.0 - cosine * cosine);
-  // Rounding must not turn the critical angle into total reflection.
-  if (squared < -4.0 * std::numeric_limits<double>::epsilon()) return std::nullopt;
-  return normalized(direction * eta + normal * (eta * cosine - std::sqrt(std::max(0.0, squared))));
-}
-
 std::optional<Vec3> transmit_direction(const Surface& surface, Vec3 direction) {
   const double index = surface.material->refraction_index;
   if (index == 1.0) return direction;
@@ -54,6 +44,14 @@ std::optional<Vec3> transmit_direction(const Surface& surface, Vec3 direction) {
 }
 
 }  // namespace
+
+std::optional<Vec3> refracted(Vec3 direction, Vec3 normal, double eta) {
+  const double cosine = std::min(1.0, -dot(direction, normal));
+  const double squared = 1.0 - eta * eta * (1.0 - cosine * cosine);
+  // Rounding must not turn the critical angle into total reflection.
+  if (squared < -4.0 * std::numeric_limits<double>::epsilon()) return std::nullopt;
+  return normalized(direction * eta + normal * (eta * cosine - std::sqrt(std::max(0.0, squared))));
+}
 
 Arrival arrival(const SceneLight& light, Vec3 point, double units_per_world, int channel) {
   const double colour = component(light.colour, channel);

@@ -2,6 +2,8 @@
 // Whitted shading of one colour channel. docs/rendering.md states the formulas.
 #pragma once
 
+#include <optional>
+
 #include "render/shading/surface.h"
 
 namespace lenticule::render {
@@ -33,6 +35,10 @@ struct Continuation {
   Vec3 transmit_direction;
 };
 [[nodiscard]] Continuation continuation(const Surface& surface, Vec3 direction);
+
+/// Refracts by Snell's law at `normal`, which faces the ray's start; `eta` is the refraction index
+/// on that side over the one on the other. Returns nothing for total internal reflection.
+[[nodiscard]] std::optional<Vec3> refracted(Vec3 direction, Vec3 normal, double eta);
 
 enum class Side { Viewer, Far };
 /// Returns the start of rays that leave the surface.

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "render/scene/texture.h"
 
@@ -73,6 +74,9 @@ Surface on_mesh(const Scene& scene, const MeshShape& mesh, const PathRay& ray, c
   const Barycentric at = meet_triangle(a, edge1, edge2, ray, hit.distance);
 
   Surface surface;
+  surface.mesh = &mesh;
+  surface.triangle = hit.primitive;
+  surface.at = at;
   surface.point = a + edge1 * at.u + edge2 * at.v;
   if (!mesh.normals.empty())
     surface.shading_normal =
@@ -102,6 +106,7 @@ Surface on_shape(const Scene& scene, const Shape& shape, const PathRay& ray, con
   const Vec3 outer = outer_normal(shape, surface.point);
   face_viewer(surface, ray.direction, outer == Vec3{} ? -ray.direction : outer);
   surface.spawn_offset = kSpawnOffset * largest_coordinate(surface.point);
+  if constexpr (std::is_same_v<Shape, SphereShape>) surface.curvature = 1.0 / shape.radius;
   surface.material = &scene.materials[static_cast<size_t>(shape.material)];
   surface.colour = component(surface.material->colour, ray.channel);
   return surface;

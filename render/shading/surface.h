@@ -7,6 +7,11 @@
 
 namespace lenticule::render {
 
+struct Barycentric {
+  double u = 0.0;
+  double v = 0.0;
+};
+
 struct Surface {
   Vec3 point;
   Vec3 geometric_normal;      ///< unit, on the side the ray came from
@@ -15,11 +20,10 @@ struct Surface {
   double spawn_offset = 0.0;  ///< distance along the normal at which secondary rays start
   const Material* material = nullptr;
   double colour = 1.0;  ///< product of material and texture colour, in the ray's channel
-};
-
-struct Barycentric {
-  double u = 0.0;
-  double v = 0.0;
+  const MeshShape* mesh = nullptr;  ///< null on spheres and cones
+  uint32_t triangle = 0;            ///< meshes only
+  Barycentric at{};                 ///< meshes only
+  double curvature = 0.0;           ///< 1 / radius; spheres only
 };
 
 /// Looks up a texture at a point of a mesh's triangle; returns 1 if the mesh has no texture

@@ -11,6 +11,7 @@
 #include "apps/lenticule-bench/harness/pov_writer.h"
 #include "base/error.h"
 #include "base/numbers.h"
+#include "render/scene/texture.h"
 #include "scenes/nff_writer.h"
 
 namespace lenticule::player {
@@ -98,9 +99,11 @@ double povray_target(const std::string& scene) {
 /// Returns the mean colour of a texture, its appearance from far away.
 Vec3 mean_colour(const render::Texture& texture) {
   Vec3 sum;
-  for (size_t i = 0; i + 3 < texture.rgba.size(); i += 4)
-    sum += Vec3{texture.rgba[i], texture.rgba[i + 1], texture.rgba[i + 2]};
-  return sum / std::max(1.0, static_cast<double>(texture.rgba.size() / 4));
+  const size_t texels = std::max(texture.rgba.size(), texture.codes.size()) / 4;
+  for (size_t i = 0; i < texels; ++i)
+    sum += Vec3{render::texel_light(texture, i, 0), render::texel_light(texture, i, 1),
+                render::texel_light(texture, i, 2)};
+  return sum / std::max(1.0, static_cast<double>(texels));
 }
 
 scenes::Fill fill_of(const render::SceneDescription& scene, const render::Material& m) {

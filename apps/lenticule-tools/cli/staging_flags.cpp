@@ -55,6 +55,14 @@ void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {
     flags.surroundings.ground_colour = colour;
   };
   add_triple(app, "--ground-colour", "R,G,B", take_ground, "colour of that plane")->group(kGroup);
+  const auto take_tone_map = [&flags](const std::string& name) {
+    flags.surroundings.tone_map = render::tone_map_named(name);
+  };
+  app.add_option_function<std::string>(
+         "--tone-map", take_tone_map,
+         "of metallic-roughness models: none, pbr-neutral or aces (default: pbr-neutral unless the "
+         "file has lights)")
+      ->group(kGroup);
 }
 
 }  // namespace lenticule::player

@@ -16,6 +16,7 @@
 #include "base/text.h"
 #include "frames/picture_codec.h"
 #include "frames/srgb.h"
+#include "render/scene/texture.h"
 
 namespace lenticule::player {
 namespace {
@@ -52,7 +53,8 @@ uint8_t code_of(const render::SceneDescription& scene, double value) {
 std::vector<uint8_t> png_of(const render::SceneDescription& scene, const render::Texture& texture) {
   frames::WovenFrame picture({.width = texture.width, .height = texture.height});
   for (size_t i = 0; i < picture.bytes().size(); ++i)
-    picture.bytes()[i] = code_of(scene, double{texture.rgba[i / 3 * 4 + i % 3]});
+    picture.bytes()[i] =
+        code_of(scene, render::texel_light(texture, i / 3, static_cast<int>(i % 3)));
   return frames::picture_codec().encode(picture.view(), frames::ImageFormat::Png, texture.name);
 }
 

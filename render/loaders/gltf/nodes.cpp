@@ -303,7 +303,7 @@ void Nodes::import_cameras() {
       camera.vertical_fov_degrees =
           std::clamp(2.0 * std::atan(half_height / distance) * kDegrees, 1e-3, 179.0);
       scene_.notes.push_back(
-          fmt::format("orthographic camera '{}' taken as a perspective one", camera.name));
+          fmt::format("orthographic camera '{}' treated as a perspective one", camera.name));
     }
     scene_.cameras.push_back(camera);
   }

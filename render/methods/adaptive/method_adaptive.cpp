@@ -92,6 +92,8 @@ class AdaptiveMethod final : public Method {
     const optics::Panel& panel = planes_.model().rig().panel;
     LENTICULE_CHECK(geometry.width == panel.width_px && geometry.height == panel.height_px &&
                     geometry.format == frames::PixelFormat::Rgb8);
+    // Highlights and normal maps change with the view, so nothing is interpolated between views.
+    if (scene.pbr != nullptr) return full().render(scene, stage, out);
     if (options_.copy_unchanged && last_.shows(scene)) return last_.copy_to(out);
     if (!rays_fit(scene, planes_, reach_)) {
       before_ = {};
@@ -133,9 +135,9 @@ class AdaptiveMethod final : public Method {
   }
 
  private:
-  /// Returns method full, for stages so flat or so deep that rays leave the range of single
-  /// precision, since method full checks each ray; and for frames of which the audit rejects most
-  /// bands.
+  /// Returns method full, for metallic-roughness materials; for stages so flat or so deep that rays
+  /// leave the range of single precision, since method full checks each ray; and for frames of
+  /// which the audit rejects most bands.
   Method& full() {
     if (!full_) full_ = make_method_full(planes_.model(), full_options_);
     return *full_;

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "render/accel/denormals.h"
+#include "render/integrator/pbr_tracer.h"
 #include "render/methods/reuse/micro_image_sweep.h"
 #include "render/methods/reuse/point_history.h"
 #include "render/scene/scene.h"
@@ -74,6 +75,7 @@ class ReuseMethod final : public Method {
   RenderStatistics render(const Scene& scene, const Stage& stage,
                           frames::WovenFrame& frame) override {
     LENTICULE_CHECK(frame.geometry() == geometry_);
+    require_supported(scene, options_);
     const auto start = std::chrono::steady_clock::now();
     Workers workers([this] { return Worker(plan_, options_); });
     const bool follows = over_time() && start_history(scene, stage);

@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/integrator/pbr_tracer.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "base/error.h"
+#include "render/accel/embree_packets.h"
+#include "render/accel/lane_masks.h"
+#include "render/rays/primary_packets.h"
+#include "render/scene/texture.h"
+#include "render/shading/shading.h"
+
+namespace lenticule::render {
+namespace {
+
+/// Most surfaces that a ray passes; rays behind them see the backdrop.
+constexpr int kMostLayers = 256;
+/// Rays of which a smaller share reaches the viewer end.
+constexpr double kLeastWeight = 1e-4;
+/// Fraction of the distance to a light within which an occluder counts as the lamp itself.
+constexpr double kLampClearance = 1.0 / (1 << 18);
+constexpr Vec3 kOne{1, 1, 1};
+
+double largest(Vec3 v) {
+  return std::max({v.x, v.y, v.z});
+}
+
+bool is_volume(const PbrMaterial& material) {
+  return material.transmission > 0.0 && material.thickness > 0.0;
+}
+
+/// Returns the share of light that a volume lets through along a way in world units.
+Vec3 attenuation(const PbrMaterial& material, double way) {
+  const double part = way / material.attenuation_distance;
+  const auto kept = [part](double colour) { return std::pow(std::clamp(colour, 0.0, 1.0), part); };
+  if (!(part > 0.0)) return kOne;
+  const Vec3 colour = material.attenuation_colour;
+  return {kept(colour.x), kept(colour.y), kept(colour.z)};
+}
+
+/// Returns the roughness of what a ray sees through a surface: the less it refracts, the less it
+/// blurs.
+double transmitted_roughness(const PbrPoint& point) {
+  return point.roughness * std::clamp(2.0 * point.ior - 2.0, 0.0, 1.0);
+}
+
+}  // namespace
+
+/// View is what all lanes of a packet share.
+struct PbrTracer::View {
+  const Scene& scene;
+  const PbrScene& pbr;
+  const BeamSize& beam;
+  Affine panel_from_scene;
+
+  [[nodiscard]] RayFootprint footprint(Vec3 point) const {
+    const double z = panel_from_scene.point(point).z;
+    return {.across = scene.scene_from_panel.vector({beam.across_mm(z), 0, 0}),
+            .along = scene.scene_from_panel.vector({0, beam.along_mm(z), 0})};
+  }
+};
+
+PbrTracer::PbrTracer(int max_depth) : most_bends_(max_depth) {
+  init_packets({&next_, 1});
+  shadow_ = next_.rays.ray;
+}
+
+void PbrTracer::shade(const Scene& scene, const BeamSize& beam,
+                      std::span<const int32_t, kPacket> channel, const RayPacket& packet,
+                      std::span<float, kPacket> light, FrameCounts& counts, WorkClock& clock) {
+  const View view{scene, *scene.pbr, beam, scene.scene_from_panel.inverse()};
+  uint32_t lanes = 0;
+  for (size_t r = 0; r < kPacket; ++r) {
+    if (packet.valid[r] == 0 || packet.rays.hit.geomID[r] == RTC_INVALID_GEOMETRY_ID) continue;
+    lanes |= kLaneBit[r];
+    const RTCRay16& ray = packet.rays.ray;
+    paths_[r] = {.origin = {double{ray.org_x[r]}, double{ray.org_y[r]}, double{ray.org_z[r]}},
+                 .direction = normalized(
+                     Vec3{double{ray.dir_x[r]}, double{ray.dir_y[r]}, double{ray.dir_z[r]}})};
+  }
+  const uint32_t all = lanes;
+  const RayPacket* met = &packet;
+  for (int layer = 0; lanes != 0; ++layer) {
+    uint32_t going = 0;
+    for (Lit& lit : lit_) lit.shader.reset();
+    for (uint32_t left = lanes; left != 0; left &= left - 1) {
+      const auto r = static_cast<size_t>(std::countr_zero(left));
+      if (meet(view, *met, r)) going |= kLaneBit[r];
+    }
+    add_lights(view, counts, clock);
+    for (size_t r = 0; r < kPacket; ++r)
+      if (lit_[r].shader)
+        paths_[r].light += lit_[r].weight * tone_mapped(view.pbr.tone_map(), lit_[r].light);
+    lanes = going;
+    if (lanes == 0) break;
+    if (layer == kMostLayers) {
+      for (uint32_t left = lanes; left != 0; left &= left - 1)
+        leave(view, paths_[static_cast<size_t>(std::countr_zero(left))]);
+      break;
+    }
+    trace_on(view, lanes, counts, clock);
+    met = &next_;
+  }
+  for (uint32_t left = all; left != 0; left &= left - 1) {
+    const auto r = static_cast<size_t>(std::countr_zero(left));
+    light[r] = static_cast<float>(component(paths_[r].light, channel[r]));
+  }
+}
+
+void PbrTracer::leave(const View& view, Path& path) {
+  path.light += path.weight * view.pbr.backdrop(path.direction, path.roughness);
+}
+
+void PbrTracer::trace_on(const View& view, uint32_t lanes, FrameCounts& counts, WorkClock& clock) {
+  for (size_t r = 0; r < kPacket; ++r) {
+    const bool wanted = (lanes & kLaneBit[r]) != 0;
+    const bool fit = wanted && fit_for_embree(paths_[r].origin, paths_[r].direction);
+    if (wanted && !fit) ++counts.invalid_rays;
+    next_.valid[r] = fit ? -1 : 0;
+    set_lane(next_, r, fit ? Vec3f(paths_[r].origin) : Vec3f{},
+             fit ? Vec3f(paths_[r].direction) : Vec3f{0, 0, 1});
+    next_.rays.hit.geomID[r] = RTC_INVALID_GEOMETRY_ID;
+  }
+  counts.secondary_rays += count_lanes(next_.valid);
+  clock.turn_to(Work::TraceSecondary);
+  intersect16(next_.valid, view.scene.embree.get(), next_.rays, Coherence::Coherent);
+  clock.turn_to(Work::Shade);
+}
+
+bool PbrTracer::meet(const View& view, const RayPacket& packet, size_t lane) {
+  Path& path = paths_[lane];
+  const RTCRay16& ray = packet.rays.ray;
+  if (packet.rays.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID) {
+    leave(view, path);
+    return false;
+  }
+  const double stretch =
+      length(Vec3{double{ray.dir_x[lane]}, double{ray.dir_y[lane]}, double{ray.dir_z[lane]}});
+  Lit& lit = lit_[lane];
+  lit.surface = surface_at(view.scene, {.origin = path.origin, .direction = path.direction},
+                           {.geometry = packet.rays.hit.geomID[lane],
+                            .primitive = packet.rays.hit.primID[lane],
+                            .distance = static_cast<float>(double{ray.tfar[lane]} * stretch)});
+  const Surface& surface = lit.surface;
+  const PbrMaterial& material = *surface.material->pbr;
+  if (path.medium != nullptr)
+    path.weight = path.weight * attenuation(*path.medium, length(surface.point - path.origin) /
+                                                              view.scene.units_per_world);
+  if (!surface.outer_side && is_volume(material)) {
+    if (path.medium != nullptr) return exit(view, surface, path);
+    if (!material.double_sided) return pass(surface, path);
+  } else if (!surface.outer_side && !material.double_sided) {
+    return pass(surface, path);
+  }
+  const PbrSurface shaded =
+      view.pbr.surface(surface, path.direction, view.footprint(surface.point));
+  const double alpha = shaded.point.alpha;
+  if (alpha == 0.0) return pass(surface, path);
+  lit.weight = path.weight * alpha;
+  if (material.unlit) {
+    path.light += lit.weight * shaded.point.colour;
+    path.weight = path.weight * (1.0 - alpha);
+    return pass(surface, path);
+  }
+  const PbrShader& shader = lit.shader.emplace(shaded.point);
+  lit.light = shader.emitted() + shader.of_environment(view.pbr.environment(), view.pbr.frame());
+  const Vec3 through = shader.transmitted() * alpha;
+  path.weight = path.weight * (through + kOne * (1.0 - alpha));
+  if (largest(through) > 0.0)
+    path.roughness = std::max(path.roughness, transmitted_roughness(shaded.point));
+  // A ray cannot go both straight on and bent: partly transparent surfaces do not refract.
+  const bool bends = shaded.thickness > 0.0 && alpha == 1.0 && surface.outer_side;
+  return bends ? enter(view, surface, shaded, path) : pass(surface, path);
+}
+
+bool PbrTracer::pass(const Surface& surface, Path& path) {
+  if (largest(path.weight) < kLeastWeight) return false;
+  path.origin = spawn_point(surface, Side::Far);
+  return true;
+}
+
+bool PbrTracer::bend(const View& view, const Surface& surface, std::optional<Vec3> through,
+                     Path& path) const {
+  const Vec3 normal = surface.geometric_normal;
+  if (largest(path.weight) < kLeastWeight) return false;
+  path.origin = spawn_point(surface, through ? Side::Far : Side::Viewer);
+  path.direction = through
+                       ? *through
+                       : normalized(path.direction - normal * (2.0 * dot(path.direction, normal)));
+  if (path.bends++ < most_bends_) return true;
+  leave(view, path);
+  return false;
+}
+
+namespace {
+
+/// Refracts at the shading normal, or at the geometric one where the former sends the ray back.
+std::optional<Vec3> through(const Surface& surface, Vec3 normal, Vec3 direction, double eta) {
+  if (dot(direction, normal) < 0.0) {
+    const auto smooth = refracted(direction, normal, eta);
+    if (!smooth || dot(*smooth, surface.geometric_normal) < 0.0) return smooth;
+  }
+  return refracted(direction, surface.geometric_normal, eta);
+}
+
+}  // namespace
+
+bool PbrTracer::enter(const View& view, const Surface& surface, const PbrSurface& shaded,
+                      Path& path) const {
+  path.medium = shaded.material;
+  return bend(view, surface,
+              through(surface, shaded.point.normal, path.direction,
+                      1.0 / std::max(shaded.material->ior, 1e-3)),
+              path);
+}
+
+/// All light leaves a volume, or none where it is mirrored totally: as in viewers, what the inner
+/// side mirrors is left out.
+bool PbrTracer::exit(const View& view, const Surface& surface, Path& path) const {
+  const auto out =
+      through(surface, surface.shading_normal, path.direction, std::max(path.medium->ior, 1e-3));
+  if (out) path.medium = nullptr;
+  return bend(view, surface, out, path);
+}
+
+Vec3 PbrTracer::shadow_ray(const View& view, size_t light, size_t lane, FrameCounts& counts) {
+  const Lit& lit = lit_[lane];
+  shadow_valid_[lane] = 0;
+  shadow_.org_x[lane] = shadow_.org_y[lane] = shadow_.org_z[lane] = 0.0F;
+  shadow_.dir_x[lane] = shadow_.dir_y[lane] = 0.0F;
+  shadow_.dir_z[lane] = 1.0F;
+  shadow_.tfar[lane] = 0.0F;
+  if (!lit.shader) return {};
+  const Vec3 start = spawn_point(lit.surface, Side::Viewer);
+  const Arrival at = arrival(view.pbr.unit_lights()[light], start, view.scene.units_per_world, 0);
+  if (at.intensity == 0.0) return {};
+  const Vec3 brings =
+      view.scene.lights[light].colour * lit.shader->of_light(at.toward_light) * at.intensity;
+  if (brings == Vec3{}) return {};
+  if (!fit_for_embree(start, at.toward_light)) {
+    ++counts.invalid_rays;
+    return {};
+  }
+  const Vec3f from(start), direction(at.toward_light);
+  shadow_valid_[lane] = -1;
+  shadow_.org_x[lane] = from.x;
+  shadow_.org_y[lane] = from.y;
+  shadow_.org_z[lane] = from.z;
+  shadow_.dir_x[lane] = direction.x;
+  shadow_.dir_y[lane] = direction.y;
+  shadow_.dir_z[lane] = direction.z;
+  shadow_.tfar[lane] = static_cast<float>(at.distance * (1.0 - kLampClearance));
+  return brings;
+}
+
+namespace {
+
+/// Follows a shadow ray through everything that lets light pass; returns the share that arrives.
+Vec3 light_arriving(const Scene& scene, Vec3 origin, Vec3 direction, double far) {
+  Vec3 share{1, 1, 1};
+  for (int layer = 0; layer < kMostLayers; ++layer) {
+    RTCRayHit ray{};
+    const Vec3f from(origin), way(direction);
+    ray.ray = {.org_x = from.x,
+               .org_y = from.y,
+               .org_z = from.z,
+               .tnear = 0.0F,
+               .dir_x = way.x,
+               .dir_y = way.y,
+               .dir_z = way.z,
+               .time = 0.0F,
+               .tfar = static_cast<float>(far),
+               .mask = ~0U,
+               .id = 0,
+               .flags = 0};
+    ray.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+    ray.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    intersect1(scene.embree.get(), ray);
+    if (ray.hit.geomID == RTC_INVALID_GEOMETRY_ID) return share;
+    const Surface surface = surface_at(
+        scene, {.origin = origin, .direction = direction},
+        {.geometry = ray.hit.geomID, .primitive = ray.hit.primID, .distance = ray.ray.tfar});
+    share = share * scene.pbr->passed(surface);
+    if (largest(share) < kLeastWeight) return {};
+    const Vec3 next = spawn_point(surface, Side::Far);
+    far -= length(next - origin);
+    origin = next;
+    if (far <= 0.0) return share;
+  }
+  return {};
+}
+
+}  // namespace
+
+void PbrTracer::trace_shadows(const View& view, FrameCounts& counts, WorkClock& clock) {
+  if (!any_lane(shadow_valid_)) return;
+  counts.shadow_rays += count_lanes(shadow_valid_);
+  clock.turn_to(Work::TraceShadows);
+  if (view.pbr.any_passes()) {
+    for (size_t r = 0; r < kPacket; ++r)
+      if (shadow_valid_[r] != 0)
+        arriving_[r] = light_arriving(
+            view.scene,
+            {double{shadow_.org_x[r]}, double{shadow_.org_y[r]}, double{shadow_.org_z[r]}},
+            {double{shadow_.dir_x[r]}, double{shadow_.dir_y[r]}, double{shadow_.dir_z[r]}},
+            double{shadow_.tfar[r]});
+  } else {
+    occluded16(shadow_valid_, view.scene.embree.get(), shadow_, Coherence::Coherent);
+    for (size_t r = 0; r < kPacket; ++r)
+      arriving_[r] = shadow_valid_[r] != 0 && shadow_.tfar[r] >= 0.0F ? kOne : Vec3{};
+  }
+  clock.turn_to(Work::Shade);
+}
+
+void PbrTracer::add_lights(const View& view, FrameCounts& counts, WorkClock& clock) {
+  for (size_t light = 0; light < view.scene.lights.size(); ++light) {
+    std::array<Vec3, kPacket> brings{};
+    for (size_t r = 0; r < kPacket; ++r) brings[r] = shadow_ray(view, light, r, counts);
+    arriving_.fill({});
+    trace_shadows(view, counts, clock);
+    for (size_t r = 0; r < kPacket; ++r)
+      if (shadow_valid_[r] != 0) lit_[r].light += brings[r] * arriving_[r];
+  }
+}
+
+void require_supported(const Scene& scene, const RenderOptions& options) {
+  if (scene.pbr == nullptr || !options.soft.any()) return;
+  throw Error(ErrorKind::Usage, "sampled light: not supported for metallic-roughness materials",
+              "render without --soft-shadows, --occlusion and --environment-light; the environment "
+              "lights such materials anyway");
+}
+
+}  // namespace lenticule::render

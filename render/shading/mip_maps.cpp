@@ -1,0 +1,236 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/shading/mip_maps.h"
+
+#include <oneapi/tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "frames/srgb.h"
+
+namespace lenticule::render {
+namespace {
+
+using Value = MipMaps::Value;
+
+/// Most lookups along the longer axis of a footprint; longer ones are blurred across as well.
+constexpr double kMostProbes = 16.0;
+
+double clamped01(double v) {
+  return v > 0.0 ? std::min(v, 1.0) : 0.0;
+}
+
+const std::array<double, 256>& share_of_codes() {
+  static const std::array<double, 256> shares = [] {
+    std::array<double, 256> all{};
+    for (size_t code = 0; code < all.size(); ++code) all[code] = static_cast<double>(code) / 255.0;
+    return all;
+  }();
+  return shares;
+}
+
+uint8_t nearest_code(double v) {
+  return static_cast<uint8_t>(clamped01(v) * 255.0 + 0.5);
+}
+
+/// Returns the sRGB code of light, within one code, faster than frames::code_from_linear().
+uint8_t colour_code(double light) {
+  static const std::vector<uint8_t> codes = [] {
+    constexpr size_t kSteps = size_t{1} << 14;
+    std::vector<uint8_t> all(kSteps + 1);
+    for (size_t n = 0; n <= kSteps; ++n)
+      all[n] = frames::code_from_linear(static_cast<double>(n) / kSteps);
+    return all;
+  }();
+  return codes[static_cast<size_t>(clamped01(light) * static_cast<double>(codes.size() - 1) + 0.5)];
+}
+
+void add(const Value& value, double weight, Value& sum) {
+  for (size_t c = 0; c < sum.size(); ++c) sum[c] += weight * value[c];
+}
+
+Value mixed(const Value& a, const Value& b, double part) {
+  Value out;
+  for (size_t c = 0; c < out.size(); ++c) out[c] = a[c] + (b[c] - a[c]) * part;
+  return out;
+}
+
+/// Returns the texels of a row of `size` that one texel of a row half as long covers.
+struct Covered {
+  int first;
+  int count;
+  std::array<double, 3> weights;
+};
+Covered covered(int texel, int size, int half) {
+  const double step = static_cast<double>(size) / half;
+  const double begin = texel * step, end = begin + step;
+  Covered out{.first = static_cast<int>(begin), .count = 0, .weights = {}};
+  for (int n = out.first; n < size && n < end && out.count < 3; ++n)
+    out.weights[static_cast<size_t>(out.count++)] =
+        (std::min(end, n + 1.0) - std::max(begin, n * 1.0)) / step;
+  return out;
+}
+
+/// The axes of the ellipse around a parallelogram, in texels.
+struct Ellipse {
+  double minor = 0.0;
+  double major = 0.0;
+  Vec2 major_axis{1, 0};  ///< unit
+};
+
+Ellipse ellipse_around(Vec2 a, Vec2 b) {
+  // Eigenvalues of the sum of the outer products of both sides.
+  const double xx = a.x * a.x + b.x * b.x, yy = a.y * a.y + b.y * b.y;
+  const double xy = a.x * a.y + b.x * b.y;
+  const double middle = 0.5 * (xx + yy), half = 0.5 * (xx - yy);
+  const double apart = std::sqrt(half * half + xy * xy);
+  Ellipse out;
+  out.major = std::sqrt(middle + apart);
+  // The product of both axes is the area, which the difference would lose to rounding.
+  const double area = std::abs(a.x * b.y - a.y * b.x);
+  out.minor = out.major > 0.0 ? area / out.major : 0.0;
+  const Vec2 axis =
+      xx >= yy ? Vec2{0.5 * (xx - yy) + apart, xy} : Vec2{xy, 0.5 * (yy - xx) + apart};
+  const double size = std::sqrt(axis.x * axis.x + axis.y * axis.y);
+  if (size > 0.0) out.major_axis = {axis.x / size, axis.y / size};
+  return out;
+}
+
+struct Neighbours {
+  int first;
+  int second;
+  double part;
+};
+Neighbours neighbours(double coordinate, int size, bool repeat, bool mirror) {
+  if (!(std::abs(coordinate) < 1e15)) coordinate = 0.0;
+  if (repeat && mirror) {
+    coordinate -= 2.0 * std::floor(0.5 * coordinate);
+    coordinate = coordinate > 1.0 ? 2.0 - coordinate : coordinate;
+    repeat = false;  // a mirrored border continues as an extended one does
+  }
+  coordinate = repeat ? coordinate - std::floor(coordinate) : std::clamp(coordinate, 0.0, 1.0);
+  const double texel = coordinate * size - 0.5;
+  const double below = std::floor(texel);
+  const int first = static_cast<int>(below);
+  const double part = texel - below;
+  if (!repeat) return {std::max(first, 0), std::min(first + 1, size - 1), part};
+  return {first < 0 ? size - 1 : std::min(first, size - 1), first + 1 >= size ? 0 : first + 1,
+          part};
+}
+
+}  // namespace
+
+MipMaps::MipMaps(std::shared_ptr<const Texture> texture, Content content)
+    : texture_(std::move(texture)),
+      content_(content),
+      colour_of_code_(content == Content::Colour ? frames::linear_of_codes().data()
+                                                 : share_of_codes().data()) {
+  for (LevelView last = level(0); last.width > 1 || last.height > 1; last = level(levels_.size()))
+    levels_.push_back(halved(last));
+}
+
+MipMaps::LevelView MipMaps::level(size_t number) const {
+  if (number == 0)
+    return {texture_->width, texture_->height,
+            texture_->codes.empty() ? nullptr : texture_->codes.data(), texture_->rgba.data(),
+            true};
+  const Level& l = levels_[number - 1];
+  return {l.width, l.height, l.codes.empty() ? nullptr : l.codes.data(), l.values.data(), false};
+}
+
+Value MipMaps::texel(const LevelView& from, int x, int y) const {
+  const size_t at =
+      4 * (static_cast<size_t>(y) * static_cast<size_t>(from.width) + static_cast<size_t>(x));
+  Value value;
+  if (from.codes == nullptr) {
+    for (size_t c = 0; c < 4; ++c) value[c] = double{from.values[at + c]};
+  } else {
+    const uint8_t* code = from.codes + at;
+    value = {colour_of_code_[code[0]], colour_of_code_[code[1]], colour_of_code_[code[2]],
+             share_of_codes()[code[3]]};
+  }
+  if (content_ != Content::Normals) return value;
+  const Vec3 vector{2.0 * value[0] - 1.0, 2.0 * value[1] - 1.0, 2.0 * value[2] - 1.0};
+  const double size = length(vector);
+  // The levels store the root, since 1 - length is small.
+  const double held = from.is_first ? 1.0 : 1.0 - value[3] * value[3];
+  const Vec3 scaled = size > 0.0 ? vector * (held / size) : Vec3{0, 0, held};
+  return {scaled.x, scaled.y, scaled.z, 0.0};
+}
+
+void MipMaps::store(const Value& value, size_t index, Level& to) const {
+  Value out = value;
+  if (content_ == Content::Normals) {
+    const Vec3 mean{value[0], value[1], value[2]};
+    const double size = std::min(1.0, length(mean));
+    const Vec3 unit = size > 0.0 ? normalized(mean) : Vec3{0, 0, 1};
+    out = {0.5 + 0.5 * unit.x, 0.5 + 0.5 * unit.y, 0.5 + 0.5 * unit.z, std::sqrt(1.0 - size)};
+  }
+  for (size_t c = 0; c < 4; ++c) {
+    if (to.codes.empty())
+      to.values[4 * index + c] = static_cast<float>(out[c]);
+    else
+      to.codes[4 * index + c] =
+          content_ == Content::Colour && c < 3 ? colour_code(out[c]) : nearest_code(out[c]);
+  }
+}
+
+MipMaps::Level MipMaps::halved(const LevelView& from) const {
+  Level to{.width = std::max(1, from.width / 2), .height = std::max(1, from.height / 2)};
+  const size_t values = 4 * static_cast<size_t>(to.width) * static_cast<size_t>(to.height);
+  if (from.codes != nullptr)
+    to.codes.resize(values);
+  else
+    to.values.resize(values);
+  tbb::parallel_for(0, to.height, [&](int y) {
+    const Covered rows = covered(y, from.height, to.height);
+    for (int x = 0; x < to.width; ++x) {
+      const Covered columns = covered(x, from.width, to.width);
+      Value sum{};
+      for (int j = 0; j < rows.count; ++j)
+        for (int i = 0; i < columns.count; ++i)
+          add(texel(from, columns.first + i, rows.first + j),
+              rows.weights[static_cast<size_t>(j)] * columns.weights[static_cast<size_t>(i)], sum);
+      store(sum, static_cast<size_t>(y) * static_cast<size_t>(to.width) + static_cast<size_t>(x),
+            to);
+    }
+  });
+  return to;
+}
+
+Value MipMaps::bilinear(const LevelView& from, Vec2 at) const {
+  const Neighbours x = neighbours(at.x, from.width, texture_->repeat_u, texture_->mirror_u);
+  const Neighbours y = neighbours(at.y, from.height, texture_->repeat_v, texture_->mirror_v);
+  return mixed(mixed(texel(from, x.first, y.first), texel(from, x.second, y.first), x.part),
+               mixed(texel(from, x.first, y.second), texel(from, x.second, y.second), x.part),
+               y.part);
+}
+
+Value MipMaps::value(Vec2 at, const TextureFootprint& footprint) const {
+  const auto texels = [&](Vec2 v) { return Vec2{v.x * texture_->width, v.y * texture_->height}; };
+  const Ellipse area = ellipse_around(texels(footprint.across), texels(footprint.along));
+  const auto last = static_cast<double>(levels_.size());
+  const double width = std::max({area.minor, area.major / kMostProbes, 1.0});
+  // Not finite at the horizon of a plane.
+  const double depth = width <= 1.0 ? 0.0 : width < 1e9 ? std::min(std::log2(width), last) : last;
+  const auto sharper = static_cast<size_t>(depth);
+  const double part = depth - static_cast<double>(sharper);
+  const LevelView fine = level(sharper);
+  const LevelView coarse = level(std::min(sharper + 1, levels_.size()));
+  const auto trilinear = [&](Vec2 point) {
+    const Value value = bilinear(fine, point);
+    return part > 0.0 ? mixed(value, bilinear(coarse, point), part) : value;
+  };
+  const double longer = area.major / width;
+  const int probes = longer < kMostProbes ? std::max(1, static_cast<int>(std::ceil(longer - 1e-6)))
+                                          : static_cast<int>(kMostProbes);
+  if (probes == 1 || !std::isfinite(area.major)) return trilinear(at);
+  const Vec2 axis{area.major_axis.x * area.major / texture_->width,
+                  area.major_axis.y * area.major / texture_->height};
+  Value sum{};
+  for (int n = 0; n < probes; ++n)
+    add(trilinear(at + axis * ((n + 0.5) / probes - 0.5)), 1.0 / probes, sum);
+  return sum;
+}
+
+}  // namespace lenticule::render

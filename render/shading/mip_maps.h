@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+// MipMaps filters a texture over the footprint of a ray.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "render/scene/scene_description.h"
+
+namespace lenticule::render {
+
+/// The sides of a parallelogram in texture coordinates.
+struct TextureFootprint {
+  Vec2 across{};
+  Vec2 along{};
+};
+
+/// MipMaps holds a texture and copies of it in halves, quarters and so on. The levels of an 8-bit
+/// texture have 8 bits. Thread safety: immutable.
+class MipMaps {
+ public:
+  /// The meaning of the texels. Colours are averaged as light, and 8-bit colours are sRGB-encoded.
+  /// Texels of normal maps are unit vectors (RGB = 1/2 + vector / 2); their levels hold in the
+  /// fourth channel how much the vectors differ.
+  enum class Content { Colour, Data, Normals };
+
+  MipMaps(std::shared_ptr<const Texture> texture, Content content);
+
+  using Value = std::array<double, 4>;
+  /// Returns the mean over the footprint around (u, v): several trilinear lookups along its longer
+  /// axis. Repeats or extends the texture as Texture states. For normal maps the first three
+  /// channels are the mean vector, which is the shorter the more the vectors differ. Non-finite
+  /// coordinates count as 0.
+  [[nodiscard]] Value value(Vec2 at, const TextureFootprint& footprint) const;
+
+  [[nodiscard]] const Texture& texture() const { return *texture_; }
+  [[nodiscard]] Content content() const { return content_; }
+  /// Returns the number of owners of the texture.
+  [[nodiscard]] long owners() const { return texture_.use_count(); }
+  [[nodiscard]] size_t level_count() const { return levels_.size() + 1; }
+
+ private:
+  /// Level holds one of the copies: `codes` or `values`, four channels per texel.
+  struct Level {
+    int width = 0;
+    int height = 0;
+    std::vector<uint8_t> codes{};
+    std::vector<float> values{};
+  };
+  /// LevelView reads the texture itself or a level.
+  struct LevelView {
+    int width;
+    int height;
+    const uint8_t* codes;
+    const float* values;
+    bool is_first;
+  };
+
+  [[nodiscard]] LevelView level(size_t number) const;
+  /// Returns a texel in the form that can be averaged.
+  [[nodiscard]] Value texel(const LevelView& from, int x, int y) const;
+  [[nodiscard]] Level halved(const LevelView& from) const;
+  void store(const Value& value, size_t index, Level& to) const;
+  [[nodiscard]] Value bilinear(const LevelView& from, Vec2 at) const;
+
+  std::shared_ptr<const Texture> texture_;
+  Content content_;
+  const double* colour_of_code_;  ///< numbers of the 256 codes, for RGB
+  std::vector<Level> levels_;
+};
+
+}  // namespace lenticule::render
