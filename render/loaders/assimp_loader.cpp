@@ -13,6 +13,7 @@
 #include "render/loaders/assimp_parts.h"
 #include "render/loaders/guarded_files.h"
 #include "render/loaders/scene_extension.h"
+#include "render/scene/nothing_seen.h"
 
 namespace lenticule::render {
 namespace {
@@ -41,7 +42,7 @@ const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& fil
   importer.SetPropertyBool("IMPORT_NO_SKELETON_MESHES", true);
   const aiScene* scene = importer.ReadFile(file.string(), 0);
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
-  if (scene->mNumMeshes == 0) refuse(file, "nothing to see in this scene");
+  if (scene->mNumMeshes == 0) refuse_empty({.source = file.string()});
   check_meshes(*scene, file.string());
   // Not aiProcess_JoinIdenticalVertices, which merges vertices within 1e-5 units and so collapses a
   // small scene to a point.
@@ -58,7 +59,7 @@ SceneDescription convert(const aiScene& from, const std::filesystem::path& file)
   scene.colour_managed = true;
   import_materials(from, file.parent_path(), scene);
   const NodeNames nodes = import_nodes_and_meshes(from, scene);
-  if (scene.meshes.empty()) refuse(file, "nothing to see in this scene");
+  if (scene.meshes.empty()) refuse_empty(scene);
   import_animation(from, nodes, scene);
   import_lights(from, nodes, scene);
   import_cameras(from, nodes, scene);

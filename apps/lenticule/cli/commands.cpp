@@ -16,7 +16,7 @@ namespace {
 
 constexpr auto kCommands = std::to_array<Command>({
     {"render", "render a scene to woven frames, into files or a player's ring",
-     "lenticule render teapot.nff --rig kiosk-27-4k.toml --frames 0:24 -o 'out/%05d.png'"},
+     "lenticule render model.glb --rig kiosk-27-4k.toml -o woven.png"},
     {"play", "play woven frames on a display at its own clock",
      "lenticule play 'out/%05d.png' --rig kiosk-27-4k.toml --display virtual --loop forever"},
     {"ctl", "steer a player that runs: pause, seek, load, trim, look at it",

@@ -3,14 +3,20 @@
 
 #include <fmt/format.h>
 
+#include <fmt/ranges.h>
+
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/command_tree.h"
 #include "base/text.h"
+#include "player/process/sample_rigs.h"
 
 namespace lenticule::player {
 namespace {
@@ -55,6 +61,95 @@ std::string remedy(std::string_view word, const std::vector<std::string>& known,
                  : fmt::format("see {} --help", name);
 }
 
+// ---- missing flags and arguments
+
+bool is_flag(const CLI::Option& option, const char* name) {
+  return option.nonpositional() && option.check_name(name);
+}
+
+/// Returns the name that a user types.
+std::string typed_name(const CLI::Option& option) {
+  if (!option.nonpositional()) return option.get_name(true);
+  return option.get_snames().empty() ? "--" + option.get_lnames().front()
+                                     : "-" + option.get_snames().front();
+}
+
+std::vector<const CLI::Option*> missing_options(const CLI::App& command) {
+  return command.get_options(
+      [](const CLI::Option* option) { return option->get_required() && option->count() == 0; });
+}
+
+/// Returns "a", "a and b" or "a, b and c".
+std::string listed(const std::vector<std::string>& words) {
+  if (words.size() == 1) return words.front();
+  return fmt::format("{} and {}", fmt::join(words.begin(), words.end() - 1, ", "), words.back());
+}
+
+/// Returns the word that follows `flag` in the example of a command, or "FILE".
+std::string example_value(const std::string& command, const std::string& flag) {
+  for (const Command& one : commands()) {
+    if (command != one.name) continue;
+    std::string_view rest = one.example;
+    const size_t at = rest.find(" " + flag + " ");
+    if (at == std::string_view::npos) break;
+    rest.remove_prefix(at + flag.size() + 2);
+    return std::string(rest.substr(0, rest.find(' ')));
+  }
+  return "FILE";
+}
+
+/// Returns `word` as a shell takes it unchanged.
+std::string quoted(const std::string& word) {
+  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
+           std::string_view("_-./:,=+@").find(c) != std::string_view::npos;
+  });
+  if (plain) return word;
+  std::string out = "'";
+  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+/// Returns the command that was typed, with the missing options.
+std::string completed_command(const Chain& chain, const SampleRigs& rigs) {
+  std::string text = name_of(chain);
+  for (const CLI::Option* option : chain.back()->get_options()) {
+    const bool missing = option->get_required() && option->count() == 0;
+    if (option->nonpositional() && (missing || option->count() > 0))
+      text += " " + typed_name(*option);
+    if (is_flag(*option, "--rig") && missing)
+      text += " " + quoted((rigs.folder / rigs.names.front()).string());
+    else if (missing)
+      text += " " + (option->nonpositional()
+                         ? example_value(chain[1]->get_name(), typed_name(*option))
+                         : option->get_name(true));
+    else if (option->get_expected_max() > 0)
+      for (const std::string& value : option->results()) text += " " + quoted(value);
+  }
+  return text;
+}
+
+/// Returns the error for options that are missing; none if there are all.
+std::optional<Error> missing_error(const Chain& chain, const std::string& object) {
+  const std::vector<const CLI::Option*> missing = missing_options(*chain.back());
+  if (missing.empty()) return std::nullopt;
+  std::vector<std::string> names;
+  for (const CLI::Option* option : missing) names.push_back(typed_name(*option));
+  const std::string what =
+      fmt::format("{}{} {} missing", object, listed(names), names.size() == 1 ? "is" : "are");
+  std::string hint = fmt::format("see {} --help", name_of(chain));
+  if (std::any_of(missing.begin(), missing.end(),
+                  [](const CLI::Option* option) { return is_flag(*option, "--rig"); })) {
+    const SampleRigs rigs = find_sample_rigs();
+    hint = rigs.names.empty()
+               ? "sample rigs are in share/lenticule/rigs of an installation, and in scenes/rigs of "
+                 "the sources"
+               : fmt::format("sample rigs in {}: {}; for example: {}", rigs.folder.string(),
+                             fmt::join(rigs.names, ", "), completed_command(chain, rigs));
+  }
+  return Error(ErrorKind::Usage, what, hint);
+}
+
 }  // namespace
 
 Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
@@ -72,6 +167,8 @@ Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
   if (word && needs_command)
     return {ErrorKind::Usage, fmt::format("{}no command '{}'", object, *word),
             remedy(*word, command_names(*chain.back()), name)};
+  if (!word && dynamic_cast<const CLI::RequiredError*>(&error) != nullptr)
+    if (const auto missing = missing_error(chain, object)) return *missing;
   const std::string cause = word            ? fmt::format("'{}' was not expected", *word)
                             : needs_command ? "a command is missing"
                                             : error.what();
