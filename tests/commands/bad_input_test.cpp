@@ -209,9 +209,9 @@ TEST_F(BadInput, SaysWhyThereIsNothingToSee) {
                                       "-o", path("o.png"), "--overwrite"});
     EXPECT_EQ(result.exit_code, 0) << flag << ": " << result.err;
   }
-  const ProcessResult beside = run({"render", path("scene.nff"), "--rig", path("rig.toml"), "--fit",
-                                    "--mm-per-unit", "1", "--centre", "500,0,0", "-o",
-                                    path("p.png")});
+  const ProcessResult beside =
+      run({"render", path("scene.nff"), "--rig", path("rig.toml"), "--fit", "--mm-per-unit", "1",
+           "--centre", "500,0,0", "-o", path("p.png")});
   expect_clear_error(beside, 4, "all of it lies outside the panel");
 }
 
@@ -221,8 +221,8 @@ TEST_F(BadInput, NamesAllMissingFlagsTheSampleRigsAndTheCommand) {
   const auto has = [&](const std::string& text) {
     EXPECT_NE(both.err.find(text), std::string::npos) << text << ": " << both.err;
   };
-  for (const char* rig : {"kiosk-27-1080.toml", "kiosk-27-4k.toml", "paper-64.toml",
-                          "portrait.toml", "tiny.toml"})
+  for (const char* rig :
+       {"kiosk-27-1080.toml", "kiosk-27-4k.toml", "paper-64.toml", "portrait.toml", "tiny.toml"})
     has(rig);
   has("scenes/rigs");
   has("lenticule render 'my model.glb' --rig ");

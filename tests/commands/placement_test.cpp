@@ -28,10 +28,9 @@ class Placement : public CommandTest {
 
   [[nodiscard]] nlohmann::json render(const std::string& output,
                                       std::vector<std::string> more = {}) const {
-    std::vector<std::string> arguments = {"render", path("plate.obj"),
-                                          "--rig",  source_file("scenes/rigs/tiny.toml"),
-                                          "-o",     path(output),
-                                          "--json"};
+    std::vector<std::string> arguments = {
+        "render", path("plate.obj"), "--rig", source_file("scenes/rigs/tiny.toml"),
+        "-o",     path(output),      "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const ProcessResult done = run(arguments);
     EXPECT_EQ(done.exit_code, 0) << done.err;
@@ -87,8 +86,7 @@ TEST_F(Placement, ASequenceTurnsOnceRound) {
 TEST_F(Placement, ATurningSceneFitsInEveryFrame) {
   const auto whole = render("turn-%d.ppm", {"--turn", "0:360", "--frames", "0:8"}).at("stage");
   for (int frame = 0; frame < 8; ++frame) {
-    const frames::WovenFrame picture =
-        read_woven(path("turn-" + std::to_string(frame) + ".ppm"));
+    const frames::WovenFrame picture = read_woven(path("turn-" + std::to_string(frame) + ".ppm"));
     for (int i = 0; i < 3 * picture.width(); ++i) {
       EXPECT_EQ(picture.row(0)[i], 0) << frame;
       EXPECT_EQ(picture.row(picture.height() - 1)[i], 0) << frame;

@@ -121,8 +121,10 @@ TEST_F(SceneCommand, ShowsInWordsWhatIsLeftOut) {
   write("cloud.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\np 1 2 3\nf 1 2 3\n");
   const ProcessResult result = run({"scene", "show", path("cloud.obj")});
   ASSERT_EQ(result.exit_code, 0) << result.err;
-  for (const char* text : {"1 triangles", "none: a default one is added", "points and lines left "
-                           "out", "1 x 1 x 0 units", "+y is up"})
+  for (const char* text : {"1 triangles", "none: a default one is added",
+                           "points and lines left "
+                           "out",
+                           "1 x 1 x 0 units", "+y is up"})
     EXPECT_THAT(result.out, HasSubstr(text));
   EXPECT_EQ(listing(), (std::vector<std::string>{"cloud.obj"}));
 }

@@ -12,7 +12,7 @@ class App;
 namespace lenticule::player {
 
 struct StagingFlags {
-  render::StageOptions stage;  ///< with the turn of the first frame
+  render::StageOptions stage;      ///< with the turn of the first frame
   double turned_by_degrees = 0.0;  ///< over all frames
   render::Surroundings surroundings;
 };

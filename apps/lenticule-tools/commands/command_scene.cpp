@@ -160,7 +160,8 @@ void show(const SceneFlags& flags) {
 }
 
 CLI::App* declare_show(CLI::App& app, const std::shared_ptr<SceneFlags>& flags) {
-  CLI::App* sub = app.add_subcommand("show", "print what a scene file holds and what of it is seen");
+  CLI::App* sub =
+      app.add_subcommand("show", "print what a scene file holds and what of it is seen");
   sub->footer("Example:\n  lenticule scene show model.glb -o thumbnail.png");
   sub->add_option("SCENE", flags->shown, "scene file, or builtin:NAME[:SIZE]")->required();
   sub->add_option("-o,--output", flags->thumbnail,

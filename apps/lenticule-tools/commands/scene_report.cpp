@@ -17,9 +17,12 @@ using nlohmann::json;
 
 const char* kind_of(const render::Light& light) {
   switch (light.kind) {
-    case render::Light::Kind::Point: return "point";
-    case render::Light::Kind::Directional: return "directional";
-    case render::Light::Kind::Spot: return "spot";
+    case render::Light::Kind::Point:
+      return "point";
+    case render::Light::Kind::Directional:
+      return "directional";
+    case render::Light::Kind::Spot:
+      return "spot";
   }
   return "";
 }
@@ -37,8 +40,8 @@ std::string axis_name(Vec3 axis) {
 json materials_json(const render::SceneDescription& scene) {
   json list = json::array();
   for (const render::Material& material : scene.materials)
-    list.push_back({{"name", material.name},
-                    {"model", material.pbr ? "metallic-roughness" : "whitted"}});
+    list.push_back(
+        {{"name", material.name}, {"model", material.pbr ? "metallic-roughness" : "whitted"}});
   return list;
 }
 

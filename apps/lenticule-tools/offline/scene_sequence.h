@@ -50,9 +50,9 @@ class SceneSequence {
 /// position and the size, stay constant from frame to frame.
 class StageSequence {
  public:
-  /// `reference` is the scene of SceneSequence::reference_frame(). Over the sequence the scene turns
-  /// by `turned_by_degrees`, beginning with the turn in `options`. Lifetime: the model must outlive
-  /// this object.
+  /// `reference` is the scene of SceneSequence::reference_frame(). Over the sequence the scene
+  /// turns by `turned_by_degrees`, beginning with the turn in `options`. Lifetime: the model must
+  /// outlive this object.
   StageSequence(const render::SceneDescription& reference, const optics::OpticalModel& model,
                 const render::StageOptions& options, double turned_by_degrees = 0.0);
 

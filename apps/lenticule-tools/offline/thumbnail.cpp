@@ -58,8 +58,8 @@ frames::WovenFrame reduced(const frames::WovenFrame& fine) {
 
 FlatView make_flat_view(const render::SceneDescription& scene) {
   const bool camera = !scene.cameras.empty();
-  const double angle = camera ? std::clamp(scene.cameras.front().vertical_fov_degrees, 0.5, 150.0)
-                              : kFieldOfView;
+  const double angle =
+      camera ? std::clamp(scene.cameras.front().vertical_fov_degrees, 0.5, 150.0) : kFieldOfView;
   const double distance_mm = kHeightMm / 2.0 / std::tan(angle / 2.0 * std::numbers::pi / 180.0);
   const optics::OpticalModel model = model_seen_from(distance_mm);
   render::StageOptions options{.depth_scale = 1.0, .fill = 0.8};

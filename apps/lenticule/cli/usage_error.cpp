@@ -2,7 +2,6 @@
 #include "apps/lenticule/cli/usage_error.h"
 
 #include <fmt/format.h>
-
 #include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
@@ -120,9 +119,9 @@ std::string completed_command(const Chain& chain, const SampleRigs& rigs) {
     if (is_flag(*option, "--rig") && missing)
       text += " " + quoted((rigs.folder / rigs.names.front()).string());
     else if (missing)
-      text += " " + (option->nonpositional()
-                         ? example_value(chain[1]->get_name(), typed_name(*option))
-                         : option->get_name(true));
+      text +=
+          " " + (option->nonpositional() ? example_value(chain[1]->get_name(), typed_name(*option))
+                                         : option->get_name(true));
     else if (option->get_expected_max() > 0)
       for (const std::string& value : option->results()) text += " " + quoted(value);
   }
@@ -141,11 +140,12 @@ std::optional<Error> missing_error(const Chain& chain, const std::string& object
   if (std::any_of(missing.begin(), missing.end(),
                   [](const CLI::Option* option) { return is_flag(*option, "--rig"); })) {
     const SampleRigs rigs = find_sample_rigs();
-    hint = rigs.names.empty()
-               ? "sample rigs are in share/lenticule/rigs of an installation, and in scenes/rigs of "
-                 "the sources"
-               : fmt::format("sample rigs in {}: {}; for example: {}", rigs.folder.string(),
-                             fmt::join(rigs.names, ", "), completed_command(chain, rigs));
+    hint =
+        rigs.names.empty()
+            ? "sample rigs are in share/lenticule/rigs of an installation, and in scenes/rigs of "
+              "the sources"
+            : fmt::format("sample rigs in {}: {}; for example: {}", rigs.folder.string(),
+                          fmt::join(rigs.names, ", "), completed_command(chain, rigs));
   }
   return Error(ErrorKind::Usage, what, hint);
 }

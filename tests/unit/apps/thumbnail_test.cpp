@@ -50,8 +50,8 @@ TEST(FlatView, HasTheCamerasPlaceAndFieldOfView) {
   EXPECT_EQ(view.stage.depth_scale, 1.0);
   const Vec3 camera = view.stage.panel_from_world.point({0, 0, 10});
   EXPECT_NEAR(camera.z, view.model.rig().viewing.distance.value, 1e-6);
-  const Vec3 top = view.stage.panel_from_world.point(
-      {0, 10.0 * std::tan(20.0 * std::numbers::pi / 180.0), 0});
+  const Vec3 top =
+      view.stage.panel_from_world.point({0, 10.0 * std::tan(20.0 * std::numbers::pi / 180.0), 0});
   EXPECT_NEAR(top.y, view.model.rig().panel.y_mm(0.0), 1e-6);
 }
 

@@ -85,8 +85,7 @@ TEST(StageBounds, CoverSpheresConesAndUsedVertices) {
 
 TEST(StageWithoutACamera, CentresTheSceneOnThePanelAndFitsItsContent) {
   for (const double pitch : {0.0, 12.0, 90.0}) {
-    const Stage stage =
-        make_stage(ball_scene({3, 4, 5}, 2.0), model(), {.pitch_degrees = pitch});
+    const Stage stage = make_stage(ball_scene({3, 4, 5}, 2.0), model(), {.pitch_degrees = pitch});
     expect_near(stage.panel_from_world.point({3, 4, 5}), {0, 0, 0});
     // The ball has a diameter of 4 and covers 0.9 of the height.
     EXPECT_NEAR(stage.mm_per_unit, 0.9 * kHeight / 4.0, 1e-9) << pitch;
@@ -97,7 +96,8 @@ TEST(StageWithoutACamera, IsSeenFromSlightlyAbove) {
   const Stage stage = make_stage(ball_scene(), model(), {.depth_scale = 1.0});
   const double s = stage.mm_per_unit;
   const double angle = kPitchWithoutCamera * std::numbers::pi / 180.0;
-  expect_near(stage.panel_from_world.point({0, 1, 0}), {0, s * std::cos(angle), s * std::sin(angle)});
+  expect_near(stage.panel_from_world.point({0, 1, 0}),
+              {0, s * std::cos(angle), s * std::sin(angle)});
   expect_near(stage.panel_from_world.point({0, 0, 1}),
               {0, -s * std::sin(angle), s * std::cos(angle)});
   expect_near(stage.panel_from_world.point({1, 0, 0}), {s, 0, 0});
@@ -313,8 +313,7 @@ TEST(Stage, AnEmptySceneIsAnInputError) {
 
 // ---- content that no ray meets
 
-bool meets(const SceneDescription& scene, const StageOptions& options,
-           double distance_mm = 700.0) {
+bool meets(const SceneDescription& scene, const StageOptions& options, double distance_mm = 700.0) {
   const optics::OpticalModel rig = model(2.0, distance_mm);
   return content_meets_rays(scene, make_stage(scene, rig, options), rig);
 }
