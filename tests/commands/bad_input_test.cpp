@@ -230,7 +230,8 @@ TEST_F(BadInput, NamesAllMissingFlagsTheSampleRigsAndTheCommand) {
   has(" -o woven.png");
   expect_clear_error(run({"render"}), 2, "render: SCENE, --rig and -o are missing");
   expect_clear_error(run({"render", path("scene.nff"), "--rig", path("rig.toml")}), 2,
-                     "render: -o is missing");
+                     "for example: lenticule render " + path("scene.nff") + " --rig " +
+                         path("rig.toml") + " -o woven.png");
   expect_clear_error(run({"eye", "frame.png", "-o", "left.png"}), 2, "--rig and --eye are missing");
 }
 

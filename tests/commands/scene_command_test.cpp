@@ -129,6 +129,13 @@ TEST_F(SceneCommand, ShowsInWordsWhatIsLeftOut) {
   EXPECT_EQ(listing(), (std::vector<std::string>{"cloud.obj"}));
 }
 
+TEST_F(SceneCommand, ShowsThatACameraLooksAway) {
+  write("away.nff", "v from 0 0 5 at 0 0 9 up 0 1 0 angle 40 hither 1 resolution 9 9\ns 0 0 0 1\n");
+  const ProcessResult result = run({"scene", "show", path("away.nff")});
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("all of it lies outside the camera's view"));
+}
+
 TEST_F(SceneCommand, AThumbnailIsOneViewOfTheScene) {
   const ProcessResult done = run({"scene", "show", "builtin:teapot:2", "-o", path("pot.png")});
   ASSERT_EQ(done.exit_code, 0) << done.err;

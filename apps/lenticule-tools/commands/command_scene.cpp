@@ -19,6 +19,7 @@
 #include "base/print.h"
 #include "frames/image_io.h"
 #include "render/loaders/load_scene.h"
+#include "render/scene/nothing_seen.h"
 #include "render/scene/surroundings.h"
 #include "scenes/scene_list.h"
 
@@ -149,6 +150,8 @@ void show(const SceneFlags& flags) {
   const render::SceneDescription first = render::at_time(scene, 0.0);
   const FlatView view = make_flat_view(first);
   nlohmann::json report = scene_report(scene, render::world_up(view.stage));
+  if (!render::content_meets_rays(first, view.stage, view.model))
+    report["notes"].push_back("nothing is seen: all of it lies outside the camera's view");
   if (!flags.thumbnail.empty()) {
     write_thumbnail(first, view, flags.thumbnail);
     report["output"] = flags.thumbnail;

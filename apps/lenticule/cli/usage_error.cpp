@@ -62,8 +62,8 @@ std::string remedy(std::string_view word, const std::vector<std::string>& known,
 
 // ---- missing flags and arguments
 
-bool is_flag(const CLI::Option& option, const char* name) {
-  return option.nonpositional() && option.check_name(name);
+bool is_rig(const CLI::Option& option) {
+  return option.nonpositional() && option.check_name("--rig");
 }
 
 /// Returns the name that a user types.
@@ -84,7 +84,7 @@ std::string listed(const std::vector<std::string>& words) {
   return fmt::format("{} and {}", fmt::join(words.begin(), words.end() - 1, ", "), words.back());
 }
 
-/// Returns the word that follows `flag` in the example of a command, or "FILE".
+/// Returns the word that follows `flag` in the example of a command, or an empty one.
 std::string example_value(const std::string& command, const std::string& flag) {
   for (const Command& one : commands()) {
     if (command != one.name) continue;
@@ -94,7 +94,7 @@ std::string example_value(const std::string& command, const std::string& flag) {
     rest.remove_prefix(at + flag.size() + 2);
     return std::string(rest.substr(0, rest.find(' ')));
   }
-  return "FILE";
+  return {};
 }
 
 /// Returns `word` as a shell takes it unchanged.
@@ -109,21 +109,29 @@ std::string quoted(const std::string& word) {
   return out + "'";
 }
 
-/// Returns the command that was typed, with the missing options.
+/// Returns a value for a missing option, or an empty text if none is known.
+std::string value_for(const CLI::Option& missing, const Chain& chain, const SampleRigs& rigs) {
+  if (!missing.nonpositional()) return missing.get_name(true);
+  if (is_rig(missing))
+    return rigs.names.empty() ? "" : quoted((rigs.folder / rigs.names.front()).string());
+  return example_value(chain[1]->get_name(), typed_name(missing));
+}
+
+/// Returns the command that was typed, with values for the missing options; an empty text if there
+/// is no value for one of them.
 std::string completed_command(const Chain& chain, const SampleRigs& rigs) {
   std::string text = name_of(chain);
   for (const CLI::Option* option : chain.back()->get_options()) {
     const bool missing = option->get_required() && option->count() == 0;
-    if (option->nonpositional() && (missing || option->count() > 0))
-      text += " " + typed_name(*option);
-    if (is_flag(*option, "--rig") && missing)
-      text += " " + quoted((rigs.folder / rigs.names.front()).string());
-    else if (missing)
-      text +=
-          " " + (option->nonpositional() ? example_value(chain[1]->get_name(), typed_name(*option))
-                                         : option->get_name(true));
-    else if (option->get_expected_max() > 0)
+    if (!missing && option->count() == 0) continue;
+    if (option->nonpositional()) text += " " + typed_name(*option);
+    if (missing) {
+      const std::string value = value_for(*option, chain, rigs);
+      if (value.empty()) return {};
+      text += " " + value;
+    } else if (option->get_expected_max() > 0) {
       for (const std::string& value : option->results()) text += " " + quoted(value);
+    }
   }
   return text;
 }
@@ -134,20 +142,23 @@ std::optional<Error> missing_error(const Chain& chain, const std::string& object
   if (missing.empty()) return std::nullopt;
   std::vector<std::string> names;
   for (const CLI::Option* option : missing) names.push_back(typed_name(*option));
-  const std::string what =
-      fmt::format("{}{} {} missing", object, listed(names), names.size() == 1 ? "is" : "are");
-  std::string hint = fmt::format("see {} --help", name_of(chain));
-  if (std::any_of(missing.begin(), missing.end(),
-                  [](const CLI::Option* option) { return is_flag(*option, "--rig"); })) {
-    const SampleRigs rigs = find_sample_rigs();
-    hint =
-        rigs.names.empty()
-            ? "sample rigs are in share/lenticule/rigs of an installation, and in scenes/rigs of "
-              "the sources"
-            : fmt::format("sample rigs in {}: {}; for example: {}", rigs.folder.string(),
-                          fmt::join(rigs.names, ", "), completed_command(chain, rigs));
-  }
-  return Error(ErrorKind::Usage, what, hint);
+  const bool no_rig = std::any_of(missing.begin(), missing.end(),
+                                  [](const CLI::Option* option) { return is_rig(*option); });
+  const SampleRigs rigs = no_rig ? find_sample_rigs() : SampleRigs{};
+  std::vector<std::string> remedies;
+  if (no_rig)
+    remedies.push_back(rigs.names.empty()
+                           ? "sample rigs are in share/lenticule/rigs of an installation, and in "
+                             "scenes/rigs of the sources"
+                           : fmt::format("sample rigs in {}: {}", rigs.folder.string(),
+                                         fmt::join(rigs.names, ", ")));
+  const std::string command = completed_command(chain, rigs);
+  remedies.push_back(command.empty() ? fmt::format("see {} --help", name_of(chain))
+                                     : fmt::format("for example: {}", command));
+  return Error(
+      ErrorKind::Usage,
+      fmt::format("{}{} {} missing", object, listed(names), names.size() == 1 ? "is" : "are"),
+      fmt::format("{}", fmt::join(remedies, "; ")));
 }
 
 }  // namespace
