@@ -51,8 +51,8 @@ class RayVolume {
   double tan_x_, tan_y_;
 };
 
-/// Box is a box in panel coordinates.
-struct Box {
+/// PanelBox is a box in panel coordinates.
+struct PanelBox {
   Interval x, y, z;
 
   void extend(Vec3 p, Vec3 half = {}) {
@@ -76,24 +76,24 @@ bool content_meets_rays(const SceneDescription& scene, const Stage& stage,
                         const optics::OpticalModel& model) {
   const RayVolume rays(model, stage.near_mm);
   const Affine& map = stage.panel_from_world;
-  const auto meets = [&](const Box& box) { return rays.meets(box.x, box.y, box.z); };
-  const auto ball = [&](Box& box, Vec3 centre, double radius) {
+  const auto meets = [&](const PanelBox& box) { return rays.meets(box.x, box.y, box.z); };
+  const auto ball = [&](PanelBox& box, Vec3 centre, double radius) {
     const double r = radius * stage.mm_per_unit;
     box.extend(map.point(centre), {r, r, r * stage.depth_scale});
   };
   for (const TriangleMesh& mesh : scene.meshes)
     for (const auto& triangle : mesh.triangles) {
-      Box box;
+      PanelBox box;
       for (const uint32_t corner : triangle) box.extend(map.point(mesh.positions[corner]));
       if (meets(box)) return true;
     }
   for (const Sphere& sphere : scene.spheres) {
-    Box box;
+    PanelBox box;
     ball(box, sphere.centre, sphere.radius);
     if (meets(box)) return true;
   }
   for (const Cone& cone : scene.cones) {
-    Box box;
+    PanelBox box;
     ball(box, cone.base, cone.base_radius);
     ball(box, cone.apex, cone.apex_radius);
     if (meets(box)) return true;

@@ -74,7 +74,7 @@ json lights_json(const render::SceneDescription& scene) {
 
 // ---- text
 
-void print_line(const char* what, const std::string& text) {
+void print_entry(const char* what, const std::string& text) {
   print_out("{:<10} {}\n", what, text);
 }
 
@@ -156,27 +156,27 @@ json scene_report(const render::SceneDescription& scene, Vec3 up) {
 }
 
 void print_scene_report(const json& r) {
-  print_line("scene", r["scene"]);
-  print_line("surfaces", surfaces_text(r));
+  print_entry("scene", r["scene"]);
+  print_entry("surfaces", surfaces_text(r));
   std::vector<std::string> names;
   for (const json& material : r["materials"]) names.push_back(name_in(material));
-  print_line("materials", named(names));
+  print_entry("materials", named(names));
   names.clear();
   for (const json& texture : r["textures"])
     names.push_back(fmt::format("{} {} x {}", name_in(texture), texture["width"].get<int>(),
                                 texture["height"].get<int>()));
-  print_line("textures", named(names));
-  print_line("lights", lights_text(r));
+  print_entry("textures", named(names));
+  print_entry("lights", lights_text(r));
   names.clear();
   for (const json& camera : r["cameras"])
     names.push_back(fmt::format("{} ({:.3g} degrees high)", name_in(camera),
                                 camera["vertical_fov_degrees"].get<double>()));
-  print_line("cameras", names.empty() ? "none: the scene is fitted into the panel"
-                                      : named(names) + "; the first is used");
-  print_line("animation", animation_text(r));
-  print_line("size", bounds_text(r));
-  for (const json& note : r["notes"]) print_line("note", note);
-  if (r["notes"].empty()) print_line("notes", "none");
+  print_entry("cameras", names.empty() ? "none: the scene is fitted into the panel"
+                                       : named(names) + "; the first is used");
+  print_entry("animation", animation_text(r));
+  print_entry("size", bounds_text(r));
+  for (const json& note : r["notes"]) print_entry("note", note);
+  if (r["notes"].empty()) print_entry("notes", "none");
 }
 
 }  // namespace lenticule::player

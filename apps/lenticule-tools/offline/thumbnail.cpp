@@ -16,12 +16,12 @@
 namespace lenticule::player {
 namespace {
 
-constexpr int kWidth = 480;
-constexpr int kHeight = 360;
+constexpr int kPictureWidth = 480;
+constexpr int kPictureHeight = 360;
 /// Rays per pixel, along a row and along a column.
 constexpr int kFiner = 2;
 constexpr double kPixelMm = 0.25;
-constexpr double kHeightMm = kHeight * kFiner * kPixelMm;
+constexpr double kHeightMm = kPictureHeight * kFiner * kPixelMm;
 /// Vertical field of view where the scene has no camera, degrees.
 constexpr double kFieldOfView = 25.0;
 
@@ -29,8 +29,8 @@ optics::OpticalModel model_seen_from(double distance_mm) {
   constexpr double kGapMm = 1.0;
   optics::Rig rig;
   rig.name = "thumbnail";
-  rig.panel.width_px = kWidth * kFiner;
-  rig.panel.height_px = kHeight * kFiner;
+  rig.panel.width_px = kPictureWidth * kFiner;
+  rig.panel.height_px = kPictureHeight * kFiner;
   rig.panel.pixel_width = rig.panel.pixel_height = Millimetres(kPixelMm);
   rig.sheet.pitch = Subpixels(3.0 / (1.0 + kGapMm / distance_mm));
   rig.sheet.offset = Lenses(0.5);  // the panel's centre lies between two pixels
@@ -42,9 +42,9 @@ optics::OpticalModel model_seen_from(double distance_mm) {
 
 /// Returns the mean of kFiner x kFiner pixels for each pixel of the result.
 frames::WovenFrame reduced(const frames::WovenFrame& fine) {
-  frames::WovenFrame out({kWidth, kHeight, frames::PixelFormat::Rgb8});
-  for (int j = 0; j < kHeight; ++j)
-    for (int i = 0; i < kWidth; ++i)
+  frames::WovenFrame out({kPictureWidth, kPictureHeight, frames::PixelFormat::Rgb8});
+  for (int j = 0; j < kPictureHeight; ++j)
+    for (int i = 0; i < kPictureWidth; ++i)
       for (int c = 0; c < 3; ++c) {
         int sum = 0;
         for (int n = 0; n < kFiner * kFiner; ++n)
