@@ -243,6 +243,17 @@ TEST(StageOptions, ARotationBringsTheSidesToTheFront) {
   expect_near(stage.panel_from_world.point({0, 0, 1}), {s, 0, 0});
 }
 
+TEST(StageOptions, ASceneThatTurnsBeforeItsCameraIsNotCut) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
+  for (const double turn : {0.0, 90.0, 180.0}) {
+    const Stage stage = make_stage(scene, model(), {.depth_scale = 0.5, .turn_degrees = turn});
+    EXPECT_GE(stage.near_mm, 0.5 * stage.mm_per_unit * (1 - 1e-12)) << turn;
+  }
+  const Stage above = make_stage(scene, model(), {.depth_scale = 0.5, .pitch_degrees = 90.0});
+  EXPECT_GE(above.near_mm, 0.5 * above.mm_per_unit * (1 - 1e-12));
+}
+
 TEST(StageOptions, ThePitchAddsToTheCameras) {
   SceneDescription scene = ball_scene();
   scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
