@@ -362,8 +362,8 @@ double fitting_depth_scale(const Interval& z, double budget_mm, double viewing_d
   return scale;
 }
 
-/// Returns the z of the plane where the camera starts to see, in mm before depth scaling. The camera
-/// stays where it is if the scene turns in front of it.
+/// Returns the z of the plane where the camera starts to see, in mm before depth scaling. The
+/// camera stays where it is if the scene turns in front of it.
 double camera_plane(const Camera* camera, const Framing& framing) {
   if (camera == nullptr) return std::numeric_limits<double>::infinity();
   const double hither = std::min(camera->hither, length(camera->at - camera->from));
