@@ -58,7 +58,7 @@ TEST_F(Placement, AModelStandsInThePanelPlaneAndWithinTheDepthOfField) {
 TEST_F(Placement, APointHasTheSameCodeAtEveryDepthBudget) {
   std::vector<int> codes;
   std::vector<double> scales;
-  for (const char* budget : {"0.02", "0.2", "1", "20"}) {
+  for (const char* budget : {"0.001", "0.01", "1", "20"}) {
     const std::string file = std::string("plate-") + budget + ".png";
     scales.push_back(render(file, {"--depth-budget", budget}).at("stage").at("depth_scale"));
     codes.push_back(middle_code(file));

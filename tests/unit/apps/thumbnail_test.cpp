@@ -27,7 +27,7 @@ render::SceneDescription filmed(double degrees) {
   return scene;
 }
 
-TEST(FlatView, AllRaysOfAPixelGoThroughItsMiddleAndTheCamera) {
+TEST(FlatView, AllRaysGoFromTheirSubpixelsThroughTheCamera) {
   for (const double degrees : {1.0, 40.0, 120.0}) {
     const FlatView view = make_flat_view(filmed(degrees));
     const optics::Panel& panel = view.model.rig().panel;
@@ -38,9 +38,9 @@ TEST(FlatView, AllRaysOfAPixelGoThroughItsMiddleAndTheCamera) {
           const optics::SubpixelRay ray = view.model.ray(i, j, c);
           EXPECT_NEAR(ray.lens_x_mm + ray.tan_x * distance, 0.0, 1e-6 * distance) << degrees;
           EXPECT_NEAR(ray.lens_y_mm + ray.tan_y * distance, 0.0, 1e-6 * distance) << degrees;
-          // The lens stands in front of the pixel, a little toward the camera.
-          const double middle = panel.x_mm(i + 0.5) * distance / (distance + 1.0);
-          EXPECT_NEAR(ray.lens_x_mm, middle, 1e-6) << degrees;
+          // The ray leaves in front of the subpixel, a little toward the camera.
+          const double in_front = panel.x_mm(panel.subpixel_centre_px(i, j, c).x);
+          EXPECT_NEAR(ray.lens_x_mm, in_front * distance / (distance + 1.0), 1e-6) << degrees;
         }
   }
 }
