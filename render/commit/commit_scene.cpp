@@ -362,7 +362,7 @@ class Committer {
 
   SceneLight default_light() const {
     return {.kind = Light::Kind::Directional,
-            .direction = normalized(scene_.scene_from_panel.vector(kDefaultSunDirection)),
+            .direction = turned(world_direction(stage_, kDefaultSunDirection)),
             .colour = Vec3{1, 1, 1} * kDefaultSun};
   }
 

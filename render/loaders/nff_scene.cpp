@@ -6,9 +6,9 @@
 #include <cmath>
 #include <utility>
 
-#include "base/error.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/polygon.h"
+#include "render/scene/nothing_seen.h"
 
 namespace lenticule::render {
 
@@ -18,10 +18,10 @@ NffScene::NffScene(const std::string& source) {
 }
 
 SceneDescription NffScene::finish() {
-  finish_lights();
+  const bool empty = scene_.meshes.empty() && scene_.spheres.empty() && scene_.cones.empty();
+  if (!empty) finish_lights();
   write_notes();
-  if (scene_.meshes.empty() && scene_.spheres.empty() && scene_.cones.empty())
-    throw Error(ErrorKind::Input, scene_.source + ": the scene contains no visible object");
+  if (empty) refuse_empty(scene_);
   return std::move(scene_);
 }
 

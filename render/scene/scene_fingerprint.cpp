@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/scene/scene_fingerprint.h"
 
+#include "render/scene/lighting.h"
 #include "render/scene/scene_mixer.h"
 
 namespace lenticule::render {
@@ -23,10 +24,9 @@ Fingerprint scene_fingerprint(const SceneDescription& scene, const Surroundings&
   mixer.add(surroundings.ground_colour);
   mixer.add(surroundings.tone_map.has_value());
   mixer.add(static_cast<int>(surroundings.tone_map.value_or(ToneMap::None)));
-  if (scene.lights.empty() && !scene.ambient) {
-    mixer.add(stage.world_from_panel.column_x);
-    mixer.add(stage.world_from_panel.column_z);
-  }
+  // The default sun depends on the viewer.
+  if (scene.lights.empty() && !scene.ambient)
+    mixer.add(world_direction(stage, kDefaultSunDirection));
   return mixer.value();
 }
 

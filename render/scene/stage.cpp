@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/interval.h"
 #include "render/scene/camera_pose.h"
+#include "render/scene/nothing_seen.h"
 
 namespace lenticule::render {
 namespace {
@@ -59,6 +60,11 @@ void validate(const StageOptions& o) {
   check(positive(o.depth_budget), "the depth budget must be a positive number");
   check(positive(o.fill) && o.fill <= 1.0, "the fill must lie in 0..1");
   check(std::isfinite(o.turn_degrees), "the turn must be finite");
+  check(!o.pitch_degrees || std::abs(*o.pitch_degrees) <= 90.0, "the pitch must lie in -90..90");
+}
+
+double radians(double degrees) {
+  return degrees * std::numbers::pi / 180.0;
 }
 
 Orientation camera_orientation(const Camera& camera) {
@@ -72,10 +78,18 @@ Orientation camera_orientation(const Camera& camera) {
 
 /// Returns the axes for a scene rotated by +degrees about `up`: the axes rotate the opposite way.
 Orientation turned_about_up(const Orientation& o, double degrees) {
-  const double angle = std::remainder(degrees, 360.0) * std::numbers::pi / 180.0;
+  const double angle = radians(std::remainder(degrees, 360.0));
   const double c = std::cos(angle);
   const double s = std::sin(angle);
   return {o.right * c + o.toward * s, o.up, o.toward * c - o.right * s};
+}
+
+/// Returns the axes for a viewer who sees the scene from `degrees` higher up.
+Orientation pitched(const Orientation& o, double degrees) {
+  if (degrees == 0.0) return o;
+  const double c = std::cos(radians(degrees));
+  const double s = std::sin(radians(degrees));
+  return {o.right, o.up * c - o.toward * s, o.toward * c + o.up * s};
 }
 
 std::array<Vec3, 8> corners(const Bounds& b) {
@@ -85,17 +99,82 @@ std::array<Vec3, 8> corners(const Bounds& b) {
   return out;
 }
 
-/// Returns the largest scale at which every corner stays within the fraction `fill` of the panel.
-double fitting_scale(const Bounds& bounds, const Framing& framing, PanelSize panel, double fill) {
-  Vec3 half;
-  for (const Vec3 corner : corners(bounds)) {
-    const Vec3 p = framing.orientation.turned(corner - framing.centre);
-    half = {std::max(half.x, std::abs(p.x)), std::max(half.y, std::abs(p.y)),
-            std::max(half.z, std::abs(p.z))};
+// ---- extent of the content, for scenes that are fitted as a whole
+
+/// Extent computes how far content reaches from the centre of the panel along the panel's axes, in
+/// world units: at one turn, or at every turn about the vertical axis through the centre.
+class Extent {
+ public:
+  /// `upright` are the axes without pitch.
+  Extent(const Orientation& upright, Vec3 centre, double pitch_degrees, bool every_turn)
+      : upright_(upright),
+        centre_(centre),
+        cos_(std::cos(radians(pitch_degrees))),
+        sin_(std::sin(radians(pitch_degrees))),
+        every_turn_(every_turn) {}
+
+  void add(const SceneDescription& scene) {
+    for (const TriangleMesh& mesh : scene.meshes)
+      for (const auto& triangle : mesh.triangles)
+        for (const uint32_t corner : triangle) add(mesh.positions[corner], {});
+    for (const Sphere& s : scene.spheres) add(s.centre, {s.radius, s.radius, s.radius});
+    for (const Cone& c : scene.cones) {
+      add_disc(c.base, c.apex - c.base, c.base_radius);
+      add_disc(c.apex, c.apex - c.base, c.apex_radius);
+    }
   }
+
+  [[nodiscard]] double half_width() const { return half_width_; }
+  [[nodiscard]] double half_height() const { return half_height_; }
+  /// Returns the range toward the viewer.
+  [[nodiscard]] Interval depth() const { return depth_; }
+
+ private:
+  /// Adds a box of half the size `half`, along the panel's axes, around a point.
+  void add(Vec3 world, Vec3 half) {
+    const Vec3 p = upright_.turned(world - centre_);
+    if (!every_turn_) {
+      extend(std::abs(p.x), cos_ * p.y - sin_ * p.z, sin_ * p.y + cos_ * p.z, half);
+      return;
+    }
+    const double radius = std::hypot(p.x, p.z);
+    for (const double z : {-radius, radius})
+      extend(radius, cos_ * p.y - sin_ * z, sin_ * p.y + cos_ * z, half);
+  }
+
+  void add_disc(Vec3 centre, Vec3 axis, double radius) {
+    const Vec3 a = upright_.turned(normalized(axis));
+    const Vec3 n{a.x, cos_ * a.y - sin_ * a.z, sin_ * a.y + cos_ * a.z};
+    const auto reach = [&](double along) {
+      return every_turn_ ? radius : radius * std::sqrt(std::max(0.0, 1 - along * along));
+    };
+    add(centre, {reach(n.x), reach(n.y), reach(n.z)});
+  }
+
+  void extend(double x, double y, double z, Vec3 half) {
+    half_width_ = std::max(half_width_, x + half.x);
+    half_height_ = std::max(half_height_, std::abs(y) + half.y);
+    depth_.extend(z - half.z);
+    depth_.extend(z + half.z);
+  }
+
+  Orientation upright_;
+  Vec3 centre_;
+  double cos_, sin_;
+  bool every_turn_;
+  double half_width_ = 0.0;
+  double half_height_ = 0.0;
+  Interval depth_;
+};
+
+/// Returns the largest scale at which the content stays within the fraction `fill` of the panel.
+double fitting_scale(const Extent& extent, PanelSize panel, double fill) {
+  double half_width = extent.half_width();
+  double half_height = extent.half_height();
   // A scene without width and height (seen end-on) is scaled by its depth.
-  if (half.x == 0.0 && half.y == 0.0) half.y = half.z;
-  return fill / 2.0 * std::min(panel.width_mm / half.x, panel.height_mm / half.y);
+  if (half_width == 0.0 && half_height == 0.0)
+    half_height = std::max(std::abs(extent.depth().low), std::abs(extent.depth().high));
+  return fill / 2.0 * std::min(panel.width_mm / half_width, panel.height_mm / half_height);
 }
 
 double camera_span(const Camera& camera) {
@@ -103,12 +182,39 @@ double camera_span(const Camera& camera) {
   return 2.0 * length(camera.at - camera.from) * std::tan(half_angle);
 }
 
-Framing frame_scene(const SceneDescription& scene, const Bounds& bounds, PanelSize panel,
-                    const StageOptions& options) {
+/// Placing holds what decides about the placement of one scene.
+struct Placing {
+  const SceneDescription& scene;
+  const Camera* camera;  ///< null without a camera
+  PanelSize panel;
+  const StageOptions& options;
+  double pitch_degrees;
+
+  /// Returns true if the scene is seen from its camera's position.
+  [[nodiscard]] bool seen_from_camera() const {
+    return camera != nullptr && options.turn_degrees == 0.0 && pitch_degrees == 0.0 &&
+           !options.fit_every_turn;
+  }
+  /// Returns true if the whole content is fitted, and not what a camera sees.
+  [[nodiscard]] bool fits_content() const { return camera == nullptr || options.fit_every_turn; }
+};
+
+Orientation upright_orientation(const Placing& placing) {
+  return turned_about_up(placing.camera ? camera_orientation(*placing.camera) : Orientation{},
+                         placing.options.turn_degrees);
+}
+
+Extent extent_of(const Placing& placing, Vec3 centre) {
+  Extent extent(upright_orientation(placing), centre, placing.pitch_degrees,
+                placing.options.fit_every_turn);
+  extent.add(placing.scene);
+  return extent;
+}
+
+Framing frame_scene(const Placing& placing, const Bounds& bounds) {
+  const auto& [scene, camera, panel, options, pitch] = placing;
   Framing framing;
-  const Camera* camera = scene.cameras.empty() ? nullptr : &scene.cameras.front();
-  framing.orientation =
-      turned_about_up(camera ? camera_orientation(*camera) : Orientation{}, options.turn_degrees);
+  framing.orientation = pitched(upright_orientation(placing), pitch);
   framing.centre = camera ? camera->at : bounds.low + (bounds.high - bounds.low) / 2.0;
   framing.centre = options.centre.value_or(framing.centre);
   if (options.mm_per_unit)
@@ -116,7 +222,7 @@ Framing frame_scene(const SceneDescription& scene, const Bounds& bounds, PanelSi
   else if (camera)
     framing.mm_per_unit = std::min(panel.width_mm, panel.height_mm) / camera_span(*camera);
   else
-    framing.mm_per_unit = fitting_scale(bounds, framing, panel, options.fill);
+    framing.mm_per_unit = fitting_scale(extent_of(placing, framing.centre), panel, options.fill);
   if (!std::isfinite(framing.mm_per_unit) || framing.mm_per_unit <= 0.0)
     throw Error(ErrorKind::Input, scene.source + ": the scene has no extent");
   return framing;
@@ -220,21 +326,24 @@ Interval depth_seen_by(const Camera& camera, const SceneDescription& scene, Pane
 
 // ---- depth
 
-/// Returns the range of panel z of the bounds, in mm before depth scaling.
-Interval depth_of_bounds(const Bounds& bounds, const Framing& framing) {
+/// Returns the range of panel z of the content, in mm before depth scaling.
+Interval depth_of_content(const Placing& placing, const Bounds& bounds, const Framing& framing) {
+  const double scale = framing.mm_per_unit;
+  if (placing.fits_content()) {
+    const Interval z = extent_of(placing, framing.centre).depth();
+    return {z.low * scale, z.high * scale};
+  }
   Interval z;
   for (const Vec3 corner : corners(bounds))
-    z.extend(framing.orientation.turned(corner - framing.centre).z * framing.mm_per_unit);
+    z.extend(framing.orientation.turned(corner - framing.centre).z * scale);
   return z;
 }
 
 /// Returns the range of z of the content that must stay inside the depth budget.
-Interval depth_to_fit(const SceneDescription& scene, const Interval& all, const Framing& framing,
-                      PanelSize panel, double turn_degrees) {
-  // A rotated scene is no longer seen from its camera's position.
-  if (scene.cameras.empty() || turn_degrees != 0.0) return all;
-  const Camera& camera = scene.cameras.front();
-  const Interval seen = depth_seen_by(camera, scene, panel);
+Interval depth_to_fit(const Placing& placing, const Interval& all, const Framing& framing) {
+  if (!placing.seen_from_camera()) return all;
+  const Camera& camera = *placing.camera;
+  const Interval seen = depth_seen_by(camera, placing.scene, placing.panel);
   if (seen.empty()) return all;
   const double eye = framing.orientation.turned(camera.from - framing.centre).z;
   Interval z;
@@ -253,12 +362,12 @@ double fitting_depth_scale(const Interval& z, double budget_mm, double viewing_d
   return scale;
 }
 
-/// Returns the z of the plane where the camera starts to see, in mm before depth scaling.
-double camera_plane(const SceneDescription& scene, const Framing& framing) {
-  if (scene.cameras.empty()) return std::numeric_limits<double>::infinity();
-  const Camera& camera = scene.cameras.front();
-  const double hither = std::min(camera.hither, length(camera.at - camera.from));
-  return (framing.orientation.turned(camera.from - framing.centre).z - hither) *
+/// Returns the z of the plane where the camera starts to see, in mm before depth scaling. The
+/// camera stays where it is if the scene turns in front of it.
+double camera_plane(const Camera* camera, const Framing& framing) {
+  if (camera == nullptr) return std::numeric_limits<double>::infinity();
+  const double hither = std::min(camera->hither, length(camera->at - camera->from));
+  return (camera_orientation(*camera).turned(camera->from - framing.centre).z - hither) *
          framing.mm_per_unit;
 }
 
@@ -294,6 +403,13 @@ void extend_disc(Bounds& bounds, Vec3 centre, Vec3 axis, double radius) {
 
 }  // namespace
 
+Vec3 world_direction(const Stage& stage, Vec3 panel_direction) {
+  const Affine& map = stage.world_from_panel;
+  return normalized(normalized(map.column_x) * panel_direction.x +
+                    normalized(map.column_y) * panel_direction.y +
+                    normalized(map.column_z) * panel_direction.z);
+}
+
 void Bounds::extend(Vec3 p) {
   const bool first = empty();
   low = first ? p : Vec3{std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
@@ -323,12 +439,16 @@ Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& mode
   validate(options);
   if (!scene.nodes.empty()) return make_stage(at_time(scene, 0.0), model, options);
   const Bounds bounds = scene_bounds(scene);
-  if (bounds.empty())
-    throw Error(ErrorKind::Input, scene.source + ": the scene contains no visible object");
-
-  const PanelSize panel = panel_size(model);
-  const Framing framing = frame_scene(scene, bounds, panel, options);
-  const Interval all = depth_of_bounds(bounds, framing);
+  if (bounds.empty()) refuse_empty(scene);
+  const Camera* camera = placing_camera(scene, options);
+  const Placing placing{.scene = scene,
+                        .camera = camera,
+                        .panel = panel_size(model),
+                        .options = options,
+                        .pitch_degrees = options.pitch_degrees.value_or(
+                            camera != nullptr ? 0.0 : kPitchWithoutCamera)};
+  const Framing framing = frame_scene(placing, bounds);
+  const Interval all = depth_of_content(placing, bounds, framing);
 
   Stage stage;
   stage.mm_per_unit = framing.mm_per_unit;
@@ -336,10 +456,10 @@ Stage make_stage(const SceneDescription& scene, const optics::OpticalModel& mode
   if (options.depth_scale)
     stage.depth_scale = *options.depth_scale;
   else
-    stage.depth_scale = fitting_depth_scale(
-        depth_to_fit(scene, all, framing, panel, options.turn_degrees),
-        options.depth_budget * stage.depth_of_field_mm, model.rig().viewing.distance.value);
-  stage.near_mm = std::min(all.high, camera_plane(scene, framing)) * stage.depth_scale;
+    stage.depth_scale = fitting_depth_scale(depth_to_fit(placing, all, framing),
+                                            options.depth_budget * stage.depth_of_field_mm,
+                                            model.rig().viewing.distance.value);
+  stage.near_mm = std::min(all.high, camera_plane(camera, framing)) * stage.depth_scale;
   stage.far_mm = all.low * stage.depth_scale;
   stage.panel_from_world = panel_from_world(framing, stage.depth_scale);
   stage.world_from_panel = world_from_panel(framing, stage.depth_scale);

@@ -22,9 +22,25 @@ struct StageOptions {
   double depth_budget = 1.0;
   /// Fraction of the panel's height and width that a fitted scene may fill.
   double fill = 0.9;
-  /// Rotation of the scene about the panel's vertical axis, degrees.
+  /// Rotation of the scene about its vertical axis, degrees.
   double turn_degrees = 0.0;
+  /// Angle from which the scene is seen from above, degrees in -90..90; with a camera it adds to
+  /// the camera's. Default: kPitchWithoutCamera without a camera, else 0.
+  std::optional<double> pitch_degrees{};
+  /// If true, size and depth scale are those at which the scene fits at every turn.
+  bool fit_every_turn = false;
+  /// If true, the scene's cameras are ignored.
+  bool ignore_cameras = false;
 };
+
+/// A scene without a camera is seen slightly from above, so that grounds are seen as planes.
+inline constexpr double kPitchWithoutCamera = 12.0;
+
+/// Returns the camera that places the scene, or null if there is none.
+[[nodiscard]] inline const Camera* placing_camera(const SceneDescription& scene,
+                                                  const StageOptions& options) {
+  return scene.cameras.empty() || options.ignore_cameras ? nullptr : &scene.cameras.front();
+}
 
 struct Stage {
   Affine panel_from_world;  ///< mm from world units; linear part = depth scale * rotation * scale
@@ -39,6 +55,10 @@ struct Stage {
   double depth_of_field_mm = 0.0;  ///< the rig's; infinite for a sheet without a gap
 };
 
+/// Returns the world direction of `panel_direction`, whose components are along the panel's axes,
+/// as a unit vector. It does not depend on the depth scale.
+[[nodiscard]] Vec3 world_direction(const Stage& stage, Vec3 panel_direction);
+
 /// World-space bounds of all visible content (infinite planes excepted).
 struct Bounds {
   Vec3 low{1, 1, 1};
@@ -49,10 +69,11 @@ struct Bounds {
 [[nodiscard]] Bounds scene_bounds(const SceneDescription& scene);
 
 /// Computes the placement of a scene. The orientation comes from the scene's first camera if it has
-/// one (its view direction points into the panel, its up vector is up); otherwise world y is up and
-/// world z points to the viewer. With a camera, the point that it looks at lies on the panel, and
-/// the square that its vertical field of view spans at that point fills the panel's shorter side.
-/// Without a camera, the bounds are centred on the panel and scaled to fit.
+/// one (its view direction points into the panel, its up vector is up); otherwise world y is up,
+/// world z points to the viewer, and the viewer looks down by kPitchWithoutCamera. With a camera,
+/// the point that it looks at lies on the panel, and the square that its vertical field of view
+/// spans at that point fills the panel's shorter side. Without a camera, the middle of the bounds
+/// lies at the centre of the panel, and the content is scaled to fit.
 ///
 /// With a camera, the depth budget applies to the content that the camera sees up to three times
 /// the distance of the point that it looks at (so a ground that extends to the horizon does not

@@ -196,6 +196,51 @@ TEST_F(BadInput, RefusesAnUpAxisThatIsNone) {
                      2, "north");
 }
 
+TEST_F(BadInput, SaysWhyThereIsNothingToSee) {
+  write("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\np 1 2 3\n");
+  expect_clear_error(render(path("points.obj"), path("rig.toml"), path("o.png")), 4,
+                     "nothing to see in this scene: points and lines left out");
+  write("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
+  expect_clear_error(render(path("flat.obj"), path("rig.toml"), path("o.png")), 4,
+                     "nothing to see in this scene: 1 triangles without an area dropped");
+  std::string text = kTinyScene;
+  text.replace(text.find("at 0 0 0"), 8, "at 0 0 9");
+  write("away.nff", text);
+  expect_clear_error(render(path("away.nff"), path("rig.toml"), path("o.png")), 4,
+                     "away.nff: nothing to see in this scene: all of it lies outside the camera's");
+  EXPECT_FALSE(std::filesystem::exists(path("o.png")));
+  // What the remedy says helps; surroundings are something to see.
+  for (const char* flag : {"--fit", "--sky"}) {
+    const ProcessResult result = run({"render", path("away.nff"), "--rig", path("rig.toml"), flag,
+                                      "-o", path("o.png"), "--overwrite"});
+    EXPECT_EQ(result.exit_code, 0) << flag << ": " << result.err;
+  }
+  const ProcessResult beside =
+      run({"render", path("scene.nff"), "--rig", path("rig.toml"), "--fit", "--mm-per-unit", "1",
+           "--centre", "500,0,0", "-o", path("p.png")});
+  expect_clear_error(beside, 4, "all of it lies outside the panel");
+}
+
+TEST_F(BadInput, NamesAllMissingFlagsTheSampleRigsAndTheCommand) {
+  const ProcessResult both = run({"render", "my model.glb", "--samples", "4"});
+  expect_clear_error(both, 2, "render: --rig and -o are missing");
+  const auto has = [&](const std::string& text) {
+    EXPECT_NE(both.err.find(text), std::string::npos) << text << ": " << both.err;
+  };
+  for (const char* rig :
+       {"kiosk-27-1080.toml", "kiosk-27-4k.toml", "paper-64.toml", "portrait.toml", "tiny.toml"})
+    has(rig);
+  has("scenes/rigs");
+  has("lenticule render 'my model.glb' --rig ");
+  has(" --samples 4");
+  has(" -o woven.png");
+  expect_clear_error(run({"render"}), 2, "render: SCENE, --rig and -o are missing");
+  expect_clear_error(run({"render", path("scene.nff"), "--rig", path("rig.toml")}), 2,
+                     "for example: lenticule render " + path("scene.nff") + " --rig " +
+                         path("rig.toml") + " -o woven.png");
+  expect_clear_error(run({"eye", "frame.png", "-o", "left.png"}), 2, "--rig and --eye are missing");
+}
+
 TEST_F(BadInput, ScenesOfAnySizeRender) {
   for (const char* scale : {"1e-6", "1e6"}) {
     write("sized.obj", std::string("v 0 0 0\nv ") + scale + " 0 0\nv 0 " + scale + " 0\nf 1 2 3\n");
@@ -253,11 +298,35 @@ TEST_F(BadInput, RefusesInvalidArguments) {
   usage({"--threads", "-1"});
   usage({"--mm-per-unit", "0"});
   usage({"--depth-scale", "nan"});
+  usage({"--pitch", "91"});
+  usage({"--turn", "right"});
+  usage({"--turn", "0:360"});
+  usage({"--fit", "--camera", path("none.camera")});
   expect_clear_error(
       run({"play", path("o-%03d.png"), "--rig", path("rig.toml"), "--display", "virtual:0x0@60"}),
       2, "virtual");
   expect_clear_error(run({"play", path("o-%03d.png"), "--rig", path("rig.toml"), "--fps", "-1"}), 2,
                      "-1");
+}
+
+TEST_F(BadInput, RefusesFlagsWithoutEffect) {
+  const auto refused = [&](std::vector<std::string> extra, const std::string& object) {
+    std::vector<std::string> all = {"render", path("scene.nff"), "--rig", path("rig.toml"),
+                                    "-o",     path("o.png")};
+    all.insert(all.end(), extra.begin(), extra.end());
+    expect_clear_error(run(all), 2, object);
+    EXPECT_FALSE(std::filesystem::exists(path("o.png")));
+  };
+  for (const char* method : {"full", "lens-view", "interpolate", "temporal", "hybrid"})
+    refused({"--method", method, "--error", "2"}, "--error");
+  refused({"--error", "2"}, "--error");
+  refused({"--prefilter-samples", "5"}, "--prefilter-samples");
+  for (const char* method : {"adaptive", "lens-view", "interpolate", "temporal", "hybrid"}) {
+    refused({"--method", method, "--samples", "4"}, "sample");
+    refused({"--method", method, "--prefilter", "beam"}, "prefilter");
+  }
+  for (const char* method : {"full", "adaptive"})
+    refused({"--method", method, "--missing", path("m.png")}, "--missing");
 }
 
 TEST_F(BadInput, AMissingDisplayIsADeviceError) {

@@ -97,5 +97,70 @@ TEST_F(SceneCommand, WritesMeshesAsGltfAndRefusesSpheres) {
   EXPECT_EQ(listing(), (std::vector<std::string>{"gears.gltf", "gears.png"}));
 }
 
+// ---- lenticule scene show
+
+TEST_F(SceneCommand, ShowsWhatAFileHolds) {
+  const ProcessResult result =
+      run({"scene", "show", source_file("tests/data/turning-box.gltf"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto json = nlohmann::json::parse(result.out);
+  EXPECT_GT(json["triangles"], 10);
+  EXPECT_GT(json["vertices"], json["triangles"].get<int>() / 2);
+  EXPECT_EQ(json["cameras"].size(), 1U);
+  EXPECT_GE(json["materials"].size(), 1U);
+  EXPECT_EQ(json["up"], "+y");
+  EXPECT_GT(json["duration_seconds"], 0.0);
+  EXPECT_GT(json["animated_nodes"], 0);
+  ASSERT_EQ(json["textures"].size(), 2U);
+  for (const auto& texture : json["textures"]) EXPECT_GT(texture["width"], 0);
+  for (int axis = 0; axis < 3; ++axis) EXPECT_LT(json["low"][axis], json["high"][axis]);
+  EXPECT_FALSE(json["default_light"]);
+}
+
+TEST_F(SceneCommand, ShowsInWordsWhatIsLeftOut) {
+  write("cloud.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\np 1 2 3\nf 1 2 3\n");
+  const ProcessResult result = run({"scene", "show", path("cloud.obj")});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  for (const char* text : {"1 triangles", "none: a default one is added",
+                           "points and lines left "
+                           "out",
+                           "1 x 1 x 0 units", "+y is up"})
+    EXPECT_THAT(result.out, HasSubstr(text));
+  EXPECT_EQ(listing(), (std::vector<std::string>{"cloud.obj"}));
+}
+
+TEST_F(SceneCommand, ShowsThatACameraLooksAway) {
+  write("away.nff", "v from 0 0 5 at 0 0 9 up 0 1 0 angle 40 hither 1 resolution 9 9\ns 0 0 0 1\n");
+  const ProcessResult result = run({"scene", "show", path("away.nff")});
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("all of it lies outside the camera's view"));
+}
+
+TEST_F(SceneCommand, AThumbnailIsOneViewOfTheScene) {
+  const ProcessResult done = run({"scene", "show", "builtin:teapot:2", "-o", path("pot.png")});
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const frames::WovenFrame picture = frames::read_woven(path("pot.png"));
+  EXPECT_EQ(picture.width(), 480);
+  EXPECT_EQ(picture.height(), 360);
+  // Neighbours agree, which views of a lens sheet do not.
+  int alike = 0;
+  for (int j = 0; j < picture.height(); ++j)
+    for (int i = 0; i + 1 < picture.width(); ++i)
+      alike += std::abs(picture.row(j)[3 * i] - picture.row(j)[3 * i + 3]) < 8 ? 1 : 0;
+  EXPECT_GT(alike, 480 * 360 * 9 / 10);
+  EXPECT_NE(picture.row(180)[3 * 240], picture.row(5)[3 * 5]) << "the pot stands in the middle";
+}
+
+TEST_F(SceneCommand, ShowNamesWhatIsMissing) {
+  const ProcessResult without = run({"scene", "show"});
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_THAT(without.err, HasSubstr("scene show: SCENE is missing"));
+  EXPECT_EQ(run({"scene", "show", path("none.glb")}).exit_code, 4);
+  EXPECT_EQ(run({"scene", "show", "builtin:teapot", "-o", path("pot.xyz")}).exit_code, 2);
+  const ProcessResult nothing = run({"scene"});
+  EXPECT_EQ(nothing.exit_code, 2);
+  EXPECT_THAT(nothing.err, HasSubstr("NAME is missing"));
+}
+
 }  // namespace
 }  // namespace lenticule::test

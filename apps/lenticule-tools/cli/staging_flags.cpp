@@ -1,11 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "apps/lenticule-tools/cli/staging_flags.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 
 #include "apps/lenticule/cli/triple.h"
+#include "base/error.h"
+#include "base/numbers.h"
 
 namespace lenticule::player {
+namespace {
+
+/// Takes "A", or "A:B" for a turn from A to B.
+void take_turn(const std::string& text, StagingFlags& flags) {
+  auto ends = numbers_from<double, 2>(text, ':');
+  if (const auto angle = number_from<double>(text)) ends = {*angle, *angle};
+  if (!ends)
+    throw Error(ErrorKind::Usage, fmt::format("--turn '{}': not an angle in degrees", text),
+                "for example --turn 30, or --turn 0:360 --frames 0:48 for one rotation");
+  flags.stage.turn_degrees = (*ends)[0];
+  flags.turned_by_degrees = (*ends)[1] - (*ends)[0];
+}
+
+}  // namespace
 
 void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
   constexpr const char* kGroup = "Stage";
@@ -32,10 +50,19 @@ void declare_stage_flags(CLI::App& app, StagingFlags& flags) {
   app.add_option("--fill", flags.stage.fill, "fraction of the panel that a fitted scene fills")
       ->group(kGroup)
       ->capture_default_str();
-  app.add_option("--turn", flags.stage.turn_degrees,
-                 "rotate the scene about the vertical axis, degrees")
+  app.add_option_function<std::string>(
+         "--turn", [&flags](const std::string& text) { take_turn(text, flags); },
+         "rotate the scene about the vertical axis, degrees; 0:360 is one turn over all --frames")
       ->group(kGroup)
-      ->capture_default_str();
+      ->type_name("A[:B]")
+      ->default_str("0");
+  app.add_option("--pitch", flags.stage.pitch_degrees,
+                 fmt::format("see the scene from so many degrees higher up ({:g} without a camera)",
+                             render::kPitchWithoutCamera))
+      ->group(kGroup);
+  app.add_flag("--fit", flags.stage.ignore_cameras,
+               "ignore the scene's camera and fit the whole scene into the panel")
+      ->group(kGroup);
 }
 
 void declare_surroundings_flags(CLI::App& app, StagingFlags& flags) {

@@ -14,7 +14,8 @@ namespace lenticule::player {
 
 struct StagingFlags {
   render::LoadOptions load;
-  render::StageOptions stage;
+  render::StageOptions stage;      ///< with the turn of the first frame
+  double turned_by_degrees = 0.0;  ///< over all frames
   render::Surroundings surroundings;
 };
 

@@ -54,15 +54,16 @@ Measured measure(const DepthFlags& flags, const optics::OpticalModel& model) {
   const FrameRange range = parse_frame_range(flags.frames);
   const SceneSequence scenes(flags.scene, frames::parse_rate(flags.fps), flags.staging.load);
   scenes.require(range);
-  const StageSequence stages(scenes.at(scenes.reference_frame()), model, flags.staging.stage);
+  const StageSequence stages(scenes.at(scenes.reference_frame()), model, flags.staging.stage,
+                             flags.staging.turned_by_degrees);
   const optics::Panel& panel = model.rig().panel;
   frames::WovenFrame picture({panel.width_px, panel.height_px, frames::PixelFormat::Rgb8});
   Measured measured{render::DepthHistogram(model.rig().sheet.pitch.value), 0,
                     depth_of_field_at_the_edge(model)};
   for (uint64_t frame = range.begin; frame < range.end && !interrupted(); ++frame) {
     const render::SceneDescription description = scenes.at(frame);
-    const render::Scene scene(description, stages.at(description), flags.staging.surroundings,
-                              flags.threads);
+    const render::Stage stage = stages.at(description, range.part_before(frame));
+    const render::Scene scene(description, stage, flags.staging.surroundings, flags.threads);
     const bool drawn = frame == range.begin && !flags.picture.empty();
     measured.histogram +=
         render::measure_depth(model, scene, flags.threads, {.map = drawn ? &picture : nullptr});

@@ -23,6 +23,7 @@
 #include "render/depth_budget/prefilter.h"
 #include "render/loaders/camera_path.h"
 #include "render/make_method.h"
+#include "render/scene/nothing_seen.h"
 
 namespace lenticule::player {
 namespace {
@@ -64,6 +65,23 @@ void complete(RenderFlags& flags) {
   flags.options.prefilter = render::prefilter_named(flags.prefilter);
   if (!(flags.ring_timeout >= 0.0) || flags.ring_timeout > 86400.0)
     throw Error(ErrorKind::Usage, "--ring-timeout: not between 0 and 86400 seconds");
+}
+
+/// Refuses flags that would have no effect. `error` and `prefilter_samples` tell whether the flags
+/// of these names were given.
+void refuse_idle_flags(const RenderFlags& flags, bool error, bool prefilter_samples) {
+  if (error && flags.method != "adaptive")
+    throw Error(ErrorKind::Usage, fmt::format("--error: method {} tolerates none", flags.method),
+                "--method adaptive does");
+  if (prefilter_samples && flags.options.prefilter == render::Prefilter::Off)
+    throw Error(ErrorKind::Usage, "--prefilter-samples: nothing is averaged without --prefilter",
+                "for example --prefilter beam");
+  if (flags.staging.stage.ignore_cameras && !flags.camera.empty())
+    throw Error(ErrorKind::Usage, "--fit: ignores the camera that --camera names",
+                "give one of the two");
+  if (flags.staging.turned_by_degrees != 0.0 && parse_frame_range(flags.frames).count() == 1)
+    throw Error(ErrorKind::Usage, "--turn: one frame cannot turn from one angle to another",
+                "for example --turn 0:360 --frames 0:48, or --turn 30");
 }
 
 void print_stage(const render::Stage& stage) {
@@ -143,8 +161,9 @@ class RenderRun {
     const render::SceneDescription reference =
         scene_of(scenes_, cameras_, scenes_.reference_frame());
     print_notes(reference);
-    stages_.emplace(reference, model_, flags.staging.stage);
+    stages_.emplace(reference, model_, flags.staging.stage, flags.staging.turned_by_degrees);
     print_stage(stages_->reference());
+    require_content_in_view(still() ? reference : scene_of(scenes_, cameras_, range_.begin));
     output_ = open_output(output_request(flags.output));
     if (flags.missing.empty()) return;
     if (method_->missing_subpixels() == nullptr)
@@ -174,6 +193,29 @@ class RenderRun {
   }
 
  private:
+  /// Refuses a scene of which the first frame shows nothing. If later frames may show it, or if
+  /// there are surroundings to see, this is only noted.
+  void require_content_in_view(const render::SceneDescription& first) const {
+    const render::Stage stage = stages_->at(first);
+    if (render::content_meets_rays(first, stage, model_)) return;
+    const bool camera = render::placing_camera(first, flags_.staging.stage) != nullptr;
+    const std::string what =
+        fmt::format("nothing to see in this scene: all of it lies outside the {}",
+                    camera ? "camera's view" : "panel");
+    const render::Surroundings& around = flags_.staging.surroundings;
+    const bool empty = still() && !around.sky && !around.ground && around.environment_file.empty();
+    if (empty)
+      throw Error(ErrorKind::Input, fmt::format("{}: {}", first.source, what),
+                  camera ? "--fit ignores the camera and fits the whole scene into the panel"
+                         : "render without --centre and --mm-per-unit, which fits it");
+    say("{}: frame {}: {}\n", first.source, range_.begin, what);
+  }
+
+  /// Returns true if all frames are equal.
+  [[nodiscard]] bool still() const {
+    return scenes_.still() && stages_->still() && cameras_.size() < 2;
+  }
+
   [[nodiscard]] frames::FrameGeometry geometry() const {
     return {rig_.panel.width_px, rig_.panel.height_px, frames::PixelFormat::Rgb8};
   }
@@ -223,9 +265,9 @@ class RenderRun {
 
   /// Commits the scene; one that never changes is committed only once.
   void prepare_scene(uint64_t number) {
-    if (scene_ && scenes_.still() && cameras_.size() < 2) return;
+    if (scene_ && still()) return;
     const render::SceneDescription description = scene_of(scenes_, cameras_, number);
-    stage_ = stages_->at(description);
+    stage_ = stages_->at(description, range_.part_before(number));
     scene_.reset();
     scene_ = std::make_unique<render::Scene>(description, stage_, flags_.staging.surroundings,
                                              flags_.options.threads);
@@ -295,9 +337,10 @@ Run declare_render(CLI::App& app) {
   app.add_option("--method", flags->method,
                  "full, lens-view, interpolate, temporal, hybrid or adaptive")
       ->capture_default_str();
-  app.add_option("--error", flags->options.tolerated_error,
-                 "error that method adaptive may make, in code values; 0 is method full")
-      ->capture_default_str();
+  CLI::Option* const error =
+      app.add_option("--error", flags->options.tolerated_error,
+                     "error that method adaptive may make, in code values; 0 is method full")
+          ->capture_default_str();
   app.add_option(
       "--missing", flags->missing,
       "picture file or pattern in which subpixels that reprojection left empty are white");
@@ -316,9 +359,10 @@ Run declare_render(CLI::App& app) {
                  "average over the beam of each subpixel: off, depth (outside the sheet's depth of "
                  "field), beam (everywhere) or exhaustive (everywhere, slowly)")
       ->capture_default_str();
-  app.add_option("--prefilter-samples", flags->options.prefilter_samples,
-                 "largest number of rays per averaged subpixel")
-      ->capture_default_str();
+  CLI::Option* const prefilter_samples =
+      app.add_option("--prefilter-samples", flags->options.prefilter_samples,
+                     "largest number of rays per averaged subpixel")
+          ->capture_default_str();
   app.add_option("--max-depth", flags->options.max_depth,
                  "largest number of reflections and refractions")
       ->capture_default_str();
@@ -335,8 +379,9 @@ Run declare_render(CLI::App& app) {
   declare_stage_flags(app, flags->staging);
   declare_surroundings_flags(app, flags->staging);
   declare_soft_light_flags(app, flags->options.soft);
-  return [flags]() -> ExitCode {
+  return [flags, error, prefilter_samples]() -> ExitCode {
     complete(*flags);
+    refuse_idle_flags(*flags, error->count() > 0, prefilter_samples->count() > 0);
     flags->options.threads = threads_of(*flags);
     return RenderRun(*flags).run();
   };

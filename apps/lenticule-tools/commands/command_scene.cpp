@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// lenticule scene lists and writes the built-in scenes.
+// lenticule scene lists and writes the built-in scenes, and shows what a scene file holds.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -8,12 +8,19 @@
 #include <optional>
 #include <utility>
 
+#include "apps/lenticule-tools/commands/scene_report.h"
 #include "apps/lenticule-tools/offline/built_in_scene.h"
 #include "apps/lenticule-tools/offline/gltf_writer.h"
+#include "apps/lenticule-tools/offline/scene_sequence.h"
+#include "apps/lenticule-tools/offline/thumbnail.h"
 #include "apps/lenticule/cli/command.h"
 #include "base/error.h"
 #include "base/file.h"
 #include "base/print.h"
+#include "frames/image_io.h"
+#include "render/loaders/load_scene.h"
+#include "render/scene/nothing_seen.h"
+#include "render/scene/surroundings.h"
 #include "scenes/scene_list.h"
 
 namespace lenticule::player {
@@ -26,6 +33,8 @@ struct SceneFlags {
   std::string output;
   std::string camera;
   bool json = false;
+  std::string shown;      ///< file of 'show'
+  std::string thumbnail;  ///< output of 'show'
 };
 
 nlohmann::json to_json(const scenes::SceneCounts& counts) {
@@ -131,11 +140,54 @@ void write_one(const SceneFlags& flags) {
   if (flags.json) print_json(done);
 }
 
+render::SceneDescription load_any(const std::string& scene) {
+  return scene.starts_with("builtin:") ? SceneSequence(scene, frames::Rate{}).at(0)
+                                       : render::load_scene(scene);
+}
+
+void show(const SceneFlags& flags) {
+  if (!flags.thumbnail.empty()) frames::check_writable_format(flags.thumbnail);
+  const render::SceneDescription scene = load_any(flags.shown);
+  const render::SceneDescription first = render::at_time(scene, 0.0);
+  const FlatView view = make_flat_view(first);
+  nlohmann::json report = scene_report(scene, render::world_up(view.stage));
+  if (!render::content_meets_rays(first, view.stage, view.model))
+    report["notes"].push_back("nothing is seen: all of it lies outside the camera's view");
+  if (!flags.thumbnail.empty()) {
+    write_thumbnail(first, view, flags.thumbnail);
+    report["output"] = flags.thumbnail;
+  }
+  if (flags.json)
+    print_json(report);
+  else
+    print_scene_report(report);
+}
+
+CLI::App* declare_show(CLI::App& app, const std::shared_ptr<SceneFlags>& flags) {
+  CLI::App* sub =
+      app.add_subcommand("show", "print what a scene file holds and what of it is seen");
+  sub->footer("Example:\n  lenticule scene show model.glb -o thumbnail.png");
+  sub->add_option("SCENE", flags->shown, "scene file, or builtin:NAME[:SIZE]")->required();
+  sub->add_option("-o,--output", flags->thumbnail,
+                  "picture of the scene as its camera sees it: .png, .tif, .exr or .ppm");
+  sub->add_flag("--json", flags->json, "print as JSON");
+  return sub;
+}
+
+void list(const SceneFlags& flags) {
+  const nlohmann::json list = list_as_json();
+  if (flags.json)
+    print_json(list);
+  else
+    print_list(list);
+}
+
 }  // namespace
 
 Run declare_scene(CLI::App& app) {
   auto flags = std::make_shared<SceneFlags>();
-  app.add_option("NAME", flags->name, "a scene's name, or 'list'")->required();
+  const CLI::App* const show_app = declare_show(app, flags);
+  app.add_option("NAME", flags->name, "a scene's name, or 'list'");
   app.add_option("--size", flags->size, "how fine or how many; 'list' explains it for each scene");
   app.add_option("--frame", flags->frame, "frame of the scene's sequence")->capture_default_str();
   app.add_option("-o,--output", flags->output,
@@ -144,16 +196,15 @@ Run declare_scene(CLI::App& app) {
       "--camera", flags->camera,
       "file for the camera of every frame, in the format of 'lenticule render --camera'");
   app.add_flag("--json", flags->json, "print what was listed or written as JSON");
-  return [flags]() -> ExitCode {
-    if (flags->name != "list") {
+  return [flags, show_app]() -> ExitCode {
+    if (show_app->parsed())
+      show(*flags);
+    else if (flags->name == "list")
+      list(*flags);
+    else if (!flags->name.empty())
       write_one(*flags);
-      return kOk;
-    }
-    const nlohmann::json list = list_as_json();
-    if (flags->json)
-      print_json(list);
     else
-      print_list(list);
+      throw Error(ErrorKind::Usage, "scene: NAME is missing", "see lenticule scene list");
     return kOk;
   };
 }

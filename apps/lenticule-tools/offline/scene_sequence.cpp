@@ -71,14 +71,25 @@ render::SceneDescription SceneSequence::built_in(uint64_t frame) const {
 }
 
 StageSequence::StageSequence(const render::SceneDescription& reference,
-                             const optics::OpticalModel& model, const render::StageOptions& options)
-    : model_(model), options_(options), reference_(render::make_stage(reference, model, options)) {
+                             const optics::OpticalModel& model, const render::StageOptions& options,
+                             double turned_by_degrees)
+    : model_(model), turned_by_degrees_(turned_by_degrees), options_(options) {
+  if (!still()) options_.fit_every_turn = true;
+  reference_ = render::make_stage(reference, model, options_);
   options_.depth_scale = reference_.depth_scale;
 }
 
-render::Stage StageSequence::at(const render::SceneDescription& scene) const {
-  if (!scene.cameras.empty()) return render::make_stage(scene, model_, options_);
+render::Stage StageSequence::at(const render::SceneDescription& scene, double progress) const {
+  render::StageOptions options = options_;
+  options.turn_degrees += turned_by_degrees_ * progress;
+  if (render::placing_camera(scene, options) != nullptr)
+    return render::make_stage(scene, model_, options);
   render::Stage stage = reference_;
+  if (!still()) {
+    options.centre = reference_.world_from_panel.origin;
+    options.mm_per_unit = reference_.mm_per_unit;
+    stage = render::make_stage(scene, model_, options);
+  }
   // Objects that leave the reference frame's bounds must not be clipped if there is no camera.
   stage.near_mm = std::numeric_limits<double>::infinity();
   return stage;

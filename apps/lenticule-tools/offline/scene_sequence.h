@@ -50,20 +50,26 @@ class SceneSequence {
 };
 
 /// StageSequence places the scenes of an animation: the depth scale, and without a camera the
-/// position, stay constant from frame to frame.
+/// position and the size, stay constant from frame to frame.
 class StageSequence {
  public:
-  /// `reference` is the scene of SceneSequence::reference_frame(). Lifetime: the model must outlive
-  /// this object.
+  /// `reference` is the scene of SceneSequence::reference_frame(). Over the sequence the scene
+  /// turns by `turned_by_degrees`, beginning with the turn in `options`. Lifetime: the model must
+  /// outlive this object.
   StageSequence(const render::SceneDescription& reference, const optics::OpticalModel& model,
-                const render::StageOptions& options);
+                const render::StageOptions& options, double turned_by_degrees = 0.0);
 
   /// Returns the placement of the reference frame, to report to the user.
   [[nodiscard]] const render::Stage& reference() const { return reference_; }
-  [[nodiscard]] render::Stage at(const render::SceneDescription& scene) const;
+  /// Returns the placement after the part `progress` of the sequence, 0 at its first frame.
+  [[nodiscard]] render::Stage at(const render::SceneDescription& scene,
+                                 double progress = 0.0) const;
+  /// Returns true if the same scene has the same placement in all frames.
+  [[nodiscard]] bool still() const { return turned_by_degrees_ == 0.0; }
 
  private:
   const optics::OpticalModel& model_;
+  double turned_by_degrees_;
   render::StageOptions options_;
   render::Stage reference_;
 };

@@ -16,7 +16,7 @@ namespace {
 
 constexpr auto kCommands = std::to_array<Command>({
     {"render", "render a scene to woven frames, into files or a player's ring",
-     "lenticule render teapot.nff --rig kiosk-27-4k.toml --frames 0:24 -o 'out/%05d.png'"},
+     "lenticule render model.glb --rig kiosk-27-4k.toml -o woven.png"},
     {"play", "play woven frames on a display at its own clock",
      "lenticule play 'out/%05d.png' --rig kiosk-27-4k.toml --display virtual --loop forever"},
     {"ctl", "control a running player: pause, seek, load, trim, watch",
@@ -39,7 +39,8 @@ constexpr auto kCommands = std::to_array<Command>({
      "lenticule panels --rigs scenes/rigs"},
     {"doctor", "check whether outputs show frames exactly, and what prevents it",
      "lenticule doctor --json"},
-    {"scene", "write one of the built-in scenes", "lenticule scene teapot -o teapot.nff"},
+    {"scene", "show what a scene file holds, or write one of the built-in scenes",
+     "lenticule scene show model.glb -o thumbnail.png"},
     {"bench", "run a benchmark of this build on this machine", "lenticule bench exact"},
     {"completion", "print a shell completion script",
      "lenticule completion bash > /etc/bash_completion.d/lenticule"},

@@ -2,15 +2,20 @@
 #include "apps/lenticule/cli/usage_error.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "apps/lenticule/cli/command.h"
 #include "apps/lenticule/cli/command_tree.h"
 #include "base/text.h"
+#include "player/process/sample_rigs.h"
 
 namespace lenticule::player {
 namespace {
@@ -55,6 +60,107 @@ std::string remedy(std::string_view word, const std::vector<std::string>& known,
                  : fmt::format("see {} --help", name);
 }
 
+// ---- missing flags and arguments
+
+bool is_rig(const CLI::Option& option) {
+  return option.nonpositional() && option.check_name("--rig");
+}
+
+/// Returns the name that a user types.
+std::string typed_name(const CLI::Option& option) {
+  if (!option.nonpositional()) return option.get_name(true);
+  return option.get_snames().empty() ? "--" + option.get_lnames().front()
+                                     : "-" + option.get_snames().front();
+}
+
+std::vector<const CLI::Option*> missing_options(const CLI::App& command) {
+  return command.get_options(
+      [](const CLI::Option* option) { return option->get_required() && option->count() == 0; });
+}
+
+/// Returns "a", "a and b" or "a, b and c".
+std::string listed(const std::vector<std::string>& words) {
+  if (words.size() == 1) return words.front();
+  return fmt::format("{} and {}", fmt::join(words.begin(), words.end() - 1, ", "), words.back());
+}
+
+/// Returns the word that follows `flag` in the example of a command, or an empty one.
+std::string example_value(const std::string& command, const std::string& flag) {
+  for (const Command& one : commands()) {
+    if (command != one.name) continue;
+    std::string_view rest = one.example;
+    const size_t at = rest.find(" " + flag + " ");
+    if (at == std::string_view::npos) break;
+    rest.remove_prefix(at + flag.size() + 2);
+    return std::string(rest.substr(0, rest.find(' ')));
+  }
+  return {};
+}
+
+/// Returns `word` as a shell takes it unchanged.
+std::string quoted(const std::string& word) {
+  const bool plain = !word.empty() && std::all_of(word.begin(), word.end(), [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
+           std::string_view("_-./:,=+@").find(c) != std::string_view::npos;
+  });
+  if (plain) return word;
+  std::string out = "'";
+  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
+/// Returns a value for a missing option, or an empty text if none is known.
+std::string value_for(const CLI::Option& missing, const Chain& chain, const SampleRigs& rigs) {
+  if (!missing.nonpositional()) return missing.get_name(true);
+  if (is_rig(missing))
+    return rigs.names.empty() ? "" : quoted((rigs.folder / rigs.names.front()).string());
+  return example_value(chain[1]->get_name(), typed_name(missing));
+}
+
+/// Returns the command that was typed, with values for the missing options; an empty text if there
+/// is no value for one of them.
+std::string completed_command(const Chain& chain, const SampleRigs& rigs) {
+  std::string text = name_of(chain);
+  for (const CLI::Option* option : chain.back()->get_options()) {
+    const bool missing = option->get_required() && option->count() == 0;
+    if (!missing && option->count() == 0) continue;
+    if (option->nonpositional()) text += " " + typed_name(*option);
+    if (missing) {
+      const std::string value = value_for(*option, chain, rigs);
+      if (value.empty()) return {};
+      text += " " + value;
+    } else if (option->get_expected_max() > 0) {
+      for (const std::string& value : option->results()) text += " " + quoted(value);
+    }
+  }
+  return text;
+}
+
+/// Returns the error for options that are missing; none if there are all.
+std::optional<Error> missing_error(const Chain& chain, const std::string& object) {
+  const std::vector<const CLI::Option*> missing = missing_options(*chain.back());
+  if (missing.empty()) return std::nullopt;
+  std::vector<std::string> names;
+  for (const CLI::Option* option : missing) names.push_back(typed_name(*option));
+  const bool no_rig = std::any_of(missing.begin(), missing.end(),
+                                  [](const CLI::Option* option) { return is_rig(*option); });
+  const SampleRigs rigs = no_rig ? find_sample_rigs() : SampleRigs{};
+  std::vector<std::string> remedies;
+  if (no_rig)
+    remedies.push_back(rigs.names.empty()
+                           ? "sample rigs are in share/lenticule/rigs of an installation, and in "
+                             "scenes/rigs of the sources"
+                           : fmt::format("sample rigs in {}: {}", rigs.folder.string(),
+                                         fmt::join(rigs.names, ", ")));
+  const std::string command = completed_command(chain, rigs);
+  remedies.push_back(command.empty() ? fmt::format("see {} --help", name_of(chain))
+                                     : fmt::format("for example: {}", command));
+  return Error(
+      ErrorKind::Usage,
+      fmt::format("{}{} {} missing", object, listed(names), names.size() == 1 ? "is" : "are"),
+      fmt::format("{}", fmt::join(remedies, "; ")));
+}
+
 }  // namespace
 
 Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
@@ -72,6 +178,8 @@ Error usage_error(const CLI::App& app, const CLI::ParseError& error) {
   if (word && needs_command)
     return {ErrorKind::Usage, fmt::format("{}no command '{}'", object, *word),
             remedy(*word, command_names(*chain.back()), name)};
+  if (!word && dynamic_cast<const CLI::RequiredError*>(&error) != nullptr)
+    if (const auto missing = missing_error(chain, object)) return *missing;
   const std::string cause = word            ? fmt::format("'{}' was not expected", *word)
                             : needs_command ? "a command is missing"
                                             : error.what();

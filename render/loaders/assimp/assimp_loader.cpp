@@ -17,6 +17,7 @@
 #include "render/loaders/exposure.h"
 #include "render/loaders/limits.h"
 #include "render/loaders/scene_extension.h"
+#include "render/scene/nothing_seen.h"
 
 namespace lenticule::render {
 namespace {
@@ -46,7 +47,7 @@ const aiScene& read(Assimp::Importer& importer, const std::filesystem::path& fil
   importer.SetPropertyBool("IMPORT_NO_SKELETON_MESHES", true);
   const aiScene* scene = importer.ReadFile(file.string(), 0);
   if (scene == nullptr) refuse(file, tidy(importer.GetErrorString()));
-  if (scene->mNumMeshes == 0) refuse(file, "the scene contains no visible object");
+  if (scene->mNumMeshes == 0) refuse_empty({.source = file.string()});
   check_meshes(*scene, file.string());
   // Not aiProcess_JoinIdenticalVertices, which merges vertices within 1e-5 units and so collapses a
   // small scene to a point.
@@ -64,7 +65,7 @@ SceneDescription convert(const aiScene& from, const std::filesystem::path& file,
   scene.colour_managed = true;
   import_materials(from, file.parent_path(), scene);
   const NodeNames nodes = import_nodes_and_meshes(from, scene);
-  if (scene.meshes.empty()) refuse(file, "the scene contains no visible object");
+  if (scene.meshes.empty()) refuse_empty(scene);
   // An OBJ file has no transforms: its nodes' coordinates are the file's.
   if (!(origin == Vec3{}))
     for (TriangleMesh& mesh : scene.meshes)

@@ -94,5 +94,33 @@ TEST(StageSequence, KeepsDepthAndPlaceFromFrameToFrame) {
   EXPECT_EQ(filmed.at(scene).depth_scale, filmed.reference().depth_scale);
 }
 
+TEST(FrameRange, KnowsThePartBeforeAFrame) {
+  const FrameRange range{10, 14};
+  EXPECT_EQ(range.part_before(10), 0.0);
+  EXPECT_EQ(range.part_before(13), 0.75);
+}
+
+TEST(StageSequence, TurnsTheSceneAtTheSameSizeAndPlace) {
+  const optics::OpticalModel model(testing::make_rig({}));
+  render::SceneDescription scene;
+  scene.materials = {render::Material{}};
+  scene.spheres = {{.centre = {0, 0, 0}, .radius = 1}, {.centre = {4, 1, 0}, .radius = 1}};
+  const StageSequence stages(scene, model, {.turn_degrees = 10.0}, 360.0);
+  EXPECT_FALSE(stages.still());
+  for (const double progress : {0.0, 0.25, 0.6}) {
+    const render::Stage stage = stages.at(scene, progress);
+    EXPECT_EQ(stage.mm_per_unit, stages.reference().mm_per_unit);
+    EXPECT_EQ(stage.depth_scale, stages.reference().depth_scale);
+    EXPECT_EQ(stage.world_from_panel.origin, stages.reference().world_from_panel.origin);
+    const render::StageOptions same{.centre = stage.world_from_panel.origin,
+                                    .mm_per_unit = stage.mm_per_unit,
+                                    .depth_scale = stage.depth_scale,
+                                    .turn_degrees = 10.0 + 360.0 * progress};
+    const render::Stage still = render::make_stage(scene, model, same);
+    EXPECT_EQ(stage.panel_from_world.column_x, still.panel_from_world.column_x) << progress;
+    EXPECT_EQ(stage.panel_from_world.column_z, still.panel_from_world.column_z) << progress;
+  }
+}
+
 }  // namespace
 }  // namespace lenticule::player

@@ -261,6 +261,19 @@ TEST(BrokenScenes, AreRefusedInOneLineWithTheFile) {
   }
 }
 
+TEST(EmptyScenes, SayWhyThereIsNothingToSee) {
+  const auto refusal = [](const std::string& name, const std::string& text) {
+    const TemporaryFile file(name, text);
+    return std::string(error_of([&] { (void)load_scene(file.path()); }).what());
+  };
+  EXPECT_THAT(refusal("cloud.ply",
+                      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
+                      "property float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n"),
+              HasSubstr("nothing to see in this scene: points and lines left out"));
+  EXPECT_THAT(refusal("flat.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nf 1 2 3\nf 2 3 4\n"),
+              HasSubstr("nothing to see in this scene: 2 triangles without an area dropped"));
+}
+
 TEST(BrokenScenes, AnIndexOutOfRangeNeverReachesTheScene) {
   try {
     const SceneDescription scene = load_scene(data("broken/index-out-of-range.gltf"));

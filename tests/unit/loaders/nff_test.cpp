@@ -289,9 +289,12 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"WrongView", "v\nfrom 1 1 1\nto 0 0 0", "scene.nff:3: expected the view's 'at'"},
         Refusal{"TwoViews", "v from 1 1 1 at 0 0 0 up 0 0 1 angle 45 hither 1 resolution 1 1\nv\n",
                 "scene.nff:2: a second view"},
-        Refusal{"Empty", "", "scene.nff: the scene contains no visible object"},
+        Refusal{"Empty", "", "scene.nff: nothing to see in this scene: it has no surface"},
         Refusal{"OnlyLights", "l 0 0 0\nb 1 1 1\n",
-                "scene.nff: the scene contains no visible object"}),
+                "scene.nff: nothing to see in this scene: it has no surface"},
+        Refusal{"OnlyDegenerate", "p 3 0 0 0 1 0 0 2 0 0\ns 0 0 0 0\n",
+                "scene.nff: nothing to see in this scene: 1 polygons without an area dropped; 1 "
+                "spheres of radius 0 dropped"}),
     [](const auto& refusal_case) { return std::string(refusal_case.param.name); });
 
 TEST(Nff, RefusesTooManyLights) {

@@ -9,6 +9,7 @@
 #include <limits>
 #include <numbers>
 
+#include "render/scene/nothing_seen.h"
 #include "tests/unit/loaders/error_of.h"
 
 namespace lenticule::render {
@@ -82,13 +83,63 @@ TEST(StageBounds, CoverSpheresConesAndUsedVertices) {
   expect_near(b.high, {12, 3, 5});
 }
 
-TEST(StageWithoutACamera, CentresTheSceneOnThePanelAndFitsTheBounds) {
-  const Stage stage = make_stage(ball_scene({3, 4, 5}, 2.0), model());
-  expect_near(stage.panel_from_world.point({3, 4, 5}), {0, 0, 0});
-  // The ball has a diameter of 4 and covers 0.9 of the height.
-  EXPECT_NEAR(stage.mm_per_unit, 0.9 * kHeight / 4.0, 1e-9);
-  const Vec3 top = stage.panel_from_world.point({3, 6, 5});
-  expect_near(top, {0, 0.45 * kHeight, 0}, 1e-9);
+TEST(StageWithoutACamera, CentresTheSceneOnThePanelAndFitsItsContent) {
+  for (const double pitch : {0.0, 12.0, 90.0}) {
+    const Stage stage = make_stage(ball_scene({3, 4, 5}, 2.0), model(), {.pitch_degrees = pitch});
+    expect_near(stage.panel_from_world.point({3, 4, 5}), {0, 0, 0});
+    // The ball has a diameter of 4 and covers 0.9 of the height.
+    EXPECT_NEAR(stage.mm_per_unit, 0.9 * kHeight / 4.0, 1e-9) << pitch;
+  }
+}
+
+TEST(StageWithoutACamera, IsSeenFromSlightlyAbove) {
+  const Stage stage = make_stage(ball_scene(), model(), {.depth_scale = 1.0});
+  const double s = stage.mm_per_unit;
+  const double angle = kPitchWithoutCamera * std::numbers::pi / 180.0;
+  expect_near(stage.panel_from_world.point({0, 1, 0}),
+              {0, s * std::cos(angle), s * std::sin(angle)});
+  expect_near(stage.panel_from_world.point({0, 0, 1}),
+              {0, -s * std::sin(angle), s * std::cos(angle)});
+  expect_near(stage.panel_from_world.point({1, 0, 0}), {s, 0, 0});
+}
+
+TEST(StageWithoutACamera, AGroundIsSeenAsAPlane) {
+  SceneDescription scene = ball_scene();
+  scene.meshes = {quad({-2, -1, 2}, {2, -1, 2}, {2, -1, -2}, {-2, -1, -2})};
+  const auto height = [&](const StageOptions& options) {
+    const Affine map = make_stage(scene, model(), options).panel_from_world;
+    return map.point({0, -1, -2}).y - map.point({0, -1, 2}).y;
+  };
+  EXPECT_GT(height({}), 0.1 * kHeight);
+  EXPECT_NEAR(height({.pitch_degrees = 0.0}), 0.0, 1e-9);
+}
+
+TEST(StageWithoutACamera, FitsAtEveryTurnIfItTurns) {
+  SceneDescription scene;
+  scene.meshes = {quad({-5, -1, 0}, {5, -1, 0}, {5, 1, 0}, {-5, 1, 2})};
+  Cone cone;
+  cone.base = {0, 0, 6};
+  cone.apex = {0, 3, 7};
+  cone.base_radius = 0.5;
+  scene.cones = {cone};
+  const optics::OpticalModel rig = model();
+  const Stage whole = make_stage(scene, rig, {.fit_every_turn = true});
+  double widest = 0.0;
+  double deepest = 0.0;
+  for (int turn = 0; turn < 360; turn += 5) {
+    const StageOptions options{.mm_per_unit = whole.mm_per_unit,
+                               .depth_scale = whole.depth_scale,
+                               .turn_degrees = static_cast<double>(turn)};
+    const Stage stage = make_stage(scene, rig, options);
+    deepest = std::max({deepest, stage.near_mm, -stage.far_mm});
+    for (const Vec3 p : scene.meshes[0].positions) {
+      const Vec3 mm = stage.panel_from_world.point(p);
+      widest = std::max({widest, std::abs(mm.x) / kWidth, std::abs(mm.y) / kHeight});
+    }
+  }
+  EXPECT_LE(widest, 0.45 * (1 + 1e-9));
+  EXPECT_LE(deepest, rig.depth_of_field_mm() * (1 + 1e-9));
+  EXPECT_GT(deepest, 0.9 * rig.depth_of_field_mm());
 }
 
 TEST(StageWithoutACamera, FitsWhicheverSideIsTighter) {
@@ -107,7 +158,7 @@ TEST(StageWithoutACamera, ShrinksTheDepthOnlyToTheBudget) {
   SceneDescription flat = ball_scene();
   flat.spheres.clear();
   flat.meshes = {card(0)};
-  EXPECT_EQ(make_stage(flat, rig).depth_scale, 1.0);
+  EXPECT_EQ(make_stage(flat, rig, {.pitch_degrees = 0.0}).depth_scale, 1.0);
   StageOptions half;
   half.depth_budget = 0.5;
   EXPECT_NEAR(make_stage(ball_scene(), rig, half).near_mm, rig.depth_of_field_mm() / 2, 1e-9);
@@ -185,10 +236,43 @@ TEST(StageOptions, OverrideAutomaticChoices) {
 
 TEST(StageOptions, ARotationBringsTheSidesToTheFront) {
   // A quarter turn about the vertical: seen from above the scene turns anticlockwise.
-  const Stage stage = make_stage(ball_scene(), model(), {.depth_scale = 1.0, .turn_degrees = 90});
+  const Stage stage = make_stage(ball_scene(), model(),
+                                 {.depth_scale = 1.0, .turn_degrees = 90, .pitch_degrees = 0.0});
   const double s = stage.mm_per_unit;
   expect_near(stage.panel_from_world.point({1, 0, 0}), {0, 0, -s});
   expect_near(stage.panel_from_world.point({0, 0, 1}), {s, 0, 0});
+}
+
+TEST(StageOptions, ASceneThatTurnsBeforeItsCameraIsNotCut) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
+  for (const double turn : {0.0, 90.0, 180.0}) {
+    const Stage stage = make_stage(scene, model(), {.depth_scale = 0.5, .turn_degrees = turn});
+    EXPECT_GE(stage.near_mm, 0.5 * stage.mm_per_unit * (1 - 1e-12)) << turn;
+  }
+  const Stage above = make_stage(scene, model(), {.depth_scale = 0.5, .pitch_degrees = 90.0});
+  EXPECT_GE(above.near_mm, 0.5 * above.mm_per_unit * (1 - 1e-12));
+}
+
+TEST(StageOptions, ThePitchAddsToTheCameras) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 0}, {0, 1, 0}, 40)};
+  const StageOptions above{.depth_scale = 1.0, .pitch_degrees = 90.0};
+  const Stage stage = make_stage(scene, model(), above);
+  const double s = stage.mm_per_unit;
+  expect_near(stage.panel_from_world.point({0, 1, 0}), {0, 0, s});
+  expect_near(stage.panel_from_world.point({0, 0, 1}), {0, -s, 0});
+}
+
+TEST(StageOptions, IgnoredCamerasDoNotPlaceTheScene) {
+  SceneDescription scene = ball_scene();
+  const Stage without = make_stage(scene, model());
+  scene.cameras = {camera({10, 0, 0}, {0, 0, 0}, {0, 0, 1}, 40)};
+  const Stage ignored = make_stage(scene, model(), {.ignore_cameras = true});
+  EXPECT_EQ(ignored.mm_per_unit, without.mm_per_unit);
+  EXPECT_EQ(ignored.near_mm, without.near_mm);
+  for (const Vec3 p : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}})
+    EXPECT_EQ(ignored.panel_from_world.point(p), without.panel_from_world.point(p));
 }
 
 TEST(StageOptions, InvalidValuesAreUsageErrors) {
@@ -197,7 +281,8 @@ TEST(StageOptions, InvalidValuesAreUsageErrors) {
        {StageOptions{.centre = Vec3{nan, 0, 0}}, StageOptions{.mm_per_unit = 0.0},
         StageOptions{.mm_per_unit = -1.0}, StageOptions{.depth_scale = 0.0},
         StageOptions{.depth_scale = nan}, StageOptions{.depth_budget = 0.0},
-        StageOptions{.fill = 0.0}, StageOptions{.fill = 1.5}, StageOptions{.turn_degrees = nan}})
+        StageOptions{.fill = 0.0}, StageOptions{.fill = 1.5}, StageOptions{.turn_degrees = nan},
+        StageOptions{.pitch_degrees = 91.0}, StageOptions{.pitch_degrees = nan}})
     EXPECT_EQ(error_of([&] { (void)make_stage(ball_scene(), model(), options); }).kind(),
               ErrorKind::Usage);
 }
@@ -217,12 +302,68 @@ TEST(Stage, ItsTwoMapsAreInverseAtAnyScaleAndPlace) {
   }
 }
 
+TEST(Stage, WorldDirectionsDoNotDependOnTheDepthScale) {
+  const auto direction = [](double depth_scale) {
+    return world_direction(make_stage(ball_scene(), model(), {.depth_scale = depth_scale}),
+                           {0.4, -0.6, -1.0});
+  };
+  expect_near(direction(0.01), direction(1.0), 1e-12);
+  EXPECT_NEAR(length(direction(0.5)), 1.0, 1e-12);
+}
+
 TEST(Stage, AnEmptySceneIsAnInputError) {
   SceneDescription nothing;
   nothing.source = "void.nff";
   const Error error = error_of([&] { (void)make_stage(nothing, model()); });
   EXPECT_EQ(error.kind(), ErrorKind::Input);
-  EXPECT_THAT(error.what(), ::testing::HasSubstr("void.nff"));
+  EXPECT_STREQ(error.what(), "void.nff: nothing to see in this scene: it has no surface");
+  nothing.notes = {"points and lines left out"};
+  EXPECT_STREQ(error_of([&] { (void)make_stage(nothing, model()); }).what(),
+               "void.nff: nothing to see in this scene: points and lines left out");
+}
+
+// ---- content that no ray meets
+
+bool meets(const SceneDescription& scene, const StageOptions& options, double distance_mm = 700.0) {
+  const optics::OpticalModel rig = model(2.0, distance_mm);
+  return content_meets_rays(scene, make_stage(scene, rig, options), rig);
+}
+
+TEST(ContentMeetsRays, WhereItIsFitted) {
+  EXPECT_TRUE(meets(ball_scene(), {}));
+  SceneDescription cards;
+  cards.meshes = {card(0.5)};
+  EXPECT_TRUE(meets(cards, {}));
+  Cone cone;
+  cone.apex = {0, 0, 5};
+  SceneDescription cones;
+  cones.cones = {cone};
+  EXPECT_TRUE(meets(cones, {}));
+  EXPECT_TRUE(meets(cones, {}, std::numeric_limits<double>::infinity()));
+}
+
+TEST(ContentMeetsRays, NotBesideThePanel) {
+  const StageOptions beside{.centre = Vec3{100, 0, 0}, .mm_per_unit = 100.0, .depth_scale = 0.1};
+  EXPECT_FALSE(meets(ball_scene(), beside));
+  const StageOptions below{.centre = Vec3{0, 100, 0}, .mm_per_unit = 100.0, .depth_scale = 0.1};
+  EXPECT_FALSE(meets(ball_scene(), below));
+  EXPECT_FALSE(meets(ball_scene(), beside, std::numeric_limits<double>::infinity()));
+}
+
+TEST(ContentMeetsRays, BesideThePanelIfItIsFarBehindIt) {
+  // At a third of a metre behind the panel, oblique rays reach beyond the panel's edge.
+  const StageOptions options{
+      .centre = Vec3{-3.5, 0, 3.3}, .mm_per_unit = 100.0, .depth_scale = 1.0, .pitch_degrees = 0.0};
+  EXPECT_TRUE(meets(ball_scene({}, 0.1), options));
+}
+
+TEST(ContentMeetsRays, NotBehindTheCamera) {
+  SceneDescription scene = ball_scene();
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 20}, {0, 1, 0}, 40)};
+  EXPECT_FALSE(meets(scene, {}));
+  scene.cameras = {camera({0, 0, 10}, {0, 0, 5}, {0, 1, 0}, 40)};
+  EXPECT_TRUE(meets(scene, {}));
+  EXPECT_TRUE(meets(ball_scene({0, 0, 30}), {.ignore_cameras = true}));
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "base/error.h"
-#include "render/scene/scene.h"
+#include "render/scene/lighting.h"
 #include "tests/support/tiny_scenes.h"
 
 namespace lenticule::render {
@@ -165,6 +165,17 @@ TEST(SceneCommit, AddsLightsToASceneWithoutLights) {
   EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).lights.size(), 1U);
   scene.ambient = Vec3{0.5, 0.5, 0.5};
   EXPECT_EQ(Scene(scene, testing::make_tiny_stage(), {}, 1).lights.size(), 0U);
+}
+
+TEST(SceneCommit, TheDefaultSunShinesAlikeAtEveryDepthScale) {
+  SceneDescription scene = good_scene();
+  scene.lights.clear();
+  const auto sun = [&](double depth_scale) {
+    const Stage stage = testing::make_tiny_stage({.depth_scale = depth_scale, .turn_degrees = 30});
+    return Scene(scene, stage, {}, 1).lights.at(0).direction;
+  };
+  EXPECT_LT(length(sun(0.02) - sun(1.0)), 1e-12);
+  EXPECT_LT(length(sun(1.0) - normalized(kDefaultSunDirection)), 1e-12) << "as the viewer sees it";
 }
 
 }  // namespace

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests how `lenticule render` places a file of which nothing is stated but its name.
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "frames/image_io.h"
+#include "tests/commands/program.h"
+
+namespace lenticule::test {
+namespace {
+
+using frames::read_woven;
+
+/// A plate that is turned to the left, without camera and light.
+constexpr const char* kPlate = R"(v -1 -1 0.7
+v 1 -1 -0.7
+v 1 1 -0.7
+v -1 1 0.7
+f 1 2 3 4
+)";
+
+class Placement : public CommandTest {
+ protected:
+  void SetUp() override {
+    CommandTest::SetUp();
+    write("plate.obj", kPlate);
+  }
+
+  [[nodiscard]] nlohmann::json render(const std::string& output,
+                                      std::vector<std::string> more = {}) const {
+    std::vector<std::string> arguments = {
+        "render", path("plate.obj"), "--rig", source_file("scenes/rigs/tiny.toml"),
+        "-o",     path(output),      "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProcessResult done = run(arguments);
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    return nlohmann::json::parse(done.out);
+  }
+
+  /// Returns the code in the middle of a frame.
+  [[nodiscard]] int middle_code(const std::string& file) const {
+    const frames::WovenFrame frame = read_woven(path(file));
+    return frame.row(frame.height() / 2)[3 * (frame.width() / 2) + 1];
+  }
+};
+
+TEST_F(Placement, AModelStandsInThePanelPlaneAndWithinTheDepthOfField) {
+  const auto stage = render("plate.png").at("stage");
+  EXPECT_LE(stage.at("near_mm"), stage.at("depth_of_field_mm").get<double>() * (1 + 1e-9));
+  EXPECT_NEAR(stage.at("near_mm").get<double>(), -stage.at("far_mm").get<double>(), 1e-9);
+  const frames::WovenFrame frame = read_woven(path("plate.png"));
+  const auto bytes = frame.bytes();
+  const auto dark = std::count(bytes.begin(), bytes.end(), 0);
+  EXPECT_GT(dark, 0) << "there is room around it";
+  EXPECT_LT(dark, static_cast<ptrdiff_t>(bytes.size()) * 3 / 4) << "it fills the panel's height";
+}
+
+TEST_F(Placement, APointHasTheSameCodeAtEveryDepthBudget) {
+  std::vector<int> codes;
+  std::vector<double> scales;
+  for (const char* budget : {"0.001", "0.01", "1", "20"}) {
+    const std::string file = std::string("plate-") + budget + ".png";
+    scales.push_back(render(file, {"--depth-budget", budget}).at("stage").at("depth_scale"));
+    codes.push_back(middle_code(file));
+  }
+  EXPECT_LT(scales.front(), 0.1 * scales.back());
+  EXPECT_GT(codes.front(), 40);
+  EXPECT_EQ(codes, std::vector<int>(codes.size(), codes.front()));
+}
+
+TEST_F(Placement, ASequenceTurnsOnceRound) {
+  const std::vector<std::string> place = {"--mm-per-unit", "2",     "--depth-scale", "0.5",
+                                          "--centre",      "0,0,0", "--pitch",       "20"};
+  const auto with = [&](std::vector<std::string> more) {
+    more.insert(more.end(), place.begin(), place.end());
+    return more;
+  };
+  (void)render("turn-%d.ppm", with({"--turn", "10:370", "--frames", "0:4"}));
+  (void)render("still.ppm", with({"--turn", "10"}));
+  (void)render("quarter.ppm", with({"--turn", "100"}));
+  EXPECT_EQ(read_woven(path("turn-0.ppm")), read_woven(path("still.ppm")));
+  EXPECT_EQ(read_woven(path("turn-1.ppm")), read_woven(path("quarter.ppm")));
+  EXPECT_FALSE(read_woven(path("turn-0.ppm")) == read_woven(path("turn-1.ppm")));
+}
+
+TEST_F(Placement, ATurningSceneFitsInEveryFrame) {
+  const auto whole = render("turn-%d.ppm", {"--turn", "0:360", "--frames", "0:8"}).at("stage");
+  for (int frame = 0; frame < 8; ++frame) {
+    const frames::WovenFrame picture = read_woven(path("turn-" + std::to_string(frame) + ".ppm"));
+    for (int i = 0; i < 3 * picture.width(); ++i) {
+      EXPECT_EQ(picture.row(0)[i], 0) << frame;
+      EXPECT_EQ(picture.row(picture.height() - 1)[i], 0) << frame;
+    }
+  }
+  EXPECT_LE(whole.at("near_mm"), whole.at("depth_of_field_mm").get<double>() * (1 + 1e-9));
+}
+
+}  // namespace
+}  // namespace lenticule::test
