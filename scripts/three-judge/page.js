@@ -50,6 +50,28 @@ function environmentRotation(ahead) {
   return new THREE.Euler(0, Math.atan2(-ahead[2], ahead[0]), 0);
 }
 
+/** Returns the camera in direction `toward` that sees the bounds of the model. */
+function framing(model, toward, fov) {
+  const bounds = new THREE.Box3().setFromObject(model, true);
+  const radius = bounds.getSize(new THREE.Vector3()).length() / 2;
+  const at = bounds.getCenter(new THREE.Vector3());
+  const distance = radius / Math.sin(THREE.MathUtils.degToRad(fov / 2));
+  return {from: new THREE.Vector3(...toward).multiplyScalar(distance).add(at), at, up: [0, 1, 0]};
+}
+
+function cameraOf(job, model) {
+  const {toward, vertical_fov_degrees} = job.camera;
+  const pose = toward ? framing(model, toward, vertical_fov_degrees) : job.camera;
+  const from = new THREE.Vector3(...pose.from), at = new THREE.Vector3(...pose.at);
+  const distance = from.distanceTo(at);
+  const camera = new THREE.PerspectiveCamera(
+      vertical_fov_degrees, job.width / job.height, distance / 100, distance * 100);
+  camera.position.copy(from);
+  camera.up.set(...pose.up);
+  camera.lookAt(at);
+  return camera;
+}
+
 async function drawScene(renderer, job) {
   renderer.setPixelRatio(1);
   renderer.setSize(job.width, job.height, false);
@@ -73,13 +95,7 @@ async function drawScene(renderer, job) {
     mixer.setTime(0);
   }
 
-  const {from, at, up, vertical_fov_degrees} = job.camera;
-  const distance = new THREE.Vector3(...from).distanceTo(new THREE.Vector3(...at));
-  const camera = new THREE.PerspectiveCamera(
-      vertical_fov_degrees, job.width / job.height, distance / 100, distance * 100);
-  camera.position.set(...from);
-  camera.up.set(...up);
-  camera.lookAt(...at);
+  const camera = cameraOf(job, model.scene);
   renderer.render(scene, camera);
   discard(model.scene);
 }
