@@ -10,7 +10,7 @@ import {MeshoptDecoder} from 'three/addons/libs/meshopt_decoder.module.js';
 
 const TONE_MAPS = {
   none: THREE.NoToneMapping,
-  neutral: THREE.NeutralToneMapping,
+  'pbr-neutral': THREE.NeutralToneMapping,
   aces: THREE.ACESFilmicToneMapping,
 };
 

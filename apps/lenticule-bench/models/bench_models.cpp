@@ -116,7 +116,7 @@ class ModelsRun {
                  .picture = fs::absolute(picture_file(row, "judge-large")).string(),
                  .side_px = model_.rig().panel.width_px,
                  .environment = fs::absolute(environment_).string(),
-                 .environment_ahead = normalized(toward_framing_camera() * Vec3{-1, 0, -1})};
+                 .environment_ahead = environment_ahead()};
       try {
         render(row);
       } catch (const Error& error) {

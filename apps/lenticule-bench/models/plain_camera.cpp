@@ -55,6 +55,11 @@ Vec3 toward_framing_camera() {
           std::cos(azimuth) * std::cos(elevation)};
 }
 
+Vec3 environment_ahead() {
+  const Vec3 toward = toward_framing_camera();
+  return normalized(Vec3{-toward.x, 0, -toward.z});
+}
+
 render::Camera framing_camera(const render::Bounds& bounds) {
   if (bounds.empty()) throw Error(ErrorKind::Input, "nothing to see in this scene");
   const Vec3 toward = toward_framing_camera();

@@ -20,6 +20,9 @@ inline constexpr double kModelFovDegrees = 30.0;
 /// Returns the direction from a model to framing_camera(): in front, to the right and above, in
 /// glTF's axes (y up, +z in front).
 [[nodiscard]] Vec3 toward_framing_camera();
+/// Returns the horizontal direction from that camera past the model, where the renderer puts the
+/// middle of an environment picture.
+[[nodiscard]] Vec3 environment_ahead();
 /// Returns the camera that sees the bounds as large as possible, with a margin, in a square
 /// picture. Throws Error(Input) for empty bounds.
 [[nodiscard]] render::Camera framing_camera(const render::Bounds& bounds);
