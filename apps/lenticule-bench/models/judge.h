@@ -21,7 +21,7 @@ struct JudgeJob {
   int side_px = 0;
   /// If empty, the judge frames its own bounds of the model as framing_camera() does.
   std::optional<render::Camera> camera{};
-  std::string environment{};           ///< latitude-longitude picture
+  std::string environment{};         ///< latitude-longitude picture
   Vec3 environment_ahead{0, 0, -1};  ///< horizontal world direction of that picture's middle
 };
 
