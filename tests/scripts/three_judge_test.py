@@ -3,12 +3,14 @@
 """Tests scripts/three-judge/draw-pictures with a stand-in for the browser and for three.js."""
 
 import json
+import os
 import pathlib
 import subprocess
 import sys
 import tempfile
 import textwrap
 import unittest
+import unittest.mock
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DRAW = ROOT / "scripts/three-judge/draw-pictures"
@@ -99,6 +101,13 @@ class DrawPictures(unittest.TestCase):
         self.assertEqual(result.returncode, 1)
         self.assertIn("the page does not run", result.stderr)
         self.assertEqual(answers, [None, None])
+
+    def test_finds_three_in_node_path(self):
+        elsewhere = self.folder / "elsewhere"
+        (self.folder / "node_modules").rename(elsewhere)
+        with unittest.mock.patch.dict(os.environ, {"NODE_PATH": f"/none:{elsewhere}"}):
+            result, answers = self.draw(["one"])
+        self.assertEqual(answers, ["studio one"], result.stderr)
 
     def test_names_what_is_missing(self):
         result, _ = self.draw(["one"], "--three", self.folder)
