@@ -44,7 +44,7 @@ struct ModelsFlags {
   std::string environment;
   int size_px = 512;
   int supersample = 2;
-  int light_samples = 16;
+  int light_samples = 32;
   double pixels_per_degree = frames::kFlipPixelsPerDegree;
   int limit_s = 120;
   int threads = 0;
@@ -130,7 +130,7 @@ class ModelsRun {
   void render(ModelRow& row) {
     const auto start = std::chrono::steady_clock::now();
     render::SceneDescription description = render::at_time(render::load_scene(row.model.file), 0.0);
-    const render::Camera camera = framing_camera(render::scene_bounds(description));
+    const render::Camera camera = framing_camera(description);
     row.job.camera = camera;
     description.cameras = {camera};
     // A stated ambient light, which the environment's then replaces, keeps the default sun away.

@@ -42,7 +42,8 @@ std::vector<ModelFile> find_models(const std::vector<std::string>& places) {
     if (!fs::is_directory(place)) {
       if (!fs::exists(place))
         throw Error(ErrorKind::Input, fmt::format("{}: no such file or folder", place));
-      add(place, fs::path(place).filename(), models);
+      const fs::path file = fs::absolute(place);
+      add(place, file.parent_path().filename() / file.filename(), models);
       continue;
     }
     std::vector<fs::path> files;

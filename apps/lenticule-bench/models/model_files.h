@@ -10,7 +10,7 @@ namespace lenticule::player {
 
 struct ModelFile {
   std::filesystem::path file;
-  std::string name;  ///< path below the folder it was found in, without extension
+  std::string name;  ///< path below the folder it was found in, or its last two parts; no extension
   std::string stem;  ///< begins the names of its pictures: different for every model
 };
 

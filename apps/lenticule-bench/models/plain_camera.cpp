@@ -60,23 +60,23 @@ Vec3 environment_ahead() {
   return normalized(Vec3{-toward.x, 0, -toward.z});
 }
 
-render::Camera framing_camera(const render::Bounds& bounds) {
-  if (bounds.empty()) throw Error(ErrorKind::Input, "nothing to see in this scene");
+render::Camera framing_camera(const render::SceneDescription& scene) {
+  const render::Bounds bounds = render::scene_bounds(scene);
   const Vec3 toward = toward_framing_camera();
   const Vec3 right = normalized(cross(Vec3{0, 1, 0}, toward));
   const Vec3 up = cross(toward, right);
   const Vec3 centre = (bounds.low + bounds.high) * 0.5;
   const double tangent = kFill * std::tan(radians(kModelFovDegrees / 2.0));
   double distance = 0.0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const Vec3 p =
-        Vec3{(corner & 1 ? bounds.high : bounds.low).x, (corner & 2 ? bounds.high : bounds.low).y,
-             (corner & 4 ? bounds.high : bounds.low).z} -
-        centre;
-    const double aside = std::max(std::abs(dot(p, right)), std::abs(dot(p, up)));
-    distance = std::max(distance, dot(p, toward) + aside / tangent);
-  }
-  if (!(distance > 0.0)) throw Error(ErrorKind::Input, "the scene has no extent to be shown");
+  for (const render::TriangleMesh& mesh : scene.meshes)
+    for (const auto& triangle : mesh.triangles)
+      for (const uint32_t corner : triangle) {
+        const Vec3 p = mesh.positions[corner] - centre;
+        const double aside = std::max(std::abs(dot(p, right)), std::abs(dot(p, up)));
+        distance = std::max(distance, dot(p, toward) + aside / tangent);
+      }
+  if (!(distance > 0.0))
+    throw Error(ErrorKind::Input, scene.source + ": the scene has no extent to be shown");
   return {.from = centre + toward * distance,
           .at = centre,
           .up = {0, 1, 0},

@@ -23,9 +23,10 @@ inline constexpr double kModelFovDegrees = 30.0;
 /// Returns the horizontal direction from that camera past the model, where the renderer puts the
 /// middle of an environment picture.
 [[nodiscard]] Vec3 environment_ahead();
-/// Returns the camera that sees the bounds as large as possible, with a margin, in a square
-/// picture. Throws Error(Input) for empty bounds.
-[[nodiscard]] render::Camera framing_camera(const render::Bounds& bounds);
+/// Returns the camera that looks at the middle of the scene's bounds and sees its meshes as large
+/// as possible, with a margin, in a square picture. The scene has no nodes. Throws Error(Input) for
+/// a scene without meshes or extent.
+[[nodiscard]] render::Camera framing_camera(const render::SceneDescription& scene);
 
 /// Returns the placement that puts the camera at the rig's eye and leaves depth undistorted. The
 /// camera must have the field of view of the rig.

