@@ -72,7 +72,7 @@ function cameraOf(job, model) {
   return camera;
 }
 
-async function drawScene(renderer, job) {
+async function drawScene(renderer, loader, job) {
   renderer.setPixelRatio(1);
   renderer.setSize(job.width, job.height, false);
   renderer.toneMapping = TONE_MAPS[job.tone_map];
@@ -87,7 +87,7 @@ async function drawScene(renderer, job) {
     scene.backgroundRotation.copy(rotation);
   }
 
-  const model = await modelLoader(renderer).loadAsync(job.model_url);
+  const model = await loader.loadAsync(job.model_url);
   scene.add(model.scene);
   if (model.animations.length > 0) {
     const mixer = new THREE.AnimationMixer(model.scene);
@@ -124,12 +124,13 @@ function newRenderer() {
 
 async function drawAll() {
   let renderer = newRenderer();
+  let loader = modelLoader(renderer);
   for (;;) {
     const job = await (await fetch('/next')).json();
     if (job === null) return;
     let answer;
     try {
-      await drawScene(renderer, job);
+      await drawScene(renderer, loader, job);
       const png = await new Promise(done => renderer.domElement.toBlob(done, 'image/png'));
       answer = {kind: 'drawn', body: png};
     } catch (error) {
@@ -137,6 +138,7 @@ async function drawAll() {
       renderer.dispose();
       renderer.forceContextLoss();
       renderer = newRenderer();
+      loader = modelLoader(renderer);
     }
     await fetch(`/${answer.kind}/${job.number}`, {method: 'POST', body: answer.body});
   }

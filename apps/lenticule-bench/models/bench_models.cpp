@@ -304,7 +304,7 @@ Run declare_bench_models(CLI::App& app) {
   app.add_option("--pixels-per-degree", flags->pixels_per_degree, "of the viewer, for FLIP")
       ->check(CLI::Range(1.0, 1000.0))
       ->capture_default_str();
-  app.add_option("--limit", flags->limit_s, "seconds that the judge may take for a model")
+  app.add_option("--limit", flags->limit_s, "seconds that the judge may take per model, on average")
       ->check(CLI::Range(1, 86400))
       ->capture_default_str();
   app.add_option("--threads", flags->threads, "0 means all cores")
