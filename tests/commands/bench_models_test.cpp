@@ -29,9 +29,8 @@ class BenchModels : public CommandTest {
   }
 
   [[nodiscard]] ProcessResult compare(std::vector<std::string> more) const {
-    std::vector<std::string> arguments = {
-        "bench",         "models", path("models"),    "-o", out(""), "--size", "32",
-        "--supersample", "2",      "--light-samples", "2"};
+    std::vector<std::string> arguments = {"bench",  "models", path("models"),    "-o", out(""),
+                                          "--size", "32",     "--light-samples", "2"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run(arguments);
   }
