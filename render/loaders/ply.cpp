@@ -27,6 +27,7 @@
 #include "render/loaders/tangents.h"
 #include "render/loaders/text_reader.h"
 #include "render/loaders/textures.h"
+#include "render/scene/nothing_seen.h"
 
 namespace lenticule::render {
 namespace {
@@ -541,14 +542,13 @@ class PlyReader {
   SceneDescription scene(const std::filesystem::path& folder) {
     SceneDescription scene;
     scene.source = source_;
-    if (mesh_.triangles.empty())
-      refuse(source_, mesh_.positions.empty()
-                          ? std::string("nothing to see in this scene")
-                          : fmt::format("{} points without faces; only triangles are drawn",
-                                        mesh_.positions.size()));
     const auto note = [&](size_t count, const char* things) {
       if (count > 0) scene.notes.push_back(fmt::format("{} {}", count, things));
     };
+    if (mesh_.triangles.empty()) {
+      note(mesh_.positions.size(), "points without faces left out");
+      refuse_empty(scene);
+    }
     Material material;
     material.name = "surface";
     material.colour = {0.6, 0.6, 0.6};
@@ -570,8 +570,8 @@ class PlyReader {
     LostDigits digits;
     if (single_precision_) digits.add(mesh_);
     const MeshRepairs repairs = clean(mesh_);
-    if (mesh_.triangles.empty()) refuse(source_, "nothing to see in this scene");
     note(repairs.dropped_triangles, "triangles without an area dropped");
+    if (mesh_.triangles.empty()) refuse_empty(scene);
     note(repairs.recomputed_normals, "unusable normals recomputed");
     note(ignored_, "elements other than faces and triangle strips left out");
     if (face_colours_) scene.notes.emplace_back("colours of faces left out");

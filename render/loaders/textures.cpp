@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "render/loaders/limits.h"
+#include "render/scene/texture_codes.h"
 
 namespace lenticule::render {
 namespace {
@@ -21,6 +22,7 @@ std::shared_ptr<Texture> texture_of(frames::FloatImage image, const TextureSourc
   texture->mirror_u = source.wrap_u == TextureWrap::Mirror;
   texture->mirror_v = source.wrap_v == TextureWrap::Mirror;
   texture->name = source.name;
+  keep_codes(*texture, source.content == frames::TextureContent::Colour);
   return texture;
 }
 

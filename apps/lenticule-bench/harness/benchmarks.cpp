@@ -19,6 +19,7 @@ Run declare_bench_depth(CLI::App& app);
 Run declare_bench_error(CLI::App& app);
 Run declare_bench_exact(CLI::App& app);
 Run declare_bench_memory(CLI::App& app);
+Run declare_bench_models(CLI::App& app);
 Run declare_bench_paper(CLI::App& app);
 Run declare_bench_play(CLI::App& app);
 Run declare_bench_calibrate(CLI::App& app);
@@ -54,6 +55,8 @@ const std::vector<Benchmark>& benchmarks() {
       {"exact", "rates of bare Embree, of visibility and of whole frames of method full",
        declare_bench_exact},
       {"memory", "peak memory of rendering one frame", declare_bench_memory},
+      {"models", "glTF models beside the pictures of another renderer, compared by FLIP",
+       declare_bench_models},
       {"paper", "the reuse methods, in the tables of the paper they come from",
        declare_bench_paper},
       {"play", "memory of the player over many frames of a ring", declare_bench_play},

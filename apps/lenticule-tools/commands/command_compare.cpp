@@ -14,6 +14,7 @@
 #include "base/error.h"
 #include "frames/compare.h"
 #include "frames/image_io.h"
+#include "frames/measures/flip.h"
 #include "frames/quilt.h"
 #include "optics/trim.h"
 #include "player/process/interrupt.h"
@@ -29,6 +30,8 @@ struct CompareFlags {
   int views = 0;
   std::string picture;
   std::optional<double> limit_psnr_db;
+  bool flip = false;
+  double pixels_per_degree = frames::kFlipPixelsPerDegree;
   bool json = false;
 };
 
@@ -57,7 +60,8 @@ ExitCode run_compare(const CompareFlags& flags) {
   if (model && views == 0) views = frames::native_view_count(model->rig());
 
   const std::vector<PicturePair> pairs = picture_pairs(flags.reference, flags.test);
-  CompareReport measured(model ? &*model : nullptr, views);
+  CompareReport measured(model ? &*model : nullptr, views,
+                         flags.flip ? std::optional(flags.pixels_per_degree) : std::nullopt);
   Progress progress("compare", "frames", pairs.size());
   for (size_t n = 0; n < pairs.size(); ++n) {
     if (interrupted()) return interrupt_exit_code();
@@ -91,6 +95,12 @@ Run declare_compare(CLI::App& app) {
                  "83, white 255 levels");
   app.add_option("--limit-psnr", flags->limit_psnr_db,
                  "exit code 5 if the worst frame's total PSNR is below this, in dB");
+  CLI::Option* const flip = app.add_flag(
+      "--flip", flags->flip, "also measure FLIP: what a viewer notices when the two alternate");
+  app.add_option("--pixels-per-degree", flags->pixels_per_degree, "of the viewer, for FLIP")
+      ->needs(flip)
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str();
   app.add_flag("--json", flags->json, "print the figures as JSON; psnr_db is null where equal");
   return [flags] { return run_compare(*flags); };
 }

@@ -9,6 +9,7 @@
 #include "base/print.h"
 #include "frames/decoded_view.h"
 #include "frames/image_io.h"
+#include "frames/measures/flip.h"
 #include "frames/similarity.h"
 
 namespace lenticule::player {
@@ -80,6 +81,12 @@ void print_channels(const json& figures, const std::string& prefix = "") {
   print_line(prefix + "total", figures["total"]);
 }
 
+void print_flip(const json& flip) {
+  print_out("FLIP: mean {:.4f}, 99 % of the pixels at most {:.4f} ({:g} pixels per degree)\n",
+            flip["mean"].get<double>(), flip["percentile_99"].get<double>(),
+            flip["pixels_per_degree"].get<double>());
+}
+
 void print_views(const json& frame) {
   print_out("subpixels of each view, and the picture that an eye there sees\n");
   for (size_t n = 0; n < frame["views"].size(); ++n) {
@@ -97,6 +104,8 @@ void print_means(const json& report) {
             report["means"]["mean_psnr_db"].is_null()
                 ? "equal"
                 : fmt::format("{:.2f} dB", report["means"]["mean_psnr_db"].get<double>()));
+  if (report["means"].contains("flip"))
+    print_out("mean of frames: FLIP {:.4f}\n", report["means"]["flip"].get<double>());
   if (!report["means"].contains("views")) return;
   for (size_t n = 0; n < report["means"]["views"].size(); ++n) {
     const json& view = report["means"]["views"][n];
@@ -159,8 +168,22 @@ nlohmann::json CompareReport::Pooled::figures() const {
   return figures;
 }
 
-CompareReport::CompareReport(const optics::OpticalModel* model, int views)
-    : model_(model), views_(views), seen_(model ? static_cast<size_t>(views) : 0) {}
+CompareReport::CompareReport(const optics::OpticalModel* model, int views,
+                             std::optional<double> flip_pixels_per_degree)
+    : model_(model),
+      views_(views),
+      flip_pixels_per_degree_(flip_pixels_per_degree),
+      seen_(model ? static_cast<size_t>(views) : 0) {}
+
+nlohmann::json CompareReport::measure_flip(const frames::FrameView& reference,
+                                           const frames::FrameView& test) {
+  const frames::FlipFigures flip = frames::flip_figures(
+      frames::flip_map({reference, *flip_pixels_per_degree_}, {test, *flip_pixels_per_degree_}));
+  flip_sum_ += flip.mean;
+  return {{"mean", flip.mean},
+          {"percentile_99", flip.percentile_99},
+          {"pixels_per_degree", *flip_pixels_per_degree_}};
+}
 
 nlohmann::json CompareReport::measure_view(const frames::FrameView& reference,
                                            const frames::FrameView& test,
@@ -197,6 +220,7 @@ void CompareReport::add(const PicturePair& files) {
   nlohmann::json frame = figures_of(difference);
   frame["reference"] = files.reference.string();
   frame["test"] = files.test.string();
+  if (flip_pixels_per_degree_) frame["flip"] = measure_flip(reference.view(), test.view());
   if (model_) {
     const auto by_view = frames::compare_views(reference.view(), test.view(), *model_, views_);
     for (int view = 0; view < views_; ++view)
@@ -216,6 +240,8 @@ nlohmann::json CompareReport::json() const {
                            {"worst_frame", worst_frame_},
                            {"worst", frames_.at(worst_frame_)},
                            {"means", whole_.figures()}};
+  if (flip_pixels_per_degree_)
+    report["means"]["flip"] = flip_sum_ / static_cast<double>(frames_.size());
   for (const Pooled& view : seen_) report["means"]["views"].push_back(view.figures());
   if (!worst_view_.is_null()) report["worst_view"] = worst_view_;
   return report;
@@ -226,6 +252,7 @@ void print_compare_report(const json& report) {
   if (frames.size() != 1) return print_sequence(report);
   print_heading();
   print_channels(frames[0]);
+  if (frames[0].contains("flip")) print_flip(frames[0]["flip"]);
   if (frames[0].contains("views")) print_views(frames[0]);
   print_readings(frames[0]);
 }

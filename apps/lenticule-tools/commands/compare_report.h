@@ -15,18 +15,21 @@ namespace lenticule::player {
 
 /// Measures pairs and accumulates the results. Figures of a set of samples are "mse", "rmse",
 /// "psnr_db" (null if equal), "max", and "over_N" and "share_over_N": how many differ by more than
-/// N levels.
+/// N levels. FLIP of a frame is "flip" {"mean", "percentile_99", "pixels_per_degree"}.
 class CompareReport {
  public:
   /// `model` may be null; then there are no figures per view. Lifetime: it must outlive the report.
-  CompareReport(const optics::OpticalModel* model, int views);
+  /// With `flip_pixels_per_degree`, frames have FLIP too.
+  CompareReport(const optics::OpticalModel* model, int views,
+                std::optional<double> flip_pixels_per_degree);
 
   /// Adds a pair. Throws the errors of reading and comparing pictures.
   void add(const PicturePair& files);
 
   /// Returns the added pair with the largest total MSE.
   [[nodiscard]] size_t worst_frame() const { return worst_frame_; }
-  /// Returns "frames", "worst_frame", "worst" (a copy of that frame), "means" and, with a rig,
+  /// Returns "frames", "worst_frame", "worst" (a copy of that frame), "means" (with FLIP as "flip",
+  /// the mean over frames) and, with a rig,
   /// "worst_view" {"frame", "view", ...}: the view with the largest difference in any frame.
   [[nodiscard]] nlohmann::json json() const;
 
@@ -45,12 +48,15 @@ class CompareReport {
     [[nodiscard]] nlohmann::json figures() const;
   };
 
+  nlohmann::json measure_flip(const frames::FrameView& reference, const frames::FrameView& test);
   nlohmann::json measure_view(const frames::FrameView& reference, const frames::FrameView& test,
                               const frames::Difference& subpixels, int view);
   void note_worst_view(const nlohmann::json& views);
 
   const optics::OpticalModel* model_;
   int views_;
+  std::optional<double> flip_pixels_per_degree_;
+  double flip_sum_ = 0.0;
   std::vector<nlohmann::json> frames_;
   size_t worst_frame_ = 0;
   Pooled whole_;

@@ -16,6 +16,7 @@
 #include "render/loaders/gltf/materials.h"
 #include "render/loaders/gltf/nodes.h"
 #include "render/loaders/limits.h"
+#include "render/scene/nothing_seen.h"
 
 namespace lenticule::render {
 namespace {
@@ -85,14 +86,16 @@ SceneDescription parse_gltf(std::vector<uint8_t> bytes, const std::string& sourc
     gltf::Nodes nodes(document, scene, notes);
     nodes.import_skins();
     nodes.import_meshes(materials);
-    if (scene.meshes.empty())
-      throw Error(ErrorKind::Input, source + ": nothing to see in this scene");
+    if (scene.meshes.empty()) {
+      notes.write(scene);
+      refuse_empty(scene);
+    }
     gltf::import_animation(document, nodes, scene, notes);
     nodes.import_lights();
     nodes.import_cameras();
     notes.write(scene);
   } catch (const std::bad_alloc&) {
-    throw Error(ErrorKind::Input, source + ": asks for more memory than there is");
+    throw Error(ErrorKind::Input, source + ": needs more memory than is available");
   }
   expose(scene);
   bake_still_nodes(scene);

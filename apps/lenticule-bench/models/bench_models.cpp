@@ -1,0 +1,317 @@
+// SPDX-License-Identifier: Apache-2.0
+// lenticule bench models renders glTF models as a plain camera sees them, lets a judge (another
+// renderer) draw the same pictures, and measures the differences with FLIP.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <optional>
+
+#include "apps/lenticule-bench/harness/bench.h"
+#include "apps/lenticule-bench/models/contact_sheet.h"
+#include "apps/lenticule-bench/models/judge.h"
+#include "apps/lenticule-bench/models/model_files.h"
+#include "apps/lenticule-bench/models/plain_camera.h"
+#include "apps/lenticule-bench/models/studio.h"
+#include "base/error.h"
+#include "base/file.h"
+#include "base/print.h"
+#include "frames/image_io.h"
+#include "frames/measures/flip.h"
+#include "player/process/interrupt.h"
+#include "player/process/progress.h"
+#include "render/loaders/load_scene.h"
+#include "render/make_method.h"
+#include "render/scene/scene.h"
+
+namespace lenticule::player {
+namespace {
+
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+constexpr int kStudioWidth = 512;
+/// Panes of contact sheets are pictures averaged to this size or somewhat above.
+constexpr int kPanePx = 256;
+
+struct ModelsFlags {
+  std::vector<std::string> places;
+  std::string output;
+  std::string judge;
+  std::string environment;
+  int size_px = 512;
+  int supersample = 2;
+  int light_samples = 32;
+  double pixels_per_degree = frames::kFlipPixelsPerDegree;
+  int limit_s = 120;
+  int threads = 0;
+  bool json = false;
+};
+
+/// ModelRow holds the pictures and figures of one model so far; failures are empty if there is
+/// none.
+struct ModelRow {
+  ModelFile model;
+  JudgeJob job{};
+  std::string ours_failure{};
+  std::string theirs_failure{};
+  double seconds = 0.0;
+  ContactEntry entry{};
+  std::optional<frames::FlipFigures> flip{};
+};
+
+class ModelsRun {
+ public:
+  explicit ModelsRun(const ModelsFlags& flags)
+      : flags_(flags),
+        folder_(flags.output),
+        environment_(flags.environment),
+        model_(plain_camera_rig(flags.size_px * flags.supersample, kModelFovDegrees)) {
+    for (ModelFile& file : find_models(flags.places)) rows_.push_back({.model = std::move(file)});
+    fs::create_directories(folder_);
+    if (environment_.empty()) {
+      environment_ = (folder_ / "studio.hdr").string();
+      write_studio(environment_, kStudioWidth, kStudioWidth / 2);
+    }
+  }
+
+  ExitCode run() {
+    render_all();
+    if (interrupted()) return interrupt_exit_code();
+    draw_all();
+    if (interrupted()) return interrupt_exit_code();
+    for (ModelRow& row : rows_) compare(row);
+    std::ranges::stable_sort(rows_, std::greater<>(), badness);
+    write_sheets();
+    const std::string table = markdown();
+    write_text_file(folder_ / "models.md", table);
+    write_text_file(folder_ / "models.json", report().dump(1) + '\n');
+    if (flags_.json)
+      print_json(report());
+    else
+      print_out("{}", Verbatim{table});
+    if (!judge_failure_.empty())
+      throw Error(ErrorKind::Failed, fmt::format("{}: {}", flags_.judge, judge_failure_));
+    return kOk;
+  }
+
+ private:
+  /// Returns a number by which rows are sorted: models that could not be compared come first.
+  static double badness(const ModelRow& row) { return row.flip ? row.flip->mean : 2.0; }
+
+  [[nodiscard]] std::string picture_file(const ModelRow& row, const char* kind) const {
+    return (folder_ / fmt::format("{}.{}.png", row.model.stem, kind)).string();
+  }
+
+  // ---- ours
+
+  void render_all() {
+    Progress progress("models", "models", rows_.size());
+    for (size_t n = 0; n < rows_.size() && !interrupted(); ++n) {
+      ModelRow& row = rows_[n];
+      row.job = {.model = fs::absolute(row.model.file).string(),
+                 .picture = fs::absolute(picture_file(row, "judge-large")).string(),
+                 .side_px = model_.rig().panel.width_px,
+                 .environment = fs::absolute(environment_).string(),
+                 .environment_ahead = environment_ahead()};
+      try {
+        render(row);
+      } catch (const Error& error) {
+        row.ours_failure = error.what();
+      }
+      progress.update(n + 1, row.model.name);
+    }
+    progress.finish();
+  }
+
+  void render(ModelRow& row) {
+    const auto start = std::chrono::steady_clock::now();
+    render::SceneDescription description = render::at_time(render::load_scene(row.model.file), 0.0);
+    const render::Camera camera = framing_camera(description);
+    row.job.camera = camera;
+    description.cameras = {camera};
+    // A stated ambient light, which the environment's then replaces, keeps the default sun away.
+    description.ambient = description.ambient.value_or(Vec3{});
+    const render::Stage stage =
+        render::make_stage(description, model_, plain_camera_stage(camera, model_.rig()));
+    render::Surroundings surroundings;
+    surroundings.environment_file = environment_;
+    const render::Scene scene(description, stage, surroundings, flags_.threads);
+    render::RenderOptions options{.threads = flags_.threads, .cancelled = interrupted};
+    options.soft.environment_samples = flags_.light_samples;
+    frames::WovenFrame frame({.width = row.job.side_px, .height = row.job.side_px});
+    render::make_method("full", model_, options)->render(scene, stage, frame);
+    row.entry.ours = averaged(frame.view(), flags_.supersample);
+    frames::write_woven(row.entry.ours.view(), picture_file(row, "ours"));
+    row.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+
+  // ---- theirs
+
+  void draw_all() {
+    if (flags_.judge.empty()) return;
+    std::vector<JudgeJob> jobs;
+    for (const ModelRow& row : rows_) jobs.push_back(row.job);
+    const auto limit = std::chrono::seconds(flags_.limit_s) * (jobs.size() + 1);
+    judge_failure_ = run_judge(flags_.judge, folder_ / "jobs.json", jobs, limit);
+    for (ModelRow& row : rows_) {
+      row.theirs_failure = missing_picture(row.job);
+      if (!row.theirs_failure.empty()) continue;
+      try {
+        frames::WovenFrame large({.width = row.job.side_px, .height = row.job.side_px});
+        frames::read_woven_into(row.job.picture, large.geometry(), large);
+        row.entry.theirs = averaged(large.view(), flags_.supersample);
+        frames::write_woven(row.entry.theirs.view(), picture_file(row, "judge"));
+      } catch (const Error& error) {
+        row.theirs_failure = error.what();
+      }
+      fs::remove(row.job.picture);
+    }
+  }
+
+  // ---- comparison
+
+  void compare(ModelRow& row) {
+    ContactEntry& entry = row.entry;
+    entry.caption = row.model.name;
+    if (entry.ours.bytes().empty() || entry.theirs.bytes().empty()) return;
+    const std::vector<float> map =
+        frames::flip_map(frames::FlipPicture(entry.theirs.view(), flags_.pixels_per_degree),
+                         frames::FlipPicture(entry.ours.view(), flags_.pixels_per_degree));
+    entry.flip = flip_picture(map, flags_.size_px, flags_.size_px);
+    frames::write_woven(entry.flip.view(), picture_file(row, "flip"));
+    row.flip = frames::flip_figures(map);
+    entry.caption = fmt::format("{:.3f} {}", row.flip->mean, row.model.name);
+  }
+
+  /// Returns the mean over the compared models; none if no model was compared.
+  [[nodiscard]] std::optional<double> mean_flip() const {
+    double sum = 0.0;
+    int count = 0;
+    for (const ModelRow& row : rows_) {
+      if (!row.flip) continue;
+      sum += row.flip->mean;
+      ++count;
+    }
+    return count == 0 ? std::nullopt : std::optional(sum / count);
+  }
+
+  // ---- results
+
+  void write_sheets() {
+    constexpr size_t kEntries = size_t{kSheetColumns} * kSheetRows;
+    const int factor = std::max(1, flags_.size_px / kPanePx);
+    for (size_t begin = 0; begin < rows_.size(); begin += kEntries) {
+      std::vector<ContactEntry> entries;
+      for (size_t n = begin; n < std::min(begin + kEntries, rows_.size()); ++n) {
+        entries.push_back({.caption = rows_[n].entry.caption});
+        entries.back().ours = pane(rows_[n].entry.ours, factor);
+        entries.back().theirs = pane(rows_[n].entry.theirs, factor);
+        entries.back().flip = pane(rows_[n].entry.flip, factor);
+      }
+      sheets_.push_back((folder_ / fmt::format("sheet-{}.png", sheets_.size() + 1)).string());
+      frames::write_woven(contact_sheet(entries, flags_.size_px / factor).view(), sheets_.back());
+    }
+  }
+
+  static frames::WovenFrame pane(const frames::WovenFrame& picture, int factor) {
+    return picture.bytes().empty() ? frames::WovenFrame() : averaged(picture.view(), factor);
+  }
+
+  [[nodiscard]] json report() const {
+    json list = json::array();
+    for (const ModelRow& row : rows_) {
+      json entry = {{"model", row.model.file.string()},
+                    {"name", row.model.name},
+                    {"seconds", row.seconds},
+                    {"flip_mean", row.flip ? json(row.flip->mean) : json()},
+                    {"flip_percentile_99", row.flip ? json(row.flip->percentile_99) : json()}};
+      if (!row.ours_failure.empty()) entry["ours_failure"] = row.ours_failure;
+      if (!row.theirs_failure.empty()) entry["judge_failure"] = row.theirs_failure;
+      list.push_back(std::move(entry));
+    }
+    const std::optional<double> mean = mean_flip();
+    return {{"machine", machine_json()},
+            {"judge", flags_.judge},
+            {"environment", environment_},
+            {"size", flags_.size_px},
+            {"pixels_per_degree", flags_.pixels_per_degree},
+            {"flip_mean", mean ? json(*mean) : json()},
+            {"sheets", sheets_},
+            {"models", std::move(list)}};
+  }
+
+  [[nodiscard]] std::string markdown() const {
+    std::string text = "| model | FLIP | 99 % | seconds | failures |\n|---|---|---|---|---|\n";
+    for (const ModelRow& row : rows_) {
+      std::string failures;
+      if (!row.ours_failure.empty()) failures = "ours: " + escaped(row.ours_failure);
+      if (!row.theirs_failure.empty())
+        failures +=
+            fmt::format("{}judge: {}", failures.empty() ? "" : "; ", escaped(row.theirs_failure));
+      text += fmt::format("| {} | {} | {} | {:.1f} | {} |\n", escaped(row.model.name),
+                          row.flip ? fmt::format("{:.4f}", row.flip->mean) : "-",
+                          row.flip ? fmt::format("{:.3f}", row.flip->percentile_99) : "-",
+                          row.seconds, failures);
+    }
+    const auto compared =
+        std::ranges::count_if(rows_, [](const ModelRow& row) { return row.flip.has_value(); });
+    text += fmt::format("\n{} of {} models compared", compared, rows_.size());
+    if (const auto mean = mean_flip()) text += fmt::format(", mean FLIP {:.4f}", *mean);
+    return text + '\n';
+  }
+
+  const ModelsFlags& flags_;
+  fs::path folder_;
+  std::string environment_;
+  optics::OpticalModel model_;
+  std::vector<ModelRow> rows_;
+  std::string judge_failure_;
+  std::vector<std::string> sheets_;
+};
+
+}  // namespace
+
+Run declare_bench_models(CLI::App& app) {
+  auto flags = std::make_shared<ModelsFlags>();
+  app.footer(
+      "Example:\n"
+      "  scripts/fetch-models ~/models\n"
+      "  lenticule bench models ~/models/models -o compared "
+      "--judge scripts/three-judge/draw-pictures");
+  app.add_option("models", flags->places, "glTF files, or folders with glTF files")->required();
+  app.add_option("-o,--output", flags->output, "folder for pictures, contact sheets and the table")
+      ->required();
+  app.add_option("--judge", flags->judge,
+                 "program that draws the same pictures: scripts/three-judge/draw-pictures")
+      ->check(CLI::ExistingFile);
+  app.add_option("--environment", flags->environment,
+                 "latitude-longitude picture around the models (a studio, written to the folder)")
+      ->check(CLI::ExistingFile);
+  app.add_option("--size", flags->size_px, "side of the pictures in pixels")
+      ->check(CLI::Range(16, 4096))
+      ->capture_default_str();
+  app.add_option("--supersample", flags->supersample,
+                 "pixels per side that both renderers draw for one pixel")
+      ->check(CLI::Range(1, 8))
+      ->capture_default_str();
+  app.add_option("--light-samples", flags->light_samples, "our rays to the environment")
+      ->check(CLI::Range(1, 4096))
+      ->capture_default_str();
+  app.add_option("--pixels-per-degree", flags->pixels_per_degree, "of the viewer, for FLIP")
+      ->check(CLI::Range(1.0, 1000.0))
+      ->capture_default_str();
+  app.add_option("--limit", flags->limit_s, "seconds that the judge may take per model, on average")
+      ->check(CLI::Range(1, 86400))
+      ->capture_default_str();
+  app.add_option("--threads", flags->threads, "0 means all cores")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  app.add_flag("--json", flags->json, "print as JSON");
+  return [flags] { return ModelsRun(*flags).run(); };
+}
+
+}  // namespace lenticule::player

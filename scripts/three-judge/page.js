@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// Draws the jobs that draw-pictures hands out, one after the other.
+import * as THREE from 'three';
+import {EXRLoader} from 'three/addons/loaders/EXRLoader.js';
+import {GLTFLoader} from 'three/addons/loaders/GLTFLoader.js';
+import {DRACOLoader} from 'three/addons/loaders/DRACOLoader.js';
+import {HDRLoader} from 'three/addons/loaders/HDRLoader.js';
+import {KTX2Loader} from 'three/addons/loaders/KTX2Loader.js';
+import {MeshoptDecoder} from 'three/addons/libs/meshopt_decoder.module.js';
+
+const TONE_MAPS = {
+  none: THREE.NoToneMapping,
+  'pbr-neutral': THREE.NeutralToneMapping,
+  aces: THREE.ACESFilmicToneMapping,
+};
+
+/** Returns the loader with the decoders that come with three.js. */
+function modelLoader(renderer) {
+  const libraries = '/three/examples/jsm/libs/';
+  return new GLTFLoader()
+      .setDRACOLoader(new DRACOLoader().setDecoderPath(libraries + 'draco/gltf/'))
+      .setKTX2Loader(
+          new KTX2Loader().setTranscoderPath(libraries + 'basis/').detectSupport(renderer))
+      .setMeshoptDecoder(MeshoptDecoder);
+}
+
+let environment = {file: null, texture: null};
+
+/**
+ * Returns the latitude-longitude picture; pictures of 8 bits are sRGB, others linear light. The last
+ * one is kept, because its filtered copies are what takes most of the time.
+ */
+async function environmentTexture(job) {
+  if (environment.file === job.environment) return environment.texture;
+  const file = job.environment_url;
+  const loaders = {hdr: HDRLoader, exr: EXRLoader};
+  const Loader = loaders[file.split('.').pop().toLowerCase()] ?? THREE.TextureLoader;
+  const texture = await new Loader().loadAsync(file);
+  if (Loader === THREE.TextureLoader) texture.colorSpace = THREE.SRGBColorSpace;
+  texture.mapping = THREE.EquirectangularReflectionMapping;
+  environment = {file: job.environment, texture};
+  return texture;
+}
+
+/**
+ * Turns the environment about the vertical so that the middle of the picture, which three.js puts
+ * at +x, lies in the direction `ahead`.
+ */
+function environmentRotation(ahead) {
+  return new THREE.Euler(0, Math.atan2(-ahead[2], ahead[0]), 0);
+}
+
+/** Returns the camera in direction `toward` that sees the bounds of the model. */
+function framing(model, toward, fov) {
+  const bounds = new THREE.Box3().setFromObject(model, true);
+  const radius = bounds.getSize(new THREE.Vector3()).length() / 2;
+  const at = bounds.getCenter(new THREE.Vector3());
+  const distance = radius / Math.sin(THREE.MathUtils.degToRad(fov / 2));
+  return {from: new THREE.Vector3(...toward).multiplyScalar(distance).add(at), at, up: [0, 1, 0]};
+}
+
+function cameraOf(job, model) {
+  const {toward, vertical_fov_degrees} = job.camera;
+  const pose = toward ? framing(model, toward, vertical_fov_degrees) : job.camera;
+  const from = new THREE.Vector3(...pose.from), at = new THREE.Vector3(...pose.at);
+  const distance = from.distanceTo(at);
+  const camera = new THREE.PerspectiveCamera(
+      vertical_fov_degrees, job.width / job.height, distance / 100, distance * 100);
+  camera.position.copy(from);
+  camera.up.set(...pose.up);
+  camera.lookAt(at);
+  return camera;
+}
+
+async function drawScene(renderer, loader, job) {
+  renderer.setPixelRatio(1);
+  renderer.setSize(job.width, job.height, false);
+  renderer.toneMapping = TONE_MAPS[job.tone_map];
+  renderer.toneMappingExposure = job.exposure;
+
+  const scene = new THREE.Scene();
+  scene.background = new THREE.Color().setRGB(...job.background, THREE.LinearSRGBColorSpace);
+  if (job.environment_url) {
+    scene.environment = scene.background = await environmentTexture(job);
+    const rotation = environmentRotation(job.environment_ahead);
+    scene.environmentRotation.copy(rotation);
+    scene.backgroundRotation.copy(rotation);
+  }
+
+  const model = await loader.loadAsync(job.model_url);
+  scene.add(model.scene);
+  if (model.animations.length > 0) {
+    const mixer = new THREE.AnimationMixer(model.scene);
+    mixer.clipAction(model.animations[0]).play();
+    mixer.setTime(0);
+  }
+
+  const camera = cameraOf(job, model.scene);
+  renderer.render(scene, camera);
+  discard(model.scene);
+}
+
+/** Frees the model's memory of the graphics driver. */
+function discard(model) {
+  model.traverse(object => {
+    object.geometry?.dispose();
+    for (const material of [object.material ?? []].flat()) {
+      for (const value of Object.values(material)) {
+        if (value?.isTexture) value.dispose();
+      }
+      material.dispose();
+    }
+  });
+}
+
+function newRenderer() {
+  environment = {file: null, texture: null};
+  const renderer = new THREE.WebGLRenderer({antialias: false, preserveDrawingBuffer: true});
+  renderer.debug.onShaderError = (gl, program, vertex, fragment) => {
+    throw new Error('shader: ' + gl.getShaderInfoLog(fragment) + gl.getShaderInfoLog(vertex));
+  };
+  return renderer;
+}
+
+async function drawAll() {
+  let renderer = newRenderer();
+  let loader = modelLoader(renderer);
+  for (;;) {
+    const job = await (await fetch('/next')).json();
+    if (job === null) return;
+    let answer;
+    try {
+      await drawScene(renderer, loader, job);
+      const png = await new Promise(done => renderer.domElement.toBlob(done, 'image/png'));
+      answer = {kind: 'drawn', body: png};
+    } catch (error) {
+      answer = {kind: 'failed', body: String(error.message ?? error)};
+      renderer.dispose();
+      renderer.forceContextLoss();
+      renderer = newRenderer();
+      loader = modelLoader(renderer);
+    }
+    await fetch(`/${answer.kind}/${job.number}`, {method: 'POST', body: answer.body});
+  }
+}
+
+drawAll();

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tests the parts of `lenticule bench models`: the plain camera, the studio, jobs and pictures.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "apps/lenticule-bench/models/contact_sheet.h"
+#include "apps/lenticule-bench/models/judge.h"
+#include "apps/lenticule-bench/models/model_files.h"
+#include "apps/lenticule-bench/models/plain_camera.h"
+#include "apps/lenticule-bench/models/studio.h"
+#include "frames/image_io.h"
+#include "optics/model.h"
+#include "render/make_method.h"
+#include "render/scene/scene.h"
+#include "tests/support/error_matchers.h"
+#include "tests/support/scratch_folder.h"
+#include "tests/support/tiny_scenes.h"
+
+namespace lenticule::player {
+namespace {
+
+using test::error_of;
+
+const double kTangent = std::tan(kModelFovDegrees / 2.0 * std::numbers::pi / 180.0);
+
+TEST(PlainCameraRig, SendsTheRaysOfAllChannelsThroughOneEye) {
+  for (const int side : {64, 65, 1}) {
+    const optics::Rig rig = plain_camera_rig(side, kModelFovDegrees);
+    const optics::OpticalModel model(rig);
+    const double eye_mm = rig.viewing.distance.value;
+    for (int j = 0; j < side; j += 7)
+      for (int i = 0; i < side; i += 3)
+        for (int c = 0; c < 3; ++c) {
+          const optics::SubpixelRay ray = model.ray(i, j, c);
+          EXPECT_NEAR(ray.lens_x_mm + eye_mm * ray.tan_x, 0.0, 1e-9) << i << ", " << j;
+          EXPECT_NEAR(ray.lens_y_mm + eye_mm * ray.tan_y, 0.0, 1e-9) << i << ", " << j;
+          EXPECT_NEAR(-ray.tan_x, kTangent * (2.0 * (i + 0.5) / side - 1.0), 1e-12);
+          EXPECT_NEAR(-ray.tan_y, kTangent * (1.0 - 2.0 * (j + 0.5) / side), 1e-12);
+        }
+  }
+}
+
+/// A place in a picture, as fractions of half its side: x to the right, y up.
+struct Place {
+  double x;
+  double y;
+};
+
+/// Returns where a perspective projection puts a point.
+Place projected(const render::Camera& camera, Vec3 point) {
+  const Vec3 toward = normalized(camera.from - camera.at);
+  const Vec3 right = normalized(cross(camera.up, toward));
+  const Vec3 up = cross(toward, right);
+  const Vec3 p = point - camera.from;
+  const double depth = -dot(p, toward) * kTangent;
+  return {dot(p, right) / depth, dot(p, up) / depth};
+}
+
+/// Returns a scene with one box.
+render::SceneDescription box(Vec3 low, Vec3 high) {
+  render::SceneDescription scene;
+  scene.materials = {{}};
+  scene.meshes = {testing::box_mesh(low, high, 0)};
+  return scene;
+}
+
+TEST(FramingCamera, ShowsTheMeshesAsLargeAsPossibleWithAMargin) {
+  for (const Vec3 size : {Vec3{1, 1, 1}, Vec3{10, 1, 1}, Vec3{0.01, 3, 0.01}, Vec3{1, 1, 200}}) {
+    const Vec3 low{7, -2, 3};
+    const render::SceneDescription scene = box(low, low + size);
+    const render::Camera camera = framing_camera(scene);
+    double largest = 0.0;
+    for (const Vec3 corner : scene.meshes[0].positions) {
+      const Place place = projected(camera, corner);
+      largest = std::max({largest, std::abs(place.x), std::abs(place.y)});
+    }
+    EXPECT_NEAR(largest, 0.92, 1e-9);
+  }
+  EXPECT_EQ(error_of([] { (void)framing_camera({}); }).kind(), ErrorKind::Input);
+  EXPECT_EQ(error_of([] {
+              (void)framing_camera(box({1, 1, 1}, {1, 1, 1}));
+            }).kind(),
+            ErrorKind::Input);
+}
+
+/// Returns a description with one small ball that emits white.
+render::SceneDescription ball_at(Vec3 centre, const render::Camera& camera) {
+  render::SceneDescription scene;
+  scene.source = "ball";
+  scene.ambient = Vec3{};
+  scene.materials = {{.diffuse = 0.0, .emission = {1, 1, 1}}};
+  scene.spheres = {{.centre = centre, .radius = 0.06}};
+  scene.cameras = {camera};
+  return scene;
+}
+
+TEST(PlainCamera, ShowsPointsWhereAPerspectiveProjectionPutsThem) {
+  constexpr int kSide = 96;
+  const optics::Rig rig = plain_camera_rig(kSide, kModelFovDegrees);
+  const optics::OpticalModel model(rig);
+  const render::Camera camera = framing_camera(box({4, 0, -1}, {6, 2, 1}));
+  for (const Vec3 centre : {Vec3{4, 0, -1}, Vec3{6, 2, -1}, Vec3{5, 1, 1}, Vec3{4, 2, 1}}) {
+    const render::SceneDescription description = ball_at(centre, camera);
+    const render::Stage stage =
+        render::make_stage(description, model, plain_camera_stage(camera, rig));
+    const render::Scene scene(description, stage, {});
+    frames::WovenFrame frame({.width = kSide, .height = kSide});
+    render::make_method("full", model, {})->render(scene, stage, frame);
+    for (int c = 0; c < 3; ++c) {
+      double sum = 0.0, x = 0.0, y = 0.0;
+      for (int j = 0; j < kSide; ++j)
+        for (int i = 0; i < kSide; ++i) {
+          const double light = frame.row(j)[3 * i + c];
+          sum += light;
+          x += light * (2.0 * (i + 0.5) / kSide - 1.0);
+          y += light * (1.0 - 2.0 * (j + 0.5) / kSide);
+        }
+      ASSERT_GT(sum, 0.0);
+      const Place place = projected(camera, centre);
+      constexpr double kHalfAPixel = 1.0 / kSide;
+      EXPECT_NEAR(x / sum, place.x, kHalfAPixel) << c;
+      EXPECT_NEAR(y / sum, place.y, kHalfAPixel) << c;
+    }
+  }
+}
+
+TEST(PlainCamera, HasTheMiddleOfTheEnvironmentBehindTheModel) {
+  const optics::Rig rig = plain_camera_rig(16, kModelFovDegrees);
+  const render::Camera camera = framing_camera(box({-1, -1, -1}, {1, 1, 1}));
+  const render::SceneDescription description = ball_at({}, camera);
+  const render::Stage stage =
+      render::make_stage(description, optics::OpticalModel(rig), plain_camera_stage(camera, rig));
+  const Vec3 ahead = render::make_backdrop(description, stage, {}).ahead;
+  EXPECT_NEAR(length(ahead - environment_ahead()), 0.0, 1e-12);
+}
+
+TEST(Studio, IsWrittenAsItsFormulaSays) {
+  const test::ScratchFolder folder;
+  const auto file = folder.path() / "studio.hdr";
+  constexpr int kWidth = 64;
+  write_studio(file, kWidth, kWidth / 2);
+  const frames::FloatImage image = frames::read_texture(file);
+  ASSERT_EQ(image.width, kWidth);
+  ASSERT_EQ(image.height, kWidth / 2);
+  const auto light = [&](int i, int j) {
+    const size_t n = 4 * (static_cast<size_t>(j) * kWidth + static_cast<size_t>(i));
+    return Vec3{image.rgba[n], image.rgba[n + 1], image.rgba[n + 2]};
+  };
+  const auto expect = [&](int i, int j, Vec3 from) {
+    const Vec3 expected = studio_light(normalized(from));
+    EXPECT_NEAR(length(light(i, j) - expected), 0.0, length(expected) / 64) << i << ", " << j;
+  };
+  const double step = std::numbers::pi / (kWidth / 2);
+  const double low = std::tan(0.5 * step);  // the first row below the horizon
+  expect(kWidth / 2, kWidth / 4, {low, -low, -1});
+  expect(3 * kWidth / 4, kWidth / 4, {1, -low, low});
+  expect(0, kWidth / 4, {-low, -low, 1});
+  EXPECT_GT(light(kWidth / 8, kWidth / 7).x, 3.0) << "the lamp at the upper left behind the viewer";
+}
+
+TEST(Averaged, MixesLightAndNotCodes) {
+  frames::WovenFrame checks({.width = 5, .height = 4});
+  for (int j = 0; j < 4; ++j)
+    for (int i = 0; i < 5; ++i)
+      for (int c = 0; c < 3; ++c) checks.row(j)[3 * i + c] = (i + j) % 2 == 0 ? 255 : 0;
+  const frames::WovenFrame grey = averaged(checks.view(), 2);
+  EXPECT_EQ(grey.width(), 2);
+  EXPECT_EQ(grey.height(), 2);
+  for (const uint8_t code : grey.bytes()) EXPECT_EQ(code, 188) << "half of the light";
+  EXPECT_EQ(averaged(checks.view(), 1), checks);
+  EXPECT_EQ(error_of([&] { (void)averaged(checks.view(), 5); }).kind(), ErrorKind::Usage);
+}
+
+TEST(FlipPicture, IsBrighterWhereTheErrorIsLarger) {
+  std::vector<float> map(101);
+  for (size_t n = 0; n < map.size(); ++n) map[n] = static_cast<float>(n) / 100.0F;
+  const frames::WovenFrame picture = flip_picture(map, 101, 1);
+  int before = -1;
+  for (int i = 0; i < 101; ++i) {
+    const int sum = picture.row(0)[3 * i] + picture.row(0)[3 * i + 1] + picture.row(0)[3 * i + 2];
+    EXPECT_GE(sum, before) << i;
+    before = sum;
+  }
+}
+
+frames::WovenFrame flat(int side, uint8_t code) {
+  frames::WovenFrame frame({.width = side, .height = side});
+  std::ranges::fill(frame.bytes(), code);
+  return frame;
+}
+
+TEST(ContactSheet, PutsOursTheirsAndFlipBesideEachOther) {
+  constexpr int kPane = 40;
+  std::vector<ContactEntry> entries(4);
+  for (ContactEntry& entry : entries)
+    entry = {.caption = "0.123 model",
+             .ours = flat(kPane, 200),
+             .theirs = flat(kPane, 150),
+             .flip = flat(kPane, 10)};
+  entries[3].theirs = {};
+  const frames::WovenFrame sheet = contact_sheet(entries, kPane);
+  const auto code = [&](int i, int j) { return sheet.row(j)[3 * i]; };
+  const int first = sheet.height() / 2 - 12;  // a row of pixels in the upper row of panes
+  const int second = first + sheet.height() / 2;
+  for (const int row : {first, second}) {
+    EXPECT_EQ(code(20, row), 200);
+    EXPECT_EQ(code(20 + 2 * (kPane + 8), row), 10);
+  }
+  EXPECT_EQ(code(20 + kPane + 8, first), 150);
+  EXPECT_EQ(code(20 + kPane + 8, second), 96) << "a missing picture leaves its place grey";
+}
+
+TEST(FindModels, NamesTheFilesOfAllSubFoldersInOrder) {
+  const test::ScratchFolder folder;
+  std::filesystem::create_directories(folder.path() / "b/deep");
+  for (const char* name : {"b/deep/x y.glb", "a.GLTF", "b/z.glb", "b/readme.md"})
+    std::ofstream(folder.path() / name) << "-";
+  const auto models = find_models({folder.path().string(), (folder.path() / "b/z.glb").string()});
+  ASSERT_EQ(models.size(), 4U);
+  EXPECT_EQ(models[0].name, "a");
+  EXPECT_EQ(models[1].name, "b/deep/x y");
+  EXPECT_EQ(models[1].stem, "002-b-deep-x-y");
+  EXPECT_EQ(models[2].name, "b/z");
+  EXPECT_EQ(models[3].name, "b/z");
+  EXPECT_EQ(error_of([&] { (void)find_models({(folder.path() / "none").string()}); }).kind(),
+            ErrorKind::Input);
+  std::filesystem::create_directory(folder.path() / "empty");
+  EXPECT_EQ(error_of([&] { (void)find_models({(folder.path() / "empty").string()}); }).kind(),
+            ErrorKind::Input);
+}
+
+TEST(JudgeJobs, StateCameraEnvironmentAndPicture) {
+  JudgeJob framed{.model = "m.glb", .picture = "p.png", .side_px = 9};
+  framed.camera = framing_camera(box({-1, -1, -1}, {1, 1, 1}));
+  framed.environment = "studio.hdr";
+  const auto jobs = nlohmann::json::parse(jobs_text({framed, {.model = "unreadable.glb"}}));
+  ASSERT_EQ(jobs.size(), 2U);
+  EXPECT_EQ(jobs[0].at("model"), "m.glb");
+  EXPECT_EQ(jobs[0].at("width"), 9);
+  EXPECT_EQ(jobs[0].at("environment"), "studio.hdr");
+  EXPECT_EQ(jobs[0].at("camera").at("vertical_fov_degrees"), kModelFovDegrees);
+  EXPECT_EQ(jobs[0].at("camera").at("from")[1], framed.camera->from.y);
+  EXPECT_FALSE(jobs[1].at("camera").contains("from"));
+  EXPECT_EQ(jobs[1].at("camera").at("toward")[2], toward_framing_camera().z);
+}
+
+}  // namespace
+}  // namespace lenticule::player
