@@ -139,9 +139,13 @@ class ModelsRun {
         render::make_stage(description, model_, plain_camera_stage(camera, model_.rig()));
     render::Surroundings surroundings;
     surroundings.environment_file = environment_;
+    surroundings.tone_map = render::ToneMap::PbrNeutral;  // as jobs_text() asks of the judge
     const render::Scene scene(description, stage, surroundings, flags_.threads);
     render::RenderOptions options{.threads = flags_.threads, .cancelled = interrupted};
-    options.soft.environment_samples = flags_.light_samples;
+    // Metallic-roughness materials are lit by the whole environment.
+    const bool is_pbr = std::ranges::any_of(
+        scene.materials, [](const render::Material& material) { return material.pbr != nullptr; });
+    if (!is_pbr) options.soft.environment_samples = flags_.light_samples;
     frames::WovenFrame frame({.width = row.job.side_px, .height = row.job.side_px});
     render::make_method("full", model_, options)->render(scene, stage, frame);
     row.entry.ours = averaged(frame.view(), flags_.supersample);

@@ -51,7 +51,7 @@ std::string jobs_text(const std::vector<JudgeJob>& jobs) {
                     {"background", triple({})},
                     {"environment", job.environment},
                     {"environment_ahead", triple(job.environment_ahead)},
-                    {"tone_map", "none"},
+                    {"tone_map", "pbr-neutral"},
                     {"exposure", 1.0}});
   return list.dump(1) + '\n';
 }

@@ -17,6 +17,7 @@
 #include "optics/model.h"
 #include "render/make_method.h"
 #include "render/scene/scene.h"
+#include "render/scene/studio_light.h"
 #include "tests/support/error_matchers.h"
 #include "tests/support/scratch_folder.h"
 #include "tests/support/tiny_scenes.h"
@@ -139,7 +140,7 @@ TEST(PlainCamera, HasTheMiddleOfTheEnvironmentBehindTheModel) {
   EXPECT_NEAR(length(ahead - environment_ahead()), 0.0, 1e-12);
 }
 
-TEST(Studio, IsWrittenAsItsFormulaSays) {
+TEST(Studio, IsWrittenAsTheRenderersFormulaSays) {
   const test::ScratchFolder folder;
   const auto file = folder.path() / "studio.hdr";
   constexpr int kWidth = 64;
@@ -152,7 +153,7 @@ TEST(Studio, IsWrittenAsItsFormulaSays) {
     return Vec3{image.rgba[n], image.rgba[n + 1], image.rgba[n + 2]};
   };
   const auto expect = [&](int i, int j, Vec3 from) {
-    const Vec3 expected = studio_light(normalized(from));
+    const Vec3 expected = Vec3{1, 1, 1} * render::studio_light(normalized(from));
     EXPECT_NEAR(length(light(i, j) - expected), 0.0, length(expected) / 64) << i << ", " << j;
   };
   const double step = std::numbers::pi / (kWidth / 2);
@@ -160,7 +161,6 @@ TEST(Studio, IsWrittenAsItsFormulaSays) {
   expect(kWidth / 2, kWidth / 4, {low, -low, -1});
   expect(3 * kWidth / 4, kWidth / 4, {1, -low, low});
   expect(0, kWidth / 4, {-low, -low, 1});
-  EXPECT_GT(light(kWidth / 8, kWidth / 7).x, 3.0) << "the lamp at the upper left behind the viewer";
 }
 
 TEST(Averaged, MixesLightAndNotCodes) {
